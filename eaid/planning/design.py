@@ -14,10 +14,10 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.errors import DataError
+from eaid.estimate.coefficients import powers
 from eaid.models.parameters import SHARE, Friction
 from eaid.results.fit import Fit, FrictionLevel
 from eaid.synth.plants import Plant, clutch, of_fit
-from eaid.uncertainty.curve import powers
 from eaid.uncertainty.draw import draw
 from eaid.uncertainty.level_statistics import TERMS
 from eaid.uncertainty.rig_noise import ASSUMED, Noise, cautious, noise_of_fit, scattered

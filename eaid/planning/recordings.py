@@ -8,7 +8,9 @@ from math import sqrt
 import numpy as np
 
 from eaid.errors import UsageError
+from eaid.estimate.certainty import levels_first
 from eaid.findings import Finding, Value, finding
+from eaid.fitting.data import data_of
 from eaid.models.friction import step_response
 from eaid.options import PlanOptions
 from eaid.planning.design import (
@@ -30,9 +32,8 @@ from eaid.steps.stepset import Level
 from eaid.synth.logs import NONE, Disturbance, measured, scatter
 from eaid.synth.plants import Plant
 from eaid.uncertainty.intervals import level_rows
-from eaid.uncertainty.level_statistics import curve_degrees, curves, statistics_at_share
+from eaid.uncertainty.level_statistics import statistics_at_share
 from eaid.uncertainty.rig_noise import Noise
-from eaid.uncertainty.runs import t_quantile
 
 RATE_HZ = 100.0
 """Samples a second of a simulated recording."""
@@ -67,20 +68,17 @@ def experiment(plan: Experiment, plant: Plant, noise: Noise, seed: int) -> tuple
 
 
 def widths(levels: tuple[Level, ...], share: float, polynomial: bool) -> Widths:
-    """Half-width of the 95 % intervals at the worst level [%]: of the two-stage curves, else of the levels."""
-    base = statistics_at_share(levels, share)
-    worst = dict.fromkeys(PARAMETERS, np.inf)
-    if not polynomial:
-        for k, name in enumerate(PARAMETERS):
-            ends = [row[k].interval for row in level_rows(base)]
-            worst[name] = max(np.inf if end is None else 100 * (sqrt(end[1] / end[0]) - 1) for end in ends)
-        return worst
-    open_curves = base.open_curves()
-    for name, curve in curves(base).items():
-        if name not in open_curves:
-            reach = np.max(t_quantile(curve_degrees(base, curve, name)) * curve.log_sd(base.duty_pct))
-            worst[name] = float(100 * np.expm1(np.minimum(reach, 50.0)))
-    return worst
+    """Half-width of the 95 % intervals at the worst level [%]: of the curves, else of the levels."""
+    if polynomial:
+        low, high, _ = levels_first(levels, data_of(levels), share).intervals(np.array([one.level for one in levels]))
+        reach = np.minimum(0.5 * (high - low).max(axis=1), 50.0)
+        return {name: float(100 * np.expm1(reach[k])) for k, name in enumerate(PARAMETERS)}
+    rows = level_rows(statistics_at_share(levels, share))
+    ends = {name: [row[k].interval for row in rows] for k, name in enumerate(PARAMETERS)}
+    return {
+        name: max(np.inf if end is None else 100 * (sqrt(end[1] / end[0]) - 1) for end in own)
+        for name, own in ends.items()
+    }
 
 
 def disturbance_of(noise: Noise) -> Disturbance:

@@ -1,12 +1,12 @@
 """Solved unknowns → the parts of fit.json."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from eaid.arrays import Array
+from eaid.estimate.coefficients import coefficient_intervals, coefficients_of, covariance_part
 from eaid.fitting.data import data_of, errors
 from eaid.fitting.linear import bounds_of, single_levels
 from eaid.logs.run import Run
@@ -33,8 +33,6 @@ from eaid.results.fit import (
 )
 from eaid.results.recorded import Falls
 from eaid.steps.stepset import Level, StepSet
-from eaid.uncertainty.joint import coefficients_of
-from eaid.uncertainty.nonlinear_intervals import coefficient_intervals, covariance_part
 
 OWN_RECORDS = 3.0
 """Levels' own linear models are of steps of the fitted model, so many of its longest τ2 long …"""
@@ -134,9 +132,10 @@ def _coefficients(solved: Solved, uncertainty: Spread) -> tuple[CoefficientInter
     unit = [coefficients_of(basis.parameters(row), share_free).values for row in np.eye(len(solved.coefficients))]
     T = np.array(unit).T
     V = uncertainty.covariance[: T.shape[1], : T.shape[1]]
-    c = replace(plain, covariance=T @ V @ T.T)
-    degrees = degrees_of(solved, uncertainty)
-    return coefficient_intervals(c, {**degrees}), covariance_part(c, {**degrees}, "robust")
+    covariance, degrees = T @ V @ T.T, degrees_of(solved, uncertainty)
+    return coefficient_intervals(plain, covariance, {**degrees}), covariance_part(
+        plain, covariance, {**degrees}, "robust"
+    )
 
 
 def degrees_of(solved: Solved, uncertainty: Spread) -> dict[str, float]:

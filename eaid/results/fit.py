@@ -291,28 +291,16 @@ class Covariance(Result, frozen=True):
 
 
 class Disagreement(Result, frozen=True):
-    """Where two estimates of one parameter part by more than their intervals."""
+    """Where the joint fit leaves the intervals of the estimate that is believed."""
 
     parameter: str
     levels: tuple[Number, ...] = ()
     worst: Number | None = None
     """The level at which they part most."""
     one: Number | None = None
+    """Of the joint fit."""
     other: Number | None = None
     ci95_other: Interval = None
-    """Of the second."""
-
-
-class Agreement(Result, frozen=True):
-    """Two estimates held against each other."""
-
-    between: tuple[str, str]
-    """Which two: joint, two-stage."""
-    believe: str
-    """One of the two, either, or neither."""
-    because: str = ""
-    """A code of the table of sentences."""
-    disagreements: tuple[Disagreement, ...] = ()
 
 
 class Estimate(Scores, frozen=True):
@@ -332,7 +320,7 @@ class Estimate(Scores, frozen=True):
     ci95: CoefficientIntervals | None = None
     covariance: Covariance | None = None
     misfit: dict[str, Number | None] | None = None
-    """Two-stage: Σ(residual/sd)² over levels − coefficients."""
+    """χ² of the levels' T_s about T_s(u), over levels − coefficients."""
     hold_out: HoldOut | None = None
 
     @property
@@ -342,19 +330,16 @@ class Estimate(Scores, frozen=True):
 
 
 class Nonlinear(Estimate, frozen=True):
-    """The believed estimate, and the others beside it."""
+    """The estimate that is used, and the paper's joint fit beside it."""
 
-    estimator: Literal["joint", "two-stage"] = "joint"
-    """Which estimate stands here: the one that is believed, or that was asked for."""
-    because: str = ""
-    """Why it stands here: asked, agree, apart, weak, or alone."""
+    estimator: Literal["levels-first", "joint"] = "joint"
+    """Which estimate stands here: one T_s a level first and T_s(u) through them, or all at once as in the paper."""
     identifiable: bool | None = None
     robust: Huber | None = None
     joint: Estimate | None = None
-    """The joint estimate, where the two-stage one stands in its place."""
-    two_stage: Estimate | None = None
-    """The two-stage estimate, where the joint one stands."""
-    agreement: tuple[Agreement, ...] = ()
+    """The paper's joint fit, without intervals."""
+    parts: tuple[Disagreement, ...] = ()
+    """Where that leaves the intervals of the estimate that is believed."""
 
     @classmethod
     def of(cls, estimate: Estimate, **more: Any) -> Self:

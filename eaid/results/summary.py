@@ -18,14 +18,11 @@ WIDTH = 80
 SYMBOLS = {"Ts": "T_s", "tau1": "τ1", "tau2": "τ2"}
 ENDLESS_S = 1e4
 """A time constant above this [s] that no interval bounds is no number worth showing."""
-BECAUSE = {
-    "asked": ", as asked for",
-    "agree": ": the two agree within their intervals",
-    "apart": ": the joint one lies outside its intervals",
-    "weak": ": too few levels determine their own curve for the two-stage one",
-    "alone": ": there is no other",
+USED = {
+    "levels-first": "levels first, then the curves",
+    "joint": "all levels at once, as in the paper, as you wished",
 }
-"""Why an estimate stands as the nonlinear model."""
+"""Estimates that stand as the nonlinear model."""
 
 
 def fit_summary(fit: "Fit") -> list[str]:
@@ -59,7 +56,7 @@ def answer(fit: "Fit") -> list[str]:
     if model is not None and levels is not model.curves:
         lines.append("shown  each level's own curve: the nonlinear model's are not estimable")
     elif model is not None:
-        lines.append(f"taken  the {model.estimator} estimate{BECAUSE.get(model.because, '')}")
+        lines.append(f"used   {USED[model.estimator]}{' (the joint fit parts from it)' if model.parts else ''}")
     return lines
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.special import fdtri
 
 from eaid.arrays import Array
+from eaid.estimate.log_polynomial import through
 from eaid.findings import Finding, finding
 from eaid.fitting.linear import fit_each_level
 from eaid.fitting.solver import descend
@@ -21,7 +22,6 @@ from eaid.models.parameters import Friction
 from eaid.results.fit import Adequacy, Fit, LackOfFit, OrderScore, ShapeScore
 from eaid.steps.noise import line
 from eaid.steps.stepset import Level, StepSet
-from eaid.uncertainty.curve import Curve, curve_with_repeats
 from eaid.uncertainty.level_statistics import CURVES, TERMS, LevelStatistics, free_parameters, log_theta, refit
 from eaid.uncertainty.runs import run_residuals, t_quantile
 from eaid.uncertainty.share import Share
@@ -200,20 +200,13 @@ def orders_of(base: LevelStatistics) -> tuple[OrderScore, ...]:
             p = order + 1
             if len(duty) < p + 1:
                 continue
-            curve = curve_with_repeats(duty, theta, variance, base.total_degrees, p)
-            chi = float(curve.misfit) * (len(duty) - p)
-            spare = max(len(duty) - p - 1, 1)
-            errors = left_out(curve, duty, theta)
+            curve = through(duty, theta, variance, p)
+            chi, spare = curve.chi_square, max(len(duty) - p - 1, 1)
+            errors = curve.left_out(duty, theta)
             inner = errors[1:-1] if len(errors) > 4 else errors  # the ends would be extrapolation
             error = 100 * float(np.sqrt(np.mean(inner**2)))
             rows.append(OrderScore(name, order, chi, chi + 2 * p + 2 * p * (p + 1) / spare, error))
     return tuple(rows)
-
-
-def left_out(curve: Curve, duty_pct: Array, log_values: Array) -> Array:
-    """log p(u) − θ̂ at each level if it were left out, residual/(1 − h) with h its own say in the curve, shape (L,)."""
-    own = np.einsum("ij,ji->i", curve.slopes(duty_pct), curve.gains)
-    return np.asarray((np.log(curve.at(duty_pct)) - log_values) / np.maximum(1 - own, 1e-9))
 
 
 def leave_one_level_out(base: LevelStatistics) -> float | None:
@@ -226,10 +219,10 @@ def leave_one_level_out(base: LevelStatistics) -> float | None:
         if count < 3:
             return None
         duty, theta = base.duty_pct[row], base.log_theta[row, k]
-        curve = curve_with_repeats(duty, theta, base.expected[row, k], 10.0, min(TERMS[name], count - 1))
-        said = np.log(np.maximum(curve.at(base.duty_pct), 1e-6))
-        said[row] = theta + left_out(curve, duty, theta)
-        values.append(np.exp(np.clip(said, np.log(1e-6), 50.0)))
+        curve = through(duty, theta, base.expected[row, k], min(TERMS[name], count - 1))
+        predicted = curve.log_at(base.duty_pct)
+        predicted[row] = theta + curve.left_out(duty, theta)
+        values.append(np.exp(np.clip(predicted, np.log(1e-6), 50.0)))
     total, samples = 0.0, 0
     shares = [one.curve.C for one in base.estimates]
     for level, Ts, tau1, tau2, C in list(zip(base.levels, *values, shares, strict=True))[inner]:

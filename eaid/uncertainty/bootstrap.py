@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.fitting.basis import basis_of
+from eaid.estimate.certainty import Estimate
+from eaid.fitting.basis import Basis
 from eaid.fitting.data import Data, data_of
 from eaid.fitting.linear import Sums, refit_linear
 from eaid.fitting.nonlinear import nonlinear_problem
@@ -19,9 +20,9 @@ from eaid.fitting.solver import descend, slsqp
 from eaid.fitting.sums import Points, compress
 from eaid.models import friction
 from eaid.models.parameters import Friction
+from eaid.options import FitOptions
 from eaid.results.fit import Fit, Nonlinear
 from eaid.steps.stepset import Level
-from eaid.uncertainty.joint import coefficients_of
 from eaid.uncertainty.level_statistics import ENOUGH, free_parameters, log_theta, refit
 
 BLOCK_S = 2.0
@@ -34,8 +35,8 @@ class Draws:
 
     level_variance: Array
     """Variance of log (T_s, τ1, τ2[, logit C]) of the level means, shape (L, k)."""
-    joint: Array | None
-    """The joint coefficients of (u/100)^k of each refit, shape (draws, P): their spread is far from normal."""
+    unknowns: Array | None
+    """Unknowns of the nonlinear estimate that stands of each refit, (draws, n): their spread is far from normal."""
     pooled: Array | None
     """Covariance of the pooled a0, b0, c0, shape (3, 3)."""
     own: Array | None
@@ -43,35 +44,43 @@ class Draws:
 
 
 def bootstrap(
-    levels: Sequence[Level], fit: Fit, seed: int, draws: int, advance: Callable[[], None] | None = None
+    levels: Sequence[Level],
+    fit: Fit,
+    first: Estimate | None,
+    options: FitOptions,
+    advance: Callable[[], None] | None = None,
 ) -> Draws:
-    """Refit `draws` resampled sets; `advance` is called after each."""
+    """Refit resampled sets, from the estimate that stands; `advance` is called after each."""
     assert fit.friction is not None
     model, linear, curves = fit.nonlinear, fit.linear, [row.curve for row in fit.friction.levels]
     data = data_of(levels)
     runs = [_compressed(level, len(data.points.y[0])) for level in levels]
     start, free = np.array([log_theta(curve, True) for curve in curves]), free_parameters(fit.friction.C is None)
     theta: list[Array] = []
-    joint: list[Array] = []
+    unknowns: list[Array] = []
     pooled: list[Array] = []
     own: list[Array] = []
-    for i in range(draws):
+    for i in range(options.draws):
         again = replace(data)
         # the means as they were fitted keep their times; only their compressed values change
-        again.__dict__["points"] = _resampled(data.points, levels, curves, runs, np.random.default_rng([seed, i]))
+        again.__dict__["points"] = _resampled(
+            data.points, levels, curves, runs, np.random.default_rng([options.seed, i])
+        )
         theta.append(refit(again.points, start, free).x[:, : int(free.sum())])
-        if model is not None:
-            joint.append(_joint(model, again))
+        if first is not None and options.estimator == "joint":
+            unknowns.append(_joint(first.basis, model, again))
+        elif first is not None:
+            unknowns.append(first.refit(again))
         if linear is not None:
             p = refit_linear(again, linear.parameters)
             pooled.append(np.array([p.a0, p.b0, p.c0]))
-            first = _first_order(again.points, np.log([[row.a0, row.gain] for row in linear.per_level]))
-            own.append(np.column_stack([first, first.sum(axis=1)]))
+            curve = _first_order(again.points, np.log([[row.a0, row.gain] for row in linear.per_level]))
+            own.append(np.column_stack([curve, curve.sum(axis=1)]))
         if advance:
             advance()
     return Draws(
         level_variance=_tame_variance(np.array(theta)),
-        joint=np.array(joint) if joint else None,
+        unknowns=np.array(unknowns) if unknowns else None,
         pooled=np.cov(np.array(pooled), rowvar=False) if pooled else None,
         own=_tame_variance(np.array(own)) if own else None,
     )
@@ -125,16 +134,15 @@ def _resampled(
     return Points(base.t_s, y, base.w)
 
 
-def _joint(model: Nonlinear, data: Data) -> Array:
-    """The joint coefficients of (u/100)^k, from the fit's own: the same minimum, moved."""
-    p = model.parameters
-    basis = basis_of(data.u, None if model.C_free else p.C)
+def _joint(basis: Basis, model: Nonlinear | None, data: Data) -> Array:
+    """The unknowns of the joint fit, from its minimum before."""
+    assert model is not None
     problem = nonlinear_problem(data, basis)
-    start = basis.unknowns(p)
+    start = basis.unknowns(model.parameters)
     slack = problem.A @ start - problem.b
     if slack.min() < 0:  # the rounding of a fit that a constraint holds
         problem = replace(problem, b=problem.b + np.minimum(slack, 0.0))
-    return coefficients_of(basis.parameters(slsqp(problem, start).x), model.C_free).values
+    return slsqp(problem, start).x
 
 
 def _first_order(points: Points, start: Array) -> Array:

@@ -16,11 +16,10 @@ from scipy.special import chdtri
 
 from eaid.arrays import Array
 from eaid.errors import DataError
+from eaid.estimate.coefficients import BLOCKS, coefficients_of, limits_of, powers
 from eaid.findings import Finding, finding
 from eaid.models.parameters import Nonlinear
 from eaid.results.fit import Estimate, Fit
-from eaid.uncertainty.curve import powers
-from eaid.uncertainty.joint import BLOCKS, coefficients_of, limits_of
 from eaid.uncertainty.runs import t_quantile
 
 TRIES = 200

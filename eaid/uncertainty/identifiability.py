@@ -13,7 +13,7 @@ from eaid.findings import Finding, Value, finding
 from eaid.models.trends import FORMS
 from eaid.results.fit import NOT_IDENTIFIABLE, Estimate, Friction, Linear, PooledIntervals
 from eaid.uncertainty.level_statistics import CURVES, NAMES, LevelEstimate, LevelStatistics, log_jacobian
-from eaid.uncertainty.runs import t_quantile
+from eaid.uncertainty.runs import Mask, t_quantile
 
 TAUS = {"tau1", "tau2"}
 ALIKE = 0.3
@@ -120,17 +120,17 @@ def _combination(name: str, c: Array, x: Array) -> list[Finding]:
 
 
 def nonlinear_findings(
-    fit: Estimate, stats: LevelStatistics, unit: str, output_unit: str, with_levels: bool
+    fit: Estimate, stats: LevelStatistics, unit: str, output_unit: str, wide: Mask, with_levels: bool
 ) -> list[Finding]:
-    """Levels too few for the polynomials, parameters that most levels leave open; each level's own `with_levels`."""
+    """Levels too few for the polynomials, parameters that are open (`wide`, (3, L)) at most levels; single levels."""
     count = len(stats.levels)
     findings = level_findings(stats, "nonlinear", unit, output_unit) if with_levels else []
     if count == 1:
         findings.append(finding("one-level-nonlinear", "nonlinear", [stats.levels[0].level]))
     elif count < 4:
         findings.append(finding("few-levels-for-polynomials", "nonlinear", count=count))
-    for k, name in enumerate(CURVES):
-        open_at = [level.level for level, known in zip(stats.levels, stats.determined[:, k], strict=True) if not known]
+    for open_there, name in zip(wide, CURVES, strict=True):
+        open_at = [level.level for level, there in zip(stats.levels, open_there, strict=True) if there]
         if 2 * len(open_at) > count:
             why = _why_open(stats, open_at, name)
             findings.append(finding("parameter-open-at-most-levels", "nonlinear", open_at, **why))

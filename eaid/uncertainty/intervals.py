@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 
 from eaid.arrays import Array, inverse
+from eaid.estimate.nonlinear import nonlinear_part, solved
 from eaid.findings import Finding, finding, ranked
 from eaid.fitting.data import data_of
 from eaid.fitting.levels import fit_levels
@@ -36,7 +37,6 @@ from eaid.uncertainty.level_statistics import (
     share_sensitivity,
     statistics_at_share,
 )
-from eaid.uncertainty.nonlinear_intervals import believed
 from eaid.uncertainty.rig_noise import idle_of, noise_of
 from eaid.uncertainty.runs import t_quantile, textbook
 from eaid.uncertainty.share import Share, share_findings, share_of, share_part
@@ -202,15 +202,15 @@ def _with_intervals(stepset: StepSet, fit: Fit, options: FitOptions, advance: Ca
     stepset = replace(stepset, levels=tuple(level for level in stepset.levels if level.level in fitted))
     friction = fit.friction or _own_curves(stepset, fit)
     stats = level_statistics(stepset.levels, friction.levels, friction.C is None)
-    draws = None
-    if options.ci == "bootstrap":
-        whole = msgspec.structs.replace(fit, friction=friction)
-        draws = bootstrap(stepset.levels, whole, options.seed, options.draws, advance)
-        stats = _with_draws(stats, draws)
-    base = stats
+    base, draws, first = stats, None, None
     if friction.C is None and fit.nonlinear is not None:
         base = statistics_at_share(stepset.levels, fit.nonlinear.C)
-        base = base if draws is None else _with_draws(base, draws)
+    if fit.nonlinear is not None:
+        first = solved(base.levels, base.data, options.held_share, options.loss, base.swept)
+    if options.ci == "bootstrap":
+        whole = msgspec.structs.replace(fit, friction=friction)
+        draws = bootstrap(stepset.levels, whole, first, options, advance)
+        stats, base = (_with_draws(one, draws) for one in (stats, base))
     runs_share = share_of(stats) if options.ci != "none" else None
     found = scatter_findings(stats)
     if runs_share is not None:
@@ -229,8 +229,9 @@ def _with_intervals(stepset: StepSet, fit: Fit, options: FitOptions, advance: Ca
         linear, more = _linear(fit.linear, base, options, draws)
         result, found = msgspec.structs.replace(result, linear=linear), found + more
     result = msgspec.structs.replace(result, findings=(*fit.findings, *found))
-    if fit.nonlinear is not None:
-        result = believed(result, base, options.ci, options.estimator, held_out, None if draws is None else draws.joint)
+    if first is not None:
+        unknowns = None if draws is None else draws.unknowns
+        result = nonlinear_part(result, base, first, options, held_out, unknowns)
     return msgspec.structs.replace(result, findings=ranked(result.findings))
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eaid.arrays import Array, inverse, median
+from eaid.estimate.log_polynomial import through
 from eaid.fitting.data import Data, data_of
 from eaid.fitting.levels import RECORDS, RECORDS_FREE, fit_levels
 from eaid.fitting.solver import Descent, descend
@@ -22,15 +23,14 @@ from eaid.models import friction
 from eaid.models.parameters import TAU_FLOOR_S, Friction
 from eaid.results.fit import FrictionLevel
 from eaid.steps.stepset import Level
-from eaid.uncertainty.curve import Curve, at_levels, curve_of_single_runs, curve_with_repeats
 from eaid.uncertainty.runs import (
     Mask,
     PooledScatter,
     RunStatistics,
+    paule_mandel,
     pooled_scatter,
     run_residuals,
     run_statistics,
-    satterthwaite,
     t_quantile,
 )
 
@@ -362,14 +362,6 @@ class LevelStatistics:
         """Levels whose record leaves τ2 open, held by no constraint, shape (L,)."""
         return _free_tau2(self.estimates) & ~self.determined[:, 2]
 
-    def open_curves(self) -> tuple[str, ...]:
-        """Parameters whose curve too few levels support: fewer than half, than it has terms, or with τ2 left open."""
-        count = len(self.levels)
-        if 2 * self.open_tau2.sum() > count:
-            return tuple(TERMS)
-        known = dict(zip(TERMS, self.determined.sum(axis=0).tolist(), strict=False))
-        return tuple(name for name, n in known.items() if n < min(TERMS[name], count) or 2 * n < count)
-
     @property
     def expected(self) -> Array:
         """V as one scatter for all levels would give it, shape (L, k); `variance` itself without repeats."""
@@ -404,11 +396,6 @@ class LevelStatistics:
         return np.array([estimate.runs.log_theta for estimate in self.estimates])
 
     @property
-    def unshared_variance(self) -> Array:
-        """V without what all levels of a sweep share, shape (L, k)."""
-        return self.variance if self.scatter is None else np.minimum(self.scatter.own, self.variance)
-
-    @property
     def swept(self) -> bool:
         """Whether the repeats were recorded as sweeps, so that levels move together."""
         return self.scatter is not None and bool((self.scatter.common > 0).any())
@@ -417,24 +404,6 @@ class LevelStatistics:
     def total_degrees(self) -> float:
         """Degrees of freedom of what is pooled over all levels."""
         return self.scatter.total_degrees if self.scatter else median(self.degrees)
-
-    def correlation(self) -> Array:
-        """Correlation of the scatter of (T_s, τ1, τ2[, C]) within a level, pooled over levels, shape (k, k)."""
-        k = self.variance.shape[1]
-        total = np.zeros((k, k))
-        for estimate, variance, known in zip(self.estimates, self.variance, self.determined, strict=True):
-            if estimate.runs.repeats > 1 and known.all() and (variance > 0).all():
-                scaled = estimate.runs.influence / np.sqrt(variance)
-                total += scaled.T @ scaled
-        size = np.sqrt(np.diag(total))
-        if not (size > 0).all():
-            return np.eye(k)
-        return np.asarray(total / np.outer(size, size))
-
-    def shifts(self) -> Array:
-        """Covariance S of each level's log θ, for the joint fit, shape (L, k, k)."""
-        sd = np.sqrt(self.unshared_variance)
-        return np.asarray(self.correlation() * (sd[:, :, None] * sd[:, None, :]))
 
 
 def level_statistics(
@@ -477,16 +446,24 @@ def pooled_statistics(levels: Sequence[Level], estimates: Sequence[LevelEstimate
             if name == "tau2":  # beyond its record it shows no scatter
                 row = row & (np.exp(theta[:, k]) <= records)
             if row.sum() - TERMS[name] >= SPARE_LEVELS:
-                curve = curve_of_single_runs(duty[row], theta[row, k], within[row, k], TERMS[name])
-                between[k] = curve.between
-                variance[:, k] = curve.between + within[:, k]
-                degrees[:, k] = curve.degrees
+                between[k] = _between(duty[row], theta[row, k], within[row, k], TERMS[name])
+                variance[:, k] = between[k] + within[:, k]
+                degrees[:, k] = row.sum() - TERMS[name]
                 source = "curve"
     sets = tau2_sets(levels, estimates, variance[:, 2], degrees[:, 2])
     determined = _determined(estimates, counted, variance, degrees, sets)
     return LevelStatistics(
         tuple(levels), tuple(estimates), variance, degrees, determined, source, scatter, between, sets
     )
+
+
+def _between(u: Array, log_values: Array, within: Array, p: int) -> float:
+    """Scatter a of single runs about a polynomial of p terms: Σ res²/(a + h) equals L − p."""
+
+    def total(a: float) -> float:
+        return through(u, log_values, within + a, p).chi_square
+
+    return paule_mandel(total, float(len(u) - p), float(np.var(log_values)) + 1e-12)[0]
 
 
 def _free_tau2(estimates: Sequence[LevelEstimate]) -> Mask:
@@ -516,35 +493,3 @@ def _determined(
     if known.any():
         determined[:, :2] &= (known | ~free)[:, None]
     return determined
-
-
-def curves(stats: LevelStatistics) -> dict[str, Curve]:
-    """Polynomials of T_s, τ1, τ2 through the logarithms of the levels that determine them; none where none do."""
-    result = {}
-    for k, name in enumerate(CURVES):
-        row = stats.determined[:, k]
-        if not row.any():
-            continue
-        terms = min(TERMS[name], int(row.sum()))
-        duty, theta = stats.duty_pct[row], stats.log_theta[row, k]
-        if stats.source != "repeats" and row.sum() - terms >= SPARE_LEVELS:
-            within = np.array([estimate.runs.within[k] for estimate in stats.estimates])[row]
-            curve = curve_of_single_runs(duty, theta, within, terms)
-        elif stats.scatter is None:
-            curve = curve_with_repeats(duty, theta, stats.variance[row, k], float(stats.degrees[row, k].min()), terms)
-        else:
-            weigh, real = stats.scatter.pooled[row, k], stats.unshared_variance[row, k]
-            curve = curve_with_repeats(duty, theta, weigh, stats.total_degrees, terms, real)
-        components = None if stats.scatter is None else stats.scatter.components[k]
-        result[name] = at_levels(curve, row, TERMS[name], components)
-    return result
-
-
-def curve_degrees(stats: LevelStatistics, curve: Curve, name: str) -> Array:
-    """Degrees of freedom of a curve's band at each level, what sweeps have in common counted in (Satterthwaite)."""
-    degrees = curve.degrees_at(stats.duty_pct)
-    if stats.scatter is None or not stats.swept:
-        return degrees
-    common = float(stats.scatter.common[CURVES.index(name)])
-    variance = curve.log_sd(stats.duty_pct) ** 2
-    return satterthwaite((variance, common), (degrees, stats.scatter.common_degrees))

@@ -7,7 +7,7 @@ With J = ∂f/∂log θ on the n samples of a level and A = J'J:
   e_r is the residual about the run's own fit; the largest over windows of 0.1, 0.3, 1 and 2 s.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias, overload
 
@@ -60,14 +60,24 @@ class RunStatistics:
         return np.asarray(np.sort(self.influence**2, axis=0).sum(axis=0) / (self.repeats - 1))
 
 
-def bartlett_variance(time_s: Array, scores: Array, windows_s: Sequence[float] = WINDOWS_S) -> Array:
+def bartlett_variance(time_s: Array, scores: Array) -> Array:
     """Variance of the sum of correlated scores, by Bartlett windows; shape (windows, k) for scores (n, k).
 
     Σ_|j|<m (1 − |j|/m) Γ_j equals the mean square of all sums over m neighbours (zeros beyond the ends), so running
     sums give it in O(n). Windows longer than half the record are cut to it.
     """
+    return np.array([np.einsum("ij,ij->i", sums, sums) / m for sums, m in _moving_sums(time_s, scores)])
+
+
+def bartlett_covariance(time_s: Array, scores: Array) -> Array:
+    """The same as covariances, shape (windows, k, k)."""
+    return np.array([sums @ sums.T / m for sums, m in _moving_sums(time_s, scores)])
+
+
+def _moving_sums(time_s: Array, scores: Array) -> Iterator[tuple[Array, int]]:
+    """Sums of the scores over m neighbouring bins, (k, n + m − 1), and m, of each window."""
     duration_s = float(time_s[-1] - time_s[0])
-    bin_s = min(windows_s) / BINS_PER_WINDOW
+    bin_s = min(WINDOWS_S) / BINS_PER_WINDOW
     if duration_s > 4 * len(time_s) * bin_s:  # a slow clock, or one in another unit: no more bins than data
         bin_s = duration_s / len(time_s)
     bins = np.floor((time_s - time_s[0]) / bin_s + 1e-6).astype(np.int64)
@@ -75,14 +85,11 @@ def bartlett_variance(time_s: Array, scores: Array, windows_s: Sequence[float] =
     starts = np.flatnonzero(np.r_[True, bins[1:] != bins[:-1]])
     sums[:, bins[starts]] = np.add.reduceat(scores.T, starts, axis=1)
     running = np.cumsum(sums, axis=1)
-    variances = []
-    for window_s in windows_s:
+    for window_s in WINDOWS_S:
         m = max(1, min(round(window_s / bin_s), round(duration_s / 2 / bin_s)))
         before = np.zeros((len(sums), m))
         padded = np.concatenate([before, running, np.repeat(running[:, -1:], m - 1, axis=1)], axis=1)
-        moving = padded[:, m:] - padded[:, :-m]
-        variances.append(np.einsum("ij,ij->i", moving, moving) / m)
-    return np.array(variances)
+        yield padded[:, m:] - padded[:, :-m], m
 
 
 def run_statistics(

@@ -79,7 +79,7 @@ def test_a_fit_offers_pandas(small_fit: Any) -> None:
 def test_the_joint_estimate_stands_beside_the_one_that_is_taken() -> None:
     steps = eaid.synth(levels=(20.0, 40.0, 60.0, 80.0, 100.0), repeats=2, rate_hz=50.0, seed=3)
     joint, auto = (eaid.fit(steps, eaid.FitOptions(estimator=name, ci="none")) for name in ("joint", "auto"))
-    assert (joint.nonlinear.estimator, auto.nonlinear.estimator) == ("joint", "two-stage")
+    assert (joint.nonlinear.estimator, auto.nonlinear.estimator) == ("joint", "levels-first")
     assert auto.plant.tau1 == auto.nonlinear.tau1 != joint.nonlinear.tau1 == joint.plant.tau1
     assert auto.nonlinear.joint.tau1 == joint.nonlinear.tau1
 
@@ -162,7 +162,7 @@ def test_where_the_model_has_no_interval_the_levels_speak_for_themselves(small_f
     model = small_fit.nonlinear
     silent = tuple(msgspec.structs.replace(row, ci95=None) for row in model.curves)
     bare = msgspec.structs.replace(small_fit, nonlinear=msgspec.structs.replace(model, curves=silent))
-    assert "taken  the" in small_fit.summary()
+    assert "used   levels first" in small_fit.summary()
     assert "shown  each level's own curve" in bare.summary()
     row = bare.friction.levels[-1]
     assert f"{row.Ts:.3g} ({row.ci95.Ts[0]:.3g}" in bare.summary()

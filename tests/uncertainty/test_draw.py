@@ -6,7 +6,7 @@ from eaid.models import nonlinear
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.results import codec
 from eaid.uncertainty.draw import draw, drawable
-from eaid.uncertainty.joint import coefficients_of
+from eaid.estimate.coefficients import coefficients_of
 
 P = REFERENCE_PLANT
 

@@ -156,11 +156,7 @@ def _share(v: Values) -> str:
 
 def _parted(v: Values) -> str:
     ends = f" [{v['low']:.3g}, {v['high']:.3g}]" if v["low"] is not None else ", where a constraint holds it"
-    return f"{v['symbol']} at {v['worst']:g}: joint {v['joint']:.3g}, two-stage {v['two_stage']:.3g}{ends}"
-
-
-def _scattered(v: Values) -> str:
-    return f"runs of one level differ by {v['gain_pct']:.2g} % in T_s, and " if v["gain_pct"] > 0.2 else ""
+    return f"{v['symbol']} at {v['worst']:g}: joint {v['joint']:.3g}, else {v['other']:.3g}{ends}"
 
 
 def _decays(v: Values) -> str:
@@ -267,25 +263,14 @@ INTERVAL_ROWS: dict[str, Row] = {
             f"the rig; refit with «share» {v['estimate']:.3f}"
         )
     ),
-    "two-stage-estimate-taken": note(
+    "joint-fit-parts": note(
         lambda v: (
-            f"the two-stage estimate stands as the nonlinear model: {_parted(v)}; {_scattered(v)}the joint fit makes "
-            "up for a level's output with the time constants of its neighbours"
+            f"the paper's joint fit parts from the model: {_parted(v)}; scatter of single runs' gain leads it astray"
         )
     ),
-    "two-stage-estimate-is-better": caution(
-        lambda v: (
-            f"{_parted(v)}: believe the two-stage estimate («estimator» auto); {_scattered(v)}the joint fit makes "
-            "up for a level's output with the time constants of its neighbours"
-        )
+    "joint-fit-asked-for-parts": caution(
+        lambda v: f"{_parted(v)}: scatter of single runs' gain leads the joint fit astray; leave out «estimator» joint"
     ),
-    "estimates-part-and-neither-holds": caution(
-        lambda v: (
-            f"{_parted(v)}: believe neither; too few levels determine "
-            f"{_joined(v['weak'])} on their own, and the joint fit makes up values there"
-        )
-    ),
-    "two-stage-held": caution("a constraint holds {symbol} of the two-stage estimate"),
     "output-decays-under-hold": caution(_decays, rank=0, covers=("decays-under-hold",)),
     "shape-fits": note(_fits),
     "shape-of-another-kind": note("use {shape}: RMSE {rmse:.3g} against {usual_rmse:.3g} of {usual}"),

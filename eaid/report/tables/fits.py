@@ -35,8 +35,8 @@ def _printed(fit: Fit, asked: bool | None) -> str:
 
 def estimates_of(part: Nonlinear) -> dict[str, Estimate]:
     """The estimates of the nonlinear model by name, the one that is used first."""
-    beside = {"joint": part.joint, "two-stage": part.two_stage}
-    return {part.estimator: part, **{name: one for name, one in beside.items() if one is not None}}
+    beside = {} if part.joint is None or part.estimator == "joint" else {"joint": part.joint}
+    return {part.estimator: part, **beside}
 
 
 def levels_table(fit: Fit) -> Table:
@@ -95,7 +95,7 @@ def table_iii(fit: Fit, asked: bool | None = None) -> Table:
     """The ten coefficients and C of the nonlinear model, every estimate beside the one that is used."""
     part = fit.nonlinear
     assert part is not None
-    shown = {name: one for name, one in estimates_of(part).items() if name in ("joint", "two-stage")}
+    shown = estimates_of(part)
     paper = _printed(fit, asked)
     rows: list[tuple[Cell, ...]] = []
     for letter, name in (("a", "tau1"), ("b", "tau2"), ("c", "Ts")):

@@ -1,0 +1,333 @@
+"""How sure the estimate of `levels_first` is: T_s(u) through the levels, and how every number answers to the runs.
+
+Unknowns are T_s of the L levels and the coefficients x of τ1(u), τ2(u), C. Levels with repeats contribute their runs.
+Levels of a single run contribute their own distance to the estimate, as clusters with scores corrected for their own
+say (CR3), and to T_s(u) by the spread of the levels about it; where there are too few levels, the noise within the run.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.special import fdtri
+
+from eaid.arrays import Array
+from eaid.estimate.levels_first import LevelsFirst, Shape, solve
+from eaid.estimate.spread import Counts, Influence, Runs, corrected, free_inverse, influence_of
+from eaid.fitting.basis import Basis, active_at
+from eaid.fitting.data import Data
+from eaid.fitting.solver import Problem, newton_step
+from eaid.models import friction
+from eaid.models.parameters import Friction, Nonlinear
+from eaid.results.common import Solver
+from eaid.steps.stepset import Level
+from eaid.uncertainty.runs import bartlett_covariance, paule_mandel, run_residuals, t_quantile
+
+LEVELS_TO_SPARE = 2
+"""Levels beyond the coefficients of T_s(u) from which single runs show their scatter in the levels' distance to it."""
+FEW_DEGREES = 4.0
+"""Degrees of freedom given to the noise within single runs, where nothing else is known."""
+USUAL = 0.03
+"""Scatter of T_s from run to run [part of it] by which levels are weighed where none is seen."""
+BEYOND_CHANCE = 0.999
+"""Probability with which levels that lie on the curve are no further from it than this quantile of F."""
+CURVED = 0.25
+"""Half-width of ln τ2 from which the ends of a level's intervals are found by the score test."""
+OUTWARD = (0.5, 0.8, 1.2, 1.8, 2.7, 4.0, 6.0)
+"""How far out that looks, in half-widths."""
+SAYS_NOTHING = float(np.log(100.0))
+"""Logarithm of the factor up or down from which an interval is left out."""
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """The solved estimate of L levels."""
+
+    levels: Sequence[Level]
+    problem: LevelsFirst
+    x: Array
+    """Coefficients of τ1(u), τ2(u), and C where it is free, in the basis."""
+    solver: Solver
+    held: tuple[int, ...]
+    """Active constraints on x."""
+    swept: bool
+
+    @property
+    def basis(self) -> Basis:
+        """Forms of T_s, τ1, τ2."""
+        return self.problem.basis
+
+    @property
+    def L(self) -> int:
+        """How many levels."""
+        return len(self.levels)
+
+    @cached_property
+    def at(self) -> Shape:
+        """The levels' curves."""
+        return self.problem.shape(self.x)
+
+    @cached_property
+    def size(self) -> Array:
+        """What T_s of each level is measured in, (L,); 0 for one that is 0 throughout."""
+        w = self.problem.weight
+        return np.asarray(np.where(w > 0, 1 / np.sqrt(np.where(w > 0, w, 1.0)), 0.0))
+
+    @cached_property
+    def repeats(self) -> Counts:
+        """Runs of each level, (L,)."""
+        return np.array([len(level.runs) for level in self.levels])
+
+    @cached_property
+    def blocked(self) -> Array:
+        """Rows of the active constraints over all unknowns."""
+        rows = self.problem.problem().A[list(self.held)]
+        return np.concatenate([np.zeros((len(rows), self.L)), rows], axis=1)
+
+    @cached_property
+    def runs(self) -> Runs:
+        """The runs of levels with repeats."""
+        return Runs.of(self.levels, self.problem.data.points.y.shape[1])
+
+    @property
+    def by_levels(self) -> bool:
+        """Whether levels of a single run show their scatter in their distance to the estimate."""
+        return self.L - self.problem.first >= LEVELS_TO_SPARE
+
+    @property
+    def single_degrees(self) -> float:
+        """Degrees of freedom of what levels of a single run show."""
+        return float(self.L - self.problem.first) if self.by_levels else FEW_DEGREES
+
+    def influence_at(self, at: Shape) -> tuple[Influence, Array]:
+        """How T_s/size of the levels and x answer to the runs at curves, and the Newton step from there, (L + p,)."""
+        L, p, problem = self.L, len(self.x), self.problem
+        w = np.broadcast_to(problem.data.points.w, problem.data.points.y.shape)
+        ways = np.concatenate([at.phi[:, None] * self.size[:, None, None], at.slopes * at.Ts[:, None, None]], axis=1)
+        take = np.zeros((L, 4, L + p))  # how T_s, τ1, τ2, C of a level go with the unknowns
+        take[np.arange(L), 0, np.arange(L)] = 1.0
+        take[:, 1:, L:] = problem.rows.transpose(1, 0, 2)
+        weighed = ways * (problem.weight[:, None] * w)[:, None]
+        swept = self.swept and bool((self.repeats > 1).all())
+        singles = self._singles(at, take)
+        found, back = influence_of(weighed, ways, take, self.runs, self.blocked, singles, self.single_degrees, swept)
+        gradient = np.einsum("lk,lkm->m", (weighed @ at.left[:, :, None])[:, :, 0], take)
+        return found, -gradient @ back
+
+    def _singles(self, at: Shape, take: Array) -> Array:
+        """Scores of levels of a single run, (parts, L + p)."""
+        problem, alone = self.problem, [np.zeros((0, take.shape[2]))]
+        single = np.flatnonzero(self.repeats == 1)
+        if not len(single):
+            return alone[0]
+        by_level, information = problem.reduced(at)
+        back = free_inverse(
+            np.einsum("kln,lkj,jlm->nm", problem.rows, information, problem.rows), self.blocked[:, self.L :]
+        )
+        for i in single.tolist():
+            if self.by_levels:
+                own = problem.rows[:, i].T @ information[i] @ problem.rows[:, i]
+                score = -problem.rows[:, i].T @ by_level[i]
+                alone.append(np.append(np.zeros(self.L), corrected(own, back, score))[None])
+            else:
+                alone.append(problem.weight[i] * self._within_run(at, i) @ take[i])
+        return np.concatenate(alone)
+
+    def _within_run(self, at: Shape, i: int) -> Array:
+        """Rows whose squares sum to the covariance of a single run's scores by its own noise, (4, 4)."""
+        level = self.levels[i]
+        curve = Friction(float(at.Ts[i]), *self.problem.values(at.x)[:, i].tolist())
+        slopes = friction.gradient(curve, level.time_s)
+        noise = run_residuals(level.runs, curve.Ts * slopes[0], slopes.T)[0]
+        slopes[0] *= self.size[i]
+        covariance = bartlett_covariance(level.time_s, (slopes * noise).T)
+        white = np.maximum(np.diag(covariance[0]), 1e-300)
+        largest = covariance[int((np.einsum("wkk->wk", covariance) / white).sum(axis=1).argmax())]
+        variance, ways = np.linalg.eigh(largest)
+        return np.asarray((ways * np.sqrt(np.maximum(variance, 0.0))).T)
+
+    @cached_property
+    def of_levels(self) -> Influence:
+        """How T_s/size of the levels and x answer to the runs."""
+        return self.influence_at(self.at)[0]
+
+    @cached_property
+    def curve(self) -> "TorqueCurve":
+        """T_s(u) through T_s of the levels."""
+        at, several = self.at, self.repeats > 1
+        relative, known = None, 0.0
+        if several.any():
+            variance = self.of_levels.of(np.eye(self.L, self.L + len(self.x))[several]).variance()[0]
+            part = self.size[several] / np.maximum(at.Ts[several], 1e-3 * max(float(at.Ts.max()), 1e-300))
+            relative = float(np.mean(self.repeats[several] * variance * part**2)) / self.repeats
+            known = float((self.repeats - 1).sum())
+        w = np.broadcast_to(self.problem.data.points.w, at.phi.shape)
+        noise = (w * at.left**2).sum(axis=1) / w.sum(axis=1) / np.maximum((w * at.phi**2).sum(axis=1), 1e-300)
+        return torque_curve(self.basis, at.Ts, relative, noise, known)
+
+    @property
+    def coefficients(self) -> Array:
+        """Of T_s(u), τ1(u), τ2(u), and C where it is free, in the basis, (n,)."""
+        return np.append(self.curve.coefficients, self.x)
+
+    @property
+    def parameters(self) -> Nonlinear:
+        """The model of Eqs. (4)–(7)."""
+        return self.basis.parameters(self.coefficients)
+
+    @cached_property
+    def active(self) -> dict[str, tuple[float, ...]]:
+        """Constraints that hold the estimate, by code, and the inputs at which they do."""
+        on_Ts = (2 * len(self.basis.duties) + i for i in self.curve.active)
+        return active_at(self.basis, [*self.problem.kept[list(self.held)].tolist(), *on_Ts])
+
+    @cached_property
+    def answers(self) -> Array:
+        """How the coefficients follow from T_s/size of the levels and x, (n, L + p)."""
+        first, found = self.problem.first, np.zeros((self.basis.size, self.L + len(self.x)))
+        found[:first, : self.L] = self.curve.gains * self.size * np.sqrt(self.curve.widened)
+        found[first:, self.L :] = np.eye(len(self.x))
+        return found
+
+    def with_levels(self, of_levels: Influence) -> Influence:
+        """Influence on the coefficients, with the scatter of single runs about T_s(u)."""
+        whole = of_levels.of(self.answers)
+        single = self.repeats == 1
+        if not (single.any() and self.by_levels):
+            return whole
+        apart = np.zeros((int(single.sum()), self.basis.size))
+        apart[:, : self.problem.first] = (self.curve.gains * np.sqrt(self.curve.variance))[:, single].T
+        return replace(whole, singles=np.concatenate([whole.singles, apart]))
+
+    @cached_property
+    def influence(self) -> Influence:
+        """How the coefficients answer to the runs."""
+        return self.with_levels(self.of_levels)
+
+    def refit(self, data: Data) -> Array:
+        """The coefficients for data that differ little, with the weights of T_s(u) kept, (n,)."""
+        problem, x, *_ = solve(data, None if self.basis.free_share else self.basis.share, self.x)
+        return np.append(self.curve.gains @ problem.shape(x).Ts, x)
+
+    def numbers(self, u: Array, c: Array) -> tuple[Array, Array]:
+        """ln T_s, ln τ1, ln τ2 at inputs, (3, m), and their slopes by the coefficients c, (3, m, n)."""
+        rows = self.basis.rows(u)[:3]
+        value = np.maximum(rows @ c, 1e-300)
+        return np.log(value), rows / value[:, :, None]
+
+    def intervals(self, u: Array) -> tuple[Array, Array, Array]:
+        """Least and largest ln T_s, ln τ1, ln τ2 at inputs and their degrees of freedom, (3, m) each.
+
+        Where τ2 is known so little that the estimate is not linear in it, its ends are those of the score test, and T_s
+        and τ1 reach over all that go with a τ2 between them.
+        """
+        value, slopes = self.numbers(u, self.coefficients)
+        flat = slopes.reshape(-1, self.basis.size)
+        variance, degrees = (one.reshape(3, -1) for one in self.influence.of(flat).variance())
+        t = t_quantile(degrees)
+        reach = t * np.sqrt(variance)
+        low, high = value - reach, value + reach
+        if len(self.of_levels.singles) and not self.by_levels:
+            return low, high, degrees
+        covariance = self.influence.covariance()
+        for i in np.flatnonzero(reach[2] > CURVED).tolist():
+            own = slopes[:, i] @ covariance @ slopes[:, i].T
+            way = covariance @ slopes[2, i] / max(float(own[2, 2]), 1e-300)
+            alone = t[:2, i] * np.sqrt(np.maximum(np.diag(own)[:2] - own[:2, 2] ** 2 / max(own[2, 2], 1e-300), 0.0))
+            for side, ends in ((-1.0, low), (1.0, high)):
+                reached = self._reached(u[i : i + 1], way, side * float(reach[2, i]))
+                if reached is None:
+                    ends[2, i] = side * np.inf
+                    continue
+                ends[2, i] = reached[2]
+                low[:2, i] = np.minimum(low[:2, i], reached[:2] - alone)
+                high[:2, i] = np.maximum(high[:2, i], reached[:2] + alone)
+        return low, high, degrees
+
+    def _reached(self, u: Array, way: Array, reach: float) -> Array | None:
+        """ln T_s, ln τ1, ln τ2 where τ2 is moved along a way of the coefficients until the runs reject it; None: never.
+
+        Neyman's score test: from a supposed place the Newton step leads back by more than t standard deviations there.
+        """
+        first, before, last = self.problem.first, 0.0, self.numbers(u, self.coefficients)[0][:, 0]
+        problem = self.problem.problem()
+        for factor in OUTWARD:
+            x = self.x + np.expm1(factor * reach) * way[first:]
+            if (problem.A @ x < problem.b - 1e-9).any():
+                return last
+            at = self.problem.shape(x)
+            c = np.append(self.curve.coefficients + self.curve.gains @ (at.Ts - self.at.Ts), x)
+            value, slopes = self.numbers(u, c)
+            influence, step = self.influence_at(at)
+            variance, degrees = influence.of(slopes[2] @ self.answers).variance()
+            back = -float(slopes[2, 0] @ self.answers @ step) * np.sign(reach)
+            ratio = back / float(t_quantile(degrees)[0] * np.sqrt(variance[0]))
+            if ratio >= 1:
+                return np.asarray(last + (value[:, 0] - last) * (1 - before) / (ratio - before))
+            last, before = value[:, 0], ratio
+        return None
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueCurve:
+    """T_s(u) through T_s of the levels."""
+
+    coefficients: Array
+    gains: Array
+    """How the coefficients answer to T_s of the levels, (p, L)."""
+    variance: Array
+    """Of the levels' T_s, (L,)."""
+    misfit: float | None
+    """χ² of the levels about the curve over its degrees of freedom; None where there are none."""
+    widened: float
+    """Factor by which variances are larger where the levels are further from the curve than chance lets them be."""
+    active: tuple[int, ...]
+    """Rows of the constraints that hold it, among those of T_s ≥ 0."""
+
+
+def torque_curve(basis: Basis, Ts: Array, relative: Array | None, noise: Array, degrees: float) -> TorqueCurve:
+    """T_s(u) ≥ 0 through the levels' T_s by least squares, with the variance `relative` T_s(u)² + `noise`, (L,) each.
+
+    `relative` is known by so many degrees of freedom; None: it is found from the levels' distance to the curve. Where
+    that is more than chance lets it be, it counts in place of the variance.
+    """
+    first = basis.slices[1].start
+    D, duties = basis.M[0][:, :first], basis.M_of_duties[0][:, :first]
+    spare, largest = len(Ts) - first, float(Ts.max())
+    if largest <= 0:
+        nothing = np.zeros((first, len(Ts)))
+        return TorqueCurve(nothing[:, 0], nothing, np.zeros(len(Ts)), None, 1.0, tuple(range(len(duties))))
+
+    def through(variance: Array) -> tuple[Array, tuple[int, ...], float]:
+        weighed = D / variance[:, None]
+        inner = np.zeros(first)
+        inner[0] = largest
+        problem = Problem(lambda x: (0.0, x, x), duties, np.zeros(len(duties)), str)
+        step = newton_step(problem, inner, 2 * weighed.T @ (D @ inner - Ts), 2 * weighed.T @ D)
+        left = Ts - D @ (inner + step.d)
+        return inner + step.d, step.active, float((left**2 / variance).sum())
+
+    def variance_of(at: Array, scatter: Array | float) -> Array:
+        return np.maximum(scatter * at**2 + noise, (1e-9 * largest) ** 2)
+
+    at, scatter, shrunk = np.maximum(Ts, 1e-3 * largest), USUAL**2 if relative is None else relative, 1.0
+    for _ in range(4):
+        c, active, chi_square = through(variance_of(at, scatter))
+        at = np.maximum(D @ c, 1e-3 * largest)
+        if relative is None and spare > 0:
+            scatter, shrunk = paule_mandel(lambda a, at=at: through(variance_of(at, a))[2], float(spare), USUAL**2)
+    variance = variance_of(at, scatter) * np.sqrt(shrunk)
+    misfit = chi_square / spare if spare > 0 else None
+    gains = free_inverse((D / variance[:, None]).T @ D, duties[list(active)]) @ (D / variance[:, None]).T
+    beyond = relative is not None and misfit is not None
+    widened = misfit if beyond and misfit > fdtri(spare, max(degrees / 2, 1.0), BEYOND_CHANCE) else 1.0
+    return TorqueCurve(c, gains, variance * widened, misfit, widened, active)
+
+
+def levels_first(
+    levels: Sequence[Level], data: Data, share: float | None, swept: bool = False, near: Estimate | None = None
+) -> Estimate:
+    """The estimate from the runs of L levels, `data` being their means; `near` is that of data that differ little."""
+    problem, x, solver, active = solve(data, share, None if near is None else near.x)
+    return Estimate(levels, problem, x, solver, tuple(active), swept)

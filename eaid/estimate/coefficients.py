@@ -1,0 +1,112 @@
+"""The coefficients of τ1(u), τ2(u), T_s(u), and C where it is free, in powers of u/100, with their covariance.
+
+All are then of the order of one, and a covariance of them can be inverted; results hold powers of the input itself.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from eaid.arrays import Array, median
+from eaid.fitting.basis import Basis, limits
+from eaid.models.nonlinear import CHECKED_DUTIES
+from eaid.models.parameters import Nonlinear
+from eaid.results.common import Interval
+from eaid.results.fit import CoefficientIntervals, Covariance
+from eaid.uncertainty.runs import Degrees, t_quantile
+
+BLOCKS = ("tau1", "tau2", "Ts")
+"""Order of the coefficients in every covariance; C last where it was free."""
+PARAMETRISATION = "coefficients of (u/100 %)^k, lowest power first: tau1 [s], tau2 [s], Ts [N·m]; C last where free"
+"""What the rows and columns of `nonlinear.covariance.matrix` are."""
+
+
+def powers(u: Array, p: int) -> Array:
+    """1, v, v² … of v = u/100, shape (n, p)."""
+    return np.asarray(np.vander(np.asarray(u, dtype=np.float64) / 100, p, increasing=True))
+
+
+@dataclass(frozen=True, eq=False)
+class Coefficients:
+    """Coefficients of (u/100)^k in the order of `BLOCKS`, C last where free."""
+
+    values: Array
+    counts: tuple[int, int, int]
+    u_range: tuple[float, float]
+    share: float
+    share_free: bool
+
+    def block(self, name: str) -> slice:
+        """Where the coefficients of τ1, τ2 or T_s stand."""
+        k = BLOCKS.index(name)
+        return slice(sum(self.counts[:k]), sum(self.counts[: k + 1]))
+
+    def plant(self) -> Nonlinear:
+        """The model in powers of the input itself."""
+        parts = [
+            self.values[self.block(name)] / 100.0 ** np.arange(n) for name, n in zip(BLOCKS, self.counts, strict=True)
+        ]
+        tau1, tau2, Ts = (tuple(part.tolist()) for part in parts)
+        return Nonlinear(tau1, tau2, Ts, self.u_range, self.share)
+
+
+def coefficients_of(p: Nonlinear, share_free: bool = False) -> Coefficients:
+    """The coefficients of a model."""
+    parts = (p.tau1, p.tau2, p.Ts)
+    values = np.concatenate([np.array(part) * 100.0 ** np.arange(len(part)) for part in parts])
+    values = np.append(values, p.C) if share_free else values
+    return Coefficients(values, (len(p.tau1), len(p.tau2), len(p.Ts)), p.u_range, p.C, share_free)
+
+
+def from_basis(basis: Basis) -> Array:
+    """How the coefficients follow from the unknowns of a basis, (P, n)."""
+    rows = [coefficients_of(basis.parameters(row), basis.free_share).values for row in np.eye(basis.size)]
+    return np.array(rows).T
+
+
+def limits_of(
+    counts: tuple[int, int, int], u_range: tuple[float, float], free_share: bool = False
+) -> tuple[Array, Array]:
+    """A and b of A c ≥ b for the coefficients, C last where free; 101 rows a parameter, then C's two."""
+    u, stops = np.linspace(*u_range, CHECKED_DUTIES), np.cumsum(counts)
+    rows = np.zeros((3, len(u), stops[-1] + free_share))
+    for row, count, stop in zip(rows, counts, stops, strict=True):
+        row[:, stop - count : stop] = powers(u, count)
+    tau1, tau2, Ts = rows
+    return limits(Ts, tau1, tau2, free_share=free_share)
+
+
+def coefficient_intervals(
+    c: Coefficients, covariance: Array, degrees: Degrees, constrained: tuple[str, ...] = ()
+) -> CoefficientIntervals:
+    """95 % intervals of the coefficients in powers of the input; None where a constraint holds the parameter."""
+    sd = np.sqrt(np.maximum(np.diag(covariance), 0))
+    found: dict[str, tuple[Interval, ...]] = {}
+    for name, count in zip(BLOCKS, c.counts, strict=True):
+        own = c.block(name)
+        scale = 100.0 ** np.arange(count)
+        reach = t_quantile(median(degrees[name])) * sd[own]
+        low, high = (c.values[own] - reach) / scale, (c.values[own] + reach) / scale
+        held = name in constrained or not np.isfinite(reach).all()
+        carried = (c.values[own] != 0) | (reach > 0)  # a power that the levels do not carry is 0, not known to be 0
+        found[name] = tuple(
+            (float(a), float(b)) if fine and not held else None for a, b, fine in zip(low, high, carried, strict=True)
+        )
+    share: Interval = None
+    if c.share_free:
+        reach = t_quantile(min(median(df) for df in degrees.values())) * sd[-1]
+        if np.isfinite(reach):
+            share = (max(0.0, float(c.values[-1] - reach)), min(1.0, float(c.values[-1] + reach)))
+    return CoefficientIntervals(**found, C=share)
+
+
+def covariance_part(c: Coefficients, covariance: Array, degrees: Degrees, source: str) -> Covariance:
+    """What a fit keeps, so that plants can be drawn."""
+    order = [f"{name}[{i}]" for name, count in zip(BLOCKS, c.counts, strict=True) for i in range(count)]
+    return Covariance(
+        PARAMETRISATION,
+        (*order, *(["C"] * c.share_free)),
+        tuple(tuple(row) for row in covariance.tolist()),
+        {name: median(df) for name, df in degrees.items()},
+        source,
+    )

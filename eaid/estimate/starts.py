@@ -1,0 +1,108 @@
+"""Where a fit begins: one search over (τ1, τ2) for every kind of fit, the outputs' sizes solved for.
+
+φ = C s(τ1) + (1 − C) s(τ2), s = 1 − e^(−t/τ), is linear in s, so the products of s on a grid of time constants give
+what the cost of each level falls by for every pair, (φ'ȳ)²/φ'φ (variable projection). Forms τ1(u), τ2(u) are then
+tried by their values at as many inputs as they have coefficients, one after the other, on that table.
+"""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.fitting.sums import Points
+
+GRID = 200
+"""Time constants of the table."""
+LONGEST = 30.0
+"""The longest, in records."""
+TRIED = 9
+"""Values tried at each input."""
+BANDS = (0.0, 0.1, 0.35, 1.0, 3.0, LONGEST)
+"""Ends of the ranges of τ2, in records, each of which a search begins in."""
+REACH = (10.0, 4.0, 1.5)
+"""How far up and down from the value before, in each round."""
+MOST_LEVELS = 30
+"""Levels that are looked at."""
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """What the cost of L levels falls by at pairs of time constants."""
+
+    grid: Array
+    """Time constants [s], (K,)."""
+    gain: Array
+    """(L, K, K); [l, i, j] for τ1 = grid[i], τ2 = grid[j]."""
+
+    def at(self, tau1: Array, tau2: Array) -> Array:
+        """Gain at time constants of each level, (N, L) each, linear in ln τ between those of the grid."""
+        first, second = (self._place(tau) for tau in (tau1, tau2))
+        total, levels = np.zeros(tau1.shape), np.arange(tau1.shape[1])
+        for i, p in ((first[0], 1 - first[1]), (first[0] + 1, first[1])):
+            for j, q in ((second[0], 1 - second[1]), (second[0] + 1, second[1])):
+                total += p * q * self.gain[levels, i, j]
+        return total
+
+    def _place(self, tau: Array) -> tuple["np.ndarray[tuple[int, ...], np.dtype[np.intp]]", Array]:
+        """The time constant of the grid below τ, and how far from there to the next one τ lies."""
+        step = np.log(self.grid[1] / self.grid[0])
+        place = np.clip(np.log(np.maximum(tau, 1e-300) / self.grid[0]) / step, 0.0, len(self.grid) - 1.001)
+        return place.astype(np.intp), place - place.astype(np.intp)
+
+
+def table_of(points: Points, share: float) -> Table:
+    """The table of levels on their compressed points."""
+    there = np.broadcast_to(points.w, points.y.shape) > 0
+    times = np.where(there & (points.t_s > 0), points.t_s, np.nan)
+    grid = np.geomspace(0.3 * np.nanmin(times), LONGEST * np.nanmax(times), GRID)
+    s = -np.expm1(-points.t_s[:, None] / grid[:, None])
+    weighed = s * points.w[:, None]
+    gram = weighed @ s.transpose(0, 2, 1)
+    squares = np.einsum("lkk->lk", gram)
+    along = (weighed @ points.y[:, :, None])[:, :, 0]
+    square = share**2 * squares[:, :, None] + (1 - share) ** 2 * squares[:, None] + 2 * share * (1 - share) * gram
+    inner = np.maximum(share * along[:, :, None] + (1 - share) * along[:, None], 0.0)
+    return Table(grid, inner**2 / np.maximum(square, 1e-300))
+
+
+def time_constants(
+    table: Table, forms: Sequence[Array], weight: Array, least: float, longest: float
+) -> list[tuple[Array, Array]]:
+    """Values of τ1 and of τ2 that fit best, at the inputs that `forms` interpolate between; the best first.
+
+    `forms`, (L, p) each, take such values to the levels; `weight` of each level, (L,). No value is below `least` [s];
+    `longest` is the longest record [s].
+    """
+    some = slice(None, None, 1 + (len(weight) - 1) // MOST_LEVELS)
+    table, weight = Table(table.grid, table.gain[some]), weight[some]
+    one, two = (form[some] for form in forms)
+    together = np.tensordot(weight, table.gain, 1)
+    found: dict[tuple[float, ...], tuple[float, Array, Array]] = {}
+
+    def better(values: list[Array], k: int, reach: float) -> float:
+        """The gain at the best values of τ1 (k = 0) or τ2 (k = 1) within a factor, which replace the ones before."""
+        factors = np.geomspace(1 / reach, reach, TRIED)
+        tried = values[k] * np.array(list(itertools.product(factors, repeat=len(values[k]))))
+        tau1 = tried @ one.T if k == 0 else np.broadcast_to(one @ values[0], (len(tried), len(one)))
+        tau2 = tried @ two.T if k == 1 else np.broadcast_to(two @ values[1], (len(tried), len(two)))
+        sound = (tau1 >= least).all(axis=1) & (tau2 >= tau1).all(axis=1)
+        gain = np.where(sound, table.at(tau1, tau2) @ weight, -1.0)
+        values[k] = tried[int(gain.argmax())]
+        return float(gain.max())
+
+    def keep(values: list[Array], gain: float) -> None:
+        found.setdefault(tuple(np.round(np.log(np.concatenate(values)), 1).tolist()), (gain, *values))
+
+    for low, high in itertools.pairwise(BANDS):
+        slow = (table.grid > low * longest) & (table.grid <= high * longest)
+        where = (table.grid[:, None] < table.grid) & slow
+        if not where.any():
+            continue
+        i, j = np.unravel_index(np.where(where, together, -1.0).argmax(), together.shape)
+        values = [np.full(one.shape[1], max(table.grid[i], least)), np.full(two.shape[1], table.grid[j])]
+        keep(values.copy(), max(better(values, 0, reach) for reach in REACH))
+        keep(values, max(better(values, k, reach) for reach in REACH for k in (1, 0)))
+    return [(tau1, tau2) for _, tau1, tau2 in sorted(found.values(), key=lambda row: -row[0])]
