@@ -36,7 +36,7 @@ from eaid.uncertainty.workflow import with_interval
 
 NAMES = ("Ts", "tau1", "tau2")
 LEVELS = np.arange(10.0, 101.0, 10.0)
-SAMPLES, RECORD_S = 2000, 20.0
+SAMPLES = 2000
 COLOUR_S = 0.05
 WIDE = 0.30
 """Half-width beyond which an interval of a level is flagged: coverage of τ2 is counted below it."""
@@ -56,6 +56,7 @@ class Variant:
     """Scatter twice as large up to this duty [%]."""
     share: float = 0.85
     """C of the plant; the fit holds 0.85."""
+    record_s: float = 20.0
 
 
 VARIANTS: dict[str, Variant] = {
@@ -64,6 +65,7 @@ VARIANTS: dict[str, Variant] = {
     "sweeps": Variant("three sweeps, one gain each", sweeps=True),
     "low": Variant("scatter doubled up to 30 % duty", doubled_below=30.0),
     "white": Variant("white noise × 5", white_nm=0.05),
+    **{f"{s:g}s": Variant(f"three runs of {s:g} s a level", record_s=s) for s in (5.0, 8.0, 12.0)},
     "share": Variant("C of the plant 0.88, held at 0.85", share=0.88),
 }
 
@@ -88,9 +90,10 @@ def stepset(levels: tuple[Level, ...]) -> StepSet:
 
 
 def one_set(
-    seed: int, variant: Variant, samples: int = SAMPLES, levels: Array = LEVELS, record_s: float = RECORD_S
+    seed: int, variant: Variant, samples: int = SAMPLES, levels: Array = LEVELS, record_s: float | None = None
 ) -> StepSet:
     """One simulated set; the same seed gives the same set."""
+    record_s = variant.record_s if record_s is None else record_s
     random = np.random.default_rng([seed, 20260])
     t = np.arange(samples) * (record_s / samples)
     sweep = random.standard_normal(variant.runs)
@@ -116,7 +119,7 @@ def one_set(
 def truth(variant: Variant, samples: int = SAMPLES, levels: Array = LEVELS) -> dict[str, Any]:
     """What the intervals should hold: the plant's own values, and the linear fit to the plant without noise."""
     curves = [plant(float(duty), variant) for duty in levels]
-    t = np.arange(samples) * (RECORD_S / samples)
+    t = np.arange(samples) * (variant.record_s / samples)
     clean = tuple(
         Level(u, t, friction.step_response(one, t)[None], ("plant",))
         for u, one in zip(levels.tolist(), curves, strict=True)
@@ -163,10 +166,9 @@ def hits(found: Fit, true: dict[str, Any]) -> dict[str, list[float]]:
                 result[f"{label} {name}"] = [np.nan if doubted(ci) else inside(ci, v) for ci, v in pairs]
             asked = {row.level: getattr(row.ci95, name) for row in (share.at_estimate if share else ())}
             result[f"asked {name}"] = [inside(asked.get(u), v) for u, v in zip(LEVELS, values, strict=True)]
-        for label, part in (("joint", found.nonlinear), ("two-stage", found.nonlinear.two_stage)):
-            if part is not None and part.curves:
-                rows = [getattr(row.ci95, name) for row in part.curves]
-                result[f"{label} {name}"] = [inside(ci, v) for ci, v in zip(rows, values, strict=True)]
+        label = "joint" if found.nonlinear.estimator == "joint" else "curves"
+        rows = [getattr(row.ci95, name) for row in found.nonlinear.curves]
+        result[f"{label} {name}"] = [inside(ci, v) for ci, v in zip(rows, values, strict=True)]
     if share is not None and share.rejected is not None:
         result["asked C"] = [inside(share.ci95, true["C"])]
         result["asked rejected"] = [float(share.rejected)]
@@ -183,11 +185,10 @@ def hits(found: Fit, true: dict[str, Any]) -> dict[str, list[float]]:
 
 
 def widths(found: Fit) -> dict[str, float]:
-    """Mean half-widths [%] of the levels' own intervals and of the two-stage curves."""
+    """Mean half-widths [%] of the levels' own intervals and of the curves."""
     result = {}
     assert found.friction is not None and found.nonlinear is not None
-    two = found.nonlinear.two_stage
-    groups = {"level": found.friction.levels, "two-stage": two.curves if two is not None else ()}
+    groups = {"level": found.friction.levels, "curves": found.nonlinear.curves}
     for label, rows in groups.items():
         for name in NAMES:
             own = [ends for row in rows if (ends := getattr(row.ci95, name)) is not None]
@@ -210,8 +211,9 @@ def measure(variant: Variant, sets: int, first: int = 0) -> Coverage:
     ours, textbook, reach = [], [], []
     for seed in range(first, first + sets):
         made = one_set(seed, variant)
-        robust, white = (eaid.fit(made, ci=ci, estimator="joint") for ci in ("robust", "white"))
-        ours.append(hits(robust, true))
+        robust, white = eaid.fit(made), eaid.fit(made, ci="white", estimator="joint")
+        joint = hits(eaid.fit(made, model=("nonlinear", "linear"), estimator="joint"), true)
+        ours.append({**hits(robust, true), **{key: held for key, held in joint.items() if key.startswith("joint")}})
         textbook.append(hits(white, true))
         reach.append(widths(robust))
     return Coverage(

@@ -1,9 +1,9 @@
 """The estimate that is believed: one free T_s per level, polynomials τ1(u) and τ2(u); then T_s(u) through the levels.
 
-Σ_l w_l Σ_t (T_l φ(t; τ1(u_l), τ2(u_l), C) − ȳ_l(t))², φ = 1 − C e^(−t/τ1) − (1 − C) e^(−t/τ2), Eqs. (3)–(6), with
-w_l = 1/(T_l² + s_l²), s_l the rms residual: runs scatter by a part of their output, so levels count by it. T_l is linear
-and solved for (variable projection), so that scatter of a level's gain does not reach the time constants, as it
-does where T_s(u) is fitted together with them. Eq. (7) then passes through T_l by least squares of the relative errors.
+The cost is Σ_l w_l Σ_t (T_l φ(t; τ1(u_l), τ2(u_l), C) − ȳ_l(t))², φ = 1 − C e^(−t/τ1) − (1 − C) e^(−t/τ2), Eqs. (3) to
+(6), with w_l = 1/(T_l² + s_l²), s_l the rms residual: runs scatter by a part of their output, so levels count by it.
+T_l is linear and solved for (variable projection), so that scatter of a level's gain does not reach the time constants,
+as it does where T_s(u) is fitted together with them. Eq. (7) passes through T_l by least squares of relative errors.
 """
 
 from dataclasses import dataclass, replace

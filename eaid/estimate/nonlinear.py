@@ -194,6 +194,9 @@ def nonlinear_part(
     held_out = held_out if joint.hold_out is not None else ()
     part, findings = scores_of(first, data, held_out)
     u, ends = base.duty_pct, first.intervals(base.duty_pct)
+    longest = np.log([QUOTED_RECORDS * level.time_s[-1] for level in levels])
+    ends[1][2][ends[1][2] > longest] = np.inf
+    wide = ~(0.5 * (ends[1] - ends[0]) <= OPEN)
     parts = parted(joint, part, u, ends)
     stands: results.Estimate = part
     unknowns, held, influence = first.coefficients, tuple(first.active), first.influence
@@ -221,7 +224,7 @@ def nonlinear_part(
         covariance, variance, spare = white(c, levels)
         reach = t_quantile(spare) * np.sqrt(variance)
         ends = value - reach, value + reach, np.full(reach.shape, spare)
-    ends[1][2][ends[1][2] > np.log([QUOTED_RECORDS * level.time_s[-1] for level in levels])] = np.inf
+    ends[1][2][ends[1][2] > longest] = np.inf
     if ci != "none":
         stands = with_intervals(stands, levels, c, covariance, ends, held, ci)
     model = results.Nonlinear.of(
@@ -231,7 +234,6 @@ def nonlinear_part(
         joint=joint.estimate,
         parts=parts,
     )
-    wide = np.where(np.isfinite(ends[1] - ends[0]), 0.5 * (ends[1] - ends[0]), np.inf) > OPEN
     left_open = nonlinear_findings(model, base, fit.data.input_unit, fit.data.output_unit, wide, fit.friction is None)
     model = msgspec.structs.replace(model, identifiable=identifiable(left_open))
     known = {level.level for level, there in zip(levels, wide[2], strict=True) if not there}

@@ -29,9 +29,9 @@ def test_single_levels_hold(base: Any, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["Ts", "tau1", "tau2"])
-def test_two_stage_curves_hold(base: Any, name: str) -> None:
-    low, _ = band(base.ours[f"two-stage {name}"], SETS * 2)
-    assert base.ours[f"two-stage {name}"].mean() >= low
+def test_curves_hold(base: Any, name: str) -> None:
+    low, _ = band(base.ours[f"curves {name}"], SETS * 2)
+    assert base.ours[f"curves {name}"].mean() >= low
 
 
 @pytest.mark.parametrize("name", ["a0", "b0", "c0", "B_m", "B_M"])
@@ -55,8 +55,8 @@ def test_half_widths_are_those_of_the_scatter(base: Any) -> None:
     wanted = {
         "level Ts": t * 3 / root,
         "level tau1": t * 5 / root,
-        "two-stage Ts": t * 3 / root * np.sqrt(0.4),
-        "two-stage tau1": t * 5 / root * np.sqrt(0.3),
+        "curves Ts": t * 3 / root * np.sqrt(0.4),
+        "curves tau1": t * 5 / root * np.sqrt(0.3),
     }
     for key, width in wanted.items():
         assert base.widths[key] == pytest.approx(width, rel=0.25), key
@@ -66,13 +66,13 @@ def test_half_widths_are_those_of_the_scatter(base: Any) -> None:
 def test_sweeps_are_noticed_and_covered(sets: Any) -> None:
     """One gain a sweep: Σ(R − 1) would count 20 independent runs where there are two."""
     swept = sets.measure(sets.VARIANTS["sweeps"], 12, first=30_000)
-    assert swept.ours["level Ts"].mean() >= 85 and swept.ours["two-stage Ts"].mean() >= 85
-    assert swept.widths["two-stage Ts"] > 2 * 2.3
+    assert swept.ours["level Ts"].mean() >= 85 and swept.ours["curves Ts"].mean() >= 85
+    assert swept.widths["curves Ts"] > 2 * 2.3
 
 
 @pytest.mark.slow
 def test_one_run_a_level_gives_the_curve(sets: Any) -> None:
     single = sets.measure(sets.VARIANTS["single"], 12, first=20_000)
     for name in ("Ts", "tau1", "tau2"):
-        assert single.ours[f"two-stage {name}"].mean() >= 85
+        assert single.ours[f"curves {name}"].mean() >= 85
     assert single.textbook["level Ts"].mean() < 50

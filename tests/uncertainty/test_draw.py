@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 
 import eaid
+from eaid.estimate.coefficients import coefficients_of
 from eaid.models import nonlinear
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.results import codec
 from eaid.uncertainty.draw import draw, drawable
-from eaid.estimate.coefficients import coefficients_of
 
 P = REFERENCE_PLANT
 
