@@ -611,6 +611,8 @@ def load(path: str | os.PathLike[str]) -> "Fit | Gains | Coupling | Replay | Ste
         return read_replay(file)[0] if schema == SCHEMA else read(file)
     kinds: dict[str, type[Any]] = {"fit": Fit, "gains": Gains, "couple": Coupling}
     kind = codec.kind_of(file)
+    if kind not in kinds:
+        raise DataError(f"{file}: is a {kind}.json; give a fit.json, gains.json or couple.json")
     result: Fit | Gains | Coupling = codec.read(file, kind, kinds[kind])[0]
     return result
 

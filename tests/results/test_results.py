@@ -69,6 +69,7 @@ REFUSED: dict[str, tuple[Any, str]] = {
     "nested without end": ("{" * 5000, "is not a JSON file"),
     "NaN": ('{"linear": {"a0": NaN}}', "it holds NaN, which is no JSON number"),
     "an infinite number": ('{"linear": {"a0": 1e999}}', "it holds 1e999, which is no finite number"),
+    "a plan": ('{"schema": "eaid/plan/1"}', "is a plan.json"),
     "another schema": ('{"schema": "eaid/fit/99"}', "is no result of eaid"),
 }  # fmt: skip
 
