@@ -50,10 +50,27 @@ def refuse_to_overwrite(path: Path, force: bool, inputs: Iterable[Path] = ()) ->
             raise UsageError(f"{path}: is what the command reads, and is never overwritten; give another «output»")
 
 
-def refuse_inputs_within(folder: Path, inputs: Iterable[Path]) -> None:
-    """Leave a folder alone, which would be replaced whole, where it holds what the command reads."""
+def refuse_folder(
+    folder: Path, force: bool, patterns: Sequence[str], command: str, inputs: Iterable[Path] = ()
+) -> None:
+    """Leave an existing folder alone unless a command made all in it and the user says so; one with an input, always.
+
+    `patterns` are those of the files that the command makes.
+    """
+    if not folder.exists() and not folder.is_symlink():
+        if not folder.resolve().parent.is_dir():
+            raise UsageError(f"{folder}: the folder {folder.resolve().parent} does not exist; make it first")
+        return
+    if not folder.is_dir():
+        raise UsageError(f"{folder}: is no folder; give another «output»")
+    items = sorted(folder.iterdir())
+    strange = [one for one in items if one.is_symlink() or not one.is_file() or not any(map(one.match, patterns))]
+    if strange:
+        raise UsageError(f"{folder}: holds {strange[0].name}, which {command} did not make; give another «output»")
+    if items and not force:
+        raise UsageError(f"{folder}: exists already; give «force» to overwrite it, or another «output»")
     for given in inputs:
-        if given.exists() and folder.exists() and any(folder.samefile(above) for above in given.resolve().parents):
+        if given.exists() and any(folder.samefile(above) for above in given.resolve().parents):
             raise UsageError(f"{folder}: holds {given.name}, which the command reads; give another «output»")
 
 

@@ -27,13 +27,13 @@ def command(args: Arguments) -> None:
     Example: eaid synth --levels 20,60,100 --repeats 2 --hold 8 -o logs
     """
     from eaid.cli.printed import Synthesized
-    from eaid.files import refuse_to_overwrite
+    from eaid.files import refuse_folder, refuse_to_overwrite
     from eaid.results import codec
     from eaid.results.common import Input
     from eaid.results.fit import Fit
     from eaid.results.gains import Gains
     from eaid.synth.datasets import write
-    from eaid.synth.files import refuse_folder, write_folder
+    from eaid.synth.files import OURS, write_folder
     from eaid.synth.synthesize import synthesize
 
     fit_file = None if args.plant == "reference" else Path(args.plant)
@@ -45,7 +45,10 @@ def command(args: Arguments) -> None:
         raise UsageError("--excitation: writes a folder of CSV (-o FOLDER); give another -o")
     if args.gains is None:
         refuse_idle(args, ("controller",), "without --gains")
-    (refuse_to_overwrite if is_dataset else refuse_folder)(args.output, args.force, inputs)
+    if is_dataset:
+        refuse_to_overwrite(args.output, args.force, inputs)
+    else:
+        refuse_folder(args.output, args.force, OURS, "eaid synth", inputs)
     options = part(SynthOptions, args)
     fit, warnings = codec.read(fit_file, "fit", Fit) if fit_file is not None else (None, ())
     named = "" if fit_file is None else f"{fit_file} (sha256 {Input.of(fit_file).sha256[:12]})"

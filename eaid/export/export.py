@@ -22,7 +22,7 @@ from eaid.export.job import (
     vectors,
 )
 from eaid.export.targets import TARGETS
-from eaid.files import folder_written_whole, refuse_inputs_within, sha256_of
+from eaid.files import folder_written_whole, refuse_folder, sha256_of
 from eaid.findings import Finding, finding, ranked, say, stops
 from eaid.models.parameters import Linear
 from eaid.options import ExportOptions
@@ -131,7 +131,7 @@ def _plant(source: Source, laws: tuple[str, ...]) -> Iterator[Finding]:
         yield finding("export-no-release", subject)
 
 
-OURS = ("eaid_*", "vectors.*", "check*", "Makefile", "README.md", "parameters.*", "*.ino", "*.o")
+OURS = ("eaid_*", "vectors.*", "check*", "Makefile", "README.md", "parameters.*", "*.ino", "*.o", ".*.part")
 """Names of an export's files and of what its Makefile builds; a folder with any other in it is never replaced."""
 
 
@@ -161,8 +161,7 @@ def export(
     UsageError
         The options contradict one another, or the folder is there already.
     """
-    refuse_folder(folder, force)
-    refuse_inputs_within(folder, (Path(each.path) for each in origin.inputs))
+    refuse_folder(folder, force, OURS, "eaid export", (Path(each.path) for each in origin.inputs))
     source = source_of(gains, fit)
     laws = laws_of(source, options)
     if {"inverse", "plant"} & set(laws) and source.plant is not None and source.plant.falls_as_release:
@@ -183,26 +182,8 @@ def export(
         for name, content in files.items():
             data = content if isinstance(content, bytes) else content.encode("utf-8")
             (part / name).write_bytes(data)
-        refuse_folder(folder, force)
+        refuse_folder(folder, force, OURS, "eaid export")
     return ExportFolder(folder, options.target, laws, tuple(files), timing.dt_s, found)
-
-
-def refuse_folder(folder: Path, force: bool) -> None:
-    """Leave an existing folder alone unless it is an earlier export and the user says so."""
-    if not folder.exists() and not folder.is_symlink():
-        if not folder.resolve().parent.is_dir():
-            raise UsageError(f"{folder}: the folder {folder.resolve().parent} does not exist; make it first")
-        return
-    if not folder.is_dir():
-        raise UsageError(f"{folder}: is no folder; give another «output»")
-    items = sorted(folder.iterdir())
-    strange = [
-        one for one in items if one.is_symlink() or not one.is_file() or not any(map(one.match, (*OURS, ".*.part")))
-    ]
-    if strange:
-        raise UsageError(f"{folder}: holds {strange[0].name}, which eaid export did not make; give another «output»")
-    if items and not force:
-        raise UsageError(f"{folder}: exists already; give «force» to overwrite it, or another «output»")
 
 
 def fit_beside(gains: Gains, path: Path) -> Path | None:

@@ -2,11 +2,11 @@
 
 import csv
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from eaid.errors import DataError, UsageError
-from eaid.files import folder_written_whole, refuse_inputs_within
+from eaid.errors import DataError
+from eaid.files import folder_written_whole, refuse_folder
 from eaid.logs.run import INPUT_UNITS, Run
 from eaid.results.plan import PlannedRun
 from eaid.synth.logs import Input
@@ -16,35 +16,17 @@ PLAIN = {"clutch": "duty_pct", "friction-force": "force_n", "friction-speed": "s
 NAMES = {"clutch": "input", "friction-force": "force", "friction-speed": "speed"}
 """and its name in another unit."""
 
-PATTERN = "synthetic-*.csv"
-"""Only files of this name are ever replaced or removed,"""
-LEFT_OVER = ".synthetic-*.part"
-"""and what a killed command left of them."""
-
-
-def refuse_folder(folder: Path, force: bool, inputs: Iterable[Path] = ()) -> None:
-    """Leave an existing folder alone unless the user says otherwise; one with a rig's logs or an input, always."""
-    if not folder.exists():
-        if not folder.parent.is_dir():
-            raise UsageError(f"{folder}: the folder {folder.parent} does not exist; make it first")
-        return
-    if not folder.is_dir():
-        raise UsageError(f"{folder}: is a file; give a folder, or a name that ends in .h5")
-    if not force:
-        raise UsageError(f"{folder}: exists already; give «force» to overwrite it, or another «output»")
-    others = sorted(path.name for path in folder.iterdir() if not (path.match(PATTERN) or path.match(LEFT_OVER)))
-    if others:
-        raise UsageError(f"{folder}: holds {others[0]}, which eaid synth did not make; give another «output»")
-    refuse_inputs_within(folder, inputs)
+OURS = ("synthetic-*.csv", ".synthetic-*.part")
+"""Only files of these names are ever replaced or removed; the latter is what a killed command left of them."""
 
 
 def write_folder(folder: Path, runs: Sequence[Run], force: bool) -> None:
     """One CSV a run, all at once or none; with `force`, a folder of earlier synthetic runs is replaced."""
-    refuse_folder(folder, force)
+    refuse_folder(folder, force, OURS, "eaid synth")
     with folder_written_whole(folder) as part:
         for run in runs:
             (part / f"{run.name}.csv").write_text(as_csv(run), encoding="utf-8", newline="\n")
-        refuse_folder(folder, force)
+        refuse_folder(folder, force, OURS, "eaid synth")
 
 
 def input_column(kind: str, unit: str) -> str:

@@ -174,7 +174,7 @@ def test_force_replaces_earlier_synthetic_runs_and_nothing_else(logs, run_eaid):
     assert "exists already; give --force" in run_eaid("synth", *TWO.split(), "-o", "logs").err
     Path("logs/run7.csv").write_text("recorded\n")
     for output, sentence in (
-        ("logs", "holds run7.csv, which eaid synth did not make"), ("logs/run7.csv", "is a file"),
+        ("logs", "holds run7.csv, which eaid synth did not make"), ("logs/run7.csv", "is no folder"),
         ("none/logs", "does not exist; make it first"),
     ):  # fmt: skip
         ran = run_eaid("synth", *TWO.split(), "-o", output, "--force")
