@@ -43,8 +43,6 @@ from eaid.uncertainty.draw import draw
 
 BESIDE_RAD = 1e-4
 """Where the limb is let go."""
-PERIODS = 20
-"""Oscillations that are replayed."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +97,7 @@ def replayed_stiffness(drive: Drive, limb: Limb, timing: Timing, expected: float
     None where it is not within a factor of two of that.
     """
     turn_s = 2 * math.pi * math.sqrt(limb.inertia_kgm2 / expected)
-    time_s = max(PERIODS * turn_s, 200 * timing.step_s)
+    time_s = max(20 * turn_s, 200 * timing.step_s)
 
     def rate(log_stiffness: float) -> float:
         return min(growth(drive, limb, timing, math.exp(log_stiffness), time_s), 20.0)
@@ -115,11 +113,6 @@ def replayed_stiffness(drive: Drive, limb: Limb, timing: Timing, expected: float
             low, below, high, above = (middle, at, high, above) if at < 0 else (low, below, middle, at)
         return math.exp(low - below * (high - low) / (above - below))
     return None
-
-
-SHOWN_POINTS = 200
-"""Frequencies of a stored curve."""
-REGION_POINTS = 9
 
 
 @dataclass(frozen=True)
@@ -153,7 +146,7 @@ class Loops:
         K_stable = stable_stiffness(coupled, self.virtual_damping)
         lost = _lost_hz(coupled, K_stable, self.virtual_damping)
         limit_hz = 0.0 if limit <= needed.omega[0] else limit / (2 * math.pi)  # the slowest looked at stands for rest
-        chosen = np.unique(np.linspace(0, len(needed.omega) - 1, SHOWN_POINTS).astype(int))
+        chosen = np.unique(np.linspace(0, len(needed.omega) - 1, 200).astype(int))  # frequencies of a stored curve
         wall = parts.Wall(loop, torque, duty, known(K_passive), limit_hz, known(K_stable), lost)
         curve = parts.Curve(
             loop, torque,
@@ -168,7 +161,7 @@ class Loops:
         needed, coupled = needed_damping(channels, self.timing), Coupled(channels, self.limb, self.timing)
         rows = [
             (damping, passive_stiffness(needed, self.limb.damping_nms, damping)[0], stable_stiffness(coupled, damping))
-            for damping in np.linspace(0.0, 2 * self.limb.damping_nms, REGION_POINTS).tolist()
+            for damping in np.linspace(0.0, 2 * self.limb.damping_nms, 9).tolist()
         ]
         return parts.Region(loop, torque, tuple(parts.RegionPoint(b, known(p), known(s)) for b, p, s in rows))
 
@@ -179,10 +172,6 @@ def _lost_hz(coupled: Coupled, stiffness: float, damping: float) -> float | None
     poles = coupled.poles(stiffness, damping)
     worst = poles[int(np.argmax(np.abs(poles)))]
     return float(abs(np.angle(worst)) * coupled.timing.rate_hz / coupled.timing.pattern[0] / (2 * math.pi))
-
-
-AFTER_S = 0.5
-"""Time after which residual torque and the step at a turn are read [s]."""
 
 
 MOST_DELAY = 100
@@ -298,7 +287,7 @@ def _kept(setup: Loops, loop: str, torque: float, plants: Sequence[Nonlinear], o
 def _impedance(plant: Nonlinear, torque_nm: float, drag: float | None, options: CoupleOptions) -> parts.Impedance:
     flat = plant_parameters(plant)
     x = plant.C * torque_nm, (1 - plant.C) * torque_nm
-    left = sum(plant_step(flat, *x, 0.0, AFTER_S))
+    left = sum(plant_step(flat, *x, 0.0, 0.5))  # half a second after the torque was let go
     counts = options.encoder_counts
     encoder = None if counts is None or drag is None else 2 * drag / (2 * math.pi / counts)
     rotor = options.rotor_rpm * 2 * math.pi / 60

@@ -146,9 +146,7 @@ def _jump(job: Job) -> dict[str, str]:
     }
 
 
-COMPILERS = ("cc", "gcc", "clang")
 FLAGS = ("-O2", "-std=c99", "-fPIC", "-shared", "-ffp-contract=off", "-fvisibility=hidden")
-STAMP = (1980, 1, 1, 0, 0, 0)
 
 
 @dataclass(frozen=True)
@@ -212,7 +210,7 @@ def _zipped(name: str, description: str, sources: Mapping[str, str]) -> bytes:
 
 
 def _put(file: zipfile.ZipFile, path: str, data: bytes) -> None:
-    entry = zipfile.ZipInfo(path, STAMP)
+    entry = zipfile.ZipInfo(path, (1980, 1, 1, 0, 0, 0))
     entry.compress_type = zipfile.ZIP_DEFLATED
     entry.external_attr = 0o644 << 16
     file.writestr(entry, data)
@@ -222,7 +220,7 @@ def binary(name: str, sources: Mapping[str, str]) -> tuple[str, bytes] | None:
     """The shared library of this machine and its place in the FMU; None where no compiler is there, or none works."""
     place = {("linux", "x86_64"): ("linux64", ".so"), ("darwin", "x86_64"): ("darwin64", ".dylib")}
     found = place.get((sys.platform, platform.machine()))
-    compiler = next((path for path in map(shutil.which, COMPILERS) if path), None)
+    compiler = next((path for path in map(shutil.which, ("cc", "gcc", "clang")) if path), None)
     if found is None or compiler is None:
         return None
     with tempfile.TemporaryDirectory() as folder:
@@ -241,17 +239,12 @@ def binary(name: str, sources: Mapping[str, str]) -> tuple[str, bytes] | None:
 Files = Iterator[tuple[str, str | bytes]]
 
 
-def vectors_csv(job: Job) -> str:
-    """The test vectors as text; `before` 1 is a reset, 2 a bumpless start from `from_duty`."""
+def _common(job: Job) -> Files:
     lines = ["law,case,before,reference,reference_rate,torque,from_duty,expected,status"]
-    for v in job.vectors:
+    for v in job.vectors:  # `before` 1 is a reset, 2 a bumpless start from `from_duty`
         numbers = ",".join(decimal(x) for x in (v.reference, v.rate, v.torque, v.duty, v.expected))
         lines.append(f"{v.law},{v.case},{v.before},{numbers},{v.status}")
-    return "\n".join(lines) + "\n"
-
-
-def _common(job: Job) -> Files:
-    yield "vectors.csv", vectors_csv(job)
+    yield "vectors.csv", "\n".join(lines) + "\n"
     yield "README.md", rendered(job, "README.md.j2", target=job.options.target)
 
 

@@ -31,8 +31,6 @@ COLUMNS = {"time_s": "time_s", "input": "input", "torque_nm": "output"}
 MORE = {"reference_nm": "reference_nm", "position": "position"}
 """Columns that not every run has; each dataset's name and the field of `Run`."""
 AGAIN = "ingest the logs again"
-LARGEST_START_S = 1e6
-"""First time beyond which a run is counted from its own start [s]."""
 
 
 class _Root(msgspec.Struct, omit_defaults=True):
@@ -209,7 +207,7 @@ def _read_run(group: h5py.Group, shared: Run, read: _Columns) -> Run:
     said |= {"edge": "falling" if facts["edge"] == "falling" else "rising", "cut": facts["edge"] is not None}
     run = dataclasses.replace(shared, **columns, **said, findings=findings)  # type: ignore[arg-type]  # by field
     first = float(run.time_s[0]) if len(run.time_s) else 0.0
-    if abs(first) <= LARGEST_START_S:
+    if abs(first) <= 1e6:  # beyond it a run is counted from its own start [s]
         return run
     step_s, until_s = (None if at is None else at - first for at in (run.step_s, run.until_s))
     time_s = read_only(run.time_s - first)  # a dataset of a script, on a clock since 1970

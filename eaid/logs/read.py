@@ -45,10 +45,6 @@ def counted_once(runs: Sequence[Run]) -> list[Run]:
     return kept
 
 
-UNLIKE = 1.5
-"""Ratio of swings beyond which outputs are no repeats."""
-
-
 def levels_in_names(runs: Sequence[Run]) -> None:
     """Raise DataError where the inputs say only on or off, but outputs and numbers in the logs' names differ.
 
@@ -56,7 +52,7 @@ def levels_in_names(runs: Sequence[Run]) -> None:
     """
     switched = [run for run in runs if _switched(run)]
     swings = [float(np.ptp(np.nanquantile(run.output, (0.02, 0.98)))) for run in switched]
-    if len(switched) < 2 or max(swings) < UNLIKE * min(swings):
+    if len(switched) < 2 or max(swings) < 1.5 * min(swings):  # outputs that are alike are repeats
         return
     if (pattern := differing_number([run.name for run in switched])) is None:
         return

@@ -24,9 +24,6 @@ from eaid.errors import DataError
 from eaid.logs.dialect import COMMENT, NUMBER_MARKS, Dialect, Marks, encoding_of, rate_said, sniff
 from eaid.logs.table import BadCell, Cells, Table
 
-MOST_DIGITS = 15
-"""Digits of a whole number that a float surely holds; stamps in ns have more, and stay whole."""
-
 
 def by_arrow(body: memoryview, dialect: Dialect, columns: Sequence[int], line: int) -> Cells | None:
     """The columns of a piece by Arrow's parser; None where anything in them is not a plain finite number."""
@@ -38,7 +35,8 @@ def by_arrow(body: memoryview, dialect: Dialect, columns: Sequence[int], line: i
     kinds = {}
     for column in columns:
         digits = first[min(column, len(first) - 1)]
-        number = pa.int64() if digits.isdigit() and len(digits) > MOST_DIGITS else pa.float64()
+        long = digits.isdigit() and len(digits) > 15  # more than a float surely holds: stamps in ns stay whole
+        number = pa.int64() if long else pa.float64()
         kinds[names[column]] = pa.string() if column in dialect.stamps else number
     if marks.delimiter is None:  # cells stand apart by one blank each
         body = memoryview(b"\n".join(b" ".join(row.split()) for row in bytes(body).splitlines()))

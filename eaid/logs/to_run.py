@@ -30,12 +30,6 @@ from eaid.logs.units import (
 )
 from eaid.options import ReadOptions
 
-MOST_DROPPED = 0.01
-"""`repair` drops up to this share of a log's rows."""
-MOST_REPEATED = 0.2
-"""Share of rows that repeat the time before them from which on the stamps have too few digits."""
-CHANGES = 0.1
-"""Share of its range by which an input changes at a dropped row for it to be that of a step."""
 SHOWN = 5
 """Bad rows told one by one; the rest of a kind are counted."""
 
@@ -91,7 +85,7 @@ def checked(
     highest = np.maximum.accumulate(rising)
     late = np.flatnonzero(rising[1:] <= highest[:-1]) + 1
     repeated = int(np.count_nonzero(rising[1:] == rising[:-1]))
-    if repeated > MOST_REPEATED * count:
+    if repeated > 0.2 * count:  # the stamps have too few digits
         raise DataError(
             f"{source}: {repeated} of {count} rows repeat the time of the row before, from {word} "
             f"{row_of(int(fine[late[0]]))} on: its stamps have too few digits, or rows were written twice; save each "
@@ -105,7 +99,7 @@ def checked(
         falls.append(f"time {how} at {word} {row_of(int(fine[k]))} ({now:.12g} s after {before:.12g} s)")
     bad[fine[late]] = True
     dropped = int(bad.sum())
-    few = dropped <= MOST_DROPPED * count
+    few = dropped <= 0.01 * count
     drop = ", or drop such rows with «repair»" if few else ""
     faults = [
         *_listed(source, cells, f"mend the cell{drop}"),
@@ -129,7 +123,7 @@ def without_moving_steps(
     Of two rows at one time the one with the new input is kept, where the other is not the only one before the step.
     """
     keep, lost = keep.copy(), []
-    least = CHANGES * float(np.nanmax(input_) - np.nanmin(input_))
+    least = 0.1 * float(np.nanmax(input_) - np.nanmin(input_))  # by which the input changes at a step
     for sample in np.setdiff1d(np.arange(len(time)), keep).tolist():
         behind = int(np.searchsorted(keep, sample))
         if not 0 < behind < len(keep):
@@ -163,15 +157,12 @@ PER_S = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 """What clocks count that began in 1970."""
 EPOCH_S = (1e9, 4e9)
 """First stamps of logs of 2001 to 2096, counted from 1970 [s]."""
-DAY_S = 86400.0
 SLOWEST_S = 90.0
 """Sample time beyond which a clock without a unit counts not from 1970, but in a finer unit from power-up."""
 DAYS = ((30_000.0, 60_000.0), (700_000.0, 770_000.0))
 """First stamps in days: Excel's of 1982 to 2064, MATLAB's datenum of 1916 to 2108."""
 FASTEST_HZ = 50_000.0
 """Sample rate beyond which a clock whose unit nobody gave is doubted."""
-NO_BENCH_HZ = 5e6
-"""Sample rate beyond which any clock is doubted."""
 LONGEST_S = 3600.0
 """Span beyond which whole numbers of a clock whose unit nobody gave are no seconds."""
 
@@ -234,7 +225,7 @@ def seconds_since_start(
             if counted != "s":
                 findings.append(finding("time-since-1970", path, column=column, unit=counted))
         elif usual < 1.0 / FASTEST_HZ and any(low <= first <= high for low, high in DAYS):
-            factor = DAY_S
+            factor = 86400.0
             findings.append(finding("time-in-days", path, column=column))
         else:
             findings.extend(_doubts(path, column, gone, usual))
@@ -243,7 +234,7 @@ def seconds_since_start(
             f"{path}: column {column} says its unit, but its first stamp, {float(first):.10g}, counts "
             f"{counted} since 1970; say which with «units» time=UNIT"
         )
-    if scale.stated and not scale.by_user and 0 < usual * factor < 1.0 / NO_BENCH_HZ:
+    if scale.stated and not scale.by_user and 0 < usual * factor < 1.0 / 5e6:  # no bench samples so fast
         rate_hz = 1.0 / (usual * factor)
         findings.append(finding("time-too-fast", path, column=column, rate_hz=rate_hz, likely="d"))
     return read_only(gone if factor == 1.0 else gone * factor), float(first) * factor, tuple(findings)

@@ -18,15 +18,8 @@ from eaid.steps.cut import cut
 from eaid.synth.logs import PROTOCOLS, Disturbance, synthesise
 from eaid.synth.plants import REFERENCE
 
-SEED = 0
 NAMES = tuple(REFERENCE)
 """clutch, friction-force, friction-speed."""
-
-
-def runs_of(kind: str) -> list[Run]:
-    """The logs of one shipped dataset, computed anew."""
-    plant = REFERENCE[kind]()
-    return synthesise(plant, replace(PROTOCOLS[kind], levels=plant.levels), Disturbance(), SEED)
 
 
 def write(path: Path, runs: Sequence[Run], force: bool = False) -> None:
@@ -41,7 +34,9 @@ def make(folder: Path, force: bool = False) -> dict[str, Path]:
     """Write all three into a folder; by kind, where."""
     paths = {kind: folder / f"{kind}.h5" for kind in NAMES}
     for kind, path in paths.items():
-        write(path, runs_of(kind), force)
+        plant = REFERENCE[kind]()
+        protocol = replace(PROTOCOLS[kind], levels=plant.levels)
+        write(path, synthesise(plant, protocol, Disturbance(), seed=0), force)
     return paths
 
 

@@ -26,7 +26,6 @@ from eaid.replay.plant import perturbed
 from eaid.synth.logs import Columns, Disturbance, digits, mark, measured, noise, refuse_too_many, run_of, scatter
 from eaid.synth.plants import Plant
 
-LOOPED = "closed-loop"
 PAPER_REFERENCE_NM = (0.6, 3.6)
 """What a closed loop follows on the reference plant."""
 
@@ -150,7 +149,7 @@ def synthesise_excitation(
     runs = []
     for repeat in range(1, repeats + 1):
         draw, reference = np.random.default_rng([seed, 99, repeat]), None
-        if e.kind == LOOPED:
+        if e.kind == "closed-loop":
             columns, reference = looped(plant, e, disturbance, draw, controller or paper_pi(plant, e))
         else:
             columns = driven(plant, e, disturbance, draw)

@@ -21,7 +21,6 @@ from eaid.logs.table import Table
 
 MOST_ELEMENTS = 64
 """Elements of an array that become columns; longer arrays are pictures and scans, not logs."""
-NEAR_NS = 60_000_000_000
 UNITS = {"torque": "N·m", "force": "N"}
 """Units of geometry_msgs/Wrench, which every ROS message keeps."""
 
@@ -73,7 +72,7 @@ def read_ros(path: Path, source: str) -> list[Table]:
                 unknown.add(f"{connection.topic} ({connection.msgtype})")
                 continue
             stamp = _stamp(message)
-            by_header = stamp is not None and abs(stamp - first[1]) < NEAR_NS
+            by_header = stamp is not None and abs(stamp - first[1]) < 60_000_000_000
             topic, places = connection.topic.strip("/"), _places(message)
             for field, place in places.items():
                 name = topic if list(places) == ["data"] else f"{topic}/{field}"
