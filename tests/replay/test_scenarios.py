@@ -226,8 +226,8 @@ def test_what_a_replay_stands_on_is_said(played, fit_of, fit, codes):
     run = played(T, 0.01, gains=marked)
     assert "gains-not-identifiable" in codes(run) and run.head.unidentified == {"gains": marked.unidentified}
     rise = {"run": "r", "from": 0.0, "level": 9.0, "edge": "up", "start": 0.0, "change": 1.0, "gain": 1.0,
-            "shape": "one", "tau1": 1.0, "tau2": None, "C": 1.0, "dead_time_s": 0.02, "rmse": 0.0, "fit_pct": 9.0, "R2": 1.0,
-            "samples": 9}  # fmt: skip
+            "shape": "one", "tau1": 1.0, "tau2": None, "C": 1.0, "dead_time_s": 0.02, "rmse": 0.0, "fit_pct": 9.0,
+            "R2": 1.0, "samples": 9}  # fmt: skip
     late = fit_of(steps=[rise])
     run = played(T, 0.01, fit=late, controller=("inverse",))
     assert run.head.rig.delay_samples == 2 and codes(run)["dead-time-replayed"] == {"dead_time_s": 0.02}

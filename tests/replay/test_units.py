@@ -42,7 +42,7 @@ def agree(name, fit, gains, replay, fit0, gains0, replay0):
         wanted = np.array(getattr(fit0.nonlinear, part))
         found = np.array(getattr(fit.nonlinear, part)) * into ** np.arange(len(wanted)) / gain
         np.testing.assert_allclose(found, wanted, rtol=1e-9)
-    assert gains.pi.K_P == pytest.approx(gains0.pi.K_P * into / out, rel=1e-9)
+    assert pytest.approx(gains0.pi.K_P * into / out, rel=1e-9) == gains.pi.K_P
     assert gains.rc.B_hat == pytest.approx(gains0.rc.B_hat * into / out, rel=1e-9)
     assert gains.rc.rho.constant == pytest.approx(gains0.rc.rho.constant * out, rel=1e-9)
     assert gains.rc.epsilon == pytest.approx(gains0.rc.epsilon * out, rel=1e-9)
