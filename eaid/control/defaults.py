@@ -20,15 +20,14 @@ from typing import NamedTuple
 from eaid.control.bounds import Bounds, model_of
 from eaid.control.margins import Timing, is_stable, linear_lags, margins, pi_feedback, rc_feedback
 from eaid.control.operating import enough, keeps_margins, operating_points
-from eaid.control.options import DesignOptions, PIOptions
 from eaid.control.pi import PIGains, pi_gains
-from eaid.control.rc_design import law_of
-from eaid.control.robust import damping_gains
-from eaid.errors import DataError, UsageError
+from eaid.control.robust import Design, law_of
+from eaid.errors import DataError, GainsError, UsageError
 from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import PAPER_LINEAR, Linear, Nonlinear
 from eaid.options import TuneOptions
 from eaid.results.fit import Fit
+from eaid.results.gains import AskedPI
 
 PAPER_TOP = 4.372
 """Output of the reference plant at 100 % [N·m]."""
@@ -96,57 +95,53 @@ def timing_of(fit: Fit, options: TuneOptions) -> Timing:
 
 def design_options(
     fit: Fit, options: TuneOptions, scales: Scales, slope: float | None, phi_shown: float | None
-) -> DesignOptions:
+) -> Design:
     """The numbers of a design, from what was said and, where nothing was, from the rig.
 
     `slope` is the largest of the reference [output/s], `phi_shown` what the data show of |η − η̂| [input].
     """
-    K_P, K_D = _proportional(options, scales.pace)
-    if options.phi == "data" or (options.phi is None and not scales.paper):
-        if phi_shown is None:
-            raise DataError(
-                "the fit holds neither a nonlinear model nor fits of single levels, so there is nothing to take φ "
-                "from; give «phi»"
-            )
-        phi, honest = 0.05, phi_shown
-    else:
-        phi, honest = (0.05 if options.phi is None else float(options.phi)), None
+    K_P = 4.5 * scales.pace**2 if options.kp is None else options.kp
+    K_D = 3.0 * scales.pace if options.kd is None else options.kd
+    if options.natural_frequency is not None and options.damping is not None:  # s² + K_D s + K_P
+        K_P, K_D = options.natural_frequency**2, 2 * options.damping * options.natural_frequency
+    if not (K_P > 0 and K_D > 0):
+        raise GainsError(
+            f"K_P {K_P:g} and K_D {K_D:g} make the error dynamics s² + K_D s + K_P unstable; both have to be positive"
+        )
+    if not isinstance(options.b_hat, str) and not options.b_hat > 0:
+        raise GainsError(f"B̂ is {options.b_hat:g} %·s/(N·m); it has to be positive, or the loop is turned round")
+    by_data = options.phi == "data" or (options.phi is None and not scales.paper)
+    if by_data and phi_shown is None:
+        raise DataError(
+            "the fit holds neither a nonlinear model nor fits of single levels, so there is nothing to take φ "
+            "from; give «phi»"
+        )
     if options.duty_limits is not None and is_duty(fit) and options.duty_limits[1] > 100:
         low, high = options.duty_limits
         raise UsageError(f"«duty_limits» {low:g},{high:g}: a duty ends at 100 %")
-    Q22 = (options.p_scale + options.p_scale / K_P) / (2 * K_D) if K_P > 0 and K_D > 0 else 1.0
-    own_epsilon = 0.5 if scales.paper else LAYER * PAPER_TOP * scales.top * Q22
-    epsilon = own_epsilon if options.epsilon is None else options.epsilon
-    own_gamma = 50.0 if scales.paper else 25.0 / epsilon if epsilon > 0 else 50.0
-    return DesignOptions(
-        levels=options.bounds_levels, widen=options.widen_bounds, B_hat=options.b_hat,
-        K_P=K_P, K_D=K_D,
+    Q22 = (options.p_scale + options.p_scale / K_P) / (2 * K_D)
+    own = 0.5 if scales.paper else LAYER * PAPER_TOP * scales.top * Q22
+    epsilon = own if options.epsilon is None else options.epsilon
+    return Design(
+        asked=options, K_P=K_P, K_D=K_D,
         Q_M=options.q_max if options.q_max is not None else 5.0 if slope is None else slope,
-        phi=phi, phi_honest_pct=honest, epsilon=epsilon,
-        gamma=own_gamma if options.gamma is None else options.gamma,
-        p_scale=options.p_scale, reading=options.rho, alpha=options.alpha,
-        pi=PIOptions(options.pi_gains, options.pi_overshoot, options.pi_settling), anti_windup=options.anti_windup,
+        phi=0.05 if options.phi is None or options.phi == "data" else float(options.phi),
+        phi_honest_pct=phi_shown if by_data else None,
+        epsilon=epsilon,
+        gamma=options.gamma if options.gamma is not None else 50.0 if scales.paper else 25.0 / epsilon,
+        pi=AskedPI(options.pi_overshoot, options.pi_settling),
         duty_limits_pct=options.duty_limits or input_limits(fit), timing=timing_of(fit, options),
     )  # fmt: skip
 
 
-def _proportional(options: TuneOptions, pace: float) -> tuple[float, float]:
-    if options.natural_frequency is not None and options.damping is not None:
-        return damping_gains(options.natural_frequency, options.damping)
-    K_P = 4.5 * pace * pace if options.kp is None else options.kp
-    return K_P, 3.0 * pace if options.kd is None else options.kd
-
-
-def with_own_layer(
-    fit: Fit, design: DesignOptions, scales: Scales, bounds: Bounds, plant: Nonlinear | None
-) -> DesignOptions:
+def with_own_layer(fit: Fit, design: Design, scales: Scales, bounds: Bounds, plant: Nonlinear | None) -> Design:
     """The design for a rig that is not the paper's with a boundary layer that the sampled loop can have, if any."""
     if scales.paper:
         return design
     asked, model = design, model_of(fit)
     points = operating_points(fit, model, plant, bounds, design.duty_limits_pct)
     for _ in range(MOST_STEPS):
-        gains = law_of(model, bounds, design).gains
+        gains = law_of(model, bounds, design)[0]
         here = rc_feedback(gains, 1.0, (model.a0 - model.c0) / model.b0)
         runs = is_stable(here, linear_lags(model.b0, model.a0), design.timing)
         if runs and keeps_margins(gains, points, design.timing):
@@ -155,16 +150,15 @@ def with_own_layer(
     return asked
 
 
-def with_own_pi(fit: Fit, design: DesignOptions, scales: Scales) -> DesignOptions:
+def with_own_pi(fit: Fit, design: Design, scales: Scales) -> Design:
     """The design with a PI for a rig that is not the paper's: slower, where the sampled loop cannot follow."""
-    asked = design.pi
-    if scales.paper or asked.gains is not None or asked.overshoot_pct is not None:
+    if scales.paper or design.asked.pi_gains is not None or design.pi.overshoot_pct is not None:
         return design
     model = model_of(fit)
     settling = SETTLING_S / scales.pace
     while not _runs(model, settling, design.timing):
         settling *= SLOWER
-    return replace(design, pi=PIOptions(overshoot_pct=OVERSHOOT_PCT, settling_s=settling))
+    return replace(design, pi=AskedPI(OVERSHOOT_PCT, settling))
 
 
 def _runs(model: Linear, settling_s: float, timing: Timing) -> bool:

@@ -1,23 +1,18 @@
-"""A fit → gains: bounds, B̂, Q, ρ, the verdict on them, PI, margins. One pure function of typed values.
-
-Nothing here reads a file or prints; what is to be doubted are findings, what cannot be built on raises GainsError.
-"""
+"""A fit and settled numbers → gains: the law, the verdict on it, PI, margins, and how far η is from η̂ by the data."""
 
 import itertools
 import math
 from collections.abc import Mapping, Sequence
 
+import msgspec
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.control import robust
-from eaid.control.bounds import Bounds, LevelB, bounds_of, model_of
-from eaid.control.gains import plant_of
+from eaid.control.bounds import Bounds, LevelB, model_of
 from eaid.control.margins import is_stable, linear_lags, pi_feedback, rc_feedback
 from eaid.control.operating import actuator, loop_margins
-from eaid.control.options import DesignOptions
 from eaid.control.pi import PIGains, pi_gains, step_metrics
-from eaid.control.rc_design import Law, law_of
+from eaid.control.robust import Design, law_of
 from eaid.errors import GainsError
 from eaid.findings import Finding, finding, ranked
 from eaid.models.nonlinear import steady_torque, time_constants
@@ -27,21 +22,13 @@ from eaid.results.gains import (
     PI,
     AntiWindup,
     AskedPI,
-    BRange,
     Condition,
-    EqualPI,
     Gains,
     Guarantee,
     LinearModel,
     Mismatch,
     PhiFromData,
-    Rho,
-    RhoLine,
-    RhoReading,
-    RhoReadings,
-    RhoTerms,
     Robust,
-    UltimateBound,
 )
 from eaid.steps.stepset import StepSet
 
@@ -144,44 +131,47 @@ def shown_by_levels(per_level: Sequence[LevelB], model: Linear, torque_max_nm: f
 SHARP = 5.0
 """γε below which the printed switch, Eq. (14), visibly jumps at z = 0."""
 PAPER_PI = (21.0, 360.0)
-PAPER = DesignOptions()
-"""Table IV and §V-B."""
 
 
 def design(
-    fit: Fit, options: DesignOptions = PAPER, logs: StepSet | None = None, slope_nm_s: float | None = None
-) -> Gains:
+    fit: Fit, settled: Design, bounds: Bounds, plant: Nonlinear | None, found: Mapping[str, Mismatch],
+    slope_nm_s: float | None,
+) -> Gains:  # fmt: skip
     """Gains for a fit, with everything that is known about them.
 
-    `logs` let the data speak about φ; `slope_nm_s` is the largest slope of a given reference [N·m/s].
-    Raises GainsError where the fit or the wishes are not physical, out of reach, or unstable on the linear model.
+    `found` is what shows how far η is from η̂, `slope_nm_s` the largest slope of a given reference [N·m/s].
+    Raises GainsError where the wishes are not physical, out of reach, or unstable on the linear model.
     """
-    model = model_of(fit)
-    bounds = bounds_of(fit, options.levels, options.widen)
-    plant = plant_of(fit)
-    unit = fit.data.input_unit
-    found = mismatches(model, bounds, plant, logs, unit)
-    law = law_of(model, bounds, options)
-    need = least_phi(found)
-    pi, pi_part, of_pi = _pi(model, options)
+    model, unit, timing = model_of(fit), fit.data.input_unit, settled.timing
+    law, rc = law_of(model, bounds, settled)
+    need, phi, Q_M = least_phi(found), rc.phi_honest_pct, settled.Q_M
+    rc = msgspec.structs.replace(
+        rc, phi_holds=None if need is None or phi is None else bool(need.pct <= phi * (1 + WITHIN)),
+        phi_needed_pct=None if need is None else need.pct,
+        Q_M_holds=None if slope_nm_s is None else bool(slope_nm_s <= Q_M * (1 + WITHIN)),
+        reference_slope_nm_s=slope_nm_s,
+    )  # fmt: skip
+    pi, pi_part, of_pi = _pi(model, settled)
     for name, feedback in (
-        ("RC", rc_feedback(law.gains, 1.0, (model.a0 - model.c0) / model.b0)),
+        ("RC", rc_feedback(law, 1.0, (model.a0 - model.c0) / model.b0)),
         ("PI", pi_feedback(pi)),
     ):
-        if not is_stable(feedback, linear_lags(model.b0, model.a0), options.timing):
+        if not is_stable(feedback, linear_lags(model.b0, model.a0), timing):
+            latched = "" if timing.pwm_hz is None else f" with the duty latched at {timing.pwm_hz:g} Hz"
+            if timing.delay_s > 0:
+                latched += f" behind the dead time of {timing.delay_s:.3g} s that the steps show"
             raise GainsError(
-                f"the {name} loop is unstable on the linear model at {options.timing.rate_hz:g} Hz"
-                f"{_latched(options)}; ask for slower gains"
+                f"the {name} loop is unstable on the linear model at {timing.rate_hz:g} Hz{latched}; ask for slower "
+                "gains"
             )
-    rc = _robust(law, need, slope_nm_s)
-    reach = actuator(model, law.gains, plant, bounds)
-    margins, missed = loop_margins(fit, model, plant, bounds, law.gains, pi, options.timing)
-    verdict = _guarantee(law, rc, reach.robust_term_pct, reach.span_pct, fit)
-    findings = _doubts(law, rc, verdict, need, unit)
+    reach = actuator(model, law, plant, bounds)
+    margins, missed = loop_margins(fit, model, plant, bounds, law, pi, timing)
+    verdict = _guarantee(rc, reach.robust_term_pct, reach.span_pct, fit)
     return Gains(
         model=LinearModel(model.a0, model.b0, model.c0), rc=rc, pi=pi_part, input_unit=unit,
-        output_unit=fit.data.output_unit, duty_limits_pct=options.duty_limits_pct, guarantee=verdict, actuator=reach,
-        phi_from_data=PhiFromData(**found), margins=margins, findings=ranked([*findings, *of_pi, *missed]),
+        output_unit=fit.data.output_unit, duty_limits_pct=settled.duty_limits_pct, guarantee=verdict, actuator=reach,
+        phi_from_data=PhiFromData(**found), margins=margins,
+        findings=ranked([*_warnings(rc, verdict, need, unit), *of_pi, *missed]),
     )  # fmt: skip
 
 
@@ -205,89 +195,34 @@ def least_phi(found: Mapping[str, Mismatch]) -> Mismatch | None:
     return max(shown, key=lambda mismatch: mismatch.pct, default=None)
 
 
-def _robust(law: Law, need: Mismatch | None, slope_nm_s: float | None) -> Robust:
-    """The `rc` part of gains.json."""
-    options, bounds, rho = law.options, law.bounds, law.rho
-    natural, damping = robust.frequency_and_damping(options.K_P, options.K_D)
-    bound = law.ultimate_bound_nm()
-    return Robust(
-        K_P=options.K_P, K_D=options.K_D, natural_frequency_rad_s=natural, damping=damping,
-        B_hat=law.gains.B_hat,
-        B_hat_convention=options.B_hat if isinstance(options.B_hat, str) else "given",
-        B_m=bounds.B_m, B_M=bounds.B_M,
-        bounds=BRange(levels=bounds.levels, widened=bounds.widened),
-        alpha=law.alpha, alpha_reached=law.alpha_reached, guaranteed=law.guaranteed,
-        phi=law.phi, phi_honest_pct=law.phi_honest_pct,
-        phi_holds=None if need is None else bool(need.pct <= law.phi_honest_pct * (1 + 1e-9)),
-        phi_needed_pct=None if need is None else need.pct,
-        Q_M=options.Q_M,
-        Q_M_holds=None if slope_nm_s is None else bool(slope_nm_s <= options.Q_M * (1 + 1e-9)),
-        reference_slope_nm_s=slope_nm_s,
-        rho=Rho(
-            constant=rho.constant, slope=rho.slope, convention=options.reading, alpha=rho.alpha,
-            terms=RhoTerms(rho.reference_term, rho.phi_term), needed=_needed(law),
-            readings=RhoReadings(_reading("paper", law), _reading("textbook", law)),
-        ),
-        epsilon=options.epsilon, gamma=options.gamma, P=_square(law.P.tolist()), Q=_square(law.Q.tolist()),
-        equal_pi=EqualPI(*law.equal_pi),
-        anti_windup=AntiWindup(options.anti_windup, law.gains.back_calculation),
-        ultimate_bound=UltimateBound(bound if math.isfinite(bound) else None),
-    )  # fmt: skip
-
-
-def _square(rows: list[list[float]]) -> tuple[tuple[float, float], tuple[float, float]]:
-    (a, b), (c, d) = rows
-    return (a, b), (c, d)
-
-
-def _needed(law: Law) -> RhoLine | None:
-    """Eq. (15) with the α really reached; None where that is 1 or more and no ρ is enough."""
-    if law.alpha_reached >= 1:
-        return None
-    need = robust.rho(law.alpha_reached, law.options.Q_M, law.norm_K, law.phi_nm_s)
-    return RhoLine(need.constant, need.slope)
-
-
-def _reading(reading: robust.Reading, law: Law) -> RhoReading:
-    """ρ under one reading with the same number φ, and the φ in the input's unit that it then means."""
-    B_m, B_M, honest = law.bounds.B_m, law.bounds.B_M, law.options.phi_honest_pct
-    phi = law.phi if honest is None else robust.phi_of(reading, honest, B_m, B_M)
-    term = robust.uncertainty_term(reading, phi, B_m, B_M)
-    made = robust.rho(law.rho.alpha, law.options.Q_M, law.norm_K, term)
-    return RhoReading(phi, term, robust.honest_phi_pct(reading, phi, B_m, B_M), made.constant, made.slope)
-
-
-def _guarantee(law: Law, rc: Robust, asked: float | None, span: float | None, fit: Fit) -> Guarantee:
+def _guarantee(rc: Robust, asked: float | None, span: float | None, fit: Fit) -> Guarantee:
     """Everything that the argument needs; the reference's slope is not known before one is given."""
     unit, out = fit.data.input_unit, fit.data.output_unit
     needed = None if rc.rho.needed is None else rc.rho.needed.constant
     return guarantee(
         [
-            Condition("rho", law.guaranteed, needed, law.rho.constant, f"{out}/s"),
-            condition("phi", rc.phi_needed_pct, law.phi_honest_pct, unit),
-            condition("Q_M", rc.reference_slope_nm_s, law.options.Q_M, f"{out}/s"),
+            Condition("rho", rc.guaranteed, needed, rc.rho.constant, f"{out}/s"),
+            condition("phi", rc.phi_needed_pct, rc.phi_honest_pct, unit),
+            condition("Q_M", rc.reference_slope_nm_s, rc.Q_M, f"{out}/s"),
             condition("duty-limit", asked, span, unit),
             *([Condition("dead-time", False, 0.0, fit.dead_time_s, "s")] if fit.dead_time_s > 0 else []),
         ]
     )
 
 
-def _doubts(law: Law, rc: Robust, verdict: Guarantee, need: Mismatch | None, unit: str) -> list[Finding]:
-    options, findings = law.options, []
+def _warnings(rc: Robust, verdict: Guarantee, need: Mismatch | None, unit: str) -> list[Finding]:
+    findings, sharpness = [], rc.gamma * rc.epsilon
     asked = next(each for each in verdict.conditions if each.name == "duty-limit")
-    if not law.guaranteed:
-        findings.append(
-            finding("rho-not-covered", "rc", B_hat=law.gains.B_hat, reached=law.alpha_reached, made=law.rho.alpha)
-        )
+    if not rc.guaranteed:
+        findings.append(finding("rho-not-covered", "rc", B_hat=rc.B_hat, reached=rc.alpha_reached, made=rc.rho.alpha))
     if rc.phi_holds is False and need is not None:
         findings.append(
-            finding("phi-exceeded", "rc", allowed=law.phi_honest_pct, needed=need.pct, where=need.where, unit=unit)
+            finding("phi-exceeded", "rc", allowed=rc.phi_honest_pct, needed=need.pct, where=need.where, unit=unit)
         )
     if rc.Q_M_holds is False:
         findings.append(
-            finding("slope-above-q-max", "rc", slope=rc.reference_slope_nm_s, Q_M=options.Q_M, reference="reference")
+            finding("slope-above-q-max", "rc", slope=rc.reference_slope_nm_s, Q_M=rc.Q_M, reference="reference")
         )
-    sharpness = options.gamma * options.epsilon
     if sharpness < SHARP:
         findings.append(finding("switch-jumps", "rc", sharpness=sharpness, least=SHARP, jump=1 - math.tanh(sharpness)))
     if rc.ultimate_bound is not None and rc.ultimate_bound.torque_error_nm is None:
@@ -299,31 +234,21 @@ def _doubts(law: Law, rc: Robust, verdict: Guarantee, need: Mismatch | None, uni
     return findings
 
 
-def _pi(model: Linear, options: DesignOptions) -> tuple[PIGains, PI, list[Finding]]:
-    asked = options.pi.overshoot_pct, options.pi.settling_s
-    if asked[0] is not None and asked[1] is not None:
-        K_P, K_I = pi_gains(model, asked[0], asked[1])
+def _pi(model: Linear, settled: Design) -> tuple[PIGains, PI, list[Finding]]:
+    asked, how = settled.pi, settled.asked.anti_windup
+    if asked.overshoot_pct is not None and asked.settling_s is not None:
+        K_P, K_I = pi_gains(model, asked.overshoot_pct, asked.settling_s)
     else:
-        K_P, K_I = options.pi.gains or PAPER_PI
+        K_P, K_I = settled.asked.pi_gains or PAPER_PI
     if not (K_P >= 0 and K_I >= 0 and K_P + K_I > 0):
         raise GainsError(f"PI gains {K_P:g} and {K_I:g}: neither may be negative, nor both 0")
-    reached = step_metrics(model, K_P, K_I)
-    findings = []
-    if asked[0] is None and options.pi.gains is None and (reached.overshoot_pct > 1.5 or reached.settling_s > 0.3):
-        findings.append(
-            finding("paper-pi-misses", "pi", overshoot_pct=reached.overshoot_pct, settling_s=reached.settling_s)
-        )
-    low, high = options.duty_limits_pct
-    back = 1 / K_P if options.anti_windup == "back-calculation" and K_P > 0 else 0.0
-    gains = PIGains(K_P=K_P, K_I=K_I, duty_min=low, duty_max=high, back_calculation=back)
+    overshoot_pct, settling_s = step_metrics(model, K_P, K_I)
+    findings, papers = [], asked == AskedPI() and settled.asked.pi_gains is None
+    if papers and (overshoot_pct > 1.5 or settling_s > 0.3):
+        findings.append(finding("paper-pi-misses", "pi", overshoot_pct=overshoot_pct, settling_s=settling_s))
+    back = 1 / K_P if how == "back-calculation" and K_P > 0 else 0.0
     part = PI(
-        K_P, K_I, reached.overshoot_pct, reached.settling_s if math.isfinite(reached.settling_s) else None,
-        None if asked[0] is None else AskedPI(*asked), AntiWindup(options.anti_windup, back),
+        K_P, K_I, overshoot_pct, settling_s if math.isfinite(settling_s) else None,
+        None if asked == AskedPI() else asked, AntiWindup(how, back),
     )  # fmt: skip
-    return gains, part, findings
-
-
-def _latched(options: DesignOptions) -> str:
-    pwm, dead = options.timing.pwm_hz, options.timing.delay_s
-    latched = "" if pwm is None else f" with the duty latched at {pwm:g} Hz"
-    return f"{latched} behind the dead time of {dead:.3g} s that the steps show" if dead > 0 else latched
+    return PIGains(K_P, K_I, *settled.duty_limits_pct, back), part, findings

@@ -7,15 +7,16 @@ from numpy.polynomial.polynomial import polyder, polyroots, polytrim, polyval
 from numpy.typing import NDArray
 
 from eaid.control.bounds import Bounds
-from eaid.control.options import DesignOptions
+from eaid.control.margins import RIG
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
-from eaid.control.rc_design import law_of
+from eaid.control.robust import Design, law_of
 from eaid.errors import DataError
 from eaid.findings import sentences
 from eaid.models.parameters import PAPER_LINEAR, TAU_FLOOR_S, Nonlinear
+from eaid.options import TuneOptions
 from eaid.results.fit import Fit
-from eaid.results.gains import AntiWindup, Gains
+from eaid.results.gains import AntiWindup, AskedPI, Gains
 
 LARGEST = 1e30
 """Of any gain, and of the inverse of one that has to be positive, whatever the rig's units."""
@@ -23,7 +24,8 @@ LARGEST = 1e30
 
 def paper_gains() -> tuple[RCGains, PIGains]:
     """Table IV (ρ with B_M φ as printed, P = 5·I, B̂ = 12.5) and the PI of 21 and 360."""
-    return law_of(PAPER_LINEAR, Bounds((), 12.4, 42.6, ()), DesignOptions()).gains, PIGains(21.0, 360.0)
+    papers = Design(TuneOptions(), 4.5, 3.0, 5.0, 0.05, None, 0.5, 50.0, AskedPI(), (0.0, 100.0), RIG)
+    return law_of(PAPER_LINEAR, Bounds((), 12.4, 42.6, ()), papers)[0], PIGains(21.0, 360.0)
 
 
 def rc_gains(gains: Gains | None) -> RCGains | None:

@@ -5,7 +5,6 @@ samples before k.
 """
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from scipy.optimize import brentq
@@ -68,15 +67,6 @@ INWARD = 1e-12
 """By what share of itself p is drawn inward: where the settling time jumps, rounding must not undo it."""
 
 
-@dataclass(frozen=True)
-class StepMetrics:
-    """What a unit step of the reference shows on the linear model."""
-
-    overshoot_pct: float
-    settling_s: float
-    """Last time the torque leaves the 2 % band; infinite where the loop does not settle."""
-
-
 def error(a0: float, p: float, q: float, t_s: float) -> float:
     """Error e(t) after a unit step of the reference, at one time [s]."""
     sigma = p / 2
@@ -120,19 +110,22 @@ def _extrema(a0: float, p: float, q: float) -> tuple[float, float]:
     return (math.atanh(kappa * ratio) / kappa if kappa * ratio > 1e-8 else ratio), math.inf
 
 
-def step_metrics(model: Linear, K_P: float, K_I: float) -> StepMetrics:
-    """Overshoot [%] and 2 % settling time [s] of the closed loop on the linear model without c0."""
+def step_metrics(model: Linear, K_P: float, K_I: float) -> tuple[float, float]:
+    """Overshoot [%] and 2 % settling time [s] of the closed loop on the linear model without c0.
+
+    The time is the last at which the torque leaves the band; infinite where the loop does not settle.
+    """
     p, q = model.a0 + model.b0 * K_P, model.b0 * K_I
     if p <= 0 or q < 0:
-        return StepMetrics(math.inf, math.inf)
+        return math.inf, math.inf
     if q == 0:
         # No integral: the error ends at a0/p and stays there.
         rest = model.a0 / p
-        return StepMetrics(0.0, math.log((1 - rest) / (BAND - rest)) / p if rest < BAND else math.inf)
+        return 0.0, math.log((1 - rest) / (BAND - rest)) / p if rest < BAND else math.inf
     return _metrics(model.a0, p, q)
 
 
-def _metrics(a0: float, p: float, q: float) -> StepMetrics:
+def _metrics(a0: float, p: float, q: float) -> tuple[float, float]:
     first, spacing = _extrema(a0, p, q)
     turns = [first]
     while math.isfinite(turns[-1]) and math.isfinite(spacing) and abs(error(a0, p, q, turns[-1])) > BAND:
@@ -144,7 +137,7 @@ def _metrics(a0: float, p: float, q: float) -> StepMetrics:
     later = [t for t in turns if t > start and math.isfinite(t)]
     end = later[0] if later else _decayed(a0, p, q, start)
     settling = brentq(lambda t: abs(error(a0, p, q, t)) - BAND, start, end, xtol=CLOSE * end)
-    return StepMetrics(100 * overshoot, float(settling))
+    return 100 * overshoot, float(settling)
 
 
 def _decayed(a0: float, p: float, q: float, start: float) -> float:
@@ -161,7 +154,7 @@ def _q_of_overshoot(a0: float, p: float, overshoot: float) -> float:
         return low
 
     def above(q: float) -> float:
-        return _metrics(a0, p, q).overshoot_pct / 100 - overshoot if q > low else -overshoot
+        return _metrics(a0, p, q)[0] / 100 - overshoot if q > low else -overshoot
 
     high = max(low, p * p, a0 * a0)
     while above(high) < 0:
@@ -184,7 +177,7 @@ def pi_gains(model: Linear, overshoot_pct: float, settling_s: float) -> tuple[fl
     a0, share = model.a0, overshoot_pct / 100
 
     def settles(p: float) -> float:
-        return _metrics(a0, p, _q_of_overshoot(a0, p, share)).settling_s
+        return _metrics(a0, p, _q_of_overshoot(a0, p, share))[1]
 
     # A loop with overshoot settles in about 4/σ or less; p from the open loop's up to far above what the time asks.
     low = a0 * (1 + 1e-9)

@@ -1,106 +1,160 @@
-"""From the range of B to ρ, and whether ρ covers the uncertainty: Eqs. (15), (16).
+"""Model, range of B and settled numbers → the robust controller, with everything on the way to it: Eqs. (10)-(16).
 
-    α = (B_M − B_m)/(B_M + B_m)                          by the formula
+    α = (B_M − B_m)/(B_M + B_m)                          by the formula; the same for B as for its inverse
     α_reached = max over b in [1/B_M, 1/B_m] of |1 − b B̂|   really: at one end, since 1 − b B̂ is linear in b
-    ρ ≥ (α Q_M + α ‖K‖ ‖ξ‖ + Φ)/(1 − α)
+    ρ = (α Q_M + α ‖K‖ ‖ξ‖ + Φ)/(1 − α),                 ‖K‖ = √(K_P² + K_D²)
 
-Two readings of Φ: as printed, Φ = B_M φ; as the textbook derives it, Φ = φ/B_m, with φ in % duty. Both need Φ in N·m/s,
-so the printed φ means φ B_m B_M in % duty.
+Two readings of Φ [N·m/s]: as printed, Φ = B_M φ; as the textbook derives it, Φ = φ/B_m, with φ in % duty. So the
+printed φ means φ B_m B_M in % duty. B̂ of 2 B_m B_M/(B_m + B_M), minimax, makes α_reached least, α of the formula.
+
+Q of AᵀQ + QA = −p·I, its entries one after another: 2 K_P Q12 = p, 2 (Q12 − K_D Q22) = −p, Q11 = K_D Q12 + K_P Q22.
 """
 
 import math
 from dataclasses import dataclass
-from typing import Literal
 
-Reading = Literal["paper", "textbook"]
+import numpy as np
+
+from eaid.control.bounds import Bounds
+from eaid.control.margins import Timing
+from eaid.control.rc import RCGains
+from eaid.errors import GainsError
+from eaid.models.parameters import Linear
+from eaid.options import TuneOptions
+from eaid.results.gains import (
+    AntiWindup,
+    AskedPI,
+    BRange,
+    EqualPI,
+    Rho,
+    RhoLine,
+    RhoReading,
+    RhoReadings,
+    RhoTerms,
+    Robust,
+    UltimateBound,
+)
+
+ROUNDING = 1e-9
+"""By how much ρ may fall short of what is needed [N·m/s]."""
+DIRECTIONS = 7200
+"""Of the half plane of ξ; V and |z| are even."""
 
 
 @dataclass(frozen=True)
-class Rho:
-    """ρ(ξ) = constant + slope ‖ξ‖ [N·m/s], and the shares of its terms."""
+class Design:
+    """What was asked for, and the numbers that nothing was said about, settled; in the rig's units."""
 
-    alpha: float
-    """The α it was made with."""
-    reference_term: float
-    """α Q_M/(1 − α) [N·m/s]"""
-    phi_term: float
-    """Φ/(1 − α) [N·m/s]"""
-    slope: float
-    """α ‖K‖/(1 − α) [N·m/s per unit of ‖ξ‖]"""
-
-    @property
-    def constant(self) -> float:
-        """ρ at ξ = 0 [N·m/s]."""
-        return self.reference_term + self.phi_term
-
-
-def alpha_formula(B_m: float, B_M: float) -> float:
-    """α = (B_M − B_m)/(B_M + B_m), Eq. (16); the same for B as for its inverse."""
-    return (B_M - B_m) / (B_M + B_m)
+    asked: TuneOptions
+    K_P: float
+    K_D: float
+    Q_M: float
+    """Largest slope of the torque reference [N·m/s]."""
+    phi: float
+    """φ in the reading's own number."""
+    phi_honest_pct: float | None
+    """Bound on |η − η̂|; where given, φ is worked out from it."""
+    epsilon: float
+    gamma: float
+    pi: AskedPI
+    """What the PI is designed for; nothing where its gains are given, or the paper's."""
+    duty_limits_pct: tuple[float, float]
+    timing: Timing
 
 
-def alpha_reached(B_hat: float, B_m: float, B_M: float) -> float:
-    """max |1 − b B̂| over b in [1/B_M, 1/B_m]."""
-    return max(abs(1 - B_hat / B_M), abs(1 - B_hat / B_m))
+def law_of(model: Linear, bounds: Bounds, design: Design) -> tuple[RCGains, Robust]:
+    """The law that a design gives on a model, and its part of gains.json, φ and Q_M not yet held against anything.
 
-
-def minimax_B_hat(B_m: float, B_M: float) -> float:
-    """B̂ [%·s/(N·m)] that makes α_reached least, 2 B_m B_M/(B_m + B_M): both ends then give α of the formula."""
-    return 2 * B_m * B_M / (B_m + B_M)
-
-
-def uncertainty_term(convention: Reading, phi: float, B_m: float, B_M: float) -> float:
-    """Φ of Eq. (15) [N·m/s]: B_M φ as printed, φ/B_m in the textbook."""
-    return B_M * phi if convention == "paper" else phi / B_m
-
-
-def honest_phi_pct(convention: Reading, phi: float, B_m: float, B_M: float) -> float:
-    """The bound on |η − η̂| that a φ of either reading stands for [% duty]: Φ B_m."""
-    return uncertainty_term(convention, phi, B_m, B_M) * B_m
-
-
-def phi_of(convention: Reading, honest_pct: float, B_m: float, B_M: float) -> float:
-    """φ in a reading's own number for a bound on |η − η̂| in % duty; the inverse of `honest_phi_pct`."""
-    return honest_pct / (B_m * B_M) if convention == "paper" else honest_pct
-
-
-def rho(alpha: float, Q_M: float, norm_K: float, phi_nm_s: float) -> Rho:
-    """Eq. (15) with equality; `phi_nm_s` is Φ [N·m/s], Q_M in N·m/s, ‖K‖ = √(K_P² + K_D²)."""
-    return Rho(
-        alpha=alpha,
-        reference_term=alpha * Q_M / (1 - alpha),
-        phi_term=phi_nm_s / (1 - alpha),
-        slope=alpha * norm_K / (1 - alpha),
-    )
-
-
-def covers(have: Rho, alpha: float, Q_M: float, norm_K: float, phi_nm_s: float) -> bool:
-    """Whether ρ is at least Eq. (15) with another α, for every ξ, within 1e-9."""
-    if alpha >= 1:
-        return False
-    need = rho(alpha, Q_M, norm_K, phi_nm_s)
-    return have.constant >= need.constant - 1e-9 and have.slope >= need.slope - 1e-9
-
-
-def equal_pi(
-    K_P: float, K_D: float, B_hat: float, rho_constant: float, epsilon: float, Q12: float, Q22: float
-) -> tuple[float, float]:
-    """The PI of equal slope inside the layer near ξ = 0: (K_P [%/(N·m)], K_I [%/(N·m·s)]).
-
-    There ω = ρ(0) z/ε, so u = B̂ ((K_D + ρ(0) Q22/ε) e + (K_P + ρ(0) Q12/ε) q̃) + feedforward.
+    GainsError where no ρ covers the α that it is to be made with.
     """
-    return (
-        B_hat * (K_D + rho_constant * Q22 / epsilon),
-        B_hat * (K_P + rho_constant * Q12 / epsilon),
+    asked, B_m, B_M, K_P, K_D = design.asked, bounds.B_m, bounds.B_M, design.K_P, design.K_D
+    choices = {"pooled": 1 / model.b0, "minimax": 2 * B_m * B_M / (B_m + B_M)}
+    B_hat = choices[asked.b_hat] if isinstance(asked.b_hat, str) else float(asked.b_hat)
+    formula, reached = (B_M - B_m) / (B_M + B_m), max(abs(1 - B_hat / B_M), abs(1 - B_hat / B_m))
+    alpha = formula if asked.alpha == "formula" else reached
+    if alpha >= 1:
+        raise GainsError(
+            f"α is {alpha:.4g} with B̂ = {B_hat:.4g}: 1 or more, no ρ covers that; choose B̂ below {2 * B_m:.4g} "
+            "(«b_hat» minimax)"
+        )
+    norm_K, p = math.hypot(K_P, K_D), asked.p_scale
+
+    def line(a: float, term: float) -> RhoLine:
+        """Eq. (15) with equality."""
+        return RhoLine(a * design.Q_M / (1 - a) + term / (1 - a), a * norm_K / (1 - a))
+
+    def reading(as_printed: bool) -> tuple[float, RhoReading]:
+        """Φ and ρ under one reading of the same φ, and the φ in the input's unit that it then means."""
+        phi, honest = design.phi, design.phi_honest_pct
+        if honest is not None:
+            phi = honest / (B_m * B_M) if as_printed else honest
+        term = B_M * phi if as_printed else phi / B_m
+        made = line(alpha, term)
+        return term, RhoReading(phi, term, term * B_m, made.constant, made.slope)
+
+    readings = {"paper": reading(True), "textbook": reading(False)}
+    term, own = readings[asked.rho]
+    rho, needed = line(alpha, term), line(reached, term) if reached < 1 else None
+    covers = needed is not None and (
+        rho.constant >= needed.constant - ROUNDING and rho.slope >= needed.slope - ROUNDING
     )
+    Q12 = p / (2 * K_P)
+    Q22 = (p + 2 * Q12) / (2 * K_D)
+    Q11 = K_D * Q12 + K_P * Q22
+    # near ξ = 0 there is ω = ρ(0) z/ε, so u = B̂ ((K_D + ρ(0) Q22/ε) e + (K_P + ρ(0) Q12/ε) q̃) + feedforward
+    steep = rho.constant / design.epsilon
+    equal = B_hat * (K_D + steep * Q22), B_hat * (K_P + steep * Q12)
+    low, high = design.duty_limits_pct
+    back = 1 / equal[0] if asked.anti_windup == "back-calculation" else 0.0
+    gains = RCGains(
+        K_P=K_P, K_D=K_D, B_hat=B_hat, a0=model.a0, b0=model.b0, c0=model.c0, rho_constant=rho.constant,
+        rho_slope=rho.slope, epsilon=design.epsilon, gamma=design.gamma, Q12=Q12, Q22=Q22, duty_min=low, duty_max=high,
+        back_calculation=back,
+    )  # fmt: skip
+    bound = ultimate_bound_nm(
+        reached, (reached * design.Q_M + term, reached * norm_K), rho, design.epsilon, p, (Q11, Q12, Q22)
+    )
+    return gains, Robust(
+        K_P=K_P, K_D=K_D, natural_frequency_rad_s=math.sqrt(K_P), damping=K_D / (2 * math.sqrt(K_P)), B_hat=B_hat,
+        B_hat_convention=asked.b_hat if isinstance(asked.b_hat, str) else "given", B_m=B_m, B_M=B_M,
+        bounds=BRange(levels=bounds.levels, widened=bounds.widened), alpha=formula, alpha_reached=reached,
+        guaranteed=covers, phi=own.phi, phi_honest_pct=own.phi_honest_pct, Q_M=design.Q_M,
+        rho=Rho(
+            constant=rho.constant, slope=rho.slope, convention=asked.rho, alpha=alpha,
+            terms=RhoTerms(alpha * design.Q_M / (1 - alpha), term / (1 - alpha)), needed=needed,
+            readings=RhoReadings(**{name: made for name, (_, made) in readings.items()}),
+        ),
+        epsilon=design.epsilon, gamma=design.gamma, P=((p, 0.0), (0.0, p)), Q=((Q11, Q12), (Q12, Q22)),
+        equal_pi=EqualPI(*equal), anti_windup=AntiWindup(asked.anti_windup, back),
+        ultimate_bound=UltimateBound(bound if math.isfinite(bound) else None),
+    )  # fmt: skip
 
 
-def damping_gains(natural_frequency: float, damping: float) -> tuple[float, float]:
-    """K_P [1/s²] and K_D [1/s] of s² + K_D s + K_P with a natural frequency [rad/s] and a damping ratio [1]."""
-    return natural_frequency**2, 2 * damping * natural_frequency
+def ultimate_bound_nm(
+    alpha: float, n: tuple[float, float], rho: RhoLine, epsilon: float, p: float, Q: tuple[float, float, float]
+) -> float:
+    """Largest |e| [N·m] in the end; infinite where the bound on V̇ gives none.
 
-
-def frequency_and_damping(K_P: float, K_D: float) -> tuple[float, float]:
-    """Natural frequency [rad/s] and damping ratio [1] of s² + K_D s + K_P."""
-    natural = math.sqrt(K_P)
-    return natural, K_D / (2 * natural)
+    The disturbance is |χ| ≤ n0 + n1 ‖ξ‖ + α |ω|. Every trajectory ends below the largest V where V may still rise;
+    along a direction (cos φ, sin φ) that is a quadratic in r inside the layer |z| ≤ ε and a line outside it.
+    """
+    (n0, n1), (Q11, Q12, Q22), keep = n, Q, 1 - alpha
+    angle = np.linspace(0.0, math.pi, DIRECTIONS, endpoint=False)
+    c, s = np.cos(angle), np.sin(angle)
+    zd = np.abs(Q12 * c + Q22 * s)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        edge = np.where(zd > 0, epsilon / zd, np.inf)
+        # Outside: r (p − 2 zd (n1 − keep ρ1)) = 2 zd (n0 − keep ρ0) is the last r where V may rise.
+        slope = p - 2 * zd * (n1 - keep * rho.slope)
+        excess = 2 * zd * (n0 - keep * rho.constant)
+        outside = np.where(slope > 0, excess / slope, np.where((slope < 0) | (excess > 0), np.inf, 0.0))
+        # Inside: a r² + b r + d = 0; −2d/(b + √) holds for a = 0 too and cancels nothing where b > 0.
+        a = 2 * zd**2 * keep * rho.slope / epsilon
+        b = p - 2 * zd * n1 + 2 * zd**2 * keep * rho.constant / epsilon
+        d = -2 * zd * n0
+        root = np.sqrt(np.maximum(b * b - 4 * a * d, 0.0))
+        inside = np.where(b >= 0, -2 * d / (b + root), np.where(a > 0, (root - b) / (2 * a), np.inf))
+    last = np.where(outside > edge, outside, np.minimum(np.nan_to_num(inside, nan=0.0, posinf=np.inf), edge))
+    level = float((last**2 * (Q11 * c * c + 2 * Q12 * c * s + Q22 * s * s)).max())
+    # on V = level: |e| ≤ √(level (Q⁻¹)₂₂)
+    return math.sqrt(level * Q11 / (Q11 * Q22 - Q12**2))

@@ -61,32 +61,8 @@ class Knowledge:
     """Range of the actuator [%], for the controllers that have no gains of their own."""
 
 
-class OpenLoopGains(NamedTuple):
-    """The linear model's steady state turned round."""
-
-    a0: float
-    b0: float
-    c0: float
-    duty_min: float = 0.0
-    duty_max: float = 100.0
-
-
-class OpenLoopState(NamedTuple):
-    """Nothing is remembered; the duty of before is kept for the record."""
-
-    duty: float
-
-
-def open_loop_step(
-    gains: OpenLoopGains, _state: OpenLoopState, reference: float, _reference_rate: float, _torque: float, _dt: float
-) -> tuple[OpenLoopState, float]:
-    """Duty [%] whose steady torque on the linear model is the reference [N·m]: u = (a0 T_d − c0)/b0."""
-    duty = min(max((gains.a0 * reference - gains.c0) / gains.b0, gains.duty_min), gains.duty_max)
-    return OpenLoopState(duty), duty
-
-
 class FeedforwardGains(NamedTuple):
-    """A PI on top of the open loop's duty."""
+    """The linear model turned round, and a PI on top of it."""
 
     K_P: float
     K_I: float
@@ -96,17 +72,21 @@ class FeedforwardGains(NamedTuple):
     duty_min: float = 0.0
     duty_max: float = 100.0
     back_calculation: float = 0.0
+    lead: float = 1.0
+    """Share of the reference's slope that is fed forward; 0: the duty of the steady torque, the open loop."""
 
 
 def feedforward_step(
     gains: FeedforwardGains, state: PIState, reference: float, reference_rate: float, torque: float, dt: float
 ) -> tuple[PIState, float]:
     """u = (T_d' + a0 T_d − c0)/b0 + K_P e + K_I ∫ e dt: the linear model's own duty, and a PI for what it lacks."""
-    K_P, K_I, a0, b0, c0, low, high, back_calculation = gains
-    ahead = (reference_rate + a0 * reference - c0) / b0
+    K_P, K_I, a0, b0, c0, low, high, back_calculation, lead = gains
+    ahead = (lead * reference_rate + a0 * reference - c0) / b0
     within = PIGains(K_P, K_I, low - ahead, high - ahead, back_calculation)
     state, correction = pi_step(within, state, reference, reference_rate, torque, dt)
-    return state, min(max(ahead + correction, low), high)
+    # at a limit the sum below may miss it by a rounding
+    duty = low if correction <= low - ahead else high if correction >= high - ahead else ahead + correction
+    return state, duty
 
 
 def rc_controller(gains: RCGains) -> Controller:
@@ -131,9 +111,9 @@ def _pi_feedforward(known: Knowledge) -> Controller:
     return Controller("pi-feedforward", feedforward_step, gains, PIState())
 
 
-def _feedforward(known: Knowledge) -> Controller:
-    gains = FeedforwardGains(0.0, 0.0, *_line(known), *known.limits)
-    return Controller("feedforward", feedforward_step, gains, PIState())
+def _feedforward(known: Knowledge, name: str, lead: float) -> Controller:
+    gains = FeedforwardGains(0.0, 0.0, *_line(known), *known.limits, lead=lead)
+    return Controller(name, feedforward_step, gains, PIState())
 
 
 def _line(known: Knowledge) -> tuple[float, float, float]:
@@ -149,11 +129,6 @@ def _line(known: Knowledge) -> tuple[float, float, float]:
     return 1.0, slope, offset
 
 
-def _open_loop(known: Knowledge) -> Controller:
-    gains = OpenLoopGains(*_line(known), *known.limits)
-    return Controller("open-loop", open_loop_step, gains, OpenLoopState(0.0))
-
-
 def _inverse(known: Knowledge) -> Controller:
     gains = inverse_gains(known.plant, limits=known.limits)
     return Controller("inverse", inverse_step, gains, InverseState(), looks_ahead=True)
@@ -163,8 +138,8 @@ CONTROLLERS: dict[str, Callable[[Knowledge], Controller]] = {
     "rc": lambda known: rc_controller(_given(known.rc, "rc")),
     "pi": lambda known: pi_controller(_given(known.pi, "pi")),
     "pi-feedforward": _pi_feedforward,
-    "feedforward": _feedforward,
-    "open-loop": _open_loop,
+    "feedforward": lambda known: _feedforward(known, "feedforward", 1.0),
+    "open-loop": lambda known: _feedforward(known, "open-loop", 0.0),
     "inverse": _inverse,
 }
 """Name → how it is made; `UsageError` where its gains are missing."""

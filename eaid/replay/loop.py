@@ -65,10 +65,7 @@ class Inputs(NamedTuple):
     """Rotor ripple on the torque."""
 
 
-Loop = Callable[..., tuple[float, float]]
-
-
-def loop_of(law: Step, sources: str = "") -> Loop:
+def loop_of(law: Step, sources: str = "") -> Callable[..., tuple[float, float]]:
     """The control loop around one law; `sources` is part of the key under which machine code of it is kept."""
 
     def closed_loop(

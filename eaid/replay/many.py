@@ -10,9 +10,8 @@ fingerprint of all sources, so that a changed law is never served from an old ca
 
 import hashlib
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -40,7 +39,7 @@ Visit = Callable[[int, Array, Array], None]
 
 for _function in (
     plant.plant_terms, plant.plant_pull, plant.plant_step, plant.rest, plant.rounded, plant.hold_step, rc.rc_terms,
-    rc.rc_step, pi.pi_step, controllers.open_loop_step, controllers.feedforward_step, inverse.duty_for,
+    rc.rc_step, pi.pi_step, controllers.feedforward_step, inverse.duty_for,
     inverse.inverse_step,
 ):  # fmt: skip
     register_jitable(error_model="numpy")(_function)
@@ -95,22 +94,6 @@ GIVEN = ("from_nm", "to_nm", "frequency_hz")
 """What a measurement repeats from its reference; no metric."""
 
 
-@dataclass(frozen=True, eq=False)
-class Spread:
-    """One controller over N plants."""
-
-    values: Mapping[str, Array]
-    """Metric → its value for each plant, shape (N,); NaN where it is never reached."""
-    band_time_s: Array
-    """Instants of the band [s], shape (m,)."""
-    band_nm: Array
-    """Torque at `QUANTILES` over the plants [N·m], shape (7, m)."""
-
-    def summary(self, plants: Sequence[Nonlinear]) -> PlantSpread:
-        """Of each metric its distribution, and the worst plant with its parameters."""
-        return PlantSpread(len(plants), {name: _summary(name, values, plants) for name, values in self.values.items()})
-
-
 def montecarlo(
     plants: Sequence[Nonlinear],
     controller: Controller,
@@ -119,8 +102,12 @@ def montecarlo(
     seed: int = 0,
     threads: int | None = None,
     tick: Callable[[], None] = lambda: None,
-) -> Spread:
-    """Trace a controller on every plant and measure each; `tick` is called once a plant."""
+) -> tuple[PlantSpread, dict[str, Array]]:
+    """Trace a controller on every plant and measure each; `tick` is called once a plant.
+
+    Of each metric its distribution, and the worst plant with its parameters; and as tables each metric's value for each
+    plant, NaN where it is never reached, and a band of at most `BAND_INSTANTS` instants: torque at `QUANTILES`.
+    """
     n = len(reference.torque_nm)
     stride = -(-n // BAND_INSTANTS)
     kept = np.empty((len(range(0, n, stride)), len(plants)))
@@ -137,7 +124,12 @@ def montecarlo(
     flat = [plant_parameters(p) for p in plants]
     replay_many(flat, controller, reference.torque_nm, rig, reference.dt_s, visit, seed, threads)
     values = {name: np.array([measured[i][name] for i in range(len(plants))]) for name in measured[0]}
-    return Spread(values, time_s[::stride], np.quantile(kept, QUANTILES, axis=1))
+    tables = {
+        "plants/band_time_s": time_s[::stride],
+        "plants/band_nm": np.quantile(kept, QUANTILES, axis=1),
+        **{f"plants/metrics/{name}": each for name, each in values.items()},
+    }
+    return PlantSpread(len(plants), {name: _summary(name, each, plants) for name, each in values.items()}), tables
 
 
 def flattened(measured: Metrics) -> Iterator[tuple[str, float]]:

@@ -33,11 +33,11 @@ from eaid.replay.compare import compared
 from eaid.replay.controllers import CONTROLLERS, Controller, Knowledge
 from eaid.replay.loop import Trace, reference_rate, replay
 from eaid.replay.many import QUANTILES, montecarlo
-from eaid.replay.noise import with_residual_noise
 from eaid.replay.plant import PlantParameters, perturbed, plant_parameters, plant_slope, plant_terms
 from eaid.replay.references import Reference, Signal, measure, record, reference_of
 from eaid.replay.rehab import MODES, rehabilitate
 from eaid.replay.rehab import record as record_session
+from eaid.replay.rig import with_residual_noise
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.results.replay import Exercise, Head, Metrics, Record, Replay, RigRecord
@@ -112,38 +112,11 @@ NEAR = 0.01
 """∂Ṫ/∂u at a limit is a difference over so much of the actuator's span inside it."""
 
 
-@dataclass(frozen=True, eq=False)
-class Watch:
-    """χ and ρ along a replay, shapes (n,)."""
-
-    chi_nm_s: Array
-    rho_nm_s: Array
-    limited: Array
-    """1 where the law asked for more than the limits give, else 0."""
-    chi_unlimited_nm_s: Array
-    """χ had the duty gone on beyond its limit; χ itself elsewhere."""
-
-    def measured(self, metrics: Metrics, begin: int = 0) -> Metrics:
-        """The metrics with the shares of the samples from `begin` on at which it holds and fails, and of the latter
-        how many at a limit and because of it."""
-        rho = self.rho_nm_s[begin:]
-        fails = np.abs(self.chi_nm_s[begin:]) > rho
-        at_limit = fails & (self.limited[begin:] > 0)
-        by_limit = at_limit & (np.abs(self.chi_unlimited_nm_s[begin:]) <= rho)
-        count = int(fails.sum())
-        with np.errstate(divide="ignore", invalid="ignore"):  # a model without uncertainty has ρ = 0
-            largest = float((np.abs(self.chi_nm_s[begin:]) / rho).max())
-        return msgspec.structs.replace(
-            metrics,
-            guarantee_holds_fraction=1.0 - count / len(rho),
-            guarantee_largest_chi_over_rho=largest if math.isfinite(largest) else None,
-            guarantee_failures_at_limit=int(at_limit.sum()) / count if count else None,
-            guarantee_failures_by_saturation=int(by_limit.sum()) / count if count else None,
-        )
-
-
-def watch(gains: RCGains, plant: PlantParameters, replay: Trace) -> Watch:
-    """χ and ρ along a replay of the robust controller on a plant; the duty limits are the replay's."""
+def watched(
+    gains: RCGains, plant: PlantParameters, replay: Trace, metrics: Metrics, begin: int = 0
+) -> tuple[Metrics, dict[str, Array]]:
+    """The metrics of a replay of the robust controller with the shares of the samples from `begin` on at which |χ| ≤ ρ
+    holds and fails, and of the latter how many at a limit and because of it; and χ and ρ along it, shapes (n,)."""
     assert replay.fast_nm is not None and replay.state is not None
     low, high = replay.limits_pct
     measured = replay.torque_nm if replay.measured_nm is None else replay.measured_nm
@@ -157,14 +130,26 @@ def watch(gains: RCGains, plant: PlantParameters, replay: Trace) -> Watch:
     chi = y - slope
     wanted = gains.B_hat * y + (gains.a0 * measured - gains.c0) / gains.b0
     limited = (wanted < low) | (wanted > high)
-    unlimited = chi.copy()
+    unlimited = chi.copy()  # had the duty gone on beyond its limit
     for k in np.flatnonzero(limited).tolist():
         x1 = float(replay.fast_nm[k])
         x2 = float(replay.torque_nm[k]) - x1
         limit, inside = (high, -NEAR * (high - low)) if wanted[k] > high else (low, NEAR * (high - low))
         steepness = (plant_slope(plant, x1, x2, limit + inside) - plant_slope(plant, x1, x2, limit)) / inside
         unlimited[k] -= (wanted[k] - limit) * steepness
-    return Watch(read_only(chi), read_only(rho), read_only(limited), read_only(unlimited))
+    fails = np.abs(chi[begin:]) > rho[begin:]
+    at_limit = fails & limited[begin:]
+    by_limit = at_limit & (np.abs(unlimited[begin:]) <= rho[begin:])
+    count = int(fails.sum())
+    with np.errstate(divide="ignore", invalid="ignore"):  # a model without uncertainty has ρ = 0
+        largest = float((np.abs(chi[begin:]) / rho[begin:]).max())
+    return msgspec.structs.replace(
+        metrics,
+        guarantee_holds_fraction=1.0 - count / len(fails),
+        guarantee_largest_chi_over_rho=largest if math.isfinite(largest) else None,
+        guarantee_failures_at_limit=int(at_limit.sum()) / count if count else None,
+        guarantee_failures_by_saturation=int(by_limit.sum()) / count if count else None,
+    ), {"chi_nm_s": read_only(chi), "rho_nm_s": read_only(rho)}
 
 
 UNSEEN = 0.01
@@ -183,9 +168,7 @@ def tracked(setup: Setup, wanted: Reference, gains: Gains | None, progress: Prog
         trace = replay(setup.plant, controller, wanted.torque_nm, setup.rig, wanted.dt_s, options.seed)
         metrics, columns = measure(trace, wanted), {}
         if controller.name == "rc":
-            watched = watch(controller.gains, setup.plant, trace)
-            metrics = watched.measured(metrics, wanted.begin)
-            columns = {"chi_nm_s": watched.chi_nm_s, "rho_nm_s": watched.rho_nm_s}
+            metrics, columns = watched(controller.gains, setup.plant, trace, metrics, wanted.begin)
         records[controller.name] = record(trace, metrics, columns)
     findings += _outside_identified(setup, records)
     head = Head("", dt_s=wanted.dt_s, counted_from_s=wanted.counted_from_s)
@@ -247,15 +230,10 @@ def _over_drawn_plants(
     parameters = {name: np.array([getattr(plant, name) for plant in plants]) for name in ("tau1", "tau2", "Ts")}
     for controller in setup.controllers:
         with progress(f"{controller.name} on drawn plants", count) as tick:
-            spread = montecarlo(plants, controller, wanted, setup.rig, options.seed, options.threads, tick)
-        tables = {
-            "plants/band_time_s": spread.band_time_s,
-            "plants/band_nm": spread.band_nm,
-            **{f"plants/metrics/{metric}": values for metric, values in spread.values.items()},
-            **{f"plants/parameters/{name}": values for name, values in parameters.items()},
-        }
+            spread, tables = montecarlo(plants, controller, wanted, setup.rig, options.seed, options.threads, tick)
+        tables |= {f"plants/parameters/{name}": values for name, values in parameters.items()}
         on_fitted = records[controller.name]
-        metrics = msgspec.structs.replace(on_fitted.metrics, plants=spread.summary(plants))
+        metrics = msgspec.structs.replace(on_fitted.metrics, plants=spread)
         records[controller.name] = Record(on_fitted.columns, metrics, tables)
     head = msgspec.structs.replace(
         head, plants=count, plants_from="fitted-plant" if all_alike else "covariance", band_quantiles=QUANTILES

@@ -14,7 +14,7 @@ from eaid.control.defaults import (
 )
 from eaid.control.design import condition, design, guarantee, least_phi, mismatches
 from eaid.control.gains import pi_gains, plant_of, rc_gains, why_not
-from eaid.control.options import DesignOptions
+from eaid.control.robust import Design
 from eaid.errors import DataError
 from eaid.findings import Finding, finding, ranked
 from eaid.models.nonlinear import steady_torque
@@ -50,7 +50,8 @@ def tune(
     wanted = reference_of(reference or "multisine", dt_s, scales)
     slope = wanted.steepest_nm_s
     bounds = bounds_of(fit, options.bounds_levels, options.widen_bounds)
-    shown = least_phi(mismatches(model, bounds, plant, logs, fit.data.input_unit))
+    found = mismatches(model, bounds, plant, logs, fit.data.input_unit)
+    shown = least_phi(found)
     settled = design_options(
         fit, options, scales, slope if given or not scales.paper else None, None if shown is None else shown.pct
     )  # fmt: skip
@@ -58,7 +59,7 @@ def tune(
     if options.epsilon is None and options.gamma is None:
         settled = with_own_layer(fit, settled, scales, bounds, plant)
     findings: list[Finding] = _of_the_rig(fit, scales, settled)
-    gains = design(fit, settled, logs, slope if given else None)
+    gains = design(fit, settled, bounds, plant, found, slope if given else None)
     gains, more = _replayed(gains, plant, wanted, reference_name, given, fit.dead_time_s)
     findings += more
     if why:
@@ -69,7 +70,7 @@ def tune(
     )  # fmt: skip
 
 
-def _of_the_rig(fit: Fit, scales: Scales, settled: DesignOptions) -> list[Finding]:
+def _of_the_rig(fit: Fit, scales: Scales, settled: Design) -> list[Finding]:
     if scales.paper:
         return []
     return [
