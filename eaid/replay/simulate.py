@@ -166,7 +166,8 @@ def tracked(setup: Setup, wanted: Reference, gains: Gains | None, progress: Prog
     findings = _of_reference(setup, wanted, gains)
     for controller in setup.controllers:
         trace = replay(setup.plant, controller, wanted.torque_nm, setup.rig, wanted.dt_s, options.seed)
-        metrics, columns = measure(trace, wanted), {}
+        metrics = measure(trace, wanted)
+        columns: dict[str, Array] = {}
         if controller.name == "rc":
             metrics, columns = watched(controller.gains, setup.plant, trace, metrics, wanted.begin)
         records[controller.name] = record(trace, metrics, columns)

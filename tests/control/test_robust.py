@@ -71,6 +71,7 @@ def test_every_number_of_the_law_by_its_formula(tuned, one, other, K_P, K_D, Q_M
 
 def test_pooled_is_not_guaranteed_and_minimax_is(tuned):
     pooled, minimax, made = (tuned(**one).rc for one in ({}, {"b_hat": "minimax"}, {"alpha": "reached"}))
+    assert tuned(q_max=0.0, phi=0.0).rc.guaranteed is False  # by its slope alone
     assert not pooled.guaranteed and pooled.alpha_reached == pytest.approx(0.7066, abs=1e-4)
     assert minimax.guaranteed and minimax.B_hat == pytest.approx(19.2, abs=0.05)
     assert minimax.alpha_reached == pytest.approx(minimax.alpha)

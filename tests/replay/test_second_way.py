@@ -175,10 +175,10 @@ WAVE = 1.5 + 1.2 * np.sin(2 * np.pi * 1.5 * np.arange(700) * DT)
 def agrees(done, plant, law, reference, rig, seed=0):
     (true, read, given), states = second_way(plant, law, reference, rig, seed)
     columns = done.records[law.name].columns
-    np.testing.assert_allclose(columns["torque_nm"], true, atol=1e-9)
-    np.testing.assert_allclose(columns["duty_pct"], given, atol=1e-6)
+    np.testing.assert_allclose(columns["torque_nm"], true, atol=1e-11)
+    np.testing.assert_allclose(columns["duty_pct"], given, atol=1e-8)
     if {"noise_nm", "sensor_hz"} & set(rig):
-        np.testing.assert_allclose(columns["measured_nm"], read, atol=1e-9)
+        np.testing.assert_allclose(columns["measured_nm"], read, atol=1e-11)
     else:
         assert "measured_nm" not in columns
     assert ("applied_pct" in columns) is bool({"delay_samples", "pwm_hz"} & set(rig))
