@@ -487,11 +487,11 @@ def report(
     output_dir
         Folder that is made where it is not there; its parent has to be.
     options
-        Formats, widths and letters of the figures.
+        Which figures, their formats, and whether published values stand beside them.
     force
         Write over a report.
     **keywords
-        Fields of `ReportOptions`: figures, format, width [in], font, paper.
+        Fields of `ReportOptions`: figures, format, paper.
 
     Returns
     -------

@@ -551,10 +551,6 @@ class ReportOptions(Options):
         (), "Only these: fig07,fig12 or the beginning of a name.", FIGURES, shown="NAME,…"
     )
     format: tuple[str, ...] = option((), "Beside PNG, which is always there.", FIGURES, words="pdf|svg|png")
-    width: tuple[float, float] = option(
-        (3.5, 7.16), "Widths of one and of two columns [in].", FIGURES, shown="ONE,TWO", least=2, most=40
-    )
-    font: str = option("DejaVu Sans", "Letters of the figures.", FIGURES)
     paper: bool | None = option(
         None, "Published values beside yours; by itself where the units are the paper's.", PAGE, "--paper/--no-paper"
     )

@@ -1,6 +1,6 @@
 """`eaid report`: results → one self-contained page and its figures."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from eaid.cli import console
@@ -29,7 +29,7 @@ def command(args: Arguments) -> None:
     Example: eaid report fit.json gains.json multisine.h5 clutch.h5 -o report
     """
     from eaid.files import refuse_to_overwrite
-    from eaid.report.draw import ready_figures
+    from eaid.report.draw import chosen
     from eaid.report.results import read_results
     from eaid.report.write import FILE, refuse_to_overwrite_report, write_report
 
@@ -39,8 +39,7 @@ def command(args: Arguments) -> None:
         refuse_to_overwrite(args.output / FILE, True, args.files)
     args.output.parent.mkdir(parents=True, exist_ok=True)
     results = read_results(args.files, console.warn)
-    ready, _missing = ready_figures(replace(results, paper=options.paper), options.figures)
-    with console.progress("drawing figures", len(ready)) as done:
+    with console.progress("drawing figures", len(chosen(options.figures))) as done:
         made = write_report(results, args.output, options, args.force, done)
     if made.missing and not options.figures:
         console.say(f"{len(made.missing)} figures want more results; the page's appendix names the commands")

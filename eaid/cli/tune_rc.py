@@ -54,7 +54,7 @@ def command(args: Arguments) -> None:
         console.print_json(gains, "gains")
     else:
         console.line(f"guarantee: {tables.guarantee_words(gains)}")
-        for table in [*tables.tables_of(gains, asked=False), *(tables.further_tables(gains) if args.verbose else ())]:
+        for table in [*tables.tables_of(gains, asked=False), *([tables.margins_table(gains)] if args.verbose else [])]:
             console.show(table)
     console.tell([*gains.findings, *warnings], args.verbose)
     console.done(args.output, "gains of rc and pi", f"eaid simulate {args.fit} --gains {args.output}")

@@ -5,7 +5,6 @@ import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from matplotlib import font_manager
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -14,7 +13,6 @@ from eaid.report import style
 from eaid.report.catalogue import FIGURES, Row
 from eaid.report.live import Live
 from eaid.report.results import Results
-from eaid.report.style import Ready
 
 GAINS = "Fit not identifiable: gains used with --allow-unidentified"
 PLANT = "Fit not identifiable: the replays show a model that its data do not determine"
@@ -133,16 +131,6 @@ def formats_of(wanted: Sequence[str]) -> tuple[str, ...]:
     return tuple(kind for kind in FORMATS if kind == "png" or kind in wanted)
 
 
-def font_of(name: str) -> str:
-    """A font that is installed; anything else is refused."""
-    try:
-        font_manager.findfont(name, fallback_to_default=False)
-    except ValueError:
-        near = sorted({one.name for one in font_manager.fontManager.ttflist})
-        raise UsageError(f"«font» {name}: no such font is installed; there are {', '.join(near[:12])}") from None
-    return name
-
-
 def chosen(names: Sequence[str]) -> tuple[Row, ...]:
     """The figures whose names begin with one of `names`; all without any; a name that fits none is refused."""
     unknown = [name for name in names if not any(row.name.startswith(name) for row in FIGURES)]
@@ -153,33 +141,24 @@ def chosen(names: Sequence[str]) -> tuple[Row, ...]:
     return tuple(row for row in FIGURES if not names or any(row.name.startswith(name) for name in names))
 
 
-def ready_figures(results: Results, names: Sequence[str] = ()) -> tuple[list[tuple[Row, Ready]], list[Row]]:
-    """What can be drawn, and what lacks its data."""
-    rows = [(row, row.ready(results)) for row in chosen(names)]
-    return [(row, ready) for row, ready in rows if ready is not None], [row for row, ready in rows if ready is None]
-
-
 def draw_all(
-    ready: Sequence[tuple[Row, Ready]],
-    formats: Sequence[str],
-    done: Callable[[], None],
-    look: style.Look = style.PAPER,
-    mark: str | None = None,
+    results: Results, rows: Sequence[Row], formats: Sequence[str], done: Callable[[], None], mark: str | None
 ) -> list[Drawn]:
-    """Draw every figure once; `done` is called after each.
+    """Draw every figure of `rows` whose data are given; `done` is called after each row.
 
     `mark` is written above the figures that show the fit of the clutch, or what was made from it.
     """
     drawn = []
-    for row, found in ready:
-        with style.look(look):
-            figure = found.draw()
-            if mark is not None and row.of_the_fit:
-                marked(figure, mark)
-            png, preview = pngs_of(figure, style.DPI, PAGE_DPI)
-            files = tuple((kind, png if kind == "png" else vector_of(figure, kind)) for kind in formats)
-            width, height = (float(side) for side in figure.get_size_inches())
-            live = found.live()
-            drawn.append(Drawn(row.name, found.title, found.sees, files, source_of(preview), (width, height), live))
+    for row in rows:
+        with style.look():
+            if (ready := row.ready(results)) is not None:
+                figure = ready.figure
+                if mark is not None and row.of_the_fit:
+                    marked(figure, mark)
+                png, preview = pngs_of(figure, style.DPI, PAGE_DPI)
+                files = tuple((kind, png if kind == "png" else vector_of(figure, kind)) for kind in formats)
+                width, height = (float(side) for side in figure.get_size_inches())
+                source = source_of(preview)
+                drawn.append(Drawn(row.name, ready.title, ready.sees, files, source, (width, height), ready.live))
         done()
     return drawn

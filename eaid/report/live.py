@@ -7,7 +7,7 @@ dark ground the page's style inverts their lightness, at the same hue.
 import json
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,49 +19,10 @@ from bokeh.models.annotations import Legend, TeeHead, Whisker
 from bokeh.models.layouts import Column
 from bokeh.plotting import figure
 from markupsafe import Markup
+from matplotlib.axes import Axes
 
-from eaid.arrays import Array, read_only
-from eaid.logs.run import Run
-from eaid.steps.stepset import StepSet
-
-MOST = 400_000
-"""Samples of a run from which on blocks of it are averaged: the page draws a hundredth of them."""
-MOST_OF_ALL = 5_000_000
-"""The same for all runs of a dataset, several of which a report may hold."""
-LEAST = 4_000
-"""Samples that each run keeps where there are thousands of runs."""
-PIECE = 1 << 20
-
-
-def shortened(run: Run, runs: int = 1) -> tuple[Run, int]:
-    """A run, one of so many, of at most about `MOST` samples, and how many samples each of its values is the mean of.
-
-    Blocks begin at the step, so that none holds samples from before and after it; of the input each block keeps its
-    first value.
-    """
-    every = -(-len(run.time_s) // min(MOST, max(LEAST, MOST_OF_ALL // runs)))
-    if every == 1 or run.step_s is None:
-        return run, 1
-    offset = int(np.searchsorted(run.time_s, run.step_s)) % every
-    time, output = (_means(values, offset, every) for values in (run.time_s, run.output))
-    first = read_only(np.array(run.input[offset::every][: len(time)]))
-    return replace(run, time_s=time, input=first, output=output, reference_nm=None), every
-
-
-def _means(values: Array, offset: int, every: int) -> Array:
-    count = (len(values) - offset) // every
-    found = np.empty(count)
-    step = max(PIECE // every, 1)
-    for at in range(0, count, step):
-        some = np.asarray(values[offset + at * every : offset + min(at + step, count) * every])
-        found[at : at + step] = some.reshape(-1, every).mean(axis=1)
-    return read_only(found)
-
-
-def as_recorded(data: StepSet, every: dict[str, int]) -> StepSet:
-    """The step set with the samples and rates that were recorded."""
-    rows = [(run, every.get(run.name, 1)) for run in data.runs]
-    return replace(data, runs=tuple(replace(r, samples=r.samples * k, rate_hz=r.rate_hz * k) for r, k in rows))
+from eaid.arrays import Array
+from eaid.report import style
 
 
 def thinned(time_s: Array, values: Array, points: int) -> tuple[Array, Array]:
@@ -206,3 +167,65 @@ def _renumbered(text: str) -> str:
 def script() -> str:
     """BokehJS, as it lies in the installed package."""
     return (Path(bokeh.__file__).parent / "server/static/js/bokeh.min.js").read_text(encoding="utf-8")
+
+
+POINTS = 2500
+"""Most points of a curve in a figure; extremes survive."""
+MODEL: style.Stroke = {"color": style.BLACK, "linestyle": (0, (4, 2)), "linewidth": 0.8}
+"""A model is a thin dark dashed line over the broader, paler line of what was measured: both stay to be seen."""
+DASHES = {"-": "solid", "--": "dashed", (0, (4, 2)): "dashed", "-.": "dashdot"}
+"""Line of a figure → the same in a live plot; all others are dotted there."""
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """A curve of a panel."""
+
+    t: Array
+    y: Array
+    name: str
+    color: str
+    linestyle: Any = "-"
+    linewidth: float = 0.9
+    """In the figure [pt]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """One of the panels: its label, its unit, its height on the page [px], and its curves."""
+
+    label: str
+    unit: str
+    height: int
+    lines: Sequence[Line]
+    named: bool = False
+    """Whether its curves stand in a legend of the live plot, which hides them by click."""
+
+
+def draw_panels(axes: Sequence[Axes], panels: Sequence[Panel], time: str = "Time (s)") -> None:
+    """Draw the panels on axes that share their time."""
+    for mark, one, panel in zip("abcd", panels, axes, strict=False):
+        for line in one.lines:
+            draw_line(panel, line)
+        panel.set_ylabel(one.label)
+        style.letter(panel, mark)
+    t = panels[0].lines[0].t
+    axes[-1].set(xlabel=time, xlim=(t[0], t[-1]))
+
+
+def draw_line(axes: Axes, line: Line) -> None:
+    """Draw one of the curves."""
+    look = {"color": line.color, "linestyle": line.linestyle, "linewidth": line.linewidth}
+    axes.plot(*thinned(line.t, line.y, POINTS), label=line.name, **look)
+
+
+def live_panels(panels: Sequence[Panel], time: str = "Time (s)") -> Live:
+    """The panels as one live plot."""
+    plot = Plot()
+    for one in panels:
+        drawn = plot.panel(time if one is panels[-1] else "", one.label, one.height, one.unit)
+        for line in one.lines:
+            legend = line.name if one.named else None
+            dash = DASHES.get(line.linestyle, "dotted")
+            plot.line(drawn, line.t, line.y, line.name, line.color, dash, legend)
+    return plot.finish()

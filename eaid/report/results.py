@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 
 from eaid.apparatus import Apparatus
-from eaid.arrays import Array
+from eaid.arrays import Array, read_only
 from eaid.errors import DataError, UsageError
 from eaid.files import sha256_of
 from eaid.findings import Finding, say
@@ -31,44 +31,14 @@ from eaid.steps.build import build_stepset
 from eaid.steps.edges import Edge, edges
 from eaid.steps.stepset import StepSet
 
-
-@dataclass(frozen=True, eq=False)
-class EdgeLog:
-    """A log as it was recorded, and the edges of its output."""
-
-    run: Run
-    edges: tuple[Edge, ...]
-
-    @property
-    def ends_s(self) -> list[float]:
-        """Where each edge gives way to the next, or the log ends [s]."""
-        return [*(one.at_s for one in self.edges[1:]), float(self.run.time_s[-1])][: len(self.edges)]
-
-    @property
-    def goals(self) -> list[float | None]:
-        """What the reference asks for behind each edge: its median in the second half of the edge's stretch."""
-        t, wanted = self.run.time_s, self.run.reference_nm
-        if wanted is None:
-            return [None] * len(self.edges)
-        spans = zip(self.edges, self.ends_s, strict=True)
-        return [float(np.median(wanted[(t >= (one.at_s + end) / 2) & (t <= end)])) for one, end in spans]
-
-    @property
-    def rms_error(self) -> float | None:
-        """Root mean square of reference − output; None without a reference."""
-        wanted = self.run.reference_nm
-        return None if wanted is None else float(np.sqrt(np.mean((wanted - self.run.output) ** 2)))
+EdgeLog = tuple[Run, tuple[Edge, ...]]
+"""A log as it was recorded, and the edges of its output."""
 
 
 def is_whole(run: Run) -> bool:
     """Whether a run is a log whose edges are looked at: not cut, and a closed loop's or of an unknown input."""
     uncut = not run.cut and run.level is None and run.step_s is None
     return uncut and (run.reference_nm is not None or not run.has_input)
-
-
-def edge_logs(runs: Sequence[Run]) -> tuple[EdgeLog, ...]:
-    """The logs among some runs whose edges are looked at."""
-    return tuple(EdgeLog(run, edges(run.time_s, run.output, run.reference_nm)) for run in runs if is_whole(run))
 
 
 SCENARIOS = ("steps", "multisine", "sweep", "ramp", "reference", "log", "rehab")
@@ -140,7 +110,8 @@ class Results:
     @cached_property
     def edge_logs(self) -> tuple[EdgeLog, ...]:
         """The logs of the datasets whose edges are looked at, as of closed loops."""
-        return edge_logs([run for one in self.data for run in one.result.recorded])
+        runs = [run for one in self.data for run in one.result.recorded if is_whole(run)]
+        return tuple((run, edges(run.time_s, run.output, run.reference_nm)) for run in runs)
 
     @property
     def shows_edges(self) -> bool:
@@ -240,6 +211,46 @@ def _by_its_parts(content: Mapping[str, object]) -> str:
     return next((f"eaid/{kind}/1" for kind, parts in codec.KINDS.items() if any(part in content for part in parts)), "")
 
 
+MOST = 400_000
+"""Samples of a run from which on blocks of it are averaged: the page draws a hundredth of them."""
+MOST_OF_ALL = 5_000_000
+"""The same for all runs of a dataset, several of which a report may hold."""
+LEAST = 4_000
+"""Samples that each run keeps where there are thousands of runs."""
+PIECE = 1 << 20
+
+
+def shortened(run: Run, runs: int = 1) -> tuple[Run, int]:
+    """A run, one of so many, of at most about `MOST` samples, and how many samples each of its values is the mean of.
+
+    Blocks begin at the step, so that none holds samples from before and after it; of the input each block keeps its
+    first value.
+    """
+    every = -(-len(run.time_s) // min(MOST, max(LEAST, MOST_OF_ALL // runs)))
+    if every == 1 or run.step_s is None:
+        return run, 1
+    offset = int(np.searchsorted(run.time_s, run.step_s)) % every
+    time, output = (_means(values, offset, every) for values in (run.time_s, run.output))
+    first = read_only(np.array(run.input[offset::every][: len(time)]))
+    return replace(run, time_s=time, input=first, output=output, reference_nm=None), every
+
+
+def _means(values: Array, offset: int, every: int) -> Array:
+    count = (len(values) - offset) // every
+    found = np.empty(count)
+    step = max(PIECE // every, 1)
+    for at in range(0, count, step):
+        some = np.asarray(values[offset + at * every : offset + min(at + step, count) * every])
+        found[at : at + step] = some.reshape(-1, every).mean(axis=1)
+    return read_only(found)
+
+
+def as_recorded(data: StepSet, every: dict[str, int]) -> StepSet:
+    """The step set with the samples and rates that were recorded."""
+    rows = [(run, every.get(run.name, 1)) for run in data.runs]
+    return replace(data, runs=tuple(replace(r, samples=r.samples * k, rate_hz=r.rate_hz * k) for r, k in rows))
+
+
 def _read_data(path: Path) -> tuple[StepSet, tuple[Finding, ...]]:
     from eaid.report.live import as_recorded, shortened  # Bokeh, which the commands' tables do without
 
@@ -274,8 +285,6 @@ def _read_replay(path: Path) -> tuple[Replay, tuple[Finding, ...]]:
             faults.append(f"{path}: controller {name!r} has no {', '.join(missing)}; make the replay again")
         elif not (t[1:] > t[:-1]).all():
             faults.append(f"{path}: {name}: its time_s does not rise from sample to sample; make the replay again")
-        elif fault := _band_fault(one.tables, len(replay.head.band_quantiles)):
-            faults.append(f"{path}: {name}: {fault}")
     if faults:
         raise DataError(*faults)
     if not drawn:
@@ -283,17 +292,6 @@ def _read_replay(path: Path) -> tuple[Replay, tuple[Finding, ...]]:
     known = {name: i for i, name in enumerate(CONTROLLERS)}
     ordered = dict(sorted(drawn.items(), key=lambda item: known.get(item[0], len(known))))
     return replace(replay, records=ordered), found
-
-
-def _band_fault(tables: Mapping[str, Array], quantiles: int) -> str | None:
-    """What is wrong with the outputs of drawn plants: they have a row a quantile and a column an instant."""
-    if "plants/band_nm" not in tables:
-        return None
-    band, time = tables["plants/band_nm"], tables.get("plants/band_time_s")
-    wanted = None if time is None else (quantiles, *time.shape)
-    if band.shape == wanted and all(part.dtype.kind in "fiu" for part in (band, time) if part is not None):
-        return None
-    return "its plants/band_nm has not a number for every quantile and instant; make the replay again"
 
 
 _READERS: Mapping[str, Callable[[Path], tuple[Any, tuple[Finding, ...]]]] = {

@@ -1,14 +1,9 @@
 """What rig a result is of: its units and names, and whether it is the clutch that the paper describes."""
 
-from collections.abc import Callable
-
-import numpy as np
-
 from eaid.apparatus import Apparatus
-from eaid.arrays import Array
 from eaid.models.parameters import PAPER_LINEAR, SHARE
 from eaid.results.common import Source
-from eaid.results.fit import CurveLevel, Fit, FittedData, FrictionLevel
+from eaid.results.fit import CurveLevel, Fit, FittedData, FrictionLevel, Trend
 from eaid.steps.stepset import StepSet
 
 QUANTITIES = {"N·m": "Torque", "N": "Force", "RPM": "Speed", "kPa": "Stress", "°C": "Temperature"}
@@ -108,17 +103,12 @@ TABLE_II = {
 """Parameter → formula as printed (Ω in RPM), coefficients, RMSE of the trend."""
 
 
-def _curve(coefficients: tuple[float, ...]) -> Callable[[Array], Array]:
-    """A line from its slope and offset, else p e^(r x) + q e^(s x)."""
-    if len(coefficients) == 2:
-        return lambda x: coefficients[0] * x + coefficients[1]
-    p, r, q, s = coefficients
-    return lambda x: p * np.exp(r * x) + q * np.exp(s * x)
-
-
-OVER_STRESS = {name: _curve(coefficients) for name, (_text, coefficients, _rmse) in TABLE_I.items()}
+OVER_STRESS = {
+    name: Trend("linear" if len(known) == 2 else "double-exponential", known).predict
+    for name, (_text, known, _rmse) in TABLE_I.items()
+}
 """Table I over the normal stress [kPa]."""
-OVER_SPEED = {name: _curve(coefficients) for name, (_text, coefficients, _rmse) in TABLE_II.items()}
+OVER_SPEED = {name: Trend("double-exponential", known).predict for name, (_text, known, _rmse) in TABLE_II.items()}
 """Table II over the rotation speed [RPM]; its τ2 keeps 100 e^(−0.0507 Ω) only, all other digits cancel."""
 
 TABLE_III = {

@@ -1,9 +1,7 @@
 """One look for every figure: column widths, letters of 8 pt and more, colours for the colour-blind, lines that survive
 black and white."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -11,11 +9,11 @@ from typing import Any, TypedDict
 
 import matplotlib as mpl
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from eaid.report.live import Live
 from eaid.report.rig import level_text
 from eaid.report.tables.table import listed, number
 
@@ -24,19 +22,8 @@ SMALLEST_PT = 8.0
 """No letter of a figure is smaller at its printed size [pt]; indices of symbols follow their letter."""
 
 
-@dataclass(frozen=True)
-class Look:
-    """What a journal prescribes: widths and letters of a figure."""
-
-    column_in: float = 3.5
-    """Width of a figure of one column [in]."""
-    page_in: float = 7.16
-    """Width of a figure of both columns [in]."""
-    font: str = "DejaVu Sans"
-
-
-PAPER = Look()
-_LOOK: ContextVar[Look] = ContextVar("look", default=PAPER)
+COLUMN_IN, PAGE_IN = 3.5, 7.16
+"""Widths of a figure of one and of both columns of a journal [in]."""
 
 # Okabe & Ito, "Color Universal Design" (2008).
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
@@ -63,40 +50,15 @@ CONTROLLERS: dict[str, tuple[str, str, str]] = {
 _SPARE = [(ORANGE, "-", "v"), (SKY, "--", "P"), (GREY, "-.", "X"), (BLACK, ":", "*")]
 
 
-@contextmanager
-def look(wanted: Look = PAPER) -> Iterator[None]:
-    """The settings under which a figure is made and saved; the caller's own return afterwards."""
-    settings: dict[Any, Any] = {**_parameters(), "backend": mpl.rcParams["backend"]}
-    settings |= {"font.family": [wanted.font, "DejaVu Sans"], "mathtext.fontset": _mathtext(wanted.font)}
-    token = _LOOK.set(wanted)
-    try:
-        with mpl.rc_context(settings):
-            yield
-    finally:
-        _LOOK.reset(token)
-
-
 @cache
 def _parameters() -> dict[Any, Any]:
     """matplotlib's defaults, and ours over them."""
     return dict(mpl.rc_params_from_file(Path(__file__).with_name("figures.mplstyle")))
 
 
-def _mathtext(font: str) -> str:
-    """Letters of formulas that go with a text font."""
-    if font in ("Times New Roman", "STIXGeneral", "Times", "Liberation Serif", "DejaVu Serif"):
-        return "stix"
-    return "dejavusans" if font == "DejaVu Sans" else "stixsans"
-
-
-def column(height_in: float, rows: int = 1, columns: int = 1, **options: Any) -> tuple[Figure, list[Axes]]:
-    """An empty figure of one column's width and its axes, row by row; no display is needed."""
-    return sheet(_LOOK.get().column_in, height_in, rows, columns, **options)
-
-
-def page(height_in: float, rows: int = 1, columns: int = 1, **options: Any) -> tuple[Figure, list[Axes]]:
-    """An empty figure of both columns' width and its axes, row by row."""
-    return sheet(_LOOK.get().page_in, height_in, rows, columns, **options)
+def look() -> AbstractContextManager[None]:
+    """The settings under which a figure is made and saved; the caller's own return afterwards."""
+    return mpl.rc_context({**_parameters(), "backend": mpl.rcParams["backend"]})
 
 
 def sheet(
@@ -150,12 +112,12 @@ def letter(axes: Axes, mark: str, text: str = "") -> None:
 
 @dataclass(frozen=True)
 class Ready:
-    """A figure whose data are at hand."""
+    """A figure that is drawn, and its words."""
 
-    draw: Callable[[], Figure]
+    figure: Figure
     sees: str
     """What is to be seen in it; every claim computed."""
-    live: Callable[[], tuple[Live, ...]] = tuple
+    live: tuple[Markup, ...] = ()
     """Its live plots, side by side."""
     title: str = ""
     """Empty: as in the catalogue, without the paper's number on another rig."""

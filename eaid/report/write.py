@@ -1,8 +1,7 @@
 """Results → a folder with the page and its figures: the one entry of command line and Python."""
 
-import contextlib
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,11 +9,10 @@ from eaid.errors import UsageError
 from eaid.files import all_written_whole
 from eaid.options import ReportOptions
 from eaid.report.catalogue import FIGURES
-from eaid.report.draw import draw_all, font_of, formats_of, mark_of, ready_figures
+from eaid.report.draw import chosen, draw_all, formats_of, mark_of
 from eaid.report.page.render import page
 from eaid.report.pictures import summary_pictures
 from eaid.report.results import Given, Results, gathered
-from eaid.report.style import Look
 from eaid.results.coupling import Coupling
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
@@ -50,7 +48,7 @@ def write_report(
     output_dir
         Folder that is made where it is not there; its parent has to be.
     options
-        Formats, widths and letters of the figures.
+        Which figures, their formats, and whether published values stand beside them.
     force
         Write over a report.
     done
@@ -64,43 +62,25 @@ def write_report(
     options = options or ReportOptions()
     given = replace(results if isinstance(results, Results) else gathered(results), paper=options.paper)
     folder = Path(output_dir)
-    formats = formats_of(options.format)
-    look = Look(*options.width, font_of(options.font))
+    formats, rows = formats_of(options.format), chosen(options.figures)
     refuse_to_overwrite_report(folder, force)
-    ready, missing = ready_figures(given, options.figures)
     mark = mark_of(given)
-    drawn = draw_all(ready, formats, done, look, mark[0] if mark else None)
+    drawn = draw_all(given, rows, formats, done, mark[0] if mark else None)
+    missing = [row for row in rows if row.made_by and row.name not in {one.name for one in drawn}]
     pictures = summary_pictures(given, mark[0] if mark else None)
     text = page(given, drawn, pictures, missing if not options.figures else ())
     contents = {f"{FOLDER}/{one.name}.{kind}": held for one in drawn for kind, held in one.files}
     contents[FILE] = text.encode("utf-8", errors="replace")
-    with _folders(folder, folder / FOLDER):
-        paths = [folder / name for name in contents]
-        with all_written_whole(paths, force) as parts:
-            for part, content in zip(parts, contents.values(), strict=True):
-                part.write_bytes(content)
-        for old in figures_in(folder):
-            if old not in paths:
-                old.unlink()
-    named = tuple((row.name, row.made_by) for row in missing if row.made_by)
-    return Report(folder / FILE, tuple(one.name for one in drawn), named)
-
-
-@contextlib.contextmanager
-def _folders(*paths: Path) -> Iterator[None]:
-    """Folders that are made for the block, and are gone again if it fails."""
-    made = []
-    try:
-        for path in paths:
-            if not path.exists():
-                path.mkdir()
-                made.append(path)
-        yield
-    except BaseException:
-        for path in reversed(made):
-            with contextlib.suppress(OSError):
-                path.rmdir()
-        raise
+    for one in (folder, folder / FOLDER):
+        one.mkdir(exist_ok=True)
+    paths = [folder / name for name in contents]
+    with all_written_whole(paths, force) as parts:
+        for part, content in zip(parts, contents.values(), strict=True):
+            part.write_bytes(content)
+    for old in figures_in(folder):
+        if old not in paths:
+            old.unlink()
+    return Report(folder / FILE, tuple(one.name for one in drawn), tuple((row.name, row.made_by) for row in missing))
 
 
 def refuse_to_overwrite_report(folder: Path, force: bool) -> None:

@@ -5,13 +5,11 @@ from collections.abc import Mapping, Sequence
 from operator import itemgetter
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from eaid.arrays import Array
 from eaid.replay import rehab
 from eaid.report import style
-from eaid.report.figures import panels
-from eaid.report.figures.panels import Line, Panel
+from eaid.report.live import Line, Panel, draw_panels, live_panels
 from eaid.report.rig import quantity
 from eaid.report.style import Ready, caption
 from eaid.report.tables.table import number
@@ -46,19 +44,11 @@ def session(replay: Replay) -> tuple[Mapping[str, Array], list[Span]] | None:
     return trace, mode_spans(trace["time_s"], names)
 
 
-def training_ready(replay: Replay) -> Ready | None:
-    """Fig. 16, from the rehabilitation replay."""
+def training(replay: Replay) -> Ready | None:
+    """Fig. 16: (a) target and angle, (b) position error [°], (c) desired and rendered output, (d) its error."""
     if (found := session(replay)) is None:
         return None
     (trace, spans), unit = found, replay.head.output_unit
-    gap = float(np.mean(np.abs(trace["desired_nm"] - trace["rendered_nm"])))
-    said = caption("training", gap=gap, top=float(np.max(np.abs(trace["desired_nm"]))), unit=unit)
-    live = lambda: (panels.live(training_panels(trace, unit)),)  # noqa: E731
-    return Ready(lambda: training(trace, spans, unit), said, live)
-
-
-def training_panels(trace: Mapping[str, Array], unit: str) -> list[Panel]:
-    """Target and angle, position error, desired and rendered output, its error."""
     t = trace["time_s"]
     angle = [
         Line(t, trace["target_deg"], "target", style.BLACK, "--"),
@@ -70,55 +60,51 @@ def training_panels(trace: Mapping[str, Array], unit: str) -> list[Panel]:
     ]
     position = [Line(t, trace["target_deg"] - trace["angle_deg"], "position error", style.BLUE)]
     error = [Line(t, trace["desired_nm"] - trace["rendered_nm"], "error", style.VERMILLION)]
-    return [
+    shown = [
         Panel("Angle (°)", "°", 210, angle, named=True),
         Panel("Position error (°)", "°", 150, position),
         Panel(quantity(unit), unit, 210, output, named=True),
         Panel(f"Error ({unit})", unit, 170, error),
     ]
-
-
-def training(trace: Mapping[str, Array], spans: Sequence[Span], unit: str = "N·m") -> Figure:
-    """(a) target and angle, (b) position error [°], (c) desired and rendered output, (d) its error, in `unit`."""
-    figure, axes = style.page(5.0, 4, 1, sharex=True)
+    figure, axes = style.sheet(style.PAGE_IN, 5.0, 4, 1, sharex=True)
     for panel in axes:
         for name, start, end in spans:
             panel.axvspan(start, end, color=MODES.get(name, ("#EEEEEE", name))[0], lw=0)
             panel.axvline(start, color=style.BLACK, linewidth=0.6)  # told apart in grey, too
         panel.grid(color="white")
-    panels.draw(axes, training_panels(trace, unit))
-    angle, position, torque, error = axes
+    draw_panels(axes, shown)
     for name, start, end in spans:
-        angle.annotate(
+        axes[0].annotate(
             MODES.get(name, ("", name))[1], ((start + end) / 2, 1.02), xycoords=("data", "axes fraction"),
             ha="center", va="bottom",
         )  # fmt: skip
-    position.set_ylabel("Position\nerror (°)")
-    error.set_ylabel(f"Error\n({unit})")
-    for panel in (angle, torque):  # beside the axes, off the data
+    axes[1].set_ylabel("Position\nerror (°)")
+    axes[3].set_ylabel(f"Error\n({unit})")
+    for panel in axes[::2]:  # beside the axes, off the data
         panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), handlelength=1.6)
-    return figure
+    gap = float(np.mean(np.abs(trace["desired_nm"] - trace["rendered_nm"])))
+    text = caption("training", gap=gap, top=float(np.max(np.abs(trace["desired_nm"]))), unit=unit)
+    return Ready(figure, text, (live_panels(shown),))
 
 
-def errors_ready(replay: Replay) -> Ready | None:
-    """Fig. 17, from the rehabilitation replay: absolute position error [°] of each mode, without its first seconds."""
+def errors(replay: Replay) -> Ready | None:
+    """Fig. 17: box plot of the absolute position error [°] of each mode, without its first seconds.
+
+    Whiskers to 1.5 times the box.
+    """
     if (found := session(replay)) is None:
         return None
     trace, spans = found
     skip = replay.head.exercise.uncounted_s if replay.head.exercise is not None else 5.0
     t, error = trace["time_s"], np.abs(trace["target_deg"] - trace["angle_deg"])
     by_mode = {name: error[(t >= start + skip - 1e-9) & (t <= end)] for name, start, end in spans}
-    by_mode = {name: values for name, values in by_mode.items() if len(values)}
-    each = [f"{name} {number(float(np.median(values)), 2)}°" for name, values in by_mode.items()]
-    return Ready(lambda: errors(by_mode), caption("position", medians=each)) if by_mode else None
-
-
-def errors(absolute_deg: Mapping[str, Array]) -> Figure:
-    """Fig. 17: box plot of the absolute position error [°] of each mode; whiskers to 1.5 times the box."""
-    figure, (axes,) = style.column(2.4)
+    absolute_deg = {name: values for name, values in by_mode.items() if len(values)}
+    if not absolute_deg:
+        return None
+    figure, (axes,) = style.sheet(style.COLUMN_IN, 2.4)
     names = list(absolute_deg)
     boxes = axes.boxplot(
-        [np.asarray(absolute_deg[name]) for name in names],
+        list(absolute_deg.values()),
         tick_labels=[MODES.get(name, ("", name))[1] for name in names],
         showfliers=False, patch_artist=True, widths=0.5, medianprops={"color": "black", "linewidth": 1.2},
     )  # fmt: skip
@@ -127,4 +113,5 @@ def errors(absolute_deg: Mapping[str, Array]) -> Figure:
     axes.set(ylabel="|position error| (°)")
     axes.set_ylim(0, None)
     axes.grid(axis="x", visible=False)
-    return figure
+    medians = [f"{name} {number(float(np.median(values)), 2)}°" for name, values in absolute_deg.items()]
+    return Ready(figure, caption("position", medians=medians))

@@ -9,15 +9,14 @@ import numpy as np
 from bokeh.models import ColumnDataSource, Range1d
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import BoundaryNorm
-from matplotlib.figure import Figure
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import BoundaryNorm, TwoSlopeNorm
 
 from eaid.arrays import Array
-from eaid.models import nonlinear
+from eaid.models import linear, nonlinear
 from eaid.report import style
-from eaid.report.figures.panels import MODEL
 from eaid.report.figures.values import axis_label, points
-from eaid.report.live import Live, Plot, thinned
+from eaid.report.live import MODEL, Live, Plot, thinned
 from eaid.report.results import Results
 from eaid.report.rig import level_text, over, quantity
 from eaid.report.style import Ready, caption
@@ -44,11 +43,6 @@ def single_curves(fit: Fit | None) -> dict[float, Model]:
     """Level → its own fitted curve."""
     rows = fit.friction.levels if fit is not None and fit.friction is not None else ()
     return {row.level: row.predict for row in rows}
-
-
-def model_curves(fit: Fit | None, data: StepSet | None) -> dict[float, Model]:
-    """Level → model curve of a fit: the nonlinear model, else the single levels' curves."""
-    return nonlinear_curves(fit, data) or single_curves(fit) if data is not None else {}
 
 
 def some_levels(levels: Sequence[T], most: int = DRAWN) -> list[T]:
@@ -199,26 +193,16 @@ MOST = 12
 """Most steps that are drawn."""
 
 
-def level_steps_ready(results: Results) -> Ready | None:
-    """Steps from level to level, where some were recorded and fitted."""
+def level_steps(results: Results) -> Ready | None:
+    """Change of output over time since each step from level to level, and the fitted curves (dashed)."""
     for one in results.data:
         data, fit = one.result, results.fit(one.result.kind)
         if fit is not None and (pairs := paired(data, fit.steps)):
+            figure, (axes,) = style.sheet(style.PAGE_IN, 3.0)
+            draw_level_steps(axes, data, fit.steps)
             shares = [(shape.fit_pct, step_text(shape)) for _, shape in pairs if shape.fit_pct is not None]
-            said = caption("level_steps", count=len(pairs), worst=min(shares))
-            return Ready(partial(level_steps, data, fit.steps), said)
+            return Ready(figure, caption("level_steps", count=len(pairs), worst=min(shares)))
     return None
-
-
-def over_level_ready(results: Results) -> Ready | None:
-    """Gain and time constants of steps from level to level over the level."""
-    fit = next((one.result for one in results.fits if len(one.result.steps) > 1), None)
-    if fit is None:
-        return None
-    units = fit.data.input_unit, fit.data.output_unit
-    gains = {edge: [s.gain for s in fit.steps if s.edge == edge and s.gain is not None] for edge in ("up", "down")}
-    said = caption("steps_over_level", edges=gains, units=units)
-    return Ready(partial(over_level, fit.steps, units), said)
 
 
 def step_text(step: StepShape) -> str:
@@ -231,13 +215,6 @@ def paired(data: StepSet, shapes: Sequence[StepShape]) -> list[tuple[LevelStep, 
     known = {(one.run, one.from_, one.level): one for one in shapes}
     keys = [((one.name, one.from_level, one.level), one) for one in data.level_steps]
     return [(step, known[key]) for key, step in keys if key in known]
-
-
-def level_steps(data: StepSet, shapes: Sequence[StepShape]) -> Figure:
-    """Change of output over time since each step, and the fitted curves (dashed)."""
-    figure, (axes,) = style.page(3.0)
-    draw_level_steps(axes, data, shapes)
-    return figure
 
 
 def draw_level_steps(axes: Axes, data: StepSet, shapes: Sequence[StepShape]) -> None:
@@ -258,24 +235,102 @@ EDGES = (("up", "^", style.BLUE), ("down", "v", style.VERMILLION))
 """Edge, marker and colour."""
 
 
-def over_level(shapes: Sequence[StepShape], units: tuple[str, str]) -> Figure:
+def over_level(results: Results) -> Ready | None:
     """Gain Δy/Δu, τ1 and τ2, where there is one, of each step over the level that it goes to, up and down apart."""
-    unit = f"{units[1] or 'output'}/{units[0] or 'input'}"
-    labels = {"gain": f"Gain ({unit})", "tau1": axis_label("tau1", "s"), "tau2": axis_label("tau2", "s")}
-    drawn = [name for name in labels if any(getattr(one, name) is not None for one in shapes)]
-    figure, axes = style.page(2.5, 1, len(drawn))
+    fit = next((one.result for one in results.fits if len(one.result.steps) > 1), None)
+    if fit is None:
+        return None
+    unit, out = fit.data.input_unit, fit.data.output_unit
+    labels = {
+        "gain": f"Gain ({out or 'output'}/{unit or 'input'})", "tau1": axis_label("tau1", "s"),
+        "tau2": axis_label("tau2", "s"),
+    }  # fmt: skip
+    drawn = [name for name in labels if any(getattr(one, name) is not None for one in fit.steps)]
+    figure, axes = style.sheet(style.PAGE_IN, 2.5, 1, len(drawn))
     for mark, name, panel in zip("abc", drawn, axes, strict=False):
         for edge, marker, colour in EDGES:
-            rows = [one for one in shapes if one.edge == edge and getattr(one, name) is not None]
+            rows = [one for one in fit.steps if one.edge == edge and getattr(one, name) is not None]
             if rows:
                 values = np.array([getattr(one, name) for one in rows], dtype=float)
                 ends = [getattr(one.ci95, name) for one in rows]
                 look = {"fmt": marker, "color": colour, "label": edge, "markersize": 5, "alpha": 0.8}
                 points(panel, [one.level for one in rows], values, ends, **look)
-        panel.set(xlabel=over(units[0]), ylabel=labels[name])
+        panel.set(xlabel=over(unit), ylabel=labels[name])
         low, high = panel.get_ylim()
         if low > 0:
             panel.set_ylim(0, 1.08 * high)
         style.letter(panel, mark)
     style.legend_over(figure, axes[0])
-    return figure
+    gains = {edge: [s.gain for s in fit.steps if s.edge == edge and s.gain is not None] for edge in ("up", "down")}
+    return Ready(figure, caption("steps_over_level", edges=gains, units=(unit, out)))
+
+
+STRETCHES = 48
+"""Stretches of time on a residual map: each is as much longer as it is later."""
+NO_SAMPLE = "#DCDCDC"
+"""Stretches of time in which a level has no sample."""
+LEVELS = 60
+"""Most rows of a residual map."""
+
+
+def residual_map(rows: Sequence[tuple[float, Array, Array]]) -> tuple[Array, Array]:
+    """Ends of the stretches of time [s], shape (n + 1,), and the mean residuals of each level in them, shape (L, n).
+
+    Stretches grow with the time since the step; nan where a level has no sample.
+    """
+    end = max(float(t[-1]) for _level, t, _r in rows)
+    dt = min(float(t[-1] - t[0]) / max(len(t) - 1, 1) for _level, t, _r in rows)
+    # No stretch is shorter than a sample: the first is as long as that asks for.
+    samples = end / dt
+    first = next((k for k in range(2, 400) if k * ((samples / k) ** (1 / (STRETCHES - 1)) - 1) >= 1), samples / 2)
+    edges = np.concatenate([[0.0], np.geomspace(min(max(first * dt, end / 2000), end / 2), end, STRETCHES)])
+    edges[-1] = np.nextafter(end, np.inf)
+    mean = np.full((len(rows), STRETCHES), np.nan)
+    for i, (_level, t, r) in enumerate(rows):
+        place = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, STRETCHES - 1)
+        count = np.bincount(place, minlength=STRETCHES)
+        total = np.bincount(place, weights=r, minlength=STRETCHES)
+        mean[i, count > 0] = total[count > 0] / count[count > 0]
+    return edges, mean
+
+
+def residuals(model: str, data: StepSet, fit: Fit) -> Ready | None:
+    """(a) residuals over time and level, hatched where the model lies above the data, (b) RMSE of each level."""
+    if model == "linear" and fit.linear is not None:
+        step = partial(linear.step_response, fit.linear.parameters)
+        curves: dict[float, Model] = {row.level: partial(step, duty_pct=row.level) for row in data.levels}
+    else:
+        curves = nonlinear_curves(fit, data) if model == "nonlinear" else single_curves(fit)
+    covered = [row for row in data.levels if row.level in curves]
+    every = [(row.level, row.time_s, row.mean - curves[row.level](row.time_s)) for row in covered]
+    if not every:
+        return None
+    rows = some_levels(every, LEVELS)
+    levels = [level for level, _t, _r in rows]
+    edges, mean = residual_map(rows)
+    size = float(np.quantile(np.abs(mean[np.isfinite(mean)]), 0.98)) or 1e-9  # 2 % of the cells are beyond the colours
+    figure, (over_time, per_level) = style.sheet(style.PAGE_IN, 2.7, 1, 2, width_ratios=(2.4, 1))
+    times = np.concatenate([[edges[1] / 1.6], edges[1:]])
+    drawn = over_time.pcolormesh(
+        times, np.arange(len(levels) + 1) - 0.5, mean, cmap="PuOr_r", norm=TwoSlopeNorm(0.0, -size, size),
+        rasterized=True,
+    )  # fmt: skip
+    cells = [
+        [(times[k], i - 0.5), (times[k + 1], i - 0.5), (times[k + 1], i + 0.5), (times[k], i + 0.5)]
+        for i, k in np.argwhere(mean < -0.25 * size)
+    ]  # told apart in grey, too
+    over_time.add_collection(PolyCollection(cells, facecolor="none", edgecolor="white", hatch="/////", linewidth=0))
+    over_time.set(xscale="log", xlabel="Time since the step (s)", ylabel=over(data.input_unit))
+    shown = np.unique(np.linspace(0, len(levels) - 1, 12).round().astype(int))
+    over_time.set_yticks(shown, [f"{levels[k]:.3g}" for k in shown])
+    over_time.grid(visible=False)
+    over_time.set_facecolor(NO_SAMPLE)
+    figure.colorbar(drawn, ax=over_time, pad=0.01).set_label(f"Measured − model ({data.output_unit})")
+    rms = [float(np.sqrt(np.mean(r**2))) for _level, _t, r in every]
+    per_level.plot(rms, [level for level, _t, _r in every], "o-", color=style.BLUE, linewidth=0.8)
+    per_level.set(xlabel=f"RMSE ({data.output_unit})", ylabel=over(data.input_unit), xlim=(0, 1.1 * max(rms)))
+    style.letter(over_time, "a", "(hatched: model above)")
+    style.letter(per_level, "b")
+    i, k = np.unravel_index(np.nanargmax(np.abs(mean)), mean.shape)
+    furthest = {"value": float(mean[i, k]), "level": levels[i], "times": edges[k : k + 2].tolist()}
+    return Ready(figure, caption("residuals", **furthest, unit=data.input_unit, out=data.output_unit))

@@ -32,12 +32,9 @@ def known(results: Results) -> Known:
         found["controller"] += gains.result.findings
     for replay in results.replays:
         found["replay"] += replay.result.findings
-    return {part: merged(ranked(_once(group))) for part, group in found.items()}
-
-
-def _once(found: Iterable[Finding]) -> list[Finding]:
-    """Each finding once: a fit repeats what its data already said."""
-    return list({(one.code, one.subject, one.levels): one for one in found}.values())
+    for part, group in found.items():  # each once: a fit repeats what its data already said
+        found[part] = list({(one.code, one.subject, one.levels): one for one in group}.values())
+    return {part: merged(ranked(group)) for part, group in found.items()}
 
 
 def sentence(one: Finding, of_data: bool = False) -> str:

@@ -2,11 +2,8 @@
 
 import math
 import shlex
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-
-import numpy as np
 
 from eaid.errors import DataError
 from eaid.options import PlanOptions
@@ -14,19 +11,15 @@ from eaid.planning.recordings import plan_recordings
 from eaid.report.figures.steps import some_levels
 from eaid.report.page.known import Known
 from eaid.report.results import Given, Results
-from eaid.report.rig import level_text, rising
+from eaid.report.rig import level_text
 from eaid.report.tables.gains import called, conditions_of
-from eaid.report.tables.table import SYMBOLS, level, listed
-from eaid.results.common import Interval, ci95_of
+from eaid.report.tables.table import level, listed
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.results.plan import Plan
-from eaid.results.summary import believed_levels
 
 NAMED = 3
 """Most levels that are named."""
-MOST_REPEATS = 20
-COUNTS = {1: "once", 2: "twice", 3: "three", 4: "four", 5: "five", 6: "six", 7: "seven", 8: "eight", 9: "nine"}
 LONGER = 4.0
 """Where the record does not determine τ2, holds are so many times as long as now."""
 
@@ -57,43 +50,11 @@ def _planned(fit: Fit, plan: Plan) -> str:
         held = min(max(plan.hold_s), math.ceil(LONGER * max(fit.data.record_s, default=math.inf)))
         levels = some_levels(plan.levels, NAMED)
         return f"Record {_named(levels, unit)} three times each, held {held:.0f} s, then fit and plan again"
-    more = _more_repeats(fit, plan)
-    if 0 < len(more) <= NAMED and max(more.values()) <= MOST_REPEATS:
-        held = math.ceil(max(np.interp(list(more), plan.levels, plan.hold_s)))
-        return f"Record {_named(list(more), unit)} {_times(max(more.values()))} more, {held} s each"
     holds = " to ".join(f"{one:.0f}" for one in sorted({min(plan.hold_s), max(plan.hold_s)}))
     ends = f"{level(plan.levels[0])} to {level_text(plan.levels[-1], unit)}"
     cost = f"{plan.time_on_rig_s / 60:.0f} min" if plan.time_on_rig_s < 6000 else f"{plan.time_on_rig_s / 3600:.0f} h"
-    cost += _best(plan)
-    return f"Record {len(plan.levels)} levels, {ends}, {_times(plan.repeats)} each, held {holds} s ({cost})"
-
-
-def _best(plan: Plan) -> str:
-    """What falls short even so."""
-    missed = next((one.values for one in plan.findings if one.code == "plan-falls-short"), None)
-    if missed is None or not isinstance(width := missed["width_pct"], float):
-        return ""
-    return f"; {SYMBOLS[str(missed['parameter'])]} to ± {width:.2g} % at best"
-
-
-def _more_repeats(fit: Fit, plan: Plan) -> Mapping[float, int]:
-    """Level → further repeats for the plan's widths, of the levels that miss any of them."""
-    counts = Counter(one.level for one in rising(fit.data.sources))
-    found = {}
-    for row in believed_levels(fit):
-        ends = [ci95_of(row, name) for name in plan.wanted]
-        over = max(_half_width_pct(one) / width for one, width in zip(ends, plan.wanted.values(), strict=True))
-        repeats = counts.get(row.level, 0)
-        if over > 1 and repeats:
-            found[row.level] = MOST_REPEATS + 1 if math.isinf(over) else math.ceil((over**2 - 1) * repeats)
-    return found
-
-
-def _half_width_pct(ends: Interval) -> float:
-    """Half-width of an interval as a share of the value, by its logarithm [%]; infinite where it says nothing."""
-    if ends is None or ends[0] <= 0:
-        return math.inf
-    return 100 * math.expm1(min(0.5 * math.log(ends[1] / ends[0]), 50.0))
+    times = "once" if plan.repeats == 1 else f"{plan.repeats} times"
+    return f"Record {len(plan.levels)} levels, {ends}, {times} each, held {holds} s ({cost})"
 
 
 def _inputs_to_hold(fit: Fit) -> str | None:
@@ -106,11 +67,6 @@ def _inputs_to_hold(fit: Fit) -> str | None:
     longest = max((near.get(one, 0.0) for one in levels), default=0.0)
     held = f", for {LONGER * longest:.2g} s each" if longest > 0 else ""
     return f"Hold {_named(levels, fit.data.input_unit)}{held}, coming from below"
-
-
-def _times(count: int) -> str:
-    """`once`, `twice`, `three times`: no digit beside that of a level."""
-    return COUNTS.get(count, f"{count}") + (" times" if count > 2 else "")
 
 
 def _named(levels: Sequence[float], unit: str) -> str:
@@ -139,7 +95,8 @@ def next_steps(results: Results, known: Known) -> tuple[Step, ...]:
     stopped = any(found.severity == "stop" for found in known["model"])
     gains = None if stopped else next(iter(results.gains), None)
     steps: list[Step] = []
-    if not results.gains and clutch is not None and may_be_controlled(clutch.result) and not stopped:
+    linear = clutch.result.linear if clutch is not None and not results.gains and not stopped else None
+    if linear is not None and linear.identifiable is not False and linear.a0 > 0 and linear.b0 > 0:
         steps.append(Step("Design the controllers", f"eaid tune-rc {fit_json} -o gains.json"))
     if gains is not None:
         steps += _better_gains(gains, fit_json)
@@ -166,23 +123,12 @@ def _better_gains(gains: Given[Gains], fit_json: str) -> list[Step]:
     return [Step(why, f"eaid tune-rc {fit_json} {options} -o {shlex.quote(gains.path)} --force")]
 
 
-def may_be_controlled(fit: Fit) -> bool:
-    """Whether tune-rc takes the fit: its linear model is known, and more input gives more output."""
-    part = fit.linear
-    return part is not None and part.identifiable is not False and part.a0 > 0 and part.b0 > 0
-
-
 def _without_fit(results: Results) -> tuple[Step, ...]:
-    """The data are fitted; a loop's log becomes a model where its input was recorded too."""
-    if not results.edge_logs:
-        return tuple(
-            Step("Fit the data", f"eaid fit {shlex.quote(data.path)} -o fit.json") for data in results.data[:1]
-        )
-    file = next(data.path for data in results.data if data.result.recorded)
-    if all(log.run.has_input for log in results.edge_logs):
-        return (Step("Fit the log as it was recorded", f"eaid fit {shlex.quote(file)} -o fit.json"),)
-    why = "For a model, record the input (what the controller commands) as one more column, then"
-    return (Step(why, "eaid fit LOGS -o fit.json"),)
+    """The data are fitted; a log whose input was not recorded first needs that."""
+    if any(not run.has_input for run, _edges in results.edge_logs):
+        why = "For a model, record the input (what the controller commands) as one more column, then"
+        return (Step(why, "eaid fit LOGS -o fit.json"),)
+    return tuple(Step("Fit the data", f"eaid fit {shlex.quote(data.path)} -o fit.json") for data in results.data[:1])
 
 
 def commands(results: Results) -> list[str]:

@@ -7,12 +7,10 @@ from eaid.report.draw import Drawn
 from eaid.report.page.known import MOST, Known, Terms, sentence
 from eaid.report.page.next_steps import commands
 from eaid.report.results import KINDS, Results
-from eaid.report.tables import data, fits, gains, recorded, replays
+from eaid.report.tables import data, fits, gains, replays
 from eaid.report.tables.table import Table, listed
 from eaid.shown import counted
 
-DOUBTFUL = 12
-"""Doubtful runs that are shown; the rest are folded."""
 OPEN_ROWS = 24
 """Most rows of a table that stands open; a longer one stands folded, whole, beside some of its rows."""
 OPEN_FIGURES = 3
@@ -134,30 +132,20 @@ def _data(results: Results, known: Known, drawn: Figures) -> Block | None:
     tables: list[Table] = []
     folds: list[Block] = []
     for steps in (given.result for given in results.data):
-        doubtful, fine = data.runs_tables(steps)
+        warned, fine = data.runs_tables(steps)
         levels, slips = data.levels_recorded(steps), data.slips_table(steps.runs, steps)
         title = f"{KINDS[steps.kind]}: every run" if len(results.data) > 1 else "every run"
-        folded = [doubtful, levels]
-        if steps is main:  # its doubtful runs stand open, else its levels
-            first, rest = _parted(doubtful)
-            tables, folded = ([first], [rest, levels]) if first.rows else ([levels], [])
+        folded = [warned, levels]
+        if steps is main:  # its runs with warnings stand open, else its levels
+            tables, folded = ([warned], [levels]) if warned.rows else ([levels], [])
         folds += _block(title.capitalize(), (), [*folded, slips, fine])
     if results.edge_logs and not any(table.rows for table in tables):
-        tables = [recorded.edges_table(results.edge_logs)]
+        tables = [data.edges_table(results.edge_logs)]
     alone = () if results.fits else ("fig07_nonlinear_model", "fig03_friction_steps")
     figures = _of(drawn, *alone, "edges", "fig06_hold_and_release")
     folds += _block("How the clutch is driven", _of(drawn, "fig02_pwm"))
     runs = {run.name for given in results.data for run in given.result.runs}
     return _part("Data", known, figures, tables, folds, besides=runs)
-
-
-def _parted(table: Table) -> tuple[Table, Table]:
-    """The first rows of a table, and the others under a heading of their own."""
-    more = len(table.rows) - DOUBTFUL
-    caption = f"{table.caption} {more} more are folded below." if more > 0 else table.caption
-    heading = f"More {table.heading[:1].lower()}{table.heading[1:]}"
-    first = replace(table, caption=caption, rows=table.rows[:DOUBTFUL])
-    return first, replace(table, heading=heading, rows=table.rows[DOUBTFUL:])
 
 
 def _figures_of(kind: str, drawn: Figures, results: Results) -> tuple[Drawn, ...]:
@@ -188,7 +176,7 @@ def _model(results: Results, known: Known, drawn: Figures) -> Block | None:
             several = sum(other.result.data.kind == fit_kind for other in results.fits) > 1
             title = KINDS[fit_kind].capitalize() + (f", {given.path}" if several else "")
             folds += _block(title, _figures_of(fit_kind, drawn, results) if fit_kind != kind else (), folded)
-    return _part("Model", known, (*_of(drawn, "compare"), *figures[:OPEN_FIGURES]), tables, folds)
+    return _part("Model", known, figures[:OPEN_FIGURES], tables, folds)
 
 
 def _controller(results: Results, known: Known, drawn: Figures) -> Block | None:
@@ -203,7 +191,7 @@ def _controller(results: Results, known: Known, drawn: Figures) -> Block | None:
             *([gains.checklist(given.result)] if k else []),  # the first one's stands open
             gains.table_iv(given.result, results.paper),
             gains.gains_table(given.result, results.paper),
-            *gains.further_tables(given.result),
+            gains.margins_table(given.result),
         ]
         folds += _block(title, (), tables)
     judged = results.gains[0].result

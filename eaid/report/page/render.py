@@ -23,8 +23,8 @@ from eaid.report.results import Results
 from eaid.report.tables.table import Cell, Name, text
 from eaid.version import __version__
 
-WORDS = {"good": "Good", "care": "Mind", "bad": "Stop", "none": "–"}
-SEVERITIES = {"stop": ("bad", "Stop"), "caution": ("care", "Mind"), "note": ("good", "Note")}
+WORDS = {"good": "Good", "care": "Warning", "bad": "Stop", "none": "–"}
+SEVERITIES = {"stop": ("bad", "Stop"), "caution": ("care", "Warning"), "note": ("good", "Note")}
 
 
 def page(

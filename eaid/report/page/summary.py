@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from eaid.findings import Finding
-from eaid.report.figures.steps import model_curves
 from eaid.report.page.known import Known
 from eaid.report.results import KINDS, Results
 from eaid.report.rig import controller_name, level_text, of_the_paper, rising
-from eaid.report.tables.data import doubts_of
+from eaid.report.tables.data import warnings_of
 from eaid.report.tables.gains import guarantee_words
 from eaid.report.tables.replays import SCENARIO_NAMES, metric
 from eaid.report.tables.table import interval, number
@@ -34,51 +33,21 @@ class Tile:
 
 
 def fit_pct(results: Results) -> float | None:
-    """100 (1 − ‖y − ŷ‖/‖y − mean y‖) of the page's model, as the fit says or over the data given."""
-    fit, data = results.main_fit, results.main_data
+    """100 (1 − ‖y − ŷ‖/‖y − mean y‖) of the page's model, as the fit says: of all its data, else the levels' mean."""
+    fit = results.main_fit
     if fit is not None and fit.nonlinear is not None and fit.nonlinear.fit_pct is not None:
         return fit.nonlinear.fit_pct
-    models = model_curves(fit, data)
-    rows = [(row.mean, models[row.level](row.time_s)) for row in data.levels if row.level in models] if data else []
-    if rows:
-        y, fitted = (np.concatenate([row[k] for row in rows]) for k in (0, 1))
-        spread = float(np.linalg.norm(y - y.mean()))
-        return 100 * (1 - float(np.linalg.norm(y - fitted)) / spread) if spread > 0 else None
     percents = [row.fit_pct for row in (fit.friction_levels if fit else ()) if row.fit_pct is not None]
     return float(np.mean(percents)) if percents else None
 
 
 def tiles(results: Results) -> tuple[Tile, ...]:
-    """Six numbers: fit, T_s, τ1, τ2 at the top level, largest errors, worst margin; else those of edges."""
+    """Six numbers: fit, T_s, τ1, τ2 at the top level, largest errors, worst margin; none of edges alone."""
     if results.shows_edges:
-        return _edges(results)
+        return ()
     percent = fit_pct(results)
     fit = Tile("fit", f"{number(percent, 3)} %" if percent is not None else "–", "100 % would be on the data")
     return (fit, *_values(results.main_fit), _errors(results), _margins(results))
-
-
-def _edges(results: Results) -> tuple[Tile, ...]:
-    logs = results.edge_logs
-    edges = [edge for log in logs for edge in log.edges]
-    out = logs[0].run.output_unit
-    settled = [edge.settling_s for edge in edges if edge.settling_s is not None]
-    goals = [pair for log in logs for pair in zip(log.goals, log.edges, strict=True)]
-    left_over = [abs(goal - edge.after) for goal, edge in goals if goal is not None]
-    errors = [log.rms_error for log in logs if log.rms_error is not None]
-
-    def worst(values: Sequence[float], unit: str, digits: int = 3) -> str:
-        return f"{number(max(values), digits)} {unit}".rstrip() if values else "–"
-
-    sizes = [abs(edge.after - edge.before) for edge in edges]
-    return (
-        Tile("edges", str(len(edges)), f"in {counted(len(logs), 'log')}"),
-        Tile("largest edge", worst(sizes, out), "change of the output"),
-        Tile("slowest rise", worst([edge.rise_s for edge in edges], "s"), "10 to 90 % of the change"),
-        Tile("largest overshoot", worst([edge.overshoot_pct for edge in edges], "%"), "of the change"),
-        Tile("longest settling", worst(settled, "s"), f"within 5 %; {len(settled)} of {len(edges)} settle"),
-        Tile("left over | RMS error", f"{worst(left_over, '')} | {worst(errors, '')}" if errors else "–",
-             f"{out} from the reference" if errors else "no reference in the log"),
-    )  # fmt: skip
 
 
 def _values(fit: Fit | None) -> list[Tile]:
@@ -175,8 +144,7 @@ def title(results: Results) -> str:
     if kind is None:
         what = "Replays" if results.replays else "Gains"
     if results.shows_edges:
-        asked_for = any(log.run.reference_nm is not None for log in results.edge_logs)
-        what = "Edges of a closed loop" if asked_for else "Edges of the output"
+        return "Edges of the output"
     return f"{what}: two fits side by side" if results.pair else what
 
 
@@ -191,10 +159,6 @@ def chips(results: Results) -> tuple[str, ...]:
     if fit is not None and fit.recorded is not None and fit.recorded.logs:
         logs = fit.recorded.logs
         texts.append(f"{counted(len(logs), 'log')} as recorded, {sum(log.duration_s for log in logs):.4g} s")
-    if results.shows_edges:
-        loops = results.edge_logs
-        duration = sum(float(log.run.time_s[-1]) for log in loops)
-        texts += [loops[0].run.output_unit or "output", f"{counted(len(loops), 'log')} as recorded, {duration:.4g} s"]
     if levels and about is not None:
         span = f"{levels[0]:.4g} to {level_text(levels[-1], about.input_unit)}"
         texts.append(f"{len(levels)} levels, {span}" if len(levels) > 1 else level_text(levels[0], about.input_unit))
@@ -218,26 +182,24 @@ def _grade(findings: Sequence[Finding]) -> str:
 
 def _counted(findings: Sequence[Finding]) -> str:
     counts = Counter(found.severity for found in findings)
-    kinds = ((counts["stop"], "stop"), (counts["caution"], "reservation"))
-    return ", ".join(counted(count, word) for count, word in kinds if count) or "no reservation"
+    kinds = ((counts["stop"], "stop"), (counts["caution"], "warning"))
+    return ", ".join(counted(count, word) for count, word in kinds if count) or "no warning"
 
 
 def _data(results: Results, known: Known) -> Light:
     data, fit, findings = results.main_data, results.main_fit, known["data"]
     if data is not None:
-        doubtful = sum(1 for run in data.runs if doubts_of(run))
-        text = f"{doubtful} of {len(data.runs)} runs doubtful"
-        text = text if doubtful else f"{counted(len(data.runs), 'run')}, none doubtful"
-        return Light("Data", _worst([_grade(findings), "care" if doubtful else "good"]), text, "data")
+        warned = sum(1 for run in data.runs if warnings_of(run))
+        text = f"{warned} of {len(data.runs)} runs with warnings"
+        text = text if warned else f"{counted(len(data.runs), 'run')}, no warning"
+        return Light("Data", _worst([_grade(findings), "care" if warned else "good"]), text, "data")
     if fit is not None and fit.data.sources:
         text = f"{counted(len(rising(fit.data.sources)), 'run')}; {_counted(findings)}"
         return Light("Data", _grade(findings), text, "data")
     if results.shows_edges:
-        count = sum(len(log.edges) for log in results.edge_logs)
-        loop = len(results.edge_logs) == 1 and results.edge_logs[0].run.reference_nm is not None and count < 100
-        logs = "closed loop" if loop else counted(len(results.edge_logs), "log")
-        edges = counted(count, "edge") if count else "no edge"
-        return Light("Data", _grade(findings) if count else "care", f"{logs}, {edges}", "data")
+        count = sum(len(edges) for _run, edges in results.edge_logs)
+        logs = counted(len(results.edge_logs), "log")
+        return Light("Data", _grade(findings) if count else "care", f"{logs}, {counted(count, 'edge')}", "data")
     return Light("Data", "none", "no data given", "appendix")
 
 

@@ -1,36 +1,32 @@
-"""Tables of recorded steps and of files: runs, levels, steps from level to level, slips; what the report was given."""
+"""Tables of what was recorded: runs, levels, steps from level to level, slips, edges; of the files of a report."""
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
+import numpy as np
 from msgspec.structs import replace
 
 from eaid.errors import on_command_line
 from eaid.findings import say
-from eaid.report.results import KINDS, Results
-from eaid.report.rig import controller_name, rising
+from eaid.report.results import KINDS, EdgeLog, Results
 from eaid.report.tables.table import Cell, Name, Table, columns, level, table_of
-from eaid.results.fit import Fit
-from eaid.results.replay import Replay
-from eaid.shown import counted
 from eaid.steps.stepset import LevelStep, RunRecord, StepSet
 
 
-def doubts_of(run: RunRecord) -> tuple[str, ...]:
-    """What is doubtful in a run, as sentences that do not name it again; notes are no doubts."""
-    doubts = [replace(found, subject="this run") for found in run.findings if found.severity != "note"]
-    return tuple(("stop: " if doubt.severity == "stop" else "") + on_command_line(say(doubt)) for doubt in doubts)
+def warnings_of(run: RunRecord) -> tuple[str, ...]:
+    """What a run warns of, as sentences that do not name it again; notes are no warnings."""
+    warnings = [replace(found, subject="this run") for found in run.findings if found.severity != "note"]
+    return tuple(("stop: " if one.severity == "stop" else "") + on_command_line(say(one)) for one in warnings)
 
 
 def runs_tables(data: StepSet) -> tuple[Table, Table]:
-    """The doubtful runs with what is doubtful in each, and the fine ones."""
-    doubtful: list[tuple[Cell, ...]] = []
+    """The runs with warnings, and those without."""
+    warned: list[tuple[Cell, ...]] = []
     fine: list[tuple[Cell, ...]] = []
     for run in data.runs:
-        doubts = doubts_of(run)
         row: tuple[Cell, ...] = (Name(run.name), level(run.level), run.edge, run.repeat)
-        if doubts:
-            doubtful.append((*row, Name("; ".join(doubts))))
+        if warnings := warnings_of(run):
+            warned.append((*row, Name("; ".join(warnings))))
         else:
             fine.append((*row, run.samples, run.rate_hz, run.baseline_nm))
     heads = columns("run", ("level", data.input_unit), "edge", "repeat")
@@ -38,14 +34,14 @@ def runs_tables(data: StepSet) -> tuple[Table, Table]:
     read_first = "Read these before their numbers are used."
     idle = "The idle output is the mean before the step; it is subtracted before fitting."
     return (
-        Table("Doubtful runs", read_first, (*heads, *columns("what is doubtful")), tuple(doubtful)),
-        Table("Runs without a doubt", idle, (*heads, *of_fine), tuple(fine)),
+        Table("Runs with warnings", read_first, (*heads, *columns("warnings")), tuple(warned)),
+        Table("Runs without a warning", idle, (*heads, *of_fine), tuple(fine)),
     )
 
 
 def levels_recorded(data: StepSet) -> Table:
     """One row a level: runs, the output before the step and in the end, what is lost while the input is held."""
-    doubtful = Counter(run.level for run in data.runs if doubts_of(run))
+    warned = Counter(run.level for run in data.runs if warnings_of(run))
     falls = Counter({release.level: len(release.names) for release in data.releases})
     rows: list[tuple[Cell, ...]] = []
     for averaged in data.levels:
@@ -56,10 +52,10 @@ def levels_recorded(data: StepSet) -> Table:
         rise = float(mean[-max(1, len(mean) // 10) :].mean())
         lost_pct = round(max((run.lost_pct or 0.0 for run in runs), default=0.0))
         held_s = float(averaged.time_s[-1])
-        rows.append((level(u), len(names), doubtful[u], before, rise, lost_pct, held_s, falls[u]))
+        rows.append((level(u), len(names), warned[u], before, rise, lost_pct, held_s, falls[u]))
     out = data.output_unit
     heads = columns(
-        ("level", data.input_unit), "runs", "doubtful", ("before", out, 3), ("rise", out), ("lost", "%"), ("held", "s"),
+        ("level", data.input_unit), "runs", "warned", ("before", out, 3), ("rise", out), ("lost", "%"), ("held", "s"),
         "falls",
     )  # fmt: skip
     caption = "Rise: mean of the repeats in the end. Lost: from the peak to there."
@@ -105,42 +101,48 @@ def highest_slips(data: StepSet) -> list[RunRecord]:
     return [highest[u] for u in sorted(highest)]
 
 
+def edges_table(logs: Sequence[EdgeLog]) -> Table:
+    """One row an edge of an output: where it goes, and how it gets there.
+
+    What the reference asks for behind an edge is its median in the second half of the stretch up to the next edge.
+    """
+    out = logs[0][0].output_unit if logs else ""
+    rows: list[tuple[Cell, ...]] = []
+    for run, edges in logs:
+        ends = [*(edge.at_s for edge in edges[1:]), float(run.time_s[-1])]
+        for k, (edge, end) in enumerate(zip(edges, ends, strict=False)):
+            goal = None
+            if run.reference_nm is not None:
+                behind = (run.time_s >= (edge.at_s + end) / 2) & (run.time_s <= end)
+                goal = float(np.median(run.reference_nm[behind]))
+            left = None if goal is None else goal - edge.after
+            course = (edge.rise_s, edge.overshoot_pct, edge.settling_s)
+            rows.append((Name(run.name), k + 1, run.start_s + edge.at_s, edge.before, edge.after, goal, left, *course))
+    heads = columns(
+        "log", ("edge", "", 1), ("at", "s"), ("from", out), ("to", out), ("asked for", out), ("left over", out, 2),
+        ("rise", "s", 3), ("overshoot", "%", 3), ("settled in", "s", 3),
+    )  # fmt: skip
+    caption = (
+        "Rise from 10 to 90 % of the change, overshoot beyond the end value, time until it stays within 5 % about it; "
+        "a dash: it does not settle."
+    )
+    return Table("Edges of the output", caption, heads, tuple(rows))
+
+
 def files_table(results: Results) -> Table:
     """The files given to the report and, for each fit, the logs behind it."""
     rows: list[tuple[Cell, ...]] = [
-        *((Name(fit.path), "fit", _of_fit(fit.result), Name(fit.sha256)) for fit in results.fits),
-        *((Name(gains.path), "gains", "robust and PI gains", Name(gains.sha256)) for gains in results.gains),
-        *((Name(run.path), "replay", Name(_of_replay(run.result)), Name(run.sha256)) for run in results.replays),
+        *((Name(fit.path), f"fit, {KINDS[fit.result.data.kind]}", Name(fit.sha256)) for fit in results.fits),
+        *((Name(gains.path), "gains", Name(gains.sha256)) for gains in results.gains),
+        *((Name(one.path), Name(f"replay, {one.result.head.scenario}"), Name(one.sha256)) for one in results.replays),
+        *((Name(data.path), f"data, {KINDS[data.result.kind]}", Name(data.sha256)) for data in results.data),
     ]
-    for data in results.data:
-        counts = Counter(averaged.level for averaged in data.result.levels for _ in averaged.names)
-        rows.append((Name(data.path), "data", f"{KINDS[data.result.kind]}: {_levels(counts)}", Name(data.sha256)))
     fingerprints = {given.sha256 for given in results.every}
     for fit in results.fits:
         logs = [(log.path, log.sha256) for log in fit.result.data.inputs or fit.result.data.sources]
         for path, sha in dict.fromkeys(logs):
             if sha not in fingerprints:
-                rows.append((Name(path), Name(f"log behind {fit.path}"), None, Name(sha or "–")))
+                rows.append((Name(path), Name(f"log behind {fit.path}"), Name(sha or "–")))
     caption = "What was given to this report, and the logs that the fits name. The fingerprint (SHA-256) tells one "
-    heads = columns("file", "what it is", "holds", "fingerprint")
-    return Table("Files", f"{caption}version of a file from another.", heads, tuple(rows))
-
-
-def _of_fit(fit: Fit) -> str:
-    models = [name for name in ("friction", "nonlinear", "linear", "release") if getattr(fit, name) is not None]
-    counts = Counter(source.level for source in rising(fit.data.sources))
-    text = f"{KINDS[fit.data.kind]}: {', '.join(models) or 'no model'}"
-    return f"{text}; {_levels(counts)}" if counts else text
-
-
-def _of_replay(replay: Replay) -> str:
-    names = [controller_name(name) for name in replay.records]
-    return f"{replay.head.scenario or 'replay'}: {', '.join(names) if len(names) < 6 else f'{len(names)} runs'}"
-
-
-def _levels(counts: "Counter[float | None] | Counter[float]") -> str:
-    if not counts:
-        return "no level"
-    least, most = min(counts.values()), max(counts.values())
-    runs = f"{least}" if least == most else f"{least} to {most}"
-    return f"{counted(len(counts), 'level')}, {runs} run{'s' if most != 1 else ''} each"
+    return Table("Files", f"{caption}version of a file from another.", columns("file", "what it is", "fingerprint"),
+                 tuple(rows))  # fmt: skip

@@ -1,13 +1,14 @@
 """Tables of one fit: the single levels, Tables I–III, the linear model, release, held-out levels, Huber's weights."""
 
+from collections.abc import Sequence
+from typing import Any
+
 from eaid.report import rig as published
 from eaid.report.rig import apparatus_of, gain, of_the_paper, printed_head, rate
-from eaid.report.tables import recorded
 from eaid.report.tables.table import (
     INTERVAL,
     SYMBOLS,
     Cell,
-    Head,
     Name,
     Table,
     columns,
@@ -17,8 +18,9 @@ from eaid.report.tables.table import (
     with_interval,
     with_unit,
 )
-from eaid.results.common import HuberPart, Interval, ci95_of
+from eaid.results.common import HuberPart, ci95_of
 from eaid.results.fit import Estimate, Fit, Nonlinear, Trend
+from eaid.results.recorded import Asked, Falls, LogFit, Loop, Response
 
 PARAMETERS = ("Ts", "tau1", "tau2")
 
@@ -234,14 +236,18 @@ def _part(one: HuberPart) -> str:
 
 def model_tables(fit: Fit, asked: bool | None = None) -> list[Table]:
     """Values of each model, logs as recorded and single levels first; tables without rows are left out."""
-    found = recorded.recorded_tables(fit)
+    found: list[Table] = []
+    if (part := fit.recorded) is not None:
+        unit, out = fit.data.input_unit, fit.data.output_unit
+        found += [logs_table(part.logs, out), responses_table(part.responses), loops_table(part.loops, (unit, out))]
+        found += [asked_table(part.asked, unit), falls_table(part.falls)]
     if fit.friction is not None:
         found.append(levels_table(fit))
         if fit.friction.trends:
             found.append(trends_table(fit, asked))
     found.append(level_steps_table(fit))
     if fit.nonlinear is not None:
-        found += [table_iii(fit, asked), estimates_table(fit)]
+        found.append(table_iii(fit, asked))
     if fit.linear is not None:
         found += [linear_table(fit, asked), input_gain_table(fit, asked)]
     if fit.release is not None:
@@ -253,26 +259,6 @@ def judging_tables(fit: Fit) -> list[Table]:
     """Whether the model is right, and whether another would be better; tables without rows are left out."""
     found = (lack_of_fit_table(fit), shapes_table(fit), degrees_table(fit))
     return [table for table in found if table.rows]
-
-
-def estimates_table(fit: Fit) -> Table:
-    """The curves of every estimate at each level; no rows where there is only one."""
-    assert fit.nonlinear is not None
-    shown = {name: one for name, one in estimates_of(fit.nonlinear).items() if one.curves}
-    at = [{row.level: row for row in one.curves} for one in shown.values()]
-    rows: list[tuple[Cell, ...]] = []
-    for place in at[0] if len(at) > 1 else ():
-        for name in PARAMETERS:
-            said = f"{SYMBOLS[name]} ({unit_of(fit, name)})"
-            cells: list[Cell] = [with_unit(level(place), fit.data.input_unit), said]
-            for rows_of in at:
-                row = rows_of.get(place)
-                cells += [getattr(row, name), ci95_of(row, name)] if row is not None else [None, None]
-            rows.append(tuple(cells))
-    heads: list[Head] = ["level", "value"]
-    for k, name in enumerate(shown):
-        heads += [f"{name} (used)" if k == 0 else name, INTERVAL]
-    return Table("Estimates side by side", "Values of each estimate at the levels.", columns(*heads), tuple(rows))
 
 
 def lack_of_fit_table(fit: Fit) -> Table:
@@ -323,36 +309,94 @@ def degrees_table(fit: Fit) -> Table:
 
 def comparison_table(first: Fit, second: Fit, names: tuple[str, str]) -> Table:
     """Values of two fits of one kind: both, their difference, and whether the intervals part."""
-    rows: list[tuple[Cell, ...]] = []
-
-    def add(name: str, a: float | None, b: float | None, ends_a: Interval = None, ends_b: Interval = None) -> None:
-        if a is None or b is None:
-            return
-        change = f"{100 * (b / a - 1):+.1f} %".replace("-", "−") if a else "–"
-        parted = None if ends_a is None or ends_b is None else ends_a[1] < ends_b[0] or ends_b[1] < ends_a[0]
-        rows.append((name, a, ends_a, b, ends_b, change, parted))
-
     unit, out = first.data.input_unit, first.data.output_unit
-    one, two = first.linear, second.linear
-    if one is not None and two is not None:
-        for key, per in (("a0", "1/s"), ("b0", rate(unit, out)), ("c0", f"{out}/s")):
-            ends = [ci95_of(part, key) for part in (one, two)]
-            add(f"{key} ({per})", getattr(one, key), getattr(two, key), *ends)
-        if one.bounds and two.bounds:
-            for key in ("B_m", "B_M"):
-                ends = [ci95_of(bounds, key) for bounds in (one.bounds, two.bounds)]
-                add(f"{key} ({gain(unit, out)})", getattr(one.bounds, key), getattr(two.bounds, key), *ends)
-    for part in ("nonlinear", "linear"):
-        a, b = getattr(first, part), getattr(second, part)
-        add(f"RMSE of the {part} model ({out})", a and a.rmse, b and b.rmse)
-    levels = [{row.level: row for row in fit.friction_levels} for fit in (first, second)]
-    for place in sorted(set(levels[0]) & set(levels[1])):
-        pair = levels[0][place], levels[1][place]
-        for key in PARAMETERS:
-            ends = [ci95_of(row, key) for row in pair]
-            said = f"{SYMBOLS[key]} at {with_unit(level(place), unit)} ({unit_of(first, key)})"
-            add(said, getattr(pair[0], key), getattr(pair[1], key), *ends)
-    heads = columns(
-        "value", "A", ("A, 95 %", "", 3), "B", ("B, 95 %", "", 3), "change", "beyond both intervals"
-    )  # fmt: skip
+    pairs: list[tuple[str, Any, Any, str]] = []
+    if first.linear is not None and second.linear is not None:
+        units = {"a0": "1/s", "b0": rate(unit, out), "c0": f"{out}/s"}
+        pairs += [(f"{key} ({per})", first.linear, second.linear, key) for key, per in units.items()]
+    a, b = ({row.level: row for row in fit.friction_levels} for fit in (first, second))
+    pairs += [
+        (f"{SYMBOLS[key]} at {with_unit(level(place), unit)} ({unit_of(first, key)})", a[place], b[place], key)
+        for place in sorted(set(a) & set(b))
+        for key in PARAMETERS
+    ]
+    rows: list[tuple[Cell, ...]] = []
+    for said, one, other, key in pairs:
+        values, ends = [getattr(part, key) for part in (one, other)], [ci95_of(part, key) for part in (one, other)]
+        if None not in values:
+            change = f"{100 * (values[1] / values[0] - 1):+.1f} %".replace("-", "−") if values[0] else "–"
+            x, y = ends
+            parted = None if x is None or y is None else x[1] < y[0] or y[1] < x[0]
+            rows.append((said, values[0], ends[0], values[1], ends[1], change, parted))
+    heads = columns("value", "A", ("A, 95 %", "", 3), "B", ("B, 95 %", "", 3), "change", "beyond both intervals")
     return Table("Both fits", Name(f"A is {names[0]}, B is {names[1]}."), heads, tuple(rows))
+
+
+def logs_table(logs: Sequence[LogFit], out: str) -> Table:
+    """One row a log."""
+    return table_of(
+        "Logs fitted as recorded",
+        "Free run: the model driven by the input alone. One step: from each measured sample to the next.",
+        logs,
+        ("log", lambda log: Name(log.name)), ("input", "input_kind"), (("length", "s", 3), "duration_s"),
+        (("rate", "Hz", 3), "rate_hz"), (("idle", out, 3), "idle"), (("RMSE", out, 3), "rmse"),
+        (("free-run fit", "%", 3), "fit_pct"), (("one-step fit", "%", 3), "one_step_pct"),
+    )  # fmt: skip
+
+
+def responses_table(responses: Sequence[Response]) -> Table:
+    """Where the frequency response of each log is known, and how far the clutch is from any linear system."""
+    return table_of(
+        "Frequency response",
+        "Harmonics: what the output holds beyond any linear answer to the input, noise taken off, as a share of the "
+        "linear part; the same of the nonlinear model.",
+        [response for response in responses if response.frequency_hz],
+        ("log", lambda response: Name(response.name)), (("from", "Hz", 3), lambda response: response.frequency_hz[0]),
+        (("to", "Hz", 3), lambda response: response.frequency_hz[-1]), (("averages", "", 2), "averages"),
+        (("least coherence", "", 3), lambda response: min(response.coherence)),
+        (("harmonics", "%", 3), "harmonics_pct"), (("of the model", "%", 3), "model_harmonics_pct"),
+    )  # fmt: skip
+
+
+def loops_table(loops: Sequence[Loop], units: tuple[str, str]) -> Table:
+    """Recorded closed loops: the law that explains the input, errors, margins, limits."""
+    unit, out = units
+    return table_of(
+        "Closed loops as recorded",
+        "Error: reference minus output, as recorded and as the same law gives it on the fitted model; margins of that "
+        "law around the inputs used.",
+        loops,
+        ("loop", lambda loop: Name(loop.name)), (("K_P", f"{unit}/({out})", 3), "K_P"),
+        (("K_I", f"{unit}/({out}·s)", 3), "K_I"), (("PI law explains", "%", 3), "law_fit_pct"),
+        (("at a limit", "%", 2), lambda loop: 100 * loop.saturated_fraction), (("RMS error", out, 3), "rms_error"),
+        (("as replayed", out, 3), "predicted_rms_error"), (("apart", out, 3), "rms_from_predicted"),
+        (("gain margin", "dB", 3), "gain_margin_db"), (("phase margin", "°", 3), "phase_margin_deg"),
+    )  # fmt: skip
+
+
+def asked_table(asked: Sequence[Asked], unit: str) -> Table:
+    """What the inputs asked about at each level."""
+    return table_of(
+        "What the input asked about",
+        "Half-widths of the 95 % intervals there, as a share of the value; a dash: never asked.",
+        asked,
+        (("level", unit), lambda row: level(row.level)), (("time near it", "s", 3), "time_s"),
+        (("T_s", "± %", 2), "Ts"), (("τ1", "± %", 2), "tau1"), (("τ2", "± %", 2), "tau2"),
+    )  # fmt: skip
+
+
+def falls_table(falls: Falls | None) -> Table:
+    """Whether falls differ from rises; no rows where nothing was tested."""
+    rows: list[tuple[Cell, ...]] = []
+    if falls is not None:
+        slip = (falls.hysteresis_pct, falls.hysteresis_ci95, falls.hysteresis_chance, falls.hysteresis_fitted)
+        rows = [
+            ("τ1 of falls to rest (s)", falls.release_tau1, None, falls.release_chance, falls.release_fitted),
+            ("τ2 of falls to rest (s)", falls.release_tau2, None, falls.release_chance, falls.release_fitted),
+            ("τ1 of partial falls, times", falls.fall_tau1, falls.fall_tau1_ci95, falls.fall_chance, falls.fall_fitted),
+            ("τ2 of partial falls, times", falls.fall_tau2, falls.fall_tau2_ci95, falls.fall_chance, falls.fall_fitted),
+            ("T_s after a fall, more by (%)", *slip),
+        ]
+    heads = columns("value", ("found", "", 3), ("95 % interval", "", 3), ("p", "", 2), "fitted apart")
+    caption = "A small p, the probability of such a difference by chance, says that falls go otherwise than rises."
+    return Table("Falls against rises", caption, heads, tuple(row for row in rows if row[1] is not None))

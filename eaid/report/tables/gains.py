@@ -48,11 +48,6 @@ def tables_of(gains: Gains, asked: bool | None = None) -> list[Table]:
     return [table for table in every if table.rows]
 
 
-def further_tables(gains: Gains) -> list[Table]:
-    """What gains were made of, and every margin; tables that have rows."""
-    return [table for table in (readings_table(gains), margins_table(gains)) if table.rows]
-
-
 def printed(gains: Gains, asked: bool | None = None) -> str:
     """Head of the published controller's column; empty where it does not belong beside this one."""
     return printed_head("clutch", (gains.input_unit, gains.output_unit), asked)
@@ -140,22 +135,6 @@ def _least(gains: Gains, controller: str, prefix: str = "") -> list[tuple[str, s
     gain_db, phase_deg, _ = _margin(worst)
     said = "least over the held inputs"
     return [(f"{prefix}gain margin", "–", gain_db, "dB", said), (f"{prefix}phase margin", "–", phase_deg, "°", said)]
-
-
-def readings_table(gains: Gains) -> Table:
-    """ρ under both readings of Eq. (15), with what their φ means in the input's unit."""
-    rc = gains.rc
-    readings = rc.rho.readings if rc is not None else None
-    known = {"paper": readings.paper, "textbook": readings.textbook} if readings is not None else {}
-    rows = tuple(
-        (name, row.phi, row.phi_honest_pct, row.constant, row.slope) for name, row in known.items() if row is not None
-    )
-    equal = rc.equal_pi if rc is not None else None
-    caption = "Φ = B_M φ as printed, φ/B_m as derived in the textbook."
-    if equal is not None and equal.K_P is not None:
-        caption += f" Inside the layer the RC is a PI of {number(equal.K_P)} and {number(equal.K_I)}."
-    heads = columns("reading", "φ", ("means", gains.input_unit), "ρ, constant", "ρ, slope")
-    return Table("Readings of Eq. (15)", caption, heads, rows)
 
 
 def margins_table(gains: Gains) -> Table:

@@ -103,7 +103,6 @@ def log_table(replay: Replay) -> Table:
 def plants_table(replay: Replay) -> Table:
     """Every number over plants drawn from the fit's uncertainty; no rows where none were drawn."""
     rows: list[tuple[Cell, ...]] = []
-    worst = ""
     units = _units(replay) | {"": "1"}
     for name, m in replay.metrics().items():
         drawn = m.plants.metrics if m.plants else {}
@@ -111,17 +110,12 @@ def plants_table(replay: Replay) -> Table:
             said, kind = METRICS.get(key, (key, None))
             said = f"{controller_name(name)}: {said}{f' ({units[kind]})' if kind is not None else ''}"
             rows.append((said, one.low, one.median, one.high, one.worst.value, one.worst.plant, one.never))
-        if largest := drawn.get("max_abs_error_nm"):
-            plant = largest.worst
-            parts = {"τ1": plant.tau1, "τ2": plant.tau2, "T_s": plant.Ts}
-            shown = ", ".join(f"{part} [{', '.join(number(x) for x in values)}]" for part, values in parts.items())
-            worst += f" Largest error of {controller_name(name)} on plant {plant.plant}: {shown}."
     caption = f"{replay.head.plants} plants drawn from the fit's uncertainty; the figure's shaded band holds 95 % of "
     heads = columns(
         "number", ("2.5 %", "", 3), ("median", "", 3), ("97.5 %", "", 3), ("worst", "", 3), "its plant",
         "never reached by",
     )  # fmt: skip
-    return Table(f"Over drawn plants: {replay.head.scenario}", f"{caption}them.{worst}", heads, tuple(rows))
+    return Table(f"Over drawn plants: {replay.head.scenario}", f"{caption}them.", heads, tuple(rows))
 
 
 def steps_table(replay: Replay) -> Table:
