@@ -1,12 +1,22 @@
-"""Small result files of every kind, made once by the commands themselves, and a browser where one is installed."""
+"""Small result files of every kind, made once by the commands themselves; a reader of pages; a browser where there is
+one."""
 
+import base64
 import contextlib
+import gzip
 import io
+import json
+import re
 import shutil
-from collections.abc import Iterator
+import subprocess
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import html5lib
+import numpy as np
 import pytest
 
 from eaid.cli.main import run
@@ -14,10 +24,109 @@ from eaid.cli.main import run
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome", "msedge")
 
 
-def call(*arguments: str | Path) -> int:
+def call(*arguments: object) -> int:
     """One command, its tables not shown."""
     with contextlib.redirect_stdout(io.StringIO()):
         return run([str(argument) for argument in arguments])
+
+
+def words(node: ET.Element | None) -> str:
+    return "" if node is None else re.sub(r"\s+", " ", "".join(node.itertext())).strip()
+
+
+@dataclass
+class Page:
+    """What a page shows."""
+
+    path: Path
+
+    def __post_init__(self) -> None:
+        self.html = self.path.read_text(encoding="utf-8")
+        small = re.sub(r"data:image/png;base64,[^\"]*|<style>.*?</style>|(?<=<script>).*?(?=</script>)", "", self.html,
+                       flags=re.DOTALL)  # fmt: skip
+        self.root = html5lib.parse(small, namespaceHTMLElements=False)
+        body = self.root.find("body")
+        scripts = list(body.iter("script"))
+        self.live = {}
+        for figure in self.of("figure", "has-live"):
+            self.live[figure.get("id")] = [json.loads(one.text) for one in figure.iter("script")]
+        for one in scripts:
+            one.text = ""
+        self.text = words(body)
+        self.tables: dict[str, list[list[str]]] = {}
+        """Heading → rows of texts, the heads first."""
+        for one in self.of("div", "tabled"):
+            rows = [[words(cell) for cell in row if cell.tag in ("th", "td")] for row in one.iter("tr")]
+            self.tables.setdefault(words(one.find("h3")), rows)
+        self.captions = {one.get("id"): words(one.find("figcaption")) for one in self.of("figure", "figure")}
+        self.lights = [(one.get("class"), words(one.find("a/span"))) for one in self.of("ul", "lights")[0]]
+        tiles = (list(one) for one in self.of("dl", "tiles")[0])
+        self.tiles = {words(one[0]): (words(one[1]), words(one[2])) for one in tiles}
+        self.steps = [(words(one.find("span")), words(one.find("code"))) for one in self.root.iter("li") if
+                      one.find("code") is not None and one.find("button") is not None]  # fmt: skip
+        self.chips = [words(one) for one in self.of("ul", "chips")[0]]
+        self.title = words(self.root.find("body//h1"))
+
+    def of(self, tag: str, kind: str = "") -> list[ET.Element]:
+        return [one for one in self.root.iter(tag) if not kind or kind in (one.get("class") or "").split()]
+
+    def rows(self, heading: str) -> list[list[str]]:
+        """The rows of a table, without its heads."""
+        return self.tables[heading][1:]
+
+    def lines(self, figure: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Name → x and y of what can be hovered in the live plots of a figure."""
+
+        def sources(node: Any) -> Iterator[dict[str, Any]]:
+            if isinstance(node, dict):
+                if node.get("name") == "ColumnDataSource":
+                    yield node["attributes"]
+                node = list(node.values())
+            for one in node if isinstance(node, list) else ():
+                yield from sources(one)
+
+        found = {}
+        for k, plot in enumerate(self.live[figure]):
+            for one in sources(plot):
+                if "name" in one:
+                    known = dict(one["data"]["entries"])
+                    held = [gzip.decompress(base64.b64decode(known[key]["array"]["data"])) for key in "xy"]
+                    x, y = (np.frombuffer(part, np.float32) for part in held)
+                    found[one["name"] if len(self.live[figure]) == 1 else f"{k + 1}: {one['name']}"] = x, y
+        return found
+
+
+@pytest.fixture(scope="session")
+def report(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Page]:
+    """`report(files…, "--figures", …)`: the page that the command writes of some files."""
+
+    def made(*given: object) -> Page:
+        folder = tmp_path_factory.mktemp("made") / "report"
+        assert call("report", *given, "-o", folder, "-q") == 0
+        return Page(folder / "report.html")
+
+    return made
+
+
+@pytest.fixture(scope="session")
+def report_of(report: Callable[..., Page], tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Page]:
+    """`report_of({…}, {…})`: the page of results written as JSON, without figures but those named."""
+
+    def made(*results: dict[str, Any], figures: str = "own_reference", more: tuple[str, ...] = ()) -> Page:
+        folder = tmp_path_factory.mktemp("json")
+        paths = []
+        for k, one in enumerate(results):
+            paths.append(folder / f"{k}.json")
+            paths[-1].write_text(json.dumps(one), encoding="utf-8")
+        return report(*paths, "--figures", figures, *more)
+
+    return made
+
+
+@pytest.fixture(scope="session")
+def whole(page: Path) -> Page:
+    """The page of all files."""
+    return Page(page)
 
 
 @pytest.fixture(scope="session")
@@ -57,16 +166,18 @@ def page(files: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Pa
 
 @pytest.fixture(scope="session")
 def others(files: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Name → page: a log as recorded, steps from level to level, two fits, a loop, a marked fit of long names."""
+    """Name → page: logs as recorded, steps from level to level, two fits, a loop, a marked fit of long names."""
     folder = tmp_path_factory.mktemp("others")
-    reading = {"random": (), "staircase": ("--logs-as", "steps")}
     made: dict[str, list[Path]] = {}
-    for kind, more in reading.items():
-        logs, fit = folder / kind, folder / f"{kind}.json"
-        shape = ["--shape", "duration_s=120", "--rate-hz", "50", "--seed", "1"]
-        assert call("synth", "--excitation", kind, *shape, "-o", logs, "-q") == 0
-        assert call("fit", logs, *more, "-o", fit, "-q") in (0, 4)
-        made[kind] = [fit]
+    kinds = {"recorded": ("random", "prbs", "chirp", "closed-loop"), "staircase": ("staircase",)}
+    for name, excitations in kinds.items():
+        logs = [folder / kind for kind in excitations]
+        for seed, log in enumerate(logs):
+            shape = ["--shape", f"duration_s={120 if log.name == 'staircase' else 60}", "--rate-hz", "100"]
+            assert call("synth", "--excitation", log.name, *shape, "--seed", seed, "-o", log, "-q") == 0
+        more = ("--logs-as", "steps") if name == "staircase" else ()
+        made[name] = [folder / f"{name}.json"]
+        assert call("fit", *logs, *more, "-o", *made[name], "-q") in (0, 4)
     assert call("ingest", folder / "staircase", "-o", folder / "staircase.h5", "-q") == 0
     made["staircase"].append(folder / "staircase.h5")
     logs = folder / "long"
@@ -105,3 +216,18 @@ def browser() -> Iterator[Any]:
         opened = driver.chromium.launch(executable_path=found, args=["--no-sandbox"])
         yield opened
         opened.close()
+
+
+@pytest.fixture(scope="session")
+def printed() -> Callable[..., list[str]]:
+    """The text of each printed page of a tab."""
+    if shutil.which("pdftotext") is None:
+        pytest.skip("no pdftotext, so the printed pages are not read")
+
+    def pages(tab: Any, folder: Path) -> list[str]:
+        tab.emulate_media(media="print")
+        tab.pdf(path=folder / "page.pdf", prefer_css_page_size=True, print_background=True)
+        command = ["pdftotext", "-layout", folder / "page.pdf", "-"]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.split("\f")[:-1]
+
+    return pages

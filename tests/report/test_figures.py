@@ -1,376 +1,268 @@
-"""Figures as pure functions: what is drawn, its letters, its units."""
+"""Figures of results: their letters and units, and what is drawn of numbers that are known."""
 
 import re
-from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
+import pandas as pd
 import pytest
-from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from eaid.apparatus import Apparatus
-from eaid.models import friction, nonlinear
-from eaid.models.parameters import REFERENCE_PLANT
-from eaid.models.parameters import Friction as Curve
-from eaid.report import rig, style
-from eaid.report.draw import vector_of
-from eaid.report.figures import checks, clutch, recorded, rehab, replays, values
-from eaid.report.figures import clutch as frictions
-from eaid.report.figures import steps as level_steps
-from eaid.results import fit as fits
-from eaid.results.common import LevelError
-from eaid.results.fit import (
-    Bounds,
-    Fit,
-    Friction,
-    FrictionLevel,
-    LevelIntervals,
-    Linear,
-    LinearLevel,
-    LinearLevelIntervals,
-    Nonlinear,
-    StepShape,
-    Trend,
-)
-from eaid.results.recorded import LogCurve, LogFit, Response
-from eaid.steps.stepset import Level, LevelStep, StepSet
+import eaid
+from eaid.report.catalogue import FIGURES
+from eaid.report.draw import marked
+from eaid.report.results import gathered
+from eaid.report.style import look
 
 T = np.linspace(0, 20, 401)
-LEVELS = (20.0, 60.0, 100.0)
-RELEASE = (0.3, 3.0)
+REFERENCE = {
+    "tau1": [6.74e-3, 2.39e-2, -2.13e-4], "tau2": [0.93, 0.41, -2.64e-3], "Ts": [0.032, 9.2e-3, 2.1e-4, 1.32e-6],
+    "C": 0.85, "u_range": [10.0, 100.0],
+}  # fmt: skip
+"""The plant that the synthetic logs are made of."""
 
 
-def clutch_set(factor: float = 1.0) -> StepSet:
-    rows, falls = [], []
-    for u in LEVELS:
-        y = factor * nonlinear.step_response(REFERENCE_PLANT, T, u)
-        spread = np.array([[0.97], [1.0], [1.03]])
-        rows.append(Level(u, T, spread * y, ("a", "b", "c")))
-        fall = y[-1] * (0.85 * np.exp(-T / RELEASE[0]) + 0.15 * np.exp(-T / RELEASE[1]))
-        falls.append(Level(u, T, fall[None], ("a",)))
-    return StepSet("clutch", "%", "N·m", Apparatus(), tuple(rows), tuple(falls))
+def drawn(name: str, *results: Any) -> Any:
+    """A figure of the catalogue with its words; None where its data were not given."""
+    (row,) = [one for one in FIGURES if one.name == name]
+    with look():
+        return row.ready(gathered(results))
 
 
-def levels_of(rows: dict[float, Curve], force: bool = False) -> tuple[FrictionLevel, ...]:
-    return tuple(
-        FrictionLevel(
-            u, p.Ts, p.tau1, p.tau2, rmse=0.01, stress_kpa=u / (np.pi * 2e-3) / 1e3 if force else None, speed_rpm=u,
-            ci95=LevelIntervals((0.95 * p.Ts, 1.05 * p.Ts), (0.9 * p.tau1, 1.1 * p.tau1), None),
-        )
-        for u, p in rows.items()
-    )  # fmt: skip
+def response(u: float, t: np.ndarray = T) -> np.ndarray:
+    """Eqs. (4)–(7) of that plant."""
+    tau1, tau2, steady = (np.polynomial.polynomial.polyval(u, REFERENCE[key]) for key in ("tau1", "tau2", "Ts"))
+    return steady * (1 - 0.85 * np.exp(-t / tau1) - 0.15 * np.exp(-t / tau2))
 
 
-def clutch_fit(factor: float = 1.0) -> Fit:
-    p = REFERENCE_PLANT
-    curves = {u: nonlinear.at_duty(p, u) for u in LEVELS}
-    per_level = tuple(LevelError(u, rmse=u / 1000) for u in LEVELS)
-    steady = tuple(factor * c for c in p.Ts)
-    each = tuple(
-        LinearLevel(u, 1.8, u / 40, B=B, ci95=LinearLevelIntervals(B=(0.9 * B, 1.1 * B)))
-        for u, B in zip(LEVELS, (36.5, 33.0, 8.3), strict=True)
-    )
-    return Fit(
-        friction=Friction(0.85, levels=levels_of(curves)),
-        nonlinear=Nonlinear(p.tau1, p.tau2, steady, (10.0, 100.0), per_level=per_level),
-        linear=Linear(1.84, 0.0783, -1.34, bounds=Bounds(B_m=8.3, B_M=41.1), per_level=each),
-    )
-
-
-def friction_fit(kind: str) -> Fit:
-    force = kind == "friction-force"
-    levels = np.array([17.0, 51.0, 102.0, 170.0]) if force else np.array([5.0, 15.0, 25.0, 40.0])
-    x = levels / (np.pi * 2e-3) / 1e3 if force else levels
-    curves = rig.OVER_STRESS if force else {**rig.OVER_SPEED, "tau2": lambda w: 5.4 * np.exp(-0.0101 * w)}
-    rows = {u: Curve(*(float(curves[k](xi)) for k in ("Ts", "tau1", "tau2"))) for u, xi in zip(levels, x, strict=True)}
-    table = rig.TABLE_I if force else {k: rig.TABLE_II[k] for k in ("Ts", "tau1")}
-    forms = {2: "linear", 4: "double-exponential"}
-    trends = {k: Trend(forms[len(c)], c) for k, (_t, c, _r) in table.items()}
-    data = fits.FittedData(kind, "N" if force else "RPM", apparatus=fits.Rig(surfaces=1))
-    return Fit(
-        data=data,
-        friction=Friction(0.85, "stress_kpa" if force else "speed_rpm", levels_of(rows, force), trends),
-    )
-
-
-def force_set() -> StepSet:
-    rows = []
-    for row in friction_fit("friction-force").friction.levels:
-        y = friction.step_response(Curve(row.Ts, row.tau1, row.tau2), T)
-        rows.append(Level(row.level, T, 1.02 * y[None], ("a",)))
-    return StepSet("friction-force", "N", "N·m", Apparatus(surfaces=1), tuple(rows))
-
-
-def staircase() -> tuple[StepSet, tuple[StepShape, ...]]:
-    shapes = tuple(
-        StepShape(
-            f"s{k}", 50.0 * k, 50.0 * (k + 1), "up", 1.0 * k, 1.0 / (k + 1), 0.02, "two", 0.3, 4.0, 0.85, 0.5, 0.01,
-            95.0, 0.9, 9,
-        )
-        for k in range(3)
-    )  # fmt: skip
-    steps = tuple(
-        LevelStep(
-            one.run, "a.csv", one.from_, one.level, one.start, T, one.predict(T) + 0.05, np.full_like(T, one.level)
-        )
-        for one in shapes
-    )
-    return StepSet("clutch", "%", "N·m", Apparatus(), (), level_steps=steps), shapes
-
-
-def up_and_down() -> tuple[StepShape, ...]:
-    _data, up = staircase()
-    down = tuple(
-        msgspec.structs.replace(one, from_=one.level, level=one.from_, edge="down", gain=0.8 * one.gain, tau2=None)
-        for one in up
-    )
-    return (*up, *down)
-
-
-def traces() -> dict[str, dict[str, Any]]:
-    t = np.linspace(0, 10, 1001)
-    reference = 2 + np.sin(t)
-    return {
-        name: {"time_s": t, "reference_nm": reference, "torque_nm": reference * -np.expm1(-rate * t),
-               "duty_pct": 50 + 30 * np.sin(t + rate)}
-        for name, rate in (("rc", 5.0), ("pi", 1.0))
+def steps_of(outputs: dict[float, np.ndarray], t: np.ndarray = T) -> "eaid.StepSet":
+    """Steps from rest after two seconds."""
+    idle = np.arange(-2, 0, t[1])
+    frames = {
+        f"run-{u:g}": pd.DataFrame({
+            "time_s": np.concatenate([idle, t]) + 2, "duty_pct": np.where(np.concatenate([idle, t]) < -1e-9, 0.0, u),
+            "torque_nm": np.concatenate([0 * idle, y]),
+        })
+        for u, y in outputs.items()
     }  # fmt: skip
+    return eaid.read(frames)
 
 
-def robust_term() -> dict[str, Any]:
-    t = np.linspace(0, 10, 501)
-    return {"time_s": t, "rho_nm_s": 15 + np.sin(t) ** 2, "chi_nm_s": 5 * np.sin(3 * t)}
+@pytest.fixture(scope="module")
+def fit_of(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """A fit as a script may write it."""
+    import json
 
+    def made(**parts: Any) -> "eaid.Fit":
+        path = tmp_path_factory.mktemp("fit") / "fit.json"
+        path.write_text(json.dumps({"schema": "eaid/fit/1", **parts}))
+        return eaid.load(path)
 
-def tones() -> dict[str, dict[str, Any]]:
-    f = np.array([0.2, 0.5, 1.0, 3.0])
-    return {
-        name: {"frequency_hz": f, "gain_db": -k * f, "mean_abs_error_nm": 0.1 * k * f}
-        for name, k in (("rc", 1.0), ("pi", 3.0), ("open-loop", 5.0))
-    }
-
-
-def session() -> tuple[dict[str, Any], list[tuple[str, float, float]]]:
-    t = np.linspace(0, 90, 901)
-    trace = {"time_s": t, "target_deg": 35 - 25 * np.cos(t), "angle_deg": 35 - 22 * np.cos(t - 0.2),
-             "desired_nm": np.sin(t), "rendered_nm": 0.95 * np.sin(t - 0.05)}  # fmt: skip
-    return trace, [("soft", 0.0, 30.0), ("hard", 30.0, 60.0), ("assisted", 60.0, 90.0)]
-
-
-def as_recorded() -> list[LogFit]:
-    t = np.linspace(0, 60, 301)
-    made = []
-    for k, name in enumerate(("rig-day-up", "rig-day-down")):
-        u, left = 50 + 40 * np.sin((k + 1) * 0.2 * t), 0.02 * np.sin(5 * t)
-        curve = LogCurve(*(tuple(part.tolist()) for part in (t, u, u / 20 + left, u / 20, left)))
-        made.append(LogFit(name, fit_pct=98.0 - k, one_step_pct=99.0, curve=curve))
     return made
 
 
-def response(with_models: bool = True) -> Response:
-    """1/(1 + j f): half power at 1 Hz, 45° behind."""
-    f = np.geomspace(0.05, 10, 40)
-    h = 0.04 / (1 + 1j * f)
-    size, angle = np.abs(h), np.degrees(np.angle(h))
-    rows = (f, size, 0.8 * size, 1.2 * size, angle, 3 + 12 * f, 1 / (1 + 0.02 * f**2))
-    models = (1.05 * size, angle - 2, 0.9 * size, angle + 8) if with_models else ()
-    return Response("chirp", *(tuple(one.tolist()) for one in (*rows, *models)))
-
-
-DRAWN: dict[str, Callable[[], Figure]] = {
-    "fig02_pwm": lambda: clutch.pwm_period(Apparatus()),
-    "fig03_friction_steps": lambda: frictions.friction_steps(force_set(), friction_fit("friction-force")),
-    "fig04_friction_over_stress": lambda: frictions.friction_over_stress(friction_fit("friction-force")),
-    "fig05_friction_over_speed": lambda: frictions.friction_over_speed(friction_fit("friction-speed")),
-    "fig06_hold_and_release": lambda: clutch.hold_and_release(clutch.held_levels(clutch_set()), "%", "N·m"),
-    "fig07_nonlinear_model": lambda: clutch.nonlinear_model(clutch_set(1.05), clutch_fit()),
-    "fig08_linear_model": lambda: clutch.linear_model(clutch_set(), clutch_fit()),
-    "model_over_duty": lambda: values.polynomials(clutch_fit()),
-    "input_gain": lambda: clutch.input_gain(clutch_fit()),
-    "fig09_shear_per_field": lambda: clutch.shear_per_field(clutch_fit()),
-    "residuals_nonlinear": lambda: checks.residuals(clutch_set(1.05), clutch_fit(), "nonlinear"),
-    "fig11_steps": lambda: replays.tracking(traces(), with_error=False),
-    "fig12_multisine": lambda: replays.tracking(traces(), 3.0),
-    "fig13_sweep": lambda: replays.sweep(tones()),
-    "fig16_rehab": lambda: rehab.training(*session()),
-    "level_steps": lambda: level_steps.level_steps(*staircase()),
-    "steps_over_level": lambda: level_steps.over_level(up_and_down(), ("%", "N·m")),
-    "recorded_logs": lambda: recorded.recorded_logs(as_recorded(), ("%", "N·m")),
-    "bode": lambda: recorded.bode([response()], ("%", "N·m")),
-    "log_replay": lambda: replays.recorded_duty(traces()),
-    "guarantee_in_replay": lambda: replays.guarantee(robust_term()),
-    "fig17_rehab_errors": lambda: rehab.errors({"soft": np.arange(9.0), "hard": 2 * np.arange(9.0)}),
-    "compare": lambda: values.two_fits([("before", clutch_fit()), ("after", clutch_fit(1.3))]),
-}
-
-
-@pytest.mark.parametrize("name", DRAWN)
-def test_axes_name_their_unit_and_widths_are_ieee_columns(name: str):
-    with style.look():
-        figure = DRAWN[name]()
-    assert figure.get_figwidth() in (3.5, 7.16)
-    for axes in figure.axes:
-        labels = [label for label in (axes.get_xlabel(), axes.get_ylabel()) if label]
-        for label in labels:
-            assert "(" in label and label.rstrip().endswith(")"), label
-
-
-def letters(figure: Figure) -> list[Any]:
-    """Every text that is drawn."""
-    figure.canvas.draw()
-    return [one for one in figure.findobj(Text) if one.get_visible() and one.get_text().strip()]
+@pytest.fixture(scope="module")
+def given(files: dict[str, Path], others: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
+    """Results that together show every figure."""
+    folder = others["recorded"].parent.parent
+    fit, gains = eaid.load(files["clutch.json"]), eaid.load(files["gains.json"])
+    reference = pd.DataFrame({"time_s": [0.0, 1.0, 3.0], "reference_nm": [0.0, 1.0, 1.0]})
+    reference.to_csv(path := tmp_path_factory.mktemp("own") / "mine.csv", index=False)
+    more = [
+        eaid.simulate(fit, gains, log=files["clutch.h5"]), eaid.simulate(fit, gains, reference=path),
+        eaid.couple(fit, gains, torque=(1.0,), replay=False),
+    ]  # fmt: skip
+    return [
+        [*map(eaid.load, files.values()), *more], [eaid.load(folder / "recorded.json")],
+        [eaid.load(folder / name) for name in ("staircase.json", "staircase.h5")], [eaid.load(folder / "loop.h5")],
+    ]  # fmt: skip
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", DRAWN)
-def test_no_letter_is_smaller_than_eight_points_and_none_hangs_over_the_edge(name: str):
-    with style.look():
-        figure = DRAWN[name]()
-        shown = letters(figure)
-    assert shown and min(one.get_fontsize() for one in shown) >= 8
-    width, height = figure.get_size_inches() * figure.dpi
-    numbers = re.compile(
-        r"[−\d.e$^{}×-]+|[$].mathdefault.*|resistive.*|assisted"
-    )  # ticks beyond the limits are not drawn
-    for one in shown:
-        if numbers.fullmatch(one.get_text()) or (one.axes is not None and not one.axes.get_visible()):
-            continue
-        box = one.get_window_extent()
-        assert box.x0 > -1 and box.x1 < width + 1 and box.y0 > -1 and box.y1 < height + 1, one.get_text()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", DRAWN)
-def test_legends_are_off_the_data_and_panels_have_letters(name: str):
-    with style.look():
-        figure = DRAWN[name]()
+@pytest.mark.parametrize("name", [row.name for row in FIGURES])
+def test_letters_are_whole_units_are_named_and_widths_are_a_journals(name: str, given: list[Any]):
+    ready = next(filter(None, (drawn(name, *results) for results in given)))
+    figure = ready.figure
+    with look():
         figure.canvas.draw()
+    assert figure.get_figwidth() in (3.5, 7.16) and ready.sees.endswith(".") and ready.title
+    for label in (text for axes in figure.axes for text in (axes.get_xlabel(), axes.get_ylabel()) if text):
+        assert "(" in label and label.rstrip().endswith(")"), label
+    shown = [one for one in figure.findobj(Text) if one.get_visible() and one.get_text().strip()]
+    assert min(one.get_fontsize() for one in shown) >= 8
+    width, height = figure.get_size_inches() * figure.dpi
+    ticks = re.compile(r"[−\d.e$^{}×-]+|[$].mathdefault.*|resistive.*|assisted")  # beyond the limits not drawn
+    for one in shown:
+        if not ticks.fullmatch(one.get_text()) and (one.axes is None or one.axes.get_visible()):
+            box = one.get_window_extent()
+            assert box.x0 > -1 and box.x1 < width + 1 and box.y0 > -1 and box.y1 < height + 1, one.get_text()
     panels = [axes for axes in figure.axes if axes.get_visible() and axes.get_label() != "<colorbar>"]
     for axes in panels:
         if (legend := axes.get_legend()) is not None:
             box, plot = legend.get_window_extent(), axes.get_window_extent()
-            assert box.y0 >= plot.y1 - 1 or box.x0 >= plot.x1 - 1
+            assert box.y0 >= plot.y1 - 1 or box.x0 >= plot.x1 - 1  # off the data
     if len(panels) > 1:
-        assert [axes.get_title("left")[:3] for axes in panels] == [f"({mark})" for mark in "abcdef"[: len(panels)]]
-
-
-def test_widths_and_letters_are_the_journals_own():
-    with style.look(style.Look(3.3, 6.9, "STIXGeneral")):
-        one, both = DRAWN["input_gain"](), DRAWN["fig04_friction_over_stress"]()
-        assert letters(one)[0].get_fontname() == "STIXGeneral"
-    assert (one.get_figwidth(), both.get_figwidth()) == (3.3, 6.9)
-
-
-@pytest.mark.parametrize("kind", ["pdf", "svg"])
-def test_fonts_are_inside_the_file(kind: str):
-    with style.look():
-        held = vector_of(DRAWN["input_gain"](), kind)
-    assert b"/FontFile2" in held and b"/Type3" not in held if kind == "pdf" else b"<text" not in held
-
-
-def test_shear_point_by_hand():
-    """4.372 N·m over 2·2π(0.06³ − 0.04³)/3 = 6.367e-4 m³ is 6.867 kPa; 300 V over 95 µm is 3.158 V/µm."""
-    field, stress = clutch.shear_point(clutch_fit())
-    assert field == pytest.approx(3.1579, rel=1e-4)
-    assert stress == pytest.approx(4.372 / 6.36696e-4 / 1e3, rel=1e-4)
+        assert [axes.get_title("left")[:3] for axes in panels] == [f"({mark})" for mark in "abcdefghi"[: len(panels)]]
 
 
 def test_lost_and_left_by_hand():
     """A drive that peaks at 2, is held at 1.5 in the end and keeps 0.3 afterwards: 25 % lost, 20 % left."""
-    t = np.linspace(0, 20, 2001)
-    torque = np.where(t <= 10, np.where(t < 5, 2.0, 1.5), 0.3)
-    held = clutch.Held(100.0, t, torque, 10.0)
-    assert held.lost_pct == pytest.approx(25) and held.left_pct == pytest.approx(20)
+    t = np.arange(-2, 20, 0.01)
+    torque = np.select([t < 0, t < 5, t < 10], [0.0, 2.0, 1.5], 0.3)
+    frame = pd.DataFrame({"time_s": t + 2, "duty_pct": np.where((t < 0) | (t > 10), 0.0, 50.0), "torque_nm": torque})
+    ready = drawn("fig06_hold_and_release", eaid.read({"a": frame}))
+    assert "At 50 %, 25.0 % is lost while held and 20.0 % is left" in ready.sees
+    assert ready.figure.axes[0].lines[0].get_label() == "50 %: lost 25.0 %, left 20.0 %"
 
 
-def test_residuals_of_the_truth_are_nothing():
-    for _level, _t, r in checks.residuals_of(clutch_set(), clutch_fit(), "nonlinear"):
-        assert np.abs(r).max() < 1e-12
-    (_level, _t, r) = checks.residuals_of(clutch_set(1.1), clutch_fit(), "friction")[0]
-    assert np.abs(r).max() > 0.01
+def test_shear_point_by_hand(fit_of: Any):
+    """4.372 N·m over 2·2π(0.06³ − 0.04³)/3 = 6.367e-4 m³ is 6.867 kPa; 300 V over 95 µm is 3.158 V/µm."""
+    ready = drawn("fig09_shear_per_field", fit_of(nonlinear=REFERENCE))
+    ((field,), (stress,)) = ready.figure.axes[0].lines[-1].get_data()
+    assert field == pytest.approx(3.1579, rel=1e-4) and stress == pytest.approx(4.372 / 6.36696e-4 / 1e3, rel=1e-4)
+    assert "6.87 kPa at 3.16 V/µm, 2.17 kPa per V/µm" in ready.sees
 
 
-def test_a_residual_map_is_the_mean_of_its_stretches():
-    """A residual of 0.5 in the first tenth of a second and −0.25 after one second stands there, and nowhere else."""
-    t = np.linspace(0, 10, 100_001)
-    r = np.where(t < 0.1, 0.5, np.where(t > 1, -0.25, 0.0))
-    found = checks.residual_map([(10.0, t, r), (20.0, t, 0 * r)])
-    middle = (found.edges_s[:-1] + found.edges_s[1:]) / 2
-    assert found.levels == (10.0, 20.0) and found.mean[1] == pytest.approx(0)
-    assert found.mean[0, found.edges_s[1:] <= 0.1] == pytest.approx(0.5)
-    assert found.mean[0, found.edges_s[:-1] >= 1.0] == pytest.approx(-0.25)
-    between = (found.edges_s[:-1] >= 0.1) & (found.edges_s[1:] <= 1.0)
-    assert between.any() and found.mean[0, between] == pytest.approx(0) and np.all(np.diff(middle) > 0)
+def test_a_residual_stands_where_it_is_and_nowhere_else(fit_of: Any):
+    """0.5 in the first half second and −0.25 after five seconds, on one level of two."""
+    t = np.linspace(0, 10, 10_001)
+    off = np.where(t < 0.5, 0.5, np.where(t > 5, -0.25, 0.0))
+    ready = drawn("residuals_nonlinear", steps_of({20.0: response(20, t) + off, 60.0: response(60, t)}, t),
+                  fit_of(nonlinear=REFERENCE))  # fmt: skip
+    over_time, per_level = ready.figure.axes[:2]
+    mesh = over_time.collections[0]
+    mean, edges = np.asarray(mesh.get_array()), mesh.get_coordinates()[0, :, 0]
+    assert mean[1] == pytest.approx(0, abs=1e-9)
+    assert mean[0, edges[1:] <= 0.5] == pytest.approx(0.5) and mean[0, edges[:-1] >= 5] == pytest.approx(-0.25)
+    between = (edges[:-1] >= 0.5) & (edges[1:] <= 5)
+    assert between.any() and mean[0, between] == pytest.approx(0, abs=1e-9)
+    rms, at = per_level.lines[0].get_data()
+    assert rms == pytest.approx([np.sqrt(np.mean(off**2)), 0], abs=1e-9) and list(at) == [20, 60]
+    assert "Furthest: 0.50 N·m at 20 %" in ready.sees
 
 
-def test_a_curve_that_only_crosses_the_axis_is_not_drawn():
-    """τ2 of millions of seconds that falls below the single levels' about one input: no vertical line."""
-    u = np.linspace(100, 300, 201)
-    far, near = 1e6 * ((u - 225) / 100) ** 2, 1e-4 * (u - 100) ** 2
-    assert np.isnan(values.on_axis(far, 0.7)).all() and values.top_of(far, 0.7) == 0.7
-    assert values.top_of(near, 0.7) == pytest.approx(3 * 0.7)
-    assert np.isfinite(values.on_axis(near, 2.1)).sum() == (near < 1.3 * 2.1).sum() > 100
+def test_the_model_is_drawn_through_its_levels_and_a_curve_that_only_crosses_the_axis_is_not(fit_of: Any):
+    """τ2 = (u − 60)²·1e5 + 5, millions of seconds but about one input: no vertical line."""
+    levels = [{"level": u, "Ts": response(u)[-1], "tau1": 0.5, "tau2": 5.0} for u in (20.0, 60.0, 100.0)]
+    far = {**REFERENCE, "tau2": [3.6e8 + 5, -1.2e7, 1e5]}
+    tau1, tau2 = drawn("model_over_duty", fit_of(nonlinear=far, friction={"C": 0.85, "levels": levels})).figure.axes[1:]
+    assert np.isnan(tau2.lines[0].get_ydata()).all() and tau2.get_ylim()[1] == pytest.approx(1.1 * 5)
+    x, y = tau1.lines[0].get_data()
+    assert y == pytest.approx(np.polynomial.polynomial.polyval(x, REFERENCE["tau1"]))
+    assert {line.get_label() for line in tau1.lines} >= {"joint (used)", "published"}
 
 
-@pytest.mark.parametrize(
-    ("end", "ticks"), [(3.0, [0.2, 0.5, 1, 2]), (60.0, [0.3, 1, 3, 10, 30]), (3e3, [1, 10, 100, 1000])]
-)
-def test_ticks_of_the_residual_map_stand_apart(end: float, ticks: list[float]):
-    assert checks.ticks(0.15, end) == ticks
+def test_a_mark_stands_above_the_legend_and_the_legend_above_the_panels(fit_of: Any):
+    levels = [{"level": u, "Ts": response(u)[-1], "tau1": 0.5, "tau2": 5.0} for u in (20.0, 60.0)]
+    figure = drawn("model_over_duty", fit_of(nonlinear=REFERENCE, friction={"C": 0.85, "levels": levels})).figure
+    before = figure.get_figheight()
+    with look():
+        marked(figure, "not identifiable")
+        figure.canvas.draw()
+    (legend,), (mark,) = figure.legends, figure.texts
+    box = legend.get_window_extent()
+    assert figure.get_figheight() > before and box.y1 <= mark.get_window_extent().y0 + 1
+    assert box.y0 >= figure.axes[0].get_window_extent().y1 - 1
 
 
-def test_the_linear_model_is_not_drawn_below_zero():
+def test_the_linear_model_is_not_drawn_below_zero(fit_of: Any):
     """At 20 % it ends at (0.0783·20 − 1.34)/1.84 = 0.12 N·m; with c0 = −2 below zero."""
-    fit = clutch_fit()
-    below = msgspec.structs.replace(fit, linear=msgspec.structs.replace(fit.linear, c0=-2.0))
-    drawn = [len(clutch.linear_model(clutch_set(), one).axes[1].lines) for one in (fit, below)]
-    assert drawn == [3, 2]
+    steps = steps_of({u: response(u) for u in (20.0, 60.0, 100.0)})
+    for c0, count in ((-1.34, 3), (-2.0, 2)):
+        ready = drawn("fig08_linear_model", steps, fit_of(linear={"a0": 1.84, "b0": 0.0783, "c0": c0}))
+        assert len(ready.figure.axes[1].lines) == count and ("At 20 % it ends below zero" in ready.sees) == (c0 == -2.0)
+    last = ready.figure.axes[1].lines[-1].get_ydata()[-1]
+    assert last == pytest.approx((0.0783 * 100 - 2) / 1.84, rel=1e-6)
 
 
-def test_a_step_is_drawn_with_the_curve_that_was_fitted_to_it():
-    data, shapes = staircase()
-    assert [(step.name, one.run) for step, one in level_steps.paired(data, shapes[1:])] == [("s1", "s1"), ("s2", "s2")]
-    lines = [line for line in level_steps.level_steps(data, shapes).axes[0].lines if len(line.get_xdata()) > 2]
-    assert lines[0].get_ydata()[-1] == pytest.approx(lines[1].get_ydata()[-1] + 0.05, abs=1e-6)
-
-
-def test_modes_become_spans():
-    t = np.arange(6.0)
-    assert rehab.mode_spans(t, ["soft"] * 2 + ["hard"] * 3 + ["soft"]) == [
-        ("soft", 0, 1),
-        ("hard", 2, 4),
-        ("soft", 5, 5),
+def test_bounds_and_gains_of_the_levels(fit_of: Any):
+    rows = [
+        {"level": u, "a0": 1.8, "gain": u / 40, "B": B, "ci95": {"B": [0.9 * B, 1.1 * B]}}
+        for u, B in ((20.0, 36.5), (60.0, 33.0), (100.0, 8.3))
     ]
+    ready = drawn("input_gain", fit_of(linear={"a0": 1.8, "b0": 0.08, "c0": -1.3, "bounds": {"B_m": 8.3, "B_M": 41.1},
+                                               "per_level": rows}))  # fmt: skip
+    ((points, _caps, _bars),) = ready.figure.axes[0].containers
+    assert points.get_ydata() == pytest.approx([36.5, 33.0, 8.3])
+    lines = [line.get_ydata()[0] for line in ready.figure.axes[0].lines[-2:]]
+    assert lines == [8.3, 41.1] and "between 8.30 at 100 % and 36.5 at 20 %, a factor of 4.4." in ready.sees
 
 
-def test_gains_and_time_constants_stand_over_the_level_up_and_down_apart():
-    shapes = up_and_down()
-    gain, tau1, tau2 = level_steps.over_level(shapes, ("V", "N")).axes
-    up, down = (bars.lines[0] for bars in gain.containers)
-    assert up.get_xdata() == pytest.approx([50, 100, 150]) and down.get_xdata() == pytest.approx([0, 50, 100])
-    assert down.get_ydata() == pytest.approx([0.8 * one.gain for one in shapes[:3]])
-    assert tau1.containers[1].lines[0].get_ydata() == pytest.approx([one.tau1 for one in shapes[3:]])
-    assert len(tau2.containers) == 1 and gain.get_ylabel() == "Gain (N/V)"  # falls have one time constant here
-    single = [msgspec.structs.replace(one, tau2=None) for one in shapes]
-    assert len(level_steps.over_level(single, ("V", "N")).axes) == 2
+@pytest.mark.parametrize("unit", ["N", "N·m"])
+def test_friction_over_stress_has_a_coefficient_of_friction_where_the_output_is_a_torque(unit: str, fit_of: Any):
+    """C_f = 3 T_s/(2π σ (r2³ − r1³)) of one surface, Eq. (1): 10 kPa and 1 N·m of the usual rig give 0.3142."""
+    ends = {"Ts": [0.9, 1.1], "tau1": None, "tau2": None}
+    rows = [
+        {"level": 5.0 * k, "Ts": 1.0, "tau1": 0.1, "tau2": 5.0, "stress_kpa": 10.0 * k, "ci95": ends} for k in (1, 2, 3)
+    ]
+    trend = {"form": "linear", "over": "stress_kpa", "coefficients": [0.5, -0.1]}
+    fit = fit_of(data={"kind": "friction-force", "input_unit": "N", "output_unit": unit, "apparatus": {"surfaces": 1}},
+                 friction={"C": 0.85, "over": "stress_kpa", "levels": rows, "trends": {"Ts": trend}})  # fmt: skip
+    axes = drawn("fig04_friction_over_stress", fit).figure.axes
+    assert len(axes) == 3 + (unit == "N·m")
+    x, y = axes[0].lines[-1 - (unit == "N·m")].get_data()
+    assert y == pytest.approx(0.5 * x - 0.1)
+    if unit == "N·m":
+        volume = 2 * np.pi * (0.06**3 - 0.04**3) / 3
+        values = axes[2].containers[0].lines[0].get_ydata()
+        assert values == pytest.approx([1 / (1e4 * k * volume) for k in (1, 2, 3)])
 
 
-def test_many_logs_are_drawn_as_the_best_the_middle_and_the_worst():
-    logs = [msgspec.structs.replace(as_recorded()[0], name=f"log-{k}", fit_pct=90.0 - k) for k in range(7)]
-    assert [one.name for one in recorded.drawn_logs(logs)] == ["log-0", "log-3", "log-6"]
-    assert recorded.drawn_logs([LogFit("none")]) == []
-    assert recorded.titles(["rig-day-up", "rig-day-down"]) == ["up", "down"]
+@pytest.mark.parametrize("count", [14, 15])
+def test_many_levels_have_a_colour_bar_and_few_their_names(count: int):
+    steps = eaid.synth(levels=tuple(np.linspace(10, 100, count)), repeats=1, rate_hz=10.0, hold_s=5.0, clean=True)
+    figure = drawn("fig07_nonlinear_model", steps).figure
+    assert len(figure.axes[0].texts) == (count if count == 14 else 0) and len(figure.axes) == count - 13
 
 
-def test_the_bode_plot_shows_the_response_its_band_and_the_models_where_there_are_any():
-    known = response()
-    gain, phase, coherence = recorded.bode([known], ("V", "N")).axes
-    assert gain.lines[0].get_ydata() == pytest.approx(known.gain) and gain.get_ylabel() == "Gain (N/V)"
-    (band,) = gain.collections
-    low = band.get_paths()[0].vertices[:, 1].min()
-    assert low == pytest.approx(min(known.gain_low))
+def test_a_step_is_drawn_with_the_curve_that_was_fitted_to_it(others: dict[str, Path]):
+    folder = others["staircase"].parent.parent
+    fit, steps = eaid.load(folder / "staircase.json"), eaid.load(folder / "staircase.h5")
+    ready = drawn("level_steps", fit, steps)
+    lines = [line.get_ydata() for line in ready.figure.axes[0].lines if len(line.get_xdata()) > 2]
+    shown = list(zip(lines[::2], lines[1::2], strict=True))
+    apart = [np.mean(measured[-40:]) - model[-1] for measured, model in shown]
+    size = max(abs(model[-1]) for _measured, model in shown)
+    assert np.max(np.abs(apart)) < 0.05 * size and f"{min(len(fit.steps), len(shown))} steps" in ready.sees
+    gain, tau1 = drawn("steps_over_level", fit).figure.axes[:2]
+    for edge, bars in zip(("up", "down"), gain.containers, strict=False):
+        known = [one for one in fit.steps if one.edge == edge and one.gain is not None]
+        assert bars.lines[0].get_xdata() == pytest.approx([one.level for one in known])
+        assert bars.lines[0].get_ydata() == pytest.approx([one.gain for one in known])
+    known = [one.tau1 for one in fit.steps if one.edge == "up" and one.tau1 is not None]
+    assert tau1.containers[0].lines[0].get_ydata() == pytest.approx(known) and gain.get_ylabel() == "Gain (N·m/%)"
+
+
+def test_the_bode_plot_shows_the_response_its_band_and_the_models(others: dict[str, Path]):
+    fit = eaid.load(others["recorded"].parent.parent / "recorded.json")
+    known = next(one for one in fit.recorded.responses if one.frequency_hz)
+    axes = drawn("bode", fit).figure.axes
+    gain, phase, coherence = axes[:: len(axes) // 3]
+    assert gain.lines[0].get_ydata() == pytest.approx(known.gain) and gain.get_ylabel() == "Gain (N·m/%)"
+    assert gain.collections[0].get_paths()[0].vertices[:, 1].min() == pytest.approx(min(known.gain_low))
+    assert gain.lines[1].get_ydata() == pytest.approx(known.nonlinear_gain)
+    assert phase.lines[0].get_ydata() == pytest.approx(known.phase_deg)
     assert phase.lines[1].get_ydata() == pytest.approx(known.nonlinear_phase_deg)
     assert coherence.lines[0].get_ydata() == pytest.approx(known.coherence)
-    assert len(recorded.bode([response(with_models=False)], ("V", "N")).axes[0].lines) == 1
+
+
+def test_the_walls_figure_shows_every_loop_with_its_greatest_demand(given: list[Any]):
+    coupling = given[0][-1]
+    needed, region = drawn("walls", coupling).figure.axes
+    assert {line.get_label() for line in needed.lines} >= {"open loop", "PI", "RC without rate", "RC"}
+    dots = [line.get_ydata()[0] for line in needed.lines if line.get_marker() == "o"]
+    passive = {wall.loop: wall.K_passive for wall in coupling.walls}
+    wanted = [coupling.options.limb_damping / passive[loop] for loop in ("open-loop", "pi", "rc-no-rate", "rc")]
+    assert dots == pytest.approx(wanted, rel=0.05) and region.get_ylabel() == "stiffness (N·m/rad)"
+
+
+def test_plot_of_a_fit_has_a_line_a_level_and_of_a_replay_its_reference(files: dict[str, Path]):
+    fit, replay = eaid.load(files["clutch.json"]), eaid.load(files["steps.h5"])
+    ax = fit.plot()
+    assert ax.get_ylabel() == "Torque (N·m)" and fit.plot(ax=ax) is ax
+    assert [line.get_label() for line in ax.lines][:5] == [f"{u:g} %" for u in fit.data.levels]
+    assert ax.lines[4].get_ydata()[-1] == pytest.approx(fit.nonlinear.curves[-1].Ts, rel=0.05)
+    ax = replay.plot()
+    assert {line.get_label() for line in ax.lines[1:]} == {"RC", "PI"} and ax.lines[0].get_label() == "reference"
+    assert np.max(ax.lines[0].get_ydata()) == pytest.approx(np.max(replay.records["rc"].columns["reference_nm"]))

@@ -1,254 +1,133 @@
+"""The page of all results: its grammar, its parts, its numbers, its words; what a script's own results show."""
+
+import hashlib
 import json
 import re
-from html.parser import HTMLParser
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import html5lib
+import numpy as np
 import pytest
 
-from eaid.cli.main import run
-from eaid.report.live import plain, script_safe
-from eaid.report.page.render import signs
-from eaid.report.tables.table import Name
+import eaid
+from eaid.report.tables.table import number
 
-FIGURES = (
-    "fig02_pwm",
-    "fig03_friction_steps",
-    "fig04_friction_over_stress",
-    "fig05_friction_over_speed",
-    "fig06_hold_and_release",
-    "fig07_nonlinear_model",
-    "fig08_linear_model",
-    "fig09_shear_per_field",
-    "fig11_steps",
-    "fig12_multisine",
-    "fig13_sweep",
-    "fig16_rehab",
-    "fig17_rehab_errors",
-)
+FIGURES = {
+    "fig02_pwm", "fig03_friction_steps", "fig04_friction_over_stress", "fig05_friction_over_speed",
+    "fig06_hold_and_release", "fig07_nonlinear_model", "fig08_linear_model", "fig09_shear_per_field", "fig11_steps",
+    "fig12_multisine", "fig13_sweep", "fig16_rehab", "fig17_rehab_errors",
+}  # fmt: skip
 """The names that the contract lists."""
+PARTS = ["summary", "data", "model", "controller", "replay", "rehabilitation", "appendix"]
 
 
-class Outline(HTMLParser):
-    """Tags, ids and visible text of a page."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.tags: list[tuple[str, dict[str, str | None]]] = []
-        self.words: list[str] = []
-        self._inside: list[str] = []
-        self.feed(text)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append((tag, dict(attrs)))
-        if tag in ("script", "style", "title"):
-            self._inside.append(tag)
-
-    def handle_endtag(self, tag: str) -> None:
-        if self._inside and self._inside[-1] == tag:
-            self._inside.pop()
-
-    def handle_data(self, data: str) -> None:
-        if not self._inside:
-            self.words.append(data)
-
-    @property
-    def text(self) -> str:
-        return re.sub(r"\s+", " ", " ".join(self.words))
-
-    def of(self, tag: str) -> list[dict[str, str | None]]:
-        return [attributes for name, attributes in self.tags if name == tag]
-
-
-@pytest.fixture(scope="module")
-def text(page: Path) -> str:
-    return page.read_text(encoding="utf-8")
-
-
-@pytest.fixture(scope="module")
-def outline(text: str) -> Outline:
-    return Outline(text)
-
-
-def strict(text: str) -> None:
+def strict(html: str) -> None:
     """Raises where the page breaks the HTML standard's grammar."""
-    html5lib.HTMLParser(strict=True).parse(text)
+    html5lib.HTMLParser(strict=True).parse(html)
 
 
-def test_the_checker_finds_what_is_wrong():
+def test_the_page_is_valid_small_and_asks_for_nothing_outside(whole: Any):
     with pytest.raises(html5lib.html5parser.ParseError):
         strict("<!DOCTYPE html><title>x</title><p></b><table><p></table>")
-
-
-def test_the_page_is_valid_small_and_whole(page: Path, text: str, outline: Outline):
-    strict(text)
-    assert page.stat().st_size < 4e6
-    ids = [attributes["id"] for _, attributes in outline.tags if "id" in attributes]
-    assert len(ids) == len(set(ids))
-    assert {link["href"] for link in outline.of("a")} <= {f"#{name}" for name in ids}
-
-
-def test_nothing_outside_is_named(outline: Outline):
-    for tag, attributes in outline.tags:
+    strict(whole.html)
+    assert whole.path.stat().st_size < 4e6
+    ids = [one.get("id") for one in whole.root.iter() if one.get("id")]
+    assert len(ids) == len(set(ids)) and {one.get("href") for one in whole.of("a")} <= {f"#{name}" for name in ids}
+    for one in whole.root.iter():
         for key in ("src", "href", "srcset", "data", "action", "poster"):
-            value = attributes.get(key) or ""
-            assert value.startswith(("data:", "#")) or not value, (tag, value)
-    (policy,) = [meta["content"] or "" for meta in outline.of("meta") if meta.get("http-equiv")]
+            assert (one.get(key) or "#").startswith(("data:", "#")) or not one.get(key), (one.tag, one.get(key))
+    (policy,) = [one.get("content") for one in whole.of("meta") if one.get("http-equiv")]
     assert policy.startswith("default-src 'none'") and "unsafe-inline' ; script" not in policy
     assert re.search(r"script-src 'sha256-\S+' 'sha256-\S+';", policy)
 
 
-def test_every_figure_of_the_contract_is_there_with_its_words(page: Path, outline: Outline):
-    shown = [figure["id"] for figure in outline.of("figure") if "id" in figure]
-    assert [name for name in shown if name in FIGURES] == sorted(
-        (name for name in FIGURES), key=lambda name: shown.index(name)
-    )
-    assert set(FIGURES) <= set(shown)
-    for name in shown:
-        assert (page.parent / "figures" / f"{name}.png").is_file()
-    for image in outline.of("img"):
-        assert len(image["alt"] or "") > 40 and image["width"] and image["height"]
+def test_every_figure_of_the_contract_is_there_with_its_words(whole: Any):
+    assert set(whole.captions) >= FIGURES
+    for name in whole.captions:
+        assert (whole.path.parent / "figures" / f"{name}.png").stat().st_size > 5000
+    for image in whole.of("img"):
+        assert len(image.get("alt")) > 40 and image.get("width") and image.get("height")
 
 
-def test_tables_one_to_four_stand_beside_the_published_values(outline: Outline, text: str):
-    headings = re.findall(r"<h3>(Table [IV]+)</h3>", text)
-    assert sorted(headings) == ["Table I", "Table II", "Table III", "Table IV"]
-    for value in ("0.0944 σ − 0.0896", "0.00674", "12.4", "1.36"):
-        assert value in outline.text
-
-
-PARTS = ["summary", "data", "model", "controller", "replay", "rehabilitation", "appendix"]
-
-
-def test_the_parts_stand_in_their_order_and_in_the_navigation(text: str, outline: Outline):
-    assert re.findall(r'<section id="(\w+)">', text) == PARTS
-    assert [link["href"] for link in outline.of("a")][1:8] == [f"#{name}" for name in PARTS]
-
-
-def test_each_part_has_its_picture_first_and_counts_what_it_folds(text: str):
+def test_the_parts_stand_in_their_order_a_picture_first_and_count_what_they_fold(whole: Any):
+    assert [one.get("id") for one in whole.of("section")] == PARTS
+    assert [one.get("href") for one in whole.of("a")][1:8] == [f"#{name}" for name in PARTS]
     for name in PARTS[1:-1]:
-        part = text.split(f'<section id="{name}">')[1].split("</section>")[0]
-        assert part.index("<figure") < part.index("<table"), name
+        part = whole.html.split(f'<section id="{name}">')[1].split("</section>")[0]
         shown = re.sub(r"<details.*?</details>", "", part, flags=re.DOTALL)
-        assert shown.count("<table>") <= 1, name
-    for fold in re.findall(r"<details.*?</details>", text, re.DOTALL):
+        assert part.index("<figure") < part.index("<table") and shown.count("<table>") <= 1, name
+    for fold in re.findall(r"<details.*?</details>", whole.html, re.DOTALL):
         count = re.search(r'class="count">(?:(\d+) figures?)?(?: and )?(?:(\d+) tables?)?', fold)
-        if count is None or not any(count.groups()):
-            continue
-        figures, tables = (int(n or 0) for n in count.groups())
-        assert (figures, tables) == (fold.count("<figure"), fold.count("<table>"))
+        if count is not None and any(count.groups()):
+            assert [int(n or 0) for n in count.groups()] == [fold.count("<figure"), fold.count("<table>")]
 
 
-def test_synthetic_data_say_so_in_the_title(text: str, outline: Outline):
-    assert re.search(r"<title>[^<]*\(synthetic data\)</title>", text)
-    assert "No rig recorded them" in outline.text
-
-
-def test_files_are_named_with_their_fingerprint(files: dict[str, Path], outline: Outline):
-    import hashlib
-
+def test_the_page_says_where_its_numbers_come_from(whole: Any, files: dict[str, Path]):
+    assert re.search(r"<title>[^<]*\(synthetic data\)</title>", whole.html) and "No rig recorded them" in whole.text
+    assert whole.title == "Electroadhesive clutch" and whole.chips[1:3] == ["% → N·m", "5 levels, 20 to 100 %"]
+    given = {row[0]: row[-1] for row in whole.rows("Files")}
     for path in files.values():
-        assert hashlib.sha256(path.read_bytes()).hexdigest() in outline.text
+        assert given[str(path)] == hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-@pytest.mark.slow
-def test_the_same_files_give_the_same_bytes(files: dict[str, Path], page: Path, tmp_path: Path):
-    assert run(["report", *map(str, files.values()), "-o", str(tmp_path / "again"), "-q"]) == 0
-    assert (tmp_path / "again/report.html").read_bytes() == page.read_bytes()
-    for name in ("one", "two"):
-        fit = str(files["friction-force.json"])
-        assert run(["report", fit, "-o", str(tmp_path / name), "-q", "--format", "pdf,svg"]) == 0
-    made = sorted(path.name for path in (tmp_path / "one/figures").iterdir())
-    assert [name for name in made if "fig04" in name] == [
-        f"fig04_friction_over_stress.{kind}" for kind in ("pdf", "png", "svg")
-    ]
-    for name in made:
-        assert (tmp_path / "one/figures" / name).read_bytes() == (tmp_path / "two/figures" / name).read_bytes(), name
+def test_the_summary_and_the_tables_say_what_the_files_say(whole: Any, files: dict[str, Path]):
+    fit, gains = (json.loads(files[name].read_text(encoding="utf-8")) for name in ("clutch.json", "gains.json"))
+    top = fit["nonlinear"]["curves"][-1]  # of the estimate that is used, with its interval
+    low, high = top["ci95"]["Ts"]
+    value, note = whole.tiles["Ts at 100 %"]
+    assert value == f"{top['Ts']:.2f} N·m" and note.startswith(
+        f"{number(low, 3)} … {number(high, 3)}, 95 %; steady output"
+    )
+    assert whole.tiles["τ1 at 100 %"][0] == f"{top['tau1']:.3f} s"
+    assert whole.tiles["fit"][0] == f"{fit['nonlinear']['fit_pct']:.1f} %"
+    worst = gains["margins"]["worst"]
+    assert (
+        whole.tiles["worst margin, RC | PI"][0] == f"{worst['rc']['phase_deg']:.0f}° | {worst['pi']['phase_deg']:.0f}°"
+    )
+    rows = whole.rows("Single levels, Eq. (3)")
+    for row, one in zip(rows, fit["friction"]["levels"], strict=True):
+        wanted = [one["Ts"], one["tau1"], one["tau2"]]
+        assert [row[0], *row[1:6:2]] == [f"{one['level']:g}", *(number(x) for x in wanted)]
+        assert row[2] == " … ".join(number(end, 3) for end in one["ci95"]["Ts"])
+    steps = [command.split()[1] for _why, command in whole.steps]
+    assert len(steps) == 3 and "plan" in steps
 
 
-def test_a_fit_alone_is_shown_and_the_rest_named_with_its_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    """Only what the contract asks tune-rc to need: every further key may be absent."""
-    fit = {
-        "schema": "eaid/fit/1",
-        "linear": {"a0": 1.36, "b0": 0.08, "c0": -2.42, "bounds": {"B_m": 12.4, "B_M": 42.6}},
-    }
-    (tmp_path / "fit.json").write_text(json.dumps(fit))
-    assert run(["report", str(tmp_path / "fit.json"), "-o", str(tmp_path / "out")]) == 0
-    outline = Outline((tmp_path / "out/report.html").read_text(encoding="utf-8"))
-    assert "Linear model, Eq. (8)" in outline.text
-    line = "Fig. 13 · Sines of rising frequency: eaid simulate fit.json --gains gains.json --scenario sweep"
-    assert line in outline.text
-    assert "figures want more results; the page's appendix names the commands" in capsys.readouterr().err
-
-
-@pytest.mark.slow
-def test_two_fits_of_one_kind_stand_side_by_side(files: dict[str, Path], tmp_path: Path):
-    other = json.loads(files["clutch.json"].read_text(encoding="utf-8"))
-    for row in other["friction"]["levels"]:
-        row["Ts"] *= 1.5
-        row["ci95"] = {"Ts": [1.5 * end for end in row["ci95"]["Ts"]]}
-    (tmp_path / "after.json").write_text(json.dumps(other))
-    arguments = ["report", str(files["clutch.json"]), str(tmp_path / "after.json"), "-o", str(tmp_path / "out"), "-q"]
-    assert run(arguments) == 0
-    text = (tmp_path / "out/report.html").read_text(encoding="utf-8")
-    strict(text)
-    outline = Outline(text)
-    assert "two fits side by side" in outline.text
-    assert re.search(r"at 20 % \(N·m\) .{0,80}\+50\.0 % yes", outline.text)
-    assert re.search(r"a0 \(1/s\) .{0,80}\+0\.0 % no", outline.text)
-    assert "Their 95 % intervals part for T s at 20, 40, 60, 80 and 100 %: more than repeats explain." in outline.text
-    assert "Single levels of both fits, 95 %" in outline.text and text.count('class="picture"') == 2
-    part = text.split('<section id="model">')[1]
-    assert part.index('id="compare"') < part.index("<h3>Both fits</h3>") < part.index("<details")
-    assert f"Clutch, {tmp_path}/after.json" in outline.text
-    assert (tmp_path / "out/figures/compare.png").is_file()
-
-
-HOSTILE = "<script>alert(1)</script><img src=x onerror=alert(2)>&\"'{{7*7}}"
-
-
-@pytest.mark.slow
-def test_data_alone_are_shown_once(files: dict[str, Path], tmp_path: Path):
-    for given in ([files["clutch.h5"]], [files["clutch.h5"], files["clutch.json"]]):
-        out = tmp_path / str(len(given))
-        assert run(["report", *map(str, given), "-o", str(out), "-q"]) == 0
-        strict(text := (out / "report.html").read_text(encoding="utf-8"))
-        ids = re.findall(r' id="([^"]+)"', text)
-        assert len(ids) == len(set(ids)) and "fig07_nonlinear_model" in ids
-
-
-@pytest.mark.slow
-def test_hostile_text_is_shown_and_never_run(files: dict[str, Path], tmp_path: Path):
+def test_tables_one_to_four_stand_beside_the_published_values(whole: Any, files: dict[str, Path]):
+    assert {"Table I", "Table II", "Table III", "Table IV"} <= set(whole.tables)
     fit = json.loads(files["clutch.json"].read_text(encoding="utf-8"))
-    fit["data"]["synthetic"] = HOSTILE
-    fit["data"]["inputs"] = [{"path": HOSTILE, "sha256": HOSTILE}]
-    fit["nonlinear"]["warnings"] = [HOSTILE]
-    fit["data"]["input_unit"] = HOSTILE
-    fit["data"]["sources"][0]["run"] = HOSTILE
-    path = tmp_path / "fit <b>&'\" $(x).json"
-    path.write_text(json.dumps(fit), encoding="utf-8")
-    assert run(["report", str(path), str(files["clutch.h5"]), "-o", str(tmp_path / "out"), "-q"]) == 0
-    text = (tmp_path / "out/report.html").read_text(encoding="utf-8")
-    strict(text)
-    outline = Outline(text)
-    assert HOSTILE in "".join(outline.words)
-    assert not [image for image in outline.of("img") if image.get("src") == "x"]
-    assert "alert(1)</script>" not in text and "onerror=alert(2)>" not in text
-    assert "49" not in re.findall(r"'(\d+)'", text)
-    assert "'\\''" in "".join(outline.words) or '"\'"' in "".join(outline.words)  # quoted for the shell, too
+    rows = {row[0]: row for row in whole.rows("Table III")}
+    assert rows["a0"][1:4] == ["τ1", "0.00674", number(fit["nonlinear"]["tau1"][0])] and rows["C"][2] == "0.85"
+    assert whole.rows("Table I")[0][2] == "0.0944 σ − 0.0896"
+    assert whole.rows("Table IV")[0][:2] == ["Bm", "12.4"]
+    assert whole.rows("Linear model, Eq. (8)")[0][:3] == ["a0", "1.36", number(fit["linear"]["a0"])]
 
 
-def test_scripts_hold_no_character_that_could_end_them():
-    assert script_safe('{"a":"</script><!--&"}') == '{"a":"\\u003c/script\\u003e\\u003c!--\\u0026"}'
+def test_live_plots_hold_what_was_measured_and_the_model(whole: Any, files: dict[str, Path]):
+    lines, data = whole.lines("fig07_nonlinear_model"), eaid.load(files["clutch.h5"])
+    fit, level = eaid.load(files["clutch.json"]), data.levels[2]
+    (name,) = [one for one in lines if one.startswith("60 %, model, RMSE 0.")]
+    x, y = lines[name]
+    assert y == pytest.approx(fit.predict(duty=60, t=x.astype(float).tolist()).to_numpy()[:, 0], abs=1e-4)
+    x, y = lines["60 %, measured"]
+    assert y == pytest.approx(np.interp(x, level.time_s, level.mean), abs=1e-3)
+    assert y.max() == pytest.approx(level.mean.max(), rel=1e-6)  # thinned, and yet the extremes are kept
+    (curve,) = [
+        y for name, (_x, y) in whole.lines("model_over_duty").items() if name == f"1: {fit.nonlinear.estimator}"
+    ]
+    assert curve[-1] == pytest.approx(fit.nonlinear.curves[-1].Ts, rel=1e-4)
 
 
-def test_tooltips_hold_no_html_and_no_columns():
-    assert plain("<b>@x $y{0} &amp;") == "‹b›＠x ＄y(0) ＆amp;"
-
-
-def test_formulas_are_set_after_everything_else_is_escaped():
-    assert signs("T_s = a e^(−0.2 σ), u^2 <b>") == "T<sub>s</sub> = a e<sup>−0.2 σ</sup>, u<sup>2</sup> &lt;b&gt;"
-    assert signs(Name("run_T_s^2")) == "run_T_s^2"  # a name is no formula
+def test_words_are_explained_where_they_first_appear(whole: Any):
+    told = re.findall(r"<dfn>(.*?)</dfn>", whole.html)
+    assert len(told) == len(set(told))
+    for word, sign in (("RMSE", "RMSE"), ("RC, PI", "RC"), ("sd", "± sd"), ("dB", "dB"), ("margin", "margin")):
+        before = whole.html.split("<main>")[1].split(f"<dfn>{word}</dfn>")[0]
+        before = before[: -len(re.split(r"<section |<details", before)[-1])]
+        visible = re.sub(r"<script.*?</script>|<summary>.*?</summary>|<[^>]+>", " ", before, flags=re.DOTALL)
+        assert word in told and not re.search(rf"\b{re.escape(sign)}\b", visible), word
 
 
 def luminance(colour: str) -> float:
@@ -262,37 +141,220 @@ def contrast(one: str, other: str) -> float:
     return (light + 0.05) / (dark + 0.05)
 
 
-def test_contrast_is_worked_out_right():
-    assert contrast("#000000", "#ffffff") == pytest.approx(21)
+def test_text_contrast_meets_wcag_aa(whole: Any):
     assert contrast("#777777", "#ffffff") == pytest.approx(4.48, abs=0.01)
+    for block in re.findall(r":root \{(.*?)\}", whole.html, re.DOTALL)[:2]:
+        colours = dict(re.findall(r"--([\w-]+): (#[0-9a-f]{6})", block))
+        pairs = [(ink, "ground") for ink in ("ink", "soft", "link", "good", "care", "bad")]
+        for ink, ground in [
+            *pairs,
+            *(("ink", f"{grade}-ground") for grade in ("good", "care", "bad")),
+            ("ink", "card"),
+        ]:
+            assert contrast(colours[ink], colours[ground]) >= 4.5, (ink, ground)
 
 
-@pytest.mark.parametrize("scheme", [0, 1])
-def test_text_contrast_meets_wcag_aa(text: str, scheme: int):
-    block = re.findall(r":root \{(.*?)\}", text, re.DOTALL)[scheme]
-    colours = dict(re.findall(r"--([\w-]+): (#[0-9a-f]{6})", block))
-    pairs = [(ink, "ground") for ink in ("ink", "soft", "link", "good", "care", "bad")]
-    pairs += [("ink", f"{grade}-ground") for grade in ("good", "care", "bad")] + [("ink", "card")]
-    for ink, ground in pairs:
-        assert contrast(colours[ink], colours[ground]) >= 4.5, (ink, ground)
+@pytest.mark.slow
+def test_the_same_files_give_the_same_bytes(files: dict[str, Path], whole: Any, report: Callable[..., Any]):
+    assert report(*files.values()).html == whole.html
+    fit = files["friction-force.json"]
+    pages = [report(fit, "--format", "pdf,svg").path.parent / "figures" for _ in range(2)]
+    made = sorted(path.name for path in pages[0].iterdir())
+    assert {f"fig04_friction_over_stress.{kind}" for kind in ("pdf", "png", "svg")} <= set(made)
+    assert all((pages[0] / name).read_bytes() == (pages[1] / name).read_bytes() for name in made)
 
 
-def test_words_are_explained_where_they_first_appear(text: str):
-    told = re.findall(r"<dfn>(.*?)</dfn>", text)
-    assert len(told) == len(set(told))
-    for word, sign in (("RMSE", "RMSE"), ("RC, PI", "RC"), ("sd", "± sd"), ("dB", "dB"), ("margin", "margin")):
-        assert word in told
-        section = re.split(r"<section |<details", text.split(f"<dfn>{word}</dfn>")[0])[-1]
-        before = text.split("<main>")[1].split(f"<dfn>{word}</dfn>")[0][: -len(section)]
-        visible = re.sub(r"<script.*?</script>|<summary>.*?</summary>|<[^>]+>", " ", before, flags=re.DOTALL)
-        assert not re.search(rf"\\b{re.escape(sign)}\\b", visible), word
+HOSTILE = "<script>alert(1)</script><img src=x onerror=alert(2)>&\"'{{7*7}}"
 
 
-def test_the_summary_says_what_the_files_say(files: dict[str, Path], outline: Outline):
+@pytest.mark.slow
+def test_hostile_text_is_shown_and_never_run(files: dict[str, Path], tmp_path: Path, report: Callable[..., Any]):
     fit = json.loads(files["clutch.json"].read_text(encoding="utf-8"))
-    top = fit["nonlinear"]["curves"][-1]  # of the estimate that is used, with its interval
-    assert f"{top['Ts']:.2f} N·m" in outline.text and f"{top['tau1']:.3f} s" in outline.text
-    gains = json.loads(files["gains.json"].read_text(encoding="utf-8"))
-    worst = gains["margins"]["worst"]
-    assert f"{worst['rc']['phase_deg']:.0f}° | {worst['pi']['phase_deg']:.0f}°" in outline.text
-    assert "eaid plan" in outline.text and outline.text.count("Copy") <= 6
+    fit["data"] |= {"synthetic": HOSTILE, "inputs": [{"path": HOSTILE, "sha256": HOSTILE}], "input_unit": HOSTILE}
+    fit["nonlinear"]["warnings"] = [HOSTILE]
+    fit["data"]["sources"][0]["run"] = HOSTILE
+    path = tmp_path / "fit <b>&'\" $(x).json"
+    path.write_text(json.dumps(fit), encoding="utf-8")
+    page = report(path, files["clutch.h5"])
+    strict(page.html)
+    assert HOSTILE in page.text and not [one for one in page.of("img") if one.get("src") == "x"]
+    assert "alert(1)</script>" not in page.html and "onerror=alert(2)>" not in page.html
+    assert "49" not in re.findall(r"'(\d+)'", page.html)
+    assert "'\\''" in page.text or '"\'"' in page.text  # quoted for the shell, too
+    for figure in page.live:
+        assert all("<" not in name and "@" not in name and "{" not in name for name in page.lines(figure))
+
+
+@pytest.mark.slow
+def test_two_fits_of_one_kind_are_compared(files: dict[str, Path], report_of: Callable[..., Any]):
+    fit = json.loads(files["clutch.json"].read_text(encoding="utf-8"))
+    other = json.loads(json.dumps(fit))
+    for row in other["friction"]["levels"]:
+        row["Ts"] *= 1.5
+        row["ci95"] = {"Ts": [1.5 * end for end in row["ci95"]["Ts"]]}
+    page = report_of(fit, other)
+    assert page.title.endswith("two fits side by side")
+    rows = {row[0]: row for row in page.rows("Both fits")}
+    assert rows["Ts at 20 % (N·m)"][-2:] == ["+50.0 %", "yes"] and rows["a0 (1/s)"][-2:] == ["+0.0 %", "no"]
+    assert rows["τ1 at 20 % (s)"][-2:] == ["+0.0 %", "–"]  # no interval any more
+
+
+LINEAR = {"a0": 1.36, "b0": 0.08, "c0": -2.42, "bounds": {"B_m": 12.4, "B_M": 42.6}}
+
+
+def test_what_is_not_given_is_named_with_its_command(report_of: Callable[..., Any], tmp_path: Path):
+    """Only what the contract asks tune-rc to need: every further key may be absent."""
+    (tmp_path / "fit.json").write_text(json.dumps({"schema": "eaid/fit/1", "linear": LINEAR}))
+    path = eaid.report(eaid.load(tmp_path / "fit.json"), tmp_path / "out")
+    assert path == tmp_path / "out/report.html" and (tmp_path / "out/figures/input_gain.png").is_file()
+    html = path.read_text(encoding="utf-8")
+    line = "Fig. 13 · Sines of rising frequency: <code>eaid simulate fit.json --gains gains.json --scenario sweep"
+    assert line in html and "<h3>Linear model, Eq. (8)</h3>" in html
+
+
+LEVELS = [{"level": u, "Ts": Ts, "tau1": tau, "tau2": slow, "ci95": {"Ts": [0.95 * Ts, 1.05 * Ts], "tau2": None}}
+          for u, Ts, tau, slow in ((100.0, 1.0, 0.1, 5.0), (300.0, 2.0, 0.2, 2.9e7))]  # fmt: skip
+VOLTS = {"kind": "clutch", "input_unit": "V", "output_unit": "N", "levels": [100.0, 300.0]}
+OTHER_RIG = {"schema": "eaid/fit/1", "data": VOLTS, "converged": True, "friction": {"C": 0.85, "levels": LEVELS},
+             "linear": {**LINEAR, "per_level": [{"level": 100.0, "a0": 1.0, "gain": 2.0, "B": 3.0}]},
+             "nonlinear": {"tau1": [0.1, 0, 0], "tau2": [2.0, 0, 0], "Ts": [0.5, 0, 0, 0], "C": 0.85,
+                           "u_range": [100.0, 300.0]}}  # fmt: skip
+
+
+def test_another_rig_has_its_own_units_and_published_values_only_when_asked(report_of: Callable[..., Any]):
+    page = report_of(OTHER_RIG)
+    assert page.title == "Step responses" and page.chips == ["V → N", "2 levels, 100 to 300 V"]
+    assert page.tiles["Ts at 300 V"][0] == "2.00 N" and page.tiles["Ts at 300 V"][1].startswith("1.90 … 2.10, 95 %")
+    assert page.tiles["τ1 at 300 V"] == ("0.200 s", "fast time constant; no interval; 0.100 at 100 V")
+    assert page.tiles["τ2 at 300 V"][0] == "not estimable"
+    assert page.rows("Single levels, Eq. (3)")[1][6] == "–"  # an interval that says nothing
+    assert page.tables["Linear model, Eq. (8)"][0] == ["symbol", "ours", "95 % interval", "unit"]
+    assert [row[-1] for row in page.rows("Linear model, Eq. (8)")][:3] == ["1/s", "N/(s·V)", "N/s"]
+    assert "B (V·s/(N))" in page.tables["Input gain of each level"][0]
+    assert not any("published" in head for rows in page.tables.values() for head in rows[0])
+    page = report_of(OTHER_RIG, more=("--paper",))
+    assert page.title == "Electroadhesive clutch"
+    assert page.tables["Linear model, Eq. (8)"][0][1] == "published (%, N·m)" == page.tables["Table III"][0][2]
+
+
+def test_trends_are_written_by_their_form(report_of: Callable[..., Any]):
+    forms = {"Ts": ("linear", [0.0944, -0.0896]), "tau1": ("merged-exponential", [5.4, 0.1, -0.0101]),
+             "tau2": ("double-exponential", [6.01, -0.431, -0.11, 0.0492])}  # fmt: skip
+    trends = {name: {"form": form, "over": "stress_kpa", "coefficients": c} for name, (form, c) in forms.items()}
+    data = {"kind": "friction-force", "input_unit": "N", "output_unit": "N·m"}
+    page = report_of(
+        {"schema": "eaid/fit/1", "data": data, "friction": {"C": 0.85, "levels": LEVELS, "trends": trends}}
+    )
+    shown = {row[0]: row[4] for row in page.rows("Table I")}
+    assert shown == {"Ts": "0.09440 σ − 0.08960", "Cf": "not fitted", "τ1": "(5.400 + 0.1000 σ) e−0.01010 σ",
+                     "τ2": "6.010 e−0.4310 σ − 0.1100 e0.04920 σ"}  # fmt: skip
+    assert "T<sub>s</sub>" in page.html and "e<sup>−0.01010 σ</sup>" in page.html
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "text"),
+    [
+        (1.84393, 4, "1.844"), (-2.42, 3, "−2.42"), (0, 4, "0"), (0.0, 4, "0"), (21, 4, "21"), (-3, 1, "−3"),
+        (1.85e-7, 3, "1.85e−7"), (5.375e5, 4, "5.375e5"), (0.0782825, 4, "0.07828"), (99999.0, 3, "99999"),
+        (None, 4, "–"), (float("nan"), 4, "–"), (True, 4, "yes"), ("text", 4, "–"),
+    ],
+)  # fmt: skip
+def test_numbers_as_text(value: object, digits: int, text: str):
+    assert number(value, digits) == text
+
+
+def finding(severity: str, subject: str, code: str = "test") -> dict[str, Any]:
+    return {"code": code, "severity": severity, "subject": subject, "levels": [5.0], "values": {}, "text": "said"}
+
+
+@pytest.mark.parametrize(
+    ("findings", "converged", "wanted"),
+    [
+        ([], True, ["good", "good", "none"]),
+        ([finding("stop", "nonlinear"), finding("note", "linear")], True, ["good", "bad", "none"]),
+        ([finding("caution", "linear")], True, ["good", "care", "none"]),
+        ([finding("note", "release")], True, ["good", "good", "none"]),
+        ([finding("stop", "a")], True, ["bad", "good", "none"]),
+        ([finding("caution", "a", "shape-misses")], True, ["good", "care", "none"]),  # that is the model's matter
+        ([], False, ["good", "bad", "none"]),
+    ],
+)
+def test_lights_are_as_grave_as_what_was_found(
+    findings: list[Any], converged: bool, wanted: list[str], report_of: Callable[..., Any]
+):
+    for one in findings:
+        one["values"] = {"worst": 1.0, "share_pct": 20.0}
+    fit = {"schema": "eaid/fit/1", "converged": converged, "linear": LINEAR, "findings": findings,
+           "data": {"kind": "clutch", "sources": [{"run": "a", "level": 10.0}]}}  # fmt: skip
+    page = report_of(fit)
+    assert [grade for grade, _text in page.lights] == wanted
+    counts = [sum(one["severity"] == kind for one in findings if one["subject"] == "a" and one["code"] == "test")
+              for kind in ("stop", "caution")]  # fmt: skip
+    assert page.lights[0][1] == f"1 run; {'1 stop' if counts[0] else 'no warning'}"
+
+
+GAINS = {"schema": "eaid/gains/1", "model": {"a0": 1.8, "b0": 0.08, "c0": -1.3}}
+
+
+@pytest.mark.parametrize(
+    ("holds", "unit", "text", "grade"),
+    [
+        ([True, True], "%", "yes", "good"),
+        ([False, True], "%", "NO (φ)", "care"),
+        ([False, False], "%", "NO (φ, duty limit)", "care"),
+        ([False, False], "V", "NO (φ, input limit)", "care"),
+        ([True, None], "%", "not known (duty limit)", "good"),
+    ],
+)
+def test_one_verdict_on_the_guarantee_and_what_to_do_next(
+    holds: list[bool | None], unit: str, text: str, grade: str, report_of: Callable[..., Any]
+):
+    rows = [{"name": name, "holds": one, "needed": 37.5, "available": 17.8, "unit": unit}
+            for name, one in zip(("phi", "duty-limit"), holds, strict=True)]  # fmt: skip
+    whole = False if False in holds else None if None in holds else True
+    worst = {"rc": {"gain_db": 16.2, "phase_deg": 78.1}, "pi": {"gain_db": 42.7, "phase_deg": 31.5}}
+    gains = {**GAINS, "guarantee": {"holds": whole, "conditions": rows}, "margins": {"worst": worst}}
+    page = report_of({"schema": "eaid/fit/1", "converged": True, "linear": LINEAR}, gains)
+    assert page.lights[2] == (grade, f"guarantee {text}")
+    assert page.tiles["worst margin, RC | PI"] == ("78° | 32°", "phase; gain 16 | 43 dB")
+    verdict = {True: "holds", False: "does not hold", None: "not known"}
+    shown = [row[2:] for row in page.rows("What the guarantee needs")]
+    assert shown == [["37.5", "17.8", unit, verdict[one]] for one in holds]
+    commands = [command.split()[1] for _why, command in page.steps]
+    assert commands == (["tune-rc"] if holds[0] is False else []) + ["simulate", "export"]
+    assert holds[0] or ("--phi data" in page.steps[0][1] and "--alpha" not in page.steps[0][1])
+
+
+@pytest.mark.parametrize("wrong", [{}, {"identifiable": False}, {"b0": -1.0}, {"a0": -1.0}])
+def test_no_command_is_offered_that_would_be_refused(wrong: dict[str, Any], report_of: Callable[..., Any]):
+    page = report_of({"schema": "eaid/fit/1", "converged": True, "linear": {**LINEAR, **wrong}})
+    assert [command.split()[1] for _why, command in page.steps] == ([] if wrong else ["tune-rc"])
+
+
+@pytest.mark.slow
+def test_what_to_record_next_is_the_plan(files: dict[str, Path], report_of: Callable[..., Any]):
+    plan = eaid.plan(eaid.load(files["clutch.json"]), check=False)
+    fit = json.loads(files["clutch.json"].read_text(encoding="utf-8"))
+    page = report_of(fit)
+    ((why, command),) = [one for one in page.steps if "eaid plan" in one[1]]
+    assert why.startswith(f"Record {len(plan.levels)} levels, {plan.levels[0]:g} to {plan.levels[-1]:g} %")
+    assert f"held {min(plan.hold_s):.0f} to {max(plan.hold_s):.0f} s" in why and "--longest" not in command
+    fit["data"]["record_s"] = [599.2]  # holds are no shorter than the records that there are
+    assert any("--longest-hold 600" in command for _why, command in report_of(fit).steps)
+
+
+def test_table_iv_and_a_search(report_of: Callable[..., Any]):
+    rc = {"K_P": 4.5, "K_D": 3.0, "B_hat": 12.8, "rho": {"constant": 15.5, "slope": 10.3}, "epsilon": 0.5,
+          "gamma": 50.0, "Q": [[1.0, 0.5], [0.5, 1.0]], "B_m": 8.6, "B_M": 41.4, "phi": 0.1}  # fmt: skip
+    keys = ("rms_error_nm", "worst_plant_rms_error_nm", "max_abs_error_nm", "mean_abs_duty_step_pct",
+            "saturated_fraction", "p_scale", "epsilon", "phi_honest_pct", "B_hat", "K_P", "K_D")  # fmt: skip
+    before = dict.fromkeys(keys, 1.0) | {"equal_pi": [1.0, 2.0]}
+    search = {"reference": "multisine", "plants": 16, "noise_nm": 0.01, "noise_source": "supposed", "limit_pct": 0.5,
+              "before": before, "after": before | {"epsilon": 0.2}}  # fmt: skip
+    page = report_of({**GAINS, "rc": rc, "optimized": search})
+    rows = {row[0]: row for row in page.rows("Table IV")}
+    assert rows["Bm"][1:3] == ["12.4", "8.600"] and rows["φ"][1:3] == ["0.0500", "0.1000"] and rows["QM"][2] == "–"
+    rows = {row[0]: row for row in page.rows("Gains that follow")}
+    assert rows["B̂"][1:3] == ["12.5", "12.80"] and rows["ρ, constant"][1:3] == ["10.81", "15.50"]
+    assert {row[0]: row[1:3] for row in page.rows("Search")}["ε"] == ["1.0000", "0.20000"]
+    assert "16 plants, noise 0.0100 N·m (supposed), chattering up to 0.500 %" in page.text

@@ -1,67 +1,169 @@
-"""The page of logs that were fitted as recorded, each made, fitted and reported by the commands themselves."""
+"""The page of logs fitted as recorded, of closed loops' edges, of hours at 10 kHz and of hundreds of levels."""
 
 import json
 import re
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from eaid.cli.main import run
-from eaid.report.results import read_results
-from eaid.report.tables import recorded
-
-KINDS = ("random", "prbs", "chirp", "closed-loop")
-
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """The fit of a log of each kind, and its page."""
-    folder = tmp_path_factory.mktemp("recorded")
-
-    def call(*arguments: str | Path) -> int:
-        return run([str(argument) for argument in arguments])
-
-    logs = [folder / kind for kind in KINDS]
-    for seed, (kind, log) in enumerate(zip(KINDS, logs, strict=True)):
-        shape = ["--shape", "duration_s=60", "--rate-hz", "100", "--seed", str(seed)]
-        assert call("synth", "--excitation", kind, *shape, "-o", log, "-q") == 0
-    assert call("fit", *logs, "-o", folder / "fit.json", "-q") == 0
-    assert call("report", folder / "fit.json", "-o", folder / "report", "-q") == 0
-    return folder / "fit.json", folder / "report/report.html"
+import eaid
+from eaid.logs.read import read_runs
+from eaid.report.live import thinned
+from eaid.report.results import shortened
 
 
 @pytest.fixture(scope="module")
-def told(made: tuple[Path, Path]) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(made[0].read_text(encoding="utf-8"))["recorded"]
-    return found
+def told(others: dict[str, Path]) -> dict[str, Any]:
+    return json.loads((others["recorded"].parent.parent / "recorded.json").read_text(encoding="utf-8"))
 
 
-def test_logs_as_recorded_and_their_bode_plot_are_on_the_page(made: tuple[Path, Path]):
-    text = made[1].read_text(encoding="utf-8")
-    model = text.split('<section id="model">')[1].split("</section>")[0]
+@pytest.fixture(scope="module")
+def logs(others: dict[str, Path], told: dict[str, Any], report: Callable[..., Any]) -> Any:
+    return report(others["recorded"].parent.parent / "recorded.json")
+
+
+def test_logs_as_recorded_and_their_bode_plot_are_on_the_page(logs: Any):
+    model = logs.html.split('<section id="model">')[1].split("</section>")[0]
     first, bode = (model.index(f'id="{name}"') for name in ("recorded_logs", "bode"))
     assert first < bode < model.index("<h3>Logs fitted as recorded</h3>") < model.index("<details")
-    assert "Frequency response" in model and "Closed loops as recorded" in model
-    assert "What the input asked about" in model and "<dfn>coherence</dfn>" in text
-    assert "4 logs as recorded, 240 s" in text
-    assert text.count('class="picture"') == 2
-    for name in ("recorded_logs", "bode"):
-        assert (made[1].parent / f"figures/{name}.png").stat().st_size > 10_000
+    assert "<dfn>coherence</dfn>" in logs.html and "4 logs as recorded, 240 s" in logs.chips
+    assert (
+        logs.html.count('class="picture"') == 2
+        and "3 of 4 logs: the best, the middle" in logs.captions["recorded_logs"]
+    )
 
 
-def test_the_tables_say_what_the_fit_says(made: tuple[Path, Path], told: dict[str, Any]):
-    fit = read_results([made[0]]).fits[0].result
-    logs, responses, loops, asked, _falls = recorded.recorded_tables(fit)
-    assert [row[-2:] for row in logs.rows] == [(one["fit_pct"], one["one_step_pct"]) for one in told["logs"]]
-    assert [row[0] for row in responses.rows] == [one["name"] for one in told["responses"]] != []
-    assert [row[5] for row in responses.rows] == [one["harmonics_pct"] for one in told["responses"]]
-    assert [row[5] for row in loops.rows] == [told["loops"][0]["rms_error"]]
-    assert [row[2:] for row in asked.rows] == [(one["Ts"], one["tau1"], one["tau2"]) for one in told["asked"]]
+def test_its_tables_say_what_the_fit_says(logs: Any, told: dict[str, Any]):
+    def close(shown: list[str], wanted: list[float | None]) -> bool:
+        numbers = [np.nan if text == "–" else float(text.replace("−", "-")) for text in shown]
+        return numbers == pytest.approx([np.nan if x is None else x for x in wanted], rel=0.05, nan_ok=True)
+
+    known = told["recorded"]
+    rows = logs.rows("Logs fitted as recorded")
+    assert close([row[-2] for row in rows], [one["fit_pct"] for one in known["logs"]])
+    assert close([row[-1] for row in rows], [one["one_step_pct"] for one in known["logs"]])
+    rows, responses = logs.rows("Frequency response"), [one for one in known["responses"] if one["frequency_hz"]]
+    assert [row[0] for row in rows] == [one["name"] for one in responses] != []
+    assert close([row[5] for row in rows], [one["harmonics_pct"] for one in responses])
+    assert close([row[5] for row in logs.rows("Closed loops as recorded")], [known["loops"][0]["rms_error"]])
+    for k, name in enumerate(("Ts", "tau1", "tau2")):
+        assert close(
+            [row[2 + k] for row in logs.rows("What the input asked about")], [one[name] for one in known["asked"]]
+        )
+    low, high = told["nonlinear"]["curves"][-1]["ci95"]["tau1"]
+    (tile,) = [note for label, (_value, note) in logs.tiles.items() if label.startswith("τ1")]
+    assert re.search(rf"{low:.3f} … {high:.3f}, 95 %; fast time constant", tile)
 
 
-def test_the_tiles_have_the_intervals_of_the_models_curve(made: tuple[Path, Path]):
-    fit = json.loads(made[0].read_text(encoding="utf-8"))["nonlinear"]
-    low, high = fit["curves"][-1]["ci95"]["tau1"]
-    tiles = made[1].read_text(encoding="utf-8").split('<dl class="tiles">')[1].split("</dl>")[0]
-    assert re.search(rf"{low:.3f} … {high:.3f}, 95 %; fast time constant", tiles)
+T = np.arange(6000) * 1e-2
+OMEGA, ZETA = 6.0, 0.5
+OVERSHOOT = 100 * np.exp(-np.pi * ZETA / np.sqrt(1 - ZETA**2))
+
+
+def second_order(t: np.ndarray) -> np.ndarray:
+    """Step response of a damped oscillator."""
+    swing, decay = OMEGA * np.sqrt(1 - ZETA**2), np.exp(-ZETA * OMEGA * np.maximum(t, 0))
+    return np.where(t > 0, 1 - decay * (np.cos(swing * t) + ZETA / np.sqrt(1 - ZETA**2) * np.sin(swing * t)), 0.0)
+
+
+REFERENCE = np.select([T < 5, T < 20, T < 40], [1.0, 3.0, 2.0], 4.0)
+OUTPUT = 1 + 2 * second_order(T - 5) - second_order(T - 20) + 2 * second_order(T - 40)
+"""Three jumps of the reference; the output settles at each of its values."""
+
+
+@pytest.fixture
+def loop(tmp_path: Path, run_eaid: Callable[..., Any]) -> Callable[..., Path]:
+    """A log of a closed loop with some of its columns, ingested."""
+
+    def made(**columns: np.ndarray) -> Path:
+        held = {"time_s": T, **columns}
+        head = ",".join(held)
+        np.savetxt(tmp_path / "loop.csv", np.column_stack(list(held.values())), delimiter=",", header=head, comments="")
+        out = tmp_path / f"{'-'.join(columns)}.h5"
+        assert run_eaid("ingest", "--edges", tmp_path / "loop.csv", "-o", out, "-q", "--force").code == 0
+        return out
+
+    return made
+
+
+def test_edges_of_a_loop_by_formula(loop: Callable[..., Path], report: Callable[..., Any]):
+    noisy = OUTPUT + 0.002 * np.random.default_rng(1).normal(size=len(T))
+    page = report(loop(torque_nm=noisy, reference_nm=REFERENCE, duty_pct=20 * OUTPUT))
+    rows = np.array([[float(cell.replace("−", "-")) for cell in row[1:]] for row in page.rows("Edges of the output")])
+    _k, at_s, before, after, goal, left, rise_s, overshoot, _settled = rows.T
+    assert at_s == pytest.approx([5.1, 20.1, 40.1], abs=0.06) and list(goal) == [3, 2, 4]
+    assert before == pytest.approx([1, 3, 2], abs=2e-3) and after == pytest.approx([3, 2, 4], abs=2e-3)
+    assert left == pytest.approx([0, 0, 0], abs=2e-3) and overshoot == pytest.approx([OVERSHOOT] * 3, abs=1.0)
+    within = T[np.argmax(second_order(T) >= 0.9)] - T[np.argmax(second_order(T) >= 0.1)]
+    assert rise_s == pytest.approx([within] * 3, abs=0.08)
+    assert page.lights[0] == ("good", "1 log, 3 edges") and page.title == "Edges of the output" and not page.tiles
+    assert "3 edges of 1 log" in page.captions["edges"] and {"output", "reference", "input"} == set(page.lines("edges"))
+    ((_why, command),) = page.steps
+    assert command.startswith("eaid fit ") and command.endswith(".h5 -o fit.json")
+
+
+def test_an_output_alone_says_what_a_model_needs_and_a_still_one_has_no_edge(loop: Any, report: Callable[..., Any]):
+    page = report(loop(torque_nm=OUTPUT))
+    assert {row[5] for row in page.rows("Edges of the output")} == {"–"} and "LOGS" in page.steps[0][1]
+    still = report(loop(torque_nm=1 + 0.01 * np.random.default_rng(1).normal(size=len(T))))
+    assert still.lights[0] == ("care", "1 log, 0 edges")
+
+
+def test_long_runs_become_means_that_begin_at_the_step(files: dict[str, Path], monkeypatch: pytest.MonkeyPatch):
+    run = read_runs([files["clutch.h5"]], eaid.ReadOptions())[0]
+    assert shortened(run) == (run, 1)
+    monkeypatch.setitem(shortened.__globals__, "MOST", 150)
+    short, every = shortened(run)
+    start, first = (int(np.searchsorted(one.time_s, run.step_s)) for one in (run, short))
+    assert every == -(-len(run.time_s) // 150) and len(short.time_s) <= 150
+    for k in (first, first + 7):
+        block = slice(start + (k - first) * every, start + (k - first + 1) * every)
+        assert short.output[k] == pytest.approx(np.mean(run.output[block]), rel=1e-12)
+        assert short.time_s[k] == pytest.approx(np.mean(run.time_s[block]), rel=1e-12)
+        assert short.input[k] == run.input[block][0]
+    assert short.input[first - 1] == run.input[start - 1] != short.input[first]
+
+
+@pytest.mark.slow
+def test_rates_and_counts_are_those_that_were_recorded(
+    files: dict[str, Path], monkeypatch: pytest.MonkeyPatch, report: Callable[..., Any]
+):
+    whole = report(files["clutch.h5"], "--figures", "own_reference")
+    monkeypatch.setitem(shortened.__globals__, "MOST", 400)
+    short = report(files["clutch.h5"], "--figures", "own_reference")
+    for row, other in zip(*(page.rows("Runs without a warning") for page in (short, whole)), strict=True):
+        assert row[:4] == other[:4] and float(row[5]) == pytest.approx(float(other[5]), rel=0.01)
+        assert float(row[4]) == pytest.approx(float(other[4]), rel=0.02)
+
+
+@given(st.integers(2, 5000), st.integers(4, 200), st.integers(0, 2**32 - 1))
+def test_thinned_curves_keep_ends_and_extremes_in_order(n: int, points: int, seed: int):
+    y = np.random.default_rng(seed).normal(size=n)
+    t, few = thinned(np.arange(float(n)), y, points)
+    assert t[0] == 0 and t[-1] == n - 1 and np.all(np.diff(t) > 0) and np.array_equal(y[t.astype(int)], few)
+    assert few.max() == y.max() and few.min() == y.min() and len(few) <= max(points, 2) + 4
+
+
+@pytest.mark.slow
+def test_three_hundred_levels_in_twenty_seconds(tmp_path: Path, report_of: Callable[..., Any]):
+    levels = np.linspace(10, 100, 300)
+    steps = eaid.synth(levels=tuple(levels), repeats=2, rate_hz=50.0, hold_s=10.0, idle_s=1.0, release_s=0.0)
+    rows = [{"level": u, "Ts": 0.04 * u, "tau1": 0.5, "tau2": 12.0, "rmse": 0.01} for u in levels]
+    fit = {"schema": "eaid/fit/1", "friction": {"C": 0.85, "levels": rows},
+           "linear": {"a0": 1.84, "b0": 0.0783, "c0": -1.34},
+           "nonlinear": {"tau1": [0.5, 0, 0], "tau2": [12.0, 0, 0], "Ts": [0, 0.04, 0, 0], "C": 0.85,
+                         "u_range": [10, 100]}}  # fmt: skip
+    (tmp_path / "fit.json").write_text(json.dumps(fit))
+    begun = time.process_time()
+    page = eaid.report([steps, eaid.load(tmp_path / "fit.json")], tmp_path / "out")
+    assert time.process_time() - begun < 20
+    text = page.read_text(encoding="utf-8")
+    shown = re.sub(r"<details.*?</details>", "", text, flags=re.DOTALL)
+    assert page.stat().st_size < 4e6 and shown.count("<tr>") <= 3 * 25 and text.count("<tr>") > 600
+    assert "24 of 300 rows; all of them are folded below" in shown and 'id="fig07_nonlinear_model"' in text

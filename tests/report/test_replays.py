@@ -1,60 +1,156 @@
-"""Replays of other kinds: drawn plants, a log's own duty, a reference of the user's own."""
+"""What the page tells of replays and walls: errors, the guarantee, drawn plants, steps, tones, modes; made again."""
 
+import json
+import shlex
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 
-from eaid.cli.main import run
-from eaid.report.figures.replays import bands
-from eaid.report.results import read_results
+import eaid
 
 
-@pytest.fixture(scope="module")
-def page_of(files: dict[str, Path], tmp_path_factory: pytest.TempPathFactory):
-    folder = tmp_path_factory.mktemp("replays")
+def written(path: Path, metrics: dict[str, Any], **head: Any) -> Path:
+    """A replay of three samples, as steps, of the controllers in `metrics`."""
+    columns = {"time_s": [0.0, 1.0, 2.0], "reference_nm": np.ones(3), "torque_nm": [0.0, 0.5, 0.75],
+               "duty_pct": np.zeros(3)}  # fmt: skip
+    with h5py.File(path, "w") as file:
+        file.attrs.update({"schema": "eaid/replay/1", "scenario": "steps", "output_unit": "N·m", **head})
+        for name, known in metrics.items():
+            for key, values in columns.items():
+                file[f"{name}/{key}"] = values
+            file[name].attrs["metrics"] = json.dumps(known)
+    return path
 
-    def made(name: str, *more: str) -> tuple[Path, str]:
-        path = folder / f"{name}.h5"
-        simulate = [
-            "simulate",
-            str(files["clutch.json"]),
-            "--gains",
-            str(files["gains.json"]),
-            *more,
-            "-o",
-            str(path),
-            "-q",
-        ]
-        assert run(simulate) == 0
-        out = folder / name
-        assert run(["report", str(files["clutch.json"]), str(path), "-o", str(out), "-q"]) == 0
-        return path, (out / "report.html").read_text(encoding="utf-8")
 
-    return made
+RC = {
+    "rms_error_nm": 0.3, "iae_nm_s": 0.9, "guarantee_holds_fraction": 0.75, "guarantee_largest_chi_over_rho": 1.5,
+    "guarantee_failures_at_limit": 1.0, "guarantee_failures_by_saturation": 0.5,
+    "steps": [{"from_nm": 0.0, "to_nm": 1.0, "rise_time_s": 0.1, "overshoot_pct": 2.0, "settling_s": None,
+               "settling_5pct_s": 0.3}],
+    "plants": {"count": 9, "metrics": {
+        "max_abs_error_nm": {"worst": {"value": 0.5, "plant": 7, "tau1": [0.1], "tau2": [4.0], "Ts": [2.0]},
+                             "p2.5": 0.1, "median": 0.2, "p97.5": 0.4}}},
+}  # fmt: skip
+
+
+def test_numbers_of_a_replay_by_hand(tmp_path: Path, report: Callable[..., Any]):
+    page = report(written(tmp_path / "r.h5", {"rc": RC, "other": {}}, plants=9), "--figures", "own_reference")
+    assert page.tables["Errors of each controller"][0][5] == "∫ |error| (N·m·s)"
+    rc, other = page.rows("Errors of each controller")
+    # What the file does not say is that of the trace: errors 1, 0.5, 0.25.
+    assert (
+        rc[:2] == ["steps", "RC"] and rc[2:6] == ["1.00", "0.300", f"{1.75 / 3:.3f}", "0.900"] and other[1] == "other"
+    )
+    assert page.rows("Guarantee along this replay") == [["RC", "75.00", "1.50", "100", "50.0"]]
+    assert page.rows("Each step") == [["RC", "0 → 1", "0.100", "2.00", "–", "0.300"]]
+    drawn = page.rows("Over drawn plants: steps")
+    assert drawn == [["RC: largest |error| (N·m)", "0.100", "0.200", "0.400", "0.500", "7", "0"]]
+    assert "9 plants drawn" in page.text and "Each frequency" not in page.tables
+    known = {"guarantee_holds_fraction": 1.0, "guarantee_failures_at_limit": None}
+    page = report(written(tmp_path / "s.h5", {"rc": known}), "--figures", "own_reference")
+    assert page.rows("Guarantee along this replay") == [["RC", "100.0", "–", "–", "–"]]
+
+
+def test_captions_and_tables_say_what_the_replays_hold(whole: Any, files: dict[str, Path]):
+    def columns(name: str, controller: str = "rc") -> dict[str, np.ndarray]:
+        with h5py.File(files[f"{name}.h5"]) as file:
+            return {key: np.asarray(one) for key, one in file[controller].items() if isinstance(one, h5py.Dataset)}
+
+    def metrics(name: str, controller: str = "rc") -> dict[str, Any]:
+        with h5py.File(files[f"{name}.h5"]) as file:
+            return json.loads(file[controller].attrs["metrics"])
+
+    errors = {name: metrics("multisine", key)["max_abs_error_nm"] for key, name in (("rc", "RC"), ("pi", "PI"))}
+    for name, value in errors.items():
+        assert f"{name} {value:.2g}" in whole.captions["fig12_multisine"]
+    assert f"{errors['PI'] / errors['RC']:.2g} times smaller than PI's" in whole.captions["fig12_multisine"]
+    share = metrics("multisine")["guarantee_holds_fraction"]
+    assert f"covers the need {100 * share:.1f} % of the time" in whole.captions["guarantee_in_replay"]
+    overshoots = [one["overshoot_pct"] for one in metrics("steps")["steps"] if one["overshoot_pct"] is not None]
+    assert f"Largest overshoot of a step: RC {max(overshoots):.2g}".rstrip("0") in whole.captions["fig11_steps"]
+    tones = metrics("sweep")["frequencies"]
+    below = next((one["frequency_hz"] for one in tones if one["gain_db"] < -3), None)
+    assert (f"RC −3 dB by {below:.2g}" if below else "RC above −3 dB throughout") in whole.captions["fig13_sweep"]
+    rows = [row for row in whole.rows("Each frequency") if row[0] == "RC"]
+    assert [float(row[2].replace("−", "-")) for row in rows] == pytest.approx(
+        [one["gain_db"] for one in tones], rel=0.01, abs=1e-3
+    )
+    session = columns("rehab")
+    gap = np.mean(np.abs(session["desired_nm"] - session["rendered_nm"]))
+    assert f"off the desired one by {gap:.2g} N·m" in whole.captions["fig16_rehab"]
+    modes = metrics("rehab")["modes"]
+    rows = {row[1]: row for row in whole.rows("Errors by mode") if row[0] == "RC"}
+    for name, one in modes.items():
+        assert float(rows[name][2]) == pytest.approx(one["abs_position_error_deg"]["median"], rel=0.01)
+    x, y = whole.lines("fig12_multisine")["RC"]
+    trace = columns("multisine")
+    assert np.interp(x, trace["time_s"], trace["duty_pct"]) == pytest.approx(y, abs=1e-2)  # the last panel's
 
 
 @pytest.mark.slow
-def test_drawn_plants_give_a_band_and_a_table(page_of):
-    path, text = page_of("plants", "--scenario", "multisine", "--duration", "6", "--plants", "3")
-    replay = read_results([path]).replays[0].result
-    t, low, high = bands(replay)["rc"]
-    assert t.shape == low.shape == high.shape and np.all(low <= high)
-    assert "Over drawn plants: multisine" in text and "RC: largest |error| (N·m)" in text
-    assert 'id="fig12_multisine"' in text and 'id="guarantee_in_replay"' in text
+def test_drawn_plants_a_log_and_a_reference_have_their_figures(
+    files: dict[str, Path], tmp_path: Path, report: Callable[..., Any], run_eaid: Callable[..., Any]
+):
+    (tmp_path / "mine.csv").write_text("time_s,reference_nm\n0,0\n1,1\n3,1\n")
+    runs = {"plants": ("--scenario", "multisine", "--duration", 6, "--plants", 3), "log": ("--log", files["clutch.h5"]),
+            "own": ("--reference", tmp_path / "mine.csv")}  # fmt: skip
+    for name, more in runs.items():
+        path = tmp_path / f"{name}.h5"
+        assert (
+            run_eaid("simulate", files["clutch.json"], "--gains", files["gains.json"], *more, "-o", path, "-q").code
+            == 0
+        )
+    page = report(files["clutch.json"], *(tmp_path / f"{name}.h5" for name in runs))
+    assert {"fig12_multisine", "guarantee_in_replay", "log_replay", "own_reference"} <= set(page.captions)
+    with h5py.File(tmp_path / "plants.h5") as file:
+        known = json.loads(file["rc"].attrs["metrics"])["plants"]["metrics"]["max_abs_error_nm"]
+    row = page.rows("Over drawn plants: multisine")[0]
+    assert row[0] == "RC: largest |error| (N·m)" and float(row[2]) == pytest.approx(known["median"], rel=0.01)
+    replay = eaid.load(tmp_path / "log.h5")
+    rms = sorted(np.sqrt(np.mean((one.columns["reference_nm"] - one.columns["torque_nm"]) ** 2))
+                 for one in replay.records.values())  # fmt: skip
+    assert f"6 of {len(rms)} runs" in page.captions["log_replay"]
+    assert f"is off by {rms[0]:.2g} to {rms[-1]:.2g} N·m" in page.captions["log_replay"]
+    assert len(page.rows("Recorded input through the model")) == len(rms)
+    assert f"--reference {tmp_path / 'mine.csv'}" in page.text
+
+
+TUNED = ["--b-hat", "minimax", "--kp", "5", "--phi", "0.02", "--pi-overshoot", "1", "--pi-settling", "0.3",
+         "--duty-limits", "5,95", "--reference", "multisine", "--bounds-levels", "40:100", "--pwm-hz", "0"]  # fmt: skip
+REPLAYED = ["--controller", "pi,inverse", "--scenario", "steps", "--duration", "9", "--rate-hz", "500",
+            "--noise-nm", "0.01", "--ripple-pct", "2", "--duty-bits", "8", "--perturb", "Ts=0.9", "--no-saturation",
+            "--seed", "5"]  # fmt: skip
 
 
 @pytest.mark.slow
-def test_a_log_is_shown_beside_the_model(page_of, files: dict[str, Path]):
-    _path, text = page_of("log", "--log", str(files["clutch.h5"]))
-    assert 'id="log_replay"' in text
-    assert "Recorded input through the model" in text and "synthetic-clutch-100.0-r2" in text
+def test_gains_and_replay_are_made_again_by_what_the_page_says(
+    files: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, report: Callable[..., Any], run_eaid: Any
+):
+    monkeypatch.chdir(tmp_path)
+    fit = files["clutch.json"]
+    assert run_eaid("tune-rc", fit, "-o", "g.json", "-q", *TUNED).code == 0
+    assert run_eaid("simulate", fit, "--gains", "g.json", "-o", "r.h5", "-q", *REPLAYED).code == 0
+    page = report(fit, "g.json", "r.h5", "--figures", "own_reference")
+    lines = "".join(page.of("pre")[0].itertext()).splitlines()
+    tune, replay = (next(line for line in lines if line.startswith(f"eaid {name}")) for name in ("tune-rc", "simulate"))
+    for line, name in ((tune, "g.json"), (replay, "r.h5")):
+        before = Path(name).read_bytes()
+        assert run_eaid(*shlex.split(line)[1:], "--force", "-q").code == 0 and Path(name).read_bytes() == before
+    assert "--duration 9" in replay and "--rate-hz 500" in replay
 
 
 @pytest.mark.slow
-def test_a_reference_of_ones_own_has_its_figure(page_of, tmp_path: Path):
-    reference = tmp_path / "mine.csv"
-    reference.write_text("time_s,reference_nm\n0,0\n1,1\n3,1\n")
-    _path, text = page_of("own", "--reference", str(reference))
-    assert 'id="own_reference"' in text and "Replay: reference of your own" not in text.split("<h3>")[0]
-    assert f"--reference {reference}" in text
+def test_walls_of_a_coupling(files: dict[str, Path], tmp_path: Path, report: Callable[..., Any]):
+    found = eaid.couple(
+        eaid.load(files["clutch.json"]), eaid.load(files["gains.json"]), torque=(1.0, 2.0), replay=False
+    )
+    found.save(tmp_path / "couple.json")
+    page = report(files["clutch.json"], tmp_path / "couple.json", "--figures", "walls")
+    assert (page.path.parent / "figures/walls.png").stat().st_size > 10_000
+    rows = page.rows("How stiff a virtual wall may be")
+    assert len(rows) == len(found.walls) and len(page.rows("Walls of an antagonistic pair")) == len(found.pair) > 0
+    assert rows[1][2] == f"{found.walls[1].K_passive:#.3g}".rstrip(".")

@@ -1,123 +1,142 @@
+"""Files given to a report: told apart, checked, refused with all faults; a folder written whole or not at all."""
+
 import json
+import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
 import pytest
 
-from eaid.errors import DataError, UsageError
-from eaid.replay.files import write_replay
-from eaid.report.results import kind_of, read_results
-from eaid.results.replay import Head, Metrics, Record, Replay
+import eaid
+
+WANTED = "is no result of eaid; give a fit.json, gains.json, replay.h5 or data.h5"
 
 
-def test_files_are_told_apart_by_what_they_say(files: dict[str, Path]):
-    results = read_results(
-        [files["multisine.h5"], files["gains.json"], files["clutch.h5"], files["clutch.json"], files["steps.h5"]]
-    )
-    assert [len(part) for part in (results.data, results.fits, results.gains, results.replays)] == [1, 1, 1, 2]
-    assert [replay.result.head.scenario for replay in results.replays] == [
-        "steps",
-        "multisine",
-    ]  # the paper's order, not the call's
-    assert list(results.replays[0].result.records) == ["rc", "pi"]
+def names_in(folder: Path) -> list[str]:
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
 
 
-def test_a_script_s_own_json_is_known_by_its_parts(tmp_path: Path):
-    (tmp_path / "a.json").write_text(json.dumps({"linear": {"a0": 1.36, "b0": 0.08, "c0": -2.42}}))
-    (tmp_path / "b.json").write_text(json.dumps({"rc": {"K_P": 4.5}, "model": {"a0": 1.36}}))
-    assert [kind_of(tmp_path / name) for name in ("a.json", "b.json")] == ["fit", "gains"]
+def replay_file(path: Path, head: dict[str, Any] | None = None, **columns: Any) -> Path:
+    """A replay by the contract alone."""
+    t = np.arange(20) / 1000.0
+    held = {"time_s": t, "reference_nm": np.ones(20), "torque_nm": np.sin(t), "duty_pct": np.full(20, 50.0), **columns}
+    with h5py.File(path, "w") as file:
+        file.attrs.update({"schema": "eaid/replay/1", "scenario": "multisine", **(head or {})})
+        for name, values in held.items():
+            if name == "metrics":
+                file["rc"].attrs[name] = values
+            elif values is not None:
+                file[f"rc/{name}"] = values
+    return path
 
 
-def test_everything_that_is_no_result_is_told_at_once(tmp_path: Path):
+def test_everything_that_is_no_result_is_told_at_once(tmp_path: Path, run_eaid: Callable[..., Any]):
     (tmp_path / "a.json").write_text("{")
     (tmp_path / "b.json").write_text(json.dumps({"schema": "other/1"}))
     (tmp_path / "c.txt").write_bytes(b"\xff\xfe\x00")
     with h5py.File(tmp_path / "d.h5", "w") as file:
         file["x"] = np.zeros(3)
     paths = [tmp_path / name for name in ("a.json", "b.json", "c.txt", "d.h5", "gone.json")]
-    with pytest.raises(DataError) as caught:
-        read_results(paths)
-    wanted = "is no result of eaid; give a fit.json, gains.json, replay.h5 or data.h5"
-    assert caught.value.sentences[:4] == tuple(f"{path}: {wanted}" for path in paths[:4])
-    assert caught.value.sentences[4].startswith(f"{paths[4]}: no such file")
+    ran = run_eaid("report", *paths, "-o", tmp_path / "out")
+    assert ran.code == 3 and not (tmp_path / "out").exists()
+    assert all(f"{path}: {WANTED}" in ran.err for path in paths[:4]) and f"{paths[4]}: no such file" in ran.err
+    ran = run_eaid("report", tmp_path, "-o", tmp_path / "out")
+    assert ran.code == 2 and "is a folder; give the files in it" in ran.err
+    with pytest.raises(eaid.UsageError, match="a dict is no result"):
+        eaid.report([{}], tmp_path / "out")
 
 
-def test_a_folder_is_refused(tmp_path: Path):
-    with pytest.raises(UsageError, match="is a folder; give the files in it"):
-        read_results([tmp_path])
+def test_a_scripts_json_is_known_by_its_parts_and_replays_have_the_papers_order(
+    files: dict[str, Path], tmp_path: Path, report: Callable[..., Any]
+):
+    (tmp_path / "a.json").write_text(json.dumps({"linear": {"a0": 1.36, "b0": 0.08, "c0": -2.42}}))
+    (tmp_path / "b.json").write_text(json.dumps({"model": {"a0": 1.36, "b0": 0.08, "c0": -2.42}, "rc": None}))
+    given = (files["multisine.h5"], tmp_path / "b.json", tmp_path / "a.json", files["steps.h5"])
+    page = report(*given, replay_file(tmp_path / "mine.h5"), "--figures", "own_reference")
+    kinds = {Path(row[0]).name: row[1] for row in page.rows("Files")}
+    assert kinds == {"a.json": "fit, clutch", "b.json": "gains", "steps.h5": "replay, steps",
+                     "multisine.h5": "replay, multisine", "mine.h5": "replay, multisine"}  # fmt: skip
+    shown = [row[:2] for row in page.rows("Errors of each controller")]
+    assert [row[0] for row in shown[:2]] == ["steps"] * 2 and [row[1] for row in shown[:2]] == ["RC", "PI"]
 
 
-def test_a_replay_without_a_column_names_it(tmp_path: Path):
-    with h5py.File(tmp_path / "replay.h5", "w") as file:
-        file.attrs["schema"] = "eaid/replay/1"
-        for name in ("time_s", "reference_nm", "torque_nm"):
-            file[f"rc/{name}"] = np.arange(5.0)
-    with pytest.raises(DataError, match="controller 'rc' has no duty_pct; make the replay again"):
-        read_results([tmp_path / "replay.h5"])
+@pytest.mark.parametrize(
+    ("head", "columns", "says"),
+    [
+        ({}, {"duty_pct": None}, "controller 'rc' has no duty_pct; make the replay again"),
+        ({}, {"time_s": np.zeros(20)}, "rc: its time_s does not rise"),
+        ({}, {"time_s": np.float64(1.0)}, "rc: its time_s is no column of two samples"),
+        ({}, {"torque_nm": np.zeros(19)}, "controller 'rc' has no torque_nm"),
+        ({}, {"torque_nm": np.full(20, np.nan)}, "rc: its torque_nm holds what is no number"),
+        ({}, {"torque_nm": np.array([b"x"] * 20)}, "rc: its torque_nm holds what is no number"),
+        ({}, {"metrics": '{"steps": [3]}'}, "rc: its steps[0] is 3"),
+        ({}, {"metrics": '{"max_abs_error_nm": NaN}'}, "its metrics is no JSON"),
+        ({"scenario": 3}, {}, "its scenario is 3"),
+        ({"dt_s": -1.0}, {}, "its dt_s is -1.0"),
+        ({"anything": "{"}, {}, "its anything is no JSON"),
+    ],
+)
+def test_what_a_replay_holds_is_checked(
+    tmp_path: Path, head: dict[str, Any], columns: dict[str, Any], says: str, run_eaid: Callable[..., Any]
+):
+    ran = run_eaid("report", replay_file(tmp_path / "replay.h5", head, **columns), "-o", tmp_path / "out")
+    assert ran.code == 3 and says in ran.err and not (tmp_path / "out").exists()
 
 
-def test_a_replay_by_the_contract_alone_is_enough(tmp_path: Path):
-    with h5py.File(tmp_path / "replay.h5", "w") as file:
-        file.attrs["schema"] = "eaid/replay/1"
-        file.attrs["scenario"] = "multisine"
-        for name in ("time_s", "reference_nm", "torque_nm", "duty_pct"):
-            file[f"rc/{name}"] = np.linspace(0, 1, 50)
-    replay = read_results([tmp_path / "replay.h5"]).replays[0].result
-    assert replay.head.scenario == "multisine" and replay.records["rc"].metrics == Metrics()
-
-
-def _record() -> dict[str, np.ndarray]:
-    t = np.arange(20) / 1000.0
-    return {"time_s": t, "reference_nm": np.ones(20), "torque_nm": np.sin(t), "duty_pct": np.full(20, 50.0)}
+def test_results_in_memory_make_the_figures_of_their_files(files: dict[str, Path], tmp_path: Path, report: Any):
+    eaid.report([eaid.load(files["clutch.json"])], tmp_path / "memory", figures=("input_gain",))
+    assert names_in(tmp_path / "memory") == ["figures/input_gain.png", "report.html"]
+    other = report(files["clutch.json"], "--figures", "input_gain").path.parent / "figures/input_gain.png"
+    assert (tmp_path / "memory/figures/input_gain.png").read_bytes() == other.read_bytes()
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("attribute", "value", "says"),
-    [
-        ("metrics", '{"steps": [3]}', r"rc: its steps\[0\] is 3 .Expected object"),
-        ("metrics", '{"max_abs_error_nm": NaN}', "its metrics is no JSON"),
-        ("metrics", "{", "its metrics is no JSON"),
-        ("metrics", '{"modes": []}', None),
-        ("band_quantiles", "x", 'its band_quantiles is "x"'),
-        ("scenario", 3, "its scenario is 3"),
-        ("dt_s", -1.0, "its dt_s is -1.0"),
-        ("anything", "{", "its anything is no JSON"),
-    ],
-)
-def test_what_a_replay_says_of_itself_is_checked(tmp_path: Path, attribute: str, value: object, says: str | None):
-    path = tmp_path / "replay.h5"
-    write_replay(path, Replay(Head("steps"), {"rc": Record(_record())}))
-    with h5py.File(path, "a") as file:
-        del file.attrs["digest"]
-        (file["rc"] if attribute == "metrics" else file).attrs[attribute] = value
-    if says is None:
-        assert read_results([path]).replay("steps") is not None
-        return
-    with pytest.raises(DataError, match=says):
-        read_results([path])
+@pytest.mark.parametrize("held", ["report.html", "figures/input_gain.png", "figures/fig07_nonlinear_model.svg"])
+def test_without_force_nothing_is_written_over(
+    files: dict[str, Path], tmp_path: Path, held: str, run_eaid: Callable[..., Any]
+):
+    (tmp_path / "out" / held).parent.mkdir(parents=True)
+    (tmp_path / "out" / held).write_text("mine")
+    arguments = ["report", files["clutch.json"], "-o", tmp_path / "out", "--figures", "input_gain", "-q"]
+    assert run_eaid(*arguments).code == 2
+    assert names_in(tmp_path / "out") == [held] and (tmp_path / "out" / held).read_text() == "mine"
+    (tmp_path / "out/figures").mkdir(exist_ok=True)
+    (tmp_path / "out/figures/notes.txt").write_text("mine too")
+    assert run_eaid(*arguments, "--force").code == 0
+    # Old figures of a report go with the old page; what is not of a report stays.
+    assert names_in(tmp_path / "out") == ["figures/input_gain.png", "figures/notes.txt", "report.html"]
 
 
 @pytest.mark.slow
+def test_a_report_that_breaks_off_leaves_what_was_there(
+    files: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    def broken(*_: Any) -> str:
+        raise RuntimeError("broken")
+
+    fit = eaid.load(files["clutch.json"])
+    eaid.report(fit, tmp_path / "old", figures=("input_gain",))
+    before = {name: (tmp_path / "old" / name).read_bytes() for name in names_in(tmp_path / "old")}
+    monkeypatch.setattr(sys.modules["eaid.report.write"], "page", broken)
+    for name in ("old", "new"):
+        with pytest.raises(RuntimeError):
+            eaid.report(fit, tmp_path / name, force=True)
+    assert {name: (tmp_path / "old" / name).read_bytes() for name in names_in(tmp_path / "old")} == before
+    assert not (tmp_path / "new").exists()
+
+
 @pytest.mark.parametrize(
-    ("column", "values", "says"),
+    ("options", "says"),
     [
-        ("torque_nm", np.array([b"x"] * 20), "rc: its torque_nm holds what is no number"),
-        ("torque_nm", np.full(20, np.nan), "rc: its torque_nm holds what is no number"),
-        ("torque_nm", np.zeros(19), "controller 'rc' has no torque_nm"),
-        ("time_s", np.zeros(20), "rc: its time_s does not rise"),
-        ("time_s", np.float64(1.0), "rc: its time_s is no column of two samples"),
-        ("plants/band_nm", np.zeros((2, 5)), "its plants/band_nm has not a number for every quantile"),
+        (["--figures", "fig99"], "--figures fig99: no such figure"),
+        (["--format", "gif"], "--format gif: must be one of pdf, svg, png"),
     ],
 )
-def test_columns_of_a_replay_are_checked(tmp_path: Path, column: str, values: np.ndarray, says: str):
-    path = tmp_path / "replay.h5"
-    write_replay(path, Replay(Head("steps"), {"rc": Record({**_record()})}))
-    with h5py.File(path, "a") as file:
-        del file.attrs["digest"]
-        if column in file["rc"]:
-            del file["rc"][column]
-        file["rc"][column] = values
-    with pytest.raises(DataError, match=says):
-        read_results([path])
+def test_options_that_name_nothing_are_refused(
+    files: dict[str, Path], tmp_path: Path, options: list[str], says: str, run_eaid: Callable[..., Any]
+):
+    ran = run_eaid("report", files["clutch.json"], "-o", tmp_path / "out", *options)
+    assert ran.code == 2 and says in ran.err and not (tmp_path / "out").exists()
