@@ -164,8 +164,7 @@ TABLE = r"""
 2 | couple fit.json --loops pid | --loops pid: must be one of open-loop, pi, rc-no-rate, rc, inverse; did you mean pi?
 2 | couple fit.json --limb-spread 0.5 | --limb-spread: does nothing without --plants; give both or neither
 2 | report fit.json --format jpg | --format jpg: must be one of pdf, svg, png; did you mean png?
-2 | report fit.json --figures fig99 | --figures fig99: no such figure; there are compare, fig02_pwm, edges, …
-2 | report fit.json --width 3 | --width 3: write two numbers with a comma between them…
+2 | report fit.json --figures fig99 | --figures fig99: no such figure; there are fig02_pwm, edges, …
 3 | report text.json | text.json: is no result of eaid; give a fit.json, gains.json, replay.h5 or data.h5
 3 | report nowhere.json | nowhere.json: no such file; give a fit.json, gains.json, replay.h5 or data.h5 that eaid wrote
 2 | demo -o logs | logs: is not empty; give --force to write over it, or another -o

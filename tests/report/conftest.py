@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import h5py
 import html5lib
 import numpy as np
 import pytest
@@ -124,6 +125,25 @@ def report_of(report: Callable[..., Page], tmp_path_factory: pytest.TempPathFact
 
 
 @pytest.fixture(scope="session")
+def replay_file() -> Callable[..., Path]:
+    """A replay by the contract alone: three samples of the controllers in `metrics`, with `columns` instead."""
+
+    def made(path: Path, metrics: dict[str, Any], columns: dict[str, Any] | None = None, **head: Any) -> Path:
+        held = {"time_s": [0.0, 1.0, 2.0], "reference_nm": np.ones(3), "torque_nm": [0.0, 0.5, 0.75],
+                "duty_pct": np.zeros(3), **(columns or {})}  # fmt: skip
+        with h5py.File(path, "w") as file:
+            file.attrs.update({"schema": "eaid/replay/1", "scenario": "steps", "output_unit": "N·m", **head})
+            for name, known in metrics.items():
+                file.create_group(name).attrs["metrics"] = json.dumps(held.get("metrics", known))
+                for key in held.keys() - {"metrics"}:
+                    if held[key] is not None:
+                        file[name][key] = held[key]
+        return path
+
+    return made
+
+
+@pytest.fixture(scope="session")
 def whole(page: Path) -> Page:
     """The page of all files."""
     return Page(page)
@@ -165,21 +185,26 @@ def page(files: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Pa
 
 
 @pytest.fixture(scope="session")
-def others(files: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Name → page: logs as recorded, steps from level to level, two fits, a loop, a marked fit of long names."""
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The fit of a log of each kind, as they were recorded."""
+    folder = tmp_path_factory.mktemp("recorded")
+    logs = [folder / kind for kind in ("random", "prbs", "chirp", "closed-loop")]
+    for seed, log in enumerate(logs):
+        shape = ["--shape", "duration_s=60", "--rate-hz", "100", "--seed", seed]
+        assert call("synth", "--excitation", log.name, *shape, "-o", log, "-q") == 0
+    assert call("fit", *logs, "-o", folder / "recorded.json", "-q") in (0, 4)
+    return folder / "recorded.json"
+
+
+@pytest.fixture(scope="session")
+def others(recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Path]]:
+    """Name → files: logs as recorded, steps from level to level, a loop, a marked fit of long names."""
     folder = tmp_path_factory.mktemp("others")
-    made: dict[str, list[Path]] = {}
-    kinds = {"recorded": ("random", "prbs", "chirp", "closed-loop"), "staircase": ("staircase",)}
-    for name, excitations in kinds.items():
-        logs = [folder / kind for kind in excitations]
-        for seed, log in enumerate(logs):
-            shape = ["--shape", f"duration_s={120 if log.name == 'staircase' else 60}", "--rate-hz", "100"]
-            assert call("synth", "--excitation", log.name, *shape, "--seed", seed, "-o", log, "-q") == 0
-        more = ("--logs-as", "steps") if name == "staircase" else ()
-        made[name] = [folder / f"{name}.json"]
-        assert call("fit", *logs, *more, "-o", *made[name], "-q") in (0, 4)
-    assert call("ingest", folder / "staircase", "-o", folder / "staircase.h5", "-q") == 0
-    made["staircase"].append(folder / "staircase.h5")
+    made = {"recorded": [recorded], "staircase": [folder / "staircase.json", folder / "staircase.h5"]}
+    shape = ["--shape", "duration_s=120", "--rate-hz", "50", "--seed", "1"]
+    assert call("synth", "--excitation", "staircase", *shape, "-o", folder / "staircase", "-q") == 0
+    assert call("fit", folder / "staircase", "--logs-as", "steps", "-o", made["staircase"][0], "-q") in (0, 4)
+    assert call("ingest", folder / "staircase", "-o", made["staircase"][1], "-q") == 0
     logs = folder / "long"
     levels = ["--levels", "20,60,100", "--repeats", "1", "--hold", "3", "--rate-hz", "50", "--seed", "8"]
     assert call("synth", *levels, "-o", logs, "-q") == 0
@@ -192,16 +217,11 @@ def others(files: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> 
     assert call("ingest", logs, "-o", data, "-q") == 0 and call("fit", data, "-o", fit, "-q") in (0, 4)
     assert call("tune-rc", fit, "--allow-unidentified", "-o", gains, "-q") == 0
     assert call("simulate", fit, "--gains", gains, "--scenario", "steps", "--duration", "9", "-o", replay, "-q") == 0
-    made["two"] = [files["clutch.json"], folder / "day2.json"]
-    assert call("synth", "--levels", "20:100:20", "--seed", "9", "--rate-hz", "50", "-o", folder / "day2.h5", "-q") == 0
-    assert call("fit", folder / "day2.h5", "-o", folder / "day2.json", "-q") == 0
     shape = ["--shape", "duration_s=60,gains=15:200,hold_s=0.5:5", "--rate-hz", "50", "--seed", "1"]
     assert call("synth", "--excitation", "closed-loop", *shape, "-o", folder / "loop", "-q") == 0
     assert call("ingest", "--edges", folder / "loop", "-o", folder / "loop.h5", "-q") == 0
     made["loop"] = [folder / "loop.h5"]
-    for name, given in made.items():
-        assert call("report", *given, "-o", folder / f"page-{name}", "-q") == 0
-    return {name: folder / f"page-{name}/report.html" for name in made}
+    return made
 
 
 @pytest.fixture(scope="session")
@@ -220,14 +240,14 @@ def browser() -> Iterator[Any]:
 
 @pytest.fixture(scope="session")
 def printed() -> Callable[..., list[str]]:
-    """The text of each printed page of a tab."""
-    if shutil.which("pdftotext") is None:
-        pytest.skip("no pdftotext, so the printed pages are not read")
+    """The text of each printed page of a tab; of none where there is no pdftotext."""
 
     def pages(tab: Any, folder: Path) -> list[str]:
         tab.emulate_media(media="print")
         tab.pdf(path=folder / "page.pdf", prefer_css_page_size=True, print_background=True)
-        command = ["pdftotext", "-layout", folder / "page.pdf", "-"]
+        if (reader := shutil.which("pdftotext")) is None:
+            return []
+        command = [reader, "-layout", folder / "page.pdf", "-"]
         return subprocess.run(command, capture_output=True, text=True, check=True).stdout.split("\f")[:-1]
 
     return pages

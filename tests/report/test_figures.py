@@ -1,6 +1,7 @@
 """Figures of results: their letters and units, and what is drawn of numbers that are known."""
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -63,9 +64,8 @@ def fit_of(tmp_path_factory: pytest.TempPathFactory) -> Any:
 
 
 @pytest.fixture(scope="module")
-def given(files: dict[str, Path], others: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
+def given(files: dict[str, Path], others: dict[str, list[Path]], tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
     """Results that together show every figure."""
-    folder = others["recorded"].parent.parent
     fit, gains = eaid.load(files["clutch.json"]), eaid.load(files["gains.json"])
     reference = pd.DataFrame({"time_s": [0.0, 1.0, 3.0], "reference_nm": [0.0, 1.0, 1.0]})
     reference.to_csv(path := tmp_path_factory.mktemp("own") / "mine.csv", index=False)
@@ -74,8 +74,8 @@ def given(files: dict[str, Path], others: dict[str, Path], tmp_path_factory: pyt
         eaid.couple(fit, gains, torque=(1.0,), replay=False),
     ]  # fmt: skip
     return [
-        [*map(eaid.load, files.values()), *more], [eaid.load(folder / "recorded.json")],
-        [eaid.load(folder / name) for name in ("staircase.json", "staircase.h5")], [eaid.load(folder / "loop.h5")],
+        [*map(eaid.load, files.values()), *more],
+        *([eaid.load(path) for path in others[name]] for name in ("recorded", "staircase", "loop")),
     ]  # fmt: skip
 
 
@@ -209,16 +209,23 @@ def test_friction_over_stress_has_a_coefficient_of_friction_where_the_output_is_
         assert values == pytest.approx([1 / (1e4 * k * volume) for k in (1, 2, 3)])
 
 
-@pytest.mark.parametrize("count", [14, 15])
-def test_many_levels_have_a_colour_bar_and_few_their_names(count: int):
+@pytest.mark.parametrize("count", [14, 30])
+def test_many_levels_have_a_colour_bar_and_a_table_of_some(count: int, tmp_path: Path):
     steps = eaid.synth(levels=tuple(np.linspace(10, 100, count)), repeats=1, rate_hz=10.0, hold_s=5.0, clean=True)
     figure = drawn("fig07_nonlinear_model", steps).figure
-    assert len(figure.axes[0].texts) == (count if count == 14 else 0) and len(figure.axes) == count - 13
+    assert len(figure.axes[0].texts) == (14 if count == 14 else 0) and len(figure.axes) == (1 if count == 14 else 2)
+    html = eaid.report(steps, tmp_path / "out", figures=("walls",)).read_text(encoding="utf-8")
+    shown = re.sub(r"<details.*?</details>", "", html, flags=re.DOTALL)
+    assert ("24 of 30 rows; all of them are folded below" in shown) == (count == 30)
+    assert (
+        shown.count("<tr>") == 1 + min(count, 24)
+        and html.count(f'<th scope="row">{10 + 90 / (count - 1):.4g}</th>') > 0
+    )
 
 
-def test_a_step_is_drawn_with_the_curve_that_was_fitted_to_it(others: dict[str, Path]):
-    folder = others["staircase"].parent.parent
-    fit, steps = eaid.load(folder / "staircase.json"), eaid.load(folder / "staircase.h5")
+@pytest.mark.slow
+def test_a_step_is_drawn_with_the_curve_that_was_fitted_to_it(others: dict[str, list[Path]]):
+    fit, steps = map(eaid.load, others["staircase"])
     ready = drawn("level_steps", fit, steps)
     lines = [line.get_ydata() for line in ready.figure.axes[0].lines if len(line.get_xdata()) > 2]
     shown = list(zip(lines[::2], lines[1::2], strict=True))
@@ -234,8 +241,8 @@ def test_a_step_is_drawn_with_the_curve_that_was_fitted_to_it(others: dict[str, 
     assert tau1.containers[0].lines[0].get_ydata() == pytest.approx(known) and gain.get_ylabel() == "Gain (N·m/%)"
 
 
-def test_the_bode_plot_shows_the_response_its_band_and_the_models(others: dict[str, Path]):
-    fit = eaid.load(others["recorded"].parent.parent / "recorded.json")
+def test_the_bode_plot_shows_the_response_its_band_and_the_models(recorded: Path):
+    fit = eaid.load(recorded)
     known = next(one for one in fit.recorded.responses if one.frequency_hz)
     axes = drawn("bode", fit).figure.axes
     gain, phase, coherence = axes[:: len(axes) // 3]
@@ -247,7 +254,10 @@ def test_the_bode_plot_shows_the_response_its_band_and_the_models(others: dict[s
     assert coherence.lines[0].get_ydata() == pytest.approx(known.coherence)
 
 
-def test_the_walls_figure_shows_every_loop_with_its_greatest_demand(given: list[Any]):
+@pytest.mark.slow
+def test_walls_show_every_loop_with_its_greatest_demand(
+    given: list[Any], files: dict[str, Path], tmp_path: Path, report: Callable[..., Any]
+):
     coupling = given[0][-1]
     needed, region = drawn("walls", coupling).figure.axes
     assert {line.get_label() for line in needed.lines} >= {"open loop", "PI", "RC without rate", "RC"}
@@ -255,6 +265,11 @@ def test_the_walls_figure_shows_every_loop_with_its_greatest_demand(given: list[
     passive = {wall.loop: wall.K_passive for wall in coupling.walls}
     wanted = [coupling.options.limb_damping / passive[loop] for loop in ("open-loop", "pi", "rc-no-rate", "rc")]
     assert dots == pytest.approx(wanted, rel=0.05) and region.get_ylabel() == "stiffness (N·m/rad)"
+    coupling.save(tmp_path / "couple.json")
+    page = report(files["clutch.json"], tmp_path / "couple.json", "--figures", "walls")
+    rows = page.rows("How stiff a virtual wall may be")
+    assert [float(row[2]) for row in rows] == pytest.approx([wall.K_passive for wall in coupling.walls], rel=0.01)
+    assert len(page.rows("Walls of an antagonistic pair")) == len(coupling.pair) > 0
 
 
 def test_plot_of_a_fit_has_a_line_a_level_and_of_a_replay_its_reference(files: dict[str, Path]):

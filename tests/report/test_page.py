@@ -130,30 +130,6 @@ def test_words_are_explained_where_they_first_appear(whole: Any):
         assert word in told and not re.search(rf"\b{re.escape(sign)}\b", visible), word
 
 
-def luminance(colour: str) -> float:
-    parts = [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)]
-    red, green, blue = (c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts)
-    return 0.2126 * red + 0.7152 * green + 0.0722 * blue
-
-
-def contrast(one: str, other: str) -> float:
-    light, dark = sorted((luminance(one), luminance(other)), reverse=True)
-    return (light + 0.05) / (dark + 0.05)
-
-
-def test_text_contrast_meets_wcag_aa(whole: Any):
-    assert contrast("#777777", "#ffffff") == pytest.approx(4.48, abs=0.01)
-    for block in re.findall(r":root \{(.*?)\}", whole.html, re.DOTALL)[:2]:
-        colours = dict(re.findall(r"--([\w-]+): (#[0-9a-f]{6})", block))
-        pairs = [(ink, "ground") for ink in ("ink", "soft", "link", "good", "care", "bad")]
-        for ink, ground in [
-            *pairs,
-            *(("ink", f"{grade}-ground") for grade in ("good", "care", "bad")),
-            ("ink", "card"),
-        ]:
-            assert contrast(colours[ink], colours[ground]) >= 4.5, (ink, ground)
-
-
 @pytest.mark.slow
 def test_the_same_files_give_the_same_bytes(files: dict[str, Path], whole: Any, report: Callable[..., Any]):
     assert report(*files.values()).html == whole.html

@@ -2,7 +2,6 @@
 
 import json
 import re
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -19,13 +18,13 @@ from eaid.report.results import shortened
 
 
 @pytest.fixture(scope="module")
-def told(others: dict[str, Path]) -> dict[str, Any]:
-    return json.loads((others["recorded"].parent.parent / "recorded.json").read_text(encoding="utf-8"))
+def told(recorded: Path) -> dict[str, Any]:
+    return json.loads(recorded.read_text(encoding="utf-8"))
 
 
 @pytest.fixture(scope="module")
-def logs(others: dict[str, Path], told: dict[str, Any], report: Callable[..., Any]) -> Any:
-    return report(others["recorded"].parent.parent / "recorded.json")
+def logs(recorded: Path, report: Callable[..., Any]) -> Any:
+    return report(recorded)
 
 
 def test_logs_as_recorded_and_their_bode_plot_are_on_the_page(logs: Any):
@@ -148,22 +147,3 @@ def test_thinned_curves_keep_ends_and_extremes_in_order(n: int, points: int, see
     t, few = thinned(np.arange(float(n)), y, points)
     assert t[0] == 0 and t[-1] == n - 1 and np.all(np.diff(t) > 0) and np.array_equal(y[t.astype(int)], few)
     assert few.max() == y.max() and few.min() == y.min() and len(few) <= max(points, 2) + 4
-
-
-@pytest.mark.slow
-def test_three_hundred_levels_in_twenty_seconds(tmp_path: Path, report_of: Callable[..., Any]):
-    levels = np.linspace(10, 100, 300)
-    steps = eaid.synth(levels=tuple(levels), repeats=2, rate_hz=50.0, hold_s=10.0, idle_s=1.0, release_s=0.0)
-    rows = [{"level": u, "Ts": 0.04 * u, "tau1": 0.5, "tau2": 12.0, "rmse": 0.01} for u in levels]
-    fit = {"schema": "eaid/fit/1", "friction": {"C": 0.85, "levels": rows},
-           "linear": {"a0": 1.84, "b0": 0.0783, "c0": -1.34},
-           "nonlinear": {"tau1": [0.5, 0, 0], "tau2": [12.0, 0, 0], "Ts": [0, 0.04, 0, 0], "C": 0.85,
-                         "u_range": [10, 100]}}  # fmt: skip
-    (tmp_path / "fit.json").write_text(json.dumps(fit))
-    begun = time.process_time()
-    page = eaid.report([steps, eaid.load(tmp_path / "fit.json")], tmp_path / "out")
-    assert time.process_time() - begun < 20
-    text = page.read_text(encoding="utf-8")
-    shown = re.sub(r"<details.*?</details>", "", text, flags=re.DOTALL)
-    assert page.stat().st_size < 4e6 and shown.count("<tr>") <= 3 * 25 and text.count("<tr>") > 600
-    assert "24 of 300 rows; all of them are folded below" in shown and 'id="fig07_nonlinear_model"' in text

@@ -12,20 +12,6 @@ import pytest
 
 import eaid
 
-
-def written(path: Path, metrics: dict[str, Any], **head: Any) -> Path:
-    """A replay of three samples, as steps, of the controllers in `metrics`."""
-    columns = {"time_s": [0.0, 1.0, 2.0], "reference_nm": np.ones(3), "torque_nm": [0.0, 0.5, 0.75],
-               "duty_pct": np.zeros(3)}  # fmt: skip
-    with h5py.File(path, "w") as file:
-        file.attrs.update({"schema": "eaid/replay/1", "scenario": "steps", "output_unit": "N·m", **head})
-        for name, known in metrics.items():
-            for key, values in columns.items():
-                file[f"{name}/{key}"] = values
-            file[name].attrs["metrics"] = json.dumps(known)
-    return path
-
-
 RC = {
     "rms_error_nm": 0.3, "iae_nm_s": 0.9, "guarantee_holds_fraction": 0.75, "guarantee_largest_chi_over_rho": 1.5,
     "guarantee_failures_at_limit": 1.0, "guarantee_failures_by_saturation": 0.5,
@@ -37,8 +23,8 @@ RC = {
 }  # fmt: skip
 
 
-def test_numbers_of_a_replay_by_hand(tmp_path: Path, report: Callable[..., Any]):
-    page = report(written(tmp_path / "r.h5", {"rc": RC, "other": {}}, plants=9), "--figures", "own_reference")
+def test_numbers_of_a_replay_by_hand(tmp_path: Path, report: Callable[..., Any], replay_file: Any):
+    page = report(replay_file(tmp_path / "r.h5", {"rc": RC, "other": {}}, plants=9), "--figures", "own_reference")
     assert page.tables["Errors of each controller"][0][5] == "∫ |error| (N·m·s)"
     rc, other = page.rows("Errors of each controller")
     # What the file does not say is that of the trace: errors 1, 0.5, 0.25.
@@ -51,7 +37,7 @@ def test_numbers_of_a_replay_by_hand(tmp_path: Path, report: Callable[..., Any])
     assert drawn == [["RC: largest |error| (N·m)", "0.100", "0.200", "0.400", "0.500", "7", "0"]]
     assert "9 plants drawn" in page.text and "Each frequency" not in page.tables
     known = {"guarantee_holds_fraction": 1.0, "guarantee_failures_at_limit": None}
-    page = report(written(tmp_path / "s.h5", {"rc": known}), "--figures", "own_reference")
+    page = report(replay_file(tmp_path / "s.h5", {"rc": known}), "--figures", "own_reference")
     assert page.rows("Guarantee along this replay") == [["RC", "100.0", "–", "–", "–"]]
 
 
@@ -141,16 +127,3 @@ def test_gains_and_replay_are_made_again_by_what_the_page_says(
         before = Path(name).read_bytes()
         assert run_eaid(*shlex.split(line)[1:], "--force", "-q").code == 0 and Path(name).read_bytes() == before
     assert "--duration 9" in replay and "--rate-hz 500" in replay
-
-
-@pytest.mark.slow
-def test_walls_of_a_coupling(files: dict[str, Path], tmp_path: Path, report: Callable[..., Any]):
-    found = eaid.couple(
-        eaid.load(files["clutch.json"]), eaid.load(files["gains.json"]), torque=(1.0, 2.0), replay=False
-    )
-    found.save(tmp_path / "couple.json")
-    page = report(files["clutch.json"], tmp_path / "couple.json", "--figures", "walls")
-    assert (page.path.parent / "figures/walls.png").stat().st_size > 10_000
-    rows = page.rows("How stiff a virtual wall may be")
-    assert len(rows) == len(found.walls) and len(page.rows("Walls of an antagonistic pair")) == len(found.pair) > 0
-    assert rows[1][2] == f"{found.walls[1].K_passive:#.3g}".rstrip(".")

@@ -190,7 +190,7 @@ def _data(results: Results, known: Known) -> Light:
     data, fit, findings = results.main_data, results.main_fit, known["data"]
     if data is not None:
         warned = sum(1 for run in data.runs if warnings_of(run))
-        text = f"{warned} of {len(data.runs)} runs with warnings"
+        text = f"{warned} of {counted(len(data.runs), 'run')}"
         text = text if warned else f"{counted(len(data.runs), 'run')}, no warning"
         return Light("Data", _worst([_grade(findings), "care" if warned else "good"]), text, "data")
     if fit is not None and fit.data.sources:
