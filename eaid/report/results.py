@@ -252,8 +252,6 @@ def as_recorded(data: StepSet, every: dict[str, int]) -> StepSet:
 
 
 def _read_data(path: Path) -> tuple[StepSet, tuple[Finding, ...]]:
-    from eaid.report.live import as_recorded, shortened  # Bokeh, which the commands' tables do without
-
     every: dict[str, int] = {}
     with open_hdf5(path, str(path)) as file:
         count = max(1, len(file.get("runs", ())))

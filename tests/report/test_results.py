@@ -41,7 +41,8 @@ def test_a_scripts_json_is_known_by_its_parts_and_replays_have_the_papers_order(
     (tmp_path / "a.json").write_text(json.dumps({"linear": {"a0": 1.36, "b0": 0.08, "c0": -2.42}}))
     (tmp_path / "b.json").write_text(json.dumps({"model": {"a0": 1.36, "b0": 0.08, "c0": -2.42}, "rc": None}))
     given = (files["multisine.h5"], tmp_path / "b.json", tmp_path / "a.json", files["steps.h5"])
-    page = report(*given, replay_file(tmp_path / "mine.h5", {"rc": {}}, scenario="multisine"), "--figures", "own_reference")
+    mine = replay_file(tmp_path / "mine.h5", {"rc": {}}, scenario="multisine")
+    page = report(*given, mine, "--figures", "own_reference")
     kinds = {Path(row[0]).name: row[1] for row in page.rows("Files")}
     assert kinds == {"a.json": "fit, clutch", "b.json": "gains", "steps.h5": "replay, steps",
                      "multisine.h5": "replay, multisine", "mine.h5": "replay, multisine"}  # fmt: skip
