@@ -7,6 +7,7 @@ from eaid.cli import console
 from eaid.cli.form import Common, argument, takes, written
 from eaid.declared import part
 from eaid.options import ReportOptions
+from eaid.shown import counted
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +43,7 @@ def command(args: Arguments) -> None:
     with console.progress("drawing figures", len(chosen(options.figures))) as done:
         made = write_report(results, args.output, options, args.force, done)
     if made.missing and not options.figures:
-        console.say(f"{len(made.missing)} figures want more results; the page's appendix names the commands")
-    console.done(made.page, f"{len(made.figures)} figures", "open it in a browser")
+        console.say(f"{counted(len(made.missing), 'figure')} want more results; the page's appendix names the commands")
+    console.done(made.page, counted(len(made.figures), "figure"), "open it in a browser")
     if args.json:
         console.print_json(made)

@@ -1,8 +1,9 @@
 """What to record next: levels, hold times and repeats that bring chosen intervals below a wanted width.
 
 The width is predicted as the intervals themselves are found: V = (a + h)/R per level, the curve's variance
-g'(Σ g g'/V)⁻¹g, Student's t with L(R − 1) degrees of freedom. Of all experiments on a grid of hold times, numbers of
-levels and repeats, the one that takes the least time on the rig is taken.
+g'(Σ g g'/V)⁻¹g, Student's t with Satterthwaite's degrees of freedom: those of the runs that make the curve there. Of
+all experiments on a grid of hold times, numbers of levels and repeats, the one that takes the least time on the rig is
+taken.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -69,19 +70,20 @@ def half_widths(
     `within` is what `within_runs` gives for the holds, shape (L, 3).
     """
     result = {}
-    t = t_quantile(len(levels) * (repeats - 1))
     for name, k in PARAMETERS.items():
         variance = (noise.scatter[k] ** 2 + within[:, k]) / repeats
+        degrees = np.full(len(levels), len(levels) * (repeats - 1.0))
         if polynomial:
             g = powers(levels, TERMS[name]) / np.array([getattr(curve, name) for curve in curves])[:, None]
-            scale = 1 / np.sqrt((g**2).sum(axis=0))
-            g = g * scale
+            g = g / np.sqrt((g**2).sum(axis=0))
             spread = np.linalg.pinv((g / variance[:, None]).T @ g, rcond=1e-14, hermitian=True)
-            variance = np.einsum("ij,jk,ik->i", g, spread, g)
-        else:
-            # scatter that follows a trend over the levels costs degrees of freedom at the ends
-            t = t_quantile(max(1.0, len(levels) * (repeats - 1) / 3.5)) if len(levels) > 3 else t
-        result[name] = float(100 * np.expm1(np.minimum(t * np.sqrt(variance.max()), 50.0)))
+            parts = (g @ spread @ g.T) ** 2 / variance  # of the variance at a level, what each level contributes
+            variance = parts.sum(axis=1)
+            degrees = variance**2 / (parts**2).sum(axis=1) * (repeats - 1)
+        elif len(levels) > 3:
+            degrees = np.maximum(1.0, degrees / 3.5)  # scatter that follows a trend over the levels costs at the ends
+        reach = t_quantile(degrees) * np.sqrt(variance)
+        result[name] = float(100 * np.expm1(np.minimum(reach.max(), 50.0)))
     return result
 
 

@@ -27,7 +27,7 @@ def test_page_and_figures_are_written_and_named(run_eaid):
     assert (ran.code, ran.out) == (
         0,
         "",
-    ) and "deep/report/report.html: 1 figures; next: open it in a browser" in ran.err
+    ) and "deep/report/report.html: 1 figure; next: open it in a browser" in ran.err
     assert "figures want more results; the page's appendix names the commands" in ran.err
     made = sorted(path.name for path in Path("deep/report").rglob("*") if path.is_file())
     assert made == ["fig04_friction_over_stress.png", "report.html"]

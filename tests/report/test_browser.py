@@ -169,7 +169,7 @@ def test_every_page_is_short_answers_first_and_serves_assistive_technology(
     assert max(heights) < (36 if wide else 60) or name != "all"
     tab.evaluate("window.scrollTo(0, 3000)")
     tab.wait_for_timeout(900)
-    assert tab.evaluate("document.querySelector('nav').getBoundingClientRect().top") == pytest.approx(0, abs=1)
+    assert tab.evaluate("document.querySelector('.top').getBoundingClientRect().top") == pytest.approx(0, abs=1)
     if wide:
         assert len(printed(tab, tmp_path)) <= 8
     assert faults == []
