@@ -170,24 +170,6 @@ BAD: dict[str, tuple[Any, ...]] = {
 """Name of the log: what is in it, what is said of it, and the options of the call; exit code 3."""
 OTHERS = {"header-again.csv": 2, "summary.csv": 1, "too-many-bad.csv": 3, "all-falling.csv": 5}
 """How many more sentences a log gets."""
-MISUSED = {
-    "input and output are the same column, torque_nm": ("--columns", "output=torque_nm,input=3"),
-    "know time, input, output, reference and position, not torque": ("--columns", "torque=3"),
-    "know time, input, output, reference and position, not speed": ("--units", "speed=rpm"),
-    "write role=name pairs with commas between them, as time=Time,output=Force": ("--columns", "time"),
-    "holds a line break; write all pairs on one line": ("--columns", "time=1\n,output=3"),
-    "says time twice": ("--columns", "time=1,time=2"),
-    "is no unit of time; use s, ms, us, ns, min, h or d": ("--units", "time=N"),
-    "is a unit of time, not of the output": ("--units", "output=ms"),
-    "write a number above 0 behind the stroke, as in /255": ("--units", "input=/0"),
-    "holds neither {level} nor {repeat}": ("--name-pattern", "_V="),
-    "holds a field twice": ("--name-pattern", "{level}{level}"),
-    "is no number": ("--apparatus", "surfaces=none"),
-    "must be one of clutch, friction-force, friction-speed": ("--kind", "brake"),
-    "write 30:100 or 30,40,90": ("--levels", "high"),
-    "give a number above 0, 1e+09 at most": ("--rate-hz", "-5"),
-}
-"""What is said of options that cannot be meant; exit code 2."""
 
 
 @pytest.mark.parametrize("name", BAD)
@@ -201,16 +183,6 @@ def test_a_bad_log(name, tmp_path, run_eaid):
     assert first == wanted or (first.startswith(wanted) and wanted.endswith("("))
     assert ran.code == 3 and len(others) == OTHERS.get(name, 0)
     assert list(tmp_path.iterdir()) == [path]
-
-
-@pytest.mark.parametrize("sentence", MISUSED)
-def test_options_that_cannot_be_meant(sentence, tmp_path, run_eaid):
-    option, value = MISUSED[sentence]
-    (tmp_path / "a.csv").write_bytes(csv(GOOD))
-    ran = run_eaid("ingest", tmp_path / "a.csv", "-o", tmp_path / "d.h5", option, value)
-    assert "error: " in ran.err and option in ran.err
-    assert ran.err.endswith(f" {sentence}\n") and ran.code == 2
-    assert not (tmp_path / "d.h5").exists()
 
 
 def test_the_good_log_is_good_but_for_a_level_that_it_does_not_hold(tmp_path, run_eaid):
@@ -305,18 +277,3 @@ def test_of_two_rows_at_the_time_of_the_step_the_one_with_the_new_input_stays(re
 def test_bad_rows_of_other_columns_refuse_nothing(read):
     run = read(more(lambda i: "" if i == 50 else i, HEADER + ",spare"))
     assert len(run.time_s) == 200 and run.left == ("spare",) and run.findings == ()
-
-
-@pytest.mark.parametrize(
-    ("repeated", "said"), [(40, "time is repeated at row 3 "), (41, "41 of 200 rows repeat the time of the row before")]
-)
-def test_more_than_a_fifth_of_repeated_stamps_are_too_few_digits(repeated, said, read):
-    content = column(0, lambda i, t: round(t - 0.01 * (i % 2) * (i < 2 * repeated), 2))
-    assert read.refused(content)[0].startswith(said)
-
-
-@pytest.mark.parametrize(("back", "said"), [(5, 5), (6, 1)])
-def test_a_clock_that_was_set_back_is_no_single_row(back, said, read):
-    """So many rows fall below the highest before them."""
-    sentences = read.refused(column(0, lambda i, t: t - back * 0.01 * (i > 99)))
-    assert len(sentences) == said and ("split the log" in sentences[0]) is (said == 1)

@@ -36,40 +36,19 @@ def test_stamps_since_1970_begin_in_2001_and_end_in_2096(unit, read, codes):
             assert set(told) <= {"time-in-whole-numbers", "time-too-long"} and bool(told) is not counted
 
 
-def test_whole_numbers_are_seconds_up_to_an_hour(read, codes):
-    for span, code in ((3600, "time-in-whole-numbers"), (3601, "time-too-long")):
-        assert list(codes(read(at([0, 1200, 2400, span])))) == [code]
-
-
-@pytest.mark.parametrize("unit", ["ms", "us", "ns"])
-def test_stamps_since_1970_lie_up_to_90_s_apart(unit, read, codes):
-    for apart_s, code in ((90, "time-since-1970"), (91, "time-too-long")):
-        assert list(codes(read(at([PER_S[unit] * (2 * 10**9 + apart_s * k) for k in range(4)])))) == [code]
-
-
 @pytest.mark.parametrize(
     ("first", "step", "name", "said", "factor", "code"),
     [
         (0, 0.01, "time", None, 1, ""), (25, 0.01, "t", None, 1, ""), (-1, 0.01, "time", None, 1, ""),
         (1e7, 0.5, "time", None, 1, ""), (0, 1.5, "time", None, 1, ""), (0, 100.5, "time", None, 1, ""),
         (0, 1 / 49_999.5, "time", None, 1, ""), (0, 1 / 50_000.5, "time", None, 1, "time-too-fast min"),
-        (0, 1 / 4_999_999.5, "time", None, 1, "time-too-fast min"),
-        (0, 1 / 5_000_001, "time", None, 1, "time-too-fast d"), (0, 1 / 4_999_999.5, "time_s", None, 1, ""),
-        (0, 1 / 5_000_001, "time_s", None, 1, "time-too-fast d"), (0, 1 / 5_100_000, "time", "s", 1, ""),
+        (0, 1 / 5_100_000, "time_s", None, 1, "time-too-fast d"), (0, 1 / 5_100_000, "time", "s", 1, ""),
         (0, 0.1, "time_ns", None, 1e-9, "time-too-fast d"), (0, 1, "time", None, 1, "time-in-whole-numbers ms"),
-        (0, 61, "time", None, 1, "time-in-whole-numbers ms"), (0, 62, "time", None, 1, "time-too-long ms"),
-        (0, 500, "time", None, 1, "time-too-long ms"), (0, 501, "time", None, 1, "time-too-long us"),
-        (0, 5e5, "time", None, 1, "time-too-long us"), (0, 5.1e5, "time", None, 1, "time-too-long ns"),
-        (0, 1e9, "time", None, 1, "time-too-long ns"), (0.5, 62, "time", None, 1, "time-too-long ms"),
-        (1.2e9, 5000, "time", None, 1, "time-too-long us"), (1.2e12, 5e6, "time", None, 1, "time-too-long ns"),
-        (4e9, 74, "time", None, 1, ""), (29_999, 1 / 8_640_000, "time", None, 1, "time-too-fast d"),
-        (30_000, 1 / 8_640_000, "time", None, 86400, "time-in-days"),
-        (60_000, 1 / 8_640_000, "time", None, 86400, "time-in-days"),
-        (60_001, 1 / 8_640_000, "time", None, 1, "time-too-fast d"),
-        (699_999, 1 / 864_000, "time", None, 1, "time-too-fast min"),
-        (700_000, 1 / 864_000, "time", None, 86400, "time-in-days"),
-        (770_000, 1 / 864_000, "time", None, 86400, "time-in-days"),
-        (770_001, 1 / 864_000, "time", None, 1, "time-too-fast min"), (45_000, 1 / 49_000, "time", None, 1, ""),
+        (0, 62, "time", None, 1, "time-too-long ms"), (0, 501, "time", None, 1, "time-too-long us"),
+        (0, 5.1e5, "time", None, 1, "time-too-long ns"), (0.5, 62, "time", None, 1, "time-too-long ms"),
+        (1.2e9, 5000, "time", None, 1, "time-too-long us"), (4e9, 74, "time", None, 1, ""),
+        (45_000, 1 / 8_640_000, "time", None, 86400, "time-in-days"),
+        (735_000, 1 / 864_000, "time", None, 86400, "time-in-days"), (45_000, 1 / 49_000, "time", None, 1, ""),
         (45_000, 1 / 8_640_000, "time_s", None, 1, "time-too-fast d"), (0, 10, "time_ms", None, 1e-3, ""),
         (0, 10, "millis", None, 1e-3, ""), (0, 10, "ms", None, 1e-3, ""), (0, 1, "s", None, 1, ""),
         (0, 10, "timeMs", None, 1e-3, ""), (0, 1e-3, "Time (h)", None, 3600, ""),

@@ -40,14 +40,11 @@ PLAIN = {"time": "time", "input": "duty", "output": "torque"}
         ("time|+command|torque|setpoint", {}, {"input": "command", "left": "setpoint"}),
         ("time|+input|torque_ref|torque|desired", {}, {"input": "input", "reference": "torque_ref", "left": "desired"}),
         ("t [s]|T [degC]|+u|torque", {}, {"time": "t [s]", "input": "u", "left": "T [degC]"}),
-        ("t [s]|t2 [s]|+duty|torque", {}, {"time": "t [s]", "left": "t2 [s]"}),
         ("clock|b [ms]|+duty|torque", {}, {"time": "clock", "left": "b [ms]"}),
-        ("a [ms]|+duty|torque", {}, {"time": "a [ms]"}),
         ("a [ms]|>b [ms]|+duty|torque", {"time": "b"}, {"time": "b [ms]", "left": "a [ms]"}),
         ("time|+motor pwm|torque", {}, {"input": "motor pwm"}),
         ("time|fn x|torque", {}, {"input": None, "left": "fn x"}),  # two letters are no word
         ("time|+duty|torque1", {}, {"output": "torque1"}), ("time|+duty|M [Nm]", {}, {"output": "M [Nm]"}),
-        ("time|+duty|M [Nm]|N [Nm]", {"output": "N"}, {"output": "N [Nm]", "left": "M [Nm]"}),
         ("time|=enable|torque", {}, {"input": None, "left": "enable"}),
         ("time|trigger|+duty|torque", {}, {"left": "trigger"}),
         ("time|setpoint [Nm]|+duty|torque_nm", {}, {"output": "torque_nm", "reference": "setpoint [Nm]"}),
@@ -58,29 +55,23 @@ PLAIN = {"time": "time", "input": "duty", "output": "torque"}
          {"input": "command [Nm]", "output": "torque_nm", "left": "duty"}),
         ("time|+duty|torque|x", {"position": "x"}, {"position": "x"}),
         ("time|duty|torque|+force", {"input": "force"}, {"input": "force", "left": "duty", **FORCE}),
-        ("time|+duty|torque|+force|+rpm", {}, {"left": "force, rpm"}),
         ("time|+duty|friction [N]|force [N]|rpm", {}, {"output": "friction [N]", "left": "force [N], rpm"}),
         ("time|+duty|force [N]", {}, {"output": "force [N]"}),
         ("time|+voltage|+current|torque", {}, {"input": "voltage", "left": "current"}),
         ("time|speed ref|+speed|torque", {}, {"input": "speed", "left": "speed ref", **SPEED}),
         ("+duty|>time|torque", {"time": "2", "input": "1", "output": "3"}, {}),
         ("Time|>time|+duty|torque", {"time": "time"}, {"left": "Time"}),
-        ("time|+DUTY [%]|torque", {"input": "duty"}, {"input": "DUTY [%]"}),
         ("time|+duty|torque|x", {"output": "X"}, {"output": "x", "left": "torque"}),
         ("Zeit|+Strom|Drehmoment", {}, {"time": "Zeit", "input": "Strom", "output": "Drehmoment"}),
-        ("tiempo|+fuerza|couple", {}, {"time": "tiempo", "input": "fuerza", "output": "couple", **FORCE}),
         ("time|+pressure|load cell", {}, {"input": "pressure", "output": "load cell", **FORCE}),
-        ("millis|+omega|y", {}, {"time": "millis", "input": "omega", "output": "y", **SPEED}),
         ("time|+duty|torque|?note|?who", {}, {"left": "note, who", "code": "columns-without-numbers"}),
         # a single input stays, however still it is, where nothing else is there: a reference that steps is none
         ("time|=duty|+torque|+torque_ref", {}, {"reference": "torque_ref"}), ("time|=duty|+torque", {}, {}),
         ("time|/speed|+torque", {}, {"input": "speed", **SPEED}),
         # another column that steps, where none that is called an input does
         ("time|=duty|torque|+x", {}, {"input": "x", "left": "duty", "code": "input-by-its-steps"}),
-        ("time|=duty|torque|-x", {}, {"input": "x", "left": "duty", "code": "input-by-its-steps"}),
         ("time|+duty|torque|+x", {}, {"left": "x"}), ("time|=duty|torque|+x|+z", {}, {"left": "x, z"}),
         ("time|+x|torque", {}, {"input": "x", "code": "input-unnamed"}),
-        ("time|+x [rpm]|torque", {}, {"input": "x [rpm]", "code": "input-unnamed", **SPEED}),
         ("time|x|torque", {}, {"input": None, "left": "x"}),
         ("time|+enable|torque", {}, {"input": "enable", "code": "input-unnamed"}),
         ("time|+enable|+gate|torque", {}, {"input": None, "left": "enable, gate"}),
@@ -90,13 +81,9 @@ PLAIN = {"time": "time", "input": "duty", "output": "torque"}
         # of several kinds, the one that moves; the duty where none does
         ("time|=duty|torque|+force|/rpm", {}, {"input": "force", "left": "duty, rpm", **FORCE}),
         ("time|=duty|torque|=force|/rpm", {}, {"left": "force, rpm"}),
-        ("time|torque|/force|+rpm", {}, {"input": "rpm", "left": "force", **SPEED}),
-        ("time|torque|2force|=rpm", {}, {"input": "force", "left": "rpm", **FORCE}),
         # an input that is said is taken as it is
         ("time|torque|=force|+rpm|+x", {"input": "force"}, {"input": "force", "left": "rpm, x", **FORCE}),
         ("time|+Kraft 1|torque", {"input": "Kraft 1"}, {"input": "Kraft 1", **FORCE}),
-        ("time|+x [N]|torque", {"input": "x"}, {"input": "x [N]", **FORCE}),
-        ("time|+x [bar]|torque", {"input": "x"}, {"input": "x [bar]", **FORCE}),
         ("time|+x [rpm]|torque", {"input": "x"}, {"input": "x [rpm]", **SPEED}),
         ("time|+x [V]|torque", {"input": "x"}, {"input": "x [V]"}), ("time|+x|torque", {"input": "x"}, {"input": "x"}),
     ],
@@ -126,15 +113,12 @@ BOTH = "may be friction-force and friction-speed, as it has a column of each; sa
         ("time|u [V]|x", {}, 'no column is called torque (columns: time, u [V], x); name what was measured with '
                              '«columns» output="x"'),
         ("time|u [V]|x|z", {}, "name what was measured with «columns» output=NAME"),
-        ("time|x [V]|z", {}, 'name what was measured with «columns» output="z"'),
         ("time|duty|x [A]", {}, "name what was measured with «columns» output=NAME"),
         ("time|fan [%]|T [degC]", {}, 'name what was measured with «columns» output="T [degC]"'),
         ("time|duty|torque", {"output": "4"}, "has no column 4 for «columns» output=4; its columns are time, duty, "),
-        ("time|duty|torque", {"output": "0"}, "has no column 0 for «columns» output=0"),
         ("time|duty|torque", {"output": "u[3]"}, "has no column u[3] for"),
         ("Time|>TIME|duty|torque", {"time": "time"}, "has no column time for «columns» time=time; its columns are Ti"),
         ("time|torque|+force|+rpm", {}, BOTH), ("time|torque|/force|/rpm", {}, BOTH),
-        ("time|torque|1force|=rpm", {}, BOTH),
         ("|".join(["time", *(f"c{k}" for k in range(12)), "torque"]), {"input": "x"},
          "its columns are time, c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10 and 2 more (a number counts them from 1)"),
     ],
@@ -150,25 +134,6 @@ def test_a_kind_that_is_said_leaves_only_its_inputs(read):
         assert (dict(run.taken)["input"], run.kind, len(run.left)) == (name, kind, 2)
 
 
-@pytest.mark.parametrize(
-    ("values", "steps"),
-    [
-        (np.repeat([0, 1], 10), True), (np.r_[np.zeros(9), np.ones(10)], False),
-        (np.zeros(60), False),  # too few samples
-        (np.r_[np.zeros(100), np.linspace(0, 1, 50), np.ones(100)], False),  # a ramp
-        (np.r_[np.repeat(np.arange(11) % 2.0, 17), np.zeros(22)], True),  # a twentieth of 209 samples is 10 jumps …
-        (np.r_[np.repeat(np.arange(12) % 2.0, 17), np.full(5, 1.0)], False),  # … and no more
-        (np.repeat([0.0, 1, 0, 1], 6), True), (np.repeat([0.0, 1, 0, 1, 0], 6), False), (np.arange(60), False),
-        (np.r_[np.zeros(30), 0.5, np.ones(29)], False),  # two jumps, one behind the other
-        (np.r_[np.zeros(30), 1 + 0.0099 * (np.arange(30) % 2)], True), (np.repeat([False, True], 10), True),
-    ],
-)  # fmt: skip
-def test_a_commanded_input_stands_still_but_for_a_few_jumps(values, steps, read):
-    count = len(values)
-    run = read(frame("time|x|torque", np.arange(count) / 10, values, np.sin(np.arange(count))))
-    assert ("input" in dict(run.taken)) is steps
-
-
 WANDERS = COLUMNS["~"]
 
 
@@ -178,21 +143,15 @@ WANDERS = COLUMNS["~"]
         ([T, STEP, WANDERS], {}, "time, input, output"), ([T, WANDERS], {}, "time, output"),
         ([STEP, WANDERS], {"rate_hz": 5.0}, "input, output"), ([WANDERS], {"rate_hz": 5.0}, "output"),
         ([T, T, WANDERS], {}, "time, input, output"),  # the first of two that rise
-        ([STEP, T, WANDERS], {}, "; only column 2 rises all the way; * time=2,input=1,output=3"),
         ([WANDERS, STEP, T], {}, "; only column 3 rises all the way; * time=3,input=2,output=1"),
-        ([T, WANDERS, WANDERS, STEP], {}, "; only column 1 rises all the way; * time=1,input=4,output=3"),
-        ([STEP, WANDERS, WANDERS, T], {}, "; only column 4 rises all the way; * time=4,input=1,output=3"),
         ([WANDERS, STEP, STEP, T], {}, "; only column 4 rises all the way; * time=4,input=2,output=3"),
         ([T, T, STEP, WANDERS], {}, "; * time=1,input=3,output=4"),
-        ([WANDERS, WANDERS, STEP, STEP], {}, "; * time=1,input=3,output=4"),
         ([T, WANDERS, WANDERS, WANDERS], {}, "; only column 1 rises all the way; * time=1,output=4"),
         ([WANDERS, T], {}, "; only column 2 rises all the way; * time=2,output=1"),
         ([10 * T, STEP, WANDERS, WANDERS], {}, "; only column 1 rises all the way; * time=1,input=2,output=4; and the "
                                                "unit of time if it is not s, perhaps «units» time=ms"),
         ([T], {}, "; only column 1 rises all the way; * time=1,output=1"),
         ([5e3 * T, STEP, WANDERS, WANDERS], {}, "perhaps «units» time=ms"),
-        ([1e4 * T, STEP, WANDERS, WANDERS], {}, "perhaps «units» time=us"),
-        ([1e7 * T, STEP, WANDERS, WANDERS], {}, "perhaps «units» time=ns"),
         ([T, *[WANDERS] * 63], {}, "; only column 1 rises"),
         ([T, *[WANDERS] * 64], {}, "; say by number, from 1 to 65"),
     ],

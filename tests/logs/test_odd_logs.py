@@ -213,29 +213,6 @@ def test_what_is_told_of_a_log(finding, read):
 
 
 @pytest.mark.parametrize(
-    ("cells", "values"),
-    [
-        (("1.234,5", "2.345,6", "3.456,7"), (1234.5, 2345.6, 3456.7)),
-        (("1,234.5", "2,345.6", "0"), (1234.5, 2345.6, 0)), (("1'234.5", "-1'234'567", "3"), (1234.5, -1234567, 3)),
-        (("1 234,5", "2 345,6", "7"), (1234.5, 2345.6, 7)), (("0,5", "1,25", "2"), (0.5, 1.25, 2)),
-        (("0,123", "1,125", "2"), (0.123, 1.125, 2)), (("1e3", "1D-2", "+5"), (1000, 0.01, 5)),
-        ((".5", "5.", "-.5"), (0.5, 5, -0.5)), (("1E400", "1", "2"), "holds '1E400', which is not finite"),
-        (("5 V", "1", "2"), "holds '5 V', which"), (("1_0", "1", "2"), "holds '1_0', which"),
-        (("0x10", "1", "2"), "holds '0x10', which"), (("null", "1", "2"), "holds 'null', which is no number"),
-        (("-", "1", "2"), "holds '-', which is no number"), (("inf", "1.5", "2"), "holds 'inf', which is not finite"),
-        (("", "1", "2"), "is empty"), (("1.5", "2", "3,5"), "holds '3,5', which is no number"),
-        (("1,5", "2", "3.5"), "which is no number"),
-    ],
-)  # fmt: skip
-def test_numbers_of_a_column(cells, values, read):
-    log = text("time,duty,y", range(3), range(3), cells, between=";")
-    if isinstance(values, str):
-        assert values in read.refused(log)[0]
-    else:
-        assert read(log).output.tolist() == list(values)
-
-
-@pytest.mark.parametrize(
     ("log", "times", "values"),
     [
         ("t y\n0 1\n1 2\n2 3", (0, 1), (1, 2)), ("t;y\n0,5;1,5\n1,5;2\n2,5;3", (0.5, 1.5), (1.5, 2)),

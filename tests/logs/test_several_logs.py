@@ -201,27 +201,6 @@ def test_logs_that_say_only_on_or_off_are_no_repeats_where_their_names_differ(re
 
 
 @pytest.mark.parametrize(
-    ("names", "swings", "column", "pattern"),
-    [
-        (("run1", "run2"), (1, 1.5), "enable", "run{level}"), (("run1", "run2"), (1, 1.49), "enable", None),
-        (("run1", "run2"), (1.5, 1), "enable", "run{level}"), (("run1", "step2"), (1, 2), "enable", None),
-        (("run1", "run1b"), (1, 2), "enable", None), (("s-2.5bar", "s-5bar"), (1, 2), "enable", "s-{level}bar"),
-        (("a1_5", "a1_6"), (1, 2), "enable", "_{level}"), (("run1", "run2"), (1, 2), "duty", None),
-        (("run1", "run2"), (1, 2), "twice", None),
-    ],
-)  # fmt: skip
-def test_the_number_in_which_names_differ(names, swings, column, pattern, read):
-    """A duty is a level itself, and so is an input that goes to 2."""
-    on = (U > 0) * (2.0 if column == "twice" else 1.0)
-    y = np.where(np.arange(1000) > 989, 9.0, np.where(T >= 2, 1.0, 0.0))  # a peak of a hundredth is no swing
-    logs = {name: frame(f"time|{column}|torque_nm", T, on, k * y) for name, k in zip(names, swings, strict=True)}
-    if pattern is None:
-        assert len(read.all(logs)) == 2
-    else:
-        assert f'«name_pattern» "{pattern}"' in read.refused(logs)[0]
-
-
-@pytest.mark.parametrize(
     ("tops", "told"),
     [
         ((0.5, 50.0), {0: 50.0}), ((-0.5, -50.0), {0: 50.0}), ((0.5, 1.5), {}), ((0.5, 1.6), {0: 1.6}),
