@@ -7,7 +7,7 @@ from pathlib import Path
 from benchmarks.table import Row, machine, markdown
 
 ALL = ("fit_speed", "processes", "reading", "replay_speed", "size")
-TABLE = Path(__file__).parent.parent / "docs" / "performance-table.md"
+TABLE = Path(__file__).parent.parent / "bench.md"
 
 
 def main() -> None:
