@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.estimate.starts import table_of, time_constants
+from eaid.estimate.starts import form_starts
 from eaid.fitting.basis import Basis, basis_of, constraints
 from eaid.fitting.data import Data
-from eaid.fitting.levels import SHARES, Indices
+from eaid.fitting.levels import Indices
 from eaid.fitting.solver import ROUNDING, Problem, approach, concluded, draw_in, ended, judged, slsqp
 from eaid.models.parameters import TAU_FLOOR_S
 from eaid.results.common import Solver
@@ -109,28 +109,6 @@ class LevelsFirst:
         return replace(self, weight=np.where(known, 1 / np.where(known, size, 1.0), 0.0))
 
 
-def starts(problem: LevelsFirst) -> list[Array]:
-    """Feasible coefficients to start from, the most promising first."""
-    basis, data = problem.basis, problem.data
-    parts = [slice(part.start - problem.first, part.stop - problem.first) for part in basis.slices[1:]]
-    inputs = [np.linspace(basis.lowest, basis.highest, part.stop - part.start) for part in parts]
-    back = [np.linalg.inv(basis.rows(u)[0, :, : len(u)]) for u in inputs]
-    forms = [problem.rows[k][:, part] @ inverse for k, (part, inverse) in enumerate(zip(parts, back, strict=True))]
-    inner = np.zeros(problem.rows.shape[2])
-    inner[parts[0].start], inner[parts[1].start] = 2 * TAU_FLOOR_S, 4 * TAU_FLOOR_S
-    whole, found = problem.problem(), []
-    for share in SHARES if basis.free_share else (basis.share,):
-        if basis.free_share:
-            inner[-1] = share
-        table = table_of(data.points, share)
-        for values in time_constants(table, forms, problem.weight, TAU_FLOOR_S, data.longest_s):
-            x = inner.copy()
-            for part, inverse, tau in zip(parts, back, values, strict=True):
-                x[part] = inverse @ tau
-            found.append(draw_in(x, inner, whole))
-    return found
-
-
 def solve(data: Data, share: float | None, near: Array | None = None) -> tuple[LevelsFirst, Array, Solver, list[int]]:
     """The weighted problem, its solution x, our verdict, and the constraints that hold it.
 
@@ -138,7 +116,12 @@ def solve(data: Data, share: float | None, near: Array | None = None) -> tuple[L
     """
     basis = basis_of(data.u, share)
     start = LevelsFirst(data, basis, 1 / np.maximum((data.points.y**2).max(axis=1), 1e-300))
-    begin = [near] if near is not None else starts(start)
+    inner = np.zeros(basis.size - start.first)
+    inner[0], inner[basis.slices[2].start - start.first] = 2 * TAU_FLOOR_S, 4 * TAU_FLOOR_S
+    inner[-1] = 0.5 if basis.free_share else inner[-1]
+    whole = start.problem()
+    found = [near] if near is not None else [x[start.first :] for x in form_starts(basis, data, start.weight)]
+    begin = [draw_in(x, inner, whole) for x in found]
     if data.energy == 0.0:
         return replace(start, weight=np.zeros(len(data.u))), begin[0], judged(0.0, 0, (0.0,)), []
     weighed = start.weighed(min(begin, key=lambda x: start.normal(x)[0]))

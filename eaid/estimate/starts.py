@@ -12,8 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from eaid.arrays import Array
+from eaid.fitting.basis import Basis
+from eaid.fitting.data import Data
 from eaid.fitting.sums import Points
+from eaid.models.parameters import TAU_FLOOR_S
 
+SHARES = (0.3, 0.5, 0.7, 0.85, 0.95)
+"""Where a free C starts from."""
 GRID = 200
 """Time constants of the table."""
 LONGEST = 30.0
@@ -106,3 +111,28 @@ def time_constants(
         keep(values.copy(), max(better(values, 0, reach) for reach in REACH))
         keep(values, max(better(values, k, reach) for reach in REACH for k in (1, 0)))
     return [(tau1, tau2) for _, tau1, tau2 in sorted(found.values(), key=lambda row: -row[0])]
+
+
+def form_starts(basis: Basis, data: Data, weight: Array) -> list[Array]:
+    """Unknowns to start from, the most promising first; `weight` of each level, (L,). τ2 may fall below τ1 in between.
+
+    T_s(u) is that of least squares at these time constants.
+    """
+    inputs = [np.linspace(basis.lowest, basis.highest, part.stop - part.start) for part in basis.slices[1:]]
+    back = [np.linalg.inv(basis.rows(u)[0, :, : len(u)]) for u in inputs]
+    forms = [basis.M[0, :, : len(inverse)] @ inverse for inverse in back]
+    points, D = data.points, basis.M[0][:, basis.slices[0]]
+    found = []
+    for share in SHARES if basis.free_share else (basis.share,):
+        for values in time_constants(table_of(points, share), forms, weight, TAU_FLOOR_S, data.longest_s):
+            x = np.full(basis.size, share)  # where C is free, the last is C
+            for part, inverse, tau in zip(basis.slices[1:], back, values, strict=True):
+                x[part] = inverse @ tau
+            tau1, tau2 = np.maximum(basis.M[1:3] @ x, TAU_FLOOR_S)[:, :, None]
+            phi = 1 - share * np.exp(-points.t_s / tau1) - (1 - share) * np.exp(-points.t_s / tau2)
+            square = (phi**2 * points.w).sum(axis=1)
+            root = np.sqrt(np.maximum(weight * square, 1e-300))
+            Ts = (phi * points.w * points.y).sum(axis=1) / np.maximum(square, 1e-300)
+            x[basis.slices[0]] = np.linalg.lstsq(D * root[:, None], Ts * root, rcond=None)[0]
+            found.append(x)
+    return found
