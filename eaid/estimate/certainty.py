@@ -7,7 +7,7 @@ say (CR3), and to T_s(u) by the spread of the levels about it; where there are t
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from scipy.special import fdtri
@@ -316,12 +316,14 @@ def torque_curve(basis: Basis, Ts: Array, relative: Array | None, noise: Array, 
         c, active, chi_square = through(variance_of(at, scatter))
         at = np.maximum(D @ c, 1e-3 * largest)
         if relative is None and spare > 0:
-            scatter, shrunk = paule_mandel(lambda a, at=at: through(variance_of(at, a))[2], float(spare), USUAL**2)
+            total = partial(lambda at, a: through(variance_of(at, a))[2], at)
+            scatter, shrunk = paule_mandel(total, float(spare), USUAL**2)
     variance = variance_of(at, scatter) * np.sqrt(shrunk)
     misfit = chi_square / spare if spare > 0 else None
     gains = free_inverse((D / variance[:, None]).T @ D, duties[list(active)]) @ (D / variance[:, None]).T
-    beyond = relative is not None and misfit is not None
-    widened = misfit if beyond and misfit > fdtri(spare, max(degrees / 2, 1.0), BEYOND_CHANCE) else 1.0
+    widened = 1.0
+    if relative is not None and misfit is not None and misfit > fdtri(spare, max(degrees / 2, 1.0), BEYOND_CHANCE):
+        widened = misfit
     return TorqueCurve(c, gains, variance * widened, misfit, widened, active)
 
 

@@ -47,7 +47,7 @@ class LevelsFirst:
     @property
     def first(self) -> int:
         """Where the coefficients of τ1 begin among the unknowns of the basis."""
-        return self.basis.slices[1].start
+        return int(self.basis.slices[1].start)
 
     @property
     def rows(self) -> Array:
@@ -130,5 +130,5 @@ def solve(data: Data, share: float | None, near: Array | None = None) -> tuple[L
     weighed = weighed.weighed(min(ends, key=lambda end: end.cost).x)
     problem = weighed.problem()
     last = [slsqp(problem, min(ends, key=lambda end: end.cost).x)]
-    end, solver, active = concluded(problem, last, lambda x: problem.normal(x)[:2])
+    end, solver, active = concluded(problem, last)
     return weighed, end.x, solver, list(active)

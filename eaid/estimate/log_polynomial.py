@@ -52,7 +52,8 @@ def through(u: Array, log_values: Array, variance: Array, p: int) -> LogPolynomi
     for _ in range(100):
         J = design * (weight / (design @ c))[:, None]
         step = np.linalg.lstsq(J, left, rcond=None)[0]
-        if np.sum((J @ step) ** 2) <= ROUNDING * max(left @ left, ROUNDING * np.sum(weight**2 * (1 + log_values**2))):
+        least = max(float(left @ left), ROUNDING * float(np.sum(weight**2 * (1 + log_values**2))))
+        if np.sum((J @ step) ** 2) <= ROUNDING * least:
             break
         lengths = (0.5**k for k in range(30))
         length = next((k for k in lengths if residual(c + k * step) @ residual(c + k * step) <= left @ left), 0.0)

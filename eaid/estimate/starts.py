@@ -29,6 +29,8 @@ BANDS = (0.0, 0.1, 0.35, 1.0, 3.0, LONGEST)
 """Ends of the ranges of τ2, in records, each of which a search begins in."""
 REACH = (10.0, 4.0, 1.5)
 """How far up and down from the value before, in each round."""
+MOST = 8
+"""Starts handed on."""
 MOST_LEVELS = 30
 """Levels that are looked at."""
 
@@ -99,7 +101,8 @@ def time_constants(
         return float(gain.max())
 
     def keep(values: list[Array], gain: float) -> None:
-        found.setdefault(tuple(np.round(np.log(np.concatenate(values)), 1).tolist()), (gain, *values))
+        key = tuple(np.round(np.log(np.concatenate(values)), 1).tolist())
+        found.setdefault(key, (gain, values[0], values[1]))
 
     for low, high in itertools.pairwise(BANDS):
         slow = (table.grid > low * longest) & (table.grid <= high * longest)
@@ -110,7 +113,7 @@ def time_constants(
         values = [np.full(one.shape[1], max(table.grid[i], least)), np.full(two.shape[1], table.grid[j])]
         keep(values.copy(), max(better(values, 0, reach) for reach in REACH))
         keep(values, max(better(values, k, reach) for reach in REACH for k in (1, 0)))
-    return [(tau1, tau2) for _, tau1, tau2 in sorted(found.values(), key=lambda row: -row[0])]
+    return [(tau1, tau2) for _, tau1, tau2 in sorted(found.values(), key=lambda row: -row[0])][:MOST]
 
 
 def form_starts(basis: Basis, data: Data, weight: Array) -> list[Array]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.findings import Finding, finding
-from eaid.fitting.sums import Points, Record, compress, full_sums
+from eaid.fitting.sums import Points, Record, compress
 from eaid.models.parameters import Linear, Nonlinear
 from eaid.results.common import AbsError, HoldOut, LevelError, Solver
 from eaid.results.fit import Bounds, Estimate, LinearLevel, Pooled
@@ -46,10 +46,6 @@ class Data:
         """The compressed curves."""
         records = self.records
         return compress([r.t_s for r in records], [r.y for r in records], self.together, [r.uniform for r in records])
-
-    def sums(self, theta: Array) -> tuple[Array, Array]:
-        """Squared residuals of each level over every sample, (L,), and their gradient by θ, (4, L)."""
-        return full_sums(theta, self.records, self.together)
 
     def one(self, index: int) -> "Data":
         """One level of it."""

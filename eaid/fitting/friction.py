@@ -256,7 +256,7 @@ def fit_curves(data: Data, options: FitOptions) -> tuple[list[FrictionLevel], Hu
     )
     rows = []
     for one, record, r in zip(fits, data.records, curve_residuals(fits, data), strict=True):
-        sse = one.sse if huber is None and one.sse is not None else float(r @ r)
+        sse = float(r @ r)
         fit_pct, R2 = metrics.quality(sse, [record.y])
         rmse = float(np.sqrt(sse / len(r)))
         rows.append(msgspec.structs.replace(one, sse=sse, rmse=rmse, fit_pct=fit_pct, R2=R2))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from eaid.arrays import Array
 from eaid.fitting.data import Data
 from eaid.fitting.solver import ROUNDING, SETTLED, TINY, Descent, Problem, descend, judged, last_step, minimised, solved
-from eaid.fitting.sums import Points, by_log, log_curvature, log_products, weighted_shares
+from eaid.fitting.sums import Points, by_log, level_normal, log_curvature, log_products, weighted_shares
 from eaid.models.parameters import TAU_FLOOR_S
 from eaid.results.common import Solver
 from eaid.results.fit import FrictionLevel
@@ -235,12 +235,6 @@ def free_problem(data: Data, limit: float) -> Problem:
     return Problem(lambda x: projected(x, data.points)[:3], A, b, names.__getitem__, floor=floor)
 
 
-def every_sample(x: Array, data: Data) -> tuple[float, Array, Array, Array]:
-    """`projected` of every sample of one level."""
-    record = data.records[0]
-    return projected(x, Points(record.t_s[None], record.y[None], np.ones((1, len(record.y)))))
-
-
 def free_starts(data: Data) -> list[Array]:
     """(ln τ1, ln τ2) of least cost on a log grid, one for each of `BANDS` that a short record leaves room for."""
     points = data.points
@@ -306,15 +300,15 @@ def fit_level(data: Data, share: float | None, starts: Array | None = None) -> F
         limit = RECORDS_FREE * data.longest_s
         problem = free_problem(data, limit)
         begin = free_starts(data) if starts is None else [np.log(np.clip(x, TAU_FLOOR_S, limit)) for x in starts[1:3].T]
-        end, solver, _ = minimised(problem, begin, lambda x: every_sample(x, data)[:2])
-        fast, slow = every_sample(end.x, data)[3]
+        end, solver, _ = minimised(problem, begin)
+        fast, slow = projected(end.x, data.points)[3]
         theta = np.array([fast + slow, *np.exp(end.x), fast / (fast + slow) if fast + slow > 0 else 1.0])
     else:
         limit = RECORDS * data.longest_s
         problem = level_problem(data, share, limit)
         starts = starting_curves(data, share).theta if starts is None else starts
         begin = [_unknowns(theta, limit) for theta in starts.T]
-        end, solver, _ = minimised(problem, begin, lambda x: _full(x, data, share))
+        end, solver, _ = minimised(problem, begin)
         theta = _theta(end.x, share)
     return _row(float(data.u[0]), [float(value) for value in theta], end.cost, data.samples, solver)
 
@@ -354,14 +348,8 @@ def _theta(x: Array, share: float) -> Array:
     return np.array([x[0], tau1, tau2, share])
 
 
-def _full(x: Array, data: Data, share: float) -> tuple[float, Array]:
-    theta = _theta(x, share)
-    cost, gradient = data.sums(theta[:, None])
-    return float(cost[0]), gradient[:3, 0] * np.array([1.0, *theta[1:3]])
-
-
 def fit_levels(data: Data, share: float | None) -> list[FrictionLevel]:
-    """`fit_level` for every level; the starts of all are found, and judged on the full data, together.
+    """`fit_level` for every level; the starts of all are found, and judged, together.
 
     Where the best start of a level is at its minimum already and no other comes near it, the solver has nothing to add.
     """
@@ -380,13 +368,13 @@ def fit_levels(data: Data, share: float | None) -> list[FrictionLevel]:
         if decrease > SETTLED or rival:
             found.append(fit_level(data.one(i), share, starts.theta[:, order[bounds[i] : bounds[i + 1]]]))
             continue
-        solver = judged(decrease, len(ends) * STEPS, [end + (sse - ends[0]) for end in ends])
+        solver = judged(decrease, len(ends) * STEPS, ends)
         found.append(_row(float(data.u[i]), row, sse, len(data.records[i].y), solver))
     return found
 
 
 def _last_step(x: Array, share: float, data: Data) -> tuple[Array, Array, Array]:
-    """θ two Newton steps on from x, (4, L), its cost over every sample, (L,), and what the last step predicts.
+    """θ two Newton steps on from x, (4, L), its cost, (L,), and what the last step predicts.
 
     That is relative to the cost, (L,), which it is too small to show; infinite at a limit or off a bowl, where no steps
     are taken either.
@@ -399,7 +387,7 @@ def _last_step(x: Array, share: float, data: Data) -> tuple[Array, Array, Array]
     slope[~bowl] = 0.0
     x = within(limit)(x, solved(H, slope))
     theta = theta_at(x, share)
-    cost, gradient = data.sums(theta)
+    cost, gradient, _ = level_normal(theta, data.points)
     Ts, tau1, tau2, _ = theta
     bowl &= (tau1 > 1.001 * TAU_FLOOR_S) & (1.001 * tau1 < tau2) & (tau2 < 0.5 * limit) & (Ts > 0) & (cost > 0)
     slope = gradient[:3].T.copy()

@@ -16,8 +16,8 @@ from eaid.fitting import data as metrics
 from eaid.fitting import robust
 from eaid.fitting.data import Data, linear_findings, missed
 from eaid.fitting.levels import LEAST_LOG, MOST_LOG
-from eaid.fitting.solver import ROUNDING, SETTLED, Problem, Value, descend, judged, last_step, minimised, slsqp
-from eaid.fitting.sums import Points, by_log, decay, log_curvature, log_products, weighted_shares
+from eaid.fitting.solver import ROUNDING, SETTLED, Problem, descend, judged, last_step, minimised, slsqp
+from eaid.fitting.sums import Points, Record, by_log, decay, log_curvature, log_products, weighted_shares
 from eaid.models import linear as model
 from eaid.models.parameters import Linear as LinearModel
 from eaid.options import FitOptions
@@ -47,11 +47,8 @@ class FirstOrder:
     solver: Solver
 
 
-def first_order_problem(data: Data, design: Array) -> tuple[Problem, Value]:
-    """Squares of gain_l (1 − e^(−t/τ)), gain = design @ coefficients, in (ln τ, coefficients), design of shape (L, k).
-
-    On the points, and cost and gradient on every sample.
-    """
+def first_order_problem(data: Data, design: Array) -> Problem:
+    """Squares of gain_l (1 − e^(−t/τ)), gain = design @ coefficients, in (ln τ, coefficients), design (L, k)."""
     sums = Sums(data.points)
     low, high, _ = _limits(data)
 
@@ -71,29 +68,26 @@ def first_order_problem(data: Data, design: Array) -> tuple[Problem, Value]:
         cost, gradient, curvature = sums.normal(at(x))
         return float(cost.sum()), chain(gradient), chained(curvature)
 
-    def full(x: Array) -> tuple[float, Array]:
-        cost, gradient = _on_every_sample(at(x), data)
-        return float(cost.sum()), chain(gradient)
-
     A = np.zeros((2, 1 + design.shape[1]))
     A[:, 0] = 1.0, -1.0
-    problem = Problem(
-        normal,
-        A,
-        np.array([np.log(low), -np.log(high)]),
-        ("a0-fastest", "a0-slowest").__getitem__,
-        lambda x: chained(sums.exact(at(x))),
-        ROUNDING * data.energy,
-    )
-    return problem, full
+    b, names = np.array([np.log(low), -np.log(high)]), ("a0-fastest", "a0-slowest")
+    return Problem(normal, A, b, names.__getitem__, lambda x: chained(sums.exact(at(x))), ROUNDING * data.energy)
 
 
 def fit_first_order(data: Data, design: Array) -> FirstOrder:
     """Least squares of gain_l (1 − e^(−t/τ)), gain = design @ coefficients, design of shape (L, k)."""
-    problem, full = first_order_problem(data, design)
+    problem = first_order_problem(data, design)
     starts = _best_of_grid(data, design, np.geomspace(_limits(data)[2], 3 * data.longest_s, A0_GRID))
-    end, solver, _ = minimised(problem, starts, full)
-    return FirstOrder(float(np.exp(end.x[0])), end.x[1:], end.cost, solver)
+    end, solver, _ = minimised(problem, starts)
+    tau = float(np.exp(end.x[0]))
+    gains = (design @ end.x[1:]).tolist()
+    left = [first_order_residual(tau, gain, r) for gain, r in zip(gains, data.records, strict=True)]
+    return FirstOrder(tau, end.x[1:], sum(float(r @ r) for r in left), solver)
+
+
+def first_order_residual(tau: float, gain: float, record: Record) -> Array:
+    """gain (1 − e^(−t/τ)) − y at every sample."""
+    return np.asarray(gain * (1 - decay(record, tau)) - record.y)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,13 +114,6 @@ class Sums:
 def _theta(x: Array) -> Array:
     one = np.ones(len(x))
     return np.stack([x[:, 0], np.exp(x[:, 1]), one, one])
-
-
-def _on_every_sample(x: Array, data: Data) -> tuple[Array, Array]:
-    """Cost (L,) and gradient (L, 2) over every sample."""
-    theta = _theta(x)
-    cost, gradient = data.sums(theta)
-    return cost, np.stack([gradient[0], gradient[1] * theta[1]], axis=1)
 
 
 def _limits(data: Data) -> tuple[float, float, float]:
@@ -164,7 +151,7 @@ def _is_minimum(costs: Array) -> NDArray[np.bool_]:
 
 
 def fit_each_level(data: Data) -> list[FirstOrder]:
-    """τ and gain of each level on its own: all together, and judged on the full data together.
+    """τ and gain of each level on its own: all together, and judged together.
 
     A level that has several minima over τ, or has not settled, is fitted alone.
     """
@@ -181,7 +168,7 @@ def fit_each_level(data: Data) -> list[FirstOrder]:
     start = np.stack([(along / square)[every, best], np.log(grid[best])], axis=1)
     sums = Sums(data.points)
     x = descend(sums.normal, start, 12, ENOUGH, within).x
-    cost, slope = _on_every_sample(x, data)
+    cost, slope, _ = sums.normal(x)
     H, tau = sums.exact(x), np.exp(x[:, 1])
     whole = (_is_minimum(costs).sum(axis=1) == 1) & (tau > 1.001 * low) & (tau < 0.999 * high) & (cost > 0)
     whole &= np.linalg.det(H) > CLOSE * H[:, 0, 0] * np.abs(H[:, 1, 1])
@@ -191,9 +178,11 @@ def fit_each_level(data: Data) -> list[FirstOrder]:
         if decrease > SETTLED:
             found.append(fit_first_order(data.one(i), np.ones((1, 1))))
             continue
-        (gain, log_tau), sse = x[i] - step[i], float(cost[i])  # the last step is too small for the cost to show
-        solver = judged(decrease, A0_GRID, (sse,))
-        found.append(FirstOrder(float(np.exp(log_tau)), np.array([gain]), sse, solver))
+        gain, log_tau = x[i] - step[i]
+        settled = float(np.exp(log_tau))
+        left = first_order_residual(settled, float(gain), data.records[i])
+        solver = judged(decrease, A0_GRID, (float(cost[i]),))
+        found.append(FirstOrder(settled, np.array([gain]), float(left @ left), solver))
     return found
 
 
@@ -217,7 +206,7 @@ def refit_linear(data: Data, near: LinearModel) -> LinearModel:
     design = _design(data.u)
     gains = (near.b0 * data.u + near.c0) / near.a0
     start = np.append(-np.log(near.a0), np.linalg.lstsq(design, gains, rcond=None)[0])
-    x = slsqp(first_order_problem(data, design)[0], start).x
+    x = slsqp(first_order_problem(data, design), start).x
     return _linear(float(np.exp(-x[0])), x[1:], data.u)
 
 
@@ -237,9 +226,8 @@ def _linear(a0: float, coefficients: Array, u: Array) -> LinearModel:
 def linear_residuals(solved: LinearSolution, data: Data) -> list[Array]:
     """f − y at every sample of every level, shapes (n_l,)."""
     p = solved.parameters
-    return [
-        (p.b0 * u + p.c0) / p.a0 * (1 - decay(r, 1 / p.a0)) - r.y for u, r in zip(data.u, data.records, strict=True)
-    ]
+    rows = zip(data.u.tolist(), data.records, strict=True)
+    return [first_order_residual(1 / p.a0, (p.b0 * u + p.c0) / p.a0, record) for u, record in rows]
 
 
 def single_levels(data: Data) -> tuple[LinearLevel, ...]:

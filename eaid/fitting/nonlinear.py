@@ -111,7 +111,7 @@ def refit_nonlinear(data: Data, near: Solution) -> Solution:
 
 def _confirmed(ends: Sequence[EndPoint], basis: Basis, problem: Problem) -> Solution:
     """The best end, polished, with our verdict."""
-    end, solver, active = concluded(problem, ends, problem.value)
+    end, solver, active = concluded(problem, ends)
     return Solution(basis, end.x, solver, active_at(basis, active))
 
 

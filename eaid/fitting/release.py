@@ -59,7 +59,7 @@ def _starts(data: Data, shares: Array) -> tuple[Indices, Array]:
 def solve(data: Data, shares: Array, starts: Array) -> ReleaseSolution:
     """One τ1 and τ2 for all levels of `data`, from the `MOST` best of `starts`, rows of (ln τ1, ln τ2).
 
-    SLSQP ends the fit from the best of what they lead to; costs are of the full data.
+    SLSQP ends the fit from the best of what they lead to.
     """
     A, b, names = tau_limits(RECORDS * data.longest_s)
     points = data.points
@@ -73,27 +73,20 @@ def solve(data: Data, shares: Array, starts: Array) -> ReleaseSolution:
     )
     starts = np.clip(starts, b[0], -b[2])
     order = np.argsort([problem.value(start)[0] for start in starts], kind="stable")[:MOST]
-    end, solver, _ = minimised(problem, starts[order], lambda x: _on_every_sample(x, data, shares)[:2])
-    return ReleaseSolution(np.exp(end.x), solver, _on_every_sample(end.x, data, shares)[2])
+    end, solver, _ = minimised(problem, starts[order])
+    return ReleaseSolution(np.exp(end.x), solver, _sizes(end.x, data, shares))
 
 
-def _on_every_sample(x: Array, data: Data, shares: Array) -> tuple[float, Array, Array]:
-    """Cost, its gradient by (ln τ1, ln τ2), (2,), and amplitude and residual of each level, (L, 2)."""
+def _sizes(x: Array, data: Data, shares: Array) -> Array:
+    """Amplitude and residual of each level, (L, 2)."""
     tau1, tau2 = np.exp(x)
-    cost, gradient, parts = 0.0, np.zeros(2), []
+    parts = []
     for share, record in zip(shares, data.records, strict=True):
-        t, y = record.t_s, record.y
-        e1, e2 = share * decay(record, tau1), (1 - share) * decay(record, tau2)
-        shape = e1 + e2
+        y, shape = record.y, share * decay(record, tau1) + (1 - share) * decay(record, tau2)
         sums = np.array([len(y), shape.sum(), shape @ shape, y.sum(), shape @ y])
         amplitude, residual = _solved_for(*sums[:, None])
-        r = amplitude * shape
-        r += residual - y
-        rt = r * t
-        cost += float(r @ r)
-        gradient += 2 * amplitude * np.array([rt @ e1 / tau1, rt @ e2 / tau2])
         parts.append((amplitude[0], residual[0]))
-    return cost, gradient, np.array(parts)
+    return np.array(parts)
 
 
 def _solved_for(n: Array, s1: Array, s2: Array, sy: Array, sf: Array) -> tuple[Array, Array]:

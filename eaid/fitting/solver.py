@@ -336,14 +336,16 @@ CONVERGED = 1e-9
 def polish(
     problem: Problem,
     end: EndPoint,
-    full: Callable[[Array], tuple[float, Array]],
+    full: Value | None = None,
     steps: int = 40,
     finished: float = FINISHED,
 ) -> tuple[EndPoint, float, tuple[int, ...]]:
-    """Confirm an end point on the full data and take constrained Newton steps while one predicts to gain `finished`.
+    """Take constrained Newton steps from an end point while one predicts to gain `finished` of the cost.
 
-    Returns the point with its full-data cost, what a further step predicts relative to the cost, and the active rows.
+    Returns the point with its cost, what a further step predicts relative to the cost, and the active rows. `full` is
+    the cost where it is another than the problem's.
     """
+    full = full or problem.value
     x, evaluations = end.x, end.evaluations + 1
     cost, gradient = full(x)
     step = newton_step(problem, x, gradient, problem.curvature(x))
@@ -370,7 +372,7 @@ def polish(
 def judged(predicted: float, evaluations: int, costs: Sequence[float], at_bounds: Sequence[str] = ()) -> Solver:
     """Our verdict on a fit, from the decrease that a further step predicts, relative to the cost."""
     converged = predicted <= CONVERGED
-    said = f"a further constrained Newton step on the full data would lower the cost by {predicted:.0e} of it"
+    said = f"a further constrained Newton step would lower the cost by {predicted:.0e} of it"
     return Solver(
         converged=converged,
         message=f"{'converged' if converged else 'not converged'}: {said}",
@@ -381,22 +383,17 @@ def judged(predicted: float, evaluations: int, costs: Sequence[float], at_bounds
     )
 
 
-def minimised(
-    problem: Problem, starts: Iterable[Array], full: Callable[[Array], tuple[float, Array]]
-) -> tuple[EndPoint, Solver, tuple[int, ...]]:
+def minimised(problem: Problem, starts: Iterable[Array]) -> tuple[EndPoint, Solver, tuple[int, ...]]:
     """The least of what feasible starts lead to, `concluded`."""
-    return concluded(problem, ended([approach(problem, start) for start in starts], problem), full)
+    return concluded(problem, ended([approach(problem, start) for start in starts], problem))
 
 
-def concluded(
-    problem: Problem, ends: Sequence[EndPoint], full: Callable[[Array], tuple[float, Array]]
-) -> tuple[EndPoint, Solver, tuple[int, ...]]:
-    """The best end, polished on the full data, with our verdict and the active rows."""
+def concluded(problem: Problem, ends: Sequence[EndPoint]) -> tuple[EndPoint, Solver, tuple[int, ...]]:
+    """The best end, polished, with our verdict and the active rows."""
     best = min(ends, key=lambda end: end.cost)
-    end, predicted, active = polish(problem, best, full)
+    end, predicted, active = polish(problem, best)
     evaluations = sum(one.evaluations for one in ends) + end.evaluations - best.evaluations
-    offset = end.cost - best.cost  # what compression leaves out of every start's cost alike
-    costs = [one.cost + offset for one in ends]
+    costs = [end.cost if one is best else one.cost for one in ends]
     return end, judged(predicted, evaluations, costs, [problem.names(i) for i in active]), active
 
 
