@@ -164,8 +164,6 @@ def hits(found: Fit, true: dict[str, Any]) -> dict[str, list[float]]:
             for label, aim in (("level", values), ("aim", true["aim"][name])):
                 pairs = zip(own, aim, strict=True)
                 result[f"{label} {name}"] = [np.nan if doubted(ci) else inside(ci, v) for ci, v in pairs]
-            asked = {row.level: getattr(row.ci95, name) for row in (share.at_estimate if share else ())}
-            result[f"asked {name}"] = [inside(asked.get(u), v) for u, v in zip(LEVELS, values, strict=True)]
         label = "joint" if found.nonlinear.estimator == "joint" else "curves"
         rows = [getattr(row.ci95, name) for row in found.nonlinear.curves]
         result[f"{label} {name}"] = [inside(ci, v) for ci, v in zip(rows, values, strict=True)]

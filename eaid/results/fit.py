@@ -375,7 +375,6 @@ class ShareEstimate(Result, frozen=True):
     rejected: bool | None = None
     matters: bool | None = None
     levels_differ: bool | None = None
-    at_estimate: tuple[CurveLevel, ...] = ()
 
 
 class ShapeScore(Result, frozen=True):
@@ -416,7 +415,6 @@ class Adequacy(Result, frozen=True):
     lack_of_fit: tuple[LackOfFit, ...] = ()
     residual_autocorrelation: Number | None = None
     effective_samples: Number | None = None
-    leave_one_level_out_nm: Number | None = None
 
 
 class Sweeps(Result, frozen=True):

@@ -22,7 +22,7 @@ from eaid.models.parameters import Friction
 from eaid.results.fit import Adequacy, Fit, LackOfFit, OrderScore, ShapeScore
 from eaid.steps.noise import line
 from eaid.steps.stepset import Level, StepSet
-from eaid.uncertainty.level_statistics import CURVES, TERMS, LevelStatistics, free_parameters, log_theta, refit
+from eaid.uncertainty.level_statistics import CURVES, LevelStatistics, free_parameters, log_theta, refit
 from eaid.uncertainty.runs import run_residuals, t_quantile
 from eaid.uncertainty.share import Share
 
@@ -209,29 +209,6 @@ def orders_of(base: LevelStatistics) -> tuple[OrderScore, ...]:
     return tuple(rows)
 
 
-def leave_one_level_out(base: LevelStatistics) -> float | None:
-    """RMS torque error of inner levels that the curves of all others predict [output unit]."""
-    inner = slice(1, -1)
-    values = []
-    for k, name in enumerate(CURVES):
-        row = base.determined[:, k]
-        count = int(row.sum())
-        if count < 3:
-            return None
-        duty, theta = base.duty_pct[row], base.log_theta[row, k]
-        curve = through(duty, theta, base.expected[row, k], min(TERMS[name], count - 1))
-        predicted = curve.log_at(base.duty_pct)
-        predicted[row] = theta + curve.left_out(duty, theta)
-        values.append(np.exp(np.clip(predicted, np.log(1e-6), 50.0)))
-    total, samples = 0.0, 0
-    shares = [one.curve.C for one in base.estimates]
-    for level, Ts, tau1, tau2, C in list(zip(base.levels, *values, shares, strict=True))[inner]:
-        left = level.mean - friction.step_response(Friction(float(Ts), float(tau1), float(tau2), C), level.time_s)
-        total += float(left @ left)
-        samples += len(left)
-    return float(np.sqrt(total / samples))
-
-
 def raised_orders(orders: Sequence[OrderScore]) -> dict[str, int]:
     """Parameters whose levels ask for a higher order than the paper's, and which."""
     found = {}
@@ -329,7 +306,6 @@ def adequacy(
         lack_of_fit=tuple(rows),
         residual_autocorrelation=float(np.median([rho for _, rho in sizes])),
         effective_samples=float(counts.sum()),
-        leave_one_level_out_nm=leave_one_level_out(base) if polynomial and len(levels) > 4 else None,
     ), found
 
 

@@ -16,8 +16,6 @@ from eaid.uncertainty.level_statistics import CURVES, NAMES, LevelEstimate, Leve
 from eaid.uncertainty.runs import Mask, t_quantile
 
 TAUS = {"tau1", "tau2"}
-ALIKE = 0.3
-"""Scatter between runs counts as seen where it is more than this part of a level's variance."""
 
 
 def identifiable(found: Sequence[Finding]) -> bool:
@@ -163,7 +161,7 @@ def linear_findings(fit: Linear, stats: LevelStatistics, ci95: PooledIntervals) 
 
 
 def scatter_findings(stats: LevelStatistics) -> list[Finding]:
-    """What the scatter of the runs itself says: single runs, sweeps, scatter that is not alike over the levels."""
+    """What the scatter of the runs itself says: single runs, sweeps."""
     if stats.source != "repeats":
         return [finding("single-runs" if stats.source == "curve" else "single-runs-few-levels", "data")]
     assert stats.scatter is not None
@@ -173,9 +171,4 @@ def scatter_findings(stats: LevelStatistics) -> list[Finding]:
         runs = sum(estimate.runs.repeats for estimate in stats.estimates)
         sweeps = int(scatter.common_degrees + 1)
         findings.append(finding("recorded-as-sweeps", "data", sweeps=sweeps, parameters=shifted, runs=runs))
-    for name, jump, between, variance in zip(NAMES, scatter.jumps, scatter.between, scatter.pooled.T, strict=False):
-        # else it is noise, not scatter
-        if jump is not None and between > ALIKE * np.median(variance) * stats.estimates[0].runs.repeats:
-            around = [stats.levels[jump.place + i].level for i in (0, 1)]
-            findings.append(finding("scatter-changes", "data", around, parameter=name, ratio=jump.ratio))
     return findings

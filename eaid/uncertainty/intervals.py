@@ -304,10 +304,7 @@ def _summary(
 ) -> Uncertainty:
     share = None
     if not stats.share_free:
-        there = stats
-        if runs_share is not None and runs_share.matters and runs_share.estimate is not None:
-            there = statistics_at_share(stats.levels, runs_share.estimate)
-        share = share_part(runs_share, there, share_sensitivity(stats.levels, stats.estimates))
+        share = share_part(runs_share, stats, share_sensitivity(stats.levels, stats.estimates))
     return Uncertainty(
         ci=options.ci,
         scatter_from=stats.source,

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from eaid.arrays import Array, scaled_inverse
+from eaid.estimate.spread import Influence
 from eaid.models import linear as model
 from eaid.models.parameters import Linear as LinearParameters
 from eaid.results.fit import BoundsIntervals, Linear, LinearLevel, LinearLevelIntervals, Pooled, PooledIntervals
@@ -21,7 +22,6 @@ from eaid.uncertainty.runs import (
     log_interval_of,
     pooled_scatter,
     run_statistics,
-    satterthwaite,
     textbook,
 )
 
@@ -86,17 +86,6 @@ def level_terms(level: Level, a0: float, gain: float) -> tuple[Array, Array]:
     return jacobian, np.asarray(jacobian.T @ jacobian - curved)
 
 
-def combined_variance(influence: Sequence[Array]) -> tuple[float, float]:
-    """Variance and Welch–Satterthwaite degrees of freedom of one number, from its influences (R,) of each level."""
-    several = [psi for psi in influence if len(psi) > 1]
-    spare = [float(len(psi) - 1) for psi in several]
-    parts = [len(psi) / (len(psi) - 1) * float(((psi - psi.mean()) ** 2).sum()) for psi in several]
-    variance = float(np.sum(parts))
-    if variance == 0:
-        return 0.0, float(np.sum(spare))
-    return variance, max(float(satterthwaite(parts, spare)), min(spare))
-
-
 def level_run_statistics(level: Level, a0: float, gain: float, noise_nm: Array) -> RunStatistics:
     """Statistics of the runs for (log a0, log gain, log B) of one level's own fit, gain [N·m] · (1 − e^(−a0 t))."""
     jacobian, hessian = level_terms(level, a0, gain)
@@ -116,20 +105,18 @@ def level_run_statistics(level: Level, a0: float, gain: float, noise_nm: Array) 
 
 def spreads(gains: Sequence[Gain], stats: LevelStatistics) -> list[tuple[float, float]]:
     """Variance and degrees of freedom of m numbers q with δq = Σ_l g_l δȳ_l, g_l of shape (m, n_l)."""
-    if stats.source == "repeats":
-        psi = [
-            (level.runs @ along.T - level.mean @ along.T) @ take.T / len(level.runs)
-            for level, (take, along) in zip(stats.levels, gains, strict=True)
-        ]
-        if stats.swept:
-            together = np.sum(psi, axis=0)  # one number a sweep: its levels do not move apart
-            count = len(together)
-            return [(float(own @ own * count / (count - 1)), count - 1.0) for own in together.T]
-        return [combined_variance([one[:, k] for one in psi]) for k in range(psi[0].shape[1])]
-    total = np.zeros(len(gains[0][0]))
-    for i, gain in enumerate(gains):
-        total += _own_variance(i, gain, stats)
-    return [(float(variance), stats.total_degrees) for variance in total]
+    runs, singles = [np.zeros((0, len(gains[0][0])))], [np.zeros((0, len(gains[0][0])))]
+    for level, estimate, variance, (take, along) in zip(
+        stats.levels, stats.estimates, stats.variance, gains, strict=True
+    ):
+        if stats.source == "repeats" and len(level.runs) > 1:
+            runs.append((level.runs @ along.T - level.mean @ along.T) @ take.T / len(level.runs))
+        elif stats.source != "repeats":
+            moved = take @ (along @ log_jacobian(estimate.curve, level.time_s)[:, :3])
+            singles.append((moved * np.sqrt(np.where(np.isfinite(variance[:3]), variance[:3], 0.0))).T)
+    repeats = np.array([len(psi) for psi in runs[1:]], dtype=np.int64)
+    found = Influence(np.concatenate(runs), repeats, np.concatenate(singles), stats.total_degrees, stats.swept)
+    return list(zip(*(one.tolist() for one in found.variance()), strict=True))
 
 
 def _own_variance(i: int, gain: Gain, stats: LevelStatistics) -> Array:

@@ -224,16 +224,6 @@ SWEPT_LEVELS = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Jump:
-    """Where along the levels the scatter changes."""
-
-    place: int
-    """The last level on the lower side."""
-    ratio: float
-    """How many times larger the scatter (sd) is on the lower side."""
-
-
-@dataclass(frozen=True, eq=False)
 class PooledScatter:
     """Variance of the levels' parameters, with the degrees of freedom that their intervals take."""
 
@@ -255,8 +245,6 @@ class PooledScatter:
     """Variance that all levels share because repeats were sweeps, shape (k,); 0 where they were not."""
     common_degrees: float
     """R − 1, the degrees of freedom of `common`."""
-    jumps: tuple[Jump | None, ...]
-    """Where the scatter changes by more than chance, one a parameter."""
 
 
 def paule_mandel(total: Callable[[float], float], wanted: float, scale: float) -> tuple[float, float]:
@@ -286,7 +274,6 @@ def pooled_scatter(levels: Sequence[RunStatistics], usable: Mask | None = None) 
     between, common = np.zeros(count), np.zeros(count)
     pooled, variance, degrees = np.zeros_like(v), np.zeros_like(v), np.zeros_like(v)
     components: list[VarianceComponents] = []
-    jumps: list[Jump | None] = []
     for k in range(count):
         own = (repeats - 1) * counted[:, k]
         shared = common_shifts(levels, k) if counted[:, k].all() else None
@@ -299,7 +286,6 @@ def pooled_scatter(levels: Sequence[RunStatistics], usable: Mask | None = None) 
         if total == 0:
             pooled[:, k] = variance[:, k] = np.inf
             components.append(VarianceComponents(np.full(len(levels), np.inf), np.eye(len(levels)), own))
-            jumps.append(None)
             continue
         within = smoothed(h[:, k], x, own > 0)
         between[k], q = paule_mandel(_total(own * v[:, k], within), total, float(v[own > 0, k].max()))
@@ -309,7 +295,6 @@ def pooled_scatter(levels: Sequence[RunStatistics], usable: Mask | None = None) 
         components.append(VarianceComponents(pooled[:, k], mixed, own))
         variance[:, k] = pooled[:, k] * (mixed @ relative)
         degrees[:, k] = components[k].degrees(np.eye(len(levels)))
-        jumps.append(jump(relative, own))
     most = float(repeats.max() - 1)
     with np.errstate(divide="ignore", invalid="ignore"):
         together = satterthwaite((variance, common), (degrees, most))
@@ -323,7 +308,6 @@ def pooled_scatter(levels: Sequence[RunStatistics], usable: Mask | None = None) 
         components=tuple(components),
         common=common,
         common_degrees=most,
-        jumps=tuple(jumps),
     )
 
 
@@ -377,17 +361,3 @@ def neighbours(own: Array) -> Array:
             break
     weight[total == 0], total[total == 0] = own, own.sum()
     return np.asarray(weight / total[:, None])
-
-
-def jump(relative: Array, own: Array) -> Jump | None:
-    """Where the scatter of the levels on one side differs most from the other side's, if by more than chance (F)."""
-    below, squares = np.cumsum(own)[:-1], np.cumsum(own * relative)[:-1]
-    above, others = own.sum() - below, (own * relative).sum() - squares
-    fine = (below > 0) & (above > 0) & (squares > 0) & (others > 0)
-    if not fine.any():
-        return None
-    below, squares, above, others = below[fine], squares[fine], above[fine], others[fine]
-    F = squares / below / (others / above)
-    chance = 2 * np.minimum(fdtrc(below, above, F), fdtrc(above, below, 1 / F)) * len(F)
-    i = int(chance.argmin())
-    return Jump(int(np.flatnonzero(fine)[i]), float(np.sqrt(F[i]))) if chance[i] < CHANCE else None

@@ -20,10 +20,10 @@ from scipy.special import fdtrc
 from eaid.arrays import Array
 from eaid.findings import Finding, finding
 from eaid.fitting.sums import Points, compress
-from eaid.results.fit import CurveLevel, LevelIntervals, ShareEstimate
+from eaid.results.fit import ShareEstimate
 from eaid.steps.stepset import Level
 from eaid.uncertainty.level_statistics import LevelStatistics, usable
-from eaid.uncertainty.runs import satterthwaite, t_quantile
+from eaid.uncertainty.runs import t_quantile
 
 Counts: TypeAlias = NDArray[np.int64]
 
@@ -56,10 +56,8 @@ class Share:
     """Levels that speak: those whose records determine T_s, τ1 and τ2."""
     differ: bool
     """Whether the levels ask for different C, beyond what their runs scatter."""
-    log_theta: Array
-    """(log T_s, log τ1, log τ2) of the speaking levels at the estimate, shape (levels, 3)."""
     slope: Array
-    """Their derivative by C, shape (levels, 3)."""
+    """Derivative of (log T_s, log τ1, log τ2) of the speaking levels by C, shape (levels, 3)."""
     half_width: Array
     """Half-widths of their logarithms' intervals at the held C, shape (levels, 3)."""
 
@@ -99,7 +97,7 @@ def share_of(stats: LevelStatistics) -> Share | None:
     speak = np.flatnonzero(usable(stats.estimates).all(axis=1))
     levels = [stats.levels[i] for i in speak]
     places = tuple(level.level for level in levels)
-    nothing = Share(held, None, np.inf, 0.0, places, False, *np.zeros((3, 0, 3)))
+    nothing = Share(held, None, np.inf, 0.0, places, False, *np.zeros((2, 0, 3)))
     repeats = np.array([len(level.runs) for level in levels], dtype=np.int64)
     if repeats.sum() < 3:
         return nothing
@@ -128,7 +126,7 @@ def share_of(stats: LevelStatistics) -> Share | None:
     variance, degrees, differ = _variance(u, repeats)
     sd = float(np.sqrt(variance))
     half_width = (t_quantile(stats.degrees) * np.sqrt(stats.variance))[speak]
-    return Share(held, share, sd, degrees, places, differ, theta[runs:], -now.slope[runs:], half_width)
+    return Share(held, share, sd, degrees, places, differ, -now.slope[runs:], half_width)
 
 
 def _runs_and_means(levels: Sequence[Level]) -> Points:
@@ -229,19 +227,8 @@ def share_findings(share: Share) -> list[Finding]:
 
 
 def share_part(share: Share | None, stats: LevelStatistics, sensitivity: dict[str, float]) -> ShareEstimate:
-    """`uncertainty.share` of a fit; `stats` gives the scatter of the levels at the estimate."""
+    """`uncertainty.share` of a fit."""
     if share is None:
         return ShareEstimate(stats.estimates[0].curve.C, sensitivity)
-    rows = []
-    speaking = share.levels if share.estimate is not None else ()
-    for level, theta, slope in zip(speaking, share.log_theta, share.slope, strict=True):
-        i = next(i for i, one in enumerate(stats.levels) if one.level == level)
-        own, more = stats.variance[i], (slope * share.sd) ** 2
-        degrees = satterthwaite((own, more), (stats.degrees[i], share.degrees))
-        reach = t_quantile(degrees) * np.sqrt(own + more)
-        low, high = np.exp(theta - reach).tolist(), np.exp(theta + reach).tolist()
-        ends = [pair if np.isfinite(pair).all() else None for pair in zip(low, high, strict=True)]
-        Ts, tau1, tau2 = np.exp(theta).tolist()
-        rows.append(CurveLevel(level, Ts, tau1, tau2, LevelIntervals(*ends)))
     verdict = (share.rejected, share.matters, share.differ)
-    return ShareEstimate(share.held, sensitivity, share.estimate, share.interval, share.degrees, *verdict, tuple(rows))
+    return ShareEstimate(share.held, sensitivity, share.estimate, share.interval, share.degrees, *verdict)

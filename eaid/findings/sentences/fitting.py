@@ -135,15 +135,6 @@ def _open_at_most(v: Values) -> str:
     return f"{v['symbol']} is not determined at {v['count']} of {v['of']} levels: {why}"
 
 
-def _scatter_changes(v: Values) -> str:
-    last, first = (f"{u:.4g}" for u in v["each"])
-    here = f"up to {last} than above" if v["ratio"] > 1 else f"from {first} on than below"
-    return (
-        f"the runs' scatter of {v['symbol']} is {max(v['ratio'], 1 / v['ratio']):.2g} times larger {here}: "
-        "the intervals follow it; more repeats there would narrow them most"
-    )
-
-
 def _convention(v: Values) -> str:
     pooled = "" if v["several"] else ", and so does the pooled one"
     return f"one level's step gives b0 u + c0 only; its b0 rests on the convention that c0 is 0{pooled}"
@@ -237,7 +228,6 @@ INTERVAL_ROWS: dict[str, Row] = {
             "record levels in random order instead"
         )
     ),
-    "scatter-changes": note(_scatter_changes),
     "no-intervals-at-all": caution(
         "no intervals: these data do not determine the curves well enough to compute any ({fault})"
     ),

@@ -273,7 +273,6 @@ def lack_of_fit_table(fit: Fit) -> Table:
         for said, value in (
             ("residual autocorrelation, one sample apart", judged.residual_autocorrelation),
             ("samples that count as independent", judged.effective_samples),
-            (f"error on a level left out ({out})", judged.leave_one_level_out_nm),
         ):
             if value is not None:
                 rows.append((said, value, None, "", None))
