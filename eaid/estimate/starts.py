@@ -8,8 +8,10 @@ tried by their values at as many inputs as they have coefficients, one after the
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eaid.arrays import Array
 from eaid.fitting.basis import Basis
@@ -17,6 +19,7 @@ from eaid.fitting.data import Data
 from eaid.fitting.sums import Points
 from eaid.models.parameters import TAU_FLOOR_S
 
+Indices: TypeAlias = NDArray[np.intp]
 SHARES = (0.3, 0.5, 0.7, 0.85, 0.95)
 """Where a free C starts from."""
 GRID = 200
@@ -53,19 +56,21 @@ class Table:
                 total += p * q * self.gain[levels, i, j]
         return total
 
-    def _place(self, tau: Array) -> tuple["np.ndarray[tuple[int, ...], np.dtype[np.intp]]", Array]:
+    def _place(self, tau: Array) -> tuple["Indices", Array]:
         """The time constant of the grid below τ, and how far from there to the next one τ lies."""
         step = np.log(self.grid[1] / self.grid[0])
         place = np.clip(np.log(np.maximum(tau, 1e-300) / self.grid[0]) / step, 0.0, len(self.grid) - 1.001)
         return place.astype(np.intp), place - place.astype(np.intp)
 
 
-def table_of(points: Points, share: float) -> Table:
-    """The table of levels on their compressed points."""
+def table_of(points: Points, share: float, size: int = GRID, offset: bool = False) -> Table:
+    """The table of levels on their compressed points; `offset`: beside a constant, which is solved for as well."""
     there = np.broadcast_to(points.w, points.y.shape) > 0
     times = np.where(there & (points.t_s > 0), points.t_s, np.nan)
-    grid = np.geomspace(0.3 * np.nanmin(times), LONGEST * np.nanmax(times), GRID)
+    grid = np.geomspace(0.3 * np.nanmin(times), LONGEST * np.nanmax(times), size)
     s = -np.expm1(-points.t_s[:, None] / grid[:, None])
+    if offset:
+        s = s - ((s * points.w[:, None]).sum(axis=2) / points.w.sum(axis=1)[:, None])[:, :, None]
     weighed = s * points.w[:, None]
     gram = weighed @ s.transpose(0, 2, 1)
     squares = np.einsum("lkk->lk", gram)
@@ -73,6 +78,22 @@ def table_of(points: Points, share: float) -> Table:
     square = share**2 * squares[:, :, None] + (1 - share) ** 2 * squares[:, None] + 2 * share * (1 - share) * gram
     inner = np.maximum(share * along[:, :, None] + (1 - share) * along[:, None], 0.0)
     return Table(grid, inner**2 / np.maximum(square, 1e-300))
+
+
+def bowls(gain: Array, most: int) -> tuple[Indices, Indices, Indices]:
+    """Level, i, j of the pairs i < j that none of the eight beside them undercuts, at most `most` a level."""
+    levels, count = gain.shape[:2]
+    apart = np.arange(count) > np.arange(count)[:, None]
+    framed = np.zeros((levels, count + 2, count + 2))
+    framed[:, 1:-1, 1:-1] = np.where(apart, gain, 0.0)
+    inner = framed[:, 1:-1, 1:-1]
+    beside = [framed[:, a : a + count, b : b + count] for a in range(3) for b in range(3)]
+    peak = (inner >= np.maximum.reduce(beside)) & apart
+    level, first, second = np.nonzero(peak)
+    order = np.lexsort((-inner[peak], level))
+    rank = np.arange(len(order)) - np.searchsorted(level, level)
+    order = order[rank < most]
+    return level[order], first[order], second[order]
 
 
 def time_constants(

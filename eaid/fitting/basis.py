@@ -12,10 +12,13 @@ from numpy.polynomial import Legendre, Polynomial
 from numpy.polynomial.polynomial import polyval
 
 from eaid.arrays import Array, read_only
-from eaid.fitting.levels import RECORDS, RECORDS_FREE
 from eaid.models.nonlinear import CHECKED_DUTIES
 from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
 
+RECORDS = 1e6
+"""τ2 is looked for up to this many record lengths: no data can tell it from endless."""
+RECORDS_FREE = 100.0
+"""τ2 is looked for up to this many record lengths where C is free: T_s then grows with τ2, all but straight."""
 DEGREES = (3, 2, 2)
 """Degrees of T_s, τ1, τ2."""
 CONSTRAINTS = ("tau1-floor", "tau2-meets-tau1", "Ts-zero", "tau2-endless")

@@ -6,14 +6,16 @@ s = C (1 − e^(−H/τ1↑)) / (C (1 − e^(−H/τ1↑)) + (1 − C)(1 − e^(
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from eaid.arrays import Array
+from eaid.estimate.starts import Indices, bowls, table_of
 from eaid.findings import Finding, finding
+from eaid.fitting.basis import RECORDS
 from eaid.fitting.data import Data, data_of, quality
-from eaid.fitting.levels import RECORDS, Indices, grid_bowls, grid_fits, start_grid, tau_limits
+from eaid.fitting.levels import GRID, tau_limits
 from eaid.fitting.solver import ROUNDING, Problem, minimised
 from eaid.fitting.sums import Points, decay
 from eaid.models.parameters import SHARE, Friction
@@ -44,16 +46,14 @@ def fit_each_release(data: Data, shares: Array) -> list[ReleaseSolution]:
 
 def _starts(data: Data, shares: Array) -> tuple[Indices, Array]:
     """Level and (ln τ1, ln τ2) of what single levels begin from: minima over a grid for −y above an offset, (N, 2)."""
-    points = data.points
-    times = points.t_s if len(points.t_s) == len(points.y) else points.t_s[:1]
-    grid = start_grid(times[points.w[: len(times)] > 0])
-    fits = []
+    points, level, starts = data.points, [], []
     for i, share in enumerate(shares.tolist()):
         one = points.rows(slice(i, i + 1))
-        fits.append(grid_fits(one.t_s, -one.y, one.w, grid, share, offset=True))
-    inner, square = (np.concatenate(part) for part in zip(*fits, strict=True))
-    level, first, second = grid_bowls(inner, square, MOST)
-    return level, np.log(np.stack([grid[first], grid[second]], axis=1))
+        table = table_of(replace(one, y=-one.y), share, GRID, offset=True)
+        _, first, second = bowls(table.gain, MOST)
+        level += [i] * len(first)
+        starts.append(np.log(table.grid[[first, second]].T))
+    return np.array(level, dtype=np.intp), np.concatenate(starts)
 
 
 def solve(data: Data, shares: Array, starts: Array) -> ReleaseSolution:

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from eaid.arrays import Array, inverse, median
 from eaid.estimate.log_polynomial import through
+from eaid.fitting.basis import RECORDS, RECORDS_FREE
 from eaid.fitting.data import Data, data_of
-from eaid.fitting.levels import RECORDS, RECORDS_FREE, fit_levels
+from eaid.fitting.levels import fit_levels
 from eaid.fitting.solver import Descent, descend
 from eaid.fitting.sums import Points, compress, level_normal
 from eaid.models import friction

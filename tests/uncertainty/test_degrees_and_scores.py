@@ -1,11 +1,13 @@
 """Closed forms that decide: degrees of freedom, quoted intervals, AICc and BIC, sweeps, linear intervals."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
 
+from eaid.estimate.spread import Influence
 from eaid.uncertainty.adequacy import effective_samples
-from eaid.uncertainty.linear_intervals import combined_variance
 from eaid.uncertainty.runs import (
     RunStatistics,
     common_shifts,
@@ -38,13 +40,28 @@ def test_quoted_intervals_by_hand() -> None:
     assert log_interval_of(5.0, 1e6, 6.0) is None
 
 
-def test_welch_of_two_levels_by_hand() -> None:
-    """Three runs and two: V = 3/2 Σψ² + 2 Σψ², ν = V²/(v₁²/2 + v₂²/1), at least the fewest."""
-    first, second = np.array([1.0, -2.0, 1.0]), np.array([3.0, -3.0])
-    variance, degrees = combined_variance([first, second, np.array([7.0])])
-    assert variance == pytest.approx(1.5 * 6 + 2 * 18)
+def test_welch_of_levels_by_hand() -> None:
+    """Three runs and two: V = 3/2 Σψ² + 2 Σψ², ν = V²/(v₁²/2 + v₂²/1); a single run's own part with its degrees."""
+    psi = np.array([[1.0], [-2.0], [1.0], [3.0], [-3.0]])
+    found = Influence(psi, np.array([3, 2]), np.zeros((0, 1)), 0.0)
+    variance, degrees = found.variance()
+    assert variance == pytest.approx(1.5 * 6 + 2 * 18) and found.covariance() == pytest.approx(45.0)
     assert degrees == pytest.approx(45**2 / (81 / 2 + 36**2))
-    assert combined_variance([first * 0, second * 0]) == (0.0, 3.0)
+    assert replace(found, runs=0 * psi).variance() == (0.0, 3.0)
+    single = replace(found, singles=np.array([[4.0]]), single_degrees=5.0)
+    assert single.variance()[0] == pytest.approx(61.0)
+    assert single.variance()[1] == pytest.approx(61**2 / (81 / 2 + 36**2 + 16**2 / 5))
+    assert found.of(np.array([[2.0]])).variance()[0] == pytest.approx(4 * 45.0)
+
+
+def test_levels_of_a_sweep_move_together() -> None:
+    """ψ alike at two levels of two runs: runs alone give 4 times 2·1², the sweeps twice as much, with one degree."""
+    psi = np.array([[1.0], [-1.0], [1.0], [-1.0]])
+    apart = Influence(psi, np.array([2, 2]), np.zeros((0, 1)), 0.0)
+    swept = replace(apart, swept=True)
+    assert apart.variance()[0] == pytest.approx(8.0) and swept.variance()[0] == pytest.approx(16.0)
+    assert swept.covariance() == pytest.approx(16.0)
+    assert swept.variance()[1] == pytest.approx(16**2 / (16 + 16 + 64))
 
 
 def runs_of(influence: np.ndarray) -> list[RunStatistics]:
