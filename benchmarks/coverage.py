@@ -24,7 +24,8 @@ import eaid
 from benchmarks.stop_findings import log, rise, wander
 from eaid.apparatus import Apparatus
 from eaid.arrays import Array
-from eaid.fitting.step_shapes import fit_step
+from eaid.estimate.step_shapes import fit_step
+from eaid.estimate.workflow import with_interval
 from eaid.models import friction
 from eaid.models.nonlinear import at_duty
 from eaid.models.parameters import REFERENCE_PLANT, Friction
@@ -32,7 +33,6 @@ from eaid.results.common import Interval
 from eaid.results.fit import Fit
 from eaid.steps.build import build_stepset
 from eaid.steps.stepset import Level, StepSet
-from eaid.uncertainty.workflow import with_interval
 
 NAMES = ("Ts", "tau1", "tau2")
 LEVELS = np.arange(10.0, 101.0, 10.0)

@@ -14,9 +14,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from eaid.arrays import Array
-from eaid.fitting.data import Data
-from eaid.fitting.nonlinear import fit_nonlinear
-from eaid.fitting.sums import Record
+from eaid.estimate.data import Data
+from eaid.estimate.joint import fit_nonlinear
+from eaid.estimate.points import Record
 
 BAR, SHARE = 1e-6, 0.85
 LEVELS = np.arange(10.0, 101.0, 10.0)

@@ -17,10 +17,10 @@ from scipy.optimize import curve_fit, least_squares
 
 from benchmarks.table import Row
 from eaid.arrays import Array
-from eaid.fitting.data import data_of
-from eaid.fitting.levels import fit_levels
-from eaid.fitting.linear import fit_linear
-from eaid.fitting.nonlinear import fit_nonlinear
+from eaid.estimate.data import data_of
+from eaid.estimate.joint import fit_nonlinear
+from eaid.estimate.levels import fit_levels
+from eaid.estimate.linear import fit_linear
 from eaid.models import nonlinear
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.steps.stepset import Level

@@ -14,10 +14,10 @@ import numpy as np
 
 from benchmarks.table import Row
 from eaid.control.gains import paper_gains
-from eaid.fitting.data import data_of
-from eaid.fitting.levels import fit_levels
-from eaid.fitting.linear import fit_linear
-from eaid.fitting.nonlinear import fit_nonlinear
+from eaid.estimate.data import data_of
+from eaid.estimate.joint import fit_nonlinear
+from eaid.estimate.levels import fit_levels
+from eaid.estimate.linear import fit_linear
 from eaid.models import nonlinear
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.replay.controllers import CONTROLLERS, Knowledge

@@ -15,7 +15,7 @@ from scipy.signal import lfilter
 
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
-from eaid.fitting.step_shapes import fit_step
+from eaid.estimate.step_shapes import fit_step
 from eaid.logs.run import Run
 from eaid.steps.build import build_stepset
 

@@ -13,6 +13,7 @@ import h5py
 
 from eaid.declared import chosen
 from eaid.errors import DataError, UsageError
+from eaid.estimate.workflow import fit_steps
 from eaid.logs.frames import runs_from_frames
 from eaid.options import (
     CoupleOptions,
@@ -35,7 +36,6 @@ from eaid.results.plan import Plan
 from eaid.results.recorded import Excitation
 from eaid.results.replay import Replay
 from eaid.steps.stepset import StepSet
-from eaid.uncertainty.workflow import fit_steps
 
 if TYPE_CHECKING:
     import pandas

@@ -28,6 +28,7 @@ from eaid.coupling.stiffness import (
     step_of,
 )
 from eaid.errors import DataError, GainsError, UsageError
+from eaid.estimate.draw import draw
 from eaid.findings import Finding, finding, ranked
 from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Nonlinear
@@ -39,7 +40,6 @@ from eaid.results import coupling as parts
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.results.replay import Replay
-from eaid.uncertainty.draw import draw
 
 BESIDE_RAD = 1e-4
 """Where the limb is let go."""

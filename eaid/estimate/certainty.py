@@ -13,16 +13,16 @@ import numpy as np
 from scipy.special import fdtri
 
 from eaid.arrays import Array
+from eaid.estimate.basis import Basis, active_at
+from eaid.estimate.data import Data
 from eaid.estimate.levels_first import LevelsFirst, Shape, solve
+from eaid.estimate.runs import bartlett_covariance, paule_mandel, run_residuals, t_quantile
+from eaid.estimate.solver import Problem, newton_step
 from eaid.estimate.spread import Counts, Influence, Runs, corrected, free_inverse, influence_of
-from eaid.fitting.basis import Basis, active_at
-from eaid.fitting.data import Data
-from eaid.fitting.solver import Problem, newton_step
 from eaid.models import friction
 from eaid.models.parameters import Friction, Nonlinear
 from eaid.results.common import Solver
 from eaid.steps.stepset import Level
-from eaid.uncertainty.runs import bartlett_covariance, paule_mandel, run_residuals, t_quantile
 
 LEVELS_TO_SPARE = 2
 """Levels beyond the coefficients of T_s(u) from which single runs show their scatter in the levels' distance to it."""

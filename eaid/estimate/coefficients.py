@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from eaid.arrays import Array, median
-from eaid.fitting.basis import Basis, limits
+from eaid.estimate.basis import Basis, limits
+from eaid.estimate.runs import Degrees, t_quantile
 from eaid.models.nonlinear import CHECKED_DUTIES
 from eaid.models.parameters import Nonlinear
 from eaid.results.common import Interval
 from eaid.results.fit import CoefficientIntervals, Covariance
-from eaid.uncertainty.runs import Degrees, t_quantile
 
 BLOCKS = ("tau1", "tau2", "Ts")
 """Order of the coefficients in every covariance; C last where it was free."""

@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eaid.arrays import Array
+from eaid.estimate.basis import Basis, basis_of, constraints
+from eaid.estimate.data import Data
+from eaid.estimate.solver import ROUNDING, Problem, approach, concluded, draw_in, ended, judged, slsqp
 from eaid.estimate.starts import Indices, form_starts
-from eaid.fitting.basis import Basis, basis_of, constraints
-from eaid.fitting.data import Data
-from eaid.fitting.solver import ROUNDING, Problem, approach, concluded, draw_in, ended, judged, slsqp
 from eaid.models.parameters import TAU_FLOOR_S
 from eaid.results.common import Solver
 

@@ -18,22 +18,22 @@ from eaid.estimate.coefficients import (
     covariance_part,
     from_basis,
 )
+from eaid.estimate.data import Data, fit_findings, missed
+from eaid.estimate.huber import minimise
+from eaid.estimate.identifiability import identifiable, nonlinear_findings
+from eaid.estimate.joint import estimate as scored
+from eaid.estimate.joint import nonlinear_problem
+from eaid.estimate.level_statistics import CURVES, LevelStatistics, log_jacobian
+from eaid.estimate.points import residuals
+from eaid.estimate.runs import Degrees, t_quantile, textbook
 from eaid.estimate.spread import Influence, corrected, free_inverse, influence_of
 from eaid.findings import Finding, finding
-from eaid.fitting import robust
-from eaid.fitting.data import Data, fit_findings, missed
-from eaid.fitting.nonlinear import estimate as scored
-from eaid.fitting.nonlinear import nonlinear_problem
-from eaid.fitting.sums import residuals
 from eaid.models import friction, nonlinear
 from eaid.models.parameters import Friction
 from eaid.options import FitOptions
 from eaid.results import fit as results
 from eaid.results.common import Interval
 from eaid.steps.stepset import Level
-from eaid.uncertainty.identifiability import identifiable, nonlinear_findings
-from eaid.uncertainty.level_statistics import CURVES, LevelStatistics, log_jacobian
-from eaid.uncertainty.runs import Degrees, t_quantile, textbook
 
 QUOTED_RECORDS = 2.0
 """Record lengths that the interval of τ2 may reach to: beyond it would rest on the model's form alone."""
@@ -61,7 +61,7 @@ def solved(levels: Sequence[Level], data: Data, share: float | None, loss: str, 
         theta = np.concatenate([one.at.Ts[None], one.problem.values(one.x)])
         return residuals(theta, on.records)
 
-    return robust.minimise(
+    return minimise(
         data,
         loss,
         lambda d: levels_first(levels, d, share, swept),

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eaid.arrays import Array
-from eaid.fitting.sums import compress
+from eaid.estimate.points import compress
 from eaid.steps.stepset import Level
 
 Counts: TypeAlias = NDArray[np.int64]

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eaid.arrays import Array
-from eaid.fitting.basis import Basis
-from eaid.fitting.data import Data
-from eaid.fitting.sums import Points
+from eaid.estimate.basis import Basis
+from eaid.estimate.data import Data
+from eaid.estimate.points import Points
 from eaid.models.parameters import TAU_FLOOR_S
 
 Indices: TypeAlias = NDArray[np.intp]

@@ -16,13 +16,13 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.errors import DataError
 from eaid.estimate.coefficients import powers
+from eaid.estimate.draw import draw
+from eaid.estimate.level_statistics import TERMS
+from eaid.estimate.rig_noise import ASSUMED, Noise, cautious, noise_of_fit, scattered
+from eaid.estimate.runs import t_quantile
 from eaid.models.parameters import SHARE, Friction
 from eaid.results.fit import Fit, FrictionLevel
 from eaid.synth.plants import Plant, clutch, of_fit
-from eaid.uncertainty.draw import draw
-from eaid.uncertainty.level_statistics import TERMS
-from eaid.uncertainty.rig_noise import ASSUMED, Noise, cautious, noise_of_fit, scattered
-from eaid.uncertainty.runs import t_quantile
 
 PARAMETERS = {"Ts": 0, "tau1": 1, "tau2": 2}
 """What a width can be wanted of: the curve over the duty, at its worst level."""

@@ -7,6 +7,7 @@ import numpy as np
 
 from eaid.declared import keyed, pairs
 from eaid.errors import DataError
+from eaid.estimate.rig_noise import Noise
 from eaid.findings import finding
 from eaid.logs.run import Run
 from eaid.models.parameters import Nonlinear
@@ -19,7 +20,6 @@ from eaid.results.fit import Fit
 from eaid.results.recorded import Excitation
 from eaid.synth.logs import Disturbance, measured, response, sample_times, scatter
 from eaid.synth.plants import clutch
-from eaid.uncertainty.rig_noise import Noise
 
 
 def recording(

@@ -9,8 +9,11 @@ import numpy as np
 
 from eaid.errors import UsageError
 from eaid.estimate.certainty import levels_first
+from eaid.estimate.data import data_of
+from eaid.estimate.intervals import level_rows
+from eaid.estimate.level_statistics import statistics_at_share
+from eaid.estimate.rig_noise import Noise
 from eaid.findings import Finding, Value, finding
-from eaid.fitting.data import data_of
 from eaid.models.friction import step_response
 from eaid.options import PlanOptions
 from eaid.planning.design import (
@@ -31,9 +34,6 @@ from eaid.results.plan import Plan, PlannedRun
 from eaid.steps.stepset import Level
 from eaid.synth.logs import NONE, Disturbance, measured, scatter
 from eaid.synth.plants import Plant
-from eaid.uncertainty.intervals import level_rows
-from eaid.uncertainty.level_statistics import statistics_at_share
-from eaid.uncertainty.rig_noise import Noise
 
 RATE_HZ = 100.0
 """Samples a second of a simulated recording."""

@@ -7,8 +7,8 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.estimate.coefficients import coefficient_intervals, coefficients_of, covariance_part
-from eaid.fitting.data import data_of, errors
-from eaid.fitting.linear import bounds_of, single_levels
+from eaid.estimate.data import data_of, errors
+from eaid.estimate.linear import bounds_of, single_levels
 from eaid.logs.run import Run
 from eaid.models import nonlinear as curve
 from eaid.models.parameters import Linear as Eq8

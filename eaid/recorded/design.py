@@ -19,14 +19,14 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.errors import UsageError
+from eaid.estimate.rig_noise import Noise
+from eaid.estimate.runs import t_quantile
 from eaid.models.parameters import Nonlinear
 from eaid.options import Limits
 from eaid.recorded import model
 from eaid.recorded.noise import engagements
 from eaid.recorded.response import Drive
 from eaid.recorded.solve import Setup
-from eaid.uncertainty.rig_noise import Noise
-from eaid.uncertainty.runs import t_quantile
 
 PARAMETERS = ("Ts", "tau1", "tau2")
 MOST_ENGAGEMENTS = 60

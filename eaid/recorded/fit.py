@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from eaid.arrays import Array
 from eaid.errors import DataError, UsageError
+from eaid.estimate import workflow
 from eaid.findings import Finding, finding, ranked
 from eaid.logs.run import Run
 from eaid.models.parameters import Linear as Eq8
@@ -39,7 +40,6 @@ from eaid.recorded.solve import Solved, idle_of, model_of, setup_of, solve
 from eaid.results.fit import Fit
 from eaid.results.recorded import LogCurve, LogFit, Recorded
 from eaid.steps.stepset import StepSet
-from eaid.uncertainty import workflow
 
 LEAST_ROWS = 10
 FEW_VALUES = 5

@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from eaid.arrays import Array
+from eaid.estimate.solver import Problem, approach, newton_step
 from eaid.findings import Finding, finding
-from eaid.fitting.solver import Problem, approach, newton_step
 from eaid.recorded.law import Law, simulated
 from eaid.recorded.log import RecordedLog
 from eaid.recorded.noise import Lines, Piece, Scatter, by_spectrum, moving, piece_of, scatter_of

@@ -19,8 +19,8 @@ from scipy.signal import lfilter
 from scipy.stats import t as student
 
 from eaid.arrays import Array
+from eaid.estimate.solver import EndPoint, approach
 from eaid.findings import Finding, finding
-from eaid.fitting.solver import EndPoint, approach
 from eaid.recorded.intervals import CurveSpread, inverse
 from eaid.recorded.log import RecordedLog
 from eaid.recorded.response import Copies, Drive

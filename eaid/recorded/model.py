@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.fitting.basis import CONSTRAINTS, RECORDS, Basis, basis_of, constraints, limits
+from eaid.estimate.basis import CONSTRAINTS, RECORDS, Basis, basis_of, constraints, limits
 from eaid.recorded.response import Tables
 
 LEAST_TAU_S = 1e-4

@@ -16,7 +16,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from eaid.arrays import Array
-from eaid.fitting.sums import HEAD, LONGEST_BLOCK, POINTS_PER_BLOCK, orthonormal
+from eaid.estimate.points import HEAD, LONGEST_BLOCK, POINTS_PER_BLOCK, orthonormal
 from eaid.recorded.log import RecordedLog
 
 Integers = NDArray[np.int64]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eaid.arrays import Array
-from eaid.fitting.solver import (
+from eaid.estimate.solver import (
     CONVERGED,
     ROUNDING,
     SETTLED,

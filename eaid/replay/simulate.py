@@ -24,6 +24,7 @@ from eaid.control.defaults import Scales, input_limits, is_duty, scales_of
 from eaid.control.gains import pi_gains, plant_of, rc_gains, why_not
 from eaid.control.rc import RCGains, rc_terms
 from eaid.errors import DataError, UsageError
+from eaid.estimate.draw import draw, drawable
 from eaid.findings import Finding, finding, ranked
 from eaid.logs.run import Run
 from eaid.models.parameters import Linear
@@ -41,7 +42,6 @@ from eaid.replay.rig import with_residual_noise
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.results.replay import Exercise, Head, Metrics, Record, Replay, RigRecord
-from eaid.uncertainty.draw import draw, drawable
 
 
 @dataclass(frozen=True)

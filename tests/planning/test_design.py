@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
+from eaid.estimate.rig_noise import ASSUMED, Noise, cautious, unit_variances
+from eaid.estimate.runs import t_quantile
 from eaid.models.nonlinear import at_duty
 from eaid.models.parameters import REFERENCE_PLANT, Friction
 from eaid.planning.design import half_widths, within_runs
-from eaid.uncertainty.rig_noise import ASSUMED, Noise, cautious, unit_variances
-from eaid.uncertainty.runs import t_quantile
 
 
 def curve_at(duty: float) -> Friction:
@@ -24,7 +24,7 @@ def test_widths_of_pure_scatter_by_hand() -> None:
 
 
 def test_information_is_the_sum_over_samples() -> None:
-    from eaid.uncertainty.level_statistics import log_jacobian
+    from eaid.estimate.level_statistics import log_jacobian
 
     t = (np.arange(40_000) + 0.5) * 1e-3
     J = log_jacobian(curve_at(50.0), t)

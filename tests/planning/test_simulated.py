@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import eaid
+from eaid.estimate.rig_noise import ASSUMED
 from eaid.planning import design
 from eaid.planning.design import rig_of
-from eaid.uncertainty.rig_noise import ASSUMED
-from tests.uncertainty.conftest import sets
+from tests.estimate.conftest import sets
 
 __all__ = ["sets"]
 

@@ -1,0 +1,182 @@
+"""What the fits of the curve share: every sample of the levels, and the few weighted points that stand for them."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.estimate.points import Points, Record, compress
+from eaid.findings import Finding, finding
+from eaid.models.parameters import Linear, Nonlinear
+from eaid.results.common import AbsError, HoldOut, LevelError, Solver
+from eaid.results.fit import Bounds, Estimate, LinearLevel, Pooled
+from eaid.steps.noise import block_means
+from eaid.steps.stepset import Level
+
+
+@dataclass(frozen=True, eq=False)
+class Data:
+    """The mean curves of L levels. Fitting the mean is exact: Σ_r |y_r − f|² = Σ_r |y_r − ȳ|² + R |ȳ − f|²."""
+
+    u: Array
+    """Level of each curve, in the set's input unit, shape (L,)."""
+    records: tuple[Record, ...]
+    together: Array | None = None
+    """The curves as one array, (L, n), where all share one grid; `records` are its rows then."""
+
+    @property
+    def samples(self) -> int:
+        """Samples of all mean curves together."""
+        return sum(len(record.y) for record in self.records)
+
+    @property
+    def longest_s(self) -> float:
+        """Length of the longest record [s]."""
+        return max(float(record.t_s[-1]) for record in self.records)
+
+    @cached_property
+    def energy(self) -> float:
+        """Sum of squared data, all samples."""
+        return float((self.points.root_y**2).sum())
+
+    @cached_property
+    def points(self) -> Points:
+        """The compressed curves."""
+        records = self.records
+        return compress([r.t_s for r in records], [r.y for r in records], self.together, [r.uniform for r in records])
+
+    def one(self, index: int) -> "Data":
+        """One level of it."""
+        row = slice(index, index + 1)
+        together = None if self.together is None else self.together[row]
+        alone = Data(self.u[row], self.records[row], together)
+        alone.__dict__["points"] = self.points.rows(row)
+        return alone
+
+
+def data_of(levels: Sequence[Level]) -> Data:
+    """The mean curves of some levels; those on one grid share their times."""
+    u = np.array([level.level for level in levels], dtype=np.float64)
+    first = levels[0]
+    alike = all(
+        level.time_s is first.time_s or (level.uniform and np.array_equal(level.time_s, first.time_s))
+        for level in levels
+    )
+    if not alike:
+        return Data(u, tuple(Record(one.time_s, one.mean, one.uniform) for one in levels))
+    together = np.empty((len(levels), len(first.time_s)))
+    for row, level in zip(together, levels, strict=True):
+        runs = level.ordered_runs
+        np.matmul(np.full(len(runs), 1 / len(runs)), runs, out=row)
+    records = tuple(Record(first.time_s, row, first.uniform) for row in together)
+    return Data(u, records, together)
+
+
+BLOCKS = 50
+"""Block means of a record that noise is averaged out in, before a model is said to miss the curve."""
+LITTLE = 0.5
+"""R² of the block means below which a model explains little."""
+FAR = 0.25
+"""Part of the output's size (rms of the block means) that the model must miss as well: a flat curve has no R²."""
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors over some samples, in the output's unit."""
+
+    rmse: float
+    sse: float
+    abs_error: AbsError
+    fit_pct: float | None
+    R2: float | None
+
+    def at(self, level: float) -> LevelError:
+        """The same as the errors of one level."""
+        return LevelError(level, self.abs_error, rmse=self.rmse, sse=self.sse, fit_pct=self.fit_pct, R2=self.R2)
+
+
+def quality(sse: float, outputs: Sequence[Array]) -> tuple[float | None, float | None]:
+    """fit_pct and R2 for a sum of squared residuals; None where the output never changes."""
+    samples, total = sum(len(y) for y in outputs), sum(float(y.sum()) for y in outputs)
+    spread = sum(float(((y - total / samples) ** 2).sum()) for y in outputs)
+    if spread == 0:
+        return None, None
+    return 100 * (1 - float(np.sqrt(sse / spread))), 1 - sse / spread
+
+
+def errors(outputs: Sequence[Array], residuals: Sequence[Array]) -> Errors:
+    """Errors over all samples of some levels: mean curves and the model's residuals, (n_l,) each."""
+    samples, sse = sum(len(r) for r in residuals), sum(float(r @ r) for r in residuals)
+    mean, square = sum(float(np.abs(r).sum()) for r in residuals) / samples, sse / samples
+    sd = float(np.sqrt(max(square - mean**2, 0.0)))
+    return Errors(float(np.sqrt(square)), sse, AbsError(mean, sd), *quality(sse, outputs))
+
+
+def hold_out(held_out: Sequence[Level], predicted: Callable[[Level], Array], fitted_rmse: float) -> HoldOut | None:
+    """How far the model is from held-out levels, beside the error on the fitted ones; None where none was held out."""
+    if not held_out:
+        return None
+    outputs = [level.mean for level in held_out]
+    residuals = [predicted(level) - level.mean for level in held_out]
+    total = errors(outputs, residuals)
+    rows = [errors([y], [r]).at(level.level) for level, y, r in zip(held_out, outputs, residuals, strict=True)]
+    return HoldOut(tuple(rows), total.rmse, fitted_rmse, total.abs_error)
+
+
+def explains_little(outputs: Sequence[Array], residuals: Sequence[Array]) -> bool:
+    """Whether a model misses the curves themselves, whatever the noise on them."""
+    y, r = (np.concatenate([block_means(one, BLOCKS) for one in values]) for values in (outputs, residuals))
+    missed, spread = float(r @ r), float(((y - y.mean()) ** 2).sum())
+    return missed > (1 - LITTLE) * spread and missed > FAR**2 * float(y @ y)
+
+
+SAME_COST = 1e-6
+"""Starts whose costs differ by less than this part have found the same minimum."""
+
+
+def fit_findings(
+    p: Nonlinear, solver: Solver, active_at: Mapping[str, Sequence[float]], held_out: Sequence[float]
+) -> list[Finding]:
+    """Doubts about the ten coefficients; `active_at`: the constraints that hold them, and where."""
+    found = []
+    if not solver.converged:
+        found.append(finding("fit-not-converged", "nonlinear", predicted_decrease=solver.predicted_decrease))
+    for code, at in active_at.items():
+        found.append(finding("constraint-holds", "nonlinear", sorted({*at[:1], *at[-1:]}), constraint=code))
+    costs = solver.costs
+    best = min(costs)
+    higher = sum(cost > (1 + SAME_COST) * best for cost in costs)
+    if best > 0 and higher:
+        found.append(finding("starts-end-apart", "nonlinear", higher=higher, starts=len(costs)))
+    if outside := [u for u in held_out if not p.u_range[0] <= u <= p.u_range[1]]:
+        found.append(finding("held-out-beyond-the-levels", "nonlinear", outside))
+    return found
+
+
+def missed(subject: str, data: Data, residuals: Sequence[Array], model: Estimate | Pooled) -> list[Finding]:
+    """Said where a model misses the curves themselves."""
+    if not explains_little([record.y for record in data.records], residuals):
+        return []
+    return [finding("model-explains-little", subject, R2=model.R2, fit_pct=model.fit_pct)]
+
+
+def linear_findings(
+    data: Data, p: Linear, solver: Solver | None, rows: Sequence[LinearLevel], bounds: Bounds
+) -> list[Finding]:
+    """Doubts about the linear model and the bounds of B."""
+    found = []
+    if solver is not None and not solver.converged:
+        found.append(finding("fit-not-converged", "linear", predicted_decrease=solver.predicted_decrease))
+    if solver is not None and solver.at_bounds:
+        found.append(finding("a0-not-determined", "linear", constraint=solver.at_bounds[0]))
+    levels = {
+        "linear-output-negative": [u for u in data.u.tolist() if p.b0 * u + p.c0 < 0],
+        "linear-level-beyond-record": [
+            row.level for row, r in zip(rows, data.records, strict=True) if row.a0 * r.t_s[-1] < 1
+        ],
+        "level-without-b": [row.level for row in rows if row.B is None and row.level in bounds.levels],
+    }
+    found += [finding(code, "linear", at) for code, at in levels.items() if at]
+    return found

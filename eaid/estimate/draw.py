@@ -1,0 +1,153 @@
+"""Plants drawn from a fit's uncertainty: other models that the same data would allow.
+
+A deviation δc of the coefficients is drawn with the covariance kept in the fit. At the levels it moves each curve's
+logarithm by d_l = g_l'δc. The scatter behind that covariance is known from a few runs only, fewest at the ends, so d_l
+is stretched by √(ν_l/χ²(ν_l)), which makes it Student's t with the ν_l degrees of freedom of the level's own interval.
+A polynomial is then put through p(u_l) e^(d_l) by least squares of the relative error.
+
+The constraints of the fit (τ1 ≥ 1 ms, τ2 ≥ τ1, T_s ≥ 0 over the identified duties) are linear in the coefficients: a
+draw that breaks one is drawn again and counted, and after many refusals pulled back along the line to the fit.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import chdtri
+
+from eaid.arrays import Array
+from eaid.errors import DataError
+from eaid.estimate.coefficients import BLOCKS, coefficients_of, limits_of, powers
+from eaid.estimate.runs import t_quantile
+from eaid.findings import Finding, finding
+from eaid.models.parameters import Nonlinear
+from eaid.results.fit import Estimate, Fit
+
+TRIES = 200
+DEGREES = np.append(np.geomspace(1.5, 300.0, 120), np.inf)
+"""Degrees of freedom that a level's interval is read as."""
+FARTHEST = 4.0
+"""Logarithm beyond which no draw goes: a factor of 55."""
+MANY_REJECTED = 0.05
+"""Share of rejected draws from which the reader has to know of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """Plants, and how many draws were rejected on the way because they broke a constraint."""
+
+    plants: tuple[Nonlinear, ...]
+    rejected: int
+
+    @property
+    def rejected_share(self) -> float:
+        """Rejected draws, as a share of all."""
+        return self.rejected / max(self.rejected + len(self.plants), 1)
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """Told where constraints have cut a good part of the draws away: the ranges are then narrower than the data."""
+        if self.rejected_share <= MANY_REJECTED:
+            return ()
+        return (finding("draws-rejected", "plants", (), pct=100 * self.rejected_share, plants=len(self.plants)),)
+
+
+def drawable(fit: Fit) -> bool:
+    """Whether a fit holds the covariance that plants are drawn with; without it all of them are the fitted plant."""
+    model = fit.nonlinear
+    return model is not None and model.covariance is not None and bool(model.covariance.matrix)
+
+
+def draw(fit: Fit, n: int, seed: int) -> Drawn:
+    """`n` plants that the data of a fit allow; all are the fitted one where it holds no covariance (`drawable`).
+
+    `DataError` without a nonlinear model, or for a covariance of another shape than its coefficients.
+    """
+    centre = fit.plant
+    if not drawable(fit) or fit.nonlinear is None or fit.nonlinear.covariance is None:
+        return Drawn((centre,) * n, 0)
+    model, stored = fit.nonlinear, fit.nonlinear.covariance
+    free = (stored.order or ("",))[-1] == "C"
+    at_centre = coefficients_of(centre, free)
+    mean, count = at_centre.values, len(at_centre.values)
+    matrix = np.array(stored.matrix, dtype=np.float64)
+    if matrix.shape != (count, count) or not np.isfinite(matrix).all():
+        raise DataError(
+            f"nonlinear.covariance.matrix: shape {matrix.shape}, expected {count} x {count} finite numbers; fit again"
+        )
+    parts = [(at_centre.block(name), name) for name in BLOCKS]
+    blocks = [_Block(own, name, mean[own], matrix[own, own], model, centre.u_range) for own, name in parts]
+    root = _root(matrix)
+    slack, offset = limits_of(at_centre.counts, centre.u_range, free)
+    at_fit = slack @ mean - offset
+    allowed = np.minimum(at_fit, 0.0) - 1e-12  # every constraint, as far as the fit itself keeps it
+    random = np.random.default_rng(seed)
+    plants, rejected = [], 0
+    for _ in range(n):
+        step, refused = _feasible(root, blocks, slack, at_fit, allowed, random)
+        rejected += refused
+        p = replace(at_centre, values=mean + step).plant()
+        C = min(max(float(mean[-1] + step[-1]), 0.0), 1.0) if free else centre.C
+        plants.append(replace(centre, tau1=p.tau1, tau2=p.tau2, Ts=p.Ts, C=C))
+    return Drawn(tuple(plants), rejected)
+
+
+class _Block:
+    """How deviations of one parameter's coefficients get the tails of its intervals at the levels."""
+
+    def __init__(
+        self, own: slice, name: str, values: Array, matrix: Array, model: Estimate, u_range: tuple[float, float]
+    ) -> None:
+        self.own, self.values = own, values
+        rows = [(row.level, getattr(row.ci95, name)) for row in model.curves if row.ci95 is not None]
+        known = [(level, ends) for level, ends in rows if ends is not None and ends[0] > 0]
+        duty = np.array([level for level, _ in known] if len(known) >= len(values) else np.linspace(*u_range, 11))
+        design = powers(duty, len(values))
+        curve = design @ values
+        self.usable = bool((curve > 0).all())
+        if not self.usable:
+            return
+        self.slopes = design / curve[:, None]
+        self.back = np.linalg.pinv(self.slopes)
+        sd = np.sqrt(np.maximum(((self.slopes @ matrix) * self.slopes).sum(axis=1), 0.0))
+        if len(known) == len(duty):
+            reach = np.array([0.5 * np.log(ends[1] / ends[0]) for _, ends in known])
+        else:
+            usual = None if model.covariance is None else model.covariance.degrees_of_freedom.get(name)
+            reach = sd * t_quantile(float(usual) if usual else np.inf)
+        ratio = np.divide(reach, sd, out=np.full(len(sd), t_quantile(np.inf)), where=sd > 0)
+        quantiles = t_quantile(DEGREES)
+        self.degrees = np.interp(-ratio, -quantiles, np.append(DEGREES[:-1], 1e6))
+
+    def with_tails(self, step: Array, at: float) -> Array:
+        """The deviation `step`, shape (p,), with tails; `at`: where in its distribution the scatter lies, 0 to 1."""
+        if not self.usable:
+            return step
+        moved = self.slopes @ step * np.sqrt(self.degrees / chdtri(self.degrees, at))
+        return np.asarray(self.back @ np.exp(np.clip(moved, -FARTHEST, FARTHEST)) - self.values)
+
+
+def _root(matrix: Array) -> Array:
+    """A root of the covariance, found in scaled form: its condition is that of the correlations."""
+    sd = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    unit = np.where(sd > 0, sd, 1.0)
+    values, vectors = np.linalg.eigh(matrix / np.outer(unit, unit))
+    # a sign of its own for each vector, so that the same file gives the same plants on every machine
+    vectors = vectors * np.where(vectors[np.abs(vectors).argmax(axis=0), np.arange(len(sd))] < 0, -1.0, 1.0)
+    return np.asarray(unit[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def _feasible(
+    root: Array, blocks: list[_Block], slack: Array, at_fit: Array, allowed: Array, random: "np.random.Generator"
+) -> tuple[Array, int]:
+    """One deviation whose slack, `at_fit` at the fit, is nowhere below what is allowed; and how many were refused."""
+    step = np.zeros(len(root))
+    for refused in range(TRIES):
+        step = root @ random.standard_normal(len(root))
+        for block, at in zip(blocks, random.random(len(blocks)), strict=True):
+            step[block.own] = block.with_tails(step[block.own], at)
+        if (at_fit + slack @ step >= allowed).all():
+            return step, refused
+    change = slack @ step
+    falling = change < 0
+    reach = float(np.min((allowed[falling] - at_fit[falling]) / change[falling]))
+    return np.asarray(0.999 * max(0.0, min(1.0, reach)) * step), TRIES

@@ -1,0 +1,535 @@
+"""The shape of one step: y = start + change · s(t), with s one of four, each with or without a dead time θ.
+
+With t' = max(t − θ, 0): one exponential, s = 1 − e^(−t'/τ1); two, s = 1 − C e^(−t'/τ1) − (1 − C) e^(−t'/τ2) with C held
+(the paper's eq. (4)), free between 0 and 1, or beyond 1: a slow part that decays, an overshoot. Which of them is chosen
+by AICc with the number of independent samples; the paper's form stands unless another is better by `BETTER`.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, cast
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from eaid.arrays import Array
+from eaid.estimate.data import quality
+from eaid.findings import Finding, finding
+from eaid.models.parameters import SHARE
+from eaid.options import FitOptions
+from eaid.results.fit import FrictionLevel, LevelIntervals, StepShape
+from eaid.steps.noise import block_means, block_noise
+from eaid.steps.stepset import LevelStep, StepSet
+
+Shape = Literal["one", "two", "free", "overshoot"]
+SHAPES: tuple[Shape, ...] = ("one", "two", "free", "overshoot")
+MOST = 3.0
+"""Largest C of an overshoot: beyond, two nearly equal parts of opposite sign imitate other shapes."""
+APART = 2.0
+"""Least τ2/τ1 of an overshoot."""
+SEEN = 0.02
+"""Share of its peak by which an overshoot has to come down within the record."""
+
+
+def curve(p: Array, time_s: Array) -> Array:
+    """change · s(t) of p = (change, ln τ1, ln(τ2/τ1), C, θ), shape (n,)."""
+    after = np.maximum(time_s - p[4], 0.0)
+    fast = np.exp(-after / np.exp(p[1]))
+    slow = np.exp(-after / np.exp(p[1] + p[2])) if p[3] != 1.0 else 0.0
+    return np.asarray(p[0] * (1.0 - p[3] * fast - (1.0 - p[3]) * slow))
+
+
+def slopes(p: Array, time_s: Array) -> Array:
+    """∂ curve / ∂p, shape (n, 5); where p is complex, its real part decides which samples lie behind the dead time."""
+    behind = np.real(time_s - p[4]) > 0
+    after = np.where(behind, time_s - p[4], 0.0)
+    tau1, tau2 = np.exp(p[1]), np.exp(p[1] + p[2])
+    fast, slow = np.exp(-after / tau1), np.exp(-after / tau2)
+    by_fast, by_slow = p[3] * fast * after / tau1, (1 - p[3]) * slow * after / tau2
+    by_time = np.where(behind, p[3] * fast / tau1 + (1 - p[3]) * slow / tau2, 0.0)
+    return np.stack(
+        (
+            1.0 - p[3] * fast - (1 - p[3]) * slow,
+            -p[0] * (by_fast + by_slow),
+            -p[0] * by_slow,
+            p[0] * (slow - fast),
+            -p[0] * by_time,
+        ),
+        axis=1,
+    )
+
+
+def overshoots(p: Array, window: float) -> bool:
+    """True where a curve passes its peak within the window, and is `SEEN` of its peak below it at the end."""
+    at = np.linspace(p[4], window, 400)
+    s = curve(np.array([1.0, *p[1:]]), at)
+    return bool(s.max() - s[-1] > SEEN * s.max())
+
+
+FEW = 800
+"""Points to which a record is averaged for the choice of a shape; the chosen one is fitted to all samples."""
+GRID = 28
+STARTS = 3
+DELAYS = 20
+LOOKED_AT = 300_000
+"""Half of the values of the curve that are worked out to find a dead time, at most."""
+FAR = 1.0
+"""Distance in ln τ2 from which a start is another."""
+
+
+@dataclass(frozen=True, eq=False)
+class AveragedRecord:
+    """A record averaged to fewer points: finely at first, then coarser."""
+
+    time_s: Array
+    output: Array
+    weight: Array
+    within: float = 0.0
+    """Sum of squares of the samples about the means that stand for them: no shape takes it away."""
+
+
+def averaged(time_s: Array, y: Array) -> AveragedRecord:
+    """A record as at most FEW means and what they leave out."""
+    count = len(y)
+    if count <= FEW:
+        return AveragedRecord(time_s, y, np.ones(count))
+    edges = np.unique(np.round(np.geomspace(1, count, FEW)).astype(np.intp)) - 1
+    fine = np.linspace(0, count, FEW // 2).astype(np.intp)
+    edges = np.unique(np.concatenate((edges, fine[:-1], [0])))
+    edges = edges[edges < count]
+    weight = np.diff(np.append(edges, count)).astype(np.float64)
+    means = np.add.reduceat(y, edges) / weight
+    within = max(0.0, float(y @ y - weight @ means**2))
+    return AveragedRecord(np.add.reduceat(time_s, edges) / weight, means, weight, within)
+
+
+def delays_of(points: AveragedRecord, window: float) -> list[float]:
+    """Dead times to start from: shares of the time to half of the change."""
+    half = np.flatnonzero(np.abs(points.output) >= 0.5 * np.abs(points.output[-1]))
+    until = float(points.time_s[half[0]]) if len(half) else window / 4
+    return [until * (k + 0.5) / DELAYS for k in range(DELAYS)]
+
+
+def best_delay(points: AveragedRecord, p: Array) -> float:
+    """The middle between the two samples between which a dead time leaves least, the time constants and C as in `p`.
+
+    Of a long record those near the dead time of `p` are looked at.
+    """
+    middle = 0.5 * (points.time_s[1:] + points.time_s[:-1])
+    middle = middle[middle < 0.9 * points.time_s[-1]]
+    at, reach = int(np.searchsorted(middle, p[4])), max(2, LOOKED_AT // len(points.time_s))
+    middle = middle[max(at - reach, 0) : at + reach]
+    after = np.maximum(points.time_s - middle[:, np.newaxis], 0.0)
+    shape = 1 - p[3] * np.exp(-after / np.exp(p[1])) - (1 - p[3]) * np.exp(-after / np.exp(p[1] + p[2]))
+    along, square = shape @ (points.weight * points.output), (shape**2) @ points.weight
+    return float(middle[np.argmax(along**2 / np.maximum(square, 1e-300))])
+
+
+def starts_of(
+    points: AveragedRecord, window: float, delays: Sequence[float], share: float, wanted: Sequence[Shape]
+) -> dict[Shape, list[Array]]:
+    """The best places on a grid of time constants and dead times, for each shape; amplitudes are linear there."""
+    stride = max(1, len(points.time_s) // 300)
+    t, y, w = points.time_s[::stride], points.output[::stride], points.weight[::stride]
+    shortest = max(window / 3000, float(np.diff(points.time_s[: max(2, len(t))]).min()) / 3)
+    tau = np.geomspace(shortest, 5 * window, GRID)
+    i, j = np.triu_indices(GRID, 1)
+    total = float(w @ y**2)
+    places: dict[Shape, list[list[tuple[float, Array]]]] = {shape: [] for shape in wanted}
+    for delay in delays:
+        for rows in places.values():
+            rows.append([])
+        rises = -np.expm1(-np.maximum(t - delay, 0.0) / tau[:, np.newaxis])
+        gram, right = (rises * w) @ rises.T, rises @ (w * y)
+        one = np.diag(gram)
+        for shape in wanted:
+            if shape == "one":
+                ok = one > 0
+                change = np.where(ok, right / np.where(ok, one, 1.0), 0.0)
+                cost = total - change * right
+                k = cost.argsort()[:1]
+                places[shape][-1] += [
+                    (float(cost[m]), np.array([change[m], np.log(tau[m]), 1.0, 1.0, delay])) for m in k
+                ]
+                continue
+            if shape == "two":
+                size = share**2 * one[i] + 2 * share * (1 - share) * gram[i, j] + (1 - share) ** 2 * one[j]
+                along = share * right[i] + (1 - share) * right[j]
+                change = along / np.maximum(size, 1e-300)
+                cost, C = total - change * along, np.full(len(i), share)
+            else:
+                det = np.maximum(one[i] * one[j] - gram[i, j] ** 2, 1e-12 * one[i] * one[j])
+                a = (one[j] * right[i] - gram[i, j] * right[j]) / det
+                b = (one[i] * right[j] - gram[i, j] * right[i]) / det
+                change = a + b
+                C = a / np.where(change == 0, 1.0, change)
+                cost = total - a * right[i] - b * right[j]
+                inside = (C > 0) & (C < 1) if shape == "free" else (C > 1) & (C < MOST) & (tau[j] > APART * tau[i])
+                cost = np.where(inside, cost, np.inf)
+            for m in _apart(cost, np.log(tau[j])):
+                if np.isfinite(cost[m]):
+                    start = np.array([change[m], np.log(tau[i[m]]), np.log(tau[j[m]] / tau[i[m]]), C[m], delay])
+                    places[shape][-1].append((float(cost[m]), start))
+    return {shape: _best(rows) for shape, rows in places.items()}
+
+
+def _best(rows: Sequence[Sequence[tuple[float, Array]]]) -> list[Array]:
+    """The best of the places of those delays whose neighbours have none as good; `rows` holds those of each delay."""
+    least = [min((cost for cost, _ in row), default=np.inf) for row in rows]
+    lower = [row for k, row in enumerate(rows) if least[k] <= min(least[max(k - 1, 0) : k + 2])]
+    return [p for _, p in sorted((one for row in lower for one in row), key=lambda one: one[0])[:STARTS]]
+
+
+def _apart(cost: Array, slow: Array) -> list[int]:
+    """The best place, and the best of those whose ln τ2 is far from it, on either side: a grid is coarse for τ1."""
+    best = int(cost.argmin())
+    far = [np.where(side * (slow - slow[best]) > FAR, cost, np.inf) for side in (1, -1)]
+    return [best, *(int(one.argmin()) for one in far if np.isfinite(one.min(initial=np.inf)))]
+
+
+BETTER = 10.0
+"""Difference of AICc from which a shape replaces the paper's: 150 to 1."""
+LEAST_SAVED = {"one": 0.05, "two": 0.05, "free": 0.15, "overshoot": 0.05}
+"""Share of the RMSE that a shape has to save before it replaces a simpler one; freeing C alone is no small step."""
+FREE: dict[Shape, tuple[int, ...]] = {"one": (0, 1), "two": (0, 1, 2), "free": (0, 1, 2, 3), "overshoot": (0, 1, 2, 3)}
+"""Which of (change, ln τ1, ln(τ2/τ1), C) a shape leaves free."""
+MISSED = 0.1
+"""Share of the change by which the best shape may miss the mean of a sixtieth of the record."""
+LITTLE = 0.5
+"""R² below which a curve explains little."""
+COARSE, SETTLED = 1e-4, 1e-10
+"""Part of the cost by which no further step lowers it: of all starts, of the best of each shape."""
+EVALUATIONS = 50
+"""Of one search, at most."""
+ROUNDS = 20
+"""Pairs of samples between which a dead time is fitted, at most."""
+AT_BOUND = 1e-3
+"""Part of its range by which an unknown that has not settled is off a bound where it is held there."""
+ROUNDING = 1e-16
+"""Of a sum of squares, as a part of that of the output."""
+LEAST_SHARE = 0.01
+"""Least C of a free shape, and least 1 − C."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Candidate:
+    """One shape fitted: which, its unknowns p, and its weighted sum of squares."""
+
+    shape: Shape
+    dead: bool
+    p: Array
+    sse: float
+    free: tuple[int, ...]
+    """Which of p are fitted."""
+
+    @property
+    def unknowns(self) -> int:
+        """Those, and the noise's own size."""
+        return len(self.free) + 1
+
+    @property
+    def name(self) -> str:
+        return self.shape + ("+dead" if self.dead else "")
+
+
+def fit_step(step: LevelStep, options: FitOptions | None = None) -> StepShape:
+    """The shape of one step, with a finding where it explains little."""
+    options = options or FitOptions()
+    y = step.output - step.start
+    points = averaged(step.time_s, y)
+    wanted = SHAPES if options.shape == "auto" else (cast(Shape, options.shape),)
+    tried: list[_Candidate] = []
+    for dead in (False, True) if options.held_dead_time_s is None else (options.held_dead_time_s > 0,):
+        tried += _candidates(points, step, options, wanted, dead, tried)
+    best = min(tried, key=lambda one: (one.sse, one.unknowns))
+    rounding = ROUNDING * float(y @ y)
+    count = independent(y - curve(best.p, step.time_s), rounding)
+    scores = {one.name: _aicc(one.sse + rounding, one.unknowns, count) for one in tried}
+    chosen = _chosen(tried, scores)
+    every = AveragedRecord(step.time_s, y, np.ones(len(y)))
+    p, sse = _polished(every, chosen.p, chosen.shape, chosen.free)
+    chosen = replace(chosen, p=p, sse=sse)
+    return _result(step, chosen, scores, y, _plain_rmse(tried, chosen, len(y)))
+
+
+def may_ask(step: LevelStep, options: FitOptions) -> bool:
+    """Whether another shape might replace the paper's: of the two that hold all others, one saves enough."""
+    y = step.output - step.start
+    points = averaged(step.time_s, y)
+    plain = _candidates(points, step, options, ("one", "two"), dead=False)
+    count = independent(y - curve(min(plain, key=lambda one: one.sse).p, step.time_s))
+    chosen = _chosen(plain, {one.name: _aicc(one.sse, one.unknowns, count) for one in plain})
+    general = _candidates(points, step, options, ("free", "overshoot"), True, plain)
+    return any(one.sse < (1 - min(LEAST_SAVED.values())) ** 2 * chosen.sse for one in general)
+
+
+def _candidates(
+    points: AveragedRecord,
+    step: LevelStep,
+    options: FitOptions,
+    wanted: Sequence[Shape],
+    dead: bool,
+    simpler: Sequence[_Candidate] = (),
+) -> list[_Candidate]:
+    """Every shape wanted, fitted from the best places of a grid, and never worse than a `simpler` one it contains."""
+    window = float(step.time_s[-1])
+    given = options.held_dead_time_s
+    share = options.held_share or SHARE
+    delays = [given or 0.0] if given is not None or not dead else delays_of(points, window)
+    found: list[_Candidate] = []
+    for shape, starts in starts_of(points, window, delays, share, wanted).items():
+        free = FREE[shape] + ((4,) if dead and given is None else ())
+        fits = [_least(points, start, shape, free, COARSE) for start in starts]
+        fits += [
+            (p, one.sse - points.within) for one in (*simpler, *found) if (p := _within(one, shape, share)) is not None
+        ]
+        if shape == "overshoot" and options.shape == "auto":
+            fits = [one for one in fits if overshoots(one[0], window)]
+        if fits:
+            near = min(fits, key=lambda one: one[1])
+            p, sse = min(near, _polished(points, near[0], shape, free), key=lambda one: one[1])
+            found.append(_Candidate(shape, dead, p, sse + points.within, free))
+    return found
+
+
+def _within(one: _Candidate, shape: Shape, share: float) -> Array | None:
+    """The same curve as one of a shape that contains it; None where it does not."""
+    p = one.p.copy()
+    if one.shape == "one" and shape in ("two", "free"):
+        p[2:4] = 0.0, share  # both time constants alike
+    elif one.shape != shape and (one.shape, shape) != ("two", "free"):
+        return None
+    return p if shape != "free" or LEAST_SHARE <= p[3] <= 1 - LEAST_SHARE else None
+
+
+def _polished(points: AveragedRecord, start: Array, shape: Shape, free: tuple[int, ...]) -> tuple[Array, float]:
+    """The least squares next to one start: the unknowns p and the weighted sum of squares.
+
+    A dead time bends the curve at every sample that it passes, so it is fitted between two samples, those between
+    which the other unknowns as they are leave least, until no other two leave less.
+    """
+    p, sse = _least(points, start, shape, free, SETTLED)
+    for _ in range(ROUNDS if 4 in free else 0):
+        moved = p.copy()
+        moved[4] = best_delay(points, p)
+        q, less = _least(points, moved, shape, free, SETTLED)
+        if not less < (1 - SETTLED) * sse:
+            break
+        p, sse = q, less
+    return p, sse
+
+
+def _least(
+    points: AveragedRecord, start: Array, shape: Shape, free: tuple[int, ...], settled: float
+) -> tuple[Array, float]:
+    """Least squares within bounds from one start, its dead time kept between the same two samples.
+
+    The unknowns are (change, ln τ2, ln(τ2/τ1), C, θ), τ2 the slower constant, of an overshoot the window's at most.
+    """
+    root, window, chosen = np.sqrt(points.weight), float(points.time_s[-1]), [*free]
+    size = max(float(np.abs(points.output).max()), 1e-300)
+    share = {"free": (LEAST_SHARE, 1 - LEAST_SHARE), "overshoot": (1.0 + 1e-6, MOST)}.get(shape, (-1.0, 2.0))
+    apart, slowest = (APART, window) if shape == "overshoot" else (1.0, 50 * window)
+    k = min(int(np.searchsorted(points.time_s, start[4], side="right")), len(points.time_s) - 1)
+    between = (float(points.time_s[k - 1]) if k else 0.0, float(points.time_s[k]))
+    low = np.array([-100 * size, math.log(window * 1e-6), math.log(apart), share[0], between[0]])
+    high = np.array([100 * size, math.log(slowest), math.log(1e4), share[1], between[1]])
+    begin = start.copy()
+    begin[2] = 0.0 if shape == "one" else start[2]
+    begin[1] += begin[2]
+
+    def near(q: Array, among: list[int]) -> tuple[Array, float, bool]:
+        """The best q that differs in some of its unknowns only, its cost, and whether the solver settled."""
+
+        def whole(x: Array) -> Array:
+            p = q.copy()
+            p[among] = x
+            p[1] -= p[2]
+            return p
+
+        def residual(x: Array) -> Array:
+            return np.asarray(root * (curve(whole(x), points.time_s) - points.output) / size)
+
+        def jacobian(x: Array) -> Array:
+            by = slopes(whole(x), points.time_s)
+            by[:, 2] -= by[:, 1]
+            return np.asarray(root[:, np.newaxis] * by[:, among] / size)
+
+        end = least_squares(
+            residual, q[among], jacobian, (low[among], high[among]), x_scale="jac",
+            ftol=settled, xtol=settled, gtol=None, max_nfev=EVALUATIONS,
+        )  # fmt: skip
+        q = q.copy()
+        q[among] = end.x
+        return q, float(2 * end.cost), end.status > 0
+
+    begin[chosen] = np.clip(begin, low, high)[chosen]
+    q, cost, sure = near(begin, chosen)
+    if not sure:  # on a bound the solver comes near to it by small steps
+        end = np.where(q - low < high - q, low, high)
+        held = np.abs(q - end) < AT_BOUND * (high - low)
+        on, less, _ = near(np.where(held & np.isin(np.arange(5), chosen), end, q), [k for k in chosen if not held[k]])
+        q, cost = (on, less) if less < cost else (q, cost)
+    q[1] -= q[2]
+    return q, cost * size**2
+
+
+def independent(left: Array, rounding: float = 0.0) -> float:
+    """Number of independent samples in residuals: fewer than all where means of blocks scatter more than white noise's.
+
+    The larger of two inflations counts: of neighbours (autocorrelation at lag 1) and of fifty blocks. A sum of squares
+    up to `rounding` tells nothing.
+    """
+    count = len(left)
+    left = left - left.mean()
+    power = float(left @ left)
+    if power <= rounding or count < 20:
+        return float(count)
+    alike = min(max(float(left[1:] @ left[:-1]) / power, 0.0), 0.999)
+    blocks = min(50, count // 4)
+    spread = float(np.mean(block_means(left, blocks) ** 2)) * count / blocks / (power / count)
+    return max(count / max(1.0, (1 + alike) / (1 - alike), spread), 12.0)
+
+
+def _aicc(sse: float, k: int, count: float) -> float:
+    return count * math.log(max(sse, 1e-300)) + 2 * k + 2 * k * (k + 1) / max(count - k - 1, 1.0)
+
+
+def _chosen(tried: list[_Candidate], scores: dict[str, float]) -> _Candidate:
+    """The paper's form; one exponential where a second adds nothing; else what is better and worth it."""
+    named = {one.name: one for one in tried}
+    plain = [name for name in ("two", "one", "two+dead", "one+dead") if name in named]
+    chosen = plain[0] if plain else tried[0].name
+    simple = chosen.replace("two", "one")
+    if simple in named and scores[simple] < scores[chosen] + BETTER:
+        chosen = simple
+    order = sorted(named, key=lambda name: (named[name].unknowns, scores[name]))
+    for name in order:
+        better = named[name].sse < (1 - LEAST_SAVED[named[name].shape]) ** 2 * named[chosen].sse
+        if better and scores[name] < scores[chosen] - BETTER:
+            chosen = name
+    return named[chosen]
+
+
+def _plain_rmse(tried: list[_Candidate], chosen: _Candidate, count: int) -> float | None:
+    """RMSE of the paper's form, or of one exponential, without a dead time, where another was chosen; else None."""
+    plain = [one.sse for one in tried if one.shape in ("one", "two") and not one.dead]
+    if not plain or (chosen.shape in ("one", "two") and chosen.p[4] == 0):
+        return None
+    return math.sqrt(min(plain) / count)
+
+
+def _missed(step: LevelStep, left: Array, change: float) -> list[Finding]:
+    """A finding where block means of the residuals stand far out of their noise: the response has another form."""
+    means = block_means(left, 60)
+    worst = float(np.abs(means).max())
+    if len(left) < 240 or worst <= max(MISSED * abs(change), 8 * block_noise(means)):
+        return []
+    return [finding("shape-misses", step.name, (step.level,), worst=worst, share_pct=100 * worst / abs(change))]
+
+
+def _result(
+    step: LevelStep, one: _Candidate, scores: dict[str, float], y: Array, plain_rmse: float | None
+) -> StepShape:
+    p = one.p
+    left = y - curve(p, step.time_s)
+    sse = float(left @ left)
+    rmse = math.sqrt(sse / len(left))
+    fit_pct, r2 = quality(sse, [y])
+    found: list[Finding] = []
+    if r2 is not None and r2 < LITTLE and independent(left) < len(left) / 4:
+        found.append(finding("shape-explains-little", step.name, (step.level,), R2=r2, shape=one.shape))
+    else:
+        found += _missed(step, left, float(p[0]))
+    if plain_rmse is not None:
+        said = {"shape": one.shape, "dead_time_s": float(p[4]), "rmse": rmse, "plain_rmse": plain_rmse}
+        saved = 100 * (1 - rmse / plain_rmse)
+        found.append(finding("other-shape-fits-better", step.name, (step.level,), **said, saved_pct=saved))
+    best = min(scores.values())
+    single = one.shape == "one"
+    return StepShape(
+        run=step.name,
+        from_=step.from_level,
+        level=step.level,
+        edge=step.edge,
+        start=step.start,
+        change=float(p[0]),
+        gain=None if step.level == step.from_level else float(p[0]) / (step.level - step.from_level),
+        shape=one.shape,
+        tau1=float(np.exp(p[1])),
+        tau2=None if single else float(np.exp(p[1] + p[2])),
+        C=1.0 if single else float(p[3]),
+        dead_time_s=float(p[4]),
+        rmse=rmse,
+        fit_pct=fit_pct,
+        R2=r2,
+        samples=len(left),
+        evidence={name: score - best for name, score in scores.items()},
+        findings=tuple(found),
+    )
+
+
+FEW_STEPS = 3
+"""Steps up to which each is shown by itself, too."""
+MOST_RISES = 200
+"""Rises up to which all are, where the first ones to a level ask for another shape."""
+
+
+def single_steps(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]:
+    """The shape of each change of input, where some go from level to level, where they are few, or where it is asked.
+
+    Steps from rest are fitted together, as levels, too; these are beside them.
+    """
+    steps = stepset.level_steps
+    between = any(0.0 not in (step.from_level, step.level) for step in steps)
+    asked = options.shape != "auto" or options.held_dead_time_s is not None
+    return tuple(fit_step(step, options) for step in steps) if between or asked or len(steps) <= FEW_STEPS else ()
+
+
+def of_another_shape(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]:
+    """Rises that ask for another shape than the paper's, where most of the first ones to a level do."""
+    rises = [step for step in stepset.level_steps if step.edge == "up"]
+    first_rises = {step.level: step for step in reversed(rises)}.values()
+    shapes: dict[str, StepShape | None] = {}
+    may_be_asking = len(first_rises)
+    for step in first_rises:
+        shapes[step.name] = _other_shape(step, options)
+        may_be_asking -= shapes[step.name] is None
+        if 2 * may_be_asking <= len(first_rises):  # it can be most of them no more
+            return ()
+    if len(rises) <= MOST_RISES:
+        shapes |= {step.name: _other_shape(step, options) for step in rises if step.name not in shapes}
+    return tuple(shape for step in rises if (shape := shapes.get(step.name)) is not None)
+
+
+def _other_shape(step: LevelStep, options: FitOptions) -> StepShape | None:
+    """The shape of a step, where it is another than the paper's."""
+    shape = fit_step(step, options) if may_ask(step, options) else None
+    asks = shape is not None and any(found.code == "other-shape-fits-better" for found in shape.findings)
+    return shape if asks else None
+
+
+def between_rows(shapes: Sequence[StepShape]) -> tuple[FrictionLevel, ...]:
+    """Those that neither begin nor end at rest as rows of the friction model."""
+    return tuple(row_of(shape) for shape in shapes if shape.from_ != 0 and shape.level != 0)
+
+
+def row_of(step: StepShape) -> FrictionLevel:
+    """One fitted step; a single exponential has its constant twice."""
+    return FrictionLevel(
+        step.level,
+        step.change,
+        step.tau1,
+        step.tau2 if step.tau2 is not None else step.tau1,
+        step.C,
+        from_=step.from_,
+        start=step.start,
+        shape=step.shape,
+        delay_s=step.dead_time_s,
+        rmse=step.rmse,
+        samples=step.samples,
+        fit_pct=step.fit_pct,
+        R2=step.R2,
+        ci95=LevelIntervals(Ts=step.ci95.change, tau1=step.ci95.tau1, tau2=step.ci95.tau2, C=step.ci95.C),
+    )

@@ -1,1 +1,0 @@
-"""StepSet → fit: the scaled problem, the one SLSQP call, our own verdict."""

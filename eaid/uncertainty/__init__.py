@@ -1,1 +1,0 @@
-"""Fit → how sure it is: intervals, identifiability, lack of fit, what to record next."""

@@ -1,0 +1,118 @@
+"""Derivatives behind every fit, against complex steps and differences; compression; verdicts on known minima."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eaid.estimate.basis import basis_of
+from eaid.estimate.data import data_of
+from eaid.estimate.joint import nonlinear_problem
+from eaid.estimate.points import Points, compress, level_normal
+from eaid.estimate.solver import EndPoint, Problem, newton_step, polish, slsqp
+from eaid.models.parameters import REFERENCE_PLANT
+
+RNG = np.random.default_rng(3)
+TIMES = np.sort(RNG.uniform(0, 10, (1, 40)))
+POINTS = Points(TIMES, RNG.normal(1, 0.3, (3, 40)), RNG.uniform(0.5, 3, (1, 40)))
+THETA = np.array([[1.0, 2.0, 0.5], [0.2, 0.5, 1.0], [4.0, 9.0, 2.0], [0.85, 0.6, 0.9]])
+
+
+def eq3(theta: Any, t: Any) -> Any:
+    """Eq. (3) in plain words, of complex θ too."""
+    Ts, tau1, tau2, share = theta[:, :, None]
+    return Ts * (1 - share * np.exp(-t / tau1) - (1 - share) * np.exp(-t / tau2))
+
+
+@pytest.mark.parametrize("rows", [1, 3], ids=["one grid", "a grid each"])
+def test_cost_gradient_and_curvature_of_a_level_by_complex_steps(rows: int) -> None:
+    points = Points(np.tile(TIMES, (rows, 1)), POINTS.y, np.tile(POINTS.w, (rows, 1)))
+    cost, gradient, curvature = level_normal(THETA, points)
+    steps = [eq3(THETA + 1e-30j * np.eye(4)[k][:, None], points.t_s).imag / 1e-30 for k in range(4)]
+    J, left = np.stack(steps, axis=1), eq3(THETA, points.t_s) - points.y
+    assert cost == pytest.approx((points.w * left**2).sum(axis=1), rel=1e-13)
+    assert gradient == pytest.approx(2 * np.einsum("lkp,lp->kl", J, points.w * left), rel=1e-11)
+    assert curvature == pytest.approx(2 * (J * points.w[:, None]) @ J.transpose(0, 2, 1), rel=1e-12)
+
+
+@pytest.mark.parametrize("share", [0.85, None])
+def test_gradient_and_curvature_of_the_joint_fit_by_differences(
+    share: float | None, clutch_set: Callable[..., Any]
+) -> None:
+    data = data_of(clutch_set(duration_s=2.0, rate_hz=100.0, noise_nm=0.02).levels)
+    basis = basis_of(data.u, share)
+    problem = nonlinear_problem(data, basis)
+    x = basis.unknowns(REFERENCE_PLANT) * 1.03
+    _, gradient = problem.value(x)
+    exact = problem.exact(x) if problem.exact is not None else None
+    assert (exact is None) == (share is None)  # with C free Gauss–Newton has to do
+    for k in range(basis.size):
+        step = 1e-6 * max(abs(x[k]), 1e-2) * np.eye(basis.size)[k]
+        (above, slope_above), (below, slope_below) = problem.value(x + step), problem.value(x - step)
+        assert (above - below) / (2 * step[k]) == pytest.approx(gradient[k], rel=1e-5, abs=1e-5)
+        if exact is not None:
+            assert (slope_above - slope_below) / (2 * step[k]) == pytest.approx(exact[:, k], rel=1e-4, abs=1e-2)
+
+
+@pytest.mark.parametrize("jitter", [0.0, 5e-4])
+@pytest.mark.parametrize("theta", [(2.0, 0.25, 5.0, 0.85), (4.0, 0.6, 16.0, 0.85), (2.0, 5e-4, 0.02, 0.85)])
+def test_compressed_samples_have_the_sum_of_squares_of_all(theta: tuple[float, ...], jitter: float) -> None:
+    rng = np.random.default_rng(2)
+    t = np.cumsum(rng.uniform(0.001 - jitter, 0.001 + jitter, 20_000)) if jitter else np.arange(30_000) / 1000
+    column = np.array(theta)[:, None]
+    y = eq3(np.array([[2.1], [0.3], [4.0], [0.85]]), t[None])[0] + 0.01 * rng.normal(size=len(t))
+    points = compress([t], [y])
+    floor = y @ y - np.sum(points.w * points.y**2)
+    short = floor + np.sum(points.w * (points.y - eq3(column, points.t_s)) ** 2)
+    assert short == pytest.approx(np.sum((y - eq3(column, t[None])[0]) ** 2), rel=1e-8)
+    assert points.w.sum() == pytest.approx(len(t)) and points.y.size < 200
+
+
+SCALES, CENTRE = np.array([1.0, 1e-4, 1e5]), np.array([2.0, 3e-4, -4e5])
+
+
+def bowl(third_at_least: float | None = None, left: float = 1.0) -> Problem:
+    """A badly scaled sum of squares about CENTRE, with something left at its minimum."""
+
+    def normal(x: Any) -> Any:
+        r = (x - CENTRE) / SCALES
+        slope = 2 * r / SCALES + np.array([4 * r[0] ** 3, 0, 0])
+        return float(r @ r + r[0] ** 4 + left), slope, np.diag(2 / SCALES**2)
+
+    rows = 0 if third_at_least is None else 1
+    A, b = np.array([[0.0, 0.0, 1.0]])[:rows], np.array([third_at_least or 0.0])[:rows]
+    return Problem(normal, A, b, "row {}".format)
+
+
+def test_badly_scaled_unknowns_and_a_constraint_are_no_trouble() -> None:
+    assert (slsqp(bowl(), np.zeros(3)).x - CENTRE) / SCALES == pytest.approx(0, abs=1e-6)
+    end = slsqp(bowl(-1e5), np.zeros(3))
+    assert end.x[2] == pytest.approx(-1e5, rel=1e-9) and end.x[2] >= -1e5
+    assert end.x[:2] == pytest.approx(CENTRE[:2], rel=1e-6)
+
+
+def test_newton_step_is_the_constrained_minimum_of_its_parabola() -> None:
+    H, g = np.array([[2.0, 0.5], [0.5, 1.0]]), np.array([-4.0, -3.0])
+    A, b = np.array([[-1.0, 0.0], [0.0, -1.0]]), np.array([-1.0, -5.0])  # x ≤ 1, y ≤ 5
+    step = newton_step(Problem(lambda _: (0.0, g, H), A, b, "row {}".format), np.zeros(2), g, H)
+    assert step.d == pytest.approx([1.0, 2.5]) and step.active == (0,)  # x held at 1, then y = 3 − 0.5 x
+    assert step.decrease == pytest.approx(-(g @ step.d + 0.5 * step.d @ H @ step.d))
+
+
+def test_the_verdict_sees_a_point_that_is_no_minimum(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where SLSQP says success where it began."""
+    problem, x = bowl(), CENTRE + SCALES * np.array([0.0, 0.1, 0.0])
+    start = EndPoint(x, problem.value(x)[0], 1)
+    assert polish(problem, start, problem.value, steps=0)[1] == pytest.approx(0.01 / 1.01, rel=1e-6)
+    end, promise, _ = polish(problem, start, problem.value)
+    assert promise < 1e-12 and end.cost == pytest.approx(1.0)
+    monkeypatch.setattr("eaid.estimate.solver._one_round", lambda problem, x, *_: (x, 1))
+    end = slsqp(problem, x)
+    assert np.array_equal(end.x, x) and polish(problem, end, problem.value, steps=0)[1] > 1e-3
+
+
+def test_nothing_left_is_not_divided_by() -> None:
+    problem = bowl(left=0.0)
+    end = slsqp(problem, CENTRE.copy())
+    assert end.cost == 0.0 and polish(problem, end, problem.value)[1] == 0.0

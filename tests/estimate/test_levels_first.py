@@ -1,0 +1,88 @@
+"""The believed estimate, by a second way: SciPy on every sample with T_s of each level free; and what moves it."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+import eaid
+from eaid.estimate.certainty import levels_first
+from eaid.estimate.data import data_of
+
+
+@pytest.fixture(scope="module")
+def levels(sets: Any) -> Any:
+    return sets.one_set(11, sets.VARIANTS["base"], samples=600).levels
+
+
+def curves(x: np.ndarray, u: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """φ of every level at (τ1, τ2) polynomials of u/100, (L, n)."""
+    tau1, tau2 = (np.polynomial.polynomial.polyval(u / 100, part)[:, None] for part in (x[:3], x[3:]))
+    return 1 - 0.85 * np.exp(-t / tau1) - 0.15 * np.exp(-t / tau2)
+
+
+def test_it_is_the_weighted_least_squares_with_one_free_size_a_level(levels: Any) -> None:
+    """Weights 1/(T² + s²) at the solution; T of each level by its own closed form."""
+    fit = levels_first(levels, data_of(levels), 0.85)
+    u, t = np.array([one.level for one in levels]), levels[0].time_s
+    y, weight = np.array([one.mean for one in levels]), fit.problem.weight
+
+    def left(x: np.ndarray) -> np.ndarray:
+        phi = curves(x, u, t)
+        T = (phi * y).sum(axis=1) / (phi**2).sum(axis=1)
+        return (np.sqrt(weight)[:, None] * (T[:, None] * phi - y)).ravel()
+
+    p = fit.parameters
+    start = np.concatenate([np.array(part) * 100.0 ** np.arange(3) for part in (p.tau1, p.tau2)])
+    other = least_squares(left, 1.05 * start, x_scale=np.abs(start), xtol=1e-13, ftol=1e-13, gtol=1e-13)
+    assert other.x == pytest.approx(start, rel=1e-4)
+    phi = curves(start, u, t)
+    T = (phi * y).sum(axis=1) / (phi**2).sum(axis=1)
+    assert fit.at.Ts == pytest.approx(T, rel=1e-6)
+    s = np.sqrt(((T[:, None] * phi - y) ** 2).mean(axis=1))
+    assert weight == pytest.approx(1 / (T**2 + s**2), rel=5e-3)
+
+
+def test_its_gradient_is_that_of_its_cost(levels: Any) -> None:
+    fit = levels_first(levels, data_of(levels), None)
+    x = fit.x * 1.1
+    _, gradient, _ = fit.problem.normal(x)
+    for k in range(len(x)):
+        h = 1e-6 * max(abs(x[k]), 1e-3) * np.eye(len(x))[k]
+        slope = (fit.problem.normal(x + h)[0] - fit.problem.normal(x - h)[0]) / (2 * h[k])
+        assert gradient[k] == pytest.approx(slope, rel=1e-4, abs=1e-6 * np.abs(gradient).max())
+
+
+def test_a_run_moves_it_as_its_influence_says(levels: Any) -> None:
+    """One run of 50 % is taken a tenth further from its level's mean: the estimate is fitted again."""
+    before, u = levels_first(levels, data_of(levels), 0.85), np.array([20.0, 50.0, 80.0])
+    which, step = 4, 0.1
+    runs = levels[which].runs.copy()
+    runs[1] += step * (runs[1] - levels[which].mean)
+    moved = tuple(replace(one, runs=runs) if i == which else one for i, one in enumerate(levels))
+    after = levels_first(moved, data_of(moved), 0.85, near=before)
+    value, slopes = before.numbers(u, before.coefficients)
+    now, _ = before.numbers(u, np.append(before.curve.gains @ after.at.Ts, after.x))
+    predicted = step * before.influence.of(slopes.reshape(9, -1)).runs[3 * which + 1]
+    assert (now - value).ravel() == pytest.approx(predicted, rel=0.15, abs=0.03 * np.abs(predicted).max())
+
+
+def test_a_level_that_does_not_move_and_one_of_zeros_have_no_say(levels: Any, sets: Any) -> None:
+    random = np.random.default_rng(0)
+    flat = replace(levels[0], level=5.0, runs=0.01 * random.standard_normal(levels[0].runs.shape))
+    zeros = replace(levels[0], level=2.0, runs=0.0 * levels[0].runs)
+    found = levels_first((zeros, flat, *levels), data_of((zeros, flat, *levels)), 0.85)
+    alone = levels_first(levels, data_of(levels), 0.85)
+    u = np.arange(20.0, 101.0, 20.0)
+    ours, theirs = (one.numbers(u, one.coefficients)[0] for one in (found, alone))
+    assert found.solver.converged and ours[1:] == pytest.approx(theirs[1:], abs=0.25)
+    assert found.at.Ts[0] == 0.0 and found.at.Ts[1] < 0.01
+
+
+def test_one_size_at_a_level_whatever_surface_tells_it(small_fit: Any) -> None:
+    row = small_fit.nonlinear.curves[1]
+    assert small_fit.predict(row.level, [1e6]).iloc[0, 0] == pytest.approx(row.Ts, rel=1e-12)
+    assert f"{row.Ts:.3g} ({row.ci95.Ts[0]:.3g}" in small_fit.summary()
+    assert isinstance(small_fit, eaid.Fit)
