@@ -25,7 +25,7 @@ from eaid.estimate.solver import (
     ended,
     slsqp,
 )
-from eaid.estimate.starts import form_starts
+from eaid.estimate.starts import form_starts, touching_starts
 from eaid.findings import Finding
 from eaid.models import nonlinear as model
 from eaid.models.parameters import TAU_FLOOR_S
@@ -99,7 +99,9 @@ def fit_nonlinear(data: Data, share: float | None) -> Solution:
     inner[0] = max(float(data.points.y.max()), 1e-12)
     inner[basis.slices[1].start], inner[basis.slices[2].start] = 2 * TAU_FLOOR_S, 4 * TAU_FLOOR_S
     inner[-1] = 0.5 if basis.free_share else inner[-1]
-    begin = [bring_in(x, inner, problem) for x in form_starts(basis, data, np.ones(len(data.u)))]
+    alike = np.ones(len(data.u))
+    found = form_starts(basis, data, alike)
+    begin = [bring_in(x, inner, problem) for x in (*found, *touching_starts(found[0], basis, data, alike))]
     return _confirmed(ended([approach(problem, x) for x in begin], problem), basis, problem)
 
 

@@ -35,7 +35,7 @@ class ReleaseSolution:
     """τ1 and τ2 [s], (2,)."""
     solver: Solver
     parts: Array
-    """Amplitude and residual of each level, (L, 2)."""
+    """Amplitude, residual and sum of squares over every sample of each level, (L, 3)."""
 
 
 def fit_each_release(data: Data, shares: Array) -> list[ReleaseSolution]:
@@ -78,14 +78,15 @@ def solve(data: Data, shares: Array, starts: Array) -> ReleaseSolution:
 
 
 def _sizes(x: Array, data: Data, shares: Array) -> Array:
-    """Amplitude and residual of each level, (L, 2)."""
+    """Amplitude, residual and sum of squares over every sample of each level, (L, 3)."""
     tau1, tau2 = np.exp(x)
     parts = []
     for share, record in zip(shares, data.records, strict=True):
         y, shape = record.y, share * decay(record, tau1) + (1 - share) * decay(record, tau2)
         sums = np.array([len(y), shape.sum(), shape @ shape, y.sum(), shape @ y])
         amplitude, residual = _solved_for(*sums[:, None])
-        parts.append((amplitude[0], residual[0]))
+        left = amplitude * shape + residual - y
+        parts.append((amplitude[0], residual[0], left @ left))
     return np.array(parts)
 
 
@@ -141,7 +142,7 @@ def release_fit(
     pooled = solve(data, shares, np.log([level_fit.tau for level_fit in alone]))
     rows = []
     for release, level_fit, fast, record in zip(releases, alone, shares.tolist(), data.records, strict=True):
-        sse, curve = min(level_fit.solver.costs), rises.get(release.level)
+        sse, curve = float(level_fit.parts[0, 2]), rises.get(release.level)
         fit_pct, R2 = quality(sse, [record.y])
         rows.append(
             ReleaseLevel(
@@ -160,7 +161,7 @@ def release_fit(
                 rising_tau2=curve.tau2 if curve else None,
             )
         )
-    total = min(pooled.solver.costs)
+    total = float(pooled.parts[:, 2].sum())
     rmse = float(np.sqrt(total / data.samples))
     tau1, tau2 = pooled.tau.tolist()
     found = Release(tau1, tau2, share, rmse, total, levels=tuple(rows), solver=pooled.solver)
@@ -187,7 +188,7 @@ def _findings(data: Data, rows: Sequence[ReleaseLevel], pooled: ReleaseSolution)
         found.append(finding("release-too-fast", "release"))
     if "tau2-meets-tau1" in pooled.solver.at_bounds:
         found.append(finding("release-one-exponential", "release"))
-    left = [row.level for row, (size, rest) in zip(rows, pooled.parts, strict=True) if rest > 0.1 * abs(size)]
+    left = [row.level for row, (size, rest) in zip(rows, pooled.parts[:, :2], strict=True) if rest > 0.1 * abs(size)]
     if left:
         found.append(finding("release-leaves-output", "release", left))
     return found

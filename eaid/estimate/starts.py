@@ -34,6 +34,8 @@ REACH = (10.0, 4.0, 1.5)
 """How far up and down from the value before, in each round."""
 MOST = 8
 """Starts handed on."""
+TOUCHED = 20
+"""Levels that τ2(u) is let touch τ1 at, at every second where there are as many."""
 MOST_LEVELS = 30
 """Levels that are looked at."""
 
@@ -145,18 +147,45 @@ def form_starts(basis: Basis, data: Data, weight: Array) -> list[Array]:
     inputs = [np.linspace(basis.lowest, basis.highest, part.stop - part.start) for part in basis.slices[1:]]
     back = [np.linalg.inv(basis.rows(u)[0, :, : len(u)]) for u in inputs]
     forms = [basis.M[0, :, : len(inverse)] @ inverse for inverse in back]
-    points, D = data.points, basis.M[0][:, basis.slices[0]]
     found = []
     for share in SHARES if basis.free_share else (basis.share,):
-        for values in time_constants(table_of(points, share), forms, weight, TAU_FLOOR_S, data.longest_s):
+        for values in time_constants(table_of(data.points, share), forms, weight, TAU_FLOOR_S, data.longest_s):
             x = np.full(basis.size, share)  # where C is free, the last is C
             for part, inverse, tau in zip(basis.slices[1:], back, values, strict=True):
                 x[part] = inverse @ tau
-            tau1, tau2 = np.maximum(basis.M[1:3] @ x, TAU_FLOOR_S)[:, :, None]
-            phi = 1 - share * np.exp(-points.t_s / tau1) - (1 - share) * np.exp(-points.t_s / tau2)
-            square = (phi**2 * points.w).sum(axis=1)
-            root = np.sqrt(np.maximum(weight * square, 1e-300))
-            Ts = (phi * points.w * points.y).sum(axis=1) / np.maximum(square, 1e-300)
-            x[basis.slices[0]] = np.linalg.lstsq(D * root[:, None], Ts * root, rcond=None)[0]
-            found.append(x)
+            found.append(with_torque(x, basis, data, weight)[0])
     return found
+
+
+def touching_starts(x: Array, basis: Basis, data: Data, weight: Array) -> list[Array]:
+    """The best unknowns with the τ1(u) of `x` and a τ2(u) that touches τ1 at one level and rises steeply from there.
+
+    A joint fit may end so where the slow part is missing from the records of all but one level.
+    """
+    part = basis.slices[2]
+    if part.stop - part.start < 3:
+        return []
+    typical = max(float(np.median(basis.M[1] @ x)), TAU_FLOOR_S)
+    inputs = np.linspace(basis.lowest, basis.highest, 3)
+    back, tried = np.linalg.inv(basis.rows(inputs)[0, :, :3]), []
+    for at in basis.scaled(np.unique(data.u)[:: 1 + len(data.u) // TOUCHED]):
+        for size in LONGEST * data.longest_s * np.array([0.1, 10.0, 1e3]):
+            one = x.copy()
+            one[part] = back @ (3 * typical + size * (basis.scaled(inputs) - at) ** 2)
+            tried.append(with_torque(one, basis, data, weight))
+    return [one for one, _ in sorted(tried, key=lambda row: row[1])[:2]]
+
+
+def with_torque(x: Array, basis: Basis, data: Data, weight: Array) -> tuple[Array, float]:
+    """The unknowns with T_s(u) by least squares, and the weighted cost."""
+    points, D = data.points, basis.M[0][:, basis.slices[0]]
+    share = float(x[-1]) if basis.free_share else basis.share
+    tau1, tau2 = np.maximum(basis.M[1:3] @ x, TAU_FLOOR_S)[:, :, None]
+    phi = 1 - share * np.exp(-points.t_s / tau1) - (1 - share) * np.exp(-points.t_s / tau2)
+    square = (phi**2 * points.w).sum(axis=1)
+    root = np.sqrt(np.maximum(weight * square, 1e-300))
+    Ts = (phi * points.w * points.y).sum(axis=1) / np.maximum(square, 1e-300)
+    x = x.copy()
+    x[basis.slices[0]] = np.linalg.lstsq(D * root[:, None], Ts * root, rcond=None)[0]
+    left = (D @ x[basis.slices[0]])[:, None] * phi - points.y
+    return x, float((weight[:, None] * points.w * left**2).sum())
