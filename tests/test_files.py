@@ -1,12 +1,9 @@
 """Outputs are whole or not there, and never overwritten by accident."""
 
-import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -102,26 +99,3 @@ def test_a_folder_is_replaced_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         (part / "half.csv").write_text("half")
         raise RuntimeError
     assert names(folder) == ["b.csv", "c.csv"] and names(tmp_path) == ["logs"]
-
-
-def test_what_a_command_reads_is_never_its_output(
-    small_steps: Any, tmp_path: Path, run_eaid: Callable[..., Any]
-) -> None:
-    data = tmp_path / "logs" / "data.h5"
-    data.parent.mkdir()
-    small_steps.save(data)
-    (tmp_path / "link.h5").symlink_to(data)
-    before = data.read_bytes()
-    for source, output in ((data, data), (data.parent, data), (data, tmp_path / "link.h5")):
-        ran = run_eaid("ingest", source, "--force", "-o", output)
-        assert ran.code == 2 and "what the command reads" in ran.err
-    assert data.read_bytes() == before
-
-
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with a name here")
-def test_only_regular_files_are_ever_replaced(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "pipe")
-    for path in (tmp_path / "pipe", Path("/dev/null"), tmp_path):
-        with pytest.raises(UsageError, match="no regular file"), files.written_whole(path, True) as part:
-            part.write_text("x")
-    assert (tmp_path / "pipe").is_fifo()

@@ -110,13 +110,6 @@ def test_a_plan_is_a_table_of_runs(small_fit: Any) -> None:
     assert made.met and len(made.to_frame()) == len(made.levels) * made.repeats
 
 
-def test_plots_are_axes(small_fit: Any, small_gains: Any) -> None:
-    axes = small_fit.plot()
-    assert len(axes.lines) == len(LEVELS) and "N·m" in axes.get_ylabel()
-    lines = eaid.simulate(small_fit, small_gains, "multisine", duration=3.0).plot().lines
-    assert {line.get_label() for line in lines} == {"reference", "RC", "PI"}
-
-
 def test_python_control_where_it_is_installed(small_fit: Any, small_gains: Any) -> None:
     control = pytest.importorskip("control")
     _t, y = control.step_response(small_fit.linear.to_control(), np.linspace(0.0, 100.0, 1001))

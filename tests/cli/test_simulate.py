@@ -123,36 +123,8 @@ def test_a_recorded_duty_through_the_plant_and_a_closed_loop_run_laid_over(run_e
         assert set(file) == {"closed", "recorded", "rc", "pi"}
 
 
-def test_noise_as_the_residuals(by_hand, run_eaid):
-    ran = run_eaid("simulate fit.json --gains gains.json --noise residuals")
-    assert ran.code == 3 and "the fit does not say how its residuals are coloured" in ran.err
-    level = {"level": 50.0, "Ts": 1.0, "tau1": 0.5, "tau2": 5.0, "sse": 10_000 * 0.02**2, "rmse": 0.02}
-    by_hand({
-        "data": {"sample_rate_hz": 1000.0, "sources": [{"level": 50.0}]}, "friction": {"levels": [level]},
-        "uncertainty": {"adequacy": {"residual_autocorrelation": 0.6, "effective_samples": 100.0}},
-    })  # fmt: skip
-    words = "simulate fit.json --gains gains.json --duration 3 --noise residuals --json"
-    rig = json.loads(run_eaid(words).out)["rig"]
-    assert rig["noise_nm"] == pytest.approx(0.02) and rig["noise_correlation_s"] > 0.05
-
-
-def test_in_volts_every_controller_uses_the_whole_range(by_hand, run_eaid, volts):
-    """Nothing but the units differs: inputs are three times those in %, errors half as large."""
-    words = "simulate fit.json --controller open-loop,inverse --json -q --force --reference"
-    Path("high.csv").write_text("time_s,reference_nm\n0,0\n2,4.2\n3,4.2\n4,2\n")
-    Path("half.csv").write_text("time_s,reference_nm\n0,0\n2,2.1\n3,2.1\n4,1\n")
-    percent = json.loads(run_eaid(words, "high.csv").out)
-    in_percent = {name: columns(name) for name in ("open-loop", "inverse")}
+def test_in_volts_counts_and_steps_go_over_the_whole_range(by_hand, run_eaid, volts):
     by_hand({"data": volts}, k=3, y=0.5)
-    told = json.loads(run_eaid(words, "half.csv").out)
-    assert (told["input_unit"], told["output_unit"]) == ("V", "N")
-    for name, before in in_percent.items():
-        found = columns(name)
-        assert found["duty_pct"].max() > 250
-        np.testing.assert_allclose(found["duty_pct"], 3 * before["duty_pct"], atol=1e-5)
-        now, then = told["controllers"][name], percent["controllers"][name]
-        assert now["rms_error_nm"] == pytest.approx(then["rms_error_nm"] / 2, rel=1e-9)
-        assert now["saturated_fraction"] == pytest.approx(then["saturated_fraction"], abs=1e-3)
     ran = run_eaid("simulate fit.json --controller inverse --duty-bits 6 --scenario steps --duration 9 --force")
     found = columns("inverse")  # 4 N·m of 4.372, for 2.186 N
     assert "(N)" in ran.out and found["reference_nm"].max() == pytest.approx(2.0, rel=1e-3)

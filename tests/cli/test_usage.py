@@ -63,6 +63,7 @@ TABLE = r"""
 2 | tune-rc fit.json --kp 4 --damping 1 | give either --kp and --kd, or --natural-frequency and --damping, not both
 2 | tune-rc fit.json --damping 0.7 | --natural-frequency and --damping belong together: give both or neither
 3 | tune-rc fit.json --bounds-levels 300:900 | --bounds-levels 300:900: no log holds 300:900; levels found: 20, 40, …
+2 | tune-rc fit.json --kp 1e99 | --kp 1e+99: give a number from -1e+10 to 1e+10
 2 | tune-rc fit.json --epsilon 0 | --epsilon 0: give a number from 1e-15 to 1e+15
 3 | tune-rc fit.json --reference nowhere.csv | nowhere.csv: no such file; give a CSV with the columns …
 2 | tune-rc fit.json --data data.h5 | --data: does nothing without --phi data; leave it out
@@ -108,6 +109,7 @@ TABLE = r"""
 2 | plan fit.json --excitation --limits duty=100:10 | --limits duty 100:10: give two inputs that rise, above 0
 2 | plan fit.json --excitation --limits rate_per_s=3 | --limits rate_per_s 3: a change to 100 takes 33.3333 s, more …
 3 | plan gains.json | gains.json: is no eaid/fit/1 file (its schema is 'eaid/gains/1'); make it again with this …
+2 | synth --noise-nm -1 | --noise-nm -1: give a number from 0 to 1e+06
 2 | synth --levels ten | --levels ten: give levels as 30,40,90 or as from:to:step
 2 | synth --levels 10:100:7 | --levels 10:100:7: the step does not lead from 10 to 100
 2 | synth --levels 10,200 | --levels 200: a duty is at most 100 %

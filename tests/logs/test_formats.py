@@ -5,7 +5,6 @@ All files of one set of options are read in one call, as they share the process 
 
 import os
 import struct
-import zlib
 from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -133,7 +132,6 @@ HELD: dict[str, Any] = {"codes": "signals-held", "within": 1e-9}
 SINCE_1970: dict[str, Any] = {"start": 1.7e9, "within": 1e-9, "codes": "time-since-1970"}
 GOOD: dict[str, File] = {
     "MAT matrix, samples in columns": File(mat({"data": MATRIX}), **BY_PLACE),
-    "MAT matrix, samples in rows": File(mat({"data": ACROSS}), **BY_PLACE),
     "MAT v4": File(mat({"data": MATRIX}, format="4"), **BY_PLACE),
     "MAT compressed, with settings": File(mat({"data": MATRIX, "Kp": 3.0, "name": "rig", "gains": np.eye(2)},
                                               do_compression=True), **BY_PLACE),
@@ -142,7 +140,6 @@ GOOD: dict[str, File] = {
     "MAT matrix of 9 rows beside it": File(mat(VECTORS | {"gains": np.ones((9, 2))})),
     "MAT vectors": File(mat(VECTORS | {"note": "x", "c": Y * 1j, "n": np.array(["ab", "c"])}), left="c, n",
                         codes="columns-without-numbers"),
-    "MAT column vectors": File(mat({"t": T[:, None], "u": ONE, "Torque_Nm": TWO})),
     "MAT vectors of two lengths": File(mat(VECTORS | {"z": np.arange(9.0), "zz": np.arange(9.0)[:, None]})),
     "MAT matrices by column": File(mat({"t": T, "u": np.stack([0 * T, U], 1), "y": np.stack([0 * T, Y, T])}), {
         "columns": {"time": "t", "input": "u[2]", "output": "y[2]"}, "units": {"input": "%", "output": "Nm"}},
@@ -152,24 +149,17 @@ GOOD: dict[str, File] = {
     "MAT structure with time": File(mat({"out": structure(["duty (%)", "torque (Nm)"], [ONE, TWO])})),
     "MAT signal of two columns": File(mat({"out": structure([np.array([["duty", "torque_nm"]], object)],
                                                             [np.stack([U, Y], 1)])})),
-    "MAT signals across": File(mat({"o": structure(["a"], [np.stack([U, Y, -Y])])}), **BY_NUMBER, left="a 3"),
-    "MAT signals of one name": File(mat({"o": structure(["y", "y", "y", "z"], [ONE, TWO, THREE, np.zeros((7, 1))])}),
-                                    **BY_NUMBER, left="y #3"),
     "MAT signals without labels": File(mat({"o": structure([""] * 3, [ONE, TWO, THREE])}), **BY_NUMBER, left="signal3"),
     "MAT a signal without a label": File(mat({"out": structure([""], [TWO])}), units="? ?", input=np.nan * T),
-    "MAT the time among the signals": File(mat({"out": structure(["clock", "torque"], [T[:, None], TWO])}), units="? ?",
-                                           input=np.nan * T),
     "v7.3 vectors": File(hdf5({name: one[None] for name, one in VECTORS.items()} | {"x": (np.ones((2, 1)), LETTERS)},
                               512), left="x", codes="columns-without-numbers"),
     "v7.3 structure": File(hdf5({f"log/{name}": one[None] for name, one in VECTORS.items()}, 512)),
     "v7.3 matrix": File(hdf5({"data": MATRIX}, 512), **BY_PLACE),
-    "v7.3 matrix the other way": File(hdf5({"data": ACROSS}, 512), **BY_PLACE),
     "HDF5 group": File(hdf5({f"rig/{name}": one for name, one in VECTORS.items()} | {"rig/K": np.eye(3)})),
     "HDF5 one of two groups": File(hdf5({f"{group}/{name}": k * one for group, k in (("a", 1), ("b", 2))
                                          for name, one in VECTORS.items()}), {"variable": "a"}),
     "HDF5 compound table": File(hdf5({"log/table": table(VECTORS | {"note": np.array(["a"] * 300, "S3")})})),
     "HDF5 named columns": File(hdf5({"m": (np.stack([Y, T, U], 1), {"columns": ["torque_nm", "time_s", "duty_pct"]})})),
-    "HDF5 one name too few": File(hdf5({"log": (ACROSS, {"columns": ["torque_nm", "time_s"]})}), **BY_PLACE),
     "HDF5 other numbers": File(hdf5({"time_s": T, "duty_pct": U.astype(">f4"), "torque_nm": Y, "n": U > 0}), left="n"),
     "HDF5 deep groups": File(hdf5(VECTORS | {"/".join("g" * 400): np.zeros(3)})),
     "HDF5 counts and offsets": File(hdf5({
@@ -188,7 +178,6 @@ GOOD: dict[str, File] = {
     "Parquet with stamps": File(parquet({"time": STAMPS, "duty": U.astype("f4"), "torque_nm": Y, "note": ["x"] * 300}),
                                 **LATER, left="note", codes="columns-without-numbers"),
     "Parquet durations called ms": File(parquet({"time_ms": STAMPS - STAMPS[0], "duty": U, "torque_nm": Y}), **LATER),
-    "Parquet stamps in ms": File(parquet({"t": STAMPS.astype("M8[ms]"), "duty": U, "torque_nm": Y}), **LATER),
     "Parquet whole ns": File(parquet({"time": EPOCH_NS, "duty": U, "torque_nm": Y}), **SINCE_1970),
     "Parquet decimals": File(parquet({"time": T, "duty": U > 0, "torque_nm": pa.array(Y).cast(pa.decimal128(20, 6))}),
                              input=U > 0, within=1e-12),
@@ -326,7 +315,6 @@ NEVER = {"_FillValue": 1.0, "missing_value": [2.0, 3.0]}
 FORMULA = SIGNAL | {"samples": np.arange(300), "conversion": {"formula": "X1 * 2"}}
 BAD: dict[str, tuple[Callable[[Path], Any], str]] = {
     "v7.3 dataset": (opaque(b"Simulink.SimulationData.Dataset"), OBJECTS),
-    "v7.3 function": (opaque(b"function_handle"), OBJECTS),
     "v7.3 words": (hdf5({"a": (np.ones((1, 6)), LETTERS)}, 512), "holds no table of numbers; save time and torque as"),
     "HDF5 link": (elsewhere(h5py.ExternalLink("/etc/passwd", "/x")), "torque is a link to another file; copy the data"),
     "HDF5 outside": (elsewhere(shape=(300,), external=[(os.devnull, 0, 2400)]), "torque keeps its data in another fil"),
@@ -336,11 +324,7 @@ BAD: dict[str, tuple[Callable[[Path], Any], str]] = {
     "HDF5 never written": (hdf5(VECTORS | {"torque_nm": (np.r_[1, 2, 3, Y[3:]], NEVER)}),
                            "row 1, column torque_nm, is empty; mend the cell, or drop such rows with «repair»"),
     "HDF5 short": (chunk(bytes(799)), LENGTH), "HDF5 long": (chunk(bytes(801)), LENGTH),
-    "HDF5 shuffled": (chunk(bytes(799), shuffle=True), LENGTH),
-    "HDF5 no sum": (chunk(bytes(800), fletcher32=True), LENGTH),
     "HDF5 filter left out": (chunk(bytes(799), 1, compression="gzip"), LENGTH),
-    "HDF5 packed short": (chunk(zlib.compress(bytes(799)), compression="gzip"), LENGTH),
-    "HDF5 packed long": (chunk(zlib.compress(bytes(801)), compression="gzip"), LENGTH),
     "HDF5 not packed": (chunk(b"nothing of the kind", compression="gzip"), "is a damaged HDF5 file ("),
     **{f"HDF5 cut at {n}": (cut(hdf5(VECTORS), n), "is a damaged HDF5 file (") for n in (60, 600, 2000, -1)},
     "MAT words": (mat({"note": "x", "Kp": 2.0, "g": np.ones((9, 2))}), "holds no table of numbers; save time and "),
@@ -353,8 +337,6 @@ BAD: dict[str, tuple[Callable[[Path], Any], str]] = {
                     "is a damaged MAT file ("),
     **{f"MAT cut at {n}": (cut(mat({"data": MATRIX}), n), "is ") for n in (60, 127, 130, 200, 2000, -1)},
     "NumPy vector": (npy(Y), NO_COLUMNS), "NumPy cube": (npy(np.zeros((9, 2, 2))), NO_COLUMNS),
-    "NumPy words": (npy(np.zeros((2, 3), "U3")), NO_COLUMNS),
-    "NumPy notes": (npy(np.zeros(9, [("s", "U3")])), NO_COLUMNS),
     "NumPy cut": (cut(npy(MATRIX), -8), "is no whole NumPy array of numbers; export the log as CSV or HDF5"),
     "NumPy objects": (npy(np.array([{}], object)), "is no whole NumPy array of numbers; export the log as CSV or HDF5"),
     "Parquet words": (parquet({"note": ["x"]}), "holds no columns of numbers; save time and torque as such"),
@@ -365,8 +347,6 @@ BAD: dict[str, tuple[Callable[[Path], Any], str]] = {
         data.index((T[7:9] + 0.1).tobytes()), 1)), "is a damaged Parquet file ("),
     "LVM no end": (raw(b"LabVIEW Measurement\nSeparator\tTab\n1\t2\n"), f"its header has no end ({END}); copy or s"),
     "LVM nothing": (lvm(), NO_HEAD + " (no line Channels)"),
-    "LVM rows first": (lvm((["5|6", *HEAD], NAMES, CELLS)), NO_HEAD + " (no line Channels)"),
-    "LVM no X": (lvm((HEAD, "Duty|Torque", ["0|1"])), NO_HEAD + " (no line X_Value); save it again"),
     "LVM no channels": (lvm((HEAD, "X_Value|Comment", ["0"])), "names no channels; record the log again"),
     "LVM no rows": (lvm((HEAD, NAMES, [])), "holds a segment without rows; record the log again"),
     "LVM spectrum": (lvm((["Channels|1", "X_Dimension|Frequency"], "X_Value|A", ["0|1"])),
@@ -379,12 +359,8 @@ BAD: dict[str, tuple[Callable[[Path], Any], str]] = {
     "LVM times": (lvm((HEAD, "X_Value|A|X_Value|B", ["0|1|0|2", "1|3|1.5|4"]), own="Multi"),
                   "its channels have different times; export them on one X column"),
     "LVM word": (row46("25.3|0|x"), "row 46, column Torque, holds 'x', which is no number; mend the cell"),
-    "LVM no time": (row46("|0|1"), "row 46, column time, is empty"),
-    "LVM blank": (row46("||"), "row 46, column time, is"),
-    "LVM short": (row46("25.3|0"), "row 46 has 2 cells, unlike the others"),
     "LVM long": (row46("25.3|0|1|noted", "X_Value|Duty|Torque"), "row 46 has 4 cells, unlike the others"),
     "LVM mark": (row46(END), "row 46 has 1 cells, unlike the others"), "LVM half": (row46("Channels|2"), NO_HEAD),
-    "LVM special": (row46("***Start_Special***"), "row 46 begins a special block that does not end; copy or save it"),
     "TDMS cut": (cut(of(written.tdms), -2000), "is cut short: its last segment ends early; copy it again, or"),
     "TDMS groups": (tdms(*((run, name, one, {"wf_increment": 0.01}) for run in "AB" for name, one in ZIPPED)),
                     "holds several tables that may be the log (A, B); choose one with «variable» NAME"),
@@ -398,7 +374,6 @@ BAD: dict[str, tuple[Callable[[Path], Any], str]] = {
     "MDF invalid": (mdf([SIGNAL | {"invalidation_bits": np.arange(300) == 7}]), "row 8, column torque, is empty or "),
     "MDF apart": (mdf([SIGNAL], [SIGNAL | {"name": "duty", "timestamps": T + 9}]),
                   "its signals were not recorded at the same time; record the log again"),
-    "MDF falling": (mdf([SIGNAL], [SIGNAL | {"name": "duty", "timestamps": T[::-1]}]), "the times of duty fall; sort "),
 }  # fmt: skip
 
 

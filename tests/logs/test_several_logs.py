@@ -361,7 +361,6 @@ def test_levels_steps_and_repeats_of_single_logs(tmp_path):
     assert (found["b"][0], found["b"][1]) == (pytest.approx(2.0, abs=0.05), 3)  # the instant told by the output
 
 
-FROM, UP_TO = "float` >= -1000000000000.0", "float` <= 1000000000000.0"
 BAD = {
     "x = [": "is no TOML (", 'schema = "other"': "its schema is 'other', and this eaid reads 'eaid/manifest/1'; write",
     "[options]": "lists no logs; write it again with --write-manifest of eaid ingest",
@@ -371,10 +370,8 @@ BAD = {
     "[[log]]\nlevel = 3": "Object missing required field `file` - at `log[0]`",
     '[[log]]\nfile = "a.csv"\nfoo = 1': "Object contains unknown field `foo` - at `log[0]`",
     '[[log]]\nfile = "a.csv"\nlevel = "3"': "Expected `float | null`, got `str` - at `log[0].level`",
-    **{f'[[log]]\nfile = "a.csv"\n{name} = {value}': f"Expected `{limit} - at `log[0].{name}`; mend it" for
-       name, value, limit in (("level", "nan", FROM), ("level", "-inf", FROM), ("level", 10**30, UP_TO),
-                              ("step_s", "nan", FROM), ("until_s", "inf", UP_TO), ("repeat", -1, "int` >= 0"),
-                              ("repeat", 2**63, "int` <= 9223372036854775807"))},
+    '[[log]]\nfile = "a.csv"\nlevel = nan': "Expected `float` >= -1000000000000.0 - at `log[0].level`; mend it",
+    '[[log]]\nfile = "a.csv"\nrepeat = -1': "Expected `int` >= 0 - at `log[0].repeat`; mend it",
     "x = " + 1000 * "[" + 1000 * "]": "is nested too deep", "x = " + 1000 * "[\n" + 1000 * "]\n": "is nested too deep",
     20_000 * "a." + "a = 1": "has a line of more than 4,000 characters", f"x = '{3994 * 'a'}'": "lists no logs",
     f"x = {5000 * '9'}": "has a line of more than 4,000",

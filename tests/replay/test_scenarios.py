@@ -237,32 +237,6 @@ def test_what_a_replay_stands_on_is_said(played, fit_of, fit, codes):
     assert "nothing-to-replay-on" in codes(eaid.tune_rc(fit_of(nonlinear=None)))
 
 
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        ({"scenario": "steps", "reference": "r.csv"}, "exclude each other"),
-        ({"scenario": "loops"}, "scenario= loops: must be one of multisine, steps"),
-        ({"scenario": "rehab", "plants": 2}, "plants="),
-        ({"log": "a.csv", "rate_hz": 10.0}, "rate_hz="),
-        ({"log": "a.csv", "duration": 3.0}, "duration="),
-        ({"scenario": "steps", "keep_baseline": True}, "keep_baseline="),
-        ({"noise": "residuals", "noise_nm": 0.1}, "leave out noise_nm="),
-        ({"noise_correlation_s": 0.1}, "does nothing without noise_nm="),
-        ({"scenario": "steps", "limb_inertia": 0.1}, "belong to scenario= rehab"),
-        ({"controller": ("inverse", "inverse")}, "names inverse twice"),
-        ({"controller": ("pid",)}, "must be one of rc, pi"),
-    ],
-)
-def test_what_contradicts_itself_is_refused(fit, gains, options, said):
-    with pytest.raises(eaid.UsageError, match=said):
-        eaid.simulate(fit, gains, **options)
-
-
-def test_gains_of_another_rig_are_refused(played, fit_of):
-    with pytest.raises(eaid.DataError, match="the gains are for an input in % and an output in N·m, the fit has V"):
-        played(T, fit=fit_of(data={"input_unit": "V"}))
-
-
 def residuals(rho=0.5, effective=500.0, s=(0.01, 0.02)):
     """Parts of a fit of two levels, three repeats each, 20,000 samples of residuals in all."""
     rows = [

@@ -12,7 +12,6 @@ from matplotlib.text import Text
 
 import eaid
 from eaid.report.catalogue import FIGURES
-from eaid.report.draw import marked
 from eaid.report.results import gathered
 from eaid.report.style import look
 
@@ -151,19 +150,6 @@ def test_the_model_is_drawn_through_its_levels_and_a_curve_that_only_crosses_the
     x, y = tau1.lines[0].get_data()
     assert y == pytest.approx(np.polynomial.polynomial.polyval(x, REFERENCE["tau1"]))
     assert {line.get_label() for line in tau1.lines} >= {"joint (used)", "published"}
-
-
-def test_a_mark_stands_above_the_legend_and_the_legend_above_the_panels(fit_of: Any):
-    levels = [{"level": u, "Ts": response(u)[-1], "tau1": 0.5, "tau2": 5.0} for u in (20.0, 60.0)]
-    figure = drawn("model_over_duty", fit_of(nonlinear=REFERENCE, friction={"C": 0.85, "levels": levels})).figure
-    before = figure.get_figheight()
-    with look():
-        marked(figure, "not identifiable")
-        figure.canvas.draw()
-    (legend,), (mark,) = figure.legends, figure.texts
-    box = legend.get_window_extent()
-    assert figure.get_figheight() > before and box.y1 <= mark.get_window_extent().y0 + 1
-    assert box.y0 >= figure.axes[0].get_window_extent().y1 - 1
 
 
 def test_the_linear_model_is_not_drawn_below_zero(fit_of: Any):

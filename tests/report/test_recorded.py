@@ -129,18 +129,6 @@ def test_long_runs_become_means_that_begin_at_the_step(files: dict[str, Path], m
     assert short.input[first - 1] == run.input[start - 1] != short.input[first]
 
 
-@pytest.mark.slow
-def test_rates_and_counts_are_those_that_were_recorded(
-    files: dict[str, Path], monkeypatch: pytest.MonkeyPatch, report: Callable[..., Any]
-):
-    whole = report(files["clutch.h5"], "--figures", "own_reference")
-    monkeypatch.setitem(shortened.__globals__, "MOST", 400)
-    short = report(files["clutch.h5"], "--figures", "own_reference")
-    for row, other in zip(*(page.rows("Runs without a warning") for page in (short, whole)), strict=True):
-        assert row[:4] == other[:4] and float(row[5]) == pytest.approx(float(other[5]), rel=0.01)
-        assert float(row[4]) == pytest.approx(float(other[4]), rel=0.02)
-
-
 @given(st.integers(2, 5000), st.integers(4, 200), st.integers(0, 2**32 - 1))
 def test_thinned_curves_keep_ends_and_extremes_in_order(n: int, points: int, seed: int):
     y = np.random.default_rng(seed).normal(size=n)

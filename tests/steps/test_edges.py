@@ -85,16 +85,6 @@ def test_edges(folder: Path, tmp_path: Path, run_eaid: Callable[..., Any]) -> No
             assert {key: edge[key] for key in numbers} == numbers, name
 
 
-def test_nine_samples_behind_a_jump_are_no_edge_and_a_record_of_39_has_none(
-    tmp_path: Path, run_eaid: Callable[..., Any]
-) -> None:
-    for count, edges in ((2009, 2), (2010, 3), (39, 0)):
-        frame = pd.DataFrame({"time_s": T, "torque_nm": THREE + 1e-9 * T, "reference_nm": STAIRS})[:count]
-        frame.to_csv(tmp_path / f"{count}.csv", index=False)
-        ran = run_eaid("ingest", tmp_path / f"{count}.csv", "--edges", "--json", "--force", "-o", tmp_path / "a.h5")
-        assert len(json.loads(ran.out)["logs"][0]["edges"]) == edges
-
-
 def test_the_table_of_edges(folder: Path, tmp_path: Path, run_eaid: Callable[..., Any]) -> None:
     ran = run_eaid("ingest", folder / "up and down.csv", "--edges", "-o", tmp_path / "a.h5")
     assert "2 edges of its output." in ran.out and "overshoot" in ran.out

@@ -12,15 +12,13 @@ import eaid
 from eaid.errors import DataError, UsageError
 
 sys.path.insert(0, str(Path(__file__).parent))
-from make import log, read, white, with_input, without_input
+from make import log, read, with_input, without_input
 
 RUN = log([(0.0, 4.0), (50.0, 8.0)])
 BLIND = without_input(RUN)
 LATER = RUN.assign(time_s=RUN.time_s + 1e4)
 NAMED = {"name_pattern": "u{level}"}
 REFUSED: dict[str, tuple[Any, dict[str, Any], str]] = {
-    "nine samples": (RUN[396:405], {}, "holds 9 samples, and a step takes at least 10; record it longer"),
-    "nine in the window": (RUN[:409], {}, "9 samples in its window, at least 10 are needed; record it longer"),
     "units of inputs": (
         [RUN, log([(0, 4), (50, 8)], "V")], {}, "different input units (%, V); say one with units= input=UNIT"),
     "units of outputs": (
@@ -35,31 +33,13 @@ REFUSED: dict[str, tuple[Any, dict[str, Any], str]] = {
     "with a point": ({"run_12.5%_3": BLIND}, {}, '"_{level}%", if 12.5 is the level'),
     "behind an equals sign": ({"u=8": BLIND}, {}, '"={level}", if 8 is the level'),
     "a number alone": ({"7": BLIND}, {}, '"{level}", if 7 is the level'),
-    "behind the end": (RUN, {"step_at": 12.5}, "the step at 12.5 s lies outside the log (0 to 11.99 s); mend step_at="),
     "just before the begin": (LATER, {"step_at": 1e4 - 1e-4}, "lies outside the log"),
     "no window": (
         {"u50": BLIND}, NAMED | {"step_at": 4.0, "until": 4.0},
         "the window ends (4 s) before it begins (4 s); mend until="),
     "a window before the log": (RUN, {"until": -3.0}, "the window ends at -3 s, before the log has begun; mend until="),
-    "an input that stays": (
-        with_input(RUN, 50.0), {},
-        "the input stays at 50 %: no step; record the idle time before the step too, or give the step instant"),
-    "an output that stays": (
-        RUN.assign(torque_nm=0.5), {}, "the output never changes (0.5 N·m throughout); check the sensor"),
-    "a duty above 100": (
-        with_input(RUN, RUN.duty_pct.where(RUN.index != 700, 100.5)), {},
-        "the input is 100.5 % at 7 s, above 100; if it is not in %, say its unit with units= input=UNIT"),
-    "a duty below 0": (
-        with_input(RUN, RUN.duty_pct.where(RUN.index != 700, -0.5)), {}, "the input is -0.5 % at 7 s, below 0"),
-    "noise alone": (
-        {"u50": BLIND.assign(torque_nm=1.0 + white(1200, 0.01))}, NAMED,
-        "no step stands out of the output's noise; give its instant with step_at="),
     "a touch alone": ({"u50": BLIND.assign(torque_nm=np.where(RUN.index < 1, 0.0, 1.0))}, NAMED, "no step stands out"),
-    "no such kind": (RUN, {"kind": "brake"}, "kind= brake: must be one of clutch, friction-force, friction-speed"),
     "no such sign": (RUN, {"sign": "plus"}, "sign= plus: must be one of auto, keep"),
-    "a rig of no size": (RUN, {"apparatus": "surfaces=0"}, "apparatus= surfaces=0: must be above zero"),
-    "a rig inside out": (
-        RUN, {"apparatus": "inner_radius_m=0.08"}, "apparatus=: inner_radius_m must be below outer_radius_m"),
 }  # fmt: skip
 
 
