@@ -125,24 +125,3 @@ def test_a_bench_without_an_input_column(bench, run_eaid):
     for row in fit["friction"]["levels"]:
         assert row["tau1"] == pytest.approx(0.2, rel=0.1) and row["Ts"] == pytest.approx(0.02 * row["level"], rel=0.05)
     assert fit["release"]["tau1"] == pytest.approx(0.1, rel=0.2)
-
-
-FORMATS = [
-    ("quarc_matrix*", ["--units", "input=V,output=V", "--rest", "-5"], 0, "2 runs, 1 level"),
-    ("quarc_matrix*", ["--units", "input=%"], 3, "the input is -5 % at 0 s, below 0; if it is not in %, say"),
-    ("quarc_matrix*", [], 0, "2 runs, 0 levels"),
-    ("simulink_dataset*", [], 3, "holds MATLAB objects (a Simulink Dataset or timeseries) only; in MATLAB, save it as"),
-    ("simulink_structure*", [], 3, "no column is called torque (columns: time, Time (s), FORWARD VELOCITY (m/s), "),
-    ("csv_semicolon*", [], 3, "no column is called torque (columns: Tijd (s), Test 1, Test 2, Test 3, 0 Meting, "),
-    ("tsv_no_header*", [], 3, "its 7 columns have no names; "),
-    ("lvm_decimal*", [], 3, "nothing tells its level; give the input column, or --name-pattern with {level}"),
-    ("lvm_x_column*", [], 3, "no column is called torque (columns: time, Pressão ABS. (MPa), Temperatura (°C), Vol"),
-]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("name", "arguments", "code", "sentence"), FORMATS)
-def test_formats_of_other_rigs(name, arguments, code, sentence, realdata, run_eaid):
-    (path,) = (realdata / "formats").glob(name)
-    ran = run_eaid("ingest", path, *arguments)
-    assert ran.code == code and sentence in ran.err

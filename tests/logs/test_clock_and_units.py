@@ -17,25 +17,6 @@ def at(times: Any, name: str = "time", **more: Any) -> Any:
     return frame(f"{name}|duty|torque_nm", np.asarray(times), np.arange(count) > count // 2, np.arange(count), **more)
 
 
-PER_S = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
-
-
-@pytest.mark.parametrize("unit", PER_S)
-def test_stamps_since_1970_begin_in_2001_and_end_in_2096(unit, read, codes):
-    per_s = PER_S[unit]
-    beyond = 1 if unit != "ns" else 1024  # the next whole number that a float tells apart
-    low, high = 10**9 * per_s, 4 * 10**9 * per_s
-    for first, counted in ((low, True), (low - beyond, False), (high, True), (high + beyond, False)):
-        run = read(at([first + k * per_s for k in range(4)]))
-        assert run.time_s.tolist() == [k if counted else k * per_s for k in range(4)]
-        assert run.start_s == pytest.approx(first / per_s if counted else first)
-        told = codes(run)
-        if counted and unit != "s":
-            assert told["time-since-1970"] == {"column": "time", "unit": unit}
-        else:
-            assert set(told) <= {"time-in-whole-numbers", "time-too-long"} and bool(told) is not counted
-
-
 @pytest.mark.parametrize(
     ("first", "step", "name", "said", "factor", "code"),
     [

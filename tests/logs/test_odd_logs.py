@@ -305,19 +305,6 @@ def test_pieces_of_whole_lines(end, size, read, monkeypatch):
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("packed", [False, True], ids=["plain", "gzip"])
-def test_a_long_log(packed, read, monkeypatch):
-    content = text(HEADER, np.arange(30_000) / 1e3, U.repeat(100), Y.repeat(100)).encode()
-    content = gzip.compress(content, 1) if packed else content
-    whole = read(content)
-    monkeypatch.setattr(text_logs, "PIECE_BYTES", 5000)
-    pieces = read(content, "b.dat")
-    for name in ("time_s", "input", "output"):
-        np.testing.assert_array_equal(getattr(pieces, name), getattr(whole, name))
-    if packed:
-        assert read.refused(content[:-1000])[0].startswith("is no whole gzip file (")
-
-
 @pytest.mark.parametrize("digits", [15, 16, 19])
 def test_whole_numbers_of_many_digits_stay_whole(digits, read):
     """A stamp of 1.7e18 ns has more digits than a float."""
