@@ -13,14 +13,15 @@ def curve_at(duty: float) -> Friction:
 
 
 def test_widths_of_pure_scatter_by_hand() -> None:
-    """No noise within a run: t σ/√R at a level, exp(·) − 1 in percent."""
+    """No noise within a run: t σ/√R at a level, exp(·) − 1 in percent; three levels make a parabola, each its place."""
     noise = Noise(0.0, 0.0, (0.03, 0.05, 0.1))
     levels = np.array([20.0, 50.0, 80.0])
     curves = [curve_at(u) for u in levels]
-    found = half_widths(within_runs(curves, np.full(3, 30.0), noise), curves, levels, 4, noise, polynomial=False)
-    t = t_quantile(9)
-    for name, sd in (("Ts", 0.03), ("tau1", 0.05), ("tau2", 0.1)):
-        assert found[name] == pytest.approx(100 * np.expm1(t * sd / 2))
+    within = within_runs(curves, np.full(3, 30.0), noise)
+    for polynomial, degrees in ((False, 9), (True, 3)):
+        found = half_widths(within, curves, levels, 4, noise, polynomial)
+        for name, sd in (("Ts", 0.03), ("tau1", 0.05), ("tau2", 0.1))[polynomial:]:
+            assert found[name] == pytest.approx(100 * np.expm1(t_quantile(degrees) * sd / 2))
 
 
 def test_information_is_the_sum_over_samples() -> None:
