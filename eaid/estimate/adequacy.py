@@ -2,8 +2,7 @@
 
 Shape of one level's curve: one or two exponentials, C held or free, and where repeats miss these alike a stretched
 exponential, a logarithm, a power and three exponentials, by AICc and BIC with the effective sample size
-n_e = n / (1 + 2 Σ ρ) that the residuals' autocorrelation ρ leaves. Curves over the duty: polynomials of one to four
-powers for τ1, τ2, T_s, by χ² against the levels' own scatter and by leaving one level out (`orders`).
+n_e = n / (1 + 2 Σ ρ) that the residuals' autocorrelation ρ leaves.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,9 +11,8 @@ import numpy as np
 from scipy.special import fdtri
 
 from eaid.arrays import Array
-from eaid.estimate.level_statistics import CURVES, LevelStatistics, free_parameters, log_theta, refit
+from eaid.estimate.level_statistics import LevelStatistics, free_parameters, log_theta, refit
 from eaid.estimate.linear import fit_each_level
-from eaid.estimate.log_polynomial import through
 from eaid.estimate.points import Points, level_costs
 from eaid.estimate.runs import run_residuals, t_quantile
 from eaid.estimate.share import Share
@@ -22,7 +20,7 @@ from eaid.estimate.solver import descend
 from eaid.findings import Finding, finding
 from eaid.models import friction
 from eaid.models.parameters import Friction
-from eaid.results.fit import Adequacy, Fit, LackOfFit, OrderScore, ShapeScore
+from eaid.results.fit import Adequacy, Fit, LackOfFit, ShapeScore
 from eaid.steps.noise import line
 from eaid.steps.stepset import Level, StepSet
 
@@ -185,44 +183,6 @@ def best_fits(shape: Shape, starts: Array, points: Points) -> Array:
     return np.asarray(found.x.reshape(starts.shape)[np.arange(levels), best])
 
 
-ORDERS = (1, 2, 3, 4)
-BETTER = 4.0
-"""Difference of AICc from which another order is asked for."""
-
-
-def orders_of(base: LevelStatistics) -> tuple[OrderScore, ...]:
-    """Every order that the levels can be held against, for each parameter."""
-    rows = []
-    for k, name in enumerate(CURVES):
-        row = base.determined[:, k]
-        duty, theta, variance = base.duty_pct[row], base.log_theta[row, k], base.expected[row, k]
-        for order in ORDERS:
-            p = order + 1
-            if len(duty) < p + 1:
-                continue
-            curve = through(duty, theta, variance, p)
-            chi, spare = curve.chi_square, max(len(duty) - p - 1, 1)
-            errors = curve.left_out(duty, theta)
-            inner = errors[1:-1] if len(errors) > 4 else errors  # the ends would be extrapolation
-            error = 100 * float(np.sqrt(np.mean(inner**2)))
-            rows.append(OrderScore(name, order, chi, chi + 2 * p + 2 * p * (p + 1) / spare, error))
-    return tuple(rows)
-
-
-def raised_orders(orders: Sequence[OrderScore]) -> dict[str, int]:
-    """Parameters whose levels ask for a higher order than the paper's, and which."""
-    found = {}
-    for name, paper in (("Ts", 3), ("tau1", 2), ("tau2", 2)):
-        own = [order for order in orders if order.parameter == name]
-        there = next((order for order in own if order.order == paper), None)
-        if there is None:
-            continue
-        better = min(own, key=lambda order: order.aicc or 0.0)
-        if better.order > paper and (better.aicc or 0.0) < (there.aicc or 0.0) - BETTER:
-            found[name] = better.order
-    return found
-
-
 STRONG = 6.0
 """Difference of BIC that counts as strong evidence (Kass and Raftery)."""
 CLOSER = 0.1
@@ -290,8 +250,6 @@ def adequacy(
     counts = np.array([size for size, _ in sizes])
     rows = [row for level, one in zip(levels, base.estimates, strict=True) if (row := lack_of_fit(level, one.noise_nm))]
     shapes, missed = _shapes(base, fit, residuals, counts, rows)
-    polynomial = fit.nonlinear is not None and base.source == "repeats" and len(levels) >= 4
-    orders = orders_of(base) if polynomial else ()
     falling = decays(levels)
     found = []
     if falling:
@@ -299,10 +257,9 @@ def adequacy(
         places, values = [u for u, _ in falling], {"worst": worst, "lost_pct": 100 * lost, "of": len(levels)}
         found.append(finding("output-decays-under-hold", "friction", places, unit=stepset.input_unit, **values))
     if 2 * len(falling) <= len(levels):
-        found += _recommended(shapes, missed, orders, rows, runs_share)
+        found += _recommended(shapes, missed, rows, runs_share)
     return Adequacy(
         shapes=shapes,
-        orders=orders,
         lack_of_fit=tuple(rows),
         residual_autocorrelation=float(np.median([rho for _, rho in sizes])),
         effective_samples=float(counts.sum()),
@@ -377,11 +334,10 @@ def _free_share(base: LevelStatistics, two: Array) -> Array:
 def _recommended(
     shapes: Sequence[ShapeScore],
     missed: dict[str, int],
-    orders: Sequence[OrderScore],
     rows: Sequence[LackOfFit],
     runs_share: Share | None,
 ) -> list[Finding]:
-    """Which shape and which polynomials the levels ask for; `missed`: where repeats miss other shapes alike."""
+    """Which shape the levels ask for; `missed`: where repeats miss other shapes alike."""
     best, usual = min(shapes, key=lambda shape: shape.bic or 0.0), shapes[1]
     beyond = [row for row in rows if row.beyond]
     strong = (usual.bic or 0.0) - (best.bic or 0.0) >= STRONG
@@ -400,11 +356,6 @@ def _recommended(
         found = [finding("shape-fits", "friction", (), closer_pct=100 * closer, **values)]
     else:
         found = [finding("shape-of-another-kind", "friction", (), **values)]
-    raised = raised_orders(orders)
-    if raised:
-        found.append(finding("polynomials-too-low", "nonlinear", (), **raised))
-    elif orders:
-        found.append(finding("polynomials-fit", "nonlinear"))
     if beyond:
         worst = max(beyond, key=lambda row: row.systematic_nm or 0.0)
         size = {"systematic": worst.systematic_nm, "worst": worst.level, "of": len(rows)}

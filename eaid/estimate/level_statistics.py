@@ -17,7 +17,6 @@ from eaid.arrays import Array, inverse, median
 from eaid.estimate.basis import RECORDS, RECORDS_FREE
 from eaid.estimate.data import Data, data_of
 from eaid.estimate.levels import fit_levels
-from eaid.estimate.log_polynomial import through
 from eaid.estimate.points import Points, compress, level_normal
 from eaid.estimate.runs import (
     Mask,
@@ -459,10 +458,13 @@ def pooled_statistics(levels: Sequence[Level], estimates: Sequence[LevelEstimate
 
 
 def _between(u: Array, log_values: Array, within: Array, p: int) -> float:
-    """Scatter a of single runs about a polynomial of p terms: Σ res²/(a + h) equals L − p."""
+    """Scatter a of single runs about a polynomial of p terms through the logarithms: Σ res²/(a + h) equals L − p."""
+    design = np.vander((u - u.mean()) / np.ptp(u), p)
 
     def total(a: float) -> float:
-        return through(u, log_values, within + a, p).chi_square
+        root = 1 / np.sqrt(np.maximum(within + a, 1e-18))
+        left = log_values - design @ np.linalg.lstsq(design * root[:, None], log_values * root, rcond=None)[0]
+        return float(((left * root) ** 2).sum())
 
     return paule_mandel(total, float(len(u) - p), float(np.var(log_values)) + 1e-12)[0]
 

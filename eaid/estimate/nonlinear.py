@@ -8,9 +8,10 @@ from collections.abc import Sequence
 
 import msgspec
 import numpy as np
+from scipy.special import fdtri
 
 from eaid.arrays import Array
-from eaid.estimate.certainty import SAYS_NOTHING, Estimate, levels_first
+from eaid.estimate.certainty import BEYOND_CHANCE, SAYS_NOTHING, Estimate, levels_first
 from eaid.estimate.coefficients import (
     Coefficients,
     coefficient_intervals,
@@ -77,8 +78,24 @@ def scores_of(one: Estimate, data: Data, held_out: Sequence[Level]) -> tuple[res
     part = scored(p, data, left, one.solver, held_out)
     findings = fit_findings(p, one.solver, one.active, [level.level for level in held_out])
     findings += missed("nonlinear", data, left, part)
-    misfit = None if one.curve.misfit is None else {"Ts": one.curve.misfit}
-    return msgspec.structs.replace(part, C_free=one.basis.free_share, misfit=misfit), findings
+    return msgspec.structs.replace(part, C_free=one.basis.free_share), findings
+
+
+def misfits(first: Estimate, base: LevelStatistics) -> tuple[dict[str, float], list[Finding]]:
+    """χ² of the levels about each polynomial over its degrees of freedom, and where that is beyond chance."""
+    found = {} if first.curve.misfit is None else {"Ts": first.curve.misfit}
+    beyond = ["Ts"] if first.curve.widened > 1 else []
+    value, slopes = first.numbers(base.duty_pct, first.coefficients)
+    for k, name in enumerate(CURVES[1:], 1):
+        known = base.determined[:, k] & (base.repeats > 1)
+        spare = int(known.sum()) - 1 - first.basis.degrees[k]
+        if spare > 0:
+            of_curve = first.influence.of(slopes[k, known]).variance()[0]
+            off = (base.log_theta[known, k] - value[k, known]) ** 2 / (base.expected[known, k] + of_curve)
+            found[name] = float(off.sum()) / spare
+            if found[name] > fdtri(spare, max(base.total_degrees / 2, 1.0), BEYOND_CHANCE):
+                beyond.append(name)
+    return found, [finding("polynomials-too-low", "nonlinear", (), parameters=tuple(beyond))] if beyond else []
 
 
 def with_intervals(
@@ -193,6 +210,8 @@ def nonlinear_part(
     levels, data, basis, ci = base.levels, base.data, first.basis, options.ci
     held_out = held_out if joint.hold_out is not None else ()
     part, findings = scores_of(first, data, held_out)
+    misfit, bent = misfits(first, base)
+    part = msgspec.structs.replace(part, misfit=misfit or None)
     u, ends = base.duty_pct, first.intervals(base.duty_pct)
     longest = np.log([QUOTED_RECORDS * level.time_s[-1] for level in levels])
     ends[1][2][ends[1][2] > longest] = np.inf
@@ -244,7 +263,7 @@ def nonlinear_part(
         and not (one.code in OF_TAU2_ALONE and known.issuperset(one.levels))
     ]
     told = joint_findings(parts, options.estimator)
-    return msgspec.structs.replace(fit, nonlinear=model, findings=(*others, *findings, *left_open, *told))
+    return msgspec.structs.replace(fit, nonlinear=model, findings=(*others, *findings, *left_open, *bent, *told))
 
 
 def parted(

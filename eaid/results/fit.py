@@ -320,7 +320,7 @@ class Estimate(Scores, frozen=True):
     ci95: CoefficientIntervals | None = None
     covariance: Covariance | None = None
     misfit: dict[str, Number | None] | None = None
-    """χ² of the levels' T_s about T_s(u), over levels − coefficients."""
+    """χ² of the levels' T_s, τ1, τ2 about their polynomials, over levels − coefficients."""
     hold_out: HoldOut | None = None
 
     @property
@@ -387,16 +387,6 @@ class ShapeScore(Result, frozen=True):
     bic: Number | None = None
 
 
-class OrderScore(Result, frozen=True):
-    """One polynomial order of one parameter."""
-
-    parameter: str
-    order: Count = 0
-    chi_square: Number | None = None
-    aicc: Number | None = None
-    leave_one_out_pct: Number | None = None
-
-
 class LackOfFit(Result, frozen=True):
     """A level's misfit against the spread of its repeats."""
 
@@ -411,7 +401,6 @@ class Adequacy(Result, frozen=True):
     """Whether the model is right."""
 
     shapes: tuple[ShapeScore, ...] = ()
-    orders: tuple[OrderScore, ...] = ()
     lack_of_fit: tuple[LackOfFit, ...] = ()
     residual_autocorrelation: Number | None = None
     effective_samples: Number | None = None

@@ -55,12 +55,9 @@ def test_the_right_model_is_kept() -> None:
     made = stepset(usual)
     found = eaid.fit(made)
     said = found.uncertainty.adequacy
-    assert {"shape-fits", "polynomials-fit"} <= codes(found)
+    assert "shape-fits" in codes(found) and "polynomials-too-low" not in codes(found)
     shapes = {one.name: one for one in said.shapes}
     assert shapes["two exponentials, C = 0.85"].bic < shapes["one exponential"].bic - 100
-    assert {(one.parameter, one.order) for one in said.orders} == {
-        (name, order) for name in ("Ts", "tau1", "tau2") for order in (1, 2, 3, 4)
-    }
 
 
 def test_another_share_is_recommended() -> None:
@@ -69,13 +66,14 @@ def test_another_share_is_recommended() -> None:
     assert one.values["estimate"] == pytest.approx(0.5, abs=1e-3) and one.values["held"] == 0.85
 
 
-def test_a_higher_order_is_recommended() -> None:
+def test_levels_that_no_polynomial_follows_are_told() -> None:
     def wavy(duty: float) -> np.ndarray:
         return friction.step_response(Friction(0.04 * duty, 0.5 + 0.25 * np.sin(duty / 12), 4.0), T)
 
     made = stepset(wavy, gain=0.005)
-    (one,) = [one for one in eaid.fit(made).findings if one.code == "polynomials-too-low"]
-    assert one.values["tau1"] == 4
+    found = eaid.fit(made)
+    (one,) = [one for one in found.findings if one.code == "polynomials-too-low"]
+    assert one.values["parameters"] [0] == "tau1" and found.nonlinear.misfit["tau1"] > 5 > found.nonlinear.misfit["Ts"]
 
 
 T_LONG = np.arange(1000) * 0.02

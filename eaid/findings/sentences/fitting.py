@@ -169,11 +169,6 @@ def _fits(v: Values) -> str:
     return f"keep {v['usual']}: a free C fits {f'only {closer:.0f} %' if closer >= 0.5 else 'no'} closer"
 
 
-def _orders(v: Values) -> str:
-    asked = ", ".join(f"order {v[name]} for {SYMBOLS[name]}" for name in ("Ts", "tau1", "tau2") if name in v)
-    return f"the levels ask for {asked} instead of the paper's polynomials"
-
-
 INTERVAL_ROWS: dict[str, Row] = {
     "numbers-beyond-measure": caution(
         lambda v: (
@@ -271,8 +266,12 @@ INTERVAL_ROWS: dict[str, Row] = {
         "use two exponentials, C = {estimate:.3f} at all levels: the runs reject C = {held:g}; fit again with «share» "
         "{estimate:.3f} before judging the polynomials"
     ),
-    "polynomials-fit": note("the paper's polynomials follow the levels as well as any of orders 1 to 4"),
-    "polynomials-too-low": note(_orders),
+    "polynomials-too-low": note(
+        lambda v: (
+            f"the levels lie further from the polynomial of {_joined(v['parameters'])} than their runs scatter: "
+            "between the levels it is less sure than its interval says"
+        )
+    ),
     "repeats-miss-alike": note(
         lambda v: (
             f"at {len(v['each'])} of {v['of']} levels all repeats miss the curve "

@@ -257,7 +257,7 @@ def model_tables(fit: Fit, asked: bool | None = None) -> list[Table]:
 
 def judging_tables(fit: Fit) -> list[Table]:
     """Whether the model is right, and whether another would be better; tables without rows are left out."""
-    found = (lack_of_fit_table(fit), shapes_table(fit), degrees_table(fit))
+    found = (lack_of_fit_table(fit), shapes_table(fit))
     return [table for table in found if table.rows]
 
 
@@ -291,18 +291,6 @@ def shapes_table(fit: Fit) -> Table:
         fit.uncertainty.adequacy.shapes if fit.uncertainty and fit.uncertainty.adequacy else (),
         ("curve", "name"), (("values a level", "", 1), "parameters"), (("RMSE", fit.data.output_unit, 3), "rmse"),
         (("AICc", "", 6), "aicc"),
-    )  # fmt: skip
-
-
-def degrees_table(fit: Fit) -> Table:
-    """Degrees tried for each polynomial."""
-    return table_of(
-        "Which degree",
-        "Polynomials of the input tried for each value. The last column is the typical error when a level is left out "
-        "and predicted from the others.",
-        fit.uncertainty.adequacy.orders if fit.uncertainty and fit.uncertainty.adequacy else (),
-        ("value", lambda one: SYMBOLS.get(one.parameter, one.parameter)), (("degree", "", 1), "order"),
-        ("χ²", "chi_square"), ("AICc", "aicc"), (("left-out error", "%", 3), "leave_one_out_pct"),
     )  # fmt: skip
 
 
