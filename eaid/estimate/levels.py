@@ -1,4 +1,4 @@
-"""The friction curve of one level, Eq. (3), fitted in (T_s, ln τ1, ln τ2); with C free see `free_share`."""
+"""The friction curve of one level, Eq. (3), fitted in (T_s, ln τ1, ln τ2)."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -23,7 +23,7 @@ from eaid.estimate.solver import (
     minimised,
     solved,
 )
-from eaid.estimate.starts import Indices, bowls, table_of
+from eaid.estimate.starts import SHARES, Indices, bowls, table_of
 from eaid.models.parameters import TAU_FLOOR_S
 from eaid.results.common import Solver
 from eaid.results.fit import FrictionLevel
@@ -115,65 +115,6 @@ def within(limit: float) -> Callable[[Array, Array], Array]:
     return moved
 
 
-SHARE_GRID = 24
-"""Time constants on the starting grid."""
-BANDS = ((1, 4), (4, 7), (7, SHARE_GRID))
-"""How many grid steps the starting τ1 and τ2 lie apart, one start each; at none apart they would stay together."""
-CLOSE = 1e-9
-"""Part of the product of two squared lengths below which two curves are one."""
-
-
-def free_problem(data: Data, limit: float) -> Problem:
-    """Eq. (3) for one level in x = (ln τ1, ln τ2) on the compressed points."""
-    A, b, names = tau_limits(limit)
-    floor = ROUNDING * data.energy
-    return Problem(lambda x: projected(x, data.points)[:3], A, b, names.__getitem__, floor=floor)
-
-
-def free_starts(data: Data) -> list[Array]:
-    """(ln τ1, ln τ2) of least cost on a log grid, one for each of `BANDS` that a short record leaves room for."""
-    points = data.points
-    rising = points.t_s[(points.w > 0) & (points.t_s > 0)]
-    grid = np.geomspace(max(0.5 * float(rising.min()), 1.01 * TAU_FLOOR_S), 3.0 * float(rising.max()), SHARE_GRID)
-    found = []
-    for a, b in BANDS:
-        pairs = [np.log([grid[i], grid[j]]) for i in range(len(grid)) for j in range(i + a, min(i + b, len(grid)))]
-        if pairs:
-            found.append(min(pairs, key=lambda x: projected(x, points)[0]))
-    return found
-
-
-def projected(x: Array, points: Points) -> tuple[float, Array, Array, Array]:
-    """Cost with A1, A2 ≥ 0 solved for, its gradient by (ln τ1, ln τ2), Gauss–Newton curvature, and (A1, A2)."""
-    tau = np.exp(np.clip(x, -15.0, 30.0))[:, None]  # SLSQP may look far outside before it comes back
-    t, y, w = points.t_s[0], points.y[0], points.w[0]
-    e = np.exp(-t / tau)
-    shapes = -np.expm1(-t / tau)
-    gram, along = (shapes * w) @ shapes.T, (shapes * w) @ y
-    amplitudes = non_negative(gram, along)
-    r = amplitudes @ shapes - y
-    slopes = -amplitudes[:, None] * e * t / tau
-    gradient = 2 * slopes @ (w * r)
-    used = shapes[amplitudes > 0]
-    inside = slopes
-    if len(used):
-        inner = (used * w) @ used.T
-        inside = slopes - np.linalg.lstsq(inner, (used * w) @ slopes.T, rcond=1e-12)[0].T @ used
-    return float(w @ (r * r)), gradient, 2 * (inside * w) @ inside.T, amplitudes
-
-
-def non_negative(gram: Array, along: Array) -> Array:
-    """The two amplitudes ≥ 0 of least squares, from G (2, 2) and Φ'y (2,)."""
-    determinant = gram[0, 0] * gram[1, 1] - gram[0, 1] ** 2
-    if determinant > CLOSE * gram[0, 0] * gram[1, 1]:
-        both = np.array([gram[1, 1] * along[0] - gram[0, 1] * along[1], gram[0, 0] * along[1] - gram[0, 1] * along[0]])
-        if both.min() >= 0:
-            return np.asarray(both / determinant)
-    alone = np.maximum(along, 0.0) / np.diagonal(gram)
-    best = int(np.argmax(alone * along))
-    return np.where(np.arange(2) == best, alone, 0.0)
-
-
 LEAST_LOG, MOST_LOG = np.log(1e-9), np.log(1e12)
 CLEAR = 1e-3
 """A start this much above the best, after its steps, is another minimum and no rival."""
@@ -188,20 +129,14 @@ def fit_level(data: Data, share: float | None, starts: Array | None = None) -> F
 
     `starts` are θ = (T_s, τ1, τ2, C) to begin from, shape (4, n), instead of our own.
     """
-    if share is None:
-        limit = RECORDS_FREE * data.longest_s
-        problem = free_problem(data, limit)
-        begin = free_starts(data) if starts is None else [np.log(np.clip(x, TAU_FLOOR_S, limit)) for x in starts[1:3].T]
-        end, solver, _ = minimised(problem, begin)
-        fast, slow = projected(end.x, data.points)[3]
-        theta = np.array([fast + slow, *np.exp(end.x), fast / (fast + slow) if fast + slow > 0 else 1.0])
-    else:
-        limit = RECORDS * data.longest_s
-        problem = level_problem(data, share, limit)
-        starts = starting_curves(data, share).theta if starts is None else starts
-        begin = [_unknowns(theta, limit) for theta in starts.T]
-        end, solver, _ = minimised(problem, begin)
-        theta = _theta(end.x, share)
+    limit = (RECORDS_FREE if share is None else RECORDS) * data.longest_s
+    problem = level_problem(data, share, limit)
+    if starts is None:
+        shares = SHARES if share is None else (share,)
+        starts = np.concatenate([starting_curves(data, c).theta for c in shares], axis=1)
+    begin = [_unknowns(theta, limit)[: 4 if share is None else 3] for theta in starts.T]
+    end, solver, _ = minimised(problem, begin)
+    theta = _theta(end.x, share)
     return _row(float(data.u[0]), [float(value) for value in theta], end.cost, data.samples, solver)
 
 
@@ -211,33 +146,46 @@ def _row(level: float, theta: Sequence[float], sse: float, samples: int, solver:
     return FrictionLevel(level, Ts, tau1, tau2, share, rmse=rmse, sse=sse, samples=samples, solver=solver)
 
 
-def level_problem(data: Data, share: float, limit: float) -> Problem:
-    """Eq. (3) for one level in x = (T_s, ln τ1, ln τ2) on the compressed points."""
+def level_problem(data: Data, share: float | None, limit: float) -> Problem:
+    """Eq. (3) for one level in x = (T_s, ln τ1, ln τ2), and C last where it is free, on the compressed points."""
     points = data.points
-    shares = weighted_shares(np.array([share]), points)
+    rows, least, names = tau_limits(limit)
+    A = np.block([[np.eye(1, 3)], [np.zeros((len(rows), 1)), rows]])
+    b, names = np.append(0.0, least), ("Ts-zero", *names)
+    floor = ROUNDING * data.energy
+    if share is None:
+
+        def free(x: Array) -> tuple[float, Array, Array]:
+            theta = _theta(x, None)[:, None]
+            cost, gradient, curvature = level_normal(theta, points)
+            scale = np.array([1.0, theta[1, 0], theta[2, 0], 1.0])
+            return float(cost[0]), gradient[:, 0] * scale, curvature[0] * np.outer(scale, scale)
+
+        last = np.zeros((2, 4))
+        last[:, 3] = 1.0, -1.0
+        A, b = np.concatenate([np.pad(A, ((0, 0), (0, 1))), last]), np.append(b, [0.0, -1.0])
+        return Problem(free, A, b, (*names, "C-zero", "C-one").__getitem__, None, floor)
+    shares, held = weighted_shares(np.array([share]), points), share
 
     def normal(x: Array) -> tuple[float, Array, Array]:
-        theta = _theta(x, share)[:, None]
+        theta = _theta(x, held)[:, None]
         cost, gradient, curvature = by_log(theta, log_products(theta, shares, points))
         return float(cost[0]), gradient[:, 0], curvature[0]
 
     def exact(x: Array) -> Array:
-        return np.asarray(log_curvature(_theta(x, share)[:, None], shares, points)[1][0])
+        return np.asarray(log_curvature(_theta(x, held)[:, None], shares, points)[1][0])
 
-    rows, least, names = tau_limits(limit)
-    A = np.block([[np.eye(1, 3)], [np.zeros((len(rows), 1)), rows]])
-    b, names = np.append(0.0, least), ("Ts-zero", *names)
-    return Problem(normal, A, b, names.__getitem__, exact, ROUNDING * data.energy)
+    return Problem(normal, A, b, names.__getitem__, exact, floor)
 
 
 def _unknowns(theta: Array, limit: float) -> Array:
     tau1 = min(max(theta[1], TAU_FLOOR_S), limit)
-    return np.array([max(theta[0], 0.0), np.log(tau1), np.log(min(max(theta[2], tau1), limit))])
+    return np.array([max(theta[0], 0.0), np.log(tau1), np.log(min(max(theta[2], tau1), limit)), theta[3]])
 
 
-def _theta(x: Array, share: float) -> Array:
+def _theta(x: Array, share: float | None) -> Array:
     tau1, tau2 = np.exp(np.clip(x[1:3], LEAST_LOG, MOST_LOG))  # SLSQP may look far outside before it comes back
-    return np.array([x[0], tau1, tau2, share])
+    return np.array([x[0], tau1, tau2, np.clip(x[3], 0.0, 1.0) if share is None else share])
 
 
 def fit_levels(data: Data, share: float | None) -> list[FrictionLevel]:
