@@ -16,7 +16,7 @@ from eaid.estimate.data import Data, linear_findings, missed
 from eaid.estimate.huber import huber_findings, minimise
 from eaid.estimate.levels import LEAST_LOG, MOST_LOG
 from eaid.estimate.points import Points, Record, by_log, decay, log_curvature, log_products, weighted_shares
-from eaid.estimate.solver import ROUNDING, SETTLED, Problem, descend, judged, last_step, minimised, slsqp
+from eaid.estimate.solver import ROUNDING, Problem, minimised, slsqp
 from eaid.findings import Finding
 from eaid.models import linear as model
 from eaid.models.parameters import Linear as LinearModel
@@ -30,10 +30,6 @@ A0_GRID = 40
 """Time constants on the starting grid."""
 MOST = 3
 """Starts from it."""
-ENOUGH = 1e-16
-"""Steps of single levels end where another predicts less than this part of the cost on the points."""
-CLOSE = 1e-9
-"""Determinant of a curvature, over the product of its diagonal, below which gain and τ are one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,39 +147,8 @@ def _is_minimum(costs: Array) -> NDArray[np.bool_]:
 
 
 def fit_each_level(data: Data) -> list[FirstOrder]:
-    """τ and gain of each level on its own: all together, and judged together.
-
-    A level that has several minima over τ, or has not settled, is fitted alone.
-    """
-    low, high, first = _limits(data)
-    grid = np.geomspace(first, 3 * data.longest_s, A0_GRID)
-    square, along = _by_tau(data, grid)
-    costs = -(along**2) / square
-    best, every = costs.argmin(axis=1), np.arange(len(costs))
-
-    def within(x: Array, step: Array) -> Array:
-        tried = x - np.clip(step, (-np.inf, -2.0), (np.inf, 2.0))
-        return np.clip(tried, (-np.inf, np.log(low)), (np.inf, np.log(high)))
-
-    start = np.stack([(along / square)[every, best], np.log(grid[best])], axis=1)
-    sums = Sums(data.points)
-    x = descend(sums.normal, start, 12, ENOUGH, within).x
-    cost, slope, _ = sums.normal(x)
-    H, tau = sums.exact(x), np.exp(x[:, 1])
-    whole = (_is_minimum(costs).sum(axis=1) == 1) & (tau > 1.001 * low) & (tau < 0.999 * high) & (cost > 0)
-    whole &= np.linalg.det(H) > CLOSE * H[:, 0, 0] * np.abs(H[:, 1, 1])
-    step, predicted = last_step(cost, slope, H, whole)
-    found = []
-    for i, decrease in enumerate(predicted.tolist()):
-        if decrease > SETTLED:
-            found.append(fit_first_order(data.one(i), np.ones((1, 1))))
-            continue
-        gain, log_tau = x[i] - step[i]
-        settled = float(np.exp(log_tau))
-        left = first_order_residual(settled, float(gain), data.records[i])
-        solver = judged(decrease, A0_GRID, (float(cost[i]),))
-        found.append(FirstOrder(settled, np.array([gain]), float(left @ left), solver))
-    return found
+    """τ and gain of each level on its own."""
+    return [fit_first_order(data.one(i), np.ones((1, 1))) for i in range(len(data.u))]
 
 
 @dataclass(frozen=True, eq=False)

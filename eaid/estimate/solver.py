@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize, nnls
 
 from eaid.arrays import Array
@@ -452,15 +451,3 @@ def descend(
         # where τ1 and τ2 have met, two rows of the curvature are one, and only damping keeps it from being singular
         damping = np.where(moved, np.maximum(damping / 10, 1e-12), damping * 10)
     return Descent(x, cost, gradient, curvature, predicted)
-
-
-def last_step(cost: Array, gradient: Array, curvature: Array, inside: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """The Newton step of each row, (N, n), and what it predicts relative to the cost, (N,); no step, ∞ if not `inside`.
-
-    Where that is next to nothing the row has ended, and the step is still taken: the unknowns show it, the cost does
-    not.
-    """
-    H = np.where(inside[:, None, None], curvature, np.eye(gradient.shape[1]))
-    step = np.where(inside[:, None], solved(H, gradient), 0.0)
-    predicted = 0.5 * (gradient * step).sum(axis=1) / np.where(inside, cost, 1.0)
-    return step, np.where(inside, predicted, np.inf)
