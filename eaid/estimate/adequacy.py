@@ -11,9 +11,9 @@ import numpy as np
 from scipy.special import fdtri
 
 from eaid.arrays import Array
-from eaid.estimate.level_statistics import LevelStatistics, free_parameters, log_theta, refit
+from eaid.estimate.level_statistics import LevelStatistics, log_theta, refit
 from eaid.estimate.linear import fit_each_level
-from eaid.estimate.points import Points, level_costs
+from eaid.estimate.points import Points, level_normal
 from eaid.estimate.runs import run_residuals, t_quantile
 from eaid.estimate.share import Share
 from eaid.estimate.solver import descend
@@ -326,8 +326,8 @@ def _free_share(base: LevelStatistics, two: Array) -> Array:
     held = np.array([log_theta(curve, True) for curve in curves])
     half = np.where(np.arange(4) == 3, 0.0, held)
     twice = points.rows(np.tile(np.arange(len(curves)), 2))
-    costs = refit(twice, np.concatenate([held, half]), free_parameters(True)).cost.reshape(2, -1)
-    above = two - level_costs(np.array([[c.Ts, c.tau1, c.tau2, c.C] for c in curves]).T, points)
+    costs = refit(twice, np.concatenate([held, half]), np.ones(4, dtype=bool)).cost.reshape(2, -1)
+    above = two - level_normal(np.array([[c.Ts, c.tau1, c.tau2, c.C] for c in curves]).T, points)[0]
     return np.asarray(np.minimum(two, np.maximum(above + costs.min(axis=0), 0.0)))
 
 

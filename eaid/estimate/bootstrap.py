@@ -15,7 +15,7 @@ from eaid.estimate.basis import Basis
 from eaid.estimate.certainty import Estimate
 from eaid.estimate.data import Data, data_of
 from eaid.estimate.joint import nonlinear_problem
-from eaid.estimate.level_statistics import ENOUGH, free_parameters, log_theta, refit
+from eaid.estimate.level_statistics import ENOUGH, log_theta, refit
 from eaid.estimate.linear import Sums, refit_linear
 from eaid.estimate.points import Points, compress
 from eaid.estimate.solver import descend, slsqp
@@ -55,7 +55,10 @@ def bootstrap(
     model, linear, curves = fit.nonlinear, fit.linear, [row.curve for row in fit.friction.levels]
     data = data_of(levels)
     runs = [_compressed(level, len(data.points.y[0])) for level in levels]
-    start, free = np.array([log_theta(curve, True) for curve in curves]), free_parameters(fit.friction.C is None)
+    start, free = (
+        np.array([log_theta(curve, True) for curve in curves]),
+        np.array([True, True, True, fit.friction.C is None]),
+    )
     theta: list[Array] = []
     unknowns: list[Array] = []
     pooled: list[Array] = []

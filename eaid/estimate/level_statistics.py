@@ -161,11 +161,6 @@ def refit(points: Points, theta: Array, free: NDArray[np.bool_]) -> Descent:
     return descend(look, theta, NEWTON_STEPS, ENOUGH, within)
 
 
-def free_parameters(share_free: bool) -> NDArray[np.bool_]:
-    """T_s, τ1 and τ2, and C where it is one too."""
-    return np.array([True, True, True, share_free])
-
-
 SUPPOSED = np.geomspace(0.02, 20.0, 25)
 """τ2 that are tried, in units of the level's record."""
 FAR_NOMINAL = 0.999

@@ -173,19 +173,6 @@ def _compress_grid(t_s: Array, y: Array, uniform: bool) -> tuple[Array, Array, A
     return layout.nodes, layout.outputs(y), layout.weights
 
 
-def level_costs(theta: Array, points: Points) -> Array:
-    """Σ w (f − y)² alone, shape (…, L), for θ of shape (4, …, L)."""
-    Ts, tau1, tau2, share = theta[..., None]
-    e1, e2 = np.exp(points.t_s / -tau1), np.exp(points.t_s / -tau2)
-    e1 -= e2
-    e1 *= share
-    e1 += e2
-    residual = Ts - Ts * e1
-    residual -= points.y
-    residual *= points.root_w
-    return np.asarray(np.einsum("...p,...p->...", residual, residual))
-
-
 def level_normal(theta: Array, points: Points) -> tuple[Array, Array, Array]:
     """Cost (L,), gradient by θ (4, L) and Gauss–Newton curvature 2 J'WJ (L, 4, 4), all of one product of slopes."""
     Ts, tau1, tau2, share = theta
@@ -273,10 +260,6 @@ def _log_slopes(theta: Array, shares: Array, points: Points) -> tuple[Array, Arr
     return s, x
 
 
-TABLE = 128
-"""Length of the tabulated stretch of a geometric sequence."""
-
-
 @dataclass(frozen=True, eq=False)
 class Record:
     """Every sample of one level."""
@@ -300,8 +283,4 @@ def residuals(theta: Array, records: Sequence[Record]) -> list[Array]:
 
 def decay(record: Record, tau: float) -> Array:
     """e^(−t/τ) at every sample, shape (n,)."""
-    if not record.uniform or len(record.t_s) < 4 * TABLE:
-        return np.exp(record.t_s / -tau)
-    heads = np.exp(record.t_s[::TABLE] / -tau)
-    stretch = np.exp((record.t_s[:TABLE] - record.t_s[0]) / -tau)
-    return np.asarray(np.multiply.outer(heads, stretch).ravel()[: len(record.t_s)])
+    return np.asarray(np.exp(record.t_s / -tau))

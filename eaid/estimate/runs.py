@@ -9,6 +9,7 @@ With J = ∂f/∂log θ on the n samples of a level and A = J'J:
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TypeAlias, overload
 
 import numpy as np
@@ -288,7 +289,9 @@ def pooled_scatter(levels: Sequence[RunStatistics], usable: Mask | None = None) 
             components.append(VarianceComponents(np.full(len(levels), np.inf), np.eye(len(levels)), own))
             continue
         within = smoothed(h[:, k], x, own > 0)
-        between[k], q = paule_mandel(_total(own * v[:, k], within), total, float(v[own > 0, k].max()))
+        sums = own * v[:, k]
+        chi_square = partial(lambda s, h, a: float((s / (a + h)).sum()), sums, within)
+        between[k], q = paule_mandel(chi_square, total, float(v[own > 0, k].max()))
         pooled[:, k] = q * (between[k] + within) / repeats
         relative = v[:, k] / np.maximum(repeats * pooled[:, k], 1e-300)
         mixed = neighbours(own)
@@ -331,10 +334,6 @@ def common_shifts(levels: Sequence[RunStatistics], k: int) -> Array | None:
         return None
     chance = fdtrc(repeats - 1, (count - 1) * (repeats - 1), together / apart)
     return mean if chance < CHANCE else None
-
-
-def _total(weighted: Array, within: Array) -> Callable[[float], float]:
-    return lambda a: float((weighted / (a + within)).sum())
 
 
 def smoothed(within: Array, x: Array, counted: Mask) -> Array:
