@@ -36,8 +36,9 @@ from eaid.results import fit as results
 from eaid.results.common import Interval
 from eaid.steps.stepset import Level
 
-QUOTED_RECORDS = 2.0
-"""Record lengths that the interval of τ2 may reach to: beyond it would rest on the model's form alone."""
+QUOTED_RECORDS = 3.0
+"""Record lengths that the interval of τ2 may reach to: where most levels' reach further, none is quoted, for what is
+quoted would be what came out short by chance."""
 OPEN = float(np.log(3.0))
 """Half-width of the logarithm from which a parameter counts as open at a level."""
 OF_THE_SOLUTION = (
@@ -214,7 +215,8 @@ def nonlinear_part(
     part = msgspec.structs.replace(part, misfit=misfit or None)
     u, ends = base.duty_pct, first.intervals(base.duty_pct)
     longest = np.log([QUOTED_RECORDS * level.time_s[-1] for level in levels])
-    ends[1][2][ends[1][2] > longest] = np.inf
+    if 2 * (ends[1][2] > longest).sum() > len(levels):
+        ends[1][2] = np.inf
     wide = ~(0.5 * (ends[1] - ends[0]) <= OPEN)
     parts = parted(joint, part, u, ends)
     stands: results.Estimate = part
@@ -243,7 +245,8 @@ def nonlinear_part(
         covariance, variance, spare = white(c, levels)
         reach = t_quantile(spare) * np.sqrt(variance)
         ends = value - reach, value + reach, np.full(reach.shape, spare)
-    ends[1][2][ends[1][2] > longest] = np.inf
+    if 2 * (ends[1][2] > longest).sum() > len(levels):
+        ends[1][2] = np.inf
     if ci != "none":
         stands = with_intervals(stands, levels, c, covariance, ends, held, ci)
     model = results.Nonlinear.of(

@@ -22,17 +22,17 @@ from eaid.models.parameters import TAU_FLOOR_S
 Indices: TypeAlias = NDArray[np.intp]
 SHARES = (0.3, 0.5, 0.7, 0.85, 0.95)
 """Where a free C starts from."""
-GRID = 200
+GRID = 140
 """Time constants of the table."""
 LONGEST = 30.0
 """The longest, in records."""
-TRIED = 9
+TRIED = 7
 """Values tried at each input."""
 BANDS = (0.0, 0.1, 0.35, 1.0, 3.0, LONGEST)
 """Ends of the ranges of τ2, in records, each of which a search begins in."""
 REACH = (10.0, 4.0, 1.5)
 """How far up and down from the value before, in each round."""
-MOST = 8
+MOST = 6
 """Starts handed on."""
 TOUCHED = 20
 """Levels that τ2(u) is let touch τ1 at, at every second where there are as many."""
