@@ -218,6 +218,8 @@ def nonlinear_part(
     if 2 * (ends[1][2] > longest).sum() > len(levels):
         ends[1][2] = np.inf
     wide = ~(0.5 * (ends[1] - ends[0]) <= OPEN)
+    for name in (name for code in first.active for name in HELD_BY.get(code, ())):
+        wide[CURVES.index(name)] = True
     parts = parted(joint, part, u, ends)
     stands: results.Estimate = part
     unknowns, held, influence = first.coefficients, tuple(first.active), first.influence

@@ -73,7 +73,7 @@ def test_levels_that_no_polynomial_follows_are_told() -> None:
     made = stepset(wavy, gain=0.005)
     found = eaid.fit(made)
     (one,) = [one for one in found.findings if one.code == "polynomials-too-low"]
-    assert one.values["parameters"] [0] == "tau1" and found.nonlinear.misfit["tau1"] > 5 > found.nonlinear.misfit["Ts"]
+    assert one.values["parameters"][0] == "tau1" and found.nonlinear.misfit["tau1"] > 5 > found.nonlinear.misfit["Ts"]
 
 
 T_LONG = np.arange(1000) * 0.02

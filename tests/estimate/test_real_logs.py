@@ -11,7 +11,6 @@ pytestmark = pytest.mark.skipif(not REAL.is_dir(), reason="the recorded logs are
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason="τ1 and τ2 meet at every level, and the model is called identifiable")
 def test_clutch_of_three_seconds_overshoots_and_hides_tau2() -> None:
     """README of the logs: from 200 V up the force overshoots, and 3 s cannot identify a τ2 of 4 s."""
     logs = sorted((REAL / "ea-clutch").glob("*V=[23]00_*.csv.gz")) + sorted(

@@ -41,7 +41,7 @@ def test_a_long_record_bounds_it_and_a_short_one_does_not() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("record_s", [
-    pytest.param(5.0, marks=pytest.mark.xfail(strict=True, reason="9 of 100 curves quote a τ2, and 44 % of them hold")),
+    5.0,
     20.0,
 ])  # fmt: skip
 def test_quoted_intervals_and_alarms_of_a_few_sets(sets: Any, record_s: float) -> None:

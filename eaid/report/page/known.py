@@ -63,7 +63,7 @@ GLOSSARY: tuple[tuple[str, str, str], ...] = (
     ("sd", r"\bsd\b", "standard deviation: how far repeats scatter around their mean"),
     ("95 % interval", r"95 %", "range that holds the true value in 95 of 100 such experiments, if the model is right"),
     ("autocorrelation", r"autocorrelation", "how much a residual resembles itself a little later"),
-    ("joint, levels first", r"\blevels first\b", "all levels fitted at once; a size for each level first, curves after"),
+    ("joint, levels first", r"\blevels first\b", "all levels fitted at once; a size for each level first, then curves"),
     ("RC, PI", r"\bRC\b", "robust controller; controller that uses the error and its integral"),
     ("ρ, α, φ, Q_M, ε, γ", r"[ραφ]\b|Q_M", "terms of the robust controller's condition for stability, inequality (15)"),
     ("‖ξ‖", r"‖ξ‖", "size of the error and its integral taken together"),
