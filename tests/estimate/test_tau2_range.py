@@ -40,10 +40,7 @@ def test_a_long_record_bounds_it_and_a_short_one_does_not() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("record_s", [
-    5.0,
-    20.0,
-])  # fmt: skip
+@pytest.mark.parametrize("record_s", [5.0, 20.0])
 def test_quoted_intervals_and_alarms_of_a_few_sets(sets: Any, record_s: float) -> None:
     """5 s: no τ2, no curve is quoted; 20 s: all are, and none is told to outlast the record (10 of 10 sets were)."""
     true = np.array([sets.plant(float(u), sets.VARIANTS["base"]).tau2 for u in sets.LEVELS])
