@@ -6,7 +6,7 @@ from eaid.cli import console
 from eaid.findings import stops
 from eaid.report.tables.fits import judging_tables, model_tables
 from eaid.results.fit import Fit
-from eaid.results.summary import answer, doubts, runs
+from eaid.results.summary import answer, runs, warned
 
 PARTS = ("friction", "nonlinear", "linear", "release", "steps")
 
@@ -20,7 +20,7 @@ def show(fit: Fit, file: Path, tables: bool, verbose: bool) -> None:
     """The answer, the gravest warnings and what to do next; and all tables; with `verbose` those that judge it too."""
     after = "tune-rc" if fit.linear is not None and usable(fit) else "report"
     label = "stop   " if stops(fit.findings) else "warned "
-    for line in (*answer(fit), label + (", ".join(doubts(fit)) or "none"), f"next   eaid {after} {file}"):
+    for line in (*answer(fit), label + (", ".join(warned(fit)) or "none"), f"next   eaid {after} {file}"):
         console.line(line)
     shown = model_tables(fit, asked=False) if tables else []
     for table in [*shown, *(judging_tables(fit) if tables and verbose else ())]:

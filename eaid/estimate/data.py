@@ -132,24 +132,15 @@ def explains_little(outputs: Sequence[Array], residuals: Sequence[Array]) -> boo
     return missed > (1 - LITTLE) * spread and missed > FAR**2 * float(y @ y)
 
 
-SAME_COST = 1e-6
-"""Starts whose costs differ by less than this part have found the same minimum."""
-
-
 def fit_findings(
     p: Nonlinear, solver: Solver, active_at: Mapping[str, Sequence[float]], held_out: Sequence[float]
 ) -> list[Finding]:
-    """Doubts about the ten coefficients; `active_at`: the constraints that hold them, and where."""
+    """Warnings about the ten coefficients; `active_at`: the constraints that hold them, and where."""
     found = []
     if not solver.converged:
         found.append(finding("fit-not-converged", "nonlinear", predicted_decrease=solver.predicted_decrease))
     for code, at in active_at.items():
         found.append(finding("constraint-holds", "nonlinear", sorted({*at[:1], *at[-1:]}), constraint=code))
-    costs = solver.costs
-    best = min(costs)
-    higher = sum(cost > (1 + SAME_COST) * best for cost in costs)
-    if best > 0 and higher:
-        found.append(finding("starts-end-apart", "nonlinear", higher=higher, starts=len(costs)))
     if outside := [u for u in held_out if not p.u_range[0] <= u <= p.u_range[1]]:
         found.append(finding("held-out-beyond-the-levels", "nonlinear", outside))
     return found
@@ -165,7 +156,7 @@ def missed(subject: str, data: Data, residuals: Sequence[Array], model: Estimate
 def linear_findings(
     data: Data, p: Linear, solver: Solver | None, rows: Sequence[LinearLevel], bounds: Bounds
 ) -> list[Finding]:
-    """Doubts about the linear model and the bounds of B."""
+    """Warnings about the linear model and the bounds of B."""
     found = []
     if solver is not None and not solver.converged:
         found.append(finding("fit-not-converged", "linear", predicted_decrease=solver.predicted_decrease))

@@ -163,7 +163,7 @@ def trend_axis(stepset: StepSet, levels: Array) -> tuple[str, Array]:
 def friction_fit(
     stepset: StepSet, fits: Sequence[FrictionLevel], share: float | None
 ) -> tuple[Friction, list[Finding]]:
-    """The curves of all levels with the coefficient of friction and trends, and what is to be doubted of them."""
+    """The curves of all levels with the coefficient of friction and trends, and their warnings."""
     over, x = trend_axis(stepset, np.array([fit.level for fit in fits]))
     found = level_findings(stepset, fits)
     coefficient: list[float | None] = [None] * len(fits)

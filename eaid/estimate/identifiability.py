@@ -20,7 +20,7 @@ TAUS = {"tau1", "tau2"}
 
 def identifiable(found: Sequence[Finding]) -> bool:
     """Whether the data determine a model of which these findings are said, so that it may be used for gains."""
-    return not any(doubt.code in NOT_IDENTIFIABLE for doubt in found)
+    return not any(warning.code in NOT_IDENTIFIABLE for warning in found)
 
 
 def torque_half_width(stats: LevelStatistics, i: int) -> float:

@@ -145,7 +145,7 @@ def _log(p: Parameter) -> float:
 def _coefficients(
     trend: Trend, x: Array, y: Array, sd: Array | None, degrees: float
 ) -> tuple[tuple[Interval, ...] | None, str | None]:
-    """Intervals of one trend's coefficients, and the code of what is to be doubted of them."""
+    """Intervals of one trend's coefficients, and the code of their warnings."""
     if trend.at_bounds:
         return None, "trend-not-estimable"
     there = np.isfinite(y)

@@ -118,7 +118,7 @@ def _confirmed(ends: Sequence[EndPoint], basis: Basis, problem: Problem) -> Solu
 
 
 def nonlinear_fit(data: Data, options: FitOptions, held_out: Sequence[Level] = ()) -> tuple[Nonlinear, list[Finding]]:
-    """The joint estimate with its errors, and what is to be doubted of it."""
+    """The joint estimate with its errors, and its warnings."""
     solution, huber = minimise(
         data, options.loss, lambda d: fit_nonlinear(d, options.held_share), refit_nonlinear, full_residuals
     )

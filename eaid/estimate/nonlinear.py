@@ -42,7 +42,7 @@ quoted would be what came out short by chance."""
 OPEN = float(np.log(3.0))
 """Half-width of the logarithm from which a parameter counts as open at a level."""
 OF_THE_SOLUTION = (
-    "fit-not-converged", "constraint-holds", "starts-end-apart", "model-explains-little", "held-out-beyond-the-levels",
+    "fit-not-converged", "constraint-holds", "model-explains-little", "held-out-beyond-the-levels",
 )  # fmt: skip
 """Codes that are said of the joint fit only, where that is the estimate that stands."""
 OF_TAU2_ALONE = ("tau2-open", "tau2-outlasts-record", "no-level-determines-all")
@@ -73,7 +73,7 @@ def solved(levels: Sequence[Level], data: Data, share: float | None, loss: str, 
 
 
 def scores_of(one: Estimate, data: Data, held_out: Sequence[Level]) -> tuple[results.Estimate, list[Finding]]:
-    """The estimate with its errors, and what is to be doubted of it."""
+    """The estimate with its errors, and its warnings."""
     p = one.parameters
     left = residuals(one.basis.theta(one.coefficients, one.basis.M), data.records)
     part = scored(p, data, left, one.solver, held_out)

@@ -192,10 +192,10 @@ def _fit_steps(stepset: StepSet, options: FitOptions, progress: Callable[[], Non
     else:  # a staircase that never rests: no model of steps from rest
         result = Fit(data=data_part(stepset), uncertainty=Uncertainty("none"))
     shapes = shapes_of(stepset, options)
-    of_shapes = tuple(doubt for shape in shapes for doubt in shape.findings)
-    if not shapes and any(doubt.code in OTHER_SHAPES for doubt in (*result.findings, *stepset.all_findings)):
+    of_shapes = tuple(warning for shape in shapes for warning in shape.findings)
+    if not shapes and any(warning.code in OTHER_SHAPES for warning in (*result.findings, *stepset.all_findings)):
         shapes = with_step_intervals(stepset.level_steps, of_another_shape(stepset, options), options.ci)
-        of_shapes = merged([doubt for shape in shapes for doubt in shape.findings])
+        of_shapes = merged([warning for shape in shapes for warning in shape.findings])
     rows = between_rows(shapes) if "friction" in (options.model or ("friction",)) else ()
     if rows:
         part = result.friction or Friction(options.held_share)
@@ -229,8 +229,8 @@ SAID_BY = {"decays-under-hold": "output-decays-under-hold", "window-too-short": 
 
 def _not_said_again(of_runs: Sequence[Finding], of_the_fit: Sequence[Finding]) -> tuple[Finding, ...]:
     """Findings of runs that the fit does not say again of its levels."""
-    codes = {doubt.code for doubt in of_the_fit}
-    return tuple(doubt for doubt in of_runs if SAID_BY.get(doubt.code) not in codes)
+    codes = {warning.code for warning in of_the_fit}
+    return tuple(warning for warning in of_runs if SAID_BY.get(warning.code) not in codes)
 
 
 def given(options: FitOptions, stepset: StepSet) -> FitGiven:

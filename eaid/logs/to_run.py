@@ -162,7 +162,7 @@ SLOWEST_S = 90.0
 DAYS = ((30_000.0, 60_000.0), (700_000.0, 770_000.0))
 """First stamps in days: Excel's of 1982 to 2064, MATLAB's datenum of 1916 to 2108."""
 FASTEST_HZ = 50_000.0
-"""Sample rate beyond which a clock whose unit nobody gave is doubted."""
+"""Sample rate beyond which a clock whose unit nobody gave is warned of."""
 LONGEST_S = 3600.0
 """Span beyond which whole numbers of a clock whose unit nobody gave are no seconds."""
 
@@ -202,7 +202,7 @@ def time_scale(path: str, said: str | None, column: str, file_unit: str) -> Time
 def seconds_since_start(
     path: str, column: str, raw: NDArray[Any], scale: TimeScale
 ) -> tuple[Array, float, tuple[Finding, ...]]:
-    """Time since the first sample [s], shape (n,), the clock there [s], and what is doubtful in it.
+    """Time since the first sample [s], shape (n,), the clock there [s], and its warnings.
 
     `raw` rises; raises DataError where the column numbers the samples, or names a unit that its stamps contradict.
     """
@@ -228,7 +228,7 @@ def seconds_since_start(
             factor = 86400.0
             findings.append(finding("time-in-days", path, column=column))
         else:
-            findings.extend(_doubts(path, column, gone, usual))
+            findings.extend(_warnings(path, column, gone, usual))
     elif not scale.by_user and counted is not None and not math.isclose(factor * PER_S[counted], 1.0):
         raise DataError(
             f"{path}: column {column} says its unit, but its first stamp, {float(first):.10g}, counts "
@@ -240,7 +240,7 @@ def seconds_since_start(
     return read_only(gone if factor == 1.0 else gone * factor), float(first) * factor, tuple(findings)
 
 
-def _doubts(path: str, column: str, gone: Array, usual: float) -> list[Finding]:
+def _warnings(path: str, column: str, gone: Array, usual: float) -> list[Finding]:
     """What speaks against seconds in a clock whose unit nobody gave."""
     if 0 < usual < 1.0 / FASTEST_HZ:
         likely = "d" if usual < 2e-7 else "min"

@@ -123,7 +123,7 @@ def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Call
     widths = measured or plan.half_width_pct
     excess = over(widths, options.want)
     worst = max(excess, key=excess.__getitem__)
-    findings = _doubts(rig)
+    findings = _warnings(rig)
     if excess[worst] > 1:
         scatter = 100 * dict(zip(PARAMETERS, rig.design_noise.scatter, strict=True))[worst]
         values: dict[str, Value] = {
@@ -158,7 +158,7 @@ def refuse_widths(wanted: Mapping[str, float]) -> None:
         )
 
 
-def _doubts(rig: FittedRig) -> list[Finding]:
+def _warnings(rig: FittedRig) -> list[Finding]:
     """What of the fit no plan can mend, or the plan has to guess."""
     findings = [] if rig.known else [finding("plan-assumes-noise", "plan")]
     decays = [each for each in rig.fit.findings if each.code == "output-decays-under-hold"]

@@ -80,7 +80,7 @@ def refuse(logs: Sequence[RecordedLog]) -> None:
 
 
 def input_findings(logs: Sequence[RecordedLog], levels: Array, stepwise: bool) -> list[Finding]:
-    """What is doubtful in the inputs, log by log and together."""
+    """Warnings in the inputs, log by log and together."""
     found = [one for log in logs for one in (_fast(log), _saturated(log), _clipped(log)) if one is not None]
     found += [
         finding("input-never-moves", log.name, level=float(log.input[0]))

@@ -37,8 +37,8 @@ def plain_head(head: Head) -> dict[str, object]:
             del content[name]
     found = content.pop("findings")
     exercise = to_plain(head.exercise) if head.exercise is not None else {}
-    doubts = {"findings": found, "warnings": [each["text"] for each in found]} if found else {}
-    return {"eaid": __version__, **content, **exercise, **doubts}
+    warned = {"findings": found, "warnings": [each["text"] for each in found]} if found else {}
+    return {"eaid": __version__, **content, **exercise, **warned}
 
 
 def plain_metrics(metrics: Metrics) -> dict[str, object]:

@@ -258,7 +258,7 @@ def simulate(
     what = "log" if runs is not None else "reference" if reference is not None else options.scenario or "multisine"
     options.check_for(what)
     scales = scales_of(fit, plant_of(fit))
-    setup, doubts = set_up(fit, gains, options, what, scales)
+    setup, warned = set_up(fit, gains, options, what, scales)
     if runs is not None:
         records, head, more = _logs(setup, runs)
     elif what == "rehab":
@@ -269,7 +269,7 @@ def simulate(
     head = msgspec.structs.replace(
         head, scenario=what, seed=options.seed, input_unit=fit.data.input_unit, output_unit=fit.data.output_unit,
         rig=RigRecord(**asdict(setup.rig)), perturb=dict(options.perturb), synthetic=fit.data.synthetic,
-        unidentified=_unidentified(fit, gains), findings=ranked([*doubts, *more]),
+        unidentified=_unidentified(fit, gains), findings=ranked([*warned, *more]),
     )  # fmt: skip
     return Replay(head, records)
 

@@ -1,4 +1,4 @@
-"""fit.json as types: what was fitted, how well, how sure, and what is to be doubted.
+"""fit.json as types: what was fitted, how well, how sure, and what to be warned of.
 
 Keys are the paper's symbols, polynomials lowest power first, units those of the rig (`data.input_unit`,
 `data.output_unit`); time constants in s.
@@ -594,7 +594,7 @@ class Fit(Shown, Result, frozen=True):
         return frames.predict(self, duty, t, model)
 
     def summary(self) -> str:
-        """The fit in a few lines: fit %, T_s, τ1, τ2 with intervals, which estimate was taken, what is doubtful."""
+        """The fit in a few lines: fit %, T_s, τ1, τ2 with intervals, which estimate was taken, warnings."""
         from eaid.results.summary import fit_summary
 
         return in_python("\n".join(fit_summary(self)))

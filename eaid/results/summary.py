@@ -1,4 +1,4 @@
-"""A fit in a few lines: how well it follows, T_s, τ1 and τ2 where it matters, which estimate, what is doubtful."""
+"""A fit in a few lines: how well it follows, T_s, τ1 and τ2 where it matters, which estimate, warnings."""
 
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, TypeVar
@@ -60,7 +60,7 @@ def answer(fit: "Fit") -> list[str]:
     return lines
 
 
-def doubts(fit: "Fit") -> tuple[str, ...]:
+def warned(fit: "Fit") -> tuple[str, ...]:
     """The three gravest findings that are more than notes, by their codes: `repeats disagree`, `τ2 open`."""
     grave = [one for one in ranked(merged(fit.findings)) if one.severity != "note"][:MOST]
     return tuple(one.code.replace("-", " ").replace("tau", "τ") for one in grave)

@@ -1,1 +1,1 @@
-"""Run → StepSet: step, level, baseline, window; averages of repeats; what is doubtful."""
+"""Run → StepSet: step, level, baseline, window; averages of repeats; warnings."""

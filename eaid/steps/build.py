@@ -1,4 +1,4 @@
-"""Runs → the step set that is fitted: cut, sorted by level, repeats averaged, with findings on what is doubtful."""
+"""Runs → the step set that is fitted: cut, sorted by level, repeats averaged, with findings on warnings."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from eaid.findings import Finding, finding
 from eaid.logs.run import Kind, Run
 from eaid.options import ReadOptions
 from eaid.steps.baseline import without_spikes
-from eaid.steps.checks import disagreements, doubts, same_ceiling
+from eaid.steps.checks import disagreements, same_ceiling, step_warnings
 from eaid.steps.cut import cut_runs, level_steps
 from eaid.steps.levels import common, grouped, same_level, wanted_levels
 from eaid.steps.noise import STANDARD_ERRORS, block_error, block_means, idle_density, line
@@ -178,9 +178,9 @@ def _apparatus(runs: Sequence[Run], options: ReadOptions, kind: Kind) -> Apparat
 def _averaged(
     groups: Sequence[Sequence[Run]], signs: Direction, input_unit: str | None = None
 ) -> tuple[list[Level], list[RunRecord]]:
-    """The repeats of each group as one, and every run with what is doubtful in it.
+    """The repeats of each group as one, and every run with its warnings.
 
-    With `input_unit`, repeats that disagree are doubtful too.
+    With `input_unit`, repeats that disagree are warned of too.
     """
     averaged: list[Level] = []
     records: list[RunRecord] = []
@@ -189,8 +189,8 @@ def _averaged(
         averaged.append(common(steps))
         disagree = [] if input_unit is None else disagreements(averaged[-1], input_unit)
         for step in steps:
-            found = [*signs.findings, *doubts(step), *disagree]
-            of_run = [doubt for doubt in found if doubt.subject == step.run.name]
+            found = [*signs.findings, *step_warnings(step), *disagree]
+            of_run = [warning for warning in found if warning.subject == step.run.name]
             records.append(_record(step, (*step.run.findings, *of_run)))
     return averaged, records
 

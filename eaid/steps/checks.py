@@ -1,4 +1,4 @@
-"""What is doubtful in a recorded step, as findings; each check is a row of a table (specification 2, Fig. 6).
+"""Warnings in a recorded step, as findings; each check is a row of a table (specification 2, Fig. 6).
 
 Levels of torque are compared by means of blocks, so that noise and rotor ripple do not count as change.
 """
@@ -413,10 +413,10 @@ CHECKS: tuple[tuple[Callable[[Step], Finding | None], tuple[Edge, ...]], ...] = 
 """Every check of one run, a finding or nothing, and the edges that it is for."""
 
 
-def doubts(step: Step) -> tuple[Finding, ...]:
-    """All that is doubtful in one step, in the order of the table."""
+def step_warnings(step: Step) -> tuple[Finding, ...]:
+    """All warnings of one step, in the order of the table."""
     checks = (check(step) for check, for_edges in CHECKS if step.run.edge in for_edges)
-    return tuple(doubt for doubt in checks if doubt is not None)
+    return tuple(warning for warning in checks if warning is not None)
 
 
 def disagreements(level: Level, unit: str) -> list[Finding]:

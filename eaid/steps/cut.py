@@ -374,8 +374,8 @@ def _with_baselines(steps: list[Run], rule: BaselineRule) -> list[Run]:
         elif step.baseline is None:
             start = first_samples(step.output[sample_at(step, step.step_s or 0.0) :])
             known = any(said.code == "step-at-first-sample" for said in step.findings)
-            doubt = () if known else (finding("no-rest-before-step", step.name, start=start, unit=step.output_unit),)
-            step = replace(step, baseline=start, findings=(*step.findings, *doubt))
+            warning = () if known else (finding("no-rest-before-step", step.name, start=start, unit=step.output_unit),)
+            step = replace(step, baseline=start, findings=(*step.findings, *warning))
         if step.edge == "falling" and step.from_level == 0.0 and idle is not None:
             step = replace(step, baseline=idle)
         else:

@@ -106,7 +106,7 @@ class LevelStep:
 
 @dataclass(frozen=True)
 class RunRecord:
-    """One row of the run table: where a run came from and what is doubtful in it."""
+    """One row of the run table: where a run came from and its warnings."""
 
     name: str
     source: str

@@ -68,7 +68,6 @@ FIT_ROWS: dict[str, Row] = {
         "another shape there, not spikes; these levels count less, compare with «loss» squares"
     ),
     "constraint-holds": caution(_constraint, rank=3),
-    "starts-end-apart": note("{higher} of {starts} starts ended at a higher cost; the least is given"),
     "held-out-beyond-the-levels": note(
         "held-out level {levels} lies outside the fitted ones: the model, held at its edge there, predicts nothing"
     ),

@@ -1,4 +1,4 @@
-"""Sentences about logs: what reading had to do, and what is doubtful in what was read."""
+"""Sentences about logs: what reading had to do, and warnings about what was read."""
 
 from eaid.findings.row import Row, Values, caution, note, stop
 
