@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-import eaid
 from eaid.estimate.certainty import levels_first
 from eaid.estimate.data import data_of
 
@@ -85,4 +84,3 @@ def test_one_size_at_a_level_whatever_surface_tells_it(small_fit: Any) -> None:
     row = small_fit.nonlinear.curves[1]
     assert small_fit.predict(row.level, [1e6]).iloc[0, 0] == pytest.approx(row.Ts, rel=1e-12)
     assert f"{row.Ts:.3g} ({row.ci95.Ts[0]:.3g}" in small_fit.summary()
-    assert isinstance(small_fit, eaid.Fit)

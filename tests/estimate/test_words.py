@@ -45,23 +45,6 @@ def test_a_window_too_short_for_tau2(sets: Any) -> None:
     assert sure.friction is not None and not any(row.ci95.tau2 for row in sure.friction.levels if row.ci95)
 
 
-def test_every_level_of_many_leaves_b0_to_the_convention(sets: Any) -> None:
-    curves = {float(u): sets.plant(float(u), sets.VARIANTS["base"]) for u in (20, 60, 100)}
-    sure = judged(noisy("clutch", "%", curves, 20.0))
-    assert sure.linear is not None and sure.linear.identifiable is True
-    (note,) = [one for one in sure.findings if one.code == "b0-by-convention"]
-    assert note.values == {"several": True} and note.severity == "note"
-
-
-def test_merged_friction_rates() -> None:
-    """τ2 = (5 + 0.6 Ω) e^(−0.06 Ω): two equal rates, of which only the limit is known."""
-    curves = {float(rpm): Friction(1.0, 0.05, float((5 + 0.6 * rpm) * np.exp(-0.06 * rpm))) for rpm in range(5, 41, 5)}
-    sure = eaid.fit(noisy("friction-speed", "RPM", curves, 40.0, 1e-6))
-    assert sure.friction is not None
-    assert sure.friction.trends["tau2"].form == "merged-exponential"
-    assert {one.values["parameter"] for one in sure.findings if one.code == "trend-rates-merge"} >= {"tau2"}
-
-
 def test_at_a_constraint_nothing_is_estimable() -> None:
     """One exponential in truth: τ1 and τ2 meet, or τ2 has no end; no interval is given for what a constraint holds."""
     curves = {float(u): Friction(u / 25, 0.4, 0.4 + 1e-9) for u in (20, 40, 60, 80, 100)}
