@@ -58,11 +58,6 @@ class Estimate:
         """Forms of T_s, τ1, τ2."""
         return self.problem.basis
 
-    @property
-    def L(self) -> int:
-        """How many levels."""
-        return len(self.levels)
-
     @cached_property
     def at(self) -> Shape:
         """The levels' curves."""
@@ -83,7 +78,7 @@ class Estimate:
     def blocked(self) -> Array:
         """Rows of the active constraints over all unknowns."""
         rows = self.problem.problem().A[list(self.held)]
-        return np.concatenate([np.zeros((len(rows), self.L)), rows], axis=1)
+        return np.concatenate([np.zeros((len(rows), len(self.levels))), rows], axis=1)
 
     @cached_property
     def runs(self) -> Runs:
@@ -93,16 +88,16 @@ class Estimate:
     @property
     def by_levels(self) -> bool:
         """Whether levels of a single run show their scatter in their distance to the estimate."""
-        return self.L - self.problem.first >= LEVELS_TO_SPARE
+        return len(self.levels) - self.problem.first >= LEVELS_TO_SPARE
 
     @property
     def single_degrees(self) -> float:
         """Degrees of freedom of what levels of a single run show."""
-        return float(self.L - self.problem.first) if self.by_levels else FEW_DEGREES
+        return float(len(self.levels) - self.problem.first) if self.by_levels else FEW_DEGREES
 
     def influence_at(self, at: Shape) -> tuple[Influence, Array]:
         """How T_s/size of the levels and x answer to the runs at curves, and the Newton step from there, (L + p,)."""
-        L, p, problem = self.L, len(self.x), self.problem
+        L, p, problem = len(self.levels), len(self.x), self.problem
         w = np.broadcast_to(problem.data.points.w, problem.data.points.y.shape)
         ways = np.concatenate([at.phi[:, None] * self.size[:, None, None], at.slopes * at.Ts[:, None, None]], axis=1)
         take = np.zeros((L, 4, L + p))  # how T_s, τ1, τ2, C of a level go with the unknowns
@@ -123,13 +118,13 @@ class Estimate:
             return alone[0]
         by_level, information = problem.reduced(at)
         back = free_inverse(
-            np.einsum("kln,lkj,jlm->nm", problem.rows, information, problem.rows), self.blocked[:, self.L :]
+            np.einsum("kln,lkj,jlm->nm", problem.rows, information, problem.rows), self.blocked[:, len(self.levels) :]
         )
         for i in single.tolist():
             if self.by_levels:
                 own = problem.rows[:, i].T @ information[i] @ problem.rows[:, i]
                 score = -problem.rows[:, i].T @ by_level[i]
-                alone.append(np.append(np.zeros(self.L), corrected(own, back, score))[None])
+                alone.append(np.append(np.zeros(len(self.levels)), corrected(own, back, score))[None])
             else:
                 alone.append(problem.weight[i] * self._within_run(at, i) @ take[i])
         return np.concatenate(alone)
@@ -158,7 +153,9 @@ class Estimate:
         at, several = self.at, self.repeats > 1
         relative, known = None, 0.0
         if several.any():
-            variance = self.of_levels.of(np.eye(self.L, self.L + len(self.x))[several]).variance()[0]
+            variance = self.of_levels.of(np.eye(len(self.levels), len(self.levels) + len(self.x))[several]).variance()[
+                0
+            ]
             part = self.size[several] / np.maximum(at.Ts[several], 1e-3 * max(float(at.Ts.max()), 1e-300))
             relative = float(np.mean(self.repeats[several] * variance * part**2)) / self.repeats
             known = float((self.repeats - 1).sum())
@@ -185,9 +182,9 @@ class Estimate:
     @cached_property
     def answers(self) -> Array:
         """How the coefficients follow from T_s/size of the levels and x, (n, L + p)."""
-        first, found = self.problem.first, np.zeros((self.basis.size, self.L + len(self.x)))
-        found[:first, : self.L] = self.curve.gains * self.size * np.sqrt(self.curve.widened)
-        found[first:, self.L :] = np.eye(len(self.x))
+        first, found = self.problem.first, np.zeros((self.basis.size, len(self.levels) + len(self.x)))
+        found[:first, : len(self.levels)] = self.curve.gains * self.size * np.sqrt(self.curve.widened)
+        found[first:, len(self.levels) :] = np.eye(len(self.x))
         return found
 
     def with_levels(self, of_levels: Influence) -> Influence:

@@ -1,7 +1,6 @@
 """The friction curve of one level, Eq. (3), fitted in (T_s, ln τ1, ln τ2)."""
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -16,7 +15,6 @@ from eaid.estimate.solver import (
 )
 from eaid.estimate.starts import SHARES, Indices, bowls, table_of
 from eaid.models.parameters import TAU_FLOOR_S
-from eaid.results.common import Solver
 from eaid.results.fit import FrictionLevel
 
 GRID = 48
@@ -60,14 +58,9 @@ def fit_level(data: Data, share: float | None, starts: Array | None = None) -> F
         starts = np.concatenate([starting_curves(data, c)[1] for c in shares], axis=1)
     begin = [_unknowns(theta, limit)[: 4 if share is None else 3] for theta in starts.T]
     end, solver, _ = minimised(problem, begin)
-    theta = _theta(end.x, share)
-    return _row(float(data.u[0]), [float(value) for value in theta], end.cost, data.samples, solver)
-
-
-def _row(level: float, theta: Sequence[float], sse: float, samples: int, solver: Solver) -> FrictionLevel:
-    Ts, tau1, tau2, share = theta
-    rmse = math.sqrt(sse / samples)
-    return FrictionLevel(level, Ts, tau1, tau2, share, rmse=rmse, sse=sse, samples=samples, solver=solver)
+    Ts, tau1, tau2, C = _theta(end.x, share).tolist()
+    rmse, n = math.sqrt(end.cost / data.samples), data.samples
+    return FrictionLevel(float(data.u[0]), Ts, tau1, tau2, C, rmse=rmse, sse=end.cost, samples=n, solver=solver)
 
 
 def level_problem(data: Data, share: float | None, limit: float) -> Problem:
@@ -85,10 +78,15 @@ def level_problem(data: Data, share: float | None, limit: float) -> Problem:
             scale = np.array([1.0, theta[1, 0], theta[2, 0], 1.0])
             return float(cost[0]), gradient[:, 0] * scale, curvature[0] * np.outer(scale, scale)
 
+        def bent(x: Array) -> Array:
+            steps = 1e-5 * np.diag([max(abs(x[0]), 1e-300), 1.0, 1.0, 1.0])
+            rows = [(free(x + h)[1] - free(x - h)[1]) / (2 * h.sum()) for h in steps]
+            return np.asarray(0.5 * (np.array(rows) + np.array(rows).T))
+
         last = np.zeros((2, 4))
         last[:, 3] = 1.0, -1.0
         A, b = np.concatenate([np.pad(A, ((0, 0), (0, 1))), last]), np.append(b, [0.0, -1.0])
-        return Problem(free, A, b, (*names, "C-zero", "C-one").__getitem__, None, floor)
+        return Problem(free, A, b, (*names, "C-zero", "C-one").__getitem__, bent, floor)
     shares, held = weighted_shares(np.array([share]), points), share
 
     def normal(x: Array) -> tuple[float, Array, Array]:

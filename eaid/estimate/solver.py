@@ -18,6 +18,8 @@ NEAR = 1e-9
 """Slack of a row of A at which it counts as active, beside those that hold the Newton step."""
 TINY = 1e-280
 """Curvature below which nothing determines an unknown: its square root can still be squared and divided by."""
+MOST = 1e100
+"""Size of a whitened step beyond which there is none: only rounding determines it."""
 ROUNDING = 1e-15
 """A predicted is judged against at least this part of the sum of squared data: beneath it lies rounding."""
 
@@ -137,6 +139,8 @@ def newton_step(problem: Problem, x: Array, gradient: Array, curvature: Array) -
     if r[-1] == 0.0:
         return NewtonStep(np.zeros_like(x), 0.0, tuple(np.flatnonzero(multipliers > 0).tolist()))
     z = -r[:-1] / r[-1] * size - q
+    if not np.isfinite(z).all() or np.abs(z).max() > MOST:
+        return NewtonStep(np.zeros_like(x), 0.0, tuple(np.flatnonzero(multipliers > 0).tolist()))
     d, held = z @ back, np.flatnonzero(multipliers > 0)
     off, little = slack + problem.A @ d, rounding(problem)
     if (off < -little).any() or (off > little)[held].any():  # where next to nothing determines d, rounding leads off
