@@ -6,7 +6,7 @@ from pathlib import Path
 
 from benchmarks.table import Row, machine, markdown
 
-ALL = ("fit_speed", "processes", "reading", "replay_speed", "size")
+ALL = ("fit_speed", "processes", "reading", "replay_speed")
 TABLE = Path(__file__).parent.parent / "bench.md"
 
 

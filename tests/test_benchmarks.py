@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
-from benchmarks import coverage, fit_quality, fit_speed, mutants, processes, reading, replay_speed, size, stop_findings
+from benchmarks import coverage, fit_quality, fit_speed, mutants, processes, reading, replay_speed, stop_findings
 from benchmarks.table import markdown
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
@@ -17,7 +17,6 @@ pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
         (processes, {"COMMANDS": ("fit",), "RUNS": 1}, 4),
         (reading, {"FILES": 3, "ROWS": 20_000, "RUNS": 1}, 5),
         (replay_speed, {"SINGLE_S": 2.0, "MANY_S": 2.0, "PLANTS": 20, "RUNS": 1}, 3),
-        (size, {"SAMPLES": (1000, 2000), "LEVELS": (3, 5), "OVER_LEVELS": 2000, "PLANTS": (5, 10)}, 3),
     ],
     ids=lambda value: getattr(value, "__name__", ""),
 )
