@@ -153,9 +153,8 @@ class Estimate:
         at, several = self.at, self.repeats > 1
         relative, known = None, 0.0
         if several.any():
-            variance = self.of_levels.of(np.eye(len(self.levels), len(self.levels) + len(self.x))[several]).variance()[
-                0
-            ]
+            every = np.eye(len(self.levels), len(self.levels) + len(self.x))
+            variance = self.of_levels.of(every[several]).variance()[0]
             part = self.size[several] / np.maximum(at.Ts[several], 1e-3 * max(float(at.Ts.max()), 1e-300))
             relative = float(np.mean(self.repeats[several] * variance * part**2)) / self.repeats
             known = float((self.repeats - 1).sum())

@@ -8,12 +8,8 @@ from eaid.arrays import Array
 from eaid.estimate.basis import RECORDS, RECORDS_FREE
 from eaid.estimate.data import Data
 from eaid.estimate.points import by_log, level_normal, log_curvature, log_products, weighted_shares
-from eaid.estimate.solver import (
-    ROUNDING,
-    Problem,
-    minimised,
-)
-from eaid.estimate.starts import SHARES, Indices, bowls, table_of
+from eaid.estimate.solver import ROUNDING, Problem, minimised
+from eaid.estimate.starts import SHARES, Indices, bowls, sizes, table_of
 from eaid.models.parameters import TAU_FLOOR_S
 from eaid.results.fit import FrictionLevel
 
@@ -28,13 +24,9 @@ def starting_curves(data: Data, share: float) -> tuple[Indices, Array]:
     points = data.points
     table = table_of(points, share, GRID)
     level, first, second = bowls(table.gain, BOWLS)
-    if len(level) > len(points.y):
-        points = points.rows(level)
-    tau = np.maximum(table.grid[[first, second]], 1.01 * TAU_FLOOR_S)
-    phi = 1 - share * np.exp(-points.t_s / tau[0, :, None]) - (1 - share) * np.exp(-points.t_s / tau[1, :, None])
-    weighed = phi * points.w
-    Ts = np.maximum((weighed * points.y).sum(axis=1), 0.0) / np.maximum((weighed * phi).sum(axis=1), 1e-300)
-    return level, np.stack([Ts, *tau, np.full(len(level), share)])
+    tau1, tau2 = np.maximum(table.grid[[first, second]], 1.01 * TAU_FLOOR_S)
+    Ts = np.maximum(sizes(points.rows(level), tau1, tau2, share)[0], 0.0)
+    return level, np.stack([Ts, tau1, tau2, np.full(len(level), share)])
 
 
 def tau_limits(limit: float) -> tuple[Array, Array, tuple[str, ...]]:
@@ -78,7 +70,7 @@ def level_problem(data: Data, share: float | None, limit: float) -> Problem:
             scale = np.array([1.0, theta[1, 0], theta[2, 0], 1.0])
             return float(cost[0]), gradient[:, 0] * scale, curvature[0] * np.outer(scale, scale)
 
-        def bent(x: Array) -> Array:
+        def bent(x: Array) -> Array:  # second derivatives, from the exact gradient
             steps = 1e-5 * np.diag([max(abs(x[0]), 1e-300), 1.0, 1.0, 1.0])
             rows = [(free(x + h)[1] - free(x - h)[1]) / (2 * h.sum()) for h in steps]
             return np.asarray(0.5 * (np.array(rows) + np.array(rows).T))

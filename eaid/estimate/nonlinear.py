@@ -5,6 +5,7 @@ into the τ curves of the joint fit; its intervals count what separates it from 
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import msgspec
 import numpy as np
@@ -185,13 +186,13 @@ def of_joint(joint: results.Estimate, data: Data, first: Estimate) -> Influence:
     weighed, take = ways * points.w[:, None], basis.M.transpose(1, 0, 2)
     held = problem.A[problem.A @ x - problem.b < 1e-7 * (1 + np.abs(problem.b))]
     left = np.array([curve.Ts for curve in curves])[:, None] * ways[:, 0] - points.y
-    curvature = np.einsum("lin,lij,ljm->nm", take, weighed @ ways.transpose(0, 2, 1), take, optimize=True)
-    back, alone = free_inverse(curvature, held), [np.zeros((0, basis.size))]
+    swept, none = first.swept and bool((first.repeats > 1).all()), np.zeros((0, basis.size))
+    found, back = influence_of(weighed, ways, take, first.runs, held, none, first.single_degrees, swept)
+    alone = [none]
     for i in np.flatnonzero(first.repeats == 1).tolist():
         own = take[i].T @ weighed[i] @ ways[i].T @ take[i]
         alone.append(corrected(own, back, -take[i].T @ weighed[i] @ left[i])[None])
-    swept = first.swept and bool((first.repeats > 1).all())
-    return influence_of(weighed, ways, take, first.runs, held, np.concatenate(alone), first.single_degrees, swept)[0]
+    return replace(found, singles=np.concatenate(alone) @ back)
 
 
 def nonlinear_part(
@@ -214,9 +215,7 @@ def nonlinear_part(
     misfit, bent = misfits(first, base)
     part = msgspec.structs.replace(part, misfit=misfit or None)
     u, ends = base.duty_pct, first.intervals(base.duty_pct)
-    longest = np.log([QUOTED_RECORDS * level.time_s[-1] for level in levels])
-    if 2 * (ends[1][2] > longest).sum() > len(levels):
-        ends[1][2] = np.inf
+    leave_out_tau2(ends, levels)
     wide = ~(0.5 * (ends[1] - ends[0]) <= OPEN)
     for name in (name for code in first.active for name in HELD_BY.get(code, ())):
         wide[CURVES.index(name)] = True
@@ -247,8 +246,7 @@ def nonlinear_part(
         covariance, variance, spare = white(c, levels)
         reach = t_quantile(spare) * np.sqrt(variance)
         ends = value - reach, value + reach, np.full(reach.shape, spare)
-    if 2 * (ends[1][2] > longest).sum() > len(levels):
-        ends[1][2] = np.inf
+    leave_out_tau2(ends, levels)
     if ci != "none":
         stands = with_intervals(stands, levels, c, covariance, ends, held, ci)
     model = results.Nonlinear.of(
@@ -271,6 +269,13 @@ def nonlinear_part(
     return msgspec.structs.replace(fit, nonlinear=model, findings=(*others, *findings, *left_open, *bent, *told))
 
 
+def leave_out_tau2(ends: tuple[Array, Array, Array], levels: Sequence[Level]) -> None:
+    """No end of τ2 where most levels' lie beyond `QUOTED_RECORDS` records."""
+    beyond = ends[1][2] > np.log([QUOTED_RECORDS * level.time_s[-1] for level in levels])
+    if 2 * beyond.sum() > len(levels):
+        ends[1][2] = np.inf
+
+
 def parted(
     joint: results.Estimate, part: results.Estimate, u: Array, ends: tuple[Array, Array, Array]
 ) -> tuple[results.Disagreement, ...]:
@@ -286,9 +291,10 @@ def parted(
             out = np.flatnonzero(~((apart >= ends[0][k]) & (apart <= ends[1][k])))
         if len(out):
             i = int(out[np.abs(np.log(np.maximum(one[out], 1e-300) / np.maximum(other[out], 1e-300))).argmax()])
-            low, high = float(np.exp(ends[0][k, i])), float(np.exp(min(ends[1][k, i], 138.0)))
+            low, high = np.exp([ends[0][k, i], ends[1][k, i]]).tolist()
+            known = (low, high) if low > 0 and np.isfinite(high) else None
             at = tuple(u[out].tolist())
-            found.append(results.Disagreement(name, at, float(u[i]), float(one[i]), float(other[i]), (low, high)))
+            found.append(results.Disagreement(name, at, float(u[i]), float(one[i]), float(other[i]), known))
     return tuple(found)
 
 

@@ -180,12 +180,17 @@ def with_torque(x: Array, basis: Basis, data: Data, weight: Array) -> tuple[Arra
     """The unknowns with T_s(u) by least squares, and the weighted cost."""
     points, D = data.points, basis.M[0][:, basis.slices[0]]
     share = float(x[-1]) if basis.free_share else basis.share
-    tau1, tau2 = np.maximum(basis.M[1:3] @ x, TAU_FLOOR_S)[:, :, None]
-    phi = 1 - share * np.exp(-points.t_s / tau1) - (1 - share) * np.exp(-points.t_s / tau2)
-    square = (phi**2 * points.w).sum(axis=1)
+    tau1, tau2 = np.maximum(basis.M[1:3] @ x, TAU_FLOOR_S)
+    Ts, phi, square = sizes(points, tau1, tau2, share)
     root = np.sqrt(np.maximum(weight * square, 1e-300))
-    Ts = (phi * points.w * points.y).sum(axis=1) / np.maximum(square, 1e-300)
     x = x.copy()
     x[basis.slices[0]] = np.linalg.lstsq(D * root[:, None], Ts * root, rcond=None)[0]
     left = (D @ x[basis.slices[0]])[:, None] * phi - points.y
     return x, float((weight[:, None] * points.w * left**2).sum())
+
+
+def sizes(points: Points, tau1: Array, tau2: Array, share: float) -> tuple[Array, Array, Array]:
+    """The best T_s of each level at its time constants, (L,), φ (L, P), and Σ w φ², (L,)."""
+    phi = 1 - share * np.exp(-points.t_s / tau1[:, None]) - (1 - share) * np.exp(-points.t_s / tau2[:, None])
+    square = (phi**2 * points.w).sum(axis=1)
+    return (phi * points.w * points.y).sum(axis=1) / np.maximum(square, 1e-300), phi, square

@@ -70,7 +70,7 @@ class Solver(Result, frozen=True):
     message: str = ""
     """The verdict in words."""
     predicted_decrease: Number | None = None
-    """Of the cost by a further constrained Newton step on the full data, relative to the cost."""
+    """Of the cost by a further constrained Newton step, relative to the cost."""
     evaluations: Count = 0
     starts: tuple[StartCost, ...] = ()
     at_bounds: tuple[str, ...] = ()

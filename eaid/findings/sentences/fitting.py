@@ -145,7 +145,7 @@ def _share(v: Values) -> str:
 
 
 def _parted(v: Values) -> str:
-    ends = f" [{v['low']:.3g}, {v['high']:.3g}]" if v["low"] is not None else ", where a constraint holds it"
+    ends = f" [{v['low']:.3g}, {v['high']:.3g}]" if v["low"] is not None else ", not well known there"
     return f"{v['symbol']} at {v['worst']:g}: joint {v['joint']:.3g}, else {v['other']:.3g}{ends}"
 
 
