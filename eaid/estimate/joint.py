@@ -15,16 +15,7 @@ from eaid.estimate.basis import Basis, active_at, basis_of, constraints
 from eaid.estimate.data import Data, fit_findings, missed
 from eaid.estimate.huber import huber_findings, minimise
 from eaid.estimate.points import by_tau, level_normal, log_curvature, log_products, residuals, weighted_shares
-from eaid.estimate.solver import (
-    ROUNDING,
-    EndPoint,
-    Problem,
-    approach,
-    bring_in,
-    concluded,
-    ended,
-    slsqp,
-)
+from eaid.estimate.solver import ROUNDING, EndPoint, Problem, approach, bring_in, concluded, ended, slsqp
 from eaid.estimate.starts import form_starts, touching_starts
 from eaid.findings import Finding
 from eaid.models import nonlinear as model
