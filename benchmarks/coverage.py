@@ -24,8 +24,7 @@ import eaid
 from benchmarks.stop_findings import log, rise, wander
 from eaid.apparatus import Apparatus
 from eaid.arrays import Array
-from eaid.estimate.step_shapes import fit_step
-from eaid.estimate.workflow import with_interval
+from eaid.estimate.step_shapes import fit_step, with_interval
 from eaid.models import friction
 from eaid.models.nonlinear import at_duty
 from eaid.models.parameters import REFERENCE_PLANT, Friction
