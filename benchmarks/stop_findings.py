@@ -16,6 +16,7 @@ from scipy.signal import lfilter
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.estimate.step_shapes import fit_step
+from eaid.findings.sentences import SENTENCES
 from eaid.logs.run import Run
 from eaid.steps.build import build_stepset
 
@@ -257,7 +258,7 @@ def stops(runs: Sequence[Run], shapes: bool) -> set[str]:
     found = [*made.findings, *(one for run in made.runs for one in run.findings)]
     if shapes:
         found += [one for step in made.level_steps if step.edge == "up" for one in fit_step(step).findings]
-    return {one.code for one in found if one.severity == "stop"}
+    return {one.code for one in found if SENTENCES[one.code].severity == "stop" or one.code == "shape-explains-little"}
 
 
 def false_alarms(count: int, shapes: bool = True) -> Counter[str]:

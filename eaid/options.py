@@ -259,7 +259,7 @@ class TuneOptions(Chance):
     anti_windup: Literal["conditional", "back-calculation"] = option(
         "conditional", "How the integral is held at a limit.", ADVANCED, words="conditional|back-calculation"
     )
-    allow_unidentified: bool = option(False, "Use a fit that is marked not identifiable; marked.", ADVANCED)
+    anyway: bool = option(False, "Make gains of a fit that must not be used; they are marked.", ADVANCED)
 
     def agree(self) -> None:
         """Refuse options that mean nothing together."""

@@ -9,7 +9,7 @@ from eaid.declared import option, part
 from eaid.options import FitOptions, ReadOptions
 
 NOT_TO_BE_USED = 4
-"""Exit code of a fit that did not converge, or that a stop-finding speaks against; it is written, marked."""
+"""Exit code of a fit whose verdict is that it must not be used; it is written, marked."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +25,7 @@ class Arguments(Common, FitOptions, ReadOptions, Verbose):
 def command(args: Arguments) -> int:
     """Fit the models of the paper to recorded steps, and say how far they are to be trusted.
 
-    Exit code 4: a fit did not converge, or explains little; the result is written, marked.
+    Exit code 4: a model of the fit fails (it did not converge, or explains little); the result is written, marked.
 
     Example: eaid fit bench/ --levels 20:100 --hold-out 60 -o fit.json
     """
@@ -33,7 +33,7 @@ def command(args: Arguments) -> int:
 
     from eaid import api
     from eaid.cli import inputs
-    from eaid.cli.fit_tables import closing, show, usable
+    from eaid.cli.fit_tables import closing, show
     from eaid.files import refuse_to_overwrite
     from eaid.logs.folders import files_read
     from eaid.results import codec
@@ -50,7 +50,7 @@ def command(args: Arguments) -> int:
             show(result, args.output, args.tables or args.verbose, args.verbose)
     console.tell(result.findings, args.verbose)
     console.say(closing(result, args.output))
-    if usable(result):
+    if result.verdict.usable:
         return 0
     console.fail(f"{args.output}: is written and marked; do not use its numbers")
     return NOT_TO_BE_USED

@@ -3,24 +3,20 @@
 from pathlib import Path
 
 from eaid.cli import console
-from eaid.findings import stops
 from eaid.report.tables.fits import judging_tables, model_tables
 from eaid.results.fit import Fit
-from eaid.results.summary import answer, runs, warned
+from eaid.results.summary import answer, runs, verdict_line, warned
 
 PARTS = ("friction", "nonlinear", "linear", "release", "steps")
 
 
-def usable(fit: Fit) -> bool:
-    """Whether its numbers may be used: it converged, and no finding of severity stop stands."""
-    return bool(fit.converged) and not stops(fit.findings)
-
-
 def show(fit: Fit, file: Path, tables: bool, verbose: bool) -> None:
     """The answer, the gravest warnings and what to do next; and all tables; with `verbose` those that judge it too."""
-    after = "tune-rc" if fit.linear is not None and usable(fit) else "report"
-    label = "stop   " if stops(fit.findings) else "warned "
-    for line in (*answer(fit), label + (", ".join(warned(fit)) or "none"), f"next   eaid {after} {file}"):
+    usable = fit.verdict.usable
+    after = "tune-rc" if fit.linear is not None and usable else "report"
+    label = "warned " if usable else "stop   "
+    told = label + (", ".join(warned(fit)) or "none")
+    for line in (*verdict_line(fit), *answer(fit), told, f"next   eaid {after} {file}"):
         console.line(line)
     shown = model_tables(fit, asked=False) if tables else []
     for table in [*shown, *(judging_tables(fit) if tables and verbose else ())]:

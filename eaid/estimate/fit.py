@@ -97,7 +97,7 @@ def split(levels: Sequence[Level], hold_out: Sequence[float]) -> tuple[tuple[Lev
 
 def data_part(stepset: StepSet) -> FittedData:
     """What a fit is made from: kind, units, levels, the rig and the runs."""
-    rates = [run.rate_hz for run in stepset.runs]
+    rates = [run.rate_hz for run in stepset.runs if not run.left_out]
     if not rates:
         rates = [(len(level.time_s) - 1) / float(level.time_s[-1] - level.time_s[0]) for level in stepset.levels]
     return FittedData(
@@ -123,6 +123,7 @@ def data_part(stepset: StepSet) -> FittedData:
                 run.edge,
             )
             for run in stepset.runs
+            if not run.left_out
         ),
         inputs=tuple(Input(path, sha256) for path, sha256 in stepset.inputs),
         synthetic=stepset.synthetic,

@@ -16,6 +16,7 @@ from eaid.estimate.step_shapes import between_rows, of_another_shape, single_ste
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.options import FitGiven, FitOptions
 from eaid.results.fit import Fit, Friction, StepShape, Uncertainty
+from eaid.results.verdict import judged
 from eaid.steps.stepset import StepSet
 
 MOST = 1e60
@@ -73,7 +74,12 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
 
 def _fit_steps(stepset: StepSet, options: FitOptions, progress: Callable[[], None] | None) -> Fit:
     if stepset.levels or not stepset.level_steps:
-        result = with_intervals(stepset, fit(stepset, options), options, progress)
+        first = fit(stepset, options)
+        still = next((one for one in first.findings if one.code == "curve-explains-little"), None)
+        if still is not None and len(still.levels) < len(first.data.levels) - len(options.hold_out):
+            stepset = stepset.without(still.levels, still)
+            first = fit(stepset, options)
+        result = with_intervals(stepset, first, options, progress)
     else:  # a staircase that never rests: no model of steps from rest
         result = Fit(data=data_part(stepset), uncertainty=Uncertainty("none"))
     shapes = shapes_of(stepset, options)
@@ -88,13 +94,15 @@ def _fit_steps(stepset: StepSet, options: FitOptions, progress: Callable[[], Non
     result, unknown = quotable(result)
     beyond_measure = [finding("numbers-beyond-measure", "data", keys=unknown)] if unknown else []
     of_runs = _not_said_again(stepset.all_findings, result.findings)
-    return msgspec.structs.replace(
-        result,
-        steps=shapes,
-        options=given(options, stepset),
-        seed=options.seed,
-        converged=converged(result),
-        findings=ranked((*of_runs, *result.findings, *of_shapes, *beyond_measure)),
+    return judged(
+        msgspec.structs.replace(
+            result,
+            steps=shapes,
+            options=given(options, stepset),
+            seed=options.seed,
+            converged=converged(result),
+            findings=ranked((*of_runs, *result.findings, *of_shapes, *beyond_measure)),
+        )
     )
 
 

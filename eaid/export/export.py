@@ -7,7 +7,7 @@ from pathlib import Path
 from eaid.control.bounds import Bounds
 from eaid.control.margins import Feedback, Timing, is_stable, pi_feedback, rc_feedback
 from eaid.control.operating import operating_points
-from eaid.errors import GainsError, UsageError
+from eaid.errors import EaidError, GainsError
 from eaid.export.constants import unit_name
 from eaid.export.job import (
     UNKNOWN,
@@ -29,9 +29,7 @@ from eaid.options import ExportOptions
 from eaid.results import codec
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains, Margins, Robust
-
-OF_THE_PLANT = ("data", "nonlinear", "release", "logs")
-"""Subjects of a fit's findings that concern its plant."""
+from eaid.results.verdict import PLANT
 
 
 def judged(source: Source, laws: tuple[str, ...], rate_hz: float, options: ExportOptions) -> tuple[Finding, ...]:
@@ -43,12 +41,25 @@ def judged(source: Source, laws: tuple[str, ...], rate_hz: float, options: Expor
     return (*((finding("export-anyway", "export"),) if grave else ()), *found)
 
 
+def offered(gains: Gains, fit: Fit) -> tuple[str, ...] | None:
+    """The laws that would not be refused: None for all that these files hold, empty for none of them."""
+    try:
+        source = source_of(gains, fit)
+    except EaidError:
+        return ()
+    plain = ExportOptions()
+    laws = tuple(law for law in source.laws if not stops(_found(source, (law,), source.rate_hz, plain)))
+    return () if not {"pi", "rc"} & set(laws) else None if laws == source.laws else laws
+
+
 def _found(source: Source, laws: tuple[str, ...], rate_hz: float, options: ExportOptions) -> Iterator[Finding]:
     low, high = source.limits
     if not low <= options.duty_on_fault <= high:
         yield finding(
             "export-fault-outside", "export", duty=options.duty_on_fault, unit=source.units[0], low=low, high=high
         )
+    if source.quick_falls:
+        yield finding("export-quick-falls", "plant")
     if {"pi", "rc"} & set(laws) and source.gains is not None:
         yield from _gains(source, source.gains, laws, rate_hz)
     if {"inverse", "plant"} & set(laws):
@@ -58,11 +69,9 @@ def _found(source: Source, laws: tuple[str, ...], rate_hz: float, options: Expor
 def _gains(source: Source, gains: Gains, laws: tuple[str, ...], rate_hz: float) -> Iterator[Finding]:
     other_rate = abs(rate_hz - source.rate_hz) > 1e-6 * source.rate_hz
     yield from _unstable(source, laws, rate_hz, None if other_rate else gains.margins)
-    if gains.unidentified:
-        yield finding("export-unidentified", "gains", why=gains.unidentified)
+    if why := gains.not_usable or (source.fit.verdict.of("linear").why if source.fit is not None else ""):
+        yield finding("export-not-usable", "gains", why=why)
     yield from stops(gains.findings)
-    if source.fit is not None:
-        yield from (one for one in stops(source.fit.findings) if one.subject == "linear")
     if "rc" in laws and gains.rc is not None:
         yield _guarantee(gains, gains.rc)
     if other_rate:
@@ -119,14 +128,8 @@ def _feedback(source: Source, law: str, torque: float, duty: float) -> Feedback:
 
 def _plant(source: Source, laws: tuple[str, ...]) -> Iterator[Finding]:
     subject = "plant" if "plant" in laws else "inverse"
-    fit = source.fit
-    if fit is not None and fit.nonlinear is not None:
-        yield from (one for one in stops(fit.findings) if one.subject in OF_THE_PLANT)
-        if fit.nonlinear.identifiable is False:
-            why = "the records do not determine the nonlinear model"
-            yield finding("export-unidentified", subject, why=why)
-        if fit.nonlinear.solver is not None and not fit.nonlinear.solver.converged:
-            yield finding("export-not-converged", subject)
+    if source.fit is not None and (why := source.fit.verdict.of(*PLANT).why):
+        yield finding("export-not-usable", subject, why=why)
     if source.plant is not None and source.plant.release is None:
         yield finding("export-no-release", subject)
 
@@ -164,11 +167,6 @@ def export(
     refuse_folder(folder, force, OURS, "eaid export", (Path(each.path) for each in origin.inputs))
     source = source_of(gains, fit)
     laws = laws_of(source, options)
-    if {"inverse", "plant"} & set(laws) and source.plant is not None and source.plant.falls_as_release:
-        raise UsageError(
-            "the fit's falls between levels are as quick as its release, which an exported plant does not know; "
-            "export the controllers alone, «law» pi,rc"
-        )
     timing = timing_of(source, options)
     constants = constants_of(source, laws, timing)
     found = judged(source, laws, 1.0 / timing.dt_s, options)

@@ -58,8 +58,14 @@ class Source:
     @property
     def laws(self) -> tuple[str, ...]:
         """The laws that can be exported."""
-        held = (("pi", self.pi), ("rc", self.rc), ("inverse", self.plant), ("plant", self.plant))
+        plant = None if self.quick_falls else self.plant
+        held = (("pi", self.pi), ("rc", self.rc), ("inverse", plant), ("plant", plant))
         return tuple(name for name, value in held if value is not None)
+
+    @property
+    def quick_falls(self) -> bool:
+        """Whether falls between levels go as the release does, which no exported plant knows."""
+        return self.plant is not None and self.plant.falls_as_release
 
     @property
     def top(self) -> float:
@@ -246,10 +252,15 @@ class Job:
     """Largest torque of the rig [output unit]."""
 
 
+QUICK_FALLS = "the fit's falls between levels are as quick as its release, which an exported plant does not know"
+
+
 def laws_of(source: Source, options: ExportOptions) -> tuple[str, ...]:
     """The laws to export, in one order; UsageError where one is asked for that the inputs do not hold."""
     wanted = options.law if options.law is not None else source.laws
     for law in wanted:
+        if law not in source.laws and source.quick_falls:
+            raise UsageError(f"«law» {law}: {QUICK_FALLS}; export the controllers alone, «law» pi,rc")
         if law not in source.laws:
             need = "gains.json of eaid tune-rc" if law in ("pi", "rc") else "fit.json with a nonlinear model, «fit»"
             raise UsageError(f"«law» {law} needs what was not given: {need}")

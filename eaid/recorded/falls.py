@@ -7,14 +7,14 @@
 Each is an unknown (or two) beside the coefficients; Wald's test with the covariance of the coloured residuals.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import msgspec
 import numpy as np
 from scipy.stats import f as f_distribution
 
 from eaid.arrays import Array
-from eaid.findings import Finding, Value, finding
+from eaid.findings import Finding, finding
 from eaid.recorded.intervals import Spread, spread
 from eaid.recorded.response import Drive
 from eaid.recorded.solve import NOTHING, Solved, finished, with_extras
@@ -65,29 +65,15 @@ def tested(base: Solved, stepwise: bool) -> Tested:
     names = seen(base.setup.drives, base.setup.model.low, stepwise)
     if not names:
         return Tested(base, Falls(), (finding("release-not-seen", "release"),))
-    return _outcome(base, names)
-
-
-def _outcome(base: Solved, names: tuple[str, ...]) -> Tested:
-    """Fitted with all of them, judged, and fitted again with those that differ."""
-    whole = _with(base, names)
+    whole = with_falls(base, names)
     uncertainty = spread(whole)
     found, kept = _judged(whole, uncertainty, names)
     solved = base
     if kept:
-        solved = whole if kept == names else _with(base, kept)
+        solved = whole if kept == names else with_falls(base, kept)
         if kept != names:
             found = {**_judged(solved, spread(solved), kept)[0], **{k: v for k, v in found.items() if k not in kept}}
     return Tested(solved, _as_result(found, kept), _findings(solved, found, kept), kept)
-
-
-def tested_by_level(friction: Solved, asked: tuple[str, ...]) -> Tested:
-    """Levels by themselves: what differs with the nonlinear model, `asked`, is tested on them too."""
-    if not asked:
-        return Tested(friction, Falls(), (finding("friction-falls-alike", "friction"),))
-    outcome = _outcome(friction, asked)
-    values: dict[str, Value] = {name: name in outcome.kept for name in NOTHING}
-    return replace(outcome, findings=(finding("friction-falls", "friction", (), **values),))
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +97,8 @@ def as_rises(solved: Solved, name: str) -> Array:
     return edges(solved) if name == "rest" else np.array(NOTHING[name])
 
 
-def _with(base: Solved, names: tuple[str, ...]) -> Solved:
+def with_falls(base: Solved, names: tuple[str, ...]) -> Solved:
+    """The fit with some of rest, fall and excess as unknowns beside its own."""
     begin = np.concatenate([as_rises(base, name) for name in names])
     setup, x = with_extras(base.fitted, names, base.x, begin)
     return finished(setup, [x])

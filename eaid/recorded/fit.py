@@ -30,7 +30,7 @@ from eaid.recorded.as_results import (
     uncertainty_part,
 )
 from eaid.recorded.closed_loop import judged_loops, with_instrument
-from eaid.recorded.falls import tested, tested_by_level
+from eaid.recorded.falls import tested, with_falls
 from eaid.recorded.frequency import responses
 from eaid.recorded.intervals import asked, curves, never_asked, spread, widened
 from eaid.recorded.late import delay_findings
@@ -39,6 +39,7 @@ from eaid.recorded.noise import scatter_findings
 from eaid.recorded.solve import Solved, idle_of, model_of, setup_of, solve
 from eaid.results.fit import Fit
 from eaid.results.recorded import LogCurve, LogFit, Recorded
+from eaid.results.verdict import judged
 from eaid.steps.stepset import StepSet
 
 LEAST_ROWS = 10
@@ -261,9 +262,9 @@ def fit_whole(stepset: StepSet, options: FitOptions) -> Fit:
     fit = fit_recorded(stepset.recorded, options, stepset if stepset.levels else None, rest)
     shapes = workflow.shapes_of(stepset, options)
     of_shapes = tuple(each for shape in shapes for each in shape.findings)
-    return msgspec.structs.replace(
-        fit, options=workflow.given(options, stepset), steps=shapes, findings=ranked((*fit.findings, *of_shapes))
-    )
+    options_given = workflow.given(options, stepset)
+    findings = ranked((*fit.findings, *of_shapes))
+    return judged(msgspec.structs.replace(fit, options=options_given, steps=shapes, findings=findings))
 
 
 def fit_recorded(
@@ -330,16 +331,15 @@ def fit_recorded(
         found += never_asked(known) + scatter_findings(uncertainty.scatter)
     if base.instruments is None:
         found += delay_findings(base, logs, known)
-    linear, friction, by_level, line = None, None, None, None
+    linear, friction, line = None, None, None
     if "linear" in wanted:
         solved = solve(replace(setup, model=model.linear(inputs.basis, shortest, longest)))
         linear = linear_part(solved, base, inputs.basis)
         line = Eq8(linear.a0, linear.b0, linear.c0)
     if "friction" in wanted and inputs.stepwise and len(inputs.levels) <= FRICTION_LEVELS and share is not None:
         solved = solve(replace(setup, model=model.friction(inputs.levels, share, longest)))
-        by_level = tested_by_level(solved, () if tested_falls is None else tested_falls.kept)
-        friction = friction_part(by_level.solved)
-        found += by_level.findings if tested_falls is not None else ()
+        kept = () if tested_falls is None else tested_falls.kept
+        friction = friction_part(with_falls(solved, kept) if kept else solved)
     return Fit(
         findings=ranked(found),
         seed=options.seed,
@@ -356,7 +356,6 @@ def fit_recorded(
             u_range=(inputs.low, inputs.high),
             asked=() if known is None else asked(known, every),
             falls=None if tested_falls is None else tested_falls.falls,
-            friction_falls=None if by_level is None else by_level.falls,
             loops=loops,
             responses=responses(logs, model_of(base), line),
             engagements=0 if uncertainty is None else uncertainty.scatter.count,

@@ -32,7 +32,7 @@ AGAIN = "make it again with eaid simulate"
 def plain_head(head: Head) -> dict[str, object]:
     """What a replay says of itself, as files have it: the exercise's numbers stand beside the others."""
     content = {key: value for key, value in to_plain(head).items() if value is not None and key != "exercise"}
-    for name in ("band_quantiles", "unidentified"):
+    for name in ("band_quantiles", "not_usable"):
         if not content[name]:
             del content[name]
     found = content.pop("findings")

@@ -21,7 +21,7 @@ import numpy as np
 
 from eaid.arrays import Array, read_only
 from eaid.control.defaults import Scales, input_limits, is_duty, scales_of
-from eaid.control.gains import pi_gains, plant_of, rc_gains, why_not
+from eaid.control.gains import pi_gains, plant_of, rc_gains
 from eaid.control.rc import RCGains, rc_terms
 from eaid.errors import DataError, UsageError
 from eaid.estimate.draw import draw, drawable
@@ -42,6 +42,7 @@ from eaid.replay.rig import with_residual_noise
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.results.replay import Exercise, Head, Metrics, Record, Replay, RigRecord
+from eaid.results.verdict import PLANT
 
 
 @dataclass(frozen=True)
@@ -85,10 +86,8 @@ def set_up(
     if fit.dead_time_s > 0 and rig.delay_samples == 0:
         rig = replace(rig, delay_samples=round(fit.dead_time_s * rate_hz))
         findings.append(finding("dead-time-replayed", "nonlinear", dead_time_s=fit.dead_time_s))
-    why = why_not(fit, "nonlinear")
-    findings += [finding("plant-not-identifiable", "nonlinear", why=why)] if why else []
-    if gains is not None and gains.unidentified:
-        findings.append(finding("gains-not-identifiable", "gains", why=gains.unidentified))
+    for what_stands, why in _not_usable(fit, gains).items():
+        findings.append(finding("replay-not-usable", what_stands, why=why))
     plant = plant_parameters(perturbed(model, options.perturb))
     chosen = tuple(CONTROLLERS[name](known) for name in names)
     return Setup(fit, plant, known, chosen, rig, options, 1.0 / rate_hz), findings
@@ -269,14 +268,14 @@ def simulate(
     head = msgspec.structs.replace(
         head, scenario=what, seed=options.seed, input_unit=fit.data.input_unit, output_unit=fit.data.output_unit,
         rig=RigRecord(**asdict(setup.rig)), perturb=dict(options.perturb), synthetic=fit.data.synthetic,
-        unidentified=_unidentified(fit, gains), findings=ranked([*warned, *more]),
+        not_usable=_not_usable(fit, gains), findings=ranked([*warned, *more]),
     )  # fmt: skip
     return Replay(head, records)
 
 
-def _unidentified(fit: Fit, gains: Gains | None) -> dict[str, str]:
-    """What of a replay stands on a fit that its data do not determine, and why."""
-    reasons = {"plant": why_not(fit, "nonlinear"), "gains": gains.unidentified if gains is not None else ""}
+def _not_usable(fit: Fit, gains: Gains | None) -> dict[str, str]:
+    """What of a replay stands on a fit that must not be used, and why."""
+    reasons = {"plant": fit.verdict.of(*PLANT).why, "gains": (gains.not_usable or "") if gains is not None else ""}
     return {name: why for name, why in reasons.items() if why}
 
 

@@ -13,7 +13,7 @@ from eaid.control.defaults import (
     with_own_pi,
 )
 from eaid.control.design import condition, design, guarantee, least_phi, mismatches
-from eaid.control.gains import pi_gains, plant_of, rc_gains, why_not
+from eaid.control.gains import pi_gains, plant_of, rc_gains
 from eaid.control.robust import Design
 from eaid.errors import DataError
 from eaid.findings import Finding, finding, ranked
@@ -39,9 +39,9 @@ def tune(
     Raises GainsError where fit or wishes are not physical, out of reach, or unstable on the linear model, and DataError
     where the fit lacks what is asked for.
     """
-    why = why_not(fit, "linear")
-    if why and not options.allow_unidentified:
-        raise DataError(f"the linear model is not identifiable ({why}); «allow_unidentified» uses it, marked")
+    why = fit.verdict.of("linear").why
+    if why and not options.anyway:
+        raise DataError(f"the fit is NOT USABLE: {why}; «anyway» makes gains of it all the same, marked")
     model, plant = model_of(fit), plant_of(fit)
     scales = scales_of(fit, plant)
     given = reference is not None
@@ -63,9 +63,9 @@ def tune(
     gains, more = _replayed(gains, plant, wanted, reference_name, given, fit.dead_time_s)
     findings += more
     if why:
-        findings.insert(0, finding("fit-not-identifiable", "model", why=why))
+        findings.insert(0, finding("fit-not-usable", "model", why=why))
     return msgspec.structs.replace(
-        gains, options=options, seed=options.seed, unidentified=why or None,
+        gains, options=options, seed=options.seed, not_usable=why or None,
         findings=ranked([*findings, *gains.findings]),
     )  # fmt: skip
 

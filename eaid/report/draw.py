@@ -14,25 +14,18 @@ from eaid.report.catalogue import FIGURES, Row
 from eaid.report.live import Live
 from eaid.report.results import Results
 
-GAINS = "Fit not identifiable: gains used with --allow-unidentified"
-PLANT = "Fit not identifiable: the replays show a model that its data do not determine"
-SHORT = "Fit not identifiable: do not quote"
-"""What stands above a figure of one column."""
+MARK = "Fit NOT USABLE: do not quote"
 STRIP_IN = 0.2
 """Height that the mark takes above a figure [in]."""
 
 
 def mark_of(results: Results) -> tuple[str, list[str]] | None:
-    """The mark, and why the fit is not identifiable; None where no gains and no replay stand on such a fit."""
-    gains = [one.result.unidentified or "" for one in results.gains]
-    plants = []
-    for replay in results.replays:
-        gains.append(replay.result.head.unidentified.get("gains", ""))
-        plants.append(replay.result.head.unidentified.get("plant", ""))
-    gains, plants = [why for why in gains if why], [why for why in plants if why]
-    if not gains and not plants:
-        return None
-    return (GAINS if gains else PLANT), list(dict.fromkeys([*gains, *plants]))
+    """The mark, and why; None where no fit is given, and no gains or replays of one, that must not be used."""
+    reasons = [one.result.verdict.why for one in results.fits]
+    reasons += [one.result.not_usable or "" for one in results.gains]
+    reasons += [why for replay in results.replays for why in replay.result.head.not_usable.values()]
+    told = list(dict.fromkeys(why for why in reasons if why))
+    return (MARK, told) if told else None
 
 
 def marked(figure: Figure, text: str) -> None:
@@ -48,7 +41,7 @@ def marked(figure: Figure, text: str) -> None:
     for legend in figure.legends:
         legend.set_bbox_to_anchor((0, 0, 1, 1 - share), transform=figure.transFigure)
     figure.text(
-        0.5, 1 - 0.5 * share, SHORT if width < 5 else f"\N{WARNING SIGN} {text}",
+        0.5, 1 - 0.5 * share, f"\N{WARNING SIGN} {text}",
         ha="center", va="center", fontsize=style.SMALLEST_PT, fontweight="bold", color=style.VERMILLION,
         in_layout=False,
     )  # fmt: skip

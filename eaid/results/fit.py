@@ -49,6 +49,8 @@ from eaid.shown import Shown
 if TYPE_CHECKING:
     import pandas
 
+    from eaid.results.verdict import Verdict
+
 
 class LevelIntervals(Result, frozen=True):
     """95 % intervals of one level's T_s, τ1, τ2, and C where it was free."""
@@ -641,6 +643,13 @@ class Fit(Shown, Result, frozen=True):
     def dead_time_s(self) -> float:
         """Median dead time of the single steps upwards [s]; 0 where most of them show none."""
         return statistics.median_low([step.dead_time_s for step in self.steps if step.edge == "up"] or [0.0])
+
+    @property
+    def verdict(self) -> "Verdict":
+        """Whether it may be used, and why not: `usable`, `reasons`, `why`; `of("linear")` is that on one model."""
+        from eaid.results.verdict import verdict_of
+
+        return verdict_of(self)
 
     def not_identifiable_because(self, subject: str) -> tuple[Finding, ...]:
         """Why the data do not determine a model: friction, nonlinear or linear."""

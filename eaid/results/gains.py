@@ -322,8 +322,8 @@ class Gains(Shown, Result, frozen=True):
     phi_from_data: PhiFromData | None = None
     margins: Margins | None = None
     replayed: Replayed | None = None
-    unidentified: str | None = None
-    """Why a fit marked not identifiable was used all the same; None: it was not."""
+    not_usable: str | None = None
+    """Why the fit must not be used that they were made from all the same; None: it may be."""
     findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:

@@ -154,8 +154,6 @@ class Recorded(Result, frozen=True):
     u_range: tuple[Number, Number] = (0.0, 0.0)
     asked: tuple[Asked, ...] = ()
     falls: Falls | None = None
-    friction_falls: Falls | None = None
-    """What of it the levels by themselves confirm; empty where nothing was asked of them."""
     loops: tuple[Loop, ...] = ()
     responses: tuple[Response, ...] = ()
     """Frequency responses of logs whose input moves all the time or switches often, and is no loop's."""

@@ -280,7 +280,8 @@ class Head(Result, frozen=True):
     band_quantiles: tuple[Number, ...] = ()
     rig: RigRecord = RigRecord()
     perturb: dict[str, Number] = {}
-    unidentified: dict[str, str] = {}
+    not_usable: dict[str, str] = {}
+    """What stands on a fit that must not be used, plant or gains, and why."""
     synthetic: str | None = None
     inputs: ReplayInputs = ReplayInputs()
     command: tuple[str, ...] = ()

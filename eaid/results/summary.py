@@ -26,8 +26,19 @@ USED = {
 
 
 def fit_summary(fit: "Fit") -> list[str]:
-    """What was fitted, the answer, and the three gravest findings."""
-    return [fitted(fit), *answer(fit), *(f"{one.severity}: {say(one)}" for one in ranked(merged(fit.findings))[:MOST])]
+    """Whether it must not be used, what was fitted, the answer, and the three gravest findings."""
+    return [
+        *verdict_line(fit),
+        fitted(fit),
+        *answer(fit),
+        *(f"{one.severity}: {say(one)}" for one in ranked(merged(fit.findings))[:MOST]),
+    ]
+
+
+def verdict_line(fit: "Fit") -> list[str]:
+    """`NOT USABLE: …` with the gravest reason, where the fit must not be used."""
+    reasons = fit.verdict.reasons
+    return [f"NOT USABLE: {say(reasons[0])}"] if reasons else []
 
 
 def fitted(fit: "Fit") -> str:

@@ -7,7 +7,7 @@ import numpy as np
 
 from eaid.apparatus import Apparatus
 from eaid.errors import DataError
-from eaid.findings import Finding, finding
+from eaid.findings import Finding, finding, stops
 from eaid.logs.run import Kind, Run
 from eaid.options import ReadOptions
 from eaid.steps.baseline import without_spikes
@@ -83,7 +83,7 @@ def _change(step: Step) -> tuple[float, bool]:
 PLAIN = ReadOptions()
 
 
-def _record(step: Step, findings: tuple[Finding, ...]) -> RunRecord:
+def _record(step: Step, findings: tuple[Finding, ...], left_out: bool) -> RunRecord:
     run = step.run
     from_rest = run.edge == "rising" and run.from_level == 0
     return RunRecord(
@@ -103,6 +103,7 @@ def _record(step: Step, findings: tuple[Finding, ...]) -> RunRecord:
         from_level=run.from_level,
         idle_density=idle_density(run.time_s[: step.start], step.idle) if from_rest else None,
         slip=slip_of_step(step),
+        left_out=left_out,
     )
 
 
@@ -139,24 +140,45 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN) -> StepSe
         runs = [run for run in runs if _among(abs(run.level or 0.0), wanted)]
 
     signs = direction(runs, options.sign == "keep")
-    levels, of_rises = _averaged([members for _, members in rising], signs, input_unit)
-    releases, of_falls = _averaged([members for _, members in falling], signs)
-    _, of_level_steps = _averaged([[run] for run in runs if run.from_level != 0], signs)
-    records = [*of_rises, *of_falls, *of_level_steps]
+    steps = {run.name: Step(run, signs.of(run)) for run in runs}
+    found = {
+        name: [*step.run.findings, *_of_run(signs.findings, name), *step_warnings(step)] for name, step in steps.items()
+    }
+    out = _stopped(runs, found)
+    levels = _averaged(rising, steps, out)
+    for level in levels:
+        for one in disagreements(level, input_unit):
+            found[one.subject].append(one)
+    records = [_record(steps[run.name], tuple(found[run.name]), run.name in out) for run in runs]
     records.sort(key=lambda record: (record.level, record.repeat, record.edge != "rising", record.name))
-    of_signs = [found for found in signs.findings if found.subject == "data"]
-    return StepSet(
+    of_signs = [one for one in signs.findings if one.subject == "data"]
+    ceiling = same_ceiling(levels, output_unit)
+    whole = StepSet(
         kind=kind,
         input_unit=input_unit,
         output_unit=output_unit,
         apparatus=apparatus,
         levels=tuple(levels),
-        releases=tuple(releases),
+        releases=tuple(_averaged(falling, steps, out)),
         runs=tuple(records),
-        findings=(*of_signs, *_of_the_set(levels, runs, input_unit, output_unit)),
+        findings=(*of_signs, *_of_the_set(levels, runs, input_unit), *ceiling),
         synthetic="; ".join(sorted({run.synthetic for run in runs if run.synthetic})) or None,
-        level_steps=level_steps(runs, {record.name: record.findings for record in records}),
+        level_steps=level_steps([run for run in runs if run.name not in out], found),
     )
+    return whole.without(ceiling[0].levels, ceiling[0]) if ceiling and len(ceiling[0].levels) < len(levels) else whole
+
+
+def _of_run(findings: Sequence[Finding], name: str) -> list[Finding]:
+    return [one for one in findings if one.subject == name]
+
+
+def _stopped(runs: Sequence[Run], found: Mapping[str, Sequence[Finding]]) -> set[str]:
+    """Runs that a finding stops which does not stop all rises, to be left out; none where no rise would be left."""
+    codes = {run.name: {one.code for one in stops(found[run.name])} for run in runs}
+    rises = [run.name for run in runs if run.edge == "rising" and run.from_level == 0] or list(codes)
+    of_all = set.intersection(*(codes[name] for name in rises))
+    out = {name for name, own in codes.items() if own - of_all}
+    return set() if out.issuperset(rises) else out
 
 
 def _kind(runs: Sequence[Run], options: ReadOptions) -> Kind:
@@ -175,31 +197,17 @@ def _apparatus(runs: Sequence[Run], options: ReadOptions, kind: Kind) -> Apparat
     return options.apparatus or next(iter(rigs), Apparatus(surfaces=2 if kind == "clutch" else 1))
 
 
-def _averaged(
-    groups: Sequence[Sequence[Run]], signs: Direction, input_unit: str | None = None
-) -> tuple[list[Level], list[RunRecord]]:
-    """The repeats of each group as one, and every run with its warnings.
-
-    With `input_unit`, repeats that disagree are warned of too.
-    """
-    averaged: list[Level] = []
-    records: list[RunRecord] = []
-    for members in groups:
-        steps = [Step(run, signs.of(run)) for run in members]
-        averaged.append(common(steps))
-        disagree = [] if input_unit is None else disagreements(averaged[-1], input_unit)
-        for step in steps:
-            found = [*signs.findings, *step_warnings(step), *disagree]
-            of_run = [warning for warning in found if warning.subject == step.run.name]
-            records.append(_record(step, (*step.run.findings, *of_run)))
-    return averaged, records
+def _averaged(groups: Sequence[tuple[float, Sequence[Run]]], steps: Mapping[str, Step], out: set[str]) -> list[Level]:
+    """The repeats of each level as one, but for runs that are left out."""
+    sound = [[steps[run.name] for run in members if run.name not in out] for _, members in groups]
+    return [common(members) for members in sound if members]
 
 
 def _among(level: float, wanted: Sequence[float]) -> bool:
     return any(same_level(level, one, 0.0) for one in wanted)
 
 
-def _of_the_set(levels: Sequence[Level], runs: Sequence[Run], input_unit: str, output_unit: str) -> list[Finding]:
+def _of_the_set(levels: Sequence[Level], runs: Sequence[Run], input_unit: str) -> list[Finding]:
     findings = []
     if input_unit == "%" and levels and levels[-1].level <= 1:
         findings.append(finding("duty-may-be-fraction", "data"))
@@ -211,4 +219,4 @@ def _of_the_set(levels: Sequence[Level], runs: Sequence[Run], input_unit: str, o
     stairs = sum(run.from_level != 0 for run in runs)
     if stairs:
         findings.append(finding("level-to-level", "data", steps=stairs, of=len(runs)))
-    return [*findings, *same_ceiling(levels, output_unit)]
+    return findings

@@ -512,7 +512,7 @@ def _level_step(step: Step, findings: tuple[Finding, ...]) -> LevelStep:
     )
 
 
-def level_steps(runs: Sequence[Run], findings: Mapping[str, tuple[Finding, ...]]) -> tuple[LevelStep, ...]:
+def level_steps(runs: Sequence[Run], findings: Mapping[str, Sequence[Finding]]) -> tuple[LevelStep, ...]:
     """The changes of input of cut runs, with the findings of each name: upwards first, by the level they go to."""
-    steps = [_level_step(Step(run), findings.get(run.name, ())) for run in runs if _samples(run)]
+    steps = [_level_step(Step(run), tuple(findings.get(run.name, ()))) for run in runs if _samples(run)]
     return tuple(sorted(steps, key=lambda one: (one.edge != "up", one.level, one.from_level, one.name)))

@@ -1,18 +1,19 @@
 """What the fits take: levels of averaged repeats, on a time axis that starts at the step."""
 
 import os
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 
 from eaid.apparatus import Apparatus
 from eaid.arrays import Array
 from eaid.errors import DataError
-from eaid.findings import Finding, merged, ranked, sentences
+from eaid.findings import Finding, finding, merged, ranked, say, sentences, stops
 from eaid.logs.dataset import write_dataset
 from eaid.logs.run import Run
 from eaid.shown import Shown, counted, span
@@ -133,6 +134,8 @@ class RunRecord:
     """Density of the output's noise while idle [output²·s]; None where the idle record is too short to tell."""
     slip: SlipTest | None = None
     """Where the output peaks and slips under a held input."""
+    left_out: bool = False
+    """Whether it stands in no level: a finding stops it, and other runs are sound."""
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -186,8 +189,38 @@ class StepSet(Shown):
 
     @property
     def all_findings(self) -> tuple[Finding, ...]:
-        """Those of the set and of its runs, the worst run of each kind named, the gravest first."""
-        return ranked(merged((*self.findings, *(one for run in self.runs for one in run.findings))))
+        """Those of the set and of its runs, the worst run of each kind named, the gravest first.
+
+        What stops a run that is left out stops nothing else: it is told as the reason.
+        """
+        kept = [one for run in self.runs if not run.left_out for one in run.findings]
+        stopped = {one.code for one in stops(kept)}
+        reasons: dict[str, list[tuple[str, Finding]]] = {}
+        for run in self.runs:
+            for one in stops(run.findings) if run.left_out else ():
+                if one.code not in stopped:
+                    reasons.setdefault(one.code, []).append((run.name, one))
+        told = [
+            finding(
+                "runs-left-out", "data", runs=tuple(name for name, _ in group), of=len(self.runs), why=say(group[0][1])
+            )
+            for group in reasons.values()
+        ]
+        return ranked((*merged((*self.findings, *kept)), *told))
+
+    def without(self, levels: Sequence[float], why: Finding) -> "StepSet":
+        """The set without some of its levels and their releases, with `why` as a warning."""
+        parts = [[one for one in group if one.level not in levels] for group in (self.levels, self.releases)]
+        names = {name for level in parts[0] + parts[1] for name in level.names}
+        runs = tuple(
+            replace(run, left_out=run.left_out or (run.from_level == 0 and run.name not in names)) for run in self.runs
+        )
+        told = (
+            msgspec.structs.replace(why, severity="caution"),
+            finding("levels-left-out", "data", levels, unit=self.input_unit),
+        )
+        findings = (*(one for one in self.findings if one is not why), *told)
+        return replace(self, levels=tuple(parts[0]), releases=tuple(parts[1]), runs=runs, findings=findings)
 
     def to_frame(self) -> "pandas.DataFrame":
         """One row a run: level, repeat, edge, step instant, baseline, samples, and the codes of its findings."""

@@ -104,7 +104,7 @@ def test_the_tables_hold_the_numbers_of_the_file(rig, run_eaid):
 
 
 def test_huber_shows_the_run_and_the_part_it_weighs_down(rig, run_eaid):
-    """A drop-out of half a second in one run of one level is told and left out."""
+    """A quarter less for half a second in one run of one level is told and left out."""
     made = "synth --levels 20,40,60,80,100 --repeats 3 --hold 8 --idle 1 --rate-hz 50 -q -o huber"
     assert run_eaid(made).code == 0
     (log,) = Path("huber").glob("*060*r2*.csv")
@@ -112,7 +112,7 @@ def test_huber_shows_the_run_and_the_part_it_weighs_down(rig, run_eaid):
     for line in log.read_text().splitlines():
         cells = line.split(",")
         fallen = cells[0][:1].isdigit() and 5.0 < float(cells[0]) < 5.5
-        lines.append(",".join([*cells[:-1], "0.0"]) if fallen else line)
+        lines.append(",".join([*cells[:-1], str(0.75 * float(cells[-1]))]) if fallen else line)
     log.write_text("\n".join(lines) + "\n")
     ran = run_eaid("fit huber --loss huber --ci none --tables -o f.json")
     part = next(one for one in result()["nonlinear"]["robust"]["weights"] if one["level"] == 60)
@@ -120,9 +120,6 @@ def test_huber_shows_the_run_and_the_part_it_weighs_down(rig, run_eaid):
     assert "r2" in worst["run"] and 3.9 < worst["from_s"] < 4.1 and 4.4 < worst["to_s"] < 4.6
     rows = table(ran.out, "Weights of Huber's loss, nonlinear model")[1:]
     assert any(row[0] == "60 %" and "r2)" in row[-1] for row in rows)
-    # steps say that the output stood still
-    assert ran.code == 4 and ran.err.splitlines()[-1] == "error: f.json: is written and marked; do not use its numbers"
-    assert result()["findings"][0]["severity"] == "stop" and "next   eaid report f.json" in ran.out
 
 
 def test_the_friction_sets_fit(fitted):

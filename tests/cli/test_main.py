@@ -15,7 +15,7 @@ OPTIONS = {
     "repair logs-as duty instrument bounds-levels dead-time shape tables verbose",
     "ingest": "columns units name-pattern step-at until baseline rest repair rate-hz join sign kind edges",
     "tune-rc": "kp kd natural-frequency damping q-max phi epsilon gamma p-scale b-hat rho alpha pi-overshoot "
-    "pi-settling pi-gains reference data duty-limits pwm-hz widen-bounds allow-unidentified anti-windup",
+    "pi-settling pi-gains reference data duty-limits pwm-hz widen-bounds anyway anti-windup",
     "simulate": "gains controller scenario reference log noise-nm noise pwm-hz plants threads perturb duration rate-hz "
     "duty-bits sensor-hz delay-samples ripple-pct limb-damping limb-inertia keep-baseline",
     "export": "as law precision rate-hz anyway",

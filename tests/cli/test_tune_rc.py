@@ -186,17 +186,17 @@ def test_a_fit_without_what_is_needed(by_hand, run_eaid):
     assert ran.code == 2 and "no fits of single levels" in ran.err
 
 
-def test_an_unidentified_fit_is_used_on_request_only(tuned, by_hand, run_eaid):
+def test_a_fit_that_is_not_usable_is_used_on_request_only(tuned, by_hand, run_eaid):
     parts = {
-        "linear": {**PAPER, "identifiable": False}, "nonlinear": None,
+        "linear": PAPER, "nonlinear": None,
         "findings": [{"code": "one level only", "severity": "stop", "subject": "linear"}],
     }  # fmt: skip
     by_hand(parts)
     ran = run_eaid("tune-rc fit.json -o x")
     assert ran.code == 3
-    assert "the linear model is not identifiable (one level only); --allow-unidentified uses it, marked" in ran.err
-    gains = tuned("--allow-unidentified", parts=parts)
-    assert gains["unidentified"] == "one level only" and "fit-not-identifiable" in codes(gains)
+    assert "the fit is NOT USABLE: one level only; --anyway makes gains of it all the same, marked" in ran.err
+    gains = tuned("--anyway", parts=parts)
+    assert gains["not_usable"] == "one level only" and "fit-not-usable" in codes(gains)
 
 
 def test_a_rig_in_other_units_gets_the_same_design_in_its_own(tuned, run_eaid, volts):

@@ -139,7 +139,8 @@ def test_slow_noise_does_not_make_a_shape_and_a_wave_is_no_step() -> None:
         chosen.append(fitted(LevelStep("a", "", 0.0, 50.0, 1.5, T, clean.output + slow, clean.input)).steps[0].shape)
     assert chosen.count("two") >= 4
     wave = fitted(LevelStep("w", "", 0.0, 50.0, 0.0, T, np.sin(2 * np.pi * T / 7), np.full(len(T), 50.0)))
-    assert ("shape-explains-little", "stop") in [(one.code, one.severity) for one in wave.findings]
+    assert ("shape-explains-little", "caution") in [(one.code, one.severity) for one in wave.findings]
+    assert [one.code for one in wave.verdict.reasons] == ["no-step-has-a-shape"]  # nothing else was fitted
 
 
 def test_a_staircase_is_fitted_step_by_step_and_reads_back(tmp_path: Path) -> None:

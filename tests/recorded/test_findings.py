@@ -131,9 +131,6 @@ def test_a_release_of_its_own_does_not_bend_the_levels_of_the_friction_model() -
     run = synthesise_excitation(plant, e, NOISE, 2)
     both = eaid.FitOptions(model=("nonlinear", "friction"))
     fit, bent = (fit_recorded(run, both, falls=falls) for falls in (True, False))
-    assert codes(fit)["friction-falls"].values["rest"] is True
-    assert fit.recorded is not None and fit.recorded.friction_falls is not None
-    assert fit.recorded.friction_falls.release_tau1 == pytest.approx(0.15, rel=0.1)
 
     def off(one) -> float:  # type: ignore[no-untyped-def]
         """Worst log τ2 of the levels over the truth."""
@@ -141,9 +138,6 @@ def test_a_release_of_its_own_does_not_bend_the_levels_of_the_friction_model() -
 
     assert fit.friction is not None and bent.friction is not None
     assert off(fit.friction.levels) < 0.5 < 1 < off(bent.friction.levels)
-    assert "friction-falls" not in codes(bent)
-    alike = fit_recorded([random_log(3, 120.0)], both)
-    assert "friction-falls-alike" in codes(alike)
 
 
 @pytest.mark.slow

@@ -215,7 +215,7 @@ def others(recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str
     made["long"] = [folder / name for name in ("long.json", "long.h5", "long-gains.json", "long-steps.h5")]
     fit, data, gains, replay = made["long"]
     assert call("ingest", logs, "-o", data, "-q") == 0 and call("fit", data, "-o", fit, "-q") in (0, 4)
-    assert call("tune-rc", fit, "--allow-unidentified", "-o", gains, "-q") == 0
+    assert call("tune-rc", fit, "--anyway", "-o", gains, "-q") == 0
     assert call("simulate", fit, "--gains", gains, "--scenario", "steps", "--duration", "9", "-o", replay, "-q") == 0
     shape = ["--shape", "duration_s=60,gains=15:200,hold_s=0.5:5", "--rate-hz", "50", "--seed", "1"]
     assert call("synth", "--excitation", "closed-loop", *shape, "-o", folder / "loop", "-q") == 0

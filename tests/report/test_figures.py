@@ -124,21 +124,21 @@ def test_shear_point_by_hand(fit_of: Any):
 
 
 def test_a_residual_stands_where_it_is_and_nowhere_else(fit_of: Any):
-    """0.5 in the first half second and −0.25 after five seconds, on one level of two."""
+    """0.05 in the first half second and −0.025 after five seconds, on one level of two."""
     t = np.linspace(0, 10, 10_001)
-    off = np.where(t < 0.5, 0.5, np.where(t > 5, -0.25, 0.0))
-    ready = drawn("residuals_nonlinear", steps_of({20.0: response(20, t) + off, 60.0: response(60, t)}, t),
+    off = np.where(t < 0.5, 0.05, np.where(t > 5, -0.025, 0.0))
+    ready = drawn("residuals_nonlinear", steps_of({20.0: response(20, t), 60.0: response(60, t) + off}, t),
                   fit_of(nonlinear=REFERENCE))  # fmt: skip
     over_time, per_level = ready.figure.axes[:2]
     mesh = over_time.collections[0]
     mean, edges = np.asarray(mesh.get_array()), mesh.get_coordinates()[0, :, 0]
-    assert mean[1] == pytest.approx(0, abs=1e-9)
-    assert mean[0, edges[1:] <= 0.5] == pytest.approx(0.5) and mean[0, edges[:-1] >= 5] == pytest.approx(-0.25)
+    assert mean[0] == pytest.approx(0, abs=1e-9)
+    assert mean[1, edges[1:] <= 0.5] == pytest.approx(0.05) and mean[1, edges[:-1] >= 5] == pytest.approx(-0.025)
     between = (edges[:-1] >= 0.5) & (edges[1:] <= 5)
-    assert between.any() and mean[0, between] == pytest.approx(0, abs=1e-9)
+    assert between.any() and mean[1, between] == pytest.approx(0, abs=1e-9)
     rms, at = per_level.lines[0].get_data()
-    assert rms == pytest.approx([np.sqrt(np.mean(off**2)), 0], abs=1e-9) and list(at) == [20, 60]
-    assert "Furthest: 0.50 N·m at 20 %" in ready.sees
+    assert rms == pytest.approx([0, np.sqrt(np.mean(off**2))], abs=1e-9) and list(at) == [20, 60]
+    assert "Furthest: 0.050 N·m at 60 %" in ready.sees
 
 
 def test_the_model_is_drawn_through_its_levels_and_a_curve_that_only_crosses_the_axis_is_not(fit_of: Any):

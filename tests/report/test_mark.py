@@ -1,31 +1,35 @@
-"""A fit that its data do not determine leaves its mark: gains.json, replay.h5, every page and every figure of them."""
+"""A fit that must not be used leaves its mark: gains.json, replay.h5, every page and every figure of them."""
 
 import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from PIL import Image
 
 import eaid
 
-GAINS = "Fit not identifiable: gains used with --allow-unidentified"
-PLANT = "Fit not identifiable: the replays show a model that its data do not determine"
-WHY = "one step cannot tell b0 from c0"
+MARK = "Fit NOT USABLE: do not quote"
+WHY = "the linear fit did not converge"
 
 
 @pytest.fixture(scope="module")
-def one_level(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Data, fit, gains and replays of one level, used with --allow-unidentified."""
-    folder = tmp_path_factory.mktemp("unidentified")
+def shaky(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Data, a fit whose linear model did not converge, and gains and replays that were made of it all the same."""
+    folder = tmp_path_factory.mktemp("shaky")
     made = {name: folder / name for name in ("data.h5", "fit.json", "gains.json", "steps.h5", "inverse.h5")}
     steps = eaid.synth(levels=(50.0,), repeats=3, hold_s=5.0, idle_s=1.0, rate_hz=100.0)
     fit = eaid.fit(steps)
-    with pytest.raises(eaid.DataError, match="b0"):
+    assert fit.verdict.usable and eaid.tune_rc(fit).not_usable is None  # one level is a warning
+    solver = msgspec.structs.replace(fit.linear.solver, converged=False)
+    fit = msgspec.structs.replace(fit, linear=msgspec.structs.replace(fit.linear, solver=solver))
+    assert fit.summary().startswith(f"NOT USABLE: {WHY}") and fit.verdict.of("nonlinear").usable
+    with pytest.raises(eaid.DataError, match=WHY):
         eaid.tune_rc(fit)
-    gains = eaid.tune_rc(fit, allow_unidentified=True)
+    gains = eaid.tune_rc(fit, anyway=True)
     replay = eaid.simulate(fit, gains, "steps", duration=9.0)
     inverse = eaid.simulate(fit, None, "steps", controller=("inverse",), duration=9.0)
     for name, result in zip(made, (steps, fit, gains, replay, inverse), strict=True):
@@ -34,36 +38,36 @@ def one_level(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 
 @pytest.fixture(scope="module")
-def marked(one_level: dict[str, Path], report: Callable[..., Any]) -> Any:
-    return report(*(path for name, path in one_level.items() if name != "inverse.h5"))
+def marked(shaky: dict[str, Path], report: Callable[..., Any]) -> Any:
+    return report(*(path for name, path in shaky.items() if name != "inverse.h5"))
 
 
 @pytest.mark.slow
-def test_gains_and_replays_carry_it_on(one_level: dict[str, Path], tmp_path: Path, run_eaid: Callable[..., Any]):
-    assert WHY in json.loads(one_level["gains.json"].read_text())["unidentified"]
+def test_gains_and_replays_carry_it_on(shaky: dict[str, Path], tmp_path: Path, run_eaid: Callable[..., Any]):
+    assert WHY in json.loads(shaky["gains.json"].read_text())["not_usable"]
     out = ["-o", tmp_path / "r.h5", "--duration", "9", "--scenario", "steps", "--json"]
-    ran = run_eaid("simulate", one_level["fit.json"], "--gains", one_level["gains.json"], *out)
-    said = json.loads(ran.out)["unidentified"]
-    assert ran.code == 0 and WHY in said["gains"] and "one level only" in said["plant"]
-    assert "warning: the gains were made from a fit that is not identifiable (one level only" in ran.err
-    assert "it is marked" in ran.err
+    ran = run_eaid("simulate", shaky["fit.json"], "--gains", shaky["gains.json"], *out)
+    said = json.loads(ran.out)["not_usable"]
+    assert ran.code == 0 and set(said) == {"gains"} and WHY in said["gains"]
+    assert "warning: the gains stand on a fit that is NOT USABLE (the linear fit" in ran.err
 
 
-@pytest.mark.parametrize(("name", "mark"), [("gains.json", GAINS), ("steps.h5", GAINS), ("inverse.h5", PLANT)])
-def test_either_file_alone_marks_the_page(name: str, mark: str, one_level: dict[str, Path], report: Callable[..., Any]):
-    page = report(one_level[name], "--figures", "own_reference")
+@pytest.mark.parametrize("name", ["fit.json", "gains.json", "steps.h5"])
+def test_either_file_alone_marks_the_page(name: str, shaky: dict[str, Path], report: Callable[..., Any]):
+    page = report(shaky[name], "--figures", "own_reference")
     (note,) = page.of("p", "mark")
-    assert "".join(note.itertext()).startswith(f"{mark}; ") and (mark == PLANT or WHY in "".join(note.itertext()))
+    assert "".join(note.itertext()).startswith(f"{MARK}; {WHY}")
+    assert not report(shaky["inverse.h5"], "--figures", "own_reference").of("p", "mark")  # its plant is sound
 
 
 @pytest.mark.slow
 def test_sound_results_have_no_mark(whole: Any):
-    assert GAINS not in whole.html and 'class="mark"' not in whole.html and "@top-left" not in whole.html
+    assert MARK not in whole.html and 'class="mark"' not in whole.html and "@top-left" not in whole.html
 
 
 @pytest.mark.slow
 def test_every_section_and_every_figure_of_the_fit_is_marked(marked: Any):
-    assert marked.html.count(f'<p class="running">{GAINS}</p>') == len(marked.of("section"))
+    assert marked.html.count(f'<p class="running">{MARK}</p>') == len(marked.of("section"))
     figures = {"input_gain": True, "fig11_steps": True, "fig07_nonlinear_model": True, "fig02_pwm": False}
     for name, has_mark in figures.items():
         picture = Image.open(marked.path.parent / f"figures/{name}.png").convert("RGB")
@@ -86,5 +90,5 @@ def test_it_stands_on_every_screen_and_every_printed_page(browser: Any, marked: 
     running = "[...document.querySelectorAll('.running')].filter(one => !one.closest('#appendix'))"
     assert tab.evaluate(f"{running}.every(one => one.checkVisibility())")
     pages = printed(tab, tmp_path)
-    assert len(pages) != 1 and all(GAINS in one for one in pages)
+    assert len(pages) != 1 and all(MARK in one for one in pages)
     tab.context.close()

@@ -250,7 +250,7 @@ def finding(severity: str, subject: str, code: str = "test") -> dict[str, Any]:
         ([finding("stop", "nonlinear"), finding("note", "linear")], True, ["good", "bad", "none"]),
         ([finding("caution", "linear")], True, ["good", "care", "none"]),
         ([finding("note", "release")], True, ["good", "good", "none"]),
-        ([finding("stop", "a")], True, ["bad", "good", "none"]),
+        ([finding("stop", "a")], True, ["bad", "bad", "none"]),  # a run that the fit rests on
         ([finding("caution", "a", "shape-misses")], True, ["good", "care", "none"]),  # that is the model's matter
         ([], False, ["good", "bad", "none"]),
     ],
@@ -269,7 +269,7 @@ def test_lights_are_as_grave_as_what_was_found(
     assert page.lights[0][1] == f"1 run; {'1 stop' if counts[0] else 'no warning'}"
 
 
-GAINS = {"schema": "eaid/gains/1", "model": {"a0": 1.8, "b0": 0.08, "c0": -1.3}}
+GAINS = {"schema": "eaid/gains/1", "model": {"a0": 1.8, "b0": 0.08, "c0": -1.3}, "pi": {"K_P": 21.0, "K_I": 360.0}}
 
 
 @pytest.mark.parametrize(
@@ -301,7 +301,7 @@ def test_one_verdict_on_the_guarantee_and_what_to_do_next(
     assert holds[0] or ("--phi data" in page.steps[0][1] and "--alpha" not in page.steps[0][1])
 
 
-@pytest.mark.parametrize("wrong", [{}, {"identifiable": False}, {"b0": -1.0}, {"a0": -1.0}])
+@pytest.mark.parametrize("wrong", [{}, {"solver": {"converged": False}}, {"b0": -1.0}, {"a0": -1.0}])
 def test_no_command_is_offered_that_would_be_refused(wrong: dict[str, Any], report_of: Callable[..., Any]):
     page = report_of({"schema": "eaid/fit/1", "converged": True, "linear": {**LINEAR, **wrong}})
     assert [command.split()[1] for _why, command in page.steps] == ([] if wrong else ["tune-rc"])

@@ -196,7 +196,7 @@ CASES: dict[str, tuple[Any, dict[str, Any]]] = {
         {f"u{u}": plus(output(np.minimum(log([(0, 4), (u, 8)], tau1=1.0, tau2=2.0).torque_nm, 1.2)
                               ).assign(duty_pct=np.where(T >= 4, u, 0.0)), white(1200, 0.005, u))
          for u in (20, 40, 60, 80, 100)},
-        {"same-ceiling": {"ceiling": near(1.2, 0.01), "unit": "N·m"}, "flat-topped": {}}),
+        {"same-ceiling": {"ceiling": near(1.2, 0.01), "unit": "N·m"}, "flat-topped": {}, "levels-left-out": {}}),
     # the hold and what is left of it
     "a fall under hold": (  # by 0.05 a second from 8 s on, 0.19 in the last of twenty blocks; PEAK is the block before
         plus(RUN, -0.05 * np.maximum(T - 8, 0)),

@@ -133,10 +133,10 @@ def test_a_level_that_is_kept_keeps_its_releases_and_steps() -> None:
 
 def test_an_output_that_falls_is_turned_and_told_once() -> None:
     logs = {
-        f"u{u}": log([(0, 2), (u, 4)], gain=-0.04, offset=0.2, noise=0.01, seed=k) for k, u in enumerate((0.1, 50, 80))
+        f"u{u}": log([(0, 2), (u, 4)], gain=-0.04, offset=0.2, noise=0.01, seed=k) for k, u in enumerate((1.5, 50, 80))
     }
     steps = read(logs)
-    assert [float(level.mean[-1]) for level in steps.levels] == pytest.approx([0, 2.0, 3.2], abs=0.05)
+    assert [float(level.mean[-1]) for level in steps.levels] == pytest.approx([0.06, 2.0, 3.2], abs=0.05)
     assert values(steps, "signs-turned") == {"runs": 3}
     kept = read(logs, sign="keep")
     assert "signs-turned" not in told(kept) and kept.levels[1].mean[-1] == pytest.approx(-2.0, abs=0.05)
@@ -183,7 +183,7 @@ def test_a_set_in_words_and_as_a_table() -> None:
     assert list(table.index) == ["a", "b", "b-release"] and list(table["level"]) == [50.0, 80.0, 80.0]
     assert table.loc["b-release"].dropna().drop(["sha256", "idle_density"], errors="ignore").to_dict() == {
         "source": "b", "level": 80.0, "repeat": 1, "baseline_nm": 0.0, "step_s": 12.0, "samples": 400,
-        "rate_hz": pytest.approx(100.0), "edge": "falling", "findings": "", "from_level": 0.0,
+        "rate_hz": pytest.approx(100.0), "edge": "falling", "findings": "", "from_level": 0.0, "left_out": False,
         "left_pct": pytest.approx(0.3, abs=0.05),
     }  # fmt: skip
     turned = read(log([(0, 4), (50, 8)], gain=-0.04))
@@ -195,8 +195,17 @@ def test_findings_of_a_set_the_gravest_first_and_each_once() -> None:
     spiked = [plus(plain, np.where(np.arange(8000) == 5000, size, 0.0)) for size in (2.5, 3.0)]
     steps = read([*spiked, log([(0, 2), (80, 6)])])
     found = steps.all_findings
-    assert [one.code for one in found] == ["spikes", "repeats-differ-in-number"]
-    assert (found[0].subject, found[0].values["others"]) == ("b", 1)
+    assert [(one.code, one.severity) for one in found] == [("runs-left-out", "caution")]
+    assert (found[0].values["runs"], found[0].values["of"]) == (("a", "b"), 3) and "stand far out" in found[0].values[
+        "why"
+    ]
+    assert [level.level for level in steps.levels] == [80.0] and [run.left_out for run in steps.runs] == [
+        True,
+        True,
+        False,
+    ]
+    alone = read(spiked)  # nothing sound is left: all are fitted, and the stop stands
+    assert [(one.code, one.severity) for one in alone.all_findings] == [("spikes", "stop")] and len(alone.levels) == 1
 
 
 @pytest.mark.parametrize(("unit", "kind", "surfaces"), [("%", "clutch", 2), ("N", "friction-force", 1)])

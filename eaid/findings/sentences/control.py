@@ -52,7 +52,7 @@ GAIN_ROWS: dict[str, Row] = {
         "one's pace (a0 {pace:.3g} times the paper's) and range (0 to {highest:.4g} {input_unit}); φ is read off the "
         "data, the PI designed for {overshoot_pct:g} % and {settling_s:.3g} s"
     ),
-    "fit-not-identifiable": caution("made from a fit that is marked not identifiable: {why}"),
+    "fit-not-usable": caution("made from a fit that is NOT USABLE: {why}"),
     "nothing-to-replay-on": note("the fit holds no nonlinear model, so no error is replayed beside the ultimate bound"),
     "reference-beyond-plant": caution(
         "the {reference} asks for up to {asked:.3g} {unit}, the fitted plant makes {highest:.3g} {unit} at most: its "
@@ -73,12 +73,7 @@ def _leaves(v: Values) -> str:
 
 
 REPLAY_ROWS: dict[str, Row] = {
-    "gains-not-identifiable": caution(
-        "the gains were made from a fit that is not identifiable ({why}): the replay is marked"
-    ),
-    "plant-not-identifiable": caution(
-        "the nonlinear model is not identifiable ({why}): the replay shows that model, not the clutch; it is marked"
-    ),
+    "replay-not-usable": caution("the {subject} stand on a fit that is NOT USABLE ({why}): the replay is marked"),
     "reference-above-plant": caution(
         "the reference goes to {asked:.3g} {unit}, the plant at its highest input to {highest:.3g} {unit}"
     ),
@@ -145,8 +140,11 @@ EXPORT_ROWS: dict[str, Row] = {
     "export-unstable": stop(
         "{subject}: the loop is unstable at {rate_hz:g} Hz around {levels} {unit}; ask for slower gains"
     ),
-    "export-unidentified": stop("the {subject} rest on a fit that is not identifiable: {why}"),
-    "export-not-converged": stop("the nonlinear model did not converge; fit it again before a rig runs on it"),
+    "export-not-usable": stop("the {subject} rest on a fit that is NOT USABLE: {why}"),
+    "export-quick-falls": caution(
+        "the fit's falls between levels are as quick as its release, which an exported plant does not know: the "
+        "controllers alone are exported"
+    ),
     "export-guarantee-holds": note("RC: ρ covers what the fit knows of the rig, Eq. (15)"),
     "export-guarantee-missing": caution(_guarantee),
     "export-guarantee-unknown": caution("RC: these gains do not say whether the guarantee holds"),

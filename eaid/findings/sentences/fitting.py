@@ -30,8 +30,36 @@ def _constraint(values: Values) -> str:
 
 FIT_ROWS: dict[str, Row] = {
     "fit-not-converged": stop(
-        "the {subject} fit did not converge: a further step would still lower its cost by {predicted_decrease:.0e} "
-        "of it; do not use its numbers"
+        lambda v: (
+            f"the {v['subject']}{'' if v['subject'] == 'fit' else ' fit'} did not converge"
+            + (
+                f": a further step would still lower its cost by {v['predicted_decrease']:.0e} of it"
+                if v.get("predicted_decrease")
+                else ""
+            )
+            + "; do not use its numbers"
+        )
+    ),
+    "curve-of-no-plant": stop(
+        lambda v: (
+            f"the fit's nonlinear.{v['name']} is {v['value']:.3g}{'' if v['name'] == 'Ts' else ' s'} at an input of "
+            f"{v['input']:.4g}{', below tau1' if v['crossed'] else ''}, which no plant has; fit again"
+        )
+    ),
+    "steady-beyond-output": stop(
+        "the {subject} model's steady output, {steady:.3g} {unit}, lies far beyond the {reached:.3g} {unit} that were "
+        "reached: the records do not show it; hold the levels for longer"
+    ),
+    "steady-output-unknown": stop(
+        "the data leave T_s open {at} by a factor of a hundred or more; record from rest, hold the levels for longer"
+    ),
+    "linear-parameter-unknown": stop(
+        "{parameter} of the linear model may lie anywhere between {low:.3g} and {high:.3g}; record more levels, held "
+        "for longer"
+    ),
+    "no-step-has-a-shape": stop(
+        "no single step has the shape of a step response: look at the plot for several steps, a closed loop or a "
+        "disturbance, and give «step_at» and «until»"
     ),
     "level-not-converged": stop("the curve {at} did not converge: do not use its numbers, nor what rests on it"),
     "curve-explains-little": stop(
@@ -309,20 +337,6 @@ def _other_law(v: Values) -> str:
     )
 
 
-def _by_level(v: Values) -> str:
-    names = {"rest": "falls to rest", "fall": "falls between levels", "excess": "T_s after a fall"}
-    own = [said for name, said in names.items() if v[name]]
-    if not own:
-        return (
-            "the friction model's levels do not confirm what the nonlinear model says of falls: their T_s, τ1 and τ2 "
-            "are those of rises and falls together"
-        )
-    return (
-        f"the friction model's T_s, τ1 and τ2 of each level are those of rises: {' and '.join(own)} differ there too, "
-        "and have values of their own (recorded.friction_falls)"
-    )
-
-
 def _shifted(when: str, other: str, biased: bool) -> Callable[[Values], str]:
     """The sentence on an input that is noted late or early."""
     then = "by more than its interval: do not use it" if biased else "by less than its interval"
@@ -394,11 +408,6 @@ RECORDED_ROWS: dict[str, Row] = {
     "hysteresis": caution(
         "the steady output depends on where the input came from: {excess_pct:+.2g} % after a fall of the input "
         "(chance {chance:.2g}); T_s here is that after rises"
-    ),
-    "friction-falls": note(_by_level),
-    "friction-falls-alike": note(
-        "the friction model's T_s, τ1 and τ2 of each level hold for rises and falls alike: the test on all levels "
-        "together shows no difference, and none is asked of single ones"
     ),
     "engagements-scatter": note(
         "the output differs between engagements by {scatter_pct:.2g} % (sd of {count}); the intervals hold it"

@@ -94,6 +94,12 @@ def _too_short(v: Values) -> str:
     return f"still rising at the end of its {v['window_s']:.3g} s: too short for the slow time constant ({about})"
 
 
+def _left_out(v: Values) -> str:
+    names = v["runs"]
+    told = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+    return f"{len(names)} of {v['of']} runs left out of the fit, {told}: {v['why']}"
+
+
 def _edges(v: Values) -> str:
     rows = zip(v["at_s"], v["rise_s"], v["overshoot_pct"], v["settling_s"], strict=True)
     each = [
@@ -244,8 +250,9 @@ STEP_ROWS: dict[str, Row] = {
         "{steps} of {of} steps go from one level to another: each is fitted from its own start, apart from the steps "
         "from rest"
     ),
-    "shape-explains-little": stop(
-        "the best of the step shapes ({shape}) explains {R2:.0%} of the output's variance only: it is no step response"
+    "shape-explains-little": caution(
+        "the best of the step shapes ({shape}) explains {R2:.0%} of the output's variance only: that step by itself is "
+        "no step response"
     ),
     "shape-misses": caution(
         "the best of the step shapes misses the step to {levels} by up to {share_pct:.0f} % of its change: what "
@@ -257,6 +264,8 @@ STEP_ROWS: dict[str, Row] = {
         "its output goes the other way than that of its {siblings} siblings; mend its sign or its wiring, or leave it "
         "out"
     ),
+    "runs-left-out": caution(_left_out, always=True, rank=1),
+    "levels-left-out": caution("what was recorded {at} is left out of the fit", always=True, rank=1),
     "signs-turned": note(
         "the output falls at the step in {runs:#run}: recorded inverted, their sign is turned; «sign» keep forbids it"
     ),

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from eaid.errors import DataError
+from eaid.export.export import offered
 from eaid.options import PlanOptions
 from eaid.planning.recordings import plan_recordings
 from eaid.report.figures.steps import some_levels
-from eaid.report.page.known import Known
 from eaid.report.results import Given, Results
 from eaid.report.rig import level_text
 from eaid.report.tables.gains import called, conditions_of
@@ -85,18 +85,18 @@ class Step:
     command: str
 
 
-def next_steps(results: Results, known: Known) -> tuple[Step, ...]:
+def next_steps(results: Results) -> tuple[Step, ...]:
     """At most three things to do, each with its command."""
     clutch = next((fit for fit in results.fits if fit.result.data.kind == "clutch"), None)
     fit = clutch or next(iter(results.fits), None)
     if fit is None:
         return _without_fit(results)
     fit_json = shlex.quote(fit.path)
-    stopped = any(found.severity == "stop" for found in known["model"])
-    gains = None if stopped else next(iter(results.gains), None)
+    usable = fit.result.verdict.usable
+    gains = next(iter(results.gains), None) if usable else None
     steps: list[Step] = []
-    linear = clutch.result.linear if clutch is not None and not results.gains and not stopped else None
-    if linear is not None and linear.identifiable is not False and linear.a0 > 0 and linear.b0 > 0:
+    linear = clutch.result.linear if clutch is not None and not results.gains and usable else None
+    if linear is not None and linear.a0 > 0 and linear.b0 > 0:
         steps.append(Step("Design the controllers", f"eaid tune-rc {fit_json} -o gains.json"))
     if gains is not None:
         steps += _better_gains(gains, fit_json)
@@ -109,7 +109,10 @@ def next_steps(results: Results, known: Known) -> tuple[Step, ...]:
     if gains is not None:
         holds = all(row.holds for row in conditions_of(gains.result))
         why = "Take these gains to the rig" if holds else "Take these gains to the rig, without a guarantee"
-        steps.append(Step(why, f"eaid export {shlex.quote(gains.path)} --as c -o rig"))
+        laws = offered(gains.result, fit.result)
+        only = f" --law {','.join(laws)}" if laws else ""
+        if laws != ():
+            steps.append(Step(why, f"eaid export {shlex.quote(gains.path)} --as c{only} -o rig"))
     return tuple(steps[:3])
 
 

@@ -49,7 +49,7 @@ def page(
         lights=summary.lights(results, found),
         pictures=pictures,
         tiles=numbers,
-        next_steps=next_steps(results, found),
+        next_steps=next_steps(results),
         terms=[(word, says) for word, says in first_terms if word not in _EXPLAINED],
         parts=parts(results, found, {one.name: one for one in drawn}, terms),
         missing=[(", ".join(titles), command) for command, titles in _missing(missing).items()],

@@ -207,12 +207,11 @@ def _model(results: Results, known: Known) -> Light:
     fit = results.main_fit
     if fit is None:
         return Light("Model", "none", "no fit given", "appendix")
-    findings = known["model"]
-    grade, percent = _grade(findings), fit_pct(results)
-    if fit.converged is False:
-        return Light("Model", "bad", "a fit did not converge: do not use it", "model")
-    lead = "do not use; " if grade == "bad" else "usable; " if percent is None else f"fits {number(percent, 3)} %; "
-    return Light("Model", grade, f"{lead}{_counted(findings)}", "model")
+    if not fit.verdict.usable:
+        return Light("Model", "bad", "NOT USABLE", "model")
+    findings, percent = known["model"], fit_pct(results)
+    lead = "usable; " if percent is None else f"fits {number(percent, 3)} %; "
+    return Light("Model", _grade(findings), f"{lead}{_counted(findings)}", "model")
 
 
 def _controller(results: Results, known: Known) -> Light:

@@ -1,0 +1,171 @@
+"""The one verdict on a fit: whether it may be used, and why not.
+
+The terminal, the page, the mark on figures, `tune-rc`, `simulate`, `export` and what is offered next read this alone.
+A fit is not usable where a model of its own fails: its solver did not converge, it explains little, it has a curve that
+no plant has within the identified inputs, its steady output lies beyond ten times what was reached, or the data leave
+that, or the linear model, open by a factor of a hundred. A run or a level that is stopped is left out of the fit and
+named; what the data do not determine is a warning.
+"""
+
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+from numpy.polynomial.polynomial import polyder, polyroots, polytrim, polyval
+
+from eaid.arrays import Array
+from eaid.findings import Finding, finding, ranked, sentences, stops
+from eaid.models import linear, nonlinear
+from eaid.models.parameters import TAU_FLOOR_S
+from eaid.results.common import Interval
+
+if TYPE_CHECKING:
+    from eaid.results.fit import Estimate, Fit
+
+MODELS = ("friction", "nonlinear", "linear", "release")
+PLANT = ("nonlinear", "release")
+"""Models that a replay's plant is made of."""
+BEYOND = 10.0
+"""Steady output over the largest that was reached, from which it is none that the data show."""
+FACTOR = 100.0
+"""Ends of an interval so far apart say nothing."""
+INPUTS = 101
+"""Inputs, evenly over the identified range, at which a model is looked at, beside those where its curves turn."""
+SLOWEST_S = 1e9
+LARGEST = 1e15
+"""Steady output of any rig, whatever its units."""
+ROUNDING = 1e-12
+NEARLY = 1e-3
+"""Share of the largest value by which τ2 may lie below τ1, or T_s below 0."""
+
+
+class Verdict(msgspec.Struct, frozen=True):
+    """Whether a fit may be used, and the findings that say why not."""
+
+    reasons: tuple[Finding, ...] = ()
+
+    @property
+    def usable(self) -> bool:
+        """Whether nothing speaks against it."""
+        return not self.reasons
+
+    @property
+    def why(self) -> str:
+        """The reasons as sentences; empty for a usable fit."""
+        return "; ".join(sentences(self.reasons))
+
+    def of(self, *models: str) -> "Verdict":
+        """The verdict on some of the models: what speaks against others alone is left out."""
+        return Verdict(tuple(one for one in self.reasons if one.subject in models or one.subject not in MODELS))
+
+
+def verdict_of(fit: "Fit") -> Verdict:
+    """The verdict on a fit, from the findings of severity stop and from its own numbers."""
+    told = stops(fit.findings)
+    known = {(one.code, one.subject) for one in told}
+    return Verdict((*told, *(one for one in failures(fit) if (one.code, one.subject) not in known)))
+
+
+def judged(fit: "Fit") -> "Fit":
+    """The fit with all that speaks against it among its findings."""
+    others = (one for one in fit.findings if one.severity != "stop")
+    return msgspec.structs.replace(fit, findings=ranked((*verdict_of(fit).reasons, *others)))
+
+
+def failures(fit: "Fit") -> list[Finding]:
+    """What the numbers of the models themselves say against them."""
+    found = []
+    for name in MODELS:
+        solver = getattr(getattr(fit, name), "solver", None)
+        if solver is not None and not solver.converged:
+            found.append(finding("fit-not-converged", name, predicted_decrease=solver.predicted_decrease))
+    if fit.converged is False and not found:
+        found.append(finding("fit-not-converged", "fit", predicted_decrease=None))
+    if fit.steps and not any(getattr(fit, name) for name in MODELS):
+        shapeless = [one for one in fit.steps if any(said.code == "shape-explains-little" for said in one.findings)]
+        if len(shapeless) == len(fit.steps):
+            found.append(finding("no-step-has-a-shape", "steps", count=len(shapeless)))
+    return [*found, *_nonlinear(fit), *_linear(fit)]
+
+
+def _nonlinear(fit: "Fit") -> list[Finding]:
+    part = fit.nonlinear
+    if part is None:
+        return []
+    found = unphysical(part)
+    p = part.parameters
+    highest = float(np.max(nonlinear.steady_torque(p, np.linspace(*p.u_range, INPUTS))))
+    found += _beyond(fit, "nonlinear", highest, [
+        float(nonlinear.step_response(p, np.array([end]), u)[0]) for u, end in _records(fit)
+    ])  # fmt: skip
+    known = [row for row in part.curves if row.ci95 is not None]
+    open_at = [row.level for row in known if row.ci95 is not None and _says_nothing(row.ci95.Ts)]
+    if 2 * len(open_at) > len(known):
+        found.append(finding("steady-output-unknown", "nonlinear", open_at, unit=fit.data.input_unit))
+    return found
+
+
+def _linear(fit: "Fit") -> list[Finding]:
+    part = fit.linear
+    if part is None or not part.a0 > 0:
+        return []
+    p = part.parameters
+    tops = [linear.steady_torque(p, u) for u, _ in _records(fit)]
+    reached = [float(linear.step_response(p, np.array([end]), u)[0]) for u, end in _records(fit)]
+    found = _beyond(fit, "linear", max(tops, default=0.0), reached)
+    for name in ("a0", "b0"):
+        ends = None if part.ci95 is None else getattr(part.ci95, name)
+        if ends is not None and _says_nothing(ends):
+            found.append(finding("linear-parameter-unknown", "linear", parameter=name, low=ends[0], high=ends[1]))
+    return found
+
+
+def _records(fit: "Fit") -> list[tuple[float, float]]:
+    """Levels, and how long each was recorded [s]."""
+    data = fit.data
+    return list(zip(data.levels, data.record_s, strict=True)) if len(data.levels) == len(data.record_s) else []
+
+
+def _beyond(fit: "Fit", model: str, steady: float, reached: list[float]) -> list[Finding]:
+    """A steady output beyond what was reached: at the ends of the records, or by logs as they were recorded."""
+    logs = fit.recorded.logs if fit.recorded is not None else ()
+    reached = [*map(abs, reached), *(abs(y - (log.idle or 0.0)) for log in logs for y in log.curve.measured)]
+    largest = max(reached, default=0.0)
+    if not largest > 0 or abs(steady) <= BEYOND * largest:
+        return []
+    unit = fit.data.output_unit
+    return [finding("steady-beyond-output", model, steady=steady, reached=largest, unit=unit)]
+
+
+def _says_nothing(ends: Interval) -> bool:
+    """Whether an interval is unknown, or its ends lie a factor of a hundred apart."""
+    return ends is None or not 0 < ends[1] <= FACTOR * ends[0]
+
+
+def unphysical(part: "Estimate") -> list[Finding]:
+    """Curves that, within the identified inputs, are none that a plant has; the first place of each."""
+    low, high = part.u_range
+    curves = [np.array(each) for each in (part.tau1, part.tau2, part.Ts)]
+    turns = np.concatenate([_turning_points(each, high) for each in (*curves, curves[1] - curves[0])])
+    inputs = np.union1d(np.linspace(low, high, INPUTS), turns[(turns > low) & (turns < high)])
+    tau1, tau2, Ts = (polyval(inputs, each) for each in curves)
+    found = []
+    for name, values, least, most in (
+        ("tau1", tau1, TAU_FLOOR_S / 2, SLOWEST_S),
+        ("tau2", tau2, np.maximum(tau1 - NEARLY * np.max(tau2), TAU_FLOOR_S / 2), SLOWEST_S),
+        ("Ts", Ts, -NEARLY * np.max(Ts) if np.max(Ts) > 1 / LARGEST else 1 / LARGEST, LARGEST),
+    ):
+        wrong = ~((values >= least) & (values <= most))
+        if wrong.any():
+            k = int(wrong.argmax())
+            crossed = name == "tau2" and bool(0 < values[k] < tau1[k])
+            value, at = float(values[k]), float(inputs[k])
+            found.append(finding("curve-of-no-plant", "nonlinear", name=name, value=value, input=at, crossed=crossed))
+    return found
+
+
+def _turning_points(coefficients: Array, high: float) -> Array:
+    """Where a curve's slope is zero; a bend that is lost in rounding within [0, high] is none."""
+    slope = polyder(coefficients * high ** np.arange(len(coefficients)))
+    roots = polyroots(polytrim(slope, ROUNDING * np.abs(slope).max())) * high
+    return np.real(roots[np.isreal(roots)])

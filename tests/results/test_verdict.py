@@ -1,0 +1,79 @@
+"""The one verdict: what stops a run or a level leaves that out, and what fails in a model stops the fit."""
+
+from typing import Any
+
+import msgspec
+import numpy as np
+import pandas as pd
+import pytest
+
+import eaid
+
+T = np.arange(0.0, 18.0, 0.02)
+LEVELS = (20.0, 40.0, 60.0, 80.0, 100.0)
+
+
+def run(level: float, seed: int, moves: bool = True) -> pd.DataFrame:
+    """A step from rest at 2 s, held for 10 s, and its release."""
+    draw, rise = np.random.default_rng(seed), 1 - 0.85 * np.exp(-(T - 2) / 0.4) - 0.15 * np.exp(-(T - 2) / 3)
+    on = (T >= 2) & (T < 12)
+    y = np.where(on, rise, np.where(T >= 12, np.exp(-np.maximum(T - 12, 0) / 0.3), 0.0))
+    y = 5e-4 * level**2 * moves * (1 + 0.02 * draw.normal()) * y + 0.005 * draw.normal(size=len(T))
+    return pd.DataFrame({"time_s": T, "duty_pct": np.where(on, level, 0.0), "torque_nm": y})
+
+
+def fitted(logs: dict[str, pd.DataFrame]) -> Any:
+    return eaid.fit(logs)
+
+
+@pytest.fixture(scope="module")
+def sound() -> Any:
+    return fitted({f"u{u:g}r{k}": run(u, k) for u in LEVELS for k in range(2)})
+
+
+def test_a_spike_in_one_release_stops_no_other_run(sound: Any) -> None:
+    logs = {f"u{u:g}r{k}": run(u, k) for u in LEVELS for k in range(2)}
+    logs["u40r1"].loc[700, "torque_nm"] = 9.0
+    fit = fitted(logs)
+    told = next(one for one in fit.findings if one.code == "runs-left-out")
+    assert fit.verdict.usable and told.values["runs"] == ("u40r1-release",) and told.severity == "caution"
+    assert "u40r1-release" not in {one.run for one in fit.data.sources} and len(fit.data.sources) == 19
+    assert fit.nonlinear.Ts == pytest.approx(sound.nonlinear.Ts, rel=1e-9)
+
+
+def test_a_level_that_does_not_move_is_left_out() -> None:
+    fit = fitted({f"u{u:g}": run(u, 1, moves=u > 20) for u in LEVELS})
+    assert fit.verdict.usable and fit.data.levels == LEVELS[1:]
+    assert {one.code: one.levels for one in fit.findings}["levels-left-out"] == (20.0,)
+    alone = fitted({"u20": run(20.0, 1, moves=False)})
+    assert not alone.verdict.usable and alone.summary().startswith("NOT USABLE: ")
+
+
+def changed(fit: Any, part: str, **values: Any) -> Any:
+    return msgspec.structs.replace(fit, **{part: msgspec.structs.replace(getattr(fit, part), **values)})
+
+
+def lost(fit: Any) -> Any:
+    return msgspec.structs.replace(fit.linear.solver, converged=False)
+
+
+def test_what_fails_in_a_model_and_what_does_not(sound: Any) -> None:
+    assert sound.verdict.usable and not sound.verdict.why
+    wrong = {
+        "fit-not-converged": changed(sound, "linear", solver=lost(sound)),
+        "curve-of-no-plant": changed(sound, "nonlinear", tau1=(-0.1, 0.0, 0.0)),
+        "steady-beyond-output": changed(sound, "nonlinear", tau1=(400.0, 0, 0), tau2=(900.0, 0, 0)),
+        "linear-parameter-unknown": changed(
+            sound, "linear", ci95=msgspec.structs.replace(sound.linear.ci95, b0=(-0.01, 0.2))
+        ),
+        "steady-output-unknown": changed(sound, "nonlinear", curves=tuple(
+            msgspec.structs.replace(row, ci95=msgspec.structs.replace(row.ci95, Ts=(0.01, 1.1)))
+            for row in sound.nonlinear.curves
+        )),
+    }  # fmt: skip
+    for code, fit in wrong.items():
+        (reason,) = fit.verdict.reasons
+        assert reason.code == code and not fit.verdict.usable
+        other = "nonlinear" if reason.subject == "linear" else "linear"
+        assert fit.verdict.of(other).usable and not fit.verdict.of(reason.subject).usable
+    assert changed(sound, "nonlinear", identifiable=False).verdict.usable  # a warning
