@@ -4,14 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
 
 import eaid
-from eaid.models.parameters import REFERENCE_PLANT, Nonlinear
+from eaid.models.parameters import REFERENCE_PLANT
 from eaid.reading import is_recorded
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.log import RecordedLog, recorded_log
-from eaid.replay.plant import plant_parameters, plant_step
 from eaid.synth.excitation import Excitation, synthesise_excitation
 from eaid.synth.logs import NONE
 from eaid.synth.plants import clutch
@@ -60,42 +58,6 @@ def test_several_logs_with_idle_outputs_and_starts_of_their_own() -> None:
     assert (first.idle, second.idle) == (pytest.approx(0.3), pytest.approx(-0.1))
     assert first.start == (0.0, 0.0) and min(second.start) > 0.0
     assert found.recorded.steps == 2
-
-
-@pytest.mark.slow
-def test_no_independent_least_squares_does_better() -> None:
-    """SciPy's trust region on a simulator of its own, from the truth and from our end."""
-    draw = np.random.default_rng(0)
-    for seed in range(3):
-        factor = np.exp(draw.normal(0, 0.3, 3))
-        plant = Nonlinear(
-            tuple(factor[0] * c for c in REFERENCE_PLANT.tau1),
-            tuple(factor[1] * c for c in REFERENCE_PLANT.tau2),
-            tuple(factor[2] * c for c in REFERENCE_PLANT.Ts),
-            (10.0, 100.0),
-        )
-        e = Excitation(kind="random", duration_s=60.0, rate_hz=20.0, hold_s=(0.5, 6.0), idle_s=1.0)
-        run = synthesise_excitation(clutch(plant), e, NOISE, seed)[0]
-        found = fit_recorded([run], replace(PLAIN, duty=(10.0, 100.0)))
-        assert found.nonlinear is not None
-        scale = np.concatenate([100.0 ** np.arange(3), 100.0 ** np.arange(3), 100.0 ** np.arange(4), [1.0]])
-
-        def missed(z: np.ndarray, run=run, scale=scale) -> np.ndarray:  # type: ignore[no-untyped-def]
-            c = z / scale
-            own = plant_parameters(Nonlinear(tuple(c[:3]), tuple(c[3:6]), tuple(c[6:10]), (10.0, 100.0)))
-            x1 = x2 = 0.0
-            out = np.empty(len(run.time_s))
-            for k, u in enumerate(run.input.tolist()):
-                out[k] = x1 + x2 + c[10] - run.output[k]
-                x1, x2 = plant_step(own, x1, x2, u, 0.05)
-            return out
-
-        start = np.append(coefficients(plant), 0.0) * scale
-        best = least_squares(missed, start, x_scale=np.maximum(np.abs(start), 0.1), ftol=1e-14, xtol=1e-14, gtol=1e-14)
-        assert found.nonlinear.sse is not None
-        assert found.nonlinear.sse <= 2 * best.cost * (1 + 1e-6)
-        ours = np.append(coefficients(found.nonlinear), found.recorded.logs[0].idle) * scale  # type: ignore[union-attr]
-        assert float(np.sum(missed(ours) ** 2)) == pytest.approx(found.nonlinear.sse, rel=1e-9)
 
 
 def test_an_input_that_never_moves_is_told() -> None:
