@@ -32,7 +32,7 @@ TIME = (
 INPUTS: dict[Kind, tuple[Group, ...]] = {
     "clutch": (
         Group("%", ("duty", "dutycycle", "pwm", "throttle", "tastgrad")),
-        Group("%", ("control", "controlsignal", "command", "cmd", "input", "u")),
+        Group("", ("control", "controlsignal", "command", "cmd", "input", "u")),
         Group("V", ("voltage", "volts", "volt", "spannung", "v")),
         Group("", ("current", "strom", "stroom", "courant", "corriente", "ampere", "amps")),
     ),
@@ -147,7 +147,7 @@ def match_columns(path: str, table: Table, options: ReadOptions) -> Roles:
     for role, other in ((a, b) for a in named for b in named if a < b and named[a] == named[b]):
         raise UsageError(f"«columns»: {role} and {other} are the same column, {table.label(named[role])}")
     time = named["time"] if "time" in named else _time(path, table, set(named.values()))
-    if time is None and not (options.rate_hz or table.rate_hz):
+    if time is None and not (options.rate_hz or table.rates):
         raise DataError(
             f"{path}: no column is called time (columns: {shown(names)}); name it with «columns» time=NAME, "
             f"or give «rate_hz» HZ where the log has none"
@@ -289,7 +289,7 @@ def by_place(path: str, table: Table, options: ReadOptions) -> Roles:
 
     The first has to be the only one that rises all the way; where another one does, it is proposed.
     """
-    count, rate = len(table.columns), bool(options.rate_hz or table.rate_hz)
+    count, rate = len(table.columns), bool(options.rate_hz or table.rates)
     places = {(3, False): (0, 1, 2), (2, False): (0, None, 1), (2, True): (None, 0, 1), (1, True): (None, None, 0)}
     columns: tuple[NDArray[Any], ...] = ()
     rising: tuple[int, ...] = ()

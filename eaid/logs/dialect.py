@@ -4,7 +4,7 @@ import contextlib
 import csv
 import re
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from eaid.errors import DataError
@@ -81,43 +81,37 @@ class Marks(NamedTuple):
         return good, sum(bool(cell.strip()) for cell in cells)
 
 
-def facts_of(lines: list[str], delimiter: str | None) -> dict[str, str]:
-    """Facts in the lines above the table: `key: value`, `key = value`, `key<delimiter>value`."""
-    said = {}
-    for line in lines:
-        bare = line.strip().lstrip("#%/ ").strip()
-        found = re.match(r"([^:=]{1,60}?)\s*[:=]\s*(\S.*)$", bare)
-        if not found and delimiter and bare.count(delimiter):
-            found = re.match(
-                rf"([^{re.escape(delimiter)}]{{1,60}}){re.escape(delimiter)}+([^{re.escape(delimiter)}]+)", bare
-            )
-        if found:
-            said[found.group(1).strip().lower()] = found.group(2).strip().strip('"')
-        elif bare and line.lstrip().startswith(COMMENT):
-            said[""] = f"{said.get('', '')} {bare}".strip()
-    return said
+_RATE = re.compile(
+    r"""(?:(?:sampl(?:e|ing)|abtast|scan)[\s_-]*(?P<word>rate|freq(?:uen[cz]y?)?|interval|period)|(?P<fs>f_?s|sampled\s+at)
+    |(?P<dt>dt|delta[_ ]?[xt]))\s*(?:[\[(]\s*(?P<beside>[^\s\])]+)\s*[\])])?\s*[:=;,\t]*\s*
+    (?P<number>\d[\d.,]*(?:e[+-]?\d+)?)\s*(?P<unit>[a-zµμ/]+)?(?P<rest>[^\d]*)$""",
+    re.IGNORECASE | re.VERBOSE,
+)
+_NOT_OF_THE_ROWS = re.compile(r"decimat|divid|averag|every|max|limit|nominal", re.IGNORECASE)
+_PER_S = {"hz": 1.0, "s/s": 1.0, "sps": 1.0, "samples/s": 1.0}
 
 
-def rate_said(said: dict[str, str]) -> float | None:
-    """Sample rate told in a comment [Hz]: `sampling rate: 1 kHz`, `dt = 0.001 s`, `sampled at 500 Hz`; else None."""
-    for key, value in said.items():
-        free = re.search(r"([\d.,]+(?:[eE][+-]?\d+)?)\s*(k|m)?(hz|s/s|sps|samples)\b", value, re.IGNORECASE)
-        if not key and free and re.search(r"sampl|abtast|rate|fs\b|daq|acqui", value, re.IGNORECASE):
-            amount = number(free.group(1).replace(",", "."), ".", "")
-            if amount and amount > 0:
-                return amount * {"k": 1e3, "m": 1e6}.get((free.group(2) or "").lower(), 1.0)
-        found = re.match(r"([\d.,]+(?:[eE][+-]?\d+)?)\s*([a-zA-Zµμ/]*)", value)
-        amount = number(found.group(1).replace(",", "."), ".", "") if found else None
-        if not found or not amount or amount <= 0:
+def rates_said(lines: list[str], marks: "Marks") -> tuple[tuple[str, float], ...]:
+    """Sample rates that lines above a table say [Hz], with the row: `sampling rate: 1 kHz`, `dt = 0.001 s`, `Fs 50 Hz`.
+
+    A line has to begin with what it says, and to end with a number and its unit.
+    """
+    rates = []
+    for row, line in enumerate(lines, start=1):
+        found = _RATE.match(line.strip().lstrip("#%/ ").replace('"', "").rstrip())
+        unit = (found["unit"] or found["beside"] or "").replace("μ", "µ") if found else ""
+        if not found or not unit or (found["unit"] and found["beside"]) or _NOT_OF_THE_ROWS.search(line):
             continue
-        unit = found.group(2) or "".join(re.findall(r"[\[(]\s*([a-zA-Zµμ]+)\s*[\])]", key))
-        if re.search(r"(sampl|abtast|acquisition|scan).*(rate|freq|hz)|^(fs|f_s|rate|frequency)\b", key):
-            factor = {"khz": 1e3, "mhz": 1e6}.get(unit.lower(), 1.0)
-            return amount * factor
-        if re.search(r"(sampl|scan).*(time|interval|period|step)|^(dt|delta[_ ]?[xt])\b", key):
-            known = unit_of(unit) if unit else None
-            return 1.0 / (amount * (known.factor if known and known.quantity == "time" else 1.0))
-    return None
+        amount = number(found["number"], marks.decimal, "." if marks.decimal == "," else ",")
+        amount = number(found["number"], ".", "") if amount is None else amount
+        prefix, known = {"k": 1e3, "K": 1e3, "M": 1e6}.get(unit[0], 1.0), unit_of(unit)
+        per_s = _PER_S.get(unit.lower()) or (_PER_S.get(unit[1:].lower(), 0.0) * prefix if unit[0] in "kKM" else 0.0)
+        lasts = bool(found["dt"]) or (found["word"] or "").lower() in ("interval", "period")
+        if amount and not lasts and per_s:
+            rates.append((f"row {row}", amount * per_s))
+        elif amount and lasts and known is not None and known.quantity == "time":
+            rates.append((f"row {row}", 1.0 / (amount * known.factor)))
+    return tuple(rates)
 
 
 _DELIMITERS = ("\t", ";", "|", ",", None)
@@ -137,7 +131,9 @@ class Dialect:
     """Line of the first row of numbers, from 1."""
     stamps: tuple[int, ...] = ()
     """Columns of wall-clock stamps."""
-    said: dict[str, str] = field(default_factory=dict)
+    rates: tuple[tuple[str, float], ...] = ()
+    """Sample rates that lines above the table say [Hz], and the row."""
+    synthetic: str | None = None
     ragged: bool = False
     """True where every row ends with a delimiter."""
 
@@ -202,8 +198,10 @@ def sniff(path: str, head: bytes, whole: bool) -> Dialect:
     _refuse_another_table(path, lines[:start], marks)
     names, units, header_lines = _header(lines[:start], marks, count, ragged)
     stamps = tuple(i for i, cell in enumerate(cells) if marks.is_stamp(cell))
-    said = facts_of([line for i, line in enumerate(lines[:start]) if i not in header_lines], marks.delimiter)
-    return Dialect(encoding, marks, names, units, start + 1, stamps, said, ragged)
+    above = ["" if i in header_lines else line for i, line in enumerate(lines[:start])]
+    made_by = (re.match(r"[#%/ ]+synthetic\s*[:=]\s*(\S.*)$", line, re.IGNORECASE) for line in above)
+    synthetic = next((found[1].strip() for found in made_by if found), None)
+    return Dialect(encoding, marks, names, units, start + 1, stamps, rates_said(above, marks), synthetic, ragged)
 
 
 def _is_comment(line: str) -> bool:

@@ -1,7 +1,7 @@
 """A table of a file: its columns are named before they are read."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from numpy.typing import NDArray
@@ -50,10 +50,10 @@ class Table:
     """Reads the chosen columns, in the chosen order; columns of other times are brought to those of the first."""
     units: tuple[str, ...] = ()
     """Unit of each column where the file says it apart from the name; empty strings where not."""
-    rate_hz: float | None = None
-    """Sample rate said by the file, for tables without a time column [Hz]."""
-    said: Mapping[str, str] = field(default_factory=dict)
-    """Facts told in comment lines or properties (`synthetic`, `level`, …)."""
+    rates: tuple[tuple[str, float], ...] = ()
+    """Sample rates that the file says [Hz], and where in it, for tables without a time column."""
+    synthetic: str | None = None
+    """What made the data, where a comment or a property says so."""
     clock: int | None = None
     """Column of the time, where the format itself says which it is."""
     dropped: tuple[str, ...] = ()

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
-from eaid.logs.dialect import COMMENT, NUMBER_MARKS, Dialect, Marks, encoding_of, rate_said, sniff
+from eaid.logs.dialect import COMMENT, NUMBER_MARKS, Dialect, Marks, encoding_of, sniff
 from eaid.logs.table import BadCell, Cells, Table
 
 
@@ -146,7 +146,7 @@ def read_text(path: Path, source: str, tell: Callable[[float], None] = lambda _:
     dialect = sniff(source, head, len(head) < HEAD_BYTES)
     units = tuple("s" if i in dialect.stamps else unit for i, unit in enumerate(dialect.units))
     load = _TextLog(path, source, zipped, dialect, tell).load
-    return [Table("", dialect.columns, load, units, rate_said(dialect.said), dialect.said)]
+    return [Table("", dialect.columns, load, units, dialect.rates, dialect.synthetic)]
 
 
 @contextlib.contextmanager
@@ -269,13 +269,18 @@ def _lines(view: memoryview) -> int:
     return piece.count(b"\n") + (piece.count(b"\r") - piece.count(b"\r\n") if b"\r" in piece else 0)
 
 
-def _day(text: str) -> int | None:
+def _days(dates: Sequence[str]) -> dict[str, int]:
+    """The day of each date, in the one way of writing in which most are dates, none falls and the fewest days pass."""
+    ways: list[tuple[int, bool, int, dict[str, int]]] = []
     for form in _DATES:
-        try:
-            return datetime.strptime(text, form).toordinal()
-        except ValueError:
-            continue
-    return None
+        days = {}
+        for date in dates:
+            with contextlib.suppress(ValueError):
+                days[date] = datetime.strptime(date, form).toordinal()
+        in_order = [*days.values()]
+        span = max(in_order, default=0) - min(in_order, default=0)
+        ways.append((-len(days), in_order != sorted(in_order), span, days))
+    return min(ways, key=lambda way: way[:3])[3]
 
 
 def seconds_of(texts: Sequence[str]) -> tuple[Array, list[int]]:
@@ -285,15 +290,13 @@ def seconds_of(texts: Sequence[str]) -> tuple[Array, list[int]]:
     """
     seconds = np.full(len(texts), np.nan)
     wrong = []
-    days: dict[str, int | None] = {"": 0}
+    read = [_CLOCK.match(text.strip().strip('"')) for text in texts]
+    days = {"": 0} | _days([*dict.fromkeys(found[1] for found in read if found and found[1])])
     first: float | None = None
     added, last = 0, 0.0
-    for i, text in enumerate(texts):
-        found = _CLOCK.match(text.strip().strip('"'))
+    for i, found in enumerate(read):
         date = (found.group(1) or "") if found else ""
-        if date not in days:
-            days[date] = _day(date)
-        day = days[date]
+        day = days.get(date)
         if not found or day is None:
             wrong.append(i)
             continue

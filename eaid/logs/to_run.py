@@ -5,7 +5,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -26,6 +26,7 @@ from eaid.logs.units import (
     scale_of,
     split_name,
     unit_of,
+    unit_said,
     words_of,
 )
 from eaid.options import ReadOptions
@@ -153,50 +154,64 @@ def _listed(source: str, found: Sequence[str], remedy: str) -> list[str]:
     return sentences
 
 
+class Clock(NamedTuple):
+    """A clock that began at a fixed day: what it counts, how many a second, its first stamps of our time [s]."""
+
+    counts: str
+    per_s: float
+    first_s: tuple[float, float]
+
+
 PER_S = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
-"""What clocks count that began in 1970."""
-EPOCH_S = (1e9, 4e9)
-"""First stamps of logs of 2001 to 2096, counted from 1970 [s]."""
+CLOCKS = (
+    *(Clock(f"{unit} since 1970", per_s, (1e9, 4e9)) for unit, per_s in PER_S.items()),
+    Clock("100 ns since 1601 (FILETIME)", 1e7, (1.26e10, 1.56e10)),
+    Clock("100 ns since the year 1 (.NET)", 1e7, (6.31e10, 6.61e10)),
+)
 SLOWEST_S = 90.0
-"""Sample time beyond which a clock without a unit counts not from 1970, but in a finer unit from power-up."""
+"""Sample time beyond which a clock without a unit counts not from a fixed day, but in a finer unit from power-up."""
 DAYS = ((30_000.0, 60_000.0), (700_000.0, 770_000.0))
 """First stamps in days: Excel's of 1982 to 2064, MATLAB's datenum of 1916 to 2108."""
 FASTEST_HZ = 50_000.0
 """Sample rate beyond which a clock whose unit nobody gave is warned of."""
+BRIEF_S, QUICK_HZ = 2.0, 2000.0
+"""Span and sample rate of a log that may be one of minutes, if nobody gave the unit."""
 LONGEST_S = 3600.0
-"""Span beyond which whole numbers of a clock whose unit nobody gave are no seconds."""
+"""Span beyond which a clock whose unit nobody gave counts no seconds, if it counts whole numbers, or seldom."""
 
 
 @dataclass(frozen=True)
 class TimeScale:
-    """Seconds in one unit of a time column, and whether somebody said so."""
+    """Seconds in one unit of a time column, and who said so: the user, or the file or the column's name."""
 
-    factor: float
-    stated: bool
-    """The user, the file or the column's name says the unit."""
-    by_user: bool = False
+    by_user: float | None = None
+    by_column: float | None = None
+
+    @property
+    def factor(self) -> float:
+        """Seconds in one unit, as far as it is known before the stamps are."""
+        return self.by_user or self.by_column or 1.0
 
 
 def time_scale(path: str, said: str | None, column: str, file_unit: str) -> TimeScale:
-    """Unit of a time column: what the user says, else the file, else its name; raises where that is no unit of time."""
+    """Unit of a time column as the user, the file or its name says; raises where that is no unit of time."""
+    by_user = None
     if said is not None:
         known = unit_of(said)
-        if said.startswith("/"):
-            return TimeScale(1.0 / divisor("time", said), True, True)
-        if known is None or known.quantity != "time":
+        if not said.startswith("/") and (known is None or known.quantity != "time"):
             raise UsageError(f"«units» time={said}: is no unit of time; use {TIME_UNITS}")
-        return TimeScale(known.factor, True, True)
-    bare, named = split_name(column)
-    text = file_unit or named or (bare if len(bare) > 1 or bare == "s" else "")
-    known = unit_of(text) if text else None
+        by_user = 1.0 / divisor("time", said) if known is None else known.factor
+    bare = split_name(column)[0]
+    text = unit_said(path, "time", said, column, file_unit)
+    known = unit_of(text or (bare if len(bare) > 1 or bare == "s" else ""))
     if known is not None and known.quantity == "time":
-        return TimeScale(known.factor, True)
-    if file_unit or named:
+        return TimeScale(by_user, known.factor)
+    if text and by_user is None:
         raise DataError(
-            f"{path}: column {column} is in {file_unit or named}, which is no unit of time that eaid knows; "
+            f"{path}: column {column} is in {text}, which is no unit of time that eaid knows; "
             f"say it with «units» time=UNIT ({TIME_UNITS})"
         )
-    return TimeScale(1.0, False)
+    return TimeScale(by_user)
 
 
 def seconds_since_start(
@@ -211,46 +226,67 @@ def seconds_since_start(
     first = raw[0]
     gone = read_only(raw - first)
     usual = float(np.median(np.diff(gone[:10_000]))) if len(gone) > 1 else 0.0
-    factor, findings = scale.factor, list[Finding]()
-    since_1970 = (unit for unit, per_s in PER_S.items() if EPOCH_S[0] <= float(first) / per_s <= EPOCH_S[1])
-    counted = next(since_1970, None)
-    if not scale.stated:
+    factor, of_column, findings = scale.factor, scale.by_column, list[Finding]()
+    day = next((one for one in CLOCKS if one.first_s[0] <= float(first) / one.per_s <= one.first_s[1]), None)
+    refuted = day is not None and of_column is not None and not math.isclose(of_column * day.per_s, 1.0)
+    too_fast = of_column is not None and 0 < usual * of_column < 1.0 / 5e6  # no bench samples so fast
+    if scale.by_user is not None:
+        if of_column is not None and not (refuted or too_fast) and not math.isclose(scale.by_user, of_column):
+            raise DataError(
+                f"{path}: column {column} says its unit, «units» time=UNIT another; leave it out, or mend the name"
+            )
+    elif refuted and day is not None:
+        raise DataError(
+            f"{path}: column {column} says its unit, but its first stamp, {float(first):.10g}, counts {day.counts}; "
+            f"say which with «units» time=UNIT"
+        )
+    elif too_fast:
+        rate_hz = 1.0 / (usual * factor)
+        findings.append(finding("time-too-fast", path, column=column, rate_hz=rate_hz, likely="d"))
+    elif of_column is None:
         if words_of(split_name(column)[0]) & COUNTERS and usual == 1.0:
             raise DataError(
                 f"{path}: column {column} numbers the samples and is no time; give their rate with «rate_hz» HZ and "
                 f"name no time column, or say «units» time=/1000 for 1000 samples a second"
             )
-        if counted is not None and usual / PER_S[counted] <= SLOWEST_S:
-            factor = 1.0 / PER_S[counted]
-            if counted != "s":
-                findings.append(finding("time-since-1970", path, column=column, unit=counted))
+        _refuse_times_of_day(path, column, raw)
+        if day is not None and usual / day.per_s <= SLOWEST_S:
+            factor = 1.0 / day.per_s
+            if day.per_s != 1:
+                findings.append(finding("time-since-a-day", path, column=column, counts=day.counts))
         elif usual < 1.0 / FASTEST_HZ and any(low <= first <= high for low, high in DAYS):
             factor = 86400.0
             findings.append(finding("time-in-days", path, column=column))
         else:
-            findings.extend(_warnings(path, column, gone, usual))
-    elif not scale.by_user and counted is not None and not math.isclose(factor * PER_S[counted], 1.0):
-        raise DataError(
-            f"{path}: column {column} says its unit, but its first stamp, {float(first):.10g}, counts "
-            f"{counted} since 1970; say which with «units» time=UNIT"
-        )
-    if scale.stated and not scale.by_user and 0 < usual * factor < 1.0 / 5e6:  # no bench samples so fast
-        rate_hz = 1.0 / (usual * factor)
-        findings.append(finding("time-too-fast", path, column=column, rate_hz=rate_hz, likely="d"))
+            findings.append(_of_seconds(path, column, gone, usual))
     return read_only(gone if factor == 1.0 else gone * factor), float(first) * factor, tuple(findings)
 
 
-def _warnings(path: str, column: str, gone: Array, usual: float) -> list[Finding]:
-    """What speaks against seconds in a clock whose unit nobody gave."""
+def _refuse_times_of_day(path: str, column: str, raw: NDArray[Any]) -> None:
+    """Refuse times of day that are written as numbers, 161859.9 and then 161900.0: minutes of 100 seconds."""
+    late = np.flatnonzero(np.diff(raw) >= 40)
+    ends, begins = raw[late] % 100, raw[late + 1] % 100
+    if len(late) and float(raw[-1]) < 240_000 and bool(((ends >= 59) & (ends < 60) & (begins < 1)).all()):
+        raise DataError(
+            f"{path}: column {column} holds times of day as numbers, {raw[late[0]]:.10g} and then "
+            f"{raw[late[0] + 1]:.10g}; save it as 16:18:59.9, or in seconds"
+        )
+
+
+def _of_seconds(path: str, column: str, gone: Array, usual: float) -> Finding:
+    """That seconds are assumed of a clock whose unit nobody gave, and what speaks against them."""
+    span, likely = float(gone[-1]), likely_time_unit(usual)
     if 0 < usual < 1.0 / FASTEST_HZ:
         likely = "d" if usual < 2e-7 else "min"
-        return [finding("time-too-fast", path, column=column, rate_hz=1.0 / usual, likely=likely)]
-    if usual < 1.0 or not bool(np.all(gone[:100_000] == np.floor(gone[:100_000]))):
-        return []
-    span = float(gone[-1])
-    likely = likely_time_unit(usual)
-    code = "time-too-long" if span > LONGEST_S else "time-in-whole-numbers"
-    return [finding(code, path, column=column, usual_s=usual, span_s=span, likely=likely)]
+        return finding("time-too-fast", path, column=column, rate_hz=1.0 / usual, likely=likely)
+    if usual > SLOWEST_S and span > LONGEST_S:
+        return finding("time-too-long", path, column=column, usual_s=usual, span_s=span, likely=likely)
+    if usual >= 1.0 and bool(np.all(gone[:100_000] == np.floor(gone[:100_000]))):
+        code = "time-too-long" if span > LONGEST_S else "time-in-whole-numbers"
+        return finding(code, path, column=column, usual_s=usual, span_s=span, likely=likely)
+    if 0 < usual < 1.0 / QUICK_HZ and span < BRIEF_S:
+        return finding("time-brief", path, column=column, rate_hz=1.0 / usual, span_s=span)
+    return finding("unit-assumed", path, role="time", column=column, unit="s")
 
 
 @dataclass(frozen=True)
@@ -319,7 +355,11 @@ class _Log:
     def time_scale(self) -> TimeScale:
         """Unit of the time column, or of the sample numbers."""
         if self.clock is None:
-            return TimeScale(1.0 / (self.options.rate_hz or self.table.rate_hz or np.nan), True, True)
+            said = {rate_hz for _, rate_hz in self.table.rates}
+            if len(said) > 1 and self.options.rate_hz is None:
+                listed = " and ".join(f"{rate_hz:g} Hz in {place}" for place, rate_hz in self.table.rates)
+                raise DataError(f"{self.source}: has no time column, and says {listed}; say which with «rate_hz» HZ")
+            return TimeScale(1.0 / (self.options.rate_hz or said.pop()))
         column, unit = self.table.columns[self.clock], self.table.unit(self.clock)
         return time_scale(self.source, self.options.units.get("time"), column, unit)
 
@@ -340,16 +380,42 @@ class _Log:
         return checked(self.source, named, cells, columns.cells.row, "row", repair, factor)
 
 
-def level_and_repeat(pattern: str | None, name: str) -> tuple[float | None, int | None]:
-    """Level and repeat that the name of a log tells, the pattern being found anywhere in it."""
+_BEFORE = re.compile(r"\d[.,ep_-]?$", re.IGNORECASE)
+_AFTER = re.compile(r"[.,]?\d|[ep-][+-]?\d|_\d{1,3}(?!\d)", re.IGNORECASE)
+"""What stands beside a number that may be a part of a longer one: 2-5V, 2p5V, 1e2V, 2_5V, 1,000V."""
+_DATED = re.compile(r"(\d{4}([-_.]?)\d\d\2\d\d|\d\d[-_.]\d\d[-_.]\d{4})[-_]$")
+
+
+def level_and_repeat(source: str, pattern: str | None, name: str) -> tuple[float | None, int | None]:
+    """Level and repeat that the name of a log tells, the pattern being found anywhere in it.
+
+    Raises DataError where the number that stands for the level may be a part of a longer one.
+    """
     if pattern is None:
         return None, None
     parts = re.split(r"\{(level|repeat)\}", pattern)
-    forms = {"level": r"(?P<level>[+-]?\d+(?:[.,]\d+)?)", "repeat": r"(?P<repeat>\d+)"}
-    match = re.search("".join(forms[part] if i % 2 else re.escape(part) for i, part in enumerate(parts)), name)
-    told = match.groupdict() if match else {}
+    forms = {"level": r"(?P<level>[+-]?(?:\d+(?:[.,]\d+)?|\.\d+))", "repeat": r"(?P<repeat>\d+)"}
+    every = re.finditer("".join(forms[part] if i % 2 else re.escape(part) for i, part in enumerate(parts)), name)
+    match = next(every, None)
+    if match is None:
+        return None, None
+    told = match.groupdict()
     level, repeat = told.get("level"), told.get("repeat")
-    return float(level.replace(",", ".")) if level else None, int(repeat) if repeat else None
+    if repeat is not None and int(repeat) > np.iinfo(np.int64).max:
+        raise DataError(f"{source}: its repeat, {repeat}, is no count; mend «name_pattern», or rename the log")
+    if level is None:
+        return None, None if repeat is None else int(repeat)
+    begins = match.end("repeat") if repeat is not None and match.start("repeat") < match.start("level") else 0
+    ends = pattern.endswith("{level}") and _AFTER.match(name[match.end("level") :])  # else the pattern says where
+    before = name[begins : match.start("level")]
+    longer = _BEFORE.search(before) and not _DATED.search(before)
+    thousands = re.fullmatch(r"[+-]?[1-9]\d{0,2},\d{3}", level)
+    if longer or ends or thousands or any(other["level"] != level for other in every):
+        raise DataError(
+            f"{source}: {level} in its name may not be the whole level, or not the only one; rename it, as in 2.5V, or "
+            f"let «name_pattern» hold what stands beside it, as in {{repeat}}_{{level}}V"
+        )
+    return float(level.replace(",", ".")), None if repeat is None else int(repeat)
 
 
 def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions) -> Run:
@@ -357,9 +423,7 @@ def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions) -> Run
     source = origin.source
     table, roles = chosen_table(source, tables, options)
     log = _Log(source, table, roles, options)
-    clock, (level, repeat) = log.clock, level_and_repeat(options.name_pattern, origin.says)
-    if repeat is not None and repeat > np.iinfo(np.int64).max:
-        raise DataError(f"{source}: its repeat, {repeat}, is no count; mend «name_pattern», or rename the log")
+    clock, (level, repeat) = log.clock, level_and_repeat(source, options.name_pattern, origin.says)
     beside = (clock, roles.reference, roles.trigger, roles.position)
     taken = [column for column in (roles.output, *beside) if column is not None]
     likely = [column for _, column in roles.inputs]
@@ -387,6 +451,9 @@ def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions) -> Run
         time_s, start_s, of_time = seconds_since_start(source, table.label(clock), kept_time, log.time_scale)
     else:
         time_s, start_s, of_time = read_only(kept_time * log.time_scale.factor), 0.0, ()
+        if options.rate_hz is None:
+            place, rate_hz = table.rates[0]
+            of_time = (finding("rate-from-comment", source, rate_hz=rate_hz, place=place),)
     into = log.scale("output", roles.output, default_unit(table.columns[roles.output], OUTPUTS))
     output = into.of(columns.kept(roles.output))
     if which is not None and kind is not None:
@@ -426,7 +493,7 @@ def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions) -> Run
         position_unit=position_unit,
         findings=tuple(msgspec.structs.replace(found, subject=origin.name) for found in findings),
         kind=options.kind or kind,
-        synthetic=table.said.get("synthetic"),
+        synthetic=table.synthetic,
         start_s=start_s,
         taken=tuple((role, table.label(column)) for role, column in used.items()),
         left=(*others, *table.dropped),

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from numpy.typing import NDArray
 
 from eaid.arrays import Array, read_only
-from eaid.errors import UsageError
+from eaid.errors import DataError, UsageError
 from eaid.findings import Finding, finding
 
 LARGEST_NM = 1000.0
@@ -146,6 +146,12 @@ def split_name(name: str) -> tuple[str, str]:
     return name, ""
 
 
+_TIMES_A_NUMBER = re.compile(
+    r"[*×]\s*[\d.]|\d\s*[*×]|(?:^|[\s_\])])[xX]\s*(?:10+|\d*\.\d+|\d+e[-+]?\d+)\s*$|10\^[-+]?\d", re.IGNORECASE
+)
+_NUMBER_OF_UNITS = re.compile(r"\d[\d.]*(?:e[-+]?\d+)?\s*[a-zA-Zµμ%]")
+
+
 @dataclass(frozen=True)
 class Scale:
     """Unit that a column is turned into, and the factor that does it."""
@@ -159,27 +165,52 @@ class Scale:
         return read_only(values if self.factor == 1.0 else values * self.factor)
 
 
+def unit_said(path: str, role: str, said: str | None, column: str, file_unit: str) -> str:
+    """The unit of a column as its file or its name says it; empty where neither does, or it is one of another quantity.
+
+    Raises DataError where a number stands beside it (`x100`, `Nm*1e-2`: multiply or divide?) and the user says no unit,
+    and UsageError where the user says another unit than the column does.
+    """
+    bare, named = split_name(column)
+    text = file_unit or named
+    known = unit_of(text) if text else None
+    scaled = _TIMES_A_NUMBER.search(bare) or (
+        known is None and (_TIMES_A_NUMBER.search(text) or _NUMBER_OF_UNITS.match(text))
+    )
+    if scaled and said is None:
+        raise DataError(
+            f"{path}: column {column}{f' in {file_unit}' * bool(file_unit)} holds a number beside its {role}'s unit, "
+            f"which may multiply or divide; say the unit of its cells with «units» {role}=UNIT"
+        )
+    letter = len(named) == 1 and column.strip().endswith(f" {named}")  # Phase A
+    if said is None or scaled or known is None or letter or (known.quantity == "time") != (role == "time"):
+        return text
+    if role != "time" and unit_of(said) != known:
+        raise DataError(
+            f"{path}: column {column} says {text}, «units» {role}={said} something else; leave it out, or mend the name"
+        )
+    return text
+
+
 def scale_of(path: str, role: str, said: str | None, column: str, file_unit: str, default: str, label: str) -> Scale:
     """Unit and factor of a column: what the user says, else the file, else the column's name, else the default.
 
     A unit that eaid does not know is kept as it is. `/255` says that 255 counts are the full scale: an input in %.
     """
-    if said is not None and said.startswith("/"):
-        full = divisor(role, said)
+    known = unit_of(said) if said else None
+    if known is not None and known.quantity == "time":
+        raise UsageError(f"«units» {role}={said}: is a unit of time, not of the {role}")
+    full = divisor(role, said) if said is not None and said.startswith("/") else 0.0
+    text = unit_said(path, role, said, column, file_unit)
+    if full:
         return Scale("%", 100.0 / full) if role == "input" else Scale("", 1.0 / full)
-    named = split_name(column)[1]
-    text = said or file_unit or named
+    text = said or text
     known = unit_of(text) if text else None
     if known is not None and known.quantity == "time":
-        if said is not None:
-            raise UsageError(f"«units» {role}={said}: is a unit of time, not of the {role}")
         text, known = "", None
     if not text:
-        if default == "%":  # a share: the levels tell whether it is one of 1 or of 100
-            return Scale("%", 1.0)
-        if default:
-            return Scale(default, 1.0, (finding("unit-assumed", path, role=role, column=label, unit=default),))
-        return Scale("", 1.0, (finding("unit-unknown", path, role=role, column=label),))
+        code = "unit-assumed" if default else "unit-unknown"
+        return Scale(default, 1.0, (finding(code, path, role=role, column=label, unit=default),))
     if known is None:
         return Scale(text, 1.0)
     if text.strip("[]() ").lower() in ("g", "kg") and not is_weight(split_name(column)[0], said is not None):
@@ -193,6 +224,6 @@ def divisor(role: str, said: str) -> float:
         counts = float(said[1:])
     except ValueError:
         counts = 0.0
-    if not 0 < counts < math.inf:
-        raise UsageError(f"«units» {role}={said}: write a number above 0 behind the stroke, as in /255")
+    if not 1e-12 <= counts <= 1e12:
+        raise UsageError(f"«units» {role}={said}: write a number from 1e-12 to 1e12 behind the stroke, as in /255")
     return counts

@@ -56,9 +56,9 @@ def test_table_json_and_file(run_eaid):
 @pytest.mark.parametrize("mended", [False, True])
 def test_all_bad_logs_are_told_at_once_and_leave_earlier_results_untouched(mended, run_eaid):
     write_log("a.csv")
-    lines = Path("a.csv").read_text().splitlines()
-    Path("b.csv").write_text("\n".join([*lines, "0,0,0.1"]) + "\n")
-    Path("c.csv").write_text("\n".join([*lines[:90], "0.895,0,x", *lines[90:]]) + "\n")
+    b, c = (Path(write_log(name, level)).read_text().splitlines() for name, level in (("b.csv", 60.0), ("c.csv", 70.0)))
+    Path("b.csv").write_text("\n".join([*b, "0,0,0.1"]) + "\n")
+    Path("c.csv").write_text("\n".join([*c[:90], "0.895,0,x", *c[90:]]) + "\n")
     Path("data.h5").write_text("earlier")
     ran = run_eaid("ingest a.csv b.csv c.csv --force", *(["--repair"] if mended else []))
     told = [line for line in ran.err.splitlines() if line.startswith("error: ")]

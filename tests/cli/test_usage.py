@@ -47,7 +47,7 @@ TABLE = r"""
 2 | ingest logs --columns torque=3 | --columns and --units know time, input, output, reference and position, not torque
 2 | ingest logs --units time=N | --units time=N: is no unit of time; use s, ms, us, ns, min, h or d
 2 | ingest logs --units output=ms | --units output=ms: is a unit of time, not of the output
-2 | ingest logs --units input=/0 | --units input=/0: write a number above 0 behind the stroke, as in /255
+2 | ingest logs --units input=/0 | --units input=/0: write a number from 1e-12 to 1e12 behind the stroke, as in /255
 2 | ingest logs --name-pattern {level}{level} | --name-pattern {level}{level}: holds a field twice
 2 | ingest logs --units input= | --units input=: write role=name pairs with commas between them, as …
 2 | ingest logs --name-pattern run | --name-pattern run: holds neither {level} nor {repeat}

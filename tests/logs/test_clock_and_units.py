@@ -11,30 +11,33 @@ T = np.arange(60.0) / 10
 STEP = np.where(np.arange(60) >= 30, 1.0, 0.0)
 
 
-def at(times: Any, name: str = "time", **more: Any) -> Any:
+def at(times: Any, name: str = "time", torque: str = "torque_nm", **more: Any) -> Any:
     """A log with these times, whose input steps."""
     count = len(times)
-    return frame(f"{name}|duty|torque_nm", np.asarray(times), np.arange(count) > count // 2, np.arange(count), **more)
+    return frame(f"{name}|duty|{torque}", np.asarray(times), np.arange(count) > count // 2, np.arange(count), **more)
 
 
 @pytest.mark.parametrize(
     ("first", "step", "name", "said", "factor", "code"),
     [
-        (0, 0.01, "time", None, 1, ""), (25, 0.01, "t", None, 1, ""), (-1, 0.01, "time", None, 1, ""),
-        (1e7, 0.5, "time", None, 1, ""), (0, 1.5, "time", None, 1, ""), (0, 100.5, "time", None, 1, ""),
-        (0, 1 / 49_999.5, "time", None, 1, ""), (0, 1 / 50_000.5, "time", None, 1, "time-too-fast min"),
+        (25, 0.01, "t", None, 1, ""), (-1, 0.01, "time", None, 1, ""),
+        (1e7, 0.5, "time", None, 1, ""), (0, 1.5, "time", None, 1, ""),
+        (0, 60.5, "time", None, 1, ""), (0, 100.5, "time", None, 1, "time-too-long ms"),
+        (0, 1 / 49_999.5, "time", None, 1, "time-brief"), (0, 1 / 50_000.5, "time", None, 1, "time-too-fast min"),
         (0, 1 / 5_100_000, "time_s", None, 1, "time-too-fast d"), (0, 1 / 5_100_000, "time", "s", 1, ""),
         (0, 0.1, "time_ns", None, 1e-9, "time-too-fast d"), (0, 1, "time", None, 1, "time-in-whole-numbers ms"),
         (0, 62, "time", None, 1, "time-too-long ms"), (0, 501, "time", None, 1, "time-too-long us"),
         (0, 5.1e5, "time", None, 1, "time-too-long ns"), (0.5, 62, "time", None, 1, "time-too-long ms"),
         (1.2e9, 5000, "time", None, 1, "time-too-long us"), (4e9, 74, "time", None, 1, ""),
         (45_000, 1 / 8_640_000, "time", None, 86400, "time-in-days"),
-        (735_000, 1 / 864_000, "time", None, 86400, "time-in-days"), (45_000, 1 / 49_000, "time", None, 1, ""),
+        (735_000, 1 / 864_000, "time", None, 86400, "time-in-days"),
+        (45_000, 1 / 49_000, "time", None, 1, "time-brief"),
+        (0, 1 / 1999, "time", None, 1, ""),
         (45_000, 1 / 8_640_000, "time_s", None, 1, "time-too-fast d"), (0, 10, "time_ms", None, 1e-3, ""),
         (0, 10, "millis", None, 1e-3, ""), (0, 10, "ms", None, 1e-3, ""), (0, 1, "s", None, 1, ""),
         (0, 10, "timeMs", None, 1e-3, ""), (0, 1e-3, "Time (h)", None, 3600, ""),
         (0, 1e-5, "time [days]", None, 86400, ""), (0, 1e-3, "minutes", None, 60, ""),
-        (0, 1e4, "Zeit in us", None, 1e-6, ""), (0, 1, "time", "/200", 1 / 200, ""), (0, 10, "time_s", "ms", 1e-3, ""),
+        (0, 1e4, "Zeit in us", None, 1e-6, ""), (0, 1, "time", "/200", 1 / 200, ""), (0, 10, "time_s", "s", 1, ""),
         (1.7e12, 1, "time_ms", None, 1e-3, ""), (1.7e12, 1, "time", "s", 1, ""), (0, 2.5, "sample", None, 1, ""),
         (0, 1, "sample", "s", 1, ""),
     ],
@@ -58,8 +61,8 @@ def test_clocks(first, step, name, said, factor, code, read, codes):
         (at(T, units={"time": "V"}), {}, "column time is in V, which is no unit of time that eaid knows"),
         (at(T), {"rate_hz": 10.0}, "has a time column, time, so «rate_hz» does nothing; leave it out"),
         (at(T), {"units": {"time": "V"}}, "«units» time=V: is no unit of time; use s, ms, us, ns, min, h or d"),
-        *((at(T), {"units": {"time": bad}}, "write a number above 0 behind the stroke, as in /255")
-          for bad in ("/0", "/-1", "/x", "/inf", "/nan", "/")),
+        *((at(T), {"units": {"time": bad}}, "write a number from 1e-12 to 1e12 behind the stroke, as in /255")
+          for bad in ("/0", "/1e308", "/1e-13", "/-1", "/x", "/inf", "/nan", "/")),
     ],
 )  # fmt: skip
 def test_clocks_that_are_refused(log, said, sentence, read):
@@ -69,7 +72,7 @@ def test_clocks_that_are_refused(log, said, sentence, read):
 def test_numbers_of_samples_and_a_rate(read):
     run = read(at(np.arange(7.0, 67.0), "sample"), columns={"time": "sample"}, rate_hz=50.0)
     assert (run.time_s[0], run.time_s[-1], run.start_s, run.left) == (0.0, 59 / 50, 0.0, ("sample",))
-    rated = "# rate: 20 Hz\n" + text("duty,torque_nm", STEP, STEP)
+    rated = "# sampling rate: 20 Hz\n" + text("duty,torque_nm", STEP, STEP)
     assert read(rated).time_s[-1] == pytest.approx(59 / 20) and read(rated, rate_hz=10.0).time_s[-1] == pytest.approx(
         5.9
     )
@@ -113,7 +116,7 @@ def test_every_spelling_of_a_unit(read):
     units = pint.UnitRegistry()
     for name, spelling in ((name, one) for name, spellings in PINT.items() for one in spellings.split()):
         of_time = name in list(PINT)[:7]
-        run = read(at(T), units={"time" if of_time else "output": spelling})
+        run = read(at(T, torque="torque"), units={"time" if of_time else "output": spelling})
         values, into = (run.time_s, "s") if of_time else (run.output, run.output_unit)
         factor = units.Quantity(1.0, name).to(INTO[into]).magnitude
         np.testing.assert_allclose(values, factor * (T if of_time else np.arange(60)), rtol=1e-11, err_msg=spelling)
@@ -121,7 +124,7 @@ def test_every_spelling_of_a_unit(read):
 
 @pytest.mark.parametrize("unit", ["mPa", "MNm", "MN·m", "m", "mm/s^2", "°C", "counts", "N/m", "Ohm", "W", "dB", "bits"])
 def test_a_unit_that_is_not_known_stays_as_it_is(unit, read, codes):
-    for run in (read(at(T), units={"output": unit}), read(at(T, units={"torque_nm": unit}))):
+    for run in (read(at(T, torque="y"), units={"output": unit}), read(at(T, torque="y", units={"y": unit}))):
         assert (run.output_unit, run.output[1], codes(run)) == (unit, 1.0, {})
 
 
@@ -153,9 +156,10 @@ def test_the_unit_in_a_name(column, unit, factor, read, codes):
     [
         ("torque", None, "", "", 1, "unit-unknown"), ("torque", None, "mNm", "N·m", 1e-3, ""),
         ("torque_ncm", None, "mNm", "N·m", 1e-3, ""),  # the file before the name
-        ("torque_ncm", "kNm", "mNm", "N·m", 1e3, ""), ("torque", "bits", "mNm", "bits", 1, ""),
+        ("torque_ncm", "mN·m", "mNm", "N·m", 1e-3, ""), ("torque", "bits", "", "bits", 1, ""),
         ("torque", None, "ms", "", 1, "unit-unknown"),  # no unit of a torque
-        ("torque", "/1000", "V", "", 1e-3, ""), ("force", None, "g", "N", 9.80665e-3, ""),
+        ("torque", "/1000", "", "", 1e-3, ""),
+        ("torque*1e3", "mNm", "Nm", "N·m", 1e-3, ""), ("force", None, "g", "N", 9.80665e-3, ""),
         ("accel", None, "g", "g", 1, "unit-g-unclear"), ("output", None, "g", "g", 1, "unit-g-unclear"),
         ("output", "g", "", "N", 9.80665e-3, ""), ("accel force", "kg", "", "kg", 1, "unit-g-unclear"),
         ("output", None, "gf", "N", 9.80665e-3, ""), ("output [kg]", None, "", "kg", 1, "unit-g-unclear"),
@@ -191,7 +195,9 @@ def test_units_of_inputs(column, said, unit, factor, code, read, codes):
     [(1000.0, None, None), (1000.5, None, 1000.5), (-1000.5, None, 1000.5), (1001.0, "Nm", None), (2e6, "mNm", None)],
 )
 def test_a_torque_beyond_any_clutch(y, unit, largest, read, codes):
-    run = read(frame("time|duty|torque_nm", T, 60 * STEP, y * STEP), units={"output": unit} if unit else {})
+    run = read(
+        frame(f"time|duty|torque_{unit or 'Nm'}", T, 60 * STEP, y * STEP), units={"output": unit} if unit else {}
+    )
     assert codes(run).get("torque-too-large") == (None if largest is None else {"largest": largest})
     in_mn = frame("time|duty|force_kn", T, 60 * STEP, y * STEP)
     assert codes(read(in_mn)) == {}
@@ -204,4 +210,4 @@ def test_a_clock_in_a_finer_unit_is_stopped_without_filling_the_memory(start, pe
     y = np.where(on, 0.5, 1e-3 * np.sin(1e4 * long))
     (tmp_path / "a.csv").write_text(text("time,duty_pct,torque_nm", stamps, 60 * on, y))
     ran = run_eaid("ingest", tmp_path / "a.csv", "-o", tmp_path / "d.h5")
-    assert ran.code == 0 and "stop" in ran.out and "no unit is given for time, whole numbers" in ran.out
+    assert ran.code == 0 and "stop" in ran.out and "no unit is given for time, its stamps" in ran.out

@@ -88,7 +88,7 @@ def test_findings_and_unknown_units_survive(tmp_path):
     again = eaid.read(tmp_path / "d.h5")
     assert again.runs[0].findings == steps.runs[0].findings
     assert {"rows-dropped", "unit-unknown"} <= {one.code for one in again.runs[0].findings}
-    assert (again.input_unit, again.output_unit) == ("%", "")
+    assert (again.input_unit, again.output_unit) == ("", "")
 
 
 def by_hand(
@@ -215,7 +215,7 @@ def test_rows_of_a_dataset_are_repaired_as_those_of_a_log(tmp_path):
 
 @pytest.mark.parametrize(
     "said",
-    [{"columns": {"time": "1"}}, {"units": {"input": "V"}}, {"step_at": 0.0}, {"until": 0.0}, {"rate_hz": 5.0},
+    [{"columns": {"time": "1"}}, {"units": {"input": "%"}}, {"step_at": 0.0}, {"until": 0.0}, {"rate_hz": 5.0},
      {"variable": "x"}, {"join": True}, {"name_pattern": "{level}"}],
 )  # fmt: skip
 def test_options_that_do_nothing_on_a_dataset_are_refused(said, stored, logs):

@@ -26,6 +26,8 @@ import eaid
 from eaid import DataError
 from eaid.logs.foreign import ask
 from eaid.logs.formats import format_of
+from eaid.logs.read import read_runs
+from eaid.options import ReadOptions
 
 T = written.T + 25
 STAMPS = np.datetime64("2024-10-29T16:18:17.123456789", "ns") + np.round(written.T * 1e9).astype("m8[ns]")
@@ -129,7 +131,7 @@ BY_NUMBER: dict[str, Any] = {"said": {"columns": {"time": "1", "input": "2", "ou
 BY_PLACE: dict[str, Any] = {"units": "? ?", "codes": "columns-by-place"}
 LATER: dict[str, Any] = {"start": 0, "within": 1e-9}
 HELD: dict[str, Any] = {"codes": "signals-held", "within": 1e-9}
-SINCE_1970: dict[str, Any] = {"start": 1.7e9, "within": 1e-9, "codes": "time-since-1970"}
+SINCE_1970: dict[str, Any] = {"start": 1.7e9, "within": 1e-9, "codes": "time-since-a-day"}
 GOOD: dict[str, File] = {
     "MAT matrix, samples in columns": File(mat({"data": MATRIX}), **BY_PLACE),
     "MAT v4": File(mat({"data": MATRIX}, format="4"), **BY_PLACE),
@@ -237,7 +239,7 @@ def good(tmp_path_factory):
             sets[repr(file.said)][str(folder / f"{k:03}")] = name
     for names in sets.values():
         said = GOOD[next(iter(names.values()))].said
-        found |= {names[run.source]: run for run in eaid.read(list(names), logs_as="recorded", **said).recorded}
+        found |= {names[run.source]: run for run in read_runs([*map(Path, names)], ReadOptions(**said))}
     return found
 
 

@@ -106,8 +106,8 @@ LOGS = {
     "the end of summer time": Log(text("time,duty,torque_nm", [
         f"2024-10-27 {x}+02:00" if i < 200 else f"2024-10-27 {x}+01:00" for i, x in enumerate(
             [*clock(start=10798.0)[:200], *clock(start=7198.0)[200:]])], U, Y)),
-    "a rate in a comment": Log("# sampling rate: 0.1 kHz\n" + text(PAIR, U, Y)),
-    "a sample time above": Log("dt;0.01 s\n" + text(PAIR, U, Y, between=";")),
+    "a rate in a comment": Log("# sampling rate: 0.1 kHz\n" + text(PAIR, U, Y), code="rate-from-comment"),
+    "a sample time above": Log("dt;0.01 s\n" + text(PAIR, U, Y, between=";"), code="rate-from-comment"),
     "a rate given": Log(text(PAIR, U, Y), {"rate_hz": 100.0}),
     "numbers of samples and a rate": Log(text("sample," + PAIR, range(300), U, Y),
                                          {"columns": {"time": "sample"}, "rate_hz": 100.0}),
@@ -162,18 +162,18 @@ TELLS: dict[str, tuple[Any, dict[str, Any], str]] = {
         "trigger says when the input is on, the file name that it is 60"),
     "caution level-contradicted": (plain(u=U / 2), LEVEL,
         "its name says level 60, its input column goes to 30 %: the column counts"),
-    "note unit-assumed": (plain("time|duty|friction"), {},
+    "note unit-assumed": (plain("time_s|duty_pct|friction"), {},
         "no unit is given for output friction: N assumed; say it with units= output=UNIT"),
     "caution unit-unknown": (plain("time|duty|torque"), {},
         "no unit is given for output torque: its numbers stay as they are; say it with units= output=UNIT"),
     "caution unit-g-unclear": (plain("time|duty|output (g)"), {}, "output output (g) is in g, an acceleration or a "
         "weight: its numbers stay as they are; a weight is said by units= output=gf or kgf"),
-    "note time-since-1970": (plain(t=1.7e12 + 1e3 * T), {}, "time counts ms since 1970, as its first stamp tells"),
+    "note time-since-a-day": (plain(t=1.7e12 + 1e3 * T), {}, "time counts ms since 1970, as its first stamp tells"),
     "caution time-in-days": (plain(t=45_000 + T / 86400), {}, "time counts days, as Excel and MATLAB do, by its first "
         "stamp and its sample time; else say its unit with units= time=UNIT"),
     "stop time-too-fast": (plain(t=T / 600), {},
         "no unit fits time: in seconds its rate would be 6e+04 Hz; say it with units= time=min or what it is"),
-    "stop time-too-long": (plain(t=np.round(1e6 * T)), {}, "no unit is given for time, whole numbers 10000 apart: in "
+    "stop time-too-long": (plain(t=np.round(1e6 * T)), {}, "no unit is given for time, its stamps 10000 apart: in "
         "seconds the log would take 2.99e+06 s; say it with units= time=us or time=s"),
     "caution time-in-whole-numbers": (plain(t=np.arange(300)), {}, "no unit is given for time, whole numbers 1 apart: "
         "seconds assumed; if they are ms or samples, say units= time=ms or rate_hz= HZ"),
@@ -276,9 +276,10 @@ def test_stamps(stamps, seconds, read):
     ("above", "rate_hz"),
     [
         ("# sampling rate: 1 kHz", 1000.0), ("# sample frequency [hz]: 250", 250.0), ("# fs = 2.5 MHz", 2.5e6),
-        ("dt,0.01 s", 100.0), ("# delta_x: 2 ms", 500.0), ("# sample interval (us): 100", 1e4), ("# dt=0.004", 250.0),
-        ("# sampled at 500 Hz by hand", 500.0), ("% DAQ 2 kS/s", 2000.0), ("# Abtastrate: 200", 200.0),
-        ("# scan period: 0.5 min", 1 / 30), ("# rate: 1e3 Hz", 1000.0), ("# fan at 500 Hz", None),
+        ("dt,0.01 s", 100.0), ("# delta_x: 2 ms", 500.0), ("# sample interval (us): 100", 1e4), ("# dt=0.004", None),
+        ("# sampled at 500 Hz by hand", 500.0), ("% DAQ 2 kS/s", None), ("# Abtastrate: 200", None),
+        ("# Fs: 2 kS/s", 2000.0),
+        ("# scan period: 0.5 min", 1 / 30), ("# rate: 1e3 Hz", None), ("# fan at 500 Hz", None),
         ("# rate: -5 Hz", None), ("# operator: 5 Hz", None), ("# rate: fast", None),
     ],
 )  # fmt: skip

@@ -20,6 +20,7 @@ U = np.where((T >= 2) & (T < 7), 50.0, 0.0)
 RISE = -np.expm1(-np.maximum(T - 2, 0) / 0.3)
 Y = np.where(T >= 7, RISE * np.exp(-np.maximum(T - 7, 0) / 0.5), RISE) + 0.1
 LOG = text("time_s,duty_pct,torque_nm", T[::10], U[::10], np.round(Y[::10], 6))
+OTHER = text("time_s,duty_pct,torque_nm", T[::10], U[::10], np.round(1.1 * Y[::10], 6))
 PROSE = "Session of 3 May, rig 2.\nDisc 3 was changed after run 7, and run 12 is odd: 20 % came late.\n\nAsk Anna.\n"
 
 BESIDE: dict[str, bytes] = {
@@ -85,7 +86,9 @@ def test_tables_of_all_kinds_are_logs(folder, content):
     """Whatever their names end with, and in any encoding."""
     for name, encoding in (("a.txt", "utf-8"), ("b", "utf-16")):
         (folder / name).write_bytes(("# " + name + "\n" + content).encode(encoding))
-    assert [run.name for run in eaid.read(folder, logs_as="recorded").recorded] == ["a", "b", "run1"]
+    run, *others = eaid.read(folder, logs_as="recorded").recorded  # others: of units that no header tells
+    copies = {one.values["other"] for one in run.findings if one.code == "run-given-twice"}
+    assert (run.name, copies | {one.source for one in others}) == ("a", {f"{folder}/b", f"{folder}/run1.csv"})
 
 
 def test_folders_that_hold_no_logs_and_paths_that_are_wrong(tmp_path, run_eaid):
@@ -209,35 +212,36 @@ def test_logs_that_say_only_on_or_off_are_no_repeats_where_their_names_differ(re
     ],
 )  # fmt: skip
 def test_fractions_among_percent(tops, told, read, codes):
-    logs = {f"r{k}": frame("time|duty|torque_nm", T, top * U / 50, Y + k) for k, top in enumerate(tops)}
+    logs = {f"r{k}": frame("time|duty|torque_nm", T, top * U / 50, (1 + k) * Y) for k, top in enumerate(tops)}
     found = {k: codes(run) for k, run in enumerate(read.all(logs))}
     assert {k: one["input-in-fractions"]["other"] for k, one in found.items() if one} == pytest.approx(told)
     said = {one.severity for run in read.all(logs) for one in run.findings}
-    assert said <= {"stop"} and not any(run.findings for run in read.all(logs, units={"input": "%"}))
+    assert said <= {"stop", "note"} and not any(codes(run) for run in read.all(logs, units={"input": "%"}))
 
 
-def test_inputs_of_other_units_are_no_fractions(read):
-    logs = {"a": frame("time|duty|torque_nm", T, U / 100, Y), "v": frame("time|voltage_V|torque_nm", T, U, Y)}
-    assert not any(run.findings for run in read.all(logs))
-    logs["b"] = frame("time|duty|torque_nm", T, U, Y)
-    assert [len(run.findings) for run in read.all(logs)] == [1, 0, 0]
+def test_inputs_of_other_units_are_no_fractions(read, codes):
+    logs = {"a": frame("time|duty|torque_nm", T, U / 100, Y), "v": frame("time|voltage_V|torque_nm", T, U, 2 * Y)}
+    assert not any(codes(run) for run in read.all(logs))
+    logs["b"] = frame("time|duty|torque_nm", T, U, 3 * Y)
+    assert [len(codes(run)) for run in read.all(logs)] == [1, 0, 0]
 
 
 def test_a_log_that_comes_again_counts_once_and_names_are_told_apart(tmp_path, codes, run_eaid):
-    for name, content in {"x/a.csv": LOG, "y/a.csv": f"# other\n{LOG}", "y/c.csv": LOG, "z/c.txt": LOG}.items():
+    for name, content in {"x/a.csv": LOG, "y/a.csv": OTHER, "y/c.csv": LOG, "z/c.txt": LOG}.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(content)
     (tmp_path / "z" / "a.csv.gz").write_bytes(gzip.compress(LOG.encode()))
     given = [tmp_path / name for name in ("x", "y", "z")]
     runs = eaid.read(given, logs_as="recorded").recorded
-    assert [run.name for run in runs] == ["x-a", "y-a", "z-a"]
+    assert [run.name for run in runs] == ["x-a", "y-a"]
     copies = f"{tmp_path / 'y' / 'c.csv'}, {tmp_path / 'z' / 'c.txt'}"
     assert dict(runs[0].findings[0].values) == {"path": copies, "first": str(tmp_path / "x" / "a.csv")}
-    assert [len(run.findings) for run in runs] == [1, 0, 0] and runs[0].findings[0].severity == "caution"
+    assert [len(run.findings) for run in runs] == [2, 0] and runs[0].findings[0].severity == "caution"
+    assert dict(runs[0].findings[1].values) == {"other": str(tmp_path / "z" / "a.csv.gz")}
     assert run_eaid("ingest", tmp_path / "x", "-q", "-o", tmp_path / "d.h5").code == 0
     (rise, fall) = eaid.read([tmp_path / "d.h5", tmp_path / "x" / "a.csv"]).steps
     assert rise.dataset and fall.dataset and "log-given-twice" in [one.code for one in rise.findings]
-    frames = {name: frame("time|duty|torque_nm", T, U, Y + k) for name, k in (("a", 0), ("b", 0), ("c", 1e-9))}
+    frames = {name: frame("time_s|duty_pct|torque_nm", T, U, Y + k) for name, k in (("a", 0), ("b", 0), ("c", 1e-3))}
     first, other = eaid.read(frames, logs_as="recorded").recorded
     assert (first.name, other.name, list(codes(first))) == ("a", "c", ["log-given-twice"])
 
@@ -279,7 +283,7 @@ def test_parts_that_cannot_be_joined(read, codes):
         (part(0), other["N"], "its output unit is not that of a; join like logs"),
     ):
         assert read.refused({"a": first, "b": second}, join=True)[0].startswith(f"b: {said}")
-    levels = read.all({"u40_r1": part(0), "u40_r2": part(20)}, name_pattern="_r{repeat}", join=True)
+    levels = read.all({"u40_r1": part(0), "u40_r2": part(20, torque_nm=2 * Y)}, name_pattern="_r{repeat}", join=True)
     assert [run.repeat for run in levels] == [1, 2]
     both = read({"a": part(0, torque_ref=U), "b": part(10, torque_ref=Y)}, join=True)
     assert both.reference_nm.tolist() == [*U, *Y]

@@ -36,13 +36,13 @@ def test_mean_and_spread_of_equal_repeats() -> None:
 
 
 def test_the_common_window_is_the_shortest() -> None:
-    (level,) = read([log([(0, 2), (50, seconds)]) for seconds in (6, 4, 5)]).levels
+    (level,) = read([log([(0, 2), (50, seconds)], offset=1.0 * seconds) for seconds in (6, 4, 5)]).levels
     assert len(level.time_s) == 400
 
 
 def test_other_rates_are_interpolated_to_the_finest() -> None:
     """Linear interpolation is off by h²/8 · |f''|: (0.01)² / 8 · 2 · 0.85 / 0.2² = 5.3e-4."""
-    (level,) = read([log(PLAN, rate_hz=rate) for rate in (100.0, 1000.0, 250.0)]).levels
+    (level,) = read([log(PLAN, rate_hz=rate, offset=rate) for rate in (100.0, 1000.0, 250.0)]).levels
     np.testing.assert_allclose(np.diff(level.time_s), 1e-3, rtol=1e-9)
     assert len(level.time_s) == 5991 and level.uniform  # to 5.99 s, the last sample of the coarsest
     np.testing.assert_allclose(level.runs[0], 2 * curve(level.time_s), atol=6e-4)
@@ -192,7 +192,7 @@ def test_a_set_in_words_and_as_a_table() -> None:
 
 def test_findings_of_a_set_the_gravest_first_and_each_once() -> None:
     plain = log(PLAN, rate_hz=1000.0)
-    spiked = [plus(plain, np.where(np.arange(8000) == 5000, size, 0.0)) for size in (2.5, 3.0)]
+    spiked = [plus(plain, np.where(np.arange(8000) == 2000 * size, size, 0.0)) for size in (2.5, 3.0)]
     steps = read([*spiked, log([(0, 2), (80, 6)])])
     found = steps.all_findings
     assert [(one.code, one.severity) for one in found] == [("runs-left-out", "caution")]
@@ -227,18 +227,19 @@ def test_the_density_of_the_idle_noise() -> None:
 
 def test_a_dataset_of_a_users_own_script(tmp_path: Path) -> None:
     """Level, step and baseline given, the release still inside: found by the input."""
-    frame = log([(0, 2), (50, 3), (0, 2)])
+    frame, other = (log([(0, 2), (50, 3), (0, 2)], offset=offset) for offset in (0.0, 0.02))
     with h5py.File(tmp_path / "data.h5", "w") as file:
         file.attrs.update({"schema": "eaid/data/1", "kind": "clutch", "input_unit": "%"})
-        for name, more in (("own", {"baseline_nm": 0.01}), ("short", {"until_s": 4.0, "repeat": 7})):
+        said = {"baseline_nm": 0.01}, {"until_s": 4.0, "repeat": 7}
+        for name, log_, more in zip(("own", "short"), (frame, other), said, strict=True):
             run = file.create_group(f"runs/{name}")
             run.attrs.update({"level": 50.0, "step_s": 2.0, **more})
-            for column, there in zip(("time_s", "input", "torque_nm"), frame, strict=True):
-                run[column] = frame[there].to_numpy()
+            for column, there in zip(("time_s", "input", "torque_nm"), log_, strict=True):
+                run[column] = log_[there].to_numpy()
     steps = eaid.read(tmp_path / "data.h5")
-    assert [(r.name, r.edge, r.step_s, r.samples, r.repeat, r.baseline_nm) for r in steps.runs] == [
+    assert [(r.name, r.edge, r.step_s, r.samples, r.repeat, round(r.baseline_nm, 9)) for r in steps.runs] == [
         ("own", "rising", 2.0, 300, 1, 0.01), ("own-release", "falling", 5.0, 200, 1, 0.01),
-        ("short", "rising", 2.0, 200, 7, 0.0), ("short-release", "falling", 4.0, 300, 7, 0.0),
+        ("short", "rising", 2.0, 200, 7, 0.02), ("short-release", "falling", 4.0, 300, 7, 0.02),
     ]  # fmt: skip
     steps.save(tmp_path / "again.h5")
     again = eaid.read(tmp_path / "again.h5")

@@ -34,7 +34,12 @@ LOG_ROWS: dict[str, Row] = {
         "{role} {column} is in {unit}, an acceleration or a weight: its numbers stay as they are; a weight is said by "
         "«units» {role}=gf or kgf"
     ),
-    "time-since-1970": note("{column} counts {unit} since 1970, as its first stamp tells"),
+    "time-since-a-day": note("{column} counts {counts}, as its first stamp tells"),
+    "rate-from-comment": note("no column is called time: {rate_hz:g} Hz, from the comment in {place}"),
+    "time-brief": caution(
+        "no unit is given for {column}: in seconds the log lasts {span_s:.3g} s at {rate_hz:.4g} Hz; if it counts "
+        "minutes or hours, say «units» time=min or h"
+    ),
     "time-in-days": caution(
         "{column} counts days, as Excel and MATLAB do, by its first stamp and its sample time; else say its unit with "
         "«units» time=UNIT"
@@ -44,7 +49,7 @@ LOG_ROWS: dict[str, Row] = {
         "what it is"
     ),
     "time-too-long": stop(
-        "no unit is given for {column}, whole numbers {usual_s:g} apart: in seconds the log would take {span_s:.4g} s; "
+        "no unit is given for {column}, its stamps {usual_s:g} apart: in seconds the log would take {span_s:.4g} s; "
         "say it with «units» time={likely} or time=s"
     ),
     "time-in-whole-numbers": caution(
@@ -59,6 +64,10 @@ LOG_ROWS: dict[str, Row] = {
         "input=fraction; if all are in %, say «units» input=%"
     ),
     "log-given-twice": caution("{path} is the same log as {first} (equal SHA-256): it counts once"),
+    "run-given-twice": caution("{other} holds the same values to their digits: they count once"),
+    "repeats-too-alike": caution(
+        "its noise is that of {other}, which no two recordings have: leave one out if it is a copy of the other"
+    ),
     "signals-held": caution(_held),
     "logs-joined": note("joined with {others}"),
     "log-changed": caution("the log has changed since its manifest was written"),

@@ -52,8 +52,7 @@ def _table(schema: Any, column: Callable[[str], Any], source: str) -> Table:
     twice = [name for name in names if schema.names.count(name) > 1]
     if twice:
         raise DataError(f"{source}: several columns are called {twice[0]}; save it with names of their own")
-    said = {_text(k): _text(v) for k, v in (schema.metadata or {}).items()}
-    facts = {key: value for key, value in said.items() if len(value) < 500 and "ARROW" not in key}
+    said = {_text(k).lower(): _text(v)[:500] for k, v in (schema.metadata or {}).items()}
 
     def load(wanted: Sequence[int]) -> Cells:
         columns, bad = [], list[BadCell]()
@@ -65,7 +64,7 @@ def _table(schema: Any, column: Callable[[str], Any], source: str) -> Table:
 
     units = tuple(_unit(field, types) for field in numeric)
     dropped = tuple(field.name for field in schema if field.name not in names)
-    return Table("", names, load, units, said=facts, dropped=dropped)
+    return Table("", names, load, units, synthetic=said.get("synthetic"), dropped=dropped)
 
 
 def _text(value: bytes) -> str:

@@ -1,0 +1,150 @@
+"""Runs that are one run: their values agree to their digits, whatever their clocks, digits, rates and lengths are."""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.findings import Finding, finding
+from eaid.logs.run import Run
+from eaid.steps.levels import same_level
+
+ALL_PAIRS = 60
+"""Runs of a level of which each is compared with each; of more, those whose means agree."""
+PROBES = 12
+SHORTEST = 20
+"""Samples in common below which nothing is said."""
+TURNS = -0.3
+"""Correlation of a second difference with the next below which it is of noise: white noise has -0.67."""
+SINGLE = 1e-7
+"""Rounding of a single-precision float."""
+ALIKE = 0.5
+"""Correlation of the noise of two runs from which they are hardly two: that of others is 0 ± 0.1."""
+
+
+@dataclass(frozen=True)
+class _Values:
+    """A run's output around its step."""
+
+    run: Run
+    at: int
+    """Sample at which its input steps."""
+
+    @cached_property
+    def usual_s(self) -> float:
+        return float(np.median(np.diff(self.run.time_s[:10_000]))) if len(self.run.time_s) > 1 else 1.0
+
+    @cached_property
+    def quantum(self) -> Array:
+        """The unit of the last digit of each value, shape (n,): of its decimals, or of its significant digits."""
+        values = self.run.output
+        probes = values[:: max(1, len(values) // 200)]
+        texts = [f"{abs(one):.10e}".split("e") for one in probes.tolist() if one]
+        digits = max((len(mantissa.rstrip("0")) - 1 for mantissa, _ in texts), default=1)
+        last = min((int(power) - len(mantissa.rstrip("0").split(".")[1]) for mantissa, power in texts), default=0)
+        size = np.floor(np.log10(np.maximum(np.abs(values), 10.0 ** (last + digits - 1)))) - (digits - 1)
+        return np.maximum(10.0**size, 10.0**last)
+
+
+def counted_once(runs: Sequence[Run]) -> list[Run]:
+    """Runs without those whose values another run has, of another log; the one that stays says so.
+
+    Runs are those of one rig, cut (their steps are laid on each other) or not (the first change of their inputs is).
+    """
+    groups: list[tuple[Run, list[_Values]]] = []
+    for run in sorted(runs, key=lambda run: (*_what(run), abs(run.level or 0.0))):
+        first = groups[-1][0] if groups else run
+        if not groups or _what(run) != _what(first) or not same_level(run.level or 0.0, first.level or 0.0, 0.0):
+            groups.append((run, []))
+        groups[-1][1].append(_Values(run, _step_of(run)))
+    gone: set[int] = set()
+    said: dict[int, list[Finding]] = {}
+    for _, members in groups:
+        for one, other in _pairs(members):
+            if id(one.run) in gone or id(other.run) in gone:
+                continue
+            code, (kept, left) = _compared(one, other), _longer_first(one, other)
+            if code is not None:
+                said.setdefault(id(kept.run), []).append(
+                    finding(code, kept.run.name, (kept.run.level or 0.0,), other=left.run.where)
+                )
+            if code == "run-given-twice":
+                gone.add(id(left.run))
+    return [
+        replace(run, findings=(*run.findings, *said[id(run)])) if id(run) in said else run
+        for run in runs
+        if id(run) not in gone
+    ]
+
+
+def _what(run: Run) -> tuple[str, str, str, str]:
+    return run.edge, run.kind or "", run.input_unit, run.output_unit
+
+
+def _step_of(run: Run) -> int:
+    if run.step_s is not None:
+        return int(np.searchsorted(run.time_s, run.step_s - 1e-9))
+    moved = np.abs(run.input - run.input[0]) > 0.1 * np.ptp(run.input) if len(run.input) else np.zeros(1, dtype=bool)
+    return int(moved.argmax())
+
+
+def _pairs(members: Sequence[_Values]) -> list[tuple[_Values, _Values]]:
+    """Pairs of different logs: all of them, or those next to each other by their means."""
+    if len(members) <= ALL_PAIRS:
+        pairs = [(one, other) for k, one in enumerate(members) for other in members[k + 1 :]]
+    else:
+        order = sorted(members, key=lambda one: float(one.run.output.mean()))
+        pairs = list(itertools.pairwise(order))
+    return [(one, other) for one, other in pairs if one.run.where != other.run.where]
+
+
+def _longer_first(one: _Values, other: _Values) -> tuple[_Values, _Values]:
+    return (one, other) if len(one.run.output) >= len(other.run.output) else (other, one)
+
+
+def _compared(one: _Values, other: _Values) -> str | None:
+    """What two runs are: one and the same, hardly two, or two (None)."""
+    fine, coarse = (one, other) if one.usual_s <= other.usual_s else (other, one)
+    suspicious = False
+    for stride in {1, max(1, round(coarse.usual_s / fine.usual_s))}:
+        for shift in range(-stride, stride + 1):
+            first = max(-coarse.at, -((fine.at + shift) // stride))
+            stop = min(len(coarse.run.output) - coarse.at, (len(fine.run.output) - fine.at - shift - 1) // stride + 1)
+            if stop - first < SHORTEST:
+                continue
+            of_coarse = slice(coarse.at + first, coarse.at + stop)
+            begin = fine.at + shift + first * stride
+            of_fine = slice(begin, begin + (stop - first - 1) * stride + 1, stride)
+            if _agree(fine, of_fine, coarse, of_coarse):
+                return "run-given-twice"
+            suspicious = suspicious or _same_noise(fine.run.output[of_fine], coarse.run.output[of_coarse])
+    return "repeats-too-alike" if suspicious else None
+
+
+def _agree(fine: _Values, of_fine: slice, coarse: _Values, of_coarse: slice) -> bool:
+    """Whether values agree to their digits, in units that are a power of ten apart."""
+    a, b = fine.run.output[of_fine], coarse.run.output[of_coarse]
+    probes = np.linspace(0, len(a) - 1, PROBES).astype(int)
+    largest = float(np.abs(a[probes]).max())
+    if largest == 0.0 or not b[probes].any():
+        return False
+    tens = 10.0 ** round(float(np.log10(np.abs(b[probes]).max() / largest)))
+    for some in (probes, slice(None)):
+        slack = 0.505 * np.maximum(tens * fine.quantum[of_fine][some], coarse.quantum[of_coarse][some])
+        if not (np.abs(tens * a[some] - b[some]) <= slack + SINGLE * tens * largest).all():
+            return False
+    return bool(np.ptp(a) > 0)
+
+
+def _same_noise(a: Array, b: Array) -> bool:
+    """Whether the noise of two outputs is one, in their later halves: second differences that rise and fall together.
+
+    Of noise they turn from sample to sample; of a smooth curve they do not, and two curves may well be alike.
+    """
+    one, other = (np.diff(values[len(values) // 2 :], 2) for values in (a, b))
+    size, turns = float(one @ one), float(one[1:] @ one[:-1])
+    both = float(np.sqrt(size * (other @ other)))
+    return len(one) >= 2 * SHORTEST and both > 0 and turns < TURNS * size and float(one @ other) > ALIKE * both
