@@ -98,6 +98,8 @@ def read(
     """
     given = {"time": time, "input": input, "output": output}
     columns = {role: str(name) for role, name in given.items() if name is not None}
+    if columns and "columns" in keywords:
+        raise UsageError(f"«columns»: {next(iter(columns))}= says a column too; say all columns in one place")
     how = chosen(ReadOptions, options, {**({"columns": columns} if columns else {}), **keywords})
     if hasattr(source, "columns") or isinstance(source, Mapping):
         return steps_of(runs_from_frames(source, how), how)[1]  # type: ignore[arg-type]
@@ -625,7 +627,8 @@ def _paths(source: Paths) -> list[Path]:
             raise UsageError("an empty path: give a file or a folder")
         return [Path(one) for one in each]
     except TypeError:
-        raise UsageError(f"{source!r:.60}: give files or folders of logs, a DataFrame, or DataFrames by name") from None
+        said = " ".join(repr(source).split())
+        raise UsageError(f"{said:.60}: give files or folders of logs, a DataFrame, or DataFrames by name") from None
 
 
 def _of_type(name: str, value: object, kind: type) -> None:

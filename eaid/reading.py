@@ -92,6 +92,8 @@ def read_steps(
         plain = ReadOptions()
         stands = {k: v for k, v in manifest.options.items() if getattr(options, k) == getattr(plain, k)}
         options = replace(options, **cast(Any, stands))
+        for name in manifest.outside()[:5]:
+            warn(f"{manifest.path}: takes {name}, which lies outside its folder")
         for name in manifest.unlisted()[:5]:
             warn(f"{manifest.path}: does not list {name}, which is left out")
     baseline_rule(options.baseline)  # what is wrong in the options is told before anything is read

@@ -107,6 +107,10 @@ def shown(names: Sequence[str]) -> str:
     return listed([name or f"column {i + 1}" for i, name in enumerate(names)], 12)
 
 
+def _dropped(table: Table) -> str:
+    return f"; without numbers: {listed(table.dropped, 6)}" if table.dropped else ""
+
+
 def _said_column(path: str, role: str, said: str, table: Table) -> int:
     """Column that the user names: exactly, then whatever the case, then without its unit, then by its number.
 
@@ -149,7 +153,8 @@ def match_columns(path: str, table: Table, options: ReadOptions) -> Roles:
     time = named["time"] if "time" in named else _time(path, table, set(named.values()))
     if time is None and not (options.rate_hz or table.rates):
         raise DataError(
-            f"{path}: no column is called time (columns: {shown(names)}); name it with «columns» time=NAME, "
+            f"{path}: no column is called time (columns: {shown(names)}{_dropped(table)}); name it with «columns» "
+            f"time=NAME, "
             f"or give «rate_hz» HZ where the log has none"
         )
     taken = {*named.values(), *([time] if time is not None else [])}
@@ -210,7 +215,7 @@ def _output(path: str, table: Table, taken: set[int], references: Sequence[int])
     left = [i for i in free if i not in driven]
     name = f'"{names[left[0]]}"' if len(left) == 1 and names[left[0]] else "NAME"
     raise DataError(
-        f"{path}: no column is called torque (columns: {shown(names)}); name what was measured with "
+        f"{path}: no column is called torque (columns: {shown(names)}{_dropped(table)}); name what was measured with "
         f"«columns» output={name}"
     )
 

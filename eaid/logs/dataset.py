@@ -11,6 +11,7 @@ import re
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 from weakref import WeakValueDictionary
 
 import h5py
@@ -24,6 +25,7 @@ from eaid.files import hdf5_written_whole
 from eaid.findings import Finding
 from eaid.logs.hdf import attributes, digest_of, open_hdf5
 from eaid.logs.run import INPUT_UNITS, Kind, Run
+from eaid.logs.table import plain
 from eaid.version import __version__
 
 SCHEMA = "eaid/data/1"
@@ -128,16 +130,17 @@ def read_dataset(
             INPUT_UNITS[root.kind] if root.input_unit is None else root.input_unit,
             "N·m" if root.output_unit is None else root.output_unit,
         )
+        made_by = None if root.synthetic is None else plain(root.synthetic)
         shared = Run(
-            "", none, none, none, *units, source, sha256,
-            kind=root.kind, apparatus=_apparatus(stored, source), synthetic=root.synthetic, dataset=source,  # type: ignore[arg-type]
+            "", none, none, none, plain(units[0]), plain(units[1]), source, sha256,
+            kind=root.kind, apparatus=_apparatus(stored, source), synthetic=made_by, dataset=source,  # type: ignore[arg-type]
         )  # fmt: skip
         runs: list[Run] = []
         faults: list[str] = []
         columns = _Columns()
         for name in names:
             try:
-                runs.append(each(_read_run(file["runs"][name], dataclasses.replace(shared, name=name), columns)))
+                runs.append(each(_read_run(file["runs"][name], dataclasses.replace(shared, name=plain(name)), columns)))
             except DataError as fault:
                 faults.extend(fault.sentences)
         return runs, faults
@@ -184,6 +187,15 @@ def _apparatus(stored: Mapping[str, object], source: str) -> Apparatus | None:
         raise DataError(f"{source}: its apparatus holds what is no number; {AGAIN}") from None
 
 
+def _plain(value: Any) -> Any:
+    """What JSON holds, its texts without unseen characters."""
+    if isinstance(value, list):
+        return [_plain(one) for one in value]
+    if isinstance(value, dict):
+        return {plain(key): _plain(one) for key, one in value.items()}
+    return plain(value) if isinstance(value, str) else value
+
+
 def _read_run(group: h5py.Group, shared: Run, read: _Columns) -> Run:
     where = f"{shared.dataset}: run {shared.name}"
     try:
@@ -197,12 +209,14 @@ def _read_run(group: h5py.Group, shared: Run, read: _Columns) -> Run:
         raise DataError(f"{where} has columns of different shape; {AGAIN}")
     try:
         facts = msgspec.structs.asdict(msgspec.convert(stored, _Facts, strict=False))
-        findings = msgspec.json.decode(str(stored.get("findings", "[]")), type=tuple[Finding, ...])
+        written = msgspec.json.decode(str(stored.get("findings", "[]")))
+        findings = msgspec.convert(_plain(written), tuple[Finding, ...])
     except msgspec.MsgspecError as fault:
         found = re.search(r"`\$\.(\w+)`$", str(fault))
         what = f"its {found[1]} is no number" if found else "its findings cannot be read"
         raise DataError(f"{where}: {what}; {AGAIN}") from None
-    said = {name: value for name, value in facts.items() if value not in (None, "")}
+    said = {name: plain(value) if isinstance(value, str) else value for name, value in facts.items()
+            if value not in (None, "")}  # fmt: skip
     said = {name: value for name, value in said.items() if not isinstance(value, float) or math.isfinite(value)}
     said |= {"edge": "falling" if facts["edge"] == "falling" else "rising", "cut": facts["edge"] is not None}
     run = dataclasses.replace(shared, **columns, **said, findings=findings)  # type: ignore[arg-type]  # by field

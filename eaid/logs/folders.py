@@ -23,6 +23,7 @@ from eaid.logs.columns import INPUTS, OUTPUTS, TIME
 from eaid.logs.dialect import has_table, lines_of
 from eaid.logs.formats import format_of, is_hdf5
 from eaid.logs.run import Run
+from eaid.logs.table import plain
 from eaid.logs.units import split_name
 from eaid.options import ReadOptions
 from eaid.shown import listed
@@ -61,6 +62,9 @@ def files_of(paths: Iterable[Path], tell: Callable[[str], None] = lambda _: None
             missing.append(f"{path}: no such file or folder; check the path")
     unnamed = [file for file in files if str(file).encode(errors="replace").decode() != str(file)]
     missing.extend(f"{file}: its name, or that of its folder, is not UTF-8; rename it" for file in unnamed)
+    unseen = [file for file in files if file not in unnamed and not str(file).isprintable()]
+    missing.extend(f"{plain(str(file))}: its name, or that of its folder, holds characters that no one sees; rename it"
+                   for file in unseen)  # fmt: skip
     if missing:
         raise DataError(*missing)
     twice = [path for path, count in Counter(file.resolve() for file in files).items() if count > 1]
@@ -176,6 +180,10 @@ class Manifest:
     """Those that it gives."""
     logs: tuple[Entry, ...]
 
+    def outside(self) -> list[str]:
+        """Logs that it lists by their whole paths, outside its folder."""
+        return [one.file for one in self.logs if Path(one.file).resolve().parent != self.path.resolve().parent]
+
     def unlisted(self) -> list[str]:
         """Names of the logs beside the manifest that it does not list."""
         listed = {Path(entry.file).resolve() for entry in self.logs}
@@ -224,8 +232,13 @@ def read_manifest(path: Path) -> Manifest:
     if not said.log:
         raise DataError(f"{path}: lists no logs; {AGAIN}")
     logs = tuple(msgspec.structs.replace(entry, file=str(path.parent / entry.file)) for entry in said.log)
+    outside = next((entry.file for entry in said.log if ".." in Path(entry.file).parts), None)
+    if outside is not None:
+        raise DataError(
+            f"{path}: its log {plain(outside)} lies outside its folder; put it there, or give its whole path"
+        )
     missing = [
-        f"{path}: its log {Path(entry.file).name} is not there; put it back or take it off"
+        f"{path}: its log {plain(Path(entry.file).name)} is not there; put it back or take it off"
         for entry in logs
         if not Path(entry.file).is_file()
     ]

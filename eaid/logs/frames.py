@@ -1,6 +1,8 @@
 """DataFrames → runs, by the same column finding and checks as logs."""
 
 import hashlib
+import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -53,19 +55,30 @@ def runs_from_frames(frames: "pd.DataFrame | Mapping[str, pd.DataFrame]", option
 
 
 def _parted(frames: "pd.DataFrame | Mapping[str, pd.DataFrame]") -> "dict[str, pd.DataFrame]":
-    if isinstance(frames, Mapping):
-        return {str(name): _with_index(frame) for name, frame in frames.items()}
-    frame = _with_index(frames)
-    if RUN not in frame.columns:
-        return {RUN: frame}
-    if unnamed := int(frame[RUN].isna().sum()):
-        raise DataError(
-            f"{unnamed} of {len(frame)} rows have no name in the column {RUN}; say of each row which run it is of"
-        )
-    return {str(name): part.drop(columns=RUN) for name, part in frame.groupby(RUN, sort=False)}
+    if not isinstance(frames, Mapping):
+        frame = _with_index(frames)
+        if RUN not in frame.columns:
+            return {RUN: frame}
+        if unnamed := int(frame[RUN].isna().sum()):
+            raise DataError(
+                f"{unnamed} of {len(frame)} rows have no name in the column {RUN}; say of each row which run it is of"
+            )
+        parts: Mapping[Any, pd.DataFrame] = dict(iter(frame.drop(columns=RUN).groupby(frame[RUN], sort=False)))
+        frames = parts
+    counts = Counter(str(name) for name in frames)
+    if (twice := counts.most_common(1)) and twice[0][1] > 1:
+        raise DataError(f"{twice[0][0]}: is the name of two runs, a number and a text; give each a name of its own")
+    other = next((name for name, frame in frames.items() if not hasattr(frame, "columns")), None)
+    if other is not None:
+        raise DataError(f"{other}: is no DataFrame; give pandas.DataFrame(…), or DataFrames by the names of their runs")
+    return {str(name): _with_index(frame) for name, frame in frames.items()}
 
 
 def _with_index(frame: "pd.DataFrame") -> "pd.DataFrame":
+    """A frame whose index, where it has a name or holds times, is a column."""
+    stamps = frame.index.nlevels == 1 and frame.index.dtype.kind in "mM"
+    if stamps and frame.index.name is None:
+        frame = frame.rename_axis("time")
     return frame.reset_index() if any(name is not None for name in frame.index.names) else frame
 
 
@@ -86,8 +99,20 @@ def _table(name: str, frame: "pd.DataFrame") -> Table:
 
 
 def _array(column: "pd.Series[Any]") -> np.ndarray[Any, Any]:
+    """A column as NumPy has it; decimals and texts of numbers as numbers, if most of it is."""
     zoned = getattr(column.dtype, "tz", None) is not None
-    return column.to_numpy(dtype="datetime64[ns]") if zoned else np.asarray(column)
+    values = column.to_numpy(dtype="datetime64[ns]") if zoned else np.asarray(column)
+    if values.dtype.kind not in "OSU":
+        return values
+    numbers = np.array([_number(one) for one in values.tolist()])
+    return numbers if len(numbers) and np.isfinite(numbers).mean() > 0.5 else values
+
+
+def _number(cell: Any) -> float:
+    try:
+        return float(cell)
+    except (TypeError, ValueError):
+        return math.nan
 
 
 def _plain(values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:

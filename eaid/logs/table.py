@@ -1,5 +1,6 @@
 """A table of a file: its columns are named before they are read."""
 
+import unicodedata
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -7,6 +8,14 @@ from typing import Any
 from numpy.typing import NDArray
 
 from eaid.findings import Finding
+
+
+def plain(text: str) -> str:
+    """A name or unit without control, bidirectional and other unseen characters, which any output might obey."""
+    if text.isprintable():
+        return text
+    seen = "".join(" " if unicodedata.category(one)[0] in "CZ" else one for one in text)
+    return " ".join(seen.split())
 
 
 @dataclass(frozen=True)
@@ -58,6 +67,12 @@ class Table:
     """Column of the time, where the format itself says which it is."""
     dropped: tuple[str, ...] = ()
     """Columns that hold no numbers (texts, complex numbers, cells), and so cannot be chosen."""
+
+    def __post_init__(self) -> None:
+        for name in ("columns", "units", "dropped"):
+            object.__setattr__(self, name, tuple(map(plain, getattr(self, name))))
+        if self.synthetic is not None:
+            object.__setattr__(self, "synthetic", plain(self.synthetic))
 
     def unit(self, column: int) -> str:
         """Unit of a column as the file says it apart from its name; empty where it does not."""

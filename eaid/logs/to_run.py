@@ -16,7 +16,7 @@ from eaid.errors import DataError, UsageError
 from eaid.findings import Finding, finding
 from eaid.logs.columns import COUNTERS, INPUTS, OUTPUTS, Roles, chosen_table, default_unit, steps, the_input
 from eaid.logs.run import INPUT_UNITS, Run
-from eaid.logs.table import Cells, Table
+from eaid.logs.table import Cells, Table, plain
 from eaid.logs.units import (
     LARGEST_NM,
     TIME_UNITS,
@@ -31,6 +31,8 @@ from eaid.logs.units import (
 )
 from eaid.options import ReadOptions
 
+LARGEST = 1e100
+"""Beyond it, or all below its inverse, numbers are none that a sensor gives, and their squares may be none at all."""
 SHOWN = 5
 """Bad rows told one by one; the rest of a kind are counted."""
 
@@ -305,18 +307,30 @@ class Origin:
 class _Columns:
     """The columns of a table that have been read, the first of which keeps its own times, and others on demand."""
 
-    def __init__(self, table: Table, wanted: Sequence[int]) -> None:
+    def __init__(self, source: str, table: Table, wanted: Sequence[int]) -> None:
         first = list(dict.fromkeys(wanted))
-        self._table, self._first = table, first[0]
+        self._source, self._table, self._first = source, table, first[0]
         self.cells: Cells = table.load(first)
-        self._values = dict(zip(first, map(_signed, self.cells.values), strict=True))
+        self._values = {
+            column: self._sane(column, values) for column, values in zip(first, self.cells.values, strict=True)
+        }
         self.keep: NDArray[np.intp] | None = None
         """Samples that are kept; None: all of them."""
 
     def __getitem__(self, column: int) -> NDArray[Any]:
         if column not in self._values:
-            self._values[column] = _signed(self._table.load([self._first, column]).values[1])
+            self._values[column] = self._sane(column, self._table.load([self._first, column]).values[1])
         return self._values[column]
+
+    def _sane(self, column: int, values: NDArray[Any]) -> NDArray[Any]:
+        """Values whose differences may be below zero; raises DataError where they are too large or too small."""
+        values = _signed(values)
+        size = np.abs(values[np.isfinite(values)]).max(initial=0) if values.dtype.kind == "f" else 1
+        if size != 0 and not 1 / LARGEST <= size <= LARGEST:
+            raise DataError(
+                f"{self._source}: column {self._table.label(column)} goes to {size:g}, as no sensor does; mend it"
+            )
+        return values
 
     def kept(self, column: int) -> NDArray[Any]:
         """The samples of a column that are kept."""
@@ -324,7 +338,9 @@ class _Columns:
 
 
 def _signed(values: NDArray[Any]) -> NDArray[Any]:
-    """Unsigned whole numbers as signed ones, booleans as numbers: their differences may be below zero."""
+    """Unsigned whole numbers as signed ones, booleans as numbers, floats in full: differences stay what they are."""
+    if values.dtype.kind == "f":
+        return np.asarray(values, dtype=np.float64)
     if values.dtype.kind not in "ub":
         return values
     too_large = values.dtype == np.uint64 and len(values) and values.max() > np.iinfo(np.int64).max
@@ -420,7 +436,7 @@ def level_and_repeat(source: str, pattern: str | None, name: str) -> tuple[float
 
 def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions) -> Run:
     """The run behind the tables of one log; raises DataError with all its faults."""
-    source = origin.source
+    source, name = origin.source, plain(origin.name)
     table, roles = chosen_table(source, tables, options)
     log = _Log(source, table, roles, options)
     clock, (level, repeat) = log.clock, level_and_repeat(source, options.name_pattern, origin.says)
@@ -429,11 +445,11 @@ def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions) -> Run
     likely = [column for _, column in roles.inputs]
     if roles.inputs and roles.inputs[0][0] == "clutch":
         del likely[1:]  # the others count only where it stands still
-    columns = _Columns(table, [*taken, *likely])
+    columns = _Columns(source, table, [*taken, *likely])
     known = options.name_pattern is not None or options.step_at is not None
     kind, which, findings = the_input(source, table, roles, columns.__getitem__, known)
     if which is not None and which not in likely:
-        columns = _Columns(table, [*taken, which])
+        columns = _Columns(source, table, [*taken, which])
     trigger = roles.trigger if which is None and level is not None else None
     if trigger is not None and not (steps(columns[trigger]) and len(np.unique(columns[trigger][:1_000_000])) == 2):
         trigger = None
@@ -476,7 +492,7 @@ def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions) -> Run
         by_name = split_name(table.columns[roles.position])[1]
         position_unit = options.units.get("position") or table.unit(roles.position) or by_name
     return Run(
-        name=origin.name,
+        name=name,
         time_s=time_s,
         input=read_only(input_),
         output=output,
@@ -491,7 +507,7 @@ def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions) -> Run
         reference_nm=None if roles.reference is None else read_only(columns.kept(roles.reference)),
         position=None if roles.position is None else read_only(columns.kept(roles.position)),
         position_unit=position_unit,
-        findings=tuple(msgspec.structs.replace(found, subject=origin.name) for found in findings),
+        findings=tuple(msgspec.structs.replace(found, subject=name) for found in findings),
         kind=options.kind or kind,
         synthetic=table.synthetic,
         start_s=start_s,

@@ -53,7 +53,7 @@ def baseline_rule(text: str) -> BaselineRule:
         numbers = [float(part) for part in said.split(":")]
     except ValueError:
         numbers = []
-    if not numbers or len(numbers) > 2 or not all(map(math.isfinite, numbers)):
+    if not numbers or len(numbers) > 2 or not all(abs(one) <= 1e30 for one in numbers):
         raise UsageError(
             f"«baseline» {text}: write auto, first, none, a value in the output's unit, or FROM:TO in seconds relative "
             "to the step, as -2:-0.5"

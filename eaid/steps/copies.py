@@ -109,7 +109,8 @@ def _compared(one: _Values, other: _Values) -> str | None:
     """What two runs are: one and the same, hardly two, or two (None)."""
     fine, coarse = (one, other) if one.usual_s <= other.usual_s else (other, one)
     suspicious = False
-    for stride in {1, max(1, round(coarse.usual_s / fine.usual_s))}:
+    slower = coarse.usual_s / fine.usual_s
+    for stride in {1, round(slower) if slower * SHORTEST < len(fine.run.output) else 1}:
         for shift in range(-stride, stride + 1):
             first = max(-coarse.at, -((fine.at + shift) // stride))
             stop = min(len(coarse.run.output) - coarse.at, (len(fine.run.output) - fine.at - shift - 1) // stride + 1)

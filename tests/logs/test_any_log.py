@@ -35,7 +35,8 @@ def tried(long: bool, brief: int, most: int, **given_by: Any) -> Callable[[Calla
 @pytest.mark.parametrize("long", LENGTHS)
 def test_any_table_in_any_dialect(long, read):
     @tried(
-        long, 40, 400, values=st.lists(st.floats(-1e12, 1e12, allow_nan=False), min_size=12, max_size=40),
+        long, 40, 400,
+        values=st.lists(st.floats(-1e12, 1e12).map(lambda x: x * (abs(x) > 1e-90)), min_size=12, max_size=40),
         between=st.sampled_from([",", ";", "\t", "|", "  "]), decimal=st.sampled_from([".", ","]),
         end=st.sampled_from(["\n", "\r\n", "\r"]), encoding=st.sampled_from(["utf-8-sig", "utf-16", "latin-1", "gzip"]),
         remark=st.booleans(), order=st.permutations(["time_s", "torque_nm", "note"]),

@@ -1,20 +1,18 @@
 """The isolated reader's own side: `python -m eaid.logs.foreign.answer` answers questions on stdin (see `ask`)."""
 
 import os
-import pickle
 import sys
 import threading
 import time
-from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eaid.errors import DataError
-from eaid.logs.foreign.ask import Question, WornError
-from eaid.logs.table import Cells, Table, no_columns
+from eaid.logs.foreign.wire import Answer, Question, cells_sent, head, refusal, send, tables_sent
+from eaid.logs.table import Table
 
 FLOOR = 512 << 20
 """Memory for any file [bytes], beyond what the process holds before it."""
@@ -55,7 +53,7 @@ class _Open:
         self._key: tuple[str, str] | None = None
         self._tables: list[Table] = []
 
-    def answer(self, question: Question) -> list[Table] | Cells | DataError:
+    def answer(self, question: Question) -> tuple[Answer, tuple[NDArray[np.generic], ...]]:
         """The tables of a file, or columns of one of them; what is wrong where they cannot be had."""
         try:
             key = (question.reader, question.path)
@@ -67,22 +65,17 @@ class _Open:
                 read = getattr(import_module(f"eaid.logs.foreign.{module}"), function)
                 self._tables, self._key = read(path, question.source), key
             if question.table is None:
-                return [replace(table, load=no_columns) for table in self._tables]
-            cells = self._tables[question.table].load(question.wanted)
-            return replace(cells, values=tuple(map(_numbers, cells.values)))
+                return tables_sent(self._tables), ()
+            return cells_sent(self._tables[question.table].load(question.wanted))
         except DataError as fault:
-            return fault
+            return refusal(fault), ()
         except MemoryError:
-            return WornError(
-                f"{question.source}: takes far more memory to unpack than its size accounts for; save it unpacked"
-            )
+            far = f"{question.source}: takes far more memory to unpack than its size accounts for; save it unpacked"
+            return refusal(DataError(far), worn=True), ()
         except Exception as fault:  # what a library raises on bytes that it did not expect has no common type
             reason = " ".join(str(fault).split())[:120].rstrip(".") or type(fault).__name__
-            return DataError(f"{question.source}: is a damaged {question.what} file ({reason}); copy or save it again")
-
-
-def _numbers(values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    return np.ascontiguousarray(values, dtype=None if values.dtype.kind in "iu" else np.float64)
+            damaged = f"{question.source}: is a damaged {question.what} file ({reason}); copy or save it again"
+            return refusal(DataError(damaged)), ()
 
 
 def main() -> None:
@@ -93,11 +86,10 @@ def main() -> None:
     opened = _Open()
     while True:
         try:
-            question: Question = pickle.load(sys.stdin.buffer)
+            question = head(sys.stdin.buffer, Question)
         except EOFError:
             return
-        pickle.dump(opened.answer(question), out, protocol=5)
-        out.flush()
+        send(out, *opened.answer(question))
 
 
 if __name__ == "__main__":

@@ -2,24 +2,26 @@
 
 Compiled libraries break down, go round in circles or unpack without bound on some damaged files. Where they do so in a
 process of its own, with bounded time and (on Linux) memory, the file is refused and nothing else is lost; the next file
-gets a new process. It is kept apart for its crashes, not as a prison: it runs with the rights of the command, and what
-goes to and fro is pickled, as between processes of `multiprocessing`.
+gets a new process. It is kept apart for its crashes, not as a prison: it runs with the rights of the command. What it
+answers is taken as typed numbers and texts (`wire`) and never run.
 """
 
 import contextlib
 import os
-import pickle
 import subprocess
 import sys
 import threading
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
+import msgspec
+
 from eaid.arrays import read_only
 from eaid.errors import DataError
+from eaid.logs.foreign.wire import Answer, Question, cells_of, head, send, tables_of
 from eaid.logs.formats import Format
 from eaid.logs.table import Cells, Table
 
@@ -28,25 +30,6 @@ LONGEST_S = 60.0
 """Time for any file; a second for every megabyte comes on top [s]."""
 EXTRAS = {"nptdms": "tdms", "asammdf": "mdf", "rosbags": "ros"}
 """Library → the extra of eaid that brings it."""
-
-
-@dataclass(frozen=True)
-class Question:
-    """What is asked about a file: its tables, or columns of one of them."""
-
-    reader: str
-    """`module.function` in this folder."""
-    path: str
-    source: str
-    """How sentences name the file."""
-    what: str
-    """Its format, in words."""
-    table: int | None = None
-    wanted: tuple[int, ...] = ()
-
-
-class WornError(DataError):
-    """A refusal after which nobody knows what the process still holds; it is not asked again."""
 
 
 class ForeignReader:
@@ -71,16 +54,14 @@ class ForeignReader:
                 f'pip install "eaid[{EXTRAS[form.library]}]"'
             )
         question = Question(form.reader, str(path), source, form.name)
-        found = self._asked(question)
-        assert isinstance(found, list)
+        found = tables_of(self._asked(question)[0])
         return [replace(table, load=partial(self._load, question, k)) for k, table in enumerate(found)]
 
     def _load(self, question: Question, table: int, wanted: Sequence[int]) -> Cells:
-        cells = self._asked(replace(question, table=table, wanted=tuple(wanted)))
-        assert isinstance(cells, Cells)
+        _, cells = self._asked(msgspec.structs.replace(question, table=table, wanted=tuple(wanted)))
         return replace(cells, values=tuple(v if v.dtype.kind in "iu" else read_only(v) for v in cells.values))
 
-    def _asked(self, question: Question) -> list[Table] | Cells:
+    def _asked(self, question: Question) -> tuple[Answer, Cells]:
         with self.alone:
             process = self._running()
             assert process.stdin is not None and process.stdout is not None
@@ -95,10 +76,10 @@ class ForeignReader:
             bell.daemon = True
             bell.start()
             try:
-                pickle.dump(question, process.stdin)
-                process.stdin.flush()
-                answer: list[Table] | Cells | DataError = pickle.load(process.stdout)
-            except (OSError, EOFError, pickle.UnpicklingError):
+                send(process.stdin, question)
+                answer = head(process.stdout, Answer)
+                cells = cells_of(answer, process.stdout)
+            except (OSError, EOFError, ValueError, MemoryError):
                 self._end()
                 raise DataError(
                     f"{question.source}: takes longer than {longest_s:.0f} s to read; export it as CSV"
@@ -108,11 +89,11 @@ class ForeignReader:
                 ) from None
             finally:
                 bell.cancel()
-            if isinstance(answer, WornError):
+            if answer.worn:
                 self._end()
-            if isinstance(answer, DataError):
-                raise DataError(*answer.sentences)
-            return answer
+            if answer.refusal:
+                raise DataError(*answer.refusal)
+            return answer, cells
 
     def _running(self) -> subprocess.Popen[bytes]:
         if self._process is None:

@@ -1,0 +1,205 @@
+"""Odd logs, what is odd times the format it comes in: read right, read with a finding that says what was assumed, or
+refused in one sentence; never wrong in silence."""
+
+import gzip
+from collections import defaultdict
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+from logs_written import text
+
+import eaid
+from eaid import EaidError
+
+T, N = np.arange(300) / 100.0, 300
+U = np.where(T >= 1.0, 60.0, 0.0)
+
+
+@dataclass
+class Odd:
+    """A log: its names with their units, its columns, what stands above them, how its file is called."""
+
+    names: str = "time_s,duty_pct,torque_nm"
+    columns: tuple[Any, ...] = ()
+    above: str = ""
+    stem: str = "log"
+
+
+def torque(seed: int) -> Any:
+    rise = np.where(T >= 1.0, -1.5 * np.expm1(-(T - 1.0) / 0.3), 0.0)
+    return np.round(rise + 0.01 * np.random.default_rng(seed).normal(size=N), 6)
+
+
+def decimal_comma(log: Odd) -> str:
+    cells = ([x if isinstance(x, str) else f"{x:.15g}".replace(".", ",") for x in column] for column in log.columns)
+    return log.above + text(log.names, *cells, between=";")
+
+
+def plain(log: Odd) -> str:
+    return log.above + text(log.names, *log.columns)
+
+
+def named(log: Odd) -> dict[str, Any]:
+    return dict(zip(log.names.split(","), log.columns, strict=True))
+
+
+def hdf5(log: Odd, path: Path) -> None:
+    with h5py.File(path, "w") as file:
+        file.update(named(log))
+
+
+TEXT: dict[str, Callable[[Odd, Path], Any]] = {
+    "CSV": lambda log, path: path.write_text(plain(log), newline=""),
+    "decimal comma": lambda log, path: path.write_text(decimal_comma(log)),
+    "tabs, UTF-16": lambda log, path: path.write_text(plain(log).replace(",", "\t"), "utf-16"),
+    "gzip": lambda log, path: path.write_bytes(gzip.compress(plain(log).encode())),
+}  # fmt: skip
+ARRAYS: dict[str, Callable[[Odd, Path], Any]] = {
+    "NumPy": lambda log, path: np.lib.format.write_array(
+        path.open("wb"), np.rec.fromarrays([np.asarray(c) for c in log.columns], names=log.names.split(","))),
+    "Parquet": lambda log, path: pd.DataFrame(named(log)).to_parquet(path),
+    "HDF5": lambda log, path: hdf5(log, path),
+    "frame": lambda log, path: pd.DataFrame(named(log)),
+}  # fmt: skip
+ALL = TEXT | ARRAYS
+
+
+def clock(day: str, start: float = 86398.5) -> list[str]:
+    """Stamps over midnight of 31 January; `day` has {d} and {m}."""
+    at = [divmod(round(start + t, 2), 86400) for t in T.tolist()]
+    return [
+        day.format(d=31 if not over else 1, m=1 if not over else 2)
+        + f" {int(s // 3600):02}:{int(s // 60 % 60):02}:{s % 60:05.2f}"
+        for over, s in at
+    ]  # fmt: skip
+
+
+def time(name: str, values: Any) -> Callable[[Odd], Odd]:
+    return lambda log: replace(log, names=f"{name},duty_pct,torque_nm", columns=(values, *log.columns[1:]))
+
+
+def output(name: str, factor: float = 1.0) -> Callable[[Odd], Odd]:
+    return lambda log: replace(
+        log, names=f"time_s,duty_pct,{name}", columns=(*log.columns[:2], factor * log.columns[2])
+    )
+
+
+def input_(name: str, values: Any = U) -> Callable[[Odd], Odd]:
+    return lambda log: replace(log, names=f"time_s,{name},torque_nm", columns=(T, values, log.columns[2]))
+
+
+def above(line: str) -> Callable[[Odd], Odd]:
+    return lambda log: replace(log, above=line + "\n", names="duty_pct,torque_nm", columns=log.columns[1:])
+
+
+def called(stem: str, pattern: str) -> tuple[Callable[[Odd], Odd], dict[str, Any]]:
+    still = replace(Odd(), names="time_s,torque_nm", stem=stem)
+    return lambda log: replace(still, columns=log.columns[::2]), {"name_pattern": pattern}
+
+
+NO_TIME, FACTOR, SAYS = "no column is called time", "which may multiply or divide", "something else"
+PART = "may not be the whole level"
+ODD: dict[str, tuple[Any, ...]] = {
+    # what is odd: how it is made, the formats, what comes of it: right, a code, or words of the refusal; and options
+    "plain": (lambda log: log, ALL, "right"),
+    "time in minutes": (time("time", T / 60), ALL, "time-brief"),
+    "time in hours": (time("time", T / 3600), ALL, "time-too-fast"),
+    "time in us with fractions": (time("time", 1e6 * T + 0.25 * np.sin(T)), ALL, "time-too-long"),
+    "time in ms with fractions": (time("time", 1e3 * T + 0.25 * np.sin(T)), ALL, "unit-assumed"),
+    "time in whole ms": (time("time", (1e3 * T).round().astype(int)), ALL, "time-in-whole-numbers"),
+    "FILETIME": (time("time", 133_500_000_000_000_000 + (1e7 * T).round().astype(int)), ALL, "time-since-a-day"),
+    "ticks of .NET": (time("time", 638_500_000_000_000_000 + (1e7 * T).round().astype(int)), ALL, "time-since-a-day"),
+    "ns since 1970": (time("time", 1_700_000_000_000_000_000 + (1e9 * T).round().astype(int)), ALL, "time-since-a-day"),
+    "ms since 1970 called s": (time("time_s", 1_700_000_000_000 + 1e3 * T), ALL, "counts ms since 1970"),
+    "days": (time("time", 45_000 + T / 86400), ALL, "time-in-days"),
+    "times of day as numbers": (time("time", 161858.5 + T + 40 * (T >= 1.5)), ALL, "save it as 16:18:59"),
+    "ticks": (time("tick", 84_000 * np.arange(N)), ALL, NO_TIME),
+    "d/m over midnight": (time("time", clock("{d:02}/{m:02}/2024")), TEXT, "right"),
+    "m/d over midnight": (time("time", clock("{m:02}/{d:02}/2024")), TEXT, "right"),
+    "d.m over midnight": (time("time", clock("{d}.{m}.2024")), TEXT, "right"),
+    "minutes and seconds": (time("time", [f"{t // 60:02.0f}:{t % 60:05.2f}" for t in T]), TEXT, "which is no number"),
+    **{line: (above(line), TEXT, "rate-from-comment") for line in (
+        "# Sampling rate: 100 Hz", "# sample frequency = 0.1 kHz", "# Fs: 100 S/s", "# sampling interval [ms]: 10",
+        "# dt = 10 ms", "# Sample period: 10000 µs", "# scan period: 0.01 s", "# delta_x: 10 ms",
+        "dt,0.01 s", "# sampled at 100 Hz by hand", "# Fs = 1e-4 MHz")},
+    **{line: (above(line), TEXT, NO_TIME) for line in (
+        "# filter cutoff 50 Hz", "# PWM 300 Hz", "# motor: 15 RPM", "# rate divider: 4", "# Sample time: 32 s",
+        "# Scan time: 12:30:45", "# sampling rate: 100", "# dt=0.01", "% DAQ 2 kS/s",
+        "# rate: 100 Hz", "# fan at 500 Hz", "# sampling rate: -5 Hz", "# sampling rate: fast",
+        "# sampling rate: 1000 Hz, every 10th kept")},
+    "two rates": (above("# Fs: 100 Hz\n# dt: 20 ms"), TEXT, "says 100 Hz in row 1 and 50 Hz in row 2"),
+    **{name: (output(name), ALL, FACTOR) for name in (
+        "Torque*1000 [Nm]", "Torque x100 [Nm]", "torque (Nm x 0.01)", "torque (N.m*1e-2)", "torque [10^-3 Nm]")},
+    "a number beside the time's unit": (time("time [10 ms]", 100 * T), ALL, FACTOR),
+    "torque in mNm": (output("torque (mNm)", 1e3), ALL, "right"),
+    "torque without a unit": (output("torque", 7.0), ALL, "unit-unknown"),
+    "units against the header": (output("torque_mnm", 1e3), ALL, SAYS, {"units": {"output": "Nm"}}),
+    "units against the input": (input_("voltage_kV", U / 1e3), ALL, SAYS, {"units": {"input": "%"}}),
+    "units of the time against it": (time("time_s", T), ALL, "says its unit", {"units": {"time": "ms"}}),
+    "an input called u": (input_("u", U / 5), ALL, "unit-unknown"),
+    "a command in V": (input_("command", U / 5), ALL, "unit-unknown"),
+    "a duty without a unit": (input_("duty"), ALL, "unit-assumed"),
+    "a share": (input_("duty", U / 100), ALL, "unit-assumed"),
+    "counts of 255": (input_("pwm", 2.55 * U), ALL, "unit-assumed"),
+    **{stem: (*(lambda made: (made[0], ("CSV", "frame", "HDF5"), PART, made[1]))(called(stem, pattern)),)
+       for stem, pattern in (("x_2-5V", "{level}V"), ("x_2p5V", "{level}V"), ("x_1e2V", "{level}V"),
+                             ("x_2_5V", "_{level}V"), ("x_1,000V", "{level}V"), ("x_2.5.1", "x_{level}"),
+                             ("x_24V_60V", "{level}V"))},
+}  # fmt: skip
+ROWS = [(name, form) for name, row in ODD.items() for form in row[1]]
+
+
+@pytest.fixture(scope="module")
+def answers(tmp_path_factory) -> dict[tuple[str, str], Any]:
+    """Of every row its run, or the sentences of its refusal; the logs of one set of options are read in one call."""
+    calls: dict[str, tuple[dict[str, Any], dict[str, tuple[str, str]], dict[str, Any]]] = {}
+    folder = tmp_path_factory.mktemp("odd")
+    for k, (name, form) in enumerate(ROWS):
+        make, _, _, *options = ODD[name]
+        log = make(Odd(columns=(T, U, torque(k))))
+        said = options[0] if options else {}
+        _, rows, frames = calls.setdefault(repr((said, form == "frame")), (said, {}, {}))
+        path = folder / str(k) / log.stem
+        path.parent.mkdir()
+        table = ALL[form](log, path)
+        if form == "frame":
+            frames[f"{k}_{log.stem}"] = table
+        rows[f"{k}_{log.stem}" if form == "frame" else str(path)] = (name, form)
+    found: dict[tuple[str, str], Any] = defaultdict(list)
+    for said, rows, frames in calls.values():
+        logs = frames or [*map(Path, rows)]
+        try:
+            eaid.read(logs, logs_as="recorded", **said)
+        except EaidError as refusal:
+            for sentence in refusal.sentences:
+                (where,) = [source for source in rows if sentence.startswith(f"{source}: ")]
+                found[rows[where]].append(sentence)
+            refused = {source for source, row in rows.items() if row in found}
+            logs = {n: one for n, one in frames.items() if n not in refused} or [
+                Path(s) for s in rows if s not in refused
+            ]
+        if logs:
+            found |= {rows[run.source]: run for run in eaid.read(logs, logs_as="recorded", **said).recorded}
+    return found
+
+
+@pytest.mark.parametrize(("name", "form"), ROWS)
+def test_no_odd_log_is_wrong_in_silence(name, form, answers):
+    answer, wanted = answers[name, form], ODD[name][2]
+    if isinstance(answer, list):
+        assert wanted in answer[0], answer
+        return
+    codes = {one.code for one in answer.findings}
+    assert wanted in codes or (wanted == "right" and not codes), codes
+    if wanted == "right" or wanted in ("time-since-a-day", "time-in-days", "rate-from-comment"):
+        k = ROWS.index((name, form))
+        np.testing.assert_allclose(answer.time_s, T, atol=2e-5)
+        np.testing.assert_allclose(answer.output, torque(k), atol=1e-9)
+        np.testing.assert_allclose(answer.input, U)
+        assert (answer.input_unit, answer.output_unit) == ("%", "N·m")
