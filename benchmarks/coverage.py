@@ -228,25 +228,24 @@ def _mean(rows: list[list[float]]) -> Array:
     return np.asarray(np.where(counted >= 0.2 * len(values), share, np.nan))  # mostly flagged: nothing to count
 
 
-RECORDED: dict[str, tuple[str, dict[str, Any], bool]] = {
-    "random": ("random", {"duration_s": 240.0}, False),
-    "staircase of 12 s": ("staircase", {"duration_s": 240.0, "hold_s": (0.5, 12.0)}, False),
-    "staircase of 6 s": ("staircase", {"duration_s": 480.0, "hold_s": (0.5, 6.0)}, False),
-    "rests": ("random", {"duration_s": 240.0, "hold_s": (0.5, 10.0), "rest_s": 8.0}, False),
-    "closed loop": ("closed-loop", {"duration_s": 240.0, "hold_s": (0.5, 12.0)}, False),
-    "closed loop, instrument": ("closed-loop", {"duration_s": 240.0, "hold_s": (0.5, 12.0)}, True),
+RECORDED: dict[str, tuple[str, dict[str, Any]]] = {
+    "random": ("random", {"duration_s": 240.0}),
+    "staircase of 12 s": ("staircase", {"duration_s": 240.0, "hold_s": (0.5, 12.0)}),
+    "staircase of 6 s": ("staircase", {"duration_s": 480.0, "hold_s": (0.5, 6.0)}),
+    "rests": ("random", {"duration_s": 240.0, "hold_s": (0.5, 10.0), "rest_s": 8.0}),
+    "closed loop": ("closed-loop", {"duration_s": 240.0, "hold_s": (0.5, 12.0)}),
 }
-"""Excitation, its shape, whether the simulated duty is the instrument."""
+"""Excitation and its shape."""
 
 
 def recorded(name: str, sets: int) -> dict[str, Array]:
     """Coverage [%] of T_s(u), τ1(u), τ2(u) of recorded logs, by duty."""
-    excitation, shape, instrument = RECORDED[name]
+    excitation, shape = RECORDED[name]
     noise = {"white_nm": 0.006, "coloured": 0.01, "coloured_s": 0.3}
     rows = defaultdict(list)
     for seed in range(1000, 1000 + sets):
         logs = eaid.synth(excitation=excitation, shape=shape, rate_hz=200.0, clean=True, seed=seed, **noise)
-        found = eaid.fit(logs, model=("nonlinear",), duty=(10.0, 100.0), instrument=instrument).nonlinear
+        found = eaid.fit(logs, model=("nonlinear",), duty=(10.0, 100.0)).nonlinear
         for name in NAMES:
             pairs = [
                 (getattr(row.ci95, name), getattr(at_duty(REFERENCE_PLANT, row.level), name)) for row in found.curves

@@ -155,11 +155,8 @@ def fit(
         from eaid.recorded.fit import fit_whole
 
         return fit_whole(steps, how)
-    for name, given in (("duty", how.duty), ("instrument", how.instrument or None)):
-        if given is not None:
-            raise UsageError(
-                f"«{name}»: belongs to logs that are fitted as recorded, and these are steps; leave it out"
-            )
+    if how.duty is not None:
+        raise UsageError("«duty»: belongs to logs that are fitted as recorded, and these are steps; leave it out")
     with progress("bootstrap refits", how.draws if how.ci == "bootstrap" else 0) as advance:
         return fit_steps(steps, how, advance)
 

@@ -174,7 +174,6 @@ class FitOptions(Chance):
     duty: tuple[float, float] | None = option(
         None, "Identified range of the input.", RECORDED, shown="LOW:HIGH", least=0, most=1e9
     )
-    instrument: bool = option(False, "Closed loops: the simulated duty as an instrument.", RECORDED)
     bounds_levels: str | None = option(None, "Levels of B_m and B_M: 30:100 or 30,40.", ADVANCED, levels=True)
     shape: str = option(
         "auto", "Of steps between levels; auto: by the evidence.", ADVANCED, words="auto|one|two|free|overshoot"

@@ -20,6 +20,7 @@ from eaid.steps.build import stepset_of
 from eaid.steps.copies import counted_once
 from eaid.steps.cut import cut_runs, settled_steps
 from eaid.steps.edges import Edge, edges, looks_like
+from eaid.steps.plateaus import bridge, plateaus, stands_still
 from eaid.steps.stepset import StepSet
 
 QUIET = 0.02
@@ -57,7 +58,8 @@ def is_recorded(run: Run, rest: float = 0.0) -> bool:
         int((np.abs(level[a:b] - np.median(level[a:b])) > apart).sum()) for a, b in zip(starts, ends, strict=True)
     )
     if away > AWAY * int(loaded.sum()):
-        return True
+        still, _ = bridge(plateaus(run.input))
+        return not (len(still) == 2 and stands_still(still, run.input))  # two holds are a step
     if len(starts) <= RETURNS:
         return False
     holds, rests = ends - starts, starts[1:] - ends[:-1]

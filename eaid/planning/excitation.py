@@ -56,7 +56,7 @@ def measure(
     rows = []
     for k in range(sets):
         run = recording(plan, p, disturbance_of(noise), seed + 7919 * k)
-        rows.append(widths(fit_recorded([run], options, falls=False, loop_refits=0)))
+        rows.append(widths(fit_recorded([run], options, falls=False)))
         progress()
     return rows
 

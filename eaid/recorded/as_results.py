@@ -1,6 +1,7 @@
 """Solved unknowns → the parts of fit.json."""
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -29,9 +30,11 @@ from eaid.results.fit import (
     Noise,
     Nonlinear,
     Release,
+    Rig,
     Uncertainty,
 )
 from eaid.results.recorded import Falls
+from eaid.steps.levels import wanted_levels
 from eaid.steps.stepset import Level, StepSet
 
 OWN_RECORDS = 3.0
@@ -69,6 +72,7 @@ def data_part(
         output_unit="N·m" if first is None else first.output_unit,
         levels=tuple(levels.tolist()),
         sample_rate_hz=max(rates),
+        apparatus=Rig() if steps is None else Rig(**asdict(steps.apparatus)),
         sources=tuple(sources),
         inputs=tuple(Input(path, digest) for path, digest in inputs.items()),
         synthetic=made if made is not None else None if steps is None else steps.synthetic,
@@ -156,7 +160,7 @@ def uncertainty_part(solved: Solved, uncertainty: Spread) -> Uncertainty:
     )
 
 
-def linear_part(solved: Solved, base: Solved, levels: Array) -> Linear:
+def linear_part(solved: Solved, base: Solved, levels: Array, wanted: str | None) -> Linear:
     """Eq. (8) of the logs, and of each level by itself: of steps of the fitted nonlinear model."""
     tables = solved.curves(levels)
     a0 = 1 / float(tables.tau1[0])
@@ -178,7 +182,7 @@ def linear_part(solved: Solved, base: Solved, levels: Array) -> Linear:
         R2=total.R2,
         solver=solved.solver,
         per_level=rows,
-        bounds=bounds_of(rows),
+        bounds=bounds_of(rows, None if wanted is None else wanted_levels(wanted, levels.tolist(), "bounds_levels")),
     )  # fmt: skip
 
 

@@ -1,8 +1,8 @@
-"""Logs of closed loops: which law drove them, how they track, and what the noise in their duty does to a direct fit.
+"""Logs of closed loops: which law drove them, how they track, and a fit that the noise in their duty does not bias.
 
-With the law that is found the loop is replayed on the fitted model: without noise for what it should have tracked, with
-noise like the residuals', and refitted, for the bias of the direct fit, since the duty answers the noise and is no free
-input.
+With the law that is found the loop is replayed on the fitted model without noise: for what it should have tracked, and
+for the duty that it would have had. The recorded duty answers the noise and is no free input; the derivatives Z along
+the other one are instruments, and the fit is where Σ Z'r is 0.
 """
 
 from collections.abc import Sequence
@@ -14,29 +14,22 @@ from eaid.arrays import Array
 from eaid.control.pi import PIGains
 from eaid.findings import Finding, finding
 from eaid.models.parameters import Nonlinear
-from eaid.recorded.intervals import CurveBias, bias_finding, bias_of
 from eaid.recorded.late import follows_output
 from eaid.recorded.law import Law, law_of, nearest_law, simulated
 from eaid.recorded.log import RecordedLog
 from eaid.recorded.response import Copies, Drive
 from eaid.recorded.solve import Solved, model_of
-from eaid.results.recorded import Bias, Loop
+from eaid.results.recorded import Loop
 
 OTHERWISE = 1.5
 """A loop that misses its reference by so many times what is predicted has something that is not in the model."""
 
 
-def judged_loops(
-    base: Solved, logs: Sequence[RecordedLog], refits: int, seed: int
-) -> tuple[tuple[Loop, ...], list[Finding], CurveBias | None]:
-    """Every log of a closed loop, what is to be said of it, and the bias of a direct fit."""
+def judged_loops(base: Solved, logs: Sequence[RecordedLog]) -> tuple[tuple[Loop, ...], list[Finding]]:
+    """Every log of a closed loop, and what is to be said of it."""
     loops: list[Loop] = []
     found: list[Finding] = []
     laws = [law_of(log) for log in logs]
-    bias = None
-    if base.instruments is None and refits > 0 and any(law is not None for law in laws):
-        bias = bias_of(base, laws, refits, seed)
-        found.append(bias_finding(bias.mean))
     for k, (log, law) in enumerate(zip(logs, laws, strict=True)):
         if log.reference is None:
             follows = follows_output(base, k, log)
@@ -49,13 +42,15 @@ def judged_loops(
             found += [_of_another_law(log), finding("loop-bias-unknown", log.name)]
         elif base.instruments is not None:
             found.append(finding("loop-instrument", log.name))
-        loops.append(_loop(base, k, log, law, None if bias is None else bias.mean))
+        else:
+            found.append(finding("loop-bias-unknown", log.name))
+        loops.append(_loop(base, k, log, law))
         rms, predicted = loops[-1].rms_error, loops[-1].predicted_rms_error
         if rms is not None and predicted is not None:
             noise = float(np.std(base.missed[k]))
             if rms > OTHERWISE * float(np.hypot(predicted, noise)):
                 found.append(finding("loop-tracks-otherwise", log.name, rms=rms, predicted=predicted))
-    return tuple(loops), found, bias
+    return tuple(loops), found
 
 
 def _of_another_law(log: RecordedLog) -> Finding:
@@ -73,14 +68,14 @@ def _of_another_law(log: RecordedLog) -> Finding:
     )  # fmt: skip
 
 
-def _loop(base: Solved, index: int, log: RecordedLog, law: Law | None, bias: Bias | None) -> Loop:
+def _loop(base: Solved, index: int, log: RecordedLog, law: Law | None) -> Loop:
     assert log.reference is not None
     acting = slice(int(np.flatnonzero(log.input > 0)[0]), None)
     error = (log.reference - log.output)[acting]
     plain = Loop(log.name, saturated_fraction=log.saturated, rms_error=float(np.sqrt(np.mean(error**2))))
     if law is None:
         return plain
-    replayed = simulated(base, index, log, law, None)
+    replayed = simulated(base, index, log, law)
     off = (log.reference - replayed.output)[acting]
     gain, phase = margins(model_of(base), law.gains, log)
     return Loop(
@@ -95,7 +90,6 @@ def _loop(base: Solved, index: int, log: RecordedLog, law: Law | None, bias: Bia
         gain_margin_db=gain,
         phase_margin_deg=phase,
         method="direct" if base.instruments is None else "instrument",
-        bias=bias,
     )
 
 
@@ -145,7 +139,7 @@ def with_instrument(base: Solved, logs: Sequence[RecordedLog]) -> Solved:
         now = replace(base, x=x)
         for k, (log, law) in enumerate(zip(logs, laws, strict=True)):
             if law is not None and log.starts_idle:
-                drives[k] = Copies(simulated(now, k, log, law, None)).every
+                drives[k] = Copies(simulated(now, k, log, law)).every
         found = _solved(base, x, tuple(drives))
         if found is None:
             return base

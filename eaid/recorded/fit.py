@@ -6,6 +6,7 @@ with them as their mean curves, each sample of each repeat alike.
 """
 
 import itertools
+import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from eaid.arrays import Array
 from eaid.errors import DataError, UsageError
 from eaid.estimate import workflow
-from eaid.findings import Finding, finding, ranked
+from eaid.findings import Finding, finding, merged, ranked
 from eaid.logs.run import Run
 from eaid.models.parameters import Linear as Eq8
 from eaid.options import FitOptions
@@ -32,8 +33,8 @@ from eaid.recorded.as_results import (
 from eaid.recorded.closed_loop import judged_loops, with_instrument
 from eaid.recorded.falls import tested, with_falls
 from eaid.recorded.frequency import responses
-from eaid.recorded.intervals import asked, curves, never_asked, spread, widened
-from eaid.recorded.late import delay_findings
+from eaid.recorded.intervals import asked, curves, never_asked, spread
+from eaid.recorded.late import LOWER, delay_finding, delays, shifted
 from eaid.recorded.log import RecordedLog, logs_of_steps, recorded_log
 from eaid.recorded.noise import scatter_findings
 from eaid.recorded.solve import Solved, idle_of, model_of, setup_of, solve
@@ -240,6 +241,8 @@ def extremes(rows: Array, stretches: int) -> NDArray[np.intp]:
     return np.unique(np.concatenate(found))
 
 
+AT_REST = 2.0
+"""Cost of a start at rest, over that of one with unknown states, up to which the steps' dead time is believed."""
 FRICTION_LEVELS = 20
 """Levels that are fitted by themselves, at most."""
 
@@ -258,10 +261,13 @@ def fit_whole(stepset: StepSet, options: FitOptions) -> Fit:
         raise UsageError(f"«loss» {options.loss}: logs fitted as recorded take squares; or say «logs_as» steps")
     if options.hold_out:
         raise UsageError("«hold_out»: logs fitted as recorded hold no single levels; or say «logs_as» steps")
+    if options.ci not in ("robust", "none"):
+        raise UsageError(f"«ci» {options.ci}: logs fitted as recorded take robust or none; or say «logs_as» steps")
     rest = float(stepset.reading.get("rest", 0.0))
-    fit = fit_recorded(stepset.recorded, options, stepset if stepset.levels else None, rest)
     shapes = workflow.shapes_of(stepset, options)
-    of_shapes = tuple(each for shape in shapes for each in shape.findings)
+    dead_s = statistics.median_low([one.dead_time_s for one in shapes if one.edge == "up"] or [0.0])
+    fit = fit_recorded(stepset.recorded, options, stepset, rest, dead_time_s=dead_s)
+    of_shapes = merged([each for shape in shapes for each in shape.findings])
     options_given = workflow.given(options, stepset)
     findings = ranked((*fit.findings, *of_shapes))
     return judged(msgspec.structs.replace(fit, options=options_given, steps=shapes, findings=findings))
@@ -274,7 +280,7 @@ def fit_recorded(
     rest: float = 0.0,
     *,
     falls: bool = True,
-    loop_refits: int = 12,
+    dead_time_s: float = 0.0,
 ) -> Fit:
     """Fit recorded logs, with or without ordinary steps.
 
@@ -285,7 +291,7 @@ def fit_recorded(
     steps : step logs of the same clutch, fitted with the others.
     rest : input at rest, in its own unit.
     falls : falls get unknowns of their own where the data show that they differ from rises.
-    loop_refits : simulated loops whose refits show the bias of a direct fit of a closed loop; 0: none.
+    dead_time_s : that of the single steps; it is taken over where the logs are fitted better with it.
 
     Returns
     -------
@@ -311,30 +317,39 @@ def fit_recorded(
     longest, shortest = max(float(one.sum()) for one in spans), float(np.median(np.concatenate(spans)))
     wanted = options.model or ("friction", "nonlinear", "linear")
 
-    setup = setup_of(model.nonlinear(inputs.basis, share, longest), every, rests)
-    base = solve(setup)
+    rows = [0] * len(logs)
+    base = solve(setup_of(model.nonlinear(inputs.basis, share, longest), every, rests))
+    given = options.held_dead_time_s
+    if dead_s := dead_time_s if given is None else given:
+        late = [-round(dead_s / float(np.median(log.dt_s))) for log in logs]
+        behind = solve(setup_of(base.fitted.model, [*map(shifted, logs, late), *every[len(logs) :]], rests))
+        at_rest = behind.setup.size < base.setup.size  # the log begins at rest behind it, and T_s is told apart
+        if given is not None or behind.cost < (AT_REST if at_rest else 1 - LOWER) * base.cost:
+            rows, base = late, behind
+    if given is None and any(more := delays(base, [*map(shifted, logs, rows)])):
+        rows = [sum(pair) for pair in zip(rows, more, strict=True)]
+        base = solve(setup_of(base.fitted.model, [*map(shifted, logs, rows), *every[len(logs) :]], rests))
+    setup, acting = base.fitted, [*map(shifted, logs, rows)]
+    found += [one for log, late in zip(logs, rows, strict=True) for one in delay_finding(log, late)]
     tested_falls = tested(base, inputs.stepwise) if falls else None
     if tested_falls is not None:
         base = tested_falls.solved
         found += tested_falls.findings
-    if options.instrument and any(log.reference is not None for log in logs):
-        base = with_instrument(base, logs)
+    if any(log.reference is not None for log in logs):
+        base = with_instrument(base, acting)
     if not base.solver.converged:
         found.append(finding("recorded-not-converged", "nonlinear", predicted_decrease=base.solver.predicted_decrease))
-    loops, of_loops, bias = judged_loops(base, logs, loop_refits, options.seed)
+    loops, of_loops = judged_loops(base, acting)
     found += of_loops
     uncertainty, known = None, None
     if options.ci != "none":
         uncertainty = spread(base)
         known = curves(base, uncertainty, inputs.shown)
-        known = known if bias is None else widened(known, bias)
         found += never_asked(known) + scatter_findings(uncertainty.scatter)
-    if base.instruments is None:
-        found += delay_findings(base, logs, known)
     linear, friction, line = None, None, None
     if "linear" in wanted:
         solved = solve(replace(setup, model=model.linear(inputs.basis, shortest, longest)))
-        linear = linear_part(solved, base, inputs.basis)
+        linear = linear_part(solved, base, inputs.basis, options.bounds_levels)
         line = Eq8(linear.a0, linear.b0, linear.c0)
     if "friction" in wanted and inputs.stepwise and len(inputs.levels) <= FRICTION_LEVELS and share is not None:
         solved = solve(replace(setup, model=model.friction(inputs.levels, share, longest)))
@@ -357,7 +372,8 @@ def fit_recorded(
             asked=() if known is None else asked(known, every),
             falls=None if tested_falls is None else tested_falls.falls,
             loops=loops,
-            responses=responses(logs, model_of(base), line),
+            responses=responses(logs, acting, model_of(base), line),
+            dead_time_s=max(0.0, *(-late * float(np.median(log.dt_s)) for log, late in zip(logs, rows, strict=True))),
             engagements=0 if uncertainty is None else uncertainty.scatter.count,
             correlation_s=None if uncertainty is None else uncertainty.correlation_s,
         ),

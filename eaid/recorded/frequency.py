@@ -51,18 +51,31 @@ class ResponseEstimate:
     averages: float
 
 
-def responses(logs: Sequence[RecordedLog], plant: Nonlinear, line: Linear | None) -> tuple[Response, ...]:
-    """Of logs whose input moves all the time or switches often; a loop's duty answers the output and has none."""
-    free = [log for log in logs if log.reference is None and len(log.input) >= 4 * LEAST_ROWS]
-    return tuple(frequency_response(log, plant, line) for log in free if not log.stepwise or _switches(log))
+def responses(
+    logs: Sequence[RecordedLog], acting: Sequence[RecordedLog], plant: Nonlinear, line: Linear | None
+) -> tuple[Response, ...]:
+    """Of logs whose input moves all the time or switches often; a loop's duty answers the output and has none.
+
+    `acting` are the logs with the input as it acted, behind a dead time.
+    """
+    free = [
+        two
+        for two in zip(logs, acting, strict=True)
+        if two[0].reference is None and len(two[0].input) >= 4 * LEAST_ROWS
+    ]
+    return tuple(
+        frequency_response(log, plant, line, acted) for log, acted in free if not log.stepwise or _switches(log)
+    )
 
 
 def _switches(log: RecordedLog) -> bool:
     return len(log.changes) >= SWITCHES and len(np.unique(log.input)) <= 3
 
 
-def frequency_response(log: RecordedLog, plant: Nonlinear | None = None, line: Linear | None = None) -> Response:
-    """The recorded response of a log, and those of the models on its input.
+def frequency_response(
+    log: RecordedLog, plant: Nonlinear | None = None, line: Linear | None = None, acted: RecordedLog | None = None
+) -> Response:
+    """The recorded response of a log, and those of the models on its input, or on the one that acted.
 
     Raises `DataError` where the log is too short or its input hardly moves.
     """
@@ -89,7 +102,7 @@ def frequency_response(log: RecordedLog, plant: Nonlinear | None = None, line: L
     models: dict[str, ResponseEstimate] = {}
     for name, one in (("nonlinear", plant), ("linear", line)):
         if one is not None:
-            models[name] = _estimate(u, even(on_input(one, log))[kept], dt_s, tones, periods)
+            models[name] = _estimate(u, even(on_input(one, acted or log))[kept], dt_s, tones, periods)
     nonlinear, linear = models.get("nonlinear"), models.get("linear")
     size, radius = np.abs(recorded.H), recorded.radius
     leak = linear.distortion if linear is not None else 0.0

@@ -27,11 +27,10 @@ from scipy.stats import t as student
 from eaid.arrays import Array
 from eaid.estimate.solver import Problem, approach, newton_step
 from eaid.findings import Finding, finding
-from eaid.recorded.law import Law, simulated
 from eaid.recorded.log import RecordedLog
 from eaid.recorded.noise import Lines, Piece, Scatter, by_spectrum, moving, piece_of, scatter_of
-from eaid.recorded.solve import Setup, Solved, idle_of, refit
-from eaid.results.recorded import Asked, Bias
+from eaid.recorded.solve import Setup, Solved, idle_of
+from eaid.results.recorded import Asked
 
 WINDOWS_S = (0.3, 1.0, 3.0, 10.0)
 """Lengths of the stretches [s]."""
@@ -39,8 +38,6 @@ LONGEST = 1 / 24
 """Longest stretch, as a part of all logs together."""
 SEEN = 2e-3
 """Gains of engagements that noise makes so different more rarely than this scatter."""
-RIVAL = 4.0
-"""A minimum above the best by less than so many times the noise's own unit of cost is not ruled out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,8 +67,6 @@ class Spread:
     """Z of every bin of every log, (n, p)."""
     correlation_s: float
     """Integrated correlation time of the residuals [s], the longest of all logs."""
-    rivals: tuple[Array, ...]
-    """Other minima that the noise does not tell from the best: intervals of curves hold them too."""
 
     def variance(self, gradient: Array) -> tuple[float, float]:
         """Variance of a function with that gradient, and its degrees of freedom."""
@@ -147,10 +142,8 @@ def spread(solved: Solved) -> Spread:
         where = tuple(np.arange(len(one.r)) // k for one, k in zip(pieces, wide, strict=True))
         stretches.append(StretchScores(white @ omega @ white.T, where))
     between = _between(pieces, pull) * scatter.gain**2 * (scatter.chance <= SEEN)
-    unit = solved.cost / setup.samples * max(1.0, 2 * memory * setup.samples / span)
-    rivals = tuple(x for x, cost in solved.rivals if cost - solved.cost <= RIVAL * unit)
     slopes = tuple(one.plain for one in pieces)
-    return Spread(noise, lines, tuple(stretches), between, scatter, pull, slopes, memory, rivals)
+    return Spread(noise, lines, tuple(stretches), between, scatter, pull, slopes, memory)
 
 
 def inverse(H: Array) -> Array:
@@ -277,72 +270,6 @@ def score_test(solved: Solved, uncertainty: Spread) -> ScoreTest:
     return ScoreTest(solved.fitted, problem, approach(problem, solved.x).x, idle, uncertainty.pull, uncertainty.scatter)
 
 
-def like_residuals(r: Array, draw: np.random.Generator) -> Array:
-    """Noise of the residuals' own spectrum, with phases of its own, (n,)."""
-    spectrum = np.fft.rfft(r)
-    turned = np.abs(spectrum) * np.exp(2j * np.pi * draw.uniform(size=len(spectrum)))
-    return np.asarray(np.fft.irfft(turned, len(r)))
-
-
-@dataclass(frozen=True, eq=False)
-class CurveBias:
-    """Size of the mean error of the refits in log T_s, log τ1, log τ2, (3, L), chance taken off, at inputs (L,)."""
-
-    duty: Array
-    off: Array
-    mean: Bias
-
-
-def bias_of(base: Solved, laws: Sequence[Law | None], refits: int, seed: int) -> CurveBias:
-    """Refits on simulated logs of the same loops: their mean error and their scatter."""
-    draw = np.random.default_rng(seed)
-    model, logs = base.setup.model, [one.log for one in base.setup.copies]
-    used = np.concatenate([log.input[log.input > 0] for log in logs[: len(laws)]])
-    low, high = np.clip(np.quantile(used, [0.1, 0.9]), model.low, model.high).tolist()
-    shown = np.linspace(low, high, 11)
-    truth = _logs_of_curves(base, shown)
-    rows = []
-    for _ in range(refits):
-        again: list[RecordedLog] = []
-        for k, log in enumerate(logs):
-            noise = like_residuals(base.missed[k], draw)
-            law = laws[k] if k < len(laws) else None
-            if law is not None and log.starts_idle and len(noise) == len(log.input):
-                again.append(simulated(base, k, log, law, noise))
-                continue
-            output, counted = log.output.copy(), base.setup.drives[k].w > 0
-            output[counted] += base.missed[k] + noise
-            again.append(replace(log, output=output))
-        rows.append(_logs_of_curves(refit(base, again), shown) - truth)
-    errors = np.array(rows)
-    mean, sd = errors.mean(axis=0), errors.std(axis=0, ddof=1) if refits > 1 else np.zeros_like(errors[0])
-    off = [100 * float(np.sqrt(np.mean(one**2))) for one in mean]
-    wide = [100 * float(np.sqrt(np.mean(one**2))) for one in sd]
-    beyond_chance = np.sqrt(np.maximum(mean**2 - sd**2 / refits, 0.0))
-    return CurveBias(shown, beyond_chance, Bias(refits, off[0], off[1], off[2], wide[0], wide[1], wide[2]))
-
-
-def _logs_of_curves(solved: Solved, duty: Array) -> Array:
-    """log T_s, log τ1, log τ2, (3, L)."""
-    tables = solved.curves(duty)
-    return np.asarray(np.log(np.maximum(np.array([tables.steady, tables.tau1, tables.tau2]), 1e-9)))
-
-
-def bias_finding(bias: Bias) -> Finding:
-    """Whether the bias is more than chance and than half a percent."""
-    pairs = (
-        (bias.Ts_pct, bias.scatter_Ts_pct),
-        (bias.tau1_pct, bias.scatter_tau1_pct),
-        (bias.tau2_pct, bias.scatter_tau2_pct),
-    )
-    few = max(bias.refits, 1) ** 0.5
-    beyond = any(off is not None and sd is not None and off > max(0.5, 3 * sd / few) for off, sd in pairs)
-    return finding(
-        "loop-bias" if beyond else "loop-bias-small", "nonlinear",
-        refits=bias.refits, Ts_pct=bias.Ts_pct, tau1_pct=bias.tau1_pct, tau2_pct=bias.tau2_pct,
-    )  # fmt: skip
-
-
 LIMITS_PCT = {"Ts": 10.0, "tau1": 30.0, "tau2": 50.0}
 """Half-widths beyond which an input was never asked about."""
 PARABOLA = 0.05
@@ -386,18 +313,9 @@ def curves(solved: Solved, uncertainty: Spread, duty: Array) -> CurveSpread:
             off[:, k, i] = test.ends(slopes[k, i], half)
     values = np.where(slopes.any(axis=2), values, np.nan)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        minima = np.stack([values, *(slopes @ x for x in uncertainty.rivals)])
-        low, high = (minima * np.exp(-off[0])).min(axis=0), (minima * np.exp(off[1])).max(axis=0)
+        low, high = values * np.exp(-off[0]), values * np.exp(off[1])
         wide = np.where(low > 0, np.sqrt(high / low) - 1, np.inf)
     return CurveSpread(duty, values, low, high, wide)
-
-
-def widened(known: CurveSpread, bias: CurveBias) -> CurveSpread:
-    """Intervals that hold the bias of a direct fit to a closed loop: wider by it, to both sides."""
-    off = np.array([np.interp(known.duty, bias.duty, row) for row in bias.off])
-    with np.errstate(over="ignore", invalid="ignore"):
-        wide = (1 + known.half_width) * np.exp(off) - 1
-    return replace(known, low=known.low * np.exp(-off), high=known.high * np.exp(off), half_width=wide)
 
 
 def asked(known: CurveSpread, logs: Sequence[RecordedLog]) -> tuple[Asked, ...]:

@@ -1,4 +1,4 @@
-"""Is the input noted some rows late, or early? Then τ1 is wrong, and no residual looks it.
+"""By how many rows does the output answer late, for a dead time, or early, where the input is noted late?
 
 With f_s the response to the input of s rows later (what acted, if the log shows a change s rows late), D = (f₁ − f₋₁)/2
 is the derivative by that delay. In residuals r whitened by an autoregression, J and D with them,
@@ -6,12 +6,12 @@ is the derivative by that delay. In residuals r whitened by an autoregression, J
     δ = −D̃'r/D̃'D̃,   D̃ = D − J (J'J)⁻¹ J'D,   var δ = Σ_stretches (D̃'r)²/(D̃'D̃)²
 
 is the delay in rows. The input is moved row by row while half a row or more is left; a delay of many rows, which the
-derivative does not reach, is first looked for by the cost itself. What noise does not explain is told where it matters:
-H⁻¹ J'D δ is what the delay does to the coefficients. A dead time of the rig looks like an input that is noted early.
+derivative does not reach, is first looked for by the cost itself. What noise does not explain is taken over: the fit
+is of the input as it acted.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import solve_toeplitz
@@ -21,7 +21,7 @@ from scipy.stats import t as student
 from eaid.arrays import Array
 from eaid.estimate.solver import EndPoint, approach
 from eaid.findings import Finding, finding
-from eaid.recorded.intervals import CurveSpread, inverse
+from eaid.recorded.intervals import inverse
 from eaid.recorded.log import RecordedLog
 from eaid.recorded.response import Copies, Drive
 from eaid.recorded.solve import Setup, Solved
@@ -42,41 +42,36 @@ CHANCE = 0.01
 """Of a delay as large by noise alone, at most."""
 LEAST_CHANGES = 4
 JUMP = 5.0
+EXPLAINS = 0.8
+"""Part of the cost below which a delay leaves it where the input seems to answer the output."""
 FOLLOWS = 0.1
 """Correlation of the duty's changes with the residual's from which a log counts as a loop."""
-MATTERS = 0.25
-"""A delay that moves τ1 by less than this part of its interval's half-width at all inputs is not told."""
 
 
-@dataclass(frozen=True)
-class Delay:
-    """How many rows late an input is noted, and what that does to the fit."""
+def delays(base: Solved, logs: Sequence[RecordedLog]) -> list[int]:
+    """Rows by which the input of each log is noted late; below 0 a dead time.
 
-    rows: float
-    sd: float
-    shift: Array
-    """Of the unknowns, (n,)."""
-
-    def seen(self, least: float) -> bool:
-        """It is as many rows or more, and noise does not explain it."""
-        return abs(self.rows) >= max(least, float(student.isf(CHANCE / 2, STRETCHES - 1)) * self.sd)
-
-
-def delay_findings(base: Solved, logs: Sequence[RecordedLog], known: CurveSpread | None) -> list[Finding]:
-    """What is said of each log; a loop's input answers the output, and tells no delay."""
+    A loop's input answers the output, and tells no delay; one that seems to is none where a delay explains it.
+    """
     found = []
     for k, log in enumerate(logs):
-        if log.reference is not None or len(log.changes) < LEAST_CHANGES or follows_output(base, k, log):
-            continue
-        delay = delay_of(base, k, log)
-        size = _bias(base, delay, known)
-        if not delay.seen(LEAST_ROWS[log.stepwise]) or size < MATTERS:
-            continue
-        code = "input-late" if delay.rows > 0 else "input-early"
-        rows = max(1, round(abs(delay.rows)))
-        ms = 1e3 * rows * float(np.median(log.dt_s))
-        found.append(finding(code if size <= 1 else f"{code}-biases", log.name, rows=rows, ms=ms, widths=size))
+        rows = 0
+        if log.reference is None and len(log.changes) >= LEAST_CHANGES:
+            rows = delay_of(base, k, log)
+            if rows and follows_output(base, k, log):
+                x = base.x[base.setup.places[k].columns]
+                plain, moved = (aligned(base.fitted, x, shifted(log, late)).cost for late in (0, rows))
+                rows = rows if moved < EXPLAINS * plain else 0
+        found.append(rows)
     return found
+
+
+def delay_finding(log: RecordedLog, rows: int) -> list[Finding]:
+    """What is said of a log whose input acts some rows earlier, or later, than it is noted."""
+    lasts = abs(rows) * float(np.median(log.dt_s))
+    if rows > 0:
+        return [finding("input-late", log.name, rows=rows, ms=1e3 * lasts)]
+    return [finding("dead-time", log.name, dead_time_s=lasts)] if rows else []
 
 
 def follows_output(base: Solved, index: int, log: RecordedLog) -> float:
@@ -100,14 +95,11 @@ def follows_output(base: Solved, index: int, log: RecordedLog) -> float:
     return follows if abs(follows) > FOLLOWS else 0.0
 
 
-def delay_of(base: Solved, index: int, log: RecordedLog) -> Delay:
-    """The delay of one log: the input is moved by whole rows while half a row or more is left."""
-    columns = base.setup.places[index].columns
-    rows, x = far_delay(base.fitted, base.x[columns], log)
+def delay_of(base: Solved, index: int, log: RecordedLog) -> int:
+    """The delay of one log: the input is moved by whole rows while half a row or more is left; 0 where noise has it."""
+    rows, x = far_delay(base.fitted, base.x[base.setup.places[index].columns], log)
     first, moved = rows, shifted(log, rows)
-    step, sd, slope = one_step(base.fitted, x, moved)
-    shift = np.zeros(len(base.x))
-    shift[columns] = slope
+    step, sd = one_step(base.fitted, x, moved)
     while abs(step) >= 0.5 and abs(rows - first) < MOST:
         further = rows + int(np.sign(step))
         moved = shifted(log, further)
@@ -115,8 +107,9 @@ def delay_of(base: Solved, index: int, log: RecordedLog) -> Delay:
         found = one_step(base.fitted, x, moved)
         if found[0] * step < 0 and abs(found[0]) >= abs(step):
             break
-        rows, (step, sd, _) = further, found
-    return Delay(rows + step, sd, shift * (rows + step))
+        rows, (step, sd) = further, found
+    least = max(LEAST_ROWS[log.stepwise], float(student.isf(CHANCE / 2, STRETCHES - 1)) * sd)
+    return rows if abs(rows + step) >= least else 0
 
 
 def far_delay(setup: Setup, x: Array, log: RecordedLog) -> tuple[int, Array]:
@@ -142,19 +135,18 @@ def aligned(setup: Setup, x: Array, log: RecordedLog) -> EndPoint:
     return approach(alone(setup, Copies(log).small).problem(), x)
 
 
-def one_step(setup: Setup, x: Array, log: RecordedLog) -> tuple[float, float, Array]:
-    """The delay in rows by one step from x, (p,), its standard deviation, and what a row does to x, (p,)."""
+def one_step(setup: Setup, x: Array, log: RecordedLog) -> tuple[float, float]:
+    """The delay in rows by one step from x, (p,), and its standard deviation."""
     J, r = alone(setup, Copies(log).every).jacobian(x, 0)
     after, before = (alone(setup, Copies(shifted(log, rows)).every).jacobian(x, 0)[1] for rows in (1, -1))
     D = 0.5 * (after - before)
-    shift = inverse(J.T @ J) @ (J.T @ D)
     J, D, r = (whitened(one, r)[ORDER:] for one in (J, D, r))
     D = D - J @ (inverse(J.T @ J) @ (J.T @ D))
     size = max(float(D @ D), 1e-300)
     rows = -float(D @ r) / size
     starts = np.linspace(0, len(r), STRETCHES, endpoint=False).astype(int)
     scores = np.add.reduceat(D * (r + rows * D), starts)
-    return rows, float(np.sqrt(scores @ scores)) / size, shift
+    return rows, float(np.sqrt(scores @ scores)) / size
 
 
 def whitened(values: Array, r: Array) -> Array:
@@ -171,21 +163,13 @@ def autoregression(r: Array) -> Array:
 
 
 def shifted(log: RecordedLog, rows: int) -> RecordedLog:
-    """The log with the input of so many rows later."""
+    """The log with the input of so many rows later; behind a dead time it may begin at rest."""
+    if rows == 0:
+        return log
     at = np.clip(np.arange(len(log.input)) + rows, 0, len(log.input) - 1)
-    return replace(log, input=log.input[at], idle_start=log.starts_idle)
+    return replace(log, input=log.input[at], idle_start=log.starts_idle if rows > 0 else log.idle_start)
 
 
 def alone(setup: Setup, drive: Drive) -> Setup:
     """One log by itself."""
     return replace(setup, drives=(drive,), copies=())
-
-
-def _bias(base: Solved, delay: Delay, known: CurveSpread | None) -> float:
-    """What the delay does to τ1 over the half-width of its interval, where that is most; 1 where there is none."""
-    if known is None or not np.isfinite(known.half_width[1]).any():
-        return 1.0
-    slopes = base.setup.model.slopes(known.duty, base.setup.size)[1]
-    half = known.values[1] * known.half_width[1]
-    wide = (half > 0) & np.isfinite(half)  # without noise an interval has no width, and a delay is known by its cost
-    return float(np.max(np.abs(slopes @ delay.shift)[wide] / half[wide], initial=0.0))

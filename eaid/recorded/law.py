@@ -75,12 +75,12 @@ def nearest_law(log: RecordedLog) -> Law | None:
     return Law(PIGains(float(found[0]), float(found[1]), 0.0, top), fit_pct, int(acting[0]))
 
 
-def simulated(solved: Solved, index: int, log: RecordedLog, law: Law, noise: Array | None) -> RecordedLog:
-    """The log that the loop of a law gives on the fitted model, `noise` added to what is read, (n,)."""
+def simulated(solved: Solved, index: int, log: RecordedLog, law: Law) -> RecordedLog:
+    """The log that the loop of a law gives on the fitted model, without noise."""
     assert log.reference is not None
     n = len(log.input)
     dt_s = float(log.time_s[-1] - log.time_s[0]) / (n - 1)
-    added = np.full(n, idle_of(solved, index) + (log.baseline or 0.0)) + (0.0 if noise is None else noise)
+    added = np.full(n, idle_of(solved, index) + (log.baseline or 0.0))
     duty, seen = np.zeros(n), added.copy()
     controller = pi_controller(law.gains)
     part = slice(law.first, n)

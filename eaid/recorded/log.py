@@ -95,7 +95,7 @@ def recorded_log(run: Run, rest: float = 0.0) -> RecordedLog:
         level = -level
     quiet = np.abs(level) <= QUIET * float(np.abs(level).max())
     first = int(np.argmin(quiet))
-    if first >= IDLE_ROWS:  # what a measured input shows at rest is its noise
+    if first >= IDLE_ROWS and (level[:first] < 0).any():  # the noise of a measured input; small commands stay
         level = np.where(np.arange(len(level)) < first, 0.0, level)
     return RecordedLog(
         run.name,

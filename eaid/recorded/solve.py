@@ -420,8 +420,6 @@ class Solved:
     x: Array
     cost: float
     solver: Solver
-    rivals: tuple[tuple[Array, float], ...] = ()
-    """Other minima that were found, with their costs."""
     instruments: tuple[Drive, ...] | None = None
     """Inputs without the noise of the outputs, where they stood in for the recorded ones in the derivatives."""
 
@@ -476,12 +474,6 @@ def apart(ends: Sequence[EndPoint], floor: float) -> list[EndPoint]:
     return found
 
 
-def refit(near: Solved, logs: Sequence[RecordedLog]) -> Solved:
-    """The minimum next to an earlier one, on other logs of the same kind."""
-    setup = setup_of(near.fitted.model, logs, near.fitted.idle_free)
-    return finished(replace(setup, extras=near.fitted.extras), [near.x])
-
-
 def finished(setup: Setup, begin: Sequence[Array], tried: int = 0, costs: Sequence[float] = ()) -> Solved:
     """From near ends to the verdict: solved on the small copy, confirmed, or taken to its end, on every sample."""
     near, held = setup.problem(), all(one.log.stepwise for one in setup.copies)
@@ -501,8 +493,7 @@ def finished(setup: Setup, begin: Sequence[Array], tried: int = 0, costs: Sequen
         end, predicted, active = polish(near, end, whole, finished=SETTLED)
     evaluations = tried + sum(one.evaluations for one in ends) + end.evaluations
     solver = judged(predicted, evaluations, costs or [one.cost for one in ends], [near.names(i) for i in active])
-    others = tuple((one.x, one.cost) for one in ends if one.cost > end.cost * (1 + SAME) + near.floor)
-    return Solved(setup, end.x, end.cost, solver, others)
+    return Solved(setup, end.x, end.cost, solver)
 
 
 def with_second_derivatives(setup: Setup) -> Problem:

@@ -16,7 +16,8 @@ def plot_fit(fit: Fit, ax: Axes | None = None) -> Axes:
     ax = ax if ax is not None else plt.subplots(layout="constrained")[1]
     data = fit.data
     time = np.concatenate([[0.0], np.geomspace(1e-3, 1.0, 200)]) * float(max(data.record_s, default=20.0))
-    shown = frames.predict(fit, list(data.levels), time.tolist())
+    levels = data.levels or (() if fit.recorded is None else np.linspace(*fit.recorded.u_range, 5).tolist())
+    shown = frames.predict(fit, levels, time.tolist())
     for colour, (level, values) in zip(style.level_colours(shown.shape[1]), shown.items(), strict=True):
         ax.plot(time, values, color=colour, label=level_text(float(str(level)), data.input_unit))
     ax.set(xlabel="Time since the step (s)", ylabel=quantity(data.output_unit))

@@ -641,7 +641,9 @@ class Fit(Shown, Result, frozen=True):
 
     @property
     def dead_time_s(self) -> float:
-        """Median dead time of the single steps upwards [s]; 0 where most of them show none."""
+        """Dead time [s]: of logs as recorded, else the median of single steps upwards, 0 where most show none."""
+        if self.recorded is not None:
+            return self.recorded.dead_time_s
         return statistics.median_low([step.dead_time_s for step in self.steps if step.edge == "up"] or [0.0])
 
     @property

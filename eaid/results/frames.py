@@ -123,7 +123,8 @@ def predict(fit: "Fit", duty: float | Sequence[float], t: Sequence[float], model
         raise DataError(f"the fit holds no {chosen} model; fit one, or choose another «model»")
     time = np.asarray(t, dtype=np.float64)
     inputs = [float(u) for u in np.atleast_1d(np.asarray(duty, dtype=np.float64))]
-    low, high = min(fit.data.levels, default=-np.inf), max(fit.data.levels, default=np.inf)
+    known = fit.data.levels if fit.recorded is None else fit.recorded.u_range
+    low, high = min(known, default=-np.inf), max(known, default=np.inf)
     for u in inputs:
         if not low <= u <= high:
             raise UsageError(f"«duty» {u:g}: the fit knows {low:g} … {high:g} {fit.data.input_unit}".rstrip() + " only")

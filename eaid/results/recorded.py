@@ -81,19 +81,6 @@ class Falls(Result, frozen=True):
     hysteresis_fitted: bool = False
 
 
-class Bias(Result, frozen=True):
-    """Mean relative error of refits on simulated loops like the recorded one, rms over the middle of the inputs [%]."""
-
-    refits: Count = 0
-    Ts_pct: Number | None = None
-    tau1_pct: Number | None = None
-    tau2_pct: Number | None = None
-    scatter_Ts_pct: Number | None = None
-    """Standard deviation of the refits, rms over the same inputs [%]."""
-    scatter_tau1_pct: Number | None = None
-    scatter_tau2_pct: Number | None = None
-
-
 class Loop(Result, frozen=True):
     """A recorded closed loop, judged."""
 
@@ -115,7 +102,6 @@ class Loop(Result, frozen=True):
     """Least over the inputs that the loop used, of the fitted model with that law."""
     phase_margin_deg: Number | None = None
     method: Literal["direct", "instrument"] = "direct"
-    bias: Bias | None = None
 
 
 class Response(Result, frozen=True):
@@ -157,6 +143,8 @@ class Recorded(Result, frozen=True):
     loops: tuple[Loop, ...] = ()
     responses: tuple[Response, ...] = ()
     """Frequency responses of logs whose input moves all the time or switches often, and is no loop's."""
+    dead_time_s: Number = 0.0
+    """Longest dead time of the logs; the models begin behind it."""
     engagements: Count = 0
     correlation_s: Number | None = None
     """Integrated correlation time of the residuals [s], the longest of all logs."""

@@ -12,7 +12,7 @@ from eaid.cli import main
 COMMANDS = ["ingest", "fit", "tune-rc", "simulate", "export", "report", "synth", "couple", "plan", "demo"]
 OPTIONS = {
     "fit": "model kind levels share loss hold-out ci baseline estimator columns units name-pattern step-at until rest "
-    "repair logs-as duty instrument bounds-levels dead-time shape tables verbose",
+    "repair logs-as duty bounds-levels dead-time shape tables verbose",
     "ingest": "columns units name-pattern step-at until baseline rest repair rate-hz join sign kind edges",
     "tune-rc": "kp kd natural-frequency damping q-max phi epsilon gamma p-scale b-hat rho alpha pi-overshoot "
     "pi-settling pi-gains reference data duty-limits pwm-hz widen-bounds anyway anti-windup",

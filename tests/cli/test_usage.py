@@ -27,7 +27,6 @@ TABLE = r"""
 2 | fit data.h5 --rest nan | --rest nan: give a number from -1e+09 to 1e+09
 2 | fit data.h5 --duty 10 | --duty 10: write two numbers with a colon between them, as 10:100
 2 | fit data.h5 --duty 10:100 | --duty: belongs to logs that are fitted as recorded, and these are steps; leave it out
-2 | fit data.h5 --instrument | --instrument: belongs to logs that are fitted as recorded, and these are steps; leave …
 2 | fit data.h5 --kind gearbox | --kind gearbox: must be one of clutch, friction-force, friction-speed
 3 | fit data.h5 --levels 1:5 | --levels 1:5: no log holds 1:5; levels found: 20, 40, 60, 80, 100
 2 | fit data.h5 --baseline 3:x | --baseline 3:x: write auto, first, none, a value in the output's unit, or FROM:TO in …

@@ -227,7 +227,6 @@ def test_false_alarms_are_rare_and_so_are_misses() -> None:
         ({"shape": "three"}, "shape"),
         ({"dead_time": -1.0}, "dead_time"),
         ({"duty": (10.0, 100.0)}, "these are steps; leave it out"),
-        ({"instrument": True}, "these are steps; leave it out"),
     ],
 )
 def test_options_that_are_refused(options: dict[str, Any], sentence: str, clutch_set: Maker) -> None:

@@ -3,9 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import eaid
+from eaid.logs.run import Run
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.reading import is_recorded
 from eaid.recorded.fit import fit_recorded
@@ -98,3 +100,51 @@ def test_a_log_can_be_drawn_from_the_fit_alone() -> None:
     assert 4321 in at and max(curve.measured) == pytest.approx(spiked.max(), rel=1e-5)
     changes = np.flatnonzero(np.diff(run.input))
     assert {run.input[k] for k in changes} == set(curve.input)
+
+
+def frame(run: Run) -> pd.DataFrame:
+    return pd.DataFrame({"time_s": run.time_s, "duty_pct": run.input, "torque_nm": run.output})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+def test_a_good_log_of_random_steps_is_stopped_by_none_of_them(seed: int) -> None:
+    e = Excitation(kind="random", duration_s=120.0, rate_hz=50.0, hold_s=(0.5, 8.0), rest_s=6.0)
+    fit = eaid.fit(frame(synthesise_excitation(clutch(), e, replace(NOISE, white_nm=0.05), seed)[0]), ci="none")
+    assert fit.nonlinear.fit_pct > 94 and fit.verdict.usable and len(fit.steps) > 10
+
+
+def test_what_a_fit_of_a_recorded_log_knows_and_refuses() -> None:
+    e = Excitation(kind="multisine", duration_s=60.0, rate_hz=20.0, duty=(20.0, 80.0), frequency_hz=(0.1, 2.0))
+    steps = eaid.read(frame(synthesise_excitation(clutch(), e, NOISE, 1)[0]), apparatus="surfaces=4")
+    fit = eaid.fit(steps, ci="none")
+    assert fit.recorded is not None and fit.data.apparatus.surfaces == 4
+    with pytest.raises(eaid.UsageError, match="bootstrap: logs fitted as recorded take robust or none"):
+        eaid.fit(steps, ci="bootstrap")
+    with pytest.raises(eaid.UsageError, match="duty= 1000: the fit knows"):
+        fit.predict(1000, [1.0])
+    assert len(fit.plot().lines) == 5
+    stairs = replace(e, kind="staircase", hold_s=(2.0, 3.0))
+    known = eaid.fit(frame(synthesise_excitation(clutch(), stairs, NOISE, 1)[0]), ci="none", bounds_levels="40:80")
+    assert min(known.linear.bounds.levels) >= 40
+
+
+def test_two_holds_are_a_step_whatever_their_size() -> None:
+    t = np.arange(1000) / 100
+    for before, after in ((5.0, 5.4), (5.0, 9.0), (30.0, 70.0)):
+        y = 0.2 * before + 0.2 * (after - before) * (t >= 4) * (1 - np.exp(-np.maximum(t - 4, 0) / 0.3))
+        y += 0.001 * np.random.default_rng(0).standard_normal(1000)
+        fit = eaid.fit(pd.DataFrame({"time_s": t, "duty_pct": np.where(t < 4, before, after), "torque_nm": y}))
+        (step,) = fit.steps
+        assert fit.recorded is None and step.tau1 == pytest.approx(0.3, rel=0.05)
+
+
+def test_small_commands_of_a_loop_are_commands() -> None:
+    """A ramp from 0 on: what acts below half a percent is no noise of a measured input, which goes both ways."""
+    t = np.arange(3000) / 100
+    ramp = np.minimum(np.maximum(t - 1, 0) * 0.5, 100.0) + np.where(t > 20, 60.0, 0.0)
+    log = recorded_log(Run("log", t, ramp, t, "%", "N·m", "a.csv", ""))
+    assert np.array_equal(log.input, ramp)
+    noise = 0.03 * np.random.default_rng(0).standard_normal(3000)
+    held = recorded_log(Run("log", t, np.where(t < 5, noise, 60.0 + noise), t, "V", "N·m", "a.csv", ""))
+    assert (held.input[:400] == 0).all() and held.starts_idle

@@ -27,8 +27,8 @@ def first_order(f: np.ndarray, p: Linear, dt_s: float) -> np.ndarray:
 def test_a_linear_system_has_its_closed_form(kind: str) -> None:
     line = Linear(3.0, 0.1, 0.0)
     e = Excitation(
-        kind,
-        200.0 + (kind == "multisine"),
+        kind=kind,
+        duration_s=200.0 + (kind == "multisine"),
         rate_hz=100.0,
         duty=(20.0, 80.0),
         frequency_hz=(0.1, 4.0),

@@ -1,6 +1,6 @@
 """Sentences about fits: what the curves of single levels, the nonlinear and the linear model cannot tell."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from eaid.findings.row import SYMBOLS, Row, Values, caution, note, stop
 
@@ -337,21 +337,6 @@ def _other_law(v: Values) -> str:
     )
 
 
-def _shifted(when: str, other: str, biased: bool) -> Callable[[Values], str]:
-    """The sentence on an input that is noted late or early."""
-    then = "by more than its interval: do not use it" if biased else "by less than its interval"
-    alike = "; a dead time of the rig looks alike" if when == "early" else ""
-
-    def said(v: Values) -> str:
-        return (
-            f"{v['subject']}: the output answers as if the input were noted {v['rows']} "
-            f"{'row' if v['rows'] == 1 else 'rows'} ({v['ms']:.3g} ms) {when}: τ1 is wrong {then}; write the input "
-            f"that acts from a row on into that row, or shift the column {v['rows']} {other}{alike}"
-        )
-
-    return said
-
-
 RECORDED_ROWS: dict[str, Row] = {
     "recorded-not-converged": stop(
         "the fit of the logs did not converge: one more step would gain {predicted_decrease:.2g} of the cost"
@@ -365,10 +350,16 @@ RECORDED_ROWS: dict[str, Row] = {
         "{subject}: the input never moves (it stays at {level:g}): what is left of the state before it and the way to "
         "its steady value are one curve; record the step that leads there, from rest"
     ),
-    "input-late": caution(_shifted("late", "up", False), "rows"),
-    "input-early": caution(_shifted("early", "down", False), "rows"),
-    "input-late-biases": stop(_shifted("late", "up", True), "rows"),
-    "input-early-biases": stop(_shifted("early", "down", True), "rows"),
+    "input-late": caution(
+        "{subject}: the output answers {rows:#row} ({ms:.3g} ms) before the input is noted: the fit takes the input as "
+        "it acted; write what acts from a row on into that row",
+        "rows",
+    ),
+    "dead-time": note(
+        "{subject}: the output answers after a dead time of {dead_time_s:.3g} s, or its input is noted so early; the "
+        "models begin behind it",
+        "dead_time_s",
+    ),
     "input-saturates": caution(
         "{subject}: the input stands at its limit ({limit:g}) for {share_pct:.0f} % of the acting time: it tells "
         "little there; lower the reference or the gains",
@@ -419,15 +410,6 @@ RECORDED_ROWS: dict[str, Row] = {
     "duty-follows-output": caution(
         "{subject}: the input answers the noise of the output (correlation {correlation:.2f}): the log comes from a "
         "closed loop, and a direct fit is biased by as much as the noise"
-    ),
-    "loop-bias": caution(
-        "closed loop: {refits} refits on simulated loops like this one miss the truth by {Ts_pct:.2g} % in T_s, "
-        "{tau1_pct:.2g} % in τ1 and {tau2_pct:.2g} % in τ2 (mean error over the inputs it used), because the duty "
-        "carries the noise; the intervals of the curves are wider by that, «instrument» removes it"
-    ),
-    "loop-bias-small": note(
-        "closed loop: refits on {refits} simulated loops like this one show a bias of {Ts_pct:.2g} % in T_s, "
-        "{tau1_pct:.2g} % in τ1 and {tau2_pct:.2g} % in τ2, less than their scatter"
     ),
     "loop-bias-unknown": caution(
         "{subject}: a closed loop whose law is not known: the bias of the direct fit cannot be told, and the intervals "
