@@ -4,9 +4,11 @@ Levels of torque are compared by means of blocks, so that noise and rotor ripple
 """
 
 from collections.abc import Callable, Sequence
-from typing import Literal
+from functools import lru_cache
+from typing import Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eaid.arrays import Array, median
 from eaid.findings import Finding, finding
@@ -151,7 +153,7 @@ def flat_top(step: Step) -> Finding | None:
     if len(rise) < 200 or not step.swing > 0:
         return None
     half, quarter = len(rise) // 2, len(rise) // 4
-    top = float(np.median(rise[half:]))
+    top = median(rise[half:])
     creep = abs(float(rise[-quarter:].mean() - rise[half:-quarter].mean()))
     slack = max(CREEP * top, 3 * block_error(rise))
     if top <= 0 or creep > slack or block_means(rise).max() > top + 3 * slack:
@@ -201,6 +203,35 @@ SLOW_CONSTANTS = 1.5
 """A window shorter than this many slow time constants cannot tell them."""
 
 
+class _Pairs(NamedTuple):
+    """All pairs of a grid of time constants, and what a fit to so many block means takes of them."""
+
+    tau: Array
+    """In windows."""
+    curves: Array
+    """Block means of 1 − e^(−t/τ), and below of its derivative over ln τ, a row each."""
+    slow: NDArray[np.intp]
+    places: NDArray[np.intp]
+    """Rows of a pair: fast curve, its derivative, slow curve."""
+    inverse: Array
+
+
+@lru_cache(8)
+def _pairs(count: int) -> _Pairs:
+    tau = np.geomspace(1 / 300, 20.0, 64)
+    edges = np.linspace(0.0, 1.0, count + 1)
+    decay = np.exp(-edges / tau[:, np.newaxis])
+    # block means of 1 − e^(−t/τ), and of its derivative over ln τ: −(t/τ) e^(−t/τ)
+    mean_decay = -np.diff(decay, axis=1) * tau[:, np.newaxis] * count
+    both = np.concatenate((1.0 - mean_decay, np.diff(edges * decay, axis=1) * count - mean_decay))
+    fast, slow = np.triu_indices(len(tau), 5)
+    places = np.stack((fast, fast + len(tau), slow), axis=1)
+    matrix = (both @ both.T)[places[:, :, np.newaxis], places[:, np.newaxis, :]]
+    # a trace of the diagonal keeps nearly equal columns solvable
+    matrix += 1e-12 * np.trace(matrix, axis1=1, axis2=2)[:, np.newaxis, np.newaxis] * np.eye(3)
+    return _Pairs(tau, both, slow, places, np.linalg.inv(matrix))
+
+
 def slow_constant(rise: Array, window_s: float) -> tuple[float, bool]:
     """Slow time constant [s] of a rise by two exponentials, and whether the window is surely too short for it.
 
@@ -210,20 +241,9 @@ def slow_constant(rise: Array, window_s: float) -> tuple[float, bool]:
     """
     means = block_means(rise, 4 * BLOCKS)
     count = len(means)
-    tau = np.geomspace(1 / 300, 20.0, 64)  # in windows
-    edges = np.linspace(0.0, 1.0, count + 1)
-    decay = np.exp(-edges / tau[:, np.newaxis])
-    # block means of 1 − e^(−t/τ), and of its derivative over ln τ: −(t/τ) e^(−t/τ)
-    mean_decay = -np.diff(decay, axis=1) * tau[:, np.newaxis] * count
-    curves = 1.0 - mean_decay
-    both = np.concatenate((curves, np.diff(edges * decay, axis=1) * count - mean_decay))
-    fast, slow = np.triu_indices(len(tau), 5)
-    places = np.stack((fast, fast + len(tau), slow), axis=1)
-    matrix = (both @ both.T)[places[:, :, np.newaxis], places[:, np.newaxis, :]]
-    # a trace of the diagonal keeps nearly equal columns solvable
-    matrix += 1e-12 * np.trace(matrix, axis1=1, axis2=2)[:, np.newaxis, np.newaxis] * np.eye(3)
-    vector = (both @ means)[places]
-    amplitudes = np.linalg.solve(matrix, vector[:, :, np.newaxis])[:, :, 0]
+    tau, both, slow, places, inverse = _pairs(count)
+    curves, vector = both[: len(tau)], (both @ means)[places]
+    amplitudes = (inverse @ vector[:, :, np.newaxis])[:, :, 0]
     fine = (amplitudes[:, 0] > 0) & (amplitudes[:, 2] > 0) & (np.abs(amplitudes[:, 1]) < 0.2 * amplitudes[:, 0])
     total = float(means @ means)
     single = (curves @ means) ** 2 / (curves * curves).sum(axis=1)

@@ -1,6 +1,7 @@
 """Runs that are one run: their values agree to their digits, whatever their clocks, digits, rates and lengths are."""
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -14,7 +15,8 @@ from eaid.steps.levels import same_level
 
 ALL_PAIRS = 60
 """Runs of a level of which each is compared with each; of more, those whose means agree."""
-PROBES = 12
+PROBES = (0.9, 0.6, 0.4, 0.75, 0.3)
+"""Places in what two runs have in common that are compared before all of it."""
 SHORTEST = 20
 """Samples in common below which nothing is said."""
 TURNS = -0.3
@@ -38,10 +40,25 @@ class _Values:
         return float(np.median(np.diff(self.run.time_s[:10_000]))) if len(self.run.time_s) > 1 else 1.0
 
     @cached_property
+    def largest(self) -> float:
+        return float(np.abs(self.run.output).max(initial=0.0))
+
+    @cached_property
+    def turns(self) -> Array:
+        """Second differences."""
+        return np.diff(self.run.output, 2)
+
+    @cached_property
+    def noisy(self) -> bool:
+        """Whether they are of noise, in the later half: these turn from sample to sample; those of a curve do not."""
+        late = self.turns[len(self.turns) // 2 :]
+        return bool(late[1:] @ late[:-1] < TURNS * (late @ late))
+
+    @cached_property
     def quantum(self) -> Array:
         """The unit of the last digit of each value, shape (n,): of its decimals, or of its significant digits."""
         values = self.run.output
-        probes = values[:: max(1, len(values) // 200)]
+        probes = values[:: max(1, len(values) // 50)]
         texts = [f"{abs(one):.10e}".split("e") for one in probes.tolist() if one]
         digits = max((len(mantissa.rstrip("0")) - 1 for mantissa, _ in texts), default=1)
         last = min((int(power) - len(mantissa.rstrip("0").split(".")[1]) for mantissa, power in texts), default=0)
@@ -108,6 +125,8 @@ def _longer_first(one: _Values, other: _Values) -> tuple[_Values, _Values]:
 def _compared(one: _Values, other: _Values) -> str | None:
     """What two runs are: one and the same, hardly two, or two (None)."""
     fine, coarse = (one, other) if one.usual_s <= other.usual_s else (other, one)
+    if not (fine.largest and coarse.largest):
+        return None
     suspicious = False
     slower = coarse.usual_s / fine.usual_s
     for stride in {1, round(slower) if slower * SHORTEST < len(fine.run.output) else 1}:
@@ -121,31 +140,29 @@ def _compared(one: _Values, other: _Values) -> str | None:
             of_fine = slice(begin, begin + (stop - first - 1) * stride + 1, stride)
             if _agree(fine, of_fine, coarse, of_coarse):
                 return "run-given-twice"
-            suspicious = suspicious or _same_noise(fine.run.output[of_fine], coarse.run.output[of_coarse])
+            suspicious = suspicious or (stride == 1 and _same_noise(fine, of_fine, coarse, of_coarse))
     return "repeats-too-alike" if suspicious else None
 
 
 def _agree(fine: _Values, of_fine: slice, coarse: _Values, of_coarse: slice) -> bool:
-    """Whether values agree to their digits, in units that are a power of ten apart."""
-    a, b = fine.run.output[of_fine], coarse.run.output[of_coarse]
-    probes = np.linspace(0, len(a) - 1, PROBES).astype(int)
-    largest = float(np.abs(a[probes]).max())
-    if largest == 0.0 or not b[probes].any():
-        return False
-    tens = 10.0 ** round(float(np.log10(np.abs(b[probes]).max() / largest)))
-    for some in (probes, slice(None)):
-        slack = 0.505 * np.maximum(tens * fine.quantum[of_fine][some], coarse.quantum[of_coarse][some])
-        if not (np.abs(tens * a[some] - b[some]) <= slack + SINGLE * tens * largest).all():
+    """Whether values agree to their digits, in units that are a power of ten apart; a few of them before all."""
+    tens = 10.0 ** round(math.log10(coarse.largest / fine.largest))
+    slack = SINGLE * tens * fine.largest
+    a, b, of_a, of_b = fine.run.output, coarse.run.output, fine.quantum, coarse.quantum
+    count = of_coarse.stop - of_coarse.start
+    for k in PROBES:
+        j, i = of_coarse.start + int(k * count), of_fine.start + int(k * count) * of_fine.step
+        if abs(tens * a[i] - b[j]) > 0.505 * max(tens * of_a[i], of_b[j]) + slack:
             return False
-    return bool(np.ptp(a) > 0)
+    allowed = 0.505 * np.maximum(tens * of_a[of_fine], of_b[of_coarse]) + slack
+    return bool((np.abs(tens * a[of_fine] - b[of_coarse]) <= allowed).all() and np.ptp(a[of_fine]) > 0)
 
 
-def _same_noise(a: Array, b: Array) -> bool:
-    """Whether the noise of two outputs is one, in their later halves: second differences that rise and fall together.
-
-    Of noise they turn from sample to sample; of a smooth curve they do not, and two curves may well be alike.
-    """
-    one, other = (np.diff(values[len(values) // 2 :], 2) for values in (a, b))
-    size, turns = float(one @ one), float(one[1:] @ one[:-1])
-    both = float(np.sqrt(size * (other @ other)))
-    return len(one) >= 2 * SHORTEST and both > 0 and turns < TURNS * size and float(one @ other) > ALIKE * both
+def _same_noise(one: _Values, of_one: slice, other: _Values, of_other: slice) -> bool:
+    """Whether the noise of two outputs is one, in their later halves: second differences that rise and fall together."""
+    if not (one.noisy and other.noisy):
+        return False
+    count = of_other.stop - of_other.start
+    a = one.turns[of_one.start + count // 2 : of_one.stop - 2]
+    b = other.turns[of_other.start + count // 2 : of_other.stop - 2]
+    return len(a) >= 2 * SHORTEST and float(a @ b) > ALIKE * math.sqrt(float(a @ a) * float(b @ b)) > 0

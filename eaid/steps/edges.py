@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eaid.arrays import Array
+from eaid.arrays import Array, median
 from eaid.errors import DataError
 from eaid.findings import Finding, finding, say
 from eaid.logs.run import Run
@@ -75,7 +75,7 @@ def turns(values: Array, back: float) -> list[int]:
 def jumps(reference: Array) -> list[int]:
     """First samples behind the jumps of a reference; none where it runs smoothly."""
     change = np.abs(np.diff(reference))
-    least = max(JUMP * float(np.ptp(reference)), 20 * float(np.median(change)))
+    least = max(JUMP * float(np.ptp(reference)), 20 * median(change))
     at = (np.flatnonzero(change >= least) + 1).tolist() if least > 0 else []
     apart = max(2, len(reference) // 100)
     return [place for k, place in enumerate(at) if k == 0 or place - at[k - 1] >= apart]
@@ -89,8 +89,8 @@ def asked_edges(time_s: Array, output: Array, reference: Array) -> tuple[Edge, .
         count = stop - start
         if count < 10:
             continue
-        rest = float(np.median(output[max(0, start - count // 5) : start]))
-        goal = float(np.median(output[start + count // 2 : stop]))
+        rest = median(output[max(0, start - count // 5) : start])
+        goal = median(output[start + count // 2 : stop])
         blocks = min(BLOCKS, count)
         times, means = block_means(time_s[start:stop], blocks), block_means(output[start:stop], blocks)
         if goal != rest:
@@ -175,8 +175,8 @@ def _edge(times: Array, means: Array, start: int, stop: int, limit: int) -> _Leg
     share, tenth, most = _shares(means, (start, stop), float(means[start]), float(means[stop - 1]))
     away = np.flatnonzero(share[most:limit] < 0.5)
     end = most + max(1, int(away[0])) if len(away) else limit
-    before = float(np.median(means[start : max(tenth, start + 1)]))
-    after = float(np.median(means[(most + end) // 2 : end]))
+    before = median(means[start : max(tenth, start + 1)])
+    after = median(means[(most + end) // 2 : end])
     near = np.abs(means[most:end] - after) <= 0.05 * abs(after - before)
     rests = int(near.sum()) >= max(4, len(means) // 50, 0.4 * (end - most))
     return _Leg(_measured(times, means, (start, end), before, after), start, end, rests)
@@ -241,12 +241,12 @@ def moving(name: str, time_s: Array, values: Array) -> Finding:
     gaps = np.diff(times[at])
     if len(gaps) >= 4 and gaps.std() > 1e-9 * gaps.mean():
         order = float(np.corrcoef(np.arange(len(gaps)), np.log(gaps))[0, 1])
-        ends = float(np.median(gaps[: max(1, len(gaps) // 4)]) / np.median(gaps[-max(1, len(gaps) // 4) :]))
+        ends = float(median(gaps[: max(1, len(gaps) // 4)]) / median(gaps[-max(1, len(gaps) // 4) :]))
         if abs(order) > 0.7 and not 1 / 1.8 < ends < 1.8:
             fast = 0.5 / min(gaps[:2].mean(), gaps[-2:].mean())
             slow = 0.5 / max(gaps[:2].mean(), gaps[-2:].mean())
             return finding("input-sweeps", name, from_hz=float(slow), to_hz=float(fast))
-    ups = sum(1 for i in at if fine[i] < np.median(fine))
+    ups = sum(1 for i in at if fine[i] < median(fine))
     if _constant_speed(times, fine, at):
         return finding("input-reverses", name, turns=len(at), upwards=ups)
     if all(len(g) == 0 or g.std() <= EVEN * g.mean() for g in (gaps[::2], gaps[1::2])):
@@ -263,7 +263,7 @@ def _constant_speed(times: Array, values: Array, at: list[int]) -> bool:
         inner = slice(a + (b - a) // 10, b - (b - a) // 10)
         off.append(float(np.abs(line(times[inner], values[inner]).left).max()) / span)
     # a sine is off by 0.04 of its range over the middle 80 % of a half period
-    return float(np.median(off)) < 0.03
+    return median(off) < 0.03
 
 
 def _binary(run: Run, holds: Sequence[Plateau]) -> Finding | None:
@@ -279,9 +279,9 @@ def _binary(run: Run, holds: Sequence[Plateau]) -> Finding | None:
     clock = float(np.quantile(counts, 0.05))
     multiples = counts / clock
     kinds = len(set(np.round(multiples).astype(int).tolist()))
-    if kinds < 3 or float(np.median(np.abs(multiples - np.round(multiples)))) > 0.15:
+    if kinds < 3 or median(np.abs(multiples - np.round(multiples))) > 0.15:
         return None
-    usual = float(np.median(np.diff(run.time_s)))
+    usual = median(np.diff(run.time_s))
     return finding("input-is-binary", run.name, switches=len(holds) - 1, clock_s=clock * usual)
 
 

@@ -359,7 +359,7 @@ def test_levels_steps_and_repeats_of_single_logs(tmp_path):
                            '[[log]]\nfile = "b.csv"\nlevel = 250.0\nrepeat = 3\n').encode()
     )  # fmt: skip
     steps = eaid.read(tmp_path)
-    assert [level.level for level in steps.levels] == [150.0, 250.0]
+    assert [run.level for run in steps.runs] == [150.0, 150.0, 250.0]
     found = {run.name: (run.step_s, run.repeat) for run in steps.runs}
     assert (found["a"], found["a-release"]) == ((2.0, 1), (7.0, 1))
     assert (found["b"][0], found["b"][1]) == (pytest.approx(2.0, abs=0.05), 3)  # the instant told by the output
