@@ -18,7 +18,7 @@ from eaid.progress import Progress, no_progress
 from eaid.steps.baseline import baseline_rule
 from eaid.steps.build import stepset_of
 from eaid.steps.copies import counted_once
-from eaid.steps.cut import cut_runs, settled_steps
+from eaid.steps.cut import active_low, cut_runs, settled_steps
 from eaid.steps.edges import Edge, edges, looks_like
 from eaid.steps.plateaus import bridge, plateaus, stands_still
 from eaid.steps.stepset import StepSet
@@ -142,7 +142,8 @@ def steps_of(
     steps, more = cut_runs([run for run in runs if not any(run is one for one in uncut)], options)
     if faults or more:
         raise DataError(*faults, *more)
-    uncut, steps = counted_once(uncut), counted_once(steps)
+    told = [replace(run, findings=(*run.findings, *active_low(run))) for run in uncut]
+    uncut, steps = counted_once(told), counted_once(steps)
     if uncut and not steps:
         first = uncut[0]
         rig = options.apparatus or first.apparatus or Apparatus()

@@ -52,6 +52,9 @@ OUTPUTS = (
     Group("N", ("loadcell", "force", "load", "kraft", "kracht", "fuerza")),
     Group("", ("output", "response", "sensor", "measured", "y")),
 )
+SETTINGS = {"limit", "limits", "max", "maximum", "min", "minimum", "offset", "bias", "gain", "threshold", "range",
+            "zero", "tare", "rated", "nominal"}  # fmt: skip
+"""Words in the names of columns that hold a setting, not what was measured or commanded."""
 COUNTERS = {"sample", "samples", "index", "idx", "count", "counter", "frame", "row", "tick", "ticks", "nr", "no", "n"}
 """Names of columns that number the samples."""
 _REFERENCE = {"reference", "ref", "desired", "des", "target", "setpoint", "command", "cmd", "commanded"}
@@ -88,7 +91,8 @@ def _alike(names: Sequence[str], spellings: Iterable[str], taken: set[int]) -> l
     if exact:
         return exact
     long = {spelling for spelling in wanted if len(spelling) > 2}
-    return [i for i, name in enumerate(names) if i not in taken and words_of(split_name(name)[0]) & long]
+    words = {i: words_of(split_name(name)[0]) for i, name in enumerate(names) if i not in taken}
+    return [i for i, some in words.items() if some & long and not some & SETTINGS]
 
 
 def _quantity(unit: str) -> str:
@@ -275,13 +279,27 @@ def chosen_table(source: str, tables: Sequence[Table], options: ReadOptions) -> 
             f"{source}: no table in it has columns of time and torque ({contents}); "
             "choose with «variable» and «columns»"
         )
-    full = [pair for pair in good if pair[1].inputs] or good
+    full = [pair for pair in good if pair[1].inputs]
+    if not full and options.name_pattern is None and "input" not in options.columns:
+        _refuse_an_input_elsewhere(source, good, tables)
+    full = full or good
     if len(full) > 1:
         names = ", ".join(table.name for table, _ in full[:12])
         raise DataError(
             f"{source}: holds several tables that may be the log ({names}); choose one with «variable» NAME"
         )
     return full[0]
+
+
+def _refuse_an_input_elsewhere(source: str, good: Sequence[tuple[Table, Roles]], tables: Sequence[Table]) -> None:
+    """Refuse a log whose input stands in another table than its output, since its columns are of another length."""
+    words = {word for group in INPUTS["clutch"] for word in group.names}
+    beside = [name for table in tables if all(table is not one for one, _ in good) for name in table.columns]
+    if called := [beside[i] for i in _alike(beside, words, set())]:
+        raise DataError(
+            f"{source}: {shown(called)} stands in another table, or is of another length, than the output; save them "
+            f"on one clock, or say the level with «name_pattern»"
+        )
 
 
 def _roles(source: str, table: Table, options: ReadOptions) -> Roles:

@@ -244,16 +244,22 @@ def _marks(sample: list[str]) -> tuple[Marks, int]:
 def _explained(lines: list[str], marks: Marks) -> tuple[float, int]:
     """How much of the text the marks explain, and the number of columns they give."""
     counts: Counter[int] = Counter()
+    open_ended: Counter[int] = Counter()
     numeric = 0.0
     for line in lines:
         cells = marks.cells(line)
         good, filled = marks.count_good(cells)
         if good and good >= filled / 2:
             counts[len(cells)] += 1
+            open_ended[len(cells)] += marks.delimiter is not None and line.rstrip("\r\n ").endswith(marks.delimiter)
             numeric += good / len(cells)
     if not counts:
         return 0.0, 0
     columns, votes = counts.most_common(1)[0]
+    if open_ended[columns] == votes and counts[columns + 1] > max(
+        1, 0.03 * votes
+    ):  # a last cell that is empty in most rows, not in all
+        columns, votes = columns + 1, votes + counts[columns + 1]
     return numeric * votes / counts.total() / len(lines), columns
 
 

@@ -1,5 +1,6 @@
 """The formats that logs come in, each told by its first bytes, never by the ending of its name."""
 
+import re
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -17,6 +18,7 @@ UNREAD: tuple[tuple[bytes, str], ...] = (
     (b"\xff\xd8\xff", "a picture; export the log as CSV"),
 )
 """First bytes of a file that is not read, what it is, and the remedy."""
+_UTF_32 = re.compile(rb"\xff\xfe\0\0|\0\0\xfe\xff|([\x20-\x7e]\0{3}){4}|(\0{3}[\x20-\x7e]){4}")
 
 
 class Format(NamedTuple):
@@ -38,6 +40,8 @@ def is_hdf5(head: bytes) -> bool:
 
 def unread(head: bytes) -> str | None:
     """What a file is that is not read, and the remedy; None for any other."""
+    if _UTF_32.match(head):
+        return "text in UTF-32; save it as UTF-8"
     return next((said for mark, said in UNREAD if head.startswith(mark)), None)
 
 

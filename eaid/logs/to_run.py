@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError, UsageError
 from eaid.findings import Finding, finding
-from eaid.logs.columns import COUNTERS, INPUTS, OUTPUTS, Roles, chosen_table, default_unit, steps, the_input
+from eaid.logs.columns import COUNTERS, FEWEST, INPUTS, OUTPUTS, Roles, chosen_table, default_unit, steps, the_input
 from eaid.logs.run import INPUT_UNITS, Run
 from eaid.logs.table import Cells, Table, plain
 from eaid.logs.units import (
@@ -62,6 +62,12 @@ def checked(
         raise DataError(f"{source}: has a header but no rows; record the log again")
     if not said and all(np.isfinite(values).all() for values in columns.values()) and (np.diff(time) > 0).all():
         return None
+    for label, values in columns.items():
+        if count >= FEWEST and 0.2 * count < (gone := int(np.isnan(values).sum())) < count:
+            raise DataError(
+                f"{source}: column {label} holds a number in {count - gone} of {count} rows only; save the rows in "
+                f"which it was sampled, or all columns at one rate"
+            )
     bad = np.zeros(count, dtype=bool)
     named: set[tuple[int, str]] = set()
     cells = []

@@ -58,6 +58,8 @@ def saturated(step: Step) -> Finding | None:
         if at.sum() < max(10, 0.01 * len(output)):
             continue
         starts, stops = stretches(at)
+        if len(starts) == 1 and stops[0] <= step.start and starts[0] > 0:
+            continue  # a sensor that dropped out in the idle time: stuck
         longest = int((stops - starts).max())
         entry = int(starts[0])
         moves = np.abs(np.diff(output))
@@ -92,7 +94,8 @@ def stuck(step: Step) -> Finding | None:
         start, stop = int(starts[i]), int(stops[i])
         count = stop - start
         around = np.concatenate((same[max(0, start - count) : start], same[stop : stop + count]))
-        if count < 20 or len(around) < 20 or output[start] in (output.max(), output.min()):
+        limit = not 0 < start < stop < step.start and output[start] in (output.max(), output.min())
+        if count < 20 or len(around) < 20 or limit:
             continue
         chance = (around.sum() + 1) / (len(around) + 2)
         if chance < 0.7 and -count * np.log(chance) > 20 + np.log(len(output)):
@@ -229,7 +232,7 @@ def _pairs(count: int) -> _Pairs:
     matrix = (both @ both.T)[places[:, :, np.newaxis], places[:, np.newaxis, :]]
     # a trace of the diagonal keeps nearly equal columns solvable
     matrix += 1e-12 * np.trace(matrix, axis1=1, axis2=2)[:, np.newaxis, np.newaxis] * np.eye(3)
-    return _Pairs(tau, both, slow, places, np.linalg.inv(matrix))
+    return _Pairs(tau, both, slow, places, np.asarray(np.linalg.inv(matrix), dtype=np.float64))
 
 
 def slow_constant(rise: Array, window_s: float) -> tuple[float, bool]:

@@ -159,7 +159,7 @@ def _agree(fine: _Values, of_fine: slice, coarse: _Values, of_coarse: slice) -> 
 
 
 def _same_noise(one: _Values, of_one: slice, other: _Values, of_other: slice) -> bool:
-    """Whether the noise of two outputs is one, in their later halves: second differences that rise and fall together."""
+    """Whether the noise of two outputs is one, in their later halves: second differences that go together."""
     if not (one.noisy and other.noisy):
         return False
     count = of_other.stop - of_other.start

@@ -19,7 +19,7 @@ from eaid.logs.run import Run
 from eaid.options import ReadOptions
 from eaid.steps.baseline import BaselineRule, baseline_rule, first_samples, last_rest
 from eaid.steps.edges import BACK, looks_like, refuse_to_cut, several_edges, turns
-from eaid.steps.noise import block_means, block_noise, sample_noise, sampled
+from eaid.steps.noise import STANDARD_ERRORS, block_means, block_noise, sample_noise, sampled
 from eaid.steps.plateaus import FEWEST, Plateau, bridge, end_of, plateaus, sample_s, stands_still, tolerance, zero_of
 from eaid.steps.step import Step, sample_at
 from eaid.steps.stepset import LevelStep
@@ -37,7 +37,8 @@ def cut_by_input(run: Run) -> list[Run]:
     if len(holds) < 2:
         raise DataError(f"{run.where}: the input stays at {holds[0].level:g} {run.input_unit}: no step; {NO_STEP}")
     zero = zero_of(run)
-    first = (*run.findings, finding("input-glitch", run.name, samples=bridged)) if bridged else run.findings
+    glitch = (finding("input-glitch", run.name, samples=bridged),) if bridged else ()
+    first = (*run.findings, *glitch, *active_low(run))
     steps: list[Run] = []
     idle: float | None = run.baseline
     end = 0
@@ -54,6 +55,17 @@ def cut_by_input(run: Run) -> list[Run]:
         at = float(run.time_s[now.start])
         steps.append(step.part(samples, name=name, step_s=at, until_s=None, cut=True))
     return steps
+
+
+def active_low(run: Run) -> tuple[Finding, ...]:
+    """What is told of a log whose input only falls from where it begins, while the size of its output rises."""
+    holds = [hold for hold in plateaus(run.input) if hold.count >= FEWEST] if run.has_input else []
+    if len(holds) < 2 or any(abs(hold.level) >= 0.99 * abs(holds[0].level) for hold in holds[1:]):
+        return ()
+    before, after = (abs(median(run.output[hold.start : hold.stop])) for hold in (holds[0], holds[1]))
+    if after <= 2 * before + STANDARD_ERRORS * sample_noise(run.output):
+        return ()
+    return (finding("input-may-be-active-low", run.name, (holds[0].level,), unit=run.input_unit),)
 
 
 def edge_between(run: Run, before: Plateau, now: Plateau, zero: float, fallback: float | None) -> Run:
@@ -304,8 +316,10 @@ WANDERS = 0.15
 AUTO = BaselineRule()
 
 
-def cut(run: Run, rule: BaselineRule = AUTO) -> list[Run]:
+def cut(run: Run, rule: BaselineRule = AUTO, rest: float = 0.0) -> list[Run]:
     """The steps of a log, in the order of time, each with level, step instant, baseline and edge found.
+
+    Levels are counted from the input at rest.
 
     Raises DataError where the log has no step, or a level that cannot be told.
     """
@@ -318,9 +332,10 @@ def cut(run: Run, rule: BaselineRule = AUTO) -> list[Run]:
         raise DataError(
             f"{run.where}: the output never changes ({run.output[0]:g} {run.output_unit} throughout); check the sensor"
         )
-    moves = run.has_input and not _constant(run)
     if run.has_input and run.input_unit == "%":
         _check_percent(run)
+    run = from_rest(run, rest)
+    moves = run.has_input and not _constant(run)
     if run.step_s is not None:
         steps = cut_at(run, run.step_s)
     elif run.position is not None:
@@ -426,7 +441,7 @@ def cut_runs(runs: Sequence[Run], options: ReadOptions) -> tuple[list[Run], list
     faults: list[str] = []
     for run in runs:
         try:
-            of_log = cut(from_rest(run, options.rest), baseline_rule(options.baseline))
+            of_log = cut(run, baseline_rule(options.baseline), options.rest)
             if run.cut:
                 _check_window(run)
             steps.extend(of_log if run.cut else _long_enough(of_log))
@@ -440,7 +455,7 @@ def settled_steps(runs: Sequence[Run], options: ReadOptions) -> tuple[LevelStep,
     steps: list[Run] = []
     for run in runs:
         try:
-            steps += cut(from_rest(run, options.rest), baseline_rule(options.baseline))
+            steps += cut(run, baseline_rule(options.baseline), options.rest)
         except DataError:
             continue
     settled = [step for step in steps if _samples(step) >= FEWEST and not stops(step.findings)]

@@ -341,7 +341,7 @@ BAD: dict[str, tuple[Callable[[Path], Any], str]] = {
     **{f"MAT cut at {n}": (cut(mat({"data": MATRIX}), n), "is ") for n in (60, 127, 130, 200, 2000, -1)},
     "NumPy vector": (npy(Y), NO_COLUMNS), "NumPy cube": (npy(np.zeros((9, 2, 2))), NO_COLUMNS),
     "NumPy cut": (cut(npy(MATRIX), -8), "is no whole NumPy array of numbers; export the log as CSV or HDF5"),
-    "NumPy objects": (npy(np.array([{}], object)), "is no whole NumPy array of numbers; export the log as CSV or HDF5"),
+    "NumPy objects": (npy(np.array([{}], object)), "holds pickled objects, which can run code; save its numbers as"),
     "Parquet words": (parquet({"note": ["x"]}), "holds no columns of numbers; save time and torque as such"),
     "Parquet gap": (parquet({"time": T, "torque": [None, *Y[1:]], "duty": U}), "row 1, column torque, is empty; "),
     "Parquet twice": (lambda path: pq.write_table(pa.Table.from_arrays([pa.array(T)] * 3, ["t", "y", "y"]), path),

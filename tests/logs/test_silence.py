@@ -5,6 +5,7 @@ import gzip
 from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
@@ -147,6 +148,29 @@ ODD: dict[str, tuple[Any, ...]] = {
     "a duty without a unit": (input_("duty"), ALL, "unit-assumed"),
     "a share": (input_("duty", U / 100), ALL, "unit-assumed"),
     "counts of 255": (input_("pwm", 2.55 * U), ALL, "unit-assumed"),
+    "a limit beside what has its unit": (lambda log: replace(
+        log, names="time_s,duty_pct,torque_limit,T_clutch (Nm)", columns=(T, U, 5 + 0 * T, log.columns[2])),
+        ALL, "right"),
+    "a limit and no torque": (output("torque_limit"), ALL, "no column is called torque"),
+    "every tenth row": (lambda log: replace(log, columns=(
+        T, U, [x if k % 10 == 0 else "" for k, x in enumerate(log.columns[2])])), ("CSV", "gzip", "tabs, UTF-16"),
+        "holds a number in 30 of 300 rows only"),
+    "every tenth sample": (lambda log: replace(
+        log, columns=(T, U, np.where(np.arange(N) % 10, np.nan, log.columns[2]))), ARRAYS,
+        "holds a number in 30 of 300 rows only"),
+    "beyond any sensor": (output("torque_nm", 1e300), ALL, "as no sensor does"),
+    "below any sensor": (output("torque_nm", 1e-300), ALL, "as no sensor does"),
+    "an active-low duty": (input_("duty_pct", 60 - U), ALL, "input-may-be-active-low"),
+    "unseen characters in a name": (input_("duty\u202e_\x1b[31m", U), ("CSV", "frame", "Parquet"), "unit-assumed"),
+    "a line break in a unit": (output("torque (N\nm)"), ("frame", "HDF5", "Parquet"), "right"),
+    "UTF-32": (lambda log: log, {"UTF-32": lambda log, path: path.write_bytes(plain(log).encode("utf-32"))},
+               "is text in UTF-32"),
+    "objects": (lambda log: log, {"NumPy objects": lambda log, path: np.lib.format.write_array(
+        path.open("wb"), np.array(log.columns, dtype=object))}, "holds pickled objects"),
+    "a duty of another length": (lambda log: replace(log, columns=(T, U[::4], log.columns[2])), ("HDF5",),
+                                 "is of another length"),
+    **{f"{kind} in cells": (lambda log, of=of: replace(log, columns=(T, U, [of(x) for x in log.columns[2].tolist()])),
+                            ("frame",), "right") for kind, of in (("texts", repr), ("decimals", Decimal))},
     **{stem: (*(lambda made: (made[0], ("CSV", "frame", "HDF5"), PART, made[1]))(called(stem, pattern)),)
        for stem, pattern in (("x_2-5V", "{level}V"), ("x_2p5V", "{level}V"), ("x_1e2V", "{level}V"),
                              ("x_2_5V", "_{level}V"), ("x_1,000V", "{level}V"), ("x_2.5.1", "x_{level}"),
@@ -155,19 +179,77 @@ ODD: dict[str, tuple[Any, ...]] = {
 ROWS = [(name, form) for name, row in ODD.items() for form in row[1]]
 
 
+COPIES: dict[str, Callable[[pd.DataFrame], pd.DataFrame]] = {
+    "later": lambda log: log.assign(time_s=log.time_s + 17.3), "every second": lambda log: log[::2],
+    "every seventh": lambda log: log[3::7], "cropped": lambda log: log[50:250], "rounded": lambda log: log.round(3),
+    "significant digits": lambda log: log.assign(torque_nm=[float(f"{x:.4g}") for x in log.torque_nm]),
+    "in mN·m": lambda log: log.assign(torque_nm=1e3 * log.torque_nm).rename(columns={"torque_nm": "torque_mnm"}),
+    "at half the rate": lambda log: log.assign(time_s=2 * log.time_s), "single precision": lambda log: log.astype("f4"),
+    "inside a longer log": lambda log: pd.concat([log, log.assign(time_s=T + 3, torque_nm=torque(98))]),
+    "fewer and rounded": lambda log: log[2::5].round(2),
+    "tared": lambda log: log.assign(torque_nm=log.torque_nm + 0.01),
+    "with noise": lambda log: log.assign(torque_nm=log.torque_nm + 2e-3 * np.sin(1e5 * T)),
+    "another": lambda log: log.assign(torque_nm=torque(99)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("form", ["CSV", "HDF5", "frame"])
+@pytest.mark.parametrize("kind", COPIES)
+def test_a_copy_is_no_repeat(kind, form, tmp_path):
+    log = pd.DataFrame({"time_s": T, "duty_pct": U, "torque_nm": torque(97)})
+    both = {"a": log, "b": COPIES[kind](log)}
+    for name, one in both.items():
+        ALL[form](Odd(",".join(one), tuple(one[column].to_numpy() for column in one)), tmp_path / name)
+    steps = eaid.read(both if form == "frame" else [tmp_path / name for name in both])
+    told = {one.code for run in steps.runs for one in run.findings}
+    alike = {"tared": "repeats-too-alike", "with noise": "repeats-too-alike", "another": ""}.get(
+        kind, "run-given-twice"
+    )
+    assert told == ({alike} if alike else set())
+    assert len(steps.levels[0].names) == 2 - (alike == "run-given-twice" and kind != "inside a longer log")
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [({1: 0, "1": 1}, "1: is the name of two runs"), ({"a": {"time_s": [0.0]}}, "a: is no DataFrame"),
+     ({"time_s": [0.0], "torque_nm": [0.0]}, "time_s: is no DataFrame"), ([0, 1], "give files or folders of logs"),
+     ({"a": None}, "a: is no DataFrame")],
+)  # fmt: skip
+def test_what_is_no_table(given, sentence):
+    frames = [pd.DataFrame({"time_s": T, "duty_pct": U, "torque_nm": torque(k)}) for k in (0, 1)]
+    if isinstance(given, list):
+        given = frames
+    elif all(isinstance(one, int) for one in given.values()):
+        given = {name: frames[k] for name, k in given.items()}
+    with pytest.raises(EaidError, match=sentence) as caught:
+        eaid.read(given)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("said", "sentence"),
+    [({"baseline": "1e300"}, "baseline= 1e300: write"), ({"units": {"output": "/1e308"}}, "from 1e-12 to 1e12"),
+     ({"input": "duty_pct", "columns": {"output": "torque_nm"}}, "say all columns in one place")],
+)  # fmt: skip
+def test_options_that_mean_nothing(said, sentence):
+    with pytest.raises(EaidError, match=sentence):
+        eaid.read(pd.DataFrame({"time_s": T, "duty_pct": U, "torque_nm": torque(0)}), **said)
+
+
 @pytest.fixture(scope="module")
 def answers(tmp_path_factory) -> dict[tuple[str, str], Any]:
     """Of every row its run, or the sentences of its refusal; the logs of one set of options are read in one call."""
     calls: dict[str, tuple[dict[str, Any], dict[str, tuple[str, str]], dict[str, Any]]] = {}
     folder = tmp_path_factory.mktemp("odd")
     for k, (name, form) in enumerate(ROWS):
-        make, _, _, *options = ODD[name]
+        row = ODD[name]
+        make, _, _, *options = row
         log = make(Odd(columns=(T, U, torque(k))))
         said = options[0] if options else {}
         _, rows, frames = calls.setdefault(repr((said, form == "frame")), (said, {}, {}))
         path = folder / str(k) / log.stem
         path.parent.mkdir()
-        table = ALL[form](log, path)
+        table = (row[1][form] if isinstance(row[1], dict) else ALL[form])(log, path)
         if form == "frame":
             frames[f"{k}_{log.stem}"] = table
         rows[f"{k}_{log.stem}" if form == "frame" else str(path)] = (name, form)

@@ -42,7 +42,7 @@ def test_the_common_window_is_the_shortest() -> None:
 
 def test_other_rates_are_interpolated_to_the_finest() -> None:
     """Linear interpolation is off by h²/8 · |f''|: (0.01)² / 8 · 2 · 0.85 / 0.2² = 5.3e-4."""
-    (level,) = read([log(PLAN, rate_hz=rate, offset=rate) for rate in (100.0, 1000.0, 250.0)]).levels
+    (level,) = read([log(PLAN, rate_hz=rate, offset=rate / 1e3) for rate in (100.0, 1000.0, 250.0)]).levels
     np.testing.assert_allclose(np.diff(level.time_s), 1e-3, rtol=1e-9)
     assert len(level.time_s) == 5991 and level.uniform  # to 5.99 s, the last sample of the coarsest
     np.testing.assert_allclose(level.runs[0], 2 * curve(level.time_s), atol=6e-4)

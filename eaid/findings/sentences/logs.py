@@ -68,6 +68,9 @@ LOG_ROWS: dict[str, Row] = {
     "repeats-too-alike": caution(
         "its noise is that of {other}, which no two recordings have: leave one out if it is a copy of the other"
     ),
+    "input-may-be-active-low": caution(
+        "its output rises where its input falls from {at}: if that is the input at rest, say «rest»"
+    ),
     "signals-held": caution(_held),
     "logs-joined": note("joined with {others}"),
     "log-changed": caution("the log has changed since its manifest was written"),

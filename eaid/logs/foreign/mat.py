@@ -118,7 +118,11 @@ def read_npy(path: Path, source: str) -> list[Table]:
     """The one table of a NumPy file; raises DataError where it holds no columns of numbers."""
     try:
         array = np.load(path, allow_pickle=False)
-    except (ValueError, EOFError):  # a pickled object, or no whole array
+    except (ValueError, EOFError) as fault:
+        if "pickle" in str(fault):
+            raise DataError(
+                f"{source}: holds pickled objects, which can run code; save its numbers as numpy.asarray(…, float)"
+            ) from None
         raise DataError(f"{source}: is no whole NumPy array of numbers; export the log as CSV or HDF5") from None
     names = [name for name in array.dtype.names or () if array.dtype[name].kind in "fiub"]
     columns = [Column(name, array, name) for name in names]
