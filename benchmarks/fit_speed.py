@@ -19,7 +19,7 @@ from benchmarks.table import Row
 from eaid.arrays import Array
 from eaid.estimate.data import data_of
 from eaid.estimate.joint import fit_nonlinear
-from eaid.estimate.levels import fit_levels
+from eaid.estimate.levels import own_levels
 from eaid.estimate.linear import fit_linear
 from eaid.models import nonlinear
 from eaid.models.parameters import REFERENCE_PLANT
@@ -131,7 +131,7 @@ def per_level(made: list[Level]) -> Iterator[Row]:
         ]
 
     def ours() -> list[Array]:
-        return [np.array([f.curve.Ts, f.curve.tau1, f.curve.tau2]) for f in fit_levels(data_of(made), 0.85)]
+        return list(own_levels(made, data_of(made), 0.85).theta[:3].T)
 
     def cost(found: Array) -> float:
         return sum(float(np.sum((one_curve(a.time_s, *p) - a.runs) ** 2)) for a, p in zip(made, found, strict=True))

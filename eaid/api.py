@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import h5py
+import msgspec
 
 from eaid.declared import chosen
 from eaid.errors import DataError, UsageError
@@ -32,6 +33,7 @@ from eaid.results import codec
 from eaid.results.coupling import Coupling
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
+from eaid.results.parameters import table_of
 from eaid.results.plan import Plan
 from eaid.results.recorded import Excitation
 from eaid.results.replay import Replay
@@ -154,11 +156,15 @@ def fit(
     if steps.recorded:
         from eaid.recorded.fit import fit_whole
 
-        return fit_whole(steps, how)
+        found = fit_whole(steps, how)
+        return msgspec.structs.replace(found, parameters=table_of(found))
     if how.duty is not None:
         raise UsageError("«duty»: belongs to logs that are fitted as recorded, and these are steps; leave it out")
     with progress("bootstrap refits", how.draws if how.ci == "bootstrap" else 0) as advance:
-        return fit_steps(steps, how, advance)
+        found = fit_steps(steps, how, advance)
+    found = msgspec.structs.replace(found, parameters=table_of(found))
+    found.__dict__["steps_fitted"] = steps
+    return found
 
 
 def plan(fit: Fit, options: PlanOptions | None = None, *, progress: Progress = no_progress, **keywords: Any) -> Plan:

@@ -1,28 +1,31 @@
-"""Is the model right? Lack of fit against the spread of the repeats, and the alternatives side by side.
-
-Shape of one level's curve: one or two exponentials, C held or free, and where repeats miss these alike a stretched
-exponential, a logarithm, a power and three exponentials, by AICc and BIC with the effective sample size
-n_e = n / (1 + 2 Σ ρ) that the residuals' autocorrelation ρ leaves.
-"""
+"""Is the model right? Lack of fit against the spread of the repeats, decay under hold, the C that the runs ask for."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.special import fdtri
 
-from eaid.arrays import Array
-from eaid.estimate.level_statistics import LevelStatistics, log_theta, refit
-from eaid.estimate.linear import fit_each_level
-from eaid.estimate.points import Points, level_normal
-from eaid.estimate.runs import run_residuals, t_quantile
-from eaid.estimate.share import Share
-from eaid.estimate.solver import descend
+from eaid.arrays import Array, median
+from eaid.estimate.certainty import Estimate, levels_first
+from eaid.estimate.data import Data
+from eaid.estimate.friction import LevelValues
+from eaid.estimate.levels import OwnLevels, own_levels
+from eaid.estimate.levels_first import solve
+from eaid.estimate.scatter import (
+    CURVES,
+    Scatter,
+    log_jacobian,
+    of_numbers,
+    pooled_scatter,
+    run_residuals,
+    run_statistics,
+)
+from eaid.estimate.spread import Influence, t_quantile
 from eaid.findings import Finding, finding
-from eaid.models import friction
-from eaid.models.parameters import Friction
-from eaid.results.fit import Adequacy, Fit, LackOfFit, ShapeScore
+from eaid.results.fit import Adequacy, LackOfFit, ShareEstimate
 from eaid.steps.noise import line
-from eaid.steps.stepset import Level, StepSet
+from eaid.steps.stepset import Level
 
 OVERSHOOT = 0.05
 """Output lost under hold beyond which no monotone curve is right."""
@@ -32,6 +35,8 @@ SINGLE_CHANCE = 0.001
 """The same for a single run, whose peak the same noise has chosen."""
 SINGLE_DEGREES = 4.0
 """Degrees of freedom given to the scatter of a single smoothed run."""
+FEW = 3
+"""Levels that all repeats have to miss alike, where there are so many: ripple of a rotor does it at one by chance."""
 
 
 def overshoot(level: Level) -> float:
@@ -86,111 +91,6 @@ def _single_error(level: Level) -> float:
     return float(np.sqrt(2 * (left @ left) / (len(after) - 2)) / smooth.max())
 
 
-Shape = Callable[[Array, Array], tuple[Array, Array]]
-"""θ (N, k) and t, (n,) or (N, n) → the curves (N, n) and their slopes by θ (N, n, k)."""
-STEPS, ENOUGH = 40, 1e-7
-BETAS = (0.5, 0.8)
-
-
-def stretched(theta: Array, time_s: Array) -> tuple[Array, Array]:
-    """T_s (1 − e^(−a)), a = (t/τ)^β, by (log T_s, log τ, log β)."""
-    steady, tau, beta = np.exp(theta).T[:, :, None]
-    with np.errstate(divide="ignore"):
-        log_a = beta * np.log(time_s / tau)
-    a = np.exp(np.minimum(log_a, 50.0))
-    bent = steady * a * np.exp(-a)
-    f = -steady * np.expm1(-a)
-    return f, np.stack([f, -beta * bent, bent * np.where(a > 0, log_a, 0.0)], axis=-1)
-
-
-def logarithm(theta: Array, time_s: Array) -> tuple[Array, Array]:
-    """A ln(1 + t/τ), by (log A, log τ): it grows for ever, as a contact that ages may."""
-    size, tau = np.exp(theta).T[:, :, None]
-    f = size * np.log1p(time_s / tau)
-    return f, np.stack([f, -size * time_s / (tau + time_s)], axis=-1)
-
-
-def power(theta: Array, time_s: Array) -> tuple[Array, Array]:
-    """A t^β, by (log A, log β): the creep of Andrade, β about 1/3, without an end."""
-    size, beta = np.exp(theta).T[:, :, None]
-    log_t = np.log(np.maximum(time_s, 1e-12))
-    f = size * np.where(time_s > 0, np.exp(beta * log_t), 0.0)
-    return f, np.stack([f, f * beta * log_t], axis=-1)
-
-
-def three_exponentials(theta: Array, time_s: Array) -> tuple[Array, Array]:
-    """Σ A_k (1 − e^(−t/τ_k)), by (log A_1..3, log τ_1..3)."""
-    size, tau = np.exp(theta[:, None, :3]), np.exp(theta[:, None, 3:])
-    a = np.atleast_2d(time_s)[:, :, None] / tau
-    parts = -size * np.expm1(-a)
-    return parts.sum(axis=-1), np.concatenate([parts, -size * a * np.exp(-a)], axis=-1)
-
-
-def stretched_starts(curve: Friction) -> Array:
-    """About the level's two exponentials, shape (2, 3)."""
-    middle = curve.tau1 ** (curve.C) * curve.tau2 ** (1 - curve.C)
-    return np.log([[curve.Ts, middle, beta] for beta in BETAS])
-
-
-def logarithm_starts(curve: Friction) -> Array:
-    """Through T_s at the level's τ2, shape (2, 2)."""
-    return np.log([[curve.Ts / np.log1p(curve.tau2 / tau), tau] for tau in (curve.tau1, curve.tau1 / 5)])
-
-
-def power_starts(curve: Friction) -> Array:
-    """Through T_s at the level's τ2, shape (2, 2)."""
-    return np.log([[curve.Ts / curve.tau2**beta, beta] for beta in (0.1, 1 / 3)])
-
-
-def three_starts(curve: Friction) -> Array:
-    """The two exponentials with a third one below, between and above them, shape (3, 6)."""
-    fast, slow = curve.C * curve.Ts, (1 - curve.C) * curve.Ts
-    between = np.sqrt(curve.tau1 * curve.tau2)
-    return np.log(
-        [
-            [fast / 2, fast / 2, slow, curve.tau1 / 2, curve.tau1 * 1.5, curve.tau2],
-            [fast * 0.8, fast * 0.2, slow, curve.tau1, between, curve.tau2],
-            [fast, slow / 2, slow / 2, curve.tau1, between, curve.tau2 * 2],
-        ]
-    )
-
-
-THREE = "three exponentials"
-OTHERS: tuple[tuple[str, int, Shape, Callable[[Friction], Array]], ...] = (
-    ("a stretched exponential", 3, stretched, stretched_starts),
-    ("a logarithm of time", 2, logarithm, logarithm_starts),
-    ("a power of time", 2, power, power_starts),
-    (THREE, 6, three_exponentials, three_starts),
-)
-"""Shapes that are tried where two exponentials fail: name, parameters, curve, starts."""
-
-
-def best_fits(shape: Shape, starts: Array, points: Points) -> Array:
-    """Where a shape is nearest to each level of `points`, from starts of shape (L, S, k); shape (L, k)."""
-    levels, several, count = starts.shape
-    each = points.rows(np.repeat(np.arange(levels), several))
-
-    def look(x: Array) -> tuple[Array, Array, Array]:
-        f, slopes = shape(x, each.t_s)
-        left, J = each.root_w * (f - each.y), each.root_w[:, :, None] * slopes
-        cost = np.nan_to_num(np.einsum("nj,nj->n", left, left), nan=np.inf)
-        sound = np.isfinite(cost)[:, None, None]
-        J = np.where(sound, J, 0.0)
-        return cost, 2 * np.einsum("njk,nj->nk", J, np.where(sound[:, :, 0], left, 0.0)), 2 * J.transpose(0, 2, 1) @ J
-
-    found = descend(look, starts.reshape(-1, count), STEPS, ENOUGH, lambda x, move: x - np.clip(move, -1.0, 1.0))
-    best = found.cost.reshape(levels, several).argmin(axis=1)
-    return np.asarray(found.x.reshape(starts.shape)[np.arange(levels), best])
-
-
-STRONG = 6.0
-"""Difference of BIC that counts as strong evidence (Kass and Raftery)."""
-CLOSER = 0.1
-"""Part of the RMSE that a free C has to save to be worth it."""
-FEW = 2
-"""Levels that repeats may miss alike by chance."""
-
-
 def effective_samples(residual: Array) -> tuple[float, float]:
     """n_e = n/(1 + 2 Σ ρ_j), summed to the first negative pair (Geyer), and ρ_1; by FFT."""
     n = len(residual)
@@ -219,16 +119,17 @@ def spectral_degrees(residual: Array) -> float:
     return float(2 * power.sum() ** 2 / total) if total > 0 else float(len(residual))
 
 
-def lack_of_fit(level: Level, noise_nm: Array) -> LackOfFit | None:
+def lack_of_fit(level: Level, noise: Array) -> LackOfFit | None:
     """Whether the runs of one level miss their own curves in the same way; None for a single run.
 
-    `ratio` is R Σ ē² / (Σ_r Σ (e_r − ē)²/(R − 1)): 1 for a right model, whatever the colour of the noise.
+    `noise` are their residuals, (R, n). `ratio` is R Σ ē² / (Σ_r Σ (e_r − ē)²/(R − 1)): 1 for a right model, whatever
+    the colour of the noise.
     """
-    runs = len(noise_nm)
+    runs = len(noise)
     if runs < 2:
         return None
-    common = noise_nm.mean(axis=0)
-    off = noise_nm - common
+    common = noise.mean(axis=0)
+    off = noise - common
     apart = float(np.vdot(off, off)) / (runs - 1)
     ratio = runs * float(common @ common) / apart if apart > 0 else 1.0
     count = float(np.mean([spectral_degrees(run) for run in off]))
@@ -237,127 +138,113 @@ def lack_of_fit(level: Level, noise_nm: Array) -> LackOfFit | None:
     return LackOfFit(level.level, ratio, chance, bool(ratio > chance), systematic)
 
 
-def adequacy(
-    stepset: StepSet, fit: Fit, base: LevelStatistics, runs_share: Share | None = None
-) -> tuple[Adequacy, list[Finding]]:
-    """Judge the models of a fit, on the levels that it rests on; `runs_share` is the C that its runs ask for."""
-    levels = base.levels
-    residuals = [
-        level.mean - friction.step_response(one.curve, level.time_s)
-        for level, one in zip(levels, base.estimates, strict=True)
-    ]
-    sizes = [effective_samples(r) for r in residuals]
-    counts = np.array([size for size, _ in sizes])
-    rows = [row for level, one in zip(levels, base.estimates, strict=True) if (row := lack_of_fit(level, one.noise_nm))]
-    shapes, missed = _shapes(base, fit, residuals, counts, rows)
-    falling = decays(levels)
-    found = []
+def adequacy(seen: Scatter, unit: str) -> tuple[Adequacy, list[Finding]]:
+    """Judge the shape of the levels' curves."""
+    sizes = [effective_samples(level.mean - J[:, 0]) for level, J in zip(seen.levels, seen.jacobians, strict=True)]
+    rows = [row for level, noise in zip(seen.levels, seen.noise, strict=True) if (row := lack_of_fit(level, noise))]
+    falling, found = decays(seen.levels), []
     if falling:
         worst, lost = max(falling, key=lambda pair: pair[1])
-        places, values = [u for u, _ in falling], {"worst": worst, "lost_pct": 100 * lost, "of": len(levels)}
-        found.append(finding("output-decays-under-hold", "friction", places, unit=stepset.input_unit, **values))
-    if 2 * len(falling) <= len(levels):
-        found += _recommended(shapes, missed, rows, runs_share)
+        values = {"worst": worst, "lost_pct": 100 * lost, "of": len(seen.levels)}
+        found.append(finding("output-decays-under-hold", "friction", [u for u, _ in falling], unit=unit, **values))
+    beyond = [row for row in rows if row.beyond]
+    told = len(beyond) >= min(FEW, len(rows)) and 3 * len(beyond) > len(rows)
+    if told and 2 * len(falling) <= len(seen.levels):
+        most = max(beyond, key=lambda row: row.systematic_nm or 0.0)
+        size = {"systematic": most.systematic_nm, "worst": most.level, "of": len(rows)}
+        found.append(finding("repeats-miss-alike", "friction", [row.level for row in beyond], **size))
     return Adequacy(
-        shapes=shapes,
         lack_of_fit=tuple(rows),
-        residual_autocorrelation=float(np.median([rho for _, rho in sizes])),
-        effective_samples=float(counts.sum()),
+        residual_autocorrelation=median([rho for _, rho in sizes]),
+        effective_samples=float(sum(count for count, _ in sizes)),
     ), found
 
 
-def _shapes(
-    base: LevelStatistics, fit: Fit, residuals: Sequence[Array], counts: Array, rows: Sequence[LackOfFit]
-) -> tuple[tuple[ShapeScore, ...], dict[str, int]]:
-    """All shapes that were tried, over all levels together, and the levels at which repeats miss the new ones alike.
+VAGUE = 0.1
+"""Half-width of C beyond which the runs say hardly anything of it."""
+MATTERS = 0.25
+"""Part of a half-width: a shift by so much takes 4 of the 95 % from an interval."""
+TRIFLE = 0.0025
+"""A difference in C that is never worth a word: 3 % in τ2 and 0.3 % in T_s on the reference plant."""
+NUDGE = 0.002
+"""Change of C by which its effect is found."""
+STEPS, SETTLED = 12, 1e-5
+LEAST, MOST = 0.02, 0.99
+"""Where C cannot be told, it runs out of here."""
 
-    The other shapes are tried where repeats miss the two exponentials alike, or nothing can tell. The
-    samples that count are then those that the memory of the closest shape leaves.
+
+def share_of(first: Estimate) -> tuple[ShareEstimate, list[Finding]]:
+    """Does the C that was held fit this rig? The same estimate with C free beside it."""
+    held, levels, data, u = first.basis.share, first.levels, first.problem.data, first.problem.data.u
+
+    def at(share: float) -> Array:
+        problem, x, *_ = solve(data, share, [first.x])
+        return np.log(np.maximum([problem.shape(x).Ts, *problem.values(x)[:2]], 1e-300))
+
+    free = levels_first(levels, data, None, near=replace(first, x=np.append(first.x, held)))
+    last = np.eye(1, free.basis.size, free.basis.size - 1)
+    variance, degrees = (float(one[0]) for one in free.influence.of(last).variance())
+    low, high, _ = first.intervals(u)
+    return _judged(held, at, np.nan if free.active else float(free.x[-1]), variance, degrees, 0.5 * (high - low))
+
+
+def share_of_levels(own: OwnLevels, data: Data, values: LevelValues) -> tuple[ShareEstimate, list[Finding]]:
+    """The same where every level was fitted by itself: one C for all of them.
+
+    With z = ∂f/∂C of a level less what its T_s, τ1 and τ2 can follow, C is where Σ w z'(ȳ − f) is 0, w the inverse of
+    the mean squared output; a run moves it by w z'(y_r − ȳ)/(R Σ w z'z).
     """
-    levels, share = base.levels, base.estimates[0].curve.C
-    samples = np.array([len(level.time_s) for level in levels], dtype=float)
-    two = np.array([float(r @ r) for r in residuals])
-    if fit.linear is not None:
-        single = np.array([row.sse for row in fit.linear.per_level])
+    held, now = own.each[0].basis.share, own
+    near = {held: own}
+
+    def at(share: float) -> Array:
+        near.setdefault(share, own_levels(own.levels, data, share, own))
+        return np.log(np.maximum(near[share].theta[:3], 1e-300))
+
+    share, step, information = held, 1.0, 0.0
+    for _ in range(STEPS):
+        slopes = [log_jacobian(curve, level.time_s, True) for curve, level in zip(now.curves, own.levels, strict=True)]
+        ways = [J[:, 3] - J[:, :3] @ np.linalg.lstsq(J[:, :3], J[:, 3], rcond=1e-10)[0] for J in slopes]
+        weight = [1 / max(float(np.mean(level.mean**2)), 1e-300) for level in own.levels]
+        left = [level.mean - J[:, 0] for level, J in zip(own.levels, slopes, strict=True)]
+        scores = np.array([w * float(z @ r) for w, z, r in zip(weight, ways, left, strict=True)])
+        information = max(sum(w * float(z @ z) for w, z in zip(weight, ways, strict=True)), 1e-300)
+        step = float(np.clip(scores.sum() / information, -1.0, 1.0)) * share * (1 - share)  # of C, from its logit
+        if abs(step) < SETTLED or not LEAST < share + step < MOST:
+            break
+        share += step
+        now = own_levels(own.levels, data, share, now)
+    single = [len(level.runs) == 1 for level in own.levels]
+    if all(single):
+        variance, degrees = float((scores**2).sum()) / information**2, max(len(scores) - 1.0, 1.0)
     else:
-        single = np.array([one.cost for one in fit_each_level(base.data)])
-    found = [
-        ("one exponential", 2, np.maximum(single, two)),
-        (f"two exponentials, C = {share:g}", 3, two),
-        ("two exponentials, C free", 4, _free_share(base, two)),
-    ]
-    missed: dict[str, int] = {}
-    if not rows or any(row.beyond for row in rows):
-        for name, parameters, shape, starts in OTHERS:
-            left, missed[name] = _other(base, shape, starts)
-            found.append((name, parameters, np.array([float(r @ r) for r in left])))
-            if name == THREE:
-                counts = np.array([effective_samples(r)[0] for r in left])
-
-    def judged(name: str, parameters: int, sse: Array) -> ShapeScore:
-        p = parameters + 1  # the noise's own size is a parameter too
-        score = counts * np.log(np.maximum(sse / samples, 1e-300))
-        spare = np.maximum(counts - p - 1, 1.0)
-        aicc = float((score + 2 * p + 2 * p * (p + 1) / spare).sum())
-        bic = float((score + p * np.log(counts)).sum())
-        return ShapeScore(name, parameters, float(np.sqrt(sse.sum() / samples.sum())), aicc, bic)
-
-    return tuple(judged(*one) for one in found), missed
+        rows = zip(own.levels, slopes, ways, strict=True)
+        noise = [(level, run_residuals(level.runs, J[:, 0], J), z / max(float(z @ z), 1e-300)) for level, J, z in rows]
+        seen = of_numbers(pooled_scatter([run_statistics(level, one, way[:, None]) for level, one, way in noise]))
+        gain = np.array([w * float(z @ z) for w, z in zip(weight, ways, strict=True)])[:, None, None] / information
+        variance, degrees = (float(one[0]) for one in Influence(gain, seen, np.zeros((0, 1)), 0.0).variance())
+    settled = share if abs(step) < SETTLED else np.nan
+    size = (share * (1 - share)) ** 2
+    return _judged(held, at, settled, variance * size, degrees, 0.5 * (values.high - values.low))
 
 
-def _other(base: LevelStatistics, shape: Shape, starts: Callable[[Friction], Array]) -> tuple[list[Array], int]:
-    """Residuals of the levels' means about another shape, and at how many levels all repeats miss it alike."""
-    left, missed = [], 0
-    best = best_fits(shape, np.array([starts(one.curve) for one in base.estimates]), base.data.points)
-    for level, theta in zip(base.levels, best, strict=True):
-        fitted, slopes = (found[0] for found in shape(theta[None], level.time_s))
-        left.append(level.mean - fitted)
-        row = lack_of_fit(level, run_residuals(level.runs, fitted, slopes))
-        missed += row is not None and row.beyond
-    return left, missed
+def _judged(
+    held: float, at: Callable[[float], Array], C: float, variance: float, degrees: float, half: Array
+) -> tuple[ShareEstimate, list[Finding]]:
+    """What is told of the C that was held, given the one that the runs ask for; NaN where they ask for none.
 
-
-def _free_share(base: LevelStatistics, two: Array) -> Array:
-    """Least sums of squares of the levels with C free too, from the held curves and from C = 0.5, shape (L,).
-
-    `two` are those of the held curves: what the points' costs are above them is the same for all curves.
+    `at` gives ln T_s, ln τ1, ln τ2 of the levels at a C, (3, L); `half` are the half-widths of their intervals.
     """
-    points, curves = base.data.points, [one.curve for one in base.estimates]
-    held = np.array([log_theta(curve, True) for curve in curves])
-    half = np.where(np.arange(4) == 3, 0.0, held)
-    twice = points.rows(np.tile(np.arange(len(curves)), 2))
-    costs = refit(twice, np.concatenate([held, half]), np.ones(4, dtype=bool)).cost.reshape(2, -1)
-    above = two - level_normal(np.array([[c.Ts, c.tau1, c.tau2, c.C] for c in curves]).T, points)[0]
-    return np.asarray(np.minimum(two, np.maximum(above + costs.min(axis=0), 0.0)))
-
-
-def _recommended(
-    shapes: Sequence[ShapeScore],
-    missed: dict[str, int],
-    rows: Sequence[LackOfFit],
-    runs_share: Share | None,
-) -> list[Finding]:
-    """Which shape the levels ask for; `missed`: where repeats miss other shapes alike."""
-    best, usual = min(shapes, key=lambda shape: shape.bic or 0.0), shapes[1]
-    beyond = [row for row in rows if row.beyond]
-    strong = (usual.bic or 0.0) - (best.bic or 0.0) >= STRONG
-    values = {"shape": best.name, "usual": usual.name, "rmse": best.rmse, "usual_rmse": usual.rmse}
-    closer = 1 - (best.rmse or 0.0) / usual.rmse if usual.rmse else 0.0
-    if missed and min(missed.values()) > max(FEW, len(rows) / 4):
-        name = min(missed, key=missed.__getitem__)
-        found = [finding("no-shape-fits", "friction", (), shape=name, count=missed[name], of=len(rows))]
-    elif best.name in missed and strong:
-        found = [finding("shape-of-another-kind", "friction", (), **values)]
-    elif runs_share is not None and runs_share.matters and not runs_share.differ and best is not shapes[0]:
-        return [finding("shape-needs-the-share", "friction", held=runs_share.held, estimate=runs_share.estimate)]
-    elif best is usual or not strong:
-        found = [finding("shape-fits", "friction", (), **values)]
-    elif best is shapes[2] and closer < CLOSER:
-        found = [finding("shape-fits", "friction", (), closer_pct=100 * closer, **values)]
-    else:
-        found = [finding("shape-of-another-kind", "friction", (), **values)]
-    if beyond:
-        worst = max(beyond, key=lambda row: row.systematic_nm or 0.0)
-        size = {"systematic": worst.systematic_nm, "worst": worst.level, "of": len(rows)}
-        found.append(finding("repeats-miss-alike", "friction", [row.level for row in beyond], **size))
-    return found
+    slope = (at(held + NUDGE) - at(held - NUDGE)) / (2 * NUDGE)
+    sensitivity = {name: median(slope[k]) for k, name in enumerate(CURVES)}  # in % per 0.01, the slope itself
+    reach = float(t_quantile(degrees) * np.sqrt(variance))
+    if not reach <= 0.5 or not np.isfinite(C):
+        return ShareEstimate(held, sensitivity), [finding("runs-give-no-share", "friction", held=held)]
+    ends = (max(0.0, C - reach), min(1.0, C + reach))
+    rejected = not ends[0] <= held <= ends[1]
+    matters = rejected and abs(C - held) >= TRIFLE and bool((np.abs(slope * (C - held)) > MATTERS * half).any())
+    found = []
+    if matters or ends[1] - ends[0] > 2 * VAGUE:
+        code = "runs-reject-the-share" if matters else "runs-leave-the-share-open"
+        found.append(finding(code, "friction", (), held=held, estimate=C, low=ends[0], high=ends[1]))
+    return ShareEstimate(held, sensitivity, C, ends, degrees, rejected, matters), found

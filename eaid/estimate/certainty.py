@@ -16,9 +16,9 @@ from eaid.arrays import Array
 from eaid.estimate.basis import Basis, active_at
 from eaid.estimate.data import Data
 from eaid.estimate.levels_first import LevelsFirst, Shape, solve
-from eaid.estimate.runs import bartlett_covariance, paule_mandel, run_residuals, t_quantile
+from eaid.estimate.scatter import FEW_DEGREES, Scatter, bartlett_covariance, paule_mandel, run_residuals
 from eaid.estimate.solver import Problem, newton_step
-from eaid.estimate.spread import Counts, Influence, Runs, corrected, free_inverse, influence_of
+from eaid.estimate.spread import Counts, Influence, LevelScatter, corrected, free_inverse, gains_of, t_quantile
 from eaid.models import friction
 from eaid.models.parameters import Friction, Nonlinear
 from eaid.results.common import Solver
@@ -26,8 +26,6 @@ from eaid.steps.stepset import Level
 
 LEVELS_TO_SPARE = 2
 """Levels beyond the coefficients of T_s(u) from which single runs show their scatter in the levels' distance to it."""
-FEW_DEGREES = 4.0
-"""Degrees of freedom given to the noise within single runs, where nothing else is known."""
 USUAL = 0.03
 """Scatter of T_s from run to run [part of it] by which levels are weighed where none is seen."""
 BEYOND_CHANCE = 0.999
@@ -51,7 +49,6 @@ class Estimate:
     solver: Solver
     held: tuple[int, ...]
     """Active constraints on x."""
-    swept: bool
 
     @property
     def basis(self) -> Basis:
@@ -81,9 +78,15 @@ class Estimate:
         return np.concatenate([np.zeros((len(rows), len(self.levels))), rows], axis=1)
 
     @cached_property
-    def runs(self) -> Runs:
-        """The runs of levels with repeats."""
-        return Runs.of(self.levels, self.problem.data.points.y.shape[1])
+    def curves(self) -> tuple[Friction, ...]:
+        """The levels' curves of Eq. (3)."""
+        theta = np.concatenate([self.at.Ts[None], self.problem.values(self.x)])
+        return tuple(Friction(*row) for row in theta.T.tolist())
+
+    @cached_property
+    def scatter(self) -> Scatter:
+        """What the runs say about them."""
+        return Scatter(tuple(self.levels), self.curves, self.basis.free_share)
 
     @property
     def by_levels(self) -> bool:
@@ -95,8 +98,17 @@ class Estimate:
         """Degrees of freedom of what levels of a single run show."""
         return float(len(self.levels) - self.problem.first) if self.by_levels else FEW_DEGREES
 
-    def influence_at(self, at: Shape) -> tuple[Influence, Array]:
-        """How T_s/size of the levels and x answer to the runs at curves, and the Newton step from there, (L + p,)."""
+    @cached_property
+    def along(self) -> Array:
+        """Slopes of the levels' curves at the points by ln T_s, ln τ1, ln τ2, and a free logit C, (L, k, P)."""
+        at, (tau1, tau2, C) = self.at, self.problem.values(self.x)
+        scale = np.stack([tau1, tau2, *([C * (1 - C)] if self.basis.free_share else [])], axis=1)
+        others = at.slopes[:, : scale.shape[1]] * (at.Ts[:, None] * scale)[:, :, None]
+        return np.concatenate([(at.Ts[:, None] * at.phi)[:, None], others], axis=1)
+
+    def influence_at(self, at: Shape, seen: LevelScatter | None = None) -> tuple[Influence, Array]:
+        """How T_s/size of the levels and x answer to the levels' own estimates at curves, and the Newton step from
+        there, (L + p,); `seen` is how these scatter."""
         L, p, problem = len(self.levels), len(self.x), self.problem
         w = np.broadcast_to(problem.data.points.w, problem.data.points.y.shape)
         ways = np.concatenate([at.phi[:, None] * self.size[:, None, None], at.slopes * at.Ts[:, None, None]], axis=1)
@@ -104,23 +116,21 @@ class Estimate:
         take[np.arange(L), 0, np.arange(L)] = 1.0
         take[:, 1:, L:] = problem.rows.transpose(1, 0, 2)
         weighed = ways * (problem.weight[:, None] * w)[:, None]
-        swept = self.swept and bool((self.repeats > 1).all())
-        singles = self._singles(at, take)
-        found, back = influence_of(weighed, ways, take, self.runs, self.blocked, singles, self.single_degrees, swept)
+        gain, back = gains_of(weighed, ways, take, self.along, self.blocked)
+        alone = seen is None and bool((self.repeats == 1).all())
+        singles = self._singles(at, take) if alone else np.zeros((0, L + p))
         gradient = np.einsum("lk,lkm->m", (weighed @ at.left[:, :, None])[:, :, 0], take)
-        return found, -gradient @ back
+        scatter = seen or self.scatter.of_levels
+        return Influence((not alone) * gain, scatter, singles @ back, self.single_degrees), -gradient @ back
 
     def _singles(self, at: Shape, take: Array) -> Array:
         """Scores of levels of a single run, (parts, L + p)."""
-        problem, alone = self.problem, [np.zeros((0, take.shape[2]))]
-        single = np.flatnonzero(self.repeats == 1)
-        if not len(single):
-            return alone[0]
+        problem, alone = self.problem, []
         by_level, information = problem.reduced(at)
         back = free_inverse(
             np.einsum("kln,lkj,jlm->nm", problem.rows, information, problem.rows), self.blocked[:, len(self.levels) :]
         )
-        for i in single.tolist():
+        for i in range(len(self.levels)):
             if self.by_levels:
                 own = problem.rows[:, i].T @ information[i] @ problem.rows[:, i]
                 score = -problem.rows[:, i].T @ by_level[i]
@@ -189,11 +199,10 @@ class Estimate:
     def with_levels(self, of_levels: Influence) -> Influence:
         """Influence on the coefficients, with the scatter of single runs about T_s(u)."""
         whole = of_levels.of(self.answers)
-        single = self.repeats == 1
-        if not (single.any() and self.by_levels):
+        if not ((self.repeats == 1).all() and self.by_levels):
             return whole
-        apart = np.zeros((int(single.sum()), self.basis.size))
-        apart[:, : self.problem.first] = (self.curve.gains * np.sqrt(self.curve.variance))[:, single].T
+        apart = np.zeros((len(self.levels), self.basis.size))
+        apart[:, : self.problem.first] = (self.curve.gains * np.sqrt(self.curve.variance)).T
         return replace(whole, singles=np.concatenate([whole.singles, apart]))
 
     @cached_property
@@ -203,7 +212,7 @@ class Estimate:
 
     def refit(self, data: Data) -> Array:
         """The coefficients for data that differ little, with the weights of T_s(u) kept, (n,)."""
-        problem, x, *_ = solve(data, None if self.basis.free_share else self.basis.share, self.x)
+        problem, x, *_ = solve(data, None if self.basis.free_share else self.basis.share, [self.x])
         return np.append(self.curve.gains @ problem.shape(x).Ts, x)
 
     def numbers(self, u: Array, c: Array) -> tuple[Array, Array]:
@@ -212,27 +221,30 @@ class Estimate:
         value = np.maximum(rows @ c, 1e-300)
         return np.log(value), rows / value[:, :, None]
 
-    def intervals(self, u: Array) -> tuple[Array, Array, Array]:
+    def intervals(self, u: Array, seen: LevelScatter | None = None) -> tuple[Array, Array, Array]:
         """Least and largest ln T_s, ln τ1, ln τ2 at inputs and their degrees of freedom, (3, m) each.
 
-        Where τ2 is known so little that the estimate is not linear in it, its ends are those of the score test, and T_s
-        and τ1 reach over all that go with a τ2 between them.
+        `seen` is how the levels scatter where more than these show it. Where τ2 is known so little that the estimate is
+        not linear in it, its ends are those of the score test, and T_s and τ1 reach over all that go with a τ2 between
+        them.
         """
         value, slopes = self.numbers(u, self.coefficients)
-        flat = slopes.reshape(-1, self.basis.size)
-        variance, degrees = (one.reshape(3, -1) for one in self.influence.of(flat).variance())
-        t = t_quantile(degrees)
-        reach = t * np.sqrt(variance)
+        influence = self.influence
+        if seen is not None:
+            influence = self.influence_at(self.at, seen)[0].of(self.answers)
+        variance, degrees = (v.reshape(3, -1) for v in influence.of(slopes.reshape(-1, self.basis.size)).variance())
+        reach = t_quantile(degrees) * np.sqrt(variance)
         low, high = value - reach, value + reach
-        if len(self.of_levels.singles) and not self.by_levels:
+        if seen is None and (self.repeats == 1).all() and not self.by_levels:
             return low, high, degrees
-        covariance = self.influence.covariance()
-        for i in np.flatnonzero(reach[2] > CURVED).tolist():
-            own = slopes[:, i] @ covariance @ slopes[:, i].T
-            way = covariance @ slopes[2, i] / max(float(own[2, 2]), 1e-300)
-            alone = t[:2, i] * np.sqrt(np.maximum(np.diag(own)[:2] - own[:2, 2] ** 2 / max(own[2, 2], 1e-300), 0.0))
+        covariance = influence.covariance()
+        for i in np.flatnonzero((reach[2] > CURVED) & np.isfinite(reach[2])).tolist():
+            among = slopes[:, i] @ covariance @ slopes[:, i].T
+            way = covariance @ slopes[2, i] / max(float(among[2, 2]), 1e-300)
+            size = np.sqrt(np.maximum(np.diag(among), 1e-300))
+            alone = reach[:2, i] * np.sqrt(np.maximum(1 - (among[:2, 2] / (size[:2] * size[2])) ** 2, 0.0))
             for side, ends in ((-1.0, low), (1.0, high)):
-                reached = self._reached(u[i : i + 1], way, side * float(reach[2, i]))
+                reached = self._reached(u[i : i + 1], way, side * float(reach[2, i]), seen)
                 if reached is None:
                     ends[2, i] = side * np.inf
                     continue
@@ -241,7 +253,7 @@ class Estimate:
                 high[:2, i] = np.maximum(high[:2, i], reached[:2] + alone)
         return low, high, degrees
 
-    def _reached(self, u: Array, way: Array, reach: float) -> Array | None:
+    def _reached(self, u: Array, way: Array, reach: float, seen: LevelScatter | None) -> Array | None:
         """ln T_s, ln τ1, ln τ2 where τ2 is moved along a way of the coefficients until the runs reject it; None: never.
 
         Neyman's score test: from a supposed place the Newton step leads back by more than t standard deviations there.
@@ -250,12 +262,12 @@ class Estimate:
         problem = self.problem.problem()
         for factor in OUTWARD:
             x = self.x + np.expm1(factor * reach) * way[first:]
-            if (problem.A @ x < problem.b - 1e-9).any():
-                return last
+            if not np.isfinite(x).all() or (problem.A @ x < problem.b - 1e-9).any():
+                return last if np.isfinite(x).all() else None
             at = self.problem.shape(x)
             c = np.append(self.curve.coefficients + self.curve.gains @ (at.Ts - self.at.Ts), x)
             value, slopes = self.numbers(u, c)
-            influence, step = self.influence_at(at)
+            influence, step = self.influence_at(at, seen)
             variance, degrees = influence.of(slopes[2] @ self.answers).variance()
             back = -float(slopes[2, 0] @ self.answers @ step) * np.sign(reach)
             ratio = back / float(t_quantile(degrees)[0] * np.sqrt(variance[0]))
@@ -323,9 +335,7 @@ def torque_curve(basis: Basis, Ts: Array, relative: Array | None, noise: Array, 
     return TorqueCurve(c, gains, variance * widened, misfit, widened, active)
 
 
-def levels_first(
-    levels: Sequence[Level], data: Data, share: float | None, swept: bool = False, near: Estimate | None = None
-) -> Estimate:
+def levels_first(levels: Sequence[Level], data: Data, share: float | None, near: Estimate | None = None) -> Estimate:
     """The estimate from the runs of L levels, `data` being their means; `near` is that of data that differ little."""
-    problem, x, solver, active = solve(data, share, None if near is None else near.x)
-    return Estimate(levels, problem, x, solver, tuple(active), swept)
+    problem, x, solver, active = solve(data, share, None if near is None else [near.x])
+    return Estimate(levels, problem, x, solver, tuple(active))

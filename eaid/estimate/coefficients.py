@@ -9,7 +9,7 @@ import numpy as np
 
 from eaid.arrays import Array, median
 from eaid.estimate.basis import Basis, limits
-from eaid.estimate.runs import Degrees, t_quantile
+from eaid.estimate.spread import Degrees, t_quantile
 from eaid.models.nonlinear import CHECKED_DUTIES
 from eaid.models.parameters import Nonlinear
 from eaid.results.common import Interval

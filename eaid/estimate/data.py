@@ -9,9 +9,8 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.estimate.points import Points, Record, compress
 from eaid.findings import Finding, finding
-from eaid.models.parameters import Linear, Nonlinear
-from eaid.results.common import AbsError, HoldOut, LevelError, Solver
-from eaid.results.fit import Bounds, Estimate, LinearLevel, Pooled
+from eaid.results.common import AbsError, HoldOut, LevelError
+from eaid.results.fit import Estimate, Pooled
 from eaid.steps.noise import block_means
 from eaid.steps.stepset import Level
 
@@ -132,16 +131,14 @@ def explains_little(outputs: Sequence[Array], residuals: Sequence[Array]) -> boo
     return missed > (1 - LITTLE) * spread and missed > FAR**2 * float(y @ y)
 
 
-def fit_findings(
-    p: Nonlinear, solver: Solver, active_at: Mapping[str, Sequence[float]], held_out: Sequence[float]
-) -> list[Finding]:
+def fit_findings(part: Estimate, active_at: Mapping[str, Sequence[float]], held_out: Sequence[float]) -> list[Finding]:
     """Warnings about the ten coefficients; `active_at`: the constraints that hold them, and where."""
     found = []
-    if not solver.converged:
-        found.append(finding("fit-not-converged", "nonlinear", predicted_decrease=solver.predicted_decrease))
+    if part.solver is not None and not part.solver.converged:
+        found.append(finding("fit-not-converged", "nonlinear", predicted_decrease=part.solver.predicted_decrease))
     for code, at in active_at.items():
         found.append(finding("constraint-holds", "nonlinear", sorted({*at[:1], *at[-1:]}), constraint=code))
-    if outside := [u for u in held_out if not p.u_range[0] <= u <= p.u_range[1]]:
+    if outside := [u for u in held_out if not part.u_range[0] <= u <= part.u_range[1]]:
         found.append(finding("held-out-beyond-the-levels", "nonlinear", outside))
     return found
 
@@ -151,23 +148,3 @@ def missed(subject: str, data: Data, residuals: Sequence[Array], model: Estimate
     if not explains_little([record.y for record in data.records], residuals):
         return []
     return [finding("model-explains-little", subject, R2=model.R2, fit_pct=model.fit_pct)]
-
-
-def linear_findings(
-    data: Data, p: Linear, solver: Solver | None, rows: Sequence[LinearLevel], bounds: Bounds
-) -> list[Finding]:
-    """Warnings about the linear model and the bounds of B."""
-    found = []
-    if solver is not None and not solver.converged:
-        found.append(finding("fit-not-converged", "linear", predicted_decrease=solver.predicted_decrease))
-    if solver is not None and solver.at_bounds:
-        found.append(finding("a0-not-determined", "linear", constraint=solver.at_bounds[0]))
-    levels = {
-        "linear-output-negative": [u for u in data.u.tolist() if p.b0 * u + p.c0 < 0],
-        "linear-level-beyond-record": [
-            row.level for row, r in zip(rows, data.records, strict=True) if row.a0 * r.t_s[-1] < 1
-        ],
-        "level-without-b": [row.level for row in rows if row.B is None and row.level in bounds.levels],
-    }
-    found += [finding(code, "linear", at) for code, at in levels.items() if at]
-    return found

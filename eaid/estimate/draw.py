@@ -17,7 +17,7 @@ from scipy.special import chdtri
 from eaid.arrays import Array
 from eaid.errors import DataError
 from eaid.estimate.coefficients import BLOCKS, coefficients_of, limits_of, powers
-from eaid.estimate.runs import t_quantile
+from eaid.estimate.spread import t_quantile
 from eaid.findings import Finding, finding
 from eaid.models.parameters import Nonlinear
 from eaid.results.fit import Estimate, Fit

@@ -12,18 +12,17 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.estimate import data as metrics
 from eaid.estimate.basis import Basis, active_at, basis_of, constraints
-from eaid.estimate.data import Data, fit_findings, missed
-from eaid.estimate.huber import huber_findings, minimise
+from eaid.estimate.data import Data
+from eaid.estimate.huber import minimise
 from eaid.estimate.points import by_tau, level_normal, log_curvature, log_products, residuals, weighted_shares
 from eaid.estimate.solver import ROUNDING, EndPoint, Problem, approach, bring_in, concluded, ended, slsqp
 from eaid.estimate.starts import form_starts, touching_starts
-from eaid.findings import Finding
 from eaid.models import nonlinear as model
 from eaid.models.parameters import TAU_FLOOR_S
 from eaid.models.parameters import Nonlinear as NonlinearModel
 from eaid.options import FitOptions
-from eaid.results.common import Solver
-from eaid.results.fit import Estimate, Nonlinear
+from eaid.results.common import Huber, Solver
+from eaid.results.fit import Estimate
 from eaid.steps.stepset import Level
 
 
@@ -108,17 +107,16 @@ def _confirmed(ends: Sequence[EndPoint], basis: Basis, problem: Problem) -> Solu
     return Solution(basis, end.x, solver, active_at(basis, active))
 
 
-def nonlinear_fit(data: Data, options: FitOptions, held_out: Sequence[Level] = ()) -> tuple[Nonlinear, list[Finding]]:
-    """The joint estimate with its errors, and its warnings."""
+def joint_fit(
+    data: Data, options: FitOptions, held_out: Sequence[Level] = ()
+) -> tuple[Estimate, dict[str, tuple[float, ...]], Huber | None]:
+    """The joint estimate with its errors, the constraints that hold it, and what Huber's loss held back."""
     solution, huber = minimise(
         data, options.loss, lambda d: fit_nonlinear(d, options.held_share), refit_nonlinear, full_residuals
     )
-    p, left = solution.parameters, full_residuals(solution, data)
-    one = msgspec.structs.replace(estimate(p, data, left, solution.solver, held_out), C_free=options.held_share is None)
-    found = fit_findings(p, solution.solver, solution.active, [level.level for level in held_out])
-    found += huber_findings("nonlinear", huber)
-    found += missed("nonlinear", data, left, one)
-    return Nonlinear.of(one, robust=huber), found
+    left = full_residuals(solution, data)
+    part = estimate(solution.parameters, data, left, solution.solver, held_out)
+    return msgspec.structs.replace(part, C_free=options.held_share is None), solution.active, huber
 
 
 def estimate(

@@ -6,6 +6,7 @@ T_l is linear and solved for (variable projection), so that scatter of a level's
 as it does where T_s(u) is fitted together with them. Eq. (7) passes through T_l by least squares of relative errors.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +18,9 @@ from eaid.estimate.solver import ROUNDING, Problem, approach, concluded, draw_in
 from eaid.estimate.starts import Indices, form_starts
 from eaid.models.parameters import TAU_FLOOR_S
 from eaid.results.common import Solver
+
+SHIFT = 1e-5
+"""Relative step of the differences that second derivatives come from."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +102,13 @@ class LevelsFirst:
         A, b, names = constraints(self.basis, self.data.longest_s)
         kept, points = self.kept, self.data.points
         floor = ROUNDING * float((self.weight[:, None] * points.w * points.y**2).sum())
-        return Problem(self.normal, A[kept][:, self.first :], b[kept], lambda i: names(int(kept[i])), None, floor)
+        return Problem(self.normal, A[kept][:, self.first :], b[kept], lambda i: names(int(kept[i])), self.exact, floor)
+
+    def exact(self, x: Array) -> Array:
+        """Second derivatives of the cost, by differences of its exact gradient, (n, n)."""
+        steps = SHIFT * np.diag(np.maximum(np.abs(x), 1e-3))
+        rows = [(self.normal(x + h)[1] - self.normal(x - h)[1]) / (2 * h.sum()) for h in steps]
+        return np.asarray(0.5 * (np.array(rows) + np.array(rows).T))
 
     def weighed(self, x: Array) -> "LevelsFirst":
         """The same with the weights that the levels have at x; none for a level that is 0 throughout."""
@@ -108,10 +118,12 @@ class LevelsFirst:
         return replace(self, weight=np.where(known, 1 / np.where(known, size, 1.0), 0.0))
 
 
-def solve(data: Data, share: float | None, near: Array | None = None) -> tuple[LevelsFirst, Array, Solver, list[int]]:
+def solve(
+    data: Data, share: float | None, starts: Sequence[Array] | None = None
+) -> tuple[LevelsFirst, Array, Solver, list[int]]:
     """The weighted problem, its solution x, our verdict, and the constraints that hold it.
 
-    `near` is a solution of data that differ little.
+    `starts` are coefficients of τ1(u), τ2(u), and C where it is free, to begin from; by default those of a search.
     """
     basis = basis_of(data.u, share)
     start = LevelsFirst(data, basis, 1 / np.maximum((data.points.y**2).max(axis=1), 1e-300))
@@ -119,8 +131,9 @@ def solve(data: Data, share: float | None, near: Array | None = None) -> tuple[L
     inner[0], inner[basis.slices[2].start - start.first] = 2 * TAU_FLOOR_S, 4 * TAU_FLOOR_S
     inner[-1] = 0.5 if basis.free_share else inner[-1]
     whole = start.problem()
-    found = [near] if near is not None else [x[start.first :] for x in form_starts(basis, data, start.weight)]
-    begin = [draw_in(x, inner, whole) for x in found]
+    if starts is None:
+        starts = [x[start.first :] for x in form_starts(basis, data, start.weight)]
+    begin = [draw_in(x, inner, whole) for x in starts]
     if data.energy == 0.0:
         return replace(start, weight=np.zeros(len(data.u))), begin[0], judged(0.0, 0, (0.0,)), []
     weighed = start.weighed(min(begin, key=lambda x: start.normal(x)[0]))

@@ -1,31 +1,46 @@
-"""The linear model, Eq. (8), pooled and for each level; B = 1/b0, specification 4.3.
+"""The linear model, Eq. (8), pooled and for each level, with intervals; B = 1/b0, specification 4.3.
 
-Its step response is one exponential with τ = 1/a0 and the gain (b0 u + c0)/a0.
+Its step response is one exponential with τ = 1/a0 and the gain (b0 u + c0)/a0. Every number here answers linearly to
+small changes of the levels' means, δq = Σ_l g_l δȳ_l. With repeats the runs themselves say how the means scatter; with
+one run a level the scatter of (T_s, τ1, τ2) is carried through the curve.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeAlias
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from eaid.arrays import Array
+from eaid.arrays import Array, scaled_inverse
 from eaid.estimate import data as metrics
-from eaid.estimate.data import Data, linear_findings, missed
+from eaid.estimate.data import Data, missed
 from eaid.estimate.huber import huber_findings, minimise
-from eaid.estimate.levels import LEAST_LOG, MOST_LOG
 from eaid.estimate.points import Points, Record, by_log, decay, log_curvature, log_products, weighted_shares
-from eaid.estimate.solver import ROUNDING, Problem, minimised, slsqp
-from eaid.findings import Finding
+from eaid.estimate.scatter import Scatter
+from eaid.estimate.solver import ROUNDING, Problem, minimised
+from eaid.estimate.spread import Influence, interval_of, log_interval_of, textbook
+from eaid.findings import Finding, finding
 from eaid.models import linear as model
 from eaid.models.parameters import Linear as LinearModel
 from eaid.options import FitOptions
-from eaid.results.common import Huber, Solver
-from eaid.results.fit import Bounds, Linear, LinearLevel, Pooled
+from eaid.results.common import Solver
+from eaid.results.fit import (
+    NOT_IDENTIFIABLE,
+    Bounds,
+    BoundsIntervals,
+    Linear,
+    LinearLevel,
+    LinearLevelIntervals,
+    Pooled,
+    PooledIntervals,
+)
 from eaid.steps.levels import wanted_levels
 from eaid.steps.stepset import Level
 
+LEAST_LOG, MOST_LOG = np.log(1e-9), np.log(1e12)
 A0_GRID = 40
 """Time constants on the starting grid."""
 MOST = 3
@@ -166,15 +181,6 @@ def fit_linear(data: Data) -> LinearSolution:
     return LinearSolution(_linear(1.0 / found.tau, found.coefficients, data.u), found.cost, found.solver)
 
 
-def refit_linear(data: Data, near: LinearModel) -> LinearModel:
-    """The minimum next to an earlier one, on points that differ little."""
-    design = _design(data.u)
-    gains = (near.b0 * data.u + near.c0) / near.a0
-    start = np.append(-np.log(near.a0), np.linalg.lstsq(design, gains, rcond=None)[0])
-    x = slsqp(first_order_problem(data, design), start).x
-    return _linear(float(np.exp(-x[0])), x[1:], data.u)
-
-
 def _design(u: Array) -> Array:
     """Gains of the levels by their coefficients: at the middle input and up to either end, shape (L, 2)."""
     half, middle = 0.5 * float(np.ptp(u)), 0.5 * float(u.max() + u.min())
@@ -217,42 +223,182 @@ def bounds_of(rows: Sequence[LinearLevel], kept: Sequence[float] | None = None) 
     return Bounds(levels=levels, B_m=min(known, default=None), B_M=max(known, default=None))
 
 
-def linear_fit(data: Data, options: FitOptions, held_out: Sequence[Level] = ()) -> tuple[Linear, list[Finding]]:
-    """The linear model, pooled and per level, with the bounds of B."""
-    one, left, huber = pooled_linear(data, options)
-    p = one.parameters
+TO_LOG_B = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, -1.0]])
+"""(log a0, log gain) → (log a0, log gain, log B) less log u."""
+
+
+UNSEEN = 1e-10
+"""Directions that the data do not see, b0 and c0 of a single level, have this part of the information at most."""
+
+
+def _rise(a0: float, t_s: Array) -> tuple[Array, Array, Array]:
+    """r = (1 − e^(−a0 t))/a0 and its first two derivatives by a0, shape (n,) each."""
+    rise = -np.expm1(-a0 * t_s)
+    decay, r = 1.0 - rise, rise / a0
+    first = (t_s * decay - r) / a0
+    return r, first, (-(t_s**2) * decay - 2 * first) / a0
+
+
+Gain: TypeAlias = tuple[Array, Array]
+"""How a change of a level's mean moves m numbers, shape (m, n), as a product of (m, k) and (k, n)."""
+
+
+def pooled_gain(levels: Sequence[Level], p: LinearModel) -> list[Gain]:
+    """How a change of each level's mean moves the pooled (a0, b0, c0): H⁻¹ J' of each level, J' = (3, 2) of (r', r)."""
+    hessian = np.zeros((3, 3))
+    parts = []
+    time_s, second, both, square = np.empty(0), np.empty(0), np.empty((2, 0)), np.empty((2, 2))
+    for level in levels:
+        if not np.array_equal(level.time_s, time_s):  # most levels have the same times
+            time_s = level.time_s
+            r, first, second = _rise(p.a0, time_s)
+            both = np.stack([first, r])
+            square = both @ both.T
+        size = p.b0 * level.level + p.c0
+        take = np.array([[size, 0.0], [0.0, level.level], [0.0, 1.0]])
+        left = level.mean - size * both[1]
+        curved = np.zeros((3, 3))
+        curved[0, 0] = size * (left @ second)
+        curved[0, 1] = curved[1, 0] = level.level * (left @ both[0])
+        curved[0, 2] = curved[2, 0] = left @ both[0]
+        hessian += take @ square @ take.T - curved
+        parts.append((take, both))
+    inverse = scaled_inverse(hessian, UNSEEN)
+    return [(inverse @ take, both) for take, both in parts]
+
+
+def level_gain(level: Level, a0: float, gain: float) -> Array:
+    """How a change of a level's mean moves its own (log a0, log gain, log B), B = u/(a0 gain), shape (3, n)."""
+    jacobian, hessian = level_terms(level, a0, gain)
+    return np.asarray(TO_LOG_B @ scaled_inverse(hessian, UNSEEN) @ jacobian.T)
+
+
+def level_terms(level: Level, a0: float, gain: float) -> tuple[Array, Array]:
+    """∂f/∂(log a0, log gain) of gain · (1 − e^(−a0 t)), shape (n, 2), and the full Hessian of half the cost (2, 2)."""
+    rise = -np.expm1(-a0 * level.time_s)
+    decay = 1.0 - rise
+    slope = gain * a0 * level.time_s * decay
+    jacobian = np.stack([slope, gain * rise], axis=1)
+    left = level.mean - gain * rise
+    curved = np.array([[left @ (slope * (1 - a0 * level.time_s)), left @ slope], [left @ slope, left @ (gain * rise)]])
+    return jacobian, np.asarray(jacobian.T @ jacobian - curved)
+
+
+def of_levels(gains: Sequence[Gain], seen: Scatter) -> Influence:
+    """How m numbers q with δq = Σ_l g_l δȳ_l, g_l of shape (m, n_l), answer to the levels' own T_s, τ1, τ2."""
+    gain = np.array([(take @ (along @ J)).T for (take, along), J in zip(gains, seen.jacobians, strict=True)])
+    return Influence(gain, seen.of_levels, np.zeros((0, gain.shape[2])), 0.0)
+
+
+def pooled_intervals(fit: Pooled, seen: Scatter) -> PooledIntervals:
+    """95 % intervals of the pooled a0, b0, c0; one level leaves c0 to b0."""
+    variance, degrees = of_levels(pooled_gain(seen.levels, fit.parameters), seen).variance()
+    found = list(zip(variance.tolist(), degrees.tolist(), strict=True))
+    return _pooled(fit, found if len(seen.levels) > 1 else found[:2])
+
+
+def _pooled(fit: Pooled, found: Sequence[tuple[float, float]]) -> PooledIntervals:
+    """From the variance and degrees of freedom of a0, b0 and, with several levels, c0."""
+    pairs = list(zip((fit.a0, fit.b0, fit.c0), found, strict=False))
+    dof = dict(zip(("a0", "b0", "c0"), (degrees for _, degrees in found), strict=False))
+    return PooledIntervals(*(interval_of(value, variance, degrees) for value, (variance, degrees) in pairs), dof=dof)
+
+
+def level_intervals(rows: Sequence[LinearLevel], seen: Scatter) -> list[LinearLevelIntervals]:
+    """95 % intervals of a0, gain and B of every level."""
+    found = []
+    for i, (level, row, J) in enumerate(zip(seen.levels, rows, seen.jacobians, strict=True)):
+        gain = (level_gain(level, row.a0, row.gain) @ J).T[None]
+        one = Influence(gain, seen.of_levels.alone(i), np.zeros((0, 3)), 0.0)
+        variance, degrees = (each.tolist() for each in one.variance())
+        ends = zip((row.a0, row.gain, row.B), variance, degrees, strict=True)
+        dof = dict(zip(("a0", "gain", "B"), degrees, strict=True))
+        found.append(LinearLevelIntervals(*(log_interval_of(*one) for one in ends), dof=dof))
+    return found
+
+
+def bound_intervals(bounds: Bounds, rows: Sequence[LinearLevel]) -> BoundsIntervals:
+    """95 % intervals of B_m and B_M, the least and largest B over the kept levels; None where some B is unbounded."""
+    kept = [None if row.ci95 is None else row.ci95.B for row in rows if row.level in bounds.levels]
+    known = [interval for interval in kept if interval is not None]
+    if not known or len(known) < len(kept):
+        return BoundsIntervals()
+    low, high = np.array(known).T
+    return BoundsIntervals((float(low.min()), float(high.min())), (float(low.max()), float(high.max())))
+
+
+def white(
+    fit: Pooled, rows: Sequence[LinearLevel], levels: Sequence[Level]
+) -> tuple[PooledIntervals, list[LinearLevelIntervals]]:
+    """Textbook intervals, s² (J'J)⁻¹ on the means: of the pooled fit, and of each level."""
+    p = fit.parameters
+    slopes = [model.gradient(p, level.time_s, level.level).T for level in levels]
+    left = [level.mean - model.step_response(p, level.time_s, level.level) for level in levels]
+    M, noise, spare = textbook(slopes, left, 3 if len(levels) > 1 else 2)
+    variance = np.maximum(np.diag(scaled_inverse(M, UNSEEN)) * noise, 0).tolist()
+    each = []
+    for level, row in zip(levels, rows, strict=True):
+        J = level_terms(level, row.a0, row.gain)[0]
+        M, noise, own = textbook([J], [level.mean - J[:, 1]], 2)
+        logs = np.diag(TO_LOG_B @ scaled_inverse(M, UNSEEN) @ TO_LOG_B.T * noise).tolist()
+        pairs = zip((row.a0, row.gain, row.B), logs, strict=True)
+        each.append(LinearLevelIntervals(*(None if x is None else interval_of(x, x * x * v, own) for x, v in pairs)))
+    return _pooled(fit, [(v, spare) for v in variance]), each
+
+
+def linear_part(
+    data: Data, seen: Scatter, options: FitOptions, held_out: Sequence[Level] = ()
+) -> tuple[Linear, list[Finding]]:
+    """The linear model, pooled and per level, with the bounds of B, intervals, and warnings."""
+    solved, huber = minimise(data, options.loss, fit_linear, lambda d, _: fit_linear(d), linear_residuals)
+    p, left = solved.parameters, linear_residuals(solved, data)
+    total = metrics.errors([record.y for record in data.records], left)
+    one = Pooled(
+        p.a0, p.b0, p.c0, solver=solved.solver, rmse=total.rmse, sse=total.sse, fit_pct=total.fit_pct, R2=total.R2
+    )
     rows = single_levels(data)
     wanted = options.bounds_levels
     kept = None if wanted is None else wanted_levels(wanted, [row.level for row in rows], "bounds_levels")
     bounds = bounds_of(rows, kept)
-    found = linear_findings(data, p, one.solver, rows, bounds)
-    found += huber_findings("linear", huber)
+    pooled = pooled_intervals(one, seen)
+    found = [*linear_findings(data, one, rows, bounds, pooled), *huber_findings("linear", huber)]
     found += missed("linear", data, left, one)
-    linear = Linear.of(
-        one,
-        per_level=rows,
-        bounds=bounds,
-        robust=huber,
-        hold_out=metrics.hold_out(
-            held_out, lambda level: model.step_response(p, level.time_s, level.level), one.rmse or 0.0
-        ),
-    )
-    return linear, found
+    if options.ci != "none":
+        own = level_intervals(rows, seen)
+        if options.ci == "white":
+            pooled, own = white(one, rows, seen.levels)
+        rows = tuple(msgspec.structs.replace(row, ci95=ci) for row, ci in zip(rows, own, strict=True))
+        bounds = msgspec.structs.replace(bounds, ci95=bound_intervals(bounds, rows))
+        one = msgspec.structs.replace(one, ci95=pooled)
+    beyond = metrics.hold_out(held_out, lambda level: model.step_response(p, level.time_s, level.level), total.rmse)
+    known = not any(each.code in NOT_IDENTIFIABLE for each in found)
+    part = Linear.of(one, per_level=rows, bounds=bounds, robust=huber, hold_out=beyond, identifiable=known)
+    return part, found
 
 
-def pooled_linear(data: Data, options: FitOptions) -> tuple[Pooled, list[Array], Huber | None]:
-    """Eq. (8) on all levels at once, under the loss that was asked for, with its residuals."""
-    solved, huber = minimise(data, options.loss, fit_linear, lambda d, _: fit_linear(d), linear_residuals)
-    p, left = solved.parameters, linear_residuals(solved, data)
-    total = metrics.errors([record.y for record in data.records], left)
-    pooled = Pooled(
-        p.a0,
-        p.b0,
-        p.c0,
-        rmse=total.rmse,
-        sse=total.sse,
-        fit_pct=total.fit_pct,
-        R2=total.R2,
-        solver=solved.solver,
-    )
-    return pooled, left, huber
+def linear_findings(
+    data: Data, fit: Pooled, rows: Sequence[LinearLevel], bounds: Bounds, ci95: PooledIntervals
+) -> list[Finding]:
+    """Warnings about the linear model and the bounds of B."""
+    found, solver, several = [], fit.solver, len(rows) > 1
+    if solver is not None and not solver.converged:
+        found.append(finding("fit-not-converged", "linear", predicted_decrease=solver.predicted_decrease))
+    if solver is not None and solver.at_bounds:
+        found.append(finding("a0-not-determined", "linear", constraint=solver.at_bounds[0]))
+    levels = {
+        "linear-output-negative": [u for u in data.u.tolist() if fit.b0 * u + fit.c0 < 0],
+        "linear-level-beyond-record": [
+            row.level for row, r in zip(rows, data.records, strict=True) if row.a0 * r.t_s[-1] < 1
+        ],
+        "level-without-b": [row.level for row in rows if row.B is None and row.level in bounds.levels],
+    }
+    found += [finding(code, "linear", at) for code, at in levels.items() if at]
+    if not several:
+        found.append(finding("one-level-linear", "linear", [rows[0].level]))
+    for name in ("a0", "b0") if several else ("a0",):
+        ends = getattr(ci95, name)
+        if ends is not None and ends[0] <= 0:
+            found.append(finding(f"{name}-may-be-zero", "linear", low=ends[0], high=ends[1]))
+    if bounds.B_m is None:
+        found.append(finding("no-b-bounds", "linear"))
+    return found

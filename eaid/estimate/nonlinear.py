@@ -5,14 +5,14 @@ into the τ curves of the joint fit; its intervals count what separates it from 
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import msgspec
 import numpy as np
 from scipy.special import fdtri
 
 from eaid.arrays import Array
-from eaid.estimate.certainty import BEYOND_CHANCE, SAYS_NOTHING, Estimate, levels_first
+from eaid.estimate.certainty import BEYOND_CHANCE, Estimate, levels_first
 from eaid.estimate.coefficients import (
     Coefficients,
     coefficient_intervals,
@@ -21,122 +21,136 @@ from eaid.estimate.coefficients import (
     from_basis,
 )
 from eaid.estimate.data import Data, fit_findings, missed
+from eaid.estimate.friction import HELD_BY, LevelValues, level_findings, quoted
 from eaid.estimate.huber import minimise
-from eaid.estimate.identifiability import identifiable, nonlinear_findings
 from eaid.estimate.joint import estimate as scored
 from eaid.estimate.joint import nonlinear_problem
-from eaid.estimate.level_statistics import CURVES, LevelStatistics, log_jacobian
 from eaid.estimate.points import residuals
-from eaid.estimate.runs import Degrees, t_quantile, textbook
-from eaid.estimate.spread import Influence, corrected, free_inverse, influence_of
-from eaid.findings import Finding, finding
+from eaid.estimate.scatter import CURVES, held_parameters, log_jacobian
+from eaid.estimate.spread import Degrees, Influence, corrected, free_inverse, gains_of, t_quantile, textbook
+from eaid.findings import Finding, Value, finding
 from eaid.models import friction, nonlinear
-from eaid.models.parameters import Friction
+from eaid.models.parameters import Friction, Nonlinear
 from eaid.options import FitOptions
 from eaid.results import fit as results
-from eaid.results.common import Interval
-from eaid.steps.stepset import Level
+from eaid.results.common import Huber
+from eaid.results.fit import NOT_IDENTIFIABLE
+from eaid.steps.stepset import Level, StepSet
 
-QUOTED_RECORDS = 3.0
-"""Record lengths that the interval of τ2 may reach to: where most levels' reach further, none is quoted, for what is
-quoted would be what came out short by chance."""
-OPEN = float(np.log(3.0))
-"""Half-width of the logarithm from which a parameter counts as open at a level."""
-OF_THE_SOLUTION = (
-    "fit-not-converged", "constraint-holds", "model-explains-little", "held-out-beyond-the-levels",
-)  # fmt: skip
-"""Codes that are said of the joint fit only, where that is the estimate that stands."""
-OF_TAU2_ALONE = ("tau2-open", "tau2-outlasts-record", "no-level-determines-all")
-"""Codes of what single levels leave open: not said where the levels together tell it."""
-HELD_BY = {
-    "tau1-floor": ("tau1",),
-    "tau2-meets-tau1": ("tau1", "tau2"),
-    "Ts-zero": ("Ts",),
-    "tau2-endless": ("tau2",),
-}
-"""Parameters that a constraint holds: not estimable."""
+Ends = tuple[Array, Array, Array]
+"""Least and largest ln T_s, ln τ1, ln τ2 of the levels and degrees of freedom, (3, L) each."""
 
 
-def solved(levels: Sequence[Level], data: Data, share: float | None, loss: str, swept: bool) -> Estimate:
+def believed(levels: Sequence[Level], data: Data, share: float | None, loss: str) -> tuple[Estimate, Huber | None]:
     """The estimate that is believed, under the loss that was asked for."""
 
     def left(one: Estimate, on: Data) -> list[Array]:
-        theta = np.concatenate([one.at.Ts[None], one.problem.values(one.x)])
-        return residuals(theta, on.records)
+        return residuals(np.concatenate([one.at.Ts[None], one.problem.values(one.x)]), on.records)
 
     return minimise(
         data,
         loss,
-        lambda d: levels_first(levels, d, share, swept),
-        lambda d, near: levels_first(levels, d, share, swept, near),
+        lambda d: levels_first(levels, d, share),
+        lambda d, near: levels_first(levels, d, share, near),
         left,
-    )[0]
+    )
 
 
-def scores_of(one: Estimate, data: Data, held_out: Sequence[Level]) -> tuple[results.Estimate, list[Finding]]:
-    """The estimate with its errors, and its warnings."""
-    p = one.parameters
-    left = residuals(one.basis.theta(one.coefficients, one.basis.M), data.records)
-    part = scored(p, data, left, one.solver, held_out)
-    findings = fit_findings(p, one.solver, one.active, [level.level for level in held_out])
-    findings += missed("nonlinear", data, left, part)
-    return msgspec.structs.replace(part, C_free=one.basis.free_share), findings
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """The estimate that stands as the model: its part of the result, unknowns, constraints and intervals."""
+
+    part: results.Estimate
+    unknowns: Array
+    """In the basis, (n,)."""
+    held: dict[str, tuple[float, ...]]
+    """Constraints that hold it, and where."""
+    covariance: Array
+    """Of the coefficients in powers of u/100."""
+    ends: Ends
 
 
-def misfits(first: Estimate, base: LevelStatistics) -> tuple[dict[str, float], list[Finding]]:
-    """χ² of the levels about each polynomial over its degrees of freedom, and where that is beyond chance."""
-    found = {} if first.curve.misfit is None else {"Ts": first.curve.misfit}
-    beyond = ["Ts"] if first.curve.widened > 1 else []
-    value, slopes = first.numbers(base.duty_pct, first.coefficients)
-    for k, name in enumerate(CURVES[1:], 1):
-        known = base.determined[:, k] & (base.repeats > 1)
-        spare = int(known.sum()) - 1 - first.basis.degrees[k]
-        if spare > 0:
-            of_curve = first.influence.of(slopes[k, known]).variance()[0]
-            off = (base.log_theta[known, k] - value[k, known]) ** 2 / (base.expected[known, k] + of_curve)
-            found[name] = float(off.sum()) / spare
-            if found[name] > fdtri(spare, max(base.total_degrees / 2, 1.0), BEYOND_CHANCE):
-                beyond.append(name)
-    return found, [finding("polynomials-too-low", "nonlinear", (), parameters=tuple(beyond))] if beyond else []
+def nonlinear_part(
+    stepset: StepSet,
+    data: Data,
+    first: Estimate,
+    joint: tuple[results.Estimate, dict[str, tuple[float, ...]]],
+    options: FitOptions,
+    held_out: Sequence[Level],
+    draws: Array | None,
+) -> tuple[results.Nonlinear, LevelValues, list[Finding]]:
+    """The model that stands with its intervals and the joint fit beside it, its values at the levels, and findings.
+
+    `joint` is the paper's fit and the constraints that hold it; `draws` are unknowns of refits of the estimate that
+    stands to resampled runs, (draws, n).
+    """
+    levels, basis = first.levels, first.basis
+    p = first.parameters
+    left = residuals(basis.theta(first.coefficients, basis.M), data.records)
+    part = msgspec.structs.replace(scored(p, data, left, first.solver, held_out), C_free=basis.free_share)
+    misfit, bent = misfits(first)
+    part = msgspec.structs.replace(part, misfit=misfit or None)
+    turn, u = from_basis(basis), data.u
+    one = Standing(
+        part, first.coefficients, first.active, turn @ first.influence.covariance() @ turn.T, first.intervals(u)
+    )
+    parts = parted(joint[0], one, levels)
+    if options.estimator == "joint":
+        one = of_joint(joint, one, first, data)
+    if draws is not None:
+        one = from_draws(one, first, u, draws)
+    if options.ci == "white":
+        one = white(one, levels)
+    values = values_of(one, levels, basis.free_share)
+    c = coefficients_of(one.part.parameters, basis.free_share)
+    widths = []
+    for i, level in enumerate(levels):
+        t = t_quantile(float(one.ends[2][:, i].min()))
+        widths.append(float(t * torque_sd(c, one.covariance, level).max()))
+    shown = with_intervals(one, values, c, widths, options.ci) if options.ci != "none" else one.part
+    told = fit_findings(one.part, one.held, [level.level for level in held_out])
+    told += missed("nonlinear", data, residuals(basis.theta(one.unknowns, basis.M), data.records), one.part)
+    told += [*level_findings(values, widths, "nonlinear", stepset), *open_findings(one.part, values), *bent]
+    told += joint_findings(parts, options.estimator)
+    model = results.Nonlinear.of(
+        shown,
+        estimator="joint" if options.estimator == "joint" else "levels-first",
+        joint=joint[0],
+        parts=parts,
+        identifiable=not any(one.code in NOT_IDENTIFIABLE for one in told),
+    )
+    return model, values, told
+
+
+def values_of(one: Standing, levels: Sequence[Level], share_free: bool) -> LevelValues:
+    """T_s, τ1, τ2 of the model at the levels."""
+    p, u = one.part.parameters, np.array([level.level for level in levels])
+    tau1, tau2 = nonlinear.time_constants(p, u)
+    theta = np.array([nonlinear.steady_torque(p, u), tau1, tau2, np.full(len(u), p.C)])
+    everywhere = [name for code in one.held for name in HELD_BY.get(code, ())]
+    held = [
+        tuple(dict.fromkeys([*everywhere, *held_parameters(Friction(*row), float(level.time_s[-1]), share_free)]))
+        for row, level in zip(theta.T.tolist(), levels, strict=True)
+    ]
+    return quoted(levels, theta, held, one.ends)
 
 
 def with_intervals(
-    part: results.Estimate,
-    levels: Sequence[Level],
-    c: Coefficients,
-    covariance: Array,
-    ends: tuple[Array, Array, Array],
-    held: Sequence[str],
-    source: str,
+    one: Standing, values: LevelValues, c: Coefficients, widths: Sequence[float], source: str
 ) -> results.Estimate:
-    """An estimate with intervals of its curves and coefficients; `ends`: low, high and degrees of freedom, (3, L) each.
-
-    Where a constraint holds τ2 beyond a record, the share of T_s that it delays is not seen, and T_s has no interval.
-    """
-    low, high, degrees = ends
-    constrained = tuple(dict.fromkeys(name for code in held for name in HELD_BY.get(code, ())))
-    p = part.parameters
-    u = np.array([level.level for level in levels])
-    tau1, tau2 = nonlinear.time_constants(p, u)
-    values = dict(zip(CURVES, (nonlinear.steady_torque(p, u), tau1, tau2), strict=True))
-    rows = []
-    for i, level in enumerate(levels):
-        intervals: dict[str, Interval] = {}
-        for k, name in enumerate(CURVES):
-            fine = name not in constrained and values[name][i] > 0 and high[k, i] - low[k, i] < 2 * SAYS_NOTHING
-            fine &= not (name == "Ts" and "tau2" in constrained and tau2[i] > level.time_s[-1])
-            intervals[name] = (float(np.exp(low[k, i])), float(np.exp(high[k, i]))) if fine else None
-        t = t_quantile(float(degrees[:, i].min()))
-        width = float(t * torque_sd(c, covariance, level).max())
-        own = {name: float(values[name][i]) for name in CURVES}
-        row = results.CurveLevel(level.level, **own, ci95=results.LevelIntervals(**intervals))
-        rows.append(msgspec.structs.replace(row, torque_half_width_nm=width))
-    by_name: Degrees = dict(zip(CURVES, degrees, strict=True))
+    """An estimate with intervals of its curves and coefficients."""
+    curves = []
+    for i, level in enumerate(values.levels):
+        Ts, tau1, tau2, _ = values.theta[:, i].tolist()
+        ends = results.LevelIntervals(**values.intervals(i), dof=values.dof(i))
+        curves.append(results.CurveLevel(level.level, Ts, tau1, tau2, ends, widths[i]))
+    by_name: Degrees = dict(zip(CURVES, one.ends[2], strict=True))
+    constrained = tuple(dict.fromkeys(name for code in one.held for name in HELD_BY.get(code, ())))
     return msgspec.structs.replace(
-        part,
-        curves=tuple(rows),
-        ci95=coefficient_intervals(c, covariance, by_name, constrained),
-        covariance=covariance_part(c, covariance, by_name, source),
+        one.part,
+        curves=tuple(curves),
+        ci95=coefficient_intervals(c, one.covariance, by_name, constrained),
+        covariance=covariance_part(c, one.covariance, by_name, source),
     )
 
 
@@ -161,140 +175,140 @@ def chain(c: Coefficients, u: float) -> Array:
     return D
 
 
-def white(c: Coefficients, levels: Sequence[Level]) -> tuple[Array, Array, float]:
-    """The textbook: covariance s² (J'J)⁻¹, variance of ln T_s, ln τ1, ln τ2 by level, (3, L), and N − P."""
-    g = [
-        log_jacobian(nonlinear.at_duty(c.plant(), one.level), one.time_s, c.share_free) @ chain(c, one.level)
-        for one in levels
+def white(one: Standing, levels: Sequence[Level]) -> Standing:
+    """The textbook: covariance s² (J'J)⁻¹ with N − P degrees of freedom."""
+    p = one.part.parameters
+    c = coefficients_of(p, one.part.C_free)
+    jacobians = [
+        log_jacobian(nonlinear.at_duty(p, level.level), level.time_s, c.share_free) @ chain(c, level.level)
+        for level in levels
     ]
-    left = [one.mean - nonlinear.step_response(c.plant(), one.time_s, one.level) for one in levels]
-    M, noise, spare = textbook(g, left, len(c.values))
+    left = [level.mean - nonlinear.step_response(p, level.time_s, level.level) for level in levels]
+    M, noise, spare = textbook(jacobians, left, len(c.values))
     covariance = free_inverse(M, np.zeros((0, len(M)))) * noise
-    D = np.array([chain(c, one.level)[:3] for one in levels])
-    return covariance, np.maximum(np.einsum("lkp,pq,lkq->kl", D, covariance, D), 0.0), spare
+    D = np.array([chain(c, level.level)[:3] for level in levels])
+    reach = t_quantile(spare) * np.sqrt(np.maximum(np.einsum("lkp,pq,lkq->kl", D, covariance, D), 0.0))
+    value = np.log(np.maximum(_curves(p, levels), 1e-300))
+    return replace(one, covariance=covariance, ends=(value - reach, value + reach, np.full(reach.shape, spare)))
 
 
-def of_joint(joint: results.Estimate, data: Data, first: Estimate) -> Influence:
-    """How the unknowns of the paper's joint fit answer to the runs."""
+def _curves(p: Nonlinear, levels: Sequence[Level]) -> Array:
+    """T_s, τ1, τ2 of a model at the levels, (3, L)."""
+    u = np.array([level.level for level in levels])
+    return np.array([nonlinear.steady_torque(p, u), *nonlinear.time_constants(p, u)])
+
+
+def of_joint(
+    joint: tuple[results.Estimate, dict[str, tuple[float, ...]]], believed: Standing, first: Estimate, data: Data
+) -> Standing:
+    """The paper's joint fit as the model, by how its unknowns answer to the runs."""
+    part, held = joint
     basis, points = first.basis, data.points
-    problem = nonlinear_problem(data, basis)
-    x = basis.unknowns(joint.parameters)
+    problem, x = nonlinear_problem(data, basis), basis.unknowns(part.parameters)
     theta = basis.theta(x, basis.M)
     curves = [Friction(*one) for one in theta.T.tolist()]
     times = np.broadcast_to(points.t_s, points.y.shape)
     ways = np.array([friction.gradient(curve, t) for curve, t in zip(curves, times, strict=True)])
     weighed, take = ways * points.w[:, None], basis.M.transpose(1, 0, 2)
-    held = problem.A[problem.A @ x - problem.b < 1e-7 * (1 + np.abs(problem.b))]
-    left = np.array([curve.Ts for curve in curves])[:, None] * ways[:, 0] - points.y
-    swept, none = first.swept and bool((first.repeats > 1).all()), np.zeros((0, basis.size))
-    found, back = influence_of(weighed, ways, take, first.runs, held, none, first.single_degrees, swept)
-    alone = [none]
-    for i in np.flatnonzero(first.repeats == 1).tolist():
-        own = take[i].T @ weighed[i] @ ways[i].T @ take[i]
-        alone.append(corrected(own, back, -take[i].T @ weighed[i] @ left[i])[None])
-    return replace(found, singles=np.concatenate(alone) @ back)
-
-
-def nonlinear_part(
-    fit: results.Fit,
-    base: LevelStatistics,
-    first: Estimate,
-    options: FitOptions,
-    held_out: Sequence[Level] = (),
-    draws: Array | None = None,
-) -> results.Fit:
-    """The fit with the estimate that stands as its nonlinear model, its intervals, and the joint fit beside it.
-
-    `draws` are unknowns of refits to resampled runs of the estimate that stands, (draws, n).
-    """
-    joint = fit.nonlinear
-    assert joint is not None
-    levels, data, basis, ci = base.levels, base.data, first.basis, options.ci
-    held_out = held_out if joint.hold_out is not None else ()
-    part, findings = scores_of(first, data, held_out)
-    misfit, bent = misfits(first, base)
-    part = msgspec.structs.replace(part, misfit=misfit or None)
-    u, ends = base.duty_pct, first.intervals(base.duty_pct)
-    leave_out_tau2(ends, levels)
-    wide = ~(0.5 * (ends[1] - ends[0]) <= OPEN)
-    for name in (name for code in first.active for name in HELD_BY.get(code, ())):
-        wide[CURVES.index(name)] = True
-    parts = parted(joint, part, u, ends)
-    stands: results.Estimate = part
-    unknowns, held, influence = first.coefficients, tuple(first.active), first.influence
-    if options.estimator == "joint":
-        stands, unknowns = joint.estimate, basis.unknowns(joint.parameters)
-        held = tuple(joint.solver.at_bounds) if joint.solver is not None else ()
-        influence = of_joint(joint, data, first)
-        findings = [one for one in fit.findings if one.subject == "nonlinear" and one.code in OF_THE_SOLUTION]
-    value, slopes = first.numbers(u, unknowns)
+    blocked = problem.A[problem.A @ x - problem.b < 1e-7 * (1 + np.abs(problem.b))]
+    gain, back = gains_of(weighed, ways, take, first.along, blocked)
+    alone = [np.zeros((0, basis.size))]
+    if (first.repeats == 1).all():
+        left, gain = theta[0][:, None] * ways[:, 0] - points.y, 0 * gain
+        for i in range(len(first.levels)):
+            own = take[i].T @ weighed[i] @ ways[i].T @ take[i]
+            alone.append(corrected(own, back, -take[i].T @ weighed[i] @ left[i])[None])
+    influence = Influence(gain, first.scatter.of_levels, np.concatenate(alone) @ back, first.single_degrees)
+    value, slopes = first.numbers(data.u, x)
+    other = first.numbers(data.u, first.coefficients)[0]
+    variance, degrees = (v.reshape(3, -1) for v in influence.of(slopes.reshape(-1, basis.size)).variance())
+    reach = t_quantile(degrees) * np.hypot(np.sqrt(variance), value - other)
     turn = from_basis(basis)
-    c = coefficients_of(stands.parameters, basis.free_share)
-    covariance = turn @ influence.covariance() @ turn.T
-    if options.estimator == "joint":
-        variance, degrees = (v.reshape(3, -1) for v in influence.of(slopes.reshape(-1, basis.size)).variance())
-        other = first.numbers(u, first.coefficients)[0]
-        apart = turn @ (unknowns - first.coefficients)
-        covariance = covariance + np.outer(apart, apart)
-        reach = t_quantile(degrees) * np.hypot(np.sqrt(variance), value - other)
-        ends = value - reach, value + reach, degrees
-    if draws is not None:
-        degrees, near = ends[2], np.log(np.maximum(np.einsum("kln,dn->dkl", basis.rows(u)[:3], draws), 1e-12))
-        reach = t_quantile(degrees) * spread_of(near, axis=0)
-        ends, covariance = (value - reach, value + reach, degrees), tame_covariance(draws @ turn.T)
-    if ci == "white":
-        covariance, variance, spare = white(c, levels)
-        reach = t_quantile(spare) * np.sqrt(variance)
-        ends = value - reach, value + reach, np.full(reach.shape, spare)
-    leave_out_tau2(ends, levels)
-    if ci != "none":
-        stands = with_intervals(stands, levels, c, covariance, ends, held, ci)
-    model = results.Nonlinear.of(
-        stands,
-        estimator="joint" if options.estimator == "joint" else "levels-first",
-        robust=joint.robust,
-        joint=joint.estimate,
-        parts=parts,
-    )
-    left_open = nonlinear_findings(model, base, fit.data.input_unit, fit.data.output_unit, wide, fit.friction is None)
-    model = msgspec.structs.replace(model, identifiable=identifiable(left_open))
-    known = {level.level for level, there in zip(levels, wide[2], strict=True) if not there}
-    others = [
-        one
-        for one in fit.findings
-        if not (one.subject == "nonlinear" and one.code in OF_THE_SOLUTION)
-        and not (one.code in OF_TAU2_ALONE and known.issuperset(one.levels))
-    ]
-    told = joint_findings(parts, options.estimator)
-    return msgspec.structs.replace(fit, nonlinear=model, findings=(*others, *findings, *left_open, *bent, *told))
+    apart = turn @ (x - believed.unknowns)
+    covariance = turn @ influence.covariance() @ turn.T + np.outer(apart, apart)
+    return Standing(part, x, held, covariance, (value - reach, value + reach, degrees))
 
 
-def leave_out_tau2(ends: tuple[Array, Array, Array], levels: Sequence[Level]) -> None:
-    """No end of τ2 where most levels' lie beyond `QUOTED_RECORDS` records."""
-    beyond = ends[1][2] > np.log([QUOTED_RECORDS * level.time_s[-1] for level in levels])
-    if 2 * beyond.sum() > len(levels):
-        ends[1][2] = np.inf
+def from_draws(one: Standing, first: Estimate, u: Array, draws: Array) -> Standing:
+    """The same with intervals from refits to resampled runs; those that run away (a lost τ2) count by rank."""
+    value, near = first.numbers(u, one.unknowns)[0], np.array([first.numbers(u, x)[0] for x in draws])
+    reach = t_quantile(one.ends[2]) * spread_of(near)
+    c = draws @ from_basis(first.basis).T
+    size, middle = spread_of(c), np.median(c, axis=0)
+    tame = np.clip(c, middle - 3 * size, middle + 3 * size)
+    sd = tame.std(axis=0)
+    factor = size / np.where(sd > 0, sd, 1.0)
+    covariance = np.cov(tame, rowvar=False) * np.outer(factor, factor)
+    return replace(one, covariance=covariance, ends=(value - reach, value + reach, one.ends[2]))
 
 
-def parted(
-    joint: results.Estimate, part: results.Estimate, u: Array, ends: tuple[Array, Array, Array]
-) -> tuple[results.Disagreement, ...]:
+def spread_of(values: Array) -> Array:
+    """Standard deviation over refits, the first axis, from their middle 95 %."""
+    low, high = np.quantile(values, [0.025, 0.975], axis=0)
+    return np.asarray((high - low) / 3.92)
+
+
+def misfits(first: Estimate) -> tuple[dict[str, float], list[Finding]]:
+    """χ² of the levels about each polynomial over its degrees of freedom, and where that is beyond chance."""
+    seen = first.scatter
+    found = {} if first.curve.misfit is None else {"Ts": first.curve.misfit}
+    beyond = ["Ts"] if first.curve.widened > 1 else []
+    _, slopes = first.numbers(seen.duty, first.coefficients)
+    for k, name in enumerate(CURVES[1:], 1):
+        known = seen.usable[:, k] & (seen.repeats > 1)
+        spare = int(known.sum()) - 1 - first.basis.degrees[k]
+        if spare > 0:
+            of_curve = first.influence.of(slopes[k, known]).variance()[0]
+            off = seen.shift[known, k] ** 2 / (seen.pooled.expected[known, k] + of_curve)
+            found[name] = float(off.sum()) / spare
+            if found[name] > fdtri(spare, max(seen.degrees / 2, 1.0), BEYOND_CHANCE):
+                beyond.append(name)
+    return found, [finding("polynomials-too-low", "nonlinear", (), parameters=tuple(beyond))] if beyond else []
+
+
+def open_findings(part: results.Estimate, values: LevelValues) -> list[Finding]:
+    """Levels too few for the polynomials, parameters that are open at most levels, and a free C."""
+    count = len(values.levels)
+    found = []
+    if count == 1:
+        found.append(finding("one-level-nonlinear", "nonlinear", [values.levels[0].level]))
+    elif count < 4:
+        found.append(finding("few-levels-for-polynomials", "nonlinear", count=count))
+    met = values.theta[2] <= values.theta[1] * (1 + 1e-4)
+    longest = max(float(level.time_s[-1]) for level in values.levels)
+    for open_there, name in zip(values.open, CURVES, strict=True):
+        if 2 * open_there.sum() > count:
+            one = 2 * (met & open_there).sum() > open_there.sum()
+            cause = "one-exponential" if one else "short-record" if name == "tau2" else "records"
+            at = [level.level for level, there in zip(values.levels, open_there, strict=True) if there]
+            said: dict[str, Value] = {
+                "parameter": name,
+                "count": len(at),
+                "of": count,
+                "cause": cause,
+                "record_s": longest,
+            }
+            found.append(finding("parameter-open-at-most-levels", "nonlinear", at, **said))
+    if part.C_free:
+        found.append(finding("share-free", "nonlinear", C=part.C))
+    return found
+
+
+def parted(joint: results.Estimate, one: Standing, levels: Sequence[Level]) -> tuple[results.Disagreement, ...]:
     """Parameters whose joint curve leaves the intervals of the estimate that is believed; the worst level each."""
     found = []
-    curves = [
-        (nonlinear.steady_torque(p, u), *nonlinear.time_constants(p, u)) for p in (joint.parameters, part.parameters)
-    ]
-    for k, name in enumerate(CURVES):
-        one, other = (np.asarray(curve[k]) for curve in curves)
+    u = np.array([level.level for level in levels])
+    other = values_of(one, levels, False)
+    for k, (name, a, b) in enumerate(zip(CURVES, _curves(joint.parameters, levels), other.theta[:3], strict=True)):
         with np.errstate(divide="ignore", invalid="ignore"):
-            apart = np.log(one)
-            out = np.flatnonzero(~((apart >= ends[0][k]) & (apart <= ends[1][k])))
+            apart = np.log(a)
+            out = np.flatnonzero(~((apart >= other.low[k]) & (apart <= other.high[k])))
         if len(out):
-            i = int(out[np.abs(np.log(np.maximum(one[out], 1e-300) / np.maximum(other[out], 1e-300))).argmax()])
-            low, high = np.exp([ends[0][k, i], ends[1][k, i]]).tolist()
+            i = int(out[np.abs(np.log(np.maximum(a[out], 1e-300) / np.maximum(b[out], 1e-300))).argmax()])
+            low, high = np.exp([other.low[k, i], other.high[k, i]]).tolist()
             known = (low, high) if low > 0 and np.isfinite(high) else None
-            at = tuple(u[out].tolist())
-            found.append(results.Disagreement(name, at, float(u[i]), float(one[i]), float(other[i]), known))
+            row = (float(u[i]), float(a[i]), float(b[i]), known)
+            found.append(results.Disagreement(name, tuple(u[out].tolist()), *row))
     return tuple(found)
 
 
@@ -312,18 +326,3 @@ def joint_findings(parts: Sequence[results.Disagreement], estimator: str) -> lis
     code = "joint-fit-asked-for-parts" if estimator == "joint" else "joint-fit-parts"
     values = {"parameter": worst.parameter, "worst": worst.worst, "joint": worst.one, "other": worst.other}
     return [finding(code, "nonlinear", worst.levels, low=low, high=high, **values)]
-
-
-def spread_of(values: Array, axis: int) -> Array:
-    """Standard deviation from the middle 95 % of refits: some run away (a τ2 that a draw lost), and count by rank."""
-    low, high = np.quantile(values, [0.025, 0.975], axis=axis)
-    return np.asarray((high - low) / 3.92)
-
-
-def tame_covariance(draws: Array) -> Array:
-    """Covariance of refits, (draws, P), those that run away held at three standard deviations."""
-    size, middle = spread_of(draws, axis=0), np.median(draws, axis=0)
-    near = np.clip(draws, middle - 3 * size, middle + 3 * size)
-    sd = near.std(axis=0)
-    factor = size / np.where(sd > 0, sd, 1.0)
-    return np.asarray(np.cov(near, rowvar=False) * np.outer(factor, factor))

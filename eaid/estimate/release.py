@@ -13,18 +13,18 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.estimate.basis import RECORDS
 from eaid.estimate.data import Data, data_of, quality
-from eaid.estimate.levels import GRID, tau_limits
 from eaid.estimate.points import Points, decay
 from eaid.estimate.solver import ROUNDING, Problem, minimised
-from eaid.estimate.starts import Indices, bowls, table_of
+from eaid.estimate.starts import LEVEL_GRID, Indices, bowls, table_of
 from eaid.findings import Finding, finding
-from eaid.models.parameters import SHARE, Friction
+from eaid.models.parameters import SHARE, TAU_FLOOR_S, Friction
 from eaid.results.common import Solver
-from eaid.results.fit import FrictionLevel, Release, ReleaseLevel
+from eaid.results.fit import Release, ReleaseLevel
 from eaid.steps.stepset import Level
 
 MOST = 3
 """Starts of every solve."""
+NAMES = ("tau1-floor", "tau2-meets-tau1", "tau2-endless")
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ def _starts(data: Data, shares: Array) -> tuple[Indices, Array]:
     points, level, starts = data.points, [], []
     for i, share in enumerate(shares.tolist()):
         one = points.rows(slice(i, i + 1))
-        table = table_of(replace(one, y=-one.y), share, GRID, offset=True)
+        table = table_of(replace(one, y=-one.y), share, LEVEL_GRID, offset=True)
         _, first, second = bowls(table.gain, MOST)
         level += [i] * len(first)
         starts.append(np.log(table.grid[[first, second]].T))
@@ -61,7 +61,8 @@ def solve(data: Data, shares: Array, starts: Array) -> ReleaseSolution:
 
     SLSQP ends the fit from the best of what they lead to.
     """
-    A, b, names = tau_limits(RECORDS * data.longest_s)
+    A = np.array([[1.0, 0.0], [-1.0, 1.0], [0.0, -1.0]])  # in ln τ: τ1 ≥ 1 ms, τ2 ≥ τ1, τ2 ≤ RECORDS records
+    b, names = np.array([np.log(TAU_FLOOR_S), 0.0, -np.log(RECORDS * data.longest_s)]), NAMES
     points = data.points
     problem = Problem(
         lambda x: _projected(x, points, shares)[:3],
@@ -127,16 +128,15 @@ def _projected(x: Array, points: Points, shares: Array) -> tuple[float, Array, A
 
 def release_fit(
     releases: Sequence[Level],
-    rising: Sequence[FrictionLevel],
+    rises: Mapping[float, Friction],
     held_s: Mapping[float, float],
     share: float = SHARE,
 ) -> tuple[Release, list[Finding]]:
     """Pooled release constants, and each level's own beside the rising ones.
 
-    `held_s` is how long each level was held before its release [s].
+    `rises` are the rising curves by level, `held_s` is how long each level was held before its release [s].
     """
     data = data_of(releases)
-    rises = {fit.level: fit.curve for fit in rising}
     shares = np.array([share_reached(rises.get(r.level), held_s.get(r.level), share) for r in releases])
     alone = fit_each_release(data, shares)
     pooled = solve(data, shares, np.log([level_fit.tau for level_fit in alone]))

@@ -1,134 +1,172 @@
-"""Intervals from whole runs (cluster sandwich): how far each run moves an estimate, and how sure any number of it is.
+"""Intervals from whole runs (cluster sandwich): how runs move an estimate, and how sure any number of it is.
 
-Near its minimum an estimate answers to run r of level l by ψ_lr = H⁻¹ s_lr, with H the curvature of half the cost and
-s_lr the run's score, centred within the level. A number with the gradient g then has the variance
-V = Σ_l R/(R − 1) Σ_r (g'ψ_lr)², and by Satterthwaite V²/Σ_l(V_l²/(R − 1)) degrees of freedom. Where repeats were
-recorded as sweeps, the excess of the variance between sweeps, R/(R − 1) Σ_r (Σ_l g'ψ_lr)², is added, with R − 1.
+Near its minimum an estimate answers to the own estimate θ_l of a level by G_l = H⁻¹ Σ_t w ∂f/∂x ∂f/∂θ_l, H the
+curvature of half the cost. A number with the gradient g then has the variance V = Σ_l g'G_l S_l G_l'g, S_l the
+covariance of θ_l: how its runs scatter, pooled over the levels about it, and V's degrees of freedom by Satterthwaite.
+Where repeats were recorded as sweeps, the excess of Σ_r (Σ_l g'G_l d_lr)²/R/(R − 1) is added, with R − 1, d_lr how far
+run r alone would move θ_l.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from typing import TypeAlias, overload
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import stdtrit
 
 from eaid.arrays import Array
-from eaid.estimate.points import compress
-from eaid.steps.stepset import Level
+from eaid.results.common import Interval
 
 Counts: TypeAlias = NDArray[np.int64]
+NOMINAL = 0.95
+"""Coverage that every interval of eaid claims."""
+FARTHEST = 50.0
+"""Logarithm beyond which an end is none."""
+Degrees: TypeAlias = dict[str, "float | Array"]
+"""Degrees of freedom by parameter; arrays have one entry a level."""
+
+
+@overload
+def t_quantile(degrees: float, nominal: float = NOMINAL) -> float: ...
+@overload
+def t_quantile(degrees: Array, nominal: float = NOMINAL) -> Array: ...
+def t_quantile(degrees: float | Array, nominal: float = NOMINAL) -> float | Array:
+    """Two-sided quantile of Student's t; infinite degrees of freedom give the normal one, none give infinity."""
+    many = np.asarray(degrees, dtype=np.float64)
+    t = np.where(many > 0, stdtrit(np.clip(many, 1e-3, 1e12), (1 + nominal) / 2), np.inf)
+    return t if isinstance(degrees, np.ndarray) else float(t)
+
+
+def interval_of(value: float, variance: float, degrees: float) -> tuple[float, float]:
+    """value ± t √V."""
+    reach = t_quantile(degrees) * float(np.sqrt(variance))
+    return value - reach, value + reach
+
+
+def log_interval_of(value: float | None, variance: float, degrees: float) -> Interval:
+    """value · exp(±t √V), V of the logarithm; None of what is not above 0, or where the interval has no end."""
+    if value is None or value <= 0:
+        return None
+    reach = t_quantile(degrees) * float(np.sqrt(variance))
+    return (value * float(np.exp(-reach)), value * float(np.exp(reach))) if reach < FARTHEST else None
+
+
+def satterthwaite(parts: Sequence[Array | float], degrees: Sequence[Array | float]) -> Array:
+    """Degrees of freedom of the sum of independent variances: (Σ v)²/Σ(v²/ν), elementwise."""
+    spread = sum(np.square(v) / df for v, df in zip(parts, degrees, strict=True))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.square(sum(parts)) / spread)
+
+
+def textbook(jacobians: Sequence[Array], residuals: Sequence[Array], parameters: int) -> tuple[Array, float, float]:
+    """Σ J'J, the noise's variance s² = Σ r'r/(N − P) as if every sample's error were its own, and N − P."""
+    information = sum(J.T @ J for J in jacobians)
+    spare = sum(map(len, residuals)) - parameters
+    cost = sum(float(r @ r) for r in residuals)
+    return np.asarray(information), cost / max(spare, 1), float(spare)
+
+
+@dataclass(frozen=True, eq=False)
+class LevelScatter:
+    """How T_s, τ1, τ2[, C] of L levels scatter, in logarithms; k of them, shown by M independent groups of runs."""
+
+    expected: Array
+    """Variance of each level's own estimate as one scatter for all levels gives it, (L, k)."""
+    alike: Array
+    """Correlations within a level, (L, k, k)."""
+    mixed: Array
+    """How much each group counts for the scatter of each level, rows of sum 1, (k, L, M)."""
+    relative: Array
+    """Scatter that each group shows, as a part of the expected, (k, M)."""
+    degrees: Array
+    """Degrees of freedom of each group, (M,)."""
+    shifts: tuple[Array, ...] = ()
+    """Where repeats were sweeps: how far each run alone would move its level's estimate, (R, k) of each level."""
+
+    def alone(self, i: int) -> "LevelScatter":
+        """The same of one level."""
+        one = slice(i, i + 1)
+        common = tuple(self.shifts[one])
+        return replace(
+            self, expected=self.expected[one], alike=self.alike[one], mixed=self.mixed[:, one], shifts=common
+        )
+
+    def covariance(self, actual: bool) -> Array:
+        """Of each level's own estimate, (L, k, k): as expected, or as its neighbourhood shows it."""
+        variance = self.expected
+        if actual:
+            variance = variance * np.einsum("klm,km->lk", self.mixed, self.relative)
+        sd = np.sqrt(variance)
+        return np.asarray(self.alike * sd[:, :, None] * sd[:, None, :])
 
 
 @dataclass(frozen=True, eq=False)
 class Influence:
-    """How n numbers answer to the runs that they were estimated from."""
+    """How n numbers answer to the levels that they were estimated from."""
 
-    runs: Array
-    """ψ of the N runs of levels with repeats, level after level, (N, n); those of a level sum to 0."""
-    repeats: Counts
-    """Runs of each such level."""
+    gain: Array
+    """Change of the numbers where the own estimates of a level change, (L, k, n)."""
+    levels: LevelScatter
     singles: Array
     """Independent parts of what levels of a single run contribute, (parts, n)."""
     single_degrees: float
     """Degrees of freedom of those."""
-    swept: bool = False
-    """Whether run r of every level was one sweep."""
 
     def of(self, rows: Array) -> "Influence":
         """The same for other numbers, whose gradients are `rows`, shape (m, n)."""
-        return replace(self, runs=self.runs @ rows.T, singles=self.singles @ rows.T)
+        return replace(self, gain=self.gain @ rows.T, singles=self.singles @ rows.T)
 
     def variance(self) -> tuple[Array, Array]:
-        """Variance of each number and its degrees of freedom, (n,) each."""
-        parts, degrees = [self._by_level()], [self.repeats[:, None] - 1.0]
-        if len(self.singles):
-            parts.append((self.singles**2).sum(axis=0, keepdims=True))
-            degrees.append(np.array([[self.single_degrees]]))
-        if self.swept:
-            excess = (self._sweeps() ** 2).sum(axis=0) - np.concatenate(parts).sum(axis=0)
-            parts.append(np.maximum(excess, 0.0)[None])
-            degrees.append(np.array([[self.repeats[0] - 1.0]]))
-        part, nu = np.concatenate(parts), np.concatenate(degrees)
-        total = part.sum(axis=0)
+        """Variance of each number and its degrees of freedom, (n,) each (Satterthwaite)."""
+        seen, gain = self.levels, self.gain
+        by_level = np.einsum("lin,lij,ljn->ln", gain, seen.covariance(actual=False), gain)
+        along = gain**2 * seen.expected[:, :, None]
+        share = along * (by_level / np.maximum(along.sum(axis=1), 1e-300))[:, None]
+        expected = np.einsum("lkn,klm->kmn", share, seen.mixed)
+        part = np.einsum("kmn,km->mn", expected, seen.relative)
+        total, usual = part.sum(axis=0), expected.sum(axis=0)
         with np.errstate(divide="ignore", invalid="ignore"):
-            found = total**2 / (part**2 / nu).sum(axis=0)
-        return total, np.where(total > 0, found, nu.sum())
+            known = seen.degrees[:, None] > 0
+            spread = np.where(known, usual**2 / np.where(known, seen.degrees[:, None], 1.0), 0.0).sum(axis=0)
+            degrees = np.where(spread > 0, usual.sum(axis=0) ** 2 / spread, seen.degrees.sum())
+            alone = (self.singles**2).sum(axis=0)
+            excess = np.maximum((self._sweeps() ** 2).sum(axis=0) - total, 0.0) if seen.shifts else 0.0 * total
+            sweeps = max(len(seen.shifts[0]) - 1.0, 1.0) if seen.shifts else 1.0
+            counts = (np.maximum(degrees, 1e-300), max(self.single_degrees, 1e-300), sweeps)
+            found = satterthwaite((total, alone, excess), counts)
+        whole = total + alone + excess
+        return whole, np.where(whole > 0, found, seen.degrees.sum() + self.single_degrees * bool(len(self.singles)))
 
     def covariance(self) -> Array:
         """Covariance of the numbers, (n, n)."""
-        root = self.runs * np.sqrt(self._factor())[:, None]
-        V = root.T @ root + self.singles.T @ self.singles
-        if self.swept:
+        V = np.einsum("lin,lij,ljm->nm", self.gain, self.levels.covariance(actual=True), self.gain)
+        V = V + self.singles.T @ self.singles
+        if self.levels.shifts:
             sweeps = self._sweeps()
             scale = np.sqrt(np.maximum(np.diag(V), 1e-300))
             size, ways = np.linalg.eigh((sweeps.T @ sweeps - V) / np.outer(scale, scale))
             V = V + (ways * np.maximum(size, 0.0)) @ ways.T * np.outer(scale, scale)
         return np.asarray(V)
 
-    def _factor(self) -> Array:
-        """R/(R − 1) of each run, (N,)."""
-        return np.repeat(self.repeats / (self.repeats - 1.0), self.repeats)
-
-    def _by_level(self) -> Array:
-        """R/(R − 1) Σ_r ψ² of each level, (L, n)."""
-        first = np.cumsum(self.repeats) - self.repeats
-        squares = self.runs**2 * self._factor()[:, None]
-        return np.add.reduceat(squares, first, axis=0) if len(first) else np.zeros((0, squares.shape[1]))
-
     def _sweeps(self) -> Array:
-        """√(R/(R − 1)) Σ_l ψ_lr of each sweep, (R, n)."""
-        together = self.runs.reshape(len(self.repeats), -1, self.runs.shape[1]).sum(axis=0)
-        return np.asarray(np.sqrt(len(together) / (len(together) - 1)) * together)
+        """Rows whose squares sum to the variance where every sweep is one observation, (R, n)."""
+        together = np.einsum("lrk,lkn->rn", np.array(self.levels.shifts), self.gain)
+        return np.asarray(together / np.sqrt(len(together) * (len(together) - 1)))
 
 
-def influence_of(
-    weighed: Array,
-    ways: Array,
-    take: Array,
-    runs: "Runs",
-    held: Array,
-    singles: Array,
-    single_degrees: float,
-    swept: bool,
-) -> tuple[Influence, Array]:
-    """How n unknowns answer to the runs of L levels, and the inverse of half the cost's curvature, (n, n).
+def gains_of(weighed: Array, ways: Array, take: Array, along: Array, held: Array) -> tuple[Array, Array]:
+    """How n unknowns answer to the levels' own estimates, (L, k, n), and the inverse of half the cost's curvature.
 
-    `ways` are the slopes of each level's curve by k numbers at its points, (L, k, P), `weighed` the same times the
-    points' weights, `take` how these go with the unknowns, (L, k, n). `held` are rows of active constraints, (m, n);
-    `singles` scores of the independent parts of levels of a single run, (parts, n).
+    `ways` are the slopes of each level's curve by j numbers at its points, (L, j, P), `weighed` the same times the
+    points' weights, `take` how these go with the unknowns, (L, j, n); `along` the slopes by the level's own parameters,
+    (L, k, P). `held` are rows of active constraints, (m, n).
     """
     curvature = np.einsum("lin,lij,ljm->nm", take, weighed @ ways.transpose(0, 2, 1), take, optimize=True)
     unseen = np.flatnonzero(np.diag(curvature) == 0)
     curvature[unseen, unseen] = 1.0
     back = free_inverse(curvature, held)
-    along = (weighed[runs.level] @ runs.off[:, :, None])[:, :, 0] / np.repeat(runs.repeats, runs.repeats)[:, None]
-    scores = np.einsum("nk,nkm->nm", along, take[runs.level])
-    return Influence(scores @ back, runs.repeats, singles @ back, single_degrees, swept), back
-
-
-@dataclass(frozen=True, eq=False)
-class Runs:
-    """The compressed runs of levels with repeats, less the mean of their level."""
-
-    off: Array
-    """(N, P)."""
-    level: Counts
-    """Index of the level of each, (N,)."""
-    repeats: Counts
-    """Runs of each level with repeats."""
-
-    @classmethod
-    def of(cls, levels: Sequence[Level], width: int) -> "Runs":
-        """The runs of some levels, on points padded to `width`."""
-        rows, index, repeats = [np.zeros((0, width))], [], []
-        for i, level in enumerate(levels):
-            if len(level.runs) > 1:
-                y = compress([level.time_s] * len(level.runs), list(level.runs)).y
-                rows.append(np.pad(y - np.sort(y, axis=0).mean(axis=0), ((0, 0), (0, width - y.shape[1]))))
-                index += [i] * len(y)
-                repeats.append(len(y))
-        return cls(np.concatenate(rows), np.array(index, dtype=np.int64), np.array(repeats, dtype=np.int64))
+    return np.einsum("ljk,ljn->lkn", weighed @ along.transpose(0, 2, 1), take @ back), back
 
 
 def corrected(own: Array, back: Array, score: Array) -> Array:

@@ -98,6 +98,18 @@ def bowls(gain: Array, most: int) -> tuple[Indices, Indices, Indices]:
     return level[order], first[order], second[order]
 
 
+LEVEL_GRID, BOWLS = 48, 3
+"""Time constants of the table for single levels, and the minima over it that each level starts from, at most."""
+
+
+def level_starts(data: Data, share: float) -> tuple[Indices, Array]:
+    """Level, (N,), and (τ1, τ2, C), (N, 3), of each level's best minima over a table of pairs of τ."""
+    table = table_of(data.points, share, LEVEL_GRID)
+    level, first, second = bowls(table.gain, BOWLS)
+    tau1, tau2 = np.maximum(table.grid[[first, second]], 1.01 * TAU_FLOOR_S)
+    return level, np.stack([tau1, tau2, np.full(len(level), share)], axis=1)
+
+
 def time_constants(
     table: Table, forms: Sequence[Array], weight: Array, least: float, longest: float
 ) -> list[tuple[Array, Array]]:

@@ -16,7 +16,8 @@ from scipy.optimize import least_squares
 
 from eaid.arrays import Array, inverse
 from eaid.estimate.data import quality
-from eaid.estimate.runs import bartlett_variance, t_quantile
+from eaid.estimate.scatter import bartlett_variance
+from eaid.estimate.spread import t_quantile
 from eaid.findings import Finding, finding
 from eaid.models.parameters import SHARE
 from eaid.options import FitOptions

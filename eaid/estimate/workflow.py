@@ -1,23 +1,56 @@
-"""A set of steps → a finished fit: models, intervals, the believed estimate, findings.
+"""A set of steps → a finished fit: the estimate and its intervals, the models, what is to be known of them.
 
 The one entry that the command line and a notebook share.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
+from functools import partial
 from typing import Any, TypeVar
 
 import msgspec
+import numpy as np
 from threadpoolctl import threadpool_limits
 
+from eaid.arrays import Array
 from eaid.declared import forms
-from eaid.estimate.fit import converged, data_part, fit
-from eaid.estimate.intervals import with_intervals
+from eaid.errors import DataError, UsageError
+from eaid.estimate.adequacy import adequacy, share_of, share_of_levels
+from eaid.estimate.bootstrap import bootstrap, refit_joint
+from eaid.estimate.data import Data, data_of, explains_little
+from eaid.estimate.friction import (
+    LevelValues,
+    friction_hold_out,
+    friction_part,
+    of_own_levels,
+    own_level_findings,
+    quoted,
+    white_ends,
+)
+from eaid.estimate.huber import huber_findings, minimise, with_runs
+from eaid.estimate.joint import joint_fit
+from eaid.estimate.levels import OwnLevels, own_levels
+from eaid.estimate.linear import linear_part
+from eaid.estimate.nonlinear import believed, nonlinear_part, spread_of
+from eaid.estimate.release import release_fit
+from eaid.estimate.scatter import CURVES, NAMES, Scatter, noise_of
+from eaid.estimate.spread import t_quantile
 from eaid.estimate.step_shapes import between_rows, of_another_shape, single_steps, with_step_intervals
 from eaid.findings import Finding, finding, merged, ranked
-from eaid.options import FitGiven, FitOptions
-from eaid.results.fit import Fit, Friction, StepShape, Uncertainty
+from eaid.models.parameters import SHARE
+from eaid.options import MODELS, FitGiven, FitOptions
+from eaid.results.common import Input, Source
+from eaid.results.fit import NOT_IDENTIFIABLE, Fit, FittedData, Friction, Rig, StepShape, Uncertainty
 from eaid.results.verdict import judged
-from eaid.steps.stepset import StepSet
+from eaid.steps.stepset import Level, StepSet
+
+ALLOWED: dict[str, tuple[str, ...]] = {
+    "clutch": MODELS,
+    "friction-force": ("friction",),
+    "friction-speed": ("friction",),
+}
+"""Models that a kind of experiment can be fitted with."""
+
 
 MOST = 1e60
 """Largest size of a number that a result may hold; its cube is still a number."""
@@ -74,17 +107,16 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
 
 def _fit_steps(stepset: StepSet, options: FitOptions, progress: Callable[[], None] | None) -> Fit:
     if stepset.levels or not stepset.level_steps:
-        first = fit(stepset, options)
-        still = next((one for one in first.findings if one.code == "curve-explains-little"), None)
-        if still is not None and len(still.levels) < len(first.data.levels) - len(options.hold_out):
+        result = _fit_levels(stepset, options, progress)
+        still = next((one for one in result.findings if one.code == "curve-explains-little"), None)
+        if still is not None and len(still.levels) < len(stepset.levels) - len(options.hold_out):
             stepset = stepset.without(still.levels, still)
-            first = fit(stepset, options)
-        result = with_intervals(stepset, first, options, progress)
+            result = _fit_levels(stepset, options, progress)
     else:  # a staircase that never rests: no model of steps from rest
         result = Fit(data=data_part(stepset), uncertainty=Uncertainty("none"))
     shapes = shapes_of(stepset, options)
     of_shapes = tuple(warning for shape in shapes for warning in shape.findings)
-    if not shapes and any(warning.code in OTHER_SHAPES for warning in (*result.findings, *stepset.all_findings)):
+    if not shapes and any(one.code in OTHER_SHAPES for one in (*result.findings, *stepset.all_findings)):
         shapes = with_step_intervals(stepset.level_steps, of_another_shape(stepset, options), options.ci)
         of_shapes = merged([warning for shape in shapes for warning in shape.findings])
     rows = between_rows(shapes) if "friction" in (options.model or ("friction",)) else ()
@@ -106,15 +138,222 @@ def _fit_steps(stepset: StepSet, options: FitOptions, progress: Callable[[], Non
     )
 
 
+def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], None] | None) -> Fit:
+    """The models of steps from rest, with intervals; curves of τ near 0 or far beyond a record overflow on the way."""
+    if not stepset.levels:
+        raise DataError("no rising step was found in the logs; give «step_at», or check the input column")
+    models = chosen(stepset.kind, options.model)
+    kept, held_out = split(stepset.levels, options.hold_out)
+    data, whole = data_of(kept), stepset
+    stepset = replace(stepset, levels=kept)
+    with np.errstate(all="ignore"):
+        if "nonlinear" in models:
+            result, seen = _of_the_model(stepset, data, models, options, held_out, progress)
+        else:
+            result, seen = _of_each_level(stepset, data, models, options, held_out, progress)
+        found = [*result.findings, *scatter_findings(seen)]
+        pairs = zip(seen.levels, seen.jacobians, strict=True)  # ∂f/∂ln T_s is f itself
+        if little := [one.level for one, J in pairs if explains_little([one.mean], [one.mean - J[:, 0]])]:
+            found.append(finding("curve-explains-little", "friction", little))
+        right = None
+        if "friction" in models or "nonlinear" in models:
+            right, more = adequacy(seen, stepset.input_unit)
+            found += more
+        if "linear" in models:
+            linear, more = linear_part(data, seen, options, held_out)
+            result = msgspec.structs.replace(
+                result, linear=msgspec.structs.replace(linear, robust=with_runs(linear.robust, kept))
+            )
+            found += more
+    summary = Uncertainty(
+        ci=options.ci,
+        scatter_from=seen.source,
+        degrees_of_freedom=seen.degrees,
+        run_to_run_pct={
+            name: 100 * float(np.sqrt(a)) if np.isfinite(a) else None
+            for name, a in zip(NAMES, seen.pooled.between.tolist(), strict=False)
+        },
+        noise=noise_of(seen, stepset.runs),
+        draws=options.draws if options.ci == "bootstrap" else None,
+        share=None if result.uncertainty is None else result.uncertainty.share,
+        adequacy=right,
+    )
+    result = msgspec.structs.replace(result, data=data_part(whole), uncertainty=summary)
+    if stepset.releases:
+        held_s = {level.level: float(level.time_s[-1]) for level in kept}
+        rises = dict(zip(data.u.tolist(), seen.curves, strict=True))
+        release, more = release_fit(stepset.releases, rises, held_s, options.held_share or SHARE)
+        result, found = msgspec.structs.replace(result, release=release), [*found, *more]
+    return msgspec.structs.replace(result, findings=tuple(found))
+
+
+def _of_the_model(
+    stepset: StepSet,
+    data: Data,
+    models: Sequence[str],
+    options: FitOptions,
+    held_out: Sequence[Level],
+    progress: Callable[[], None] | None,
+) -> tuple[Fit, Scatter]:
+    """The nonlinear model, and the friction curves that it gives at the levels; what the runs say about them."""
+    levels = stepset.levels
+    first, huber = believed(levels, data, options.held_share, options.loss)
+    seen = first.scatter
+    joint, joint_held, huber_of_joint = joint_fit(data, options, held_out)
+    draws = None
+    if options.ci == "bootstrap":
+        x = first.basis.unknowns(joint.parameters)
+        refit = partial(refit_joint, first.basis, x) if options.estimator == "joint" else first.refit
+        draws = bootstrap(levels, data, seen.curves, refit, options, progress)
+    model, values, found = nonlinear_part(stepset, data, first, (joint, joint_held), options, held_out, draws)
+    robust = with_runs(huber_of_joint if options.estimator == "joint" else huber, levels)
+    found += huber_findings("nonlinear", robust)
+    result = Fit(nonlinear=msgspec.structs.replace(model, robust=robust))
+    if options.held_share is not None and options.ci != "none":
+        share, more = share_of(first)
+        result = msgspec.structs.replace(result, uncertainty=Uncertainty(share=share))
+        found += more
+    if "friction" in models:
+        part, more = friction_part(stepset, values, data, None, options, None)
+        found += more
+        result = msgspec.structs.replace(
+            result, friction=msgspec.structs.replace(part, identifiable=model.identifiable)
+        )
+    return msgspec.structs.replace(result, findings=tuple(found)), seen
+
+
+def _of_each_level(
+    stepset: StepSet,
+    data: Data,
+    models: Sequence[str],
+    options: FitOptions,
+    held_out: Sequence[Level],
+    progress: Callable[[], None] | None,
+) -> tuple[Fit, Scatter]:
+    """Every level by itself, with trends over the levels; what the runs say about their curves."""
+    levels, share = stepset.levels, options.held_share
+    own, huber = minimise(
+        data,
+        options.loss,
+        lambda d: own_levels(levels, d, share),
+        lambda d, near: own_levels(levels, d, share, near),
+        OwnLevels.residuals,
+    )
+    if "friction" not in models:
+        return Fit(), own.scatter
+    values = of_own_levels(own)
+    if options.ci == "white":
+        values = quoted(levels, own.theta, own.scatter.held, white_ends(own.scatter))
+    elif options.ci == "bootstrap":
+        values = _with_draws(values, own, data, options, progress)
+    huber = with_runs(huber, levels)
+    part, found = friction_part(stepset, values, data, own, options, huber)
+    found += [*own_level_findings(own, values, stepset), *huber_findings("friction", huber)]
+    known = not any(one.code in NOT_IDENTIFIABLE for one in found)
+    part = msgspec.structs.replace(part, identifiable=known, hold_out=friction_hold_out(part, stepset, held_out))
+    result = Fit(friction=part)
+    if share is not None and options.ci != "none":
+        of_share, more = share_of_levels(own, data, values)
+        result = msgspec.structs.replace(result, uncertainty=Uncertainty(share=of_share))
+        found += more
+    return msgspec.structs.replace(result, findings=tuple(found)), own.scatter
+
+
+def _with_draws(
+    values: LevelValues, own: OwnLevels, data: Data, options: FitOptions, progress: Callable[[], None] | None
+) -> LevelValues:
+    """The same with intervals from refits to resampled runs; those that run away count by rank."""
+
+    def refit(again: Data) -> Array:
+        near = own_levels(own.levels, again, options.held_share, own)
+        return np.log(np.maximum(near.theta[:3], 1e-300))
+
+    near = bootstrap(own.levels, data, own.curves, refit, options, progress)
+    value, reach = np.log(np.maximum(own.theta[:3], 1e-300)), t_quantile(values.degrees) * spread_of(near)
+    return quoted(values.levels, own.theta, values.held, (value - reach, value + reach, values.degrees))
+
+
+def scatter_findings(seen: Scatter) -> list[Finding]:
+    """What the scatter of the runs itself says: single runs, sweeps."""
+    if seen.source != "repeats":
+        return [finding("single-runs" if seen.source == "curve" else "single-runs-few-levels", "data")]
+    if not seen.swept:
+        return []
+    shifted = tuple(name for name, common in zip(CURVES, seen.pooled.common, strict=False) if common > 0)
+    sweeps, runs = int(seen.repeats.max()), int(seen.repeats.sum())
+    return [finding("recorded-as-sweeps", "data", sweeps=sweeps, parameters=shifted, runs=runs)]
+
+
+def converged(result: Fit) -> bool:
+    """Whether every model that was fitted passed our verdict."""
+    parts = (result.friction, result.nonlinear, result.linear, result.release)
+    return all(part.solver is None or part.solver.converged for part in parts if part is not None)
+
+
+def chosen(kind: str, wanted: Sequence[str] | None) -> tuple[str, ...]:
+    """The models to fit; raises UsageError for one that the kind does not allow."""
+    allowed = ALLOWED[kind]
+    for name in wanted or ():
+        if name not in allowed:
+            raise UsageError(f"«model» {name}: {kind} logs can be fitted with {', '.join(allowed)}")
+    return tuple(name for name in allowed if wanted is None or name in wanted)
+
+
+def split(levels: Sequence[Level], hold_out: Sequence[float]) -> tuple[tuple[Level, ...], tuple[Level, ...]]:
+    """The levels to fit and those held out; raises UsageError where a held-out level is not there."""
+    there = [level.level for level in levels]
+    for wanted in hold_out:
+        if not any(np.isclose(wanted, level) for level in there):
+            raise UsageError(f"«hold_out» {wanted:g}: no such level; there are {', '.join(f'{u:g}' for u in there)}")
+    held = tuple(level for level in levels if any(np.isclose(level.level, u) for u in hold_out))
+    kept = tuple(level for level in levels if not any(np.isclose(level.level, u) for u in hold_out))
+    if not kept:
+        raise UsageError("«hold_out»: every level is held out; leave some to be fitted")
+    return kept, held
+
+
+def data_part(stepset: StepSet) -> FittedData:
+    """What a fit is made from: kind, units, levels, the rig and the runs."""
+    rates = [run.rate_hz for run in stepset.runs if not run.left_out]
+    if not rates:
+        rates = [(len(level.time_s) - 1) / float(level.time_s[-1] - level.time_s[0]) for level in stepset.levels]
+    return FittedData(
+        kind=stepset.kind,  # type: ignore[arg-type]  # one of the three
+        input_unit=stepset.input_unit,
+        output_unit=stepset.output_unit,
+        levels=tuple(level.level for level in stepset.levels),
+        repeats=tuple(len(level.runs) for level in stepset.levels),
+        samples=tuple(len(level.time_s) for level in stepset.levels),
+        record_s=tuple(float(level.time_s[-1]) for level in stepset.levels),
+        sample_rate_hz=max(rates, default=None),
+        apparatus=Rig(**asdict(stepset.apparatus)),
+        sources=tuple(
+            Source(
+                run.source,
+                run.sha256,
+                run.name,
+                run.level,
+                run.repeat,
+                run.baseline_nm,
+                run.step_s,
+                run.samples,
+                run.edge,
+            )
+            for run in stepset.runs
+            if not run.left_out
+        ),
+        inputs=tuple(Input(path, sha256) for path, sha256 in stepset.inputs),
+        synthetic=stepset.synthetic,
+    )
+
+
 def shapes_of(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]:
     """Each change of input by itself with its intervals, where that is shown (`single_steps`)."""
     shapes = single_steps(stepset, options)
     return with_step_intervals(stepset.level_steps, shapes, options.ci, options.held_dead_time_s is None)
 
 
-OTHER_SHAPES = {
-    "shape-of-another-kind", "no-shape-fits", "output-decays-under-hold", "decays-under-hold",
-}  # fmt: skip
+OTHER_SHAPES = {"repeats-miss-alike", "output-decays-under-hold", "decays-under-hold"}
 """Findings that ask what shape single steps have."""
 SAID_BY = {"decays-under-hold": "output-decays-under-hold", "window-too-short": "tau2-outlasts-record"}
 """What is said of a run, and the finding of a fit that says it of levels."""

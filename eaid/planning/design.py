@@ -17,9 +17,8 @@ from eaid.arrays import Array
 from eaid.errors import DataError
 from eaid.estimate.coefficients import powers
 from eaid.estimate.draw import draw
-from eaid.estimate.level_statistics import TERMS
-from eaid.estimate.rig_noise import ASSUMED, Noise, cautious, noise_of_fit, scattered
-from eaid.estimate.runs import t_quantile
+from eaid.estimate.scatter import ASSUMED, TERMS, Noise, noise_of_fit
+from eaid.estimate.spread import t_quantile
 from eaid.models.parameters import SHARE, Friction
 from eaid.results.fit import Fit, FrictionLevel
 from eaid.synth.plants import Plant, clutch, of_fit
@@ -237,7 +236,7 @@ class FittedRig:
     @property
     def design_noise(self) -> Noise:
         """What to design with: the scatter that only one rig in five exceeds."""
-        return cautious(self.noise, self.degrees if self.known else 0.0)
+        return self.noise.cautious(self.degrees if self.known else 0.0)
 
     def quickest(self, wanted: Mapping[str, float], session: Session) -> Experiment:
         """The quickest steps from rest for the wanted half-widths [%]."""
@@ -256,7 +255,7 @@ class FittedRig:
         degrees = max(self.degrees, 1.0)
         chance = random.chisquare(degrees, (n, 3)) / degrees
         factors = 1 / np.sqrt(chance) if self.degrees > 0 else np.ones((n, 3))
-        return [(plant, scattered(self.noise, row)) for plant, row in zip(plants, factors, strict=True)]
+        return [(plant, self.noise.scattered(row)) for plant, row in zip(plants, factors, strict=True)]
 
 
 def rig_of(fit: Fit) -> FittedRig:

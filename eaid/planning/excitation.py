@@ -7,7 +7,7 @@ import numpy as np
 
 from eaid.declared import keyed, pairs
 from eaid.errors import DataError
-from eaid.estimate.rig_noise import Noise
+from eaid.estimate.scatter import Noise
 from eaid.findings import finding
 from eaid.logs.run import Run
 from eaid.models.parameters import Nonlinear

@@ -10,9 +10,8 @@ import numpy as np
 from eaid.errors import UsageError
 from eaid.estimate.certainty import levels_first
 from eaid.estimate.data import data_of
-from eaid.estimate.intervals import level_rows
-from eaid.estimate.level_statistics import statistics_at_share
-from eaid.estimate.rig_noise import Noise
+from eaid.estimate.levels import own_levels
+from eaid.estimate.scatter import Noise
 from eaid.findings import Finding, Value, finding
 from eaid.models.friction import step_response
 from eaid.options import PlanOptions
@@ -69,16 +68,13 @@ def experiment(plan: Experiment, plant: Plant, noise: Noise, seed: int) -> tuple
 
 def widths(levels: tuple[Level, ...], share: float, polynomial: bool) -> Widths:
     """Half-width of the 95 % intervals at the worst level [%]: of the curves, else of the levels."""
+    data = data_of(levels)
     if polynomial:
-        low, high, _ = levels_first(levels, data_of(levels), share).intervals(np.array([one.level for one in levels]))
-        reach = np.minimum(0.5 * (high - low).max(axis=1), 50.0)
-        return {name: float(100 * np.expm1(reach[k])) for k, name in enumerate(PARAMETERS)}
-    rows = level_rows(statistics_at_share(levels, share))
-    ends = {name: [row[k].interval for row in rows] for k, name in enumerate(PARAMETERS)}
-    return {
-        name: max(np.inf if end is None else 100 * (sqrt(end[1] / end[0]) - 1) for end in own)
-        for name, own in ends.items()
-    }
+        low, high, _ = levels_first(levels, data, share).intervals(data.u)
+    else:
+        low, high, _ = own_levels(levels, data, share).intervals
+    reach = np.minimum(0.5 * (high - low).max(axis=1), 50.0)
+    return {name: float(100 * np.expm1(reach[k])) for k, name in enumerate(PARAMETERS)}
 
 
 def disturbance_of(noise: Noise) -> Disturbance:

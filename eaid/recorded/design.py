@@ -19,8 +19,8 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.errors import UsageError
-from eaid.estimate.rig_noise import Noise
-from eaid.estimate.runs import t_quantile
+from eaid.estimate.scatter import Noise
+from eaid.estimate.spread import t_quantile
 from eaid.models.parameters import Nonlinear
 from eaid.options import Limits
 from eaid.recorded import model

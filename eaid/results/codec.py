@@ -26,6 +26,8 @@ from eaid.findings import Finding, finding, sentences
 from eaid.version import __version__
 
 R = TypeVar("R", bound=msgspec.Struct)
+VERSIONS = {"fit": 2}
+"""Schema versions above the first; a file of an older one is refused by name."""
 KINDS: dict[str, tuple[str, ...]] = {
     "fit": ("data", "friction", "nonlinear", "linear", "release"),
     "gains": ("model", "rc", "pi"),
@@ -33,6 +35,11 @@ KINDS: dict[str, tuple[str, ...]] = {
     "plan": (),
 }
 """Kind of a JSON result → parts by which a file that names no schema is known."""
+
+
+def schema_of(kind: str) -> str:
+    """The schema that files of a kind name."""
+    return f"eaid/{kind}/{VERSIONS.get(kind, 1)}"
 
 
 def to_plain(value: Any) -> Any:
@@ -61,7 +68,7 @@ def to_plain(value: Any) -> Any:
 
 def content_of(result: object, kind: str) -> dict[str, Any]:
     """The content of a result file: schema, version, the result, and the older `warnings` as texts."""
-    content: dict[str, Any] = {"schema": f"eaid/{kind}/1", "eaid": __version__, **to_plain(result)}
+    content: dict[str, Any] = {"schema": schema_of(kind), "eaid": __version__, **to_plain(result)}
     found: tuple[Finding, ...] = getattr(result, "findings", ())
     parts = [name for name in KINDS[kind] if isinstance(content.get(name), dict)] if kind == "fit" else []
     for name in parts:
@@ -98,7 +105,7 @@ def kind_of(path: Path) -> str:
         raise DataError(f"{path}: is not a JSON file ({fault}); give a result that eaid wrote") from None
     schema = content.get("schema") if isinstance(content, dict) else ""
     for kind, parts in KINDS.items():
-        if schema == f"eaid/{kind}/1" or (schema is None and any(part in content for part in parts)):
+        if schema == schema_of(kind) or (schema is None and any(part in content for part in parts)):
             return kind
     raise DataError(f"{path}: is no result of eaid; give a fit.json, gains.json or couple.json")
 
@@ -121,9 +128,9 @@ def read(path: Path, kind: str, type_: type[R]) -> tuple[R, tuple[Finding, ...]]
         raise DataError(f"{path}: is not a JSON file ({fault}); give the {kind}.json that eaid wrote") from None
     schema = content.get("schema") if isinstance(content, dict) else None
     of_a_script = isinstance(content, dict) and "schema" not in content and any(part in content for part in KINDS[kind])
-    if schema != f"eaid/{kind}/1" and not of_a_script:
+    if schema != schema_of(kind) and not of_a_script:
         said = f"its schema is {schema!r}" if isinstance(schema, str) else "it holds no schema"
-        raise DataError(f"{path}: is no eaid/{kind}/1 file ({said}); make it again with this version of eaid")
+        raise DataError(f"{path}: is no {schema_of(kind)} file ({said}); make it again with this version of eaid")
     found: list[Finding] = []
     if "digest" in content and content["digest"] != digest_of(content):
         if text.startswith('{\n "schema"') and text.endswith("\n}\n"):

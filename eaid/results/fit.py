@@ -52,7 +52,32 @@ if TYPE_CHECKING:
     from eaid.results.verdict import Verdict
 
 
-class LevelIntervals(Result, frozen=True):
+class Parameter(Result, frozen=True):
+    """One fitted parameter: the row from which tables, frames and the keys `ci95` are made."""
+
+    model: str
+    name: str
+    """The symbol; of a polynomial's or a trend's coefficients with the power or place, as `tau1[2]`."""
+    level: Number | None = None
+    """None: it belongs to all levels."""
+    value: Number | None = None
+    low: Number | None = None
+    """Least value of the 95 % interval; None where the data say nothing of use."""
+    high: Number | None = None
+    dof: Number | None = None
+    """Degrees of freedom of the interval."""
+    why: str = ""
+    """Code of the finding that says why there is no interval."""
+
+
+class Intervals(Result, frozen=True, kw_only=True):
+    """95 % intervals by parameter."""
+
+    dof: dict[str, Number] = {}
+    """Degrees of freedom of each, where they are known."""
+
+
+class LevelIntervals(Intervals, frozen=True):
     """95 % intervals of one level's T_s, τ1, τ2, and C where it was free."""
 
     Ts: Interval = None
@@ -173,7 +198,7 @@ class Release(Result, frozen=True):
     solver: Solver | None = None
 
 
-class PooledIntervals(Result, frozen=True):
+class PooledIntervals(Intervals, frozen=True):
     """95 % intervals of the pooled linear model."""
 
     a0: Interval = None
@@ -181,7 +206,7 @@ class PooledIntervals(Result, frozen=True):
     c0: Interval = None
 
 
-class LinearLevelIntervals(Result, frozen=True):
+class LinearLevelIntervals(Intervals, frozen=True):
     """95 % intervals of one level's linear model."""
 
     a0: Interval = None
@@ -376,17 +401,6 @@ class ShareEstimate(Result, frozen=True):
     degrees_of_freedom: Number | None = None
     rejected: bool | None = None
     matters: bool | None = None
-    levels_differ: bool | None = None
-
-
-class ShapeScore(Result, frozen=True):
-    """One curve shape, fitted to every level."""
-
-    name: str
-    parameters: Count = 0
-    rmse: Number | None = None
-    aicc: Number | None = None
-    bic: Number | None = None
 
 
 class LackOfFit(Result, frozen=True):
@@ -402,17 +416,9 @@ class LackOfFit(Result, frozen=True):
 class Adequacy(Result, frozen=True):
     """Whether the model is right."""
 
-    shapes: tuple[ShapeScore, ...] = ()
     lack_of_fit: tuple[LackOfFit, ...] = ()
     residual_autocorrelation: Number | None = None
     effective_samples: Number | None = None
-
-
-class Sweeps(Result, frozen=True):
-    """Repeats that were recorded as sweeps over all levels."""
-
-    count: Count = 0
-    shift_pct: dict[str, Number] = {}
 
 
 class Uncertainty(Result, frozen=True):
@@ -426,7 +432,6 @@ class Uncertainty(Result, frozen=True):
     run_to_run_pct: dict[str, Number | None] = {}
     noise: Noise | None = None
     draws: Count | None = None
-    sweeps: Sweeps | None = None
     share: ShareEstimate | None = None
     adequacy: Adequacy | None = None
 
@@ -533,7 +538,7 @@ NOT_IDENTIFIABLE = (
 """Codes of the findings that make a model not identifiable."""
 
 
-class Fit(Shown, Result, frozen=True):
+class Fit(Shown, Result, frozen=True, dict=True):
     """All that one call fitted; what its kind does not allow is None.
 
     Examples
@@ -562,6 +567,8 @@ class Fit(Shown, Result, frozen=True):
     """Each change of input between two holds by itself, where a log goes from level to level."""
     recorded: Recorded | None = None
     """Of logs that were fitted as they were recorded."""
+    parameters: tuple[Parameter, ...] = ()
+    """All fitted parameters with their intervals."""
     findings: tuple[Finding, ...] = ()
     """Worst first."""
 
@@ -572,11 +579,57 @@ class Fit(Shown, Result, frozen=True):
 
         return frames.parameters(self)
 
-    def conf_int(self) -> "pandas.DataFrame":
-        """95 % intervals of `params`, columns low and high; NaN where the data say nothing of use."""
+    def conf_int(self, alpha: float = 0.05) -> "pandas.DataFrame":
+        """Intervals of `params` that miss with probability `alpha`, columns low and high; NaN where there are none."""
         from eaid.results import frames
 
-        return frames.intervals(self)
+        return frames.intervals(self, alpha)
+
+    def at(self, level: float) -> "pandas.DataFrame":
+        """T_s, τ1 and τ2 at an input, with the ends of their 95 % intervals: columns value, low, high.
+
+        `UsageError` outside the identified range; between levels the nonlinear model's curves.
+        """
+        from eaid.results import frames
+
+        return frames.at(self, level)
+
+    @property
+    def residuals(self) -> "pandas.Series[float]":
+        """Recorded less fitted, indexed by (level, time_s): of the mean of a level's repeats against the first model.
+
+        `DataError` for a fit that was read from a file: it holds no samples.
+        """
+        from eaid.results import frames
+
+        return frames.residuals(self)
+
+    @property
+    def rmse(self) -> float:
+        """Root mean square residual of the first model that was fitted: nonlinear, linear, friction."""
+        from eaid.results import frames
+
+        return frames.scores(self)[0]
+
+    @property
+    def rsquared(self) -> float:
+        """1 − ‖y − ŷ‖²/‖y − mean y‖² of the same model."""
+        from eaid.results import frames
+
+        return frames.scores(self)[1]
+
+    @property
+    def aic(self) -> float:
+        """n ln(SSE/n) + 2 (k + 1) of the same model, as if samples were independent: for models of the same data."""
+        from eaid.results import frames
+
+        return frames.scores(self)[2]
+
+    def cov_params(self) -> "pandas.DataFrame":
+        """Covariance of the nonlinear model's coefficients of (u/100)^k; `DataError` where the fit holds none."""
+        from eaid.results import frames
+
+        return frames.covariance(self)
 
     def to_frame(self) -> "pandas.DataFrame":
         """One row a level, or a step between two: its curve with intervals, and the error of each model."""

@@ -1,60 +1,129 @@
 """Results as pandas: parameters, intervals and level tables of a fit; its curves at any input."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 import pandas as pd
+from scipy.special import stdtrit
 
 from eaid.errors import DataError, UsageError
 from eaid.models import linear, nonlinear
 from eaid.results.codec import holds_part
-from eaid.results.common import Interval, ci95_of
 
 if TYPE_CHECKING:
     from eaid.results.fit import Fit
 
 Cell = float | int | str | bool
-Row = tuple[str, str, float, Interval]
 MODELS = ("nonlinear", "linear", "friction")
 
 
 def parameters(fit: "Fit") -> pd.Series:
     """All fitted parameters, indexed by (model, parameter)."""
-    rows = list(_rows(fit))
-    return pd.Series([value for *_, value, _ in rows], index=_index(rows), name="value", dtype=float)
+    values = [np.nan if row.value is None else row.value for row in fit.parameters]
+    return pd.Series(values, index=_index(fit), name="value", dtype=float)
 
 
-def intervals(fit: "Fit") -> pd.DataFrame:
-    """95 % intervals of the same parameters, columns `low` and `high`; NaN where the data say nothing of use."""
-    rows = list(_rows(fit))
-    ends = [(np.nan, np.nan) if interval is None else interval for *_, interval in rows]
-    return pd.DataFrame(ends, index=_index(rows), columns=["low", "high"], dtype=float)
+def intervals(fit: "Fit", alpha: float = 0.05) -> pd.DataFrame:
+    """Intervals of the same parameters, columns `low` and `high`; NaN where the data say nothing of use.
+
+    Those of another confidence than 95 % by Student's t: of what is above 0 throughout on its logarithm.
+    """
+    if not 0 < alpha < 1:
+        raise UsageError(f"«alpha» {alpha:g}: must lie between 0 and 1")
+    ends = [[np.nan if end is None else end for end in (row.low, row.high)] for row in fit.parameters]
+    if alpha != 0.05:
+        for row, pair in zip(fit.parameters, ends, strict=True):
+            dof = np.inf if row.dof is None else row.dof
+            ratio = float(stdtrit(min(dof, 1e12), 1 - alpha / 2) / stdtrit(min(dof, 1e12), 0.975))
+            if row.value is not None and row.low is not None and row.high is not None:
+                pair[:] = _rescaled(row.value, row.low, row.high, ratio)
+    return pd.DataFrame(ends, index=_index(fit), columns=["low", "high"], dtype=float)
 
 
-def _index(rows: Sequence[Row]) -> pd.MultiIndex:
-    return pd.MultiIndex.from_tuples([row[:2] for row in rows], names=["model", "parameter"])
+def _rescaled(value: float, low: float, high: float, ratio: float) -> tuple[float, float]:
+    if low > 0 and value > 0:
+        return value * (low / value) ** ratio, value * (high / value) ** ratio
+    return value + ratio * (low - value), value + ratio * (high - value)
 
 
-def _rows(fit: "Fit") -> Iterator[Row]:
-    if (p := fit.nonlinear) is not None:
-        for name in ("tau1", "tau2", "Ts"):
-            values = getattr(p, name)
-            found = getattr(p.ci95, name) if p.ci95 is not None else ()
-            for i, value in enumerate(values):
-                yield "nonlinear", f"{name}[{i}]", value, found[i] if i < len(found) else None
-        yield "nonlinear", "C", p.C, ci95_of(p, "C")
-    if (q := fit.linear) is not None:
-        for name in ("a0", "b0", "c0"):
-            yield "linear", name, getattr(q, name), ci95_of(q, name)
-    if fit.friction is not None:
-        for row in fit.friction.levels:
-            for name in ("Ts", "tau1", "tau2"):
-                yield "friction", f"{name}({row.level:g})", getattr(row, name), ci95_of(row, name)
-    if fit.release is not None:
-        yield "release", "tau1", fit.release.tau1, None
-        yield "release", "tau2", fit.release.tau2, None
+def _index(fit: "Fit") -> pd.MultiIndex:
+    rows = [(one.model, one.name if one.level is None else f"{one.name}({one.level:g})") for one in fit.parameters]
+    return pd.MultiIndex.from_tuples(rows, names=["model", "parameter"])
+
+
+def at(fit: "Fit", level: float) -> pd.DataFrame:
+    """T_s, τ1 and τ2 at an input, with the ends of their 95 % intervals."""
+    names = ("Ts", "tau1", "tau2")
+    rows = {
+        one.name: one for one in fit.parameters if one.level is not None and np.isclose(one.level, level, rtol=1e-9)
+    }
+    if set(names) <= set(rows):
+        found = [(rows[name].value, rows[name].low, rows[name].high) for name in names]
+        return pd.DataFrame(found, index=list(names), columns=["value", "low", "high"], dtype=float)
+    p = fit.nonlinear
+    if p is None or not p.u_range[0] <= level <= p.u_range[1]:
+        low, high = p.u_range if p is not None else (min(fit.data.levels), max(fit.data.levels))
+        inside = "" if p is not None else "the levels "
+        raise UsageError(
+            f"«level» {level:g}: the fit knows {inside}{low:g} … {high:g} {fit.data.input_unit}".rstrip() + " only"
+        )
+    values = (nonlinear.steady_torque(p.parameters, level), *nonlinear.time_constants(p.parameters, level))
+    V = covariance(fit) if p.covariance is not None else None
+    found = []
+    for name, value in zip(names, map(float, values), strict=True):
+        reach = np.nan
+        if V is not None and value > 0:
+            own = [f"{name}[{k}]" for k in range(len(getattr(p, name)))]
+            g = (level / 100) ** np.arange(len(own)) / value
+            dof = p.covariance.degrees_of_freedom.get(name) if p.covariance is not None else None
+            reach = float(stdtrit(dof or 1e12, 0.975) * np.sqrt(g @ V.loc[own, own].to_numpy() @ g))
+        found.append((value, value * np.exp(-reach), value * np.exp(reach)))
+    return pd.DataFrame(found, index=list(names), columns=["value", "low", "high"], dtype=float)
+
+
+def covariance(fit: "Fit") -> pd.DataFrame:
+    """Covariance of the nonlinear model's coefficients of (u/100)^k."""
+    held = fit.nonlinear.covariance if fit.nonlinear is not None else None
+    if held is None or not held.matrix:
+        raise DataError("the fit holds no covariance; fit a nonlinear model with «ci» robust")
+    return pd.DataFrame(held.matrix, index=list(held.order), columns=list(held.order), dtype=float)
+
+
+def residuals(fit: "Fit") -> pd.Series:
+    """Recorded less fitted, indexed by (level, time_s)."""
+    steps = fit.__dict__.get("steps_fitted")
+    if steps is None:
+        raise DataError("this fit was read from a file, or is of logs as recorded, and holds no samples; fit again")
+    model = _model_of(fit)
+    parts: dict[float, pd.Series] = {
+        level.level: pd.Series(level.mean - _curve(fit, model, level.level, level.time_s), index=level.time_s)
+        for level in steps.levels
+    }
+    whole: pd.Series = pd.concat(parts, names=["level", "time_s"])
+    return whole.rename("residual")
+
+
+def scores(fit: "Fit") -> tuple[float, float, float]:
+    """RMSE, R² and AIC of the first model that was fitted."""
+    model = _model_of(fit)
+    part = getattr(fit, model)
+    rows = part.levels if model == "friction" else part.per_level
+    sse = sum(row.sse or 0.0 for row in rows)
+    count = sum(row.sse / row.rmse**2 for row in rows if row.sse and row.rmse)
+    k = {"nonlinear": 10, "linear": 3, "friction": 3 * len(rows)}[model]
+    if model != "friction":
+        return part.rmse, part.R2, count * np.log(max(part.sse, 1e-300) / count) + 2 * (k + 1)
+    spread = sum(row.sse / (1 - row.R2) for row in rows if row.R2 is not None and row.R2 < 1)
+    return np.sqrt(sse / count), 1 - sse / spread, count * np.log(max(sse, 1e-300) / count) + 2 * (k + 1)
+
+
+def _model_of(fit: "Fit") -> str:
+    found = next((name for name in MODELS if getattr(fit, name) is not None), None)
+    if found is None:
+        raise DataError("the fit holds no model of steps")
+    return found
 
 
 def cells_of(item: msgspec.Struct) -> dict[str, Cell]:
@@ -63,7 +132,8 @@ def cells_of(item: msgspec.Struct) -> dict[str, Cell]:
     for name, key in zip(item.__struct_fields__, item.__struct_encode_fields__, strict=True):
         value = getattr(item, name)
         if holds_part(type(item), name):
-            for one in value.__struct_fields__ if name == "ci95" and value is not None else ():
+            ends = value.__struct_fields__ if name == "ci95" and value is not None else ()
+            for one in (each for each in ends if each != "dof"):
                 low, high = getattr(value, one) or (np.nan, np.nan)
                 cells |= {f"{one}_low": low, f"{one}_high": high}
         elif value is None or isinstance(value, Cell):
@@ -115,7 +185,7 @@ def predict(fit: "Fit", duty: float | Sequence[float], t: Sequence[float], model
     UsageError
         An input outside the fitted range, of which the data say nothing.
     """
-    chosen = model or next((name for name in MODELS if getattr(fit, name) is not None), None)
+    chosen = model or _model_of(fit)
     if chosen not in MODELS:
         raise UsageError(f"«model» {chosen}: must be one of {', '.join(MODELS)}")
     part = getattr(fit, chosen)

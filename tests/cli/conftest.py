@@ -78,7 +78,7 @@ def paper(k=1.0, y=1.0, pace=1.0):
     }
     by = {"tau1": 1 / pace, "tau2": 1 / pace, "Ts": y}
     return {
-        "schema": "eaid/fit/1",
+        "schema": "eaid/fit/2",
         "nonlinear": {
             "C": 0.85, "u_range": [10.0 * k, 100.0 * k],
             **{name: [by[name] * c / k**i for i, c in enumerate(curve)] for name, curve in curves.items()},

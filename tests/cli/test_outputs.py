@@ -136,7 +136,7 @@ def test_the_second_file_of_a_plan_is_left_alone_too(rig, run_eaid):
 
 QUICK = {
     "ingest logs -o OUT.h5": "eaid/ingest/1",
-    "fit data.h5 --ci none -o OUT.json": "eaid/fit/1",
+    "fit data.h5 --ci none -o OUT.json": "eaid/fit/2",
     "tune-rc fit.json --pi-overshoot 1 --pi-settling 0.27 -o OUT.json": "eaid/gains/1",
     "simulate fit.json --gains gains.json --duration 2 --plants 3 --noise-nm 0.01 -o OUT.h5": "eaid/replay/1",
     "couple fit.json --torque 1 --no-replay -o OUT.json": "eaid/couple/1",

@@ -10,7 +10,7 @@ LEVELS = [
 ]
 TREND = {"form": "linear", "over": "stress_kpa", "coefficients": [0.0944, -0.0896], "rmse": 0.01}
 FIT = {
-    "schema": "eaid/fit/1",
+    "schema": "eaid/fit/2",
     "data": {"kind": "friction-force", "sources": []},
     "friction": {"C": 0.85, "levels": LEVELS, "trends": {"Ts": TREND}},
 }

@@ -56,7 +56,7 @@ def test_a_folder_of_csv_holds_the_same_numbers_as_the_dataset(run_eaid):
 
 def test_from_a_fit_and_along_a_duty_file(run_eaid):
     model = {"C": 0.85, "tau1": [0.1, 0, 0], "tau2": [2.0, 0, 0], "Ts": [0, 0.04, 0, 0], "u_range": [10, 100]}
-    Path("fit.json").write_text(json.dumps({"schema": "eaid/fit/1", "nonlinear": model}))
+    Path("fit.json").write_text(json.dumps({"schema": "eaid/fit/2", "nonlinear": model}))
     Path("duty.csv").write_text("time_s,duty_pct\n0,0\n1,50\n41,0\n42,0\n")
     words = "synth --plant fit.json --duty-file duty.csv --clean --repeats 1 --rate-hz 100 -q"
     assert run_eaid(words, "-o", "logs").code == 0
@@ -77,7 +77,7 @@ def test_a_force_file_drives_the_friction_rig(run_eaid):
 
 def test_a_friction_fit_says_its_kind(run_eaid):
     levels = [{"level": 50, "Ts": 1.0, "tau1": 0.1, "tau2": 2.0}]
-    content = {"schema": "eaid/fit/1", "data": {"kind": "friction-force"}, "friction": {"C": 0.85, "levels": levels}}
+    content = {"schema": "eaid/fit/2", "data": {"kind": "friction-force"}, "friction": {"C": 0.85, "levels": levels}}
     Path("ff.json").write_text(json.dumps(content))
     told = json.loads(run_eaid("synth --plant ff.json --hold 5 --rate-hz 50 -o logs --json").out)
     assert told["kind"] == "friction-force" and [row["level"] for row in told["runs"]] == [50, 50]

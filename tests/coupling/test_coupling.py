@@ -27,7 +27,7 @@ def couple(tmp_path: Path):
 
     def run(plant=PLANT, gains=GAINS, steps=(), **options):
         for kind, plain in (("fit", {"nonlinear": plant, "steps": steps}), ("gains", gains)):
-            (tmp_path / kind).write_text(json.dumps({"schema": f"eaid/{kind}/1", **plain}))
+            (tmp_path / kind).write_text(json.dumps({"schema": f"eaid/{kind}/{2 if kind == 'fit' else 1}", **plain}))
         return eaid.couple(eaid.load(tmp_path / "fit"), eaid.load(tmp_path / "gains"), **{"replay": False, **options})
 
     return run

@@ -52,18 +52,15 @@ def test_lack_of_fit_is_what_the_runs_share() -> None:
 
 
 def test_the_right_model_is_kept() -> None:
-    made = stepset(usual)
-    found = eaid.fit(made)
-    said = found.uncertainty.adequacy
-    assert "shape-fits" in codes(found) and "polynomials-too-low" not in codes(found)
-    shapes = {one.name: one for one in said.shapes}
-    assert shapes["two exponentials, C = 0.85"].bic < shapes["one exponential"].bic - 100
+    found = eaid.fit(stepset(usual))
+    assert not {"repeats-miss-alike", "polynomials-too-low", "runs-reject-the-share"} & codes(found)
 
 
 def test_another_share_is_recommended() -> None:
     made = stepset(lambda duty: friction.step_response(Friction(0.04 * duty, 0.3, 4.0, C=0.5), T))
-    (one,) = [one for one in eaid.fit(made).findings if one.code == "shape-needs-the-share"]
-    assert one.values["estimate"] == pytest.approx(0.5, abs=1e-3) and one.values["held"] == 0.85
+    for models in (None, ("friction",)):
+        (one,) = [one for one in eaid.fit(made, model=models).findings if one.code == "runs-reject-the-share"]
+        assert one.values["estimate"] == pytest.approx(0.5, abs=1e-3) and one.values["held"] == 0.85
 
 
 def test_levels_that_no_polynomial_follows_are_told() -> None:
@@ -100,41 +97,26 @@ def rippled(shape: Any, seed: int, runs: int = 3) -> StepSet:
     return StepSet("clutch", "%", "N·m", Apparatus(), tuple(levels))
 
 
-def advice(made: StepSet) -> tuple[str, Any]:
-    told = [one for one in eaid.fit(made, model=("friction",)).findings if "shape" in one.code and one.code != "shape"]
-    return told[0].code, told[0].values.get("shape")
+def missed(made: StepSet) -> int:
+    """Levels that repeats miss alike, of every level by itself."""
+    found = eaid.fit(made, model=("friction",), ci="none").findings
+    return sum(len(one.levels) for one in found if one.code == "repeats-miss-alike")
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("runs", [3, 1])
-@pytest.mark.parametrize(
-    ("shape", "name"),
-    [
-        ("stretched", "a stretched exponential"),
-        ("three-exponentials", "three exponentials"),
-        ("logarithm", "a logarithm of time"),
-        ("power", "a power of time"),
-    ],
-)
-def test_other_shapes_are_recognised(shape: str, name: str, runs: int) -> None:
-    """10 of 10 in sets like those of the coverage benchmark; these two here."""
-    told = [advice(rippled(SHAPES[shape], seed, runs)) for seed in range(2)]
-    assert told == [("shape-of-another-kind", name)] * 2
+@pytest.mark.parametrize("shape", ["stretched", "three-exponentials", "power", "logarithm"])
+def test_another_shape_is_missed_alike(shape: str) -> None:
+    assert missed(rippled(SHAPES[shape], 0)) >= 5
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("runs", [3, 1])
-def test_two_exponentials_are_not_taken_for_another_shape(runs: int) -> None:
-    assert [advice(rippled(SHAPES["two"], seed, runs))[0] for seed in range(3)] == ["shape-fits"] * 3
+def test_two_exponentials_are_not_taken_for_another_shape() -> None:
+    assert sum(missed(rippled(SHAPES["two"], seed)) for seed in range(3)) <= 2
 
 
-def test_a_shape_that_none_follows_is_said_to_be_none() -> None:
-    """A ripple that all runs share: every model misses it alike."""
-
+def test_a_ripple_that_all_runs_share_is_missed_alike() -> None:
     def bumpy(u: float) -> np.ndarray:
         return SHAPES["two"](u) * (1 + 0.02 * np.sin(2.5 * T_LONG))
 
-    assert advice(rippled(bumpy, 0))[0] == "no-shape-fits"
+    assert missed(rippled(bumpy, 0)) == len(DUTY)
 
 
 @pytest.mark.parametrize(("runs", "keep", "lost"), [(1, 0.99, 10), (3, 0.999, 2)])

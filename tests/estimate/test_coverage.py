@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eaid.estimate.runs import t_quantile
+from eaid.estimate.spread import t_quantile
 
 SETS = 24
 pytestmark = pytest.mark.slow

@@ -1,22 +1,15 @@
 """Closed forms that decide: degrees of freedom, quoted intervals, AICc and BIC, sweeps, linear intervals."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy import stats
 
 from eaid.estimate.adequacy import effective_samples
-from eaid.estimate.runs import (
-    RunStatistics,
-    common_shifts,
-    interval_of,
-    log_interval_of,
-    pooled_scatter,
-    satterthwaite,
-    t_quantile,
-)
-from eaid.estimate.spread import Influence
+from eaid.estimate.scatter import RunStatistics, common_shifts, of_numbers, pooled_scatter
+from eaid.estimate.spread import Influence, LevelScatter, interval_of, log_interval_of, satterthwaite, t_quantile
 
 
 def test_t_is_that_of_scipy_stats() -> None:
@@ -40,36 +33,48 @@ def test_quoted_intervals_by_hand() -> None:
     assert log_interval_of(5.0, 1e6, 6.0) is None
 
 
+def alone(variance: list[float], relative: list[float], degrees: list[float], **more: Any) -> LevelScatter:
+    """Levels that each show the scatter of their one parameter by themselves."""
+    one = np.eye(len(variance))[None]
+    found = (np.array(variance)[:, None], np.ones((len(variance), 1, 1)), one, np.array([relative]), np.array(degrees))
+    return LevelScatter(*found, **more)
+
+
 def test_welch_of_levels_by_hand() -> None:
-    """Three runs and two: V = 3/2 Σψ² + 2 Σψ², ν = V²/(v₁²/2 + v₂²/1); a single run's own part with its degrees."""
-    psi = np.array([[1.0], [-2.0], [1.0], [3.0], [-3.0]])
-    found = Influence(psi, np.array([3, 2]), np.zeros((0, 1)), 0.0)
-    variance, degrees = found.variance()
-    assert variance == pytest.approx(1.5 * 6 + 2 * 18) and found.covariance() == pytest.approx(45.0)
-    assert degrees == pytest.approx(45**2 / (81 / 2 + 36**2))
-    assert replace(found, runs=0 * psi).variance() == (0.0, 3.0)
+    """V = Σ g² v, ν = V²/Σ (g² v)²/(R − 1) of levels by themselves; a single run's own part with its degrees."""
+    found = Influence(np.array([[[1.0]], [[2.0]]]), alone([9.0, 4.0], [1.0, 1.0], [2.0, 1.0]), np.zeros((0, 1)), 0.0)
+    assert found.variance()[0] == pytest.approx(9 + 16) and found.covariance() == pytest.approx(25.0)
+    assert found.variance()[1] == pytest.approx(25**2 / (81 / 2 + 16**2))
     single = replace(found, singles=np.array([[4.0]]), single_degrees=5.0)
-    assert single.variance()[0] == pytest.approx(61.0)
-    assert single.variance()[1] == pytest.approx(61**2 / (81 / 2 + 36**2 + 16**2 / 5))
-    assert found.of(np.array([[2.0]])).variance()[0] == pytest.approx(4 * 45.0)
+    assert single.variance()[0] == pytest.approx(41.0)
+    assert single.variance()[1] == pytest.approx(41**2 / (25**2 / found.variance()[1][0] + 16**2 / 5))
+    assert found.of(np.array([[2.0]])).variance()[0] == pytest.approx(4 * 25.0)
+    assert replace(found, gain=0 * found.gain).variance() == (0.0, 3.0)
+
+
+def test_neighbours_show_the_scatter_of_a_level() -> None:
+    """Half by itself, half by the other: what both show counts, with the degrees of freedom of both."""
+    both = np.full((1, 2, 2), 0.5)
+    seen = replace(alone([9.0, 9.0], [2.0, 1.0], [2.0, 2.0]), mixed=both)
+    found = Influence(np.array([[[1.0]], [[0.0]]]), seen, np.zeros((0, 1)), 0.0)
+    assert found.variance()[0] == pytest.approx(9 * 1.5) and found.variance()[1] == pytest.approx(4.0)
+    assert found.covariance() == pytest.approx(9 * 1.5)
 
 
 def test_levels_of_a_sweep_move_together() -> None:
-    """ψ alike at two levels of two runs: runs alone give 4 times 2·1², the sweeps twice as much, with one degree."""
-    psi = np.array([[1.0], [-1.0], [1.0], [-1.0]])
-    apart = Influence(psi, np.array([2, 2]), np.zeros((0, 1)), 0.0)
-    swept = replace(apart, swept=True)
-    assert apart.variance()[0] == pytest.approx(8.0) and swept.variance()[0] == pytest.approx(16.0)
-    assert swept.covariance() == pytest.approx(16.0)
-    assert swept.variance()[1] == pytest.approx(16**2 / (16 + 16 + 64))
+    """Two levels of two runs that lie 1 off: apart 1 + 1, as two sweeps (1 + 1)², with one degree more."""
+    gain = np.ones((2, 1, 1))
+    apart = Influence(gain, alone([1.0, 1.0], [1.0, 1.0], [1.0, 1.0]), np.zeros((0, 1)), 0.0)
+    shifts = (np.array([[1.0], [-1.0]]),) * 2
+    swept = replace(apart, levels=replace(apart.levels, shifts=shifts))
+    assert apart.variance()[0] == pytest.approx(2.0) and swept.variance()[0] == pytest.approx(4.0)
+    assert swept.covariance() == pytest.approx(4.0)
+    assert swept.variance()[1] == pytest.approx(4**2 / (2**2 / 2 + 2**2))
 
 
-def runs_of(influence: np.ndarray) -> list[RunStatistics]:
+def runs_of(shifts: np.ndarray) -> list[RunStatistics]:
     """Levels whose runs would move one parameter so, shape (L, R), with hardly any noise within a run."""
-    return [
-        RunStatistics(float(i), np.zeros(1), np.eye(1), row[:, None] - row.mean(), np.full(1, 1e-12), 20.0)
-        for i, row in enumerate(influence)
-    ]
+    return [RunStatistics(row[:, None] - row.mean(), np.full(1, 1e-12)) for row in shifts]
 
 
 def test_sweeps_count_as_many_observations_as_there_are_sweeps() -> None:
@@ -81,11 +86,17 @@ def test_sweeps_count_as_many_observations_as_there_are_sweeps() -> None:
     common = common_shifts(levels, 0)
     assert common == pytest.approx(shift + own.mean(axis=0) - (shift + own).mean(), abs=1e-12)
     found = pooled_scatter(levels)
-    assert found.common[0] == pytest.approx(common @ common / 3 / 4) and found.common_degrees == 3
-    assert found.degrees[:, 0] == pytest.approx(np.full(8, 3.0), rel=0.02)
+    assert found.common[0] == pytest.approx(common @ common / 3 / 4)
     left = own - own.mean(axis=0) - own.mean(axis=1, keepdims=True) + own.mean()
-    pooled = (left**2).sum() / (7 * 3) / 4
-    assert found.own[:, 0].mean() == pytest.approx(pooled, rel=0.3) and found.pooled[0, 0] == pytest.approx(pooled)
+    assert found.expected[0, 0] == pytest.approx((left**2).sum() / (7 * 3) / 4)
+    whole = Influence(
+        np.ones((8, 1, 1)) / 8,
+        replace(of_numbers(found), shifts=tuple(one.shift for one in levels)),
+        np.zeros((0, 1)),
+        0.0,
+    )
+    variance, degrees = whole.variance()
+    assert variance == pytest.approx(common @ common / 3 / 4) and degrees == pytest.approx(3.0, rel=0.02)
 
 
 def test_white_noise_has_as_many_samples_as_it_has_and_a_memory_fewer() -> None:

@@ -12,7 +12,7 @@ P = REFERENCE_PLANT
 
 
 def fit_of(part: dict) -> eaid.Fit:
-    return codec.from_plain({"schema": "eaid/fit/1", "nonlinear": part}, eaid.Fit, "a test")
+    return codec.from_plain({"schema": "eaid/fit/2", "nonlinear": part}, eaid.Fit, "a test")
 
 
 def part_json(sd: float | None) -> dict:

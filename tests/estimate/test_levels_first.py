@@ -64,7 +64,8 @@ def test_a_run_moves_it_as_its_influence_says(levels: Any) -> None:
     after = levels_first(moved, data_of(moved), 0.85, near=before)
     value, slopes = before.numbers(u, before.coefficients)
     now, _ = before.numbers(u, np.append(before.curve.gains @ after.at.Ts, after.x))
-    predicted = step * before.influence.of(slopes.reshape(9, -1)).runs[3 * which + 1]
+    gain = before.influence.of(slopes.reshape(9, -1)).gain[which]
+    predicted = step / 3 * before.scatter.runs[which].shift[1] @ gain
     assert (now - value).ravel() == pytest.approx(predicted, rel=0.15, abs=0.03 * np.abs(predicted).max())
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from eaid.estimate.friction import fit_trend
+from eaid.estimate.trends import fit_trend
 from eaid.models.trends import evaluate
 
 STRESS = np.array([17, 34, 51, 68, 85, 102, 119, 136, 153, 170]) / 6.283e-3 / 1e3

@@ -34,7 +34,7 @@ PAPER: dict[str, Any] = {
     "duty_limits_pct": [0.0, 100.0],
 }  # fmt: skip
 PLANT: dict[str, Any] = {
-    "schema": "eaid/fit/1",
+    "schema": "eaid/fit/2",
     "nonlinear": {
         "C": 0.85, "tau1": [0.00674, 0.0239, -0.000213], "tau2": [0.93, 0.41, -0.00264],
         "Ts": [0.032, 0.0092, 0.00021, 1.32e-06], "u_range": [10.0, 100.0],

@@ -50,7 +50,6 @@ def test_what_a_finding_covers_is_not_told_beside_it() -> None:
     found = [
         findings.finding("one-level-linear", "linear", levels=(50,)),
         made("one-level-nonlinear", "nonlinear"),
-        made("shape-of-another-kind", "friction", shape="x", rmse=1.0, usual_rmse=2.0, usual="y"),
         made("other-shape-fits-better", shape="one", dead_time_s=15.0, rmse=0.3, plain_rmse=0.7),
     ]
     codes = [one.code for one in findings.ranked(findings.merged(found))]

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from eaid.estimate.rig_noise import ASSUMED, Noise, cautious, unit_variances
-from eaid.estimate.runs import t_quantile
+from eaid.estimate.scatter import ASSUMED, Noise, unit_variances
+from eaid.estimate.spread import t_quantile
 from eaid.models.nonlinear import at_duty
 from eaid.models.parameters import REFERENCE_PLANT, Friction
 from eaid.planning.design import half_widths, within_runs
@@ -25,7 +25,7 @@ def test_widths_of_pure_scatter_by_hand() -> None:
 
 
 def test_information_is_the_sum_over_samples() -> None:
-    from eaid.estimate.level_statistics import log_jacobian
+    from eaid.estimate.scatter import log_jacobian
 
     t = (np.arange(40_000) + 0.5) * 1e-3
     J = log_jacobian(curve_at(50.0), t)
@@ -38,5 +38,5 @@ def test_information_is_the_sum_over_samples() -> None:
 
 def test_scatter_that_is_known_from_few_runs_is_taken_larger() -> None:
     """√(ν/χ²) at 20 %: 1.17 for 20 degrees of freedom, by hand from χ²₀.₂(20) = 14.578."""
-    assert cautious(ASSUMED, 20.0).scatter[0] == pytest.approx(0.03 * np.sqrt(20 / 14.578), rel=1e-4)
-    assert cautious(ASSUMED, 0.0) == ASSUMED
+    assert ASSUMED.cautious(20.0).scatter[0] == pytest.approx(0.03 * np.sqrt(20 / 14.578), rel=1e-4)
+    assert ASSUMED.cautious(0.0) == ASSUMED

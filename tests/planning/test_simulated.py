@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import eaid
-from eaid.estimate.rig_noise import ASSUMED
+from eaid.estimate.scatter import ASSUMED
 from eaid.planning import design
 from eaid.planning.design import rig_of
 from tests.estimate.conftest import sets

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import eaid
-from eaid.estimate.rig_noise import Noise
+from eaid.estimate.scatter import Noise
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.options import Limits
 from eaid.planning.excitation import measure

@@ -56,7 +56,7 @@ def fit_of(tmp_path_factory: pytest.TempPathFactory) -> Any:
 
     def made(**parts: Any) -> "eaid.Fit":
         path = tmp_path_factory.mktemp("fit") / "fit.json"
-        path.write_text(json.dumps({"schema": "eaid/fit/1", **parts}))
+        path.write_text(json.dumps({"schema": "eaid/fit/2", **parts}))
         return eaid.load(path)
 
     return made

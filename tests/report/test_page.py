@@ -180,7 +180,7 @@ LINEAR = {"a0": 1.36, "b0": 0.08, "c0": -2.42, "bounds": {"B_m": 12.4, "B_M": 42
 
 def test_what_is_not_given_is_named_with_its_command(report_of: Callable[..., Any], tmp_path: Path):
     """Only what the contract asks tune-rc to need: every further key may be absent."""
-    (tmp_path / "fit.json").write_text(json.dumps({"schema": "eaid/fit/1", "linear": LINEAR}))
+    (tmp_path / "fit.json").write_text(json.dumps({"schema": "eaid/fit/2", "linear": LINEAR}))
     path = eaid.report(eaid.load(tmp_path / "fit.json"), tmp_path / "out")
     assert path == tmp_path / "out/report.html" and (tmp_path / "out/figures/input_gain.png").is_file()
     html = path.read_text(encoding="utf-8")
@@ -191,7 +191,7 @@ def test_what_is_not_given_is_named_with_its_command(report_of: Callable[..., An
 LEVELS = [{"level": u, "Ts": Ts, "tau1": tau, "tau2": slow, "ci95": {"Ts": [0.95 * Ts, 1.05 * Ts], "tau2": None}}
           for u, Ts, tau, slow in ((100.0, 1.0, 0.1, 5.0), (300.0, 2.0, 0.2, 2.9e7))]  # fmt: skip
 VOLTS = {"kind": "clutch", "input_unit": "V", "output_unit": "N", "levels": [100.0, 300.0]}
-OTHER_RIG = {"schema": "eaid/fit/1", "data": VOLTS, "converged": True, "friction": {"C": 0.85, "levels": LEVELS},
+OTHER_RIG = {"schema": "eaid/fit/2", "data": VOLTS, "converged": True, "friction": {"C": 0.85, "levels": LEVELS},
              "linear": {**LINEAR, "per_level": [{"level": 100.0, "a0": 1.0, "gain": 2.0, "B": 3.0}]},
              "nonlinear": {"tau1": [0.1, 0, 0], "tau2": [2.0, 0, 0], "Ts": [0.5, 0, 0, 0], "C": 0.85,
                            "u_range": [100.0, 300.0]}}  # fmt: skip
@@ -219,7 +219,7 @@ def test_trends_are_written_by_their_form(report_of: Callable[..., Any]):
     trends = {name: {"form": form, "over": "stress_kpa", "coefficients": c} for name, (form, c) in forms.items()}
     data = {"kind": "friction-force", "input_unit": "N", "output_unit": "N·m"}
     page = report_of(
-        {"schema": "eaid/fit/1", "data": data, "friction": {"C": 0.85, "levels": LEVELS, "trends": trends}}
+        {"schema": "eaid/fit/2", "data": data, "friction": {"C": 0.85, "levels": LEVELS, "trends": trends}}
     )
     shown = {row[0]: row[4] for row in page.rows("Table I")}
     assert shown == {"Ts": "0.09440 σ − 0.08960", "Cf": "not fitted", "τ1": "(5.400 + 0.1000 σ) e−0.01010 σ",
@@ -260,7 +260,7 @@ def test_lights_are_as_grave_as_what_was_found(
 ):
     for one in findings:
         one["values"] = {"worst": 1.0, "share_pct": 20.0}
-    fit = {"schema": "eaid/fit/1", "converged": converged, "linear": LINEAR, "findings": findings,
+    fit = {"schema": "eaid/fit/2", "converged": converged, "linear": LINEAR, "findings": findings,
            "data": {"kind": "clutch", "sources": [{"run": "a", "level": 10.0}]}}  # fmt: skip
     page = report_of(fit)
     assert [grade for grade, _text in page.lights] == wanted
@@ -290,7 +290,7 @@ def test_one_verdict_on_the_guarantee_and_what_to_do_next(
     whole = False if False in holds else None if None in holds else True
     worst = {"rc": {"gain_db": 16.2, "phase_deg": 78.1}, "pi": {"gain_db": 42.7, "phase_deg": 31.5}}
     gains = {**GAINS, "guarantee": {"holds": whole, "conditions": rows}, "margins": {"worst": worst}}
-    page = report_of({"schema": "eaid/fit/1", "converged": True, "linear": LINEAR}, gains)
+    page = report_of({"schema": "eaid/fit/2", "converged": True, "linear": LINEAR}, gains)
     assert page.lights[2] == (grade, f"guarantee {text}")
     assert page.tiles["worst margin, RC | PI"] == ("78° | 32°", "phase; gain 16 | 43 dB")
     verdict = {True: "holds", False: "does not hold", None: "not known"}
@@ -303,7 +303,7 @@ def test_one_verdict_on_the_guarantee_and_what_to_do_next(
 
 @pytest.mark.parametrize("wrong", [{}, {"solver": {"converged": False}}, {"b0": -1.0}, {"a0": -1.0}])
 def test_no_command_is_offered_that_would_be_refused(wrong: dict[str, Any], report_of: Callable[..., Any]):
-    page = report_of({"schema": "eaid/fit/1", "converged": True, "linear": {**LINEAR, **wrong}})
+    page = report_of({"schema": "eaid/fit/2", "converged": True, "linear": {**LINEAR, **wrong}})
     assert [command.split()[1] for _why, command in page.steps] == ([] if wrong else ["tune-rc"])
 
 

@@ -15,7 +15,7 @@ TWO = "--levels 40,90 --repeats 2 --idle 0.5 --hold 2 --release 1 --rate-hz 200"
 
 
 def fit_of(**parts) -> str:
-    Path("fit.json").write_text(json.dumps({"schema": "eaid/fit/1", "nonlinear": PLANT, **parts}))
+    Path("fit.json").write_text(json.dumps({"schema": "eaid/fit/2", "nonlinear": PLANT, **parts}))
     return "fit.json"
 
 

@@ -162,14 +162,8 @@ def _open_at_most(v: Values) -> str:
     return f"{v['symbol']} is not determined at {v['count']} of {v['of']} levels: {why}"
 
 
-def _convention(v: Values) -> str:
-    pooled = "" if v["several"] else ", and so does the pooled one"
-    return f"one level's step gives b0 u + c0 only; its b0 rests on the convention that c0 is 0{pooled}"
-
-
 def _share(v: Values) -> str:
-    apart = ", the levels not all the same" if v["differ"] else ""
-    return f"the runs ask for C = {v['estimate']:.3f} ({v['low']:.3f} … {v['high']:.3f}){apart}"
+    return f"the runs ask for C = {v['estimate']:.3f} ({v['low']:.3f} … {v['high']:.3f})"
 
 
 def _parted(v: Values) -> str:
@@ -187,13 +181,6 @@ def _decays(v: Values) -> str:
         f"the output overshoots and decays under hold: {v['lost_pct']:.0f} % of its peak is lost by the end at {where}"
         f"{more}; no sum of rising exponentials shows that, so T_s is an average and τ2 means nothing there{done}"
     )
-
-
-def _fits(v: Values) -> str:
-    closer = v.get("closer_pct")
-    if closer is None:
-        return f"keep {v['usual']}"
-    return f"keep {v['usual']}: a free C fits {f'only {closer:.0f} %' if closer >= 0.5 else 'no'} closer"
 
 
 INTERVAL_ROWS: dict[str, Row] = {
@@ -214,7 +201,7 @@ INTERVAL_ROWS: dict[str, Row] = {
     "one-level-nonlinear": caution(
         "one level only: nothing says how T_s, τ1 and τ2 change with the duty; record more levels",
         rank=1,
-        covers=("one-level-linear", "b0-by-convention"),
+        covers=("one-level-linear",),
     ),
     "few-levels-for-polynomials": caution(
         "{count:#level} pin the polynomials of T_s, τ1, τ2 exactly or not at all: nothing checks their shape"
@@ -234,7 +221,6 @@ INTERVAL_ROWS: dict[str, Row] = {
         "b0 may be zero or negative (95 % interval {low:.3g} to {high:.3g}): the duty's effect is not seen", rank=1
     ),
     "no-b-bounds": caution("no level has a positive b0, so B has no bounds", rank=1),
-    "b0-by-convention": note(_convention),
     "single-runs-few-levels": caution(
         "one run a level and too few levels to see run-to-run scatter: the intervals hold one run's own noise only and "
         "are too narrow; repeat each level three times"
@@ -284,15 +270,6 @@ INTERVAL_ROWS: dict[str, Row] = {
         lambda v: f"{_parted(v)}: scatter of single runs' gain leads the joint fit astray; leave out «estimator» joint"
     ),
     "output-decays-under-hold": caution(_decays, rank=0, covers=("decays-under-hold",)),
-    "shape-fits": note(_fits),
-    "shape-of-another-kind": note("use {shape}: RMSE {rmse:.3g} against {usual_rmse:.3g} of {usual}"),
-    "no-shape-fits": caution(
-        "none of the shapes tried: even the closest, {shape}, is missed alike by all repeats at {count} of {of} levels"
-    ),
-    "shape-needs-the-share": note(
-        "use two exponentials, C = {estimate:.3f} at all levels: the runs reject C = {held:g}; fit again with «share» "
-        "{estimate:.3f} before judging the polynomials"
-    ),
     "polynomials-too-low": note(
         lambda v: (
             f"the levels lie further from the polynomial of {_joined(v['parameters'])} than their runs scatter: "

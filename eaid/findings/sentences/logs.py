@@ -137,7 +137,7 @@ def _other_shape(v: Values) -> str:
 
 
 STEP_ROWS: dict[str, Row] = {
-    "other-shape-fits-better": caution(_other_shape, "saved_pct", rank=0, covers=("shape-of-another-kind",)),
+    "other-shape-fits-better": caution(_other_shape, "saved_pct", rank=0),
     "step-leaves-open": note("the step to {levels} leaves open: {open}"),
     "several-edges": stop(_edges, "edges"),
     "input-reverses": stop(

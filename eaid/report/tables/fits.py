@@ -256,9 +256,9 @@ def model_tables(fit: Fit, asked: bool | None = None) -> list[Table]:
 
 
 def judging_tables(fit: Fit) -> list[Table]:
-    """Whether the model is right, and whether another would be better; tables without rows are left out."""
-    found = (lack_of_fit_table(fit), shapes_table(fit))
-    return [table for table in found if table.rows]
+    """Whether the model is right; none without repeats."""
+    table = lack_of_fit_table(fit)
+    return [table] if table.rows else []
 
 
 def lack_of_fit_table(fit: Fit) -> Table:
@@ -280,18 +280,6 @@ def lack_of_fit_table(fit: Fit) -> Table:
     caption += "curve's shape is not quite right there, by the systematic part."
     heads = columns("level", ("ratio", "", 3), ("by chance up to", "", 3), "beyond", ("systematic part", out, 2))
     return Table("Is the model right", caption, heads, tuple(rows))
-
-
-def shapes_table(fit: Fit) -> Table:
-    """Curves tried on each level."""
-    return table_of(
-        "Which shape",
-        "Curves tried on each level. AICc weighs closeness against the number of values fitted: the least is best, "
-        "differences below about 4 say little.",
-        fit.uncertainty.adequacy.shapes if fit.uncertainty and fit.uncertainty.adequacy else (),
-        ("curve", "name"), (("values a level", "", 1), "parameters"), (("RMSE", fit.data.output_unit, 3), "rmse"),
-        (("AICc", "", 6), "aicc"),
-    )  # fmt: skip
 
 
 def comparison_table(first: Fit, second: Fit, names: tuple[str, str]) -> Table:

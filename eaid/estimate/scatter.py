@@ -1,0 +1,452 @@
+"""What the runs of each level say about its curve: how far each alone would move it, and how noisy one run is.
+
+With J = ∂f/∂(ln T_s, ln τ1, ln τ2[, logit C]) on the n samples of a level, A = J'J and ȳ the mean of its R runs:
+
+    shift of a run      d_r = A⁻¹ J' (y_r − ȳ),      of the level   δ = A⁻¹ J' (ȳ − f)
+    noise within a run  h = mean over runs of diag(A⁻¹ Ω A⁻¹), Ω the Bartlett sum over J e_r, e_r the run's residual
+                        about its own curve; the largest over windows of 0.1, 0.3, 1 and 2 s
+    scatter             Σ d_r²/(R − 1) is expected to be a + h; a by Paule and Mandel, over all levels
+
+Levels of a single run show a in their distance to a polynomial through the levels, where there are enough of them.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq, nnls
+from scipy.special import chdtri, fdtrc
+
+from eaid.arrays import Array, inverse, median
+from eaid.estimate.basis import RECORDS, RECORDS_FREE
+from eaid.estimate.spread import LevelScatter
+from eaid.models import friction
+from eaid.models.parameters import TAU_FLOOR_S, Friction
+from eaid.results import fit as results
+from eaid.results.fit import Fit
+from eaid.steps.stepset import Level, RunRecord
+
+Mask: TypeAlias = NDArray[np.bool_]
+NAMES = ("Ts", "tau1", "tau2", "C")
+"""Parameters of one level, in the order of every array here; C only where it was free."""
+CURVES = NAMES[:3]
+MEETING = 1e-4
+"""A limit this close holds a parameter; τ1 and τ2 this close are one."""
+UNDETERMINED = 3.0
+"""Factor up or down from which a parameter counts as not determined."""
+WINDOWS_S = (0.1, 0.3, 1.0, 2.0)
+"""Bartlett windows [s]: from the friction ripple's memory to a third of a rotor turn."""
+BINS_PER_WINDOW = 10
+"""Scores are summed over a tenth of the shortest window before the Bartlett sum; no memory is that short."""
+TERMS = {"Ts": 4, "tau1": 3, "tau2": 3}
+"""Terms of the paper's polynomials, Eqs. (5)–(7)."""
+SPARE_LEVELS = 4
+"""Levels beyond the terms of a curve that are needed to see the scatter of single runs in it."""
+FEW_DEGREES = 4.0
+"""Degrees of freedom given to the noise within single runs, where nothing else is known."""
+NEIGHBOURS = 4.5
+"""Degrees of freedom that a level's scatter takes from its neighbourhood: itself and both neighbours where R = 3."""
+CHANCE = 0.01
+"""Probability at which independent repeats would be taken for sweeps."""
+SWEPT_LEVELS = 3
+"""Levels at least that show sweeps."""
+
+
+def log_jacobian(curve: Friction, time_s: Array, share_free: bool = False) -> Array:
+    """∂f/∂(ln T_s, ln τ1, ln τ2[, logit C]), shape (n, 3 or 4), Eq. (3)."""
+    scale = np.array([curve.Ts, curve.tau1, curve.tau2, curve.C * (1 - curve.C)])
+    return np.asarray((friction.gradient(curve, time_s) * scale[:, None])[: 4 if share_free else 3].T)
+
+
+def logs_of(curve: Friction, share_free: bool = False) -> Array:
+    """(ln T_s, ln τ1, ln τ2[, logit C]); what is zero or at its edge is kept finite."""
+    share = min(max(curve.C, 1e-12), 1 - 1e-12)
+    values = np.log(np.maximum([curve.Ts, curve.tau1, curve.tau2, share / (1 - share)], 1e-300))
+    return np.asarray(values[: 4 if share_free else 3])
+
+
+def held_parameters(curve: Friction, record_s: float, share_free: bool) -> tuple[str, ...]:
+    """Which of T_s, τ1, τ2 a constraint holds."""
+    found: list[str] = []
+    if curve.tau1 <= TAU_FLOOR_S * (1 + MEETING):
+        found.append("tau1")
+    if curve.tau2 >= (RECORDS_FREE if share_free else RECORDS) * record_s * (1 - MEETING):
+        found.append("tau2")
+    if curve.tau2 <= curve.tau1 * (1 + MEETING):
+        found += ["tau1", "tau2"]
+    if curve.Ts <= 0:
+        found += ["Ts", "tau1", "tau2"]
+    return tuple(dict.fromkeys(found))
+
+
+def _moving_sums(time_s: Array, scores: Array) -> Iterator[tuple[Array, int]]:
+    """Sums of the scores (n, k) over m neighbouring bins, (k, bins + m − 1), and m, of each window.
+
+    Windows longer than half the record are cut to it.
+    """
+    duration_s = float(time_s[-1] - time_s[0])
+    bin_s = min(WINDOWS_S) / BINS_PER_WINDOW
+    if duration_s > 4 * len(time_s) * bin_s:  # a slow clock, or one in another unit: no more bins than data
+        bin_s = duration_s / len(time_s)
+    bins = np.floor((time_s - time_s[0]) / bin_s + 1e-6).astype(np.int64)
+    sums = np.zeros((scores.shape[1], int(bins[-1]) + 1))
+    starts = np.flatnonzero(np.r_[True, bins[1:] != bins[:-1]])
+    sums[:, bins[starts]] = np.add.reduceat(scores.T, starts, axis=1)
+    running = np.cumsum(sums, axis=1)
+    for window_s in WINDOWS_S:
+        m = max(1, min(round(window_s / bin_s), round(duration_s / 2 / bin_s)))
+        before = np.zeros((len(sums), m))
+        padded = np.concatenate([before, running, np.repeat(running[:, -1:], m - 1, axis=1)], axis=1)
+        yield padded[:, m:] - padded[:, :-m], m
+
+
+def bartlett_variance(time_s: Array, scores: Array) -> Array:
+    """Variance of the sum of correlated scores (n, k), shape (windows, k).
+
+    Σ_|j|<m (1 − |j|/m) Γ_j equals the mean square of all sums over m neighbours, zeros beyond the ends.
+    """
+    return np.array([np.einsum("ij,ij->i", sums, sums) / m for sums, m in _moving_sums(time_s, scores)])
+
+
+def bartlett_covariance(time_s: Array, scores: Array) -> Array:
+    """The same as covariances, shape (windows, k, k)."""
+    return np.array([sums @ sums.T / m for sums, m in _moving_sums(time_s, scores)])
+
+
+def run_residuals(runs: Array, fitted: Array, jacobian: Array) -> Array:
+    """Residuals of each run about its own curve, one linear step from the level's curve, shape (R, n)."""
+    left = runs - fitted
+    basis, triangle = np.linalg.qr(jacobian)
+    turn, size, _ = np.linalg.svd(triangle)
+    basis = basis @ turn[:, size > 1e-10 * size[0]]  # where τ1 meets τ2 two columns are one, and the third is rounding
+    return np.asarray(left - (left @ basis) @ basis.T)
+
+
+@dataclass(frozen=True, eq=False)
+class RunStatistics:
+    """One level's k numbers and what its R runs say about them."""
+
+    shift: Array
+    """How far each run alone would move them, shape (R, k); the rows sum to zero."""
+    within: Array
+    """Variance h of a single run's numbers by its own noise, shape (k,)."""
+
+    @property
+    def scatter(self) -> Array:
+        """Σ d²/(R − 1), shape (k,); 0 for a single run."""
+        return np.asarray(np.sort(self.shift**2, axis=0).sum(axis=0) / max(len(self.shift) - 1, 1))
+
+
+def run_statistics(level: Level, noise: Array, directions: Array) -> RunStatistics:
+    """The statistics of a level whose numbers answer to its samples by `directions`, J A⁻¹, shape (n, k).
+
+    `noise`, shape (R, n), are the residuals of its runs about their own curves.
+    """
+    scores = (noise[:, None] * np.ascontiguousarray(directions.T)).reshape(-1, len(level.time_s)).T
+    variances = bartlett_variance(level.time_s, scores).reshape(len(WINDOWS_S), len(noise), -1)
+    # sorted: the order of the runs changes no rounding
+    within = np.asarray(np.sort(variances, axis=1).mean(axis=1).max(axis=0))
+    return RunStatistics((level.runs - level.mean) @ directions, within)
+
+
+def paule_mandel(total: Callable[[float], float], wanted: float, scale: float) -> tuple[float, float]:
+    """The a ≥ 0 at which the falling function `total` meets `wanted`, and q (1, or below it where a = 0)."""
+    at_zero = total(0.0)
+    if at_zero <= wanted:
+        return 0.0, at_zero / wanted
+    low, high = 0.0, max(scale, 1e-300)
+    while total(high) > wanted:
+        low, high = high, 4 * high
+    return float(brentq(lambda a: total(a) - wanted, low, high, xtol=1e-13 * high, rtol=1e-12)), 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class PooledScatter:
+    """Scatter of the levels' numbers, k of them, by groups of runs: M levels with repeats, or one of all levels."""
+
+    between: Array
+    """a: variance between runs beyond what one run shows within itself, shape (k,); NaN where it cannot be seen."""
+    expected: Array
+    """Variance of each level's mean as one scatter for all levels gives it, (L, k)."""
+    mixed: Array
+    """How much each group counts for the scatter of each level, (k, L, M)."""
+    relative: Array
+    """Scatter that each group shows, as a part of the expected, (k, M)."""
+    degrees: Array
+    """Degrees of freedom of each group, (M,)."""
+    common: Array
+    """Variance that all levels share because repeats were sweeps, shape (k,); 0 where they were not."""
+
+
+def pooled_scatter(levels: Sequence[RunStatistics], usable: Mask | None = None) -> PooledScatter:
+    """Scatter of levels with repeats; levels of a single run borrow it. Needs one level with R ≥ 2.
+
+    Where `usable`, shape (L, k), is false, a number has no say in the pool and borrows from it. Where repeats were
+    recorded as sweeps, what a sweep's levels have in common is no part of it.
+    """
+    repeats = np.array([len(level.shift) for level in levels], dtype=float)
+    v = np.array([level.scatter for level in levels])
+    h = np.array([np.maximum(level.within, 1e-300) for level in levels])
+    counted = np.ones(v.shape, dtype=bool) if usable is None else usable
+    count, between, common = v.shape[1], np.zeros(v.shape[1]), np.zeros(v.shape[1])
+    expected, relative = h / repeats[:, None], np.ones(v.T.shape)
+    mixed = np.zeros((count, len(levels), len(levels)))
+    for k in range(count):
+        own = (repeats - 1) * counted[:, k]
+        shared = common_shifts(levels, k) if counted[:, k].all() else None
+        if shared is not None:
+            common[k] = shared @ shared / (len(shared) - 1) / len(shared)
+            own = own * (len(levels) - 1) / len(levels)
+            left = np.array([level.shift[:, k] for level in levels]) - shared
+            v[:, k] = (left**2).sum(axis=1) / (len(shared) - 1) * len(levels) / (len(levels) - 1)
+        mixed[k] = neighbours(own) if own.sum() else neighbours(repeats - 1)
+        if own.sum() == 0:
+            continue
+        chi_square = partial(lambda s, h, a: float((s / (a + h)).sum()), own * v[:, k], h[:, k])
+        between[k], q = paule_mandel(chi_square, float(own.sum()), float(v[own > 0, k].max()))
+        expected[:, k] = q * (between[k] + h[:, k]) / repeats
+        relative[k] = np.where(own > 0, v[:, k] / np.maximum(repeats * expected[:, k], 1e-300), 0.0)
+    return PooledScatter(between, expected, mixed, relative, repeats - 1, common)
+
+
+def common_shifts(levels: Sequence[RunStatistics], k: int) -> Array | None:
+    """m_r, what every level's run r has in common in number k, shape (R,); None where repeats are independent.
+
+    Runs are matched by their place: the first run of each level was one sweep, and so on. A two-way analysis of
+    variance of the runs' shifts (levels × repeats): F = L Σ m_r²/(R − 1) against what is left.
+    """
+    counts = {len(level.shift) for level in levels}
+    if len(levels) < SWEPT_LEVELS or len(counts) != 1 or counts == {1}:
+        return None
+    d = np.array([level.shift[:, k] for level in levels])
+    if not np.isfinite(d).all():
+        return None
+    count, repeats = d.shape
+    mean = d.mean(axis=0)
+    together = count * float(mean @ mean) / (repeats - 1)
+    apart = float(((d - mean) ** 2).sum()) / ((count - 1) * (repeats - 1))
+    chance = fdtrc(repeats - 1, (count - 1) * (repeats - 1), together / apart) if apart > 0 else 1.0
+    return mean if chance < CHANCE else None
+
+
+def neighbours(own: Array) -> Array:
+    """How much each level's runs, of `own` degrees of freedom, count for each level's scatter: rows of sum 1, (L, L).
+
+    The narrowest triangle about a level that gives half of the levels `NEIGHBOURS` degrees of freedom.
+    """
+    apart = np.abs(np.subtract.outer(np.arange(len(own)), np.arange(len(own))))
+    for width in range(2 * len(own)):
+        weight = np.maximum(1 - apart / (width + 1), 0) * own
+        total = weight.sum(axis=1)
+        square = (weight**2 / np.where(own > 0, own, 1)).sum(axis=1)
+        if (total > 0).all() and median(total**2 / square) >= NEIGHBOURS:
+            break
+    weight[total == 0], total[total == 0] = own, own.sum()
+    return np.asarray(weight / total[:, None])
+
+
+@dataclass(frozen=True, eq=False)
+class Scatter:
+    """What the runs of L levels say about their curves of Eq. (3)."""
+
+    levels: tuple[Level, ...]
+    curves: tuple[Friction, ...]
+    share_free: bool = False
+    """Whether C of each level is a parameter too."""
+
+    @cached_property
+    def jacobians(self) -> tuple[Array, ...]:
+        """∂f/∂(ln T_s, ln τ1, ln τ2[, logit C]) of each level, (n, k)."""
+        pairs = zip(self.curves, self.levels, strict=True)
+        return tuple(log_jacobian(curve, level.time_s, self.share_free) for curve, level in pairs)
+
+    @cached_property
+    def noise(self) -> tuple[Array, ...]:
+        """Residuals of the runs about their own curves, (R, n) of each level."""
+        rows = zip(self.levels, self.jacobians, strict=True)
+        return tuple(run_residuals(level.runs, J[:, 0], J) for level, J in rows)  # ∂f/∂ln T_s is f itself
+
+    @cached_property
+    def runs(self) -> tuple[RunStatistics, ...]:
+        """Shifts and noise of each level's runs."""
+        rows = zip(self.levels, self.noise, self.jacobians, strict=True)
+        return tuple(run_statistics(level, noise, J @ inverse(J.T @ J)) for level, noise, J in rows)
+
+    @property
+    def repeats(self) -> NDArray[np.int64]:
+        """Runs of each level, (L,)."""
+        return np.array([len(level.runs) for level in self.levels])
+
+    @property
+    def duty(self) -> Array:
+        """Input of each level, (L,)."""
+        return np.array([level.level for level in self.levels])
+
+    @cached_property
+    def held(self) -> tuple[tuple[str, ...], ...]:
+        """Parameters that a constraint holds at each level."""
+        pairs = zip(self.curves, self.levels, strict=True)
+        return tuple(held_parameters(curve, float(level.time_s[-1]), self.share_free) for curve, level in pairs)
+
+    @cached_property
+    def usable(self) -> Mask:
+        """Which parameters of which levels show the scatter: held by no constraint, and determined by their record."""
+        names = NAMES[: 4 if self.share_free else 3]
+        free = np.array([[name not in held for name in names] for held in self.held])
+        within = np.array([runs.within for runs in self.runs])
+        return np.asarray(free & (np.sqrt(within / self.repeats[:, None]) < np.log(UNDETERMINED)))
+
+    @cached_property
+    def shift(self) -> Array:
+        """δ of each level's mean, its own curve less the one that it has here; a factor e at most, (L, k)."""
+        rows = zip(self.levels, self.jacobians, strict=True)
+        found = [inverse(J.T @ J) @ (J.T @ (level.mean - J[:, 0])) for level, J in rows]
+        return np.clip(found, -1.0, 1.0)
+
+    @property
+    def source(self) -> str:
+        """repeats, curve or within: what the variance rests on."""
+        if (self.repeats > 1).any():
+            return "repeats"
+        return "curve" if np.isfinite(self.pooled.between).any() else "within"
+
+    @cached_property
+    def pooled(self) -> PooledScatter:
+        """How the levels' own parameters scatter."""
+        if (self.repeats > 1).any():
+            return pooled_scatter(self.runs, self.usable)
+        within = np.array([runs.within for runs in self.runs])
+        between, degrees = np.full(within.shape[1], np.nan), []
+        theta = np.array([logs_of(curve, self.share_free) for curve in self.curves]) + self.shift
+        records = np.log([level.time_s[-1] for level in self.levels])
+        for k, name in enumerate(CURVES):
+            row = self.usable[:, k] & ((name != "tau2") | (theta[:, k] <= records))  # beyond its record: no scatter
+            if row.sum() - TERMS[name] >= SPARE_LEVELS:
+                between[k] = _between(self.duty[row], theta[row, k], within[row, k], TERMS[name])
+                degrees.append(float(row.sum() - TERMS[name]))
+        alone = np.ones((within.shape[1], len(within), 1))
+        known = np.array([min(degrees, default=FEW_DEGREES)])
+        variance = within + np.where(np.isfinite(between), between, 0.0)
+        return PooledScatter(between, variance, alone, alone[:, 0], known, np.zeros(len(between)))
+
+    @cached_property
+    def of_levels(self) -> LevelScatter:
+        """The same as intervals take it: what noise within runs makes of a level's parameters goes together."""
+        found = self.pooled
+        noise = np.array([runs.within for runs in self.runs]) / self.repeats[:, None]
+        part = np.sqrt(np.clip(noise / np.maximum(found.expected, 1e-300), 0.0, 1.0))
+        white = np.array([inverse(J.T @ J) for J in self.jacobians])
+        size = np.sqrt(np.maximum(np.einsum("lkk->lk", white), 1e-300))
+        alike = white / (size[:, :, None] * size[:, None, :]) * part[:, :, None] * part[:, None, :]
+        np.einsum("lkk->lk", alike)[:] = 1.0
+        shifts = tuple(runs.shift for runs in self.runs) if self.swept else ()
+        return replace(of_numbers(found), alike=alike, shifts=shifts)
+
+    @property
+    def swept(self) -> bool:
+        """Whether the repeats were recorded as sweeps, so that levels move together."""
+        return bool((self.pooled.common > 0).any())
+
+    @property
+    def degrees(self) -> float:
+        """Degrees of freedom of what is pooled over all levels."""
+        return float(self.pooled.degrees.sum())
+
+
+def of_numbers(found: PooledScatter) -> LevelScatter:
+    """The scatter of numbers that have nothing to do with each other, as intervals take it."""
+    alike = np.broadcast_to(np.eye(found.expected.shape[1]), (*found.expected.shape, found.expected.shape[1]))
+    return LevelScatter(found.expected, alike, found.mixed, found.relative, found.degrees)
+
+
+def _between(u: Array, log_values: Array, within: Array, p: int) -> float:
+    """Scatter a of single runs about a polynomial of p terms through the logarithms: Σ res²/(a + h) equals L − p."""
+    design = np.vander((u - u.mean()) / np.ptp(u), p)
+
+    def total(a: float) -> float:
+        root = 1 / np.sqrt(np.maximum(within + a, 1e-18))
+        left = log_values - design @ np.linalg.lstsq(design * root[:, None], log_values * root, rcond=None)[0]
+        return float(((left * root) ** 2).sum())
+
+    return paule_mandel(total, float(len(u) - p), float(np.var(log_values)) + 1e-12)[0]
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Noise within a run and scatter between runs, in a form that another experiment can be planned with.
+
+    With A = ∫ J J' dt the within-run variances are the diagonal of A⁻¹ (∫ J J' (s0 + s1 f²) dt) A⁻¹.
+    """
+
+    sensor_nm2_s: float
+    """s0: density of noise that does not go with the torque [N²m²·s]."""
+    ripple_s: float
+    """s1: density of noise that goes with the torque, as a share of it [s]."""
+    scatter: tuple[float, float, float]
+    """Run-to-run standard deviation of ln T_s, ln τ1, ln τ2."""
+
+    def within(self, curve: Friction, hold_s: float) -> Array:
+        """Within-run variance of (ln T_s, ln τ1, ln τ2) of a run that is held so long, shape (3,)."""
+        return np.asarray(unit_variances(curve, hold_s) @ [self.sensor_nm2_s, self.ripple_s])
+
+    def scattered(self, factors: Array) -> "Noise":
+        """The same with other scatter of (T_s, τ1, τ2), by factors of shape (3,)."""
+        Ts, tau1, tau2 = (np.array(self.scatter) * factors).tolist()
+        return replace(self, scatter=(Ts, tau1, tau2))
+
+    def cautious(self, degrees: float) -> "Noise":
+        """The same with the scatter that only one rig in five exceeds, known by so many `degrees` of freedom."""
+        return self.scattered(np.full(3, float(np.sqrt(degrees / chdtri(degrees, 0.8))) if degrees > 0 else 1.0))
+
+
+ASSUMED = Noise(sensor_nm2_s=1e-6, ripple_s=1e-5, scatter=(0.03, 0.05, 0.0))
+"""Where a fit says nothing: 0.03 N·m of white noise at 1 kHz, ripple of 1 % with a memory of 0.05 s, 3 % and 5 %."""
+
+
+def unit_variances(curve: Friction, hold_s: float) -> Array:
+    """Variance of (ln T_s, ln τ1, ln τ2) of a run under s0 = 1, and under s1 = 1, shape (3, 2)."""
+    edges = np.concatenate([[0.0], np.geomspace(hold_s * 1e-5, hold_s, 400)])
+    middle, width = 0.5 * (edges[1:] + edges[:-1]), np.diff(edges)
+    jacobian = log_jacobian(curve, middle)
+    weighed = jacobian.T * width
+    unit = inverse(weighed @ jacobian)
+    ripple = unit @ (weighed * jacobian[:, 0] ** 2) @ jacobian @ unit  # ∂f/∂ln T_s is f itself
+    return np.stack([np.diag(unit), np.diag(ripple)], axis=1)
+
+
+def noise_of(seen: Scatter, records: Sequence[RunRecord]) -> results.Noise:
+    """`uncertainty.noise` of a fit: the noise that its levels show.
+
+    The density of the sensor's noise is the median of what the runs show while they idle, where some idle long enough.
+    """
+    idle = [run.idle_density for run in records if run.idle_density is not None]
+    sensor = float(np.median(idle)) if idle else None
+    known = np.flatnonzero(seen.usable[:, :3].all(axis=1)).tolist()
+    units = np.reshape([unit_variances(seen.curves[i], float(seen.levels[i].time_s[-1])) for i in known], (-1, 2))
+    within = np.ravel([seen.runs[i].within[:3] for i in known])
+    pairs = zip(CURVES, seen.pooled.between.tolist(), ASSUMED.scatter, strict=False)
+    scatter = {name: float(np.sqrt(a)) if np.isfinite(a) else assumed for name, a, assumed in pairs}
+    return results.Noise(*_densities(units, within, sensor), scatter)
+
+
+def _densities(units: Array, variance: Array, sensor: float | None) -> tuple[float, float]:
+    """s0, s1 ≥ 0 of `variance` = `units` (s0, s1), relative errors alike; s0 may be known."""
+    if not len(variance):
+        return ASSUMED.sensor_nm2_s if sensor is None else sensor, ASSUMED.ripple_s
+    design = units / np.maximum(variance, 1e-300)[:, None]
+    if sensor is not None:
+        return sensor, max(0.0, float(design[:, 1] @ (1 - sensor * design[:, 0]) / (design[:, 1] @ design[:, 1])))
+    scale = np.sqrt((design**2).sum(axis=0))
+    found = nnls(design / scale, np.ones(len(design)))[0] / scale
+    return float(found[0]), float(found[1])
+
+
+def noise_of_fit(fit: Fit) -> Noise | None:
+    """The noise that a fit holds; None: it says none."""
+    held = fit.uncertainty.noise if fit.uncertainty is not None else None
+    if held is None or not set(CURVES) <= set(held.scatter):
+        return None
+    return Noise(held.sensor_nm2_s, held.ripple_s, (held.scatter["Ts"], held.scatter["tau1"], held.scatter["tau2"]))

@@ -1,0 +1,225 @@
+"""Trends of T_s, τ1, τ2 and the coefficient of friction over stress or speed, with intervals of their coefficients.
+
+The weights of the exponentials are solved for (variable projection); SLSQP sees their one or two rates alone.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Literal, TypeAlias
+
+import msgspec
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.estimate.solver import CONVERGED, ROUNDING, Problem, polish, slsqp
+from eaid.estimate.spread import t_quantile
+from eaid.findings import Finding, Value, finding
+from eaid.models.trends import FORMS
+from eaid.results.common import Interval
+from eaid.results.fit import Trend
+
+STEEPEST = 40.0
+"""Rates are looked for up to this many e-folds over the range of x; steeper ones live between two points."""
+Form: TypeAlias = Literal["linear", "double-exponential", "merged-exponential"]
+APART = 0.05
+CANCEL = 100.0
+LEAST = {"linear": 3, "double-exponential": 5}
+"""Levels that a form needs: one more than its coefficients."""
+FORMS_OVER: dict[str, dict[str, Form]] = {
+    "friction-force": {
+        "Ts": "linear",
+        "tau1": "double-exponential",
+        "tau2": "double-exponential",
+        "C_f": "double-exponential",
+    },
+    "friction-speed": {"Ts": "double-exponential", "tau1": "double-exponential", "tau2": "double-exponential"},
+}
+"""Which value has which trend in which experiment, Tables I and II."""
+
+
+def fit_trend(x: Array, y: Array, over: str, form: Form) -> Trend:
+    """The least-squares trend; `form` is linear or double-exponential, shapes (n,), n as `LEAST` says."""
+    origin, range_ = float(x.min()), float(np.ptp(x))
+    s = (x - origin) / range_
+    if form == "linear":
+        return _trend(form, np.polyfit(x, y, 1), x, y, over, True, ())
+    size = float(np.abs(y).max()) or 1.0
+    c, converged, held = _fit("double-exponential", s, y / size, _rate_pairs(s, y / size, 4))
+    weights = np.abs(c[[0, 2], None] * np.exp(np.multiply.outer(c[[1, 3]], s)))
+    if "rates-meet" not in held and weights.sum(axis=0).max() <= CANCEL:
+        order = (0, 1, 2, 3) if c[1] >= c[3] else (2, 3, 0, 1)
+        c = c[list(order)]
+        rates = c[[1, 3]] / range_
+        back = size * np.exp(-rates * origin)
+        return _trend(form, np.array([c[0] * back[0], rates[0], c[2] * back[1], rates[1]]), x, y, over, converged, held)
+    c, converged, held = _fit("merged-exponential", s, y / size, [_merged_rate(s, y / size)])
+    rate = c[2] / range_
+    back = size * np.exp(-rate * origin)
+    slope = c[1] / range_
+    merged = np.array([(c[0] - slope * origin) * back, slope * back, rate])
+    return _trend("merged-exponential", merged, x, y, over, converged, held)
+
+
+def _trend(form: Form, c: Array, x: Array, y: Array, over: str, converged: bool, held: tuple[str, ...]) -> Trend:
+    residual = FORMS[form].curve(c, x) - y
+    rmse = float(np.sqrt(np.mean(residual**2)))
+    return Trend(form, tuple(c.tolist()), over, rmse, converged, held)
+
+
+def _fit(form: str, s: Array, y: Array, starts: list[Array]) -> tuple[Array, bool, tuple[str, ...]]:
+    """Coefficients on x scaled to 0…1. The weights are solved for; SLSQP sees the one or two rates alone."""
+    if form == "double-exponential":
+        A, b = np.array([[1.0, -1.0], [-1.0, 0], [0, 1.0]]), np.array([APART, -STEEPEST, -1.5 * STEEPEST])
+        names: tuple[str, ...] = ("rates-meet", "r1-steepest", "r2-steepest")
+        order = [0, 2, 1, 3]
+    else:
+        A, b = np.array([[-1.0], [1.0]]), np.array([-STEEPEST, -1.5 * STEEPEST])
+        names = ("r-steepest-rise", "r-steepest-fall")
+        order = [0, 1, 2]
+    floor = ROUNDING * float(y @ y)
+    problem = Problem(lambda rates: _projected(rates, s, y)[:3], A, b, names.__getitem__, floor=floor)
+    ends = [slsqp(problem, _apart(start)) for start in starts]
+    best = min(ends, key=lambda end: end.cost)
+    end, predicted, active = polish(problem, best, problem.value)
+    c = np.concatenate([_projected(end.x, s, y)[3], end.x])[order]
+    # Where one exponential is exact, (p + q x) e^(r x) is flat in r: what is predicted is 0/0 then.
+    return c, predicted <= CONVERGED or end.cost <= problem.floor, tuple(names[i] for i in active)
+
+
+def _rate_grid(s: Array) -> Array:
+    """Rates to try, from −40 to 15 e-folds over the range of s, denser about zero, falling, shape (61,)."""
+    return np.sinh(np.linspace(np.arcsinh(15.0), -np.arcsinh(STEEPEST), 61)) / float(np.ptp(s))
+
+
+def _rate_pairs(s: Array, y: Array, most: int) -> list[Array]:
+    """The best few pairs of rates on a grid with the weights solved for, neighbours of a better one left out."""
+    rates = _rate_grid(s)
+    basis = np.exp(np.multiply.outer(rates, s))
+    basis /= np.linalg.norm(basis, axis=1)[:, None]
+    n = len(rates)
+    gram, along = basis @ basis.T, basis @ y
+    first, second = np.triu_indices(n, 1)
+    g, a, b = gram[first, second], along[first], along[second]
+    grid = np.full((n, n), -np.inf)
+    grid[first, second] = (a * a + b * b - 2 * g * a * b) / np.maximum(1 - g * g, 1e-12)
+    found: list[Array] = []
+    for _ in range(most):
+        i, j = np.unravel_index(grid.argmax(), grid.shape)
+        found.append(rates[[i, j]])
+        grid[max(i - 3, 0) : i + 4, max(j - 3, 0) : j + 4] = -np.inf
+    return found
+
+
+def _merged_rate(s: Array, y: Array) -> Array:
+    """The best rate of (p + q s) e^(r s) on the grid, p and q solved for, shape (1,)."""
+    rates = _rate_grid(s)
+    return rates[[int(np.argmin([_projected(rates[[k]], s, y)[0] for k in range(len(rates))]))]]
+
+
+def _apart(rates: Array) -> Array:
+    """Rates in falling order, within the limits and at least `APART` from one another."""
+    if len(rates) == 1:
+        return np.clip(rates, -1.4 * STEEPEST, 0.99 * STEEPEST)
+    high, low = np.clip(rates.max(), -STEEPEST, 0.99 * STEEPEST), np.clip(rates.min(), -1.4 * STEEPEST, 0.9 * STEEPEST)
+    return np.array([high, min(low, high - 1.01 * APART)])
+
+
+def _projected(rates: Array, s: Array, y: Array) -> tuple[float, Array, Array, Array]:
+    """Cost with the weights solved for, its gradient and Gauss–Newton curvature by the rates, and the weights."""
+    clipped = np.clip(rates, -2 * STEEPEST, 2 * STEEPEST)  # SLSQP may look far outside before it comes back
+    e = np.exp(np.multiply.outer(s, clipped))
+    basis = e if len(rates) == 2 else np.stack([e[:, 0], s * e[:, 0]], axis=1)
+    q, triangle = np.linalg.qr(basis / np.linalg.norm(basis, axis=0))
+    weights = np.linalg.lstsq(triangle, q.T @ y, rcond=1e-15)[0] / np.linalg.norm(basis, axis=0)
+    r = basis @ weights - y
+    slopes = s[:, None] * (basis * weights if len(rates) == 2 else (basis @ weights)[:, None])
+    inside = slopes - q @ (q.T @ slopes)
+    return float(r @ r), 2 * slopes.T @ r, 2 * inside.T @ inside, weights
+
+
+def fitted_trends(
+    kind: str, over: str, x: Array, values: Mapping[str, Sequence[float | None]]
+) -> tuple[dict[str, Trend], list[Finding]]:
+    """The trends of a kind of experiment over x, (L,), without intervals."""
+    trends: dict[str, Trend] = {}
+    found: list[Finding] = []
+    for name, form in FORMS_OVER.get(kind, {}).items():
+        if any(value is None for value in values[name]):
+            continue
+        if len(x) < LEAST[form]:
+            said: dict[str, Value] = {"over": over, "form": form, "least": LEAST[form], "count": len(x)}
+            found.append(finding("trend-needs-levels", "friction", (), parameter=name, **said))
+            continue
+        trend = trends[name] = fit_trend(x, np.array(values[name], dtype=np.float64), over, form)
+        if trend.form == "merged-exponential":
+            found.append(finding("trend-rates-merge", "friction", parameter=name))
+        if steep := [code for code in trend.at_bounds if code != "rates-meet"]:
+            found.append(finding("trend-follows-one-point", "friction", parameter=name, rates=tuple(steep)))
+        if not trend.converged:
+            found.append(finding("trend-not-converged", "friction", parameter=name))
+        if trend.form == "double-exponential":
+            found += _combination(name, np.array(trend.coefficients), x)
+    return trends, found
+
+
+def _combination(name: str, c: Array, x: Array) -> list[Finding]:
+    """The combination of a double exponential's coefficients that the levels see least, where it is hardly seen."""
+    G = FORMS["double-exponential"].gradient(c, x).T * np.where(c == 0, 1.0, np.abs(c))
+    values, vectors = np.linalg.eigh(G.T @ G)
+    if values[0] > 1e-6 * values[-1]:
+        return []
+    weights = vectors[:, 0] / np.abs(vectors[:, 0]).max()
+    changes: dict[str, Value] = {
+        label: 100 * float(w) for label, w in zip(("p", "r1", "q", "r2"), weights, strict=True) if abs(w) > 0.1
+    }
+    return [finding("coefficients-together", "friction", (), parameter=name, **changes)]
+
+
+def trends_with_intervals(
+    trends: Mapping[str, Trend], x: Array, values: Mapping[str, Array], sd: Mapping[str, Array] | None, degrees: float
+) -> tuple[dict[str, Trend], list[Finding]]:
+    """The trends with 95 % intervals of their coefficients, and a finding where they have none.
+
+    The coefficients answer to the levels as δc = (G'G)⁻¹ G' δy. `sd` say how δy scatters, by parameter; where the trend
+    misses the levels by more than that, or each level has one run (None), the residuals about the trend do.
+    """
+    result: dict[str, Trend] = {}
+    found: list[Finding] = []
+    for name, trend in trends.items():
+        ci95, code = _coefficients(trend, x, values[name], None if sd is None else sd[name], degrees)
+        result[name] = msgspec.structs.replace(trend, ci95=ci95)
+        found += [finding(code, "friction", parameter=name)] if code else []
+    return result, found
+
+
+def _coefficients(
+    trend: Trend, x: Array, y: Array, sd: Array | None, degrees: float
+) -> tuple[tuple[Interval, ...] | None, str | None]:
+    """Intervals of one trend's coefficients, and the code of their warnings."""
+    if trend.at_bounds:
+        return None, "trend-not-estimable"
+    there = np.isfinite(y)
+    x, y = x[there], y[there]
+    c = np.array(trend.coefficients)
+    G = FORMS[trend.form].gradient(c, x).T
+    spare = len(y) - len(c)
+    if spare < 1:
+        return None, "trend-uses-all-levels"
+    scale = 1 / np.maximum(np.sqrt((G**2).sum(axis=0)), 1e-300)
+    values = np.linalg.svd(G * scale, compute_uv=False)
+    if values[-1] < 1e-7 * values[0]:
+        return None, "trend-coefficients-alike"
+    solve = scale[:, None] * np.linalg.pinv(G * scale)
+    left = y - FORMS[trend.form].curve(c, x)
+    about = float(left @ left) / spare
+    if sd is None:
+        variance, own_degrees = np.full(len(y), about), float(spare)
+    else:
+        variance, own_degrees = sd[there] ** 2, degrees
+        expected = float(variance.sum()) * spare / len(y)
+        if about * spare > 2 * expected:  # the trend misses the levels by more than they scatter
+            share = variance / expected * spare if expected > 0 else np.ones(len(y))
+            variance, own_degrees = share * about, float(spare)
+    reach = t_quantile(own_degrees) * np.sqrt((solve**2) @ variance)
+    vague = (reach > np.abs(c)).any() and trend.form != "linear"
+    ends = tuple((float(a - r), float(a + r)) for a, r in zip(c, reach, strict=True))
+    return ends, "trend-coefficients-vague" if vague else None
