@@ -29,7 +29,9 @@ SAYS_NOTHING = float(np.log(100.0))
 """Logarithm of the factor up or down from which an interval is left out."""
 OPEN = float(np.log(3.0))
 """Half-width of the logarithm from which a parameter counts as open at a level."""
-QUOTED_RECORDS = 3.0
+WIDER = 1.4
+"""By so much T_s and τ1 are less sure where the records do not tell τ2: simulated sets of 5 s for a τ2 of 5 to 17 s."""
+QUOTED_RECORDS = 2.0
 """Record lengths that the interval of τ2 may reach to: where most levels' reach further, none is quoted, for what is
 quoted would be what came out short by chance."""
 HELD_BY = {
@@ -90,12 +92,15 @@ class LevelValues:
 def quoted(
     levels: Sequence[Level], theta: Array, held: Sequence[tuple[str, ...]], ends: tuple[Array, Array, Array]
 ) -> LevelValues:
-    """Values of levels with their ends; none of τ2 upwards where most levels' lie beyond `QUOTED_RECORDS` records."""
+    """Values of levels with their ends; none of τ2 upwards where most levels' lie beyond `QUOTED_RECORDS` records.
+
+    T_s and τ1 then rest on a τ2 that the records do not tell, and their intervals are wider by `WIDER`.
+    """
     low, high, degrees = ends
     beyond = high[2] > np.log([QUOTED_RECORDS * level.time_s[-1] for level in levels])
     if 2 * beyond.sum() > len(levels):
-        high = high.copy()
-        high[2] = np.inf
+        middle, half = 0.5 * (low + high)[:2], 0.5 * WIDER * (high - low)[:2]
+        low, high = np.vstack([middle - half, low[2:]]), np.vstack([middle + half, np.full((1, len(levels)), np.inf)])
     return LevelValues(levels, theta, held, low, high, degrees)
 
 

@@ -200,7 +200,9 @@ def kind_of(path: Path) -> str:
         except (ValueError, RecursionError):  # no UTF-8, no JSON, or numbers and nesting beyond all reason
             content = None
         schema = str(content.get("schema", _by_its_parts(content))) if isinstance(content, dict) else ""
-    known = {f"eaid/{kind}/1": kind for kind in ("fit", "gains", "replay", "data", "couple")}
+    known = {codec.schema_of(kind): kind for kind in ("fit", "gains", "replay", "data", "couple")}
+    if schema == "eaid/fit/1":
+        raise DataError(f"{path}: is an eaid/fit/1 file of an older version; fit again with this one")
     if schema not in known:
         raise DataError(f"{path}: is no result of eaid; give a fit.json, gains.json, replay.h5 or data.h5")
     return known[schema]
@@ -208,7 +210,9 @@ def kind_of(path: Path) -> str:
 
 def _by_its_parts(content: Mapping[str, object]) -> str:
     """The schema of a file of the user's own script that names none."""
-    return next((f"eaid/{kind}/1" for kind, parts in codec.KINDS.items() if any(part in content for part in parts)), "")
+    return next(
+        (codec.schema_of(kind) for kind, parts in codec.KINDS.items() if any(part in content for part in parts)), ""
+    )
 
 
 MOST = 400_000

@@ -107,6 +107,8 @@ def kind_of(path: Path) -> str:
     for kind, parts in KINDS.items():
         if schema == schema_of(kind) or (schema is None and any(part in content for part in parts)):
             return kind
+    if isinstance(schema, str) and schema.startswith("eaid/"):
+        raise DataError(f"{path}: is an {schema} file; make it again with this version of eaid")
     raise DataError(f"{path}: is no result of eaid; give a fit.json, gains.json or couple.json")
 
 
