@@ -201,7 +201,7 @@ def share_of_levels(own: OwnLevels, data: Data, values: LevelValues) -> tuple[Sh
         near.setdefault(share, own_levels(own.levels, data, share, own))
         return np.log(np.maximum(near[share].theta[:3], 1e-300))
 
-    share, step, information = held, 1.0, 0.0
+    share, step, before, information = held, 1.0, np.inf, 0.0
     for _ in range(STEPS):
         slopes = [log_jacobian(curve, level.time_s, True) for curve, level in zip(now.curves, own.levels, strict=True)]
         ways = [J[:, 3] - J[:, :3] @ np.linalg.lstsq(J[:, :3], J[:, 3], rcond=1e-10)[0] for J in slopes]
@@ -210,9 +210,11 @@ def share_of_levels(own: OwnLevels, data: Data, values: LevelValues) -> tuple[Sh
         scores = np.array([w * float(z @ r) for w, z, r in zip(weight, ways, left, strict=True)])
         information = max(sum(w * float(z @ z) for w, z in zip(weight, ways, strict=True)), 1e-300)
         step = float(np.clip(scores.sum() / information, -1.0, 1.0)) * share * (1 - share)  # of C, from its logit
+        if 0.1 < abs(step / before) < 0.9:  # T_s, τ1 and τ2 follow: steps shrink by a ratio, which leads to their sum
+            step /= 1 - step / before
         if abs(step) < SETTLED or not LEAST < share + step < MOST:
             break
-        share += step
+        share, before = share + step, step
         now = own_levels(own.levels, data, share, now)
     single = [len(level.runs) == 1 for level in own.levels]
     if all(single):
