@@ -27,24 +27,6 @@ from eaid.options import ReadOptions
 from eaid.shown import counted, listed
 
 
-def counted_once(runs: Sequence[Run]) -> list[Run]:
-    """Runs without those of a log that was read already, from a copy or a dataset; the one that stays says so."""
-    first: dict[str, str] = {}
-    again: dict[str, set[str]] = {}
-    kept = []
-    for run in runs:
-        holder = run.dataset or run.source
-        if run.sha256 and first.setdefault(run.sha256, holder) != holder:
-            again.setdefault(run.sha256, set()).add(holder)
-        else:
-            kept.append(run)
-    for i, run in enumerate(kept):
-        if others := again.pop(run.sha256, None):
-            said = finding("log-given-twice", run.name, path=", ".join(sorted(others)), first=first[run.sha256])
-            kept[i] = replace(run, findings=(*run.findings, said))
-    return kept
-
-
 def levels_in_names(runs: Sequence[Run]) -> None:
     """Raise DataError where the inputs say only on or off, but outputs and numbers in the logs' names differ.
 
@@ -239,16 +221,16 @@ def read_what_can_be(paths: Sequence[Path], options: ReadOptions, hear: Hear = U
 
 
 def together(runs: Sequence[Run], faults: list[str], options: ReadOptions) -> tuple[list[Run], list[str]]:
-    """Runs of one call: none counted twice, joined where that is wanted, compared, named apart."""
-    once = counted_once(runs)
+    """Runs of one call: joined where that is wanted, compared, named apart."""
+    each = list(runs)
     if not faults:
         try:
-            levels_in_names(once)
+            levels_in_names(each)
             if options.join:
-                once = joined(once)
+                each = joined(each)
         except DataError as fault:
             return [], list(fault.sentences)
-    return named_apart(once if "input" in options.units else scales_compared(once)), faults
+    return named_apart(each if "input" in options.units else scales_compared(each)), faults
 
 
 def _refuse_what_does_nothing(runs: Sequence[Run], options: ReadOptions) -> None:

@@ -1,6 +1,5 @@
 """Runs that are one run: their values agree to their digits, whatever their clocks, digits, rates and lengths are."""
 
-import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -9,12 +8,13 @@ from functools import cached_property
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.findings import Finding, finding
+from eaid.findings import finding
 from eaid.logs.run import Run
 from eaid.steps.levels import same_level
 
 ALL_PAIRS = 60
-"""Runs of a level of which each is compared with each; of more, those whose means agree."""
+"""Runs of a level of which each is compared with each; of more, those next to each other by their means."""
+NEIGHBOURS = 3
 PROBES = (0.9, 0.6, 0.4, 0.75, 0.3)
 """Places in what two runs have in common that are compared before all of it."""
 SHORTEST = 20
@@ -77,24 +77,32 @@ def counted_once(runs: Sequence[Run]) -> list[Run]:
         if not groups or _what(run) != _what(first) or not same_level(run.level or 0.0, first.level or 0.0, 0.0):
             groups.append((run, []))
         groups[-1][1].append(_Values(run, _step_of(run)))
-    gone: set[int] = set()
-    said: dict[int, list[Finding]] = {}
+    kept: dict[int, Run] = {}
     for _, members in groups:
-        for one, other in _pairs(members):
-            if id(one.run) in gone or id(other.run) in gone:
-                continue
-            code, (kept, left) = _compared(one, other), _longer_first(one, other)
-            if code is not None:
-                said.setdefault(id(kept.run), []).append(
-                    finding(code, kept.run.name, (kept.run.level or 0.0,), other=left.run.where)
-                )
-            if code == "run-given-twice":
-                gone.add(id(left.run))
-    return [
-        replace(run, findings=(*run.findings, *said[id(run)])) if id(run) in said else run
-        for run in runs
-        if id(run) not in gone
-    ]
+        many = len(members) > ALL_PAIRS
+        alone: list[_Values] = []
+        for one in sorted(members, key=lambda one: float(one.run.output.mean())) if many else members:
+            for k in range(len(alone) - 1, -1 if not many else max(-1, len(alone) - 1 - NEIGHBOURS), -1):
+                other = alone[k]
+                code = _compared(one, other) if _log_of(one.run) != _log_of(other.run) else None
+                if code is None:
+                    continue
+                longer, shorter = (one, other) if len(one.run.output) > len(other.run.output) else (other, one)
+                of_longer = kept.get(id(longer.run), longer.run)
+                said = finding(code, of_longer.name, (of_longer.level or 0.0,), other=shorter.run.where)
+                kept[id(longer.run)] = replace(of_longer, findings=(*of_longer.findings, said))
+                if code == "run-given-twice":
+                    kept.pop(id(shorter.run), None)
+                    alone[k] = longer
+                    break
+            else:
+                alone.append(one)
+                kept.setdefault(id(one.run), one.run)
+    return [kept[id(run)] for run in runs if id(run) in kept]
+
+
+def _log_of(run: Run) -> tuple[str, str]:
+    return run.dataset, run.source
 
 
 def _what(run: Run) -> tuple[str, str, str, str]:
@@ -106,20 +114,6 @@ def _step_of(run: Run) -> int:
         return int(np.searchsorted(run.time_s, run.step_s - 1e-9))
     moved = np.abs(run.input - run.input[0]) > 0.1 * np.ptp(run.input) if len(run.input) else np.zeros(1, dtype=bool)
     return int(moved.argmax())
-
-
-def _pairs(members: Sequence[_Values]) -> list[tuple[_Values, _Values]]:
-    """Pairs of different logs: all of them, or those next to each other by their means."""
-    if len(members) <= ALL_PAIRS:
-        pairs = [(one, other) for k, one in enumerate(members) for other in members[k + 1 :]]
-    else:
-        order = sorted(members, key=lambda one: float(one.run.output.mean()))
-        pairs = list(itertools.pairwise(order))
-    return [(one, other) for one, other in pairs if one.run.where != other.run.where]
-
-
-def _longer_first(one: _Values, other: _Values) -> tuple[_Values, _Values]:
-    return (one, other) if len(one.run.output) >= len(other.run.output) else (other, one)
 
 
 def _compared(one: _Values, other: _Values) -> str | None:

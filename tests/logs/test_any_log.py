@@ -1,23 +1,19 @@
 """Readers on anything at all: any table comes back digit by digit; of random or mutated files only refusals come."""
 
-import contextlib
 import gzip
 import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import h5py
 import logs_written as written
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from scipy.io import savemat
 
 import eaid
 from eaid import DataError, EaidError
-from eaid.logs.foreign import ask
 
 PROFILE = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 LENGTHS = [pytest.param(False, id="brief"), pytest.param(True, id="long", marks=pytest.mark.slow)]
@@ -143,65 +139,3 @@ def test_random_bytes(long, tmp_path):
     @tried(long, 2, 20, rests=st.lists(st.binary(max_size=600), min_size=9, max_size=9))
     def check_binary(rests):
         only_refusals(tmp_path, [magic + rest for magic, rest in zip(MAGIC, rests, strict=True)])
-
-
-LIBRARIES = {"tdms": "nptdms", "mdf": "asammdf", "ros1": "rosbags", "ros2": "rosbags"}
-LVM = (
-    "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t.\nX_Columns\tOne\n***End_of_Header***\n\nChannels\t1\n"
-    "Y_Unit_Label\tNm\nX_Dimension\tTime\nX0\t0\nDelta_X\t0.01\n***End_of_Header***\nX_Value\tTorque\tComment\n"
-    + "".join(f"{i / 100}\t{i}\n" for i in range(30))
-)
-
-
-def seed(name, path):
-    """A valid file of a format."""
-    t, _, torque = step = written.step(60 if name in ("text", "gzip") else 250)
-    if name in ("text", "gzip"):
-        rows = ("# rate: 200 Hz\n" + written.text("time_s,duty_pct,torque_nm", *step)).encode()
-        return gzip.compress(rows) if name == "gzip" else rows
-    if name == "lvm":
-        return LVM.encode()
-    if name.startswith("mat"):
-        content = {"log": np.stack(step)} if name == "mat4" else {"s": {"time": t, "torque": torque}}
-        savemat(
-            path, content, appendmat=False, format=name[3] if name != "matz" else "5", do_compression=name == "matz"
-        )
-    elif name == "hdf5":
-        with h5py.File(path, "w") as file:
-            file.create_dataset("time", data=t, compression="gzip")
-            file["torque"] = torque
-    else:
-        getattr(written, name.split(":")[0])(path, *step, **({"storage": "sqlite3"} if ":" in name else {}))
-    return path.read_bytes()
-
-
-SLOW = ("lvm", "mat4", "mat5", "matz", "hdf5", "parquet", "ros2:sqlite", *LIBRARIES)
-
-
-@pytest.mark.parametrize("name", ["text", "gzip", *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW)])
-def test_mutated_files(name, tmp_path, monkeypatch):
-    """Twelve changed ones of a binary format in one call."""
-    pytest.importorskip(LIBRARIES.get(name.split(":")[0], "numpy"))
-    monkeypatch.setattr(ask, "LONGEST_S", 1.0)
-    whole, few = seed(name, tmp_path / "seed"), 1 if name in ("text", "gzip") else 12
-
-    @tried(few > 1, 40, 3, edits=st.lists(EDITS, min_size=few, max_size=few))
-    def check(edits):
-        only_refusals(tmp_path, [edited(whole, one) for one in edits])
-
-
-@pytest.mark.parametrize("long", LENGTHS)
-def test_a_mutated_dataset_gives_the_numbers_that_were_written_or_none(long, tmp_path):
-    path = tmp_path / "data.h5"
-    eaid.read(written.frame("time|duty|torque_nm", written.T, written.U, written.Y)).save(path)
-    data, (known,) = path.read_bytes(), eaid.read(path).steps
-
-    @tried(long, 20, 200, edits=EDITS)
-    def check(edits):
-        path.write_bytes(edited(data, edits))
-        with contextlib.suppress(EaidError):
-            (run,) = eaid.read(path).steps
-            assert all(getattr(run, name) == getattr(known, name) for name in ("name", "level", "repeat", "step_s"))
-            assert all(
-                np.array_equal(getattr(run, name), getattr(known, name)) for name in ("time_s", "input", "output")
-            )

@@ -25,7 +25,6 @@ from scipy.io import savemat
 import eaid
 from eaid import DataError
 from eaid.logs.foreign import ask
-from eaid.logs.formats import format_of
 from eaid.logs.read import read_runs
 from eaid.options import ReadOptions
 
@@ -422,28 +421,6 @@ def test_a_missing_library_is_named_with_its_pip_line(head, name, library, read,
     extra = name.split()[0].lower()
     said = f'is a {name} file, which takes {library} to read; pip install "eaid[{extra}]"'
     assert read.refused(head + bytes(100)) == [said]
-
-
-def mat_v4(kind=0, rows=9, columns=3, half=0, name=b"log\0", order="<") -> bytes:
-    return struct.pack(f"{order}5i", kind, rows, columns, half, len(name)) + name + bytes(9)
-
-
-@pytest.mark.parametrize(
-    ("name", "heads"),
-    [
-        ("MAT", [mat_v4(), mat_v4(52), mat_v4(1000), mat_v4(1052), mat_v4(half=1), mat_v4(rows=1), mat_v4(columns=1),
-                 mat_v4(name=b"t\0"), mat_v4(name=b"a" * 62 + b"\0"), mat_v4(name=b"a_1\0"), mat_v4(1000, order=">"),
-                 bytes(124) + b"\x00\x01IM", bytes(124) + b"\x01\x00MI", b"MATLAB 5.0 MAT-file"]),
-        ("text", [mat_v4(53), mat_v4(999), mat_v4(1053), mat_v4(half=2), mat_v4(rows=0), mat_v4(columns=0),
-                  mat_v4(name=b"\0"), mat_v4(name=b"a" * 63 + b"\0"), mat_v4(name=b"a-1\0"), mat_v4(name=b"abcd"),
-                  mat_v4()[:24], bytes(125) + b"\x00\x01IM", b"MATLAB 6.0", b"#ROSBAG", b"", b"\x80\x01", b"\x80\x06",
-                  b" PK\x03\x04", bytes(511) + b"\x89HDF\r\n\x1a\n", bytes(513) + b"\x89HDF\r\n\x1a\n", b"t,y\n"]),
-        ("HDF5", [bytes(512) + b"\x89HDF\r\n\x1a\n"]), ("LVM", [b"\xef\xbb\xbfLabVIEW Measurement\r\n"]),
-        ("Arrow", [b"ARROW1\0\0"]), ("MDF", [b"MDF     3.30", b"UnFinMF 4.10"]), ("NumPy", [b"\x93NUMPY\x01"]),
-    ],
-)  # fmt: skip
-def test_which_first_bytes_say_what_a_file_is(name, heads):
-    assert [format_of(head).name for head in heads] == [name] * len(heads)
 
 
 MESSAGE = """string[] name

@@ -160,24 +160,10 @@ TELLS: dict[str, tuple[Any, dict[str, Any], str]] = {
         "trigger says when the input is on, the file name that it is 60"),
     "caution level-contradicted": (plain(u=U / 2), LEVEL,
         "its name says level 60, its input column goes to 30 %: the column counts"),
-    "note unit-assumed": (plain("time_s|duty_pct|friction"), {},
-        "no unit is given for output friction: N assumed; say it with units= output=UNIT"),
-    "caution unit-unknown": (plain("time|duty|torque"), {},
-        "no unit is given for output torque: its numbers stay as they are; say it with units= output=UNIT"),
     "caution unit-g-unclear": (plain("time|duty|output (g)"), {}, "output output (g) is in g, an acceleration or a "
         "weight: its numbers stay as they are; a weight is said by units= output=gf or kgf"),
-    "note time-since-a-day": (plain(t=1.7e12 + 1e3 * T), {}, "time counts ms since 1970, as its first stamp tells"),
-    "caution time-in-days": (plain(t=45_000 + T / 86400), {}, "time counts days, as Excel and MATLAB do, by its first "
-        "stamp and its sample time; else say its unit with units= time=UNIT"),
-    "stop time-too-fast": (plain(t=T / 600), {},
-        "no unit fits time: in seconds its rate would be 6e+04 Hz; say it with units= time=min or what it is"),
     "stop time-too-long": (plain(t=np.round(1e6 * T)), {}, "no unit is given for time, its stamps 10000 apart: in "
         "seconds the log would take 2.99e+06 s; say it with units= time=us or time=s"),
-    "caution time-in-whole-numbers": (plain(t=np.arange(300)), {}, "no unit is given for time, whole numbers 1 apart: "
-        "seconds assumed; if they are ms or samples, say units= time=ms or rate_hz= HZ"),
-    "stop torque-too-large": (plain(y=np.round(16000 * Y, -4)), {},
-        "the torque reaches 2e+04 N·m, beyond any clutch: counts, or another unit; say units= output=UNIT"),
-    "caution columns-by-place": (text(None, T, U, Y), {}, "its columns have no names: taken as time, input, output"),
     "note columns-without-numbers": (plain("time|duty|torque_nm|note", T, U, Y, ["x"] * 300), {},
         "note hold no real numbers and are left out"),
     "caution rows-dropped": (plain(y=np.where(T == 0.5, np.nan, Y)), REPAIR, "repair= dropped 1 of 300 rows"),

@@ -63,7 +63,6 @@ LOG_ROWS: dict[str, Row] = {
         "its input stays within 1 while that of other logs goes to {other:g} %: a fraction is read apart with «units» "
         "input=fraction; if all are in %, say «units» input=%"
     ),
-    "log-given-twice": caution("{path} is the same log as {first} (equal SHA-256): it counts once"),
     "run-given-twice": caution("{other} holds the same values to their digits: they count once"),
     "repeats-too-alike": caution(
         "its noise is that of {other}, which no two recordings have: leave one out if it is a copy of the other"
