@@ -476,6 +476,7 @@ def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions) -> Run
         if options.rate_hz is None:
             place, rate_hz = table.rates[0]
             of_time = (finding("rate-from-comment", source, rate_hz=rate_hz, place=place),)
+    of_time += _contradicted_rate(source, table, time_s) if clock is not None else ()
     into = log.scale("output", roles.output, default_unit(table.columns[roles.output], OUTPUTS))
     output = into.of(columns.kept(roles.output))
     if which is not None and kind is not None:
@@ -520,6 +521,15 @@ def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions) -> Run
         taken=tuple((role, table.label(column)) for role, column in used.items()),
         left=(*others, *table.dropped),
     )
+
+
+def _contradicted_rate(source: str, table: Table, time_s: Array) -> tuple[Finding, ...]:
+    """The sample rate that a comment says, where the stamps have another."""
+    usual = float(np.median(np.diff(time_s[:10_000]))) if len(time_s) > 1 else 0.0
+    wrong = next(((place, rate) for place, rate in table.rates if not 0.9 < usual * rate < 1.1), None)
+    if wrong is None or usual == 0:
+        return ()
+    return (finding("rate-contradicted", source, place=wrong[0], said=wrong[1], found=1.0 / usual),)
 
 
 def _input_of_trigger(

@@ -147,7 +147,8 @@ def split_name(name: str) -> tuple[str, str]:
 
 
 _TIMES_A_NUMBER = re.compile(
-    r"[*×]\s*[\d.]|\d\s*[*×]|(?:^|[\s_\])])[xX]\s*(?:10+|\d*\.\d+|\d+e[-+]?\d+)\s*$|10\^[-+]?\d", re.IGNORECASE
+    r"[*×]\s*[\d.]|\d\s*[*×]|/\s*\d|%\s*of\b|(?:^|[\s_()\[\]])[xX]\s*(?:10+|\d*\.\d+|\d+e[-+]?\d+)[\s)\]]*$|10\^[-+]?\d",
+    re.IGNORECASE,
 )
 _NUMBER_OF_UNITS = re.compile(r"\d[\d.]*(?:e[-+]?\d+)?\s*[a-zA-Zµμ%]")
 

@@ -136,7 +136,11 @@ ODD: dict[str, tuple[Any, ...]] = {
         "# sampling rate: 1000 Hz, every 10th kept")},
     "two rates": (above("# Fs: 100 Hz\n# dt: 20 ms"), TEXT, "says 100 Hz in row 1 and 50 Hz in row 2"),
     **{name: (output(name), ALL, FACTOR) for name in (
-        "Torque*1000 [Nm]", "Torque x100 [Nm]", "torque (Nm x 0.01)", "torque (N.m*1e-2)", "torque [10^-3 Nm]")},
+        "Torque*1000 [Nm]", "Torque x100 [Nm]", "torque (Nm x 0.01)", "torque (N.m*1e-2)", "torque [10^-3 Nm]",
+        "Torque(x10) Nm", "torque % of 5 Nm")},
+    "a divided torque": (output("Torque/1000 [Nm]"), TEXT, FACTOR),
+    "a rate that the stamps contradict": (lambda log: replace(log, above="# Fs: 50 Hz\n"), TEXT, "rate-contradicted"),
+    "a rate that they do not": (lambda log: replace(log, above="# Fs: 101 Hz\n"), TEXT, "right"),
     "a number beside the time's unit": (time("time [10 ms]", 100 * T), ALL, FACTOR),
     "torque in mNm": (output("torque (mNm)", 1e3), ALL, "right"),
     "torque without a unit": (output("torque", 7.0), ALL, "unit-unknown"),

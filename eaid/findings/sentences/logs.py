@@ -36,6 +36,10 @@ LOG_ROWS: dict[str, Row] = {
     ),
     "time-since-a-day": note("{column} counts {counts}, as its first stamp tells"),
     "rate-from-comment": note("no column is called time: {rate_hz:g} Hz, from the comment in {place}"),
+    "rate-contradicted": caution(
+        "{place} says {said:g} Hz, its stamps are those of {found:.4g} Hz: they count; if their unit is another, say "
+        "«units» time=UNIT"
+    ),
     "time-brief": caution(
         "no unit is given for {column}: in seconds the log lasts {span_s:.3g} s at {rate_hz:.4g} Hz; if it counts "
         "minutes or hours, say «units» time=min or h"
