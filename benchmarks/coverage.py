@@ -24,7 +24,7 @@ import eaid
 from benchmarks.stop_findings import log, rise, wander
 from eaid.apparatus import Apparatus
 from eaid.arrays import Array
-from eaid.estimate.step_shapes import fit_step, with_interval
+from eaid.estimate.step_shapes import single_steps
 from eaid.models import friction
 from eaid.models.nonlinear import at_duty
 from eaid.models.parameters import REFERENCE_PLANT, Friction
@@ -254,19 +254,24 @@ def recorded(name: str, sets: int) -> dict[str, Array]:
     return {name: _mean(held) for name, held in rows.items()}
 
 
-STAIRCASES = ("two", "one", "dead time", "overshoot")
+STAIRCASES = {
+    **{kind: (kind, (5.0, 8.0)) for kind in ("two", "one", "dead time", "overshoot")},
+    **{f"{kind}, {hold:g} τ2": (kind, (hold, hold)) for kind in ("two", "overshoot") for hold in (1.5, 3.5, 8.0)},
+}
+"""Shape, and the range of holds in slow time constants."""
 HEIGHTS, GAINS, RATE_HZ = (20.0, 50.0, 80.0, 40.0), (0.03, 0.04, 0.02, 0.05), 100.0
 
 
-def quoted(kind: str, count: int) -> Iterator[tuple[str, float, Interval]]:
+def quoted(name: str, count: int) -> Iterator[tuple[str, float, Interval]]:
     """Name, truth and interval of every number of every step of so many staircases of a shape."""
     random = np.random.default_rng(5)
+    kind, holds = STAIRCASES[name]
     for _ in range(count):
         tau1 = float(np.exp(random.uniform(np.log(0.1), np.log(0.6))))
         tau2 = tau1 * float(random.uniform(4, 10))
         share = {"one": 1.0, "overshoot": 1.3}.get(kind, 0.85)
         dead = float(random.uniform(0.2, 0.5)) if kind == "dead time" else 0.0
-        hold = round(random.uniform(5, 8) * tau2 * RATE_HZ)
+        hold = round(random.uniform(*holds) * tau2 * RATE_HZ)
         t = np.arange(hold * len(HEIGHTS)) / RATE_HZ
         changes = {(a, b): gain * (b - a) for a, b, gain in zip(HEIGHTS, HEIGHTS[1:], GAINS[1:], strict=False)}
         y = np.full(len(t), GAINS[0] * HEIGHTS[0])
@@ -274,19 +279,21 @@ def quoted(kind: str, count: int) -> Iterator[tuple[str, float, Interval]]:
             since = np.maximum(t - (k + 1) * hold / RATE_HZ - dead, 0.0)
             y += change * rise(since, tau1, tau2, share) * (since > 0)
         y += random.choice([0.002, 0.01, 0.03]) * wander(random, len(t), float(random.choice([0.1, 5, 20])))
-        for step in build_stepset([log(t, np.repeat(HEIGHTS, hold), y)]).level_steps:
-            found = with_interval(step, fit_step(step)).ci95
-            change = changes[step.from_level, step.level]
+        for step in single_steps(build_stepset([log(t, np.repeat(HEIGHTS, hold), y)]), eaid.FitOptions()):
+            found = step.ci95
+            change = changes[step.from_, step.level]
             yield "change", change, found.change
-            yield "gain", change / (step.level - step.from_level), found.gain
+            yield "gain", change / (step.level - step.from_), found.gain
             yield "tau1", tau1, found.tau1
             if kind != "one":
                 yield "tau2", tau2, found.tau2
+            if kind == "overshoot":
+                yield "C", share, found.C
             if kind == "dead time":
                 yield "dead_time_s", dead, found.dead_time_s
 
 
-def single_steps(kind: str, count: int) -> dict[str, tuple[float, int, int]]:
+def steps_held(kind: str, count: int) -> dict[str, tuple[float, int, int]]:
     """Share of intervals that hold the truth, how many were quoted, and how many were not, by name."""
     held = defaultdict(list)
     for name, value, ends in quoted(kind, count):
@@ -320,7 +327,7 @@ def lines(name: str, sets: int) -> Iterator[str]:
         yield from (f"| {key} | {cell(values)} |" for key, values in recorded(name, sets).items())
     else:
         yield f"\n| steps: {name}, {sets} staircases | held | quoted | not quoted |\n|---|---|---|---|"
-        for key, (share, told, untold) in single_steps(name, sets).items():
+        for key, (share, told, untold) in steps_held(name, sets).items():
             yield f"| {key} | {100 * share:.1f} | {told} | {untold} |"
 
 

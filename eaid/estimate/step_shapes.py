@@ -379,11 +379,11 @@ def _least(
     return q, cost * size**2
 
 
-def independent(left: Array, rounding: float = 0.0) -> float:
+def independent(left: Array, rounding: float = 0.0, fewest: float = 12.0) -> float:
     """Number of independent samples in residuals: fewer than all where means of blocks scatter more than white noise's.
 
     The larger of two inflations counts: of neighbours (autocorrelation at lag 1) and of fifty blocks. A sum of squares
-    up to `rounding` tells nothing.
+    up to `rounding` tells nothing, and `fewest` are counted at least.
     """
     count = len(left)
     left = left - left.mean()
@@ -393,7 +393,7 @@ def independent(left: Array, rounding: float = 0.0) -> float:
     alike = min(max(float(left[1:] @ left[:-1]) / power, 0.0), 0.999)
     blocks = min(50, count // 4)
     spread = float(np.mean(block_means(left, blocks) ** 2)) * count / blocks / (power / count)
-    return max(count / max(1.0, (1 + alike) / (1 - alike), spread), 12.0)
+    return max(count / max(1.0, (1 + alike) / (1 - alike), spread), fewest)
 
 
 def _aicc(sse: float, k: int, count: float) -> float:
@@ -474,6 +474,8 @@ def _result(
     )
 
 
+LEAST_TAIL = 1e-6
+"""Part of a step's change below which what it has left is nothing."""
 FEW_STEPS = 3
 """Steps up to which each is shown by itself, too."""
 MOST_RISES = 200
@@ -483,16 +485,89 @@ MOST_RISES = 200
 def single_steps(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]:
     """The shape of each change of input, where some go from level to level, where they are few, or where it is asked.
 
-    Steps from rest are fitted together, as levels, too; these are beside them.
+    Steps from rest are fitted together, as levels, too; these are beside them, with their intervals. Each carries the
+    tail of the step before it in its log: what a hold too short has left to go.
     """
     steps = stepset.level_steps
     between = any(0.0 not in (step.from_level, step.level) for step in steps)
     asked = options.shape != "auto" or options.held_dead_time_s is not None
-    return tuple(fit_step(step, options) for step in steps) if between or asked or len(steps) <= FEW_STEPS else ()
+    if not (between or asked or len(steps) <= FEW_STEPS):
+        return ()
+    found: dict[int, StepShape] = {}
+    before, tail = -1, NO_TAIL
+    for k in sorted(range(len(steps)), key=lambda k: (steps[k].source, steps[k].at_s)):
+        tail = _tail_after(steps[before], steps[k], found[before], tail) if before >= 0 else NO_TAIL
+        found[k] = fitted(steps[k], options, tail)
+        before = k
+    return tuple(found[k] for k in range(len(steps)))
+
+
+def _tail_after(last: LevelStep, step: LevelStep, shape: StepShape, before: "Tail") -> "Tail":
+    """What is left at a step of the one before it, where that is of the same log and lasted until then."""
+    lasted = step.at_s - last.at_s
+    until = float(last.time_s[-1]) * (1 + 2 / len(last.time_s))
+    follows = last.source == step.source and last.level == step.from_level and 0 < lasted <= until
+    return tail_of(shape, before, lasted) if follows else NO_TAIL
+
+
+def fitted(step: LevelStep, options: FitOptions, tail: "Tail") -> StepShape:
+    """The shape of one step behind a tail, with its intervals."""
+    alone = tail.taken_from(step)
+    shape = with_interval(alone, fit_step(alone, options), options.ci, options.held_dead_time_s is None, tail)
+    return msgspec.structs.replace(shape, tail=tuple((size, tau) for size, tau, _ in tail.parts))
+
+
+@dataclass(frozen=True)
+class Tail:
+    """What the steps before a step have left to go, Σ a e^(−t/τ)."""
+
+    parts: tuple[tuple[float, float, float], ...] = ()
+    """a, τ, and the half-width of the 95 % interval of a."""
+
+    def taken_from(self, step: LevelStep) -> LevelStep:
+        """The step as it would have been behind a hold that had settled."""
+        if not self.parts:
+            return step
+        rest_s = step.rest_s or 0.0
+        output, start, moved = step.output, step.start, step.rest_moved
+        for size, tau, _ in self.parts:
+            output = output - size * np.exp(-step.time_s / tau)
+            start -= size * _before(rest_s, tau)
+            moved -= abs(size) * abs(_before(rest_s / 2, tau) * (math.exp(rest_s / 2 / tau) - 1))
+        return replace(step, output=output, start=start, rest_moved=max(moved, 0.0))
+
+
+NO_TAIL = Tail()
+
+
+def _before(rest_s: float, tau: float) -> float:
+    """Mean of e^(−t/τ) over the rest that ends at t = 0."""
+    return math.expm1(rest_s / tau) * tau / rest_s if rest_s > 0 else 1.0
+
+
+def tail_of(shape: StepShape, before: Tail, lasted_s: float) -> Tail:
+    """What a fitted step, and the tail before it, have left to go after a hold."""
+    parts = [
+        (size * math.exp(-lasted_s / tau), tau, half * math.exp(-lasted_s / tau)) for size, tau, half in before.parts
+    ]
+    if any(one.code == "shape-explains-little" for one in shape.findings):
+        return Tail(tuple(parts))
+    after, ci = max(lasted_s - shape.dead_time_s, 0.0), shape.ci95
+    of_change = 0.5 * (ci.change[1] - ci.change[0]) / abs(shape.change) if ci.change is not None else 1.0
+    of_share = 0.5 * (ci.C[1] - ci.C[0]) if ci.C is not None else 0.0
+    moved = abs(float(shape.predict(np.array([lasted_s]))[0]) - shape.start)
+    for share, tau, ends in ((shape.C, shape.tau1, ci.tau1), (1 - shape.C, shape.tau2, ci.tau2)):
+        if tau is not None and share != 0:
+            size = -shape.change * share * math.exp(-after / tau)
+            of_tau = 0.5 * math.log(ends[1] / ends[0]) if ends is not None else math.log(WIDEST)
+            half = abs(size) * math.hypot(of_change, of_share / share, after / tau * of_tau)
+            # a part that outlasts the hold is no more known than what the output has done in it
+            parts.append((size, tau, half) if tau <= lasted_s else (0.0, tau, moved))
+    return Tail(tuple(part for part in parts if abs(part[0]) + part[2] > LEAST_TAIL * abs(shape.change)))
 
 
 def of_another_shape(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]:
-    """Rises that ask for another shape than the paper's, where most of the first ones to a level do."""
+    """Rises that ask for another shape than the paper's, with intervals, where most of the first ones to a level do."""
     rises = [step for step in stepset.level_steps if step.edge == "up"]
     first_rises = {step.level: step for step in reversed(rises)}.values()
     shapes: dict[str, StepShape | None] = {}
@@ -504,7 +579,9 @@ def of_another_shape(stepset: StepSet, options: FitOptions) -> tuple[StepShape, 
             return ()
     if len(rises) <= MOST_RISES:
         shapes |= {step.name: _other_shape(step, options) for step in rises if step.name not in shapes}
-    return tuple(shape for step in rises if (shape := shapes.get(step.name)) is not None)
+    dead_free = options.held_dead_time_s is None
+    asking = ((step, shape) for step in rises if (shape := shapes.get(step.name)) is not None)
+    return tuple(with_interval(step, shape, options.ci, dead_free) for step, shape in asking)
 
 
 def _other_shape(step: LevelStep, options: FitOptions) -> StepShape | None:
@@ -543,31 +620,25 @@ NAMES = ("change", "tau1", "tau2", "C", "dead_time_s")
 LAGS = 16
 """Part of the record up to which noise may remember."""
 LONGEST = 1.0
-"""Record lengths beyond which the slow time constant is not quoted: its size is then that of the model's form."""
+"""Record lengths beyond which the slow time constant is not quoted, nor the change that rests on it."""
 NEARLY = 4.0
 """Difference of AICc from which two exponentials are nearly chosen."""
 WIDEST = 3.0
 """Factor by which an interval of a time constant may reach to either side before it says nothing."""
 
 
-def with_step_intervals(
-    steps: Sequence[LevelStep], shapes: Sequence[StepShape], ci: str, dead_time_free: bool = True
-) -> tuple[StepShape, ...]:
-    """Shapes of some of the steps with their intervals; as they are for `ci` none, or where there are none."""
-    if ci == "none" or not shapes:
-        return tuple(shapes)
-    of_run = {step.name: step for step in steps}
-    return tuple(with_interval(of_run[one.run], one, ci, dead_time_free) for one in shapes)
-
-
-def with_interval(step: LevelStep, shape: StepShape, ci: str = "robust", dead_time_free: bool = True) -> StepShape:
-    """One fitted step with its intervals, and a finding where some say nothing."""
+def with_interval(
+    step: LevelStep, shape: StepShape, ci: str = "robust", dead_time_free: bool = True, tail: Tail = NO_TAIL
+) -> StepShape:
+    """One fitted step with its intervals, and a finding where some say nothing; `tail` was taken from its output."""
+    if ci == "none":
+        return shape
     window = float(step.time_s[-1])
     two = shape.tau2 is not None
     free = [True, True, two, shape.shape in ("free", "overshoot"), dead_time_free and shape.dead_time_s > 0]
     names = [name for name, is_free in zip(NAMES, free, strict=True) if is_free]
     refused = any(one.severity == "stop" for one in shape.findings)
-    error = {} if refused else dict(zip(names, _errors(step, shape, free, ci).tolist(), strict=True))
+    error = {} if refused else dict(zip(names, _errors(step, shape, free, ci, tail).tolist(), strict=True))
     if not all(map(math.isfinite, error.values())):
         error = {}
     wide = {name for name in ("tau1", "tau2") if error.get(name, 0.0) > math.log(WIDEST)}
@@ -600,7 +671,7 @@ def _nearly_two(shape: StepShape) -> bool:
     return one is not None and two is not None and two < one - NEARLY
 
 
-def _errors(step: LevelStep, shape: StepShape, free: Sequence[bool], ci: str) -> Array:
+def _errors(step: LevelStep, shape: StepShape, free: Sequence[bool], ci: str, tail: Tail) -> Array:
     """Half widths of the 95 % intervals of the free parameters, time constants in logarithms."""
     tau2 = shape.tau2 or shape.tau1
     p = np.array([shape.change, math.log(shape.tau1), math.log(tau2 / shape.tau1), shape.C, shape.dead_time_s])
@@ -617,17 +688,23 @@ def _errors(step: LevelStep, shape: StepShape, free: Sequence[bool], ci: str) ->
         variance = per_sample * np.diag(unit)
     else:
         directions = np.concatenate((jacobian @ unit, np.ones((count, 1))), axis=1)
-        degrees = max(min(independent(left), LAGS) - k, 1.0)  # what the noise remembers is seen in so many stretches
+        seen = min(independent(left, fewest=k + 1.0), LAGS)  # what the noise remembers is seen in so many stretches
+        degrees = seen - k
         own = bartlett_variance(step.time_s, directions * left[:, None]).max(axis=0)
         # the fit has taken k parameters' worth of the slow noise out of the residuals
-        sums = np.maximum(own, stationary_variance(left, directions) / (1 - k / LAGS))
+        sums = np.maximum(own, stationary_variance(left, directions) / (1 - k / seen))
         variance, per_sample = sums[:-1], float(sums[-1]) / count
     moved = unit @ jacobian.sum(axis=0)
     rested = max(1.0, (step.rest_s or 0.0) * (count - 1) / float(step.time_s[-1]))
     start = per_sample / rested
     # a rest that still moved by more than its noise, 4 start, has as far to go again
     start += max(0.0, step.rest_moved**2 - 4 * start)
-    return np.asarray(t_quantile(degrees) * np.sqrt(variance + moved**2 * start))
+    halves = t_quantile(degrees) ** 2 * (variance + moved**2 * start)
+    for _, tau, half in tail.parts:
+        halves = (
+            halves + (half * unit @ jacobian.T @ (_before(step.rest_s or 0.0, tau) - np.exp(-step.time_s / tau))) ** 2
+        )
+    return np.asarray(np.sqrt(halves))
 
 
 def stationary_variance(left: Array, directions: Array) -> Array:

@@ -35,12 +35,12 @@ from eaid.estimate.nonlinear import believed, nonlinear_part, spread_of
 from eaid.estimate.release import release_fit
 from eaid.estimate.scatter import CURVES, NAMES, Scatter, noise_of
 from eaid.estimate.spread import t_quantile
-from eaid.estimate.step_shapes import between_rows, of_another_shape, single_steps, with_step_intervals
+from eaid.estimate.step_shapes import between_rows, of_another_shape, single_steps
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.models.parameters import SHARE
 from eaid.options import MODELS, FitGiven, FitOptions
 from eaid.results.common import Input, Source
-from eaid.results.fit import NOT_IDENTIFIABLE, Fit, FittedData, Friction, Rig, StepShape, Uncertainty
+from eaid.results.fit import NOT_IDENTIFIABLE, Fit, FittedData, Friction, Rig, Uncertainty
 from eaid.results.verdict import judged
 from eaid.steps.stepset import Level, StepSet
 
@@ -114,10 +114,10 @@ def _fit_steps(stepset: StepSet, options: FitOptions, progress: Callable[[], Non
             result = _fit_levels(stepset, options, progress)
     else:  # a staircase that never rests: no model of steps from rest
         result = Fit(data=data_part(stepset), uncertainty=Uncertainty("none"))
-    shapes = shapes_of(stepset, options)
+    shapes = single_steps(stepset, options)
     of_shapes = tuple(warning for shape in shapes for warning in shape.findings)
     if not shapes and any(one.code in OTHER_SHAPES for one in (*result.findings, *stepset.all_findings)):
-        shapes = with_step_intervals(stepset.level_steps, of_another_shape(stepset, options), options.ci)
+        shapes = of_another_shape(stepset, options)
         of_shapes = merged([warning for shape in shapes for warning in shape.findings])
     rows = between_rows(shapes) if "friction" in (options.model or ("friction",)) else ()
     if rows:
@@ -345,12 +345,6 @@ def data_part(stepset: StepSet) -> FittedData:
         inputs=tuple(Input(path, sha256) for path, sha256 in stepset.inputs),
         synthetic=stepset.synthetic,
     )
-
-
-def shapes_of(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]:
-    """Each change of input by itself with its intervals, where that is shown (`single_steps`)."""
-    shapes = single_steps(stepset, options)
-    return with_step_intervals(stepset.level_steps, shapes, options.ci, options.held_dead_time_s is None)
 
 
 OTHER_SHAPES = {"repeats-miss-alike", "output-decays-under-hold", "decays-under-hold"}

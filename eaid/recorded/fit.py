@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from eaid.arrays import Array
 from eaid.errors import DataError, UsageError
 from eaid.estimate import workflow
+from eaid.estimate.step_shapes import single_steps
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.logs.run import Run
 from eaid.models.parameters import Linear as Eq8
@@ -264,7 +265,7 @@ def fit_whole(stepset: StepSet, options: FitOptions) -> Fit:
     if options.ci not in ("robust", "none"):
         raise UsageError(f"«ci» {options.ci}: logs fitted as recorded take robust or none; or say «logs_as» steps")
     rest = float(stepset.reading.get("rest", 0.0))
-    shapes = workflow.shapes_of(stepset, options)
+    shapes = single_steps(stepset, options)
     dead_s = statistics.median_low([one.dead_time_s for one in shapes if one.edge == "up"] or [0.0])
     fit = fit_recorded(stepset.recorded, options, stepset, rest, dead_time_s=dead_s)
     of_shapes = merged([each for shape in shapes for each in shape.findings])

@@ -458,7 +458,7 @@ class StepShape(Result, frozen=True):
     edge: str
     """up or down."""
     start: Number
-    """Output before the step."""
+    """Output before the step, where the hold before would have settled."""
     change: Number
     """Steady output less the start."""
     gain: Number | None
@@ -478,6 +478,8 @@ class StepShape(Result, frozen=True):
     samples: Count
     ci95: StepIntervals = StepIntervals()
     """From the noise of this one record: how much steps differ from one another is not in it."""
+    tail: tuple[tuple[Number, Number], ...] = ()
+    """What the steps before it have left to go: size at this step and time constant [s] of each part."""
     evidence: dict[str, Number | None] = {}
     """AICc of each shape less that of the best; shapes with a dead time are named `one+dead` and so on."""
     findings: tuple[Finding, ...] = ()
@@ -486,7 +488,8 @@ class StepShape(Result, frozen=True):
         """Output at times since the step [s]."""
         after = np.maximum(time_s - self.dead_time_s, 0.0)
         slow = 0.0 if self.tau2 is None else (1 - self.C) * np.exp(-after / self.tau2)
-        return np.asarray(self.start + self.change * (1 - self.C * np.exp(-after / self.tau1) - slow))
+        left = sum((size * np.exp(-time_s / tau) for size, tau in self.tail), np.zeros_like(after))
+        return np.asarray(self.start + left + self.change * (1 - self.C * np.exp(-after / self.tau1) - slow))
 
 
 class Rig(Result, frozen=True):

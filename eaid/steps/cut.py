@@ -523,6 +523,7 @@ def _level_step(step: Step, findings: tuple[Finding, ...]) -> LevelStep:
         start_known=not any(one.code in START_ASSUMED for one in run.findings),
         rest_s=run.rest_s,
         rest_moved=run.rest_moved,
+        at_s=run.start_s + (run.step_s or 0.0),
         findings=findings,
     )
 

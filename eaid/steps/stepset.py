@@ -87,6 +87,8 @@ class LevelStep:
     """Duration of the rest whose mean the start is [s]; None: not known, a sample or so."""
     rest_moved: float = 0.0
     """How far that rest still moved from its first half to its second, in the set's output unit."""
+    at_s: float = 0.0
+    """Step instant on the log's own clock [s]."""
     findings: tuple[Finding, ...] = ()
 
     @property
