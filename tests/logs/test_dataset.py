@@ -140,7 +140,7 @@ def test_a_users_own_dataset_on_a_clock_since_1970(shift, tmp_path):
 
 def test_texts_of_a_users_own_dataset_may_be_bytes(tmp_path):
     def bytes_too(file: Any) -> None:
-        file.attrs["input_unit"], file.attrs["apparatus"] = np.bytes_(b"V"), '{"surfaces": 1}'
+        file.attrs["input_unit"], file.attrs["apparatus"] = np.bytes_(b"V\x1b\n"), '{"surfaces": 1}'
 
     more = {"source": np.bytes_(b"bench.csv"), "edge": np.bytes_(b"rising")}
     steps = eaid.read(by_hand(tmp_path / "d.h5", bytes_too, **more))

@@ -130,6 +130,8 @@ def test_what_breaks_a_library_is_refused(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("code", "said"),
     [("import os; os.read(0, 1); os.abort()", f"is a damaged MDF file {BROKE}"),
+     ("import os, pickle; os.read(0, 1); os.write(1, pickle.dumps([0] * 99))", f"is a damaged MDF file {BROKE}"),
+     ("import os; os.read(0, 1); os.write(1, bytes([9, *bytes(7)]) + b'no answer')", f"is a damaged MDF file {BROKE}"),
      ("import time; time.sleep(60)", "takes longer than 0 s to read; export it as CSV")],
 )  # fmt: skip
 def test_a_reader_that_breaks_down_or_takes_too_long(code, said, read, monkeypatch):

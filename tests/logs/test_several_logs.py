@@ -92,6 +92,11 @@ def test_folders_that_hold_no_logs_and_paths_that_are_wrong(tmp_path, run_eaid):
     (tmp_path / "a.csv").write_text(LOG)
     with pytest.raises(UsageError, match=f"{tmp_path}/a.csv: is given twice; a log counts once"):
         eaid.read([tmp_path / "a.csv", tmp_path / "empty" / ".." / "a.csv"])
+    (tmp_path / "a\x1b\u202e.csv").write_text(LOG)
+    with pytest.raises(
+        DataError, match=f"{tmp_path}/a .csv: its name, or that of its folder, holds characters that no"
+    ):
+        eaid.read(tmp_path / "a\x1b\u202e.csv")
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(DataError, match="is no plain file; give a log or a folder of logs"):
         eaid.read(tmp_path / "pipe")
@@ -365,6 +370,7 @@ BAD = {
     f"x = {5000 * '9'}": "has a line of more than 4,000",
     '[options]\nrest = nan\n[[log]]\nfile = "a.csv"': "--rest nan: give a number from -1e+09 to 1e+09",
     '[options]\nrate_hz = nan\n[[log]]\nfile = "a.csv"': "--rate-hz nan: give a number above 0, 1e+09 at most",
+    '[[log]]\nfile = "../a.csv"': "its log ../a.csv lies outside its folder; put it there, or give its whole path",
     '[[log]]\nfile = "gone.csv"': "its log gone.csv is not there; put it back or take it off",
 }  # fmt: skip
 

@@ -213,31 +213,21 @@ def test_a_copy_is_no_repeat(kind, form, tmp_path):
     assert len(steps.levels[0].names) == 2 - (alike == "run-given-twice" and kind != "inside a longer log")
 
 
+LOG = pd.DataFrame({"time_s": T, "duty_pct": U, "torque_nm": torque(0)})
+
+
 @pytest.mark.parametrize(
-    ("given", "sentence"),
-    [({1: 0, "1": 1}, "1: is the name of two runs"), ({"a": {"time_s": [0.0]}}, "a: is no DataFrame"),
-     ({"time_s": [0.0], "torque_nm": [0.0]}, "time_s: is no DataFrame"), ([0, 1], "give files or folders of logs"),
-     ({"a": None}, "a: is no DataFrame")],
+    ("given", "said", "sentence"),
+    [({1: LOG, "1": LOG}, {}, "1: is the name of two runs"), ({"a": {"time_s": [0.0]}}, {}, "a: is no DataFrame"),
+     ({"time_s": [0.0], "torque_nm": [0.0]}, {}, "time_s: is no DataFrame"), ({"a": None}, {}, "a: is no DataFrame"),
+     ([LOG, LOG], {}, "give files or folders of logs"), (LOG, {"baseline": "1e300"}, "baseline= 1e300: write"),
+     (LOG, {"units": {"input": "/1e308"}}, "from 1e-12 to 1e12"),
+     (LOG, {"input": "duty_pct", "columns": {"output": "torque_nm"}}, "say all columns in one place")],
 )  # fmt: skip
-def test_what_is_no_table(given, sentence):
-    frames = [pd.DataFrame({"time_s": T, "duty_pct": U, "torque_nm": torque(k)}) for k in (0, 1)]
-    if isinstance(given, list):
-        given = frames
-    elif all(isinstance(one, int) for one in given.values()):
-        given = {name: frames[k] for name, k in given.items()}
+def test_what_is_no_table_and_options_that_mean_nothing(given, said, sentence):
     with pytest.raises(EaidError, match=sentence) as caught:
-        eaid.read(given)
+        eaid.read(given, **said)
     assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("said", "sentence"),
-    [({"baseline": "1e300"}, "baseline= 1e300: write"), ({"units": {"output": "/1e308"}}, "from 1e-12 to 1e12"),
-     ({"input": "duty_pct", "columns": {"output": "torque_nm"}}, "say all columns in one place")],
-)  # fmt: skip
-def test_options_that_mean_nothing(said, sentence):
-    with pytest.raises(EaidError, match=sentence):
-        eaid.read(pd.DataFrame({"time_s": T, "duty_pct": U, "torque_nm": torque(0)}), **said)
 
 
 @pytest.fixture(scope="module")
