@@ -418,6 +418,8 @@ def simulate(
     how = chosen(SimulateOptions, options, {**({} if scenario is None else {"scenario": scenario}), **keywords})
     if sum(given is not None for given in (how.scenario, reference, log)) > 1:
         raise UsageError("«scenario», «reference» and «log» exclude each other; give one of them")
+    if reading is not None and log is None:
+        raise UsageError("«reading»: says how a «log» is read; give both or neither")
     signal = None if reference is None else read_reference(Path(reference))
     if log is not None:
         how.check_for("log")

@@ -17,7 +17,7 @@ import re
 import types
 import typing
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import MISSING, Field, dataclass, field, fields
+from dataclasses import MISSING, Field, dataclass, field, fields, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal, TypeVar, Union
@@ -232,16 +232,22 @@ def chosen(kind: type[O], options: O | None, keywords: Mapping[str, Any]) -> O:
         else:
             raise UsageError(unknown("no such option", name, [*known, *inner]))
     for name, values in nested.items():
-        base = plain.get(name) or (getattr(options, name) if options else known[name].default)
-        given = {} if base is None else {each: getattr(base, each) for each in forms(type(base))}
-        plain[name] = known[name].nested(**{**given, **values})  # type: ignore[misc]
+        base = plain.get(name) or getattr(options or kind(), name)
+        for each, value in values.items():
+            _refuse_another(each, value, getattr(base, each), forms(type(base))[each])
+        plain[name] = replace(base, **values)
     if options is None:
         return kind(**plain)
     for name, value in plain.items():
-        stated = getattr(options, name)
-        if stated != known[name].default and stated != known[name].settled(value):
-            raise UsageError(f"«{name}» {value}: the options given say {stated}; say it in one place")
-    return kind(**{**{name: getattr(options, name) for name in known}, **plain})
+        if name not in nested:
+            _refuse_another(name, value, getattr(options, name), known[name])
+    return replace(options, **plain)
+
+
+def _refuse_another(name: str, value: Any, stated: Any, form: Form) -> None:
+    """Refuse a keyword where the options say something else."""
+    if stated != form.default and stated != form.settled(value):
+        raise UsageError(f"«{name}» {value}: the options given say {stated}; say it in one place")
 
 
 def part(kind: type[O], options: object) -> O:
@@ -384,10 +390,16 @@ def pairs(flag: str, text: str | Mapping[str, Any] | None) -> dict[str, str]:
     return values
 
 
-def keyed(kind: type[O], flag: str, text: str | Mapping[str, Any] | None) -> O:
-    """`duration_s=240,hold_s=0.5:20`, or a mapping, as a set of options."""
+def keyed(
+    kind: type[O],
+    flag: str,
+    text: str | Mapping[str, Any] | None,
+    given: Mapping[str, Any] = types.MappingProxyType({}),
+) -> O:
+    """`duration_s=240,hold_s=0.5:20`, or a mapping, as a set of options; `given` says some of them already."""
     known = forms(kind)
-    values: dict[str, Any] = {}
+    given = given or {}
+    values = dict(given)
     for name, value in (text if isinstance(text, Mapping) else pairs(flag, text)).items():
         if name not in known:
             raise UsageError(unknown(flag, name, sorted(known)))
@@ -397,4 +409,6 @@ def keyed(kind: type[O], flag: str, text: str | Mapping[str, Any] | None) -> O:
                 raise UsageError(f"{flag} {name}={value}: give a whole number")
             read = int(read)
         values[name] = value_of(known[name], read)
+        if given.get(name, values[name]) != values[name]:
+            raise UsageError(f"{flag} {name}={value}: another option says {given[name]}; say it in one place")
     return kind(**values)

@@ -9,7 +9,7 @@ import errno
 import hashlib
 import os
 import shutil
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -50,12 +50,30 @@ def refuse_to_overwrite(path: Path, force: bool, inputs: Iterable[Path] = ()) ->
             raise UsageError(f"{path}: is what the command reads, and is never overwritten; give another «output»")
 
 
-def refuse_folder(
-    folder: Path, force: bool, patterns: Sequence[str], command: str, inputs: Iterable[Path] = ()
-) -> None:
-    """Leave an existing folder alone unless a command made all in it and the user says so; one with an input, always.
+Ours = Callable[[Path, bytes], bool]
+"""(file, its first and last 4 kB) → whether a command made it."""
 
-    `patterns` are those of the files that the command makes.
+
+def strangers(folder: Path, ours: Ours) -> list[Path]:
+    """What of a folder a command did not make."""
+    items = sorted(folder.iterdir())
+    return [item for item in items if item.is_symlink() or not item.is_file() or not ours(item, _ends(item))]
+
+
+def _ends(path: Path) -> bytes:
+    with path.open("rb") as file:
+        first = file.read(4096)
+        file.seek(max(len(first), path.stat().st_size - 4096))
+        return first + file.read()
+
+
+def refuse_folder(
+    folder: Path, force: bool, ours: Ours, command: str, inputs: Iterable[Path] = (),
+    names: Iterable[str] | None = None,
+) -> None:  # fmt: skip
+    """Leave an existing folder alone unless the user says so; one with an input, or with files of others, always.
+
+    Where `names` are given, files of others beside those of the command stay, but for those names.
     """
     if not folder.exists() and not folder.is_symlink():
         if not folder.resolve().parent.is_dir():
@@ -63,15 +81,16 @@ def refuse_folder(
         return
     if not folder.is_dir():
         raise UsageError(f"{folder}: is no folder; give another «output»")
-    items = sorted(folder.iterdir())
-    strange = [one for one in items if one.is_symlink() or not one.is_file() or not any(map(one.match, patterns))]
-    if strange:
-        raise UsageError(f"{folder}: holds {strange[0].name}, which {command} did not make; give another «output»")
-    if items and not force:
-        raise UsageError(f"{folder}: exists already; give «force» to overwrite it, or another «output»")
     for given in inputs:
         if given.exists() and any(folder.samefile(above) for above in given.resolve().parents):
             raise UsageError(f"{folder}: holds {given.name}, which the command reads; give another «output»")
+    strange, held = [one.name for one in strangers(folder, ours)], len(list(folder.iterdir()))
+    if names is not None and len(strange) < held:
+        strange = [name for name in strange if name in set(names)]
+    if strange:
+        raise UsageError(f"{folder}: holds {strange[0]}, which {command} did not make; give another «output»")
+    if held and not force:
+        raise UsageError(f"{folder}: exists already; give «force» to overwrite it, or another «output»")
 
 
 @contextlib.contextmanager
@@ -168,11 +187,12 @@ def _is_running(number: int) -> bool:
 
 
 @contextlib.contextmanager
-def folder_written_whole(path: Path) -> Iterator[Path]:
-    """A temporary folder beside `path` that takes its place, and all it held, when the block ends well.
+def folder_written_whole(path: Path, ours: Ours = lambda _path, _ends: True) -> Iterator[Path]:
+    """A temporary folder beside `path` that takes its place, and that of all files of `ours` in it, when the block ends
+    well; what others put there stays.
 
-    Linux exchanges the two in one step; elsewhere, and for the folder that the command runs in, the files inside are
-    replaced one right after the other.
+    Linux exchanges the two in one step; elsewhere, for the folder that the command runs in, and where files of others
+    stay, the files inside are replaced one right after the other.
     """
     path = path.resolve()
     clear_left_over(path)
@@ -186,12 +206,13 @@ def folder_written_whole(path: Path) -> Iterator[Path]:
         made = sorted(part.iterdir())
         for item in made:
             _to_disk(item)
+        theirs = {item.name for item in strangers(path, ours)} if path.exists() else set()
         if not path.exists():
             os.rename(part, path)
-        elif path == Path.cwd() or not _exchanged(part, path):
+        elif theirs or path == Path.cwd() or not _exchanged(part, path):
             for item in made:
                 os.replace(item, path / item.name)
-            for name in {item.name for item in path.iterdir()} - {item.name for item in made}:
+            for name in {item.name for item in path.iterdir()} - {item.name for item in made} - theirs:
                 (path / name).unlink()
     except OSError as fault:
         raise _told(path, fault) from None

@@ -234,9 +234,7 @@ class TuneOptions(Chance):
     duty_limits: tuple[float, float] | None = option(
         None, "By itself 0,100 % or as identified.", RIG, shown="LOW,HIGH", least=0, most=1e9
     )
-    rate_hz: float | None = option(
-        None, "Control rate [Hz]; by itself the fit's, else 1000.", RIG, least=1e-3, most=1e5
-    )
+    rate_hz: float | None = option(None, "Control rate [Hz]; by itself 1000.", RIG, least=1e-3, most=1e5)
     pwm_hz: float | None = option(
         None, "Duty latched at [Hz]; 0: off; by itself the fit's, else 300.", RIG, least=0, most=1e6
     )
@@ -299,7 +297,11 @@ class Rig(Options):
     saturation: bool = option(True, "Keep the duty within its limits.", RIG)
 
     def agree(self) -> None:
-        """Refuse a frequency of no ripple."""
+        """Refuse a frequency of no ripple, and a memory of no noise."""
+        if self.noise_correlation_s > 0 and not self.noise_nm > 0:
+            raise UsageError("«noise_correlation_s»: does nothing without «noise_nm»; give both or neither")
+        if self.noise_coloured_share != 1 and not self.noise_correlation_s > 0:
+            raise UsageError("«noise_coloured_share»: does nothing without «noise_correlation_s»; give both or neither")
         if self.ripple_hz != 1 / 6 and not self.ripple_pct:
             raise UsageError("«ripple_hz»: does nothing without «ripple_pct»; give both or neither")
 
@@ -315,7 +317,7 @@ class SimulateOptions(Chance):
         None, "Length of steps, multisine or rehab [s].", WHAT, least=0, most=1e6, above=True
     )
     rate_hz: float | None = option(
-        None, "Control rate [Hz]; by itself 1000, on another rig that of its logs.", RIG, least=1e-3, most=1e5
+        None, "Control rate [Hz]; by itself the gains', else 1000.", RIG, least=1e-3, most=1e5
     )
     rig: Rig = option(Rig(), "", RIG)
     noise: str | None = option(None, "As large and coloured as the fit's residuals.", RIG, words="residuals")
@@ -337,10 +339,9 @@ class SimulateOptions(Chance):
             raise UsageError("«threads»: does nothing without «plants»; give both or neither")
         if self.scenario != "rehab" and (self.limb_damping is not None or self.limb_inertia is not None):
             raise UsageError("«limb_damping» and «limb_inertia» belong to «scenario» rehab")
-        if self.noise is not None and (self.rig.noise_nm > 0 or self.rig.noise_correlation_s > 0):
+        rig = self.rig
+        if self.noise is not None and (rig.noise_nm, rig.noise_correlation_s, rig.noise_coloured_share) != (0, 0, 1):
             raise UsageError("noise as the residuals sets the noise; leave out «noise_nm» and «noise_correlation_s»")
-        if self.rig.noise_correlation_s > 0 and not self.rig.noise_nm > 0 and self.noise is None:
-            raise UsageError("«noise_correlation_s»: does nothing without «noise_nm»; give both or neither")
 
     def check_for(self, what: str) -> None:
         """Refuse what does nothing for a scenario, a `reference`, or recorded runs (`log`)."""
@@ -362,7 +363,7 @@ class CoupleOptions(Chance):
     rate_hz: float = option(1000.0, "Control rate [Hz].", LOOP, least=1e-3, most=1e5)
     pwm_hz: float = option(0.0, "Duty latched at [Hz]; 0: at once.", LOOP, least=0, most=1e6)
     delay_samples: int = option(
-        0, "From reading to duty [samples]; 0: the dead time that the fit shows.", LOOP, least=0, most=100
+        0, "From reading to duty [samples]; 0: the dead time that the fit shows.", LOOP, least=0, most=100_000
     )
     sensor_hz: float = option(0.0, "Torque sensor's corner [Hz]; 0: none.", LOOP, least=0, most=1e6)
     replay: bool = option(True, "Also bisect replays of the nonlinear plant.", LOOP)
@@ -455,6 +456,14 @@ class PlanOptions(Chance):
     )  # fmt: skip
 
 
+USED_BY = {
+    "duty": EXCITATIONS[:-1], "levels": ("staircase", "random", "closed-loop"), "rest_s": ("random",),
+    "hold_s": ("staircase", "random", "prbs", "closed-loop"), "frequency_hz": ("multisine", "chirp", "closed-loop"),
+    "tones": ("multisine",), "periods": ("multisine",), "reference_nm": ("closed-loop",), "gains": ("closed-loop",),
+}  # fmt: skip
+"""What of a shape only some inputs have."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Excitation(Options):
     """How the input of one log is made where it does more than step from rest, in the rig's own units."""
@@ -491,6 +500,15 @@ class Excitation(Options):
         least=-1e9, most=1e9,
     )  # fmt: skip
     rate_hz: float = option(1000.0, "Samples a second [Hz].", INPUTS, least=1e-3, most=1e5)
+
+    def agree(self) -> None:
+        """Refuse what another kind of input has."""
+        for name in self.given():
+            if self.kind not in USED_BY.get(name, EXCITATIONS):
+                raise UsageError(
+                    f"«shape» {name}: does nothing for «excitation» {self.kind}, but for {', '.join(USED_BY[name])}; "
+                    "leave it out"
+                )
 
 
 @dataclass(frozen=True, kw_only=True)

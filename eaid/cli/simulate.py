@@ -49,7 +49,8 @@ def command(args: Arguments) -> None:
     fitted, warnings = codec.read(args.fit, "fit", Fit)
     tuned, more = codec.read(args.gains, "gains", Gains) if args.gains else (None, ())
     replay = api.simulate(
-        fitted, tuned, options=options, reference=args.reference, log=args.log, reading=reading,
+        fitted, tuned, options=options, reference=args.reference, log=args.log,
+        reading=reading if args.log else None,
         progress=console.progress,
     )  # fmt: skip
     replay = replace(replay, head=inputs.stamped(replay.head, args, ReplayInputs, **files, log=args.log))

@@ -33,7 +33,7 @@ def command(args: Arguments) -> None:
     from eaid.results.fit import Fit
     from eaid.results.gains import Gains
     from eaid.synth.datasets import write
-    from eaid.synth.files import OURS, write_folder
+    from eaid.synth.files import is_synthetic, write_folder
     from eaid.synth.synthesize import synthesize
 
     fit_file = None if args.plant == "reference" else Path(args.plant)
@@ -48,7 +48,7 @@ def command(args: Arguments) -> None:
     if is_dataset:
         refuse_to_overwrite(args.output, args.force, inputs)
     else:
-        refuse_folder(args.output, args.force, OURS, "eaid synth", inputs)
+        refuse_folder(args.output, args.force, is_synthetic, "eaid synth", inputs)
     options = part(SynthOptions, args)
     fit, warnings = codec.read(fit_file, "fit", Fit) if fit_file is not None else (None, ())
     named = "" if fit_file is None else f"{fit_file} (sha256 {Input.of(fit_file).sha256[:12]})"

@@ -7,19 +7,22 @@ rig's own scales: its pace s = a0/1.36, 1.36 1/s being the paper's a0, and its t
     ε = 0.11 y Q22,  γ = 25/ε                     the boundary layer spans the same share of the output; γε as printed
     Q_M                                           the largest slope of the rig's own multisine, or of the reference
     φ                                             what the model and the logs show
-    PI                                            1 % overshoot, 0.27 s/s settling
 
-A loop that is sampled more slowly than the paper's, for its pace, cannot be as stiff: ε and the settling time grow by
-half until the loops run, the robust one with 6 dB and 45° around every operating point of the plant; behind a dead time
-that the steps show, so does the PI.
+The PI of every rig, the paper's too: 1 % overshoot on the linear model, settling within 0.27 s/s, a time that grows by
+half until the loop has 6 dB and 45° around every operating point of the plant as it runs, sampled, latched and behind
+its dead time; where the linear model knows no slower one, no overshoot, K_I = a0 K_P.
+
+The robust loop of a rig that is not the paper's, or has a dead time, has these margins too: ε grows by half until it
+has, and where no ε does, K_P and K_D give way to those of half the PI's gains around rest. On the paper's rig its
+numbers stand wherever the loop is stable.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from eaid.control.bounds import Bounds, model_of
-from eaid.control.margins import Timing, is_stable, linear_lags, margins, pi_feedback, rc_feedback
-from eaid.control.operating import enough, keeps_margins, operating_points
+from eaid.control.bounds import Bounds
+from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, Point, Timing, loop_margins
 from eaid.control.pi import PIGains, pi_gains
 from eaid.control.robust import Design, law_of
 from eaid.errors import DataError, GainsError, UsageError
@@ -81,15 +84,28 @@ def _top(fit: Fit, plant: Nonlinear | None) -> float:
     return max((row.gain for row in rows), default=PAPER_TOP)
 
 
+SLOW = 0.01
+"""Pace below which a rig is sampled more slowly than at its 1 kHz, in proportion."""
+QUICK_PWM = 20
+"""Periods of a PWM in a sample from which its latch adds nothing."""
+
+
+def control_rate(fit: Fit) -> float:
+    """Rate of the controller [Hz] where nothing is said: 1 kHz, whatever the logger's; less on a very slow rig."""
+    pace = scales_of(fit).pace
+    rate = fit.data.apparatus.sample_rate_hz
+    return rate if pace >= SLOW else float(f"{rate * pace / SLOW:.2g}")
+
+
 def timing_of(fit: Fit, options: TuneOptions) -> Timing:
     """When the loop samples and latches: as given, else as the fit's rig does; no PWM where the input is no duty.
 
     The dead time that the steps show counts as delay.
     """
-    rig = fit.data.apparatus
-    paper = is_duty(fit)
-    rate = options.rate_hz or (rig.sample_rate_hz if paper else fit.data.sample_rate_hz or 1000.0)
-    pwm = options.pwm_hz if options.pwm_hz is not None else (rig.pwm_hz if paper else 0.0)
+    rate, pwm = options.rate_hz or control_rate(fit), options.pwm_hz
+    if pwm is None:
+        own = fit.data.apparatus.pwm_hz
+        pwm = own if is_duty(fit) and own < QUICK_PWM * rate else 0.0
     return Timing(rate, pwm or None, delay_samples=round(fit.dead_time_s * rate))
 
 
@@ -134,38 +150,42 @@ def design_options(
     )  # fmt: skip
 
 
-def with_own_layer(fit: Fit, design: Design, scales: Scales, bounds: Bounds, plant: Nonlinear | None) -> Design:
-    """The design for a rig that is not the paper's with a boundary layer that the sampled loop can have, if any."""
-    if scales.paper:
+def own_pi(model: Linear, points: Sequence[Point], timing: Timing, pace: float, unit: str) -> AskedPI:
+    """The quickest PI that has 6 dB and 45° around every operating point; GainsError where there is none."""
+    for overshoot_pct in (OVERSHOOT_PCT, 0.0):
+        for k in range(MOST_STEPS):
+            settling_s = SETTLING_S / pace * SLOWER**k
+            try:
+                found = PIGains(*pi_gains(model, overshoot_pct, settling_s))
+            except GainsError:  # slower than integral control alone
+                break
+            if all(each.enough for each in loop_margins(found, points, timing)):
+                return AskedPI(overshoot_pct, settling_s)
+    flat = [point.duty_pct for point in points if sum(lag.gain for lag in point.lags) <= 0]
+    why = f"the output does not rise with the input around {', '.join(f'{u:.4g}' for u in flat)} {unit}: leave such "
+    why += "levels out of the fit («levels»)"
+    raise GainsError(
+        f"no PI has {ENOUGH_DB:g} dB and {ENOUGH_DEG:g}° around every level, {timing.words()}; "
+        + (why if flat else "record more levels, or give «pi_gains»")
+    )
+
+
+def own_rc(
+    model: Linear, design: Design, scales: Scales, bounds: Bounds, points: Sequence[Point], pi: PIGains
+) -> Design:
+    """The design with a boundary layer, and if need be K_P and K_D, that the loop can have; as it is where none is."""
+    asked, timing = design.asked, design.timing
+    if asked.epsilon is not None or asked.gamma is not None:
         return design
-    asked, model = design, model_of(fit)
-    points = operating_points(fit, model, plant, bounds, design.duty_limits_pct)
-    for _ in range(MOST_STEPS):
-        gains = law_of(model, bounds, design)[0]
-        here = rc_feedback(gains, 1.0, (model.a0 - model.c0) / model.b0)
-        runs = is_stable(here, linear_lags(model.b0, model.a0), design.timing)
-        if runs and keeps_margins(gains, points, design.timing):
-            return design
-        design = replace(design, epsilon=design.epsilon * SLOWER, gamma=design.gamma / SLOWER)
-    return asked
-
-
-def with_own_pi(fit: Fit, design: Design, scales: Scales) -> Design:
-    """The design with a PI for a rig that is not the paper's: slower, where the sampled loop cannot follow."""
-    if scales.paper or design.asked.pi_gains is not None or design.pi.overshoot_pct is not None:
-        return design
-    model = model_of(fit)
-    settling = SETTLING_S / scales.pace
-    while not _runs(model, settling, design.timing):
-        settling *= SLOWER
-    return replace(design, pi=AskedPI(OVERSHOOT_PCT, settling))
-
-
-def _runs(model: Linear, settling_s: float, timing: Timing) -> bool:
-    """Whether the sampled loop is stable with a PI of this settling time, behind a dead time with 6 dB and 45°.
-
-    GainsError where none is slow enough.
-    """
-    K_P, K_I = pi_gains(model, OVERSHOOT_PCT, settling_s)
-    feedback, lags = pi_feedback(PIGains(K_P, K_I)), linear_lags(model.b0, model.a0)
-    return enough(margins(feedback, lags, timing)) if timing.delay_samples else is_stable(feedback, lags, timing)
+    papers = scales.paper and not timing.delay_samples
+    tried = [design]
+    if not papers and asked.kp is None and asked.kd is None and asked.natural_frequency is None:
+        B_hat = law_of(model, bounds, design)[0].B_hat
+        tried.append(replace(design, K_P=0.5 * pi.K_I / B_hat, K_D=(0.5 * pi.K_P + model.a0 / model.b0) / B_hat))
+    for one in tried:
+        for k in range(MOST_STEPS):
+            wider = replace(one, epsilon=one.epsilon * SLOWER**k, gamma=one.gamma / SLOWER**k)
+            found = loop_margins(law_of(model, bounds, wider)[0], points, timing)
+            if all(each.stable if papers else each.enough for each in found):
+                return wider
+    return design

@@ -9,9 +9,9 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.control.bounds import Bounds, LevelB, model_of
-from eaid.control.margins import is_stable, linear_lags, pi_feedback, rc_feedback
-from eaid.control.operating import actuator, loop_margins
+from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, LoopMargins, Point, known, loop_margins
 from eaid.control.pi import PIGains, pi_gains, step_metrics
+from eaid.control.rc import RCGains
 from eaid.control.robust import Design, law_of
 from eaid.errors import GainsError
 from eaid.findings import Finding, finding, ranked
@@ -20,15 +20,22 @@ from eaid.models.parameters import Linear, Nonlinear
 from eaid.results.fit import Fit
 from eaid.results.gains import (
     PI,
+    Actuator,
     AntiWindup,
     AskedPI,
     Condition,
     Gains,
     Guarantee,
     LinearModel,
+    Margin,
+    MarginPoint,
+    Margins,
     Mismatch,
     PhiFromData,
     Robust,
+    SampleTiming,
+    TorquePoint,
+    WorstMargins,
 )
 from eaid.steps.stepset import StepSet
 
@@ -130,17 +137,17 @@ def shown_by_levels(per_level: Sequence[LevelB], model: Linear, torque_max_nm: f
 
 SHARP = 5.0
 """γε below which the printed switch, Eq. (14), visibly jumps at z = 0."""
-PAPER_PI = (21.0, 360.0)
 
 
 def design(
-    fit: Fit, settled: Design, bounds: Bounds, plant: Nonlinear | None, found: Mapping[str, Mismatch],
-    slope_nm_s: float | None,
+    fit: Fit, settled: Design, bounds: Bounds, plant: Nonlinear | None, points: Sequence[Point],
+    found: Mapping[str, Mismatch], slope_nm_s: float, reference: str, given: bool,
 ) -> Gains:  # fmt: skip
     """Gains for a fit, with everything that is known about them.
 
-    `found` is what shows how far η is from η̂, `slope_nm_s` the largest slope of a given reference [N·m/s].
-    Raises GainsError where the wishes are not physical, out of reach, or unstable on the linear model.
+    `points` are the operating points of the plant, `found` is what shows how far η is from η̂, `slope_nm_s` the largest
+    slope of a reference [N·m/s], which Q_M has to cover where it was given. Raises GainsError where the wishes are not
+    physical, out of reach, or a loop is unstable around an operating point.
     """
     model, unit, timing = model_of(fit), fit.data.input_unit, settled.timing
     law, rc = law_of(model, bounds, settled)
@@ -148,31 +155,98 @@ def design(
     rc = msgspec.structs.replace(
         rc, phi_holds=None if need is None or phi is None else bool(need.pct <= phi * (1 + WITHIN)),
         phi_needed_pct=None if need is None else need.pct,
-        Q_M_holds=None if slope_nm_s is None else bool(slope_nm_s <= Q_M * (1 + WITHIN)),
-        reference_slope_nm_s=slope_nm_s,
+        Q_M_holds=bool(slope_nm_s <= Q_M * (1 + WITHIN)) if given else None,
+        reference_slope_nm_s=slope_nm_s if given else None,
     )  # fmt: skip
-    pi, pi_part, of_pi = _pi(model, settled)
-    for name, feedback in (
-        ("RC", rc_feedback(law, 1.0, (model.a0 - model.c0) / model.b0)),
-        ("PI", pi_feedback(pi)),
-    ):
-        if not is_stable(feedback, linear_lags(model.b0, model.a0), timing):
-            latched = "" if timing.pwm_hz is None else f" with the duty latched at {timing.pwm_hz:g} Hz"
-            if timing.delay_s > 0:
-                latched += f" behind the dead time of {timing.delay_s:.3g} s that the steps show"
+    pi = pi_of(model, settled)
+    overshoot_pct, settling_s = step_metrics(model, pi.K_P, pi.K_I)
+    part = PI(
+        pi.K_P, pi.K_I, overshoot_pct, known(settling_s), asked=None if settled.pi == AskedPI() else settled.pi,
+        anti_windup=AntiWindup(settled.asked.anti_windup, pi.back_calculation),
+    )  # fmt: skip
+    loops = {name: list(loop_margins(each, points, timing)) for name, each in (("rc", law), ("pi", pi))}
+    for name, each in loops.items():
+        unstable = [f"{point.duty_pct:.4g}" for point, one in zip(points, each, strict=True) if not one.stable]
+        if unstable:
             raise GainsError(
-                f"the {name} loop is unstable on the linear model at {timing.rate_hz:g} Hz{latched}; ask for slower "
-                "gains"
+                f"the {name.upper()} loop is unstable on the fitted model around {', '.join(unstable)} {unit}, "
+                f"{timing.words()}; ask for slower gains"
             )
     reach = actuator(model, law, plant, bounds)
-    margins, missed = loop_margins(fit, model, plant, bounds, law, pi, timing)
-    verdict = _guarantee(rc, reach.robust_term_pct, reach.span_pct, fit)
+    slope = slope_nm_s if given or plant is not None else None  # a slope that nothing follows says nothing
+    verdict = _guarantee(rc, slope, reach.robust_term_pct, reach.span_pct, fit)
+    rows = [
+        MarginPoint(point.duty_pct, point.torque_nm, *map(_kept, each))
+        for point, *each in zip(points, *loops.values(), strict=True)
+    ]
+    missed = [finding for name, each in loops.items() for finding in _missed(name, points, each, unit)]
     return Gains(
-        model=LinearModel(model.a0, model.b0, model.c0), rc=rc, pi=pi_part, input_unit=unit,
+        model=LinearModel(model.a0, model.b0, model.c0), rc=rc, pi=part, input_unit=unit,
         output_unit=fit.data.output_unit, duty_limits_pct=settled.duty_limits_pct, guarantee=verdict, actuator=reach,
-        phi_from_data=PhiFromData(**found), margins=margins,
-        findings=ranked([*_warnings(rc, verdict, need, unit), *of_pi, *missed]),
+        phi_from_data=PhiFromData(**found),
+        margins=Margins(
+            SampleTiming(timing.rate_hz, timing.pwm_hz, timing.delay_samples), tuple(rows),
+            WorstMargins(*map(_least, loops.values())),
+        ),
+        findings=ranked([*_warnings(rc, verdict, need, unit, "reference" if given else reference), *missed]),
     )  # fmt: skip
+
+
+def pi_of(model: Linear, settled: Design) -> PIGains:
+    """The PI that was asked for or settled on; GainsError where it is out of reach."""
+    given = settled.asked.pi_gains
+    if given is None:
+        assert settled.pi.overshoot_pct is not None and settled.pi.settling_s is not None
+        given = pi_gains(model, settled.pi.overshoot_pct, settled.pi.settling_s)
+    K_P, K_I = given
+    if not (K_P >= 0 and K_I >= 0 and K_P + K_I > 0):
+        raise GainsError(f"PI gains {K_P:g} and {K_I:g}: neither may be negative, nor both 0")
+    back = 1 / K_P if settled.asked.anti_windup == "back-calculation" and K_P > 0 else 0.0
+    return PIGains(K_P, K_I, *settled.duty_limits_pct, back)
+
+
+def actuator(model: Linear, gains: RCGains, plant: Nonlinear | None, bounds: Bounds) -> Actuator:
+    """How much of the law the actuator can deliver: B̂ρ(0) against the duty that is left at low, middle, high torque."""
+    robust_pct = gains.B_hat * gains.rho_constant
+    if plant is not None:
+        top = float(steady_torque(plant, plant.u_range[1]))
+    elif bounds.rows:
+        top = max(row.gain for row in bounds.rows)
+    else:
+        top = (model.b0 * gains.duty_max + model.c0) / model.a0
+    rows = []
+    for torque in (0.1 * top, 0.5 * top, 0.9 * top):
+        held = (model.a0 * torque - model.c0) / model.b0
+        up = max(0.0, gains.duty_max - held)
+        down = max(0.0, held - gains.duty_min)
+        shares = [min(1.0, left / robust_pct) if robust_pct > 0 else 1.0 for left in (up, down)]
+        rows.append(TorquePoint(torque, held, *shares))
+    return Actuator(robust_pct, gains.duty_max - gains.duty_min, tuple(rows))
+
+
+def _kept(found: LoopMargins) -> Margin:
+    """As gains.json has it: a margin without end is not known."""
+    return Margin(
+        found.stable, *(known(x) for x in (found.gain_db, found.delay_s, found.phase_deg, found.crossover_hz))
+    )
+
+
+def _least(found: Sequence[LoopMargins]) -> Margin:
+    least = {name: known(min(getattr(one, name) for one in found)) for name in ("gain_db", "phase_deg", "delay_s")}
+    return Margin(stable=True, **least)
+
+
+def _missed(name: str, points: Sequence[Point], found: Sequence[LoopMargins], unit: str) -> list[Finding]:
+    missed = [(point.duty_pct, one) for point, one in zip(points, found, strict=True) if not one.enough]
+    if not missed:
+        return []
+    return [
+        finding(
+            "margin-missed", name, [duty for duty, _ in missed], unit=unit, enough_db=ENOUGH_DB, enough_deg=ENOUGH_DEG,
+            gain_db=known(min(one.gain_db for _, one in missed)),
+            phase_deg=known(min(one.phase_deg for _, one in missed)),
+        )
+    ]  # fmt: skip
 
 
 def mismatches(
@@ -195,33 +269,31 @@ def least_phi(found: Mapping[str, Mismatch]) -> Mismatch | None:
     return max(shown, key=lambda mismatch: mismatch.pct, default=None)
 
 
-def _guarantee(rc: Robust, asked: float | None, span: float | None, fit: Fit) -> Guarantee:
-    """Everything that the argument needs; the reference's slope is not known before one is given."""
+def _guarantee(rc: Robust, slope: float | None, asked: float | None, span: float | None, fit: Fit) -> Guarantee:
+    """Everything that the argument needs."""
     unit, out = fit.data.input_unit, fit.data.output_unit
     needed = None if rc.rho.needed is None else rc.rho.needed.constant
     return guarantee(
         [
             Condition("rho", rc.guaranteed, needed, rc.rho.constant, f"{out}/s"),
             condition("phi", rc.phi_needed_pct, rc.phi_honest_pct, unit),
-            condition("Q_M", rc.reference_slope_nm_s, rc.Q_M, f"{out}/s"),
+            condition("Q_M", slope, rc.Q_M, f"{out}/s"),
             condition("duty-limit", asked, span, unit),
             *([Condition("dead-time", False, 0.0, fit.dead_time_s, "s")] if fit.dead_time_s > 0 else []),
         ]
     )
 
 
-def _warnings(rc: Robust, verdict: Guarantee, need: Mismatch | None, unit: str) -> list[Finding]:
+def _warnings(rc: Robust, verdict: Guarantee, need: Mismatch | None, unit: str, reference: str) -> list[Finding]:
     findings, sharpness = [], rc.gamma * rc.epsilon
-    asked = next(each for each in verdict.conditions if each.name == "duty-limit")
+    asked, steep = ({each.name: each for each in verdict.conditions}[name] for name in ("duty-limit", "Q_M"))
+    if steep.holds is False:
+        findings.append(finding("slope-above-q-max", "rc", slope=steep.needed, Q_M=rc.Q_M, reference=reference))
     if not rc.guaranteed:
         findings.append(finding("rho-not-covered", "rc", B_hat=rc.B_hat, reached=rc.alpha_reached, made=rc.rho.alpha))
     if rc.phi_holds is False and need is not None:
         findings.append(
             finding("phi-exceeded", "rc", allowed=rc.phi_honest_pct, needed=need.pct, where=need.where, unit=unit)
-        )
-    if rc.Q_M_holds is False:
-        findings.append(
-            finding("slope-above-q-max", "rc", slope=rc.reference_slope_nm_s, Q_M=rc.Q_M, reference="reference")
         )
     if sharpness < SHARP:
         findings.append(finding("switch-jumps", "rc", sharpness=sharpness, least=SHARP, jump=1 - math.tanh(sharpness)))
@@ -232,23 +304,3 @@ def _warnings(rc: Robust, verdict: Guarantee, need: Mismatch | None, unit: str) 
             finding("robust-term-beyond-actuator", "rc", asked=asked.needed, span=asked.available, unit=unit)
         )
     return findings
-
-
-def _pi(model: Linear, settled: Design) -> tuple[PIGains, PI, list[Finding]]:
-    asked, how = settled.pi, settled.asked.anti_windup
-    if asked.overshoot_pct is not None and asked.settling_s is not None:
-        K_P, K_I = pi_gains(model, asked.overshoot_pct, asked.settling_s)
-    else:
-        K_P, K_I = settled.asked.pi_gains or PAPER_PI
-    if not (K_P >= 0 and K_I >= 0 and K_P + K_I > 0):
-        raise GainsError(f"PI gains {K_P:g} and {K_I:g}: neither may be negative, nor both 0")
-    overshoot_pct, settling_s = step_metrics(model, K_P, K_I)
-    findings, papers = [], asked == AskedPI() and settled.asked.pi_gains is None
-    if papers and (overshoot_pct > 1.5 or settling_s > 0.3):
-        findings.append(finding("paper-pi-misses", "pi", overshoot_pct=overshoot_pct, settling_s=settling_s))
-    back = 1 / K_P if how == "back-calculation" and K_P > 0 else 0.0
-    part = PI(
-        K_P, K_I, overshoot_pct, settling_s if math.isfinite(settling_s) else None,
-        None if asked == AskedPI() else asked, AntiWindup(how, back),
-    )  # fmt: skip
-    return PIGains(K_P, K_I, *settled.duty_limits_pct, back), part, findings

@@ -1,26 +1,25 @@
-"""Gains as the steps take them, from a `Gains`; and the paper's own, Table IV and §V-B."""
+"""Gains as the steps take them, from a `Gains`."""
 
-from eaid.control.bounds import Bounds
-from eaid.control.margins import RIG
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
-from eaid.control.robust import Design, law_of
 from eaid.errors import DataError
 from eaid.findings import sentences
-from eaid.models.parameters import PAPER_LINEAR, Nonlinear
-from eaid.options import TuneOptions
+from eaid.models.parameters import Nonlinear
 from eaid.results.fit import Fit
-from eaid.results.gains import AntiWindup, AskedPI, Gains
+from eaid.results.gains import AntiWindup, Gains
 from eaid.results.verdict import unphysical
 
 LARGEST = 1e30
 """Of any gain, and of the inverse of one that has to be positive, whatever the rig's units."""
 
 
-def paper_gains() -> tuple[RCGains, PIGains]:
-    """Table IV (ρ with B_M φ as printed, P = 5·I, B̂ = 12.5) and the PI of 21 and 360."""
-    papers = Design(TuneOptions(), 4.5, 3.0, 5.0, 0.05, None, 0.5, 50.0, AskedPI(), (0.0, 100.0), RIG)
-    return law_of(PAPER_LINEAR, Bounds((), 12.4, 42.6, ()), papers)[0], PIGains(21.0, 360.0)
+def refuse_other_units(fit: Fit, gains: Gains | None) -> None:
+    """DataError where gains are for another input or output than the fit's."""
+    if gains is not None and (gains.input_unit, gains.output_unit) != (fit.data.input_unit, fit.data.output_unit):
+        raise DataError(
+            f"the gains are for an input in {gains.input_unit} and an output in {gains.output_unit}, the fit has "
+            f"{fit.data.input_unit} and {fit.data.output_unit}; run tune-rc on this fit"
+        )
 
 
 def rc_gains(gains: Gains | None) -> RCGains | None:

@@ -1,31 +1,40 @@
-"""Gain, delay and phase margins of the loop as it really runs: sampled at 1 kHz, the duty latched once a PWM period.
+"""Gain, delay and phase margins of the loop as it really runs: sampled, behind a dead time, the duty latched by a PWM.
 
-Around an operating point both controllers are δu_k = −k_T δT_k + k_q δq_k, δq_{k+1} = δq_k − h δT_k (for a PI
-k_T = K_P, k_q = K_I), and the plant is a sum of lags, T = Σ x_i, x_i' = (g_i u − x_i)/τ_i. The loop is opened at the
-duty.
+Around an operating point a control law is linear, s' = A s + B (r, v, T), u = c s + d (r, v, T) per sample, in the
+reference r, its rate v and the torque T that is read; a PI and the robust controller have one state, the integral of
+the error, δu = k_r δr + k_v δv − k_T δT + k_q δq. The plant is a sum of lags, T = Σ x_i, x_i' = (g_i u − x_i)/τ_i,
+with its dead time. The loop is opened at the duty.
 
-Samples at k h and latches at j/f_pwm repeat together after a common period. Over it the loop is a linear map of the
-state (lags, integral, latched duty, duties on their way): stable where its spectral radius is below 1. The gain
-margin is the factor on the duty, the delay margin the extra time between latch and plant, that bring the radius to 1:
-exact, aliasing included. The phase margin is read at the crossover of the loop's frequency response, the latch by its
-mean response. Behind a dead time, or sampled above 2 kHz, all three are read there, on a loop that is stable without
-the delay: the map would have too many states.
+Samples at k h and latches at j/f_pwm repeat together after a common period, taken as 100 samples at most. Over it the
+loop is a linear map of the state (lags, law, sensor, latched duty, duties on their way): stable where its spectral
+radius is below 1. The gain margin is the factor on the duty, the delay margin the extra time between latch and plant,
+that bring the radius to 1: exact, aliasing included. The phase margin is read at the crossover of the loop's frequency
+response, the latch by its mean response. Behind a dead time of more than twenty holds, where the map would have too
+many states and all crossovers lie far below the rate of the latch, all three are read there, on a loop that is stable
+without the dead time.
 """
 
 import cmath
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from typing import NamedTuple
 
 import numpy as np
+from numpy.polynomial.polynomial import polyder, polyval
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from eaid.arrays import Array
+from eaid.control.bounds import Bounds
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains, RCState, rc_step
 from eaid.errors import UsageError
+from eaid.models.nonlinear import steady_torque, time_constants
+from eaid.models.parameters import Linear, Nonlinear
+
+Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
@@ -60,88 +69,140 @@ class Timing:
         """Samples and latches in their common period."""
         if self.pwm_hz is None:
             return 1, 1
-        ratio = Fraction(self.rate_hz / self.pwm_hz).limit_denominator(20)
-        if not Fraction(1, 20) <= ratio <= 100:
+        samples = self.rate_hz / self.pwm_hz
+        if not 1 / 20.5 <= samples <= 100.5:
             raise UsageError(
                 f"a PWM of {self.pwm_hz:g} Hz under control at {self.rate_hz:g} Hz is outside what margins are worked "
                 "out for (0.05 to 100 samples a period); check «pwm_hz»"
             )
+        ratio = Fraction(samples).limit_denominator(max(1, min(20, int(LONGEST_PERIOD / samples))))
         return ratio.numerator, ratio.denominator
 
+    @property
+    def hold_s(self) -> float:
+        """Time that a duty acts [s]."""
+        samples, latches = self.pattern
+        return samples / latches / self.rate_hz
 
-RIG = Timing(pwm_hz=300.0)
-"""Control at 1 kHz, the duty latched at 300 Hz (§IV)."""
-
-
-def latch_response(timing: Timing, omega: Array) -> NDArray[np.complex128]:
-    """Mean response of the PWM's latch over that of the plain hold at the control rate: 1 where there is no latch."""
-    samples, latches = timing.pattern
-    h = timing.step_s
-    hold = samples * h / latches
-    # Latch j holds the duty of sample ⌊j hold/h⌋; its age is what the sum carries.
-    ages = [j * hold - math.floor(j * hold / h + 1e-9) * h for j in range(latches)]
-    mean = np.mean([np.exp(-1j * omega * age) for age in ages], axis=0)
-    return np.asarray(mean * hold_response(omega, hold) / hold_response(omega, h), dtype=np.complex128)
+    def words(self) -> str:
+        """At what rate, latched how and how late the loop runs."""
+        latched = "" if self.pwm_hz is None else f" with the duty latched at {self.pwm_hz:g} Hz"
+        late = f" behind a dead time of {self.delay_s:.3g} s" if self.delay_samples else ""
+        return f"at {self.rate_hz:g} Hz{latched}{late}"
 
 
-def hold_response(omega: Array, hold_s: float) -> NDArray[np.complex128]:
-    """Response of a zero-order hold of unit gain."""
-    return np.asarray(np.sinc(omega * hold_s / (2 * math.pi)) * np.exp(-0.5j * omega * hold_s))
-
-
-Lag = tuple[float, float]
-"""Gain g [N·m/%] and time constant τ [s] of x' = (g u − x)/τ."""
-ENOUGH_DB, ENOUGH_DEG = 6.0, 45.0
+LONGEST_PERIOD = 100
+"""Samples in the common period of samples and latches, at most; of two rates without a short one the nearest such."""
+LATE = 20
+"""Holds of dead time up to which a loop is taken as the map of its state."""
+MOST_LATE = 60
+"""Further holds up to which its delay margin is sought there."""
 LONGEST_DELAY_S = 0.2
 """Delay margins are sought up to here; beyond, they are no worry."""
-MOST_LATE = 400
-"""Samples on their way up to which a loop is taken as the map of its state."""
+ENOUGH_DB, ENOUGH_DEG = 6.0, 45.0
 
 
-@dataclass(frozen=True)
-class Feedback:
-    """A controller, linearised: δu = −k_T δT + k_q δq."""
+class Lag(NamedTuple):
+    """x' = (g u − x)/τ."""
 
-    k_T: float
-    """[%/(N·m)]"""
-    k_q: float
-    """[%/(N·m·s)]"""
-
-
-@dataclass(frozen=True)
-class LoopMargins:
-    """How far a loop is from instability."""
-
-    stable: bool
-    gain_db: float
-    """Factor on the duty that makes it unstable [dB]; infinite where none up to 80 dB does."""
-    delay_s: float
-    """Extra delay that makes it unstable [s]; infinite beyond 0.2 s."""
-    phase_deg: float
-    """Phase margin at the crossover, the least where there are several [deg]; infinite where the gain stays below 1."""
-    crossover_hz: float
-    """0 where the gain stays below 1."""
+    gain: float
+    """g [N·m/%]"""
+    tau: float
+    """[s]"""
 
 
-def pi_feedback(gains: PIGains) -> Feedback:
-    """The PI is linear as it stands."""
-    return Feedback(k_T=gains.K_P, k_q=gains.K_I)
+def linear_lags(b: float, a: float) -> tuple[Lag, ...]:
+    """The linear model Ṫ = −a T + b u as one lag; a [1/s], b [N·m/(s·%)]."""
+    return (Lag(b / a, 1 / a),)
 
 
-def rc_feedback(gains: RCGains, torque_nm: float, duty_pct: float) -> Feedback:
-    """The robust controller around a held torque [N·m] that takes a duty [%], by central differences of `rc_step`.
+def lags_at(plant: Nonlinear, duty_pct: float) -> tuple[Lag, ...]:
+    """The plant around a duty held for long: two lags in parallel, C and 1 − C of the slope of T_s.
 
-    At rest e = 0 and the integral stands where the law gives that duty; far from the layer's middle the slope differs.
+    Around rest (target − state) is 0, so the changes of τ play no part.
     """
-    rest, step = integral_at_rest(gains, torque_nm, duty_pct), 1e-6
+    tau1, tau2 = time_constants(plant, duty_pct)
+    slope = float(polyval(duty_pct, polyder(plant.Ts)))
+    return Lag(plant.C * slope, float(tau1)), Lag((1 - plant.C) * slope, float(tau2))
+
+
+class Point(NamedTuple):
+    """Where a loop is linearised."""
+
+    duty_pct: float
+    torque_nm: float
+    lags: tuple[Lag, ...]
+    """Of the plant there, in parallel."""
+
+
+POINTS = 10
+"""Operating points of the margins where the fit names no levels."""
+
+
+def operating_points(
+    plant: Nonlinear | None, model: Linear, bounds: Bounds, levels: Sequence[float], limits: tuple[float, float]
+) -> list[Point]:
+    """Held duties over the identified range.
+
+    Without a nonlinear model, or where one level gave T_s no slope: the first-order models of the single levels, else
+    the pooled one in the middle of the actuator's range.
+    """
+    if plant is not None and any(plant.Ts[1:]):
+        low, high = plant.u_range
+        duties = [u for u in levels if low <= u <= high] or np.linspace(low, high, POINTS).tolist()
+        return [Point(duty, float(steady_torque(plant, duty)), lags_at(plant, duty)) for duty in duties]
+    if bounds.rows:
+        return [Point(row.level, row.gain, linear_lags(1 / row.B, row.a0)) for row in bounds.rows]
+    middle = sum(limits) / 2
+    return [Point(middle, (model.b0 * middle + model.c0) / model.a0, linear_lags(model.b0, model.a0))]
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """A controller around a point, per control sample: state s of shape (n,), inputs reference, its rate, torque."""
+
+    A: Array
+    B: Array
+    """Shape (n, 3)."""
+    c: Array
+    d: Array
+    """Shape (3,)."""
+
+    def response(self, z: Complex) -> Complex:
+        """Duty per reference, rate and torque, shape (len(z), 3)."""
+        resolvent = np.linalg.inv(z[:, None, None] * np.eye(len(self.A)) - self.A)
+        return np.asarray(self.c @ resolvent @ self.B + self.d)
+
+
+def integral_law(k_r: float, k_v: float, k_T: float, k_q: float, dt_s: float) -> Law:
+    """δu = k_r δr + k_v δv − k_T δT + k_q δq, q the integral of the error; without k_q nothing reads it."""
+    n = 1 if k_q else 0
+    return Law(np.eye(n), np.tile([dt_s, 0.0, -dt_s], (n, 1)), np.full(n, k_q), np.array([k_r, k_v, -k_T]))
+
+
+def law_around(gains: RCGains | PIGains, torque_nm: float, duty_pct: float, dt_s: float) -> Law:
+    """A controller around a held torque [N·m] that takes a duty [%], its limits left out.
+
+    The PI is linear as it stands. Of the robust controller, by central differences of `rc_step`: at rest e = 0 and the
+    integral stands where the law gives that duty; far from the layer's middle the slope differs.
+    """
+    if isinstance(gains, PIGains):
+        return integral_law(gains.K_P, 0.0, gains.K_P, gains.K_I, dt_s)
     free = gains._replace(duty_min=-math.inf, duty_max=math.inf)
+    rest, step = integral_at_rest(gains, torque_nm, duty_pct), 1e-6 * gains.epsilon / gains.Q22
 
-    def duty(integral: float, torque: float) -> float:
-        return rc_step(free, RCState(integral), torque_nm, 0.0, torque, 0.0)[1]
+    def duty(integral: float, reference: float, torque: float) -> float:
+        return rc_step(free, RCState(integral), reference, 0.0, torque, 0.0)[1]
 
-    return Feedback(
-        k_T=-(duty(rest, torque_nm + step) - duty(rest, torque_nm - step)) / (2 * step),
-        k_q=(duty(rest + step, torque_nm) - duty(rest - step, torque_nm)) / (2 * step),
+    def slope(one: float, other: float) -> float:
+        return (one - other) / (2 * step)
+
+    return integral_law(
+        slope(duty(rest, torque_nm + step, torque_nm), duty(rest, torque_nm - step, torque_nm)),
+        gains.B_hat,
+        slope(duty(rest, torque_nm, torque_nm - step), duty(rest, torque_nm, torque_nm + step)),
+        slope(duty(rest + step, torque_nm, torque_nm), duty(rest - step, torque_nm, torque_nm)),
+        dt_s,
     )
 
 
@@ -158,44 +219,73 @@ def integral_at_rest(gains: RCGains, torque_nm: float, duty_pct: float) -> float
     return float(brentq(short, -reach, reach, xtol=1e-15))
 
 
-def linear_lags(b: float, a: float) -> tuple[Lag, ...]:
-    """The linear model Ṫ = −a T + b u as one lag; a [1/s], b [N·m/(s·%)]."""
-    return ((b / a, 1 / a),)
+@dataclass(frozen=True)
+class LoopMargins:
+    """How far a loop is from instability."""
+
+    stable: bool
+    gain_db: float
+    """Factor on the duty that makes it unstable [dB]; infinite where none up to 80 dB does."""
+    delay_s: float
+    """Extra delay that makes it unstable [s]; infinite beyond 0.2 s."""
+    phase_deg: float
+    """Phase margin at the crossover, the least where there are several [deg]; infinite where the gain stays below 1."""
+    crossover_hz: float
+    """0 where the gain stays below 1."""
+
+    @property
+    def enough(self) -> bool:
+        """Whether the loop has 6 dB and 45°."""
+        return self.stable and self.gain_db >= ENOUGH_DB and self.phase_deg >= ENOUGH_DEG
 
 
-def margins(feedback: Feedback, lags: tuple[Lag, ...], timing: Timing) -> LoopMargins:
+def margins(law: Law, lags: Sequence[Lag], timing: Timing) -> LoopMargins:
     """Gain, delay and phase margin of one loop."""
-    if timing.delay_samples or LONGEST_DELAY_S * timing.rate_hz > MOST_LATE:
-        return _behind_dead_time(feedback, lags, timing)
-    phase, crossover_hz = phase_margin(feedback, lags, timing)
-    if not is_stable(feedback, lags, timing):
-        return LoopMargins(False, -math.inf, 0.0, phase, crossover_hz)
-    gain = _edge(lambda db: spectral_radius(feedback, lags, timing, 10 ** (db / 20), 0.0), 2.0, 80.0)
-    # The phase margin's delay is nearly it; a third of that as the step keeps the search short.
-    guess = math.radians(phase) / (2 * math.pi * crossover_hz) if crossover_hz > 0 else LONGEST_DELAY_S
-    step = min(max(guess / 3, 1e-3), LONGEST_DELAY_S / 4)
-    delay = _edge(lambda s: spectral_radius(feedback, lags, timing, 1.0, s), step, LONGEST_DELAY_S)
-    return LoopMargins(True, gain, delay, phase, crossover_hz)
+    left = crossovers(law, lags, timing)
+    phase, crossover_hz = min(((p, w / (2 * math.pi)) for p, w in left), default=(math.inf, 0.0))
+    if not is_stable(law, lags, timing):
+        return LoopMargins(False, -math.inf, 0.0, math.degrees(phase), crossover_hz)
+    delay = min((p % (2 * math.pi) / w for p, w in left), default=math.inf)
+    if not mapped(timing):
+        gain = _gain_by_response(law, lags, timing)
+    else:
+        gain = _edge(lambda db: spectral_radius(law, lags, timing, 10 ** (db / 20)), 2.0, 80.0)
+        if delay < MOST_LATE * timing.hold_s:  # the phase margin's delay is nearly it; a third keeps the search short
+            step = min(max(delay / 3, timing.step_s), LONGEST_DELAY_S / 4)
+            delay = _edge(lambda s: spectral_radius(law, lags, timing, 1.0, s), step, LONGEST_DELAY_S)
+    far = math.inf if delay > LONGEST_DELAY_S else delay
+    return LoopMargins(True, gain, far, math.degrees(phase), crossover_hz)
 
 
-def _behind_dead_time(feedback: Feedback, lags: tuple[Lag, ...], timing: Timing) -> LoopMargins:
-    """The margins by Nyquist's criterion: no crossover may lag by half a turn or more, the dead time included."""
-    phase, crossover_hz = phase_margin(feedback, lags, timing)
-    if phase <= 0 or not is_stable(feedback, lags, replace(timing, delay_samples=0)):
-        return LoopMargins(False, -math.inf, 0.0, phase, crossover_hz)
-    omega = np.geomspace(1e-3, _top(timing), 20_000)
-    loop = loop_response(feedback, lags, timing, omega)
-    lag = np.unwrap(np.angle(loop)) - omega * timing.delay_s
-    turned = np.flatnonzero((lag[:-1] > -math.pi) & (lag[1:] <= -math.pi))
-    gain = min((-20 * math.log10(abs(loop[k])) for k in turned), default=math.inf)
-    delay = math.radians(phase) / (2 * math.pi * crossover_hz) if crossover_hz > 0 else math.inf
-    return LoopMargins(True, gain, delay, phase, crossover_hz)
+def loop_margins(gains: RCGains | PIGains, points: Sequence[Point], timing: Timing) -> Iterator[LoopMargins]:
+    """The margins of a controller around every operating point."""
+    for duty, torque, lags in points:
+        yield margins(law_around(gains, torque, duty, timing.step_s), lags, timing)
 
 
-def is_stable(feedback: Feedback, lags: tuple[Lag, ...], timing: Timing) -> bool:
-    """Whether the sampled loop, as it runs, dies out."""
-    at_once = spectral_radius(feedback, lags, timing, 1.0, 0.0) < 1
-    return at_once and (timing.delay_samples == 0 or phase_margin(feedback, lags, timing)[0] > 0)
+def known(value: float) -> float | None:
+    """A number that is finite; None elsewhere."""
+    return value if math.isfinite(value) else None
+
+
+def is_stable(law: Law, lags: Sequence[Lag], timing: Timing) -> bool:
+    """Whether the sampled loop, as it runs, dies out.
+
+    Behind a long dead time by Nyquist's criterion: stable without it, and no crossover lags by half a turn with it.
+    """
+    if mapped(timing):
+        return spectral_radius(law, lags, timing) < 1
+    at_once = replace(timing, delay_samples=0)
+    if spectral_radius(law, lags, at_once) >= 1:
+        return False
+    if abs(loop_response(law, lags, timing, np.array([math.pi * slower_hz(timing)]))) >= 1:
+        return False
+    return all(p % (2 * math.pi) > w * timing.delay_s for p, w in crossovers(law, lags, at_once))
+
+
+def mapped(timing: Timing) -> bool:
+    """Whether a loop is taken as the map of its state."""
+    return timing.delay_s <= LATE * timing.hold_s
 
 
 def _edge(radius: Callable[[float], float], step: float, limit: float) -> float:
@@ -208,73 +298,103 @@ def _edge(radius: Callable[[float], float], step: float, limit: float) -> float:
     return float(brentq(lambda x: radius(x) - 1, low, high, xtol=1e-9 * high))
 
 
-def spectral_radius(feedback: Feedback, lags: tuple[Lag, ...], timing: Timing, factor: float, delay_s: float) -> float:
-    """Spectral radius of the loop's map over one common period of sampling and latching, duty times `factor`, late by
-    `delay_s` [s], the timing's own dead time left out."""
+def spectral_radius(
+    law: Law, lags: Sequence[Lag], timing: Timing, factor: float = 1.0, extra_delay_s: float = 0.0
+) -> float:
+    """Spectral radius of the loop's map over one common period of sampling and latching, the duty times `factor`."""
     samples, latches = timing.pattern
-    h, hold = 1 / timing.rate_hz, samples / timing.rate_hz / latches
+    h, hold, delay_s, memory = timing.step_s, timing.hold_s, timing.delay_s + extra_delay_s, timing.memory
     late = int(delay_s / hold + 1e-9)  # whole holds that the delay spans
     rest = max(delay_s - late * hold, 0.0)
-    memory = late + 1
-    size = len(lags) + 1 + memory
-    x = list(np.eye(size)[: len(lags)])
-    integral = np.eye(size)[len(lags)]
-    latched = {-1 - k: row for k, row in enumerate(np.eye(size)[len(lags) + 1 :])}
-    latest, acting = latched[-1], latched[-1 - late]
+    states = len(lags), len(law.A), 1 if memory else 0, late + 1
+    x, s, sensor, duties = np.split(np.eye(sum(states)), np.cumsum(states)[:-1])
+    latched = {-1 - k: row for k, row in enumerate(duties)}
+    latest, acting, seen = latched[-1], latched[-1 - late], sensor.sum(axis=0)
+    gains, rates = (np.array(each)[:, None] for each in zip(*((g, 1 / tau) for g, tau in lags), strict=True))
     # (time, order, index): a sample comes before a latch at the same instant, a latch before the plant sees it.
     events = [(k * h, 0, k) for k in range(samples)] + [(j * hold, 1, j) for j in range(latches)]
     events += [(j * hold + rest, 2, j - late) for j in range(latches)]
     now = 0.0
     for time, order, index in [*sorted(events, key=_in_order), (samples * h, 3, 0)]:
         if time > now + 1e-12:
-            for i, (gain, tau) in enumerate(lags):
-                x[i] = x[i] - math.expm1((now - time) / tau) * (gain * acting - x[i])
+            x = x - np.expm1((now - time) * rates) * (gains * acting - x)
             now = time
         if order == 0:
-            torque = sum(x[1:], x[0])
-            latest = factor * (feedback.k_q * integral - feedback.k_T * torque)
-            integral = integral - h * torque
+            torque = x.sum(axis=0)
+            seen = torque + memory * (seen - torque)
+            latest = factor * (law.c @ s + law.d[2] * seen)
+            s = law.A @ s + law.B[:, 2:] * seen
         elif order == 1:
             latched[index] = latest
         elif order == 2:
             acting = latched[index]
-    # Without integral action nothing reads the integral, whose own eigenvalue of 1 says nothing about the loop.
-    after = [*x, integral if feedback.k_q != 0 else 0.0 * integral, *(latched[latches - 1 - k] for k in range(memory))]
-    return float(np.abs(np.linalg.eigvals(np.array(after))).max())
+    after = [x, s, *([seen[None]] if memory else []), *(latched[latches - 1 - k][None] for k in range(late + 1))]
+    return float(np.abs(np.linalg.eigvals(np.concatenate(after))).max())
 
 
 def _in_order(event: tuple[float, int, int]) -> tuple[float, int]:
     return round(event[0], 12), event[1]
 
 
-def loop_response(feedback: Feedback, lags: tuple[Lag, ...], timing: Timing, omega: Array) -> NDArray[np.complex128]:
-    """Response of the loop opened at the duty, without its dead time, over angular frequency [rad/s].
+def latch_response(timing: Timing, omega: Array) -> Complex:
+    """Mean response of the PWM's latch over that of the plain hold at the control rate: 1 where there is no latch."""
+    latches, h, hold = timing.pattern[1], timing.step_s, timing.hold_s
+    # Latch j holds the duty of sample ⌊j hold/h⌋; its age is what the sum carries.
+    ages = [j * hold - math.floor(j * hold / h + 1e-9) * h for j in range(latches)]
+    mean = np.mean([np.exp(-1j * omega * age) for age in ages], axis=0)
+    return np.asarray(mean * hold_response(omega, hold) / hold_response(omega, h), dtype=np.complex128)
 
-    L = (k_T + k_q h/(z − 1)) Σ g (1 − a)/(z − a) · latch, z = e^(jωh), a = e^(−h/τ).
-    """
-    h = 1 / timing.rate_hz
+
+def hold_response(omega: Array, hold_s: float) -> Complex:
+    """Response of a zero-order hold of unit gain."""
+    return np.asarray(np.sinc(omega * hold_s / (2 * math.pi)) * np.exp(-0.5j * omega * hold_s))
+
+
+def seen_response(lags: Sequence[Lag], timing: Timing, omega: Array) -> Complex:
+    """Torque that is read per duty at sampled frequencies [rad/s], without the dead time: hold, lags, latch, sensor."""
+    h, memory = timing.step_s, timing.memory
     z = np.exp(1j * omega * h)
-    controller = feedback.k_T + feedback.k_q * h / (z - 1)
     plant = np.sum([g * -math.expm1(-h / tau) / (z - math.exp(-h / tau)) for g, tau in lags], axis=0)
-    return np.asarray(controller * plant * latch_response(timing, omega), dtype=np.complex128)
+    return np.asarray(plant * latch_response(timing, omega) * (1 - memory) / (1 - memory / z), dtype=np.complex128)
 
 
-def phase_margin(feedback: Feedback, lags: tuple[Lag, ...], timing: Timing) -> tuple[float, float]:
-    """Least phase margin [deg] over the crossovers, and that crossover [Hz]; the dead time's lag is taken off it."""
-    omega = np.geomspace(1e-3, _top(timing), 1500)
+def loop_response(law: Law, lags: Sequence[Lag], timing: Timing, omega: Array) -> Complex:
+    """Response of the loop opened at the duty, without its dead time, over angular frequency [rad/s]."""
+    return np.asarray(-law.response(np.exp(1j * omega * timing.step_s))[:, 2] * seen_response(lags, timing, omega))
+
+
+def crossovers(law: Law, lags: Sequence[Lag], timing: Timing) -> list[tuple[float, float]]:
+    """Where the loop's gain is 1: the phase that is left to −1, from −π to π, and the frequency [rad/s]."""
+    omega = frequencies(lags, slower_hz(timing), 2000)
 
     def response(omega: float) -> complex:
-        return complex(loop_response(feedback, lags, timing, np.array([omega]))[0])
+        return complex(loop_response(law, lags, timing, np.array([omega]))[0])
 
-    above = np.abs(loop_response(feedback, lags, timing, omega)) >= 1
-    found = (math.inf, 0.0)
+    above = np.abs(loop_response(law, lags, timing, omega)) >= 1
+    found = []
     for k in np.flatnonzero(above[:-1] != above[1:]):
-        crossover = float(brentq(lambda x: abs(response(x)) - 1, omega[k], omega[k + 1]))
-        left = cmath.phase(-response(crossover)) - crossover * timing.delay_s
-        found = min(found, (math.degrees(left), crossover / (2 * math.pi)))
+        at = float(brentq(lambda x: abs(response(x)) - 1, omega[k], omega[k + 1]))
+        found.append((cmath.phase(-response(at) * cmath.exp(-1j * at * timing.delay_s)), at))
     return found
 
 
-def _top(timing: Timing) -> float:
-    """Half the slower of sampling and latching [rad/s]."""
-    return math.pi * min(timing.rate_hz, timing.pwm_hz or timing.rate_hz)
+def _gain_by_response(law: Law, lags: Sequence[Lag], timing: Timing) -> float:
+    """The least factor on the duty that brings the response to −1 [dB]."""
+    omega = frequencies(lags, slower_hz(timing), 20_000)
+    loop = loop_response(law, lags, timing, omega) * np.exp(-1j * omega * timing.delay_s)
+    real, imag = loop.real, loop.imag
+    turns = np.flatnonzero((imag[:-1] < 0) != (imag[1:] < 0))
+    share = imag[turns] / (imag[turns] - imag[turns + 1])
+    crossed = -(real[turns] + share * (real[turns + 1] - real[turns]))
+    least = float(max(crossed[(crossed > 0) & (crossed < 1)], default=0.0))
+    return -20 * math.log10(least) if least > 1e-4 else math.inf
+
+
+def frequencies(lags: Sequence[Lag], rate_hz: float, count: int) -> Array:
+    """From far below what the slowest lag turns to half a rate [rad/s], in equal ratios, shape (count,)."""
+    return np.geomspace(1e-4 / max(1.0, *(lag.tau for lag in lags)), math.pi * rate_hz, count)
+
+
+def slower_hz(timing: Timing) -> float:
+    """The slower of sampling and latching [Hz]."""
+    return min(timing.rate_hz, timing.pwm_hz or timing.rate_hz)

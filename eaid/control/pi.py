@@ -55,6 +55,8 @@ def pi_step(
     return PIState(integral + dt * error), duty
 
 
+PAPER_PI = (21.0, 360.0)
+"""K_P and K_I of §V-B."""
 BAND = 0.02
 """Settling band, share of the step."""
 MOST_OVERSHOOT_PCT = 95.0

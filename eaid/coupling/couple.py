@@ -9,23 +9,19 @@ import msgspec
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.control.gains import pi_gains, plant_of, rc_gains
-from eaid.control.margins import Timing
-from eaid.control.operating import known
+from eaid.control.gains import pi_gains, plant_of, rc_gains, refuse_other_units
+from eaid.control.margins import Point, Timing, is_stable, known
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
 from eaid.coupling.stiffness import (
     Channel,
-    Coupled,
     Limb,
-    Point,
     Step,
-    linearised,
+    law_of,
     needed_damping,
     operating_point,
     passive_stiffness,
-    stable_stiffness,
-    step_of,
+    wall_loop,
 )
 from eaid.errors import DataError, GainsError, UsageError
 from eaid.estimate.draw import draw
@@ -127,27 +123,24 @@ class Loops:
 
     def around(self, loop: str, plant: Nonlinear, point: Point, weight: float = 1.0) -> tuple[Channel, Drive]:
         """One clutch around a point, linear and as it is; GainsError where it is unstable without a wall."""
-        step, start = step_of(loop, plant, point, self.rc, self.pi, self.timing.step_s)
-        channel = Channel(point, linearised(step, start, point), weight)
-        radius = float(np.abs(Coupled([channel], Limb(), self.timing).poles(0.0)).max())
-        if radius > 1 + 1e-9:
+        law, step, start = law_of(loop, plant, point, self.rc, self.pi, self.timing.step_s)
+        if not is_stable(law, point.lags, self.timing):
             raise GainsError(
-                f"the loop {loop} is unstable at {point.torque_nm:g} without any wall (spectral radius {radius:.4f}); "
+                f"the loop {loop} is unstable at {point.torque_nm:g} without any wall, {self.timing.words()}; "
                 "no stiffness can be rendered on it, choose other gains or timing"
             )
-        return channel, Drive(plant, point, step, start)
+        return Channel(point, law, weight), Drive(plant, point, step, start)
 
     def wall(
         self, loop: str, channels: list[Channel], torque: float, duty: float | None
     ) -> tuple[parts.Wall, parts.Curve]:
         """The stiffest walls at one torque, and what they ask of the limb over frequency."""
-        needed, coupled = needed_damping(channels, self.timing), Coupled(channels, self.limb, self.timing)
+        needed = needed_damping(channels, self.timing)
         K_passive, limit = passive_stiffness(needed, self.limb.damping_nms, self.virtual_damping)
-        K_stable = stable_stiffness(coupled, self.virtual_damping)
-        lost = _lost_hz(coupled, K_stable, self.virtual_damping)
+        K_stable, lost = wall_loop(channels, self.limb, self.timing).stable(self.virtual_damping)
         limit_hz = 0.0 if limit <= needed.omega[0] else limit / (2 * math.pi)  # the slowest looked at stands for rest
         chosen = np.unique(np.linspace(0, len(needed.omega) - 1, 200).astype(int))  # frequencies of a stored curve
-        wall = parts.Wall(loop, torque, duty, known(K_passive), limit_hz, known(K_stable), lost)
+        wall = parts.Wall(loop, torque, duty, known(K_passive), limit_hz, known(K_stable), lost / (2 * math.pi) or None)
         curve = parts.Curve(
             loop, torque,
             tuple((needed.omega[chosen] / (2 * math.pi)).tolist()),
@@ -158,24 +151,12 @@ class Loops:
 
     def region(self, loop: str, channels: list[Channel], torque: float) -> parts.Region:
         """K over B_v, from 0 to twice the limb's damping."""
-        needed, coupled = needed_damping(channels, self.timing), Coupled(channels, self.limb, self.timing)
+        needed, loose = needed_damping(channels, self.timing), wall_loop(channels, self.limb, self.timing)
         rows = [
-            (damping, passive_stiffness(needed, self.limb.damping_nms, damping)[0], stable_stiffness(coupled, damping))
+            (damping, passive_stiffness(needed, self.limb.damping_nms, damping)[0], loose.stable(damping)[0])
             for damping in np.linspace(0.0, 2 * self.limb.damping_nms, 9).tolist()
         ]
         return parts.Region(loop, torque, tuple(parts.RegionPoint(b, known(p), known(s)) for b, p, s in rows))
-
-
-def _lost_hz(coupled: Coupled, stiffness: float, damping: float) -> float | None:
-    if not 0 < stiffness < math.inf:
-        return None
-    poles = coupled.poles(stiffness, damping)
-    worst = poles[int(np.argmax(np.abs(poles)))]
-    return float(abs(np.angle(worst)) * coupled.timing.rate_hz / coupled.timing.pattern[0] / (2 * math.pi))
-
-
-MOST_DELAY = 100
-"""Each sample of delay is a state of the loop's linear map."""
 
 
 def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Progress) -> parts.Coupling:
@@ -184,19 +165,16 @@ def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Prog
     Loops whose gains are not given are left out. Raises DataError where the fit holds no nonlinear model, UsageError
     for a torque that the identified inputs do not hold, and GainsError for a loop that is unstable without any wall.
     """
+    refuse_other_units(fit, gains)
     plant, rc, pi, unit = plant_of(fit), rc_gains(gains), pi_gains(gains), fit.data.output_unit
     if plant is None:
         raise DataError("the fit holds no nonlinear model, which walls are worked out on; fit clutch logs with it")
     delay = options.delay_samples or round(fit.dead_time_s * options.rate_hz)
-    if delay > MOST_DELAY:
-        raise DataError(
-            f"the steps show a dead time of {fit.dead_time_s:.3g} s, {delay} samples; walls are worked out for "
-            f"{MOST_DELAY} at most: a lower «rate_hz»"
-        )
     timing = Timing(options.rate_hz, options.pwm_hz or None, delay, options.sensor_hz)
     setup = Loops(rc, pi, Limb(options.limb_inertia, options.limb_damping), timing, options.virtual_damping)
-    missing = {"rc": rc, "rc-no-rate": rc, "pi": pi}
-    loops = [loop for loop in options.loops if missing.get(loop, ()) is not None] or list(options.loops)
+    needed = {"rc": rc, "rc-no-rate": rc, "pi": pi}
+    held = [loop for loop in LOOPS if needed.get(loop, ()) is not None]
+    loops = held if options.loops == LOOPS else list(options.loops)
     torques = options.torque or default_torques(plant)
     walls, regions, curves = [], [], []
     with progress("walls", len(torques) * len(loops)) as tick:
@@ -279,7 +257,7 @@ def _kept(setup: Loops, loop: str, torque: float, plants: Sequence[Nonlinear], o
             found.append((0.0, 0.0))
             continue
         passive = passive_stiffness(needed_damping([channel], setup.timing), limb.damping_nms)[0]
-        found.append((passive, stable_stiffness(Coupled([channel], limb, setup.timing))))
+        found.append((passive, wall_loop([channel], limb, setup.timing).stable()[0]))
     low = np.quantile(found, 0.05, axis=0, method="lower").tolist()
     return parts.Kept(loop, torque, known(low[0]), known(low[1]))
 
@@ -339,7 +317,7 @@ def with_wall_findings(replay: Replay, fit: Fit, gains: Gains | None) -> Replay:
                 if not low <= torque <= high:
                     continue
                 channel, _ = setup.around(loop, plant, operating_point(plant, torque))
-                stable = stable_stiffness(Coupled([channel], setup.limb, setup.timing))
+                stable, _ = wall_loop([channel], setup.limb, setup.timing).stable()
                 if stable < stiffness:
                     unit = fit.data.output_unit
                     findings.append(

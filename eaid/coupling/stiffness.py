@@ -9,41 +9,43 @@ aliases ω_n = ω + 2πn/h of a frequency take part, and b |v|² + Re v*T ≥ 0 
 (the least eigenvalue of a Hermitian matrix of rank two). With W the plain hold this is Colgate and Schenkel's
 b ≥ h/2/(1 − cos ωh) · Re{(1 − e^(−jωh)) D}; for slow loops it is b ≥ K max(−Im G(jω)/ω).
 
-**Stable.** The least K at which the spectral radius of the sampled loop with this limb reaches 1.
+**Stable.** With M the sampled angle per wanted torque, hold, plant, limb and dead time in it, the loop of a wall turns
+unstable where 1 + (K + B_v (1 − 1/z)/h) M = 0 on |z| = 1: the least K > 0 of
+
+    K = −Re(1/M + B_v (1 − 1/z)/h)   at the frequencies where the imaginary part is 0, the Nyquist frequency among them.
 """
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from fractions import Fraction
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from eaid.arrays import Array
-from eaid.control.margins import Lag, Timing, hold_response, integral_at_rest, latch_response
-from eaid.control.operating import lags_at
+from eaid.control.margins import (
+    Complex,
+    Law,
+    Point,
+    Timing,
+    frequencies,
+    hold_response,
+    integral_at_rest,
+    integral_law,
+    lags_at,
+    latch_response,
+    law_around,
+    seen_response,
+    slower_hz,
+)
 from eaid.control.pi import PIGains, PIState, pi_step
 from eaid.control.rc import RCGains, RCState, rc_step
 from eaid.errors import UsageError
 from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Nonlinear
 from eaid.replay.inverse import InverseState, inverse_gains, inverse_step
-
-Complex = NDArray[np.complex128]
-
-
-@dataclass(frozen=True)
-class Point:
-    """Where a loop is linearised."""
-
-    torque_nm: float
-    duty_pct: float
-    lags: tuple[Lag, ...]
-    """Of the plant there, in parallel."""
 
 
 def operating_point(plant: Nonlinear, torque_nm: float) -> Point:
@@ -56,28 +58,9 @@ def operating_point(plant: Nonlinear, torque_nm: float) -> Point:
         )
     duty = float(brentq(lambda u: float(steady_torque(plant, u)) - torque_nm, *plant.u_range, xtol=1e-12))
     lags = lags_at(plant, duty)
-    if not lags[0][0] > 0:
+    if not lags[0].gain > 0:
         raise UsageError(f"«torque» {torque_nm:g}: T_s does not rise with the input there; choose another torque")
-    return Point(torque_nm, duty, lags)
-
-
-@dataclass(frozen=True, eq=False)
-class Law:
-    """A controller around a point, per control sample: state s of shape (n,), inputs reference, its rate, torque."""
-
-    A: Array
-    B: Array
-    """Shape (n, 3)."""
-    c: Array
-    d: Array
-    """Shape (3,)."""
-
-    def response(self, z: Complex) -> Complex:
-        """Duty per reference, rate and torque, shape (len(z), 3)."""
-        if not len(self.A):
-            return np.broadcast_to(self.d.astype(complex), (len(z), 3)).copy()
-        resolvent = np.linalg.inv(z[:, None, None] * np.eye(len(self.A)) - self.A)
-        return np.asarray(self.c @ resolvent @ self.B + self.d)
+    return Point(duty, torque_nm, lags)
 
 
 Step = Callable[[tuple[float, ...], float, float, float], tuple[Any, float]]
@@ -114,16 +97,34 @@ def step_of(
     return step, (integral_at_rest(rc, point.torque_nm, point.duty_pct),)
 
 
-def linearised(step: Step, start: tuple[float, ...], point: Point) -> Law:
+def law_of(
+    loop: str, plant: Nonlinear, point: Point, rc: RCGains | None, pi: PIGains | None, dt_s: float
+) -> tuple[Law, Step, tuple[float, ...]]:
+    """A loop around a point: linear, as one control sample, and its state at rest."""
+    step, start = step_of(loop, plant, point, rc, pi, dt_s)
+    if loop == "open-loop":
+        law = integral_law(1 / sum(lag.gain for lag in point.lags), 0.0, 0.0, 0.0, dt_s)
+    elif loop == "inverse":
+        law = linearised(step, start, point.torque_nm)
+    else:
+        gains = pi if loop == "pi" else rc
+        assert gains is not None  # step_of
+        law = law_around(gains, point.torque_nm, point.duty_pct, dt_s)
+        if loop == "rc-no-rate":
+            law = replace(law, d=law.d * [1.0, 0.0, 1.0])
+    return law, step, start
+
+
+def linearised(step: Step, start: tuple[float, ...], torque_nm: float) -> Law:
     """Central differences of a law's step around its rest."""
     n = len(start)
-    at = np.array([*start, point.torque_nm, 0.0, point.torque_nm])
+    at = np.array([*start, torque_nm, 0.0, torque_nm])
 
     def value(x: Array) -> Array:
         state, duty = step(tuple(x[:n].tolist()), *x[n:].tolist())
         return np.array([*state, duty])
 
-    steps = 1e-5 * np.maximum(1.0, np.abs(at))
+    steps = 1e-5 * np.where(at == 0, torque_nm, np.abs(at))
     slopes = np.column_stack([(value(at + e) - value(at - e)) / (2 * e.max()) for e in np.diag(steps)])
     return Law(slopes[:n, :n], slopes[:n, n:], slopes[n, :n], slopes[n, n:])
 
@@ -152,127 +153,64 @@ class Channel:
     """Share of T_d that this clutch is asked for, and the sign of its torque; 1 for a clutch alone."""
 
 
-class Coupled:
-    """The whole loop with a limb on it, over one common period of samples and latches.
-
-    State: a clutch's lags, its law's state, filtered torque, duties on their way, latched duty; the limb's angle and
-    speed, its angle at the last sample and the reference before (for differences). What lies between two events does
-    not depend on the wall and is worked out once.
-    """
-
-    def __init__(self, channels: Sequence[Channel], limb: Limb, timing: Timing) -> None:
-        self.channels, self.timing = channels, timing
-        self.layout = _Layout(channels, timing)
-        samples, latches = timing.pattern
-        events = sorted(
-            [(Fraction(k), 0) for k in range(samples)] + [(Fraction(j * samples, latches), 1) for j in range(latches)]
-        )
-        flows: dict[Fraction, Array] = {}
-        self.moves: list[Array | None] = []
-        """Matrices in the order of time; None where the control sample comes."""
-        now = Fraction(0)
-        for at, kind in [*events, (Fraction(samples), 2)]:
-            if at > now:
-                if at - now not in flows:
-                    flows[at - now] = _flow(channels, limb, self.layout, float(at - now) * timing.step_s)
-                self.moves.append(flows[at - now])
-                now = at
-            if kind < 2:
-                self.moves.append(None if kind == 0 else _latch(self.layout))
-
-    def period_map(self, stiffness: float, virtual_damping: float = 0.0) -> Array:
-        """The linear map of the whole state; K [N·m/rad], B_v [N·m·s/rad]."""
-        sample = _sample(self.channels, self.layout, self.timing, stiffness, virtual_damping)
-        total = np.eye(self.layout.size)
-        for move in self.moves:
-            total = (sample if move is None else move) @ total
-        return total
-
-    def poles(self, stiffness: float, virtual_damping: float = 0.0) -> Complex:
-        """Eigenvalues of that map."""
-        return np.asarray(np.linalg.eigvals(self.period_map(stiffness, virtual_damping)), dtype=np.complex128)
-
-    def is_stable(self, stiffness: float, virtual_damping: float = 0.0) -> bool:
-        """Whether the motion dies out."""
-        return bool(np.abs(self.poles(stiffness, virtual_damping)).max() < 1)
-
-
-class _Layout:
-    """Where each part of the state stands."""
-
-    def __init__(self, channels: Sequence[Channel], timing: Timing) -> None:
-        at = 0
-        self.lags, self.law, self.seen, self.queue, self.acting = [], [], [], [], []
-        for channel in channels:
-            self.lags.append(slice(at, at + 2))
-            self.law.append(slice(at + 2, at + 2 + len(channel.law.A)))
-            at += 2 + len(channel.law.A)
-            self.seen.append(at)
-            self.queue.append(slice(at + 1, at + 2 + timing.delay_samples))
-            self.acting.append(at + 2 + timing.delay_samples)
-            at += 3 + timing.delay_samples
-        self.angle, self.speed, self.last_angle, self.last_reference = range(at, at + 4)
-        self.size = at + 4
-
-
-def _flow(channels: Sequence[Channel], limb: Limb, layout: _Layout, time_s: float) -> Array:
-    """The plant and the limb between two events."""
-    rate = np.zeros((layout.size, layout.size))
-    for channel, lags, acting in zip(channels, layout.lags, layout.acting, strict=True):
-        for i, (gain, tau) in enumerate(channel.point.lags):
-            rate[lags.start + i, lags.start + i] = -1 / tau
-            rate[lags.start + i, acting] = gain / tau
-            rate[layout.speed, lags.start + i] = channel.weight / abs(channel.weight) / limb.inertia_kgm2
-    rate[layout.angle, layout.speed] = 1.0
-    rate[layout.speed, layout.speed] = -limb.damping_nms / limb.inertia_kgm2
-    return np.asarray(expm(rate * time_s))
-
-
-def _sample(
-    channels: Sequence[Channel], layout: _Layout, timing: Timing, stiffness: float, virtual_damping: float
-) -> Array:
-    """One control sample: reference and its backward difference, the filtered torque, the laws, the queues."""
-    h, memory = timing.step_s, timing.memory
-    change = np.eye(layout.size)
-    wanted = np.zeros(layout.size)
-    wanted[layout.angle] = -stiffness - virtual_damping / h
-    wanted[layout.last_angle] = virtual_damping / h
-    before = np.zeros(layout.size)
-    before[layout.last_reference] = 1.0
-    for k, channel in enumerate(channels):
-        seen = np.zeros(layout.size)
-        seen[layout.lags[k]] = 1.0 - memory
-        seen[layout.seen[k]] = memory
-        inputs = np.array([channel.weight * wanted, channel.weight * (wanted - before) / h, seen])
-        state = np.eye(layout.size)[layout.law[k]]
-        change[layout.law[k]] = channel.law.A @ state + channel.law.B @ inputs
-        duty = channel.law.c @ state + channel.law.d @ inputs
-        queue = layout.queue[k]
-        change[queue] = np.vstack(
-            [np.eye(layout.size)[queue][1:], duty]
-        )  # the first of the queue is next to be latched
-        change[layout.seen[k]] = seen
-    change[layout.last_angle] = np.eye(layout.size)[layout.angle]
-    change[layout.last_reference] = wanted
-    return change
-
-
-def _latch(layout: _Layout) -> Array:
-    change = np.eye(layout.size)
-    for queue, acting in zip(layout.queue, layout.acting, strict=True):
-        change[acting] = np.eye(layout.size)[queue.start]
-    return change
-
-
 def duty_response(channel: Channel, timing: Timing, omega: Array) -> Complex:
     """Duty per reference at sampled frequencies [rad/s], the torque loop closed, the PWM by its mean response."""
-    h, memory = timing.step_s, timing.memory
-    z = np.exp(1j * omega * h)
-    plant = sum(g * -math.expm1(-h / tau) / (z - math.exp(-h / tau)) for g, tau in channel.point.lags)
-    plant = plant * z**-timing.delay_samples * latch_response(timing, omega)
-    seen = plant * (1 - memory) / (1 - memory / z)
+    z = np.exp(1j * omega * timing.step_s)
+    seen = seen_response(channel.point.lags, timing, omega) * np.exp(-1j * omega * timing.delay_s)
     by_reference, by_rate, by_torque = channel.law.response(z).T
-    return np.asarray((by_reference + by_rate * (1 - 1 / z) / h) / (1 - by_torque * seen))
+    return np.asarray((by_reference + by_rate * (1 - 1 / z) / timing.step_s) / (1 - by_torque * seen))
+
+
+@dataclass(frozen=True, eq=False)
+class WallLoop:
+    """What a wall turns about, over frequency; arrays of shape (n,)."""
+
+    omega: Array
+    """Angular frequency [rad/s]."""
+    stiffness: Complex
+    """1/M: wanted torque per angle [N·m/rad]."""
+    damper: Complex
+    """(1 − 1/z)/h [1/s]"""
+    ends: int
+    """-1: the last is the samples' Nyquist frequency, where all responses are real; else their number."""
+
+    def stable(self, virtual_damping: float = 0.0) -> tuple[float, float]:
+        """The least K at which the loop stops being stable [N·m/rad], and where [rad/s].
+
+        Infinite beyond `STIFFEST`; 0 where B_v alone is too much.
+        """
+        if virtual_damping > 0 and self._first(self.stiffness / self.damper)[0] <= virtual_damping:
+            return 0.0, 0.0
+        least, at = self._first(self.stiffness + virtual_damping * self.damper)
+        return (least, at) if least < STIFFEST else (math.inf, 0.0)
+
+    def _first(self, curve: Complex) -> tuple[float, float]:
+        """The least −Re of a curve over the frequencies where its imaginary part is 0, and that frequency."""
+        real, imag = curve.real, curve.imag
+        k = np.flatnonzero((imag[:-1] < 0) != (imag[1:] < 0))
+        share = imag[k] / (imag[k] - imag[k + 1])
+        found, at = (np.concatenate([x[k] + share * (x[k + 1] - x[k]), x[self.ends :]]) for x in (-real, self.omega))
+        turned = found > 0
+        return min(zip(found[turned].tolist(), at[turned].tolist(), strict=True), default=(math.inf, 0.0))
+
+
+def wall_loop(channels: Sequence[Channel], limb: Limb, timing: Timing) -> WallLoop:
+    """A drive with a limb on it, opened at the wall."""
+    h = timing.step_s
+    omega = frequencies([lag for one in channels for lag in one.point.lags], slower_hz(timing), 4000)
+    z = np.exp(1j * omega * h)
+    angle = np.zeros(len(omega), dtype=np.complex128)
+    for channel in channels:
+        rate = np.zeros((5, 5))  # lags, angle and speed of the limb; the duty held
+        for i, (gain, tau) in enumerate(channel.point.lags):
+            rate[i, [i, 4]] = -1 / tau, gain / tau
+            rate[3, i] = 1 / limb.inertia_kgm2
+        rate[2, 3], rate[3, 3] = 1.0, -limb.damping_nms / limb.inertia_kgm2
+        flow = expm(rate * h)
+        turned = np.linalg.solve(z[:, None, None] * np.eye(4) - flow[:4, :4], flow[:4, 4:])[:, 2, 0]
+        late = latch_response(timing, omega) * np.exp(-1j * omega * timing.delay_s)
+        angle += abs(channel.weight) * duty_response(channel, timing, omega) * turned * late
+    return WallLoop(omega, 1 / angle, (1 - 1 / z) / h, -1 if timing.pwm_hz is None else len(omega))
 
 
 ALIASES = 12
@@ -340,11 +278,6 @@ def passive_stiffness(needed: Needed, damping_nms: float, virtual_damping: float
         limit = needed.damping(1.0)
         stiffness = damping_nms / max(float(limit.max()), 1e-300)
     return (stiffness if stiffness < STIFFEST else float("inf")), float(needed.omega[int(np.argmax(limit))])
-
-
-def stable_stiffness(coupled: Coupled, virtual_damping: float = 0.0) -> float:
-    """The least K at which the sampled loop with its limb stops being stable [N·m/rad]; inf beyond `STIFFEST`."""
-    return edge(lambda k: coupled.is_stable(k, virtual_damping), 1e-2)
 
 
 def edge(holds: Callable[[float], bool], low: float, high: float = STIFFEST, factor: float = 1.4) -> float:

@@ -1,12 +1,12 @@
 """Gains and plant → a folder that a rig is run from: written whole or not at all."""
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from eaid.control.bounds import Bounds
-from eaid.control.margins import Feedback, Timing, is_stable, pi_feedback, rc_feedback
-from eaid.control.operating import operating_points
+from eaid.control.margins import Timing, loop_margins, operating_points
 from eaid.errors import EaidError, GainsError
 from eaid.export.constants import unit_name
 from eaid.export.job import (
@@ -21,14 +21,14 @@ from eaid.export.job import (
     timing_of,
     vectors,
 )
-from eaid.export.targets import TARGETS
+from eaid.export.targets import MARK, TARGETS, VECTOR_COLUMNS
 from eaid.files import folder_written_whole, refuse_folder, sha256_of
 from eaid.findings import Finding, finding, ranked, say, stops
 from eaid.models.parameters import Linear
 from eaid.options import ExportOptions
 from eaid.results import codec
 from eaid.results.fit import Fit
-from eaid.results.gains import Gains, Margins, Robust
+from eaid.results.gains import Gains, MarginPoint, Robust
 from eaid.results.verdict import PLANT
 
 
@@ -68,7 +68,7 @@ def _found(source: Source, laws: tuple[str, ...], rate_hz: float, options: Expor
 
 def _gains(source: Source, gains: Gains, laws: tuple[str, ...], rate_hz: float) -> Iterator[Finding]:
     other_rate = abs(rate_hz - source.rate_hz) > 1e-6 * source.rate_hz
-    yield from _unstable(source, laws, rate_hz, None if other_rate else gains.margins)
+    yield from _unstable(source, laws, rate_hz, gains.margins.points if gains.margins and not other_rate else ())
     if why := gains.not_usable or (source.fit.verdict.of("linear").why if source.fit is not None else ""):
         yield finding("export-not-usable", "gains", why=why)
     yield from stops(gains.findings)
@@ -101,29 +101,20 @@ def _guarantee(gains: Gains, rc: Robust) -> Finding:
     return finding("export-guarantee-missing", "rc", missing=", ".join(missing))
 
 
-def _unstable(source: Source, laws: tuple[str, ...], rate_hz: float, known: Margins | None) -> Iterator[Finding]:
+def _unstable(source: Source, laws: tuple[str, ...], rate_hz: float, told: Sequence[MarginPoint]) -> Iterator[Finding]:
     """Each loop around held duties of the plant, else on the linear model, at the rate that is baked in."""
     linear = Linear(*(source.linear or (1.0, 1.0, 0.0)))  # not looked at where there is a plant
-    points = operating_points(Fit(), linear, source.plant, Bounds((), 1.0, 1.0, ()), source.limits)
-    timing = Timing(rate_hz, source.pwm_hz)
-    for law in laws:
-        if law not in ("pi", "rc"):
+    levels = [point.duty_pct for point in told]
+    points = operating_points(source.plant, linear, Bounds((), 1.0, 1.0, ()), levels, source.limits)
+    timing = Timing(rate_hz, source.pwm_hz, round(source.dead_time_s * rate_hz))
+    for law, gains in (("pi", source.pi), ("rc", source.rc)):
+        if law not in laws or gains is None:
             continue
-        bad = {
-            duty for duty, torque, lags in points if not is_stable(_feedback(source, law, torque, duty), lags, timing)
-        }
-        if known is not None:
-            told = ((one.duty_pct, getattr(one, law)) for one in known.points)
-            bad |= {duty for duty, margin in told if margin is not None and margin.stable is False}
+        found = zip(points, loop_margins(gains, points, timing), strict=True)
+        bad = {point.duty_pct for point, one in found if not one.stable}
+        bad |= {point.duty_pct for point in told if (one := getattr(point, law)) is not None and one.stable is False}
         if bad:
             yield finding("export-unstable", law.upper(), sorted(bad), rate_hz=rate_hz, unit=source.units[0])
-
-
-def _feedback(source: Source, law: str, torque: float, duty: float) -> Feedback:
-    if law == "pi" and source.pi is not None:
-        return pi_feedback(source.pi)
-    assert source.rc is not None
-    return rc_feedback(source.rc, torque, duty)
 
 
 def _plant(source: Source, laws: tuple[str, ...]) -> Iterator[Finding]:
@@ -134,8 +125,14 @@ def _plant(source: Source, laws: tuple[str, ...]) -> Iterator[Finding]:
         yield finding("export-no-release", subject)
 
 
-OURS = ("eaid_*", "vectors.*", "check*", "Makefile", "README.md", "parameters.*", "*.ino", "*.o", ".*.part")
-"""Names of an export's files and of what its Makefile builds; a folder with any other in it is never replaced."""
+NAMES = re.compile(r"eaid_\w+\.\w+|(vectors|check|parameters)\.\w+|Makefile|README\.md")
+"""Files of an export, beside the sketch that is named as its folder."""
+
+
+def is_export(path: Path, ends: bytes) -> bool:
+    """Whether a file, by its name, its first and last bytes, is one of an export."""
+    named = NAMES.fullmatch(path.name) or path.name == f"{path.resolve().parent.name}.ino"
+    return bool(named) and (MARK in ends or ends.startswith(VECTOR_COLUMNS.encode()))
 
 
 @dataclass(frozen=True)
@@ -164,7 +161,7 @@ def export(
     UsageError
         The options contradict one another, or the folder is there already.
     """
-    refuse_folder(folder, force, OURS, "eaid export", (Path(each.path) for each in origin.inputs))
+    refuse_folder(folder, force, is_export, "eaid export", (Path(each.path) for each in origin.inputs), names=())
     source = source_of(gains, fit)
     laws = laws_of(source, options)
     timing = timing_of(source, options)
@@ -176,11 +173,11 @@ def export(
         folder.resolve().name, source.top,
     )  # fmt: skip
     files = dict(TARGETS[options.target](job))
-    with folder_written_whole(folder) as part:
+    with folder_written_whole(folder, is_export) as part:
         for name, content in files.items():
             data = content if isinstance(content, bytes) else content.encode("utf-8")
             (part / name).write_bytes(data)
-        refuse_folder(folder, force, OURS, "eaid export")
+        refuse_folder(folder, force, is_export, "eaid export", names=files)
     return ExportFolder(folder, options.target, laws, tuple(files), timing.dt_s, found)
 
 

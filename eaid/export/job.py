@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from eaid.control.defaults import input_limits
-from eaid.control.gains import pi_gains, plant_of, rc_gains
+from eaid.control.defaults import control_rate, input_limits
+from eaid.control.gains import pi_gains, plant_of, rc_gains, refuse_other_units
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
 from eaid.errors import UsageError, in_python
@@ -50,6 +50,7 @@ class Source:
     units: tuple[str, str] = ("%", "N·m")
     rate_hz: float = 1000.0
     pwm_hz: float | None = None
+    dead_time_s: float = 0.0
     origins: tuple[str, ...] = ()
     """What the numbers came from, with a fingerprint each."""
     gains: Gains | None = None
@@ -83,14 +84,16 @@ def source_of(gains: Gains | None, fit: Fit | None) -> Source:
     if gains is not None:
         source = _of_gains(gains)
     elif fit is not None:
-        source = Source(limits=input_limits(fit), rate_hz=fit.data.sample_rate_hz or 1000.0)
+        source = Source(limits=input_limits(fit), rate_hz=control_rate(fit), dead_time_s=fit.dead_time_s)
     else:
         raise UsageError("nothing to export: give gains, or a fit with a nonlinear model")
     if fit is None:
         return source
-    units = (fit.data.input_unit, fit.data.output_unit) if source.units == ("%", "N·m") else source.units
+    refuse_other_units(fit, gains)
     origins = (*source.origins, f"fit: digest {digest_of(content_of(fit, 'fit'))}")
-    return replace(source, plant=plant_of(fit), fit=fit, units=units, origins=origins)
+    return replace(
+        source, plant=plant_of(fit), fit=fit, units=(fit.data.input_unit, fit.data.output_unit), origins=origins
+    )
 
 
 def _of_gains(gains: Gains) -> Source:
@@ -98,7 +101,8 @@ def _of_gains(gains: Gains) -> Source:
     return Source(
         rc=rc_gains(gains), pi=pi_gains(gains), linear=(gains.model.a0, gains.model.b0, gains.model.c0),
         limits=gains.duty_limits_pct, units=(gains.input_unit, gains.output_unit),
-        rate_hz=timing.rate_hz if timing else 1000.0, pwm_hz=timing.pwm_hz if timing else None, gains=gains,
+        rate_hz=timing.rate_hz if timing else 1000.0, pwm_hz=timing.pwm_hz if timing else None,
+        dead_time_s=timing.delay_samples / timing.rate_hz if timing else 0.0, gains=gains,
         origins=(f"gains: digest {digest_of(content_of(gains, 'gains'))}",),
     )  # fmt: skip
 
@@ -264,6 +268,9 @@ def laws_of(source: Source, options: ExportOptions) -> tuple[str, ...]:
         if law not in source.laws:
             need = "gains.json of eaid tune-rc" if law in ("pi", "rc") else "fit.json with a nonlinear model, «fit»"
             raise UsageError(f"«law» {law} needs what was not given: {need}")
+    idle = [name for name in ("rate_filter_hz", "duty_on_fault", "stuck_s") if name in options.given()]
+    if idle and set(wanted) == {"plant"}:
+        raise UsageError(f"«{idle[0]}»: is of a controller, and the plant alone is exported; leave it out")
     return tuple(law for law in LAWS if law in wanted)
 
 

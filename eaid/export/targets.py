@@ -146,6 +146,8 @@ def _jump(job: Job) -> dict[str, str]:
     }
 
 
+MARK = b", made by eaid "
+"""Every file of an export bears it near its beginning, an FMU at its end, vectors.csv its columns instead."""
 FLAGS = ("-O2", "-std=c99", "-fPIC", "-shared", "-ffp-contract=off", "-fvisibility=hidden")
 
 
@@ -206,6 +208,7 @@ def _zipped(name: str, description: str, sources: Mapping[str, str]) -> bytes:
         made = binary(name, sources)
         if made is not None:
             _put(file, made[0], made[1])
+        file.comment = name.encode() + MARK
     return whole.getvalue()
 
 
@@ -237,10 +240,11 @@ def binary(name: str, sources: Mapping[str, str]) -> tuple[str, bytes] | None:
 
 
 Files = Iterator[tuple[str, str | bytes]]
+VECTOR_COLUMNS = "law,case,before,reference,reference_rate,torque,from_duty,expected,status"
 
 
 def _common(job: Job) -> Files:
-    lines = ["law,case,before,reference,reference_rate,torque,from_duty,expected,status"]
+    lines = [VECTOR_COLUMNS]
     for v in job.vectors:  # `before` 1 is a reset, 2 a bumpless start from `from_duty`
         numbers = ",".join(decimal(x) for x in (v.reference, v.rate, v.torque, v.duty, v.expected))
         lines.append(f"{v.law},{v.case},{v.before},{numbers},{v.status}")
@@ -285,7 +289,8 @@ def _yaml(job: Job) -> Files:
 
 
 def _python(job: Job) -> Files:
-    yield "eaid_laws.py", (resources.files("eaid.export") / "reference.py").read_text(encoding="utf-8")
+    laws = (resources.files("eaid.export") / "reference.py").read_text(encoding="utf-8")
+    yield "eaid_laws.py", f"# {job.head[0]}\n{laws}"
     lines = [f"{name.upper()} = {_in_python(value)}" for name, value in job.constants.items()]
     yield "eaid_constants.py", rendered(job, "constants.py.j2", lines=lines)
     yield "check.py", rendered(job, "check.py.j2")

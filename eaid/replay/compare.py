@@ -108,18 +108,25 @@ def _rms(values: Array) -> float:
     return math.sqrt(float(np.mean(values * values)))
 
 
-def driven(plant: PlantParameters, time_s: Array, duty_pct: Array, start: tuple[float, float] = (0.0, 0.0)) -> Array:
+def driven(
+    plant: PlantParameters, time_s: Array, duty_pct: Array, start: tuple[float, float] = (0.0, 0.0),
+    dead_time_s: float = 0.0,
+) -> Array:  # fmt: skip
     """Torque [N·m] of the plant at each row, each row's duty [%] held until the next; shapes (n,), any time steps.
 
-    It starts with its fast and slow part at `start` [N·m].
+    It starts with its fast and slow part at `start` [N·m]; a duty acts `dead_time_s` after its row, the first one from
+    the beginning where the run starts loaded.
     """
-    torque = np.empty(len(time_s))
+    instants = np.union1d(time_s, time_s + dead_time_s) if dead_time_s > 0 else time_s
+    acting = np.searchsorted(time_s + dead_time_s, instants, side="right") - 1
+    before = float(duty_pct[0]) if any(start) else 0.0
+    torque = np.empty(len(instants))
     x1, x2 = start
-    duties = duty_pct.tolist()
-    for k, step_s in enumerate([*np.diff(time_s).tolist(), 0.0]):
+    duties = np.where(acting < 0, before, duty_pct[acting]).tolist()
+    for k, step_s in enumerate([*np.diff(instants).tolist(), 0.0]):
         torque[k] = x1 + x2
         x1, x2 = plant_step(plant, x1, x2, duties[k], step_s)
-    return torque
+    return torque if dead_time_s == 0 else torque[np.searchsorted(instants, time_s)]
 
 
 def start_of(plant: PlantParameters, time_s: Array, duty_pct: Array, torque_nm: Array) -> tuple[float, float]:
@@ -156,7 +163,7 @@ def _start(
 
 
 def compared(
-    run: Run, plant: PlantParameters, keep_baseline: bool = False, units: tuple[str, str] = ("%", "N·m")
+    run: Run, plant: PlantParameters, keep_baseline: bool, units: tuple[str, str], dead_time_s: float
 ) -> Compared:
     """A run beside the model; raises `DataError` where its input or output is in another unit than the fit's."""
     if run.input_unit != units[0] or np.isnan(run.input).any():
@@ -181,7 +188,7 @@ def compared(
     torque = run.output - idle
     loaded = run.edge == "falling" or run.input[0] != 0
     start = start_of(plant, time_s, run.input, torque) if loaded else (0.0, 0.0)
-    model = driven(plant, time_s, run.input, start)
+    model = driven(plant, time_s, run.input, start, dead_time_s)
     return Compared(
         run.name, read_only(time_s), run.input, read_only(torque), read_only(model), idle, sum(start), run.reference_nm
     )

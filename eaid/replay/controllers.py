@@ -36,10 +36,11 @@ class Controller:
 
     def on(self, rig: Rig) -> "Controller":
         """The law as it acts on a rig: where the actuator has no limits, neither has the law; the inverse keeps those
-        of its model, where its search ends."""
-        if rig.saturation or isinstance(self.gains, InverseGains):
-            return self
-        return replace(self, gains=self.gains._replace(duty_min=-float("inf"), duty_max=float("inf")))
+        of its model, where its search ends. Its numbers are floats all, so that one machine code serves them."""
+        gains = self.gains._make(float(value) if isinstance(value, int) else value for value in self.gains)
+        if not rig.saturation and not isinstance(gains, InverseGains):
+            gains = gains._replace(duty_min=-float("inf"), duty_max=float("inf"))
+        return replace(self, gains=gains)
 
     @property
     def limits_pct(self) -> tuple[float, float]:

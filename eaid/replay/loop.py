@@ -21,6 +21,9 @@ from eaid.replay.plant import PlantParameters, hold_step, rest, rounded
 from eaid.replay.rig import RigNumbers, noise, rig_numbers, ripple
 from eaid.results.gains import Tracking
 
+LONG = 500_000
+"""Samples from which a replay in plain Python takes longer than numba needs to start."""
+
 
 @dataclass(frozen=True, eq=False)
 class Trace:
@@ -103,7 +106,12 @@ def inputs_of(acting: Controller, reference_nm: Array, rig: Rig, dt_s: float, se
     """The columns that a controller meets on a reference [N·m], shape (n,)."""
     n = len(reference_nm)
     rate = reference_rate(reference_nm, dt_s, acting.looks_ahead)
-    return Inputs(reference_nm, np.ascontiguousarray(rate), noise(rig, n, dt_s, seed), ripple(rig, n, dt_s))
+    return Inputs(
+        np.array(reference_nm, dtype=np.float64),
+        np.ascontiguousarray(rate),
+        noise(rig, n, dt_s, seed),
+        ripple(rig, n, dt_s),
+    )
 
 
 def reference_rate(reference_nm: Array, dt_s: float, looks_ahead: bool) -> Array:
@@ -123,10 +131,17 @@ def replay(
     if n < 2 or not np.isfinite(reference_nm).all():
         raise UsageError("the reference must hold two samples or more, all of them finite")
     acting = controller.on(rig)
-    columns = [[0.0] * n for _ in range(6)]
-    inputs = Inputs(*(column.tolist() for column in inputs_of(acting, reference_nm, rig, dt_s, seed)))
+    inputs = inputs_of(acting, reference_nm, rig, dt_s, seed)
     numbers = rig_numbers(rig, dt_s, controller.gains.duty_max)
-    loop_of(acting.step)(acting.gains, acting.start, plant, numbers, dt_s, inputs, columns)
+    columns: Sequence[list[float] | Array]
+    if n <= LONG:
+        run, inputs = loop_of(acting.step), Inputs(*(column.tolist() for column in inputs))
+        columns = [[0.0] * n for _ in range(6)]
+    else:
+        from eaid.replay.many import compiled
+
+        run, columns = compiled(acting.step), tuple(np.empty((6, n)))
+    run(acting.gains, acting.start, plant, numbers, dt_s, inputs, columns)
     return as_trace(acting, rig, dt_s, reference_nm, columns)
 
 

@@ -70,15 +70,13 @@ def replay_many(
 ) -> None:
     """Trace each plant from rest and show what it did to `visit`, in no fixed order, one call at a time a thread."""
     acting = controller.on(rig)
-    # every number a float: one machine code serves all gains
-    gains = acting.gains._make(float(value) if isinstance(value, int) else value for value in acting.gains)
     numbers = rig_numbers(rig, dt_s, controller.gains.duty_max)
-    inputs = loop.inputs_of(acting, np.array(reference_nm, dtype=np.float64), rig, dt_s, seed)
+    inputs = loop.inputs_of(acting, reference_nm, rig, dt_s, seed)
     run = compiled(acting.step)
 
     def single(index: int) -> None:
         filled = tuple(np.empty((6, len(reference_nm))))
-        run(gains, acting.start, plants[index], numbers, dt_s, inputs, filled)
+        run(acting.gains, acting.start, plants[index], numbers, dt_s, inputs, filled)
         visit(index, filled[0], filled[2])
 
     single(0)  # alone, so that what is to be compiled is compiled once

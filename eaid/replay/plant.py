@@ -24,6 +24,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
+import numpy as np
+
+from eaid.arrays import Array
 from eaid.errors import DataError, UsageError
 from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
 
@@ -141,10 +144,12 @@ def plant_step(parameters: PlantParameters, x1: float, x2: float, duty: float, d
     return x1 - math.expm1(-dt / tau1) * fast, x2 - math.expm1(-dt / tau2) * slow
 
 
-def plant_slope(parameters: PlantParameters, x1: float, x2: float, duty: float) -> float:
-    """Ṫ of the plant [N·m/s] at its states [N·m] and a duty [%]: the right-hand side that `plant_step` integrates."""
-    fast, slow, tau1, tau2 = plant_pull(parameters, x1, x2, duty)
-    return fast / tau1 + slow / tau2
+def plant_slope(parameters: PlantParameters, x1: Array, x2: Array, duty: float) -> Array:
+    """Ṫ of the plant [N·m/s] at its states [N·m], shapes (n,), and a duty [%]: what `plant_step` integrates."""
+    tau1, tau2, steady = plant_terms(parameters, duty)
+    falling1, falling2 = falling_taus(parameters, duty)
+    fast, slow = parameters.C * steady - x1, (1 - parameters.C) * steady - x2
+    return np.asarray(fast / np.where(fast < 0, falling1, tau1) + slow / np.where(slow < 0, falling2, tau2))
 
 
 class Held(NamedTuple):

@@ -13,13 +13,8 @@ import pandas
 from eaid.arrays import Array, read_only
 from eaid.control.defaults import Scales
 from eaid.errors import DataError, UsageError
-from eaid.models.parameters import Nonlinear
-from eaid.options import Rig
 from eaid.replay import metrics
-from eaid.replay.controllers import Controller
-from eaid.replay.loop import Trace, replay
-from eaid.replay.plant import plant_parameters
-from eaid.results.gains import Tracking
+from eaid.replay.loop import Trace
 from eaid.results.replay import Metrics, Record, Role
 
 STEP_LEVELS_NM = (0.0, 1.0, 2.0, 3.0, 4.0, 3.0, 2.0, 1.0, 0.0)
@@ -219,14 +214,6 @@ def reference_of(wanted: str | Signal, dt_s: float, scales: Scales, duration_s: 
     if not isinstance(wanted, str):
         return sampled(*wanted, dt_s)
     return SCENARIOS[wanted](dt_s, duration_s, scales.top, scales.pace)
-
-
-def replayed(
-    plant: Nonlinear, controller: Controller, reference: Reference, rig: Rig | None = None, seed: int = 0
-) -> Tracking:
-    """How well one controller tracks on one plant, over the samples that count."""
-    trace = replay(plant_parameters(plant), controller, reference.torque_nm, rig or Rig(), reference.dt_s, seed)
-    return trace.tracking(slice(reference.begin, None))
 
 
 def measure(trace: Trace, reference: Reference) -> Metrics:

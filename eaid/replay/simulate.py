@@ -20,9 +20,9 @@ import msgspec
 import numpy as np
 
 from eaid.arrays import Array, read_only
-from eaid.control.defaults import Scales, input_limits, is_duty, scales_of
-from eaid.control.gains import pi_gains, plant_of, rc_gains
-from eaid.control.rc import RCGains, rc_terms
+from eaid.control.defaults import control_rate, input_limits, scales_of
+from eaid.control.gains import pi_gains, plant_of, rc_gains, refuse_other_units
+from eaid.control.rc import RCGains
 from eaid.errors import DataError, UsageError
 from eaid.estimate.draw import draw, drawable
 from eaid.findings import Finding, finding, ranked
@@ -60,18 +60,12 @@ class Setup:
     dt_s: float
 
 
-def set_up(
-    fit: Fit, gains: Gains | None, options: SimulateOptions, what: str, scales: Scales
-) -> tuple[Setup, list[Finding]]:
+def set_up(fit: Fit, gains: Gains | None, options: SimulateOptions, what: str) -> tuple[Setup, list[Finding]]:
     """What a fit, gains and options come to, and findings on them; DataError where the fit holds no plant."""
     model = plant_of(fit)
     if model is None:
         raise DataError("the fit holds no nonlinear model, which the replay's plant is; fit clutch data with it")
-    if gains is not None and (gains.input_unit, gains.output_unit) != (fit.data.input_unit, fit.data.output_unit):
-        raise DataError(
-            f"the gains are for an input in {gains.input_unit} and an output in {gains.output_unit}, the fit has "
-            f"{fit.data.input_unit} and {fit.data.output_unit}; run tune-rc on this fit"
-        )
+    refuse_other_units(fit, gains)
     linear = fit.linear or (gains.model if gains is not None else None)
     known = Knowledge(
         model,
@@ -82,7 +76,8 @@ def set_up(
     )
     names, findings = _names(options.controller, what, known)
     rig = with_residual_noise(options.rig, fit) if options.noise is not None else options.rig
-    rate_hz = options.rate_hz or (1000.0 if scales.paper or is_duty(fit) else fit.data.sample_rate_hz or 1000.0)
+    made_for = gains.margins.timing.rate_hz if gains is not None and gains.margins is not None else None
+    rate_hz = options.rate_hz or made_for or control_rate(fit)
     if fit.dead_time_s > 0 and rig.delay_samples == 0:
         rig = replace(rig, delay_samples=round(fit.dead_time_s * rate_hz))
         findings.append(finding("dead-time-replayed", "nonlinear", dead_time_s=fit.dead_time_s))
@@ -120,8 +115,7 @@ def watched(
     low, high = replay.limits_pct
     measured = replay.torque_nm if replay.measured_nm is None else replay.measured_nm
     integral, error = replay.state, replay.reference_nm - measured
-    terms = [rc_terms(gains, *at) for at in zip(integral.tolist(), error.tolist(), strict=True)]
-    rho, omega = np.array([(each.rho, each.omega) for each in terms]).T
+    rho, omega = _terms(gains, integral, error)
     rate = reference_rate(replay.reference_nm, replay.dt_s, False)
     y = rate + gains.K_D * error + gains.K_P * integral + omega
     slope = np.diff(replay.torque_nm, append=np.nan) / replay.dt_s
@@ -130,12 +124,14 @@ def watched(
     wanted = gains.B_hat * y + (gains.a0 * measured - gains.c0) / gains.b0
     limited = (wanted < low) | (wanted > high)
     unlimited = chi.copy()  # had the duty gone on beyond its limit
-    for k in np.flatnonzero(limited).tolist():
-        x1 = float(replay.fast_nm[k])
-        x2 = float(replay.torque_nm[k]) - x1
-        limit, inside = (high, -NEAR * (high - low)) if wanted[k] > high else (low, NEAR * (high - low))
+    for limit, inside, beyond in (
+        (low, NEAR * (high - low), wanted < low),
+        (high, -NEAR * (high - low), wanted > high),
+    ):
+        x1 = replay.fast_nm[beyond]
+        x2 = replay.torque_nm[beyond] - x1
         steepness = (plant_slope(plant, x1, x2, limit + inside) - plant_slope(plant, x1, x2, limit)) / inside
-        unlimited[k] -= (wanted[k] - limit) * steepness
+        unlimited[beyond] -= (wanted[beyond] - limit) * steepness
     fails = np.abs(chi[begin:]) > rho[begin:]
     at_limit = fails & limited[begin:]
     by_limit = at_limit & (np.abs(unlimited[begin:]) <= rho[begin:])
@@ -149,6 +145,15 @@ def watched(
         guarantee_failures_at_limit=int(at_limit.sum()) / count if count else None,
         guarantee_failures_by_saturation=int(by_limit.sum()) / count if count else None,
     ), {"chi_nm_s": read_only(chi), "rho_nm_s": read_only(rho)}
+
+
+def _terms(gains: RCGains, integral: Array, error: Array) -> tuple[Array, Array]:
+    """ρ and ω along a replay, `rc_terms` of all samples at once."""
+    z = gains.Q12 * integral + gains.Q22 * error
+    rho = gains.rho_constant + gains.rho_slope * np.hypot(integral, error)
+    at_zero = math.tanh(gains.gamma * gains.epsilon)
+    share = (np.tanh(gains.gamma * (np.abs(z) - gains.epsilon)) + at_zero) / (1 + at_zero)
+    return rho, share * np.copysign(rho, z) + (1 - share) * rho * z / gains.epsilon
 
 
 UNSEEN = 0.01
@@ -257,7 +262,7 @@ def simulate(
     what = "log" if runs is not None else "reference" if reference is not None else options.scenario or "multisine"
     options.check_for(what)
     scales = scales_of(fit, plant_of(fit))
-    setup, warned = set_up(fit, gains, options, what, scales)
+    setup, warned = set_up(fit, gains, options, what)
     if runs is not None:
         records, head, more = _logs(setup, runs)
     elif what == "rehab":
@@ -302,13 +307,14 @@ def _logs(setup: Setup, runs: Sequence[Run]) -> Outcome:
     unused = [name for name, value in asdict(setup.options.rig).items() if value != plain[name]]
     if unused and all(run.reference_nm is None for run in runs):
         raise UsageError(f"«{unused[0]}»: does nothing with logs of an open loop; leave it out")
-    beside = [
-        compared(run, setup.plant, setup.options.keep_baseline, (data.input_unit, data.output_unit)) for run in runs
-    ]
+    late_s, units = setup.fit.dead_time_s, (data.input_unit, data.output_unit)
+    beside = [compared(run, setup.plant, setup.options.keep_baseline, units, late_s) for run in runs]
     records = {run.name: run.difference() for run in beside}
     closed = [run for run in beside if run.reference_nm is not None]
     for run in closed:
-        found = run.closed_loop(setup.plant, setup.controllers, setup.rig, setup.known.limits, setup.options.seed)
+        late = setup.options.rig.delay_samples or round(late_s / run.dt_s)
+        rig = replace(setup.rig, delay_samples=late)
+        found = run.closed_loop(setup.plant, setup.controllers, rig, setup.known.limits, setup.options.seed)
         before = f"{run.name} " if len(closed) > 1 else ""
         records |= {f"{before}{name}": one for name, one in found.items()}
     return records, Head(""), []

@@ -1,30 +1,31 @@
 """Gains for a fit, and what they do on its plant: the design, its replay beside the ultimate bound."""
 
+from dataclasses import replace
+
 import msgspec
 
 from eaid.control.bounds import bounds_of, model_of
-from eaid.control.defaults import (
-    OVERSHOOT_PCT,
-    Scales,
-    design_options,
-    scales_of,
-    timing_of,
-    with_own_layer,
-    with_own_pi,
-)
-from eaid.control.design import condition, design, guarantee, least_phi, mismatches
+from eaid.control.defaults import Scales, design_options, own_pi, own_rc, scales_of, timing_of
+from eaid.control.design import design, least_phi, mismatches, pi_of
 from eaid.control.gains import pi_gains, plant_of, rc_gains
+from eaid.control.margins import operating_points
+from eaid.control.pi import PAPER_PI, step_metrics
 from eaid.control.robust import Design
 from eaid.errors import DataError
 from eaid.findings import Finding, finding, ranked
 from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Nonlinear
 from eaid.options import Rig, TuneOptions
-from eaid.replay.controllers import pi_controller, rc_controller
-from eaid.replay.references import Reference, Signal, reference_of, replayed
+from eaid.replay.controllers import Controller, pi_controller, rc_controller
+from eaid.replay.loop import replay
+from eaid.replay.plant import plant_parameters
+from eaid.replay.references import Reference, Signal, measure, reference_of
 from eaid.results.fit import Fit
-from eaid.results.gains import Gains, Guarantee, Replayed
+from eaid.results.gains import Gains, Replayed, Tracking
 from eaid.steps.stepset import StepSet
+
+LONGER = 1.1
+"""Share of the promised settling time beyond which a step's own is told."""
 
 
 def tune(
@@ -43,25 +44,32 @@ def tune(
     if why and not options.anyway:
         raise DataError(f"the fit is NOT USABLE: {why}; «anyway» makes gains of it all the same, marked")
     model, plant = model_of(fit), plant_of(fit)
-    scales = scales_of(fit, plant)
-    given = reference is not None
-    dt_s = 1 / timing_of(fit, options).rate_hz
-    reference_name = reference_name or (reference if isinstance(reference, str) else "multisine")
-    wanted = reference_of(reference or "multisine", dt_s, scales)
+    scales, unit = scales_of(fit, plant), fit.data.input_unit
+    if logs is not None and (logs.input_unit, logs.output_unit) != (unit, fit.data.output_unit):
+        raise DataError(
+            f"«logs» hold {logs.input_unit} and {logs.output_unit}, the fit {unit} and {fit.data.output_unit}; give "
+            "logs of the same rig"
+        )
+    given, name = reference is not None, reference_name or (reference if isinstance(reference, str) else "multisine")
+    wanted = reference_of(reference or "multisine", timing_of(fit, options).step_s, scales)
     slope = wanted.steepest_nm_s
     bounds = bounds_of(fit, options.bounds_levels, options.widen_bounds)
-    found = mismatches(model, bounds, plant, logs, fit.data.input_unit)
+    found = mismatches(model, bounds, plant, logs, unit)
     shown = least_phi(found)
     settled = design_options(
         fit, options, scales, slope if given or not scales.paper else None, None if shown is None else shown.pct
     )  # fmt: skip
-    settled = with_own_pi(fit, settled, scales)
-    if options.epsilon is None and options.gamma is None:
-        settled = with_own_layer(fit, settled, scales, bounds, plant)
-    findings: list[Finding] = _of_the_rig(fit, scales, settled)
-    gains = design(fit, settled, bounds, plant, found, slope if given else None)
-    gains, more = _replayed(gains, plant, wanted, reference_name, given, fit.dead_time_s)
-    findings += more
+    points = operating_points(plant, model, bounds, fit.data.levels, settled.duty_limits_pct)
+    if options.pi_gains is None and options.pi_overshoot is None:
+        settled = replace(settled, pi=own_pi(model, points, settled.timing, scales.pace, unit))
+    tuned = own_rc(model, settled, scales, bounds, points, pi_of(model, settled))
+    gains = design(fit, tuned, bounds, plant, points, found, slope, name, given)
+    findings = _of_the_rig(fit, scales, settled, tuned)
+    if plant is None:
+        findings.append(finding("nothing-to-replay-on", "model"))
+    else:
+        gains, more = _replayed(fit, gains, plant, wanted, name, scales)
+        findings += more
     if why:
         findings.insert(0, finding("fit-not-usable", "model", why=why))
     return msgspec.structs.replace(
@@ -70,51 +78,64 @@ def tune(
     )  # fmt: skip
 
 
-def _of_the_rig(fit: Fit, scales: Scales, settled: Design) -> list[Finding]:
-    if scales.paper:
-        return []
-    return [
-        finding(
-            "designed-for-rig", "model", input_unit=fit.data.input_unit or "no unit",
-            output_unit=fit.data.output_unit or "no unit",
-            pace=scales.pace, highest=settled.duty_limits_pct[1],
-            overshoot_pct=settled.pi.overshoot_pct or OVERSHOOT_PCT, settling_s=settled.pi.settling_s or 0.0,
+def _of_the_rig(fit: Fit, scales: Scales, settled: Design, tuned: Design) -> list[Finding]:
+    """What is not the paper's, and what the loop could not have."""
+    findings = []
+    if not scales.paper:
+        findings.append(
+            finding(
+                "designed-for-rig", "model", input_unit=fit.data.input_unit or "no unit",
+                output_unit=fit.data.output_unit or "no unit", pace=scales.pace, highest=settled.duty_limits_pct[1],
+                overshoot_pct=settled.pi.overshoot_pct or 0.0, settling_s=settled.pi.settling_s or 0.0,
+            )
+        )  # fmt: skip
+    if scales.paper and tuned != settled:
+        findings.append(
+            finding("rc-slowed", "rc", epsilon=tuned.epsilon, K_P=tuned.K_P, K_D=tuned.K_D, loop=settled.timing.words())
         )
-    ]  # fmt: skip
+    return findings
 
 
 def _replayed(
-    gains: Gains, plant: Nonlinear | None, wanted: Reference, name: str, given: bool, dead_time_s: float
+    fit: Fit, gains: Gains, plant: Nonlinear, wanted: Reference, name: str, scales: Scales
 ) -> tuple[Gains, list[Finding]]:
-    """The replayed errors beside the ultimate bound, and the verdict with the slope of what was replayed."""
-    if plant is None:
-        return gains, [finding("nothing-to-replay-on", "model")]
-    rc, pi, part = rc_gains(gains), pi_gains(gains), gains.rc
+    """The replayed errors beside the ultimate bound, and the steps of the PI beside what it promises."""
+    rc, pi, part, line = rc_gains(gains), pi_gains(gains), gains.rc, gains.pi
     assert rc is not None and pi is not None and part is not None and part.ultimate_bound is not None
-    assert gains.guarantee is not None
-    findings = []
+    assert gains.margins is not None and line is not None
+    timing, findings = gains.margins.timing, []
     most, highest = float(wanted.torque_nm.max()), float(steady_torque(plant, plant.u_range[1]))
     if most > highest:
         findings.append(
             finding("reference-beyond-plant", "model", reference=name, asked=most, highest=highest,
                     unit=gains.output_unit)
         )  # fmt: skip
-    rig = Rig(delay_samples=round(dead_time_s / wanted.dt_s))
-    by_rc, by_pi = (replayed(plant, each, wanted, rig) for each in (rc_controller(rc), pi_controller(pi)))
-    slope, Q_M = wanted.steepest_nm_s, part.Q_M
-    assert Q_M is not None
-    if not given and slope > Q_M * (1 + 1e-9):
-        findings.append(finding("slope-above-q-max", "rc", slope=slope, Q_M=Q_M, reference=name))
+    flat, rig = plant_parameters(plant), Rig(delay_samples=timing.delay_samples)
+
+    def errors(controller: Controller) -> Tracking:
+        trace = replay(flat, controller, wanted.torque_nm, rig, wanted.dt_s)
+        return trace.tracking(slice(wanted.begin, None))
+
+    by_rc, by_pi, by_paper = errors(rc_controller(rc)), errors(pi_controller(pi)), None
+    if scales.paper and (pi.K_P, pi.K_I) != PAPER_PI:
+        by_paper = errors(pi_controller(pi._replace(K_P=PAPER_PI[0], K_I=PAPER_PI[1])))
+        overshoot_pct, settling_s = step_metrics(model_of(fit), *PAPER_PI)
+        findings.append(
+            finding("paper-pi", "pi", overshoot_pct=overshoot_pct, settling_s=settling_s, unit=gains.output_unit,
+                    error=by_paper.max_abs_error_nm)
+        )  # fmt: skip
+    stairs = reference_of("steps", wanted.dt_s, scales)
+    run = measure(replay(flat, pi_controller(pi), stairs.torque_nm, rig, wanted.dt_s), stairs)
+    times = [each.settling_s for each in run.steps if each.to_nm != 0]  # at rest no duty drives the output down
+    longest = None if None in times else max(each for each in times if each is not None)
+    if line.settling_s is not None and (longest is None or longest > LONGER * line.settling_s):
+        findings.append(
+            finding("settling-longer", "pi", promised=line.settling_s, longest=longest,
+                    limited_pct=100 * (run.saturated_fraction or 0.0))
+        )  # fmt: skip
     bound = msgspec.structs.replace(part.ultimate_bound, replayed_nm=by_rc.max_abs_error_nm)
     return msgspec.structs.replace(
         gains, rc=msgspec.structs.replace(part, ultimate_bound=bound),
-        replayed=Replayed(name, slope, wanted.counted_from_s, by_rc, by_pi),
-        guarantee=_judged(gains.guarantee, slope),
+        pi=msgspec.structs.replace(line, steps_settling_s=longest),
+        replayed=Replayed(name, wanted.steepest_nm_s, wanted.counted_from_s, by_rc, by_pi, by_paper),
     ), findings  # fmt: skip
-
-
-def _judged(verdict: Guarantee, slope: float) -> Guarantee:
-    """The verdict with the slope [output/s] of what was replayed."""
-    rows = {each.name: each for each in verdict.conditions}
-    rows["Q_M"] = condition("Q_M", slope, rows["Q_M"].available, rows["Q_M"].unit)
-    return guarantee(tuple(rows.values()))

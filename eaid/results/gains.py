@@ -157,6 +157,8 @@ class Replayed(Result, frozen=True):
     counted_from_s: Number | None = None
     rc: Tracking | None = None
     pi: Tracking | None = None
+    paper_pi: Tracking | None = None
+    """The paper's PI, 21 and 360, where the rig is the paper's and its own PI is another."""
 
 
 class LinearModel(Result, frozen=True):
@@ -281,6 +283,8 @@ class PI(Result, frozen=True):
     """[input/(output·s)]"""
     overshoot_pct: Number | None = None
     settling_s: Number | None = None
+    steps_settling_s: Number | None = None
+    """Longest settling time of the scenario steps on the fitted plant, the duty within its limits; None: never."""
     asked: AskedPI | None = None
     anti_windup: AntiWindup = AntiWindup()
 

@@ -16,8 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.control.design import PAPER_PI
-from eaid.control.pi import PIGains
+from eaid.control.pi import PAPER_PI, PIGains
 from eaid.errors import UsageError
 from eaid.logs.run import Run
 from eaid.options import Excitation

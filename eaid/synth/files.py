@@ -16,17 +16,21 @@ PLAIN = {"clutch": "duty_pct", "friction-force": "force_n", "friction-speed": "s
 NAMES = {"clutch": "input", "friction-force": "force", "friction-speed": "speed"}
 """and its name in another unit."""
 
-OURS = ("synthetic-*.csv", ".synthetic-*.part")
-"""Only files of these names are ever replaced or removed; the latter is what a killed command left of them."""
+FIRST = "# synthetic: "
+"""Only files that begin so are ever replaced or removed."""
+
+
+def is_synthetic(_path: Path, ends: bytes) -> bool:
+    """Whether a file, by its first bytes, is a synthetic log."""
+    return ends.startswith(FIRST.encode())
 
 
 def write_folder(folder: Path, runs: Sequence[Run], force: bool) -> None:
     """One CSV a run, all at once or none; with `force`, a folder of earlier synthetic runs is replaced."""
-    refuse_folder(folder, force, OURS, "eaid synth")
-    with folder_written_whole(folder) as part:
+    with folder_written_whole(folder, is_synthetic) as part:
         for run in runs:
             (part / f"{run.name}.csv").write_text(as_csv(run), encoding="utf-8", newline="\n")
-        refuse_folder(folder, force, OURS, "eaid synth")
+        refuse_folder(folder, force, is_synthetic, "eaid synth")
 
 
 def input_column(kind: str, unit: str) -> str:
@@ -40,7 +44,7 @@ def as_csv(run: Run) -> str:
     columns = {"time_s": run.time_s, input_column(run.kind or "clutch", run.input_unit): run.input, output: run.output}
     if run.reference_nm is not None:
         columns["reference_nm"] = run.reference_nm
-    lines = [f"# synthetic: {run.synthetic}", ",".join(columns)]
+    lines = [f"{FIRST}{run.synthetic}", ",".join(columns)]
     lines += [",".join(map(repr, row)) for row in zip(*(each.tolist() for each in columns.values()), strict=True)]
     return "\n".join(lines) + "\n"
 

@@ -45,6 +45,10 @@ def synthesize(
     DataError
         The fit holds no plant, or a file is no such table.
     """
+    if options.excitation != "closed-loop" and gains is not None:
+        raise UsageError("«gains»: drive a closed loop; give «excitation» closed-loop with them, or leave them out")
+    if options.controller != SynthOptions.controller and gains is None:
+        raise UsageError(f"«controller» {options.controller}: is one of «gains»; give them, or leave it out")
     plant = REFERENCE[options.kind or "clutch"]() if fit is None else of_fit(fit, options.kind or fit.data.kind, named)
     disturbance = disturbance_of(options, plant)
     given = {each.name: getattr(options, each.name) for each in fields(Protocol)}
@@ -57,10 +61,13 @@ def synthesize(
         timing = replace(protocol, idle_s=0.0, hold_s=duration_s, release_s=0.0)
         return synthesise_input(plant, changes, timing, disturbance, options.seed)
     if options.excitation is not None:
-        shape = replace(keyed(Excitation, "«shape»", options.shape), kind=options.excitation)
-        made = shape if "rate_hz" in (options.shape or {}) else replace(shape, rate_hz=protocol.rate_hz)
+        own = {"kind": options.excitation, "rate_hz": options.rate_hz}
+        given = {name: value for name, value in own.items() if value is not None}
+        shape = keyed(Excitation, "«shape»", options.shape, given)
+        if gains is not None and shape.gains is not None:
+            raise UsageError("«shape» gains and «gains» exclude each other; give one of them")
         return synthesise_excitation(
-            plant, made, disturbance, options.seed, options.repeats or 1, controller_of(gains, options)
+            plant, shape, disturbance, options.seed, options.repeats or 1, controller_of(gains, options)
         )
     return synthesise(plant, protocol, disturbance, options.seed)
 
@@ -84,6 +91,8 @@ def disturbance_of(options: SynthOptions, plant: Plant) -> Disturbance:
         base = replace(base, **{name: getattr(base, name) * plant.scale for name in ABSOLUTE})
     given = {each.name: getattr(options, each.name) for each in fields(Disturbance)}
     found = replace(base, **{name: value for name, value in given.items() if value is not None})
+    if options.coloured_s is not None and not found.coloured > 0:
+        raise UsageError("«coloured_s»: does nothing without «coloured»; give both or neither")
     if found.coloured > 0 and found.coloured_s == 0:
         raise UsageError("«coloured_s» 0: coloured noise needs a time constant above 0; white noise is «white_nm»")
     return found

@@ -116,12 +116,15 @@ def gains_table(gains: Gains, asked: bool | None = None) -> Table:
             ("PI: K_I", "360", pi.K_I, f"{unit}/({out}·s)", "gain on the integral of the error"),
             ("PI: overshoot", "1", pi.overshoot_pct, "%", said),
             ("PI: settling time", "0.27", pi.settling_s, "s", f"to within 2 %, {said}"),
+            ("PI: settling of steps", "–", pi.steps_settling_s, "s", "longest of the scenario steps, duty limited"),
         ]
         rows += _least(gains, "pi", "PI: ")
         if replayed is not None and replayed.pi is not None:
             rows.append(
                 ("PI: largest error", "–", replayed.pi.max_abs_error_nm, out, f"replayed: {replayed.reference}")
             )
+        if replayed is not None and replayed.paper_pi is not None:
+            rows.append(("paper's PI: error", "–", replayed.paper_pi.max_abs_error_nm, out, "of 21 and 360, the same"))
     heads = columns("symbol", beside, "ours", "unit", "what it is")
     table = Table("Gains that follow", "What the choices above and the linear model give.", heads, tuple(rows))
     return table if beside else table.without(1)
