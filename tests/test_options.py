@@ -87,6 +87,41 @@ def test_options_and_keywords_that_disagree_are_refused(small_steps: eaid.StepSe
         eaid.fit(42)
 
 
+@pytest.mark.parametrize(
+    ("make", "sentence"),
+    [
+        (lambda fit: eaid.simulate(fit, options=LOUD, noise_nm=0.5), "noise_nm= 0.5: the options given say 0.1"),
+        (lambda fit: eaid.simulate(fit, rig=LOUD.rig, noise_nm=0.0), "noise_nm= 0.0: the options given say 0.1"),
+        (lambda fit: eaid.simulate(fit, "steps", reading=eaid.ReadOptions()), "reading=: says how a log= is read"),
+        (lambda fit: eaid.simulate(fit, noise_nm=0.1, noise_coloured_share=0.5), "noise_coloured_share=: does nothing"),
+        (lambda fit: eaid.couple(fit, loops=("pi", "open-loop")), "the loop pi needs gains with a PI"),
+        (lambda fit: eaid.export(None, "none", fit, law=("plant",), rate_filter_hz=3.0), "rate_filter_hz=: is of a"),
+        (lambda fit: eaid.synth(gains=eaid.tune_rc(fit), levels=(20.0,)), "gains=: drive a closed loop"),
+        (lambda _fit: eaid.synth(controller="rc"), "controller= rc: is one of gains="),
+        (lambda _fit: eaid.synth(clean=True, coloured_s=0.3), "coloured_s=: does nothing without coloured="),
+        (lambda _fit: eaid.synth(excitation="random", shape={"tones": 5}), "tones: does nothing for"),
+        (lambda _fit: eaid.synth(excitation="prbs", shape={"rate_hz": 9.0}, rate_hz=8.0), "another option says 8.0"),
+        (lambda _fit: eaid.synth(excitation="prbs", shape={"kind": "chirp"}), "another option says prbs"),
+    ],
+)  # fmt: skip
+def test_what_would_be_dropped_is_refused(
+    small_fit: eaid.Fit, make: Callable[[eaid.Fit], object], sentence: str
+) -> None:
+    with pytest.raises(eaid.UsageError) as refused:
+        make(small_fit)
+    assert sentence in str(refused.value)
+
+
+def test_keywords_of_a_rig_are_joined_with_the_options_and_none_is_dropped(small_fit: eaid.Fit) -> None:
+    how = eaid.SimulateOptions(scenario="ramp", duration=2.0, rate_hz=100.0)
+    assert eaid.simulate(small_fit, options=how, noise_nm=0.5).head.rig.noise_nm == 0.5
+    rig = eaid.simulate(small_fit, options=LOUD, duration=2.0, rate_hz=100.0, pwm_hz=50.0).head.rig
+    assert (rig.noise_nm, rig.pwm_hz) == (0.1, 50.0)
+
+
+LOUD = eaid.SimulateOptions(rig=eaid.options.Rig(noise_nm=0.1))
+
+
 def test_lists_words_and_numpy_numbers_are_taken(small_steps: eaid.StepSet) -> None:
     import numpy as np
 

@@ -116,7 +116,7 @@ def test_an_earlier_result_is_left_alone(line, rig, run_eaid, held):
     if not out.suffix:
         out.mkdir(exist_ok=True)
     earlier = {"export": "export/README.md", "report": "report/report.html"}.get(LINES[line], LINES[line])
-    Path(earlier).exists() or Path(earlier).write_text("mine")
+    Path(earlier).exists() or Path(earlier).write_text("# export, made by eaid 0.1.0")
     before = held(rig)
     ran = run_eaid(line)
     told = [one for one in ran.err.splitlines() if one.startswith("error: ")]

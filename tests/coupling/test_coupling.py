@@ -160,31 +160,19 @@ def test_an_unstable_loop_is_refused(couple):
         couple(gains=gains, torque=(2.0,), loops=("pi",))
 
 
-@pytest.mark.slow
 def test_a_dead_time_that_the_steps_show_counts_as_delay(couple):
-    step = {
-        "run": "a",
-        "from": 0.0,
-        "level": 10.0,
-        "edge": "up",
-        "start": 0.0,
-        "change": 1.0,
-        "gain": 0.1,
-        "shape": "one",
-        "tau1": 1.0,
-        "tau2": None,
-        "C": 1.0,
-        "rmse": 0.0,
-        "fit_pct": 99.0,
-        "R2": 1.0,
-        "samples": 9,
-    }
-    options = {"loops": ("inverse",), "torque": (1.0,)}  # fmt: skip
-    late = couple(steps=[{**step, "dead_time_s": 0.02}], **options)
+    rise = {"run": "a", "from": 0.0, "level": 10.0, "edge": "up", "start": 0.0, "change": 1.0, "gain": 0.1,
+            "shape": "one", "tau1": 1.0, "tau2": None, "C": 1.0, "rmse": 0.0, "fit_pct": 99.0, "R2": 1.0,
+            "samples": 9}  # fmt: skip
+    options = {"loops": ("open-loop",), "torque": (1.0,)}
+    late = couple(steps=[{**rise, "dead_time_s": 0.02}], **options)
     assert late.options.delay_samples == 20
     assert late.walls == couple(**options, delay_samples=20).walls != couple(**options).walls
-    with pytest.raises(eaid.DataError, match="150 samples; walls are worked out for 100 at most"):
-        couple(steps=[{**step, "dead_time_s": 0.15}], **options)
+    (far,) = couple(steps=[{**rise, "dead_time_s": 1.5}], **options).walls  # b over lag, half a sample and delay
+    (near,) = couple(**options).walls
+    assert 0.8 / far.K_passive == pytest.approx(0.8 / near.K_passive + 1.5, rel=0.02) and far.K_stable < near.K_stable
+    with pytest.raises(eaid.GainsError, match="the loop pi is unstable at 1 without any wall, at 1000 Hz behind"):
+        couple(steps=[{**rise, "dead_time_s": 1.5}], torque=(1.0,), loops=("pi",))
 
 
 @pytest.mark.slow

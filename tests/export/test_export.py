@@ -5,6 +5,7 @@ import math
 import re
 import shutil
 import sys
+from pathlib import Path
 
 import pytest
 import yaml
@@ -120,7 +121,7 @@ def test_the_guarantee_is_told(tmp_path, rc, code):
 def test_the_rigs_own_units_stand_everywhere(tmp_path):
     model = {"tau1": [0.3, 0, 0], "tau2": [5.0, 0, 0], "Ts": [0, 0.02, 0, 0], "u_range": [100.0, 300.0]}
     data = {"input_unit": "V", "output_unit": "N", "levels": [100.0, 300.0], "sample_rate_hz": 2000.0}
-    assert eaid.export(None, tmp_path / "rig", fit_of(nonlinear=model, data=data)).dt_s == 0.0005
+    assert eaid.export(None, tmp_path / "rig", fit_of(nonlinear=model, data=data)).dt_s == 0.001  # not the logger's
     text = (tmp_path / "rig" / "eaid_control.h").read_text()
     assert "[N/V]" in text and "duty in V, torque in N" in text and "N·m" not in text and "%" not in text
     assert "0x1.2cp+8, /* duty_max = 300.0 V */" in (tmp_path / "rig" / "eaid_control.c").read_text()
@@ -165,27 +166,35 @@ def test_a_plant_whose_falls_are_all_as_quick_as_its_release_is_not_exported_as_
         eaid.export(None, tmp_path / "rig", quick, law=("plant",))
 
 
-def test_an_earlier_export_is_replaced_when_asked_and_nothing_else_ever(tmp_path):
-    folder = tmp_path / "rig"
+def test_force_replaces_what_an_export_wrote_and_leaves_the_user_s_files(tmp_path, monkeypatch, run_eaid):
+    monkeypatch.chdir(tmp_path)
+    Path("gains.json").write_text(json.dumps(PAPER))
 
-    def refused(sentence, where=folder, **options):
-        with pytest.raises(eaid.UsageError, match=sentence):
-            eaid.export(gains_of(), where, **options)
+    def export(words=""):
+        ran = run_eaid(*f"export gains.json -o rig -q {words}".split())
+        return ran.err, {item.name for item in Path("rig").iterdir()}
 
-    eaid.export(gains_of(), folder)
-    refused("exists already")
-    (folder / "check").write_text("what make built")
-    eaid.export(gains_of(), folder, target="yaml", force=True)
-    assert sorted(path.name for path in folder.iterdir()) == ["README.md", "parameters.yaml", "vectors.csv"]
-    (folder / "main.c").write_text("the user's own")
-    refused(r"holds main.c, which eaid export did not make", force=True)
-    (folder / "main.c").rename(tmp_path / "elsewhere.c")
-    (folder / "vectors.csv").unlink()
-    (folder / "vectors.csv").symlink_to(tmp_path / "elsewhere.c")
-    refused(r"holds vectors.csv", force=True)
-    assert (tmp_path / "elsewhere.c").read_text() == "the user's own"
-    refused("is no folder", tmp_path / "elsewhere.c", force=True)
-    refused("does not exist", tmp_path / "a" / "b")
+    assert "rig.ino" in export("--as arduino")[1]
+    assert "exists already; give --force" in export()[0]
+    own = {"main.c": "mine", "check": "what make built", "log.csv": "time_s", "eaid_tuning.h": "mine too"}
+    for name, text in own.items():
+        Path("rig", name).write_text(text)
+    assert export("--as yaml --force") == ("", {"README.md", "parameters.yaml", "vectors.csv", *own})
+    assert {name: Path("rig", name).read_text() for name in own} == own
+    for name, target in (("README.md", "c"), ("Makefile", "c"), ("rig.ino", "arduino"), ("vectors.csv", "matlab")):
+        before = Path("rig", name).read_bytes() if Path("rig", name).exists() else None
+        Path("rig", name).write_text("the user's own\n")
+        said, now = export(f"--as {target} --force")
+        assert f"rig: holds {name}, which eaid export did not make" in said and "parameters.yaml" in now
+        assert Path("rig", name).read_text() == "the user's own\n"
+        Path("rig", name).unlink() if before is None else Path("rig", name).write_bytes(before)
+    for target in ("arduino", "c", "fmu", "matlab", "python", "yaml"):  # each finds its own files and those of another
+        assert export(f"--as {target} --force")[0] == ""
+    assert export("--as yaml --force")[1] == {"README.md", "parameters.yaml", "vectors.csv", *own}
+    Path("rig/vectors.csv").unlink(), Path("rig/vectors.csv").symlink_to(tmp_path / "gains.json")
+    assert "holds vectors.csv" in export("--force")[0] and json.loads(Path("gains.json").read_text()) == PAPER
+    for where, sentence in (("gains.json", "is no folder"), ("a/b", "does not exist")):
+        assert sentence in run_eaid(*f"export gains.json -q --force -o {where}".split()).err
 
 
 def test_a_failure_while_writing_leaves_the_earlier_export_whole(tmp_path, monkeypatch):

@@ -37,7 +37,7 @@ def fit(fit_of: Callable[..., "eaid.Fit"]) -> "eaid.Fit":
 
 @pytest.fixture(scope="session")
 def gains(fit: "eaid.Fit") -> "eaid.Gains":
-    return eaid.tune_rc(fit)
+    return eaid.tune_rc(fit, pi_gains=(21.0, 360.0))
 
 
 @pytest.fixture(scope="session")

@@ -118,6 +118,22 @@ def test_how_far_the_model_is_by_hand(fit):
     assert metrics(fit, run(np.arange(50) * DT, np.zeros(50), np.ones(50))).R2 is None  # nothing to explain
 
 
+def test_behind_a_dead_time_a_recorded_duty_acts_later(fit_of, gains):
+    """On any clock, also between its rows; and a controller laid over waits as many of the log's own samples."""
+    rise = {"run": "r", "from": 0.0, "level": 9.0, "edge": "up", "start": 0.0, "change": 1.0, "gain": 1.0,
+            "shape": "one", "tau1": 1.0, "tau2": None, "C": 1.0, "dead_time_s": 0.135, "rmse": 0.0, "fit_pct": 9.0,
+            "R2": 1.0, "samples": 9}  # fmt: skip
+    late = fit_of(steps=[rise])
+    t = np.cumsum(np.random.default_rng(1).uniform(0.01, 0.09, 300))
+    duty, clock = np.repeat([0.0, 45.0, 80.0, 4.0, 30.0], 60), np.union1d(t, t + 0.135)
+    acting = np.searchsorted(t + 0.135, clock, side="right") - 1
+    torque = driven(clock, np.where(acting < 0, 0.0, duty[acting]))[np.searchsorted(clock, t)]
+    assert metrics(late, run(t, duty, torque)).max_abs_difference_nm < 1e-12
+    even = run(np.arange(200) * 0.05, duty[:200], torque[:200], reference_nm=torque[:200])
+    found = laid(late, even, gains=gains, controller=("pi",)).records["pi"].columns
+    assert found["applied_pct"][3:] == pytest.approx(found["duty_pct"][:-3]) and found["duty_pct"].any()
+
+
 def test_a_closed_loop_run_is_measured_and_laid_over(fit, gains):
     rig = eaid.simulate(fit, gains, "multisine", duration=3.0, controller=("rc",)).records["rc"].columns
     log = run(rig["time_s"], rig["duty_pct"], rig["torque_nm"], reference_nm=rig["reference_nm"])

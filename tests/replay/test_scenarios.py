@@ -172,15 +172,19 @@ def test_what_is_replayed_without_gains_and_without_a_linear_model(played, fit_o
 @pytest.mark.parametrize(
     ("data", "dt_s"),
     [
-        ({"input_unit": "V", "levels": [30.0, 300.0], "sample_rate_hz": 250.0}, 4e-3),
-        ({"input_unit": "V", "levels": [30.0, 300.0]}, 1e-3),
-        ({"sample_rate_hz": 250.0}, 1e-3),
+        ({"input_unit": "V", "levels": [30.0, 300.0], "sample_rate_hz": 250.0}, 1e-3),
         ({"output_unit": "N", "levels": [50.0], "sample_rate_hz": 250.0}, 1e-3),
+        ({"apparatus": {"sample_rate_hz": 500.0}}, 2e-3),
     ],
 )
-def test_the_rate_is_the_rigs(fit_of, data, dt_s):
+def test_the_rate_is_the_controllers_and_not_the_loggers(fit_of, data, dt_s):
     run = eaid.simulate(fit_of(data=data), None, "ramp", controller=("inverse",))
-    assert run.head.dt_s == dt_s and (run.head.input_unit, run.head.output_unit) == (
+    assert run.head.dt_s == dt_s
+    made = eaid.tune_rc(fit_of(data=data), phi=0.05, pi_gains=(1.0, 1.0), rate_hz=400.0)
+    assert (
+        eaid.simulate(fit_of(data=data), made, "ramp", controller=("pi",)).head.dt_s == 2.5e-3
+    )  # as its gains have it
+    assert (run.head.input_unit, run.head.output_unit) == (
         data.get("input_unit", "%"), data.get("output_unit", "N·m"))  # fmt: skip
 
 

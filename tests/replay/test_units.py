@@ -75,7 +75,7 @@ def test_the_papers_units_are_units_like_others_where_every_number_is_given(fits
         into, out = UNITS[name][:2]
         gains = eaid.tune_rc(
             fits[name], kp=6.0, kd=3.5, epsilon=0.3 * out, gamma=80.0 / out, q_max=9.0 * out, phi="data",
-            pi_overshoot=2.0, pi_settling=0.4, duty_limits=(0.0, 100.0 * into), rate_hz=500.0, pwm_hz=100.0,
+            pi_overshoot=2.0, pi_settling=0.4, duty_limits=(0.0, 100.0 * into), rate_hz=500.0, pwm_hz=250.0,
         )  # fmt: skip
         reference = out * (1.5 + np.sin(2 * t) + (t > 3))
         made += [fits[name], gains, played(reference, 1 / 500, fit=fits[name], gains=gains, controller=CONTROLLERS)]

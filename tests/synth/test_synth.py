@@ -172,13 +172,15 @@ def test_force_replaces_earlier_synthetic_runs_and_nothing_else(logs, run_eaid):
         "synthetic-clutch-070.0-r1", "synthetic-clutch-070.0-r2",
     }  # fmt: skip
     assert "exists already; give --force" in run_eaid("synth", *TWO.split(), "-o", "logs").err
-    Path("logs/run7.csv").write_text("recorded\n")
-    for output, sentence in (
-        ("logs", "holds run7.csv, which eaid synth did not make"), ("logs/run7.csv", "is no folder"),
-        ("none/logs", "does not exist; make it first"),
-    ):  # fmt: skip
-        ran = run_eaid("synth", *TWO.split(), "-o", output, "--force")
-        assert ran.code == 2 and sentence in ran.err
+    for own in ("run7.csv", "synthetic-notes.csv"):  # the name alone says nothing
+        Path("logs", own).write_text("recorded\n")
+        for output, sentence in (
+            ("logs", f"holds {own}, which eaid synth did not make"), (f"logs/{own}", "is no folder"),
+            ("none/logs", "does not exist; make it first"),
+        ):  # fmt: skip
+            ran = run_eaid("synth", *TWO.split(), "-o", output, "--force")
+            assert ran.code == 2 and sentence in ran.err and Path("logs", own).read_text() == "recorded\n"
+        Path("logs", own).unlink()
 
 
 DUTY, RUNS = "time_s,duty_pct\n", "order,level,repeat,idle_s,hold_s,release_s\n"
