@@ -69,15 +69,8 @@ def test_logs_show_lines_through_a_tenth_of_a_second_or_three_samples(tuned, clu
 
 
 def row(level, a0, gain, **more):
-    return {
-        "level": level,
-        "a0": a0,
-        "gain": gain,
-        "c0": 0.0,
-        "b0": a0 * gain / level,
-        "B": level / (a0 * gain),
-        **more,
-    }
+    b0 = a0 * gain / level
+    return {"level": level, "a0": a0, "gain": gain, "c0": 0.0, "b0": b0, "B": 1 / b0, **more}
 
 
 def test_single_levels_depart_most_at_an_end(tuned):
@@ -109,12 +102,8 @@ def test_the_range_of_B_by_hand(tuned):
     assert bounds(kept, bounds_levels="10:40") == ((10.0, 40.0), 5.0, 10.0, False)
     assert bounds(kept, bounds_levels="40") == ((40.0,), 10.0, 10.0, False)
     wide = [{**one, "ci95": {"B": [0.5 * one["B"], 2.0 * one["B"]]}} for one in LEVELS]
-    assert bounds(None, wide, widen_bounds=True) == (
-        (10.0, 40.0, 90.0),
-        pytest.approx(5 / 3),
-        pytest.approx(20.0),
-        True,
-    )
+    widened = (10.0, 40.0, 90.0), pytest.approx(5 / 3), pytest.approx(20.0), True
+    assert bounds(None, wide, widen_bounds=True) == widened
     with pytest.raises(eaid.UsageError, match="level 40 has no interval of B"):
         bounds(None, [wide[0], LEVELS[1]], widen_bounds=True)
     with pytest.raises(eaid.DataError, match="no log holds 35"):

@@ -78,13 +78,8 @@ def test_a_loop_that_is_sampled_slowly_gets_a_thicker_layer_and_a_slower_pi(tune
     for worst in (slow.margins.worst.rc, slow.margins.worst.pi):
         assert worst.gain_db >= 6 and worst.phase_deg >= 45
     once = {"epsilon": slow.rc.epsilon / 1.5, "gamma": slow.rc.gamma * 1.5, "phi": slow.rc.phi}
-    for law, asked in (("rc", {**once, "pi_gains": (0.1, 0.1)}),
-                       ("pi", {"pi_overshoot": 1.0, "pi_settling": settled(slow) / 1.5})):  # fmt: skip
-        try:
-            before = getattr(tuned(linear=linear, data=VOLTS, rate_hz=4.0, **asked).margins.worst, law)
-            assert before.gain_db is None or before.gain_db < 6 or before.phase_deg < 45
-        except eaid.GainsError as refusal:
-            assert f"the {law.upper()} loop is unstable" in str(refusal)  # noqa: PT017
+    before = tuned(linear=linear, data=VOLTS, rate_hz=4.0, pi_gains=(0.1, 0.1), **once).margins.worst.rc
+    assert before.gain_db < 6 or before.phase_deg < 45
 
 
 def test_a_dead_time_slows_both_controllers_down_and_ends_the_guarantee(tuned, told, fit_of, rises):

@@ -74,15 +74,9 @@ def test_any_clock_is_exact(fit):
 @pytest.mark.parametrize("release", [None, (0.6, 3.0)])
 @pytest.mark.parametrize(
     ("hold", "start"),
-    [
-        (20.0, (1.4, 0.5)),
-        (80.0, (1.4, 0.5)),
-        (5.0, (1.4, 0.5)),
-        (5.0, (0.0, 0.9)),
-        (5.0, (0.9, 0.0)),
-        (0.0, (1.7, 0.3)),
-    ],
-)
+    [(20.0, (1.4, 0.5)), (80.0, (1.4, 0.5)), (5.0, (1.4, 0.5)), (5.0, (0.0, 0.9)), (5.0, (0.9, 0.0)),
+     (0.0, (1.7, 0.3))],
+)  # fmt: skip
 def test_a_run_that_begins_loaded_starts_at_its_own_two_parts(fit_of, hold, start, release):
     """Each part by its own constant, whether it rises or falls."""
     fit = fit_of(release={"tau1": release[0], "tau2": release[1]} if release else None)
