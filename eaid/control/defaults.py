@@ -179,7 +179,7 @@ def own_rc(
         return design
     papers = scales.paper and not timing.delay_samples
     tried = [design]
-    if not papers and asked.kp is None and asked.kd is None and asked.natural_frequency is None:
+    if pi.K_I and not papers and asked.kp is None and asked.kd is None and asked.natural_frequency is None:
         B_hat = law_of(model, bounds, design)[0].B_hat
         tried.append(replace(design, K_P=0.5 * pi.K_I / B_hat, K_D=(0.5 * pi.K_P + model.a0 / model.b0) / B_hat))
     for one in tried:
