@@ -17,6 +17,8 @@ ALL_PAIRS = 60
 NEIGHBOURS = 3
 PROBES = (0.9, 0.6, 0.4, 0.75, 0.3)
 """Places in what two runs have in common that are compared before all of it."""
+BEFORE, BEHIND = 2_000, 20_000
+"""Samples before and behind a step that are compared: long logs take no more time and memory than that."""
 SHORTEST = 20
 """Samples in common below which nothing is said."""
 TURNS = -0.3
@@ -32,6 +34,7 @@ class _Values:
     """A run's output around its step."""
 
     run: Run
+    output: Array
     at: int
     """Sample at which its input steps."""
 
@@ -41,12 +44,12 @@ class _Values:
 
     @cached_property
     def largest(self) -> float:
-        return float(np.abs(self.run.output).max(initial=0.0))
+        return float(np.abs(self.output).max(initial=0.0))
 
     @cached_property
     def turns(self) -> Array:
         """Second differences."""
-        return np.diff(self.run.output, 2)
+        return np.diff(self.output, 2)
 
     @cached_property
     def noisy(self) -> bool:
@@ -57,7 +60,7 @@ class _Values:
     @cached_property
     def quantum(self) -> Array:
         """The unit of the last digit of each value, shape (n,): of its decimals, or of its significant digits."""
-        values = self.run.output
+        values = self.output
         probes = values[:: max(1, len(values) // 50)]
         texts = [f"{abs(one):.10e}".split("e") for one in probes.tolist() if one]
         digits = max((len(mantissa.rstrip("0")) - 1 for mantissa, _ in texts), default=1)
@@ -76,12 +79,14 @@ def counted_once(runs: Sequence[Run]) -> list[Run]:
         first = groups[-1][0] if groups else run
         if not groups or _what(run) != _what(first) or not same_level(run.level or 0.0, first.level or 0.0, 0.0):
             groups.append((run, []))
-        groups[-1][1].append(_Values(run, _step_of(run)))
+        at = _step_of(run)
+        begin = max(0, at - BEFORE)
+        groups[-1][1].append(_Values(run, run.output[begin : at + BEHIND], at - begin))
     kept: dict[int, Run] = {}
     for _, members in groups:
         many = len(members) > ALL_PAIRS
         alone: list[_Values] = []
-        for one in sorted(members, key=lambda one: float(one.run.output.mean())) if many else members:
+        for one in sorted(members, key=lambda one: float(one.output.mean())) if many else members:
             for k in range(len(alone) - 1, -1 if not many else max(-1, len(alone) - 1 - NEIGHBOURS), -1):
                 other = alone[k]
                 code = _compared(one, other) if _log_of(one.run) != _log_of(other.run) else None
@@ -123,10 +128,10 @@ def _compared(one: _Values, other: _Values) -> str | None:
         return None
     suspicious = False
     slower = coarse.usual_s / fine.usual_s
-    for stride in {1, round(slower) if slower * SHORTEST < len(fine.run.output) else 1}:
+    for stride in {1, round(slower) if slower * SHORTEST < len(fine.output) else 1}:
         for shift in range(-stride, stride + 1):
             first = max(-coarse.at, -((fine.at + shift) // stride))
-            stop = min(len(coarse.run.output) - coarse.at, (len(fine.run.output) - fine.at - shift - 1) // stride + 1)
+            stop = min(len(coarse.output) - coarse.at, (len(fine.output) - fine.at - shift - 1) // stride + 1)
             if stop - first < SHORTEST:
                 continue
             of_coarse = slice(coarse.at + first, coarse.at + stop)
@@ -142,7 +147,7 @@ def _agree(fine: _Values, of_fine: slice, coarse: _Values, of_coarse: slice) -> 
     """Whether values agree to their digits, in units that are a power of ten apart; a few of them before all."""
     tens = 10.0 ** round(math.log10(coarse.largest / fine.largest))
     slack = SINGLE * tens * fine.largest
-    a, b, of_a, of_b = fine.run.output, coarse.run.output, fine.quantum, coarse.quantum
+    a, b, of_a, of_b = fine.output, coarse.output, fine.quantum, coarse.quantum
     count = of_coarse.stop - of_coarse.start
     for k in PROBES:
         j, i = of_coarse.start + int(k * count), of_fine.start + int(k * count) * of_fine.step
