@@ -162,7 +162,7 @@ class Estimate:
         """T_s(u) through T_s of the levels."""
         at, several = self.at, self.repeats > 1
         relative, known = None, 0.0
-        if several.any():
+        if several.any() and len(self.levels) > self.problem.first:
             every = np.eye(len(self.levels), len(self.levels) + len(self.x))
             variance = self.of_levels.of(every[several]).variance()[0]
             part = self.size[several] / np.maximum(at.Ts[several], 1e-3 * max(float(at.Ts.max()), 1e-300))

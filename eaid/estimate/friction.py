@@ -3,8 +3,9 @@
 The rows are those of the nonlinear model's curves at the levels, or of each level by itself: one value a level.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -206,10 +207,12 @@ def friction_hold_out(part: Friction, stepset: StepSet, held_out: Sequence[Level
     return metrics.hold_out(held_out, predicted, float(np.sqrt(sse / samples)))
 
 
-def level_findings(values: LevelValues, half_widths: Sequence[float], subject: str, stepset: StepSet) -> list[Finding]:
+def level_findings(
+    values: LevelValues, half_width: Callable[[int], float], subject: str, stepset: StepSet
+) -> list[Finding]:
     """What the levels leave open: τ1 and τ2 that meet, constraints that hold, τ2 open or beyond the record.
 
-    `half_widths` are those of the levels' output curves within their records.
+    `half_width` gives that of a level's output curve within its record.
     """
     unit, u = stepset.input_unit, [level.level for level in values.levels]
     Ts, tau1, tau2 = values.theta[:3]
@@ -239,7 +242,7 @@ def level_findings(values: LevelValues, half_widths: Sequence[float], subject: s
                 "tau2-open", subject, [u[i]],
                 low_s=float(low) if low > 1e-3 * records[i] else None,
                 high_s=float(high) if high < 1e4 * records[i] else None,
-                record_s=records[i], curve_half_width=half_widths[i], unit=unit, output_unit=stepset.output_unit,
+                record_s=records[i], curve_half_width=half_width(i), unit=unit, output_unit=stepset.output_unit,
             )
         )  # fmt: skip
     beyond = ~values.open[2] & (tau2 > records)
@@ -252,7 +255,7 @@ def level_findings(values: LevelValues, half_widths: Sequence[float], subject: s
 def own_level_findings(own: OwnLevels, values: LevelValues, stepset: StepSet) -> list[Finding]:
     """What levels that were fitted by themselves leave open, a free C among it."""
     seen, unit = own.scatter, stepset.input_unit
-    found = level_findings(values, [curve_half_width(seen, i) for i in range(len(own.levels))], "friction", stepset)
+    found = level_findings(values, partial(curve_half_width, seen), "friction", stepset)
     if failed := [level.level for level, one in zip(own.levels, own.each, strict=True) if not one.solver.converged]:
         found.append(finding("level-not-converged", "friction", failed, unit=unit))
     for i, level in enumerate(own.levels if seen.share_free else ()):
@@ -265,8 +268,10 @@ def own_level_findings(own: OwnLevels, values: LevelValues, stepset: StepSet) ->
     return found
 
 
-def curve_half_width(seen: Scatter, i: int) -> float:
+def curve_half_width(seen: Scatter, i: int, most: int = 200) -> float:
     """95 % half-width of one level's output curve within its record, in the output's unit."""
-    found = Influence(seen.jacobians[i].T[None], seen.of_levels.alone(i), np.zeros((0, len(seen.jacobians[i]))), 0.0)
+    J = seen.jacobians[i]
+    J = J[np.unique(np.floor(np.geomspace(1, len(J), most))).astype(int) - 1]
+    found = Influence(J.T[None], seen.of_levels.alone(i), np.zeros((0, len(J))), 0.0)
     variance, degrees = found.variance()
     return float((t_quantile(degrees) * np.sqrt(variance)).max())

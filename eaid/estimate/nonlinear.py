@@ -110,7 +110,7 @@ def nonlinear_part(
     shown = with_intervals(one, values, c, widths, options.ci) if options.ci != "none" else one.part
     told = fit_findings(one.part, one.held, [level.level for level in held_out])
     told += missed("nonlinear", data, residuals(basis.theta(one.unknowns, basis.M), data.records), one.part)
-    told += [*level_findings(values, widths, "nonlinear", stepset), *open_findings(one.part, values), *bent]
+    told += [*level_findings(values, widths.__getitem__, "nonlinear", stepset), *open_findings(one.part, values), *bent]
     told += joint_findings(parts, options.estimator)
     model = results.Nonlinear.of(
         shown,
