@@ -30,6 +30,8 @@ SAYS_NOTHING = float(np.log(100.0))
 """Logarithm of the factor up or down from which an interval is left out."""
 OPEN = float(np.log(3.0))
 """Half-width of the logarithm from which a parameter counts as open at a level."""
+KNOWN_TO, WIDEST = 0.25, 0.5
+"""Part of a record, and half-width of its logarithm, within which τ2 has to be known at most levels."""
 WIDER = 1.4
 """By so much T_s and τ1 are less sure where the records do not tell τ2: simulated sets of 5 s for a τ2 of 5 to 17 s."""
 QUOTED_RECORDS = 2.0
@@ -93,12 +95,14 @@ class LevelValues:
 def quoted(
     levels: Sequence[Level], theta: Array, held: Sequence[tuple[str, ...]], ends: tuple[Array, Array, Array]
 ) -> LevelValues:
-    """Values of levels with their ends; none of τ2 upwards where most levels' lie beyond `QUOTED_RECORDS` records.
+    """Values of levels with their ends; none of τ2 upwards where most levels' lie too far beyond the record.
 
     T_s and τ1 then rest on a τ2 that the records do not tell, and their intervals are wider by `WIDER`.
     """
     low, high, degrees = ends
-    beyond = high[2] > np.log([QUOTED_RECORDS * level.time_s[-1] for level in levels])
+    record = np.array([level.time_s[-1] for level in levels])
+    half = 0.5 * (high - low)[2]
+    beyond = (high[2] > np.log(QUOTED_RECORDS * record)) | (half > np.minimum(KNOWN_TO * record / theta[2], WIDEST))
     if 2 * beyond.sum() > len(levels):
         middle, half = 0.5 * (low + high)[:2], 0.5 * WIDER * (high - low)[:2]
         low, high = np.vstack([middle - half, low[2:]]), np.vstack([middle + half, np.full((1, len(levels)), np.inf)])

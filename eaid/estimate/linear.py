@@ -7,18 +7,17 @@ one run a level the scatter of (T_s, τ1, τ2) is carried through the curve.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import partial
 from typing import TypeAlias
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from eaid.arrays import Array, scaled_inverse
 from eaid.estimate import data as metrics
 from eaid.estimate.data import Data, missed
 from eaid.estimate.huber import huber_findings, minimise
-from eaid.estimate.points import Points, Record, by_log, decay, log_curvature, log_products, weighted_shares
+from eaid.estimate.points import Points, Record, decay
 from eaid.estimate.scatter import Scatter
 from eaid.estimate.solver import ROUNDING, Problem, minimised
 from eaid.estimate.spread import Influence, interval_of, log_interval_of, textbook
@@ -41,6 +40,8 @@ from eaid.steps.levels import wanted_levels
 from eaid.steps.stepset import Level
 
 LEAST_LOG, MOST_LOG = np.log(1e-9), np.log(1e12)
+SHIFT = 1e-5
+"""Step in ln τ of the difference that second derivatives come from."""
 A0_GRID = 40
 """Time constants on the starting grid."""
 MOST = 3
@@ -49,7 +50,7 @@ MOST = 3
 
 @dataclass(frozen=True, eq=False)
 class FirstOrder:
-    """One time constant for all curves, and gains that are linear in the input: x = (ln τ, gain coefficients)."""
+    """One time constant for all curves, and gains that are linear in the input."""
 
     tau: float
     coefficients: Array
@@ -58,107 +59,53 @@ class FirstOrder:
     solver: Solver
 
 
-def first_order_problem(data: Data, design: Array) -> Problem:
-    """Squares of gain_l (1 − e^(−t/τ)), gain = design @ coefficients, in (ln τ, coefficients), design (L, k)."""
-    sums = Sums(data.points)
-    low, high, _ = _limits(data)
-
-    def at(x: Array) -> Array:
-        """(gain, ln τ) of each level; SLSQP may look far outside before it comes back."""
-        return np.stack([design @ x[1:], np.full(len(design), np.clip(x[0], LEAST_LOG, MOST_LOG))], axis=1)
-
-    def chain(gradient: Array) -> Array:
-        return np.concatenate([[gradient[:, 1].sum()], gradient[:, 0] @ design])
-
-    def chained(per_level: Array) -> Array:
-        cross = per_level[:, 0, 1] @ design
-        by_gain = design.T @ (per_level[:, 0, 0, None] * design)
-        return np.block([[per_level[:, 1, 1].sum(), cross], [cross[:, None], by_gain]])
-
-    def normal(x: Array) -> tuple[float, Array, Array]:
-        cost, gradient, curvature = sums.normal(at(x))
-        return float(cost.sum()), chain(gradient), chained(curvature)
-
-    A = np.zeros((2, 1 + design.shape[1]))
-    A[:, 0] = 1.0, -1.0
-    b, names = np.array([np.log(low), -np.log(high)]), ("a0-fastest", "a0-slowest")
-    return Problem(normal, A, b, names.__getitem__, lambda x: chained(sums.exact(at(x))), ROUNDING * data.energy)
-
-
 def fit_first_order(data: Data, design: Array) -> FirstOrder:
-    """Least squares of gain_l (1 − e^(−t/τ)), gain = design @ coefficients, design of shape (L, k)."""
-    problem = first_order_problem(data, design)
-    starts = _best_of_grid(data, design, np.geomspace(_limits(data)[2], 3 * data.longest_s, A0_GRID))
-    end, solver, _ = minimised(problem, starts)
-    tau = float(np.exp(end.x[0]))
-    gains = (design @ end.x[1:]).tolist()
+    """Least squares of gain_l (1 − e^(−t/τ)), gain = design @ coefficients, design of shape (L, k).
+
+    The coefficients are solved for (variable projection): the solver sees ln τ alone.
+    """
+    shortest = min(float(r.t_s[r.t_s > 0].min()) for r in data.records)
+    low, high = 0.01 * shortest, 1e3 * data.longest_s
+    look = partial(_projected, data.points, design)
+
+    def exact(x: Array) -> Array:
+        return (look(x + SHIFT)[1] - look(x - SHIFT)[1])[:, None] / (2 * SHIFT)
+
+    A, b = np.array([[1.0], [-1.0]]), np.array([np.log(low), -np.log(high)])
+    floor = ROUNDING * data.energy
+    problem = Problem(lambda x: look(x)[:3], A, b, ("a0-fastest", "a0-slowest").__getitem__, exact, floor)
+    grid = np.log(np.geomspace(0.3 * shortest, 3 * data.longest_s, A0_GRID))[:, None]
+    costs = np.array([look(x)[0] for x in grid])
+    framed = np.pad(costs, 1, constant_values=np.inf)
+    minima = np.flatnonzero((costs <= framed[:-2]) & (costs <= framed[2:]))
+    end, solver, _ = minimised(problem, grid[minima[np.argsort(costs[minima])][:MOST]])
+    tau, coefficients = float(np.exp(end.x[0])), look(end.x)[3]
+    gains = (design @ coefficients).tolist()
     left = [first_order_residual(tau, gain, r) for gain, r in zip(gains, data.records, strict=True)]
-    return FirstOrder(tau, end.x[1:], sum(float(r @ r) for r in left), solver)
+    return FirstOrder(tau, coefficients, sum(float(r @ r) for r in left), solver)
+
+
+def _projected(points: Points, design: Array, x: Array) -> tuple[float, Array, Array, Array]:
+    """Cost at ln τ with the coefficients solved for, its gradient (1,), Gauss–Newton curvature (1, 1), and these."""
+    z = points.t_s * np.exp(-np.clip(x[0], LEAST_LOG, MOST_LOG))  # SLSQP may look far outside before it comes back
+    decay = np.exp(-z)
+    rise, bent = np.broadcast_to(1 - decay, points.y.shape), np.broadcast_to(-z * decay, points.y.shape)
+    square, along, across = ((points.w * rise * other).sum(axis=1) for other in (rise, points.y, bent))
+    normal = (design.T * square) @ design
+    back = np.linalg.inv(normal + 1e-14 * np.trace(normal) * np.eye(len(normal)))
+    coefficients = back @ (design.T @ along)
+    gain = design @ coefficients
+    left = gain[:, None] * rise - points.y
+    slope = gain[:, None] * bent
+    cross = design.T @ (gain * across)
+    inside = float((points.w * slope * slope).sum()) - float(cross @ back @ cross)
+    gradient = np.array([2 * float((points.w * slope * left).sum())])
+    return float((points.w * left * left).sum()), gradient, np.array([[2 * max(inside, 0.0)]]), coefficients
 
 
 def first_order_residual(tau: float, gain: float, record: Record) -> Array:
     """gain (1 − e^(−t/τ)) − y at every sample."""
     return np.asarray(gain * (1 - decay(record, tau)) - record.y)
-
-
-@dataclass(frozen=True, eq=False)
-class Sums:
-    """Sums over the points at (gain, ln τ) of each level, (L, 2)."""
-
-    points: Points
-
-    def normal(self, x: Array) -> tuple[Array, Array, Array]:
-        """Cost (L,), gradient (L, 2), Gauss–Newton curvature (L, 2, 2)."""
-        theta = _theta(x)
-        cost, gradient, curvature = by_log(theta, log_products(theta, self._shares, self.points))
-        return cost, gradient[:2].T, curvature[:, :2, :2]
-
-    def exact(self, x: Array) -> Array:
-        """Second derivatives, (L, 2, 2)."""
-        return log_curvature(_theta(x), self._shares, self.points)[1][:, :2, :2]
-
-    @cached_property
-    def _shares(self) -> Array:
-        return weighted_shares(np.ones(1), self.points)
-
-
-def _theta(x: Array) -> Array:
-    one = np.ones(len(x))
-    return np.stack([x[:, 0], np.exp(x[:, 1]), one, one])
-
-
-def _limits(data: Data) -> tuple[float, float, float]:
-    """Least and greatest τ that are looked for, and the least on the grid of starts [s]."""
-    shortest = min(float(r.t_s[r.t_s > 0].min()) for r in data.records)
-    return 0.01 * shortest, 1e3 * data.longest_s, 0.3 * shortest
-
-
-def _best_of_grid(data: Data, design: Array, grid: Array) -> list[Array]:
-    """Starts at the local minima over τ of the cost with the gains solved for, the best first."""
-    square, along = _by_tau(data, grid)
-    normal = design.T @ (square.T[:, :, None] * design)  # (K, k, k)
-    right = along.T @ design
-    ridge = 1e-14 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(design.shape[1])
-    gains = np.linalg.solve(normal + ridge, right[:, :, None])
-    costs = -(right * gains[:, :, 0]).sum(axis=1)
-    minima = np.flatnonzero(_is_minimum(costs[None])[0])
-    order = minima[np.argsort(costs[minima])][:MOST]
-    return [np.concatenate([[np.log(grid[k])], gains[k, :, 0]]) for k in order]
-
-
-def _by_tau(data: Data, grid: Array) -> tuple[Array, Array]:
-    """φ'φ and φ'y of every level for φ = 1 − e^(−t/τ), shapes (L, K)."""
-    points = data.points
-    rise = -np.expm1(-points.t_s[:, None, :] / grid[:, None])  # (L or 1, K, P)
-    weighted = rise * points.w[:, None, :]
-    square = np.broadcast_to((weighted * rise).sum(axis=2), (len(data.u), len(grid)))
-    return square, (weighted @ points.y[:, :, None])[:, :, 0]
-
-
-def _is_minimum(costs: Array) -> NDArray[np.bool_]:
-    """Where a row has a value that no neighbour undercuts, (N, K)."""
-    inside = np.pad(costs, ((0, 0), (1, 1)), constant_values=np.inf)
-    return (costs <= inside[:, :-2]) & (costs <= inside[:, 2:])
 
 
 def fit_each_level(data: Data) -> list[FirstOrder]:
