@@ -709,10 +709,6 @@ class Fit(Shown, Result, frozen=True, dict=True):
 
         return verdict_of(self)
 
-    def not_identifiable_because(self, subject: str) -> tuple[Finding, ...]:
-        """Why the data do not determine a model: friction, nonlinear or linear."""
-        return tuple(found for found in self.findings if found.subject == subject and found.code in NOT_IDENTIFIABLE)
-
     @property
     def linear_model(self) -> LinearModel:
         """The pooled linear model."""

@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 import pandas as pd
 import pytest
+from scipy import stats
 
 import eaid
 from eaid.errors import DataError, UsageError
@@ -74,6 +75,52 @@ def test_a_fit_offers_pandas(small_fit: Any) -> None:
     assert (fit.predict(60, [-1.0, 0.0]) == 0).all(axis=None)
     assert len(fit.summary().splitlines()) <= 10  # seven lines and three findings
     assert "<table" in fit._repr_html_()
+
+
+def test_one_value_a_level_whatever_surface_tells_it(small_fit: Any) -> None:
+    fit, level = small_fit, LEVELS[1]
+    row, curve = fit.friction.levels[1], fit.nonlinear.curves[1]
+    known = fit.at(level)
+    for name in ("Ts", "tau1", "tau2"):
+        assert known.loc[name, "value"] == getattr(row, name) == getattr(curve, name)
+        assert fit.params["friction", f"{name}({level:g})"] == getattr(row, name)
+        assert (known.loc[name, "low"], known.loc[name, "high"]) == getattr(row.ci95, name) == getattr(curve.ci95, name)
+    between = fit.at(0.5 * (LEVELS[1] + LEVELS[2]))
+    assert (between["low"] < between["value"]).all() and (between["value"] < between["high"]).all()
+    with pytest.raises(UsageError, match="the fit knows"):
+        fit.at(2 * max(LEVELS))
+
+
+def test_the_table_of_parameters_has_every_interval_and_the_others_follow(small_fit: Any, tmp_path: Path) -> None:
+    fit = small_fit
+    (row,) = [one for one in fit.parameters if (one.model, one.name) == ("linear", "a0") and one.level is None]
+    t = [stats.t.ppf(1 - a / 2, row.dof) for a in (0.05, 0.5)]
+    half = fit.conf_int(0.5).loc[("linear", "a0")]
+    assert (row.low, row.high) == fit.linear.ci95.a0 == tuple(fit.conf_int().loc[("linear", "a0")])
+    assert half["high"] == pytest.approx(row.value * (row.high / row.value) ** (t[1] / t[0]))
+    with pytest.raises(UsageError):
+        fit.conf_int(alpha=2)
+    fit.save(tmp_path / "fit.json")
+    assert eaid.load(tmp_path / "fit.json").at(LEVELS[0]).equals(fit.at(LEVELS[0]))
+    text = (tmp_path / "fit.json").read_text(encoding="utf-8").replace("eaid/fit/2", "eaid/fit/1")
+    (tmp_path / "old.json").write_text(text, encoding="utf-8")
+    with pytest.raises(DataError, match="eaid/fit/1"):
+        eaid.load(tmp_path / "old.json")
+
+
+def test_residuals_and_scores_by_hand(small_steps: Any, small_fit: Any, tmp_path: Path) -> None:
+    fit, left = small_fit, small_fit.residuals
+    first = small_steps.levels[0]
+    mine = first.mean - fit.predict(first.level, first.time_s).to_numpy()[:, 0]
+    np.testing.assert_allclose(left.loc[first.level].to_numpy(), mine, rtol=1e-9, atol=1e-12)
+    sse, y = float((left**2).sum()), np.concatenate([level.mean for level in small_steps.levels])
+    assert fit.rmse == pytest.approx(np.sqrt(sse / len(y)))
+    assert fit.rsquared == pytest.approx(1 - sse / ((y - y.mean()) ** 2).sum())
+    assert fit.aic == pytest.approx(len(y) * np.log(sse / len(y)) + 2 * 11)
+    assert fit.cov_params().shape == (10, 10)
+    fit.save(tmp_path / "fit.json")
+    with pytest.raises(DataError, match="fit again"):
+        _ = eaid.load(tmp_path / "fit.json").residuals
 
 
 def test_the_joint_estimate_stands_beside_the_one_that_is_taken() -> None:
