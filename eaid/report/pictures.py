@@ -16,8 +16,8 @@ from eaid.report.figures.replays import counted_from, traces_of, tracking_panels
 from eaid.report.figures.steps import draw_level_steps, draw_steps, nonlinear_curves, paired, single_curves, some_levels
 from eaid.report.live import Panel, draw_panels
 from eaid.report.results import NEEDED, Results
-from eaid.report.rig import level_values
 from eaid.results.replay import Replay
+from eaid.results.summary import believed_levels
 
 SCENARIOS = ("multisine", "reference", "steps")
 """Replays that are shown, the best first."""
@@ -74,7 +74,7 @@ def _candidates(results: Results) -> Iterator[tuple[str, str, Figure]]:
         yield "Controllers against the reference", "replay", _controllers(replay)
     if fit is None:
         return
-    if len(level_values(fit)) > 1:
+    if len(believed_levels(fit)) > 1:
         figure, axes = style.sheet(WIDTH_IN, HEIGHT_IN, 1, 3)
         values.draw_values(axes, fit)
         for name, panel in zip(values.NAMES, axes, strict=True):

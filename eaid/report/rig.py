@@ -3,7 +3,7 @@
 from eaid.apparatus import Apparatus
 from eaid.models.parameters import PAPER_LINEAR, SHARE
 from eaid.results.common import Source
-from eaid.results.fit import CurveLevel, Fit, FittedData, FrictionLevel, Trend
+from eaid.results.fit import FittedData, Trend
 from eaid.steps.stepset import StepSet
 
 QUANTITIES = {"N·m": "Torque", "N": "Force", "RPM": "Speed", "kPa": "Stress", "°C": "Temperature"}
@@ -72,14 +72,6 @@ def rate(input_unit: str, output_unit: str) -> str:
 def gain(input_unit: str, output_unit: str) -> str:
     """Unit of B = 1/b0."""
     return f"{input_unit or 'input'}·s/({output_unit or 'output'})"
-
-
-def level_values(fit: Fit) -> tuple[FrictionLevel | CurveLevel, ...]:
-    """T_s, τ1 and τ2 with their intervals over the level: of the levels stepped to from rest, each by itself; of logs
-    fitted as recorded, those of the model's curves."""
-    if fit.recorded is not None and fit.nonlinear is not None and fit.nonlinear.curves:
-        return fit.nonlinear.curves
-    return tuple(row for row in fit.friction_levels if row.from_ == 0)
 
 
 def rising(sources: tuple[Source, ...]) -> tuple[Source, ...]:

@@ -62,11 +62,8 @@ def answer(fit: "Fit") -> list[str]:
         if model is not None:
             lines.append("shown  single steps by their own shapes; the models keep the paper's form")
         return lines
-    levels = believed_levels(fit)
-    lines += _level_rows(levels, data.input_unit, data.output_unit)
-    if model is not None and levels is not model.curves:
-        lines.append("shown  each level's own curve: the nonlinear model's are not estimable")
-    elif model is not None:
+    lines += _level_rows(believed_levels(fit), data.input_unit, data.output_unit)
+    if model is not None:
         lines.append(f"used   {USED[model.estimator]}{' (the joint fit parts from it)' if model.parts else ''}")
     return lines
 
@@ -138,18 +135,9 @@ def _fit_pct(fit: "Fit") -> str:
 
 
 def believed_levels(fit: "Fit") -> "tuple[CurveLevel, ...] | tuple[FrictionLevel, ...]":
-    """T_s, τ1 and τ2 by level: the nonlinear model's curves, or each level's own where more of these have intervals.
-
-    Half of the curves with intervals are enough for them.
-    """
+    """T_s, τ1 and τ2 by level: the nonlinear model's, or each level's own where that was not fitted."""
     curves = fit.nonlinear.curves if fit.nonlinear is not None else ()
-    level_curves = tuple(row for row in fit.friction_levels if row.from_ == 0)
-    quoted, levels_quoted = sum(map(_quoted, curves)), sum(map(_quoted, level_curves))
-    return level_curves if (2 * quoted < len(curves) and levels_quoted > quoted) or not curves else curves
-
-
-def _quoted(row: "CurveLevel | FrictionLevel") -> bool:
-    return row.ci95 is not None and any(getattr(row.ci95, name) is not None for name in SYMBOLS)
+    return curves or tuple(row for row in fit.friction_levels if row.from_ == 0)
 
 
 def _value(row: "CurveLevel | FrictionLevel", name: str, brief: bool) -> str:

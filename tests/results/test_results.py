@@ -63,14 +63,14 @@ REFUSED: dict[str, tuple[Any, str]] = {
         {"data": {"apparatus": {"inner_radius_m": 0.07}}}, "an inner radius of 0.07 m and an outer one of 0.06 m"),
     "no such kind": ({"data": {"kind": "brake"}}, 'its data.kind is "brake"'),
     "nothing": ("", "is not a JSON file"),
-    "a list": ("[]", "is no result of eaid"),
-    "an empty object": ("{}", "is no result of eaid"),
+    "a list": ("[]", "make it again with this version"),
+    "an empty object": ("{}", "make it again with this version"),
     "gains without a model": ('{"schema": "eaid/gains/1"}', "has no model"),
     "nested without end": ("{" * 5000, "is not a JSON file"),
     "NaN": ('{"linear": {"a0": NaN}}', "it holds NaN, which is no JSON number"),
     "an infinite number": ('{"linear": {"a0": 1e999}}', "it holds 1e999, which is no finite number"),
     "a plan": ('{"schema": "eaid/plan/1"}', "is a plan.json"),
-    "another schema": ('{"schema": "eaid/fit/99"}', "is no result of eaid"),
+    "another schema": ('{"schema": "eaid/fit/99"}', "make it again with this version"),
 }  # fmt: skip
 
 

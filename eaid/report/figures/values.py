@@ -11,13 +11,12 @@ from eaid.models import nonlinear
 from eaid.report import rig, style
 from eaid.report.live import Plot
 from eaid.report.results import Results
-from eaid.report.rig import level_values, over, overlaid
+from eaid.report.rig import over, overlaid
 from eaid.report.style import Ready, caption
 from eaid.report.tables.fits import estimates_of
-from eaid.report.tables.table import SYMBOLS
 from eaid.results.common import Interval, ci95_of
 from eaid.results.fit import CurveLevel, Estimate, Fit, FrictionLevel
-from eaid.results.summary import ENDLESS_S
+from eaid.results.summary import ENDLESS_S, believed_levels
 
 NAMES = {"Ts": "Steady value $T_s$", "tau1": r"Fast constant $\tau_1$", "tau2": r"Slow constant $\tau_2$"}
 ESTIMATES = (
@@ -103,13 +102,13 @@ def polynomials(fit: Fit, results: Results) -> Ready | None:
 
     The live plots hold the same, a plot each, without Table III.
     """
-    part, rows = fit.nonlinear, level_values(fit)
+    part, rows = fit.nonlinear, believed_levels(fit)
     if part is None or len(rows) == 1:
         return None
-    single = "each level, 95 %" if fit.recorded is None else "95 %"
+    single = "95 %"
     figure, axes = style.sheet(style.PAGE_IN, 2.5, 1, 3)
     u, estimates = np.linspace(*part.u_range, 200), estimates_of(part)
-    met, plots = [], []
+    plots = []
     for mark, name, sign, panel in zip("abc", NAMES, ("Tₛ", "τ1", "τ2"), axes, strict=True):
         unit, label = fit.data.output_unit if name == "Ts" else "s", over(fit.data.input_unit)
         curves = {estimate: values_over(one, u)[name] for estimate, one in estimates.items()}
@@ -134,18 +133,13 @@ def polynomials(fit: Fit, results: Results) -> Ready | None:
         style.letter(panel, mark)
         p.y_range = Range1d(start=0, end=1.1 * top or 1.0)
         plots.append(plot.finish())
-        known = [(row.level, ends) for row, ends in zip(rows, intervals, strict=True) if ends is not None]
-        if known:
-            curve = values_over(part, np.array([level for level, _ in known]))[name]
-            count = sum(ends[0] <= value <= ends[1] for (_, ends), value in zip(known, curve, strict=True))
-            met.append(f"{SYMBOLS[name]} through {count} of {len(known)}")
     style.legend_over(figure, axes[1])
-    return Ready(figure, caption("over_duty", recorded=fit.recorded is not None, met=met), tuple(plots))
+    return Ready(figure, caption("over_duty"), tuple(plots))
 
 
 def draw_values(panels: Sequence[Axes], fit: Fit) -> None:
     """T_s, τ1 and τ2, a panel each: the levels of a fit, and its nonlinear model where there is one."""
-    rows = level_values(fit)
+    rows = believed_levels(fit)
     u = np.linspace(*fit.nonlinear.u_range, 150) if fit.nonlinear is not None else np.empty(0)
     curves = values_over(fit.nonlinear, u) if fit.nonlinear is not None else {}
     for name, panel in zip(NAMES, panels, strict=True):

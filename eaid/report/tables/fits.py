@@ -45,9 +45,12 @@ def levels_table(fit: Fit) -> Table:
     """The friction curve of each level."""
     rows, out = fit.friction.levels if fit.friction else (), fit.data.output_unit
     rig, force = apparatus_of(fit.data), fit.data.kind == "friction-force" and of_the_paper(fit.data)
+    whose = (
+        "One curve for each level by itself." if fit.nonlinear is None else "The nonlinear model's curve at each level."
+    )
     how = f" Intervals: {fit.uncertainty.ci}." if fit.uncertainty and fit.uncertainty.ci != "none" else ""
     return table_of(
-        "Single levels, Eq. (3)", f"One curve for each level by itself.{how}", rows,
+        "Single levels, Eq. (3)", f"{whose}{how}", rows,
         (("level", fit.data.input_unit),
          lambda one: Name(level(one.level) if not one.from_ else f"{level(one.from_)} → {level(one.level)}")),
         (("stress", "kPa", 3), lambda one: rig.stress_kpa(one.level)) if force else None,
