@@ -11,8 +11,10 @@ from dataclasses import replace
 import numpy as np
 
 from eaid.arrays import Array
+from eaid.control.margins import Point, Timing, known, lags_at, loop_margins
 from eaid.control.pi import PIGains
 from eaid.findings import Finding, finding
+from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Nonlinear
 from eaid.recorded.late import follows_output
 from eaid.recorded.law import Law, law_of, nearest_law, simulated
@@ -77,7 +79,7 @@ def _loop(base: Solved, index: int, log: RecordedLog, law: Law | None) -> Loop:
         return plain
     replayed = simulated(base, index, log, law)
     off = (log.reference - replayed.output)[acting]
-    gain, phase = margins(model_of(base), law.gains, log)
+    gain, phase = least_margins(model_of(base), law.gains, log)
     return Loop(
         log.name,
         K_P=law.gains.K_P,
@@ -93,35 +95,14 @@ def _loop(base: Solved, index: int, log: RecordedLog, law: Law | None) -> Loop:
     )
 
 
-def margins(model: Nonlinear, gains: PIGains, log: RecordedLog) -> tuple[float | None, float | None]:
-    """Least gain margin [dB] and phase margin [°] over the inputs that a loop used; half a sample of delay.
-
-    G(s) = T_s'(u) (C/(1 + τ1 s) + (1 − C)/(1 + τ2 s)) about each input.
-    """
-    from eaid.models.nonlinear import steady_torque, time_constants
-
+def least_margins(model: Nonlinear, gains: PIGains, log: RecordedLog) -> tuple[float | None, float | None]:
+    """Least gain margin [dB] and phase margin [°] over the inputs that a loop used, at its sample time."""
     used = log.input[(log.input > 0) & (log.input < log.input.max())]
     low, high = np.clip(np.quantile(used, [0.05, 0.95]), *model.u_range)
-    dt_s = float(np.median(np.diff(log.time_s)))
-    w = np.geomspace(1e-3, np.pi / dt_s, 4000)
-    s = 1j * w
-    least_gain, least_phase = np.inf, np.inf
-    for u in np.linspace(low, high, 9):
-        tau1, tau2 = (float(one) for one in time_constants(model, u))
-        slope = float(steady_torque(model, u + 0.5) - steady_torque(model, u - 0.5))
-        L = slope * (model.C / (1 + tau1 * s) + (1 - model.C) / (1 + tau2 * s))
-        L = L * (gains.K_P + gains.K_I / s) * np.exp(-0.5 * dt_s * s)
-        size, angle = np.abs(L), np.unwrap(np.angle(L))
-        crossed = np.flatnonzero((size[:-1] >= 1) & (size[1:] < 1))
-        if len(crossed):
-            least_phase = min(least_phase, 180 + float(np.degrees(angle[crossed]).min()))
-        turned = np.flatnonzero((angle[:-1] > -np.pi) & (angle[1:] <= -np.pi))
-        if len(turned):
-            least_gain = min(least_gain, float(-20 * np.log10(size[turned]).max()))
-    return (
-        least_gain if np.isfinite(least_gain) else None,
-        least_phase if np.isfinite(least_phase) else None,
-    )
+    timing = Timing(1 / float(np.median(np.diff(log.time_s))), None)
+    points = [Point(u, float(steady_torque(model, u)), lags_at(model, u)) for u in np.linspace(low, high, 9).tolist()]
+    found = list(loop_margins(gains, points, timing))
+    return known(min(one.gain_db for one in found)), known(min(one.phase_deg for one in found))
 
 
 ROUNDS = 20

@@ -31,7 +31,7 @@ from eaid.estimate.solver import (
 from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
 from eaid.recorded.log import RecordedLog
 from eaid.recorded.model import LEAST_TAU_S, Model, Rows
-from eaid.recorded.response import Copies, Drive, Samples, Tables, by_holds, derivatives
+from eaid.recorded.response import Copies, Drive, Samples, Tables, derivatives
 from eaid.results.common import Solver
 
 NOTHING = {"rest": (0.0, 0.0), "fall": (1.0, 1.0), "excess": (0.0,)}
@@ -169,22 +169,6 @@ class Setup:
             gradient[at] += P[-1, :-1]
             curvature[np.ix_(at, at)] += P[:-1, :-1]
         return cost, gradient, curvature
-
-    def on_every_sample(self, x: Array) -> tuple[float, Array]:
-        """Cost and gradient over every sample of the logs themselves, hold by hold: inputs are held."""
-        cost, gradient = 0.0, np.zeros(self.size)
-        for log, copy in enumerate(self.copies):
-            holds, (tables, scalars), place = copy.holds, self.tables(x, log), self.places[log]
-            dt_s = copy.log.dt_s if copy.log.even_s is None else np.array([copy.log.even_s])
-            squares, by_input, by_scalar = by_holds(
-                holds.first, holds.index, holds.rising, dt_s, copy.above, tables, scalars
-            )
-            maps = (tables.by_steady, tables.by_tau1, tables.by_tau2)
-            slopes = np.concatenate([by @ rows for by, rows in zip(by_input, maps, strict=True)])
-            gradient[: len(slopes)] += 2.0 * copy.log.weight * slopes
-            gradient[place.x[place.x >= 0]] += 2.0 * copy.log.weight * by_scalar[place.x >= 0]
-            cost += copy.log.weight * squares
-        return cost, gradient
 
     def problem(self) -> Problem:
         """For the solver: constraints of the model, and of the extras."""
@@ -483,14 +467,10 @@ def finished(setup: Setup, begin: Sequence[Array], tried: int = 0, costs: Sequen
     if not held:  # copies are averages, and their ends near ones
         near = setup.every.problem()
         ends = [approach(near, end.x) for end in ends]
-    whole = setup.on_every_sample if held and setup.copies else near.value
-    end, predicted, active = polish(near, min(ends, key=lambda one: one.cost), near.value)
-    bent = predicted > CONVERGED  # far from a parabola
-    if bent:
+    end, predicted, active = polish(near, min(ends, key=lambda one: one.cost), near.value, finished=SETTLED)
+    if predicted > CONVERGED:  # far from a parabola
         near = with_second_derivatives(setup)
-        end, predicted, active = polish(near, slsqp(near, end.x), near.value, steps=LONG_WAY)
-    if setup.copies and (held or bent):
-        end, predicted, active = polish(near, end, whole, finished=SETTLED)
+        end, predicted, active = polish(near, slsqp(near, end.x), near.value, steps=LONG_WAY, finished=SETTLED)
     evaluations = tried + sum(one.evaluations for one in ends) + end.evaluations
     solver = judged(predicted, evaluations, costs or [one.cost for one in ends], [near.names(i) for i in active])
     return Solved(setup, end.x, end.cost, solver)

@@ -32,14 +32,12 @@ def test_a_lamp_on_a_staircase() -> None:
     assert "release-differs" in codes and "never-asked" in codes
 
 
-@pytest.mark.slow
-def test_heaters_that_were_on_from_the_first_row() -> None:
-    for name, rmse in (("heater_dead_time.csv", 0.27), ("heater_on_from_first_row.csv", 0.35)):
-        found = fitted(name, HEATER)
-        assert found.converged and found.nonlinear is not None and found.nonlinear.rmse is not None
-        assert found.nonlinear.rmse < rmse
-        assert "one-input-only" in [one.code for one in found.findings]
-    assert "input-never-moves" in [one.code for one in found.findings]
+def test_a_heaters_dead_time_is_its_own() -> None:
+    """README of the logs: + 35.4 °C after 13 to 15 s of dead time, RMSE 0.27 with it; the start is at rest then."""
+    found = fitted("heater_dead_time.csv", HEATER)
+    assert found.verdict.usable and found.nonlinear is not None and found.dead_time_s == pytest.approx(15, abs=1.5)
+    assert found.nonlinear.rmse == pytest.approx(0.27, abs=0.01)
+    assert found.nonlinear.curves[0].Ts == pytest.approx(35.4, rel=0.03)
 
 
 def test_a_heater_is_two_exponentials_and_no_independent_fit_has_less_left() -> None:
