@@ -15,6 +15,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from eaid.arrays import Array, inverse
+from eaid.errors import UsageError
 from eaid.estimate.data import quality
 from eaid.estimate.scatter import bartlett_variance
 from eaid.estimate.spread import t_quantile
@@ -238,8 +239,13 @@ class _Candidate:
 
 
 def fit_step(step: LevelStep, options: FitOptions | None = None) -> StepShape:
-    """The shape of one step, with a finding where it explains little."""
+    """The shape of one step, with a finding where it explains little; `UsageError`: a dead time beyond its record."""
     options = options or FitOptions()
+    if (options.held_dead_time_s or 0.0) >= 0.9 * step.time_s[-1]:
+        raise UsageError(
+            f"«dead_time» {options.held_dead_time_s:g} s: the step of {step.name} is recorded for "
+            f"{step.time_s[-1]:.3g} s; give a shorter one"
+        )
     y = step.output - step.start
     points = averaged(step.time_s, y)
     wanted = SHAPES if options.shape == "auto" else (cast(Shape, options.shape),)

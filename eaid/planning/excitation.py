@@ -14,7 +14,7 @@ from eaid.models.parameters import Nonlinear
 from eaid.options import FitOptions, Limits, PlanOptions
 from eaid.planning.design import Session, Widths, enlarged, finite, kept_widths, over, rig_of
 from eaid.planning.recordings import RATE_HZ, disturbance_of, refuse_widths
-from eaid.recorded.design import PARAMETERS, ExcitationPlan, plan_excitation, refuse_scattered
+from eaid.planning.sequences import PARAMETERS, ExcitationPlan, plan_excitation, refuse_scattered
 from eaid.recorded.fit import fit_recorded
 from eaid.results.fit import Fit
 from eaid.results.recorded import Excitation

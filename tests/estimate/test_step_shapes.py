@@ -14,6 +14,7 @@ import pytest
 
 import eaid
 from eaid.apparatus import Apparatus
+from eaid.errors import UsageError
 from eaid.estimate.step_shapes import curve, slopes
 from eaid.steps.stepset import LevelStep, StepSet
 
@@ -165,3 +166,8 @@ def test_a_lamp_on_a_staircase_and_heaters(realdata: Path) -> None:
     assert (rows[0].shape, rows[0].dead_time_s) == ("two", 0) and rows[0].change == pytest.approx(1.844, abs=0.001)
     assert (rows[0].tau1, rows[0].tau2) == (pytest.approx(0.0185, rel=0.01), pytest.approx(0.201, rel=0.01))
     assert [row.gain for row in rows] == pytest.approx([0.0369, 0.01308, 0.00739, 0.00492, 0.01557], rel=0.01)
+
+
+def test_a_dead_time_longer_than_the_record_is_refused(small_steps: Any) -> None:
+    with pytest.raises(UsageError, match=r"dead_time= 10000 s: the step of .* is recorded for"):
+        eaid.fit(small_steps, dead_time=1e4)

@@ -10,7 +10,7 @@ from eaid.estimate.scatter import Noise
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.options import Limits
 from eaid.planning.excitation import measure
-from eaid.recorded.design import plan_excitation, refuse_scattered
+from eaid.planning.sequences import plan_excitation, refuse_scattered
 
 NOISE = Noise(1.8e-7, 6e-5, (0.0, 0.0, 0.0))
 WANT = {"tau1": 8.0, "tau2": 25.0, "Ts": 3.0}
