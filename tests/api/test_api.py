@@ -7,7 +7,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 import pandas as pd
 import pytest
@@ -196,16 +195,6 @@ def test_a_sentence_may_be_reworded_without_any_number_changing(
     again.save(tmp_path / "fit.json")
     texts = [one["text"] for one in json.loads((tmp_path / "fit.json").read_text(encoding="utf-8"))["findings"]]
     assert texts and all(text.split(" (and ")[0] in SENTENCES for text in texts)
-
-
-def test_where_the_model_has_no_interval_the_levels_speak_for_themselves(small_fit: Any) -> None:
-    model = small_fit.nonlinear
-    silent = tuple(msgspec.structs.replace(row, ci95=None) for row in model.curves)
-    bare = msgspec.structs.replace(small_fit, nonlinear=msgspec.structs.replace(model, curves=silent))
-    assert "used   levels first" in small_fit.summary()
-    assert "shown  each level's own curve" in bare.summary()
-    row = bare.friction.levels[-1]
-    assert f"{row.Ts:.3g} ({row.ci95.Ts[0]:.3g}" in bare.summary()
 
 
 def test_steps_that_ask_for_a_dead_time_are_shown_with_it() -> None:
