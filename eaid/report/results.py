@@ -201,9 +201,8 @@ def kind_of(path: Path) -> str:
             content = None
         schema = str(content.get("schema", _by_its_parts(content))) if isinstance(content, dict) else ""
     known = {codec.schema_of(kind): kind for kind in ("fit", "gains", "replay", "data", "couple")}
-    if schema == "eaid/fit/1":
-        raise DataError(f"{path}: is an eaid/fit/1 file of an older version; fit again with this one")
     if schema not in known:
+        codec.refuse_other_version(path, schema)
         raise DataError(f"{path}: is no result of eaid; give a fit.json, gains.json, replay.h5 or data.h5")
     return known[schema]
 

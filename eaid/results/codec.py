@@ -107,9 +107,15 @@ def kind_of(path: Path) -> str:
     for kind, parts in KINDS.items():
         if schema == schema_of(kind) or (schema is None and any(part in content for part in parts)):
             return kind
-    if isinstance(schema, str) and schema.startswith("eaid/"):
-        raise DataError(f"{path}: is an {schema} file; make it again with this version of eaid")
+    refuse_other_version(path, schema)
     raise DataError(f"{path}: is no result of eaid; give a fit.json, gains.json or couple.json")
+
+
+def refuse_other_version(path: Path, schema: object) -> None:
+    """Raise DataError where a file names a schema of a known kind, but of another version."""
+    kind = schema.split("/")[1] if isinstance(schema, str) and schema.count("/") == 2 else ""
+    if kind in KINDS and schema != schema_of(kind):
+        raise DataError(f"{path}: is an {schema} file; make it again with this version of eaid")
 
 
 def digest_of(content: dict[str, Any]) -> str:

@@ -616,7 +616,7 @@ class Fit(Shown, Result, frozen=True, dict=True):
 
     @property
     def rsquared(self) -> float:
-        """1 − ‖y − ŷ‖²/‖y − mean y‖² of the same model."""
+        """1 − ‖y − ŷ‖²/‖y − mean y‖² of the same model; of the friction model about each level's own mean."""
         from eaid.results import frames
 
         return frames.scores(self)[1]

@@ -106,17 +106,24 @@ def residuals(fit: "Fit") -> pd.Series:
 
 
 def scores(fit: "Fit") -> tuple[float, float, float]:
-    """RMSE, R² and AIC of the first model that was fitted."""
+    """RMSE, R² and AIC of the first model that was fitted; coefficients that the levels do not allow are 0."""
     model = _model_of(fit)
     part = getattr(fit, model)
-    rows = part.levels if model == "friction" else part.per_level
-    sse = sum(row.sse or 0.0 for row in rows)
-    count = sum(row.sse / row.rmse**2 for row in rows if row.sse and row.rmse)
-    k = {"nonlinear": 10, "linear": 3, "friction": 3 * len(rows)}[model]
-    if model != "friction":
-        return part.rmse, part.R2, count * np.log(max(part.sse, 1e-300) / count) + 2 * (k + 1)
-    spread = sum(row.sse / (1 - row.R2) for row in rows if row.R2 is not None and row.R2 < 1)
-    return np.sqrt(sse / count), 1 - sse / spread, count * np.log(max(sse, 1e-300) / count) + 2 * (k + 1)
+    if model == "friction":
+        rows = [row for row in part.levels if row.sse and row.rmse and row.R2 is not None]
+        if not rows:
+            return np.nan, np.nan, np.nan
+        sse, free = sum(row.sse for row in rows), (3 + (part.C is None)) * len(rows)
+        rmse = float(np.sqrt(sse / sum(row.sse / row.rmse**2 for row in rows)))
+        R2 = 1 - sse / sum(row.sse / (1 - row.R2) for row in rows)
+    else:
+        rmse, R2, sse = part.rmse, part.R2, part.sse
+        values = (part.a0, part.b0, part.c0) if model == "linear" else (*part.Ts, *part.tau1, *part.tau2)
+        free = int(np.count_nonzero(values)) + (model == "nonlinear" and part.C_free)
+    if not (sse and rmse):
+        return rmse, R2, np.nan
+    count = sse / rmse**2
+    return rmse, R2, count * np.log(sse / count) + 2 * (free + 1)
 
 
 def _model_of(fit: "Fit") -> str:

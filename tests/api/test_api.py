@@ -84,6 +84,8 @@ def test_one_value_a_level_whatever_surface_tells_it(small_fit: Any) -> None:
         assert known.loc[name, "value"] == getattr(row, name) == getattr(curve, name)
         assert fit.params["friction", f"{name}({level:g})"] == getattr(row, name)
         assert (known.loc[name, "low"], known.loc[name, "high"]) == getattr(row.ci95, name) == getattr(curve.ci95, name)
+    assert fit.predict(level, [1e6]).iloc[0, 0] == pytest.approx(curve.Ts, rel=1e-12)
+    assert f"{curve.Ts:.3g} ({curve.ci95.Ts[0]:.3g}" in fit.summary()
     between = fit.at(0.5 * (LEVELS[1] + LEVELS[2]))
     assert (between["low"] < between["value"]).all() and (between["value"] < between["high"]).all()
     with pytest.raises(UsageError, match="the fit knows"):
@@ -103,19 +105,30 @@ def test_the_table_of_parameters_has_every_interval_and_the_others_follow(small_
     assert eaid.load(tmp_path / "fit.json").at(LEVELS[0]).equals(fit.at(LEVELS[0]))
     text = (tmp_path / "fit.json").read_text(encoding="utf-8").replace("eaid/fit/2", "eaid/fit/1")
     (tmp_path / "old.json").write_text(text, encoding="utf-8")
-    with pytest.raises(DataError, match="eaid/fit/1"):
-        eaid.load(tmp_path / "old.json")
+    for use in (eaid.load, lambda path: eaid.report([path], tmp_path / "report")):
+        with pytest.raises(DataError, match="is an eaid/fit/1 file; make it again"):
+            use(tmp_path / "old.json")
 
 
-def test_residuals_and_scores_by_hand(small_steps: Any, small_fit: Any, tmp_path: Path) -> None:
-    fit, left = small_fit, small_fit.residuals
-    first = small_steps.levels[0]
+@pytest.mark.parametrize(
+    ("options", "free"),
+    [({}, 9), ({"share": "free"}, 10), ({"model": ("linear",)}, 3), ({"model": ("friction",)}, 9)],
+)
+def test_residuals_and_scores_by_hand(small_steps: Any, options: dict[str, Any], free: int) -> None:
+    fit = eaid.fit(small_steps, **options)  # of three levels: T_s has three coefficients, not four
+    left, first = fit.residuals, small_steps.levels[0]
     mine = first.mean - fit.predict(first.level, first.time_s).to_numpy()[:, 0]
     np.testing.assert_allclose(left.loc[first.level].to_numpy(), mine, rtol=1e-9, atol=1e-12)
     sse, y = float((left**2).sum()), np.concatenate([level.mean for level in small_steps.levels])
+    means = [level.mean.mean() if "friction" in options.get("model", ()) else y.mean() for level in small_steps.levels]
+    spread = sum(((level.mean - mean) ** 2).sum() for level, mean in zip(small_steps.levels, means, strict=True))
     assert fit.rmse == pytest.approx(np.sqrt(sse / len(y)))
-    assert fit.rsquared == pytest.approx(1 - sse / ((y - y.mean()) ** 2).sum())
-    assert fit.aic == pytest.approx(len(y) * np.log(sse / len(y)) + 2 * 11)
+    assert fit.rsquared == pytest.approx(1 - sse / spread)
+    assert fit.aic == pytest.approx(len(y) * np.log(sse / len(y)) + 2 * (free + 1))
+
+
+def test_a_fit_of_a_file_has_a_covariance_and_no_residuals(small_fit: Any, tmp_path: Path) -> None:
+    fit = small_fit
     assert fit.cov_params().shape == (10, 10)
     fit.save(tmp_path / "fit.json")
     with pytest.raises(DataError, match="fit again"):

@@ -79,9 +79,3 @@ def test_a_level_that_does_not_move_and_one_of_zeros_have_no_say(levels: Any, se
     ours, theirs = (one.numbers(u, one.coefficients)[0] for one in (found, alone))
     assert found.solver.converged and ours[1:] == pytest.approx(theirs[1:], abs=0.25)
     assert found.at.Ts[0] == 0.0 and found.at.Ts[1] < 0.01
-
-
-def test_one_size_at_a_level_whatever_surface_tells_it(small_fit: Any) -> None:
-    row = small_fit.nonlinear.curves[1]
-    assert small_fit.predict(row.level, [1e6]).iloc[0, 0] == pytest.approx(row.Ts, rel=1e-12)
-    assert f"{row.Ts:.3g} ({row.ci95.Ts[0]:.3g}" in small_fit.summary()
