@@ -92,7 +92,9 @@ def test_one_value_a_level_whatever_surface_tells_it(small_fit: Any) -> None:
         fit.at(2 * max(LEVELS))
 
 
-def test_the_table_of_parameters_has_every_interval_and_the_others_follow(small_fit: Any, tmp_path: Path) -> None:
+def test_the_table_of_parameters_has_every_interval_and_the_others_follow(
+    small_fit: Any, run_eaid: Any, tmp_path: Path
+) -> None:
     fit = small_fit
     (row,) = [one for one in fit.parameters if (one.model, one.name) == ("linear", "a0") and one.level is None]
     t = [stats.t.ppf(1 - a / 2, row.dof) for a in (0.05, 0.5)]
@@ -105,9 +107,10 @@ def test_the_table_of_parameters_has_every_interval_and_the_others_follow(small_
     assert eaid.load(tmp_path / "fit.json").at(LEVELS[0]).equals(fit.at(LEVELS[0]))
     text = (tmp_path / "fit.json").read_text(encoding="utf-8").replace("eaid/fit/2", "eaid/fit/1")
     (tmp_path / "old.json").write_text(text, encoding="utf-8")
-    for use in (eaid.load, lambda path: eaid.report([path], tmp_path / "report")):
-        with pytest.raises(DataError, match="is an eaid/fit/1 file; make it again"):
-            use(tmp_path / "old.json")
+    with pytest.raises(DataError, match="is an eaid/fit/1 file; make it again"):
+        eaid.load(tmp_path / "old.json")
+    result = run_eaid("report", tmp_path / "old.json", "-o", tmp_path / "report")
+    assert result.code == 3 and "is an eaid/fit/1 file; make it again" in result.err
 
 
 @pytest.mark.parametrize(
