@@ -20,10 +20,10 @@ from eaid.errors import DataError, UsageError
 from eaid.files import LOGS, is_as_written, sha256_of, written_whole
 from eaid.findings import finding
 from eaid.logs.columns import INPUTS, OUTPUTS, TIME
-from eaid.logs.dialect import has_table, lines_of
 from eaid.logs.formats import format_of, is_hdf5
 from eaid.logs.run import Run
 from eaid.logs.table import plain
+from eaid.logs.text import has_table, lines_of
 from eaid.logs.units import split_name
 from eaid.options import ReadOptions
 from eaid.shown import listed

@@ -1,8 +1,28 @@
-"""The formats that logs come in, each told by its first bytes, never by the ending of its name."""
+"""The formats that logs come in, each told by its first bytes, and the isolated reader of those of other programs.
 
+Compiled libraries break down, go round in circles or unpack without bound on some damaged files. Where they do so in a
+process of its own, with bounded time and (on Linux) memory, the file is refused and nothing else is lost; the next file
+gets a new process. It is kept apart for its crashes, not as a prison: it runs with the rights of the command.
+"""
+
+import contextlib
+import os
 import re
-from collections.abc import Callable
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
 from typing import NamedTuple
+
+import msgspec
+
+from eaid.errors import DataError
+from eaid.logs.foreign.answer import Answer, Question, received, send
+from eaid.logs.table import Cells, Table
 
 UNREAD: tuple[tuple[bytes, str], ...] = (
     (b"PK\x03\x04", "a ZIP archive or an Excel workbook; unpack it, or save its sheet as CSV"),
@@ -65,26 +85,102 @@ def _is_mat(head: bytes) -> bool:
 
 
 FORMATS: tuple[Format, ...] = (
-    Format("HDF5", is_hdf5, "hdf5.read_hdf5"),
+    Format("HDF5", is_hdf5, "arrays.read_hdf5"),
     Format("LVM", _begins(b"LabVIEW Measurement", b"\xef\xbb\xbfLabVIEW Measurement"), "lvm.read_lvm"),
-    Format("TDMS", _begins(b"TDSm"), "tdms.read_tdms", "nptdms"),
+    Format("TDMS", _begins(b"TDSm"), "signals.read_tdms", "nptdms"),
     Format("Parquet", _begins(b"PAR1"), "parquet.read_parquet"),
     Format("Arrow", _begins(b"ARROW1"), "parquet.read_arrow"),
-    Format("MDF", _begins(b"MDF     ", b"UnFinMF "), "mdf.read_mdf", "asammdf"),
+    Format("MDF", _begins(b"MDF     ", b"UnFinMF "), "signals.read_mdf", "asammdf"),
     Format("ROS bag", _begins(b"#ROSBAG V", b"\x89MCAP0\r\n", b"SQLite format 3\0"), "ros.read_ros", "rosbags"),
-    Format("NumPy", _begins(b"\x93NUMPY"), "mat.read_npy"),
-    Format("MAT", _is_mat, "mat.read_mat"),
+    Format("NumPy", _begins(b"\x93NUMPY"), "arrays.read_npy"),
+    Format("MAT", _is_mat, "arrays.read_mat"),
     Format("not read", lambda head: unread(head) is not None),
     Format("text", lambda _: True),
 )
-
-
-CHECKED = Format("HDF5", is_hdf5, "hdf5.read_through")
+CHECKED = Format("HDF5", is_hdf5, "arrays.read_through")
 """An HDF5 file read to its end, so that what breaks the HDF5 library does not break this process."""
-DATASET = Format("HDF5", is_hdf5, "hdf5.read_schema")
-"""One table for a dataset of eaid, none for any other HDF5 file."""
 
 
 def format_of(head: bytes) -> Format:
     """The first format that recognises the bytes; text is the last."""
     return next(form for form in FORMATS if form.is_it(head))
+
+
+READER: tuple[str, ...] = (sys.executable, "-P", "-m", "eaid.logs.foreign.answer")
+LONGEST_S = 60.0
+"""Time for any file; a second for every megabyte comes on top [s]."""
+
+
+class ForeignReader:
+    """The process, started when the first such file comes and ended with the block that it is used in."""
+
+    def __init__(self) -> None:
+        self._process: subprocess.Popen[bytes] | None = None
+        self.alone = threading.RLock()
+        """Held while one file is read: the process knows one file at a time."""
+
+    def __enter__(self) -> "ForeignReader":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._end()
+
+    def tables(self, form: Format, path: Path, source: str) -> list[Table]:
+        """Tables of a file of a format."""
+        if form.library and find_spec(form.library) is None:
+            raise DataError(
+                f"{source}: is a {form.name} file, which takes {form.library} to read; "
+                f'pip install "eaid[{form.name.split()[0].lower()}]"'
+            )
+        question = Question(form.reader, str(path), source, form.name)
+        found = self._asked(question).tables
+        return [replace(table, load=partial(self._load, question, k)) for k, table in enumerate(found)]
+
+    def _load(self, question: Question, table: int, wanted: Sequence[int]) -> Cells:
+        return self._asked(msgspec.structs.replace(question, table=table, wanted=tuple(wanted))).cells
+
+    def _asked(self, question: Question) -> Answer:
+        with self.alone:
+            if self._process is None:
+                places = os.pathsep.join(place for place in sys.path if place)
+                self._process = subprocess.Popen(
+                    READER, env={**os.environ, "PYTHONPATH": places}, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                    stderr=subprocess.DEVNULL,
+                )  # fmt: skip
+            process = self._process
+            assert process.stdin is not None and process.stdout is not None
+            longest_s = LONGEST_S + Path(question.path).stat().st_size / 1e6
+            late = threading.Event()
+
+            def stop() -> None:
+                late.set()
+                process.kill()
+
+            bell = threading.Timer(longest_s, stop)
+            bell.daemon = True
+            bell.start()
+            try:
+                send(process.stdin, question)
+                answer = received(process.stdout, Answer)
+            except (OSError, EOFError, ValueError, MemoryError):
+                self._end()
+                raise DataError(
+                    f"{question.source}: takes longer than {longest_s:.0f} s to read; export it as CSV"
+                    if late.is_set()
+                    else f"{question.source}: is a damaged {question.what} file (its reader broke down on it); "
+                    f"copy or save it again"
+                ) from None
+            finally:
+                bell.cancel()
+            if answer.worn:
+                self._end()
+            if answer.refusal:
+                raise DataError(*answer.refusal)
+            return answer
+
+    def _end(self) -> None:
+        process, self._process = self._process, None
+        if process is not None:
+            process.kill()
+            with contextlib.suppress(OSError):
+                process.communicate()

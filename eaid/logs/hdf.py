@@ -28,8 +28,7 @@ def open_hdf5(path: Path, source: str) -> Iterator[h5py.File]:
     if as_written is False:
         raise DataError(f"{source}: is a damaged HDF5 file (not the bytes that eaid wrote); copy it again")
     if as_written is None:
-        from eaid.logs.foreign.ask import ForeignReader
-        from eaid.logs.formats import CHECKED
+        from eaid.logs.formats import CHECKED, ForeignReader
 
         with ForeignReader() as foreign:
             foreign.tables(CHECKED, path, source)

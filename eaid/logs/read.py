@@ -18,8 +18,7 @@ from eaid.files import LOGS, is_as_written, sha256_of
 from eaid.findings import Finding, finding
 from eaid.logs.dataset import read_dataset
 from eaid.logs.folders import files_of
-from eaid.logs.foreign.ask import ForeignReader
-from eaid.logs.formats import DATASET, format_of, unread
+from eaid.logs.formats import ForeignReader, format_of, unread
 from eaid.logs.run import Run
 from eaid.logs.text import read_text
 from eaid.logs.to_run import Origin, checked, run_of
@@ -266,9 +265,10 @@ def read_file(path: Path, options: ReadOptions, foreign: ForeignReader, hear: He
     if not form.reader:
         return [run_of(origin, read_text(path, source, partial(hear.share, source)), options)], []
     with foreign.alone:
-        if form.name == "HDF5" and (is_as_written(path) is not None or foreign.tables(DATASET, path, source)):
+        sealed = form.name == "HDF5" and is_as_written(path) is not None
+        tables = [] if sealed else foreign.tables(form, path, source)
+        if not tables:
             return read_dataset(path, source, sha256, lambda run: _of_dataset(options, hear, run))
-        tables = foreign.tables(form, path, source)
         return [run_of(origin, tables, options)], []
 
 

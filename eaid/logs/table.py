@@ -1,6 +1,8 @@
 """A table of a file: its columns are named before they are read."""
 
+import sys
 import unicodedata
+from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -36,15 +38,15 @@ class Cells:
 
     values: tuple[NDArray[Any], ...]
     bad: tuple[BadCell, ...] = ()
-    rows: Sequence[int] | None = None
-    """Row of the file for each sample; None: counted from `first_row`."""
-    first_row: int = 1
+    rows: tuple[tuple[int, int], ...] = ((0, 1),)
+    """Samples, and their rows of the file, from which on rows go with samples; the first sample is 0."""
     findings: tuple[Finding, ...] = ()
     """What reading had to do."""
 
     def row(self, index: int) -> int:
         """Row of the file, counted as an editor counts lines, of one sample."""
-        return self.rows[index] if self.rows is not None else self.first_row + index
+        sample, row = self.rows[bisect_right(self.rows, (index, sys.maxsize)) - 1]
+        return row + index - sample
 
 
 @dataclass(frozen=True)
@@ -81,8 +83,3 @@ class Table:
     def label(self, column: int) -> str:
         """How a sentence names a column."""
         return self.columns[column] or f"column {column + 1}"
-
-
-def no_columns(_: Sequence[int]) -> Cells:
-    """What is read of a table that has none here."""
-    return Cells(())

@@ -24,7 +24,7 @@ from scipy.io import savemat
 
 import eaid
 from eaid import DataError
-from eaid.logs.foreign import ask
+from eaid.logs import formats
 from eaid.logs.read import read_runs
 from eaid.options import ReadOptions
 
@@ -417,7 +417,7 @@ def test_what_is_not_there(tmp_path):
      (b"\x89MCAP0\r\n", "ROS bag", "rosbags"), (b"SQLite format 3\0", "ROS bag", "rosbags")],
 )  # fmt: skip
 def test_a_missing_library_is_named_with_its_pip_line(head, name, library, read, monkeypatch):
-    monkeypatch.setattr(ask, "find_spec", lambda name: None)
+    monkeypatch.setattr(formats, "find_spec", lambda name: None)
     extra = name.split()[0].lower()
     said = f'is a {name} file, which takes {library} to read; pip install "eaid[{extra}]"'
     assert read.refused(head + bytes(100)) == [said]

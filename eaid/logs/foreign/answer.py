@@ -1,4 +1,7 @@
-"""The isolated reader's own side: `python -m eaid.logs.foreign.answer` answers questions on stdin (see `ask`)."""
+"""The isolated reader's own side: `python -m eaid.logs.foreign.answer` answers questions on stdin (see `logs.formats`).
+
+What goes to and fro are typed messages and the bytes of arrays: neither side runs what the other sends.
+"""
 
 import os
 import sys
@@ -6,18 +9,91 @@ import threading
 import time
 from importlib import import_module
 from pathlib import Path
+from typing import IO, Any, TypeVar
 
+import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from eaid.errors import DataError
-from eaid.logs.foreign.wire import Answer, Question, cells_sent, head, refusal, send, tables_sent
-from eaid.logs.table import Table
+from eaid.logs.table import Cells, Table
 
+LONGEST_HEAD = 1 << 28
+"""Bytes of a message without its arrays."""
+KINDS = tuple(f"{order}{kind}" for order in "<>|" for kind in ("i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f8"))
 FLOOR = 512 << 20
 """Memory for any file [bytes], beyond what the process holds before it."""
 MOST_RATIO = 40
 """Memory for a file, as a multiple of its size (what is recorded packs by about 10)."""
+
+
+class Question(msgspec.Struct, frozen=True):
+    """What is asked about a file: its tables, or columns of one of them."""
+
+    reader: str
+    """`module.function` in this folder."""
+    path: str
+    source: str
+    """How sentences name the file."""
+    what: str
+    """Its format, in words."""
+    table: int | None = None
+    wanted: tuple[int, ...] = ()
+
+
+class Answer(msgspec.Struct, frozen=True, omit_defaults=True):
+    """Tables, or columns of one, or what is wrong."""
+
+    tables: tuple[Table, ...] = ()
+    cells: Cells = Cells(())
+    refusal: tuple[str, ...] = ()
+    worn: bool = False
+    """Whether nobody knows what the process still holds: it is not asked again."""
+
+
+M = TypeVar("M", Question, Answer)
+
+
+def send(out: IO[bytes], message: Question | Answer) -> None:
+    """Write a message, its arrays behind it; how a table is read is not sent."""
+    arrays: list[np.ndarray[Any, Any]] = []
+
+    def apart(value: Any) -> tuple[str, int] | None:
+        if not isinstance(value, np.ndarray):
+            return None
+        arrays.append(np.ascontiguousarray(value if value.dtype.kind in "iu" else value.astype(np.float64)))
+        return arrays[-1].dtype.str, len(value)
+
+    head = msgspec.msgpack.encode(message, enc_hook=apart)
+    out.write(len(head).to_bytes(8, "little") + head)
+    for array in arrays:
+        out.write(array.view("u1").data)
+    out.flush()
+
+
+def received(source: IO[bytes], kind: type[M]) -> M:
+    """The next message; raises EOFError where there is none, ValueError where it is something else."""
+
+    def read(count: int) -> bytes:
+        data = source.read(count)
+        if len(data) < count:
+            raise EOFError
+        return data
+
+    def beside(_: Any, said: Any) -> Any:
+        if said is None:
+            return lambda _: Cells(())
+        of, count = said
+        if of not in KINDS or not isinstance(count, int) or count < 0:
+            raise ValueError("no array of numbers")
+        array = np.empty(count, dtype=of)
+        if source.readinto(array.view("u1")) < array.nbytes:  # type: ignore[attr-defined]
+            raise EOFError
+        return array
+
+    count = int.from_bytes(read(8), "little")
+    if count > LONGEST_HEAD:
+        raise ValueError("no message")
+    return msgspec.msgpack.decode(read(count), type=kind, dec_hook=beside)
 
 
 def _bound_memory(size: int) -> None:
@@ -53,7 +129,7 @@ class _Open:
         self._key: tuple[str, str] | None = None
         self._tables: list[Table] = []
 
-    def answer(self, question: Question) -> tuple[Answer, tuple[NDArray[np.generic], ...]]:
+    def answer(self, question: Question) -> Answer:
         """The tables of a file, or columns of one of them; what is wrong where they cannot be had."""
         try:
             key = (question.reader, question.path)
@@ -65,17 +141,17 @@ class _Open:
                 read = getattr(import_module(f"eaid.logs.foreign.{module}"), function)
                 self._tables, self._key = read(path, question.source), key
             if question.table is None:
-                return tables_sent(self._tables), ()
-            return cells_sent(self._tables[question.table].load(question.wanted))
+                return Answer(tuple(self._tables))
+            return Answer(cells=self._tables[question.table].load(question.wanted))
         except DataError as fault:
-            return refusal(fault), ()
+            return Answer(refusal=tuple(fault.sentences))
         except MemoryError:
             far = f"{question.source}: takes far more memory to unpack than its size accounts for; save it unpacked"
-            return refusal(DataError(far), worn=True), ()
+            return Answer(refusal=(far,), worn=True)
         except Exception as fault:  # what a library raises on bytes that it did not expect has no common type
             reason = " ".join(str(fault).split())[:120].rstrip(".") or type(fault).__name__
             damaged = f"{question.source}: is a damaged {question.what} file ({reason}); copy or save it again"
-            return refusal(DataError(damaged)), ()
+            return Answer(refusal=(damaged,))
 
 
 def main() -> None:
@@ -86,10 +162,10 @@ def main() -> None:
     opened = _Open()
     while True:
         try:
-            question = head(sys.stdin.buffer, Question)
+            question = received(sys.stdin.buffer, Question)
         except EOFError:
             return
-        send(out, *opened.answer(question))
+        send(out, opened.answer(question))
 
 
 if __name__ == "__main__":

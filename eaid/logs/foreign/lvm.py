@@ -9,34 +9,49 @@ import itertools
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from eaid.arrays import Array
 from eaid.errors import DataError
-from eaid.logs.dialect import Marks
 from eaid.logs.table import BadCell, Cells, Table
-from eaid.logs.text import plain_value
+from eaid.logs.text import Marks
 
 END = "***End_of_Header***"
 MARKED = ("***Start_Special***", "***End_Special***")
-Header = Mapping[str, Sequence[str]]
 
 
-@dataclass
-class _Segment:
-    header: Header
-    names: list[str]
+class _Segment(NamedTuple):
+    header: Mapping[str, Sequence[str]]
+    names: Sequence[str]
     """Of all columns, `X_Value` and `Comment` among them."""
-    rows: list[tuple[int, list[str]]]
+    rows: Sequence[tuple[int, list[str]]]
     """Line of the file and cells."""
 
     @property
+    def places(self) -> list[int]:
+        """The columns of its channels."""
+        return [i for i, name in enumerate(self.names) if name not in ("", "X_Value", "Comment")]
+
+    @property
     def channels(self) -> list[str]:
-        return [name for name in self.names if name not in ("", "X_Value", "Comment")]
+        return [self.names[i] for i in self.places]
+
+    def said(self, key: str) -> str:
+        """The first cell of a line of the header that is not empty."""
+        return next((cell for cell in self.header.get(key, ()) if cell), "")
+
+    def clock(self, decimal: str) -> float:
+        """Clock time [s], counted from a fixed day; NaN where the header has none that can be read."""
+        whole, _, fraction = self.said("Time").replace(decimal, ".").partition(".")
+        try:
+            at = datetime.strptime(f"{self.said('Date')} {whole}", "%Y/%m/%d %H:%M:%S")
+            return (at - datetime(2000, 1, 1)).total_seconds() + float(f"0.{fraction or 0}")
+        except ValueError:
+            return math.nan
 
 
 def read_lvm(path: Path, source: str) -> list[Table]:
@@ -64,21 +79,21 @@ def read_lvm(path: Path, source: str) -> list[Table]:
         if segment.channels != names:
             raise DataError(f"{source}: its channels change ({', '.join(segment.channels[:8])}, before: "
                             f"{', '.join(names[:8])}); split the file there")  # fmt: skip
-    dimension = next((one for one in segments[0].header.get("X_Dimension", ()) if one), "Time")
-    if dimension != "Time":
+    if (dimension := segments[0].said("X_Dimension") or "Time") != "Time":
         raise DataError(f"{source}: its X is {dimension}, not Time: no log; save the signal itself")
-    marks = Marks(separator, next(iter(said.get("Decimal_Separator", ())), "."), "")
+    marks = Marks(separator, next(iter(said.get("Decimal_Separator", ())), "."))
     bad: list[BadCell] = []
-    rows = [line for segment in segments for line, _ in segment.rows]
     tables: list[Array] = []
     for segment in segments:
         tables.append(_table(source, segment, x_columns, marks, bad, sum(map(len, tables))))
     times = [table[:, 0] for table in tables]
-    started = [_clock(segment.header, marks.decimal) for segment in segments]
+    started = [segment.clock(marks.decimal) for segment in segments]
     anew = any(after[0] <= before[-1] for before, after in itertools.pairwise(times))
     if anew and all(math.isfinite(one) for one in started):
         times = [time + (start - started[0]) for time, start in zip(times, started, strict=True)]
     columns = [np.concatenate(times), *np.concatenate([table[:, 1:] for table in tables]).T]
+    at = [0, *(line for segment in segments for line, _ in segment.rows)]
+    rows = tuple((i, line) for i, (before, line) in enumerate(itertools.pairwise(at)) if not i or line != before + 1)
 
     def load(wanted: Sequence[int]) -> Cells:
         return Cells(tuple(columns[i] for i in wanted), tuple(one for one in bad if one.column in (-1, *wanted)), rows)
@@ -111,8 +126,7 @@ def _segments(source: str, cells: list[tuple[int, list[str]]]) -> list[_Segment]
         names = next((i for i, (_, row) in enumerate(part) if row[0] == "X_Value"), None)
         if names is None:
             raise DataError(f"{source}: its header cannot be followed (no line X_Value); save it again")
-        header = {row[0]: row[1:] for _, row in part[:names]}
-        segments.append(_Segment(header, part[names][1], part[names + 1 :]))
+        segments.append(_Segment({row[0]: row[1:] for _, row in part[:names]}, part[names][1], part[names + 1 :]))
     if not segments or begins[0] > 0:
         raise DataError(f"{source}: its header cannot be followed (no line Channels); save it again")
     return segments
@@ -122,46 +136,28 @@ def _table(source: str, segment: _Segment, x_columns: str, marks: Marks, bad: li
     """Times [s] and values of one segment, shape (n, 1 + channels); its bad cells, `before` rows on, go to `bad`."""
     if not segment.rows:
         raise DataError(f"{source}: holds a segment without rows; record the log again")
-    clocks = [i for i, name in enumerate(segment.names) if name == "X_Value"]
-    places = [i for i, name in enumerate(segment.names) if name not in ("", "X_Value", "Comment")]
-    taken = [*(clocks if x_columns != "No" else ()), *places]
+    clocks = [i for i, name in enumerate(segment.names) if name == "X_Value"] if x_columns != "No" else []
+    taken = [*clocks, *segment.places]
     table = np.full((len(segment.rows), len(taken)), np.nan)
-    free = "Comment" in segment.names
     for k, (_, row) in enumerate(segment.rows):
-        if len(row) <= places[-1] or (not free and any(row[len(segment.names) :])):
+        more = "Comment" not in segment.names and any(row[len(segment.names) :])
+        if len(row) <= taken[-1] or more:
             bad.append(BadCell(before + k, -1, str(len(row))))
             continue
         for j, place in enumerate(taken):
-            table[k, j] = plain_value(row[place], marks)
+            table[k, j] = marks.number(row[place])
             if not math.isfinite(table[k, j]):
-                column = 0 if place in clocks else 1 + places.index(place)
-                bad.append(BadCell(before + k, column, row[place][:40]))
+                bad.append(BadCell(before + k, max(0, j - len(clocks) + 1), row[place][:40]))
                 table[k, j] = np.nan
-    if x_columns != "No":
+    if clocks:
         if any(not np.array_equal(table[:, j], table[:, 0], equal_nan=True) for j in range(1, len(clocks))):
             raise DataError(f"{source}: its channels have different times; export them on one X column")
         return np.column_stack([table[:, 0], table[:, len(clocks) :]])
-    step, start = (_first_number(source, segment.header.get(key, ()), marks) for key in ("Delta_X", "X0"))
-    if not step > 0:
+    step, start = (marks.value(segment.said(key) or "nan") for key in ("Delta_X", "X0"))
+    for key, value in (("Delta_X", step), ("X0", start)):
+        if value is None:
+            said = segment.said(key)
+            raise DataError(f"{source}: its header cannot be followed ({said!r} is no number); save it again")
+    if not step or not step > 0:
         raise DataError(f"{source}: has neither a column of times nor a Delta_X above 0; save it again")
-    begin = start if math.isfinite(start) else 0.0
-    return np.column_stack([begin + np.arange(len(table)) * step, table])
-
-
-def _first_number(source: str, cells: Sequence[str], marks: Marks) -> float:
-    said = next((cell for cell in cells if cell), "nan")
-    value = marks.value(said)
-    if value is None:
-        raise DataError(f"{source}: its header cannot be followed ({said!r} is no number); save it again")
-    return value
-
-
-def _clock(header: Header, decimal: str) -> float:
-    """Clock time of a segment [s], counted from a fixed day; NaN where the header has none that can be read."""
-    day, clock = (next((cell for cell in header.get(key, ()) if cell), "") for key in ("Date", "Time"))
-    whole, _, fraction = clock.replace(decimal, ".").partition(".")
-    try:
-        at = datetime.strptime(f"{day} {whole}", "%Y/%m/%d %H:%M:%S")
-        return (at - datetime(2000, 1, 1)).total_seconds() + float(f"0.{fraction or 0}")
-    except ValueError:
-        return math.nan
+    return np.column_stack([(start if start and math.isfinite(start) else 0.0) + np.arange(len(table)) * step, table])

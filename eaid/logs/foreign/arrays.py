@@ -1,0 +1,302 @@
+"""Files of named arrays → tables: MAT v4, v5 and v7.3, HDF5, NumPy.
+
+Vectors of one length that lie in one place (the variables of a MAT-file, a structure, an HDF5 group) are a table, with
+the matrices of that length beside them, column by column. A matrix without vectors beside it is a table by itself
+(QuaRC: time first, samples in columns or rows), and so is every array of records. Only numbers are taken; objects,
+function handles and cells are left where they are and nothing in them is run.
+
+Links to other files, external storage and virtual datasets are refused. What CF and netCDF say of a variable holds:
+value = `scale_factor` · stored + `add_offset`, cells that are `_FillValue` or `missing_value` are empty, `units`.
+"""
+
+import math
+import zlib
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from eaid.errors import DataError
+from eaid.logs.hdf import nodes
+from eaid.logs.table import BadCell, Cells, Table
+
+FEWEST = 10
+"""Rows below which a matrix is no record, but gains and other settings."""
+OBJECTS = (
+    "holds MATLAB objects (a Simulink Dataset or timeseries) only; in MATLAB, save it as plain arrays: t = S.Time; "
+    "y = squeeze(S.Data); save('log.mat', 't', 'y', '-v7') for each signal S of the Dataset"
+)
+_CLASSES = {"", "double", "single", "logical", *(f"{u}int{n}" for u in ("", "u") for n in (8, 16, 32, 64))}
+"""Classes of MATLAB that are numbers; a file of another program says none."""
+
+
+class Column(NamedTuple):
+    """A column of a table: an array of NumPy or h5py, one of its rows or columns (whichever are longer), or a field."""
+
+    label: str
+    array: Any
+    part: int | str | None = None
+
+    def said(self, name: str, plain: Any) -> Any:
+        """An attribute of its array in an HDF5 file."""
+        return self.array.attrs.get(name, plain) if isinstance(self.array, h5py.Dataset) else plain
+
+    def values(self) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+        """Its numbers, and which of them were never written, shape (n,) each."""
+        key: Any = () if self.part is None else self.part
+        if isinstance(self.part, int):
+            across = self.array.shape[0] < self.array.shape[1]
+            key = (self.part, slice(None)) if across else (slice(None), self.part)
+        if isinstance(self.array, h5py.Dataset):
+            _check_chunks(self.array)
+        stored = np.asarray(self.array[key]).reshape(-1)
+        empty = np.zeros(len(stored), dtype=bool)
+        for name in ("_FillValue", "missing_value"):
+            empty |= np.isin(stored, np.atleast_1d(self.said(name, ())))
+        scale, offset = (
+            np.float64(np.ravel(self.said(*one))[0]) for one in (("scale_factor", 1.0), ("add_offset", 0.0))
+        )
+        if (scale, offset) != (1.0, 0.0):
+            stored = stored * scale + offset
+        return (np.where(empty, np.nan, stored) if empty.any() else stored), empty
+
+
+def _table(name: str, columns: Sequence[Column], dropped: Sequence[str] = (), clock: int | None = None) -> Table:
+    def load(wanted: Sequence[int]) -> Cells:
+        read = [columns[i].values() for i in wanted]
+        bad = [BadCell(int(row), i, "") for i, (_, empty) in zip(wanted, read, strict=True)
+               for row in np.flatnonzero(empty)]  # fmt: skip
+        return Cells(tuple(values for values, _ in read), tuple(bad))
+
+    units = tuple(_text(one.said("units", one.said("unit", ""))) for one in columns)
+    return Table(name, tuple(one.label for one in columns), load, units, clock=clock, dropped=tuple(dropped))
+
+
+def _tables(name: str, arrays: Mapping[str, Any], between: str = ".") -> tuple[list[Table], list[str]]:
+    """Tables of the arrays in the place `name`, and which of them hold no real numbers.
+
+    `between` stands between a place and what lies in it.
+    """
+    vectors: dict[int, list[Column]] = {}
+    matrices: list[tuple[str, Any]] = []
+    dropped: list[str] = []
+
+    def inside(leaf: str) -> str:
+        return f"{name}{between}{leaf}" if name else leaf
+
+    for leaf, array in arrays.items():
+        long = [n for n in array.shape if n != 1]
+        if array.dtype.kind not in "fiub":
+            dropped.extend([inside(leaf)] if array.size > 1 else [])
+        elif len(long) == 1 and array.size:
+            vectors.setdefault(array.size, []).append(Column(leaf, array))
+        elif len(long) == array.ndim == 2 and max(long) >= FEWEST:
+            matrices.append((leaf, array))
+    tables: list[Table] = []
+    for leaf, array in matrices:
+        count, beside = min(array.shape), vectors.get(max(array.shape))
+        labels = [_text(one) for one in np.ravel(Column("", array).said("columns", ()))]
+        if len(labels) != count and beside:
+            labels = [f"{leaf}[{k + 1}]" for k in range(count)]
+        elif len(labels) != count:  # no names where the first column is a time: they go by their place
+            first = Column("", array, 0).values()[0].astype(np.float64)
+            rising = len(first) > 2 and bool(np.mean(np.diff(first) > 0) > 0.9)
+            labels = [""] * count if rising else [f"column {k + 1}" for k in range(count)]
+        columns = [Column(label, array, k) for k, label in enumerate(labels)]
+        if beside is None:
+            tables.append(_table(inside(leaf), columns))
+        else:
+            beside.extend(columns)
+    tables += [_table(name if len(vectors) == 1 else inside(one[0].label), one) for one in vectors.values()]
+    return tables, dropped
+
+
+def _with_dropped(tables: Sequence[Table], dropped: Sequence[str]) -> list[Table]:
+    return [replace(table, dropped=(*table.dropped, *dropped)) for table in tables]
+
+
+def read_mat(path: Path, source: str) -> list[Table]:
+    """Tables of a MAT-file v4 or v5; raises DataError where it holds no numbers."""
+    from scipy.io import loadmat
+
+    try:
+        content: Mapping[str, Any] = loadmat(str(path), struct_as_record=True, squeeze_me=False)
+    except NotImplementedError:
+        raise DataError(f"{source}: is a MAT-file of a version that eaid cannot read; save it with -v7") from None
+    tables = _of_variables({name: value for name, value in content.items() if not name.startswith("__")})
+    if not tables:
+        opaque = any("function" in name.lower() or "None" in name for name in content) or any(
+            type(value).__name__ in ("MatlabOpaque", "MatlabFunction") for value in content.values()
+        )
+        raise DataError(
+            f"{source}: {OBJECTS}" if opaque else f"{source}: holds no table of numbers; save time and torque as arrays"
+        )
+    return tables
+
+
+def _number(value: Any) -> NDArray[Any] | None:
+    """A real numeric array without its empty axes, or None."""
+    if isinstance(value, np.ndarray) and value.dtype.kind in "fiub" and value.size:
+        return np.squeeze(value) if value.ndim > 2 else value
+    return None
+
+
+def _of_variables(variables: Mapping[str, Any], name: str = "") -> list[Table]:
+    """Tables of named values, those of every structure among them."""
+    tables: list[Table] = []
+    arrays: dict[str, NDArray[Any]] = {}
+    for leaf, value in variables.items():
+        if isinstance(value, np.ndarray) and value.dtype.names and value.size == 1:
+            tables.extend(_structure(f"{name}.{leaf}" if name else leaf, value.reshape(-1)[0]))
+        elif isinstance(value, np.ndarray):
+            number = _number(value)
+            arrays[leaf] = value if number is None else number
+    found, dropped = _tables(name, arrays)
+    return _with_dropped([*tables, *found], dropped)
+
+
+def _texts(value: Any) -> list[str]:
+    """All texts of a label: one, or one a column."""
+    if isinstance(value, np.ndarray) and value.dtype == object:
+        return [text for item in value.reshape(-1) for text in _texts(item)]
+    return (
+        [str(text) for text in value.reshape(-1)] if isinstance(value, np.ndarray) and value.dtype.kind == "U" else []
+    )
+
+
+def _structure(name: str, record: Any) -> list[Table]:
+    """Structure with time (`time`, `signals.values`, `signals.label`), or any structure of vectors."""
+    fields = record.dtype.names
+    signals = record["signals"] if "signals" in fields else None
+    if not (isinstance(signals, np.ndarray) and signals.dtype.names and "values" in signals.dtype.names):
+        return _of_variables({field: record[field] for field in fields}, name)
+    time = _number(record["time"]) if "time" in fields else None
+    clock = None if time is None else time.reshape(-1)
+    columns = [] if clock is None else [Column("time", clock)]
+    for k, signal in enumerate(signals.reshape(-1)):
+        if (values := _number(signal["values"])) is None:
+            continue
+        table = values if clock is None or len(values) == len(clock) else values.T
+        table = table.reshape(len(table), -1)
+        labels = _texts(signal["label"]) if "label" in signals.dtype.names else []
+        if len(labels) != table.shape[1]:
+            label = labels[-1] if labels else ("output" if signals.size == table.shape[1] == 1 else f"signal{k + 1}")
+            labels = [label] if table.shape[1] == 1 else [f"{label} {j + 1}" for j in range(table.shape[1])]
+        columns += [Column(label, table[:, j]) for j, label in enumerate(labels)
+                    if clock is None or not np.array_equal(table[:, j], clock)]  # fmt: skip
+    columns = [one for one in columns if len(one.array) == len(columns[0].array)]
+    seen: Counter[str] = Counter()
+    for i, one in enumerate(columns):  # a number behind a name that comes again
+        seen[one.label] += 1
+        if seen[one.label] > 1:
+            columns[i] = one._replace(label=f"{one.label} #{seen[one.label]}")
+    return [_table(name, columns, clock=None if clock is None else 0)] if columns else []
+
+
+def read_npy(path: Path, source: str) -> list[Table]:
+    """The one table of a NumPy file; raises DataError where it holds no columns of numbers."""
+    try:
+        array = np.load(path, allow_pickle=False)
+    except (ValueError, EOFError) as fault:
+        if "pickle" in str(fault):
+            raise DataError(
+                f"{source}: holds pickled objects, which can run code; save its numbers as numpy.asarray(…, float)"
+            ) from None
+        raise DataError(f"{source}: is no whole NumPy array of numbers; export the log as CSV or HDF5") from None
+    columns = _fields(array)
+    if array.ndim == 2 and array.dtype.kind in "fiub":
+        columns = [Column("", array, k) for k in range(min(array.shape))]
+    if not columns:
+        raise DataError(
+            f"{source}: holds no columns of numbers; save a matrix, or records with a field for each column"
+        )
+    return [_table("", columns)]
+
+
+def _fields(array: Any) -> list[Column]:
+    """The columns of an array of records."""
+    return [Column(name, array, name) for name in array.dtype.names or () if array.dtype[name].kind in "fiub"]
+
+
+def read_through(path: Path, source: str) -> list[Table]:
+    """Read an HDF5 file to its end, attributes and arrays: no table, but whatever the library stumbles over."""
+    with h5py.File(path, "r", locking=False) as file:
+        for _, node in nodes(file, source):
+            for key in node.attrs:
+                node.attrs[key]
+            if isinstance(node, h5py.Dataset) and node.shape is not None:
+                _check_chunks(node)
+                node[()]
+    return []
+
+
+def read_hdf5(path: Path, source: str) -> list[Table]:
+    """Tables of an HDF5 file, none of a dataset of eaid; raises DataError where it holds no table of numbers."""
+    file = h5py.File(path, "r", locking=False)
+    if _text(file.attrs.get("schema", "")).startswith("eaid/data/") or ("digest" in file.attrs and "runs" in file):
+        return []
+    with path.open("rb") as raw:
+        matlab = raw.read(6) == b"MATLAB"
+    places: dict[str, dict[str, h5py.Dataset]] = {}
+    found: list[Table] = []
+    dropped: list[str] = []
+    opaque = False
+    for name, node in nodes(file, source):
+        if name.startswith("#"):
+            opaque = True
+        elif isinstance(node, h5py.Dataset) and node.shape is not None:
+            if matlab and (kind := _text(node.attrs.get("MATLAB_class", ""))) not in _CLASSES:
+                opaque = opaque or kind not in ("char", "cell", "struct")
+                dropped.append(name)
+            elif node.dtype.names and node.ndim == 1:
+                found.append(_table(name, _fields(node)))
+            else:
+                place, _, leaf = name.rpartition("/")
+                places.setdefault(place, {})[leaf] = node
+    for place, arrays in places.items():
+        tables, others = _tables(place, arrays, "/")
+        found.extend(tables)
+        dropped.extend(others)
+    if not found:
+        raise DataError(
+            f"{source}: {OBJECTS}"
+            if matlab and opaque
+            else f"{source}: holds no table of numbers; save time and torque as arrays of one length"
+        )
+    return _with_dropped(found, dropped)
+
+
+def _text(value: Any) -> str:
+    return value.decode("latin-1") if isinstance(value, bytes) else str(value)
+
+
+def _check_chunks(array: h5py.Dataset) -> None:
+    """Raise ValueError where a chunk, as it lies in the file or unpacked, is not as long as its part of the array.
+
+    The HDF5 library does not look: whatever lies behind a short one in memory comes out as numbers.
+    """
+    plan, node = array.id.get_create_plist(), array.id
+    if plan.get_layout() != h5py.h5d.CHUNKED:
+        return
+    whole = math.prod(plan.get_chunk()) * node.get_type().get_size()
+    filters = [plan.get_filter(i)[0] for i in range(plan.get_nfilters())]
+    added = {h5py.h5z.FILTER_SHUFFLE: 0, h5py.h5z.FILTER_FLETCHER32: 4}  # bytes, by filters that do not pack
+    for i in range(node.get_num_chunks()):
+        info = node.get_chunk_info(i)
+        used = [one for k, one in enumerate(filters) if not info.filter_mask >> k & 1]
+        packed = [one for one in used if one not in added]
+        if not packed:
+            fits = info.size == whole + sum(added[one] for one in used)
+        elif packed == [h5py.h5z.FILTER_DEFLATE]:
+            before = sum(added[one] for one in used[: used.index(h5py.h5z.FILTER_DEFLATE)])
+            _, raw = node.read_direct_chunk(info.chunk_offset)
+            fits = len(zlib.decompressobj().decompress(raw, whole + before + 1)) == whole + before
+        else:  # the others check the length themselves
+            fits = True
+        if not fits:
+            raise ValueError("a chunk of it has a wrong length")
