@@ -87,8 +87,8 @@ def _on_one_clock(source: str, signals: Sequence[Signal], wanted: Sequence[int])
     if not places:
         return Cells(tuple(columns))
     others = " and ".join(one.name for one in taken if one.clock in places)
-    held = finding("signals-held", source, columns=others, left_out=len(base) - len(columns[0]))
-    return Cells(tuple(columns), findings=(held,))
+    told = finding("signals-held", source, columns=others, left_out=len(base) - len(columns[0]))
+    return Cells(tuple(columns), findings=(told,))
 
 
 def seconds(stamps: NDArray[Any], start: Any = None) -> Array:
