@@ -55,8 +55,6 @@ OUTPUTS = (
 SETTINGS = {"limit", "limits", "max", "maximum", "min", "minimum", "offset", "bias", "gain", "threshold", "range",
             "zero", "tare", "rated", "nominal"}  # fmt: skip
 """Words in the names of columns that hold a setting, not what was measured or commanded."""
-COUNTERS = {"sample", "samples", "index", "idx", "count", "counter", "frame", "row", "tick", "ticks", "nr", "no", "n"}
-"""Names of columns that number the samples."""
 _REFERENCE = {"reference", "ref", "desired", "des", "target", "setpoint", "command", "cmd", "commanded"}
 
 
@@ -314,36 +312,25 @@ def by_place(path: str, table: Table, options: ReadOptions) -> Roles:
     """
     count, rate = len(table.columns), bool(options.rate_hz or table.rates)
     places = {(3, False): (0, 1, 2), (2, False): (0, None, 1), (2, True): (None, 0, 1), (1, True): (None, None, 0)}
-    columns: tuple[NDArray[Any], ...] = ()
-    rising: tuple[int, ...] = ()
-    stepping: tuple[int, ...] = ()
-    if count <= 64:
-        columns = table.load(range(count)).values
-        rising = tuple(i + 1 for i, values in enumerate(columns) if rises(values))
-        stepping = tuple(i + 1 for i, values in enumerate(columns) if steps(values))
-    if options.columns or (count, rate) not in places or (not rate and rising and 1 not in rising):
-        time = rising[0] if len(rising) == 1 else 1
-        input_ = next((i for i in stepping if i != time), None)
-        output = next((i for i in range(count, 0, -1) if i not in (time, input_)), count)
-        proposed = ",".join(
-            f"{role}={place}" for role, place in (("time", time), ("input", input_), ("output", output)) if place
-        )
-        only = f"; only column {time} rises all the way" if len(rising) == 1 else ""
-        usual = float(np.median(np.diff(columns[time - 1]))) if only else 0.0
-        units = (
-            f"; and the unit of time if it is not s, perhaps «units» time={likely_time_unit(usual)}"
-            if usual >= 1
-            else ""
-        )
-        raise DataError(
-            f"{path}: its {count} columns have no names{only}; say by number, from 1 to {count}, what they are: "
-            f"«columns» {proposed}{units}"
-        )
-    time_at, input_at, output_at = places[count, rate]
-    order = [name for name, at in (("time", time_at), ("input", input_at), ("output", output_at)) if at is not None]
-    inputs = ((options.kind or "clutch", input_at),) if input_at is not None else ()
-    by_order = finding("columns-by-place", path, order=", ".join(order))
-    return Roles(time_at, inputs, output_at, None, findings=(by_order,))
+    columns = table.load(range(count)).values if count <= 64 else ()
+    rising = [i + 1 for i, values in enumerate(columns) if rises(values)]
+    if not options.columns and (count, rate) in places and (rate or not rising or 1 in rising):
+        place = time, input_, output = places[count, rate]
+        order = [role for role, at in zip(("time", "input", "output"), place, strict=True) if at is not None]
+        inputs = () if input_ is None else ((options.kind or "clutch", input_),)
+        by_order = finding("columns-by-place", path, order=", ".join(order))
+        return Roles(time, inputs, output, None, findings=(by_order,))
+    time = rising[0] if len(rising) == 1 else 1
+    input_ = next((i + 1 for i, values in enumerate(columns) if i + 1 != time and steps(values)), None)
+    output = next((i for i in range(count, 0, -1) if i not in (time, input_)), count)
+    roles = (("time", time), ("input", input_), ("output", output))
+    only, units = f"; only column {time} rises all the way" if len(rising) == 1 else "", ""
+    if only and (usual := float(np.median(np.diff(columns[time - 1])))) >= 1:
+        units = f"; and the unit of time if it is not s, perhaps «units» time={likely_time_unit(usual)}"
+    raise DataError(
+        f"{path}: its {count} columns have no names{only}; say by number, from 1 to {count}, what they are: «columns» "
+        f"{','.join(f'{role}={at}' for role, at in roles if at)}{units}"
+    )
 
 
 def rises(values: NDArray[Any]) -> bool:

@@ -12,7 +12,7 @@ from eaid.errors import DataError
 from eaid.logs.read import PLAIN, together
 from eaid.logs.run import Run
 from eaid.logs.table import Cells, Table
-from eaid.logs.to_run import Origin, run_of
+from eaid.logs.to_run import run_of
 from eaid.options import ReadOptions
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def runs_from_frames(frames: "pd.DataFrame | Mapping[str, pd.DataFrame]", option
             if frame.empty:
                 raise DataError(f"{name}: the DataFrame is empty; give rows with columns of time, input and output")
             table = _table(name, frame)
-            runs.append(run_of(Origin(name, name, _sha256(table), name), [table], options))
+            runs.append(run_of(name, name, _sha256(table), [table], options))
         except DataError as fault:
             faults.extend(fault.sentences)
     found, faults = together(runs, faults, options)

@@ -21,7 +21,7 @@ from eaid.logs.folders import files_of
 from eaid.logs.formats import ForeignReader, format_of, unread
 from eaid.logs.run import Run
 from eaid.logs.text import read_text
-from eaid.logs.to_run import Origin, checked, run_of
+from eaid.logs.to_run import checked, run_of
 from eaid.options import ReadOptions
 from eaid.shown import counted, listed
 
@@ -261,15 +261,18 @@ def read_file(path: Path, options: ReadOptions, foreign: ForeignReader, hear: He
         raise DataError(f"{source}: is {remedy}")
     form = format_of(head)
     sha256 = sha256_of(path)
-    origin = Origin(_stem(path), source, sha256, path.name)
+    name = path.name
+    for ending in (*LOGS, ".txt", ".h5", ".hdf5"):
+        name = name[: -len(ending)] if name.lower().endswith(ending) else name
     if not form.reader:
-        return [run_of(origin, read_text(path, source, partial(hear.share, source)), options)], []
+        tables = read_text(path, source, partial(hear.share, source))
+        return [run_of(name or path.name, source, sha256, tables, options, path.name)], []
     with foreign.alone:
         sealed = form.name == "HDF5" and is_as_written(path) is not None
         tables = [] if sealed else foreign.tables(form, path, source)
         if not tables:
             return read_dataset(path, source, sha256, lambda run: _of_dataset(options, hear, run))
-        return [run_of(origin, tables, options)], []
+        return [run_of(name or path.name, source, sha256, tables, options, path.name)], []
 
 
 def _of_dataset(options: ReadOptions, hear: Hear, run: Run) -> Run:
@@ -302,10 +305,3 @@ def _check_level(run: Run) -> None:
             f"{run.where}: its level is {run.level:g}, its input goes to {ends[0]:g} {run.input_unit}; "
             f"ingest the logs again"
         )
-
-
-def _stem(path: Path) -> str:
-    name = path.name
-    for ending in (*LOGS, ".txt", ".h5", ".hdf5"):
-        name = name[: -len(ending)] if name.lower().endswith(ending) else name
-    return name or path.name

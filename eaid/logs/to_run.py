@@ -3,32 +3,19 @@
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from eaid.arrays import Array, read_only
-from eaid.errors import DataError, UsageError
+from eaid.errors import DataError
 from eaid.findings import Finding, finding
-from eaid.logs.columns import COUNTERS, FEWEST, INPUTS, OUTPUTS, Roles, chosen_table, default_unit, steps, the_input
+from eaid.logs.columns import FEWEST, INPUTS, OUTPUTS, chosen_table, default_unit, steps, the_input
 from eaid.logs.run import INPUT_UNITS, Run
 from eaid.logs.table import Cells, Table, plain
-from eaid.logs.units import (
-    LARGEST_NM,
-    TIME_UNITS,
-    Scale,
-    divisor,
-    likely_time_unit,
-    scale_of,
-    split_name,
-    unit_of,
-    unit_said,
-    words_of,
-)
+from eaid.logs.units import LARGEST_NM, Scale, numbers_samples, scale_of, seconds_since_start, split_name, time_unit
 from eaid.options import ReadOptions
 
 LARGEST = 1e100
@@ -162,154 +149,6 @@ def _listed(source: str, found: Sequence[str], remedy: str) -> list[str]:
     return sentences
 
 
-class Clock(NamedTuple):
-    """A clock that began at a fixed day: what it counts, how many a second, its first stamps of our time [s]."""
-
-    counts: str
-    per_s: float
-    first_s: tuple[float, float]
-
-
-PER_S = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
-CLOCKS = (
-    *(Clock(f"{unit} since 1970", per_s, (1e9, 4e9)) for unit, per_s in PER_S.items()),
-    Clock("100 ns since 1601 (FILETIME)", 1e7, (1.26e10, 1.56e10)),
-    Clock("100 ns since the year 1 (.NET)", 1e7, (6.31e10, 6.61e10)),
-)
-SLOWEST_S = 90.0
-"""Sample time beyond which a clock without a unit counts not from a fixed day, but in a finer unit from power-up."""
-DAYS = ((30_000.0, 60_000.0), (700_000.0, 770_000.0))
-"""First stamps in days: Excel's of 1982 to 2064, MATLAB's datenum of 1916 to 2108."""
-FASTEST_HZ = 50_000.0
-"""Sample rate beyond which a clock whose unit nobody gave is warned of."""
-BRIEF_S, QUICK_HZ = 2.0, 2000.0
-"""Span and sample rate of a log that may be one of minutes, if nobody gave the unit."""
-LONGEST_S = 3600.0
-"""Span beyond which a clock whose unit nobody gave counts no seconds, if it counts whole numbers, or seldom."""
-
-
-@dataclass(frozen=True)
-class TimeScale:
-    """Seconds in one unit of a time column, and who said so: the user, or the file or the column's name."""
-
-    by_user: float | None = None
-    by_column: float | None = None
-
-    @property
-    def factor(self) -> float:
-        """Seconds in one unit, as far as it is known before the stamps are."""
-        return self.by_user or self.by_column or 1.0
-
-
-def time_scale(path: str, said: str | None, column: str, file_unit: str) -> TimeScale:
-    """Unit of a time column as the user, the file or its name says; raises where that is no unit of time."""
-    by_user = None
-    if said is not None:
-        known = unit_of(said)
-        if not said.startswith("/") and (known is None or known.quantity != "time"):
-            raise UsageError(f"«units» time={said}: is no unit of time; use {TIME_UNITS}")
-        by_user = 1.0 / divisor("time", said) if known is None else known.factor
-    bare = split_name(column)[0]
-    text = unit_said(path, "time", said, column, file_unit)
-    known = unit_of(text or (bare if len(bare) > 1 or bare == "s" else ""))
-    if known is not None and known.quantity == "time":
-        return TimeScale(by_user, known.factor)
-    if text and by_user is None:
-        raise DataError(
-            f"{path}: column {column} is in {text}, which is no unit of time that eaid knows; "
-            f"say it with «units» time=UNIT ({TIME_UNITS})"
-        )
-    return TimeScale(by_user)
-
-
-def seconds_since_start(
-    path: str, column: str, raw: NDArray[Any], scale: TimeScale
-) -> tuple[Array, float, tuple[Finding, ...]]:
-    """Time since the first sample [s], shape (n,), the clock there [s], and its warnings.
-
-    `raw` rises; raises DataError where the column numbers the samples, or names a unit that its stamps contradict.
-    """
-    if not len(raw):
-        return np.empty(0), 0.0, ()
-    first = raw[0]
-    gone = read_only(raw - first)
-    usual = float(np.median(np.diff(gone[:10_000]))) if len(gone) > 1 else 0.0
-    factor, of_column, findings = scale.factor, scale.by_column, list[Finding]()
-    day = next((one for one in CLOCKS if one.first_s[0] <= float(first) / one.per_s <= one.first_s[1]), None)
-    refuted = day is not None and of_column is not None and not math.isclose(of_column * day.per_s, 1.0)
-    too_fast = of_column is not None and 0 < usual * of_column < 1.0 / 5e6  # no bench samples so fast
-    if scale.by_user is not None:
-        if of_column is not None and not (refuted or too_fast) and not math.isclose(scale.by_user, of_column):
-            raise DataError(
-                f"{path}: column {column} says its unit, «units» time=UNIT another; leave it out, or mend the name"
-            )
-    elif refuted and day is not None:
-        raise DataError(
-            f"{path}: column {column} says its unit, but its first stamp, {float(first):.10g}, counts {day.counts}; "
-            f"say which with «units» time=UNIT"
-        )
-    elif too_fast:
-        rate_hz = 1.0 / (usual * factor)
-        findings.append(finding("time-too-fast", path, column=column, rate_hz=rate_hz, likely="d"))
-    elif of_column is None:
-        if words_of(split_name(column)[0]) & COUNTERS and usual == 1.0:
-            raise DataError(
-                f"{path}: column {column} numbers the samples and is no time; give their rate with «rate_hz» HZ and "
-                f"name no time column, or say «units» time=/1000 for 1000 samples a second"
-            )
-        _refuse_times_of_day(path, column, raw)
-        if day is not None and usual / day.per_s <= SLOWEST_S:
-            factor = 1.0 / day.per_s
-            if day.per_s != 1:
-                findings.append(finding("time-since-a-day", path, column=column, counts=day.counts))
-        elif usual < 1.0 / FASTEST_HZ and any(low <= first <= high for low, high in DAYS):
-            factor = 86400.0
-            findings.append(finding("time-in-days", path, column=column))
-        else:
-            findings.append(_of_seconds(path, column, gone, usual))
-    return read_only(gone if factor == 1.0 else gone * factor), float(first) * factor, tuple(findings)
-
-
-def _refuse_times_of_day(path: str, column: str, raw: NDArray[Any]) -> None:
-    """Refuse times of day that are written as numbers, 161859.9 and then 161900.0: minutes of 100 seconds."""
-    late = np.flatnonzero(np.diff(raw) >= 40)
-    ends, begins = raw[late] % 100, raw[late + 1] % 100
-    if len(late) and float(raw[-1]) < 240_000 and bool(((ends >= 59) & (ends < 60) & (begins < 1)).all()):
-        raise DataError(
-            f"{path}: column {column} holds times of day as numbers, {raw[late[0]]:.10g} and then "
-            f"{raw[late[0] + 1]:.10g}; save it as 16:18:59.9, or in seconds"
-        )
-
-
-def _of_seconds(path: str, column: str, gone: Array, usual: float) -> Finding:
-    """That seconds are assumed of a clock whose unit nobody gave, and what speaks against them."""
-    span, likely = float(gone[-1]), likely_time_unit(usual)
-    if 0 < usual < 1.0 / FASTEST_HZ:
-        likely = "d" if usual < 2e-7 else "min"
-        return finding("time-too-fast", path, column=column, rate_hz=1.0 / usual, likely=likely)
-    if usual > SLOWEST_S and span > LONGEST_S:
-        return finding("time-too-long", path, column=column, usual_s=usual, span_s=span, likely=likely)
-    if usual >= 1.0 and bool(np.all(gone[:100_000] == np.floor(gone[:100_000]))):
-        code = "time-too-long" if span > LONGEST_S else "time-in-whole-numbers"
-        return finding(code, path, column=column, usual_s=usual, span_s=span, likely=likely)
-    if 0 < usual < 1.0 / QUICK_HZ and span < BRIEF_S:
-        return finding("time-brief", path, column=column, rate_hz=1.0 / usual, span_s=span)
-    return finding("unit-assumed", path, role="time", column=column, unit="s")
-
-
-@dataclass(frozen=True)
-class Origin:
-    """Where a table comes from."""
-
-    name: str
-    """Of the run."""
-    source: str
-    """How sentences name it."""
-    sha256: str
-    says: str
-    """The text in which the name pattern is looked for."""
-
-
 class _Columns:
     """The columns of a table that have been read, the first of which keeps its own times, and others on demand."""
 
@@ -338,6 +177,11 @@ class _Columns:
             )
         return values
 
+    def bad(self, wanted: set[int | None]) -> list[tuple[int, str, str]]:
+        """Cells that could not be read, of some columns or whole rows (−1): sample, column label, what stands there."""
+        bad = sorted((cell for cell in self.cells.bad if cell.column in wanted), key=lambda one: (one.row, one.column))
+        return [(one.row, "" if one.column < 0 else self._table.label(one.column), one.text) for one in bad]
+
     def kept(self, column: int) -> NDArray[Any]:
         """The samples of a column that are kept."""
         return self[column] if self.keep is None else self[column][self.keep]
@@ -351,55 +195,6 @@ def _signed(values: NDArray[Any]) -> NDArray[Any]:
         return values
     too_large = values.dtype == np.uint64 and len(values) and values.max() > np.iinfo(np.int64).max
     return values.astype(np.float64 if too_large else np.int64)
-
-
-@dataclass(frozen=True)
-class _Log:
-    """The table that is read, what its columns are, and what the user says of them."""
-
-    source: str
-    table: Table
-    roles: Roles
-    options: ReadOptions
-
-    @cached_property
-    def clock(self) -> int | None:
-        """The time column; None where the sample rate stands for it. Raises DataError where both are given."""
-        time = self.roles.time
-        if time is None or self.options.rate_hz is None:
-            return time
-        if words_of(split_name(self.table.columns[time])[0]) & COUNTERS:
-            return None
-        label = self.table.label(time)
-        raise DataError(f"{self.source}: has a time column, {label}, so «rate_hz» does nothing; leave it out")
-
-    @cached_property
-    def time_scale(self) -> TimeScale:
-        """Unit of the time column, or of the sample numbers."""
-        if self.clock is None:
-            said = {rate_hz for _, rate_hz in self.table.rates}
-            if len(said) > 1 and self.options.rate_hz is None:
-                listed = " and ".join(f"{rate_hz:g} Hz in {place}" for place, rate_hz in self.table.rates)
-                raise DataError(f"{self.source}: has no time column, and says {listed}; say which with «rate_hz» HZ")
-            return TimeScale(1.0 / (self.options.rate_hz or said.pop()))
-        column, unit = self.table.columns[self.clock], self.table.unit(self.clock)
-        return time_scale(self.source, self.options.units.get("time"), column, unit)
-
-    def scale(self, role: str, column: int, default: str) -> Scale:
-        """Unit of an input or output column, and its factor."""
-        name, label, said = self.table.columns[column], self.table.label(column), self.options.units.get(role)
-        return scale_of(self.source, role, said, name, self.table.unit(column), default, label)
-
-    def good(self, columns: _Columns, time: NDArray[Any], used: Sequence[int | None]) -> NDArray[np.intp] | None:
-        """Samples to keep; None: all of them."""
-        taken = [column for column in used if column is not None and column != self.clock]
-        named = {"time" if self.clock is None else self.table.label(self.clock): time}
-        named |= {self.table.label(column): columns[column] for column in taken}
-        wanted = {-1, self.clock, *taken}
-        bad = sorted((cell for cell in columns.cells.bad if cell.column in wanted), key=lambda c: (c.row, c.column))
-        cells = [(cell.row, "" if cell.column < 0 else self.table.label(cell.column), cell.text) for cell in bad]
-        repair, factor = self.options.repair, self.time_scale.factor
-        return checked(self.source, named, cells, columns.cells.row, "row", repair, factor)
 
 
 _BEFORE = re.compile(r"\d[.,ep_-]?$", re.IGNORECASE)
@@ -440,73 +235,110 @@ def level_and_repeat(source: str, pattern: str | None, name: str) -> tuple[float
     return float(level.replace(",", ".")), None if repeat is None else int(repeat)
 
 
-def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions) -> Run:
-    """The run behind the tables of one log; raises DataError with all its faults."""
-    source, name = origin.source, plain(origin.name)
+def run_of(
+    name: str, source: str, sha256: str, tables: Sequence[Table], options: ReadOptions, file: str = ""
+) -> Run:  # fmt: skip
+    """The run behind the tables of one log; raises DataError with all its faults.
+
+    `source` is how sentences name the log; in `file`, or the name, the name pattern is looked for.
+    """
+    name = plain(name)
     table, roles = chosen_table(source, tables, options)
-    log = _Log(source, table, roles, options)
-    clock, (level, repeat) = log.clock, level_and_repeat(source, options.name_pattern, origin.says)
-    beside = (clock, roles.reference, roles.trigger, roles.position)
-    taken = [column for column in (roles.output, *beside) if column is not None]
+    clock, said = roles.time, options.units
+    if clock is not None and options.rate_hz is not None:
+        if not numbers_samples(table.columns[clock]):
+            label = table.label(clock)
+            raise DataError(f"{source}: has a time column, {label}, so «rate_hz» does nothing; leave it out")
+        clock = None
+    level, repeat = level_and_repeat(source, options.name_pattern, file or name)
+    beside = [one for one in (roles.output, clock, roles.reference, roles.trigger, roles.position) if one is not None]
     likely = [column for _, column in roles.inputs]
     if roles.inputs and roles.inputs[0][0] == "clutch":
         del likely[1:]  # the others count only where it stands still
-    columns = _Columns(source, table, [*taken, *likely])
+    columns = _Columns(source, table, [*beside, *likely])
     known = options.name_pattern is not None or options.step_at is not None
     kind, which, findings = the_input(source, table, roles, columns.__getitem__, known)
     if which is not None and which not in likely:
-        columns = _Columns(source, table, [*taken, which])
+        columns = _Columns(source, table, [*beside, which])
     trigger = roles.trigger if which is None and level is not None else None
     if trigger is not None and not (steps(columns[trigger]) and len(np.unique(columns[trigger][:1_000_000])) == 2):
         trigger = None
     if which is None and trigger is None and options.name_pattern is not None and level is None:
         raise DataError(f"{source}: its name does not match «name_pattern»; rename it or mend the pattern")
 
-    raw_time = columns[clock] if clock is not None else np.arange(len(columns[roles.output]))
-    columns.keep = log.good(columns, raw_time, (clock, which, roles.output, trigger, roles.position))
-    switch = which if which is not None else trigger
+    by_user, by_column = (1.0 / _rate(source, table, options), None) if clock is None else time_unit(
+        source, said.get("time"), table, clock
+    )  # fmt: skip
+    factor = by_user or by_column or 1.0
+    switch = trigger if which is None else which
+    raw_time = np.arange(len(columns[roles.output])) if clock is None else columns[clock]
+    used = [column for column in (which, roles.output, trigger, roles.position) if column is not None]
+    by_label = {"time" if clock is None else table.label(clock): raw_time} | {table.label(i): columns[i] for i in used}
+    columns.keep = checked(
+        source, by_label, columns.bad({-1, clock, *used}), columns.cells.row, "row", options.repair, factor,
+    )  # fmt: skip
     lost: list[int] = []
     if columns.keep is not None and switch is not None:
         columns.keep, lost = without_moving_steps(columns.keep, raw_time, columns[switch])
     kept_time = raw_time if columns.keep is None else raw_time[columns.keep]
-    if clock is not None:
-        time_s, start_s, of_time = seconds_since_start(source, table.label(clock), kept_time, log.time_scale)
-    else:
-        time_s, start_s, of_time = read_only(kept_time * log.time_scale.factor), 0.0, ()
+    if clock is None:
+        time_s, start_s = read_only(kept_time * factor), 0.0
+        of_time: tuple[Finding, ...] = ()
         if options.rate_hz is None:
             place, rate_hz = table.rates[0]
             of_time = (finding("rate-from-comment", source, rate_hz=rate_hz, place=place),)
-    of_time += _contradicted_rate(source, table, time_s) if clock is not None else ()
-    into = log.scale("output", roles.output, default_unit(table.columns[roles.output], OUTPUTS))
+    else:
+        time_s, start_s, of_time = seconds_since_start(source, table.label(clock), kept_time, by_user, by_column)
+        usual = float(np.median(np.diff(time_s[:10_000]))) if len(time_s) > 1 else 0.0
+        wrong = next((one for one in table.rates if usual and not 0.9 < usual * one[1] < 1.1), None)
+        if wrong is not None:
+            of_time += (finding("rate-contradicted", source, place=wrong[0], said=wrong[1], found=1.0 / usual),)
+    plain_output = default_unit(table.columns[roles.output], OUTPUTS)
+    into = scale_of(source, "output", said.get("output"), table, roles.output, plain_output)
     output = into.of(columns.kept(roles.output))
     if which is not None and kind is not None:
-        scale = log.scale("input", which, default_unit(table.columns[which], INPUTS[kind]))
-        unit, input_, of_input = scale.unit, scale.of(columns.kept(which)), scale.findings
+        plain_input = default_unit(table.columns[which], INPUTS[kind])
+        scale = scale_of(source, "input", said.get("input"), table, which, plain_input)
+        input_ = scale.of(columns.kept(which))
     else:  # a name says a level and no unit
-        unit = options.units.get("input", "") if kind is None else INPUT_UNITS[kind]
-        input_, of_input = _input_of_trigger(log, columns, trigger, level, len(kept_time))
-    findings = (*roles.findings, *findings, *columns.cells.findings, *of_time, *into.findings, *of_input)
-    findings += _of_dropped(log, columns, raw_time, lost)
-    findings += _of_values(log, into, output)
-    if level is not None and which is not None:
-        findings += _contradiction(source, level, input_, unit)
+        scale = Scale(said.get("input", "") if kind is None else INPUT_UNITS[kind], 1.0)
+        input_ = np.broadcast_to(np.float64(np.nan), len(kept_time))  # takes no memory
+    told = [*roles.findings, *findings, *columns.cells.findings, *of_time, *into.findings, *scale.findings]
+    if trigger is not None and level is not None:
+        on = columns[trigger]
+        input_ = np.where(columns.kept(trigger) > 0.5 * (float(on.min()) + float(on.max())), level, 0.0)
+        told.append(finding("level-times-trigger", source, column=table.label(trigger), level=level))
+    if columns.keep is not None:
+        total = len(raw_time)
+        told.append(finding("rows-dropped", source, dropped=total - len(columns.keep), count=total))
+        for row in lost if options.step_at is None else ():
+            at_s = float(raw_time[row]) * factor
+            told.append(finding("step-row-dropped", source, row=columns.cells.row(row), at_s=at_s))
+    largest = max(abs(float(output.max())), abs(float(output.min()))) if len(output) else 0.0
+    if into.unit == "N·m" and "output" not in said and largest > LARGEST_NM:
+        told.append(finding("torque-too-large", source, largest=largest))
+    if table.dropped:
+        told.append(finding("columns-without-numbers", source, columns=", ".join(table.dropped[:8])))
+    if level is not None and which is not None and not (np.abs(np.abs(input_) - abs(level)) <= 0.02 * abs(level)).any():
+        most = float(input_[np.abs(input_).argmax()]) if len(input_) else 0.0
+        told.append(finding("level-contradicted", source, level=level, found=most, unit=scale.unit))
     named = {"time": clock, "input": switch, "output": roles.output,
              "reference": roles.reference, "position": roles.position}  # fmt: skip
-    used = {role: column for role, column in named.items() if column is not None}
-    others = [table.label(column) for column in range(len(table.columns)) if column not in used.values()]
+    taken = {role: column for role, column in named.items() if column is not None}
+    others = [table.label(column) for column in range(len(table.columns)) if column not in taken.values()]
     position_unit = ""
     if roles.position is not None:  # as it is called: nothing is turned into it
         by_name = split_name(table.columns[roles.position])[1]
-        position_unit = options.units.get("position") or table.unit(roles.position) or by_name
+        position_unit = said.get("position") or table.unit(roles.position) or by_name
     return Run(
         name=name,
         time_s=time_s,
         input=read_only(input_),
         output=output,
-        input_unit=unit,
+        input_unit=scale.unit,
         output_unit=into.unit,
         source=source,
-        sha256=origin.sha256,
+        sha256=sha256,
         level=level if which is None and trigger is None else None,
         repeat=repeat,
         step_s=_on_clock(options.step_at, time_s, start_s),
@@ -514,64 +346,21 @@ def run_of(origin: Origin, tables: Sequence[Table], options: ReadOptions) -> Run
         reference_nm=None if roles.reference is None else read_only(columns.kept(roles.reference)),
         position=None if roles.position is None else read_only(columns.kept(roles.position)),
         position_unit=position_unit,
-        findings=tuple(msgspec.structs.replace(found, subject=name) for found in findings),
+        findings=tuple(msgspec.structs.replace(found, subject=name) for found in told),
         kind=options.kind or kind,
         synthetic=table.synthetic,
         start_s=start_s,
-        taken=tuple((role, table.label(column)) for role, column in used.items()),
+        taken=tuple((role, table.label(column)) for role, column in taken.items()),
         left=(*others, *table.dropped),
     )
 
 
-def _contradicted_rate(source: str, table: Table, time_s: Array) -> tuple[Finding, ...]:
-    """The sample rate that a comment says, where the stamps have another."""
-    usual = float(np.median(np.diff(time_s[:10_000]))) if len(time_s) > 1 else 0.0
-    wrong = next(((place, rate) for place, rate in table.rates if not 0.9 < usual * rate < 1.1), None)
-    if wrong is None or usual == 0:
-        return ()
-    return (finding("rate-contradicted", source, place=wrong[0], said=wrong[1], found=1.0 / usual),)
-
-
-def _input_of_trigger(
-    log: _Log, columns: _Columns, trigger: int | None, level: float | None, count: int
-) -> tuple[Array, tuple[Finding, ...]]:
-    """The level while its trigger is on, with a finding that says so; without a trigger an input that is not known."""
-    if trigger is None or level is None:
-        return np.broadcast_to(np.float64(np.nan), count), ()  # takes no memory
-    on = columns[trigger]
-    middle = 0.5 * (float(on.min()) + float(on.max()))
-    said = finding("level-times-trigger", log.source, column=log.table.label(trigger), level=level)
-    return np.where(columns.kept(trigger) > middle, level, 0.0), (said,)
-
-
-def _of_dropped(log: _Log, columns: _Columns, raw_time: NDArray[Any], lost: Sequence[int]) -> tuple[Finding, ...]:
-    """How many rows were dropped, and which of them a step began at."""
-    if columns.keep is None:
-        return ()
-    total = len(raw_time)
-    findings = [finding("rows-dropped", log.source, dropped=total - len(columns.keep), count=total)]
-    for row in lost if log.options.step_at is None else ():
-        at_s = float(raw_time[row]) * log.time_scale.factor
-        findings.append(finding("step-row-dropped", log.source, row=columns.cells.row(row), at_s=at_s))
-    return tuple(findings)
-
-
-def _of_values(log: _Log, into: Scale, output: Array) -> tuple[Finding, ...]:
-    """What the numbers themselves bring up."""
-    findings = []
-    largest = max(abs(float(output.max())), abs(float(output.min()))) if len(output) else 0.0
-    if into.unit == "N·m" and "output" not in log.options.units and largest > LARGEST_NM:
-        findings.append(finding("torque-too-large", log.source, largest=largest))
-    if log.table.dropped:
-        findings.append(finding("columns-without-numbers", log.source, columns=", ".join(log.table.dropped[:8])))
-    return tuple(findings)
-
-
-def _contradiction(source: str, level: float, input_: Array, unit: str) -> tuple[Finding, ...]:
-    """The level that a file name says, where the input never comes near it."""
-    near = np.abs(np.abs(input_) - abs(level)) <= 0.02 * abs(level)
-    most = float(input_[np.abs(input_).argmax()]) if len(input_) else 0.0
-    return () if near.any() else (finding("level-contradicted", source, level=level, found=most, unit=unit),)
+def _rate(source: str, table: Table, options: ReadOptions) -> float:
+    """The sample rate of a log without a time column [Hz]; raises DataError where its comments say two."""
+    if options.rate_hz is None and len({rate_hz for _, rate_hz in table.rates}) > 1:
+        said = " and ".join(f"{rate_hz:g} Hz in {place}" for place, rate_hz in table.rates)
+        raise DataError(f"{source}: has no time column, and says {said}; say which with «rate_hz» HZ")
+    return options.rate_hz or table.rates[0][1]
 
 
 def _on_clock(instant_s: float | None, time_s: Array, start_s: float) -> float | None:

@@ -1,4 +1,4 @@
-"""Units of logs: how they are spelled, what they measure, and their factor to the unit that eaid computes in.
+"""Units of logs: how they are spelled, what they measure, their factor to the unit that eaid computes in, and clocks.
 
 Torque becomes N·m, force N, speed RPM, duty %, pressure bar, voltage V, time s; any other unit stays as it is. What
 nobody says is unknown: a torque without a unit is not taken for N·m.
@@ -10,11 +10,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
 
+import numpy as np
 from numpy.typing import NDArray
 
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError, UsageError
 from eaid.findings import Finding, finding
+from eaid.logs.table import Table
 
 LARGEST_NM = 1000.0
 """Torque beyond any clutch that a bench holds [N·m]: a column of counts, or of another unit."""
@@ -31,57 +33,39 @@ class Unit(NamedTuple):
 _G = 9.80665  # m/s², standard gravity: a gram on a load cell is a gram-force
 _LBF = 4.4482216152605
 
-_SPELLINGS: dict[str, Unit] = {}
-
-
-def _define(quantity: str, to: str, factor: float, *spellings: str) -> None:
-    for spelling in spellings:
-        _SPELLINGS[spelling] = Unit(quantity, to, factor)
-
-
-_define("time", "s", 1.0, "s", "sec", "secs", "second", "seconds", "sek", "seg")
-_define("time", "s", 1e-3, "ms", "msec", "millisecond", "milliseconds", "millis")
-_define("time", "s", 1e-6, "us", "usec", "microsecond", "microseconds", "micros")
-_define("time", "s", 1e-9, "ns", "nsec", "nanosecond", "nanoseconds")
-_define("time", "s", 60.0, "min", "mins", "minute", "minutes")
-_define("time", "s", 3600.0, "h", "hr", "hrs", "hour", "hours")
-_define("time", "s", 86400.0, "d", "day", "days")
-_define("torque", "N·m", 1.0, "nm", "newtonmeter", "newtonmetre", "newtonmeters", "newtonmetres")
-_define("torque", "N·m", 1e-3, "mnm")
-_define("torque", "N·m", 1e-2, "ncm")
-_define("torque", "N·m", 1e-3, "nmm")
-_define("torque", "N·m", 1e3, "knm")
-_define("torque", "N·m", 1e-6, "unm")
-_define("torque", "N·m", _G, "kgfm", "kgm")
-_define("torque", "N·m", _G * 1e-2, "kgfcm", "kgcm")
-_define("torque", "N·m", _G * 1e-5, "gfcm", "gcm")
-_define("torque", "N·m", _LBF * 0.3048, "lbfft", "lbft", "ftlb", "ftlbf")
-_define("torque", "N·m", _LBF * 0.0254, "lbfin", "lbin", "inlb", "inlbf")
-_define("torque", "N·m", _LBF / 16 * 0.0254, "ozin", "ozfin", "inoz")
-_define("force", "N", 1.0, "n", "newton", "newtons")
-_define("force", "N", 1e-3, "mn")
-_define("force", "N", 1e3, "kn")
-_define("force", "N", _G * 1e-3, "g", "gf", "gram", "grams")
-_define("force", "N", _G, "kg", "kgf")
-_define("force", "N", _LBF, "lbf", "lb", "lbs")
-_define("speed", "RPM", 1.0, "rpm", "1/min", "r/min", "rev/min", "u/min", "min-1")
-_define("speed", "RPM", 60.0, "rps", "rev/s", "hz")
-_define("speed", "RPM", 30.0 / math.pi, "rad/s", "rads", "rad/sec")
-_define("speed", "RPM", 1.0 / 6.0, "deg/s", "°/s", "dps", "deg/sec")
-_define("duty", "%", 1.0, "%", "pct", "percent", "prozent", "procent")
-_define("duty", "%", 100.0, "fraction", "1", "ratio", "-")
-_define("voltage", "V", 1.0, "v", "volt", "volts", "vdc")
-_define("voltage", "V", 1e-3, "mv")
-_define("voltage", "V", 1e3, "kv")
-_define("current", "A", 1.0, "a", "amp", "amps", "ampere", "amperes")
-_define("current", "A", 1e-3, "ma")
-_define("pressure", "bar", 1.0, "bar", "bars")
-_define("pressure", "bar", 1e-3, "mbar", "hpa")
-_define("pressure", "bar", 1e-5, "pa")
-_define("pressure", "bar", 1e-2, "kpa")
-_define("pressure", "bar", 10.0, "mpa")
-_define("pressure", "bar", 0.0689475729317831, "psi")
-
+_UNITS: dict[tuple[str, str], dict[str, float]] = {
+    ("time", "s"): {
+        "s sec secs second seconds sek seg": 1.0, "ms msec millisecond milliseconds millis": 1e-3,
+        "us usec microsecond microseconds micros": 1e-6, "ns nsec nanosecond nanoseconds": 1e-9,
+        "min mins minute minutes": 60.0, "h hr hrs hour hours": 3600.0, "d day days": 86400.0,
+    },
+    ("torque", "N·m"): {
+        "nm newtonmeter newtonmetre newtonmeters newtonmetres": 1.0, "mnm nmm": 1e-3, "ncm": 1e-2, "knm": 1e3,
+        "unm": 1e-6, "kgfm kgm": _G, "kgfcm kgcm": _G * 1e-2, "gfcm gcm": _G * 1e-5,
+        "lbfft lbft ftlb ftlbf": _LBF * 0.3048, "lbfin lbin inlb inlbf": _LBF * 0.0254,
+        "ozin ozfin inoz": _LBF / 16 * 0.0254,
+    },
+    ("force", "N"): {
+        "n newton newtons": 1.0, "mn": 1e-3, "kn": 1e3, "g gf gram grams": _G * 1e-3, "kg kgf": _G,
+        "lbf lb lbs": _LBF,
+    },
+    ("speed", "RPM"): {
+        "rpm 1/min r/min rev/min u/min min-1": 1.0, "rps rev/s hz": 60.0, "rad/s rads rad/sec": 30.0 / math.pi,
+        "deg/s °/s dps deg/sec": 1.0 / 6.0,
+    },
+    ("duty", "%"): {"% pct percent prozent procent": 1.0, "fraction 1 ratio -": 100.0},
+    ("voltage", "V"): {"v volt volts vdc": 1.0, "mv": 1e-3, "kv": 1e3},
+    ("current", "A"): {"a amp amps ampere amperes": 1.0, "ma": 1e-3},
+    ("pressure", "bar"): {
+        "bar bars": 1.0, "mbar hpa": 1e-3, "pa": 1e-5, "kpa": 1e-2, "mpa": 10.0, "psi": 0.0689475729317831
+    },
+}  # fmt: skip
+_SPELLINGS = {
+    spelling: Unit(*into, factor)
+    for into, units in _UNITS.items()
+    for spellings, factor in units.items()
+    for spelling in spellings.split()
+}
 TIME_UNITS = "s, ms, us, ns, min, h or d"
 _CASE_SENSITIVE = {"MPa": "mpa", "mPa": "", "MNm": "", "MN·m": ""}  # prefixes that case alone tells apart
 _WEIGHED = {"force", "load", "loadcell", "weight", "weighing", "scale", "friction", "tension", "pull", "push", "shear",
@@ -112,12 +96,8 @@ def words_of(name: str) -> frozenset[str]:
     return frozenset(re.findall(r"[a-z0-9]+", spaced.lower()))
 
 
-def is_weight(name: str, said: bool) -> bool:
-    """Whether a column in g or kg is a force: by its name; where that tells nothing, only if the user says the unit."""
-    words = words_of(name)
-    return not words & _SHAKEN and (said or bool(words & _WEIGHED))
-
-
+COUNTERS = {"sample", "samples", "index", "idx", "count", "counter", "frame", "row", "tick", "ticks", "nr", "no", "n"}
+"""Names of columns that number the samples."""
 _BRACKETED = re.compile(r"^(.*?)\s*[\[({]\s*([^\])}]*?)\s*[\])}]\s*$")
 _RATE = re.compile(r"^(.*?)(?:_|\.|\s+in\s+|,\s*|\s+)([^\s_/,.]+/[^\s_/,.]+)$")
 _SPEED = re.compile(r"^(um|µm|mm|cm|m|in|ft)/(s|sec|min|h)$")
@@ -146,6 +126,11 @@ def split_name(name: str) -> tuple[str, str]:
     return name, ""
 
 
+def numbers_samples(column: str) -> bool:
+    """Whether a column counts the samples, by its name."""
+    return bool(words_of(split_name(column)[0]) & COUNTERS)
+
+
 _TIMES_A_NUMBER = re.compile(
     r"[*×]\s*[\d.]|\d\s*[*×]|/\s*\d|%\s*of\b|(?:^|[\s_()\[\]])[xX]\s*(?:10+|\d*\.\d+|\d+e[-+]?\d+)[\s)\]]*$|10\^[-+]?\d",
     re.IGNORECASE,
@@ -166,13 +151,14 @@ class Scale:
         return read_only(values if self.factor == 1.0 else values * self.factor)
 
 
-def unit_said(path: str, role: str, said: str | None, column: str, file_unit: str) -> str:
+def unit_said(path: str, role: str, said: str | None, table: Table, column: int) -> str:
     """The unit of a column as its file or its name says it; empty where neither does, or it is one of another quantity.
 
     Raises DataError where a number stands beside it (`x100`, `Nm*1e-2`: multiply or divide?) and the user says no unit,
-    and UsageError where the user says another unit than the column does.
+    and where the user says another unit than the column does.
     """
-    bare, named = split_name(column)
+    name, file_unit = table.columns[column], table.unit(column)
+    bare, named = split_name(name)
     text = file_unit or named
     known = unit_of(text) if text else None
     scaled = _TIMES_A_NUMBER.search(bare) or (
@@ -180,42 +166,42 @@ def unit_said(path: str, role: str, said: str | None, column: str, file_unit: st
     )
     if scaled and said is None:
         raise DataError(
-            f"{path}: column {column}{f' in {file_unit}' * bool(file_unit)} holds a number beside its {role}'s unit, "
+            f"{path}: column {name}{f' in {file_unit}' * bool(file_unit)} holds a number beside its {role}'s unit, "
             f"which may multiply or divide; say the unit of its cells with «units» {role}=UNIT"
         )
-    letter = len(named) == 1 and column.strip().endswith(f" {named}")  # Phase A
+    letter = len(named) == 1 and name.strip().endswith(f" {named}")  # Phase A
     if said is None or scaled or known is None or letter or (known.quantity == "time") != (role == "time"):
         return text
     if role != "time" and unit_of(said) != known:
         raise DataError(
-            f"{path}: column {column} says {text}, «units» {role}={said} something else; leave it out, or mend the name"
+            f"{path}: column {name} says {text}, «units» {role}={said} something else; leave it out, or mend the name"
         )
     return text
 
 
-def scale_of(path: str, role: str, said: str | None, column: str, file_unit: str, default: str, label: str) -> Scale:
+def scale_of(path: str, role: str, said: str | None, table: Table, column: int, default: str) -> Scale:
     """Unit and factor of a column: what the user says, else the file, else the column's name, else the default.
 
     A unit that eaid does not know is kept as it is. `/255` says that 255 counts are the full scale: an input in %.
     """
-    known = unit_of(said) if said else None
+    label, known = table.label(column), unit_of(said) if said else None
     if known is not None and known.quantity == "time":
         raise UsageError(f"«units» {role}={said}: is a unit of time, not of the {role}")
     full = divisor(role, said) if said is not None and said.startswith("/") else 0.0
-    text = unit_said(path, role, said, column, file_unit)
+    text = unit_said(path, role, said, table, column)
     if full:
         return Scale("%", 100.0 / full) if role == "input" else Scale("", 1.0 / full)
     text = said or text
     known = unit_of(text) if text else None
-    if known is not None and known.quantity == "time":
-        text, known = "", None
-    if not text:
+    if not text or (known is not None and known.quantity == "time"):
         code = "unit-assumed" if default else "unit-unknown"
         return Scale(default, 1.0, (finding(code, path, role=role, column=label, unit=default),))
     if known is None:
         return Scale(text, 1.0)
-    if text.strip("[]() ").lower() in ("g", "kg") and not is_weight(split_name(column)[0], said is not None):
-        return Scale(text, 1.0, (finding("unit-g-unclear", path, role=role, column=label, unit=text),))
+    if text.strip("[]() ").lower() in ("g", "kg"):
+        words = words_of(split_name(table.columns[column])[0])
+        if words & _SHAKEN or not (said or words & _WEIGHED):
+            return Scale(text, 1.0, (finding("unit-g-unclear", path, role=role, column=label, unit=text),))
     return Scale(known.to, known.factor)
 
 
@@ -228,3 +214,125 @@ def divisor(role: str, said: str) -> float:
     if not 1e-12 <= counts <= 1e12:
         raise UsageError(f"«units» {role}={said}: write a number from 1e-12 to 1e12 behind the stroke, as in /255")
     return counts
+
+
+class Clock(NamedTuple):
+    """A clock that began at a fixed day: what it counts, how many a second, its first stamps of our time [s]."""
+
+    counts: str
+    per_s: float
+    first_s: tuple[float, float]
+
+
+PER_S = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+CLOCKS = (
+    *(Clock(f"{unit} since 1970", per_s, (1e9, 4e9)) for unit, per_s in PER_S.items()),
+    Clock("100 ns since 1601 (FILETIME)", 1e7, (1.26e10, 1.56e10)),
+    Clock("100 ns since the year 1 (.NET)", 1e7, (6.31e10, 6.61e10)),
+)
+SLOWEST_S = 90.0
+"""Sample time beyond which a clock without a unit counts not from a fixed day, but in a finer unit from power-up."""
+DAYS = ((30_000.0, 60_000.0), (700_000.0, 770_000.0))
+"""First stamps in days: Excel's of 1982 to 2064, MATLAB's datenum of 1916 to 2108."""
+FASTEST_HZ = 50_000.0
+"""Sample rate beyond which a clock whose unit nobody gave is warned of."""
+BRIEF_S, QUICK_HZ = 2.0, 2000.0
+"""Span and sample rate of a log that may be one of minutes, if nobody gave the unit."""
+LONGEST_S = 3600.0
+"""Span beyond which a clock whose unit nobody gave counts no seconds, if it counts whole numbers, or seldom."""
+
+
+def time_unit(path: str, said: str | None, table: Table, column: int) -> tuple[float | None, float | None]:
+    """Seconds in one unit of a time column, as the user says, and as its file or its name does; None where not.
+
+    Raises UsageError or DataError where what is said is no unit of time.
+    """
+    by_user = None
+    if said is not None:
+        known = unit_of(said)
+        if not said.startswith("/") and (known is None or known.quantity != "time"):
+            raise UsageError(f"«units» time={said}: is no unit of time; use {TIME_UNITS}")
+        by_user = 1.0 / divisor("time", said) if known is None else known.factor
+    name = table.columns[column]
+    bare = split_name(name)[0]
+    text = unit_said(path, "time", said, table, column)
+    known = unit_of(text or (bare if len(bare) > 1 or bare == "s" else ""))
+    if known is not None and known.quantity == "time":
+        return by_user, known.factor
+    if text and by_user is None:
+        raise DataError(
+            f"{path}: column {name} is in {text}, which is no unit of time that eaid knows; "
+            f"say it with «units» time=UNIT ({TIME_UNITS})"
+        )
+    return by_user, None
+
+
+def seconds_since_start(
+    path: str, column: str, raw: NDArray[Any], by_user: float | None, by_column: float | None
+) -> tuple[Array, float, tuple[Finding, ...]]:
+    """Time since the first sample [s], shape (n,), the clock there [s], and its warnings.
+
+    `raw` rises; `by_user`, `by_column`: seconds in one unit of it, as far as somebody says. Raises DataError where the
+    column numbers the samples, or names a unit that its stamps contradict.
+    """
+    if not len(raw):
+        return np.empty(0), 0.0, ()
+    first = raw[0]
+    gone = read_only(raw - first)
+    usual = float(np.median(np.diff(gone[:10_000]))) if len(gone) > 1 else 0.0
+    factor, findings = by_user or by_column or 1.0, list[Finding]()
+    day = next((one for one in CLOCKS if one.first_s[0] <= float(first) / one.per_s <= one.first_s[1]), None)
+    refuted = day is not None and by_column is not None and not math.isclose(by_column * day.per_s, 1.0)
+    too_fast = by_column is not None and 0 < usual * by_column < 1.0 / 5e6  # no bench samples so fast
+    if by_user is not None:
+        if by_column is not None and not (refuted or too_fast) and not math.isclose(by_user, by_column):
+            raise DataError(
+                f"{path}: column {column} says its unit, «units» time=UNIT another; leave it out, or mend the name"
+            )
+    elif refuted and day is not None:
+        raise DataError(
+            f"{path}: column {column} says its unit, but its first stamp, {float(first):.10g}, counts {day.counts}; "
+            f"say which with «units» time=UNIT"
+        )
+    elif too_fast:
+        rate_hz = 1.0 / (usual * factor)
+        findings.append(finding("time-too-fast", path, column=column, rate_hz=rate_hz, likely="d"))
+    elif by_column is None:
+        if numbers_samples(column) and usual == 1.0:
+            raise DataError(
+                f"{path}: column {column} numbers the samples and is no time; give their rate with «rate_hz» HZ and "
+                f"name no time column, or say «units» time=/1000 for 1000 samples a second"
+            )
+        late = np.flatnonzero(np.diff(raw) >= 40)  # times of day as numbers, 161859.9 and then 161900.0
+        ends, begins = raw[late] % 100, raw[late + 1] % 100
+        if len(late) and float(raw[-1]) < 240_000 and bool(((ends >= 59) & (ends < 60) & (begins < 1)).all()):
+            raise DataError(
+                f"{path}: column {column} holds times of day as numbers, {raw[late[0]]:.10g} and then "
+                f"{raw[late[0] + 1]:.10g}; save it as 16:18:59.9, or in seconds"
+            )
+        if day is not None and usual / day.per_s <= SLOWEST_S:
+            factor = 1.0 / day.per_s
+            if day.per_s != 1:
+                findings.append(finding("time-since-a-day", path, column=column, counts=day.counts))
+        elif usual < 1.0 / FASTEST_HZ and any(low <= first <= high for low, high in DAYS):
+            factor = 86400.0
+            findings.append(finding("time-in-days", path, column=column))
+        else:
+            findings.append(_of_seconds(path, column, gone, usual))
+    return read_only(gone if factor == 1.0 else gone * factor), float(first) * factor, tuple(findings)
+
+
+def _of_seconds(path: str, column: str, gone: Array, usual: float) -> Finding:
+    """That seconds are assumed of a clock whose unit nobody gave, and what speaks against them."""
+    span, likely = float(gone[-1]), likely_time_unit(usual)
+    if 0 < usual < 1.0 / FASTEST_HZ:
+        likely = "d" if usual < 2e-7 else "min"
+        return finding("time-too-fast", path, column=column, rate_hz=1.0 / usual, likely=likely)
+    if usual > SLOWEST_S and span > LONGEST_S:
+        return finding("time-too-long", path, column=column, usual_s=usual, span_s=span, likely=likely)
+    if usual >= 1.0 and bool(np.all(gone[:100_000] == np.floor(gone[:100_000]))):
+        code = "time-too-long" if span > LONGEST_S else "time-in-whole-numbers"
+        return finding(code, path, column=column, usual_s=usual, span_s=span, likely=likely)
+    if 0 < usual < 1.0 / QUICK_HZ and span < BRIEF_S:
+        return finding("time-brief", path, column=column, rate_hz=1.0 / usual, span_s=span)
+    return finding("unit-assumed", path, role="time", column=column, unit="s")
