@@ -66,7 +66,7 @@ def shown_commands(page: Path) -> list[list[str]]:
 
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
-WITH_COMMANDS = [ROOT / "README.md", ROOT / "docs" / "walkthrough.md", ROOT / "docs" / "real-logs.md"]
+WITH_COMMANDS = [ROOT / "README.md", ROOT / "docs" / "walkthrough.md"]
 
 
 COMMANDS = {"ingest", "fit", "tune-rc", "simulate", "export", "report", "synth", "couple", "plan", "demo"}
