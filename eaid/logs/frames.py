@@ -3,7 +3,7 @@
 import hashlib
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -86,22 +86,21 @@ def _table(name: str, frame: "pd.DataFrame") -> Table:
     columns = {str(label): _array(frame[label]) for label in frame.columns if frame[label].ndim == 1}
     if len(columns) < len(frame.columns):
         raise DataError(f"{name}: several columns have one name; give each a name of its own")
-    units = dict(frame.attrs.get("units", {}))
-    numbers = {label: values for label, values in columns.items() if values.dtype.kind in "fiubmM"}
-
-    def load(wanted: Sequence[int]) -> Cells:
-        values = list(numbers.values())
-        return Cells(tuple(_plain(values[i]) for i in wanted))
-
-    said = tuple("s" if values.dtype.kind in "mM" else str(units.get(label, "")) for label, values in numbers.items())
+    numbers = {label: values for label, values in columns.items() if values.dtype.kind in "fiub"}
+    units = {str(label): "s" for label in frame.columns if frame[label].dtype.kind in "mM"}
+    said = tuple(str({**frame.attrs.get("units", {}), **units}.get(label, "")) for label in numbers)
     dropped = tuple(label for label in columns if label not in numbers)
-    return Table("", tuple(numbers), load, said, dropped=dropped)
+    values = tuple(numbers.values())
+    return Table("", tuple(numbers), lambda wanted: Cells(tuple(values[i] for i in wanted)), said, dropped=dropped)
 
 
 def _array(column: "pd.Series[Any]") -> np.ndarray[Any, Any]:
-    """A column as NumPy has it; decimals and texts of numbers as numbers, if most of it is."""
+    """A column as NumPy has it; stamps as seconds since the first; decimals and texts as numbers, if most of it is."""
     zoned = getattr(column.dtype, "tz", None) is not None
     values = column.to_numpy(dtype="datetime64[ns]") if zoned else np.asarray(column)
+    if values.dtype.kind in "mM":
+        gone = (values - values[0]).astype("timedelta64[ns]")
+        return np.where(np.isnat(values), np.nan, gone.astype(np.int64) / 1e9)
     if values.dtype.kind not in "OSU":
         return values
     numbers = np.array([_number(one) for one in values.tolist()])
@@ -113,14 +112,6 @@ def _number(cell: Any) -> float:
         return float(cell)
     except (TypeError, ValueError):
         return math.nan
-
-
-def _plain(values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """Numbers; stamps as seconds since the first."""
-    if values.dtype.kind not in "mM":
-        return values
-    gone = (values - values[0]).astype("timedelta64[ns]")
-    return np.where(np.isnat(values), np.nan, gone.astype(np.int64) / 1e9)
 
 
 def _sha256(table: Table) -> str:

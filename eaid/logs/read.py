@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -137,31 +138,25 @@ def _joined(parts: list[Run]) -> Run:
                 raise DataError(
                     f"{after.where}: its {what.replace('_', ' ')} is not that of {before.where}; join like logs"
                 )
+
+    def whole(name: str) -> Array | None:
+        """A column, where every part has it."""
+        present = [column for part in parts if (column := getattr(part, name)) is not None]
+        return read_only(np.concatenate(present)) if len(present) == len(parts) else None
+
     others = [f"{part.source} ({part.sha256[:12]})" for part in parts[1:]]
+    found = list[Finding]()
+    for part in parts:  # each finding once
+        found.extend(one for one in part.findings if one not in found)
+    time_s = np.concatenate([part.time_s + (part.start_s - first.start_s) for part in parts])
+    columns: dict[str, Any] = {name: whole(name) for name in ("input", "output", "reference_nm", "position")}
     return replace(
         first,
         name=re.sub(r"[-_. ]?(part)?[-_. ]?(?<!\d)0*1$", "", first.name) or first.name,
-        time_s=read_only(np.concatenate([part.time_s + (part.start_s - first.start_s) for part in parts])),
-        input=read_only(np.concatenate([part.input for part in parts])),
-        output=read_only(np.concatenate([part.output for part in parts])),
-        reference_nm=_beside([part.reference_nm for part in parts]),
-        position=_beside([part.position for part in parts]),
-        findings=(*_findings_of(parts), finding("logs-joined", first.name, others=listed(others, 3))),
+        time_s=read_only(time_s),
+        **columns,
+        findings=(*found, finding("logs-joined", first.name, others=listed(others, 3))),
     )
-
-
-def _beside(columns: Sequence[Array | None]) -> Array | None:
-    """A column that not every log has, joined where all do."""
-    present = [column for column in columns if column is not None]
-    return read_only(np.concatenate(present)) if len(present) == len(columns) else None
-
-
-def _findings_of(parts: Sequence[Run]) -> list[Finding]:
-    """The findings of all parts, each once."""
-    found: list[Finding] = []
-    for part in parts:
-        found.extend(one for one in part.findings if one not in found)
-    return found
 
 
 PLAIN = ReadOptions()
@@ -236,16 +231,10 @@ def _refuse_what_does_nothing(runs: Sequence[Run], options: ReadOptions) -> None
     """Refuse options that say how columns are to be read where only datasets are given, whose columns are known."""
     if not runs or not all(run.dataset for run in runs):
         return
-    given = {
-        "columns": options.columns, "units": options.units, "name_pattern": options.name_pattern,
-        "step_at": options.step_at, "until": options.until, "variable": options.variable,
-        "rate_hz": options.rate_hz, "join": options.join,
-    }  # fmt: skip
-    said = [name for name, value in given.items() if value is not None and value is not False and value != {}]
-    useless = next(iter(said), None)  # an instant of 0 s is one, though 0 == False
-    if useless is not None:
+    of_columns = ("columns", "units", "name_pattern", "step_at", "until", "variable", "rate_hz", "join")
+    if said := [name for name in of_columns if name in options.given()]:
         where = runs[0].dataset
-        raise UsageError(f"«{useless}»: does nothing on {where}, a dataset, which says all itself; leave it out")
+        raise UsageError(f"«{said[0]}»: does nothing on {where}, a dataset, which says all itself; leave it out")
 
 
 def read_file(path: Path, options: ReadOptions, foreign: ForeignReader, hear: Hear) -> tuple[list[Run], list[str]]:
@@ -271,17 +260,13 @@ def read_file(path: Path, options: ReadOptions, foreign: ForeignReader, hear: He
         sealed = form.name == "HDF5" and is_as_written(path) is not None
         tables = [] if sealed else foreign.tables(form, path, source)
         if not tables:
-            return read_dataset(path, source, sha256, lambda run: _of_dataset(options, hear, run))
+            return read_dataset(path, source, sha256, lambda run: hear.run(_checked_run(run, options)))
         return [run_of(name or path.name, source, sha256, tables, options, path.name)], []
 
 
-def _of_dataset(options: ReadOptions, hear: Hear, run: Run) -> Run:
-    _check_level(run)
-    return hear.run(_checked_run(run, options))
-
-
 def _checked_run(run: Run, options: ReadOptions) -> Run:
-    """A run of a dataset, its rows checked like those of a log."""
+    """A run of a dataset, its level held against its input, and its rows checked like those of a log."""
+    _check_level(run)
     columns = {"time": run.time_s, "input": run.input, "output": run.output}
     if np.isnan(run.input).all():
         del columns["input"]
