@@ -17,10 +17,10 @@ from eaid.options import ReadOptions
 from eaid.progress import Progress, no_progress
 from eaid.steps.baseline import baseline_rule
 from eaid.steps.build import stepset_of
-from eaid.steps.copies import counted_once
 from eaid.steps.cut import active_low, cut_runs, settled_steps
-from eaid.steps.edges import Edge, edges, looks_like
-from eaid.steps.plateaus import bridge, plateaus, stands_still
+from eaid.steps.edges import Edge, edges
+from eaid.steps.levels import counted_once
+from eaid.steps.plateaus import bridge, looks_like, plateaus, stands_still
 from eaid.steps.stepset import StepSet
 
 QUIET = 0.02

@@ -7,7 +7,6 @@ before the step (the output then moves before the input does), then a straight l
 
 import math
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -33,36 +32,27 @@ BURST = 1.2
 SIZES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 512, 1024)
 
 
-@dataclass(frozen=True)
-class BaselineRule:
-    """What the user says about the value before a step."""
+def baseline_rule(text: str) -> tuple[str, float, float]:
+    """What the user says about the value before a step: auto, first, value or window, and its numbers.
 
-    how: Literal["auto", "first", "value", "window"] = "auto"
-    value: float = 0.0
-    window_s: tuple[float, float] = (0.0, 0.0)
-    """From and to, in seconds relative to the step."""
-
-
-def baseline_rule(text: str) -> BaselineRule:
-    """`auto`, `first`, `none`, a number, or `FROM:TO`; raises UsageError for anything else."""
+    A value is there twice; a window is in seconds relative to the step. Raises UsageError for anything but `auto`,
+    `first`, `none`, a number, or `FROM:TO`.
+    """
     said = text.strip().lower()
-    words = {"auto": BaselineRule(), "first": BaselineRule("first"), "none": BaselineRule("value", 0.0)}
-    if said in words:
-        return words[said]
+    if said in ("auto", "first"):
+        return said, 0.0, 0.0
     try:
-        numbers = [float(part) for part in said.split(":")]
+        numbers = [0.0] if said == "none" else [float(part) for part in said.split(":")]
     except ValueError:
         numbers = []
-    if not numbers or len(numbers) > 2 or not all(abs(one) <= 1e30 for one in numbers):
+    if not 1 <= len(numbers) <= 2 or not all(abs(one) <= 1e30 for one in numbers):
         raise UsageError(
             f"«baseline» {text}: write auto, first, none, a value in the output's unit, or FROM:TO in seconds relative "
             "to the step, as -2:-0.5"
         )
-    if len(numbers) == 1:
-        return BaselineRule("value", numbers[0])
-    if numbers[0] >= numbers[1]:
+    if len(numbers) == 2 and numbers[0] >= numbers[1]:
         raise UsageError(f"«baseline» {text}: FROM must be below TO")
-    return BaselineRule("window", window_s=(numbers[0], numbers[1]))
+    return "value" if len(numbers) == 1 else "window", numbers[0], numbers[-1]
 
 
 @dataclass(frozen=True)

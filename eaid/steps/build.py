@@ -1,7 +1,6 @@
 """Runs → the step set that is fitted: cut, sorted by level, repeats averaged, with findings on warnings."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,8 +14,7 @@ from eaid.steps.checks import disagreements, same_ceiling, step_warnings
 from eaid.steps.cut import cut_runs, level_steps
 from eaid.steps.levels import common, grouped, same_level, wanted_levels
 from eaid.steps.noise import STANDARD_ERRORS, block_error, block_means, idle_density, line
-from eaid.steps.slip import slip_of_step
-from eaid.steps.step import Step, left_pct, lost_pct
+from eaid.steps.step import Step, left_pct, lost_pct, slip_of
 from eaid.steps.stepset import Level, RunRecord, StepSet
 
 BEYOND_DRIFT = 1.5
@@ -25,26 +23,15 @@ SMALL = 0.2
 """Share of the usual change below which a sign of its own is not held against a step."""
 
 
-@dataclass(frozen=True)
-class Direction:
-    """Signs of a set, and what is to be said of them."""
+def signs_of(runs: Sequence[Run], keep: bool = False) -> tuple[dict[str, float], list[Finding]]:
+    """The sign of each cut run, by its name, and what is to be said of them; `keep` forbids turning any.
 
-    signs: Mapping[bool, float]
-    """Sign for positive inputs (False) and negative ones (True)."""
-    findings: tuple[Finding, ...] = ()
-
-    def of(self, run: Run) -> float:
-        """The sign of one run: of a step from level to level its own, whichever way the input goes."""
-        if run.from_level != 0.0:
-            return -1.0 if float(Step(run).rise.mean()) < 0 else 1.0
-        return self.signs[(run.level or 0.0) < 0]
-
-
-def direction(runs: Sequence[Run], keep: bool = False) -> Direction:
-    """Signs of cut runs; `keep` forbids turning any."""
+    Steps from rest have one sign for positive and one for negative inputs; a step from level to level has its own,
+    whichever way the input goes.
+    """
     findings: list[Finding] = []
-    signs = {False: 1.0, True: 1.0}
-    for negative in signs:
+    turned = {False: 1.0, True: 1.0}
+    for negative in turned:
         rising = [r for r in runs if r.edge == "rising" and r.from_level == 0 and ((r.level or 0.0) < 0) is negative]
         changes = [(run, *_change(Step(run))) for run in rising]
         clear = [(run, change) for run, change, evident in changes if evident]
@@ -57,9 +44,13 @@ def direction(runs: Sequence[Run], keep: bool = False) -> Direction:
             finding("sign-differs", run.name, (abs(run.level or 0.0),), siblings=len(clear) - 1) for run in odd
         ]
         if sign < 0 and not keep:
-            signs[negative] = sign
+            turned[negative] = sign
             findings.append(finding("signs-turned", "data", runs=len(rising)))
-    return Direction(signs, tuple(findings))
+    signs = {run.name: turned[(run.level or 0.0) < 0] for run in runs}
+    for run in runs:
+        if run.from_level != 0.0:
+            signs[run.name] = -1.0 if float(Step(run).rise.mean()) < 0 else 1.0
+    return signs, findings
 
 
 def _change(step: Step) -> tuple[float, bool]:
@@ -95,14 +86,14 @@ def _record(step: Step, findings: tuple[Finding, ...], left_out: bool) -> RunRec
         baseline_nm=run.baseline or 0.0,
         step_s=run.start_s + (run.step_s or 0.0),
         samples=len(step.time_s),
-        rate_hz=1.0 / step.clock.usual_s,
+        rate_hz=1.0 / step.usual_s,
         edge=run.edge,
         findings=findings,
         lost_pct=lost_pct(step) if run.edge == "rising" else None,
         left_pct=left_pct(step) if run.edge == "falling" else None,
         from_level=run.from_level,
         idle_density=idle_density(run.time_s[: step.start], step.idle) if from_rest else None,
-        slip=slip_of_step(step),
+        slip=slip_of(step),
         left_out=left_out,
     )
 
@@ -139,10 +130,10 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN) -> StepSe
         rising, falling = ([pair for pair in group if _among(pair[0], wanted)] for group in (rising, falling))
         runs = [run for run in runs if _among(abs(run.level or 0.0), wanted)]
 
-    signs = direction(runs, options.sign == "keep")
-    steps = {run.name: Step(run, signs.of(run)) for run in runs}
+    signs, of_signs = signs_of(runs, options.sign == "keep")
+    steps = {run.name: Step(run, signs[run.name]) for run in runs}
     found = {
-        name: [*step.run.findings, *_of_run(signs.findings, name), *step_warnings(step)] for name, step in steps.items()
+        name: [*step.run.findings, *_of_subject(of_signs, name), *step_warnings(step)] for name, step in steps.items()
     }
     out = _stopped(runs, found)
     levels = _averaged(rising, steps, out)
@@ -151,7 +142,6 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN) -> StepSe
             found[one.subject].append(one)
     records = [_record(steps[run.name], tuple(found[run.name]), run.name in out) for run in runs]
     records.sort(key=lambda record: (record.level, record.repeat, record.edge != "rising", record.name))
-    of_signs = [one for one in signs.findings if one.subject == "data"]
     ceiling = same_ceiling(levels, output_unit)
     whole = StepSet(
         kind=kind,
@@ -161,15 +151,15 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN) -> StepSe
         levels=tuple(levels),
         releases=tuple(_averaged(falling, steps, out)),
         runs=tuple(records),
-        findings=(*of_signs, *_of_the_set(levels, runs, input_unit), *ceiling),
+        findings=(*_of_subject(of_signs, "data"), *_of_the_set(levels, runs, input_unit), *ceiling),
         synthetic="; ".join(sorted({run.synthetic for run in runs if run.synthetic})) or None,
         level_steps=level_steps([run for run in runs if run.name not in out], found),
     )
     return whole.without(ceiling[0].levels, ceiling[0]) if ceiling and len(ceiling[0].levels) < len(levels) else whole
 
 
-def _of_run(findings: Sequence[Finding], name: str) -> list[Finding]:
-    return [one for one in findings if one.subject == name]
+def _of_subject(findings: Sequence[Finding], subject: str) -> list[Finding]:
+    return [one for one in findings if one.subject == subject]
 
 
 def _stopped(runs: Sequence[Run], found: Mapping[str, Sequence[Finding]]) -> set[str]:

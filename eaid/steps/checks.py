@@ -5,7 +5,7 @@ Levels of torque are compared by means of blocks, so that noise and rotor ripple
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from eaid.steps.noise import (
     block_noise,
     line,
     sample_noise,
+    sampled,
     spikes,
     stretches,
 )
@@ -206,25 +207,17 @@ SLOW_CONSTANTS = 1.5
 """A window shorter than this many slow time constants cannot tell them."""
 
 
-class _Pairs(NamedTuple):
-    """All pairs of a grid of time constants, and what a fit to so many block means takes of them."""
-
-    tau: Array
-    """In windows."""
-    curves: Array
-    """Block means of 1 − e^(−t/τ), and below of its derivative over ln τ, a row each."""
-    slow: NDArray[np.intp]
-    places: NDArray[np.intp]
-    """Rows of a pair: fast curve, its derivative, slow curve."""
-    inverse: Array
-
-
 @lru_cache(8)
-def _pairs(count: int) -> _Pairs:
+def _pairs(count: int) -> tuple[Array, Array, NDArray[np.intp], NDArray[np.intp], Array]:
+    """All pairs of a grid of time constants τ [windows], and what a fit of them to so many block means takes.
+
+    τ; block means of 1 − e^(−t/τ), and below of its derivative over ln τ, a row each; of each pair the slow τ, its rows
+    (fast curve, its derivative, slow curve) and the inverse of their products.
+    """
     tau = np.geomspace(1 / 300, 20.0, 64)
     edges = np.linspace(0.0, 1.0, count + 1)
     decay = np.exp(-edges / tau[:, np.newaxis])
-    # block means of 1 − e^(−t/τ), and of its derivative over ln τ: −(t/τ) e^(−t/τ)
+    # the derivative: −(t/τ) e^(−t/τ)
     mean_decay = -np.diff(decay, axis=1) * tau[:, np.newaxis] * count
     both = np.concatenate((1.0 - mean_decay, np.diff(edges * decay, axis=1) * count - mean_decay))
     fast, slow = np.triu_indices(len(tau), 5)
@@ -232,7 +225,7 @@ def _pairs(count: int) -> _Pairs:
     matrix = (both @ both.T)[places[:, :, np.newaxis], places[:, np.newaxis, :]]
     # a trace of the diagonal keeps nearly equal columns solvable
     matrix += 1e-12 * np.trace(matrix, axis1=1, axis2=2)[:, np.newaxis, np.newaxis] * np.eye(3)
-    return _Pairs(tau, both, slow, places, np.asarray(np.linalg.inv(matrix), dtype=np.float64))
+    return tau, both, slow, places, np.asarray(np.linalg.inv(matrix), dtype=np.float64)
 
 
 def slow_constant(rise: Array, window_s: float) -> tuple[float, bool]:
@@ -259,6 +252,8 @@ def slow_constant(rise: Array, window_s: float) -> tuple[float, bool]:
 
 
 FEW = 2 * BLOCKS
+JITTER = 0.2
+"""Spread of the sample time, as a share of the usual one, above which it is told."""
 SLOW_CLOCK_S = 1.0
 """Sample time from which its unit is asked about."""
 MOVED = 0.05
@@ -286,18 +281,17 @@ def _contradiction(step: Step) -> Finding | None:
 
 
 def _slow_clock(step: Step) -> Finding | None:
-    usual = step.clock.usual_s
-    return finding("slow-clock", step.run.name, sample_s=usual) if usual >= SLOW_CLOCK_S else None
+    return finding("slow-clock", step.run.name, sample_s=step.usual_s) if step.usual_s >= SLOW_CLOCK_S else None
 
 
 def _jitter(step: Step) -> Finding | None:
-    clock, name = step.clock, step.run.name
-    if clock.longest_s > 5 * clock.usual_s:
-        where = float(step.run.time_s[clock.longest_at])
-        return finding("gap", name, gap_s=clock.longest_s, at_s=where, sample_s=clock.usual_s)
-    if clock.spread_s is not None:
-        return finding("jitter", name, low_s=clock.spread_s[0], high_s=clock.spread_s[1])
-    return None
+    time_s, usual = step.run.time_s, step.usual_s
+    every, some = np.diff(time_s), np.diff(sampled(time_s))
+    if every.max() > 5 * usual:
+        at = int(every.argmax())
+        return finding("gap", step.run.name, gap_s=float(every[at]), at_s=float(time_s[at]), sample_s=usual)
+    low, high = np.quantile(some, (0.01, 0.99)).tolist() if np.ptp(some) > JITTER * usual else (usual, usual)
+    return finding("jitter", step.run.name, low_s=low, high_s=high) if high - low > JITTER * usual else None
 
 
 def _gap_at_step(step: Step) -> Finding | None:
@@ -306,7 +300,7 @@ def _gap_at_step(step: Step) -> Finding | None:
         return None
     gap = float(step.run.time_s[step.start] - step.run.time_s[step.start - 1])
     first = abs(float(step.rise[0]) - (step.before if step.run.edge == "falling" and step.before else 0.0))
-    if gap <= 5 * step.clock.usual_s or first <= max(MOVED * step.swing, STANDARD_ERRORS * sample_noise(step.rise)):
+    if gap <= 5 * step.usual_s or first <= max(MOVED * step.swing, STANDARD_ERRORS * sample_noise(step.rise)):
         return None
     at = float(step.run.time_s[step.start - 1])
     return finding("step-in-gap", step.run.name, gap_s=gap, at_s=at, moved_pct=100 * first / step.swing)
@@ -395,7 +389,7 @@ def _several_edges(step: Step) -> Finding | None:
     if step.run.position is not None:
         return None
     idle = max(1, len(step.rise) // 50)
-    before = np.arange(-idle, 0) * step.clock.usual_s
+    before = np.arange(-idle, 0) * step.usual_s
     time, rise = np.concatenate((before, step.time_s)), np.concatenate((np.zeros(idle), step.rise))
     return several_edges(step.run.name, time, rise, step.run.step_s or 0.0)
 

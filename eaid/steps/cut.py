@@ -14,13 +14,25 @@ import numpy as np
 
 from eaid.arrays import Array, median, read_only
 from eaid.errors import DataError
-from eaid.findings import Finding, finding, stops
+from eaid.findings import Finding, finding, say, stops
 from eaid.logs.run import Run
 from eaid.options import ReadOptions
-from eaid.steps.baseline import BaselineRule, baseline_rule, first_samples, last_rest
-from eaid.steps.edges import BACK, looks_like, refuse_to_cut, several_edges, turns
+from eaid.steps.baseline import baseline_rule, first_samples, last_rest
+from eaid.steps.edges import several_edges
 from eaid.steps.noise import STANDARD_ERRORS, block_means, block_noise, sample_noise, sampled
-from eaid.steps.plateaus import FEWEST, Plateau, bridge, end_of, plateaus, sample_s, stands_still, tolerance, zero_of
+from eaid.steps.plateaus import (
+    BACK,
+    FEWEST,
+    Plateau,
+    bridge,
+    end_of,
+    looks_like,
+    plateaus,
+    sample_s,
+    tolerance,
+    turns,
+    zero_of,
+)
 from eaid.steps.step import Step, sample_at
 from eaid.steps.stepset import LevelStep
 
@@ -31,9 +43,9 @@ NO_STEP = "record the idle time before the step too, or give the step instant wi
 
 def cut_by_input(run: Run) -> list[Run]:
     """Steps where the input goes from one plateau to another; towards zero is a falling edge."""
+    if (odd := looks_like(run)) is not None:
+        raise DataError(f"{run.where}: {say(odd)}")
     holds, bridged = bridge(plateaus(run.input))
-    if not stands_still(holds, run.input) or looks_like(run) is not None:
-        raise refuse_to_cut(run)
     if len(holds) < 2:
         raise DataError(f"{run.where}: the input stays at {holds[0].level:g} {run.input_unit}: no step; {NO_STEP}")
     zero = zero_of(run)
@@ -196,7 +208,7 @@ def cut_by_output(run: Run) -> list[Run]:
     if level is None or at is None:
         odd = several_edges(run.name, run.time_s, run.output)
         if odd is not None:
-            raise refuse_to_cut(run, odd)
+            raise DataError(f"{run.where}: {say(odd)}")
         if level is None:
             raise no_level(run)
         raise DataError(f"{run.where}: no step stands out of the output's noise; give its instant with «step_at»")
@@ -313,13 +325,12 @@ def turns_of(position: Array) -> list[int]:
 
 WANDERS = 0.15
 """Range of a measured input, as a share of its median, up to which it is one load that wanders."""
-AUTO = BaselineRule()
 
 
-def cut(run: Run, rule: BaselineRule = AUTO, rest: float = 0.0) -> list[Run]:
+def cut(run: Run, baseline: str = "auto", rest: float = 0.0) -> list[Run]:
     """The steps of a log, in the order of time, each with level, step instant, baseline and edge found.
 
-    Levels are counted from the input at rest.
+    Levels are counted from `rest`, the input at rest.
 
     Raises DataError where the log has no step, or a level that cannot be told.
     """
@@ -327,15 +338,28 @@ def cut(run: Run, rule: BaselineRule = AUTO, rest: float = 0.0) -> list[Run]:
     if count < FEWEST:
         raise DataError(f"{run.where}: holds {count} samples, and a step takes at least {FEWEST}; record it longer")
     if run.cut and run.step_s is not None:
-        return [_ruled(run, rule)]
+        return [_ruled(run, baseline)]
     if run.output.min() == run.output.max():
         raise DataError(
             f"{run.where}: the output never changes ({run.output[0]:g} {run.output_unit} throughout); check the sensor"
         )
-    if run.has_input and run.input_unit == "%":
-        _check_percent(run)
-    run = from_rest(run, rest)
-    moves = run.has_input and not _constant(run)
+    moves = False
+    if run.has_input:
+        for wrong, how in ((run.input > 100 + 1e-9, "above 100"), (run.input < -1e-9, "below 0")):
+            if run.input_unit == "%" and wrong.any():
+                first = int(wrong.argmax())
+                raise DataError(
+                    f"{run.where}: the input is {run.input[first]:g} % at {run.time_s[first]:.6g} s, {how}; "
+                    f"if it is not in %, say its unit with «units» input=UNIT"
+                )
+        if rest != 0.0 and not run.cut:
+            said = finding("counted-from-rest", run.name, rest=rest)
+            run = replace(run, input=read_only(run.input - rest), findings=(*run.findings, said))
+        # a commanded input is held exactly; a measured one may wander a little
+        wanders = run.input_unit != "%" and sample_noise(run.input) > 0
+        moves = float(np.ptp(run.input)) > 0 and not (
+            wanders and float(np.ptp(run.input)) < WANDERS * abs(median(run.input))
+        )
     if run.step_s is not None:
         steps = cut_at(run, run.step_s)
     elif run.position is not None:
@@ -344,16 +368,7 @@ def cut(run: Run, rule: BaselineRule = AUTO, rest: float = 0.0) -> list[Run]:
         steps = cut_by_input(_up_to(run))
     else:
         steps = cut_by_output(_up_to(run) if run.has_input else run)
-    return _with_baselines(steps, rule)
-
-
-def _constant(run: Run) -> bool:
-    """True for an input that is held throughout: exactly, or as a measured one whose load wanders a little."""
-    span = float(np.ptp(run.input))
-    if span == 0:
-        return True
-    measured = run.input_unit != "%" and sample_noise(run.input) > 0
-    return measured and span < WANDERS * abs(median(run.input))
+    return _with_baselines(steps, baseline)
 
 
 def _up_to(run: Run) -> Run:
@@ -366,17 +381,7 @@ def _up_to(run: Run) -> Run:
     return run.part(slice(stop), until_s=None)
 
 
-def _check_percent(run: Run) -> None:
-    for wrong, how in ((run.input > 100 + 1e-9, "above 100"), (run.input < -1e-9, "below 0")):
-        if wrong.any():
-            first = int(wrong.argmax())
-            raise DataError(
-                f"{run.where}: the input is {run.input[first]:g} % at {run.time_s[first]:.6g} s, {how}; "
-                f"if it is not in %, say its unit with «units» input=UNIT"
-            )
-
-
-def _with_baselines(steps: list[Run], rule: BaselineRule) -> list[Run]:
+def _with_baselines(steps: list[Run], baseline: str) -> list[Run]:
     """The steps with their baselines: as the user asks, else as found or stored, else the first samples.
 
     A release to rest has that of its own rise.
@@ -394,23 +399,23 @@ def _with_baselines(steps: list[Run], rule: BaselineRule) -> list[Run]:
         if step.edge == "falling" and step.from_level == 0.0 and idle is not None:
             step = replace(step, baseline=idle)
         else:
-            step = _ruled(step, rule)
+            step = _ruled(step, baseline)
         if step.edge == "rising" and step.from_level == 0.0:
             idle = step.baseline
         finished.append(step)
     return finished
 
 
-def _ruled(step: Run, rule: BaselineRule) -> Run:
-    """A step with the baseline that the user asks for."""
-    if rule.how == "value":
-        return replace(step, baseline=rule.value)
-    if rule.how == "auto" or (step.edge == "falling" and step.from_level == 0.0):
-        return step  # a release is counted from the idle output before its own rise
+def _ruled(step: Run, baseline: str) -> Run:
+    """A step with the baseline that the user asks for; a release counts from the idle output before its own rise."""
+    how, low, high = baseline_rule(baseline)
+    if how == "value":
+        return replace(step, baseline=low)
+    if how == "auto" or (step.edge == "falling" and step.from_level == 0.0):
+        return step
     at = step.step_s or 0.0
-    if rule.how == "first":
+    if how == "first":
         return replace(step, baseline=first_samples(step.output[sample_at(step, at) :]))
-    low, high = rule.window_s
     inside = (step.time_s >= at + low) & (step.time_s <= at + high)
     if not inside.any():
         raise DataError(
@@ -423,17 +428,6 @@ def _ruled(step: Run, rule: BaselineRule) -> Run:
 MOST_SETTLED = 60
 """Steps up to which a log that is fitted as it was recorded has each step fitted by itself, too."""
 
-START_ASSUMED = ("step-at-first-sample", "no-rest-before-step")
-"""Findings of steps whose start is that of their first samples."""
-
-
-def from_rest(run: Run, rest: float) -> Run:
-    """A log whose input is counted from its value at rest; a run that is cut already stays as it is."""
-    if rest == 0.0 or run.cut or not run.has_input:
-        return run
-    said = finding("counted-from-rest", run.name, rest=rest)
-    return replace(run, input=read_only(run.input - rest), findings=(*run.findings, said))
-
 
 def cut_runs(runs: Sequence[Run], options: ReadOptions) -> tuple[list[Run], list[str]]:
     """The steps of all logs, repeats counted, and the faults of those that have none."""
@@ -441,10 +435,8 @@ def cut_runs(runs: Sequence[Run], options: ReadOptions) -> tuple[list[Run], list
     faults: list[str] = []
     for run in runs:
         try:
-            of_log = cut(run, baseline_rule(options.baseline), options.rest)
-            if run.cut:
-                _check_window(run)
-            steps.extend(of_log if run.cut else _long_enough(of_log))
+            of_log = cut(run, options.baseline, options.rest)
+            steps.extend(_long_enough(of_log, run.cut))
         except DataError as fault:
             faults.extend(fault.sentences)
     return _counted(steps), faults
@@ -455,7 +447,7 @@ def settled_steps(runs: Sequence[Run], options: ReadOptions) -> tuple[LevelStep,
     steps: list[Run] = []
     for run in runs:
         try:
-            steps += cut(run, baseline_rule(options.baseline), options.rest)
+            steps += cut(run, options.baseline, options.rest)
         except DataError:
             continue
     settled = [step for step in steps if _samples(step) >= FEWEST and not stops(step.findings)]
@@ -467,22 +459,18 @@ def _samples(run: Run) -> int:
     return len(run.time_s) - Step(run).start
 
 
-def _check_window(run: Run) -> None:
-    count = _samples(run)
-    if count < FEWEST:
-        raise DataError(f"{run.where}: {count} samples in its window, at least {FEWEST} are needed; record it longer")
-
-
-def _long_enough(steps: list[Run]) -> list[Run]:
-    """Steps with enough samples; a short one beside good ones is left out and told, one alone refuses the log."""
+def _long_enough(steps: list[Run], stored: bool) -> list[Run]:
+    """Steps with enough samples; a short one beside good ones is left out and told; one alone, or stored, refuses."""
     good = [step for step in steps if _samples(step) >= FEWEST]
-    short = len(steps) - len(good)
-    if not any(step.edge == "rising" for step in good):
-        for step in steps:
-            if step.edge == "rising":
-                _check_window(step)
+    short = [step for step in steps if step not in good]
+    alone = [step for step in short if stored or step.edge == "rising"]
+    if alone and (stored or not any(step.edge == "rising" for step in good)):
+        raise DataError(
+            f"{alone[0].where}: {_samples(alone[0])} samples in its window, at least {FEWEST} are needed; record it "
+            "longer"
+        )
     if short and good:
-        said = finding("short-pieces", good[0].name, pieces=short, fewest=FEWEST)
+        said = finding("short-pieces", good[0].name, pieces=len(short), fewest=FEWEST)
         good[0] = replace(good[0], findings=(*good[0].findings, said))
     return good
 
@@ -520,7 +508,7 @@ def _level_step(step: Step, findings: tuple[Finding, ...]) -> LevelStep:
         time_s=step.time_s,
         output=read_only(run.output[step.start :]),
         input=read_only(run.input[step.start :]),
-        start_known=not any(one.code in START_ASSUMED for one in run.findings),
+        start_known=not {"step-at-first-sample", "no-rest-before-step"} & {one.code for one in run.findings},
         rest_s=run.rest_s,
         rest_moved=run.rest_moved,
         at_s=run.start_s + (run.step_s or 0.0),

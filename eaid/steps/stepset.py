@@ -17,8 +17,7 @@ from eaid.findings import Finding, finding, merged, ranked, say, sentences, stop
 from eaid.logs.dataset import write_dataset
 from eaid.logs.run import Run
 from eaid.shown import Shown, counted, span
-from eaid.steps.slip import SlipTest
-from eaid.steps.step import uniform_step
+from eaid.steps.step import SlipTest, uniform_step
 
 if TYPE_CHECKING:
     import pandas
