@@ -5,14 +5,11 @@ No time stamps, names in order: the same runs give the same bytes.
 """
 
 import dataclasses
-import hashlib
 import math
 import re
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
-from weakref import WeakValueDictionary
 
 import h5py
 import msgspec
@@ -137,40 +134,13 @@ def read_dataset(
         )  # fmt: skip
         runs: list[Run] = []
         faults: list[str] = []
-        columns = _Columns()
+        last: dict[str, Array] = {}
         for name in names:
             try:
-                runs.append(each(_read_run(file["runs"][name], dataclasses.replace(shared, name=plain(name)), columns)))
+                runs.append(each(_read_run(file["runs"][name], dataclasses.replace(shared, name=plain(name)), last)))
             except DataError as fault:
                 faults.extend(fault.sentences)
         return runs, faults
-
-
-class _Columns:
-    """Columns as they are read: what runs have in common, such as a time axis, is unpacked once and shared."""
-
-    def __init__(self) -> None:
-        self._known: WeakValueDictionary[bytes, Array] = WeakValueDictionary()
-        self._last: deque[Array] = deque(maxlen=6)
-        """Kept for the next run, whatever becomes of the runs before."""
-
-    def of(self, group: h5py.Group) -> dict[str, Array]:
-        """Those of a run that it has, by the fields of `Run`."""
-        return {field: self._unpacked(group[name]) for name, field in (COLUMNS | MORE).items() if name in group}
-
-    def _unpacked(self, stored: h5py.Dataset) -> Array:
-        """A column by its packed bytes, which are hashed in less time than they are unpacked."""
-        if not isinstance(stored, h5py.Dataset) or stored.chunks is None:
-            return read_only(stored[()])
-        form = (stored.shape, stored.dtype, stored.chunks, stored.compression, stored.shuffle)
-        packed = hashlib.sha256(repr(form).encode())
-        for k in range(stored.id.get_num_chunks()):
-            packed.update(stored.id.read_direct_chunk(stored.id.get_chunk_info(k).chunk_offset)[1])
-        key = packed.digest()
-        if (values := self._known.get(key)) is None:
-            values = self._known[key] = read_only(stored[()])
-        self._last.append(values)
-        return values
 
 
 def _apparatus(stored: Mapping[str, object], source: str) -> Apparatus | None:
@@ -196,10 +166,12 @@ def _plain(value: Any) -> Any:
     return plain(value) if isinstance(value, str) else value
 
 
-def _read_run(group: h5py.Group, shared: Run, read: _Columns) -> Run:
+def _read_run(group: h5py.Group, shared: Run, last: dict[str, Array]) -> Run:
+    """A run; a column that is the one of the run before shares its memory, and stands in `last` for the next."""
     where = f"{shared.dataset}: run {shared.name}"
     try:
-        columns, stored = read.of(group), attributes(group)
+        columns = {field: read_only(group[name][()]) for name, field in (COLUMNS | MORE).items() if name in group}
+        stored = attributes(group)
     except (OSError, RuntimeError, ValueError, TypeError):
         raise DataError(f"{where} is damaged and cannot be read; {AGAIN}") from None
     missing = [name for name, field in COLUMNS.items() if field not in columns]
@@ -207,6 +179,8 @@ def _read_run(group: h5py.Group, shared: Run, read: _Columns) -> Run:
         raise DataError(f"{where} has no {' and no '.join(missing)}; {AGAIN}")
     if len({values.shape for values in columns.values()}) > 1 or columns["time_s"].ndim != 1:
         raise DataError(f"{where} has columns of different shape; {AGAIN}")
+    columns = {k: last[k] if k in last and np.array_equal(last[k], one) else one for k, one in columns.items()}
+    last.update(columns)
     try:
         facts = msgspec.structs.asdict(msgspec.convert(stored, _Facts, strict=False))
         written = msgspec.json.decode(str(stored.get("findings", "[]")))
