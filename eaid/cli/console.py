@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from eaid.findings import Finding
-    from eaid.report.tables.table import Table
+    from eaid.report.tables import Table
 
 
 LONGEST = 30

@@ -8,8 +8,8 @@ from eaid.cli.printed import Edges, LogEdges
 from eaid.errors import on_command_line
 from eaid.findings import say
 from eaid.logs.run import Run
+from eaid.report.tables import Cell, Name, Table, columns
 from eaid.report.tables.data import between_levels, highest_slips, levels_recorded, slips_table
-from eaid.report.tables.table import Cell, Name, Table, columns
 from eaid.shown import counted
 from eaid.steps.edges import Edge
 from eaid.steps.stepset import StepSet

@@ -30,9 +30,8 @@ def command(args: Arguments) -> None:
     Example: eaid report fit.json gains.json multisine.h5 clutch.h5 -o report
     """
     from eaid.files import refuse_to_overwrite
-    from eaid.report.draw import chosen
     from eaid.report.results import read_results
-    from eaid.report.write import FILE, refuse_to_overwrite_report, write_report
+    from eaid.report.write import FILE, chosen, refuse_to_overwrite_report, write_report
 
     options = part(ReportOptions, args)
     refuse_to_overwrite_report(args.output, args.force)

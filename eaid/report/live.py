@@ -1,4 +1,4 @@
-"""Plots that can be zoomed and read off by hovering: Bokeh documents as JSON, drawn by the script inside the page.
+"""Figures as plots that can be zoomed and read off by pointing: Bokeh documents as JSON, drawn by the page's script.
 
 Bokeh, because its script (1.27 MB) is a quarter of plotly's (4.8 MB) and lies in the package that pip installs. On a
 dark ground the page's style inverts their lightness, at the same hue.
@@ -7,142 +7,142 @@ dark ground the page's style inverts their lightness, at the same hue.
 import json
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import bokeh
 import numpy as np
 from bokeh.document import Document
-from bokeh.models import ColumnDataSource, HoverTool
-from bokeh.models.annotations import Legend, TeeHead, Whisker
+from bokeh.models import ColumnDataSource, HoverTool, Range1d
+from bokeh.models.annotations import BoxAnnotation, Legend, TeeHead, Whisker
+from bokeh.models.annotations import Span as Rule
 from bokeh.models.layouts import Column
 from bokeh.plotting import figure
 from markupsafe import Markup
-from matplotlib.axes import Axes
 
-from eaid.arrays import Array
-from eaid.report import style
+from eaid.report.panels import Dash, Line, Panel, Sheet, thinned
 
-
-def thinned(time_s: Array, values: Array, points: int) -> tuple[Array, Array]:
-    """At most about `points` samples of a curve, shape (≤ points + 2,): extremes of equal stretches, in order of time.
-
-    A spike of one sample survives, which taking every k-th sample would lose.
-    """
-    keep = thinned_at(values, points)
-    return time_s[keep], values[keep]
-
-
-def thinned_at(values: Array, points: int) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-    """Which samples `thinned` keeps, rising; the first and the last are always among them."""
-    n = len(values)
-    if n <= points:
-        return np.arange(n)
-    stretches = max(points // 2, 1)
-    width = -(-n // stretches)
-    padded = np.full(-(-n // width) * width, np.nan)
-    padded[:n] = np.nan_to_num(values)
-    blocks = padded.reshape(-1, width)
-    start = np.arange(len(blocks)) * width
-    low = start + np.argmin(np.where(np.isnan(blocks), np.inf, blocks), axis=1)
-    high = start + np.argmax(np.where(np.isnan(blocks), -np.inf, blocks), axis=1)
-    return np.unique(np.concatenate([[0], low, high, [n - 1]]))
-
-
-Live = Markup
-"""A live plot: a Bokeh document and its root as JSON that may stand inside a script element."""
-
+POINTS = 800
+"""Points of one line; extremes survive."""
 BAND_POINTS = 300
-"""Points of one band on the page."""
-LINE_POINTS = 800
-"""Points of one line on the page; extremes survive."""
+DASHES = {"-": "solid", "--": "dashed", "-.": "dashdot", ":": "dotted"}
+LIGHT = "#D0D0D0"
 
 
-@dataclass
-class Plot:
-    """One live plot under construction."""
+def live_of(sheet: Sheet) -> tuple[Markup, ...]:
+    """A plot for each column of a figure: a Bokeh document and its root as JSON that may stand inside a script."""
+    if not sheet.live:
+        return ()
+    rows = -(-len(sheet.panels) // sheet.columns)
+    total, ratios = 100 * sheet.height_in + 60 * rows, sheet.ratios or (1.0,) * rows
+    heights = [round(total * ratio / sum(ratios)) for ratio in ratios]
+    named = any(panel.legend == "over" for panel in sheet.panels)
+    columns = [sheet.panels[k :: sheet.columns] for k in range(sheet.columns)]
+    return tuple(_plot(panels, heights, sheet.columns, named and len(columns) > 1) for panels in columns)
 
-    panels: list[Any] = field(default_factory=list)
-    wide: bool = True
-    """Whether it has the page's whole width; else its legend has two columns."""
 
-    def panel(
-        self, x: str, y: str, height: int, unit: str, across: tuple[str, str] = ("time", "s"), **more: Any
-    ) -> Any:
-        """Add a panel below the others; all share the axis `across`, whose name and unit hovering shows."""
-        shared = {"x_range": self.panels[0].x_range} if self.panels else {}
-        p = figure(
-            height=height, sizing_mode="stretch_width", tools="pan,box_zoom,reset,save", toolbar_location="right",
-            active_drag="box_zoom", background_fill_color=None, border_fill_color=None,
-            x_axis_label=x, y_axis_label=y, output_backend="canvas", min_border_left=58, **shared, **more,
-        )  # fmt: skip
-        p.toolbar.logo = None
-        p.toolbar.autohide = True
-        where, value = (across[0], f"$x{{0.000}} {plain(across[1])}"), ("value", f"$y{{0.000}} {plain(unit)}")
-        p.add_tools(HoverTool(renderers=[], tooltips=[("", "$name"), where, value]))
-        p.axis.axis_label_text_font_style = "normal"
-        p.axis.minor_tick_line_color = None
-        p.grid.grid_line_color = "#D0D0D0"
-        self.panels.append(p)
-        return p
+def _plot(panels: Sequence[Panel], heights: Sequence[int], beside: int, named: bool) -> Markup:
+    """One column; `named`: its lines have a legend though another column's panel has it on paper."""
+    drawn: list[Any] = []
+    for panel, height in zip(panels, heights, strict=True):
+        p = _axes(panel, height, drawn[0].x_range if drawn else None, panel is panels[-1])
+        for band in panel.bands:
+            some = slice(None, None, max(1, len(band.x) // BAND_POINTS))
+            held = {name: getattr(band, name)[some].astype(np.float32) for name in ("x", "low", "high")}
+            look = {"fill_color": band.color, "fill_alpha": band.alpha, "level": "underlay"}
+            _bare(p.varea("x", "low", "high", source=ColumnDataSource(held), **look))
+        for line in panel.lines:
+            _line(p, line, (named or bool(panel.legend)) and not panel.keys)
+        for span in panel.spans:
+            if span.low < span.high and span.along == "x":
+                p.add_layout(BoxAnnotation(left=span.low, right=span.high, fill_color=span.color, level="image"))
+            elif span.low == span.high:
+                rule = Rule(location=span.low, line_color=span.color, line_width=span.width)
+                rule.dimension = "height" if span.along == "x" else "width"
+                p.add_layout(rule)
+        _name_ends(p, [line for line in panel.lines if line.end])
+        for legend in p.select({"type": Legend}):
+            legend.click_policy = "hide"
+            p.add_layout(legend, "above")
+            legend.border_line_color = legend.background_fill_color = None
+            legend.orientation, legend.ncols = "horizontal", 5 if beside == 1 else 2
+            legend.spacing, legend.padding, legend.margin = 8, 2, 0
+            legend.label_text_font_size = "12px"
+        drawn.append(p)
+    document = Document()
+    root = drawn[0] if len(drawn) == 1 else Column(children=drawn, sizing_mode="stretch_width")
+    document.add_root(root)
+    held = {"doc": document.to_json(deferred=False), "root": {"id": root.id}}
+    return Markup(_script_safe(_renumbered(json.dumps(held, allow_nan=False, separators=(",", ":")))))
 
-    def line(
-        self,
-        p: Any,
-        t: Array,
-        y: Array,
-        name: str,
-        colour: str,
-        dash: str = "solid",
-        legend: str | None = None,
-        width: float = 1.6,
-    ) -> None:
-        """Draw a curve, thinned, with the name that hovering shows."""
-        name = plain(name)
-        keep = thinned_at(y, LINE_POINTS)
+
+def _axes(panel: Panel, height: int, shared: Any, last: bool) -> Any:
+    """An empty plot; hovering shows the name of a line and its values."""
+    y = panel.y.text.replace("T_s", "Tₛ").replace("\n", " ")
+    p = figure(
+        height=height, sizing_mode="stretch_width", tools="pan,box_zoom,reset,save", toolbar_location="right",
+        active_drag="box_zoom", background_fill_color=None, border_fill_color=None, output_backend="canvas",
+        x_axis_label=panel.x.text if last else "", y_axis_label=y, min_border_left=58,
+        **({"x_range": shared} if shared else {}),
+    )  # fmt: skip
+    low, high = panel.y.limits
+    if low is not None and high is not None:
+        p.y_range = Range1d(start=low, end=high)
+    p.toolbar.logo, p.toolbar.autohide = None, True
+    across = panel.x.name.split(" ")[0].lower()
+    where, value = (across, f"$x{{0.000}} {plain(panel.x.unit)}"), ("value", f"$y{{0.000}} {plain(panel.y.unit)}")
+    p.add_tools(HoverTool(renderers=[], tooltips=[("", "$name"), where, value]))
+    p.axis.axis_label_text_font_style = "normal"
+    p.axis.minor_tick_line_color = None
+    p.grid.grid_line_color = LIGHT
+    return p
+
+
+def _line(p: Any, line: Line, in_legend: bool) -> None:
+    """A curve, thinned, or points with their whiskers; with the name that hovering shows."""
+    if line.marker:
+        columns: dict[str, Any] = {"x": line.x, "y": line.y}
+        if line.ends is not None:
+            columns |= {"low": line.ends[0], "high": line.ends[1]}
+        source = ColumnDataSource(columns)
+        reach = _bare(p.scatter("x", "y", source=source, size=7, name=plain(line.name), color=line.color))
+        if line.ends is not None:
+            foot, head = TeeHead(size=6), TeeHead(size=6)
+            p.add_layout(Whisker(base="x", lower="low", upper="high", source=source, lower_head=foot, upper_head=head))
+    else:
         # Text once for the whole line: a column of names would weigh more than the numbers.
-        source = ColumnDataSource({"x": t[keep].astype(np.float32), "y": y[keep].astype(np.float32)}, name=name)
-        named = {"legend_label": legend} if legend else {}
-        bare(p.line("x", "y", source=source, line_width=width, line_dash=dash, line_color=colour, **named))
+        x, y = thinned(np.asarray(line.x), np.asarray(line.y), POINTS)
+        held: dict[str, Any] = {"x": x.astype(np.float32), "y": y.astype(np.float32)}
+        source = ColumnDataSource(held, name=plain(line.name))
+        named = {"legend_label": plain(line.name)} if in_legend else {}
+        look = {"line_width": 1.7 * line.width, "line_dash": _dashes(line.dash), "line_color": line.color}
+        _bare(p.line("x", "y", source=source, **look, **named))
         # A pointer hits a line only within half its width: a broad one that nobody sees catches it.
-        reach = p.line("x", "y", source=source, line_width=14, line_alpha=0, name=name)
-        p.select_one(HoverTool).renderers.append(reach)
-
-    def points(self, p: Any, x: Sequence[float], y: Array, ends: tuple[Array, Array], name: str, colour: str) -> None:
-        """Draw points with whiskers from their lower to their upper ends, with the name that hovering shows."""
-        source = ColumnDataSource({"x": x, "y": y, "low": ends[0], "high": ends[1]})
-        drawn = bare(p.scatter("x", "y", source=source, size=7, name=name, color=colour))
-        p.select_one(HoverTool).renderers.append(drawn)
-        foot, head = TeeHead(size=6), TeeHead(size=6)
-        p.add_layout(Whisker(base="x", lower="low", upper="high", source=source, lower_head=foot, upper_head=head))
-
-    def band(self, p: Any, t: Array, low: Array, high: Array, colour: str) -> None:
-        """Shade between two curves, behind the lines."""
-        keep = slice(None, None, max(1, len(t) // BAND_POINTS))
-        columns = {"x": t[keep], "low": low[keep], "high": high[keep]}
-        source = ColumnDataSource({name: values.astype(np.float32) for name, values in columns.items()})
-        bare(p.varea("x", "low", "high", source=source, fill_color=colour, fill_alpha=0.25, level="underlay"))
-
-    def finish(self) -> Live:
-        """The plot as text."""
-        for p in self.panels:
-            for legend in p.select({"type": Legend}):
-                legend.click_policy = "hide"
-                p.add_layout(legend, "above")
-                legend.border_line_color = legend.background_fill_color = None
-                legend.orientation = "horizontal"
-                legend.ncols = 5 if self.wide else 2
-                legend.spacing, legend.padding, legend.margin = 8, 2, 0
-                legend.label_text_font_size = "12px"
-        document = Document()
-        root = self.panels[0] if len(self.panels) == 1 else Column(children=self.panels, sizing_mode="stretch_width")
-        document.add_root(root)
-        drawn = {"doc": document.to_json(deferred=False), "root": {"id": root.id}}
-        return Markup(script_safe(_renumbered(json.dumps(drawn, allow_nan=False, separators=(",", ":")))))
+        reach = p.line("x", "y", source=source, line_width=14, line_alpha=0, name=plain(line.name))
+    p.select_one(HoverTool).renderers.append(reach)
 
 
-def bare(drawn: Any) -> Any:
+def _dashes(dash: Dash) -> Any:
+    return [2 * length for length in dash[1]] if isinstance(dash, tuple) else DASHES[dash]
+
+
+def _name_ends(p: Any, lines: Sequence[Line]) -> None:
+    """Texts at the right ends of lines, moved apart where those end close together."""
+    if not lines:
+        return
+    ends = sorted((float(line.y[-1]), line.end.partition(":")[0]) for line in lines)  # numbers are for the pointer
+    gap = 0.045 * max(abs(value) for value, _text in ends)
+    placed: list[float] = []
+    for value, _text in ends:
+        placed.append(max(value, placed[-1] + gap) if placed else value)
+    longest = float(max(line.x[-1] for line in lines))
+    texts = [text for _value, text in ends]
+    words = ColumnDataSource({"x": [1.01 * longest] * len(ends), "y": placed, "text": texts})
+    p.text("x", "y", text="text", source=words, text_font_size="12px", text_baseline="middle")
+    p.x_range = Range1d(start=0, end=(1.03 + 0.022 * max(map(len, texts))) * longest)
+
+
+def _bare(drawn: Any) -> Any:
     """What is drawn, without the looks of being selected, muted or hovered, which the page does not use."""
     drawn.nonselection_glyph = drawn.selection_glyph = drawn.muted_glyph = drawn.hover_glyph = None
     return drawn
@@ -153,7 +153,7 @@ def plain(text: str) -> str:
     return text.translate(str.maketrans("<>&@${}", "‹›＆＠＄()"))
 
 
-def script_safe(text: str) -> str:
+def _script_safe(text: str) -> str:
     """JSON that may stand inside a script element: no `<`, `>` or `&` is left in it."""
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
@@ -167,65 +167,3 @@ def _renumbered(text: str) -> str:
 def script() -> str:
     """BokehJS, as it lies in the installed package."""
     return (Path(bokeh.__file__).parent / "server/static/js/bokeh.min.js").read_text(encoding="utf-8")
-
-
-POINTS = 2500
-"""Most points of a curve in a figure; extremes survive."""
-MODEL: style.Stroke = {"color": style.BLACK, "linestyle": (0, (4, 2)), "linewidth": 0.8}
-"""A model is a thin dark dashed line over the broader, paler line of what was measured: both stay to be seen."""
-DASHES = {"-": "solid", "--": "dashed", (0, (4, 2)): "dashed", "-.": "dashdot"}
-"""Line of a figure → the same in a live plot; all others are dotted there."""
-
-
-@dataclass(frozen=True, eq=False)
-class Line:
-    """A curve of a panel."""
-
-    t: Array
-    y: Array
-    name: str
-    color: str
-    linestyle: Any = "-"
-    linewidth: float = 0.9
-    """In the figure [pt]."""
-
-
-@dataclass(frozen=True, eq=False)
-class Panel:
-    """One of the panels: its label, its unit, its height on the page [px], and its curves."""
-
-    label: str
-    unit: str
-    height: int
-    lines: Sequence[Line]
-    named: bool = False
-    """Whether its curves stand in a legend of the live plot, which hides them by click."""
-
-
-def draw_panels(axes: Sequence[Axes], panels: Sequence[Panel], time: str = "Time (s)") -> None:
-    """Draw the panels on axes that share their time."""
-    for mark, one, panel in zip("abcd", panels, axes, strict=False):
-        for line in one.lines:
-            draw_line(panel, line)
-        panel.set_ylabel(one.label)
-        style.letter(panel, mark)
-    t = panels[0].lines[0].t
-    axes[-1].set(xlabel=time, xlim=(t[0], t[-1]))
-
-
-def draw_line(axes: Axes, line: Line) -> None:
-    """Draw one of the curves."""
-    look = {"color": line.color, "linestyle": line.linestyle, "linewidth": line.linewidth}
-    axes.plot(*thinned(line.t, line.y, POINTS), label=line.name, **look)
-
-
-def live_panels(panels: Sequence[Panel], time: str = "Time (s)") -> Live:
-    """The panels as one live plot."""
-    plot = Plot()
-    for one in panels:
-        drawn = plot.panel(time if one is panels[-1] else "", one.label, one.height, one.unit)
-        for line in one.lines:
-            legend = line.name if one.named else None
-            dash = DASHES.get(line.linestyle, "dotted")
-            plot.line(drawn, line.t, line.y, line.name, line.color, dash, legend)
-    return plot.finish()

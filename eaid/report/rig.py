@@ -6,8 +6,6 @@ from eaid.results.common import Source
 from eaid.results.fit import FittedData, Trend
 from eaid.steps.stepset import StepSet
 
-QUANTITIES = {"N·m": "Torque", "N": "Force", "RPM": "Speed", "kPa": "Stress", "°C": "Temperature"}
-INPUTS = {"%": "Duty", "N": "Force", "RPM": "Speed", "V": "Voltage", "bar": "Pressure", "A": "Current"}
 PAPER = {"clutch": ("%", "N·m"), "friction-force": ("N", "N·m"), "friction-speed": ("RPM", "N·m")}
 """Kind → the units in which the paper's own rig was recorded."""
 CONTROLLER_NAMES = {
@@ -45,18 +43,6 @@ def printed_head(kind: str, units: tuple[str, str], asked: bool | None = None) -
 def overlaid(data: FittedData, asked: bool | None = None) -> bool:
     """Whether published curves may be drawn over ours: only in the same units."""
     return asked is not False and of_the_paper(data)
-
-
-def quantity(unit: str) -> str:
-    """Axis label of an output, by its unit."""
-    name = QUANTITIES.get(unit, "Output")
-    return f"{name} ({unit})" if unit else name
-
-
-def over(unit: str) -> str:
-    """Label of the axis that levels run along."""
-    name = INPUTS.get(unit, "Level")
-    return f"{name} ({unit})" if unit else name
 
 
 def level_text(level: float, unit: str) -> str:

@@ -1,5 +1,6 @@
 """Results → a folder with the page and its figures: the one entry of command line and Python."""
 
+import base64
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -8,10 +9,12 @@ from pathlib import Path
 from eaid.errors import UsageError
 from eaid.files import all_written_whole
 from eaid.options import ReportOptions
-from eaid.report.catalogue import FIGURES
-from eaid.report.draw import chosen, draw_all, formats_of, mark_of
-from eaid.report.page.render import page
-from eaid.report.pictures import summary_pictures
+from eaid.report import paper
+from eaid.report.figures import FIGURES, Row
+from eaid.report.live import live_of
+from eaid.report.page import Drawn, page
+from eaid.report.page.summary import mark_of, pictures
+from eaid.report.panels import Sheet
 from eaid.report.results import Given, Results, gathered
 from eaid.results.coupling import Coupling
 from eaid.results.fit import Fit
@@ -20,6 +23,8 @@ from eaid.results.replay import Replay
 from eaid.steps.stepset import StepSet
 
 FILE, FOLDER = "report.html", "figures"
+PAGE_DPI = 170
+"""Sharpness of the figures inside the page: the files beside it have 300 dpi."""
 
 
 @dataclass(frozen=True)
@@ -65,11 +70,21 @@ def write_report(
     formats, rows = formats_of(options.format), chosen(options.figures)
     refuse_to_overwrite_report(folder, force)
     mark = mark_of(given)
-    drawn = draw_all(given, rows, formats, done, mark[0] if mark else None)
+    contents: dict[str, bytes] = {}
+    drawn: list[Drawn] = []
+    for row in rows:
+        if (ready := row.ready(given)) is not None:
+            png, preview, more, size = _drawn(ready.sheet, mark[0] if mark and row.of_the_fit else None, formats)
+            files = {"png": png, **more}
+            contents |= {f"{FOLDER}/{row.name}.{kind}": files[kind] for kind in formats}
+            drawn.append(Drawn(row.name, ready.title, ready.sees, preview, size, live_of(ready.sheet)))
+        done()
     missing = [row for row in rows if row.made_by and row.name not in {one.name for one in drawn}]
-    pictures = summary_pictures(given, mark[0] if mark else None)
-    text = page(given, drawn, pictures, missing if not options.figures else ())
-    contents = {f"{FOLDER}/{one.name}.{kind}": held for one in drawn for kind, held in one.files}
+    shown = []
+    for title, section, sheet in pictures(given):
+        _png, preview, _more, size = _drawn(sheet, mark[0] if mark else None, (), 200)
+        shown.append(Drawn(section, title, f"More of it in the part {section}", preview, size))
+    text = page(given, drawn, shown, missing if not options.figures else ())
     contents[FILE] = text.encode("utf-8", errors="replace")
     for one in (folder, folder / FOLDER):
         one.mkdir(exist_ok=True)
@@ -81,6 +96,35 @@ def write_report(
         if old not in paths:
             old.unlink()
     return Report(folder / FILE, tuple(one.name for one in drawn), tuple((row.name, row.made_by) for row in missing))
+
+
+def _drawn(
+    sheet: Sheet, mark: str | None, formats: Sequence[str], *dpis: int
+) -> tuple[bytes, str, dict[str, bytes], tuple[int, int]]:
+    """A figure as PNG, as an address that holds a smaller one, in other formats, and its size on the page [px]."""
+    with paper.look():
+        figure = paper.figure_of(sheet)
+        if mark is not None:
+            paper.marked(figure, mark)
+        pngs = paper.pngs_of(figure, *(dpis or (paper.DPI, PAGE_DPI)))
+        more = {kind: paper.vector_of(figure, kind) for kind in formats if kind != "png"}
+        width, height = (round(96 * float(side)) for side in figure.get_size_inches())
+    return pngs[0], "data:image/png;base64," + base64.b64encode(pngs[-1]).decode("ascii"), more, (width, height)
+
+
+def formats_of(wanted: Sequence[str]) -> tuple[str, ...]:
+    """PNG always, and what else is asked for; anything else is refused."""
+    if unknown := [part for part in wanted if part not in paper.FORMATS]:
+        raise UsageError(f"«format» {','.join(unknown)}: figures are written as {', '.join(paper.FORMATS)}")
+    return tuple(kind for kind in paper.FORMATS if kind == "png" or kind in wanted)
+
+
+def chosen(names: Sequence[str]) -> tuple[Row, ...]:
+    """The figures whose names begin with one of `names`; all without any; a name that fits none is refused."""
+    if unknown := [name for name in names if not any(row.name.startswith(name) for row in FIGURES)]:
+        known = ", ".join(row.name for row in FIGURES)
+        raise UsageError(f"«figures» {','.join(unknown)}: no such figure; there are {known}")
+    return tuple(row for row in FIGURES if not names or any(row.name.startswith(name) for name in names))
 
 
 def refuse_to_overwrite_report(folder: Path, force: bool) -> None:

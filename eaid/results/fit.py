@@ -659,9 +659,9 @@ class Fit(Shown, Result, frozen=True, dict=True):
 
     def plot(self, ax: Any = None) -> Any:
         """The step responses of the fitted models, on matplotlib Axes."""
-        from eaid.report.plots import plot_fit
+        from eaid.report.paper import plot
 
-        return plot_fit(self, ax)
+        return plot(self, ax)
 
     def save(self, path: str | os.PathLike[str], force: bool = False) -> None:
         """Write fit.json, whole or not at all; an existing file is left alone unless `force`."""

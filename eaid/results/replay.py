@@ -339,9 +339,9 @@ class Replay(Shown):
 
     def plot(self, ax: Any = None) -> Any:
         """Reference and outputs over time, on matplotlib Axes."""
-        from eaid.report.plots import plot_replay
+        from eaid.report.paper import plot
 
-        return plot_replay(self, ax)
+        return plot(self, ax)
 
     def save(self, path: str | os.PathLike[str], force: bool = False) -> None:
         """Write replay.h5, whole or not at all."""

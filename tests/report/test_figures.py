@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,9 +12,9 @@ import pytest
 from matplotlib.text import Text
 
 import eaid
-from eaid.report.catalogue import FIGURES
+from eaid.report.figures import FIGURES
+from eaid.report.paper import figure_of, look
 from eaid.report.results import gathered
-from eaid.report.style import look
 
 T = np.linspace(0, 20, 401)
 REFERENCE = {
@@ -26,8 +27,9 @@ REFERENCE = {
 def drawn(name: str, *results: Any) -> Any:
     """A figure of the catalogue with its words; None where its data were not given."""
     (row,) = [one for one in FIGURES if one.name == name]
+    ready = row.ready(gathered(results))
     with look():
-        return row.ready(gathered(results))
+        return ready and SimpleNamespace(figure=figure_of(ready.sheet), sees=ready.sees)
 
 
 def response(u: float, t: np.ndarray = T) -> np.ndarray:
@@ -265,5 +267,6 @@ def test_plot_of_a_fit_has_a_line_a_level_and_of_a_replay_its_reference(files: d
     assert [line.get_label() for line in ax.lines][:5] == [f"{u:g} %" for u in fit.data.levels]
     assert ax.lines[4].get_ydata()[-1] == pytest.approx(fit.nonlinear.curves[-1].Ts, rel=0.05)
     ax = replay.plot()
-    assert {line.get_label() for line in ax.lines[1:]} == {"RC", "PI"} and ax.lines[0].get_label() == "reference"
-    assert np.max(ax.lines[0].get_ydata()) == pytest.approx(np.max(replay.records["rc"].columns["reference_nm"]))
+    *traces, reference = ax.lines
+    assert {line.get_label() for line in traces} == {"RC", "PI"} and reference.get_label() == "reference"
+    assert np.max(reference.get_ydata()) == pytest.approx(np.max(replay.records["rc"].columns["reference_nm"]))

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import eaid
-from eaid.report.tables.table import number
+from eaid.report.tables import number
 
 FIGURES = {
     "fig02_pwm", "fig03_friction_steps", "fig04_friction_over_stress", "fig05_friction_over_speed",
@@ -115,7 +115,7 @@ def test_live_plots_hold_what_was_measured_and_the_model(whole: Any, files: dict
     assert y == pytest.approx(np.interp(x, level.time_s, level.mean), abs=1e-3)
     assert y.max() == pytest.approx(level.mean.max(), rel=1e-6)  # thinned, and yet the extremes are kept
     (curve,) = [
-        y for name, (_x, y) in whole.lines("model_over_duty").items() if name == f"1: {fit.nonlinear.estimator}"
+        y for name, (_x, y) in whole.lines("model_over_duty").items() if name == f"1: {fit.nonlinear.estimator} (used)"
     ]
     assert curve[-1] == pytest.approx(fit.nonlinear.curves[-1].Ts, rel=1e-4)
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import eaid
 from eaid.logs.read import read_runs
-from eaid.report.live import thinned
+from eaid.report.panels import thinned
 from eaid.report.results import shortened
 
 

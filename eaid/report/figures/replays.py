@@ -1,48 +1,62 @@
-"""Figs. 11–13: steps, the multisine and the sweep, each controller in its own colour and line; logs; the guarantee;
-how stiff a wall."""
+"""Figs. 11–13, 16 and 17: steps, multisine, sweep, each controller in its own colour and line; logs; the guarantee;
+walls; elbow rehabilitation."""
 
+import itertools
 from collections.abc import Mapping, Sequence
+from operator import itemgetter
 
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.report import style
-from eaid.report.figures.recorded import titles
-from eaid.report.figures.steps import some_levels
-from eaid.report.live import Line, Panel, draw_line, draw_panels, live_panels
+from eaid.replay import rehab
+from eaid.report.figures.logs import titles
+from eaid.report.figures.steps import some_of
+from eaid.report.panels import (
+    BLACK,
+    BLUE,
+    COLUMN_IN,
+    CONTROLLERS,
+    GREY,
+    MODEL,
+    OF_LOG,
+    PALE,
+    SKY,
+    SPARE,
+    TIME,
+    VERMILLION,
+    Axis,
+    Band,
+    Box,
+    Line,
+    Note,
+    Panel,
+    Ready,
+    Sheet,
+    Span,
+    caption,
+    controller_look,
+    over,
+    quantity,
+)
 from eaid.report.results import Given
-from eaid.report.rig import controller_name, over, quantity
-from eaid.report.style import Ready, caption
+from eaid.report.rig import controller_name
+from eaid.report.tables import number
 from eaid.report.tables.replays import metric
-from eaid.report.tables.table import number
 from eaid.results.coupling import Coupling
 from eaid.results.replay import Replay
 
-Trace = Mapping[str, Array]
-"""The columns of one controller."""
 
-
-def units_of(replay: Replay) -> tuple[str, str]:
-    """Units of input and output."""
-    return replay.head.input_unit, replay.head.output_unit
-
-
-def traces_of(replay: Replay) -> dict[str, Trace]:
-    """Controller → its columns."""
-    return {name: one.columns for name, one in replay.records.items()}
-
-
-def bands(replay: Replay) -> dict[str, tuple[Array, Array, Array]]:
-    """Time [s] and the 2.5 % and 97.5 % outputs of each controller over drawn plants, where there are any."""
+def bands(replay: Replay) -> list[Band]:
+    """The 2.5 % and 97.5 % outputs of each controller over drawn plants, where there are any."""
     quantiles = replay.head.band_quantiles
-    drawn = {name: one.tables for name, one in replay.records.items() if "plants/band_nm" in one.tables}
     if not {0.025, 0.975} <= set(quantiles):
-        return {}
+        return []
     low, high = quantiles.index(0.025), quantiles.index(0.975)
-    return {
-        name: (tables["plants/band_time_s"], tables["plants/band_nm"][low], tables["plants/band_nm"][high])
-        for name, tables in drawn.items()
-    }
+    return [
+        Band(one.tables["plants/band_time_s"], one.tables["plants/band_nm"][low], one.tables["plants/band_nm"][high],
+             controller_look(name, k)["color"])
+        for k, (name, one) in enumerate(replay.records.items()) if "plants/band_nm" in one.tables
+    ]  # fmt: skip
 
 
 def counted_from(replay: Replay) -> float:
@@ -58,84 +72,77 @@ def tracking(replay: Replay) -> Ready:
     Grey: where the error does not count yet; shaded: 95 % of drawn plants, where there are any. Of steps the overshoot
     is told, elsewhere the error alone.
     """
-    traces, units, with_error = traces_of(replay), units_of(replay), replay.head.scenario != "steps"
-    from_s = counted_from(replay) if with_error else 0.0
-    height, ratios = (4.4, (1.5, 1, 1)) if with_error else (3.4, (1.8, 1))
-    figure, axes = style.sheet(style.PAGE_IN, height, len(ratios), 1, sharex=True, height_ratios=ratios)
-    shown = tracking_panels(traces, units, with_error)
-    draw_panels(axes, shown)
-    for name, (t, low, high) in bands(replay).items() if with_error else ():
-        colour = style.controller_look(name, list(traces).index(name))["color"]
-        axes[0].fill_between(t, low, high, color=colour, alpha=0.25, linewidth=0)
-    for panel in axes if from_s > 0 else ():
-        panel.axvspan(0, from_s, color="#EEEEEE", lw=0)
-    if from_s > 0:
-        style.letter(axes[1], "b", "grey: not counted")
-    if with_error and len(traces) > 1:
-        counted = [line.y[line.t >= from_s] for line in shown[1].lines]
-        top = max((float(np.max(np.abs(e))) for e in counted if len(e)), default=1.0)
-        axes[1].set_ylim(-1.25 * top - 1e-9, 1.25 * top + 1e-9)
-    style.legend_above(axes[0])
-    errors = sorted((value, name) for name in traces if (value := metric(replay, name, "max_abs_error_nm")))
-    text = caption("errors", found=[(value, controller_name(name)) for value, name in errors], unit=units[1])
+    with_error = replay.head.scenario != "steps"
+    panels = tracking_panels(replay)
+    errors = sorted((value, name) for name in replay.records if (value := metric(replay, name, "max_abs_error_nm")))
+    found = [(value, controller_name(name)) for value, name in errors]
+    text = caption("errors", found=found, unit=replay.head.output_unit)
     if not with_error:
+        panels.pop(1)
         overshoots = []
         for name, one in replay.records.items():
             shares = [step.overshoot_pct for step in one.metrics.steps if step.overshoot_pct is not None]
             if shares:
                 overshoots.append(f"{controller_name(name)} {number(max(shares), 2)} %")
         text = caption("steps", overshoots=overshoots, errors=text)
-    return Ready(figure, text, (live_panels(shown),))
+    height, ratios = (4.4, (1.5, 1, 1)) if with_error else (3.4, (1.8, 1))
+    return Ready(Sheet(panels, height, ratios=ratios, live=True), text)
 
 
-def tracking_panels(traces: Mapping[str, Trace], units: tuple[str, str], with_error: bool) -> list[Panel]:
-    """Output and reference, the error where wanted, and the input."""
-    unit, out = units
-    output, error, acting = [], [], []
-    for i, (name, trace) in enumerate(traces.items()):
-        t, said, look = trace["time_s"], controller_name(name), style.controller_look(name, i)
-        output.append(Line(t, trace["torque_nm"], said, **look))
-        error.append(Line(t, trace["reference_nm"] - trace["torque_nm"], said, **look))
-        acting.append(Line(t, trace["duty_pct"], said, **look))
-    first = next(iter(traces.values()))
-    output.append(Line(first["time_s"], first["reference_nm"], "reference", style.BLACK, ":"))
-    found = [Panel(quantity(out), out, 300, output, named=True), Panel(f"Error ({out})", out, 190, error)]
-    return [*found[: 1 + with_error], Panel(over(unit), unit, 190, acting)]
+def tracking_panels(replay: Replay, until_s: float | None = None) -> list[Panel]:
+    """Output and reference, error, and input of each controller; `until_s` leaves out what does not count, and more."""
+    unit, out, from_s = replay.head.input_unit, replay.head.output_unit, counted_from(replay)
+    keys = ("time_s", "reference_nm", "torque_nm", "duty_pct")
+    output: list[Line] = []
+    error: list[Line] = []
+    acting: list[Line] = []
+    asked: list[Line] = []
+    for k, (name, one) in enumerate(replay.records.items()):
+        t, said, look = one.columns["time_s"], controller_name(name), controller_look(name, k)
+        some = slice(None) if until_s is None else (t >= from_s) & (t <= until_s)
+        t, reference, true, duty = (one.columns[key][some] for key in keys)
+        output.append(Line(t, true, said, **look))
+        error.append(Line(t, reference - true, said, **look))
+        acting.append(Line(t, duty, said, **look))
+        asked.append(Line(t, reference, "reference", BLACK, ":"))
+    cut = until_s is not None
+    shaded = [Span(0.0, from_s, PALE)] if from_s > 0 and not cut and replay.head.scenario != "steps" else []
+    counted = [np.abs(line.y[line.x >= from_s]) for line in error]
+    top = max((float(np.max(e)) for e in counted if len(e)), default=1.0)
+    size = 1.25 * top + 1e-9
+    return [
+        Panel(
+            TIME, quantity(out), [*output, asked[0]], bands(replay) if until_s is None else (), shaded, legend="above"
+        ),
+        Panel(TIME, Axis("Error", out, (-size, size)), error, spans=shaded, title="grey: not counted" * bool(shaded)),
+        Panel(TIME, over(unit), acting, spans=shaded),
+    ]
 
 
 def sweep(replay: Replay) -> Ready | None:
     """Fig. 13: (a) amplitude [dB] and (b) mean absolute error over the frequency [Hz], a row a controller."""
-    rows: dict[str, Trace] = {}
-    for name, one in replay.records.items():
+    gain, error, each = [], [], []
+    for k, (name, one) in enumerate(replay.records.items()):
         tones = [row for row in one.metrics.frequencies if row.gain_db is not None]
         if tones:
             keys = ("frequency_hz", "gain_db", "mean_abs_error_nm")
-            rows[name] = {key: np.array([getattr(row, key) for row in tones]) for key in keys}
-    if not rows:
+            f, size_db, mean = (np.array([getattr(row, key) for row in tones]) for key in keys)
+            colour, dash, marker = CONTROLLERS.get(name, SPARE[k % len(SPARE)])
+            gain.append(Line(f, size_db, controller_name(name), colour, dash, 1.1, marker))
+            error.append(Line(f, mean, controller_name(name), colour, dash, 1.1, marker))
+            below = f[size_db < -3].tolist()
+            each.append((controller_name(name), below[0] if below else None, float(np.max(size_db))))
+    if not gain:
         return None
-    figure, (gain, error) = style.sheet(style.COLUMN_IN, 3.3, 2, 1, sharex=True)
-    for i, (name, row) in enumerate(rows.items()):
-        look = {**style.controller_look(name, i), "marker": style.controller_marker(name, i)}
-        gain.semilogx(row["frequency_hz"], row["gain_db"], label=controller_name(name), **look)
-        error.semilogx(row["frequency_hz"], row["mean_abs_error_nm"], **look)
-    gain.axhline(-3, color=style.GREY, linewidth=0.7, linestyle=":")
-    gain.annotate("−3 dB", (1.01, -3), xycoords=("axes fraction", "data"), va="center")
-    lowest = min(float(np.min(row["gain_db"])) for row in rows.values())
-    gain.set(ylabel="Amplitude (dB)", ylim=(max(lowest - 2, -32), None))
-    error.set(ylabel=f"Mean |error| ({replay.head.output_unit})", xlabel="Frequency (Hz)")
-    error.set_ylim(0, None)
-    f = np.concatenate([row["frequency_hz"] for row in rows.values()])
-    ticks = [tick for tick in (0.1, 0.2, 0.5, 1, 2, 3, 5, 10) if 0.95 * f.min() <= tick <= 1.05 * f.max()]
-    for mark, axes in zip("ab", (gain, error), strict=True):
-        axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
-        axes.set_xticks([], minor=True)
-        style.letter(axes, mark)
-    style.legend_above(gain, 2 if len(rows) > 3 else 3)
-    each = []
-    for name, row in rows.items():
-        below = row["frequency_hz"][row["gain_db"] < -3].tolist()
-        each.append((controller_name(name), below[0] if below else None, float(np.max(row["gain_db"]))))
-    return Ready(figure, caption("sweep", rows=each))
+    lowest = min(float(np.min(line.y)) for line in gain)
+    hz = Axis("Frequency", "Hz", log=True)
+    panels = [
+        Panel(hz, Axis("Amplitude", "dB", (max(lowest - 2, -32), None)), gain,
+              spans=[Span(-3, -3, GREY, "y", 0.7, ":")], notes=[Note("−3 dB", 1.01, -3, "x", ha="left")],
+              legend="above", columns=2 if len(gain) > 3 else 3, tight=False),
+        Panel(hz, Axis("Mean |error|", replay.head.output_unit, (0.0, None)), error, tight=False),
+    ]  # fmt: skip
+    return Ready(Sheet(panels, 3.3, COLUMN_IN), caption("sweep", rows=each))
 
 
 def recorded_input(replay: Replay) -> Ready | None:
@@ -145,27 +152,21 @@ def recorded_input(replay: Replay) -> Ready | None:
         return None
     rms = {name: float(np.sqrt(np.mean((t["reference_nm"] - t["torque_nm"]) ** 2))) for name, t in compared.items()}
     by_output = sorted(compared, key=lambda name: float(np.max(compared[name]["reference_nm"])))
-    chosen, out = some_levels(by_output, 6), replay.head.output_unit
+    chosen, out = some_of(by_output, 6), replay.head.output_unit
     columns = min(3, len(chosen))
+    panels = []
+    for k, (name, head) in enumerate(zip(chosen, titles(chosen, 16 * len(chosen)), strict=True)):
+        t = compared[name]["time_s"]
+        lines = [
+            Line(t, compared[name]["reference_nm"], "recorded", SKY, width=2.2),
+            Line(t, compared[name]["torque_nm"], "model, same input", **MODEL),
+        ]
+        below = k + columns >= len(chosen)
+        panels.append(Panel(OF_LOG if below else Axis(), quantity(out) if k % columns == 0 else Axis(), lines,
+                            legend="" if k else "over", columns=6, title=f"{head}: RMS {rms[name]:.2g}"))  # fmt: skip
     rows = -(-len(chosen) // columns)
-    figure, every = style.sheet(style.PAGE_IN, 0.5 + 1.35 * rows, rows, columns)
-    for panel in every[len(chosen) :]:
-        panel.set_visible(False)
-    heads = titles(chosen, 16 * len(chosen))
-    for mark, head, name, panel in zip("abcdef", heads, chosen, every, strict=False):
-        trace = compared[name]
-        t = trace["time_s"]
-        draw_line(panel, Line(t, trace["reference_nm"], "recorded", style.SKY, linewidth=2.2))
-        draw_line(panel, Line(t, trace["torque_nm"], "model, same input", style.BLACK, (0, (4, 2))))
-        style.letter(panel, mark, f"{head}: RMS {rms[name]:.2g}")
-    for i, panel in enumerate(every):
-        if i % columns == 0:
-            panel.set_ylabel(quantity(out))
-        if i + columns >= len(chosen):
-            panel.set_xlabel("Time of the log (s)")
-    style.legend_over(figure, every[0])
-    found = sorted((value, name) for name, value in rms.items())
-    return Ready(figure, caption("log", shown=len(chosen), rms=found, unit=out))
+    text = caption("log", shown=len(chosen), rms=sorted((value, name) for name, value in rms.items()), unit=out)
+    return Ready(Sheet(panels, 0.5 + 1.35 * rows, columns=columns, share=(False, False)), text)
 
 
 def guarantee(every: Sequence[Given[Replay]]) -> Ready | None:
@@ -174,14 +175,12 @@ def guarantee(every: Sequence[Given[Replay]]) -> Ready | None:
         one = replay.records.get("rc")
         if one is None or not {"chi_nm_s", "rho_nm_s"} <= set(one.columns) or replay.head.scenario == "rehab":
             continue
-        figure, (axes,) = style.sheet(style.COLUMN_IN, 2.3)
         t, rho = one.columns["time_s"], one.columns["rho_nm_s"]
-        draw_line(axes, Line(t, rho, r"available, $\rho$", style.BLUE))
-        draw_line(axes, Line(t, np.abs(one.columns["chi_nm_s"]), r"needed, $|\chi|$", style.VERMILLION, "--"))
-        axes.set(xlabel="Time (s)", ylabel=f"Robust term ({replay.head.output_unit}/s)", xlim=(t[0], t[-1]))
-        axes.set_ylim(0, 2.5 * float(np.median(rho)))
-        style.legend_above(axes)
-        return Ready(figure, caption("guarantee", share=one.metrics.guarantee_holds_fraction))
+        needed = np.abs(one.columns["chi_nm_s"])
+        lines = [Line(t, rho, "available, ρ", BLUE), Line(t, needed, "needed, |χ|", VERMILLION, "--")]
+        y = Axis("Robust term", f"{replay.head.output_unit}/s", (0.0, 2.5 * float(np.median(rho))))
+        sheet = Sheet([Panel(TIME, y, lines, legend="above")], 2.3, COLUMN_IN)
+        return Ready(sheet, caption("guarantee", share=one.metrics.guarantee_holds_fraction))
     return None
 
 
@@ -195,31 +194,103 @@ def walls(couplings: Sequence[Given[Coupling]]) -> Ready | None:
     coupling = couplings[0].result
     torques = sorted({wall.torque_nm for wall in coupling.walls})
     at = torques[len(torques) // 2]
-    figure, (needed, region) = style.sheet(style.PAGE_IN, 3.0, columns=2)
-    for k, name in enumerate(LOOPS):
-        colour = f"C{k}"
+    needed, region = [], []
+    for name in LOOPS:
+        colour = CONTROLLERS[name][0]
         for curve in coupling.curves:
             if (curve.loop, curve.torque_nm) == (name, at):
                 f, asked = np.array(curve.frequency_hz), np.array(curve.needed_s)
                 up = asked > 0
-                needed.plot(f[up], asked[up], color=colour, label=controller_name(name))
+                needed.append(Line(f[up], asked[up], controller_name(name), colour, width=1.1))
                 if up.any():
                     most = int(np.argmax(asked))
-                    needed.plot(f[most], asked[most], "o", color=colour, markersize=4)
+                    needed.append(Line(f[most : most + 1], asked[most : most + 1], "", colour, "", marker="o", size=4))
         for one in coupling.regions:
             if (one.loop, one.torque_nm) == (name, at):
                 damping = [point.virtual_damping for point in one.points]
-                for key, line in (("K_passive", "-"), ("K_stable", "--")):
+                for key, dash in (("K_passive", "-"), ("K_stable", "--")):
                     held = [getattr(point, key) or np.nan for point in one.points]
-                    region.plot(damping, held, line, color=colour)
-    needed.set(xscale="log", yscale="log", xlabel="frequency (Hz)", ylabel="damping asked for per stiffness (s)")
-    region.set(yscale="log", xlabel="virtual damping (N·m·s/rad)", ylabel="stiffness (N·m/rad)")
-    region.plot([], [], "-", color="0.3", label="passive")
-    region.plot([], [], "--", color="0.3", label="stable on this limb")
-    for mark, panel in zip("ab", (needed, region), strict=True):
-        style.letter(panel, mark)
-    style.legend_above(needed, columns=2)
-    style.legend_above(region, columns=2)
+                    region.append(Line(damping, held, "", colour, dash, 1.1))
+    kinds = (("passive", "-"), ("stable on this limb", "--"))
+    keys = [Line((), (), name, GREY, dash, 1.1) for name, dash in kinds]
+    panels = [
+        Panel(Axis("Frequency", "Hz", log=True), Axis("Damping needed per stiffness", "s", log=True), needed,
+              legend="above", columns=2, tight=False),
+        Panel(Axis("Virtual damping", "N·m·s/rad"), Axis("Stiffness", "N·m/rad", log=True), region,
+              legend="above", columns=2, keys=keys, tight=False),
+    ]  # fmt: skip
     shown = [wall for wall in coupling.walls if wall.torque_nm == at and wall.loop in LOOPS]
     passive = [f"{controller_name(wall.loop)} {number(wall.K_passive, 3)}" for wall in shown]
-    return Ready(figure, caption("walls", at=at, unit=coupling.output_unit, walls=passive))
+    text = caption("walls", at=at, unit=coupling.output_unit, walls=passive)
+    return Ready(Sheet(panels, 3.0, columns=2, share=(False, False)), text)
+
+
+MODES = {
+    "soft": ("#CFE6F5", "resistive, soft"),
+    "hard": ("#F9DCCB", "resistive, hard"),
+    "assisted": ("#D3EDE0", "assisted"),
+}
+"""Mode → pale ground and name; the paper's blue, red and green."""
+Stretch = tuple[str, float, float]
+"""One mode: its name, from [s], to [s]."""
+
+
+def session(replay: Replay) -> tuple[Mapping[str, Array], list[Stretch]] | None:
+    """The first controller's trace that holds angle and target, and its modes; RC where it is there."""
+    order = sorted(replay.records, key=lambda name: name != "rc")
+    trace = next((one for name in order if "angle_deg" in (one := replay.records[name].columns)), None)
+    if trace is None:
+        return None
+    names = [rehab.MODES[code] if 0 <= code < len(rehab.MODES) else str(code) for code in trace["mode"].astype(int)]
+    stretches = []
+    for name, samples in itertools.groupby(zip(names, trace["time_s"].tolist(), strict=True), key=itemgetter(0)):
+        times = [t for _name, t in samples]
+        stretches.append((name, times[0], times[-1]))
+    return trace, stretches
+
+
+def training(replay: Replay) -> Ready | None:
+    """Fig. 16: (a) target and angle, (b) position error [°], (c) desired and rendered output, (d) its error."""
+    if (found := session(replay)) is None:
+        return None
+    (trace, stretches), unit = found, replay.head.output_unit
+    t, target, angle, desired, rendered = (
+        trace[key] for key in ("time_s", "target_deg", "angle_deg", "desired_nm", "rendered_nm")
+    )
+    spans = [Span(start, end, MODES.get(name, (PALE, ""))[0]) for name, start, end in stretches]
+    spans += [Span(start, start, BLACK) for _name, start, _end in stretches]  # told apart in grey, too
+    heads = [Note(MODES.get(name, ("", name))[1], (a + b) / 2, 1.02, "y", va="bottom") for name, a, b in stretches]
+    rows = (
+        (Axis("Angle", "°"), [Line(t, target, "target", BLACK, "--"), Line(t, angle, "angle", BLUE)]),
+        (Axis("Position\nerror", "°"), [Line(t, target - angle, "position error", BLUE)]),
+        (quantity(unit), [Line(t, desired, "desired", BLACK, "--"), Line(t, rendered, "rendered", VERMILLION)]),
+        (Axis("Error\n" if unit else "Error", unit), [Line(t, desired - rendered, "error", VERMILLION)]),
+    )
+    panels = [
+        Panel(TIME, y, lines, spans=spans, notes=() if k else heads, legend="beside" if len(lines) > 1 else "")
+        for k, (y, lines) in enumerate(rows)
+    ]
+    gap, top = float(np.mean(np.abs(desired - rendered))), float(np.max(np.abs(desired)))
+    return Ready(Sheet(panels, 5.0, live=True), caption("training", gap=gap, top=top, unit=unit))
+
+
+def errors(replay: Replay) -> Ready | None:
+    """Fig. 17: box plot of the absolute position error [°] of each mode, without its first seconds.
+
+    Whiskers to 1.5 times the box.
+    """
+    if (found := session(replay)) is None:
+        return None
+    trace, stretches = found
+    skip = replay.head.exercise.uncounted_s if replay.head.exercise is not None else 5.0
+    t, error = trace["time_s"], np.abs(trace["target_deg"] - trace["angle_deg"])
+    by_mode = {name: error[(t >= start + skip - 1e-9) & (t <= end)] for name, start, end in stretches}
+    absolute_deg = {name: values for name, values in by_mode.items() if len(values)}
+    if not absolute_deg:
+        return None
+    looks = [(MODES.get(name, (PALE, name)), values) for name, values in absolute_deg.items()]
+    hatches = ("", "////", "....", "xxxx")
+    boxes = [Box(name, values, colour, hatches[k % 4]) for k, ((colour, name), values) in enumerate(looks)]
+    panel = Panel(Axis(), Axis("|position error|", "°", (0.0, None)), content=boxes)
+    medians = [f"{name} {number(float(np.median(values)), 2)}°" for name, values in absolute_deg.items()]
+    return Ready(Sheet([panel], 2.4, COLUMN_IN), caption("position", medians=medians))

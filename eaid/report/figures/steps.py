@@ -1,4 +1,4 @@
-"""Step responses on one pair of axes: the mean of each level, ± sd, its model, and the level at the curve's end."""
+"""Step responses: the mean of each level, ± sd, its model, and the level at the curve's end; what the models leave."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -6,29 +6,43 @@ from functools import partial
 from typing import TypeVar
 
 import numpy as np
-from bokeh.models import ColumnDataSource, Range1d
-from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
-from matplotlib.collections import PolyCollection
-from matplotlib.colors import BoundaryNorm, TwoSlopeNorm
 
 from eaid.arrays import Array
 from eaid.models import linear, nonlinear
-from eaid.report import style
-from eaid.report.figures.values import axis_label, points
-from eaid.report.live import MODEL, Live, Plot, thinned
+from eaid.report.panels import (
+    BLUE,
+    COLUMN_IN,
+    GREEN,
+    MODEL,
+    OF_STEP,
+    VERMILLION,
+    Axis,
+    Band,
+    Line,
+    Map,
+    Note,
+    Panel,
+    Ready,
+    Sheet,
+    Span,
+    caption,
+    level_colours,
+    over,
+    quantity,
+)
 from eaid.report.results import Results
-from eaid.report.rig import level_text, over, quantity
-from eaid.report.style import Ready, caption
+from eaid.report.rig import level_text
+from eaid.results import frames
 from eaid.results.fit import Fit, StepShape
+from eaid.steps.noise import block_means
 from eaid.steps.stepset import LevelStep, StepSet
 
 Model = Callable[[Array], Array]
 T = TypeVar("T")
 LABELLED = 14
 """Most levels that are named at the ends of their curves; beyond, a colour bar names them."""
-DRAWN, LIVE = 40, 24
-"""Most levels that are drawn, and most of a live plot: more hide each other."""
+DRAWN = 24
+"""Most levels that are drawn: more hide each other."""
 
 
 def nonlinear_curves(fit: Fit | None, data: StepSet) -> dict[float, Model]:
@@ -45,16 +59,11 @@ def single_curves(fit: Fit | None) -> dict[float, Model]:
     return {row.level: row.predict for row in rows}
 
 
-def some_levels(levels: Sequence[T], most: int = DRAWN) -> list[T]:
-    """All levels, or so many of them spread evenly, the first and the last among them."""
+def some_of(levels: Sequence[T], most: int = DRAWN) -> list[T]:
+    """All of them, or so many spread evenly, the first and the last among them."""
     if len(levels) <= most:
         return list(levels)
     return [levels[round(k * (len(levels) - 1) / (most - 1))] for k in range(most)]
-
-
-def end_of(values: Array) -> float:
-    """Where a curve ends: the mean of its last fiftieth."""
-    return float(np.mean(values[-max(1, len(values) // 50) :]))
 
 
 def fine_times(t_end: float, points: int = 150) -> Array:
@@ -72,125 +81,119 @@ class Curve:
     model: Model | None = None
     sd: Array | None = None
     """Half of the band around it; None: no band."""
+    note: str = ""
+    """The model's RMSE."""
 
 
-def draw_curves(axes: Axes, curves: Sequence[Curve], said: str, bar: tuple[Sequence[float], str] | None = None) -> None:
-    """Draw each level's curve, its band and its model (dashed, `said` in the legend), and its text at the end.
-
-    `bar` holds levels and label of a colour bar that stands in place of the texts.
-    """
-    colours = style.level_colours(len(curves))
-    longest = max(float(one.time_s[-1]) for one in curves)
+def curves_panel(curves: Sequence[Curve], y: Axis, said: str, bar: tuple[Sequence[float], str] | None = None) -> Panel:
+    """Each level's curve, its band and its model (`said` in the legend); `bar` as of a panel."""
+    colours = level_colours(len(curves))
+    bands, lines = [], []
     for one, colour in zip(curves, colours, strict=True):
+        t, mean = one.time_s, one.measured
         if one.sd is not None:
-            some = slice(None, None, max(1, len(one.time_s) // 400))
-            t, mean, sd = one.time_s[some], one.measured[some], one.sd[some]
-            axes.fill_between(t, mean - sd, mean + sd, color=colour, alpha=0.2, linewidth=0)
-        t, mean = thinned(one.time_s, one.measured, 1200)
-        axes.plot(t, mean, color=colour, linewidth=1.5, alpha=0.75, solid_capstyle="round")
+            bands.append(Band(t, mean - one.sd, mean + one.sd, colour, 0.2))
+        end = f"{one.text}: {one.note}" if one.note else one.text
+        lines.append(Line(t, mean, f"{one.text}, measured", colour, width=1.5, alpha=0.75, end=end))
         if one.model is not None:
-            fine = fine_times(float(one.time_s[-1]))
-            axes.plot(fine, one.model(fine), **MODEL)
-    axes.set(xlabel="Time since the step (s)", xlim=(0, longest))
-    if bar is None:
-        ends = [(end_of(one.measured), one.text, colour) for one, colour in zip(curves, colours, strict=True)]
-        label_ends(axes, ends, longest)
-    else:
-        level_bar(axes, *bar)
-    spread = " ± sd" if any(one.sd is not None for one in curves) else ""
-    axes.plot([], [], color=colours[len(colours) // 2], linewidth=1.5, alpha=0.75, label="measured" + spread)
+            fine = fine_times(float(t[-1]))
+            name = f"{one.text}, model{', RMSE ' if one.note else ''}{one.note}"
+            lines.append(Line(fine, one.model(fine), name, **MODEL))
+    keys = [Line((), (), "measured" + " ± sd" * bool(bands), colours[len(colours) // 2], width=1.5, alpha=0.75)]
     if any(one.model is not None for one in curves):
-        axes.plot([], [], label=said, **MODEL)
-    style.legend_above(axes, 2)
+        keys.append(Line((), (), said, **MODEL))
+    return Panel(OF_STEP, y, lines, bands, legend="above", columns=2, keys=keys, bar=bar)
 
 
-def draw_steps(
-    axes: Axes,
+def steps_panel(
     data: StepSet,
     fitted: Mapping[float, Model],
     notes: Mapping[float, str] | None = None,
     spread: bool = False,
     said: str = "model",
-) -> None:
-    """Draw each level's mean, its model (dashed) and, on request, the band of ± one sd; `notes` follow its name."""
-    levels = some_levels(data.levels)
-    notes = {level: f": {note}" for level, note in (notes or {}).items()}
+) -> Panel:
+    """Each level's mean, its model, and on request the band of ± one sd; `notes` follow its name."""
+    levels = some_of(data.levels)
     curves = [
         Curve(
-            one.time_s, one.mean, level_text(one.level, data.input_unit) + notes.get(one.level, ""),
-            fitted.get(one.level), one.sd if spread and len(one.runs) > 1 else None,
+            one.time_s, one.mean, level_text(one.level, data.input_unit), fitted.get(one.level),
+            one.sd if spread and len(one.runs) > 1 else None, (notes or {}).get(one.level, ""),
         )
         for one in levels
     ]  # fmt: skip
-    axes.set_ylabel(quantity(data.output_unit))
-    named = len(levels) <= LABELLED
-    draw_curves(axes, curves, said, None if named else ([one.level for one in levels], over(data.input_unit)))
+    bar = [one.level for one in levels], over(data.input_unit).text
+    return curves_panel(curves, quantity(data.output_unit), said, bar if len(levels) > LABELLED else None)
 
 
-def level_bar(axes: Axes, levels: Sequence[float], label: str) -> None:
-    """A colour bar of the levels beside the axes."""
-    norm = BoundaryNorm(np.concatenate([[0], np.arange(len(levels)) + 1.0]) - 0.5, 256)
-    bar = axes.figure.colorbar(ScalarMappable(norm, style.level_map()), ax=axes, label=label, pad=0.02)
-    places = np.unique(np.linspace(0, len(levels) - 1, 6).round().astype(int))
-    bar.set_ticks(list(places), labels=[f"{levels[k]:.3g}" for k in places])
+def fitted_steps(fit: Fit) -> Panel:
+    """The step responses of the first model that was fitted (nonlinear, linear, friction), a line a level."""
+    data = fit.data
+    time = np.concatenate([[0.0], np.geomspace(1e-3, 1.0, 200)]) * float(max(data.record_s, default=20.0))
+    levels = data.levels or (() if fit.recorded is None else np.linspace(*fit.recorded.u_range, 5).tolist())
+    shown = frames.predict(fit, levels, time.tolist())
+    lines = [
+        Line(time, values, level_text(float(str(level)), data.input_unit), colour, width=1.5)
+        for colour, (level, values) in zip(level_colours(shown.shape[1]), shown.items(), strict=True)
+    ]
+    return Panel(OF_STEP, quantity(data.output_unit), lines, legend="above")
 
 
-def label_ends(axes: Axes, ends: Sequence[tuple[float, str, str]], x: float) -> None:
-    """Write a text at the right end of each curve, moved apart where curves end close together."""
-    low, high = axes.get_ylim()
-    height_in = axes.get_window_extent().height / axes.figure.dpi
-    gap = (high - low) * 1.15 * style.SMALLEST_PT / 72 / height_in
-    ordered = sorted(ends)
-    placed = [value for value, _text, _colour in ordered]
-    for _ in range(200):  # push neighbours apart, both by half, until none touches
-        moved = False
-        for i in range(len(placed) - 1):
-            if (lack := gap - (placed[i + 1] - placed[i])) > 1e-9 * gap:
-                placed[i], placed[i + 1], moved = placed[i] - lack / 2, placed[i + 1] + lack / 2, True
-        if not moved:
-            break
-    for (value, text, colour), place in zip(ordered, placed, strict=True):
-        axes.annotate(
-            text, (x, value), (1.02, place), xycoords="data", textcoords=("axes fraction", "data"),
-            color="black", va="center", annotation_clip=False,
-            arrowprops={"arrowstyle": "-", "color": colour, "lw": 0.8, "shrinkA": 0, "shrinkB": 0},
-        )  # fmt: skip
+def nonlinear_model(data: StepSet, results: Results) -> Ready:
+    """Fig. 7: mean ± sd per level; the nonlinear model, Eq. (4), dashed, each level's RMSE behind its name."""
+    fit = results.fit("clutch")
+    models = nonlinear_curves(fit, data)
+    rows = fit.nonlinear.per_level if fit is not None and fit.nonlinear is not None else ()
+    notes = {row.level: f"{row.rmse:.3f}" for row in rows if row.rmse is not None}
+    several = [row for row in data.levels if len(row.runs) > 1 and models]
+    inside = [np.abs(row.mean - models[row.level](row.time_s)) <= row.sd for row in several]
+    share = 100 * float(np.mean(np.concatenate(inside))) if inside else None
+    panel = steps_panel(data, models, notes, spread=True, said=f"Eq. (4), RMSE ({data.output_unit})")
+    text = caption("nonlinear", fitted=bool(models), inside_pct=share, out=data.output_unit)
+    return Ready(Sheet([panel], 3.6, live=True), text)
 
 
-def live(data: StepSet, fitted: Mapping[float, Model], notes: Mapping[float, str] | None = None) -> Live:
-    """Mean ± sd of each level, its model beside it; `notes` follow the model's name when hovered."""
-    plot = Plot()
-    out = data.output_unit
-    p = plot.panel("Time since the step (s)", quantity(out), 420, out)
-    levels = some_levels(data.levels, LIVE)
-    colours = style.level_colours(len(levels))
-    for level, colour in zip(levels, colours, strict=True):
-        if len(level.runs) > 1:
-            plot.band(p, level.time_s, level.mean - level.sd, level.mean + level.sd, colour)
-    ends = []
-    for level, colour in zip(levels, colours, strict=True):
-        name = level_text(level.level, data.input_unit)
-        plot.line(p, level.time_s, level.mean, f"{name}, measured", colour, width=2.4)
-        ends.append((end_of(level.mean), name))
-        if (model := fitted.get(level.level)) is not None:
-            fine = fine_times(float(level.time_s[-1]))
-            note = f", RMSE {notes[level.level]}" if notes and level.level in notes else ""
-            plot.line(p, fine, model(fine), f"{name}, model{note}", style.BLACK, "dashed", width=1.2)
-    ends.sort()
-    gap = 0.045 * max(abs(value) for value, _name in ends)
-    placed: list[float] = []
-    for value, _name in ends:
-        placed.append(max(value, placed[-1] + gap) if placed else value)
-    longest = float(max(level.time_s[-1] for level in levels))
-    names = [name for _value, name in ends]
-    words = ColumnDataSource({"x": [1.01 * longest] * len(ends), "y": placed, "text": names})
-    p.text("x", "y", text="text", source=words, text_font_size="12px", text_baseline="middle")
-    p.x_range = Range1d(start=0, end=(1.03 + 0.022 * max(map(len, names))) * longest)
-    return plot.finish()
+def friction_steps(results: Results) -> Ready | None:
+    """Fig. 3: steps of the force dataset, else of the speed dataset, and the fitted Eq. (3) where there is any."""
+    kind = "friction-force" if results.data_of("friction-force") is not None else "friction-speed"
+    data, fit = results.data_of(kind), results.fit(kind)
+    if data is None:
+        return None
+    rows = fit.friction.levels if fit is not None and fit.friction is not None else ()
+    worst = max(((row.rmse / row.Ts, row.level) for row in rows if row.rmse is not None and row.Ts > 0), default=None)
+    panel = steps_panel(data, single_curves(fit), said="Eq. (3)")
+    text = caption("friction_steps", worst=worst, unit=data.input_unit)
+    return Ready(Sheet([panel], 2.9, COLUMN_IN, live=True), text)
+
+
+def linear_model(data: StepSet, fit: Fit) -> Ready | None:
+    """Fig. 8: (a) what was measured and (b) the one linear model of all levels, Eq. (8), on the same scale.
+
+    Where the model lies below zero in the end, which no clutch does, it is left out.
+    """
+    if fit.linear is None:
+        return None
+    model, unit = fit.linear.parameters, data.input_unit
+    goals = {row.level: linear.steady_torque(model, row.level) for row in data.levels}
+    missed = [(abs(goals[row.level] - float(np.mean(row.mean[-max(1, len(row.mean) // 50) :]))), row.level)
+              for row in data.levels]  # fmt: skip
+    below = [level_text(level, unit) for level, goal in goals.items() if goal <= 0]
+    levels = some_of(data.levels, LABELLED)
+    fine = fine_times(max(float(one.time_s[-1]) for one in levels))
+    measured, modelled = [], []
+    for one, colour in zip(levels, level_colours(len(levels)), strict=True):
+        text = level_text(one.level, unit)
+        measured.append(Line(one.time_s, one.mean, text, colour, width=1.2, end=text))
+        if goals[one.level] > 0:
+            response = linear.step_response(model, fine, one.level)
+            modelled.append(Line(fine, response, text, colour, (0, (4, 2)), 1.1, end=text))
+    out = quantity(data.output_unit, 0.0, None)
+    panels = [Panel(OF_STEP, out, measured, title="measured"), Panel(OF_STEP, out, modelled, title="linear model")]
+    text = caption("linear", near=min(missed), far=max(missed), below=below, unit=unit, out=data.output_unit)
+    return Ready(Sheet(panels, 2.9, columns=2, share=(True, True)), text)
 
 
 MOST = 12
-"""Most steps that are drawn."""
+"""Most steps from level to level that are drawn."""
 
 
 def level_steps(results: Results) -> Ready | None:
@@ -198,10 +201,9 @@ def level_steps(results: Results) -> Ready | None:
     for one in results.data:
         data, fit = one.result, results.fit(one.result.kind)
         if fit is not None and (pairs := paired(data, fit.steps)):
-            figure, (axes,) = style.sheet(style.PAGE_IN, 3.0)
-            draw_level_steps(axes, data, fit.steps)
             shares = [(shape.fit_pct, step_text(shape)) for _, shape in pairs if shape.fit_pct is not None]
-            return Ready(figure, caption("level_steps", count=len(pairs), worst=min(shares)))
+            text = caption("level_steps", count=len(pairs), worst=min(shares))
+            return Ready(Sheet([level_steps_panel(data, fit.steps)], 3.0), text)
     return None
 
 
@@ -217,58 +219,79 @@ def paired(data: StepSet, shapes: Sequence[StepShape]) -> list[tuple[LevelStep, 
     return [(step, known[key]) for key, step in keys if key in known]
 
 
-def draw_level_steps(axes: Axes, data: StepSet, shapes: Sequence[StepShape]) -> None:
-    """Draw them on one pair of axes."""
+def level_steps_panel(data: StepSet, shapes: Sequence[StepShape]) -> Panel:
+    """The steps, each from its own start."""
+
+    def change(shape: StepShape, t_s: Array) -> Array:
+        return shape.predict(t_s) - shape.start
+
     curves = [
-        Curve(step.time_s, step.output - shape.start, step_text(shape), partial(_change, shape))
-        for step, shape in some_levels(paired(data, shapes), MOST)
+        Curve(step.time_s, step.output - shape.start, step_text(shape), partial(change, shape))
+        for step, shape in some_of(paired(data, shapes), MOST)
     ]
-    axes.set_ylabel(f"Change of output ({data.output_unit or '1'})")
-    draw_curves(axes, curves, "fitted")
+    return curves_panel(curves, Axis("Change of output", data.output_unit or "1"), "fitted")
 
 
-def _change(shape: StepShape, t_s: Array) -> Array:
-    return shape.predict(t_s) - shape.start
+@dataclass(frozen=True, eq=False)
+class Held:
+    """Mean of a level's repeats, held and then released; time from the step, idle output subtracted."""
+
+    level: float
+    time_s: Array
+    torque: Array
+    release_s: float
+
+    @property
+    def lost_pct(self) -> float:
+        """Torque lost from peak to release [% of the peak], by means of twentieths."""
+        means = block_means(self.torque[self.time_s <= self.release_s])
+        return 100 * max(0.0, 1 - float(means[-1] / means.max())) if means.max() > 0 else 0.0
+
+    @property
+    def left_pct(self) -> float:
+        """Torque left at the end of the log [% of the torque when held], by means of twentieths."""
+        held = float(block_means(self.torque[self.time_s <= self.release_s])[-1])
+        left = float(block_means(self.torque[self.time_s > self.release_s])[-1])
+        return 100 * left / held if held > 0 else 0.0
 
 
-EDGES = (("up", "^", style.BLUE), ("down", "v", style.VERMILLION))
-"""Edge, marker and colour."""
+def held_levels(data: StepSet) -> list[Held]:
+    """Levels whose rise and release were both recorded: the highest, the middle and the lowest of them."""
+    rising = {level.level: level for level in data.levels}
+    found = []
+    for release in data.releases:
+        if (step := rising.get(release.level)) is None:
+            continue
+        dt = float(step.time_s[-1] - step.time_s[0]) / max(len(step.time_s) - 1, 1)
+        end = float(step.time_s[-1]) + dt
+        time = np.concatenate([step.time_s, end + release.time_s])
+        found.append(Held(release.level, time, np.concatenate([step.mean, release.mean]), end - dt / 2))
+    return found[::-1] if len(found) <= 3 else [found[-1], found[len(found) // 2], found[0]]
 
 
-def over_level(results: Results) -> Ready | None:
-    """Gain Δy/Δu, τ1 and τ2, where there is one, of each step over the level that it goes to, up and down apart."""
-    fit = next((one.result for one in results.fits if len(one.result.steps) > 1), None)
-    if fit is None:
+def hold_and_release(data: StepSet) -> Ready | None:
+    """Fig. 6: output over time, the held stretch shaded; the shares lost while held and left after release."""
+    levels, unit = held_levels(data), data.input_unit
+    if not levels:
         return None
-    unit, out = fit.data.input_unit, fit.data.output_unit
-    labels = {
-        "gain": f"Gain ({out or 'output'}/{unit or 'input'})", "tau1": axis_label("tau1", "s"),
-        "tau2": axis_label("tau2", "s"),
-    }  # fmt: skip
-    drawn = [name for name in labels if any(getattr(one, name) is not None for one in fit.steps)]
-    figure, axes = style.sheet(style.PAGE_IN, 2.5, 1, len(drawn))
-    for mark, name, panel in zip("abc", drawn, axes, strict=False):
-        for edge, marker, colour in EDGES:
-            rows = [one for one in fit.steps if one.edge == edge and getattr(one, name) is not None]
-            if rows:
-                values = np.array([getattr(one, name) for one in rows], dtype=float)
-                ends = [getattr(one.ci95, name) for one in rows]
-                look = {"fmt": marker, "color": colour, "label": edge, "markersize": 5, "alpha": 0.8}
-                points(panel, [one.level for one in rows], values, ends, **look)
-        panel.set(xlabel=over(unit), ylabel=labels[name])
-        low, high = panel.get_ylim()
-        if low > 0:
-            panel.set_ylim(0, 1.08 * high)
-        style.letter(panel, mark)
-    style.legend_over(figure, axes[0])
-    gains = {edge: [s.gain for s in fit.steps if s.edge == edge and s.gain is not None] for edge in ("up", "down")}
-    return Ready(figure, caption("steps_over_level", edges=gains, units=(unit, out)))
+    top, lines = levels[0], []
+    for run, (colour, dash) in zip(levels, ((BLUE, "-"), (VERMILLION, "--"), (GREEN, "-.")), strict=False):
+        label = f"{level_text(run.level, unit)}: lost {run.lost_pct:.1f} %, left {run.left_pct:.1f} %"
+        lines.append(Line(run.time_s, run.torque, label.replace("-", "−"), colour, dash))
+    low, high = (float(end([end(run.torque) for run in levels])) for end in (np.min, np.max))
+    room = high - low or 1.0
+    names = (("input on", top.release_s / 2), ("off", (top.release_s + top.time_s[-1]) / 2))
+    panel = Panel(
+        OF_STEP, quantity(data.output_unit, low - 0.05 * room, high + 0.18 * room), lines,
+        spans=[Span(0, top.release_s, "#E8E8E8")],
+        notes=[Note(text, float(at), 0.985, "y", va="top") for text, at in names],  # above every curve
+        legend="above", columns=1,
+    )  # fmt: skip
+    return Ready(Sheet([panel], 2.7, COLUMN_IN), caption("held", top=top, unit=unit))
 
 
 STRETCHES = 48
 """Stretches of time on a residual map: each is as much longer as it is later."""
-NO_SAMPLE = "#DCDCDC"
-"""Stretches of time in which a level has no sample."""
 LEVELS = 60
 """Most rows of a residual map."""
 
@@ -305,32 +328,22 @@ def residuals(model: str, data: StepSet, fit: Fit) -> Ready | None:
     every = [(row.level, row.time_s, row.mean - curves[row.level](row.time_s)) for row in covered]
     if not every:
         return None
-    rows = some_levels(every, LEVELS)
+    unit, out = over(data.input_unit), data.output_unit
+    rows = some_of(every, LEVELS)
     levels = [level for level, _t, _r in rows]
     edges, mean = residual_map(rows)
     size = float(np.quantile(np.abs(mean[np.isfinite(mean)]), 0.98)) or 1e-9  # 2 % of the cells are beyond the colours
-    figure, (over_time, per_level) = style.sheet(style.PAGE_IN, 2.7, 1, 2, width_ratios=(2.4, 1))
-    times = np.concatenate([[edges[1] / 1.6], edges[1:]])
-    drawn = over_time.pcolormesh(
-        times, np.arange(len(levels) + 1) - 0.5, mean, cmap="PuOr_r", norm=TwoSlopeNorm(0.0, -size, size),
-        rasterized=True,
-    )  # fmt: skip
-    cells = [
-        [(times[k], i - 0.5), (times[k + 1], i - 0.5), (times[k + 1], i + 0.5), (times[k], i + 0.5)]
-        for i, k in np.argwhere(mean < -0.25 * size)
-    ]  # told apart in grey, too
-    over_time.add_collection(PolyCollection(cells, facecolor="none", edgecolor="white", hatch="/////", linewidth=0))
-    over_time.set(xscale="log", xlabel="Time since the step (s)", ylabel=over(data.input_unit))
     shown = np.unique(np.linspace(0, len(levels) - 1, 12).round().astype(int))
-    over_time.set_yticks(shown, [f"{levels[k]:.3g}" for k in shown])
-    over_time.grid(visible=False)
-    over_time.set_facecolor(NO_SAMPLE)
-    figure.colorbar(drawn, ax=over_time, pad=0.01).set_label(f"Measured − model ({data.output_unit})")
+    ticks = Axis(unit.name, unit.unit, ticks={float(k): f"{levels[k]:.3g}" for k in shown})
+    times = np.concatenate([[edges[1] / 1.6], edges[1:]])
     rms = [float(np.sqrt(np.mean(r**2))) for _level, _t, r in every]
-    per_level.plot(rms, [level for level, _t, _r in every], "o-", color=style.BLUE, linewidth=0.8)
-    per_level.set(xlabel=f"RMSE ({data.output_unit})", ylabel=over(data.input_unit), xlim=(0, 1.1 * max(rms)))
-    style.letter(over_time, "a", "(hatched: model above)")
-    style.letter(per_level, "b")
+    per_level = Line(rms, [level for level, _t, _r in every], "", BLUE, width=0.8, marker="o")
+    panels = [
+        Panel(Axis("Time since the step", "s", log=True), ticks, title="(hatched: model above)",
+              content=Map(times, mean, size, f"Measured − model ({out})")),
+        Panel(Axis("RMSE", out, (0.0, 1.1 * max(rms))), unit, [per_level], tight=False),
+    ]  # fmt: skip
     i, k = np.unravel_index(np.nanargmax(np.abs(mean)), mean.shape)
     furthest = {"value": float(mean[i, k]), "level": levels[i], "times": edges[k : k + 2].tolist()}
-    return Ready(figure, caption("residuals", **furthest, unit=data.input_unit, out=data.output_unit))
+    text = caption("residuals", **furthest, unit=data.input_unit, out=out)
+    return Ready(Sheet(panels, 2.7, columns=2, widths=(2.4, 1), share=(False, False)), text)

@@ -1,31 +1,45 @@
-"""Fitted values over the level, with their 95 % intervals."""
+"""Fitted values over the level, with their 95 % intervals; the rig: one PWM period, shear stress over the field."""
 
 from collections.abc import Sequence
 
 import numpy as np
-from bokeh.models import Range1d
-from matplotlib.axes import Axes
 
 from eaid.arrays import Array
 from eaid.models import nonlinear
-from eaid.report import rig, style
-from eaid.report.live import Plot
+from eaid.report import rig
+from eaid.report.panels import (
+    BLACK,
+    BLUE,
+    COLUMN_IN,
+    GREEN,
+    GREY,
+    MODEL,
+    PURPLE,
+    VERMILLION,
+    Axis,
+    Band,
+    Dash,
+    Line,
+    Note,
+    Panel,
+    Ready,
+    Sheet,
+    Span,
+    caption,
+    over,
+)
 from eaid.report.results import Results
-from eaid.report.rig import over, overlaid
-from eaid.report.style import Ready, caption
+from eaid.report.rig import apparatus_of, gain, of_the_paper, overlaid
 from eaid.report.tables.fits import estimates_of
 from eaid.results.common import Interval, ci95_of
 from eaid.results.fit import CurveLevel, Estimate, Fit, FrictionLevel
 from eaid.results.summary import ENDLESS_S, believed_levels
 
-NAMES = {"Ts": "Steady value $T_s$", "tau1": r"Fast constant $\tau_1$", "tau2": r"Slow constant $\tau_2$"}
-ESTIMATES = (
-    (style.BLUE, "-", "solid"),
-    (style.VERMILLION, "-.", "dashdot"),
-    (style.GREEN, (0, (4, 1, 1, 1, 1, 1)), "dotdash"),
-    (style.PURPLE, (0, (6, 2)), "dotted"),
-)
-"""Colour of each estimate of one fit, its line in the figure and in the live plot; the one that is used first."""
+NAMES = {"Ts": "Steady value T_s", "tau1": "Fast constant τ1", "tau2": "Slow constant τ2"}
+ESTIMATES: tuple[tuple[str, Dash], ...] = (
+    (BLUE, "-"), (VERMILLION, "-."), (GREEN, (0, (4, 1, 1, 1, 1, 1))), (PURPLE, (0, (6, 2)))
+)  # fmt: skip
+"""Colour and line of each estimate of one fit; the one that is used first."""
 TALL = 1.6
 """An interval that reaches beyond so many times its value does not set the axis."""
 BEYOND = 3.0
@@ -34,32 +48,20 @@ CROSSES = 0.1
 """A curve that is on the axis over less than this share of the inputs only crosses it: it is not drawn."""
 
 
-def axis_label(name: str, unit: str) -> str:
-    """Label of an axis along which a fitted value runs."""
-    if name == "C_f":
-        return "Friction coefficient $C_f$ (1)"
-    return f"{NAMES[name]} ({unit if name == 'Ts' else 's'})"
+def value_axis(name: str, unit: str, top: float = 0.0) -> Axis:
+    """The axis of a fitted value, from 0 to a little above `top`; by the data without one."""
+    limits = (0.0, 1.1 * top) if top else (None, None)
+    said = "Friction coefficient C_f" if name == "C_f" else NAMES[name]
+    return Axis(said, {"C_f": "1", "Ts": unit}.get(name, "s"), limits)
 
 
-def intervals_of(rows: Sequence[FrictionLevel | CurveLevel], name: str) -> list[Interval]:
-    """The 95 % intervals of one value at the levels."""
-    return [ci95_of(row, name) for row in rows]
-
-
-def ends_of(values: Array, intervals: Sequence[Interval]) -> tuple[Array, Array, float]:
-    """Lower and upper end of each value, the value itself where it has no interval; the highest end to be seen."""
+def points(x: Sequence[float], values: Array, intervals: Sequence[Interval], name: str = "", color: str = BLACK,
+           dash: Dash = "", marker: str = "o", size: float = 3.6, alpha: float = 1.0) -> Line:  # fmt: skip
+    """Values with their 95 % intervals where there are any, the value itself where not."""
     known = [(value, value) if ends is None else ends for value, ends in zip(values, intervals, strict=True)]
     low, high = np.array(known).reshape(-1, 2).T
-    low, high = np.minimum(low, values), np.maximum(high, values)
-    return low, high, highest(np.minimum(high, TALL * np.abs(values)))
-
-
-def points(axes: Axes, x: Sequence[float], values: Array, intervals: Sequence[Interval], **look: object) -> float:
-    """Values with their 95 % intervals where there are any; the highest end that is to be seen."""
-    low, high, seen = ends_of(values, intervals)
-    look = {"fmt": "o", "capsize": 1.6, "elinewidth": 0.7, **look}
-    axes.errorbar(x, values, yerr=[values - low, high - values], **look)  # type: ignore[arg-type]
-    return seen
+    ends = np.minimum(low, values), np.maximum(high, values)
+    return Line(x, values, name, color, dash, marker=marker, size=size, alpha=alpha, ends=ends)
 
 
 def highest(values: Array) -> float:
@@ -68,10 +70,16 @@ def highest(values: Array) -> float:
     return float(known.max()) if len(known) else 0.0
 
 
-def top_of(curve: Array, seen: float) -> float:
-    """The highest value that an axis holds, of a curve and of levels whose highest end is `seen`; 0 without one."""
-    top = min(max(highest(curve), seen), BEYOND * seen) if seen else highest(curve)
-    return seen if seen and len(curve) and np.isnan(on_axis(curve, top)).all() else top
+def seen(drawn: Line) -> float:
+    """The highest end of a whisker that is to be seen."""
+    ends = np.asarray(drawn.y) if drawn.ends is None else drawn.ends[1]
+    return highest(np.minimum(ends, TALL * np.abs(drawn.y)))
+
+
+def top_of(curve: Array, level: float) -> float:
+    """The highest value that an axis holds, of a curve and of levels whose highest end is `level`; 0 without one."""
+    top = min(max(highest(curve), level), BEYOND * level) if level else highest(curve)
+    return level if level and len(curve) and np.isnan(on_axis(curve, top)).all() else top
 
 
 def on_axis(curve: Array, top: float) -> Array:
@@ -80,9 +88,12 @@ def on_axis(curve: Array, top: float) -> Array:
     return np.where(inside & (np.mean(inside) > CROSSES), curve, np.nan)
 
 
-def values_of(rows: Sequence[FrictionLevel | CurveLevel], name: str) -> Array:
-    """One value of every level, shape (n,); nan for a time constant without end."""
-    return ended(np.array([getattr(row, name) for row in rows], dtype=float), name)
+def level_points(rows: Sequence[FrictionLevel | CurveLevel], name: str, color: str = BLACK) -> Line | None:
+    """One value of every level; without those time constants that have no end; None where nothing is left."""
+    values = ended(np.array([getattr(row, name) for row in rows], dtype=float), name)
+    if not np.isfinite(values).any():
+        return None
+    return points([row.level for row in rows], values, [ci95_of(row, name) for row in rows], "95 %", color)
 
 
 def ended(values: Array, name: str) -> Array:
@@ -97,57 +108,195 @@ def values_over(part: Estimate, u: Array) -> dict[str, Array]:
     return {"Ts": steady, "tau1": ended(tau1, "tau1"), "tau2": ended(tau2, "tau2")}
 
 
-def polynomials(fit: Fit, results: Results) -> Ready | None:
-    """T_s, τ1 and τ2 over the level: every estimate, the single levels with their intervals, and Table III.
+def value_panels(fit: Fit, several: bool = False, published: bool = False) -> list[Panel]:
+    """T_s, τ1 and τ2, a panel each: the levels of a fit, and its nonlinear model where there is one.
 
-    The live plots hold the same, a plot each, without Table III.
+    Every estimate where `several` are wanted, and Table III.
     """
-    part, rows = fit.nonlinear, believed_levels(fit)
-    if part is None or len(rows) == 1:
-        return None
-    single = "95 %"
-    figure, axes = style.sheet(style.PAGE_IN, 2.5, 1, 3)
-    u, estimates = np.linspace(*part.u_range, 200), estimates_of(part)
-    plots = []
-    for mark, name, sign, panel in zip("abc", NAMES, ("Tₛ", "τ1", "τ2"), axes, strict=True):
-        unit, label = fit.data.output_unit if name == "Ts" else "s", over(fit.data.input_unit)
+    rows, part = believed_levels(fit), fit.nonlinear
+    u = np.linspace(*part.u_range, 200) if part is not None else np.empty(0)
+    estimates = estimates_of(part) if part is not None else {}
+    if not several:
+        estimates = dict(list(estimates.items())[:1])
+    panels = []
+    for name in NAMES:
         curves = {estimate: values_over(one, u)[name] for estimate, one in estimates.items()}
-        values, intervals = values_of(rows, name), intervals_of(rows, name)
-        at, (low, high, seen) = [row.level for row in rows], ends_of(values, intervals)
-        top = top_of(next(iter(curves.values())), seen)
-        plot = Plot(wide=False)
-        p = plot.panel(label, f"{sign} ({unit})", 300, unit, ("level", fit.data.input_unit))
-        for k, ((estimate, y), (colour, line, dash)) in enumerate(zip(curves.items(), ESTIMATES, strict=False)):
-            shown = on_axis(y, top)
-            look = {"linewidth": 0.9, "label": estimate} if k else {"label": f"{estimate} (used)"}
-            panel.plot(u, shown, color=colour, linestyle=line, **look)
-            plot.line(p, u, shown, estimate, colour, dash, estimate, 1.3 if k else 2.0)
-        if np.isfinite(values).any():
-            points(panel, at, values, intervals, color=style.BLACK, label=single)
-            plot.points(p, at, values, (low, high), single, style.BLACK)
-        if name != "Ts" and overlaid(fit.data, results.paper):
-            # Table III's T_s gives 0.06 N·m at full duty: a line on the floor.
+        drawn = level_points(rows, name, BLACK if several else BLUE)
+        top = top_of(next(iter(curves.values()), np.empty(0)), seen(drawn) if drawn is not None else 0.0)
+        lines = [
+            Line(u, on_axis(y, top), estimate if k else f"{estimate} (used)", *ESTIMATES[k], 0.9 if k else 1.1)
+            for k, (estimate, y) in enumerate(curves.items())
+        ]
+        lines += [drawn] if drawn is not None else []
+        if published and name != "Ts":  # Table III's T_s gives 0.06 N·m at full duty: a line on the floor
             paper = np.polynomial.polynomial.polyval(u, rig.TABLE_III[name])
-            panel.plot(u, paper, color=style.GREY, linestyle=":", label="published")
-        panel.set(xlabel=label, ylabel=axis_label(name, unit), ylim=(0, 1.1 * top or 1.0))
-        style.letter(panel, mark)
-        p.y_range = Range1d(start=0, end=1.1 * top or 1.0)
-        plots.append(plot.finish())
-    style.legend_over(figure, axes[1])
-    return Ready(figure, caption("over_duty"), tuple(plots))
+            lines.append(Line(u, paper, "published", GREY, ":", 1.1))
+        legend = "over" if several and name == "tau1" else ""
+        y = value_axis(name, fit.data.output_unit, top or 1 / 1.1)
+        panels.append(Panel(over(fit.data.input_unit), y, lines, legend=legend, columns=6, tight=False))
+    return panels
 
 
-def draw_values(panels: Sequence[Axes], fit: Fit) -> None:
-    """T_s, τ1 and τ2, a panel each: the levels of a fit, and its nonlinear model where there is one."""
-    rows = believed_levels(fit)
-    u = np.linspace(*fit.nonlinear.u_range, 150) if fit.nonlinear is not None else np.empty(0)
-    curves = values_over(fit.nonlinear, u) if fit.nonlinear is not None else {}
-    for name, panel in zip(NAMES, panels, strict=True):
-        values = values_of(rows, name)
-        seen = 0.0
-        if np.isfinite(values).any():
-            seen = points(panel, [row.level for row in rows], values, intervals_of(rows, name), color=style.BLUE)
-        top = top_of(curves.get(name, np.empty(0)), seen)
-        if curves:
-            panel.plot(u, on_axis(curves[name], top), color=style.BLUE)
-        panel.set(xlabel=over(fit.data.input_unit), ylim=(0, 1.1 * top or 1.0))
+def polynomials(fit: Fit, results: Results) -> Ready | None:
+    """T_s, τ1 and τ2 over the level: every estimate, the single levels with their intervals, and Table III."""
+    if fit.nonlinear is None or len(believed_levels(fit)) == 1:
+        return None
+    panels = value_panels(fit, several=True, published=overlaid(fit.data, results.paper))
+    return Ready(Sheet(panels, 2.5, columns=3, share=(False, False), live=True), caption("over_duty"))
+
+
+def trends(fit: Fit, results: Results) -> Ready | None:
+    """Figs. 4 and 5: the levels with their intervals, their trend and the published one, a panel a value.
+
+    Over force: T_s, τ1, C_f and τ2 over the normal stress [kPa], where it is known; over speed: τ1, T_s and τ2 [RPM].
+    """
+    part = fit.friction
+    if part is None or len(part.levels) < 2:
+        return None
+    names: tuple[str, ...] = ("Ts", "tau1", "tau2")
+    paper = rig.OVER_STRESS
+    if fit.data.kind == "friction-speed":
+        # Table II's tau2 is two equal rates of opposite weight: at the printed digits no curve is left to draw.
+        names, paper = ("tau1", "Ts", "tau2"), {name: rig.OVER_SPEED[name] for name in ("Ts", "tau1")}
+    elif part.over_stress and fit.data.output_unit == "N·m":  # Eq. (1) takes a torque
+        names = ("Ts", "tau1", "C_f", "tau2")
+    x = np.array(part.x if part.over_stress else [row.level for row in part.levels])
+    fine = np.linspace(x.min(), x.max(), 200)
+    along = Axis("Normal stress", "kPa") if part.over_stress else over(fit.data.input_unit)
+    panels: list[Panel] = []
+    for name in names:
+        key = "Ts" if name == "C_f" else name
+        values = np.array([getattr(row, key) for row in part.levels])
+        ends = [ci95_of(row, key) for row in part.levels]
+        if name == "C_f":
+            per = [apparatus_of(fit.data).friction_coefficient(1.0, one) for one in x]
+            values = np.array(per) * values
+            ends = [end and (k * end[0], k * end[1]) for k, end in zip(per, ends, strict=True)]
+        lines = [points(x.tolist(), values, ends, "each level, 95 %")]
+        top, trend = seen(lines[0]), part.trends.get(name)
+        if trend is not None and trend.coefficients:
+            lines.append(Line(fine, trend.predict(fine), "trend", BLUE, width=1.1))
+            top = max(top, float(np.max(trend.predict(fine))))
+        if name in paper and overlaid(fit.data, results.paper):
+            lines.append(Line(fine, paper[name](fine), "published", VERMILLION, ":", 1.1))
+        legend = "" if panels else "over"
+        y = value_axis(name, fit.data.output_unit, max(top, 0.0))
+        panels.append(Panel(along, y, lines, legend=legend, columns=6, tight=False))
+    four = len(names) == 4
+    text = caption("trends", rows=part.levels, unit=fit.data.input_unit, out=fit.data.output_unit)
+    title = "" if of_the_paper(fit.data, results.paper) else "Fitted values over the level"
+    sheet = Sheet(panels, 4.2 if four else 2.4, columns=2 if four else 3, share=(four, False))
+    return Ready(sheet, text, title)
+
+
+EDGES = (("up", "^", BLUE), ("down", "v", VERMILLION))
+"""Edge, marker and colour."""
+
+
+def over_level(results: Results) -> Ready | None:
+    """Gain Δy/Δu, τ1 and τ2, where there is one, of each step over the level that it goes to, up and down apart."""
+    fit = next((one.result for one in results.fits if len(one.result.steps) > 1), None)
+    if fit is None:
+        return None
+    unit, out = fit.data.input_unit, fit.data.output_unit
+    axes = {"gain": Axis("Gain", f"{out or 'output'}/{unit or 'input'}")}
+    axes |= {name: value_axis(name, "s") for name in ("tau1", "tau2")}
+    drawn = [name for name in axes if any(getattr(one, name) is not None for one in fit.steps)]
+    panels: list[Panel] = []
+    for name in drawn:
+        lines = []
+        for edge, marker, colour in EDGES:
+            rows = [one for one in fit.steps if one.edge == edge and getattr(one, name) is not None]
+            if rows:
+                values = np.array([getattr(one, name) for one in rows], dtype=float)
+                ends = [getattr(one.ci95, name) for one in rows]
+                at = [one.level for one in rows]
+                lines.append(points(at, values, ends, edge, colour, marker=marker, size=5, alpha=0.8))
+        every = np.concatenate([end for line in lines for end in line.ends or ()])
+        low, high = float(np.min(every)), float(np.max(every))
+        y = Axis(axes[name].name, axes[name].unit, (0.0, 1.13 * high) if low > 0.05 * high else (None, None))
+        panels.append(Panel(over(unit), y, lines, legend="" if panels else "over", columns=6, tight=False))
+    gains = {edge: [s.gain for s in fit.steps if s.edge == edge and s.gain is not None] for edge in ("up", "down")}
+    text = caption("steps_over_level", edges=gains, units=(unit, out))
+    return Ready(Sheet(panels, 2.5, columns=len(panels), share=(False, False)), text)
+
+
+def input_gain(fit: Fit, results: Results) -> Ready | None:
+    """B of each level over the level, with its intervals, and the bounds B_m and B_M that the robust gains take."""
+    part, unit = fit.linear, fit.data.input_unit
+    rows = [(row.level, row.B, ci95_of(row, "B")) for row in part.per_level if row.B is not None] if part else []
+    bounds = {"B_m": part.bounds.B_m, "B_M": part.bounds.B_M} if part and part.bounds else {}
+    known = {name: value for name, value in bounds.items() if value is not None}
+    if not rows and not known:
+        return None
+    lines = []
+    if rows:
+        at, values, intervals = zip(*rows, strict=True)
+        lines.append(points(at, np.array(values), intervals, color=BLUE, dash="-"))
+    spans = [
+        Span(value, value, VERMILLION, "y", MODEL["width"], MODEL["dash"], end=f"{name} = {value:.3g}")
+        for name, value in known.items()
+    ]
+    notes = []
+    if overlaid(fit.data, results.paper):
+        low, high = rig.TABLE_IV["B_m"], rig.TABLE_IV["B_M"]
+        spans.append(Span(low, high, "#EDEDED", "y", hatch="..."))
+        notes.append(Note("published", 0.02, (low + high) / 2, "x", ha="left", boxed=True))
+    y = Axis("Input gain B", gain(unit, fit.data.output_unit), (0.0, None))
+    panel = Panel(over(unit), y, lines, spans=spans, notes=notes, tight=False)
+    text = caption("gain", known=[(B, level) for level, B, _ends in rows], unit=unit)
+    return Ready(Sheet([panel], 2.4, COLUMN_IN), text)
+
+
+def pwm_period(results: Results) -> Ready | None:
+    """Fig. 2: one PWM period of a clutch like the paper's: (a) voltage, (b) the ideal torque as a share of full duty's.
+
+    Eq. (2): duty = 2 P_a / P; P_a is the time at +V and the time at −V, the rest of the period is 0.
+    """
+    fit, data = results.fit("clutch"), results.data_of("clutch")
+    if not of_the_paper(fit.data if fit is not None else data, results.paper):
+        return None
+    rig = apparatus_of(fit.data) if fit is not None else data.apparatus if data is not None else None
+    if rig is None:
+        return None
+    duty_pct, v = 60.0, rig.voltage_v
+    period_ms = 1e3 / rig.pwm_hz
+    active_ms, half = period_ms * duty_pct / 200, period_ms / 2
+    edges = np.array([0, 0, active_ms, active_ms, half, half, half + active_ms, half + active_ms, period_ms])
+    on = np.array([0, 1, 1, 0, 0, 1, 1, 0, 0])
+    sizes = (("P_a", active_ms, -0.45 * v), (f"P = {period_ms:.2f} ms", period_ms, -1.5 * v))
+    lines = [Line(edges, v * on * np.where(np.arange(9) < 4, 1, -1), width=1.1)]
+    lines += [Line((0.0, end), (y, y), width=0.6, marker="|", size=5) for _text, end, y in sizes]
+    notes = [Note(text, end / 2, y, va="bottom") for text, end, y in sizes]
+    time = Axis("Time", "ms", (0.0, period_ms))
+    volts = Axis("Voltage", "V", (-1.75 * v, 1.25 * v), ticks={u: f"{u:g}".replace("-", "−") for u in (-v, 0.0, v)})
+    torque = Axis("Ideal\ntorque", "1", (0.0, 1.2), ticks={0.0: "0", 1.0: "1"})
+    panels = [
+        Panel(time, volts, lines, notes=notes, title=f"duty 2 P_a/P = {duty_pct:.0f} %"),
+        Panel(time, torque, [Line(edges, on, color=BLUE, width=1.1)], [Band(edges, 0 * on, on, BLUE, 0.15)]),
+    ]
+    return Ready(Sheet(panels, 2.5, COLUMN_IN, ratios=(1.7, 1)), caption("pwm"))
+
+
+def shear_per_field(fit: Fit, results: Results) -> Ready | None:
+    """Fig. 9, Eq. (1): shear stress over the electric field of this clutch at its highest level, of the paper's kind.
+
+    A hollow square, as the paper marks adjustable rotary actuators, and lines of equal merit.
+    """
+    if fit.nonlinear is None or not of_the_paper(fit.data, results.paper):
+        return None
+    rig, model, top = apparatus_of(fit.data), fit.nonlinear.parameters, fit.nonlinear.u_range[1]
+    field, shear = rig.field_v_per_um, rig.shear_kpa(float(nonlinear.steady_torque(model, top)))
+    x, merit = np.array([0.0, 2 * field]), shear / field
+    factors = (0.5, 1.0, 2.0)
+    lines = [Line(x, factor * merit * x, color=GREY, dash="--", width=0.8) for factor in factors]
+    notes = [Note(f"{factor * merit:.2g}", 1.01, factor, "xy", ha="left") for factor in factors[:2]]
+    notes += [
+        Note(f"{2 * merit:.2g}", 0.5, 1.01, "xy", va="bottom"),
+        Note("kPa/\n(V/µm)", 1.01, 0.86, "xy", ha="left", va="top"),
+        Note(f"this clutch,\n{shear:.2f} kPa", 1.1 * field, 0.97 * shear, ha="left", va="top", boxed=True),
+    ]
+    lines.append(Line([field], [shear], color=BLUE, dash="", marker="s", size=7, fill="white"))
+    axes = Axis("Electric field", "V/µm", (0.0, 2 * field)), Axis("Shear stress", "kPa", (0.0, 2 * shear))
+    text = caption("shear", field=field, stress=shear, level=top, unit=fit.data.input_unit)
+    return Ready(Sheet([Panel(*axes, lines, notes=notes, tight=False)], 2.5, COLUMN_IN), text)

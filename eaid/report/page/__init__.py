@@ -1,1 +1,351 @@
-"""The page: one HTML file that needs nothing else."""
+"""The page: one HTML file that needs nothing else.
+
+The first screen, then the parts, each a picture first, one table, and the rest folded with a count; what logs say is
+escaped.
+"""
+
+import base64
+import hashlib
+import re
+from collections.abc import Container, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from importlib import resources
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup, escape
+
+from eaid.report import live
+from eaid.report.figures import Row
+from eaid.report.page import summary
+from eaid.report.page.known import MOST, Known, Terms, known, sentence
+from eaid.report.page.next_steps import commands, next_steps
+from eaid.report.results import KINDS, Results
+from eaid.report.tables import Cell, Name, Table, data, fits, gains, listed, replays, text
+from eaid.shown import counted
+from eaid.version import __version__
+
+OPEN_ROWS = 24
+"""Most rows of a table that stands open; a longer one stands folded, whole, beside some of its rows."""
+OPEN_FIGURES = 3
+"""Figures of the page's own kind that stand open."""
+KIND_FIGURES = {
+    "clutch": ("recorded_logs", "bode", "fig07_nonlinear_model", "level_steps", "steps_over_level", "model_over_duty",
+               "residuals_nonlinear", "fig08_linear_model", "residuals_linear", "fig09_shear_per_field"),
+    "friction-force": ("level_steps", "steps_over_level", "fig04_friction_over_stress", "residuals_friction_force"),
+    "friction-speed": ("level_steps", "steps_over_level", "fig05_friction_over_speed", "residuals_friction_speed"),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A figure as the page shows it."""
+
+    name: str
+    title: str
+    sees: str
+    src: str
+    """The picture, as an address that holds it."""
+    size_px: tuple[int, int]
+    live: tuple[Markup, ...] = ()
+
+    @property
+    def narrow(self) -> bool:
+        """Whether it has one column."""
+        return self.size_px[0] < 480
+
+    @property
+    def alt(self) -> str:
+        """What a reader who does not see the picture is told."""
+        return f"{self.title}. {self.sees}"
+
+
+Figures = Mapping[str, Drawn]
+
+
+@dataclass(frozen=True)
+class Block:
+    """A part of the page, or what stands closed in it under a line that counts and names it."""
+
+    title: str
+    figures: tuple[Drawn, ...] = ()
+    tables: tuple[Table, ...] = ()
+    findings: tuple[tuple[str, str], ...] = ()
+    """Severity and sentence of each."""
+    lines: tuple[str, ...] = ()
+    """Command lines."""
+    verdict: tuple[str, str] | None = None
+    """Grade and words of a verdict that heads it."""
+    folds: "tuple[Block, ...]" = ()
+    terms: tuple[tuple[str, str], ...] = ()
+    """Words that appear here first, with their meaning."""
+
+    @property
+    def id(self) -> str:
+        """Where links lead."""
+        return self.title.lower()
+
+    @property
+    def count(self) -> str:
+        """How much there is."""
+        parts = ((len(self.figures), "figure"), (len(self.tables), "table"), (len(self.findings), "finding"))
+        return " and ".join(counted(n, word) for n, word in parts if n)
+
+    @property
+    def rows(self) -> int:
+        """Rows of its tables."""
+        return sum(len(table.rows) for table in self.tables)
+
+    @property
+    def names(self) -> str:
+        """What there is, by name."""
+        figures = [figure.title.split(" · ")[-1] for figure in self.figures]
+        return listed([*figures, *(table.heading for table in self.tables)])
+
+    @property
+    def texts(self) -> Iterable[str]:
+        """What is read in it, without its folds."""
+        yield from (sentence for _severity, sentence in self.findings)
+        yield from (f"{figure.title} {figure.sees}" for figure in self.figures)
+        for table in self.tables:
+            yield f"{table.heading} {table.caption} {' '.join(table.heads)} {' '.join(row[0] for row in table.texts)}"
+
+
+def parts(results: Results, known: Known, drawn: Figures, terms: Terms) -> list[Block]:
+    """The parts that have anything to show, in the order of the page, their words explained where they come first."""
+    all_parts = [
+        _data(results, known, drawn), _model(results, known, drawn), _controller(results, known, drawn),
+        _replay(results, known, drawn), _rehabilitation(results, drawn), _appendix(results),
+    ]  # fmt: skip
+    explained = []
+    for part in all_parts:
+        if part is not None:
+            words = terms.first_in(part.texts)  # before the folds: a word is explained where it comes first
+            folds = tuple(replace(fold, terms=terms.first_in(fold.texts)) for fold in part.folds)
+            explained.append(replace(part, folds=folds, terms=words))
+    return explained
+
+
+def _of(drawn: Figures, *names: str) -> tuple[Drawn, ...]:
+    return tuple(drawn[name] for name in names if name in drawn)
+
+
+def _block(title: str, figures: Sequence[Drawn] = (), tables: Iterable[Table] = ()) -> list[Block]:
+    """Figures and tables that have rows under one title; none where there are neither."""
+    block = Block(title, tuple(figures), tuple(table for table in tables if table.rows))
+    return [block] if block.figures or block.tables else []
+
+
+def _part(
+    title: str, known: Known, figures: Sequence[Drawn], tables: Iterable[Table], folds: Sequence[Block],
+    besides: Container[str] = (),
+) -> Block:  # fmt: skip
+    """A part with its gravest findings, those about `besides` left out, the others and long tables folded."""
+    here = [found for found in known[title.lower()] if found.subject not in besides]
+    findings = tuple((found.severity, sentence(found, title == "Data")) for found in here)
+    more = [Block("More to know", findings=findings[MOST:])] if len(findings) > MOST else []
+    shown, whole = opened(tables)
+    return Block(title, tuple(figures), shown, findings[:MOST], folds=(*whole, *more, *folds))
+
+
+def opened(tables: Iterable[Table]) -> tuple[tuple[Table, ...], tuple[Block, ...]]:
+    """Tables that stand open, and the long ones among them whole, folded; those without rows are left out."""
+    shown, folds = [], []
+    for table in tables:
+        count = len(table.rows)
+        if count > OPEN_ROWS:
+            folds.append(Block(f"{table.heading}, whole", tables=(table,)))
+            some = tuple(table.rows[round(k * (count - 1) / (OPEN_ROWS - 1))] for k in range(OPEN_ROWS))
+            caption = f"{table.caption} {OPEN_ROWS} of {count} rows; all of them are folded below."
+            table = replace(table, caption=caption, rows=some)
+        if count:
+            shown.append(table)
+    return tuple(shown), tuple(folds)
+
+
+def _data(results: Results, known: Known, drawn: Figures) -> Block | None:
+    if not results.data and not known["data"]:
+        return None
+    of_main_kind = (given.result for given in results.data if given.result.kind == results.main_kind)
+    main = results.main_data or next(of_main_kind, None)
+    tables: list[Table] = []
+    folds: list[Block] = []
+    for steps in (given.result for given in results.data):
+        warned, fine = data.runs_tables(steps)
+        levels, slips = data.levels_recorded(steps), data.slips_table(steps.runs, steps)
+        title = f"{KINDS[steps.kind]}: every run" if len(results.data) > 1 else "every run"
+        folded = [warned, levels]
+        if steps is main:  # its runs with warnings stand open, else its levels
+            tables, folded = ([warned], [levels]) if warned.rows else ([levels], [])
+        folds += _block(title.capitalize(), (), [*folded, slips, fine])
+    if results.edge_logs and not any(table.rows for table in tables):
+        tables = [data.edges_table(results.edge_logs)]
+    alone = () if results.fits else ("fig07_nonlinear_model", "fig03_friction_steps")
+    figures = _of(drawn, *alone, "edges", "fig06_hold_and_release")
+    folds += _block("How the clutch is driven", _of(drawn, "fig02_pwm"))
+    runs = {run.name for given in results.data for run in given.result.runs}
+    return _part("Data", known, figures, tables, folds, besides=runs)
+
+
+def _figures_of(kind: str, drawn: Figures, results: Results) -> tuple[Drawn, ...]:
+    shows_steps = "friction-force" if results.data_of("friction-force") is not None else "friction-speed"
+    main = results.main_kind == kind
+    names = (("fig03_friction_steps",) if kind == shows_steps else ()) + KIND_FIGURES[kind]
+    return _of(drawn, *(name for name in names if main or "level" not in name))
+
+
+def _model(results: Results, known: Known, drawn: Figures) -> Block | None:
+    kind = results.main_kind
+    if not results.fits or kind is None:
+        return None
+    figures = _figures_of(kind, drawn, results)
+    main, pair = results.fit(kind), results.pair
+    tables: list[Table] = []
+    folds: list[Block] = []
+    if pair is not None:  # then the comparison is the one table that stands open
+        tables = [fits.comparison_table(pair[0].result, pair[1].result, (pair[0].path, pair[1].path))]
+    for given in results.fits:
+        fit, fit_kind = given.result, given.result.data.kind
+        folded = [*fits.model_tables(fit, results.paper), *fits.judging_tables(fit)]
+        if fit is main:
+            if pair is None:
+                tables, folded = folded[:1], folded[1:]
+            folds += _block("More on the model", figures[OPEN_FIGURES:], folded)
+        else:
+            several = sum(other.result.data.kind == fit_kind for other in results.fits) > 1
+            title = KINDS[fit_kind].capitalize() + (f", {given.path}" if several else "")
+            folds += _block(title, _figures_of(fit_kind, drawn, results) if fit_kind != kind else (), folded)
+    return _part("Model", known, figures[:OPEN_FIGURES], tables, folds)
+
+
+def _controller(results: Results, known: Known, drawn: Figures) -> Block | None:
+    figures = _of(drawn, "guarantee_in_replay", "input_gain", "walls")
+    walls = [table for given in results.couplings for table in gains.walls_tables(given.result)]
+    if not results.gains:
+        return _part("Controller", known, figures, walls, ()) if figures or walls else None
+    folds = []
+    for k, given in enumerate(results.gains):
+        title = f"Gains and margins, {given.path}" if k else "Gains and margins"
+        tables = [
+            *([gains.checklist(given.result)] if k else []),  # the first one's stands open
+            gains.table_iv(given.result, results.paper),
+            gains.gains_table(given.result, results.paper),
+            gains.margins_table(given.result),
+        ]
+        folds += _block(title, (), tables)
+    judged = results.gains[0].result
+    holds = judged.guarantee.holds if judged.guarantee is not None else None
+    part = _part("Controller", known, figures, [gains.checklist(judged), *walls], folds)
+    return replace(part, verdict=("good" if holds else "care", f"Guarantee: {gains.guarantee_words(judged)}."))
+
+
+def _replay(results: Results, known: Known, drawn: Figures) -> Block | None:
+    shown = [given.result for given in results.replays if given.result.head.scenario != "rehab"]
+    if not shown:
+        return None
+    logs = [replays.log_table(replay) for replay in shown if replay.head.scenario == "log"]
+    tracked = [replay for replay in shown if replay.head.scenario != "log"]
+    figures = _of(drawn, "fig12_multisine", "own_reference", "fig11_steps", "fig13_sweep", "log_replay")
+    tables, folded = logs, []
+    if tracked:
+        tables = [replays.errors_table(tracked)]
+        folded = [*logs, *(table for replay in tracked for table in replays.further_tables(replay))]
+    return _part("Replay", known, figures[:1], tables, _block("More replays", figures[1:], folded))
+
+
+def _rehabilitation(results: Results, drawn: Figures) -> Block | None:
+    replay = results.replay("rehab")
+    if replay is None:
+        return None
+    tables = replays.rehab_tables(replay)
+    folds = _block("Errors by mode, and whether they differ", _of(drawn, "fig17_rehab_errors"), tables[1:])
+    return Block("Rehabilitation", _of(drawn, "fig16_rehab"), tuple(tables[:1]), folds=tuple(folds))
+
+
+def _appendix(results: Results) -> Block:
+    again = Block("How to do it again", lines=tuple(commands(results)))
+    return Block("Appendix", folds=(again, Block("Files", tables=(data.files_table(results),))))
+
+
+WORDS = {"good": "Good", "care": "Warning", "bad": "Stop", "none": "–"}
+SEVERITIES = {"stop": ("bad", "Stop"), "caution": ("care", "Warning"), "note": ("good", "Note")}
+
+
+def page(results: Results, drawn: Sequence[Drawn], pictures: Sequence[Drawn], missing: Sequence[Row]) -> str:
+    """The whole page as text."""
+    found, terms = known(results), Terms()
+    numbers = summary.tiles(results)
+    library = live.script() if any(one.live for one in drawn) else ""
+    starter = _asset("page.js")
+    told = tuple(f"{one.label} {one.note}" for one in numbers)
+    first_terms = terms.first_in((*told, *(one.title for one in pictures), "" if results.shows_edges else "level"))
+    return _environment().get_template("report.html.j2").render(
+        title=summary.title(results),
+        synthetic=results.synthetic,
+        chips=summary.chips(results),
+        mark=summary.mark_of(results),
+        version=__version__,
+        lights=summary.lights(results, found),
+        pictures=pictures,
+        tiles=numbers,
+        next_steps=next_steps(results),
+        terms=[(word, says) for word, says in first_terms if word not in _EXPLAINED],
+        parts=parts(results, found, {one.name: one for one in drawn}, terms),
+        missing=[(", ".join(titles), command) for command, titles in _missing(missing).items()],
+        style=Markup(_asset("page.css")),
+        # Our own scripts only, told by their hash: nothing else on the page can run, whatever a file name says.
+        allowed=" ".join(_hash(script) for script in (library, starter) if script),
+        library=Markup(library),
+        starter=Markup(starter),
+    )  # fmt: skip
+
+
+_EXPLAINED = {"T_s", "τ1, τ2", "fit %", "synthetic"}
+"""Words that the tiles and chips themselves explain."""
+
+
+@cache
+def _environment() -> Environment:
+    made = Environment(
+        loader=PackageLoader("eaid.report.page"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.filters["sign"] = signs
+    made.globals |= {"words": WORDS, "severities": SEVERITIES, "cell": _cell}
+    return made
+
+
+def _cell(cell: Cell, digits: int) -> Markup:
+    """A cell as HTML: formulas are set, names that users chose are not."""
+    return escape(str(cell)) if isinstance(cell, Name) else signs(text(cell, digits))
+
+
+def signs(said: str) -> Markup:
+    """Our own formulas as HTML: T_s, u^2 and e^(…) get their subscript and superscript; all else is escaped first."""
+    safe = str(escape(str(said)))
+    if isinstance(said, Name):
+        return Markup(safe)
+    safe = re.sub(r"\^\(([^()]*)\)", r"<sup>\1</sup>", safe)
+    safe = re.sub(r"(?<=[u%A-Za-z])\^(\d)", r"<sup>\1</sup>", safe)
+    return Markup(re.sub(r"\b([TCBKQabc])_([A-Za-z0-9])\b", r"\1<sub>\2</sub>", safe))
+
+
+def _missing(rows: Sequence[Row]) -> dict[str, list[str]]:
+    """What is not shown, by the command that makes its data."""
+    by_command: dict[str, list[str]] = {}
+    for row in rows:
+        if row.made_by:
+            by_command.setdefault(row.made_by, []).append(row.title)
+    return by_command
+
+
+def _hash(script: str) -> str:
+    digest = base64.b64encode(hashlib.sha256(script.encode("utf-8")).digest()).decode("ascii")
+    return f"'sha256-{digest}'"
+
+
+def _asset(name: str) -> str:
+    return (resources.files("eaid.report.page") / "templates" / name).read_text(encoding="utf-8")

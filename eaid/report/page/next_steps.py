@@ -9,11 +9,11 @@ from eaid.errors import DataError
 from eaid.export.export import offered
 from eaid.options import PlanOptions
 from eaid.planning.recordings import plan_recordings
-from eaid.report.figures.steps import some_levels
+from eaid.report.figures.steps import some_of
 from eaid.report.results import Given, Results
 from eaid.report.rig import level_text
+from eaid.report.tables import level, listed
 from eaid.report.tables.gains import called, conditions_of
-from eaid.report.tables.table import level, listed
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.results.plan import Plan
@@ -48,7 +48,7 @@ def _planned(fit: Fit, plan: Plan) -> str:
         return f"Record two more levels beside {at}, three times each, {plan.hold_s[0]:.0f} s held"
     if any(one.code == "plan-rests-on-a-guess" for one in plan.findings):
         held = min(max(plan.hold_s), math.ceil(LONGER * max(fit.data.record_s, default=math.inf)))
-        levels = some_levels(plan.levels, NAMED)
+        levels = some_of(plan.levels, NAMED)
         return f"Record {_named(levels, unit)} three times each, held {held:.0f} s, then fit and plan again"
     holds = " to ".join(f"{one:.0f}" for one in sorted({min(plan.hold_s), max(plan.hold_s)}))
     ends = f"{level(plan.levels[0])} to {level_text(plan.levels[-1], unit)}"
@@ -63,7 +63,7 @@ def _inputs_to_hold(fit: Fit) -> str | None:
     near = {one.level: one.time_s for one in fit.recorded.asked} if fit.recorded is not None else {}
     if missed is None or not missed.levels:
         return None
-    levels = some_levels(missed.levels, NAMED)
+    levels = some_of(missed.levels, NAMED)
     longest = max((near.get(one, 0.0) for one in levels), default=0.0)
     held = f", for {LONGER * longest:.2g} s each" if longest > 0 else ""
     return f"Hold {_named(levels, fit.data.input_unit)}{held}, coming from below"

@@ -1,19 +1,22 @@
 """The head of the page: what it is about, where the numbers come from, and three lights."""
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 
 from eaid.findings import Finding
+from eaid.report.figures import logs, replays, steps, values
 from eaid.report.page.known import Known
+from eaid.report.panels import Panel, Sheet
 from eaid.report.results import KINDS, Results
 from eaid.report.rig import controller_name, level_text, of_the_paper, rising
+from eaid.report.tables import interval, number
 from eaid.report.tables.data import warnings_of
 from eaid.report.tables.gains import guarantee_words
 from eaid.report.tables.replays import SCENARIO_NAMES, metric
-from eaid.report.tables.table import interval, number
 from eaid.results.common import ci95_of
 from eaid.results.fit import CurveLevel, Fit, FrictionLevel, StepShape
 from eaid.results.summary import ENDLESS_S, believed_levels, steps_of_other_shapes
@@ -222,3 +225,61 @@ def _controller(results: Results, known: Known) -> Light:
     if grade == "good" and gains.guarantee is not None and gains.guarantee.holds is False:
         grade = "care"
     return Light("Controller", grade, f"guarantee {guarantee_words(gains)}", "controller")
+
+
+MARK = "Fit NOT USABLE: do not quote"
+
+
+def mark_of(results: Results) -> tuple[str, list[str]] | None:
+    """The mark, and why; None where no fit is given, and no gains or replays of one, that must not be used."""
+    reasons = [one.result.verdict.why for one in results.fits]
+    reasons += [one.result.not_usable or "" for one in results.gains]
+    reasons += [why for replay in results.replays for why in replay.result.head.not_usable.values()]
+    told = list(dict.fromkeys(why for why in reasons if why))
+    return (MARK, told) if told else None
+
+
+SCENARIOS = ("multisine", "reference", "steps")
+"""Replays that are shown, the best first."""
+WIDTH_IN, HEIGHT_IN = 5.0, 2.75
+SHOWN_S = 20.0
+"""Most of a replay that is shown [s]."""
+
+
+def pictures(results: Results) -> list[tuple[str, str, Sheet]]:
+    """Title, part of the page where more of it stands, and picture: the first two that there are."""
+    return list(islice(_candidates(results), 2))
+
+
+def _picture(panels: Sequence[Panel], ratios: tuple[float, ...] = (), columns: int = 1) -> Sheet:
+    return Sheet(panels, HEIGHT_IN, WIDTH_IN, columns, ratios, lettered=False)
+
+
+def _candidates(results: Results) -> Iterator[tuple[str, str, Sheet]]:
+    """Described when wanted, the best first.
+
+    The model on its data, controllers, fitted values over the level, or a step with the curve that it asks for.
+    """
+    data, fit = results.main_data, results.main_fit
+    drawn = logs.drawn_logs(fit.recorded.logs) if fit is not None and fit.recorded is not None else []
+    if fit is not None and drawn:  # the input, and below it the output and the model driven by that input alone
+        units = fit.data.input_unit, fit.data.output_unit
+        yield "Measured against model", "model", _picture(logs.log_panels(drawn[-1].curve, units)[:2], (1, 2))
+    elif data is not None:
+        models = steps.nonlinear_curves(fit, data) or steps.single_curves(fit)
+        few = replace(data, levels=tuple(steps.some_of(data.levels, 6)))
+        said, part = ("Measured against model", "model") if models else ("Measured", "data")
+        yield said, part, _picture([steps.steps_panel(few, models)])
+    replay = next(filter(None, map(results.replay, SCENARIOS)), None)
+    if replay is not None:
+        until = replays.counted_from(replay) + SHOWN_S
+        panels = replays.tracking_panels(replay, until)[:2]
+        yield "Controllers against the reference", "replay", _picture(panels, (1.6, 1))
+    if fit is None:
+        return
+    if len(believed_levels(fit)) > 1:
+        yield "Fitted values over the level", "model", _picture(values.value_panels(fit), columns=3)
+    for recorded in (given.result for given in results.data):
+        if recorded.kind == fit.data.kind and steps.paired(recorded, fit.steps):
+            panel = steps.level_steps_panel(recorded, fit.steps)
+            yield "Steps, each by its own curve", "model", _picture([panel])

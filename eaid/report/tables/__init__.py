@@ -1,1 +1,140 @@
-"""Tables of the report: results in, one `Table` out, for the terminal and for the page."""
+"""Tables of results; the one type of a table: typed cells, as text for the terminal and as HTML for the page."""
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from operator import attrgetter
+from typing import Any, TypeVar
+
+from eaid.results.common import Interval, ci95_of
+
+T = TypeVar("T")
+SYMBOLS = {"Ts": "T_s", "C_f": "C_f", "tau1": "τ1", "tau2": "τ2"}
+
+
+class Name(str):
+    """A text that users chose (a run, a file, a unit): shown as it is, never set as a formula."""
+
+    __slots__ = ()
+
+
+Cell = str | float | int | bool | None | tuple[float, float]
+"""A text, a number, yes or no, an interval; None is a dash."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """The head of a column, its unit, and the significant digits of its numbers."""
+
+    head: str
+    unit: str = ""
+    digits: int = 4
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table; the first column names the row."""
+
+    heading: str
+    caption: str
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+
+    def without(self, *places: int) -> "Table":
+        """The same without some columns, as of published values beside another rig's."""
+        kept = [k for k in range(len(self.columns)) if k not in places]
+        rows = tuple(tuple(row[k] for k in kept) for row in self.rows)
+        return replace(self, columns=tuple(self.columns[k] for k in kept), rows=rows)
+
+    @cached_property
+    def heads(self) -> tuple[str, ...]:
+        """What stands above the columns, units in brackets."""
+        return tuple(f"{one.head} ({one.unit})" if one.unit else one.head for one in self.columns)
+
+    @cached_property
+    def texts(self) -> tuple[tuple[str, ...], ...]:
+        """The rows as texts."""
+        return tuple(
+            tuple(text(cell, column.digits) for cell, column in zip(row, self.columns, strict=True))
+            for row in self.rows
+        )
+
+    @cached_property
+    def numeric(self) -> tuple[bool, ...]:
+        """Which columns hold numbers only: those are set flush right."""
+        return tuple(
+            all(cell is None or (isinstance(cell, int | float) and not isinstance(cell, bool)) for cell in column)
+            for column in zip(*self.rows, strict=True)
+        )
+
+
+Head = str | tuple[str, str] | tuple[str, str, int]
+"""Head, unit and digits of a column."""
+Part = tuple[Head, str | Callable[[T], Cell]]
+"""A column: its head, and what it shows of an item: an attribute by name, or a function."""
+INTERVAL: Head = ("95 % interval", "", 3)
+
+
+def columns(*heads: Head) -> tuple[Column, ...]:
+    """Columns from their heads, units and digits."""
+    return tuple(Column(head) if isinstance(head, str) else Column(*head) for head in heads)
+
+
+def table_of(heading: str, caption: str, items: Iterable[T], *parts: Part[T] | None) -> Table:
+    """A table of one row an item and one column a part; a part that is None is left out."""
+    shown = [part for part in parts if part is not None]
+    shows = [attrgetter(show) if isinstance(show, str) else show for _head, show in shown]
+    rows = tuple(tuple(show(one) for show in shows) for one in items)
+    return Table(heading, caption, columns(*(head for head, _show in shown)), rows)
+
+
+def with_interval(head: Head, name: str) -> tuple[Part[Any], Part[Any]]:
+    """Two columns: a value, and its 95 % interval."""
+    return (head, name), (INTERVAL, lambda one: ci95_of(one, name))
+
+
+def text(cell: Cell, digits: int = 4) -> str:
+    """A cell as text."""
+    if isinstance(cell, str):
+        return cell
+    return interval(cell, min(digits, 3)) if isinstance(cell, tuple) else number(cell, digits)
+
+
+def number(value: object, digits: int = 4) -> str:
+    """A number with so many significant digits and a true minus sign; what is no finite number becomes a dash."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int):
+        return str(value).replace("-", "−")
+    if not isinstance(value, float) or not math.isfinite(value):
+        return "–"
+    if value == 0:
+        return "0"
+    if 1e-3 <= abs(value) < 1e5:
+        decimals = max(0, digits - 1 - math.floor(math.log10(abs(value))))
+        said = f"{value:.{decimals}f}"
+    else:
+        mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+        said = f"{mantissa}e{int(exponent)}"
+    return said.replace("-", "−")
+
+
+def interval(ends: Interval, digits: int = 3) -> str:
+    """A 95 % interval as text; a dash where there is none."""
+    return "–" if ends is None else f"{number(ends[0], digits)} … {number(ends[1], digits)}"
+
+
+def level(value: float | None) -> str:
+    """A level as people write it: 10, 17.5, 153."""
+    return "–" if value is None else f"{value:.4g}".replace("-", "−")
+
+
+def with_unit(said: str, unit: str) -> str:
+    """A value and its unit; the bare value where it has none."""
+    return f"{said} {unit}".rstrip()
+
+
+def listed(items: Sequence[str]) -> str:
+    """`10, 20 and 30`."""
+    return f"{', '.join(items[:-1])} and {items[-1]}" if len(items) > 1 else "".join(items)

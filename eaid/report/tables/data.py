@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from eaid.errors import on_command_line
 from eaid.findings import say
 from eaid.report.results import KINDS, EdgeLog, Results
-from eaid.report.tables.table import Cell, Name, Table, columns, level, table_of
+from eaid.report.tables import Cell, Name, Table, columns, level, table_of
 from eaid.steps.stepset import LevelStep, RunRecord, StepSet
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 from eaid.report import rig as published
 from eaid.report.rig import apparatus_of, gain, of_the_paper, printed_head, rate
-from eaid.report.tables.table import (
+from eaid.report.tables import (
     INTERVAL,
     SYMBOLS,
     Cell,

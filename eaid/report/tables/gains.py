@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from eaid.report import rig
 from eaid.report.rig import controller_name, gain, printed_head
-from eaid.report.tables.table import Cell, Table, columns, level, number, table_of, with_unit
+from eaid.report.tables import Cell, Table, columns, level, number, table_of, with_unit
 from eaid.results.coupling import Coupling, Wall
 from eaid.results.gains import Condition, Gains, Margin, Margins
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 
 from eaid.report.rig import controller_name
-from eaid.report.tables.table import Cell, Column, Name, Table, columns, level, number
+from eaid.report.tables import Cell, Column, Name, Table, columns, level, number
 from eaid.results.replay import Metrics, Replay
 
 METRICS = {

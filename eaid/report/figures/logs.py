@@ -1,0 +1,149 @@
+"""Logs fitted as they were recorded: input, output and residual over time, frequency response; edges of outputs."""
+
+import os
+from collections.abc import Sequence
+
+import numpy as np
+
+from eaid.report.figures.steps import some_of
+from eaid.report.panels import (
+    BLACK,
+    BLUE,
+    COLUMN_IN,
+    GREEN,
+    GREY,
+    MODEL,
+    OF_LOG,
+    PAGE_IN,
+    SKY,
+    VERMILLION,
+    Axis,
+    Band,
+    Line,
+    Note,
+    Panel,
+    Ready,
+    Sheet,
+    Span,
+    caption,
+    over,
+    quantity,
+)
+from eaid.report.results import EdgeLog
+from eaid.results.fit import Fit
+from eaid.results.recorded import LogCurve, LogFit
+
+MOST = 3
+"""Most logs, and most frequency responses, that are drawn."""
+BAND = "#BDBDBD"
+
+
+def drawn_logs(logs: Sequence[LogFit]) -> list[LogFit]:
+    """The logs that are drawn: all, or the best, the middle and the worst followed."""
+    known = [log for log in logs if log.curve.time_s]
+    return known if len(known) <= MOST else some_of(sorted(known, key=lambda log: -(log.fit_pct or 0.0)), MOST)
+
+
+def titles(names: Sequence[str], letters: int = 44) -> list[str]:
+    """Names without the beginning that all share, and at most so many letters, as matplotlib text."""
+    shared = os.path.commonprefix(list(names)) if len(names) > 1 else ""  # noqa: RUF071 (letters are meant)
+    cut = max(shared.rfind("-"), shared.rfind("_")) + 1
+    most = letters // len(names)
+    tails = [name[cut:] or name for name in names]
+    return [(tail if len(tail) <= most else f"…{tail[1 - most :]}").replace("$", r"\$") for tail in tails]
+
+
+def recorded_logs(fit: Fit) -> Ready | None:
+    """A column a log: (top) input, (middle) measured and the model driven by the input alone, (bottom) residual."""
+    all_logs = fit.recorded.logs if fit.recorded is not None else ()
+    logs, units = drawn_logs(all_logs), (fit.data.input_unit, fit.data.output_unit)
+    if not logs:
+        return None
+    n, heads = len(logs), titles([log.name for log in logs])
+    percents = ["" if log.fit_pct is None else f"fit {log.fit_pct:.3g} %" for log in logs]
+    columns = [log_panels(log.curve, units, (heads[k], percents[k]), first=k == 0) for k, log in enumerate(logs)]
+    panels = [column[row] for row in range(3) for column in columns]
+    known = [log for log in logs if None not in (log.rmse, log.fit_pct, log.one_step_pct)]
+    worst = min(known, key=lambda log: log.fit_pct or 0.0, default=None)
+    text = caption("recorded", shown=n, count=len(all_logs), worst=worst, unit=units[1])
+    return Ready(Sheet(panels, 4.2, columns=n, ratios=(1, 1.6, 1), live=n == 1), text)
+
+
+def log_panels(
+    curve: LogCurve, units: tuple[str, str], heads: tuple[str, str] = ("", ""), first: bool = True
+) -> list[Panel]:
+    """Input, measured and model, residual of one log over its own time; names and legend beside the `first` alone."""
+    t, (unit, out) = np.array(curve.time_s), units
+    held = Line(np.repeat(t, 2)[1:], np.repeat(curve.input, 2)[:-1], "input", GREEN, width=0.7)
+    measured = Line(t, np.array(curve.measured), "measured", SKY, width=1.8)
+    model = Line(t, np.array(curve.model), "model", **MODEL)
+    residual = Line(t, np.array(curve.residual), "residual", VERMILLION, width=0.6)
+    axes = (over(unit), quantity(out), Axis("Residual", out or "output")) if first else (Axis(),) * 3
+    return [
+        Panel(OF_LOG, axes[0], [held], title=heads[0]),
+        Panel(OF_LOG, axes[1], [measured, model], legend="over" if first else "", columns=6, title=heads[1]),
+        Panel(OF_LOG, axes[2], [residual], spans=[Span(0.0, 0.0, BLACK, "y", 0.5)]),
+    ]
+
+
+def bode(fit: Fit) -> Ready | None:
+    """A column a log: gain and phase with 95 % bands, the models' on the same input over them, and coherence."""
+    known = [one for one in (fit.recorded.responses if fit.recorded is not None else ()) if one.frequency_hz]
+    if not known:
+        return None
+    responses = known[:MOST]
+    n, heads = len(responses), titles([response.name for response in responses])
+    # All columns share the rows' axes.
+    gains = [value for response in responses for value in response.gain]
+    hz = Axis("Frequency", "Hz", log=True)
+    units = f"{fit.data.output_unit or 'output'}/{fit.data.input_unit or 'input'}"
+    size_axis = Axis("Gain", units, (0.5 * min(gains), 1.6 * max(gains)), log=True)
+    rows: list[list[Panel]] = [[], [], []]
+    for response, head in zip(responses, heads, strict=True):
+        f, half = np.array(response.frequency_hz), np.array(response.phase_half_width_deg)
+        # beyond 90° the region holds the origin and says nothing of the phase
+        angle, told = np.array(response.phase_deg), np.where(half < 90, half, np.nan)
+        gain = [Line(f, response.gain, "recorded", dash="", marker="o", size=2.0)]
+        phase = [Line(f, angle, dash="", marker="o", size=2.0)]
+        for name, colour, dash, size, turned in (
+            ("nonlinear", BLUE, "-", response.nonlinear_gain, response.nonlinear_phase_deg),
+            ("linear", VERMILLION, "--", response.linear_gain, response.linear_phase_deg),
+        ):
+            if size:
+                gain.append(Line(f, size, name, colour, dash, 1.1))
+                phase.append(Line(f, turned, "", colour, dash, 1.1))
+        bands = [Band(f, np.array(response.gain_low), np.array(response.gain_high), BAND, 1.0, "95 % band")]
+        legend = "over" if not rows[0] else ""
+        rows[0].append(Panel(hz, size_axis, gain, bands, legend=legend, columns=2 if n == 1 else 4, title=head,
+                             tight=False))  # fmt: skip
+        rows[1].append(Panel(hz, Axis("Phase", "°"), phase, [Band(f, angle - told, angle + told, BAND, 1.0)],
+                             tight=False))  # fmt: skip
+        rows[2].append(Panel(hz, Axis("Coherence", "1", (0.0, 1.05)), [Line(f, response.coherence)], tight=False))
+    first = next((response for response in responses if response.harmonics_pct is not None), responses[0])
+    sheet = Sheet([panel for row in rows for panel in row], 4.6, COLUMN_IN if n == 1 else PAGE_IN, n,
+                  (1.5, 1.3, 0.8), share=("col", "row"))  # fmt: skip
+    return Ready(sheet, caption("bode", shown=n, count=len(known), first=first))
+
+
+NUMBERED = 20
+"""Most edges that are numbered in the picture."""
+
+
+def edges(logs: Sequence[EdgeLog]) -> Ready | None:
+    """The first log that has edges: reference and output over time, the edges numbered, and its input."""
+    shown = [(run, found) for run, found in logs if found]
+    if not shown:
+        return None
+    (run, first), every = shown[0], [one for _run, found in shown for one in found]
+    lines = [Line(run.time_s, run.output, "output", BLUE)]
+    if run.reference_nm is not None:
+        lines.append(Line(run.time_s, run.reference_nm, "reference", BLACK, ":"))
+    at = [one.at_s for one in first] if len(first) <= NUMBERED else []
+    spans = [Span(one, one, GREY, width=0.5) for one in at]
+    notes = [Note(f" {k + 1}", one, 0.99, "y", ha="left", va="top") for k, one in enumerate(at)]
+    panels = [Panel(OF_LOG, quantity(run.output_unit), lines, spans=spans, notes=notes, legend="over", columns=6)]
+    if run.has_input:
+        panels.append(Panel(OF_LOG, over(run.input_unit), [Line(run.time_s, run.input, "input", GREEN)]))
+    worst = max(one.overshoot_pct for one in every)
+    text = caption("edges", count=len(every), logs=len(logs), rise=[one.rise_s for one in every], worst=worst)
+    return Ready(Sheet(panels, 1.3 + 1.3 * len(panels), live=True), text)

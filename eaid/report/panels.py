@@ -1,0 +1,268 @@
+"""What a figure is: panels of lines, bands, spans and notes, in numbers and words alone.
+
+`paper` draws it with matplotlib for files, `live` with Bokeh for the page. Words are written as in tables: T_s, τ1.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, TypedDict
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.report.rig import level_text
+from eaid.report.tables import listed, number
+
+COLUMN_IN, PAGE_IN = 3.5, 7.16
+"""Widths of a figure of one and of both columns of a journal [in]."""
+
+# Okabe & Ito, "Color Universal Design" (2008).
+BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
+BLUE, VERMILLION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
+GREY, PALE = "#6E6E6E", "#EEEEEE"
+Dash = str | tuple[int, tuple[int, ...]]
+"""A line's dashes as matplotlib has them; none: ""."""
+
+
+class Stroke(TypedDict, total=False):
+    """How a line is drawn."""
+
+    color: str
+    dash: Dash
+    width: float
+
+
+MODEL: Stroke = {"color": BLACK, "dash": (0, (4, 2)), "width": 0.8}
+"""A model is a thin dark dashed line over the broader, paler line of what was measured: both stay to be seen."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """What runs along an axis, its unit, its limits (None: by the data)."""
+
+    name: str = ""
+    unit: str = ""
+    limits: tuple[float | None, float | None] = (None, None)
+    log: bool = False
+    ticks: Mapping[float, str] | None = None
+
+    @property
+    def text(self) -> str:
+        """Name and unit as they stand beside the axis."""
+        return f"{self.name} ({self.unit})" if self.unit else self.name
+
+
+QUANTITIES = {"N·m": "Torque", "N": "Force", "RPM": "Speed", "kPa": "Stress", "°C": "Temperature"}
+INPUTS = {"%": "Duty", "N": "Force", "RPM": "Speed", "V": "Voltage", "bar": "Pressure", "A": "Current"}
+TIME, OF_STEP, OF_LOG = Axis("Time", "s"), Axis("Time since the step", "s"), Axis("Time of the log", "s")
+
+
+def quantity(unit: str, *limits: float | None) -> Axis:
+    """The axis of an output, by its unit."""
+    return Axis(QUANTITIES.get(unit, "Output"), unit, limits or (None, None))  # type: ignore[arg-type]
+
+
+def over(unit: str) -> Axis:
+    """The axis that levels run along."""
+    return Axis(INPUTS.get(unit, "Level"), unit)
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """A curve, or points with a marker, perhaps with whiskers; `name` is for legend and pointer, `end` at its end."""
+
+    x: Any
+    """An array, or numbers."""
+    y: Any
+    name: str = ""
+    color: str = BLACK
+    dash: Dash = "-"
+    width: float = 0.9
+    """On paper [pt]."""
+    marker: str = ""
+    size: float = 3.6
+    """Of the marker [pt]."""
+    fill: str = ""
+    """Of the marker; empty: its colour."""
+    alpha: float = 1.0
+    ends: tuple[Array, Array] | None = None
+    """Lower and upper ends of the whiskers."""
+    end: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """What lies between two curves; `name` is for the legend."""
+
+    x: Array
+    low: Array
+    high: Array
+    color: str
+    alpha: float = 0.25
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class Span:
+    """A stretch of an axis, shaded across the panel; a line where both ends are one."""
+
+    low: float
+    high: float
+    color: str
+    along: str = "x"
+    width: float = 0.6
+    dash: Dash = "-"
+    hatch: str = ""
+    end: str = ""
+    """A text at the right end of a line."""
+
+
+@dataclass(frozen=True)
+class Note:
+    """A text on paper; x and y by the data, or as a share of the panel where `of` says so: `x`, `y`, `xy`."""
+
+    text: str
+    x: float
+    y: float
+    of: str = ""
+    ha: str = "center"
+    va: str = "center"
+    boxed: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Map:
+    """Values over two axes on paper, shape (rows, columns); rows stand at 0, 1, …; hatched where far below zero."""
+
+    edges: Array
+    values: Array
+    size: float
+    """Where the colours end."""
+    label: str
+
+
+@dataclass(frozen=True)
+class Box:
+    """A box plot of some values on paper."""
+
+    name: str
+    values: Array
+    color: str
+    hatch: str
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """One pair of axes."""
+
+    x: Axis
+    y: Axis
+    lines: Sequence[Line] = ()
+    bands: Sequence[Band] = ()
+    spans: Sequence[Span] = ()
+    notes: Sequence[Note] = ()
+    legend: str = ""
+    """Where the names stand: `above` the panel, `beside` it, or `over` all panels; empty: nowhere."""
+    columns: int = 5
+    """Of the legend."""
+    keys: Sequence[Line] = ()
+    """What the legend shows in place of the lines, whose names are then for the pointer alone."""
+    title: str = ""
+    tight: bool = True
+    """Whether the lines reach both sides."""
+    bar: tuple[Sequence[float], str] | None = None
+    """Levels and label of a colour bar in place of the texts at the ends."""
+    content: Map | Sequence[Box] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """Panels row by row."""
+
+    panels: Sequence[Panel]
+    height_in: float
+    width_in: float = PAGE_IN
+    columns: int = 1
+    ratios: tuple[float, ...] = ()
+    """Heights of the rows."""
+    widths: tuple[float, ...] = ()
+    share: tuple[Any, Any] = ("col", False)
+    """Along x and along y: `col`, `row`, all (True) or none (False)."""
+    lettered: bool = True
+    live: bool = False
+    """Whether the page has it as plots that can be zoomed, one a column."""
+
+
+@dataclass(frozen=True)
+class Ready:
+    """A figure and its words."""
+
+    sheet: Sheet
+    sees: str
+    """What is to be seen in it; every claim computed."""
+    title: str = ""
+    """Empty: as in the catalogue, without the paper's number on another rig."""
+
+
+@cache
+def _captions() -> Any:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    made = Environment(loader=PackageLoader("eaid.report", "."), undefined=StrictUndefined)
+    made.filters |= {"n": number, "at": level_text, "listed": listed}
+    return made.get_template("captions.j2").module
+
+
+def caption(name: str, **numbers: Any) -> str:
+    """The words of one figure with its numbers."""
+    return str(getattr(_captions(), name)(**numbers))
+
+
+def level_colours(n: int) -> list[str]:
+    """Colours for n ordered levels, light to dark as the level rises, so that grey print keeps the order."""
+    import matplotlib as mpl
+
+    table = mpl.colormaps["cividis_r"]  # made for colour-blind readers; its palest third vanishes on paper
+    return [mpl.colors.to_hex(table(0.34 + 0.66 * i / max(n - 1, 1))) for i in range(n)]
+
+
+CONTROLLERS: dict[str, tuple[str, Dash, str]] = {
+    "rc": (BLUE, "-", "o"),
+    "pi": (VERMILLION, "--", "s"),
+    "open-loop": (GREEN, "-.", "^"),
+    "recorded": (GREY, "-", "x"),
+    "inverse": (PURPLE, (0, (1, 1)), "D"),
+    "rc-no-rate": (ORANGE, (0, (3, 1, 1, 1)), "v"),
+}
+"""Colour, line and marker of a controller, the same in every figure."""
+SPARE: tuple[tuple[str, Dash, str], ...] = (
+    (SKY, "--", "P"), (GREY, "-.", "X"), (BLACK, ":", "*"),
+)  # fmt: skip
+"""Of names that this version does not know."""
+
+
+def controller_look(name: str, position: int = 0) -> Stroke:
+    """Colour and line of a controller."""
+    colour, dash, _marker = CONTROLLERS.get(name, SPARE[position % len(SPARE)])
+    return {"color": colour, "dash": dash}
+
+
+def thinned(x: Array, y: Array, points: int) -> tuple[Array, Array]:
+    """At most about `points` samples of a curve, shape (≤ points + 2,): extremes of equal stretches, in order.
+
+    A spike of one sample survives, which taking every k-th sample would lose; the first and the last always do.
+    """
+    n = len(y)
+    if n <= points:
+        return x, y
+    stretches = max(points // 2, 1)
+    width = -(-n // stretches)
+    padded = np.full(-(-n // width) * width, np.nan)
+    padded[:n] = np.nan_to_num(y)
+    blocks = padded.reshape(-1, width)
+    start = np.arange(len(blocks)) * width
+    low = start + np.argmin(np.where(np.isnan(blocks), np.inf, blocks), axis=1)
+    high = start + np.argmax(np.where(np.isnan(blocks), -np.inf, blocks), axis=1)
+    keep = np.unique(np.concatenate([[0], low, high, [n - 1]]))
+    return x[keep], y[keep]

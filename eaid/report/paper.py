@@ -1,0 +1,282 @@
+"""Figures as matplotlib draws them: one look, and bytes that are the same every time (no date, no program name).
+
+Widths of a journal's columns, letters of 8 pt and more, no index of a symbol below 6 pt.
+"""
+
+import io
+import re
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import BoundaryNorm, ListedColormap, TwoSlopeNorm
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
+
+from eaid.report.panels import BLACK, VERMILLION, Axis, Box, Line, Map, Panel, Sheet, level_colours, thinned
+
+if TYPE_CHECKING:
+    from eaid.results.fit import Fit
+    from eaid.results.replay import Replay
+
+DPI = 300
+SMALLEST_PT = 8.0
+"""No letter of a figure is smaller at its printed size [pt]."""
+INDEXED_PT = 8.6
+"""Letters of a text with an index, which matplotlib sets at 0.7 of them."""
+POINTS, BAND_POINTS = 2500, 400
+"""Most points of a curve; extremes survive; and of a band."""
+FORMATS = ("png", "pdf", "svg")
+COLOURS = 128
+"""A figure has a few colours and their blends; 128 draw alike at a third of the bytes."""
+STRIP_IN = 0.2
+"""Height that a mark takes above a figure [in]."""
+NO_SAMPLE = "#DCDCDC"
+"""Cells of a map without a value."""
+_LOOK = threading.Lock()
+
+
+@cache
+def _parameters() -> dict[Any, Any]:
+    return dict(mpl.rc_params_from_file(Path(__file__).with_name("figures.mplstyle")))
+
+
+@contextmanager
+def look() -> Iterator[None]:
+    """The settings under which a figure is made and saved; matplotlib has one set of them, so threads take turns."""
+    with _LOOK, mpl.rc_context({**_parameters(), "backend": mpl.rcParams["backend"]}):
+        yield
+
+
+def figure_of(sheet: Sheet) -> Figure:
+    """A figure, drawn; under `look`."""
+    rows = -(-len(sheet.panels) // sheet.columns)
+    figure = Figure(figsize=(sheet.width_in, sheet.height_in), layout="constrained")
+    FigureCanvasAgg(figure)
+    along_x, along_y = sheet.share
+    grid = figure.subplots(
+        rows, sheet.columns, squeeze=False, sharex=along_x, sharey=along_y,
+        height_ratios=sheet.ratios or None, width_ratios=sheet.widths or None,
+    )  # fmt: skip
+    for k, (axes, panel) in enumerate(zip(grid.flat, sheet.panels, strict=False)):
+        below = along_x and k + sheet.columns < len(sheet.panels)
+        draw(axes, panel, x_label=not below, y_label=not along_y or k % sheet.columns == 0)
+        if sheet.lettered and len(sheet.panels) > 1:
+            axes.set_title(**_text(f"({'abcdefghi'[k]}) {panel.title}".rstrip()))
+        if panel.legend == "over":
+            handles, labels = axes.get_legend_handles_labels()
+            figure.legend(handles, labels, loc="outside upper right", ncols=panel.columns)
+    for axes in grid.flat[len(sheet.panels) :]:
+        axes.set_visible(False)
+    return figure
+
+
+def draw(axes: Axes, panel: Panel, x_label: bool = True, y_label: bool = True) -> None:
+    """Draw a panel."""
+    for band in panel.bands:
+        some = slice(None, None, max(1, len(band.x) // BAND_POINTS))
+        low, high = band.low[some], band.high[some]
+        shade = axes.fill_between(band.x[some], low, high, color=band.color, alpha=band.alpha, linewidth=0)
+        shade.set_label(band.name or "_")
+    for line in (*panel.lines, *panel.keys):
+        _line(axes, line, named=bool(panel.legend) and (not panel.keys or line in panel.keys))
+    for span in panel.spans:
+        across = "v" if span.along == "x" else "h"
+        if span.low == span.high:
+            getattr(axes, f"ax{across}line")(span.low, color=span.color, linewidth=span.width, linestyle=span.dash)
+        else:
+            edge = {"edgecolor": "#C8C8C8", "hatch": span.hatch, "zorder": 0} if span.hatch else {}
+            getattr(axes, f"ax{across}span")(span.low, span.high, facecolor=span.color, lw=0, **edge)
+    _content(axes, panel)
+    if panel.tight and panel.lines:
+        axes.set_xlim(min(line.x[0] for line in panel.lines), max(line.x[-1] for line in panel.lines))
+    for name, axis, labelled in (("x", panel.x, x_label), ("y", panel.y, y_label)):
+        _axis(axes, name, axis, labelled)
+    for note in panel.notes:
+        shares = {"": axes.transData, "xy": axes.transAxes, "x": axes.get_yaxis_transform(),
+                  "y": axes.get_xaxis_transform()}  # fmt: skip
+        box = {"bbox": {"facecolor": "white", "edgecolor": "none", "pad": 1}} if note.boxed else {}
+        said = _text(note.text)
+        axes.text(note.x, note.y, said.pop("label"), transform=shares[note.of], ha=note.ha, va=note.va, **said, **box)
+    ends = [(_end_of(line.y), line.end, line.color) for line in panel.lines if line.end]
+    ends += [(span.low, span.end, span.color) for span in panel.spans if span.end]
+    if panel.bar is not None:
+        _bar(axes, *panel.bar)
+    elif ends:
+        _name_ends(axes, ends)
+    if panel.legend == "above":
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=panel.columns)
+    elif panel.legend == "beside":
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), handlelength=1.6)
+
+
+def _text(said: str) -> dict[str, Any]:
+    """A text with its indices set, as matplotlib takes it."""
+    text = re.sub(r"\b([TCBPQ])_([sfmaM])\b", r"$\1_\2$", said)
+    return {"label": text, **({"fontsize": INDEXED_PT} if text != said else {})}
+
+
+def _line(axes: Axes, line: Line, named: bool) -> None:
+    look: dict[str, Any] = {"color": line.color, "linewidth": line.width, "linestyle": line.dash or "none"}
+    look |= {"marker": line.marker or None, "markersize": line.size, "label": line.name if named else None}
+    if line.fill:
+        look |= {"markerfacecolor": line.fill, "markeredgewidth": 1.4}
+    if line.alpha < 1:
+        look |= {"alpha": line.alpha, **({} if line.marker else {"solid_capstyle": "round"})}
+    if line.ends is not None:
+        y = np.asarray(line.y)
+        axes.errorbar(line.x, y, yerr=[y - line.ends[0], line.ends[1] - y], capsize=1.6, elinewidth=0.7, **look)
+    else:
+        axes.plot(*thinned(np.asarray(line.x), np.asarray(line.y), POINTS), **look)
+
+
+def _axis(axes: Axes, name: str, axis: Axis, labelled: bool) -> None:
+    if labelled and axis.text:
+        said = _text(axis.text)
+        getattr(axes, f"set_{name}label")(said.pop("label"), **said)
+    one = getattr(axes, f"{name}axis")
+    if axis.limits != (None, None):
+        getattr(axes, f"set_{name}lim")(*axis.limits)
+    if axis.log:
+        getattr(axes, f"set_{name}scale")("log")
+        low, high = one.get_view_interval()
+        one.set_major_locator(LogLocator(subs=(1, 2, 5)) if high < 300 * low else LogLocator(numticks=6))
+        one.set_major_formatter(FuncFormatter(lambda value, _place: f"{value:g}"))
+        one.set_minor_formatter(NullFormatter())
+        if high < 300 * low:
+            one.set_minor_locator(NullLocator())
+    if axis.ticks is not None:
+        one.set_ticks(list(axis.ticks), list(axis.ticks.values()))
+
+
+def _content(axes: Axes, panel: Panel) -> None:
+    """A map or box plots."""
+    if isinstance(panel.content, Map):
+        _map(axes, panel.content)
+    elif panel.content:
+        boxes: Sequence[Box] = panel.content
+        drawn = axes.boxplot(
+            [one.values for one in boxes], tick_labels=[one.name for one in boxes], showfliers=False,
+            patch_artist=True, widths=0.5, medianprops={"color": "black", "linewidth": 1.2},
+        )  # fmt: skip
+        for patch, one in zip(drawn["boxes"], boxes, strict=True):
+            patch.set(facecolor=one.color, hatch=one.hatch, linewidth=0.7)
+        axes.grid(axis="x", visible=False)
+
+
+def _map(axes: Axes, one: Map) -> None:
+    rows = np.arange(len(one.values) + 1) - 0.5
+    norm = TwoSlopeNorm(0.0, -one.size, one.size)
+    mesh = axes.pcolormesh(one.edges, rows, one.values, cmap="PuOr_r", norm=norm, rasterized=True)
+    cells = [
+        [(one.edges[k], i - 0.5), (one.edges[k + 1], i - 0.5), (one.edges[k + 1], i + 0.5), (one.edges[k], i + 0.5)]
+        for i, k in np.argwhere(one.values < -0.25 * one.size)
+    ]  # told apart in grey, too
+    axes.add_collection(PolyCollection(cells, facecolor="none", edgecolor="white", hatch="/////", linewidth=0))
+    axes.grid(visible=False)
+    axes.set_facecolor(NO_SAMPLE)
+    axes.figure.colorbar(mesh, ax=axes, pad=0.01).set_label(one.label)
+
+
+def _bar(axes: Axes, levels: Sequence[float], label: str) -> None:
+    """A colour bar of the levels beside the axes."""
+    norm = BoundaryNorm(np.arange(len(levels) + 1.0) - 0.5, len(levels))
+    colours = ScalarMappable(norm, ListedColormap(level_colours(len(levels))))
+    bar = axes.figure.colorbar(colours, ax=axes, label=label, pad=0.02)
+    places = np.unique(np.linspace(0, len(levels) - 1, 6).round().astype(int))
+    bar.set_ticks(list(places), labels=[f"{levels[k]:.3g}" for k in places])
+
+
+def _end_of(values: Any) -> float:
+    """Where a curve ends: the mean of its last fiftieth."""
+    return float(np.mean(values[-max(1, len(values) // 50) :]))
+
+
+def _name_ends(axes: Axes, ends: Sequence[tuple[float, str, str]]) -> None:
+    """Write a text at the right end of each curve, moved apart where curves end close together."""
+    low, high = axes.get_ylim()
+    gap = (high - low) * 1.15 * SMALLEST_PT / 72 / (axes.get_window_extent().height / axes.figure.dpi)
+    ordered = sorted(ends)
+    placed = [value for value, _text, _colour in ordered]
+    for _ in range(200):  # push neighbours apart, both by half, until none touches
+        moved = False
+        for i in range(len(placed) - 1):
+            if (lack := gap - (placed[i + 1] - placed[i])) > 1e-9 * gap:
+                placed[i], placed[i + 1], moved = placed[i] - lack / 2, placed[i + 1] + lack / 2, True
+        if not moved:
+            break
+    for (value, text, colour), place in zip(ordered, placed, strict=True):
+        said = _text(text)
+        axes.annotate(
+            said.pop("label"), (axes.get_xlim()[1], value), (1.02, place), xycoords="data",
+            textcoords=("axes fraction", "data"), color=BLACK, va="center", annotation_clip=False,
+            arrowprops={"arrowstyle": "-", "color": colour, "lw": 0.8, "shrinkA": 0, "shrinkB": 0}, **said,
+        )  # fmt: skip
+
+
+def marked(figure: Figure, text: str) -> None:
+    """Write a mark above a figure, which grows by a strip for it."""
+    width, height = figure.get_size_inches()
+    figure.set_size_inches(width, height + STRIP_IN)
+    share = STRIP_IN / (height + STRIP_IN)
+    if isinstance(engine := figure.get_layout_engine(), ConstrainedLayoutEngine):
+        engine.set(rect=(0, 0, 1, 1 - share))
+    if figure.legends:
+        figure.draw_without_rendering()  # lays the panels out below the legends, which then come down with them
+        figure.set_layout_engine("none")
+    for legend in figure.legends:
+        legend.set_bbox_to_anchor((0, 0, 1, 1 - share), transform=figure.transFigure)
+    figure.text(
+        0.5, 1 - 0.5 * share, f"\N{WARNING SIGN} {text}",
+        ha="center", va="center", fontsize=SMALLEST_PT, fontweight="bold", color=VERMILLION, in_layout=False,
+    )  # fmt: skip
+
+
+def pngs_of(figure: Figure, *dpis: float) -> tuple[bytes, ...]:
+    """A figure as PNG, drawn once and made smaller for each further sharpness; without date or program name."""
+    from PIL import Image
+
+    figure.set_dpi(dpis[0])
+    figure.canvas.draw()
+    canvas = figure.canvas
+    drawn = Image.frombuffer("RGBA", canvas.get_width_height(), canvas.buffer_rgba()).convert("RGB")  # type: ignore[attr-defined]
+    found = []
+    for dpi in dpis:
+        width, height = (round(side * dpi / dpis[0]) for side in drawn.size)
+        image = drawn if dpi == dpis[0] else drawn.resize((width, height), Image.Resampling.LANCZOS)
+        out = io.BytesIO()
+        few = image.quantize(COLOURS, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+        few.save(out, format="PNG", dpi=(dpi, dpi), compress_level=7)
+        found.append(out.getvalue())
+    return tuple(found)
+
+
+def vector_of(figure: Figure, kind: str) -> bytes:
+    """A figure as PDF (TrueType fonts inside) or SVG (letters as outlines), without date or program name."""
+    empty = {"pdf": {"Creator": None, "Producer": None, "CreationDate": None}, "svg": {"Date": None, "Creator": None}}
+    out = io.BytesIO()
+    figure.savefig(out, format=kind, metadata=empty[kind], dpi=DPI)
+    return out.getvalue()
+
+
+def plot(result: "Fit | Replay", ax: Axes | None = None) -> Axes:
+    """The step responses of a fit, a line a level, or the trace of every controller of a replay: for notebooks."""
+    from matplotlib import pyplot
+
+    from eaid.report.figures.replays import tracking_panels
+    from eaid.report.figures.steps import fitted_steps
+    from eaid.results.fit import Fit
+
+    ax = ax if ax is not None else pyplot.subplots(layout="constrained")[1]
+    draw(ax, fitted_steps(result) if isinstance(result, Fit) else tracking_panels(result)[0])
+    return ax
