@@ -29,7 +29,7 @@ def drawn(name: str, *results: Any) -> Any:
     (row,) = [one for one in FIGURES if one.name == name]
     ready = row.ready(gathered(results))
     with look():
-        return ready and SimpleNamespace(figure=figure_of(ready.sheet), sees=ready.sees)
+        return ready and SimpleNamespace(figure=figure_of(ready.sheet), sees=ready.sees, title=ready.title)
 
 
 def response(u: float, t: np.ndarray = T) -> np.ndarray:
@@ -252,7 +252,7 @@ def test_walls_show_every_loop_with_its_greatest_demand(
     dots = [line.get_ydata()[0] for line in needed.lines if line.get_marker() == "o"]
     passive = {wall.loop: wall.K_passive for wall in coupling.walls}
     wanted = [coupling.options.limb_damping / passive[loop] for loop in ("open-loop", "pi", "rc-no-rate", "rc")]
-    assert dots == pytest.approx(wanted, rel=0.05) and region.get_ylabel() == "stiffness (N·m/rad)"
+    assert dots == pytest.approx(wanted, rel=0.05) and region.get_ylabel() == "Stiffness (N·m/rad)"
     coupling.save(tmp_path / "couple.json")
     page = report(files["clutch.json"], tmp_path / "couple.json", "--figures", "walls")
     rows = page.rows("How stiff a virtual wall may be")
