@@ -27,7 +27,7 @@ check: .venv/.dev
 bench: .venv/.bench  ## speed and quality against other tools, in one run
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks
 
-ROOMS ?= logs steps control replay estimate
+ROOMS ?= logs steps control replay estimate+recorded
 N ?= 60
 mutants: .venv/.dev  ## small wrong changes, one at a time: how many do the tests see?
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.mutants $(ROOMS) -n $(N)

@@ -4,15 +4,18 @@
     make mutants ROOMS=steps N=50      one room, 50 mutants
     python -m benchmarks.mutants steps --only cut.py --seed 3
 
-cosmic-ray makes the mutants (operators, comparisons, numbers, signs, loops). Each is tried in a copy of the tree:
-first on the tests that ran its line, quickest first, then, if they all pass, on every test of the room. A process
-with NumPy, SciPy, pandas and numba already imported is forked for each. A survivor is printed as a diff; whether it
-changes behaviour at all (`<` for `<=` between floats seldom does) is for the reader to say.
+cosmic-ray makes the mutants (operators, comparisons, numbers, signs, loops). One run of the rooms' quick tests, of
+the API's and of the kept numbers shows which of them ran each line, by themselves or by a fixture, and how long they
+took. A mutant then meets, in a copy of the tree, the tests that ran its line, quickest first, and after them those that
+ran another line of its file, until they would take a minute: no tracer sees a line in machine code. Each is tried in a
+fork of a process that has imported all other packages. A survivor is printed as a diff; whether it changes behaviour at
+all (`<` for `<=` between floats seldom does) is for the reader to say.
 """
 
 import argparse
 import ast
 import difflib
+import json
 import os
 import random
 import shutil
@@ -22,10 +25,17 @@ import sys
 import tempfile
 import time
 from collections import defaultdict
+from collections.abc import Generator
+from importlib import import_module
 from pathlib import Path
+from typing import Any
+
+import pytest
 
 ROOT = Path(__file__).parents[1]
-ROOMS = ("logs", "steps", "control", "replay", "estimate")
+ROOMS = ("logs", "steps", "control", "replay", "estimate+recorded")
+TESTS_S = 60.0
+"""Tests that a mutant meets [s]."""
 OPERATORS = (
     *(f"ReplaceBinaryOperator_{pair}" for pair in ("Add_Sub", "Sub_Add", "Mul_Div", "Div_Mul", "Pow_Mul", "Mod_Mul")),
     *(f"ReplaceBinaryOperator_{pair}" for pair in ("FloorDiv_Mul", "BitAnd_BitOr", "BitOr_BitAnd")),
@@ -35,7 +45,7 @@ OPERATORS = (
     *("ReplaceTrueWithFalse", "ReplaceFalseWithTrue", "ReplaceAndWithOr", "ReplaceOrWithAnd"),
     *("ReplaceBreakWithContinue", "ReplaceContinueWithBreak", "ZeroIterationForLoop"),
 )
-Mutant = tuple[str, str, int, int]  # file, operator, its occurrence, line
+Mutant = tuple[Path, str, int, int]  # file, operator, its occurrence, line
 
 
 def annotation_lines(source: str) -> set[tuple[int, int]]:
@@ -56,16 +66,16 @@ def mutants_of(path: Path) -> list[Mutant]:
     from cosmic_ray.plugins import get_operator
 
     source = path.read_text(encoding="utf-8")
-    tree, skipped, found = get_ast(source), annotation_lines(source), []
+    tree, skipped, mutants = get_ast(source), annotation_lines(source), []
     for name in OPERATORS:
         operator = get_operator(f"core/{name}")()
         places = [start for node in ast_nodes(tree) for start, _ in operator.mutation_positions(node)]
-        found += [(str(path), name, at, start[0]) for at, start in enumerate(places) if tuple(start) not in skipped]
-    return found
+        mutants += [(path, name, at, start[0]) for at, start in enumerate(places) if tuple(start) not in skipped]
+    return mutants
 
 
 def forked(tests: list[str], tree: Path, seconds: float, plugins: tuple[object, ...] = ()) -> int:
-    """Pytest's exit code on these tests in a fork of this process; -1 when time ran out."""
+    """Pytest's exit code on these quick tests in a fork of this process; -1 when time ran out."""
     child = os.fork()
     if child == 0:
         os.setsid()
@@ -74,12 +84,10 @@ def forked(tests: list[str], tree: Path, seconds: float, plugins: tuple[object, 
         os.dup2(quiet, 2)
         os.chdir(tree)
         sys.path.insert(0, str(tree))
-        import pytest
-
         code = 1
         try:
-            quick = ["-x", "-q", "-n", "0", "-p", "no:cacheprovider", "--no-header", *tests]
-            code = int(pytest.main(quick, list(plugins)))
+            words = ["-q", "-n", "0", "-m", "not slow", "-p", "no:cacheprovider", "--no-header", *tests]
+            code = int(pytest.main(words if plugins else ["-x", *words], list(plugins)))
         finally:
             os._exit(code)
     until = time.monotonic() + seconds
@@ -94,100 +102,106 @@ def forked(tests: list[str], tree: Path, seconds: float, plugins: tuple[object, 
 
 
 class Watch:
-    """A pytest plugin: which lines each test ran (coverage.py), and how long it took."""
+    """A pytest plugin: which lines each test and each fixture ran (coverage.py), and how long a test took."""
 
-    def __init__(self, tree: Path, room: str) -> None:
+    def __init__(self, file: Path, sources: list[str]) -> None:
         import coverage
 
-        self.file = tree / f".lines-{room}"
-        self.coverage = coverage.Coverage(data_file=None, source=[str(tree / "eaid" / room)], config_file=False)
+        self.file = file
+        self.coverage = coverage.Coverage(data_file=None, source=sources, config_file=False)
+        self.context = ""
         self.seconds: dict[str, float] = {}
+        self.users: dict[str, list[str]] = defaultdict(list)
+        self.failed: set[str] = set()
 
     def pytest_sessionstart(self) -> None:
         self.coverage.start()
 
-    def pytest_runtest_logstart(self, nodeid: str) -> None:
-        self.coverage.switch_context(nodeid)
-        self.seconds[nodeid] = time.perf_counter()
+    def switch(self, context: str) -> str:
+        """The context before."""
+        before, self.context = self.context, context
+        self.coverage.switch_context(context)
+        return before
 
-    def pytest_runtest_logfinish(self, nodeid: str) -> None:
-        self.seconds[nodeid] = time.perf_counter() - self.seconds[nodeid]
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item: Any) -> Generator[None, Any, Any]:
+        for name in item.fixturenames:
+            self.users[f"fixture {name}"].append(item.nodeid)
+        self.switch(item.nodeid)
+        start = time.perf_counter()
+        result = yield
+        self.seconds[item.nodeid] = time.perf_counter() - start
+        return result
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_fixture_setup(self, fixturedef: Any) -> Generator[None, Any, Any]:
+        before = self.switch(f"fixture {fixturedef.argname}")
+        result = yield
+        self.switch(before)
+        return result
+
+    def pytest_runtest_logreport(self, report: Any) -> None:
+        if report.failed:
+            self.failed.add(report.nodeid)
 
     def pytest_sessionfinish(self) -> None:
         self.coverage.stop()
         data = self.coverage.get_data()
-        with self.file.open("w", encoding="utf-8") as out:
-            for nodeid, seconds in sorted(self.seconds.items(), key=lambda item: item[1]):
-                out.write(f"T {seconds:.3f} {nodeid}\n")
-            for name in data.measured_files():
-                for line, tests in data.contexts_by_lineno(name).items():
-                    out.writelines(f"L {name}:{line} {test}\n" for test in tests if test)
+        by_line: dict[str, list[str]] = {}
+        for name in data.measured_files():
+            for line, contexts in data.contexts_by_lineno(name).items():
+                tests = [test for context in contexts if context for test in self.users.get(context, [context])]
+                by_line[f"{name}:{line}"] = sorted(set(tests) - self.failed, key=self.seconds.__getitem__)
+        modules = [name for name in sys.modules if name.partition(".")[0] not in ("eaid", "tests", "conftest")]
+        seen = (self.seconds, by_line, modules, sorted(self.failed))
+        self.file.write_text(json.dumps(seen), encoding="utf-8")
 
 
-def watched(tree: Path, room: str, folders: list[str]) -> tuple[list[str], dict[str, list[str]], float]:
-    """All tests of a room, quickest first; the tests that ran each line; the seconds of a whole run."""
-    watch, start = Watch(tree, room), time.monotonic()
-    code = forked(folders, tree, 1800.0, (watch,))
-    if code != 0:
-        raise SystemExit(f"the tests of {room} do not pass as they are (exit {code}): see to that first")
-    tests: list[str] = []
-    by_line: dict[str, list[str]] = defaultdict(list)
-    for row in watch.file.read_text(encoding="utf-8").splitlines():
-        kind, key, test = row.split(" ", 2)
-        if kind == "T":
-            tests.append(test)
-        else:
-            by_line[key].append(test)
-    order = {test: at for at, test in enumerate(tests)}
-    return tests, {key: sorted(few, key=order.__getitem__) for key, few in by_line.items()}, time.monotonic() - start
+def tests_for(mutant: Mutant, seconds: dict[str, float], by_line: dict[str, list[str]]) -> list[str]:
+    """Those that ran its line, then those that ran its file, quickest first; file after file, as pytest likes them."""
+    path, _, _, line = mutant
+    ran_file = {test for key, tests in by_line.items() if key.startswith(f"{path}:") for test in tests}
+    tests, total = [], 0.0
+    for test in dict.fromkeys([*by_line.get(f"{path}:{line}", []), *sorted(ran_file, key=seconds.__getitem__)]):
+        if total and total + seconds[test] > TESTS_S:
+            break
+        tests.append(test)
+        total += seconds[test]
+    first = {test.partition("::")[0]: at for at, test in reversed(list(enumerate(tests)))}
+    return sorted(tests, key=lambda test: first[test.partition("::")[0]])
 
 
-def tried(mutant: Mutant, tree: Path, tests: list[str], by_line: dict[str, list[str]], seconds: float) -> str | None:
-    """The diff of a mutant that no test sees; None for one that is killed."""
+def survives(mutant: Mutant, tree: Path, tests: list[str]) -> str | None:
+    """The diff of a mutant that these tests do not see; None for one that they kill."""
     from cosmic_ray.mutating import mutate_code
     from cosmic_ray.plugins import get_operator
 
-    name, operator, occurrence, line = mutant
-    path = Path(name)
+    path, operator, occurrence, _ = mutant
     source, stamp = path.read_text(encoding="utf-8"), path.stat()
-    changed = mutate_code(source, get_operator(f"core/{operator}")(), occurrence)
-    if changed is None:
-        return None
-    for stale in (path.parent / "__pycache__").glob(f"{path.stem}.*.pyc"):
-        stale.unlink()
+    changed = mutate_code(source, get_operator(f"core/{operator}")(), occurrence) or source
     path.write_text(changed, encoding="utf-8")
     try:
-        compile(changed, name, "exec")
-        nearest = by_line.get(f"{path}:{line}", [])
-        if nearest and forked(nearest[:40], tree, 3 * seconds + 30) != 0:
-            return None
-        if forked(tests, tree, 3 * seconds + 30) != 0:
-            return None
-    except SyntaxError:
-        return None
+        code = forked(tests, tree, 3 * TESTS_S) if tests else 0
     finally:
         path.write_text(source, encoding="utf-8")
         os.utime(path, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
-        for stale in (path.parent / "__pycache__").glob(f"{path.stem}.*.pyc"):
-            stale.unlink()
-    where = path.relative_to(tree)
-    lines = difflib.unified_diff(source.splitlines(), changed.splitlines(), str(where), str(where), "", "", 0, "")
-    return "\n".join(lines)
+    where = str(path.relative_to(tree))
+    if code == -1:
+        print(f"\nout of time: {where}, line {mutant[3]}, {operator}", flush=True)
+    if code != 0:
+        return None
+    return "\n".join(difflib.unified_diff(source.splitlines(), changed.splitlines(), where, where, "", "", 0, ""))
 
 
 def main(words: list[str] | None = None) -> None:
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("rooms", nargs="*", default=ROOMS)
+    options.add_argument("rooms", nargs="*", default=ROOMS, help="names of folders; a+b are one room")
     options.add_argument("-n", type=int, default=60, help="mutants a room (60)")
     options.add_argument("--seed", type=int, default=0, help="which sample (0)")
-    options.add_argument("--only", help="only files whose path holds this")
+    options.add_argument("--only", default="", help="only files whose path holds this")
     options.add_argument("--tests", nargs="*", help="test folders or files in place of tests/ROOM")
     given = options.parse_args(words)
 
-    for module in ("optimize", "stats", "signal", "linalg"):
-        __import__(f"scipy.{module}")  # before the forks, so that none of them pays for it
-    for module in ("pandas", "numba", "h5py", "hypothesis"):
-        __import__(module)
     rows = []
     with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
         tree = Path(folder) / "tree"
@@ -196,20 +210,34 @@ def main(words: list[str] | None = None) -> None:
                 (tree / name).parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy2(ROOT / name, tree / name)
         os.environ["PYTHONPATH"] = str(tree)  # of the processes that tests start
+        os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+        sys.dont_write_bytecode = False  # so that a fork compiles no file but the mutant
         os.environ["NUMBA_CACHE_DIR"] = str(tree / ".numba")
+        parts = [part for room in given.rooms for part in room.split("+")]
+        watch, start = Watch(tree / ".lines", [str(tree / "eaid" / part) for part in parts]), time.monotonic()
+        forked(given.tests or [f"tests/{part}" for part in (*parts, "api", "frozen")], tree, 7200.0, (watch,))
+        seconds, by_line, modules, failed = json.loads(watch.file.read_text(encoding="utf-8"))
+        print(f"{len(seconds)} tests, {time.monotonic() - start:.0f} s", flush=True)
+        if failed:
+            print("\nleft out, for they fail as they are:", *failed, sep="\n", flush=True)
+        for module in modules:  # before the forks, so that none of them pays for it
+            try:
+                import_module(module)
+            except Exception:
+                continue
         for room in given.rooms:
-            tests, by_line, seconds = watched(tree, room, given.tests or [f"tests/{room}"])
-            files = [p for p in sorted((tree / "eaid" / room).rglob("*.py")) if not given.only or given.only in str(p)]
+            sources = [tree / "eaid" / part for part in room.split("+")]
+            files = [path for source in sources for path in sorted(source.rglob("*.py")) if given.only in str(path)]
             every = [mutant for path in files for mutant in mutants_of(path)]
             sample = random.Random(given.seed).sample(every, min(given.n, len(every)))
-            size = f"{len(sample)} of {len(every)} mutants, {len(tests)} tests, {seconds:.0f} s a run"
-            print(f"\n## {room}: {size}", flush=True)
+            print(f"\n## {room}: {len(sample)} of {len(every)} mutants", flush=True)
             alive = 0
             for at, mutant in enumerate(sample, start=1):
-                diff = tried(mutant, tree, tests, by_line, seconds)
+                tests = tests_for(mutant, seconds, by_line)
+                diff = survives(mutant, tree, tests)
                 if diff:
                     alive += 1
-                    print(f"\nsurvivor {alive} (mutant {at} of {len(sample)}):\n{diff}", flush=True)
+                    print(f"\nsurvivor {alive} (mutant {at}, {len(tests)} tests):\n{diff}", flush=True)
             rows.append((room, len(sample), len(sample) - alive))
     print("\n| room | mutants tried | killed | % |\n|---|---|---|---|")
     for room, count, killed in rows:

@@ -19,6 +19,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -64,7 +65,7 @@ class Timing:
         """Share of its old value that the sensor's low-pass keeps in a sample."""
         return math.exp(-2 * math.pi * self.sensor_hz / self.rate_hz) if self.sensor_hz > 0 else 0.0
 
-    @property
+    @cached_property
     def pattern(self) -> tuple[int, int]:
         """Samples and latches in their common period."""
         if self.pwm_hz is None:
@@ -259,8 +260,12 @@ def margins(law: Law, lags: Sequence[Lag], timing: Timing) -> LoopMargins:
 
 def loop_margins(gains: RCGains | PIGains, points: Sequence[Point], timing: Timing) -> Iterator[LoopMargins]:
     """The margins of a controller around every operating point."""
-    for duty, torque, lags in points:
-        yield margins(law_around(gains, torque, duty, timing.step_s), lags, timing)
+    return (_margins_at(gains, point, timing) for point in points)
+
+
+@lru_cache(maxsize=100)  # the loop that a design settles on is among those it tried
+def _margins_at(gains: RCGains | PIGains, point: Point, timing: Timing) -> LoopMargins:
+    return margins(law_around(gains, point.torque_nm, point.duty_pct, timing.step_s), point.lags, timing)
 
 
 def known(value: float) -> float | None:
