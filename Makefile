@@ -13,10 +13,10 @@ demo: .venv/.run  ## the main job: three shipped datasets to one report
 	$(BIN)/eaid demo -o demo --force
 
 test: check  ## all that guards a change, in five minutes on two cores
-	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow"
+	$(BIN)/python -m pytest -n 2 --dist loadgroup -m "not slow"
 
 test-all: check  ## and the slow ones: coverage of intervals, emulators, browsers, kills, hypothesis at length
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist loadgroup
 
 check: .venv/.dev
 	$(BIN)/ruff check .

@@ -30,6 +30,13 @@ from eaid.steps.stepset import Level, StepSet  # noqa: E402
 ROOT = Path(__file__).parents[1]
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Keep a room's tests in one process (`--dist loadgroup`), which makes its data sets once."""
+    for item in items:
+        item.add_marker(pytest.mark.xdist_group(item.path.relative_to(ROOT / "tests").parts[0]))
+
+
 @dataclass(frozen=True)
 class Ran:
     """What one command gave back."""

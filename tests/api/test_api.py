@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from scipy import stats
 
 import eaid
 from eaid.errors import DataError, UsageError
@@ -95,6 +94,8 @@ def test_one_value_a_level_whatever_surface_tells_it(small_fit: Any) -> None:
 def test_the_table_of_parameters_has_every_interval_and_the_others_follow(
     small_fit: Any, run_eaid: Any, tmp_path: Path
 ) -> None:
+    from scipy import stats
+
     fit = small_fit
     (row,) = [one for one in fit.parameters if (one.model, one.name) == ("linear", "a0") and one.level is None]
     t = [stats.t.ppf(1 - a / 2, row.dof) for a in (0.05, 0.5)]

@@ -7,8 +7,6 @@ import re
 from pathlib import Path
 from typing import Any
 
-import matplotlib
-import nbformat
 import numpy as np
 import pytest
 
@@ -51,6 +49,10 @@ def numbers(text: str) -> list[float]:
 
 
 def test_the_tutorial_shows_what_its_code_gives(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import nbformat
+
+    import matplotlib
+
     matplotlib.use("Agg")
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     notebook = nbformat.read(ROOT / "docs" / "tutorial.ipynb", 4)

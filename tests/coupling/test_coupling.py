@@ -4,7 +4,6 @@ import json
 import math
 from pathlib import Path
 
-import control
 import numpy as np
 import pytest
 
@@ -96,6 +95,8 @@ def test_more_virtual_damping_than_the_limb_has_leaves_no_passive_wall(couple):
 @pytest.mark.parametrize("loop", ["open-loop", "pi"])
 def test_python_control_finds_the_same_sampled_loop(couple, loop):
     """Torque over reference by python-control: zero-order hold of the plant's two lags, the PI in feedback."""
+    import control
+
     found, h = couple(torque=(2.0,), loops=(loop,)), 1e-3
     (wall,), (curve,) = found.walls, found.curves
     u = wall.duty

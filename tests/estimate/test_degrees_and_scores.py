@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from eaid.estimate.adequacy import effective_samples
 from eaid.estimate.scatter import RunStatistics, common_shifts, of_numbers, pooled_scatter
@@ -13,6 +12,8 @@ from eaid.estimate.spread import Influence, LevelScatter, interval_of, log_inter
 
 
 def test_t_is_that_of_scipy_stats() -> None:
+    from scipy import stats
+
     degrees = np.array([1.0, 2.5, 20.0, 1e7])
     assert t_quantile(degrees) == pytest.approx(stats.t.ppf(0.975, degrees), rel=1e-9)
     assert t_quantile(7.0, 0.999) == pytest.approx(stats.t.ppf(0.9995, 7.0))
@@ -26,6 +27,8 @@ def test_a_sum_of_alike_variances_has_all_their_degrees() -> None:
 
 
 def test_quoted_intervals_by_hand() -> None:
+    from scipy import stats
+
     t = stats.t.ppf(0.975, 6)
     assert interval_of(5.0, 4.0, 6.0) == pytest.approx((5 - 2 * t, 5 + 2 * t))
     assert log_interval_of(5.0, 0.04, 6.0) == pytest.approx((5 * np.exp(-0.2 * t), 5 * np.exp(0.2 * t)))

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 import yaml
-from fmpy.validation import validate_fmu
 
 import eaid
 from eaid.export import export as room
@@ -38,6 +37,8 @@ def test_gains_and_fit_give_all_laws_in_one_folder(tmp_path):
 def test_every_file_but_vectors_names_what_it_is_made_of_and_no_name_or_unit_breaks_it(
     tmp_path, monkeypatch, run_eaid, target
 ):
+    from fmpy.validation import validate_fmu
+
     (tmp_path / "evil *").mkdir()
     monkeypatch.chdir(tmp_path)
     gains, fit = "evil */ int x; \"'''\\.json", "fit.json"

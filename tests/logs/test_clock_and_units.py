@@ -3,7 +3,6 @@
 from typing import Any
 
 import numpy as np
-import pint
 import pytest
 from logs_written import frame, text
 
@@ -113,6 +112,8 @@ INTO = {"s": "second", "N·m": "newton * meter", "N": "newton", "RPM": "revoluti
 
 
 def test_every_spelling_of_a_unit(read):
+    import pint
+
     units = pint.UnitRegistry()
     for name, spelling in ((name, one) for name, spellings in PINT.items() for one in spellings.split()):
         of_time = name in list(PINT)[:7]

@@ -14,7 +14,6 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from logs_written import changed
-from scipy.io import savemat
 
 import eaid
 from eaid import DataError
@@ -32,6 +31,8 @@ class Payload:
 
 
 def test_code_in_a_log_is_never_run(tmp_path):
+    from scipy.io import savemat
+
     marker = tmp_path / "it-was-run"
     payload = pickle.dumps(Payload(marker))
     array = np.array([Payload(marker)], dtype=object)
@@ -54,6 +55,8 @@ def test_code_in_a_log_is_never_run(tmp_path):
 
 @written.later
 def mat(path: Path, **columns: Any) -> None:
+    from scipy.io import savemat
+
     savemat(path, columns, appendmat=False)
 
 

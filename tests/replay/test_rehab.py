@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy import stats
 
 import eaid
 from eaid.replay import rehab
@@ -156,6 +155,8 @@ def test_options_limits_and_another_rig(fit, fit_of, gains, session):
 
 
 def test_the_statistics_of_a_session(one):
+    from scipy import stats
+
     error = {mode: np.abs(counted(one.columns["position_error_deg"], mode)) for mode in MODES}
     cycle, told = 6667, one.metrics
     means = {mode: values[: 3 * cycle].reshape(3, cycle).mean(axis=1) for mode, values in error.items()}

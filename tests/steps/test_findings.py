@@ -11,7 +11,6 @@ import h5py
 import numpy as np
 import pandas as pd
 import pytest
-from scipy import stats
 
 import eaid
 from eaid.errors import DataError
@@ -287,6 +286,8 @@ SIZES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 512, 1024)
 
 def left_early(hold: Any, change: float) -> bool:
     """Whether a rest is left before its end, by the t test of docs/formats.md, one group size after the other."""
+    from scipy import stats
+
     tried = [k for k in SIZES if 8 * k <= len(hold)]
     for k in tried:
         means = [float(np.mean(hold[a : a + k])) for a in range((len(hold) - 2 * k) % k, len(hold) - 2 * k, k)]

@@ -40,7 +40,7 @@ def named(**columns: str) -> tuple[str, ...]:
     return ("--columns", ",".join(f"{role}={column}" for role, column in columns.items()))
 
 
-T14, T20, T30, HEAT, FAN = clock(14), clock(20, 200), clock(30), clock(900, 1), clock(600, 2)
+T14, T20, T30, HEAT, FAN = clock(14), clock(20), clock(30), clock(900, 1), clock(600, 2)
 QUICK = clock(12, 500)
 STAIRS = clock(32)
 LEVELS = np.select([STAIRS < 8, STAIRS < 16, STAIRS < 24], [80.0, 50.0, 30.0], 10.0)
@@ -100,7 +100,7 @@ RIGHT: dict[str, tuple[Mapping[str, Any], tuple[str, ...], dict[str, float]]] = 
          "torque_Nm": 2 * rise(QUICK - 3) + 0.1 * np.sin(100 * np.pi * QUICK + 0.5) + white(6000, 0.005)}, (), TRUTH),
     "a lamp on a staircase": (
         {"t": T20, "pwm": LAMP, "volt_out": 1.5 * rise(T20 - 4, 0.05, 0.4) + 0.5 * rise(T20 - 9, 0.05, 0.4)
-         + 0.7 * rise(T20 - 14, 0.05, 0.4) + white(4000, 0.003)},
+         + 0.7 * rise(T20 - 14, 0.05, 0.4) + white(2000, 0.003)},
         (*named(time="t", input="pwm", output="volt_out"), "--units", "input=/255,output=V"),
         {"change": 1.5, "tau1": 0.05, "level": 50 / 2.55}),
     "a rest at 1 V": (
