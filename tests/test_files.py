@@ -46,11 +46,6 @@ def test_a_missing_folder_is_named_and_a_name_of_two_hundred_letters_can_be_writ
     assert names(tmp_path) == ["é" * 115 + ".json"]
 
 
-def test_sha256_is_the_known_one_of_abc(tmp_path: Path) -> None:
-    (tmp_path / "abc").write_bytes(b"abc")
-    assert files.sha256_of(tmp_path / "abc") == "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
-
-
 def test_what_killed_writers_left_is_cleared_away_and_nothing_else(tmp_path: Path) -> None:
     target = tmp_path / "fit.json"
     gone = subprocess.Popen([sys.executable, "-c", ""])

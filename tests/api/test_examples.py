@@ -49,9 +49,8 @@ def numbers(text: str) -> list[float]:
 
 
 def test_the_tutorial_shows_what_its_code_gives(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    import nbformat
-
     import matplotlib
+    import nbformat
 
     matplotlib.use("Agg")
     monkeypatch.setenv("TMPDIR", str(tmp_path))

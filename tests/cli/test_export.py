@@ -49,19 +49,3 @@ def test_the_command_stands_at_the_head(run_eaid, monkeypatch):
     assert run_eaid(words).code == 0
     text = Path("rig with space/eaid_control.c").read_text()
     assert "by eaid export gains.json --law pi -o 'rig with space'" in text
-
-
-def test_unstable_gains_are_handed_on_on_request_and_marked(run_eaid):
-    edited(pi={"K_P": 3e5, "K_I": 360.0})
-    ran = run_eaid("export gains.json fit.json")
-    assert ran.code == 5 and "PI: the loop is unstable at 1000 Hz" in ran.err and not Path("export").exists()
-    assert run_eaid("export gains.json fit.json --anyway").code == 0
-    assert "EXPORTED ANYWAY" in Path("export/README.md").read_text()
-
-
-def test_precision_and_rate_are_baked_in(run_eaid):
-    assert run_eaid("export gains.json -q").code == 0
-    assert "typedef double eaid_real" in Path("export/eaid_control.h").read_text()
-    assert run_eaid("export gains.json -q --force --precision single --rate-hz 500").code == 0
-    text = Path("export/eaid_control.h").read_text()
-    assert "typedef float eaid_real" in text and "0.002 s" in text

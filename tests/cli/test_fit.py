@@ -37,31 +37,6 @@ def test_the_answer_comes_first_in_eight_lines(rig, run_eaid):
     assert told[-1] == "f.json: friction, nonlinear, linear, release of 10 clutch runs, synthetic"
 
 
-def test_what_stands_in_fit_json(rig, run_eaid):
-    fit = json.loads(Path("fit.json").read_text(encoding="utf-8"))
-    assert fit["schema"].startswith("eaid/fit/") and fit["converged"] is True and fit["seed"] == 0
-    assert {
-        "friction",
-        "nonlinear",
-        "linear",
-        "release",
-        "findings",
-        "warnings",
-        "options",
-        "uncertainty",
-    } <= fit.keys()
-    data, nonlinear = fit["data"], fit["nonlinear"]
-    assert (data["kind"], data["levels"]) == ("clutch", [20, 40, 60, 80, 100])
-    assert data["sample_rate_hz"] == pytest.approx(20)
-    assert len(data["sources"]) == 20 and len(data["sources"][0]["sha256"]) == 64 and "synthetic" in data
-    assert [len(nonlinear[name]) for name in ("tau1", "tau2", "Ts")] == [3, 3, 4] and nonlinear["u_range"] == [20, 100]
-    assert nonlinear["C"] == 0.85 and nonlinear["solver"]["converged"] is True
-    assert {"rmse", "sse", "R2", "fit_pct", "per_level", "ci95"} <= nonlinear.keys()
-    assert fit["linear"]["bounds"]["B_m"] < fit["linear"]["bounds"]["B_M"]
-    assert {"level", "Ts", "tau1", "tau2", "rmse", "sse", "ci95"} <= fit["friction"]["levels"][0].keys()
-    assert all({"code", "severity", "subject", "text"} <= one.keys() for one in fit["findings"])
-
-
 def test_options_reach_the_fit(fitted):
     fit = fitted("data.h5 --model nonlinear,linear --share 0.8 --loss huber --hold-out 60 --bounds-levels 40:100")
     assert "friction" not in fit and fit["nonlinear"]["C"] == 0.8 and fit["nonlinear"]["robust"]["loss"] == "huber"

@@ -38,8 +38,11 @@ report.html: report report.html -o .
 """
 
 
-@pytest.mark.parametrize("way", ["itself", "symlink", "hard link"])
-@pytest.mark.parametrize("line", READS.strip().splitlines())
+@pytest.mark.parametrize(
+    ("line", "way"),
+    [(line, "itself") for line in READS.strip().splitlines()]
+    + [(READS.strip().splitlines()[k], way) for k in (0, 4, 10, 12) for way in ("symlink", "hard link")],
+)
 def test_a_command_never_replaces_what_it_reads(line, way, rig, run_eaid, held):
     (rig / "sets").mkdir()
     shutil.copy("data.h5", "sets/data.h5")
@@ -167,6 +170,21 @@ def test_json_is_the_result_and_quiet_is_quiet_and_the_bytes_are_the_same(line, 
     again = run_eaid(words, "-q")
     assert (again.code, again.out, again.err) == (0, "", "")
     assert held(rig / "out") == first
+
+
+@pytest.mark.parametrize("line", ["ingest logs -o d.h5", "tune-rc fit.json -o g.json", "report gains.json -o r"])
+def test_a_full_disk_leaves_the_earlier_output_whole(line, rig, run_eaid, held, monkeypatch):
+    def full(_):
+        raise OSError(28, "No space left on device")
+
+    earlier = Path("r/report.html" if "report" in line else line.split()[-1])
+    earlier.parent.mkdir(exist_ok=True)
+    earlier.write_bytes(b"earlier")
+    before = held(rig)
+    monkeypatch.setattr(os, "fsync", full)
+    ran = run_eaid(line, "-q", "--force")
+    wanted = "cannot be written (No space left on device); make room, or choose another --output"
+    assert (ran.code, ran.err) == (2, f"error: {earlier}: {wanted}\n") and held(rig) == before
 
 
 AGAIN = """

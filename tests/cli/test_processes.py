@@ -1,10 +1,8 @@
 """Commands as processes: what they import, signals, pipes that close, full disks, two at a time."""
 
-import contextlib
 import json
 import os
 import random
-import shutil
 import signal
 import subprocess
 import sys
@@ -132,51 +130,6 @@ def test_streams_that_are_closed_full_or_know_few_letters(tmp_path):
             done = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
         wanted = "error: what is printed cannot be written (No space left on device); make room, or send it elsewhere\n"
         assert (done.returncode, done.stderr) == (2, wanted)
-
-
-@pytest.fixture
-def disk(tmp_path):
-    """A disk of 8 kB; skipped where none can be mounted."""
-    folder, mount = tmp_path / "disk", shutil.which("mount")
-    folder.mkdir()
-    if mount is None or not hasattr(os, "geteuid") or os.geteuid() != 0:
-        pytest.skip("only root can mount a small disk")
-    if subprocess.run([mount, "-t", "tmpfs", "-o", "size=8k", "none", str(folder)], check=False).returncode:
-        pytest.skip("a small disk cannot be mounted here")
-    yield folder
-    subprocess.run(["umount", str(folder)], check=True)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "line",
-    [
-        "ingest logs -o d.h5", "fit data.h5 --ci none -o f.json", "tune-rc fit.json -o g.json",
-        "plan fit.json --no-check -o p.csv", "simulate fit.json --scenario steps -o r.h5",
-        "synth --levels 20,60 -o s.h5", "report gains.json -o report",
-    ],
-)  # fmt: skip
-def test_a_full_disk_leaves_the_earlier_output_whole(line, rig, disk):
-    *words, name = line.split()
-    output = earlier = disk / name
-    if name == "report":
-        (output / "figures").mkdir(parents=True)
-        earlier = output / "report.html"
-    earlier.write_bytes(b"earlier")
-    with contextlib.suppress(OSError):  # until it is full
-        (disk / "filler").write_bytes(bytes(8192))
-    done = ran(*words, output, "-q", "--force")
-    wanted = "cannot be written (No space left on device); make room, or choose another --output"
-    assert (done.returncode, done.stderr) == (2, f"error: {earlier}: {wanted}\n")
-    assert earlier.read_bytes() == b"earlier" and not list(disk.rglob("*.part"))
-
-
-@pytest.mark.slow
-def test_a_disk_that_is_read_only(rig, disk):
-    subprocess.run(["mount", "-o", "remount,ro", str(disk)], check=True)
-    done = ran("ingest", "logs", "-q", "-o", disk / "d.h5")
-    wanted = "cannot be written (Read-only file system); choose another folder with --output"
-    assert (done.returncode, done.stderr) == (2, f"error: {disk / 'd.h5'}: {wanted}\n")
 
 
 @pytest.mark.slow

@@ -7,8 +7,6 @@ import h5py
 import numpy as np
 import pytest
 
-RAMP = "time_s,reference_nm\n0,0\n1,1\n2,5\n"
-
 
 @pytest.fixture(autouse=True)
 def _here(by_hand):
@@ -58,16 +56,6 @@ def test_without_gains_the_controllers_that_need_none_are_replayed(run_eaid):
     assert ran.code == 0 and "note: no --gains, so rc and pi are left out" in ran.err and "inverse" in ran.out
 
 
-def test_a_reference_of_the_user_s(run_eaid):
-    Path("r.csv").write_text(RAMP)
-    words = "--gains gains.json --reference r.csv --controller pi --noise-nm 0.02"
-    ran = run_eaid(f"simulate fit.json {words}")
-    assert "warning: the reference goes to 5 N·m, the plant at its highest input to 4.37 N·m" in ran.err
-    found = columns("pi")
-    assert found["reference_nm"][1500] == pytest.approx(3.0)
-    assert np.std(found["measured_nm"] - found["torque_nm"]) == pytest.approx(0.02, 0.1)
-
-
 def test_every_effect_of_the_rig_is_an_option(run_eaid):
     effects = (
         "--noise-nm 0.01 --noise-correlation-s 0.05 --ripple-pct 2 --ripple-hz 3 --sensor-hz 100 --delay-samples 2 "
@@ -86,23 +74,6 @@ def test_every_effect_of_the_rig_is_an_option(run_eaid):
     words = "--controller open-loop --duration 2 --force -q --perturb Ts=0.5"
     assert plain.code == run_eaid(f"simulate fit.json {words}").code == 0
     np.testing.assert_allclose(columns("open-loop")["torque_nm"], 0.5 * top, rtol=1e-6)
-
-
-def test_drawn_plants_give_the_same_bytes_on_one_thread_and_on_many(by_hand, run_eaid):
-    sd = np.array([0.005, 0.05, 0.01, 0.05, 0.5, 0.1, 0.001, 0.02, 0.05, 0.02])
-    fit = json.loads(Path("fit.json").read_text())
-    by_hand({"nonlinear": {**fit["nonlinear"], "covariance": {"matrix": np.diag(sd**2).tolist()}}})
-    words = "simulate fit.json --gains gains.json --duration 3 --plants 300 --seed 4 --threads"
-    first, many = (run_eaid(words, count, "-o", f"{count}.h5", "--json") for count in ("1", "3"))
-    assert "rc on drawn plants: 300 to do" in first.err
-    assert Path("1.h5").read_bytes() == Path("3.h5").read_bytes() and first.out == many.out
-    told = json.loads(first.out)
-    worst = told["controllers"]["rc"]["plants"]["metrics"]["rms_error_nm"]["worst"]
-    with h5py.File("1.h5") as file:
-        values = file["rc/plants/metrics/rms_error_nm"][...]
-        drawn = file["rc/plants/parameters/Ts"][...]
-    assert drawn.shape == (300, 4) and values.argmax() == worst["plant"] and values.max() == worst["value"]
-    assert values.std() > 1e-4 and worst["Ts"] == drawn[worst["plant"]].tolist()
 
 
 def test_a_recorded_duty_through_the_plant_and_a_closed_loop_run_laid_over(run_eaid):

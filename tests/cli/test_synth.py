@@ -54,34 +54,11 @@ def test_a_folder_of_csv_holds_the_same_numbers_as_the_dataset(run_eaid):
         np.testing.assert_array_equal(first.runs, second.runs)
 
 
-def test_from_a_fit_and_along_a_duty_file(run_eaid):
-    model = {"C": 0.85, "tau1": [0.1, 0, 0], "tau2": [2.0, 0, 0], "Ts": [0, 0.04, 0, 0], "u_range": [10, 100]}
-    Path("fit.json").write_text(json.dumps({"schema": "eaid/fit/2", "nonlinear": model}))
-    Path("duty.csv").write_text("time_s,duty_pct\n0,0\n1,50\n41,0\n42,0\n")
-    words = "synth --plant fit.json --duty-file duty.csv --clean --repeats 1 --rate-hz 100 -q"
-    assert run_eaid(words, "-o", "logs").code == 0
-    _, duty_pct, torque_nm = csv_of("logs")
-    assert duty_pct[99:101].tolist() == [0, 50] and torque_nm[4099] == pytest.approx(
-        2.0, abs=1e-6
-    )  # 0.04 · 50, settled
-    assert torque_nm[200] == pytest.approx(2 * (1 - 0.85 * np.exp(-10.0) - 0.15 * np.exp(-0.5)), abs=1e-6)
-    assert "fit.json" in next(Path("logs").iterdir()).read_text(encoding="utf-8").splitlines()[0]
-
-
 def test_a_force_file_drives_the_friction_rig(run_eaid):
     Path("force.csv").write_text("time_s,force_n\n0,0\n1,170\n61,170\n")
     words = "synth --kind friction-force --duty-file force.csv --repeats 1 --rate-hz 10 --clean -o logs -q"
     assert run_eaid(words).code == 0
     assert csv_of("logs")[2, -1] == pytest.approx(2.4645, abs=1e-3)
-
-
-def test_a_friction_fit_says_its_kind(run_eaid):
-    levels = [{"level": 50, "Ts": 1.0, "tau1": 0.1, "tau2": 2.0}]
-    content = {"schema": "eaid/fit/2", "data": {"kind": "friction-force"}, "friction": {"C": 0.85, "levels": levels}}
-    Path("ff.json").write_text(json.dumps(content))
-    told = json.loads(run_eaid("synth --plant ff.json --hold 5 --rate-hz 50 -o logs --json").out)
-    assert told["kind"] == "friction-force" and [row["level"] for row in told["runs"]] == [50, 50]
-    assert told["inputs"][0]["path"] == "ff.json" and len(told["inputs"][0]["sha256"]) == 64
 
 
 def test_the_run_table_of_a_plan_is_recorded_as_it_says(run_eaid):

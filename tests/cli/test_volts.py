@@ -82,13 +82,3 @@ def test_small_inputs_have_files_of_their_own_and_no_unit_is_an_arbitrary_one(ri
     assert run_eaid("fit logs -o again.json -q --ci none").code in (0, 4)
     data = json.loads(Path("again.json").read_text(encoding="utf-8"))["data"]
     assert data["levels"] == [60, 150, 300] and data["input_unit"] == "a.u."
-
-
-def test_a_unit_that_no_file_can_hold_is_written_otherwise(rig_of, run_eaid):
-    """A lone surrogate in an edited fit.json."""
-    rig_of(3.0, "V")
-    text = Path("fit.json").read_text(encoding="utf-8").replace('"V"', '"\\ud800V"')
-    Path("fit.json").write_text(text, encoding="utf-8")
-    assert run_eaid("plan fit.json --no-check -q").code == 0
-    assert Path("plan.duty.csv").read_text(encoding="utf-8").startswith("time_s,input (?V)\n")
-    assert run_eaid("synth --plant fit.json --plan plan.csv --rate-hz 5 -o logs -q").code == 0

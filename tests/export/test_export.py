@@ -147,7 +147,6 @@ def test_the_rigs_log_is_read_in_its_units(units, read, tmp_path):
         ({}, {"target": "cobol"}, "target= cobol: must be one of"),
         ({}, {"law": ("rc", "rc")}, "law=: names rc twice"),
         ({}, {"law": ()}, "law=: names nothing"),
-        ({}, {"rate_hz": 0.0}, "rate_hz= 0"),
         ({}, {"rate_filter_hz": 500.0}, "rate_filter_hz= is 500"),
         ({}, {"law": ("plant",)}, r"law= plant needs what was not given: fit.json"),
         (None, {}, "nothing to export: give gains"),
