@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
+from scipy.special import stdtrit
 from threadpoolctl import threadpool_limits
 
 from eaid.arrays import Array
@@ -33,7 +34,7 @@ from eaid.estimate.levels import OwnLevels, own_levels
 from eaid.estimate.linear import linear_part
 from eaid.estimate.nonlinear import believed, nonlinear_part, spread_of
 from eaid.estimate.release import release_fit
-from eaid.estimate.scatter import CURVES, NAMES, Scatter, noise_of
+from eaid.estimate.scatter import CURVES, NAMES, Scatter, common_shifts, noise_of
 from eaid.estimate.spread import t_quantile
 from eaid.estimate.step_shapes import between_rows, of_another_shape, single_steps
 from eaid.findings import Finding, finding, merged, ranked
@@ -54,6 +55,12 @@ ALLOWED: dict[str, tuple[str, ...]] = {
 
 MOST = 1e60
 """Largest size of a number that a result may hold; its cube is still a number."""
+ODD = 0.01
+"""Probability at which a good repeat would be said to lie off the others."""
+APART = 3.0
+"""Times the distance between the other sweeps that one of them is off."""
+LEAST_OFF = 0.05
+"""Distance in ln τ below which nothing is said of a repeat."""
 R = TypeVar("R", bound=msgspec.Struct)
 
 
@@ -278,10 +285,40 @@ def scatter_findings(seen: Scatter) -> list[Finding]:
     if seen.source != "repeats":
         return [finding("single-runs" if seen.source == "curve" else "single-runs-few-levels", "data")]
     if not seen.swept:
-        return []
+        return odd_repeats(seen)
     shifted = tuple(name for name, common in zip(CURVES, seen.pooled.common, strict=False) if common > 0)
     sweeps, runs = int(seen.repeats.max()), int(seen.repeats.sum())
-    return [finding("recorded-as-sweeps", "data", sweeps=sweeps, parameters=shifted, runs=runs)]
+    return [*odd_repeats(seen), finding("recorded-as-sweeps", "data", sweeps=sweeps, parameters=shifted, runs=runs)]
+
+
+def odd_repeats(seen: Scatter) -> list[Finding]:
+    """One repeat of three or more whose τ1 or τ2 lies off the others', at one level, or in sweeps at all of them.
+
+    Its distance to the others' mean against the scatter of all runs but it, a t test at `ODD` in all; in sweeps against
+    what is left of the levels, and `APART` times what the other sweeps lie apart.
+    """
+    found = []
+    for k, name in ((1, "tau1"), (2, "tau2")):
+        size = np.sqrt(seen.pooled.expected[:, k] * seen.repeats)  # how far single runs of each level scatter
+        rows = [i for i, one in enumerate(seen.runs) if seen.usable[i, k] and len(one.shift) > 2]
+        sweeps = common_shifts(seen.runs, k) if len(rows) == len(seen.levels) else None
+        off_all = [seen.runs[i].shift[:, k] - (0.0 if sweeps is None else sweeps) for i in rows]
+        squares = sum(float(d @ d) / size[i] ** 2 for i, d in zip(rows, off_all, strict=True))
+        degrees = sum(len(d) - 1 for d in off_all) - (1 if sweeps is None else len(sweeps) - 1)
+        limit = float(stdtrit(degrees, 1 - ODD / 4 / sum(map(len, off_all)))) if degrees > 0 else np.inf
+        groups = [([i], d) for i, d in zip(rows, off_all, strict=True)] if sweeps is None else [(rows, sweeps)]
+        for at, d in groups:
+            r, scale = int(np.abs(d - np.median(d)).argmax()), float(np.sqrt(np.mean(size[at] ** 2) / len(at)))
+            others = np.delete(d, r)
+            off = float(d[r] - others.mean())
+            left = squares - (off / scale) ** 2 * len(others) / len(d) if sweeps is None else squares
+            error = scale * np.sqrt(max(left, 0.0) / max(degrees, 1) * len(d) / len(others))
+            apart = 0.0 if sweeps is None else APART * float(np.ptp(others))
+            if abs(off) > max(limit * error, apart, LEAST_OFF):
+                runs, levels = (tuple(getattr(seen.levels[i], what) for i in at) for what in ("names", "level"))
+                pct, names = float(100 * np.expm1(off)), tuple(one[r] for one in runs)
+                found.append(finding("repeat-is-off", "data", levels, runs=names, parameter=name, off_pct=pct))
+    return found
 
 
 def converged(result: Fit) -> bool:

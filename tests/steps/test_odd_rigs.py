@@ -7,7 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
+from scipy.signal import lfilter
+
+import eaid
 
 sys.path.insert(0, str(Path(__file__).parent))
 from make import curve, white
@@ -159,3 +163,39 @@ def test_a_rig_that_is_told_what_is_wrong(name: str, tmp_path: Path, run_eaid: C
     found = {one["code"]: one["severity"] for one in fit["findings"]}
     assert codes <= set(found), found
     assert ran.code == (4 if "stop" in found.values() else 0)
+
+
+def slow(y: Any, tau_s: float, rate_hz: float = 100.0) -> Any:
+    """Behind a filter of first order."""
+    return lfilter([1 - np.exp(-1 / rate_hz / tau_s)], [1, -np.exp(-1 / rate_hz / tau_s)], y)
+
+
+REPEATS: dict[str, tuple[Callable[..., Any], int | None, str]] = {
+    # (level, repeat, time since the step) → time and output; in which repeat; what is told
+    "all alike": (lambda u, s: (s, u * rise(s)), None, ""),
+    "late by a row in all": (lambda u, s: (s, u * rise(s - 0.01)), None, "other-shape-fits-better"),
+    "late by 3 rows in one": (lambda u, s: (s, u * rise(s - 0.03)), 1, "repeat-is-off"),
+    "filtered in one": (lambda u, s: (s, slow(u * rise(s), 0.05)), 1, "repeat-is-off"),
+    "another rate in one": (lambda u, s: (1.1 * s, u * rise(s)), 1, "repeat-is-off"),
+    "early by 3 rows in one": (lambda u, s: (s, u * rise(s + 0.03)), 1, "runs-left-out"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REPEATS)
+def test_what_one_repeat_has_of_its_own_is_told(name: str) -> None:
+    """Three repeats of four levels that scatter by 2 %; what moves τ1 by 4 % or more is told, and of which repeat."""
+    change, which, code = REPEATS[name]
+    rng, since, logs = np.random.default_rng(3), T - 3, {}
+    for level in (20, 45, 70, 95):
+        for k in range(3):
+            of_run = 0.03 * level * np.exp(0.02 * rng.normal())
+            stretch = np.exp(0.02 * rng.normal())
+            s, y = change(of_run, since / stretch) if which in (None, k) else (since, of_run * rise(since / stretch))
+            time = 3 + s * (stretch if which in (None, k) else 1)
+            columns = {"time_s": time - time[0], "duty_pct": on(3, level, T), "torque_nm": y + white(1200, 0.01, k)}
+            logs[f"u{level}_{k}"] = pd.DataFrame(columns)
+    fit = eaid.fit(eaid.read(logs))
+    told = {one.code: one.values for one in fit.findings}
+    assert code in told if code else not {"repeat-is-off", "other-shape-fits-better"} & set(told)
+    if code == "repeat-is-off":
+        assert {run[-1] for run in told[code]["runs"]} == {"1"}

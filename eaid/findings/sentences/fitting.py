@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from eaid.findings.row import SYMBOLS, Row, Values, caution, note, stop
+from eaid.shown import listed
 
 CONSTRAINTS = {
     "tau1-floor": "τ1 is at its floor of 1 ms",
@@ -228,6 +229,14 @@ INTERVAL_ROWS: dict[str, Row] = {
     "single-runs": note(
         "one run a level: the scatter was taken from the levels' distance to the curve; trust the curve more than "
         "single levels, and repeat each level to tell scatter from a wrong curve"
+    ),
+    "repeat-is-off": caution(
+        lambda v: (
+            f"{v['symbol']} of {listed(v['runs'], 3)} is {v['off_pct']:+.0f} % off that of the other repeats, beyond "
+            "their scatter: a filter, a sample rate or an instant of its input of its own? mend it, or leave it out"
+        ),
+        "off_pct",
+        rank=1,
     ),
     "recorded-as-sweeps": caution(
         lambda v: (
