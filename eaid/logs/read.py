@@ -84,6 +84,26 @@ def scales_compared(runs: Sequence[Run]) -> list[Run]:
     return compared
 
 
+UNIT_STEPS = (60.0, 3600.0, 86_400.0, 1e3, 1e6, 1e9)
+"""Factors between units of time."""
+SECONDS_ASSUMED = {"unit-assumed", "time-brief", "time-in-whole-numbers", "time-too-long", "time-too-fast"}
+
+
+def clocks_compared(runs: Sequence[Run]) -> list[Run]:
+    """Runs; one whose unit of time nobody says is told where its stamps lie as far from the usual as units do."""
+    steps = [float(np.median(np.diff(run.time_s[:10_000]))) if len(run.time_s) > 1 else np.nan for run in runs]
+    middle = sorted(steps)[len(steps) // 2] if steps else np.nan
+    compared = list(runs)
+    for i, run in enumerate(runs):
+        of_time = {one.code for one in run.findings if one.values.get("role", "time") == "time"}
+        others = steps[1 - i] if len(runs) == 2 else middle
+        factor = max(steps[i], others) / min(steps[i], others)
+        if of_time & SECONDS_ASSUMED and any(abs(factor / one - 1) < 0.02 for one in UNIT_STEPS):
+            said = finding("time-unit-differs", run.name, usual_s=steps[i], others_s=others)
+            compared[i] = replace(run, findings=(*run.findings, said))
+    return compared
+
+
 def columns_told(runs: Sequence[Run]) -> list[str]:
     """Which columns were taken of logs, and which were left, a sentence for all logs that are alike."""
     alike: Counter[tuple[str, str]] = Counter()
@@ -224,7 +244,8 @@ def together(runs: Sequence[Run], faults: list[str], options: ReadOptions) -> tu
                 each = joined(each)
         except DataError as fault:
             return [], list(fault.sentences)
-    return named_apart(each if "input" in options.units else scales_compared(each)), faults
+    each = each if "input" in options.units else scales_compared(each)
+    return named_apart(each if "time" in options.units else clocks_compared(each)), faults
 
 
 def _refuse_what_does_nothing(runs: Sequence[Run], options: ReadOptions) -> None:

@@ -217,6 +217,21 @@ def test_inputs_of_other_units_are_no_fractions(read, codes):
     assert [len(codes(run)) for run in read.all(logs)] == [1, 0, 0]
 
 
+@pytest.mark.parametrize(
+    ("factors", "told"),
+    [((1, 1000), {0, 1}), ((1, 1, 1000), {2}), ((1e6, 1e6, 1), {2}), ((1, 1 / 60, 1), {1}), ((1, 1, 1), set()),
+     ((1, 2, 10), set())],
+)  # fmt: skip
+def test_clocks_of_other_units_among_the_logs(factors, told, read, codes):
+    """The unit of a time that nobody says is judged beside the other logs; where it is said, all is well."""
+    logs = {f"r{k}": frame("time|duty|torque_nm", by * (T + 0.001 * np.sin(9 * T)), U, (1 + k) * Y)
+            for k, by in enumerate(factors)}  # fmt: skip
+    assert {k for k, run in enumerate(read.all(logs)) if "time-unit-differs" in codes(run)} == told
+    assert not any("time-unit-differs" in codes(run) for run in read.all(logs, units={"time": "s"}))
+    named = {name: log.rename(columns={"time": "time_s"}) for name, log in logs.items()}
+    assert not any("time-unit-differs" in codes(run) for run in read.all(named))
+
+
 def test_a_log_that_comes_again_counts_once_and_names_are_told_apart(tmp_path, codes, run_eaid):
     for name, content in {"x/a.csv": LOG, "y/a.csv": OTHER, "y/c.csv": LOG, "z/c.txt": LOG}.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)

@@ -60,6 +60,10 @@ LOG_ROWS: dict[str, Row] = {
         "no unit is given for {column}, whole numbers {usual_s:g} apart: seconds assumed; if they are ms or samples, "
         "say «units» time={likely} or «rate_hz» HZ"
     ),
+    "time-unit-differs": stop(
+        "no unit is given for its time, and its stamps lie {usual_s:.4g} apart, those of other logs {others_s:.4g}: "
+        "they count in different units; say «units» time=UNIT and read those of each unit apart"
+    ),
     "torque-too-large": stop(
         "the torque reaches {largest:.4g} N·m, beyond any clutch: counts, or another unit; say «units» output=UNIT"
     ),
