@@ -156,8 +156,7 @@ def match_columns(path: str, table: Table, options: ReadOptions) -> Roles:
     if time is None and not (options.rate_hz or table.rates):
         raise DataError(
             f"{path}: no column is called time (columns: {shown(names)}{_dropped(table)}); name it with «columns» "
-            f"time=NAME, "
-            f"or give «rate_hz» HZ where the log has none"
+            f"time=NAME, or give «rate_hz» HZ where the log has none"
         )
     taken = {*named.values(), *([time] if time is not None else [])}
     references = [i for i, name in enumerate(names) if i not in taken and words_of(split_name(name)[0]) & _REFERENCE]
@@ -176,8 +175,12 @@ def match_columns(path: str, table: Table, options: ReadOptions) -> Roles:
     if "input" in named:
         kind = options.kind or kind_of(names[named["input"]], options.units.get("input", ""))
         inputs = [(kind, named["input"])]
-    else:
-        inputs = _inputs(path, names, taken, options.kind)
+    else:  # at most one a kind
+        inputs = []
+        for kind, groups in INPUTS.items():
+            which = next((hit for group in groups if (hit := _alike(names, group.names, taken))), [])
+            if options.kind in (None, kind) and (column := _only(path, "input", which, names)) is not None:
+                inputs.append((kind, column))
     taken |= {*(column for _, column in inputs), *([reference] if reference is not None else [])}
     triggers = [] if inputs else _alike(names, TRIGGERS, taken)
     others = tuple(i for i in range(len(names)) if i not in taken)
@@ -222,18 +225,6 @@ def _output(path: str, table: Table, taken: set[int], references: Sequence[int])
     )
 
 
-def _inputs(path: str, names: Sequence[str], taken: set[int], kind: Kind | None) -> list[tuple[Kind, int]]:
-    """Columns that are called like an input, at most one a kind."""
-    inputs: list[tuple[Kind, int]] = []
-    for named_kind, groups in INPUTS.items():
-        if kind in (None, named_kind):
-            which = next((hit for group in groups if (hit := _alike(names, group.names, taken))), [])
-            column = _only(path, "input", which, names)
-            if column is not None:
-                inputs.append((named_kind, column))
-    return inputs
-
-
 def kind_of(name: str, unit: str) -> Kind:
     """Experiment that a user's own choice of input column means."""
     for kind, groups in INPUTS.items():
@@ -254,21 +245,20 @@ FEWEST = 20
 
 def chosen_table(source: str, tables: Sequence[Table], options: ReadOptions) -> tuple[Table, Roles]:
     """The one table that is a log: the one named, else the only one whose columns match."""
-    if options.variable is not None:
-        named = [table for table in tables if table.name == options.variable]
-        if not named:
-            names = ", ".join(table.name or "(no name)" for table in tables[:12])
-            raise DataError(f"{source}: holds no table {options.variable} for «variable»; it holds {names}")
-        return named[0], _roles(source, named[0], options)
+    wanted = [table for table in tables if options.variable in (None, table.name)]
+    if not wanted:
+        names = ", ".join(table.name or "(no name)" for table in tables[:12])
+        raise DataError(f"{source}: holds no table {options.variable} for «variable»; it holds {names}")
     good: list[tuple[Table, Roles]] = []
     faults: list[DataError] = []
-    for table in tables:
+    for table in wanted[: 1 if options.variable is not None else None]:
+        match = match_columns if any(table.columns) or "output" in options.columns else by_place
         try:
-            good.append((table, _roles(source, table, options)))
+            good.append((table, match(source, table, options)))
         except DataError as fault:
             faults.append(fault)
     if not good:
-        if len(tables) == 1:
+        if len(faults) == 1:
             raise faults[0]
         contents = "; ".join(
             f"{table.name or 'table'}: {', '.join(c or '?' for c in table.columns[:8])}" for table in tables[:6]
@@ -278,8 +268,14 @@ def chosen_table(source: str, tables: Sequence[Table], options: ReadOptions) -> 
             "choose with «variable» and «columns»"
         )
     full = [pair for pair in good if pair[1].inputs]
-    if not full and options.name_pattern is None and "input" not in options.columns:
-        _refuse_an_input_elsewhere(source, good, tables)
+    if not full and {options.variable, options.name_pattern} == {None} and "input" not in options.columns:
+        words = {word for group in INPUTS["clutch"] for word in group.names}
+        beside = [name for table in tables if all(table is not one for one, _ in good) for name in table.columns]
+        if called := [beside[i] for i in _alike(beside, words, set())]:
+            raise DataError(
+                f"{source}: {shown(called)} stands in another table, or is of another length, than the output; save "
+                f"them on one clock, or say the level with «name_pattern»"
+            )
     full = full or good
     if len(full) > 1:
         names = ", ".join(table.name for table, _ in full[:12])
@@ -287,22 +283,6 @@ def chosen_table(source: str, tables: Sequence[Table], options: ReadOptions) -> 
             f"{source}: holds several tables that may be the log ({names}); choose one with «variable» NAME"
         )
     return full[0]
-
-
-def _refuse_an_input_elsewhere(source: str, good: Sequence[tuple[Table, Roles]], tables: Sequence[Table]) -> None:
-    """Refuse a log whose input stands in another table than its output, since its columns are of another length."""
-    words = {word for group in INPUTS["clutch"] for word in group.names}
-    beside = [name for table in tables if all(table is not one for one, _ in good) for name in table.columns]
-    if called := [beside[i] for i in _alike(beside, words, set())]:
-        raise DataError(
-            f"{source}: {shown(called)} stands in another table, or is of another length, than the output; save them "
-            f"on one clock, or say the level with «name_pattern»"
-        )
-
-
-def _roles(source: str, table: Table, options: ReadOptions) -> Roles:
-    named = any(table.columns) or "output" in options.columns
-    return match_columns(source, table, options) if named else by_place(source, table, options)
 
 
 def by_place(path: str, table: Table, options: ReadOptions) -> Roles:

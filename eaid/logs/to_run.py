@@ -1,5 +1,6 @@
 """One table → one run: columns found, rows checked, time from its start, units turned into those of eaid."""
 
+import contextlib
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -66,7 +67,9 @@ def checked(
         elif not text:
             cells.append(f"{word} {row_of(sample)}, column {label}, is empty")
         else:
-            finite = "is not finite" if _overflows(text) else "is no number"
+            finite = "is no number"
+            with contextlib.suppress(ValueError):  # nan, inf, 1e400
+                finite = finite if math.isfinite(float(text)) else "is not finite"
             cells.append(f"{word} {row_of(sample)}, column {label}, holds {text!r}, which {finite}")
     for label, values in columns.items():
         for sample in np.flatnonzero(~np.isfinite(values)).tolist():
@@ -134,14 +137,6 @@ def without_moving_steps(
     return keep, lost
 
 
-def _overflows(text: str) -> bool:
-    """True for what reads as a number that no finite one is: nan, inf, 1e400."""
-    try:
-        return not math.isfinite(float(text))
-    except ValueError:
-        return False
-
-
 def _listed(source: str, found: Sequence[str], remedy: str) -> list[str]:
     sentences = [f"{source}: {what}; {remedy}" for what in found[:SHOWN]]
     if len(found) > SHOWN:
@@ -169,8 +164,13 @@ class _Columns:
 
     def _sane(self, column: int, values: NDArray[Any]) -> NDArray[Any]:
         """Values whose differences may be below zero; raises DataError where they are too large or too small."""
-        values = _signed(values)
-        size = np.abs(values[np.isfinite(values)]).max(initial=0) if values.dtype.kind == "f" else 1
+        if values.dtype.kind in "ub":
+            too_large = values.dtype == np.uint64 and len(values) and values.max() > np.iinfo(np.int64).max
+            values = values.astype(np.float64 if too_large else np.int64)
+        if values.dtype.kind == "i":
+            return values
+        values = np.asarray(values, dtype=np.float64)
+        size = np.abs(values[np.isfinite(values)]).max(initial=0)
         if size != 0 and not 1 / LARGEST <= size <= LARGEST:
             raise DataError(
                 f"{self._source}: column {self._table.label(column)} goes to {size:g}, as no sensor does; mend it"
@@ -185,16 +185,6 @@ class _Columns:
     def kept(self, column: int) -> NDArray[Any]:
         """The samples of a column that are kept."""
         return self[column] if self.keep is None else self[column][self.keep]
-
-
-def _signed(values: NDArray[Any]) -> NDArray[Any]:
-    """Unsigned whole numbers as signed ones, booleans as numbers, floats in full: differences stay what they are."""
-    if values.dtype.kind == "f":
-        return np.asarray(values, dtype=np.float64)
-    if values.dtype.kind not in "ub":
-        return values
-    too_large = values.dtype == np.uint64 and len(values) and values.max() > np.iinfo(np.int64).max
-    return values.astype(np.float64 if too_large else np.int64)
 
 
 _BEFORE = re.compile(r"\d[.,ep_-]?$", re.IGNORECASE)
@@ -266,9 +256,14 @@ def run_of(
     if which is None and trigger is None and options.name_pattern is not None and level is None:
         raise DataError(f"{source}: its name does not match «name_pattern»; rename it or mend the pattern")
 
-    by_user, by_column = (1.0 / _rate(source, table, options), None) if clock is None else time_unit(
-        source, said.get("time"), table, clock
-    )  # fmt: skip
+    rates = [("", options.rate_hz)] if options.rate_hz else table.rates
+    if clock is not None:
+        by_user, by_column = time_unit(source, said.get("time"), table, clock)
+    else:
+        if len({rate_hz for _, rate_hz in rates}) > 1:
+            two = " and ".join(f"{rate_hz:g} Hz in {place}" for place, rate_hz in rates)
+            raise DataError(f"{source}: has no time column, and says {two}; say which with «rate_hz» HZ")
+        by_user, by_column = 1.0 / rates[0][1], None
     factor = by_user or by_column or 1.0
     switch = trigger if which is None else which
     raw_time = np.arange(len(columns[roles.output])) if clock is None else columns[clock]
@@ -353,14 +348,6 @@ def run_of(
         taken=tuple((role, table.label(column)) for role, column in taken.items()),
         left=(*others, *table.dropped),
     )
-
-
-def _rate(source: str, table: Table, options: ReadOptions) -> float:
-    """The sample rate of a log without a time column [Hz]; raises DataError where its comments say two."""
-    if options.rate_hz is None and len({rate_hz for _, rate_hz in table.rates}) > 1:
-        said = " and ".join(f"{rate_hz:g} Hz in {place}" for place, rate_hz in table.rates)
-        raise DataError(f"{source}: has no time column, and says {said}; say which with «rate_hz» HZ")
-    return options.rate_hz or table.rates[0][1]
 
 
 def _on_clock(instant_s: float | None, time_s: Array, start_s: float) -> float | None:
