@@ -11,7 +11,7 @@ import numpy as np
 from eaid.errors import DataError
 from eaid.logs.read import PLAIN, together
 from eaid.logs.run import Run
-from eaid.logs.table import Cells, Table
+from eaid.logs.table import Cells, Table, seconds
 from eaid.logs.to_run import run_of
 from eaid.options import ReadOptions
 
@@ -99,8 +99,7 @@ def _array(column: "pd.Series[Any]") -> np.ndarray[Any, Any]:
     zoned = getattr(column.dtype, "tz", None) is not None
     values = column.to_numpy(dtype="datetime64[ns]") if zoned else np.asarray(column)
     if values.dtype.kind in "mM":
-        gone = (values - values[0]).astype("timedelta64[ns]")
-        return np.where(np.isnat(values), np.nan, gone.astype(np.int64) / 1e9)
+        return seconds(values)
     if values.dtype.kind not in "OSU":
         return values
     numbers = np.array([_number(one) for one in values.tolist()])

@@ -7,8 +7,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
+from eaid.arrays import Array
 from eaid.findings import Finding
 
 
@@ -18,6 +20,13 @@ def plain(text: str) -> str:
         return text
     seen = "".join(" " if unicodedata.category(one)[0] in "CZ" else one for one in text)
     return " ".join(seen.split())
+
+
+def seconds(stamps: NDArray[Any]) -> Array:
+    """Seconds since the first of datetime64 or timedelta64 stamps, to the nanosecond; NaN where there is none."""
+    known = ~np.isnat(stamps)
+    gone = (stamps - stamps[known.argmax() if len(stamps) else slice(0)]).astype("timedelta64[ns]").astype(np.int64)
+    return np.where(known, gone / 1e9, np.nan)
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ The output is averaged to at most 400 blocks and followed from turn to turn: a t
 
 import itertools
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -45,19 +46,23 @@ class Edge:
     """Swings by half of the range before it rests: 2 are an overshoot by more than that."""
 
 
-def jumps(reference: Array) -> list[int]:
-    """First samples behind the jumps of a reference; none where it runs smoothly."""
-    change = np.abs(np.diff(reference))
-    least = max(JUMP * float(np.ptp(reference)), 20 * median(change))
-    at = (np.flatnonzero(change >= least) + 1).tolist() if least > 0 else []
-    apart = max(2, len(reference) // 100)
-    return [place for k, place in enumerate(at) if k == 0 or place - at[k - 1] >= apart]
+class _Leg(NamedTuple):
+    """An edge in blocks start … end − 1, and whether it ends in a rest."""
+
+    edge: Edge
+    start: int
+    end: int
+    rests: bool
 
 
 def asked_edges(time_s: Array, output: Array, reference: Array) -> tuple[Edge, ...]:
     """The edges of an output where its reference jumps, each until the next jump; none where that never jumps."""
+    change = np.abs(np.diff(reference))
+    least = max(JUMP * float(np.ptp(reference)), 20 * median(change))
+    jumps = (np.flatnonzero(change >= least) + 1).tolist() if least > 0 else []
+    apart = max(2, len(reference) // 100)
+    at = [place for k, place in enumerate(jumps) if k == 0 or place - jumps[k - 1] >= apart]
     measured = []
-    at = jumps(reference)
     for start, stop in itertools.pairwise([*at, len(output)]):
         count = stop - start
         if count < 10:
@@ -95,25 +100,10 @@ def edges(time_s: Array, output: Array, reference: Array | None = None) -> tuple
             pieces += [(a, b, b if b <= stop else len(means)) for a, b in parts]
     legs = [_edge(times, means, *piece) for piece in pieces]
     legs = [leg for leg in legs if abs(leg.edge.after - leg.edge.before) >= MOVES * span]
-    window = float(times[-1] - times[0])
-    return _merged(times, means, [*legs[:1], *(leg for leg in legs[1:] if leg.edge.rise_s < QUICK * window)])
-
-
-@dataclass(frozen=True)
-class _Leg:
-    """An edge in blocks start … end − 1, and whether it ends in a rest."""
-
-    edge: Edge
-    start: int
-    end: int
-    rests: bool
-
-
-def _merged(times: Array, means: Array, legs: list[_Leg]) -> tuple[Edge, ...]:
-    """Edges, where what swings to and fro before it rests is one of them with its overshoot."""
+    quick = [leg for leg in legs[1:] if leg.edge.rise_s < QUICK * float(times[-1] - times[0])]
     done: list[Edge] = []
     swings: list[_Leg] = []
-    for leg in legs:
+    for leg in [*legs[:1], *quick]:  # what swings to and fro before it rests is one edge with its overshoot
         swings.append(leg)
         if leg.rests:
             before, after = swings[0].edge.before, leg.edge.after

@@ -22,9 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eaid.errors import DataError
-from eaid.logs.foreign.signals import seconds
 from eaid.logs.hdf import nodes
-from eaid.logs.table import BadCell, Cells, Table
+from eaid.logs.table import BadCell, Cells, Table, seconds
 
 FEWEST = 10
 """Rows below which a matrix is no record, but gains and other settings."""
@@ -356,8 +355,7 @@ def _of_arrow(schema: Any, column: Callable[[str], Any], source: str) -> Table:
             empty = np.flatnonzero(np.asarray(chunked.is_null())) if chunked.null_count else ()
             values = (chunked.cast("float64") if types.is_decimal(chunked.type) else chunked).to_numpy()
             if values.dtype.kind in "mM":
-                known = values[~np.isnat(values)]
-                values = seconds(values, known[0]) if len(known) else np.full(len(values), np.nan)
+                values = seconds(values)
             if len(empty):
                 values = np.array(values, dtype=np.float64)
                 values[empty] = np.nan

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from eaid.arrays import Array
 from eaid.errors import DataError
 from eaid.findings import finding
-from eaid.logs.table import Cells, Table
+from eaid.logs.table import Cells, Table, seconds
 
 
 @dataclass(frozen=True)
@@ -89,12 +89,6 @@ def _on_one_clock(source: str, signals: Sequence[Signal], wanted: Sequence[int])
     others = " and ".join(one.name for one in taken if one.clock in places)
     told = finding("signals-held", source, columns=others, left_out=len(base) - len(columns[0]))
     return Cells(tuple(columns), findings=(told,))
-
-
-def seconds(stamps: NDArray[Any], start: Any = None) -> Array:
-    """Seconds since `start` (default: the first) of datetime64 or timedelta64 stamps, to the nanosecond."""
-    gone = (stamps - (stamps[0] if start is None else start)).astype("timedelta64[ns]").astype(np.int64)
-    return np.asarray(gone / 1e9, dtype=np.float64)
 
 
 def read_tdms(path: Path, source: str) -> list[Table]:
