@@ -345,8 +345,7 @@ def _not_idle(step: Step) -> Finding | None:
     if before is None or step.run.from_level != 0 or not step.swing > 0:
         return None
     off = abs(before)
-    known = len(step.idle) >= FEWEST and last_rest(step.idle, step.swing).rests
-    if off <= FLOOR * step.swing or known:
+    if off <= FLOOR * step.swing or (len(step.idle) >= FEWEST and last_rest(step.idle, step.swing).rests):
         return None
     within_one = off <= 0.75 * abs(float(step.rise[:3].mean()) - before)  # a sample and a half: one, and not two
     return finding(
