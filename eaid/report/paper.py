@@ -71,8 +71,8 @@ def figure_of(sheet: Sheet) -> Figure:
     for k, (axes, panel) in enumerate(zip(grid.flat, sheet.panels, strict=False)):
         below = along_x and k + sheet.columns < len(sheet.panels)
         draw(axes, panel, x_label=not below, y_label=not along_y or k % sheet.columns == 0)
-        if sheet.lettered and len(sheet.panels) > 1:
-            axes.set_title(**_text(f"({'abcdefghi'[k]}) {panel.title}".rstrip()))
+        letter = f"({'abcdefghi'[k]}) " * (sheet.lettered and len(sheet.panels) > 1)
+        axes.set_title(**_text(f"{letter}{panel.title}".rstrip()))
         if panel.legend == "over":
             handles, labels = axes.get_legend_handles_labels()
             figure.legend(handles, labels, loc="outside upper right", ncols=panel.columns)

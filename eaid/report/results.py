@@ -75,6 +75,13 @@ class Results:
         return next(iter(self.kinds), None)
 
     @property
+    def main(self) -> "Results":
+        """The same without fits and data of other kinds."""
+        kind = self.main_kind
+        fits = tuple(one for one in self.fits if one.result.data.kind == kind)
+        return replace(self, fits=fits, data=tuple(one for one in self.data if one.result.kind == kind))
+
+    @property
     def main_fit(self) -> Fit | None:
         """The first fit of that kind."""
         return self.fit(self.main_kind or "")

@@ -1,6 +1,6 @@
 """A fit in a few lines: how well it follows, T_s, τ1 and τ2 where it matters, which estimate, warnings."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, TypeVar
 
 from eaid.findings import merged, ranked, say
@@ -54,16 +54,11 @@ def runs(fit: "Fit", noun: str) -> str:
 
 def answer(fit: "Fit") -> list[str]:
     """The lines that answer first: fit %, values with 95 % intervals where they matter, which estimate they are."""
-    data, model = fit.data, fit.nonlinear
-    lines = [f"fit    {_fit_pct(fit)}"]
-    asked = steps_of_other_shapes(fit)
-    if asked:
-        lines += _step_rows(asked, data.output_unit)
-        if model is not None:
-            lines.append("shown  single steps by their own shapes; the models keep the paper's form")
-        return lines
-    lines += _level_rows(believed_levels(fit), data.input_unit, data.output_unit)
-    if model is not None:
+    model = fit.nonlinear
+    lines = [f"fit    {_fit_pct(fit)}", *_lines(fit)]
+    if model is not None and steps_of_other_shapes(fit):
+        lines.append("shown  single steps by their own shapes; the models keep the paper's form")
+    elif model is not None:
         lines.append(f"used   {USED[model.estimator]}{' (the joint fit parts from it)' if model.parts else ''}")
     return lines
 
@@ -74,14 +69,27 @@ def warned(fit: "Fit") -> tuple[str, ...]:
     return tuple(one.code.replace("-", " ").replace("tau", "τ") for one in grave)
 
 
-def _level_rows(levels: "Sequence[CurveLevel | FrictionLevel]", input_unit: str, output_unit: str) -> list[str]:
-    """T_s, τ1 and τ2 at the lowest, the middle and the highest level."""
-    units = {"Ts": output_unit or "unit unknown", "tau1": "s", "tau2": "s"}
-    heading = [f"level [{input_unit}]" if input_unit else "level"]
-    heading += [f"{symbol} [{units[name]}]" for name, symbol in SYMBOLS.items()]
-    return _lines(heading, _three(levels), lambda row, brief: [
-        f"{row.level:.4g}", *(_value(row, name, brief) for name in SYMBOLS)
-    ])  # fmt: skip
+def values(fit: "Fit", brief: bool = False) -> list[list[str]]:
+    """Heading and rows: T_s, τ1 and τ2 at the lowest, the middle and the highest level.
+
+    Where single steps stand for the levels: change and time constants of the first, the middle and the last of them,
+    and dead times where there are any. No rows, no heading.
+    """
+    data, steps = fit.data, steps_of_other_shapes(fit)
+    out = data.output_unit or "unit unknown"
+    if steps:
+        late = any(one.dead_time_s for one in steps) and not brief
+        heading = ["step", f"change [{out}]", "τ1 [s]", "τ2 [s]", *(["dead [s]"] if late else [])]
+        rows = [
+            [f"{one.from_:.4g} → {one.level:.4g}", *(_with_interval(one, key) for key in ("change", "tau1", "tau2")),
+             *([f"{one.dead_time_s:.3g}"] if late else [])]
+            for one in _three(steps)
+        ]  # fmt: skip
+    else:
+        heading = [f"level [{data.input_unit}]" if data.input_unit else "level", f"T_s [{out}]", "τ1 [s]", "τ2 [s]"]
+        levels: Sequence[CurveLevel | FrictionLevel] = believed_levels(fit)
+        rows = [[f"{row.level:.4g}", *(_value(row, name, brief) for name in SYMBOLS)] for row in _three(levels)]
+    return [heading, *rows] if rows else []
 
 
 def steps_of_other_shapes(fit: "Fit") -> "list[StepShape]":
@@ -91,28 +99,16 @@ def steps_of_other_shapes(fit: "Fit") -> "list[StepShape]":
     return list(fit.steps) if fit.steps and (alone or 2 * asking > len(fit.steps)) else []
 
 
-def _step_rows(steps: "Sequence[StepShape]", output_unit: str) -> list[str]:
-    """Change and time constants of the first, the middle and the last step; dead times where there are any."""
-    late = any(one.dead_time_s for one in steps)
-    heading = ["step", f"change [{output_unit or 'unit unknown'}]", "τ1 [s]", "τ2 [s]", *(["dead [s]"] if late else [])]
-    return _lines(heading, _three(steps), lambda one, brief: [
-        f"{one.from_:.4g} → {one.level:.4g}",
-        *(_with_interval(one, name) for name in ("change", "tau1", "tau2")),
-        *([f"{one.dead_time_s:.3g}"] if late and not brief else []),
-    ])  # fmt: skip
-
-
 def _three(rows: Sequence[T]) -> list[T]:
     """The first, the middle and the last."""
     return [rows[k] for k in sorted({0, len(rows) // 2, len(rows) - 1})] if rows else []
 
 
-def _lines(heading: list[str], rows: Sequence[T], cells_of: Callable[[T, bool], list[str]]) -> list[str]:
-    """Rows as lines, left-aligned; brief where they would be too wide; none without rows."""
+def _lines(fit: "Fit") -> list[str]:
+    """The values as lines, left-aligned; brief where they would be too wide."""
     lines: list[str] = []
     for brief in (False, True):
-        cells = [cells_of(row, brief) for row in rows]
-        cells = [heading[: len(cells[0])], *cells] if rows else []
+        cells = values(fit, brief)
         widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
         lines = ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in cells]
         if max(map(len, lines), default=0) <= WIDTH:

@@ -56,13 +56,15 @@ class Page:
         self.text = words(body)
         self.tables: dict[str, list[list[str]]] = {}
         """Heading → rows of texts, the heads first."""
-        for one in self.of("div", "tabled"):
+        first = [one for box in self.of("div", "numbers") for one in box]
+        for one in (one for one in self.of("div", "tabled") if one not in first):
             rows = [[words(cell) for cell in row if cell.tag in ("th", "td")] for row in one.iter("tr")]
             self.tables.setdefault(words(one.find("h3")), rows)
         self.captions = {one.get("id"): words(one.find("figcaption")) for one in self.of("figure", "figure")}
         self.lights = [(one.get("class"), words(one.find("a/span"))) for one in self.of("ul", "lights")[0]]
-        tiles = (list(one) for one in self.of("dl", "tiles")[0])
-        self.tiles = {words(one[0]): (words(one[1]), words(one[2])) for one in tiles}
+        self.numbers = {words(one.find("h3")): [[words(cell) for cell in row] for row in one.iter("tr")]
+                        for box in self.of("div", "numbers") for one in box if one.tag == "div"}  # fmt: skip
+        """Tables of the first screen, the heads first."""
         self.steps = [(words(one.find("span")), words(one.find("code"))) for one in self.root.iter("li") if
                       one.find("code") is not None and one.find("button") is not None]  # fmt: skip
         self.chips = [words(one) for one in self.of("ul", "chips")[0]]

@@ -74,25 +74,27 @@ def test_the_page_says_where_its_numbers_come_from(whole: Any, files: dict[str, 
 
 def test_the_summary_and_the_tables_say_what_the_files_say(whole: Any, files: dict[str, Path]):
     fit, gains = (json.loads(files[name].read_text(encoding="utf-8")) for name in ("clutch.json", "gains.json"))
-    top = fit["nonlinear"]["curves"][-1]  # of the estimate that is used, with its interval
-    low, high = top["ci95"]["Ts"]
-    value, note = whole.tiles["Ts at 100 %"]
-    assert value == f"{top['Ts']:.2f} N·m" and note.startswith(
-        f"{number(low, 3)} … {number(high, 3)}, 95 %; steady output"
-    )
-    assert whole.tiles["τ1 at 100 %"][0] == f"{top['tau1']:.3f} s"
-    assert whole.tiles["fit"][0] == f"{fit['nonlinear']['fit_pct']:.1f} %"
+    curves = fit["nonlinear"]["curves"]
+    heads, *rows = whole.numbers["Values with 95 % intervals"]
+    assert heads == ["level (%)", "Ts (N·m)", "τ1 (s)", "τ2 (s)"] and [row[0] for row in rows] == ["20", "60", "100"]
+    for row, one in zip(rows, (curves[0], curves[2], curves[-1]), strict=True):
+        for cell, name in zip(row[1:], ("Ts", "tau1", "tau2"), strict=True):
+            low, high = one["ci95"][name]
+            assert cell == f"{one[name]:.3g} ({low:.3g} … {high:.3g})"  # as the terminal has it
+    assert f"usable, fits {number(fit['nonlinear']['fit_pct'], 3)} %; " in whole.lights[1][1]
     worst = gains["margins"]["worst"]
-    assert (
-        whole.tiles["worst margin, RC | PI"][0] == f"{worst['rc']['phase_deg']:.0f}° | {worst['pi']['phase_deg']:.0f}°"
-    )
+    heads, largest, _rms, gain, phase = whole.numbers["Controllers"]
+    assert heads == ["", "RC", "PI", "PI/RC"] and largest[0] == "largest error (N·m), sum of sines"
+    assert float(largest[3]) == pytest.approx(float(largest[2]) / float(largest[1]), rel=0.03)
+    for row, key in ((gain, "gain_db"), (phase, "phase_deg")):
+        assert row[1:] == [*(f"{worst[name][key]:.3g}" for name in ("rc", "pi")), ""]
     rows = whole.rows("Single levels, Eq. (3)")
     for row, one in zip(rows, fit["friction"]["levels"], strict=True):
         wanted = [one["Ts"], one["tau1"], one["tau2"]]
         assert [row[0], *row[1:6:2]] == [f"{one['level']:g}", *(number(x) for x in wanted)]
         assert row[2] == " … ".join(number(end, 3) for end in one["ci95"]["Ts"])
     steps = [command.split()[1] for _why, command in whole.steps]
-    assert len(steps) == 3 and "plan" in steps
+    assert steps == ["plan", "export"]  # no gains mend the duty limit: none are offered
 
 
 def test_tables_one_to_four_stand_beside_the_published_values(whole: Any, files: dict[str, Path]):
@@ -200,9 +202,9 @@ OTHER_RIG = {"schema": "eaid/fit/2", "data": VOLTS, "converged": True, "friction
 def test_another_rig_has_its_own_units_and_published_values_only_when_asked(report_of: Callable[..., Any]):
     page = report_of(OTHER_RIG)
     assert page.title == "Step responses" and page.chips == ["V → N", "2 levels, 100 to 300 V"]
-    assert page.tiles["Ts at 300 V"][0] == "2.00 N" and page.tiles["Ts at 300 V"][1].startswith("1.90 … 2.10, 95 %")
-    assert page.tiles["τ1 at 300 V"] == ("0.200 s", "fast time constant; no interval; 0.100 at 100 V")
-    assert page.tiles["τ2 at 300 V"][0] == "not estimable"
+    (_heads, lowest, highest) = page.numbers["Values with 95 % intervals"]
+    assert lowest[:2] == ["100", "1 (0.95 … 1.05)"] and highest[:2] == ["300", "2 (1.9 … 2.1)"]
+    assert highest[3] == "not estimable" and lowest[2] == "0.1 (not estimable)"
     assert page.rows("Single levels, Eq. (3)")[1][6] == "–"  # an interval that says nothing
     assert page.tables["Linear model, Eq. (8)"][0] == ["symbol", "ours", "95 % interval", "unit"]
     assert [row[-1] for row in page.rows("Linear model, Eq. (8)")][:3] == ["1/s", "N/(s·V)", "N/s"]
@@ -264,9 +266,8 @@ def test_lights_are_as_grave_as_what_was_found(
            "data": {"kind": "clutch", "sources": [{"run": "a", "level": 10.0}]}}  # fmt: skip
     page = report_of(fit)
     assert [grade for grade, _text in page.lights] == wanted
-    counts = [sum(one["severity"] == kind for one in findings if one["subject"] == "a" and one["code"] == "test")
-              for kind in ("stop", "caution")]  # fmt: skip
-    assert page.lights[0][1] == f"1 run; {'1 stop' if counts[0] else 'no warning'}"
+    of_data = [one["severity"] for one in findings if one["subject"] == "a" and one["code"] == "test"]
+    assert page.lights[0][1] == f"1 run; {'1 stop: test at 5 %' if 'stop' in of_data else 'no warning'}"
 
 
 GAINS = {"schema": "eaid/gains/1", "model": {"a0": 1.8, "b0": 0.08, "c0": -1.3}, "pi": {"K_P": 21.0, "K_I": 360.0}}
@@ -291,14 +292,21 @@ def test_one_verdict_on_the_guarantee_and_what_to_do_next(
     worst = {"rc": {"gain_db": 16.2, "phase_deg": 78.1}, "pi": {"gain_db": 42.7, "phase_deg": 31.5}}
     gains = {**GAINS, "guarantee": {"holds": whole, "conditions": rows}, "margins": {"worst": worst}}
     page = report_of({"schema": "eaid/fit/2", "converged": True, "linear": LINEAR}, gains)
-    assert page.lights[2] == (grade, f"guarantee {text}")
-    assert page.tiles["worst margin, RC | PI"] == ("78° | 32°", "phase; gain 16 | 43 dB")
+    told, said = page.lights[2]
+    assert told == grade and said.startswith(f"guarantee {text.partition(' (φ')[0]}")
+    assert ("φ allows 17.8 of the 37.5" in said) == (holds[0] is False)
+    beyond = holds[1] is False
+    assert ("No gains mend that; what you have: gain margin 16.2 dB, phase 78.1°" in said) == beyond
+    assert page.numbers["Controllers"][1:] == [
+        ["least gain margin (dB)", "16.2", "42.7", ""], ["least phase margin (°)", "78.1", "31.5", ""]
+    ]  # fmt: skip
     verdict = {True: "holds", False: "does not hold", None: "not known"}
     shown = [row[2:] for row in page.rows("What the guarantee needs")]
     assert shown == [["37.5", "17.8", unit, verdict[one]] for one in holds]
     commands = [command.split()[1] for _why, command in page.steps]
-    assert commands == (["tune-rc"] if holds[0] is False else []) + ["simulate", "export"]
-    assert holds[0] or ("--phi data" in page.steps[0][1] and "--alpha" not in page.steps[0][1])
+    mended = holds[0] is False and not beyond
+    assert commands == (["tune-rc"] if mended else []) + ["simulate", "export"]
+    assert not mended or ("--phi data" in page.steps[0][1] and "--alpha" not in page.steps[0][1])
 
 
 @pytest.mark.parametrize("wrong", [{}, {"solver": {"converged": False}}, {"b0": -1.0}, {"a0": -1.0}])

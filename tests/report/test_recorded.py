@@ -1,7 +1,6 @@
 """The page of logs fitted as recorded, of closed loops' edges, of hours at 10 kHz and of hundreds of levels."""
 
 import json
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -56,8 +55,7 @@ def test_its_tables_say_what_the_fit_says(logs: Any, told: dict[str, Any]):
             [row[2 + k] for row in logs.rows("What the input asked about")], [one[name] for one in known["asked"]]
         )
     low, high = told["nonlinear"]["curves"][-1]["ci95"]["tau1"]
-    (tile,) = [note for label, (_value, note) in logs.tiles.items() if label.startswith("τ1")]
-    assert re.search(rf"{low:.3f} … {high:.3f}, 95 %; fast time constant", tile)
+    assert f"({low:.3g} … {high:.3g})" in logs.numbers["Values with 95 % intervals"][-1][2]
 
 
 T = np.arange(6000) * 1e-2
@@ -101,7 +99,7 @@ def test_edges_of_a_loop_by_formula(loop: Callable[..., Path], report: Callable[
     assert left == pytest.approx([0, 0, 0], abs=2e-3) and overshoot == pytest.approx([OVERSHOOT] * 3, abs=1.0)
     within = T[np.argmax(second_order(T) >= 0.9)] - T[np.argmax(second_order(T) >= 0.1)]
     assert rise_s == pytest.approx([within] * 3, abs=0.08)
-    assert page.lights[0] == ("good", "1 log, 3 edges") and page.title == "Edges of the output" and not page.tiles
+    assert page.lights[0] == ("good", "1 log, 3 edges") and page.title == "Edges of the output" and not page.numbers
     assert "3 edges of 1 log" in page.captions["edges"] and {"output", "reference", "input"} == set(page.lines("edges"))
     ((_why, command),) = page.steps
     assert command.startswith("eaid fit ") and command.endswith(".h5 -o fit.json")

@@ -274,10 +274,10 @@ SEVERITIES = {"stop": ("bad", "Stop"), "caution": ("care", "Warning"), "note": (
 def page(results: Results, drawn: Sequence[Drawn], pictures: Sequence[Drawn], missing: Sequence[Row]) -> str:
     """The whole page as text."""
     found, terms = known(results), Terms()
-    numbers = summary.tiles(results)
+    numbers = summary.tables(results)
     library = live.script() if any(one.live for one in drawn) else ""
     starter = _asset("page.js")
-    told = tuple(f"{one.label} {one.note}" for one in numbers)
+    told = [f"{' '.join(one.heads)} {' '.join(row[0] for row in one.texts)} {one.heading}" for one in numbers]
     first_terms = terms.first_in((*told, *(one.title for one in pictures), "" if results.shows_edges else "level"))
     return _environment().get_template("report.html.j2").render(
         title=summary.title(results),
@@ -285,9 +285,9 @@ def page(results: Results, drawn: Sequence[Drawn], pictures: Sequence[Drawn], mi
         chips=summary.chips(results),
         mark=summary.mark_of(results),
         version=__version__,
-        lights=summary.lights(results, found),
+        lights=summary.lights(results, known(results.main)),
         pictures=pictures,
-        tiles=numbers,
+        numbers=numbers,
         next_steps=next_steps(results),
         terms=[(word, says) for word, says in first_terms if word not in _EXPLAINED],
         parts=parts(results, found, {one.name: one for one in drawn}, terms),
@@ -300,8 +300,8 @@ def page(results: Results, drawn: Sequence[Drawn], pictures: Sequence[Drawn], mi
     )  # fmt: skip
 
 
-_EXPLAINED = {"T_s", "τ1, τ2", "fit %", "synthetic"}
-"""Words that the tiles and chips themselves explain."""
+_EXPLAINED = {"synthetic"}
+"""Words that the chips themselves explain."""
 
 
 @cache

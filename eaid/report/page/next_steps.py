@@ -13,7 +13,7 @@ from eaid.report.figures.steps import some_of
 from eaid.report.results import Given, Results
 from eaid.report.rig import level_text
 from eaid.report.tables import level, listed
-from eaid.report.tables.gains import called, conditions_of
+from eaid.report.tables.gains import BEYOND_GAINS, called, conditions_of
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.results.plan import Plan
@@ -119,6 +119,8 @@ def next_steps(results: Results) -> tuple[Step, ...]:
 def _better_gains(gains: Given[Gains], fit_json: str) -> list[Step]:
     """Gains whose guarantee holds, where an option of tune-rc meets a condition that is missed."""
     missing = [row for row in conditions_of(gains.result) if row.holds is False]
+    if any(row.name in BEYOND_GAINS for row in missing):
+        return []
     options = " ".join(MENDED[row.name] for row in missing if row.name in MENDED)
     if not options:
         return []

@@ -1,4 +1,4 @@
-"""The head of the page: what it is about, where the numbers come from, and three lights."""
+"""The first screen: what the page is about, one story of data, model and controller, its pictures and numbers."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -9,119 +9,65 @@ import numpy as np
 
 from eaid.findings import Finding
 from eaid.report.figures import logs, replays, steps, values
-from eaid.report.page.known import Known
-from eaid.report.panels import Panel, Sheet
+from eaid.report.page.known import MOST, Known
+from eaid.report.panels import Axis, Panel, Sheet
 from eaid.report.results import KINDS, Results
 from eaid.report.rig import controller_name, level_text, of_the_paper, rising
-from eaid.report.tables import interval, number
+from eaid.report.tables import Cell, Table, columns, number
 from eaid.report.tables.data import warnings_of
-from eaid.report.tables.gains import guarantee_words
+from eaid.report.tables.gains import guarantee_story
 from eaid.report.tables.replays import SCENARIO_NAMES, metric
-from eaid.results.common import ci95_of
-from eaid.results.fit import CurveLevel, Fit, FrictionLevel, StepShape
-from eaid.results.summary import ENDLESS_S, believed_levels, steps_of_other_shapes
+from eaid.results import summary
+from eaid.results.fit import Fit
+from eaid.results.replay import Replay
 from eaid.shown import counted
 
-MEANINGS = {"Ts": ("T_s", "steady output"), "tau1": ("τ1", "fast time constant"), "tau2": ("τ2", "slow time constant")}
-"""Symbol and meaning of each value at a level."""
 
-
-@dataclass(frozen=True)
-class Tile:
-    """One number of the first screen."""
-
-    label: str
-    value: str
-    note: str
-
-
-def fit_pct(results: Results) -> float | None:
+def fit_pct(fit: Fit) -> float | None:
     """100 (1 − ‖y − ŷ‖/‖y − mean y‖) of the page's model, as the fit says: of all its data, else the levels' mean."""
-    fit = results.main_fit
-    if fit is not None and fit.nonlinear is not None and fit.nonlinear.fit_pct is not None:
+    if fit.nonlinear is not None and fit.nonlinear.fit_pct is not None:
         return fit.nonlinear.fit_pct
-    percents = [row.fit_pct for row in (fit.friction_levels if fit else ()) if row.fit_pct is not None]
+    percents = [row.fit_pct for row in fit.friction_levels if row.fit_pct is not None]
     return float(np.mean(percents)) if percents else None
 
 
-def tiles(results: Results) -> tuple[Tile, ...]:
-    """Six numbers: fit, T_s, τ1, τ2 at the top level, largest errors, worst margin; none of edges alone."""
-    if results.shows_edges:
-        return ()
-    percent = fit_pct(results)
-    fit = Tile("fit", f"{number(percent, 3)} %" if percent is not None else "–", "100 % would be on the data")
-    return (fit, *_values(results.main_fit), _errors(results), _margins(results))
+def tables(results: Results) -> tuple[Table, ...]:
+    """The numbers of the first screen: values at three levels as the terminal has them; controllers side by side."""
+    found = []
+    if results.main_fit is not None and (cells := summary.values(results.main_fit)):
+        heads = [head.replace("[", "(").replace("]", ")") for head in cells[0]]
+        found.append(Table("Values with 95 % intervals", "", columns(*heads), tuple(map(tuple, cells[1:]))))
+    return (*found, *_controllers(results))
 
 
-def _values(fit: Fit | None) -> list[Tile]:
-    """T_s, τ1 and τ2 at the top level, with what they are at two lower ones; those of a step that has another shape."""
-    rows: Sequence[CurveLevel | FrictionLevel] = believed_levels(fit) if fit is not None else ()
-    steps = steps_of_other_shapes(fit) if fit is not None else []
-    if fit is None or not (rows or steps):
-        return [Tile(label, "–", meaning) for label, meaning in MEANINGS.values()]
-    if steps:
-        top = max(steps, key=lambda step: step.level)
-        return [_value(fit, name, top, dead_time_s=steps[0].dead_time_s) for name in MEANINGS]
-    highest = max(rows, key=lambda row: row.level)
-    lower = sorted((row for row in rows if row.level < highest.level), key=lambda row: row.level)
-    lower = [lower[k] for k in sorted({0, (len(lower) + 1) // 2})] if len(lower) > 1 else lower
-    return [_value(fit, name, highest, lower) for name in MEANINGS]
-
-
-def _value(
-    fit: Fit,
-    name: str,
-    top: CurveLevel | FrictionLevel | StepShape,
-    lower: Sequence[CurveLevel | FrictionLevel] = (),
-    dead_time_s: float = 0.0,
-) -> Tile:
-    """One value at the top level, its interval, what it means, and what it is at lower levels."""
-    label, meaning = MEANINGS[name]
-    unit = fit.data.output_unit if name == "Ts" else "s"
-    key = "change" if isinstance(top, StepShape) and name == "Ts" else name
-    value, ends = getattr(top, key), ci95_of(top, key)
-    if name == "tau1" and dead_time_s:
-        meaning += f", behind a dead time of {number(dead_time_s, 3)} s"
-    note = f"{interval(ends)}, 95 %; {meaning}" if ends is not None else f"{meaning}; no interval"
-    for row in lower:
-        there = getattr(row, name)
-        if there is not None and (name == "Ts" or there <= ENDLESS_S):
-            note += f"; {number(there, 3)} at {level_text(row.level, fit.data.input_unit)}"
-    text = "–" if value is None else f"{number(value, 3)} {unit}"
-    if value is not None and name != "Ts" and ends is None and value > ENDLESS_S:
-        text = "not estimable"
-    return Tile(f"{label} at {level_text(top.level, fit.data.input_unit)}", text, note)
-
-
-def _errors(results: Results) -> Tile:
-    with_rc = (given.result for given in results.replays if "rc" in given.result.records)
-    replay = results.replay("multisine") or next(with_rc, None)
-    values, unit, where = {}, "", "no replay given"
+def _controllers(results: Results) -> Iterator[Table]:
+    """Errors in the replay shown, else in the one behind the gains, and least margins: each, and RC against PI."""
+    replay, gains = _replay_of(results), results.gains[0].result if results.gains else None
+    keys = {"max_abs_error_nm": "largest error", "rms_error_nm": "RMS error"}
+    rows: dict[str, list[float | None]] = {}
+    names = ["rc", "pi"]
     if replay is not None:
-        values = {name: metric(replay, name, "max_abs_error_nm") for name in ("rc", "pi") if name in replay.records}
-        scenario = replay.head.scenario
-        unit, where = replay.head.output_unit, SCENARIO_NAMES.get(scenario, scenario)
-    elif results.gains and (replayed := results.gains[0].result.replayed) is not None:
-        errors = {"rc": replayed.rc, "pi": replayed.pi}
-        values = {name: error.max_abs_error_nm for name, error in errors.items() if error is not None}
-        unit, where = results.gains[0].result.output_unit, SCENARIO_NAMES.get(replayed.reference, replayed.reference)
-    names = " | ".join(controller_name(name) for name in values) or "RC | PI"
-    return Tile(
-        f"largest error, {names}",
-        " | ".join(number(v, 2) for v in values.values()) or "–",
-        ", ".join(filter(None, (unit, where))),
-    )
-
-
-def _margins(results: Results) -> Tile:
-    gains = results.gains[0].result if results.gains else None
+        names = [name for name in names if name in replay.records] or list(replay.records)[:2]
+        unit, where = replay.head.output_unit, SCENARIO_NAMES.get(replay.head.scenario, replay.head.scenario)
+        rows = {said: [metric(replay, name, key) for name in names] for key, said in keys.items()}
+    elif gains is not None and (known := gains.replayed) is not None:
+        unit, where = gains.output_unit, SCENARIO_NAMES.get(known.reference, known.reference)
+        rows = {said: [getattr(getattr(known, name), key, None) for name in names] for key, said in keys.items()}
+    rows = {f"{said} ({unit}), {where}" if unit else f"{said}, {where}": each for said, each in rows.items()}
     worst = gains.margins.worst if gains is not None and gains.margins is not None else None
-    if worst is None:
-        return Tile("worst margin, RC | PI", "–", "no gains given")
-    loops = [loop for loop in (worst.rc, worst.pi) if loop is not None]
-    phases = " | ".join("–" if loop.phase_deg is None else f"{loop.phase_deg:.0f}°" for loop in loops)
-    gain_db = " | ".join("–" if loop.gain_db is None else f"{loop.gain_db:.0f}" for loop in loops)
-    return Tile("worst margin, RC | PI", phases, f"phase; gain {gain_db} dB")
+    for key, said in (("gain_db", "least gain margin (dB)"), ("phase_deg", "least phase margin (°)")):
+        if worst is not None and names == ["rc", "pi"]:
+            rows[said] = [getattr(getattr(worst, name), key, None) for name in names]
+    shown: list[tuple[Cell, ...]] = []
+    for said, each in rows.items():
+        cells = [f"{value:.3g}" if value is not None else None for value in each]
+        first, last = each[0], each[-1]
+        ratio = f"{last / first:.2g}" if "error" in said and first and last and len(each) == 2 else ""
+        if any(cells):
+            shown.append((said, *cells, *([ratio] if names == ["rc", "pi"] else [])))
+    ratios = ["PI/RC"] if names == ["rc", "pi"] else []
+    if shown:
+        yield Table("Controllers", "", columns("", *map(controller_name, names), *ratios), tuple(shown))
 
 
 GRADES = {"stop": "bad", "caution": "care", "note": "good"}
@@ -183,21 +129,32 @@ def _grade(findings: Sequence[Finding]) -> str:
     return _worst(GRADES[found.severity] for found in findings)
 
 
-def _counted(findings: Sequence[Finding]) -> str:
-    counts = Counter(found.severity for found in findings)
+def _counted(findings: Sequence[Finding], unit: str = "") -> str:
+    """`2 warnings: repeats disagree at 60 %, τ2 open`; the gravest are named."""
+    grave = [found for found in findings if found.severity != "note"]
+    counts = Counter(found.severity for found in grave)
     kinds = ((counts["stop"], "stop"), (counts["caution"], "warning"))
-    return ", ".join(counted(count, word) for count, word in kinds if count) or "no warning"
+    said = ", ".join(counted(count, word) for count, word in kinds if count)
+    names = []
+    for one in grave[:MOST]:
+        at = f" at {level_text(one.levels[0], unit)}" if len(one.levels) == 1 else ""
+        names.append(one.code.replace("-", " ").replace("tau", "τ") + at)
+    return f"{said}: {', '.join(dict.fromkeys(names))}{', …' * (len(grave) > MOST)}" if grave else "no warning"
 
 
 def _data(results: Results, known: Known) -> Light:
     data, fit, findings = results.main_data, results.main_fit, known["data"]
     if data is not None:
         warned = sum(1 for run in data.runs if warnings_of(run))
-        text = f"{warned} of {counted(len(data.runs), 'run')}"
-        text = text if warned else f"{counted(len(data.runs), 'run')}, no warning"
-        return Light("Data", _worst([_grade(findings), "care" if warned else "good"]), text, "data")
+        text = (
+            f"{warned} of {counted(len(data.runs), 'run')} warned; "
+            if warned
+            else f"{counted(len(data.runs), 'run')}; "
+        )
+        grade = _worst([_grade(findings), "care" if warned else "good"])
+        return Light("Data", grade, text + _counted(findings, data.input_unit), "data")
     if fit is not None and fit.data.sources:
-        text = f"{counted(len(rising(fit.data.sources)), 'run')}; {_counted(findings)}"
+        text = f"{counted(len(rising(fit.data.sources)), 'run')}; {_counted(findings, fit.data.input_unit)}"
         return Light("Data", _grade(findings), text, "data")
     if results.shows_edges:
         count = sum(len(edges) for _run, edges in results.edge_logs)
@@ -211,10 +168,10 @@ def _model(results: Results, known: Known) -> Light:
     if fit is None:
         return Light("Model", "none", "no fit given", "appendix")
     if not fit.verdict.usable:
-        return Light("Model", "bad", "NOT USABLE", "model")
-    findings, percent = known["model"], fit_pct(results)
-    lead = "usable; " if percent is None else f"fits {number(percent, 3)} %; "
-    return Light("Model", _grade(findings), f"{lead}{_counted(findings)}", "model")
+        return Light("Model", "bad", f"NOT USABLE: {fit.verdict.why}", "model")
+    findings, percent = known["model"], fit_pct(fit)
+    lead = "usable; " if percent is None else f"usable, fits {number(percent, 3)} %; "
+    return Light("Model", _grade(findings), lead + _counted(findings, fit.data.input_unit), "model")
 
 
 def _controller(results: Results, known: Known) -> Light:
@@ -224,7 +181,7 @@ def _controller(results: Results, known: Known) -> Light:
     grade = _grade(known["controller"])
     if grade == "good" and gains.guarantee is not None and gains.guarantee.holds is False:
         grade = "care"
-    return Light("Controller", grade, f"guarantee {guarantee_words(gains)}", "controller")
+    return Light("Controller", grade, guarantee_story(gains), "controller")
 
 
 MARK = "Fit NOT USABLE: do not quote"
@@ -241,7 +198,7 @@ def mark_of(results: Results) -> tuple[str, list[str]] | None:
 
 SCENARIOS = ("multisine", "reference", "steps")
 """Replays that are shown, the best first."""
-WIDTH_IN, HEIGHT_IN = 5.0, 2.75
+WIDTH_IN, HEIGHT_IN = 5.0, 2.5
 SHOWN_S = 20.0
 """Most of a replay that is shown [s]."""
 
@@ -249,6 +206,17 @@ SHOWN_S = 20.0
 def pictures(results: Results) -> list[tuple[str, str, Sheet]]:
     """Title, part of the page where more of it stands, and picture: the first two that there are."""
     return list(islice(_candidates(results), 2))
+
+
+def _replay_of(results: Results) -> Replay | None:
+    """The replay that is shown."""
+    return next(filter(None, map(results.replay, SCENARIOS)), None)
+
+
+def _shares(fit: Fit) -> list[tuple[float, float]]:
+    """Fit [%] and level, of the model that is drawn."""
+    rows = fit.nonlinear.per_level if fit.nonlinear is not None else fit.friction_levels
+    return [(row.fit_pct, row.level) for row in rows if row.fit_pct is not None]
 
 
 def _picture(panels: Sequence[Panel], ratios: tuple[float, ...] = (), columns: int = 1) -> Sheet:
@@ -260,24 +228,31 @@ def _candidates(results: Results) -> Iterator[tuple[str, str, Sheet]]:
 
     The model on its data, controllers, fitted values over the level, or a step with the curve that it asks for.
     """
-    data, fit = results.main_data, results.main_fit
+    data, fit, replay = results.main_data, results.main_fit, _replay_of(results)
     drawn = logs.drawn_logs(fit.recorded.logs) if fit is not None and fit.recorded is not None else []
     if fit is not None and drawn:  # the input, and below it the output and the model driven by that input alone
         units = fit.data.input_unit, fit.data.output_unit
         yield "Measured against model", "model", _picture(logs.log_panels(drawn[-1].curve, units)[:2], (1, 2))
     elif data is not None:
         models = steps.nonlinear_curves(fit, data) or steps.single_curves(fit)
-        few = replace(data, levels=tuple(steps.some_of(data.levels, 6)))
+        panels = [steps.steps_panel(replace(data, levels=tuple(steps.some_of(data.levels, 6))), models)]
+        worst = min(_shares(fit), default=None) if fit is not None and len(data.levels) > 1 else None
+        alone = tuple(row for row in data.levels if worst is not None and row.level == worst[1])
+        if alone and worst is not None:  # the level that the model follows least, on a scale of its own
+            panel = steps.steps_panel(replace(data, levels=alone), models)
+            bare = [replace(line, end="") for line in panel.lines]
+            title = f"worst: {level_text(worst[1], data.input_unit)}, fit {number(worst[0], 3)} %"
+            panels.append(replace(panel, y=Axis(), lines=bare, legend="", title=title))
         said, part = ("Measured against model", "model") if models else ("Measured", "data")
-        yield said, part, _picture([steps.steps_panel(few, models)])
-    replay = next(filter(None, map(results.replay, SCENARIOS)), None)
+        widths = (1.6, 1) if len(panels) > 1 else ()
+        yield said, part, replace(_picture(panels, columns=len(panels)), widths=widths, share=(False, False))
     if replay is not None:
         until = replays.counted_from(replay) + SHOWN_S
         panels = replays.tracking_panels(replay, until)[:2]
         yield "Controllers against the reference", "replay", _picture(panels, (1.6, 1))
     if fit is None:
         return
-    if len(believed_levels(fit)) > 1:
+    if len(summary.believed_levels(fit)) > 1:
         yield "Fitted values over the level", "model", _picture(values.value_panels(fit), columns=3)
     for recorded in (given.result for given in results.data):
         if recorded.kind == fit.data.kind and steps.paired(recorded, fit.steps):

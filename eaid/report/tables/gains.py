@@ -9,13 +9,18 @@ from eaid.results.coupling import Coupling, Wall
 from eaid.results.gains import Condition, Gains, Margin, Margins
 
 CONDITIONS = {
-    "rho": ("ρ", "the robust term covers the model's error, inequality (15)"),
-    "phi": ("φ", "bound on the error of the model's drift term"),
-    "Q_M": ("Q_M", "bound on the slope of the torque reference"),
-    "duty-limit": ("duty limit", "the actuator can deliver the robust term"),
-    "dead-time": ("dead time", "the plant answers at once, as the proof supposes"),
-}
-"""Condition of the guarantee → how it is called, and what it says."""
+    "rho": ("ρ", "the robust term covers the model's error, inequality (15)",
+            "ρ covers {a} of the {n} {unit} that the model's error needs"),
+    "phi": ("φ", "bound on the error of the model's drift term", "φ allows {a} of the {n} {unit} needed"),
+    "Q_M": ("Q_M", "bound on the slope of the torque reference",
+            "the gains assume a slope of {a}, the reference has {n} {unit}"),
+    "duty-limit": ("duty limit", "the actuator can deliver the robust term",
+                   "the robust term asks for {n} {unit}, the actuator has {a}"),
+    "dead-time": ("dead time", "the plant answers at once, as the proof supposes", "the plant answers {a} {unit} late"),
+}  # fmt: skip
+"""Condition of the guarantee → how it is called, what it says, and why it does not hold."""
+BEYOND_GAINS = {"duty-limit", "dead-time"}
+"""Conditions that no gains meet."""
 
 
 def called(condition: Condition) -> str:
@@ -40,6 +45,25 @@ def guarantee_words(gains: Gains) -> str:
     if unknown or not rows:
         return f"not known ({', '.join(unknown)})" if unknown else "not judged in this file"
     return "yes"
+
+
+def guarantee_story(gains: Gains) -> str:
+    """The verdict with its reasons in words and, where no gains can have the guarantee, what these have."""
+    rows = [row for row in conditions_of(gains) if row.holds is False]
+    if not rows or not all(row.name in CONDITIONS and None not in (row.needed, row.available) for row in rows):
+        return f"guarantee {guarantee_words(gains)}"
+    why = [
+        CONDITIONS[row.name][2].format(
+            n=number(row.needed, 3), a=number(row.available, 3), unit=row.unit or "of the input"
+        )
+        for row in rows
+    ]
+    said = f"guarantee NO: {'; '.join(why)}"
+    worst = gains.margins.worst.rc if gains.margins is not None and gains.margins.worst is not None else None
+    if worst is None or worst.phase_deg is None or not any(row.name in BEYOND_GAINS for row in rows):
+        return said
+    gain_margin = "" if worst.gain_db is None else f"gain margin {worst.gain_db:.3g} dB, "
+    return f"{said}. No gains mend that; what you have: {gain_margin}phase {worst.phase_deg:.3g}°"
 
 
 def tables_of(gains: Gains, asked: bool | None = None) -> list[Table]:
