@@ -6,10 +6,10 @@
 
 cosmic-ray makes the mutants (operators, comparisons, numbers, signs, loops). One run of the rooms' quick tests, of
 the API's and of the kept numbers shows which of them ran each line, by themselves or by a fixture, and how long they
-took. A mutant then meets, in a copy of the tree, the tests that ran its line, quickest first, and after them those that
-ran another line of its file, until they would take a minute: no tracer sees a line in machine code. Each is tried in a
-fork of a process that has imported all other packages. A survivor is printed as a diff; whether it changes behaviour at
-all (`<` for `<=` between floats seldom does) is for the reader to say.
+took. A mutant then meets, in a copy of the tree, the tests that ran its line, quickest first, and for a minute more
+those that ran another line of its file: no tracer sees a line in machine code. Each is tried in a fork of a process
+that has imported all other packages. A survivor is printed as a diff; whether it changes behaviour at all (`<` for `<=`
+between floats seldom does) is for the reader to say.
 """
 
 import argparse
@@ -35,7 +35,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 ROOMS = ("logs", "steps", "control", "replay", "estimate+recorded")
 TESTS_S = 60.0
-"""Processor time of the tests that a mutant meets [s], as it is with their lines watched."""
+"""Processor time of the tests that ran not the line but its file [s], as it is with their lines watched."""
 OPERATORS = (
     *(f"ReplaceBinaryOperator_{pair}" for pair in ("Add_Sub", "Sub_Add", "Mul_Div", "Div_Mul", "Pow_Mul", "Mod_Mul")),
     *(f"ReplaceBinaryOperator_{pair}" for pair in ("FloorDiv_Mul", "BitAnd_BitOr", "BitOr_BitAnd")),
@@ -159,16 +159,16 @@ class Watch:
 
 
 def tests_for(mutant: Mutant, seconds: dict[str, float], by_line: dict[str, list[str]]) -> list[list[str]]:
-    """The ten quickest that ran its line; then the others that did, and those that ran its file, quickest first."""
+    """The ten quickest that ran its line, the others that did, and for a minute those that ran another of its file."""
     path, _, _, line = mutant
-    ran_file = {test for key, tests in by_line.items() if key.startswith(f"{path}:") for test in tests}
-    tests, total = [], 0.0
-    for test in dict.fromkeys([*by_line.get(f"{path}:{line}", []), *sorted(ran_file, key=seconds.__getitem__)]):
-        if total and total + seconds[test] > TESTS_S:
-            break
-        tests.append(test)
+    near = by_line.get(f"{path}:{line}", [])
+    ran_file = {test for key, tests in by_line.items() if key.startswith(f"{path}:") for test in tests} - set(near)
+    far, total = [], 0.0
+    for test in sorted(ran_file, key=seconds.__getitem__):
         total += seconds[test]
-    return [by_file(few) for few in (tests[:10], tests[10:]) if few]
+        if total < TESTS_S:
+            far.append(test)
+    return [by_file(few) for few in (near[:10], near[10:], far) if few]
 
 
 def by_file(tests: list[str]) -> list[str]:
@@ -177,7 +177,7 @@ def by_file(tests: list[str]) -> list[str]:
     return sorted(tests, key=lambda test: first[test.partition("::")[0]])
 
 
-def survives(mutant: Mutant, tree: Path, tests: list[list[str]]) -> str | None:
+def survives(mutant: Mutant, tree: Path, tests: list[list[str]], seconds: dict[str, float]) -> str | None:
     """The diff of a mutant that these tests do not see; None for one that they kill."""
     from cosmic_ray.mutating import mutate_code
     from cosmic_ray.plugins import get_operator
@@ -187,7 +187,8 @@ def survives(mutant: Mutant, tree: Path, tests: list[list[str]]) -> str | None:
     changed = mutate_code(source, get_operator(f"core/{operator}")(), occurrence) or source
     path.write_text(changed, encoding="utf-8")
     try:
-        code = next((code for few in tests if (code := forked(few, tree, 5 * TESTS_S)) != 0), 0)
+        within = (forked(few, tree, 60 + 5 * sum(map(seconds.__getitem__, few))) for few in tests)
+        code = next(filter(None, within), 0)
     finally:
         path.write_text(source, encoding="utf-8")
         os.utime(path, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
@@ -240,7 +241,7 @@ def main(words: list[str] | None = None) -> None:
             alive = 0
             for at, mutant in enumerate(sample, start=1):
                 tests = tests_for(mutant, seconds, by_line)
-                diff = survives(mutant, tree, tests)
+                diff = survives(mutant, tree, tests, seconds)
                 if diff:
                     alive += 1
                     print(f"\nsurvivor {alive} (mutant {at}, {sum(map(len, tests))} tests):\n{diff}", flush=True)
