@@ -156,15 +156,15 @@ def fit(
     if steps.recorded:
         from eaid.recorded.fit import fit_whole
 
-        found = fit_whole(steps, how)
-        return msgspec.structs.replace(found, parameters=table_of(found))
+        fitted = fit_whole(steps, how)
+        return msgspec.structs.replace(fitted, parameters=table_of(fitted))
     if how.duty is not None:
         raise UsageError("«duty»: belongs to logs that are fitted as recorded, and these are steps; leave it out")
     with progress("bootstrap refits", how.draws if how.ci == "bootstrap" else 0) as advance:
-        found = fit_steps(steps, how, advance)
-    found = msgspec.structs.replace(found, parameters=table_of(found))
-    found.__dict__["steps_fitted"] = steps
-    return found
+        fitted = fit_steps(steps, how, advance)
+    fitted = msgspec.structs.replace(fitted, parameters=table_of(fitted))
+    fitted.__dict__["steps_fitted"] = steps
+    return fitted
 
 
 def plan(fit: Fit, options: PlanOptions | None = None, *, progress: Progress = no_progress, **keywords: Any) -> Plan:
@@ -632,8 +632,8 @@ def _paths(source: Paths) -> list[Path]:
             raise UsageError("an empty path: give a file or a folder")
         return [Path(one) for one in each]
     except TypeError:
-        said = " ".join(repr(source).split())
-        raise UsageError(f"{said:.60}: give files or folders of logs, a DataFrame, or DataFrames by name") from None
+        shown = " ".join(repr(source).split())
+        raise UsageError(f"{shown:.60}: give files or folders of logs, a DataFrame, or DataFrames by name") from None
 
 
 def _of_type(name: str, value: object, kind: type) -> None:

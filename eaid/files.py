@@ -126,10 +126,10 @@ def all_written_whole(paths: Sequence[Path], force: bool = False) -> Iterator[li
     except BaseException as fault:
         for part in parts:
             part.unlink(missing_ok=True)
-        raise _told(paths[0], fault) from None
+        raise _as_told(paths[0], fault) from None
 
 
-def _told(path: Path, fault: BaseException) -> BaseException:
+def _as_told(path: Path, fault: BaseException) -> BaseException:
     """What is raised where an output could not be written: that there is no room, or the fault itself."""
     if isinstance(fault, OSError) and fault.errno in _NO_ROOM:
         return UsageError(f"{path}: cannot be written ({fault.strerror}); make room, or choose another «output»")
@@ -215,7 +215,7 @@ def folder_written_whole(path: Path, ours: Ours = lambda _path, _ends: True) -> 
             for name in {item.name for item in path.iterdir()} - {item.name for item in made} - theirs:
                 (path / name).unlink()
     except OSError as fault:
-        raise _told(path, fault) from None
+        raise _as_told(path, fault) from None
     finally:
         shutil.rmtree(part, ignore_errors=True)  # after an exchange: what was there before
 

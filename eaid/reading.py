@@ -142,8 +142,8 @@ def steps_of(
     steps, more = cut_runs([run for run in runs if not any(run is one for one in uncut)], options)
     if faults or more:
         raise DataError(*faults, *more)
-    told = [replace(run, findings=(*run.findings, *active_low(run))) for run in uncut]
-    uncut, steps = counted_once(told), counted_once(steps)
+    checked = [replace(run, findings=(*run.findings, *active_low(run))) for run in uncut]
+    uncut, steps = counted_once(checked), counted_once(steps)
     if uncut and not steps:
         first = uncut[0]
         rig = options.apparatus or first.apparatus or Apparatus()

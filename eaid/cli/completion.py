@@ -35,14 +35,14 @@ def levels_in(paths: Sequence[Path]) -> list[str]:
 
     import h5py
 
-    found: set[float] = set()
+    levels: set[float] = set()
     for path in paths:
         try:
             if path.suffix == ".json":
-                found |= set(json.loads(path.read_text(encoding="utf-8"))["data"]["levels"])
+                levels |= set(json.loads(path.read_text(encoding="utf-8"))["data"]["levels"])
             else:
                 with h5py.File(path) as file:
-                    found |= {float(run.attrs["level"]) for run in file["runs"].values() if "level" in run.attrs}
+                    levels |= {float(run.attrs["level"]) for run in file["runs"].values() if "level" in run.attrs}
         except (OSError, ValueError, KeyError, TypeError):
             continue
-    return [f"{level:g}" for level in sorted(found)]
+    return [f"{level:g}" for level in sorted(levels)]

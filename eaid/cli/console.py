@@ -94,9 +94,9 @@ def _block(rows: Sequence[Sequence[str]], width: int | None) -> list[str]:
         table.add_column(justify="right" if i and all(map(_is_number, column[1:])) else "left", width=widths[i])
     for row in rows:
         table.add_row(*map(Text, row))
-    told = StringIO()
-    Console(file=told, width=_length(widths) + GAP, color_system=None, legacy_windows=False).print(table)
-    return [line.rstrip() for line in told.getvalue().splitlines()]
+    text = StringIO()
+    Console(file=text, width=_length(widths) + GAP, color_system=None, legacy_windows=False).print(table)
+    return [line.rstrip() for line in text.getvalue().splitlines()]
 
 
 def _is_number(text: str) -> bool:
@@ -141,11 +141,11 @@ def safe(text: str) -> str:
 
 def wrapped(text: str, stream: TextIO) -> str:
     """A text in lines as wide as its terminal, broken between words only; as it is where there is none."""
-    said = safe(text)
+    line = safe(text)
     width = _width_of(stream)
-    if width is None or len(said) <= width:
-        return said
-    return "\n".join(textwrap.wrap(said, width, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False))
+    if width is None or len(line) <= width:
+        return line
+    return "\n".join(textwrap.wrap(line, width, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False))
 
 
 def _width_of(stream: TextIO) -> int | None:
@@ -206,20 +206,20 @@ def tell(findings: "Iterable[Finding]", verbose: bool = False) -> None:
     from eaid.findings import say as sentence
     from eaid.findings.sentences import SENTENCES
 
-    found = ranked(merged(tuple(findings)))
+    ordered = ranked(merged(tuple(findings)))
     always = {code for code, row in SENTENCES.items() if row.always}
-    shown = [one for k, one in enumerate(found) if verbose or k < MOST_FINDINGS or one.code in always]
+    shown = [one for k, one in enumerate(ordered) if verbose or k < MOST_FINDINGS or one.code in always]
     for one in shown:
         _mark(PREFIX[one.severity], on_command_line(sentence(one)))
-    if len(found) > len(shown):
-        say(f"and {len(found) - len(shown)} more: --verbose shows all")
+    if len(ordered) > len(shown):
+        say(f"and {len(ordered) - len(shown)} more: --verbose shows all")
 
 
 def _mark(kind: str, message: str) -> None:
-    said = wrapped(f"{kind}: {message}", sys.stderr)
+    line = wrapped(f"{kind}: {message}", sys.stderr)
     if sys.stderr.isatty() and not os.environ.get("NO_COLOR"):
-        said = f"\x1b[{COLOUR[kind]}m{kind}:\x1b[0m" + said.removeprefix(f"{kind}:")
-    _print(said)
+        line = f"\x1b[{COLOUR[kind]}m{kind}:\x1b[0m" + line.removeprefix(f"{kind}:")
+    _print(line)
 
 
 @contextlib.contextmanager
@@ -240,14 +240,14 @@ def progress(label: str, total: int) -> Iterator[Callable[[], None]]:
 
 
 def _lines(label: str, total: int) -> Callable[[], None]:
-    done, told = 0, time.monotonic()
+    done, last = 0, time.monotonic()
     progressed(f"{label}: {total} to do")
 
     def advance() -> None:
-        nonlocal done, told
+        nonlocal done, last
         done += 1
-        if time.monotonic() - told >= EVERY_S:
-            told = time.monotonic()
+        if time.monotonic() - last >= EVERY_S:
+            last = time.monotonic()
             progressed(f"{label}: {done} of {total}")
 
     return advance

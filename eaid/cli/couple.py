@@ -39,13 +39,13 @@ def command(args: Arguments) -> None:
     options = part(CoupleOptions, args)
     fitted, warnings = codec.read(args.fit, "fit", Fit)
     tuned, more = codec.read(args.gains, "gains", Gains) if args.gains else (None, ())
-    found = api.couple(fitted, tuned, options, progress=console.progress)
-    found = inputs.stamped(found, args, CoupleInputs, fit=args.fit, gains=args.gains)
-    codec.write(args.output, found, "couple", args.force)
+    coupling = api.couple(fitted, tuned, options, progress=console.progress)
+    coupling = inputs.stamped(coupling, args, CoupleInputs, fit=args.fit, gains=args.gains)
+    codec.write(args.output, coupling, "couple", args.force)
     if args.json:
-        console.print_json(found, "couple")
+        console.print_json(coupling, "couple")
     else:
-        for table in walls_tables(found):
+        for table in walls_tables(coupling):
             console.show(table)
-    console.tell([*warnings, *more, *found.findings], args.verbose)
-    console.done(args.output, f"{len(found.walls)} walls", f"eaid report {args.fit} {args.output}")
+    console.tell([*warnings, *more, *coupling.findings], args.verbose)
+    console.done(args.output, f"{len(coupling.walls)} walls", f"eaid report {args.fit} {args.output}")

@@ -44,8 +44,8 @@ def command(args: Arguments) -> None:
     console.tell(made.findings, args.verbose)
     if args.json:
         console.print_json(made)
-    said = f"{', '.join(made.laws)} as {made.target}, {len(made.files)} files"
-    console.done(made.path, said, f"read {made.path / 'README.md'}")
+    summary = f"{', '.join(made.laws)} as {made.target}, {len(made.files)} files"
+    console.done(made.path, summary, f"read {made.path / 'README.md'}")
 
 
 def _read(paths: list[Path]) -> "tuple[Gains | None, Fit | None, list[Path]]":
@@ -61,17 +61,17 @@ def _read(paths: list[Path]) -> "tuple[Gains | None, Fit | None, list[Path]]":
             raise DataError(f"{path}: is neither gains.json nor fit.json; give what eaid tune-rc or eaid fit wrote")
     if len(set(kinds)) < len(kinds):
         raise UsageError(f"{paths[-1]}: a second {kinds[-1]}.json; give one gains.json and one fit.json at most")
-    found = dict(zip(kinds, paths, strict=True))
-    gains, warnings = codec.read(found["gains"], "gains", Gains) if "gains" in found else (None, ())
-    if gains is not None and "fit" not in found:
-        beside = fit_beside(gains, found["gains"])
+    files = dict(zip(kinds, paths, strict=True))
+    gains, warnings = codec.read(files["gains"], "gains", Gains) if "gains" in files else (None, ())
+    if gains is not None and "fit" not in files:
+        beside = fit_beside(gains, files["gains"])
         if beside is not None:
-            found["fit"] = beside
+            files["fit"] = beside
             console.say(f"with {beside}, which the gains were made from")
-    fit, more = codec.read(found["fit"], "fit", Fit) if "fit" in found else (None, ())
+    fit, more = codec.read(files["fit"], "fit", Fit) if "fit" in files else (None, ())
     if fit is not None and fit.nonlinear is None:
         raise DataError(
-            f"{found['fit']}: holds no nonlinear model, which plant and inverse are; fit clutch data with it"
+            f"{files['fit']}: holds no nonlinear model, which plant and inverse are; fit clutch data with it"
         )
     console.tell((*warnings, *more))
-    return gains, fit, list(found.values())
+    return gains, fit, list(files.values())

@@ -15,8 +15,8 @@ def show(fit: Fit, file: Path, tables: bool, verbose: bool) -> None:
     usable = fit.verdict.usable
     after = "tune-rc" if fit.linear is not None and usable else "report"
     label = "warned " if usable else "stop   "
-    told = label + (", ".join(warned(fit)) or "none")
-    for line in (*verdict_line(fit), *answer(fit), told, f"next   eaid {after} {file}"):
+    warnings = label + (", ".join(warned(fit)) or "none")
+    for line in (*verdict_line(fit), *answer(fit), warnings, f"next   eaid {after} {file}"):
         console.line(line)
     shown = model_tables(fit, asked=False) if tables else []
     for table in [*shown, *(judging_tables(fit) if tables and verbose else ())]:

@@ -57,8 +57,8 @@ def command(args: Arguments) -> None:
         from eaid.logs import folders
         from eaid.logs.folders import files_of
 
-        said = {**options.stated(), "kind": stepset.kind}
-        at = folders.write_manifest(files_of(args.logs), runs, said, args.force)
+        manifest = {**options.stated(), "kind": stepset.kind}
+        at = folders.write_manifest(files_of(args.logs), runs, manifest, args.force)
         console.say(f"{at}: written; eaid ingest {at.parent} needs no options now")
     write_dataset(args.output, runs, kind=stepset.kind, apparatus=stepset.apparatus, force=args.force)  # type: ignore[arg-type]
     if args.json:

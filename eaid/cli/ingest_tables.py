@@ -38,12 +38,12 @@ def print_tables(data: StepSet) -> None:
     console.show(Table("Warnings", "", columns("", "run", "what"), warnings))
 
 
-def print_edges(found: Sequence[tuple[Run, tuple[Edge, ...]]], json: bool) -> None:
+def print_edges(edges: Sequence[tuple[Run, tuple[Edge, ...]]], json: bool) -> None:
     """A table of the edges of each log, or JSON, on stdout."""
     if json:
-        console.print_json(Edges(tuple(LogEdges(run.name, each) for run, each in found)))
+        console.print_json(Edges(tuple(LogEdges(run.name, each) for run, each in edges)))
         return
-    for run, each in found:
+    for run, each in edges:
         unit = run.output_unit
         rows: tuple[tuple[Cell, ...], ...] = tuple(
             (run.start_s + one.at_s, one.before, one.after, one.rise_s, one.overshoot_pct, one.settling_s)

@@ -60,12 +60,12 @@ def logs_of(fitted: "Fit", fit: Path, data: list[Path] | None, options: "TuneOpt
         return None
     paths = []
     for record in fitted.data.inputs:
-        told = Path(record.path)
-        found = next((path for path in (told, fit.parent / told.name) if path.is_file()), None)
-        if found is None or sha256_of(found) != record.sha256:
-            console.warn(f"{told}: is gone or has changed, {instead}")
+        recorded = Path(record.path)
+        file = next((path for path in (recorded, fit.parent / recorded.name) if path.is_file()), None)
+        if file is None or sha256_of(file) != record.sha256:
+            console.warn(f"{recorded}: is gone or has changed, {instead}")
             return None
-        paths.append(found)
+        paths.append(file)
     try:
         return runs_from(paths)[1]
     except EaidError as fault:

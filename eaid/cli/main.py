@@ -46,8 +46,8 @@ class Patient:
             os.dup2(nowhere, self._stream.fileno())
             os.close(nowhere)
             if not isinstance(fault, BrokenPipeError):  # a full disk behind `>`
-                said = f"what is printed cannot be written ({fault.strerror}); make room, or send it elsewhere"
-                raise UsageError(said) from None
+                sentence = f"what is printed cannot be written ({fault.strerror}); make room, or send it elsewhere"
+                raise UsageError(sentence) from None
 
 
 @contextlib.contextmanager
@@ -192,6 +192,6 @@ def _outcome(arguments: list[str]) -> tuple[int, tuple[str, ...]]:
 
 def _usage(fault: Any) -> str:
     """The sentence of a usage error of click, and the help that says more."""
-    said = str(fault.format_message()).rstrip(".").replace("\n", " ")
+    sentence = str(fault.format_message()).rstrip(".").replace("\n", " ")
     context = getattr(fault, "ctx", None)
-    return said + (f"; see {context.command_path} --help" if context else "")
+    return sentence + (f"; see {context.command_path} --help" if context else "")

@@ -24,10 +24,10 @@ def breaking_off() -> Iterator[list[float]]:
         if len(came) == 1 or came[-1] - came[-2] > 1.0:  # a second one at once does not break off the clearing away
             raise KeyboardInterrupt
 
-    def swallowed(told: Any) -> None:
+    def swallowed(fault: Any) -> None:
         """Python drops an exception in a destructor; an interrupt comes again, from outside of it."""
-        if not isinstance(told.exc_value, KeyboardInterrupt):
-            sys.__unraisablehook__(told)
+        if not isinstance(fault.exc_value, KeyboardInterrupt):
+            sys.__unraisablehook__(fault)
             return
         came.clear()
         timers.append(threading.Timer(AGAIN_S, _thread.interrupt_main))

@@ -61,5 +61,5 @@ def command(args: Arguments) -> None:
         for table in tables_of(replay):
             console.show(table)
     console.tell([*replay.findings, *warnings, *more], args.verbose)
-    said = f"{replay.head.scenario} with {', '.join(sorted(replay.records)[:5])}"
-    console.done(args.output, said, f"eaid report {args.fit} {args.output}")
+    summary = f"{replay.head.scenario} with {', '.join(sorted(replay.records)[:5])}"
+    console.done(args.output, summary, f"eaid report {args.fit} {args.output}")

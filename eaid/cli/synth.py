@@ -59,5 +59,5 @@ def command(args: Arguments) -> None:
     if args.json:
         console.print_json(Synthesized.of(args.output, runs, tuple(map(Input.of, inputs)), args.seed), "synth")
     made_of = (runs[0].synthetic or "").partition(";")[0].removeprefix("eaid synth of ")
-    said = f"{counted(len(runs), 'synthetic run')} of {made_of}, seed {args.seed}"
-    console.done(args.output, said, f"eaid fit {args.output}")
+    summary = f"{counted(len(runs), 'synthetic run')} of {made_of}, seed {args.seed}"
+    console.done(args.output, summary, f"eaid fit {args.output}")

@@ -92,7 +92,7 @@ def bounds_of(fit: Fit, levels: str | None = None, widen: bool = False) -> Bound
     rows = [_level_b(row) for row in linear.per_level if row.level]
     kept = (stored.levels if stored is not None else ()) or tuple(row.level for row in rows)
     if levels is None and not widen and stored is not None:
-        found = [row for row in rows if row.level in kept]
+        kept_rows = [row for row in rows if row.level in kept]
         ends = stored.B_m, stored.B_M
     else:
         if not rows:
@@ -102,15 +102,15 @@ def bounds_of(fit: Fit, levels: str | None = None, widen: bool = False) -> Bound
             )
         if levels:
             kept = tuple(wanted_levels(levels, [row.level for row in rows], "bounds_levels"))
-        found = [row for row in rows if row.level in kept]
-        each = [_interval(row, linear.per_level) if widen else (row.B, row.B) for row in found]
+        kept_rows = [row for row in rows if row.level in kept]
+        each = [_interval(row, linear.per_level) if widen else (row.B, row.B) for row in kept_rows]
         ends = min(low for low, _ in each), max(high for _, high in each)
     B_m, B_M = (_positive(value, name) for value, name in zip(ends, ("B_m", "B_M"), strict=True))
     if B_m > B_M:
         raise GainsError(f"B_m {B_m:.4g} lies above B_M {B_M:.4g}; check linear.bounds of the fit")
-    if any(not (row.B > 0 and math.isfinite(row.B)) for row in found):
+    if any(not (row.B > 0 and math.isfinite(row.B)) for row in kept_rows):
         raise GainsError("a level has no positive b0, so the range of B touches 0; leave it out with «bounds_levels»")
-    return Bounds(kept, B_m, B_M, tuple(found), widen)
+    return Bounds(kept, B_m, B_M, tuple(kept_rows), widen)
 
 
 def _level_b(row: LinearLevel) -> LevelB:

@@ -104,8 +104,8 @@ def timing_of(fit: Fit, options: TuneOptions) -> Timing:
     """
     rate, pwm = options.rate_hz or control_rate(fit), options.pwm_hz
     if pwm is None:
-        own = fit.data.apparatus.pwm_hz
-        pwm = own if is_duty(fit) and own < QUICK_PWM * rate else 0.0
+        latched_hz = fit.data.apparatus.pwm_hz
+        pwm = latched_hz if is_duty(fit) and latched_hz < QUICK_PWM * rate else 0.0
     return Timing(rate, pwm or None, delay_samples=round(fit.dead_time_s * rate))
 
 
@@ -136,10 +136,10 @@ def design_options(
         low, high = options.duty_limits
         raise UsageError(f"«duty_limits» {low:g},{high:g}: a duty ends at 100 %")
     Q22 = (options.p_scale + options.p_scale / K_P) / (2 * K_D)
-    own = 0.5 if scales.paper else LAYER * PAPER_TOP * scales.top * Q22
-    epsilon = own if options.epsilon is None else options.epsilon
+    layer = 0.5 if scales.paper else LAYER * PAPER_TOP * scales.top * Q22
+    epsilon = layer if options.epsilon is None else options.epsilon
     return Design(
-        asked=options, K_P=K_P, K_D=K_D,
+        options=options, K_P=K_P, K_D=K_D,
         Q_M=options.q_max if options.q_max is not None else 5.0 if slope is None else slope,
         phi=0.05 if options.phi is None or options.phi == "data" else float(options.phi),
         phi_honest_pct=phi_shown if by_data else None,
@@ -150,16 +150,16 @@ def design_options(
     )  # fmt: skip
 
 
-def own_pi(model: Linear, points: Sequence[Point], timing: Timing, pace: float, unit: str) -> AskedPI:
+def quickest_pi(model: Linear, points: Sequence[Point], timing: Timing, pace: float, unit: str) -> AskedPI:
     """The quickest PI that has 6 dB and 45° around every operating point; GainsError where there is none."""
     for overshoot_pct in (OVERSHOOT_PCT, 0.0):
         for k in range(MOST_STEPS):
             settling_s = SETTLING_S / pace * SLOWER**k
             try:
-                found = PIGains(*pi_gains(model, overshoot_pct, settling_s))
+                pi = PIGains(*pi_gains(model, overshoot_pct, settling_s))
             except GainsError:  # slower than integral control alone
                 break
-            if all(each.enough for each in loop_margins(found, points, timing)):
+            if all(each.enough for each in loop_margins(pi, points, timing)):
                 return AskedPI(overshoot_pct, settling_s)
     flat = [point.duty_pct for point in points if sum(lag.gain for lag in point.lags) <= 0]
     why = f"the output does not rise with the input around {', '.join(f'{u:.4g}' for u in flat)} {unit}: leave such "
@@ -170,22 +170,22 @@ def own_pi(model: Linear, points: Sequence[Point], timing: Timing, pace: float, 
     )
 
 
-def own_rc(
+def workable_rc(
     model: Linear, design: Design, scales: Scales, bounds: Bounds, points: Sequence[Point], pi: PIGains
 ) -> Design:
     """The design with a boundary layer, and if need be K_P and K_D, that the loop can have; as it is where none is."""
-    asked, timing = design.asked, design.timing
-    if asked.epsilon is not None or asked.gamma is not None:
+    options, timing = design.options, design.timing
+    if options.epsilon is not None or options.gamma is not None:
         return design
     papers = scales.paper and not timing.delay_samples
     tried = [design]
-    if pi.K_I and not papers and asked.kp is None and asked.kd is None and asked.natural_frequency is None:
+    if pi.K_I and not papers and options.kp is None and options.kd is None and options.natural_frequency is None:
         B_hat = law_of(model, bounds, design)[0].B_hat
         tried.append(replace(design, K_P=0.5 * pi.K_I / B_hat, K_D=(0.5 * pi.K_P + model.a0 / model.b0) / B_hat))
     for one in tried:
         for k in range(MOST_STEPS):
             wider = replace(one, epsilon=one.epsilon * SLOWER**k, gamma=one.gamma / SLOWER**k)
-            found = loop_margins(law_of(model, bounds, wider)[0], points, timing)
-            if all(each.stable if papers else each.enough for each in found):
+            loops = loop_margins(law_of(model, bounds, wider)[0], points, timing)
+            if all(each.stable if papers else each.enough for each in loops):
                 return wider
     return design

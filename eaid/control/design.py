@@ -83,10 +83,10 @@ def shown_by_model(plant: Nonlinear, model: Linear, B_m: float, B_M: float, unit
         start = np.concatenate([[0.0], steady])[:, None]
         torque = end + (start - end) * (plant.C * first + (1 - plant.C) * second)
         slope = (end - start) * (plant.C / fast * first + (1 - plant.C) / slow * second)
-        found = distance(duty - (model.a0 * torque - model.c0) / model.b0, slope, B_m, B_M)
-        i, k = np.unravel_index(np.abs(found).argmax(), found.shape)
+        apart = distance(duty - (model.a0 * torque - model.c0) / model.b0, slope, B_m, B_M)
+        i, k = np.unravel_index(np.abs(apart).argmax(), apart.shape)
         origin = "rest" if i == 0 else f"{duties[i - 1]:.3g} {unit}"
-        shown.append((float(found[i, k]), f"{t[k]:.3g} s after a step from {origin} to {duty:.3g} {unit}"))
+        shown.append((float(apart[i, k]), f"{t[k]:.3g} s after a step from {origin} to {duty:.3g} {unit}"))
     return _largest(shown)
 
 
@@ -101,9 +101,9 @@ def shown_by_logs(stepset: StepSet, model: Linear, B_m: float, B_M: float) -> Mi
     shown = []
     for level in stepset.levels:
         t, torque, slope = _smoothed(level.time_s, level.mean)
-        found = distance(level.level - (model.a0 * torque - model.c0) / model.b0, slope, B_m, B_M)
-        k = int(np.abs(found).argmax())
-        shown.append((float(found[k]), f"{t[k]:.3g} s after the step to {level.level:.4g} {stepset.input_unit}"))
+        apart = distance(level.level - (model.a0 * torque - model.c0) / model.b0, slope, B_m, B_M)
+        k = int(np.abs(apart).argmax())
+        shown.append((float(apart[k]), f"{t[k]:.3g} s after the step to {level.level:.4g} {stepset.input_unit}"))
     return _largest(shown)
 
 
@@ -141,7 +141,7 @@ SHARP = 5.0
 
 def design(
     fit: Fit, settled: Design, bounds: Bounds, plant: Nonlinear | None, points: Sequence[Point],
-    found: Mapping[str, Mismatch], slope_nm_s: float, reference: str, given: bool,
+    shown: Mapping[str, Mismatch], slope_nm_s: float, reference: str, given: bool,
 ) -> Gains:  # fmt: skip
     """Gains for a fit, with everything that is known about them.
 
@@ -151,7 +151,7 @@ def design(
     """
     model, unit, timing = model_of(fit), fit.data.input_unit, settled.timing
     law, rc = law_of(model, bounds, settled)
-    need, phi, Q_M = least_phi(found), rc.phi_honest_pct, settled.Q_M
+    need, phi, Q_M = least_phi(shown), rc.phi_honest_pct, settled.Q_M
     rc = msgspec.structs.replace(
         rc, phi_holds=None if need is None or phi is None else bool(need.pct <= phi * (1 + WITHIN)),
         phi_needed_pct=None if need is None else need.pct,
@@ -162,7 +162,7 @@ def design(
     overshoot_pct, settling_s = step_metrics(model, pi.K_P, pi.K_I)
     part = PI(
         pi.K_P, pi.K_I, overshoot_pct, known(settling_s), asked=None if settled.pi == AskedPI() else settled.pi,
-        anti_windup=AntiWindup(settled.asked.anti_windup, pi.back_calculation),
+        anti_windup=AntiWindup(settled.options.anti_windup, pi.back_calculation),
     )  # fmt: skip
     loops = {name: list(loop_margins(each, points, timing)) for name, each in (("rc", law), ("pi", pi))}
     for name, each in loops.items():
@@ -183,7 +183,7 @@ def design(
     return Gains(
         model=LinearModel(model.a0, model.b0, model.c0), rc=rc, pi=part, input_unit=unit,
         output_unit=fit.data.output_unit, duty_limits_pct=settled.duty_limits_pct, guarantee=verdict, actuator=reach,
-        phi_from_data=PhiFromData(**found),
+        phi_from_data=PhiFromData(**shown),
         margins=Margins(
             SampleTiming(timing.rate_hz, timing.pwm_hz, timing.delay_samples), tuple(rows),
             WorstMargins(*map(_least, loops.values())),
@@ -194,14 +194,14 @@ def design(
 
 def pi_of(model: Linear, settled: Design) -> PIGains:
     """The PI that was asked for or settled on; GainsError where it is out of reach."""
-    given = settled.asked.pi_gains
+    given = settled.options.pi_gains
     if given is None:
         assert settled.pi.overshoot_pct is not None and settled.pi.settling_s is not None
         given = pi_gains(model, settled.pi.overshoot_pct, settled.pi.settling_s)
     K_P, K_I = given
     if not (K_P >= 0 and K_I >= 0 and K_P + K_I > 0):
         raise GainsError(f"PI gains {K_P:g} and {K_I:g}: neither may be negative, nor both 0")
-    back = 1 / K_P if settled.asked.anti_windup == "back-calculation" and K_P > 0 else 0.0
+    back = 1 / K_P if settled.options.anti_windup == "back-calculation" and K_P > 0 else 0.0
     return PIGains(K_P, K_I, *settled.duty_limits_pct, back)
 
 
@@ -224,20 +224,18 @@ def actuator(model: Linear, gains: RCGains, plant: Nonlinear | None, bounds: Bou
     return Actuator(robust_pct, gains.duty_max - gains.duty_min, tuple(rows))
 
 
-def _kept(found: LoopMargins) -> Margin:
+def _kept(loop: LoopMargins) -> Margin:
     """As gains.json has it: a margin without end is not known."""
-    return Margin(
-        found.stable, *(known(x) for x in (found.gain_db, found.delay_s, found.phase_deg, found.crossover_hz))
-    )
+    return Margin(loop.stable, *(known(x) for x in (loop.gain_db, loop.delay_s, loop.phase_deg, loop.crossover_hz)))
 
 
-def _least(found: Sequence[LoopMargins]) -> Margin:
-    least = {name: known(min(getattr(one, name) for one in found)) for name in ("gain_db", "phase_deg", "delay_s")}
+def _least(loops: Sequence[LoopMargins]) -> Margin:
+    least = {name: known(min(getattr(one, name) for one in loops)) for name in ("gain_db", "phase_deg", "delay_s")}
     return Margin(stable=True, **least)
 
 
-def _missed(name: str, points: Sequence[Point], found: Sequence[LoopMargins], unit: str) -> list[Finding]:
-    missed = [(point.duty_pct, one) for point, one in zip(points, found, strict=True) if not one.enough]
+def _missed(name: str, points: Sequence[Point], loops: Sequence[LoopMargins], unit: str) -> list[Finding]:
+    missed = [(point.duty_pct, one) for point, one in zip(points, loops, strict=True) if not one.enough]
     if not missed:
         return []
     return [
@@ -253,23 +251,23 @@ def mismatches(
     model: Linear, bounds: Bounds, plant: Nonlinear | None, logs: StepSet | None, unit: str = "%"
 ) -> dict[str, Mismatch]:
     """What shows how far η is from η̂: nonlinear model, logs, single levels; those that the data allow."""
-    found = {}
+    shown = {}
     if plant is not None:
-        found["model"] = shown_by_model(plant, model, bounds.B_m, bounds.B_M, unit)
+        shown["model"] = shown_by_model(plant, model, bounds.B_m, bounds.B_M, unit)
     if logs is not None:
-        found["logs"] = shown_by_logs(logs, model, bounds.B_m, bounds.B_M)
+        shown["logs"] = shown_by_logs(logs, model, bounds.B_m, bounds.B_M)
     if bounds.rows:
-        found["levels"] = shown_by_levels(bounds.rows, model, max(row.gain for row in bounds.rows), unit)
-    return found
+        shown["levels"] = shown_by_levels(bounds.rows, model, max(row.gain for row in bounds.rows), unit)
+    return shown
 
 
-def least_phi(found: Mapping[str, Mismatch]) -> Mismatch | None:
+def least_phi(by_source: Mapping[str, Mismatch]) -> Mismatch | None:
     """The φ that the data ask for: the larger of model and logs; the single levels' where there is neither."""
-    shown = [found[name] for name in ("model", "logs") if name in found] or list(found.values())
+    shown = [by_source[name] for name in ("model", "logs") if name in by_source] or list(by_source.values())
     return max(shown, key=lambda mismatch: mismatch.pct, default=None)
 
 
-def _guarantee(rc: Robust, slope: float | None, asked: float | None, span: float | None, fit: Fit) -> Guarantee:
+def _guarantee(rc: Robust, slope: float | None, needed_pct: float | None, span: float | None, fit: Fit) -> Guarantee:
     """Everything that the argument needs."""
     unit, out = fit.data.input_unit, fit.data.output_unit
     needed = None if rc.rho.needed is None else rc.rho.needed.constant
@@ -278,7 +276,7 @@ def _guarantee(rc: Robust, slope: float | None, asked: float | None, span: float
             Condition("rho", rc.guaranteed, needed, rc.rho.constant, f"{out}/s"),
             condition("phi", rc.phi_needed_pct, rc.phi_honest_pct, unit),
             condition("Q_M", slope, rc.Q_M, f"{out}/s"),
-            condition("duty-limit", asked, span, unit),
+            condition("duty-limit", needed_pct, span, unit),
             *([Condition("dead-time", False, 0.0, fit.dead_time_s, "s")] if fit.dead_time_s > 0 else []),
         ]
     )
@@ -286,7 +284,7 @@ def _guarantee(rc: Robust, slope: float | None, asked: float | None, span: float
 
 def _warnings(rc: Robust, verdict: Guarantee, need: Mismatch | None, unit: str, reference: str) -> list[Finding]:
     findings, sharpness = [], rc.gamma * rc.epsilon
-    asked, steep = ({each.name: each for each in verdict.conditions}[name] for name in ("duty-limit", "Q_M"))
+    duty_limit, steep = ({each.name: each for each in verdict.conditions}[name] for name in ("duty-limit", "Q_M"))
     if steep.holds is False:
         findings.append(finding("slope-above-q-max", "rc", slope=steep.needed, Q_M=rc.Q_M, reference=reference))
     if not rc.guaranteed:
@@ -299,8 +297,8 @@ def _warnings(rc: Robust, verdict: Guarantee, need: Mismatch | None, unit: str, 
         findings.append(finding("switch-jumps", "rc", sharpness=sharpness, least=SHARP, jump=1 - math.tanh(sharpness)))
     if rc.ultimate_bound is not None and rc.ultimate_bound.torque_error_nm is None:
         findings.append(finding("no-ultimate-bound", "rc"))
-    if asked.holds is False:
+    if duty_limit.holds is False:
         findings.append(
-            finding("robust-term-beyond-actuator", "rc", asked=asked.needed, span=asked.available, unit=unit)
+            finding("robust-term-beyond-actuator", "rc", asked=duty_limit.needed, span=duty_limit.available, unit=unit)
         )
     return findings

@@ -376,11 +376,11 @@ def crossovers(law: Law, lags: Sequence[Lag], timing: Timing) -> list[tuple[floa
         return complex(loop_response(law, lags, timing, np.array([omega]))[0])
 
     above = np.abs(loop_response(law, lags, timing, omega)) >= 1
-    found = []
+    phases = []
     for k in np.flatnonzero(above[:-1] != above[1:]):
         at = float(brentq(lambda x: abs(response(x)) - 1, omega[k], omega[k + 1]))
-        found.append((cmath.phase(-response(at) * cmath.exp(-1j * at * timing.delay_s)), at))
-    return found
+        phases.append((cmath.phase(-response(at) * cmath.exp(-1j * at * timing.delay_s)), at))
+    return phases
 
 
 def _gain_by_response(law: Law, lags: Sequence[Lag], timing: Timing) -> float:

@@ -45,7 +45,7 @@ DIRECTIONS = 7200
 class Design:
     """What was asked for, and the numbers that nothing was said about, settled; in the rig's units."""
 
-    asked: TuneOptions
+    options: TuneOptions
     K_P: float
     K_D: float
     Q_M: float
@@ -67,17 +67,17 @@ def law_of(model: Linear, bounds: Bounds, design: Design) -> tuple[RCGains, Robu
 
     GainsError where no ρ covers the α that it is to be made with.
     """
-    asked, B_m, B_M, K_P, K_D = design.asked, bounds.B_m, bounds.B_M, design.K_P, design.K_D
+    options, B_m, B_M, K_P, K_D = design.options, bounds.B_m, bounds.B_M, design.K_P, design.K_D
     choices = {"pooled": 1 / model.b0, "minimax": 2 * B_m * B_M / (B_m + B_M)}
-    B_hat = choices[asked.b_hat] if isinstance(asked.b_hat, str) else float(asked.b_hat)
+    B_hat = choices[options.b_hat] if isinstance(options.b_hat, str) else float(options.b_hat)
     formula, reached = (B_M - B_m) / (B_M + B_m), max(abs(1 - B_hat / B_M), abs(1 - B_hat / B_m))
-    alpha = formula if asked.alpha == "formula" else reached
+    alpha = formula if options.alpha == "formula" else reached
     if alpha >= 1:
         raise GainsError(
             f"α is {alpha:.4g} with B̂ = {B_hat:.4g}: 1 or more, no ρ covers that; choose B̂ below {2 * B_m:.4g} "
             "(«b_hat» minimax)"
         )
-    norm_K, p = math.hypot(K_P, K_D), asked.p_scale
+    norm_K, p = math.hypot(K_P, K_D), options.p_scale
 
     def line(a: float, term: float) -> RhoLine:
         """Eq. (15) with equality."""
@@ -93,7 +93,7 @@ def law_of(model: Linear, bounds: Bounds, design: Design) -> tuple[RCGains, Robu
         return term, RhoReading(phi, term, term * B_m, made.constant, made.slope)
 
     readings = {"paper": reading(True), "textbook": reading(False)}
-    term, own = readings[asked.rho]
+    term, taken = readings[options.rho]
     rho, needed = line(alpha, term), line(reached, term) if reached < 1 else None
     covers = needed is not None and (
         rho.constant >= needed.constant - ROUNDING and rho.slope >= needed.slope - ROUNDING
@@ -105,7 +105,7 @@ def law_of(model: Linear, bounds: Bounds, design: Design) -> tuple[RCGains, Robu
     steep = rho.constant / design.epsilon
     equal = B_hat * (K_D + steep * Q22), B_hat * (K_P + steep * Q12)
     low, high = design.duty_limits_pct
-    back = 1 / equal[0] if asked.anti_windup == "back-calculation" else 0.0
+    back = 1 / equal[0] if options.anti_windup == "back-calculation" else 0.0
     gains = RCGains(
         K_P=K_P, K_D=K_D, B_hat=B_hat, a0=model.a0, b0=model.b0, c0=model.c0, rho_constant=rho.constant,
         rho_slope=rho.slope, epsilon=design.epsilon, gamma=design.gamma, Q12=Q12, Q22=Q22, duty_min=low, duty_max=high,
@@ -116,16 +116,16 @@ def law_of(model: Linear, bounds: Bounds, design: Design) -> tuple[RCGains, Robu
     )
     return gains, Robust(
         K_P=K_P, K_D=K_D, natural_frequency_rad_s=math.sqrt(K_P), damping=K_D / (2 * math.sqrt(K_P)), B_hat=B_hat,
-        B_hat_convention=asked.b_hat if isinstance(asked.b_hat, str) else "given", B_m=B_m, B_M=B_M,
+        B_hat_convention=options.b_hat if isinstance(options.b_hat, str) else "given", B_m=B_m, B_M=B_M,
         bounds=BRange(levels=bounds.levels, widened=bounds.widened), alpha=formula, alpha_reached=reached,
-        guaranteed=covers, phi=own.phi, phi_honest_pct=own.phi_honest_pct, Q_M=design.Q_M,
+        guaranteed=covers, phi=taken.phi, phi_honest_pct=taken.phi_honest_pct, Q_M=design.Q_M,
         rho=Rho(
-            constant=rho.constant, slope=rho.slope, convention=asked.rho, alpha=alpha,
+            constant=rho.constant, slope=rho.slope, convention=options.rho, alpha=alpha,
             terms=RhoTerms(alpha * design.Q_M / (1 - alpha), term / (1 - alpha)), needed=needed,
             readings=RhoReadings(**{name: made for name, (_, made) in readings.items()}),
         ),
         epsilon=design.epsilon, gamma=design.gamma, P=((p, 0.0), (0.0, p)), Q=((Q11, Q12), (Q12, Q22)),
-        equal_pi=EqualPI(*equal), anti_windup=AntiWindup(asked.anti_windup, back),
+        equal_pi=EqualPI(*equal), anti_windup=AntiWindup(options.anti_windup, back),
         ultimate_bound=UltimateBound(bound if math.isfinite(bound) else None),
     )  # fmt: skip
 

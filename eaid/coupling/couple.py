@@ -184,8 +184,8 @@ def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Prog
                 channel, drive = setup.around(loop, plant, point)
                 wall, curve = setup.wall(loop, [channel], torque, point.duty_pct)
                 if options.replay and wall.K_stable is not None:
-                    found = replayed_stiffness(drive, setup.limb, setup.timing, wall.K_stable)
-                    wall = msgspec.structs.replace(wall, K_replayed=found)
+                    stiffness = replayed_stiffness(drive, setup.limb, setup.timing, wall.K_stable)
+                    wall = msgspec.structs.replace(wall, K_replayed=stiffness)
                 walls.append(wall)
                 curves.append(curve)
                 regions.append(setup.region(loop, [channel], torque))
@@ -247,18 +247,18 @@ def _pair(
 def _kept(setup: Loops, loop: str, torque: float, plants: Sequence[Nonlinear], options: CoupleOptions) -> parts.Kept:
     """The stiffness that 95 % of the drawn plants, each with a limb of its own, keep."""
     random = np.random.default_rng(options.seed)
-    found = []
+    drawn = []
     for one in plants:
         inertia, damping = 1 + options.limb_spread * random.uniform(-1, 1, 2)
         limb = Limb(setup.limb.inertia_kgm2 * inertia, setup.limb.damping_nms * damping)
         try:
             channel, _ = setup.around(loop, one, operating_point(one, torque))
         except (UsageError, GainsError):  # this plant does not hold the torque, or the loop breaks on it
-            found.append((0.0, 0.0))
+            drawn.append((0.0, 0.0))
             continue
         passive = passive_stiffness(needed_damping([channel], setup.timing), limb.damping_nms)[0]
-        found.append((passive, wall_loop([channel], limb, setup.timing).stable()[0]))
-    low = np.quantile(found, 0.05, axis=0, method="lower").tolist()
+        drawn.append((passive, wall_loop([channel], limb, setup.timing).stable()[0]))
+    low = np.quantile(drawn, 0.05, axis=0, method="lower").tolist()
     return parts.Kept(loop, torque, known(low[0]), known(low[1]))
 
 

@@ -189,9 +189,9 @@ class WallLoop:
         real, imag = curve.real, curve.imag
         k = np.flatnonzero((imag[:-1] < 0) != (imag[1:] < 0))
         share = imag[k] / (imag[k] - imag[k + 1])
-        found, at = (np.concatenate([x[k] + share * (x[k + 1] - x[k]), x[self.ends :]]) for x in (-real, self.omega))
-        turned = found > 0
-        return min(zip(found[turned].tolist(), at[turned].tolist(), strict=True), default=(math.inf, 0.0))
+        K, at = (np.concatenate([x[k] + share * (x[k + 1] - x[k]), x[self.ends :]]) for x in (-real, self.omega))
+        turned = K > 0
+        return min(zip(K[turned].tolist(), at[turned].tolist(), strict=True), default=(math.inf, 0.0))
 
 
 def wall_loop(channels: Sequence[Channel], limb: Limb, timing: Timing) -> WallLoop:

@@ -246,8 +246,8 @@ def entries(law: str, constants: Any, units: tuple[str, str]) -> tuple[Entry, ..
 def _in(unit: str, units: tuple[str, str]) -> str:
     """A unit in the rig's own; a compound one is put in brackets where it has to be."""
 
-    def named(found: re.Match[str]) -> str:
-        slash, name = found[1], units["io".index(found[2])]
+    def named(match: re.Match[str]) -> str:
+        slash, name = match[1], units["io".index(match[2])]
         return f"{slash}({name})" if slash and "·" in name else slash + name
 
     return re.sub("(/?)(?<![a-zA-Z])([io])(?![a-zA-Z])", named, unit)

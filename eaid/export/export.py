@@ -34,11 +34,11 @@ from eaid.results.verdict import PLANT
 
 def judged(source: Source, laws: tuple[str, ...], rate_hz: float, options: ExportOptions) -> tuple[Finding, ...]:
     """The findings for the heads, the gravest first; GainsError where one says stop and `anyway` is not given."""
-    found = ranked(_found(source, laws, rate_hz, options))
-    grave = stops(found)
+    findings = ranked(_findings(source, laws, rate_hz, options))
+    grave = stops(findings)
     if grave and not options.anyway:
         raise GainsError(*(f"{say(one)}; «anyway» exports it all the same, marked" for one in grave))
-    return (*((finding("export-anyway", "export"),) if grave else ()), *found)
+    return (*((finding("export-anyway", "export"),) if grave else ()), *findings)
 
 
 def offered(gains: Gains, fit: Fit) -> tuple[str, ...] | None:
@@ -48,11 +48,11 @@ def offered(gains: Gains, fit: Fit) -> tuple[str, ...] | None:
     except EaidError:
         return ()
     plain = ExportOptions()
-    laws = tuple(law for law in source.laws if not stops(_found(source, (law,), source.rate_hz, plain)))
+    laws = tuple(law for law in source.laws if not stops(_findings(source, (law,), source.rate_hz, plain)))
     return () if not {"pi", "rc"} & set(laws) else None if laws == source.laws else laws
 
 
-def _found(source: Source, laws: tuple[str, ...], rate_hz: float, options: ExportOptions) -> Iterator[Finding]:
+def _findings(source: Source, laws: tuple[str, ...], rate_hz: float, options: ExportOptions) -> Iterator[Finding]:
     low, high = source.limits
     if not low <= options.duty_on_fault <= high:
         yield finding(
@@ -101,18 +101,18 @@ def _guarantee(gains: Gains, rc: Robust) -> Finding:
     return finding("export-guarantee-missing", "rc", missing=", ".join(missing))
 
 
-def _unstable(source: Source, laws: tuple[str, ...], rate_hz: float, told: Sequence[MarginPoint]) -> Iterator[Finding]:
+def _unstable(source: Source, laws: tuple[str, ...], rate_hz: float, kept: Sequence[MarginPoint]) -> Iterator[Finding]:
     """Each loop around held duties of the plant, else on the linear model, at the rate that is baked in."""
     linear = Linear(*(source.linear or (1.0, 1.0, 0.0)))  # not looked at where there is a plant
-    levels = [point.duty_pct for point in told]
+    levels = [point.duty_pct for point in kept]
     points = operating_points(source.plant, linear, Bounds((), 1.0, 1.0, ()), levels, source.limits)
     timing = Timing(rate_hz, source.pwm_hz, round(source.dead_time_s * rate_hz))
     for law, gains in (("pi", source.pi), ("rc", source.rc)):
         if law not in laws or gains is None:
             continue
-        found = zip(points, loop_margins(gains, points, timing), strict=True)
-        bad = {point.duty_pct for point, one in found if not one.stable}
-        bad |= {point.duty_pct for point in told if (one := getattr(point, law)) is not None and one.stable is False}
+        loops = zip(points, loop_margins(gains, points, timing), strict=True)
+        bad = {point.duty_pct for point, one in loops if not one.stable}
+        bad |= {point.duty_pct for point in kept if (one := getattr(point, law)) is not None and one.stable is False}
         if bad:
             yield finding("export-unstable", law.upper(), sorted(bad), rate_hz=rate_hz, unit=source.units[0])
 
@@ -166,10 +166,10 @@ def export(
     laws = laws_of(source, options)
     timing = timing_of(source, options)
     constants = constants_of(source, laws, timing)
-    found = judged(source, laws, 1.0 / timing.dt_s, options)
+    findings = judged(source, laws, 1.0 / timing.dt_s, options)
     job = Job(
         options, timing, (unit_name(source.units[0]), unit_name(source.units[1])), laws, constants,
-        tuple(vectors(constants, source.top, timing.precision)), head_of(source, laws, timing, found, origin),
+        tuple(vectors(constants, source.top, timing.precision)), head_of(source, laws, timing, findings, origin),
         folder.resolve().name, source.top,
     )  # fmt: skip
     files = dict(TARGETS[options.target](job))
@@ -178,7 +178,7 @@ def export(
             data = content if isinstance(content, bytes) else content.encode("utf-8")
             (part / name).write_bytes(data)
         refuse_folder(folder, force, is_export, "eaid export", names=files)
-    return ExportFolder(folder, options.target, laws, tuple(files), timing.dt_s, found)
+    return ExportFolder(folder, options.target, laws, tuple(files), timing.dt_s, findings)
 
 
 def fit_beside(gains: Gains, path: Path) -> Path | None:

@@ -317,7 +317,7 @@ def _refuse_what_is_too_large(law: str, constants: Any, precision: str) -> None:
 
 
 def head_of(
-    source: Source, laws: tuple[str, ...], timing: Timing, found: tuple[Finding, ...], origin: Origin
+    source: Source, laws: tuple[str, ...], timing: Timing, findings: tuple[Finding, ...], origin: Origin
 ) -> tuple[str, ...]:
     """What every file says of itself at its head."""
     origins = [f"{one.path}, sha256 {one.sha256}" for one in origin.inputs] or list(source.origins)
@@ -328,6 +328,6 @@ def head_of(
         *([f"by {origin.command}"] if origin.command else []),
         f"sample time {decimal(timing.dt_s)} s, {timing.precision} precision;"
         f" duty in {source.units[0]}, torque in {source.units[1]}",
-        *(f"{one.severity}: {in_python(say(one))}" for one in found),
+        *(f"{one.severity}: {in_python(say(one))}" for one in findings),
     ]
     return tuple(harmless(line) for line in lines)

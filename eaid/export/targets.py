@@ -194,8 +194,8 @@ def fmus(job: Job, files: Mapping[str, str | bytes]) -> Iterator[tuple[str, byte
         }
         guid = hashlib.sha256("".join(sources.values()).encode()).hexdigest()[:32]
         sources["fmi2_wrapper.c"] = sources["fmi2_wrapper.c"].replace("@GUID@", guid)
-        own = variables(law, float(job.timing.duty_on_fault))
-        description = rendered(job, "modelDescription.xml.j2", law=law, guid=guid, variables=own)
+        listed = variables(law, float(job.timing.duty_on_fault))
+        description = rendered(job, "modelDescription.xml.j2", law=law, guid=guid, variables=listed)
         yield f"eaid_{law}.fmu", _zipped(f"eaid_{law}", description, sources)
 
 
@@ -222,21 +222,21 @@ def _put(file: zipfile.ZipFile, path: str, data: bytes) -> None:
 def binary(name: str, sources: Mapping[str, str]) -> tuple[str, bytes] | None:
     """The shared library of this machine and its place in the FMU; None where no compiler is there, or none works."""
     place = {("linux", "x86_64"): ("linux64", ".so"), ("darwin", "x86_64"): ("darwin64", ".dylib")}
-    found = place.get((sys.platform, platform.machine()))
+    platform_of = place.get((sys.platform, platform.machine()))
     compiler = next((path for path in map(shutil.which, ("cc", "gcc", "clang")) if path), None)
-    if found is None or compiler is None:
+    if platform_of is None or compiler is None:
         return None
     with tempfile.TemporaryDirectory() as folder:
         for path, text in sources.items():
             (Path(folder) / path).write_text(text, encoding="utf-8")
-        out = f"{name}{found[1]}"
+        out = f"{name}{platform_of[1]}"
         done = subprocess.run(
             [compiler, *FLAGS, "-o", out, *(path for path in sources if path.endswith(".c")), "-lm"],
             cwd=folder, capture_output=True, check=False,
         )  # fmt: skip
         if done.returncode != 0:
             return None
-        return f"binaries/{found[0]}/{out}", (Path(folder) / out).read_bytes()
+        return f"binaries/{platform_of[0]}/{out}", (Path(folder) / out).read_bytes()
 
 
 Files = Iterator[tuple[str, str | bytes]]

@@ -90,7 +90,7 @@ class Compared:
         """
         assert self.reference_nm is not None
         loop = Trace("recorded", self.dt_s, self.time_s, self.reference_nm, self.recorded_nm, self.duty_pct, limits_pct)
-        found = {"recorded": record(loop, Metrics(**msgspec.structs.asdict(loop.tracking())), role="recorded-loop")}
+        records = {"recorded": record(loop, Metrics(**msgspec.structs.asdict(loop.tracking())), role="recorded-loop")}
         grid = np.arange(len(self.time_s)) * self.dt_s
         wanted = Reference(read_only(np.interp(grid, self.time_s, self.reference_nm)), self.dt_s)
         for law in laws:
@@ -100,8 +100,8 @@ class Compared:
             measured = msgspec.structs.replace(
                 measure(trace, wanted), rms_from_recorded_nm=_rms(torque), rms_duty_from_recorded_pct=_rms(duty)
             )
-            found[law.name] = record(trace, measured)
-        return found
+            records[law.name] = record(trace, measured)
+        return records
 
 
 def _rms(values: Array) -> float:

@@ -35,9 +35,9 @@ def plain_head(head: Head) -> dict[str, object]:
     for name in ("band_quantiles", "not_usable"):
         if not content[name]:
             del content[name]
-    found = content.pop("findings")
+    findings = content.pop("findings")
     exercise = to_plain(head.exercise) if head.exercise is not None else {}
-    warned = {"findings": found, "warnings": [each["text"] for each in found]} if found else {}
+    warned = {"findings": findings, "warnings": [each["text"] for each in findings]} if findings else {}
     return {"eaid": __version__, **content, **exercise, **warned}
 
 

@@ -275,15 +275,15 @@ def cycle_means(values: Array, cycle: int) -> Array:
 
 def normality(values: Array) -> Normality:
     """D'Agostino and Pearson's K² on all samples; a small p says that they are not normal."""
-    found = stats.normaltest(values)
-    return Normality("D'Agostino-Pearson", float(found.statistic), float(found.pvalue), bool(found.pvalue < 0.05))
+    test = stats.normaltest(values)
+    return Normality("D'Agostino-Pearson", float(test.statistic), float(test.pvalue), bool(test.pvalue < 0.05))
 
 
 def by_samples(first: Array, second: Array) -> SampleTest:
     """The paper's test: Student's t with pooled variance on all samples, as if they were independent."""
-    found = stats.ttest_ind(first, second)
+    test = stats.ttest_ind(first, second)
     name = "Student, samples taken as independent"
-    return SampleTest(name, (first.size, second.size), float(found.statistic), float(found.pvalue))
+    return SampleTest(name, (first.size, second.size), float(test.statistic), float(test.pvalue))
 
 
 def by_cycles(first: Array, second: Array) -> CycleTest:
@@ -292,10 +292,10 @@ def by_cycles(first: Array, second: Array) -> CycleTest:
     if min(n, m) == 0:
         return CycleTest((n, m))
     rank = stats.mannwhitneyu(first, second, method="exact")
-    found = CycleTest((n, m), U=float(rank.statistic), p_rank=float(rank.pvalue), least_p_rank=2 / math.comb(n + m, n))
+    test = CycleTest((n, m), U=float(rank.statistic), p_rank=float(rank.pvalue), least_p_rank=2 / math.comb(n + m, n))
     if min(n, m) < 2:
-        return found
+        return test
     if not first.std() + second.std() > 0:
-        return found
+        return test
     welch = stats.ttest_ind(first, second, equal_var=False)
-    return msgspec.structs.replace(found, t=float(welch.statistic), df=float(welch.df), p_welch=float(welch.pvalue))
+    return msgspec.structs.replace(test, t=float(welch.statistic), df=float(welch.df), p_welch=float(welch.pvalue))

@@ -88,11 +88,11 @@ def set_up(fit: Fit, gains: Gains | None, options: SimulateOptions, what: str) -
     return Setup(fit, plant, known, chosen, rig, options, 1.0 / rate_hz), findings
 
 
-def _names(asked: tuple[str, ...] | None, what: str, known: Knowledge) -> tuple[tuple[str, ...], list[Finding]]:
+def _names(wanted: tuple[str, ...] | None, what: str, known: Knowledge) -> tuple[tuple[str, ...], list[Finding]]:
     """The controllers to replay; by default those that the files allow."""
-    if asked:
-        straight = "open-loop" in asked and known.linear is None
-        return asked, [finding("open-loop-on-straight-line", "open-loop")] if straight else []
+    if wanted:
+        straight = "open-loop" in wanted and known.linear is None
+        return wanted, [finding("open-loop-on-straight-line", "open-loop")] if straight else []
     names = [name for name, held in (("rc", known.rc), ("pi", known.pi)) if held is not None]
     if what == "sweep" and known.linear is not None:
         names.append("open-loop")
@@ -290,9 +290,9 @@ def _rehab(setup: Setup, top: float) -> Outcome:
     if setup.fit.data.output_unit not in ("N·m", "Nm"):
         raise DataError(f"rehab needs a torque, and the fit's output is in {setup.fit.data.output_unit}")
     mode_s = None if options.duration is None else options.duration / len(MODES)
-    asked = {"mode_s": mode_s, "damping_nms": options.limb_damping, "inertia_kgm2": options.limb_inertia}
+    given = {"mode_s": mode_s, "damping_nms": options.limb_damping, "inertia_kgm2": options.limb_inertia}
     exercise = msgspec.structs.replace(
-        Exercise().scaled(top), **{key: value for key, value in asked.items() if value is not None}
+        Exercise().scaled(top), **{key: value for key, value in given.items() if value is not None}
     )
     records = {
         each.name: record_session(rehabilitate(setup.plant, each, exercise, setup.rig, setup.dt_s, options.seed))
@@ -314,7 +314,7 @@ def _logs(setup: Setup, runs: Sequence[Run]) -> Outcome:
     for run in closed:
         late = setup.options.rig.delay_samples or round(late_s / run.dt_s)
         rig = replace(setup.rig, delay_samples=late)
-        found = run.closed_loop(setup.plant, setup.controllers, rig, setup.known.limits, setup.options.seed)
+        loops = run.closed_loop(setup.plant, setup.controllers, rig, setup.known.limits, setup.options.seed)
         before = f"{run.name} " if len(closed) > 1 else ""
-        records |= {f"{before}{name}": one for name, one in found.items()}
+        records |= {f"{before}{name}": one for name, one in loops.items()}
     return records, Head(""), []

@@ -5,7 +5,7 @@ from dataclasses import replace
 import msgspec
 
 from eaid.control.bounds import bounds_of, model_of
-from eaid.control.defaults import Scales, design_options, own_pi, own_rc, scales_of, timing_of
+from eaid.control.defaults import Scales, design_options, quickest_pi, scales_of, timing_of, workable_rc
 from eaid.control.design import design, least_phi, mismatches, pi_of
 from eaid.control.gains import pi_gains, plant_of, rc_gains
 from eaid.control.margins import operating_points
@@ -54,16 +54,16 @@ def tune(
     wanted = reference_of(reference or "multisine", timing_of(fit, options).step_s, scales)
     slope = wanted.steepest_nm_s
     bounds = bounds_of(fit, options.bounds_levels, options.widen_bounds)
-    found = mismatches(model, bounds, plant, logs, unit)
-    shown = least_phi(found)
+    mismatch = mismatches(model, bounds, plant, logs, unit)
+    shown = least_phi(mismatch)
     settled = design_options(
         fit, options, scales, slope if given or not scales.paper else None, None if shown is None else shown.pct
     )  # fmt: skip
     points = operating_points(plant, model, bounds, fit.data.levels, settled.duty_limits_pct)
     if options.pi_gains is None and options.pi_overshoot is None:
-        settled = replace(settled, pi=own_pi(model, points, settled.timing, scales.pace, unit))
-    tuned = own_rc(model, settled, scales, bounds, points, pi_of(model, settled))
-    gains = design(fit, tuned, bounds, plant, points, found, slope, name, given)
+        settled = replace(settled, pi=quickest_pi(model, points, settled.timing, scales.pace, unit))
+    tuned = workable_rc(model, settled, scales, bounds, points, pi_of(model, settled))
+    gains = design(fit, tuned, bounds, plant, points, mismatch, slope, name, given)
     findings = _of_the_rig(fit, scales, settled, tuned)
     if plant is None:
         findings.append(finding("nothing-to-replay-on", "model"))

@@ -114,8 +114,8 @@ def digits(torque_nm: Array, d: Disturbance) -> Array:
 def mark(plant: Plant, disturbance: Disturbance, seed: int) -> str:
     """What every synthetic log says of itself: of what, disturbed how, with which seed."""
     sizes = asdict(disturbance if disturbance.coloured > 0 else replace(disturbance, coloured_s=0.0))
-    said = ", ".join(f"{name} {value:g}" for name, value in sizes.items() if value)
-    return f"eaid synth of {plant.made_of}; {said or 'undisturbed'}; seed {seed}; recorded on no rig"
+    disturbances = ", ".join(f"{name} {value:g}" for name, value in sizes.items() if value)
+    return f"eaid synth of {plant.made_of}; {disturbances or 'undisturbed'}; seed {seed}; recorded on no rig"
 
 
 @dataclass(frozen=True)

@@ -52,8 +52,8 @@ def synthesize(
     plant = REFERENCE[options.kind or "clutch"]() if fit is None else of_fit(fit, options.kind or fit.data.kind, named)
     disturbance = disturbance_of(options, plant)
     given = {each.name: getattr(options, each.name) for each in fields(Protocol)}
-    said = {name: value for name, value in given.items() if value is not None}
-    protocol = replace(PROTOCOLS[plant.kind], **{"levels": plant.levels, **said})
+    times = {name: value for name, value in given.items() if value is not None}
+    protocol = replace(PROTOCOLS[plant.kind], **{"levels": plant.levels, **times})
     if options.plan is not None:
         return synthesise(plant, protocol, disturbance, options.seed, read_plan(options.plan))
     if options.duty_file is not None:
@@ -61,8 +61,8 @@ def synthesize(
         timing = replace(protocol, idle_s=0.0, hold_s=duration_s, release_s=0.0)
         return synthesise_input(plant, changes, timing, disturbance, options.seed)
     if options.excitation is not None:
-        own = {"kind": options.excitation, "rate_hz": options.rate_hz}
-        given = {name: value for name, value in own.items() if value is not None}
+        options_given = {"kind": options.excitation, "rate_hz": options.rate_hz}
+        given = {name: value for name, value in options_given.items() if value is not None}
         shape = keyed(Excitation, "«shape»", options.shape, given)
         if gains is not None and shape.gains is not None:
             raise UsageError("«shape» gains and «gains» exclude each other; give one of them")
@@ -90,9 +90,9 @@ def disturbance_of(options: SynthOptions, plant: Plant) -> Disturbance:
     if not plant.in_nm:
         base = replace(base, **{name: getattr(base, name) * plant.scale for name in ABSOLUTE})
     given = {each.name: getattr(options, each.name) for each in fields(Disturbance)}
-    found = replace(base, **{name: value for name, value in given.items() if value is not None})
-    if options.coloured_s is not None and not found.coloured > 0:
+    disturbance = replace(base, **{name: value for name, value in given.items() if value is not None})
+    if options.coloured_s is not None and not disturbance.coloured > 0:
         raise UsageError("«coloured_s»: does nothing without «coloured»; give both or neither")
-    if found.coloured > 0 and found.coloured_s == 0:
+    if disturbance.coloured > 0 and disturbance.coloured_s == 0:
         raise UsageError("«coloured_s» 0: coloured noise needs a time constant above 0; white noise is «white_nm»")
-    return found
+    return disturbance
