@@ -6,10 +6,10 @@
 
 cosmic-ray makes the mutants (operators, comparisons, numbers, signs, loops). One run of the rooms' quick tests, of
 the API's and of the kept numbers shows which of them ran each line, by themselves or by a fixture, and how long they
-took. A mutant then meets, in a copy of the tree, the tests that ran its line, quickest first, and for a minute more
-those that ran another line of its file: no tracer sees a line in machine code. Each is tried in a fork of a process
-that has imported all other packages. A survivor is printed as a diff; whether it changes behaviour at all (`<` for `<=`
-between floats seldom does) is for the reader to say.
+took. A mutant then meets, in a copy of the tree, the tests that ran its line, quickest first, or, where none did (in
+machine code, or at import), for a minute those that ran its file. Each is tried in a fork of a process that has
+imported all other packages. A survivor is printed as a diff; whether it changes behaviour at all (`<` for `<=` between
+floats seldom does) is for the reader to say.
 """
 
 import argparse
@@ -35,7 +35,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 ROOMS = ("logs", "steps", "control", "replay", "estimate+recorded")
 TESTS_S = 60.0
-"""Processor time of the tests that ran not the line but its file [s], as it is with their lines watched."""
+"""Processor time [s] of the tests that a mutant meets whose line no test ran."""
 OPERATORS = (
     *(f"ReplaceBinaryOperator_{pair}" for pair in ("Add_Sub", "Sub_Add", "Mul_Div", "Div_Mul", "Pow_Mul", "Mod_Mul")),
     *(f"ReplaceBinaryOperator_{pair}" for pair in ("FloorDiv_Mul", "BitAnd_BitOr", "BitOr_BitAnd")),
@@ -159,16 +159,17 @@ class Watch:
 
 
 def tests_for(mutant: Mutant, seconds: dict[str, float], by_line: dict[str, list[str]]) -> list[list[str]]:
-    """The ten quickest that ran its line, the others that did, and for a minute those that ran another of its file."""
+    """The ten quickest that ran its line, then the others; where none did, a minute of those that ran its file."""
     path, _, _, line = mutant
-    near = by_line.get(f"{path}:{line}", [])
-    ran_file = {test for key, tests in by_line.items() if key.startswith(f"{path}:") for test in tests} - set(near)
-    far, total = [], 0.0
-    for test in sorted(ran_file, key=seconds.__getitem__):
-        total += seconds[test]
-        if total < TESTS_S:
-            far.append(test)
-    return [by_file(few) for few in (near[:10], near[10:], far) if few]
+    tests = by_line.get(f"{path}:{line}", [])[:]
+    if not tests:
+        ran_file = {test for key, some in by_line.items() if key.startswith(f"{path}:") for test in some}
+        total = 0.0
+        for test in sorted(ran_file, key=seconds.__getitem__):
+            total += seconds[test]
+            if total < TESTS_S:
+                tests.append(test)
+    return [by_file(few) for few in (tests[:10], tests[10:]) if few]
 
 
 def by_file(tests: list[str]) -> list[str]:

@@ -94,22 +94,6 @@ def small_files(
     return folder / "fit.json", folder / "gains.json"
 
 
-@pytest.fixture(scope="session")
-def clutch_steps() -> "eaid.StepSet":
-    """The shipped synthetic clutch logs."""
-    return eaid.read(ROOT / "datasets" / "clutch.h5")
-
-
-@pytest.fixture(scope="session")
-def clutch_fit(clutch_steps: "eaid.StepSet") -> "eaid.Fit":
-    return eaid.fit(clutch_steps)
-
-
-@pytest.fixture(scope="session")
-def clutch_gains(clutch_fit: "eaid.Fit") -> "eaid.Gains":
-    return eaid.tune_rc(clutch_fit)
-
-
 @pytest.fixture(autouse=True)
 def _messages_are_told() -> None:
     """One test's `-q` does not hush the next, which runs in the same process."""
