@@ -122,18 +122,14 @@ def plainly_no_log(path: Path) -> bool:
     if form != "text":
         return form == "not read"
     lines = lines_of(head)[: -1 if len(head) == HEAD else None]
-    return not has_table(lines) and not any(_is_heading(line) for line in lines[:100])
-
-
-_TIMES = {name for group in TIME for name in group.names}
-_OTHERS = {name for groups in (*INPUTS.values(), OUTPUTS) for group in groups for name in group.names}
-
-
-def _is_heading(line: str) -> bool:
-    """Whether a line names the columns of a log: a time, and an input or an output, in cells of their own."""
-    cells = [cell.strip(" \"'#%") for cell in re.split(r"[,;\t|]", line)]
-    names = {re.sub(r"[^a-z]", "", split_name(cell)[0].lower()) for cell in cells if len(cell) < 40}
-    return bool(names & _TIMES) and bool(names & _OTHERS)
+    times = {name for group in TIME for name in group.names}
+    others = {name for groups in (*INPUTS.values(), OUTPUTS) for group in groups for name in group.names}
+    for line in lines[:100]:  # one that names a time, and an input or an output, in cells of their own
+        cells = [cell.strip(" \"'#%") for cell in re.split(r"[,;\t|]", line)]
+        names = {re.sub(r"[^a-z]", "", split_name(cell)[0].lower()) for cell in cells if len(cell) < 40}
+        if names & times and names & others:
+            return False
+    return not has_table(lines)
 
 
 NAME = "dataset.toml"

@@ -45,7 +45,10 @@ def runs_from_frames(frames: "pd.DataFrame | Mapping[str, pd.DataFrame]", option
             if frame.empty:
                 raise DataError(f"{name}: the DataFrame is empty; give rows with columns of time, input and output")
             table = _table(name, frame)
-            runs.append(run_of(name, name, _sha256(table), [table], options))
+            seen = hashlib.sha256(repr((table.columns, table.units)).encode())
+            for values in table.load(range(len(table.columns))).values:
+                seen.update(np.ascontiguousarray(values).data)
+            runs.append(run_of(name, name, seen.hexdigest(), [table], options))
         except DataError as fault:
             faults.extend(fault.sentences)
     found, faults = together(runs, faults, options)
@@ -111,11 +114,3 @@ def _number(cell: Any) -> float:
         return float(cell)
     except (TypeError, ValueError):
         return math.nan
-
-
-def _sha256(table: Table) -> str:
-    """Fingerprint of a table's names and numbers."""
-    seen = hashlib.sha256(repr((table.columns, table.units)).encode())
-    for values in table.load(range(len(table.columns))).values:
-        seen.update(np.ascontiguousarray(values).data)
-    return seen.hexdigest()

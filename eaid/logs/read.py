@@ -32,7 +32,15 @@ def levels_in_names(runs: Sequence[Run]) -> None:
 
     Taken as they are, logs of different levels would count as repeats of one.
     """
-    switched = [run for run in runs if _switched(run)]
+    guessed = {"input-unnamed", "input-by-its-steps"}
+    switched = [
+        run
+        for run in runs
+        if guessed & {one.code for one in run.findings}
+        and not run.dataset
+        and run.level is None
+        and set(np.unique(run.input)) <= {0.0, 1.0}
+    ]
     swings = [float(np.ptp(np.nanquantile(run.output, (0.02, 0.98)))) for run in switched]
     if len(switched) < 2 or max(swings) < 1.5 * min(swings):  # outputs that are alike are repeats
         return
@@ -44,11 +52,6 @@ def levels_in_names(runs: Sequence[Run]) -> None:
         f'differ in a number; say that it is the level with «name_pattern» "{pattern}", or that 1 is the level of all '
         f'with «columns» input="{taken}"'
     )
-
-
-def _switched(run: Run) -> bool:
-    guessed = any(one.code in ("input-unnamed", "input-by-its-steps") for one in run.findings)
-    return guessed and not run.dataset and run.level is None and set(np.unique(run.input)) <= {0.0, 1.0}
 
 
 def differing_number(names: Sequence[str]) -> str | None:
@@ -230,7 +233,11 @@ def read_what_can_be(paths: Sequence[Path], options: ReadOptions, hear: Hear = U
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
-    _refuse_what_does_nothing(runs, options)
+    if runs and all(run.dataset for run in runs):  # whose columns are known
+        of_columns = ("columns", "units", "name_pattern", "step_at", "until", "variable", "rate_hz", "join")
+        if said := [name for name in of_columns if name in options.given()]:
+            where = runs[0].dataset
+            raise UsageError(f"«{said[0]}»: does nothing on {where}, a dataset, which says all itself; leave it out")
     return together(runs, faults, options)
 
 
@@ -246,16 +253,6 @@ def together(runs: Sequence[Run], faults: list[str], options: ReadOptions) -> tu
             return [], list(fault.sentences)
     each = each if "input" in options.units else scales_compared(each)
     return named_apart(each if "time" in options.units else clocks_compared(each)), faults
-
-
-def _refuse_what_does_nothing(runs: Sequence[Run], options: ReadOptions) -> None:
-    """Refuse options that say how columns are to be read where only datasets are given, whose columns are known."""
-    if not runs or not all(run.dataset for run in runs):
-        return
-    of_columns = ("columns", "units", "name_pattern", "step_at", "until", "variable", "rate_hz", "join")
-    if said := [name for name in of_columns if name in options.given()]:
-        where = runs[0].dataset
-        raise UsageError(f"«{said[0]}»: does nothing on {where}, a dataset, which says all itself; leave it out")
 
 
 def read_file(path: Path, options: ReadOptions, foreign: ForeignReader, hear: Hear) -> tuple[list[Run], list[str]]:
@@ -286,8 +283,20 @@ def read_file(path: Path, options: ReadOptions, foreign: ForeignReader, hear: He
 
 
 def _checked_run(run: Run, options: ReadOptions) -> Run:
-    """A run of a dataset, its level held against its input, and its rows checked like those of a log."""
-    _check_level(run)
+    """A run of a dataset, its rows checked like those of a log.
+
+    Raises DataError where a cut run's stored level is neither what its input goes to nor what it comes from.
+    """
+    if run.cut and run.level is not None and run.step_s is not None and not np.isnan(run.input).any():
+        at = int(np.searchsorted(run.time_s, run.step_s - 1e-9))
+        parts = (run.input[at:], run.input[:at])
+        ends = [abs(float(np.median(part))) for part in parts if len(part)]
+        near = (abs(end - abs(run.level)) <= 0.02 * max(abs(run.level), end) + 1e-9 for end in ends)
+        if len(parts[run.edge == "falling"]) and not any(near):
+            raise DataError(
+                f"{run.where}: its level is {run.level:g}, its input goes to {ends[0]:g} {run.input_unit}; "
+                f"ingest the logs again"
+            )
     columns = {"time": run.time_s, "input": run.input, "output": run.output}
     if np.isnan(run.input).all():
         del columns["input"]
@@ -296,18 +305,3 @@ def _checked_run(run: Run, options: ReadOptions) -> Run:
         return run
     dropped = finding("rows-dropped", run.name, dropped=len(run.time_s) - len(keep), count=len(run.time_s))
     return run.part(keep, findings=(*run.findings, dropped))
-
-
-def _check_level(run: Run) -> None:
-    """Refuse a cut run whose stored level is neither what its input goes to nor what it comes from."""
-    if not run.cut or run.level is None or run.step_s is None or np.isnan(run.input).any():
-        return
-    at = int(np.searchsorted(run.time_s, run.step_s - 1e-9))
-    parts = (run.input[at:], run.input[:at])
-    ends = [abs(float(np.median(part))) for part in parts if len(part)]
-    expected = len(parts[run.edge == "falling"])
-    if expected and not any(abs(end - abs(run.level)) <= 0.02 * max(abs(run.level), end) + 1e-9 for end in ends):
-        raise DataError(
-            f"{run.where}: its level is {run.level:g}, its input goes to {ends[0]:g} {run.input_unit}; "
-            f"ingest the logs again"
-        )

@@ -116,7 +116,10 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN) -> StepSe
     """Step set of runs that are cut already (`cut_runs`)."""
     if not cut_steps:
         raise DataError("no log holds a step; give logs with one")
-    kind = _kind(cut_steps, options)
+    kinds: set[Kind] = {run.kind for run in cut_steps if run.kind is not None}
+    if options.kind is None and len(kinds) > 1:
+        raise DataError(f"the logs are of different experiments ({', '.join(sorted(kinds))}); give one, or say «kind»")
+    kind: Kind = options.kind or next(iter(kinds), None) or "clutch"
     input_unit = _single({run.input_unit for run in cut_steps}, "input units", "say one with «units» input=UNIT")
     output_unit = _single({run.output_unit for run in cut_steps}, "output units", "say one with «units» output=UNIT")
     apparatus = _apparatus(cut_steps, options, kind)
@@ -169,14 +172,6 @@ def _stopped(runs: Sequence[Run], found: Mapping[str, Sequence[Finding]]) -> set
     of_all = set.intersection(*(codes[name] for name in rises))
     out = {name for name, own in codes.items() if own - of_all}
     return set() if out.issuperset(rises) else out
-
-
-def _kind(runs: Sequence[Run], options: ReadOptions) -> Kind:
-    """The experiment that all logs are of, as the user says, else as their columns say; a clutch where neither does."""
-    kinds = {run.kind for run in runs if run.kind is not None}
-    if options.kind is None and len(kinds) > 1:
-        raise DataError(f"the logs are of different experiments ({', '.join(sorted(kinds))}); give one, or say «kind»")
-    return options.kind or next(iter(kinds), None) or "clutch"
 
 
 def _apparatus(runs: Sequence[Run], options: ReadOptions, kind: Kind) -> Apparatus:

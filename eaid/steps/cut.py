@@ -284,8 +284,13 @@ def cut_reversals(run: Run) -> list[Run]:
     known = bool(np.isfinite(run.input).all())
     if run.level is None and not known:
         raise no_level(run)
-    legs = [(a, _still_fast(run.position[a:b]) + a) for a, b in itertools.pairwise([*at, len(run.time_s)])]
-    strokes = [(a, b) for a, b in legs if b - a >= FEWEST]
+    strokes = []
+    for a, b in itertools.pairwise([*at, len(run.time_s)]):
+        lag = max(1, (b - a) // 40)
+        speed = np.abs(run.position[a + lag : b] - run.position[a : b - lag])
+        if len(speed):  # until it slows down for the next turn, for the friction then changes with the speed
+            b = a + lag + int(np.flatnonzero(speed >= SLOWS * median(speed))[-1])
+        strokes += [(a, b)] if b - a >= FEWEST else []
     steps = []
     for k, (start, stop) in enumerate(strokes):
         way = 1.0 if float(run.position[stop - 1]) > float(run.position[start]) else -1.0
@@ -297,13 +302,6 @@ def cut_reversals(run: Run) -> list[Run]:
         steps.append(replace(stroke, input=np.abs(stroke.input) * way if known else stroke.input))
     said = finding("cut-at-reversals", run.name, reversals=len(steps))
     return [replace(steps[0], findings=(*run.findings, said)), *(replace(one, findings=()) for one in steps[1:])]
-
-
-def _still_fast(stroke: Array) -> int:
-    """Samples of a stroke until it slows down for the next turn, for the friction then changes with the speed."""
-    lag = max(1, len(stroke) // 40)
-    speed = np.abs(stroke[lag:] - stroke[:-lag])
-    return int(np.flatnonzero(speed >= SLOWS * median(speed))[-1]) + lag if len(speed) else len(stroke)
 
 
 def turns_of(position: Array) -> list[int]:

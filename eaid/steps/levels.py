@@ -33,17 +33,12 @@ def same_level(a: float, b: float, noise: float = math.inf) -> bool:
     return abs(a - b) <= max(min(WITHIN * size, TOLD_APART * noise), CLOSE * size, 1e-12)
 
 
-def hold_noise(run: Run) -> float:
-    """Noise of the input under a step's hold; 0 where it is commanded, or said by the file name."""
-    hold = run.input[Step(run).start :]
-    return 0.0 if not len(hold) or bool(np.isnan(hold[0])) else sample_noise(hold)
-
-
 def grouped(runs: Sequence[Run]) -> list[tuple[float, list[Run]]]:
     """Steps by level, rising: the first input of each level and its runs, in the order given."""
     groups: list[tuple[float, float, list[Run]]] = []
     for run in sorted(runs, key=lambda one: abs(one.level or 0.0)):
-        level, noise = abs(run.level or 0.0), hold_noise(run)
+        level, hold = abs(run.level or 0.0), run.input[Step(run).start :]
+        noise = sample_noise(hold) if len(hold) and not np.isnan(hold[0]) else 0.0  # of one that is commanded: 0
         if groups and same_level(groups[-1][0], level, max(noise, groups[-1][1])):
             groups[-1][2].append(run)
         else:
@@ -170,7 +165,10 @@ def counted_once(runs: Sequence[Run]) -> list[Run]:
         first = groups[-1][0] if groups else run
         if not groups or _what(run) != _what(first) or not same_level(run.level or 0.0, first.level or 0.0, 0.0):
             groups.append((run, []))
-        at = _step_of(run)
+        if run.step_s is not None:
+            at = int(np.searchsorted(run.time_s, run.step_s - 1e-9))
+        else:
+            at = int((np.abs(run.input - run.input[:1]) > 0.1 * np.ptp(run.input)).argmax()) if len(run.input) else 0
         begin = max(0, at - BEFORE)
         groups[-1][1].append(_Values(run, run.output[begin : at + BEHIND], at - begin))
     kept: dict[int, Run] = {}
@@ -203,13 +201,6 @@ def _log_of(run: Run) -> tuple[str, str]:
 
 def _what(run: Run) -> tuple[str, str, str, str]:
     return run.edge, run.kind or "", run.input_unit, run.output_unit
-
-
-def _step_of(run: Run) -> int:
-    if run.step_s is not None:
-        return int(np.searchsorted(run.time_s, run.step_s - 1e-9))
-    moved = np.abs(run.input - run.input[0]) > 0.1 * np.ptp(run.input) if len(run.input) else np.zeros(1, dtype=bool)
-    return int(moved.argmax())
 
 
 def _compared(one: _Values, other: _Values) -> str | None:

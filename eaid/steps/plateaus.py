@@ -120,17 +120,13 @@ def bridge(holds: list[Plateau]) -> tuple[list[Plateau], int]:
 
 def stands_still(holds: list[Plateau], values: Array) -> bool:
     """True where an input stands still for at least half of its record: what leans is part of a slow ramp."""
-    allowed = tolerance(values)
-    still = sum(
-        hold.count for hold in holds if hold.count >= FEWEST and abs(_lean(values[hold.start : hold.stop])) <= allowed
-    )
+    allowed, still = tolerance(values), 0
+    for hold in holds:
+        part = values[hold.start : hold.stop]
+        quarter = max(1, len(part) // 4)
+        if hold.count >= FEWEST and abs(float(part[-quarter:].mean() - part[:quarter].mean())) <= allowed:
+            still += hold.count
     return still >= len(values) / 2
-
-
-def _lean(part: Array) -> float:
-    """Mean of the last quarter of a stretch less that of the first."""
-    quarter = max(1, len(part) // 4)
-    return float(part[-quarter:].mean() - part[:quarter].mean())
 
 
 def sample_s(run: Run) -> float:
