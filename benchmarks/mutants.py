@@ -164,6 +164,7 @@ def tests_for(mutant: Mutant, seconds: dict[str, float], by_line: dict[str, list
     tests = by_line.get(f"{path}:{line}", [])[:]
     if not tests:
         ran_file = {test for key, some in by_line.items() if key.startswith(f"{path}:") for test in some}
+        ran_file = ran_file or set(seconds)  # a reader, in a process of its own
         total = 0.0
         for test in sorted(ran_file, key=seconds.__getitem__):
             total += seconds[test]

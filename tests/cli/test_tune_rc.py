@@ -54,25 +54,14 @@ def test_the_paper_s_linear_model_gives_the_paper_s_gains(by_hand, run_eaid):
 
 
 def test_every_option_reaches_the_gains(tuned):
-    linear = {"nonlinear": None}
-    words = "--kp 9 --kd 4 --epsilon 0.3 --gamma 60 --p-scale 3 --q-max 7 --phi 0.02 --b-hat minimax"
-    rc = tuned(words, parts=linear)["rc"]
+    words = "--kp 9 --kd 4 --epsilon 0.3 --gamma 60 --p-scale 3 --q-max 7 --phi 0.02 --b-hat minimax --pi-gains 30,100"
+    gains = tuned(f"{words} --anti-windup back-calculation --duty-limits 5,90 --pwm-hz 0 --rate-hz 500")
+    rc, pi = gains["rc"], gains["pi"]
     assert (rc["K_P"], rc["K_D"], rc["epsilon"], rc["gamma"], rc["Q_M"], rc["phi"]) == (9, 4, 0.3, 60, 7, 0.02)
-    assert rc["P"] == [[3.0, 0.0], [0.0, 3.0]] and rc["guaranteed"]
-    assert rc["B_hat"] == pytest.approx(2 * 12.4 * 42.6 / 55, abs=1e-3)  # the middle in the sense of 1/B
-    assert tuned("--b-hat 15", parts=linear)["rc"]["B_hat"] == 15.0
-    assert tuned("--rho textbook", parts=linear)["rc"]["rho"]["constant"] == pytest.approx(6.0977, abs=1e-4)
-    assert tuned("--alpha reached", parts=linear)["rc"]["guaranteed"] is True
-    damped = tuned("--natural-frequency 2.1213203 --damping 0.70710678", parts=linear)["rc"]
-    assert (damped["K_P"], damped["K_D"]) == pytest.approx((4.5, 3.0), rel=1e-6)
-    pi = tuned("--pi-overshoot 1 --pi-settling 0.27", parts=linear)["pi"]
-    assert (pi["K_P"], pi["K_I"]) == pytest.approx((156.6, 252.9), abs=0.1)
-    pi = tuned("--pi-gains 30,100", parts=linear)["pi"]
-    assert (pi["K_P"], pi["K_I"]) == (30.0, 100.0)
-    back = tuned("--anti-windup back-calculation --duty-limits 5,90", parts=linear)
-    assert back["duty_limits_pct"] == [5.0, 90.0] and back["options"]["anti_windup"] == "back-calculation"
-    timing = tuned("--pwm-hz 0 --rate-hz 500", parts=linear)["margins"]["timing"]
-    assert timing == {"rate_hz": 500.0, "pwm_hz": None, "delay_samples": 0}
+    assert rc["P"] == [[3.0, 0.0], [0.0, 3.0]] and rc["B_hat"] == pytest.approx(2 * 12.4 * 42.6 / 55, abs=1e-3)
+    assert (pi["K_P"], pi["K_I"], pi["anti_windup"]["method"]) == (30.0, 100.0, "back-calculation")
+    assert gains["duty_limits_pct"] == [5.0, 90.0]
+    assert gains["margins"]["timing"] == {"rate_hz": 500.0, "pwm_hz": None, "delay_samples": 0}
 
 
 def test_the_logs_that_a_fit_names_are_taken_while_they_are_the_same(rig, run_eaid):
