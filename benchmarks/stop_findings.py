@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.signal import lfilter
 
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
@@ -33,6 +32,8 @@ def wander(random: np.random.Generator, count: int, samples: float) -> Array:
     """Noise of unit variance whose autocorrelation falls to 1/e within so many samples."""
     rho = float(np.exp(-1 / samples))
     white = np.sqrt(1 - rho**2) * random.normal(size=count)
+    from scipy.signal import lfilter  # slow to import, and tests collect this module
+
     return np.asarray(lfilter([1.0], [1.0, -rho], white))
 
 
