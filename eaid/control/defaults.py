@@ -112,7 +112,7 @@ def timing_of(fit: Fit, options: TuneOptions) -> Timing:
 def design_options(
     fit: Fit, options: TuneOptions, scales: Scales, slope: float | None, phi_shown: float | None
 ) -> Design:
-    """The numbers of a design, from what was said and, where nothing was, from the rig.
+    """The numbers of a design, from the options and, where they are silent, from the rig.
 
     `slope` is the largest of the reference [output/s], `phi_shown` what the data show of |η − η̂| [input].
     """
