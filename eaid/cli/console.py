@@ -253,17 +253,12 @@ def _lines(label: str, total: int) -> Callable[[], None]:
     return advance
 
 
-def table(title: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print a table on stdout."""
-    if not _quiet:
-        cells = [[safe(cell) for cell in row] for row in [heads, *rows]]
-        print("\n".join([wrapped(title, sys.stdout), *aligned(cells, _width_of(sys.stdout))]))
-
-
 def show(made: "Table") -> None:
-    """Print a table of the report, its caption behind the heading; nothing where it has no rows."""
-    if made.rows:
-        table(f"{made.heading}. {made.caption}".rstrip(), made.heads, made.texts)
+    """Print a table on stdout, its caption behind the heading; nothing where it has no rows."""
+    if made.rows and not _quiet:
+        cells = [[safe(cell) for cell in row] for row in (made.heads, *made.texts)]
+        title = wrapped(f"{made.heading}. {made.caption}".rstrip(), sys.stdout)
+        print("\n".join([title, *aligned(cells, _width_of(sys.stdout))]))
 
 
 def done(path: "Path", what: str, after: str) -> None:

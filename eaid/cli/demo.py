@@ -47,9 +47,7 @@ def command(args: Arguments) -> None:
     page = folder / "report.html"
     if args.json:
         files = sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
-        from eaid.cli.printed import Filled
-
-        console.print_json(Filled(page, tuple(files)))
+        console.print_json({"page": page, "files": files})
     for line in five_numbers(folder):
         console.line(line)
     console.done(page, f"{len(CLUTCH) + len(FRICTION) + 1} commands", "open it in a browser")

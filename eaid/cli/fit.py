@@ -33,7 +33,7 @@ def command(args: Arguments) -> int:
 
     from eaid import api
     from eaid.cli import inputs
-    from eaid.cli.fit_tables import closing, show
+    from eaid.cli.printed import closing, show_fit
     from eaid.files import refuse_to_overwrite
     from eaid.logs.folders import files_read
     from eaid.results import codec
@@ -47,7 +47,7 @@ def command(args: Arguments) -> int:
         if args.json:
             console.print_json(result, "fit")
         else:
-            show(result, args.output, args.tables or args.verbose, args.verbose)
+            show_fit(result, args.output, args.tables or args.verbose, args.verbose)
     console.tell(result.findings, args.verbose)
     console.say(closing(result, args.output))
     if result.verdict.usable:

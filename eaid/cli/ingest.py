@@ -34,8 +34,7 @@ def command(args: Arguments) -> None:
     """
     from eaid.apparatus import Apparatus
     from eaid.cli import inputs
-    from eaid.cli.ingest_tables import print_edges, print_tables
-    from eaid.cli.printed import Ingested
+    from eaid.cli.printed import ingested, show_edges, show_steps
     from eaid.files import refuse_to_overwrite
     from eaid.logs.dataset import write_dataset
     from eaid.logs.folders import files_read
@@ -49,7 +48,7 @@ def command(args: Arguments) -> None:
         rig = options.apparatus or whole[0].apparatus or Apparatus()
         kind = options.kind or whole[0].kind or "clutch"
         write_dataset(args.output, whole, kind=kind, apparatus=rig, force=args.force)
-        print_edges(logs, args.json)
+        show_edges(logs, args.json)
         console.done(args.output, f"{counted(len(logs), 'log')} as recorded", f"eaid report {args.output}")
         return
     runs, stepset = inputs.runs_from(args.logs, options, seen=console.say)
@@ -62,9 +61,9 @@ def command(args: Arguments) -> None:
         console.say(f"{at}: written; eaid ingest {at.parent} needs no options now")
     write_dataset(args.output, runs, kind=stepset.kind, apparatus=stepset.apparatus, force=args.force)  # type: ignore[arg-type]
     if args.json:
-        console.print_json(Ingested.of(stepset), "ingest")
+        console.print_json(ingested(stepset), "ingest")
     else:
-        print_tables(stepset)
+        show_steps(stepset)
     console.done(
         args.output,
         f"{counted(len(runs), 'run')}, {counted(len(stepset.levels), 'level')}",

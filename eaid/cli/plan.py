@@ -36,7 +36,7 @@ def command(args: Arguments) -> None:
     import msgspec
 
     from eaid import api
-    from eaid.cli.plan_tables import cost, show, write
+    from eaid.cli.printed import cost, show_plan, write_plan
     from eaid.files import refuse_to_overwrite
     from eaid.results import codec
     from eaid.results.common import Input
@@ -53,10 +53,10 @@ def command(args: Arguments) -> None:
     planned = api.plan_excitation if args.excitation else api.plan
     plan: Plan | Excitation = planned(fit, part(PlanOptions, args), progress=console.progress)
     plan = msgspec.structs.replace(plan, inputs=(Input.of(args.fit),), command=args.typed)
-    write(files, plan, fit.data.kind, args.force)
+    write_plan(files, plan, fit.data.kind, args.force)
     if args.json:
         console.print_json(plan, "plan")
     else:
-        show(plan, args.idle_s, args.release_s)
+        show_plan(plan, args.idle_s, args.release_s)
     console.tell((*warnings, *plan.findings))
     console.say(f"{', '.join(map(str, files))}: {cost(plan)}")

@@ -1,127 +1,173 @@
-"""What `--json` prints where no result file says it."""
+"""What commands print of fits, of what was read and of plans; and `--json` where no file says it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from eaid.apparatus import Apparatus
-from eaid.findings import Finding
+from eaid.cli import console
+from eaid.errors import on_command_line
+from eaid.files import all_written_whole
+from eaid.findings import Finding, say
 from eaid.logs.run import Run
+from eaid.planning.recordings import input_changes
+from eaid.report.tables import Name, Table, columns, table_of
+from eaid.report.tables.data import EDGE_PARTS, between_levels, highest_slips, levels_recorded, slips_table
+from eaid.report.tables.fits import judging_tables, model_tables
 from eaid.results.common import Input
+from eaid.results.fit import Fit
+from eaid.results.plan import Plan
+from eaid.results.recorded import Excitation
+from eaid.results.summary import answer, runs, verdict_line, warned
+from eaid.shown import counted
 from eaid.steps.edges import Edge
 from eaid.steps.stepset import Level, LevelStep, RunRecord, StepSet
+from eaid.synth.files import RUN_TABLE, input_file
+
+PARTS = ("friction", "nonlinear", "linear", "release", "steps")
 
 
-@dataclass(frozen=True)
-class OneLevel:
-    """A level of --json."""
-
-    level: float
-    repeats: int
-    samples: int
-    runs: tuple[str, ...]
-
-    @classmethod
-    def of(cls, level: Level) -> "OneLevel":
-        """What is printed of a level."""
-        return cls(level.level, len(level.names), len(level.time_s), level.names)
+def show_fit(fit: Fit, file: Path, tables: bool, verbose: bool) -> None:
+    """The answer in eight lines, the gravest warnings and what to do next; all tables; those that judge it too."""
+    usable = fit.verdict.usable
+    after = "tune-rc" if fit.linear is not None and usable else "report"
+    label = "warned " if usable else "stop   "
+    warnings = label + (", ".join(warned(fit)) or "none")
+    for line in (*verdict_line(fit), *answer(fit), warnings, f"next   eaid {after} {file}"):
+        console.line(line)
+    shown = model_tables(fit, asked=False) if tables else []
+    for table in [*shown, *(judging_tables(fit) if tables and verbose else ())]:
+        console.show(table)
 
 
-@dataclass(frozen=True)
-class OneStep:
-    """A step between levels of --json."""
+def closing(fit: Fit, file: Path) -> str:
+    """The last line: the file, what it holds, and of which data."""
+    parts = ", ".join(name for name in PARTS if getattr(fit, name)) or "no model"
+    return f"{file}: {parts} of {runs(fit, f'{fit.data.kind} run')}"
 
-    run: str
-    from_: float
-    level: float
-    edge: str
-    start: float
-    change: float
-    gain: float
-    window_s: float
 
-    @classmethod
-    def of(cls, step: LevelStep) -> "OneStep":
-        """What is printed of a step."""
-        end = float(step.time_s[-1])
-        return cls(step.name, step.from_level, step.level, step.edge, step.start, step.change, step.gain, end)
+MOST = 20
+"""Steps from level to level that are listed; all are in the file and in --json."""
+
+
+def show_steps(data: StepSet) -> None:
+    """What was read: one line a level, one line a step between levels, slips and warnings."""
+    made = f", synthetic: {data.synthetic}" if data.synthetic else ""
+    rates = sorted(run.rate_hz for run in data.runs) or [0.0]
+    rate = " to ".join(dict.fromkeys(f"{one:.5g}" for one in (rates[0], rates[-1])))
+    what = f"{counted(len(data.levels), 'level')}, {counted(len(data.runs), 'run')}"
+    console.line(f"{data.kind}: {what}, {rate} Hz{made}")
+    between = [step for step in data.level_steps if step.from_level != 0.0 and step.level != 0.0]
+    console.show(levels_recorded(data))
+    console.show(between_levels(between[:MOST], data))
+    if len(between) > MOST:
+        console.line(f"and {len(between) - MOST} more")
+    console.show(slips_table(highest_slips(data), data))
+    console.show(table_of(
+        "Warnings", "", data.all_findings,
+        ("", lambda one: console.PREFIX[one.severity]), ("run", lambda one: Name(console.shortened(one.subject))),
+        ("what", lambda one: Name(on_command_line(say(one)))),
+    ))  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Ingested:
-    """What --json prints: the levels, runs and findings."""
+    """What `ingest --json` prints: the levels, runs and findings."""
 
     kind: str
     input_unit: str
     output_unit: str
     synthetic: str | None
     apparatus: Apparatus
-    levels: tuple[OneLevel, ...]
-    releases: tuple[OneLevel, ...]
-    level_steps: tuple[OneStep, ...]
+    levels: tuple[dict[str, Any], ...]
+    releases: tuple[dict[str, Any], ...]
+    level_steps: tuple[dict[str, Any], ...]
     runs: tuple[RunRecord, ...]
     findings: tuple[Finding, ...]
 
-    @classmethod
-    def of(cls, data: StepSet) -> "Ingested":
-        """What is printed of a step set."""
-        levels, releases = (tuple(map(OneLevel.of, each)) for each in (data.levels, data.releases))
-        steps = tuple(map(OneStep.of, data.level_steps))
-        return cls(
-            data.kind, data.input_unit, data.output_unit, data.synthetic, data.apparatus, levels, releases, steps,
-            data.runs, data.all_findings,
-        )  # fmt: skip
+
+def ingested(data: StepSet) -> Ingested:
+    """What is printed of a step set."""
+
+    def level(one: Level) -> dict[str, Any]:
+        return {"level": one.level, "repeats": len(one.names), "samples": len(one.time_s), "runs": one.names}
+
+    def step(one: LevelStep) -> dict[str, Any]:
+        keys = ("level", "edge", "start", "change", "gain")
+        of = {"run": one.name, "from": one.from_level, **{key: getattr(one, key) for key in keys}}
+        return {**of, "window_s": float(one.time_s[-1])}
+
+    return Ingested(
+        data.kind, data.input_unit, data.output_unit, data.synthetic, data.apparatus, tuple(map(level, data.levels)),
+        tuple(map(level, data.releases)), tuple(map(step, data.level_steps)), data.runs, data.all_findings,
+    )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class LogEdges:
-    """The edges of one log's output."""
-
-    run: str
-    edges: tuple[Edge, ...]
+def _at(run: Run, edge: Edge) -> float:
+    return run.start_s + edge.at_s
 
 
-@dataclass(frozen=True)
-class Edges:
-    """What --edges --json prints."""
-
-    logs: tuple[LogEdges, ...]
-
-
-@dataclass(frozen=True)
-class Made:
-    """One synthetic run."""
-
-    name: str
-    level: float | None
-    repeat: int | None
-    samples: int
+def show_edges(logs: Sequence[tuple[Run, tuple[Edge, ...]]], json: bool) -> None:
+    """A table of the edges of each log, or JSON, on stdout."""
+    if json:
+        console.print_json({"logs": [{"run": run.name, "edges": each} for run, each in logs]})
+        return
+    for run, each in logs:
+        unit = run.output_unit
+        console.show(table_of(
+            run.name, f"{counted(len(each), 'edge')} of its output.", each,
+            (("at", "s"), partial(_at, run)), (("from", unit), "before"), ("to", "after"),
+            *EDGE_PARTS,
+        ))  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Synthesized:
-    """What --json prints."""
-
-    output: Path
-    synthetic: str | None
-    kind: str | None
-    input_unit: str
-    output_unit: str
-    inputs: tuple[Input, ...]
-    seed: int
-    runs: tuple[Made, ...]
-
-    @classmethod
-    def of(cls, output: Path, runs: list[Run], inputs: tuple[Input, ...], seed: int) -> "Synthesized":
-        """What is printed of some runs."""
-        rows = tuple(Made(run.name, run.level, run.repeat, run.time_s.size) for run in runs)
-        first = runs[0]
-        units = first.input_unit, first.output_unit
-        return cls(output, first.synthetic, first.kind, *units, inputs, seed, rows)
+def synthesized(output: Path, made: Sequence[Run], inputs: tuple[Input, ...], seed: int) -> dict[str, Any]:
+    """What `synth --json` prints."""
+    first = made[0]
+    rows = [{"name": r.name, "level": r.level, "repeat": r.repeat, "samples": r.time_s.size} for r in made]
+    of = {key: getattr(first, key) for key in ("synthetic", "kind", "input_unit", "output_unit")}
+    return {"output": output, **of, "inputs": inputs, "seed": seed, "runs": rows}
 
 
-@dataclass(frozen=True)
-class Filled:
-    """What --json prints: the page, and every file of the folder."""
+def write_plan(files: Sequence[Path], plan: Plan | Excitation, kind: str, force: bool) -> None:
+    """The run table and the input file, both whole or neither; of a sequence the input file alone."""
+    if isinstance(plan, Excitation):
+        contents = [input_file(plan.duty, "clutch", plan.input_unit)]
+    else:
+        rows = [f"{r.order},{r.level:.9g},{r.repeat},{r.idle_s:g},{r.hold_s:g},{r.release_s:g}" for r in plan.runs]
+        changes = input_file(input_changes(plan.runs), kind, plan.input_unit)
+        contents = [[",".join(RUN_TABLE), *rows], changes]
+    with all_written_whole(files, force) as parts:
+        for part, lines in zip(parts, contents, strict=True):
+            part.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
-    page: Path
-    files: tuple[str, ...]
+
+def show_plan(plan: Plan | Excitation, idle_s: float, release_s: float) -> None:
+    """The plan for people."""
+    of = "19 of 20"
+    if isinstance(plan, Plan):
+        of = "four of five"
+        rows = tuple((f"{level:g}", hold) for level, hold in zip(plan.levels, plan.hold_s, strict=True))
+        caption = (
+            f"{plan.repeats} repeats of each level, in the order of the run table; each run idles for {idle_s:g} s "
+            f"before its step and is recorded for {release_s:g} s after its release"
+        )
+        console.show(Table("What to record", caption, columns(("level", plan.input_unit), ("hold", "s", 3)), rows))
+    measured = plan.measured_half_width_pct or {}
+    widths = tuple((name, plan.wanted.get(name), w, measured.get(name)) for name, w in plan.half_width_pct.items())
+    heads = columns("parameter", ("wanted", "%", 3), ("predicted", "%", 3), ("kept", "%", 3))
+    caption = f"Of the 95 % intervals at the worst level; kept: by {of} simulated recordings"
+    console.show(Table("Half-widths", caption, heads, widths))
+
+
+def cost(plan: Plan | Excitation) -> str:
+    """What a plan costs on the rig, and what is to be minded."""
+    if isinstance(plan, Excitation):
+        classic = plan.classic_time_on_rig_s
+        beside = "never reach these widths" if classic is None else f"take {classic:.0f} s"
+        engaged = f"{plan.time_on_rig_s:.0f} s on the rig in {plan.engagements} engagements"
+        return f"{engaged}; steps from rest {beside}; next: record it, then eaid fit"
+    minutes = f"{counted(len(plan.runs), 'run')}, {plan.time_on_rig_s / 60:.0f} minutes on the rig"
+    return f"{minutes}; next: record whole blocks in this order, not sweeps, then eaid fit"

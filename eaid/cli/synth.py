@@ -26,7 +26,7 @@ def command(args: Arguments) -> None:
 
     Example: eaid synth --levels 20,60,100 --repeats 2 --hold 8 -o logs
     """
-    from eaid.cli.printed import Synthesized
+    from eaid.cli.printed import synthesized
     from eaid.files import refuse_folder, refuse_to_overwrite
     from eaid.results import codec
     from eaid.results.common import Input
@@ -57,7 +57,7 @@ def command(args: Arguments) -> None:
     (write if is_dataset else write_folder)(args.output, runs, args.force)
     console.tell(warnings, verbose=True)
     if args.json:
-        console.print_json(Synthesized.of(args.output, runs, tuple(map(Input.of, inputs)), args.seed), "synth")
+        console.print_json(synthesized(args.output, runs, tuple(map(Input.of, inputs)), args.seed), "synth")
     made_of = (runs[0].synthetic or "").partition(";")[0].removeprefix("eaid synth of ")
     summary = f"{counted(len(runs), 'synthetic run')} of {made_of}, seed {args.seed}"
     console.done(args.output, summary, f"eaid fit {args.output}")

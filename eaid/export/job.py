@@ -276,7 +276,7 @@ def laws_of(source: Source, options: ExportOptions) -> tuple[str, ...]:
 
 def timing_of(source: Source, options: ExportOptions) -> Timing:
     """Sample time and what goes with it."""
-    rate = options.rate_hz or source.rate_hz
+    rate = options.rate_hz or float(f"{source.rate_hz:.9g}")  # of a log's stamps, which round
     corner = options.rate_filter_hz or min(25.0, 0.1 * rate)
     if corner >= 0.5 * rate:
         raise UsageError(f"«rate_filter_hz» is {corner:g}; it must lie below half the control rate, {0.5 * rate:g} Hz")
@@ -322,7 +322,7 @@ def head_of(
     """What every file says of itself at its head."""
     origins = [f"{one.path}, sha256 {one.sha256}" for one in origin.inputs] or list(source.origins)
     lines = [
-        f"{', '.join(laws)} for an electroadhesive clutch, made by eaid {__version__}",
+        f"{', '.join(laws)} made by eaid {__version__}",
         "SPDX-License-Identifier: MIT",
         *(f"from {origin}" for origin in origins),
         *([f"by {origin.command}"] if origin.command else []),

@@ -7,9 +7,10 @@ import pytest
 
 from eaid.cli import console
 from eaid.findings import finding
+from eaid.report.tables import Table, columns
 
 HEADS = ["level [%]", "T_s [N·m]", "τ1 [s]", "verdict"]
-ROWS = [["10", "0.14443", "0.2268", "converged"], ["100", "4.4234", "0.28", "held: " + "word " * 20]]
+ROWS = (("10", "0.14443", "0.2268", "converged"), ("100", "4.4234", "0.28", "held: " + "word " * 20))
 
 
 @pytest.fixture
@@ -28,7 +29,8 @@ def terminal(monkeypatch):
 @pytest.mark.parametrize("width", [40, 60, 80, 120])
 def test_nothing_is_broken_mid_word_and_nothing_is_wider_than_the_terminal(width, terminal, capsys):
     terminal(width)
-    console.table("A title of some words, which is longer than forty letters are", HEADS, ROWS)
+    title = "A title of some words, which is longer than forty letters are"
+    console.show(Table(title, "", columns(*HEADS), ROWS))
     console.say("word " * 30)
     told = capsys.readouterr()
     assert max(map(len, (told.out + told.err).splitlines())) <= width
@@ -43,7 +45,7 @@ def test_nothing_is_broken_mid_word_and_nothing_is_wider_than_the_terminal(width
 def test_names_have_no_power_over_the_terminal(evil, capsys):
     console.fail(evil)
     console.say(evil)
-    console.table(evil, [evil], [[evil]])
+    console.show(Table(evil, "", columns(evil), ((evil,),)))
     told = capsys.readouterr()
     assert told.err.count("\n") == 2 and told.out.count("\n") == 3
     assert evil not in told.err + told.out

@@ -8,8 +8,10 @@ from msgspec.structs import replace
 
 from eaid.errors import on_command_line
 from eaid.findings import say
+from eaid.logs.run import Run
 from eaid.report.results import KINDS, EdgeLog, Results
 from eaid.report.tables import Cell, Name, Table, columns, level, table_of
+from eaid.steps.edges import Edge
 from eaid.steps.stepset import LevelStep, RunRecord, StepSet
 
 
@@ -101,13 +103,19 @@ def highest_slips(data: StepSet) -> list[RunRecord]:
     return [highest[u] for u in sorted(highest)]
 
 
+EDGE_PARTS = (
+    (("rise", "s", 3), "rise_s"), (("overshoot", "%", 3), "overshoot_pct"), (("settled in", "s", 3), "settling_s"),
+)  # fmt: skip
+"""The course of an edge: heads of columns and attributes."""
+
+
 def edges_table(logs: Sequence[EdgeLog]) -> Table:
     """One row an edge of an output: where it goes, and how it gets there.
 
     What the reference asks for behind an edge is its median in the second half of the stretch up to the next edge.
     """
     out = logs[0][0].output_unit if logs else ""
-    rows: list[tuple[Cell, ...]] = []
+    rows: list[tuple[Run, int, Edge, float | None]] = []
     for run, edges in logs:
         ends = [*(edge.at_s for edge in edges[1:]), float(run.time_s[-1])]
         for k, (edge, end) in enumerate(zip(edges, ends, strict=False)):
@@ -115,18 +123,19 @@ def edges_table(logs: Sequence[EdgeLog]) -> Table:
             if run.reference_nm is not None:
                 behind = (run.time_s >= (edge.at_s + end) / 2) & (run.time_s <= end)
                 goal = float(np.median(run.reference_nm[behind]))
-            left = None if goal is None else goal - edge.after
-            course = (edge.rise_s, edge.overshoot_pct, edge.settling_s)
-            rows.append((Name(run.name), k + 1, run.start_s + edge.at_s, edge.before, edge.after, goal, left, *course))
-    heads = columns(
-        "log", ("edge", "", 1), ("at", "s"), ("from", out), ("to", out), ("asked for", out), ("left over", out, 2),
-        ("rise", "s", 3), ("overshoot", "%", 3), ("settled in", "s", 3),
-    )  # fmt: skip
+            rows.append((run, k + 1, edge, goal))
     caption = (
         "Rise from 10 to 90 % of the change, overshoot beyond the end value, time until it stays within 5 % about it; "
         "a dash: it does not settle."
     )
-    return Table("Edges of the output", caption, heads, tuple(rows))
+    return table_of(
+        "Edges of the output", caption, rows,
+        ("log", lambda row: Name(row[0].name)), (("edge", "", 1), lambda row: row[1]),
+        (("at", "s"), lambda row: row[0].start_s + row[2].at_s), (("from", out), lambda row: row[2].before),
+        (("to", out), lambda row: row[2].after), (("asked for", out), lambda row: row[3]),
+        (("left over", out, 2), lambda row: None if row[3] is None else row[3] - row[2].after),
+        *((head, lambda row, name=name: getattr(row[2], name)) for head, name in EDGE_PARTS),
+    )  # fmt: skip
 
 
 def files_table(results: Results) -> Table:

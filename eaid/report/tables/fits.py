@@ -87,7 +87,9 @@ def trends_table(fit: Fit, asked: bool | None = None) -> Table:
         rows.append((SYMBOLS[name], unit_of(fit, name), said, rmse, shown, ours.rmse if ours else None))
     heads = columns("parameter", "unit", paper, ("published RMSE", "", 3), "ours", ("our RMSE", "", 3))
     if not paper:
-        caption = f"{variable} is the level in its own unit."
+        stress = fit.friction is not None and fit.friction.over_stress
+        said = "normal stress in kPa" if stress else f"level in {fit.data.input_unit or 'the unit of its file'}"
+        caption = f"{variable} is the {said}."
         return Table("Trends over the level", caption, heads, tuple(rows)).without(2, 3)
     if force:
         return Table("Table I", "Over the normal stress σ in kPa, at constant speed.", heads, tuple(rows))
