@@ -1,17 +1,16 @@
 """Is the model right? Lack of fit against the spread of the repeats, decay under hold, the C that the runs ask for."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 from scipy.special import fdtri
 
 from eaid.arrays import Array, median
-from eaid.estimate.certainty import Estimate, levels_first
+from eaid.estimate.certainty import Estimate
 from eaid.estimate.data import Data
 from eaid.estimate.friction import LevelValues
+from eaid.estimate.from_rest import fit_levels_first
 from eaid.estimate.levels import OwnLevels, own_levels
-from eaid.estimate.levels_first import solve
 from eaid.estimate.scatter import (
     CURVES,
     Scatter,
@@ -175,17 +174,17 @@ LEAST, MOST = 0.02, 0.99
 
 def share_of(first: Estimate) -> tuple[ShareEstimate, list[Finding]]:
     """Does the C that was held fit this rig? The same estimate with C free beside it."""
-    held, levels, data, u = first.basis.share, first.levels, first.problem.data, first.problem.data.u
+    held, levels, data = first.model.share, first.levels, first.problem.data
+    assert held is not None
 
     def at(share: float) -> Array:
-        problem, x, *_ = solve(data, share, [first.x])
-        return np.log(np.maximum([problem.shape(x).Ts, *problem.values(x)[:2]], 1e-300))
+        return np.log(np.maximum(fit_levels_first(data, share, [first.x]).at.theta[:3], 1e-300))
 
-    free = levels_first(levels, data, None, near=replace(first, x=np.append(first.x, held)))
-    last = np.eye(1, free.basis.size, free.basis.size - 1)
+    free = Estimate(levels, fit_levels_first(data, None, [np.append(first.x, held)]))
+    last = np.eye(1, free.model.size, free.model.size - 1)
     variance, degrees = (float(one[0]) for one in free.influence.of(last).variance())
-    low, high, _ = first.intervals(u)
-    return _judged(held, at, np.nan if free.active else float(free.x[-1]), variance, degrees, 0.5 * (high - low))
+    low, high, _ = first.intervals(data.u)
+    return _judged(held, at, np.nan if free.held else float(free.x[-1]), variance, degrees, 0.5 * (high - low))
 
 
 def share_of_levels(own: OwnLevels, data: Data, values: LevelValues) -> tuple[ShareEstimate, list[Finding]]:
@@ -194,7 +193,8 @@ def share_of_levels(own: OwnLevels, data: Data, values: LevelValues) -> tuple[Sh
     With z = ∂f/∂C of a level less what its T_s, τ1 and τ2 can follow, C is where Σ w z'(ȳ − f) is 0, w the inverse of
     the mean squared output; a run moves it by w z'(y_r − ȳ)/(R Σ w z'z).
     """
-    held, now = own.each[0].basis.share, own
+    held, now = own.each[0].model.share, own
+    assert held is not None
     near = {held: own}
 
     def at(share: float) -> Array:

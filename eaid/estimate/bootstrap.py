@@ -11,11 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.estimate.basis import Basis
 from eaid.estimate.data import Data
-from eaid.estimate.joint import nonlinear_problem
 from eaid.estimate.points import Points, compress
-from eaid.estimate.solver import slsqp
 from eaid.models import friction
 from eaid.models.parameters import Friction
 from eaid.options import FitOptions
@@ -80,12 +77,3 @@ def _of_blocks(level: Level, fitted: Array, random: "np.random.Generator") -> Ar
     length = int(np.clip(np.searchsorted(level.time_s - level.time_s[0], BLOCK_S), 1, max(1, n // 2)))
     starts = random.integers(0, n, -(-n // length))
     return np.asarray(fitted + left[((starts[:, None] + np.arange(length)) % n).ravel()[:n]])
-
-
-def refit_joint(basis: Basis, x: Array, data: Data) -> Array:
-    """The unknowns of the joint fit of data that differ little, from its minimum before."""
-    problem = nonlinear_problem(data, basis)
-    slack = problem.A @ x - problem.b
-    if slack.min() < 0:  # the rounding of a fit that a constraint holds
-        problem = replace(problem, b=problem.b + np.minimum(slack, 0.0))
-    return slsqp(problem, x).x

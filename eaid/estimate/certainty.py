@@ -1,4 +1,4 @@
-"""How sure the estimate of `levels_first` is: T_s(u) through the levels, and how every number answers to the runs.
+"""How sure the estimate of levels first is: T_s(u) through the levels, and how every number answers to the runs.
 
 Unknowns are T_s of the L levels and the coefficients x of τ1(u), τ2(u), C. Levels with repeats contribute their runs.
 Levels of a single run contribute their own distance to the estimate, as clusters with scores corrected for their own
@@ -13,15 +13,15 @@ import numpy as np
 from scipy.special import fdtri
 
 from eaid.arrays import Array
-from eaid.estimate.basis import Basis, active_at
 from eaid.estimate.data import Data
-from eaid.estimate.levels_first import LevelsFirst, Shape, solve
+from eaid.estimate.forms import Model, nonlinear
+from eaid.estimate.from_rest import Solution, StepProblem, fit_levels_first
+from eaid.estimate.points import Normal, log_crossed
 from eaid.estimate.scatter import FEW_DEGREES, Scatter, bartlett_covariance, paule_mandel, run_residuals
 from eaid.estimate.solver import Problem, newton_step
 from eaid.estimate.spread import Counts, Influence, LevelScatter, corrected, free_inverse, gains_of, t_quantile
 from eaid.models import friction
 from eaid.models.parameters import Friction, Nonlinear
-from eaid.results.common import Solver
 from eaid.steps.stepset import Level
 
 LEVELS_TO_SPARE = 2
@@ -43,22 +43,33 @@ class Estimate:
     """The solved estimate of L levels."""
 
     levels: Sequence[Level]
-    problem: LevelsFirst
-    x: Array
-    """Coefficients of τ1(u), τ2(u), and C where it is free, in the basis."""
-    solver: Solver
-    held: tuple[int, ...]
-    """Active constraints on x."""
+    solved: Solution
+    """τ1(u), τ2(u), and C where it is free."""
 
     @property
-    def basis(self) -> Basis:
-        """Forms of T_s, τ1, τ2."""
-        return self.problem.basis
+    def problem(self) -> StepProblem:
+        """What was solved."""
+        return self.solved.steps
+
+    @property
+    def x(self) -> Array:
+        """Coefficients of τ1(u), τ2(u), and C where it is free."""
+        return self.solved.x
+
+    @property
+    def at(self) -> Normal:
+        """The levels' curves."""
+        return self.solved.at
 
     @cached_property
-    def at(self) -> Shape:
-        """The levels' curves."""
-        return self.problem.shape(self.x)
+    def model(self) -> Model:
+        """The whole model, T_s(u) among it."""
+        return nonlinear(self.problem.data.u, self.problem.model.share)
+
+    @property
+    def first(self) -> int:
+        """Coefficients of T_s(u)."""
+        return int(self.model.slices[0].stop)
 
     @cached_property
     def size(self) -> Array:
@@ -74,78 +85,69 @@ class Estimate:
     @cached_property
     def blocked(self) -> Array:
         """Rows of the active constraints over all unknowns."""
-        rows = self.problem.problem().A[list(self.held)]
+        rows = self.problem.limits.A[list(self.solved.active)]
         return np.concatenate([np.zeros((len(rows), len(self.levels))), rows], axis=1)
 
     @cached_property
     def curves(self) -> tuple[Friction, ...]:
         """The levels' curves of Eq. (3)."""
-        theta = np.concatenate([self.at.Ts[None], self.problem.values(self.x)])
-        return tuple(Friction(*row) for row in theta.T.tolist())
+        return tuple(Friction(*row) for row in self.at.theta.T.tolist())
 
     @cached_property
     def scatter(self) -> Scatter:
         """What the runs say about them."""
-        return Scatter(tuple(self.levels), self.curves, self.basis.free_share)
+        return Scatter(tuple(self.levels), self.curves, self.model.free_share)
 
     @property
     def by_levels(self) -> bool:
         """Whether levels of a single run show their scatter in their distance to the estimate."""
-        return len(self.levels) - self.problem.first >= LEVELS_TO_SPARE
+        return len(self.levels) - self.first >= LEVELS_TO_SPARE
 
     @property
     def single_degrees(self) -> float:
         """Degrees of freedom of what levels of a single run show."""
-        return float(len(self.levels) - self.problem.first) if self.by_levels else FEW_DEGREES
+        return float(len(self.levels) - self.first) if self.by_levels else FEW_DEGREES
 
-    @cached_property
-    def along(self) -> Array:
-        """Slopes of the levels' curves at the points by ln T_s, ln τ1, ln τ2, and a free logit C, (L, k, P)."""
-        at, (tau1, tau2, C) = self.at, self.problem.values(self.x)
-        scale = np.stack([tau1, tau2, *([C * (1 - C)] if self.basis.free_share else [])], axis=1)
-        others = at.slopes[:, : scale.shape[1]] * (at.Ts[:, None] * scale)[:, :, None]
-        return np.concatenate([(at.Ts[:, None] * at.phi)[:, None], others], axis=1)
+    def along(self, theta: Array) -> Array:
+        """How the curves θ go with the levels' own estimates, (L, k, 4)."""
+        return log_crossed(self.at.theta, theta, self.problem.data.points, self.model.free_share)
 
-    def influence_at(self, at: Shape, seen: LevelScatter | None = None) -> tuple[Influence, Array]:
+    def influence_at(self, at: Normal, seen: LevelScatter | None = None) -> tuple[Influence, Array]:
         """How T_s/size of the levels and x answer to the levels' own estimates at curves, and the Newton step from
         there, (L + p,); `seen` is how these scatter."""
-        L, p, problem = len(self.levels), len(self.x), self.problem
-        w = np.broadcast_to(problem.data.points.w, problem.data.points.y.shape)
-        ways = np.concatenate([at.phi[:, None] * self.size[:, None, None], at.slopes * at.Ts[:, None, None]], axis=1)
+        L, p, weight = len(self.levels), len(self.x), self.problem.weight
         take = np.zeros((L, 4, L + p))  # how T_s, τ1, τ2, C of a level go with the unknowns
-        take[np.arange(L), 0, np.arange(L)] = 1.0
-        take[:, 1:, L:] = problem.rows.transpose(1, 0, 2)
-        weighed = ways * (problem.weight[:, None] * w)[:, None]
-        gain, back = gains_of(weighed, ways, take, self.along, self.blocked)
+        take[np.arange(L), 0, np.arange(L)] = self.size
+        take[:, 1:, L:] = self.problem.M[1:].transpose(1, 0, 2)
+        every = weight[:, None, None]
+        gain, back = gains_of(every * at.information, every * self.along(at.theta), take, self.blocked)
         alone = seen is None and bool((self.repeats == 1).all())
         singles = self._singles(at, take) if alone else np.zeros((0, L + p))
-        gradient = np.einsum("lk,lkm->m", (weighed @ at.left[:, :, None])[:, :, 0], take)
+        gradient = np.einsum("lk,lkm->m", weight[:, None] * at.score, take)
         scatter = seen or self.scatter.of_levels
         return Influence((not alone) * gain, scatter, singles @ back, self.single_degrees), -gradient @ back
 
-    def _singles(self, at: Shape, take: Array) -> Array:
+    def _singles(self, at: Normal, take: Array) -> Array:
         """Scores of levels of a single run, (parts, L + p)."""
-        problem, alone = self.problem, []
+        problem, rows, alone = self.problem, self.problem.M[1:], []
         by_level, information = problem.reduced(at)
-        back = free_inverse(
-            np.einsum("kln,lkj,jlm->nm", problem.rows, information, problem.rows), self.blocked[:, len(self.levels) :]
-        )
+        curvature = np.einsum("kln,lkj,jlm->nm", rows, information, rows)
+        back = free_inverse(curvature, self.blocked[:, len(self.levels) :])
         for i in range(len(self.levels)):
             if self.by_levels:
-                own = problem.rows[:, i].T @ information[i] @ problem.rows[:, i]
-                score = -problem.rows[:, i].T @ by_level[i]
+                own = rows[:, i].T @ information[i] @ rows[:, i]
+                score = -rows[:, i].T @ by_level[i]
                 alone.append(np.append(np.zeros(len(self.levels)), corrected(own, back, score))[None])
             else:
                 alone.append(problem.weight[i] * self._within_run(at, i) @ take[i])
         return np.concatenate(alone)
 
-    def _within_run(self, at: Shape, i: int) -> Array:
+    def _within_run(self, at: Normal, i: int) -> Array:
         """Rows whose squares sum to the covariance of a single run's scores by its own noise, (4, 4)."""
         level = self.levels[i]
-        curve = Friction(float(at.Ts[i]), *self.problem.values(at.x)[:, i].tolist())
+        curve = Friction(*at.theta[:, i].tolist())
         slopes = friction.gradient(curve, level.time_s)
         noise = run_residuals(level.runs, curve.Ts * slopes[0], slopes.T)[0]
-        slopes[0] *= self.size[i]
         covariance = bartlett_covariance(level.time_s, (slopes * noise).T)
         white = np.maximum(np.diag(covariance[0]), 1e-300)
         largest = covariance[int((np.einsum("wkk->wk", covariance) / white).sum(axis=1).argmax())]
@@ -160,38 +162,38 @@ class Estimate:
     @cached_property
     def curve(self) -> "TorqueCurve":
         """T_s(u) through T_s of the levels."""
-        at, several = self.at, self.repeats > 1
+        at, several, Ts = self.at, self.repeats > 1, self.at.theta[0]
         relative, known = None, 0.0
-        if several.any() and len(self.levels) > self.problem.first:
+        if several.any() and len(self.levels) > self.first:
             every = np.eye(len(self.levels), len(self.levels) + len(self.x))
             variance = self.of_levels.of(every[several]).variance()[0]
-            part = self.size[several] / np.maximum(at.Ts[several], 1e-3 * max(float(at.Ts.max()), 1e-300))
+            part = self.size[several] / np.maximum(Ts[several], 1e-3 * max(float(Ts.max()), 1e-300))
             relative = float(np.mean(self.repeats[several] * variance * part**2)) / self.repeats
             known = float((self.repeats - 1).sum())
-        w = np.broadcast_to(self.problem.data.points.w, at.phi.shape)
-        noise = (w * at.left**2).sum(axis=1) / w.sum(axis=1) / np.maximum((w * at.phi**2).sum(axis=1), 1e-300)
-        return torque_curve(self.basis, at.Ts, relative, noise, known)
+        samples = self.problem.data.points.w.sum(axis=1)
+        noise = at.cost / samples / np.maximum(at.information[:, 0, 0], 1e-300)
+        return torque_curve(self.model, self.problem.data.u, Ts, relative, noise, known)
 
     @property
     def coefficients(self) -> Array:
-        """Of T_s(u), τ1(u), τ2(u), and C where it is free, in the basis, (n,)."""
+        """Of T_s(u), τ1(u), τ2(u), and C where it is free, (n,)."""
         return np.append(self.curve.coefficients, self.x)
 
     @property
     def parameters(self) -> Nonlinear:
         """The model of Eqs. (4)–(7)."""
-        return self.basis.parameters(self.coefficients)
+        return self.model.parameters(self.coefficients)
 
     @cached_property
-    def active(self) -> dict[str, tuple[float, ...]]:
+    def held(self) -> dict[str, tuple[float, ...]]:
         """Constraints that hold the estimate, by code, and the inputs at which they do."""
-        on_Ts = (2 * len(self.basis.duties) + i for i in self.curve.active)
-        return active_at(self.basis, [*self.problem.kept[list(self.held)].tolist(), *on_Ts])
+        on_Ts = self.model.limited[list(self.curve.active)].tolist()
+        return {**self.solved.held, **({"Ts-zero": tuple(on_Ts)} if on_Ts else {})}
 
     @cached_property
     def answers(self) -> Array:
         """How the coefficients follow from T_s/size of the levels and x, (n, L + p)."""
-        first, found = self.problem.first, np.zeros((self.basis.size, len(self.levels) + len(self.x)))
+        first, found = self.first, np.zeros((self.model.size, len(self.levels) + len(self.x)))
         found[:first, : len(self.levels)] = self.curve.gains * self.size * np.sqrt(self.curve.widened)
         found[first:, len(self.levels) :] = np.eye(len(self.x))
         return found
@@ -201,8 +203,8 @@ class Estimate:
         whole = of_levels.of(self.answers)
         if not ((self.repeats == 1).all() and self.by_levels):
             return whole
-        apart = np.zeros((len(self.levels), self.basis.size))
-        apart[:, : self.problem.first] = (self.curve.gains * np.sqrt(self.curve.variance)).T
+        apart = np.zeros((len(self.levels), self.model.size))
+        apart[:, : self.first] = (self.curve.gains * np.sqrt(self.curve.variance)).T
         return replace(whole, singles=np.concatenate([whole.singles, apart]))
 
     @cached_property
@@ -212,12 +214,12 @@ class Estimate:
 
     def refit(self, data: Data) -> Array:
         """The coefficients for data that differ little, with the weights of T_s(u) kept, (n,)."""
-        problem, x, *_ = solve(data, None if self.basis.free_share else self.basis.share, [self.x])
-        return np.append(self.curve.gains @ problem.shape(x).Ts, x)
+        again = fit_levels_first(data, self.model.share, [self.x])
+        return np.append(self.curve.gains @ again.at.theta[0], again.x)
 
     def numbers(self, u: Array, c: Array) -> tuple[Array, Array]:
         """ln T_s, ln τ1, ln τ2 at inputs, (3, m), and their slopes by the coefficients c, (3, m, n)."""
-        rows = self.basis.rows(u)[:3]
+        rows = self.model.rows(u)[:3]
         value = np.maximum(rows @ c, 1e-300)
         return np.log(value), rows / value[:, :, None]
 
@@ -232,7 +234,7 @@ class Estimate:
         influence = self.influence
         if seen is not None:
             influence = self.influence_at(self.at, seen)[0].of(self.answers)
-        variance, degrees = (v.reshape(3, -1) for v in influence.of(slopes.reshape(-1, self.basis.size)).variance())
+        variance, degrees = (v.reshape(3, -1) for v in influence.of(slopes.reshape(-1, self.model.size)).variance())
         reach = t_quantile(degrees) * np.sqrt(variance)
         low, high = value - reach, value + reach
         if seen is None and (self.repeats == 1).all() and not self.by_levels:
@@ -258,14 +260,14 @@ class Estimate:
 
         Neyman's score test: from a supposed place the Newton step leads back by more than t standard deviations there.
         """
-        first, before, last = self.problem.first, 0.0, self.numbers(u, self.coefficients)[0][:, 0]
-        problem = self.problem.problem()
+        first, before, last = self.first, 0.0, self.numbers(u, self.coefficients)[0][:, 0]
+        limits = self.problem.limits
         for factor in OUTWARD:
             x = self.x + np.expm1(factor * reach) * way[first:]
-            if not np.isfinite(x).all() or (problem.A @ x < problem.b - 1e-9).any():
+            if not np.isfinite(x).all() or (limits.A @ x < limits.b - 1e-9).any():
                 return last if np.isfinite(x).all() else None
-            at = self.problem.shape(x)
-            c = np.append(self.curve.coefficients + self.curve.gains @ (at.Ts - self.at.Ts), x)
+            at = self.problem.at(x)
+            c = np.append(self.curve.coefficients + self.curve.gains @ (at.theta[0] - self.at.theta[0]), x)
             value, slopes = self.numbers(u, c)
             influence, step = self.influence_at(at, seen)
             variance, degrees = influence.of(slopes[2] @ self.answers).variance()
@@ -294,14 +296,16 @@ class TorqueCurve:
     """Rows of the constraints that hold it, among those of T_s ≥ 0."""
 
 
-def torque_curve(basis: Basis, Ts: Array, relative: Array | None, noise: Array, degrees: float) -> TorqueCurve:
+def torque_curve(
+    model: Model, u: Array, Ts: Array, relative: Array | None, noise: Array, degrees: float
+) -> TorqueCurve:
     """T_s(u) ≥ 0 through the levels' T_s by least squares, with the variance `relative` T_s(u)² + `noise`, (L,) each.
 
     `relative` is known by so many degrees of freedom; None: it is found from the levels' distance to the curve. Where
     that is more than chance lets it be, it counts in place of the variance.
     """
-    first = basis.slices[1].start
-    D, duties = basis.M[0][:, :first], basis.M_of_duties[0][:, :first]
+    assert model.Ts is not None
+    first, D, duties = model.Ts.size, model.Ts.rows(u), model.Ts.rows(model.limited)
     spare, largest = len(Ts) - first, float(Ts.max())
     if largest <= 0:
         nothing = np.zeros((first, len(Ts)))
@@ -337,5 +341,4 @@ def torque_curve(basis: Basis, Ts: Array, relative: Array | None, noise: Array, 
 
 def levels_first(levels: Sequence[Level], data: Data, share: float | None, near: Estimate | None = None) -> Estimate:
     """The estimate from the runs of L levels, `data` being their means; `near` is that of data that differ little."""
-    problem, x, solver, active = solve(data, share, None if near is None else [near.x])
-    return Estimate(levels, problem, x, solver, tuple(active))
+    return Estimate(levels, fit_levels_first(data, share, None if near is None else [near.x]))

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from eaid.arrays import Array, median
-from eaid.estimate.basis import Basis, limits
+from eaid.estimate.forms import Model
 from eaid.estimate.spread import Degrees, t_quantile
 from eaid.models.nonlinear import CHECKED_DUTIES
-from eaid.models.parameters import Nonlinear
+from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
 from eaid.results.common import Interval
 from eaid.results.fit import CoefficientIntervals, Covariance
 
@@ -58,22 +58,21 @@ def coefficients_of(p: Nonlinear, share_free: bool = False) -> Coefficients:
     return Coefficients(values, (len(p.tau1), len(p.tau2), len(p.Ts)), p.u_range, p.C, share_free)
 
 
-def from_basis(basis: Basis) -> Array:
-    """How the coefficients follow from the unknowns of a basis, (P, n)."""
-    rows = [coefficients_of(basis.parameters(row), basis.free_share).values for row in np.eye(basis.size)]
+def turned(model: Model) -> Array:
+    """How the coefficients follow from the unknowns of a model, (P, n)."""
+    rows = [coefficients_of(model.parameters(row), model.free_share).values for row in np.eye(model.size)]
     return np.array(rows).T
 
 
-def limits_of(
-    counts: tuple[int, int, int], u_range: tuple[float, float], free_share: bool = False
-) -> tuple[Array, Array]:
-    """A and b of A c ≥ b for the coefficients, C last where free; 101 rows a parameter, then C's two."""
-    u, stops = np.linspace(*u_range, CHECKED_DUTIES), np.cumsum(counts)
-    rows = np.zeros((3, len(u), stops[-1] + free_share))
-    for row, count, stop in zip(rows, counts, stops, strict=True):
-        row[:, stop - count : stop] = powers(u, count)
-    tau1, tau2, Ts = rows
-    return limits(Ts, tau1, tau2, free_share=free_share)
+def limits_of(c: Coefficients) -> tuple[Array, Array]:
+    """A and b of A c ≥ b: τ1 ≥ 1 ms, τ2 ≥ τ1, T_s ≥ 0 at 101 inputs each, then 0 ≤ C ≤ 1 where it is free."""
+    u = np.linspace(*c.u_range, CHECKED_DUTIES)
+    tau1, tau2, Ts = np.zeros((3, len(u), len(c.values)))
+    for row, name, count in zip((tau1, tau2, Ts), BLOCKS, c.counts, strict=True):
+        row[:, c.block(name)] = powers(u, count)
+    C = np.eye(1, len(c.values), len(c.values) - 1)[: int(c.share_free)]
+    A = np.concatenate([tau1, tau2 - tau1, Ts, C, -C])
+    return A, np.concatenate([np.full(len(u), TAU_FLOOR_S), np.zeros(2 * len(u)), 0.0 * C[:, 0], C[:, 0] * 0.0 - 1.0])
 
 
 def coefficient_intervals(

@@ -77,7 +77,7 @@ def draw(fit: Fit, n: int, seed: int) -> Drawn:
     parts = [(at_centre.block(name), name) for name in BLOCKS]
     blocks = [_Block(own, name, mean[own], matrix[own, own], model, centre.u_range) for own, name in parts]
     root = _root(matrix)
-    slack, offset = limits_of(at_centre.counts, centre.u_range, free)
+    slack, offset = limits_of(at_centre)
     at_fit = slack @ mean - offset
     allowed = np.minimum(at_fit, 0.0) - 1e-12  # every constraint, as far as the fit itself keeps it
     random = np.random.default_rng(seed)

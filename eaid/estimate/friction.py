@@ -118,8 +118,8 @@ def white_ends(seen: Scatter) -> tuple[Array, Array, Array]:
     """The textbook's ends of each level by itself: θ ± t s on its logarithm, from s² A⁻¹."""
     ends = []
     for level, J in zip(seen.levels, seen.jacobians, strict=True):
-        information, noise, spare = textbook([J], [level.mean - J[:, 0]], J.shape[1])
-        reach = t_quantile(spare) * np.sqrt(np.maximum(np.diag(np.linalg.pinv(information)) * noise, 0.0))[:3]
+        noise, spare = textbook([level.mean - J[:, 0]], J.shape[1])
+        reach = t_quantile(spare) * np.sqrt(np.maximum(np.diag(np.linalg.pinv(J.T @ J)) * noise, 0.0))[:3]
         ends.append((np.log1p(-np.minimum(reach, 1 - 1e-12)), np.log1p(reach), np.full(3, spare)))
     low, high, degrees = (np.array(part).T for part in zip(*ends, strict=True))
     value = np.log(np.maximum([[c.Ts, c.tau1, c.tau2] for c in seen.curves], 1e-300)).T
@@ -150,7 +150,7 @@ def friction_part(
                 stress_kpa=float(x[i]) if over == "stress_kpa" else None,
                 speed_rpm=float(x[i]) if over == "speed_rpm" else None,
                 samples=len(r), C_f=c, rmse=float(np.sqrt(sse / len(r))), sse=sse, fit_pct=fit_pct, R2=R2,
-                solver=None if own is None else own.each[i].solver,
+                solver=None if own is None else own.each[i].solved.solver,
                 ci95=LevelIntervals(**ends, dof=values.dof(i)) if shown else None,
             )
         )  # fmt: skip
@@ -260,7 +260,9 @@ def own_level_findings(own: OwnLevels, values: LevelValues, stepset: StepSet) ->
     """What levels that were fitted by themselves leave open, a free C among it."""
     seen, unit = own.scatter, stepset.input_unit
     found = level_findings(values, partial(curve_half_width, seen), "friction", stepset)
-    if failed := [level.level for level, one in zip(own.levels, own.each, strict=True) if not one.solver.converged]:
+    if failed := [
+        level.level for level, one in zip(own.levels, own.each, strict=True) if not one.solved.solver.converged
+    ]:
         found.append(finding("level-not-converged", "friction", failed, unit=unit))
     for i, level in enumerate(own.levels if seen.share_free else ()):
         ends = own.share_interval(i)

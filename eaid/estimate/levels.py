@@ -1,4 +1,4 @@
-"""Every level by itself: the estimate of `levels_first` on one level at a time, Eq. (3).
+"""Every level by itself: levels first on one level at a time, Eq. (3).
 
 Its T_s, τ1 and τ2 answer to its own runs; how much these scatter is pooled over the levels.
 """
@@ -13,7 +13,7 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.estimate.certainty import Estimate
 from eaid.estimate.data import Data
-from eaid.estimate.levels_first import solve
+from eaid.estimate.from_rest import fit_levels_first
 from eaid.estimate.points import residuals
 from eaid.estimate.scatter import Scatter
 from eaid.estimate.solver import judged
@@ -34,7 +34,7 @@ class OwnLevels:
     @cached_property
     def theta(self) -> Array:
         """T_s, τ1, τ2, C of the levels, (4, L)."""
-        return np.array([[one.at.Ts[0], *one.problem.values(one.x)[:, 0]] for one in self.each]).T
+        return np.concatenate([one.at.theta for one in self.each], axis=1)
 
     @property
     def curves(self) -> tuple[Friction, ...]:
@@ -44,7 +44,7 @@ class OwnLevels:
     @cached_property
     def scatter(self) -> Scatter:
         """What the runs say of them."""
-        return Scatter(self.levels, self.curves, self.each[0].basis.free_share)
+        return Scatter(self.levels, self.curves, self.each[0].model.free_share)
 
     def residuals(self, data: Data) -> list[Array]:
         """f − y at every sample of each level."""
@@ -53,7 +53,7 @@ class OwnLevels:
     @cached_property
     def solver(self) -> Solver:
         """One verdict for all levels: the worst of theirs."""
-        solvers = [one.solver for one in self.each]
+        solvers = [one.solved.solver for one in self.each]
         failed = [f"{level.level:g}" for level, one in zip(self.levels, solvers, strict=True) if not one.converged]
         fewest = min(len(one.starts) for one in solvers)
         costs = np.sum([one.costs[:fewest] for one in solvers], axis=0)
@@ -95,6 +95,5 @@ def own_levels(levels: Sequence[Level], data: Data, share: float | None, near: O
         begin = [x for level_of, found in starts for x in found[level_of == i]]
         if near is not None:
             begin = [near.each[i].x]
-        problem, x, solver, active = solve(data.one(i), share, [one[: 2 + (share is None)] for one in begin])
-        each.append(Estimate((level,), problem, x, solver, tuple(active)))
+        each.append(Estimate((level,), fit_levels_first(data.one(i), share, [x[: 2 + (share is None)] for x in begin])))
     return OwnLevels(tuple(levels), tuple(each))

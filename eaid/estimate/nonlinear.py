@@ -18,22 +18,21 @@ from eaid.estimate.coefficients import (
     coefficient_intervals,
     coefficients_of,
     covariance_part,
-    from_basis,
+    turned,
 )
-from eaid.estimate.data import Data, fit_findings, missed
+from eaid.estimate.data import Data, errors, fit_findings, hold_out, missed
 from eaid.estimate.friction import HELD_BY, LevelValues, level_findings, quoted
+from eaid.estimate.from_rest import Solution, fit_nonlinear, refit_nonlinear
 from eaid.estimate.huber import minimise
-from eaid.estimate.joint import estimate as scored
-from eaid.estimate.joint import nonlinear_problem
-from eaid.estimate.points import residuals
+from eaid.estimate.points import level_normal, residuals
 from eaid.estimate.scatter import CURVES, held_parameters, log_jacobian
 from eaid.estimate.spread import Degrees, Influence, corrected, free_inverse, gains_of, t_quantile, textbook
 from eaid.findings import Finding, Value, finding
-from eaid.models import friction, nonlinear
+from eaid.models import nonlinear
 from eaid.models.parameters import Friction, Nonlinear
 from eaid.options import FitOptions
 from eaid.results import fit as results
-from eaid.results.common import Huber
+from eaid.results.common import Huber, Solver
 from eaid.results.fit import NOT_IDENTIFIABLE
 from eaid.steps.stepset import Level, StepSet
 
@@ -44,15 +43,42 @@ Ends = tuple[Array, Array, Array]
 def believed(levels: Sequence[Level], data: Data, share: float | None, loss: str) -> tuple[Estimate, Huber | None]:
     """The estimate that is believed, under the loss that was asked for."""
 
-    def left(one: Estimate, on: Data) -> list[Array]:
-        return residuals(np.concatenate([one.at.Ts[None], one.problem.values(one.x)]), on.records)
-
     return minimise(
         data,
         loss,
         lambda d: levels_first(levels, d, share),
         lambda d, near: levels_first(levels, d, share, near),
-        left,
+        lambda one, on: one.solved.residuals(on),
+    )
+
+
+def joint_fit(data: Data, share: float | None, loss: str) -> tuple[Solution, Huber | None]:
+    """The paper's joint fit, and what Huber's loss held back."""
+    return minimise(data, loss, lambda d: fit_nonlinear(d, share), refit_nonlinear, Solution.residuals)
+
+
+def scored(
+    p: Nonlinear, free: bool, data: Data, left: Sequence[Array], solver: Solver, held_out: Sequence[Level]
+) -> results.Estimate:
+    """Ten coefficients with their errors per level, over all, and on held-out levels; `left` are the residuals."""
+    outputs = [record.y for record in data.records]
+    total = errors(outputs, left)
+    rows = [errors([y], [r]).at(u) for u, y, r in zip(data.u.tolist(), outputs, left, strict=True)]
+    return results.Estimate(
+        tau1=p.tau1,  # type: ignore[arg-type]  # padded with zeros to the paper's degrees
+        tau2=p.tau2,  # type: ignore[arg-type]
+        Ts=p.Ts,  # type: ignore[arg-type]
+        u_range=p.u_range,
+        C=p.C,
+        C_free=free,
+        rmse=total.rmse,
+        sse=total.sse,
+        abs_error=total.abs_error,
+        fit_pct=total.fit_pct,
+        R2=total.R2,
+        per_level=tuple(rows),
+        solver=solver,
+        hold_out=hold_out(held_out, lambda level: nonlinear.step_response(p, level.time_s, level.level), total.rmse),
     )
 
 
@@ -62,7 +88,7 @@ class Standing:
 
     part: results.Estimate
     unknowns: Array
-    """In the basis, (n,)."""
+    """Of the whole model, (n,)."""
     held: dict[str, tuple[float, ...]]
     """Constraints that hold it, and where."""
     covariance: Array
@@ -74,52 +100,52 @@ def nonlinear_part(
     stepset: StepSet,
     data: Data,
     first: Estimate,
-    joint: tuple[results.Estimate, dict[str, tuple[float, ...]]],
+    joint: Solution,
     options: FitOptions,
     held_out: Sequence[Level],
     draws: Array | None,
 ) -> tuple[results.Nonlinear, LevelValues, list[Finding]]:
     """The model that stands with its intervals and the joint fit beside it, its values at the levels, and findings.
 
-    `joint` is the paper's fit and the constraints that hold it; `draws` are unknowns of refits of the estimate that
-    stands to resampled runs, (draws, n).
+    `joint` is the paper's fit; `draws` are unknowns of refits of the estimate that stands to resampled runs,
+    (draws, n).
     """
-    levels, basis = first.levels, first.basis
-    p = first.parameters
-    left = residuals(basis.theta(first.coefficients, basis.M), data.records)
-    part = msgspec.structs.replace(scored(p, data, left, first.solver, held_out), C_free=basis.free_share)
+    levels, model, solver = first.levels, first.model, first.solved.solver
+    M, free = model.rows(data.u), model.free_share
+    left = residuals(model.theta(first.coefficients, M), data.records)
+    part = scored(first.parameters, free, data, left, solver, held_out)
+    papers = scored(joint.parameters, free, data, joint.residuals(data), joint.solver, held_out)
     misfit, bent = misfits(first)
     part = msgspec.structs.replace(part, misfit=misfit or None)
-    turn, u = from_basis(basis), data.u
-    one = Standing(
-        part, first.coefficients, first.active, turn @ first.influence.covariance() @ turn.T, first.intervals(u)
-    )
-    parts = parted(joint[0], one, levels)
+    turn, u = turned(model), data.u
+    covariance = turn @ first.influence.covariance() @ turn.T
+    one = Standing(part, first.coefficients, first.held, covariance, first.intervals(u))
+    parts = parted(papers, one, levels)
     if options.estimator == "joint":
-        one = of_joint(joint, one, first, data)
+        one = of_joint(papers, joint, first)
     if draws is not None:
         one = from_draws(one, first, u, draws)
     if options.ci == "white":
-        one = white(one, levels)
-    values = values_of(one, levels, basis.free_share)
-    c = coefficients_of(one.part.parameters, basis.free_share)
+        one = white(one, first)
+    values = values_of(one, levels, free)
+    c = coefficients_of(one.part.parameters, free)
     widths = []
     for i, level in enumerate(levels):
         t = t_quantile(float(one.ends[2][:, i].min()))
         widths.append(float(t * torque_sd(c, one.covariance, level).max()))
     shown = with_intervals(one, values, c, widths, options.ci) if options.ci != "none" else one.part
     told = fit_findings(one.part, one.held, [level.level for level in held_out])
-    told += missed("nonlinear", data, residuals(basis.theta(one.unknowns, basis.M), data.records), one.part)
+    told += missed("nonlinear", data, residuals(model.theta(one.unknowns, M), data.records), one.part)
     told += [*level_findings(values, widths.__getitem__, "nonlinear", stepset), *open_findings(one.part, values), *bent]
     told += joint_findings(parts, options.estimator)
-    model = results.Nonlinear.of(
+    whole = results.Nonlinear.of(
         shown,
         estimator="joint" if options.estimator == "joint" else "levels-first",
-        joint=joint[0],
+        joint=papers,
         parts=parts,
         identifiable=not any(one.code in NOT_IDENTIFIABLE for one in told),
     )
-    return model, values, told
+    return whole, values, told
 
 
 def values_of(one: Standing, levels: Sequence[Level], share_free: bool) -> LevelValues:
@@ -175,21 +201,20 @@ def chain(c: Coefficients, u: float) -> Array:
     return D
 
 
-def white(one: Standing, levels: Sequence[Level]) -> Standing:
+def white(one: Standing, first: Estimate) -> Standing:
     """The textbook: covariance s² (J'J)⁻¹ with N − P degrees of freedom."""
-    p = one.part.parameters
-    c = coefficients_of(p, one.part.C_free)
-    jacobians = [
-        log_jacobian(nonlinear.at_duty(p, level.level), level.time_s, c.share_free) @ chain(c, level.level)
-        for level in levels
-    ]
-    left = [level.mean - nonlinear.step_response(p, level.time_s, level.level) for level in levels]
-    M, noise, spare = textbook(jacobians, left, len(c.values))
-    covariance = free_inverse(M, np.zeros((0, len(M)))) * noise
-    D = np.array([chain(c, level.level)[:3] for level in levels])
-    reach = t_quantile(spare) * np.sqrt(np.maximum(np.einsum("lkp,pq,lkq->kl", D, covariance, D), 0.0))
-    value = np.log(np.maximum(_curves(p, levels), 1e-300))
-    return replace(one, covariance=covariance, ends=(value - reach, value + reach, np.full(reach.shape, spare)))
+    model, data = first.model, first.problem.data
+    M = model.rows(data.u)
+    theta = model.theta(one.unknowns, M)
+    information = level_normal(theta, data.points).information
+    noise, spare = textbook(residuals(theta, data.records), model.size)
+    curvature = np.einsum("kln,lkj,jlm->nm", M, information, M)
+    covariance = free_inverse(curvature, np.zeros((0, model.size))) * noise
+    value, D = first.numbers(data.u, one.unknowns)
+    reach = t_quantile(spare) * np.sqrt(np.maximum(np.einsum("klp,pq,klq->kl", D, covariance, D), 0.0))
+    turn = turned(model)
+    ends = value - reach, value + reach, np.full(reach.shape, spare)
+    return replace(one, covariance=turn @ covariance @ turn.T, ends=ends)
 
 
 def _curves(p: Nonlinear, levels: Sequence[Level]) -> Array:
@@ -198,42 +223,34 @@ def _curves(p: Nonlinear, levels: Sequence[Level]) -> Array:
     return np.array([nonlinear.steady_torque(p, u), *nonlinear.time_constants(p, u)])
 
 
-def of_joint(
-    joint: tuple[results.Estimate, dict[str, tuple[float, ...]]], believed: Standing, first: Estimate, data: Data
-) -> Standing:
+def of_joint(part: results.Estimate, joint: Solution, first: Estimate) -> Standing:
     """The paper's joint fit as the model, by how its unknowns answer to the runs."""
-    part, held = joint
-    basis, points = first.basis, data.points
-    problem, x = nonlinear_problem(data, basis), basis.unknowns(part.parameters)
-    theta = basis.theta(x, basis.M)
-    curves = [Friction(*one) for one in theta.T.tolist()]
-    times = np.broadcast_to(points.t_s, points.y.shape)
-    ways = np.array([friction.gradient(curve, t) for curve, t in zip(curves, times, strict=True)])
-    weighed, take = ways * points.w[:, None], basis.M.transpose(1, 0, 2)
-    blocked = problem.A[problem.A @ x - problem.b < 1e-7 * (1 + np.abs(problem.b))]
-    gain, back = gains_of(weighed, ways, take, first.along, blocked)
-    alone = [np.zeros((0, basis.size))]
+    at, x, model = joint.at, joint.x, first.model
+    take = joint.steps.M.transpose(1, 0, 2)
+    gain, back = gains_of(at.information, first.along(at.theta), take, joint.steps.limits.A[list(joint.active)])
+    alone = [np.zeros((0, model.size))]
     if (first.repeats == 1).all():
-        left, gain = theta[0][:, None] * ways[:, 0] - points.y, 0 * gain
+        gain = 0 * gain
         for i in range(len(first.levels)):
-            own = take[i].T @ weighed[i] @ ways[i].T @ take[i]
-            alone.append(corrected(own, back, -take[i].T @ weighed[i] @ left[i])[None])
+            own = take[i].T @ at.information[i] @ take[i]
+            alone.append(corrected(own, back, -take[i].T @ at.score[i])[None])
     influence = Influence(gain, first.scatter.of_levels, np.concatenate(alone) @ back, first.single_degrees)
-    value, slopes = first.numbers(data.u, x)
-    other = first.numbers(data.u, first.coefficients)[0]
-    variance, degrees = (v.reshape(3, -1) for v in influence.of(slopes.reshape(-1, basis.size)).variance())
+    u = joint.steps.data.u
+    value, slopes = first.numbers(u, x)
+    other = first.numbers(u, first.coefficients)[0]
+    variance, degrees = (v.reshape(3, -1) for v in influence.of(slopes.reshape(-1, model.size)).variance())
     reach = t_quantile(degrees) * np.hypot(np.sqrt(variance), value - other)
-    turn = from_basis(basis)
-    apart = turn @ (x - believed.unknowns)
+    turn = turned(model)
+    apart = turn @ (x - first.coefficients)
     covariance = turn @ influence.covariance() @ turn.T + np.outer(apart, apart)
-    return Standing(part, x, held, covariance, (value - reach, value + reach, degrees))
+    return Standing(part, x, joint.held, covariance, (value - reach, value + reach, degrees))
 
 
 def from_draws(one: Standing, first: Estimate, u: Array, draws: Array) -> Standing:
     """The same with intervals from refits to resampled runs; those that run away (a lost τ2) count by rank."""
     value, near = first.numbers(u, one.unknowns)[0], np.array([first.numbers(u, x)[0] for x in draws])
     reach = t_quantile(one.ends[2]) * spread_of(near)
-    c = draws @ from_basis(first.basis).T
+    c = draws @ turned(first.model).T
     size, middle = spread_of(c), np.median(c, axis=0)
     tame = np.clip(c, middle - 3 * size, middle + 3 * size)
     sd = tame.std(axis=0)
@@ -256,7 +273,8 @@ def misfits(first: Estimate) -> tuple[dict[str, float], list[Finding]]:
     _, slopes = first.numbers(seen.duty, first.coefficients)
     for k, name in enumerate(CURVES[1:], 1):
         known = seen.usable[:, k] & (seen.repeats > 1)
-        spare = int(known.sum()) - 1 - first.basis.degrees[k]
+        part = first.model.slices[k]
+        spare = int(known.sum()) - (part.stop - part.start)
         if spare > 0:
             of_curve = first.influence.of(slopes[k, known]).variance()[0]
             off = seen.shift[known, k] ** 2 / (seen.pooled.expected[known, k] + of_curve)

@@ -9,10 +9,10 @@ exact where f is a polynomial of degree < m on the block.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eaid.arrays import Array
 
@@ -35,20 +35,10 @@ class Points:
     w: Array
     """Weight: how many samples a point stands for, shape (L, P) or (1, P)."""
 
-    def rows(self, which: "slice | NDArray[np.intp]") -> "Points":
+    def rows(self, which: slice) -> "Points":
         """The points of some levels."""
         t, w = self.t_s, self.w
         return Points(t if len(t) == 1 else t[which], self.y[which], w if len(w) == 1 else w[which])
-
-    @cached_property
-    def root_w(self) -> Array:
-        """√w, shape of `w`: what residuals and slopes are multiplied by."""
-        return np.sqrt(self.w)
-
-    @cached_property
-    def root_y(self) -> Array:
-        """√w y, (L, P)."""
-        return self.root_w * self.y
 
 
 def blocks(n: int) -> Iterator[tuple[int, int]]:
@@ -173,91 +163,59 @@ def _compress_grid(t_s: Array, y: Array, uniform: bool) -> tuple[Array, Array, A
     return layout.nodes, layout.outputs(y), layout.weights
 
 
-def level_normal(theta: Array, points: Points) -> tuple[Array, Array, Array]:
-    """Cost (L,), gradient by θ (4, L) and Gauss–Newton curvature 2 J'WJ (L, 4, 4), all of one product of slopes."""
-    Ts, tau1, tau2, share = theta
-    t, y = points.t_s, points.y
+class Normal(NamedTuple):
+    """What L levels cost at θ = (T_s, τ1, τ2, C), and how that changes; residuals are f − y."""
+
+    theta: Array
+    """(4, L)."""
+    cost: Array
+    """Σ w r², (L,)."""
+    score: Array
+    """Σ w r ∂f/∂θ, (L, 4)."""
+    information: Array
+    """Σ w ∂f/∂θ ∂f/∂θ', (L, 4, 4)."""
+
+
+def level_normal(theta: Array, points: Points, torques: Callable[[Array, Array], Array] | None = None) -> Normal:
+    """Sums of the curves T_s φ of Eq. (3) at the points.
+
+    `torques` gives T_s of the levels from Σ w φ² and Σ w φ y, (L,) each, where it is to be solved for.
+    """
+    s = _slopes(theta, points)
+    if torques is not None:
+        weighed = s[:, 0] * points.w
+        theta = np.array([torques((weighed * s[:, 0]).sum(axis=1), (weighed * points.y).sum(axis=1)), *theta[1:]])
+    np.subtract(theta[0, :, None] * s[:, 0], points.y, out=s[:, 4])
+    product = (s * points.w[:, None, :]) @ s.transpose(0, 2, 1)
+    scale = np.concatenate([_scale(theta), np.ones((len(s), 1))], axis=1)
+    product *= scale[:, :, None] * scale[:, None, :]
+    return Normal(theta, product[:, 4, 4], product[:, :4, 4], product[:, :4, :4])
+
+
+def log_crossed(theta: Array, other: Array, points: Points, share_free: bool) -> Array:
+    """Σ w s s' of each level, s the slopes of its curve θ by ln T_s, ln τ1, ln τ2, and a free logit C, and those of
+    another curve by T_s, τ1, τ2, C, (L, k, 4)."""
+    one, two = _slopes(theta, points)[:, :4], _slopes(other, points)[:, :4]
+    product = (one * points.w[:, None, :]) @ two.transpose(0, 2, 1) * _scale(other)[:, None, :]
+    by_log = np.array([*theta[:3], theta[3] * (1 - theta[3])]).T * _scale(theta)
+    return np.asarray(by_log[:, :, None] * product)[:, : 4 if share_free else 3]
+
+
+def _slopes(theta: Array, points: Points) -> Array:
+    """∂f/∂(T_s, τ1, τ2, C), yet to be scaled by `_scale`, and room for the residual, (L, 5, P)."""
+    t, share = points.t_s, theta[3][:, None]
     decay = np.exp(t * (-1.0 / theta[1:3])[:, :, None])
-    slopes = np.empty((len(Ts), 5, y.shape[1]))  # by T_s, τ1, τ2, C, the middle ones yet to be scaled; the residual
-    slopes[:, 0] = 1.0 - share[:, None] * decay[0] - (1.0 - share)[:, None] * decay[1]
-    np.multiply(t, decay[0], out=slopes[:, 1])
-    np.multiply(t, decay[1], out=slopes[:, 2])
-    np.subtract(decay[1], decay[0], out=slopes[:, 3])
-    np.subtract(Ts[:, None] * slopes[:, 0], y, out=slopes[:, 4])
-    product = (slopes * points.w[:, None, :]) @ slopes.transpose(0, 2, 1)
-    scale = np.stack([np.ones_like(Ts), -Ts * share / tau1**2, Ts * (share - 1.0) / tau2**2, Ts], axis=1)
-    return _scaled(product, scale)
+    s = np.empty((len(points.y), 5, points.y.shape[1]))
+    s[:, 0] = 1.0 - share * decay[0] - (1.0 - share) * decay[1]
+    np.multiply(t, decay[0], out=s[:, 1])
+    np.multiply(t, decay[1], out=s[:, 2])
+    np.subtract(decay[1], decay[0], out=s[:, 3])
+    return s
 
 
-def weighted_shares(share: Array, points: Points) -> Array:
-    """√w C and √w (1 − C) at the points, (2, L, P), from C of each level, (L,), or of all, (1,)."""
-    return np.asarray(np.stack([share, 1.0 - share])[:, :, None] * points.root_w)
-
-
-def log_products(theta: Array, shares: Array, points: Points) -> Array:
-    """Σ w s s' per level, (L, 4, 4), with s = ∂f/∂T_s, then ∂f/∂ln τ1 and ∂f/∂ln τ2 over T_s, and f − y.
-
-    `shares` are what `weighted_shares` gives.
-    """
-    s, _ = _log_slopes(theta, shares, points)
-    s = s.transpose(1, 0, 2)
-    return s @ s.transpose(0, 2, 1)
-
-
-def by_tau(theta: Array, products: Array) -> tuple[Array, Array, Array]:
-    """What `log_products` gave as `level_normal` does, by (T_s, τ1, τ2) alone: (L,), (3, L), (L, 3, 3)."""
-    scale = np.ones((len(products), 3))
-    scale[:, 1:] = (theta[0] / theta[1:3]).T
-    return _scaled(products, scale)
-
-
-def by_log(theta: Array, products: Array) -> tuple[Array, Array, Array]:
-    """The same by (T_s, ln τ1, ln τ2)."""
-    scale = np.ones((len(products), 3))
-    scale[:, 1:] = theta[0][:, None]
-    return _scaled(products, scale)
-
-
-def _scaled(products: Array, scale: Array) -> tuple[Array, Array, Array]:
-    """Cost, gradient and curvature from the products of k slopes, each yet to be scaled, and the residual."""
-    k = scale.shape[1]
-    scaled = scale + scale
-    curvature = products[:, :k, :k] * scaled[:, :, None]
-    curvature *= scale[:, None, :]
-    return products[:, k, k], (products[:, k, :k] * scaled).T, curvature
-
-
-def log_curvature(theta: Array, shares: Array, points: Points) -> tuple[Array, Array]:
-    """Gradient, (L, 3), and second derivatives, (L, 3, 3), of the cost by (T_s, ln τ1, ln τ2).
-
-    `shares` as in `log_products`.
-    """
-    s, x = _log_slopes(theta, shares, points)
-    bent = np.einsum("klp,lp->lk", x * s[1:3], s[3])
-    s = s.transpose(1, 0, 2)
-    products = s @ s.transpose(0, 2, 1)
-    _, gradient, H = by_log(theta, products)
-    slope, cross = gradient.T, 2.0 * products[:, 1:3, 3]
-    H[:, 0, 1:] += cross
-    H[:, 1:, 0] += cross
-    diagonal = slope[:, 1:] + 2.0 * theta[0][:, None] * bent
-    H[:, 1, 1] -= diagonal[:, 0]
-    H[:, 2, 2] -= diagonal[:, 1]
-    return slope, H
-
-
-def _log_slopes(theta: Array, shares: Array, points: Points) -> tuple[Array, Array]:
-    """√w s of `log_products`, (4, L, P), and −t/τ1, −t/τ2, (2, L, P)."""
-    x = points.t_s * (-1.0 / theta[1:3])[:, :, None]
-    decay = np.exp(x)
-    decay *= shares
-    s = np.empty((4, *points.y.shape))
-    np.subtract(points.root_w, decay[0], out=s[0])
-    s[0] -= decay[1]
-    np.multiply(x, decay, out=s[1:3])
-    np.multiply(theta[0, :, None], s[0], out=s[3])
-    s[3] -= points.root_y
-    return s, x
+def _scale(theta: Array) -> Array:
+    Ts, tau1, tau2, share = theta
+    return np.stack([np.ones_like(Ts), -Ts * share / tau1**2, Ts * (share - 1.0) / tau2**2, Ts], axis=1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.estimate.basis import RECORDS
 from eaid.estimate.data import Data, data_of, quality
+from eaid.estimate.forms import RECORDS
 from eaid.estimate.points import Points, decay
 from eaid.estimate.solver import ROUNDING, Problem, minimised
 from eaid.estimate.starts import LEVEL_GRID, Indices, bowls, table_of

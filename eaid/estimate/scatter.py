@@ -21,7 +21,7 @@ from scipy.optimize import brentq, nnls
 from scipy.special import chdtri, fdtrc
 
 from eaid.arrays import Array, inverse, median
-from eaid.estimate.basis import RECORDS, RECORDS_FREE
+from eaid.estimate.forms import RECORDS, RECORDS_FREE
 from eaid.estimate.spread import LevelScatter
 from eaid.models import friction
 from eaid.models.parameters import TAU_FLOOR_S, Friction

@@ -327,6 +327,23 @@ def ended(ends: Sequence[EndPoint], problem: Problem) -> list[EndPoint]:
     return found
 
 
+SHIFT = 1e-5
+"""Relative step of the differences that second derivatives come from."""
+
+
+def with_second_derivatives(problem: Problem) -> Problem:
+    """The same with the true curvature, by differences of the exact gradient."""
+
+    def exact(x: Array) -> Array:
+        cost, _, curvature = problem.normal(x)
+        reach = 0.1 * np.sqrt(max(cost, problem.floor) / np.maximum(np.diagonal(curvature), TINY)) + 1e-12
+        steps = np.diag(np.minimum(SHIFT * np.maximum(np.abs(x), 1e-3), reach))
+        rows = [(problem.normal(x + h)[1] - problem.normal(x - h)[1]) / (2 * h.sum()) for h in steps]
+        return np.asarray(0.5 * (np.array(rows) + np.array(rows).T))
+
+    return replace(problem, exact=exact)
+
+
 FINISHED = 1e-15
 """Polishing ends where the Newton step predicts less than this part of the cost."""
 UNSEEN = 1e-4

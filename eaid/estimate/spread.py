@@ -59,12 +59,10 @@ def satterthwaite(parts: Sequence[Array | float], degrees: Sequence[Array | floa
         return np.asarray(np.square(sum(parts)) / spread)
 
 
-def textbook(jacobians: Sequence[Array], residuals: Sequence[Array], parameters: int) -> tuple[Array, float, float]:
-    """Σ J'J, the noise's variance s² = Σ r'r/(N − P) as if every sample's error were its own, and N − P."""
-    information = sum(J.T @ J for J in jacobians)
+def textbook(residuals: Sequence[Array], parameters: int) -> tuple[float, float]:
+    """The noise's variance s² = Σ r'r/(N − P) as if every sample's error were its own, and N − P."""
     spare = sum(map(len, residuals)) - parameters
-    cost = sum(float(r @ r) for r in residuals)
-    return np.asarray(information), cost / max(spare, 1), float(spare)
+    return sum(float(r @ r) for r in residuals) / max(spare, 1), float(spare)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,18 +153,18 @@ class Influence:
         return np.asarray(together / np.sqrt(len(together) * (len(together) - 1)))
 
 
-def gains_of(weighed: Array, ways: Array, take: Array, along: Array, held: Array) -> tuple[Array, Array]:
+def gains_of(information: Array, along: Array, take: Array, held: Array) -> tuple[Array, Array]:
     """How n unknowns answer to the levels' own estimates, (L, k, n), and the inverse of half the cost's curvature.
 
-    `ways` are the slopes of each level's curve by j numbers at its points, (L, j, P), `weighed` the same times the
-    points' weights, `take` how these go with the unknowns, (L, j, n); `along` the slopes by the level's own parameters,
-    (L, k, P). `held` are rows of active constraints, (m, n).
+    `information` is Σ w s s' of each level, (L, j, j), s the slopes of its curve by j numbers, `along` the same with
+    its own parameters' slopes, (L, k, j), and `take` how the numbers go with the unknowns, (L, j, n). `held` are rows
+    of active constraints, (m, n).
     """
-    curvature = np.einsum("lin,lij,ljm->nm", take, weighed @ ways.transpose(0, 2, 1), take, optimize=True)
+    curvature = np.einsum("lin,lij,ljm->nm", take, information, take, optimize=True)
     unseen = np.flatnonzero(np.diag(curvature) == 0)
     curvature[unseen, unseen] = 1.0
     back = free_inverse(curvature, held)
-    return np.einsum("ljk,ljn->lkn", weighed @ along.transpose(0, 2, 1), take @ back), back
+    return along @ (take @ back), back
 
 
 def corrected(own: Array, back: Array, score: Array) -> Array:

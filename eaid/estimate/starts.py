@@ -6,7 +6,7 @@ tried by their values at as many inputs as they have coefficients, one after the
 """
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eaid.arrays import Array
-from eaid.estimate.basis import Basis
 from eaid.estimate.data import Data
-from eaid.estimate.points import Points
+from eaid.estimate.forms import Model
+from eaid.estimate.points import Points, level_normal
 from eaid.models.parameters import TAU_FLOOR_S
 
 Indices: TypeAlias = NDArray[np.intp]
@@ -111,98 +111,101 @@ def level_starts(data: Data, share: float) -> tuple[Indices, Array]:
 
 
 def time_constants(
-    table: Table, forms: Sequence[Array], weight: Array, least: float, longest: float
+    gain: Callable[[Array, Array], Array],
+    pairs: Array,
+    grid: Array,
+    sizes: tuple[int, int],
+    longest_s: float,
+    tried: int = TRIED,
 ) -> list[tuple[Array, Array]]:
-    """Values of τ1 and of τ2 that fit best, at the inputs that `forms` interpolate between; the best first.
+    """Values of τ1 and of τ2 that fit best, at as many inputs as their forms have coefficients; the best first.
 
-    `forms`, (L, p) each, take such values to the levels; `weight` of each level, (L,). No value is below `least` [s];
-    `longest` is the longest record [s].
+    `gain` says how good N such pairs of values are, (N, p1) and (N, p2) → (N,), `pairs` how good constant ones of a
+    grid are, (K, K). The search begins in each of the `BANDS` of τ2.
     """
-    some = slice(None, None, 1 + (len(weight) - 1) // MOST_LEVELS)
-    table, weight = Table(table.grid, table.gain[some]), weight[some]
-    one, two = (form[some] for form in forms)
-    together = np.tensordot(weight, table.gain, 1)
-    found: dict[tuple[float, ...], tuple[float, Array, Array]] = {}
+    ends: dict[tuple[float, ...], tuple[float, Array, Array]] = {}
 
     def better(values: list[Array], k: int, reach: float) -> float:
         """The gain at the best values of τ1 (k = 0) or τ2 (k = 1) within a factor, which replace the ones before."""
-        factors = np.geomspace(1 / reach, reach, TRIED)
-        tried = values[k] * np.array(list(itertools.product(factors, repeat=len(values[k]))))
-        tau1 = tried @ one.T if k == 0 else np.broadcast_to(one @ values[0], (len(tried), len(one)))
-        tau2 = tried @ two.T if k == 1 else np.broadcast_to(two @ values[1], (len(tried), len(two)))
-        sound = (tau1 >= least).all(axis=1) & (tau2 >= tau1).all(axis=1)
-        gain = np.where(sound, table.at(tau1, tau2) @ weight, -1.0)
-        values[k] = tried[int(gain.argmax())]
-        return float(gain.max())
+        factors = np.geomspace(1 / reach, reach, tried)
+        candidates = values[k] * np.array(list(itertools.product(factors, repeat=sizes[k])))
+        both = [np.broadcast_to(one, (len(candidates), len(one))) for one in values]
+        both[k] = candidates
+        gains = gain(*both)
+        values[k] = candidates[int(gains.argmax())]
+        return float(gains.max())
 
-    def keep(values: list[Array], gain: float) -> None:
+    def keep(values: list[Array], size: float) -> None:
         key = tuple(np.round(np.log(np.concatenate(values)), 1).tolist())
-        found.setdefault(key, (gain, values[0], values[1]))
+        ends.setdefault(key, (size, values[0], values[1]))
 
     for low, high in itertools.pairwise(BANDS):
-        slow = (table.grid > low * longest) & (table.grid <= high * longest)
-        where = (table.grid[:, None] < table.grid) & slow
+        slow = (grid > low * longest_s) & (grid <= high * longest_s)
+        where = (grid[:, None] < grid) & slow
         if not where.any():
             continue
-        i, j = np.unravel_index(np.where(where, together, -1.0).argmax(), together.shape)
-        values = [np.full(one.shape[1], max(table.grid[i], least)), np.full(two.shape[1], table.grid[j])]
+        i, j = np.unravel_index(np.where(where, pairs, -np.inf).argmax(), pairs.shape)
+        values = [np.full(sizes[0], grid[i]), np.full(sizes[1], grid[j])]
         keep(values.copy(), max(better(values, 0, reach) for reach in REACH))
         keep(values, max(better(values, k, reach) for reach in REACH for k in (1, 0)))
-    return [(tau1, tau2) for _, tau1, tau2 in sorted(found.values(), key=lambda row: -row[0])][:MOST]
+    return [(tau1, tau2) for _, tau1, tau2 in sorted(ends.values(), key=lambda row: -row[0])][:MOST]
 
 
-def form_starts(basis: Basis, data: Data, weight: Array) -> list[Array]:
+def form_starts(model: Model, data: Data, weight: Array) -> list[Array]:
     """Unknowns to start from, the most promising first; `weight` of each level, (L,). τ2 may fall below τ1 in between.
 
-    T_s(u) is that of least squares at these time constants.
+    A T_s(u) is that of least squares at these time constants.
     """
-    inputs = [np.linspace(basis.lowest, basis.highest, part.stop - part.start) for part in basis.slices[1:]]
-    back = [np.linalg.inv(basis.rows(u)[0, :, : len(u)]) for u in inputs]
-    forms = [basis.M[0, :, : len(inverse)] @ inverse for inverse in back]
+    back = [np.linalg.inv(form.rows(form.inputs)) for form in (model.tau1, model.tau2) if form is not None]
+    some = slice(None, None, 1 + (len(weight) - 1) // MOST_LEVELS)
+    one, two = (model.tau1.rows(data.u[some]) @ inverse for inverse in back)
     found = []
-    for share in SHARES if basis.free_share else (basis.share,):
-        for values in time_constants(table_of(data.points, share), forms, weight, TAU_FLOOR_S, data.longest_s):
-            x = np.full(basis.size, share)  # where C is free, the last is C
-            for part, inverse, tau in zip(basis.slices[1:], back, values, strict=True):
+    for share in SHARES if model.share is None else (model.share,):
+        table = table_of(data.points, share)
+        coarse = Table(table.grid, table.gain[some])
+
+        def gain(first: Array, second: Array, coarse: Table = coarse) -> Array:
+            tau1, tau2 = first @ one.T, second @ two.T
+            sound = (tau1 >= TAU_FLOOR_S).all(axis=1) & (tau2 >= tau1).all(axis=1)
+            return np.where(sound, coarse.at(tau1, tau2) @ weight[some], -1.0)
+
+        pairs, grid = np.tensordot(weight[some], coarse.gain, 1), np.maximum(table.grid, TAU_FLOOR_S)
+        for values in time_constants(gain, pairs, grid, (one.shape[1], two.shape[1]), data.longest_s):
+            x = np.full(model.size, share)  # where C is free, the last is C
+            for part, inverse, tau in zip(model.slices[1:], back, values, strict=True):
                 x[part] = inverse @ tau
-            found.append(with_torque(x, basis, data, weight)[0])
+            found.append(x if model.Ts is None else with_torque(x, model, data, weight)[0])
     return found
 
 
-def touching_starts(x: Array, basis: Basis, data: Data, weight: Array) -> list[Array]:
+def touching_starts(x: Array, model: Model, data: Data, weight: Array) -> list[Array]:
     """The best unknowns with the τ1(u) of `x` and a τ2(u) that touches τ1 at one level and rises steeply from there.
 
     A joint fit may end so where the slow part is missing from the records of all but one level.
     """
-    part = basis.slices[2]
-    if part.stop - part.start < 3:
+    form, part = model.tau2, model.slices[2]
+    if form is None or form.size < 3:
         return []
-    typical = max(float(np.median(basis.M[1] @ x)), TAU_FLOOR_S)
-    inputs = np.linspace(basis.lowest, basis.highest, 3)
-    back, tried = np.linalg.inv(basis.rows(inputs)[0, :, :3]), []
-    for at in basis.scaled(np.unique(data.u)[:: 1 + len(data.u) // TOUCHED]):
+    typical = max(float(np.median(model.rows(data.u)[1] @ x)), TAU_FLOOR_S)
+    middle, half = 0.5 * (model.high + model.low), 0.5 * (model.high - model.low)
+    back, tried = np.linalg.inv(form.rows(form.inputs)), []
+    for at in np.unique(data.u)[:: 1 + len(data.u) // TOUCHED]:
         for size in LONGEST * data.longest_s * np.array([0.1, 10.0, 1e3]):
             one = x.copy()
-            one[part] = back @ (3 * typical + size * (basis.scaled(inputs) - at) ** 2)
-            tried.append(with_torque(one, basis, data, weight))
+            one[part] = back @ (3 * typical + size * ((form.inputs - middle) / half - (at - middle) / half) ** 2)
+            tried.append(with_torque(one, model, data, weight))
     return [one for one, _ in sorted(tried, key=lambda row: row[1])[:2]]
 
 
-def with_torque(x: Array, basis: Basis, data: Data, weight: Array) -> tuple[Array, float]:
+def with_torque(x: Array, model: Model, data: Data, weight: Array) -> tuple[Array, float]:
     """The unknowns with T_s(u) by least squares, and the weighted cost."""
-    points, D = data.points, basis.M[0][:, basis.slices[0]]
-    share = float(x[-1]) if basis.free_share else basis.share
-    tau1, tau2 = np.maximum(basis.M[1:3] @ x, TAU_FLOOR_S)
-    Ts, phi, square = sizes(points, tau1, tau2, share)
-    root = np.sqrt(np.maximum(weight * square, 1e-300))
-    x = x.copy()
-    x[basis.slices[0]] = np.linalg.lstsq(D * root[:, None], Ts * root, rcond=None)[0]
-    left = (D @ x[basis.slices[0]])[:, None] * phi - points.y
-    return x, float((weight[:, None] * points.w * left**2).sum())
-
-
-def sizes(points: Points, tau1: Array, tau2: Array, share: float) -> tuple[Array, Array, Array]:
-    """The best T_s of each level at its time constants, (L,), φ (L, P), and Σ w φ², (L,)."""
-    phi = 1 - share * np.exp(-points.t_s / tau1[:, None]) - (1 - share) * np.exp(-points.t_s / tau2[:, None])
-    square = (phi**2 * points.w).sum(axis=1)
-    return (phi * points.w * points.y).sum(axis=1) / np.maximum(square, 1e-300), phi, square
+    M, part, points = model.rows(data.u), model.slices[0], data.points
+    theta = model.theta(x, M)
+    np.maximum(theta[1:3], TAU_FLOOR_S, out=theta[1:3])
+    theta[0] = 0.0
+    at = level_normal(theta, points)  # of T_s = 0: the score is −Σ w φ y
+    square, along = at.information[:, 0, 0], -at.score[:, 0]
+    root, x = np.sqrt(np.maximum(weight * square, 1e-300)), x.copy()
+    x[part] = np.linalg.lstsq(M[0, :, part] * root[:, None], root * along / np.maximum(square, 1e-300), rcond=None)[0]
+    Ts = M[0] @ x
+    return x, float(weight @ (at.cost + Ts**2 * square - 2 * Ts * along))

@@ -5,7 +5,6 @@ The one entry that the command line and a notebook share.
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
-from functools import partial
 from typing import Any, TypeVar
 
 import msgspec
@@ -17,7 +16,7 @@ from eaid.arrays import Array
 from eaid.declared import forms
 from eaid.errors import DataError, UsageError
 from eaid.estimate.adequacy import adequacy, share_of, share_of_levels
-from eaid.estimate.bootstrap import bootstrap, refit_joint
+from eaid.estimate.bootstrap import bootstrap
 from eaid.estimate.data import Data, data_of, explains_little
 from eaid.estimate.friction import (
     LevelValues,
@@ -28,11 +27,11 @@ from eaid.estimate.friction import (
     quoted,
     white_ends,
 )
+from eaid.estimate.from_rest import refit_nonlinear
 from eaid.estimate.huber import huber_findings, minimise, with_runs
-from eaid.estimate.joint import joint_fit
 from eaid.estimate.levels import OwnLevels, own_levels
 from eaid.estimate.linear import linear_part
-from eaid.estimate.nonlinear import believed, nonlinear_part, spread_of
+from eaid.estimate.nonlinear import believed, joint_fit, nonlinear_part, spread_of
 from eaid.estimate.release import release_fit
 from eaid.estimate.scatter import CURVES, NAMES, Scatter, common_shifts, noise_of
 from eaid.estimate.spread import t_quantile
@@ -206,13 +205,13 @@ def _of_the_model(
     levels = stepset.levels
     first, huber = believed(levels, data, options.held_share, options.loss)
     seen = first.scatter
-    joint, joint_held, huber_of_joint = joint_fit(data, options, held_out)
+    joint, huber_of_joint = joint_fit(data, options.held_share, options.loss)
     draws = None
     if options.ci == "bootstrap":
-        x = first.basis.unknowns(joint.parameters)
-        refit = partial(refit_joint, first.basis, x) if options.estimator == "joint" else first.refit
+        papers = options.estimator == "joint"
+        refit = (lambda again: refit_nonlinear(again, joint).x) if papers else first.refit
         draws = bootstrap(levels, data, seen.curves, refit, options, progress)
-    model, values, found = nonlinear_part(stepset, data, first, (joint, joint_held), options, held_out, draws)
+    model, values, found = nonlinear_part(stepset, data, first, joint, options, held_out, draws)
     robust = with_runs(huber_of_joint if options.estimator == "joint" else huber, levels)
     found += huber_findings("nonlinear", robust)
     result = Fit(nonlinear=msgspec.structs.replace(model, robust=robust))

@@ -19,11 +19,11 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.errors import UsageError
+from eaid.estimate.forms import Model, nonlinear
 from eaid.estimate.scatter import Noise
 from eaid.estimate.spread import t_quantile
 from eaid.models.parameters import Nonlinear
 from eaid.options import Limits
-from eaid.recorded import model
 from eaid.recorded.noise import engagements
 from eaid.recorded.response import Drive
 from eaid.recorded.solve import Setup
@@ -286,28 +286,26 @@ class Judge:
     @cached_property
     def scattered(self) -> Array:
         """One standard deviation of an engagement's T_s, τ1 and τ2 in the unknowns, (n, 3)."""
-        found, first = np.zeros((len(self.unknowns), 3)), 0
-        for k, count in enumerate(self.model.sizes):
-            found[first : first + count, k] = self.noise.scatter[k] * self.unknowns[first : first + count]
-            first += count
+        found = np.zeros((len(self.unknowns), 3))
+        for k, part in enumerate(self.model.slices):
+            found[part, k] = self.noise.scatter[k] * self.unknowns[part]
         return found
 
     @cached_property
     def slopes(self) -> Array:
         """Derivatives of log T_s, log τ1, log τ2 at the duties by the unknowns, (3, DUTIES, n)."""
-        slopes = self.model.slopes(np.linspace(*self.limits.duty, DUTIES), len(self.unknowns))
+        slopes = np.pad(self.model.rows(np.linspace(*self.limits.duty, DUTIES))[:3], ((0, 0), (0, 0), (0, 1)))
         return slopes / (slopes @ self.unknowns)[:, :, None]
 
     @cached_property
     def unknowns(self) -> Array:
         """The plant's coefficients, and an idle output of 0."""
-        assert self.model.basis is not None
-        return np.append(self.model.basis.unknowns(self.p), 0.0)
+        return np.append(self.model.unknowns(self.p), 0.0)
 
     @cached_property
-    def model(self) -> model.Model:
+    def model(self) -> Model:
         """The nonlinear model over the duties that the limits allow."""
-        return model.nonlinear(np.linspace(*self.limits.duty, 11), self.p.C, 1e3)
+        return nonlinear(np.linspace(*self.limits.duty, 11), self.p.C)
 
     def ratios(self, sequence: HoldSequence) -> Array:
         """Widths over the wanted ones, of those that are wanted, flat."""

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.estimate.coefficients import coefficient_intervals, coefficients_of, covariance_part
+from eaid.estimate.coefficients import coefficient_intervals, coefficients_of, covariance_part, turned
 from eaid.estimate.data import data_of, errors
-from eaid.estimate.linear import bounds_of, single_levels
+from eaid.estimate.linear import bounds_of, fit_each_level, single_levels
 from eaid.logs.run import Run
 from eaid.models import nonlinear as curve
 from eaid.models.parameters import Linear as Eq8
@@ -130,11 +130,8 @@ def _curves(known: CurveSpread) -> tuple[CurveLevel, ...]:
 
 def _coefficients(solved: Solved, uncertainty: Spread) -> tuple[CoefficientIntervals, Covariance]:
     """Intervals of the paper's coefficients, and their covariance in powers of u/100."""
-    basis, share_free = solved.setup.model.basis, solved.setup.model.share is None
-    assert basis is not None
-    plain = coefficients_of(model_of(solved), share_free)
-    unit = [coefficients_of(basis.parameters(row), share_free).values for row in np.eye(len(solved.coefficients))]
-    T = np.array(unit).T
+    model = solved.setup.model
+    plain, T = coefficients_of(model_of(solved), model.free_share), turned(model)
     V = uncertainty.covariance[: T.shape[1], : T.shape[1]]
     covariance, degrees = T @ V @ T.T, degrees_of(solved, uncertainty)
     return coefficient_intervals(plain, covariance, {**degrees}), covariance_part(
@@ -145,7 +142,7 @@ def _coefficients(solved: Solved, uncertainty: Spread) -> tuple[CoefficientInter
 def degrees_of(solved: Solved, uncertainty: Spread) -> dict[str, float]:
     """Degrees of freedom of T_s, τ1, τ2 at the middle of the range."""
     model = solved.setup.model
-    slopes = model.slopes(np.array([0.5 * (model.low + model.high)]), solved.setup.size)
+    slopes = solved.setup.slopes(np.array([0.5 * (model.low + model.high)]))
     return {name: uncertainty.variance(slopes[k, 0])[1] for name, k in (("tau1", 1), ("tau2", 2), ("Ts", 0))}
 
 
@@ -171,7 +168,8 @@ def linear_part(solved: Solved, base: Solved, levels: Array, wanted: str | None)
         slope, offset = float(tables.steady[0] / levels[0]), 0.0
     pooled = Eq8(a0, a0 * slope, a0 * offset)
     total = errors(solved.outputs, solved.missed)
-    rows = single_levels(data_of(_own_steps(base, levels)))
+    of_model = data_of(_own_steps(base, levels))
+    rows = single_levels(of_model, fit_each_level(of_model))
     return Linear(
         a0=pooled.a0,
         b0=pooled.b0,
@@ -197,14 +195,14 @@ def _own_steps(base: Solved, levels: Array) -> list[Level]:
 def friction_part(solved: Solved) -> Friction:
     """T_s, τ1, τ2 of each level by itself."""
     model = solved.setup.model
-    assert model.levels is not None and model.share is not None
-    tables = solved.curves(model.levels)
+    assert model.share is not None
+    tables = solved.curves(model.limited)
     values = zip(tables.steady.tolist(), tables.tau1.tolist(), tables.tau2.tolist(), strict=True)
     levels = [
         FrictionLevel(
             one.level, Ts, tau1, tau2, model.share, rmse=one.rmse, sse=one.sse, fit_pct=one.fit_pct, R2=one.R2
         )
-        for one, (Ts, tau1, tau2) in zip(_level_errors(solved, model.levels), values, strict=True)
+        for one, (Ts, tau1, tau2) in zip(_level_errors(solved, model.limited), values, strict=True)
     ]
     return Friction(C=model.share, levels=tuple(levels), solver=solved.solver)
 

@@ -114,7 +114,7 @@ def _judged(solved: Solved, uncertainty: Spread, names: tuple[str, ...]) -> tupl
         values = solved.x[at : at + count]
         against = as_rises(solved, name)
         if name == "rest":  # the edge values are estimates too
-            G -= model.slopes(np.array([model.low]), solved.setup.size)[1:, 0]
+            G -= solved.setup.slopes(np.array([model.low]))[1:, 0]
         off = values - against
         chance = _chance(off, G, uncertainty)
         half = np.array([uncertainty.of(np.eye(solved.setup.size)[at + k]) for k in range(count)])

@@ -16,13 +16,12 @@ from numpy.typing import NDArray
 
 from eaid.arrays import Array
 from eaid.errors import DataError, UsageError
-from eaid.estimate import workflow
+from eaid.estimate import forms, workflow
 from eaid.estimate.step_shapes import single_steps
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.logs.run import Run
 from eaid.models.parameters import Linear as Eq8
 from eaid.options import FitOptions
-from eaid.recorded import model
 from eaid.recorded.as_results import (
     data_part,
     friction_part,
@@ -314,12 +313,10 @@ def fit_recorded(
     rests = any(log.starts_idle or bool((log.input == 0).any()) or log.baseline is not None for log in every)
     if not rests:
         found += [finding("idle-not-seen", log.name) for log in logs]
-    spans = [log.dt_s[:-1] for log in every]
-    longest, shortest = max(float(one.sum()) for one in spans), float(np.median(np.concatenate(spans)))
     wanted = options.model or ("friction", "nonlinear", "linear")
 
     rows = [0] * len(logs)
-    base = solve(setup_of(model.nonlinear(inputs.basis, share, longest), every, rests))
+    base = solve(setup_of(forms.nonlinear(inputs.basis, share), every, rests))
     given = options.held_dead_time_s
     if dead_s := dead_time_s if given is None else given:
         late = [-round(dead_s / float(np.median(log.dt_s))) for log in logs]
@@ -349,11 +346,11 @@ def fit_recorded(
         found += never_asked(known) + scatter_findings(uncertainty.scatter)
     linear, friction, line = None, None, None
     if "linear" in wanted:
-        solved = solve(replace(setup, model=model.linear(inputs.basis, shortest, longest)))
+        solved = solve(replace(setup, model=forms.linear(inputs.basis)))
         linear = linear_part(solved, base, inputs.basis, options.bounds_levels)
         line = Eq8(linear.a0, linear.b0, linear.c0)
     if "friction" in wanted and inputs.stepwise and len(inputs.levels) <= FRICTION_LEVELS and share is not None:
-        solved = solve(replace(setup, model=model.friction(inputs.levels, share, longest)))
+        solved = solve(replace(setup, model=forms.friction(inputs.levels, share)))
         kept = () if tested_falls is None else tested_falls.kept
         friction = friction_part(with_falls(solved, kept) if kept else solved)
     return Fit(

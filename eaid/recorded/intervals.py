@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from eaid.arrays import Array
+from eaid.estimate.friction import HELD_BY
 from eaid.estimate.solver import Problem, approach, newton_step
 from eaid.findings import Finding, finding
 from eaid.recorded.log import RecordedLog
@@ -278,10 +279,8 @@ PARABOLA = 0.05
 
 def held(solved: Solved) -> set[str]:
     """Which of T_s, τ1, τ2 an active constraint holds at some input."""
-    basis = solved.setup.model.basis
-    assert basis is not None
-    count = len(basis.duties)
-    return {("tau1", "tau2", "Ts", "tau2")[i // count] for i in solved.active.tolist() if i < 4 * count}
+    held = solved.setup.limits.active(i for i in solved.active.tolist() if i < len(solved.setup.limits.b))
+    return {name for code in held for name in HELD_BY.get(code, ())[-1:]}
 
 
 @dataclass(frozen=True, eq=False)
@@ -298,7 +297,7 @@ class CurveSpread:
 
 def curves(solved: Solved, uncertainty: Spread, duty: Array) -> CurveSpread:
     """Intervals of log T_s, log τ1, log τ2 at some inputs within the range."""
-    slopes = solved.setup.model.slopes(duty, solved.setup.size)
+    slopes = solved.setup.slopes(duty)
     values = slopes @ solved.x
     constrained = held(solved)  # what a constraint holds is not estimated
     test = score_test(solved, uncertainty) if solved.instruments is None else None

@@ -16,6 +16,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from eaid.arrays import Array
+from eaid.estimate.forms import Tables
 from eaid.estimate.points import POINTS_PER_BLOCK, blocks, orthonormal
 from eaid.recorded.log import RecordedLog
 
@@ -36,19 +37,6 @@ class Samples(NamedTuple):
     y: Array
     w: Array
     """Weights; 0: a row that is not compared."""
-
-
-class Tables(NamedTuple):
-    """T_s, τ1, τ2 of the different inputs, shapes (m,), and their derivatives by the coefficients, (m, n)."""
-
-    steady: Array
-    tau1: Array
-    tau2: Array
-    rest: Array
-    """u/u_low, at most 1: below 1 a fall goes over to the release constants."""
-    by_steady: Array
-    by_tau1: Array
-    by_tau2: Array
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eaid.arrays import Array
+from eaid.estimate.forms import LEAST_TAU_S, Form, LegendreForm, Limits, Model, Rows, Tables
 from eaid.estimate.solver import (
     CONVERGED,
     ROUNDING,
@@ -27,11 +28,12 @@ from eaid.estimate.solver import (
     judged,
     polish,
     slsqp,
+    with_second_derivatives,
 )
+from eaid.estimate.starts import MOST, SHARES, time_constants
 from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
 from eaid.recorded.log import RecordedLog
-from eaid.recorded.model import LEAST_TAU_S, Model, Rows
-from eaid.recorded.response import Copies, Drive, Samples, Tables, derivatives
+from eaid.recorded.response import Copies, Drive, Samples, derivatives
 from eaid.results.common import Solver
 
 NOTHING = {"rest": (0.0, 0.0), "fall": (1.0, 1.0), "excess": (0.0,)}
@@ -79,6 +81,22 @@ class Setup:
     """Whether idle outputs that are not known are unknowns; else they are 0."""
     copies: tuple[Copies, ...] = ()
     """Where `drives` are but copies in fewer rows: the logs themselves."""
+    longest_s: float = 0.0
+    """Length of the longest log [s]."""
+    shortest_s: float = 0.0
+    """Usual time between two rows [s]."""
+    longest_hold_s: float = 0.0
+    """Longest time for which an input is held, or a moving one is recorded [s]."""
+
+    @cached_property
+    def limits(self) -> Limits:
+        """Constraints of the model."""
+        return self.model.limits(self.longest_s, self.shortest_s)
+
+    def slopes(self, duty: Array) -> Array:
+        """Derivatives of T_s, τ1, τ2 at some inputs by all unknowns, (3, L, n)."""
+        rows = self.model.rows(duty)[:3]
+        return np.pad(rows, ((0, 0), (0, 0), (0, self.size - rows.shape[2])))
 
     @cached_property
     def every(self) -> "Setup":
@@ -110,7 +128,7 @@ class Setup:
         found, before = [], self.shared
         for drive in self.drives:
             loaded = not drive.starts_idle
-            free = np.array([self.idle_free and not drive.idle_known, loaded, loaded and self.model.sizes[2] > 0])
+            free = np.array([self.idle_free and not drive.idle_known, loaded, loaded and self.model.tau2 is not None])
             order = np.cumsum(free) - 1
             own, local = (np.where(free, first + order, -1) for first in (before, self.shared))
             columns = np.concatenate([np.arange(self.shared), own[free]])
@@ -172,18 +190,14 @@ class Setup:
 
     def problem(self) -> Problem:
         """For the solver: constraints of the model, and of the extras."""
-        model = self.model
-        more = [(self.at(name), *one) for name in self.extras for one in LIMITS[name]]
-        A = np.zeros((len(model.A) + len(more), self.size))
-        A[: len(model.A), : model.A.shape[1]] = model.A
-        for row, (at, _, along, _) in zip(A[len(model.A) :], more, strict=True):
+        limits, more = self.limits, [(self.at(name), *one) for name in self.extras for one in LIMITS[name]]
+        A = np.zeros((len(limits.A) + len(more), self.size))
+        A[: len(limits.A), : self.model.size] = limits.A
+        for row, (at, _, along, _) in zip(A[len(limits.A) :], more, strict=True):
             row[at : at + len(along)] = along
-        b = np.append(model.b, [least for *_, least in more])
-
-        def names(i: int) -> str:
-            return model.names(i) if i < len(model.b) else more[i - len(model.b)][1]
-
-        return Problem(remembered(self.together), A, b, names, floor=ROUNDING * self.energy)
+        b = np.append(limits.b, [least for *_, least in more])
+        codes = (*limits.codes, *(code for _, code, _, _ in more))
+        return Problem(remembered(self.together), A, b, codes.__getitem__, floor=ROUNDING * self.energy)
 
 
 def remembered(together: Together) -> Together:
@@ -202,8 +216,11 @@ def remembered(together: Together) -> Together:
 
 def setup_of(model: Model, logs: Sequence[RecordedLog], idle_free: bool = True) -> Setup:
     """Logs and a model, with the copies on which its fit is looked for."""
-    copies = tuple(map(Copies, logs))
-    return Setup(model, tuple(one.small for one in copies), (), idle_free, copies)
+    copies, spans = tuple(map(Copies, logs)), [log.dt_s[:-1] for log in logs]
+    longest, shortest = max(float(one.sum()) for one in spans), float(np.median(np.concatenate(spans)))
+    holds = [np.diff(log.time_s[np.append(log.changes, -1)]).max() if log.stepwise else log.time_s[-1] for log in logs]
+    hold = float(max(holds))
+    return Setup(model, tuple(one.small for one in copies), (), idle_free, copies, longest, shortest, hold)
 
 
 def with_extras(setup: Setup, extras: Sequence[str], x: Array, values: Sequence[float] | Array) -> tuple[Setup, Array]:
@@ -215,15 +232,15 @@ def with_extras(setup: Setup, extras: Sequence[str], x: Array, values: Sequence[
 def linear_parts(setup: Setup, shapes: Sequence[Array] | Array) -> tuple[Array, Array]:
     """Costs (K,) of some x, (K, n), and places (K, n) with what enters linearly solved for."""
     model, x = setup.model, np.array(shapes)
-    a, b, c = model.sizes
+    a, one, two = model.slices[0].stop, *model.slices[1:]
     own = np.concatenate([place.own[place.own >= 0] for place in setup.places]).astype(np.intp)
     free = np.concatenate([np.arange(a), own]).astype(np.intp)
     share = x[:, model.size - 1] if model.share is None else np.full(len(x), model.share)
     size = len(free)
     sums = np.zeros((len(x), size + 1, size + 1))
     for drive, rows, place in zip(setup.drives, setup.maps, setup.places, strict=True):
-        tau1 = np.maximum(x[:, a : a + b] @ rows.tau1.T, LEAST_TAU_S)
-        tau2 = np.maximum(x[:, a + b : a + b + c] @ rows.tau2.T, LEAST_TAU_S) if c else np.ones_like(tau1)
+        tau1 = np.maximum(x[:, one] @ rows.tau1.T, LEAST_TAU_S)
+        tau2 = np.maximum(x[:, two] @ rows.tau2.T, LEAST_TAU_S) if model.tau2 else np.ones_like(tau1)
         found = linear_sums(drive.rows, rows.steady, tau1, tau2, share)
         known = np.concatenate([np.arange(a), np.where(place.own >= 0, np.searchsorted(free, place.own), -1), [size]])
         at = np.flatnonzero(known >= 0)
@@ -263,121 +280,70 @@ def linear_sums(samples: Samples, by_steady: Array, tau1: Array, tau2: Array, sh
     return sums
 
 
-FAST = 17
+GRID = 17
 """Values of τ on the grid, from half a sample to the longest log."""
-BENT = 3
-"""Minima over the grid that are bent."""
-BENDS = (0.2, 1.0, 5.0)
-"""Ratio of a bent τ at the highest input to that at the lowest."""
-SHAPES = 4
-"""Values of τ2 tried at each of three inputs."""
-SIEVED = 8
-"""Best of those shapes that go a few steps down …"""
-SIEVE_STEPS = 3
-"""… so many."""
-MOST = 5
-"""Starts handed on."""
-DISTINCT = 1e-4
-"""Starts whose costs differ by less than this part are one."""
+TRIED = 3
+"""Values tried at each input."""
 
 
 def starts(setup: Setup, problem: Problem) -> list[Array]:
     """Feasible starts, the most promising first, and a plain one with constant τ last."""
     model = setup.model
-    shortest, longest = spans(setup)
-    fast = np.geomspace(max(0.5 * shortest, 2 * TAU_FLOOR_S), longest, FAST)
-    slow = fast if model.sizes[2] else fast[-1:] * 2
-    shares = [0.85] if model.share is not None else [0.5, 0.7, 0.85, 0.95]
-    every = itertools.product(range(len(shares)), range(FAST), range(len(slow)))
-    pairs = [(h, i, j) for h, i, j in every if slow[j] > 1.5 * fast[i]]
-    cost, x = linear_parts(setup, [_shaped(setup, fast[i], slow[j], shares[h]) for h, i, j in pairs])
-    grid = np.full((len(shares), FAST + 2, len(slow) + 2), np.inf)
-    for (h, i, j), one in zip(pairs, cost.tolist(), strict=True):
-        grid[h, i + 1, j + 1] = one
-    least = [k for k, (h, i, j) in enumerate(pairs) if cost[k] <= grid[h, i : i + 3, j : j + 3].min()]
-    least.sort(key=lambda k: float(cost[k]))
-    flat = inner(setup, x[least[0]], problem)
-    places = [(float(cost[k]), x[k]) for k in least[:MOST]]
-    if model.name == "nonlinear" and min(model.sizes) > 1:
-        bent = [
-            _shaped(setup, fast[i], slow[j], shares[h], *bends)
-            for h, i, j in (pairs[k] for k in least[:BENT])
-            for bends in itertools.product(BENDS, repeat=2)
-        ]
-        places += zip(*linear_parts(setup, bent), strict=True)
-    places.sort(key=lambda row: row[0])
-    if model.name == "nonlinear" and model.sizes[2] > 1:
-        cost, x = linear_parts(setup, slow_shapes(setup, places[0][1], longest))
-        for k in np.argsort(cost)[:SIEVED]:
-            end = approach(problem, bring_in(x[k], flat, problem), steps=SIEVE_STEPS)
-            places.append((end.cost, end.x))
-        places.sort(key=lambda row: row[0])
-    chosen: list[tuple[float, Array]] = []
-    for one, place in places:
-        if all(abs(one - other) > DISTINCT * other for other, _ in chosen):
-            chosen.append((one, place))
-        if len(chosen) == MOST:
-            break
-    return [bring_in(place, flat, problem) for _, place in chosen] + [flat]
+    dt_s = np.concatenate([drive.dt_s[drive.dt_s > 0] for drive in setup.drives])
+    grid = np.geomspace(max(0.5 * float(np.median(dt_s)), 2 * TAU_FLOOR_S), setup.longest_s, GRID)
+    turns = [_turn(form) for form in (model.tau1, model.tau2) if form is not None]
+    M, found = model.rows(model.limited), []
+    for share in SHARES if model.share is None else (model.share,):
+
+        def placed(*values: Array, share: float = share) -> Array:
+            """x of N values of τ1 and τ2 each, (N, n)."""
+            x = np.zeros((len(values[0]), setup.size))
+            for part, turn, tau in zip(model.slices[1:], turns, values, strict=False):
+                x[:, part] = tau @ turn.T
+            if model.share is None:
+                x[:, model.size - 1] = share
+            return x
+
+        def gain(*values: Array) -> Array:
+            x = placed(*values)
+            tau1, tau2 = (x[:, : model.size] @ row.T for row in M[1:3])
+            sound = (tau1 >= TAU_FLOOR_S).all(axis=1) & ((tau2 >= tau1).all(axis=1) | (model.tau2 is None))
+            return np.where(sound, -linear_parts(setup, x)[0], -np.inf)
+
+        if model.tau2 is None:
+            found += [placed(grid[[k], None])[0] for k in np.argsort(-gain(grid[:, None]))[:MOST]]
+            continue
+        i, j = np.triu_indices(GRID, 1)
+        pairs = np.full((GRID, GRID), -np.inf)
+        pairs[i, j] = gain(*(np.tile(grid[at, None], turn.shape[1]) for at, turn in zip((i, j), turns, strict=True)))
+        sizes = turns[0].shape[1], turns[1].shape[1]
+        found += [placed(one[None], two[None])[0] for one, two in
+                  time_constants(gain, pairs, grid, sizes, setup.longest_hold_s, TRIED)]  # fmt: skip
+    cost, places = linear_parts(setup, np.array(found))
+    order = np.argsort(cost)
+    flat = inner(setup, places[order[0]], problem)
+    return [bring_in(places[k], flat, problem) for k in order[:MOST]] + [flat]
 
 
-def slow_shapes(setup: Setup, x: Array, longest: float) -> Array:
-    """x with every τ2(u) through a few values at the lowest, middle and highest input: joint costs have several minima
-    far apart in τ2, where holds are short."""
-    basis = setup.model.basis
-    assert basis is not None
-    at = np.array([basis.lowest, 0.5 * (basis.lowest + basis.highest), basis.highest])
-    rows = setup.model.rows_of(at)
-    a, b, c = setup.model.sizes
-    typical = max(float(rows.tau1[1] @ x[a : a + b]), 2 * TAU_FLOOR_S)
-    values = np.geomspace(3 * typical, max(3 * longest, 30 * typical), SHAPES)
-    threes = np.array(list(itertools.product(values, repeat=3)))
-    found = np.tile(x, (len(threes), 1))
-    found[:, a + b : a + b + c] = threes @ np.linalg.pinv(rows.tau2).T
-    return found
-
-
-def spans(setup: Setup) -> tuple[float, float]:
-    """The typical time between samples and the length of the longest log [s]."""
-    rows = [drive.dt_s[drive.dt_s > 0] for drive in setup.drives]
-    return float(np.median(np.concatenate(rows))), max(float(one.sum()) for one in rows)
-
-
-def _shaped(setup: Setup, tau1: float, tau2: float, share: float, bend1: float = 1.0, bend2: float = 1.0) -> Array:
-    """x with τ1 and τ2 that run straight from τ/√bend to τ √bend, everything else 0."""
-    model = setup.model
-    x = np.zeros(setup.size)
-    a, b, c = model.sizes
-    if model.name == "friction":
-        x[a : a + b], x[a + b : a + b + c] = tau1, tau2
-    else:
-        for at, count, tau, bend in ((a, b, tau1, bend1), (a + b, c, tau2, bend2)):
-            if count:
-                x[at] = 0.5 * tau * (bend**0.5 + bend**-0.5)
-            if count > 1:
-                x[at + 1] = 0.5 * tau * (bend**0.5 - bend**-0.5)
-    if model.share is None:
-        x[model.size - 1] = share
-    return x
+def _turn(form: Form) -> Array:
+    """Coefficients of a form by its values at as many inputs; those of levels by one value for all."""
+    many = isinstance(form, LegendreForm)
+    return np.asarray(np.linalg.inv(form.rows(form.inputs)) if many else np.ones((form.size, 1)))
 
 
 def inner(setup: Setup, x: Array, problem: Problem) -> Array:
     """A feasible point with constant τ near `x`: T_s is drawn to its mean where it falls below 0."""
-    model = setup.model
-    a, b, c = model.sizes
-    flat = x.copy()
-    one = x[a : a + b].mean() if model.name == "friction" else x[a]
-    two = x[a + b : a + b + c].mean() if model.name == "friction" else (x[a + b] if c else 1.0)
-    one = max(float(one), 2 * TAU_FLOOR_S)
-    two = max(float(two), 1.5 * one)
-    keep = _shaped(setup, one, two, float(x[model.size - 1]))
-    flat[a : a + b + c] = keep[a : a + b + c]
-    calm = flat.copy()
-    if model.name == "friction":
-        calm[:a] = max(float(np.mean(x[:a])), 1e-12)
-    elif model.name == "nonlinear":
-        calm[:a] = 0.0
-        calm[0] = max(float(x[0]), 1e-12)
+    model, flat = setup.model, x.copy()
+    least = 2 * TAU_FLOOR_S
+    for form, part in zip((model.tau1, model.tau2), model.slices[1:], strict=True):
+        if form is not None:
+            size = max(float((form.rows(model.limited) @ x[part]).mean()), least)
+            flat[part] = _turn(form) @ np.full(_turn(form).shape[1], size)
+            least = 1.5 * size
+    calm, part = flat.copy(), model.slices[0]
+    if model.Ts is not None and model.tau2 is not None:
+        size = max(float((model.Ts.rows(model.limited) @ x[part]).mean()), 1e-12)
+        calm[part] = _turn(model.Ts) @ np.full(_turn(model.Ts).shape[1], size)
     return draw_in(flat, calm, problem)
 
 
@@ -391,8 +357,6 @@ NEAR = 0.05
 """An end this part of the cost above the best is no rival."""
 LONG_WAY = 1000
 """Newton steps along a bent valley, where τ1 and τ2 all but meet."""
-SHIFT = 1e-5
-"""Relative step of the difference that second derivatives come from."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -469,36 +433,17 @@ def finished(setup: Setup, begin: Sequence[Array], tried: int = 0, costs: Sequen
         ends = [approach(near, end.x) for end in ends]
     end, predicted, active = polish(near, min(ends, key=lambda one: one.cost), near.value, finished=SETTLED)
     if predicted > CONVERGED:  # far from a parabola
-        near = with_second_derivatives(setup)
+        near = with_second_derivatives(setup.problem())
         end, predicted, active = polish(near, slsqp(near, end.x), near.value, steps=LONG_WAY, finished=SETTLED)
     evaluations = tried + sum(one.evaluations for one in ends) + end.evaluations
     solver = judged(predicted, evaluations, costs or [one.cost for one in ends], [near.names(i) for i in active])
     return Solved(setup, end.x, end.cost, solver)
 
 
-def with_second_derivatives(setup: Setup) -> Problem:
-    """Its problem with the true curvature, by differences of the exact gradient."""
-    problem = setup.problem()
-
-    def exact(x: Array) -> Array:
-        cost, _, own = setup.together(x)
-        scale = np.sqrt(np.maximum(np.diagonal(own), 1e-300))
-        size = np.sqrt(max(cost, problem.floor))
-        found = np.empty_like(own)
-        for j in range(len(x)):
-            step = np.zeros_like(x)
-            step[j] = min(SHIFT * max(abs(x[j]), 1e-3), 0.1 * size / scale[j] + 1e-12)
-            found[j] = (setup.together(x + step)[1] - setup.together(x - step)[1]) / (2 * step[j])
-        return np.asarray(0.5 * (found + found.T))
-
-    return replace(problem, exact=exact)
-
-
 def model_of(solved: Solved) -> Nonlinear:
     """The fitted model, with its release where that was fitted."""
     setup = solved.setup
-    assert setup.model.basis is not None
-    parameters = setup.model.basis.parameters(solved.coefficients)
+    parameters = setup.model.parameters(solved.coefficients)
     at = setup.at("rest")
     return parameters if at < 0 else replace(parameters, release=(float(solved.x[at]), float(solved.x[at + 1])))
 

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eaid.estimate.basis import basis_of
 from eaid.estimate.data import data_of
-from eaid.estimate.joint import nonlinear_problem
-from eaid.estimate.points import Points, compress, level_normal
+from eaid.estimate.forms import nonlinear
+from eaid.estimate.from_rest import StepProblem
+from eaid.estimate.points import Points, compress, level_normal, log_crossed
 from eaid.estimate.solver import EndPoint, Problem, newton_step, polish, slsqp
 from eaid.models.parameters import REFERENCE_PLANT
 
@@ -28,12 +28,17 @@ def eq3(theta: Any, t: Any) -> Any:
 @pytest.mark.parametrize("rows", [1, 3], ids=["one grid", "a grid each"])
 def test_cost_gradient_and_curvature_of_a_level_by_complex_steps(rows: int) -> None:
     points = Points(np.tile(TIMES, (rows, 1)), POINTS.y, np.tile(POINTS.w, (rows, 1)))
-    cost, gradient, curvature = level_normal(THETA, points)
+    at = level_normal(THETA, points)
     steps = [eq3(THETA + 1e-30j * np.eye(4)[k][:, None], points.t_s).imag / 1e-30 for k in range(4)]
     J, left = np.stack(steps, axis=1), eq3(THETA, points.t_s) - points.y
-    assert cost == pytest.approx((points.w * left**2).sum(axis=1), rel=1e-13)
-    assert gradient == pytest.approx(2 * np.einsum("lkp,lp->kl", J, points.w * left), rel=1e-11)
-    assert curvature == pytest.approx(2 * (J * points.w[:, None]) @ J.transpose(0, 2, 1), rel=1e-12)
+    assert at.cost == pytest.approx((points.w * left**2).sum(axis=1), rel=1e-13)
+    assert at.score == pytest.approx(np.einsum("lkp,lp->lk", J, points.w * left), rel=1e-11)
+    assert at.information == pytest.approx((J * points.w[:, None]) @ J.transpose(0, 2, 1), rel=1e-12)
+    other = THETA * 1.1
+    ways = [eq3(other + 1e-30j * np.eye(4)[k][:, None], points.t_s).imag / 1e-30 for k in range(4)]
+    by_log = J * np.array([*THETA[:3], THETA[3] * (1 - THETA[3])]).T[:, :, None]
+    mine = log_crossed(THETA, other, points, True)
+    assert mine == pytest.approx((by_log * points.w[:, None]) @ np.stack(ways, axis=1).transpose(0, 2, 1), rel=1e-11)
 
 
 @pytest.mark.parametrize("share", [0.85, None])
@@ -41,18 +46,17 @@ def test_gradient_and_curvature_of_the_joint_fit_by_differences(
     share: float | None, clutch_set: Callable[..., Any]
 ) -> None:
     data = data_of(clutch_set(duration_s=2.0, rate_hz=100.0, noise_nm=0.02).levels)
-    basis = basis_of(data.u, share)
-    problem = nonlinear_problem(data, basis)
-    x = basis.unknowns(REFERENCE_PLANT) * 1.03
+    model = nonlinear(data.u, share)
+    problem = StepProblem(data, model, np.ones(len(data.u))).problem
+    x = model.unknowns(REFERENCE_PLANT) * 1.03
     _, gradient = problem.value(x)
-    exact = problem.exact(x) if problem.exact is not None else None
-    assert (exact is None) == (share is None)  # with C free Gauss–Newton has to do
-    for k in range(basis.size):
-        step = 1e-6 * max(abs(x[k]), 1e-2) * np.eye(basis.size)[k]
+    assert problem.exact is not None
+    exact = problem.exact(x)
+    for k in range(model.size):
+        step = 1e-6 * max(abs(x[k]), 1e-2) * np.eye(model.size)[k]
         (above, slope_above), (below, slope_below) = problem.value(x + step), problem.value(x - step)
         assert (above - below) / (2 * step[k]) == pytest.approx(gradient[k], rel=1e-5, abs=1e-5)
-        if exact is not None:
-            assert (slope_above - slope_below) / (2 * step[k]) == pytest.approx(exact[:, k], rel=1e-4, abs=1e-2)
+        assert (slope_above - slope_below) / (2 * step[k]) == pytest.approx(exact[:, k], rel=1e-4, abs=1e-2)
 
 
 @pytest.mark.parametrize("jitter", [0.0, 5e-4])

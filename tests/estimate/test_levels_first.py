@@ -39,7 +39,7 @@ def test_it_is_the_weighted_least_squares_with_one_free_size_a_level(levels: Any
     assert other.x == pytest.approx(start, rel=1e-4)
     phi = curves(start, u, t)
     T = (phi * y).sum(axis=1) / (phi**2).sum(axis=1)
-    assert fit.at.Ts == pytest.approx(T, rel=1e-6)
+    assert fit.at.theta[0] == pytest.approx(T, rel=1e-6)
     s = np.sqrt(((T[:, None] * phi - y) ** 2).mean(axis=1))
     assert weight == pytest.approx(1 / (T**2 + s**2), rel=5e-3)
 
@@ -63,7 +63,7 @@ def test_a_run_moves_it_as_its_influence_says(levels: Any) -> None:
     moved = tuple(replace(one, runs=runs) if i == which else one for i, one in enumerate(levels))
     after = levels_first(moved, data_of(moved), 0.85, near=before)
     value, slopes = before.numbers(u, before.coefficients)
-    now, _ = before.numbers(u, np.append(before.curve.gains @ after.at.Ts, after.x))
+    now, _ = before.numbers(u, np.append(before.curve.gains @ after.at.theta[0], after.x))
     gain = before.influence.of(slopes.reshape(9, -1)).gain[which]
     predicted = step / 3 * before.scatter.runs[which].shift[1] @ gain
     assert (now - value).ravel() == pytest.approx(predicted, rel=0.15, abs=0.03 * np.abs(predicted).max())
@@ -77,5 +77,5 @@ def test_a_level_that_does_not_move_and_one_of_zeros_have_no_say(levels: Any, se
     alone = levels_first(levels, data_of(levels), 0.85)
     u = np.arange(20.0, 101.0, 20.0)
     ours, theirs = (one.numbers(u, one.coefficients)[0] for one in (found, alone))
-    assert found.solver.converged and ours[1:] == pytest.approx(theirs[1:], abs=0.25)
-    assert found.at.Ts[0] == 0.0 and found.at.Ts[1] < 0.01
+    assert found.solved.solver.converged and ours[1:] == pytest.approx(theirs[1:], abs=0.25)
+    assert found.at.theta[0, 0] == 0.0 and found.at.theta[0, 1] < 0.01

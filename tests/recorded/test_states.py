@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from eaid.estimate import forms
 from eaid.models.parameters import REFERENCE_PLANT
-from eaid.recorded import model
 from eaid.recorded.log import RecordedLog
 from eaid.recorded.response import Copies, Drive, Tables, response
 from eaid.recorded.solve import Setup
@@ -57,17 +57,15 @@ def test_derivatives_are_those_of_complex_steps(kind: str, moving: bool) -> None
     log = log_of(draw, moving=moving)
     levels = np.array([10.0, 35.0, 60.0, 100.0])
     one = {
-        "nonlinear": model.nonlinear(levels, 0.85, 30.0),
-        "free": model.nonlinear(levels, None, 30.0),
-        "linear": model.linear(levels, 0.01, 30.0),
-        "friction": model.friction(levels, 0.85, 30.0),
+        "nonlinear": forms.nonlinear(levels, 0.85),
+        "free": forms.nonlinear(levels, None),
+        "linear": forms.linear(levels),
+        "friction": forms.friction(levels, 0.85),
     }[kind]
     drive = Copies(log).every
     setup = Setup(one, (drive,), ("rest", "fall", "excess"))
-    basis = model.nonlinear(levels, 0.85, 30.0).basis
-    assert basis is not None
     if kind in ("nonlinear", "free"):
-        x0 = np.append(basis.unknowns(REFERENCE_PLANT), [0.8] * (kind == "free"))
+        x0 = np.append(forms.nonlinear(levels, 0.85).unknowns(REFERENCE_PLANT), [0.8] * (kind == "free"))
     elif kind == "linear":
         x0 = np.array([2.0, 1.8, 0.4])
     else:
@@ -100,10 +98,9 @@ def test_the_model_moves_as_the_replays_plant_does() -> None:
     for u, dt in zip(log.input, log.dt_s, strict=True):
         expected.append(x1 + x2)
         x1, x2 = plant_step(plant, x1, x2, float(u), float(dt))
-    one = model.nonlinear(np.array([10.0, 35.0, 60.0, 100.0]), 0.85, 30.0)
+    one = forms.nonlinear(np.array([10.0, 35.0, 60.0, 100.0]), 0.85)
     drive = Copies(log).every
-    assert one.basis is not None
-    tables = one.tables(one.rows_of(drive.duty), one.basis.unknowns(REFERENCE_PLANT))
+    tables = one.tables(one.rows_of(drive.duty), one.unknowns(REFERENCE_PLANT))
     found = response(
         drive.dt_s, drive.index, np.ones_like(drive.rising), tables.steady, tables.tau1, tables.tau2, tables.rest,
         np.array([0.85, 0.4, 6.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0]),
@@ -119,9 +116,8 @@ def test_a_coarse_copy_costs_what_the_log_costs_but_for_a_constant(moving: bool)
     if moving:
         duty = 55 + 45 * np.sin(np.arange(n) / 4000)
     log = RecordedLog("log", np.arange(n) / 1000, duty, np.zeros(n), baseline=0.0, idle_start=True)
-    one = model.nonlinear(np.array([10.0, 40.0, 70.0, 100.0]), 0.85, 60.0)
-    assert one.basis is not None
-    x = one.basis.unknowns(REFERENCE_PLANT)
+    one = forms.nonlinear(np.array([10.0, 40.0, 70.0, 100.0]), 0.85)
+    x = one.unknowns(REFERENCE_PLANT)
     clean = Setup(one, (Copies(log).every,)).jacobian(x, 0)[1]
     log = RecordedLog("log", log.time_s, duty, clean + draw.normal(0, 0.05, n), baseline=0.0, idle_start=True)
     whole = Setup(one, (Copies(log).every,))

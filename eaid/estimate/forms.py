@@ -1,0 +1,278 @@
+"""T_s(u), τ1(u), τ2(u) as forms that are linear in their coefficients, and the models that they make with C.
+
+    nonlinear      T_s cubic, τ1 and τ2 quadratic, Eqs. (5)–(7); the degrees fall where the levels are too few
+    levels first   τ1 and τ2 the same, T_s solved for at each level
+    linear         T_s = (b0 u + c0)/a0, τ1 = 1/a0, C = 1, Eq. (8)
+    friction       T_s, τ1, τ2 of each level, Eq. (3)
+
+Below the lowest identified input, u_low, τ1 and τ2 keep their edge value and T_s goes linearly to 0 at rest; above the
+highest, all keep their edge value. Constraints, specification 3: τ1 ≥ 1 ms, τ2 ≥ τ1, T_s ≥ 0, 0 ≤ C ≤ 1.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.polynomial import Legendre, Polynomial
+from numpy.polynomial.polynomial import polyval
+
+from eaid.arrays import Array, read_only
+from eaid.models.nonlinear import CHECKED_DUTIES
+from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
+
+RECORDS = 1e6
+"""τ2 is looked for up to this many record lengths: no data can tell it from endless."""
+RECORDS_FREE = 100.0
+"""τ2 is looked for up to this many record lengths where C is free: T_s then grows with τ2, all but straight."""
+DEGREES = (3, 2, 2)
+"""Degrees of T_s, τ1, τ2."""
+LEAST_TAU_S = 0.1 * TAU_FLOOR_S
+"""A τ is kept off zero by this much [s]: between the 101 duties a quadratic may dip below its floor."""
+LEGENDRE = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [-0.5, 0.0, 1.5, 0.0], [0.0, -1.5, 0.0, 2.5]])
+"""Coefficients of the first four Legendre polynomials, lowest power first, one in a row."""
+
+
+@dataclass(frozen=True)
+class LegendreForm:
+    """A polynomial over the identified inputs, low to high, in Legendre polynomials."""
+
+    degree: int
+    low: float
+    high: float
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients."""
+        return self.degree + 1
+
+    @property
+    def inputs(self) -> Array:
+        """As many inputs as coefficients: values there give the form."""
+        return np.linspace(self.low, self.high, self.size)
+
+    def rows(self, u: Array) -> Array:
+        """∂ value/∂ coefficients at some inputs, (m, size)."""
+        half = 0.5 * (self.high - self.low)
+        scaled = (np.asarray(u) - 0.5 * (self.high + self.low)) / (half or 1.0)
+        return np.asarray(scaled[:, None] ** np.arange(4) @ LEGENDRE.T[:, : self.size])
+
+    def powers(self, c: Array) -> Array:
+        """The same polynomial in powers of u, lowest first, (size,)."""
+        middle, half = 0.5 * (self.low + self.high), 0.5 * (self.high - self.low) or 1.0
+        parts = [Legendre.basis(k, [middle - half, middle + half]).convert(kind=Polynomial).coef for k in range(4)]
+        return np.asarray(sum(np.pad(c[k] * parts[k], (0, self.size - k - 1)) for k in range(self.size)))
+
+
+@dataclass(frozen=True)
+class PerLevel:
+    """A value at each level; an input between two has the nearer one's."""
+
+    levels: tuple[float, ...]
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients."""
+        return len(self.levels)
+
+    @property
+    def inputs(self) -> Array:
+        """The levels."""
+        return np.array(self.levels)
+
+    def rows(self, u: Array) -> Array:
+        """∂ value/∂ coefficients at some inputs, (m, size)."""
+        edges = 0.5 * (self.inputs[1:] + self.inputs[:-1])
+        return np.asarray(np.eye(self.size)[np.searchsorted(edges, u)])
+
+
+Form: TypeAlias = LegendreForm | PerLevel
+
+
+class Limits(NamedTuple):
+    """A x ≥ b, and for each row the code of its constraint and the input at which it holds (NaN: everywhere)."""
+
+    A: Array
+    b: Array
+    codes: tuple[str, ...]
+    inputs: Array
+
+    def active(self, rows: Iterable[int]) -> dict[str, tuple[float, ...]]:
+        """Active constraints by code, and the inputs at which each holds."""
+        held: dict[str, list[float]] = {}
+        for i in rows:
+            held.setdefault(self.codes[i], []).extend([float(self.inputs[i])] * bool(np.isfinite(self.inputs[i])))
+        return {code: tuple(at) for code, at in held.items()}
+
+
+class Rows(NamedTuple):
+    """Linear maps from the coefficients to T_s, τ1, τ2 of some inputs, and how far from rest these are (at most 1)."""
+
+    rest: Array
+    steady: Array
+    tau1: Array
+    tau2: Array
+
+
+class Tables(NamedTuple):
+    """T_s, τ1, τ2 of the different inputs, shapes (m,), and their derivatives by the coefficients, (m, n)."""
+
+    steady: Array
+    tau1: Array
+    tau2: Array
+    rest: Array
+    """u/u_low, at most 1: below 1 a fall goes over to the release constants."""
+    by_steady: Array
+    by_tau1: Array
+    by_tau2: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """Forms of T_s, τ1, τ2 over a range of inputs, and C. The unknowns x are their coefficients, a free C last."""
+
+    Ts: Form | None
+    """None: solved for at each level, no unknown."""
+    tau1: Form
+    tau2: Form | None
+    """None: there is but one time constant."""
+    share: float | None
+    """C; None: an unknown."""
+    low: float
+    high: float
+    limited: Array
+    """Inputs at which the constraints hold."""
+
+    @property
+    def free_share(self) -> bool:
+        """Whether C is an unknown."""
+        return self.share is None
+
+    @property
+    def forms(self) -> tuple[Form | None, Form, Form | None]:
+        """Of T_s, τ1, τ2."""
+        return self.Ts, self.tau1, self.tau2
+
+    @cached_property
+    def slices(self) -> tuple[slice, slice, slice]:
+        """Where the coefficients of T_s, τ1, τ2 lie in x."""
+        ends = np.cumsum([0, *(0 if form is None else form.size for form in self.forms)]).tolist()
+        return slice(ends[0], ends[1]), slice(ends[1], ends[2]), slice(ends[2], ends[3])
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return int(self.slices[2].stop) + self.free_share
+
+    @property
+    def without_torque(self) -> "Model":
+        """The same with T_s solved for at each level."""
+        return replace(self, Ts=None)
+
+    def rows(self, u: Array) -> Array:
+        """∂(T_s, τ1, τ2, C)/∂x at some inputs, (4, m, n); what is no unknown has a row of zeros."""
+        M = np.zeros((4, len(u), self.size))
+        for k, (form, part) in enumerate(zip(self.forms, self.slices, strict=True)):
+            if form is not None:
+                M[k, :, part] = form.rows(u)
+        if self.free_share:
+            M[3, :, -1] = 1.0
+        return M
+
+    def theta(self, x: Array, M: Array) -> Array:
+        """T_s, τ1, τ2, C at the inputs whose rows are M, (4, m)."""
+        theta = M @ x
+        if self.tau2 is None:
+            theta[2] = 1.0  # which nothing feels
+        theta[3] = np.clip(theta[3], 0.0, 1.0) if self.share is None else self.share
+        np.maximum(theta[1:3], LEAST_TAU_S, out=theta[1:3])
+        return theta
+
+    def limits(self, longest_s: float, shortest_s: float = 0.0) -> Limits:
+        """The constraints; times are the longest record and the shortest between two samples [s]."""
+        Ts, tau1, tau2, C = self.rows(self.limited)
+        parts: list[tuple[str, Array, float]] = [
+            ("tau1-floor", tau1, TAU_FLOOR_S),
+            ("tau2-meets-tau1", tau2 - tau1, 0.0),
+        ]
+        if self.tau2 is None:
+            parts = [("a0-fastest", tau1[:1], 0.01 * shortest_s), ("a0-slowest", -tau1[:1], -1e3 * longest_s)]
+        elif self.Ts is not None:
+            parts.append(("Ts-zero", Ts, 0.0))
+        if self.tau2 is not None:
+            parts.append(("tau2-endless", -tau2, -(RECORDS_FREE if self.free_share else RECORDS) * longest_s))
+        if self.free_share:
+            parts += [("C-zero", C[:1], 0.0), ("C-one", -C[:1], -1.0)]
+        A = np.concatenate([part for _, part, _ in parts])
+        b = np.concatenate([np.full(len(part), least) for _, part, least in parts])
+        at = [self.limited if len(part) == len(self.limited) else np.full(len(part), np.nan) for _, part, _ in parts]
+        codes = tuple(code for code, part, _ in parts for _ in part)
+        return Limits(read_only(A), read_only(b), codes, np.concatenate(at))
+
+    def parameters(self, x: Array) -> Nonlinear:
+        """Polynomials in powers of the duty, lowest first, padded with zeros to the paper's degrees."""
+        parts = []
+        for form, part, degree in zip(self.forms, self.slices, DEGREES, strict=True):
+            assert isinstance(form, LegendreForm)
+            parts.append(tuple(np.pad(form.powers(x[part]), (0, degree + 1 - form.size)).tolist()))
+        Ts, tau1, tau2 = parts
+        return Nonlinear(tau1, tau2, Ts, (self.low, self.high), float(x[-1]) if self.share is None else self.share)
+
+    def unknowns(self, p: Nonlinear) -> Array:
+        """x of a model in powers of the duty, by its values at as many inputs as it has coefficients."""
+        x = np.full(self.size, p.C)
+        for form, part, coefficients in zip(self.forms, self.slices, (p.Ts, p.tau1, p.tau2), strict=True):
+            if form is not None:
+                x[part] = np.linalg.solve(form.rows(form.inputs), polyval(form.inputs, coefficients))
+        return x
+
+    def rows_of(self, u: Array) -> Rows:
+        """Rows for any inputs, those beyond the range included."""
+        rest = np.clip(u / self.low, 0.0, 1.0) if self.low > 0 else np.ones_like(u)
+        inside = np.clip(u, self.low, self.high)
+        parts = (
+            np.zeros((len(u), 0)) if form is None else np.ascontiguousarray(form.rows(inside)) for form in self.forms
+        )
+        steady, tau1, tau2 = parts
+        return Rows(rest, np.ascontiguousarray(steady * rest[:, None]), tau1, tau2)
+
+    def tables(self, rows: Rows, x: Array) -> Tables:
+        """T_s, τ1, τ2 at the inputs behind `rows`."""
+        Ts, one, two = self.slices
+        tau1, by_tau1 = _floored(rows.tau1, x[one])
+        tau2, by_tau2 = _floored(rows.tau2, x[two])
+        return Tables(rows.steady @ x[Ts], tau1, tau2, rows.rest, rows.steady, by_tau1, by_tau2)
+
+
+def _floored(rows: Array, x: Array) -> tuple[Array, Array]:
+    """τ and its derivatives; 1 s, which no state feels, where a model has no such τ."""
+    if rows.shape[1] == 0:
+        return np.ones(len(rows)), rows
+    tau = rows @ x
+    low = tau < LEAST_TAU_S
+    return (np.where(low, LEAST_TAU_S, tau), np.where(low[:, None], 0.0, rows)) if low.any() else (tau, rows)
+
+
+def nonlinear(levels: Array, share: float | None) -> Model:
+    """Eqs. (4)–(7) over the range of some levels: a polynomial has at most as many coefficients as there are."""
+    return _nonlinear(tuple(levels.tolist()), share)
+
+
+@lru_cache(maxsize=8)
+def _nonlinear(levels: tuple[float, ...], share: float | None) -> Model:
+    low, high, most = min(levels), max(levels), len(set(levels)) - 1
+    Ts, tau1, tau2 = (LegendreForm(min(degree, most), low, high) for degree in DEGREES)
+    return Model(Ts, tau1, tau2, share, low, high, np.linspace(low, high, CHECKED_DUTIES if high > low else 1))
+
+
+def linear(levels: Array) -> Model:
+    """Eq. (8) over the range of some levels; with a single one c0 is 0."""
+    low, high = float(levels.min()), float(levels.max())
+    return Model(LegendreForm(int(high > low), low, high), LegendreForm(0, low, high), None, 1.0, low, high, levels[:1])
+
+
+def friction(levels: Array, share: float) -> Model:
+    """Eq. (3) with T_s, τ1, τ2 of every level."""
+    each = PerLevel(tuple(levels.tolist()))
+    return Model(each, each, each, share, float(levels[0]), float(levels[-1]), levels)

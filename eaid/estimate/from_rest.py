@@ -1,0 +1,208 @@
+"""Fits to steps from rest: one problem for the joint fit, the linear model, and levels first.
+
+    cost   Σ_l w_l Σ_t (T_l φ(t; τ1, τ2, C) − ȳ_l(t))²,   φ = 1 − C e^(−t/τ1) − (1 − C) e^(−t/τ2),  Eq. (3)
+
+θ_l = (T_s, τ1, τ2, C) of a level is linear in the unknowns of a model, θ_l = M_l x. Where T_s is none of them it is
+solved for (variable projection, Kaufman's curvature), by itself at each level or as a line through all.
+
+Levels first is the estimate that is believed: T_s of each level solved for, so that scatter of a level's gain does not
+reach τ1(u) and τ2(u), and w_l = 1/(T_l² + s_l²), s_l the rms residual, for runs scatter by a part of their output.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.estimate.data import Data
+from eaid.estimate.forms import Limits, Model, linear, nonlinear
+from eaid.estimate.points import Normal, level_normal, residuals
+from eaid.estimate.solver import (
+    ROUNDING,
+    EndPoint,
+    Problem,
+    approach,
+    bring_in,
+    concluded,
+    ended,
+    judged,
+    minimised,
+    slsqp,
+    with_second_derivatives,
+)
+from eaid.estimate.starts import form_starts, touching_starts
+from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
+from eaid.results.common import Solver
+
+A0_GRID = 40
+"""Time constants on the starting grid of the linear model."""
+A0_STARTS = 3
+"""Starts from it."""
+
+
+@dataclass(frozen=True, eq=False)
+class StepProblem:
+    """What a model costs on the mean curves of L levels."""
+
+    data: Data
+    model: Model
+    weight: Array
+    """w of each level, (L,)."""
+    design: Array | None = None
+    """T_s of the levels by coefficients that are solved for, (L, k); None: each level has its own."""
+
+    @cached_property
+    def M(self) -> Array:
+        """∂θ/∂x, (4, L, n)."""
+        return self.model.rows(self.data.u)
+
+    def at(self, x: Array) -> Normal:
+        """The levels' curves and their sums, not weighted."""
+        theta = self.model.theta(x, self.M)
+        return level_normal(theta, self.data.points, self._torques if self.model.Ts is None else None)
+
+    def _torques(self, square: Array, along: Array) -> Array:
+        if self.design is None:
+            return np.maximum(along, 0.0) / np.maximum(square, 1e-300)
+        A = (self.design.T * (self.weight * square)) @ self.design
+        coefficients = np.linalg.solve(A + 1e-14 * np.trace(A) * np.eye(len(A)), self.design.T @ (self.weight * along))
+        return np.asarray(self.design @ coefficients)
+
+    def normal(self, x: Array) -> tuple[float, Array, Array]:
+        """Cost, gradient (n,) and Gauss–Newton curvature (n, n)."""
+        at = self.at(x)
+        score, information = self.weight[:, None] * at.score, self.weight[:, None, None] * at.information
+        M = self.M.transpose(1, 0, 2)
+        taken = 0.0
+        if self.model.Ts is None:
+            if self.design is None:
+                score, information = self.reduced(at)
+            else:
+                to_design = (information[:, 1:, 0, None] * M[:, 1:]).sum(axis=1).T @ self.design
+                A = (self.design.T * information[:, 0, 0]) @ self.design
+                taken = to_design @ np.linalg.solve(A, to_design.T)
+                score, information = score[:, 1:], information[:, 1:, 1:]
+            M = M[:, 1:]
+        flat = np.ascontiguousarray(M).reshape(-1, M.shape[2])
+        curvature = flat.T @ (information @ M).reshape(flat.shape) - taken
+        return float(self.weight @ at.cost), 2 * (score.ravel() @ flat), 2 * curvature
+
+    def reduced(self, at: Normal) -> tuple[Array, Array]:
+        """Weighted scores, (L, 3), and information on τ1, τ2, C with what each T_s can follow taken out, (L, 3, 3)."""
+        A, square = at.information, np.maximum(at.information[:, 0, 0], 1e-300)
+        inner = A[:, 1:, 1:] - A[:, 1:, :1] * A[:, :1, 1:] / square[:, None, None]
+        return self.weight[:, None] * at.score[:, 1:], self.weight[:, None, None] * inner
+
+    @cached_property
+    def limits(self) -> Limits:
+        """Its constraints."""
+        return self.model.limits(self.data.longest_s, self.data.shortest_s)
+
+    @cached_property
+    def problem(self) -> Problem:
+        """For the solver."""
+        points, limits = self.data.points, self.limits
+        floor = ROUNDING * float((self.weight[:, None] * points.w * points.y**2).sum())
+        problem = Problem(self.normal, limits.A, limits.b, limits.codes.__getitem__, floor=floor)
+        return with_second_derivatives(problem)
+
+    @property
+    def inner(self) -> Array:
+        """A feasible point: short constant τ."""
+        x = np.zeros(self.model.size)
+        sizes = (max(float(self.data.points.y.max()), 1e-12), 2 * TAU_FLOOR_S, 4 * TAU_FLOOR_S)
+        for part, size in zip(self.model.slices, sizes, strict=True):
+            x[part][:1] = size
+        if self.model.free_share:
+            x[-1] = 0.5
+        return x
+
+    def weighed(self, x: Array) -> "StepProblem":
+        """The same with w = 1/(T_s² + s²) at x; none for a level that is 0 throughout."""
+        at, w = self.at(x), np.broadcast_to(self.data.points.w, self.data.points.y.shape)
+        size = at.theta[0] ** 2 + at.cost / w.sum(axis=1)
+        known = size > 1e-24 * size.max(initial=0.0)
+        return replace(self, weight=np.where(known, 1 / np.where(known, size, 1.0), 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Where a fit ended, and the verdict."""
+
+    steps: StepProblem
+    x: Array
+    solver: Solver
+    active: tuple[int, ...] = ()
+    """Constraints that hold it."""
+
+    @cached_property
+    def at(self) -> Normal:
+        """The levels' curves and their sums."""
+        return self.steps.at(self.x)
+
+    @property
+    def parameters(self) -> Nonlinear:
+        """Of a model whose T_s is a polynomial, in the units of specification 1."""
+        return self.steps.model.parameters(self.x)
+
+    @property
+    def held(self) -> dict[str, tuple[float, ...]]:
+        """The constraints that hold it, and the inputs at which they do."""
+        return self.steps.limits.active(self.active)
+
+    def residuals(self, data: Data) -> list[Array]:
+        """f − y at every sample of each level, shapes (n_l,)."""
+        return residuals(self.at.theta, data.records)
+
+
+def fit_nonlinear(data: Data, share: float | None) -> Solution:
+    """The joint fit of the paper: ten coefficients by least squares, each sample of the mean curves alike."""
+    steps = StepProblem(data, nonlinear(data.u, share), np.ones(len(data.u)))
+    found = form_starts(steps.model, data, steps.weight)
+    begin = [*found, *touching_starts(found[0], steps.model, data, steps.weight)]
+    begin = [bring_in(x, steps.inner, steps.problem) for x in begin]
+    return _confirmed(steps, ended([approach(steps.problem, x) for x in begin], steps.problem))
+
+
+def refit_nonlinear(data: Data, near: Solution) -> Solution:
+    """The minimum next to an earlier one, on data that differ little: one start, no search."""
+    steps = replace(near.steps, data=data)
+    slack = steps.problem.A @ near.x - steps.problem.b
+    problem = replace(steps.problem, b=steps.problem.b + np.minimum(slack, 0.0))  # what rounding left outside
+    return _confirmed(steps, [slsqp(problem, near.x)])
+
+
+def fit_linear(data: Data) -> Solution:
+    """Eq. (8) fitted to all levels at once: x is τ = 1/a0; with a single level c0 is 0."""
+    model = linear(data.u)
+    assert model.Ts is not None
+    steps = StepProblem(data, model.without_torque, np.ones(len(data.u)), model.Ts.rows(data.u))
+    grid = np.geomspace(0.3 * data.shortest_s, 3 * data.longest_s, A0_GRID)[:, None]
+    costs = np.array([steps.normal(x)[0] for x in grid])
+    framed = np.pad(costs, 1, constant_values=np.inf)
+    minima = np.flatnonzero((costs <= framed[:-2]) & (costs <= framed[2:]))
+    end, solver, active = minimised(steps.problem, grid[minima[np.argsort(costs[minima])][:A0_STARTS]])
+    return Solution(steps, end.x, solver, active)
+
+
+def fit_levels_first(data: Data, share: float | None, starts: Sequence[Array] | None = None) -> Solution:
+    """T_s of each level, τ1(u) and τ2(u); `starts` are coefficients to begin from, by default those of a search."""
+    model = nonlinear(data.u, share).without_torque
+    steps = StepProblem(data, model, 1 / np.maximum((data.points.y**2).max(axis=1), 1e-300))
+    if starts is None:
+        starts = form_starts(model, data, steps.weight)
+    begin = [bring_in(x, steps.inner, steps.problem) for x in starts]
+    if data.energy == 0.0:
+        return Solution(replace(steps, weight=np.zeros(len(data.u))), begin[0], judged(0.0, 0, (0.0,)))
+    steps = steps.weighed(min(begin, key=lambda x: steps.normal(x)[0]))
+    ends = ended([approach(steps.problem, x) for x in begin], steps.problem)
+    steps = steps.weighed(min(ends, key=lambda end: end.cost).x)
+    return _confirmed(steps, [slsqp(steps.problem, min(ends, key=lambda end: end.cost).x)])
+
+
+def _confirmed(steps: StepProblem, ends: Sequence[EndPoint]) -> Solution:
+    """The best end, polished, with our verdict."""
+    end, solver, active = concluded(steps.problem, ends)
+    return Solution(steps, end.x, solver, active)
