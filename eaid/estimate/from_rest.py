@@ -52,6 +52,8 @@ class StepProblem:
     """w of each level, (L,)."""
     design: Array | None = None
     """T_s of the levels by coefficients that are solved for, (L, k); None: each level has its own."""
+    shares: Array | None = None
+    """C of each level, where they differ, (L,)."""
 
     @cached_property
     def M(self) -> Array:
@@ -61,6 +63,8 @@ class StepProblem:
     def at(self, x: Array) -> Normal:
         """The levels' curves and their sums, not weighted."""
         theta = self.model.theta(x, self.M)
+        if self.shares is not None:
+            theta[3] = self.shares
         return level_normal(theta, self.data.points, self._torques if self.model.Ts is None else None)
 
     def _torques(self, square: Array, along: Array) -> Array:

@@ -34,11 +34,23 @@ class Points:
     """Output, shape (L, P)."""
     w: Array
     """Weight: how many samples a point stands for, shape (L, P) or (1, P)."""
+    centred: bool = False
+    """Whether curves are compared about their means: an unknown constant is then taken out of each level."""
 
     def rows(self, which: slice) -> "Points":
         """The points of some levels."""
         t, w = self.t_s, self.w
-        return Points(t if len(t) == 1 else t[which], self.y[which], w if len(w) == 1 else w[which])
+        return Points(t if len(t) == 1 else t[which], self.y[which], w if len(w) == 1 else w[which], self.centred)
+
+    def about_mean(self, values: Array) -> Array:
+        """Values at the points, (L, …, P), less their weighted mean."""
+        w = self.w if values.ndim == 2 else self.w[:, None]
+        return np.asarray(values - (values * w).sum(axis=-1, keepdims=True) / w.sum(axis=-1, keepdims=True))
+
+    @property
+    def of_falls(self) -> "Points":
+        """The same turned over and about their means: a fall to an unknown rest goes as a rise from it."""
+        return Points(self.t_s, -self.about_mean(self.y), self.w, True)
 
 
 def blocks(n: int) -> Iterator[tuple[int, int]]:
@@ -210,6 +222,8 @@ def _slopes(theta: Array, points: Points) -> Array:
     np.multiply(t, decay[0], out=s[:, 1])
     np.multiply(t, decay[1], out=s[:, 2])
     np.subtract(decay[1], decay[0], out=s[:, 3])
+    if points.centred:
+        s[:, :4] = points.about_mean(s[:, :4])
     return s
 
 

@@ -65,14 +65,13 @@ class Table:
         return place.astype(np.intp), place - place.astype(np.intp)
 
 
-def table_of(points: Points, share: float, size: int = GRID, offset: bool = False) -> Table:
-    """The table of levels on their compressed points; `offset`: beside a constant, which is solved for as well."""
+def table_of(points: Points, share: float, size: int = GRID) -> Table:
+    """The table of levels on their compressed points."""
     there = np.broadcast_to(points.w, points.y.shape) > 0
     times = np.where(there & (points.t_s > 0), points.t_s, np.nan)
     grid = np.geomspace(0.3 * np.nanmin(times), LONGEST * np.nanmax(times), size)
     s = -np.expm1(-points.t_s[:, None] / grid[:, None])
-    if offset:
-        s = s - ((s * points.w[:, None]).sum(axis=2) / points.w.sum(axis=1)[:, None])[:, :, None]
+    s = points.about_mean(s) if points.centred else s
     weighed = s * points.w[:, None]
     gram = weighed @ s.transpose(0, 2, 1)
     squares = np.einsum("lkk->lk", gram)
