@@ -13,6 +13,8 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
 
 from eaid.arrays import Array
 
@@ -90,50 +92,52 @@ def orthonormal(x: Array, m: int) -> tuple[Array, Array, Array]:
     return centre + half * nodes, len(x) * vectors[0] ** 2, np.ascontiguousarray(basis.T @ vectors)
 
 
-@dataclass(frozen=True, eq=False)
-class _Layout:
-    """How a grid is compressed: nodes, their weights (P,), and the blocks with the projections that give ŷ."""
-
-    nodes: Array
-    weights: Array
-    blocks: tuple[tuple[slice, Array], ...]
-
-    def outputs(self, y: Array) -> Array:
-        """ŷ at the nodes for L records, (L, P)."""
-        return np.concatenate([y[:, :HEAD], *(y[:, where] @ projection for where, projection in self.blocks)], axis=1)
+@lru_cache(maxsize=4096)
+def block_sizes(n: int) -> NDArray[np.int64]:
+    """How a hold of n rows is cut: single rows, then blocks."""
+    (_, head), *others = blocks(n)
+    return np.array([1] * head + [stop - start for start, stop in others], dtype=np.int64)
 
 
-def _layout(t: Array, of_block: Callable[[Array], tuple[Array, Array, Array]]) -> _Layout:
-    nodes, weights, parts = [t[:HEAD]], [np.ones(HEAD)], []
-    for start, stop in list(blocks(len(t)))[1:]:
-        at, w, projection = of_block(t[start:stop])
-        nodes.append(at)
-        weights.append(w)
-        parts.append((slice(start, stop), projection))
-    return _Layout(np.concatenate(nodes), np.concatenate(weights), tuple(parts))
-
-
-def _of_block(t: Array) -> tuple[Array, Array, Array]:
-    """Nodes and weights of a block, and the projection that gives ŷ at the nodes."""
-    nodes, weights, projection = orthonormal(t, POINTS_PER_BLOCK)
+@lru_cache(maxsize=1024)
+def gauss(n: int) -> tuple[Array, Array, Array]:
+    """Nodes and weights of n equal steps, and the projection to ŷ."""
+    nodes, weights, projection = orthonormal(np.arange(n, dtype=np.float64), POINTS_PER_BLOCK)
     return nodes, weights, projection / np.sqrt(weights)
 
 
-@lru_cache(maxsize=32)
-def _steps(n: int) -> tuple[Array, Array, Array]:
-    """The same for n equal steps from 0."""
-    return _of_block(np.arange(n, dtype=np.float64))
+def nodes_of(
+    t_s: Array, y: Array, holds: NDArray[np.int64], even_s: float | None, known: NDArray[np.bool_] | None = None
+) -> tuple[Array, Array, Array]:
+    """Nodes (P,), outputs (L, P) and weights (P,) for L records of n rows on one grid.
 
-
-@lru_cache(maxsize=32)
-def _even(n: int) -> _Layout:
-    """The layout of n equal steps from 0."""
-
-    def of_block(t: Array) -> tuple[Array, Array, Array]:
-        nodes, weights, projection = _steps(len(t))
-        return t[0] + nodes, weights, projection
-
-    return _layout(np.arange(n, dtype=np.float64), of_block)
+    `holds` are the rows at which an input begins to act, and n; `even_s` is the time from row to row where it is always
+    the same. Blocks with a row that is not `known` stay as they are.
+    """
+    size = np.concatenate([block_sizes(n) for n in np.diff(holds).tolist()])
+    first = np.cumsum(size) - size
+    if known is not None and not known.all():
+        whole = np.logical_and.reduceat(known, first)
+        size = np.concatenate([[n] if each else [1] * n for n, each in zip(size, whole, strict=True)])
+        first = np.cumsum(size) - size
+    raw = first[size == 1]
+    at, outputs, weights = [t_s[raw]], [y[:, raw]], [np.ones(len(raw))]
+    for n in np.unique(size[size > 1]).tolist():
+        starts = first[size == n]
+        if even_s is not None:
+            nodes, w, projection = gauss(n)
+            at.append((t_s[starts][:, None] + even_s * nodes).ravel())
+            outputs.append((sliding_window_view(y, n, axis=1)[:, starts] @ projection).reshape(len(y), -1))
+            weights.append(np.tile(w, len(starts)))
+            continue
+        for k in starts.tolist():
+            nodes, w, projection = orthonormal(t_s[k : k + n], POINTS_PER_BLOCK)
+            at.append(nodes)
+            outputs.append(y[:, k : k + n] @ projection / np.sqrt(w))
+            weights.append(w)
+    when = np.concatenate(at)
+    order = np.argsort(when, kind="stable")
+    return when[order], np.concatenate(outputs, axis=1)[:, order], np.concatenate(weights)[order]
 
 
 def compress(
@@ -168,11 +172,8 @@ def _compress_grid(t_s: Array, y: Array, uniform: bool) -> tuple[Array, Array, A
     if n <= SMALL:
         return t_s, y, np.ones(n)
     dt = (t_s[-1] - t_s[0]) / (n - 1)
-    if uniform or np.abs(t_s - (t_s[0] + dt * np.arange(n))).max() <= 1e-6 * dt:
-        layout = _even(n)
-        return t_s[0] + dt * layout.nodes, layout.outputs(y), layout.weights
-    layout = _layout(t_s, _of_block)
-    return layout.nodes, layout.outputs(y), layout.weights
+    even = uniform or np.abs(t_s - (t_s[0] + dt * np.arange(n))).max() <= 1e-6 * dt
+    return nodes_of(t_s, y, np.array([0, n]), dt if even else None)
 
 
 class Normal(NamedTuple):

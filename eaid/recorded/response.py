@@ -7,17 +7,16 @@ step fits); where it moves all the time, samples are averaged over equal blocks.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import NamedTuple
 
 import numba
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from eaid.arrays import Array
 from eaid.estimate.forms import Tables
-from eaid.estimate.points import POINTS_PER_BLOCK, blocks, orthonormal
+from eaid.estimate.points import nodes_of
 from eaid.recorded.log import RecordedLog
 
 Integers = NDArray[np.int64]
@@ -190,52 +189,15 @@ def compressed(copies: Copies) -> Drive:
     hold stay as they are, and so do blocks with an output that is not known.
     """
     log, y, holds = copies.log, copies.above, copies.holds
-    t = log.time_s
-    size = np.concatenate([block_sizes(n) for n in np.diff(holds.first).tolist()])
-    first = np.cumsum(size) - size
-    finite = np.isfinite(y)
-    whole = bool(finite.all())
-    if not whole:
-        known = np.logical_and.reduceat(finite, first)
-        size = np.concatenate([[n] if all_known else [1] * n for n, all_known in zip(size, known, strict=True)])
-        first = np.cumsum(size) - size
-    raw = first[size == 1]
-    when, found, weights = [t[raw]], [np.nan_to_num(y[raw])], [finite[raw] * log.weight]
-    for n in np.unique(size[size > 1]).tolist():
-        at = first[size == n]
-        if log.even_s is not None:
-            nodes, w, projection = gauss(n)
-            when.append((t[at][:, None] + log.even_s * nodes).ravel())
-            found.append(((sliding_window_view(y, n)[at] @ projection) / np.sqrt(w)).ravel())
-            weights.append(np.tile(w, len(at)) * log.weight)
-            continue
-        for k in at.tolist():
-            nodes, w, projection = orthonormal(t[k : k + n], POINTS_PER_BLOCK)
-            when.append(nodes)
-            found.append(y[k : k + n] @ projection / np.sqrt(w))
-            weights.append(w * log.weight)
-    at = np.concatenate(when)
-    order = np.argsort(at)
-    at, y_at, w = at[order], np.concatenate(found)[order], np.concatenate(weights)[order]
+    known, t = np.isfinite(y), log.time_s
+    at, found, w = nodes_of(t, np.where(known, y, 0.0)[None], holds.first, log.even_s, known)
+    w = log.weight * np.where(np.isin(at, t[~known]), 0.0, w)
     hold = np.searchsorted(t[log.changes], at, side="right") - 1
-    left = log.weight * float(y @ y if whole else y[finite] @ y[finite]) - float(w @ (y_at * y_at))
+    left = log.weight * float(y[known] @ y[known]) - float(w @ (found[0] * found[0]))
     return Drive(
-        np.append(np.diff(at), t[-1] - at[-1]), holds.index[hold], holds.duty, holds.rising[hold], y_at, w,
+        np.append(np.diff(at), t[-1] - at[-1]), holds.index[hold], holds.duty, holds.rising[hold], found[0], w,
         log.baseline is not None, log.starts_idle, max(left, 0.0),
     )  # fmt: skip
-
-
-@lru_cache(maxsize=4096)
-def block_sizes(n: int) -> NDArray[np.int64]:
-    """How a hold of n rows is cut: single rows, then the blocks of `estimate.points`."""
-    (_, head), *others = blocks(n)
-    return np.array([1] * head + [stop - start for start, stop in others], dtype=np.int64)
-
-
-@lru_cache(maxsize=1024)
-def gauss(n: int) -> tuple[Array, Array, Array]:
-    """Nodes and weights of n equal steps, and the projection to √w ŷ."""
-    return orthonormal(np.arange(n, dtype=np.float64), POINTS_PER_BLOCK)
 
 
 def sketched(small: Drive) -> Drive:
