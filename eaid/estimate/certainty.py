@@ -19,7 +19,16 @@ from eaid.estimate.from_rest import Solution, StepProblem, fit_levels_first
 from eaid.estimate.points import Normal, log_crossed
 from eaid.estimate.scatter import FEW_DEGREES, Scatter, bartlett_covariance, paule_mandel, run_residuals
 from eaid.estimate.solver import Problem, newton_step
-from eaid.estimate.spread import Counts, Influence, LevelScatter, corrected, free_inverse, gains_of, t_quantile
+from eaid.estimate.spread import (
+    Counts,
+    Influence,
+    LevelScatter,
+    corrected,
+    free_inverse,
+    gains_of,
+    rejected,
+    t_quantile,
+)
 from eaid.models import friction
 from eaid.models.parameters import Friction, Nonlinear
 from eaid.steps.stepset import Level
@@ -32,8 +41,6 @@ BEYOND_CHANCE = 0.999
 """Probability with which levels that lie on the curve are no further from it than this quantile of F."""
 CURVED = 0.25
 """Half-width of ln τ2 from which the ends of a level's intervals are found by the score test."""
-OUTWARD = (0.5, 0.8, 1.2, 1.8, 2.7, 4.0, 6.0)
-"""How far out that looks, in half-widths."""
 SAYS_NOTHING = float(np.log(100.0))
 """Logarithm of the factor up or down from which an interval is left out."""
 
@@ -256,27 +263,22 @@ class Estimate:
         return low, high, degrees
 
     def _reached(self, u: Array, way: Array, reach: float, seen: LevelScatter | None) -> Array | None:
-        """ln T_s, ln τ1, ln τ2 where τ2 is moved along a way of the coefficients until the runs reject it; None: never.
-
-        Neyman's score test: from a supposed place the Newton step leads back by more than t standard deviations there.
-        """
-        first, before, last = self.first, 0.0, self.numbers(u, self.coefficients)[0][:, 0]
+        """ln T_s, ln τ1, ln τ2 where τ2 is moved along a way of the coefficients until the runs reject it."""
         limits = self.problem.limits
-        for factor in OUTWARD:
-            x = self.x + np.expm1(factor * reach) * way[first:]
+
+        def at(factor: float) -> tuple[Array, float] | None:
+            x = self.x + np.expm1(factor * reach) * way[self.first :]
             if not np.isfinite(x).all() or (limits.A @ x < limits.b - 1e-9).any():
-                return last if np.isfinite(x).all() else None
-            at = self.problem.at(x)
-            c = np.append(self.curve.coefficients + self.curve.gains @ (at.theta[0] - self.at.theta[0]), x)
+                return None
+            there = self.problem.at(x)
+            c = np.append(self.curve.coefficients + self.curve.gains @ (there.theta[0] - self.at.theta[0]), x)
             value, slopes = self.numbers(u, c)
-            influence, step = self.influence_at(at, seen)
+            influence, step = self.influence_at(there, seen)
             variance, degrees = influence.of(slopes[2] @ self.answers).variance()
             back = -float(slopes[2, 0] @ self.answers @ step) * np.sign(reach)
-            ratio = back / float(t_quantile(degrees)[0] * np.sqrt(variance[0]))
-            if ratio >= 1:
-                return np.asarray(last + (value[:, 0] - last) * (1 - before) / (ratio - before))
-            last, before = value[:, 0], ratio
-        return None
+            return value[:, 0], back / float(t_quantile(degrees)[0] * np.sqrt(variance[0]))
+
+        return rejected(at)
 
 
 @dataclass(frozen=True, eq=False)

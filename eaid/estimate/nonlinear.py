@@ -20,7 +20,7 @@ from eaid.estimate.coefficients import (
     covariance_part,
     turned,
 )
-from eaid.estimate.data import Data, errors, fit_findings, hold_out, missed
+from eaid.estimate.data import Data, Errors, errors, fit_findings, hold_out, missed
 from eaid.estimate.friction import HELD_BY, LevelValues, level_findings, quoted
 from eaid.estimate.from_rest import Solution, fit_nonlinear, refit_nonlinear
 from eaid.estimate.huber import minimise
@@ -32,7 +32,7 @@ from eaid.models import nonlinear
 from eaid.models.parameters import Friction, Nonlinear
 from eaid.options import FitOptions
 from eaid.results import fit as results
-from eaid.results.common import Huber, Solver
+from eaid.results.common import HoldOut, Huber, LevelError, Solver
 from eaid.results.fit import NOT_IDENTIFIABLE
 from eaid.steps.stepset import Level, StepSet
 
@@ -58,12 +58,9 @@ def joint_fit(data: Data, share: float | None, loss: str) -> tuple[Solution, Hub
 
 
 def scored(
-    p: Nonlinear, free: bool, data: Data, left: Sequence[Array], solver: Solver, held_out: Sequence[Level]
+    p: Nonlinear, free: bool, total: Errors, rows: Sequence[LevelError], solver: Solver, held: HoldOut | None = None
 ) -> results.Estimate:
-    """Ten coefficients with their errors per level, over all, and on held-out levels; `left` are the residuals."""
-    outputs = [record.y for record in data.records]
-    total = errors(outputs, left)
-    rows = [errors([y], [r]).at(u) for u, y, r in zip(data.u.tolist(), outputs, left, strict=True)]
+    """Ten coefficients with their errors over all, per level, and on held-out levels."""
     return results.Estimate(
         tau1=p.tau1,  # type: ignore[arg-type]  # padded with zeros to the paper's degrees
         tau2=p.tau2,  # type: ignore[arg-type]
@@ -78,8 +75,19 @@ def scored(
         R2=total.R2,
         per_level=tuple(rows),
         solver=solver,
-        hold_out=hold_out(held_out, lambda level: nonlinear.step_response(p, level.time_s, level.level), total.rmse),
+        hold_out=held,
     )
+
+
+def of_steps(
+    p: Nonlinear, free: bool, data: Data, left: Sequence[Array], solver: Solver, held_out: Sequence[Level]
+) -> results.Estimate:
+    """The same of the mean curves of levels; `left` are the residuals."""
+    outputs = [record.y for record in data.records]
+    total = errors(outputs, left)
+    rows = [errors([y], [r]).at(u) for u, y, r in zip(data.u.tolist(), outputs, left, strict=True)]
+    beyond = hold_out(held_out, lambda level: nonlinear.step_response(p, level.time_s, level.level), total.rmse)
+    return scored(p, free, total, rows, solver, beyond)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,8 +121,8 @@ def nonlinear_part(
     levels, model, solver = first.levels, first.model, first.solved.solver
     M, free = model.rows(data.u), model.free_share
     left = residuals(model.theta(first.coefficients, M), data.records)
-    part = scored(first.parameters, free, data, left, solver, held_out)
-    papers = scored(joint.parameters, free, data, joint.residuals(data), joint.solver, held_out)
+    part = of_steps(first.parameters, free, data, left, solver, held_out)
+    papers = of_steps(joint.parameters, free, data, joint.residuals(data), joint.solver, held_out)
     misfit, bent = misfits(first)
     part = msgspec.structs.replace(part, misfit=misfit or None)
     turn, u = turned(model), data.u

@@ -5,7 +5,7 @@ share s is what they had reached when the input left: with the rising curve and 
 s = C (1 − e^(−H/τ1↑)) / (C (1 − e^(−H/τ1↑)) + (1 − C)(1 − e^(−H/τ2↑))); C itself where the rise is not known.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -26,7 +26,7 @@ MOST = 3
 """Starts of every solve."""
 
 
-def solve(data: Data, shares: Array, starts: Sequence[Array]) -> Solution:
+def solve(data: Data, shares: Array, starts: Iterable[Array]) -> Solution:
     """One τ1 and τ2 for all levels of `data`, from the `MOST` best of `starts`, (2,) each."""
     model = nonlinear(data.u[:1], SHARE).without_torque
     steps = StepProblem(data, model, np.ones(len(shares)), shares=shares)

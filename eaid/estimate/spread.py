@@ -7,7 +7,7 @@ Where repeats were recorded as sweeps, the excess of Σ_r (Σ_l g'G_l d_lr)²/R/
 run r alone would move θ_l.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias, overload
 
@@ -180,4 +180,28 @@ def free_inverse(curvature: Array, held: Array) -> Array:
         _, size, right = np.linalg.svd(held * scale)
         ways = ways @ right[int((size > 1e-9 * size[0]).sum()) :].T
     inner = ways.T @ curvature @ ways
-    return np.asarray(ways @ np.linalg.pinv(inner, rcond=1e-13, hermitian=True) @ ways.T)
+    return np.asarray(ways @ np.linalg.pinv(inner, rcond=1e-13) @ ways.T)
+
+
+OUTWARD = (0.5, 0.8, 1.2, 1.8, 2.7, 4.0, 6.0)
+"""How far out the score test looks for an end, in half-widths."""
+
+
+def rejected(at: Callable[[float], tuple[Array, float] | None]) -> Array | None:
+    """Values where a number has been moved outward until the data reject it; None: they never do.
+
+    Neyman's score test: from a supposed place the Newton step leads back by more than t standard deviations there.
+    `at` gives the values so many half-widths out, and that ratio; None where no model goes.
+    """
+    nearest = at(0.0)
+    assert nearest is not None
+    last, before = nearest[0], 0.0
+    for factor in OUTWARD:
+        here = at(factor)
+        if here is None:
+            return last
+        values, ratio = here
+        if ratio >= 1:
+            return np.asarray(last + (values - last) * (1 - before) / (ratio - before))
+        last, before = values, ratio
+    return None

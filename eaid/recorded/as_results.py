@@ -4,12 +4,14 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from eaid.arrays import Array
 from eaid.estimate.coefficients import coefficient_intervals, coefficients_of, covariance_part, turned
 from eaid.estimate.data import data_of, errors
 from eaid.estimate.linear import bounds_of, fit_each_level, single_levels
+from eaid.estimate.nonlinear import scored
 from eaid.logs.run import Run
 from eaid.models import nonlinear as curve
 from eaid.models.parameters import Linear as Eq8
@@ -81,27 +83,15 @@ def data_part(
 
 def nonlinear_part(solved: Solved, uncertainty: Spread | None, known: CurveSpread | None, shown: Array) -> Nonlinear:
     """The ten coefficients, with errors by level and intervals."""
-    p, total = model_of(solved), errors(solved.outputs, solved.missed)
+    total, free = errors(solved.outputs, solved.missed), solved.setup.model.free_share
     intervals, covariance = (None, None) if uncertainty is None else _coefficients(solved, uncertainty)
-    return Nonlinear(
-        tau1=tuple(p.tau1),  # type: ignore[arg-type]
-        tau2=tuple(p.tau2),  # type: ignore[arg-type]
-        Ts=tuple(p.Ts),  # type: ignore[arg-type]
-        u_range=p.u_range,
-        C=p.C,
-        C_free=solved.setup.model.share is None,
-        rmse=total.rmse,
-        sse=total.sse,
-        abs_error=total.abs_error,
-        fit_pct=total.fit_pct,
-        R2=total.R2,
-        per_level=_level_errors(solved, shown),
-        solver=solved.solver,
+    part = msgspec.structs.replace(
+        scored(model_of(solved), free, total, _level_errors(solved, shown), solved.solver),
         curves=() if known is None else _curves(known),
         ci95=intervals,
         covariance=covariance,
-        identifiable=None if known is None else bool((known.half_width < WIDEST).all()),
     )
+    return Nonlinear.of(part, identifiable=None if known is None else bool((known.half_width < WIDEST).all()))
 
 
 def _level_errors(solved: Solved, shown: Array) -> tuple[LevelError, ...]:
@@ -192,19 +182,20 @@ def _own_steps(base: Solved, levels: Array) -> list[Level]:
     return [Level(float(u), t, curve.step_response(p, t, float(u))[None], (f"{u:g}",)) for u in levels]
 
 
-def friction_part(solved: Solved) -> Friction:
-    """T_s, τ1, τ2 of each level by itself."""
-    model = solved.setup.model
-    assert model.share is not None
-    tables = solved.curves(model.limited)
+def friction_part(solved: Solved, levels: Array, known: CurveSpread | None) -> Friction:
+    """T_s, τ1, τ2 of the levels: those of the nonlinear model with their intervals, or each level's by itself."""
+    share, tables = solved.setup.model.share, solved.curves(levels)
+    assert share is not None
+    ends = {row.level: row.ci95 for row in (() if known is None else _curves(known))}
     values = zip(tables.steady.tolist(), tables.tau1.tolist(), tables.tau2.tolist(), strict=True)
-    levels = [
+    rows = [
         FrictionLevel(
-            one.level, Ts, tau1, tau2, model.share, rmse=one.rmse, sse=one.sse, fit_pct=one.fit_pct, R2=one.R2
+            one.level, Ts, tau1, tau2, share, rmse=one.rmse, sse=one.sse, fit_pct=one.fit_pct, R2=one.R2,
+            ci95=ends.get(one.level),
         )
-        for one, (Ts, tau1, tau2) in zip(_level_errors(solved, model.limited), values, strict=True)
-    ]
-    return Friction(C=model.share, levels=tuple(levels), solver=solved.solver)
+        for one, (Ts, tau1, tau2) in zip(_level_errors(solved, levels), values, strict=True)
+    ]  # fmt: skip
+    return Friction(C=share, levels=tuple(rows), solver=solved.solver)
 
 
 def release_part(solved: Solved, falls: Falls) -> Release | None:

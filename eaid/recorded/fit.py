@@ -130,6 +130,8 @@ ALIKE = 1e-3
 """Inputs that differ by less than this part of the largest are one level."""
 MANY = 60
 """Levels beyond which inputs count as moving."""
+FEW_LEVELS = 20
+"""Levels that are shown each by itself, at most."""
 TAIL = 0.01
 """Part of the acting time that a moving input may spend below, and above, the identified range."""
 
@@ -156,7 +158,7 @@ class Inputs:
     @property
     def shown(self) -> Array:
         """Inputs at which curves are given: the levels where they are few, else eleven over the range."""
-        few = self.stepwise and 0 < len(self.basis) <= 12
+        few = self.stepwise and 0 < len(self.basis) <= FEW_LEVELS
         return self.basis if few else np.linspace(self.low, self.high, 11)
 
 
@@ -243,8 +245,6 @@ def extremes(rows: Array, stretches: int) -> NDArray[np.intp]:
 
 AT_REST = 2.0
 """Cost of a start at rest, over that of one with unknown states, up to which the steps' dead time is believed."""
-FRICTION_LEVELS = 20
-"""Levels that are fitted by themselves, at most."""
 
 
 def fit_whole(stepset: StepSet, options: FitOptions) -> Fit:
@@ -349,10 +349,12 @@ def fit_recorded(
         solved = solve(replace(setup, model=forms.linear(inputs.basis)))
         linear = linear_part(solved, base, inputs.basis, options.bounds_levels)
         line = Eq8(linear.a0, linear.b0, linear.c0)
-    if "friction" in wanted and inputs.stepwise and len(inputs.levels) <= FRICTION_LEVELS and share is not None:
-        solved = solve(replace(setup, model=forms.friction(inputs.levels, share)))
-        kept = () if tested_falls is None else tested_falls.kept
-        friction = friction_part(with_falls(solved, kept) if kept else solved)
+    if "friction" in wanted and inputs.stepwise and len(inputs.levels) <= FEW_LEVELS and share is not None:
+        solved, kept = base, () if tested_falls is None else tested_falls.kept
+        if "nonlinear" not in wanted:
+            solved = solve(replace(setup, model=forms.friction(inputs.levels, share)))
+            solved = with_falls(solved, kept) if kept else solved
+        friction = friction_part(solved, inputs.levels, known if "nonlinear" in wanted else None)
     return Fit(
         findings=ranked(found),
         seed=options.seed,

@@ -24,9 +24,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from eaid.arrays import Array
+from eaid.arrays import Array, scaled_inverse
 from eaid.estimate.friction import HELD_BY
-from eaid.estimate.solver import Problem, approach, newton_step
+from eaid.estimate.solver import approach
+from eaid.estimate.spread import free_inverse, rejected
 from eaid.findings import Finding, finding
 from eaid.recorded.log import RecordedLog
 from eaid.recorded.noise import Lines, Piece, Scatter, by_spectrum, moving, piece_of, scatter_of
@@ -129,8 +130,7 @@ def spread(solved: Solved) -> Spread:
         pieces.append(piece_of(Z, r, at, n, drive, idle_of(solved, log)))
     span = sum(one.bin_s * len(one.r) for one in pieces)
     memory = max(one.memory_s for one in pieces)
-    free = directions(solved)
-    pull = free @ inverse(free.T @ H @ free) @ free.T
+    pull = free_inverse(H, solved.setup.problem().A[solved.active])
     white = _root(pull)
     lines = tuple(by_spectrum(one, pull) for one in pieces)
     noise = pull @ sum((one.total for one in lines), np.zeros((n, n))) @ pull.T
@@ -145,12 +145,6 @@ def spread(solved: Solved) -> Spread:
     between = _between(pieces, pull) * scatter.gain**2 * (scatter.chance <= SEEN)
     slopes = tuple(one.plain for one in pieces)
     return Spread(noise, lines, tuple(stretches), between, scatter, pull, slopes, memory)
-
-
-def inverse(H: Array) -> Array:
-    """H⁻¹, in scaled form, of what the data determine at all, (p, p)."""
-    scale = np.sqrt(np.maximum(np.abs(np.diagonal(H)), 1e-300))
-    return np.asarray(np.linalg.pinv(H / np.outer(scale, scale), rcond=1e-13) / np.outer(scale, scale))
 
 
 def _root(pull: Array) -> Array:
@@ -169,106 +163,47 @@ def _between(pieces: Sequence[Piece], pull: Array) -> Array:
     return np.asarray(S.T @ S)
 
 
-def directions(solved: Solved) -> Array:
-    """Directions that the active constraints leave free, (n, k)."""
-    if not len(solved.active):
-        return np.eye(len(solved.x))
-    _, size, ways = np.linalg.svd(solved.setup.problem().A[solved.active])
-    rank = int((size > 1e-10 * size.max(initial=0.0)).sum())
-    return np.asarray(ways[rank:].T)
-
-
-TRIES = 6
-"""Values that are tested, at most, for one end."""
-CLOSE = 0.02
-"""An end is where the test's ratio is this near to 1."""
-STEPS = 10
-"""Newton steps to one value, at most …"""
-SETTLED = 1e-4
-"""… until one is worth less than this part of the cost that lies between the value and the least cost."""
 FARTHEST = np.log(20.0)
 """An end farther off than this in log q is none."""
 
 
-@dataclass(frozen=True, eq=False)
-class ScoreTest:
-    """The cost about its minimum, on the copies on which the fit was looked for."""
+def score_end(solved: Solved, uncertainty: Spread, x: Array, g: Array, reach: float) -> float:
+    """How far the end of log g'x lies where it is moved along its own way until the residuals reject it; ∞: never.
 
-    setup: Setup
-    problem: Problem
-    x: Array
-    idle: tuple[float, ...]
-    """Idle output of each log."""
-    pull: Array
-    """H⁻¹ where the constraints leave it free."""
-    noise: Scatter
+    On the copies on which the fit was looked for, x being its end there; `reach` is the half-width by the parabola,
+    below 0 for the lower end.
+    """
+    problem, value = solved.fitted.problem(), float(g @ x)
+    way = uncertainty.covariance @ g
+    way *= value / max(float(g @ way), 1e-300)
+    usual = back_to(solved.fitted, uncertainty.scatter, x, g)[1]
 
-    def ends(self, g: Array, half: float) -> tuple[float, float]:
-        """How far the ends lie from g'x in its logarithm, given its half-width by the parabola; infinite: none."""
-        usual = self.step(self.x, g)[1]
-        low, high = (self._end(g, half, usual, side) for side in (-1.0, 1.0))
-        return low, high
+    def at(factor: float) -> tuple[Array, float] | None:
+        place = x + np.expm1(factor * reach) * way
+        if not np.isfinite(place).all() or (problem.A @ place < problem.b - 1e-9).any():
+            return None
+        step, variance = back_to(solved.fitted, uncertainty.scatter, place, g)
+        ratio = np.sign(reach) * step / (abs(reach) * value * max(variance / usual, 1e-300) ** 0.5)
+        return np.log([float(g @ place)]), ratio
 
-    def _end(self, g: Array, half: float, usual: float, side: float) -> float:
-        """Regula falsi in log q for the ratio of the step to what the test allows, which is 0 at the least cost."""
-        known, place = [(0.0, 0.0)], half / float(g @ self.x)
-        for _ in range(TRIES):
-            place = min(place, FARTHEST)
-            x = self.held(g, side * place)
-            if x is None:
-                return np.inf
-            step, variance = self.step(x, g)
-            ratio = abs(step) / (half * (variance / usual) ** 0.5)
-            if abs(ratio - 1) <= CLOSE:
-                break
-            if place == FARTHEST and ratio < 1:
-                return np.inf
-            known.append((place, ratio))
-            below = max((row for row in known if row[1] < 1), key=lambda row: row[0])
-            above = min((row for row in known if row[1] >= 1), key=lambda row: row[0], default=None)
-            if above is None:
-                place *= min(max(1 / max(ratio, 1e-3), 1.2), 3.0)
-            else:
-                place = below[0] + (above[0] - below[0]) * (1 - below[1]) / (above[1] - below[1])
-        return place
-
-    def held(self, g: Array, place: float) -> Array | None:
-        """Where the cost is least with log g'x off its least-squares value by `place`; None where none is known."""
-        value, side, p = float(g @ self.x), np.sign(place), self.problem
-        off = value * np.expm1(place)
-        bound = replace(p, A=np.vstack([p.A, side * g]), b=np.append(p.b, side * (value + off)))
-        x, size = self.x, off**2 / float(g @ self.pull @ g)
-        for _ in range(STEPS):
-            _, gradient, curvature = p.normal(x)
-            if not np.isfinite(curvature).all():
-                return None
-            move = newton_step(bound, x, gradient, curvature).d
-            x = x + move
-            if move @ curvature @ move <= SETTLED * size:
-                break
-        return x
-
-    def step(self, x: Array, g: Array) -> tuple[float, float]:
-        """The step that the residuals ask for, and its variance by the density of the noise."""
-        n = self.setup.size
-        H, omega, score = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
-        for log, drive in enumerate(self.setup.drives):
-            J, r = self.setup.jacobian(x, log)
-            counted = drive.w > 0
-            torque = drive.y[counted] - self.idle[log] + r / np.sqrt(drive.w[counted])
-            at = self.setup.places[log].columns
-            H[np.ix_(at, at)] += J.T @ J
-            omega[np.ix_(at, at)] += (J * (self.noise.sensor_nm2_s + self.noise.ripple_s * torque**2)[:, None]).T @ J
-            score[at] += J.T @ r
-        along = inverse(H) @ g
-        return float(along @ score), float(along @ omega @ along)
+    end = rejected(at)
+    return np.inf if end is None else min(abs(float(end[0]) - float(np.log(value))), np.inf)
 
 
-def score_test(solved: Solved, uncertainty: Spread) -> ScoreTest:
-    """The test about the end of a fit."""
-    problem = solved.fitted.problem()
-    idle = tuple(idle_of(solved, log) for log in range(len(solved.fitted.drives)))
-    return ScoreTest(solved.fitted, problem, approach(problem, solved.x).x, idle, uncertainty.pull, uncertainty.scatter)
+def back_to(setup: Setup, noise: Scatter, x: Array, g: Array) -> tuple[float, float]:
+    """The step of g'x that the residuals ask for at x, and its variance by the density of the noise."""
+    n = setup.size
+    H, omega, score = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
+    for log, drive in enumerate(setup.drives):
+        J, r = setup.jacobian(x, log)
+        counted, own = drive.w > 0, int(setup.places[log].own[0])
+        torque = drive.y[counted] - (x[own] if own >= 0 else 0.0) + r / np.sqrt(drive.w[counted])
+        at = setup.places[log].columns
+        H[np.ix_(at, at)] += J.T @ J
+        omega[np.ix_(at, at)] += (J * (noise.sensor_nm2_s + noise.ripple_s * torque**2)[:, None]).T @ J
+        score[at] += J.T @ r
+    along = scaled_inverse(H) @ g
+    return float(along @ score), float(along @ omega @ along)
 
 
 LIMITS_PCT = {"Ts": 10.0, "tau1": 30.0, "tau2": 50.0}
@@ -300,7 +235,7 @@ def curves(solved: Solved, uncertainty: Spread, duty: Array) -> CurveSpread:
     slopes = solved.setup.slopes(duty)
     values = slopes @ solved.x
     constrained = held(solved)  # what a constraint holds is not estimated
-    test = score_test(solved, uncertainty) if solved.instruments is None else None
+    x = None if solved.instruments else approach(solved.fitted.problem(), solved.x).x
     off = np.full((2, *values.shape), np.inf)  # both ends in log, downwards and upwards
     names = tuple(LIMITS_PCT)
     for k, i in np.argwhere(values > 0).tolist():
@@ -308,8 +243,11 @@ def curves(solved: Solved, uncertainty: Spread, duty: Array) -> CurveSpread:
         if names[k] in constrained:
             continue
         off[:, k, i] = half / values[k, i]
-        if test is not None and PARABOLA < half / values[k, i] < FARTHEST:
-            off[:, k, i] = test.ends(slopes[k, i], half)
+        if x is not None and PARABOLA < half / values[k, i] < FARTHEST:
+            off[:, k, i] = [
+                score_end(solved, uncertainty, x, slopes[k, i], side * half / values[k, i]) for side in (-1, 1)
+            ]
+    off[off > FARTHEST] = np.inf
     values = np.where(slopes.any(axis=2), values, np.nan)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         low, high = values * np.exp(-off[0]), values * np.exp(off[1])

@@ -18,10 +18,9 @@ from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 from scipy.stats import t as student
 
-from eaid.arrays import Array
+from eaid.arrays import Array, scaled_inverse
 from eaid.estimate.solver import EndPoint, approach
 from eaid.findings import Finding, finding
-from eaid.recorded.intervals import inverse
 from eaid.recorded.log import RecordedLog
 from eaid.recorded.response import Copies, Drive
 from eaid.recorded.solve import Setup, Solved
@@ -141,7 +140,7 @@ def one_step(setup: Setup, x: Array, log: RecordedLog) -> tuple[float, float]:
     after, before = (alone(setup, Copies(shifted(log, rows)).every).jacobian(x, 0)[1] for rows in (1, -1))
     D = 0.5 * (after - before)
     J, D, r = (whitened(one, r)[ORDER:] for one in (J, D, r))
-    D = D - J @ (inverse(J.T @ J) @ (J.T @ D))
+    D = D - J @ (scaled_inverse(J.T @ J) @ (J.T @ D))
     size = max(float(D @ D), 1e-300)
     rows = -float(D @ r) / size
     starts = np.linspace(0, len(r), STRETCHES, endpoint=False).astype(int)
