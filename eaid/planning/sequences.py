@@ -20,13 +20,13 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.errors import UsageError
 from eaid.estimate.forms import Model, nonlinear
+from eaid.estimate.from_logs import Setup
+from eaid.estimate.noise import engagements
+from eaid.estimate.response import Drive
 from eaid.estimate.scatter import Noise
 from eaid.estimate.spread import t_quantile
 from eaid.models.parameters import Nonlinear
 from eaid.options import Limits
-from eaid.recorded.noise import engagements
-from eaid.recorded.response import Drive
-from eaid.recorded.solve import Setup
 
 PARAMETERS = ("Ts", "tau1", "tau2")
 MOST_ENGAGEMENTS = 60

@@ -10,15 +10,15 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.estimate.coefficients import coefficient_intervals, coefficients_of, covariance_part, turned
 from eaid.estimate.data import data_of, errors
+from eaid.estimate.from_logs import Solved, model_of
 from eaid.estimate.linear import bounds_of, fit_each_level, single_levels
+from eaid.estimate.log_intervals import CurveSpread, Spread
+from eaid.estimate.noise import FEWEST_ENGAGEMENTS
 from eaid.estimate.nonlinear import scored
+from eaid.estimate.record import RecordedLog
 from eaid.logs.run import Run
 from eaid.models import nonlinear as curve
 from eaid.models.parameters import Linear as Eq8
-from eaid.recorded.intervals import CurveSpread, Spread
-from eaid.recorded.log import RecordedLog
-from eaid.recorded.noise import FEWEST_ENGAGEMENTS
-from eaid.recorded.solve import Solved, model_of
 from eaid.results.common import Input, Interval, LevelError, Source
 from eaid.results.fit import (
     CoefficientIntervals,

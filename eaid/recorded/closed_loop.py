@@ -13,14 +13,14 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.control.margins import Point, Timing, known, lags_at, loop_margins
 from eaid.control.pi import PIGains
+from eaid.estimate.from_logs import Solved, model_of
+from eaid.estimate.late import follows_output
+from eaid.estimate.record import RecordedLog
+from eaid.estimate.response import Copies, Drive
 from eaid.findings import Finding, finding
 from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Nonlinear
-from eaid.recorded.late import follows_output
 from eaid.recorded.law import Law, law_of, nearest_law, simulated
-from eaid.recorded.log import RecordedLog
-from eaid.recorded.response import Copies, Drive
-from eaid.recorded.solve import Solved, model_of
 from eaid.results.recorded import Loop
 
 OTHERWISE = 1.5

@@ -17,6 +17,12 @@ from numpy.typing import NDArray
 from eaid.arrays import Array
 from eaid.errors import DataError, UsageError
 from eaid.estimate import forms, workflow
+from eaid.estimate.falls import tested, with_falls
+from eaid.estimate.from_logs import Solved, idle_of, model_of, setup_of, solve
+from eaid.estimate.late import LOWER, delay_finding, delays, shifted
+from eaid.estimate.log_intervals import asked, curves, never_asked, spread
+from eaid.estimate.noise import scatter_findings
+from eaid.estimate.record import RecordedLog, logs_of_steps, recorded_log
 from eaid.estimate.step_shapes import single_steps
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.logs.run import Run
@@ -31,13 +37,7 @@ from eaid.recorded.as_results import (
     uncertainty_part,
 )
 from eaid.recorded.closed_loop import judged_loops, with_instrument
-from eaid.recorded.falls import tested, with_falls
 from eaid.recorded.frequency import responses
-from eaid.recorded.intervals import asked, curves, never_asked, spread
-from eaid.recorded.late import LOWER, delay_finding, delays, shifted
-from eaid.recorded.log import RecordedLog, logs_of_steps, recorded_log
-from eaid.recorded.noise import scatter_findings
-from eaid.recorded.solve import Solved, idle_of, model_of, setup_of, solve
 from eaid.results.fit import Fit
 from eaid.results.recorded import LogCurve, LogFit, Recorded
 from eaid.results.verdict import judged

@@ -19,9 +19,9 @@ from scipy.stats import f as f_distribution
 
 from eaid.arrays import Array
 from eaid.errors import DataError
+from eaid.estimate.record import RecordedLog
+from eaid.estimate.response import from_rest
 from eaid.models.parameters import Linear, Nonlinear
-from eaid.recorded.log import RecordedLog
-from eaid.recorded.response import from_rest
 from eaid.replay.plant import plant_parameters, plant_terms
 from eaid.results.recorded import Response
 

@@ -9,10 +9,10 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.control.pi import PIGains
+from eaid.estimate.from_logs import Solved, idle_of, model_of
+from eaid.estimate.record import RecordedLog
 from eaid.models.parameters import Nonlinear
 from eaid.options import Rig
-from eaid.recorded.log import RecordedLog
-from eaid.recorded.solve import Solved, idle_of, model_of
 from eaid.replay.controllers import Controller, pi_controller
 from eaid.replay.loop import Inputs, loop_of, reference_rate
 from eaid.replay.plant import plant_parameters

@@ -158,7 +158,7 @@ def synthesise_excitation(
 
 def driven(plant: Plant, e: Excitation, disturbance: Disturbance, draw: Draw) -> Columns:
     """One log of an input that knows nothing of the output."""
-    from eaid.recorded.response import from_rest  # numba, which steps from rest do without
+    from eaid.estimate.response import from_rest  # numba, which steps from rest do without
 
     factors = scatter(disturbance, draw)
     idle, n = round(e.idle_s * e.rate_hz), round(e.duration_s * e.rate_hz)

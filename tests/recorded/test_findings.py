@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 import eaid
+from eaid.estimate.late import shifted
+from eaid.estimate.record import RecordedLog, recorded_log
 from eaid.logs.run import Run
 from eaid.models import nonlinear
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.reading import is_recorded
 from eaid.recorded.fit import fit_recorded
-from eaid.recorded.late import shifted
 from eaid.recorded.law import law_of
-from eaid.recorded.log import RecordedLog, recorded_log
 from eaid.synth.excitation import Excitation, synthesise_excitation
 from eaid.synth.logs import NONE
 from eaid.synth.plants import clutch
@@ -138,8 +138,8 @@ def test_a_release_of_its_own_does_not_bend_the_levels_of_the_friction_model() -
 def test_falls_and_hysteresis_that_are_in_the_data() -> None:
     """A kernel of its own made these: falls between levels 1.6 times slower, 3 % more torque after falls."""
     from eaid.estimate.forms import nonlinear
-    from eaid.recorded.response import Copies
-    from eaid.recorded.solve import Setup
+    from eaid.estimate.from_logs import Setup
+    from eaid.estimate.response import Copies
 
     log = random_log(4, 240.0, rest_s=0.0)
     levels = np.linspace(10, 100, 10)

@@ -7,11 +7,11 @@ import pandas as pd
 import pytest
 
 import eaid
+from eaid.estimate.record import RecordedLog, recorded_log
 from eaid.logs.run import Run
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.reading import is_recorded
 from eaid.recorded.fit import fit_recorded
-from eaid.recorded.log import RecordedLog, recorded_log
 from eaid.synth.excitation import Excitation, synthesise_excitation
 from eaid.synth.logs import NONE
 from eaid.synth.plants import clutch

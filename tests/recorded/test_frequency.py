@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import eaid
+from eaid.estimate.record import RecordedLog, recorded_log
 from eaid.models.parameters import Linear
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.frequency import frequency_response, on_input
-from eaid.recorded.log import RecordedLog, recorded_log
 from eaid.synth.excitation import Excitation, synthesise_excitation
 from eaid.synth.logs import NONE
 from eaid.synth.plants import clutch

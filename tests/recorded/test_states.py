@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from eaid.estimate import forms
+from eaid.estimate.from_logs import Setup
+from eaid.estimate.record import RecordedLog
+from eaid.estimate.response import Copies, Drive, Tables, response
 from eaid.models.parameters import REFERENCE_PLANT
-from eaid.recorded.log import RecordedLog
-from eaid.recorded.response import Copies, Drive, Tables, response
-from eaid.recorded.solve import Setup
 from eaid.replay.plant import plant_parameters, plant_step
 
 

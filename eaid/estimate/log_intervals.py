@@ -26,12 +26,12 @@ from scipy.stats import t as student
 
 from eaid.arrays import Array, scaled_inverse
 from eaid.estimate.friction import HELD_BY
+from eaid.estimate.from_logs import Setup, Solved, idle_of
+from eaid.estimate.noise import Lines, Piece, Scatter, by_spectrum, moving, piece_of, scatter_of
+from eaid.estimate.record import RecordedLog
 from eaid.estimate.solver import approach
 from eaid.estimate.spread import free_inverse, rejected
 from eaid.findings import Finding, finding
-from eaid.recorded.log import RecordedLog
-from eaid.recorded.noise import Lines, Piece, Scatter, by_spectrum, moving, piece_of, scatter_of
-from eaid.recorded.solve import Setup, Solved, idle_of
 from eaid.results.recorded import Asked
 
 WINDOWS_S = (0.3, 1.0, 3.0, 10.0)

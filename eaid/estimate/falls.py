@@ -14,10 +14,10 @@ import numpy as np
 from scipy.stats import f as f_distribution
 
 from eaid.arrays import Array
+from eaid.estimate.from_logs import NOTHING, Solved, finished, with_extras
+from eaid.estimate.log_intervals import Spread, spread
+from eaid.estimate.response import Drive
 from eaid.findings import Finding, finding
-from eaid.recorded.intervals import Spread, spread
-from eaid.recorded.response import Drive
-from eaid.recorded.solve import NOTHING, Solved, finished, with_extras
 from eaid.results.common import Interval
 from eaid.results.recorded import Falls
 

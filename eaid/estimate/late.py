@@ -19,11 +19,11 @@ from scipy.signal import lfilter
 from scipy.stats import t as student
 
 from eaid.arrays import Array, scaled_inverse
+from eaid.estimate.from_logs import Setup, Solved
+from eaid.estimate.record import RecordedLog
+from eaid.estimate.response import Copies, Drive
 from eaid.estimate.solver import EndPoint, approach
 from eaid.findings import Finding, finding
-from eaid.recorded.log import RecordedLog
-from eaid.recorded.response import Copies, Drive
-from eaid.recorded.solve import Setup, Solved
 
 MOST = 3
 """Rows that are looked for one by one."""

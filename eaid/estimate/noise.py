@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from eaid.arrays import Array
+from eaid.estimate.from_logs import Solved, idle_of
+from eaid.estimate.response import Drive
 from eaid.findings import Finding, finding
-from eaid.recorded.response import Drive
-from eaid.recorded.solve import Solved, idle_of
 
 BINS = 16_384
 """Derivatives and residuals are first added up over so many short bins of a log, at most."""

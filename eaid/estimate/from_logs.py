@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from eaid.arrays import Array
 from eaid.estimate.forms import LEAST_TAU_S, Form, LegendreForm, Limits, Model, Rows, Tables
+from eaid.estimate.record import RecordedLog
+from eaid.estimate.response import Copies, Drive, Samples, derivatives
 from eaid.estimate.solver import (
     CONVERGED,
     ROUNDING,
@@ -32,8 +34,6 @@ from eaid.estimate.solver import (
 )
 from eaid.estimate.starts import MOST, SHARES, time_constants
 from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
-from eaid.recorded.log import RecordedLog
-from eaid.recorded.response import Copies, Drive, Samples, derivatives
 from eaid.results.common import Solver
 
 NOTHING = {"rest": (0.0, 0.0), "fall": (1.0, 1.0), "excess": (0.0,)}

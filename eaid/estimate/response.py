@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from eaid.arrays import Array
 from eaid.estimate.forms import Tables
 from eaid.estimate.points import nodes_of
-from eaid.recorded.log import RecordedLog
+from eaid.estimate.record import RecordedLog
 
 Integers = NDArray[np.int64]
 
