@@ -179,7 +179,7 @@ def looped(
     plant: Plant, e: Excitation, disturbance: Disturbance, draw: Draw, controller: Controller
 ) -> tuple[Columns, Array]:
     """One log of a loop, and its reference: steps and tones; the controller reads what is logged, above its offset."""
-    from eaid.recorded.law import run_loop
+    from eaid.recorded.closed_loop import run_loop
 
     assert plant.model is not None  # check_excitation
     factors = scatter(disturbance, draw)

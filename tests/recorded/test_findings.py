@@ -12,8 +12,8 @@ from eaid.logs.run import Run
 from eaid.models import nonlinear
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.reading import is_recorded
+from eaid.recorded.closed_loop import law_of
 from eaid.recorded.fit import fit_recorded
-from eaid.recorded.law import law_of
 from eaid.synth.excitation import Excitation, synthesise_excitation
 from eaid.synth.logs import NONE
 from eaid.synth.plants import clutch
