@@ -26,7 +26,7 @@ GRID = 140
 """Time constants of the table."""
 LONGEST = 30.0
 """The longest, in records."""
-TRIED = 7
+TRIED = 5
 """Values tried at each input."""
 BANDS = (0.0, 0.1, 0.35, 1.0, 3.0, LONGEST)
 """Ends of the ranges of τ2, in records, each of which a search begins in."""
@@ -173,7 +173,7 @@ def form_starts(model: Model, data: Data, weight: Array) -> list[Array]:
             x = np.full(model.size, share)  # where C is free, the last is C
             for part, inverse, tau in zip(model.slices[1:], back, values, strict=True):
                 x[part] = inverse @ tau
-            found.append(x if model.Ts is None else with_torque(x, model, data, weight)[0])
+            found.append(x if model.Ts is None else with_torque(x, model, data, weight))
     return found
 
 
@@ -182,29 +182,34 @@ def touching_starts(x: Array, model: Model, data: Data, weight: Array) -> list[A
 
     A joint fit may end so where the slow part is missing from the records of all but one level.
     """
-    form, part = model.tau2, model.slices[2]
+    form = model.tau2
     if form is None or form.size < 3:
         return []
-    typical = max(float(np.median(model.rows(data.u)[1] @ x)), TAU_FLOOR_S)
+    tau1 = np.maximum(model.rows(data.u)[1] @ x, TAU_FLOOR_S)
     middle, half = 0.5 * (model.high + model.low), 0.5 * (model.high - model.low)
-    back, tried = np.linalg.inv(form.rows(form.inputs)), []
-    for at in np.unique(data.u)[:: 1 + len(data.u) // TOUCHED]:
-        for size in LONGEST * data.longest_s * np.array([0.1, 10.0, 1e3]):
-            one = x.copy()
-            one[part] = back @ (3 * typical + size * ((form.inputs - middle) / half - (at - middle) / half) ** 2)
-            tried.append(with_torque(one, model, data, weight))
-    return [one for one, _ in sorted(tried, key=lambda row: row[1])[:2]]
+    inputs, at = ((u - middle) / half for u in (form.inputs, np.unique(data.u)[:: 1 + len(data.u) // TOUCHED]))
+    bend = np.tile(LONGEST * data.longest_s * np.array([0.1, 10.0, 1e3]), len(at))[:, None]
+    parts = 3 * np.median(tau1) + bend * (inputs - np.repeat(at, 3)[:, None]) ** 2
+    parts = parts @ np.linalg.inv(form.rows(form.inputs)).T
+    tau2 = parts @ form.rows(data.u).T
+    gain = table_of(data.points, SHARES[0] if model.share is None else model.share).at(
+        np.tile(tau1, (len(tau2), 1)), tau2
+    )
+    found = []
+    for part in parts[np.argsort(-(gain @ weight))[:2]]:
+        one = x.copy()
+        one[model.slices[2]] = part
+        found.append(with_torque(one, model, data, weight))
+    return found
 
 
-def with_torque(x: Array, model: Model, data: Data, weight: Array) -> tuple[Array, float]:
-    """The unknowns with T_s(u) by least squares, and the weighted cost."""
-    M, part, points = model.rows(data.u), model.slices[0], data.points
+def with_torque(x: Array, model: Model, data: Data, weight: Array) -> Array:
+    """The unknowns with T_s(u) by least squares."""
+    M, part = model.rows(data.u), model.slices[0]
     theta = model.theta(x, M)
-    np.maximum(theta[1:3], TAU_FLOOR_S, out=theta[1:3])
     theta[0] = 0.0
-    at = level_normal(theta, points)  # of T_s = 0: the score is −Σ w φ y
+    at = level_normal(theta, data.points)  # of T_s = 0: the score is −Σ w φ y
     square, along = at.information[:, 0, 0], -at.score[:, 0]
     root, x = np.sqrt(np.maximum(weight * square, 1e-300)), x.copy()
     x[part] = np.linalg.lstsq(M[0, :, part] * root[:, None], root * along / np.maximum(square, 1e-300), rcond=None)[0]
-    Ts = M[0] @ x
-    return x, float(weight @ (at.cost + Ts**2 * square - 2 * Ts * along))
+    return x
