@@ -40,6 +40,10 @@ A0_GRID = 40
 """Time constants on the starting grid of the linear model."""
 A0_STARTS = 3
 """Starts from it."""
+WEIGHED = 10
+"""Rounds of weights, at most."""
+SAME_WEIGHT = 1e-10
+"""Weights that change by less than this part of the largest have settled."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,8 +206,13 @@ def fit_levels_first(data: Data, share: float | None, starts: Sequence[Array] | 
         return Solution(replace(steps, weight=np.zeros(len(data.u))), begin[0], judged(0.0, 0, (0.0,)))
     steps = steps.weighed(min(begin, key=lambda x: steps.normal(x)[0]))
     ends = ended([approach(steps.problem, x) for x in begin], steps.problem)
-    steps = steps.weighed(min(ends, key=lambda end: end.cost).x)
-    return _confirmed(steps, [slsqp(steps.problem, min(ends, key=lambda end: end.cost).x)])
+    end = min(ends, key=lambda end: end.cost)
+    for _ in range(WEIGHED):
+        before, steps = steps, steps.weighed(end.x)
+        end = slsqp(steps.problem, end.x)
+        if np.abs(steps.weight - before.weight).max() <= SAME_WEIGHT * before.weight.max():
+            break
+    return _confirmed(steps, [end])
 
 
 def _confirmed(steps: StepProblem, ends: Sequence[EndPoint]) -> Solution:
