@@ -288,8 +288,8 @@ def _one_round(problem: Problem, x: Array, value: Value, now: Local, held: Array
     return x + back @ end.x, end.nfev
 
 
-def approach(problem: Problem, start: Array, steps: int = 40) -> EndPoint:
-    """Go down from a feasible start until a step predicts next to nothing: where the solver may then end the fit.
+def approach(problem: Problem, start: Array, steps: int = 40, near: float = NEAR_END) -> EndPoint:
+    """Go down from a feasible start until a step predicts to gain less than `near` of the cost.
 
     Steps are constrained Newton steps with Levenberg's and Marquardt's damping, which grows where a step gains nothing.
     """
@@ -297,7 +297,7 @@ def approach(problem: Problem, start: Array, steps: int = 40) -> EndPoint:
     cost, gradient, curvature = problem.normal(x)
     for _ in range(steps):
         step = newton_step(problem, x, gradient, curvature + damping * np.diag(np.diagonal(curvature)))
-        if step.decrease <= NEAR_END * max(cost, problem.floor):
+        if step.decrease <= near * max(cost, problem.floor):
             if damping <= LIGHT:
                 local = Local(cost, gradient, curvature, step.decrease)
             break

@@ -12,12 +12,12 @@ from typing import Literal, cast
 
 import msgspec
 import numpy as np
-from scipy.optimize import least_squares
 
 from eaid.arrays import Array, inverse
 from eaid.errors import UsageError
 from eaid.estimate.data import quality
 from eaid.estimate.scatter import bartlett_variance
+from eaid.estimate.solver import Problem, approach, polish, slsqp
 from eaid.estimate.spread import t_quantile
 from eaid.findings import Finding, finding
 from eaid.models.parameters import SHARE
@@ -203,14 +203,10 @@ MISSED = 0.1
 """Share of the change by which the best shape may miss the mean of a sixtieth of the record."""
 LITTLE = 0.5
 """R² below which a curve explains little."""
-COARSE, SETTLED = 1e-4, 1e-10
+COARSE, SETTLED = 1e-4, 1e-12
 """Part of the cost by which no further step lowers it: of all starts, of the best of each shape."""
-EVALUATIONS = 50
-"""Of one search, at most."""
 ROUNDS = 20
 """Pairs of samples between which a dead time is fitted, at most."""
-AT_BOUND = 1e-3
-"""Part of its range by which an unknown that has not settled is off a bound where it is held there."""
 ROUNDING = 1e-16
 """Of a sum of squares, as a part of that of the output."""
 LEAST_SHARE = 0.01
@@ -337,7 +333,7 @@ def _least(
 
     The unknowns are (change, ln τ2, ln(τ2/τ1), C, θ), τ2 the slower constant, of an overshoot the window's at most.
     """
-    root, window, chosen = np.sqrt(points.weight), float(points.time_s[-1]), [*free]
+    root, window, chosen = np.sqrt(points.weight)[:, None], float(points.time_s[-1]), [*free]
     size = max(float(np.abs(points.output).max()), 1e-300)
     share = {"free": (LEAST_SHARE, 1 - LEAST_SHARE), "overshoot": (1.0 + 1e-6, MOST)}.get(shape, (-1.0, 2.0))
     apart, slowest = (APART, window) if shape == "overshoot" else (1.0, 50 * window)
@@ -349,40 +345,27 @@ def _least(
     begin[2] = 0.0 if shape == "one" else start[2]
     begin[1] += begin[2]
 
-    def near(q: Array, among: list[int]) -> tuple[Array, float, bool]:
-        """The best q that differs in some of its unknowns only, its cost, and whether the solver settled."""
+    def whole(x: Array) -> Array:
+        p = begin.copy()
+        p[chosen] = np.clip(x, low[chosen], high[chosen])  # SLSQP may look outside before it comes back
+        p[1] -= p[2]
+        return p
 
-        def whole(x: Array) -> Array:
-            p = q.copy()
-            p[among] = x
-            p[1] -= p[2]
-            return p
+    def normal(x: Array) -> tuple[float, Array, Array]:
+        p = whole(x)
+        by = slopes(p, points.time_s)
+        left = root[:, 0] * (p[0] * by[:, 0] - points.output) / size  # the curve is linear in the change
+        by[:, 2] -= by[:, 1]
+        J = root * by[:, chosen] / size
+        return float(left @ left), 2 * J.T @ left, 2 * J.T @ J
 
-        def residual(x: Array) -> Array:
-            return np.asarray(root * (curve(whole(x), points.time_s) - points.output) / size)
-
-        def jacobian(x: Array) -> Array:
-            by = slopes(whole(x), points.time_s)
-            by[:, 2] -= by[:, 1]
-            return np.asarray(root[:, np.newaxis] * by[:, among] / size)
-
-        end = least_squares(
-            residual, q[among], jacobian, (low[among], high[among]), x_scale="jac",
-            ftol=settled, xtol=settled, gtol=None, max_nfev=EVALUATIONS,
-        )  # fmt: skip
-        q = q.copy()
-        q[among] = end.x
-        return q, float(2 * end.cost), end.status > 0
-
-    begin[chosen] = np.clip(begin, low, high)[chosen]
-    q, cost, sure = near(begin, chosen)
-    if not sure:  # on a bound the solver comes near to it by small steps
-        end = np.where(q - low < high - q, low, high)
-        held = np.abs(q - end) < AT_BOUND * (high - low)
-        on, less, _ = near(np.where(held & np.isin(np.arange(5), chosen), end, q), [k for k in chosen if not held[k]])
-        q, cost = (on, less) if less < cost else (q, cost)
-    q[1] -= q[2]
-    return q, cost * size**2
+    ways = np.eye(5)[chosen][:, chosen]
+    b = np.concatenate([low[chosen], -high[chosen]])
+    problem = Problem(normal, np.concatenate([ways, -ways]), b, str, floor=ROUNDING * float(points.weight.sum()))
+    end = approach(problem, np.clip(begin, low, high)[chosen], near=settled)
+    if settled < COARSE:
+        end = polish(problem, slsqp(problem, end.x, end.local), finished=settled)[0]
+    return whole(end.x), end.cost * size**2
 
 
 def independent(left: Array, rounding: float = 0.0, fewest: float = 12.0) -> float:
