@@ -173,38 +173,33 @@ def form_starts(model: Model, data: Data, weight: Array) -> list[Array]:
             x = np.full(model.size, share)  # where C is free, the last is C
             for part, inverse, tau in zip(model.slices[1:], back, values, strict=True):
                 x[part] = inverse @ tau
-            found.append(x if model.Ts is None else with_torque(x, model, data, weight))
+            found.append(x if model.Ts is None else with_torque(x, model, data, weight)[0])
     return found
 
 
 def touching_starts(x: Array, model: Model, data: Data, weight: Array) -> list[Array]:
-    """The best unknowns with the τ1(u) of `x` and a τ2(u) that touches τ1 at one level and rises steeply from there.
+    """The best two unknowns with the τ1(u) of `x` and a τ2(u) that touches τ1 at one level and is steep beside it.
 
     A joint fit may end so where the slow part is missing from the records of all but one level.
     """
-    form = model.tau2
+    form, part = model.tau2, model.slices[2]
     if form is None or form.size < 3:
         return []
-    tau1 = np.maximum(model.rows(data.u)[1] @ x, TAU_FLOOR_S)
+    typical = max(float(np.median(model.rows(data.u)[1] @ x)), TAU_FLOOR_S)
     middle, half = 0.5 * (model.high + model.low), 0.5 * (model.high - model.low)
-    inputs, at = ((u - middle) / half for u in (form.inputs, np.unique(data.u)[:: 1 + len(data.u) // TOUCHED]))
-    bend = np.tile(LONGEST * data.longest_s * np.array([0.1, 10.0, 1e3]), len(at))[:, None]
-    parts = 3 * np.median(tau1) + bend * (inputs - np.repeat(at, 3)[:, None]) ** 2
-    parts = parts @ np.linalg.inv(form.rows(form.inputs)).T
-    tau2 = parts @ form.rows(data.u).T
-    gain = table_of(data.points, SHARES[0] if model.share is None else model.share).at(
-        np.tile(tau1, (len(tau2), 1)), tau2
-    )
-    found = []
-    for part in parts[np.argsort(-(gain @ weight))[:2]]:
-        one = x.copy()
-        one[model.slices[2]] = part
-        found.append(with_torque(one, model, data, weight))
-    return found
+    back, ends = np.linalg.inv(form.rows(form.inputs)), []
+    for at in np.unique(data.u)[:: 1 + len(data.u) // TOUCHED]:
+        tried = []
+        for size in LONGEST * data.longest_s * np.array([0.1, 10.0, 1e3]):
+            one = x.copy()
+            one[part] = back @ (3 * typical + size * ((form.inputs - middle) / half - (at - middle) / half) ** 2)
+            tried.append(with_torque(one, model, data, weight))
+        ends.append(min(tried, key=lambda row: row[1]))
+    return [one for one, _ in sorted(ends, key=lambda row: row[1])[:2]]
 
 
-def with_torque(x: Array, model: Model, data: Data, weight: Array) -> Array:
-    """The unknowns with T_s(u) by least squares."""
+def with_torque(x: Array, model: Model, data: Data, weight: Array) -> tuple[Array, float]:
+    """The unknowns with T_s(u) by least squares, and the weighted cost."""
     M, part = model.rows(data.u), model.slices[0]
     theta = model.theta(x, M)
     theta[0] = 0.0
@@ -212,4 +207,5 @@ def with_torque(x: Array, model: Model, data: Data, weight: Array) -> Array:
     square, along = at.information[:, 0, 0], -at.score[:, 0]
     root, x = np.sqrt(np.maximum(weight * square, 1e-300)), x.copy()
     x[part] = np.linalg.lstsq(M[0, :, part] * root[:, None], root * along / np.maximum(square, 1e-300), rcond=None)[0]
-    return x
+    Ts = M[0] @ x
+    return x, float(weight @ (at.cost + Ts**2 * square - 2 * Ts * along))
