@@ -21,7 +21,6 @@ from eaid.estimate.solver import (
     CONVERGED,
     ROUNDING,
     SETTLED,
-    EndPoint,
     Problem,
     approach,
     bring_in,
@@ -349,10 +348,6 @@ def inner(setup: Setup, x: Array, problem: Problem) -> Array:
 
 AT_BOUND = 1e-6
 """A constraint a'x ≥ b holds a fit that ends within this part of b: where no cost tells, a solver stops short."""
-RIVALS = 3
-"""Ends on the coarse copy that go on to every sample."""
-SAME = 1e-6
-"""Ends whose costs differ by less than this part are one."""
 NEAR = 0.05
 """An end this part of the cost above the best is no rival."""
 LONG_WAY = 1000
@@ -406,20 +401,9 @@ class Solved:
 def solve(setup: Setup) -> Solved:
     """The least-squares unknowns, from our own starts."""
     sketch = setup.drawn.problem()
-    ends = [approach(sketch, x) for x in starts(setup.drawn, sketch)]
-    kept = apart(ends, sketch.floor)
-    kept = [end for end in kept[:RIVALS] if end.cost <= (1 + NEAR) * kept[0].cost + sketch.floor]
-    tried = sum(end.evaluations for end in ends)
-    return finished(setup, [end.x for end in kept], tried, [end.cost for end in ends])
-
-
-def apart(ends: Sequence[EndPoint], floor: float) -> list[EndPoint]:
-    """Ends of different costs, the best first."""
-    found: list[EndPoint] = []
-    for end in sorted(ends, key=lambda one: one.cost):
-        if all(abs(end.cost - other.cost) > SAME * other.cost + floor for other in found):
-            found.append(end)
-    return found
+    ends = sorted((approach(sketch, x) for x in starts(setup.drawn, sketch)), key=lambda end: end.cost)
+    kept = [end.x for end in ends if end.cost <= (1 + NEAR) * ends[0].cost + sketch.floor]
+    return finished(setup, kept, sum(end.evaluations for end in ends), [end.cost for end in ends])
 
 
 def finished(setup: Setup, begin: Sequence[Array], tried: int = 0, costs: Sequence[float] = ()) -> Solved:

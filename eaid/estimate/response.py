@@ -6,7 +6,7 @@ step fits); where it moves all the time, samples are averaged over equal blocks.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -178,8 +178,8 @@ class Copies:
 
     @cached_property
     def sketch(self) -> Drive:
-        """Still fewer rows, on which many starts are looked at."""
-        return sketched(self.small) if self.log.stepwise else averaged(self, SKETCH_ROWS)
+        """Fewer rows of an input that moves, on which many starts are looked at."""
+        return self.small if self.log.stepwise else averaged(self, SKETCH_ROWS)
 
 
 def compressed(copies: Copies) -> Drive:
@@ -197,45 +197,6 @@ def compressed(copies: Copies) -> Drive:
     return Drive(
         np.append(np.diff(at), t[-1] - at[-1]), holds.index[hold], holds.duty, holds.rising[hold], found[0], w,
         log.baseline is not None, log.starts_idle, max(left, 0.0),
-    )  # fmt: skip
-
-
-def sketched(small: Drive) -> Drive:
-    """A log whose input is held, in two Gauss nodes of each stretch that doubles the time since the last change.
-
-    Of the rows t of a stretch with weights w, v the variance and s the third moment about the mean t̄, the nodes are
-    t̄ + λ, λ = (s/v ± √(s²/v² + 4 v))/2, their weights Σ w v/(v + λ²), and the outputs there those of a straight line.
-    """
-    t = np.cumsum(small.dt_s) - small.dt_s
-    changed = np.append(True, np.diff(small.index) != 0)
-    hold = np.cumsum(changed) - 1
-    age = t - t[changed][hold]
-    cell = np.floor(np.log2(1 + age / small.dt_s[small.dt_s > 0].min())) + 64 * hold
-    first = np.flatnonzero(np.append(True, np.diff(cell) != 0))
-    count = np.diff(np.append(first, len(t)))
-    which = np.repeat(np.arange(len(first)), count)
-
-    def mean(values: Array) -> Array:
-        return np.asarray(np.add.reduceat(small.w * values, first) / np.maximum(total, 1e-300))
-
-    total = np.add.reduceat(small.w, first)
-    middle, level = mean(t), mean(small.y)
-    off = t - middle[which]
-    v = mean(off**2)
-    merged = (count > 2) & (v > 0) & (age[first] > 0)
-    kept = ~merged[which]
-    skew, slope = (mean(one)[merged] / v[merged] for one in (off**3, off * small.y))
-    total, middle, level, v = (one[merged] for one in (total, middle, level, v))
-    turn = 0.5 * (skew + np.multiply.outer([-1.0, 1.0], np.sqrt(skew**2 + 4 * v)))
-    at = np.concatenate([t[kept], (middle + turn).ravel()])
-    y = np.concatenate([small.y[kept], (level + slope * turn).ravel()])
-    w = np.concatenate([small.w[kept], (total * v / (v + turn**2)).ravel()])
-    row = np.concatenate([np.flatnonzero(kept), np.tile(first[merged], 2)])
-    order = np.argsort(at, kind="stable")
-    left = small.left + float(small.w @ small.y**2) - float(w @ y**2)
-    return replace(
-        small, dt_s=np.diff(at[order], append=t[-1] + small.dt_s[-1]), index=small.index[row][order],
-        rising=small.rising[row][order], y=y[order], w=w[order], left=max(left, 0.0),
     )  # fmt: skip
 
 
