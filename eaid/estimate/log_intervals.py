@@ -25,11 +25,12 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from eaid.arrays import Array, scaled_inverse
+from eaid.estimate.forms import RECORDS_FREE
 from eaid.estimate.friction import HELD_BY
 from eaid.estimate.from_logs import Setup, Solved, idle_of
 from eaid.estimate.noise import Lines, Piece, Scatter, by_spectrum, moving, piece_of, scatter_of
 from eaid.estimate.record import RecordedLog
-from eaid.estimate.solver import approach
+from eaid.estimate.solver import approach, newton_step
 from eaid.estimate.spread import free_inverse, rejected
 from eaid.findings import Finding, finding
 from eaid.results.recorded import Asked
@@ -163,31 +164,35 @@ def _between(pieces: Sequence[Piece], pull: Array) -> Array:
     return np.asarray(S.T @ S)
 
 
+STEPS = 3
+"""Newton steps to the least cost."""
 FARTHEST = np.log(20.0)
 """An end farther off than this in log q is none."""
 
 
 def score_end(solved: Solved, uncertainty: Spread, x: Array, g: Array, reach: float) -> float:
-    """How far the end of log g'x lies where it is moved along its own way until the residuals reject it; ∞: never.
+    """How far the end of log g'x lies where it is moved outward until the residuals reject it; ∞: they never do.
 
-    On the copies on which the fit was looked for, x being its end there; `reach` is the half-width by the parabola,
-    below 0 for the lower end.
+    On the copies on which the fit was looked for, x being its end there, with all that g'x leaves free at its least
+    cost; `reach` is the half-width by the parabola, below 0 for the lower end.
     """
-    problem, value = solved.fitted.problem(), float(g @ x)
-    way = uncertainty.covariance @ g
-    way *= value / max(float(g @ way), 1e-300)
-    usual = back_to(solved.fitted, uncertainty.scatter, x, g)[1]
+    problem, value, side = solved.fitted.problem(), float(g @ x), float(np.sign(reach))
+    usual, place = back_to(solved.fitted, uncertainty.scatter, x, g)[1], x
 
     def at(factor: float) -> tuple[Array, float] | None:
-        place = x + np.expm1(factor * reach) * way
-        if not np.isfinite(place).all() or (problem.A @ place < problem.b - 1e-9).any():
-            return None
+        nonlocal place
+        least = side * value * np.exp(factor * reach)
+        bound = replace(problem, A=np.vstack([problem.A, side * g]), b=np.append(problem.b, least))
+        for _ in range(STEPS):
+            _, gradient, curvature = problem.normal(place)
+            if not np.isfinite(curvature).all():
+                return None
+            place = place + newton_step(bound, place, gradient, curvature).d
         step, variance = back_to(solved.fitted, uncertainty.scatter, place, g)
-        ratio = np.sign(reach) * step / (abs(reach) * value * max(variance / usual, 1e-300) ** 0.5)
-        return np.log([float(g @ place)]), ratio
+        return np.log([float(g @ place)]), side * step / (abs(reach) * value * max(variance / usual, 1e-300) ** 0.5)
 
     end = rejected(at)
-    return np.inf if end is None else min(abs(float(end[0]) - float(np.log(value))), np.inf)
+    return np.inf if end is None else abs(float(end[0]) - float(np.log(value)))
 
 
 def back_to(setup: Setup, noise: Scatter, x: Array, g: Array) -> tuple[float, float]:
@@ -240,8 +245,8 @@ def curves(solved: Solved, uncertainty: Spread, duty: Array) -> CurveSpread:
     names = tuple(LIMITS_PCT)
     for k, i in np.argwhere(values > 0).tolist():
         half = uncertainty.of(slopes[k, i])
-        if names[k] in constrained:
-            continue
+        if names[k] in constrained or (k and values[k, i] > RECORDS_FREE * solved.setup.longest_s):
+            continue  # no log tells it
         off[:, k, i] = half / values[k, i]
         if x is not None and PARABOLA < half / values[k, i] < FARTHEST:
             off[:, k, i] = [

@@ -179,8 +179,8 @@ def free_inverse(curvature: Array, held: Array) -> Array:
     if len(held):
         _, size, right = np.linalg.svd(held * scale)
         ways = ways @ right[int((size > 1e-9 * size[0]).sum()) :].T
-    inner = ways.T @ curvature @ ways
-    return np.asarray(ways @ np.linalg.pinv(inner, rcond=1e-13) @ ways.T)
+    ways = ways / np.sqrt(np.maximum(np.diag(ways.T @ curvature @ ways), 1e-300))
+    return np.asarray(ways @ np.linalg.pinv(ways.T @ curvature @ ways, rcond=1e-13) @ ways.T)
 
 
 OUTWARD = (0.5, 0.8, 1.2, 1.8, 2.7, 4.0, 6.0)

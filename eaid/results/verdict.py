@@ -147,12 +147,14 @@ def unphysical(part: "Estimate") -> list[Finding]:
     low, high = part.u_range
     curves = [np.array(each) for each in (part.tau1, part.tau2, part.Ts)]
     turns = np.concatenate([_turning_points(each, high) for each in (*curves, curves[1] - curves[0])])
-    inputs = np.union1d(np.linspace(low, high, INPUTS), turns[(turns > low) & (turns < high)])
+    checked = np.linspace(low, high, INPUTS)
+    inputs = np.union1d(checked, turns[(turns > low) & (turns < high)])
     tau1, tau2, Ts = (polyval(inputs, each) for each in curves)
+    floor = np.where(np.isin(inputs, checked), TAU_FLOOR_S / 2, -np.inf)  # a fit is held above it at those alone
     found = []
     for name, values, least, most in (
         ("tau1", tau1, TAU_FLOOR_S / 2, SLOWEST_S),
-        ("tau2", tau2, np.maximum(tau1 - NEARLY * np.max(tau2), TAU_FLOOR_S / 2), SLOWEST_S),
+        ("tau2", tau2, np.maximum(tau1 - NEARLY * np.max(tau2), floor), SLOWEST_S),
         ("Ts", Ts, -NEARLY * np.max(Ts) if np.max(Ts) > 1 / LARGEST else 1 / LARGEST, LARGEST),
     ):
         wrong = ~((values >= least) & (values <= most))
