@@ -12,7 +12,6 @@ from eaid.errors import on_command_line
 from eaid.files import all_written_whole
 from eaid.findings import Finding, say
 from eaid.logs.run import Run
-from eaid.planning.recordings import input_changes
 from eaid.report.tables import Name, Table, columns, table_of
 from eaid.report.tables.data import EDGE_PARTS, between_levels, highest_slips, levels_recorded, slips_table
 from eaid.report.tables.fits import judging_tables, model_tables
@@ -24,7 +23,6 @@ from eaid.results.summary import answer, runs, verdict_line, warned
 from eaid.shown import counted
 from eaid.steps.edges import Edge
 from eaid.steps.stepset import Level, LevelStep, RunRecord, StepSet
-from eaid.synth.files import RUN_TABLE, input_file
 
 PARTS = ("friction", "nonlinear", "linear", "release", "steps")
 
@@ -133,6 +131,9 @@ def synthesized(output: Path, made: Sequence[Run], inputs: tuple[Input, ...], se
 
 def write_plan(files: Sequence[Path], plan: Plan | Excitation, kind: str, force: bool) -> None:
     """The run table and the input file, both whole or neither; of a sequence the input file alone."""
+    from eaid.planning.recordings import input_changes  # for planning alone
+    from eaid.synth.files import RUN_TABLE, input_file
+
     if isinstance(plan, Excitation):
         contents = [input_file(plan.duty, "clutch", plan.input_unit)]
     else:

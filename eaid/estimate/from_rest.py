@@ -21,6 +21,7 @@ from eaid.estimate.forms import Limits, Model, linear, nonlinear
 from eaid.estimate.points import Normal, level_normal, residuals
 from eaid.estimate.solver import (
     ROUNDING,
+    SETTLED,
     EndPoint,
     Problem,
     approach,
@@ -36,7 +37,7 @@ from eaid.estimate.starts import form_starts, touching_starts
 from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
 from eaid.results.common import Solver
 
-A0_GRID = 40
+A0_GRID = 16
 """Time constants on the starting grid of the linear model."""
 A0_STARTS = 3
 """Starts from it."""
@@ -209,10 +210,10 @@ def fit_levels_first(data: Data, share: float | None, starts: Sequence[Array] | 
     end = min(ends, key=lambda end: end.cost)
     for _ in range(WEIGHED):
         before, steps = steps, steps.weighed(end.x)
-        end = slsqp(steps.problem, end.x)
         if np.abs(steps.weight - before.weight).max() <= SAME_WEIGHT * before.weight.max():
             break
-    return _confirmed(steps, [end])
+        end = approach(steps.problem, end.x, near=SETTLED)
+    return _confirmed(steps, [slsqp(steps.problem, end.x, end.local)])
 
 
 def _confirmed(steps: StepProblem, ends: Sequence[EndPoint]) -> Solution:
