@@ -14,19 +14,19 @@ from scipy.optimize import curve_fit
 
 PAGE = (Path(__file__).parents[2] / "docs/how-to/rigs.md").read_text(encoding="utf-8")
 COMMANDS = [line for line in PAGE.splitlines() if line.startswith("eaid ")]
-Command = Callable[[str], tuple[Any, dict[str, Any], Path]]
+Command = Callable[..., tuple[Any, dict[str, Any], Path]]
 
 
 @pytest.fixture
 def command(realdata: Path, tmp_path: Path, run_eaid: Callable[..., Any]) -> Command:
-    """The page's command for a recording: what it gave back, fit.json, and the recording."""
+    """The page's command for a recording, and more words: what it gave back, fit.json, and the recording."""
 
-    def run(name: str) -> tuple[Any, dict[str, Any], Path]:
+    def run(name: str, *more: str) -> tuple[Any, dict[str, Any], Path]:
         (line,) = (line for line in COMMANDS if name in line)
         words = shlex.split(line)[1:]
         path = next(path for path in realdata.rglob("*") if path.name == words[1])
         out = tmp_path / words[-1]
-        ran = run_eaid(words[0], path, *words[2:-1], out)
+        ran = run_eaid(words[0], path, *more, *words[2:-1], out)
         return ran, json.loads(out.read_text()) if out.suffix == ".json" and out.exists() else {}, path
 
     return run
@@ -145,7 +145,7 @@ def test_seals_one_step_a_file(command: Command) -> None:
 
 @pytest.mark.slow
 def test_a_clutch_of_another_lab(command: Command) -> None:
-    ran, fit, folder = command("ea-clutch")
+    ran, fit, folder = command("ea-clutch", "--model", "friction")  # each level by itself
     assert ran.code == 0, ran.err
     rows = {row["level"]: row for row in fit["friction"]["levels"]}
     assert sorted(rows) == [100 + 25 * k for k in range(9)]
