@@ -37,7 +37,7 @@ def test_rows(module, small, count, monkeypatch: pytest.MonkeyPatch) -> None:
         (lambda: fit_quality.main(2), "2 of 2 within 1e-06"),
         (lambda: stop_findings.main(2), "not-at-rest"),
         (
-            lambda: mutants.main(["steps", "-n", "1", "--only", "slip.py", "--tests", "tests/steps/test_slips.py"]),
+            lambda: mutants.main(["steps", "-n", "1", "--only", "checks.py", "--tests", "tests/steps/test_slips.py"]),
             "| 1 |",
         ),
     ],
