@@ -200,7 +200,7 @@ def level_normal(theta: Array, points: Points, torques: Callable[[Array, Array],
         theta = np.array([torques((weighed * s[:, 0]).sum(axis=1), (weighed * points.y).sum(axis=1)), *theta[1:]])
     np.subtract(theta[0, :, None] * s[:, 0], points.y, out=s[:, 4])
     product = (s * points.w[:, None, :]) @ s.transpose(0, 2, 1)
-    scale = np.concatenate([_scale(theta), np.ones((len(s), 1))], axis=1)
+    scale = _scale(theta)
     product *= scale[:, :, None] * scale[:, None, :]
     return Normal(theta, product[:, 4, 4], product[:, :4, 4], product[:, :4, :4])
 
@@ -209,8 +209,8 @@ def log_crossed(theta: Array, other: Array, points: Points, share_free: bool) ->
     """Σ w s s' of each level, s the slopes of its curve θ by ln T_s, ln τ1, ln τ2, and a free logit C, and those of
     another curve by T_s, τ1, τ2, C, (L, k, 4)."""
     one, two = _slopes(theta, points)[:, :4], _slopes(other, points)[:, :4]
-    product = (one * points.w[:, None, :]) @ two.transpose(0, 2, 1) * _scale(other)[:, None, :]
-    by_log = np.array([*theta[:3], theta[3] * (1 - theta[3])]).T * _scale(theta)
+    product = (one * points.w[:, None, :]) @ two.transpose(0, 2, 1) * _scale(other)[:, None, :4]
+    by_log = np.array([*theta[:3], theta[3] * (1 - theta[3])]).T * _scale(theta)[:, :4]
     return np.asarray(by_log[:, :, None] * product)[:, : 4 if share_free else 3]
 
 
@@ -229,8 +229,12 @@ def _slopes(theta: Array, points: Points) -> Array:
 
 
 def _scale(theta: Array) -> Array:
-    Ts, tau1, tau2, share = theta
-    return np.stack([np.ones_like(Ts), -Ts * share / tau1**2, Ts * (share - 1.0) / tau2**2, Ts], axis=1)
+    """Factors of those slopes, and of the residual, (L, 5)."""
+    scale = np.ones((theta.shape[1], 5))
+    scale[:, 1] = -theta[0] * theta[3] / theta[1] ** 2
+    scale[:, 2] = theta[0] * (theta[3] - 1.0) / theta[2] ** 2
+    scale[:, 3] = theta[0]
+    return scale
 
 
 @dataclass(frozen=True, eq=False)
