@@ -3,6 +3,7 @@
 import json
 import sys
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -114,3 +115,12 @@ def test_a_report_that_breaks_off_leaves_what_was_there(
             eaid.report(fit, tmp_path / name, force=True)
     assert {name: (tmp_path / "old" / name).read_bytes() for name in names_in(tmp_path / "old")} == before
     assert not (tmp_path / "new").exists()
+
+
+def test_three_threads_write_the_same_bytes(files: dict[str, Path], tmp_path: Path):
+    results = [eaid.load(files[name]) for name in ("clutch.h5", "clutch.json", "steps.h5")]
+    figures = ("fig07", "model_over_duty", "fig11", "input_gain")
+    with ThreadPoolExecutor(3) as pool:
+        pages = list(pool.map(lambda k: eaid.report(results, tmp_path / f"{k}", figures=figures), range(3)))
+    written = [{path.name: path.read_bytes() for path in page.parent.rglob("*.*")} for page in pages]
+    assert len(written[0]) == 5 and written[0] == written[1] == written[2]

@@ -5,30 +5,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from eaid.report import panels as ink
 from eaid.report.figures.steps import some_of
-from eaid.report.panels import (
-    BLACK,
-    BLUE,
-    COLUMN_IN,
-    GREEN,
-    GREY,
-    MODEL,
-    OF_LOG,
-    PAGE_IN,
-    SKY,
-    VERMILLION,
-    Axis,
-    Band,
-    Line,
-    Note,
-    Panel,
-    Ready,
-    Sheet,
-    Span,
-    caption,
-    over,
-    quantity,
-)
+from eaid.report.panels import Axis, Band, Line, Note, Panel, Ready, Sheet, Span, caption, over, quantity
 from eaid.report.results import EdgeLog
 from eaid.results.fit import Fit
 from eaid.results.recorded import LogCurve, LogFit
@@ -74,15 +53,15 @@ def log_panels(
 ) -> list[Panel]:
     """Input, measured and model, residual of one log over its own time; names and legend beside the `first` alone."""
     t, (unit, out) = np.array(curve.time_s), units
-    held = Line(np.repeat(t, 2)[1:], np.repeat(curve.input, 2)[:-1], "input", GREEN, width=0.7)
-    measured = Line(t, np.array(curve.measured), "measured", SKY, width=1.8)
-    model = Line(t, np.array(curve.model), "model", **MODEL)
-    residual = Line(t, np.array(curve.residual), "residual", VERMILLION, width=0.6)
+    held = Line(np.repeat(t, 2)[1:], np.repeat(curve.input, 2)[:-1], "input", ink.GREEN, width=0.7)
+    measured = Line(t, np.array(curve.measured), "measured", ink.SKY, width=1.8)
+    model = Line(t, np.array(curve.model), "model", **ink.MODEL)
+    residual = Line(t, np.array(curve.residual), "residual", ink.VERMILLION, width=0.6)
     axes = (over(unit), quantity(out), Axis("Residual", out or "output")) if first else (Axis(),) * 3
     return [
-        Panel(OF_LOG, axes[0], [held], title=heads[0]),
-        Panel(OF_LOG, axes[1], [measured, model], legend="over" if first else "", columns=6, title=heads[1]),
-        Panel(OF_LOG, axes[2], [residual], spans=[Span(0.0, 0.0, BLACK, "y", 0.5)]),
+        Panel(ink.OF_LOG, axes[0], [held], title=heads[0]),
+        Panel(ink.OF_LOG, axes[1], [measured, model], legend="over" if first else "", columns=6, title=heads[1]),
+        Panel(ink.OF_LOG, axes[2], [residual], spans=[Span(0.0, 0.0, ink.BLACK, "y", 0.5)]),
     ]
 
 
@@ -106,8 +85,8 @@ def bode(fit: Fit) -> Ready | None:
         gain = [Line(f, response.gain, "recorded", dash="", marker="o", size=2.0)]
         phase = [Line(f, angle, dash="", marker="o", size=2.0)]
         for name, colour, dash, size, turned in (
-            ("nonlinear", BLUE, "-", response.nonlinear_gain, response.nonlinear_phase_deg),
-            ("linear", VERMILLION, "--", response.linear_gain, response.linear_phase_deg),
+            ("nonlinear", ink.BLUE, "-", response.nonlinear_gain, response.nonlinear_phase_deg),
+            ("linear", ink.VERMILLION, "--", response.linear_gain, response.linear_phase_deg),
         ):
             if size:
                 gain.append(Line(f, size, name, colour, dash, 1.1))
@@ -120,7 +99,7 @@ def bode(fit: Fit) -> Ready | None:
                              tight=False))  # fmt: skip
         rows[2].append(Panel(hz, Axis("Coherence", "1", (0.0, 1.05)), [Line(f, response.coherence)], tight=False))
     first = next((response for response in responses if response.harmonics_pct is not None), responses[0])
-    sheet = Sheet([panel for row in rows for panel in row], 4.6, COLUMN_IN if n == 1 else PAGE_IN, n,
+    sheet = Sheet([panel for row in rows for panel in row], 4.6, ink.COLUMN_IN if n == 1 else ink.PAGE_IN, n,
                   (1.5, 1.3, 0.8), share=("col", "row"))  # fmt: skip
     return Ready(sheet, caption("bode", shown=n, count=len(known), first=first))
 
@@ -135,15 +114,15 @@ def edges(logs: Sequence[EdgeLog]) -> Ready | None:
     if not shown:
         return None
     (run, first), every = shown[0], [one for _run, found in shown for one in found]
-    lines = [Line(run.time_s, run.output, "output", BLUE)]
+    lines = [Line(run.time_s, run.output, "output", ink.BLUE)]
     if run.reference_nm is not None:
-        lines.append(Line(run.time_s, run.reference_nm, "reference", BLACK, ":"))
+        lines.append(Line(run.time_s, run.reference_nm, "reference", ink.BLACK, ":"))
     at = [one.at_s for one in first] if len(first) <= NUMBERED else []
-    spans = [Span(one, one, GREY, width=0.5) for one in at]
+    spans = [Span(one, one, ink.GREY, width=0.5) for one in at]
     notes = [Note(f" {k + 1}", one, 0.99, "y", ha="left", va="top") for k, one in enumerate(at)]
-    panels = [Panel(OF_LOG, quantity(run.output_unit), lines, spans=spans, notes=notes, legend="over", columns=6)]
+    panels = [Panel(ink.OF_LOG, quantity(run.output_unit), lines, spans=spans, notes=notes, legend="over", columns=6)]
     if run.has_input:
-        panels.append(Panel(OF_LOG, over(run.input_unit), [Line(run.time_s, run.input, "input", GREEN)]))
+        panels.append(Panel(ink.OF_LOG, over(run.input_unit), [Line(run.time_s, run.input, "input", ink.GREEN)]))
     worst = max(one.overshoot_pct for one in every)
     text = caption("edges", count=len(every), logs=len(logs), rise=[one.rise_s for one in every], worst=worst)
     return Ready(Sheet(panels, 1.3 + 1.3 * len(panels), live=True), text)

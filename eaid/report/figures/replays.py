@@ -9,35 +9,10 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.replay import rehab
+from eaid.report import panels as ink
 from eaid.report.figures.logs import titles
 from eaid.report.figures.steps import some_of
-from eaid.report.panels import (
-    BLACK,
-    BLUE,
-    COLUMN_IN,
-    CONTROLLERS,
-    GREY,
-    MODEL,
-    OF_LOG,
-    PALE,
-    SKY,
-    SPARE,
-    TIME,
-    VERMILLION,
-    Axis,
-    Band,
-    Box,
-    Line,
-    Note,
-    Panel,
-    Ready,
-    Sheet,
-    Span,
-    caption,
-    controller_look,
-    over,
-    quantity,
-)
+from eaid.report.panels import Axis, Line, Panel, Ready, Sheet, caption, over, quantity
 from eaid.report.results import Given
 from eaid.report.rig import controller_name
 from eaid.report.tables import number
@@ -46,16 +21,19 @@ from eaid.results.coupling import Coupling
 from eaid.results.replay import Replay
 
 
-def bands(replay: Replay) -> list[Band]:
+def bands(replay: Replay) -> list[ink.Band]:
     """The 2.5 % and 97.5 % outputs of each controller over drawn plants, where there are any."""
     quantiles = replay.head.band_quantiles
     if not {0.025, 0.975} <= set(quantiles):
         return []
     low, high = quantiles.index(0.025), quantiles.index(0.975)
+    drawn = [(k, name, one.tables) for k, (name, one) in enumerate(replay.records.items())]
     return [
-        Band(one.tables["plants/band_time_s"], one.tables["plants/band_nm"][low], one.tables["plants/band_nm"][high],
-             controller_look(name, k)["color"])
-        for k, (name, one) in enumerate(replay.records.items()) if "plants/band_nm" in one.tables
+        ink.Band(
+            tables["plants/band_time_s"], tables["plants/band_nm"][low], tables["plants/band_nm"][high],
+            ink.controller_look(name, k)["color"],
+        )
+        for k, name, tables in drawn if "plants/band_nm" in tables
     ]  # fmt: skip
 
 
@@ -98,24 +76,23 @@ def tracking_panels(replay: Replay, until_s: float | None = None) -> list[Panel]
     acting: list[Line] = []
     asked: list[Line] = []
     for k, (name, one) in enumerate(replay.records.items()):
-        t, said, look = one.columns["time_s"], controller_name(name), controller_look(name, k)
+        t, said, look = one.columns["time_s"], controller_name(name), ink.controller_look(name, k)
         some = slice(None) if until_s is None else (t >= from_s) & (t <= until_s)
         t, reference, true, duty = (one.columns[key][some] for key in keys)
         output.append(Line(t, true, said, **look))
         error.append(Line(t, reference - true, said, **look))
         acting.append(Line(t, duty, said, **look))
-        asked.append(Line(t, reference, "reference", BLACK, ":"))
+        asked.append(Line(t, reference, "reference", ink.BLACK, ":"))
     cut = until_s is not None
-    shaded = [Span(0.0, from_s, PALE)] if from_s > 0 and not cut and replay.head.scenario != "steps" else []
+    shaded = [ink.Span(0.0, from_s, ink.PALE)] if from_s > 0 and not cut and replay.head.scenario != "steps" else []
     counted = [np.abs(line.y[line.x >= from_s]) for line in error]
     top = max((float(np.max(e)) for e in counted if len(e)), default=1.0)
-    size = 1.25 * top + 1e-9
+    size, plants = 1.25 * top + 1e-9, [] if cut else bands(replay)
+    title = "grey: not counted" * bool(shaded)
     return [
-        Panel(
-            TIME, quantity(out), [*output, asked[0]], bands(replay) if until_s is None else (), shaded, legend="above"
-        ),
-        Panel(TIME, Axis("Error", out, (-size, size)), error, spans=shaded, title="grey: not counted" * bool(shaded)),
-        Panel(TIME, over(unit), acting, spans=shaded),
+        Panel(ink.TIME, quantity(out), [*output, asked[0]], plants, shaded, legend="above"),
+        Panel(ink.TIME, Axis("Error", out, (-size, size)), error, spans=shaded, title=title),
+        Panel(ink.TIME, over(unit), acting, spans=shaded),
     ]
 
 
@@ -127,7 +104,7 @@ def sweep(replay: Replay) -> Ready | None:
         if tones:
             keys = ("frequency_hz", "gain_db", "mean_abs_error_nm")
             f, size_db, mean = (np.array([getattr(row, key) for row in tones]) for key in keys)
-            colour, dash, marker = CONTROLLERS.get(name, SPARE[k % len(SPARE)])
+            colour, dash, marker = ink.CONTROLLERS.get(name, ink.SPARE[k % len(ink.SPARE)])
             gain.append(Line(f, size_db, controller_name(name), colour, dash, 1.1, marker))
             error.append(Line(f, mean, controller_name(name), colour, dash, 1.1, marker))
             below = f[size_db < -3].tolist()
@@ -138,11 +115,11 @@ def sweep(replay: Replay) -> Ready | None:
     hz = Axis("Frequency", "Hz", log=True)
     panels = [
         Panel(hz, Axis("Amplitude", "dB", (max(lowest - 2, -32), None)), gain,
-              spans=[Span(-3, -3, GREY, "y", 0.7, ":")], notes=[Note("−3 dB", 1.01, -3, "x", ha="left")],
+              spans=[ink.Span(-3, -3, ink.GREY, "y", 0.7, ":")], notes=[ink.Note("−3 dB", 1.01, -3, "x", ha="left")],
               legend="above", columns=2 if len(gain) > 3 else 3, tight=False),
         Panel(hz, Axis("Mean |error|", replay.head.output_unit, (0.0, None)), error, tight=False),
     ]  # fmt: skip
-    return Ready(Sheet(panels, 3.3, COLUMN_IN), caption("sweep", rows=each))
+    return Ready(Sheet(panels, 3.3, ink.COLUMN_IN), caption("sweep", rows=each))
 
 
 def recorded_input(replay: Replay) -> Ready | None:
@@ -158,11 +135,11 @@ def recorded_input(replay: Replay) -> Ready | None:
     for k, (name, head) in enumerate(zip(chosen, titles(chosen, 16 * len(chosen)), strict=True)):
         t = compared[name]["time_s"]
         lines = [
-            Line(t, compared[name]["reference_nm"], "recorded", SKY, width=2.2),
-            Line(t, compared[name]["torque_nm"], "model, same input", **MODEL),
+            Line(t, compared[name]["reference_nm"], "recorded", ink.SKY, width=2.2),
+            Line(t, compared[name]["torque_nm"], "model, same input", **ink.MODEL),
         ]
         below = k + columns >= len(chosen)
-        panels.append(Panel(OF_LOG if below else Axis(), quantity(out) if k % columns == 0 else Axis(), lines,
+        panels.append(Panel(ink.OF_LOG if below else Axis(), quantity(out) if k % columns == 0 else Axis(), lines,
                             legend="" if k else "over", columns=6, title=f"{head}: RMS {rms[name]:.2g}"))  # fmt: skip
     rows = -(-len(chosen) // columns)
     text = caption("log", shown=len(chosen), rms=sorted((value, name) for name, value in rms.items()), unit=out)
@@ -177,9 +154,9 @@ def guarantee(every: Sequence[Given[Replay]]) -> Ready | None:
             continue
         t, rho = one.columns["time_s"], one.columns["rho_nm_s"]
         needed = np.abs(one.columns["chi_nm_s"])
-        lines = [Line(t, rho, "available, ρ", BLUE), Line(t, needed, "needed, |χ|", VERMILLION, "--")]
+        lines = [Line(t, rho, "available, ρ", ink.BLUE), Line(t, needed, "needed, |χ|", ink.VERMILLION, "--")]
         y = Axis("Robust term", f"{replay.head.output_unit}/s", (0.0, 2.5 * float(np.median(rho))))
-        sheet = Sheet([Panel(TIME, y, lines, legend="above")], 2.3, COLUMN_IN)
+        sheet = Sheet([Panel(ink.TIME, y, lines, legend="above")], 2.3, ink.COLUMN_IN)
         return Ready(sheet, caption("guarantee", share=one.metrics.guarantee_holds_fraction))
     return None
 
@@ -196,7 +173,7 @@ def walls(couplings: Sequence[Given[Coupling]]) -> Ready | None:
     at = torques[len(torques) // 2]
     needed, region = [], []
     for name in LOOPS:
-        colour = CONTROLLERS[name][0]
+        colour = ink.CONTROLLERS[name][0]
         for curve in coupling.curves:
             if (curve.loop, curve.torque_nm) == (name, at):
                 f, asked = np.array(curve.frequency_hz), np.array(curve.needed_s)
@@ -212,7 +189,7 @@ def walls(couplings: Sequence[Given[Coupling]]) -> Ready | None:
                     held = [getattr(point, key) or np.nan for point in one.points]
                     region.append(Line(damping, held, "", colour, dash, 1.1))
     kinds = (("passive", "-"), ("stable on this limb", "--"))
-    keys = [Line((), (), name, GREY, dash, 1.1) for name, dash in kinds]
+    keys = [Line((), (), name, ink.GREY, dash, 1.1) for name, dash in kinds]
     panels = [
         Panel(Axis("Frequency", "Hz", log=True), Axis("Damping needed per stiffness", "s", log=True), needed,
               legend="above", columns=2, tight=False),
@@ -257,17 +234,17 @@ def training(replay: Replay) -> Ready | None:
     t, target, angle, desired, rendered = (
         trace[key] for key in ("time_s", "target_deg", "angle_deg", "desired_nm", "rendered_nm")
     )
-    spans = [Span(start, end, MODES.get(name, (PALE, ""))[0]) for name, start, end in stretches]
-    spans += [Span(start, start, BLACK) for _name, start, _end in stretches]  # told apart in grey, too
-    heads = [Note(MODES.get(name, ("", name))[1], (a + b) / 2, 1.02, "y", va="bottom") for name, a, b in stretches]
+    spans = [ink.Span(start, end, MODES.get(name, (ink.PALE, ""))[0]) for name, start, end in stretches]
+    spans += [ink.Span(start, start, ink.BLACK) for _name, start, _end in stretches]  # told apart in grey, too
+    heads = [ink.Note(MODES.get(name, ("", name))[1], (a + b) / 2, 1.02, "y", va="bottom") for name, a, b in stretches]
     rows = (
-        (Axis("Angle", "°"), [Line(t, target, "target", BLACK, "--"), Line(t, angle, "angle", BLUE)]),
-        (Axis("Position\nerror", "°"), [Line(t, target - angle, "position error", BLUE)]),
-        (quantity(unit), [Line(t, desired, "desired", BLACK, "--"), Line(t, rendered, "rendered", VERMILLION)]),
-        (Axis("Error\n" if unit else "Error", unit), [Line(t, desired - rendered, "error", VERMILLION)]),
+        (Axis("Angle", "°"), [Line(t, target, "target", ink.BLACK, "--"), Line(t, angle, "angle", ink.BLUE)]),
+        (Axis("Position\nerror", "°"), [Line(t, target - angle, "position error", ink.BLUE)]),
+        (quantity(unit), [Line(t, desired, "desired", ink.BLACK, "--"), Line(t, rendered, "rendered", ink.VERMILLION)]),
+        (Axis("Error\n" if unit else "Error", unit), [Line(t, desired - rendered, "error", ink.VERMILLION)]),
     )
     panels = [
-        Panel(TIME, y, lines, spans=spans, notes=() if k else heads, legend="beside" if len(lines) > 1 else "")
+        Panel(ink.TIME, y, lines, spans=spans, notes=() if k else heads, legend="beside" if len(lines) > 1 else "")
         for k, (y, lines) in enumerate(rows)
     ]
     gap, top = float(np.mean(np.abs(desired - rendered))), float(np.max(np.abs(desired)))
@@ -288,9 +265,9 @@ def errors(replay: Replay) -> Ready | None:
     absolute_deg = {name: values for name, values in by_mode.items() if len(values)}
     if not absolute_deg:
         return None
-    looks = [(MODES.get(name, (PALE, name)), values) for name, values in absolute_deg.items()]
+    looks = [(MODES.get(name, (ink.PALE, name)), values) for name, values in absolute_deg.items()]
     hatches = ("", "////", "....", "xxxx")
-    boxes = [Box(name, values, colour, hatches[k % 4]) for k, ((colour, name), values) in enumerate(looks)]
+    boxes = [ink.Box(name, values, colour, hatches[k % 4]) for k, ((colour, name), values) in enumerate(looks)]
     panel = Panel(Axis(), Axis("|position error|", "°", (0.0, None)), content=boxes)
     medians = [f"{name} {number(float(np.median(values)), 2)}°" for name, values in absolute_deg.items()]
-    return Ready(Sheet([panel], 2.4, COLUMN_IN), caption("position", medians=medians))
+    return Ready(Sheet([panel], 2.4, ink.COLUMN_IN), caption("position", medians=medians))

@@ -9,27 +9,8 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.models import linear, nonlinear
-from eaid.report.panels import (
-    BLUE,
-    COLUMN_IN,
-    GREEN,
-    MODEL,
-    OF_STEP,
-    VERMILLION,
-    Axis,
-    Band,
-    Line,
-    Map,
-    Note,
-    Panel,
-    Ready,
-    Sheet,
-    Span,
-    caption,
-    level_colours,
-    over,
-    quantity,
-)
+from eaid.report import panels as ink
+from eaid.report.panels import Axis, Line, Panel, Ready, Sheet, caption, over, quantity
 from eaid.report.results import Results
 from eaid.report.rig import level_text
 from eaid.results import frames
@@ -87,22 +68,22 @@ class Curve:
 
 def curves_panel(curves: Sequence[Curve], y: Axis, said: str, bar: tuple[Sequence[float], str] | None = None) -> Panel:
     """Each level's curve, its band and its model (`said` in the legend); `bar` as of a panel."""
-    colours = level_colours(len(curves))
+    colours = ink.level_colours(len(curves))
     bands, lines = [], []
     for one, colour in zip(curves, colours, strict=True):
         t, mean = one.time_s, one.measured
         if one.sd is not None:
-            bands.append(Band(t, mean - one.sd, mean + one.sd, colour, 0.2))
+            bands.append(ink.Band(t, mean - one.sd, mean + one.sd, colour, 0.2))
         end = f"{one.text}: {one.note}" if one.note else one.text
         lines.append(Line(t, mean, f"{one.text}, measured", colour, width=1.5, alpha=0.75, end=end))
         if one.model is not None:
             fine = fine_times(float(t[-1]))
             name = f"{one.text}, model{', RMSE ' if one.note else ''}{one.note}"
-            lines.append(Line(fine, one.model(fine), name, **MODEL))
+            lines.append(Line(fine, one.model(fine), name, **ink.MODEL))
     keys = [Line((), (), "measured" + " ± sd" * bool(bands), colours[len(colours) // 2], width=1.5, alpha=0.75)]
     if any(one.model is not None for one in curves):
-        keys.append(Line((), (), said, **MODEL))
-    return Panel(OF_STEP, y, lines, bands, legend="above", columns=2, keys=keys, bar=bar)
+        keys.append(Line((), (), said, **ink.MODEL))
+    return Panel(ink.OF_STEP, y, lines, bands, legend="above", columns=2, keys=keys, bar=bar)
 
 
 def steps_panel(
@@ -133,9 +114,9 @@ def fitted_steps(fit: Fit) -> Panel:
     shown = frames.predict(fit, levels, time.tolist())
     lines = [
         Line(time, values, level_text(float(str(level)), data.input_unit), colour, width=1.5)
-        for colour, (level, values) in zip(level_colours(shown.shape[1]), shown.items(), strict=True)
+        for colour, (level, values) in zip(ink.level_colours(shown.shape[1]), shown.items(), strict=True)
     ]
-    return Panel(OF_STEP, quantity(data.output_unit), lines, legend="above")
+    return Panel(ink.OF_STEP, quantity(data.output_unit), lines, legend="above")
 
 
 def nonlinear_model(data: StepSet, results: Results) -> Ready:
@@ -162,7 +143,7 @@ def friction_steps(results: Results) -> Ready | None:
     worst = max(((row.rmse / row.Ts, row.level) for row in rows if row.rmse is not None and row.Ts > 0), default=None)
     panel = steps_panel(data, single_curves(fit), said="Eq. (3)")
     text = caption("friction_steps", worst=worst, unit=data.input_unit)
-    return Ready(Sheet([panel], 2.9, COLUMN_IN, live=True), text)
+    return Ready(Sheet([panel], 2.9, ink.COLUMN_IN, live=True), text)
 
 
 def linear_model(data: StepSet, fit: Fit) -> Ready | None:
@@ -180,14 +161,15 @@ def linear_model(data: StepSet, fit: Fit) -> Ready | None:
     levels = some_of(data.levels, LABELLED)
     fine = fine_times(max(float(one.time_s[-1]) for one in levels))
     measured, modelled = [], []
-    for one, colour in zip(levels, level_colours(len(levels)), strict=True):
+    for one, colour in zip(levels, ink.level_colours(len(levels)), strict=True):
         text = level_text(one.level, unit)
         measured.append(Line(one.time_s, one.mean, text, colour, width=1.2, end=text))
         if goals[one.level] > 0:
             response = linear.step_response(model, fine, one.level)
             modelled.append(Line(fine, response, text, colour, (0, (4, 2)), 1.1, end=text))
     out = quantity(data.output_unit, 0.0, None)
-    panels = [Panel(OF_STEP, out, measured, title="measured"), Panel(OF_STEP, out, modelled, title="linear model")]
+    both = ((measured, "measured"), (modelled, "linear model"))
+    panels = [Panel(ink.OF_STEP, out, lines, title=title) for lines, title in both]
     text = caption("linear", near=min(missed), far=max(missed), below=below, unit=unit, out=data.output_unit)
     return Ready(Sheet(panels, 2.9, columns=2, share=(True, True)), text)
 
@@ -275,19 +257,19 @@ def hold_and_release(data: StepSet) -> Ready | None:
     if not levels:
         return None
     top, lines = levels[0], []
-    for run, (colour, dash) in zip(levels, ((BLUE, "-"), (VERMILLION, "--"), (GREEN, "-.")), strict=False):
+    for run, (colour, dash) in zip(levels, ((ink.BLUE, "-"), (ink.VERMILLION, "--"), (ink.GREEN, "-.")), strict=False):
         label = f"{level_text(run.level, unit)}: lost {run.lost_pct:.1f} %, left {run.left_pct:.1f} %"
         lines.append(Line(run.time_s, run.torque, label.replace("-", "−"), colour, dash))
     low, high = (float(end([end(run.torque) for run in levels])) for end in (np.min, np.max))
     room = high - low or 1.0
     names = (("input on", top.release_s / 2), ("off", (top.release_s + top.time_s[-1]) / 2))
     panel = Panel(
-        OF_STEP, quantity(data.output_unit, low - 0.05 * room, high + 0.18 * room), lines,
-        spans=[Span(0, top.release_s, "#E8E8E8")],
-        notes=[Note(text, float(at), 0.985, "y", va="top") for text, at in names],  # above every curve
+        ink.OF_STEP, quantity(data.output_unit, low - 0.05 * room, high + 0.18 * room), lines,
+        spans=[ink.Span(0, top.release_s, "#E8E8E8")],
+        notes=[ink.Note(text, float(at), 0.985, "y", va="top") for text, at in names],  # above every curve
         legend="above", columns=1,
     )  # fmt: skip
-    return Ready(Sheet([panel], 2.7, COLUMN_IN), caption("held", top=top, unit=unit))
+    return Ready(Sheet([panel], 2.7, ink.COLUMN_IN), caption("held", top=top, unit=unit))
 
 
 STRETCHES = 48
@@ -337,10 +319,10 @@ def residuals(model: str, data: StepSet, fit: Fit) -> Ready | None:
     ticks = Axis(unit.name, unit.unit, ticks={float(k): f"{levels[k]:.3g}" for k in shown})
     times = np.concatenate([[edges[1] / 1.6], edges[1:]])
     rms = [float(np.sqrt(np.mean(r**2))) for _level, _t, r in every]
-    per_level = Line(rms, [level for level, _t, _r in every], "", BLUE, width=0.8, marker="o")
+    per_level = Line(rms, [level for level, _t, _r in every], "", ink.BLUE, width=0.8, marker="o")
     panels = [
         Panel(Axis("Time since the step", "s", log=True), ticks, title="(hatched: model above)",
-              content=Map(times, mean, size, f"Measured − model ({out})")),
+              content=ink.Map(times, mean, size, f"Measured − model ({out})")),
         Panel(Axis("RMSE", out, (0.0, 1.1 * max(rms))), unit, [per_level], tight=False),
     ]  # fmt: skip
     i, k = np.unravel_index(np.nanargmax(np.abs(mean)), mean.shape)

@@ -6,28 +6,9 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.models import nonlinear
+from eaid.report import panels as ink
 from eaid.report import rig
-from eaid.report.panels import (
-    BLACK,
-    BLUE,
-    COLUMN_IN,
-    GREEN,
-    GREY,
-    MODEL,
-    PURPLE,
-    VERMILLION,
-    Axis,
-    Band,
-    Dash,
-    Line,
-    Note,
-    Panel,
-    Ready,
-    Sheet,
-    Span,
-    caption,
-    over,
-)
+from eaid.report.panels import Axis, Band, Dash, Line, Note, Panel, Ready, Sheet, Span, caption, over
 from eaid.report.results import Results
 from eaid.report.rig import apparatus_of, gain, of_the_paper, overlaid
 from eaid.report.tables.fits import estimates_of
@@ -37,7 +18,7 @@ from eaid.results.summary import ENDLESS_S, believed_levels
 
 NAMES = {"Ts": "Steady value T_s", "tau1": "Fast constant τ1", "tau2": "Slow constant τ2"}
 ESTIMATES: tuple[tuple[str, Dash], ...] = (
-    (BLUE, "-"), (VERMILLION, "-."), (GREEN, (0, (4, 1, 1, 1, 1, 1))), (PURPLE, (0, (6, 2)))
+    (ink.BLUE, "-"), (ink.VERMILLION, "-."), (ink.GREEN, (0, (4, 1, 1, 1, 1, 1))), (ink.PURPLE, (0, (6, 2)))
 )  # fmt: skip
 """Colour and line of each estimate of one fit; the one that is used first."""
 TALL = 1.6
@@ -55,7 +36,7 @@ def value_axis(name: str, unit: str, top: float = 0.0) -> Axis:
     return Axis(said, {"C_f": "1", "Ts": unit}.get(name, "s"), limits)
 
 
-def points(x: Sequence[float], values: Array, intervals: Sequence[Interval], name: str = "", color: str = BLACK,
+def points(x: Sequence[float], values: Array, intervals: Sequence[Interval], name: str = "", color: str = ink.BLACK,
            dash: Dash = "", marker: str = "o", size: float = 3.6, alpha: float = 1.0) -> Line:  # fmt: skip
     """Values with their 95 % intervals where there are any, the value itself where not."""
     known = [(value, value) if ends is None else ends for value, ends in zip(values, intervals, strict=True)]
@@ -88,7 +69,7 @@ def on_axis(curve: Array, top: float) -> Array:
     return np.where(inside & (np.mean(inside) > CROSSES), curve, np.nan)
 
 
-def level_points(rows: Sequence[FrictionLevel | CurveLevel], name: str, color: str = BLACK) -> Line | None:
+def level_points(rows: Sequence[FrictionLevel | CurveLevel], name: str, color: str = ink.BLACK) -> Line | None:
     """One value of every level; without those time constants that have no end; None where nothing is left."""
     values = ended(np.array([getattr(row, name) for row in rows], dtype=float), name)
     if not np.isfinite(values).any():
@@ -121,7 +102,7 @@ def value_panels(fit: Fit, several: bool = False, published: bool = False) -> li
     panels = []
     for name in NAMES:
         curves = {estimate: values_over(one, u)[name] for estimate, one in estimates.items()}
-        drawn = level_points(rows, name, BLACK if several else BLUE)
+        drawn = level_points(rows, name, ink.BLACK if several else ink.BLUE)
         top = top_of(next(iter(curves.values()), np.empty(0)), seen(drawn) if drawn is not None else 0.0)
         lines = [
             Line(u, on_axis(y, top), estimate if k else f"{estimate} (used)", *ESTIMATES[k], 0.9 if k else 1.1)
@@ -130,7 +111,7 @@ def value_panels(fit: Fit, several: bool = False, published: bool = False) -> li
         lines += [drawn] if drawn is not None else []
         if published and name != "Ts":  # Table III's T_s gives 0.06 N·m at full duty: a line on the floor
             paper = np.polynomial.polynomial.polyval(u, rig.TABLE_III[name])
-            lines.append(Line(u, paper, "published", GREY, ":", 1.1))
+            lines.append(Line(u, paper, "published", ink.GREY, ":", 1.1))
         legend = "over" if several and name == "tau1" else ""
         y = value_axis(name, fit.data.output_unit, top or 1 / 1.1)
         panels.append(Panel(over(fit.data.input_unit), y, lines, legend=legend, columns=6, tight=False))
@@ -175,10 +156,10 @@ def trends(fit: Fit, results: Results) -> Ready | None:
         lines = [points(x.tolist(), values, ends, "each level, 95 %")]
         top, trend = seen(lines[0]), part.trends.get(name)
         if trend is not None and trend.coefficients:
-            lines.append(Line(fine, trend.predict(fine), "trend", BLUE, width=1.1))
+            lines.append(Line(fine, trend.predict(fine), "trend", ink.BLUE, width=1.1))
             top = max(top, float(np.max(trend.predict(fine))))
         if name in paper and overlaid(fit.data, results.paper):
-            lines.append(Line(fine, paper[name](fine), "published", VERMILLION, ":", 1.1))
+            lines.append(Line(fine, paper[name](fine), "published", ink.VERMILLION, ":", 1.1))
         legend = "" if panels else "over"
         y = value_axis(name, fit.data.output_unit, max(top, 0.0))
         panels.append(Panel(along, y, lines, legend=legend, columns=6, tight=False))
@@ -189,7 +170,7 @@ def trends(fit: Fit, results: Results) -> Ready | None:
     return Ready(sheet, text, title)
 
 
-EDGES = (("up", "^", BLUE), ("down", "v", VERMILLION))
+EDGES = (("up", "^", ink.BLUE), ("down", "v", ink.VERMILLION))
 """Edge, marker and colour."""
 
 
@@ -232,9 +213,9 @@ def input_gain(fit: Fit, results: Results) -> Ready | None:
     lines = []
     if rows:
         at, values, intervals = zip(*rows, strict=True)
-        lines.append(points(at, np.array(values), intervals, color=BLUE, dash="-"))
+        lines.append(points(at, np.array(values), intervals, color=ink.BLUE, dash="-"))
     spans = [
-        Span(value, value, VERMILLION, "y", MODEL["width"], MODEL["dash"], end=f"{name} = {value:.3g}")
+        Span(value, value, ink.VERMILLION, "y", ink.MODEL["width"], ink.MODEL["dash"], end=f"{name} = {value:.3g}")
         for name, value in known.items()
     ]
     notes = []
@@ -245,7 +226,7 @@ def input_gain(fit: Fit, results: Results) -> Ready | None:
     y = Axis("Input gain B", gain(unit, fit.data.output_unit), (0.0, None))
     panel = Panel(over(unit), y, lines, spans=spans, notes=notes, tight=False)
     text = caption("gain", known=[(B, level) for level, B, _ends in rows], unit=unit)
-    return Ready(Sheet([panel], 2.4, COLUMN_IN), text)
+    return Ready(Sheet([panel], 2.4, ink.COLUMN_IN), text)
 
 
 def pwm_period(results: Results) -> Ready | None:
@@ -273,9 +254,9 @@ def pwm_period(results: Results) -> Ready | None:
     torque = Axis("Ideal\ntorque", "1", (0.0, 1.2), ticks={0.0: "0", 1.0: "1"})
     panels = [
         Panel(time, volts, lines, notes=notes, title=f"duty 2 P_a/P = {duty_pct:.0f} %"),
-        Panel(time, torque, [Line(edges, on, color=BLUE, width=1.1)], [Band(edges, 0 * on, on, BLUE, 0.15)]),
+        Panel(time, torque, [Line(edges, on, color=ink.BLUE, width=1.1)], [Band(edges, 0 * on, on, ink.BLUE, 0.15)]),
     ]
-    return Ready(Sheet(panels, 2.5, COLUMN_IN, ratios=(1.7, 1)), caption("pwm"))
+    return Ready(Sheet(panels, 2.5, ink.COLUMN_IN, ratios=(1.7, 1)), caption("pwm"))
 
 
 def shear_per_field(fit: Fit, results: Results) -> Ready | None:
@@ -289,14 +270,14 @@ def shear_per_field(fit: Fit, results: Results) -> Ready | None:
     field, shear = rig.field_v_per_um, rig.shear_kpa(float(nonlinear.steady_torque(model, top)))
     x, merit = np.array([0.0, 2 * field]), shear / field
     factors = (0.5, 1.0, 2.0)
-    lines = [Line(x, factor * merit * x, color=GREY, dash="--", width=0.8) for factor in factors]
+    lines = [Line(x, factor * merit * x, color=ink.GREY, dash="--", width=0.8) for factor in factors]
     notes = [Note(f"{factor * merit:.2g}", 1.01, factor, "xy", ha="left") for factor in factors[:2]]
     notes += [
         Note(f"{2 * merit:.2g}", 0.5, 1.01, "xy", va="bottom"),
         Note("kPa/\n(V/µm)", 1.01, 0.86, "xy", ha="left", va="top"),
         Note(f"this clutch,\n{shear:.2f} kPa", 1.1 * field, 0.97 * shear, ha="left", va="top", boxed=True),
     ]
-    lines.append(Line([field], [shear], color=BLUE, dash="", marker="s", size=7, fill="white"))
+    lines.append(Line([field], [shear], color=ink.BLUE, dash="", marker="s", size=7, fill="white"))
     axes = Axis("Electric field", "V/µm", (0.0, 2 * field)), Axis("Shear stress", "kPa", (0.0, 2 * shear))
     text = caption("shear", field=field, stress=shear, level=top, unit=fit.data.input_unit)
-    return Ready(Sheet([Panel(*axes, lines, notes=notes, tight=False)], 2.5, COLUMN_IN), text)
+    return Ready(Sheet([Panel(*axes, lines, notes=notes, tight=False)], 2.5, ink.COLUMN_IN), text)

@@ -10,7 +10,7 @@ from eaid.errors import on_command_line
 from eaid.findings import say
 from eaid.logs.run import Run
 from eaid.report.results import KINDS, EdgeLog, Results
-from eaid.report.tables import Cell, Name, Table, columns, level, table_of
+from eaid.report.tables import Cell, Name, Part, Table, columns, level, table_of
 from eaid.steps.edges import Edge
 from eaid.steps.stepset import LevelStep, RunRecord, StepSet
 
@@ -23,22 +23,19 @@ def warnings_of(run: RunRecord) -> tuple[str, ...]:
 
 def runs_tables(data: StepSet) -> tuple[Table, Table]:
     """The runs with warnings, and those without."""
-    warned: list[tuple[Cell, ...]] = []
-    fine: list[tuple[Cell, ...]] = []
-    for run in data.runs:
-        row: tuple[Cell, ...] = (Name(run.name), level(run.level), run.edge, run.repeat)
-        if warnings := warnings_of(run):
-            warned.append((*row, Name("; ".join(warnings))))
-        else:
-            fine.append((*row, run.samples, run.rate_hz, run.baseline_nm))
-    heads = columns("run", ("level", data.input_unit), "edge", "repeat")
-    of_fine = columns("samples", ("rate", "Hz"), ("idle", data.output_unit, 3))
-    read_first = "Read these before their numbers are used."
+    warned = [run for run in data.runs if warnings_of(run)]
+    fine = [run for run in data.runs if not warnings_of(run)]
+    heads: tuple[Part[RunRecord], ...] = (
+        ("run", lambda run: Name(run.name)), (("level", data.input_unit), lambda run: level(run.level)),
+        ("edge", "edge"), ("repeat", "repeat"),
+    )  # fmt: skip
     idle = "The idle output is the mean before the step; it is subtracted before fitting."
     return (
-        Table("Runs with warnings", read_first, (*heads, *columns("warnings")), tuple(warned)),
-        Table("Runs without a warning", idle, (*heads, *of_fine), tuple(fine)),
-    )
+        table_of("Runs with warnings", "Read these before their numbers are used.", warned, *heads,
+                 ("warnings", lambda run: Name("; ".join(warnings_of(run))))),
+        table_of("Runs without a warning", idle, fine, *heads, ("samples", "samples"), (("rate", "Hz"), "rate_hz"),
+                 (("idle", data.output_unit, 3), "baseline_nm")),
+    )  # fmt: skip
 
 
 def levels_recorded(data: StepSet) -> Table:
@@ -80,20 +77,18 @@ def slips_table(runs: Iterable[RunRecord], data: StepSet) -> Table:
 
     At a constant speed v the way is v times the time.
     """
-    slips = [(run, run.slip) for run in runs if run.slip is not None]
-    way = next((slip.unit for _, slip in slips if slip.unit), "")
-    rows: list[tuple[Cell, ...]] = [
-        (Name(run.name), level(run.level), slip.peak, slip.peak_s, *((slip.moved,) if way else ()), slip.after,
-         slip.stiffness if way else slip.stiffness_per_s, slip.stick_slip, slip.stick_slip_hz)
-        for run, slip in slips
-    ]  # fmt: skip
-    out = data.output_unit
-    heads = columns(
-        "run", ("level", data.input_unit), ("peak", out, 3), ("at", "s", 3), *([("at", way, 3)] if way else []),
-        ("after", out, 3), ("loading", f"{out}/{way or 's'}", 3), ("stick-slip", out, 3), ("at", "Hz", 3),
+    slipping = [run for run in runs if run.slip is not None]
+    way, out = next((run.slip.unit for run in slipping if run.slip and run.slip.unit), ""), data.output_unit
+    return table_of(
+        "Slips",
+        "Peak, output after the slip, slope of the loading, and what sticks and slips behind it, peak to peak.",
+        slipping,
+        ("run", lambda run: Name(run.name)), (("level", data.input_unit), lambda run: level(run.level)),
+        (("peak", out, 3), "slip.peak"), (("at", "s", 3), "slip.peak_s"),
+        (("at", way, 3), "slip.moved") if way else None, (("after", out, 3), "slip.after"),
+        (("loading", f"{out}/{way or 's'}", 3), "slip.stiffness" if way else "slip.stiffness_per_s"),
+        (("stick-slip", out, 3), "slip.stick_slip"), (("at", "Hz", 3), "slip.stick_slip_hz"),
     )  # fmt: skip
-    caption = "Peak, output after the slip, slope of the loading, and what sticks and slips behind it, peak to peak."
-    return Table("Slips", caption, heads, tuple(rows))
 
 
 def highest_slips(data: StepSet) -> list[RunRecord]:

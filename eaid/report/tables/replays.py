@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 
 from eaid.report.rig import controller_name
-from eaid.report.tables import Cell, Column, Name, Table, columns, level, number
+from eaid.report.tables import Cell, Column, Name, Table, columns, level, number, table_of
 from eaid.results.replay import Metrics, Replay
 
 METRICS = {
@@ -68,17 +68,16 @@ def errors_table(replays: Sequence[Replay]) -> Table:
 
 def guarantee_table(replay: Replay) -> Table:
     """For how much of a replay of the robust controller |χ| ≤ ρ held, and why it did not elsewhere."""
-    rows = tuple(
-        (controller_name(name), 100 * m.guarantee_holds_fraction, m.guarantee_largest_chi_over_rho,
-         _percent(m.guarantee_failures_at_limit), _percent(m.guarantee_failures_by_saturation))
-        for name, m in replay.metrics().items() if m.guarantee_holds_fraction is not None
-    )  # fmt: skip
+    known = [(name, m) for name, m in replay.metrics().items() if m.guarantee_holds_fraction is not None]
     caption = "Where |χ| ≤ ρ the Lyapunov argument holds; the last two columns are shares of the samples at which it "
-    heads = columns(
-        "controller", ("|χ| ≤ ρ for", "%"), ("largest |χ|/ρ", "", 3), ("failures at a limit of the input", "%", 3),
-        ("because of it", "%", 3),
+    return table_of(
+        "Guarantee along this replay", f"{caption}does not.", known,
+        ("controller", lambda row: controller_name(row[0])),
+        (("|χ| ≤ ρ for", "%"), lambda row: _percent(row[1].guarantee_holds_fraction)),
+        (("largest |χ|/ρ", "", 3), lambda row: row[1].guarantee_largest_chi_over_rho),
+        (("failures at a limit of the input", "%", 3), lambda row: _percent(row[1].guarantee_failures_at_limit)),
+        (("because of it", "%", 3), lambda row: _percent(row[1].guarantee_failures_by_saturation)),
     )  # fmt: skip
-    return Table("Guarantee along this replay", f"{caption}does not.", heads, rows)
 
 
 def _percent(share: float | None) -> float | None:
