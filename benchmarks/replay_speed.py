@@ -12,12 +12,12 @@ from benchmarks.table import Row, paired_medians
 from eaid.control.pi import PAPER_PI, PIGains
 from eaid.control.rc import RCGains, RCState, rc_step
 from eaid.models.parameters import REFERENCE_PLANT
+from eaid.options import Rig
 from eaid.replay.controllers import CONTROLLERS, Knowledge, rc_controller
-from eaid.replay.loop import reference_rate, replay
+from eaid.replay.loop import noise, reference_rate, replay
 from eaid.replay.many import replay_many
 from eaid.replay.plant import PlantParameters, plant_parameters
 from eaid.replay.references import multisine
-from eaid.replay.rig import Rig, noise
 
 DT_S = 1e-3
 SINGLE_S = 60.0
@@ -61,7 +61,8 @@ def drawn_plants() -> list[PlantParameters]:
 
 def numpy_many(case: Case, plants: list[PlantParameters]) -> np.ndarray:
     """The loop with NumPy over the plants: what one writes first."""
-    C, a0, a1, a2, b0, b1, b2, c0, c1, c2, c3, low, high, _, _, _ = np.array(plants).T
+    C, tau1, tau2, steady, low, high = (np.array(column).T for column in list(zip(*plants, strict=True))[:6])
+    (a0, a1, a2), (b0, b1, b2), (c0, c1, c2, c3) = tau1, tau2, steady
     g = GAINS
     x1, x2, q = (np.zeros(len(plants)) for _ in range(3))
     torque = np.empty((case.n, len(plants)))

@@ -4,9 +4,7 @@ B_i of a level is 1/b0_i. One step cannot tell b0 from c0: c0 is 0 (`zero-offset
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from eaid.errors import DataError, GainsError, UsageError
 from eaid.models.parameters import Linear
@@ -21,18 +19,6 @@ LARGEST = 1e15
 """b0, its inverse and c0 of any rig, whatever its units."""
 
 
-class LevelB(NamedTuple):
-    """The first-order model of one level, c0 = 0."""
-
-    level: float
-    a0: float
-    """[1/s]"""
-    gain: float
-    """Output in the end."""
-    B: float
-    """[input·s/output]"""
-
-
 @dataclass(frozen=True)
 class Bounds:
     """The range of B and where it comes from."""
@@ -42,7 +28,7 @@ class Bounds:
     """[%·s/(N·m)]"""
     B_M: float
     """[%·s/(N·m)]"""
-    rows: tuple[LevelB, ...]
+    rows: tuple[LinearLevel, ...]
     """The levels kept; empty where the fit holds none."""
     widened: bool = False
 
@@ -89,7 +75,7 @@ def bounds_of(fit: Fit, levels: str | None = None, widen: bool = False) -> Bound
     model_of(fit)
     linear = _part(fit)
     stored = linear.bounds
-    rows = [_level_b(row) for row in linear.per_level if row.level]
+    rows = [row for row in linear.per_level if row.level]
     kept = (stored.levels if stored is not None else ()) or tuple(row.level for row in rows)
     if levels is None and not widen and stored is not None:
         kept_rows = [row for row in rows if row.level in kept]
@@ -103,31 +89,31 @@ def bounds_of(fit: Fit, levels: str | None = None, widen: bool = False) -> Bound
         if levels:
             kept = tuple(wanted_levels(levels, [row.level for row in rows], "bounds_levels"))
         kept_rows = [row for row in rows if row.level in kept]
-        each = [_interval(row, linear.per_level) if widen else (row.B, row.B) for row in kept_rows]
+        each = [_interval(row) if widen else (own_B(row), own_B(row)) for row in kept_rows]
         ends = min(low for low, _ in each), max(high for _, high in each)
     B_m, B_M = (_positive(value, name) for value, name in zip(ends, ("B_m", "B_M"), strict=True))
     if B_m > B_M:
         raise GainsError(f"B_m {B_m:.4g} lies above B_M {B_M:.4g}; check linear.bounds of the fit")
-    if any(not (row.B > 0 and math.isfinite(row.B)) for row in kept_rows):
+    if any(not (own_B(row) > 0 and math.isfinite(own_B(row))) for row in kept_rows):
         raise GainsError("a level has no positive b0, so the range of B touches 0; leave it out with «bounds_levels»")
     return Bounds(kept, B_m, B_M, tuple(kept_rows), widen)
 
 
-def _level_b(row: LinearLevel) -> LevelB:
+def own_B(row: LinearLevel) -> float:
+    """B of a level, c0 = 0; infinite where its gain is 0."""
     b0 = row.a0 * row.gain / row.level
-    return LevelB(row.level, row.a0, row.gain, 1 / b0 if b0 else math.inf)
+    return 1 / b0 if b0 else math.inf
 
 
-def _interval(row: LevelB, rows: Sequence[LinearLevel]) -> tuple[float, float]:
+def _interval(row: LinearLevel) -> tuple[float, float]:
     """The 95 % interval of a level's B."""
-    stored = next(r for r in rows if r.level == row.level)
-    ends = ci95_of(stored, "B")
-    if ends is None or not stored.B:
+    ends = ci95_of(row, "B")
+    if ends is None or not row.B:
         raise UsageError(
             f"level {row.level:g} has no interval of B, so «widen_bounds» has nothing to widen by; "
             "fit again with «ci» robust, or leave the level out with «levels»"
         )
-    return row.B * ends[0] / stored.B, row.B * ends[1] / stored.B
+    return own_B(row) * ends[0] / row.B, own_B(row) * ends[1] / row.B
 
 
 def _positive(value: float | None, name: str) -> float:

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.control.bounds import Bounds, LevelB, model_of
+from eaid.control.bounds import Bounds, model_of
 from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, LoopMargins, Point, known, loop_margins
 from eaid.control.pi import PIGains, pi_gains, step_metrics
 from eaid.control.rc import RCGains
@@ -17,7 +17,7 @@ from eaid.errors import GainsError
 from eaid.findings import Finding, finding, ranked
 from eaid.models.nonlinear import steady_torque, time_constants
 from eaid.models.parameters import Linear, Nonlinear
-from eaid.results.fit import Fit
+from eaid.results.fit import Fit, LinearLevel
 from eaid.results.gains import (
     PI,
     Actuator,
@@ -41,20 +41,6 @@ from eaid.steps.stepset import StepSet
 
 WITHIN = 1e-9
 """Share by which the needed may exceed the available: rounding."""
-
-
-def condition(name: str, needed: float | None, available: float | None, unit: str) -> Condition:
-    """One condition; it cannot be told where one of the two is not known."""
-    known = needed is not None and available is not None
-    holds = None if needed is None or available is None else bool(needed <= available * (1 + WITHIN))
-    return Condition(name, holds if known else None, needed, available, unit)
-
-
-def guarantee(conditions: Sequence[Condition]) -> Guarantee:
-    """It holds where every condition does; it cannot be told where none fails and one is not known."""
-    verdicts = [each.holds for each in conditions]
-    holds = False if False in verdicts else None if None in verdicts else True
-    return Guarantee(holds, tuple(conditions))
 
 
 WINDOW_S = 0.1
@@ -125,11 +111,11 @@ def _smoothed(time_s: Array, torque_nm: Array) -> tuple[Array, Array, Array]:
     return table[:, 0], table[:, 1], table[:, 2]
 
 
-def shown_by_levels(per_level: Sequence[LevelB], model: Linear, torque_max_nm: float, unit: str = "%") -> Mismatch:
+def shown_by_levels(per_level: Sequence[LinearLevel], model: Linear, torque_max_nm: float, unit: str = "%") -> Mismatch:
     """Over the single levels' first-order models from 0 to a torque [N·m]; linear in T, so one end is the worst."""
     shown = []
     for row, torque in itertools.product(per_level, (0.0, torque_max_nm)):
-        eta = row.a0 * torque * row.B
+        eta = torque * row.level / row.gain
         where = f"at an output of {torque:.3g} on the model of {row.level:.4g} {unit} alone"
         shown.append((eta - (model.a0 * torque - model.c0) / model.b0, where))
     return _largest(shown)
@@ -179,7 +165,15 @@ def design(
         MarginPoint(point.duty_pct, point.torque_nm, *map(_kept, each))
         for point, *each in zip(points, *loops.values(), strict=True)
     ]
-    missed = [finding for name, each in loops.items() for finding in _missed(name, points, each, unit)]
+    missed = []
+    for name, each in loops.items():
+        lacking = {point.duty_pct: one for point, one in zip(points, each, strict=True) if not one.enough}
+        if lacking:
+            least = _least(list(lacking.values()))
+            missed.append(
+                finding("margin-missed", name, list(lacking), unit=unit, enough_db=ENOUGH_DB, enough_deg=ENOUGH_DEG,
+                        gain_db=least.gain_db, phase_deg=least.phase_deg)
+            )  # fmt: skip
     return Gains(
         model=LinearModel(model.a0, model.b0, model.c0), rc=rc, pi=part, input_unit=unit,
         output_unit=fit.data.output_unit, duty_limits_pct=settled.duty_limits_pct, guarantee=verdict, actuator=reach,
@@ -234,19 +228,6 @@ def _least(loops: Sequence[LoopMargins]) -> Margin:
     return Margin(stable=True, **least)
 
 
-def _missed(name: str, points: Sequence[Point], loops: Sequence[LoopMargins], unit: str) -> list[Finding]:
-    missed = [(point.duty_pct, one) for point, one in zip(points, loops, strict=True) if not one.enough]
-    if not missed:
-        return []
-    return [
-        finding(
-            "margin-missed", name, [duty for duty, _ in missed], unit=unit, enough_db=ENOUGH_DB, enough_deg=ENOUGH_DEG,
-            gain_db=known(min(one.gain_db for _, one in missed)),
-            phase_deg=known(min(one.phase_deg for _, one in missed)),
-        )
-    ]  # fmt: skip
-
-
 def mismatches(
     model: Linear, bounds: Bounds, plant: Nonlinear | None, logs: StepSet | None, unit: str = "%"
 ) -> dict[str, Mismatch]:
@@ -268,18 +249,24 @@ def least_phi(by_source: Mapping[str, Mismatch]) -> Mismatch | None:
 
 
 def _guarantee(rc: Robust, slope: float | None, needed_pct: float | None, span: float | None, fit: Fit) -> Guarantee:
-    """Everything that the argument needs."""
+    """Everything that the argument needs; it holds where every condition does, and cannot be told where none fails and
+    one is not known."""
     unit, out = fit.data.input_unit, fit.data.output_unit
-    needed = None if rc.rho.needed is None else rc.rho.needed.constant
-    return guarantee(
-        [
-            Condition("rho", rc.guaranteed, needed, rc.rho.constant, f"{out}/s"),
-            condition("phi", rc.phi_needed_pct, rc.phi_honest_pct, unit),
-            condition("Q_M", slope, rc.Q_M, f"{out}/s"),
-            condition("duty-limit", needed_pct, span, unit),
-            *([Condition("dead-time", False, 0.0, fit.dead_time_s, "s")] if fit.dead_time_s > 0 else []),
-        ]
-    )
+    conditions = [
+        Condition("rho", rc.guaranteed, None if rc.rho.needed is None else rc.rho.needed.constant, rc.rho.constant,
+                  f"{out}/s"),
+    ]  # fmt: skip
+    for name, needed, available, in_unit in (
+        ("phi", rc.phi_needed_pct, rc.phi_honest_pct, unit),
+        ("Q_M", slope, rc.Q_M, f"{out}/s"),
+        ("duty-limit", needed_pct, span, unit),
+    ):
+        holds = None if needed is None or available is None else bool(needed <= available * (1 + WITHIN))
+        conditions.append(Condition(name, holds, needed, available, in_unit))
+    if fit.dead_time_s > 0:
+        conditions.append(Condition("dead-time", False, 0.0, fit.dead_time_s, "s"))
+    verdicts = [each.holds for each in conditions]
+    return Guarantee(False if False in verdicts else None if None in verdicts else True, tuple(conditions))
 
 
 def _warnings(rc: Robust, verdict: Guarantee, need: Mismatch | None, unit: str, reference: str) -> list[Finding]:

@@ -153,7 +153,7 @@ def operating_points(
         duties = [u for u in levels if low <= u <= high] or np.linspace(low, high, POINTS).tolist()
         return [Point(duty, float(steady_torque(plant, duty)), lags_at(plant, duty)) for duty in duties]
     if bounds.rows:
-        return [Point(row.level, row.gain, linear_lags(1 / row.B, row.a0)) for row in bounds.rows]
+        return [Point(row.level, row.gain, linear_lags(row.a0 * row.gain / row.level, row.a0)) for row in bounds.rows]
     middle = sum(limits) / 2
     return [Point(middle, (model.b0 * middle + model.c0) / model.a0, linear_lags(model.b0, model.a0))]
 
@@ -207,8 +207,10 @@ def law_around(gains: RCGains | PIGains, torque_nm: float, duty_pct: float, dt_s
     )
 
 
-def integral_at_rest(gains: RCGains, torque_nm: float, duty_pct: float) -> float:
-    """Integral of the error [N·m·s] with which the robust controller holds a torque [N·m] with a duty [%]."""
+def integral_at_rest(gains: RCGains | PIGains, torque_nm: float, duty_pct: float) -> float:
+    """Integral of the error [N·m·s] with which a controller holds a torque [N·m] with a duty [%]."""
+    if isinstance(gains, PIGains):
+        return duty_pct / gains.K_I if gains.K_I else 0.0
     free = gains._replace(duty_min=-math.inf, duty_max=math.inf)
 
     def short(integral: float) -> float:

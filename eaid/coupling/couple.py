@@ -10,16 +10,14 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.control.gains import pi_gains, plant_of, rc_gains, refuse_other_units
-from eaid.control.margins import Point, Timing, is_stable, known
+from eaid.control.margins import Timing, is_stable, known
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
 from eaid.coupling.stiffness import (
     Channel,
     Limb,
-    Step,
-    law_of,
+    channel_of,
     needed_damping,
-    operating_point,
     passive_stiffness,
     wall_loop,
 )
@@ -41,17 +39,7 @@ BESIDE_RAD = 1e-4
 """Where the limb is let go."""
 
 
-@dataclass(frozen=True)
-class Drive:
-    """One clutch, its law and the point it works around."""
-
-    plant: Nonlinear
-    point: Point
-    step: Step
-    start: tuple[float, ...]
-
-
-def swing(drive: Drive, limb: Limb, timing: Timing, stiffness: float, time_s: float) -> Array:
+def swing(drive: Channel, limb: Limb, timing: Timing, stiffness: float, time_s: float) -> Array:
     """Angle of the limb at each sample [rad], shape (n,), from `BESIDE_RAD`, at rest, the torque held at T_0."""
     h, plant, point = timing.step_s, plant_parameters(drive.plant), drive.point
     held = Held(plant.C * point.torque_nm, (1 - plant.C) * point.torque_nm, point.duty_pct, 0)
@@ -77,7 +65,7 @@ def swing(drive: Drive, limb: Limb, timing: Timing, stiffness: float, time_s: fl
     return np.array(angles)
 
 
-def growth(drive: Drive, limb: Limb, timing: Timing, stiffness: float, time_s: float) -> float:
+def growth(drive: Channel, limb: Limb, timing: Timing, stiffness: float, time_s: float) -> float:
     """Log of how much the swing grows from the third to the last quarter of the time; below 0: it dies away."""
     angle = np.diff(swing(drive, limb, timing, stiffness, time_s))  # a slow drift of the middle weighs little
     quarter = (round(time_s / timing.step_s) - 1) // 4
@@ -87,7 +75,7 @@ def growth(drive: Drive, limb: Limb, timing: Timing, stiffness: float, time_s: f
     return math.log(max(last, 1e-300) / max(late, 1e-300))
 
 
-def replayed_stiffness(drive: Drive, limb: Limb, timing: Timing, expected: float) -> float | None:
+def replayed_stiffness(drive: Channel, limb: Limb, timing: Timing, expected: float) -> float | None:
     """The stiffness at which the replay neither grows nor dies away [N·m/rad], near what linear theory expects.
 
     None where it is not within a factor of two of that.
@@ -121,15 +109,16 @@ class Loops:
     timing: Timing
     virtual_damping: float = 0.0
 
-    def around(self, loop: str, plant: Nonlinear, point: Point, weight: float = 1.0) -> tuple[Channel, Drive]:
-        """One clutch around a point, linear and as it is; GainsError where it is unstable without a wall."""
-        law, step, start = law_of(loop, plant, point, self.rc, self.pi, self.timing.step_s)
-        if not is_stable(law, point.lags, self.timing):
+    def around(self, loop: str, plant: Nonlinear, torque: float, weight: float = 1.0) -> Channel:
+        """One clutch around a torque; GainsError where its loop is unstable without a wall."""
+        gains = {"pi": self.pi, "rc": self.rc, "rc-no-rate": self.rc}.get(loop)
+        channel = channel_of(loop, plant, torque, gains, self.timing.step_s, weight)
+        if not is_stable(channel.law, channel.point.lags, self.timing):
             raise GainsError(
-                f"the loop {loop} is unstable at {point.torque_nm:g} without any wall, {self.timing.words()}; "
+                f"the loop {loop} is unstable at {torque:g} without any wall, {self.timing.words()}; "
                 "no stiffness can be rendered on it, choose other gains or timing"
             )
-        return Channel(point, law, weight), Drive(plant, point, step, start)
+        return channel
 
     def wall(
         self, loop: str, channels: list[Channel], torque: float, duty: float | None
@@ -179,12 +168,11 @@ def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Prog
     walls, regions, curves = [], [], []
     with progress("walls", len(torques) * len(loops)) as tick:
         for torque in torques:
-            point = operating_point(plant, torque)
             for loop in loops:
-                channel, drive = setup.around(loop, plant, point)
-                wall, curve = setup.wall(loop, [channel], torque, point.duty_pct)
+                channel = setup.around(loop, plant, torque)
+                wall, curve = setup.wall(loop, [channel], torque, channel.point.duty_pct)
                 if options.replay and wall.K_stable is not None:
-                    stiffness = replayed_stiffness(drive, setup.limb, setup.timing, wall.K_stable)
+                    stiffness = replayed_stiffness(channel, setup.limb, setup.timing, wall.K_stable)
                     wall = msgspec.structs.replace(wall, K_replayed=stiffness)
                 walls.append(wall)
                 curves.append(curve)
@@ -236,10 +224,7 @@ def _pair(
             left_out.append(torque)
             continue
         for loop in loops:
-            channels = [
-                setup.around(loop, plant, operating_point(plant, end), weight)[0]
-                for end, weight in zip(ends, (0.5, -0.5), strict=True)
-            ]
+            channels = [setup.around(loop, plant, end, weight) for end, weight in zip(ends, (0.5, -0.5), strict=True)]
             rows.append(setup.wall(loop, channels, torque, None)[0])
     return rows, bias, left_out
 
@@ -252,7 +237,7 @@ def _kept(setup: Loops, loop: str, torque: float, plants: Sequence[Nonlinear], o
         inertia, damping = 1 + options.limb_spread * random.uniform(-1, 1, 2)
         limb = Limb(setup.limb.inertia_kgm2 * inertia, setup.limb.damping_nms * damping)
         try:
-            channel, _ = setup.around(loop, one, operating_point(one, torque))
+            channel = setup.around(loop, one, torque)
         except (UsageError, GainsError):  # this plant does not hold the torque, or the loop breaks on it
             drawn.append((0.0, 0.0))
             continue
@@ -316,7 +301,7 @@ def with_wall_findings(replay: Replay, fit: Fit, gains: Gains | None) -> Replay:
             for torque in (0.5 * stiffness * pushed, stiffness * pushed):
                 if not low <= torque <= high:
                     continue
-                channel, _ = setup.around(loop, plant, operating_point(plant, torque))
+                channel = setup.around(loop, plant, torque)
                 stable, _ = wall_loop([channel], setup.limb, setup.timing).stable()
                 if stable < stiffness:
                     unit = fit.data.output_unit

@@ -40,12 +40,12 @@ from eaid.control.margins import (
     seen_response,
     slower_hz,
 )
-from eaid.control.pi import PIGains, PIState, pi_step
-from eaid.control.rc import RCGains, RCState, rc_step
+from eaid.control.pi import PIGains
+from eaid.control.rc import RCGains
 from eaid.errors import UsageError
 from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Nonlinear
-from eaid.replay.inverse import InverseState, inverse_gains, inverse_step
+from eaid.replay.controllers import inverse_controller, pi_controller, rc_controller
 
 
 def operating_point(plant: Nonlinear, torque_nm: float) -> Point:
@@ -67,52 +67,51 @@ Step = Callable[[tuple[float, ...], float, float, float], tuple[Any, float]]
 """step(state, reference, its rate, torque) → (next state, duty)"""
 
 
-def step_of(
-    loop: str, plant: Nonlinear, point: Point, rc: RCGains | None, pi: PIGains | None, dt_s: float
-) -> tuple[Step, tuple[float, ...]]:
-    """One control sample of a loop without limits, and its state at rest; UsageError where its gains are not given."""
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """One clutch of the drive around a torque of its own, its loop without limits."""
+
+    plant: Nonlinear
+    point: Point
+    law: Law
+    step: Step
+    start: tuple[float, ...]
+    """State of the law at rest."""
+    weight: float = 1.0
+    """Share of T_d that this clutch is asked for, and the sign of its torque; 1 for a clutch alone."""
+
+
+def channel_of(
+    loop: str, plant: Nonlinear, torque_nm: float, gains: RCGains | PIGains | None, dt_s: float, weight: float = 1.0
+) -> Channel:
+    """A loop around a held torque; UsageError where it needs gains that are not given."""
+    point = operating_point(plant, torque_nm)
     if loop == "open-loop":
         duties = np.linspace(*plant.u_range, 20_001)  # so fine a table is good to 1e-8 of the range
         steady = steady_torque(plant, duties)
-        return lambda s, r, _v, _t: (s, float(np.interp(r, steady, duties))), ()
+        law = integral_law(1 / sum(lag.gain for lag in point.lags), 0.0, 0.0, 0.0, dt_s)
+        return Channel(plant, point, law, lambda s, r, _v, _t: (s, float(np.interp(r, steady, duties))), (), weight)
     if loop == "inverse":
-        gains = inverse_gains(plant, limits=(0.0, plant.u_range[1]))
-        start = (plant.C * point.torque_nm, (1 - plant.C) * point.torque_nm, 0.0, point.duty_pct)
-        return lambda s, r, v, t: inverse_step(gains, InverseState(*s), r, v, t, dt_s), start
-    if loop == "pi":
-        if pi is None:
-            raise UsageError("the loop pi needs gains with a PI; give «gains» that tune-rc wrote")
-        free = pi._replace(duty_min=-math.inf, duty_max=math.inf, back_calculation=0.0)
-        return lambda s, r, v, t: pi_step(free, PIState(*s), r, v, t, dt_s), (
-            point.duty_pct / pi.K_I if pi.K_I else 0.0,
-        )
-    if rc is None:
-        raise UsageError(f"the loop {loop} needs gains with a robust controller; give «gains» that tune-rc wrote")
-    open_ended = rc._replace(duty_min=-math.inf, duty_max=math.inf, back_calculation=0.0)
-    share = 1.0 if loop == "rc" else 0.0
+        acting = inverse_controller(plant, (0.0, plant.u_range[1]))
+        start: tuple[float, ...] = (plant.C * torque_nm, (1 - plant.C) * torque_nm, 0.0, point.duty_pct)
+    elif gains is None:
+        kind = "a PI" if loop == "pi" else "a robust controller"
+        raise UsageError(f"the loop {loop} needs gains with {kind}; give «gains» that tune-rc wrote")
+    else:
+        free = gains._replace(duty_min=-math.inf, duty_max=math.inf, back_calculation=0.0)
+        acting = pi_controller(free) if isinstance(free, PIGains) else rc_controller(free)
+        start = (integral_at_rest(free, torque_nm, point.duty_pct),)
+    rate = 0.0 if loop == "rc-no-rate" else 1.0
 
     def step(s: tuple[float, ...], r: float, v: float, t: float) -> tuple[Any, float]:
-        return rc_step(open_ended, RCState(*s), r, share * v, t, dt_s)
+        return acting.step(acting.gains, acting.start._make(s), r, rate * v, t, dt_s)
 
-    return step, (integral_at_rest(rc, point.torque_nm, point.duty_pct),)
-
-
-def law_of(
-    loop: str, plant: Nonlinear, point: Point, rc: RCGains | None, pi: PIGains | None, dt_s: float
-) -> tuple[Law, Step, tuple[float, ...]]:
-    """A loop around a point: linear, as one control sample, and its state at rest."""
-    step, start = step_of(loop, plant, point, rc, pi, dt_s)
-    if loop == "open-loop":
-        law = integral_law(1 / sum(lag.gain for lag in point.lags), 0.0, 0.0, 0.0, dt_s)
-    elif loop == "inverse":
-        law = linearised(step, start, point.torque_nm)
+    if gains is None:
+        law = linearised(step, start, torque_nm)
     else:
-        gains = pi if loop == "pi" else rc
-        assert gains is not None  # step_of
-        law = law_around(gains, point.torque_nm, point.duty_pct, dt_s)
-        if loop == "rc-no-rate":
-            law = replace(law, d=law.d * [1.0, 0.0, 1.0])
-    return law, step, start
+        law = law_around(gains, torque_nm, point.duty_pct, dt_s)
+        law = replace(law, d=law.d * [1.0, rate, 1.0])
+    return Channel(plant, point, law, step, start, weight)
 
 
 def linearised(step: Step, start: tuple[float, ...], torque_nm: float) -> Law:
@@ -141,16 +140,6 @@ class Limb:
         for name, value in (("limb_inertia", self.inertia_kgm2), ("limb_damping", self.damping_nms)):
             if not (value > 0 and math.isfinite(value)):
                 raise UsageError(f"«{name}» {value:g}: must be above 0; without it no wall is passive")
-
-
-@dataclass(frozen=True, eq=False)
-class Channel:
-    """One clutch of the drive: its law and plant around its own torque, and its share of the wanted torque."""
-
-    point: Point
-    law: Law
-    weight: float = 1.0
-    """Share of T_d that this clutch is asked for, and the sign of its torque; 1 for a clutch alone."""
 
 
 def duty_response(channel: Channel, timing: Timing, omega: Array) -> Complex:
@@ -269,27 +258,22 @@ def _torque(channel: Channel, duty: Complex, timing: Timing, omega: Array, alias
 def passive_stiffness(needed: Needed, damping_nms: float, virtual_damping: float = 0.0) -> tuple[float, float]:
     """The stiffest passive wall [N·m/rad] on a limb of a damping b, and the frequency that limits it [rad/s].
 
-    0 where B_v alone is too much, inf where there is no limit below `STIFFEST`.
+    0 where B_v alone is too much, inf where there is no limit below `STIFFEST`. What a wall needs is convex in K (the
+    least eigenvalue of a matrix that is linear in K), so it grows beyond b once.
     """
     if virtual_damping > 0:
-        stiffness = edge(lambda k: bool(needed.damping(k, virtual_damping).max() <= damping_nms), 1e-3)
-        limit = needed.damping(min(max(stiffness, 1e-3), STIFFEST), virtual_damping)
+
+        def short(stiffness: float) -> float:
+            return float(needed.damping(stiffness, virtual_damping).max()) - damping_nms
+
+        least = 1e-3
+        stiffness = 0.0 if short(least) > 0 else math.inf
+        if not stiffness or short(STIFFEST) <= 0:
+            pass
+        else:
+            stiffness = float(brentq(short, least, STIFFEST, rtol=1e-9))
+        limit = needed.damping(min(max(stiffness, least), STIFFEST), virtual_damping)
     else:
         limit = needed.damping(1.0)
         stiffness = damping_nms / max(float(limit.max()), 1e-300)
-    return (stiffness if stiffness < STIFFEST else float("inf")), float(needed.omega[int(np.argmax(limit))])
-
-
-def edge(holds: Callable[[float], bool], low: float, high: float = STIFFEST, factor: float = 1.4) -> float:
-    """First stiffness at which something stops to hold; 0 where it does not hold at `low`, inf for never."""
-    if not holds(low):
-        return 0.0
-    above = low * factor
-    while above < high and holds(above):
-        low, above = above, above * factor
-    if above >= high:
-        return float("inf")
-    for _ in range(22):
-        middle = (low * above) ** 0.5
-        low, above = (middle, above) if holds(middle) else (low, middle)
-    return low
+    return (stiffness if stiffness < STIFFEST else math.inf), float(needed.omega[int(np.argmax(limit))])

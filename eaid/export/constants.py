@@ -20,7 +20,7 @@ from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
 from eaid.export import reference as law
 from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
-from eaid.replay.inverse import DUTY_TOLERANCE_PCT, OBSERVER_PER_S
+from eaid.replay.controllers import DUTY_TOLERANCE_PCT, OBSERVER_PER_S
 from eaid.replay.plant import plant_parameters
 
 Precision = Literal["double", "single"]
@@ -138,7 +138,10 @@ def rc_constants(gains: RCGains, timing: Timing) -> law.RCConstants:
 
 def plant_constants(plant: Nonlinear, timing: Timing) -> law.PlantConstants:
     """Constants of the plant."""
-    return law.PlantConstants(*plant_parameters(plant)[:-1], TAU_FLOOR_S, timing.dt_s, series(timing.precision))
+    p = plant_parameters(plant)
+    return law.PlantConstants(
+        p.C, *p.tau1, *p.tau2, *p.Ts, p.u_low, p.u_high, *p.release, TAU_FLOOR_S, timing.dt_s, series(timing.precision)
+    )
 
 
 def inverse_constants(

@@ -25,9 +25,8 @@ from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Nonlinear
 from eaid.options import Rig
 from eaid.replay.controllers import Controller, pi_controller
-from eaid.replay.loop import Inputs, loop_of, reference_rate
+from eaid.replay.loop import Inputs, loop_of, reference_rate, rig_numbers
 from eaid.replay.plant import plant_parameters
-from eaid.replay.rig import rig_numbers
 from eaid.results.recorded import Loop
 
 LAW_PCT = 80.0

@@ -1,5 +1,23 @@
-"""The controllers that a replay knows: one row each, and what a row needs from the user's files."""
+"""The controllers that a replay knows: one row each, what a row needs from the user's files, and two laws.
 
+**Feedforward.** The linear model turned round, and a PI for what it lacks.
+
+**Inverse.** Feedback linearisation with the nonlinear model and its exact per-sample inverse, which the paper held too
+costly. The torque after one sample of a held duty u, from the states x1, x2, is
+
+    T⁺(u) = x1 + (1 − e^(−dt/τ1(u))) (C T_s(u) − x1) + x2 + (1 − e^(−dt/τ2(u))) ((1 − C) T_s(u) − x2) + d dt
+
+and the controller plays the u with T⁺(u) = T_d(t_{k+1}), found between the duty limits by a secant kept inside a
+bracket. Where no duty reaches it, it plays the limit on whose side the reference lies.
+
+The states are not measured: an observer runs the model with the duty played, corrects both states with the innovation
+e = T − x1 − x2, shared C to 1 − C, and learns what the model lacks as a rate of torque d [N·m/s]. Both its poles lie
+at e^(−w dt): with the correction L1 = 1 − e^(−2 w dt) and the learning L2 = (1 − e^(−w dt))²/dt, the error of an
+integrating plant has the characteristic polynomial (λ − e^(−w dt))². A noise of σ on the torque then moves the duty
+about as much as a PD of that speed would, not as a deadbeat one; and a wrong plant leaves no steady error.
+"""
+
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, TypeVar
@@ -14,7 +32,7 @@ from eaid.errors import UsageError
 from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Linear, Nonlinear
 from eaid.options import Rig
-from eaid.replay.inverse import InverseGains, InverseState, inverse_gains, inverse_step
+from eaid.replay.plant import PlantParameters, plant_parameters, plant_step
 
 G = TypeVar("G", RCGains, PIGains)
 Step = Callable[[Any, Any, float, float, float, float], tuple[Any, float]]
@@ -90,6 +108,100 @@ def feedforward_step(
     return state, duty
 
 
+OBSERVER_PER_S = 30.0
+"""Speed of the observer's two poles [1/s]."""
+DUTY_TOLERANCE_PCT = 1e-12
+"""The search ends when it moves the duty by no more than that."""
+SEARCH_STEPS = 60
+"""Far more than the search takes (four to six)."""
+
+
+class InverseGains(NamedTuple):
+    """The model that is inverted, and how fast it follows the measurement."""
+
+    plant: PlantParameters
+    observer: float = OBSERVER_PER_S
+    """w [1/s]"""
+    duty_min: float = 0.0
+    """[%]"""
+    duty_max: float = 100.0
+    """[%]"""
+
+
+class InverseState(NamedTuple):
+    """The observer: where the model is, and what it lacks; at rest, nothing is learned."""
+
+    x1: float = 0.0
+    x2: float = 0.0
+    lack: float = 0.0
+    """d [N·m/s]"""
+    duty: float = 0.0
+    """Duty played last [%], where the next search begins."""
+
+
+def duty_for(
+    plant: PlantParameters, x1: float, x2: float, wanted: float, dt: float, guess: float, low: float, high: float
+) -> float:
+    """Duty [%] in low…high after which x1 + x2 is `wanted` [N·m] when dt seconds have passed; the nearer limit where
+    none is."""
+    bottom, top = low, high
+    before = min(max(guess, low), high)
+    y1, y2 = plant_step(plant, x1, x2, before, dt)
+    miss_before = y1 + y2 - wanted
+    if miss_before == 0.0:
+        return before
+    if miss_before < 0.0:
+        bottom = before
+    else:
+        top = before
+    duty = min(max(before + (1.0 if miss_before < 0.0 else -1.0), low), high)
+    for _ in range(SEARCH_STEPS):
+        y1, y2 = plant_step(plant, x1, x2, duty, dt)
+        miss = y1 + y2 - wanted
+        if miss == 0.0:
+            return duty
+        if miss < 0.0:
+            if duty >= high:
+                return high
+            bottom = duty
+        else:
+            if duty <= low:
+                return low
+            top = duty
+        rise = miss - miss_before
+        better = duty - miss * (duty - before) / rise if rise != 0.0 else 0.5 * (bottom + top)
+        # A secant that leaves the bracket first tries the limit on that side, then halves.
+        if better >= top:
+            better = high if top >= high else 0.5 * (bottom + top)
+        elif better <= bottom:
+            better = low if bottom <= low else 0.5 * (bottom + top)
+        if abs(better - duty) <= DUTY_TOLERANCE_PCT:
+            return better
+        before, miss_before, duty = duty, miss, better
+    return duty
+
+
+def inverse_step(
+    gains: InverseGains, state: InverseState, reference: float, reference_rate: float, torque: float, dt: float
+) -> tuple[InverseState, float]:
+    """One sample: the next state, and the duty [%] after which the model's torque is the next sample of the reference.
+
+    Reference and torque in N·m, dt in s; the rate [N·m/s] is the forward difference, so that reference + rate·dt is
+    the next sample.
+    """
+    plant = gains.plant
+    innovation = torque - state.x1 - state.x2
+    kept = math.exp(-gains.observer * dt)
+    correction = (1.0 - kept * kept) * innovation
+    x1 = state.x1 + plant.C * correction
+    x2 = state.x2 + (1.0 - plant.C) * correction
+    lack = state.lack + (1.0 - kept) * (1.0 - kept) / dt * innovation
+    wanted = reference + (reference_rate - lack) * dt
+    duty = duty_for(plant, x1, x2, wanted, dt, state.duty, gains.duty_min, gains.duty_max)
+    x1, x2 = plant_step(plant, x1, x2, duty, dt)
+    return InverseState(x1 + lack * dt, x2, lack, duty), duty
+
+
 def rc_controller(gains: RCGains) -> Controller:
     """The robust controller, ready to replay."""
     return Controller("rc", rc_step, gains, RCState())
@@ -98,6 +210,12 @@ def rc_controller(gains: RCGains) -> Controller:
 def pi_controller(gains: PIGains) -> Controller:
     """The PI controller, ready to replay."""
     return Controller("pi", pi_step, gains, PIState())
+
+
+def inverse_controller(plant: Nonlinear, limits: tuple[float, float] = (0.0, 100.0)) -> Controller:
+    """The inverse of a fitted model over the range of its actuator [%], ready to replay."""
+    gains = InverseGains(plant_parameters(plant), OBSERVER_PER_S, *limits)
+    return Controller("inverse", inverse_step, gains, InverseState(), looks_ahead=True)
 
 
 def _given(gains: G | None, name: str) -> G:
@@ -130,17 +248,12 @@ def _line(known: Knowledge) -> tuple[float, float, float]:
     return 1.0, slope, offset
 
 
-def _inverse(known: Knowledge) -> Controller:
-    gains = inverse_gains(known.plant, limits=known.limits)
-    return Controller("inverse", inverse_step, gains, InverseState(), looks_ahead=True)
-
-
 CONTROLLERS: dict[str, Callable[[Knowledge], Controller]] = {
     "rc": lambda known: rc_controller(_given(known.rc, "rc")),
     "pi": lambda known: pi_controller(_given(known.pi, "pi")),
     "pi-feedforward": _pi_feedforward,
     "feedforward": lambda known: _feedforward(known, "feedforward", 1.0),
     "open-loop": lambda known: _feedforward(known, "open-loop", 0.0),
-    "inverse": _inverse,
+    "inverse": lambda known: inverse_controller(known.plant, known.limits),
 }
 """Name → how it is made; `UsageError` where its gains are missing."""

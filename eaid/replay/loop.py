@@ -2,23 +2,34 @@
 
 At t_k the controller reads the torque and gives a duty, which acts until t_{k+1}, from rest. The function
 `closed_loop` is written once: plain Python runs it as it stands, and `eaid.replay.many` hands the same function to
-numba.
+numba. What a rig adds to the model is off unless it is asked for.
+
+**Noise as the residuals of a fit have it.** A run's residuals from its level's own curve (`friction` in fit.json) are
+taken as white noise plus a first-order autoregression φ^k that holds the share s of the power. Two numbers of
+`uncertainty.adequacy` fix both: the first autocorrelation ρ1 = s φ, and the effective sample size
+n_e = n / (1 + 2 Σ ρ) = n / (1 + 2 s φ/(1 − φ)), so that
+
+    φ = 1 − 2 ρ1/(n/n_e − 1),    s = ρ1/φ,    memory = −dt/ln φ
+
+The fit sees means of repeats; one run is noisier by the root of their number. What of it is torque that is really
+there, and what the sensor adds, residuals cannot tell: all of it is put on the measured torque.
 """
 
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eaid.arrays import Array, read_only
-from eaid.errors import UsageError
+from eaid.errors import DataError, UsageError
 from eaid.options import Rig
 from eaid.replay.controllers import Controller, Step
 from eaid.replay.metrics import tracking
-from eaid.replay.plant import PlantParameters, hold_step, rest, rounded
-from eaid.replay.rig import RigNumbers, noise, rig_numbers, ripple
+from eaid.replay.plant import Held, PlantParameters, hold_step, rounded
+from eaid.results.fit import Fit
 from eaid.results.gains import Tracking
 
 LONG = 500_000
@@ -55,6 +66,82 @@ class Trace:
         return tracking(reference, torque, duty, self.dt_s, self.limits_pct)
 
 
+class RigNumbers(NamedTuple):
+    """The rig as the loop takes it; floats and integers only."""
+
+    memory: float
+    """Share of its old value that the sensor's low-pass keeps in a sample; 0: no low-pass."""
+    duty_step: float
+    """Resolution of the duty [%]; 0: unlimited."""
+    delay: int
+    """[samples]"""
+    pwm_period: float
+    """[samples]; 0: no latching."""
+
+
+def rig_numbers(rig: Rig, dt_s: float, highest_pct: float = 100.0) -> RigNumbers:
+    """The rig at a control interval of dt_s seconds, its duty ending at `highest_pct`."""
+    memory = math.exp(-2 * math.pi * rig.sensor_hz * dt_s) if rig.sensor_hz > 0 else 0.0
+    step = highest_pct / (2**rig.duty_bits - 1) if rig.duty_bits > 0 else 0.0
+    period = 1.0 / (rig.pwm_hz * dt_s) if rig.pwm_hz > 0 else 0.0
+    return RigNumbers(memory, step, rig.delay_samples, period)
+
+
+def coloured(samples: int, dt_s: float, memory_s: float, random: np.random.Generator) -> Array:
+    """Stationary first-order autoregression of unit variance, shape (samples,)."""
+    from scipy.signal import lfilter  # slow to import, and seldom needed
+
+    keep = math.exp(-dt_s / memory_s)
+    white = random.standard_normal(samples)
+    white[1:] *= math.sqrt(1.0 - keep * keep)
+    return np.asarray(lfilter([1.0], [1.0, -keep], white))
+
+
+def noise(rig: Rig, samples: int, dt_s: float, seed: int) -> Array:
+    """Noise on the measured torque [N·m], shape (samples,); white, or a first-order autoregression of the same
+    variance."""
+    if rig.noise_nm <= 0:
+        return np.zeros(samples)
+    random = np.random.default_rng(seed)
+    if rig.noise_correlation_s <= 0:
+        return rig.noise_nm * random.standard_normal(samples)
+    memory = math.sqrt(rig.noise_coloured_share) * coloured(samples, dt_s, rig.noise_correlation_s, random)
+    return rig.noise_nm * (memory + math.sqrt(1 - rig.noise_coloured_share) * random.standard_normal(samples))
+
+
+def ripple(rig: Rig, samples: int, dt_s: float) -> Array:
+    """Factor of the rotor ripple on the torque, shape (samples,)."""
+    if rig.ripple_pct <= 0:
+        return np.ones(samples)
+    angle = np.arange(samples) * (2 * math.pi * rig.ripple_hz * dt_s)
+    return np.asarray(1.0 + rig.ripple_pct / 100 * np.sin(angle))
+
+
+def with_residual_noise(rig: Rig, fit: Fit) -> Rig:
+    """The rig with noise as the residuals of a fit have it; DataError where the fit has none."""
+    adequacy = fit.uncertainty.adequacy if fit.uncertainty is not None else None
+    rows = [(row.sse, row.rmse) for row in fit.friction_levels if row.sse is not None and row.rmse is not None]
+    first = adequacy.residual_autocorrelation if adequacy is not None else None
+    effective = adequacy.effective_samples if adequacy is not None else None
+    rate_hz, sources = fit.data.sample_rate_hz, fit.data.sources
+    if first is None or not effective or rate_hz is None or not rows or not sources:
+        raise DataError(
+            "the fit does not say how its residuals are coloured; fit again with «ci» robust, or give «noise_nm»"
+        )
+    samples = sum(sse / rmse**2 for sse, rmse in rows if rmse > 0)
+    if samples <= 0:
+        raise DataError("the fit's residuals are zero; there is no noise to take from them")
+    repeats = len(sources) / len({source.level for source in sources})
+    size = math.sqrt(repeats * sum(sse for sse, _ in rows) / samples)
+    surplus = samples / effective - 1
+    memory = 1 - 2 * first / surplus if first > 0 and surplus > 0 else 0.0
+    memory = max(memory, first)  # too short a tail for this first autocorrelation: one process, s = 1
+    if memory <= 0:
+        return replace(rig, noise_nm=size, noise_correlation_s=0.0, noise_coloured_share=1.0)
+    correlation_s = -1 / (rate_hz * math.log(memory))
+    return replace(rig, noise_nm=size, noise_correlation_s=correlation_s, noise_coloured_share=first / memory)
+
+
 class Inputs(NamedTuple):
     """What a loop meets at each sample; columns of one length."""
 
@@ -84,7 +171,7 @@ def loop_of(law: Step, sources: str = "") -> Callable[..., tuple[float, float]]:
         torque, measured, duty, applied, fast, kept = filled
         state = start
         memory, resolution, delay, period = rig
-        held = rest()
+        held = Held(0.0, 0.0, 0.0, 0)
         filtered = 0.0
         for k in range(len(reference)):
             fast[k] = held.x1

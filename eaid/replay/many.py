@@ -13,6 +13,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
+from inspect import isfunction
 from pathlib import Path
 from typing import Any
 
@@ -25,31 +26,29 @@ from eaid.arrays import Array
 from eaid.control import pi, rc
 from eaid.models.parameters import Nonlinear
 from eaid.options import Rig
-from eaid.replay import controllers, inverse, loop, plant
+from eaid.replay import controllers, loop, plant
 from eaid.replay.controllers import Controller, Step
-from eaid.replay.loop import Trace
+from eaid.replay.loop import Trace, rig_numbers
 from eaid.replay.plant import PlantParameters, plant_parameters
 from eaid.replay.references import Reference, measure
-from eaid.replay.rig import rig_numbers
 from eaid.results.gains import Tracking
 from eaid.results.replay import Distribution, Metrics, PlantSpread, Worst
 
 Visit = Callable[[int, Array, Array], None]
 """visit(index, torque [N·m], duty [%]) of one plant: arrays of shape (n,)."""
 
-for _function in (
-    plant.plant_terms, plant.plant_pull, plant.plant_step, plant.rest, plant.rounded, plant.hold_step, rc.rc_terms,
-    rc.rc_step, pi.pi_step, controllers.feedforward_step, inverse.duty_for,
-    inverse.inverse_step,
-):  # fmt: skip
-    register_jitable(error_model="numpy")(_function)
+MODULES = (plant, rc, pi, controllers, loop)
+for _module in MODULES:
+    for _function in vars(_module).values():
+        if isfunction(_function) and _function.__module__ == _module.__name__:
+            register_jitable(error_model="numpy")(_function)
 
 
 @cache
 def compiled(law: Step) -> Any:
     """`closed_loop` of one law in machine code, kept on disk where there is a folder that numba may write to."""
     sources = hashlib.sha256()
-    for file in (__file__, *(module.__file__ for module in (plant, rc, pi, inverse, controllers, loop))):
+    for file in (__file__, *(module.__file__ for module in MODULES)):
         sources.update(Path(str(file)).read_bytes())
     function = loop.loop_of(law, sources.hexdigest())
     try:

@@ -35,48 +35,42 @@ INSTANT = 1e-9
 
 
 class PlantParameters(NamedTuple):
-    """`Nonlinear` as flat floats; polynomials of the duty in %, lowest power first."""
+    """`Nonlinear` as the loops take it, floats throughout; polynomials of the duty in %, lowest power first."""
 
     C: float
-    tau1_0: float
-    tau1_1: float
-    tau1_2: float
-    tau2_0: float
-    tau2_1: float
-    tau2_2: float
-    Ts_0: float
-    Ts_1: float
-    Ts_2: float
-    Ts_3: float
+    tau1: tuple[float, float, float]
+    tau2: tuple[float, float, float]
+    Ts: tuple[float, float, float, float]
     u_low: float
     """Lowest identified duty [%]"""
     u_high: float
     """Highest identified duty [%]"""
-    release1: float
-    """τ1 of a fall to rest [s]; 0: no release was fitted."""
-    release2: float
-    """τ2 of a fall to rest [s]; 0: no release was fitted."""
+    release: tuple[float, float]
+    """(τ1, τ2) of a fall to rest [s]; 0: no release was fitted."""
     release_below: float
     """Duty [%] below which a fall goes over to them; infinite: every fall has them."""
 
 
 def plant_parameters(p: Nonlinear) -> PlantParameters:
-    """The flat form of a model; polynomials of lower degree are filled up with zeros.
+    """The form of a model that loops take; polynomials of lower degree are filled up with zeros.
 
     Raises `DataError` where a polynomial has more coefficients than Eqs. (5)-(7), or the duties have no order.
     """
+    filled = []
     for name, polynomial, most in (("tau1", p.tau1, 3), ("tau2", p.tau2, 3), ("Ts", p.Ts, 4)):
         if not 1 <= len(polynomial) <= most:
             raise DataError(f"nonlinear.{name} has {len(polynomial)} coefficients; the replay takes 1 to {most}")
-    low, high = p.u_range
+        filled.append([float(each) for each in (*polynomial, 0.0, 0.0, 0.0)])
+    low, high = map(float, p.u_range)
     if not (0.0 <= low <= high and high > 0.0):
         raise DataError(f"nonlinear.u_range is [{low:g}, {high:g}] %; it must rise from 0 or above")
-    tau1 = [*p.tau1, 0.0, 0.0][:3]
-    tau2 = [*p.tau2, 0.0, 0.0][:3]
-    steady = [*p.Ts, 0.0, 0.0, 0.0][:4]
+    fast, slow = p.release or (0.0, 0.0)
     below = math.inf if p.falls_as_release else low
-    values = [p.C, *tau1, *tau2, *steady, low, high, *(p.release or (0.0, 0.0)), below]
-    return PlantParameters(*(float(value) for value in values))
+    a, b, c = filled
+    return PlantParameters(
+        float(p.C), (a[0], a[1], a[2]), (b[0], b[1], b[2]), (c[0], c[1], c[2], c[3]), low, high,
+        (float(fast), float(slow)), below,
+    )  # fmt: skip
 
 
 def perturbed(p: Nonlinear, factors: Mapping[str, float]) -> Nonlinear:
@@ -96,7 +90,7 @@ def perturbed(p: Nonlinear, factors: Mapping[str, float]) -> Nonlinear:
 
 def plant_terms(parameters: PlantParameters, duty: float) -> tuple[float, float, float]:
     """τ1 [s], τ2 [s] and T_s [N·m] at a duty [%], as a rising torque has them."""
-    _, a0, a1, a2, b0, b1, b2, c0, c1, c2, c3, low, high, _, _, _ = parameters
+    _, (a0, a1, a2), (b0, b1, b2), (c0, c1, c2, c3), low, high, _, _ = parameters
     share = 1.0
     u = duty
     if u < low:
@@ -124,10 +118,11 @@ def plant_pull(parameters: PlantParameters, x1: float, x2: float, duty: float) -
     slow = steady - target - x2
     if duty < parameters.release_below:
         share = duty / parameters.release_below if duty > 0.0 else 0.0
-        if fast < 0.0 and parameters.release1 > 0.0:
-            tau1 = share * tau1 + (1.0 - share) * parameters.release1
-        if slow < 0.0 and parameters.release2 > 0.0:
-            tau2 = share * tau2 + (1.0 - share) * parameters.release2
+        release1, release2 = parameters.release
+        if fast < 0.0 and release1 > 0.0:
+            tau1 = share * tau1 + (1.0 - share) * release1
+        if slow < 0.0 and release2 > 0.0:
+            tau2 = share * tau2 + (1.0 - share) * release2
     return fast, slow, tau1, tau2
 
 
@@ -153,7 +148,7 @@ def plant_slope(parameters: PlantParameters, x1: Array, x2: Array, duty: float) 
 
 
 class Held(NamedTuple):
-    """Where plant and latch are."""
+    """Where plant and latch are; at rest, before the first pulse, all is 0."""
 
     x1: float
     """Fast part of the torque [N·m]."""
@@ -163,11 +158,6 @@ class Held(NamedTuple):
     """Duty that acts [%]."""
     pulse: int
     """The next PWM period to begin, at pulse·period samples."""
-
-
-def rest() -> Held:
-    """At rest, before the first pulse."""
-    return Held(0.0, 0.0, 0.0, 0)
 
 
 def rounded(duty: float, resolution: float) -> float:

@@ -1,14 +1,15 @@
 """Torque references of the paper's experiments, at the control rate, and what is to be measured on each."""
 
+import csv
 import itertools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 
 import msgspec
 import numpy as np
-import pandas
 
 from eaid.arrays import Array, read_only
 from eaid.control.defaults import Scales
@@ -16,27 +17,6 @@ from eaid.errors import DataError, UsageError
 from eaid.replay import metrics
 from eaid.replay.loop import Trace
 from eaid.results.replay import Metrics, Record, Role
-
-STEP_LEVELS_NM = (0.0, 1.0, 2.0, 3.0, 4.0, 3.0, 2.0, 1.0, 0.0)
-"""Fig. 11: 0…4 N·m up and down."""
-STEP_HOLD_S = 5.0
-RAMP_NM = 4.0
-RAMP_S = 10.0
-"""Peak of the triangle [N·m] and its length [s]."""
-MULTISINE_HZ = (0.2, 0.5, 1.0, 2.0, 4.0)
-MULTISINE_PHASES = tuple(1.7 * k * k for k in range(len(MULTISINE_HZ)))
-"""Fig. 12, specification 6 [rad]."""
-MULTISINE_S = 12.0
-"""Default length: 5 s to settle, and 7 s that count."""
-SETTLED_S = 5.0
-"""Errors of a periodic reference count from here."""
-SWEEP_HZ = (0.2, 0.3, 0.4, 0.6, 0.8, 1.0, 1.5, 2.0, 2.5, 3.0)
-"""Fig. 13."""
-TONE_SETTLING_S = 10.0
-TONE_MEASURED_S = 5.0
-TONE_PERIODS = 2
-"""Each tone of a sweep settles for the first, then is measured for the second, and for that many periods at least."""
-
 
 Signal = tuple[Array, Array]
 """Time [s] and output, shapes (n,) each."""
@@ -77,13 +57,14 @@ class Reference:
         return float(np.abs(np.gradient(self.torque_nm, self.dt_s)).max())
 
 
-def steps(
-    dt_s: float, duration_s: float | None = None, top: float = 1.0, pace: float = 1.0,
-    levels_nm: tuple[float, ...] = STEP_LEVELS_NM,
-) -> Reference:  # fmt: skip
-    """A staircase of levels [N·m] times `top`, each held as long, 5 s by default; that time is divided by `pace`."""
-    hold = samples_of(STEP_HOLD_S / pace if duration_s is None else duration_s / len(levels_nm), dt_s)
-    torque = np.repeat([top * level for level in levels_nm], hold)
+def steps(dt_s: float, duration_s: float | None = None, top: float = 1.0, pace: float = 1.0) -> Reference:
+    """Fig. 11: a staircase 0…4 N·m up and down, each level held as long, 5 s by default.
+
+    `top` is a factor on the torque; times are divided by `pace`.
+    """
+    levels = top * np.array([0.0, 1.0, 2.0, 3.0, 4.0, 3.0, 2.0, 1.0, 0.0])
+    hold = samples_of(5.0 / pace if duration_s is None else duration_s / len(levels), dt_s)
+    torque = np.repeat(levels, hold)
     return Reference(read_only(torque), dt_s, steps=tuple((np.flatnonzero(np.diff(torque)) + 1).tolist()))
 
 
@@ -92,46 +73,43 @@ def ramp(dt_s: float, duration_s: float | None = None, top: float = 1.0, pace: f
 
     `top` is a factor on the torque; times are divided by `pace`.
     """
-    n = samples_of(RAMP_S / pace if duration_s is None else duration_s, dt_s)
+    n = samples_of(10.0 / pace if duration_s is None else duration_s, dt_s)
     share = np.arange(n) / (n - 1)
-    return Reference(read_only(RAMP_NM * top * (1.0 - np.abs(2.0 * share - 1.0))), dt_s)
+    return Reference(read_only(4.0 * top * (1.0 - np.abs(2.0 * share - 1.0))), dt_s)
 
 
 def multisine(dt_s: float, duration_s: float | None = None, top: float = 1.0, pace: float = 1.0) -> Reference:
-    """2 + 0.2 Σ sin(2πft + φ) N·m, f = 0.2, 0.5, 1, 2, 4 Hz, φ = 1.7·(0, 1, 4, 9, 16), 12 s; errors count after 5 s.
+    """Fig. 12: 2 + 0.2 Σ sin(2πft + φ) N·m, f = 0.2, 0.5, 1, 2, 4 Hz, φ = 1.7·(0, 1, 4, 9, 16), 12 s; errors count
+    after 5 s.
 
     `top` is a factor on the torque, `pace` on the frequencies; times are divided by it.
     """
-    length = MULTISINE_S / pace if duration_s is None else duration_s
+    length, settled = 12.0 / pace if duration_s is None else duration_s, 5.0 / pace
     t = np.arange(samples_of(length, dt_s)) * dt_s
     torque = np.full_like(t, 2.0 * top)
-    for frequency, phase in zip(MULTISINE_HZ, MULTISINE_PHASES, strict=True):
-        torque += 0.2 * top * np.sin(2 * math.pi * (pace * frequency) * t + phase)
-    settled = SETTLED_S / pace
+    for k, frequency in enumerate((0.2, 0.5, 1.0, 2.0, 4.0)):
+        torque += 0.2 * top * np.sin(2 * math.pi * (pace * frequency) * t + 1.7 * k * k)
     return Reference(read_only(torque), dt_s, counted_from_s=settled if length > settled else 0.0)
 
 
-def sweep(
-    dt_s: float, duration_s: float | None = None, top: float = 1.0, pace: float = 1.0,
-    frequencies_hz: tuple[float, ...] = SWEEP_HZ,
-) -> Reference:  # fmt: skip
-    """Sines 2 ± 1 N·m of rising frequency one after another, each from phase 0 for whole periods.
+def sweep(dt_s: float, duration_s: float | None = None, top: float = 1.0, pace: float = 1.0) -> Reference:
+    """Fig. 13: sines 2 ± 1 N·m, 0.2 to 3 Hz, one after another, each from phase 0 for whole periods.
 
-    `top` is a factor on the torque, `pace` on the frequencies; times are divided by it.
+    Each settles for 10 s, then is measured for 5 s and two periods at least. `top` is a factor on the torque, `pace` on
+    the frequencies; times are divided by it.
     """
     if duration_s is not None:
         raise UsageError("the sweep's length follows from its frequencies; leave «duration» out")
-    frequencies_hz = tuple(pace * frequency for frequency in frequencies_hz)
+    frequencies_hz = [pace * f for f in (0.2, 0.3, 0.4, 0.6, 0.8, 1.0, 1.5, 2.0, 2.5, 3.0)]
     if max(frequencies_hz) > 0.25 / dt_s:
         raise UsageError(
             f"sweep: frequencies must lie above 0 and up to a quarter of the control rate, {0.25 / dt_s:g} Hz"
         )
     pieces, tones, begin = [], [], 0
     for frequency in frequencies_hz:
-        periods_before = math.ceil(TONE_SETTLING_S / pace * frequency)
-        periods = max(TONE_PERIODS, math.ceil(TONE_MEASURED_S / pace * frequency))
-        measured_from = begin + round(periods_before / frequency / dt_s)
-        end = begin + round((periods_before + periods) / frequency / dt_s)
+        before, periods = math.ceil(10.0 / pace * frequency), max(2, math.ceil(5.0 / pace * frequency))
+        measured_from = begin + round(before / frequency / dt_s)
+        end = begin + round((before + periods) / frequency / dt_s)
         t = np.arange(end - begin) * dt_s
         pieces.append(2.0 * top + top * np.sin(2 * math.pi * frequency * t))
         tones.append(Tone(frequency, measured_from, end))
@@ -156,32 +134,50 @@ def sampled(time_s: Array, torque_nm: Array, dt_s: float, name: str = "the refer
     return Reference(read_only(np.interp(grid, time_s, torque_nm)), dt_s)
 
 
-def read_reference(path: Path) -> tuple[Array, Array]:
-    """Time [s] and reference [N·m] of a CSV with that header; at least two rows."""
+def read_rows(
+    path: Path, header: Sequence[str], names: Mapping[str, str] = MappingProxyType({})
+) -> list[tuple[int, list[float]]]:
+    """Rows of a CSV whose header holds these columns, or other `names` of them, with their finite numbers.
+
+    Raises `DataError` where the file has another header, or with its bad rows.
+    """
+    wanted = ",".join(header)
     if not path.is_file():
-        raise DataError(f"{path}: no such file; give a CSV with the columns time_s,reference_nm")
+        raise DataError(f"{path}: no such file; give a CSV {wanted}")
     try:
-        table = pandas.read_csv(path, dtype=str, keep_default_na=False, skip_blank_lines=False, encoding="utf-8-sig")
-    except pandas.errors.EmptyDataError:
-        table = pandas.DataFrame()
-    except (UnicodeDecodeError, pandas.errors.ParserError):
-        raise DataError(f"{path}: is no text file; give a CSV with the columns time_s,reference_nm") from None
-    table = table.rename(columns=str.strip).fillna("")
-    if not {"time_s", "reference_nm"} <= set(table.columns):
-        names = ",".join(map(str, table.columns)) or "nothing"
-        raise DataError(f"{path}: its first row must name the columns time_s,reference_nm; it has {names}")
-    table = table[(table != "").any(axis=1)]
-    numbers = table[["time_s", "reference_nm"]].apply(pandas.to_numeric, errors="coerce").astype(float)
-    finite = np.isfinite(numbers)
-    for row, name in [(row, name) for row in table.index for name in numbers if not finite.at[row, name]][:1]:
-        cell = str(table.at[row, name]).strip()
-        raise DataError(f"{path}: {name} in row {row + 2} is {cell!r}, not a finite number; mend or drop the row")
-    if len(table) < 2:
-        raise DataError(f"{path}: holds {len(table)} row(s) of data; a reference needs two or more")
-    time_s, torque_nm = (numbers[name].to_numpy() for name in numbers)
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise DataError(f"{path}: is no text; give a CSV {wanted}") from None
+    lines = enumerate(csv.reader(text.splitlines()), 1)
+    rows = [(number, row) for number, row in lines if any(map(str.strip, row)) and row[0][:1] != "#"]
+    found = [names.get(cell.strip(), cell.strip()) for cell in rows[0][1]] if rows else []
+    if not set(header) <= set(found):
+        raise DataError(f"{path}: its header is not {wanted}, but {','.join(found) or 'empty'}; name these columns")
+    columns = [found.index(name) for name in header]
+    faults, kept = [], []
+    for number, row in rows[1:]:
+        try:
+            values = [float(row[column]) for column in columns] if len(row) == len(found) else []
+        except ValueError:
+            values = []
+        if not values or not all(map(math.isfinite, values)):
+            faults.append(f"{path}: row {number} holds {','.join(row)!r}, not {len(header)} finite numbers; mend it")
+        else:
+            kept.append((number, values))
+    if faults:
+        raise DataError(*faults[:20])
+    return kept
+
+
+def read_reference(path: Path) -> Signal:
+    """Time [s] and reference [N·m] of a CSV with the columns time_s,reference_nm; at least two rows."""
+    rows = read_rows(path, ("time_s", "reference_nm"))
+    if len(rows) < 2:
+        raise DataError(f"{path}: holds {len(rows)} row(s) of data; a reference needs two or more")
+    time_s, torque_nm = np.array([values for _, values in rows]).T
     for k in np.flatnonzero(np.diff(time_s) <= 0)[:1]:
         raise DataError(
-            f"{path}: time does not rise at row {table.index[k + 1] + 2} ({time_s[k + 1]:g} s after {time_s[k]:g} s); "
+            f"{path}: time does not rise at row {rows[k + 1][0]} ({time_s[k + 1]:g} s after {time_s[k]:g} s); "
             "sort it or drop the row"
         )
     return time_s, torque_nm

@@ -13,22 +13,18 @@ rotor turns round changes its sign at once (`turn_step_nm`): 0.2…0.3 N·m on t
 
 import itertools
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 
 import msgspec
 import numpy as np
-from scipy import stats
 
 from eaid.arrays import Array, read_only
 from eaid.errors import GainsError, UsageError
 from eaid.options import Rig
 from eaid.replay.controllers import Controller
-from eaid.replay.loop import Trace, as_trace
-from eaid.replay.plant import PlantParameters, hold_step, plant_terms, rest, rounded
-from eaid.replay.references import record as loop_record
-from eaid.replay.references import samples_of
-from eaid.replay.rig import noise, rig_numbers, ripple
+from eaid.replay.loop import Trace, as_trace, noise, rig_numbers, ripple
+from eaid.replay.plant import Held, PlantParameters, hold_step, plant_terms, rounded
+from eaid.replay.references import record, samples_of
 from eaid.results.replay import Box, CycleTest, Exercise, Metrics, ModeMetrics, ModesTest, Normality, Record, SampleTest
 
 MODES = ("soft", "hard", "assisted")
@@ -38,54 +34,14 @@ RANGE_DEG = (-10.0, 150.0)
 RESISTED_FROM_DEG = 10.0
 
 
-@dataclass(frozen=True, eq=False)
-class Session:
-    """One controller's session, soft, hard, assisted; arrays of shape (n,), read-only."""
-
-    replay: Trace
-    """The torque loop: reference and torque without sign [N·m], duty."""
-    exercise: Exercise
-    target_deg: Array
-    angle_deg: Array
-    desired_nm: Array
-    """T_des of the outer loops [N·m], flexion positive."""
-    rendered_nm: Array
-    """True torque on the limb [N·m], flexion positive."""
-    mode: Array
-    """Index into `MODES` at each sample."""
-
-    @property
-    def position_error_deg(self) -> Array:
-        """Target minus angle [°]."""
-        return self.target_deg - self.angle_deg
-
-    @property
-    def torque_error_nm(self) -> Array:
-        """Desired minus rendered torque [N·m]."""
-        return self.desired_nm - self.rendered_nm
-
-    @property
-    def turn_step_nm(self) -> float:
-        """Step of the torque on the limb when the rotor turns round [N·m]."""
-        turn = int(np.argmax(self.mode == len(MODES) - 1))
-        return abs(float(self.rendered_nm[turn] - self.rendered_nm[turn - 1]))
-
-    def columns(self) -> dict[str, Array]:
-        """What a file keeps of the session beside its torque loop, shapes (n,)."""
-        names = "target_deg", "angle_deg", "position_error_deg", "desired_nm", "rendered_nm", "torque_error_nm", "mode"
-        return {name: getattr(self, name) for name in names}
-
-    def counted(self, mode: str) -> slice:
-        """The samples of a mode that count."""
-        dt = self.replay.dt_s
-        start = MODES.index(mode) * self.exercise.mode_s
-        return slice(round((start + self.exercise.uncounted_s) / dt), round((start + self.exercise.mode_s) / dt))
-
-
 def rehabilitate(
     plant: PlantParameters, controller: Controller, exercise: Exercise, rig: Rig, dt_s: float, seed: int = 0
-) -> Session:
-    """Trace the session of one controller on one plant; `GainsError` where the limb leaves an elbow's range."""
+) -> Record:
+    """The session of one controller on one plant: soft, hard, assisted; `GainsError` where the limb leaves an elbow's
+    range.
+
+    Reference and torque of the loop have no sign; those of the limb are positive in flexion.
+    """
     if exercise.mode_s <= exercise.uncounted_s:
         raise UsageError(
             f"rehab: a mode of {exercise.mode_s:g} s leaves nothing after the first {exercise.uncounted_s:g} s"
@@ -96,15 +52,14 @@ def rehabilitate(
     given = _given(exercise, rig, n, dt_s, seed)
     columns = _run(plant, controller, exercise, rig, dt_s, given)
     reference, torque, measured, duty, applied, angle, desired, rendered = map(read_only, columns)
-    return Session(
-        replay=as_trace(controller.on(rig), rig, dt_s, reference, (torque, measured, duty, applied)),
-        exercise=exercise,
-        target_deg=read_only(np.degrees(given[0])),
-        angle_deg=read_only(np.degrees(angle)),
-        desired_nm=desired,
-        rendered_nm=rendered,
-        mode=read_only(np.minimum(np.arange(n) * dt_s // exercise.mode_s, len(MODES) - 1)),
-    )
+    trace = as_trace(controller.on(rig), rig, dt_s, reference, (torque, measured, duty, applied))
+    target, angle = np.degrees(given[0]), np.degrees(angle)
+    further = {
+        "target_deg": target, "angle_deg": angle, "position_error_deg": target - angle, "desired_nm": desired,
+        "rendered_nm": rendered, "torque_error_nm": desired - rendered,
+        "mode": np.minimum(np.arange(n) * dt_s // exercise.mode_s, len(MODES) - 1),
+    }  # fmt: skip
+    return record(trace, statistics(trace, further, exercise), further)
 
 
 def _given(exercise: Exercise, rig: Rig, n: int, dt_s: float, seed: int) -> tuple[Array, ...]:
@@ -141,7 +96,7 @@ def _run(
     turn, late = exercise.mode_s * (len(MODES) - 1), round(exercise.user_delay_s / dt)
     keep, push, drift, lift = limb_steps(exercise.inertia_kgm2, exercise.damping_nms, dt)
     numbers = rig_numbers(rig, dt, controller.gains.duty_max)
-    held = rest()
+    held = Held(0.0, 0.0, 0.0, 0)
     samples: list[tuple[float, ...]] = []
     angle, speed = float(given[0][0]), 0.0
     reference = filtered = wound = 0.0
@@ -197,40 +152,44 @@ def limb_steps(inertia_kgm2: float, damping_nms: float, dt_s: float) -> tuple[fl
     return math.exp(-x), once * dt_s / inertia_kgm2, once * dt_s, twice * dt_s**2 / inertia_kgm2
 
 
-def statistics(session: Session) -> Metrics:
-    """Errors of the torque loop over all counted samples; boxes, normality and tests by mode, |position error| in °."""
-    dt_s = session.replay.dt_s
-    error_deg = {mode: np.abs(session.position_error_deg[session.counted(mode)]) for mode in MODES}
-    cycle = round(1 / session.exercise.movement_hz / dt_s)
+def statistics(trace: Trace, columns: Mapping[str, Array], exercise: Exercise) -> Metrics:
+    """Errors of the torque loop over all counted samples; boxes, normality and tests by mode, |position error| in °.
+
+    A small p of D'Agostino and Pearson's K² says that the samples are not normal. Beside the paper's test, Student's t
+    on samples taken as independent, stand those on the means of movement cycles.
+    """
+    from scipy import stats  # slow to import, as in `by_cycles`
+
+    starts = exercise.mode_s * np.arange(len(MODES))
+    begins = np.round((starts + exercise.uncounted_s) / trace.dt_s).astype(int)
+    ends = np.round((starts + exercise.mode_s) / trace.dt_s).astype(int)
+    parts = {mode: np.arange(begin, end) for mode, begin, end in zip(MODES, begins, ends, strict=True)}
+    error_deg = {mode: np.abs(columns["position_error_deg"][part]) for mode, part in parts.items()}
+    cycle = round(1 / exercise.movement_hz / trace.dt_s)
     means = {mode: cycle_means(values, cycle) for mode, values in error_deg.items()}
-    counted = np.concatenate([np.arange(len(session.mode))[session.counted(mode)] for mode in MODES])
+    torque_error = np.abs(columns["torque_error_nm"])
+    modes, normality, tests = {}, {}, []
+    for mode, part in parts.items():
+        modes[mode] = ModeMetrics(
+            box(error_deg[mode]), tuple(means[mode].tolist()), float(torque_error[part].mean()),
+            float(torque_error[part].max()), trace.tracking(part),
+        )  # fmt: skip
+        normal = stats.normaltest(error_deg[mode])
+        normality[mode] = Normality(
+            "D'Agostino-Pearson", float(normal.statistic), float(normal.pvalue), bool(normal.pvalue < 0.05)
+        )
+    for one, other in itertools.combinations(MODES, 2):
+        student = stats.ttest_ind(error_deg[one], error_deg[other])
+        sizes = error_deg[one].size, error_deg[other].size
+        samples = SampleTest(
+            "Student, samples taken as independent", sizes, float(student.statistic), float(student.pvalue)
+        )
+        tests.append(ModesTest((one, other), samples, by_cycles(means[one], means[other])))
+    turn, rendered = int(np.argmax(columns["mode"] == len(MODES) - 1)), columns["rendered_nm"]
     return Metrics(
-        **msgspec.structs.asdict(session.replay.tracking(counted)),
-        modes={mode: _mode(session, mode, error_deg[mode], means[mode]) for mode in MODES},
-        turn_step_nm=session.turn_step_nm,
-        normality={mode: normality(values) for mode, values in error_deg.items()},
-        tests=tuple(
-            ModesTest(
-                (first, second),
-                by_samples(error_deg[first], error_deg[second]),
-                by_cycles(means[first], means[second]),
-            )
-            for first, second in itertools.combinations(MODES, 2)
-        ),
-    )
-
-
-def record(session: Session) -> Record:
-    """A session as a group of replay.h5: the torque loop, the limb, and the statistics."""
-    return loop_record(session.replay, statistics(session), session.columns())
-
-
-def _mode(session: Session, mode: str, error_deg: Array, means: Array) -> ModeMetrics:
-    part = session.counted(mode)
-    torque = np.abs(session.torque_error_nm[part])
-    return ModeMetrics(
-        box(error_deg), tuple(means.tolist()), float(torque.mean()), float(torque.max()), session.replay.tracking(part)
-    )
+        **msgspec.structs.asdict(trace.tracking(np.concatenate(list(parts.values())))), modes=modes,
+        turn_step_nm=abs(float(rendered[turn] - rendered[turn - 1])), normality=normality, tests=tuple(tests),
+    )  # fmt: skip
 
 
 def box(values: Array) -> Box:
@@ -269,33 +228,19 @@ def independent(values: Array) -> float:
 def cycle_means(values: Array, cycle: int) -> Array:
     """Mean over each whole movement cycle of so many samples, from the first sample on."""
     whole = values.size // cycle
-    means: Array = values[: whole * cycle].reshape(whole, cycle).mean(axis=1)
-    return means
-
-
-def normality(values: Array) -> Normality:
-    """D'Agostino and Pearson's K² on all samples; a small p says that they are not normal."""
-    test = stats.normaltest(values)
-    return Normality("D'Agostino-Pearson", float(test.statistic), float(test.pvalue), bool(test.pvalue < 0.05))
-
-
-def by_samples(first: Array, second: Array) -> SampleTest:
-    """The paper's test: Student's t with pooled variance on all samples, as if they were independent."""
-    test = stats.ttest_ind(first, second)
-    name = "Student, samples taken as independent"
-    return SampleTest(name, (first.size, second.size), float(test.statistic), float(test.pvalue))
+    return np.asarray(values[: whole * cycle].reshape(whole, cycle).mean(axis=1))
 
 
 def by_cycles(first: Array, second: Array) -> CycleTest:
     """Welch's t and the exact rank test on the means of movement cycles; None where too few cycles are whole."""
+    from scipy import stats
+
     n, m = first.size, second.size
     if min(n, m) == 0:
         return CycleTest((n, m))
     rank = stats.mannwhitneyu(first, second, method="exact")
     test = CycleTest((n, m), U=float(rank.statistic), p_rank=float(rank.pvalue), least_p_rank=2 / math.comb(n + m, n))
-    if min(n, m) < 2:
-        return test
-    if not first.std() + second.std() > 0:
+    if min(n, m) < 2 or not first.std() + second.std() > 0:
         return test
     welch = stats.ttest_ind(first, second, equal_var=False)
     return msgspec.structs.replace(test, t=float(welch.statistic), df=float(welch.df), p_welch=float(welch.pvalue))

@@ -22,7 +22,7 @@ import numpy as np
 from eaid.arrays import Array, read_only
 from eaid.control.defaults import control_rate, input_limits, scales_of
 from eaid.control.gains import pi_gains, plant_of, rc_gains, refuse_other_units
-from eaid.control.rc import RCGains
+from eaid.control.rc import RCGains, rc_terms
 from eaid.errors import DataError, UsageError
 from eaid.estimate.draw import draw, drawable
 from eaid.findings import Finding, finding, ranked
@@ -32,13 +32,10 @@ from eaid.options import Rig, SimulateOptions
 from eaid.progress import Progress, no_progress
 from eaid.replay.compare import compared
 from eaid.replay.controllers import CONTROLLERS, Controller, Knowledge
-from eaid.replay.loop import Trace, reference_rate, replay
-from eaid.replay.many import QUANTILES, montecarlo
+from eaid.replay.loop import Trace, reference_rate, replay, with_residual_noise
 from eaid.replay.plant import PlantParameters, perturbed, plant_parameters, plant_slope, plant_terms
 from eaid.replay.references import Reference, Signal, measure, record, reference_of
 from eaid.replay.rehab import MODES, rehabilitate
-from eaid.replay.rehab import record as record_session
-from eaid.replay.rig import with_residual_noise
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.results.replay import Exercise, Head, Metrics, Record, Replay, RigRecord
@@ -115,7 +112,8 @@ def watched(
     low, high = replay.limits_pct
     measured = replay.torque_nm if replay.measured_nm is None else replay.measured_nm
     integral, error = replay.state, replay.reference_nm - measured
-    rho, omega = _terms(gains, integral, error)
+    terms = [rc_terms(gains, *each)[1:] for each in zip(integral.tolist(), error.tolist(), strict=True)]
+    rho, omega = np.array(terms).T
     rate = reference_rate(replay.reference_nm, replay.dt_s, False)
     y = rate + gains.K_D * error + gains.K_P * integral + omega
     slope = np.diff(replay.torque_nm, append=np.nan) / replay.dt_s
@@ -145,15 +143,6 @@ def watched(
         guarantee_failures_at_limit=int(at_limit.sum()) / count if count else None,
         guarantee_failures_by_saturation=int(by_limit.sum()) / count if count else None,
     ), {"chi_nm_s": read_only(chi), "rho_nm_s": read_only(rho)}
-
-
-def _terms(gains: RCGains, integral: Array, error: Array) -> tuple[Array, Array]:
-    """ρ and ω along a replay, `rc_terms` of all samples at once."""
-    z = gains.Q12 * integral + gains.Q22 * error
-    rho = gains.rho_constant + gains.rho_slope * np.hypot(integral, error)
-    at_zero = math.tanh(gains.gamma * gains.epsilon)
-    share = (np.tanh(gains.gamma * (np.abs(z) - gains.epsilon)) + at_zero) / (1 + at_zero)
-    return rho, share * np.copysign(rho, z) + (1 - share) * rho * z / gains.epsilon
 
 
 UNSEEN = 0.01
@@ -222,6 +211,8 @@ def _over_drawn_plants(
     setup: Setup, wanted: Reference, records: dict[str, Record], head: Head, progress: Progress
 ) -> tuple[Head, list[Finding]]:
     """Every metric over plants drawn from the fit's uncertainty, beside the fitted plant's."""
+    from eaid.replay.many import QUANTILES, montecarlo  # numba, which a replay of one plant does without
+
     options = setup.options
     count = options.plants or 0
     if count * len(wanted.torque_nm) > MOST_STEPS:
@@ -295,7 +286,7 @@ def _rehab(setup: Setup, top: float) -> Outcome:
         Exercise().scaled(top), **{key: value for key, value in given.items() if value is not None}
     )
     records = {
-        each.name: record_session(rehabilitate(setup.plant, each, exercise, setup.rig, setup.dt_s, options.seed))
+        each.name: rehabilitate(setup.plant, each, exercise, setup.rig, setup.dt_s, options.seed)
         for each in setup.controllers
     }
     return records, Head("", dt_s=setup.dt_s, counted_from_s=exercise.uncounted_s, exercise=exercise), []

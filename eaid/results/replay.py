@@ -241,7 +241,7 @@ MOMENTS = (
 
 
 class RigRecord(Result, frozen=True):
-    """The rig's own effects, as `eaid.replay.rig.Rig` has them."""
+    """The rig's own effects, as `eaid.options.Rig` has them."""
 
     noise_nm: Number = 0.0
     noise_correlation_s: Number = 0.0

@@ -34,7 +34,7 @@ def make(folder: Path, force: bool = False) -> dict[str, Path]:
     """Write all three into a folder; by kind, where."""
     paths = {kind: folder / f"{kind}.h5" for kind in NAMES}
     for kind, path in paths.items():
-        plant = REFERENCE[kind]()
+        plant = REFERENCE[kind]
         protocol = replace(PROTOCOLS[kind], levels=plant.levels)
         write(path, synthesise(plant, protocol, Disturbance(), seed=0), force)
     return paths

@@ -1,13 +1,13 @@
 """Synthetic logs as a folder of plain eaid CSV, one run a file, each headed by what it is."""
 
-import csv
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from eaid.errors import DataError
 from eaid.files import folder_written_whole, refuse_folder
 from eaid.logs.run import INPUT_UNITS, Run
+from eaid.replay.references import read_rows
 from eaid.results.plan import PlannedRun
 from eaid.synth.logs import Input
 
@@ -55,7 +55,7 @@ RUN_TABLE = PlannedRun.__struct_fields__
 def read_input(path: Path, kind: str = "clutch", unit: str = "%") -> tuple[Input, float]:
     """The changes of the input (from when [s], value) and the length of the log [s]; `DataError` with the bad rows."""
     column = input_column(kind, unit)
-    rows = _numbers(path, ("time_s", column), {"input": column})
+    rows = read_rows(path, ("time_s", column), {"input": column})
     duty = column == "duty_pct"
     most = 100.0 if duty else math.inf
     faults, before = [], -math.inf
@@ -81,7 +81,7 @@ def input_file(changes: Sequence[tuple[float, float]], kind: str, unit: str) -> 
 
 def read_plan(path: Path) -> list[PlannedRun]:
     """The runs of a table, in its order; `DataError` with the bad rows."""
-    rows = _numbers(path, RUN_TABLE, {})
+    rows = read_rows(path, RUN_TABLE)
     faults = [
         f"{path}: row {number} holds {value:g} as {name}, not a whole number of 1 or more; mend it"
         for number, values in rows
@@ -99,30 +99,3 @@ def read_plan(path: Path) -> list[PlannedRun]:
     if faults:
         raise DataError(*faults[:20])
     return [PlannedRun(int(v[0]), v[1], int(v[2]), v[3], v[4], v[5]) for _, v in rows]
-
-
-def _numbers(path: Path, header: Sequence[str], names: Mapping[str, str]) -> list[tuple[int, list[float]]]:
-    """Rows of a CSV with this header, or other `names` of its columns, with their numbers; finite numbers only."""
-    wanted = ",".join(header)
-    if not path.is_file():
-        raise DataError(f"{path}: no such file; give a CSV {wanted}")
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise DataError(f"{path}: is no text; give a CSV {wanted}") from None
-    rows = [(number, row) for number, row in enumerate(csv.reader(text.splitlines()), 1) if row and row[0][:1] != "#"]
-    if not rows or [names.get(cell.strip(), cell.strip()) for cell in rows[0][1]] != list(header):
-        raise DataError(f"{path}: its header is not {wanted}; name these columns")
-    faults, kept = [], []
-    for number, row in rows[1:]:
-        try:
-            values = [float(cell) for cell in row]
-        except ValueError:
-            values = []
-        if len(values) != len(header) or not all(math.isfinite(value) for value in values):
-            faults.append(f"{path}: row {number} holds {','.join(row)!r}, not {len(header)} finite numbers; mend it")
-        else:
-            kept.append((number, values))
-    if faults:
-        raise DataError(*faults[:20])
-    return kept

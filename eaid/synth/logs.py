@@ -7,16 +7,16 @@ x_i ← target_i + (x_i − target_i) e^(−t/τ_i), x_1 and x_2 towards C T_s a
 import hashlib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
-from math import exp, sqrt
+from math import exp
 
 import numpy as np
-from scipy.signal import lfilter
 
 from eaid.arrays import Array, read_only
 from eaid.errors import UsageError
 from eaid.logs.run import Run
 from eaid.models.parameters import Friction
 from eaid.options import SynthOptions
+from eaid.replay.loop import coloured
 from eaid.replay.references import MOST_SAMPLES
 from eaid.results.plan import PlannedRun
 from eaid.synth.plants import Plant
@@ -63,14 +63,6 @@ def scatter(d: Disturbance, draw: np.random.Generator) -> Scatter:
     return Scatter(1 + d.gain_scatter * gain, exp(d.tau1_scatter * tau1), exp(d.tau2_scatter * tau2))
 
 
-def coloured(n: int, dt_s: float, time_constant_s: float, draw: np.random.Generator) -> Array:
-    """Stationary AR(1) noise of unit variance, shape (n,)."""
-    keep = exp(-dt_s / time_constant_s)
-    white = draw.standard_normal(n)
-    white[1:] *= sqrt(1 - keep * keep)
-    return np.asarray(lfilter([1.0], [1.0, -keep], white))
-
-
 def sample_times(duration_s: float, rate_hz: float, jitter_s: float, draw: np.random.Generator) -> Array:
     """Sample instants [s], from 0, `duration_s` itself left out; jittered ones to whole microseconds."""
     ticks = np.arange(round(duration_s * rate_hz)) / rate_hz
@@ -98,7 +90,7 @@ def noise(time_s: Array, rotor_hz: Array, d: Disturbance, draw: np.random.Genera
     n = time_s.size
     phase = draw.uniform(0, 2 * np.pi)
     white = draw.standard_normal(n)
-    share = np.zeros(n)
+    share: Array = np.zeros(n)
     if d.ripple > 0:
         share += d.ripple * np.sin(2 * np.pi * rotor_hz * time_s + phase)
     if d.coloured > 0:
@@ -154,7 +146,10 @@ def response(plant: Plant, changes: Input, time_s: Array, run: Scatter | None = 
     for (start, value), end in zip(changes, ends, strict=True):
         step = run.of(plant.at(value)) if run else plant.at(value)
         target = step.Ts * np.array([[step.C], [1 - step.C]])
-        tau = np.where(target < state, _falling(plant, step, value), [[step.tau1], [step.tau2]])
+        tau = np.array([[step.tau1], [step.tau2]])
+        if plant.release is not None and value < plant.rest_below:  # a fall has more and more those of a fall to rest
+            share = value / plant.rest_below
+            tau = np.where(target < state, share * tau + (1 - share) * np.array(plant.release)[:, np.newaxis], tau)
         past = int(np.searchsorted(time_s, end))
         since = np.append(time_s[first:past], end) - start
         # from the start, not from the target: exact to the last digit at rest and for small times
@@ -162,15 +157,6 @@ def response(plant: Plant, changes: Input, time_s: Array, run: Scatter | None = 
         torque[first:past] = states[0, :-1] + states[1, :-1]
         first, state = past, states[:, -1:]
     return torque
-
-
-def _falling(plant: Plant, step: Friction, value: float) -> Array:
-    """τ1 and τ2 of a fall to an input [s]: below the lowest identified one more and more those of a fall to rest."""
-    tau = np.array([[step.tau1], [step.tau2]])
-    if plant.release is None or not value < plant.rest_below:
-        return tau
-    share = value / plant.rest_below
-    return np.asarray(share * tau + (1 - share) * np.array(plant.release)[:, np.newaxis])
 
 
 def synthesise(

@@ -105,24 +105,17 @@ def table_ii(speed_rpm: float) -> Friction:
     )
 
 
-def friction_force() -> Plant:
-    """The friction rig under weights: input is the normal force [N]."""
-    levels = tuple(map(float, range(17, 171, 17)))
-    return Plant("friction-force", table_i, 15.0, levels, "Table I as printed", input_unit="N")
-
-
-def friction_speed() -> Plant:
-    """The friction rig under 86 N: input is the speed [RPM]."""
-    levels, made_of = tuple(map(float, range(5, 41, 5))), "Table II as printed, with tau2 = 5.4 exp(-0.0101 RPM) s"
-    return Plant("friction-speed", table_ii, None, levels, made_of, input_unit="RPM")
-
-
-REFERENCE: dict[str, Callable[[], Plant]] = {
-    "clutch": clutch,
-    "friction-force": friction_force,
-    "friction-speed": friction_speed,
-}
-"""`--plant reference`, by kind."""
+REFERENCE: dict[str, Plant] = {
+    "clutch": clutch(),
+    "friction-force": Plant(
+        "friction-force", table_i, 15.0, tuple(map(float, range(17, 171, 17))), "Table I as printed", input_unit="N"
+    ),
+    "friction-speed": Plant(
+        "friction-speed", table_ii, None, tuple(map(float, range(5, 41, 5))),
+        "Table II as printed, with tau2 = 5.4 exp(-0.0101 RPM) s", input_unit="RPM",
+    ),
+}  # fmt: skip
+"""`--plant reference`, by kind: the clutch, the friction rig under weights [N], and at speeds [RPM] under 86 N."""
 
 
 def _unit(text: str) -> str:
@@ -158,5 +151,5 @@ def of_fit(fit: Fit, kind: Kind, named: str) -> Plant:
             raise UsageError(f"«levels» {value:g}: is not in {named}, which holds {known}")
         return curves[value]
 
-    measured = replace(REFERENCE[kind](), at=at, levels=tuple(sorted(curves)), made_of=named)
+    measured = replace(REFERENCE[kind], at=at, levels=tuple(sorted(curves)), made_of=named)
     return replace(measured, input_unit=input_unit, output_unit=output_unit)

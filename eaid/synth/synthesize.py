@@ -49,7 +49,7 @@ def synthesize(
         raise UsageError("«gains»: drive a closed loop; give «excitation» closed-loop with them, or leave them out")
     if options.controller != SynthOptions.controller and gains is None:
         raise UsageError(f"«controller» {options.controller}: is one of «gains»; give them, or leave it out")
-    plant = REFERENCE[options.kind or "clutch"]() if fit is None else of_fit(fit, options.kind or fit.data.kind, named)
+    plant = REFERENCE[options.kind or "clutch"] if fit is None else of_fit(fit, options.kind or fit.data.kind, named)
     disturbance = disturbance_of(options, plant)
     given = {each.name: getattr(options, each.name) for each in fields(Protocol)}
     times = {name: value for name, value in given.items() if value is not None}

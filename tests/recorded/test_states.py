@@ -92,7 +92,7 @@ def test_derivatives_are_those_of_complex_steps(kind: str, moving: bool) -> None
 def test_the_model_moves_as_the_replays_plant_does() -> None:
     draw = np.random.default_rng(5)
     log = log_of(draw, moving=True)
-    plant = plant_parameters(REFERENCE_PLANT)._replace(release1=0.4, release2=6.0)
+    plant = plant_parameters(REFERENCE_PLANT)._replace(release=(0.4, 6.0))
     x1 = x2 = 0.0
     expected = []
     for u, dt in zip(log.input, log.dt_s, strict=True):

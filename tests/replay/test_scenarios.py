@@ -113,15 +113,15 @@ def test_a_file_lies_on_the_control_grid_from_its_first_instant(fit, gains, tmp_
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("time_s,torque\n0,1\n", "its first row must name the columns time_s,reference_nm; it has time_s,torque"),
-        ("", "its first row must name the columns time_s,reference_nm; it has nothing"),
-        ("time_s,reference_nm\n0,1\n1,x\n", "reference_nm in row 3 is 'x', not a finite number"),
-        ("time_s,reference_nm\n0,1\n1\n", "reference_nm in row 3 is '', not a finite number"),
-        ("time_s,reference_nm\n0,1\n\n1,inf\n2,x\n", "reference_nm in row 4 is 'inf'"),
+        ("time_s,torque\n0,1\n", "its header is not time_s,reference_nm, but time_s,torque"),
+        ("", "its header is not time_s,reference_nm, but empty"),
+        ("time_s,reference_nm\n0,1\n1,x\n", "row 3 holds '1,x', not 2 finite numbers"),
+        ("time_s,reference_nm\n0,1\n1\n", "row 3 holds '1', not 2 finite numbers"),
+        ("time_s,reference_nm\n0,1\n\n1,inf\n2,x\n", "row 4 holds '1,inf', not 2 finite numbers"),
         ("time_s,reference_nm\n0,1\n\n1,2\n\n1,3\n", r"time does not rise at row 6 \(1 s after 1 s\)"),
         ("time_s,reference_nm\n\n0,1\n", r"holds 1 row\(s\)"),
         ("time_s,reference_nm\n0,1\n1e-4,2\n", "lasts 0.0001 s, less than one control interval"),
-        (b"\xff\xfe\x00\x81", "is no text file"),
+        (b"\xff\xfe\x00\x81", "is no text"),
         (None, "no such file"),
     ],
 )
