@@ -115,7 +115,6 @@ def _is_number(text: str) -> bool:
 
 MOST_FINDINGS = 3
 """Findings that are told by default; `--verbose` tells all."""
-PREFIX = {"stop": "stop", "caution": "warning", "note": "note"}
 COLOUR = {"error": "1;31", "stop": "1;31", "warning": "33", "note": "36"}
 EVERY_S = 5.0
 """Where there is no terminal, a line of progress comes at most this often [s]."""
@@ -204,13 +203,14 @@ def tell(findings: "Iterable[Finding]", verbose: bool = False) -> None:
         return
     from eaid.findings import merged, ranked
     from eaid.findings import say as sentence
+    from eaid.findings.finding import WORD
     from eaid.findings.sentences import SENTENCES
 
     ordered = ranked(merged(tuple(findings)))
     always = {code for code, row in SENTENCES.items() if row.always}
     shown = [one for k, one in enumerate(ordered) if verbose or k < MOST_FINDINGS or one.code in always]
     for one in shown:
-        _mark(PREFIX[one.severity], on_command_line(sentence(one)))
+        _mark(WORD[one.severity], on_command_line(sentence(one)))
     if len(ordered) > len(shown):
         say(f"and {len(ordered) - len(shown)} more: --verbose shows all")
 

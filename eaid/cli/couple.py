@@ -4,16 +4,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from eaid.cli import console
-from eaid.cli.form import Common, Verbose, argument, takes, written
+from eaid.cli.form import Common, Tables, argument, takes, written
 from eaid.declared import option, part
 from eaid.options import LOOP, CoupleOptions
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arguments(Common, CoupleOptions, Verbose):
+class Arguments(Common, CoupleOptions, Tables):
     """What `eaid couple` takes."""
 
     fit: Path = argument("FIT", "fit.json with a nonlinear model.")
+    gains_placed: Path | None = argument("GAINS", "The same as --gains.", None)
     gains: Path | None = option(None, "gains.json; without it only open loop and inverse.", LOOP, shown="FILE")
     output: Path = written("couple.json")
 
@@ -29,7 +30,7 @@ def command(args: Arguments) -> None:
     from eaid import api
     from eaid.cli import inputs
     from eaid.files import refuse_to_overwrite
-    from eaid.report.tables.gains import walls_tables
+    from eaid.report.tables.gains import walls_brief, walls_tables
     from eaid.results import codec
     from eaid.results.coupling import CoupleInputs
     from eaid.results.fit import Fit
@@ -45,7 +46,7 @@ def command(args: Arguments) -> None:
     if args.json:
         console.print_json(coupling, "couple")
     else:
-        for table in walls_tables(coupling):
+        for table in walls_tables(coupling) if args.tables or args.verbose else [walls_brief(coupling)]:
             console.show(table)
     console.tell([*warnings, *more, *coupling.findings], args.verbose)
     console.done(args.output, f"{len(coupling.walls)} walls", f"eaid report {args.fit} {args.output}")

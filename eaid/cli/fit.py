@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from eaid.cli import console
-from eaid.cli.form import OUTPUT, Common, Verbose, argument, takes, written
-from eaid.declared import option, part
+from eaid.cli.form import Common, Tables, argument, takes, written
+from eaid.declared import part
 from eaid.options import FitOptions, ReadOptions
 
 NOT_TO_BE_USED = 4
@@ -13,11 +13,10 @@ NOT_TO_BE_USED = 4
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arguments(Common, FitOptions, ReadOptions, Verbose):
+class Arguments(Common, FitOptions, ReadOptions, Tables):
     """What `eaid fit` takes."""
 
     data: list[Path] = argument("DATA…", "A data.h5, log files, or folders of them.")
-    tables: bool = option(False, "Show all numbers as tables.", OUTPUT)
     output: Path = written("fit.json")
 
 

@@ -20,19 +20,44 @@ import typer
 from eaid.cli import console
 from eaid.cli.completion import completion
 from eaid.declared import Declaration, Form, Options, as_typed, forms, is_text, option, value_of
-from eaid.errors import UsageError
+from eaid.errors import DataError, UsageError
 
 A = TypeVar("A", bound="Common")
 OUTPUT, PLACE = "Output", "Arguments"
+GAINS = "no such file; give the gains.json that eaid wrote"
+LOGS = "no such file or folder; check the path"
 SHORT = 20
 """Letters of a list of words that stand behind an option; longer ones stand in its help."""
 SHARED = ("output", "force", "json", "quiet", "verbose", "seed")
 """Options that stand last in the help."""
 
 
-def argument(shown: str, help: str) -> Any:
+def argument(shown: str, help: str, default: Any = MISSING) -> Any:
     """A field that is given by its place."""
-    return field(metadata={"option": Declaration(help, PLACE, shown=shown)})
+    return field(default=default, metadata={"option": Declaration(help, PLACE, shown=shown)})
+
+
+MISSED = {
+    "FIT": "no such file; give the fit.json that eaid wrote", "GAINS [FIT]": GAINS, "GAINS": GAINS, "--gains": GAINS,
+    "FILE…": "no such file; give a fit.json, gains.json, replay.h5 or data.h5 that eaid wrote",
+    "DATA…": LOGS, "LOG…": LOGS,
+}  # fmt: skip
+"""Argument, or option → what is said where its file is missing."""
+
+
+def refuse_files(given: Sequence[tuple[str, Path]], output: Path, force: bool) -> None:
+    """Refuse missing inputs, then an existing output, before anything heavy is loaded.
+
+    Where only some inputs are missing, the command tells them with the faults of the others.
+    """
+    from eaid.files import refuse_to_overwrite
+
+    missing = [f"{path}: {MISSED[shown]}" for shown, path in given if not path.exists()]
+    stands = output.is_file() and not force
+    if missing and (stands or len(missing) == len(given)):
+        raise DataError(*missing)
+    if stands and given:
+        refuse_to_overwrite(output, force)
 
 
 def written(default: str, help: str = "Where the result is written.") -> Any:
@@ -58,6 +83,13 @@ class Verbose(Options):
     verbose: bool = option(False, "Tell all findings and show all tables.", OUTPUT, "-v", "--verbose")
 
 
+@dataclass(frozen=True, kw_only=True)
+class Tables(Verbose):
+    """Of commands that say the answer first, in a few lines."""
+
+    tables: bool = option(False, "Show all numbers as tables.", OUTPUT)
+
+
 def takes(arguments: type[A]) -> Callable[[Callable[[A], int | None]], Callable[..., int | None]]:
     """Make of a function of `arguments` one that Typer takes as a command."""
     flat = [(outer, form) for outer in forms(arguments).values() for form in _flat(outer)]
@@ -66,6 +98,18 @@ def takes(arguments: type[A]) -> Callable[[Callable[[A], int | None]], Callable[
     def made(body: Callable[[A], int | None]) -> Callable[..., int | None]:
         def command(**typed: Any) -> int | None:
             console.be_quiet(typed["quiet"])
+            if placed := typed.get("gains_placed"):
+                if typed["gains"] is not None:
+                    raise UsageError("GAINS and --gains: give one of them")
+                typed |= {"gains": placed, "gains_placed": None}
+            files = [
+                (shown, path)
+                for _, form in flat
+                if (shown := (form.declared.shown or "") if form.declared.group == PLACE else form.flag) in MISSED
+                for path in (typed[form.name] if isinstance(typed[form.name], list) else [typed[form.name]])
+                if path is not None
+            ]
+            refuse_files(files, typed["output"], typed["force"])
             values: dict[str, Any] = {}
             for outer, form in flat:
                 value = value_of(form, typed[form.name])

@@ -49,25 +49,27 @@ def _tenths() -> Callable[[str, float], None]:
 def logs_of(fitted: "Fit", fit: Path, data: list[Path] | None, options: "TuneOptions") -> "StepSet | None":
     """The logs given, or those that the fit names, where they are wanted, still there and unchanged."""
     from eaid.files import sha256_of
+    from eaid.options import ReadOptions
 
     if data:
         return runs_from(data)[1]
     if options.phi != "data":
         return None
     instead = "so φ cannot be read off them; give the logs with --data"
-    if not fitted.data.inputs:
+    named = fitted.data.inputs or fitted.data.sources  # of a folder each log is named
+    if not named:
         console.warn(f"{fit}: names no logs, {instead}")
         return None
-    paths = []
-    for record in fitted.data.inputs:
+    paths: list[Path] = []
+    for record in named:
         recorded = Path(record.path)
         file = next((path for path in (recorded, fit.parent / recorded.name) if path.is_file()), None)
         if file is None or sha256_of(file) != record.sha256:
             console.warn(f"{recorded}: is gone or has changed, {instead}")
             return None
-        paths.append(file)
+        paths += [file] * (file not in paths)
     try:
-        return runs_from(paths)[1]
+        return runs_from(paths, ReadOptions(**{**fitted.options.reading, "logs_as": "steps"}))[1]  # type: ignore[arg-type]
     except EaidError as fault:
         console.warn(f"{fault.sentences[0]}: {instead}")
         return None

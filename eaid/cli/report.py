@@ -6,6 +6,7 @@ from pathlib import Path
 from eaid.cli import console
 from eaid.cli.form import Common, argument, takes, written
 from eaid.declared import part
+from eaid.errors import UsageError
 from eaid.options import ReportOptions
 from eaid.shown import counted
 
@@ -14,9 +15,7 @@ from eaid.shown import counted
 class Arguments(Common, ReportOptions):
     """What `eaid report` takes."""
 
-    files: list[Path] = argument(
-        "FILE…", "Any of fit.json, gains.json, replay.h5, data.h5; two fits of one kind are compared."
-    )
+    files: list[Path] = argument("FILE…", "Any of fit.json, gains.json, replay.h5, data.h5.")
     output: Path = written("report", "Folder that is written.")
 
 
@@ -30,6 +29,10 @@ def command(args: Arguments) -> None:
     Example: eaid report fit.json gains.json multisine.h5 clutch.h5 -o report
     """
     from eaid.files import refuse_to_overwrite
+
+    page = args.output / "report.html"
+    if page.exists() and not args.force:  # before anything heavy is loaded
+        raise UsageError(f"{page}: exists already; give --force to overwrite the report, or another --output")
     from eaid.report.results import read_results
     from eaid.report.write import FILE, chosen, refuse_to_overwrite_report, write_report
 

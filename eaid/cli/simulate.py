@@ -15,6 +15,7 @@ class Arguments(Common, SimulateOptions, Columns, Verbose):
     """What `eaid simulate` takes."""
 
     fit: Path = argument("FIT", "fit.json of eaid fit.")
+    gains_placed: Path | None = argument("GAINS", "The same as --gains.", None)
     gains: Path | None = option(None, "gains.json of eaid tune-rc; rc and pi need it.", WHAT, shown="FILE")
     reference: Path | None = option(None, "A reference of your own: CSV time_s,reference_nm.", WHAT, shown="FILE")
     log: list[Path] | None = option(None, "Recorded runs: their input through the plant.", WHAT, shown="FILE")

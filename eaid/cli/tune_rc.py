@@ -4,14 +4,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from eaid.cli import console
-from eaid.cli.form import Common, Verbose, argument, takes, written
+from eaid.cli.form import Common, Tables, argument, takes, written
 from eaid.declared import option, part
 from eaid.errors import UsageError
 from eaid.options import ROBUST, TRACKED, TuneOptions, as_typed
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arguments(Common, TuneOptions, Verbose):
+class Arguments(Common, TuneOptions, Tables):
     """What `eaid tune-rc` takes."""
 
     fit: Path = argument("FIT", "fit.json of eaid fit; only its linear part is needed.")
@@ -53,8 +53,9 @@ def command(args: Arguments) -> None:
     if args.json:
         console.print_json(gains, "gains")
     else:
-        console.line(f"guarantee: {tables.guarantee_words(gains)}")
-        for table in [*tables.tables_of(gains, asked=False), *([tables.margins_table(gains)] if args.verbose else [])]:
+        console.line(tables.guarantee_story(gains))
+        shown = [*tables.tables_of(gains, asked=False), tables.margins_table(gains)]
+        for table in shown if args.tables or args.verbose else [tables.controllers_table(gains)]:
             console.show(table)
     console.tell([*gains.findings, *warnings], args.verbose)
     console.done(args.output, "gains of rc and pi", f"eaid simulate {args.fit} --gains {args.output}")

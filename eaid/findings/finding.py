@@ -14,6 +14,8 @@ from eaid.shown import counted
 
 Value = float | int | str | bool | None | tuple[float | str, ...]
 GRAVITY: dict[str, int] = {"stop": 0, "caution": 1, "note": 2}
+WORD = {"stop": "stop", "caution": "warning", "note": "note"}
+"""How a severity is called wherever people read it."""
 
 
 class Finding(msgspec.Struct, frozen=True):

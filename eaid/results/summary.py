@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, TypeVar
 
 from eaid.findings import merged, ranked, say
+from eaid.findings.finding import WORD
 from eaid.shown import counted, span
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ ENDLESS_S = 1e4
 """A time constant above this [s] that no interval bounds is no number worth showing."""
 USED = {
     "levels-first": "levels first, then the curves",
-    "joint": "all levels at once, as in the paper, as you wished",
+    "joint": "all levels at once, as in the paper, as you asked",
 }
 """Estimates that stand as the nonlinear model."""
 
@@ -31,7 +32,7 @@ def fit_summary(fit: "Fit") -> list[str]:
         *verdict_line(fit),
         fitted(fit),
         *answer(fit),
-        *(f"{one.severity}: {say(one)}" for one in ranked(merged(fit.findings))[:MOST]),
+        *(f"{WORD[one.severity]}: {say(one)}" for one in ranked(merged(fit.findings))[:MOST]),
     ]
 
 
@@ -59,7 +60,8 @@ def answer(fit: "Fit") -> list[str]:
     if model is not None and steps_of_other_shapes(fit):
         lines.append("shown  single steps by their own shapes; the models keep the paper's form")
     elif model is not None:
-        lines.append(f"used   {USED[model.estimator]}{' (the joint fit parts from it)' if model.parts else ''}")
+        used = USED[model.estimator] if fit.recorded is None else "the recorded log as a whole, every input at once"
+        lines.append(f"used   {used}{' (the joint fit disagrees with the single levels)' if model.parts else ''}")
     return lines
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 def test_the_table_and_the_file_agree(rig, run_eaid):
     words = "couple fit.json --gains gains.json --torque 1,2 --loops pi,rc-no-rate --wall 30 --no-replay"
-    ran = run_eaid(words)
+    ran = run_eaid(f"{words} --tables")
     walls = json.loads(Path("couple.json").read_text(encoding="utf-8"))["walls"]
     assert ran.code == 0 and [(wall["loop"], wall["torque_nm"]) for wall in walls] == [
         ("pi", 1.0), ("rc-no-rate", 1.0), ("pi", 2.0), ("rc-no-rate", 2.0),
@@ -14,6 +14,11 @@ def test_the_table_and_the_file_agree(rig, run_eaid):
     assert 0 < walls[0]["K_passive"] < 10 and f"{walls[0]['K_passive']:.3g}" in ran.out and "--" not in ran.out
     assert "warning: pi: a wall of 30 N·m/rad is beyond what stays stable" in ran.err
     assert "couple.json: 4 walls; next: eaid report fit.json couple.json" in ran.err
+    brief = run_eaid(words.replace("--gains ", "") + " --force")  # the gains by their place
+    assert json.loads(Path("couple.json").read_text(encoding="utf-8"))["walls"] == walls
+    assert f"{walls[0]['K_passive']:.3g} | {walls[0]['K_stable']:.3g}" in brief.out
+    assert len((brief.out + brief.err).splitlines()) <= 25
+    assert run_eaid(f"{words} gains.json").code == 2
 
 
 def test_without_gains_the_loops_that_need_none_are_judged(by_hand, run_eaid):

@@ -39,10 +39,12 @@ def test_the_paper_s_linear_model_gives_the_paper_s_gains(by_hand, run_eaid):
     assert rc["P"] == [[5.0, 0.0], [0.0, 5.0]] and rc["alpha"] == pytest.approx(0.549091, abs=1e-6)
     assert rc["rho"]["constant"] == pytest.approx(10.8125, abs=1e-4)
     assert (pi["K_P"], pi["K_I"]) == pytest.approx((156.6, 252.9), abs=0.1) and gains["duty_limits_pct"] == [0.0, 100.0]
-    assert ran.out.splitlines()[0] == "guarantee: NO (ρ, duty limit)" and len(ran.out.splitlines()) <= 36
+    assert ran.out.startswith("guarantee NO: ρ covers 10.8 of the 19.3 N·m/s that the model's error needs; the robust ")
+    assert len((ran.out + ran.err).splitlines()) <= 15 and "PI          K_P 157, K_I 253 " in ran.out
+    ran = run_eaid("tune-rc fit.json -o g.json --force --tables")
     assert re.search(r"^ρ, constant +10\.81 ", ran.out, re.M) and re.search(r"^ρ, slope +6\.586 ", ran.out, re.M)
     assert re.search(r"^phase margin +[0-9.]+ +° ", ran.out, re.M)
-    assert "Margins" not in ran.out and "published" not in ran.out
+    assert "published" not in ran.out
     assert ran.err.splitlines()[-1] == "g.json: gains of rc and pi; next: eaid simulate fit.json --gains g.json"
     assert codes(gains) == {
         "rho-not-covered", "robust-term-beyond-actuator", "nothing-to-replay-on",
@@ -155,5 +157,5 @@ def test_a_fit_that_is_not_usable_is_used_on_request_only(tuned, by_hand, run_ea
 
 def test_the_tables_of_a_rig_in_other_units_name_them(tuned, run_eaid, volts):
     assert tuned(parts={"data": volts}, k=3, y=0.5)["duty_limits_pct"] == [0.0, 300.0]
-    out = run_eaid("tune-rc fit.json --force").out
+    out = run_eaid("tune-rc fit.json --force --tables").out
     assert "V·s/(N)" in out and "%·s" not in out and "N·m" not in out

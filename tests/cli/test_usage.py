@@ -53,6 +53,9 @@ TABLE = r"""
 2 | tune-rc fit.json --data data.h5 | --data: does nothing without --phi data; leave it out
 2 | tune-rc fit.json --duty-limits 0,120 | --duty-limits 0,120: a duty ends at 100 %
 2 | tune-rc fit.json --duty-limits 50,20 | --duty-limits 50,20: must rise from 0 or above
+3 | tune-rc nowhere.json -o fit.json | nowhere.json: no such file; give the fit.json that eaid wrote
+3 | couple fit.json nowhere.json -o fit.json | nowhere.json: no such file; give the gains.json that eaid wrote
+3 | fit nowhere.h5 -o fit.json | nowhere.h5: no such file or folder; check the path
 3 | tune-rc nowhere.json | nowhere.json: no such file; give the fit.json that eaid wrote
 3 | tune-rc gains.json | gains.json: is no eaid/fit/2 file (its schema is 'eaid/gains/1'); make it again with this …
 5 | tune-rc fit.json --pi-overshoot 1 --pi-settling 60 | a settling time of 60 s with 1 % overshoot is out of reach: …

@@ -21,12 +21,12 @@ def _settling(v: Values) -> str:
 
 GAIN_ROWS: dict[str, Row] = {
     "phi-exceeded": caution(
-        "φ does not hold: ρ allows |η − η̂| up to {allowed:.3g} {unit}, the data ask for {needed:.3g} {unit} ({where}); "
-        "«phi» data takes it from there"
+        "the model's drift term is off by up to {needed:.3g} {unit} ({where}), the gains allow for {allowed:.3g} "
+        "{unit}; «phi» data takes φ from the data"
     ),
     "slope-above-q-max": caution(
-        "Q_M does not hold for the {reference}: it rises at up to {slope:.4g} per second, Q_M is {Q_M:.4g}; "
-        "«reference» takes it from there"
+        "the {reference} is steeper ({slope:.3g} per second) than the gains assume (Q_M {Q_M:.3g}); «reference» takes "
+        "Q_M from it"
     ),
     "rho-not-covered": caution(
         "ρ does not cover the uncertainty: with B̂ = {B_hat:.4g} the α really reached is {reached:.4g}, ρ was made with "
@@ -74,8 +74,8 @@ def _leaves(v: Values) -> str:
     if v["above_pct"] > 1:
         parts.append(f"{v['above_pct']:.0f} % above {v['high']:.4g} {v['unit']}")
     if v["falling_pct"] is not None and v["falling_pct"] > 1:
-        parts.append(f"{v['falling_pct']:.0f} % falling from level to level with the time constants of rising steps")
-    return f"replays leave what was identified: {', '.join(parts)}; record steps down to levels there to know"
+        parts.append(f"{v['falling_pct']:.0f} % of falling output, of which only rising steps were recorded")
+    return f"the replay leaves what was recorded: {', '.join(parts)}; treat that as extrapolation"
 
 
 REPLAY_ROWS: dict[str, Row] = {

@@ -6,7 +6,7 @@ from eaid.report import rig
 from eaid.report.rig import controller_name, gain, printed_head
 from eaid.report.tables import Cell, Table, columns, level, number, table_of, with_unit
 from eaid.results.coupling import Coupling, Wall
-from eaid.results.gains import Condition, Gains, Margin, Margins
+from eaid.results.gains import Condition, Gains, Margin, Margins, Tracking
 
 CONDITIONS = {
     "rho": ("ρ", "the robust term covers the model's error, inequality (15)",
@@ -77,6 +77,33 @@ def printed(gains: Gains, asked: bool | None = None) -> str:
     return printed_head("clutch", (gains.input_unit, gains.output_unit), asked)
 
 
+def controllers_table(gains: Gains) -> Table:
+    """Each controller with its gains, its least margins and its largest error, one line each."""
+    worst, errors = gains.margins.worst if gains.margins else None, gains.replayed
+    each: list[tuple[str, dict[str, float], Margin | None, Tracking | None]] = []
+    if gains.rc is not None:
+        shown = {"K_P": gains.rc.K_P, "K_D": gains.rc.K_D, "B̂": gains.rc.B_hat, "φ": gains.rc.phi}
+        each.append(("rc", shown, worst and worst.rc, errors and errors.rc))
+    if gains.pi is not None:
+        shown = {"K_P": gains.pi.K_P, "K_I": gains.pi.K_I}
+        each.append(("pi", shown, worst and worst.pi, errors and errors.pi))
+    rows = tuple(
+        (
+            controller_name(name),
+            ", ".join(f"{symbol} {number(value, 3)}" for symbol, value in shown.items()),
+            *_margin(margin)[:2],
+            error.max_abs_error_nm if error else None,
+        )
+        for name, shown, margin, error in each
+    )
+    on = f" on the {errors.reference}" if errors is not None else ""
+    heads = columns(
+        "controller", "gains", ("gain margin", "dB", 3), ("phase margin", "°", 3),
+        (f"largest error{on}", gains.output_unit, 3),
+    )  # fmt: skip
+    return Table("Controllers", "Margins: the least over the held inputs.", heads, rows)
+
+
 def checklist(gains: Gains) -> Table:
     """What the guarantee needs, and what is there."""
     return table_of(
@@ -129,7 +156,15 @@ def gains_table(gains: Gains, asked: bool | None = None) -> Table:
             ("Q12, Q22", "–", f"{number(rc.Q[0][1])}, {number(rc.Q[1][1])}", "1", "weights of the switching variable"),
         ]
         if (bound := rc.ultimate_bound) is not None:
-            rows.append(("error in the end", "–", bound.torque_error_nm, out, "ultimate bound by ε and ρ"))
+            rows.append(
+                (
+                    "error in the end",
+                    "–",
+                    bound.torque_error_nm,
+                    out,
+                    "guaranteed worst error (only if the guarantee holds)",
+                )
+            )
         rows += _least(gains, "rc")
         if replayed is not None and replayed.rc is not None:
             rows.append(("largest error", "–", replayed.rc.max_abs_error_nm, out, f"replayed: {replayed.reference}"))
@@ -204,6 +239,24 @@ def walls_tables(coupling: Coupling) -> list[Table]:
         _walls_table("Walls of an antagonistic pair", pair, coupling.pair, coupling.output_unit),
     )
     return [table for table in every if table.rows]
+
+
+def walls_brief(coupling: Coupling) -> Table:
+    """Of each loop, at each torque, the stiffest wall that is passive and the stiffest that stays stable."""
+    walls = {(one.loop, one.torque_nm): one for one in coupling.walls}
+    torques = list(dict.fromkeys(one.torque_nm for one in coupling.walls))
+    rows = tuple(
+        (controller_name(loop), *(_two(walls.get((loop, torque))) for torque in torques))
+        for loop in dict.fromkeys(one.loop for one in coupling.walls)
+    )
+    caption = "Passive on any limb | stable on this one [N·m/rad]; a dash: no limit, or none that was seen."
+    at = (f"at {with_unit(number(torque, 3), coupling.output_unit)}" for torque in torques)
+    return Table("Stiffest virtual wall", caption, columns("loop", *at), rows)
+
+
+def _two(wall: Wall | None) -> str:
+    ends = (wall.K_passive, wall.K_stable) if wall is not None else ()
+    return " | ".join("–" if one is None else number(one, 3) for one in ends)
 
 
 def _walls_table(heading: str, caption: str, walls: Sequence[Wall], unit: str) -> Table:
