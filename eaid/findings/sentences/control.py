@@ -37,7 +37,7 @@ GAIN_ROWS: dict[str, Row] = {
         "{unit}: there the Lyapunov argument does not hold on the real clutch"
     ),
     "no-ultimate-bound": caution(
-        "no ultimate bound on the torque error follows from these gains: V may rise without end"
+        "no bound on the error in the end follows from these gains: V may rise without end"
     ),
     "margin-missed": caution(_margin),
     "paper-pi": note(
@@ -95,7 +95,7 @@ REPLAY_ROWS: dict[str, Row] = {
     ),
     "no-gains": note("no «gains», so rc and pi are left out; the controllers that need none are replayed"),
     "open-loop-on-straight-line": note(
-        "no linear model, so open-loop takes the straight line through the plant's steady torque"
+        "no linear model, so open-loop takes the straight line through the plant's steady output"
     ),
     "replay-leaves-identified": note(_leaves),
 }
@@ -159,7 +159,7 @@ EXPORT_ROWS: dict[str, Row] = {
         "exported for {rate_hz:g} Hz, the gains were made for {made_hz:g} Hz: their margins are not these"
     ),
     "export-no-release": caution(
-        "no release was fitted: how the torque falls to rest is an assumption of the {subject}"
+        "no release was fitted: how the output falls to rest is an assumption of the {subject}"
     ),
     "export-fault-outside": caution(
         "the duty on fault, {duty:g} {unit}, lies outside the duty limits {low:g} to {high:g} {unit}"

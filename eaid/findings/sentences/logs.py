@@ -249,7 +249,7 @@ STEP_ROWS: dict[str, Row] = {
     ),
     "window-too-short": caution(_too_short, "tau2_s"),
     "left-after-release": caution(
-        "{left_pct:.0f} % of the held torque is left {after_s:.3g} s after the release", "left_pct"
+        "{left_pct:.0f} % of the held output is left {after_s:.3g} s after the release", "left_pct"
     ),
     "level-contradicts-input": stop(
         "its level is said to be {said:g} {unit}, but its own input column holds {held:.4g}; mend one of them"

@@ -12,7 +12,7 @@ CONDITIONS = {
     "rho": ("ρ", "the robust term covers the model's error, inequality (15)",
             "ρ covers {a} of the {n} {unit} that the model's error needs"),
     "phi": ("φ", "bound on the error of the model's drift term", "φ allows {a} of the {n} {unit} needed"),
-    "Q_M": ("Q_M", "bound on the slope of the torque reference",
+    "Q_M": ("Q_M", "bound on the slope of the reference",
             "the gains assume a slope of {a}, the reference has {n} {unit}"),
     "duty-limit": ("duty limit", "the actuator can deliver the robust term",
                    "the robust term asks for {n} {unit}, the actuator has {a}"),
