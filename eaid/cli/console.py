@@ -6,6 +6,7 @@ logs (names, units) is text: control and direction-changing characters are shown
 
 import contextlib
 import os
+import shlex
 import shutil
 import sys
 import textwrap
@@ -261,9 +262,9 @@ def show(made: "Table") -> None:
         print("\n".join([title, *aligned(cells, _width_of(sys.stdout))]))
 
 
-def done(path: "Path", what: str, after: str) -> None:
-    """The closing line: the file, what it holds, and what to do next."""
-    say(f"{path}: {what}; next: {after}")
+def done(path: "Path", what: str, after: "str | Sequence[str | Path]") -> None:
+    """The closing line: the file, what it holds, and what to do next, a text or the words of a command of eaid."""
+    say(f"{path}: {what}; next: {after if isinstance(after, str) else shlex.join(('eaid', *map(str, after)))}")
 
 
 def line(text: str) -> None:

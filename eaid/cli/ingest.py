@@ -49,7 +49,7 @@ def command(args: Arguments) -> None:
         kind = options.kind or whole[0].kind or "clutch"
         write_dataset(args.output, whole, kind=kind, apparatus=rig, force=args.force)
         show_edges(logs, args.json)
-        console.done(args.output, f"{counted(len(logs), 'log')} as recorded", f"eaid report {args.output}")
+        console.done(args.output, f"{counted(len(logs), 'log')} as recorded", ("report", args.output))
         return
     runs, stepset = inputs.runs_from(args.logs, options, seen=console.say)
     if args.write_manifest:
@@ -67,5 +67,5 @@ def command(args: Arguments) -> None:
     console.done(
         args.output,
         f"{counted(len(runs), 'run')}, {counted(len(stepset.levels), 'level')}",
-        f"eaid fit {args.output}",
+        ("fit", args.output),
     )

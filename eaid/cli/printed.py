@@ -1,5 +1,6 @@
 """What commands print of fits, of what was read and of plans; and `--json` where no file says it."""
 
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -11,6 +12,7 @@ from eaid.cli import console
 from eaid.errors import on_command_line
 from eaid.files import all_written_whole
 from eaid.findings import Finding, say
+from eaid.findings.finding import WORD
 from eaid.logs.run import Run
 from eaid.report.tables import Name, Table, columns, table_of
 from eaid.report.tables.data import EDGE_PARTS, between_levels, highest_slips, levels_recorded, slips_table
@@ -33,7 +35,7 @@ def show_fit(fit: Fit, file: Path, tables: bool, verbose: bool) -> None:
     after = "tune-rc" if fit.linear is not None and usable else "report"
     label = "warned " if usable else "stop   "
     warnings = label + (", ".join(warned(fit)) or "none")
-    for line in (*verdict_line(fit), *answer(fit), warnings, f"next   eaid {after} {file}"):
+    for line in (*verdict_line(fit), *answer(fit), warnings, f"next   {shlex.join(('eaid', after, str(file)))}"):
         console.line(line)
     shown = model_tables(fit, asked=False) if tables else []
     for table in [*shown, *(judging_tables(fit) if tables and verbose else ())]:
@@ -65,7 +67,7 @@ def show_steps(data: StepSet) -> None:
     console.show(slips_table(highest_slips(data), data))
     console.show(table_of(
         "Warnings", "", data.all_findings,
-        ("", lambda one: console.PREFIX[one.severity]), ("run", lambda one: Name(console.shortened(one.subject))),
+        ("", lambda one: WORD[one.severity]), ("run", lambda one: Name(console.shortened(one.subject))),
         ("what", lambda one: Name(on_command_line(say(one)))),
     ))  # fmt: skip
 

@@ -63,4 +63,4 @@ def command(args: Arguments) -> None:
             console.show(table)
     console.tell([*replay.findings, *warnings, *more], args.verbose)
     summary = f"{replay.head.scenario} with {', '.join(sorted(replay.records)[:5])}"
-    console.done(args.output, summary, f"eaid report {args.fit} {args.output}")
+    console.done(args.output, summary, ("report", args.fit, *([args.gains] if args.gains else []), args.output))

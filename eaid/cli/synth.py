@@ -60,4 +60,4 @@ def command(args: Arguments) -> None:
         console.print_json(synthesized(args.output, runs, tuple(map(Input.of, inputs)), args.seed), "synth")
     made_of = (runs[0].synthetic or "").partition(";")[0].removeprefix("eaid synth of ")
     summary = f"{counted(len(runs), 'synthetic run')} of {made_of}, seed {args.seed}"
-    console.done(args.output, summary, f"eaid fit {args.output}")
+    console.done(args.output, summary, ("fit", args.output))

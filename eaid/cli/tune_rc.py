@@ -58,4 +58,4 @@ def command(args: Arguments) -> None:
         for table in shown if args.tables or args.verbose else [tables.controllers_table(gains)]:
             console.show(table)
     console.tell([*gains.findings, *warnings], args.verbose)
-    console.done(args.output, "gains of rc and pi", f"eaid simulate {args.fit} --gains {args.output}")
+    console.done(args.output, "gains of rc and pi", ("simulate", args.fit, args.output))

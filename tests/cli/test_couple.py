@@ -13,7 +13,7 @@ def test_the_table_and_the_file_agree(rig, run_eaid):
     ]  # fmt: skip
     assert 0 < walls[0]["K_passive"] < 10 and f"{walls[0]['K_passive']:.3g}" in ran.out and "--" not in ran.out
     assert "warning: pi: a wall of 30 N·m/rad is beyond what stays stable" in ran.err
-    assert "couple.json: 4 walls; next: eaid report fit.json couple.json" in ran.err
+    assert "couple.json: 4 walls; next: eaid report fit.json gains.json couple.json" in ran.err
     brief = run_eaid(words.replace("--gains ", "") + " --force")  # the gains by their place
     assert json.loads(Path("couple.json").read_text(encoding="utf-8"))["walls"] == walls
     assert f"{walls[0]['K_passive']:.3g} | {walls[0]['K_stable']:.3g}" in brief.out

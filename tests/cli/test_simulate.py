@@ -21,7 +21,7 @@ def columns(name, file="replay.h5"):
 def test_the_multisine_is_the_default_and_replay_h5_the_output(run_eaid):
     ran = run_eaid("simulate fit.json --gains gains.json")
     assert ran.code == 0 and "0.116" in ran.out and "0.797" in ran.out and "Guarantee along this replay" in ran.out
-    assert "replay.h5: multisine with pi, rc; next: eaid report fit.json replay.h5" in ran.err
+    assert "replay.h5: multisine with pi, rc; next: eaid report fit.json gains.json replay.h5" in ran.err
     assert "warning: the reference is as steep as 9.28 per second; the gains were made for Q_M = 5" in ran.err
     with h5py.File("replay.h5") as file:
         assert list(file) == ["pi", "rc"] and file.attrs["scenario"] == "multisine"

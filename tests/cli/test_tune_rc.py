@@ -45,7 +45,7 @@ def test_the_paper_s_linear_model_gives_the_paper_s_gains(by_hand, run_eaid):
     assert re.search(r"^ρ, constant +10\.81 ", ran.out, re.M) and re.search(r"^ρ, slope +6\.586 ", ran.out, re.M)
     assert re.search(r"^phase margin +[0-9.]+ +° ", ran.out, re.M)
     assert "published" not in ran.out
-    assert ran.err.splitlines()[-1] == "g.json: gains of rc and pi; next: eaid simulate fit.json --gains g.json"
+    assert ran.err.splitlines()[-1] == "g.json: gains of rc and pi; next: eaid simulate fit.json g.json"
     assert codes(gains) == {
         "rho-not-covered", "robust-term-beyond-actuator", "nothing-to-replay-on",
     }  # fmt: skip

@@ -25,8 +25,8 @@ GAIN_ROWS: dict[str, Row] = {
         "{unit}; «phi» data takes φ from the data"
     ),
     "slope-above-q-max": caution(
-        "the {reference} is steeper ({slope:.3g} per second) than the gains assume (Q_M {Q_M:.3g}); «reference» takes "
-        "Q_M from it"
+        "the {reference} is steeper ({slope:.3g} per second) than the gains assume (Q_M {Q_M:.3g}); add "
+        "«reference» {reference}"
     ),
     "rho-not-covered": caution(
         "ρ does not cover the uncertainty: with B̂ = {B_hat:.4g} the α really reached is {reached:.4g}, ρ was made with "

@@ -17,6 +17,7 @@ from eaid.report.tables.gains import BEYOND_GAINS, called, conditions_of
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.results.plan import Plan
+from eaid.shown import counted
 
 NAMED = 3
 """Most levels that are named."""
@@ -53,8 +54,8 @@ def _planned(fit: Fit, plan: Plan) -> str:
     holds = " to ".join(f"{one:.0f}" for one in sorted({min(plan.hold_s), max(plan.hold_s)}))
     ends = f"{level(plan.levels[0])} to {level_text(plan.levels[-1], unit)}"
     cost = f"{plan.time_on_rig_s / 60:.0f} min" if plan.time_on_rig_s < 6000 else f"{plan.time_on_rig_s / 3600:.0f} h"
-    times = "once" if plan.repeats == 1 else f"{plan.repeats} times"
-    return f"Record {len(plan.levels)} levels, {ends}, {times} each, held {holds} s ({cost})"
+    times = f"at least {counted(plan.repeats, 'time')}"  # not simulated here, which may ask for more
+    return f"Record {len(plan.levels)} levels, {ends}, {times} each, held {holds} s ({cost} or more)"
 
 
 def _inputs_to_hold(fit: Fit) -> str | None:
@@ -101,7 +102,7 @@ def next_steps(results: Results) -> tuple[Step, ...]:
     if gains is not None:
         steps += _better_gains(gains, fit_json)
         if not any(replay.result.head.scenario == "multisine" for replay in results.replays):
-            line = f"eaid simulate {fit_json} --gains {shlex.quote(gains.path)} --scenario multisine -o multisine.h5"
+            line = f"eaid simulate {fit_json} {shlex.quote(gains.path)} --scenario multisine -o multisine.h5"
             steps.append(Step("Try the controllers on the fitted model", line))
     if record := what_to_record(fit.result):
         why, options = record
@@ -125,7 +126,8 @@ def _better_gains(gains: Given[Gains], fit_json: str) -> list[Step]:
     if not options:
         return []
     why = f"Ask for gains whose guarantee holds ({', '.join(called(row) for row in missing)})"
-    return [Step(why, f"eaid tune-rc {fit_json} {options} -o {shlex.quote(gains.path)} --force")]
+    typed = shlex.join(gains.result.command) or fit_json  # what was asked for stays
+    return [Step(why, f"eaid tune-rc {typed} {options} -o {shlex.quote(gains.path)} --force")]
 
 
 def _without_fit(results: Results) -> tuple[Step, ...]:
