@@ -49,4 +49,8 @@ def command(args: Arguments) -> None:
         for table in walls_tables(coupling) if args.tables or args.verbose else [walls_brief(coupling)]:
             console.show(table)
     console.tell([*warnings, *more, *coupling.findings], args.verbose)
-    console.done(args.output, f"{len(coupling.walls)} walls", ("report", args.fit, *([args.gains] if args.gains else []), args.output))
+    console.done(
+        args.output,
+        f"{len(coupling.walls)} walls",
+        ("report", args.fit, *([args.gains] if args.gains else []), args.output),
+    )

@@ -8,16 +8,20 @@ from pathlib import Path
 
 import pytest
 
+FRICTION = "--repeats 2 --rate-hz 20 --hold 8 --idle 2"
 SMALL = "--repeats 3 --rate-hz 20 --hold 30 --idle 2 --release 10"
 FIRST = {
     "in % and N·m": [f"synth {SMALL} -o 'my logs'"],
     "a staircase": ["synth --excitation staircase -o 'my logs'"],
-    "force": [f"synth --kind friction-force {SMALL} -o 'my logs'"],
-    "speed": [f"synth --kind friction-speed {SMALL} -o 'my logs'"],
+    "force": [f"synth --kind friction-force {FRICTION} -o 'my logs'"],
+    "speed": [f"synth --kind friction-speed {FRICTION} -o 'my logs'"],
 }
 """What each chain begins with; everything else is as it was printed."""
 REAL = {
-    "real clutch": "fit 'REAL/ea-clutch' --name-pattern '_V={level}_' --step-at 2 --until 5 --repair -o fit.json",
+    "real clutch": (
+        "fit REAL/ea-clutch --columns 'time=Time,output=\"Load Cell\"' --units time=us,output=N "
+        "--name-pattern '_V={level}_' --step-at 2 --until 5 --repair -o fit.json"
+    ),
     "real staircase": (
         "fit REAL/rigs/light_staircase.csv --columns time=2,input=3,output=1 --units time=us,output=mV -o fit.json"
     ),
@@ -62,7 +66,7 @@ def test_options_of_a_design_stay_in_what_mends_it(by_hand, run_eaid):
         ["tune-rc fit.json --kp 5 --pi-gains 21,360 -o gains.json"], run_eaid, "tune-rc simulate report export"
     )
     mended = [words for words in done[1:] if words[0] == "tune-rc"]
-    assert all(words[1:6] == "fit.json --kp 5 --pi-gains 21,360".split() for words in mended)
+    assert all(words[1:6] == ["fit.json", "--kp", "5", "--pi-gains", "21,360"] for words in mended)
 
 
 @pytest.mark.slow
@@ -78,7 +82,9 @@ def test_the_page_asks_for_no_more_than_plan_does(run_eaid, tmp_path, monkeypatc
     for line in ("synth --rate-hz 50 -o data.h5", "fit data.h5", "report fit.json"):
         assert run_eaid(line).code == 0
     page = Path("report/report.html").read_text(encoding="utf-8")
-    levels, repeats, minutes = re.search(r"Record (\d+) levels, .*?at least (\d+) times each.*?\((\d+) min", page).groups()
+    levels, repeats, minutes = re.search(
+        r"Record (\d+) levels, .*?at least (\d+) times each.*?\((\d+) min", page
+    ).groups()
     planned = json.loads(run_eaid("plan fit.json --json -q").out)
     assert len(planned["levels"]) == int(levels) and planned["repeats"] >= int(repeats)
     assert planned["time_on_rig_s"] >= 60 * int(minutes) - 30

@@ -36,9 +36,7 @@ GAIN_ROWS: dict[str, Row] = {
         "outside the boundary layer the robust term alone asks for {asked:.3g} {unit}, the actuator spans {span:.3g} "
         "{unit}: there the Lyapunov argument does not hold on the real clutch"
     ),
-    "no-ultimate-bound": caution(
-        "no bound on the error in the end follows from these gains: V may rise without end"
-    ),
+    "no-ultimate-bound": caution("no bound on the error in the end follows from these gains: V may rise without end"),
     "margin-missed": caution(_margin),
     "paper-pi": note(
         "beside it the paper's PI, 21 and 360: largest error {error:.3g} {unit}; {overshoot_pct:.3g} % overshoot and "

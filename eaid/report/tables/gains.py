@@ -1,12 +1,12 @@
 """Tables of gains: what the guarantee needs and has, Table IV, what follows from it, margins, virtual walls."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from eaid.report import rig
 from eaid.report.rig import controller_name, gain, printed_head
 from eaid.report.tables import Cell, Table, columns, level, number, table_of, with_unit
 from eaid.results.coupling import Coupling, Wall
-from eaid.results.gains import Condition, Gains, Margin, Margins, Tracking
+from eaid.results.gains import Condition, Gains, Margin, Margins
 
 CONDITIONS = {
     "rho": ("ρ", "the robust term covers the model's error, inequality (15)",
@@ -80,22 +80,19 @@ def printed(gains: Gains, asked: bool | None = None) -> str:
 def controllers_table(gains: Gains) -> Table:
     """Each controller with its gains, its least margins and its largest error, one line each."""
     worst, errors = gains.margins.worst if gains.margins else None, gains.replayed
-    each: list[tuple[str, dict[str, float], Margin | None, Tracking | None]] = []
+    choices: dict[str, Mapping[str, float | None]] = {}
     if gains.rc is not None:
-        shown = {"K_P": gains.rc.K_P, "K_D": gains.rc.K_D, "B̂": gains.rc.B_hat, "φ": gains.rc.phi}
-        each.append(("rc", shown, worst and worst.rc, errors and errors.rc))
+        choices["rc"] = {"K_P": gains.rc.K_P, "K_D": gains.rc.K_D, "B̂": gains.rc.B_hat, "φ": gains.rc.phi}
     if gains.pi is not None:
-        shown = {"K_P": gains.pi.K_P, "K_I": gains.pi.K_I}
-        each.append(("pi", shown, worst and worst.pi, errors and errors.pi))
+        choices["pi"] = {"K_P": gains.pi.K_P, "K_I": gains.pi.K_I}
     rows = tuple(
         (
-            controller_name(name),
-            ", ".join(f"{symbol} {number(value, 3)}" for symbol, value in shown.items()),
-            *_margin(margin)[:2],
-            error.max_abs_error_nm if error else None,
+            controller_name(name), ", ".join(f"{symbol} {number(value, 3)}" for symbol, value in shown.items()),
+            *_margin(getattr(worst, name, None))[:2],
+            getattr(getattr(errors, name, None), "max_abs_error_nm", None),
         )
-        for name, shown, margin, error in each
-    )
+        for name, shown in choices.items()
+    )  # fmt: skip
     on = f" on the {errors.reference}" if errors is not None else ""
     heads = columns(
         "controller", "gains", ("gain margin", "dB", 3), ("phase margin", "°", 3),
