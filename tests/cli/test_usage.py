@@ -49,7 +49,7 @@ TABLE = r"""
 2 | tune-rc fit.json --b-hat best | --b-hat best: must be pooled, minimax or a number
 2 | tune-rc fit.json --phi much | --phi much: must be data or a number
 2 | tune-rc fit.json --kp 4 --damping 1 | give either --kp and --kd, or --natural-frequency and --damping, not both
-3 | tune-rc fit.json --reference nowhere.csv | nowhere.csv: no such file; give a CSV with the columns …
+3 | tune-rc fit.json --reference nowhere.csv | nowhere.csv: no such file; give a CSV time_s,reference_nm
 2 | tune-rc fit.json --data data.h5 | --data: does nothing without --phi data; leave it out
 2 | tune-rc fit.json --duty-limits 0,120 | --duty-limits 0,120: a duty ends at 100 %
 2 | tune-rc fit.json --duty-limits 50,20 | --duty-limits 50,20: must rise from 0 or above
