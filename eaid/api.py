@@ -156,11 +156,13 @@ def fit(
     if steps.recorded:
         from eaid.recorded.fit import fit_whole
 
-        fitted = fit_whole(steps, how)
+        with progress("fitting the recorded log", 0):
+            fitted = fit_whole(steps, how)
         return msgspec.structs.replace(fitted, parameters=table_of(fitted))
     if how.duty is not None:
         raise UsageError("«duty»: belongs to logs that are fitted as recorded, and these are steps; leave it out")
-    with progress("bootstrap refits", how.draws if how.ci == "bootstrap" else 0) as advance:
+    refits = how.draws if how.ci == "bootstrap" else 0
+    with progress("bootstrap refits" if refits else "fitting", refits) as advance:
         fitted = fit_steps(steps, how, advance)
     fitted = msgspec.structs.replace(fitted, parameters=table_of(fitted))
     fitted.__dict__["steps_fitted"] = steps

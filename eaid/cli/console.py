@@ -10,6 +10,7 @@ import shlex
 import shutil
 import sys
 import textwrap
+import threading
 import time
 import unicodedata
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -117,8 +118,8 @@ def _is_number(text: str) -> bool:
 MOST_FINDINGS = 3
 """Findings that are told by default; `--verbose` tells all."""
 COLOUR = {"error": "1;31", "stop": "1;31", "warning": "33", "note": "36"}
-EVERY_S = 5.0
-"""Where there is no terminal, a line of progress comes at most this often [s]."""
+EVERY_S = 3.0
+"""Where there is no terminal, a line of progress comes this often [s]."""
 
 _quiet = False
 _later: list[str] | None = None
@@ -225,33 +226,48 @@ def _mark(kind: str, message: str) -> None:
 
 @contextlib.contextmanager
 def progress(label: str, total: int) -> Iterator[Callable[[], None]]:
-    """Yield a function to call once per finished piece; a bar on a terminal, now and then a line elsewhere."""
-    if _quiet or total <= 1:
+    """Yield a function to call once per finished piece; a bar on a terminal, now and then a line elsewhere.
+
+    A total of 0: nobody knows how many pieces there are.
+    """
+    if _quiet or total == 1:
         yield lambda: None
     elif not sys.stderr.isatty():
-        yield _lines(label, total)
+        with _lines(label, total) as advance:
+            yield advance
     else:
         from rich.console import Console
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
         columns = (TextColumn(label, markup=False), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
         with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-            task = bar.add_task(label, total=total)
+            task = bar.add_task(label, total=total or None)
             yield lambda: bar.advance(task)
 
 
-def _lines(label: str, total: int) -> Callable[[], None]:
-    done, last = 0, time.monotonic()
-    progressed(f"{label}: {total} to do")
+@contextlib.contextmanager
+def _lines(label: str, total: int) -> Iterator[Callable[[], None]]:
+    """A line every few seconds, however long a piece takes; the time, where nobody knows how many there are."""
+    done, over, began = 0, threading.Event(), time.monotonic()
 
     def advance() -> None:
-        nonlocal done, last
+        nonlocal done
         done += 1
-        if time.monotonic() - last >= EVERY_S:
-            last = time.monotonic()
-            progressed(f"{label}: {done} of {total}")
 
-    return advance
+    def tell() -> None:
+        while not over.wait(EVERY_S):
+            spent = f"{done} done, " * (done > 0) + f"{time.monotonic() - began:.0f} s"
+            progressed(f"{label}: {done} of {total}" if total else f"{label}: {spent}")
+
+    if total:
+        progressed(f"{label}: {total} to do")
+    teller = threading.Thread(target=tell, daemon=True)
+    teller.start()
+    try:
+        yield advance
+    finally:
+        over.set()
+        teller.join()
 
 
 def show(made: "Table") -> None:
