@@ -59,7 +59,11 @@ def scales_of(fit: Fit, plant: Nonlinear | None = None) -> Scales:
     if is_duty(fit) and fit.data.output_unit in ("N·m", "Nm"):
         return Scales(True, 1.0, 1.0)
     pace = fit.linear.a0 / PAPER_LINEAR.a0 if fit.linear is not None and fit.linear.a0 > 0 else 1.0
-    return Scales(False, pace, _top(fit, plant) / PAPER_TOP)
+    rows = fit.linear.per_level if fit.linear is not None else ()
+    top = max((row.gain for row in rows), default=PAPER_TOP)
+    if plant is not None:
+        top = float(steady_torque(plant, plant.u_range[1]))
+    return Scales(False, pace, top / PAPER_TOP)
 
 
 def is_duty(fit: Fit) -> bool:
@@ -75,13 +79,6 @@ def input_limits(fit: Fit) -> tuple[float, float]:
     if not highest > 0:
         raise UsageError(f"the fit tells no highest input in {fit.data.input_unit}; give «duty_limits»")
     return 0.0, highest
-
-
-def _top(fit: Fit, plant: Nonlinear | None) -> float:
-    if plant is not None:
-        return float(steady_torque(plant, plant.u_range[1]))
-    rows = fit.linear.per_level if fit.linear is not None else ()
-    return max((row.gain for row in rows), default=PAPER_TOP)
 
 
 SLOW = 0.01

@@ -28,12 +28,12 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from eaid.arrays import Array
-from eaid.control.bounds import Bounds
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains, RCState, rc_step
 from eaid.errors import UsageError
 from eaid.models.nonlinear import steady_torque, time_constants
 from eaid.models.parameters import Linear, Nonlinear
+from eaid.results.fit import LinearLevel
 
 Complex = NDArray[np.complex128]
 
@@ -141,7 +141,11 @@ POINTS = 10
 
 
 def operating_points(
-    plant: Nonlinear | None, model: Linear, bounds: Bounds, levels: Sequence[float], limits: tuple[float, float]
+    plant: Nonlinear | None,
+    model: Linear,
+    rows: Sequence[LinearLevel],
+    levels: Sequence[float],
+    limits: tuple[float, float],
 ) -> list[Point]:
     """Held duties over the identified range.
 
@@ -152,8 +156,8 @@ def operating_points(
         low, high = plant.u_range
         duties = [u for u in levels if low <= u <= high] or np.linspace(low, high, POINTS).tolist()
         return [Point(duty, float(steady_torque(plant, duty)), lags_at(plant, duty)) for duty in duties]
-    if bounds.rows:
-        return [Point(row.level, row.gain, linear_lags(row.a0 * row.gain / row.level, row.a0)) for row in bounds.rows]
+    if rows:
+        return [Point(row.level, row.gain, linear_lags(row.a0 * row.gain / row.level, row.a0)) for row in rows]
     middle = sum(limits) / 2
     return [Point(middle, (model.b0 * middle + model.c0) / model.a0, linear_lags(model.b0, model.a0))]
 
@@ -322,7 +326,7 @@ def spectral_radius(
     events = [(k * h, 0, k) for k in range(samples)] + [(j * hold, 1, j) for j in range(latches)]
     events += [(j * hold + rest, 2, j - late) for j in range(latches)]
     now = 0.0
-    for time, order, index in [*sorted(events, key=_in_order), (samples * h, 3, 0)]:
+    for time, order, index in [*sorted(events, key=lambda event: (round(event[0], 12), event[1])), (samples * h, 3, 0)]:
         if time > now + 1e-12:
             x = x - np.expm1((now - time) * rates) * (gains * acting - x)
             now = time
@@ -337,10 +341,6 @@ def spectral_radius(
             acting = latched[index]
     after = [x, s, *([seen[None]] if memory else []), *(latched[latches - 1 - k][None] for k in range(late + 1))]
     return float(np.abs(np.linalg.eigvals(np.concatenate(after))).max())
-
-
-def _in_order(event: tuple[float, int, int]) -> tuple[float, int]:
-    return round(event[0], 12), event[1]
 
 
 def latch_response(timing: Timing, omega: Array) -> Complex:

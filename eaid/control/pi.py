@@ -137,16 +137,11 @@ def _metrics(a0: float, p: float, q: float) -> tuple[float, float]:
     outside = [t for t, peak in zip(turns, peaks, strict=False) if abs(peak) > BAND]
     start = outside[-1] if outside else 0.0
     later = [t for t in turns if t > start and math.isfinite(t)]
-    end = later[0] if later else _decayed(a0, p, q, start)
+    end = later[0] if later else start + 1 / p
+    while not later and abs(error(a0, p, q, end)) > BAND:
+        end = start + 2 * (end - start)
     settling = brentq(lambda t: abs(error(a0, p, q, t)) - BAND, start, end, xtol=CLOSE * end)
     return 100 * overshoot, float(settling)
-
-
-def _decayed(a0: float, p: float, q: float, start: float) -> float:
-    end = start + 1 / p
-    while abs(error(a0, p, q, end)) > BAND:
-        end = start + 2 * (end - start)
-    return end
 
 
 def _q_of_overshoot(a0: float, p: float, overshoot: float) -> float:

@@ -5,7 +5,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from eaid.control.bounds import Bounds
 from eaid.control.margins import Timing, loop_margins, operating_points
 from eaid.errors import EaidError, GainsError
 from eaid.export.constants import unit_name
@@ -105,7 +104,7 @@ def _unstable(source: Source, laws: tuple[str, ...], rate_hz: float, kept: Seque
     """Each loop around held duties of the plant, else on the linear model, at the rate that is baked in."""
     linear = Linear(*(source.linear or (1.0, 1.0, 0.0)))  # not looked at where there is a plant
     levels = [point.duty_pct for point in kept]
-    points = operating_points(source.plant, linear, Bounds((), 1.0, 1.0, ()), levels, source.limits)
+    points = operating_points(source.plant, linear, (), levels, source.limits)
     timing = Timing(rate_hz, source.pwm_hz, round(source.dead_time_s * rate_hz))
     for law, gains in (("pi", source.pi), ("rc", source.rc)):
         if law not in laws or gains is None:

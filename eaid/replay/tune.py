@@ -10,7 +10,6 @@ from eaid.control.design import design, least_phi, mismatches, pi_of
 from eaid.control.gains import pi_gains, plant_of, rc_gains
 from eaid.control.margins import operating_points
 from eaid.control.pi import PAPER_PI, step_metrics
-from eaid.control.robust import Design
 from eaid.errors import DataError
 from eaid.findings import Finding, finding, ranked
 from eaid.models.nonlinear import steady_torque
@@ -59,12 +58,24 @@ def tune(
     settled = design_options(
         fit, options, scales, slope if given or not scales.paper else None, None if shown is None else shown.pct
     )  # fmt: skip
-    points = operating_points(plant, model, bounds, fit.data.levels, settled.duty_limits_pct)
+    points = operating_points(plant, model, bounds.rows, fit.data.levels, settled.duty_limits_pct)
     if options.pi_gains is None and options.pi_overshoot is None:
         settled = replace(settled, pi=quickest_pi(model, points, settled.timing, scales.pace, unit))
     tuned = workable_rc(model, settled, scales, bounds, points, pi_of(model, settled))
     gains = design(fit, tuned, bounds, plant, points, mismatch, slope, name, given)
-    findings = _of_the_rig(fit, scales, settled, tuned)
+    findings: list[Finding] = []
+    if not scales.paper:
+        findings.append(
+            finding(
+                "designed-for-rig", "model", input_unit=fit.data.input_unit or "no unit",
+                output_unit=fit.data.output_unit or "no unit", pace=scales.pace, highest=settled.duty_limits_pct[1],
+                overshoot_pct=settled.pi.overshoot_pct or 0.0, settling_s=settled.pi.settling_s or 0.0,
+            )
+        )  # fmt: skip
+    elif tuned != settled:
+        findings.append(
+            finding("rc-slowed", "rc", epsilon=tuned.epsilon, K_P=tuned.K_P, K_D=tuned.K_D, loop=settled.timing.words())
+        )
     if plant is None:
         findings.append(finding("nothing-to-replay-on", "model"))
     else:
@@ -76,24 +87,6 @@ def tune(
         gains, options=options, seed=options.seed, not_usable=why or None,
         findings=ranked([*findings, *gains.findings]),
     )  # fmt: skip
-
-
-def _of_the_rig(fit: Fit, scales: Scales, settled: Design, tuned: Design) -> list[Finding]:
-    """What is not the paper's, and what the loop could not have."""
-    findings = []
-    if not scales.paper:
-        findings.append(
-            finding(
-                "designed-for-rig", "model", input_unit=fit.data.input_unit or "no unit",
-                output_unit=fit.data.output_unit or "no unit", pace=scales.pace, highest=settled.duty_limits_pct[1],
-                overshoot_pct=settled.pi.overshoot_pct or 0.0, settling_s=settled.pi.settling_s or 0.0,
-            )
-        )  # fmt: skip
-    if scales.paper and tuned != settled:
-        findings.append(
-            finding("rc-slowed", "rc", epsilon=tuned.epsilon, K_P=tuned.K_P, K_D=tuned.K_D, loop=settled.timing.words())
-        )
-    return findings
 
 
 def _replayed(
