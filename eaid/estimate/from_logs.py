@@ -21,6 +21,7 @@ from eaid.estimate.solver import (
     CONVERGED,
     ROUNDING,
     SETTLED,
+    EndPoint,
     Problem,
     approach,
     bring_in,
@@ -348,6 +349,8 @@ def inner(setup: Setup, x: Array, problem: Problem) -> Array:
 
 AT_BOUND = 1e-6
 """A constraint a'x ≥ b holds a fit that ends within this part of b: where no cost tells, a solver stops short."""
+ALIKE = 20.0
+"""χ² by which two ends must differ to be told apart."""
 NEAR = 0.05
 """An end this part of the cost above the best is no rival."""
 LONG_WAY = 1000
@@ -415,13 +418,27 @@ def finished(setup: Setup, begin: Sequence[Array], tried: int = 0, costs: Sequen
     if not held:  # copies are averages, and their ends near ones
         near = setup.every.problem()
         ends = [approach(near, end.x) for end in ends]
-    end, predicted, active = polish(near, min(ends, key=lambda one: one.cost), near.value, finished=SETTLED)
+    end, predicted, active = polish(near, least_slow(setup, ends), near.value, finished=SETTLED)
     if predicted > CONVERGED:  # far from a parabola
         near = with_second_derivatives(setup.problem())
         end, predicted, active = polish(near, slsqp(near, end.x), near.value, steps=LONG_WAY, finished=SETTLED)
     evaluations = tried + sum(one.evaluations for one in ends) + end.evaluations
     solver = judged(predicted, evaluations, costs or [one.cost for one in ends], [near.names(i) for i in active])
     return Solved(setup, end.x, end.cost, solver)
+
+
+def least_slow(setup: Setup, ends: Sequence[EndPoint]) -> EndPoint:
+    """The end of least cost; of ends that the data cannot tell apart the one with the shortest τ2.
+
+    What has one time constant is explained as well by a slow part that never comes, and a T_s larger by what it hides.
+    """
+    best, part = min(ends, key=lambda end: end.cost), setup.model.slices[2]
+    samples = sum(drive.samples for drive in setup.every.drives)
+    alike = [end for end in ends if end.cost <= (1 + ALIKE / samples) * best.cost]
+    if setup.model.tau2 is None or len(alike) < 2:
+        return best
+    rows = setup.model.tau2.rows(setup.model.limited)
+    return min(alike, key=lambda end: float((rows @ end.x[part]).max()))
 
 
 def model_of(solved: Solved) -> Nonlinear:

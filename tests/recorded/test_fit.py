@@ -10,8 +10,10 @@ import eaid
 from eaid.estimate.record import RecordedLog, recorded_log
 from eaid.logs.run import Run
 from eaid.models.parameters import REFERENCE_PLANT
+from eaid.models.parameters import Linear as Eq8
 from eaid.reading import is_recorded
 from eaid.recorded.fit import fit_recorded
+from eaid.recorded.frequency import on_input
 from eaid.synth.excitation import Excitation, synthesise_excitation
 from eaid.synth.logs import NONE
 from eaid.synth.plants import clutch
@@ -141,3 +143,25 @@ def test_small_commands_of_a_loop_are_commands() -> None:
     noise = 0.03 * np.random.default_rng(0).standard_normal(3000)
     held = recorded_log(Run("log", t, np.where(t < 5, noise, 60.0 + noise), t, "V", "N·m", "a.csv", ""))
     assert (held.input[:400] == 0).all() and held.starts_idle
+
+
+def test_a_linear_rig_gives_its_three_numbers_and_no_second_time_constant() -> None:
+    rng = np.random.default_rng(4)
+    duty = np.concatenate(
+        [
+            np.zeros(50),
+            *(
+                np.full(int(n), u)
+                for n, u in zip(rng.integers(60, 300, 24), rng.choice([20.0, 45.0, 70.0, 95.0], 24), strict=True)
+            ),
+        ]
+    )
+    log = RecordedLog("log", np.arange(len(duty)) / 100, duty, np.zeros(len(duty)), baseline=0.0)
+    clean = on_input(Eq8(3.0, 0.1, 0.5), log)
+    noisy = replace(log, output=clean + 0.002 * rng.standard_normal(len(duty)))
+    found = fit_recorded([noisy], replace(PLAIN, model=("nonlinear", "linear"), ci="robust"), falls=False)
+    assert found.linear is not None and found.nonlinear is not None
+    assert (found.linear.a0, found.linear.b0, found.linear.c0) == pytest.approx((3.0, 0.1, 0.5), rel=0.01)
+    for row in found.nonlinear.curves:  # τ2 meets τ1, and is not estimated
+        assert row.tau1 == pytest.approx(1 / 3, rel=0.03) and row.ci95.tau1 is not None
+        assert row.tau2 == pytest.approx(row.tau1, rel=0.1) and row.ci95.tau2 is None
