@@ -47,19 +47,14 @@ def test_the_textbook_does_not(base: Any) -> None:
 
 
 def test_half_widths_are_those_of_the_scatter(base: Any) -> None:
-    """t σ/√R for a level, times √(p/L) for a curve of p terms through L levels: σ is 3 % in T_s and 5 % in τ1.
+    """t σ/√R for a level by itself, times √(p/L) for a curve of p terms through L levels: σ is 3 % in T_s, 5 % in τ1.
 
     A level and half of each neighbour have 2 · 2²/(1 + ½) = 5.3 degrees of freedom.
     """
     t, root = t_quantile(16 / 3), np.sqrt(3)
-    wanted = {
-        "level Ts": t * 3 / root,
-        "level tau1": t * 5 / root,
-        "curves Ts": t * 3 / root * np.sqrt(0.4),
-        "curves tau1": t * 5 / root * np.sqrt(0.3),
-    }
-    for key, width in wanted.items():
-        assert base.widths[key] == pytest.approx(width, rel=0.25), key
+    for name, width in {"Ts": t * 3 / root * np.sqrt(0.4), "tau1": t * 5 / root * np.sqrt(0.3)}.items():
+        assert base.widths[f"curves {name}"] == pytest.approx(width, rel=0.25), name
+        assert base.widths[f"level {name}"] == base.widths[f"curves {name}"]  # one value a level
 
 
 @pytest.mark.slow
