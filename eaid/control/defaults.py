@@ -21,7 +21,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from eaid.control.bounds import Bounds
+from eaid.control.gains import Bounds
 from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, Point, Timing, loop_margins
 from eaid.control.pi import PIGains, pi_gains
 from eaid.control.robust import Design, law_of

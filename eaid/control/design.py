@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.control.bounds import Bounds, model_of
+from eaid.control.gains import Bounds, model_of
 from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, LoopMargins, Point, known, loop_margins
 from eaid.control.pi import PIGains, pi_gains, step_metrics
 from eaid.control.rc import RCGains

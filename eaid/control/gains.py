@@ -1,15 +1,137 @@
-"""Gains as the steps take them, from a `Gains`."""
+"""What a fit and its gains tell a design and its loops: linear model, range of B, plant; gains as the steps take them.
+
+B_i of a level is 1/b0_i. One step cannot tell b0 from c0: c0 is 0 (`zero-offset`), b0_i = a_i gain_i / u_i.
+"""
+
+import math
+from dataclasses import dataclass
 
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
-from eaid.errors import DataError
+from eaid.errors import DataError, GainsError, UsageError
 from eaid.findings import sentences
-from eaid.models.parameters import Nonlinear
-from eaid.results.fit import Fit
+from eaid.models.parameters import Linear, Nonlinear
+from eaid.results.common import ci95_of
+from eaid.results.fit import Fit, LinearLevel
+from eaid.results.fit import Linear as LinearFit
 from eaid.results.gains import AntiWindup, Gains
 from eaid.results.verdict import unphysical
+from eaid.steps.levels import wanted_levels
 
-LARGEST = 1e30
+SLOWEST, FASTEST = 1e-6, 1e6
+"""a0 of anything that is controlled by samples [1/s]."""
+LARGEST = 1e15
+"""b0, its inverse and c0 of any rig, whatever its units."""
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """The range of B and where it comes from."""
+
+    levels: tuple[float, ...]
+    B_m: float
+    """[%·s/(N·m)]"""
+    B_M: float
+    """[%·s/(N·m)]"""
+    rows: tuple[LinearLevel, ...]
+    """The levels kept; empty where the fit holds none."""
+    widened: bool = False
+
+
+def model_of(fit: Fit) -> Linear:
+    """The pooled linear model; DataError where it is missing, GainsError where it is not physical."""
+    linear = _part(fit)
+    return physical(Linear(linear.a0, linear.b0, linear.c0))
+
+
+def physical(linear: Linear) -> Linear:
+    """The model itself; GainsError where it is none of a rig."""
+    if not linear.a0 > 0:
+        raise GainsError(
+            f"the fit's a0 is {linear.a0:.4g} 1/s; a clutch whose torque does not settle by itself is not physical"
+        )
+    if not linear.b0 > 0:
+        raise GainsError(
+            f"the fit's b0 is {linear.b0:.4g}; more duty has to give more torque, check the sign of the data"
+        )
+    if not SLOWEST <= linear.a0 <= FASTEST:
+        raise GainsError(
+            f"the fit's a0 is {linear.a0:.4g} 1/s; a plant with a time constant of {1 / linear.a0:.3g} s is none that "
+            f"samples control ({1 / FASTEST:g} to {1 / SLOWEST:g} s); check the time column"
+        )
+    if not max(linear.b0, 1 / linear.b0, abs(linear.c0)) <= LARGEST:
+        raise GainsError(
+            f"the fit's b0 is {linear.b0:.4g} and its c0 {linear.c0:.4g}, which no rig has; check the units of the data"
+        )
+    return linear
+
+
+def _part(fit: Fit) -> LinearFit:
+    if fit.linear is None:
+        raise DataError("the fit holds no linear model; fit clutch data with «model» linear (or all models)")
+    return fit.linear
+
+
+def bounds_of(fit: Fit, levels: str | None = None, widen: bool = False) -> Bounds:
+    """B_m and B_M as fitted, or over other levels (`30:100`, `30,40`).
+
+    `widen` takes the far ends of the levels' 95 % intervals. A range that is not positive is refused (GainsError).
+    """
+    model_of(fit)
+    linear = _part(fit)
+    stored = linear.bounds
+    rows = [row for row in linear.per_level if row.level]
+    kept = (stored.levels if stored is not None else ()) or tuple(row.level for row in rows)
+    if levels is None and not widen and stored is not None:
+        kept_rows = [row for row in rows if row.level in kept]
+        ends = stored.B_m, stored.B_M
+    else:
+        if not rows:
+            raise UsageError(
+                "the fit holds no fits of single levels, so «bounds_levels» and «widen_bounds» have nothing "
+                "to work on; fit again with this version of eaid"
+            )
+        if levels:
+            kept = tuple(wanted_levels(levels, [row.level for row in rows], "bounds_levels"))
+        kept_rows = [row for row in rows if row.level in kept]
+        each = [_interval(row) if widen else (own_B(row), own_B(row)) for row in kept_rows]
+        ends = min(low for low, _ in each), max(high for _, high in each)
+    B_m, B_M = (_positive(value, name) for value, name in zip(ends, ("B_m", "B_M"), strict=True))
+    if B_m > B_M:
+        raise GainsError(f"B_m {B_m:.4g} lies above B_M {B_M:.4g}; check linear.bounds of the fit")
+    if any(not (own_B(row) > 0 and math.isfinite(own_B(row))) for row in kept_rows):
+        raise GainsError("a level has no positive b0, so the range of B touches 0; leave it out with «bounds_levels»")
+    return Bounds(kept, B_m, B_M, tuple(kept_rows), widen)
+
+
+def own_B(row: LinearLevel) -> float:
+    """B of a level, c0 = 0; infinite where its gain is 0."""
+    b0 = row.a0 * row.gain / row.level
+    return 1 / b0 if b0 else math.inf
+
+
+def _interval(row: LinearLevel) -> tuple[float, float]:
+    """The 95 % interval of a level's B."""
+    ends = ci95_of(row, "B")
+    if ends is None or not row.B:
+        raise UsageError(
+            f"level {row.level:g} has no interval of B, so «widen_bounds» has nothing to widen by; "
+            "fit again with «ci» robust, or leave the level out with «levels»"
+        )
+    return own_B(row) * ends[0] / row.B, own_B(row) * ends[1] / row.B
+
+
+def _positive(value: float | None, name: str) -> float:
+    if value is not None and math.isfinite(value) and value > 0:
+        return float(value)
+    shown = f"{value:.4g}" if value is not None else "missing"
+    raise GainsError(
+        f"{name} is {shown}, so the range of B touches 0 and no gain is robust over it; "
+        "leave out the levels without a positive b0 («levels»)"
+    )
+
+
+LARGEST_GAIN = 1e30
 """Of any gain, and of the inverse of one that has to be positive, whatever the rig's units."""
 
 
@@ -56,7 +178,7 @@ def _check(positive: dict[str, float], other: dict[str, float]) -> None:
     for name, value in {**positive, **other}.items():
         if name in positive and not value > 0:
             raise DataError(f"gains.json: {name} is {value:g}, it has to be positive; run tune-rc again")
-        if abs(value) > LARGEST or (name in positive and value < 1 / LARGEST):
+        if abs(value) > LARGEST_GAIN or (name in positive and value < 1 / LARGEST_GAIN):
             raise DataError(f"gains.json: {name} is {value:g}, which no loop of a rig has; run tune-rc again")
 
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eaid.control.bounds import Bounds
+from eaid.control.gains import Bounds
 from eaid.control.margins import Timing
 from eaid.control.rc import RCGains
 from eaid.errors import GainsError

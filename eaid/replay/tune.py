@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import msgspec
 
-from eaid.control.bounds import bounds_of, model_of
 from eaid.control.defaults import Scales, design_options, quickest_pi, scales_of, timing_of, workable_rc
 from eaid.control.design import design, least_phi, mismatches, pi_of
-from eaid.control.gains import pi_gains, plant_of, rc_gains
+from eaid.control.gains import bounds_of, model_of, pi_gains, plant_of, rc_gains
 from eaid.control.margins import operating_points
 from eaid.control.pi import PAPER_PI, step_metrics
 from eaid.errors import DataError
