@@ -12,7 +12,6 @@ own baseline, else the mean over the leading rows at zero duty where there are t
 import itertools
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import msgspec
 import numpy as np
@@ -38,72 +37,26 @@ TELLS_APART = 50.0
 """Condition of the two decays below which both parts of the start are estimated."""
 
 
-@dataclass(frozen=True, eq=False)
-class Compared:
-    """A run on its own clock from 0, torque counted from idle, with the model's torque for the same duty; shapes
-    (n,)."""
+def closed_loop(
+    recorded: Trace, plant: PlantParameters, laws: Iterable[Controller], rig: Rig, seed: int = 0
+) -> dict[str, Record]:
+    """A recorded loop, and controllers replayed on its reference at its own rate: does the model predict the rig?
 
-    name: str
-    time_s: Array
-    duty_pct: Array
-    recorded_nm: Array
-    model_nm: Array
-    idle_nm: float
-    """What was subtracted from the recorded torque [N·m]."""
-    start_nm: float
-    """Torque from which the model starts [N·m]."""
-    reference_nm: Array | None
-    """The log's own reference [N·m], where it has one."""
-
-    @property
-    def dt_s(self) -> float:
-        """Mean interval between rows [s]."""
-        return float(self.time_s[-1] / (len(self.time_s) - 1))
-
-    def difference(self) -> Record:
-        """The model's torque as a record, and how far it is from the recorded one, which stands as its reference."""
-        apart = self.recorded_nm - self.model_nm
-        spread = float(np.linalg.norm(self.recorded_nm - self.recorded_nm.mean()))
-        measured = Metrics(
-            max_abs_difference_nm=float(np.abs(apart).max()),
-            rms_difference_nm=_rms(apart),
-            mean_difference_nm=float(apart.mean()),
-            R2=1 - (float(np.linalg.norm(apart)) / spread) ** 2 if spread > 0 else None,
-            fit_pct=100 * (1 - float(np.linalg.norm(apart)) / spread) if spread > 0 else None,
-            one_step_pct=100 * (1 - float(np.linalg.norm(np.diff(apart))) / spread) if spread > 0 else None,
-            idle_nm=self.idle_nm,
-            start_nm=self.start_nm,
-            reference_is="recorded torque",
+    The reference is taken on a uniform grid, by straight lines between its rows.
+    """
+    metrics = Metrics(**msgspec.structs.asdict(recorded.tracking()))
+    records = {"recorded": record(recorded, metrics, role="recorded-loop")}
+    grid = np.arange(len(recorded.time_s)) * recorded.dt_s
+    wanted = Reference(read_only(np.interp(grid, recorded.time_s, recorded.reference_nm)), recorded.dt_s)
+    for law in laws:
+        trace = replay(plant, law, wanted.torque_nm, rig, wanted.dt_s, seed)
+        torque = np.interp(trace.time_s, recorded.time_s, recorded.torque_nm) - trace.torque_nm
+        duty = np.interp(trace.time_s, recorded.time_s, recorded.duty_pct) - trace.duty_pct
+        metrics = msgspec.structs.replace(
+            measure(trace, wanted), rms_from_recorded_nm=_rms(torque), rms_duty_from_recorded_pct=_rms(duty)
         )
-        model = Trace(self.name, self.dt_s, self.time_s, self.recorded_nm, self.model_nm, self.duty_pct)
-        return record(model, measured, role="recorded-input")
-
-    def closed_loop(
-        self,
-        plant: PlantParameters,
-        laws: Iterable[Controller],
-        rig: Rig,
-        limits_pct: tuple[float, float],
-        seed: int = 0,
-    ) -> dict[str, Record]:
-        """The recorded loop, and controllers replayed on its reference at its own rate: does the model predict the rig?
-
-        The reference is taken on a uniform grid, by straight lines between its rows.
-        """
-        assert self.reference_nm is not None
-        loop = Trace("recorded", self.dt_s, self.time_s, self.reference_nm, self.recorded_nm, self.duty_pct, limits_pct)
-        records = {"recorded": record(loop, Metrics(**msgspec.structs.asdict(loop.tracking())), role="recorded-loop")}
-        grid = np.arange(len(self.time_s)) * self.dt_s
-        wanted = Reference(read_only(np.interp(grid, self.time_s, self.reference_nm)), self.dt_s)
-        for law in laws:
-            trace = replay(plant, law, wanted.torque_nm, rig, self.dt_s, seed)
-            torque = np.interp(trace.time_s, self.time_s, self.recorded_nm) - trace.torque_nm
-            duty = np.interp(trace.time_s, self.time_s, self.duty_pct) - trace.duty_pct
-            measured = msgspec.structs.replace(
-                measure(trace, wanted), rms_from_recorded_nm=_rms(torque), rms_duty_from_recorded_pct=_rms(duty)
-            )
-            records[law.name] = record(trace, measured)
-        return records
+        records[law.name] = record(trace, metrics)
+    return records
 
 
 def _rms(values: Array) -> float:
@@ -177,8 +130,12 @@ def _start(
 
 def compared(
     run: Run, plant: PlantParameters, keep_baseline: bool, units: tuple[str, str], dead_time_s: float
-) -> Compared:
-    """A run beside the model; raises `DataError` where its input or output is in another unit than the fit's."""
+) -> tuple[Record, Trace | None]:
+    """The model's torque for a run's duty, on its own clock from 0, and how far it is from the recorded one, which
+    stands as its reference; and the recorded loop, where the log has a reference of its own.
+
+    Raises `DataError` where its input or output is in another unit than the fit's.
+    """
     if run.input_unit != units[0] or np.isnan(run.input).any():
         raise DataError(
             f"{run.source}: {run.name} holds no input in {units[0]}, which the fit has (its own is {run.input_unit}); "
@@ -197,11 +154,23 @@ def compared(
             idle = run.baseline
         elif before >= IDLE_ROWS and run.edge == "rising":
             idle = float(run.output[:before].mean())
-    time_s = run.time_s - run.time_s[0]
-    torque = run.output - idle
+    time_s, torque = read_only(run.time_s - run.time_s[0]), read_only(run.output - idle)
     loaded = run.edge == "falling" or run.input[0] != 0
     start = start_of(plant, time_s, run.input, torque) if loaded else (0.0, 0.0)
-    model = driven(plant, time_s, run.input, start, dead_time_s)
-    return Compared(
-        run.name, read_only(time_s), run.input, read_only(torque), read_only(model), idle, sum(start), run.reference_nm
-    )
+    model = read_only(driven(plant, time_s, run.input, start, dead_time_s))
+    apart = torque - model
+    spread, left = float(np.linalg.norm(torque - torque.mean())), float(np.linalg.norm(apart))
+    metrics = Metrics(
+        max_abs_difference_nm=float(np.abs(apart).max()), rms_difference_nm=_rms(apart),
+        mean_difference_nm=float(apart.mean()), idle_nm=idle, start_nm=sum(start), reference_is="recorded torque",
+    )  # fmt: skip
+    if spread > 0:
+        metrics = msgspec.structs.replace(
+            metrics, R2=1 - (left / spread) ** 2, fit_pct=100 * (1 - left / spread),
+            one_step_pct=100 * (1 - float(np.linalg.norm(np.diff(apart))) / spread),
+        )  # fmt: skip
+    dt_s = float(time_s[-1] / (len(time_s) - 1))
+    difference = record(Trace(run.name, dt_s, time_s, torque, model, run.input), metrics, role="recorded-input")
+    if run.reference_nm is None:
+        return difference, None
+    return difference, Trace("recorded", dt_s, time_s, run.reference_nm, torque, run.input)

@@ -30,7 +30,7 @@ from eaid.logs.run import Run
 from eaid.models.parameters import Linear
 from eaid.options import Rig, SimulateOptions
 from eaid.progress import Progress, no_progress
-from eaid.replay.compare import compared
+from eaid.replay.compare import closed_loop, compared
 from eaid.replay.controllers import CONTROLLERS, Controller, Knowledge
 from eaid.replay.loop import Trace, reference_rate, replay, with_residual_noise
 from eaid.replay.plant import PlantParameters, perturbed, plant_parameters, plant_slope, plant_terms
@@ -299,13 +299,14 @@ def _logs(setup: Setup, runs: Sequence[Run]) -> Outcome:
     if unused and all(run.reference_nm is None for run in runs):
         raise UsageError(f"«{unused[0]}»: does nothing with logs of an open loop; leave it out")
     late_s, units = setup.fit.dead_time_s, (data.input_unit, data.output_unit)
-    beside = [compared(run, setup.plant, setup.options.keep_baseline, units, late_s) for run in runs]
-    records = {run.name: run.difference() for run in beside}
-    closed = [run for run in beside if run.reference_nm is not None]
-    for run in closed:
-        late = setup.options.rig.delay_samples or round(late_s / run.dt_s)
-        rig = replace(setup.rig, delay_samples=late)
-        loops = run.closed_loop(setup.plant, setup.controllers, rig, setup.known.limits, setup.options.seed)
-        before = f"{run.name} " if len(closed) > 1 else ""
-        records |= {f"{before}{name}": one for name, one in loops.items()}
+    records, loops = {}, {}
+    for run in runs:
+        records[run.name], loop = compared(run, setup.plant, setup.options.keep_baseline, units, late_s)
+        if loop is not None:
+            loops[run.name] = replace(loop, limits_pct=setup.known.limits)
+    for name, loop in loops.items():
+        rig = replace(setup.rig, delay_samples=setup.options.rig.delay_samples or round(late_s / loop.dt_s))
+        played = closed_loop(loop, setup.plant, setup.controllers, rig, setup.options.seed)
+        before = f"{name} " if len(loops) > 1 else ""
+        records |= {f"{before}{law}": one for law, one in played.items()}
     return records, Head(""), []
