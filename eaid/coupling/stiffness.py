@@ -267,9 +267,10 @@ def passive_stiffness(needed: Needed, damping_nms: float, virtual_damping: float
             return float(needed.damping(stiffness, virtual_damping).max()) - damping_nms
 
         least = 1e-3
-        stiffness = 0.0 if short(least) > 0 else math.inf
-        if not stiffness or short(STIFFEST) <= 0:
-            pass
+        if short(least) > 0:
+            stiffness = 0.0
+        elif short(STIFFEST) <= 0:
+            stiffness = math.inf
         else:
             stiffness = float(brentq(short, least, STIFFEST, rtol=1e-9))
         limit = needed.damping(min(max(stiffness, least), STIFFEST), virtual_damping)

@@ -10,6 +10,7 @@ fingerprint of all sources, so that a changed law is never served from an old ca
 
 import hashlib
 import os
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
@@ -23,10 +24,9 @@ import numpy as np
 from numba.extending import register_jitable
 
 from eaid.arrays import Array
-from eaid.control import pi, rc
 from eaid.models.parameters import Nonlinear
 from eaid.options import Rig
-from eaid.replay import controllers, loop, plant
+from eaid.replay import controllers, loop
 from eaid.replay.controllers import Controller, Step
 from eaid.replay.loop import Trace, rig_numbers
 from eaid.replay.plant import PlantParameters, plant_parameters
@@ -34,10 +34,8 @@ from eaid.replay.references import Reference, measure
 from eaid.results.gains import Tracking
 from eaid.results.replay import Distribution, Metrics, PlantSpread, Worst
 
-Visit = Callable[[int, Array, Array], None]
-"""visit(index, torque [N·m], duty [%]) of one plant: arrays of shape (n,)."""
-
-MODULES = (plant, rc, pi, controllers, loop)
+MODULES = [loop, *{sys.modules[law.__module__] for name, law in vars(controllers).items() if name.endswith("_step")}]
+"""The loop, and where the laws and the plant stand."""
 for _module in MODULES:
     for _function in vars(_module).values():
         if isfunction(_function) and _function.__module__ == _module.__name__:
@@ -48,8 +46,8 @@ for _module in MODULES:
 def compiled(law: Step) -> Any:
     """`closed_loop` of one law in machine code, kept on disk where there is a folder that numba may write to."""
     sources = hashlib.sha256()
-    for file in (__file__, *(module.__file__ for module in MODULES)):
-        sources.update(Path(str(file)).read_bytes())
+    for file in (__file__, *sorted(str(module.__file__) for module in MODULES)):
+        sources.update(Path(file).read_bytes())
     function = loop.loop_of(law, sources.hexdigest())
     try:
         return numba.njit(error_model="numpy", nogil=True, cache=True)(function)
@@ -63,11 +61,12 @@ def replay_many(
     reference_nm: Array,
     rig: Rig,
     dt_s: float,
-    visit: Visit,
+    visit: Callable[[int, Array, Array], None],
     seed: int = 0,
     threads: int | None = None,
 ) -> None:
-    """Trace each plant from rest and show what it did to `visit`, in no fixed order, one call at a time a thread."""
+    """Trace each plant from rest and show what it did to `visit(index, torque [N·m], duty [%])`, in no fixed order, one
+    call at a time a thread."""
     acting = controller.on(rig)
     numbers = rig_numbers(rig, dt_s, controller.gains.duty_max)
     inputs = loop.inputs_of(acting, reference_nm, rig, dt_s, seed)
