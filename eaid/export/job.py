@@ -322,7 +322,7 @@ def head_of(
     """What every file says of itself at its head."""
     origins = [f"{one.path}, sha256 {one.sha256}" for one in origin.inputs] or list(source.origins)
     lines = [
-        f"{', '.join(laws)} made by eaid {__version__}",
+        f"{', '.join(laws)} for a rig, made by eaid {__version__}",
         "SPDX-License-Identifier: MIT",
         *(f"from {origin}" for origin in origins),
         *([f"by {origin.command}"] if origin.command else []),

@@ -390,7 +390,13 @@ def _with_baselines(steps: list[Run], baseline: str) -> list[Run]:
         if step.baseline is None and finished:  # a release behind the window of its step
             step = replace(step, baseline=finished[0].baseline)
         elif step.baseline is None:
-            start = first_samples(step.output[sample_at(step, step.step_s or 0.0) :])
+            active = step.output[sample_at(step, step.step_s or 0.0) :]
+            if not len(active):
+                raise DataError(
+                    f"{step.source or step.name}: no sample lies behind its step at {step.step_s:g} s, for its time ends "
+                    f"at {step.time_s[-1]:g} s; say the unit of the time with «units», as in time=us"
+                )
+            start = first_samples(active)
             known = any(said.code == "step-at-first-sample" for said in step.findings)
             warning = () if known else (finding("no-rest-before-step", step.name, start=start, unit=step.output_unit),)
             step = replace(step, baseline=start, findings=(*step.findings, *warning))
