@@ -103,7 +103,7 @@ def rows() -> Iterator[Row]:
     others = [
         (name, bar, *timed(call, runs))
         for name, bar, runs, call in (
-            ("curve_fit, numeric derivatives", 1000, REPEATS, lambda: curve_fit(curve, X, y, p0=START)[0]),
+            ("curve_fit, numeric derivatives", 200, REPEATS, lambda: curve_fit(curve, X, y, p0=START)[0]),
             ("lmfit leastsq", 100, 1, lambda: lmfit_fit(X, y, "leastsq")),
             ("lmfit slsqp", 100, 1, lambda: lmfit_fit(X, y, "slsqp")),
             ("iminuit", 100, 1, lambda: iminuit_fit(X, y)),
