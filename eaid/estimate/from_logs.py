@@ -405,8 +405,10 @@ def solve(setup: Setup) -> Solved:
     """The least-squares unknowns, from our own starts."""
     sketch = setup.drawn.problem()
     ends = sorted((approach(sketch, x) for x in starts(setup.drawn, sketch)), key=lambda end: end.cost)
-    kept = [end.x for end in ends if end.cost <= (1 + NEAR) * ends[0].cost + sketch.floor]
-    return finished(setup, kept, sum(end.evaluations for end in ends), [end.cost for end in ends])
+    reach = NEAR if all(one.log.stepwise for one in setup.copies) else np.inf  # averages have errors of their own
+    near = [end for end in ends if end.cost <= (1 + reach) * ends[0].cost + sketch.floor]
+    kept = {f"{end.cost:.5g}": end.x for end in reversed(near)}  # one of each cost
+    return finished(setup, [*kept.values()], sum(end.evaluations for end in ends), [end.cost for end in ends])
 
 
 def finished(setup: Setup, begin: Sequence[Array], tried: int = 0, costs: Sequence[float] = ()) -> Solved:

@@ -165,3 +165,12 @@ def test_a_linear_rig_gives_its_three_numbers_and_no_second_time_constant() -> N
     for row in found.nonlinear.curves:  # τ2 meets τ1, and is not estimated
         assert row.tau1 == pytest.approx(1 / 3, rel=0.03) and row.ci95.tau1 is not None
         assert row.tau2 == pytest.approx(row.tau1, rel=0.1) and row.ci95.tau2 is None
+
+
+@pytest.mark.slow
+def test_a_chirp_with_little_noise_ends_where_the_noise_is_all_that_is_left() -> None:
+    """On averages, with which the search begins, another end looks better: every one is followed to all samples."""
+    shape = {"duration_s": 240.0}
+    logs = eaid.synth(excitation="chirp", shape=shape, rate_hz=200.0, clean=True, seed=1005, white_nm=0.006)
+    found = fit_recorded(logs.recorded, replace(PLAIN, duty=(10.0, 100.0)), falls=False)
+    assert found.nonlinear is not None and found.nonlinear.rmse == pytest.approx(0.006, rel=0.02)
