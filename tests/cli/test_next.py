@@ -82,9 +82,6 @@ def test_the_page_asks_for_no_more_than_plan_does(run_eaid, tmp_path, monkeypatc
     for line in ("synth --rate-hz 50 -o data.h5", "fit data.h5", "report fit.json"):
         assert run_eaid(line).code == 0
     page = Path("report/report.html").read_text(encoding="utf-8")
-    levels, repeats, minutes = re.search(
-        r"Record (\d+) levels, .*?at least (\d+) times each.*?\((\d+) min", page
-    ).groups()
+    levels, repeats = re.search(r"Record (\d+) levels, .*?at least (\d+) times each", page).groups()
     planned = json.loads(run_eaid("plan fit.json --json -q").out)
     assert len(planned["levels"]) == int(levels) and planned["repeats"] >= int(repeats)
-    assert planned["time_on_rig_s"] >= 60 * int(minutes) - 30
