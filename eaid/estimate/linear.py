@@ -59,9 +59,8 @@ def unknowns(solved: Solution) -> tuple[Model, Array]:
     return form, np.append(coefficients, solved.x)
 
 
-def parameters(solved: Solution) -> LinearModel:
-    """a0, b0, c0."""
-    form, x = unknowns(solved)
+def parameters(form: Model, x: Array) -> LinearModel:
+    """a0, b0, c0 of a model's unknowns."""
     a0, (slope, offset) = 1 / float(x[-1]), (to_line(form) @ x[:-1]).tolist()
     return LinearModel(a0, a0 * slope, a0 * offset)
 
@@ -177,7 +176,7 @@ def linear_part(
 ) -> tuple[Linear, list[Finding]]:
     """The linear model, pooled and per level, with the bounds of B, intervals, and warnings."""
     solved, huber = minimise(data, options.loss, fit_linear, lambda d, _: fit_linear(d), Solution.residuals)
-    p, left, each = parameters(solved), solved.residuals(data), fit_each_level(data)
+    p, left, each = parameters(*unknowns(solved)), solved.residuals(data), fit_each_level(data)
     total = metrics.errors([record.y for record in data.records], left)
     one = Pooled(
         p.a0, p.b0, p.c0, solver=solved.solver, rmse=total.rmse, sse=total.sse, fit_pct=total.fit_pct, R2=total.R2

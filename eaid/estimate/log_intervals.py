@@ -170,14 +170,14 @@ FARTHEST = np.log(20.0)
 """An end farther off than this in log q is none."""
 
 
-def score_end(solved: Solved, uncertainty: Spread, x: Array, g: Array, reach: float) -> float:
+def score_end(solved: Solved, noise: Scatter, x: Array, covariance: Array, g: Array, reach: float) -> float:
     """How far the end of log g'x lies where it is moved outward until the residuals reject it; ∞: they never do.
 
-    On the copies on which the fit was looked for, x being its end there, with all that g'x leaves free at its least
-    cost; `reach` is the half-width by the parabola, below 0 for the lower end.
+    On the copies on which the fit was looked for, x being its end there and `covariance` that of `newton`, with all
+    that g'x leaves free at its least cost; `reach` is the half-width by the parabola, below 0 for the lower end.
     """
     problem, value, side = solved.fitted.problem(), float(g @ x), float(np.sign(reach))
-    usual, place = back_to(solved.fitted, uncertainty.scatter, x, g)[1], x
+    usual, place = float(g @ covariance @ g), x
 
     def at(factor: float) -> tuple[Array, float] | None:
         nonlocal place
@@ -188,15 +188,16 @@ def score_end(solved: Solved, uncertainty: Spread, x: Array, g: Array, reach: fl
             if not np.isfinite(curvature).all():
                 return None
             place = place + newton_step(bound, place, gradient, curvature).d
-        step, variance = back_to(solved.fitted, uncertainty.scatter, place, g)
-        return np.log([float(g @ place)]), side * step / (abs(reach) * value * max(variance / usual, 1e-300) ** 0.5)
+        step, there = newton(solved.fitted, noise, place)
+        wider = max(float(g @ there @ g) / usual, 1e-300) ** 0.5
+        return np.log([float(g @ place)]), side * float(g @ step) / (abs(reach) * value * wider)
 
     end = rejected(at)
     return np.inf if end is None else abs(float(end[0]) - float(np.log(value)))
 
 
-def back_to(setup: Setup, noise: Scatter, x: Array, g: Array) -> tuple[float, float]:
-    """The step of g'x that the residuals ask for at x, and its variance by the density of the noise."""
+def newton(setup: Setup, noise: Scatter, x: Array) -> tuple[Array, Array]:
+    """How far the residuals at x are from where they lead, (n,), and its covariance by the noise's density, (n, n)."""
     n = setup.size
     H, omega, score = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
     for log, drive in enumerate(setup.drives):
@@ -207,8 +208,8 @@ def back_to(setup: Setup, noise: Scatter, x: Array, g: Array) -> tuple[float, fl
         H[np.ix_(at, at)] += J.T @ J
         omega[np.ix_(at, at)] += (J * (noise.sensor_nm2_s + noise.ripple_s * torque**2)[:, None]).T @ J
         score[at] += J.T @ r
-    along = scaled_inverse(H) @ g
-    return float(along @ score), float(along @ omega @ along)
+    back = scaled_inverse(H)
+    return back @ score, back @ omega @ back
 
 
 LIMITS_PCT = {"Ts": 10.0, "tau1": 30.0, "tau2": 50.0}
@@ -240,7 +241,9 @@ def curves(solved: Solved, uncertainty: Spread, duty: Array) -> CurveSpread:
     slopes = solved.setup.slopes(duty)
     values = slopes @ solved.x
     constrained = held(solved)  # what a constraint holds is not estimated
-    x = None if solved.instruments else approach(solved.fitted.problem(), solved.x).x
+    noise, direct = uncertainty.scatter, solved.instruments is None
+    x = approach(solved.fitted.problem(), solved.x).x if direct else solved.x
+    covariance = newton(solved.fitted, noise, x)[1]
     off = np.full((2, *values.shape), np.inf)  # both ends in log, downwards and upwards
     names = tuple(LIMITS_PCT)
     for k, i in np.argwhere(values > 0).tolist():
@@ -248,10 +251,9 @@ def curves(solved: Solved, uncertainty: Spread, duty: Array) -> CurveSpread:
         if names[k] in constrained or (k and values[k, i] > RECORDS_FREE * solved.setup.longest_s):
             continue  # no log tells it
         off[:, k, i] = half / values[k, i]
-        if x is not None and PARABOLA < half / values[k, i] < FARTHEST:
-            off[:, k, i] = [
-                score_end(solved, uncertainty, x, slopes[k, i], side * half / values[k, i]) for side in (-1, 1)
-            ]
+        if direct and PARABOLA < half / values[k, i] < FARTHEST:
+            reach = half / values[k, i]
+            off[:, k, i] = [score_end(solved, noise, x, covariance, slopes[k, i], side * reach) for side in (-1, 1)]
     off[off > FARTHEST] = np.inf
     values = np.where(slopes.any(axis=2), values, np.nan)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):

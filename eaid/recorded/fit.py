@@ -23,7 +23,7 @@ from eaid.estimate.data import data_of, errors
 from eaid.estimate.falls import tested, with_falls
 from eaid.estimate.from_logs import Solved, idle_of, model_of, setup_of, solve
 from eaid.estimate.late import LOWER, delay_finding, delays, shifted
-from eaid.estimate.linear import bounds_of, fit_each_level, single_levels
+from eaid.estimate.linear import bounds_of, fit_each_level, parameters, single_levels
 from eaid.estimate.log_intervals import CurveSpread, Spread, asked, curves, never_asked, spread
 from eaid.estimate.noise import FEWEST_ENGAGEMENTS, scatter_findings
 from eaid.estimate.nonlinear import scored
@@ -368,14 +368,7 @@ def uncertainty_part(solved: Solved, uncertainty: Spread) -> Uncertainty:
 
 def linear_part(solved: Solved, base: Solved, levels: Array, wanted: str | None) -> Linear:
     """Eq. (8) of the logs, and of each level by itself: of steps of the fitted nonlinear model."""
-    tables = solved.curves(levels)
-    a0 = 1 / float(tables.tau1[0])
-    if len(levels) > 1:
-        slope = float((tables.steady[-1] - tables.steady[0]) / (levels[-1] - levels[0]))
-        offset = float(tables.steady[0]) - slope * float(levels[0])
-    else:
-        slope, offset = float(tables.steady[0] / levels[0]), 0.0
-    pooled = Eq8(a0, a0 * slope, a0 * offset)
+    pooled = parameters(solved.setup.model, solved.coefficients)
     total = errors(solved.outputs, solved.missed)
     of_model = data_of(_own_steps(base, levels))
     rows = single_levels(of_model, fit_each_level(of_model))

@@ -393,8 +393,9 @@ def _with_baselines(steps: list[Run], baseline: str) -> list[Run]:
             active = step.output[sample_at(step, step.step_s or 0.0) :]
             if not len(active):
                 raise DataError(
-                    f"{step.source or step.name}: no sample lies behind its step at {step.step_s:g} s, "
-                    f"for its time ends at {step.time_s[-1]:g} s; say the unit of the time with «units», as in time=us"
+                    f"{step.source or step.name}: no sample lies between its step at {step.step_s:g} s and the "
+                    f"end of what is taken of it, {step.time_s[-1]:g} s; say the unit of the time with «units», as in time=us, "
+                    "or a later «until»"
                 )
             start = first_samples(active)
             known = any(said.code == "step-at-first-sample" for said in step.findings)
