@@ -392,10 +392,10 @@ def _with_baselines(steps: list[Run], baseline: str) -> list[Run]:
         elif step.baseline is None:
             active = step.output[sample_at(step, step.step_s or 0.0) :]
             if not len(active):
+                where, ends = step.source or step.name, f"the end of what is taken of it, {step.time_s[-1]:g} s"
                 raise DataError(
-                    f"{step.source or step.name}: no sample lies between its step at {step.step_s:g} s and the "
-                    f"end of what is taken of it, {step.time_s[-1]:g} s; say the unit of the time with «units», as in time=us, "
-                    "or a later «until»"
+                    f"{where}: no sample lies between its step at {step.step_s:g} s and {ends}; say the unit of the "
+                    "time with «units», as in time=us, or a later «until»"
                 )
             start = first_samples(active)
             known = any(said.code == "step-at-first-sample" for said in step.findings)
