@@ -138,7 +138,9 @@ def read(path: Path, kind: str, type_: type[R]) -> tuple[R, tuple[Finding, ...]]
     of_a_script = isinstance(content, dict) and "schema" not in content and any(part in content for part in KINDS[kind])
     if schema != schema_of(kind) and not of_a_script:
         said = f"its schema is {schema!r}" if isinstance(schema, str) else "it holds no schema"
-        raise DataError(f"{path}: is no {schema_of(kind)} file ({said}); make it again with this version of eaid")
+        if isinstance(schema, str) and schema.startswith(f"eaid/{kind}/"):
+            refuse_other_version(path, schema)
+        raise DataError(f"{path}: is no {kind} of eaid ({said}); give the {kind}.json that eaid wrote")
     found: list[Finding] = []
     if "digest" in content and content["digest"] != digest_of(content):
         if text.startswith('{\n "schema"') and text.endswith("\n}\n"):
