@@ -1,13 +1,16 @@
 """Fixtures that several rooms' tests share: the command line in this process, data sets and results made once."""
 
 import importlib.util
+import json
 import os
 import signal
 import sys
+import tempfile
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 # Short kernels: several BLAS threads fight over them and over the machine.
 for _name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
@@ -28,6 +31,30 @@ from eaid.models.parameters import REFERENCE_PLANT, Friction, Nonlinear  # noqa:
 from eaid.steps.stepset import Level, StepSet  # noqa: E402
 
 ROOT = Path(__file__).parents[1]
+PLANT: dict[str, Any] = {
+    "C": 0.85, "tau1": [6.74e-3, 2.39e-2, -2.13e-4], "tau2": [0.93, 0.41, -2.64e-3],
+    "Ts": [0.032, 9.2e-3, 2.1e-4, 1.32e-6], "u_range": [10.0, 100.0],
+}  # fmt: skip
+LINEAR: dict[str, Any] = {"a0": 1.36, "b0": 0.08, "c0": -2.42, "bounds": {"B_m": 12.4, "B_M": 42.6}}
+GAINS: dict[str, Any] = {
+    "schema": "eaid/gains/1",
+    "model": {"a0": 1.36, "b0": 0.08, "c0": -2.42},
+    "rc": {
+        "K_P": 4.5, "K_D": 3.0, "B_hat": 12.5, "epsilon": 0.5, "gamma": 50.0, "Q_M": 5.0,
+        "rho": {"constant": 10.8125, "slope": 6.58594648300479}, "Q": [[1.0, 5 / 9], [5 / 9, 55 / 54]],
+        "anti_windup": {"method": "conditional"},
+    },
+    "pi": {"K_P": 21.0, "K_I": 360.0, "anti_windup": {"method": "conditional"}},
+}  # fmt: skip
+"""The reference plant, the paper's linear model and its gains, as a script writes them into fit.json and gains.json."""
+
+
+def loaded(plain: dict[str, Any]) -> Any:
+    """The result of a file that a script wrote; what is None is left out."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "result.json"
+        path.write_text(json.dumps({key: part for key, part in plain.items() if part is not None}), encoding="utf-8")
+        return eaid.load(path)
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -8,6 +8,8 @@ import pytest
 
 from eaid.cli import main
 
+from ..conftest import GAINS, PLANT
+
 SMALL = "--levels 20,40,60,80,100 --repeats 2 --rate-hz 20 --hold 8 --idle 1 --release 2 -q"
 FILES = {
     "reference.csv": "time_s,reference_nm\n0,0\n1,1\n5,1\n",
@@ -71,34 +73,18 @@ def held():
 
 def paper(k=1.0, y=1.0, pace=1.0):
     """fit.json of a user's script: the paper's models, inputs `k` times, outputs `y` times, `pace` times as fast."""
-    curves = {
-        "tau1": [6.74e-3, 2.39e-2, -2.13e-4],
-        "tau2": [0.93, 0.41, -2.64e-3],
-        "Ts": [0.032, 9.2e-3, 2.1e-4, 1.32e-6],
-    }
     by = {"tau1": 1 / pace, "tau2": 1 / pace, "Ts": y}
     return {
         "schema": "eaid/fit/2",
         "nonlinear": {
             "C": 0.85, "u_range": [10.0 * k, 100.0 * k],
-            **{name: [by[name] * c / k**i for i, c in enumerate(curve)] for name, curve in curves.items()},
+            **{name: [size * c / k**i for i, c in enumerate(PLANT[name])] for name, size in by.items()},
         },
         "linear": {
             "a0": 1.36 * pace, "b0": 0.08 * pace * y / k, "c0": -2.42 * pace * y,
             "bounds": {"convention": "zero-offset", "B_m": 12.4 * k / y / pace, "B_M": 42.6 * k / y / pace},
         },
     }  # fmt: skip
-
-
-GAINS = {
-    "schema": "eaid/gains/1",
-    "model": {"a0": 1.36, "b0": 0.08, "c0": -2.42},
-    "rc": {
-        "K_P": 4.5, "K_D": 3, "B_hat": 12.5, "rho": {"constant": 10.8125, "slope": 6.58595}, "Q_M": 5.0,
-        "epsilon": 0.5, "gamma": 50, "Q": [[1, 5 / 9], [5 / 9, (5 + 10 / 9) / 6]],
-    },
-    "pi": {"K_P": 21.0, "K_I": 360.0},
-}  # fmt: skip
 
 
 @pytest.fixture

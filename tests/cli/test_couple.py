@@ -21,11 +21,6 @@ def test_the_table_and_the_file_agree(rig, run_eaid):
     assert run_eaid(f"{words} gains.json").code == 2
 
 
-def test_without_gains_the_loops_that_need_none_are_judged(by_hand, run_eaid):
-    ran = run_eaid("couple fit.json --torque 1 --no-replay --json -q")
-    assert ran.code == 0 and {wall["loop"] for wall in json.loads(ran.out)["walls"]} == {"open-loop", "inverse"}
-
-
 def test_how_many_draws_the_constraints_cut_away_is_told(by_hand, run_eaid):
     model = json.loads(Path("fit.json").read_text())["nonlinear"]
     # the covariance is that of coefficients over the input in hundreds

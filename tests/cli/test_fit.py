@@ -6,8 +6,6 @@ from pathlib import Path
 
 import pytest
 
-SHIPPED = Path(__file__).parents[2] / "datasets"
-
 
 def result():
     return json.loads(Path("f.json").read_text(encoding="utf-8"))
@@ -95,13 +93,6 @@ def test_huber_shows_the_run_and_the_part_it_weighs_down(rig, run_eaid):
     assert "r2" in worst["run"] and 3.9 < worst["from_s"] < 4.1 and 4.4 < worst["to_s"] < 4.6
     rows = table(ran.out, "Weights of Huber's loss, nonlinear model")[1:]
     assert any(row[0] == "60 %" and "r2)" in row[-1] for row in rows)
-
-
-def test_the_friction_sets_fit(fitted):
-    for kind, terms in (("friction-force", {"Ts", "tau1", "tau2", "C_f"}), ("friction-speed", {"Ts"})):
-        fit = fitted(f"{SHIPPED}/{kind}.h5")
-        assert fit["data"]["kind"] == kind and fit["friction"]["solver"]["converged"]
-        assert terms <= fit["friction"]["trends"].keys() and "nonlinear" not in fit
 
 
 def test_real_friction_with_one_command(realdata, rig, run_eaid):

@@ -1,14 +1,11 @@
 """`eaid ingest`: its table and JSON, bad and damaged logs, logs as benches leave them."""
 
 import json
-import shutil
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
-
-import eaid
 
 EA_CLUTCH = [
     "--columns", 'time=Time,output="Load Cell"', "--units", "time=us,output=N", "--name-pattern", "_V={level}_",
@@ -69,25 +66,6 @@ def test_all_bad_logs_are_told_at_once_and_leave_earlier_results_untouched(mende
     assert "time falls at row 2002 (0 s after 19.99 s); sort the rows, or drop such rows with --repair" in told[0]
     assert Path("data.h5").read_text() == "earlier"
     assert sorted(item.name for item in Path().iterdir()) == ["a.csv", "b.csv", "c.csv", "data.h5"]
-
-
-def test_a_written_manifest_says_what_was_typed(bench, run_eaid):
-    shutil.copytree(bench, "bench")
-    ran = run_eaid("ingest bench --repair", *EA_CLUTCH, "--write-manifest", "-o", "a.h5")
-    assert ran.code == 0 and "bench/dataset.toml: written; eaid ingest bench needs no options now" in ran.err
-    assert run_eaid("ingest bench -q -o b.h5").code == 0
-    one, other = eaid.read("a.h5"), eaid.read("b.h5")
-    assert [level.level for level in one.levels] == [100.0, 200.0, 300.0]
-    for first, second in zip(one.levels, other.levels, strict=True):
-        np.testing.assert_array_equal(first.runs, second.runs)
-
-
-def test_edges_of_a_log_that_is_kept_whole(made, run_eaid):
-    ran = run_eaid("ingest", made / "logs" / "log.csv", "--edges")
-    assert ran.code == 0 and "data.h5: 1 log as recorded; next: eaid report data.h5" in ran.err
-    with h5py.File("data.h5") as file:
-        (run,) = file["runs"].values()
-        assert len(run["time_s"]) == 11 * 20
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,6 @@ from pathlib import Path
 
 import pytest
 
-import eaid
 from eaid.cli import main
 
 KILLS = int(os.environ.get("EAID_KILLS", "2"))
@@ -114,17 +113,3 @@ def test_killed(line, made, tmp_path, monkeypatch, held):
         assert set(earlier) & set(new) <= set(found) and ("-o folder" not in line or found in (earlier, new))
     assert ran(words)[0] == 0  # on top of what the last kill left
     assert held(work) == new
-
-
-def test_demo_killed_early(tmp_path, monkeypatch, held):
-    """While its first results are written; the process beside it ends too."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "demo").mkdir()
-    for name in ("clutch.h5", "fit.json", "friction-force.h5"):
-        (tmp_path / "demo" / name).write_bytes(b"earlier")
-    assert ran(["demo", "-o", "demo", "-q", "--force"], 6)[0] == -9
-    for name, content in whole(held(tmp_path)).items():
-        if content != b"earlier" and name.endswith(".json"):  # the process beside it had got as far as a fit
-            assert eaid.load(name).friction is not None
-        elif content != b"earlier":
-            assert name.endswith(".h5") and eaid.read(name).runs

@@ -51,11 +51,6 @@ def test_json_of_every_scenario(run_eaid):
     assert list(ramp["controllers"]) == ["pi-feedforward", "inverse"]
 
 
-def test_without_gains_the_controllers_that_need_none_are_replayed(run_eaid):
-    ran = run_eaid("simulate fit.json --duration 6")
-    assert ran.code == 0 and "note: no --gains, so rc and pi are left out" in ran.err and "inverse" in ran.out
-
-
 def test_every_effect_of_the_rig_is_an_option(run_eaid):
     effects = (
         "--noise-nm 0.01 --noise-correlation-s 0.05 --ripple-pct 2 --ripple-hz 3 --sensor-hz 100 --delay-samples 2 "

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from ..conftest import LINEAR, PLANT
+
 
 @pytest.fixture
 def tuned(by_hand, run_eaid):
@@ -79,9 +81,6 @@ def test_the_logs_that_a_fit_names_are_taken_while_they_are_the_same(rig, run_ea
     assert "logs" in json.loads(Path("g.json").read_text(encoding="utf-8"))["phi_from_data"]
 
 
-PAPER = {"a0": 1.36, "b0": 0.08, "c0": -2.42, "bounds": {"convention": "zero-offset", "B_m": 12.4, "B_M": 42.6}}
-
-
 @pytest.mark.parametrize(
     ("linear", "sentence"),
     [
@@ -95,16 +94,10 @@ PAPER = {"a0": 1.36, "b0": 0.08, "c0": -2.42, "bounds": {"convention": "zero-off
     ],
 )
 def test_a_linear_model_of_no_rig_is_refused(linear, sentence, by_hand, run_eaid):
-    by_hand({"linear": {**PAPER, **linear}})
+    by_hand({"linear": {**LINEAR, **linear}})
     for line in ("tune-rc fit.json -o x", "simulate fit.json --controller open-loop")[: 1 if "bounds" in linear else 2]:
         ran = run_eaid(line)
         assert ran.code == 5 and sentence in ran.err and ran.err.count("error: ") == ran.err.count("\n") == 1
-
-
-NONLINEAR = {
-    "C": 0.85, "tau1": [6.74e-3, 2.39e-2, -2.13e-4], "tau2": [0.93, 0.41, -2.64e-3],
-    "Ts": [0.032, 9.2e-3, 2.1e-4, 1.32e-6], "u_range": [10.0, 100.0],
-}  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -122,7 +115,7 @@ NONLINEAR = {
     ],
 )
 def test_a_plant_that_cannot_be_is_refused_by_all_that_use_it(changes, sentence, by_hand, run_eaid):
-    by_hand({"nonlinear": {**NONLINEAR, **changes}})
+    by_hand({"nonlinear": {**PLANT, **changes}})
     for line in (
         "tune-rc fit.json -o x",
         "simulate fit.json --controller inverse",
@@ -144,7 +137,7 @@ def test_a_fit_without_what_is_needed(by_hand, run_eaid):
 
 def test_a_fit_that_is_not_usable_is_used_on_request_only(tuned, by_hand, run_eaid):
     parts = {
-        "linear": PAPER, "nonlinear": None,
+        "linear": LINEAR, "nonlinear": None,
         "findings": [{"code": "one level only", "severity": "stop", "subject": "linear"}],
     }  # fmt: skip
     by_hand(parts)

@@ -1,33 +1,22 @@
 """Fits written by hand, as a user's script writes fit.json, and the gains that `eaid.tune_rc` makes of them."""
 
-import json
 from collections.abc import Callable
-from itertools import count
 from typing import Any
 
 import pytest
 
 import eaid
 
-PAPER = {"a0": 1.36, "b0": 0.08, "c0": -2.42, "bounds": {"B_m": 12.4, "B_M": 42.6}}
-REFERENCE = {
-    "C": 0.85, "tau1": [6.74e-3, 2.39e-2, -2.13e-4], "tau2": [0.93, 0.41, -2.64e-3],
-    "Ts": [0.032, 9.2e-3, 2.1e-4, 1.32e-6], "u_range": [10.0, 100.0],
-}  # fmt: skip
+from ..conftest import LINEAR, PLANT, loaded
 
 
 @pytest.fixture(scope="session")
-def fit_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., "eaid.Fit"]:
+def fit_of() -> Callable[..., "eaid.Fit"]:
     """The paper's linear model with some numbers changed, a nonlinear one (True: the reference plant), other parts."""
-    folder, number = tmp_path_factory.mktemp("fits"), count()
 
     def fit_of(linear: dict[str, Any] | None = None, nonlinear: Any = None, **parts: Any) -> "eaid.Fit":
-        plain = {"linear": {**PAPER, **(linear or {})}, **parts}
-        if nonlinear is not None:
-            plain["nonlinear"] = REFERENCE if nonlinear is True else nonlinear
-        file = folder / f"{next(number)}.json"
-        file.write_text(json.dumps(plain), encoding="utf-8")
-        return eaid.load(file)
+        plant = PLANT if nonlinear is True else nonlinear
+        return loaded({"linear": {**LINEAR, **(linear or {})}, "nonlinear": plant, **parts})
 
     return fit_of
 

@@ -8,6 +8,8 @@ import pytest
 
 import eaid
 
+from ..conftest import GAINS
+
 VOLTS = {"input_unit": "V", "output_unit": "N", "levels": [1.0, 5.0], "sample_rate_hz": 500.0}
 QUICK = {"reference": "ramp", "rate_hz": 200.0, "pwm_hz": 0.0}
 
@@ -175,14 +177,6 @@ def test_a_rig_a_thousand_times_slower_than_the_paper_s(tuned):
 def test_gains_that_no_loop_takes_are_refused(tuned, options, words):
     with pytest.raises(eaid.GainsError, match=words):
         tuned(**options)
-
-
-GAINS = {
-    "model": {"a0": 1.36, "b0": 0.08, "c0": -2.42},
-    "rc": {"K_P": 4.5, "K_D": 3.0, "B_hat": 12.5, "rho": {"constant": 10.8125, "slope": 6.58595}, "epsilon": 0.5,
-           "gamma": 50.0, "Q": [[6.6, 5 / 9], [5 / 9, (5 + 10 / 9) / 6]]},
-    "pi": {"K_P": 21, "K_I": 360},
-}  # fmt: skip
 
 
 def changed(*path, value):

@@ -1,35 +1,19 @@
 """How stiff a wall: closed forms, published check values, python-control as a second way, replays, many limbs."""
 
-import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import eaid
 
-PLANT = {"C": 0.85, "tau1": [0.00674, 0.0239, -0.000213], "tau2": [0.93, 0.41, -0.00264],
-         "Ts": [0.032, 0.0092, 0.00021, 1.32e-06], "u_range": [10.0, 100.0]}  # fmt: skip
-GAINS = {
-    "model": {"a0": 1.36, "b0": 0.08, "c0": -2.42},
-    "rc": {"K_P": 4.5, "K_D": 3.0, "B_hat": 12.5, "epsilon": 0.5, "gamma": 50.0, "Q": [[1.0, 5 / 9], [5 / 9, 55 / 54]],
-           "rho": {"constant": 10.8125, "slope": 6.58594648300479}, "anti_windup": {"method": "conditional"}},
-    "pi": {"K_P": 21.0, "K_I": 360.0, "anti_windup": {"method": "conditional"}},
-}  # fmt: skip
-"""Reference plant and published gains."""
+from ..conftest import GAINS, PLANT, loaded
 
 
-@pytest.fixture
-def couple(tmp_path: Path):
+def couple(plant=PLANT, gains=GAINS, steps=(), **options):
     """`eaid.couple` on a plant and gains; walls alone, unless told otherwise."""
-
-    def run(plant=PLANT, gains=GAINS, steps=(), **options):
-        for kind, plain in (("fit", {"nonlinear": plant, "steps": steps}), ("gains", gains)):
-            (tmp_path / kind).write_text(json.dumps({"schema": f"eaid/{kind}/{2 if kind == 'fit' else 1}", **plain}))
-        return eaid.couple(eaid.load(tmp_path / "fit"), eaid.load(tmp_path / "gains"), **{"replay": False, **options})
-
-    return run
+    fit = loaded({"schema": "eaid/fit/2", "nonlinear": plant, "steps": steps})
+    return eaid.couple(fit, loaded(gains), **{"replay": False, **options})
 
 
 def lag(tau: float) -> dict:
@@ -46,7 +30,7 @@ CHECKED = {
 """Loop → K_passive and K_stable at 1, 2, 3 N·m, of an independent continuous analysis."""
 
 
-def test_walls_are_those_of_an_independent_analysis_and_one_sample_late_costs_the_reference_rate_a_quarter(couple):
+def test_walls_are_those_of_an_independent_analysis_and_one_sample_late_costs_the_reference_rate_a_quarter():
     walls = {(wall.loop, wall.torque_nm): wall for wall in couple(torque=(1.0, 2.0, 3.0)).walls}
     for loop, (passive, stable) in CHECKED.items():
         for torque, expected in enumerate(passive, 1):
@@ -62,7 +46,7 @@ def test_walls_are_those_of_an_independent_analysis_and_one_sample_late_costs_th
 
 
 @pytest.mark.slow
-def test_replays_agree_with_linear_theory_and_with_an_independent_replay(couple):
+def test_replays_agree_with_linear_theory_and_with_an_independent_replay():
     found = couple(torque=(1.0,), loops=("open-loop", "pi", "rc-no-rate", "rc"), replay=True)
     replayed = {wall.loop: wall.K_replayed for wall in found.walls}
     for loop, expected in (("open-loop", 8.79), ("pi", 1.93), ("rc-no-rate", 18.4)):
@@ -76,7 +60,7 @@ def test_replays_agree_with_linear_theory_and_with_an_independent_replay(couple)
     [(0.01, 1000, 0, 0, 2e-3), (0.1, 1000, 0, 0, 2e-3), (1.0, 1000, 0, 0, 2e-3), (0.01, 1000, 5, 0, 5e-3),
      (0.001, 10, 0, 0, 0.01), (0.001, 10, 0, 0.3, 0.04), (0.001, 10, 4, 0, 0.01)],
 )  # fmt: skip
-def test_a_first_order_lag_leaves_b_over_its_time(couple, tau, rate_hz, delay, virtual, rel):
+def test_a_first_order_lag_leaves_b_over_its_time(tau, rate_hz, delay, virtual, rel):
     """K = (b − B_v)/(τ + h/2 + delay); without a lag, τ ≪ h, that is Colgate and Schenkel's b > K h/2 + B_v."""
     (wall,) = couple(
         lag(tau), torque=(2.0,), loops=("open-loop",), rate_hz=rate_hz, delay_samples=delay, virtual_damping=virtual
@@ -87,13 +71,13 @@ def test_a_first_order_lag_leaves_b_over_its_time(couple, tau, rate_hz, delay, v
         assert wall.passive_hz > 0.9 * rate_hz / 2  # the bare hold's aliases end at the Nyquist frequency
 
 
-def test_more_virtual_damping_than_the_limb_has_leaves_no_passive_wall(couple):
+def test_more_virtual_damping_than_the_limb_has_leaves_no_passive_wall():
     (wall,) = couple(lag(1e-3), torque=(2.0,), loops=("open-loop",), rate_hz=10.0, virtual_damping=0.85).walls
     assert wall.K_passive == 0.0
 
 
 @pytest.mark.parametrize("loop", ["open-loop", "pi"])
-def test_python_control_finds_the_same_sampled_loop(couple, loop):
+def test_python_control_finds_the_same_sampled_loop(loop):
     """Torque over reference by python-control: zero-order hold of the plant's two lags, the PI in feedback."""
     import control
 
@@ -115,7 +99,7 @@ def test_python_control_finds_the_same_sampled_loop(couple, loop):
 
 
 @pytest.mark.slow
-def test_no_limb_is_unstable_inside_the_passive_region(couple):
+def test_no_limb_is_unstable_inside_the_passive_region():
     """On random limbs, without and with virtual damping."""
     random = np.random.default_rng(0)
     for _ in range(12):
@@ -126,14 +110,14 @@ def test_no_limb_is_unstable_inside_the_passive_region(couple):
                 assert passive <= stable * 1.001 or passive == 0
 
 
-def test_a_pair_is_worked_out_beside_the_single_clutch(couple):
+def test_a_pair_is_worked_out_beside_the_single_clutch():
     found = couple(torque=(1.0, 4.0), pair_bias_nm=1.5)
     assert {wall.torque_nm for wall in found.pair} == {1.0}
     assert "pair-bias-cut" in {one.code for one in found.findings}
 
 
 @pytest.mark.slow
-def test_a_wall_that_cannot_be_held_is_told(couple):
+def test_a_wall_that_cannot_be_held_is_told():
     found = couple(torque=(1.0, 2.0), wall=3.0)
     told = {(one.subject, one.values["torque_nm"]) for one in found.findings if one.code == "wall-beyond-stable"}
     assert told == {("pi", 1.0), ("pi", 2.0)}
@@ -150,18 +134,18 @@ def test_what_ninety_five_in_a_hundred_keep_is_less_than_what_the_fit_keeps(smal
     [{"torque": (9.0,)}, {"torque": (0.01,)}, {"limb_damping": 0.0}, {"limb_inertia": -1.0}, {"wall": 0.0},
      {"loops": ("pid",)}, {"pwm_hz": math.nan}, {"delay_samples": -1}, {"plants": 10**9}, {"pair_bias_nm": 99.0}],
 )  # fmt: skip
-def test_what_means_nothing_is_refused(couple, options):
+def test_what_means_nothing_is_refused(options):
     with pytest.raises(eaid.UsageError):
         couple(**{"torque": (1.0,), **options})
 
 
-def test_an_unstable_loop_is_refused(couple):
+def test_an_unstable_loop_is_refused():
     gains = {**GAINS, "pi": {**GAINS["pi"], "K_P": 1e6, "K_I": 1e6}}
     with pytest.raises(eaid.GainsError, match="unstable at 2 without any wall"):
         couple(gains=gains, torque=(2.0,), loops=("pi",))
 
 
-def test_a_dead_time_that_the_steps_show_counts_as_delay(couple):
+def test_a_dead_time_that_the_steps_show_counts_as_delay():
     rise = {"run": "a", "from": 0.0, "level": 10.0, "edge": "up", "start": 0.0, "change": 1.0, "gain": 0.1,
             "shape": "one", "tau1": 1.0, "tau2": None, "C": 1.0, "rmse": 0.0, "fit_pct": 99.0, "R2": 1.0,
             "samples": 9}  # fmt: skip
@@ -177,7 +161,7 @@ def test_a_dead_time_that_the_steps_show_counts_as_delay(couple):
 
 
 @pytest.mark.slow
-def test_walls_do_not_depend_on_the_unit_of_the_input(couple):
+def test_walls_do_not_depend_on_the_unit_of_the_input():
     """The reference plant driven by 0 … 300 V in place of 0 … 100 %: the same torque, the same walls."""
     volts = {name: [c / 3.0**k for k, c in enumerate(PLANT[name])] for name in ("tau1", "tau2", "Ts")}
     options = {"torque": (1.0, 3.0), "loops": ("open-loop", "inverse")}

@@ -158,16 +158,6 @@ def test_a_staircase_is_fitted_step_by_step_and_reads_back(tmp_path: Path) -> No
     assert eaid.load(tmp_path / "fit.json").friction == found.friction
 
 
-@pytest.mark.slow
-def test_a_lamp_on_a_staircase_and_heaters(realdata: Path) -> None:
-    columns = {"columns": "time=2,input=3,output=1", "units": "time=us,output=mV,input=PWM"}
-    rows = eaid.fit(eaid.read(realdata / "rigs" / "light_staircase.csv", logs_as="steps", **columns), ci="none").steps
-    assert [(row.from_, row.level) for row in rows] == [(0, 50), (50, 100), (100, 150), (150, 200), (200, 0)]
-    assert (rows[0].shape, rows[0].dead_time_s) == ("two", 0) and rows[0].change == pytest.approx(1.844, abs=0.001)
-    assert (rows[0].tau1, rows[0].tau2) == (pytest.approx(0.0185, rel=0.01), pytest.approx(0.201, rel=0.01))
-    assert [row.gain for row in rows] == pytest.approx([0.0369, 0.01308, 0.00739, 0.00492, 0.01557], rel=0.01)
-
-
 def test_a_dead_time_longer_than_the_record_is_refused(small_steps: Any) -> None:
     with pytest.raises(UsageError, match=r"dead_time= 10000 s: the step of .* is recorded for"):
         eaid.fit(small_steps, dead_time=1e4)

@@ -2,11 +2,9 @@
 
 import copy
 import importlib
-import json
 import shutil
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,29 +16,14 @@ import pytest
 
 import eaid
 
+from .. import conftest as shared
+
 DT = 1e-3
 LAWS = ("pi", "rc", "inverse")
 COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)]
 STRICT = ["-std=c99", "-ffp-contract=off", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-pedantic"]
-PAPER: dict[str, Any] = {
-    "schema": "eaid/gains/1",
-    "model": {"a0": 1.36, "b0": 0.08, "c0": -2.42},
-    "rc": {
-        "K_P": 4.5, "K_D": 3.0, "B_hat": 12.5, "epsilon": 0.5, "gamma": 50.0,
-        "rho": {"constant": 10.8125, "slope": 6.58594648300479}, "Q": [[1.0, 5 / 9], [5 / 9, 55 / 54]],
-        "anti_windup": {"method": "conditional", "gain": 0.0}, "guaranteed": True, "phi_holds": True,
-    },
-    "pi": {"K_P": 21.0, "K_I": 360.0, "anti_windup": {"method": "conditional", "gain": 0.0}},
-    "duty_limits_pct": [0.0, 100.0],
-}  # fmt: skip
-PLANT: dict[str, Any] = {
-    "schema": "eaid/fit/2",
-    "nonlinear": {
-        "C": 0.85, "tau1": [0.00674, 0.0239, -0.000213], "tau2": [0.93, 0.41, -0.00264],
-        "Ts": [0.032, 0.0092, 0.00021, 1.32e-06], "u_range": [10.0, 100.0],
-    },
-    "release": {"tau1": 0.3, "tau2": 5.0},
-}  # fmt: skip
+PAPER = {**shared.GAINS, "rc": {**shared.GAINS["rc"], "guaranteed": True, "phi_holds": True}}
+PLANT = {"schema": "eaid/fit/2", "nonlinear": shared.PLANT, "release": {"tau1": 0.3, "tau2": 5.0}}
 """With release constants, so that every line of the plant is used."""
 
 
@@ -53,19 +36,12 @@ def merged(plain: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in made.items() if value is not None}
 
 
-def loaded(plain: dict[str, Any]) -> Any:
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "result.json"
-        path.write_text(json.dumps(plain))
-        return eaid.load(path)
-
-
 def gains_of(**changes: Any) -> "eaid.Gains":
-    return loaded(merged(PAPER, changes))
+    return shared.loaded(merged(PAPER, changes))
 
 
 def fit_of(**changes: Any) -> "eaid.Fit":
-    return loaded(merged(PLANT, changes))
+    return shared.loaded(merged(PLANT, changes))
 
 
 Exporter = Callable[..., Path]

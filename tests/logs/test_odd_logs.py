@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from logs_written import T, U, Y, frame, text
+from logs_written import T, U, Y, text
 
-from eaid.findings import sentences
 from eaid.logs import text as text_logs
 
 HEADER = "time_s,duty_pct,torque_nm"
@@ -144,40 +143,6 @@ def test_a_text_log(name, careful, read, codes):
     assert f"{run.input_unit or '?'} {run.output_unit or '?'}" == log.units
     told = codes(run)
     assert log.code in told if log.code else not told or set(told) == {"unit-unknown"}
-
-
-def plain(names: str = "time|duty|torque_nm", t: Any = T, u: Any = U, y: Any = Y, *more: Any) -> Any:
-    return frame(names, t, u, y, *more)
-
-
-LEVEL, REPAIR = {"name_pattern": "_u{level}_"}, {"repair": True}
-TELLS: dict[str, tuple[Any, dict[str, Any], str]] = {
-    "caution input-by-its-steps": (plain("time|speed_rpm|x|torque_nm", T, 15 + 0 * T, U, Y), {},
-        "x is taken as the input, since speed_rpm never steps; say it with columns= input=NAME"),
-    "caution input-unnamed": (plain("time|Q1|torque_nm"), {},
-        "Q1 is taken as the input, the only column that steps; say it with columns= input=NAME"),
-    "note level-times-trigger": (plain("time|trigger|torque_nm", T, U / 60), LEVEL,
-        "trigger says when the input is on, the file name that it is 60"),
-    "caution level-contradicted": (plain(u=U / 2), LEVEL,
-        "its name says level 60, its input column goes to 30 %: the column counts"),
-    "caution unit-g-unclear": (plain("time|duty|output (g)"), {}, "output output (g) is in g, an acceleration or a "
-        "weight: its numbers stay as they are; a weight is said by units= output=gf or kgf"),
-    "stop time-too-long": (plain(t=np.round(1e6 * T)), {}, "no unit is given for time, its stamps 10000 apart: in "
-        "seconds the log would take 2.99e+06 s; say it with units= time=us or time=s"),
-    "note columns-without-numbers": (plain("time|duty|torque_nm|note", T, U, Y, ["x"] * 300), {},
-        "note hold no real numbers and are left out"),
-    "caution rows-dropped": (plain(y=np.where(T == 0.5, np.nan, Y)), REPAIR, "repair= dropped 1 of 300 rows"),
-    "caution step-row-dropped": (plain(y=np.where(T == 1, np.nan, Y)), REPAIR, "repair= dropped row 101, at which the "
-        "input changes (1 s): the step counts from the next row; say step_at= 1 if it began there"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("finding", TELLS)
-def test_what_is_told_of_a_log(finding, read):
-    log, said, sentence = TELLS[finding]
-    severity, code = finding.split()
-    (found,) = [one for one in read(log, **said).findings if one.code == code]
-    assert (sentences([found]), found.severity) == ([sentence], severity)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """The reference plant under the published gains, in files written by hand, and replays of a signal of one's own."""
 
-import json
 from collections.abc import Callable
 from itertools import count
 from typing import Any
@@ -9,25 +8,13 @@ import pytest
 
 import eaid
 
-PLANT = {
-    "C": 0.85, "tau1": [6.74e-3, 2.39e-2, -2.13e-4], "tau2": [0.93, 0.41, -2.64e-3],
-    "Ts": [0.032, 9.2e-3, 2.1e-4, 1.32e-6], "u_range": [10.0, 100.0],
-}  # fmt: skip
-LINEAR = {"a0": 1.36, "b0": 0.08, "c0": -2.42, "bounds": {"B_m": 12.4, "B_M": 42.6}}
+from ..conftest import LINEAR, PLANT, loaded
 
 
 @pytest.fixture(scope="session")
-def fit_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., "eaid.Fit"]:
+def fit_of() -> Callable[..., "eaid.Fit"]:
     """The paper's two models with some numbers of the plant changed, and other parts of fit.json."""
-    folder, number = tmp_path_factory.mktemp("fits"), count()
-
-    def fit_of(plant: dict[str, Any] | None = None, **parts: Any) -> "eaid.Fit":
-        plain = {"linear": LINEAR, "nonlinear": {**PLANT, **(plant or {})}, **parts}
-        file = folder / f"{next(number)}.json"
-        file.write_text(json.dumps({name: part for name, part in plain.items() if part is not None}), encoding="utf-8")
-        return eaid.load(file)
-
-    return fit_of
+    return lambda plant=None, **parts: loaded({"linear": LINEAR, "nonlinear": {**PLANT, **(plant or {})}, **parts})
 
 
 @pytest.fixture(scope="session")

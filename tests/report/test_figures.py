@@ -16,12 +16,9 @@ from eaid.report.figures import FIGURES
 from eaid.report.paper import figure_of, look
 from eaid.report.results import gathered
 
+from ..conftest import PLANT, loaded
+
 T = np.linspace(0, 20, 401)
-REFERENCE = {
-    "tau1": [6.74e-3, 2.39e-2, -2.13e-4], "tau2": [0.93, 0.41, -2.64e-3], "Ts": [0.032, 9.2e-3, 2.1e-4, 1.32e-6],
-    "C": 0.85, "u_range": [10.0, 100.0],
-}  # fmt: skip
-"""The plant that the synthetic logs are made of."""
 
 
 def drawn(name: str, *results: Any) -> Any:
@@ -34,7 +31,7 @@ def drawn(name: str, *results: Any) -> Any:
 
 def response(u: float, t: np.ndarray = T) -> np.ndarray:
     """Eqs. (4)–(7) of that plant."""
-    tau1, tau2, steady = (np.polynomial.polynomial.polyval(u, REFERENCE[key]) for key in ("tau1", "tau2", "Ts"))
+    tau1, tau2, steady = (np.polynomial.polynomial.polyval(u, PLANT[key]) for key in ("tau1", "tau2", "Ts"))
     return steady * (1 - 0.85 * np.exp(-t / tau1) - 0.15 * np.exp(-t / tau2))
 
 
@@ -51,17 +48,9 @@ def steps_of(outputs: dict[float, np.ndarray], t: np.ndarray = T) -> "eaid.StepS
     return eaid.read(frames)
 
 
-@pytest.fixture(scope="module")
-def fit_of(tmp_path_factory: pytest.TempPathFactory) -> Any:
+def fit_of(**parts: Any) -> "eaid.Fit":
     """A fit as a script may write it."""
-    import json
-
-    def made(**parts: Any) -> "eaid.Fit":
-        path = tmp_path_factory.mktemp("fit") / "fit.json"
-        path.write_text(json.dumps({"schema": "eaid/fit/2", **parts}))
-        return eaid.load(path)
-
-    return made
+    return loaded({"schema": "eaid/fit/2", **parts})
 
 
 @pytest.fixture(scope="module")
@@ -117,20 +106,20 @@ def test_lost_and_left_by_hand():
     assert ready.figure.axes[0].lines[0].get_label() == "50 %: lost 25.0 %, left 20.0 %"
 
 
-def test_shear_point_by_hand(fit_of: Any):
+def test_shear_point_by_hand():
     """4.372 N·m over 2·2π(0.06³ − 0.04³)/3 = 6.367e-4 m³ is 6.867 kPa; 300 V over 95 µm is 3.158 V/µm."""
-    ready = drawn("fig09_shear_per_field", fit_of(nonlinear=REFERENCE))
+    ready = drawn("fig09_shear_per_field", fit_of(nonlinear=PLANT))
     ((field,), (stress,)) = ready.figure.axes[0].lines[-1].get_data()
     assert field == pytest.approx(3.1579, rel=1e-4) and stress == pytest.approx(4.372 / 6.36696e-4 / 1e3, rel=1e-4)
     assert "6.87 kPa at 3.16 V/µm, 2.17 kPa per V/µm" in ready.sees
 
 
-def test_a_residual_stands_where_it_is_and_nowhere_else(fit_of: Any):
+def test_a_residual_stands_where_it_is_and_nowhere_else():
     """0.05 in the first half second and −0.025 after five seconds, on one level of two."""
     t = np.linspace(0, 10, 10_001)
     off = np.where(t < 0.5, 0.05, np.where(t > 5, -0.025, 0.0))
     ready = drawn("residuals_nonlinear", steps_of({20.0: response(20, t), 60.0: response(60, t) + off}, t),
-                  fit_of(nonlinear=REFERENCE))  # fmt: skip
+                  fit_of(nonlinear=PLANT))  # fmt: skip
     over_time, per_level = ready.figure.axes[:2]
     mesh = over_time.collections[0]
     mean, edges = np.asarray(mesh.get_array()), mesh.get_coordinates()[0, :, 0]
@@ -143,18 +132,18 @@ def test_a_residual_stands_where_it_is_and_nowhere_else(fit_of: Any):
     assert "Furthest: 0.050 N·m at 60 %" in ready.sees
 
 
-def test_the_model_is_drawn_through_its_levels_and_a_curve_that_only_crosses_the_axis_is_not(fit_of: Any):
+def test_the_model_is_drawn_through_its_levels_and_a_curve_that_only_crosses_the_axis_is_not():
     """τ2 = (u − 60)²·1e5 + 5, millions of seconds but about one input: no vertical line."""
     levels = [{"level": u, "Ts": response(u)[-1], "tau1": 0.5, "tau2": 5.0} for u in (20.0, 60.0, 100.0)]
-    far = {**REFERENCE, "tau2": [3.6e8 + 5, -1.2e7, 1e5]}
+    far = {**PLANT, "tau2": [3.6e8 + 5, -1.2e7, 1e5]}
     tau1, tau2 = drawn("model_over_duty", fit_of(nonlinear=far, friction={"C": 0.85, "levels": levels})).figure.axes[1:]
     assert np.isnan(tau2.lines[0].get_ydata()).all() and tau2.get_ylim()[1] == pytest.approx(1.1 * 5)
     x, y = tau1.lines[0].get_data()
-    assert y == pytest.approx(np.polynomial.polynomial.polyval(x, REFERENCE["tau1"]))
+    assert y == pytest.approx(np.polynomial.polynomial.polyval(x, PLANT["tau1"]))
     assert {line.get_label() for line in tau1.lines} >= {"joint (used)", "published"}
 
 
-def test_the_linear_model_is_not_drawn_below_zero(fit_of: Any):
+def test_the_linear_model_is_not_drawn_below_zero():
     """At 20 % it ends at (0.0783·20 − 1.34)/1.84 = 0.12 N·m; with c0 = −2 below zero."""
     steps = steps_of({u: response(u) for u in (20.0, 60.0, 100.0)})
     for c0, count in ((-1.34, 3), (-2.0, 2)):
@@ -164,7 +153,7 @@ def test_the_linear_model_is_not_drawn_below_zero(fit_of: Any):
     assert last == pytest.approx((0.0783 * 100 - 2) / 1.84, rel=1e-6)
 
 
-def test_bounds_and_gains_of_the_levels(fit_of: Any):
+def test_bounds_and_gains_of_the_levels():
     rows = [
         {"level": u, "a0": 1.8, "gain": u / 40, "B": B, "ci95": {"B": [0.9 * B, 1.1 * B]}}
         for u, B in ((20.0, 36.5), (60.0, 33.0), (100.0, 8.3))
@@ -178,7 +167,7 @@ def test_bounds_and_gains_of_the_levels(fit_of: Any):
 
 
 @pytest.mark.parametrize("unit", ["N", "N·m"])
-def test_friction_over_stress_has_a_coefficient_of_friction_where_the_output_is_a_torque(unit: str, fit_of: Any):
+def test_friction_over_stress_has_a_coefficient_of_friction_where_the_output_is_a_torque(unit: str):
     """C_f = 3 T_s/(2π σ (r2³ − r1³)) of one surface, Eq. (1): 10 kPa and 1 N·m of the usual rig give 0.3142."""
     ends = {"Ts": [0.9, 1.1], "tau1": None, "tau2": None}
     rows = [

@@ -1,14 +1,11 @@
 """Which steps a log holds: name, input before and after, edge, instant, samples, baseline; a row a log, by hand."""
 
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-from make import curve, log, plus, read, told, values, white, with_input, without_input
+from .make import curve, log, plus, read, told, values, white, with_input, without_input
 
 UP, DOWN = "rising", "falling"
 ONE = log([(0, 2), (50, 5)])

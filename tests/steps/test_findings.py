@@ -3,11 +3,8 @@
 Rows in pairs lie at both sides of what docs/formats.md promises, or of what a user would call the same log.
 """
 
-import sys
-from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 import pandas as pd
 import pytest
@@ -15,8 +12,7 @@ import pytest
 import eaid
 from eaid.errors import DataError
 
-sys.path.insert(0, str(Path(__file__).parent))
-from make import curve, log, plus, read, told, white, with_input, without_input
+from .make import curve, log, plus, read, told, white, with_input, without_input
 
 PLAN = [(0.0, 4.0), (50.0, 8.0)]
 RUN = log(PLAN)
@@ -251,21 +247,6 @@ def test_repeats_that_disagree() -> None:
         (said,) = run.findings
         assert (said.code, said.levels) == ("repeats-disagree", (50.0,))
         assert said.values == {"spread_pct": near(23.08), "own_pct": near(own), "unit": "%"}
-
-
-def test_a_stored_level_that_the_input_contradicts(tmp_path: Path) -> None:
-    frame = log(PLAN)
-    for level, told_of in ((5.0, True), (50.5, False)):
-        with h5py.File(tmp_path / f"{level:g}.h5", "w") as file:
-            file.attrs.update({"schema": "eaid/data/1", "kind": "clutch", "input_unit": "%"})
-            run = file.create_group("runs/a")
-            run.attrs.update({"level": level, "step_s": 4.0})
-            for column, there in zip(("time_s", "input", "torque_nm"), frame, strict=True):
-                run[column] = frame[there].to_numpy()
-        steps = eaid.read(tmp_path / f"{level:g}.h5")
-        assert ("level-contradicts-input" in told(steps)) is told_of
-        if told_of:
-            assert only(steps, "level-contradicts-input") == {"said": 5.0, "held": 50.0, "unit": "%"}
 
 
 def test_what_options_bring_up() -> None:

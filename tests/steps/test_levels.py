@@ -1,17 +1,14 @@
 """Steps of one level, their average, their sign; the set in words, as a table, and as a dataset that others write."""
 
-import sys
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 
 import eaid
-from eaid.errors import DataError, UsageError
+from eaid.errors import UsageError
 
-sys.path.insert(0, str(Path(__file__).parent))
-from make import curve, log, plus, read, told, values, white, with_input
+from .make import curve, log, plus, read, told, values, white, with_input
 
 PLAN = [(0.0, 2.0), (50.0, 6.0)]
 
@@ -33,11 +30,6 @@ def test_mean_and_spread_of_equal_repeats() -> None:
     np.testing.assert_allclose(level.time_s, np.arange(600) * 0.01, atol=1e-12)
     (alone,) = read(logs[0]).levels
     assert (alone.sd == 0).all() and alone.sd.shape == (600,)
-
-
-def test_the_common_window_is_the_shortest() -> None:
-    (level,) = read([log([(0, 2), (50, seconds)], offset=1.0 * seconds) for seconds in (6, 4, 5)]).levels
-    assert len(level.time_s) == 400
 
 
 def test_other_rates_are_interpolated_to_the_finest() -> None:
@@ -114,11 +106,6 @@ def test_levels_that_are_kept(text: str, kept: list[float]) -> None:
 def test_levels_that_are_no_levels(text: str) -> None:
     with pytest.raises(UsageError, match=f"levels= {text}: write 30:100 or 30,40,90"):
         read(levels(30, 60), levels=text)
-
-
-def test_levels_that_are_not_there() -> None:
-    with pytest.raises(DataError, match="levels= 45: no log holds 45; levels found: 30, 60, 90"):
-        read(levels(30, 60, 90), levels="45")
 
 
 def test_a_level_that_is_kept_keeps_its_releases_and_steps() -> None:
@@ -223,27 +210,6 @@ def test_the_density_of_the_idle_noise() -> None:
         (run,) = read(plus(frame, 0.01 * frame.time_s)).runs
         assert run.idle_density == pytest.approx(4e-4 / rate, rel=0.2)
     assert read(log([(0, 1.9), (50, 5)], noise=0.02)).runs[0].idle_density is None
-
-
-def test_a_dataset_of_a_users_own_script(tmp_path: Path) -> None:
-    """Level, step and baseline given, the release still inside: found by the input."""
-    frame, other = (log([(0, 2), (50, 3), (0, 2)], offset=offset) for offset in (0.0, 0.02))
-    with h5py.File(tmp_path / "data.h5", "w") as file:
-        file.attrs.update({"schema": "eaid/data/1", "kind": "clutch", "input_unit": "%"})
-        said = {"baseline_nm": 0.01}, {"until_s": 4.0, "repeat": 7}
-        for name, log_, more in zip(("own", "short"), (frame, other), said, strict=True):
-            run = file.create_group(f"runs/{name}")
-            run.attrs.update({"level": 50.0, "step_s": 2.0, **more})
-            for column, there in zip(("time_s", "input", "torque_nm"), log_, strict=True):
-                run[column] = log_[there].to_numpy()
-    steps = eaid.read(tmp_path / "data.h5")
-    assert [(r.name, r.edge, r.step_s, r.samples, r.repeat, round(r.baseline_nm, 9)) for r in steps.runs] == [
-        ("own", "rising", 2.0, 300, 1, 0.01), ("own-release", "falling", 5.0, 200, 1, 0.01),
-        ("short", "rising", 2.0, 200, 7, 0.02), ("short-release", "falling", 4.0, 300, 7, 0.02),
-    ]  # fmt: skip
-    steps.save(tmp_path / "again.h5")
-    again = eaid.read(tmp_path / "again.h5")
-    assert again.to_frame().drop(columns="source").equals(steps.to_frame().drop(columns="source"))
 
 
 def test_a_release_that_stands_still_is_read_again(tmp_path: Path) -> None:

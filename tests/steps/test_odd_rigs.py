@@ -1,7 +1,6 @@
 """Odd rigs of known truth, each as a new user would type it: right to a few percent, or told, or refused."""
 
 import json
-import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -13,8 +12,7 @@ from scipy.signal import lfilter
 
 import eaid
 
-sys.path.insert(0, str(Path(__file__).parent))
-from make import curve, white
+from .make import curve, white
 
 
 def clock(duration_s: float, rate_hz: float = 100.0) -> Any:

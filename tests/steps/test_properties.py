@@ -1,7 +1,5 @@
 """What is found depends on no unit, offset, clock, name, order or rate; stop findings on random good and bad logs."""
 
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,8 +11,7 @@ from hypothesis import strategies as st
 from benchmarks.stop_findings import BAD, false_alarms, good, misses
 from eaid.errors import DataError
 
-sys.path.insert(0, str(Path(__file__).parent))
-from make import INPUTS, curve, log, read, told
+from .make import INPUTS, curve, log, read, told
 
 KINDS = [kind for kind in BAD if kind not in ("level-contradicts-input", "shape-explains-little")]
 """Those whose logs say no level of their own, and those that no fit is needed for."""

@@ -1,6 +1,5 @@
 """Logs and options that the steps refuse, each with its sentence."""
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,8 +10,7 @@ import pytest
 import eaid
 from eaid.errors import DataError, UsageError
 
-sys.path.insert(0, str(Path(__file__).parent))
-from make import log, read, with_input, without_input
+from .make import log, read, without_input
 
 RUN = log([(0.0, 4.0), (50.0, 8.0)])
 BLIND = without_input(RUN)
@@ -49,17 +47,6 @@ def test_a_log_that_is_refused(case: str) -> None:
     with pytest.raises((DataError, UsageError)) as refused:
         read(logs, **options)
     assert sentence in str(refused.value)
-
-
-def test_all_faults_of_all_logs_are_told_at_once() -> None:
-    with pytest.raises(DataError) as refused:
-        read({"a": RUN.assign(torque_nm=0.5), "b": RUN, "c": with_input(RUN, 50.0)})
-    assert [text.split(":")[0] for text in refused.value.sentences] == ["a", "c"]
-
-
-def test_ten_samples_are_enough() -> None:
-    assert read(RUN[:410]).runs[0].samples == 10
-    assert read({"u50": BLIND[391:410]}, **NAMED, step_at=4.0).runs[0].samples == 10
 
 
 def test_two_rigs_are_not_fitted_together(tmp_path: Path) -> None:

@@ -143,28 +143,6 @@ def test_seals_one_step_a_file(command: Command) -> None:
         assert np.abs(two(t, row["Ts"], row["tau1"], row["tau2"]) - two(t, *best)).max() < 0.025 * row["Ts"]
 
 
-@pytest.mark.slow
-def test_a_clutch_of_another_lab(command: Command) -> None:
-    ran, fit, folder = command("ea-clutch", "--model", "friction")  # each level by itself
-    assert ran.code == 0, ran.err
-    rows = {row["level"]: row for row in fit["friction"]["levels"]}
-    assert sorted(rows) == [100 + 25 * k for k in range(9)]
-    t = np.arange(0, 2.99, 0.002)
-    for level in (250.0, 300.0):
-        outputs = []
-        for path in sorted(folder.glob(f"*_V={level:g}_*")):
-            table = np.genfromtxt(path, delimiter=",", names=True, usecols=("Time", "Load_Cell"))
-            time, force = table["Time"] / 1e6, table["Load_Cell"]
-            # some logs end in a sample or two of the time before
-            force = force[np.isfinite(time)] - force[(time > 0.0) & (time < 2.0)].mean()
-            outputs.append(np.interp(t, time - 2.0, force))
-        (c, a, s), _ = curve_fit(
-            lambda x, c, a, s: two(x, c, a, a * np.exp(abs(s))), t, np.mean(outputs, axis=0), (0.3, 0.1, 1)
-        )
-        ours = two(t, rows[level]["Ts"], rows[level]["tau1"], rows[level]["tau2"])
-        assert np.abs(ours - two(t, c, a, a * np.exp(abs(s)))).max() < 0.05 * rows[level]["Ts"]
-
-
 def test_a_position_loop_that_no_exponential_shows(command: Command) -> None:
     ran, fit, _ = command("quarc_matrix")
     assert ran.code == 0

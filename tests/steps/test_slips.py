@@ -1,7 +1,5 @@
 """Contacts that slip: peak, level after it, stiffness, stick-slip; positions that go to and fro, stroke by stroke."""
 
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,8 +8,7 @@ import pytest
 
 from eaid.errors import DataError
 
-sys.path.insert(0, str(Path(__file__).parent))
-from make import log, read, told, white
+from .make import log, read, told, white
 
 T = np.arange(6000) / 2000
 LOADED = np.where(T < 0.5, 0.8 * T, 0.3 + 0.1 * np.exp(-(T - 0.5) / 0.2))
@@ -121,13 +118,3 @@ def test_turns_behind_noise() -> None:
     frame = strokes(11)
     steps = cut(frame.assign(position_mm=frame.position_mm + white(len(frame), 0.2, 1)))
     assert [run.step_s for run in steps.runs] == pytest.approx(3.0 * np.arange(1, 11), abs=0.12)
-
-
-@pytest.mark.parametrize(("last", "count"), [(10, 2), (11, 3)])
-def test_a_stroke_of_ten_samples_counts(last: int, count: int) -> None:
-    """The last stroke ends with the log; its first sample is the turn."""
-    leg = np.arange(200) / 200
-    position = np.concatenate((leg, 1 - leg, leg, 1 - 0.06 * np.arange(last)))
-    time = np.arange(len(position)) / 100
-    frame = pd.DataFrame({"time_s": time, "pressure_bar": 2.0, "force": np.sin(time), "position_mm": position})
-    assert len(cut(frame).runs) == count

@@ -1,7 +1,5 @@
 """The value from which a step starts: rests that are flat, wander, slope or are missing, and what `baseline` says."""
 
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,8 +7,7 @@ import pytest
 
 from eaid.errors import DataError, UsageError
 
-sys.path.insert(0, str(Path(__file__).parent))
-from make import log, plus, read, told, white, with_input
+from .make import log, plus, read, told, white, with_input
 
 T = np.arange(800) / 100
 STEP = log([(0, 4), (50, 4)])

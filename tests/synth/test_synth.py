@@ -8,9 +8,8 @@ import pytest
 
 import eaid
 
-PLANT = {"C": 0.85, "tau1": [0.00674, 0.0239, -0.000213], "tau2": [0.93, 0.41, -0.00264],
-         "Ts": [0.032, 0.0092, 0.00021, 1.32e-06], "u_range": [10.0, 100.0]}  # fmt: skip
-"""The reference plant."""
+from ..conftest import PLANT
+
 TWO = "--levels 40,90 --repeats 2 --idle 0.5 --hold 2 --release 1 --rate-hz 200"
 
 
