@@ -129,16 +129,6 @@ def test_what_ninety_five_in_a_hundred_keep_is_less_than_what_the_fit_keeps(smal
     assert 0.5 * wall.K_passive < kept.K_passive_95 < wall.K_passive
 
 
-@pytest.mark.parametrize(
-    "options",
-    [{"torque": (9.0,)}, {"torque": (0.01,)}, {"limb_damping": 0.0}, {"limb_inertia": -1.0}, {"wall": 0.0},
-     {"loops": ("pid",)}, {"pwm_hz": math.nan}, {"delay_samples": -1}, {"plants": 10**9}, {"pair_bias_nm": 99.0}],
-)  # fmt: skip
-def test_what_means_nothing_is_refused(options):
-    with pytest.raises(eaid.UsageError):
-        couple(**{"torque": (1.0,), **options})
-
-
 def test_an_unstable_loop_is_refused():
     gains = {**GAINS, "pi": {**GAINS["pi"], "K_P": 1e6, "K_I": 1e6}}
     with pytest.raises(eaid.GainsError, match="unstable at 2 without any wall"):

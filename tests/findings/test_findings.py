@@ -23,11 +23,6 @@ def test_the_table_gives_severity_and_sentence() -> None:
     assert "with --step-at" in errors.on_command_line(findings.say(late))
 
 
-def test_errors_name_options_as_the_reader_writes_them() -> None:
-    fault = errors.DataError("give «step_at»")
-    assert str(fault) == "give step_at=" and errors.on_command_line(fault.sentences[0]) == "give --step-at"
-
-
 def test_the_worst_of_a_code_stands_for_all() -> None:
     gaps = [made("gap", f"run {k}", gap_s=size, at_s=0.0, sample_s=0.01) for k, size in enumerate((0.1, -0.9, 0.3))]
     (one,) = findings.merged(gaps)

@@ -20,25 +20,6 @@ TRENDS = {
 }
 
 
-def test_friction_by_its_two_parts_at_zero_at_tau_in_the_end_and_just_after_the_step() -> None:
-    want = 2 * (0.85 * -np.expm1(-TIME / 0.3) + 0.15 * -np.expm1(-TIME / 4.0))
-    assert friction.step_response(CURVE, TIME) == pytest.approx(want, rel=1e-14)
-    alike = replace(CURVE, tau1=0.5, tau2=0.5, C=0.6)
-    values = friction.step_response(alike, np.array([0.0, 0.5, 10.0]))
-    assert values == pytest.approx([0.0, 2 * (1 - np.exp(-1)), 2 * (1 - np.exp(-20))], rel=1e-15)
-    (early,) = friction.step_response(CURVE, np.array([1e-12]))
-    assert early == pytest.approx(2 * 1e-12 * (0.85 / 0.3 + 0.15 / 4), rel=1e-10)
-
-
-def test_the_nonlinear_model_is_the_friction_curve_of_its_polynomials() -> None:
-    u = 40.0
-    Ts = 0.032 + 9.2e-3 * u + 2.1e-4 * u**2 + 1.32e-6 * u**3
-    tau1, tau2 = 6.74e-3 + 2.39e-2 * u - 2.13e-4 * u**2, 0.93 + 0.41 * u - 2.64e-3 * u**2
-    want = Ts * (1 - 0.85 * np.exp(-TIME / tau1) - 0.15 * np.exp(-TIME / tau2))
-    assert nonlinear.step_response(PLANT, TIME, u) == pytest.approx(want, rel=1e-13)
-    assert nonlinear.steady_torque(PLANT, 100.0) == pytest.approx(4.372, abs=1e-12)
-
-
 def test_outside_the_identified_duties() -> None:
     """Below the lowest, torque is a line to zero and the time constants stay; above the highest, all stay."""
     edge, duties = nonlinear.steady_torque(PLANT, 10.0).item(), np.array([0.0, 5.0, 10.0])
