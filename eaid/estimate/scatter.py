@@ -12,7 +12,7 @@ Levels of a single run show a in their distance to a polynomial through the leve
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from typing import TypeAlias
 
 import numpy as np
@@ -82,8 +82,8 @@ def held_parameters(curve: Friction, record_s: float, share_free: bool) -> tuple
     return tuple(dict.fromkeys(found))
 
 
-def _moving_sums(time_s: Array, scores: Array) -> Iterator[tuple[Array, int]]:
-    """Sums of the scores (n, k) over m neighbouring bins, (k, bins + m − 1), and m, of each window.
+def _window_sums(time_s: Array, scores: Array) -> Iterator[tuple[tuple[Array, ...], int]]:
+    """Sums of the scores (n, k) over m neighbouring bins, and m, of each window: k rows, before, inside, after.
 
     Windows longer than half the record are cut to it.
     """
@@ -94,13 +94,13 @@ def _moving_sums(time_s: Array, scores: Array) -> Iterator[tuple[Array, int]]:
     bins = np.floor((time_s - time_s[0]) / bin_s + 1e-6).astype(np.int64)
     sums = np.zeros((scores.shape[1], int(bins[-1]) + 1))
     starts = np.flatnonzero(np.r_[True, bins[1:] != bins[:-1]])
-    sums[:, bins[starts]] = np.add.reduceat(scores.T, starts, axis=1)
+    sums[:, bins[starts]] = scores.T if len(starts) == len(bins) else np.add.reduceat(scores.T, starts, axis=1)
     running = np.cumsum(sums, axis=1)
+    inside, last = np.empty_like(running), running[:, -1:]
     for window_s in WINDOWS_S:
         m = max(1, min(round(window_s / bin_s), round(duration_s / 2 / bin_s)))
-        before = np.zeros((len(sums), m))
-        padded = np.concatenate([before, running, np.repeat(running[:, -1:], m - 1, axis=1)], axis=1)
-        yield padded[:, m:] - padded[:, :-m], m
+        between = np.subtract(running[:, m:], running[:, :-m], out=inside[:, m:])
+        yield (running[:, :m], between, last - running[:, -m:-1]), m
 
 
 def bartlett_variance(time_s: Array, scores: Array) -> Array:
@@ -108,12 +108,12 @@ def bartlett_variance(time_s: Array, scores: Array) -> Array:
 
     Σ_|j|<m (1 − |j|/m) Γ_j equals the mean square of all sums over m neighbours, zeros beyond the ends.
     """
-    return np.array([np.einsum("ij,ij->i", sums, sums) / m for sums, m in _moving_sums(time_s, scores)])
+    return np.array([sum(np.vecdot(x, x) for x in parts) / m for parts, m in _window_sums(time_s, scores)])
 
 
 def bartlett_covariance(time_s: Array, scores: Array) -> Array:
     """The same as covariances, shape (windows, k, k)."""
-    return np.array([sums @ sums.T / m for sums, m in _moving_sums(time_s, scores)])
+    return np.array([sum(x @ x.T for x in parts) / m for parts, m in _window_sums(time_s, scores)])
 
 
 def run_residuals(runs: Array, fitted: Array, jacobian: Array) -> Array:
@@ -406,6 +406,7 @@ ASSUMED = Noise(sensor_nm2_s=1e-6, ripple_s=1e-5, scatter=(0.03, 0.05, 0.0))
 """Where a fit says nothing: 0.03 N·m of white noise at 1 kHz, ripple of 1 % with a memory of 0.05 s, 3 % and 5 %."""
 
 
+@lru_cache(maxsize=1000)
 def unit_variances(curve: Friction, hold_s: float) -> Array:
     """Variance of (ln T_s, ln τ1, ln τ2) of a run under s0 = 1, and under s1 = 1, shape (3, 2)."""
     edges = np.concatenate([[0.0], np.geomspace(hold_s * 1e-5, hold_s, 400)])

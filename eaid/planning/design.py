@@ -62,27 +62,28 @@ def within_runs(curves: Sequence[Friction], hold_s: Array, noise: Noise) -> Arra
 
 
 def half_widths(
-    within: Array, curves: Sequence[Friction], levels: Array, repeats: int, noise: Noise, polynomial: bool = True
-) -> dict[str, float]:
-    """Predicted half-width of each parameter at the worst level [%]; of the curve, or of single levels.
+    within: Array, curves: Sequence[Friction], levels: Array, repeats: Array, noise: Noise, polynomial: bool = True
+) -> dict[str, Array]:
+    """Predicted half-width of each parameter at the worst level [%], shape (R,); of the curve, or of single levels.
 
-    `within` is what `within_runs` gives for the holds, shape (L, 3).
+    `within` is what `within_runs` gives for the holds, shape (L, 3); `repeats`, shape (R,), are tried.
     """
     result = {}
     for name, k in PARAMETERS.items():
-        variance = (noise.scatter[k] ** 2 + within[:, k]) / repeats
-        degrees = np.full(len(levels), len(levels) * (repeats - 1.0))
+        variance = noise.scatter[k] ** 2 + within[:, k]
+        degrees = np.full(len(levels), float(len(levels)))
         if polynomial:
             g = powers(levels, TERMS[name]) / np.array([getattr(curve, name) for curve in curves])[:, None]
             g = g / np.sqrt((g**2).sum(axis=0))
             spread = np.linalg.pinv((g / variance[:, None]).T @ g, rcond=1e-14, hermitian=True)
             parts = (g @ spread @ g.T) ** 2 / variance  # of the variance at a level, what each level contributes
             variance = parts.sum(axis=1)
-            degrees = variance**2 / (parts**2).sum(axis=1) * (repeats - 1)
-        elif len(levels) > 3:
-            degrees = np.maximum(1.0, degrees / 3.5)  # scatter that follows a trend over the levels costs at the ends
-        reach = t_quantile(degrees) * np.sqrt(variance)
-        result[name] = float(100 * np.expm1(np.minimum(reach.max(), 50.0)))
+            degrees = variance**2 / (parts**2).sum(axis=1)
+        known = (repeats[:, None] - 1) * degrees
+        if not polynomial and len(levels) > 3:
+            known = np.maximum(1.0, known / 3.5)  # scatter that follows a trend over the levels costs at the ends
+        reach = (t_quantile(known) * np.sqrt(variance / repeats[:, None])).max(axis=1)
+        result[name] = 100 * np.expm1(np.minimum(reach, 50.0))
     return result
 
 
@@ -99,23 +100,25 @@ def quickest(
     `candidates` are the sets of levels to choose from.
     """
     best: tuple[float, Experiment] | None = None
+    repeats = np.arange(LEAST_REPEATS, MOST_REPEATS + 1)
     for levels in candidates:
         curves = [curve_at(level) for level in levels]
-        duty = np.array(levels)
         for factor in HOLDS:
             # whole seconds, within what the rig and the least record allow
             hold = np.ceil([min(max(factor * c.tau2, LEAST_HOLD_S), session.longest_hold_s) for c in curves])
             within = within_runs(curves, hold, noise)
-            for repeats in range(LEAST_REPEATS, MOST_REPEATS + 1):
-                widths = half_widths(within, curves, duty, repeats, noise, polynomial and len(levels) > 1)
-                time_s = repeats * float((hold + session.idle_s + session.release_s).sum())
-                over = max(widths[name] / width for name, width in wanted.items())
-                # an experiment that falls short costs more than any that does not
-                price = time_s if over <= 1 else 1e9 * over + time_s
-                if best is None or price < best[0]:
-                    best = price, Experiment(tuple(levels), tuple(hold.tolist()), repeats, widths, time_s, over <= 1)
-                if over <= 1:
-                    break
+            widths = half_widths(within, curves, np.array(levels), repeats, noise, polynomial and len(levels) > 1)
+            time_s = repeats * (hold + session.idle_s + session.release_s).sum()
+            over = np.max([widths[name] / width for name, width in wanted.items()], axis=0)
+            # an experiment that falls short costs more than any that does not
+            price = np.where(over <= 1, time_s, 1e9 * over + time_s)
+            k = int(price.argmin())
+            if best is None or price[k] < best[0]:
+                width = {name: float(each[k]) for name, each in widths.items()}
+                found = Experiment(
+                    tuple(levels), tuple(hold.tolist()), int(repeats[k]), width, float(time_s[k]), bool(over[k] <= 1)
+                )
+                best = float(price[k]), found
     assert best is not None
     return best[1]
 

@@ -19,7 +19,7 @@ def test_widths_of_pure_scatter_by_hand() -> None:
     curves = [curve_at(u) for u in levels]
     within = within_runs(curves, np.full(3, 30.0), noise)
     for polynomial, degrees in ((False, 9), (True, 3)):
-        found = half_widths(within, curves, levels, 4, noise, polynomial)
+        found = half_widths(within, curves, levels, np.array([4]), noise, polynomial)
         for name, sd in (("Ts", 0.03), ("tau1", 0.05), ("tau2", 0.1))[polynomial:]:
             assert found[name] == pytest.approx(100 * np.expm1(t_quantile(degrees) * sd / 2))
 
