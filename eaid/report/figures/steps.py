@@ -13,7 +13,6 @@ from eaid.report import panels as ink
 from eaid.report.panels import Axis, Line, Panel, Ready, Sheet, caption, over, quantity
 from eaid.report.results import Results
 from eaid.report.rig import level_text
-from eaid.results import frames
 from eaid.results.fit import Fit, StepShape
 from eaid.steps.noise import block_means
 from eaid.steps.stepset import LevelStep, StepSet
@@ -111,7 +110,7 @@ def fitted_steps(fit: Fit) -> Panel:
     data = fit.data
     time = np.concatenate([[0.0], np.geomspace(1e-3, 1.0, 200)]) * float(max(data.record_s, default=20.0))
     levels = data.levels or (() if fit.recorded is None else np.linspace(*fit.recorded.u_range, 5).tolist())
-    shown = frames.predict(fit, levels, time.tolist())
+    shown = fit.predict(levels, time.tolist())
     lines = [
         Line(time, values, level_text(float(str(level)), data.input_unit), colour, width=1.5)
         for colour, (level, values) in zip(ink.level_colours(shown.shape[1]), shown.items(), strict=True)
