@@ -143,10 +143,10 @@ def apparatus_from(text: str | Apparatus | None, kind: str | None) -> Apparatus 
             raise UsageError(f"«apparatus» {name}={value}: is no number") from None
         if not (isfinite(numbers[name]) and numbers[name] > 0):
             raise UsageError(f"«apparatus» {name}={value}: must be above zero")
-    rig = replace(Apparatus(surfaces=1 if kind in KINDS[1:] else 2), **cast(Any, numbers))
-    if rig.inner_radius_m >= rig.outer_radius_m:
-        raise UsageError("«apparatus»: inner_radius_m must be below outer_radius_m")
-    return rig
+    try:
+        return replace(Apparatus(surfaces=1 if kind in KINDS[1:] else 2), **cast(Any, numbers))
+    except ValueError:
+        raise UsageError("«apparatus»: inner_radius_m must be below outer_radius_m") from None
 
 
 def in_words(value: Any) -> str:

@@ -75,8 +75,8 @@ def logs_of(fitted: "Fit", fit: Path, data: list[Path] | None, options: "TuneOpt
         return None
 
 
-def stamped(result: R, args: Common, kind: type, **files: Path | list[Path] | None) -> R:
-    """A result that says what was typed, and names the files it was made from by their roles in `kind`."""
+def stamped(result: R, args: Common, **files: Path | list[Path] | None) -> R:
+    """A result that says what was typed, and names the files it was made from."""
     import msgspec
 
     from eaid.results.common import Input
@@ -86,4 +86,4 @@ def stamped(result: R, args: Common, kind: type, **files: Path | list[Path] | No
         for role, given in files.items()
         if given
     }
-    return msgspec.structs.replace(result, inputs=kind(**named), command=args.typed)  # type: ignore[type-var]
+    return msgspec.structs.replace(result, inputs=named, command=args.typed)  # type: ignore[type-var]

@@ -191,11 +191,8 @@ def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Prog
             finding("pair-bias-cut", "pair", bias=bias, unit=unit, torques=", ".join(f"{t:g}" for t in left_out))
         )
     return parts.Coupling(
-        options=parts.CoupleRecord(
-            options.limb_inertia, options.limb_damping, options.virtual_damping, options.rate_hz, options.pwm_hz,
-            delay, options.sensor_hz,
-        ),
-        seed=options.seed, plants=len(plants), output_unit=unit, walls=tuple(walls), pair=tuple(pair),
+        options=replace(options, delay_samples=delay), seed=options.seed, plants=len(plants), output_unit=unit,
+        walls=tuple(walls), pair=tuple(pair),
         pair_bias_nm=bias, regions=tuple(regions), curves=tuple(curves), kept=tuple(kept), impedance=impedance,
         findings=ranked(findings),
     )  # fmt: skip

@@ -4,7 +4,7 @@ The one entry that the command line and a notebook share.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import Any, TypeVar
 
 import msgspec
@@ -40,7 +40,7 @@ from eaid.findings import Finding, finding, merged, ranked
 from eaid.models.parameters import SHARE
 from eaid.options import MODELS, FitGiven, FitOptions
 from eaid.results.common import Input, Source
-from eaid.results.fit import NOT_IDENTIFIABLE, Fit, FittedData, Friction, Rig, Uncertainty
+from eaid.results.fit import NOT_IDENTIFIABLE, Fit, FittedData, Friction, Uncertainty
 from eaid.results.verdict import judged
 from eaid.steps.stepset import Level, StepSet
 
@@ -362,7 +362,7 @@ def data_part(stepset: StepSet) -> FittedData:
         samples=tuple(len(level.time_s) for level in stepset.levels),
         record_s=tuple(float(level.time_s[-1]) for level in stepset.levels),
         sample_rate_hz=max(rates, default=None),
-        apparatus=Rig(**asdict(stepset.apparatus)),
+        apparatus=stepset.apparatus,
         sources=tuple(
             Source(
                 run.source,

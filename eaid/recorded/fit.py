@@ -8,13 +8,14 @@ with them as their mean curves, each sample of each repeat alike.
 import itertools
 import statistics
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from eaid.apparatus import Apparatus
 from eaid.arrays import Array
 from eaid.errors import DataError, UsageError
 from eaid.estimate import forms, workflow
@@ -50,7 +51,6 @@ from eaid.results.fit import (
     Noise,
     Nonlinear,
     Release,
-    Rig,
     Uncertainty,
 )
 from eaid.results.recorded import Falls, LogCurve, LogFit, Recorded
@@ -293,7 +293,7 @@ def data_part(
         output_unit="N·m" if first is None else first.output_unit,
         levels=tuple(levels.tolist()),
         sample_rate_hz=max(rates),
-        apparatus=Rig() if steps is None else Rig(**asdict(steps.apparatus)),
+        apparatus=Apparatus() if steps is None else steps.apparatus,
         sources=tuple(sources),
         inputs=tuple(Input(path, digest) for path, digest in inputs.items()),
         synthetic=made if made is not None else None if steps is None else steps.synthetic,

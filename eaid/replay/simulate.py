@@ -38,7 +38,7 @@ from eaid.replay.references import Reference, Signal, measure, record, reference
 from eaid.replay.rehab import MODES, rehabilitate
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
-from eaid.results.replay import Exercise, Head, Metrics, Record, Replay, RigRecord
+from eaid.results.replay import Exercise, Head, Metrics, Record, Replay
 from eaid.results.verdict import PLANT
 
 
@@ -263,7 +263,7 @@ def simulate(
         records, head, more = tracked(setup, wanted, gains, progress)
     head = msgspec.structs.replace(
         head, scenario=what, seed=options.seed, input_unit=fit.data.input_unit, output_unit=fit.data.output_unit,
-        rig=RigRecord(**asdict(setup.rig)), perturb=dict(options.perturb), synthetic=fit.data.synthetic,
+        rig=setup.rig, perturb=dict(options.perturb), synthetic=fit.data.synthetic,
         not_usable=_not_usable(fit, gains), findings=ranked([*warned, *more]),
     )  # fmt: skip
     return Replay(head, records)

@@ -16,6 +16,7 @@ import msgspec
 import numpy as np
 from scipy.special import stdtrit
 
+from eaid.apparatus import Apparatus
 from eaid.arrays import Array
 from eaid.errors import DataError, UsageError, in_python
 from eaid.findings import Finding
@@ -494,24 +495,6 @@ class StepShape(Result, frozen=True):
         return np.asarray(self.start + left + self.change * (1 - self.C * np.exp(-after / self.tau1) - slow))
 
 
-class Rig(Result, frozen=True):
-    """The apparatus, as in `eaid.apparatus.Apparatus`."""
-
-    inner_radius_m: Positive = 0.04
-    outer_radius_m: Positive = 0.06
-    surfaces: Annotated[int, msgspec.Meta(ge=1, le=10**6)] = 2
-    dielectric_m: Positive = 95e-6
-    voltage_v: Positive = 300.0
-    pwm_hz: Positive = 300.0
-    sample_rate_hz: Positive = 1000.0
-    lever_ratio: Positive = 4.33
-
-    def __post_init__(self) -> None:
-        inner, outer = self.inner_radius_m, self.outer_radius_m
-        if inner >= outer:
-            raise ValueError(f"an inner radius of {inner:g} m and an outer one of {outer:g} m")
-
-
 class FittedData(Result, frozen=True):
     """What was fitted."""
 
@@ -524,7 +507,7 @@ class FittedData(Result, frozen=True):
     record_s: tuple[Number, ...] = ()
     """Length of each level's record [s]."""
     sample_rate_hz: Positive | None = None
-    apparatus: Rig = Rig()
+    apparatus: Apparatus = Apparatus()
     sources: tuple[Source, ...] = ()
     inputs: tuple[Input, ...] = ()
     synthetic: str | None = None

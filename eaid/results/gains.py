@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from eaid.findings import Finding, sentences
 from eaid.options import TuneOptions
 from eaid.results import codec
-from eaid.results.common import Count, Input, Number, Positive, Result
+from eaid.results.common import Count, Inputs, Number, Positive, Result
 from eaid.shown import Shown
 
 if TYPE_CHECKING:
@@ -289,13 +289,6 @@ class PI(Result, frozen=True):
     anti_windup: AntiWindup = AntiWindup()
 
 
-class GainsInputs(Result, frozen=True):
-    """The files that gains were made from."""
-
-    fit: Input | None = None
-    reference: Input | None = None
-
-
 class Gains(Shown, Result, frozen=True):
     """Gains of both controllers, and what is known of them.
 
@@ -312,7 +305,7 @@ class Gains(Shown, Result, frozen=True):
     model: LinearModel
     rc: Robust | None = None
     pi: PI | None = None
-    inputs: GainsInputs = GainsInputs()
+    inputs: Inputs = {}
     options: TuneOptions | None = None
     command: tuple[str, ...] = ()
     """What was typed to make it, without the output; empty where Python did."""
