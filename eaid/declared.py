@@ -45,7 +45,7 @@ class Declaration:
     read: Callable[[str, str], Any] | None = None
     """(option, text) → value, where the type does not say it."""
     levels: bool = False
-    """Levels of the data, which the shell completes."""
+    """Levels of the data, which Python may also give as numbers."""
     kept: bool = True
     """Whether a result keeps it: what changes no number is not kept."""
 

@@ -14,7 +14,7 @@ from eaid.models.parameters import Linear, Nonlinear
 from eaid.results.common import ci95_of
 from eaid.results.fit import Fit, LinearLevel
 from eaid.results.fit import Linear as LinearFit
-from eaid.results.gains import AntiWindup, Gains
+from eaid.results.gains import Gains
 from eaid.results.verdict import unphysical
 from eaid.steps.levels import wanted_levels
 
@@ -159,7 +159,6 @@ def rc_gains(gains: Gains | None) -> RCGains | None:
     return RCGains(
         K_P=rc.K_P, K_D=rc.K_D, B_hat=rc.B_hat, a0=model.a0, b0=model.b0, c0=model.c0, rho_constant=rc.rho.constant,
         rho_slope=rc.rho.slope, epsilon=rc.epsilon, gamma=rc.gamma, Q12=Q12, Q22=Q22, duty_min=low, duty_max=high,
-        back_calculation=_gain(rc.anti_windup),
     )  # fmt: skip
 
 
@@ -170,7 +169,7 @@ def pi_gains(gains: Gains | None) -> PIGains | None:
     pi = gains.pi
     _check({}, {"pi.K_P": pi.K_P, "pi.K_I": pi.K_I})
     low, high = gains.duty_limits_pct
-    return PIGains(pi.K_P, pi.K_I, low, high, _gain(pi.anti_windup))
+    return PIGains(pi.K_P, pi.K_I, low, high)
 
 
 def _check(positive: dict[str, float], other: dict[str, float]) -> None:
@@ -180,10 +179,6 @@ def _check(positive: dict[str, float], other: dict[str, float]) -> None:
             raise DataError(f"gains.json: {name} is {value:g}, it has to be positive; run tune-rc again")
         if abs(value) > LARGEST_GAIN or (name in positive and value < 1 / LARGEST_GAIN):
             raise DataError(f"gains.json: {name} is {value:g}, which no loop of a rig has; run tune-rc again")
-
-
-def _gain(wound: AntiWindup) -> float:
-    return wound.gain if wound.method == "back-calculation" else 0.0
 
 
 def plant_of(fit: Fit) -> Nonlinear | None:

@@ -98,7 +98,7 @@ def channel_of(
         kind = "a PI" if loop == "pi" else "a robust controller"
         raise UsageError(f"the loop {loop} needs gains with {kind}; give «gains» that tune-rc wrote")
     else:
-        free = gains._replace(duty_min=-math.inf, duty_max=math.inf, back_calculation=0.0)
+        free = gains._replace(duty_min=-math.inf, duty_max=math.inf)
         acting = pi_controller(free) if isinstance(free, PIGains) else rc_controller(free)
         start = (integral_at_rest(free, torque_nm, point.duty_pct),)
     rate = 0.0 if loop == "rc-no-rate" else 1.0

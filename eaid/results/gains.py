@@ -177,14 +177,6 @@ class BRange(Result, frozen=True):
     widened: bool = False
 
 
-class AntiWindup(Result, frozen=True):
-    """What keeps the integral from winding up."""
-
-    method: str = "conditional"
-    gain: Number = 0.0
-    """Of back-calculation [N·m/%]."""
-
-
 class Condition(Result, frozen=True):
     """One thing that the guarantee needs, and what is there."""
 
@@ -262,7 +254,6 @@ class Robust(Result, frozen=True):
     reference_slope_nm_s: Number | None = None
     natural_frequency_rad_s: Number | None = None
     damping: Number | None = None
-    anti_windup: AntiWindup = AntiWindup()
     equal_pi: EqualPI | None = None
     ultimate_bound: UltimateBound | None = None
 
@@ -286,7 +277,6 @@ class PI(Result, frozen=True):
     steps_settling_s: Number | None = None
     """Longest settling time of the scenario steps on the fitted plant, the duty within its limits; None: never."""
     asked: AskedPI | None = None
-    anti_windup: AntiWindup = AntiWindup()
 
 
 class Gains(Shown, Result, frozen=True):

@@ -172,12 +172,10 @@ class Metrics(Tracking, frozen=True):
     start_nm: Number | None = None
     """Output from which the model starts."""
     reference_is: str | None = None
-    rms_from_recorded_nm: Number | None = None
-    rms_duty_from_recorded_pct: Number | None = None
 
 
-Role = Literal["controller", "recorded-input", "recorded-loop"]
-"""A controller; a recorded input through the model; a recorded closed loop itself."""
+Role = Literal["controller", "recorded-input"]
+"""A controller; a recorded input through the model."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -291,10 +289,9 @@ class Replay(Shown):
         """What is to be known before the numbers are used."""
         return self.head.findings
 
-    def metrics(self, *roles: Role) -> dict[str, Metrics]:
-        """Metrics by name of the groups that play these parts; of the controllers unless others are named."""
-        wanted = roles or ("controller", "recorded-loop")
-        return {name: one.metrics for name, one in self.records.items() if one.role in wanted}
+    def metrics(self, role: Role = "controller") -> dict[str, Metrics]:
+        """Metrics by name of the groups that play this part."""
+        return {name: one.metrics for name, one in self.records.items() if one.role == role}
 
     def summary(self) -> str:
         """Scenario, the largest and the RMS error of each controller, and the gravest findings."""
