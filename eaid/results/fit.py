@@ -658,12 +658,47 @@ class Fit(Shown, Result, frozen=True, dict=True):
     @property
     def rmse(self) -> float:
         """Root mean square residual of the first model that was fitted: nonlinear, linear, friction."""
-        if self._first != "friction":
-            rmse: float | None = getattr(self, self._first).rmse
-            return math.nan if rmse is None else rmse
-        rows = [(row.sse, row.sse / row.rmse**2) for row in self.friction_levels if row.sse and row.rmse]
-        sse, samples = (sum(column) for column in zip(*rows, strict=True)) if rows else (math.nan, 1.0)
+        sse, _, samples = self._sums
         return math.sqrt(sse / samples)
+
+    @property
+    def rsquared(self) -> float:
+        """1 − ‖y − ŷ‖²/‖y − mean y‖² of the same model; of the friction model about each level's own mean."""
+        sse, about_mean, _ = self._sums
+        return 1 - sse / about_mean
+
+    @property
+    def aic(self) -> float:
+        """n ln(SSE/n) + 2 (k + 1) of the same model, as if samples were independent: for models of the same data."""
+        sse, _, samples = self._sums
+        part = getattr(self, self._first)
+        if self._first == "friction":
+            unknowns = (3 + (part.C is None)) * len(self.friction_levels)
+        else:  # coefficients that the levels do not allow are 0
+            values = (part.a0, part.b0, part.c0) if self._first == "linear" else (*part.Ts, *part.tau1, *part.tau2)
+            unknowns = np.count_nonzero(values) + (self._first == "nonlinear" and part.C_free)
+        return samples * math.log(sse / samples) + 2 * (unknowns + 1)
+
+    @property
+    def _sums(self) -> tuple[float, float, float]:
+        """Sums of squares of residuals and about the mean, and samples, of the first model; NaN where one is exact."""
+        rows = self.friction_levels if self._first == "friction" else (getattr(self, self._first),)
+        sums: list[tuple[float, float, float]] = [
+            (one.sse, one.sse / (1 - one.R2), one.sse / one.rmse**2)
+            for one in rows
+            if one.sse and one.rmse and one.R2 is not None
+        ]
+        sse, about_mean, samples = np.array(sums or [(math.nan,) * 3]).sum(axis=0).tolist()
+        return sse, about_mean, samples
+
+    def cov_params(self) -> "pandas.DataFrame":
+        """Covariance of the nonlinear model's coefficients of (u/100)^k; `DataError` where the fit holds none."""
+        import pandas as pd
+
+        held = self.nonlinear.covariance if self.nonlinear is not None else None
+        if held is None or not held.matrix:
+            raise DataError("the fit holds no covariance; fit a nonlinear model with «ci» robust")
+        return pd.DataFrame(held.matrix, index=list(held.order), columns=list(held.order), dtype=float)
 
     @property
     def _first(self) -> str:

@@ -114,16 +114,25 @@ def test_the_table_of_parameters_has_every_interval_and_the_others_follow(
     assert result.code == 3 and "is an eaid/fit/1 file; make it again" in result.err
 
 
-@pytest.mark.parametrize("options", [{}, {"model": ("linear",)}, {"model": ("friction",)}])
-def test_residuals_by_hand(small_steps: Any, options: dict[str, Any]) -> None:
-    fit = eaid.fit(small_steps, **options)
+@pytest.mark.parametrize(
+    ("options", "free"),
+    [({}, 9), ({"share": "free"}, 10), ({"model": ("linear",)}, 3), ({"model": ("friction",)}, 9)],
+)
+def test_residuals_and_scores_by_hand(small_steps: Any, options: dict[str, Any], free: int) -> None:
+    fit = eaid.fit(small_steps, **options)  # of three levels: T_s has three coefficients, not four
     left, first = fit.residuals, small_steps.levels[0]
     mine = first.mean - fit.predict(first.level, first.time_s).to_numpy()[:, 0]
     np.testing.assert_allclose(left.loc[first.level].to_numpy(), mine, rtol=1e-9, atol=1e-12)
-    assert fit.rmse == pytest.approx(np.sqrt((left**2).mean()))
+    sse, y = float((left**2).sum()), np.concatenate([level.mean for level in small_steps.levels])
+    means = [level.mean.mean() if "friction" in options.get("model", ()) else y.mean() for level in small_steps.levels]
+    spread = sum(((level.mean - mean) ** 2).sum() for level, mean in zip(small_steps.levels, means, strict=True))
+    assert fit.rmse == pytest.approx(np.sqrt(sse / len(y)))
+    assert fit.rsquared == pytest.approx(1 - sse / spread)
+    assert fit.aic == pytest.approx(len(y) * np.log(sse / len(y)) + 2 * (free + 1))
 
 
-def test_a_fit_of_a_file_has_no_residuals(small_fit: Any, tmp_path: Path) -> None:
+def test_a_fit_of_a_file_has_a_covariance_and_no_residuals(small_fit: Any, tmp_path: Path) -> None:
+    assert small_fit.cov_params().shape == (10, 10)
     small_fit.save(tmp_path / "fit.json")
     with pytest.raises(DataError, match="fit again"):
         _ = eaid.load(tmp_path / "fit.json").residuals
