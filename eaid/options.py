@@ -77,7 +77,7 @@ class Columns(Options):
 
 @dataclass(frozen=True, kw_only=True)
 class ReadOptions(Columns):
-    """What may be said about logs; a dataset.toml beside them stands in for what was not."""
+    """How logs are read."""
 
     name_pattern: str | None = option(
         None, "Level and repeat from file names, anywhere in them: '_V={level}_', 'run{repeat}'.", READING,
@@ -86,7 +86,6 @@ class ReadOptions(Columns):
     rate_hz: float | None = option(
         None, "Samples a second of logs without a time column [Hz].", READING, least=0, most=1e9, above=True
     )
-    join: bool = option(False, "The logs are one run that the logger cut: join them by time.", READING)
     sign: str = option("auto", "Turn an output that was recorded inverted, or never.", READING, words="auto|keep")
     kind: Kind | None = option(None, "Experiment; by itself from the columns.", STEPS, words=KINDS)
     levels: str | None = option(None, "Levels to keep: 30:100 or 30,40,90.", STEPS, levels=True)

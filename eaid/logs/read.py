@@ -1,6 +1,5 @@
 """Logs → runs: every file of a call, in any format, all their faults at once."""
 
-import itertools
 import os
 import re
 from collections import Counter
@@ -9,14 +8,12 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from eaid.arrays import Array, read_only
 from eaid.errors import DataError, UsageError
 from eaid.files import LOGS, is_as_written, sha256_of
-from eaid.findings import Finding, finding
+from eaid.findings import finding
 from eaid.logs.dataset import read_dataset
 from eaid.logs.folders import files_of
 from eaid.logs.formats import ForeignReader, format_of, unread
@@ -24,7 +21,7 @@ from eaid.logs.run import Run
 from eaid.logs.text import read_text
 from eaid.logs.to_run import checked, run_of
 from eaid.options import ReadOptions
-from eaid.shown import counted, listed
+from eaid.shown import counted
 
 
 def levels_in_names(runs: Sequence[Run]) -> None:
@@ -133,55 +130,6 @@ def named_apart(runs: Sequence[Run]) -> list[Run]:
     return apart
 
 
-def joined(runs: Sequence[Run]) -> list[Run]:
-    """Runs of one level and repeat (as their names say; all, where they say nothing) joined by time.
-
-    Raises DataError where two overlap in time, or differ in what they hold.
-    """
-    groups: dict[tuple[float | None, int | None], list[Run]] = {}
-    for run in runs:
-        groups.setdefault((run.level, run.repeat), []).append(run)
-    return [_joined(sorted(members, key=lambda run: run.start_s)) for members in groups.values()]
-
-
-def _joined(parts: list[Run]) -> Run:
-    first = parts[0]
-    if len(parts) == 1:
-        return first
-    for before, after in itertools.pairwise(parts):
-        end, start = before.start_s + float(before.time_s[-1]), after.start_s
-        if start <= end:
-            again = "; each begins its clock anew" if start == before.start_s else ""
-            raise DataError(
-                f"{after.where}: begins at {start:.6g} s, before {before.where} ends ({end:.6g} s){again}; "
-                f"logs of one run must follow each other in time to be joined"
-            )
-        for what in ("input_unit", "output_unit"):
-            if getattr(before, what) != getattr(after, what):
-                raise DataError(
-                    f"{after.where}: its {what.replace('_', ' ')} is not that of {before.where}; join like logs"
-                )
-
-    def whole(name: str) -> Array | None:
-        """A column, where every part has it."""
-        present = [column for part in parts if (column := getattr(part, name)) is not None]
-        return read_only(np.concatenate(present)) if len(present) == len(parts) else None
-
-    others = [f"{part.source} ({part.sha256[:12]})" for part in parts[1:]]
-    found = list[Finding]()
-    for part in parts:  # each finding once
-        found.extend(one for one in part.findings if one not in found)
-    time_s = np.concatenate([part.time_s + (part.start_s - first.start_s) for part in parts])
-    columns: dict[str, Any] = {name: whole(name) for name in ("input", "output", "reference_nm", "position")}
-    return replace(
-        first,
-        name=re.sub(r"[-_. ]?(part)?[-_. ]?(?<!\d)0*1$", "", first.name) or first.name,
-        time_s=read_only(time_s),
-        **columns,
-        findings=(*found, finding("logs-joined", first.name, others=listed(others, 3))),
-    )
-
-
 PLAIN = ReadOptions()
 
 
@@ -234,7 +182,7 @@ def read_what_can_be(paths: Sequence[Path], options: ReadOptions, hear: Hear = U
             pool.shutdown(cancel_futures=True)
             raise
     if runs and all(run.dataset for run in runs):  # whose columns are known
-        of_columns = ("columns", "units", "name_pattern", "step_at", "until", "variable", "rate_hz", "join")
+        of_columns = ("columns", "units", "name_pattern", "step_at", "until", "variable", "rate_hz")
         if said := [name for name in of_columns if name in options.given()]:
             where = runs[0].dataset
             raise UsageError(f"«{said[0]}»: does nothing on {where}, a dataset, which says all itself; leave it out")
@@ -242,13 +190,11 @@ def read_what_can_be(paths: Sequence[Path], options: ReadOptions, hear: Hear = U
 
 
 def together(runs: Sequence[Run], faults: list[str], options: ReadOptions) -> tuple[list[Run], list[str]]:
-    """Runs of one call: joined where that is wanted, compared, named apart."""
+    """Runs of one call, compared and named apart."""
     each = list(runs)
     if not faults:
         try:
             levels_in_names(each)
-            if options.join:
-                each = joined(each)
         except DataError as fault:
             return [], list(fault.sentences)
     each = each if "input" in options.units else scales_compared(each)

@@ -15,7 +15,6 @@ import pytest
 READS = """
 logs/log.csv: ingest logs/log.csv -o OUT
 logs/log.csv: ingest logs -o OUT
-logs/log.csv: ingest dataset.toml -o OUT
 logs/log.csv: fit logs -o OUT
 data.h5: fit data.h5 -o OUT
 sets/data.h5: fit sets -o OUT

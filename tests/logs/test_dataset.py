@@ -216,7 +216,7 @@ def test_rows_of_a_dataset_are_repaired_as_those_of_a_log(tmp_path):
 @pytest.mark.parametrize(
     "said",
     [{"columns": {"time": "1"}}, {"units": {"input": "%"}}, {"step_at": 0.0}, {"until": 0.0}, {"rate_hz": 5.0},
-     {"variable": "x"}, {"join": True}, {"name_pattern": "{level}"}],
+     {"variable": "x"}, {"name_pattern": "{level}"}],
 )  # fmt: skip
 def test_options_that_do_nothing_on_a_dataset_are_refused(said, stored, logs):
     (name,) = said

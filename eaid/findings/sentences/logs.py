@@ -79,8 +79,6 @@ LOG_ROWS: dict[str, Row] = {
         "its output rises where its input falls from {at}: if that is the input at rest, say «rest»"
     ),
     "signals-held": caution(_held),
-    "logs-joined": note("joined with {others}"),
-    "log-changed": caution("the log has changed since its manifest was written"),
 }
 
 
