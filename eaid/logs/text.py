@@ -27,8 +27,7 @@ from eaid.logs.table import BadCell, Cells, Table
 from eaid.logs.units import unit_of
 
 COMMENT = ("#", "%", "//")
-_PLAIN = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?$")
-_WORDS = re.compile(r"[+-]?(nan|inf(inity)?|na|n/a|null|none|-)$", re.IGNORECASE)
+_MISSING = re.compile(r"na|n/a|null|none|-", re.IGNORECASE)
 _CLOCK = re.compile(
     r"(?:(\d[\d/.-]*)[T ]+)?([01]?\d|2[0-3]):([0-5]\d)(?::([0-5]\d|60)(?:[.,](\d+))?)?\s*(AM|PM)?"
     r"(Z|([+-])(\d{2}):?(\d{2}))?$"
@@ -36,8 +35,7 @@ _CLOCK = re.compile(
 _DATES = ("%Y-%m-%d", "%Y/%m/%d", "%Y.%m.%d", "%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y")
 _DECIMAL = re.compile(rb"(?<![\d.,])0+,\d|\d,\d{1,2}(?!\d)|\d,\d{4}")
 """A comma that is a decimal mark and cannot be one between thousands."""
-NUMBER_MARKS = ((".", ""), (",", ""), (".", ","), (",", "."), (".", "'"), (".", " "), (",", " "))
-"""Decimal mark, and the mark between thousands."""
+LABVIEW, HEADER_END = b"LabVIEW Measurement", b"***End_of_Header***"
 ROWS = 3
 """Rows of numbers, one below the other, that make a table."""
 HEAD_BYTES = 1 << 15
@@ -49,13 +47,11 @@ MOST_BAD = 10_000
 
 
 class Marks(NamedTuple):
-    """What stands between the cells of a row, and inside its numbers."""
+    """What stands between the cells of a row, and before the decimals of its numbers."""
 
     delimiter: str | None
     """None: any white space."""
     decimal: str
-    thousands: str = ""
-    """Empty where nothing stands between thousands."""
 
     def cells(self, line: str, count: int = 0) -> list[str]:
         """Cells of a line; quotes keep a delimiter inside a cell.
@@ -75,25 +71,13 @@ class Marks(NamedTuple):
 
     def value(self, cell: str) -> float | None:
         """Value of a cell, correctly rounded; None where it is no number."""
-        decimal, thousands = self.decimal, self.thousands
-        if decimal == "." and not thousands and "_" not in cell:
-            with contextlib.suppress(ValueError):
-                return float(cell)
         text = cell.strip().strip('"').strip()
-        if thousands and thousands in text:
-            whole = re.escape(thousands).join((r"[+-]?[1-9]\d{0,2}(", r"\d{3})+"))
-            if not re.fullmatch(f"{whole}({re.escape(decimal)}\\d*)?", text):
-                return None
-            text = text.replace(thousands, "")
-        if decimal != ".":
-            if "." in text:
-                return None
-            text = text.replace(decimal, ".")
-        if _PLAIN.match(text):
-            return float(text.replace("d", "e").replace("D", "e"))
-        if _WORDS.match(text):
-            return math.inf if "inf" in text.lower() else math.nan
-        return None
+        if self.decimal == ",":
+            text = text.replace(".", "no mark").replace(",", ".")
+        if "_" not in text:  # which Python passes over
+            with contextlib.suppress(ValueError):
+                return float(text)
+        return math.nan if _MISSING.fullmatch(text) else None
 
     def number(self, cell: str) -> float:
         """Value of a cell; NaN where it is no number."""
@@ -131,8 +115,8 @@ def rates_said(lines: list[str], marks: Marks) -> tuple[tuple[str, float], ...]:
         unit = (found["unit"] or found["beside"] or "").replace("μ", "µ") if found else ""
         if not found or not unit or (found["unit"] and found["beside"]) or _NOT_OF_THE_ROWS.search(line):
             continue
-        amount = Marks(None, marks.decimal, "." if marks.decimal == "," else ",").value(found["number"])
-        amount = Marks(None, ".").value(found["number"]) if amount is None else amount
+        number = found["number"].replace("." if marks.decimal == "," else ",", "")
+        amount = marks.value(number)
         prefix, known = {"k": 1e3, "K": 1e3, "M": 1e6}.get(unit[0], 1.0), unit_of(unit)
         per_s = _PER_S.get(unit.lower()) or (_PER_S.get(unit[1:].lower(), 0.0) * prefix if unit[0] in "kKM" else 0.0)
         lasts = bool(found["dt"]) or (found["word"] or "").lower() in ("interval", "period")
@@ -160,6 +144,8 @@ class Dialect:
     synthetic: str | None = None
     ragged: bool = False
     """True where every row ends with a delimiter."""
+    remarks: bool = False
+    """True where a row may have a remark behind its cells."""
 
 
 def encoding_of(head: bytes) -> str:
@@ -228,6 +214,35 @@ def sniff(path: str, head: bytes, whole: bool) -> Dialect:
     return Dialect(encoding, marks, names, units, start + 1, stamps, rates_said(above, marks), synthetic, ragged)
 
 
+def labview_dialect(path: str, encoding: str, lines: list[str]) -> Dialect:
+    """Dialect of a LabVIEW measurement file, as its header says it; X_Columns No: its rate is that of Delta_X."""
+    separator = next((line[9:10] for line in lines if line.startswith("Separator")), "\t") or "\t"
+    rows = [[cell.strip().strip('"') for cell in line.split(separator)] for line in lines]
+    at = next((i for i, row in enumerate(rows) if row[0] == "X_Value"), 0)
+    names = [name for name in rows[at] if name not in ("", "Comment")]
+    if not at or len(names) < 2:
+        raise DataError(f"{path}: its header cannot be followed (no line X_Value with names); copy or save it again")
+    header = {row[0]: row[1:] for row in rows[:at]}
+    facts = {key: sorted({cell for cell in cells if cell}) for key, cells in header.items()}
+    if facts.get("X_Dimension") not in (None, [], ["Time"]):
+        raise DataError(f"{path}: its X is {' and '.join(facts['X_Dimension'])}, not Time: no log; save the signal itself")
+    if "X_Value" in names[1:]:
+        raise DataError(f"{path}: its channels have times of their own; export them on one X column")
+    marks, rates = Marks(separator, *facts.get("Decimal_Separator", ".")), ()
+    if facts.get("X_Columns") == ["No"]:
+        step_s, start_s = (
+            marks.value(facts[key][0]) if len(facts.get(key, ())) == 1 else None for key in ("Delta_X", "X0")
+        )
+        if not step_s or not 0 < step_s < math.inf or start_s not in (None, 0.0):
+            raise DataError(f"{path}: has no column of times, and no one Delta_X above 0 from an X0 of 0; save it again")
+        place = next(i for i, row in enumerate(rows, start=1) if row[0] == "Delta_X")
+        rates, names[0] = ((f"row {place}", 1.0 / step_s),), ""
+    units = [*header.get("Y_Unit_Label", ()), *[""] * len(names)][: len(names) - 1]
+    ragged = lines[at + 1].count(separator) >= len(names) if at + 1 < len(lines) else False
+    remarks = "Comment" in rows[at]
+    return Dialect(encoding, marks, tuple(names), ("s" * bool(names[0]), *units), at + 2, (), rates, ragged=ragged, remarks=remarks)
+
+
 def _is_comment(line: str) -> bool:
     return line.lstrip().startswith(COMMENT)
 
@@ -251,12 +266,10 @@ def _marks(sample: list[str]) -> tuple[Marks, int]:
     for delimiter in ("\t", ";", "|", ",", None):
         if delimiter is not None and delimiter not in text:
             continue
-        for decimal, thousands in NUMBER_MARKS:
-            if (delimiter in (decimal, thousands) and '"' not in text) or (delimiter is None and thousands == " "):
+        for decimal in ".,":
+            if (delimiter == decimal and '"' not in text) or decimal not in text + ".":
                 continue
-            if (decimal == "," and "," not in text) or (thousands and thousands not in text):
-                continue
-            marks = Marks(delimiter, decimal, thousands)
+            marks = Marks(delimiter, decimal)
             score, count = _explained(sample, marks)
             if score > best * 1.0001 or (score >= best * 0.9999 and count > columns == 1):
                 best, columns, chosen = score, count, marks
@@ -368,7 +381,13 @@ def read_text(path: Path, source: str, tell: Callable[[float], None] = lambda _:
         head = file.read(HEAD_BYTES)
     if zipped and not encoding_of(head):
         raise DataError(f"{source}: is gzip around a file that is no text; unpack it and give what is inside")
-    dialect = sniff(source, head, len(head) < HEAD_BYTES)
+    if LABVIEW in head[:64]:
+        with _unpacked(path, source, zipped) as file:
+            if file.read().count(HEADER_END) > 2:
+                raise DataError(f"{source}: holds several segments, each with a header; save each in a file of its own")
+        dialect = labview_dialect(source, encoding_of(head), lines_of(head))
+    else:
+        dialect = sniff(source, head, len(head) < HEAD_BYTES)
     units = tuple("s" if i in dialect.stamps else unit for i, unit in enumerate(dialect.units))
     load = _TextLog(path, source, zipped, dialect, tell).load
     return [Table("", dialect.columns, load, units, dialect.rates, dialect.synthetic)]
@@ -396,15 +415,13 @@ class _TextLog:
     tell: Callable[[float], None]
 
     def load(self, columns: Sequence[int]) -> Cells:
-        """The columns by the marks of the first rows, or by others where later rows show that those were wrong."""
+        """The columns by the decimal mark of the first rows, or by the other where later rows show that it is wrong."""
         cells, decimal = self._read(self.dialect, columns)
-        texts = [bad.text for bad in cells.bad if bad.column >= 0]
-        for mark, thousands in NUMBER_MARKS:
-            marks = self.dialect.marks._replace(decimal=mark, thousands=thousands)
-            if marks != self.dialect.marks and any(math.isfinite(marks.number(text)) for text in texts):
-                again, _ = self._read(replace(self.dialect, marks=marks), columns)
-                if len(again.bad) < len(cells.bad):
-                    return again
+        other = self.dialect.marks._replace(decimal="," if self.dialect.marks.decimal == "." else ".")
+        if any(math.isfinite(other.number(bad.text)) for bad in cells.bad if bad.column >= 0):
+            again, _ = self._read(replace(self.dialect, marks=other), columns)
+            if len(again.bad) < len(cells.bad):
+                return again
         if self.dialect.marks.decimal == "," and not decimal:
             raise DataError(
                 f"{self.source}: its commas may be decimal marks or stand between thousands, as three digits follow "
@@ -433,7 +450,9 @@ class _TextLog:
                     body = body[:-1]
                 if not body:
                     continue
-                decimal = decimal or (dialect.marks.decimal == "," and _DECIMAL.search(body) is not None)
+                if dialect.marks.decimal == "," and not decimal:
+                    quoted = b" ".join(re.findall(rb'"[^"]*"', body)) if dialect.marks.delimiter == "," else body
+                    decimal = _DECIMAL.search(quoted) is not None
                 cells = _by_arrow(body, dialect, columns, line) or _cell_by_cell(body, dialect, columns, line)
                 bad.extend(replace(one, row=one.row + count) for one in cells.bad)
                 rows.extend((sample + count, row) for sample, row in cells.rows)
@@ -482,8 +501,6 @@ def _by_arrow(body: memoryview, dialect: Dialect, columns: Sequence[int], line: 
     from pyarrow import csv as arrow
 
     marks, names = dialect.marks, [str(i) for i in range(len(dialect.columns) + dialect.ragged)]
-    if marks.thousands and marks.thousands.encode() in bytes(body):
-        return None
     first = marks.cells(bytes(body[:4096]).splitlines()[0].decode("latin-1"), len(dialect.columns))
     kinds = {}
     for column in columns:
@@ -531,7 +548,7 @@ def _cell_by_cell(body: memoryview, dialect: Dialect, columns: Sequence[int], li
             continue
         if not rows or row - length != rows[-1][1] - rows[-1][0]:
             rows.append((length, row))
-        cells = dialect.marks.cells(text, count)
+        cells = dialect.marks.cells(text, count)[: count if dialect.remarks else None]
         whole = len(cells) == count
         if not whole:
             bad.append(BadCell(length, -1, str(len(cells))))

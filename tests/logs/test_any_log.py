@@ -57,11 +57,9 @@ NEARLY = st.builds(lambda a, b, c: a + b + c, st.sampled_from(["", "-", "+", " "
 def meaning(cell: str) -> float | None:
     """What a cell means where the decimal mark is a point, by the simplest rule; None where it means nothing."""
     bare = cell.strip().strip('"').strip()
-    if cell.strip().startswith('"') and re.fullmatch(r"[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?", bare):
-        bare = bare.replace(",", "")  # between thousands
-    if not re.fullmatch(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eEdD][+-]?[0-9]+)?", bare):
+    if not re.fullmatch(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?", bare):
         return None
-    value = float(re.sub("[dD]", "e", bare))
+    value = float(bare)
     return value if np.isfinite(value) else None
 
 
