@@ -12,7 +12,7 @@ import math
 import re
 import zlib
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -115,8 +115,10 @@ def rates_said(lines: list[str], marks: Marks) -> tuple[tuple[str, float], ...]:
         unit = (found["unit"] or found["beside"] or "").replace("μ", "µ") if found else ""
         if not found or not unit or (found["unit"] and found["beside"]) or _NOT_OF_THE_ROWS.search(line):
             continue
-        number = found["number"].replace("." if marks.decimal == "," else ",", "")
-        amount = marks.value(number)
+        number = found["number"]
+        if marks.decimal == "." and re.fullmatch(r"\d{1,3}(,\d{3})+(\.\d*)?", number):
+            number = number.replace(",", "")
+        amount = marks.value(number) or Marks(None, ".").value(number)
         prefix, known = {"k": 1e3, "K": 1e3, "M": 1e6}.get(unit[0], 1.0), unit_of(unit)
         per_s = _PER_S.get(unit.lower()) or (_PER_S.get(unit[1:].lower(), 0.0) * prefix if unit[0] in "kKM" else 0.0)
         lasts = bool(found["dt"]) or (found["word"] or "").lower() in ("interval", "period")
@@ -225,22 +227,25 @@ def labview_dialect(path: str, encoding: str, lines: list[str]) -> Dialect:
     header = {row[0]: row[1:] for row in rows[:at]}
     facts = {key: sorted({cell for cell in cells if cell}) for key, cells in header.items()}
     if facts.get("X_Dimension") not in (None, [], ["Time"]):
-        raise DataError(f"{path}: its X is {' and '.join(facts['X_Dimension'])}, not Time: no log; save the signal itself")
+        raise DataError(f"{path}: its X is {facts['X_Dimension'][0]}, not Time: no log; save the signal itself")
     if "X_Value" in names[1:]:
         raise DataError(f"{path}: its channels have times of their own; export them on one X column")
-    marks, rates = Marks(separator, *facts.get("Decimal_Separator", ".")), ()
+    marks = Marks(separator, *facts.get("Decimal_Separator", "."))
+    rates: tuple[tuple[str, float], ...] = ()
     if facts.get("X_Columns") == ["No"]:
         step_s, start_s = (
             marks.value(facts[key][0]) if len(facts.get(key, ())) == 1 else None for key in ("Delta_X", "X0")
         )
         if not step_s or not 0 < step_s < math.inf or start_s not in (None, 0.0):
-            raise DataError(f"{path}: has no column of times, and no one Delta_X above 0 from an X0 of 0; save it again")
+            raise DataError(f"{path}: has no column of times, and no Delta_X above 0 from an X0 of 0; save it again")
         place = next(i for i, row in enumerate(rows, start=1) if row[0] == "Delta_X")
         rates, names[0] = ((f"row {place}", 1.0 / step_s),), ""
     units = [*header.get("Y_Unit_Label", ()), *[""] * len(names)][: len(names) - 1]
     ragged = lines[at + 1].count(separator) >= len(names) if at + 1 < len(lines) else False
-    remarks = "Comment" in rows[at]
-    return Dialect(encoding, marks, tuple(names), ("s" * bool(names[0]), *units), at + 2, (), rates, ragged=ragged, remarks=remarks)
+    return Dialect(
+        encoding, marks, tuple(names), ("s" * bool(names[0]), *units), at + 2, rates=rates, ragged=ragged,
+        remarks="Comment" in rows[at],
+    )  # fmt: skip
 
 
 def _is_comment(line: str) -> bool:
@@ -373,8 +378,8 @@ def _is_units_row(cells: list[str]) -> bool:
     return bool(filled) and all(unit_of(cell) is not None or cell[0] in "[(" for cell in filled)
 
 
-def read_text(path: Path, source: str, tell: Callable[[float], None] = lambda _: None) -> list[Table]:
-    """The one table of a text log; raises DataError where it holds none. `tell` hears the share of it that is read."""
+def read_text(path: Path, source: str) -> list[Table]:
+    """The one table of a text log; raises DataError where it holds none."""
     with path.open("rb") as raw:
         zipped = raw.read(2) == b"\x1f\x8b"
     with _unpacked(path, source, zipped) as file:
@@ -389,7 +394,7 @@ def read_text(path: Path, source: str, tell: Callable[[float], None] = lambda _:
     else:
         dialect = sniff(source, head, len(head) < HEAD_BYTES)
     units = tuple("s" if i in dialect.stamps else unit for i, unit in enumerate(dialect.units))
-    load = _TextLog(path, source, zipped, dialect, tell).load
+    load = _TextLog(path, source, zipped, dialect).load
     return [Table("", dialect.columns, load, units, dialect.rates, dialect.synthetic)]
 
 
@@ -412,7 +417,6 @@ class _TextLog:
     source: str
     zipped: bool
     dialect: Dialect
-    tell: Callable[[float], None]
 
     def load(self, columns: Sequence[int]) -> Cells:
         """The columns by the decimal mark of the first rows, or by the other where later rows show that it is wrong."""
@@ -459,10 +463,8 @@ class _TextLog:
                 count += len(cells.values[0])
                 for part, values in zip(parts, cells.values, strict=True):
                     part.append(values)
-                self.tell(min(1.0, seen / size))
                 if len(bad) > MOST_BAD:
                     raise DataError(f"{self.source}: more than {MOST_BAD:,} of its cells are bad; record it again")
-        self.tell(1.0)
         whole = [part[0] if len(part) == 1 else np.concatenate([*part, *([] if part else [[]])]) for part in parts]
         for k, column in enumerate(columns):
             if column in dialect.stamps:

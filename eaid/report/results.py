@@ -16,7 +16,7 @@ from eaid.errors import DataError, UsageError
 from eaid.files import sha256_of
 from eaid.findings import Finding, say
 from eaid.logs.hdf import open_hdf5
-from eaid.logs.read import Hear, read_runs
+from eaid.logs.read import read_runs
 from eaid.logs.run import Run
 from eaid.options import ReadOptions
 from eaid.replay import files as replay_files
@@ -270,7 +270,7 @@ def _read_data(path: Path) -> tuple[StepSet, tuple[Finding, ...]]:
         run, every[run.name] = shortened(run, count)
         return run
 
-    runs = read_runs([path], hear=Hear(run=short))
+    runs = read_runs([path], each=short)
     whole = tuple(run for run in runs if is_whole(run))
     if len(whole) < len(runs):
         steps = as_recorded(build_stepset([run for run in runs if not is_whole(run)], ReadOptions()), every)

@@ -26,9 +26,9 @@ from eaid.steps.plateaus import (
     Plateau,
     bridge,
     end_of,
-    looks_like,
     plateaus,
     sample_s,
+    stands_still,
     tolerance,
     turns,
     zero_of,
@@ -43,14 +43,14 @@ NO_STEP = "record the idle time before the step too, or give the step instant wi
 
 def cut_by_input(run: Run) -> list[Run]:
     """Steps where the input goes from one plateau to another; towards zero is a falling edge."""
-    if (odd := looks_like(run)) is not None:
-        raise DataError(f"{run.where}: {say(odd)}")
     holds, bridged = bridge(plateaus(run.input))
+    if not stands_still(holds, run.input):
+        raise DataError(f"{run.where}: {say(finding('input-moves', run.name))}")
     if len(holds) < 2:
         raise DataError(f"{run.where}: the input stays at {holds[0].level:g} {run.input_unit}: no step; {NO_STEP}")
     zero = zero_of(run)
     glitch = (finding("input-glitch", run.name, samples=bridged),) if bridged else ()
-    first = (*run.findings, *glitch, *active_low(run))
+    first = (*run.findings, *glitch, *active_low(run, holds))
     steps: list[Run] = []
     idle: float | None = run.baseline
     end = 0
@@ -69,9 +69,9 @@ def cut_by_input(run: Run) -> list[Run]:
     return steps
 
 
-def active_low(run: Run) -> tuple[Finding, ...]:
+def active_low(run: Run, holds: Sequence[Plateau]) -> tuple[Finding, ...]:
     """What is told of a log whose input only falls from where it begins, while the size of its output rises."""
-    holds = [hold for hold in plateaus(run.input) if hold.count >= FEWEST] if run.has_input else []
+    holds = [hold for hold in holds if hold.count >= FEWEST]
     if len(holds) < 2 or any(abs(hold.level) >= 0.99 * abs(holds[0].level) for hold in holds[1:]):
         return ()
     before, after = (abs(median(run.output[hold.start : hold.stop])) for hold in (holds[0], holds[1]))

@@ -55,7 +55,6 @@ def test_the_rule_that_says_which_logs_come_here() -> None:
     wander = np.where(t > 2, 40 + 2 * np.sin(t), 0.0)
     for u, whole in ((step, False), (ramp, False), (between, True), (three, False), (chatter, True), (wander, True)):
         assert is_recorded(run_of(t, u, u)) is whole
-    assert not is_recorded(run_of(t, wander, wander, "N"))  # a measured load wanders
     assert not is_recorded(replace(run_of(t, between, between), level=40.0))
     assert not is_recorded(replace(run_of(t, between, between), kind="friction-force"))
 
