@@ -216,7 +216,7 @@ def test_stamps(stamps, seconds, read):
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 def test_pieces_of_whole_lines(end, size, read, monkeypatch):
     """However long the blocks are that are read, nothing is lost, and every bad cell is told by its own row."""
-    monkeypatch.setattr(text_logs, "PIECE_BYTES", size)
+    monkeypatch.setattr(text_logs, "PIECE", size)
     log = "# a pause" + end + text(HEADER, T[:60], U[50:110], Y[50:110], end=end)
     for encoding in ("utf-8", "utf-16"):
         run = read(log.encode(encoding))
