@@ -44,7 +44,7 @@ def is_recorded(run: Run, rest: float = 0.0) -> bool:
     """
     if run.cut or {run.level, run.step_s, run.until_s} != {None} or run.kind not in (None, "clutch"):
         return False
-    if len(run.input) < 10 or not run.has_input:
+    if not run.has_input:
         return False
     holds, _ = bridge(plateaus(run.input))
     still = stands_still(holds, run.input)
@@ -53,7 +53,7 @@ def is_recorded(run: Run, rest: float = 0.0) -> bool:
     level = np.abs(run.input - rest)
     top = float(level.max())
     loaded = level > QUIET * top
-    if top == 0.0 or (loaded.all() and np.ptp(level) <= QUIET * top):
+    if len(level) < 10 or top == 0.0 or (loaded.all() and np.ptp(level) <= QUIET * top):
         return False
     starts, ends = stretches(loaded)
     apart = APART.get(run.input_unit, MEASURED) * top
