@@ -160,7 +160,7 @@ def design(
     slope = slope_nm_s if given or plant is not None else None  # a slope that nothing follows says nothing
     verdict = _guarantee(rc, slope, reach.robust_term_pct, reach.span_pct, fit)
     rows = [
-        MarginPoint(point.duty_pct, point.torque_nm, *map(_kept, each))
+        MarginPoint(point.duty_pct, point.torque_nm, *map(_margin, each))
         for point, *each in zip(points, *loops.values(), strict=True)
     ]
     missed = []
@@ -215,7 +215,7 @@ def actuator(model: Linear, gains: RCGains, plant: Nonlinear | None, bounds: Bou
     return Actuator(robust_pct, gains.duty_max - gains.duty_min, tuple(rows))
 
 
-def _kept(loop: LoopMargins) -> Margin:
+def _margin(loop: LoopMargins) -> Margin:
     """As gains.json has it: a margin without end is not known."""
     return Margin(loop.stable, *(known(x) for x in (loop.gain_db, loop.delay_s, loop.phase_deg, loop.crossover_hz)))
 

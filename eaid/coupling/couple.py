@@ -44,16 +44,16 @@ def swing(drive: Channel, limb: Limb, timing: Timing, stiffness: float, time_s: 
     h, plant, point = timing.step_s, plant_parameters(drive.plant), drive.point
     held = Held(plant.C * point.torque_nm, (1 - plant.C) * point.torque_nm, point.duty_pct, 0)
     state, angle, speed, before = drive.start, BESIDE_RAD, 0.0, point.torque_nm
-    memory, seen = timing.memory, point.torque_nm
+    memory, measured = timing.memory, point.torque_nm
     waiting = [point.duty_pct] * timing.delay_samples
     period = timing.rate_hz / timing.pwm_hz if timing.pwm_hz else 0.0
     keep, push, drift, lift = limb_steps(limb.inertia_kgm2, limb.damping_nms, h)
     angles = []
     for k in range(round(time_s / h)):
         torque = held.x1 + held.x2
-        seen = torque + memory * (seen - torque)
+        measured = torque + memory * (measured - torque)
         wanted = point.torque_nm - stiffness * angle
-        state, duty = drive.step(state, wanted, (wanted - before) / h, seen)
+        state, duty = drive.step(state, wanted, (wanted - before) / h, measured)
         before = wanted
         waiting.append(duty)
         held, _ = hold_step(plant, period, h, k, waiting.pop(0), held)

@@ -158,7 +158,7 @@ def form_starts(model: Model, data: Data, weight: Array) -> list[Array]:
     back = [np.linalg.inv(form.rows(form.inputs)) for form in (model.tau1, model.tau2) if form is not None]
     some = slice(None, None, 1 + (len(weight) - 1) // MOST_LEVELS)
     one, two = (model.tau1.rows(data.u[some]) @ inverse for inverse in back)
-    found = []
+    starts = []
     for share in SHARES if model.share is None else (model.share,):
         table = table_of(data.points, share)
         coarse = Table(table.grid, table.gain[some])
@@ -173,8 +173,8 @@ def form_starts(model: Model, data: Data, weight: Array) -> list[Array]:
             x = np.full(model.size, share)  # where C is free, the last is C
             for part, inverse, tau in zip(model.slices[1:], back, values, strict=True):
                 x[part] = inverse @ tau
-            found.append(x if model.Ts is None else with_torque(x, model, data, weight)[0])
-    return found
+            starts.append(x if model.Ts is None else with_torque(x, model, data, weight)[0])
+    return starts
 
 
 def touching_starts(x: Array, model: Model, data: Data, weight: Array) -> list[Array]:

@@ -49,11 +49,11 @@ def rehabilitate(
     n = samples_of(len(MODES) * exercise.mode_s, dt_s)
     if exercise.mode_s < 10 * dt_s:
         raise UsageError(f"rehab: a mode of {exercise.mode_s:g} s is too short for a control interval of {dt_s:g} s")
-    given = _given(exercise, rig, n, dt_s, seed)
-    columns = _run(plant, controller, exercise, rig, dt_s, given)
+    signals = _signals(exercise, rig, n, dt_s, seed)
+    columns = _run(plant, controller, exercise, rig, dt_s, signals)
     reference, torque, measured, duty, applied, angle, desired, rendered = map(read_only, columns)
     trace = as_trace(controller, rig, dt_s, reference, (torque, measured, duty, applied))
-    target, angle = np.degrees(given[0]), np.degrees(angle)
+    target, angle = np.degrees(signals[0]), np.degrees(angle)
     further = {
         "target_deg": target, "angle_deg": angle, "position_error_deg": target - angle, "desired_nm": desired,
         "rendered_nm": rendered, "torque_error_nm": desired - rendered,
@@ -62,7 +62,7 @@ def rehabilitate(
     return record(trace, statistics(trace, further, exercise), further)
 
 
-def _given(exercise: Exercise, rig: Rig, n: int, dt_s: float, seed: int) -> tuple[Array, ...]:
+def _signals(exercise: Exercise, rig: Rig, n: int, dt_s: float, seed: int) -> tuple[Array, ...]:
     """What is known before the session begins, shapes (n,): target [rad] and its rate [rad/s], the user's random moment
     and the noise [N·m], the ripple's factor, the shares of the way to the hard and to the assisted mode."""
     t = np.arange(n) * dt_s
@@ -80,7 +80,7 @@ def _given(exercise: Exercise, rig: Rig, n: int, dt_s: float, seed: int) -> tupl
 
 
 def _run(
-    plant: PlantParameters, controller: Controller, exercise: Exercise, rig: Rig, dt: float, given: tuple[Array, ...]
+    plant: PlantParameters, controller: Controller, exercise: Exercise, rig: Rig, dt: float, signals: tuple[Array, ...]
 ) -> Array:
     """The session, sample by sample: reference, torque, measured, duty, applied, angle, desired, rendered; (8, n)."""
     law: Callable[..., tuple[object, float]] = controller.step
@@ -97,11 +97,11 @@ def _run(
     numbers = rig_numbers(rig, dt, controller.gains.duty_max)
     held = Held(0.0, 0.0, 0.0, 0)
     samples: list[tuple[float, ...]] = []
-    angle, speed = float(given[0][0]), 0.0
+    angle, speed = float(signals[0][0]), 0.0
     reference = filtered = wound = 0.0
     effort: list[float] = []
     duties: list[float] = []
-    for k, row in enumerate(zip(*(column.tolist() for column in given), strict=True)):
+    for k, row in enumerate(zip(*(column.tolist() for column in signals), strict=True)):
         target, target_rate, tremor, disturbance, factor, harder, assisted = row
         error = target - angle
         # what the user does: their own reaction of `late` ago; bearing the arm's weight is posture, at once

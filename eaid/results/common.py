@@ -152,6 +152,5 @@ class Huber(Result, frozen=True):
     loss: str = "huber"
     k: Number | None = None
     sigma: Number | None = None
-    rounds: Count = 0
     settled: bool = True
     weights: tuple[HuberLevel, ...] = ()

@@ -213,10 +213,10 @@ def cut_by_output(run: Run) -> list[Run]:
             raise no_level(run)
         raise DataError(f"{run.where}: no step stands out of the output's noise; give its instant with «step_at»")
     if at == 0:
-        said = finding("step-at-first-sample", run.name, start=first_samples(run.output), unit=run.output_unit)
+        note = finding("step-at-first-sample", run.name, start=first_samples(run.output), unit=run.output_unit)
     else:
-        said = finding("step-from-output", run.name, step_s=float(run.time_s[at]))
-    return cut_at(replace(run, level=level, findings=(*run.findings, said)), float(run.time_s[at]))
+        note = finding("step-from-output", run.name, step_s=float(run.time_s[at]))
+    return cut_at(replace(run, level=level, findings=(*run.findings, note)), float(run.time_s[at]))
 
 
 def rises_at_once(output: Array, start: float = 0.0) -> bool:
@@ -300,8 +300,8 @@ def cut_reversals(run: Run) -> list[Run]:
             level=way * level, baseline=first_samples(run.output[start:stop]), repeat=None,
         )  # fmt: skip
         steps.append(replace(stroke, input=np.abs(stroke.input) * way if known else stroke.input))
-    said = finding("cut-at-reversals", run.name, reversals=len(steps))
-    return [replace(steps[0], findings=(*run.findings, said)), *(replace(one, findings=()) for one in steps[1:])]
+    note = finding("cut-at-reversals", run.name, reversals=len(steps))
+    return [replace(steps[0], findings=(*run.findings, note)), *(replace(one, findings=()) for one in steps[1:])]
 
 
 def turns_of(position: Array) -> list[int]:
@@ -351,8 +351,8 @@ def cut(run: Run, baseline: str = "auto", rest: float = 0.0) -> list[Run]:
                     f"if it is not in %, say its unit with «units» input=UNIT"
                 )
         if rest != 0.0 and not run.cut:
-            said = finding("counted-from-rest", run.name, rest=rest)
-            run = replace(run, input=read_only(run.input - rest), findings=(*run.findings, said))
+            note = finding("counted-from-rest", run.name, rest=rest)
+            run = replace(run, input=read_only(run.input - rest), findings=(*run.findings, note))
         # a commanded input is held exactly; a measured one may wander a little
         wanders = run.input_unit != "%" and sample_noise(run.input) > 0
         moves = float(np.ptp(run.input)) > 0 and not (
@@ -475,8 +475,8 @@ def _long_enough(steps: list[Run], stored: bool) -> list[Run]:
             "longer"
         )
     if short and good:
-        said = finding("short-pieces", good[0].name, pieces=len(short), fewest=FEWEST)
-        good[0] = replace(good[0], findings=(*good[0].findings, said))
+        note = finding("short-pieces", good[0].name, pieces=len(short), fewest=FEWEST)
+        good[0] = replace(good[0], findings=(*good[0].findings, note))
     return good
 
 

@@ -87,6 +87,8 @@ def test_sweeps_count_as_many_observations_as_there_are_sweeps() -> None:
     own = 0.01 * random.standard_normal((8, 4))
     levels = runs_of(shift + own)
     common = common_shifts(levels, 0)
+    assert common_shifts(runs_of(shift + 50 * own), 0) is not None  # F = 15.7 of 3 and 21 degrees of freedom
+    assert common_shifts(runs_of(own), 0) is None
     assert common == pytest.approx(shift + own.mean(axis=0) - (shift + own).mean(), abs=1e-12)
     found = pooled_scatter(levels)
     assert found.common[0] == pytest.approx(common @ common / 3 / 4)
