@@ -105,12 +105,6 @@ def test_tables_one_and_two_return() -> None:
     assert speeds.trends["tau1"].coefficients == pytest.approx((0.0498, -0.0150, 0.425, -0.310), rel=1e-5)
 
 
-def test_the_same_input_gives_the_same_bytes(tmp_path: Any) -> None:
-    for name in ("a", "b"):
-        eaid.fit(eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1)).save(tmp_path / name)
-    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
-
-
 CURVES = st.tuples(st.floats(0.05, 5.0), st.floats(0.03, 1.0), st.floats(3.0, 30.0))
 
 
