@@ -145,7 +145,7 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN) -> StepSe
             of_runs[one.subject].append(one)
     records = [_record(steps[run.name], tuple(of_runs[run.name]), run.name in out) for run in runs]
     records.sort(key=lambda record: (record.level, record.repeat, record.edge != "rising", record.name))
-    ceiling = same_ceiling(levels, found, output_unit)
+    ceiling = same_ceiling(levels, of_runs, output_unit)
     whole = StepSet(
         kind=kind,
         input_unit=input_unit,
