@@ -676,7 +676,7 @@ class Fit(Shown, Result, frozen=True, dict=True):
             unknowns = (3 + (part.C is None)) * len(self.friction_levels)
         else:  # coefficients that the levels do not allow are 0
             values = (part.a0, part.b0, part.c0) if self._first == "linear" else (*part.Ts, *part.tau1, *part.tau2)
-            unknowns = np.count_nonzero(values) + (self._first == "nonlinear" and part.C_free)
+            unknowns = int(np.count_nonzero(values)) + (self._first == "nonlinear" and part.C_free)
         return samples * math.log(sse / samples) + 2 * (unknowns + 1)
 
     @property
