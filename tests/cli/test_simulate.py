@@ -32,25 +32,6 @@ def test_the_multisine_is_the_default_and_replay_h5_the_output(run_eaid):
     assert np.abs(rc["torque_nm"] - rc["reference_nm"])[counted].max() == pytest.approx(0.116, abs=1e-3)
 
 
-def test_json_of_every_scenario(run_eaid):
-    def told(*more):
-        ran = run_eaid("simulate fit.json --gains gains.json --json -q --force", *more)
-        assert (ran.code, ran.err) == (0, "")
-        return json.loads(ran.out)
-
-    steps = told("--scenario", "steps", "--duration", "9")
-    rc = steps["controllers"]["rc"]
-    assert steps["scenario"] == "steps" and len(rc["steps"]) == 8 and rc["steps"][-1]["settling_s"] is None
-    for key in ("max_abs_error_nm", "rms_error_nm", "mean_abs_duty_step_pct", "saturated_fraction"):
-        assert isinstance(rc[key], float)
-    assert {"rise_time_s", "overshoot_pct", "settling_s"} <= set(rc["steps"][0])
-    sweep = told("--scenario", "sweep", "--rate-hz", "500")["controllers"]
-    assert list(sweep) == ["rc", "pi", "open-loop"]
-    assert {"gain_db", "phase_deg", "mean_abs_error_nm"} <= set(sweep["open-loop"]["frequencies"][0])
-    ramp = told("--scenario", "ramp", "--controller", "feedforward,inverse")
-    assert list(ramp["controllers"]) == ["feedforward", "inverse"]
-
-
 def test_every_effect_of_the_rig_is_an_option(run_eaid):
     effects = (
         "--noise-nm 0.01 --ripple-pct 2 --ripple-hz 3 --sensor-hz 100 --delay-samples 2 "

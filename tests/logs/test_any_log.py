@@ -86,28 +86,6 @@ def test_a_mutated_cell_is_read_as_it_stands_or_refused(long, read):
         np.testing.assert_array_equal((run.input, run.output), wanted[:, 1:].astype(float).T)
 
 
-HOW = ("set", "drop", "copy", "cut")
-EDITS = st.lists(
-    st.tuples(st.floats(0, 1), st.sampled_from(HOW), st.integers(0, 255), st.integers(1, 60)), min_size=1, max_size=6
-)  # fmt: skip
-
-
-def edited(data: bytes, edits: Any) -> bytes:
-    """A file with some bytes set, dropped or doubled, or cut off."""
-    changed = bytearray(data)
-    for place, how, byte, length in edits:
-        at = int(place * (len(changed) - 1)) if changed else 0
-        if how == "set" and changed:
-            changed[at] = byte
-        elif how == "drop":
-            del changed[at : at + length]
-        elif how == "copy":
-            changed[at:at] = changed[at : at + length]
-        elif how == "cut" and length > 50:
-            del changed[at:]
-    return bytes(changed)
-
-
 def only_refusals(folder: Path, contents: list[bytes]) -> None:
     """All files of one call, in which one process reads what is binary: each is read, or refused by its name."""
     paths = [folder / f"log{k}" for k in range(len(contents))]

@@ -48,7 +48,6 @@ class Log:
     within_s: float = 1e-9
 
 
-BY_NUMBER = {"columns": {"time": "1", "input": "2", "output": "3"}}
 PAIR = "duty_pct,torque_nm"
 LOGS = {
     "plain": Log(text(HEADER, T, U, Y)),

@@ -8,7 +8,6 @@ import pytest
 import eaid
 from eaid.estimate.late import shifted
 from eaid.estimate.record import RecordedLog, recorded_log
-from eaid.logs.run import Run
 from eaid.models import nonlinear
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.recorded.closed_loop import law_of
@@ -23,10 +22,6 @@ PLAIN = eaid.FitOptions(model=("nonlinear",))
 
 def codes(fit) -> dict:  # type: ignore[no-untyped-def,type-arg]
     return {one.code: one for one in fit.findings}
-
-
-def run_of(t: np.ndarray, u: np.ndarray, y: np.ndarray, unit: str = "%") -> Run:
-    return Run("log", t, u, y, unit, "N·m", "log.csv", "")
 
 
 def random_log(seed: int = 1, duration_s: float = 120.0, **changes: float) -> RecordedLog:
