@@ -2,12 +2,7 @@
 
 import contextlib
 import io
-import multiprocessing
-import os
-import threading
-from collections.abc import Callable
 from dataclasses import dataclass
-from multiprocessing.connection import wait
 from pathlib import Path
 
 from eaid.cli import console
@@ -39,18 +34,18 @@ def command(args: Arguments) -> None:
 
     data = {kind: str(path.resolve()) for kind, path in shipped().items()}
     folder.mkdir(parents=True, exist_ok=True)
-    with console.progress("eaid demo", len(CLUTCH) + len(FRICTION) + 1) as done:
-        run_both(filled(CLUTCH, data), filled(FRICTION, data), folder, done)
-        run_line(("report", *REPORTED, "-o", "."), folder)
-        done()
+    with console.progress("eaid demo", len(LINES)) as done:
+        for line in LINES:
+            run_line(tuple(data[word[1:-1]] if word[:1] == "{" else word for word in line), folder)
+            done()
     console.be_quiet(args.quiet)
     page = folder / "report.html"
     if args.json:
         files = sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
         console.print_json({"page": page, "files": files})
-    for line in five_numbers(folder):
-        console.line(line)
-    console.done(page, f"{len(CLUTCH) + len(FRICTION) + 1} commands", "open it in a browser")
+    for said in five_numbers(folder):
+        console.line(said)
+    console.done(page, f"{len(LINES)} commands", "open it in a browser")
 
 
 def five_numbers(folder: Path) -> list[str]:
@@ -87,54 +82,26 @@ def _two(*values: float | None) -> str:
 
 
 Line = tuple[str, ...]
-CLUTCH: tuple[Line, ...] = (
-    ("ingest", "{clutch}", "-o", "clutch.h5"),
-    ("fit", "clutch.h5", "-o", "fit.json"),
-    ("tune-rc", "fit.json", "-o", "gains.json"),
-    ("simulate", "fit.json", "--gains", "gains.json", "--scenario", "steps", "-o", "steps.h5"),
-    ("simulate", "fit.json", "--gains", "gains.json", "--scenario", "multisine", "-o", "multisine.h5"),
-    ("simulate", "fit.json", "--gains", "gains.json", "--scenario", "sweep", "-o", "sweep.h5"),
-    ("simulate", "fit.json", "--gains", "gains.json", "--scenario", "rehab", "-o", "rehab.h5"),
-    ("simulate", "fit.json", "--log", "clutch.h5", "-o", "log.h5"),
-    ("plan", "fit.json", "-o", "plan.csv"),
-)
-"""What the demo does with the clutch, as a user would type it inside the demo's folder."""
-FRICTION: tuple[Line, ...] = (
+REPORTED = (
+    "clutch.h5", "friction-force.h5", "friction-speed.h5", "fit.json", "friction-force.json", "friction-speed.json",
+    "gains.json", "steps.h5", "multisine.h5", "sweep.h5", "rehab.h5",
+)  # fmt: skip
+LINES: tuple[Line, ...] = (
     ("ingest", "{friction-force}", "-o", "friction-force.h5"),
     ("ingest", "{friction-speed}", "-o", "friction-speed.h5"),
     ("fit", "friction-force.h5", "-o", "friction-force.json"),
     ("fit", "friction-speed.h5", "-o", "friction-speed.json"),
+    ("ingest", "{clutch}", "-o", "clutch.h5"),
+    ("fit", "clutch.h5", "-o", "fit.json"),
+    ("tune-rc", "fit.json", "-o", "gains.json"),
+    ("simulate", "fit.json", "gains.json", "--scenario", "steps", "-o", "steps.h5"),
+    ("simulate", "fit.json", "gains.json", "--scenario", "multisine", "-o", "multisine.h5"),
+    ("simulate", "fit.json", "gains.json", "--scenario", "sweep", "-o", "sweep.h5"),
+    ("simulate", "fit.json", "gains.json", "--scenario", "rehab", "-o", "rehab.h5"),
+    ("plan", "fit.json", "-o", "plan.csv"),
+    ("report", *REPORTED, "-o", "."),
 )
-"""What needs nothing of the clutch: done beside it, on the second core."""
-
-REPORTED = (
-    "clutch.h5", "friction-force.h5", "friction-speed.h5", "fit.json", "friction-force.json", "friction-speed.json",
-    "gains.json", "steps.h5", "multisine.h5", "sweep.h5", "rehab.h5", "log.h5",
-)  # fmt: skip
-
-
-def filled(lines: tuple[Line, ...], data: dict[str, str]) -> list[Line]:
-    """The lines with the paths of the shipped datasets in them."""
-    return [tuple(data[word[1:-1]] if word[:1] == "{" else word for word in line) for line in lines]
-
-
-def run_both(first: list[Line], second: list[Line], folder: Path, done: Callable[[], None]) -> None:
-    """Run both lists, the second one in a process of its own."""
-    from concurrent.futures import ProcessPoolExecutor
-    from multiprocessing import get_context
-
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=end_with_parent) as beside:
-        waiting = [beside.submit(run_line, line, folder) for line in second]
-        try:
-            for line in first:
-                run_line(line, folder)
-                done()
-            for each in waiting:
-                each.result()
-                done()
-        except BaseException:
-            beside.shutdown(cancel_futures=True)
-            raise
+"""What the demo does, as typed inside its folder; {…} stands for the path of a shipped dataset."""
 
 
 def run_line(line: Line, folder: Path) -> None:
@@ -147,20 +114,3 @@ def run_line(line: Line, folder: Path) -> None:
         fault = EaidError(f"the demo stopped at: eaid {' '.join(line)} (exit code {code})")
         fault.exit_code = code
         raise fault
-
-
-def end_with_parent() -> None:
-    """In a worker: leave, whatever is being done, once the parent process is gone; a first call in its initializer."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        threading.Thread(target=_watch, args=(parent.sentinel,), daemon=True).start()
-
-
-def _watch(sentinel: int) -> None:
-    wait([sentinel])
-    os._exit(130)
-
-
-def processors() -> int:
-    """Processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -15,7 +15,7 @@ from eaid.findings import Finding, say
 from eaid.findings.finding import WORD
 from eaid.logs.run import Run
 from eaid.report.tables import Name, Table, columns, table_of
-from eaid.report.tables.data import EDGE_PARTS, between_levels, highest_slips, levels_recorded, slips_table
+from eaid.report.tables.data import between_levels, highest_slips, levels_recorded, slips_table
 from eaid.report.tables.fits import judging_tables, model_tables
 from eaid.results.common import Input
 from eaid.results.fit import Fit
@@ -119,7 +119,8 @@ def show_edges(logs: Sequence[tuple[Run, tuple[Edge, ...]]], json: bool) -> None
         console.show(table_of(
             run.name, f"{counted(len(each), 'edge')} of its output.", each,
             (("at", "s"), partial(_at, run)), (("from", unit), "before"), ("to", "after"),
-            *EDGE_PARTS,
+            (("rise", "s", 3), "rise_s"), (("overshoot", "%", 3), "overshoot_pct"),
+            (("settled in", "s", 3), "settling_s"),
         ))  # fmt: skip
 
 

@@ -24,7 +24,7 @@ def command(args: Arguments) -> None:
     """Make one self-contained HTML page and its figures out of result files.
 
     Writes DIR/report.html, which opens without a network, and DIR/figures/*.png at 300 dpi, 3.5 or 7.16 inches wide.
-    What was not given is left out, with a line that names the command that makes it.
+    What was not given is left out.
 
     Example: eaid report fit.json gains.json multisine.h5 clutch.h5 -o report
     """
@@ -44,8 +44,6 @@ def command(args: Arguments) -> None:
     results = read_results(args.files, console.warn)
     with console.progress("drawing figures", len(chosen(options.figures))) as done:
         made = write_report(results, args.output, options, args.force, done)
-    if made.missing and not options.figures:
-        console.say(f"{counted(len(made.missing), 'figure')} want more results; the page's appendix names the commands")
     console.done(made.page, counted(len(made.figures), "figure"), "open it in a browser")
     if args.json:
         console.print_json(made)

@@ -138,14 +138,14 @@ def explains_little(outputs: Sequence[Array], residuals: Sequence[Array]) -> boo
 
 def fit_findings(part: Estimate, active_at: Mapping[str, Sequence[float]], held_out: Sequence[float]) -> list[Finding]:
     """Warnings about the ten coefficients; `active_at`: the constraints that hold them, and where."""
-    findings = []
+    found = []
     if part.solver is not None and not part.solver.converged:
-        findings.append(finding("fit-not-converged", "nonlinear", predicted_decrease=part.solver.predicted_decrease))
+        found.append(finding("fit-not-converged", "nonlinear", predicted_decrease=part.solver.predicted_decrease))
     for code, at in active_at.items():
-        findings.append(finding("constraint-holds", "nonlinear", sorted({*at[:1], *at[-1:]}), constraint=code))
+        found.append(finding("constraint-holds", "nonlinear", sorted({*at[:1], *at[-1:]}), constraint=code))
     if outside := [u for u in held_out if not part.u_range[0] <= u <= part.u_range[1]]:
-        findings.append(finding("held-out-beyond-the-levels", "nonlinear", outside))
-    return findings
+        found.append(finding("held-out-beyond-the-levels", "nonlinear", outside))
+    return found
 
 
 def missed(subject: str, data: Data, residuals: Sequence[Array], model: Estimate | Pooled) -> list[Finding]:

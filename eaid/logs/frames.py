@@ -51,9 +51,10 @@ def runs_from_frames(frames: "pd.DataFrame | Mapping[str, pd.DataFrame]", option
             runs.append(run_of(name, name, seen.hexdigest(), [table], options))
         except DataError as fault:
             faults.extend(fault.sentences)
+    found, faults = together(runs, faults, options)
     if faults:
         raise DataError(*faults)
-    return together(runs, options)
+    return found
 
 
 def _parted(frames: "pd.DataFrame | Mapping[str, pd.DataFrame]") -> "dict[str, pd.DataFrame]":

@@ -14,8 +14,10 @@ import bokeh
 import numpy as np
 from bokeh.document import Document
 from bokeh.models import ColumnDataSource, HoverTool, Range1d
-from bokeh.models.annotations import BoxAnnotation, Legend, TeeHead, Whisker
+from bokeh.models.annotations import BoxAnnotation, Legend, LegendItem, TeeHead, Whisker
 from bokeh.models.annotations import Span as Rule
+from bokeh.models.glyphs import Line as Stroke
+from bokeh.models.glyphs import Scatter, Text, VArea
 from bokeh.models.layouts import Column
 from bokeh.plotting import figure
 from markupsafe import Markup
@@ -46,13 +48,18 @@ def _plot(panels: Sequence[Panel], heights: Sequence[int], beside: int, named: b
     drawn: list[Any] = []
     for panel, height in zip(panels, heights, strict=True):
         p = _axes(panel, height, drawn[0].x_range if drawn else None, panel is panels[-1])
+        hits: list[Any] = []
+        items: list[LegendItem] = []
         for band in panel.bands:
             some = slice(None, None, max(1, len(band.x) // BAND_POINTS))
             held = {name: getattr(band, name)[some].astype(np.float32) for name in ("x", "low", "high")}
-            look = {"fill_color": band.color, "fill_alpha": band.alpha, "level": "underlay"}
-            _bare(p.varea("x", "low", "high", source=ColumnDataSource(held), **look))
+            shade = VArea(x="x", y1="low", y2="high", fill_color=band.color, fill_alpha=band.alpha)
+            p.add_glyph(ColumnDataSource(held), shade, level="underlay")
         for line in panel.lines:
-            _line(p, line, (named or bool(panel.legend)) and not panel.keys)
+            shown, reach = _line(p, line)
+            hits.append(reach)
+            if line.name and not line.marker and (named or panel.legend) and not panel.keys:
+                items.append(LegendItem(label={"value": plain(line.name)}, renderers=[shown]))
         for span in panel.spans:
             if span.low < span.high and span.along == "x":
                 p.add_layout(BoxAnnotation(left=span.low, right=span.high, fill_color=span.color, level="image"))
@@ -61,13 +68,15 @@ def _plot(panels: Sequence[Panel], heights: Sequence[int], beside: int, named: b
                 rule.dimension = "height" if span.along == "x" else "width"
                 p.add_layout(rule)
         _name_ends(p, [line for line in panel.lines if line.end])
-        for legend in p.select({"type": Legend}):
-            legend.click_policy = "hide"
-            p.add_layout(legend, "above")
-            legend.border_line_color = legend.background_fill_color = None
-            legend.orientation, legend.ncols = "horizontal", 5 if beside == 1 else 2
-            legend.spacing, legend.padding, legend.margin = 8, 2, 0
-            legend.label_text_font_size = "12px"
+        if items:
+            p.add_layout(Legend(
+                items=items, click_policy="hide", border_line_color=None, background_fill_color=None, spacing=8,
+                orientation="horizontal", ncols=5 if beside == 1 else 2, padding=2, margin=0,
+                label_text_font_size="12px",
+            ), "above")  # fmt: skip
+        across = panel.x.name.split(" ")[0].lower()
+        values = (across, f"$x{{0.000}} {plain(panel.x.unit)}"), ("value", f"$y{{0.000}} {plain(panel.y.unit)}")
+        p.add_tools(HoverTool(renderers=hits, tooltips=[("", "$name"), *values]))
         drawn.append(p)
     document = Document()
     root = drawn[0] if len(drawn) == 1 else Column(children=drawn, sizing_mode="stretch_width")
@@ -77,7 +86,7 @@ def _plot(panels: Sequence[Panel], heights: Sequence[int], beside: int, named: b
 
 
 def _axes(panel: Panel, height: int, shared: Any, last: bool) -> Any:
-    """An empty plot; hovering shows the name of a line and its values."""
+    """An empty plot."""
     y = panel.y.text.replace("T_s", "Tₛ").replace("\n", " ")
     p = figure(
         height=height, sizing_mode="stretch_width", tools="pan,box_zoom,reset,save", toolbar_location="right",
@@ -89,37 +98,33 @@ def _axes(panel: Panel, height: int, shared: Any, last: bool) -> Any:
     if low is not None and high is not None:
         p.y_range = Range1d(start=low, end=high)
     p.toolbar.logo, p.toolbar.autohide = None, True
-    across = panel.x.name.split(" ")[0].lower()
-    where, value = (across, f"$x{{0.000}} {plain(panel.x.unit)}"), ("value", f"$y{{0.000}} {plain(panel.y.unit)}")
-    p.add_tools(HoverTool(renderers=[], tooltips=[("", "$name"), where, value]))
     p.axis.axis_label_text_font_style = "normal"
     p.axis.minor_tick_line_color = None
     p.grid.grid_line_color = LIGHT
     return p
 
 
-def _line(p: Any, line: Line, in_legend: bool) -> None:
-    """A curve, thinned, or points with their whiskers; with the name that hovering shows."""
+def _line(p: Any, line: Line) -> tuple[Any, Any]:
+    """A curve, thinned, or points with their whiskers; and what catches the pointer, by the line's name."""
     if line.marker:
         columns: dict[str, Any] = {"x": line.x, "y": line.y}
         if line.ends is not None:
             columns |= {"low": line.ends[0], "high": line.ends[1]}
         source = ColumnDataSource(columns)
-        reach = _bare(p.scatter("x", "y", source=source, size=7, name=plain(line.name), color=line.color))
+        dots = Scatter(x="x", y="y", size=7, fill_color=line.color, line_color=line.color)
+        shown = p.add_glyph(source, dots, name=plain(line.name))
         if line.ends is not None:
             foot, head = TeeHead(size=6), TeeHead(size=6)
             p.add_layout(Whisker(base="x", lower="low", upper="high", source=source, lower_head=foot, upper_head=head))
-    else:
-        # Text once for the whole line: a column of names would weigh more than the numbers.
-        x, y = thinned(np.asarray(line.x), np.asarray(line.y), POINTS)
-        held: dict[str, Any] = {"x": x.astype(np.float32), "y": y.astype(np.float32)}
-        source = ColumnDataSource(held, name=plain(line.name))
-        named = {"legend_label": plain(line.name)} if in_legend else {}
-        look = {"line_width": 1.7 * line.width, "line_dash": _dashes(line.dash), "line_color": line.color}
-        _bare(p.line("x", "y", source=source, **look, **named))
-        # A pointer hits a line only within half its width: a broad one that nobody sees catches it.
-        reach = p.line("x", "y", source=source, line_width=14, line_alpha=0, name=plain(line.name))
-    p.select_one(HoverTool).renderers.append(reach)
+        return shown, shown
+    # Text once for the whole line: a column of names would weigh more than the numbers.
+    x, y = thinned(np.asarray(line.x), np.asarray(line.y), POINTS)
+    held: dict[str, Any] = {"x": x.astype(np.float32), "y": y.astype(np.float32)}
+    source = ColumnDataSource(held, name=plain(line.name))
+    look = Stroke(x="x", y="y", line_color=line.color, line_width=1.7 * line.width, line_dash=_dashes(line.dash))
+    # A pointer hits a line only within half its width: a broad one that nobody sees catches it.
+    broad = Stroke(x="x", y="y", line_width=14, line_alpha=0)
+    return p.add_glyph(source, look), p.add_glyph(source, broad, name=plain(line.name))
 
 
 def _dashes(dash: Dash) -> Any:
@@ -138,14 +143,8 @@ def _name_ends(p: Any, lines: Sequence[Line]) -> None:
     longest = float(max(line.x[-1] for line in lines))
     texts = [text for _value, text in ends]
     words = ColumnDataSource({"x": [1.01 * longest] * len(ends), "y": placed, "text": texts})
-    p.text("x", "y", text="text", source=words, text_font_size="12px", text_baseline="middle")
+    p.add_glyph(words, Text(x="x", y="y", text="text", text_font_size="12px", text_baseline="middle"))
     p.x_range = Range1d(start=0, end=(1.03 + 0.022 * max(map(len, texts))) * longest)
-
-
-def _bare(drawn: Any) -> Any:
-    """What is drawn, without the looks of being selected, muted or hovered, which the page does not use."""
-    drawn.nonselection_glyph = drawn.selection_glyph = drawn.muted_glyph = drawn.hover_glyph = None
-    return drawn
 
 
 def plain(text: str) -> str:

@@ -242,23 +242,18 @@ def marked(figure: Figure, text: str) -> None:
     )  # fmt: skip
 
 
-def pngs_of(figure: Figure, *dpis: float) -> tuple[bytes, ...]:
-    """A figure as PNG, drawn once and made smaller for each further sharpness; without date or program name."""
+def png_of(figure: Figure, dpi: float = DPI) -> bytes:
+    """A figure as PNG, without date or program name."""
     from PIL import Image
 
-    figure.set_dpi(dpis[0])
+    figure.set_dpi(dpi)
     figure.canvas.draw()
     canvas = figure.canvas
     drawn = Image.frombuffer("RGBA", canvas.get_width_height(), canvas.buffer_rgba()).convert("RGB")  # type: ignore[attr-defined]
-    found = []
-    for dpi in dpis:
-        width, height = (round(side * dpi / dpis[0]) for side in drawn.size)
-        image = drawn if dpi == dpis[0] else drawn.resize((width, height), Image.Resampling.LANCZOS)
-        out = io.BytesIO()
-        few = image.quantize(COLOURS, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
-        few.save(out, format="PNG", dpi=(dpi, dpi), compress_level=7)
-        found.append(out.getvalue())
-    return tuple(found)
+    out = io.BytesIO()
+    few = drawn.quantize(COLOURS, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    few.save(out, format="PNG", dpi=(dpi, dpi), compress_level=7)
+    return out.getvalue()
 
 
 def vector_of(figure: Figure, kind: str) -> bytes:

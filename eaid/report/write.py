@@ -23,8 +23,6 @@ from eaid.results.replay import Replay
 from eaid.steps.stepset import StepSet
 
 FILE, FOLDER = "report.html", "figures"
-PAGE_DPI = 170
-"""Sharpness of the figures inside the page: the files beside it have 300 dpi."""
 
 
 @dataclass(frozen=True)
@@ -33,8 +31,6 @@ class Report:
 
     page: Path
     figures: tuple[str, ...]
-    missing: tuple[tuple[str, str], ...]
-    """Figures left out, and the command that makes what they need."""
 
 
 def write_report(
@@ -74,17 +70,15 @@ def write_report(
     drawn: list[Drawn] = []
     for row in rows:
         if (ready := row.ready(given)) is not None:
-            png, preview, more, size = _drawn(ready.sheet, mark[0] if mark and row.of_the_fit else None, formats)
-            files = {"png": png, **more}
-            contents |= {f"{FOLDER}/{row.name}.{kind}": files[kind] for kind in formats}
-            drawn.append(Drawn(row.name, ready.title, ready.sees, preview, size, live_of(ready.sheet)))
+            files, address, size = _drawn(ready.sheet, mark[0] if mark and row.of_the_fit else None, formats)
+            contents |= {f"{FOLDER}/{row.name}.{kind}": content for kind, content in files.items()}
+            drawn.append(Drawn(row.name, ready.title, ready.sees, address, size, live_of(ready.sheet)))
         done()
-    missing = [row for row in rows if row.made_by and row.name not in {one.name for one in drawn}]
     shown = []
     for title, section, sheet in pictures(given):
-        _png, preview, _more, size = _drawn(sheet, mark[0] if mark else None, (), 200)
-        shown.append(Drawn(section, title, f"More of it in the part {section}", preview, size))
-    text = page(given, drawn, shown, missing if not options.figures else ())
+        _files, address, size = _drawn(sheet, mark[0] if mark else None, dpi=200)
+        shown.append(Drawn(section, title, f"More of it in the part {section}", address, size))
+    text = page(given, drawn, shown)
     contents[FILE] = text.encode("utf-8", errors="replace")
     for one in (folder, folder / FOLDER):
         one.mkdir(exist_ok=True)
@@ -95,21 +89,21 @@ def write_report(
     for old in figures_in(folder):
         if old not in paths:
             old.unlink()
-    return Report(folder / FILE, tuple(one.name for one in drawn), tuple((row.name, row.made_by) for row in missing))
+    return Report(folder / FILE, tuple(one.name for one in drawn))
 
 
 def _drawn(
-    sheet: Sheet, mark: str | None, formats: Sequence[str], *dpis: int
-) -> tuple[bytes, str, dict[str, bytes], tuple[int, int]]:
-    """A figure as PNG, as an address that holds a smaller one, in other formats, and its size on the page [px]."""
+    sheet: Sheet, mark: str | None, formats: Sequence[str] = ("png",), dpi: float = paper.DPI
+) -> tuple[dict[str, bytes], str, tuple[int, int]]:
+    """A figure in each format, as an address that holds it as PNG, and its size on the page [px]."""
     with paper.look():
         figure = paper.figure_of(sheet)
         if mark is not None:
             paper.marked(figure, mark)
-        pngs = paper.pngs_of(figure, *(dpis or (paper.DPI, PAGE_DPI)))
-        more = {kind: paper.vector_of(figure, kind) for kind in formats if kind != "png"}
+        files = {"png": paper.png_of(figure, dpi)}
+        files |= {kind: paper.vector_of(figure, kind) for kind in formats if kind != "png"}
         width, height = (round(96 * float(side)) for side in figure.get_size_inches())
-    return pngs[0], "data:image/png;base64," + base64.b64encode(pngs[-1]).decode("ascii"), more, (width, height)
+    return files, "data:image/png;base64," + base64.b64encode(files["png"]).decode("ascii"), (width, height)
 
 
 def formats_of(wanted: Sequence[str]) -> tuple[str, ...]:

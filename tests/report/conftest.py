@@ -200,7 +200,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def others(recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Path]]:
-    """Name → files: logs as recorded, steps from level to level, a loop, a marked fit of long names."""
+    """Name → files: logs as recorded, steps from level to level, a marked fit of long names."""
     folder = tmp_path_factory.mktemp("others")
     made = {"recorded": [recorded], "staircase": [folder / "staircase.json", folder / "staircase.h5"]}
     shape = ["--shape", "duration_s=120", "--rate-hz", "50", "--seed", "1"]
@@ -219,10 +219,6 @@ def others(recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str
     assert call("ingest", logs, "-o", data, "-q") == 0 and call("fit", data, "-o", fit, "-q") in (0, 4)
     assert call("tune-rc", fit, "--anyway", "-o", gains, "-q") == 0
     assert call("simulate", fit, "--gains", gains, "--scenario", "steps", "--duration", "9", "-o", replay, "-q") == 0
-    shape = ["--shape", "duration_s=60,gains=15:200,hold_s=0.5:5", "--rate-hz", "50", "--seed", "1"]
-    assert call("synth", "--excitation", "closed-loop", *shape, "-o", folder / "loop", "-q") == 0
-    assert call("ingest", "--edges", folder / "loop", "-o", folder / "loop.h5", "-q") == 0
-    made["loop"] = [folder / "loop.h5"]
     return made
 
 

@@ -65,7 +65,7 @@ def given(files: dict[str, Path], others: dict[str, list[Path]], tmp_path_factor
     ]  # fmt: skip
     return [
         [*map(eaid.load, files.values()), *more],
-        *([eaid.load(path) for path in others[name]] for name in ("recorded", "staircase", "loop")),
+        *([eaid.load(path) for path in others[name]] for name in ("recorded", "staircase")),
     ]  # fmt: skip
 
 
@@ -153,19 +153,6 @@ def test_the_linear_model_is_not_drawn_below_zero():
     assert last == pytest.approx((0.0783 * 100 - 2) / 1.84, rel=1e-6)
 
 
-def test_bounds_and_gains_of_the_levels():
-    rows = [
-        {"level": u, "a0": 1.8, "gain": u / 40, "B": B, "ci95": {"B": [0.9 * B, 1.1 * B]}}
-        for u, B in ((20.0, 36.5), (60.0, 33.0), (100.0, 8.3))
-    ]
-    ready = drawn("input_gain", fit_of(linear={"a0": 1.8, "b0": 0.08, "c0": -1.3, "bounds": {"B_m": 8.3, "B_M": 41.1},
-                                               "per_level": rows}))  # fmt: skip
-    ((points, _caps, _bars),) = ready.figure.axes[0].containers
-    assert points.get_ydata() == pytest.approx([36.5, 33.0, 8.3])
-    lines = [line.get_ydata()[0] for line in ready.figure.axes[0].lines[-2:]]
-    assert lines == [8.3, 41.1] and "between 8.30 at 100 % and 36.5 at 20 %, a factor of 4.4." in ready.sees
-
-
 @pytest.mark.parametrize("unit", ["N", "N·m"])
 def test_friction_over_stress_has_a_coefficient_of_friction_where_the_output_is_a_torque(unit: str):
     """C_f = 3 T_s/(2π σ (r2³ − r1³)) of one surface, Eq. (1): 10 kPa and 1 N·m of the usual rig give 0.3142."""
@@ -193,11 +180,8 @@ def test_many_levels_have_a_colour_bar_and_a_table_of_some(count: int, tmp_path:
     assert len(figure.axes[0].texts) == (14 if count == 14 else 0) and len(figure.axes) == (1 if count == 14 else 2)
     html = eaid.report(steps, tmp_path / "out", figures=("walls",)).read_text(encoding="utf-8")
     shown = re.sub(r"<details.*?</details>", "", html, flags=re.DOTALL)
-    assert ("24 of 30 rows; all of them are folded below" in shown) == (count == 30)
-    assert (
-        shown.count("<tr>") == 1 + min(count, 24)
-        and html.count(f'<th scope="row">{10 + 90 / (count - 1):.4g}</th>') > 0
-    )
+    assert shown.count("<tr>") == (15 if count == 14 else 0)  # a longer table stands folded
+    assert f'<th scope="row">{10 + 90 / (count - 1):.4g}</th>' in html
 
 
 @pytest.mark.slow
@@ -209,13 +193,6 @@ def test_a_step_is_drawn_with_the_curve_that_was_fitted_to_it(others: dict[str, 
     apart = [np.mean(measured[-40:]) - model[-1] for measured, model in shown]
     size = max(abs(model[-1]) for _measured, model in shown)
     assert np.max(np.abs(apart)) < 0.05 * size and f"{min(len(fit.steps), len(shown))} steps" in ready.sees
-    gain, tau1 = drawn("steps_over_level", fit).figure.axes[:2]
-    for edge, bars in zip(("up", "down"), gain.containers, strict=False):
-        known = [one for one in fit.steps if one.edge == edge and one.gain is not None]
-        assert bars.lines[0].get_xdata() == pytest.approx([one.level for one in known])
-        assert bars.lines[0].get_ydata() == pytest.approx([one.gain for one in known])
-    known = [one.tau1 for one in fit.steps if one.edge == "up" and one.tau1 is not None]
-    assert tau1.containers[0].lines[0].get_ydata() == pytest.approx(known) and gain.get_ylabel() == "Gain (N·m/%)"
 
 
 def test_the_bode_plot_shows_the_response_its_band_and_the_models(recorded: Path):
@@ -232,16 +209,16 @@ def test_the_bode_plot_shows_the_response_its_band_and_the_models(recorded: Path
 
 
 @pytest.mark.slow
-def test_walls_show_every_loop_with_its_greatest_demand(
+def test_walls_show_every_loop_at_every_torque(
     given: list[Any], files: dict[str, Path], tmp_path: Path, report: Callable[..., Any]
 ):
     coupling = given[0][-1]
-    needed, region = drawn("walls", coupling).figure.axes
-    assert {line.get_label() for line in needed.lines} >= {"open loop", "PI", "RC without rate", "RC"}
-    dots = [line.get_ydata()[0] for line in needed.lines if line.get_marker() == "o"]
-    passive = {wall.loop: wall.K_passive for wall in coupling.walls}
-    wanted = [coupling.options.limb_damping / passive[loop] for loop in ("open-loop", "pi", "rc-no-rate", "rc")]
-    assert dots == pytest.approx(wanted, rel=0.05) and region.get_ylabel() == "Stiffness (N·m/rad)"
+    (axes,) = drawn("walls", coupling).figure.axes
+    lines = {line.get_label(): line.get_ydata() for line in axes.lines}
+    for loop, name in (("open-loop", "open loop"), ("pi", "PI"), ("rc-no-rate", "RC without rate"), ("rc", "RC")):
+        held = [wall for wall in coupling.walls if wall.loop == loop]
+        assert lines[f"{name}, passive"] == pytest.approx([wall.K_passive for wall in held])
+    assert axes.get_ylabel() == "Stiffest wall (N·m/rad)"
     coupling.save(tmp_path / "couple.json")
     page = report(files["clutch.json"], tmp_path / "couple.json", "--figures", "walls")
     rows = page.rows("How stiff a virtual wall may be")

@@ -122,16 +122,6 @@ def test_live_plots_hold_what_was_measured_and_the_model(whole: Any, files: dict
     assert curve[-1] == pytest.approx(fit.nonlinear.curves[-1].Ts, rel=1e-4)
 
 
-def test_words_are_explained_where_they_first_appear(whole: Any):
-    told = re.findall(r"<dfn>(.*?)</dfn>", whole.html)
-    assert len(told) == len(set(told))
-    for word, sign in (("RMSE", "RMSE"), ("RC, PI", "RC"), ("sd", "± sd"), ("dB", "dB"), ("margin", "margin")):
-        before = whole.html.split("<main>")[1].split(f"<dfn>{word}</dfn>")[0]
-        before = before[: -len(re.split(r"<section |<details", before)[-1])]
-        visible = re.sub(r"<script.*?</script>|<summary>.*?</summary>|<[^>]+>", " ", before, flags=re.DOTALL)
-        assert word in told and not re.search(rf"\b{re.escape(sign)}\b", visible), word
-
-
 @pytest.mark.slow
 def test_the_same_files_give_the_same_bytes(files: dict[str, Path], whole: Any, report: Callable[..., Any]):
     assert report(*files.values()).html == whole.html
@@ -163,31 +153,15 @@ def test_hostile_text_is_shown_and_never_run(files: dict[str, Path], tmp_path: P
         assert all("<" not in name and "@" not in name and "{" not in name for name in page.lines(figure))
 
 
-@pytest.mark.slow
-def test_two_fits_of_one_kind_are_compared(files: dict[str, Path], report_of: Callable[..., Any]):
-    fit = json.loads(files["clutch.json"].read_text(encoding="utf-8"))
-    other = json.loads(json.dumps(fit))
-    for row in other["friction"]["levels"]:
-        row["Ts"] *= 1.5
-        row["ci95"] = {"Ts": [1.5 * end for end in row["ci95"]["Ts"]]}
-    page = report_of(fit, other)
-    assert page.title.endswith("two fits side by side")
-    rows = {row[0]: row for row in page.rows("Both fits")}
-    assert rows["Ts at 20 % (N·m)"][-2:] == ["+50.0 %", "yes"] and rows["a0 (1/s)"][-2:] == ["+0.0 %", "no"]
-    assert rows["τ1 at 20 % (s)"][-2:] == ["+0.0 %", "–"]  # no interval any more
-
-
 LINEAR = {"a0": 1.36, "b0": 0.08, "c0": -2.42, "bounds": {"B_m": 12.4, "B_M": 42.6}}
 
 
-def test_what_is_not_given_is_named_with_its_command(report_of: Callable[..., Any], tmp_path: Path):
+def test_a_fit_of_the_linear_model_alone_has_its_page(tmp_path: Path):
     """Only what the contract asks tune-rc to need: every further key may be absent."""
     (tmp_path / "fit.json").write_text(json.dumps({"schema": "eaid/fit/2", "linear": LINEAR}))
     path = eaid.report(eaid.load(tmp_path / "fit.json"), tmp_path / "out")
-    assert path == tmp_path / "out/report.html" and (tmp_path / "out/figures/input_gain.png").is_file()
-    html = path.read_text(encoding="utf-8")
-    line = "Fig. 13 · Sines of rising frequency: <code>eaid simulate fit.json --gains gains.json --scenario sweep"
-    assert line in html and "<h3>Linear model, Eq. (8)</h3>" in html
+    assert path == tmp_path / "out/report.html"
+    assert "<h3>Linear model, Eq. (8)</h3>" in path.read_text(encoding="utf-8")
 
 
 LEVELS = [{"level": u, "Ts": Ts, "tau1": tau, "tau2": slow, "ci95": {"Ts": [0.95 * Ts, 1.05 * Ts], "tau2": None}}
@@ -313,18 +287,6 @@ def test_one_verdict_on_the_guarantee_and_what_to_do_next(
 def test_no_command_is_offered_that_would_be_refused(wrong: dict[str, Any], report_of: Callable[..., Any]):
     page = report_of({"schema": "eaid/fit/2", "converged": True, "linear": {**LINEAR, **wrong}})
     assert [command.split()[1] for _why, command in page.steps] == ([] if wrong else ["tune-rc"])
-
-
-@pytest.mark.slow
-def test_what_to_record_next_is_the_plan(files: dict[str, Path], report_of: Callable[..., Any]):
-    plan = eaid.plan(eaid.load(files["clutch.json"]), check=False)
-    fit = json.loads(files["clutch.json"].read_text(encoding="utf-8"))
-    page = report_of(fit)
-    ((why, command),) = [one for one in page.steps if "eaid plan" in one[1]]
-    assert why.startswith(f"Record {len(plan.levels)} levels, {plan.levels[0]:g} to {plan.levels[-1]:g} %")
-    assert f"held {min(plan.hold_s):.0f} to {max(plan.hold_s):.0f} s" in why and "--longest" not in command
-    fit["data"]["record_s"] = [599.2]  # holds are no shorter than the records that there are
-    assert any("--longest-hold 600" in command for _why, command in report_of(fit).steps)
 
 
 def test_table_iv_and_what_follows_from_it(report_of: Callable[..., Any]):

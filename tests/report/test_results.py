@@ -1,6 +1,7 @@
 """Files given to a report: told apart, checked, refused with all faults; a folder written whole or not at all."""
 
 import json
+import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -12,7 +13,7 @@ import pytest
 
 import eaid
 
-WANTED = "is no result of eaid; give a fit.json, gains.json, replay.h5 or data.h5"
+WANTED = {"a.json": "is not a JSON file", "b.json": "is no result of eaid", "c.txt": "is not a JSON file", "d.h5": "no"}
 
 
 def names_in(folder: Path) -> list[str]:
@@ -28,7 +29,10 @@ def test_everything_that_is_no_result_is_told_at_once(tmp_path: Path, run_eaid: 
     paths = [tmp_path / name for name in ("a.json", "b.json", "c.txt", "d.h5", "gone.json")]
     ran = run_eaid("report", *paths, "-o", tmp_path / "out")
     assert ran.code == 3 and not (tmp_path / "out").exists()
-    assert all(f"{path}: {WANTED}" in ran.err for path in paths[:4]) and f"{paths[4]}: no such file" in ran.err
+    assert (
+        all(f"{tmp_path / name}: {said}" in ran.err for name, said in WANTED.items())
+        and f"{paths[4]}: no such file" in ran.err
+    )
     ran = run_eaid("report", tmp_path, "-o", tmp_path / "out")
     assert ran.code == 2 and "is a folder; give the files in it" in ran.err
     with pytest.raises(eaid.UsageError, match="a dict is no result"):
@@ -75,32 +79,50 @@ def test_what_a_replay_holds_is_checked(
 
 
 def test_results_in_memory_make_the_figures_of_their_files(files: dict[str, Path], tmp_path: Path, report: Any):
-    eaid.report([eaid.load(files["clutch.json"])], tmp_path / "memory", figures=("input_gain",))
-    assert names_in(tmp_path / "memory") == ["figures/input_gain.png", "report.html"]
-    other = report(files["clutch.json"], "--figures", "input_gain").path.parent / "figures/input_gain.png"
-    assert (tmp_path / "memory/figures/input_gain.png").read_bytes() == other.read_bytes()
+    eaid.report([eaid.load(files["clutch.json"])], tmp_path / "memory", figures=("model_over_duty",))
+    assert names_in(tmp_path / "memory") == ["figures/model_over_duty.png", "report.html"]
+    other = report(files["clutch.json"], "--figures", "model_over_duty").path.parent / "figures/model_over_duty.png"
+    assert (tmp_path / "memory/figures/model_over_duty.png").read_bytes() == other.read_bytes()
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("held", ["report.html", "figures/input_gain.png", "figures/fig07_nonlinear_model.svg"])
+@pytest.mark.parametrize("held", ["report.html", "figures/model_over_duty.png", "figures/fig07_nonlinear_model.svg"])
 def test_without_force_nothing_is_written_over(
     files: dict[str, Path], tmp_path: Path, held: str, run_eaid: Callable[..., Any]
 ):
     (tmp_path / "out" / held).parent.mkdir(parents=True)
     (tmp_path / "out" / held).write_text("mine")
-    arguments = ["report", files["clutch.json"], "-o", tmp_path / "out", "--figures", "input_gain", "-q"]
+    arguments = ["report", files["clutch.json"], "-o", tmp_path / "out", "--figures", "model_over_duty", "-q"]
     assert run_eaid(*arguments).code == 2
     assert names_in(tmp_path / "out") == [held] and (tmp_path / "out" / held).read_text() == "mine"
     (tmp_path / "out/figures").mkdir(exist_ok=True)
     (tmp_path / "out/figures/notes.txt").write_text("mine too")
     assert run_eaid(*arguments, "--force").code == 0
     # Old figures of a report go with the old page; what is not of a report stays.
-    assert names_in(tmp_path / "out") == ["figures/input_gain.png", "figures/notes.txt", "report.html"]
+    assert names_in(tmp_path / "out") == ["figures/model_over_duty.png", "figures/notes.txt", "report.html"]
+
+
+@pytest.mark.slow
+def test_a_report_that_breaks_off_leaves_what_was_there(
+    files: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    def broken(*_: Any) -> str:
+        raise RuntimeError("broken")
+
+    fit = eaid.load(files["clutch.json"])
+    eaid.report(fit, tmp_path / "old", figures=("model_over_duty",))
+    before = {name: (tmp_path / "old" / name).read_bytes() for name in names_in(tmp_path / "old")}
+    monkeypatch.setattr(sys.modules["eaid.report.write"], "page", broken)
+    for name in ("old", "new"):
+        with pytest.raises(RuntimeError):
+            eaid.report(fit, tmp_path / name, force=True)
+    assert {name: (tmp_path / "old" / name).read_bytes() for name in names_in(tmp_path / "old")} == before
+    assert not (tmp_path / "new").exists()
 
 
 def test_three_threads_write_the_same_bytes(files: dict[str, Path], tmp_path: Path):
     results = [eaid.load(files[name]) for name in ("clutch.h5", "clutch.json", "steps.h5")]
-    figures = ("fig07", "model_over_duty", "fig11", "input_gain")
+    figures = ("fig07", "model_over_duty", "fig11", "fig09")
     with ThreadPoolExecutor(3) as pool:
         pages = list(pool.map(lambda k: eaid.report(results, tmp_path / f"{k}", figures=figures), range(3)))
     written = [{path.name: path.read_bytes() for path in page.parent.rglob("*.*")} for page in pages]

@@ -1,4 +1,4 @@
-"""Logs fitted as they were recorded: input, output and residual over time, frequency response; edges of outputs."""
+"""Logs fitted as they were recorded: input, output and residual over time, frequency response."""
 
 import os
 from collections.abc import Sequence
@@ -7,8 +7,7 @@ import numpy as np
 
 from eaid.report import panels as ink
 from eaid.report.figures.steps import some_of
-from eaid.report.panels import Axis, Band, Line, Note, Panel, Ready, Sheet, Span, caption, over, quantity
-from eaid.report.results import EdgeLog
+from eaid.report.panels import Axis, Band, Line, Panel, Ready, Sheet, Span, caption, over, quantity
 from eaid.results.fit import Fit
 from eaid.results.recorded import LogCurve, LogFit
 
@@ -102,27 +101,3 @@ def bode(fit: Fit) -> Ready | None:
     sheet = Sheet([panel for row in rows for panel in row], 4.6, ink.COLUMN_IN if n == 1 else ink.PAGE_IN, n,
                   (1.5, 1.3, 0.8), share=("col", "row"))  # fmt: skip
     return Ready(sheet, caption("bode", shown=n, count=len(known), first=first))
-
-
-NUMBERED = 20
-"""Most edges that are numbered in the picture."""
-
-
-def edges(logs: Sequence[EdgeLog]) -> Ready | None:
-    """The first log that has edges: reference and output over time, the edges numbered, and its input."""
-    shown = [(run, found) for run, found in logs if found]
-    if not shown:
-        return None
-    (run, first), every = shown[0], [one for _run, found in shown for one in found]
-    lines = [Line(run.time_s, run.output, "output", ink.BLUE)]
-    if run.reference_nm is not None:
-        lines.append(Line(run.time_s, run.reference_nm, "reference", ink.BLACK, ":"))
-    at = [one.at_s for one in first] if len(first) <= NUMBERED else []
-    spans = [Span(one, one, ink.GREY, width=0.5) for one in at]
-    notes = [Note(f" {k + 1}", one, 0.99, "y", ha="left", va="top") for k, one in enumerate(at)]
-    panels = [Panel(ink.OF_LOG, quantity(run.output_unit), lines, spans=spans, notes=notes, legend="over", columns=6)]
-    if run.has_input:
-        panels.append(Panel(ink.OF_LOG, over(run.input_unit), [Line(run.time_s, run.input, "input", ink.GREEN)]))
-    worst = max(one.overshoot_pct for one in every)
-    text = caption("edges", count=len(every), logs=len(logs), rise=[one.rise_s for one in every], worst=worst)
-    return Ready(Sheet(panels, 1.3 + 1.3 * len(panels), live=True), text)

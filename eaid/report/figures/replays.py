@@ -146,60 +146,22 @@ def recorded_input(replay: Replay) -> Ready | None:
     return Ready(Sheet(panels, 0.5 + 1.35 * rows, columns=columns, share=(False, False)), text)
 
 
-def guarantee(every: Sequence[Given[Replay]]) -> Ready | None:
-    """What the robust term has to cover, |χ|, and its size ρ over time, in a replay with the robust controller."""
-    for replay in sorted((one.result for one in every), key=lambda one: one.head.scenario != "multisine"):
-        one = replay.records.get("rc")
-        if one is None or not {"chi_nm_s", "rho_nm_s"} <= set(one.columns) or replay.head.scenario == "rehab":
-            continue
-        t, rho = one.columns["time_s"], one.columns["rho_nm_s"]
-        needed = np.abs(one.columns["chi_nm_s"])
-        lines = [Line(t, rho, "available, ρ", ink.BLUE), Line(t, needed, "needed, |χ|", ink.VERMILLION, "--")]
-        y = Axis("Robust term", f"{replay.head.output_unit}/s", (0.0, 2.5 * float(np.median(rho))))
-        sheet = Sheet([Panel(ink.TIME, y, lines, legend="above")], 2.3, ink.COLUMN_IN)
-        return Ready(sheet, caption("guarantee", share=one.metrics.guarantee_holds_fraction))
-    return None
-
-
-LOOPS = ("open-loop", "pi", "rc-no-rate", "rc")
-
-
 def walls(couplings: Sequence[Given[Coupling]]) -> Ready | None:
-    """−Im G/ω with its maximum, and the region of K and B_v, both around the middle torque of those held."""
+    """The stiffest wall of each loop over the torque held: passive on any limb, and stable on this one."""
     if not couplings or not couplings[0].result.walls:
         return None
     coupling = couplings[0].result
-    torques = sorted({wall.torque_nm for wall in coupling.walls})
-    at = torques[len(torques) // 2]
-    needed, region = [], []
-    for name in LOOPS:
-        colour = ink.CONTROLLERS[name][0]
-        for curve in coupling.curves:
-            if (curve.loop, curve.torque_nm) == (name, at):
-                f, asked = np.array(curve.frequency_hz), np.array(curve.needed_s)
-                up = asked > 0
-                needed.append(Line(f[up], asked[up], controller_name(name), colour, width=1.1))
-                if up.any():
-                    most = int(np.argmax(asked))
-                    needed.append(Line(f[most : most + 1], asked[most : most + 1], "", colour, "", marker="o", size=4))
-        for one in coupling.regions:
-            if (one.loop, one.torque_nm) == (name, at):
-                damping = [point.virtual_damping for point in one.points]
-                for key, dash in (("K_passive", "-"), ("K_stable", "--")):
-                    held = [getattr(point, key) or np.nan for point in one.points]
-                    region.append(Line(damping, held, "", colour, dash, 1.1))
-    kinds = (("passive", "-"), ("stable on this limb", "--"))
-    keys = [Line((), (), name, ink.GREY, dash, 1.1) for name, dash in kinds]
-    panels = [
-        Panel(Axis("Frequency", "Hz", log=True), Axis("Damping needed per stiffness", "s", log=True), needed,
-              legend="above", columns=2, tight=False),
-        Panel(Axis("Virtual damping", "N·m·s/rad"), Axis("Stiffness", "N·m/rad", log=True), region,
-              legend="above", columns=2, keys=keys, tight=False),
-    ]  # fmt: skip
-    shown = [wall for wall in coupling.walls if wall.torque_nm == at and wall.loop in LOOPS]
-    passive = [f"{controller_name(wall.loop)} {number(wall.K_passive, 3)}" for wall in shown]
-    text = caption("walls", at=at, unit=coupling.output_unit, walls=passive)
-    return Ready(Sheet(panels, 3.0, columns=2, share=(False, False)), text)
+    lines = []
+    for k, loop in enumerate(dict.fromkeys(wall.loop for wall in coupling.walls)):
+        look, name = ink.controller_look(loop, k)["color"], controller_name(loop)
+        held = [wall for wall in coupling.walls if wall.loop == loop]
+        torque = [wall.torque_nm for wall in held]
+        for key, said, dash in (("K_passive", "passive", "-"), ("K_stable", "stable", "--")):
+            stiffness = np.array([getattr(wall, key) or np.nan for wall in held])
+            lines.append(Line(torque, stiffness, f"{name}, {said}", look, dash, 1.1, "o"))
+    y = Axis("Stiffest wall", "N·m/rad", log=True)
+    panel = Panel(quantity(coupling.output_unit), y, lines, legend="beside", tight=False)
+    return Ready(Sheet([panel], 3.0, live=True), caption("walls"))
 
 
 MODES = {

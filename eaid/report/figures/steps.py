@@ -107,10 +107,12 @@ def steps_panel(
 
 def fitted_steps(fit: Fit) -> Panel:
     """The step responses of the first model that was fitted (nonlinear, linear, friction), a line a level."""
+    from eaid.results import frames  # pandas, which no page needs
+
     data = fit.data
     time = np.concatenate([[0.0], np.geomspace(1e-3, 1.0, 200)]) * float(max(data.record_s, default=20.0))
     levels = data.levels or (() if fit.recorded is None else np.linspace(*fit.recorded.u_range, 5).tolist())
-    shown = fit.predict(levels, time.tolist())
+    shown = frames.predict(fit, levels, time.tolist())
     lines = [
         Line(time, values, level_text(float(str(level)), data.input_unit), colour, width=1.5)
         for colour, (level, values) in zip(ink.level_colours(shown.shape[1]), shown.items(), strict=True)
@@ -298,17 +300,12 @@ def residual_map(rows: Sequence[tuple[float, Array, Array]]) -> tuple[Array, Arr
     return edges, mean
 
 
-def residuals(model: str, data: StepSet, fit: Fit) -> Ready | None:
+def residuals(data: StepSet, fit: Fit) -> Ready | None:
     """(a) residuals over time and level, hatched where the model lies above the data, (b) RMSE of each level."""
-    if model == "linear" and fit.linear is not None:
-        step = partial(linear.step_response, fit.linear.parameters)
-        curves: dict[float, Model] = {row.level: partial(step, duty_pct=row.level) for row in data.levels}
-    else:
-        curves = nonlinear_curves(fit, data) if model == "nonlinear" else single_curves(fit)
-    covered = [row for row in data.levels if row.level in curves]
-    every = [(row.level, row.time_s, row.mean - curves[row.level](row.time_s)) for row in covered]
-    if not every:
+    curves = nonlinear_curves(fit, data)
+    if not curves:
         return None
+    every = [(row.level, row.time_s, row.mean - curves[row.level](row.time_s)) for row in data.levels]
     unit, out = over(data.input_unit), data.output_unit
     rows = some_of(every, LEVELS)
     levels = [level for level, _t, _r in rows]

@@ -8,9 +8,9 @@ from eaid.arrays import Array
 from eaid.models import nonlinear
 from eaid.report import panels as ink
 from eaid.report import rig
-from eaid.report.panels import Axis, Band, Dash, Line, Note, Panel, Ready, Sheet, Span, caption, over
+from eaid.report.panels import Axis, Band, Dash, Line, Note, Panel, Ready, Sheet, caption, over
 from eaid.report.results import Results
-from eaid.report.rig import gain, of_the_paper, overlaid
+from eaid.report.rig import apparatus_of, of_the_paper, overlaid
 from eaid.report.tables.fits import estimates_of
 from eaid.results.common import Interval, ci95_of
 from eaid.results.fit import CurveLevel, Estimate, Fit, FrictionLevel
@@ -23,10 +23,6 @@ ESTIMATES: tuple[tuple[str, Dash], ...] = (
 """Colour and line of each estimate of one fit; the one that is used first."""
 TALL = 1.6
 """An interval that reaches beyond so many times its value does not set the axis."""
-BEYOND = 3.0
-"""A curve that leaves the single levels by more than this factor is cut: τ2 without end would hide all the rest."""
-CROSSES = 0.1
-"""A curve that is on the axis over less than this share of the inputs only crosses it: it is not drawn."""
 
 
 def value_axis(name: str, unit: str, top: float = 0.0) -> Axis:
@@ -55,18 +51,6 @@ def seen(drawn: Line) -> float:
     """The highest end of a whisker that is to be seen."""
     ends = np.asarray(drawn.y) if drawn.ends is None else drawn.ends[1]
     return highest(np.minimum(ends, TALL * np.abs(drawn.y)))
-
-
-def top_of(curve: Array, level: float) -> float:
-    """The highest value that an axis holds, of a curve and of levels whose highest end is `level`; 0 without one."""
-    top = min(max(highest(curve), level), BEYOND * level) if level else highest(curve)
-    return level if level and len(curve) and np.isnan(on_axis(curve, top)).all() else top
-
-
-def on_axis(curve: Array, top: float) -> Array:
-    """A curve where an axis up to about `top` holds it; nan elsewhere, and all along where it only crosses the axis."""
-    inside = curve < 1.3 * top
-    return np.where(inside & (np.mean(inside) > CROSSES), curve, np.nan)
 
 
 def level_points(rows: Sequence[FrictionLevel | CurveLevel], name: str, color: str = ink.BLACK) -> Line | None:
@@ -103,9 +87,16 @@ def value_panels(fit: Fit, several: bool = False, published: bool = False) -> li
     for name in NAMES:
         curves = {estimate: values_over(one, u)[name] for estimate, one in estimates.items()}
         drawn = level_points(rows, name, ink.BLACK if several else ink.BLUE)
-        top = top_of(next(iter(curves.values()), np.empty(0)), seen(drawn) if drawn is not None else 0.0)
-        lines = [
-            Line(u, on_axis(y, top), estimate if k else f"{estimate} (used)", *ESTIMATES[k], 0.9 if k else 1.1)
+        top, high = seen(drawn) if drawn is not None else 0.0, highest(next(iter(curves.values()), np.empty(0)))
+        top = high if not top or top < high < 3 * top else top
+        lines = [  # only where the axis holds them: τ2 without end would hide all the rest
+            Line(
+                u,
+                np.where(y < 1.3 * top, y, np.nan),
+                estimate if k else f"{estimate} (used)",
+                *ESTIMATES[k],
+                0.9 if k else 1.1,
+            )
             for k, (estimate, y) in enumerate(curves.items())
         ]
         lines += [drawn] if drawn is not None else []
@@ -150,7 +141,7 @@ def trends(fit: Fit, results: Results) -> Ready | None:
         values = np.array([getattr(row, key) for row in part.levels])
         ends = [ci95_of(row, key) for row in part.levels]
         if name == "C_f":
-            per = [fit.data.apparatus.friction_coefficient(1.0, one) for one in x]
+            per = [apparatus_of(fit.data).friction_coefficient(1.0, one) for one in x]
             values = np.array(per) * values
             ends = [end and (k * end[0], k * end[1]) for k, end in zip(per, ends, strict=True)]
         lines = [points(x.tolist(), values, ends, "each level, 95 %")]
@@ -170,65 +161,6 @@ def trends(fit: Fit, results: Results) -> Ready | None:
     return Ready(sheet, text, title)
 
 
-EDGES = (("up", "^", ink.BLUE), ("down", "v", ink.VERMILLION))
-"""Edge, marker and colour."""
-
-
-def over_level(results: Results) -> Ready | None:
-    """Gain Δy/Δu, τ1 and τ2, where there is one, of each step over the level that it goes to, up and down apart."""
-    fit = next((one.result for one in results.fits if len(one.result.steps) > 1), None)
-    if fit is None:
-        return None
-    unit, out = fit.data.input_unit, fit.data.output_unit
-    axes = {"gain": Axis("Gain", f"{out or 'output'}/{unit or 'input'}")}
-    axes |= {name: value_axis(name, "s") for name in ("tau1", "tau2")}
-    drawn = [name for name in axes if any(getattr(one, name) is not None for one in fit.steps)]
-    panels: list[Panel] = []
-    for name in drawn:
-        lines = []
-        for edge, marker, colour in EDGES:
-            rows = [one for one in fit.steps if one.edge == edge and getattr(one, name) is not None]
-            if rows:
-                values = np.array([getattr(one, name) for one in rows], dtype=float)
-                ends = [getattr(one.ci95, name) for one in rows]
-                at = [one.level for one in rows]
-                lines.append(points(at, values, ends, edge, colour, marker=marker, size=5, alpha=0.8))
-        every = np.concatenate([end for line in lines for end in line.ends or ()])
-        low, high = float(np.min(every)), float(np.max(every))
-        y = Axis(axes[name].name, axes[name].unit, (0.0, 1.13 * high) if low > 0.05 * high else (None, None))
-        panels.append(Panel(over(unit), y, lines, legend="" if panels else "over", columns=6, tight=False))
-    gains = {edge: [s.gain for s in fit.steps if s.edge == edge and s.gain is not None] for edge in ("up", "down")}
-    text = caption("steps_over_level", edges=gains, units=(unit, out))
-    return Ready(Sheet(panels, 2.5, columns=len(panels), share=(False, False)), text)
-
-
-def input_gain(fit: Fit, results: Results) -> Ready | None:
-    """B of each level over the level, with its intervals, and the bounds B_m and B_M that the robust gains take."""
-    part, unit = fit.linear, fit.data.input_unit
-    rows = [(row.level, row.B, ci95_of(row, "B")) for row in part.per_level if row.B is not None] if part else []
-    bounds = {"B_m": part.bounds.B_m, "B_M": part.bounds.B_M} if part and part.bounds else {}
-    known = {name: value for name, value in bounds.items() if value is not None}
-    if not rows and not known:
-        return None
-    lines = []
-    if rows:
-        at, values, intervals = zip(*rows, strict=True)
-        lines.append(points(at, np.array(values), intervals, color=ink.BLUE, dash="-"))
-    spans = [
-        Span(value, value, ink.VERMILLION, "y", ink.MODEL["width"], ink.MODEL["dash"], end=f"{name} = {value:.3g}")
-        for name, value in known.items()
-    ]
-    notes = []
-    if overlaid(fit.data, results.paper):
-        low, high = rig.TABLE_IV["B_m"], rig.TABLE_IV["B_M"]
-        spans.append(Span(low, high, "#EDEDED", "y", hatch="..."))
-        notes.append(Note("published", 0.02, (low + high) / 2, "x", ha="left", boxed=True))
-    y = Axis("Input gain B", gain(unit, fit.data.output_unit), (0.0, None))
-    panel = Panel(over(unit), y, lines, spans=spans, notes=notes, tight=False)
-    text = caption("gain", known=[(B, level) for level, B, _ends in rows], unit=unit)
-    return Ready(Sheet([panel], 2.4, ink.COLUMN_IN), text)
-
-
 def pwm_period(results: Results) -> Ready | None:
     """Fig. 2: one PWM period of a clutch like the paper's: (a) voltage, (b) the ideal torque as a share of full duty's.
 
@@ -237,7 +169,7 @@ def pwm_period(results: Results) -> Ready | None:
     fit, data = results.fit("clutch"), results.data_of("clutch")
     if not of_the_paper(fit.data if fit is not None else data, results.paper):
         return None
-    rig = fit.data.apparatus if fit is not None else data.apparatus if data is not None else None
+    rig = apparatus_of(fit.data) if fit is not None else data.apparatus if data is not None else None
     if rig is None:
         return None
     duty_pct, v = 60.0, rig.voltage_v
@@ -266,7 +198,7 @@ def shear_per_field(fit: Fit, results: Results) -> Ready | None:
     """
     if fit.nonlinear is None or not of_the_paper(fit.data, results.paper):
         return None
-    rig, model, top = fit.data.apparatus, fit.nonlinear.parameters, fit.nonlinear.u_range[1]
+    rig, model, top = apparatus_of(fit.data), fit.nonlinear.parameters, fit.nonlinear.u_range[1]
     field, shear = rig.field_v_per_um, rig.shear_kpa(float(nonlinear.steady_torque(model, top)))
     x, merit = np.array([0.0, 2 * field]), shear / field
     factors = (0.5, 1.0, 2.0)

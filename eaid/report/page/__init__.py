@@ -16,24 +16,23 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from eaid.report import live
-from eaid.report.figures import Row
 from eaid.report.page import summary
-from eaid.report.page.known import MOST, Known, Terms, known, sentence
+from eaid.report.page.known import GLOSSARY, MOST, Known, known, sentence
 from eaid.report.page.next_steps import commands, next_steps
 from eaid.report.results import KINDS, Results
-from eaid.report.tables import Cell, Name, Table, data, fits, gains, listed, replays, text
+from eaid.report.tables import Cell, Name, Table, columns, data, fits, gains, listed, replays, text
 from eaid.shown import counted
 from eaid.version import __version__
 
 OPEN_ROWS = 24
-"""Most rows of a table that stands open; a longer one stands folded, whole, beside some of its rows."""
+"""Most rows of a table that stands open."""
 OPEN_FIGURES = 3
 """Figures of the page's own kind that stand open."""
 KIND_FIGURES = {
-    "clutch": ("recorded_logs", "bode", "fig07_nonlinear_model", "level_steps", "steps_over_level", "model_over_duty",
-               "residuals_nonlinear", "fig08_linear_model", "residuals_linear", "fig09_shear_per_field"),
-    "friction-force": ("level_steps", "steps_over_level", "fig04_friction_over_stress", "residuals_friction_force"),
-    "friction-speed": ("level_steps", "steps_over_level", "fig05_friction_over_speed", "residuals_friction_speed"),
+    "clutch": ("recorded_logs", "bode", "fig07_nonlinear_model", "level_steps", "model_over_duty",
+               "residuals_nonlinear", "fig08_linear_model", "fig09_shear_per_field"),
+    "friction-force": ("level_steps", "fig04_friction_over_stress"),
+    "friction-speed": ("level_steps", "fig05_friction_over_speed"),
 }  # fmt: skip
 
 
@@ -77,8 +76,6 @@ class Block:
     verdict: tuple[str, str] | None = None
     """Grade and words of a verdict that heads it."""
     folds: "tuple[Block, ...]" = ()
-    terms: tuple[tuple[str, str], ...] = ()
-    """Words that appear here first, with their meaning."""
 
     @property
     def id(self) -> str:
@@ -102,28 +99,14 @@ class Block:
         figures = [figure.title.split(" · ")[-1] for figure in self.figures]
         return listed([*figures, *(table.heading for table in self.tables)])
 
-    @property
-    def texts(self) -> Iterable[str]:
-        """What is read in it, without its folds."""
-        yield from (sentence for _severity, sentence in self.findings)
-        yield from (f"{figure.title} {figure.sees}" for figure in self.figures)
-        for table in self.tables:
-            yield f"{table.heading} {table.caption} {' '.join(table.heads)} {' '.join(row[0] for row in table.texts)}"
 
-
-def parts(results: Results, known: Known, drawn: Figures, terms: Terms) -> list[Block]:
-    """The parts that have anything to show, in the order of the page, their words explained where they come first."""
-    all_parts = [
+def parts(results: Results, known: Known, drawn: Figures) -> list[Block]:
+    """The parts that have anything to show, in the order of the page."""
+    every = [
         _data(results, known, drawn), _model(results, known, drawn), _controller(results, known, drawn),
         _replay(results, known, drawn), _rehabilitation(results, drawn), _appendix(results),
     ]  # fmt: skip
-    explained = []
-    for part in all_parts:
-        if part is not None:
-            words = terms.first_in(part.texts)  # before the folds: a word is explained where it comes first
-            folds = tuple(replace(fold, terms=terms.first_in(fold.texts)) for fold in part.folds)
-            explained.append(replace(part, folds=folds, terms=words))
-    return explained
+    return [part for part in every if part is not None]
 
 
 def _of(drawn: Figures, *names: str) -> tuple[Drawn, ...]:
@@ -144,23 +127,10 @@ def _part(
     here = [found for found in known[title.lower()] if found.subject not in besides]
     findings = tuple((found.severity, sentence(found, title == "Data")) for found in here)
     more = [Block("More to know", findings=findings[MOST:])] if len(findings) > MOST else []
-    shown, whole = opened(tables)
-    return Block(title, tuple(figures), shown, findings[:MOST], folds=(*whole, *more, *folds))
-
-
-def opened(tables: Iterable[Table]) -> tuple[tuple[Table, ...], tuple[Block, ...]]:
-    """Tables that stand open, and the long ones among them whole, folded; those without rows are left out."""
-    shown, folds = [], []
-    for table in tables:
-        count = len(table.rows)
-        if count > OPEN_ROWS:
-            folds.append(Block(f"{table.heading}, whole", tables=(table,)))
-            some = tuple(table.rows[round(k * (count - 1) / (OPEN_ROWS - 1))] for k in range(OPEN_ROWS))
-            caption = f"{table.caption} {OPEN_ROWS} of {count} rows; all of them are folded below."
-            table = replace(table, caption=caption, rows=some)
-        if count:
-            shown.append(table)
-    return tuple(shown), tuple(folds)
+    rows = [table for table in tables if table.rows]
+    long = [Block(table.heading, tables=(table,)) for table in rows if len(table.rows) > OPEN_ROWS]
+    shown = tuple(table for table in rows if len(table.rows) <= OPEN_ROWS)
+    return Block(title, tuple(figures), shown, findings[:MOST], folds=(*long, *more, *folds))
 
 
 def _data(results: Results, known: Known, drawn: Figures) -> Block | None:
@@ -178,10 +148,8 @@ def _data(results: Results, known: Known, drawn: Figures) -> Block | None:
         if steps is main:  # its runs with warnings stand open, else its levels
             tables, folded = ([warned], [levels]) if warned.rows else ([levels], [])
         folds += _block(title.capitalize(), (), [*folded, slips, fine])
-    if results.edge_logs and not any(table.rows for table in tables):
-        tables = [data.edges_table(results.edge_logs)]
     alone = () if results.fits else ("fig07_nonlinear_model", "fig03_friction_steps")
-    figures = _of(drawn, *alone, "edges", "fig06_hold_and_release")
+    figures = _of(drawn, *alone, "fig06_hold_and_release")
     folds += _block("How the clutch is driven", _of(drawn, "fig02_pwm"))
     runs = {run.name for given in results.data for run in given.result.runs}
     return _part("Data", known, figures, tables, folds, besides=runs)
@@ -199,17 +167,14 @@ def _model(results: Results, known: Known, drawn: Figures) -> Block | None:
     if not results.fits or kind is None:
         return None
     figures = _figures_of(kind, drawn, results)
-    main, pair = results.fit(kind), results.pair
+    main = results.fit(kind)
     tables: list[Table] = []
     folds: list[Block] = []
-    if pair is not None:  # then the comparison is the one table that stands open
-        tables = [fits.comparison_table(pair[0].result, pair[1].result, (pair[0].path, pair[1].path))]
     for given in results.fits:
         fit, fit_kind = given.result, given.result.data.kind
         folded = [*fits.model_tables(fit, results.paper), *fits.judging_tables(fit)]
         if fit is main:
-            if pair is None:
-                tables, folded = folded[:1], folded[1:]
+            tables, folded = folded[:1], folded[1:]
             folds += _block("More on the model", figures[OPEN_FIGURES:], folded)
         else:
             several = sum(other.result.data.kind == fit_kind for other in results.fits) > 1
@@ -219,7 +184,7 @@ def _model(results: Results, known: Known, drawn: Figures) -> Block | None:
 
 
 def _controller(results: Results, known: Known, drawn: Figures) -> Block | None:
-    figures = _of(drawn, "guarantee_in_replay", "input_gain", "walls")
+    figures = _of(drawn, "fig13_sweep", "walls")
     walls = [table for given in results.couplings for table in gains.walls_tables(given.result)]
     if not results.gains:
         return _part("Controller", known, figures, walls, ()) if figures or walls else None
@@ -245,7 +210,7 @@ def _replay(results: Results, known: Known, drawn: Figures) -> Block | None:
         return None
     logs = [replays.log_table(replay) for replay in shown if replay.head.scenario == "log"]
     tracked = [replay for replay in shown if replay.head.scenario != "log"]
-    figures = _of(drawn, "fig12_multisine", "own_reference", "fig11_steps", "fig13_sweep", "log_replay")
+    figures = _of(drawn, "fig12_multisine", "own_reference", "fig11_steps", "log_replay")
     tables, folded = logs, []
     if tracked:
         tables = [replays.errors_table(tracked)]
@@ -264,21 +229,20 @@ def _rehabilitation(results: Results, drawn: Figures) -> Block | None:
 
 def _appendix(results: Results) -> Block:
     again = Block("How to do it again", lines=tuple(commands(results)))
-    return Block("Appendix", folds=(again, Block("Files", tables=(data.files_table(results),))))
+    words = Table("Words", "", columns("word", "meaning"), GLOSSARY)
+    return Block(
+        "Appendix", folds=(again, Block("Words", tables=(words,)), Block("Files", tables=(data.files_table(results),)))
+    )
 
 
 WORDS = {"good": "Good", "care": "Warning", "bad": "Stop", "none": "–"}
 SEVERITIES = {"stop": ("bad", "Stop"), "caution": ("care", "Warning"), "note": ("good", "Note")}
 
 
-def page(results: Results, drawn: Sequence[Drawn], pictures: Sequence[Drawn], missing: Sequence[Row]) -> str:
+def page(results: Results, drawn: Sequence[Drawn], pictures: Sequence[Drawn]) -> str:
     """The whole page as text."""
-    found, terms = known(results), Terms()
-    numbers = summary.tables(results)
     library = live.script() if any(one.live for one in drawn) else ""
     starter = _asset("page.js")
-    told = [f"{' '.join(one.heads)} {' '.join(row[0] for row in one.texts)} {one.heading}" for one in numbers]
-    first_terms = terms.first_in((*told, *(one.title for one in pictures), "" if results.shows_edges else "level"))
     return _environment().get_template("report.html.j2").render(
         title=summary.title(results),
         synthetic=results.synthetic,
@@ -287,21 +251,15 @@ def page(results: Results, drawn: Sequence[Drawn], pictures: Sequence[Drawn], mi
         version=__version__,
         lights=summary.lights(results, known(results.main)),
         pictures=pictures,
-        numbers=numbers,
+        numbers=summary.tables(results),
         next_steps=next_steps(results),
-        terms=[(word, says) for word, says in first_terms if word not in _EXPLAINED],
-        parts=parts(results, found, {one.name: one for one in drawn}, terms),
-        missing=[(", ".join(titles), command) for command, titles in _missing(missing).items()],
+        parts=parts(results, known(results), {one.name: one for one in drawn}),
         style=Markup(_asset("page.css")),
         # Our own scripts only, told by their hash: nothing else on the page can run, whatever a file name says.
         allowed=" ".join(_hash(script) for script in (library, starter) if script),
         library=Markup(library),
         starter=Markup(starter),
     )  # fmt: skip
-
-
-_EXPLAINED = {"synthetic"}
-"""Words that the chips themselves explain."""
 
 
 @cache
@@ -331,15 +289,6 @@ def signs(said: str) -> Markup:
     safe = re.sub(r"\^\(([^()]*)\)", r"<sup>\1</sup>", safe)
     safe = re.sub(r"(?<=[u%A-Za-z])\^(\d)", r"<sup>\1</sup>", safe)
     return Markup(re.sub(r"\b([TCBKQabc])_([A-Za-z0-9])\b", r"\1<sub>\2</sub>", safe))
-
-
-def _missing(rows: Sequence[Row]) -> dict[str, list[str]]:
-    """What is not shown, by the command that makes its data."""
-    by_command: dict[str, list[str]] = {}
-    for row in rows:
-        if row.made_by:
-            by_command.setdefault(row.made_by, []).append(row.title)
-    return by_command
 
 
 def _hash(script: str) -> str:

@@ -1,8 +1,6 @@
 """What is to be known of the results, as findings, by the part of the page that they belong to."""
 
-import re
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping
 
 from eaid.errors import on_command_line
 from eaid.findings import Finding, merged, ranked, say
@@ -47,52 +45,28 @@ def sentence(one: Finding, of_data: bool = False) -> str:
     return f"{text[:1].upper() if text[:1] not in 'τφρα' else text[:1]}{text[1:]}."
 
 
-GLOSSARY: tuple[tuple[str, str, str], ...] = (
-    ("duty u", r"\bduty\b|\bDuty\b", "share of the PWM period during which voltage is on, in percent"),
-    ("PWM", r"\bPWM\b", "pulse-width modulation: voltage switched on and off many times a second"),
-    ("level", r"\b[Ll]evels?\b", "one value of the input that was stepped to"),
-    ("T_s", r"T_s\b", "steady output: what a step reaches after a long time"),
-    ("τ1, τ2", r"τ[12]", "fast and slow time constant: after τ, 63 % of that part's change is done"),
-    ("C", r"\bC =|share of the fast part", "share of the output that changes with the fast constant"),
-    ("C_f", r"C_f\b", "coefficient of friction: friction stress over normal stress"),
-    ("B, B_m, B_M", r"\bB_[mM]\b|input gain B\b", "input per rate of output, 1/b0 of the linear model; its least and "
-     "largest value over the levels"),
-    ("residual", r"[Rr]esiduals?\b", "measured value minus the model's"),
-    ("RMSE", r"\bRMSE\b", "root mean square error: a typical size of the residuals, in the unit of the data"),
-    ("fit %", r"\bfit \(%\)|\bfit %", "100 for a model on the data, 0 for one no better than their mean"),
-    ("sd", r"\bsd\b", "standard deviation: how far repeats scatter around their mean"),
-    ("95 % interval", r"95 %", "range that holds the true value in 95 of 100 such experiments, if the model is right"),
-    ("autocorrelation", r"autocorrelation", "how much a residual resembles itself a little later"),
-    ("joint, levels first", r"\blevels first\b", "all levels fitted at once; a size for each level first, then curves"),
-    ("RC, PI", r"\bRC\b", "robust controller; controller that uses the error and its integral"),
-    ("ρ, α, φ, Q_M, ε, γ", r"[ραφ]\b|Q_M", "terms of the robust controller's condition for stability, inequality (15)"),
-    ("‖ξ‖", r"‖ξ‖", "size of the error and its integral taken together"),
-    ("open loop", r"open loop", "the input follows from the model alone, without looking at the output"),
-    ("replay", r"\b[Rr]eplays?\b", "a computed experiment: a controller on the fitted model"),
-    ("overshoot, settling time", r"[Oo]vershoot", "how far a step goes beyond its goal; until it stays "
-     "within 2 % (edges of a log: 5 %)"),
-    ("χ², AICc", r"AICc", "closeness in units of scatter; closeness with a price for each value fitted"),
-    ("margin", r"[Mm]argins?\b", "how much gain, phase lag or delay a control loop bears before it is unstable"),
-    ("p", r"\bp, ", "probability of so large a difference by chance alone"),
-    ("coherence", r"[Cc]oherence", "share of the output that a linear answer to the input explains, 0 to 1"),
-    ("free run, one step", r"[Ff]ree.run", "the model goes on from itself; from each measured sample to the next"),
-    ("harmonics", r"[Hh]armonics", "output at frequencies, or of a size, that no linear system makes of the input"),
-    ("dB", r"\bdB\b", "20 times the decimal logarithm of a ratio; 0 is equal, −6 is half"),
-    ("synthetic", r"[Ss]ynthetic", "computed from a known model with noise added"),
-    ("published", r"[Pp]ublished", "Feizi, Atashzar, Kermani and Patel, IEEE Trans. Med. Robotics and Bionics, 2022"),
-)  # fmt: skip
-"""Word, how it is recognised, meaning; for a reader who knows clutches but not our names."""
-
-
-@dataclass
-class Terms:
-    """Which words have been explained so far on a page."""
-
-    known: set[str] = field(default_factory=set)
-
-    def first_in(self, texts: Iterable[str]) -> tuple[tuple[str, str], ...]:
-        """The words that appear in these texts for the first time, with their meaning."""
-        text = " ".join(texts)
-        found = [(word, says) for word, sign, says in GLOSSARY if word not in self.known and re.search(sign, text)]
-        self.known.update(word for word, _ in found)
-        return tuple(found)
+GLOSSARY = (
+    ("duty u", "share of the PWM period during which voltage is on, in percent"),
+    ("level", "one value of the input that was stepped to"),
+    ("T_s", "steady output: what a step reaches after a long time"),
+    ("τ1, τ2", "fast and slow time constant: after τ, 63 % of that part's change is done"),
+    ("C", "share of the output that changes with the fast constant"),
+    ("C_f", "coefficient of friction: friction stress over normal stress"),
+    ("B, B_m, B_M", "input per rate of output, 1/b0 of the linear model; its least and largest value over the levels"),
+    ("RMSE", "root mean square error: a typical size of the residuals (measured minus model), in the data's unit"),
+    ("fit %", "100 for a model on the data, 0 for one no better than their mean"),
+    ("sd", "standard deviation: how far repeats scatter around their mean"),
+    ("95 % interval", "range that holds the true value in 95 of 100 such experiments, if the model is right"),
+    ("joint, levels first", "all levels fitted at once; a size for each level first, then curves"),
+    ("RC, PI", "robust controller; controller that uses the error and its integral"),
+    ("ρ, α, φ, Q_M, ε, γ", "terms of the robust controller's condition for stability, inequality (15)"),
+    ("open loop", "the input follows from the model alone, without looking at the output"),
+    ("replay", "a computed experiment: a controller on the fitted model"),
+    ("margin", "how much gain, phase lag or delay a control loop bears before it is unstable"),
+    ("p", "probability of so large a difference by chance alone"),
+    ("coherence", "share of the output that a linear answer to the input explains, 0 to 1"),
+    ("free run, one step", "the model goes on from itself; from each measured sample to the next"),
+    ("synthetic", "computed from a known model with noise added"),
+    ("published", "Feizi, Atashzar, Kermani and Patel, IEEE Trans. Med. Robotics and Bionics, 2022"),
+)
+"""Words and their meaning, for a reader who knows clutches but not our names."""

@@ -92,9 +92,7 @@ def title(results: Results) -> str:
         what = KINDS[data.kind].capitalize()
     if kind is None:
         what = "Replays" if results.replays else "Gains"
-    if results.shows_edges:
-        return "Edges of the output"
-    return f"{what}: two fits side by side" if results.pair else what
+    return what
 
 
 def chips(results: Results) -> tuple[str, ...]:
@@ -156,10 +154,6 @@ def _data(results: Results, known: Known) -> Light:
     if fit is not None and fit.data.sources:
         text = f"{counted(len(rising(fit.data.sources)), 'run')}; {_counted(findings, fit.data.input_unit)}"
         return Light("Data", _grade(findings), text, "data")
-    if results.shows_edges:
-        count = sum(len(edges) for _run, edges in results.edge_logs)
-        logs = counted(len(results.edge_logs), "log")
-        return Light("Data", _grade(findings) if count else "care", f"{logs}, {counted(count, 'edge')}", "data")
     return Light("Data", "none", "no data given", "appendix")
 
 

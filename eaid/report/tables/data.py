@@ -1,17 +1,14 @@
 """Tables of what was recorded: runs, levels, steps from level to level, slips, edges; of the files of a report."""
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
-import numpy as np
 from msgspec.structs import replace
 
 from eaid.errors import on_command_line
 from eaid.findings import say
-from eaid.logs.run import Run
-from eaid.report.results import KINDS, EdgeLog, Results
+from eaid.report.results import KINDS, Results
 from eaid.report.tables import Cell, Name, Part, Table, columns, level, table_of
-from eaid.steps.edges import Edge
 from eaid.steps.stepset import LevelStep, RunRecord, StepSet
 
 
@@ -96,41 +93,6 @@ def highest_slips(data: StepSet) -> list[RunRecord]:
     slipping = [(run.slip.peak, run) for run in data.runs if run.slip is not None]
     highest = {run.level: run for _peak, run in sorted(slipping, key=lambda pair: pair[0])}  # the last one stays
     return [highest[u] for u in sorted(highest)]
-
-
-EDGE_PARTS = (
-    (("rise", "s", 3), "rise_s"), (("overshoot", "%", 3), "overshoot_pct"), (("settled in", "s", 3), "settling_s"),
-)  # fmt: skip
-"""The course of an edge: heads of columns and attributes."""
-
-
-def edges_table(logs: Sequence[EdgeLog]) -> Table:
-    """One row an edge of an output: where it goes, and how it gets there.
-
-    What the reference asks for behind an edge is its median in the second half of the stretch up to the next edge.
-    """
-    out = logs[0][0].output_unit if logs else ""
-    rows: list[tuple[Run, int, Edge, float | None]] = []
-    for run, edges in logs:
-        ends = [*(edge.at_s for edge in edges[1:]), float(run.time_s[-1])]
-        for k, (edge, end) in enumerate(zip(edges, ends, strict=False)):
-            goal = None
-            if run.reference_nm is not None:
-                behind = (run.time_s >= (edge.at_s + end) / 2) & (run.time_s <= end)
-                goal = float(np.median(run.reference_nm[behind]))
-            rows.append((run, k + 1, edge, goal))
-    caption = (
-        "Rise from 10 to 90 % of the change, overshoot beyond the end value, time until it stays within 5 % about it; "
-        "a dash: it does not settle."
-    )
-    return table_of(
-        "Edges of the output", caption, rows,
-        ("log", lambda row: Name(row[0].name)), (("edge", "", 1), lambda row: row[1]),
-        (("at", "s"), lambda row: row[0].start_s + row[2].at_s), (("from", out), lambda row: row[2].before),
-        (("to", out), lambda row: row[2].after), (("asked for", out), lambda row: row[3]),
-        (("left over", out, 2), lambda row: None if row[3] is None else row[3] - row[2].after),
-        *((head, lambda row, name=name: getattr(row[2], name)) for head, name in EDGE_PARTS),
-    )  # fmt: skip
 
 
 def files_table(results: Results) -> Table:

@@ -1,10 +1,9 @@
 """Tables of one fit: the single levels, Tables I–III, the linear model, release, held-out levels, Huber's weights."""
 
 from collections.abc import Sequence
-from typing import Any
 
 from eaid.report import rig as published
-from eaid.report.rig import gain, of_the_paper, printed_head, rate
+from eaid.report.rig import apparatus_of, gain, of_the_paper, printed_head, rate
 from eaid.report.tables import (
     INTERVAL,
     SYMBOLS,
@@ -44,7 +43,7 @@ def estimates_of(part: Nonlinear) -> dict[str, Estimate]:
 def levels_table(fit: Fit) -> Table:
     """The friction curve of each level."""
     rows, out = fit.friction.levels if fit.friction else (), fit.data.output_unit
-    rig, force = fit.data.apparatus, fit.data.kind == "friction-force" and of_the_paper(fit.data)
+    rig, force = apparatus_of(fit.data), fit.data.kind == "friction-force" and of_the_paper(fit.data)
     whose = (
         "One curve for each level by itself." if fit.nonlinear is None else "The nonlinear model's curve at each level."
     )
@@ -285,31 +284,6 @@ def lack_of_fit_table(fit: Fit) -> Table:
     caption += "curve's shape is not quite right there, by the systematic part."
     heads = columns("level", ("ratio", "", 3), ("by chance up to", "", 3), "beyond", ("systematic part", out, 2))
     return Table("Is the model right", caption, heads, tuple(rows))
-
-
-def comparison_table(first: Fit, second: Fit, names: tuple[str, str]) -> Table:
-    """Values of two fits of one kind: both, their difference, and whether the intervals part."""
-    unit, out = first.data.input_unit, first.data.output_unit
-    pairs: list[tuple[str, Any, Any, str]] = []
-    if first.linear is not None and second.linear is not None:
-        units = {"a0": "1/s", "b0": rate(unit, out), "c0": f"{out}/s"}
-        pairs += [(f"{key} ({per})", first.linear, second.linear, key) for key, per in units.items()]
-    a, b = ({row.level: row for row in fit.friction_levels} for fit in (first, second))
-    pairs += [
-        (f"{SYMBOLS[key]} at {with_unit(level(place), unit)} ({unit_of(first, key)})", a[place], b[place], key)
-        for place in sorted(set(a) & set(b))
-        for key in PARAMETERS
-    ]
-    rows: list[tuple[Cell, ...]] = []
-    for said, one, other, key in pairs:
-        values, ends = [getattr(part, key) for part in (one, other)], [ci95_of(part, key) for part in (one, other)]
-        if None not in values:
-            change = f"{100 * (values[1] / values[0] - 1):+.1f} %".replace("-", "−") if values[0] else "–"
-            x, y = ends
-            parted = None if x is None or y is None else x[1] < y[0] or y[1] < x[0]
-            rows.append((said, values[0], ends[0], values[1], ends[1], change, parted))
-    heads = columns("value", "A", ("A, 95 %", "", 3), "B", ("B, 95 %", "", 3), "change", "beyond both intervals")
-    return Table("Both fits", Name(f"A is {names[0]}, B is {names[1]}."), heads, tuple(rows))
 
 
 def logs_table(logs: Sequence[LogFit], out: str) -> Table:

@@ -149,10 +149,10 @@ def tones_table(replay: Replay) -> Table:
 
 
 def rehab_tables(replay: Replay) -> list[Table]:
-    """Of each controller, the robust one first: errors by mode, tests between modes, normality; those with rows."""
+    """Of each controller, the robust one first: errors by mode, tests between modes; those with rows."""
     order = sorted(replay.metrics().items(), key=lambda item: item[0] != "rc")
     sessions = [(controller_name(name), m) for name, m in order]
-    return [table for table in (_modes(sessions, replay), _tests(sessions), _normality(sessions)) if table.rows]
+    return [table for table in (_modes(sessions, replay), _tests(sessions)) if table.rows]
 
 
 Sessions = Iterable[tuple[str, Metrics]]
@@ -185,16 +185,6 @@ def _tests(sessions: Sessions) -> Table:
     caption += "least p that so few movements can give."
     heads = columns("controller", "modes", "p, all samples (paper)", "p, means, Welch", "p, means, ranks", "least p")
     return Table("Do the modes differ?", caption, heads, tuple(rows))
-
-
-def _normality(sessions: Sessions) -> Table:
-    rows = tuple(
-        (name, mode, _chance(part.p), "not normal" if part.rejected else "may be normal")
-        for name, m in sessions
-        for mode, part in m.normality.items()
-    )
-    caption = "A small p rejects normality; the paper reads its p < 0.001 the other way round."
-    return Table("Are the errors normal?", caption, columns("controller", "mode", "p", "verdict"), rows)
 
 
 def _chance(p: float | None) -> str:
