@@ -356,8 +356,8 @@ class SimulateOptions(Chance):
 
 
 @dataclass(frozen=True, kw_only=True)
-class CoupleOptions(Chance):
-    """The limb, the timing, the torques and loops, and what is drawn."""
+class CoupleOptions(Options):
+    """The limb, the timing, the torques and the loops."""
 
     loops: tuple[str, ...] = option(LOOPS, "Loops that are judged.", LOOP, words=LOOPS, shown="NAME,…")
     rate_hz: float = option(1000.0, "Control rate [Hz].", LOOP, least=1e-3, most=1e5)
@@ -387,13 +387,6 @@ class CoupleOptions(Chance):
     pair_bias_nm: float | None = option(
         None, "Bias of an antagonistic pair; by itself mid-range.", LIMB, least=0, most=1e6, above=True
     )
-    plants: int = option(0, "Plants drawn from the fit's uncertainty, each with a limb.", DRAWN, least=0, most=10_000)
-    limb_spread: float = option(0.3, "Inertia and damping of drawn limbs: ± share.", DRAWN, least=0, most=0.99)
-
-    def agree(self) -> None:
-        """Refuse options that do nothing together."""
-        if self.plants == 0 and self.limb_spread != CoupleOptions.limb_spread:
-            raise UsageError("«limb_spread»: does nothing without «plants»; give both or neither")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,7 @@
 """`couple`: the stiffest walls of every loop at every torque, and what else limits them (docs/coupling.md)."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -22,7 +22,6 @@ from eaid.coupling.stiffness import (
     wall_loop,
 )
 from eaid.errors import DataError, GainsError, UsageError
-from eaid.estimate.draw import draw
 from eaid.findings import Finding, finding, ranked
 from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Nonlinear
@@ -138,15 +137,6 @@ class Loops:
         )  # fmt: skip
         return wall, curve
 
-    def region(self, loop: str, channels: list[Channel], torque: float) -> parts.Region:
-        """K over B_v, from 0 to twice the limb's damping."""
-        needed, loose = needed_damping(channels, self.timing), wall_loop(channels, self.limb, self.timing)
-        rows = [
-            (damping, passive_stiffness(needed, self.limb.damping_nms, damping)[0], loose.stable(damping)[0])
-            for damping in np.linspace(0.0, 2 * self.limb.damping_nms, 9).tolist()
-        ]
-        return parts.Region(loop, torque, tuple(parts.RegionPoint(b, known(p), known(s)) for b, p, s in rows))
-
 
 def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Progress) -> parts.Coupling:
     """How stiff a virtual wall each loop may render on a limb.
@@ -165,7 +155,7 @@ def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Prog
     held = [loop for loop in LOOPS if needed.get(loop, ()) is not None]
     loops = held if options.loops == LOOPS else list(options.loops)
     torques = options.torque or default_torques(plant)
-    walls, regions, curves = [], [], []
+    walls, curves = [], []
     with progress("walls", len(torques) * len(loops)) as tick:
         for torque in torques:
             for loop in loops:
@@ -176,16 +166,12 @@ def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Prog
                     wall = msgspec.structs.replace(wall, K_replayed=stiffness)
                 walls.append(wall)
                 curves.append(curve)
-                regions.append(setup.region(loop, [channel], torque))
                 tick()
-    drawn = draw(fit, options.plants, options.seed) if options.plants else None
-    plants = drawn.plants if drawn is not None else ()
-    kept = [_kept(setup, loop, torque, plants, options) for torque in torques for loop in loops] if plants else []
     pair, bias, left_out = _pair(setup, plant, loops, torques, options.pair_bias_nm)
     idle = [abs(run.baseline_nm) for run in fit.data.sources if run.baseline_nm is not None]
     drag = options.idle_drag_nm if options.idle_drag_nm is not None or not idle else float(np.mean(idle))
     impedance = _impedance(plant, max(torques), drag, options)
-    findings = [*_findings(walls, options, impedance, unit), *(drawn.findings if drawn is not None else ())]
+    findings = [*_findings(walls, options, impedance, unit)]
     if left_out:
         findings.append(
             finding("pair-bias-cut", "pair", bias=bias, unit=unit, torques=", ".join(f"{t:g}" for t in left_out))
@@ -195,9 +181,8 @@ def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Prog
             options.limb_inertia, options.limb_damping, options.virtual_damping, options.rate_hz, options.pwm_hz,
             delay, options.sensor_hz,
         ),
-        seed=options.seed, plants=len(plants), output_unit=unit, walls=tuple(walls), pair=tuple(pair),
-        pair_bias_nm=bias, regions=tuple(regions), curves=tuple(curves), kept=tuple(kept), impedance=impedance,
-        findings=ranked(findings),
+        output_unit=unit, walls=tuple(walls), pair=tuple(pair), pair_bias_nm=bias, curves=tuple(curves),
+        impedance=impedance, findings=ranked(findings),
     )  # fmt: skip
 
 
@@ -227,24 +212,6 @@ def _pair(
             channels = [setup.around(loop, plant, end, weight) for end, weight in zip(ends, (0.5, -0.5), strict=True)]
             rows.append(setup.wall(loop, channels, torque, None)[0])
     return rows, bias, left_out
-
-
-def _kept(setup: Loops, loop: str, torque: float, plants: Sequence[Nonlinear], options: CoupleOptions) -> parts.Kept:
-    """The stiffness that 95 % of the drawn plants, each with a limb of its own, keep."""
-    random = np.random.default_rng(options.seed)
-    drawn = []
-    for one in plants:
-        inertia, damping = 1 + options.limb_spread * random.uniform(-1, 1, 2)
-        limb = Limb(setup.limb.inertia_kgm2 * inertia, setup.limb.damping_nms * damping)
-        try:
-            channel = setup.around(loop, one, torque)
-        except (UsageError, GainsError):  # this plant does not hold the torque, or the loop breaks on it
-            drawn.append((0.0, 0.0))
-            continue
-        passive = passive_stiffness(needed_damping([channel], setup.timing), limb.damping_nms)[0]
-        drawn.append((passive, wall_loop([channel], limb, setup.timing).stable()[0]))
-    low = np.quantile(drawn, 0.05, axis=0, method="lower").tolist()
-    return parts.Kept(loop, torque, known(low[0]), known(low[1]))
 
 
 def _impedance(plant: Nonlinear, torque_nm: float, drag: float | None, options: CoupleOptions) -> parts.Impedance:

@@ -69,11 +69,11 @@ def _plot(panels: Sequence[Panel], heights: Sequence[int], beside: int, named: b
                 p.add_layout(rule)
         _name_ends(p, [line for line in panel.lines if line.end])
         if items:
-            p.add_layout(Legend(
-                items=items, click_policy="hide", border_line_color=None, background_fill_color=None, spacing=8,
-                orientation="horizontal", ncols=5 if beside == 1 else 2, padding=2, margin=0,
-                label_text_font_size="12px",
-            ), "above")  # fmt: skip
+            legend = Legend(items=items, click_policy="hide", orientation="horizontal", label_text_font_size="12px")
+            legend.border_line_color = legend.background_fill_color = None
+            legend.spacing, legend.padding, legend.margin = 8, 2, 0  # type: ignore[assignment]
+            legend.ncols = 5 if beside == 1 else 2
+            p.add_layout(legend, "above")
         across = panel.x.name.split(" ")[0].lower()
         values = (across, f"$x{{0.000}} {plain(panel.x.unit)}"), ("value", f"$y{{0.000}} {plain(panel.y.unit)}")
         p.add_tools(HoverTool(renderers=hits, tooltips=[("", "$name"), *values]))

@@ -47,22 +47,6 @@ class Wall(Result, frozen=True):
     """The same by bisected replay of the nonlinear plant; None also where the replay shows no edge nearby."""
 
 
-class RegionPoint(Result, frozen=True):
-    """The stiffest walls under one virtual damping."""
-
-    virtual_damping: Number
-    K_passive: Number | None = None
-    K_stable: Number | None = None
-
-
-class Region(Result, frozen=True):
-    """K over B_v of one loop around one torque."""
-
-    loop: str
-    torque_nm: Number
-    points: tuple[RegionPoint, ...] = ()
-
-
 class Curve(Result, frozen=True):
     """Damping that a wall needs of the limb per stiffness, −Im G(jω)/ω for slow loops, and |G|."""
 
@@ -71,15 +55,6 @@ class Curve(Result, frozen=True):
     frequency_hz: tuple[Number, ...] = ()
     needed_s: tuple[Number, ...] = ()
     gain_db: tuple[Number, ...] = ()
-
-
-class Kept(Result, frozen=True):
-    """What 95 % of drawn plants and limbs keep."""
-
-    loop: str
-    torque_nm: Number
-    K_passive_95: Number | None = None
-    K_stable_95: Number | None = None
 
 
 class Impedance(Result, frozen=True):
@@ -118,16 +93,12 @@ class Coupling(Shown, Result, frozen=True):
     command: tuple[str, ...] = ()
     """What was typed to make it, without the output; empty where Python did."""
     options: CoupleRecord = CoupleRecord()
-    seed: int = 0
-    plants: Count = 0
     output_unit: str = "N·m"
     walls: tuple[Wall, ...] = ()
     pair: tuple[Wall, ...] = ()
     """An antagonistic pair, T1 − T2, each clutch held at its bias."""
     pair_bias_nm: Number | None = None
-    regions: tuple[Region, ...] = ()
     curves: tuple[Curve, ...] = ()
-    kept: tuple[Kept, ...] = ()
     impedance: Impedance = Impedance()
     findings: tuple[Finding, ...] = ()
 

@@ -28,6 +28,6 @@ def test_how_many_draws_the_constraints_cut_away_is_told(by_hand, run_eaid):
     for scale, told in ((0.5, True), (1e-4, False)):
         matrix = [[(scale * w) ** 2 if i == k else 0.0 for k in range(len(width))] for i, w in enumerate(width)]
         by_hand({"nonlinear": {**model, "covariance": {"matrix": matrix}}})
-        words = "couple fit.json --torque 1 --loops open-loop --plants 5 --no-replay --force --json"
+        words = "simulate fit.json --controller open-loop --duration 3 --plants 5 -o r.h5 --force --json"
         found = [one for one in json.loads(run_eaid(words).out)["findings"] if one["code"] == "draws-rejected"]
         assert bool(found) is told and all(one["values"]["pct"] > 5 for one in found)
