@@ -234,15 +234,17 @@ RECORDED: dict[str, tuple[str, dict[str, Any]]] = {
     "staircase of 6 s": ("staircase", {"duration_s": 480.0, "hold_s": (0.5, 6.0)}),
     "rests": ("random", {"duration_s": 240.0, "hold_s": (0.5, 10.0), "rest_s": 8.0}),
     "closed loop": ("closed-loop", {"duration_s": 240.0, "hold_s": (0.5, 12.0)}),
+    "multisine": ("multisine", {"duration_s": 240.0}),
+    "chirp": ("chirp", {"duration_s": 240.0}),
 }
 """Excitation and its shape."""
 
 
-def recorded(name: str, sets: int) -> dict[str, Array]:
-    """Coverage [%] of T_s(u), τ1(u), τ2(u) of recorded logs, by duty."""
+def recorded(name: str, sets: int) -> dict[str, tuple[Array, float, float]]:
+    """Coverage [%] of T_s(u), τ1(u), τ2(u) of recorded logs, by duty; share quoted [%] and median half-width [%]."""
     excitation, shape = RECORDED[name]
     noise = {"white_nm": 0.006, "coloured": 0.01, "coloured_s": 0.3}
-    rows = defaultdict(list)
+    rows, widths = defaultdict(list), defaultdict(list)
     for seed in range(1000, 1000 + sets):
         logs = eaid.synth(excitation=excitation, shape=shape, rate_hz=200.0, clean=True, seed=seed, **noise)
         found = eaid.fit(logs, model=("nonlinear",), duty=(10.0, 100.0)).nonlinear
@@ -251,7 +253,11 @@ def recorded(name: str, sets: int) -> dict[str, Array]:
                 (getattr(row.ci95, name), getattr(at_duty(REFERENCE_PLANT, row.level), name)) for row in found.curves
             ]
             rows[name].append([inside(ends, value) for ends, value in pairs])
-    return {name: _mean(held) for name, held in rows.items()}
+            widths[name] += [50 * float(np.log(ends[1] / ends[0])) for ends, _ in pairs if ends]
+    return {
+        name: (_mean(held), 100 * float(np.isfinite(held).mean()), float(np.median(widths[name])))
+        for name, held in rows.items()
+    }
 
 
 STAIRCASES = {
@@ -323,8 +329,9 @@ def lines(name: str, sets: int) -> Iterator[str]:
             width = f"{found.widths[key]:.1f}" if key in found.widths else ""
             yield f"| {key} | {cell(values)} | {cell(found.textbook.get(key))} | {width} |"
     elif name in RECORDED:
-        yield f"\n| {name}, {sets} logs | held |\n|---|---|"
-        yield from (f"| {key} | {cell(values)} |" for key, values in recorded(name, sets).items())
+        yield f"\n| {name}, {sets} logs | held | quoted | half-width |\n|---|---|---|---|"
+        for key, (values, told, width) in recorded(name, sets).items():
+            yield f"| {key} | {cell(values)} | {told:.0f} | {width:.1f} |"
     else:
         yield f"\n| steps: {name}, {sets} staircases | held | quoted | not quoted |\n|---|---|---|---|"
         for key, (share, told, untold) in steps_held(name, sets).items():

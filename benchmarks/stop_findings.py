@@ -178,27 +178,11 @@ def contradicted(random: np.random.Generator, run: Run) -> list[Run]:
     return [replace(run, level=level * random.choice([0.01, 0.5, 1.2, 100.0]), step_s=start)]
 
 
-def reverses(random: np.random.Generator, run: Run) -> list[Run]:
-    t = run.time_s
-    phase = t / t[-1] * random.uniform(2, 12)
-    position = 2 * np.abs((phase % 1) - 0.5) + 0.003 * random.normal(size=len(t))
-    return [log(t, 40 * position, np.sign(np.gradient(position)) + 0.1 * random.normal(size=len(t)), input_unit="mm")]
-
-
 def sweeps(random: np.random.Generator, run: Run) -> list[Run]:
     t = run.time_s / run.time_s[-1]
     first, last = random.uniform(1, 3), random.uniform(10, 20)
     u = 50 + 30 * np.sin(2 * np.pi * (first * t + (last - first) * t**2 / 2))
     return [log(run.time_s, u, u * 0.02 + 0.01 * random.normal(size=len(t)))]
-
-
-def binary(random: np.random.Generator, run: Run) -> list[Run]:
-    count = int(random.integers(30, 80))
-    bits = np.repeat(random.integers(0, 2, count), max(4, len(run.time_s) // count))
-    u = 30.0 + 40.0 * bits
-    t = np.arange(len(u)) / 100.0
-    y = np.convolve(u * 0.02, np.exp(-t / 0.3) / 30, mode="full")[: len(t)]
-    return [log(t, u, y + 0.01 * random.normal(size=len(t)))]
 
 
 def ceiling(random: np.random.Generator, run: Run) -> list[Run]:
@@ -240,7 +224,7 @@ ALONE: dict[str, Maker] = {
     "not-at-rest": not_at_rest, "unsettled-before-step": unsettled, "step-in-gap": step_in_gap,
     "saturated": saturated, "same-ceiling": ceiling, "sensor-stuck": stuck, "coarse-output": coarse, "spikes": spiked,
     "sign-differs": other_sign, "level-contradicts-input": contradicted, "several-edges": several,
-    "input-reverses": reverses, "input-sweeps": sweeps, "input-is-binary": binary,
+    "input-moves": sweeps,
 }  # fmt: skip
 BAD: dict[str, tuple[Maker, tuple[str, ...]]] = {
     **{code: (make, (code,)) for code, make in ALONE.items()},

@@ -2,22 +2,32 @@
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
+
+import msgspec
+
+Size = Annotated[float, msgspec.Meta(gt=0, le=1e60)]
 
 
 @dataclass(frozen=True)
 class Apparatus:
     """What is needed to turn torque into shear stress, and force into stress."""
 
-    inner_radius_m: float = 0.04
-    outer_radius_m: float = 0.06
-    surfaces: int = 2
+    inner_radius_m: Size = 0.04
+    outer_radius_m: Size = 0.06
+    surfaces: Annotated[int, msgspec.Meta(ge=1, le=10**6)] = 2
     """Friction surfaces that carry the torque: two in the clutch, one in the friction rig."""
-    dielectric_m: float = 95e-6
-    voltage_v: float = 300.0
+    dielectric_m: Size = 95e-6
+    voltage_v: Size = 300.0
     """Amplitude of the bipolar PWM, half its peak-to-peak value."""
-    pwm_hz: float = 300.0
-    sample_rate_hz: float = 1000.0
-    lever_ratio: float = 4.33
+    pwm_hz: Size = 300.0
+    sample_rate_hz: Size = 1000.0
+    lever_ratio: Size = 4.33
+
+    def __post_init__(self) -> None:
+        inner, outer = self.inner_radius_m, self.outer_radius_m
+        if inner >= outer:
+            raise ValueError(f"an inner radius of {inner:g} m and an outer one of {outer:g} m")
 
     @property
     def area_m2(self) -> float:

@@ -1,6 +1,6 @@
 """How an option is declared: a field of a frozen dataclass with its type, default, help, group, limits and words.
 
-The command line, the keywords of the Python functions, what a dataset.toml may say and all refusals derive from the
+The command line, the keywords of the Python functions and all refusals derive from the
 types in `eaid.options`. A field is one option:
 
     kp: float | None = option(None, "K_P [1/s²]; by itself 4.5.", ROBUST, least=-1e10, most=1e10)
@@ -45,7 +45,7 @@ class Declaration:
     read: Callable[[str, str], Any] | None = None
     """(option, text) → value, where the type does not say it."""
     levels: bool = False
-    """Levels of the data, which the shell completes."""
+    """Levels of the data, which Python may also give as numbers."""
     kept: bool = True
     """Whether a result keeps it: what changes no number is not kept."""
 

@@ -19,7 +19,7 @@ LAWS: tuple[Law, ...] = ("pi", "rc", "inverse", "plant")
 LOOPS = ("open-loop", "pi", "rc-no-rate", "rc", "inverse")
 TRACKED = ("multisine", "steps", "sweep", "ramp")
 SCENARIOS = (*TRACKED, "rehab")
-CONTROLLERS = ("rc", "pi", "pi-feedforward", "feedforward", "open-loop", "inverse")
+CONTROLLERS = ("rc", "pi", "feedforward", "open-loop", "inverse")
 ROLES = ("time", "input", "output", "reference", "position")
 EXCITATIONS = ("staircase", "random", "prbs", "multisine", "chirp", "closed-loop")
 
@@ -77,7 +77,7 @@ class Columns(Options):
 
 @dataclass(frozen=True, kw_only=True)
 class ReadOptions(Columns):
-    """What may be said about logs; a dataset.toml beside them stands in for what was not."""
+    """How logs are read."""
 
     name_pattern: str | None = option(
         None, "Level and repeat from file names, anywhere in them: '_V={level}_', 'run{repeat}'.", READING,
@@ -86,7 +86,6 @@ class ReadOptions(Columns):
     rate_hz: float | None = option(
         None, "Samples a second of logs without a time column [Hz].", READING, least=0, most=1e9, above=True
     )
-    join: bool = option(False, "The logs are one run that the logger cut: join them by time.", READING)
     sign: str = option("auto", "Turn an output that was recorded inverted, or never.", READING, words="auto|keep")
     kind: Kind | None = option(None, "Experiment; by itself from the columns.", STEPS, words=KINDS)
     levels: str | None = option(None, "Levels to keep: 30:100 or 30,40,90.", STEPS, levels=True)
@@ -143,10 +142,10 @@ def apparatus_from(text: str | Apparatus | None, kind: str | None) -> Apparatus 
             raise UsageError(f"«apparatus» {name}={value}: is no number") from None
         if not (isfinite(numbers[name]) and numbers[name] > 0):
             raise UsageError(f"«apparatus» {name}={value}: must be above zero")
-    rig = replace(Apparatus(surfaces=1 if kind in KINDS[1:] else 2), **cast(Any, numbers))
-    if rig.inner_radius_m >= rig.outer_radius_m:
-        raise UsageError("«apparatus»: inner_radius_m must be below outer_radius_m")
-    return rig
+    try:
+        return replace(Apparatus(surfaces=1 if kind in KINDS[1:] else 2), **cast(Any, numbers))
+    except ValueError:
+        raise UsageError("«apparatus»: inner_radius_m must be below outer_radius_m") from None
 
 
 def in_words(value: Any) -> str:
@@ -253,9 +252,6 @@ class TuneOptions(Chance):
     alpha: Literal["formula", "reached"] = option(
         "formula", "α that ρ is made with.", ADVANCED, words="formula|reached"
     )
-    anti_windup: Literal["conditional", "back-calculation"] = option(
-        "conditional", "How the integral is held at a limit.", ADVANCED, words="conditional|back-calculation"
-    )
     anyway: bool = option(False, "Make gains of a fit that must not be used; they are marked.", ADVANCED)
 
     def agree(self) -> None:
@@ -275,7 +271,7 @@ class TuneOptions(Chance):
 
 @dataclass(frozen=True, kw_only=True)
 class Rig(Options):
-    """What a rig adds to the plant of a replay; the default is none of it but saturation.
+    """What a rig adds to the plant of a replay; the default is none of it.
 
     In the order a sample meets them: rotor ripple is torque that is really there, T = (x1 + x2)(1 + r sin 2πft); the
     torque sensor's first-order low-pass sees that torque; noise is added to what the sensor gives; the controller reads
@@ -284,24 +280,15 @@ class Rig(Options):
     """
 
     noise_nm: float = option(0.0, "Noise on the measured torque, sd [N·m].", RIG, least=0, most=1e6)
-    noise_correlation_s: float = option(0.0, "Correlation time of the noise [s]; 0: white.", RIG, least=0, most=1e6)
-    noise_coloured_share: float = option(
-        1.0, "Share of the noise's power that has this memory; the rest is white.", RIG, least=0, most=1
-    )
     ripple_pct: float = option(0.0, "Rotor ripple, amplitude in % of the torque.", RIG, least=0, most=1e3)
     ripple_hz: float = option(1 / 6, "Its frequency [Hz]; by itself once per turn at 10 RPM.", RIG, least=0, most=1e5)
     sensor_hz: float = option(0.0, "Corner of the torque sensor's low-pass [Hz]; 0: none.", RIG, least=0, most=1e6)
     delay_samples: int = option(0, "Control delay [samples].", RIG, least=0, most=100_000)
     pwm_hz: float = option(0.0, "Duty latched once a PWM period [Hz]; 0: off.", RIG, least=0, most=1e6)
     duty_bits: int = option(0, "Resolution of the duty [bit]; 0: unlimited.", RIG, least=0, most=32)
-    saturation: bool = option(True, "Keep the duty within its limits.", RIG)
 
     def agree(self) -> None:
-        """Refuse a frequency of no ripple, and a memory of no noise."""
-        if self.noise_correlation_s > 0 and not self.noise_nm > 0:
-            raise UsageError("«noise_correlation_s»: does nothing without «noise_nm»; give both or neither")
-        if self.noise_coloured_share != 1 and not self.noise_correlation_s > 0:
-            raise UsageError("«noise_coloured_share»: does nothing without «noise_correlation_s»; give both or neither")
+        """Refuse a frequency of no ripple."""
         if self.ripple_hz != 1 / 6 and not self.ripple_pct:
             raise UsageError("«ripple_hz»: does nothing without «ripple_pct»; give both or neither")
 
@@ -320,7 +307,6 @@ class SimulateOptions(Chance):
         None, "Control rate [Hz]; by itself the gains', else 1000.", RIG, least=1e-3, most=1e5
     )
     rig: Rig = option(Rig(), "", RIG)
-    noise: str | None = option(None, "As large and coloured as the fit's residuals.", RIG, words="residuals")
     perturb: Mapping[str, float] = option(
         {}, "On the plant alone: Ts=0.9,tau1=1.2.", MORE, shown="NAME=FACTOR", least=0, most=1e6, above=True
     )
@@ -339,9 +325,6 @@ class SimulateOptions(Chance):
             raise UsageError("«threads»: does nothing without «plants»; give both or neither")
         if self.scenario != "rehab" and (self.limb_damping is not None or self.limb_inertia is not None):
             raise UsageError("«limb_damping» and «limb_inertia» belong to «scenario» rehab")
-        rig = self.rig
-        if self.noise is not None and (rig.noise_nm, rig.noise_correlation_s, rig.noise_coloured_share) != (0, 0, 1):
-            raise UsageError("noise as the residuals sets the noise; leave out «noise_nm» and «noise_correlation_s»")
 
     def check_for(self, what: str) -> None:
         """Refuse what does nothing for a scenario, a `reference`, or recorded runs (`log`)."""

@@ -3,15 +3,14 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
 
 import numpy as np
 
 from eaid.apparatus import Apparatus
 from eaid.errors import DataError
 from eaid.files import sha256_of
-from eaid.logs.folders import apply, files_of, manifest_of
-from eaid.logs.read import Hear, columns_told, read_what_can_be
+from eaid.logs.folders import files_of
+from eaid.logs.read import columns_told, read_what_can_be
 from eaid.logs.run import Run
 from eaid.options import ReadOptions
 from eaid.progress import Progress, no_progress
@@ -20,7 +19,8 @@ from eaid.steps.build import stepset_of
 from eaid.steps.cut import active_low, cut_runs, settled_steps
 from eaid.steps.edges import Edge, edges
 from eaid.steps.levels import counted_once
-from eaid.steps.plateaus import bridge, looks_like, plateaus, stands_still
+from eaid.steps.noise import stretches
+from eaid.steps.plateaus import bridge, plateaus, stands_still
 from eaid.steps.stepset import StepSet
 
 QUIET = 0.02
@@ -38,32 +38,35 @@ RETURNS = 4
 def is_recorded(run: Run, rest: float = 0.0) -> bool:
     """Whether a log is fitted as it was recorded, for its input does more than step from rest.
 
-    It does where a stretch under load goes through different inputs, or where it falls to rest again and again with
-    rests shorter than the holds between. Runs whose level or step instant was said, and steps cut out of a log, are
-    steps; so are logs of the friction rig.
+    It does where it moves most of the time, where a stretch under load goes through different inputs, or where it falls
+    to rest again and again with rests shorter than the holds, or some shorter than a third of the longest hold. Runs
+    whose level or step instant was said, and steps cut out of a log, are steps; so are logs of the friction rig.
     """
-    if run.cut or run.level is not None or run.step_s is not None or run.until_s is not None:
+    if run.cut or {run.level, run.step_s, run.until_s} != {None} or run.kind not in (None, "clutch"):
         return False
-    if run.kind not in (None, "clutch") or len(run.input) < 10 or not np.isfinite(run.input).all():
+    if not run.has_input:
         return False
+    holds, _ = bridge(plateaus(run.input))
+    still = stands_still(holds, run.input)
+    if run.position is None and not still:
+        return True
     level = np.abs(run.input - rest)
     top = float(level.max())
     loaded = level > QUIET * top
-    if top == 0.0 or (loaded.all() and np.ptp(level) <= QUIET * top):
+    if len(level) < 10 or top == 0.0 or (loaded.all() and np.ptp(level) <= QUIET * top):
         return False
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], loaded.astype(int), [0]])))
-    starts, ends = edges[::2], edges[1::2]
+    starts, ends = stretches(loaded)
     apart = APART.get(run.input_unit, MEASURED) * top
     away = sum(
         int((np.abs(level[a:b] - np.median(level[a:b])) > apart).sum()) for a, b in zip(starts, ends, strict=True)
     )
     if away > AWAY * int(loaded.sum()):
-        still, _ = bridge(plateaus(run.input))
-        return not (len(still) == 2 and stands_still(still, run.input))  # two holds are a step
+        return not (len(holds) == 2 and still)  # two holds are a step
     if len(starts) <= RETURNS:
         return False
-    holds, rests = ends - starts, starts[1:] - ends[:-1]
-    return bool(np.median(rests) < np.median(holds) and np.median(holds) >= 5)
+    lasts, rests = ends - starts, starts[1:] - ends[:-1]
+    quick = np.median(rests) < np.median(lasts) or 3 * rests.min() < lasts.max()
+    return bool(quick and np.median(lasts) >= 5)
 
 
 def read_steps(
@@ -71,10 +74,9 @@ def read_steps(
     options: ReadOptions,
     progress: Progress = no_progress,
     warn: Callable[[str], None] = lambda _: None,
-    tell: Callable[[str, float], None] = lambda _source, _share: None,
     seen: Callable[[str], None] = lambda _: None,
 ) -> tuple[list[Run], StepSet]:
-    """The cut runs behind logs, datasets, folders or a manifest, and their step set.
+    """The cut runs behind logs, datasets and folders, and their step set.
 
     `seen` hears which columns were taken and which were left, before anything else is done with them.
 
@@ -86,35 +88,13 @@ def read_steps(
     DataError
         With the faults of all logs at once.
     """
-    manifest = manifest_of(paths)
-    if manifest is None:
-        files = files_of(paths, warn)
-    else:
-        files = [Path(entry.file) for entry in manifest.logs]
-        plain = ReadOptions()
-        stands = {k: v for k, v in manifest.options.items() if getattr(options, k) == getattr(plain, k)}
-        options = replace(options, **cast(Any, stands))
-        for name in manifest.outside()[:5]:
-            warn(f"{manifest.path}: takes {name}, which lies outside its folder")
-        for name in manifest.unlisted()[:5]:
-            warn(f"{manifest.path}: does not list {name}, which is left out")
     baseline_rule(options.baseline)  # what is wrong in the options is told before anything is read
+    files = files_of(paths, warn)
     with progress("reading logs", len(files)) as advance:
-        runs, faults = read_what_can_be(files, options, Hear(file=advance, share=tell))
+        runs, faults = read_what_can_be(files, options, advance)
     for sentence in columns_told(runs):
         seen(sentence)
-    if manifest is not None:
-        entries = {entry.file: entry for entry in manifest.logs}
-        runs = [apply(entries[run.source], run) if run.source in entries else run for run in runs]
     return steps_of(runs, options, faults, [path for path in paths if path.is_file()])
-
-
-def _is_whole(run: Run, rest: float) -> bool:
-    """Whether a log is fitted as it was recorded: its input does more than step from rest, or does it too fast."""
-    if is_recorded(run, rest):
-        return True
-    may_be = run.kind in (None, "clutch") and not run.cut and {run.level, run.step_s, run.until_s} == {None}
-    return may_be and run.position is None and run.has_input and looks_like(run) is not None
 
 
 def read_edges(
@@ -137,13 +117,15 @@ def steps_of(
     uncut = [
         run
         for run in runs
-        if options.logs_as == "recorded" or (options.logs_as == "auto" and _is_whole(run, options.rest))
+        if options.logs_as == "recorded" or (options.logs_as == "auto" and is_recorded(run, options.rest))
     ]
     steps, more = cut_runs([run for run in runs if not any(run is one for one in uncut)], options)
     if faults or more:
         raise DataError(*faults, *more)
-    checked = [replace(run, findings=(*run.findings, *active_low(run))) for run in uncut]
-    uncut, steps = counted_once(checked), counted_once(steps)
+    for k, run in enumerate(uncut):
+        if run.has_input:
+            uncut[k] = replace(run, findings=(*run.findings, *active_low(run, plateaus(run.input))))
+    uncut, steps = counted_once(uncut), counted_once(steps)
     if uncut and not steps:
         first = uncut[0]
         rig = options.apparatus or first.apparatus or Apparatus()

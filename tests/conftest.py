@@ -42,9 +42,8 @@ GAINS: dict[str, Any] = {
     "rc": {
         "K_P": 4.5, "K_D": 3.0, "B_hat": 12.5, "epsilon": 0.5, "gamma": 50.0, "Q_M": 5.0,
         "rho": {"constant": 10.8125, "slope": 6.58594648300479}, "Q": [[1.0, 5 / 9], [5 / 9, 55 / 54]],
-        "anti_windup": {"method": "conditional"},
     },
-    "pi": {"K_P": 21.0, "K_I": 360.0, "anti_windup": {"method": "conditional"}},
+    "pi": {"K_P": 21.0, "K_I": 360.0},
 }  # fmt: skip
 """The reference plant, the paper's linear model and its gains, as a script writes them into fit.json and gains.json."""
 

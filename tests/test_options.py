@@ -93,7 +93,7 @@ def test_options_and_keywords_that_disagree_are_refused(small_steps: eaid.StepSe
         (lambda fit: eaid.simulate(fit, options=LOUD, noise_nm=0.5), "noise_nm= 0.5: the options given say 0.1"),
         (lambda fit: eaid.simulate(fit, rig=LOUD.rig, noise_nm=0.0), "noise_nm= 0.0: the options given say 0.1"),
         (lambda fit: eaid.simulate(fit, "steps", reading=eaid.ReadOptions()), "reading=: says how a log= is read"),
-        (lambda fit: eaid.simulate(fit, noise_nm=0.1, noise_coloured_share=0.5), "noise_coloured_share=: does nothing"),
+        (lambda fit: eaid.simulate(fit, ripple_hz=0.5), "ripple_hz=: does nothing"),
         (lambda fit: eaid.couple(fit, loops=("pi", "open-loop")), "the loop pi needs gains with a PI"),
         (lambda fit: eaid.export(None, "none", fit, law=("plant",), rate_filter_hz=3.0), "rate_filter_hz=: is of a"),
         (lambda fit: eaid.synth(gains=eaid.tune_rc(fit), levels=(20.0,)), "gains=: drive a closed loop"),

@@ -32,7 +32,6 @@ def command(args: Arguments) -> None:
     from eaid.files import refuse_to_overwrite
     from eaid.report.tables.gains import walls_brief, walls_tables
     from eaid.results import codec
-    from eaid.results.coupling import CoupleInputs
     from eaid.results.fit import Fit
     from eaid.results.gains import Gains
 
@@ -41,7 +40,7 @@ def command(args: Arguments) -> None:
     fitted, warnings = codec.read(args.fit, "fit", Fit)
     tuned, more = codec.read(args.gains, "gains", Gains) if args.gains else (None, ())
     coupling = api.couple(fitted, tuned, options, progress=console.progress)
-    coupling = inputs.stamped(coupling, args, CoupleInputs, fit=args.fit, gains=args.gains)
+    coupling = inputs.stamped(coupling, args, fit=args.fit, gains=args.gains)
     codec.write(args.output, coupling, "couple", args.force)
     if args.json:
         console.print_json(coupling, "couple")

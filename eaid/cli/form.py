@@ -18,7 +18,6 @@ from typing import Any, TypeVar
 import typer
 
 from eaid.cli import console
-from eaid.cli.completion import completion
 from eaid.declared import Declaration, Form, Options, as_typed, forms, is_text, option, value_of
 from eaid.errors import DataError, UsageError
 
@@ -154,12 +153,22 @@ def _parameter(form: Form) -> inspect.Parameter:
     flags = () if placed else (named,) if isinstance(named, str) else named
     info = kind(
         default, *flags, help=_help(form), metavar=_metavar(form),
-        autocompletion=completion(declared.words, form.several, declared.levels),
+        autocompletion=_offered(declared.words, form.several),
         show_default=default is not None and default is not False, rich_help_panel=None if placed else declared.group,
     )  # fmt: skip
     optional = form.default is None
     hint = (str | None) if text else (form.parts[0] | None) if optional else form.parts[0]
     return inspect.Parameter(form.name, inspect.Parameter.KEYWORD_ONLY, default=info, annotation=hint)
+
+
+def _offered(words: Sequence[str], several: bool) -> Callable[[str], list[str]] | None:
+    """What the shell offers behind an option: its words; nothing where it offers files."""
+
+    def offered(incomplete: str) -> list[str]:
+        before, comma, last = incomplete.rpartition(",") if several else ("", "", incomplete)
+        return [before + comma + word for word in words if word.startswith(last)]
+
+    return offered if words else None
 
 
 def _metavar(form: Form) -> str | None:

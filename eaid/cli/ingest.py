@@ -16,9 +16,6 @@ class Arguments(Common, ReadOptions):
 
     logs: list[Path] = argument("LOG…", "Log files, folders of them, or a data.h5.")
     output: Path = written("data.h5")
-    write_manifest: bool = option(
-        False, "Also write dataset.toml beside the logs: the next call needs no options.", OUTPUT
-    )
     edges: bool = option(
         False, "List the edges of the output instead, as of a closed loop; logs are kept whole.", OUTPUT
     )
@@ -52,13 +49,6 @@ def command(args: Arguments) -> None:
         console.done(args.output, f"{counted(len(logs), 'log')} as recorded", ("report", args.output))
         return
     runs, stepset = inputs.runs_from(args.logs, options, seen=console.say)
-    if args.write_manifest:
-        from eaid.logs import folders
-        from eaid.logs.folders import files_of
-
-        manifest = {**options.stated(), "kind": stepset.kind}
-        at = folders.write_manifest(files_of(args.logs), runs, manifest, args.force)
-        console.say(f"{at}: written; eaid ingest {at.parent} needs no options now")
     write_dataset(args.output, runs, kind=stepset.kind, apparatus=stepset.apparatus, force=args.force)  # type: ignore[arg-type]
     if args.json:
         console.print_json(ingested(stepset), "ingest")

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from eaid.steps.stepset import StepSet
 
 R = TypeVar("R")
-LONG_LOG = 1 << 26
-"""Size of a log [bytes] above which its reading is told tenth by tenth."""
 
 
 def runs_from(
@@ -28,22 +26,7 @@ def runs_from(
     from eaid.options import ReadOptions
     from eaid.reading import read_steps
 
-    long = any(path.is_file() and path.stat().st_size > LONG_LOG for path in paths)
-    tell = _tenths() if long else lambda _source, _share: None
-    return read_steps(paths, options or ReadOptions(logs_as="steps"), console.progress, console.warn, tell, seen)
-
-
-def _tenths() -> Callable[[str, float], None]:
-    """Tells how much of each long log is read, once a tenth."""
-    done: dict[str, int] = {}
-
-    def tell(source: str, share: float) -> None:
-        tenth = int(10 * share)
-        if tenth > done.get(source, 0):
-            done[source] = tenth
-            console.progressed(f"{source}: {10 * tenth} % read")
-
-    return tell
+    return read_steps(paths, options or ReadOptions(logs_as="steps"), console.progress, console.warn, seen)
 
 
 def logs_of(fitted: "Fit", fit: Path, data: list[Path] | None, options: "TuneOptions") -> "StepSet | None":
@@ -75,8 +58,8 @@ def logs_of(fitted: "Fit", fit: Path, data: list[Path] | None, options: "TuneOpt
         return None
 
 
-def stamped(result: R, args: Common, kind: type, **files: Path | list[Path] | None) -> R:
-    """A result that says what was typed, and names the files it was made from by their roles in `kind`."""
+def stamped(result: R, args: Common, **files: Path | list[Path] | None) -> R:
+    """A result that says what was typed, and names the files it was made from."""
     import msgspec
 
     from eaid.results.common import Input
@@ -86,4 +69,4 @@ def stamped(result: R, args: Common, kind: type, **files: Path | list[Path] | No
         for role, given in files.items()
         if given
     }
-    return msgspec.structs.replace(result, inputs=kind(**named), command=args.typed)  # type: ignore[type-var]
+    return msgspec.structs.replace(result, inputs=named, command=args.typed)  # type: ignore[type-var]

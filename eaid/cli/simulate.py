@@ -39,7 +39,6 @@ def command(args: Arguments) -> None:
     from eaid.results import codec
     from eaid.results.fit import Fit
     from eaid.results.gains import Gains
-    from eaid.results.replay import ReplayInputs
 
     files = {"fit": args.fit, "gains": args.gains, "reference": args.reference}
     refuse_to_overwrite(args.output, args.force, [*filter(None, files.values()), *files_read(args.log or [])])
@@ -54,7 +53,7 @@ def command(args: Arguments) -> None:
         reading=reading if args.log else None,
         progress=console.progress,
     )  # fmt: skip
-    replay = replace(replay, head=inputs.stamped(replay.head, args, ReplayInputs, **files, log=args.log))
+    replay = replace(replay, head=inputs.stamped(replay.head, args, **files, log=args.log))
     write_replay(args.output, replay, args.force)
     if args.json:
         console.print_json(as_json(replay))

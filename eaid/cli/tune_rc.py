@@ -37,7 +37,6 @@ def command(args: Arguments) -> None:
     from eaid.report.tables import gains as tables
     from eaid.results import codec
     from eaid.results.fit import Fit
-    from eaid.results.gains import GainsInputs
 
     file = Path(args.reference) if args.reference and args.reference not in TRACKED else None
     read = [args.fit, *([file] if file else []), *files_read(args.data or [])]
@@ -48,7 +47,7 @@ def command(args: Arguments) -> None:
     fitted, warnings = codec.read(args.fit, "fit", Fit)
     logs = inputs.logs_of(fitted, args.fit, args.data, options)
     gains = api.tune_rc(fitted, options, reference=args.reference, logs=logs)
-    gains = inputs.stamped(gains, args, GainsInputs, fit=args.fit, reference=file)
+    gains = inputs.stamped(gains, args, fit=args.fit, reference=file)
     codec.write(args.output, gains, "gains", args.force)
     if args.json:
         console.print_json(gains, "gains")

@@ -21,7 +21,6 @@ from eaid.results.fit import Fit, LinearLevel
 from eaid.results.gains import (
     PI,
     Actuator,
-    AntiWindup,
     AskedPI,
     Condition,
     Gains,
@@ -147,8 +146,7 @@ def design(
     pi = pi_of(model, settled)
     overshoot_pct, settling_s = step_metrics(model, pi.K_P, pi.K_I)
     part = PI(
-        pi.K_P, pi.K_I, overshoot_pct, known(settling_s), asked=None if settled.pi == AskedPI() else settled.pi,
-        anti_windup=AntiWindup(settled.options.anti_windup, pi.back_calculation),
+        pi.K_P, pi.K_I, overshoot_pct, known(settling_s), asked=None if settled.pi == AskedPI() else settled.pi
     )  # fmt: skip
     loops = {name: list(loop_margins(each, points, timing)) for name, each in (("rc", law), ("pi", pi))}
     for name, each in loops.items():
@@ -162,7 +160,7 @@ def design(
     slope = slope_nm_s if given or plant is not None else None  # a slope that nothing follows says nothing
     verdict = _guarantee(rc, slope, reach.robust_term_pct, reach.span_pct, fit)
     rows = [
-        MarginPoint(point.duty_pct, point.torque_nm, *map(_kept, each))
+        MarginPoint(point.duty_pct, point.torque_nm, *map(_margin, each))
         for point, *each in zip(points, *loops.values(), strict=True)
     ]
     missed = []
@@ -195,8 +193,7 @@ def pi_of(model: Linear, settled: Design) -> PIGains:
     K_P, K_I = given
     if not (K_P >= 0 and K_I >= 0 and K_P + K_I > 0):
         raise GainsError(f"PI gains {K_P:g} and {K_I:g}: neither may be negative, nor both 0")
-    back = 1 / K_P if settled.options.anti_windup == "back-calculation" and K_P > 0 else 0.0
-    return PIGains(K_P, K_I, *settled.duty_limits_pct, back)
+    return PIGains(K_P, K_I, *settled.duty_limits_pct)
 
 
 def actuator(model: Linear, gains: RCGains, plant: Nonlinear | None, bounds: Bounds) -> Actuator:
@@ -218,7 +215,7 @@ def actuator(model: Linear, gains: RCGains, plant: Nonlinear | None, bounds: Bou
     return Actuator(robust_pct, gains.duty_max - gains.duty_min, tuple(rows))
 
 
-def _kept(loop: LoopMargins) -> Margin:
+def _margin(loop: LoopMargins) -> Margin:
     """As gains.json has it: a margin without end is not known."""
     return Margin(loop.stable, *(known(x) for x in (loop.gain_db, loop.delay_s, loop.phase_deg, loop.crossover_hz)))
 

@@ -14,7 +14,7 @@ from eaid.models.parameters import Linear, Nonlinear
 from eaid.results.common import ci95_of
 from eaid.results.fit import Fit, LinearLevel
 from eaid.results.fit import Linear as LinearFit
-from eaid.results.gains import AntiWindup, Gains
+from eaid.results.gains import Gains
 from eaid.results.verdict import unphysical
 from eaid.steps.levels import wanted_levels
 
@@ -94,17 +94,17 @@ def bounds_of(fit: Fit, levels: str | None = None, widen: bool = False) -> Bound
         if levels:
             kept = tuple(wanted_levels(levels, [row.level for row in rows], "bounds_levels"))
         kept_rows = [row for row in rows if row.level in kept]
-        each = [_interval(row) if widen else (own_B(row), own_B(row)) for row in kept_rows]
+        each = [_interval(row) if widen else (zero_offset_B(row), zero_offset_B(row)) for row in kept_rows]
         ends = min(low for low, _ in each), max(high for _, high in each)
     B_m, B_M = (_positive(value, name) for value, name in zip(ends, ("B_m", "B_M"), strict=True))
     if B_m > B_M:
         raise GainsError(f"B_m {B_m:.4g} lies above B_M {B_M:.4g}; check linear.bounds of the fit")
-    if any(not (own_B(row) > 0 and math.isfinite(own_B(row))) for row in kept_rows):
+    if any(not (zero_offset_B(row) > 0 and math.isfinite(zero_offset_B(row))) for row in kept_rows):
         raise GainsError("a level has no positive b0, so the range of B touches 0; leave it out with «bounds_levels»")
     return Bounds(kept, B_m, B_M, tuple(kept_rows), widen)
 
 
-def own_B(row: LinearLevel) -> float:
+def zero_offset_B(row: LinearLevel) -> float:
     """B of a level, c0 = 0; infinite where its gain is 0."""
     b0 = row.a0 * row.gain / row.level
     return 1 / b0 if b0 else math.inf
@@ -118,7 +118,7 @@ def _interval(row: LinearLevel) -> tuple[float, float]:
             f"level {row.level:g} has no interval of B, so «widen_bounds» has nothing to widen by; "
             "fit again with «ci» robust, or leave the level out with «levels»"
         )
-    return own_B(row) * ends[0] / row.B, own_B(row) * ends[1] / row.B
+    return zero_offset_B(row) * ends[0] / row.B, zero_offset_B(row) * ends[1] / row.B
 
 
 def _positive(value: float | None, name: str) -> float:
@@ -159,7 +159,6 @@ def rc_gains(gains: Gains | None) -> RCGains | None:
     return RCGains(
         K_P=rc.K_P, K_D=rc.K_D, B_hat=rc.B_hat, a0=model.a0, b0=model.b0, c0=model.c0, rho_constant=rc.rho.constant,
         rho_slope=rc.rho.slope, epsilon=rc.epsilon, gamma=rc.gamma, Q12=Q12, Q22=Q22, duty_min=low, duty_max=high,
-        back_calculation=_gain(rc.anti_windup),
     )  # fmt: skip
 
 
@@ -170,7 +169,7 @@ def pi_gains(gains: Gains | None) -> PIGains | None:
     pi = gains.pi
     _check({}, {"pi.K_P": pi.K_P, "pi.K_I": pi.K_I})
     low, high = gains.duty_limits_pct
-    return PIGains(pi.K_P, pi.K_I, low, high, _gain(pi.anti_windup))
+    return PIGains(pi.K_P, pi.K_I, low, high)
 
 
 def _check(positive: dict[str, float], other: dict[str, float]) -> None:
@@ -180,10 +179,6 @@ def _check(positive: dict[str, float], other: dict[str, float]) -> None:
             raise DataError(f"gains.json: {name} is {value:g}, it has to be positive; run tune-rc again")
         if abs(value) > LARGEST_GAIN or (name in positive and value < 1 / LARGEST_GAIN):
             raise DataError(f"gains.json: {name} is {value:g}, which no loop of a rig has; run tune-rc again")
-
-
-def _gain(wound: AntiWindup) -> float:
-    return wound.gain if wound.method == "back-calculation" else 0.0
 
 
 def plant_of(fit: Fit) -> Nonlinear | None:

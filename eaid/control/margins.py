@@ -320,7 +320,7 @@ def spectral_radius(
     states = len(lags), len(law.A), 1 if memory else 0, late + 1
     x, s, sensor, duties = np.split(np.eye(sum(states)), np.cumsum(states)[:-1])
     latched = {-1 - k: row for k, row in enumerate(duties)}
-    latest, acting, seen = latched[-1], latched[-1 - late], sensor.sum(axis=0)
+    latest, acting, measured = latched[-1], latched[-1 - late], sensor.sum(axis=0)
     gains, rates = (np.array(each)[:, None] for each in zip(*((g, 1 / tau) for g, tau in lags), strict=True))
     # (time, order, index): a sample comes before a latch at the same instant, a latch before the plant sees it.
     events = [(k * h, 0, k) for k in range(samples)] + [(j * hold, 1, j) for j in range(latches)]
@@ -332,14 +332,14 @@ def spectral_radius(
             now = time
         if order == 0:
             torque = x.sum(axis=0)
-            seen = torque + memory * (seen - torque)
-            latest = factor * (law.c @ s + law.d[2] * seen)
-            s = law.A @ s + law.B[:, 2:] * seen
+            measured = torque + memory * (measured - torque)
+            latest = factor * (law.c @ s + law.d[2] * measured)
+            s = law.A @ s + law.B[:, 2:] * measured
         elif order == 1:
             latched[index] = latest
         elif order == 2:
             acting = latched[index]
-    after = [x, s, *([seen[None]] if memory else []), *(latched[latches - 1 - k][None] for k in range(late + 1))]
+    after = [x, s, *([measured[None]] if memory else []), *(latched[latches - 1 - k][None] for k in range(late + 1))]
     return float(np.abs(np.linalg.eigvals(np.concatenate(after))).max())
 
 
@@ -357,7 +357,7 @@ def hold_response(omega: Array, hold_s: float) -> Complex:
     return np.asarray(np.sinc(omega * hold_s / (2 * math.pi)) * np.exp(-0.5j * omega * hold_s))
 
 
-def seen_response(lags: Sequence[Lag], timing: Timing, omega: Array) -> Complex:
+def measured_response(lags: Sequence[Lag], timing: Timing, omega: Array) -> Complex:
     """Torque that is read per duty at sampled frequencies [rad/s], without the dead time: hold, lags, latch, sensor."""
     h, memory = timing.step_s, timing.memory
     z = np.exp(1j * omega * h)
@@ -367,7 +367,7 @@ def seen_response(lags: Sequence[Lag], timing: Timing, omega: Array) -> Complex:
 
 def loop_response(law: Law, lags: Sequence[Lag], timing: Timing, omega: Array) -> Complex:
     """Response of the loop opened at the duty, without its dead time, over angular frequency [rad/s]."""
-    return np.asarray(-law.response(np.exp(1j * omega * timing.step_s))[:, 2] * seen_response(lags, timing, omega))
+    return np.asarray(-law.response(np.exp(1j * omega * timing.step_s))[:, 2] * measured_response(lags, timing, omega))
 
 
 def crossovers(law: Law, lags: Sequence[Lag], timing: Timing) -> list[tuple[float, float]]:

@@ -24,9 +24,6 @@ class PIGains(NamedTuple):
     """Lowest duty of the actuator [%]"""
     duty_max: float = 100.0
     """Highest duty of the actuator [%]"""
-    back_calculation: float = 0.0
-    """Anti-windup: 0 holds the integral while it would wind up (conditional integration); > 0 is the back-calculation
-    gain k [N·m/%], q̃˙ = e + k (u − u_unlimited)."""
 
 
 class PIState(NamedTuple):
@@ -43,13 +40,11 @@ def pi_step(
 
     Reference and torque in N·m, its rate in N·m/s (not used: a PI feeds nothing forward), dt in s.
     """
-    K_P, K_I, low, high, back_calculation = gains
+    K_P, K_I, low, high = gains
     integral = state.integral
     error = reference - torque
     wanted = K_P * error + K_I * integral
     duty = min(max(wanted, low), high)
-    if back_calculation > 0.0:
-        return PIState(integral + dt * (error + back_calculation * (duty - wanted))), duty
     if (wanted - duty) * error > 0.0:  # beyond a limit, and the error would drive it further
         return state, duty
     return PIState(integral + dt * error), duty

@@ -48,9 +48,6 @@ class RCGains(NamedTuple):
     """Lowest duty of the actuator [%]"""
     duty_max: float = 100.0
     """Highest duty of the actuator [%]"""
-    back_calculation: float = 0.0
-    """Anti-windup: 0 holds the integral while it would wind up (conditional integration); > 0 is the back-calculation
-    gain k [N·m/%], q̃˙ = e + k (u − u_unlimited)."""
 
 
 class RCState(NamedTuple):
@@ -101,8 +98,6 @@ def rc_step(
     y = reference_rate + gains.K_D * error + gains.K_P * integral + omega
     wanted = gains.B_hat * y + (gains.a0 * torque - gains.c0) / gains.b0
     duty = min(max(wanted, gains.duty_min), gains.duty_max)
-    if gains.back_calculation > 0.0:
-        return RCState(integral + dt * (error + gains.back_calculation * (duty - wanted))), duty
     if (wanted - duty) * error > 0.0:  # beyond a limit, and the error would drive it further
         return state, duty
     return RCState(integral + dt * error), duty

@@ -22,7 +22,6 @@ from eaid.errors import GainsError
 from eaid.models.parameters import Linear
 from eaid.options import TuneOptions
 from eaid.results.gains import (
-    AntiWindup,
     AskedPI,
     BRange,
     EqualPI,
@@ -105,11 +104,9 @@ def law_of(model: Linear, bounds: Bounds, design: Design) -> tuple[RCGains, Robu
     steep = rho.constant / design.epsilon
     equal = B_hat * (K_D + steep * Q22), B_hat * (K_P + steep * Q12)
     low, high = design.duty_limits_pct
-    back = 1 / equal[0] if options.anti_windup == "back-calculation" else 0.0
     gains = RCGains(
         K_P=K_P, K_D=K_D, B_hat=B_hat, a0=model.a0, b0=model.b0, c0=model.c0, rho_constant=rho.constant,
         rho_slope=rho.slope, epsilon=design.epsilon, gamma=design.gamma, Q12=Q12, Q22=Q22, duty_min=low, duty_max=high,
-        back_calculation=back,
     )  # fmt: skip
     bound = ultimate_bound_nm(
         reached, (reached * design.Q_M + term, reached * norm_K), rho, design.epsilon, p, (Q11, Q12, Q22)
@@ -125,7 +122,7 @@ def law_of(model: Linear, bounds: Bounds, design: Design) -> tuple[RCGains, Robu
             readings=RhoReadings(**{name: made for name, (_, made) in readings.items()}),
         ),
         epsilon=design.epsilon, gamma=design.gamma, P=((p, 0.0), (0.0, p)), Q=((Q11, Q12), (Q12, Q22)),
-        equal_pi=EqualPI(*equal), anti_windup=AntiWindup(options.anti_windup, back),
+        equal_pi=EqualPI(*equal),
         ultimate_bound=UltimateBound(bound if math.isfinite(bound) else None),
     )  # fmt: skip
 

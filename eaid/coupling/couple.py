@@ -43,16 +43,16 @@ def swing(drive: Channel, limb: Limb, timing: Timing, stiffness: float, time_s: 
     h, plant, point = timing.step_s, plant_parameters(drive.plant), drive.point
     held = Held(plant.C * point.torque_nm, (1 - plant.C) * point.torque_nm, point.duty_pct, 0)
     state, angle, speed, before = drive.start, BESIDE_RAD, 0.0, point.torque_nm
-    memory, seen = timing.memory, point.torque_nm
+    memory, measured = timing.memory, point.torque_nm
     waiting = [point.duty_pct] * timing.delay_samples
     period = timing.rate_hz / timing.pwm_hz if timing.pwm_hz else 0.0
     keep, push, drift, lift = limb_steps(limb.inertia_kgm2, limb.damping_nms, h)
     angles = []
     for k in range(round(time_s / h)):
         torque = held.x1 + held.x2
-        seen = torque + memory * (seen - torque)
+        measured = torque + memory * (measured - torque)
         wanted = point.torque_nm - stiffness * angle
-        state, duty = drive.step(state, wanted, (wanted - before) / h, seen)
+        state, duty = drive.step(state, wanted, (wanted - before) / h, measured)
         before = wanted
         waiting.append(duty)
         held, _ = hold_step(plant, period, h, k, waiting.pop(0), held)
@@ -177,12 +177,8 @@ def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Prog
             finding("pair-bias-cut", "pair", bias=bias, unit=unit, torques=", ".join(f"{t:g}" for t in left_out))
         )
     return parts.Coupling(
-        options=parts.CoupleRecord(
-            options.limb_inertia, options.limb_damping, options.virtual_damping, options.rate_hz, options.pwm_hz,
-            delay, options.sensor_hz,
-        ),
-        output_unit=unit, walls=tuple(walls), pair=tuple(pair), pair_bias_nm=bias, curves=tuple(curves),
-        impedance=impedance, findings=ranked(findings),
+        options=replace(options, delay_samples=delay), output_unit=unit, walls=tuple(walls), pair=tuple(pair),
+        pair_bias_nm=bias, curves=tuple(curves), impedance=impedance, findings=ranked(findings),
     )  # fmt: skip
 
 

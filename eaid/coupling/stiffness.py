@@ -37,7 +37,7 @@ from eaid.control.margins import (
     lags_at,
     latch_response,
     law_around,
-    seen_response,
+    measured_response,
     slower_hz,
 )
 from eaid.control.pi import PIGains
@@ -98,7 +98,7 @@ def channel_of(
         kind = "a PI" if loop == "pi" else "a robust controller"
         raise UsageError(f"the loop {loop} needs gains with {kind}; give «gains» that tune-rc wrote")
     else:
-        free = gains._replace(duty_min=-math.inf, duty_max=math.inf, back_calculation=0.0)
+        free = gains._replace(duty_min=-math.inf, duty_max=math.inf)
         acting = pi_controller(free) if isinstance(free, PIGains) else rc_controller(free)
         start = (integral_at_rest(free, torque_nm, point.duty_pct),)
     rate = 0.0 if loop == "rc-no-rate" else 1.0
@@ -145,9 +145,9 @@ class Limb:
 def duty_response(channel: Channel, timing: Timing, omega: Array) -> Complex:
     """Duty per reference at sampled frequencies [rad/s], the torque loop closed, the PWM by its mean response."""
     z = np.exp(1j * omega * timing.step_s)
-    seen = seen_response(channel.point.lags, timing, omega) * np.exp(-1j * omega * timing.delay_s)
+    measured = measured_response(channel.point.lags, timing, omega) * np.exp(-1j * omega * timing.delay_s)
     by_reference, by_rate, by_torque = channel.law.response(z).T
-    return np.asarray((by_reference + by_rate * (1 - 1 / z) / timing.step_s) / (1 - by_torque * seen))
+    return np.asarray((by_reference + by_rate * (1 - 1 / z) / timing.step_s) / (1 - by_torque * measured))
 
 
 @dataclass(frozen=True, eq=False)

@@ -62,14 +62,14 @@ def decays(levels: Sequence[Level]) -> list[tuple[float, float]]:
     falls = [_falls(level) for level in levels]
     spare = sum(len(fall) - 1 for fall in falls)
     pooled = sum(float(((fall - fall.mean()) ** 2).sum()) for fall in falls) / max(spare, 1)
-    found = []
+    falling = []
     for level, fall in zip(levels, falls, strict=True):
         lost = overshoot(level)
         error = np.sqrt(pooled / len(fall)) if len(fall) > 1 else _single_error(level)
         degrees, chance = (float(spare), CHANCE) if len(fall) > 1 else (SINGLE_DEGREES, SINGLE_CHANCE)
         if lost > OVERSHOOT and fall.mean() > t_quantile(degrees, 1 - 2 * chance) * error:
-            found.append((level.level, lost))
-    return found
+            falling.append((level.level, lost))
+    return falling
 
 
 def _falls(level: Level) -> Array:
@@ -137,26 +137,27 @@ def lack_of_fit(level: Level, noise: Array) -> LackOfFit | None:
     return LackOfFit(level.level, ratio, chance, bool(ratio > chance), systematic)
 
 
-def adequacy(seen: Scatter, unit: str) -> tuple[Adequacy, list[Finding]]:
+def adequacy(scatter: Scatter, unit: str) -> tuple[Adequacy, list[Finding]]:
     """Judge the shape of the levels' curves."""
-    sizes = [effective_samples(level.mean - J[:, 0]) for level, J in zip(seen.levels, seen.jacobians, strict=True)]
-    rows = [row for level, noise in zip(seen.levels, seen.noise, strict=True) if (row := lack_of_fit(level, noise))]
-    falling, found = decays(seen.levels), []
+    pairs = zip(scatter.levels, scatter.jacobians, scatter.noise, strict=True)
+    each = [(effective_samples(level.mean - J[:, 0]), lack_of_fit(level, noise)) for level, J, noise in pairs]
+    sizes, rows = [size for size, _ in each], [row for _, row in each if row]
+    falling, findings = decays(scatter.levels), []
     if falling:
         worst, lost = max(falling, key=lambda pair: pair[1])
-        values = {"worst": worst, "lost_pct": 100 * lost, "of": len(seen.levels)}
-        found.append(finding("output-decays-under-hold", "friction", [u for u, _ in falling], unit=unit, **values))
+        values = {"worst": worst, "lost_pct": 100 * lost, "of": len(scatter.levels)}
+        findings.append(finding("output-decays-under-hold", "friction", [u for u, _ in falling], unit=unit, **values))
     beyond = [row for row in rows if row.beyond]
     told = len(beyond) >= min(FEW, len(rows)) and 3 * len(beyond) > len(rows)
-    if told and 2 * len(falling) <= len(seen.levels):
+    if told and 2 * len(falling) <= len(scatter.levels):
         most = max(beyond, key=lambda row: row.systematic_nm or 0.0)
         size = {"systematic": most.systematic_nm, "worst": most.level, "of": len(rows)}
-        found.append(finding("repeats-miss-alike", "friction", [row.level for row in beyond], **size))
+        findings.append(finding("repeats-miss-alike", "friction", [row.level for row in beyond], **size))
     return Adequacy(
         lack_of_fit=tuple(rows),
         residual_autocorrelation=median([rho for _, rho in sizes]),
         effective_samples=float(sum(count for count, _ in sizes)),
-    ), found
+    ), findings
 
 
 VAGUE = 0.1
@@ -222,9 +223,9 @@ def share_of_levels(own: OwnLevels, data: Data, values: LevelValues) -> tuple[Sh
     else:
         rows = zip(own.levels, slopes, ways, strict=True)
         noise = [(level, run_residuals(level.runs, J[:, 0], J), z / max(float(z @ z), 1e-300)) for level, J, z in rows]
-        seen = of_numbers(pooled_scatter([run_statistics(level, one, way[:, None]) for level, one, way in noise]))
+        scatter = of_numbers(pooled_scatter([run_statistics(level, one, way[:, None]) for level, one, way in noise]))
         gain = np.array([w * float(z @ z) for w, z in zip(weight, ways, strict=True)])[:, None, None] / information
-        variance, degrees = (float(one[0]) for one in Influence(gain, seen, np.zeros((0, 1)), 0.0).variance())
+        variance, degrees = (float(one[0]) for one in Influence(gain, scatter, np.zeros((0, 1)), 0.0).variance())
     settled = share if abs(step) < SETTLED else np.nan
     size = (share * (1 - share)) ** 2
     return _judged(held, at, settled, variance * size, degrees, 0.5 * (values.high - values.low))
@@ -245,8 +246,8 @@ def _judged(
     ends = (max(0.0, C - reach), min(1.0, C + reach))
     rejected = not ends[0] <= held <= ends[1]
     matters = rejected and abs(C - held) >= TRIFLE and bool((np.abs(slope * (C - held)) > MATTERS * half).any())
-    found = []
+    findings = []
     if matters or ends[1] - ends[0] > 2 * VAGUE:
         code = "runs-reject-the-share" if matters else "runs-leave-the-share-open"
-        found.append(finding(code, "friction", (), held=held, estimate=C, low=ends[0], high=ends[1]))
-    return ShareEstimate(held, sensitivity, C, ends, degrees, rejected, matters), found
+        findings.append(finding(code, "friction", (), held=held, estimate=C, low=ends[0], high=ends[1]))
+    return ShareEstimate(held, sensitivity, C, ends, degrees, rejected, matters), findings

@@ -119,19 +119,19 @@ class Estimate:
         """How the curves θ go with the levels' own estimates, (L, k, 4)."""
         return log_crossed(self.at.theta, theta, self.problem.data.points, self.model.free_share)
 
-    def influence_at(self, at: Normal, seen: LevelScatter | None = None) -> tuple[Influence, Array]:
+    def influence_at(self, at: Normal, of_levels: LevelScatter | None = None) -> tuple[Influence, Array]:
         """How T_s/size of the levels and x answer to the levels' own estimates at curves, and the Newton step from
-        there, (L + p,); `seen` is how these scatter."""
+        there, (L + p,); `of_levels` is how these scatter."""
         L, p, weight = len(self.levels), len(self.x), self.problem.weight
         take = np.zeros((L, 4, L + p))  # how T_s, τ1, τ2, C of a level go with the unknowns
         take[np.arange(L), 0, np.arange(L)] = self.size
         take[:, 1:, L:] = self.problem.M[1:].transpose(1, 0, 2)
         every = weight[:, None, None]
         gain, back = gains_of(every * at.information, every * self.along(at.theta), take, self.blocked)
-        alone = seen is None and bool((self.repeats == 1).all())
+        alone = of_levels is None and bool((self.repeats == 1).all())
         singles = self._singles(at, take) if alone else np.zeros((0, L + p))
         gradient = np.einsum("lk,lkm->m", weight[:, None] * at.score, take)
-        scatter = seen or self.scatter.of_levels
+        scatter = of_levels or self.scatter.of_levels
         return Influence((not alone) * gain, scatter, singles @ back, self.single_degrees), -gradient @ back
 
     def _singles(self, at: Normal, take: Array) -> Array:
@@ -200,10 +200,10 @@ class Estimate:
     @cached_property
     def answers(self) -> Array:
         """How the coefficients follow from T_s/size of the levels and x, (n, L + p)."""
-        first, found = self.first, np.zeros((self.model.size, len(self.levels) + len(self.x)))
-        found[:first, : len(self.levels)] = self.curve.gains * self.size * np.sqrt(self.curve.widened)
-        found[first:, len(self.levels) :] = np.eye(len(self.x))
-        return found
+        first, rows = self.first, np.zeros((self.model.size, len(self.levels) + len(self.x)))
+        rows[:first, : len(self.levels)] = self.curve.gains * self.size * np.sqrt(self.curve.widened)
+        rows[first:, len(self.levels) :] = np.eye(len(self.x))
+        return rows
 
     def with_levels(self, of_levels: Influence) -> Influence:
         """Influence on the coefficients, with the scatter of single runs about T_s(u)."""
@@ -230,21 +230,21 @@ class Estimate:
         value = np.maximum(rows @ c, 1e-300)
         return np.log(value), rows / value[:, :, None]
 
-    def intervals(self, u: Array, seen: LevelScatter | None = None) -> tuple[Array, Array, Array]:
+    def intervals(self, u: Array, scatter: LevelScatter | None = None) -> tuple[Array, Array, Array]:
         """Least and largest ln T_s, ln τ1, ln τ2 at inputs and their degrees of freedom, (3, m) each.
 
-        `seen` is how the levels scatter where more than these show it. Where τ2 is known so little that the estimate is
-        not linear in it, its ends are those of the score test, and T_s and τ1 reach over all that go with a τ2 between
-        them.
+        `scatter` is how the levels scatter where more than these show it. Where τ2 is known so little that the
+        estimate is not linear in it, its ends are those of the score test, and T_s and τ1 reach over all that
+        go with a τ2 between them.
         """
         value, slopes = self.numbers(u, self.coefficients)
         influence = self.influence
-        if seen is not None:
-            influence = self.influence_at(self.at, seen)[0].of(self.answers)
+        if scatter is not None:
+            influence = self.influence_at(self.at, scatter)[0].of(self.answers)
         variance, degrees = (v.reshape(3, -1) for v in influence.of(slopes.reshape(-1, self.model.size)).variance())
         reach = t_quantile(degrees) * np.sqrt(variance)
         low, high = value - reach, value + reach
-        if seen is None and (self.repeats == 1).all() and not self.by_levels:
+        if scatter is None and (self.repeats == 1).all() and not self.by_levels:
             return low, high, degrees
         covariance = influence.covariance()
         for i in np.flatnonzero((reach[2] > CURVED) & np.isfinite(reach[2])).tolist():
@@ -253,7 +253,7 @@ class Estimate:
             size = np.sqrt(np.maximum(np.diag(among), 1e-300))
             alone = reach[:2, i] * np.sqrt(np.maximum(1 - (among[:2, 2] / (size[:2] * size[2])) ** 2, 0.0))
             for side, ends in ((-1.0, low), (1.0, high)):
-                reached = self._reached(u[i : i + 1], way, side * float(reach[2, i]), seen)
+                reached = self._reached(u[i : i + 1], way, side * float(reach[2, i]), scatter)
                 if reached is None:
                     ends[2, i] = side * np.inf
                     continue
@@ -262,7 +262,7 @@ class Estimate:
                 high[:2, i] = np.maximum(high[:2, i], reached[:2] + alone)
         return low, high, degrees
 
-    def _reached(self, u: Array, way: Array, reach: float, seen: LevelScatter | None) -> Array | None:
+    def _reached(self, u: Array, way: Array, reach: float, scatter: LevelScatter | None) -> Array | None:
         """ln T_s, ln τ1, ln τ2 where τ2 is moved along a way of the coefficients until the runs reject it."""
         limits = self.problem.limits
 
@@ -273,7 +273,7 @@ class Estimate:
             there = self.problem.at(x)
             c = np.append(self.curve.coefficients + self.curve.gains @ (there.theta[0] - self.at.theta[0]), x)
             value, slopes = self.numbers(u, c)
-            influence, step = self.influence_at(there, seen)
+            influence, step = self.influence_at(there, scatter)
             variance, degrees = influence.of(slopes[2] @ self.answers).variance()
             back = -float(slopes[2, 0] @ self.answers @ step) * np.sign(reach)
             return value[:, 0], back / float(t_quantile(degrees)[0] * np.sqrt(variance[0]))

@@ -80,15 +80,15 @@ def coefficient_intervals(
 ) -> CoefficientIntervals:
     """95 % intervals of the coefficients in powers of the input; None where a constraint holds the parameter."""
     sd = np.sqrt(np.maximum(np.diag(covariance), 0))
-    found: dict[str, tuple[Interval, ...]] = {}
+    intervals: dict[str, tuple[Interval, ...]] = {}
     for name, count in zip(BLOCKS, c.counts, strict=True):
-        own = c.block(name)
+        block = c.block(name)
         scale = 100.0 ** np.arange(count)
-        reach = t_quantile(median(degrees[name])) * sd[own]
-        low, high = (c.values[own] - reach) / scale, (c.values[own] + reach) / scale
+        reach = t_quantile(median(degrees[name])) * sd[block]
+        low, high = (c.values[block] - reach) / scale, (c.values[block] + reach) / scale
         held = name in constrained or not np.isfinite(reach).all()
-        carried = (c.values[own] != 0) | (reach > 0)  # a power that the levels do not carry is 0, not known to be 0
-        found[name] = tuple(
+        carried = (c.values[block] != 0) | (reach > 0)  # a power that the levels do not carry is 0, not known to be 0
+        intervals[name] = tuple(
             (float(a), float(b)) if fine and not held else None for a, b, fine in zip(low, high, carried, strict=True)
         )
     share: Interval = None
@@ -96,7 +96,7 @@ def coefficient_intervals(
         reach = t_quantile(min(median(df) for df in degrees.values())) * sd[-1]
         if np.isfinite(reach):
             share = (max(0.0, float(c.values[-1] - reach)), min(1.0, float(c.values[-1] + reach)))
-    return CoefficientIntervals(**found, C=share)
+    return CoefficientIntervals(**intervals, C=share)
 
 
 def covariance_part(c: Coefficients, covariance: Array, degrees: Degrees, source: str) -> Covariance:

@@ -138,14 +138,14 @@ def explains_little(outputs: Sequence[Array], residuals: Sequence[Array]) -> boo
 
 def fit_findings(part: Estimate, active_at: Mapping[str, Sequence[float]], held_out: Sequence[float]) -> list[Finding]:
     """Warnings about the ten coefficients; `active_at`: the constraints that hold them, and where."""
-    found = []
+    findings = []
     if part.solver is not None and not part.solver.converged:
-        found.append(finding("fit-not-converged", "nonlinear", predicted_decrease=part.solver.predicted_decrease))
+        findings.append(finding("fit-not-converged", "nonlinear", predicted_decrease=part.solver.predicted_decrease))
     for code, at in active_at.items():
-        found.append(finding("constraint-holds", "nonlinear", sorted({*at[:1], *at[-1:]}), constraint=code))
+        findings.append(finding("constraint-holds", "nonlinear", sorted({*at[:1], *at[-1:]}), constraint=code))
     if outside := [u for u in held_out if not part.u_range[0] <= u <= part.u_range[1]]:
-        found.append(finding("held-out-beyond-the-levels", "nonlinear", outside))
-    return found
+        findings.append(finding("held-out-beyond-the-levels", "nonlinear", outside))
+    return findings
 
 
 def missed(subject: str, data: Data, residuals: Sequence[Array], model: Estimate | Pooled) -> list[Finding]:

@@ -67,13 +67,16 @@ def tested(base: Solved, stepwise: bool) -> Tested:
         return Tested(base, Falls(), (finding("release-not-seen", "release"),))
     whole = with_falls(base, names)
     uncertainty = spread(whole)
-    found, kept = _judged(whole, uncertainty, names)
+    judgements, left_in = _judged(whole, uncertainty, names)
     solved = base
-    if kept:
-        solved = whole if kept == names else with_falls(base, kept)
-        if kept != names:
-            found = {**_judged(solved, spread(solved), kept)[0], **{k: v for k, v in found.items() if k not in kept}}
-    return Tested(solved, _as_result(found, kept), _findings(solved, found, kept), kept)
+    if left_in:
+        solved = whole if left_in == names else with_falls(base, left_in)
+        if left_in != names:
+            judgements = {
+                **_judged(solved, spread(solved), left_in)[0],
+                **{k: v for k, v in judgements.items() if k not in left_in},
+            }
+    return Tested(solved, _as_result(judgements, left_in), _findings(solved, judgements, left_in), left_in)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +108,7 @@ def with_falls(base: Solved, names: tuple[str, ...]) -> Solved:
 
 
 def _judged(solved: Solved, uncertainty: Spread, names: tuple[str, ...]) -> tuple[dict[str, Judged], tuple[str, ...]]:
-    found, kept = {}, []
+    judgements, kept = {}, []
     model = solved.setup.model
     for name in names:
         at, count = solved.setup.at(name), len(NOTHING[name])
@@ -120,10 +123,10 @@ def _judged(solved: Solved, uncertainty: Spread, names: tuple[str, ...]) -> tupl
         half = np.array([uncertainty.of(np.eye(solved.setup.size)[at + k]) for k in range(count)])
         scale = against if name == "rest" else 1.0
         differs = chance < CHANCE and bool((np.abs(off / scale) > LEAST[name]).any())
-        found[name] = Judged(values, half, chance, differs)
+        judgements[name] = Judged(values, half, chance, differs)
         if differs:
             kept.append(name)
-    return found, tuple(kept)
+    return judgements, tuple(kept)
 
 
 def _chance(off: Array, G: Array, uncertainty: Spread) -> float:
@@ -143,36 +146,36 @@ def _interval(one: Judged, k: int, scale: float = 1.0) -> Interval:
     return (float(low), float(high)) if np.isfinite(low + high) and high - low < 1e6 else None
 
 
-def _as_result(found: dict[str, Judged], kept: tuple[str, ...]) -> Falls:
-    said: dict[str, float | Interval | bool] = {}
+def _as_result(judgements: dict[str, Judged], kept: tuple[str, ...]) -> Falls:
+    values: dict[str, float | Interval | bool] = {}
     for name, called in (("rest", "release"), ("fall", "fall"), ("excess", "hysteresis")):
-        said[f"{called}_fitted"] = name in kept
-        if name not in found:
+        values[f"{called}_fitted"] = name in kept
+        if name not in judgements:
             continue
-        one = found[name]
-        said[f"{called}_chance"] = one.chance
+        one = judgements[name]
+        values[f"{called}_chance"] = one.chance
         if name == "excess":
-            said |= {"hysteresis_pct": 100 * float(one.values[0]), "hysteresis_ci95": _interval(one, 0, 100.0)}
+            values |= {"hysteresis_pct": 100 * float(one.values[0]), "hysteresis_ci95": _interval(one, 0, 100.0)}
             continue
         for k, tau in enumerate(("tau1", "tau2")):
-            said[f"{called}_{tau}"] = float(one.values[k])
+            values[f"{called}_{tau}"] = float(one.values[k])
             if name == "fall":
-                said[f"fall_{tau}_ci95"] = _interval(one, k)
-    return msgspec.structs.replace(Falls(), **said)
+                values[f"fall_{tau}_ci95"] = _interval(one, k)
+    return msgspec.structs.replace(Falls(), **values)
 
 
-def _findings(solved: Solved, found: dict[str, Judged], kept: tuple[str, ...]) -> tuple[Finding, ...]:
+def _findings(solved: Solved, judgements: dict[str, Judged], kept: tuple[str, ...]) -> tuple[Finding, ...]:
     (edge1, edge2), findings = edges(solved).tolist(), [finding("release-not-seen", "release")]
-    if "rest" in found:
-        (tau1, tau2), chance = found["rest"].values.tolist(), found["rest"].chance
+    if "rest" in judgements:
+        (tau1, tau2), chance = judgements["rest"].values.tolist(), judgements["rest"].chance
         findings = [finding("release-alike", "release", tau1_s=edge1, tau2_s=edge2, chance=chance)]
         if "rest" in kept:
             own = {"tau1_s": tau1, "tau2_s": tau2, "edge1_s": edge1, "edge2_s": edge2}
             findings = [finding("release-differs", "release", (), **own, chance=chance)]
     if "fall" in kept:
-        (tau1, tau2), chance = found["fall"].values.tolist(), found["fall"].chance
+        (tau1, tau2), chance = judgements["fall"].values.tolist(), judgements["fall"].chance
         findings.append(finding("falls-differ", "nonlinear", tau1_factor=tau1, tau2_factor=tau2, chance=chance))
     if "excess" in kept:
-        (excess,), chance = found["excess"].values.tolist(), found["excess"].chance
+        (excess,), chance = judgements["excess"].values.tolist(), judgements["excess"].chance
         findings.append(finding("hysteresis", "nonlinear", excess_pct=100 * excess, chance=chance))
     return tuple(findings)

@@ -83,13 +83,13 @@ class LevelValues:
 
         Where a constraint holds τ2 beyond a record, the share of T_s that it delays is not seen, and T_s has none.
         """
-        found: dict[str, Interval] = {}
+        ends_by_name: dict[str, Interval] = {}
         for k, name in enumerate(CURVES):
             low, high = float(self.low[k, i]), float(self.high[k, i])
             fine = name not in self.held[i] and self.theta[k, i] > 0 and high - low < 2 * SAYS_NOTHING
             fine &= not (name == "Ts" and "tau2" in self.held[i] and self.theta[2, i] > self.levels[i].time_s[-1])
-            found[name] = (float(np.exp(low)), float(np.exp(high))) if fine else None
-        return found
+            ends_by_name[name] = (float(np.exp(low)), float(np.exp(high))) if fine else None
+        return ends_by_name
 
 
 def quoted(
@@ -114,15 +114,15 @@ def of_own_levels(own: OwnLevels) -> LevelValues:
     return quoted(own.levels, own.theta, own.scatter.held, own.intervals)
 
 
-def white_ends(seen: Scatter) -> tuple[Array, Array, Array]:
+def white_ends(scatter: Scatter) -> tuple[Array, Array, Array]:
     """The textbook's ends of each level by itself: θ ± t s on its logarithm, from s² A⁻¹."""
     ends = []
-    for level, J in zip(seen.levels, seen.jacobians, strict=True):
+    for level, J in zip(scatter.levels, scatter.jacobians, strict=True):
         noise, spare = textbook([level.mean - J[:, 0]], J.shape[1])
         reach = t_quantile(spare) * np.sqrt(np.maximum(np.diag(np.linalg.pinv(J.T @ J)) * noise, 0.0))[:3]
         ends.append((np.log1p(-np.minimum(reach, 1 - 1e-12)), np.log1p(reach), np.full(3, spare)))
     low, high, degrees = (np.array(part).T for part in zip(*ends, strict=True))
-    value = np.log(np.maximum([[c.Ts, c.tau1, c.tau2] for c in seen.curves], 1e-300)).T
+    value = np.log(np.maximum([[c.Ts, c.tau1, c.tau2] for c in scatter.curves], 1e-300)).T
     return value + low, value + high, degrees
 
 
@@ -131,7 +131,7 @@ def friction_part(
 ) -> tuple[Friction, list[Finding]]:
     """The friction model: rows of all levels, trends, and their warnings; `own` where each was fitted by itself."""
     over, x = trend_axis(stepset, data.u)
-    found, coefficient = _coefficients(stepset, over, x, values.theta[0])
+    findings, coefficient = _coefficients(stepset, over, x, values.theta[0])
     left = residuals(values.theta, data.records)
     shown = options.ci != "none"
     rows = []
@@ -156,17 +156,17 @@ def friction_part(
         )  # fmt: skip
     by_name = {name: [getattr(row, name) for row in rows] for name in (*CURVES, "C_f")}
     trends, more = fitted_trends(stepset.kind, over, x, by_name)
-    found += more
+    findings += more
     if shown and trends and own is not None:
         columns = {name: np.array(by_name[name], dtype=float) for name in trends}
         spread = np.sqrt(np.einsum("lkk->kl", own.scatter.of_levels.covariance(actual=True))[:3])
         sd = {name: column * spread[{"tau1": 1, "tau2": 2}.get(name, 0)] for name, column in columns.items()}
         known = own.scatter.source == "repeats" and options.ci != "white"
         trends, more = trends_with_intervals(trends, x, columns, sd if known else None, own.scatter.degrees)
-        found += more
+        findings += more
     share = values.theta[3, 0].item() if options.held_share is not None else None
     solver = None if own is None else own.solver
-    return Friction(share, over, tuple(rows), trends, solver, robust=huber), found
+    return Friction(share, over, tuple(rows), trends, solver, robust=huber), findings
 
 
 def _coefficients(stepset: StepSet, over: str, x: Array, Ts: Array) -> tuple[list[Finding], list[float | None]]:
@@ -221,27 +221,27 @@ def level_findings(
     unit, u = stepset.input_unit, [level.level for level in values.levels]
     Ts, tau1, tau2 = values.theta[:3]
     met = (tau2 <= tau1 * (1 + MEETING)) & (Ts > 0)
-    found = []
+    findings = []
 
     def where(holds: Mask) -> list[float]:
         return [at for at, there in zip(u, holds, strict=True) if there]
 
     if met.any():
         taus = tuple(float(f"{tau:.3g}") for tau in tau1[met])
-        found.append(finding("taus-meet", subject, where(met), taus_s=taus, unit=unit))
+        findings.append(finding("taus-meet", subject, where(met), taus_s=taus, unit=unit))
 
     cases = {"fast-rise-not-resolved": tau1 <= TAU_FLOOR_S * (1 + MEETING), "output-does-not-rise": Ts <= 0}
-    found += [finding(code, subject, where(holds), unit=unit) for code, holds in cases.items() if holds.any()]
+    findings += [finding(code, subject, where(holds), unit=unit) for code, holds in cases.items() if holds.any()]
     for name in CURVES:
         holds = np.array([name in held for held in values.held]) & ~(met & (name in TAUS))
         if holds.any():
-            found.append(finding("parameter-constrained", subject, where(holds), parameter=name, unit=unit))
+            findings.append(finding("parameter-constrained", subject, where(holds), parameter=name, unit=unit))
     records = [float(level.time_s[-1]) for level in values.levels]
     for i in np.flatnonzero(values.open[2]).tolist():
         if "tau2" in values.held[i]:
             continue
         low, high = np.exp(values.low[2, i]), np.exp(min(values.high[2, i], 700.0))
-        found.append(
+        findings.append(
             finding(
                 "tau2-open", subject, [u[i]],
                 low_s=float(low) if low > 1e-3 * records[i] else None,
@@ -252,32 +252,32 @@ def level_findings(
     beyond = ~values.open[2] & (tau2 > records)
     if beyond.any():
         longest = float(np.max(np.array(records)[beyond]))
-        found.append(finding("tau2-outlasts-record", subject, where(beyond), record_s=longest, unit=unit))
-    return found
+        findings.append(finding("tau2-outlasts-record", subject, where(beyond), record_s=longest, unit=unit))
+    return findings
 
 
 def own_level_findings(own: OwnLevels, values: LevelValues, stepset: StepSet) -> list[Finding]:
     """What levels that were fitted by themselves leave open, a free C among it."""
     seen, unit = own.scatter, stepset.input_unit
-    found = level_findings(values, partial(curve_half_width, seen), "friction", stepset)
+    findings = level_findings(values, partial(curve_half_width, seen), "friction", stepset)
     if failed := [
         level.level for level, one in zip(own.levels, own.each, strict=True) if not one.solved.solver.converged
     ]:
-        found.append(finding("level-not-converged", "friction", failed, unit=unit))
+        findings.append(finding("level-not-converged", "friction", failed, unit=unit))
     for i, level in enumerate(own.levels if seen.share_free else ()):
         ends = own.share_interval(i)
         if ends is None or ends[1] - ends[0] > 0.5:
             low, high = ends or (0.0, 1.0)
-            found.append(finding("free-share-open", "friction", [level.level], low=low, high=high, unit=unit))
+            findings.append(finding("free-share-open", "friction", [level.level], low=low, high=high, unit=unit))
     if values.open.any(axis=0).all():
-        found.append(finding("no-level-determines-all", "friction"))
-    return found
+        findings.append(finding("no-level-determines-all", "friction"))
+    return findings
 
 
-def curve_half_width(seen: Scatter, i: int, most: int = 200) -> float:
+def curve_half_width(scatter: Scatter, i: int, most: int = 200) -> float:
     """95 % half-width of one level's output curve within its record, in the output's unit."""
-    J = seen.jacobians[i]
+    J = scatter.jacobians[i]
     J = J[np.unique(np.floor(np.geomspace(1, len(J), most))).astype(int) - 1]
-    found = Influence(J.T[None], seen.of_levels.alone(i), np.zeros((0, len(J))), 0.0)
-    variance, degrees = found.variance()
+    influence = Influence(J.T[None], scatter.of_levels.alone(i), np.zeros((0, len(J))), 0.0)
+    variance, degrees = influence.variance()
     return float((t_quantile(degrees) * np.sqrt(variance)).max())

@@ -169,8 +169,8 @@ class Solution:
 def fit_nonlinear(data: Data, share: float | None) -> Solution:
     """The joint fit of the paper: ten coefficients by least squares, each sample of the mean curves alike."""
     steps = StepProblem(data, nonlinear(data.u, share), np.ones(len(data.u)))
-    found = form_starts(steps.model, data, steps.weight)
-    begin = [*found, *touching_starts(found[0], steps.model, data, steps.weight)]
+    starts = form_starts(steps.model, data, steps.weight)
+    begin = [*starts, *touching_starts(starts[0], steps.model, data, steps.weight)]
     begin = [bring_in(x, steps.inner, steps.problem) for x in begin]
     return _confirmed(steps, ended([approach(steps.problem, x) for x in begin], steps.problem))
 

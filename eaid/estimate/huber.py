@@ -48,8 +48,8 @@ def minimise(
     if loss == "squares":
         return solved, None
     r = residuals(solved, data)
-    rounds, moved, sigma = 0, np.inf, 0.0
-    while moved > SETTLED and rounds < 200:
+    moved, sigma = np.inf, 0.0
+    for _ in range(200):
         sigma = 1.4826 * float(np.median(np.abs(np.concatenate(r))))  # by the median of |r|, over all samples
         if sigma == 0.0:
             break
@@ -60,14 +60,15 @@ def minimise(
             for record, one in zip(data.records, r, strict=True)
         )
         solved = again(replace(data, records=records, together=None), solved)
-        found = residuals(solved, data)
-        moved = max(float(np.abs(a - b).max()) for a, b in zip(found, r, strict=True)) / sigma
-        r = found
-        rounds += 1
+        after = residuals(solved, data)
+        moved = max(float(np.abs(a - b).max()) for a, b in zip(after, r, strict=True)) / sigma
+        r = after
+        if moved <= SETTLED:
+            break
     rows = zip(data.u.tolist(), data.records, r, strict=True)
     weights = tuple(weights_on(u, record.t_s, one, K * sigma) for u, record, one in rows)
     settled = bool(moved <= SETTLED or sigma == 0.0)
-    return solved, Huber(k=K, sigma=sigma, rounds=rounds, settled=settled, weights=weights)
+    return solved, Huber(k=K, sigma=sigma, settled=settled, weights=weights)
 
 
 def weights_on(level: float, t_s: Array, residual: Array, cut: float) -> HuberLevel:

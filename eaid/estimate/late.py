@@ -103,10 +103,10 @@ def delay_of(base: Solved, index: int, log: RecordedLog) -> int:
         further = rows + int(np.sign(step))
         moved = shifted(log, further)
         x = aligned(base.fitted, x, moved).x
-        found = one_step(base.fitted, x, moved)
-        if found[0] * step < 0 and abs(found[0]) >= abs(step):
+        further_step = one_step(base.fitted, x, moved)
+        if further_step[0] * step < 0 and abs(further_step[0]) >= abs(step):
             break
-        rows, (step, sd) = further, found
+        rows, (step, sd) = further, further_step
     least = max(LEAST_ROWS[log.stepwise], float(student.isf(CHANCE / 2, STRETCHES - 1)) * sd)
     return rows if abs(rows + step) >= least else 0
 

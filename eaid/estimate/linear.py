@@ -80,14 +80,14 @@ def to_logs(x: Array) -> Array:
     return np.array([[0.0, -1 / tau], [1 / gain, 0.0], [-1 / gain, 1 / tau]]) if gain else np.full((3, 2), np.nan)
 
 
-def influence(data: Data, form: Model, x: Array, curves: Sequence[Friction], seen: LevelScatter) -> Influence:
+def influence(data: Data, form: Model, x: Array, curves: Sequence[Friction], scatter: LevelScatter) -> Influence:
     """How x answers to the levels' own curves."""
     steps = StepProblem(data, form, np.ones(len(data.u)))
-    own = np.array([[one.Ts, one.tau1, one.tau2, one.C] for one in curves]).T
-    along = log_crossed(own, form.theta(x, steps.M), data.points, seen.expected.shape[1] == 4)
+    curve_values = np.array([[one.Ts, one.tau1, one.tau2, one.C] for one in curves]).T
+    along = log_crossed(curve_values, form.theta(x, steps.M), data.points, scatter.expected.shape[1] == 4)
     assert steps.problem.exact is not None
     back = scaled_inverse(0.5 * steps.problem.exact(x), UNSEEN)
-    return Influence(along @ steps.M.transpose(1, 0, 2) @ back, seen, np.zeros((0, len(x))), 0.0)
+    return Influence(along @ steps.M.transpose(1, 0, 2) @ back, scatter, np.zeros((0, len(x))), 0.0)
 
 
 def textbook_covariance(data: Data, form: Model, x: Array) -> tuple[Array, float]:
@@ -117,15 +117,15 @@ def single_levels(data: Data, solved: Sequence[Solution]) -> tuple[LinearLevel, 
     return tuple(rows)
 
 
-def bounds_of(rows: Sequence[LinearLevel], kept: Sequence[float] | None = None) -> Bounds:
-    """Least and largest B over the kept levels (all where `kept` is None); levels without a positive b0 have none."""
-    chosen = [row for row in rows if kept is None or row.level in kept]
+def bounds_of(rows: Sequence[LinearLevel], wanted: Sequence[float] | None = None) -> Bounds:
+    """Least and largest B over the kept levels (all where `wanted` is None); levels without a positive b0 have none."""
+    chosen = [row for row in rows if wanted is None or row.level in wanted]
     known = [row.B for row in chosen if row.B is not None]
     levels = tuple(row.level for row in chosen)
     return Bounds(levels=levels, B_m=min(known, default=None), B_M=max(known, default=None))
 
 
-def pooled_intervals(fit: Pooled, data: Data, solved: Solution, seen: Scatter, white: bool) -> PooledIntervals:
+def pooled_intervals(fit: Pooled, data: Data, solved: Solution, scatter: Scatter, white: bool) -> PooledIntervals:
     """95 % intervals of the pooled a0, b0, c0; one level leaves c0 to b0."""
     form, x = unknowns(solved)
     turn = to_parameters(form, x)
@@ -133,16 +133,16 @@ def pooled_intervals(fit: Pooled, data: Data, solved: Solution, seen: Scatter, w
         covariance, spare = textbook_covariance(data, form, x)
         variance, degrees = np.diag(turn @ covariance @ turn.T), np.full(len(turn), spare)
     else:
-        variance, degrees = influence(data, form, x, seen.curves, seen.of_levels).of(turn).variance()
+        variance, degrees = influence(data, form, x, scatter.curves, scatter.of_levels).of(turn).variance()
     ends = map(interval_of, (fit.a0, fit.b0, fit.c0), variance.tolist(), degrees.tolist())
     return PooledIntervals(*ends, dof=dict(zip(("a0", "b0", "c0"), degrees.tolist(), strict=False)))
 
 
 def level_intervals(
-    rows: Sequence[LinearLevel], data: Data, solved: Sequence[Solution], seen: Scatter, white: bool
+    rows: Sequence[LinearLevel], data: Data, solved: Sequence[Solution], scatter: Scatter, white: bool
 ) -> list[LinearLevelIntervals]:
     """95 % intervals of a0, gain and B of every level."""
-    found = []
+    intervals = []
     for i, (row, one) in enumerate(zip(rows, solved, strict=True)):
         alone, (form, x) = data.one(i), unknowns(one)
         turn, values = to_logs(x), (row.a0, row.gain, row.B)
@@ -152,13 +152,13 @@ def level_intervals(
             ends = [
                 None if v is None else interval_of(v, v * v * one, spare) for v, one in zip(values, logs, strict=True)
             ]
-            found.append(LinearLevelIntervals(*ends))
+            intervals.append(LinearLevelIntervals(*ends))
             continue
-        near = influence(alone, form, x, seen.curves[i : i + 1], seen.of_levels.alone(i)).of(turn)
+        near = influence(alone, form, x, scatter.curves[i : i + 1], scatter.of_levels.alone(i)).of(turn)
         variance, degrees = (each.tolist() for each in near.variance())
         dof = dict(zip(("a0", "gain", "B"), degrees, strict=True))
-        found.append(LinearLevelIntervals(*map(log_interval_of, values, variance, degrees), dof=dof))
-    return found
+        intervals.append(LinearLevelIntervals(*map(log_interval_of, values, variance, degrees), dof=dof))
+    return intervals
 
 
 def bound_intervals(bounds: Bounds, rows: Sequence[LinearLevel]) -> BoundsIntervals:
@@ -172,7 +172,7 @@ def bound_intervals(bounds: Bounds, rows: Sequence[LinearLevel]) -> BoundsInterv
 
 
 def linear_part(
-    data: Data, seen: Scatter, options: FitOptions, held_out: Sequence[Level] = ()
+    data: Data, scatter: Scatter, options: FitOptions, held_out: Sequence[Level] = ()
 ) -> tuple[Linear, list[Finding]]:
     """The linear model, pooled and per level, with the bounds of B, intervals, and warnings."""
     solved, huber = minimise(data, options.loss, fit_linear, lambda d, _: fit_linear(d), Solution.residuals)
@@ -183,32 +183,32 @@ def linear_part(
     )
     rows = single_levels(data, each)
     wanted = options.bounds_levels
-    kept = None if wanted is None else wanted_levels(wanted, [row.level for row in rows], "bounds_levels")
-    bounds = bounds_of(rows, kept)
+    levels = None if wanted is None else wanted_levels(wanted, [row.level for row in rows], "bounds_levels")
+    bounds = bounds_of(rows, levels)
     white = options.ci == "white"
-    pooled = pooled_intervals(one, data, solved, seen, white)
-    found = [*linear_findings(data, one, rows, bounds, pooled), *huber_findings("linear", huber)]
-    found += missed("linear", data, left, one)
+    pooled = pooled_intervals(one, data, solved, scatter, white)
+    findings = [*linear_findings(data, one, rows, bounds, pooled), *huber_findings("linear", huber)]
+    findings += missed("linear", data, left, one)
     if options.ci != "none":
-        ends = level_intervals(rows, data, each, seen, white)
+        ends = level_intervals(rows, data, each, scatter, white)
         rows = tuple(msgspec.structs.replace(row, ci95=ci) for row, ci in zip(rows, ends, strict=True))
         bounds = msgspec.structs.replace(bounds, ci95=bound_intervals(bounds, rows))
         one = msgspec.structs.replace(one, ci95=pooled)
     beyond = metrics.hold_out(held_out, lambda level: model.step_response(p, level.time_s, level.level), total.rmse)
-    known = not any(told.code in NOT_IDENTIFIABLE for told in found)
+    known = not any(told.code in NOT_IDENTIFIABLE for told in findings)
     part = Linear.of(one, per_level=rows, bounds=bounds, robust=huber, hold_out=beyond, identifiable=known)
-    return part, found
+    return part, findings
 
 
 def linear_findings(
     data: Data, fit: Pooled, rows: Sequence[LinearLevel], bounds: Bounds, ci95: PooledIntervals
 ) -> list[Finding]:
     """Warnings about the linear model and the bounds of B."""
-    found, solver, several = [], fit.solver, len(rows) > 1
+    findings, solver, several = [], fit.solver, len(rows) > 1
     if solver is not None and not solver.converged:
-        found.append(finding("fit-not-converged", "linear", predicted_decrease=solver.predicted_decrease))
+        findings.append(finding("fit-not-converged", "linear", predicted_decrease=solver.predicted_decrease))
     if solver is not None and solver.at_bounds:
-        found.append(finding("a0-not-determined", "linear", constraint=solver.at_bounds[0]))
+        findings.append(finding("a0-not-determined", "linear", constraint=solver.at_bounds[0]))
     levels = {
         "linear-output-negative": [u for u in data.u.tolist() if fit.b0 * u + fit.c0 < 0],
         "linear-level-beyond-record": [
@@ -216,13 +216,13 @@ def linear_findings(
         ],
         "level-without-b": [row.level for row in rows if row.B is None and row.level in bounds.levels],
     }
-    found += [finding(code, "linear", at) for code, at in levels.items() if at]
+    findings += [finding(code, "linear", at) for code, at in levels.items() if at]
     if not several:
-        found.append(finding("one-level-linear", "linear", [rows[0].level]))
+        findings.append(finding("one-level-linear", "linear", [rows[0].level]))
     for name in ("a0", "b0") if several else ("a0",):
         ends = getattr(ci95, name)
         if ends is not None and ends[0] <= 0:
-            found.append(finding(f"{name}-may-be-zero", "linear", low=ends[0], high=ends[1]))
+            findings.append(finding(f"{name}-may-be-zero", "linear", low=ends[0], high=ends[1]))
     if bounds.B_m is None:
-        found.append(finding("no-b-bounds", "linear"))
-    return found
+        findings.append(finding("no-b-bounds", "linear"))
+    return findings

@@ -60,9 +60,9 @@ def piece_of(Z: Array, r: Array, at: NDArray[np.intp], n: int, drive: Drive, idl
     output = drive.y[drive.w > 0] - idle
 
     def binned(values: Array) -> Array:
-        found = np.zeros((len(starts), n))
-        found[:, at] = np.add.reduceat(values, starts)
-        return found
+        bins = np.zeros((len(starts), n))
+        bins[:, at] = np.add.reduceat(values, starts)
+        return bins
 
     mean = np.add.reduceat(r, starts) / count
     return Piece(
@@ -268,24 +268,24 @@ def scatter_of(solved: Solved) -> Scatter:
     return Scatter(s0, s1, gain, len(gamma), chance, tuple(cleaned))
 
 
-def scatter_findings(seen: Scatter) -> list[Finding]:
+def scatter_findings(scatter: Scatter) -> list[Finding]:
     """Whether the output differs between engagements, where there are enough to see it."""
-    if seen.count < FEWEST_ENGAGEMENTS:
-        return [finding("engagements-few", "data", count=seen.count)]
-    if seen.chance < CHANCE and seen.gain > 0:
-        return [finding("engagements-scatter", "data", scatter_pct=100 * seen.gain, count=seen.count)]
+    if scatter.count < FEWEST_ENGAGEMENTS:
+        return [finding("engagements-few", "data", count=scatter.count)]
+    if scatter.chance < CHANCE and scatter.gain > 0:
+        return [finding("engagements-scatter", "data", scatter_pct=100 * scatter.gain, count=scatter.count)]
     return []
 
 
 def densities(residuals: Sequence[Array], outputs: list[Array], steps: list[float]) -> tuple[float, float]:
     """s0 and s1 of S = s0 + s1 T², from squared sums of the residuals over short stretches."""
-    squares, found = [], []
+    squares, powers = [], []
     for r, T, dt_s in zip(residuals, outputs, steps, strict=True):
         width = max(1, round(WINDOW_S / dt_s))
         count = len(r) // width
         squares.append(np.mean(T[: count * width].reshape(count, width) ** 2, axis=1))
-        found.append(r[: count * width].reshape(count, width).sum(axis=1) ** 2 * dt_s / width)
-    x, S = np.concatenate(squares), np.concatenate(found)
+        powers.append(r[: count * width].reshape(count, width).sum(axis=1) ** 2 * dt_s / width)
+    x, S = np.concatenate(squares), np.concatenate(powers)
     design = np.column_stack([np.ones_like(x), x])
     weight = 1 / np.maximum(S.mean() * (0.1 + x / max(x.mean(), 1e-300)), 1e-300)
     s0, s1 = np.linalg.lstsq(design * weight[:, None], S * weight, rcond=None)[0].tolist()

@@ -248,14 +248,14 @@ class Record:
 
 def residuals(theta: Array, records: Sequence[Record]) -> list[Array]:
     """f − y at every sample of each level, shapes (n_l,)."""
-    found = []
+    left = []
     for (Ts, tau1, tau2, share), record in zip(theta.T, records, strict=True):
         r = (-Ts * share) * decay(record, tau1)
         r -= (Ts * (1.0 - share)) * decay(record, tau2)
         r += Ts
         r -= record.y
-        found.append(r)
-    return found
+        left.append(r)
+    return left
 
 
 def decay(record: Record, tau: float) -> Array:

@@ -92,8 +92,8 @@ def release_fit(
     total = float(parts[:, 2].sum())
     rmse = float(np.sqrt(total / data.samples))
     tau1, tau2 = pooled.x.tolist()
-    found = Release(tau1, tau2, share, rmse, total, levels=tuple(rows), solver=pooled.solver)
-    return found, _findings(data, rows, pooled, parts)
+    part = Release(tau1, tau2, share, rmse, total, levels=tuple(rows), solver=pooled.solver)
+    return part, _findings(data, rows, pooled, parts)
 
 
 def share_reached(rise: Friction | None, held_s: float | None, share: float) -> float:
@@ -106,17 +106,17 @@ def share_reached(rise: Friction | None, held_s: float | None, share: float) -> 
 
 
 def _findings(data: Data, rows: Sequence[ReleaseLevel], pooled: Solution, parts: Array) -> list[Finding]:
-    found = []
+    findings = []
     if not pooled.solver.converged:
-        found.append(finding("fit-not-converged", "release", predicted_decrease=pooled.solver.predicted_decrease))
+        findings.append(finding("fit-not-converged", "release", predicted_decrease=pooled.solver.predicted_decrease))
     if pooled.x[1] > data.longest_s:
         tau2_s = float(pooled.x[1])
-        found.append(finding("release-beyond-record", "release", tau2_s=tau2_s, record_s=data.longest_s))
+        findings.append(finding("release-beyond-record", "release", tau2_s=tau2_s, record_s=data.longest_s))
     if "tau1-floor" in pooled.solver.at_bounds:
-        found.append(finding("release-too-fast", "release"))
+        findings.append(finding("release-too-fast", "release"))
     if "tau2-meets-tau1" in pooled.solver.at_bounds:
-        found.append(finding("release-one-exponential", "release"))
+        findings.append(finding("release-one-exponential", "release"))
     left = [row.level for row, (size, rest) in zip(rows, parts[:, :2], strict=True) if rest > 0.1 * abs(size)]
     if left:
-        found.append(finding("release-leaves-output", "release", left))
-    return found
+        findings.append(finding("release-leaves-output", "release", left))
+    return findings

@@ -190,12 +190,12 @@ def compressed(copies: Copies) -> Drive:
     """
     log, y, holds = copies.log, copies.above, copies.holds
     known, t = np.isfinite(y), log.time_s
-    at, found, w = nodes_of(t, np.where(known, y, 0.0)[None], holds.first, log.even_s, known)
+    at, values, w = nodes_of(t, np.where(known, y, 0.0)[None], holds.first, log.even_s, known)
     w = log.weight * np.where(np.isin(at, t[~known]), 0.0, w)
     hold = np.searchsorted(t[log.changes], at, side="right") - 1
-    left = log.weight * float(y[known] @ y[known]) - float(w @ (found[0] * found[0]))
+    left = log.weight * float(y[known] @ y[known]) - float(w @ (values[0] * values[0]))
     return Drive(
-        np.append(np.diff(at), t[-1] - at[-1]), holds.index[hold], holds.duty, holds.rising[hold], found[0], w,
+        np.append(np.diff(at), t[-1] - at[-1]), holds.index[hold], holds.duty, holds.rising[hold], values[0], w,
         log.baseline is not None, log.starts_idle, max(left, 0.0),
     )  # fmt: skip
 

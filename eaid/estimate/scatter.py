@@ -70,16 +70,16 @@ def logs_of(curve: Friction, share_free: bool = False) -> Array:
 
 def held_parameters(curve: Friction, record_s: float, share_free: bool) -> tuple[str, ...]:
     """Which of T_s, τ1, τ2 a constraint holds."""
-    found: list[str] = []
+    names: list[str] = []
     if curve.tau1 <= TAU_FLOOR_S * (1 + MEETING):
-        found.append("tau1")
+        names.append("tau1")
     if curve.tau2 >= (RECORDS_FREE if share_free else RECORDS) * record_s * (1 - MEETING):
-        found.append("tau2")
+        names.append("tau2")
     if curve.tau2 <= curve.tau1 * (1 + MEETING):
-        found += ["tau1", "tau2"]
+        names += ["tau1", "tau2"]
     if curve.Ts <= 0:
-        found += ["Ts", "tau1", "tau2"]
-    return tuple(dict.fromkeys(found))
+        names += ["Ts", "tau1", "tau2"]
+    return tuple(dict.fromkeys(names))
 
 
 def _window_sums(time_s: Array, scores: Array) -> Iterator[tuple[tuple[Array, ...], int]]:
@@ -303,8 +303,8 @@ class Scatter:
     def shift(self) -> Array:
         """δ of each level's mean, its own curve less the one that it has here; a factor e at most, (L, k)."""
         rows = zip(self.levels, self.jacobians, strict=True)
-        found = [inverse(J.T @ J) @ (J.T @ (level.mean - J[:, 0])) for level, J in rows]
-        return np.clip(found, -1.0, 1.0)
+        steps = [inverse(J.T @ J) @ (J.T @ (level.mean - J[:, 0])) for level, J in rows]
+        return np.clip(steps, -1.0, 1.0)
 
     @property
     def source(self) -> str:
@@ -335,15 +335,15 @@ class Scatter:
     @cached_property
     def of_levels(self) -> LevelScatter:
         """The same as intervals take it: what noise within runs makes of a level's parameters goes together."""
-        found = self.pooled
+        pooled = self.pooled
         noise = np.array([runs.within for runs in self.runs]) / self.repeats[:, None]
-        part = np.sqrt(np.clip(noise / np.maximum(found.expected, 1e-300), 0.0, 1.0))
+        part = np.sqrt(np.clip(noise / np.maximum(pooled.expected, 1e-300), 0.0, 1.0))
         white = np.array([inverse(J.T @ J) for J in self.jacobians])
         size = np.sqrt(np.maximum(np.einsum("lkk->lk", white), 1e-300))
         alike = white / (size[:, :, None] * size[:, None, :]) * part[:, :, None] * part[:, None, :]
         np.einsum("lkk->lk", alike)[:] = 1.0
         shifts = tuple(runs.shift for runs in self.runs) if self.swept else ()
-        return replace(of_numbers(found), alike=alike, shifts=shifts)
+        return replace(of_numbers(pooled), alike=alike, shifts=shifts)
 
     @property
     def swept(self) -> bool:
@@ -356,10 +356,10 @@ class Scatter:
         return float(self.pooled.degrees.sum())
 
 
-def of_numbers(found: PooledScatter) -> LevelScatter:
+def of_numbers(pooled: PooledScatter) -> LevelScatter:
     """The scatter of numbers that have nothing to do with each other, as intervals take it."""
-    alike = np.broadcast_to(np.eye(found.expected.shape[1]), (*found.expected.shape, found.expected.shape[1]))
-    return LevelScatter(found.expected, alike, found.mixed, found.relative, found.degrees)
+    alike = np.broadcast_to(np.eye(pooled.expected.shape[1]), (*pooled.expected.shape, pooled.expected.shape[1]))
+    return LevelScatter(pooled.expected, alike, pooled.mixed, pooled.relative, pooled.degrees)
 
 
 def _between(u: Array, log_values: Array, within: Array, p: int) -> float:
@@ -418,17 +418,17 @@ def unit_variances(curve: Friction, hold_s: float) -> Array:
     return np.stack([np.diag(unit), np.diag(ripple)], axis=1)
 
 
-def noise_of(seen: Scatter, records: Sequence[RunRecord]) -> results.Noise:
+def noise_of(of_runs: Scatter, records: Sequence[RunRecord]) -> results.Noise:
     """`uncertainty.noise` of a fit: the noise that its levels show.
 
     The density of the sensor's noise is the median of what the runs show while they idle, where some idle long enough.
     """
     idle = [run.idle_density for run in records if run.idle_density is not None]
     sensor = float(np.median(idle)) if idle else None
-    known = np.flatnonzero(seen.usable[:, :3].all(axis=1)).tolist()
-    units = np.reshape([unit_variances(seen.curves[i], float(seen.levels[i].time_s[-1])) for i in known], (-1, 2))
-    within = np.ravel([seen.runs[i].within[:3] for i in known])
-    pairs = zip(CURVES, seen.pooled.between.tolist(), ASSUMED.scatter, strict=False)
+    known = np.flatnonzero(of_runs.usable[:, :3].all(axis=1)).tolist()
+    units = np.reshape([unit_variances(of_runs.curves[i], float(of_runs.levels[i].time_s[-1])) for i in known], (-1, 2))
+    within = np.ravel([of_runs.runs[i].within[:3] for i in known])
+    pairs = zip(CURVES, of_runs.pooled.between.tolist(), ASSUMED.scatter, strict=False)
     scatter = {name: float(np.sqrt(a)) if np.isfinite(a) else assumed for name, a, assumed in pairs}
     return results.Noise(*_densities(units, within, sensor), scatter)
 
@@ -441,8 +441,8 @@ def _densities(units: Array, variance: Array, sensor: float | None) -> tuple[flo
     if sensor is not None:
         return sensor, max(0.0, float(design[:, 1] @ (1 - sensor * design[:, 0]) / (design[:, 1] @ design[:, 1])))
     scale = np.sqrt((design**2).sum(axis=0))
-    found = nnls(design / scale, np.ones(len(design)))[0] / scale
-    return float(found[0]), float(found[1])
+    both = nnls(design / scale, np.ones(len(design)))[0] / scale
+    return float(both[0]), float(both[1])
 
 
 def noise_of_fit(fit: Fit) -> Noise | None:

@@ -232,12 +232,12 @@ def slsqp(problem: Problem, start: Array, near: Local | None = None) -> EndPoint
                 break
             held |= outside
         reached = inside(problem, x, reached)
-        found, _ = value(reached)
-        if not found < now.cost:
+        cost, _ = value(reached)
+        if not cost < now.cost:
             break
         x, ftol = reached, FTOL
-        if now.predicted <= LITTLE * now.cost and now.cost - found >= 0.5 * now.predicted:
-            return EndPoint(x, found, evaluations)  # what there was to gain next to the minimum has been gained
+        if now.predicted <= LITTLE * now.cost and now.cost - cost >= 0.5 * now.predicted:
+            return EndPoint(x, cost, evaluations)  # what there was to gain next to the minimum has been gained
         now = _local(problem, x)
     return EndPoint(x, now.cost, evaluations)
 
@@ -265,8 +265,8 @@ def _one_round(problem: Problem, x: Array, value: Value, now: Local, held: Array
     back = np.linalg.inv(whiten(now.curvature)).T * np.sqrt(now.cost)
 
     def scaled(z: Array) -> tuple[float, Array]:
-        found, gradient = value(x + back @ z)
-        return found / now.cost, gradient @ back / now.cost
+        cost, gradient = value(x + back @ z)
+        return cost / now.cost, gradient @ back / now.cost
 
     rows, slack = problem.A[:0], problem.b[:0]
     if held.any():
@@ -302,10 +302,10 @@ def approach(problem: Problem, start: Array, steps: int = 40, near: float = NEAR
                 local = Local(cost, gradient, curvature, step.decrease)
             break
         reached = inside(problem, x, x + step.d) if step.active else x + step.d
-        found, slope, bent = problem.normal(reached)
+        lower, slope, bent = problem.normal(reached)
         evaluations += 1
-        if found < cost:
-            x, cost, gradient, curvature = reached, found, slope, bent
+        if lower < cost:
+            x, cost, gradient, curvature = reached, lower, slope, bent
             damping = max(0.1 * damping, 1e-9)
         else:
             damping *= 30
@@ -315,7 +315,7 @@ def approach(problem: Problem, start: Array, steps: int = 40, near: float = NEAR
 def ended(ends: Sequence[EndPoint], problem: Problem) -> list[EndPoint]:
     """The ends, best first, SLSQP having gone on from each that may be the best: once where several are the same."""
     order = sorted(ends, key=lambda end: end.cost)
-    found: list[EndPoint] = []
+    polished: list[EndPoint] = []
     last, solved = -np.inf, order[0]
     for end in order:
         if end.cost - last <= SAME * end.cost + problem.floor:
@@ -323,8 +323,8 @@ def ended(ends: Sequence[EndPoint], problem: Problem) -> list[EndPoint]:
         elif end.cost <= (1 + RIVAL) * order[0].cost:
             last = end.cost
             solved = end = slsqp(problem, end.x, end.local)
-        found.append(end)
-    return found
+        polished.append(end)
+    return polished
 
 
 SHIFT = 1e-5
@@ -373,13 +373,13 @@ def polish(
             break
         for length in (1.0, 0.5, 0.25, 0.1, 0.01):
             reached = inside(problem, x, x + length * step.d)
-            found, slope = full(reached)
+            lower, slope = full(reached)
             evaluations += 1
-            if found < cost:
+            if lower < cost:
                 break
         else:
             break
-        x, cost, gradient = reached, found, slope
+        x, cost, gradient = reached, lower, slope
         step = newton_step(problem, x, gradient, problem.curvature(x))
     predicted = step.decrease / max(cost, problem.floor) if step.decrease > 0 else 0.0
     if step.decrease <= SETTLED * cost and (np.abs(step.d) <= UNSEEN * np.abs(x)).all():
@@ -391,10 +391,10 @@ def polish(
 def judged(predicted: float, evaluations: int, costs: Sequence[float], at_bounds: Sequence[str] = ()) -> Solver:
     """Our verdict on a fit, from the decrease that a further step predicts, relative to the cost."""
     converged = predicted <= CONVERGED
-    said = f"a further constrained Newton step would lower the cost by {predicted:.0e} of it"
+    gain = f"a further constrained Newton step would lower the cost by {predicted:.0e} of it"
     return Solver(
         converged=converged,
-        message=f"{'converged' if converged else 'not converged'}: {said}",
+        message=f"{'converged' if converged else 'not converged'}: {gain}",
         predicted_decrease=predicted,
         evaluations=evaluations,
         starts=tuple(StartCost(float(cost)) for cost in costs),

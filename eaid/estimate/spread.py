@@ -117,24 +117,24 @@ class Influence:
 
     def variance(self) -> tuple[Array, Array]:
         """Variance of each number and its degrees of freedom, (n,) each (Satterthwaite)."""
-        seen, gain = self.levels, self.gain
-        by_level = np.einsum("lin,lij,ljn->ln", gain, seen.covariance(actual=False), gain)
-        along = gain**2 * seen.expected[:, :, None]
+        levels, gain = self.levels, self.gain
+        by_level = np.einsum("lin,lij,ljn->ln", gain, levels.covariance(actual=False), gain)
+        along = gain**2 * levels.expected[:, :, None]
         share = along * (by_level / np.maximum(along.sum(axis=1), 1e-300))[:, None]
-        expected = np.einsum("lkn,klm->kmn", share, seen.mixed)
-        part = np.einsum("kmn,km->mn", expected, seen.relative)
+        expected = np.einsum("lkn,klm->kmn", share, levels.mixed)
+        part = np.einsum("kmn,km->mn", expected, levels.relative)
         total, usual = part.sum(axis=0), expected.sum(axis=0)
         with np.errstate(divide="ignore", invalid="ignore"):
-            known = seen.degrees[:, None] > 0
-            spread = np.where(known, usual**2 / np.where(known, seen.degrees[:, None], 1.0), 0.0).sum(axis=0)
-            degrees = np.where(spread > 0, usual.sum(axis=0) ** 2 / spread, seen.degrees.sum())
+            known = levels.degrees[:, None] > 0
+            spread = np.where(known, usual**2 / np.where(known, levels.degrees[:, None], 1.0), 0.0).sum(axis=0)
+            degrees = np.where(spread > 0, usual.sum(axis=0) ** 2 / spread, levels.degrees.sum())
             alone = (self.singles**2).sum(axis=0)
-            excess = np.maximum((self._sweeps() ** 2).sum(axis=0) - total, 0.0) if seen.shifts else 0.0 * total
-            sweeps = max(len(seen.shifts[0]) - 1.0, 1.0) if seen.shifts else 1.0
+            excess = np.maximum((self._sweeps() ** 2).sum(axis=0) - total, 0.0) if levels.shifts else 0.0 * total
+            sweeps = max(len(levels.shifts[0]) - 1.0, 1.0) if levels.shifts else 1.0
             counts = (np.maximum(degrees, 1e-300), max(self.single_degrees, 1e-300), sweeps)
-            found = satterthwaite((total, alone, excess), counts)
+            degrees = satterthwaite((total, alone, excess), counts)
         whole = total + alone + excess
-        return whole, np.where(whole > 0, found, seen.degrees.sum() + self.single_degrees * bool(len(self.singles)))
+        return whole, np.where(whole > 0, degrees, levels.degrees.sum() + self.single_degrees * bool(len(self.singles)))
 
     def covariance(self) -> Array:
         """Covariance of the numbers, (n, n)."""

@@ -7,7 +7,8 @@ tried by their values at as many inputs as they have coefficients, one after the
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import TypeAlias
 
 import numpy as np
@@ -126,8 +127,7 @@ def time_constants(
 
     def better(values: list[Array], k: int, reach: float) -> float:
         """The gain at the best values of τ1 (k = 0) or τ2 (k = 1) within a factor, which replace the ones before."""
-        factors = np.geomspace(1 / reach, reach, tried)
-        candidates = values[k] * np.array(list(itertools.product(factors, repeat=sizes[k])))
+        candidates = values[k] * _factors(tried, reach, sizes[k])
         both = [np.broadcast_to(one, (len(candidates), len(one))) for one in values]
         both[k] = candidates
         gains = gain(*both)
@@ -150,6 +150,12 @@ def time_constants(
     return [(tau1, tau2) for _, tau1, tau2 in sorted(ends.values(), key=lambda row: -row[0])][:MOST]
 
 
+@lru_cache(maxsize=32)
+def _factors(count: int, reach: float, size: int) -> Array:
+    """All products of `size` of `count` factors from 1/reach to reach, (count^size, size)."""
+    return np.array(list(itertools.product(np.geomspace(1 / reach, reach, count), repeat=size)))
+
+
 def form_starts(model: Model, data: Data, weight: Array) -> list[Array]:
     """Unknowns to start from, the most promising first; `weight` of each level, (L,). τ2 may fall below τ1 in between.
 
@@ -158,7 +164,7 @@ def form_starts(model: Model, data: Data, weight: Array) -> list[Array]:
     back = [np.linalg.inv(form.rows(form.inputs)) for form in (model.tau1, model.tau2) if form is not None]
     some = slice(None, None, 1 + (len(weight) - 1) // MOST_LEVELS)
     one, two = (model.tau1.rows(data.u[some]) @ inverse for inverse in back)
-    found = []
+    starts = []
     for share in SHARES if model.share is None else (model.share,):
         table = table_of(data.points, share)
         coarse = Table(table.grid, table.gain[some])
@@ -173,8 +179,8 @@ def form_starts(model: Model, data: Data, weight: Array) -> list[Array]:
             x = np.full(model.size, share)  # where C is free, the last is C
             for part, inverse, tau in zip(model.slices[1:], back, values, strict=True):
                 x[part] = inverse @ tau
-            found.append(x if model.Ts is None else with_torque(x, model, data, weight)[0])
-    return found
+            starts.append(x)
+    return starts if model.Ts is None else [*with_torque(np.array(starts), model, data, weight)[0]]
 
 
 def touching_starts(x: Array, model: Model, data: Data, weight: Array) -> list[Array]:
@@ -186,26 +192,33 @@ def touching_starts(x: Array, model: Model, data: Data, weight: Array) -> list[A
     if form is None or form.size < 3:
         return []
     typical = max(float(np.median(model.rows(data.u)[1] @ x)), TAU_FLOOR_S)
-    middle, half = 0.5 * (model.high + model.low), 0.5 * (model.high - model.low)
-    back, ends = np.linalg.inv(form.rows(form.inputs)), []
-    for at in np.unique(data.u)[:: 1 + len(data.u) // TOUCHED]:
-        tried = []
-        for size in LONGEST * data.longest_s * np.array([0.1, 10.0, 1e3]):
-            one = x.copy()
-            one[part] = back @ (3 * typical + size * ((form.inputs - middle) / half - (at - middle) / half) ** 2)
-            tried.append(with_torque(one, model, data, weight))
-        ends.append(min(tried, key=lambda row: row[1]))
-    return [one for one, _ in sorted(ends, key=lambda row: row[1])[:2]]
+    half = 0.5 * (model.high - model.low)
+    back, tops = np.linalg.inv(form.rows(form.inputs)), np.unique(data.u)[:: 1 + len(data.u) // TOUCHED]
+    sizes = LONGEST * data.longest_s * np.array([0.1, 10.0, 1e3])
+    tried = np.tile(x, (len(tops), len(sizes), 1))
+    bends = ((form.inputs - tops[:, None]) / half) ** 2
+    tried[:, :, part] = (3 * typical + sizes[:, None] * bends[:, None]) @ back.T
+    found, cost = with_torque(tried.reshape(-1, len(x)), model, data, weight)
+    best = cost.reshape(tried.shape[:2]).argmin(axis=1) + len(sizes) * np.arange(len(tops))
+    return [*found[best[np.argsort(cost[best])[:2]]]]
 
 
-def with_torque(x: Array, model: Model, data: Data, weight: Array) -> tuple[Array, float]:
-    """The unknowns with T_s(u) by least squares, and the weighted cost."""
-    M, part = model.rows(data.u), model.slices[0]
-    theta = model.theta(x, M)
+def with_torque(x: Array, model: Model, data: Data, weight: Array) -> tuple[Array, Array]:
+    """N unknowns with T_s(u) by least squares, (N, n), and the weighted costs, (N,)."""
+    M, part, points, count = model.rows(data.u), model.slices[0], data.points, len(x)
+    theta = np.stack([model.theta(row, M) for row in x], axis=1)
     theta[0] = 0.0
-    at = level_normal(theta, data.points)  # of T_s = 0: the score is −Σ w φ y
-    square, along = at.information[:, 0, 0], -at.score[:, 0]
-    root, x = np.sqrt(np.maximum(weight * square, 1e-300)), x.copy()
-    x[part] = np.linalg.lstsq(M[0, :, part] * root[:, None], root * along / np.maximum(square, 1e-300), rcond=None)[0]
-    Ts = M[0] @ x
-    return x, float(weight @ (at.cost + Ts**2 * square - 2 * Ts * along))
+
+    def each(values: Array) -> Array:
+        return values if len(values) == 1 else np.tile(values, (count, 1))
+
+    many = replace(points, t_s=each(points.t_s), y=np.tile(points.y, (count, 1)), w=each(points.w))
+    at = level_normal(theta.reshape(4, -1), many)  # of T_s = 0: the score is −Σ w φ y
+    square = at.information[:, 0, 0].reshape(count, -1)
+    along, cost = -at.score[:, 0].reshape(count, -1), at.cost.reshape(count, -1)
+    rows, x = M[0, :, part], x.copy()
+    for one, size, wanted in zip(x, square, along, strict=True):
+        root = np.sqrt(np.maximum(weight * size, 1e-300))
+        one[part] = np.linalg.lstsq(rows * root[:, None], root * wanted / np.maximum(size, 1e-300), rcond=None)[0]
+    Ts = x @ M[0].T
+    return x, (cost + Ts**2 * square - 2 * Ts * along) @ weight

@@ -610,6 +610,8 @@ LAGS = 16
 """Part of the record up to which noise may remember."""
 LONGEST = 1.0
 """Record lengths beyond which the slow time constant is not quoted, nor the change that rests on it."""
+SHORT = 0.5
+"""Record lengths beyond which a slow time constant makes all intervals twice as wide: the tail before is not known."""
 NEARLY = 4.0
 """Difference of AICc from which two exponentials are nearly chosen."""
 WIDEST = 3.0
@@ -630,6 +632,8 @@ def with_interval(
     error = {} if refused else dict(zip(names, _errors(step, shape, free, ci, tail).tolist(), strict=True))
     if not all(map(math.isfinite, error.values())):
         error = {}
+    if shape.tau2 is not None and shape.tau2 > SHORT * window:
+        error = {name: 2.0 * half for name, half in error.items()}
     wide = {name for name in ("tau1", "tau2") if error.get(name, 0.0) > math.log(WIDEST)}
     if shape.tau2 is not None and shape.tau2 > LONGEST * window:
         wide |= {"tau2", "change"}

@@ -101,12 +101,12 @@ def _rate_pairs(s: Array, y: Array, most: int) -> list[Array]:
     g, a, b = gram[first, second], along[first], along[second]
     grid = np.full((n, n), -np.inf)
     grid[first, second] = (a * a + b * b - 2 * g * a * b) / np.maximum(1 - g * g, 1e-12)
-    found: list[Array] = []
+    pairs: list[Array] = []
     for _ in range(most):
         i, j = np.unravel_index(grid.argmax(), grid.shape)
-        found.append(rates[[i, j]])
+        pairs.append(rates[[i, j]])
         grid[max(i - 3, 0) : i + 4, max(j - 3, 0) : j + 4] = -np.inf
-    return found
+    return pairs
 
 
 def _merged_rate(s: Array, y: Array) -> Array:
@@ -141,24 +141,24 @@ def fitted_trends(
 ) -> tuple[dict[str, Trend], list[Finding]]:
     """The trends of a kind of experiment over x, (L,), without intervals."""
     trends: dict[str, Trend] = {}
-    found: list[Finding] = []
+    findings: list[Finding] = []
     for name, form in FORMS_OVER.get(kind, {}).items():
         if any(value is None for value in values[name]):
             continue
         if len(x) < LEAST[form]:
-            said: dict[str, Value] = {"over": over, "form": form, "least": LEAST[form], "count": len(x)}
-            found.append(finding("trend-needs-levels", "friction", (), parameter=name, **said))
+            facts: dict[str, Value] = {"over": over, "form": form, "least": LEAST[form], "count": len(x)}
+            findings.append(finding("trend-needs-levels", "friction", (), parameter=name, **facts))
             continue
         trend = trends[name] = fit_trend(x, np.array(values[name], dtype=np.float64), over, form)
         if trend.form == "merged-exponential":
-            found.append(finding("trend-rates-merge", "friction", parameter=name))
+            findings.append(finding("trend-rates-merge", "friction", parameter=name))
         if steep := [code for code in trend.at_bounds if code != "rates-meet"]:
-            found.append(finding("trend-follows-one-point", "friction", parameter=name, rates=tuple(steep)))
+            findings.append(finding("trend-follows-one-point", "friction", parameter=name, rates=tuple(steep)))
         if not trend.converged:
-            found.append(finding("trend-not-converged", "friction", parameter=name))
+            findings.append(finding("trend-not-converged", "friction", parameter=name))
         if trend.form == "double-exponential":
-            found += _combination(name, np.array(trend.coefficients), x)
-    return trends, found
+            findings += _combination(name, np.array(trend.coefficients), x)
+    return trends, findings
 
 
 def _combination(name: str, c: Array, x: Array) -> list[Finding]:
@@ -183,12 +183,12 @@ def trends_with_intervals(
     misses the levels by more than that, or each level has one run (None), the residuals about the trend do.
     """
     result: dict[str, Trend] = {}
-    found: list[Finding] = []
+    findings: list[Finding] = []
     for name, trend in trends.items():
         ci95, code = _coefficients(trend, x, values[name], None if sd is None else sd[name], degrees)
         result[name] = msgspec.structs.replace(trend, ci95=ci95)
-        found += [finding(code, "friction", parameter=name)] if code else []
-    return result, found
+        findings += [finding(code, "friction", parameter=name)] if code else []
+    return result, findings
 
 
 def _coefficients(

@@ -4,7 +4,7 @@ The one entry that the command line and a notebook share.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import Any, TypeVar
 
 import msgspec
@@ -40,7 +40,7 @@ from eaid.findings import Finding, finding, merged, ranked
 from eaid.models.parameters import SHARE
 from eaid.options import MODELS, FitGiven, FitOptions
 from eaid.results.common import Input, Source
-from eaid.results.fit import NOT_IDENTIFIABLE, Fit, FittedData, Friction, Rig, Uncertainty
+from eaid.results.fit import NOT_IDENTIFIABLE, Fit, FittedData, Friction, Uncertainty
 from eaid.results.verdict import judged
 from eaid.steps.stepset import Level, StepSet
 
@@ -65,16 +65,16 @@ R = TypeVar("R", bound=msgspec.Struct)
 
 def quotable(result: R) -> tuple[R, tuple[str, ...]]:
     """The result with unknown numbers as None (an interval with such an end as a whole), and the keys they stood at."""
-    found: list[str] = []
-    return _kept(result, "", found), tuple(dict.fromkeys(found))
+    names: list[str] = []
+    return _without_unsure(result, "", names), tuple(dict.fromkeys(names))
 
 
-def _kept(value: Any, key: str, found: list[str]) -> Any:
+def _without_unsure(value: Any, key: str, names: list[str]) -> Any:
     if isinstance(value, msgspec.Struct):
         changed = {}
         for name in value.__struct_fields__:
             have = getattr(value, name)
-            kept = _kept(have, name, found)
+            kept = _without_unsure(have, name, names)
             if kept is not have:
                 changed[name] = kept
         return msgspec.structs.replace(value, **changed) if changed else value
@@ -82,15 +82,15 @@ def _kept(value: Any, key: str, found: list[str]) -> Any:
         if len(value) == 2 and all(isinstance(end, float) for end in value):
             if all(_known(end) for end in value):
                 return value
-            found.append(key)
+            names.append(key)
             return None
-        items = [_kept(item, key, found) for item in value]
+        items = [_without_unsure(item, key, names) for item in value]
         return value if all(a is b for a, b in zip(items, value, strict=True)) else tuple(items)
     if isinstance(value, dict):
-        entries = {name: _kept(item, key, found) for name, item in value.items()}
+        entries = {name: _without_unsure(item, key, names) for name, item in value.items()}
         return value if all(entries[name] is value[name] for name in value) else entries
     if isinstance(value, float) and not _known(value):
-        found.append(key)
+        names.append(key)
         return None
     return value
 
@@ -154,32 +154,32 @@ def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], No
     stepset = replace(stepset, levels=kept)
     with np.errstate(all="ignore"):
         if "nonlinear" in models:
-            result, seen = _of_the_model(stepset, data, models, options, held_out, progress)
+            result, scatter = _of_the_model(stepset, data, models, options, held_out, progress)
         else:
-            result, seen = _of_each_level(stepset, data, models, options, held_out, progress)
-        found = [*result.findings, *scatter_findings(seen)]
-        pairs = zip(seen.levels, seen.jacobians, strict=True)  # ∂f/∂ln T_s is f itself
+            result, scatter = _of_each_level(stepset, data, models, options, held_out, progress)
+        findings = [*result.findings, *scatter_findings(scatter)]
+        pairs = zip(scatter.levels, scatter.jacobians, strict=True)  # ∂f/∂ln T_s is f itself
         if little := [one.level for one, J in pairs if explains_little([one.mean], [one.mean - J[:, 0]])]:
-            found.append(finding("curve-explains-little", "friction", little))
+            findings.append(finding("curve-explains-little", "friction", little))
         right = None
         if "friction" in models or "nonlinear" in models:
-            right, more = adequacy(seen, stepset.input_unit)
-            found += more
+            right, more = adequacy(scatter, stepset.input_unit)
+            findings += more
         if "linear" in models:
-            linear, more = linear_part(data, seen, options, held_out)
+            linear, more = linear_part(data, scatter, options, held_out)
             result = msgspec.structs.replace(
                 result, linear=msgspec.structs.replace(linear, robust=with_runs(linear.robust, kept))
             )
-            found += more
+            findings += more
     summary = Uncertainty(
         ci=options.ci,
-        scatter_from=seen.source,
-        degrees_of_freedom=seen.degrees,
+        scatter_from=scatter.source,
+        degrees_of_freedom=scatter.degrees,
         run_to_run_pct={
             name: 100 * float(np.sqrt(a)) if np.isfinite(a) else None
-            for name, a in zip(NAMES, seen.pooled.between.tolist(), strict=False)
+            for name, a in zip(NAMES, scatter.pooled.between.tolist(), strict=False)
         },
-        noise=noise_of(seen, stepset.runs),
+        noise=noise_of(scatter, stepset.runs),
         draws=options.draws if options.ci == "bootstrap" else None,
         share=None if result.uncertainty is None else result.uncertainty.share,
         adequacy=right,
@@ -187,10 +187,10 @@ def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], No
     result = msgspec.structs.replace(result, data=data_part(whole), uncertainty=summary)
     if stepset.releases:
         held_s = {level.level: float(level.time_s[-1]) for level in kept}
-        rises = dict(zip(data.u.tolist(), seen.curves, strict=True))
+        rises = dict(zip(data.u.tolist(), scatter.curves, strict=True))
         release, more = release_fit(stepset.releases, rises, held_s, options.held_share or SHARE)
-        result, found = msgspec.structs.replace(result, release=release), [*found, *more]
-    return msgspec.structs.replace(result, findings=tuple(found))
+        result, findings = msgspec.structs.replace(result, release=release), [*findings, *more]
+    return msgspec.structs.replace(result, findings=tuple(findings))
 
 
 def _of_the_model(
@@ -204,28 +204,28 @@ def _of_the_model(
     """The nonlinear model, and the friction curves that it gives at the levels; what the runs say about them."""
     levels = stepset.levels
     first, huber = believed(levels, data, options.held_share, options.loss)
-    seen = first.scatter
+    scatter = first.scatter
     joint, huber_of_joint = joint_fit(data, options.held_share, options.loss)
     draws = None
     if options.ci == "bootstrap":
         papers = options.estimator == "joint"
         refit = (lambda again: refit_nonlinear(again, joint).x) if papers else first.refit
-        draws = bootstrap(levels, data, seen.curves, refit, options, progress)
-    model, values, found = nonlinear_part(stepset, data, first, joint, options, held_out, draws)
+        draws = bootstrap(levels, data, scatter.curves, refit, options, progress)
+    model, values, findings = nonlinear_part(stepset, data, first, joint, options, held_out, draws)
     robust = with_runs(huber_of_joint if options.estimator == "joint" else huber, levels)
-    found += huber_findings("nonlinear", robust)
+    findings += huber_findings("nonlinear", robust)
     result = Fit(nonlinear=msgspec.structs.replace(model, robust=robust))
     if options.held_share is not None and options.ci != "none":
         share, more = share_of(first)
         result = msgspec.structs.replace(result, uncertainty=Uncertainty(share=share))
-        found += more
+        findings += more
     if "friction" in models:
         part, more = friction_part(stepset, values, data, None, options, None)
-        found += more
+        findings += more
         result = msgspec.structs.replace(
             result, friction=msgspec.structs.replace(part, identifiable=model.identifiable)
         )
-    return msgspec.structs.replace(result, findings=tuple(found)), seen
+    return msgspec.structs.replace(result, findings=tuple(findings)), scatter
 
 
 def _of_each_level(
@@ -253,16 +253,16 @@ def _of_each_level(
     elif options.ci == "bootstrap":
         values = _with_draws(values, own, data, options, progress)
     huber = with_runs(huber, levels)
-    part, found = friction_part(stepset, values, data, own, options, huber)
-    found += [*own_level_findings(own, values, stepset), *huber_findings("friction", huber)]
-    known = not any(one.code in NOT_IDENTIFIABLE for one in found)
+    part, findings = friction_part(stepset, values, data, own, options, huber)
+    findings += [*own_level_findings(own, values, stepset), *huber_findings("friction", huber)]
+    known = not any(one.code in NOT_IDENTIFIABLE for one in findings)
     part = msgspec.structs.replace(part, identifiable=known, hold_out=friction_hold_out(part, stepset, held_out))
     result = Fit(friction=part)
     if share is not None and options.ci != "none":
         of_share, more = share_of_levels(own, data, values)
         result = msgspec.structs.replace(result, uncertainty=Uncertainty(share=of_share))
-        found += more
-    return msgspec.structs.replace(result, findings=tuple(found)), own.scatter
+        findings += more
+    return msgspec.structs.replace(result, findings=tuple(findings)), own.scatter
 
 
 def _with_draws(
@@ -279,29 +279,29 @@ def _with_draws(
     return quoted(values.levels, own.theta, values.held, (value - reach, value + reach, values.degrees))
 
 
-def scatter_findings(seen: Scatter) -> list[Finding]:
+def scatter_findings(scatter: Scatter) -> list[Finding]:
     """What the scatter of the runs itself says: single runs, sweeps."""
-    if seen.source != "repeats":
-        return [finding("single-runs" if seen.source == "curve" else "single-runs-few-levels", "data")]
-    if not seen.swept:
-        return odd_repeats(seen)
-    shifted = tuple(name for name, common in zip(CURVES, seen.pooled.common, strict=False) if common > 0)
-    sweeps, runs = int(seen.repeats.max()), int(seen.repeats.sum())
-    return [*odd_repeats(seen), finding("recorded-as-sweeps", "data", sweeps=sweeps, parameters=shifted, runs=runs)]
+    if scatter.source != "repeats":
+        return [finding("single-runs" if scatter.source == "curve" else "single-runs-few-levels", "data")]
+    if not scatter.swept:
+        return odd_repeats(scatter)
+    shifted = tuple(name for name, common in zip(CURVES, scatter.pooled.common, strict=False) if common > 0)
+    sweeps, runs = int(scatter.repeats.max()), int(scatter.repeats.sum())
+    return [*odd_repeats(scatter), finding("recorded-as-sweeps", "data", sweeps=sweeps, parameters=shifted, runs=runs)]
 
 
-def odd_repeats(seen: Scatter) -> list[Finding]:
+def odd_repeats(scatter: Scatter) -> list[Finding]:
     """One repeat of three or more whose τ1 or τ2 lies off the others', at one level, or in sweeps at all of them.
 
     Its distance to the others' mean against the scatter of all runs but it, a t test at `ODD` in all; in sweeps against
     what is left of the levels, and `APART` times what the other sweeps lie apart.
     """
-    found = []
+    findings = []
     for k, name in ((1, "tau1"), (2, "tau2")):
-        size = np.sqrt(seen.pooled.expected[:, k] * seen.repeats)  # how far single runs of each level scatter
-        rows = [i for i, one in enumerate(seen.runs) if seen.usable[i, k] and len(one.shift) > 2]
-        sweeps = common_shifts(seen.runs, k) if len(rows) == len(seen.levels) else None
-        off_all = [seen.runs[i].shift[:, k] - (0.0 if sweeps is None else sweeps) for i in rows]
+        size = np.sqrt(scatter.pooled.expected[:, k] * scatter.repeats)  # how far single runs of each level scatter
+        rows = [i for i, one in enumerate(scatter.runs) if scatter.usable[i, k] and len(one.shift) > 2]
+        sweeps = common_shifts(scatter.runs, k) if len(rows) == len(scatter.levels) else None
+        off_all = [scatter.runs[i].shift[:, k] - (0.0 if sweeps is None else sweeps) for i in rows]
         squares = sum(float(d @ d) / size[i] ** 2 for i, d in zip(rows, off_all, strict=True))
         degrees = sum(len(d) - 1 for d in off_all) - (1 if sweeps is None else len(sweeps) - 1)
         limit = float(stdtrit(degrees, 1 - ODD / 4 / sum(map(len, off_all)))) if degrees > 0 else np.inf
@@ -314,10 +314,10 @@ def odd_repeats(seen: Scatter) -> list[Finding]:
             error = scale * np.sqrt(max(left, 0.0) / max(degrees, 1) * len(d) / len(others))
             apart = 0.0 if sweeps is None else APART * float(np.ptp(others))
             if abs(off) > max(limit * error, apart, LEAST_OFF):
-                runs, levels = (tuple(getattr(seen.levels[i], what) for i in at) for what in ("names", "level"))
+                runs, levels = (tuple(getattr(scatter.levels[i], what) for i in at) for what in ("names", "level"))
                 pct, names = float(100 * np.expm1(off)), tuple(one[r] for one in runs)
-                found.append(finding("repeat-is-off", "data", levels, runs=names, parameter=name, off_pct=pct))
-    return found
+                findings.append(finding("repeat-is-off", "data", levels, runs=names, parameter=name, off_pct=pct))
+    return findings
 
 
 def converged(result: Fit) -> bool:
@@ -362,7 +362,7 @@ def data_part(stepset: StepSet) -> FittedData:
         samples=tuple(len(level.time_s) for level in stepset.levels),
         record_s=tuple(float(level.time_s[-1]) for level in stepset.levels),
         sample_rate_hz=max(rates, default=None),
-        apparatus=Rig(**asdict(stepset.apparatus)),
+        apparatus=stepset.apparatus,
         sources=tuple(
             Source(
                 run.source,

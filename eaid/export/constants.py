@@ -131,7 +131,7 @@ def rc_constants(gains: RCGains, timing: Timing) -> law.RCConstants:
     g = gains
     return law.RCConstants(
         g.K_P, g.K_D, g.B_hat, g.a0, g.b0, g.c0, g.rho_constant, g.rho_slope, g.epsilon, g.gamma, g.Q12, g.Q22,
-        math.tanh(g.gamma * g.epsilon), g.duty_min, g.duty_max, g.back_calculation,
+        math.tanh(g.gamma * g.epsilon), g.duty_min, g.duty_max,
         timing.duty_on_fault, timing.dt_s, timing.stuck_samples, series(timing.precision),
     )  # fmt: skip
 
@@ -210,7 +210,6 @@ MEANS = {
     "rate.gain": ("1/s", ""),
     ".duty_min": ("i", "lowest duty of the actuator"),
     ".duty_max": ("i", "highest duty of the actuator"),
-    ".back_calculation": ("o/i", "anti-windup; 0: the integral stands still at a limit"),
     ".duty_on_fault": ("i", "given while an input is no number; yours to change"),
     ".dt": ("s", "sample time"),
     ".stuck_samples": ("", "readings alike after which the status tells"),

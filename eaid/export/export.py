@@ -26,6 +26,7 @@ from eaid.findings import Finding, finding, ranked, say, stops
 from eaid.models.parameters import Linear
 from eaid.options import ExportOptions
 from eaid.results import codec
+from eaid.results.common import Input
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains, MarginPoint, Robust
 from eaid.results.verdict import PLANT
@@ -182,8 +183,8 @@ def export(
 
 def fit_beside(gains: Gains, path: Path) -> Path | None:
     """The fit that gains were made from, where its file is still there, unchanged, and holds a plant."""
-    named = gains.inputs.fit
-    if named is None or not named.sha256:
+    named = gains.inputs.get("fit")
+    if not isinstance(named, Input) or not named.sha256:
         return None
     for candidate in (path.parent / named.path, path.parent / Path(named.path).name, Path(named.path)):
         if candidate.is_file() and sha256_of(candidate) == named.sha256:

@@ -52,7 +52,6 @@ class PIConstants(NamedTuple):
     K_I: float
     duty_min: float
     duty_max: float
-    back_calculation: float
     duty_on_fault: float
     dt: float
     stuck_samples: int
@@ -76,7 +75,6 @@ class RCConstants(NamedTuple):
     at_zero: float
     duty_min: float
     duty_max: float
-    back_calculation: float
     duty_on_fault: float
     dt: float
     stuck_samples: int
@@ -220,9 +218,7 @@ def limited(guard: Guard, wanted: float, low: float, high: float) -> tuple[Guard
 def wound(
     c: PIConstants | RCConstants, integral: float, carry: float, error: float, wanted: float, duty: float
 ) -> tuple[float, float]:
-    """The integral after a sample, with the gains' anti-windup: back-calculation, or standing still at a limit."""
-    if c.back_calculation > 0.0:
-        return added(integral, carry, c.dt * (error + c.back_calculation * (duty - wanted)))
+    """The integral after a sample; it stands still at a limit beyond which the error would drive the duty."""
     if (wanted - duty) * error > 0.0:
         return integral, carry
     return added(integral, carry, c.dt * error)

@@ -1,31 +1,18 @@
 """What a folder of logs holds: its logs, and what lies beside them in any lab: notes, pictures, models, results.
 
-A file given by name is always read, or refused. In a folder, what plainly is no log is left out, and told in one
-sentence; what looks like a log that came to harm is read, and so refused by its name.
+A file given by name is always read, or refused. In a folder, files with the ending of a log are logs, and so are others
+that hold rows of numbers; the rest is left out, and told in one sentence.
 """
 
-import json
-import re
-import tomllib
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Annotated
 
-import msgspec
-
-from eaid.declared import forms
 from eaid.errors import DataError, UsageError
-from eaid.files import LOGS, is_as_written, sha256_of, written_whole
-from eaid.findings import finding
-from eaid.logs.columns import INPUTS, OUTPUTS, TIME
-from eaid.logs.formats import format_of, is_hdf5
-from eaid.logs.run import Run
+from eaid.files import LOGS, is_as_written
+from eaid.logs.formats import format_of
 from eaid.logs.table import plain
 from eaid.logs.text import has_table, lines_of
-from eaid.logs.units import split_name
-from eaid.options import ReadOptions
 from eaid.shown import listed
 
 SKIPPED = (
@@ -33,8 +20,6 @@ SKIPPED = (
     ".mdl", ".yaml", ".yml", ".docx", ".pptx", ".ini",
 )  # fmt: skip
 """Endings that a folder of logs also holds and that are no logs: passed over in silence."""
-RECORDED = (*LOGS, ".h5", ".hdf5")
-"""Endings of logs: a file with one of them is left out for no other reason than that eaid wrote it itself."""
 HEAD = 1 << 16
 """Bytes of a text by which it is judged."""
 
@@ -45,37 +30,45 @@ def files_of(paths: Iterable[Path], tell: Callable[[str], None] = lambda _: None
     `tell` gets a sentence about what is left out of a folder.
     """
     files: list[Path] = []
-    missing: list[str] = []
+    faults: list[str] = []
     for path in paths:
         if path.is_dir():
-            inside, left = _sorted_out(path)
-            others = [file.name for file in left]
+            inside, others = _sorted_out(path)
             if not inside:
                 besides = f" (left out: {listed(others, 5)})" if others else ""
-                missing.append(f"{path}: holds no logs{besides}; give the folder that does")
+                faults.append(f"{path}: holds no logs{besides}; give the folder that does")
             elif others:
                 tell(f"{path}: left out as no logs: {listed(others, 5)}; a file given by name is always read")
             files.extend(inside)
         elif path.exists():
             files.append(path)
         else:
-            missing.append(f"{path}: no such file or folder; check the path")
-    unnamed = [file for file in files if str(file).encode(errors="replace").decode() != str(file)]
-    missing.extend(f"{file}: its name, or that of its folder, is not UTF-8; rename it" for file in unnamed)
-    unseen = [file for file in files if file not in unnamed and not str(file).isprintable()]
-    missing.extend(f"{plain(str(file))}: its name, or that of its folder, holds characters that no one sees; rename it"
-                   for file in unseen)  # fmt: skip
-    if missing:
-        raise DataError(*missing)
+            faults.append(f"{path}: no such file or folder; check the path")
+    for file in files:
+        if str(file).encode(errors="replace").decode() != str(file):
+            faults.append(f"{file}: its name, or that of its folder, is not UTF-8; rename it")
+        elif not str(file).isprintable():
+            faults.append(f"{plain(str(file))}: its name, or that of its folder, holds characters that no one sees; "
+                          f"rename it")  # fmt: skip
+    if faults:
+        raise DataError(*faults)
     twice = [path for path, count in Counter(file.resolve() for file in files).items() if count > 1]
     if twice:
         raise UsageError(f"{twice[0]}: is given twice; a log counts once")
     return files
 
 
-def _sorted_out(folder: Path) -> tuple[list[Path], list[Path]]:
-    """The logs of a folder, and what is left out, each by name."""
-    found = sorted(
+def files_read(paths: Iterable[Path]) -> Iterator[Path]:
+    """All that is read where these paths are given: a folder stands for what it holds, too."""
+    for path in paths:
+        yield path
+        if path.is_dir():
+            yield from files_of([path])
+
+
+def _sorted_out(folder: Path) -> tuple[list[Path], list[str]]:
+    """The logs of a folder, and the names of what is left out, each in order."""
+    items = sorted(
         item
         for item in folder.iterdir()
         if item.is_file()
@@ -83,203 +76,34 @@ def _sorted_out(folder: Path) -> tuple[list[Path], list[Path]]:
         and item.suffix.lower() not in SKIPPED
         and item.name != "Thumbs.db"
     )
-    kinds = {item: _made_by_eaid(item) for item in found}
-    others = [item for item in found if kinds[item] == "replay" or (kinds[item] is None and plainly_no_log(item))]
-    recorded = [item for item in found if kinds[item] is None and item not in others]
-    if recorded:  # a dataset beside logs was most likely made from them, and a log counts once
-        others = sorted([*others, *(item for item in found if kinds[item] == "data")])
-    return [item for item in found if item not in others], others
+    made = {item: _made_by_eaid(item) for item in items}
+    logs = [item for item in items if not made[item] and _is_log(item)]
+    # a dataset beside logs was most likely made from them, and a log counts once
+    logs = logs or [item for item in items if made[item] == "data"]
+    return logs, [item.name for item in items if item not in logs]
 
 
-def _made_by_eaid(path: Path) -> str | None:
-    """data or replay, for a file that eaid wrote; None for any other."""
+def _made_by_eaid(path: Path) -> str:
+    """data or replay, for a file that eaid wrote; empty for any other."""
     try:
-        with path.open("rb") as file:
-            head = file.read(4096)
-        if not is_hdf5(head) or not is_as_written(path):
-            return None
-        import h5py
+        if not is_as_written(path):
+            return ""
+    except OSError:
+        return ""  # refused by its name
+    import h5py
 
-        with h5py.File(path, "r", locking=False) as stored:
-            schema = re.fullmatch(r"eaid/(data|replay)/\d+", str(stored.attrs.get("schema", "")))
-    except (OSError, ValueError, RuntimeError, KeyError):
-        return None
-    return schema[1] if schema else None
+    with h5py.File(path, "r", locking=False) as file:
+        return str(file.attrs["schema"]).split("/")[1]
 
 
-def plainly_no_log(path: Path) -> bool:
-    """Whether a file is of a kind that holds no record: pictures, office files, prose. When in doubt, it is a log."""
-    if path.suffix.lower() in RECORDED:
-        return False
+def _is_log(path: Path) -> bool:
+    """Whether a file in a folder is a log: by its ending, by its first bytes, or by rows of numbers in a text."""
+    if path.suffix.lower() in (*LOGS, ".h5", ".hdf5"):
+        return True
     try:
         with path.open("rb") as file:
             head = file.read(HEAD)
     except OSError:
-        return False
-    if not head:
-        return False
+        return True  # refused by its name
     form = format_of(head[:4096]).name
-    if form != "text":
-        return form == "not read"
-    lines = lines_of(head)[: -1 if len(head) == HEAD else None]
-    times = {name for group in TIME for name in group.names}
-    others = {name for groups in (*INPUTS.values(), OUTPUTS) for group in groups for name in group.names}
-    for line in lines[:100]:  # one that names a time, and an input or an output, in cells of their own
-        cells = [cell.strip(" \"'#%") for cell in re.split(r"[,;\t|]", line)]
-        names = {re.sub(r"[^a-z]", "", split_name(cell)[0].lower()) for cell in cells if len(cell) < 40}
-        if names & times and names & others:
-            return False
-    return not has_table(lines)
-
-
-NAME = "dataset.toml"
-SCHEMA = "eaid/manifest/1"
-AGAIN = "write it again with «write_manifest» of eaid ingest"
-LONGEST_LINE = 4000
-"""Characters of a line; a dotted key of more costs the parser gigabytes."""
-Value = str | float | bool
-Number = Annotated[float, msgspec.Meta(ge=-1e12, le=1e12)]
-
-
-Options = msgspec.defstruct(
-    "Options", [(name, (next((kind for kind in (bool, float) if kind in form.parts), str)) | None, None)
-     for name, form in forms(ReadOptions).items()],
-    frozen=True, forbid_unknown_fields=True, omit_defaults=True,
-)  # fmt: skip
-"""Options that a manifest may hold, under the names of the command line."""
-
-
-class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One log of a manifest."""
-
-    file: str
-    """Its path; in the file itself, beside the manifest."""
-    sha256: str | None = None
-    level: Number | None = None
-    """For logs without an input column."""
-    repeat: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] | None = None
-    step_s: Number | None = None
-    until_s: Number | None = None
-
-
-class _Content(msgspec.Struct):
-    options: Options = Options()  # type: ignore[valid-type]
-    log: tuple[Entry, ...] = ()
-
-
-@dataclass(frozen=True)
-class Manifest:
-    """Options and logs of a folder."""
-
-    path: Path
-    options: Mapping[str, Value]
-    """Those that it gives."""
-    logs: tuple[Entry, ...]
-
-    def outside(self) -> list[str]:
-        """Logs that it lists by their whole paths, outside its folder."""
-        return [one.file for one in self.logs if Path(one.file).resolve().parent != self.path.resolve().parent]
-
-    def unlisted(self) -> list[str]:
-        """Names of the logs beside the manifest that it does not list."""
-        listed = {Path(entry.file).resolve() for entry in self.logs}
-        return [file.name for file in files_of([self.path.parent]) if file.resolve() not in listed]
-
-
-def files_read(paths: Sequence[Path]) -> Iterator[Path]:
-    """All that is read where these paths are given: a folder and a manifest stand for what they hold, too."""
-    yield from paths
-    manifest = manifest_of(paths)
-    if manifest is not None:
-        yield from (Path(entry.file) for entry in manifest.logs)
-    else:
-        for path in paths:
-            yield from files_of([path]) if path.is_dir() else ()
-
-
-def manifest_of(paths: Sequence[Path]) -> Manifest | None:
-    """The manifest that is meant: given itself, or lying in the one folder that is given; None where there is none."""
-    found = [path / NAME for path in paths if (path / NAME).is_file()]
-    found += [path for path in paths if path.suffix == ".toml" and path.is_file()]
-    if not found:
-        return None
-    if len(paths) > 1:
-        raise UsageError(f"{found[0]}: says all about its own logs; give it, or its folder, alone")
-    return read_manifest(found[0])
-
-
-def read_manifest(path: Path) -> Manifest:
-    """A manifest; raises DataError where it is not written as this eaid writes it."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-        if max(map(len, text.split("\n"))) > LONGEST_LINE:
-            raise DataError(f"{path}: has a line of more than {LONGEST_LINE:,} characters; {AGAIN}")
-        content = tomllib.loads(text)
-    except RecursionError:
-        raise DataError(f"{path}: is nested too deep; {AGAIN}") from None
-    except ValueError as fault:  # no TOML, no UTF-8, or a number of thousands of digits
-        raise DataError(f"{path}: is no TOML ({fault}); {AGAIN}") from None
-    if content.get("schema") != SCHEMA:
-        raise DataError(f"{path}: its schema is {content.get('schema')!r}, and this eaid reads {SCHEMA!r}; {AGAIN}")
-    try:
-        said = msgspec.convert(content, _Content)
-    except msgspec.ValidationError as fault:
-        raise DataError(f"{path}: {str(fault).replace('$.', '')}; mend it, or {AGAIN}") from None
-    if not said.log:
-        raise DataError(f"{path}: lists no logs; {AGAIN}")
-    logs = tuple(msgspec.structs.replace(entry, file=str(path.parent / entry.file)) for entry in said.log)
-    outside = next((entry.file for entry in said.log if ".." in Path(entry.file).parts), None)
-    if outside is not None:
-        raise DataError(
-            f"{path}: its log {plain(outside)} lies outside its folder; put it there, or give its whole path"
-        )
-    missing = [
-        f"{path}: its log {plain(Path(entry.file).name)} is not there; put it back or take it off"
-        for entry in logs
-        if not Path(entry.file).is_file()
-    ]
-    if missing:
-        raise DataError(*missing)
-    return Manifest(path, msgspec.to_builtins(said.options), logs)
-
-
-def apply(entry: Entry, run: Run) -> Run:
-    """A run with what the manifest says of its log where the log does not say it itself."""
-    findings = run.findings
-    if entry.sha256 and run.sha256 != entry.sha256:
-        findings = (*findings, finding("log-changed", run.name))
-    level = entry.level if run.input.size and not run.has_input and entry.level is not None else run.level
-    run = replace(run, findings=findings, level=level)
-    if run.cut:
-        return run
-    step_s = run.step_s if entry.step_s is None else entry.step_s - run.start_s
-    until_s = run.until_s if entry.until_s is None else entry.until_s - run.start_s
-    return replace(run, repeat=run.repeat if entry.repeat is None else entry.repeat, step_s=step_s, until_s=until_s)
-
-
-def _toml(**values: Value | None) -> list[str]:
-    """Lines `name = value` for the values that are given; TOML writes texts, numbers and truths as JSON does."""
-    return [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in values.items() if value is not None]
-
-
-def write_manifest(
-    files: Sequence[Path], runs: Sequence[Run], options: Mapping[str, Value | None], force: bool = False
-) -> Path:
-    """Write `dataset.toml` beside the logs from what was found in them; returns its path.
-
-    `runs` are cut; `options` as given on the command line. Raises UsageError where the logs lie in several folders.
-    """
-    if len({file.resolve().parent for file in files}) != 1:
-        raise UsageError("«write_manifest»: the logs lie in several folders; put them into one")
-    path = files[0].parent / NAME
-    given = {key: options[key] for key in Options.__struct_fields__ if options.get(key) not in (None, False)}
-    lines = [*_toml(schema=SCHEMA), "", "[options]", *_toml(**given)]
-    for file in files:
-        lines += ["", "[[log]]", *_toml(file=file.name, sha256=sha256_of(file))]
-        rising = [run for run in runs if run.source == str(file) and run.edge == "rising"]
-        if len(rising) == 1 and rising[0].from_level == 0 and not rising[0].dataset:
-            # its instant is found anew: it may be wrong
-            lines += _toml(repeat=rising[0].repeat, level=None if rising[0].has_input else rising[0].level)
-    with written_whole(path, force) as part:
-        part.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return path
+    return has_table(lines_of(head)) if form == "text" else form != "not read"

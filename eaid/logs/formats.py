@@ -86,7 +86,6 @@ def _is_mat(head: bytes) -> bool:
 
 FORMATS: tuple[Format, ...] = (
     Format("HDF5", is_hdf5, "arrays.read_hdf5"),
-    Format("LVM", _begins(b"LabVIEW Measurement", b"\xef\xbb\xbfLabVIEW Measurement"), "lvm.read_lvm"),
     Format("TDMS", _begins(b"TDSm"), "signals.read_tdms", "nptdms"),
     Format("Parquet", _begins(b"PAR1"), "arrays.read_parquet"),
     Format("Arrow", _begins(b"ARROW1"), "arrays.read_arrow"),

@@ -51,10 +51,9 @@ def runs_from_frames(frames: "pd.DataFrame | Mapping[str, pd.DataFrame]", option
             runs.append(run_of(name, name, seen.hexdigest(), [table], options))
         except DataError as fault:
             faults.extend(fault.sentences)
-    found, faults = together(runs, faults, options)
     if faults:
         raise DataError(*faults)
-    return found
+    return together(runs, options)
 
 
 def _parted(frames: "pd.DataFrame | Mapping[str, pd.DataFrame]") -> "dict[str, pd.DataFrame]":

@@ -1,18 +1,19 @@
 """Text logs: CSV in its many dialects, plain or gzipped: encoding, marks, header, units row, facts in comment lines.
 
 They are read piece by piece, by Arrow's parser where every cell is a plain finite number, else cell by cell. Wall-clock
-stamps (`2024-10-29 16:18:17.123`, `16:18:17,5`) become seconds; an offset from UTC counts.
+stamps (`2024-10-29 16:18:17.123`, `16:18:17,5`) become seconds; an offset from UTC counts. LabVIEW's measurement files
+(.lvm) say their dialect in their header.
 """
 
-import codecs
 import contextlib
 import csv
 import gzip
+import io
 import math
 import re
 import zlib
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -27,21 +28,20 @@ from eaid.logs.table import BadCell, Cells, Table
 from eaid.logs.units import unit_of
 
 COMMENT = ("#", "%", "//")
-_PLAIN = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?$")
-_WORDS = re.compile(r"[+-]?(nan|inf(inity)?|na|n/a|null|none|-)$", re.IGNORECASE)
+_MISSING = re.compile(r"na|n/a|null|none|-", re.IGNORECASE)
 _CLOCK = re.compile(
-    r"(?:(\d[\d/.-]*)[T ]+)?([01]?\d|2[0-3]):([0-5]\d)(?::([0-5]\d|60)(?:[.,](\d+))?)?\s*(AM|PM)?"
-    r"(Z|([+-])(\d{2}):?(\d{2}))?$"
+    r"(?:(?P<date>\d[\d/.-]*)[T ]+)?(?P<h>[01]?\d|2[0-3]):(?P<m>[0-5]\d)(?::(?P<s>[0-5]\d|60)(?:[.,](?P<f>\d+))?)?"
+    r"\s*(?P<noon>AM|PM)?(?:Z|(?P<utc>[+-])(?P<uh>\d{2}):?(?P<um>\d{2}))?$"
 )
 _DATES = ("%Y-%m-%d", "%Y/%m/%d", "%Y.%m.%d", "%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y")
-_DECIMAL = re.compile(rb"(?<![\d.,])0+,\d|\d,\d{1,2}(?!\d)|\d,\d{4}")
+_DECIMAL = re.compile(r"(?<![\d.,])0+,\d|\d,\d{1,2}(?!\d)|\d,\d{4}")
 """A comma that is a decimal mark and cannot be one between thousands."""
-NUMBER_MARKS = ((".", ""), (",", ""), (".", ","), (",", "."), (".", "'"), (".", " "), (",", " "))
-"""Decimal mark, and the mark between thousands."""
+LABVIEW, HEADER_END = b"LabVIEW Measurement", b"***End_of_Header***"
 ROWS = 3
 """Rows of numbers, one below the other, that make a table."""
 HEAD_BYTES = 1 << 15
-PIECE_BYTES = 1 << 22
+PIECE = 1 << 22
+"""Characters that are read at once."""
 MOST_RATIO = 200
 """A gzip that unpacks to more than this many times its size is taken for a bomb (recorded logs: about 10)."""
 MOST_BAD = 10_000
@@ -49,13 +49,11 @@ MOST_BAD = 10_000
 
 
 class Marks(NamedTuple):
-    """What stands between the cells of a row, and inside its numbers."""
+    """What stands between the cells of a row, and before the decimals of its numbers."""
 
     delimiter: str | None
     """None: any white space."""
     decimal: str
-    thousands: str = ""
-    """Empty where nothing stands between thousands."""
 
     def cells(self, line: str, count: int = 0) -> list[str]:
         """Cells of a line; quotes keep a delimiter inside a cell.
@@ -75,72 +73,27 @@ class Marks(NamedTuple):
 
     def value(self, cell: str) -> float | None:
         """Value of a cell, correctly rounded; None where it is no number."""
-        decimal, thousands = self.decimal, self.thousands
-        if decimal == "." and not thousands and "_" not in cell:
-            with contextlib.suppress(ValueError):
-                return float(cell)
         text = cell.strip().strip('"').strip()
-        if thousands and thousands in text:
-            whole = re.escape(thousands).join((r"[+-]?[1-9]\d{0,2}(", r"\d{3})+"))
-            if not re.fullmatch(f"{whole}({re.escape(decimal)}\\d*)?", text):
-                return None
-            text = text.replace(thousands, "")
-        if decimal != ".":
-            if "." in text:
-                return None
-            text = text.replace(decimal, ".")
-        if _PLAIN.match(text):
-            return float(text.replace("d", "e").replace("D", "e"))
-        if _WORDS.match(text):
-            return math.inf if "inf" in text.lower() else math.nan
-        return None
+        if self.decimal == ",":
+            text = text.replace(".", "no mark").replace(",", ".")
+        if "_" not in text:  # which Python passes over
+            with contextlib.suppress(ValueError):
+                return float(text)
+        return math.nan if _MISSING.fullmatch(text) else None
 
-    def number(self, cell: str) -> float:
-        """Value of a cell; NaN where it is no number."""
-        value = self.value(cell)
-        return math.nan if value is None else value
-
-    def is_stamp(self, cell: str) -> bool:
-        """True for a wall-clock stamp."""
-        return self.value(cell) is None and bool(_CLOCK.match(cell.strip().strip('"')))
+    def is_good(self, cell: str) -> bool:
+        """True for a number and for a wall-clock stamp."""
+        return self.value(cell) is not None or _CLOCK.match(cell.strip().strip('"')) is not None
 
     def count_good(self, cells: list[str]) -> tuple[int, int]:
         """How many cells are numbers or stamps, and how many are not empty."""
-        good = sum(self.value(cell) is not None or self.is_stamp(cell) for cell in cells)
-        return good, sum(bool(cell.strip()) for cell in cells)
+        return sum(map(self.is_good, cells)), sum(bool(cell.strip()) for cell in cells)
 
-
-_RATE = re.compile(
-    r"""(?:(?:sampl(?:e|ing)|abtast|scan)[\s_-]*(?P<word>rate|freq(?:uen[cz]y?)?|interval|period)|(?P<fs>f_?s|sampled\s+at)
-    |(?P<dt>dt|delta[_ ]?[xt]))\s*(?:[\[(]\s*(?P<beside>[^\s\])]+)\s*[\])])?\s*[:=;,\t]*\s*
-    (?P<number>\d[\d.,]*(?:e[+-]?\d+)?)\s*(?P<unit>[a-zµμ/]+)?(?P<rest>[^\d]*)$""",
-    re.IGNORECASE | re.VERBOSE,
-)
-_NOT_OF_THE_ROWS = re.compile(r"decimat|divid|averag|every|max|limit|nominal", re.IGNORECASE)
-_PER_S = {"hz": 1.0, "s/s": 1.0, "sps": 1.0, "samples/s": 1.0}
-
-
-def rates_said(lines: list[str], marks: Marks) -> tuple[tuple[str, float], ...]:
-    """Sample rates that lines above a table say [Hz], with the row: `sampling rate: 1 kHz`, `dt = 0.001 s`, `Fs 50 Hz`.
-
-    A line has to begin with what it says, and to end with a number and its unit.
-    """
-    rates = []
-    for row, line in enumerate(lines, start=1):
-        found = _RATE.match(line.strip().lstrip("#%/ ").replace('"', "").rstrip())
-        unit = (found["unit"] or found["beside"] or "").replace("μ", "µ") if found else ""
-        if not found or not unit or (found["unit"] and found["beside"]) or _NOT_OF_THE_ROWS.search(line):
-            continue
-        amount = Marks(None, marks.decimal, "." if marks.decimal == "," else ",").value(found["number"])
-        amount = Marks(None, ".").value(found["number"]) if amount is None else amount
-        prefix, known = {"k": 1e3, "K": 1e3, "M": 1e6}.get(unit[0], 1.0), unit_of(unit)
-        per_s = _PER_S.get(unit.lower()) or (_PER_S.get(unit[1:].lower(), 0.0) * prefix if unit[0] in "kKM" else 0.0)
-        lasts = bool(found["dt"]) or (found["word"] or "").lower() in ("interval", "period")
-        if amount and not lasts and per_s:
-            rates.append((f"row {row}", amount * per_s))
-        elif amount and lasts and known is not None and known.quantity == "time":
-            rates.append((f"row {row}", 1.0 / (amount * known.factor)))
-    return tuple(rates)
+    def is_row(self, line: str, count: int) -> bool:
+        """Whether a line is a row of a table of so many columns, most of them numbers."""
+        cells = [] if line.lstrip().startswith(COMMENT) else self.cells(line, count)
+        good, filled = self.count_good(cells)
+        return len(cells) == count and good > 0 and good >= filled / 2
 
 
 @dataclass(frozen=True)
@@ -158,8 +111,8 @@ class Dialect:
     rates: tuple[tuple[str, float], ...] = ()
     """Sample rates that lines above the table say [Hz], and the row."""
     synthetic: str | None = None
-    ragged: bool = False
-    """True where every row ends with a delimiter."""
+    remarks: bool = False
+    """True where a row may have a remark behind its cells."""
 
 
 def encoding_of(head: bytes) -> str:
@@ -170,10 +123,8 @@ def encoding_of(head: bytes) -> str:
         return "utf-16"
     if b"\0" in head[:4096]:
         half = len(head[:4096]) // 2
-        for first, encoding in ((1, "utf-16-le"), (0, "utf-16-be")):
-            if head[first : 2 * half : 2].count(0) > 0.4 * half:
-                return encoding
-        return ""
+        zeros = {"utf-16-le": head[1 : 2 * half : 2].count(0), "utf-16-be": head[0 : 2 * half : 2].count(0)}
+        return next((encoding for encoding, count in zeros.items() if count > 0.4 * half), "")
     try:
         head.decode("utf-8")
     except UnicodeDecodeError as fault:
@@ -188,75 +139,125 @@ def lines_of(head: bytes) -> list[str]:
     if not encoding:
         return []
     text = head[: len(head) // 2 * 2 if "16" in encoding else None].decode(encoding, errors="replace")
-    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    return io.StringIO(text, newline=None).read().split("\n")
 
 
 def has_table(lines: list[str]) -> bool:
     """Whether some `ROWS` lines, one below the other, are rows of one table of numbers."""
-    marks, count = _marks(_body(lines))
-    rows = "".join("+" if count and _is_row(line, marks, count) else "-" for line in lines)
+    marks, count = _marks(lines)
+    rows = "".join("+" if count and marks.is_row(line, count) else "-" for line in lines)
     return "+" * ROWS in rows
 
 
-def sniff(path: str, head: bytes, whole: bool) -> Dialect:
+def sniff(path: str, head: bytes) -> Dialect:
     """Dialect of a text log by its first bytes; raises DataError where there is no table of numbers in them."""
-    encoding = encoding_of(head)
+    encoding, lines = encoding_of(head), lines_of(head)
     if not encoding:
         raise DataError(f"{path}: is a binary file of no format that eaid knows; export it as CSV, MAT or HDF5")
-    lines = lines_of(head)
-    if not whole and len(lines) > 1:
-        lines.pop()
     if not any(line.strip() for line in lines):
         raise DataError(f"{path}: is empty; record the log again")
-    marks, count = _marks(_body(lines))
-    start = next((i for i, line in enumerate(lines) if _is_row(line, marks, count)), None) if count else None
+    if LABVIEW in head[:64]:
+        return _of_labview(path, encoding, lines)
+    if len(head) == HEAD_BYTES and len(lines) > 1:
+        lines.pop()
+    marks, count = _marks(lines)
+    start = next((i for i, line in enumerate(lines) if count and marks.is_row(line, count)), None)
     if start is None:
-        raise DataError(
-            f"{path}: holds no rows of numbers; a log is a table with a column of time and one of torque"
-            if any("," not in line for line in lines if line.strip()) or len(lines) > 3
-            else f"{path}: has a header but no rows; record the log again"
-        )
+        raise DataError(f"{path}: holds no rows of numbers; a log is a table with a column of time and one of torque")
     cells = marks.cells(lines[start], count)
     ragged = marks.delimiter is not None and lines[start].count(marks.delimiter) == count and len(cells) == count
     start -= _broken_rows(lines[:start], marks)
     _refuse_another_table(path, lines[:start], marks)
     names, units, header_lines = _header(lines[:start], marks, count, ragged)
-    stamps = tuple(i for i, cell in enumerate(cells) if marks.is_stamp(cell))
+    stamps = tuple(i for i, cell in enumerate(cells) if marks.value(cell) is None and marks.is_good(cell))
     above = ["" if i in header_lines else line for i, line in enumerate(lines[:start])]
     made_by = (re.match(r"[#%/ ]+synthetic\s*[:=]\s*(\S.*)$", line, re.IGNORECASE) for line in above)
-    synthetic = next((found[1].strip() for found in made_by if found), None)
-    return Dialect(encoding, marks, names, units, start + 1, stamps, rates_said(above, marks), synthetic, ragged)
+    synthetic = next((match[1].strip() for match in made_by if match), None)
+    return Dialect(encoding, marks, names, units, start + 1, stamps, _rates(above, marks), synthetic)
 
 
-def _is_comment(line: str) -> bool:
-    return line.lstrip().startswith(COMMENT)
+_RATE = re.compile(
+    r"""(?:(?:sampl(?:e|ing)|abtast|scan)[\s_-]*(?P<word>rate|freq(?:uen[cz]y?)?|interval|period)|f_?s|sampled\s+at
+    |(?P<dt>dt|delta[_ ]?[xt]))\s*(?:[\[(]\s*(?P<beside>[^\s\])]+)\s*[\])])?\s*[:=;,\t]*\s*
+    (?P<number>\d[\d.,]*(?:e[+-]?\d+)?)\s*(?P<unit>[a-zµμ/]+)?[^\d]*$""",
+    re.IGNORECASE | re.VERBOSE,
+)
+_NOT_OF_THE_ROWS = re.compile(r"decimat|divid|averag|every|max|limit|nominal", re.IGNORECASE)
+_PER_S = re.compile(r"([kKM]?)(?:hz|s/s|sps|samples/s)$", re.IGNORECASE)
 
 
-def _body(lines: list[str]) -> list[str]:
-    """Lines to judge the marks by: some of the later half, without comments and blank lines; all, if those are few."""
-    full: list[str] = []
+def _rates(lines: list[str], marks: Marks) -> tuple[tuple[str, float], ...]:
+    """Sample rates that lines above a table say [Hz], with the row: `sampling rate: 1 kHz`, `dt = 0.001 s`, `Fs 50 Hz`.
+
+    A line has to begin with what it says, and to end with a number and its unit.
+    """
+    rates = []
+    for row, line in enumerate(lines, start=1):
+        match = _RATE.match(line.strip().lstrip("#%/ ").replace('"', "").rstrip())
+        if not match or bool(match["unit"]) == bool(match["beside"]) or _NOT_OF_THE_ROWS.search(line):
+            continue
+        number, unit = match["number"], match["unit"] or match["beside"]
+        if marks.decimal == "." and re.fullmatch(r"\d{1,3}(,\d{3})+(\.\d*)?", number):
+            number = number.replace(",", "")
+        amount = marks.value(number) or Marks(None, ".").value(number)
+        lasts = match["dt"] or (match["word"] or "").lower() in ("interval", "period")
+        per_s, known = _PER_S.match(unit), unit_of(unit)
+        if amount and not lasts and per_s:
+            rates.append((f"row {row}", amount * {"k": 1e3, "K": 1e3, "M": 1e6}.get(per_s[1], 1.0)))
+        elif amount and lasts and known is not None and known.quantity == "time":
+            rates.append((f"row {row}", 1.0 / (amount * known.factor)))
+    return tuple(rates)
+
+
+def _of_labview(path: str, encoding: str, lines: list[str]) -> Dialect:
+    """Dialect of a LabVIEW measurement file, as its header says it; X_Columns No: its rate is that of Delta_X."""
+    separator = next((line[9:10] for line in lines if line.startswith("Separator")), "\t") or "\t"
+    rows = [[cell.strip().strip('"') for cell in line.split(separator)] for line in lines]
+    at = next((i for i, row in enumerate(rows) if row[0] == "X_Value"), 0)
+    names = [name for name in rows[at] if name not in ("", "Comment")]
+    if not at or len(names) < 2:
+        raise DataError(f"{path}: its header cannot be followed (no line X_Value with names); copy or save it again")
+    header = {row[0]: row[1:] for row in rows[:at]}
+    facts = {key: sorted({cell for cell in cells if cell}) for key, cells in header.items()}
+    if facts.get("X_Dimension") not in (None, [], ["Time"]):
+        raise DataError(f"{path}: its X is {facts['X_Dimension'][0]}, not Time: no log; save the signal itself")
+    if "X_Value" in names[1:]:
+        raise DataError(f"{path}: its channels have times of their own; export them on one X column")
+    marks = Marks(separator, *facts.get("Decimal_Separator", "."))
+    rates: tuple[tuple[str, float], ...] = ()
+    if facts.get("X_Columns") == ["No"]:
+        step_s, start_s = (
+            marks.value(facts[key][0]) if len(facts.get(key, ())) == 1 else None for key in ("Delta_X", "X0")
+        )
+        if not step_s or not 0 < step_s < math.inf or start_s not in (None, 0.0):
+            raise DataError(f"{path}: has no column of times, and no Delta_X above 0 from an X0 of 0; save it again")
+        place = next(i for i, row in enumerate(rows, start=1) if row[0] == "Delta_X")
+        rates, names[0] = ((f"row {place}", 1.0 / step_s),), ""
+    units = [*header.get("Y_Unit_Label", ()), *[""] * len(names)][: len(names) - 1]
+    clock = "s" if names[0] else ""
+    remarks = "Comment" in rows[at]
+    return Dialect(encoding, marks, tuple(names), (clock, *units), at + 2, rates=rates, remarks=remarks)
+
+
+def _marks(lines: list[str]) -> tuple[Marks, int]:
+    """Marks that explain most cells, and how many columns they give; no columns where nothing is explained.
+
+    Judged by some lines of the later half, without comments and blank lines; by all, if those are few.
+    """
+    sample: list[str] = []
     later, step = lines[len(lines) // 2 :], max(1, len(lines) // 48)
     # not every so many lines: a slow channel of a log fills its cells as regularly
     for some in ([later[k + k // step % step] for k in range(0, len(later) - step, step)], lines):
-        full = [line for line in some if line.strip() and not _is_comment(line)]
-        if len(full) > 8:
+        sample = [line for line in some if line.strip() and not line.lstrip().startswith(COMMENT)]
+        if len(sample) > 8:
             break
-    return full
-
-
-def _marks(sample: list[str]) -> tuple[Marks, int]:
-    """Marks that explain most cells, and how many columns they give; no columns where nothing is explained."""
     text = "".join(sample)
     best, columns, chosen = 0.0, 0, Marks(",", ".")
     for delimiter in ("\t", ";", "|", ",", None):
-        if delimiter is not None and delimiter not in text:
-            continue
-        for decimal, thousands in NUMBER_MARKS:
-            if (delimiter in (decimal, thousands) and '"' not in text) or (delimiter is None and thousands == " "):
+        for decimal in ".,":
+            if (delimiter or "") not in text or decimal not in text + "." or (delimiter == decimal and '"' not in text):
                 continue
-            if (decimal == "," and "," not in text) or (thousands and thousands not in text):
-                continue
-            marks = Marks(delimiter, decimal, thousands)
+            marks = Marks(delimiter, decimal)
             score, count = _explained(sample, marks)
             if score > best * 1.0001 or (score >= best * 0.9999 and count > columns == 1):
                 best, columns, chosen = score, count, marks
@@ -268,32 +269,21 @@ def _marks(sample: list[str]) -> tuple[Marks, int]:
 def _explained(lines: list[str], marks: Marks) -> tuple[float, int]:
     """How much of the text the marks explain, and the number of columns they give."""
     counts: Counter[int] = Counter()
-    open_ended: Counter[int] = Counter()
+    ends: Counter[int] = Counter()
     numeric = 0.0
     for line in lines:
         cells = marks.cells(line)
         good, filled = marks.count_good(cells)
         if good and good >= filled / 2:
             counts[len(cells)] += 1
-            open_ended[len(cells)] += marks.delimiter is not None and line.rstrip("\r\n ").endswith(marks.delimiter)
+            ends[len(cells)] += marks.delimiter is not None and line.rstrip("\r\n ").endswith(marks.delimiter)
             numeric += good / len(cells)
     if not counts:
         return 0.0, 0
     columns, votes = counts.most_common(1)[0]
-    if open_ended[columns] == votes and counts[columns + 1] > max(
-        1, 0.03 * votes
-    ):  # a last cell that is empty in most rows, not in all
+    if ends[columns] == votes and counts[columns + 1] > max(1, 0.03 * votes):  # a last cell empty in most rows, not all
         columns, votes = columns + 1, votes + counts[columns + 1]
     return numeric * votes / counts.total() / len(lines), columns
-
-
-def _is_row(line: str, marks: Marks, count: int) -> bool:
-    """Whether a line is a row of the table: as many cells as the body, most of them numbers."""
-    if _is_comment(line):
-        return False
-    cells = marks.cells(line, count)
-    good, filled = marks.count_good(cells)
-    return len(cells) == count and good > 0 and good >= filled / 2
 
 
 def _broken_rows(above: list[str], marks: Marks) -> int:
@@ -302,7 +292,7 @@ def _broken_rows(above: list[str], marks: Marks) -> int:
     for line in reversed(above):
         cells = marks.cells(line, len(line))
         good, filled = marks.count_good(cells)
-        if not cells or not marks.count_good(cells[:1])[0] or good < filled / (1 if marks.delimiter is None else 2):
+        if not cells or not marks.is_good(cells[0]) or good < filled / (1 if marks.delimiter is None else 2):
             break
         if len(cells) == 1 and count == len(above) - 1:
             break  # a first line that says how many rows follow
@@ -316,8 +306,8 @@ def _refuse_another_table(path: str, above: list[str], marks: Marks) -> None:
     for i, line in enumerate(above):
         cells = marks.cells(line, len(line))
         numbers = sum(marks.value(cell) is not None for cell in cells)
-        rows = rows + 1 if numbers > 1 and 2 * numbers > len(cells) and not _is_comment(line) else 0
-        if rows == 3:
+        rows = rows + 1 if numbers > 1 and 2 * numbers > len(cells) and not line.lstrip().startswith(COMMENT) else 0
+        if rows == ROWS:
             raise DataError(
                 f"{path}: holds two tables, one from row {i - 1} and another from row {len(above) + 1}; "
                 f"save each in a file of its own"
@@ -334,12 +324,12 @@ def _header(
     rows: list[tuple[int, list[str]]] = []
     for i in reversed(range(len(above))):
         bare = above[i].strip("\r\n ")
-        if _is_comment(bare):
+        if bare.startswith(COMMENT):
             bare = bare.lstrip("#%/ ")
         cells = [cell.strip().strip('"').strip() for cell in marks.cells(bare, count)]
         if len(cells) == count + 1 and ragged:
             cells = cells[:-1]
-        if len(cells) == count and any(cells) and (count > 1 or len(rows) == 0):
+        if len(cells) == count and any(cells) and (count > 1 or not rows):
             rows.append((i, cells))
         elif bare:
             break
@@ -350,7 +340,7 @@ def _header(
         return none, none, set()
     i, cells = rows[0]
     if len(rows) == 2 and _is_units_row(cells) and not _is_units_row(rows[1][1]):
-        units = tuple("" if cell in ("-", "") else cell.strip("[]() ") for cell in cells)
+        units = tuple("" if cell == "-" else cell.strip("[]() ") for cell in cells)
         return tuple(rows[1][1]), units, {i, rows[1][0]}
     return tuple(cells), none, {i}
 
@@ -360,17 +350,19 @@ def _is_units_row(cells: list[str]) -> bool:
     return bool(filled) and all(unit_of(cell) is not None or cell[0] in "[(" for cell in filled)
 
 
-def read_text(path: Path, source: str, tell: Callable[[float], None] = lambda _: None) -> list[Table]:
-    """The one table of a text log; raises DataError where it holds none. `tell` hears the share of it that is read."""
+def read_text(path: Path, source: str) -> list[Table]:
+    """The one table of a text log; raises DataError where it holds none."""
     with path.open("rb") as raw:
         zipped = raw.read(2) == b"\x1f\x8b"
     with _unpacked(path, source, zipped) as file:
         head = file.read(HEAD_BYTES)
+        if LABVIEW in head[:64] and (head + file.read()).count(HEADER_END) > 2:
+            raise DataError(f"{source}: holds several segments, each with a header; save each in a file of its own")
     if zipped and not encoding_of(head):
         raise DataError(f"{source}: is gzip around a file that is no text; unpack it and give what is inside")
-    dialect = sniff(source, head, len(head) < HEAD_BYTES)
+    dialect = sniff(source, head)
     units = tuple("s" if i in dialect.stamps else unit for i, unit in enumerate(dialect.units))
-    load = _TextLog(path, source, zipped, dialect, tell).load
+    load = _TextLog(path, source, zipped, dialect).load
     return [Table("", dialect.columns, load, units, dialect.rates, dialect.synthetic)]
 
 
@@ -393,18 +385,15 @@ class _TextLog:
     source: str
     zipped: bool
     dialect: Dialect
-    tell: Callable[[float], None]
 
     def load(self, columns: Sequence[int]) -> Cells:
-        """The columns by the marks of the first rows, or by others where later rows show that those were wrong."""
+        """The columns by the decimal mark of the first rows, or by the other where later rows show that it is wrong."""
         cells, decimal = self._read(self.dialect, columns)
-        texts = [bad.text for bad in cells.bad if bad.column >= 0]
-        for mark, thousands in NUMBER_MARKS:
-            marks = self.dialect.marks._replace(decimal=mark, thousands=thousands)
-            if marks != self.dialect.marks and any(math.isfinite(marks.number(text)) for text in texts):
-                again, _ = self._read(replace(self.dialect, marks=marks), columns)
-                if len(again.bad) < len(cells.bad):
-                    return again
+        other = self.dialect.marks._replace(decimal="," if self.dialect.marks.decimal == "." else ".")
+        if any(math.isfinite(other.value(bad.text) or math.nan) for bad in cells.bad if bad.column >= 0):
+            again, _ = self._read(replace(self.dialect, marks=other), columns)
+            if len(again.bad) < len(cells.bad):
+                return again
         if self.dialect.marks.decimal == "," and not decimal:
             raise DataError(
                 f"{self.source}: its commas may be decimal marks or stand between thousands, as three digits follow "
@@ -414,89 +403,71 @@ class _TextLog:
 
     def _read(self, dialect: Dialect, columns: Sequence[int]) -> tuple[Cells, bool]:
         """The columns, and whether a comma in them is surely a decimal mark."""
-        size = self.path.stat().st_size
-        limit = max(MOST_RATIO * size, 1 << 22) if self.zipped else math.inf
+        limit = max(MOST_RATIO * self.path.stat().st_size, 1 << 22) if self.zipped else math.inf
         parts: list[list[NDArray[Any]]] = [[] for _ in columns]
         bad: list[BadCell] = []
         rows: list[tuple[int, int]] = []
         count, seen, decimal = 0, 0, False
-        with _unpacked(self.path, self.source, self.zipped) as file:
-            for line, piece in _pieces(file, dialect):
+        with (
+            _unpacked(self.path, self.source, self.zipped) as file,
+            io.TextIOWrapper(file, dialect.encoding, errors="replace") as text,
+        ):
+            line = 1
+            for _ in range(dialect.first_line - 1):
+                text.readline()
+                line += 1
+            while piece := text.read(PIECE) + text.readline():
                 seen += len(piece)
                 if seen > limit:
                     raise DataError(
                         f"{self.source}: unpacks to more than {MOST_RATIO} times its size, as no recorded log does; "
                         f"unpack it yourself"
                     )
-                body = piece
-                while body and body[-1] in b"\r\n \t\x00\x1a":
-                    body = body[:-1]
-                if not body:
+                first, line = line, line + piece.count("\n")
+                if not (body := piece.rstrip("\n \t\0\x1a")):
                     continue
-                decimal = decimal or (dialect.marks.decimal == "," and _DECIMAL.search(body) is not None)
-                cells = _by_arrow(body, dialect, columns, line) or _cell_by_cell(body, dialect, columns, line)
+                if dialect.marks.decimal == "," and not decimal:
+                    quoted = " ".join(re.findall(r'"[^"]*"', body)) if dialect.marks.delimiter == "," else body
+                    decimal = _DECIMAL.search(quoted) is not None
+                cells = _by_arrow(body, dialect, columns, first) or _cell_by_cell(body, dialect, columns, first)
                 bad.extend(replace(one, row=one.row + count) for one in cells.bad)
                 rows.extend((sample + count, row) for sample, row in cells.rows)
                 count += len(cells.values[0])
                 for part, values in zip(parts, cells.values, strict=True):
                     part.append(values)
-                self.tell(min(1.0, seen / size))
                 if len(bad) > MOST_BAD:
                     raise DataError(f"{self.source}: more than {MOST_BAD:,} of its cells are bad; record it again")
-        self.tell(1.0)
         whole = [part[0] if len(part) == 1 else np.concatenate([*part, *([] if part else [[]])]) for part in parts]
         for k, column in enumerate(columns):
             if column in dialect.stamps:
                 texts = [str(text) for text in whole[k]]
-                whole[k], wrong = seconds_of(texts)
+                whole[k] = seconds_of(texts)
+                wrong = np.flatnonzero(np.isnan(whole[k])).tolist()
                 bad.extend(BadCell(i, column, texts[i].strip()[:40]) for i in wrong if texts[i])
         return Cells(tuple(whole), tuple(bad), tuple(rows)), decimal
 
 
-def _pieces(file: IO[bytes], dialect: Dialect) -> Iterator[tuple[int, memoryview]]:
-    """Whole lines from the first row of the table on, about `PIECE_BYTES` at a time, with the number of the first.
-
-    UTF-16 comes as UTF-8.
-    """
-    if dialect.encoding.startswith("utf-16"):
-        file = cast(IO[bytes], codecs.EncodedFile(file, "utf-8", dialect.encoding, errors="replace"))
-    rest, skip, line = b"", dialect.first_line - 1, dialect.first_line
-    while block := file.read(PIECE_BYTES):
-        block, begin = rest + block if rest else block, 0
-        if skip:
-            ends = re.finditer(rb"\r\n|\n|\r", block)
-            begin, skip = next(end for i, end in enumerate(ends, start=1) if i == skip).end(), 0
-        end = max(block.rfind(b"\n"), -1 if b"\n" in block else block.rfind(b"\r", 0, -1)) + 1
-        if end > begin:
-            yield line, memoryview(block)[begin:end]
-            alone = block.count(b"\r", begin, end) - block.count(b"\r\n", begin, end)
-            line += block.count(b"\n", begin, end) + alone
-        rest = block[max(begin, end) :]
-    if rest:
-        yield line, memoryview(rest)
-
-
-def _by_arrow(body: memoryview, dialect: Dialect, columns: Sequence[int], line: int) -> Cells | None:
+def _by_arrow(body: str, dialect: Dialect, columns: Sequence[int], line: int) -> Cells | None:
     """The columns of a piece by Arrow's parser; None where anything in them is not a plain finite number."""
     import pyarrow as pa
     from pyarrow import csv as arrow
 
-    marks, names = dialect.marks, [str(i) for i in range(len(dialect.columns) + dialect.ragged)]
-    if marks.thousands and marks.thousands.encode() in bytes(body):
-        return None
-    first = marks.cells(bytes(body[:4096]).splitlines()[0].decode("latin-1"), len(dialect.columns))
+    marks = dialect.marks
+    if marks.delimiter is None:  # cells stand apart by one blank each
+        body = "\n".join(" ".join(row.split()) for row in body.split("\n"))
+    first = body.partition("\n")[0].split(marks.delimiter or " ")
+    names = [str(i) for i in range(max(len(first), len(dialect.columns)))]
     kinds = {}
     for column in columns:
         digits = first[min(column, len(first) - 1)]
         long = digits.isdigit() and len(digits) > 15  # more than a float surely holds: stamps in ns stay whole
         number = pa.int64() if long else pa.float64()
         kinds[names[column]] = pa.string() if column in dialect.stamps else number
-    if marks.delimiter is None:  # cells stand apart by one blank each
-        body = memoryview(b"\n".join(b" ".join(row.split()) for row in bytes(body).splitlines()))
+    data = body.encode()
     try:
         table = arrow.read_csv(
-            pa.BufferReader(pa.py_buffer(body)),
-            arrow.ReadOptions(use_threads=False, block_size=len(body) + 1, column_names=names),
+            pa.BufferReader(pa.py_buffer(data)),
+            arrow.ReadOptions(use_threads=False, block_size=len(data) + 1, column_names=names),
             arrow.ParseOptions(delimiter=marks.delimiter or " ", ignore_empty_lines=False),
             arrow.ConvertOptions(
                 column_types=kinds, include_columns=list(kinds), null_values=[], decimal_point=marks.decimal
@@ -515,23 +486,22 @@ def _by_arrow(body: memoryview, dialect: Dialect, columns: Sequence[int], line: 
     return Cells(tuple(values), rows=((0, line),))
 
 
-def _cell_by_cell(body: memoryview, dialect: Dialect, columns: Sequence[int], line: int) -> Cells:
+def _cell_by_cell(body: str, dialect: Dialect, columns: Sequence[int], line: int) -> Cells:
     """The columns of a piece cell by cell, every bad cell listed; comment and blank lines are passed over.
 
     Stamps stay texts: what they mean depends on those before them.
     """
-    encoding = "cp1252" if dialect.encoding == "cp1252" else "utf-8"
     count, length = len(dialect.columns), 0
     values: list[list[Any]] = [[] for _ in columns]
     rows: list[tuple[int, int]] = []
     bad: list[BadCell] = []
-    for row, raw in enumerate(re.split(rb"\r\n|\n|\r", body), start=line):
-        text = raw.decode(encoding, errors="replace").strip("\r\n \x00\x1a")
+    for row, raw in enumerate(body.split("\n"), start=line):
+        text = raw.strip(" \0\x1a")
         if not text or text.startswith(COMMENT):
             continue
         if not rows or row - length != rows[-1][1] - rows[-1][0]:
             rows.append((length, row))
-        cells = dialect.marks.cells(text, count)
+        cells = dialect.marks.cells(text, count)[: count if dialect.remarks else None]
         whole = len(cells) == count
         if not whole:
             bad.append(BadCell(length, -1, str(len(cells))))
@@ -539,59 +509,52 @@ def _cell_by_cell(body: memoryview, dialect: Dialect, columns: Sequence[int], li
             if column in dialect.stamps:
                 values[k].append(cells[column] if whole else "")
                 continue
-            value = dialect.marks.number(cells[column]) if whole else math.nan
-            if whole and not math.isfinite(value):
+            value = dialect.marks.value(cells[column]) if whole else None
+            if whole and (value is None or not math.isfinite(value)):
                 bad.append(BadCell(length, column, cells[column].strip()[:40]))
-                value = math.nan
-            values[k].append(value)
+                value = None
+            values[k].append(math.nan if value is None else value)
         length += 1
     kinds = [object if column in dialect.stamps else np.float64 for column in columns]
     arrays = (np.array(one, dtype=kind) for one, kind in zip(values, kinds, strict=True))
     return Cells(tuple(arrays), tuple(bad), tuple(rows))
 
 
-def _days(dates: Sequence[str]) -> dict[str, int]:
+def _days(dates: Iterable[str]) -> dict[str, int]:
     """The day of each date, in the one way of writing in which most are dates, none falls and the fewest days pass."""
-    ways: list[tuple[int, bool, int, dict[str, int]]] = []
+    dates, ways = list(dates), []
     for form in _DATES:
         days = {}
         for date in dates:
             with contextlib.suppress(ValueError):
                 days[date] = datetime.strptime(date, form).toordinal()
-        in_order = [*days.values()]
-        span = max(in_order, default=0) - min(in_order, default=0)
-        ways.append((-len(days), in_order != sorted(in_order), span, days))
+        in_order = [*days.values()] or [0]
+        ways.append((-len(days), in_order != sorted(in_order), max(in_order) - min(in_order), days))
     return min(ways, key=lambda way: way[:3])[3]
 
 
-def seconds_of(texts: Sequence[str]) -> tuple[Array, list[int]]:
-    """Seconds since the whole second of the first stamp, shape (n,), and the places of those that cannot be read (NaN).
+def seconds_of(texts: Sequence[str]) -> Array:
+    """Seconds since the whole second of the first stamp, shape (n,); NaN of those that cannot be read.
 
     A clock without a date that falls by more than half a day has passed midnight.
     """
     seconds = np.full(len(texts), np.nan)
-    wrong = []
-    read = [_CLOCK.match(text.strip().strip('"')) for text in texts]
-    days = {"": 0} | _days([*dict.fromkeys(found[1] for found in read if found and found[1])])
-    first: float | None = None
-    added, last = 0, 0.0
-    for i, found in enumerate(read):
-        date = (found.group(1) or "") if found else ""
-        day = days.get(date)
-        if not found or day is None:
-            wrong.append(i)
+    stamps = [_CLOCK.match(text.strip().strip('"')) for text in texts]
+    days = {"": 0} | _days(dict.fromkeys(stamp["date"] for stamp in stamps if stamp and stamp["date"]))
+    first: int | None = None
+    midnights, last = 0, 0
+    for i, stamp in enumerate(stamps):
+        date = (stamp["date"] or "") if stamp else ""
+        if not stamp or date not in days:
             continue
-        hour = int(found.group(2))
-        if found.group(6):
-            hour = hour % 12 + 12 * (found.group(6) == "PM")
-        clock = 3600 * hour + 60 * int(found.group(3)) + int(found.group(4) or 0)
-        if not date and clock - last < -43200:
-            added += 1
+        hour = int(stamp["h"]) if not stamp["noon"] else int(stamp["h"]) % 12 + 12 * (stamp["noon"] == "PM")
+        clock = 3600 * hour + 60 * int(stamp["m"]) + int(stamp["s"] or 0)
+        midnights += not date and clock - last < -43200
         last = clock
-        if found.group(8):  # a stamp of 14:00+02:00 is one of 12:00 UTC
-            clock -= int(f"{found.group(8)}1") * (3600 * int(found.group(9)) + 60 * int(found.group(10)))
+        if stamp["utc"]:  # a stamp of 14:00+02:00 is one of 12:00 UTC
+            clock -= int(f"{stamp['utc']}1") * (3600 * int(stamp["uh"]) + 60 * int(stamp["um"]))
         # whole seconds and their fraction apart: a day number times 86,400 would cost the last digits
-        whole = (day + added) * 86400 + clock
+        whole = (days[date] + midnights) * 86400 + clock
         first = whole if first is None else first
-        seconds[i] = (whole - first) + float(f"0.{found.group(5) or 0}")
-    return seconds, wrong
+        seconds[i] = (whole - first) + float(f"0.{stamp['f'] or 0}")
+    return seconds

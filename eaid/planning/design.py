@@ -177,8 +177,8 @@ def enlarged(
     as large as the limits allow, and stays. Returned with it are its simulated widths, and those of the plans before it
     as far from its prediction as they were from their own.
     """
-    asked = dict(wanted)
-    plan = make(asked)
+    widths = dict(wanted)
+    plan = make(widths)
     rows = measure(plan)
     for _ in range(ROUNDS):
         excess = over(kept_widths(rows, keeping), wanted)
@@ -186,8 +186,8 @@ def enlarged(
             break
         for name, ratio in excess.items():
             if ratio > 1:
-                asked[name] /= max(LEAST, min(ratio, MOST) ** POWER)
-        larger = make(asked)
+                widths[name] /= max(LEAST, min(ratio, MOST) ** POWER)
+        larger = make(widths)
         if larger != plan:
             known = {name: width for name, width in plan.half_width_pct.items() if 0 < width < inf}
             scale = {name: larger.half_width_pct[name] / width for name, width in known.items()}

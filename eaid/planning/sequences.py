@@ -130,19 +130,19 @@ def breaks_of(whole: HoldSequence, limits: Limits, most: int = 10**6) -> tuple[t
 
     A ramp has as many steps as `RAMP_S` asks for, `most` of them at most.
     """
-    found: list[tuple[float, float]] = []
+    breaks: list[tuple[float, float]] = []
     now, before = 0.0, 0.0
     for duty, hold in zip(whole.input.tolist(), whole.hold_s.tolist(), strict=True):
         if limits.rate_per_s > 0 and duty != before:
             ramp_s = abs(duty - before) / limits.rate_per_s
             count = min(int(np.ceil(ramp_s / RAMP_S)), most)
             for k in range(1, count):
-                found.append((now, before + (duty - before) * k / count))
+                breaks.append((now, before + (duty - before) * k / count))
                 now += max(RAMP_S, ramp_s / most)
-        found.append((now, duty))
+        breaks.append((now, duty))
         now = round(now + max(hold, 1e-3), 3)
         before = duty
-    merged = [one for k, one in enumerate(found) if k == 0 or one[1] != found[k - 1][1]]
+    merged = [one for k, one in enumerate(breaks) if k == 0 or one[1] != breaks[k - 1][1]]
     return (*merged, (now, 0.0))
 
 
@@ -187,12 +187,12 @@ def plan_excitation(
     judge = Judge(p, noise, dict(wanted), limits)
     segments, best = 16, None
     for _ in range(ROUNDS):
-        found = judge.improved(judge.random(segments, draw))
-        ratio, engaged = judge.ratio(found)
-        time_s = judge.whole(found).time_s
+        sequence = judge.improved(judge.random(segments, draw))
+        ratio, engaged = judge.ratio(sequence)
+        time_s = judge.whole(sequence).time_s
         met = ratio <= MARGIN
         if best is None or _better((met, time_s, ratio), best[0]):
-            best = ((met, time_s, ratio), found, engaged)
+            best = ((met, time_s, ratio), sequence, engaged)
         needed = segments * (ratio / MARGIN) ** 2
         after = int(np.clip(np.ceil(1.02 * needed), 8, 6 * segments))
         if time_s * after / segments > limits.longest_s:
@@ -201,9 +201,9 @@ def plan_excitation(
             after += 1 if not met else -1
         segments = max(after, 6)
     assert best is not None
-    _, found, engaged = best
-    whole = judge.whole(found)
-    widths = judge.widths(found)
+    _, sequence, engaged = best
+    whole = judge.whole(sequence)
+    widths = judge.widths(sequence)
     breaks = breaks_of(whole, limits)
     return ExcitationPlan(
         breaks, breaks[-1][0], engaged, widths, all(widths[name] <= width for name, width in wanted.items())
@@ -286,10 +286,10 @@ class Judge:
     @cached_property
     def scattered(self) -> Array:
         """One standard deviation of an engagement's T_s, τ1 and τ2 in the unknowns, (n, 3)."""
-        found = np.zeros((len(self.unknowns), 3))
+        rows = np.zeros((len(self.unknowns), 3))
         for k, part in enumerate(self.model.slices):
-            found[part, k] = self.noise.scatter[k] * self.unknowns[part]
-        return found
+            rows[part, k] = self.noise.scatter[k] * self.unknowns[part]
+        return rows
 
     @cached_property
     def slopes(self) -> Array:

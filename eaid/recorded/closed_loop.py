@@ -80,10 +80,10 @@ def nearest_law(log: RecordedLog) -> Law | None:
         return None
     design = np.column_stack([e[rows] - e[rows - 1], log.dt_s[rows - 1] * e[rows - 1]])
     wanted = u[rows] - u[rows - 1]
-    found = np.linalg.lstsq(design, wanted, rcond=None)[0]
+    gains = np.linalg.lstsq(design, wanted, rcond=None)[0]
     size = float(np.linalg.norm(wanted))
-    fit_pct = 100 * (1 - float(np.linalg.norm(wanted - design @ found)) / size) if size > 0 else 0.0
-    return Law(PIGains(float(found[0]), float(found[1]), 0.0, top), fit_pct, int(acting[0]))
+    fit_pct = 100 * (1 - float(np.linalg.norm(wanted - design @ gains)) / size) if size > 0 else 0.0
+    return Law(PIGains(float(gains[0]), float(gains[1]), 0.0, top), fit_pct, int(acting[0]))
 
 
 def simulated(solved: Solved, index: int, log: RecordedLog, law: Law) -> RecordedLog:
@@ -92,13 +92,13 @@ def simulated(solved: Solved, index: int, log: RecordedLog, law: Law) -> Recorde
     n = len(log.input)
     dt_s = float(log.time_s[-1] - log.time_s[0]) / (n - 1)
     added = np.full(n, idle_of(solved, index) + (log.baseline or 0.0))
-    duty, seen = np.zeros(n), added.copy()
+    duty, measured = np.zeros(n), added.copy()
     controller = pi_controller(law.gains)
     part = slice(law.first, n)
-    duty[part], seen[part] = run_loop(
+    duty[part], measured[part] = run_loop(
         model_of(solved), controller, np.asarray(log.reference[part]), dt_s, np.zeros(n - law.first), added[part]
     )
-    return replace(log, input=duty, output=seen, idle_start=log.starts_idle)
+    return replace(log, input=duty, output=measured, idle_start=log.starts_idle)
 
 
 OTHERWISE = 1.5
@@ -108,29 +108,29 @@ OTHERWISE = 1.5
 def judged_loops(base: Solved, logs: Sequence[RecordedLog]) -> tuple[tuple[Loop, ...], list[Finding]]:
     """Every log of a closed loop, and what is to be said of it."""
     loops: list[Loop] = []
-    found: list[Finding] = []
+    findings: list[Finding] = []
     laws = [law_of(log) for log in logs]
     for k, (log, law) in enumerate(zip(logs, laws, strict=True)):
         if log.reference is None:
             follows = follows_output(base, k, log)
             if follows:
-                found.append(finding("duty-follows-output", log.name, correlation=follows))
-                found.append(finding("loop-bias-unknown", log.name))
+                findings.append(finding("duty-follows-output", log.name, correlation=follows))
+                findings.append(finding("loop-bias-unknown", log.name))
                 loops.append(Loop(log.name, saturated_fraction=log.saturated))
             continue
         if law is None:
-            found += [_of_another_law(log), finding("loop-bias-unknown", log.name)]
+            findings += [_of_another_law(log), finding("loop-bias-unknown", log.name)]
         elif base.instruments is not None:
-            found.append(finding("loop-instrument", log.name))
+            findings.append(finding("loop-instrument", log.name))
         else:
-            found.append(finding("loop-bias-unknown", log.name))
+            findings.append(finding("loop-bias-unknown", log.name))
         loops.append(_loop(base, k, log, law))
         rms, predicted = loops[-1].rms_error, loops[-1].predicted_rms_error
         if rms is not None and predicted is not None:
             noise = float(np.std(base.missed[k]))
             if rms > OTHERWISE * float(np.hypot(predicted, noise)):
-                found.append(finding("loop-tracks-otherwise", log.name, rms=rms, predicted=predicted))
-    return tuple(loops), found
+                findings.append(finding("loop-tracks-otherwise", log.name, rms=rms, predicted=predicted))
+    return tuple(loops), findings
 
 
 def _of_another_law(log: RecordedLog) -> Finding:
@@ -179,8 +179,8 @@ def least_margins(model: Nonlinear, gains: PIGains, log: RecordedLog) -> tuple[f
     low, high = np.clip(np.quantile(used, [0.05, 0.95]), *model.u_range)
     timing = Timing(1 / float(np.median(np.diff(log.time_s))), None)
     points = [Point(u, float(steady_torque(model, u)), lags_at(model, u)) for u in np.linspace(low, high, 9).tolist()]
-    found = list(loop_margins(gains, points, timing))
-    return known(min(one.gain_db for one in found)), known(min(one.phase_deg for one in found))
+    margins = list(loop_margins(gains, points, timing))
+    return known(min(one.gain_db for one in margins)), known(min(one.phase_deg for one in margins))
 
 
 ROUNDS = 20
@@ -199,14 +199,14 @@ def with_instrument(base: Solved, logs: Sequence[RecordedLog]) -> Solved:
         for k, (log, law) in enumerate(zip(logs, laws, strict=True)):
             if law is not None and log.starts_idle:
                 drives[k] = Copies(simulated(now, k, log, law)).every
-        found = _solved(base, x, tuple(drives))
-        if found is None:
+        settled = _solved(base, x, tuple(drives))
+        if settled is None:
             return base
-        x = found
+        x = settled
     problem = base.setup.problem()
     if (problem.A @ x - problem.b < -1e-9).any():
         return base
-    return replace(base, x=x, cost=problem.value(x)[0], instruments=tuple(drives))
+    return replace(base, x=x, instruments=tuple(drives))
 
 
 def _solved(base: Solved, x: Array, drives: tuple[Drive, ...]) -> Array | None:

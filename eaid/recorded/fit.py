@@ -8,13 +8,14 @@ with them as their mean curves, each sample of each repeat alike.
 import itertools
 import statistics
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from eaid.apparatus import Apparatus
 from eaid.arrays import Array
 from eaid.errors import DataError, UsageError
 from eaid.estimate import forms, workflow
@@ -50,7 +51,6 @@ from eaid.results.fit import (
     Noise,
     Nonlinear,
     Release,
-    Rig,
     Uncertainty,
 )
 from eaid.results.recorded import Falls, LogCurve, LogFit, Recorded
@@ -98,17 +98,17 @@ def refuse(logs: Sequence[RecordedLog]) -> None:
 
 def input_findings(logs: Sequence[RecordedLog], levels: Array, stepwise: bool) -> list[Finding]:
     """Warnings in the inputs, log by log and together."""
-    found = [one for log in logs for one in (_fast(log), _saturated(log), _clipped(log)) if one is not None]
-    found += [
+    findings = [one for log in logs for one in (_fast(log), _saturated(log), _clipped(log)) if one is not None]
+    findings += [
         finding("input-never-moves", log.name, level=float(log.input[0]))
         for log in logs
         if np.ptp(log.input) == 0 and log.idle_start is not True
     ]
     if len(levels) == 1:
-        found.append(finding("one-input-only", "data", levels))
+        findings.append(finding("one-input-only", "data", levels))
     elif stepwise and len(levels) < 4:
-        found.append(finding("few-inputs", "data", levels, count=len(levels)))
-    return found
+        findings.append(finding("few-inputs", "data", levels, count=len(levels)))
+    return findings
 
 
 def _fast(log: RecordedLog) -> Finding | None:
@@ -251,18 +251,18 @@ def extremes(rows: Array, stretches: int) -> NDArray[np.intp]:
     if n <= 2 * count * stretches:
         return np.arange(n)
     starts = np.linspace(0, n, stretches + 1).astype(np.intp)
-    found = [np.array([0, n - 1])]
+    places = [np.array([0, n - 1])]
     for first, last in itertools.pairwise(starts.tolist()):
         part = rows[:, first:last]
-        found += [first + part.argmin(axis=1), first + part.argmax(axis=1)]
-    return np.unique(np.concatenate(found))
+        places += [first + part.argmin(axis=1), first + part.argmax(axis=1)]
+    return np.unique(np.concatenate(places))
 
 
-OWN_RECORDS = 3.0
+STEP_RECORDS = 3.0
 """Levels' own linear models are of steps of the fitted model, so many of its longest τ2 long …"""
-LONGEST_OWN_S = 60.0
+LONGEST_STEP_S = 60.0
 """… and no longer than this."""
-OWN_SAMPLES = 2000
+STEP_SAMPLES = 2000
 WIDEST = 10.0
 """An interval wider than this factor says nothing."""
 
@@ -293,7 +293,7 @@ def data_part(
         output_unit="N·m" if first is None else first.output_unit,
         levels=tuple(levels.tolist()),
         sample_rate_hz=max(rates),
-        apparatus=Rig() if steps is None else Rig(**asdict(steps.apparatus)),
+        apparatus=Apparatus() if steps is None else steps.apparatus,
         sources=tuple(sources),
         inputs=tuple(Input(path, digest) for path, digest in inputs.items()),
         synthetic=made if made is not None else None if steps is None else steps.synthetic,
@@ -357,12 +357,12 @@ def degrees_of(solved: Solved, uncertainty: Spread) -> dict[str, float]:
 
 def uncertainty_part(solved: Solved, uncertainty: Spread) -> Uncertainty:
     """Where the intervals come from, and the noise that further recordings can be planned with."""
-    seen = uncertainty.scatter
+    scatter = uncertainty.scatter
     return Uncertainty(
         ci="robust",
-        scatter_from="engagements" if seen.count >= FEWEST_ENGAGEMENTS else "within",
+        scatter_from="engagements" if scatter.count >= FEWEST_ENGAGEMENTS else "within",
         degrees_of_freedom=min(degrees_of(solved, uncertainty).values()),
-        noise=Noise(seen.sensor_nm2_s, seen.ripple_s, {"Ts": seen.gain, "tau1": 0.0, "tau2": 0.0}),
+        noise=Noise(scatter.sensor_nm2_s, scatter.ripple_s, {"Ts": scatter.gain, "tau1": 0.0, "tau2": 0.0}),
     )
 
 
@@ -370,7 +370,7 @@ def linear_part(solved: Solved, base: Solved, levels: Array, wanted: str | None)
     """Eq. (8) of the logs, and of each level by itself: of steps of the fitted nonlinear model."""
     pooled = parameters(solved.setup.model, solved.coefficients)
     total = errors(solved.outputs, solved.missed)
-    of_model = data_of(_own_steps(base, levels))
+    of_model = data_of(_settled_steps(base, levels))
     rows = single_levels(of_model, fit_each_level(of_model))
     return Linear(
         a0=pooled.a0,
@@ -386,11 +386,11 @@ def linear_part(solved: Solved, base: Solved, levels: Array, wanted: str | None)
     )  # fmt: skip
 
 
-def _own_steps(base: Solved, levels: Array) -> list[Level]:
+def _settled_steps(base: Solved, levels: Array) -> list[Level]:
     """Steps from rest of the fitted model to each level."""
     p = model_of(base)
     slowest = float(np.max(curve.time_constants(p, levels)[1]))
-    t = np.linspace(0.0, min(OWN_RECORDS * slowest, LONGEST_OWN_S), OWN_SAMPLES)
+    t = np.linspace(0.0, min(STEP_RECORDS * slowest, LONGEST_STEP_S), STEP_SAMPLES)
     return [Level(float(u), t, curve.step_response(p, t, float(u))[None], (f"{u:g}",)) for u in levels]
 
 
@@ -484,10 +484,10 @@ def fit_recorded(
     refuse(logs)
     every = [*logs, *(logs_of_steps(steps) if steps is not None else [])]
     inputs = inputs_of(every, options.duty)
-    found = input_findings(logs, inputs.levels, inputs.stepwise)
+    findings = input_findings(logs, inputs.levels, inputs.stepwise)
     rests = any(log.starts_idle or bool((log.input == 0).any()) or log.baseline is not None for log in every)
     if not rests:
-        found += [finding("idle-not-seen", log.name) for log in logs]
+        findings += [finding("idle-not-seen", log.name) for log in logs]
     wanted = options.model or ("friction", "nonlinear", "linear")
 
     rows = [0] * len(logs)
@@ -503,22 +503,24 @@ def fit_recorded(
         rows = [sum(pair) for pair in zip(rows, more, strict=True)]
         base = solve(setup_of(base.fitted.model, [*map(shifted, logs, rows), *every[len(logs) :]], rests))
     setup, acting = base.fitted, [*map(shifted, logs, rows)]
-    found += [one for log, late in zip(logs, rows, strict=True) for one in delay_finding(log, late)]
+    findings += [one for log, late in zip(logs, rows, strict=True) for one in delay_finding(log, late)]
     tested_falls = tested(base, inputs.stepwise) if falls else None
     if tested_falls is not None:
         base = tested_falls.solved
-        found += tested_falls.findings
+        findings += tested_falls.findings
     if any(log.reference is not None for log in logs):
         base = with_instrument(base, acting)
     if not base.solver.converged:
-        found.append(finding("recorded-not-converged", "nonlinear", predicted_decrease=base.solver.predicted_decrease))
+        findings.append(
+            finding("recorded-not-converged", "nonlinear", predicted_decrease=base.solver.predicted_decrease)
+        )
     loops, of_loops = judged_loops(base, acting)
-    found += of_loops
+    findings += of_loops
     uncertainty, known = None, None
     if options.ci != "none":
         uncertainty = spread(base)
         known = curves(base, uncertainty, inputs.shown)
-        found += never_asked(known) + scatter_findings(uncertainty.scatter)
+        findings += never_asked(known) + scatter_findings(uncertainty.scatter)
     linear, friction, line = None, None, None
     if "linear" in wanted:
         solved = solve(replace(setup, model=forms.linear(inputs.basis)))
@@ -531,7 +533,7 @@ def fit_recorded(
             solved = with_falls(solved, kept) if kept else solved
         friction = friction_part(solved, inputs.levels, known if "nonlinear" in wanted else None)
     return Fit(
-        findings=ranked(found),
+        findings=ranked(findings),
         seed=options.seed,
         data=data_part(every, runs, steps, inputs.levels if inputs.stepwise else np.zeros(0)),
         converged=base.solver.converged,

@@ -1,4 +1,4 @@
-"""Recorded runs beside the fitted plant: their own duty played again, and, over a closed loop, the same controllers.
+"""Recorded runs beside the fitted plant: their own duty played again.
 
 The duty of a row acts until the next row's time, each interval exactly (`plant_step`), from rest at first. A run
 that may begin loaded (a release, or a first duty that is not zero) starts at the two parts that fit its first held
@@ -11,7 +11,6 @@ own baseline, else the mean over the leading rows at zero duty where there are t
 
 import itertools
 import math
-from collections.abc import Iterable
 
 import msgspec
 import numpy as np
@@ -19,11 +18,9 @@ import numpy as np
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.logs.run import Run
-from eaid.options import Rig
-from eaid.replay.controllers import Controller
-from eaid.replay.loop import Trace, replay
+from eaid.replay.loop import Trace
 from eaid.replay.plant import PlantParameters, falling_taus, plant_pull, plant_step, plant_terms
-from eaid.replay.references import Reference, measure, record
+from eaid.replay.references import record
 from eaid.results.replay import Metrics, Record
 
 IDLE_ROWS = 10
@@ -35,28 +32,6 @@ START_ROWS = 20_000
 LEAST_ROWS = 10
 TELLS_APART = 50.0
 """Condition of the two decays below which both parts of the start are estimated."""
-
-
-def closed_loop(
-    recorded: Trace, plant: PlantParameters, laws: Iterable[Controller], rig: Rig, seed: int = 0
-) -> dict[str, Record]:
-    """A recorded loop, and controllers replayed on its reference at its own rate: does the model predict the rig?
-
-    The reference is taken on a uniform grid, by straight lines between its rows.
-    """
-    metrics = Metrics(**msgspec.structs.asdict(recorded.tracking()))
-    records = {"recorded": record(recorded, metrics, role="recorded-loop")}
-    grid = np.arange(len(recorded.time_s)) * recorded.dt_s
-    wanted = Reference(read_only(np.interp(grid, recorded.time_s, recorded.reference_nm)), recorded.dt_s)
-    for law in laws:
-        trace = replay(plant, law, wanted.torque_nm, rig, wanted.dt_s, seed)
-        torque = np.interp(trace.time_s, recorded.time_s, recorded.torque_nm) - trace.torque_nm
-        duty = np.interp(trace.time_s, recorded.time_s, recorded.duty_pct) - trace.duty_pct
-        metrics = msgspec.structs.replace(
-            measure(trace, wanted), rms_from_recorded_nm=_rms(torque), rms_duty_from_recorded_pct=_rms(duty)
-        )
-        records[law.name] = record(trace, metrics)
-    return records
 
 
 def _rms(values: Array) -> float:
@@ -130,9 +105,9 @@ def _start(
 
 def compared(
     run: Run, plant: PlantParameters, keep_baseline: bool, units: tuple[str, str], dead_time_s: float
-) -> tuple[Record, Trace | None]:
+) -> Record:
     """The model's torque for a run's duty, on its own clock from 0, and how far it is from the recorded one, which
-    stands as its reference; and the recorded loop, where the log has a reference of its own.
+    stands as its reference.
 
     Raises `DataError` where its input or output is in another unit than the fit's.
     """
@@ -170,7 +145,4 @@ def compared(
             one_step_pct=100 * (1 - float(np.linalg.norm(np.diff(apart))) / spread),
         )  # fmt: skip
     dt_s = float(time_s[-1] / (len(time_s) - 1))
-    difference = record(Trace(run.name, dt_s, time_s, torque, model, run.input), metrics, role="recorded-input")
-    if run.reference_nm is None:
-        return difference, None
-    return difference, Trace("recorded", dt_s, time_s, run.reference_nm, torque, run.input)
+    return record(Trace(run.name, dt_s, time_s, torque, model, run.input), metrics, role="recorded-input")

@@ -1,6 +1,6 @@
 """The controllers that a replay knows: one row each, what a row needs from the user's files, and two laws.
 
-**Feedforward.** The linear model turned round, and a PI for what it lacks.
+**Feedforward.** The linear model turned round.
 
 **Inverse.** Feedback linearisation with the nonlinear model and its exact per-sample inverse, which the paper held too
 costly. The torque after one sample of a held duty u, from the states x1, x2, is
@@ -19,20 +19,21 @@ about as much as a PD of that speed would, not as a deadbeat one; and a wrong pl
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.polynomial import polynomial
 
-from eaid.control.gains import physical
+from eaid.control.gains import physical, pi_gains, rc_gains
 from eaid.control.pi import PIGains, PIState, pi_step
 from eaid.control.rc import RCGains, RCState, rc_step
 from eaid.errors import UsageError
 from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Linear, Nonlinear
-from eaid.options import Rig
 from eaid.replay.plant import PlantParameters, plant_parameters, plant_step
+from eaid.results.gains import Gains
 
 G = TypeVar("G", RCGains, PIGains)
 Step = Callable[[Any, Any, float, float, float, float], tuple[Any, float]]
@@ -52,13 +53,9 @@ class Controller:
     """The rate it is given leads to the next sample of the reference exactly (forward difference), else it is the
     central one."""
 
-    def on(self, rig: Rig) -> "Controller":
-        """The law as it acts on a rig: where the actuator has no limits, neither has the law; the inverse keeps those
-        of its model, where its search ends. Its numbers are floats all, so that one machine code serves them."""
-        gains = self.gains._make(float(value) if isinstance(value, int) else value for value in self.gains)
-        if not rig.saturation and not isinstance(gains, InverseGains):
-            gains = gains._replace(duty_min=-float("inf"), duty_max=float("inf"))
-        return replace(self, gains=gains)
+    def __post_init__(self) -> None:
+        gains = (float(value) if isinstance(value, int) else value for value in self.gains)
+        object.__setattr__(self, "gains", self.gains._make(gains))  # of floats all, so that one machine code serves
 
     @property
     def limits_pct(self) -> tuple[float, float]:
@@ -74,38 +71,35 @@ class Knowledge:
     """The fitted model (never the perturbed one)."""
     linear: Linear | None
     """Where it is missing, the open loop takes the straight line through the plant's steady torque."""
-    rc: RCGains | None
-    pi: PIGains | None
+    gains: Gains | None
     limits: tuple[float, float] = (0.0, 100.0)
     """Range of the actuator [%], for the controllers that have no gains of their own."""
 
 
 class FeedforwardGains(NamedTuple):
-    """The linear model turned round, and a PI on top of it."""
+    """The linear model turned round."""
 
-    K_P: float
-    K_I: float
     a0: float
     b0: float
     c0: float
     duty_min: float = 0.0
     duty_max: float = 100.0
-    back_calculation: float = 0.0
     lead: float = 1.0
     """Share of the reference's slope that is fed forward; 0: the duty of the steady torque, the open loop."""
 
 
+class NoState(NamedTuple):
+    """Of a law that remembers nothing."""
+
+    nothing: float = 0.0
+
+
 def feedforward_step(
-    gains: FeedforwardGains, state: PIState, reference: float, reference_rate: float, torque: float, dt: float
-) -> tuple[PIState, float]:
-    """u = (T_d' + a0 T_d − c0)/b0 + K_P e + K_I ∫ e dt: the linear model's own duty, and a PI for what it lacks."""
-    K_P, K_I, a0, b0, c0, low, high, back_calculation, lead = gains
-    ahead = (lead * reference_rate + a0 * reference - c0) / b0
-    within = PIGains(K_P, K_I, low - ahead, high - ahead, back_calculation)
-    state, correction = pi_step(within, state, reference, reference_rate, torque, dt)
-    # at a limit the sum below may miss it by a rounding
-    duty = low if correction <= low - ahead else high if correction >= high - ahead else ahead + correction
-    return state, duty
+    gains: FeedforwardGains, state: NoState, reference: float, reference_rate: float, _torque: float, _dt: float
+) -> tuple[NoState, float]:
+    """u = (T_d' + a0 T_d − c0)/b0, the linear model's own duty."""
+    wanted = (gains.lead * reference_rate + gains.a0 * reference - gains.c0) / gains.b0
+    return state, min(max(wanted, gains.duty_min), gains.duty_max)
 
 
 OBSERVER_PER_S = 30.0
@@ -212,27 +206,24 @@ def pi_controller(gains: PIGains) -> Controller:
     return Controller("pi", pi_step, gains, PIState())
 
 
+def _of_gains(
+    read: Callable[[Gains | None], G | None], ready: Callable[[G], Controller], known: Knowledge
+) -> Controller:
+    gains = read(known.gains)
+    if gains is None:
+        raise UsageError("controllers rc and pi need gains: give «gains», which eaid tune-rc writes")
+    return ready(gains)
+
+
 def inverse_controller(plant: Nonlinear, limits: tuple[float, float] = (0.0, 100.0)) -> Controller:
     """The inverse of a fitted model over the range of its actuator [%], ready to replay."""
     gains = InverseGains(plant_parameters(plant), OBSERVER_PER_S, *limits)
     return Controller("inverse", inverse_step, gains, InverseState(), looks_ahead=True)
 
 
-def _given(gains: G | None, name: str) -> G:
-    if gains is None:
-        raise UsageError(f"controller {name} needs gains: give «gains», which eaid tune-rc writes")
-    return gains
-
-
-def _pi_feedforward(known: Knowledge) -> Controller:
-    pi, (a0, b0, c0) = _given(known.pi, "pi"), _line(known)
-    gains = FeedforwardGains(pi.K_P, pi.K_I, a0, b0, c0, pi.duty_min, pi.duty_max, pi.back_calculation)
-    return Controller("pi-feedforward", feedforward_step, gains, PIState())
-
-
 def _feedforward(known: Knowledge, name: str, lead: float) -> Controller:
-    gains = FeedforwardGains(0.0, 0.0, *_line(known), *known.limits, lead=lead)
-    return Controller(name, feedforward_step, gains, PIState())
+    gains = FeedforwardGains(*_line(known), *known.limits, lead)
+    return Controller(name, feedforward_step, gains, NoState())
 
 
 def _line(known: Knowledge) -> tuple[float, float, float]:
@@ -249,9 +240,8 @@ def _line(known: Knowledge) -> tuple[float, float, float]:
 
 
 CONTROLLERS: dict[str, Callable[[Knowledge], Controller]] = {
-    "rc": lambda known: rc_controller(_given(known.rc, "rc")),
-    "pi": lambda known: pi_controller(_given(known.pi, "pi")),
-    "pi-feedforward": _pi_feedforward,
+    "rc": partial(_of_gains, rc_gains, rc_controller),
+    "pi": partial(_of_gains, pi_gains, pi_controller),
     "feedforward": lambda known: _feedforward(known, "feedforward", 1.0),
     "open-loop": lambda known: _feedforward(known, "open-loop", 0.0),
     "inverse": lambda known: inverse_controller(known.plant, known.limits),

@@ -53,8 +53,8 @@ def plain_metrics(metrics: Metrics) -> dict[str, object]:
 def as_json(replay: Replay) -> dict[str, object]:
     """What `simulate --json` prints: the head, and every group's metrics under the part it plays."""
     controllers, log = (
-        {name: plain_metrics(metrics) for name, metrics in replay.metrics(*roles).items()}
-        for roles in ((), ("recorded-input",))
+        {name: plain_metrics(metrics) for name, metrics in each.items()}
+        for each in (replay.metrics(), replay.metrics("recorded-input"))
     )
     content = {"schema": SCHEMA, **plain_head(replay.head), "controllers": controllers}
     if log:

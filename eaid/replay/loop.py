@@ -3,33 +3,22 @@
 At t_k the controller reads the torque and gives a duty, which acts until t_{k+1}, from rest. The function
 `closed_loop` is written once: plain Python runs it as it stands, and `eaid.replay.many` hands the same function to
 numba. What a rig adds to the model is off unless it is asked for.
-
-**Noise as the residuals of a fit have it.** A run's residuals from its level's own curve (`friction` in fit.json) are
-taken as white noise plus a first-order autoregression φ^k that holds the share s of the power. Two numbers of
-`uncertainty.adequacy` fix both: the first autocorrelation ρ1 = s φ, and the effective sample size
-n_e = n / (1 + 2 Σ ρ) = n / (1 + 2 s φ/(1 − φ)), so that
-
-    φ = 1 − 2 ρ1/(n/n_e − 1),    s = ρ1/φ,    memory = −dt/ln φ
-
-The fit sees means of repeats; one run is noisier by the root of their number. What of it is torque that is really
-there, and what the sensor adds, residuals cannot tell: all of it is put on the measured torque.
 """
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eaid.arrays import Array, read_only
-from eaid.errors import DataError, UsageError
+from eaid.errors import UsageError
 from eaid.options import Rig
 from eaid.replay.controllers import Controller, Step
 from eaid.replay.metrics import tracking
 from eaid.replay.plant import Held, PlantParameters, hold_step, rounded
-from eaid.results.fit import Fit
 from eaid.results.gains import Tracking
 
 LONG = 500_000
@@ -98,16 +87,11 @@ def coloured(samples: int, dt_s: float, memory_s: float, random: np.random.Gener
     return np.asarray(dtbsv(1, band, white, lower=1, diag=1))
 
 
-def noise(rig: Rig, samples: int, dt_s: float, seed: int) -> Array:
-    """Noise on the measured torque [N·m], shape (samples,); white, or a first-order autoregression of the same
-    variance."""
+def noise(rig: Rig, samples: int, seed: int) -> Array:
+    """White noise on the measured torque [N·m], shape (samples,)."""
     if rig.noise_nm <= 0:
         return np.zeros(samples)
-    random = np.random.default_rng(seed)
-    if rig.noise_correlation_s <= 0:
-        return rig.noise_nm * random.standard_normal(samples)
-    memory = math.sqrt(rig.noise_coloured_share) * coloured(samples, dt_s, rig.noise_correlation_s, random)
-    return rig.noise_nm * (memory + math.sqrt(1 - rig.noise_coloured_share) * random.standard_normal(samples))
+    return rig.noise_nm * np.random.default_rng(seed).standard_normal(samples)
 
 
 def ripple(rig: Rig, samples: int, dt_s: float) -> Array:
@@ -116,31 +100,6 @@ def ripple(rig: Rig, samples: int, dt_s: float) -> Array:
         return np.ones(samples)
     angle = np.arange(samples) * (2 * math.pi * rig.ripple_hz * dt_s)
     return np.asarray(1.0 + rig.ripple_pct / 100 * np.sin(angle))
-
-
-def with_residual_noise(rig: Rig, fit: Fit) -> Rig:
-    """The rig with noise as the residuals of a fit have it; DataError where the fit has none."""
-    adequacy = fit.uncertainty.adequacy if fit.uncertainty is not None else None
-    rows = [(row.sse, row.rmse) for row in fit.friction_levels if row.sse is not None and row.rmse is not None]
-    first = adequacy.residual_autocorrelation if adequacy is not None else None
-    effective = adequacy.effective_samples if adequacy is not None else None
-    rate_hz, sources = fit.data.sample_rate_hz, fit.data.sources
-    if first is None or not effective or rate_hz is None or not rows or not sources:
-        raise DataError(
-            "the fit does not say how its residuals are coloured; fit again with «ci» robust, or give «noise_nm»"
-        )
-    samples = sum(sse / rmse**2 for sse, rmse in rows if rmse > 0)
-    if samples <= 0:
-        raise DataError("the fit's residuals are zero; there is no noise to take from them")
-    repeats = len(sources) / len({source.level for source in sources})
-    size = math.sqrt(repeats * sum(sse for sse, _ in rows) / samples)
-    surplus = samples / effective - 1
-    memory = 1 - 2 * first / surplus if first > 0 and surplus > 0 else 0.0
-    memory = max(memory, first)  # too short a tail for this first autocorrelation: one process, s = 1
-    if memory <= 0:
-        return replace(rig, noise_nm=size, noise_correlation_s=0.0, noise_coloured_share=1.0)
-    correlation_s = -1 / (rate_hz * math.log(memory))
-    return replace(rig, noise_nm=size, noise_correlation_s=correlation_s, noise_coloured_share=first / memory)
 
 
 class Inputs(NamedTuple):
@@ -190,14 +149,14 @@ def loop_of(law: Step, sources: str = "") -> Callable[..., tuple[float, float]]:
     return closed_loop
 
 
-def inputs_of(acting: Controller, reference_nm: Array, rig: Rig, dt_s: float, seed: int) -> Inputs:
+def inputs_of(controller: Controller, reference_nm: Array, rig: Rig, dt_s: float, seed: int) -> Inputs:
     """The columns that a controller meets on a reference [N·m], shape (n,)."""
     n = len(reference_nm)
-    rate = reference_rate(reference_nm, dt_s, acting.looks_ahead)
+    rate = reference_rate(reference_nm, dt_s, controller.looks_ahead)
     return Inputs(
         np.array(reference_nm, dtype=np.float64),
         np.ascontiguousarray(rate),
-        noise(rig, n, dt_s, seed),
+        noise(rig, n, seed),
         ripple(rig, n, dt_s),
     )
 
@@ -218,19 +177,18 @@ def replay(
     n = len(reference_nm)
     if n < 2 or not np.isfinite(reference_nm).all():
         raise UsageError("the reference must hold two samples or more, all of them finite")
-    acting = controller.on(rig)
-    inputs = inputs_of(acting, reference_nm, rig, dt_s, seed)
+    inputs = inputs_of(controller, reference_nm, rig, dt_s, seed)
     numbers = rig_numbers(rig, dt_s, controller.gains.duty_max)
     columns: Sequence[list[float] | Array]
     if n <= LONG:
-        run, inputs = loop_of(acting.step), Inputs(*(column.tolist() for column in inputs))
+        run, inputs = loop_of(controller.step), Inputs(*(column.tolist() for column in inputs))
         columns = [[0.0] * n for _ in range(6)]
     else:
         from eaid.replay.many import compiled
 
-        run, columns = compiled(acting.step), tuple(np.empty((6, n)))
-    run(acting.gains, acting.start, plant, numbers, dt_s, inputs, columns)
-    return as_trace(acting, rig, dt_s, reference_nm, columns)
+        run, columns = compiled(controller.step), tuple(np.empty((6, n)))
+    run(controller.gains, controller.start, plant, numbers, dt_s, inputs, columns)
+    return as_trace(controller, rig, dt_s, reference_nm, columns)
 
 
 def as_trace(

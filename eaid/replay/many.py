@@ -67,14 +67,13 @@ def replay_many(
 ) -> None:
     """Trace each plant from rest and show what it did to `visit(index, torque [N·m], duty [%])`, in no fixed order, one
     call at a time a thread."""
-    acting = controller.on(rig)
     numbers = rig_numbers(rig, dt_s, controller.gains.duty_max)
-    inputs = loop.inputs_of(acting, reference_nm, rig, dt_s, seed)
-    run = compiled(acting.step)
+    inputs = loop.inputs_of(controller, reference_nm, rig, dt_s, seed)
+    run = compiled(controller.step)
 
     def single(index: int) -> None:
         filled = tuple(np.empty((6, len(reference_nm))))
-        run(acting.gains, acting.start, plants[index], numbers, dt_s, inputs, filled)
+        run(controller.gains, controller.start, plants[index], numbers, dt_s, inputs, filled)
         visit(index, filled[0], filled[2])
 
     single(0)  # alone, so that what is to be compiled is compiled once
@@ -109,11 +108,10 @@ def montecarlo(
     kept = np.empty((len(range(0, n, stride)), len(plants)))
     measured: dict[int, dict[str, float]] = {}
     time_s: Array = np.arange(n, dtype=np.float64) * reference.dt_s
-    limits = controller.on(rig).limits_pct
 
     def visit(index: int, torque: Array, duty: Array) -> None:
         kept[:, index] = torque[::stride]
-        done = Trace(controller.name, reference.dt_s, time_s, reference.torque_nm, torque, duty, limits)
+        done = Trace(controller.name, reference.dt_s, time_s, reference.torque_nm, torque, duty, controller.limits_pct)
         measured[index] = dict(flattened(measure(done, reference)))
         tick()
 

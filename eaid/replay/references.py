@@ -150,23 +150,23 @@ def read_rows(
         raise DataError(f"{path}: is no text; give a CSV {wanted}") from None
     lines = enumerate(csv.reader(text.splitlines()), 1)
     rows = [(number, row) for number, row in lines if any(map(str.strip, row)) and row[0][:1] != "#"]
-    found = [names.get(cell.strip(), cell.strip()) for cell in rows[0][1]] if rows else []
-    if not set(header) <= set(found):
-        raise DataError(f"{path}: its header is not {wanted}, but {','.join(found) or 'empty'}; name these columns")
-    columns = [found.index(name) for name in header]
-    faults, kept = [], []
+    named = [names.get(cell.strip(), cell.strip()) for cell in rows[0][1]] if rows else []
+    if not set(header) <= set(named):
+        raise DataError(f"{path}: its header is not {wanted}, but {','.join(named) or 'empty'}; name these columns")
+    columns = [named.index(name) for name in header]
+    faults, numbers = [], []
     for number, row in rows[1:]:
         try:
-            values = [float(row[column]) for column in columns] if len(row) == len(found) else []
+            values = [float(row[column]) for column in columns] if len(row) == len(named) else []
         except ValueError:
             values = []
         if not values or not all(map(math.isfinite, values)):
             faults.append(f"{path}: row {number} holds {','.join(row)!r}, not {len(header)} finite numbers; mend it")
         else:
-            kept.append((number, values))
+            numbers.append((number, values))
     if faults:
         raise DataError(*faults[:20])
-    return kept
+    return numbers
 
 
 def read_reference(path: Path) -> Signal:

@@ -22,7 +22,7 @@ from eaid.arrays import Array, read_only
 from eaid.errors import GainsError, UsageError
 from eaid.options import Rig
 from eaid.replay.controllers import Controller
-from eaid.replay.loop import Trace, as_trace, noise, rig_numbers, ripple
+from eaid.replay.loop import Trace, as_trace, coloured, noise, rig_numbers, ripple
 from eaid.replay.plant import Held, PlantParameters, hold_step, plant_terms, rounded
 from eaid.replay.references import record, samples_of
 from eaid.results.replay import Box, CycleTest, Exercise, Metrics, ModeMetrics, ModesTest, Normality, Record, SampleTest
@@ -49,11 +49,11 @@ def rehabilitate(
     n = samples_of(len(MODES) * exercise.mode_s, dt_s)
     if exercise.mode_s < 10 * dt_s:
         raise UsageError(f"rehab: a mode of {exercise.mode_s:g} s is too short for a control interval of {dt_s:g} s")
-    given = _given(exercise, rig, n, dt_s, seed)
-    columns = _run(plant, controller, exercise, rig, dt_s, given)
+    signals = _signals(exercise, rig, n, dt_s, seed)
+    columns = _run(plant, controller, exercise, rig, dt_s, signals)
     reference, torque, measured, duty, applied, angle, desired, rendered = map(read_only, columns)
-    trace = as_trace(controller.on(rig), rig, dt_s, reference, (torque, measured, duty, applied))
-    target, angle = np.degrees(given[0]), np.degrees(angle)
+    trace = as_trace(controller, rig, dt_s, reference, (torque, measured, duty, applied))
+    target, angle = np.degrees(signals[0]), np.degrees(angle)
     further = {
         "target_deg": target, "angle_deg": angle, "position_error_deg": target - angle, "desired_nm": desired,
         "rendered_nm": rendered, "torque_error_nm": desired - rendered,
@@ -62,30 +62,29 @@ def rehabilitate(
     return record(trace, statistics(trace, further, exercise), further)
 
 
-def _given(exercise: Exercise, rig: Rig, n: int, dt_s: float, seed: int) -> tuple[Array, ...]:
+def _signals(exercise: Exercise, rig: Rig, n: int, dt_s: float, seed: int) -> tuple[Array, ...]:
     """What is known before the session begins, shapes (n,): target [rad] and its rate [rad/s], the user's random moment
     and the noise [N·m], the ripple's factor, the shares of the way to the hard and to the assisted mode."""
     t = np.arange(n) * dt_s
     angle = 2 * math.pi * exercise.movement_hz * t
     swing = math.radians(exercise.amplitude_deg)
-    seed_of_user = int(np.random.SeedSequence([seed, 7]).generate_state(1, np.uint64)[0])  # not the sensor's
+    # the sensor's noise has another seed
+    user = np.random.default_rng(int(np.random.SeedSequence([seed, 7]).generate_state(1, np.uint64)[0]))
     # the user's moment is white noise that forgets itself in tremor_s: an AR(1) of the same variance at any rate
-    user = Rig(noise_nm=exercise.tremor_nm, noise_correlation_s=exercise.tremor_s)
     middle = exercise.mode_s * np.arange(1, len(MODES))
     to_hard, to_assisted = (0.5 * (1 + np.tanh((t - at) / exercise.blend_s)) for at in middle)
     target = math.radians(exercise.centre_deg) - swing * np.cos(angle)
     target_rate = swing * 2 * math.pi * exercise.movement_hz * np.sin(angle)
-    tremor, disturbance = noise(user, n, dt_s, seed_of_user), noise(rig, n, dt_s, seed)
-    return target, target_rate, tremor, disturbance, ripple(rig, n, dt_s), to_hard, to_assisted
+    tremor, disturbance = coloured(n, dt_s, exercise.tremor_s, user), noise(rig, n, seed)
+    return target, target_rate, exercise.tremor_nm * tremor, disturbance, ripple(rig, n, dt_s), to_hard, to_assisted
 
 
 def _run(
-    plant: PlantParameters, controller: Controller, exercise: Exercise, rig: Rig, dt: float, given: tuple[Array, ...]
+    plant: PlantParameters, controller: Controller, exercise: Exercise, rig: Rig, dt: float, signals: tuple[Array, ...]
 ) -> Array:
     """The session, sample by sample: reference, torque, measured, duty, applied, angle, desired, rendered; (8, n)."""
-    acting = controller.on(rig)
-    law: Callable[..., tuple[object, float]] = acting.step
-    gains, state = acting.gains, acting.start
+    law: Callable[..., tuple[object, float]] = controller.step
+    gains, state = controller.gains, controller.start
     soft, hard = exercise.soft_nm_rad, exercise.hard_nm_rad
     k_p, k_i = exercise.assist_proportional, exercise.assist_integral
     stiffness, damping, weight = exercise.user_stiffness, exercise.user_damping, exercise.gravity_nm
@@ -98,11 +97,11 @@ def _run(
     numbers = rig_numbers(rig, dt, controller.gains.duty_max)
     held = Held(0.0, 0.0, 0.0, 0)
     samples: list[tuple[float, ...]] = []
-    angle, speed = float(given[0][0]), 0.0
+    angle, speed = float(signals[0][0]), 0.0
     reference = filtered = wound = 0.0
     effort: list[float] = []
     duties: list[float] = []
-    for k, row in enumerate(zip(*(column.tolist() for column in given), strict=True)):
+    for k, row in enumerate(zip(*(column.tolist() for column in signals), strict=True)):
         target, target_rate, tremor, disturbance, factor, harder, assisted = row
         error = target - angle
         # what the user does: their own reaction of `late` ago; bearing the arm's weight is posture, at once
@@ -136,7 +135,8 @@ def _run(
         if not low < angle < high:
             mode = MODES[min(int(k * dt / exercise.mode_s), len(MODES) - 1)]
             raise GainsError(
-                f"rehab with {acting.name}: the {mode} mode diverges, the forearm passes {math.degrees(angle):.0f}° "
+                f"rehab with {controller.name}: the {mode} mode diverges, the forearm passes "
+                f"{math.degrees(angle):.0f}° "
                 f"at {k * dt:.2f} s (limb damping {exercise.damping_nms:g} N·m·s/rad); nothing is plotted of it; "
                 "give the limb more damping or other gains"
             )

@@ -14,14 +14,14 @@ limit, the limit is the cause if |χ| ≤ ρ held had the duty gone on to the u*
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 
 import msgspec
 import numpy as np
 
 from eaid.arrays import Array, read_only
 from eaid.control.defaults import control_rate, input_limits, scales_of
-from eaid.control.gains import pi_gains, plant_of, rc_gains, refuse_other_units
+from eaid.control.gains import plant_of, refuse_other_units
 from eaid.control.rc import RCGains, rc_terms
 from eaid.errors import DataError, UsageError
 from eaid.estimate.draw import draw, drawable
@@ -30,15 +30,15 @@ from eaid.logs.run import Run
 from eaid.models.parameters import Linear
 from eaid.options import Rig, SimulateOptions
 from eaid.progress import Progress, no_progress
-from eaid.replay.compare import closed_loop, compared
+from eaid.replay.compare import compared
 from eaid.replay.controllers import CONTROLLERS, Controller, Knowledge
-from eaid.replay.loop import Trace, reference_rate, replay, with_residual_noise
+from eaid.replay.loop import Trace, reference_rate, replay
 from eaid.replay.plant import PlantParameters, perturbed, plant_parameters, plant_slope, plant_terms
 from eaid.replay.references import Reference, Signal, measure, record, reference_of
 from eaid.replay.rehab import MODES, rehabilitate
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
-from eaid.results.replay import Exercise, Head, Metrics, Record, Replay, RigRecord
+from eaid.results.replay import Exercise, Head, Metrics, Record, Replay
 from eaid.results.verdict import PLANT
 
 
@@ -67,12 +67,11 @@ def set_up(fit: Fit, gains: Gains | None, options: SimulateOptions, what: str) -
     known = Knowledge(
         model,
         None if linear is None else Linear(linear.a0, linear.b0, linear.c0),
-        rc_gains(gains),
-        pi_gains(gains),
+        gains,
         input_limits(fit) if gains is None else gains.duty_limits_pct,
     )
     names, findings = _names(options.controller, what, known)
-    rig = with_residual_noise(options.rig, fit) if options.noise is not None else options.rig
+    rig = options.rig
     made_for = gains.margins.timing.rate_hz if gains is not None and gains.margins is not None else None
     rate_hz = options.rate_hz or made_for or control_rate(fit)
     if fit.dead_time_s > 0 and rig.delay_samples == 0:
@@ -90,7 +89,7 @@ def _names(wanted: tuple[str, ...] | None, what: str, known: Knowledge) -> tuple
     if wanted:
         straight = "open-loop" in wanted and known.linear is None
         return wanted, [finding("open-loop-on-straight-line", "open-loop")] if straight else []
-    names = [name for name, held in (("rc", known.rc), ("pi", known.pi)) if held is not None]
+    names = [name for name in ("rc", "pi") if getattr(known.gains, name, None) is not None]
     if what == "sweep" and known.linear is not None:
         names.append("open-loop")
     if names or what == "log":
@@ -245,7 +244,7 @@ def simulate(
     runs: Sequence[Run] | None = None,
     progress: Progress = no_progress,
 ) -> Replay:
-    """`eaid.simulate` on what has been read: a reference as time [s] and output, recorded runs; closed loops laid over.
+    """`eaid.simulate` on what has been read: a reference as time [s] and output, or recorded runs.
 
     Raises DataError where the fit holds no plant or a run has other units than the fit, UsageError where options do
     nothing here or contradict each other.
@@ -263,7 +262,7 @@ def simulate(
         records, head, more = tracked(setup, wanted, gains, progress)
     head = msgspec.structs.replace(
         head, scenario=what, seed=options.seed, input_unit=fit.data.input_unit, output_unit=fit.data.output_unit,
-        rig=RigRecord(**asdict(setup.rig)), perturb=dict(options.perturb), synthetic=fit.data.synthetic,
+        rig=setup.rig, perturb=dict(options.perturb), synthetic=fit.data.synthetic,
         not_usable=_not_usable(fit, gains), findings=ranked([*warned, *more]),
     )  # fmt: skip
     return Replay(head, records)
@@ -293,20 +292,9 @@ def _rehab(setup: Setup, top: float) -> Outcome:
 
 
 def _logs(setup: Setup, runs: Sequence[Run]) -> Outcome:
-    """Recorded runs: their input through the plant, and over closed-loop runs the controllers replayed."""
-    data, plain = setup.fit.data, asdict(Rig())
-    unused = [name for name, value in asdict(setup.options.rig).items() if value != plain[name]]
-    if unused and all(run.reference_nm is None for run in runs):
-        raise UsageError(f"«{unused[0]}»: does nothing with logs of an open loop; leave it out")
-    late_s, units = setup.fit.dead_time_s, (data.input_unit, data.output_unit)
-    records, loops = {}, {}
-    for run in runs:
-        records[run.name], loop = compared(run, setup.plant, setup.options.keep_baseline, units, late_s)
-        if loop is not None:
-            loops[run.name] = replace(loop, limits_pct=setup.known.limits)
-    for name, loop in loops.items():
-        rig = replace(setup.rig, delay_samples=setup.options.rig.delay_samples or round(late_s / loop.dt_s))
-        played = closed_loop(loop, setup.plant, setup.controllers, rig, setup.options.seed)
-        before = f"{name} " if len(loops) > 1 else ""
-        records |= {f"{before}{law}": one for law, one in played.items()}
-    return records, Head(""), []
+    """Recorded runs: their input through the plant."""
+    if unused := list(setup.options.rig.given()):
+        raise UsageError(f"«{unused[0]}»: does nothing with logs; leave it out")
+    fit, keep = setup.fit, setup.options.keep_baseline
+    units = fit.data.input_unit, fit.data.output_unit
+    return {run.name: compared(run, setup.plant, keep, units, fit.dead_time_s) for run in runs}, Head(""), []

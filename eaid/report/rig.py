@@ -1,6 +1,5 @@
 """What rig a result is of: its units and names, and whether it is the clutch that the paper describes."""
 
-from eaid.apparatus import Apparatus
 from eaid.models.parameters import PAPER_LINEAR, SHARE
 from eaid.results.common import Source
 from eaid.results.fit import FittedData, Trend
@@ -17,12 +16,6 @@ CONTROLLER_NAMES = {
 def controller_name(name: str) -> str:
     """A controller's name as a reader knows it."""
     return CONTROLLER_NAMES.get(name, name)
-
-
-def apparatus_of(data: FittedData) -> Apparatus:
-    """The rig that a fit names; one friction surface where a friction rig was fitted and none is told."""
-    rig = data.apparatus
-    return Apparatus(**{name: getattr(rig, name) for name in rig.__struct_fields__})
 
 
 def of_the_paper(data: FittedData | StepSet | None, asked: bool | None = None) -> bool:

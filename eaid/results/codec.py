@@ -20,7 +20,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from eaid.errors import DataError
+from eaid.errors import DataError, UsageError
 from eaid.files import written_whole
 from eaid.findings import Finding, finding, sentences
 from eaid.version import __version__
@@ -162,6 +162,8 @@ def from_plain(content: Any, type_: type[R], source: str, found: list[Finding] |
         raise DataError(f"{source}: its {fault.where} has no {fault.key}; make it again with eaid") from None
     except msgspec.ValidationError as fault:
         raise DataError(f"{source}: {_sentence(fault, content)}; make it again with eaid") from None
+    except UsageError as fault:
+        raise DataError(*(f"{source}: its options say {each}" for each in fault.sentences)) from None
 
 
 class _MissingError(Exception):

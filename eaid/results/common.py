@@ -38,6 +38,10 @@ class Input(Result, frozen=True):
         return cls(str(path), sha256_of(path))
 
 
+Inputs = dict[str, Input | tuple[Input, ...]]
+"""The files that a result was made from, by what they are: fit, gains, reference, log."""
+
+
 class Source(Result, frozen=True):
     """One run behind a fit."""
 
@@ -148,6 +152,5 @@ class Huber(Result, frozen=True):
     loss: str = "huber"
     k: Number | None = None
     sigma: Number | None = None
-    rounds: Count = 0
     settled: bool = True
     weights: tuple[HuberLevel, ...] = ()

@@ -5,27 +5,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eaid.findings import Finding, sentences
+from eaid.options import CoupleOptions
 from eaid.results import codec
-from eaid.results.common import Count, Input, Number, Positive, Result
+from eaid.results.common import Inputs, Number, Result
 from eaid.shown import Shown
 
 if TYPE_CHECKING:
     import pandas
-
-
-class CoupleRecord(Result, frozen=True):
-    """The limb and the timing that the walls were worked out for."""
-
-    limb_inertia: Positive = 0.1
-    """[kg·m²]"""
-    limb_damping: Positive = 0.8
-    """[N·m·s/rad]"""
-    virtual_damping: Number = 0.0
-    """[N·m·s/rad]"""
-    rate_hz: Positive = 1000.0
-    pwm_hz: Number = 0.0
-    delay_samples: Count = 0
-    sensor_hz: Number = 0.0
 
 
 class Wall(Result, frozen=True):
@@ -72,13 +58,6 @@ class Impedance(Result, frozen=True):
     """Step of torque where the rotor turns round half a second after the highest of the torques."""
 
 
-class CoupleInputs(Result, frozen=True):
-    """The files that the walls were worked out from."""
-
-    fit: Input | None = None
-    gains: Input | None = None
-
-
 class Coupling(Shown, Result, frozen=True):
     """Walls of every loop at every torque, one clutch and an antagonistic pair.
 
@@ -89,10 +68,10 @@ class Coupling(Shown, Result, frozen=True):
     [40.0, nan]
     """
 
-    inputs: CoupleInputs = CoupleInputs()
+    inputs: Inputs = {}
     command: tuple[str, ...] = ()
     """What was typed to make it, without the output; empty where Python did."""
-    options: CoupleRecord = CoupleRecord()
+    options: CoupleOptions = CoupleOptions()
     output_unit: str = "N·m"
     walls: tuple[Wall, ...] = ()
     pair: tuple[Wall, ...] = ()

@@ -7,19 +7,22 @@ Keys are the paper's symbols, polynomials lowest power first, units those of the
 import math
 import os
 import statistics
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import msgspec
 import numpy as np
+from scipy.special import stdtrit
 
+from eaid.apparatus import Apparatus
 from eaid.arrays import Array
-from eaid.errors import DataError, in_python
+from eaid.errors import DataError, UsageError, in_python
 from eaid.findings import Finding
-from eaid.models.friction import step_response
-from eaid.models.nonlinear import time_constants
+from eaid.findings.row import SYMBOLS
+from eaid.models import friction, linear, nonlinear
+from eaid.models.nonlinear import steady_torque, time_constants
 from eaid.models.parameters import TAU_FLOOR_S
 from eaid.models.parameters import Friction as FrictionCurve
 from eaid.models.parameters import Linear as LinearModel
@@ -119,7 +122,7 @@ class FrictionLevel(Scores, frozen=True):
 
     def predict(self, time_s: Array) -> Array:
         """Output at times since the step [s], above the baseline: its start, and behind its dead time Eq. (3)."""
-        return self.start + step_response(self.curve, np.maximum(time_s - self.delay_s, 0.0))
+        return self.start + friction.step_response(self.curve, np.maximum(time_s - self.delay_s, 0.0))
 
 
 class Trend(Result, frozen=True):
@@ -492,24 +495,6 @@ class StepShape(Result, frozen=True):
         return np.asarray(self.start + left + self.change * (1 - self.C * np.exp(-after / self.tau1) - slow))
 
 
-class Rig(Result, frozen=True):
-    """The apparatus, as in `eaid.apparatus.Apparatus`."""
-
-    inner_radius_m: Positive = 0.04
-    outer_radius_m: Positive = 0.06
-    surfaces: Annotated[int, msgspec.Meta(ge=1, le=10**6)] = 2
-    dielectric_m: Positive = 95e-6
-    voltage_v: Positive = 300.0
-    pwm_hz: Positive = 300.0
-    sample_rate_hz: Positive = 1000.0
-    lever_ratio: Positive = 4.33
-
-    def __post_init__(self) -> None:
-        inner, outer = self.inner_radius_m, self.outer_radius_m
-        if inner >= outer:
-            raise ValueError(f"an inner radius of {inner:g} m and an outer one of {outer:g} m")
-
-
 class FittedData(Result, frozen=True):
     """What was fitted."""
 
@@ -522,7 +507,7 @@ class FittedData(Result, frozen=True):
     record_s: tuple[Number, ...] = ()
     """Length of each level's record [s]."""
     sample_rate_hz: Positive | None = None
-    apparatus: Rig = Rig()
+    apparatus: Apparatus = Apparatus()
     sources: tuple[Source, ...] = ()
     inputs: tuple[Input, ...] = ()
     synthetic: str | None = None
@@ -539,6 +524,14 @@ NOT_IDENTIFIABLE = (
     "no-b-bounds",
 )
 """Codes of the findings that make a model not identifiable."""
+
+
+CURVES: dict[str, Callable[..., Array]] = {
+    "nonlinear": nonlinear.step_response,
+    "linear": linear.step_response,
+    "friction": friction.step_response,
+}
+"""Models of steps, the first that was fitted before the others → output at times after a step."""
 
 
 class Fit(Shown, Result, frozen=True, dict=True):
@@ -578,24 +571,71 @@ class Fit(Shown, Result, frozen=True, dict=True):
     @property
     def params(self) -> "pandas.Series[float]":
         """All fitted parameters, indexed by (model, parameter)."""
-        from eaid.results import frames
+        import pandas as pd
 
-        return frames.parameters(self)
+        values = [np.nan if row.value is None else row.value for row in self.parameters]
+        return pd.Series(values, index=self._index, name="value", dtype=float)
 
     def conf_int(self, alpha: float = 0.05) -> "pandas.DataFrame":
-        """Intervals of `params` that miss with probability `alpha`, columns low and high; NaN where there are none."""
-        from eaid.results import frames
+        """Intervals of `params` that miss with probability `alpha`, columns low and high; NaN where there are none.
 
-        return frames.intervals(self, alpha)
+        Those of another confidence than 95 % by Student's t: of what is above 0 throughout on its logarithm.
+        """
+        import pandas as pd
+
+        if not 0 < alpha < 1:
+            raise UsageError(f"«alpha» {alpha:g}: must lie between 0 and 1")
+        rows = [(row.value, row.low, row.high, row.dof) for row in self.parameters]
+        value, low, high, dof = np.array(rows, dtype=np.float64).reshape(-1, 4).T  # None becomes NaN
+        dof = np.minimum(np.where(np.isnan(dof), np.inf, dof), 1e12)
+        ends = np.array([low, high])
+        if alpha != 0.05:
+            ratio = stdtrit(dof, 1 - alpha / 2) / stdtrit(dof, 0.975)
+            with np.errstate(invalid="ignore", divide="ignore"):
+                by_ratio = (low > 0) & (value > 0)
+                ends = np.where(by_ratio, value * (ends / value) ** ratio, value + ratio * (ends - value))
+        return pd.DataFrame(ends.T, index=self._index, columns=["low", "high"])
+
+    @property
+    def _index(self) -> "pandas.MultiIndex":
+        import pandas as pd
+
+        rows = [(row.model, row.name if row.level is None else f"{row.name}({row.level:g})") for row in self.parameters]
+        return pd.MultiIndex.from_tuples(rows, names=["model", "parameter"])
 
     def at(self, level: float) -> "pandas.DataFrame":
         """T_s, τ1 and τ2 at an input, with the ends of their 95 % intervals: columns value, low, high.
 
         `UsageError` outside the identified range; between levels the nonlinear model's curves.
         """
-        from eaid.results import frames
+        import pandas as pd
 
-        return frames.at(self, level)
+        rows = {row.name: row for row in self.parameters if row.level is not None and math.isclose(row.level, level)}
+        p = self.nonlinear
+        if rows.keys() >= SYMBOLS.keys():
+            found = [(rows[name].value, rows[name].low, rows[name].high) for name in SYMBOLS]
+        elif p is None or not p.u_range[0] <= level <= p.u_range[1]:
+            inside = "" if p is not None else "the levels "
+            raise self._outside("level", level, self.data.levels if p is None else p.u_range, inside)
+        else:
+            values = (steady_torque(p.parameters, level), *time_constants(p.parameters, level))
+            found = [self._on_curve(p, *pair, level) for pair in zip(SYMBOLS, map(float, values), strict=True)]
+        return pd.DataFrame(found, index=list(SYMBOLS), columns=["value", "low", "high"], dtype=float)
+
+    def _on_curve(self, p: Nonlinear, name: str, value: float, level: float) -> tuple[float, float, float]:
+        """A value of a polynomial and its 95 % interval, on its logarithm, by the covariance of the coefficients."""
+        if p.covariance is None or not p.covariance.matrix or not value > 0:
+            return value, math.nan, math.nan
+        places = [k for k, key in enumerate(p.covariance.order) if key.partition("[")[0] == name]
+        g = (level / 100) ** np.arange(len(places)) / value
+        variance = float(g @ np.array(p.covariance.matrix)[np.ix_(places, places)] @ g)
+        dof = p.covariance.degrees_of_freedom.get(name)
+        reach = float(stdtrit(dof or 1e12, 0.975)) * math.sqrt(variance)
+        return value, value * math.exp(-reach), value * math.exp(reach)
+
+    def _outside(self, name: str, value: float, known: Sequence[float], inside: str = "") -> UsageError:
+        ends = f"{inside}{min(known):g} … {max(known):g} {self.data.input_unit}".rstrip()
+        return UsageError(f"«{name}» {value:g}: the fit knows {ends} only")
 
     @property
     def residuals(self) -> "pandas.Series[float]":
@@ -603,53 +643,142 @@ class Fit(Shown, Result, frozen=True, dict=True):
 
         `DataError` for a fit that was read from a file: it holds no samples.
         """
-        from eaid.results import frames
+        import pandas as pd
 
-        return frames.residuals(self)
+        steps = self.__dict__.get("steps_fitted")
+        if steps is None:
+            raise DataError("this fit was read from a file, or is of logs as recorded, and holds no samples; fit again")
+        parts = {
+            one.level: pd.Series(one.mean - self._curve(self._first, one.level, one.time_s), index=one.time_s)
+            for one in steps.levels
+        }
+        whole: pd.Series[float] = pd.concat(parts, names=["level", "time_s"])
+        return whole.rename("residual")
 
     @property
     def rmse(self) -> float:
         """Root mean square residual of the first model that was fitted: nonlinear, linear, friction."""
-        from eaid.results import frames
-
-        return frames.scores(self)[0]
+        sse, _, samples = self._sums
+        return math.sqrt(sse / samples)
 
     @property
     def rsquared(self) -> float:
         """1 − ‖y − ŷ‖²/‖y − mean y‖² of the same model; of the friction model about each level's own mean."""
-        from eaid.results import frames
-
-        return frames.scores(self)[1]
+        sse, about_mean, _ = self._sums
+        return 1 - sse / about_mean
 
     @property
     def aic(self) -> float:
         """n ln(SSE/n) + 2 (k + 1) of the same model, as if samples were independent: for models of the same data."""
-        from eaid.results import frames
+        sse, _, samples = self._sums
+        part = getattr(self, self._first)
+        if self._first == "friction":
+            unknowns = (3 + (part.C is None)) * len(self.friction_levels)
+        else:  # coefficients that the levels do not allow are 0
+            values = (part.a0, part.b0, part.c0) if self._first == "linear" else (*part.Ts, *part.tau1, *part.tau2)
+            unknowns = int(np.count_nonzero(values)) + (self._first == "nonlinear" and part.C_free)
+        return samples * math.log(sse / samples) + 2 * (unknowns + 1)
 
-        return frames.scores(self)[2]
+    @property
+    def _sums(self) -> tuple[float, float, float]:
+        """Sums of squares of residuals and about the mean, and samples, of the first model; NaN where one is exact."""
+        rows = self.friction_levels if self._first == "friction" else (getattr(self, self._first),)
+        sums: list[tuple[float, float, float]] = [
+            (one.sse, one.sse / (1 - one.R2), one.sse / one.rmse**2)
+            for one in rows
+            if one.sse and one.rmse and one.R2 is not None
+        ]
+        sse, about_mean, samples = np.array(sums or [(math.nan,) * 3]).sum(axis=0).tolist()
+        return sse, about_mean, samples
 
     def cov_params(self) -> "pandas.DataFrame":
         """Covariance of the nonlinear model's coefficients of (u/100)^k; `DataError` where the fit holds none."""
-        from eaid.results import frames
+        import pandas as pd
 
-        return frames.covariance(self)
+        held = self.nonlinear.covariance if self.nonlinear is not None else None
+        if held is None or not held.matrix:
+            raise DataError("the fit holds no covariance; fit a nonlinear model with «ci» robust")
+        return pd.DataFrame(held.matrix, index=list(held.order), columns=list(held.order), dtype=float)
+
+    @property
+    def _first(self) -> str:
+        """The first model that was fitted."""
+        found = next((name for name in CURVES if getattr(self, name) is not None), None)
+        if found is None:
+            raise DataError("the fit holds no model of steps")
+        return found
 
     def to_frame(self) -> "pandas.DataFrame":
         """One row a level, or a step between two: its curve with intervals, and the error of each model."""
-        from eaid.results import frames
+        import pandas as pd
 
-        return frames.levels(self)
+        from eaid.results.frames import cells_of
+
+        rows: dict[tuple[float, float], dict[str, Any]] = {}
+        for one in self.friction_levels:
+            rows[one.from_, one.level] = {key: cell for key, cell in cells_of(one).items() if key != "level"}
+        for name in ("nonlinear", "linear"):
+            part = getattr(self, name)
+            for error in part.per_level if part is not None else ():
+                cells = {f"{name}_rmse": error.rmse, f"{name}_fit_pct": error.fit_pct}
+                if name == "linear":
+                    cells |= {"a0": error.a0, "gain": error.gain, "B": error.B}
+                level_row = rows.setdefault((0.0, error.level), {})
+                level_row |= {key: np.nan if value is None else value for key, value in cells.items()}
+        return pd.DataFrame(list(rows.values()), index=pd.Index([u for _, u in rows], name="level", dtype=float))
 
     def predict(
         self, duty: float | Sequence[float], t: Sequence[float], model: str | None = None
     ) -> "pandas.DataFrame":
-        """The output after a step from rest to each input [input's unit] at times t [s]; inputs are the columns.
+        """The output after a step from rest to each input.
 
-        `model` is nonlinear, linear or friction; by default the first of these that was fitted.
+        Parameters
+        ----------
+        duty : float or sequence of floats
+            Inputs, in the input's unit.
+        t : sequence of floats, shape (n,)
+            Times since the step [s]; before it the output is at rest.
+        model : {"nonlinear", "linear", "friction"}, optional
+            By default the first of these that was fitted. The friction model knows its own levels only.
+
+        Returns
+        -------
+        DataFrame, shape (n, inputs)
+            The output in its own unit, time as the index, inputs as columns.
+
+        Raises
+        ------
+        UsageError
+            An input outside the fitted range, of which the data say nothing.
         """
-        from eaid.results import frames
+        import pandas as pd
 
-        return frames.predict(self, duty, t, model)
+        chosen = model or self._first
+        if chosen not in CURVES:
+            raise UsageError(f"«model» {chosen}: must be one of {', '.join(CURVES)}")
+        if getattr(self, chosen) is None:
+            raise DataError(f"the fit holds no {chosen} model; fit one, or choose another «model»")
+        time_s, inputs = np.asarray(t, dtype=np.float64), np.atleast_1d(np.asarray(duty, dtype=np.float64)).tolist()
+        known = self.data.levels if self.recorded is None else self.recorded.u_range
+        for u in inputs:
+            if known and not min(known) <= u <= max(known):
+                raise self._outside("duty", u, known)
+        return pd.DataFrame(
+            np.column_stack([self._curve(chosen, u, np.maximum(time_s, 0.0)) for u in inputs]),
+            index=pd.Index(time_s, name="time_s"),
+            columns=pd.Index(inputs, name=f"{chosen} [{self.data.input_unit}]"),
+        )
+
+    def _curve(self, model: str, duty: float, time_s: Array) -> Array:
+        """The output of a model at times since a step from rest."""
+        if model != "friction":
+            return CURVES[model](getattr(self, model).parameters, time_s, duty)
+        known = {row.level: row for row in self.friction_levels if row.from_ == 0}
+        near = next((level for level in known if math.isclose(level, duty, rel_tol=1e-5)), None)
+        if near is None:
+            levels = ", ".join(f"{row.level:g}" for row in self.friction_levels)
+            raise UsageError(f"«duty» {duty:g}: the friction model knows the levels {levels} only")
+        return known[near].predict(time_s)
 
     def summary(self) -> str:
         """The fit in a few lines: fit %, T_s, τ1, τ2 with intervals, which estimate was taken, warnings."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from eaid.findings import Finding, sentences
 from eaid.options import TuneOptions
 from eaid.results import codec
-from eaid.results.common import Count, Input, Number, Positive, Result
+from eaid.results.common import Count, Inputs, Number, Positive, Result
 from eaid.shown import Shown
 
 if TYPE_CHECKING:
@@ -177,14 +177,6 @@ class BRange(Result, frozen=True):
     widened: bool = False
 
 
-class AntiWindup(Result, frozen=True):
-    """What keeps the integral from winding up."""
-
-    method: str = "conditional"
-    gain: Number = 0.0
-    """Of back-calculation [N·m/%]."""
-
-
 class Condition(Result, frozen=True):
     """One thing that the guarantee needs, and what is there."""
 
@@ -262,7 +254,6 @@ class Robust(Result, frozen=True):
     reference_slope_nm_s: Number | None = None
     natural_frequency_rad_s: Number | None = None
     damping: Number | None = None
-    anti_windup: AntiWindup = AntiWindup()
     equal_pi: EqualPI | None = None
     ultimate_bound: UltimateBound | None = None
 
@@ -286,14 +277,6 @@ class PI(Result, frozen=True):
     steps_settling_s: Number | None = None
     """Longest settling time of the scenario steps on the fitted plant, the duty within its limits; None: never."""
     asked: AskedPI | None = None
-    anti_windup: AntiWindup = AntiWindup()
-
-
-class GainsInputs(Result, frozen=True):
-    """The files that gains were made from."""
-
-    fit: Input | None = None
-    reference: Input | None = None
 
 
 class Gains(Shown, Result, frozen=True):
@@ -312,7 +295,7 @@ class Gains(Shown, Result, frozen=True):
     model: LinearModel
     rc: Robust | None = None
     pi: PI | None = None
-    inputs: GainsInputs = GainsInputs()
+    inputs: Inputs = {}
     options: TuneOptions | None = None
     command: tuple[str, ...] = ()
     """What was typed to make it, without the output; empty where Python did."""

@@ -14,7 +14,8 @@ import msgspec
 
 from eaid.arrays import Array
 from eaid.findings import Finding, sentences
-from eaid.results.common import Count, Input, Number, Positive, Result
+from eaid.options import Rig
+from eaid.results.common import Count, Inputs, Number, Positive, Result
 from eaid.results.gains import Tracking
 from eaid.shown import Shown
 
@@ -171,12 +172,10 @@ class Metrics(Tracking, frozen=True):
     start_nm: Number | None = None
     """Output from which the model starts."""
     reference_is: str | None = None
-    rms_from_recorded_nm: Number | None = None
-    rms_duty_from_recorded_pct: Number | None = None
 
 
-Role = Literal["controller", "recorded-input", "recorded-loop"]
-"""A controller; a recorded input through the model; a recorded closed loop itself."""
+Role = Literal["controller", "recorded-input"]
+"""A controller; a recorded input through the model."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -240,30 +239,6 @@ MOMENTS = (
 """What of an exercise is in proportion to the torque that it takes."""
 
 
-class RigRecord(Result, frozen=True):
-    """The rig's own effects, as `eaid.options.Rig` has them."""
-
-    noise_nm: Number = 0.0
-    noise_correlation_s: Number = 0.0
-    noise_coloured_share: Number = 1.0
-    ripple_pct: Number = 0.0
-    ripple_hz: Number = 0.0
-    sensor_hz: Number = 0.0
-    delay_samples: Count = 0
-    pwm_hz: Number = 0.0
-    duty_bits: Count = 0
-    saturation: bool = True
-
-
-class ReplayInputs(Result, frozen=True):
-    """The files that a replay was made from."""
-
-    fit: Input | None = None
-    gains: Input | None = None
-    reference: Input | None = None
-    log: tuple[Input, ...] = ()
-
-
 class Head(Result, frozen=True):
     """What a replay says of itself: the root attributes of replay.h5."""
 
@@ -278,12 +253,12 @@ class Head(Result, frozen=True):
     plants_from: str | None = None
     """covariance, or fitted-plant where the fit holds none."""
     band_quantiles: tuple[Number, ...] = ()
-    rig: RigRecord = RigRecord()
+    rig: Rig = Rig()
     perturb: dict[str, Number] = {}
     not_usable: dict[str, str] = {}
     """What stands on a fit that must not be used, plant or gains, and why."""
     synthetic: str | None = None
-    inputs: ReplayInputs = ReplayInputs()
+    inputs: Inputs = {}
     command: tuple[str, ...] = ()
     """What was typed to make it, without the output; empty where Python did."""
     findings: tuple[Finding, ...] = ()
@@ -314,10 +289,9 @@ class Replay(Shown):
         """What is to be known before the numbers are used."""
         return self.head.findings
 
-    def metrics(self, *roles: Role) -> dict[str, Metrics]:
-        """Metrics by name of the groups that play these parts; of the controllers unless others are named."""
-        wanted = roles or ("controller", "recorded-loop")
-        return {name: one.metrics for name, one in self.records.items() if one.role in wanted}
+    def metrics(self, role: Role = "controller") -> dict[str, Metrics]:
+        """Metrics by name of the groups that play this part."""
+        return {name: one.metrics for name, one in self.records.items() if one.role == role}
 
     def summary(self) -> str:
         """Scenario, the largest and the RMS error of each controller, and the gravest findings."""

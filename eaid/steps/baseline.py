@@ -38,11 +38,11 @@ def baseline_rule(text: str) -> tuple[str, float, float]:
     A value is there twice; a window is in seconds relative to the step. Raises UsageError for anything but `auto`,
     `first`, `none`, a number, or `FROM:TO`.
     """
-    said = text.strip().lower()
-    if said in ("auto", "first"):
-        return said, 0.0, 0.0
+    rule = text.strip().lower()
+    if rule in ("auto", "first"):
+        return rule, 0.0, 0.0
     try:
-        numbers = [0.0] if said == "none" else [float(part) for part in said.split(":")]
+        numbers = [0.0] if rule == "none" else [float(part) for part in rule.split(":")]
     except ValueError:
         numbers = []
     if not 1 <= len(numbers) <= 2 or not all(abs(one) <= 1e30 for one in numbers):

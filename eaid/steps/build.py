@@ -135,17 +135,17 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN) -> StepSe
 
     signs, of_signs = signs_of(runs, options.sign == "keep")
     steps = {run.name: Step(run, signs[run.name]) for run in runs}
-    found = {
+    of_runs = {
         name: [*step.run.findings, *_of_subject(of_signs, name), *step_warnings(step)] for name, step in steps.items()
     }
-    out = _stopped(runs, found)
+    out = _stopped(runs, of_runs)
     levels = _averaged(rising, steps, out)
     for level in levels:
         for one in disagreements(level, input_unit):
-            found[one.subject].append(one)
-    records = [_record(steps[run.name], tuple(found[run.name]), run.name in out) for run in runs]
+            of_runs[one.subject].append(one)
+    records = [_record(steps[run.name], tuple(of_runs[run.name]), run.name in out) for run in runs]
     records.sort(key=lambda record: (record.level, record.repeat, record.edge != "rising", record.name))
-    ceiling = same_ceiling(levels, output_unit)
+    ceiling = same_ceiling(levels, of_runs, output_unit)
     whole = StepSet(
         kind=kind,
         input_unit=input_unit,
@@ -156,7 +156,7 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN) -> StepSe
         runs=tuple(records),
         findings=(*_of_subject(of_signs, "data"), *_of_the_set(levels, runs, input_unit), *ceiling),
         synthetic="; ".join(sorted({run.synthetic for run in runs if run.synthetic})) or None,
-        level_steps=level_steps([run for run in runs if run.name not in out], found),
+        level_steps=level_steps([run for run in runs if run.name not in out], of_runs),
     )
     return whole.without(ceiling[0].levels, ceiling[0]) if ceiling and len(ceiling[0].levels) < len(levels) else whole
 
@@ -165,9 +165,9 @@ def _of_subject(findings: Sequence[Finding], subject: str) -> list[Finding]:
     return [one for one in findings if one.subject == subject]
 
 
-def _stopped(runs: Sequence[Run], found: Mapping[str, Sequence[Finding]]) -> set[str]:
+def _stopped(runs: Sequence[Run], findings: Mapping[str, Sequence[Finding]]) -> set[str]:
     """Runs that a finding stops which does not stop all rises, to be left out; none where no rise would be left."""
-    codes = {run.name: {one.code for one in stops(found[run.name])} for run in runs}
+    codes = {run.name: {one.code for one in stops(findings[run.name])} for run in runs}
     rises = [run.name for run in runs if run.edge == "rising" and run.from_level == 0] or list(codes)
     of_all = set.intersection(*(codes[name] for name in rises))
     out = {name for name, own in codes.items() if own - of_all}

@@ -3,14 +3,12 @@
 Levels of torque are compared by means of blocks, so that noise and rotor ripple do not count as change.
 """
 
-from collections.abc import Callable, Sequence
-from functools import lru_cache
+from collections.abc import Callable, Mapping, Sequence
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from eaid.arrays import Array, median
+from eaid.arrays import median
 from eaid.findings import Finding, finding
 from eaid.steps.baseline import FLOOR, last_rest, without_spikes
 from eaid.steps.edges import several_edges
@@ -37,12 +35,11 @@ COARSE = 25
 """Steps of the sensor's resolution in a change below which its shape cannot be told."""
 ALIKE = 0.005
 """Share within which two levels end at one value."""
-SHARP = 0.35
-"""Slope just below the ceiling, relative to ceiling over rise time, from which a rise is cut off and not settling."""
 FLAT = 0.4
-"""The same of one run alone."""
+"""Sharpness from which a rise is cut off and not settling."""
+FLAT_CODES = {"saturated", "saturated-behind-noise", "flat-topped"}
 SETTLES = 0.25
-"""The same of an exponential that settles, at most: what has lost its noise and is sharper has stopped."""
+"""Sharpness of an exponential that settles, at most: what has lost its noise and is sharper has stopped."""
 QUIET = 0.5
 """Share of the idle's noise below which the noise of a flat top is that of what lies behind the sensor."""
 CREEP = 0.002
@@ -52,38 +49,84 @@ FEW_ROWS = 100
 
 
 def saturated(step: Step) -> Finding | None:
-    """A limit at which the output stands, reached at full slope or short of where it was going."""
+    """A limit at which the output stands after coming to it at full slope: exactly, or within its noise."""
     output = step.run.output[:LONG]
+    moves = np.abs(np.diff(output))
+    finest = float(moves[moves > 0].min()) if (moves > 0).any() else 0.0
     for limit in (float(output.max()), float(output.min())):
         at = output == limit
-        if at.sum() < max(10, 0.01 * len(output)):
-            continue
         starts, stops = stretches(at)
-        if len(starts) == 1 and stops[0] <= step.start and starts[0] > 0:
-            continue  # a sensor that dropped out in the idle time: stuck
-        longest = int((stops - starts).max())
+        if at.sum() < max(10, 0.01 * len(output)) or (stops - starts).max() < 5:
+            continue
         entry = int(starts[0])
-        moves = np.abs(np.diff(output))
-        finest = float(moves[moves > 0].min()) if (moves > 0).any() else 0.0
-        # a sensor at its limit is met at full slope; a settled or idle output is approached by its finest step
-        steep = abs(limit - float(output[max(0, entry - 3)])) > max(20 * finest, 1e-3 * float(np.ptp(output)))
-        if longest >= 5 and (steep or _cut_short(output, entry, limit)):
+        if len(starts) == 1 and stops[0] <= step.start and entry > 0:
+            continue  # a sensor that dropped out in the idle time: stuck
+        # a settled or idle output is approached by its finest step
+        if abs(limit - float(output[max(0, entry - 3)])) > max(20 * finest, 1e-3 * float(np.ptp(output))):
             return finding("saturated", step.run.name, samples=int(at.sum()), limit=limit, unit=step.unit)
+    return flat_top(step) if step.run.edge == "rising" else None
+
+
+def flat_top(step: Step) -> Finding | None:
+    """A finding where a rise stops at full slope and stays there, within its noise."""
+    rise = step.rise
+    if len(rise) < 200 or not step.swing > 0:
+        return None
+    half, quarter = len(rise) // 2, len(rise) // 4
+    top = median(rise[half:])
+    creep = abs(float(rise[-quarter:].mean() - rise[half:-quarter].mean()))
+    slack = max(CREEP * top, 3 * block_error(rise))
+    if top <= 0 or creep > slack or block_means(rise).max() > top + 3 * slack:
+        return None
+    sharp = sharpness(step, top)
+    idle_noise = sample_noise(step.idle) if len(step.idle) >= 20 else 0.0
+    quiet = 0 < sample_noise(rise[half:]) < QUIET * idle_noise
+    if quiet and sharp is not None and sharp > SETTLES:
+        return finding("saturated-behind-noise", step.run.name, step.levels, limit=top, unit=step.unit)
+    if (quiet and sharp is None) or (sharp or 0.0) > FLAT:
+        return finding("flat-topped", step.run.name, step.levels, limit=top, unit=step.unit)
     return None
 
 
-def _cut_short(output: Array, entry: int, limit: float) -> bool:
-    """True where an output without noise stops at a limit although its last moves, an exponential's, foretell more."""
-    if entry < 3:
-        return False
-    last, before = abs(limit - float(output[entry - 1])), abs(float(output[entry - 1] - output[entry - 2]))
-    moves = np.abs(np.diff(output))
-    moves = moves[moves > 0]
-    finest = float(moves.min())
-    even = np.abs(moves / finest - np.round(moves / finest)).max() < 1e-3
-    # what is left of an exponential whose last two moves were these, the last one cut
-    left = min(last, before) if before > 0 else 0.0
-    return left > max(4 * finest if even else 0.0, 2e-3 * float(np.ptp(output)))
+def sharpness(step: Step, ceiling: float) -> float | None:
+    """Slope of a rise as it comes within 5 % of a ceiling, times the time that took, over the ceiling, less its error.
+
+    An exponential has 0.15 to 0.2 there, a straight rise that is cut off 0.95. The rise is averaged to a hundred blocks
+    or more; None of one of a few samples.
+    """
+    count = len(step.rise)
+    while True:
+        means = block_means(step.rise[:count], SMOOTH)
+        near = np.flatnonzero(means >= 0.95 * ceiling)
+        wanted = int(count * 4 * int(near[0] + 1) / len(means)) if len(near) else count
+        if wanted >= count or count <= SMOOTH:
+            break
+        count = max(wanted, FEW_ROWS)
+    if not len(near) or near[0] < 5:
+        return None
+    at, few = int(near[0]), max(2, int(near[0]) // 5)
+    noise = max(sample_noise(step.rise) / np.sqrt(count / len(means)), block_noise(means[::3]))
+    error = noise * at / ceiling / np.sqrt(few * (few + 1) * (few + 2) / 12)
+    times, near_top = block_means(step.time_s[:count], SMOOTH), slice(at - few, at + 1)
+    return line(times[near_top], means[near_top]).slope * float(times[at]) / ceiling - float(error)
+
+
+def same_ceiling(levels: Sequence[Level], findings: Mapping[str, Sequence[Finding]], unit: str) -> list[Finding]:
+    """A finding where two or more of the highest levels end at one value at which runs of theirs stop in mid-rise."""
+    if len(levels) < 3:
+        return []
+    ends = [float(level.mean[-max(1, len(level.mean) // 2) :].mean()) for level in levels]
+    errors = [block_error(level.mean) for level in levels]
+    top = ends[-1]
+    capped: list[Level] = []
+    for level, end, error in zip(levels[::-1], ends[::-1], errors[::-1], strict=True):
+        if abs(end - top) > max(ALIKE * abs(top), 3 * max(error, errors[-1])):
+            break
+        capped.insert(0, level)
+    flat = [any(one.code in FLAT_CODES for name in level.names for one in findings[name]) for level in capped]
+    if top <= 0 or sum(flat) < 2:
+        return []
+    return [finding("same-ceiling", "data", [level.level for level in capped], ceiling=top, unit=unit)]
 
 
 def stuck(step: Step) -> Finding | None:
@@ -134,123 +177,10 @@ def isolated_spikes(step: Step) -> Finding | None:
     )  # fmt: skip
 
 
-def same_ceiling(levels: Sequence[Level], unit: str) -> list[Finding]:
-    """A finding where two or more of the highest levels end at one value, and reach it at full slope."""
-    if len(levels) < 3:
-        return []
-    ends = [float(level.mean[-max(1, len(level.mean) // 2) :].mean()) for level in levels]
-    errors = [block_error(level.mean) for level in levels]
-    top = ends[-1]
-    capped: list[Level] = []
-    for level, end, error in zip(levels[::-1], ends[::-1], errors[::-1], strict=True):
-        if abs(end - top) > max(ALIKE * abs(top), 3 * max(error, errors[-1])):
-            break
-        capped.insert(0, level)
-    if top <= 0 or sum(sharpness(level.mean, level.time_s, top) > SHARP for level in capped) < 2:
-        return []
-    return [finding("same-ceiling", "data", [level.level for level in capped], ceiling=top, unit=unit)]
-
-
-def flat_top(step: Step) -> Finding | None:
-    """A finding where one run stops at full slope and stays there, within its noise."""
-    rise = step.rise
-    if len(rise) < 200 or not step.swing > 0:
-        return None
-    half, quarter = len(rise) // 2, len(rise) // 4
-    top = median(rise[half:])
-    creep = abs(float(rise[-quarter:].mean() - rise[half:-quarter].mean()))
-    slack = max(CREEP * top, 3 * block_error(rise))
-    if top <= 0 or creep > slack or block_means(rise).max() > top + 3 * slack:
-        return None
-    sharp = _rise_of(step, top)
-    idle_noise = sample_noise(step.idle) if len(step.idle) >= 20 else 0.0
-    quiet = 0 < sample_noise(rise[half:]) < QUIET * idle_noise
-    if quiet and sharp is not None and sharp > SETTLES:
-        return finding("saturated-behind-noise", step.run.name, step.levels, limit=top, unit=step.unit)
-    if (quiet and sharp is None) or (sharp or 0.0) > FLAT:
-        return finding("flat-topped", step.run.name, step.levels, limit=top, unit=step.unit)
-    return None
-
-
-def _rise_of(step: Step, top: float) -> float | None:
-    """Sharpness of a rise, less its error, averaged to a hundred blocks or more; None of a rise of a few samples."""
-    count = len(step.rise)
-    while True:
-        means = block_means(step.rise[:count], SMOOTH)
-        near = np.flatnonzero(means >= 0.95 * top)
-        wanted = int(count * 4 * int(near[0] + 1) / len(means)) if len(near) else count
-        if wanted >= count or count <= SMOOTH:
-            if not len(near) or near[0] < 5:
-                return None
-            at, few = int(near[0]), max(2, int(near[0]) // 5)
-            noise = max(sample_noise(step.rise) / np.sqrt(count / len(means)), block_noise(means[::3]))
-            error = noise * at / top / np.sqrt(few * (few + 1) * (few + 2) / 12)
-            return sharpness(means, block_means(step.time_s[:count], SMOOTH), top) - float(error)
-        count = max(wanted, FEW_ROWS)
-
-
-def sharpness(output: Array, time_s: Array, ceiling: float) -> float:
-    """Slope of a rise as it comes within 5 % of a ceiling, times the time that took, over the ceiling.
-
-    An exponential has 0.15 to 0.2 there, a straight rise that is cut off 0.95.
-    """
-    near = np.flatnonzero(output >= 0.95 * ceiling)
-    if not len(near) or near[0] < 4:
-        return 0.0
-    at = int(near[0])
-    few = max(2, at // 5)
-    near_top = slice(at - few, at + 1)
-    return line(time_s[near_top], output[near_top]).slope * float(time_s[at]) / ceiling
-
-
 SLOW_CONSTANTS = 1.5
 """A window shorter than this many slow time constants cannot tell them."""
-
-
-@lru_cache(8)
-def _pairs(count: int) -> tuple[Array, Array, NDArray[np.intp], NDArray[np.intp], Array]:
-    """All pairs of a grid of time constants τ [windows], and what a fit of them to so many block means takes.
-
-    τ; block means of 1 − e^(−t/τ), and below of its derivative over ln τ, a row each; of each pair the slow τ, its rows
-    (fast curve, its derivative, slow curve) and the inverse of their products.
-    """
-    tau = np.geomspace(1 / 300, 20.0, 64)
-    edges = np.linspace(0.0, 1.0, count + 1)
-    decay = np.exp(-edges / tau[:, np.newaxis])
-    # the derivative: −(t/τ) e^(−t/τ)
-    mean_decay = -np.diff(decay, axis=1) * tau[:, np.newaxis] * count
-    both = np.concatenate((1.0 - mean_decay, np.diff(edges * decay, axis=1) * count - mean_decay))
-    fast, slow = np.triu_indices(len(tau), 5)
-    places = np.stack((fast, fast + len(tau), slow), axis=1)
-    matrix = (both @ both.T)[places[:, :, np.newaxis], places[:, np.newaxis, :]]
-    # a trace of the diagonal keeps nearly equal columns solvable
-    matrix += 1e-12 * np.trace(matrix, axis1=1, axis2=2)[:, np.newaxis, np.newaxis] * np.eye(3)
-    return tau, both, slow, places, np.asarray(np.linalg.inv(matrix), dtype=np.float64)
-
-
-def slow_constant(rise: Array, window_s: float) -> tuple[float, bool]:
-    """Slow time constant [s] of a rise by two exponentials, and whether the window is surely too short for it.
-
-    Costs of all pairs of a grid on block means; for each pair the amplitudes A1, A2 and, by the derivative over ln τ1,
-    the fast constant between the grid's values, are a 3 × 3 linear solve. The window is too short where no pair with
-    τ2 below window / 1.5 fits as well (F test, 5 standard errors).
-    """
-    means = block_means(rise, 4 * BLOCKS)
-    count = len(means)
-    tau, both, slow, places, inverse = _pairs(count)
-    curves, vector = both[: len(tau)], (both @ means)[places]
-    amplitudes = (inverse @ vector[:, :, np.newaxis])[:, :, 0]
-    fine = (amplitudes[:, 0] > 0) & (amplitudes[:, 2] > 0) & (np.abs(amplitudes[:, 1]) < 0.2 * amplitudes[:, 0])
-    total = float(means @ means)
-    single = (curves @ means) ** 2 / (curves * curves).sum(axis=1)
-    tau2_s = window_s * np.concatenate((tau, tau[slow][fine]))
-    cost = total - np.concatenate((single, (amplitudes * vector).sum(axis=1)[fine]))
-    short = tau2_s * SLOW_CONSTANTS > window_s
-    best_short, best_long = float(cost[short].min()), float(cost[~short].min())
-    noise = max(best_short, 1e-10 * total)
-    return float(tau2_s[cost.argmin()]), (best_long - best_short) / noise * (count - 4) > 25.0
-
-
+RISES = 0.005
+"""Share of the swing that a rise that goes on gains at least over the last quarter of its window."""
 FEW = 2 * BLOCKS
 JITTER = 0.2
 """Spread of the sample time, as a share of the usual one, above which it is told."""
@@ -394,14 +324,21 @@ def _several_edges(step: Step) -> Finding | None:
 
 
 def _too_short(step: Step) -> Finding | None:
+    """A rise that goes on at the end: its slow constant, by three means behind the first quarter, outlasts the window.
+
+    Of an exponential the means of equal parts of length h approach their limit by factors e^(−h/τ2).
+    """
     if len(step.rise) < 4 * BLOCKS or not step.swing > 0:
         return None
-    window = float(step.time_s[-1])
-    slow, short = slow_constant(step.rise, window)
-    means = block_means(step.rise)
-    if not short or means[-3:].mean() - means[-8:-5].mean() < 0.005 * step.swing:
+    _, first, second, third = block_means(step.rise, 4).tolist()
+    window, error = float(step.time_s[-1]), block_error(step.rise, 4)
+    before, after = second - first, third - second
+    if after < max(RISES * step.swing, 3 * error) or before <= 0:
         return None
-    tau2_s = slow if slow < 5 * window else None
+    factor = after / before
+    if factor - 3 * np.sqrt(2) * error * (1 + factor) / before < np.exp(-SLOW_CONSTANTS / 4):
+        return None
+    tau2_s = -window / 4 / float(np.log(factor)) if factor < np.exp(-1 / 20) else None
     return finding("window-too-short", step.run.name, step.levels, window_s=window, tau2_s=tau2_s)
 
 
@@ -417,7 +354,6 @@ CHECKS: tuple[tuple[Callable[[Step], Finding | None], tuple[Edge, ...]], ...] = 
     (_drift, ("rising",)),
     (_not_idle, ("rising",)),
     (saturated, BOTH),
-    (flat_top, ("rising",)),
     (stuck, BOTH),
     (coarse, ("rising",)),
     (isolated_spikes, BOTH),

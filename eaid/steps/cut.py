@@ -26,9 +26,9 @@ from eaid.steps.plateaus import (
     Plateau,
     bridge,
     end_of,
-    looks_like,
     plateaus,
     sample_s,
+    stands_still,
     tolerance,
     turns,
     zero_of,
@@ -43,14 +43,14 @@ NO_STEP = "record the idle time before the step too, or give the step instant wi
 
 def cut_by_input(run: Run) -> list[Run]:
     """Steps where the input goes from one plateau to another; towards zero is a falling edge."""
-    if (odd := looks_like(run)) is not None:
-        raise DataError(f"{run.where}: {say(odd)}")
     holds, bridged = bridge(plateaus(run.input))
+    if not stands_still(holds, run.input):
+        raise DataError(f"{run.where}: {say(finding('input-moves', run.name))}")
     if len(holds) < 2:
         raise DataError(f"{run.where}: the input stays at {holds[0].level:g} {run.input_unit}: no step; {NO_STEP}")
     zero = zero_of(run)
     glitch = (finding("input-glitch", run.name, samples=bridged),) if bridged else ()
-    first = (*run.findings, *glitch, *active_low(run))
+    first = (*run.findings, *glitch, *active_low(run, holds))
     steps: list[Run] = []
     idle: float | None = run.baseline
     end = 0
@@ -69,9 +69,9 @@ def cut_by_input(run: Run) -> list[Run]:
     return steps
 
 
-def active_low(run: Run) -> tuple[Finding, ...]:
+def active_low(run: Run, holds: Sequence[Plateau]) -> tuple[Finding, ...]:
     """What is told of a log whose input only falls from where it begins, while the size of its output rises."""
-    holds = [hold for hold in plateaus(run.input) if hold.count >= FEWEST] if run.has_input else []
+    holds = [hold for hold in holds if hold.count >= FEWEST]
     if len(holds) < 2 or any(abs(hold.level) >= 0.99 * abs(holds[0].level) for hold in holds[1:]):
         return ()
     before, after = (abs(median(run.output[hold.start : hold.stop])) for hold in (holds[0], holds[1]))
@@ -213,10 +213,10 @@ def cut_by_output(run: Run) -> list[Run]:
             raise no_level(run)
         raise DataError(f"{run.where}: no step stands out of the output's noise; give its instant with «step_at»")
     if at == 0:
-        said = finding("step-at-first-sample", run.name, start=first_samples(run.output), unit=run.output_unit)
+        note = finding("step-at-first-sample", run.name, start=first_samples(run.output), unit=run.output_unit)
     else:
-        said = finding("step-from-output", run.name, step_s=float(run.time_s[at]))
-    return cut_at(replace(run, level=level, findings=(*run.findings, said)), float(run.time_s[at]))
+        note = finding("step-from-output", run.name, step_s=float(run.time_s[at]))
+    return cut_at(replace(run, level=level, findings=(*run.findings, note)), float(run.time_s[at]))
 
 
 def rises_at_once(output: Array, start: float = 0.0) -> bool:
@@ -300,8 +300,8 @@ def cut_reversals(run: Run) -> list[Run]:
             level=way * level, baseline=first_samples(run.output[start:stop]), repeat=None,
         )  # fmt: skip
         steps.append(replace(stroke, input=np.abs(stroke.input) * way if known else stroke.input))
-    said = finding("cut-at-reversals", run.name, reversals=len(steps))
-    return [replace(steps[0], findings=(*run.findings, said)), *(replace(one, findings=()) for one in steps[1:])]
+    note = finding("cut-at-reversals", run.name, reversals=len(steps))
+    return [replace(steps[0], findings=(*run.findings, note)), *(replace(one, findings=()) for one in steps[1:])]
 
 
 def turns_of(position: Array) -> list[int]:
@@ -351,8 +351,8 @@ def cut(run: Run, baseline: str = "auto", rest: float = 0.0) -> list[Run]:
                     f"if it is not in %, say its unit with «units» input=UNIT"
                 )
         if rest != 0.0 and not run.cut:
-            said = finding("counted-from-rest", run.name, rest=rest)
-            run = replace(run, input=read_only(run.input - rest), findings=(*run.findings, said))
+            note = finding("counted-from-rest", run.name, rest=rest)
+            run = replace(run, input=read_only(run.input - rest), findings=(*run.findings, note))
         # a commanded input is held exactly; a measured one may wander a little
         wanders = run.input_unit != "%" and sample_noise(run.input) > 0
         moves = float(np.ptp(run.input)) > 0 and not (
@@ -475,8 +475,8 @@ def _long_enough(steps: list[Run], stored: bool) -> list[Run]:
             "longer"
         )
     if short and good:
-        said = finding("short-pieces", good[0].name, pieces=len(short), fewest=FEWEST)
-        good[0] = replace(good[0], findings=(*good[0].findings, said))
+        note = finding("short-pieces", good[0].name, pieces=len(short), fewest=FEWEST)
+        good[0] = replace(good[0], findings=(*good[0].findings, note))
     return good
 
 

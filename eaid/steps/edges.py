@@ -55,7 +55,7 @@ class _Leg(NamedTuple):
     rests: bool
 
 
-def asked_edges(time_s: Array, output: Array, reference: Array) -> tuple[Edge, ...]:
+def reference_edges(time_s: Array, output: Array, reference: Array) -> tuple[Edge, ...]:
     """The edges of an output where its reference jumps, each until the next jump; none where that never jumps."""
     change = np.abs(np.diff(reference))
     least = max(JUMP * float(np.ptp(reference)), 20 * median(change))
@@ -80,8 +80,8 @@ def edges(time_s: Array, output: Array, reference: Array | None = None) -> tuple
     """The edges of an output, shapes (n,): those its reference asks for by a jump, else those beyond its noise."""
     if len(output) < 40:
         return ()
-    if reference is not None and (asked := asked_edges(time_s, output, reference)):
-        return asked
+    if reference is not None and (jumps := reference_edges(time_s, output, reference)):
+        return jumps
     means = block_means(output, BLOCKS)
     times = block_means(time_s, BLOCKS)
     low, high = np.quantile(means, (0.01, 0.99)).tolist()

@@ -171,7 +171,7 @@ def counted_once(runs: Sequence[Run]) -> list[Run]:
             at = int((np.abs(run.input - run.input[:1]) > 0.1 * np.ptp(run.input)).argmax()) if len(run.input) else 0
         begin = max(0, at - BEFORE)
         groups[-1][1].append(_Values(run, run.output[begin : at + BEHIND], at - begin))
-    kept: dict[int, Run] = {}
+    longest: dict[int, Run] = {}
     for _, members in groups:
         many = len(members) > ALL_PAIRS
         alone: list[_Values] = []
@@ -182,17 +182,17 @@ def counted_once(runs: Sequence[Run]) -> list[Run]:
                 if code is None:
                     continue
                 longer, shorter = (one, other) if len(one.run.output) > len(other.run.output) else (other, one)
-                of_longer = kept.get(id(longer.run), longer.run)
-                said = finding(code, of_longer.name, (of_longer.level or 0.0,), other=shorter.run.where)
-                kept[id(longer.run)] = replace(of_longer, findings=(*of_longer.findings, said))
+                of_longer = longest.get(id(longer.run), longer.run)
+                note = finding(code, of_longer.name, (of_longer.level or 0.0,), other=shorter.run.where)
+                longest[id(longer.run)] = replace(of_longer, findings=(*of_longer.findings, note))
                 if code == "run-given-twice":
-                    kept.pop(id(shorter.run), None)
+                    longest.pop(id(shorter.run), None)
                     alone[k] = longer
                     break
             else:
                 alone.append(one)
-                kept.setdefault(id(one.run), one.run)
-    return [kept[id(run)] for run in runs if id(run) in kept]
+                longest.setdefault(id(one.run), one.run)
+    return [longest[id(run)] for run in runs if id(run) in longest]
 
 
 def _log_of(run: Run) -> tuple[str, str]:

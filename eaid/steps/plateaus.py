@@ -1,18 +1,16 @@
-"""What an input does: where it stands still, ramps between left out and glitches bridged; or how it moves.
+"""What an input does: where it stands still, ramps between left out and glitches bridged; or moves.
 
 A plateau is a stretch in which the input stays within `tolerance`, 1 % of its range or six times its noise.
 """
 
 import itertools
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from eaid.arrays import Array, median
-from eaid.findings import Finding, finding
 from eaid.logs.run import Run
-from eaid.steps.noise import block_means, line, sample_noise, sampled, stretches
+from eaid.steps.noise import sample_noise, sampled, stretches
 
 FEWEST = 10
 """Samples in the active window below which a step is refused."""
@@ -22,10 +20,6 @@ OFFSET = 0.05
 """Share of its largest value within which a measured input counts as zero."""
 BACK = 0.5
 """Share of a range by which values have to come back for a turn."""
-SWITCHES = 10
-"""Changes between two levels from which a binary sequence is looked for."""
-EVEN = 0.15
-"""Spread of the times between turns, relative to their mean, up to which they are even."""
 
 
 @dataclass(frozen=True)
@@ -167,66 +161,3 @@ def turns(values: Array, back: float) -> list[int]:
             low = i
     last = len(values) - 1
     return [*dict.fromkeys(places), *([last] if places[-1] != last else [])]
-
-
-def looks_like(run: Run) -> Finding | None:
-    """A finding where a log's input is none of steps; None where it may be one."""
-    holds, _ = bridge(plateaus(run.input))
-    if not stands_still(holds, run.input):
-        return moving(run.name, run.time_s, run.input)
-    return _binary(run, holds)
-
-
-def moving(name: str, time_s: Array, values: Array) -> Finding:
-    """What an input does that never stands still."""
-    fine = block_means(values, min(len(values), 4000))
-    times = block_means(time_s, min(len(values), 4000))
-    low, high = np.quantile(fine, (0.02, 0.98)).tolist()
-    at = turns(fine, 0.5 * (high - low))[1:-1]
-    if len(at) < 2:
-        return finding("input-moves", name)
-    gaps = np.diff(times[at])
-    if len(gaps) >= 4 and gaps.std() > 1e-9 * gaps.mean():
-        order = float(np.corrcoef(np.arange(len(gaps)), np.log(gaps))[0, 1])
-        ends = float(median(gaps[: max(1, len(gaps) // 4)]) / median(gaps[-max(1, len(gaps) // 4) :]))
-        if abs(order) > 0.7 and not 1 / 1.8 < ends < 1.8:
-            fast = 0.5 / min(gaps[:2].mean(), gaps[-2:].mean())
-            slow = 0.5 / max(gaps[:2].mean(), gaps[-2:].mean())
-            return finding("input-sweeps", name, from_hz=float(slow), to_hz=float(fast))
-    ups = sum(1 for i in at if fine[i] < median(fine))
-    if _constant_speed(times, fine, at):
-        return finding("input-reverses", name, turns=len(at), upwards=ups)
-    if all(len(g) == 0 or g.std() <= EVEN * g.mean() for g in (gaps[::2], gaps[1::2])):
-        return finding("input-is-periodic", name, turns=len(at), hz=float(0.5 / gaps.mean()))
-    return finding("input-moves", name)
-
-
-def _constant_speed(times: Array, values: Array, at: list[int]) -> bool:
-    """True where values go from turn to turn along straight lines."""
-    off, span = [], float(np.ptp(values))
-    for a, b in itertools.pairwise(at):
-        if b - a < 8:
-            return False
-        inner = slice(a + (b - a) // 10, b - (b - a) // 10)
-        off.append(float(np.abs(line(times[inner], values[inner]).left).max()) / span)
-    # a sine is off by 0.04 of its range over the middle 80 % of a half period
-    return median(off) < 0.03
-
-
-def _binary(run: Run, holds: Sequence[Plateau]) -> Finding | None:
-    """Two levels held for many different multiples of one short time."""
-    counts = np.array([float(plateau.count) for plateau in holds[1:-1]])
-    if len(counts) < SWITCHES:
-        return None
-    levels = np.array([plateau.level for plateau in holds])
-    low, high = levels.min(), levels.max()
-    nearer = np.where(levels > (low + high) / 2, high, low)
-    if np.abs(levels - nearer).max() > 0.05 * (high - low):
-        return None
-    clock = float(np.quantile(counts, 0.05))
-    multiples = counts / clock
-    kinds = len(set(np.round(multiples).astype(int).tolist()))
-    if kinds < 3 or median(np.abs(multiples - np.round(multiples))) > 0.15:
-        return None
-    usual = median(np.diff(run.time_s))
-    return finding("input-is-binary", run.name, switches=len(holds) - 1, clock_s=clock * usual)

@@ -201,13 +201,13 @@ class StepSet(Shown):
             for one in stops(run.findings) if run.left_out else ():
                 if one.code not in stopped:
                     reasons.setdefault(one.code, []).append((run.name, one))
-        told = [
+        findings = [
             finding(
                 "runs-left-out", "data", runs=tuple(name for name, _ in group), of=len(self.runs), why=say(group[0][1])
             )
             for group in reasons.values()
         ]
-        return ranked((*merged((*self.findings, *kept)), *told))
+        return ranked((*merged((*self.findings, *kept)), *findings))
 
     def without(self, levels: Sequence[float], why: Finding) -> "StepSet":
         """The set without some of its levels and their releases, with `why` as a warning."""

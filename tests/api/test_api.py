@@ -132,9 +132,8 @@ def test_residuals_and_scores_by_hand(small_steps: Any, options: dict[str, Any],
 
 
 def test_a_fit_of_a_file_has_a_covariance_and_no_residuals(small_fit: Any, tmp_path: Path) -> None:
-    fit = small_fit
-    assert fit.cov_params().shape == (10, 10)
-    fit.save(tmp_path / "fit.json")
+    assert small_fit.cov_params().shape == (10, 10)
+    small_fit.save(tmp_path / "fit.json")
     with pytest.raises(DataError, match="fit again"):
         _ = eaid.load(tmp_path / "fit.json").residuals
 

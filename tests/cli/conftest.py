@@ -15,7 +15,6 @@ FILES = {
     "reference.csv": "time_s,reference_nm\n0,0\n1,1\n5,1\n",
     "duty.csv": "time_s,duty_pct\n0,0\n1,50\n9,0\n",
     "plan.csv": "order,level,repeat,idle_s,hold_s,release_s\n1,60,1,1,5,1\n",
-    "dataset.toml": 'schema = "eaid/manifest/1"\n[[log]]\nfile = "logs/log.csv"\n',
     "text.json": "hello",
     "plan.json": '{"schema": "eaid/plan/1"}',
 }

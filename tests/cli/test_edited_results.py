@@ -26,7 +26,7 @@ READERS = {
         "tune-rc fit.json -o g.json",
         "tune-rc fit.json --widen-bounds --bounds-levels 30:100 -o g.json",
         "simulate fit.json --gains gains.json --scenario steps --duration 2 -o replay.h5",
-        "simulate fit.json --controller inverse --plants 2 --noise residuals --duration 2 -o replay.h5",
+        "simulate fit.json --controller inverse --plants 2 --duration 2 -o replay.h5",
         "plan fit.json --no-check -o plan.csv",
         "synth --plant fit.json --levels 50 --repeats 1 --rate-hz 50 -o synth.h5",
     ],

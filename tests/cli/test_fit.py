@@ -95,18 +95,6 @@ def test_huber_shows_the_run_and_the_part_it_weighs_down(rig, run_eaid):
     assert any(row[0] == "60 %" and "r2)" in row[-1] for row in rows)
 
 
-def test_real_friction_with_one_command(realdata, rig, run_eaid):
-    words = ["fit", realdata / "friction-steps", "--kind", "friction-force", "--ci", "none", "-o", "f.json"]
-    ran = run_eaid(words)
-    fit = result()
-    assert ran.code == 0 and (fit["data"]["input_unit"], fit["data"]["output_unit"]) == ("bar", "N")
-    assert [row["level"] for row in fit["friction"]["levels"]] == [1, 3, 5, 7]
-    assert fit["friction"]["levels"][0]["stress_kpa"] == 100 and fit["friction"]["trends"].keys() == {"Ts"}
-    assert ran.err.count("warning: ") == 3  # the gravest; --verbose shows all
-    assert {"output-is-no-torque", "trend-needs-levels"} <= {one["code"] for one in fit["findings"]}
-    assert "next   eaid report f.json" in ran.out
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_the_tracking_error_of_a_noisy_fit_is_that_of_its_plant(seed, tmp_path, monkeypatch, run_eaid):

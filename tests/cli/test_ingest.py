@@ -50,24 +50,6 @@ def test_table_json_and_file(run_eaid):
     assert (row["step_s"], row["source"], row["findings"]) == (5.0, "u30.csv", [])
 
 
-@pytest.mark.parametrize("mended", [False, True])
-def test_all_bad_logs_are_told_at_once_and_leave_earlier_results_untouched(mended, run_eaid):
-    write_log("a.csv")
-    b, c = (Path(write_log(name, level)).read_text().splitlines() for name, level in (("b.csv", 60.0), ("c.csv", 70.0)))
-    Path("b.csv").write_text("\n".join([*b, "0,0,0.1"]) + "\n")
-    Path("c.csv").write_text("\n".join([*c[:90], "0.895,0,x", *c[90:]]) + "\n")
-    Path("data.h5").write_text("earlier")
-    ran = run_eaid("ingest a.csv b.csv c.csv --force", *(["--repair"] if mended else []))
-    told = [line for line in ran.err.splitlines() if line.startswith("error: ")]
-    if mended:
-        assert ran.code == 0 and not told and "--repair dropped 1 of 2001 rows (and 1 more)" in ran.out
-        return
-    assert ran.code == 3 and [line.split(":")[1] for line in told] == [" b.csv", " c.csv"]
-    assert "time falls at row 2002 (0 s after 19.99 s); sort the rows, or drop such rows with --repair" in told[0]
-    assert Path("data.h5").read_text() == "earlier"
-    assert sorted(item.name for item in Path().iterdir()) == ["a.csv", "b.csv", "c.csv", "data.h5"]
-
-
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory):
     """As a bench leaves it: level in the file name, µs, newtons, no input; up at 2 s, down at 5 s, one bad log."""

@@ -15,7 +15,6 @@ import pytest
 READS = """
 logs/log.csv: ingest logs/log.csv -o OUT
 logs/log.csv: ingest logs -o OUT
-logs/log.csv: ingest dataset.toml -o OUT
 logs/log.csv: fit logs -o OUT
 data.h5: fit data.h5 -o OUT
 sets/data.h5: fit sets -o OUT
@@ -191,7 +190,7 @@ AGAIN = """
 fit data.h5 --model nonlinear,linear --share 0.8 --loss huber --hold-out 60 --bounds-levels 40:100 --ci none
 fit logs --share free --ci white --dead-time 0 --logs-as steps --baseline first --sign keep --estimator joint --seed 3
 tune-rc fit.json --kp 9 --kd 4 --epsilon 0.3 --gamma 60 --p-scale 3 --q-max 7 --phi 0.02 --b-hat minimax --pwm-hz 0
-tune-rc fit.json --b-hat 15 --rho textbook --pi-gains 30,100 --anti-windup back-calculation --duty-limits 5,90
+tune-rc fit.json --b-hat 15 --rho textbook --pi-gains 30,100 --duty-limits 5,90
 couple fit.json --gains gains.json --torque 1,2 --loops pi,rc --no-replay --delay-samples 1 --limb-inertia 0.2
 """
 

@@ -91,17 +91,6 @@ def test_signals_at_any_moment(tmp_path, number):
 
 
 @pytest.mark.slow
-def test_nohup_is_kept(tmp_path):
-    script = f"trap '' HUP; exec {sys.executable} -m eaid synth --levels 50 --repeats 1 -q -o {tmp_path / 'd.h5'}"
-    process = subprocess.Popen(["sh", "-c", script], stderr=subprocess.PIPE, text=True)
-    for _ in range(20):
-        time.sleep(0.02)
-        process.send_signal(signal.SIGHUP)
-    _, told = process.communicate(timeout=60)
-    assert (process.returncode, told) == (0, "")
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("line", ["--help", "synth --json --levels 50 --repeats 1 --force -o d.h5"])
 @pytest.mark.parametrize("stream", ["stdout", "stderr"])
 def test_a_reader_that_goes_away_is_no_failure(line, stream, tmp_path):
@@ -130,20 +119,6 @@ def test_streams_that_are_closed_full_or_know_few_letters(tmp_path):
             done = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
         wanted = "error: what is printed cannot be written (No space left on device); make room, or send it elsewhere\n"
         assert (done.returncode, done.stderr) == (2, wanted)
-
-
-@pytest.mark.slow
-def test_two_writers_do_not_mix(tmp_path):
-    words = [[*EAID, *SHORT, "d.h5", "--seed", seed] for seed in ("1", "2")]
-    whole = []
-    for call in words:
-        subprocess.run(call, cwd=tmp_path, check=True)
-        whole.append((tmp_path / "d.h5").read_bytes())
-    assert whole[0] != whole[1]
-    for _ in range(2):
-        both = [subprocess.Popen(call, cwd=tmp_path) for call in words]
-        assert [process.wait() for process in both] == [0, 0]
-        assert (tmp_path / "d.h5").read_bytes() in whole and len(list(tmp_path.iterdir())) == 1
 
 
 @pytest.mark.slow

@@ -35,15 +35,3 @@ def test_a_log_of_random_steps_is_fitted_whole_and_followed_by_a_sequence_that_c
     assert "recorded" in json.loads(Path("again.json").read_text(encoding="utf-8"))
     assert run_eaid("fit rec --logs-as steps -o other.json").code in (0, 3, 4)
     assert not Path("other.json").exists() or "recorded" not in json.loads(Path("other.json").read_text("utf-8"))
-
-
-@pytest.mark.slow
-def test_a_closed_loop_has_its_reference_and_its_law(run_eaid):
-    shape = "duration_s=60,gains=15:200,hold_s=0.5:5"
-    line = f"synth --excitation closed-loop --shape {shape} --rate-hz 200 -o loop"
-    assert run_eaid(line).code == 0
-    (csv,) = Path("loop").glob("*.csv")
-    assert csv.read_text(encoding="utf-8").splitlines()[1] == "time_s,duty_pct,torque_nm,reference_nm"
-    assert run_eaid("fit loop --duty 10:100 --ci none").code in (0, 4)
-    (loop,) = json.loads(Path("fit.json").read_text(encoding="utf-8"))["recorded"]["loops"]
-    assert loop["K_P"] == pytest.approx(15, rel=0.02)

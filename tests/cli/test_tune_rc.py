@@ -59,11 +59,11 @@ def test_the_paper_s_linear_model_gives_the_paper_s_gains(by_hand, run_eaid):
 
 def test_every_option_reaches_the_gains(tuned):
     words = "--kp 9 --kd 4 --epsilon 0.3 --gamma 60 --p-scale 3 --q-max 7 --phi 0.02 --b-hat minimax --pi-gains 30,100"
-    gains = tuned(f"{words} --anti-windup back-calculation --duty-limits 5,90 --pwm-hz 0 --rate-hz 500")
+    gains = tuned(f"{words} --duty-limits 5,90 --pwm-hz 0 --rate-hz 500")
     rc, pi = gains["rc"], gains["pi"]
     assert (rc["K_P"], rc["K_D"], rc["epsilon"], rc["gamma"], rc["Q_M"], rc["phi"]) == (9, 4, 0.3, 60, 7, 0.02)
     assert rc["P"] == [[3.0, 0.0], [0.0, 3.0]] and rc["B_hat"] == pytest.approx(2 * 12.4 * 42.6 / 55, abs=1e-3)
-    assert (pi["K_P"], pi["K_I"], pi["anti_windup"]["method"]) == (30.0, 100.0, "back-calculation")
+    assert (pi["K_P"], pi["K_I"]) == (30.0, 100.0)
     assert gains["duty_limits_pct"] == [5.0, 90.0]
     assert gains["margins"]["timing"] == {"rate_hz": 500.0, "pwm_hz": None, "delay_samples": 0}
 

@@ -11,7 +11,6 @@ import eaid
 from ..conftest import GAINS
 
 VOLTS = {"input_unit": "V", "output_unit": "N", "levels": [1.0, 5.0], "sample_rate_hz": 500.0}
-QUICK = {"reference": "ramp", "rate_hz": 200.0, "pwm_hz": 0.0}
 
 
 def settled(gains):

@@ -164,14 +164,3 @@ def test_how_much_of_rho_the_actuator_delivers(tuned):
 def test_below_a_sharpness_of_five_the_jump_is_told(tuned, told, gamma, jump):
     found = told(tuned(gamma=gamma)).get("switch-jumps")
     assert found is None if jump is None else found["jump"] == pytest.approx(jump)
-
-
-def test_back_calculation_is_the_inverse_of_the_slopes(tuned):
-    found = tuned(anti_windup="back-calculation")
-    assert found.rc.anti_windup.gain == pytest.approx(1 / 312.818, rel=1e-5) == 1 / found.rc.equal_pi.K_P
-    assert (
-        found.pi.anti_windup.gain == pytest.approx(1 / found.pi.K_P)
-        and found.pi.anti_windup.method == "back-calculation"
-    )
-    assert tuned().pi.anti_windup.gain == tuned().rc.anti_windup.gain == 0.0
-    assert tuned(anti_windup="back-calculation", pi_gains=(0.0, 30.0)).pi.anti_windup.gain == 0.0

@@ -1,6 +1,5 @@
 """How stiff a wall: closed forms, published check values, python-control as a second way, replays, many limbs."""
 
-
 import numpy as np
 import pytest
 

@@ -8,16 +8,7 @@ import pytest
 
 from eaid.estimate.adequacy import effective_samples
 from eaid.estimate.scatter import RunStatistics, common_shifts, of_numbers, pooled_scatter
-from eaid.estimate.spread import Influence, LevelScatter, interval_of, log_interval_of, satterthwaite, t_quantile
-
-
-def test_t_is_that_of_scipy_stats() -> None:
-    from scipy import stats
-
-    degrees = np.array([1.0, 2.5, 20.0, 1e7])
-    assert t_quantile(degrees) == pytest.approx(stats.t.ppf(0.975, degrees), rel=1e-9)
-    assert t_quantile(7.0, 0.999) == pytest.approx(stats.t.ppf(0.9995, 7.0))
-    assert t_quantile(0.0) == np.inf and t_quantile(np.inf) == pytest.approx(1.959964, abs=1e-6)
+from eaid.estimate.spread import Influence, LevelScatter, interval_of, log_interval_of, satterthwaite
 
 
 def test_a_sum_of_alike_variances_has_all_their_degrees() -> None:
@@ -87,6 +78,8 @@ def test_sweeps_count_as_many_observations_as_there_are_sweeps() -> None:
     own = 0.01 * random.standard_normal((8, 4))
     levels = runs_of(shift + own)
     common = common_shifts(levels, 0)
+    assert common_shifts(runs_of(shift + 50 * own), 0) is not None  # F = 15.7 of 3 and 21 degrees of freedom
+    assert common_shifts(runs_of(own), 0) is None
     assert common == pytest.approx(shift + own.mean(axis=0) - (shift + own).mean(), abs=1e-12)
     found = pooled_scatter(levels)
     assert found.common[0] == pytest.approx(common @ common / 3 / 4)

@@ -1,6 +1,5 @@
 """Steps → fit: certified and published values, metrics by hand, what each kind allows, held-out levels, release."""
 
-import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +12,7 @@ import eaid
 from eaid.apparatus import Apparatus
 from eaid.errors import DataError, UsageError
 from eaid.models import friction, linear, nonlinear
-from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Friction, Linear, Nonlinear
+from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Friction, Linear
 from eaid.steps.stepset import Level, StepSet
 
 Maker = Callable[..., StepSet]
@@ -100,23 +99,6 @@ def test_a_level_that_falls_has_no_b_and_one_level_no_offset(clutch_set: Maker) 
     assert fallen.per_level[0].B is None and fallen.bounds.B_m is None
     one = quick(clutch_set(levels=[60], duration_s=5.0, rate_hz=100.0), model=("linear",)).linear
     assert one.c0 == 0.0 and one.b0 > 0
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_the_linear_rate_is_the_best_of_a_fine_search(seed: int, clutch_set: Maker) -> None:
-    rng = np.random.default_rng(seed)
-    plant = Nonlinear((0.1 + rng.uniform(), 0, 0), (3.0, 0.05, 0), (rng.uniform(), 0.02, 0, 0), (10, 100))
-    steps = clutch_set(plant, duration_s=8.0, rate_hz=50.0, noise_nm=0.05, seed=seed)
-    found = quick(steps, model=("linear",)).linear
-    design = np.array([[level.level, 1.0] for level in steps.levels])
-    y = np.stack([level.mean for level in steps.levels])
-
-    def cost(a0: float) -> float:
-        rise = 1 - np.exp(-a0 * steps.levels[0].time_s)
-        gains = np.linalg.lstsq(design, y @ rise / (rise @ rise), rcond=None)[0]
-        return float(np.sum((np.outer(design @ gains, rise) - y) ** 2))
-
-    assert found.sse <= min(cost(a0) for a0 in found.a0 * np.geomspace(0.2, 5, 401)) * (1 + 1e-9)
 
 
 @pytest.mark.parametrize("share", [0.85, "free"])
@@ -319,28 +301,6 @@ def test_few_levels_leave_the_high_coefficients_at_zero(levels: list[float], zer
         assert nonlinear.steady_torque(p, u) == pytest.approx(nonlinear.steady_torque(REFERENCE_PLANT, u), rel=1e-6)
 
 
-def test_levels_in_volts_fit_as_well_as_duties_and_so_do_unequal_records(clutch_set: Maker) -> None:
-    tau1, tau2, Ts = (
-        tuple(c / 3**k for k, c in enumerate(getattr(REFERENCE_PLANT, n))) for n in ("tau1", "tau2", "Ts")
-    )
-    steps = clutch_set(Nonlinear(tau1, tau2, Ts, (30.0, 300.0)), levels=range(30, 301, 30), rate_hz=50.0)
-    cut = tuple(
-        Level(one.level, one.time_s[: 500 + 50 * k], one.runs[:, : 500 + 50 * k], one.names)
-        for k, one in enumerate(steps.levels)
-    )
-    found = quick(replace(steps, levels=cut), model=("nonlinear",), estimator="joint").plant
-    assert found.Ts == pytest.approx(Ts, rel=1e-6) and found.tau2 == pytest.approx(tau2, rel=1e-6)
-
-
-@pytest.mark.parametrize("unit", [0.0, 1.0, 1e9])
-@pytest.mark.parametrize("share", [0.85, "free"])
-def test_levels_without_torque_are_fitted_in_any_unit(unit: float, share: Any) -> None:
-    t, rng = np.arange(100) / 100, np.random.default_rng(3)
-    rows = ((u, t, unit * (0.05 * rng.normal(size=100) - 1 + np.exp(-t / 0.1))) for u in (20.0, 60.0))
-    found = quick(steps_of(*rows), model=("nonlinear",), share=share, estimator="joint").plant
-    assert nonlinear.steady_torque(found, np.array([20.0, 60.0])) == pytest.approx(0.0, abs=1e-6 * unit + 1e-12)
-
-
 @pytest.mark.slow
 def test_constraints_hold_between_the_levels_too(fit_quality: Any) -> None:
     held = 0
@@ -385,30 +345,3 @@ def test_output_that_is_left_and_a_release_beyond_its_record_are_told() -> None:
     assert [row.residual for row in found.release.levels] == pytest.approx([0.24, 0.84], rel=1e-3)
     assert codes(found)["release-leaves-output"].levels == (40.0, 80.0)
     assert "release-beyond-record" in codes(quick(released(0.25, 120.0)))
-
-
-def test_fit_json_has_the_contract_s_keys_and_reads_back(clutch_set: Maker, tmp_path: Path) -> None:
-    fitted = eaid.fit(clutch_set(duration_s=5.0, rate_hz=50.0, noise_nm=0.01), ci="none", estimator="joint")
-    fitted.save(tmp_path / "fit.json")
-    result = json.loads((tmp_path / "fit.json").read_text())
-    assert result["data"]["kind"] == "clutch" and result["data"]["levels"][0] == 10.0
-    solver = result["nonlinear"]["solver"]
-    for part, keys in (
-        (
-            result["nonlinear"],
-            "C tau1 tau2 Ts u_range rmse sse fit_pct R2 abs_error per_level solver warnings estimator",
-        ),
-        (result["linear"], "a0 b0 c0 rmse sse fit_pct R2 bounds solver"),
-        (result["linear"]["per_level"][0], "level a0 gain b0 c0 B rmse sse fit_pct R2"),
-        (result["linear"]["bounds"], "convention levels B_m B_M"),
-        (result["friction"]["levels"][0], "level Ts tau1 tau2 rmse sse fit_pct R2 from start"),
-        (solver, "method converged message predicted_decrease evaluations starts"),
-    ):
-        assert set(keys.split()) <= part.keys()
-    assert solver["method"] == "SLSQP" and all(start["cost"] > 0 for start in solver["starts"])
-    back = eaid.load(tmp_path / "fit.json")
-    assert back.plant == fitted.plant and back.linear_model == fitted.linear_model
-    part = {"tau1": [0.3, 0, 0], "tau2": [4, 0, 0], "Ts": [0, 0.04, 0, 0], "u_range": [10, 100]}
-    (tmp_path / "least.json").write_text(json.dumps({"nonlinear": part}))
-    p = eaid.load(tmp_path / "least.json").plant
-    assert p.C == 0.85 and p.Ts == (0.0, 0.04, 0.0, 0.0) and p.release is None

@@ -49,3 +49,18 @@ def test_short_records_cannot_tell_it() -> None:
     said = sure.uncertainty.share
     assert not said.rejected
     assert {"runs-give-no-share", "runs-leave-the-share-open"} & {one.code for one in sure.findings}
+
+
+def test_of_single_runs_the_interval_is_as_wide_as_the_noise_makes_it() -> None:
+    """White noise of one run a level: the standard deviation of C over sets, against t times it in each set."""
+    t, told = np.arange(400) * 0.05, []
+    for seed in range(8):
+        noise = np.random.default_rng(seed).normal(0.0, 0.03, (4, len(t)))
+        levels = tuple(
+            Level(25.0 * k, t, (friction.step_response(Friction(1.0 * k, 0.3, 4.0), t) + noise[k - 1])[None], (f"{k}",))
+            for k in (1, 2, 3, 4)
+        )
+        steps = StepSet("clutch", "%", "N·m", Apparatus(), levels)
+        told.append(eaid.fit(steps, model=("friction",)).uncertainty.share)
+    half = np.median([0.5 * (one.ci95[1] - one.ci95[0]) for one in told])
+    assert half == pytest.approx(3.18 * np.std([one.estimate for one in told]), rel=0.6)

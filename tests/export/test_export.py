@@ -11,7 +11,6 @@ import pytest
 import yaml
 
 import eaid
-from eaid.export import export as room
 
 from .conftest import LAWS, PAPER, PLANT, compiled, fit_of, gains_of, merged, ran
 
@@ -195,22 +194,6 @@ def test_force_replaces_what_an_export_wrote_and_leaves_the_user_s_files(tmp_pat
     assert "holds vectors.csv" in export("--force")[0] and json.loads(Path("gains.json").read_text()) == PAPER
     for where, sentence in (("gains.json", "is no folder"), ("a/b", "does not exist")):
         assert sentence in run_eaid(*f"export gains.json -q --force -o {where}".split()).err
-
-
-def test_a_failure_while_writing_leaves_the_earlier_export_whole(tmp_path, monkeypatch):
-    folder = tmp_path / "rig"
-    eaid.export(gains_of(), folder)
-    before = {path.name: path.read_bytes() for path in folder.iterdir()}
-
-    def broken(_job):
-        yield "README.md", "half"
-        raise RuntimeError("in the middle")
-
-    monkeypatch.setitem(room.TARGETS, "c", broken)
-    with pytest.raises(RuntimeError, match="in the middle"):
-        eaid.export(gains_of(), folder, force=True)
-    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["rig"]
 
 
 def octave(folder, code):

@@ -57,11 +57,9 @@ NEARLY = st.builds(lambda a, b, c: a + b + c, st.sampled_from(["", "-", "+", " "
 def meaning(cell: str) -> float | None:
     """What a cell means where the decimal mark is a point, by the simplest rule; None where it means nothing."""
     bare = cell.strip().strip('"').strip()
-    if cell.strip().startswith('"') and re.fullmatch(r"[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?", bare):
-        bare = bare.replace(",", "")  # between thousands
-    if not re.fullmatch(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eEdD][+-]?[0-9]+)?", bare):
+    if not re.fullmatch(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?", bare):
         return None
-    value = float(re.sub("[dD]", "e", bare))
+    value = float(bare)
     return value if np.isfinite(value) else None
 
 
@@ -86,28 +84,6 @@ def test_a_mutated_cell_is_read_as_it_stands_or_refused(long, read):
         assert ("," not in cell or '"' in cell) and wanted[row, column] is not None
         np.testing.assert_allclose(run.time_s + run.start_s, wanted[:, 0].astype(float), atol=1e-12)
         np.testing.assert_array_equal((run.input, run.output), wanted[:, 1:].astype(float).T)
-
-
-HOW = ("set", "drop", "copy", "cut")
-EDITS = st.lists(
-    st.tuples(st.floats(0, 1), st.sampled_from(HOW), st.integers(0, 255), st.integers(1, 60)), min_size=1, max_size=6
-)  # fmt: skip
-
-
-def edited(data: bytes, edits: Any) -> bytes:
-    """A file with some bytes set, dropped or doubled, or cut off."""
-    changed = bytearray(data)
-    for place, how, byte, length in edits:
-        at = int(place * (len(changed) - 1)) if changed else 0
-        if how == "set" and changed:
-            changed[at] = byte
-        elif how == "drop":
-            del changed[at : at + length]
-        elif how == "copy":
-            changed[at:at] = changed[at : at + length]
-        elif how == "cut" and length > 50:
-            del changed[at:]
-    return bytes(changed)
 
 
 def only_refusals(folder: Path, contents: list[bytes]) -> None:

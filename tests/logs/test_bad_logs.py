@@ -64,8 +64,7 @@ UNREAD = {
 BAD: dict[str, tuple[Any, ...]] = {
     **{f"{mark!r}": (mark + bytes(100), f"is {said}") for mark, said in UNREAD.items()},
     "empty.csv": (b"", "is empty; record the log again"), "blank.csv": (b"\n \n\n", "is empty; record the log again"),
-    "header.csv": (csv([]), "has a header but no rows; record the log again"),
-    "header-only.csv": (HEADER.encode(), "has a header but no rows; record the log again"),
+    "header.csv": (csv([]), PROSE), "header-only.csv": (HEADER.encode(), PROSE),
     "prose.csv": (b"Dear all,\nthe clutch broke.\nNo data today.\nSorry.\n", PROSE),
     "short-prose.csv": (b"just words\nand more\n", PROSE),
     "binary.csv": (bytes(range(256)) * 40,
@@ -104,8 +103,9 @@ BAD: dict[str, tuple[Any, ...]] = {
     "one-row.csv": (csv(GOOD[:1]), "holds 1 samples, and a step takes at least 10; record it longer"),
     "nine-rows.csv": (csv(GOOD[45:54]), "holds 9 samples, and a step takes at least 10; record it longer"),
     "wave.csv": (column(1, lambda i, u: 50 + 40 * np.sin(i / 15)),
-                 "the input turns 4 times at 1.06 Hz: a periodic excitation holds no steps; eaid fit takes such a log "
-                 "whole, as it was recorded (--logs-as recorded asks for it); for steps, hold each level"),
+                 "the input moves most of the time, so it holds no steps; a displacement is said with --columns "
+                 "position=, beside the load as input=; else eaid fit takes such a log whole, "
+                 "as it was recorded (--logs-as recorded asks for it); for steps, hold each level"),
     "no-time.csv": (csv(GOOD, "tick,duty_pct,torque_nm"),
                     "no column is called time (columns: tick, duty_pct, torque_nm)" + NO_TIME),
     "one-column.csv": (csv([f"{i}.5" for i in range(99)], "torque_nm"),

@@ -51,33 +51,6 @@ def test_clocks(first, step, name, said, factor, code, read, codes):
 
 
 @pytest.mark.parametrize(
-    ("log", "said", "sentence"),
-    [
-        (at(1.7e12 + np.arange(4), "time_s"), {}, "column time_s says its unit, but its first stamp, 1.7e+12, counts "),
-        (at(1.2e9 + 1e4 * np.arange(4), "time_us"), {}, "counts s since 1970; say which with «units» time=UNIT"),
-        (at(np.arange(4), "sample no"), {"columns": {"time": "1"}}, "column sample no numbers the samples and is no"),
-        (at(T, "time (m)"), {}, "column time (m) is in m, which is no unit of time that eaid knows"),
-        (at(T, units={"time": "V"}), {}, "column time is in V, which is no unit of time that eaid knows"),
-        (at(T), {"rate_hz": 10.0}, "has a time column, time, so «rate_hz» does nothing; leave it out"),
-        (at(T), {"units": {"time": "V"}}, "«units» time=V: is no unit of time; use s, ms, us, ns, min, h or d"),
-        *((at(T), {"units": {"time": bad}}, "write a number from 1e-12 to 1e12 behind the stroke, as in /255")
-          for bad in ("/0", "/1e308", "/1e-13", "/-1", "/x", "/inf", "/nan", "/")),
-    ],
-)  # fmt: skip
-def test_clocks_that_are_refused(log, said, sentence, read):
-    assert sentence in read.refused(log, **said)[0]
-
-
-def test_numbers_of_samples_and_a_rate(read):
-    run = read(at(np.arange(7.0, 67.0), "sample"), columns={"time": "sample"}, rate_hz=50.0)
-    assert (run.time_s[0], run.time_s[-1], run.start_s, run.left) == (0.0, 59 / 50, 0.0, ("sample",))
-    rated = "# sampling rate: 20 Hz\n" + text("duty,torque_nm", STEP, STEP)
-    assert read(rated).time_s[-1] == pytest.approx(59 / 20) and read(rated, rate_hz=10.0).time_s[-1] == pytest.approx(
-        5.9
-    )
-
-
-@pytest.mark.parametrize(
     ("said", "since"),
     [(8.0, 3.0), (5.0, 0.0), (10.9, 5.9), (3.0, 3.0), (4.9, 4.9), (5.9, 0.9), (30.0, 25.0), (-1.0, -6.0), (0.0, 0.0)],
 )

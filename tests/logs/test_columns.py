@@ -98,18 +98,13 @@ def test_columns_by_name_and_by_what_moves(names, said, expected, read, codes):
 
 
 SAY = "say which with «columns» "
-BOTH = "may be friction-force and friction-speed, as it has a column of each; say which with «kind»"
 
 
 @pytest.mark.parametrize(
     ("names", "said", "sentence"),
     [
-        ("t|>time_ms|duty|torque", {}, f'several columns may be the time (t, time_ms); {SAY}time="t"'),
         ("a [ms]|>b [ms]|duty|torque", {}, "no column is called time (columns: a [ms], b [ms], duty, torque); name it"),
-        ("sample|torque", {}, "no column is called time (columns: sample, torque)"),
-        ("time|duty|torque1|torque2", {}, f'may be the output (torque1, torque2); {SAY}output="torque1"'),
         ("time|duty|M [Nm]|N [Nm]", {}, f'several columns may be the output (M [Nm], N [Nm]); {SAY}output="M [Nm]"'),
-        ("time|duty|pwm|torque", {}, f'several columns may be the input (duty, pwm); {SAY}input="duty"'),
         ("time|u [V]|x", {}, 'no column is called torque (columns: time, u [V], x); name what was measured with '
                              '«columns» output="x"'),
         ("time|u [V]|x|z", {}, "name what was measured with «columns» output=NAME"),
@@ -118,7 +113,6 @@ BOTH = "may be friction-force and friction-speed, as it has a column of each; sa
         ("time|duty|torque", {"output": "4"}, "has no column 4 for «columns» output=4; its columns are time, duty, "),
         ("time|duty|torque", {"output": "u[3]"}, "has no column u[3] for"),
         ("Time|>TIME|duty|torque", {"time": "time"}, "has no column time for «columns» time=time; its columns are Ti"),
-        ("time|torque|+force|+rpm", {}, BOTH), ("time|torque|/force|/rpm", {}, BOTH),
         ("|".join(["time", *(f"c{k}" for k in range(12)), "torque"]), {"input": "x"},
          "its columns are time, c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10 and 2 more (a number counts them from 1)"),
     ],

@@ -12,7 +12,7 @@ import pytest
 from logs_written import text
 
 import eaid
-from eaid import DataError, UsageError
+from eaid import DataError
 from eaid.files import hdf5_written_whole
 
 T = np.arange(2000) / 100.0
@@ -211,21 +211,6 @@ def test_rows_of_a_dataset_are_repaired_as_those_of_a_log(tmp_path):
     run = eaid.read(path, repair=True).steps[0]
     assert len(run.time_s) == 1999
     assert [dict(one.values) for one in run.findings if one.code == "rows-dropped"] == [{"dropped": 1, "count": 2000}]
-
-
-@pytest.mark.parametrize(
-    "said",
-    [{"columns": {"time": "1"}}, {"units": {"input": "%"}}, {"step_at": 0.0}, {"until": 0.0}, {"rate_hz": 5.0},
-     {"variable": "x"}, {"join": True}, {"name_pattern": "{level}"}],
-)  # fmt: skip
-def test_options_that_do_nothing_on_a_dataset_are_refused(said, stored, logs):
-    (name,) = said
-    with pytest.raises(
-        UsageError, match=f"^{name}=: does nothing on {stored}, a dataset, which says all itself; leave"
-    ):
-        eaid.read(stored, **said)
-    if name in ("units", "columns"):
-        eaid.read([stored, logs / "u30_1.csv"], **said)
 
 
 def test_a_change_by_another_program_is_told(stored, tmp_path):

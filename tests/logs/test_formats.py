@@ -98,6 +98,7 @@ def of(path: Path, write: Callable[..., Any], **how: Any) -> None:
 
 tdms, mdf = later(written.tdms_of), later(written.mdf_of)
 HEAD = ["Channels|2", "Samples|3|3", "Y_Unit_Label|%|Nm", "X_Dimension|Time|Time", "X0|25|25", "Delta_X|0.01|0.01"]
+NO_START = [line.replace("|25", "|0") for line in HEAD]
 NAMES = "X_Value|Duty|Torque|Comment"
 END = "***End_of_Header***"
 CELLS = [f"{t:.2f}|{u:g}|{y:.6f}" for t, u, y in zip(T, U, Y, strict=True)]
@@ -112,10 +113,6 @@ def lvm(path: Path, *segments: Any, own: str = "One", mark: str = ".", separator
     for header, names, rows in segments:
         lines += [*header, END, names, *rows, ""]
     path.write_bytes(("\n".join(lines).replace(".", mark).replace("|", separator) + "\n").encode("cp1252"))
-
-
-def clocked(time: str, date: str = "2024/10/29", first: str = "0") -> list[str]:
-    return [*(line.replace("|25", f"|{first}") for line in HEAD), f"Date|{date}|{date}", f"Time|{time}|{time}"]
 
 
 MATRIX, ACROSS = np.stack([T, U, Y]), np.stack([T, U, Y], 1)
@@ -185,16 +182,10 @@ GOOD: dict[str, File] = {
     "Feather": File(lambda path: feather.write_feather(pa.table(VECTORS), str(path), compression="uncompressed")),
     "Feather, LZ4": File(lambda path: feather.write_feather(pa.table(VECTORS | {"n": T}), str(path)), left="n"),
     "LVM a column of times": File(lvm((HEAD, NAMES, [f"{CELLS[0]}|hello", *CELLS[1:]]))),
-    "LVM without times, decimal comma": File(lvm((HEAD, NAMES, BARE), own="No", mark=","), within=1e-12),
+    "LVM without times, decimal comma": File(lvm((NO_START, NAMES, BARE), own="No", mark=","), start=0, within=1e-12,
+                                             left="column 1", codes="rate-from-comment"),
     "LVM commas, a special block": File(lvm((HEAD, NAMES, CELLS), separator=",",
                                             top="***Start_Special***\nanything, at all\n***End_Special***")),
-    "LVM times of each channel": File(lvm((HEAD, "X_Value|Duty|X_Value|Torque|Comment", [
-        f"{t:.2f}|{u:g}|{t:.2f}|{y:.6f}" for t, u, y in zip(T, U, Y, strict=True)]), own="Multi")),
-    "LVM segments, times that go on": File(lvm((HEAD, NAMES, CELLS[:99]), (HEAD, NAMES, CELLS[99:]))),
-    "LVM segments by the clock": File(lvm((clocked("09:51:40.25"), NAMES, BARE[:150]),
-                                          (clocked("09:51:40.75", first="1"), NAMES, BARE[150:]), own="No"), **LATER),
-    "LVM segments past midnight": File(lvm((clocked("23:59:59", first=""), NAMES, BARE[:150]), (clocked(
-        "00:00:00.5", "2024/10/30", ""), NAMES, BARE[150:]), own="No"), **LATER),
     "TDMS waveforms": File(of(written.tdms), within=1e-12),
     "TDMS vectors and stamps": File(tdms(("g", "Time", STAMPS.astype("M8[us]"), {}), ("g", "Duty", U, {}),
                                          ("g", "Torque", Y, {"NI_UnitDescription": "Nm"})), start=0, within=2e-6),
@@ -308,7 +299,7 @@ OBJECTS = "holds MATLAB objects (a Simulink Dataset or timeseries) only; in MATL
 LENGTH = "is a damaged HDF5 file (a chunk of it has a wrong length); copy or save it again"
 NO_COLUMNS = "holds no columns of numbers; save a matrix, or records with a field for each column"
 NO_TABLE = "no table in it has columns of time and torque ("
-NO_STEP = "has neither a column of times nor a Delta_X above 0; save it again"
+NO_STEP = "has no column of times, and no Delta_X above 0 from an X0 of 0; save it again"
 NO_HEAD = "its header cannot be followed"
 SIGNAL = {"samples": Y, "timestamps": T, "name": "torque", "unit": "Nm"}
 ZIPPED = (("u", U), ("y", Y))
@@ -347,22 +338,21 @@ BAD: dict[str, tuple[Callable[[Path], Any], str]] = {
                       "several columns are called y; save it with names of their own"),
     "Parquet checksum": (changed(parquet({"time": T, "torque": T + 0.1}, **SUMMED), lambda data: data.__setitem__(
         data.index((T[7:9] + 0.1).tobytes()), 1)), "is a damaged Parquet file ("),
-    "LVM no end": (raw(b"LabVIEW Measurement\nSeparator\tTab\n1\t2\n"), f"its header has no end ({END}); copy or s"),
-    "LVM nothing": (lvm(), NO_HEAD + " (no line Channels)"),
-    "LVM no channels": (lvm((HEAD, "X_Value|Comment", ["0"])), "names no channels; record the log again"),
-    "LVM no rows": (lvm((HEAD, NAMES, [])), "holds a segment without rows; record the log again"),
+    "LVM no end": (raw(b"LabVIEW Measurement\nSeparator\tTab\n1\t2\n"), NO_HEAD),
+    "LVM nothing": (lvm(), NO_HEAD), "LVM no channels": (lvm((HEAD, "X_Value|Comment", ["0"])), NO_HEAD),
+    "LVM no rows": (lvm((HEAD, NAMES, [])), "has a header but no rows; record the log again"),
     "LVM spectrum": (lvm((["Channels|1", "X_Dimension|Frequency"], "X_Value|A", ["0|1"])),
                      "its X is Frequency, not Time: no log; save the signal itself"),
-    **{f"LVM step {step}": (lvm((["Channels|1", f"Delta_X|{step}"], "X_Value|A", ["|1"]), own="No"), said)
-       for step, said in (("fast", NO_HEAD + " ('fast' is no number); save it again"), *((step, NO_STEP) for step in
-                          ("0", "-1", "")))},
-    "LVM X columns": (lvm((HEAD, "X_Value|A", ["0|1"]), own="Two"), "its X_Columns is 'Two', not No, One or Multi; "),
-    "LVM changes": (lvm((HEAD, "X_Value|A", ["0|1"]), (HEAD, "X_Value|B", ["0|1"])), "its channels change (B, before:"),
+    **{f"LVM step {step}": (lvm((["Channels|1", f"Delta_X|{step}"], "X_Value|A", ["|1"]), own="No"), NO_STEP)
+       for step in ("fast", "0", "-1", "")},
+    "LVM start": (lvm((HEAD, NAMES, BARE), own="No"), NO_STEP),
+    "LVM segments": (lvm((HEAD, NAMES, CELLS[:99]), (HEAD, NAMES, CELLS[99:])),
+                     "holds several segments, each with a header; save each in a file of its own"),
     "LVM times": (lvm((HEAD, "X_Value|A|X_Value|B", ["0|1|0|2", "1|3|1.5|4"]), own="Multi"),
-                  "its channels have different times; export them on one X column"),
+                  "its channels have times of their own; export them on one X column"),
     "LVM word": (row46("25.3|0|x"), "row 46, column Torque, holds 'x', which is no number; mend the cell"),
     "LVM long": (row46("25.3|0|1|noted", "X_Value|Duty|Torque"), "row 46 has 4 cells, unlike the others"),
-    "LVM mark": (row46(END), "row 46 has 1 cells, unlike the others"), "LVM half": (row46("Channels|2"), NO_HEAD),
+    "LVM half": (row46("Channels|2"), "row 46 has 2 cells, unlike the others"),
     "TDMS cut": (cut(of(written.tdms), -2000), "is cut short: its last segment ends early; copy it again, or"),
     "TDMS groups": (tdms(*((run, name, one, {"wf_increment": 0.01}) for run in "AB" for name, one in ZIPPED)),
                     "holds several tables that may be the log (A, B); choose one with «variable» NAME"),

@@ -31,14 +31,6 @@ def test_outside_the_identified_duties() -> None:
     assert nonlinear.time_constants(upto80, 95.0) == nonlinear.time_constants(upto80, 80.0)
 
 
-def test_the_linear_model_as_published_is_negative_below_30_percent() -> None:
-    drive = 0.08 * 50 - 2.42
-    values = linear.step_response(PAPER, np.array([0.0, 1 / 1.36, 20.0]), 50.0)
-    assert values == pytest.approx([0, drive / 1.36 * (1 - np.exp(-1)), drive / 1.36], rel=1e-9)
-    assert linear.steady_torque(PAPER, 50.0) == pytest.approx(drive / 1.36)
-    assert linear.steady_torque(PAPER, 30.24) < 0 < linear.steady_torque(PAPER, 30.26)
-
-
 @pytest.mark.parametrize("model", ["friction", "linear", *TRENDS])
 def test_derivatives_are_those_of_a_complex_step(model: str) -> None:
     if model == "friction":

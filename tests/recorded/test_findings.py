@@ -8,10 +8,8 @@ import pytest
 import eaid
 from eaid.estimate.late import shifted
 from eaid.estimate.record import RecordedLog, recorded_log
-from eaid.logs.run import Run
 from eaid.models import nonlinear
 from eaid.models.parameters import REFERENCE_PLANT
-from eaid.reading import is_recorded
 from eaid.recorded.closed_loop import law_of
 from eaid.recorded.fit import fit_recorded
 from eaid.synth.excitation import Excitation, synthesise_excitation
@@ -24,10 +22,6 @@ PLAIN = eaid.FitOptions(model=("nonlinear",))
 
 def codes(fit) -> dict:  # type: ignore[no-untyped-def,type-arg]
     return {one.code: one for one in fit.findings}
-
-
-def run_of(t: np.ndarray, u: np.ndarray, y: np.ndarray, unit: str = "%") -> Run:
-    return Run("log", t, u, y, unit, "N·m", "log.csv", "")
 
 
 def random_log(seed: int = 1, duration_s: float = 120.0, **changes: float) -> RecordedLog:
@@ -43,21 +37,6 @@ def test_input_and_output_that_are_swapped_are_refused_by_name() -> None:
     swapped = RecordedLog("log", log.time_s, np.abs(log.output), steps)
     with pytest.raises(eaid.DataError, match=r"log: its output takes 5 values or fewer .* were swapped"):
         fit_recorded([swapped], PLAIN)
-
-
-def test_the_rule_that_says_which_logs_come_here() -> None:
-    t = np.arange(2000) / 100
-    step = np.where((t > 2) & (t < 15), 40.0, 0.0)
-    ramp = np.clip((t - 2) * 200, 0, 40.0) * (t < 15)
-    between = np.where(t > 8, 70.0, step)
-    three = np.where((t % 6) > 2, 50.0, 0.0)
-    chatter = np.where((t % 1) > 0.3, 50.0, 0.0)
-    wander = np.where(t > 2, 40 + 2 * np.sin(t), 0.0)
-    for u, whole in ((step, False), (ramp, False), (between, True), (three, False), (chatter, True), (wander, True)):
-        assert is_recorded(run_of(t, u, u)) is whole
-    assert not is_recorded(run_of(t, wander, wander, "N"))  # a measured load wanders
-    assert not is_recorded(replace(run_of(t, between, between), level=40.0))
-    assert not is_recorded(replace(run_of(t, between, between), kind="friction-force"))
 
 
 @pytest.mark.slow

@@ -61,7 +61,8 @@ def test_an_input_that_never_moves_is_told() -> None:
     t = np.arange(400) / 100
     y = 0.7 + 0.5 * np.exp(-t / 0.3) + 0.01 * np.random.default_rng(0).standard_normal(400)
     found = fit_recorded([RecordedLog("log", t, np.full(400, 40.0), y)], replace(PLAIN, ci="robust"))
-    assert {"input-never-moves", "idle-not-seen", "one-input-only"} <= {one.code for one in found.findings}
+    told = {one.code for one in found.findings}
+    assert {"input-never-moves", "idle-not-seen", "one-input-only"} <= told and "dead-time" not in told
 
 
 def test_what_cannot_be_fitted_is_refused_in_a_sentence() -> None:

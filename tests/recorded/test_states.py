@@ -49,9 +49,10 @@ def log_of(draw: np.random.Generator, n: int = 600, moving: bool = False) -> Rec
     return RecordedLog("log", t, duty, draw.normal(1, 0.3, n), idle_start=False)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("moving", [False, True])
-@pytest.mark.parametrize("kind", ["nonlinear", "free", "linear", "friction"])
+@pytest.mark.parametrize("moving", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "kind", ["nonlinear", *(pytest.param(one, marks=pytest.mark.slow) for one in ("free", "linear", "friction"))]
+)
 def test_derivatives_are_those_of_complex_steps(kind: str, moving: bool) -> None:
     draw = np.random.default_rng(3)
     log = log_of(draw, moving=moving)

@@ -7,8 +7,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import eaid
 
@@ -103,43 +101,3 @@ def test_tables_one_and_two_return() -> None:
     assert "C_f" in forces.trends and "C_f" not in speeds.trends
     assert speeds.trends["Ts"].coefficients == pytest.approx((1.042, 0.00608, 0.349, -0.230), rel=1e-5)
     assert speeds.trends["tau1"].coefficients == pytest.approx((0.0498, -0.0150, 0.425, -0.310), rel=1e-5)
-
-
-def test_the_same_input_gives_the_same_bytes(tmp_path: Any) -> None:
-    for name in ("a", "b"):
-        eaid.fit(eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1)).save(tmp_path / name)
-    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
-
-
-CURVES = st.tuples(st.floats(0.05, 5.0), st.floats(0.03, 1.0), st.floats(3.0, 30.0))
-
-
-def repeats(row: Any, rate_hz: float = 50.0, scale: float = 1.0, stretch: float = 1.0, noise: float = 0.01) -> Any:
-    """Three logs of one level."""
-    t, random = np.arange(round(12 * rate_hz)) / rate_hz, np.random.default_rng(0)
-    y = [curve(t - 2, *row) + noise * row[0] * random.normal(size=len(t)) for _ in range(3 if noise else 1)]
-    return [pd.DataFrame({"time_s": t * stretch, "voltage_V": 50.0 * (t >= 2), "torque_nm": one * scale}) for one in y]
-
-
-def level_of(logs: Any) -> list[float]:
-    """T_s, τ1, τ2 of the only level."""
-    (row,) = eaid.fit(dict(zip("abc", logs, strict=False)), model=("friction",), ci="none").friction.levels
-    assert row.solver.converged
-    return [row.Ts, row.tau1, row.tau2]
-
-
-@settings(max_examples=2, deadline=None, derandomize=True)
-@given(CURVES, st.floats(1e-3, 1e2), st.floats(0.5, 20.0), st.permutations([0, 1, 2]))
-def test_neither_unit_nor_clock_nor_order_changes_a_level(
-    row: Any, scale: float, stretch: float, order: list[int]
-) -> None:
-    Ts, tau1, tau2 = level_of(repeats(row))
-    assert level_of(repeats(row, scale=scale)) == pytest.approx([scale * Ts, tau1, tau2], rel=1e-4)
-    assert level_of(repeats(row, stretch=stretch)) == pytest.approx([Ts, stretch * tau1, stretch * tau2], rel=1e-4)
-    logs = repeats(row)
-    assert level_of([logs[k] for k in order]) == pytest.approx([Ts, tau1, tau2], rel=1e-6)
-
-
-@pytest.mark.parametrize("rate_hz", [100.0, 1000.0, 10_000.0])
-def test_the_sample_rate_does_not_matter_without_noise(rate_hz: float) -> None:
-    assert level_of(repeats((1.0, 0.2, 5.0), rate_hz, noise=0.0)) == pytest.approx([1.0, 0.2, 5.0], rel=1e-6)

@@ -112,8 +112,8 @@ def test_how_far_the_model_is_by_hand(fit):
     assert metrics(fit, run(np.arange(50) * DT, np.zeros(50), np.ones(50))).R2 is None  # nothing to explain
 
 
-def test_behind_a_dead_time_a_recorded_duty_acts_later(fit_of, gains):
-    """On any clock, also between its rows; and a controller laid over waits as many of the log's own samples."""
+def test_behind_a_dead_time_a_recorded_duty_acts_later(fit_of):
+    """On any clock, also between its rows."""
     rise = {"run": "r", "from": 0.0, "level": 9.0, "edge": "up", "start": 0.0, "change": 1.0, "gain": 1.0,
             "shape": "one", "tau1": 1.0, "tau2": None, "C": 1.0, "dead_time_s": 0.135, "rmse": 0.0, "fit_pct": 9.0,
             "R2": 1.0, "samples": 9}  # fmt: skip
@@ -123,28 +123,6 @@ def test_behind_a_dead_time_a_recorded_duty_acts_later(fit_of, gains):
     acting = np.searchsorted(t + 0.135, clock, side="right") - 1
     torque = driven(clock, np.where(acting < 0, 0.0, duty[acting]))[np.searchsorted(clock, t)]
     assert metrics(late, run(t, duty, torque)).max_abs_difference_nm < 1e-12
-    even = run(np.arange(200) * 0.05, duty[:200], torque[:200], reference_nm=torque[:200])
-    found = laid(late, even, gains=gains, controller=("pi",)).records["pi"].columns
-    assert found["applied_pct"][3:] == pytest.approx(found["duty_pct"][:-3]) and found["duty_pct"].any()
-
-
-def test_a_closed_loop_run_is_measured_and_laid_over(fit, gains):
-    rig = eaid.simulate(fit, gains, "multisine", duration=3.0, controller=("rc",)).records["rc"].columns
-    log = run(rig["time_s"], rig["duty_pct"], rig["torque_nm"], reference_nm=rig["reference_nm"])
-    found = laid(fit, log, gains=gains, controller=("rc",)).records
-    assert {name: one.role for name, one in found.items()} == {
-        "x": "recorded-input", "recorded": "recorded-loop", "rc": "controller",
-    }  # fmt: skip
-    assert found["x"].metrics.max_abs_difference_nm < 1e-12
-    largest = np.abs(rig["reference_nm"] - rig["torque_nm"]).max()
-    assert found["recorded"].metrics.max_abs_error_nm == pytest.approx(largest)
-    # the clock's own rounding moves the reference by 1e-13; the loop is the same
-    assert found["rc"].metrics.rms_from_recorded_nm < 1e-9 and found["rc"].metrics.rms_duty_from_recorded_pct < 1e-6
-    off = replace(log, output=log.output + 0.1, input=log.input + 2.0)
-    moved = laid(fit, off, gains=gains, controller=("rc",), keep_baseline=True).records["rc"].metrics
-    assert (moved.rms_from_recorded_nm, moved.rms_duty_from_recorded_pct) == pytest.approx((0.1, 2.0), rel=1e-6)
-    two = laid(fit, replace(log, name="a"), replace(log, name="b"), gains=gains, controller=("pi",)).records
-    assert set(two) == {"a", "b", "a recorded", "a pi", "b recorded", "b pi"}
 
 
 def test_what_does_nothing_or_does_not_fit_is_refused(fit, gains):

@@ -11,8 +11,8 @@ import eaid
 
 SD = np.array([0.005, 0.05, 0.01, 0.05, 0.5, 0.1, 0.001, 0.02, 0.05, 0.02])
 UNCERTAIN = {"covariance": {"matrix": np.diag(SD**2).tolist()}}
-NAMES = ("rc", "pi", "pi-feedforward", "feedforward", "open-loop", "inverse")
-EVERYTHING = {"noise_nm": 0.02, "noise_correlation_s": 0.05, "noise_coloured_share": 0.5, "ripple_pct": 2.0,
+NAMES = ("rc", "pi", "feedforward", "open-loop", "inverse")
+EVERYTHING = {"noise_nm": 0.02, "ripple_pct": 2.0,
               "ripple_hz": 3.0, "sensor_hz": 80.0, "delay_samples": 2, "pwm_hz": 300.0, "duty_bits": 8}  # fmt: skip
 REFERENCE = 2 + np.sin(np.arange(1500) * 4e-3) + np.repeat([0.0, -1.5, 0.0], 500)
 

@@ -107,15 +107,6 @@ def test_the_loop_diverges_where_the_linear_one_is_unstable(session):
     assert np.abs(settled["position_error_deg"]).max() < 30
 
 
-@pytest.mark.slow
-def test_the_same_seed_gives_the_same_session_with_noise_of_its_own(session, one):
-    again, other = session(3).records["rc"].columns, session(4).records["rc"].columns
-    np.testing.assert_array_equal(again["angle_deg"], one.columns["angle_deg"])
-    assert not np.array_equal(other["angle_deg"], again["angle_deg"])
-    noisy = session(3, noise_nm=0.01).records["rc"].columns
-    assert (noisy["measured_nm"] - noisy["torque_nm"]).std() == pytest.approx(0.01, rel=0.03)
-
-
 def test_options_limits_and_another_rig(fit, fit_of, gains, session):
     for options, said in (
         ({"duration": 15.0}, "a mode of 5 s leaves nothing after the first 5 s"),

@@ -162,9 +162,8 @@ def test_what_is_replayed_without_gains_and_without_a_linear_model(played, fit_o
     falling = fit_of({"Ts": [4.0, -0.01, 0, 0]}, linear=None)
     with pytest.raises(eaid.UsageError, match="does not rise with the duty"):
         played(T, fit=falling, gains=None, **OPEN)
-    for name in ("pi", "pi-feedforward"):
-        with pytest.raises(eaid.UsageError, match="controller pi needs gains"):
-            played(T, gains=None, controller=(name,))
+    with pytest.raises(eaid.UsageError, match="controllers rc and pi need gains"):
+        played(T, gains=None, controller=("pi",))
     with pytest.raises(eaid.DataError, match="holds no nonlinear model, which the replay's plant is"):
         played(T, fit=fit_of(nonlinear=None))
 
@@ -239,36 +238,3 @@ def test_what_a_replay_stands_on_is_said(played, fit_of, fit, codes):
     assert run.head.rig.delay_samples == 1 and "dead-time-replayed" not in codes(run)
     assert "nothing-to-replay-on" not in codes(eaid.tune_rc(fit, reference="ramp"))
     assert "nothing-to-replay-on" in codes(eaid.tune_rc(fit_of(nonlinear=None)))
-
-
-def residuals(rho=0.5, effective=500.0, s=(0.01, 0.02)):
-    """Parts of a fit of two levels, three repeats each, 20,000 samples of residuals in all."""
-    rows = [
-        {"level": u, "Ts": 1, "tau1": 1, "tau2": 1, "sse": 1e4 * x**2, "rmse": x}
-        for u, x in zip((30.0, 60.0), s, strict=True)
-    ]
-    return {
-        "data": {"sample_rate_hz": 1000.0, "sources": [{"level": u} for u in (30.0, 60.0) * 3]},
-        "friction": {"levels": rows},
-        "uncertainty": {"adequacy": {"residual_autocorrelation": rho, "effective_samples": effective}},
-    }  # fmt: skip
-
-
-def test_noise_has_both_numbers_of_the_residuals(fit_of):
-    def made(**numbers):
-        return eaid.simulate(fit_of(**residuals(**numbers)), None, "steps", noise="residuals", duration=45.0, **OPEN)
-
-    run = made()
-    rig, columns = run.head.rig, run.records["open-loop"].columns
-    assert rig.noise_nm == pytest.approx(np.sqrt(3 * (0.01**2 + 0.02**2) / 2))
-    phi, share = np.exp(-DT / rig.noise_correlation_s), rig.noise_coloured_share
-    assert share * phi == pytest.approx(0.5) and 1 + 2 * share * phi / (1 - phi) == pytest.approx(20_000 / 500)
-    noise = columns["measured_nm"] - columns["torque_nm"]
-    assert noise.std() == pytest.approx(rig.noise_nm, rel=0.05)
-    assert np.corrcoef(noise[1:], noise[:-1])[0, 1] == pytest.approx(0.5, abs=0.03)
-    assert np.corrcoef(noise[20:], noise[:-20])[0, 1] == pytest.approx(share * phi**20, abs=0.06)
-    assert made(rho=0.0, effective=20_000.0).head.rig.noise_correlation_s == 0.0
-    assert made(rho=0.8, effective=19_000.0).head.rig.noise_coloured_share == 1.0
-    for numbers, said in (({"rho": None}, "fit again with ci= robust"), ({"s": (0.0, 0.0)}, "residuals are zero")):
-        with pytest.raises(eaid.DataError, match=said):
-            made(**numbers)

@@ -1,7 +1,6 @@
 """Files given to a report: told apart, checked, refused with all faults; a folder written whole or not at all."""
 
 import json
-import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -100,24 +99,6 @@ def test_without_force_nothing_is_written_over(
     assert run_eaid(*arguments, "--force").code == 0
     # Old figures of a report go with the old page; what is not of a report stays.
     assert names_in(tmp_path / "out") == ["figures/model_over_duty.png", "figures/notes.txt", "report.html"]
-
-
-@pytest.mark.slow
-def test_a_report_that_breaks_off_leaves_what_was_there(
-    files: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    def broken(*_: Any) -> str:
-        raise RuntimeError("broken")
-
-    fit = eaid.load(files["clutch.json"])
-    eaid.report(fit, tmp_path / "old", figures=("model_over_duty",))
-    before = {name: (tmp_path / "old" / name).read_bytes() for name in names_in(tmp_path / "old")}
-    monkeypatch.setattr(sys.modules["eaid.report.write"], "page", broken)
-    for name in ("old", "new"):
-        with pytest.raises(RuntimeError):
-            eaid.report(fit, tmp_path / name, force=True)
-    assert {name: (tmp_path / "old" / name).read_bytes() for name in names_in(tmp_path / "old")} == before
-    assert not (tmp_path / "new").exists()
 
 
 def test_three_threads_write_the_same_bytes(files: dict[str, Path], tmp_path: Path):

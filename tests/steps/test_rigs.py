@@ -112,15 +112,6 @@ def test_closed_loops(command: Command) -> None:
     assert [down["at_s"], up["at_s"], last["at_s"]] == pytest.approx([0.41, 1.42, 2.91], abs=0.02)
 
 
-def test_a_closed_loop_that_winds_up(command: Command) -> None:
-    ran, _, path = command("light_closed_loop_antiwindup.csv ")
-    (swing,) = edges_of(ran)
-    time, lux = np.loadtxt(path, delimiter=",", unpack=True)
-    before, after = float(np.median(lux[(time > 1.0) & (time < 1.35)])), float(np.median(lux[time > 2.5]))
-    assert swing["overshoot_pct"] == pytest.approx(100 * (after - float(lux.min())) / (before - after), abs=3)
-    assert (swing["before"], swing["after"]) == (pytest.approx(before, abs=1), pytest.approx(after, abs=1))
-
-
 def edges_of(ran: Any) -> list[dict[str, float]]:
     """The edges in the table of `--edges`."""
     rows = [re.findall(r"-?\d[\d.e+-]*", line) for line in ran.out.splitlines()]
@@ -141,32 +132,6 @@ def test_seals_one_step_a_file(command: Command) -> None:
         t, mean = np.arange(265) / 100, np.mean(curves, axis=0)
         best, _ = curve_fit(two, t, mean, (15.0, 0.1, 1.0), maxfev=10_000)
         assert np.abs(two(t, row["Ts"], row["tau1"], row["tau2"]) - two(t, *best)).max() < 0.025 * row["Ts"]
-
-
-def test_a_position_loop_that_no_exponential_shows(command: Command) -> None:
-    ran, fit, _ = command("quarc_matrix")
-    assert ran.code == 0
-    up, down = fit["steps"]
-    assert (up["gain"], down["gain"]) == pytest.approx((1.09, 1.10), abs=0.03)
-    assert [one["code"] for one in up["findings"]] == ["shape-misses"]
-    assert up["findings"][0]["values"]["share_pct"] == pytest.approx(26, abs=3)
-
-
-REFUSED = {
-    "simulink_dataset": "holds MATLAB objects",
-    "simulink_structure": "no column is called torque",
-    "csv_semicolon": "nothing tells its level",
-    "lvm_decimal": "nothing tells its level",
-    "lvm_x_column": "9 samples",
-    "tdms_daqmx": "nothing tells its level",
-}
-
-
-@pytest.mark.parametrize("name", REFUSED)
-def test_logs_that_are_refused(name: str, command: Command) -> None:
-    ran, fit, _ = command(name)
-    assert (ran.code, fit) == (3, {})
-    assert REFUSED[name] in ran.err
 
 
 def test_every_recording_stands_on_the_page(realdata: Path) -> None:

@@ -98,14 +98,6 @@ def test_what_the_user_says_of_the_baseline(text: str, value: float) -> None:
     assert steps.levels[0].mean[-1] == pytest.approx(2.4 - steps.runs[0].baseline_nm, abs=1e-9)
 
 
-@pytest.mark.parametrize("text", ["", "last", "1:2:3", "nan", "1:inf", "0:"])
-def test_baselines_that_are_none(text: str) -> None:
-    with pytest.raises(
-        UsageError, match=f"baseline= {text}: write auto, first, none, a value in the output's unit, or FR"
-    ):
-        read(STEP, baseline=text)
-
-
 def test_windows_that_hold_nothing() -> None:
     with pytest.raises(UsageError, match="baseline= 2:1: FROM must be below TO"):
         read(STEP, baseline="2:1")

@@ -79,8 +79,6 @@ LOG_ROWS: dict[str, Row] = {
         "its output rises where its input falls from {at}: if that is the input at rest, say «rest»"
     ),
     "signals-held": caution(_held),
-    "logs-joined": note("joined with {others}"),
-    "log-changed": caution("the log has changed since its manifest was written"),
 }
 
 
@@ -147,25 +145,14 @@ STEP_ROWS: dict[str, Row] = {
     "other-shape-fits-better": caution(_other_shape, "saved_pct", rank=0),
     "step-leaves-open": note("the step to {levels} leaves open: {open}"),
     "several-edges": stop(_edges, "edges"),
-    "input-reverses": stop(
-        "the input goes to and fro at constant speed and turns {turns} times ({upwards} upwards), as a position does: "
-        "say «columns» position= for this column, input= for the load (or «name_pattern»), and each reversal is cut"
-    ),
     "cut-at-reversals": note(
         "cut at the {reversals} turns of its position, each a step from the output at the turn; strokes back count as "
         "negative inputs"
     ),
-    "input-sweeps": stop(
-        "the input sweeps from {from_hz:.3g} to {to_hz:.3g} Hz: a chirp holds no steps; " + _AS_RECORDED
+    "input-moves": stop(
+        "the input moves most of the time, so it holds no steps; a displacement is said with «columns» position=, "
+        "beside the load as input=; else " + _AS_RECORDED
     ),
-    "input-is-periodic": stop(
-        "the input turns {turns} times at {hz:.3g} Hz: a periodic excitation holds no steps; " + _AS_RECORDED
-    ),
-    "input-is-binary": stop(
-        "the input switches {switches} times between two levels, held for multiples of {clock_s:.3g} s: a binary "
-        "sequence (PRBS) holds no settled steps; " + _AS_RECORDED
-    ),
-    "input-moves": stop("the input moves most of the time, so it holds no steps; " + _AS_RECORDED),
     "counted-from-rest": note("levels counted from rest at {rest:g}"),
     "input-negative": note("the input is negative: its size is taken"),
     "input-glitch": note("the input leaves its level for {samples:#sample} and comes back: passed over"),

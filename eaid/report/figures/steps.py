@@ -107,12 +107,11 @@ def steps_panel(
 
 def fitted_steps(fit: Fit) -> Panel:
     """The step responses of the first model that was fitted (nonlinear, linear, friction), a line a level."""
-    from eaid.results import frames  # pandas, which no page needs
 
     data = fit.data
     time = np.concatenate([[0.0], np.geomspace(1e-3, 1.0, 200)]) * float(max(data.record_s, default=20.0))
     levels = data.levels or (() if fit.recorded is None else np.linspace(*fit.recorded.u_range, 5).tolist())
-    shown = frames.predict(fit, levels, time.tolist())
+    shown = fit.predict(levels, time.tolist())
     lines = [
         Line(time, values, level_text(float(str(level)), data.input_unit), colour, width=1.5)
         for colour, (level, values) in zip(ink.level_colours(shown.shape[1]), shown.items(), strict=True)

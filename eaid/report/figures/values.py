@@ -10,7 +10,7 @@ from eaid.report import panels as ink
 from eaid.report import rig
 from eaid.report.panels import Axis, Band, Dash, Line, Note, Panel, Ready, Sheet, caption, over
 from eaid.report.results import Results
-from eaid.report.rig import apparatus_of, of_the_paper, overlaid
+from eaid.report.rig import of_the_paper, overlaid
 from eaid.report.tables.fits import estimates_of
 from eaid.results.common import Interval, ci95_of
 from eaid.results.fit import CurveLevel, Estimate, Fit, FrictionLevel
@@ -141,7 +141,7 @@ def trends(fit: Fit, results: Results) -> Ready | None:
         values = np.array([getattr(row, key) for row in part.levels])
         ends = [ci95_of(row, key) for row in part.levels]
         if name == "C_f":
-            per = [apparatus_of(fit.data).friction_coefficient(1.0, one) for one in x]
+            per = [fit.data.apparatus.friction_coefficient(1.0, one) for one in x]
             values = np.array(per) * values
             ends = [end and (k * end[0], k * end[1]) for k, end in zip(per, ends, strict=True)]
         lines = [points(x.tolist(), values, ends, "each level, 95 %")]
@@ -169,7 +169,7 @@ def pwm_period(results: Results) -> Ready | None:
     fit, data = results.fit("clutch"), results.data_of("clutch")
     if not of_the_paper(fit.data if fit is not None else data, results.paper):
         return None
-    rig = apparatus_of(fit.data) if fit is not None else data.apparatus if data is not None else None
+    rig = fit.data.apparatus if fit is not None else data.apparatus if data is not None else None
     if rig is None:
         return None
     duty_pct, v = 60.0, rig.voltage_v
@@ -198,7 +198,7 @@ def shear_per_field(fit: Fit, results: Results) -> Ready | None:
     """
     if fit.nonlinear is None or not of_the_paper(fit.data, results.paper):
         return None
-    rig, model, top = apparatus_of(fit.data), fit.nonlinear.parameters, fit.nonlinear.u_range[1]
+    rig, model, top = fit.data.apparatus, fit.nonlinear.parameters, fit.nonlinear.u_range[1]
     field, shear = rig.field_v_per_um, rig.shear_kpa(float(nonlinear.steady_torque(model, top)))
     x, merit = np.array([0.0, 2 * field]), shear / field
     factors = (0.5, 1.0, 2.0)

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from eaid.report import rig as published
-from eaid.report.rig import apparatus_of, gain, of_the_paper, printed_head, rate
+from eaid.report.rig import gain, of_the_paper, printed_head, rate
 from eaid.report.tables import (
     INTERVAL,
     SYMBOLS,
@@ -43,7 +43,7 @@ def estimates_of(part: Nonlinear) -> dict[str, Estimate]:
 def levels_table(fit: Fit) -> Table:
     """The friction curve of each level."""
     rows, out = fit.friction.levels if fit.friction else (), fit.data.output_unit
-    rig, force = apparatus_of(fit.data), fit.data.kind == "friction-force" and of_the_paper(fit.data)
+    rig, force = fit.data.apparatus, fit.data.kind == "friction-force" and of_the_paper(fit.data)
     whose = (
         "One curve for each level by itself." if fit.nonlinear is None else "The nonlinear model's curve at each level."
     )
