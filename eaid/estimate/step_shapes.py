@@ -422,6 +422,15 @@ def _missed(step: LevelStep, left: Array, change: float) -> list[Finding]:
     return [finding("shape-misses", step.name, (step.level,), worst=worst, share_pct=100 * worst / abs(change))]
 
 
+def _peak(p: Array) -> float | None:
+    """The change where ds/dt = 0: C/τ1 e^(−t/τ1) = (C − 1)/τ2 e^(−t/τ2); None where C is not above 1."""
+    if p[3] <= 1:
+        return None
+    tau1, tau2 = np.exp(p[1]), np.exp(p[1] + p[2])
+    at = np.log(p[3] * tau2 / ((p[3] - 1) * tau1)) / (1 / tau1 - 1 / tau2)
+    return float(curve(np.array([*p[:4], 0.0]), np.array([at]))[0])
+
+
 def _result(
     step: LevelStep, one: _Candidate, scores: dict[str, float], y: Array, plain_rmse: float | None
 ) -> StepShape:
@@ -458,6 +467,7 @@ def _result(
         fit_pct=fit_pct,
         R2=r2,
         samples=len(left),
+        peak=_peak(p),
         evidence={name: score - best for name, score in scores.items()},
         findings=tuple(found),
     )

@@ -479,6 +479,8 @@ class StepShape(Result, frozen=True):
     """100 (1 − ‖y − ŷ‖/‖y − mean y‖)"""
     R2: Number | None
     samples: Count
+    peak: Number | None = None
+    """Largest change of an overshoot, from which it decays to `change`; None: it never comes down."""
     ci95: StepIntervals = StepIntervals()
     """From the noise of this one record: how much steps differ from one another is not in it."""
     tail: tuple[tuple[Number, Number], ...] = ()

@@ -58,11 +58,23 @@ def answer(fit: "Fit") -> list[str]:
     model = fit.nonlinear
     lines = [f"fit    {_fit_pct(fit)}", *_lines(fit)]
     if model is not None and steps_of_other_shapes(fit):
-        lines.append("shown  single steps by their own shapes; the models keep the paper's form")
+        lines.append("shown  single steps with their dead times; the models have none")
     elif model is not None:
         used = USED[model.estimator] if fit.recorded is None else "the recorded log as a whole, every input at once"
         lines.append(f"used   {used}{' (the joint fit disagrees with the single levels)' if model.parts else ''}")
+        lines += _peaks(fit)
     return lines
+
+
+def _peaks(fit: "Fit") -> list[str]:
+    """That steps overshoot, with peak and end of the highest one, where no model of steps from rest can follow."""
+    steps = [one for one in fit.steps if one.peak is not None]
+    if not steps:
+        return []
+    top = max(steps, key=lambda one: one.level)
+    unit = f" {fit.data.output_unit}" if fit.data.output_unit else ""
+    where = f"{top.from_:.4g} → {top.level:.4g} peaks at {top.peak:.3g}{unit} and falls towards {top.change:.3g}"
+    return [f"peaks  {len(steps)} of {runs(fit, 'run')} overshoot, T_s is an average: {where}"]
 
 
 def warned(fit: "Fit") -> tuple[str, ...]:
@@ -95,10 +107,9 @@ def values(fit: "Fit", brief: bool = False) -> list[list[str]]:
 
 
 def steps_of_other_shapes(fit: "Fit") -> "list[StepShape]":
-    """The single steps, where no level is fitted, or where most of them ask for another shape than the paper's."""
-    asking = sum(any(one.code == "other-shape-fits-better" for one in step.findings) for step in fit.steps)
-    alone = not believed_levels(fit)
-    return list(fit.steps) if fit.steps and (alone or 2 * asking > len(fit.steps)) else []
+    """The single steps, where no level is fitted, or where most of them ask for a dead time, which no model has."""
+    late = sum(step.dead_time_s > 0 for step in fit.steps)
+    return list(fit.steps) if fit.steps and (not believed_levels(fit) or 2 * late > len(fit.steps)) else []
 
 
 def _three(rows: Sequence[T]) -> list[T]:

@@ -227,7 +227,7 @@ def test_steps_that_ask_for_a_dead_time_are_shown_with_it() -> None:
     }
     fit = eaid.fit(logs)
     assert [step.dead_time_s for step in fit.steps] == pytest.approx([0.5] * 3, abs=0.03)
-    assert "shown  single steps by their own shapes" in fit.summary()
+    assert "shown  single steps with their dead times" in fit.summary()
     row = next(line for line in fit.summary().splitlines() if line.startswith("0 → 100"))
     assert [float(cell) for cell in row.split()[3:5]] == pytest.approx([3.0, 0.4], rel=0.03)
     assert fit.findings[0].code == "other-shape-fits-better"

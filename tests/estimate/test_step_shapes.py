@@ -62,6 +62,8 @@ def test_every_shape_returns_without_noise(name: str, dead: float) -> None:
     assert (row.shape, row.from_, row.level, row.edge, row.start) == (name, 20.0, 50.0, "up", 1.5)
     assert (row.change, row.tau1, row.dead_time_s) == pytest.approx((change, tau1, dead), rel=1e-5, abs=1e-6)
     assert row.gain == pytest.approx(change / 30.0, rel=1e-6) and row.rmse < 1e-7
+    peak = np.max(response(np.linspace(dead, 20, 10**6), *TRUTHS[name], dead))
+    assert row.peak == (pytest.approx(peak, rel=1e-5) if name == "overshoot" else None)
     if name != "one":
         assert (row.tau2, row.C) == pytest.approx((tau2, share), rel=1e-4)
     (level,) = found.friction.levels
