@@ -644,7 +644,8 @@ def with_interval(
         error = {}
     if shape.tau2 is not None and shape.tau2 > SHORT * window:
         error = {name: 2.0 * half for name, half in error.items()}
-    wide = {name for name in ("tau1", "tau2") if error.get(name, 0.0) > math.log(WIDEST)}
+    most = {"tau1": math.log(WIDEST), "tau2": math.log(WIDEST), "C": 1.0}
+    wide = {name for name, half in most.items() if error.get(name, 0.0) > half}
     if shape.tau2 is not None and shape.tau2 > LONGEST * window:
         wide |= {"tau2", "change"}
     if shape.shape == "one" and _nearly_two(shape):
