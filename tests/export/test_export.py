@@ -44,7 +44,7 @@ def test_every_file_but_vectors_names_what_it_is_made_of_and_no_name_or_unit_bre
     margins = {"worst": {"rc": {"gain_db": 12.5}}}
     units = {"input_unit": 'V */ "', "output_unit": "N\n<m>"}
     (tmp_path / gains).write_text(json.dumps(merged(PAPER, {"margins": margins, **units})))
-    (tmp_path / fit).write_text(json.dumps(PLANT))
+    (tmp_path / fit).write_text(json.dumps({**PLANT, "data": units}))
     words = ["export", gains, fit, "--as", target, "-o", "rig", "--json"]
     monkeypatch.setattr("sys.argv", ["eaid", *words])
     rig = tmp_path / "rig"
