@@ -12,7 +12,7 @@ from eaid.errors import DataError, UsageError, meant
 from eaid.findings import Finding, finding
 from eaid.logs.run import Kind
 from eaid.logs.table import Table
-from eaid.logs.units import likely_time_unit, split_name, unit_of, words_of
+from eaid.logs.units import split_name, unit_of, words_of
 from eaid.options import ReadOptions
 from eaid.shown import listed
 
@@ -215,13 +215,9 @@ def _output(path: str, table: Table, taken: set[int], references: Sequence[int])
     turned = [i for i in free if i not in references and _quantity_of(table, i) == "torque"]
     if (output := _only(path, "output", turned, names)) is not None:
         return output
-    driven = set(_alike(names, {word for group in INPUTS["clutch"] for word in group.names}, taken))
-    driven |= {i for i, name in enumerate(names) if split_name(name)[1] in ("%", "V", "A")}
-    left = [i for i in free if i not in driven]
-    name = f'"{names[left[0]]}"' if len(left) == 1 and names[left[0]] else "NAME"
     raise DataError(
         f"{path}: no column is called torque (columns: {shown(names)}{_dropped(table)}); name what was measured with "
-        f"«columns» output={name}"
+        f"«columns» output=NAME"
     )
 
 
@@ -288,28 +284,19 @@ def chosen_table(source: str, tables: Sequence[Table], options: ReadOptions) -> 
 def by_place(path: str, table: Table, options: ReadOptions) -> Roles:
     """Columns without names: time, input, output where there are three; time, output where there are two.
 
-    The first has to be the only one that rises all the way; where another one does, it is proposed.
+    The first has to be a time: to rise all the way.
     """
     count, rate = len(table.columns), bool(options.rate_hz or table.rates)
     places = {(3, False): (0, 1, 2), (2, False): (0, None, 1), (2, True): (None, 0, 1), (1, True): (None, None, 0)}
-    columns = table.load(range(count)).values if count <= 64 else ()
-    rising = [i + 1 for i, values in enumerate(columns) if rises(values)]
-    if not options.columns and (count, rate) in places and (rate or not rising or 1 in rising):
-        place = time, input_, output = places[count, rate]
-        order = [role for role, at in zip(("time", "input", "output"), place, strict=True) if at is not None]
+    if not options.columns and (count, rate) in places and (rate or rises(table.load([0]).values[0])):
+        time, input_, output = places[count, rate]
+        roles = (("time", time), ("input", input_), ("output", output))
         inputs = () if input_ is None else ((options.kind or "clutch", input_),)
-        by_order = finding("columns-by-place", path, order=", ".join(order))
-        return Roles(time, inputs, output, None, findings=(by_order,))
-    time = rising[0] if len(rising) == 1 else 1
-    input_ = next((i + 1 for i, values in enumerate(columns) if i + 1 != time and steps(values)), None)
-    output = next((i for i in range(count, 0, -1) if i not in (time, input_)), count)
-    roles = (("time", time), ("input", input_), ("output", output))
-    only, units = f"; only column {time} rises all the way" if len(rising) == 1 else "", ""
-    if only and (usual := float(np.median(np.diff(columns[time - 1])))) >= 1:
-        units = f"; and the unit of time if it is not s, perhaps «units» time={likely_time_unit(usual)}"
+        order = ", ".join(role for role, at in roles if at is not None)
+        return Roles(time, inputs, output, None, findings=(finding("columns-by-place", path, order=order),))
     raise DataError(
-        f"{path}: its {count} columns have no names{only}; say by number, from 1 to {count}, what they are: «columns» "
-        f"{','.join(f'{role}={at}' for role, at in roles if at)}{units}"
+        f"{path}: its {count} columns have no names; say by number, from 1 to {count}, what they are, as in «columns» "
+        f"time=1,input=2,output=3, and «units» time=UNIT where it is not in s"
     )
 
 
@@ -341,9 +328,9 @@ def the_input(
     options say level and instant (`told`).
     """
     first = roles.inputs[0] if roles.inputs else None
-    if first and (roles.said or (len(roles.inputs) == 1 and not roles.others)):
-        return (*first, ())
-    if first and first[0] == "clutch" and _moves(column(first[1])):  # a duty beside the constant speed and force
+    alone = len(roles.inputs) == 1 and not roles.others
+    # a duty that moves is it, beside whatever speed and force
+    if first and (roles.said or alone or (first[0] == "clutch" and _moves(column(first[1])))):
         return (*first, ())
     moving = [(kind, which) for kind, which in roles.inputs if _moves(column(which))]
     jumping = [one for one in moving if steps(column(one[1]))]

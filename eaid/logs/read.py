@@ -111,20 +111,7 @@ def read_file(
 
 
 def _checked_run(run: Run, options: ReadOptions) -> Run:
-    """A run of a dataset, its rows checked like those of a log.
-
-    Raises DataError where a cut run's stored level is neither what its input goes to nor what it comes from.
-    """
-    if run.cut and run.level is not None and run.step_s is not None and not np.isnan(run.input).any():
-        at = int(np.searchsorted(run.time_s, run.step_s - 1e-9))
-        parts = (run.input[at:], run.input[:at])
-        ends = [abs(float(np.median(part))) for part in parts if len(part)]
-        near = (abs(end - abs(run.level)) <= 0.02 * max(abs(run.level), end) + 1e-9 for end in ends)
-        if len(parts[run.edge == "falling"]) and not any(near):
-            raise DataError(
-                f"{run.where}: its level is {run.level:g}, its input goes to {ends[0]:g} {run.input_unit}; "
-                f"ingest the logs again"
-            )
+    """A run of a dataset, its rows checked like those of a log."""
     columns = {"time": run.time_s, "input": run.input, "output": run.output}
     if np.isnan(run.input).all():
         del columns["input"]

@@ -114,27 +114,18 @@ def checked(
     return np.flatnonzero(~bad)
 
 
-def without_moving_steps(
-    keep: NDArray[np.intp], time: NDArray[Any], input_: NDArray[Any]
-) -> tuple[NDArray[np.intp], list[int]]:
-    """Samples to keep, shape (n,), so that the input changes where it did; and dropped samples at which it changed.
-
-    Of two rows at one time the one with the new input is kept, where the other is not the only one before the step.
-    """
-    keep, lost = keep.copy(), []
-    least = 0.1 * float(np.nanmax(input_) - np.nanmin(input_))  # by which the input changes at a step
-    for sample in np.setdiff1d(np.arange(len(time)), keep).tolist():
+def dropped_steps(keep: NDArray[np.intp], input_: NDArray[Any]) -> list[int]:
+    """Dropped samples, alone between two that are kept, at which the input changed by a tenth of its range."""
+    lost = []
+    least = 0.1 * float(np.nanmax(input_) - np.nanmin(input_))
+    for sample in np.setdiff1d(np.arange(len(input_)), keep).tolist():
         behind = int(np.searchsorted(keep, sample))
-        if not 0 < behind < len(keep):
-            continue
-        before, after = keep[behind - 1], keep[behind]
-        change = abs(float(input_[sample] - input_[before]))
-        if change > least and abs(float(input_[sample] - input_[after])) < 0.5 * change:
-            if behind > 1 and time[sample] == time[before]:
-                keep[behind - 1] = sample
-            else:
+        if 0 < behind < len(keep):
+            before, now, after = input_[keep[behind - 1]], input_[sample], input_[keep[behind]]
+            change = abs(float(now - before))
+            if change > least and abs(float(now - after)) < 0.5 * change:
                 lost.append(sample)
-    return keep, lost
+    return lost
 
 
 def _listed(source: str, found: Sequence[str], remedy: str) -> list[str]:
@@ -274,7 +265,7 @@ def run_of(
     )  # fmt: skip
     lost: list[int] = []
     if columns.keep is not None and switch is not None:
-        columns.keep, lost = without_moving_steps(columns.keep, raw_time, columns[switch])
+        lost = dropped_steps(columns.keep, columns[switch])
     kept_time = raw_time if columns.keep is None else raw_time[columns.keep]
     if clock is None:
         time_s, start_s = read_only(kept_time * factor), 0.0

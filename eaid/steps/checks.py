@@ -205,7 +205,7 @@ def _contradiction(step: Step) -> Finding | None:
     if run.level is None or not run.has_input or np.isnan(run.input[step.start :]).any():
         return None
     held = median(run.input[step.start :])
-    if abs(held - run.level) <= max(0.02 * abs(run.level), 2 * tolerance(run.input), 1e-9):
+    if abs(abs(held) - abs(run.level)) <= max(0.02 * abs(run.level), 2 * tolerance(run.input), 1e-9):
         return None
     return finding("level-contradicts-input", run.name, said=run.level, held=held, unit=run.input_unit)
 

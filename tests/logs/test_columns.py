@@ -105,11 +105,8 @@ SAY = "say which with «columns» "
     [
         ("a [ms]|>b [ms]|duty|torque", {}, "no column is called time (columns: a [ms], b [ms], duty, torque); name it"),
         ("time|duty|M [Nm]|N [Nm]", {}, f'several columns may be the output (M [Nm], N [Nm]); {SAY}output="M [Nm]"'),
-        ("time|u [V]|x", {}, 'no column is called torque (columns: time, u [V], x); name what was measured with '
-                             '«columns» output="x"'),
-        ("time|u [V]|x|z", {}, "name what was measured with «columns» output=NAME"),
-        ("time|duty|x [A]", {}, "name what was measured with «columns» output=NAME"),
-        ("time|fan [%]|T [degC]", {}, 'name what was measured with «columns» output="T [degC]"'),
+        ("time|u [V]|x", {}, "no column is called torque (columns: time, u [V], x); name what was measured with "
+                             "«columns» output=NAME"),
         ("time|duty|torque", {"output": "4"}, "has no column 4 for «columns» output=4; its columns are time, duty, "),
         ("time|duty|torque", {"output": "u[3]"}, "has no column u[3] for"),
         ("Time|>TIME|duty|torque", {"time": "time"}, "has no column time for «columns» time=time; its columns are Ti"),
@@ -137,33 +134,21 @@ WANDERS = COLUMNS["~"]
         ([T, STEP, WANDERS], {}, "time, input, output"), ([T, WANDERS], {}, "time, output"),
         ([STEP, WANDERS], {"rate_hz": 5.0}, "input, output"), ([WANDERS], {"rate_hz": 5.0}, "output"),
         ([T, T, WANDERS], {}, "time, input, output"),  # the first of two that rise
-        ([WANDERS, STEP, T], {}, "; only column 3 rises all the way; * time=3,input=2,output=1"),
-        ([WANDERS, STEP, STEP, T], {}, "; only column 4 rises all the way; * time=4,input=2,output=3"),
-        ([T, T, STEP, WANDERS], {}, "; * time=1,input=3,output=4"),
-        ([T, WANDERS, WANDERS, WANDERS], {}, "; only column 1 rises all the way; * time=1,output=4"),
-        ([WANDERS, T], {}, "; only column 2 rises all the way; * time=2,output=1"),
-        ([10 * T, STEP, WANDERS, WANDERS], {}, "; only column 1 rises all the way; * time=1,input=2,output=4; and the "
-                                               "unit of time if it is not s, perhaps «units» time=ms"),
-        ([T], {}, "; only column 1 rises all the way; * time=1,output=1"),
-        ([5e3 * T, STEP, WANDERS, WANDERS], {}, "perhaps «units» time=ms"),
-        ([T, *[WANDERS] * 63], {}, "; only column 1 rises"),
-        ([T, *[WANDERS] * 64], {}, "; say by number, from 1 to 65"),
+        ([WANDERS, STEP, T], {}, None), ([T, T, STEP, WANDERS], {}, None), ([WANDERS, T], {}, None), ([T], {}, None),
     ],
 )  # fmt: skip
 def test_columns_without_names(values, said, expected, read):
     log = text(None, *values)
-    if expected[0].isalpha() and not expected.startswith("perhaps"):
-        run = read(log, **said)
-        assert run.findings[0].code == "columns-by-place" and run.findings[0].values["order"] == expected
-        for role, column in zip(expected.split(", "), values, strict=True):
-            assert role == "time" or np.allclose(getattr(run, role), column, rtol=0, atol=1e-14)
-        kinds = {read(log, kind=kind, **said).kind for kind in ("friction-speed", None)}
-        assert kinds == ({"friction-speed", "clutch"} if "input" in expected else {"friction-speed", None})
-    else:
-        wanted = expected.replace("*", f"say by number, from 1 to {len(values)}, what they are: «columns»")
+    if expected is None:
         (told,) = read.refused(log, **said)
-        assert told.startswith(f"its {len(values)} columns have no names") and wanted in told
-        assert told.endswith(wanted) or "«" not in wanted
+        assert told.startswith(f"its {len(values)} columns have no names; say by number, from 1 to {len(values)}, what")
+        return
+    run = read(log, **said)
+    assert run.findings[0].code == "columns-by-place" and run.findings[0].values["order"] == expected
+    for role, column in zip(expected.split(", "), values, strict=True):
+        assert role == "time" or np.allclose(getattr(run, role), column, rtol=0, atol=1e-14)
+    kinds = {read(log, kind=kind, **said).kind for kind in ("friction-speed", None)}
+    assert kinds == ({"friction-speed", "clutch"} if "input" in expected else {"friction-speed", None})
 
 
 T2 = np.arange(800) / 200

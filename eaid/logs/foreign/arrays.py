@@ -12,7 +12,7 @@ value = `scale_factor` · stored + `add_offset`, cells that are `_FillValue` or 
 import math
 import zlib
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -306,52 +306,44 @@ def read_parquet(path: Path, source: str) -> list[Table]:
     """The one table of a Parquet file; raises DataError where it holds no columns of numbers."""
     from pyarrow import parquet
 
-    def column(name: str) -> Any:
-        with parquet.ParquetFile(str(path), page_checksum_verification=True) as file:
-            return file.read(columns=[name], use_threads=False).column(0)
-
-    with parquet.ParquetFile(str(path)) as file:
-        return [_of_arrow(file.schema_arrow, column, source)]
+    with parquet.ParquetFile(str(path), page_checksum_verification=True) as file:
+        return [_of_arrow(file.read(use_threads=False), source)]
 
 
 def read_arrow(path: Path, source: str) -> list[Table]:
     """The one table of an Arrow file; raises DataError as for Parquet."""
     from pyarrow import OSFile, ipc
 
-    def column(name: str) -> Any:
-        with OSFile(str(path)) as opened:
-            table = ipc.open_file(opened).read_all()
-        table.validate(full=True)
-        return table.column(name)
-
     with OSFile(str(path)) as opened:
-        return [_of_arrow(ipc.open_file(opened).schema, column, source)]
+        table = ipc.open_file(opened).read_all()
+    table.validate(full=True)
+    return [_of_arrow(table, source)]
 
 
-def _of_arrow(schema: Any, column: Callable[[str], Any], source: str) -> Table:
-    """The table of the numeric columns of a schema; time stamps become seconds since the first."""
+def _of_arrow(table: Any, source: str) -> Table:
+    """The numeric columns of an Arrow table; time stamps become seconds since the first."""
     from pyarrow import types
 
     def of_time(field: Any) -> bool:
         return bool(types.is_timestamp(field.type) or types.is_duration(field.type))
 
-    def said(metadata: Any, *keys: str) -> str | None:
+    def fact(metadata: Any, *keys: str) -> str | None:
         texts = {k.decode(errors="replace").lower(): v.decode(errors="replace") for k, v in (metadata or {}).items()}
         return next((texts[key][:500] for key in keys if key in texts), None)
 
     kinds = (types.is_integer, types.is_floating, types.is_decimal, types.is_boolean)
-    numeric = [field for field in schema if of_time(field) or any(is_it(field.type) for is_it in kinds)]
+    numeric = [field for field in table.schema if of_time(field) or any(is_it(field.type) for is_it in kinds)]
     names = tuple(field.name for field in numeric)
     if not names:
         raise DataError(f"{source}: holds no columns of numbers; save time and torque as such")
-    twice = [name for name in names if schema.names.count(name) > 1]
+    twice = [name for name in names if table.schema.names.count(name) > 1]
     if twice:
         raise DataError(f"{source}: several columns are called {twice[0]}; save it with names of their own")
 
     def load(wanted: Sequence[int]) -> Cells:
         columns, bad = [], list[BadCell]()
         for i in wanted:
-            chunked = column(names[i])
+            chunked = table.column(names[i])
             empty = np.flatnonzero(np.asarray(chunked.is_null())) if chunked.null_count else ()
             values = (chunked.cast("float64") if types.is_decimal(chunked.type) else chunked).to_numpy()
             if values.dtype.kind in "mM":
@@ -363,6 +355,6 @@ def _of_arrow(schema: Any, column: Callable[[str], Any], source: str) -> Table:
             columns.append(values)
         return Cells(tuple(columns), tuple(bad))
 
-    units = tuple("s" if of_time(field) else said(field.metadata, "unit", "units") or "" for field in numeric)
-    dropped = tuple(field.name for field in schema if field.name not in names)
-    return Table("", names, load, units, synthetic=said(schema.metadata, "synthetic"), dropped=dropped)
+    units = tuple("s" if of_time(field) else fact(field.metadata, "unit", "units") or "" for field in numeric)
+    dropped = tuple(field.name for field in table.schema if field.name not in names)
+    return Table("", names, load, units, synthetic=fact(table.schema.metadata, "synthetic"), dropped=dropped)
