@@ -29,18 +29,9 @@ UNIT_STEPS = (60.0, 3600.0, 86_400.0, 1e3, 1e6, 1e9)
 SECONDS_ASSUMED = {"unit-assumed", "time-brief", "time-in-whole-numbers", "time-too-long", "time-too-fast"}
 
 
-def as_it_is(run: Run) -> Run:
-    """The run itself."""
-    return run
-
-
-def read_runs(paths: Sequence[Path], options: ReadOptions = PLAIN, each: Callable[[Run], Run] = as_it_is) -> list[Run]:
-    """Runs of all logs, in the order given; raises DataError with a sentence for every fault of every log.
-
-    `each` is applied to every run of a dataset before the next is read, so that long ones need not lie in memory
-    together.
-    """
-    runs, faults = read_what_can_be(paths, options, each=each)
+def read_runs(paths: Sequence[Path], options: ReadOptions = PLAIN) -> list[Run]:
+    """Runs of all logs, in the order given; raises DataError with a sentence for every fault of every log."""
+    runs, faults = read_what_can_be(paths, options)
     if faults:
         raise DataError(*faults)
     return runs
@@ -50,14 +41,13 @@ def read_what_can_be(
     paths: Sequence[Path],
     options: ReadOptions,
     advance: Callable[[], None] = lambda: None,
-    each: Callable[[Run], Run] = as_it_is,
 ) -> tuple[list[Run], list[str]]:
     """Runs of the good logs, and the faults of the others; `advance` is called after every file."""
     files = files_of(paths)
 
     def of_file(path: Path) -> tuple[list[Run], list[str]]:
         try:
-            return read_file(path, options, foreign, each)
+            return read_file(path, options, foreign)
         except DataError as fault:
             return [], list(fault.sentences)
         except OSError as fault:
@@ -82,9 +72,7 @@ def read_what_can_be(
     return together(runs, options), faults
 
 
-def read_file(
-    path: Path, options: ReadOptions, foreign: ForeignReader, each: Callable[[Run], Run]
-) -> tuple[list[Run], list[str]]:
+def read_file(path: Path, options: ReadOptions, foreign: ForeignReader) -> tuple[list[Run], list[str]]:
     """Runs of one file (a dataset holds many), and the faults of its other runs."""
     source = str(path)
     if not path.is_file():
@@ -106,7 +94,7 @@ def read_file(
         sealed = form.name == "HDF5" and is_as_written(path) is not None
         tables = [] if sealed else foreign.tables(form, path, source)
         if not tables:
-            return read_dataset(path, source, sha256, lambda run: each(_checked_run(run, options)))
+            return read_dataset(path, source, sha256, lambda run: _checked_run(run, options))
         return [run_of(name or path.name, source, sha256, tables, options, path.name)], []
 
 
