@@ -268,7 +268,7 @@ def synth(
         Levels, times, disturbances, or an input in place of steps.
     **keywords
         Fields of `SynthOptions`: levels, repeats, idle_s, hold_s, release_s, rate_hz, seed, clean, white_nm, …; in
-        place of steps duty_file, plan, or excitation ("random", "staircase", "prbs", "multisine", "chirp",
+        place of steps duty_file or excitation ("random", "staircase", "prbs", "multisine", "chirp",
         "closed-loop") with its shape (duration_s, duty, hold_s, levels, frequency_hz, …).
 
     Returns

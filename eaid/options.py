@@ -496,7 +496,6 @@ class SynthOptions(Chance):
         None, "30,40,90 or from:to:step.", LOGS, read=spaced, levels=True, least=0, most=1e9, above=True
     )
     repeats: int | None = option(None, "Runs of each level.", LOGS, least=1, most=10_000)
-    plan: Path | None = option(None, "The run table of eaid plan.", LOGS, shown="FILE")
     idle_s: float | None = option(None, "Input 0 before the step [s].", WHEN, "--idle", least=0, most=1e7)
     hold_s: float | None = option(None, "Input at its level [s].", WHEN, "--hold", least=0, most=1e7, above=True)
     release_s: float | None = option(None, "Input 0 after the step [s].", WHEN, "--release", least=0, most=1e7)
@@ -525,14 +524,13 @@ class SynthOptions(Chance):
         """Refuse options that do nothing together."""
         if self.shape and self.excitation is None:
             raise UsageError("«shape»: does nothing without «excitation»; leave it out")
-        instead = {"«duty_file»": self.duty_file, "«plan»": self.plan, "«excitation»": self.excitation}
-        given = [name for name, value in instead.items() if value is not None]
-        if len(given) > 1:
-            raise UsageError(f"{' and '.join(given[:2])} exclude each other; give one of them")
-        timing = (self.levels, self.idle_s, self.hold_s, self.release_s, self.repeats if self.plan else None)
-        if given and any(value is not None for value in timing):
+        if self.duty_file is not None and self.excitation is not None:
+            raise UsageError("«duty_file» and «excitation» exclude each other; give one of them")
+        timing = (self.levels, self.idle_s, self.hold_s, self.release_s)
+        if (self.duty_file or self.excitation) and any(value is not None for value in timing):
+            name = "excitation" if self.duty_file is None else "duty_file"
             raise UsageError(
-                f"{given[0]}: says levels and times itself; leave out «levels», «idle_s», «hold_s», «release_s»"
+                f"«{name}»: says levels and times itself; leave out «levels», «idle_s», «hold_s», «release_s»"
             )
 
 

@@ -19,7 +19,7 @@ from eaid.report.tables.data import between_levels, highest_slips, levels_record
 from eaid.report.tables.fits import judging_tables, model_tables
 from eaid.results.common import Input
 from eaid.results.fit import Fit
-from eaid.results.plan import Plan
+from eaid.results.plan import Plan, PlannedRun
 from eaid.results.recorded import Excitation
 from eaid.results.summary import answer, runs, verdict_line, warned
 from eaid.shown import counted
@@ -135,14 +135,14 @@ def synthesized(output: Path, made: Sequence[Run], inputs: tuple[Input, ...], se
 def write_plan(files: Sequence[Path], plan: Plan | Excitation, kind: str, force: bool) -> None:
     """The run table and the input file, both whole or neither; of a sequence the input file alone."""
     from eaid.planning.recordings import input_changes  # for planning alone
-    from eaid.synth.files import RUN_TABLE, input_file
+    from eaid.synth.files import input_file
 
     if isinstance(plan, Excitation):
         contents = [input_file(plan.duty, "clutch", plan.input_unit)]
     else:
         rows = [f"{r.order},{r.level:.9g},{r.repeat},{r.idle_s:g},{r.hold_s:g},{r.release_s:g}" for r in plan.runs]
         changes = input_file(input_changes(plan.runs), kind, plan.input_unit)
-        contents = [[",".join(RUN_TABLE), *rows], changes]
+        contents = [[",".join(PlannedRun.__struct_fields__), *rows], changes]
     with all_written_whole(files, force) as parts:
         for part, lines in zip(parts, contents, strict=True):
             part.write_text("\n".join(lines) + "\n", encoding="utf-8")

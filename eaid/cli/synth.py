@@ -37,7 +37,7 @@ def command(args: Arguments) -> None:
     from eaid.synth.synthesize import synthesize
 
     fit_file = None if args.plant == "reference" else Path(args.plant)
-    inputs = [each for each in (fit_file, args.duty_file, args.plan, args.gains) if each is not None]
+    inputs = [each for each in (fit_file, args.duty_file, args.gains) if each is not None]
     is_dataset = args.output.suffix.lower() in (".h5", ".hdf5")
     if args.excitation is None:
         refuse_idle(args, ("shape", "gains"), "without --excitation")

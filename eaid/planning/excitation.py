@@ -16,9 +16,10 @@ from eaid.planning.design import Session, Widths, enlarged, finite, kept_widths,
 from eaid.planning.recordings import RATE_HZ, disturbance_of, refuse_widths
 from eaid.planning.sequences import PARAMETERS, ExcitationPlan, plan_excitation, refuse_scattered
 from eaid.recorded.fit import fit_recorded
+from eaid.replay.plant import driven
 from eaid.results.fit import Fit
 from eaid.results.recorded import Excitation
-from eaid.synth.logs import Disturbance, measured, response, sample_times, scatter
+from eaid.synth.logs import Disturbance, measured, sample_times, scatter
 from eaid.synth.plants import clutch
 
 
@@ -30,15 +31,15 @@ def recording(
     rate_hz: float = RATE_HZ,
 ) -> Run:
     """One log of the sequence; each engagement, from its rest on, has a scatter of its own."""
-    draw, plant, changes = np.random.default_rng(seed), clutch(p), plan.breaks[:-1]
+    draw, plant = np.random.default_rng(seed), clutch(p)
     time_s = sample_times(plan.time_s, rate_hz, 0.0, draw)
-    start, duty = np.array(changes).T
+    start, duty = np.array(plan.breaks[:-1]).T
     place = np.searchsorted(start, time_s, side="right") - 1
     engagement = np.cumsum(duty == 0)[place]
     torque = np.empty_like(time_s)
     for number in np.unique(engagement):
         part = engagement == number
-        torque[part] = response(plant, changes, time_s, scatter(disturbance, draw))[part]
+        torque[part] = driven(plant.pull(scatter(disturbance, draw)), start, duty, time_s)[part]
     output = measured(torque, time_s, np.zeros_like(time_s), disturbance, draw)
     return Run("planned", time_s, duty[place], output, plant.input_unit, plant.output_unit, "eaid synth", "")
 

@@ -1,6 +1,6 @@
 """Recorded runs beside the fitted plant: their own duty played again.
 
-The duty of a row acts until the next row's time, each interval exactly (`plant_step`), from rest at first. A run
+The duty of a row acts until the next row's time, each interval exactly (`driven`), from rest at first. A run
 that may begin loaded (a release, or a first duty that is not zero) starts at the two parts that fit its first held
 duty best (`start_of`), not at its first, noisy sample. The recorded torque is counted from its idle value: the run's
 own baseline, else the mean over the leading rows at zero duty where there are ten of them or more.
@@ -11,6 +11,7 @@ own baseline, else the mean over the leading rows at zero duty where there are t
 
 import itertools
 import math
+from functools import partial
 
 import msgspec
 import numpy as np
@@ -19,14 +20,12 @@ from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.logs.run import Run
 from eaid.replay.loop import Trace
-from eaid.replay.plant import PlantParameters, falling_taus, plant_pull, plant_step, plant_terms
+from eaid.replay.plant import PlantParameters, driven, falling_taus, plant_pull, plant_terms
 from eaid.replay.references import record
 from eaid.results.replay import Metrics, Record
 
 IDLE_ROWS = 10
 """Fewest rows at zero duty before the first other one that make an idle value."""
-FEW_ROWS = 8
-"""A duty held for fewer rows is followed row by row, which then is faster."""
 START_ROWS = 20_000
 """Most rows from which the start of a loaded run is estimated."""
 LEAST_ROWS = 10
@@ -36,38 +35,6 @@ TELLS_APART = 50.0
 
 def _rms(values: Array) -> float:
     return math.sqrt(float(np.mean(values * values)))
-
-
-def driven(
-    plant: PlantParameters, time_s: Array, duty_pct: Array, start: tuple[float, float] = (0.0, 0.0),
-    dead_time_s: float = 0.0,
-) -> Array:  # fmt: skip
-    """Torque [N·m] of the plant at each row, each row's duty [%] held until the next; shapes (n,), any time steps.
-
-    It starts with its fast and slow part at `start` [N·m]; a duty acts `dead_time_s` after its row, the first one from
-    the beginning where the run starts loaded.
-    """
-    instants = np.union1d(time_s, time_s + dead_time_s) if dead_time_s > 0 else time_s
-    acting = np.searchsorted(time_s + dead_time_s, instants, side="right") - 1
-    before = float(duty_pct[0]) if any(start) else 0.0
-    torque = np.empty(len(instants))
-    x1, x2 = start
-    duties = np.where(acting < 0, before, duty_pct[acting])
-    ends = np.append(np.flatnonzero(np.diff(duties)) + 1, len(duties) - 1).tolist()
-    torque[0] = x1 + x2
-    for first, end, duty in zip([0, *ends[:-1]], ends, duties[[0, *ends[:-1]]].tolist(), strict=True):
-        if end - first < FEW_ROWS:
-            for k in range(first, end):
-                x1, x2 = plant_step(plant, x1, x2, duty, float(instants[k + 1] - instants[k]))
-                torque[k + 1] = x1 + x2
-            continue
-        # while a duty is held each part goes to its end exponentially, and from one side
-        fast, slow, tau1, tau2 = plant_pull(plant, x1, x2, duty)
-        since = instants[first + 1 : end + 1] - instants[first]
-        parts = x1 - np.expm1(-since / tau1) * fast, x2 - np.expm1(-since / tau2) * slow
-        torque[first + 1 : end + 1] = parts[0] + parts[1]
-        x1, x2 = float(parts[0][-1]), float(parts[1][-1])
-    return torque if dead_time_s == 0 else torque[np.searchsorted(instants, time_s)]
 
 
 def start_of(plant: PlantParameters, time_s: Array, duty_pct: Array, torque_nm: Array) -> tuple[float, float]:
@@ -132,7 +99,10 @@ def compared(
     time_s, torque = read_only(run.time_s - run.time_s[0]), read_only(run.output - idle)
     loaded = run.edge == "falling" or run.input[0] != 0
     start = start_of(plant, time_s, run.input, torque) if loaded else (0.0, 0.0)
-    model = read_only(driven(plant, time_s, run.input, start, dead_time_s))
+    pull, changes_s, duties = partial(plant_pull, plant), time_s + dead_time_s, run.input
+    if dead_time_s > 0:  # until the first row's duty acts, what acted before: that duty where the run starts loaded
+        changes_s, duties = np.append(time_s[0], changes_s), np.append(run.input[0] if loaded else 0.0, duties)
+    model = read_only(driven(pull, changes_s, duties, time_s, start))
     apart = torque - model
     spread, left = float(np.linalg.norm(torque - torque.mean())), float(np.linalg.norm(apart))
     metrics = Metrics(

@@ -206,19 +206,19 @@ def pi_controller(gains: PIGains) -> Controller:
     return Controller("pi", pi_step, gains, PIState())
 
 
-def _of_gains(
-    read: Callable[[Gains | None], G | None], ready: Callable[[G], Controller], known: Knowledge
-) -> Controller:
-    gains = read(known.gains)
-    if gains is None:
-        raise UsageError("controllers rc and pi need gains: give «gains», which eaid tune-rc writes")
-    return ready(gains)
-
-
 def inverse_controller(plant: Nonlinear, limits: tuple[float, float] = (0.0, 100.0)) -> Controller:
     """The inverse of a fitted model over the range of its actuator [%], ready to replay."""
     gains = InverseGains(plant_parameters(plant), OBSERVER_PER_S, *limits)
     return Controller("inverse", inverse_step, gains, InverseState(), looks_ahead=True)
+
+
+def _of_gains(
+    name: str, read: Callable[[Gains | None], G | None], ready: Callable[[G], Controller], known: Knowledge
+) -> Controller:
+    gains = read(known.gains)
+    if gains is None:
+        raise UsageError(f"controller {name} needs gains: give «gains», which eaid tune-rc writes")
+    return ready(gains)
 
 
 def _feedforward(known: Knowledge, name: str, lead: float) -> Controller:
@@ -240,8 +240,8 @@ def _line(known: Knowledge) -> tuple[float, float, float]:
 
 
 CONTROLLERS: dict[str, Callable[[Knowledge], Controller]] = {
-    "rc": partial(_of_gains, rc_gains, rc_controller),
-    "pi": partial(_of_gains, pi_gains, pi_controller),
+    "rc": partial(_of_gains, "rc", rc_gains, rc_controller),
+    "pi": partial(_of_gains, "pi", pi_gains, pi_controller),
     "feedforward": lambda known: _feedforward(known, "feedforward", 1.0),
     "open-loop": lambda known: _feedforward(known, "open-loop", 0.0),
     "inverse": lambda known: inverse_controller(known.plant, known.limits),

@@ -20,7 +20,7 @@ Floats and `math` only: numba compiles these functions as they stand, and plain 
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -137,6 +137,40 @@ def plant_step(parameters: PlantParameters, x1: float, x2: float, duty: float, d
     fast, slow, tau1, tau2 = plant_pull(parameters, x1, x2, duty)
     # expm1 keeps precision when dt << tau, where 1 - exp(-x) cancels.
     return x1 - math.expm1(-dt / tau1) * fast, x2 - math.expm1(-dt / tau2) * slow
+
+
+Pull = Callable[[float, float, float], tuple[float, float, float, float]]
+"""(fast part, slow part, input) → target minus state of both [N·m], and the time constant of each [s]."""
+FEW_ROWS = 8
+"""An input held for fewer rows is followed row by row, which then is faster."""
+
+
+def driven(
+    pull: Pull, changes_s: Array, values: Array, time_s: Array, start: tuple[float, float] = (0.0, 0.0)
+) -> Array:
+    """Torque [N·m] at the instants `time_s`, shape (n,), under an input that is `values[k]` from `changes_s[k]` on.
+
+    The instants rise, from the first change on. While an input is held each part goes to its end exponentially, and
+    from one side; the fast and the slow part begin at `start` [N·m].
+    """
+    torque = np.empty(len(time_s))
+    first = np.append(0, np.flatnonzero(np.diff(values)) + 1)
+    begins = changes_s[first]
+    rows = np.append(np.searchsorted(time_s, begins), len(time_s)).tolist()
+    ends = np.append(begins[1:], time_s[-1])
+    x1, x2 = start
+    for k, (begin, end, value) in enumerate(zip(begins.tolist(), ends.tolist(), values[first].tolist(), strict=True)):
+        fast, slow, tau1, tau2 = pull(x1, x2, value)
+        if rows[k + 1] - rows[k] < FEW_ROWS:
+            for row in range(rows[k], rows[k + 1]):
+                since = begin - float(time_s[row])
+                torque[row] = x1 - math.expm1(since / tau1) * fast + x2 - math.expm1(since / tau2) * slow
+        else:
+            held = begin - time_s[rows[k] : rows[k + 1]]
+            torque[rows[k] : rows[k + 1]] = x1 - np.expm1(held / tau1) * fast + x2 - np.expm1(held / tau2) * slow
+        x1 -= math.expm1((begin - end) / tau1) * fast
+        x2 -= math.expm1((begin - end) / tau2) * slow
+    return torque
 
 
 def plant_slope(parameters: PlantParameters, x1: Array, x2: Array, duty: float) -> Array:

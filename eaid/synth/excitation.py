@@ -21,7 +21,7 @@ from eaid.errors import UsageError
 from eaid.logs.run import Run
 from eaid.options import Excitation
 from eaid.replay.controllers import Controller, pi_controller
-from eaid.replay.plant import perturbed
+from eaid.replay.plant import driven
 from eaid.synth.logs import Columns, Disturbance, digits, mark, measured, noise, refuse_too_many, run_of, scatter
 from eaid.synth.plants import Plant
 
@@ -151,27 +151,19 @@ def synthesise_excitation(
         if e.kind == "closed-loop":
             columns, reference = looped(plant, e, disturbance, draw, controller or paper_pi(plant, e))
         else:
-            columns = driven(plant, e, disturbance, draw)
+            columns = open_loop(plant, e, disturbance, draw)
         runs.append(run_of(plant, columns, (e.kind, repeat), mark(plant, disturbance, seed), reference))
     return runs
 
 
-def driven(plant: Plant, e: Excitation, disturbance: Disturbance, draw: Draw) -> Columns:
+def open_loop(plant: Plant, e: Excitation, disturbance: Disturbance, draw: Draw) -> Columns:
     """One log of an input that knows nothing of the output."""
-    from eaid.estimate.response import from_rest  # numba, which steps from rest do without
-
     factors = scatter(disturbance, draw)
     idle, n = round(e.idle_s * e.rate_hz), round(e.duration_s * e.rate_hz)
     value = np.concatenate([np.zeros(idle), KINDS[e.kind](e, e.duty or plant.input_range, n - idle, draw)])
 
-    def curves(levels: Array) -> tuple[Array, Array, Array]:
-        steps = [factors.of(plant.at(level)) for level in levels.tolist()]
-        steady, tau1, tau2 = np.array([(one.Ts, one.tau1, one.tau2) for one in steps]).T
-        return steady, tau1, tau2
-
-    share = factors.of(plant.at(float(value.max()))).C
-    torque = from_rest(value, np.full(n, 1 / e.rate_hz), curves, share, plant.release, plant.rest_below)
     time_s = np.arange(n) / e.rate_hz
+    torque = driven(plant.pull(factors), time_s, value, time_s)
     return time_s, value, measured(torque, time_s, plant.rotor_hz(value), disturbance, draw)
 
 
@@ -186,10 +178,9 @@ def looped(
     idle, n, dt_s = round(e.idle_s * e.rate_hz), round(e.duration_s * e.rate_hz), 1 / e.rate_hz
     low, high = e.reference_nm or (PAPER_REFERENCE_NM[0] * plant.scale, PAPER_REFERENCE_NM[1] * plant.scale)
     reference = reference_of(e, (low, high), n - idle, draw)
-    model = perturbed(plant.model, {"Ts": factors.gain, "tau1": factors.tau1, "tau2": factors.tau2})
     time_s = np.arange(n, dtype=np.float64) * dt_s
     share, white = noise(time_s, plant.rotor_hz(np.zeros(n)), disturbance, draw)
-    value, read = run_loop(model, controller, reference, dt_s, share[idle:], white[idle:])
+    value, read = run_loop(factors.on(plant.model), controller, reference, dt_s, share[idle:], white[idle:])
     before = np.zeros(idle)
     output = digits(np.concatenate([white[:idle], read]) + disturbance.offset_nm, disturbance)
     return (time_s, np.concatenate([before, value]), output), np.concatenate([before, reference])

@@ -8,7 +8,6 @@ from eaid.errors import DataError
 from eaid.files import folder_written_whole, refuse_folder
 from eaid.logs.run import INPUT_UNITS, Run
 from eaid.replay.references import read_rows
-from eaid.results.plan import PlannedRun
 from eaid.synth.logs import Input
 
 PLAIN = {"clutch": "duty_pct", "friction-force": "force_n", "friction-speed": "speed_rpm"}
@@ -49,9 +48,6 @@ def as_csv(run: Run) -> str:
     return "\n".join(lines) + "\n"
 
 
-RUN_TABLE = PlannedRun.__struct_fields__
-
-
 def read_input(path: Path, kind: str = "clutch", unit: str = "%") -> tuple[Input, float]:
     """The changes of the input (from when [s], value) and the length of the log [s]; `DataError` with the bad rows."""
     column = input_column(kind, unit)
@@ -77,25 +73,3 @@ def read_input(path: Path, kind: str = "clutch", unit: str = "%") -> tuple[Input
 def input_file(changes: Sequence[tuple[float, float]], kind: str, unit: str) -> list[str]:
     """The lines of a file that `read_input` reads."""
     return [f"time_s,{input_column(kind, unit)}", *(f"{at:.9g},{value:.9g}" for at, value in changes)]
-
-
-def read_plan(path: Path) -> list[PlannedRun]:
-    """The runs of a table, in its order; `DataError` with the bad rows."""
-    rows = read_rows(path, RUN_TABLE)
-    faults = [
-        f"{path}: row {number} holds {value:g} as {name}, not a whole number of 1 or more; mend it"
-        for number, values in rows
-        for name, value in (("order", values[0]), ("repeat", values[2]))
-        if value != int(value) or value < 1
-    ]
-    if not rows:
-        faults.append(f"{path}: holds no runs; make it with eaid plan")
-    seen: dict[tuple[float, float], int] = {}
-    for number, values in rows:
-        first = seen.setdefault((values[1], values[2]), number)
-        if first != number:
-            run = f"level {values[1]:g}, repeat {values[2]:g}"
-            faults.append(f"{path}: row {number} is {run} again (row {first}); number the repeats")
-    if faults:
-        raise DataError(*faults[:20])
-    return [PlannedRun(int(v[0]), v[1], int(v[2]), v[3], v[4], v[5]) for _, v in rows]

@@ -1,10 +1,10 @@
 """Logs of a plant, as a rig would have recorded them.
 
-A run idles, holds its level, and is released; between two changes of the input the states move exactly,
-x_i ← target_i + (x_i − target_i) e^(−t/τ_i), x_1 and x_2 towards C T_s and (1 − C) T_s (specification 4.1).
+A run idles, holds its level, and is released; its torque is that of the replay's plant (`eaid.replay.plant.driven`).
 """
 
 import hashlib
+import itertools
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from math import exp
@@ -14,12 +14,10 @@ import numpy as np
 from eaid.arrays import Array, read_only
 from eaid.errors import UsageError
 from eaid.logs.run import Run
-from eaid.models.parameters import Friction
-from eaid.options import SynthOptions
 from eaid.replay.loop import coloured
+from eaid.replay.plant import driven
 from eaid.replay.references import MOST_SAMPLES
-from eaid.results.plan import PlannedRun
-from eaid.synth.plants import Plant
+from eaid.synth.plants import Plant, Scatter
 
 
 @dataclass(frozen=True)
@@ -42,19 +40,6 @@ class Disturbance:
 
 NONE = Disturbance(**{field.name: 0.0 for field in fields(Disturbance) if field.name != "coloured_s"})
 """The plant alone."""
-
-
-@dataclass(frozen=True)
-class Scatter:
-    """How one run differs from the plant: factors on T_s, τ1 and τ2."""
-
-    gain: float
-    tau1: float
-    tau2: float
-
-    def of(self, step: Friction) -> Friction:
-        """The step as this run has it."""
-        return replace(step, Ts=step.Ts * self.gain, tau1=step.tau1 * self.tau1, tau2=step.tau2 * self.tau2)
 
 
 def scatter(d: Disturbance, draw: np.random.Generator) -> Scatter:
@@ -137,53 +122,16 @@ Input = Sequence[tuple[float, float]]
 """A piecewise constant input: (from when [s], value), the first at 0."""
 
 
-def response(plant: Plant, changes: Input, time_s: Array, run: Scatter | None = None) -> Array:
-    """Torque of the plant [N·m] from rest at the instants `time_s` [s], shape (n,), under a stepwise input."""
-    torque = np.empty_like(time_s)
-    state = np.zeros((2, 1))
-    ends = [start for start, _ in changes[1:]] + [float("inf")]
-    first = 0
-    for (start, value), end in zip(changes, ends, strict=True):
-        step = run.of(plant.at(value)) if run else plant.at(value)
-        target = step.Ts * np.array([[step.C], [1 - step.C]])
-        tau = np.array([[step.tau1], [step.tau2]])
-        if plant.release is not None and value < plant.rest_below:  # a fall has more and more those of a fall to rest
-            share = value / plant.rest_below
-            tau = np.where(target < state, share * tau + (1 - share) * np.array(plant.release)[:, np.newaxis], tau)
-        past = int(np.searchsorted(time_s, end))
-        since = np.append(time_s[first:past], end) - start
-        # from the start, not from the target: exact to the last digit at rest and for small times
-        states = state - (target - state) * np.expm1(-since / tau)
-        torque[first:past] = states[0, :-1] + states[1, :-1]
-        first, state = past, states[:, -1:]
-    return torque
-
-
-def synthesise(
-    plant: Plant, protocol: Protocol, disturbance: Disturbance, seed: int, planned: Sequence[PlannedRun] = ()
-) -> list[Run]:
-    """Runs of idle, step, hold and release: those of a run table in its order, else every level and repeat.
-
-    The seed, a level's place and the repeat make a run; a level's place is that among the sorted levels of a table.
-    """
-    p, levels = protocol, sorted({run.level for run in planned}) or list(protocol.levels)
-    if not planned:
-        check_protocol(plant, p)
-    for row in planned:
-        check_protocol(plant, Protocol((row.level,), 1, row.idle_s, row.hold_s, row.release_s, p.rate_hz))
-    rows = planned or [
-        PlannedRun(0, level, repeat, p.idle_s, p.hold_s, p.release_s)
-        for level in levels
-        for repeat in range(1, p.repeats + 1)
-    ]
-    runs = []
-    for row in rows:
-        level, end_s = float(row.level), row.idle_s + row.hold_s
-        changes = [(0.0, 0.0)] * (row.idle_s > 0) + [(row.idle_s, level), (end_s, 0.0)]
-        draw = np.random.default_rng([seed, KINDS.index(plant.kind), levels.index(row.level), row.repeat])
-        columns = record(plant, changes, end_s + row.release_s, p.rate_hz, disturbance, draw)
-        run = run_of(plant, columns, (_level_name(level), row.repeat), mark(plant, disturbance, seed))
-        runs.append(replace(run, level=level, step_s=row.idle_s))
+def synthesise(plant: Plant, protocol: Protocol, disturbance: Disturbance, seed: int) -> list[Run]:
+    """Runs of idle, step, hold and release; the seed, the place of a level and the repeat make a run."""
+    check_protocol(plant, protocol)
+    p, end_s, runs = protocol, protocol.idle_s + protocol.hold_s, []
+    for (place, level), repeat in itertools.product(enumerate(map(float, p.levels)), range(1, p.repeats + 1)):
+        changes = [(0.0, 0.0)] * (p.idle_s > 0) + [(p.idle_s, level), (end_s, 0.0)]
+        draw = np.random.default_rng([seed, KINDS.index(plant.kind), place, repeat])
+        columns = record(plant, changes, end_s + p.release_s, p.rate_hz, disturbance, draw)
+        run = run_of(plant, columns, (_level_name(level), repeat), mark(plant, disturbance, seed))
+        runs.append(replace(run, level=level, step_s=p.idle_s))
     return runs
 
 
@@ -218,7 +166,8 @@ def record(
     time_s = sample_times(duration_s, rate_hz, disturbance.jitter_s, draw)
     starts, levels = np.array(changes).T
     value = levels[np.searchsorted(starts, time_s, side="right") - 1]
-    output = measured(response(plant, changes, time_s, factors), time_s, plant.rotor_hz(value), disturbance, draw)
+    torque = driven(plant.pull(factors), starts, levels, time_s)
+    output = measured(torque, time_s, plant.rotor_hz(value), disturbance, draw)
     return time_s, value, output
 
 
@@ -245,11 +194,7 @@ def run_of(
 
 
 def check_protocol(plant: Plant, protocol: Protocol) -> None:
-    """Refuse what cannot be recorded; a run table's numbers have the limits of the options."""
-    p = protocol
-    SynthOptions(
-        levels=p.levels, repeats=p.repeats, idle_s=p.idle_s, hold_s=p.hold_s, release_s=p.release_s, rate_hz=p.rate_hz
-    )
+    """Refuse what cannot be recorded."""
     faults = []
     if not protocol.levels:
         faults.append("«levels»: give at least one level")

@@ -8,7 +8,8 @@ Friction, speed: Table II's T_s and τ1 as printed, and τ2 = 5.4 e^(−0.0101 �
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import exp, inf
+from functools import partial
+from math import exp
 
 import numpy as np
 
@@ -19,11 +20,28 @@ from eaid.control.gains import plant_of
 from eaid.errors import DataError, UsageError
 from eaid.logs.run import Kind
 from eaid.models.parameters import REFERENCE_PLANT, SHARE, Friction, Nonlinear
-from eaid.replay.plant import plant_parameters, plant_terms
+from eaid.replay.plant import Pull, perturbed, plant_parameters, plant_pull, plant_terms
 from eaid.results.fit import Fit
 
 UNKNOWN = "a.u."
 """Unit of an input or output whose fit says none: arbitrary units."""
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """How one run differs from the plant: factors on T_s, τ1 and τ2."""
+
+    gain: float = 1.0
+    tau1: float = 1.0
+    tau2: float = 1.0
+
+    def of(self, step: Friction) -> Friction:
+        """The step as this run has it."""
+        return replace(step, Ts=step.Ts * self.gain, tau1=step.tau1 * self.tau1, tau2=step.tau2 * self.tau2)
+
+    def on(self, model: Nonlinear) -> Nonlinear:
+        """The model as this run has it."""
+        return perturbed(model, {"Ts": self.gain, "tau1": self.tau1, "tau2": self.tau2})
 
 
 @dataclass(frozen=True)
@@ -39,12 +57,8 @@ class Plant:
     """Inputs that are recorded unless the user names others, in the input's unit."""
     made_of: str
     """What stands behind the numbers, in words."""
-    release: tuple[float, float] | None = None
-    """(τ1, τ2) of a fall to rest [s], where they are known."""
-    rest_below: float = 0.0
-    """Lowest identified input: a fall to an input below it goes over to `release`, as in `eaid.replay.plant`."""
     model: Nonlinear | None = None
-    """The clutch's own model, which a closed loop needs."""
+    """The clutch's own model; friction rigs have none."""
     input_unit: str = "%"
     output_unit: str = "N·m"
 
@@ -68,6 +82,18 @@ class Plant:
         """Output at the highest input over that of the reference plant, 4.372 N·m."""
         return self.at(max(self.levels)).Ts / PAPER_TOP
 
+    def pull(self, run: Scatter) -> Pull:
+        """The plant of one run, as `eaid.replay.plant.driven` takes it."""
+        if self.model is not None:
+            return partial(plant_pull, plant_parameters(run.on(self.model)))
+
+        def pull(x1: float, x2: float, value: float) -> tuple[float, float, float, float]:
+            step = run.of(self.at(value))
+            target = step.C * step.Ts
+            return target - x1, step.Ts - target - x2, step.tau1, step.tau2
+
+        return pull
+
     def rotor_hz(self, value: Array) -> Array:
         """Turns a second of the rotor at these inputs [Hz], shape of `value`."""
         return (value if self.rotor_rpm is None else np.full_like(value, self.rotor_rpm)) / 60
@@ -81,9 +107,8 @@ def clutch(p: Nonlinear = REFERENCE_PLANT, made_of: str = "the reference plant (
         tau1, tau2, steady = plant_terms(parameters, duty_pct)
         return Friction(steady, tau1, tau2, p.C)
 
-    below = inf if p.falls_as_release else p.u_range[0]
     levels = tuple(float(u) for u in range(10, 101, 10) if p.u_range[0] <= u <= p.u_range[1]) or p.u_range
-    return Plant("clutch", at, 10.0, levels, made_of, p.release, below, p)
+    return Plant("clutch", at, 10.0, levels, made_of, p)
 
 
 def table_i(force_n: float) -> Friction:

@@ -1,4 +1,4 @@
-"""Synthetic logs of a plant, from options alone: protocol, run table, given input or excitation; one function."""
+"""Synthetic logs of a plant, from options alone: protocol, given input or excitation; one function."""
 
 from dataclasses import fields, replace
 
@@ -11,7 +11,7 @@ from eaid.replay.controllers import Controller, pi_controller, rc_controller
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.synth.excitation import synthesise_excitation
-from eaid.synth.files import read_input, read_plan
+from eaid.synth.files import read_input
 from eaid.synth.logs import NONE, PROTOCOLS, Disturbance, Protocol, synthesise, synthesise_input
 from eaid.synth.plants import REFERENCE, Plant, of_fit
 
@@ -54,8 +54,6 @@ def synthesize(
     given = {each.name: getattr(options, each.name) for each in fields(Protocol)}
     times = {name: value for name, value in given.items() if value is not None}
     protocol = replace(PROTOCOLS[plant.kind], **{"levels": plant.levels, **times})
-    if options.plan is not None:
-        return synthesise(plant, protocol, disturbance, options.seed, read_plan(options.plan))
     if options.duty_file is not None:
         changes, duration_s = read_input(options.duty_file, plant.kind, plant.input_unit)
         timing = replace(protocol, idle_s=0.0, hold_s=duration_s, release_s=0.0)

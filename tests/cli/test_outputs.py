@@ -32,7 +32,6 @@ fit.json: plan fit.json --no-check -o OUT
 fit.json: plan fit.json --excitation --no-check -o OUT
 fit.json: synth --plant fit.json -o OUT.h5
 duty.csv: synth --duty-file duty.csv -o OUT.h5
-plan.csv: synth --plan plan.csv -o OUT.h5
 report.html: report report.html -o .
 """
 

@@ -59,14 +59,3 @@ def test_a_force_file_drives_the_friction_rig(run_eaid):
     words = "synth --kind friction-force --duty-file force.csv --repeats 1 --rate-hz 10 --clean -o logs -q"
     assert run_eaid(words).code == 0
     assert csv_of("logs")[2, -1] == pytest.approx(2.4645, abs=1e-3)
-
-
-def test_the_run_table_of_a_plan_is_recorded_as_it_says(run_eaid):
-    rows = "1,90,1,1,3,1\n2,40,1,1,5,1\n3,40,2,1,5,1\n4,90,2,1,3,1\n"
-    Path("plan.csv").write_text("order,level,repeat,idle_s,hold_s,release_s\n" + rows)
-    for out in ("logs", "d.h5"):
-        assert run_eaid("synth --plan plan.csv --rate-hz 50 -q -o", out).code == 0
-    time_s, duty_pct, _ = np.loadtxt("logs/synthetic-clutch-040.0-r2.csv", delimiter=",", skiprows=2).T
-    assert len(time_s) == 350 and duty_pct[49:51].tolist() == [0, 40] and duty_pct[299:301].tolist() == [40, 0]
-    with h5py.File("d.h5") as file:
-        assert sorted(run.attrs["level"] for run in file["runs"].values()) == [40] * 4 + [90] * 4

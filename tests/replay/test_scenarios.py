@@ -162,7 +162,7 @@ def test_what_is_replayed_without_gains_and_without_a_linear_model(played, fit_o
     falling = fit_of({"Ts": [4.0, -0.01, 0, 0]}, linear=None)
     with pytest.raises(eaid.UsageError, match="does not rise with the duty"):
         played(T, fit=falling, gains=None, **OPEN)
-    with pytest.raises(eaid.UsageError, match="controllers rc and pi need gains"):
+    with pytest.raises(eaid.UsageError, match="controller pi needs gains"):
         played(T, gains=None, controller=("pi",))
     with pytest.raises(eaid.DataError, match="holds no nonlinear model, which the replay's plant is"):
         played(T, fit=fit_of(nonlinear=None))

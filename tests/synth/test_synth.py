@@ -182,7 +182,7 @@ def test_force_replaces_earlier_synthetic_runs_and_nothing_else(logs, run_eaid):
         Path("logs", own).unlink()
 
 
-DUTY, RUNS = "time_s,duty_pct\n", "order,level,repeat,idle_s,hold_s,release_s\n"
+DUTY = "time_s,duty_pct\n"
 
 
 @pytest.mark.parametrize(
@@ -197,19 +197,13 @@ DUTY, RUNS = "time_s,duty_pct\n", "order,level,repeat,idle_s,hold_s,release_s\n"
         (f"{DUTY}0,1\nnan,10\n", "row 3 holds 'nan,10', not 2 finite numbers"),
         (f"{DUTY}0,1\n0,2\n", "time falls or stands still at row 3"),
         ("\0\xff", "is no text"),
-        (RUNS, "holds no runs; make it with eaid plan"),
-        (f"{RUNS}1,40,1,1,5\n", "row 2 holds '1,40,1,1,5', not 6 finite numbers"),
-        (f"{RUNS}1.5,40,1,1,5,1\n", "row 2 holds 1.5 as order, not a whole number"),
-        (f"{RUNS}1,40,0,1,5,1\n", "row 2 holds 0 as repeat, not a whole number of 1 or more"),
-        (f"{RUNS}1,40,1,1,5,1\n2,40,1,1,5,1\n", "row 3 is level 40, repeat 1 again \\(row 2\\)"),
-        (f"{RUNS}1,120,1,1,5,1\n", "a duty is at most 100 %"),
     ],
 )
-def test_bad_duty_files_and_run_tables_are_refused_in_a_sentence(tmp_path, text, sentence):
+def test_bad_duty_files_are_refused_in_a_sentence(tmp_path, text, sentence):
     path = tmp_path / "table.csv"
     path.write_bytes(text.encode("latin-1"))
     with pytest.raises(eaid.EaidError, match=sentence):
-        eaid.synth(**{"plan" if text.startswith(RUNS) else "duty_file": path})
+        eaid.synth(duty_file=path)
 
 
 def test_a_duty_file_is_read_from_its_own_start(logs):
