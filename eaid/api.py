@@ -253,17 +253,13 @@ def plan_excitation(
         return shortest_recording(fit, chosen(PlanOptions, options, keywords), advance)
 
 
-def synth(
-    plant: Fit | None = None, gains: Gains | None = None, options: SynthOptions | None = None, **keywords: Any
-) -> StepSet:
+def synth(plant: Fit | None = None, options: SynthOptions | None = None, **keywords: Any) -> StepSet:
     """Synthetic logs of the reference plant, or of a fitted rig in its own units.
 
     Parameters
     ----------
     plant
         A fit; without one the paper's clutch, or the friction rig of `kind`.
-    gains
-        Whose controller ("pi" or "rc", by `controller`) drives a closed loop.
     options
         Levels, times, disturbances, or an input in place of steps.
     **keywords
@@ -297,7 +293,7 @@ def synth(
     from eaid.synth.synthesize import synthesize
 
     how = chosen(SynthOptions, options, keywords)
-    runs = synthesize(how, plant, gains=gains)
+    runs = synthesize(how, plant)
     return steps_of(runs, ReadOptions(logs_as="auto" if how.duty_file or how.excitation else "steps"))[1]
 
 
@@ -327,7 +323,7 @@ def tune_rc(
     Returns
     -------
     Gains
-        With `guarantee`, `findings`, `to_control()`, `save("gains.json")`.
+        With `guarantee`, `findings`, `save("gains.json")`.
 
     Raises
     ------

@@ -518,7 +518,6 @@ class SynthOptions(Chance):
         "frequency_hz=0.05:5,reference_nm=0.6:3.6,gains=21:360, all in the rig's units.", INPUTS,
         shown="NAME=VALUE,…",
     )  # fmt: skip
-    controller: Literal["pi", "rc"] = option("pi", "Of the gains.json.", INPUTS, words="pi|rc")
 
     def agree(self) -> None:
         """Refuse options that do nothing together."""

@@ -96,8 +96,6 @@ def test_options_and_keywords_that_disagree_are_refused(small_steps: eaid.StepSe
         (lambda fit: eaid.simulate(fit, ripple_hz=0.5), "ripple_hz=: does nothing"),
         (lambda fit: eaid.couple(fit, loops=("pi", "open-loop")), "the loop pi needs gains with a PI"),
         (lambda fit: eaid.export(None, "none", fit, law=("plant",), rate_filter_hz=3.0), "rate_filter_hz=: is of a"),
-        (lambda fit: eaid.synth(gains=eaid.tune_rc(fit), levels=(20.0,)), "gains=: drive a closed loop"),
-        (lambda _fit: eaid.synth(controller="rc"), "controller= rc: is one of gains="),
         (lambda _fit: eaid.synth(clean=True, coloured_s=0.3), "coloured_s=: does nothing without coloured="),
         (lambda _fit: eaid.synth(excitation="random", shape={"tones": 5}), "tones: does nothing for"),
         (lambda _fit: eaid.synth(excitation="prbs", shape={"rate_hz": 9.0}, rate_hz=8.0), "another option says 8.0"),

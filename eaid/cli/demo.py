@@ -52,33 +52,26 @@ def five_numbers(folder: Path) -> list[str]:
     """What the demo found, in five lines: fit %, T_s with its interval, errors, the worst margins, the guarantee."""
     from eaid.report.tables.gains import guarantee_words
     from eaid.results import codec
-    from eaid.results.common import ci95_of
     from eaid.results.fit import Fit
     from eaid.results.gains import Gains
-    from eaid.results.summary import believed_levels
 
-    if not (folder / "gains.json").is_file():
-        return []
     fit = codec.read(folder / "fit.json", "fit", Fit)[0]
     gains = codec.read(folder / "gains.json", "gains", Gains)[0]
-    if fit.nonlinear is None or gains.replayed is None or gains.margins is None or gains.guarantee is None:
-        return []
-    top, worst, errors = believed_levels(fit)[-1], gains.margins.worst, gains.replayed
-    ends = ci95_of(top, "Ts")
-    interval = f" ({ends[0]:.3g} … {ends[1]:.3g})" if ends is not None else ""
-    rc, pi = (worst.rc, worst.pi) if worst is not None else (None, None)
+    assert fit.nonlinear is not None and gains.replayed is not None and gains.margins is not None
+    level, worst, laws = fit.data.levels[-1], gains.margins.worst, ("rc", "pi")
+    value, low, high = fit.at(level).loc["Ts"]
     rows = (
-        ("fit of the nonlinear model", f"{fit.nonlinear.fit_pct or 0.0:.1f} %"),
-        (f"T_s at {top.level:g} {fit.data.input_unit}", f"{top.Ts:.3g}{interval} {fit.data.output_unit}"),
-        ("largest error, RC | PI", _two(*(getattr(one, "max_abs_error_nm", None) for one in (errors.rc, errors.pi)))),
-        ("worst phase margin, RC | PI", _two(*(getattr(one, "phase_deg", None) for one in (rc, pi)))),
+        ("fit of the nonlinear model", f"{fit.nonlinear.fit_pct:.1f} %"),
+        (f"T_s at {level:g} {fit.data.input_unit}", f"{value:.3g} ({low:.3g} … {high:.3g}) {fit.data.output_unit}"),
+        ("largest error, RC | PI", _two(*(getattr(gains.replayed, law).max_abs_error_nm for law in laws))),
+        ("worst phase margin, RC | PI", _two(*(getattr(worst, law).phase_deg for law in laws))),
         ("guarantee", guarantee_words(gains)),
     )
     return [f"{name:<28}  {value}" for name, value in rows]
 
 
-def _two(*values: float | None) -> str:
-    return " | ".join("–" if value is None else f"{value:.3g}" for value in values)
+def _two(rc: float | None, pi: float | None) -> str:
+    return " | ".join("–" if value is None else f"{value:.3g}" for value in (rc, pi))
 
 
 Line = tuple[str, ...]

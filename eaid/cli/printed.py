@@ -2,16 +2,14 @@
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from eaid.apparatus import Apparatus
 from eaid.cli import console
 from eaid.errors import on_command_line
 from eaid.files import all_written_whole
-from eaid.findings import Finding, say
+from eaid.findings import say
 from eaid.findings.finding import WORD
 from eaid.logs.run import Run
 from eaid.report.tables import Name, Table, columns, table_of
@@ -24,7 +22,7 @@ from eaid.results.recorded import Excitation
 from eaid.results.summary import answer, runs, verdict_line, warned
 from eaid.shown import counted
 from eaid.steps.edges import Edge
-from eaid.steps.stepset import Level, LevelStep, RunRecord, StepSet
+from eaid.steps.stepset import Level, LevelStep, StepSet
 
 PARTS = ("friction", "nonlinear", "linear", "release", "steps")
 
@@ -72,24 +70,8 @@ def show_steps(data: StepSet) -> None:
     ))  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Ingested:
-    """What `ingest --json` prints: the levels, runs and findings."""
-
-    kind: str
-    input_unit: str
-    output_unit: str
-    synthetic: str | None
-    apparatus: Apparatus
-    levels: tuple[dict[str, Any], ...]
-    releases: tuple[dict[str, Any], ...]
-    level_steps: tuple[dict[str, Any], ...]
-    runs: tuple[RunRecord, ...]
-    findings: tuple[Finding, ...]
-
-
-def ingested(data: StepSet) -> Ingested:
-    """What is printed of a step set."""
+def ingested(data: StepSet) -> dict[str, Any]:
+    """What `ingest --json` prints of a step set: the levels, runs and findings."""
 
     def level(one: Level) -> dict[str, Any]:
         return {"level": one.level, "repeats": len(one.names), "samples": len(one.time_s), "runs": one.names}
@@ -99,10 +81,11 @@ def ingested(data: StepSet) -> Ingested:
         of = {"run": one.name, "from": one.from_level, **{key: getattr(one, key) for key in keys}}
         return {**of, "window_s": float(one.time_s[-1])}
 
-    return Ingested(
-        data.kind, data.input_unit, data.output_unit, data.synthetic, data.apparatus, tuple(map(level, data.levels)),
-        tuple(map(level, data.releases)), tuple(map(step, data.level_steps)), data.runs, data.all_findings,
-    )  # fmt: skip
+    return {
+        **{key: getattr(data, key) for key in ("kind", "input_unit", "output_unit", "synthetic", "apparatus")},
+        "levels": tuple(map(level, data.levels)), "releases": tuple(map(level, data.releases)),
+        "level_steps": tuple(map(step, data.level_steps)), "runs": data.runs, "findings": data.all_findings,
+    }  # fmt: skip
 
 
 def _at(run: Run, edge: Edge) -> float:

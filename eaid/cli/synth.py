@@ -7,7 +7,7 @@ from eaid.cli import console
 from eaid.cli.form import Common, refuse_idle, takes, written
 from eaid.declared import option, part
 from eaid.errors import UsageError
-from eaid.options import INPUTS, LOGS, SynthOptions
+from eaid.options import LOGS, SynthOptions
 from eaid.shown import counted
 
 
@@ -16,7 +16,6 @@ class Arguments(Common, SynthOptions):
     """What `eaid synth` takes."""
 
     plant: str = option("reference", "The paper's clutch, or a fit.json.", LOGS, shown="reference|FILE")
-    gains: Path | None = option(None, "A gains.json, whose controller drives the closed loop.", INPUTS, shown="FILE")
     output: Path = written("synthetic.h5", "A .h5 dataset, or a folder of CSV.")
 
 
@@ -31,20 +30,17 @@ def command(args: Arguments) -> None:
     from eaid.results import codec
     from eaid.results.common import Input
     from eaid.results.fit import Fit
-    from eaid.results.gains import Gains
     from eaid.synth.datasets import write
     from eaid.synth.files import is_synthetic, write_folder
     from eaid.synth.synthesize import synthesize
 
     fit_file = None if args.plant == "reference" else Path(args.plant)
-    inputs = [each for each in (fit_file, args.duty_file, args.gains) if each is not None]
+    inputs = [each for each in (fit_file, args.duty_file) if each is not None]
     is_dataset = args.output.suffix.lower() in (".h5", ".hdf5")
     if args.excitation is None:
-        refuse_idle(args, ("shape", "gains"), "without --excitation")
+        refuse_idle(args, ("shape",), "without --excitation")
     elif is_dataset:
         raise UsageError("--excitation: writes a folder of CSV (-o FOLDER); give another -o")
-    if args.gains is None:
-        refuse_idle(args, ("controller",), "without --gains")
     if is_dataset:
         refuse_to_overwrite(args.output, args.force, inputs)
     else:
@@ -52,8 +48,7 @@ def command(args: Arguments) -> None:
     options = part(SynthOptions, args)
     fit, warnings = codec.read(fit_file, "fit", Fit) if fit_file is not None else (None, ())
     named = "" if fit_file is None else f"{fit_file} (sha256 {Input.of(fit_file).sha256[:12]})"
-    gains = codec.read(args.gains, "gains", Gains)[0] if args.gains is not None else None
-    runs = synthesize(options, fit, named, gains)
+    runs = synthesize(options, fit, named)
     (write if is_dataset else write_folder)(args.output, runs, args.force)
     console.tell(warnings, verbose=True)
     if args.json:

@@ -16,7 +16,6 @@ from eaid.shown import Shown
 
 if TYPE_CHECKING:
     import pandas
-    from control import TransferFunction
 
 
 class RhoLine(Result, frozen=True):
@@ -317,21 +316,6 @@ class Gains(Shown, Result, frozen=True):
         low, high = self.duty_limits_pct
         if not 0 <= low < high:
             raise ValueError(f"duty_limits_pct {low:g} to {high:g}, which has to rise from 0 or above")
-
-    def to_control(self) -> "dict[str, TransferFunction]":
-        """By python-control, where it is installed: the PI, and the PI of equal slope inside the layer of RC.
-
-        Transfer functions from torque error to input.
-        """
-        import control
-
-        found = {}
-        if self.pi is not None:
-            found["pi"] = control.tf([self.pi.K_P, self.pi.K_I], [1.0, 0.0])
-        equal = self.rc.equal_pi if self.rc is not None else None
-        if equal is not None and equal.K_P is not None and equal.K_I is not None:
-            found["rc"] = control.tf([equal.K_P, equal.K_I], [1.0, 0.0])
-        return found
 
     def summary(self) -> str:
         """Gains, the one verdict on the guarantee, and the gravest findings."""

@@ -5,7 +5,7 @@
     prbs         two levels, switched at random at multiples of the shortest hold
     multisine    mean + Σ a sin(2π f t + φ), frequencies log-spaced, Schroeder phases
     chirp        mean + a sin of a frequency that rises geometrically
-    closed-loop  the input that a PI or another controller gives on a reference, with noise in what it reads
+    closed-loop  the input that a PI gives on a reference, with noise in what it reads
 
 The input is sampled at the rate of the log and held between samples; the states move exactly.
 """
@@ -135,21 +135,16 @@ def check_excitation(plant: Plant, e: Excitation) -> None:
 
 
 def synthesise_excitation(
-    plant: Plant,
-    e: Excitation,
-    disturbance: Disturbance,
-    seed: int,
-    repeats: int = 1,
-    controller: Controller | None = None,
+    plant: Plant, e: Excitation, disturbance: Disturbance, seed: int, repeats: int = 1
 ) -> list[Run]:
-    """Logs of that input; a closed loop takes `controller`, else the PI of the excitation's gains."""
+    """Logs of that input."""
     check_excitation(plant, e)
     refuse_too_many(e.duration_s * e.rate_hz * repeats)
     runs = []
     for repeat in range(1, repeats + 1):
         draw, reference = np.random.default_rng([seed, 99, repeat]), None
         if e.kind == "closed-loop":
-            columns, reference = looped(plant, e, disturbance, draw, controller or paper_pi(plant, e))
+            columns, reference = looped(plant, e, disturbance, draw)
         else:
             columns = open_loop(plant, e, disturbance, draw)
         runs.append(run_of(plant, columns, (e.kind, repeat), mark(plant, disturbance, seed), reference))
@@ -167,10 +162,8 @@ def open_loop(plant: Plant, e: Excitation, disturbance: Disturbance, draw: Draw)
     return time_s, value, measured(torque, time_s, plant.rotor_hz(value), disturbance, draw)
 
 
-def looped(
-    plant: Plant, e: Excitation, disturbance: Disturbance, draw: Draw, controller: Controller
-) -> tuple[Columns, Array]:
-    """One log of a loop, and its reference: steps and tones; the controller reads what is logged, above its offset."""
+def looped(plant: Plant, e: Excitation, disturbance: Disturbance, draw: Draw) -> tuple[Columns, Array]:
+    """One log of a loop, and its reference: steps and tones; its PI reads what is logged, above its offset."""
     from eaid.recorded.closed_loop import run_loop
 
     assert plant.model is not None  # check_excitation
@@ -180,7 +173,7 @@ def looped(
     reference = reference_of(e, (low, high), n - idle, draw)
     time_s = np.arange(n, dtype=np.float64) * dt_s
     share, white = noise(time_s, plant.rotor_hz(np.zeros(n)), disturbance, draw)
-    value, read = run_loop(factors.on(plant.model), controller, reference, dt_s, share[idle:], white[idle:])
+    value, read = run_loop(factors.on(plant.model), paper_pi(plant, e), reference, dt_s, share[idle:], white[idle:])
     before = np.zeros(idle)
     output = digits(np.concatenate([white[:idle], read]) + disturbance.offset_nm, disturbance)
     return (time_s, np.concatenate([before, value]), output), np.concatenate([before, reference])

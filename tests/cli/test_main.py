@@ -20,7 +20,7 @@ OPTIONS = {
     "duty-bits sensor-hz delay-samples ripple-pct limb-damping limb-inertia keep-baseline",
     "export": "as law precision rate-hz anyway",
     "report": "figures format",
-    "synth": "plant kind levels repeats duty-file excitation shape noise-nm clean hold idle release rate-hz gains",
+    "synth": "plant kind levels repeats duty-file excitation shape noise-nm clean hold idle release rate-hz",
     "couple": "gains loops torque wall limb-inertia limb-damping plants virtual-damping delay-samples",
     "plan": "want excitation limits idle release longest-hold most-levels",
     "demo": "",

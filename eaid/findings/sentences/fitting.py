@@ -245,9 +245,6 @@ INTERVAL_ROWS: dict[str, Row] = {
             "record levels in random order instead"
         )
     ),
-    "no-intervals-at-all": caution(
-        "no intervals: these data do not determine the curves well enough to compute any ({fault})"
-    ),
     "trend-not-estimable": note("the trend of {symbol} is at a limit: its coefficients are not estimable"),
     "trend-uses-all-levels": note(
         "the trend of {symbol} has as many coefficients as levels: nothing is left to tell how sure they are"
