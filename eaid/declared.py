@@ -36,8 +36,9 @@ class Declaration:
     flags: tuple[str, ...] = ()
     """Empty: the name with dashes."""
     words: tuple[str, ...] = ()
-    least: float = -math.inf
-    most: float = math.inf
+    least: float = 0
+    """Of a number, or of each of several."""
+    most: float = 1e9
     above: bool = False
     """The least value itself is left out."""
     shown: str | None = None
@@ -166,7 +167,7 @@ class Form:
             if not isinstance(value, tuple) or (self.pair and len(value) != 2):
                 return [f"{name} {value!r}: give {'two numbers' if self.pair else 'numbers'}"]
             return [fault for each in value for fault in self._outside(each)]
-        if isinstance(value, Mapping) and (self.declared.least > -math.inf or self.declared.most < math.inf):
+        if kind == Mapping[str, float] and isinstance(value, Mapping):
             return [fault for each in value.values() for fault in self._outside(each)]
         if self.several:
             if not isinstance(value, tuple):
@@ -284,7 +285,7 @@ def as_typed(value: Any) -> str | None:
 
 
 def value_of(form: Form, typed: Any) -> Any:
-    """What was typed, as a value; `UsageError` where it is none of the words, or cannot be read."""
+    """What was typed, as a value; `UsageError` where it cannot be read. What it may be the set of options says."""
     if isinstance(typed, str) and typed.encode(errors="replace").decode() != typed:
         raise UsageError(f"{form.flag} {typed!r}: is not UTF-8; type it in a terminal that writes UTF-8")
     if not isinstance(typed, str) or not is_text(form):
@@ -295,15 +296,7 @@ def value_of(form: Form, typed: Any) -> Any:
     if declared.read is not None:
         return declared.read(flag, typed)
     if form.several:
-        parts = (
-            names(flag, typed) if not declared.words else [part.strip() for part in typed.split(",") if part.strip()]
-        )
-        for part in parts or [typed]:
-            if declared.words and part not in declared.words:
-                raise UsageError(unknown(flag, part, declared.words))
-            if list(parts).count(part) > 1:
-                raise UsageError(f"{flag} {typed}: name each once")
-        return tuple(parts)
+        return names(flag, typed)
     if form.pair:
         return pair(flag, typed, ":" if ":" in (declared.shown or "") else ",")
     if kind == tuple[float, ...]:
@@ -311,13 +304,11 @@ def value_of(form: Form, typed: Any) -> Any:
     if kind == Mapping[str, float]:
         return factors(flag, typed)
     if typed in declared.words or float not in form.parts:
-        if declared.words and typed not in declared.words:
-            raise UsageError(unknown(flag, typed, declared.words))
         return typed
     try:
         return float(typed)
     except ValueError:
-        raise UsageError(f"{flag} {typed}: must be {', '.join(declared.words)} or a number") from None
+        return typed
 
 
 def number(flag: str, text: str) -> float:

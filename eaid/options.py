@@ -83,9 +83,7 @@ class ReadOptions(Columns):
         None, "Level and repeat from file names, anywhere in them: '_V={level}_', 'run{repeat}'.", READING,
         shown="PATTERN",
     )  # fmt: skip
-    rate_hz: float | None = option(
-        None, "Samples a second of logs without a time column [Hz].", READING, least=0, most=1e9, above=True
-    )
+    rate_hz: float | None = option(None, "Samples a second of logs without a time column [Hz].", READING, above=True)
     sign: str = option("auto", "Turn an output that was recorded inverted, or never.", READING, words="auto|keep")
     kind: Kind | None = option(None, "Experiment; by itself from the columns.", STEPS, words=KINDS)
     levels: str | None = option(None, "Levels to keep: 30:100 or 30,40,90.", STEPS, levels=True)
@@ -170,9 +168,7 @@ class FitOptions(Chance):
     draws: int = option(300, "Refits of the bootstrap.", MODEL, least=1, most=100_000)
     hold_out: tuple[float, ...] = option((), "Left out, to measure the error: 40,70.", MODEL, levels=True)
     loss: str = option("squares", "Huber for logs with spikes and drop-outs.", MODEL, words="squares|huber")
-    duty: tuple[float, float] | None = option(
-        None, "Identified range of the input.", RECORDED, shown="LOW:HIGH", least=0, most=1e9
-    )
+    duty: tuple[float, float] | None = option(None, "Identified range of the input.", RECORDED, shown="LOW:HIGH")
     bounds_levels: str | None = option(None, "Levels of B_m and B_M: 30:100 or 30,40.", ADVANCED, levels=True)
     shape: str = option(
         "auto", "Of steps between levels; auto: by the evidence.", ADVANCED, words="auto|one|two|free|overshoot"
@@ -212,12 +208,8 @@ class TuneOptions(Chance):
     b_hat: Literal["pooled", "minimax"] | float = option(
         "pooled", "1/b0, the middle of B_m, B_M, or a value.", ROBUST, words="pooled|minimax", least=-1e12, most=1e12
     )
-    q_max: float | None = option(
-        None, "Q_M, largest slope of the reference; by itself 5 N·m/s.", ROBUST, least=0, most=1e9
-    )
-    phi: Literal["data"] | float | None = option(
-        None, "By itself 0.05; data: by model and logs.", ROBUST, words="data", least=0, most=1e9
-    )
+    q_max: float | None = option(None, "Q_M, largest slope of the reference; by itself 5 N·m/s.", ROBUST)
+    phi: Literal["data"] | float | None = option(None, "By itself 0.05; data: by model and logs.", ROBUST, words="data")
     pi_gains: tuple[float, float] | None = option(
         None,
         "Its gains; by itself designed from the fit, the paper's are 21,360.",
@@ -230,13 +222,9 @@ class TuneOptions(Chance):
         None, "Or designed: overshoot on the linear model [%].", PI, least=-1e6, most=1e6
     )
     pi_settling: float | None = option(None, "And settling time, 2 % band [s].", PI, least=-1e6, most=1e6)
-    duty_limits: tuple[float, float] | None = option(
-        None, "By itself 0,100 % or as identified.", RIG, shown="LOW,HIGH", least=0, most=1e9
-    )
+    duty_limits: tuple[float, float] | None = option(None, "By itself 0,100 % or as identified.", RIG, shown="LOW,HIGH")
     rate_hz: float | None = option(None, "Control rate [Hz]; by itself 1000.", RIG, least=1e-3, most=1e5)
-    pwm_hz: float | None = option(
-        None, "Duty latched at [Hz]; 0: off; by itself the fit's, else 300.", RIG, least=0, most=1e6
-    )
+    pwm_hz: float | None = option(None, "Duty latched at [Hz]; 0: off; by itself the fit's, else 300.", RIG)
     bounds_levels: str | None = option(None, "Levels that B_m, B_M are taken over: 30:100.", ADVANCED, levels=True)
     widen_bounds: bool = option(False, "Take the far ends of the 95 % intervals of B.", ADVANCED)
     epsilon: float | None = option(
@@ -279,12 +267,12 @@ class Rig(Options):
     next start of a PWM period.
     """
 
-    noise_nm: float = option(0.0, "Noise on the measured torque, sd [N·m].", RIG, least=0, most=1e6)
+    noise_nm: float = option(0.0, "Noise on the measured torque, sd [N·m].", RIG)
     ripple_pct: float = option(0.0, "Rotor ripple, amplitude in % of the torque.", RIG, least=0, most=1e3)
     ripple_hz: float = option(1 / 6, "Its frequency [Hz]; by itself once per turn at 10 RPM.", RIG, least=0, most=1e5)
-    sensor_hz: float = option(0.0, "Corner of the torque sensor's low-pass [Hz]; 0: none.", RIG, least=0, most=1e6)
+    sensor_hz: float = option(0.0, "Corner of the torque sensor's low-pass [Hz]; 0: none.", RIG)
     delay_samples: int = option(0, "Control delay [samples].", RIG, least=0, most=100_000)
-    pwm_hz: float = option(0.0, "Duty latched once a PWM period [Hz]; 0: off.", RIG, least=0, most=1e6)
+    pwm_hz: float = option(0.0, "Duty latched once a PWM period [Hz]; 0: off.", RIG)
     duty_bits: int = option(0, "Resolution of the duty [bit]; 0: unlimited.", RIG, least=0, most=32)
 
     def agree(self) -> None:
@@ -300,15 +288,13 @@ class SimulateOptions(Chance):
     controller: tuple[str, ...] | None = option(None, "By itself rc,pi; sweep adds open-loop.", WHAT, words=CONTROLLERS)
     scenario: str | None = option(None, "By itself multisine.", WHAT, words=SCENARIOS)
     keep_baseline: bool = option(False, "Do not subtract the idle output of recorded runs.", WHAT)
-    duration: float | None = option(
-        None, "Length of steps, multisine or rehab [s].", WHAT, least=0, most=1e6, above=True
-    )
+    duration: float | None = option(None, "Length of steps, multisine or rehab [s].", WHAT, above=True)
     rate_hz: float | None = option(
         None, "Control rate [Hz]; by itself the gains', else 1000.", RIG, least=1e-3, most=1e5
     )
     rig: Rig = option(Rig(), "", RIG)
     perturb: Mapping[str, float] = option(
-        {}, "On the plant alone: Ts=0.9,tau1=1.2.", MORE, shown="NAME=FACTOR", least=0, most=1e6, above=True
+        {}, "On the plant alone: Ts=0.9,tau1=1.2.", MORE, shown="NAME=FACTOR", above=True
     )
     plants: int | None = option(
         None, "Also on so many plants drawn from the fit's uncertainty.", MORE, least=1, most=100_000
@@ -316,7 +302,7 @@ class SimulateOptions(Chance):
     threads: int | None = option(
         None, "Of the drawn plants; by itself all processors.", MORE, kept=False, least=1, most=1024
     )
-    limb_damping: float | None = option(None, "Damping of the limb [N·m·s/rad].", REHAB, least=0, most=1e6)
+    limb_damping: float | None = option(None, "Damping of the limb [N·m·s/rad].", REHAB)
     limb_inertia: float | None = option(None, "Its inertia [kg·m²].", REHAB, least=1e-6, most=1e6)
 
     def agree(self) -> None:
@@ -344,32 +330,22 @@ class CoupleOptions(Options):
 
     loops: tuple[str, ...] = option(LOOPS, "Loops that are judged.", LOOP, words=LOOPS, shown="NAME,…")
     rate_hz: float = option(1000.0, "Control rate [Hz].", LOOP, least=1e-3, most=1e5)
-    pwm_hz: float = option(0.0, "Duty latched at [Hz]; 0: at once.", LOOP, least=0, most=1e6)
+    pwm_hz: float = option(0.0, "Duty latched at [Hz]; 0: at once.", LOOP)
     delay_samples: int = option(
         0, "From reading to duty [samples]; 0: the dead time that the fit shows.", LOOP, least=0, most=100_000
     )
-    sensor_hz: float = option(0.0, "Torque sensor's corner [Hz]; 0: none.", LOOP, least=0, most=1e6)
+    sensor_hz: float = option(0.0, "Torque sensor's corner [Hz]; 0: none.", LOOP)
     replay: bool = option(True, "Also bisect replays of the nonlinear plant.", LOOP)
-    torque: tuple[float, ...] = option(
-        (), "Torques held; by itself four over the fitted range.", LIMB, shown="1,2,3", least=0, most=1e6
-    )
-    wall: float | None = option(
-        None, "A stiffness that has to be rendered [N·m/rad].", LIMB, least=0, most=1e9, above=True
-    )
-    virtual_damping: float = option(0.0, "B_v of the wall [N·m·s/rad].", LIMB, least=0, most=1e6)
+    torque: tuple[float, ...] = option((), "Torques held; by itself four over the fitted range.", LIMB, shown="1,2,3")
+    wall: float | None = option(None, "A stiffness that has to be rendered [N·m/rad].", LIMB, above=True)
+    virtual_damping: float = option(0.0, "B_v of the wall [N·m·s/rad].", LIMB)
     limb_inertia: float = option(0.1, "[kg·m²]", LIMB, least=1e-6, most=1e6)
-    limb_damping: float = option(0.8, "[N·m·s/rad]", LIMB, least=0, most=1e6)
+    limb_damping: float = option(0.8, "[N·m·s/rad]", LIMB)
     encoder_counts: int | None = option(None, "Counts a turn of the limb.", LIMB, least=1, most=10**9)
-    idle_drag_nm: float | None = option(
-        None, "Torque of the idle clutch; by itself the fit's idle.", LIMB, least=0, most=1e6
-    )
-    rotor_rpm: float = option(10.0, "Speed of the rotor.", LIMB, least=0, most=1e6)
-    limb_speed_rad_s: float = option(
-        0.41, "Fastest motion of the limb; by itself 25° at 0.15 Hz.", LIMB, least=0, most=1e6
-    )
-    pair_bias_nm: float | None = option(
-        None, "Bias of an antagonistic pair; by itself mid-range.", LIMB, least=0, most=1e6, above=True
-    )
+    idle_drag_nm: float | None = option(None, "Torque of the idle clutch; by itself the fit's idle.", LIMB)
+    rotor_rpm: float = option(10.0, "Speed of the rotor.", LIMB)
+    limb_speed_rad_s: float = option(0.41, "Fastest motion of the limb; by itself 25° at 0.15 Hz.", LIMB)
+    pair_bias_nm: float | None = option(None, "Bias of an antagonistic pair; by itself mid-range.", LIMB, above=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -398,17 +374,13 @@ class Limits(Options):
     """What a rig allows of a planned sequence of inputs."""
 
     duty: tuple[float, float] = option(
-        (10.0, 100.0), "Lowest and highest input above rest.", RIG, shown="10:100", least=0, most=1e9, above=True
+        (10.0, 100.0), "Lowest and highest input above rest.", RIG, shown="10:100", above=True
     )
-    rate_per_s: float = option(0.0, "Fastest change of the input a second; 0: any.", RIG, least=0, most=1e9)
-    hold_s: tuple[float, float] = option(
-        (0.3, 30.0), "Shortest and longest hold [s].", RIG, shown="0.3:30", least=0, most=1e7, above=True
-    )
-    rest_s: float = option(
-        5.0, "Length of a return to rest, and of the rest before the first level [s].", RIG, least=0, most=1e7
-    )
+    rate_per_s: float = option(0.0, "Fastest change of the input a second; 0: any.", RIG)
+    hold_s: tuple[float, float] = option((0.3, 30.0), "Shortest and longest hold [s].", RIG, shown="0.3:30", above=True)
+    rest_s: float = option(5.0, "Length of a return to rest, and of the rest before the first level [s].", RIG)
     engagements: int = option(4, "Stretches under load between rests, at least.", RIG, least=1, most=1000)
-    work_s: float = option(0.0, "Longest stretch under load [s]; 0: any.", RIG, least=0, most=1e7)
+    work_s: float = option(0.0, "Longest stretch under load [s]; 0: any.", RIG)
     longest_s: float = option(3600.0, "Longest sequence that is looked for [s].", RIG, least=1, most=1e6)
     unit: str = option("%", "Of the input.", RIG)
 
@@ -422,8 +394,8 @@ class PlanOptions(Chance):
         LOGS, shown="NAME=PERCENT,…",
     )  # fmt: skip
     check: bool = option(True, "Simulate the experiment and measure the widths it gives.", LOGS)
-    idle_s: float = option(10.0, "Input 0 before each step [s].", RIG, "--idle", least=0, most=1e7)
-    release_s: float = option(10.0, "Input 0 after each step, recorded [s].", RIG, "--release", least=0, most=1e7)
+    idle_s: float = option(10.0, "Input 0 before each step [s].", RIG, "--idle")
+    release_s: float = option(10.0, "Input 0 after each step, recorded [s].", RIG, "--release")
     longest_hold_s: float = option(120.0, "Longest hold [s].", RIG, "--longest-hold", least=5, most=1e6)
     most_levels: int = option(12, "Most levels to record.", RIG, least=4, most=100)
     limits: str | Mapping[str, Any] | Limits | None = option(
@@ -445,25 +417,21 @@ class Excitation(Options):
     """How the input of one log is made where it does more than step from rest, in the rig's own units."""
 
     kind: str = option("random", "What the input does.", INPUTS, words=EXCITATIONS)
-    duration_s: float = option(240.0, "[s]", INPUTS, least=0, most=1e7, above=True)
-    duty: tuple[float, float] | None = option(
-        None, "Lowest and highest input.", INPUTS, shown="10:100", least=0, most=1e9
-    )
+    duration_s: float = option(240.0, "[s]", INPUTS, above=True)
+    duty: tuple[float, float] | None = option(None, "Lowest and highest input.", INPUTS, shown="10:100")
     levels: int = option(10, "Different levels of a staircase or of random steps.", INPUTS, least=2, most=10_000)
     hold_s: tuple[float, float] = option(
-        (0.5, 20.0), "Shortest and longest hold [s].", INPUTS, shown="0.3:30", least=0, most=1e7, above=True
+        (0.5, 20.0), "Shortest and longest hold [s].", INPUTS, shown="0.3:30", above=True
     )
-    idle_s: float = option(2.0, "Input 0 at first [s].", INPUTS, least=0, most=1e7)
+    idle_s: float = option(2.0, "Input 0 at first [s].", INPUTS)
     rest_s: float = option(
         0.0,
         "Length of a return to 0 after every `levels` holds of random steps [s]; 0: none.",
         INPUTS,
-        least=0,
-        most=1e7,
     )
     frequency_hz: tuple[float, float] = option(
         (0.05, 5.0), "Lowest and highest frequency of a multisine, a chirp or a loop's reference [Hz].", INPUTS,
-        shown="0.05:5", least=0, most=1e6, above=True,
+        shown="0.05:5", above=True,
     )  # fmt: skip
     tones: int = option(12, "Of a multisine.", INPUTS, least=1, most=10_000)
     periods: int = option(3, "Of a multisine: so often it repeats itself.", INPUTS, least=1, most=1000)
@@ -493,24 +461,24 @@ class SynthOptions(Chance):
 
     kind: Kind | None = option(None, "By itself clutch; of a fit.json, its own.", LOGS, words=KINDS)
     levels: tuple[float, ...] | None = option(
-        None, "30,40,90 or from:to:step.", LOGS, read=spaced, levels=True, least=0, most=1e9, above=True
+        None, "30,40,90 or from:to:step.", LOGS, read=spaced, levels=True, above=True
     )
     repeats: int | None = option(None, "Runs of each level.", LOGS, least=1, most=10_000)
-    idle_s: float | None = option(None, "Input 0 before the step [s].", WHEN, "--idle", least=0, most=1e7)
-    hold_s: float | None = option(None, "Input at its level [s].", WHEN, "--hold", least=0, most=1e7, above=True)
-    release_s: float | None = option(None, "Input 0 after the step [s].", WHEN, "--release", least=0, most=1e7)
+    idle_s: float | None = option(None, "Input 0 before the step [s].", WHEN, "--idle")
+    hold_s: float | None = option(None, "Input at its level [s].", WHEN, "--hold", above=True)
+    release_s: float | None = option(None, "Input 0 after the step [s].", WHEN, "--release")
     rate_hz: float | None = option(None, "Samples a second [Hz].", WHEN, least=1e-3, most=1e5)
     clean: bool = option(False, "The plant alone: no noise, scatter, offset or digits.", HOW)
-    white_nm: float | None = option(None, "White noise, sd [N·m].", HOW, "--noise-nm", least=0, most=1e6)
+    white_nm: float | None = option(None, "White noise, sd [N·m].", HOW, "--noise-nm")
     coloured: float | None = option(None, "Coloured noise, sd, share of torque.", HOW, least=0, most=10)
-    coloured_s: float | None = option(None, "Its time constant [s].", HOW, least=0, most=1e6)
+    coloured_s: float | None = option(None, "Its time constant [s].", HOW)
     ripple: float | None = option(None, "Rotor ripple, amplitude, share of torque.", HOW, least=0, most=10)
     gain_scatter: float | None = option(None, "Run-to-run sd of the torque's gain, share.", HOW, least=0, most=0.3)
     tau1_scatter: float | None = option(None, "Run-to-run sd of log τ1.", HOW, least=0, most=3)
     tau2_scatter: float | None = option(None, "Run-to-run sd of log τ2.", HOW, least=0, most=3)
     offset_nm: float | None = option(None, "Offset of the torque sensor [N·m].", HOW, least=-1e6, most=1e6)
     jitter_s: float | None = option(None, "Sample instants, sd [s].", HOW, least=0, most=1e3)
-    resolution_nm: float | None = option(None, "Step of the sensor's digits [N·m].", HOW, least=0, most=1e6)
+    resolution_nm: float | None = option(None, "Step of the sensor's digits [N·m].", HOW)
     duty_file: Path | None = option(None, "CSV time_s,duty_pct (force_n, speed_rpm, input).", INPUTS, shown="FILE")
     excitation: str | None = option(None, "Logs to be fitted as recorded.", INPUTS, words=EXCITATIONS)
     shape: str | Mapping[str, Any] | None = option(

@@ -56,7 +56,7 @@ def test_a_default_lies_within_its_limits() -> None:
         (lambda: eaid.TuneOptions(duty_limits=(50.0, 50.0)), "duty_limits= 50,50: must rise from 0 or above"),
         (lambda: eaid.SimulateOptions(threads=2), "threads=: does nothing without plants=; give both or neither"),
         (lambda: eaid.SimulateOptions(limb_inertia=0.1), "limb_damping= and limb_inertia= belong to scenario= rehab"),
-        (lambda: eaid.SimulateOptions(perturb={"Ts": 0.0}), "perturb= 0: give a number above 0, 1e+06 at most"),
+        (lambda: eaid.SimulateOptions(perturb={"Ts": 0.0}), "perturb= 0: give a number above 0, 1e+09 at most"),
         (lambda: eaid.SynthOptions(shape={"duty": (1, 2)}), "shape=: does nothing without excitation=; leave it out"),
     ],
 )  # fmt: skip

@@ -13,7 +13,7 @@ import pytest
 
 TABLE = r"""
 2 | fit data.h5 --model cubic | --model cubic: must be one of friction, nonlinear, linear
-2 | fit data.h5 --model linear,linear | --model linear,linear: name each once
+2 | fit data.h5 --model linear,linear | --model: names linear twice
 2 | fit data.h5 --share most | --share most: must be free or a number
 2 | fit data.h5 --share 1 | --share 1: give a number above 0, 0.999 at most, or free
 2 | fit data.h5 --hold-out a | --hold-out a: write numbers with commas between them, as 40,70
@@ -78,7 +78,7 @@ TABLE = r"""
 2 | plan fit.json --want tau9=3 | --want tau9: give a parameter of Ts, tau1, tau2 and a half-width in percent, above …
 2 | plan fit.json --limits rest=5 | --limits: does nothing without --excitation; leave it out
 2 | plan fit.json --excitation --most-levels 5 | --most-levels: does nothing with --excitation; leave it out
-2! | plan fit.json --excitation --limits rest_s=1e300 | --limits rest_s 1e+300: give a number from 0 to 1e+07
+2! | plan fit.json --excitation --limits rest_s=1e300 | --limits rest_s 1e+300: give a number from 0 to 1e+09
 2 | plan fit.json --excitation --limits dutty=10:100 | --limits dutty: must be one of duty, engagements, hold_s, …
 2 | plan fit.json --excitation --limits duty=100:10 | --limits duty 100:10: give two inputs that rise, above 0
 2 | plan fit.json --excitation --limits rate_per_s=3 | --limits rate_per_s 3: a change to 100 takes 33.3333 s, more …
