@@ -618,7 +618,7 @@ def load(path: str | os.PathLike[str]) -> "Fit | Gains | Coupling | Replay | Ste
     kind = codec.kind_of(file)
     if kind not in kinds:
         raise DataError(f"{file}: is a {kind}.json; give a fit.json, gains.json or couple.json")
-    result: Fit | Gains | Coupling = codec.read(file, kind, kinds[kind])[0]
+    result: Fit | Gains | Coupling = codec.read(file, kinds[kind])[0]
     return result
 
 

@@ -166,23 +166,17 @@ def answer_first() -> Iterator[None]:
             print(text, file=sys.stderr)
 
 
-def _print(text: str) -> None:
-    if _later is None:
+def _print(text: str, at_once: bool = False) -> None:
+    if _later is None or at_once:
         print(text, file=sys.stderr)
     else:
         _later.append(text)
 
 
-def say(message: str) -> None:
-    """Tell the user something, on stderr."""
+def say(message: str, at_once: bool = False) -> None:
+    """Tell the user something, on stderr; `at_once` also where the answer comes first."""
     if not _quiet:
-        _print(wrapped(message, sys.stderr))
-
-
-def progressed(message: str) -> None:
-    """How far work has come, on stderr, at once."""
-    if not _quiet:
-        print(wrapped(message, sys.stderr), file=sys.stderr)
+        _print(wrapped(message, sys.stderr), at_once)
 
 
 def warn(message: str) -> None:
@@ -228,9 +222,10 @@ def _mark(kind: str, message: str) -> None:
 def progress(label: str, total: int) -> Iterator[Callable[[], None]]:
     """Yield a function to call once per finished piece; a bar on a terminal, now and then a line elsewhere.
 
-    A total of 0: nobody knows how many pieces there are.
+    A total of 0: nobody knows how many pieces there are, or how long a single one takes.
     """
-    if _quiet or total == 1:
+    total = 0 if total == 1 else total
+    if _quiet:
         yield lambda: None
     elif not sys.stderr.isatty():
         with _lines(label, total) as advance:
@@ -257,10 +252,10 @@ def _lines(label: str, total: int) -> Iterator[Callable[[], None]]:
     def tell() -> None:
         while not over.wait(EVERY_S):
             spent = f"{done} done, " * (done > 0) + f"{time.monotonic() - began:.0f} s"
-            progressed(f"{label}: {done} of {total}" if total else f"{label}: {spent}")
+            say(f"{label}: {done} of {total}" if total else f"{label}: {spent}", at_once=True)
 
     if total:
-        progressed(f"{label}: {total} to do")
+        say(f"{label}: {total} to do", at_once=True)
     teller = threading.Thread(target=tell, daemon=True)
     teller.start()
     try:

@@ -37,13 +37,13 @@ def command(args: Arguments) -> None:
 
     refuse_to_overwrite(args.output, args.force, [args.fit, *([args.gains] if args.gains else [])])
     options = part(CoupleOptions, args)
-    fitted, warnings = codec.read(args.fit, "fit", Fit)
-    tuned, more = codec.read(args.gains, "gains", Gains) if args.gains else (None, ())
+    fitted, warnings = codec.read(args.fit, Fit)
+    tuned, more = codec.read(args.gains, Gains) if args.gains else (None, ())
     coupling = api.couple(fitted, tuned, options, progress=console.progress)
     coupling = inputs.stamped(coupling, args, fit=args.fit, gains=args.gains)
-    codec.write(args.output, coupling, "couple", args.force)
+    coupling.save(args.output, args.force)
     if args.json:
-        console.print_json(coupling, "couple")
+        console.print_json(coupling)
     else:
         for table in walls_tables(coupling) if args.tables or args.verbose else [walls_brief(coupling)]:
             console.show(table)

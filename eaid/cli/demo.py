@@ -55,8 +55,8 @@ def five_numbers(folder: Path) -> list[str]:
     from eaid.results.fit import Fit
     from eaid.results.gains import Gains
 
-    fit = codec.read(folder / "fit.json", "fit", Fit)[0]
-    gains = codec.read(folder / "gains.json", "gains", Gains)[0]
+    fit = codec.read(folder / "fit.json", Fit)[0]
+    gains = codec.read(folder / "gains.json", Gains)[0]
     assert fit.nonlinear is not None and gains.replayed is not None and gains.margins is not None
     level, worst, laws = fit.data.levels[-1], gains.margins.worst, ("rc", "pi")
     value, low, high = fit.at(level).loc["Ts"]

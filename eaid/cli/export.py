@@ -62,13 +62,13 @@ def _read(paths: list[Path]) -> "tuple[Gains | None, Fit | None, list[Path]]":
     if len(set(kinds)) < len(kinds):
         raise UsageError(f"{paths[-1]}: a second {kinds[-1]}.json; give one gains.json and one fit.json at most")
     files = dict(zip(kinds, paths, strict=True))
-    gains, warnings = codec.read(files["gains"], "gains", Gains) if "gains" in files else (None, ())
+    gains, warnings = codec.read(files["gains"], Gains) if "gains" in files else (None, ())
     if gains is not None and "fit" not in files:
         beside = fit_beside(gains, files["gains"])
         if beside is not None:
             files["fit"] = beside
             console.say(f"with {beside}, which the gains were made from")
-    fit, more = codec.read(files["fit"], "fit", Fit) if "fit" in files else (None, ())
+    fit, more = codec.read(files["fit"], Fit) if "fit" in files else (None, ())
     if fit is not None and fit.nonlinear is None:
         raise DataError(
             f"{files['fit']}: holds no nonlinear model, which plant and inverse are; fit clutch data with it"

@@ -31,20 +31,19 @@ def command(args: Arguments) -> int:
     import msgspec
 
     from eaid import api
-    from eaid.cli import inputs
     from eaid.cli.printed import closing, show_fit
     from eaid.files import refuse_to_overwrite
     from eaid.logs.folders import files_read
-    from eaid.results import codec
+    from eaid.reading import read_steps
 
     refuse_to_overwrite(args.output, args.force, files_read(args.data))
     with console.answer_first():
-        stepset = inputs.runs_from(args.data, part(ReadOptions, args), console.say)[1]
+        stepset = read_steps(args.data, part(ReadOptions, args), console.progress, console.warn, console.say)[1]
         result = api.fit(stepset, part(FitOptions, args), progress=console.progress)
         result = msgspec.structs.replace(result, command=args.typed)
-        codec.write(args.output, result, "fit", args.force)
+        result.save(args.output, args.force)
         if args.json:
-            console.print_json(result, "fit")
+            console.print_json(result)
         else:
             show_fit(result, args.output, args.tables or args.verbose, args.verbose)
     console.tell(result.findings, args.verbose)

@@ -30,12 +30,11 @@ def command(args: Arguments) -> None:
     Example: eaid ingest bench/ --columns input=Volts --units output=mNm -o data.h5
     """
     from eaid.apparatus import Apparatus
-    from eaid.cli import inputs
     from eaid.cli.printed import ingested, show_edges, show_steps
     from eaid.files import refuse_to_overwrite
     from eaid.logs.dataset import write_dataset
     from eaid.logs.folders import files_read
-    from eaid.reading import read_edges
+    from eaid.reading import read_edges, read_steps
 
     options = replace(part(ReadOptions, args), logs_as="steps")  # what is not cut into steps is refused here
     refuse_to_overwrite(args.output, args.force, files_read(args.logs))
@@ -48,7 +47,7 @@ def command(args: Arguments) -> None:
         show_edges(logs, args.json)
         console.done(args.output, f"{counted(len(logs), 'log')} as recorded", ("report", args.output))
         return
-    runs, stepset = inputs.runs_from(args.logs, options, seen=console.say)
+    runs, stepset = read_steps(args.logs, options, console.progress, console.warn, console.say)
     write_dataset(args.output, runs, kind=stepset.kind, apparatus=stepset.apparatus, force=args.force)  # type: ignore[arg-type]
     if args.json:
         console.print_json(ingested(stepset), "ingest")

@@ -1,6 +1,5 @@
 """Logs and results as commands take them: read with progress, and stamped with what was typed."""
 
-from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -9,33 +8,21 @@ from eaid.cli.form import Common
 from eaid.errors import EaidError
 
 if TYPE_CHECKING:
-    from eaid.logs.run import Run
-    from eaid.options import ReadOptions, TuneOptions
+    from eaid.options import TuneOptions
     from eaid.results.fit import Fit
     from eaid.steps.stepset import StepSet
 
 R = TypeVar("R")
 
 
-def runs_from(
-    paths: Sequence[Path],
-    options: "ReadOptions | None" = None,
-    seen: Callable[[str], None] = lambda _: None,
-) -> "tuple[list[Run], StepSet]":
-    """Cut runs and their step set, with progress on stderr; `seen` as in `eaid.reading.read_steps`."""
-    from eaid.options import ReadOptions
-    from eaid.reading import read_steps
-
-    return read_steps(paths, options or ReadOptions(logs_as="steps"), console.progress, console.warn, seen)
-
-
 def logs_of(fitted: "Fit", fit: Path, data: list[Path] | None, options: "TuneOptions") -> "StepSet | None":
     """The logs given, or those that the fit names, where they are wanted, still there and unchanged."""
     from eaid.files import sha256_of
     from eaid.options import ReadOptions
+    from eaid.reading import read_steps
 
     if data:
-        return runs_from(data)[1]
+        return read_steps(data, ReadOptions(logs_as="steps"), console.progress, console.warn)[1]
     if options.phi != "data":
         return None
     instead = "so φ cannot be read off them; give the logs with --data"
@@ -52,7 +39,8 @@ def logs_of(fitted: "Fit", fit: Path, data: list[Path] | None, options: "TuneOpt
             return None
         paths += [file] * (file not in paths)
     try:
-        return runs_from(paths, ReadOptions(**{**fitted.options.reading, "logs_as": "steps"}))[1]  # type: ignore[arg-type]
+        reading = ReadOptions(**{**fitted.options.reading, "logs_as": "steps"})  # type: ignore[arg-type]
+        return read_steps(paths, reading, console.progress, console.warn)[1]
     except EaidError as fault:
         console.warn(f"{fault.sentences[0]}: {instead}")
         return None

@@ -49,13 +49,13 @@ def command(args: Arguments) -> None:
         refuse_idle(args, ("idle_s", "release_s", "longest_hold_s", "most_levels"), "with --excitation")
     else:
         refuse_idle(args, ("limits",), "without --excitation")
-    fit, warnings = codec.read(args.fit, "fit", Fit)
+    fit, warnings = codec.read(args.fit, Fit)
     planned = api.plan_excitation if args.excitation else api.plan
     plan: Plan | Excitation = planned(fit, part(PlanOptions, args), progress=console.progress)
     plan = msgspec.structs.replace(plan, inputs=(Input.of(args.fit),), command=args.typed)
     write_plan(files, plan, fit.data.kind, args.force)
     if args.json:
-        console.print_json(plan, "plan")
+        console.print_json(plan)
     else:
         show_plan(plan, args.idle_s, args.release_s)
     console.tell((*warnings, *plan.findings))

@@ -46,8 +46,8 @@ def command(args: Arguments) -> None:
         raise UsageError("--columns, --units, --repair and --variable belong to --log; leave them out")
     options = part(SimulateOptions, args)
     reading = ReadOptions(**{name: getattr(args, name) for name in forms(Columns)})
-    fitted, warnings = codec.read(args.fit, "fit", Fit)
-    tuned, more = codec.read(args.gains, "gains", Gains) if args.gains else (None, ())
+    fitted, warnings = codec.read(args.fit, Fit)
+    tuned, more = codec.read(args.gains, Gains) if args.gains else (None, ())
     replay = api.simulate(
         fitted, tuned, options=options, reference=args.reference, log=args.log,
         reading=reading if args.log else None,

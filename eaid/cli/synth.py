@@ -46,7 +46,7 @@ def command(args: Arguments) -> None:
     else:
         refuse_folder(args.output, args.force, is_synthetic, "eaid synth", inputs)
     options = part(SynthOptions, args)
-    fit, warnings = codec.read(fit_file, "fit", Fit) if fit_file is not None else (None, ())
+    fit, warnings = codec.read(fit_file, Fit) if fit_file is not None else (None, ())
     named = "" if fit_file is None else f"{fit_file} (sha256 {Input.of(fit_file).sha256[:12]})"
     runs = synthesize(options, fit, named)
     (write if is_dataset else write_folder)(args.output, runs, args.force)

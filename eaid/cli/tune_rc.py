@@ -44,13 +44,13 @@ def command(args: Arguments) -> None:
     options = part(TuneOptions, args)
     if args.data and options.phi != "data":
         raise UsageError("--data: does nothing without --phi data; leave it out")
-    fitted, warnings = codec.read(args.fit, "fit", Fit)
+    fitted, warnings = codec.read(args.fit, Fit)
     logs = inputs.logs_of(fitted, args.fit, args.data, options)
     gains = api.tune_rc(fitted, options, reference=args.reference, logs=logs)
     gains = inputs.stamped(gains, args, fit=args.fit, reference=file)
-    codec.write(args.output, gains, "gains", args.force)
+    gains.save(args.output, args.force)
     if args.json:
-        console.print_json(gains, "gains")
+        console.print_json(gains)
     else:
         console.line(tables.guarantee_story(gains))
         shown = [*tables.tables_of(gains, asked=False), tables.margins_table(gains)]

@@ -188,5 +188,5 @@ def fit_beside(gains: Gains, path: Path) -> Path | None:
         return None
     for candidate in (path.parent / named.path, path.parent / Path(named.path).name, Path(named.path)):
         if candidate.is_file() and sha256_of(candidate) == named.sha256:
-            return candidate if codec.read(candidate, "fit", Fit)[0].nonlinear is not None else None
+            return candidate if codec.read(candidate, Fit)[0].nonlinear is not None else None
     return None

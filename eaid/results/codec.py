@@ -9,6 +9,7 @@ the features that need it; keys that no type names are passed over.
 import hashlib
 import json
 import math
+import os
 import re
 import types
 import typing
@@ -16,13 +17,14 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import msgspec
 
 from eaid.errors import DataError, UsageError
 from eaid.files import written_whole
 from eaid.findings import Finding, finding, sentences
+from eaid.shown import Shown
 from eaid.version import __version__
 
 R = TypeVar("R", bound=msgspec.Struct)
@@ -88,13 +90,21 @@ def text_of(content: Mapping[str, Any]) -> str:
 
 def dumps(result: object, kind: str = "") -> str:
     """The text of a result file; of what no file holds, and has no kind, the content alone."""
+    kind = kind or getattr(result, "FILE", "")
     return text_of(content_of(result, kind) if kind else to_plain(result))
 
 
-def write(path: Path, result: msgspec.Struct, kind: str, force: bool = False) -> None:
-    """Write a result whole or not at all."""
-    with written_whole(path, force) as part:
-        part.write_text(dumps(result, kind), encoding="utf-8", errors="surrogatepass")
+class Saved(Shown):
+    """A result that has a JSON file of its kind."""
+
+    __slots__ = ()
+    FILE: ClassVar[str]
+    """fit, gains, couple or plan."""
+
+    def save(self, path: str | os.PathLike[str], force: bool = False) -> None:
+        """Write the result's JSON file, whole or not at all; an existing file is left alone unless `force`."""
+        with written_whole(Path(path), force) as part:
+            part.write_text(dumps(self), encoding="utf-8", errors="surrogatepass")
 
 
 def kind_of(path: Path) -> str:
@@ -125,8 +135,9 @@ def digest_of(content: dict[str, Any]) -> str:
     return hashlib.sha256(text.encode("utf-8", errors="surrogatepass")).hexdigest()
 
 
-def read(path: Path, kind: str, type_: type[R]) -> tuple[R, tuple[Finding, ...]]:
+def read(path: Path, type_: type[R]) -> tuple[R, tuple[Finding, ...]]:
     """A result file as its type, and what was left out or changed, as findings; DataError where it is no such file."""
+    kind: str = type_.FILE  # type: ignore[attr-defined]
     if not path.is_file():
         raise DataError(f"{path}: no such file; give the {kind}.json that eaid wrote")
     try:

@@ -1,14 +1,11 @@
 """couple.json as types: how stiff a wall each loop may render at each torque."""
 
-import os
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from eaid.findings import Finding, sentences
 from eaid.options import CoupleOptions
 from eaid.results import codec
 from eaid.results.common import Inputs, Number, Result
-from eaid.shown import Shown
 
 if TYPE_CHECKING:
     import pandas
@@ -58,7 +55,7 @@ class Impedance(Result, frozen=True):
     """Step of torque where the rotor turns round half a second after the highest of the torques."""
 
 
-class Coupling(Shown, Result, frozen=True):
+class Coupling(codec.Saved, Result, frozen=True):
     """Walls of every loop at every torque, one clutch and an antagonistic pair.
 
     Examples
@@ -68,6 +65,7 @@ class Coupling(Shown, Result, frozen=True):
     [40.0, nan]
     """
 
+    FILE: ClassVar[str] = "couple"
     inputs: Inputs = {}
     command: tuple[str, ...] = ()
     """What was typed to make it, without the output; empty where Python did."""
@@ -97,7 +95,3 @@ class Coupling(Shown, Result, frozen=True):
         from eaid.results.frames import frame_of
 
         return frame_of(self.walls)
-
-    def save(self, path: str | os.PathLike[str], force: bool = False) -> None:
-        """Write couple.json, whole or not at all."""
-        codec.write(Path(path), self, "couple", force)

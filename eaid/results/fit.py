@@ -5,12 +5,10 @@ Keys are the paper's symbols, polynomials lowest power first, units those of the
 """
 
 import math
-import os
 import statistics
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 import msgspec
 import numpy as np
@@ -47,7 +45,6 @@ from eaid.results.common import (
     Source,
 )
 from eaid.results.recorded import Recorded
-from eaid.shown import Shown
 
 if TYPE_CHECKING:
     import pandas
@@ -536,7 +533,7 @@ CURVES: dict[str, Callable[..., Array]] = {
 """Models of steps, the first that was fitted before the others → output at times after a step."""
 
 
-class Fit(Shown, Result, frozen=True, dict=True):
+class Fit(codec.Saved, Result, frozen=True, dict=True):
     """All that one call fitted; what its kind does not allow is None.
 
     Examples
@@ -549,6 +546,7 @@ class Fit(Shown, Result, frozen=True, dict=True):
     True
     """
 
+    FILE: ClassVar[str] = "fit"
     options: FitGiven = FitGiven()
     command: tuple[str, ...] = ()
     """What was typed to make it, without the output; empty where Python did."""
@@ -793,10 +791,6 @@ class Fit(Shown, Result, frozen=True, dict=True):
         from eaid.report.paper import plot
 
         return plot(self, ax)
-
-    def save(self, path: str | os.PathLike[str], force: bool = False) -> None:
-        """Write fit.json, whole or not at all; an existing file is left alone unless `force`."""
-        codec.write(Path(path), self, "fit", force)
 
     @property
     def plant(self) -> NonlinearModel:

@@ -4,15 +4,12 @@ Units are the rig's: `input_unit` for duties, `output_unit` for torques; `_nm` a
 the paper's rig.
 """
 
-import os
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from eaid.findings import Finding, sentences
 from eaid.options import TuneOptions
 from eaid.results import codec
 from eaid.results.common import Count, Inputs, Number, Positive, Result
-from eaid.shown import Shown
 
 if TYPE_CHECKING:
     import pandas
@@ -278,7 +275,7 @@ class PI(Result, frozen=True):
     asked: AskedPI | None = None
 
 
-class Gains(Shown, Result, frozen=True):
+class Gains(codec.Saved, Result, frozen=True):
     """Gains of both controllers, and what is known of them.
 
     Examples
@@ -291,6 +288,7 @@ class Gains(Shown, Result, frozen=True):
     (False, 'rho')
     """
 
+    FILE: ClassVar[str] = "gains"
     model: LinearModel
     rc: Robust | None = None
     pi: PI | None = None
@@ -338,7 +336,3 @@ class Gains(Shown, Result, frozen=True):
             name: {key: getattr(law, key, None) for key in ("K_P", "K_D", "K_I")} for name, law in laws.items() if law
         }
         return pandas.DataFrame.from_dict(rows, orient="index", dtype=float)
-
-    def save(self, path: str | os.PathLike[str], force: bool = False) -> None:
-        """Write gains.json, whole or not at all."""
-        codec.write(Path(path), self, "gains", force)

@@ -1,6 +1,6 @@
 """plan.json as a type: what to record next, and the interval widths that it is simulated to give."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from eaid.findings import Finding, ranked, sentences
 from eaid.results.common import Count, Input, Number, Result
@@ -33,6 +33,7 @@ class Plan(Shown, Result, frozen=True):
     [[60.0, 20.0]]
     """
 
+    FILE: ClassVar[str] = "plan"
     inputs: tuple[Input, ...] = ()
     command: tuple[str, ...] = ()
     """What was typed to make it, without the output; empty where Python did."""

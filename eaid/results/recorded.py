@@ -1,6 +1,6 @@
 """What a fit of recorded logs says beyond the models: each log, what its input asked about, its falls, its loop."""
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 from eaid.findings import Finding
 from eaid.results.common import Count, Input, Interval, Number, Result
@@ -153,6 +153,7 @@ class Recorded(Result, frozen=True):
 class Excitation(Result, frozen=True):
     """plan.json of one sequence for one recording: when which duty acts, and what it is to give."""
 
+    FILE: ClassVar[str] = "plan"
     inputs: tuple[Input, ...] = ()
     command: tuple[str, ...] = ()
     """What was typed to make it, without the output; empty where Python did."""
