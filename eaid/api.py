@@ -383,7 +383,7 @@ def simulate(
     progress
         As in `read`.
     **keywords
-        Fields of `SimulateOptions` and of its `rig`: noise_nm [N·m], pwm_hz [Hz], delay_samples, plants, …
+        Fields of `SimulateOptions`: noise_nm [N·m], pwm_hz [Hz], delay_samples, plants, …
 
     Returns
     -------

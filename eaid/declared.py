@@ -5,9 +5,9 @@ types in `eaid.options`. A field is one option:
 
     kp: float | None = option(None, "K_P [1/s²]; by itself 4.5.", ROBUST, least=-1e10, most=1e10)
 
-Its type says how it is written: a number, a switch, words, `40,70`, `10:100`, `Ts=0.9,tau1=1.2`. A field whose type is
-itself a set of options (`rig: Rig`) stands on the command line as the options of that set. Limits say what a rig could
-ever ask for, not what is wise: within them every command ends, with a result or with a refusal that names the cause.
+Its type says how it is written: a number, a switch, words, `40,70`, `10:100`, `Ts=0.9,tau1=1.2`. Limits say what
+a rig could ever ask for, not what is wise: within them every command ends, with a result or with a refusal that names
+the cause.
 """
 
 import csv
@@ -16,8 +16,8 @@ import os
 import re
 import types
 import typing
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import MISSING, Field, dataclass, field, fields, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal, TypeVar, Union
@@ -109,12 +109,6 @@ class Form:
         return tuple(str if typing.get_origin(one) is Literal else one for one in each if one is not type(None))
 
     @property
-    def nested(self) -> "type[Options] | None":
-        """The set of options that this one stands for."""
-        kind = self.parts[0]
-        return kind if isinstance(kind, type) and issubclass(kind, Options) else None
-
-    @property
     def several(self) -> bool:
         """Whether words stand in a list."""
         return bool(self.parts[0] == tuple[str, ...])
@@ -151,8 +145,6 @@ class Form:
         if value is None and self.default is None:
             return []
         name, declared, kind = f"«{self.name}»", self.declared, self.parts[0]
-        if self.nested is not None:
-            return [] if isinstance(value, self.nested) else [f"{name} {value!r}: give an {self.nested.__name__}"]
         if kind is bool:
             return [] if isinstance(value, bool) else [f"{name} {value!r}: give True or False"]
         if float in self.parts or int in self.parts:
@@ -195,26 +187,18 @@ class Form:
         return [f"«{self.name}» {shown[:30]}: give {declared.range_words(whole)}{words}"]
 
 
-def forms(kind: type) -> dict[str, Form]:
-    """The options of a set by name."""
-    return _forms(kind)
-
-
-@cache
 def _forms(kind: type) -> dict[str, Form]:
-    hints = typing.get_type_hints(kind)
-    made = {one.name: Form(one.name, hints[one.name], _default(one), one.metadata["option"]) for one in declared(kind)}
-    FLAGS.update({name: form.flag for name, form in made.items() if form.flag != "--" + name.replace("_", "-")})
+    hints, made = typing.get_type_hints(kind), {}
+    for one in (one for one in fields(kind) if "option" in one.metadata):
+        default = one.default if one.default_factory is MISSING else one.default_factory()
+        form = made[one.name] = Form(one.name, hints[one.name], default, one.metadata["option"])
+        if form.flag != "--" + one.name.replace("_", "-"):
+            FLAGS[one.name] = form.flag
     return made
 
 
-def declared(kind: type) -> "list[Field[Any]]":
-    """The fields of a type that are options."""
-    return [one for one in fields(kind) if "option" in one.metadata]
-
-
-def _default(one: "Field[Any]") -> Any:
-    return one.default_factory() if one.default_factory is not MISSING else one.default
+forms: Callable[[type], dict[str, Form]] = cache(_forms)
+"""The options of a set by name."""
 
 
 def chosen(kind: type[O], options: O | None, keywords: Mapping[str, Any]) -> O:
@@ -222,33 +206,14 @@ def chosen(kind: type[O], options: O | None, keywords: Mapping[str, Any]) -> O:
     if options is not None and not isinstance(options, kind):
         raise UsageError(f"options {options!r:.60}: give {kind.__name__}, or keywords")
     known = forms(kind)
-    inner = {name: form for form in known.values() if form.nested for name in forms(form.nested)}
-    plain: dict[str, Any] = {}
-    nested: dict[str, dict[str, Any]] = {}
     for name, value in keywords.items():
-        if name in known:
-            plain[name] = value
-        elif name in inner:
-            nested.setdefault(inner[name].name, {})[name] = value
-        else:
-            raise UsageError(unknown("no such option", name, [*known, *inner]))
-    for name, values in nested.items():
-        base = plain.get(name) or getattr(options or kind(), name)
-        for each, value in values.items():
-            _refuse_another(each, value, getattr(base, each), forms(type(base))[each])
-        plain[name] = replace(base, **values)
-    if options is None:
-        return kind(**plain)
-    for name, value in plain.items():
-        if name not in nested:
-            _refuse_another(name, value, getattr(options, name), known[name])
-    return replace(options, **plain)
-
-
-def _refuse_another(name: str, value: Any, stated: Any, form: Form) -> None:
-    """Refuse a keyword where the options say something else."""
-    if stated != form.default and stated != form.settled(value):
-        raise UsageError(f"«{name}» {value}: the options given say {stated}; say it in one place")
+        if name not in known:
+            raise UsageError(unknown("no such option", name, known))
+        if options is not None:
+            stated = getattr(options, name)
+            if stated != known[name].default and stated != known[name].settled(value):
+                raise UsageError(f"«{name}» {value}: the options given say {stated}; say it in one place")
+    return kind(**keywords) if options is None else replace(options, **keywords)
 
 
 def part(kind: type[O], options: object) -> O:
@@ -260,15 +225,6 @@ def together(one: str, first: object, other: str, second: object) -> None:
     """Refuse one of two options without the other."""
     if (first is None) != (second is None):
         raise UsageError(f"«{one}» and «{other}» belong together: give both or neither")
-
-
-def options_in(kind: type[Options]) -> Iterator[Form]:
-    """All options of a set, those of the sets in it among them."""
-    for form in forms(kind).values():
-        if form.nested is None:
-            yield form
-        else:
-            yield from options_in(form.nested)
 
 
 def is_text(form: Form) -> bool:

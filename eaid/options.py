@@ -282,7 +282,7 @@ class Rig(Options):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SimulateOptions(Chance):
+class SimulateOptions(Chance, Rig):
     """What is replayed, on what rig, with what limb."""
 
     controller: tuple[str, ...] | None = option(None, "By itself rc,pi; sweep adds open-loop.", WHAT, words=CONTROLLERS)
@@ -292,7 +292,6 @@ class SimulateOptions(Chance):
     rate_hz: float | None = option(
         None, "Control rate [Hz]; by itself the gains', else 1000.", RIG, least=1e-3, most=1e5
     )
-    rig: Rig = option(Rig(), "", RIG)
     perturb: Mapping[str, float] = option(
         {}, "On the plant alone: Ts=0.9,tau1=1.2.", MORE, shown="NAME=FACTOR", above=True
     )
@@ -307,6 +306,7 @@ class SimulateOptions(Chance):
 
     def agree(self) -> None:
         """Refuse options that do nothing together."""
+        super().agree()
         if self.threads is not None and self.plants is None:
             raise UsageError("«threads»: does nothing without «plants»; give both or neither")
         if self.scenario != "rehab" and (self.limb_damping is not None or self.limb_inertia is not None):

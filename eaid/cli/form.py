@@ -91,8 +91,9 @@ class Tables(Verbose):
 
 def takes(arguments: type[A]) -> Callable[[Callable[[A], int | None]], Callable[..., int | None]]:
     """Make of a function of `arguments` one that Typer takes as a command."""
-    flat = [(outer, form) for outer in forms(arguments).values() for form in _flat(outer)]
-    flat.sort(key=lambda pair: SHARED.index(pair[1].name) + 1 if pair[1].name in SHARED else 0)
+    shown = sorted(
+        forms(arguments).values(), key=lambda form: SHARED.index(form.name) + 1 if form.name in SHARED else 0
+    )
 
     def made(body: Callable[[A], int | None]) -> Callable[..., int | None]:
         def command(**typed: Any) -> int | None:
@@ -102,27 +103,18 @@ def takes(arguments: type[A]) -> Callable[[Callable[[A], int | None]], Callable[
                     raise UsageError("GAINS and --gains: give one of them")
                 typed |= {"gains": placed, "gains_placed": None}
             files = [
-                (shown, path)
-                for _, form in flat
-                if (shown := (form.declared.shown or "") if form.declared.group == PLACE else form.flag) in MISSED
+                (name, path)
+                for form in shown
+                if (name := (form.declared.shown or "") if form.declared.group == PLACE else form.flag) in MISSED
                 for path in (typed[form.name] if isinstance(typed[form.name], list) else [typed[form.name]])
                 if path is not None
             ]
             refuse_files(files, typed["output"], typed["force"])
-            values: dict[str, Any] = {}
-            for outer, form in flat:
-                value = value_of(form, typed[form.name])
-                if outer is form:
-                    values[form.name] = value
-                else:
-                    values.setdefault(outer.name, {})[form.name] = value
-            for outer, form in flat:
-                if outer is not form and isinstance(values[outer.name], dict):
-                    values[outer.name] = outer.nested(**values[outer.name])  # type: ignore[misc]
-            return body(arguments(**values, typed=_typed_words([form for _, form in flat], typed)))
+            values = {form.name: value_of(form, typed[form.name]) for form in shown}
+            return body(arguments(**values, typed=_typed_words(shown, typed)))
 
         command.__doc__ = body.__doc__
-        command.__signature__ = inspect.Signature([_parameter(form) for _, form in flat])  # type: ignore[attr-defined]
+        command.__signature__ = inspect.Signature([_parameter(form) for form in shown])  # type: ignore[attr-defined]
         return command
 
     return made
@@ -135,10 +127,6 @@ def refuse_idle(args: Options, names: Sequence[str], because: str) -> None:
     ]
     if idle:
         raise UsageError(f"{idle[0]}: does nothing {because}; leave it out")
-
-
-def _flat(form: Form) -> list[Form]:
-    return [form] if form.nested is None else list(forms(form.nested).values())
 
 
 def _parameter(form: Form) -> inspect.Parameter:

@@ -23,6 +23,7 @@ from eaid.arrays import Array, read_only
 from eaid.control.defaults import control_rate, input_limits, scales_of
 from eaid.control.gains import plant_of, refuse_other_units
 from eaid.control.rc import RCGains, rc_terms
+from eaid.declared import part
 from eaid.errors import DataError, UsageError
 from eaid.estimate.draw import draw, drawable
 from eaid.findings import Finding, finding, ranked
@@ -71,7 +72,7 @@ def set_up(fit: Fit, gains: Gains | None, options: SimulateOptions, what: str) -
         input_limits(fit) if gains is None else gains.duty_limits_pct,
     )
     names, findings = _names(options.controller, what, known)
-    rig = options.rig
+    rig = part(Rig, options)
     made_for = gains.margins.timing.rate_hz if gains is not None and gains.margins is not None else None
     rate_hz = options.rate_hz or made_for or control_rate(fit)
     if fit.dead_time_s > 0 and rig.delay_samples == 0:
@@ -293,7 +294,7 @@ def _rehab(setup: Setup, top: float) -> Outcome:
 
 def _logs(setup: Setup, runs: Sequence[Run]) -> Outcome:
     """Recorded runs: their input through the plant."""
-    if unused := list(setup.options.rig.given()):
+    if unused := list(part(Rig, setup.options).given()):
         raise UsageError(f"«{unused[0]}»: does nothing with logs; leave it out")
     fit, keep = setup.fit, setup.options.keep_baseline
     units = fit.data.input_unit, fit.data.output_unit
