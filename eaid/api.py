@@ -323,7 +323,7 @@ def tune_rc(
     Returns
     -------
     Gains
-        With `guarantee`, `findings`, `save("gains.json")`.
+        With `guarantee`, `findings`, `to_control()`, `save("gains.json")`.
 
     Raises
     ------

@@ -88,10 +88,6 @@ def ingested(data: StepSet) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _at(run: Run, edge: Edge) -> float:
-    return run.start_s + edge.at_s
-
-
 def show_edges(logs: Sequence[tuple[Run, tuple[Edge, ...]]], json: bool) -> None:
     """A table of the edges of each log, or JSON, on stdout."""
     if json:
@@ -101,8 +97,8 @@ def show_edges(logs: Sequence[tuple[Run, tuple[Edge, ...]]], json: bool) -> None
         unit = run.output_unit
         console.show(table_of(
             run.name, f"{counted(len(each), 'edge')} of its output.", each,
-            (("at", "s"), partial(_at, run)), (("from", unit), "before"), ("to", "after"),
-            (("rise", "s", 3), "rise_s"), (("overshoot", "%", 3), "overshoot_pct"),
+            (("at", "s"), partial(lambda run, edge: run.start_s + edge.at_s, run)), (("from", unit), "before"),
+            ("to", "after"), (("rise", "s", 3), "rise_s"), (("overshoot", "%", 3), "overshoot_pct"),
             (("settled in", "s", 3), "settling_s"),
         ))  # fmt: skip
 

@@ -99,8 +99,7 @@ def _replayed(
     most, highest = float(wanted.torque_nm.max()), float(steady_torque(plant, plant.u_range[1]))
     if most > highest:
         findings.append(
-            finding("reference-beyond-plant", "model", reference=name, asked=most, highest=highest,
-                    unit=gains.output_unit)
+            finding("reference-above-plant", name, asked=most, highest=highest, unit=gains.output_unit)
         )  # fmt: skip
     flat, rig = plant_parameters(plant), Rig(delay_samples=timing.delay_samples)
 

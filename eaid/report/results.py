@@ -162,7 +162,7 @@ def _read(path: Path) -> tuple[Any, tuple[Finding, ...]]:
         kind = codec.kind_of(path)
         if kind not in TYPES:
             raise DataError(f"{path}: is a {kind}.json, which no report shows")
-        return codec.read(path, kind, TYPES[kind])
+        return codec.read(path, TYPES[kind])
     with h5py.File(path) as file:
         schema = file.attrs.get("schema", "")
     return _read_replay(path) if schema == replay_files.SCHEMA else (read_steps([path], ReadOptions())[1], ())

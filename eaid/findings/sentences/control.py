@@ -58,10 +58,6 @@ GAIN_ROWS: dict[str, Row] = {
     ),
     "fit-not-usable": caution("made from a fit that is NOT USABLE: {why}"),
     "nothing-to-replay-on": note("the fit holds no nonlinear model, so no error is replayed beside the ultimate bound"),
-    "reference-beyond-plant": caution(
-        "the {reference} asks for up to {asked:.3g} {unit}, the fitted plant makes {highest:.3g} {unit} at most: its "
-        "errors say nothing about the gains; give a «reference» within reach"
-    ),
 }
 
 
@@ -79,7 +75,8 @@ def _leaves(v: Values) -> str:
 REPLAY_ROWS: dict[str, Row] = {
     "replay-not-usable": caution("the {subject} stand on a fit that is NOT USABLE ({why}): the replay is marked"),
     "reference-above-plant": caution(
-        "the reference goes to {asked:.3g} {unit}, the plant at its highest input to {highest:.3g} {unit}"
+        "the {subject} goes to {asked:.3g} {unit}, the fitted plant at its highest input to {highest:.3g} {unit}: its "
+        "errors say nothing about the gains; give a «reference» within reach"
     ),
     "reference-above-q-max": caution(
         "the reference is as steep as {slope:.3g} per second; the gains were made for Q_M = {Q_M:g}"
