@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from eaid.apparatus import Apparatus
 from eaid.errors import DataError
 from eaid.files import sha256_of
 from eaid.logs.folders import files_of
+from eaid.logs.manifest import apply, manifest_of
 from eaid.logs.read import columns_told, read_what_can_be
 from eaid.logs.run import Run
 from eaid.options import ReadOptions
@@ -76,7 +78,7 @@ def read_steps(
     warn: Callable[[str], None] = lambda _: None,
     seen: Callable[[str], None] = lambda _: None,
 ) -> tuple[list[Run], StepSet]:
-    """The cut runs behind logs, datasets and folders, and their step set.
+    """The cut runs behind logs, datasets, folders or a manifest, and their step set.
 
     `seen` hears which columns were taken and which were left, before anything else is done with them.
 
@@ -89,9 +91,22 @@ def read_steps(
         With the faults of all logs at once.
     """
     baseline_rule(options.baseline)  # what is wrong in the options is told before anything is read
-    files = files_of(paths, warn)
+    manifest = manifest_of(paths)
+    if manifest is None:
+        files = files_of(paths, warn)
+    else:
+        files, plain = [Path(entry.file) for entry in manifest.logs], ReadOptions()
+        stands = {k: v for k, v in manifest.options.items() if getattr(options, k) == getattr(plain, k)}
+        options = replace(options, **cast(Any, stands))
+        for name in manifest.outside()[:5]:
+            warn(f"{manifest.path}: takes {name}, which lies outside its folder")
+        for name in manifest.unlisted()[:5]:
+            warn(f"{manifest.path}: does not list {name}, which is left out")
     with progress("reading logs", len(files)) as advance:
         runs, faults = read_what_can_be(files, options, advance)
+    if manifest is not None:
+        entries = {entry.file: entry for entry in manifest.logs}
+        runs = [apply(entries[run.source], run) if run.source in entries else run for run in runs]
     for sentence in columns_told(runs):
         seen(sentence)
     return steps_of(runs, options, faults, [path for path in paths if path.is_file()])

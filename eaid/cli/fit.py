@@ -33,7 +33,7 @@ def command(args: Arguments) -> int:
     from eaid import api
     from eaid.cli.printed import closing, show_fit
     from eaid.files import refuse_to_overwrite
-    from eaid.logs.folders import files_read
+    from eaid.logs.manifest import files_read
     from eaid.reading import read_steps
 
     refuse_to_overwrite(args.output, args.force, files_read(args.data))

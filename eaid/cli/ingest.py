@@ -16,6 +16,9 @@ class Arguments(Common, ReadOptions):
 
     logs: list[Path] = argument("LOG…", "Log files, folders of them, or a data.h5.")
     output: Path = written("data.h5")
+    write_manifest: bool = option(
+        False, "Also write dataset.toml beside the logs: the next call needs no options.", OUTPUT
+    )
     edges: bool = option(
         False, "List the edges of the output instead, as of a closed loop; logs are kept whole.", OUTPUT
     )
@@ -33,7 +36,7 @@ def command(args: Arguments) -> None:
     from eaid.cli.printed import ingested, show_edges, show_steps
     from eaid.files import refuse_to_overwrite
     from eaid.logs.dataset import write_dataset
-    from eaid.logs.folders import files_read
+    from eaid.logs.manifest import files_read
     from eaid.reading import read_edges, read_steps
 
     options = replace(part(ReadOptions, args), logs_as="steps")  # what is not cut into steps is refused here
@@ -48,6 +51,12 @@ def command(args: Arguments) -> None:
         console.done(args.output, f"{counted(len(logs), 'log')} as recorded", ("report", args.output))
         return
     runs, stepset = read_steps(args.logs, options, console.progress, console.warn, console.say)
+    if args.write_manifest:
+        from eaid.logs.folders import files_of
+        from eaid.logs.manifest import write_manifest
+
+        at = write_manifest(files_of(args.logs), runs, {**options.stated(), "kind": stepset.kind}, args.force)
+        console.say(f"{at}: written; eaid ingest {at.parent} needs no options now")
     write_dataset(args.output, runs, kind=stepset.kind, apparatus=stepset.apparatus, force=args.force)  # type: ignore[arg-type]
     if args.json:
         console.print_json(ingested(stepset), "ingest")

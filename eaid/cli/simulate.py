@@ -33,7 +33,7 @@ def command(args: Arguments) -> None:
     from eaid import api
     from eaid.cli import inputs
     from eaid.files import refuse_to_overwrite
-    from eaid.logs.folders import files_read
+    from eaid.logs.manifest import files_read
     from eaid.replay.files import as_json, write_replay
     from eaid.report.tables.replays import tables_of
     from eaid.results import codec

@@ -33,7 +33,7 @@ def command(args: Arguments) -> None:
     from eaid import api
     from eaid.cli import inputs
     from eaid.files import refuse_to_overwrite
-    from eaid.logs.folders import files_read
+    from eaid.logs.manifest import files_read
     from eaid.report.tables import gains as tables
     from eaid.results import codec
     from eaid.results.fit import Fit

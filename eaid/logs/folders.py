@@ -5,7 +5,7 @@ that hold rows of numbers; the rest is left out, and told in one sentence.
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from eaid.errors import DataError, UsageError
@@ -56,14 +56,6 @@ def files_of(paths: Iterable[Path], tell: Callable[[str], None] = lambda _: None
     if twice:
         raise UsageError(f"{twice[0]}: is given twice; a log counts once")
     return files
-
-
-def files_read(paths: Iterable[Path]) -> Iterator[Path]:
-    """All that is read where these paths are given: a folder stands for what it holds, too."""
-    for path in paths:
-        yield path
-        if path.is_dir():
-            yield from files_of([path])
 
 
 def _sorted_out(folder: Path) -> tuple[list[Path], list[str]]:

@@ -79,6 +79,7 @@ LOG_ROWS: dict[str, Row] = {
         "its output rises where its input falls from {at}: if that is the input at rest, say «rest»"
     ),
     "signals-held": caution(_held),
+    "log-changed": caution("the log has changed since its manifest was written"),
 }
 
 
