@@ -21,7 +21,7 @@ OPTIONS = {
     "export": "as law precision rate-hz anyway",
     "report": "figures format",
     "synth": "plant kind levels repeats duty-file excitation shape noise-nm clean hold idle release rate-hz",
-    "couple": "gains loops torque wall limb-inertia limb-damping plants virtual-damping delay-samples",
+    "couple": "gains loops torque wall limb-inertia limb-damping virtual-damping delay-samples",
     "plan": "want excitation limits idle release longest-hold most-levels",
     "demo": "",
 }
@@ -36,7 +36,7 @@ WORDS = {
     "synth": "reference staircase random prbs multisine chirp closed-loop",
     "couple": "open-loop pi rc-no-rate rc inverse",
 }
-SEEDED = {"fit", "tune-rc", "simulate", "synth", "couple", "plan"}
+SEEDED = {"fit", "tune-rc", "simulate", "synth", "plan"}
 
 
 def test_version(run_eaid):
