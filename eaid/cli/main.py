@@ -4,6 +4,7 @@ import contextlib
 import importlib
 import io
 import os
+import re
 import sys
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, Literal, cast
@@ -149,12 +150,28 @@ def run(arguments: Sequence[str] | None = None) -> int:
             code, sentences = _outcome(given or ["--help"])
             if code and interrupted:  # a library may make another failure of a KeyboardInterrupt
                 code, sentences = 130, (INTERRUPTED,)
-            for sentence in sentences:
+            for sentence in sentences if {"-v", "--verbose"} & set(given) else once_each(sentences):
                 console.fail(on_command_line(sentence))
     except EaidError as fault:  # what was printed cannot be stored
         code = fault.exit_code
         console.fail(str(fault))
     return code
+
+
+ALIKE = 3
+"""So many files with the same fault are one sentence and a count."""
+
+
+def once_each(sentences: Sequence[str]) -> list[str]:
+    """Each cause once: of sentences alike but for numbers, of `ALIKE` files or more, the first and a count."""
+    causes: dict[str, list[str]] = {}
+    for sentence in sentences:
+        causes.setdefault(re.sub(r"\d+(\.\d+)?", "", sentence.partition(": ")[2]), []).append(sentence)
+    shown = []
+    for alike in causes.values():
+        files = {sentence.partition(": ")[0] for sentence in alike}
+        shown += alike if len(files) < ALIKE else [f"{alike[0]} ({len(alike) - 1} more alike: --verbose)"]
+    return shown
 
 
 def _call(arguments: list[str]) -> Any:

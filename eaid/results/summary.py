@@ -137,10 +137,10 @@ def _fit_pct(fit: "Fit") -> str:
             said.append(f"{name} {part.fit_pct:.1f} %")
     percents = [row.fit_pct for row in fit.friction_levels if row.fit_pct is not None]
     if percents:
-        said.append(f"single levels {' … '.join(f'{one:.1f}' for one in sorted({min(percents), max(percents)}))} %")
+        said.append(f"levels {' … '.join(f'{one:.1f}' for one in sorted({min(percents), max(percents)}))} %")
     if not said and fit.steps:
         return f"single steps {min(one.fit_pct or 0.0 for one in fit.steps):.1f} % or more"
-    return ", ".join(said) or "not known"
+    return f"{', '.join(said)} (100 % = perfect)" if said else "not known"
 
 
 def believed_levels(fit: "Fit") -> "tuple[CurveLevel, ...] | tuple[FrictionLevel, ...]":

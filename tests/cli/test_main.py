@@ -135,3 +135,13 @@ def test_the_shell_offers_commands_options_and_words(line, offered, rig, run_eai
     with pytest.raises(SystemExit):
         run_eaid()
     assert capsys.readouterr().out.split() == offered
+
+
+def test_a_cause_is_told_once_however_many_logs_it_spoils(tmp_path, run_eaid):
+    for k in range(30):
+        (tmp_path / f"log_{k}.csv").write_text("stamp,load\n" + "".join(f"{i},{i % 7}\n" for i in range(20)))
+    ran = run_eaid("fit", tmp_path, "-o", tmp_path / "fit.json")
+    (said,) = [line for line in ran.err.splitlines() if line.startswith("error")]
+    assert ran.code == 3 and said.endswith("(29 more alike: --verbose)") and "no column is called time" in said
+    ran = run_eaid("fit", tmp_path, "-o", tmp_path / "fit.json", "--verbose")
+    assert sum("no column is called time" in line for line in ran.err.splitlines()) == 30

@@ -25,7 +25,7 @@ GAIN_ROWS: dict[str, Row] = {
         "{unit}; «phi» data takes φ from the data"
     ),
     "slope-above-q-max": caution(
-        "the {reference} is steeper ({slope:.3g} per second) than the gains assume (Q_M {Q_M:.3g}); add "
+        "the {reference} is steeper ({slope:.3g} per second) than the gains assume ({Q_M:.3g}); add "
         "«reference» {reference}"
     ),
     "rho-not-covered": caution(
@@ -33,7 +33,7 @@ GAIN_ROWS: dict[str, Row] = {
         "{made:.4g}; «b_hat» minimax or «alpha» reached closes it"
     ),
     "robust-term-beyond-actuator": caution(
-        "outside the boundary layer the robust term alone asks for {asked:.3g} {unit}, the actuator spans {span:.3g} "
+        "outside the boundary layer the robust term alone asks for {asked:.4g} {unit}, the actuator spans {span:.4g} "
         "{unit}: there the Lyapunov argument does not hold on the real clutch"
     ),
     "no-ultimate-bound": caution("no bound on the error in the end follows from these gains: V may rise without end"),
@@ -52,8 +52,8 @@ GAIN_ROWS: dict[str, Row] = {
         "jump out, so its law is no longer the printed one"
     ),
     "designed-for-rig": note(
-        "input in {input_unit}, output in {output_unit}: not the paper's rig, so the law's numbers are made for this "
-        "one's pace (a0 {pace:.3g} times the paper's) and range (0 to {highest:.4g} {input_unit}); φ is read off the "
+        "not the paper's rig (input: {input_unit}, output: {output_unit}), so the law's numbers are made for this "
+        "one's pace (a0 {pace:.3g} times the paper's) and range (input up to {highest:.4g}); φ is read off the "
         "data, the PI designed for {overshoot_pct:g} % and {settling_s:.3g} s"
     ),
     "fit-not-usable": caution("made from a fit that is NOT USABLE: {why}"),
@@ -68,7 +68,7 @@ def _leaves(v: Values) -> str:
     if v["above_pct"] > 1:
         parts.append(f"{v['above_pct']:.0f} % above {v['high']:.4g} {v['unit']}")
     if v["falling_pct"] is not None and v["falling_pct"] > 1:
-        parts.append(f"{v['falling_pct']:.0f} % of falling output, of which only rising steps were recorded")
+        parts.append(f"{v['falling_pct']:.0f} % of it is falling output, where only rises were recorded")
     return f"the replay leaves what was recorded: {', '.join(parts)}; treat that as extrapolation"
 
 
@@ -104,11 +104,11 @@ WALL_ROWS: dict[str, Row] = {
     ),
     "wall-not-passive": note(
         "{subject} renders {passive:.3g} N·m/rad passively at {torque_nm:.3g} {unit}; between that and "
-        "{stable:.3g} N·m/rad only this limb keeps it stable",
+        "{stable:.4g} N·m/rad only this limb keeps it stable",
         size="stable",
     ),
     "wall-by-rate": note(
-        "rc with its reference rate: {stable:.3g} N·m/rad at {torque_nm:.3g} {unit} rests on fractions of a sample; "
+        "rc with its reference rate: {stable:.4g} N·m/rad at {torque_nm:.3g} {unit} rests on fractions of a sample; "
         "without the rate it is {without:.3g}",
         size="stable",
     ),
