@@ -41,7 +41,7 @@ def test_the_whole_demo(tmp_path, run_eaid):
         assert str(made) not in text and "site-packages" not in text
     fit, gains = (json.loads((made / name).read_text(encoding="utf-8")) for name in ("fit.json", "gains.json"))
     assert fit["converged"] and fit["data"]["kind"] == "clutch"
-    assert gains["rc"]["K_P"] == 4.5 and gains["pi"]["K_I"] == 360
+    assert gains["rc"]["K_P"] == 4.5 and gains["pi"]["settling_s"] == pytest.approx(0.27)
     lines, errors = ran.out.splitlines()[-5:], gains["replayed"]  # five numbers of these files
     assert f"{fit['nonlinear']['fit_pct']:.1f} %" in lines[0]
     assert f"{errors['rc']['max_abs_error_nm']:.3g} | {errors['pi']['max_abs_error_nm']:.3g}" in lines[2]

@@ -140,7 +140,6 @@ def test_completion_installs_and_answers(shell, file, rig, tmp_path):
     assert done.returncode == 0 and "_EAID_COMPLETE" in (tmp_path / file).read_text(encoding="utf-8")
     for line, offered in (
         ("eaid tu", "tune-rc"),
-        ("eaid fit data.h5 --hold-out ", "80"),
         ("eaid fit d.h5 --loss h", "huber"),
     ):
         wanted = {
