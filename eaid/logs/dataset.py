@@ -182,7 +182,7 @@ def _read_run(group: h5py.Group, shared: Run, last: dict[str, Array]) -> Run:
     columns = {k: last[k] if k in last and np.array_equal(last[k], one) else one for k, one in columns.items()}
     last.update(columns)
     try:
-        facts = msgspec.structs.asdict(msgspec.convert(stored, _Facts, strict=False))
+        facts = msgspec.structs.asdict(msgspec.convert(stored, _Facts))
         written = msgspec.json.decode(str(stored.get("findings", "[]")))
         findings = msgspec.convert(_plain(written), tuple[Finding, ...])
     except msgspec.MsgspecError as fault:

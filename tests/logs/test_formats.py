@@ -326,6 +326,7 @@ BAD: dict[str, tuple[Callable[[Path], Any], str]] = {
     "MAT falling": (mat({"a": np.stack([-T, U])}), "no column is called time (columns: column 1, column 2); name"),
     "MAT complex": (mat({"time": T, "torque": Y * 1j}),
                     "no column is called torque (columns: time; without numbers: torque)"),
+    "no MAT v4": (raw(struct.pack("<5i", 7, 1, 1, 9, 4) + b"abc\0" + bytes(99)), "holds no rows of numbers; a log is a table"),
     "MAT damaged": (raw(b"MATLAB 5.0 MAT-file".ljust(124) + b"\0\1IM\x0e\0\0\0\x40\0\0\0" + b"\xff" * 64),
                     "is a damaged MAT file ("),
     **{f"MAT cut at {n}": (cut(mat({"data": MATRIX}), n), "is ") for n in (60, 127, 130, 200, 2000, -1)},
@@ -388,6 +389,15 @@ def bad(tmp_path_factory):
 def test_a_bad_file(name, bad):
     pytest.importorskip(library(name))
     assert bad[name].startswith(BAD[name][1]) and (bad[name].count("\n") == 1 or " cell" in bad[name])
+
+
+def test_ten_samples_are_a_table_and_nine_are_none(tmp_path):
+    for count in (10, 9):
+        mat({"data": MATRIX[:, 95 : 95 + count]})(tmp_path / f"{count}.mat")
+    (run,) = eaid.read(tmp_path / "10.mat", logs_as="recorded").recorded
+    assert run.output.tolist() == Y[95:105].tolist()
+    with pytest.raises(DataError, match="holds no table"):
+        eaid.read(tmp_path / "9.mat", logs_as="recorded")
 
 
 def test_what_is_not_there(tmp_path):
