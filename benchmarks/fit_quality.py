@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 
 from eaid.arrays import Array
 from eaid.estimate.data import Data
-from eaid.estimate.from_rest import fit_nonlinear
+from eaid.estimate.from_steps import fit_nonlinear
 from eaid.estimate.points import Record
 
 BAR, SHARE = 1e-6, 0.85

@@ -9,7 +9,7 @@ from eaid.arrays import Array, median
 from eaid.estimate.certainty import Estimate
 from eaid.estimate.data import Data
 from eaid.estimate.friction import LevelValues
-from eaid.estimate.from_rest import fit_levels_first
+from eaid.estimate.from_steps import fit_levels_first
 from eaid.estimate.levels import OwnLevels, own_levels
 from eaid.estimate.scatter import (
     CURVES,

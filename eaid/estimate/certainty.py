@@ -15,7 +15,7 @@ from scipy.special import fdtri
 from eaid.arrays import Array
 from eaid.estimate.data import Data
 from eaid.estimate.forms import Model, nonlinear
-from eaid.estimate.from_rest import Solution, StepProblem, fit_levels_first
+from eaid.estimate.from_steps import Solution, StepProblem, fit_levels_first
 from eaid.estimate.points import Normal, log_crossed
 from eaid.estimate.scatter import FEW_DEGREES, Scatter, bartlett_covariance, paule_mandel, run_residuals
 from eaid.estimate.solver import Problem, newton_step

@@ -1,4 +1,5 @@
-"""T_s(u), τ1(u), τ2(u) as forms that are linear in their coefficients, and the models that they make with C.
+"""T_s(u), τ1(u), τ2(u) as forms that are linear in their coefficients, the models that they make with C, and their
+constraints.
 
     nonlinear      T_s cubic, τ1 and τ2 quadratic, Eqs. (5)–(7); the degrees fall where the levels are too few
     levels first   τ1 and τ2 the same, T_s solved for at each level

@@ -13,7 +13,7 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.estimate.certainty import Estimate
 from eaid.estimate.data import Data
-from eaid.estimate.from_rest import fit_levels_first
+from eaid.estimate.from_steps import fit_levels_first
 from eaid.estimate.points import residuals
 from eaid.estimate.scatter import Scatter
 from eaid.estimate.solver import judged

@@ -14,7 +14,7 @@ from eaid.estimate import data as metrics
 from eaid.estimate.data import Data, missed
 from eaid.estimate.forms import Model
 from eaid.estimate.forms import linear as line
-from eaid.estimate.from_rest import Solution, StepProblem, fit_linear
+from eaid.estimate.from_steps import Solution, StepProblem, fit_linear
 from eaid.estimate.huber import huber_findings, minimise
 from eaid.estimate.points import level_normal, log_crossed, residuals
 from eaid.estimate.scatter import Scatter

@@ -22,7 +22,7 @@ from eaid.estimate.coefficients import (
 )
 from eaid.estimate.data import Data, Errors, errors, fit_findings, hold_out, missed
 from eaid.estimate.friction import HELD_BY, LevelValues, level_findings, quoted
-from eaid.estimate.from_rest import Solution, fit_nonlinear, refit_nonlinear
+from eaid.estimate.from_steps import Solution, fit_nonlinear, refit_nonlinear
 from eaid.estimate.huber import minimise
 from eaid.estimate.points import level_normal, residuals
 from eaid.estimate.scatter import CURVES, held_parameters, log_jacobian

@@ -13,7 +13,7 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.estimate.data import Data, data_of, quality
 from eaid.estimate.forms import nonlinear
-from eaid.estimate.from_rest import Solution, StepProblem
+from eaid.estimate.from_steps import Solution, StepProblem
 from eaid.estimate.points import decay
 from eaid.estimate.solver import bring_in, minimised
 from eaid.estimate.starts import level_starts

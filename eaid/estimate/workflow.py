@@ -27,7 +27,7 @@ from eaid.estimate.friction import (
     quoted,
     white_ends,
 )
-from eaid.estimate.from_rest import refit_nonlinear
+from eaid.estimate.from_steps import refit_nonlinear
 from eaid.estimate.huber import huber_findings, minimise, with_runs
 from eaid.estimate.levels import OwnLevels, own_levels
 from eaid.estimate.linear import linear_part

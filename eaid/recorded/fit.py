@@ -21,7 +21,7 @@ from eaid.errors import DataError, UsageError
 from eaid.estimate import forms, workflow
 from eaid.estimate.coefficients import coefficient_intervals, coefficients_of, covariance_part, turned
 from eaid.estimate.data import data_of, errors
-from eaid.estimate.falls import tested, with_falls
+from eaid.estimate.fall_tests import tested, with_falls
 from eaid.estimate.from_logs import Solved, idle_of, model_of, setup_of, solve
 from eaid.estimate.late import LOWER, delay_finding, delays, shifted
 from eaid.estimate.linear import bounds_of, fit_each_level, parameters, single_levels

@@ -1,5 +1,7 @@
 """The controllers that a replay knows: one row each, what a row needs from the user's files, and two laws.
 
+RC and PI, with saturation and what it does to their integrals, stand in `control/rc.py` and `control/pi.py`.
+
 **Feedforward.** The linear model turned round.
 
 **Inverse.** Feedback linearisation with the nonlinear model and its exact per-sample inverse, which the paper held too

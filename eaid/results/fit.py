@@ -1,7 +1,7 @@
 """fit.json as types: what was fitted, how well, how sure, and what to be warned of.
 
 Keys are the paper's symbols, polynomials lowest power first, units those of the rig (`data.input_unit`,
-`data.output_unit`); time constants in s.
+`data.output_unit`); time constants in s. Files are written, with the version of their schema, by `results/codec.py`.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""The one verdict on a fit: whether it may be used, and why not.
+"""The one verdict on a fit: whether it may be used or is NOT USABLE, and why.
 
 The terminal, the page, the mark on figures, `tune-rc`, `simulate`, `export` and what is offered next read this alone.
 A fit is not usable where a model of its own fails: its solver did not converge, it explains little, it has a curve that

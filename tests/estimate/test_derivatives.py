@@ -8,7 +8,7 @@ import pytest
 
 from eaid.estimate.data import data_of
 from eaid.estimate.forms import nonlinear
-from eaid.estimate.from_rest import StepProblem
+from eaid.estimate.from_steps import StepProblem
 from eaid.estimate.points import Points, compress, level_normal, log_crossed
 from eaid.estimate.solver import EndPoint, Problem, newton_step, polish, slsqp
 from eaid.models.parameters import REFERENCE_PLANT
