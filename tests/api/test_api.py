@@ -167,11 +167,6 @@ def test_results_are_saved_loaded_and_pickled(
         assert pickle.loads(pickle.dumps(result)).to_frame().equals(result.to_frame())
 
 
-def test_a_plan_is_a_table_of_runs(small_fit: Any) -> None:
-    made = eaid.plan(small_fit, want={"Ts": 20.0, "tau1": 20.0, "tau2": 40.0}, check=False)
-    assert made.met and len(made.to_frame()) == len(made.levels) * made.repeats
-
-
 def test_python_control_where_it_is_installed(small_fit: Any, small_gains: Any) -> None:
     control = pytest.importorskip("control")
     _t, y = control.step_response(small_fit.linear.to_control(), np.linspace(0.0, 100.0, 1001))

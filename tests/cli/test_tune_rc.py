@@ -146,9 +146,3 @@ def test_a_fit_that_is_not_usable_is_used_on_request_only(tuned, by_hand, run_ea
     assert "the fit is NOT USABLE: one level only; --anyway makes gains of it all the same, marked" in ran.err
     gains = tuned("--anyway", parts=parts)
     assert gains["not_usable"] == "one level only" and "fit-not-usable" in codes(gains)
-
-
-def test_the_tables_of_a_rig_in_other_units_name_them(tuned, run_eaid, volts):
-    assert tuned(parts={"data": volts}, k=3, y=0.5)["duty_limits_pct"] == [0.0, 300.0]
-    out = run_eaid("tune-rc fit.json --force --tables").out
-    assert "V·s/(N)" in out and "%·s" not in out and "N·m" not in out

@@ -8,13 +8,6 @@ from eaid.models.trends import evaluate
 
 STRESS = np.array([17, 34, 51, 68, 85, 102, 119, 136, 153, 170]) / 6.283e-3 / 1e3
 SPEED = np.arange(5.0, 41.0, 5.0)
-TABLES = {
-    "tau1 over stress": (STRESS, (0.11, 0.0492, 6.01, -0.431)),
-    "tau2 over stress": (STRESS, (1.37, 0.0476, 40.25, -0.219)),
-    "C_f over stress": (STRESS, (0.29, -0.000725, -0.42, -0.337)),
-    "Ts over speed": (SPEED, (1.042, 0.00608, 0.349, -0.230)),
-    "tau1 over speed": (SPEED, (0.0498, -0.0150, 0.425, -0.310)),
-}
 
 
 def test_rmse_by_hand() -> None:

@@ -326,7 +326,7 @@ BAD: dict[str, tuple[Callable[[Path], Any], str]] = {
     "MAT falling": (mat({"a": np.stack([-T, U])}), "no column is called time (columns: column 1, column 2); name"),
     "MAT complex": (mat({"time": T, "torque": Y * 1j}),
                     "no column is called torque (columns: time; without numbers: torque)"),
-    "no MAT v4": (raw(struct.pack("<5i", 7, 1, 1, 9, 4) + b"abc\0" + bytes(99)), "holds no rows of numbers; a log is a table"),
+    "no MAT v4": (raw(struct.pack("<5i", 7, 1, 1, 9, 4) + b"abc\0" + bytes(99)), "holds no rows of numbers; a log"),
     "MAT damaged": (raw(b"MATLAB 5.0 MAT-file".ljust(124) + b"\0\1IM\x0e\0\0\0\x40\0\0\0" + b"\xff" * 64),
                     "is a damaged MAT file ("),
     **{f"MAT cut at {n}": (cut(mat({"data": MATRIX}), n), "is ") for n in (60, 127, 130, 200, 2000, -1)},

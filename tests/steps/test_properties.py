@@ -72,16 +72,6 @@ def test_nor_on_an_offset_of_the_output(kind: str) -> None:
     assert said(changed(logs, "torque_nm", lambda y: y - 3 * size)) == said(logs)
 
 
-@pytest.mark.parametrize(("unit", "size"), [("V", 4.0), ("V", 1 / 64), ("N", 4.0)])
-def test_levels_are_those_of_the_inputs_unit(unit: str, size: float) -> None:
-    plan = [(0.0, 2.0), (30.0, 6.0), (0.0, 9.0), (80.0, 6.0)]
-    base, other = read(log(plan)), read(log([(u * size, s) for u, s in plan], unit, gain=0.04 / size))
-    assert [level.level for level in other.levels] == [size * level.level for level in base.levels]
-    for one, two in zip(base.levels, other.levels, strict=True):
-        np.testing.assert_allclose(two.mean, one.mean, rtol=1e-9, atol=1e-12)
-    assert [s.gain * size for s in other.level_steps] == pytest.approx([s.gain for s in base.level_steps])
-
-
 @pytest.mark.parametrize("rate_hz", [50.0, 1000.0, 8000.0])
 def test_the_rate_changes_no_step(rate_hz: float) -> None:
     (run, release) = (steps := read(log([(0, 2), (50, 6), (0, 6)], rate_hz=rate_hz, offset=0.25))).runs
