@@ -42,7 +42,7 @@ def is_recorded(run: Run, rest: float = 0.0) -> bool:
 
     It does where it moves most of the time, where a stretch under load goes through different inputs, or where it falls
     to rest again and again with rests shorter than the holds, or some shorter than a third of the longest hold. Runs
-    whose level or step instant was said, and steps cut out of a log, are steps; so are logs of the friction rig.
+    whose level or step instant was given, and steps cut out of a log, are steps; so are logs of the friction rig.
     """
     if run.cut or {run.level, run.step_s, run.until_s} != {None} or run.kind not in (None, "clutch"):
         return False
@@ -76,11 +76,11 @@ def read_steps(
     options: ReadOptions,
     progress: Progress = no_progress,
     warn: Callable[[str], None] = lambda _: None,
-    seen: Callable[[str], None] = lambda _: None,
+    columns: Callable[[str], None] = lambda _: None,
 ) -> tuple[list[Run], StepSet]:
     """The cut runs behind logs, datasets, folders or a manifest, and their step set.
 
-    `seen` hears which columns were taken and which were left, before anything else is done with them.
+    `columns` hears which columns were taken and which were left, before anything else is done with them.
 
     `options.logs_as` says which logs are not cut and stand in `StepSet.recorded`: none (steps), those whose input does
     more than step from rest (auto), all (recorded).
@@ -108,7 +108,7 @@ def read_steps(
         entries = {entry.file: entry for entry in manifest.logs}
         runs = [apply(entries[run.source], run) if run.source in entries else run for run in runs]
     for sentence in columns_told(runs):
-        seen(sentence)
+        columns(sentence)
     return steps_of(runs, options, faults, [path for path in paths if path.is_file()])
 
 

@@ -67,7 +67,7 @@ class Roles:
     """What may be the input by its name, most likely first; the data decide where there are several."""
     output: int
     reference: int | None
-    said: bool = False
+    by_user: bool = False
     """Whether the user named the input."""
     trigger: int | None = None
     """A column that says when the input is on, where none says how much."""
@@ -113,43 +113,43 @@ def _dropped(table: Table) -> str:
     return f"; without numbers: {listed(table.dropped, 6)}" if table.dropped else ""
 
 
-def _said_column(path: str, role: str, said: str, table: Table) -> int:
+def _named_column(path: str, role: str, given: str, table: Table) -> int:
     """Column that the user names: exactly, then whatever the case, then without its unit, then by its number.
 
     `u[2]` is the second column of the matrix u.
     """
     names = table.columns
     for same in (
-        lambda name: name == said,
-        lambda name: name.lower() == said.lower(),
-        lambda name: split_name(name)[0].lower() == said.lower(),
+        lambda name: name == given,
+        lambda name: name.lower() == given.lower(),
+        lambda name: split_name(name)[0].lower() == given.lower(),
     ):
-        found = [i for i, name in enumerate(names) if same(name)]
-        if len(found) == 1:
-            return found[0]
-    place = re.fullmatch(r"(?:(.+)\[)?(\d+)\]?", said)
+        hits = [i for i, name in enumerate(names) if same(name)]
+        if len(hits) == 1:
+            return hits[0]
+    place = re.fullmatch(r"(?:(.+)\[)?(\d+)\]?", given)
     if place and place[1] in (None, table.name) and 1 <= int(place[2]) <= len(names):
         return int(place[2]) - 1
     raise DataError(
-        f"{path}: has no column {said} for «columns» {role}={said}; its columns are {shown(names)} "
-        f"(a number counts them from 1){meant(said, names)}"
+        f"{path}: has no column {given} for «columns» {role}={given}; its columns are {shown(names)} "
+        f"(a number counts them from 1){meant(given, names)}"
     )
 
 
-def _only(path: str, role: str, found: Sequence[int], names: Sequence[str]) -> int | None:
-    """The one column found; None where there is none; raises DataError where there are several."""
-    if len(found) > 1:
+def _only(path: str, role: str, hits: Sequence[int], names: Sequence[str]) -> int | None:
+    """The only column there is; None where there is none; raises DataError where there are several."""
+    if len(hits) > 1:
         raise DataError(
-            f"{path}: several columns may be the {role} ({shown([names[i] for i in found])}); "
-            f'say which with «columns» {role}="{names[found[0]] or found[0] + 1}"'
+            f"{path}: several columns may be the {role} ({shown([names[i] for i in hits])}); "
+            f'say which with «columns» {role}="{names[hits[0]] or hits[0] + 1}"'
         )
-    return found[0] if found else None
+    return hits[0] if hits else None
 
 
 def match_columns(path: str, table: Table, options: ReadOptions) -> Roles:
     """Roles of a table's columns; raises DataError where the output, or the time, cannot be told."""
     names = table.columns
-    named = {role: _said_column(path, role, name, table) for role, name in options.columns.items()}
+    named = {role: _named_column(path, role, name, table) for role, name in options.columns.items()}
     for role, other in ((a, b) for a in named for b in named if a < b and named[a] == named[b]):
         raise UsageError(f"«columns»: {role} and {other} are the same column, {table.label(named[role])}")
     time = named["time"] if "time" in named else _time(path, table, set(named.values()))
@@ -169,7 +169,7 @@ def match_columns(path: str, table: Table, options: ReadOptions) -> Roles:
     taken |= {output}
     quantity = [_quantity(split_name(name)[1]) for name in names]
     alike = [i for i in references if i not in taken and quantity[i] and quantity[i] == quantity[output]]
-    if reference is None and len(alike) == 1:  # asked for in the output's own unit: no input
+    if reference is None and len(alike) == 1:  # a reference in the output's own unit: no input
         reference = alike[0]
     taken |= set(alike)
     if "input" in named:
@@ -236,7 +236,7 @@ def default_unit(column: str, groups: Sequence[Group]) -> str:
 
 
 FEWEST = 20
-"""Samples below which a column is not said to step."""
+"""Samples below which a column is too short to step."""
 
 
 def chosen_table(source: str, tables: Sequence[Table], options: ReadOptions) -> tuple[Table, Roles]:
@@ -324,13 +324,13 @@ def the_input(
 ) -> tuple[Kind | None, int | None, tuple[Finding, ...]]:
     """The input among the columns that may be it: the one that moves, where the names leave a choice.
 
-    Where none that is called like an input moves, the only other column that steps is taken, and said; not where
+    Where none that is called like an input moves, the only other column that steps is taken, and told; not where
     options say level and instant (`told`).
     """
     first = roles.inputs[0] if roles.inputs else None
     alone = len(roles.inputs) == 1 and not roles.others
     # a duty that moves is it, beside whatever speed and force
-    if first and (roles.said or alone or (first[0] == "clutch" and _moves(column(first[1])))):
+    if first and (roles.by_user or alone or (first[0] == "clutch" and _moves(column(first[1])))):
         return (*first, ())
     moving = [(kind, which) for kind, which in roles.inputs if _moves(column(which))]
     jumping = [one for one in moving if steps(column(one[1]))]

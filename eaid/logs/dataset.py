@@ -150,9 +150,9 @@ def _apparatus(stored: Mapping[str, object], source: str) -> Apparatus | None:
     except msgspec.MsgspecError:
         raise DataError(f"{source}: its apparatus is not a JSON object of numbers; {AGAIN}") from None
     names = {field.name for field in dataclasses.fields(Apparatus)}
-    said = {name: value for name, value in {**together, **stored}.items() if name in names}
+    values = {name: value for name, value in {**together, **stored}.items() if name in names}
     try:
-        return msgspec.convert(said, Apparatus, strict=False) if said else None
+        return msgspec.convert(values, Apparatus, strict=False) if values else None
     except msgspec.ValidationError:
         raise DataError(f"{source}: its apparatus holds what is no number; {AGAIN}") from None
 
@@ -186,14 +186,14 @@ def _read_run(group: h5py.Group, shared: Run, last: dict[str, Array]) -> Run:
         written = msgspec.json.decode(str(stored.get("findings", "[]")))
         findings = msgspec.convert(_plain(written), tuple[Finding, ...])
     except msgspec.MsgspecError as fault:
-        found = re.search(r"`\$\.(\w+)`$", str(fault))
-        what = f"its {found[1]} is no number" if found else "its findings cannot be read"
+        match = re.search(r"`\$\.(\w+)`$", str(fault))
+        what = f"its {match[1]} is no number" if match else "its findings cannot be read"
         raise DataError(f"{where}: {what}; {AGAIN}") from None
-    said = {name: plain(value) if isinstance(value, str) else value for name, value in facts.items()
+    fields = {name: plain(value) if isinstance(value, str) else value for name, value in facts.items()
             if value not in (None, "")}  # fmt: skip
-    said = {name: value for name, value in said.items() if not isinstance(value, float) or math.isfinite(value)}
-    said |= {"edge": "falling" if facts["edge"] == "falling" else "rising", "cut": facts["edge"] is not None}
-    run = dataclasses.replace(shared, **columns, **said, findings=findings)  # type: ignore[arg-type]  # by field
+    fields = {name: value for name, value in fields.items() if not isinstance(value, float) or math.isfinite(value)}
+    fields |= {"edge": "falling" if facts["edge"] == "falling" else "rising", "cut": facts["edge"] is not None}
+    run = dataclasses.replace(shared, **columns, **fields, findings=findings)  # type: ignore[arg-type]  # by field
     first = float(run.time_s[0]) if len(run.time_s) else 0.0
     if abs(first) <= 1e6:  # beyond it a run is counted from its own start [s]
         return run

@@ -59,7 +59,7 @@ def unread(head: bytes) -> str | None:
     """What a file is that is not read, and the remedy; None for any other."""
     if _UTF_32.match(head):
         return "text in UTF-32; save it as UTF-8"
-    return next((said for mark, said in UNREAD if head.startswith(mark)), None)
+    return next((what for mark, what in UNREAD if head.startswith(mark)), None)
 
 
 def _begins(*marks: bytes) -> Callable[[bytes], bool]:
@@ -129,13 +129,13 @@ class ForeignReader:
                 f'pip install "eaid[{form.name.split()[0].lower()}]"'
             )
         question = Question(form.reader, str(path), source, form.name)
-        found = self._asked(question).tables
-        return [replace(table, load=partial(self._load, question, k)) for k, table in enumerate(found)]
+        tables = self._answer(question).tables
+        return [replace(table, load=partial(self._load, question, k)) for k, table in enumerate(tables)]
 
     def _load(self, question: Question, table: int, wanted: Sequence[int]) -> Cells:
-        return self._asked(msgspec.structs.replace(question, table=table, wanted=tuple(wanted))).cells
+        return self._answer(msgspec.structs.replace(question, table=table, wanted=tuple(wanted))).cells
 
-    def _asked(self, question: Question) -> Answer:
+    def _answer(self, question: Question) -> Answer:
         with self.alone:
             if self._process is None:
                 places = os.pathsep.join(place for place in sys.path if place)

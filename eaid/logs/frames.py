@@ -28,7 +28,7 @@ def runs_from_frames(frames: "pd.DataFrame | Mapping[str, pd.DataFrame]", option
     Parameters
     ----------
     frames
-        Columns are found by name, as in logs; stamps (datetime, timedelta) count as times; `frame.attrs["units"]`, a
+        Columns go by name, as in logs; stamps (datetime, timedelta) count as times; `frame.attrs["units"]`, a
         mapping of column to unit, says units that the names do not. An index that has a name is a column, too.
     options
         As for logs; the name pattern is looked for in the names of the runs.
@@ -45,10 +45,10 @@ def runs_from_frames(frames: "pd.DataFrame | Mapping[str, pd.DataFrame]", option
             if frame.empty:
                 raise DataError(f"{name}: the DataFrame is empty; give rows with columns of time, input and output")
             table = _table(name, frame)
-            seen = hashlib.sha256(repr((table.columns, table.units)).encode())
+            digest = hashlib.sha256(repr((table.columns, table.units)).encode())
             for values in table.load(range(len(table.columns))).values:
-                seen.update(np.ascontiguousarray(values).data)
-            runs.append(run_of(name, name, seen.hexdigest(), [table], options))
+                digest.update(np.ascontiguousarray(values).data)
+            runs.append(run_of(name, name, digest.hexdigest(), [table], options))
         except DataError as fault:
             faults.extend(fault.sentences)
     if faults:
@@ -90,10 +90,10 @@ def _table(name: str, frame: "pd.DataFrame") -> Table:
         raise DataError(f"{name}: several columns have one name; give each a name of its own")
     numbers = {label: values for label, values in columns.items() if values.dtype.kind in "fiub"}
     units = {str(label): "s" for label in frame.columns if frame[label].dtype.kind in "mM"}
-    said = tuple(str({**frame.attrs.get("units", {}), **units}.get(label, "")) for label in numbers)
+    declared = tuple(str({**frame.attrs.get("units", {}), **units}.get(label, "")) for label in numbers)
     dropped = tuple(label for label in columns if label not in numbers)
     values = tuple(numbers.values())
-    return Table("", tuple(numbers), lambda wanted: Cells(tuple(values[i] for i in wanted)), said, dropped=dropped)
+    return Table("", tuple(numbers), lambda wanted: Cells(tuple(values[i] for i in wanted)), declared, dropped=dropped)
 
 
 def _array(column: "pd.Series[Any]") -> np.ndarray[Any, Any]:

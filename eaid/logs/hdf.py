@@ -49,17 +49,17 @@ def open_hdf5(path: Path, source: str) -> Iterator[h5py.File]:
 
 def digest_of(file: h5py.File) -> str:
     """SHA-256 of all attributes, shapes and values, one object after the other; the attribute `digest` is left out."""
-    seen = hashlib.sha256()
+    digest = hashlib.sha256()
     for name, node in (("/", file), *nodes(file)):
         has_values = isinstance(node, h5py.Dataset) and node.shape is not None
         facts = sorted((key, text(value)) for key, value in node.attrs.items() if key != "digest")
-        seen.update(repr((name, node.shape if has_values else None, facts)).encode("utf-8", errors="replace"))
+        digest.update(repr((name, node.shape if has_values else None, facts)).encode("utf-8", errors="replace"))
         if has_values:
             values = np.asarray(node[()])
-            seen.update(str(values.dtype).encode())
+            digest.update(str(values.dtype).encode())
             plain = values.dtype.kind in "fiub"
-            seen.update(np.ascontiguousarray(values).data if plain else repr(values.tolist()).encode())
-    return f"values:{seen.hexdigest()}"
+            digest.update(np.ascontiguousarray(values).data if plain else repr(values.tolist()).encode())
+    return f"values:{digest.hexdigest()}"
 
 
 def nodes(file: h5py.File, source: str = "") -> Iterator[tuple[str, Any]]:

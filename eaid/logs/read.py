@@ -166,9 +166,9 @@ def named_apart(runs: Sequence[Run]) -> list[Run]:
         replace(run, name=f"{Path(run.source).resolve().parent.name}-{run.name}") if counts[run.name] > 1 else run
         for run in runs
     ]
-    seen: Counter[str] = Counter()
+    times: Counter[str] = Counter()
     for i, run in enumerate(apart):
-        seen[run.name] += 1
-        if seen[run.name] > 1:
-            apart[i] = replace(run, name=f"{run.name}-{seen[run.name]}")
+        times[run.name] += 1
+        if times[run.name] > 1:
+            apart[i] = replace(run, name=f"{run.name}-{times[run.name]}")
     return apart

@@ -31,10 +31,10 @@ class Run:
     """The path as the user gave it."""
     sha256: str
     level: float | None = None
-    """Level said by the file name or a stored attribute; None: to be found in `input`."""
+    """Level by the file name or a stored attribute; None: that of `input`."""
     repeat: int | None = None
     step_s: float | None = None
-    """Step instant [s], on `time_s`, where it was given or stored; None: to be found."""
+    """Step instant [s], on `time_s`, where it was given or stored; None: not known yet."""
     until_s: float | None = None
     """End of the active window [s], on `time_s`, where it was given or stored."""
     baseline: float | None = None
@@ -70,7 +70,7 @@ class Run:
     left: tuple[str, ...] = ()
     """Columns of the log that were not read."""
     cut: bool = False
-    """True for one step cut out of a log (or stored so); False: steps are still to be found in it."""
+    """True for one step cut out of a log (or stored so); False: steps are still to be cut out of it."""
 
     @property
     def where(self) -> str:

@@ -18,8 +18,8 @@ def plain(text: str) -> str:
     """A name or unit without control, bidirectional and other unseen characters, which any output might obey."""
     if text.isprintable():
         return text
-    seen = "".join(" " if unicodedata.category(one)[0] in "CZ" else one for one in text)
-    return " ".join(seen.split())
+    visible = "".join(" " if unicodedata.category(one)[0] in "CZ" else one for one in text)
+    return " ".join(visible.split())
 
 
 def seconds(stamps: NDArray[Any]) -> Array:

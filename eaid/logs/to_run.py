@@ -1,4 +1,4 @@
-"""One table → one run: columns found, rows checked, time from its start, units turned into those of eaid."""
+"""One table → one run: columns by name, rows checked, time from its start, units turned into those of eaid."""
 
 import contextlib
 import math
@@ -28,7 +28,7 @@ SHOWN = 5
 def checked(
     source: str,
     columns: Mapping[str, NDArray[Any]],
-    said: Sequence[tuple[int, str, str]],
+    unread: Sequence[tuple[int, str, str]],
     row_of: Callable[[int], int],
     word: str,
     repair: bool,
@@ -36,7 +36,7 @@ def checked(
 ) -> NDArray[np.intp] | None:
     """Samples to keep (None: all); raises DataError where rows are bad, all its faults at once.
 
-    `columns` by their label, the first of them the time. `said` lists cells that could not be read: (sample, column
+    `columns` by their label, the first of them the time. `unread` lists cells that could not be read: (sample, column
     label or empty for the whole row, what stands there).
     """
     time = next(iter(columns.values()))
@@ -48,7 +48,7 @@ def checked(
         )
     if count == 0:
         raise DataError(f"{source}: has a header but no rows; record the log again")
-    if not said and all(np.isfinite(values).all() for values in columns.values()) and (np.diff(time) > 0).all():
+    if not unread and all(np.isfinite(values).all() for values in columns.values()) and (np.diff(time) > 0).all():
         return None
     for label, values in columns.items():
         if count >= FEWEST and 0.2 * count < (gone := int(np.isnan(values).sum())) < count:
@@ -59,7 +59,7 @@ def checked(
     bad = np.zeros(count, dtype=bool)
     named: set[tuple[int, str]] = set()
     cells = []
-    for sample, label, text in said:
+    for sample, label, text in unread:
         bad[sample] = True
         named.update((sample, column) for column in ([label] if label else columns))
         if not label:
@@ -128,10 +128,10 @@ def dropped_steps(keep: NDArray[np.intp], input_: NDArray[Any]) -> list[int]:
     return lost
 
 
-def _listed(source: str, found: Sequence[str], remedy: str) -> list[str]:
-    sentences = [f"{source}: {what}; {remedy}" for what in found[:SHOWN]]
-    if len(found) > SHOWN:
-        sentences.append(f"{source}: and {len(found) - SHOWN} more such rows; {remedy}")
+def _listed(source: str, faults: Sequence[str], remedy: str) -> list[str]:
+    sentences = [f"{source}: {what}; {remedy}" for what in faults[:SHOWN]]
+    if len(faults) > SHOWN:
+        sentences.append(f"{source}: and {len(faults) - SHOWN} more such rows; {remedy}")
     return sentences
 
 
@@ -225,7 +225,7 @@ def run_of(
     """
     name = plain(name)
     table, roles = chosen_table(source, tables, options)
-    clock, said = roles.time, options.units
+    clock, units = roles.time, options.units
     if clock is not None and options.rate_hz is not None:
         if not numbers_samples(table.columns[clock]):
             label = table.label(clock)
@@ -249,7 +249,7 @@ def run_of(
 
     rates = [("", options.rate_hz)] if options.rate_hz else table.rates
     if clock is not None:
-        by_user, by_column = time_unit(source, said.get("time"), table, clock)
+        by_user, by_column = time_unit(source, units.get("time"), table, clock)
     else:
         if len({rate_hz for _, rate_hz in rates}) > 1:
             two = " and ".join(f"{rate_hz:g} Hz in {place}" for place, rate_hz in rates)
@@ -280,14 +280,14 @@ def run_of(
         if wrong is not None:
             of_time += (finding("rate-contradicted", source, place=wrong[0], said=wrong[1], found=1.0 / usual),)
     plain_output = default_unit(table.columns[roles.output], OUTPUTS)
-    into = scale_of(source, "output", said.get("output"), table, roles.output, plain_output)
+    into = scale_of(source, "output", units.get("output"), table, roles.output, plain_output)
     output = into.of(columns.kept(roles.output))
     if which is not None and kind is not None:
         plain_input = default_unit(table.columns[which], INPUTS[kind])
-        scale = scale_of(source, "input", said.get("input"), table, which, plain_input)
+        scale = scale_of(source, "input", units.get("input"), table, which, plain_input)
         input_ = scale.of(columns.kept(which))
     else:  # a name says a level and no unit
-        scale = Scale(said.get("input", "") if kind is None else INPUT_UNITS[kind], 1.0)
+        scale = Scale(units.get("input", "") if kind is None else INPUT_UNITS[kind], 1.0)
         input_ = np.broadcast_to(np.float64(np.nan), len(kept_time))  # takes no memory
     told = [*roles.findings, *findings, *columns.cells.findings, *of_time, *into.findings, *scale.findings]
     if trigger is not None and level is not None:
@@ -301,7 +301,7 @@ def run_of(
             at_s = float(raw_time[row]) * factor
             told.append(finding("step-row-dropped", source, row=columns.cells.row(row), at_s=at_s))
     largest = max(abs(float(output.max())), abs(float(output.min()))) if len(output) else 0.0
-    if into.unit == "N·m" and "output" not in said and largest > LARGEST_NM:
+    if into.unit == "N·m" and "output" not in units and largest > LARGEST_NM:
         told.append(finding("torque-too-large", source, largest=largest))
     if table.dropped:
         told.append(finding("columns-without-numbers", source, columns=", ".join(table.dropped[:8])))
@@ -315,7 +315,7 @@ def run_of(
     position_unit = ""
     if roles.position is not None:  # as it is called: nothing is turned into it
         by_name = split_name(table.columns[roles.position])[1]
-        position_unit = said.get("position") or table.unit(roles.position) or by_name
+        position_unit = units.get("position") or table.unit(roles.position) or by_name
     return Run(
         name=name,
         time_s=time_s,
@@ -332,7 +332,7 @@ def run_of(
         reference_nm=None if roles.reference is None else read_only(columns.kept(roles.reference)),
         position=None if roles.position is None else read_only(columns.kept(roles.position)),
         position_unit=position_unit,
-        findings=tuple(msgspec.structs.replace(found, subject=name) for found in told),
+        findings=tuple(msgspec.structs.replace(one, subject=name) for one in told),
         kind=options.kind or kind,
         synthetic=table.synthetic,
         start_s=start_s,

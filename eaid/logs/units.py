@@ -109,16 +109,16 @@ _CAMEL = re.compile(r"^(.*[a-z])((?:[A-Z][a-z]*)+|%)$")
 def split_name(name: str) -> tuple[str, str]:
     """A column's bare name and the unit its name carries: `Torque (mNm)` → (`Torque`, `mNm`); unit empty where none."""
     name = name.strip()
-    found = _BRACKETED.match(name)
-    if found and found.group(1):
-        return found.group(1).strip(), found.group(2)
+    match = _BRACKETED.match(name)
+    if match and match.group(1):
+        return match.group(1).strip(), match.group(2)
     for written in (_RATE, _SUFFIX):  # speed_rad/s is no speed_rad in s
-        found = written.match(name)
-        known = found and (unit_of(found.group(2)) is not None and found.group(2) not in ("1", "-"))
-        if found and found.group(1) and (known or _SPEED.match(found.group(2))):
-            return found.group(1).strip(" _/."), found.group(2)
-    found = _CAMEL.match(name)  # TorqueMnm, dutyPct, ForceN
-    if found:
+        match = written.match(name)
+        known = match and (unit_of(match.group(2)) is not None and match.group(2) not in ("1", "-"))
+        if match and match.group(1) and (known or _SPEED.match(match.group(2))):
+            return match.group(1).strip(" _/."), match.group(2)
+    match = _CAMEL.match(name)  # TorqueMnm, dutyPct, ForceN
+    if match:
         for cut in range(1, len(name)):
             unit = name[cut:]
             if unit[0].isupper() and unit_of(unit) is not None and (len(unit) > 1 or unit in "NV"):
@@ -151,7 +151,7 @@ class Scale:
         return read_only(values if self.factor == 1.0 else values * self.factor)
 
 
-def unit_said(path: str, role: str, said: str | None, table: Table, column: int) -> str:
+def declared_unit(path: str, role: str, given: str | None, table: Table, column: int) -> str:
     """The unit of a column as its file or its name says it; empty where neither does, or it is one of another quantity.
 
     Raises DataError where a number stands beside it (`x100`, `Nm*1e-2`: multiply or divide?) and the user says no unit,
@@ -164,34 +164,34 @@ def unit_said(path: str, role: str, said: str | None, table: Table, column: int)
     scaled = _TIMES_A_NUMBER.search(bare) or (
         known is None and (_TIMES_A_NUMBER.search(text) or _NUMBER_OF_UNITS.match(text))
     )
-    if scaled and said is None:
+    if scaled and given is None:
         raise DataError(
             f"{path}: column {name}{f' in {file_unit}' * bool(file_unit)} holds a number beside its {role}'s unit, "
             f"which may multiply or divide; say the unit of its cells with «units» {role}=UNIT"
         )
     letter = len(named) == 1 and name.strip().endswith(f" {named}")  # Phase A
-    if said is None or scaled or known is None or letter or (known.quantity == "time") != (role == "time"):
+    if given is None or scaled or known is None or letter or (known.quantity == "time") != (role == "time"):
         return text
-    if role != "time" and unit_of(said) != known:
+    if role != "time" and unit_of(given) != known:
         raise DataError(
-            f"{path}: column {name} says {text}, «units» {role}={said} something else; leave it out, or mend the name"
+            f"{path}: column {name} says {text}, «units» {role}={given} something else; leave it out, or mend the name"
         )
     return text
 
 
-def scale_of(path: str, role: str, said: str | None, table: Table, column: int, default: str) -> Scale:
+def scale_of(path: str, role: str, given: str | None, table: Table, column: int, default: str) -> Scale:
     """Unit and factor of a column: what the user says, else the file, else the column's name, else the default.
 
     A unit that eaid does not know is kept as it is. `/255` says that 255 counts are the full scale: an input in %.
     """
-    label, known = table.label(column), unit_of(said) if said else None
+    label, known = table.label(column), unit_of(given) if given else None
     if known is not None and known.quantity == "time":
-        raise UsageError(f"«units» {role}={said}: is a unit of time, not of the {role}")
-    full = divisor(role, said) if said is not None and said.startswith("/") else 0.0
-    text = unit_said(path, role, said, table, column)
+        raise UsageError(f"«units» {role}={given}: is a unit of time, not of the {role}")
+    full = divisor(role, given) if given is not None and given.startswith("/") else 0.0
+    text = declared_unit(path, role, given, table, column)
     if full:
         return Scale("%", 100.0 / full) if role == "input" else Scale("", 1.0 / full)
-    text = said or text
+    text = given or text
     known = unit_of(text) if text else None
     if not text or (known is not None and known.quantity == "time"):
         code = "unit-assumed" if default else "unit-unknown"
@@ -200,19 +200,19 @@ def scale_of(path: str, role: str, said: str | None, table: Table, column: int, 
         return Scale(text, 1.0)
     if text.strip("[]() ").lower() in ("g", "kg"):
         words = words_of(split_name(table.columns[column])[0])
-        if words & _SHAKEN or not (said or words & _WEIGHED):
+        if words & _SHAKEN or not (given or words & _WEIGHED):
             return Scale(text, 1.0, (finding("unit-g-unclear", path, role=role, column=label, unit=text),))
     return Scale(known.to, known.factor)
 
 
-def divisor(role: str, said: str) -> float:
-    """The number of a unit that is said as `/255`: counts of a full scale, or a second; UsageError where it is none."""
+def divisor(role: str, given: str) -> float:
+    """The number of a unit written as `/255`: counts of a full scale, or a second; UsageError where it is none."""
     try:
-        counts = float(said[1:])
+        counts = float(given[1:])
     except ValueError:
         counts = 0.0
     if not 1e-12 <= counts <= 1e12:
-        raise UsageError(f"«units» {role}={said}: write a number from 1e-12 to 1e12 behind the stroke, as in /255")
+        raise UsageError(f"«units» {role}={given}: write a number from 1e-12 to 1e12 behind the stroke, as in /255")
     return counts
 
 
@@ -242,20 +242,20 @@ LONGEST_S = 3600.0
 """Span beyond which a clock whose unit nobody gave counts no seconds, if it counts whole numbers, or seldom."""
 
 
-def time_unit(path: str, said: str | None, table: Table, column: int) -> tuple[float | None, float | None]:
+def time_unit(path: str, given: str | None, table: Table, column: int) -> tuple[float | None, float | None]:
     """Seconds in one unit of a time column, as the user says, and as its file or its name does; None where not.
 
-    Raises UsageError or DataError where what is said is no unit of time.
+    Raises UsageError or DataError where it is no unit of time.
     """
     by_user = None
-    if said is not None:
-        known = unit_of(said)
-        if not said.startswith("/") and (known is None or known.quantity != "time"):
-            raise UsageError(f"«units» time={said}: is no unit of time; use {TIME_UNITS}")
-        by_user = 1.0 / divisor("time", said) if known is None else known.factor
+    if given is not None:
+        known = unit_of(given)
+        if not given.startswith("/") and (known is None or known.quantity != "time"):
+            raise UsageError(f"«units» time={given}: is no unit of time; use {TIME_UNITS}")
+        by_user = 1.0 / divisor("time", given) if known is None else known.factor
     name = table.columns[column]
     bare = split_name(name)[0]
-    text = unit_said(path, "time", said, table, column)
+    text = declared_unit(path, "time", given, table, column)
     known = unit_of(text or (bare if len(bare) > 1 or bare == "s" else ""))
     if known is not None and known.quantity == "time":
         return by_user, known.factor

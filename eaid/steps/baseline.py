@@ -19,12 +19,12 @@ from eaid.steps.plateaus import FEWEST
 STEADY = 0.01
 """Share of a step's change by which the last quarter of a rest may differ from the whole of it."""
 STANDARD_ERRORS = 4.0
-"""Standard errors beyond which a rest is said to move."""
+"""Standard errors beyond which a rest counts as moving."""
 FLOOR = 0.02
 """Share of a step's change by which a start may be off its rest: τ1 then shifts by about 2 %, no more than the interval
 that a good record gives it, and a coarse sensor moves in such steps anyway."""
 CHANCE = 1e-5
-"""Probability at which a rest that lasts until its step is said to be left before it."""
+"""Probability at which a rest that lasts until its step counts as left before it."""
 GROUPS = 6
 """Groups of samples, at least, that tell how far means of so many samples lie apart."""
 BURST = 1.2

@@ -24,7 +24,7 @@ SMALL = 0.2
 
 
 def signs_of(runs: Sequence[Run], keep: bool = False) -> tuple[dict[str, float], list[Finding]]:
-    """The sign of each cut run, by its name, and what is to be said of them; `keep` forbids turning any.
+    """The sign of each cut run, by its name, and findings about them; `keep` forbids turning any.
 
     Steps from rest have one sign for positive and one for negative inputs; a step from level to level has its own,
     whichever way the input goes.

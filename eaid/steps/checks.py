@@ -185,7 +185,7 @@ FEW = 2 * BLOCKS
 JITTER = 0.2
 """Spread of the sample time, as a share of the usual one, above which it is told."""
 SLOW_CLOCK_S = 1.0
-"""Sample time from which its unit is asked about."""
+"""Sample time from which its unit is in question."""
 MOVED = 0.05
 """Share of the swing by which the output may have moved behind a gap or a ramp that the step falls into."""
 FAR = 0.2

@@ -242,7 +242,7 @@ def onset(output: Array) -> int | None:
     """First sample after the output's last visit to its idle band before it is half-way up; None where none stands out.
 
     The idle band is the median of the first samples ± 4 standard deviations (from the median deviation), at least 1 %
-    of the rise; the first samples are refined once by those before the onset found.
+    of the rise; the first samples are refined once by those before the onset.
     """
     count = len(output)
     head = max(FEWEST, count // 50)
@@ -326,7 +326,7 @@ WANDERS = 0.15
 
 
 def cut(run: Run, baseline: str = "auto", rest: float = 0.0) -> list[Run]:
-    """The steps of a log, in the order of time, each with level, step instant, baseline and edge found.
+    """The steps of a log, in the order of time, each with its level, step instant, baseline and edge.
 
     Levels are counted from `rest`, the input at rest.
 
@@ -380,7 +380,7 @@ def _up_to(run: Run) -> Run:
 
 
 def _with_baselines(steps: list[Run], baseline: str) -> list[Run]:
-    """The steps with their baselines: as the user asks, else as found or stored, else the first samples.
+    """The steps with their baselines: as the user says, else as cut or stored, else the first samples.
 
     A release to rest has that of its own rise.
     """
@@ -398,7 +398,7 @@ def _with_baselines(steps: list[Run], baseline: str) -> list[Run]:
                     "time with «units», as in time=us, or a later «until»"
                 )
             start = first_samples(active)
-            known = any(said.code == "step-at-first-sample" for said in step.findings)
+            known = any(one.code == "step-at-first-sample" for one in step.findings)
             warning = () if known else (finding("no-rest-before-step", step.name, start=start, unit=step.output_unit),)
             step = replace(step, baseline=start, findings=(*step.findings, *warning))
         if step.edge == "falling" and step.from_level == 0.0 and idle is not None:
@@ -513,7 +513,6 @@ def _level_step(step: Step, findings: tuple[Finding, ...]) -> LevelStep:
         time_s=step.time_s,
         output=read_only(run.output[step.start :]),
         input=read_only(run.input[step.start :]),
-        start_known=not {"step-at-first-sample", "no-rest-before-step"} & {one.code for one in run.findings},
         rest_s=run.rest_s,
         rest_moved=run.rest_moved,
         at_s=run.start_s + (run.step_s or 0.0),

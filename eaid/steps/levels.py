@@ -106,7 +106,7 @@ PROBES = (0.9, 0.6, 0.4, 0.75, 0.3)
 BEFORE, BEHIND = 2_000, 20_000
 """Samples before and behind a step that are compared: long logs take no more time and memory than that."""
 SHORTEST = 20
-"""Samples in common below which nothing is said."""
+"""Samples in common below which nothing is compared."""
 TURNS = -0.3
 """Correlation of a second difference with the next below which it is of noise: white noise has -0.67."""
 SINGLE = 1e-7

@@ -1,5 +1,5 @@
-"""One cut run seen from its step on: clock, rise, idle, swing, torque lost under hold, left after release (Fig. 6), and
-where a loaded contact slips: peak, level after slip, loading stiffness, stick-slip.
+"""A cut run from its step on: clock, rise, idle, swing, torque lost under hold, left after release (Fig. 6), and
+where a loaded contact slips: peak, level after it, stiffness of the loading.
 
 At constant speed v the displacement is v·t, so a stiffness per second over v is one per metre; where the position was
 recorded, both are given over the displacement.
@@ -18,10 +18,6 @@ SAME = 2e-3
 """Share of the sample time within which sample instants count as equal: the rounding of written times."""
 OVER = 0.05
 """Share by which a peak has to exceed the level after it to be a slip."""
-LEAST = 0.02
-"""Share of the level after the slip below which an oscillation is not worth a word."""
-MOST = 0.4
-"""Share of the variance behind a slip that has to lie within an octave for it to be stick-slip."""
 
 
 def usual_step(time_s: Array) -> float:
@@ -48,7 +44,7 @@ def sample_at(run: Run, at_s: float) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """One cut run seen from its step on: what the checks look at."""
+    """A cut run from its step on: what the checks look at."""
 
     run: Run
     sign: float = 1.0
@@ -130,9 +126,6 @@ class SlipTest:
     """Level after the slip: mean of the last quarter."""
     stiffness_per_s: float
     """Slope of the loading between 20 and 80 % of the peak [output unit per s]."""
-    stick_slip: float | None = None
-    """Peak-to-peak amplitude of the oscillation after the slip; None where none stands out."""
-    stick_slip_hz: float | None = None
     moved: float | None = None
     """Displacement from the step to the peak [unit of the position]; None where no position was recorded."""
     stiffness: float | None = None
@@ -166,42 +159,9 @@ def slip_of(step: Step) -> SlipTest | None:
     low = int(np.argmax(smooth >= 0.2 * peak))
     high = max(int(np.argmax(smooth >= 0.8 * peak)), low + 1)
     stiffness = line(time_s[low : high + 1], smooth[low : high + 1]).slope
-    late = middle + (count - middle) // 4
-    amplitude, frequency = _stick_slip(time_s[late:], rise[late:])
-    if amplitude is not None and amplitude < LEAST * after:
-        amplitude = frequency = None
     moved = over = None
     if position is not None:
         moved = abs(float(position[middle] - position[0]))
         loaded = abs(float(position[high] - position[low]))
         over = stiffness * float(time_s[high] - time_s[low]) / loaded if loaded > 0 else None
-    return SlipTest(
-        peak, float(time_s[middle]), after, stiffness, amplitude, frequency, moved, over, step.run.position_unit
-    )
-
-
-def _stick_slip(time_s: Array, output: Array) -> tuple[float | None, float | None]:
-    """Peak-to-peak amplitude and frequency [Hz] of what oscillates behind a slip; (None, None) where nothing does.
-
-    Averaged spectrum of four Hann windows, overlapping by half: the octave about its largest value holds `MOST` of the
-    variance; the amplitude is that of a sine of the octave's variance.
-    """
-    count = 2 * (len(output) // 5)
-    if count < 64:
-        return None, None
-    dt = float(time_s[-1] - time_s[0]) / (len(output) - 1)
-    trend = np.interp(np.arange(len(output)), (np.arange(6) + 0.5) * len(output) / 6, block_means(output, 6))
-    window = np.hanning(count)
-    pieces = [(output - trend)[start : start + count] for start in range(0, len(output) - count + 1, count // 2)]
-    power = np.mean([np.abs(np.fft.rfft(window * (piece - piece.mean()))) ** 2 for piece in pieces], axis=0)
-    power[:4] = 0.0  # slower than four periods of a window is trend
-    best = int(power.argmax())
-    if power[best] <= 0:
-        return None, None
-    near = slice(max(4, round(best / np.sqrt(2))), round(best * np.sqrt(2)) + 1)
-    share = float(power[near].sum() / power.sum())
-    if share < max(MOST, 4 * (near.stop - near.start) / len(power)):
-        return None, None
-    variance = 2 * float(power[near].sum()) / (count * (window**2).sum())
-    middle = float(power[near] @ np.arange(len(power))[near] / power[near].sum())
-    return float(2 * np.sqrt(2 * variance)), middle / (count * dt)
+    return SlipTest(peak, float(time_s[middle]), after, stiffness, moved, over, step.run.position_unit)

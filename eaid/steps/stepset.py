@@ -64,7 +64,7 @@ class Level:
 
 @dataclass(frozen=True, eq=False)
 class LevelStep:
-    """One change of input between two holds, seen from its own start; the output keeps its own sign and offset."""
+    """A change of input between two holds, from its instant on; the output keeps its sign and offset."""
 
     name: str
     source: str
@@ -80,8 +80,6 @@ class LevelStep:
     """Output as recorded, shape (n,)."""
     input: Array
     """Input as recorded, shape (n,); NaN where the log has none."""
-    start_known: bool = True
-    """False where nothing is recorded before the step: the start is that of its first samples."""
     rest_s: float | None = None
     """Duration of the rest whose mean the start is [s]; None: not known, a sample or so."""
     rest_moved: float = 0.0
@@ -177,7 +175,7 @@ class StepSet(Shown):
     inputs: tuple[tuple[str, str], ...] = ()
     """(path, SHA-256) of the files that the user named."""
     reading: Mapping[str, str | float | bool] = field(default_factory=dict)
-    """What was said about how the logs are read, so that it can be done again."""
+    """The options with which the logs were read, so that it can be done again."""
     steps: tuple[Run, ...] = ()
     """The recorded runs behind the levels, cut at their steps, where the set was read from logs."""
     level_steps: tuple[LevelStep, ...] = ()
@@ -231,7 +229,7 @@ class StepSet(Shown):
         return pandas.DataFrame(rows).set_index("name") if rows else pandas.DataFrame()
 
     def summary(self) -> str:
-        """What was found in a few lines, and the gravest findings."""
+        """The set in a few lines, and the gravest findings."""
         levels = span([one.level for one in self.levels], self.input_unit)
         head = f"{self.kind}: {levels}, {counted(len(self.runs), 'run')}"
         if self.recorded:

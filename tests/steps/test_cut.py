@@ -223,7 +223,7 @@ def test_steps_from_level_to_level() -> None:
     ]  # fmt: skip
     up = steps.level_steps[2]
     assert up.output[:700] == pytest.approx(2.5 + 1.2 * curve(up.time_s[:700]), abs=0.02)
-    assert (up.input == 80).all() and up.time_s[0] == 0 and up.start_known
+    assert (up.input == 80).all() and up.time_s[0] == 0
 
 
 def test_settled_steps_of_a_log_that_is_kept_whole() -> None:

@@ -1,4 +1,4 @@
-"""Contacts that slip: peak, level after it, stiffness, stick-slip; positions that go to and fro, stroke by stroke."""
+"""Contacts that slip: peak, level after it, stiffness; positions that go to and fro, stroke by stroke."""
 
 from typing import Any
 
@@ -13,7 +13,6 @@ from .make import log, read, told, white
 T = np.arange(6000) / 2000
 LOADED = np.where(T < 0.5, 0.8 * T, 0.3 + 0.1 * np.exp(-(T - 0.5) / 0.2))
 """0.8 per s up to 0.4 at 0.5 s, then down to 0.3 with 0.2 s."""
-SAW = np.where(T > 0.6, 0.06 * ((18 * T) % 1.0 - 0.5), 0.0)
 
 
 def slip_of(rise: Any, noise: float = 0.0, seed: int = 0) -> Any:
@@ -29,15 +28,7 @@ def test_peak_level_and_stiffness(noise: float) -> None:
     slip = slip_of(LOADED, noise)
     assert (slip.peak, slip.after, slip.stiffness_per_s) == pytest.approx((0.4, 0.3, 0.8), rel=0.03)
     assert slip.peak_s == pytest.approx(0.5, abs=0.03)
-    assert (slip.moved, slip.stiffness, slip.stick_slip, slip.stick_slip_hz) == (None,) * 4
-
-
-@pytest.mark.parametrize("noise", [0.0, 0.01])
-def test_stick_slip(noise: float) -> None:
-    slip = slip_of(LOADED + SAW, noise)
-    assert slip.stick_slip_hz == pytest.approx(18, rel=0.05)
-    assert slip.stick_slip == pytest.approx(0.06 * 2 / np.pi, rel=0.15)  # the sine within the saw
-    assert slip_of(LOADED + 0.1 * SAW, noise).stick_slip is None  # below a fiftieth of the level
+    assert (slip.moved, slip.stiffness) == (None, None)
 
 
 @pytest.mark.parametrize(("over", "slips"), [(0.03, False), (0.12, True)])

@@ -72,7 +72,6 @@ def test_a_log_that_starts_at_its_step() -> None:
     steps = read(frame.assign(torque_nm=np.round(20.63 - 31.1 * np.expm1(-frame.time_s / 150), 2)))
     assert steps.runs[0].baseline_nm == pytest.approx(20.63, abs=1e-9)
     assert steps.levels[0].mean[-1] == pytest.approx(31.1, abs=0.6)
-    assert not steps.level_steps[0].start_known
 
 
 def test_the_first_samples_of_a_noisy_record_by_a_line() -> None:

@@ -27,7 +27,7 @@ MOST_RATIO = 40
 
 
 class Question(msgspec.Struct, frozen=True):
-    """What is asked about a file: its tables, or columns of one of them."""
+    """A question about a file: its tables, or columns of one of them."""
 
     reader: str
     """`module.function` in this folder."""
@@ -47,7 +47,7 @@ class Answer(msgspec.Struct, frozen=True, omit_defaults=True):
     cells: Cells = Cells(())
     refusal: tuple[str, ...] = ()
     worn: bool = False
-    """Whether nobody knows what the process still holds: it is not asked again."""
+    """Whether nobody knows what the process still holds: it gets no further question."""
 
 
 M = TypeVar("M", Question, Answer)
@@ -79,10 +79,10 @@ def received(source: IO[bytes], kind: type[M]) -> M:
             raise EOFError
         return data
 
-    def beside(_: Any, said: Any) -> Any:
-        if said is None:
+    def beside(_: Any, header: Any) -> Any:
+        if header is None:
             return lambda _: Cells(())
-        of, count = said
+        of, count = header
         if of not in KINDS or not isinstance(count, int) or count < 0:
             raise ValueError("no array of numbers")
         array = np.empty(count, dtype=of)
@@ -123,7 +123,7 @@ def _end_with_parent() -> None:
 
 
 class _Open:
-    """The file that was asked for last, with its tables."""
+    """The file of the last question, with its tables."""
 
     def __init__(self) -> None:
         self._key: tuple[str, str] | None = None

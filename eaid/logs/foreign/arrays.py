@@ -42,7 +42,7 @@ class Column(NamedTuple):
     array: Any
     part: int | str | None = None
 
-    def said(self, name: str, plain: Any) -> Any:
+    def attribute(self, name: str, plain: Any) -> Any:
         """An attribute of its array in an HDF5 file."""
         return self.array.attrs.get(name, plain) if isinstance(self.array, h5py.Dataset) else plain
 
@@ -57,9 +57,9 @@ class Column(NamedTuple):
         stored = np.asarray(self.array[key]).reshape(-1)
         empty = np.zeros(len(stored), dtype=bool)
         for name in ("_FillValue", "missing_value"):
-            empty |= np.isin(stored, np.atleast_1d(self.said(name, ())))
+            empty |= np.isin(stored, np.atleast_1d(self.attribute(name, ())))
         scale, offset = (
-            np.float64(np.ravel(self.said(*one))[0]) for one in (("scale_factor", 1.0), ("add_offset", 0.0))
+            np.float64(np.ravel(self.attribute(*one))[0]) for one in (("scale_factor", 1.0), ("add_offset", 0.0))
         )
         if (scale, offset) != (1.0, 0.0):
             stored = stored * scale + offset
@@ -73,7 +73,7 @@ def _table(name: str, columns: Sequence[Column], dropped: Sequence[str] = (), cl
                for row in np.flatnonzero(empty)]  # fmt: skip
         return Cells(tuple(values for values, _ in read), tuple(bad))
 
-    units = tuple(_text(one.said("units", one.said("unit", ""))) for one in columns)
+    units = tuple(_text(one.attribute("units", one.attribute("unit", ""))) for one in columns)
     return Table(name, tuple(one.label for one in columns), load, units, clock=clock, dropped=tuple(dropped))
 
 
@@ -100,7 +100,7 @@ def _tables(name: str, arrays: Mapping[str, Any], between: str = ".") -> tuple[l
     tables: list[Table] = []
     for leaf, array in matrices:
         count, beside = min(array.shape), vectors.get(max(array.shape))
-        labels = [_text(one) for one in np.ravel(Column("", array).said("columns", ()))]
+        labels = [_text(one) for one in np.ravel(Column("", array).attribute("columns", ()))]
         if len(labels) != count and beside:
             labels = [f"{leaf}[{k + 1}]" for k in range(count)]
         elif len(labels) != count:  # no names where the first column is a time: they go by their place
@@ -156,8 +156,8 @@ def _of_variables(variables: Mapping[str, Any], name: str = "") -> list[Table]:
         elif isinstance(value, np.ndarray):
             number = _number(value)
             arrays[leaf] = value if number is None else number
-    found, dropped = _tables(name, arrays)
-    return _with_dropped([*tables, *found], dropped)
+    here, dropped = _tables(name, arrays)
+    return _with_dropped([*tables, *here], dropped)
 
 
 def _texts(value: Any) -> list[str]:
@@ -190,11 +190,11 @@ def _structure(name: str, record: Any) -> list[Table]:
         columns += [Column(label, table[:, j]) for j, label in enumerate(labels)
                     if clock is None or not np.array_equal(table[:, j], clock)]  # fmt: skip
     columns = [one for one in columns if len(one.array) == len(columns[0].array)]
-    seen: Counter[str] = Counter()
+    counts: Counter[str] = Counter()
     for i, one in enumerate(columns):  # a number behind a name that comes again
-        seen[one.label] += 1
-        if seen[one.label] > 1:
-            columns[i] = one._replace(label=f"{one.label} #{seen[one.label]}")
+        counts[one.label] += 1
+        if counts[one.label] > 1:
+            columns[i] = one._replace(label=f"{one.label} #{counts[one.label]}")
     return [_table(name, columns, clock=None if clock is None else 0)] if columns else []
 
 
@@ -243,7 +243,7 @@ def read_hdf5(path: Path, source: str) -> list[Table]:
     with path.open("rb") as raw:
         matlab = raw.read(6) == b"MATLAB"
     places: dict[str, dict[str, h5py.Dataset]] = {}
-    found: list[Table] = []
+    every: list[Table] = []
     dropped: list[str] = []
     opaque = False
     for name, node in nodes(file, source):
@@ -254,21 +254,21 @@ def read_hdf5(path: Path, source: str) -> list[Table]:
                 opaque = opaque or kind not in ("char", "cell", "struct")
                 dropped.append(name)
             elif node.dtype.names and node.ndim == 1:
-                found.append(_table(name, _fields(node)))
+                every.append(_table(name, _fields(node)))
             else:
                 place, _, leaf = name.rpartition("/")
                 places.setdefault(place, {})[leaf] = node
     for place, arrays in places.items():
         tables, others = _tables(place, arrays, "/")
-        found.extend(tables)
+        every.extend(tables)
         dropped.extend(others)
-    if not found:
+    if not every:
         raise DataError(
             f"{source}: {OBJECTS}"
             if matlab and opaque
             else f"{source}: holds no table of numbers; save time and torque as arrays of one length"
         )
-    return _with_dropped(found, dropped)
+    return _with_dropped(every, dropped)
 
 
 def _text(value: Any) -> str:

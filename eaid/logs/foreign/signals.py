@@ -114,14 +114,14 @@ def read_tdms(path: Path, source: str) -> list[Table]:
         if not len(channel) or kind not in "fiubM":
             dropped.append(str(channel.name))
             continue
-        said = channel.properties
-        unit = str(said.get("unit_string") or said.get("NI_UnitDescription") or "")
-        increment = said.get("wf_increment")
+        facts = channel.properties
+        unit = str(facts.get("unit_string") or facts.get("NI_UnitDescription") or "")
+        increment = facts.get("wf_increment")
         group = str(channel.group_name)
         if kind == "M" or not isinstance(increment, float) or not 0 < increment < np.inf:
             vectors.setdefault((group, len(channel)), []).append((channel, "s" if kind == "M" else unit))
             continue
-        begin = float(said.get("wf_start_offset") or 0.0)
+        begin = float(facts.get("wf_start_offset") or 0.0)
         if origin is not None and start in known:
             begin += float((start - origin) / np.timedelta64(1, "ns")) * 1e-9
         clock = (begin, increment, len(channel))
@@ -185,8 +185,8 @@ def read_mdf(path: Path, source: str) -> list[Table]:
 
 
 def _unit(channel: Any) -> str:
-    said = channel.unit or (getattr(channel.conversion, "unit", "") if channel.conversion is not None else "")
-    return (said.decode("latin-1") if isinstance(said, bytes) else str(said or "")).strip("\0 ")
+    unit = channel.unit or (getattr(channel.conversion, "unit", "") if channel.conversion is not None else "")
+    return (unit.decode("latin-1") if isinstance(unit, bytes) else str(unit or "")).strip("\0 ")
 
 
 def _measured(source: str, file: Any, name: str, group: int, channel: int, formula: bool) -> tuple[Array, Array]:

@@ -78,13 +78,12 @@ def slips_table(runs: Iterable[RunRecord], data: StepSet) -> Table:
     way, out = next((run.slip.unit for run in slipping if run.slip and run.slip.unit), ""), data.output_unit
     return table_of(
         "Slips",
-        "Peak, output after the slip, slope of the loading, and what sticks and slips behind it, peak to peak.",
+        "Peak, output after the slip, and slope of the loading.",
         slipping,
         ("run", lambda run: Name(run.name)), (("level", data.input_unit), lambda run: level(run.level)),
         (("peak", out, 3), "slip.peak"), (("at", "s", 3), "slip.peak_s"),
         (("at", way, 3), "slip.moved") if way else None, (("after", out, 3), "slip.after"),
         (("loading", f"{out}/{way or 's'}", 3), "slip.stiffness" if way else "slip.stiffness_per_s"),
-        (("stick-slip", out, 3), "slip.stick_slip"), (("at", "Hz", 3), "slip.stick_slip_hz"),
     )  # fmt: skip
 
 
