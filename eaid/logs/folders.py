@@ -78,7 +78,7 @@ def _sorted_out(folder: Path) -> tuple[list[Path], list[str]]:
 def _made_by_eaid(path: Path) -> str:
     """data or replay, for a file that eaid wrote; empty for any other."""
     try:
-        if not is_as_written(path):
+        if path.suffix.lower() in LOGS or not is_as_written(path):
             return ""
     except OSError:
         return ""  # refused by its name

@@ -31,19 +31,18 @@ SECONDS_ASSUMED = {"unit-assumed", "time-brief", "time-in-whole-numbers", "time-
 
 def read_runs(paths: Sequence[Path], options: ReadOptions = PLAIN) -> list[Run]:
     """Runs of all logs, in the order given; raises DataError with a sentence for every fault of every log."""
-    runs, faults = read_what_can_be(paths, options)
+    runs, faults = read_what_can_be(files_of(paths), options)
     if faults:
         raise DataError(*faults)
     return runs
 
 
 def read_what_can_be(
-    paths: Sequence[Path],
+    files: Sequence[Path],
     options: ReadOptions,
     advance: Callable[[], None] = lambda: None,
 ) -> tuple[list[Run], list[str]]:
     """Runs of the good logs, and the faults of the others; `advance` is called after every file."""
-    files = files_of(paths)
 
     def of_file(path: Path) -> tuple[list[Run], list[str]]:
         try:

@@ -92,7 +92,10 @@ def edges(time_s: Array, output: Array, reference: Array | None = None) -> tuple
     for k in range(1, len(rests)):
         start, stop = rests[last][1], len(means) if k == len(rests) - 1 else rests[k][1]
         between = means[start:stop]
-        swings = int((np.abs(np.diff(between[turns(between, BACK * span)])) >= BACK * span).sum())
+        up, down = between - np.minimum.accumulate(between), np.maximum.accumulate(between) - between
+        swings = 1
+        if min(up.max(initial=0.0), down.max(initial=0.0)) >= BACK * span:
+            swings = int((np.abs(np.diff(between[turns(between, BACK * span)])) >= BACK * span).sum())
         if abs(levels[k] - levels[last]) >= MOVES * span or swings > 1:
             if not every or moves[start : rests[k][0] + 1].max(initial=0.0) >= MOVES:
                 every.append(_measured(times, means, (start, stop), levels[last], levels[k], max(1, swings)))

@@ -5,6 +5,7 @@ by some stretches of them, evenly spread. The density S of slow noise is b var(b
 noise of standard deviation σ at a rate f has S = σ²/f.
 """
 
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -51,9 +52,14 @@ def stretches(mask: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.int
 
 def block_means(values: Array, blocks: int = BLOCKS) -> Array:
     """Means of equal parts of the last axis, shape (…, blocks), fewer where there are fewer samples."""
-    samples = values.shape[-1]
+    starts, lengths = _blocks(values.shape[-1], blocks)
+    return np.asarray(np.add.reduceat(values, starts, axis=-1) / lengths)
+
+
+@lru_cache(64)
+def _blocks(samples: int, blocks: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     edges = np.linspace(0, samples, min(blocks, samples) + 1).astype(np.intp)
-    return np.asarray(np.add.reduceat(values, edges[:-1], axis=-1) / np.diff(edges))
+    return edges[:-1], np.diff(edges)
 
 
 def block_error(values: Array, blocks: int = BLOCKS) -> float:
