@@ -95,7 +95,7 @@ def read_steps(
     if manifest is None:
         files = files_of(paths, warn)
     else:
-        files, plain = [Path(entry.file) for entry in manifest.logs], ReadOptions()
+        files, plain = files_of(Path(entry.file) for entry in manifest.logs), ReadOptions()
         stands = {k: v for k, v in manifest.options.items() if getattr(options, k) == getattr(plain, k)}
         options = replace(options, **cast(Any, stands))
         for name in manifest.outside()[:5]:

@@ -89,13 +89,13 @@ def files_read(paths: Sequence[Path]) -> Iterator[Path]:
 
 def manifest_of(paths: Sequence[Path]) -> Manifest | None:
     """The manifest that is meant: given itself, or lying in the one folder that is given; None where there is none."""
-    found = [path / NAME for path in paths if (path / NAME).is_file()]
-    found += [path for path in paths if path.suffix == ".toml" and path.is_file()]
-    if not found:
+    manifests = [path / NAME for path in paths if (path / NAME).is_file()]
+    manifests += [path for path in paths if path.suffix == ".toml" and path.is_file()]
+    if not manifests:
         return None
     if len(paths) > 1:
-        raise UsageError(f"{found[0]}: says all about its own logs; give it, or its folder, alone")
-    return read_manifest(found[0])
+        raise UsageError(f"{manifests[0]}: says all about its own logs; give it, or its folder, alone")
+    return read_manifest(manifests[0])
 
 
 def read_manifest(path: Path) -> Manifest:
@@ -112,13 +112,13 @@ def read_manifest(path: Path) -> Manifest:
     if content.get("schema") != SCHEMA:
         raise DataError(f"{path}: its schema is {content.get('schema')!r}, and this eaid reads {SCHEMA!r}; {AGAIN}")
     try:
-        said = msgspec.convert(content, _Content)
+        parts = msgspec.convert(content, _Content)
     except msgspec.ValidationError as fault:
         raise DataError(f"{path}: {str(fault).replace('$.', '')}; mend it, or {AGAIN}") from None
-    if not said.log:
+    if not parts.log:
         raise DataError(f"{path}: lists no logs; {AGAIN}")
-    logs = tuple(msgspec.structs.replace(entry, file=str(path.parent / entry.file)) for entry in said.log)
-    outside = next((entry.file for entry in said.log if ".." in Path(entry.file).parts), None)
+    logs = tuple(msgspec.structs.replace(entry, file=str(path.parent / entry.file)) for entry in parts.log)
+    outside = next((entry.file for entry in parts.log if ".." in Path(entry.file).parts), None)
     if outside is not None:
         raise DataError(
             f"{path}: its log {plain(outside)} lies outside its folder; put it there, or give its whole path"
@@ -130,7 +130,7 @@ def read_manifest(path: Path) -> Manifest:
     ]
     if missing:
         raise DataError(*missing)
-    return Manifest(path, msgspec.to_builtins(said.options), logs)
+    return Manifest(path, msgspec.to_builtins(parts.options), logs)
 
 
 def apply(entry: Entry, run: Run) -> Run:
@@ -155,7 +155,7 @@ def _toml(**values: Value | None) -> list[str]:
 def write_manifest(
     files: Sequence[Path], runs: Sequence[Run], options: Mapping[str, Value | None], force: bool = False
 ) -> Path:
-    """Write `dataset.toml` beside the logs from what was found in them; returns its path.
+    """Write `dataset.toml` beside the logs from what they hold; returns its path.
 
     `runs` are cut; `options` as given on the command line. Raises UsageError where the logs lie in several folders.
     """
@@ -168,7 +168,7 @@ def write_manifest(
         lines += ["", "[[log]]", *_toml(file=file.name, sha256=sha256_of(file))]
         rising = [run for run in runs if run.source == str(file) and run.edge == "rising"]
         if len(rising) == 1 and rising[0].from_level == 0 and not rising[0].dataset:
-            # its instant is found anew: it may be wrong
+            # its instant is looked for anew: it may be wrong
             lines += _toml(repeat=rising[0].repeat, level=None if rising[0].has_input else rising[0].level)
     with written_whole(path, force) as part:
         part.write_text("\n".join(lines) + "\n", encoding="utf-8")
