@@ -232,9 +232,6 @@ def _exchanged(one: Path, other: Path) -> bool:
     return bool(swap(here, os.fsencode(one), here, os.fsencode(other), exchange) == 0)
 
 
-IN_MEMORY = 1 << 28
-"""Content of more raw bytes is written to the disk directly."""
-LIBVER = ("v110", "v110")
 SEAL = b"eaid-sha256:"
 
 
@@ -260,32 +257,16 @@ def is_as_written(path: Path) -> bool | None:
 
 
 @contextlib.contextmanager
-def hdf5_written_whole(path: Path, force: bool = False, raw_bytes: int = 0) -> Iterator[Any]:
+def hdf5_written_whole(path: Path, force: bool = False) -> Iterator[Any]:
     """An HDF5 file, built in memory and written whole when the block ends well; the same content, the same bytes.
 
-    Behind its end stand `SEAL` and the SHA-256 of all before it, which the HDF5 library passes over.
-
-    On a full disk the HDF5 library itself prints tracebacks and may crash; plain bytes give a plain OSError. Content of
-    more than `IN_MEMORY` raw bytes goes to the disk directly, once there is room for all of it.
+    Behind its end stand `SEAL` and the SHA-256 of all before it, which the HDF5 library passes over. On a full disk
+    that library itself prints tracebacks and may crash; plain bytes give a plain OSError.
     """
     import h5py
 
     refuse_to_overwrite(path, force)
-    if raw_bytes > IN_MEMORY:
-        free = shutil.disk_usage(path.parent).free
-        if free < raw_bytes:
-            raise UsageError(
-                f"{path}: takes up to {raw_bytes / 1e6:,.0f} MB, and {free / 1e6:,.0f} MB are free; "
-                f"make room, or choose another «output»"
-            )
-        with written_whole(path, force) as part:
-            with h5py.File(part, "w", libver=LIBVER) as file:
-                yield file
-            seal = bytes.fromhex(sha256_of(part))
-            with part.open("ab") as raw:
-                raw.write(SEAL + seal)
-        return
-    with h5py.File(path.name, "w", driver="core", backing_store=False, libver=LIBVER) as file:
+    with h5py.File(path.name, "w", driver="core", backing_store=False, libver=("v110", "v110")) as file:
         yield file
         file.flush()
         image = file.id.get_file_image()

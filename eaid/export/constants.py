@@ -144,11 +144,9 @@ def plant_constants(plant: Nonlinear, timing: Timing) -> law.PlantConstants:
     )
 
 
-def inverse_constants(
-    plant: Nonlinear, limits: tuple[float, float], timing: Timing, observer_per_s: float = OBSERVER_PER_S
-) -> law.InverseConstants:
+def inverse_constants(plant: Nonlinear, limits: tuple[float, float], timing: Timing) -> law.InverseConstants:
     """Constants of the inverse between the duty limits."""
-    gone = -math.expm1(-observer_per_s * timing.dt_s)
+    gone = -math.expm1(-OBSERVER_PER_S * timing.dt_s)
     kept = 1.0 - gone
     return law.InverseConstants(
         correction=1.0 - kept * kept,

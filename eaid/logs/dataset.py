@@ -76,7 +76,7 @@ def write_dataset(
     input_unit = min((run.input_unit for run in runs), default=INPUT_UNITS[kind])
     output_unit = min((run.output_unit for run in runs), default="N·m")
     root = _Root(SCHEMA, __version__, kind, input_unit, output_unit, "; ".join(made_by) or None)
-    with hdf5_written_whole(path, force, sum(8 * 4 * len(run.time_s) for run in runs)) as file:
+    with hdf5_written_whole(path, force) as file:
         for name, value in (msgspec.structs.asdict(root) | dataclasses.asdict(apparatus)).items():
             if value is not None:
                 file.attrs[name] = value
