@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from eaid.cli import console
-from eaid.cli.form import Common, Tables, argument, takes, written
+from eaid.cli.form import Common, Tables, argument, stamped, takes, written
 from eaid.declared import option, part
 from eaid.options import LOOP, CoupleOptions
 
@@ -28,7 +28,6 @@ def command(args: Arguments) -> None:
     Example: eaid couple fit.json --gains gains.json --torque 1,2,3 --wall 3
     """
     from eaid import api
-    from eaid.cli import inputs
     from eaid.files import refuse_to_overwrite
     from eaid.report.tables.gains import walls_brief, walls_tables
     from eaid.results import codec
@@ -40,7 +39,7 @@ def command(args: Arguments) -> None:
     fitted, warnings = codec.read(args.fit, Fit)
     tuned, more = codec.read(args.gains, Gains) if args.gains else (None, ())
     coupling = api.couple(fitted, tuned, options, progress=console.progress)
-    coupling = inputs.stamped(coupling, args, fit=args.fit, gains=args.gains)
+    coupling = stamped(coupling, args, fit=args.fit, gains=args.gains)
     coupling.save(args.output, args.force)
     if args.json:
         console.print_json(coupling)

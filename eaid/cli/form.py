@@ -22,6 +22,7 @@ from eaid.declared import Declaration, Form, Options, as_typed, forms, is_text, 
 from eaid.errors import DataError, UsageError
 
 A = TypeVar("A", bound="Common")
+R = TypeVar("R")
 OUTPUT, PLACE = "Output", "Arguments"
 GAINS = "no such file; give the gains.json that eaid wrote"
 LOGS = "no such file or folder; check the path"
@@ -202,3 +203,17 @@ def _typed_words(shown: Sequence[Form], typed: Mapping[str, Any]) -> tuple[str, 
         else:
             named += [word for part in each for word in (form.flag, _exactly(part))]
     return *placed, *named
+
+
+def stamped(result: R, args: Common, **files: Path | list[Path] | None) -> R:
+    """A result that says what was typed, and names the files it was made from."""
+    import msgspec
+
+    from eaid.results.common import Input
+
+    named = {
+        role: tuple(Input.of(one) for one in given if one.is_file()) if isinstance(given, list) else Input.of(given)
+        for role, given in files.items()
+        if given
+    }
+    return msgspec.structs.replace(result, inputs=named, command=args.typed)  # type: ignore[type-var]

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from eaid.cli import console
-from eaid.cli.form import Common, Verbose, argument, takes, written
+from eaid.cli.form import Common, Verbose, argument, stamped, takes, written
 from eaid.declared import forms, option, part
 from eaid.errors import UsageError
 from eaid.options import WHAT, Columns, ReadOptions, SimulateOptions
@@ -31,7 +31,6 @@ def command(args: Arguments) -> None:
     from dataclasses import replace
 
     from eaid import api
-    from eaid.cli import inputs
     from eaid.files import refuse_to_overwrite
     from eaid.logs.manifest import files_read
     from eaid.replay.files import as_json, write_replay
@@ -53,7 +52,7 @@ def command(args: Arguments) -> None:
         reading=reading if args.log else None,
         progress=console.progress,
     )  # fmt: skip
-    replay = replace(replay, head=inputs.stamped(replay.head, args, **files, log=args.log))
+    replay = replace(replay, head=stamped(replay.head, args, **files, log=args.log))
     write_replay(args.output, replay, args.force)
     if args.json:
         console.print_json(as_json(replay))
