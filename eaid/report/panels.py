@@ -131,17 +131,6 @@ class Note:
     boxed: bool = False
 
 
-@dataclass(frozen=True, eq=False)
-class Map:
-    """Values over two axes on paper, shape (rows, columns); rows stand at 0, 1, …; hatched where far below zero."""
-
-    edges: Array
-    values: Array
-    size: float
-    """Where the colours end."""
-    label: str
-
-
 @dataclass(frozen=True)
 class Box:
     """A box plot of some values on paper."""
@@ -173,7 +162,7 @@ class Panel:
     """Whether the lines reach both sides."""
     bar: tuple[Sequence[float], str] | None = None
     """Levels and label of a colour bar in place of the texts at the ends."""
-    content: Map | Sequence[Box] = ()
+    boxes: Sequence[Box] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,13 +17,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
-from matplotlib.collections import PolyCollection
-from matplotlib.colors import BoundaryNorm, ListedColormap, TwoSlopeNorm
+from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
-from eaid.report.panels import BLACK, VERMILLION, Axis, Box, Line, Map, Panel, Sheet, level_colours, thinned
+from eaid.report.panels import BLACK, VERMILLION, Axis, Box, Line, Panel, Sheet, level_colours, thinned
 
 if TYPE_CHECKING:
     from eaid.results.fit import Fit
@@ -39,10 +37,6 @@ POINTS, BAND_POINTS = 2500, 400
 FORMATS = ("png", "pdf", "svg")
 COLOURS = 128
 """A figure has a few colours and their blends; 128 draw alike at a third of the bytes."""
-STRIP_IN = 0.2
-"""Height that a mark takes above a figure [in]."""
-NO_SAMPLE = "#DCDCDC"
-"""Cells of a map without a value."""
 _LOOK = threading.Lock()
 
 
@@ -97,7 +91,8 @@ def draw(axes: Axes, panel: Panel, x_label: bool = True, y_label: bool = True) -
         else:
             edge = {"edgecolor": "#C8C8C8", "hatch": span.hatch, "zorder": 0} if span.hatch else {}
             getattr(axes, f"ax{across}span")(span.low, span.high, facecolor=span.color, lw=0, **edge)
-    _content(axes, panel)
+    if panel.boxes:
+        _boxes(axes, panel.boxes)
     if panel.tight and panel.lines:
         axes.set_xlim(min(line.x[0] for line in panel.lines), max(line.x[-1] for line in panel.lines))
     for name, axis, labelled in (("x", panel.x, x_label), ("y", panel.y, y_label)):
@@ -159,33 +154,14 @@ def _axis(axes: Axes, name: str, axis: Axis, labelled: bool) -> None:
         one.set_ticks(list(axis.ticks), list(axis.ticks.values()))
 
 
-def _content(axes: Axes, panel: Panel) -> None:
-    """A map or box plots."""
-    if isinstance(panel.content, Map):
-        _map(axes, panel.content)
-    elif panel.content:
-        boxes: Sequence[Box] = panel.content
-        drawn = axes.boxplot(
-            [one.values for one in boxes], tick_labels=[one.name for one in boxes], showfliers=False,
-            patch_artist=True, widths=0.5, medianprops={"color": "black", "linewidth": 1.2},
-        )  # fmt: skip
-        for patch, one in zip(drawn["boxes"], boxes, strict=True):
-            patch.set(facecolor=one.color, hatch=one.hatch, linewidth=0.7)
-        axes.grid(axis="x", visible=False)
-
-
-def _map(axes: Axes, one: Map) -> None:
-    rows = np.arange(len(one.values) + 1) - 0.5
-    norm = TwoSlopeNorm(0.0, -one.size, one.size)
-    mesh = axes.pcolormesh(one.edges, rows, one.values, cmap="PuOr_r", norm=norm, rasterized=True)
-    cells = [
-        [(one.edges[k], i - 0.5), (one.edges[k + 1], i - 0.5), (one.edges[k + 1], i + 0.5), (one.edges[k], i + 0.5)]
-        for i, k in np.argwhere(one.values < -0.25 * one.size)
-    ]  # told apart in grey, too
-    axes.add_collection(PolyCollection(cells, facecolor="none", edgecolor="white", hatch="/////", linewidth=0))
-    axes.grid(visible=False)
-    axes.set_facecolor(NO_SAMPLE)
-    axes.figure.colorbar(mesh, ax=axes, pad=0.01).set_label(one.label)
+def _boxes(axes: Axes, boxes: Sequence[Box]) -> None:
+    drawn = axes.boxplot(
+        [one.values for one in boxes], tick_labels=[one.name for one in boxes], showfliers=False,
+        patch_artist=True, widths=0.5, medianprops={"color": "black", "linewidth": 1.2},
+    )  # fmt: skip
+    for patch, one in zip(drawn["boxes"], boxes, strict=True):
+        patch.set(facecolor=one.color, hatch=one.hatch, linewidth=0.7)
+    axes.grid(axis="x", visible=False)
 
 
 def _bar(axes: Axes, levels: Sequence[float], label: str) -> None:
@@ -225,21 +201,8 @@ def _name_ends(axes: Axes, ends: Sequence[tuple[float, str, str]]) -> None:
 
 
 def marked(figure: Figure, text: str) -> None:
-    """Write a mark above a figure, which grows by a strip for it."""
-    width, height = figure.get_size_inches()
-    figure.set_size_inches(width, height + STRIP_IN)
-    share = STRIP_IN / (height + STRIP_IN)
-    if isinstance(engine := figure.get_layout_engine(), ConstrainedLayoutEngine):
-        engine.set(rect=(0, 0, 1, 1 - share))
-    if figure.legends:
-        figure.draw_without_rendering()  # lays the panels out below the legends, which then come down with them
-        figure.set_layout_engine("none")
-    for legend in figure.legends:
-        legend.set_bbox_to_anchor((0, 0, 1, 1 - share), transform=figure.transFigure)
-    figure.text(
-        0.5, 1 - 0.5 * share, f"\N{WARNING SIGN} {text}",
-        ha="center", va="center", fontsize=SMALLEST_PT, fontweight="bold", color=VERMILLION, in_layout=False,
-    )  # fmt: skip
+    """Write a mark below all panels of a figure."""
+    figure.supxlabel(f"\N{WARNING SIGN} {text}", fontsize=SMALLEST_PT, fontweight="bold", color=VERMILLION)
 
 
 def png_of(figure: Figure, dpi: float = DPI) -> bytes:

@@ -81,7 +81,7 @@ def test_the_summary_and_the_tables_say_what_the_files_say(whole: Any, files: di
         for cell, name in zip(row[1:], ("Ts", "tau1", "tau2"), strict=True):
             low, high = one["ci95"][name]
             assert cell == f"{one[name]:.3g} ({low:.3g} … {high:.3g})"  # as the terminal has it
-    assert f"usable, fits {number(fit['nonlinear']['fit_pct'], 3)} %; " in whole.lights[1][1]
+    assert f"usable, fits {number(fit['nonlinear']['fit_pct'], 3)} % (100 % = perfect); " in whole.lights[1][1]
     worst = gains["margins"]["worst"]
     heads, largest, _rms, gain, phase = whole.numbers["Controllers"]
     assert heads == ["", "RC", "PI", "PI/RC"] and largest[0] == "largest error (N·m), sum of sines"

@@ -230,6 +230,6 @@ def errors(replay: Replay) -> Ready | None:
     looks = [(MODES.get(name, (ink.PALE, name)), values) for name, values in absolute_deg.items()]
     hatches = ("", "////", "....", "xxxx")
     boxes = [ink.Box(name, values, colour, hatches[k % 4]) for k, ((colour, name), values) in enumerate(looks)]
-    panel = Panel(Axis(), Axis("|position error|", "°", (0.0, None)), content=boxes)
+    panel = Panel(Axis(), Axis("|position error|", "°", (0.0, None)), boxes=boxes)
     medians = [f"{name} {number(float(np.median(values)), 2)}°" for name, values in absolute_deg.items()]
     return Ready(Sheet([panel], 2.4, ink.COLUMN_IN), caption("position", medians=medians))

@@ -273,54 +273,32 @@ def hold_and_release(data: StepSet) -> Ready | None:
 
 
 STRETCHES = 48
-"""Stretches of time on a residual map: each is as much longer as it is later."""
-LEVELS = 60
-"""Most rows of a residual map."""
-
-
-def residual_map(rows: Sequence[tuple[float, Array, Array]]) -> tuple[Array, Array]:
-    """Ends of the stretches of time [s], shape (n + 1,), and the mean residuals of each level in them, shape (L, n).
-
-    Stretches grow with the time since the step; nan where a level has no sample.
-    """
-    end = max(float(t[-1]) for _level, t, _r in rows)
-    dt = min(float(t[-1] - t[0]) / max(len(t) - 1, 1) for _level, t, _r in rows)
-    # No stretch is shorter than a sample: the first is as long as that asks for.
-    samples = end / dt
-    first = next((k for k in range(2, 400) if k * ((samples / k) ** (1 / (STRETCHES - 1)) - 1) >= 1), samples / 2)
-    edges = np.concatenate([[0.0], np.geomspace(min(max(first * dt, end / 2000), end / 2), end, STRETCHES)])
-    edges[-1] = np.nextafter(end, np.inf)
-    mean = np.full((len(rows), STRETCHES), np.nan)
-    for i, (_level, t, r) in enumerate(rows):
-        place = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, STRETCHES - 1)
-        count = np.bincount(place, minlength=STRETCHES)
-        total = np.bincount(place, weights=r, minlength=STRETCHES)
-        mean[i, count > 0] = total[count > 0] / count[count > 0]
-    return edges, mean
+"""Stretches of time over which residuals are averaged: each is as much longer as it is later."""
 
 
 def residuals(data: StepSet, fit: Fit) -> Ready | None:
-    """(a) residuals over time and level, hatched where the model lies above the data, (b) RMSE of each level."""
+    """(a) residuals of each level over time, means of stretches, (b) RMSE of each level."""
     curves = nonlinear_curves(fit, data)
     if not curves:
         return None
     every = [(row.level, row.time_s, row.mean - curves[row.level](row.time_s)) for row in data.levels]
-    unit, out = over(data.input_unit), data.output_unit
-    rows = some_of(every, LEVELS)
-    levels = [level for level, _t, _r in rows]
-    edges, mean = residual_map(rows)
-    size = float(np.quantile(np.abs(mean[np.isfinite(mean)]), 0.98)) or 1e-9  # 2 % of the cells are beyond the colours
-    shown = np.unique(np.linspace(0, len(levels) - 1, 12).round().astype(int))
-    ticks = Axis(unit.name, unit.unit, ticks={float(k): f"{levels[k]:.3g}" for k in shown})
-    times = np.concatenate([[edges[1] / 1.6], edges[1:]])
-    rms = [float(np.sqrt(np.mean(r**2))) for _level, _t, r in every]
-    per_level = Line(rms, [level for level, _t, _r in every], "", ink.BLUE, width=0.8, marker="o")
+    unit, out, rows = over(data.input_unit), data.output_unit, some_of(every, LABELLED)
+    lines, furthest = [], []
+    for (level, t, left), colour in zip(rows, ink.level_colours(len(rows)), strict=True):
+        first = np.unique(np.geomspace(1, len(t), STRETCHES)[:-1].astype(int)) - 1
+        count = np.diff([*first, len(t)])
+        at, mean = (np.add.reduceat(values, first) / count for values in (t, left))
+        k, text = int(np.abs(mean).argmax()), level_text(level, data.input_unit)
+        furthest.append((abs(float(mean[k])), float(mean[k]), level, float(at[k])))
+        lines.append(Line(at[at > 0], mean[at > 0], text, colour, width=1.1))
+    rms = [float(np.sqrt(np.mean(left**2))) for _level, _t, left in every]
+    per_level = Line(rms, [level for level, _t, _left in every], "", ink.BLUE, width=0.8, marker="o")
+    zero = ink.Span(0.0, 0.0, ink.BLACK, "y", 0.5)
     panels = [
-        Panel(Axis("Time since the step", "s", log=True), ticks, title="(hatched: model above)",
-              content=ink.Map(times, mean, size, f"Measured − model ({out})")),
+        Panel(Axis("Time since the step", "s", log=True), Axis("Measured − model", out), lines, spans=[zero],
+              bar=([row[0] for row in rows], unit.text)),
         Panel(Axis("RMSE", out, (0.0, 1.1 * max(rms))), unit, [per_level], tight=False),
     ]  # fmt: skip
-    i, k = np.unravel_index(np.nanargmax(np.abs(mean)), mean.shape)
-    furthest = {"value": float(mean[i, k]), "level": levels[i], "times": edges[k : k + 2].tolist()}
-    text = caption("residuals", **furthest, unit=data.input_unit, out=out)
+    _size, value, level, at_s = max(furthest)
+    text = caption("residuals", value=value, level=level, at_s=at_s, unit=data.input_unit, out=out)
     return Ready(Sheet(panels, 2.7, columns=2, widths=(2.4, 1), share=(False, False)), text)

@@ -164,7 +164,7 @@ def _model(results: Results, known: Known) -> Light:
     if not fit.verdict.usable:
         return Light("Model", "bad", f"NOT USABLE: {fit.verdict.why}", "model")
     findings, percent = known["model"], fit_pct(fit)
-    lead = "usable; " if percent is None else f"usable, fits {number(percent, 3)} %; "
+    lead = "usable; " if percent is None else f"usable, fits {number(percent, 3)} % (100 % = perfect); "
     return Light("Model", _grade(findings), lead + _counted(findings, fit.data.input_unit), "model")
 
 

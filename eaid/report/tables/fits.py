@@ -17,7 +17,7 @@ from eaid.report.tables import (
     with_interval,
     with_unit,
 )
-from eaid.results.common import HuberPart, ci95_of
+from eaid.results.common import ci95_of
 from eaid.results.fit import Estimate, Fit, Nonlinear, Trend
 from eaid.results.recorded import Asked, Falls, LogFit, Loop, Response
 
@@ -229,14 +229,8 @@ def huber_tables(fit: Fit) -> list[Table]:
             ("level", lambda one: with_unit(level(one.level), fit.data.input_unit)),
             (("samples held back", "%", 2), lambda one: None if one.below_one is None else 100 * one.below_one),
             (("mean weight", "", 3), "mean"), (("least weight", "", 3), "least"),
-            ("parts that count less than half", lambda one: Name("; ".join(map(_part, one.parts)) or "none")),
         ))  # fmt: skip
     return found
-
-
-def _part(one: HuberPart) -> str:
-    run = f", {one.run}" if one.run else ""
-    return f"{number(one.from_s, 3)} to {number(one.to_s, 3)} s (down to {number(one.least, 2)}{run})"
 
 
 def model_tables(fit: Fit, asked: bool | None = None) -> list[Table]:
