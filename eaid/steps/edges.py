@@ -1,25 +1,27 @@
 """Edges of an output by itself: where it goes from one value to another, and how (rise, overshoot, settling of each).
 
-The output is averaged to at most 400 blocks; stretches of a twentieth of the record or more in which it hardly moves
-are rests, and an edge goes from one rest to the next of another value, however it swings between them.
+The output is averaged to at most 400 blocks and followed from turn to turn: a turn counts where the way back is
+`BACK` of the whole range. Between two turns, stretches that rest part one edge from the next.
 """
 
 import itertools
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from eaid.arrays import Array, median
 from eaid.findings import Finding, finding
-from eaid.steps.noise import block_means, block_noise, sample_noise, stretches
+from eaid.steps.noise import block_means, block_noise, sample_noise
 from eaid.steps.plateaus import BACK, FEWEST, turns
 
 BLOCKS = 400
+QUICK = 0.2
+"""Share of the record that an edge behind the first may take: what comes back slower is drift."""
 MOVES = 0.15
-"""Share of the range by which rests differ for an edge to lie between them; behind the first edge the output moves by
-as much in a fiftieth of the record, for what comes back slower is drift."""
+"""Share of the range that an edge moves within a fiftieth of the record."""
 RESTS = 0.03
-"""Share of the range that an output at rest moves at most in a fiftieth of the record."""
+"""Share of the range within which a stretch of a twentieth of the record rests."""
 JUMP = 0.1
 """Share of a reference's range by which it changes from one sample to the next where it jumps."""
 CLEAR = 14.0
@@ -42,6 +44,15 @@ class Edge:
     """Time until it stays within 5 % of the change about its end value [s]; None where it does not."""
     swings: int = 1
     """Swings by half of the range before it rests: 2 are an overshoot by more than that."""
+
+
+class _Leg(NamedTuple):
+    """An edge in blocks start … end − 1, and whether it ends in a rest."""
+
+    edge: Edge
+    start: int
+    end: int
+    rests: bool
 
 
 def reference_edges(time_s: Array, output: Array, reference: Array) -> tuple[Edge, ...]:
@@ -79,28 +90,59 @@ def edges(time_s: Array, output: Array, reference: Array | None = None) -> tuple
     noise = max(sample_noise(output) / np.sqrt(len(output) / len(means)), block_noise(means), block_noise(means[::3]))
     if span <= CLEAR * noise or span <= 0:
         return ()
+    pieces: list[tuple[int, int, int]] = []
+    for start, stop in itertools.pairwise(turns(means, BACK * span)):
+        if abs(means[stop] - means[start]) >= MOVES * span:
+            parts = _parts(means, start, stop + 1, span)
+            if pieces and len(parts) > 1 and abs(means[parts[0][1] - 1] - means[start]) < BACK * span:
+                parts = parts[1:]  # what comes back from an overshoot belongs to the edge before
+            # the hold behind the last edge of a leg goes on behind the turn
+            pieces += [(a, b, b if b <= stop else len(means)) for a, b in parts]
+    legs = [_edge(times, means, *piece) for piece in pieces]
+    legs = [leg for leg in legs if abs(leg.edge.after - leg.edge.before) >= MOVES * span]
+    quick = [leg for leg in legs[1:] if leg.edge.rise_s < QUICK * float(times[-1] - times[0])]
+    done: list[Edge] = []
+    swings: list[_Leg] = []
+    for leg in [*legs[:1], *quick]:  # what swings to and fro before it rests is one edge with its overshoot
+        swings.append(leg)
+        if leg.rests:
+            before, after = swings[0].edge.before, leg.edge.after
+            single = len(swings) == 1 or abs(after - before) < 0.1 * np.ptp(means)
+            within = (swings[0].start, leg.end)
+            done.append(leg.edge if single else _measured(times, means, within, before, after, len(swings)))
+            swings = []
+    return (*done, *(leg.edge for leg in swings))
+
+
+def _parts(means: Array, start: int, stop: int, span: float) -> list[tuple[int, int]]:
+    """A leg between two turns as pieces with one edge each: those between moves with a rest in between."""
     lag, still = max(1, len(means) // 50), max(2, len(means) // 20)
-    moves = np.abs(means[lag:] - means[:-lag]) / span
-    rests = [(a, b) for a, b in np.column_stack(stretches(moves < RESTS)).tolist() if b + lag - a >= still]
-    if not rests or rests[0][0] > 0:
-        rests.insert(0, (0, 1))
-    if rests[-1][1] + lag < len(means):
-        rests.append((len(means) - 1, len(means)))
-    levels = [median(means[a : b + 1]) for a, b in rests]
-    every: list[Edge] = []
-    last = 0  # the rest that the next edge leaves
-    for k in range(1, len(rests)):
-        start, stop = rests[last][1], len(means) if k == len(rests) - 1 else rests[k][1]
-        between = means[start:stop]
-        up, down = between - np.minimum.accumulate(between), np.maximum.accumulate(between) - between
-        swings = 1
-        if min(up.max(initial=0.0), down.max(initial=0.0)) >= BACK * span:
-            swings = int((np.abs(np.diff(between[turns(between, BACK * span)])) >= BACK * span).sum())
-        if abs(levels[k] - levels[last]) >= MOVES * span or swings > 1:
-            if not every or moves[start : rests[k][0] + 1].max(initial=0.0) >= MOVES:
-                every.append(_measured(times, means, (start, stop), levels[last], levels[k], max(1, swings)))
-            last = k
-    return tuple(every)
+    if stop - start < 2 * still + lag:
+        return [(start, stop)] if stop - start >= 2 else []
+    steps = np.abs(means[start + lag : stop] - means[start : stop - lag]) / span
+    cuts, moved, rested = [start], False, 0
+    rest_since: int | None = None
+    for i, step in enumerate(steps.tolist()):
+        rested = rested + 1 if step < RESTS else 0
+        if step > MOVES:
+            if moved and rest_since is not None:
+                cuts.append(start + rest_since)
+            moved, rest_since = True, None
+        elif moved and rested >= still:
+            rest_since = i
+    return list(itertools.pairwise([*cuts, stop]))
+
+
+def _edge(times: Array, means: Array, start: int, stop: int, limit: int) -> _Leg:
+    """The edge between two extremes, with the stretch behind it that stays nearer to the second."""
+    share, tenth, most = _shares(means, (start, stop), float(means[start]), float(means[stop - 1]))
+    away = np.flatnonzero(share[most:limit] < 0.5)
+    end = most + max(1, int(away[0])) if len(away) else limit
+    before = median(means[start : max(tenth, start + 1)])
+    after = median(means[(most + end) // 2 : end])
+    near = np.abs(means[most:end] - after) <= 0.05 * abs(after - before)
+    rests = int(near.sum()) >= max(4, len(means) // 50, 0.4 * (end - most))
+    return _Leg(_measured(times, means, (start, end), before, after), start, end, rests)
 
 
 def _shares(means: Array, within: tuple[int, int], before: float, after: float) -> tuple[Array, int, int]:
@@ -139,7 +181,7 @@ def several_edges(name: str, time_s: Array, output: Array, first_s: float = 0.0)
     # the end of a window given by hand may hold the first samples of the release
     until = len(output) - len(output) // 50
     every = edges(time_s[:until], output[:until])
-    if sum(edge.swings for edge in every) < 2:
+    if sum(one.swings for one in every) < 2:
         return None
     return finding(
         "several-edges", name, edges=len(every), at_s=tuple(edge.at_s + first_s for edge in every),

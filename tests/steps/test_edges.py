@@ -54,7 +54,7 @@ EDGES: dict[str, tuple[Any, Any, list[dict[str, Any]]]] = {
         "before": near(2.2, 0.02), "after": near(1.5, 0.02), "overshoot_pct": near(107, 6), "swings": 2,
         "settling_s": near(15.5 + 0.5 * np.sqrt(np.log(0.75 / 0.035)) - 14.1, 0.15)}]),
     "wound up behind noise": (WOUND_UP + NOISE, None, [{"overshoot_pct": near(107, 6), "swings": 2}]),
-    "a wave that never rests": (np.sin(2 * np.pi * T / 7.5), None, [{"swings": 7}]),
+    "a wave that never rests": (np.sin(2 * np.pi * T / 7.5), None, [{}] * 8),
     "noise": (NOISE, None, []),
     "three asked for": (THREE, STAIRS, BY_HAND),
     "in three parts each": (
