@@ -477,8 +477,6 @@ LEAST_TAIL = 1e-6
 """Part of a step's change below which what it has left is nothing."""
 FEW_STEPS = 3
 """Steps up to which each is shown by itself, too."""
-MOST_RISES = 200
-"""Rises up to which all are, where the first ones to a level ask for another shape."""
 
 
 def single_steps(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]:
@@ -566,21 +564,16 @@ def tail_of(shape: StepShape, before: Tail, lasted_s: float) -> Tail:
 
 
 def of_another_shape(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]:
-    """Rises that ask for another shape than the paper's, with intervals, where most of the first ones to a level do."""
-    rises = [step for step in stepset.level_steps if step.edge == "up"]
-    first_rises = {step.level: step for step in reversed(rises)}.values()
-    shapes: dict[str, StepShape | None] = {}
-    may_be_asking = len(first_rises)
-    for step in first_rises:
-        shapes[step.name] = _other_shape(step, options)
-        may_be_asking -= shapes[step.name] is None
-        if 2 * may_be_asking <= len(first_rises):  # it can be most of them no more
-            return ()
-    if len(rises) <= MOST_RISES:
-        shapes |= {step.name: _other_shape(step, options) for step in rises if step.name not in shapes}
+    """The first rise to each level that asks for another shape than the paper's, with intervals, where most do."""
+    first_rises = {step.level: step for step in reversed(stepset.level_steps) if step.edge == "up"}
+    asking: list[StepShape] = []
     dead_free = options.held_dead_time_s is None
-    asking = ((step, shape) for step in rises if (shape := shapes.get(step.name)) is not None)
-    return tuple(with_interval(step, shape, options.ci, dead_free) for step, shape in asking)
+    for k, step in enumerate(first_rises[level] for level in sorted(first_rises)):
+        if (shape := _other_shape(step, options)) is not None:
+            asking.append(with_interval(step, shape, options.ci, dead_free))
+        elif 2 * (k + 1 - len(asking)) >= len(first_rises):  # it can be most of them no more
+            return ()
+    return tuple(asking)
 
 
 def _other_shape(step: LevelStep, options: FitOptions) -> StepShape | None:

@@ -74,7 +74,8 @@ def _peaks(fit: "Fit") -> list[str]:
     top = max(steps, key=lambda one: one.level)
     unit = f" {fit.data.output_unit}" if fit.data.output_unit else ""
     where = f"{top.from_:.4g} → {top.level:.4g} peaks at {top.peak:.3g}{unit} and falls towards {top.change:.3g}"
-    return [f"peaks  {len(steps)} of {runs(fit, 'run')} overshoot, T_s is an average: {where}"]
+    at = f"{len(steps)} of {counted(len(fit.data.levels), 'level')}"
+    return [f"peaks  steps to {at} overshoot, T_s is an average: {where}"]
 
 
 def warned(fit: "Fit") -> tuple[str, ...]:
