@@ -251,8 +251,7 @@ class TuneOptions(Chance):
         if by_frequency and (self.kp is not None or self.kd is not None):
             raise UsageError("give either «kp» and «kd», or «natural_frequency» and «damping», not both")
         together("natural_frequency", self.natural_frequency, "damping", self.damping)
-        if (self.pi_overshoot is None) != (self.pi_settling is None):
-            raise UsageError("«pi_overshoot» and «pi_settling» belong together: give both or neither")
+        together("pi_overshoot", self.pi_overshoot, "pi_settling", self.pi_settling)
         if self.pi_gains is not None and self.pi_overshoot is not None:
             raise UsageError("give either «pi_gains» or «pi_overshoot» with «pi_settling», not both")
 

@@ -13,11 +13,11 @@ import os
 import re
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import msgspec
 
@@ -26,6 +26,9 @@ from eaid.files import written_whole
 from eaid.findings import Finding, finding, sentences
 from eaid.shown import Shown
 from eaid.version import __version__
+
+if TYPE_CHECKING:
+    import pandas
 
 R = TypeVar("R", bound=msgspec.Struct)
 VERSIONS = {"fit": 2}
@@ -272,3 +275,25 @@ def _finite(text: str) -> float:
     if not math.isfinite(value):
         raise ValueError(f"it holds {text[:20]}, which is no finite number")
     return value
+
+
+def cells_of(item: msgspec.Struct) -> dict[str, Any]:
+    """The fields of a result that are no parts of their own, by their keys; of intervals `ci95` both ends."""
+    cells: dict[str, Any] = {}
+    for name, key in zip(item.__struct_fields__, item.__struct_encode_fields__, strict=True):
+        value = getattr(item, name)
+        if holds_part(type(item), name):
+            ends = value.__struct_fields__ if name == "ci95" and value is not None else ()
+            for one in (each for each in ends if each != "dof"):
+                low, high = getattr(value, one) or (math.nan, math.nan)
+                cells |= {f"{one}_low": low, f"{one}_high": high}
+        elif value is None or isinstance(value, float | int | str | bool):
+            cells[key] = math.nan if value is None else value
+    return cells
+
+
+def frame_of(items: Iterable[msgspec.Struct]) -> "pandas.DataFrame":
+    """One row a result, one column a field."""
+    import pandas
+
+    return pandas.DataFrame([cells_of(item) for item in items])

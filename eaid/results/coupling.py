@@ -92,6 +92,4 @@ class Coupling(codec.Saved, Result, frozen=True):
 
     def to_frame(self) -> "pandas.DataFrame":
         """One row a wall: loop, torque, K passive, stable and replayed, and the frequencies that limit them."""
-        from eaid.results.frames import frame_of
-
-        return frame_of(self.walls)
+        return codec.frame_of(self.walls)

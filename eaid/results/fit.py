@@ -712,11 +712,9 @@ class Fit(codec.Saved, Result, frozen=True, dict=True):
         """One row a level, or a step between two: its curve with intervals, and the error of each model."""
         import pandas as pd
 
-        from eaid.results.frames import cells_of
-
         rows: dict[tuple[float, float], dict[str, Any]] = {}
         for one in self.friction_levels:
-            rows[one.from_, one.level] = {key: cell for key, cell in cells_of(one).items() if key != "level"}
+            rows[one.from_, one.level] = {key: cell for key, cell in codec.cells_of(one).items() if key != "level"}
         for name in ("nonlinear", "linear"):
             part = getattr(self, name)
             for error in part.per_level if part is not None else ():

@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING, ClassVar
 
 from eaid.findings import Finding, ranked, sentences
+from eaid.results import codec
 from eaid.results.common import Count, Input, Number, Result
 from eaid.shown import Shown, counted, span
 
@@ -70,6 +71,4 @@ class Plan(Shown, Result, frozen=True):
 
     def to_frame(self) -> "pandas.DataFrame":
         """One row a run, in the order of recording."""
-        from eaid.results.frames import frame_of
-
-        return frame_of(self.runs)
+        return codec.frame_of(self.runs)
