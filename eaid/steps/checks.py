@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from eaid.arrays import median
+from eaid.arrays import Array, median
 from eaid.findings import Finding, finding
 from eaid.steps.baseline import FLOOR, last_rest, without_spikes
 from eaid.steps.edges import several_edges
@@ -62,9 +62,24 @@ def saturated(step: Step) -> Finding | None:
         if len(starts) == 1 and stops[0] <= step.start and entry > 0:
             continue  # a sensor that dropped out in the idle time: stuck
         # a settled or idle output is approached by its finest step
-        if abs(limit - float(output[max(0, entry - 3)])) > max(20 * finest, 1e-3 * float(np.ptp(output))):
+        steep = abs(limit - float(output[max(0, entry - 3)])) > max(20 * finest, 1e-3 * float(np.ptp(output)))
+        if steep or _cut_short(output, entry, limit):
             return finding("saturated", step.run.name, samples=int(at.sum()), limit=limit, unit=step.unit)
     return flat_top(step) if step.run.edge == "rising" else None
+
+
+def _cut_short(output: Array, entry: int, limit: float) -> bool:
+    """True where an output without noise stops at a limit although its last moves, an exponential's, foretell more."""
+    if entry < 3:
+        return False
+    last, before = abs(limit - float(output[entry - 1])), abs(float(output[entry - 1] - output[entry - 2]))
+    moves = np.abs(np.diff(output))
+    moves = moves[moves > 0]
+    finest = float(moves.min())
+    even = np.abs(moves / finest - np.round(moves / finest)).max() < 1e-3
+    # what is left of an exponential whose last two moves were these, the last one cut
+    left = min(last, before) if before > 0 else 0.0
+    return left > max(4 * finest if even else 0.0, 2e-3 * float(np.ptp(output)))
 
 
 def flat_top(step: Step) -> Finding | None:

@@ -160,7 +160,7 @@ CASES: dict[str, tuple[Any, dict[str, Any]]] = {
     # the sensor
     "saturated": (output(np.minimum(NOISY.torque_nm, 1.2)), {"saturated": {
         "samples": int((NOISY.torque_nm >= 1.2).sum()), "limit": 1.2, "unit": "N·m"}}),
-    "saturated, no noise": (output(np.minimum(RUN.torque_nm, 1.5)), {"flat-topped": {"limit": 1.5, "unit": "N·m"}}),
+    "saturated, no noise": (output(np.minimum(RUN.torque_nm, 1.5)), {"saturated": {"limit": 1.5, "unit": "N·m"}}),
     "saturated below": (output(np.maximum(-NOISY.torque_nm, -1.2)), {"signs-turned": {"runs": 1}, "saturated": {
         "samples": int((NOISY.torque_nm >= 1.2).sum()), "limit": -1.2, "unit": "N·m"}}),
     "rounded to 1 mN·m, it settles on one value": (output(np.round(RUN.torque_nm, 3)), {}),
