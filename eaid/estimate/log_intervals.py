@@ -116,6 +116,11 @@ def _degrees(squares: Sequence[Array], groups: Sequence[NDArray[np.intp]]) -> fl
 
 def spread(solved: Solved) -> Spread:
     """Everything that intervals need where a fit ended."""
+    with np.errstate(over="ignore", invalid="ignore"):  # what nothing determines has no bound
+        return _spread(solved)
+
+
+def _spread(solved: Solved) -> Spread:
     setup, x = solved.setup, solved.x
     clean = setup if solved.instruments is None else replace(setup, drives=solved.instruments)
     n = setup.size
