@@ -1,7 +1,6 @@
 """Every command that the terminal or the page names as the next one runs as it is printed."""
 
 import html
-import json
 import re
 import shlex
 from pathlib import Path
@@ -74,14 +73,3 @@ def test_options_of_a_design_stay_in_what_mends_it(by_hand, run_eaid):
 def test_what_is_printed_of_recorded_logs_runs(name, run_eaid, realdata, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     run_chain([REAL[name].replace("REAL", str(realdata))], run_eaid, "fit tune-rc simulate report plan")
-
-
-@pytest.mark.slow
-def test_the_page_asks_for_no_more_than_plan_does(run_eaid, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    for line in ("synth --rate-hz 50 -o data.h5", "fit data.h5", "report fit.json"):
-        assert run_eaid(line).code == 0
-    page = Path("report/report.html").read_text(encoding="utf-8")
-    levels, repeats = re.search(r"Record (\d+) levels, .*?at least (\d+) times each", page).groups()
-    planned = json.loads(run_eaid("plan fit.json --json -q").out)
-    assert len(planned["levels"]) == int(levels) and planned["repeats"] >= int(repeats)

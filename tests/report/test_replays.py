@@ -106,7 +106,7 @@ def test_drawn_plants_a_log_and_a_reference_have_their_figures(
 TUNED = ["--b-hat", "minimax", "--kp", "5", "--phi", "0.02", "--pi-overshoot", "1", "--pi-settling", "0.3",
          "--duty-limits", "5,95", "--reference", "multisine", "--bounds-levels", "40:100", "--pwm-hz", "0"]  # fmt: skip
 REPLAYED = ["--controller", "pi,inverse", "--scenario", "steps", "--duration", "9", "--rate-hz", "500",
-            "--noise-nm", "0.01", "--ripple-pct", "2", "--duty-bits", "8", "--perturb", "Ts=0.9", "--no-saturation",
+            "--noise-nm", "0.01", "--ripple-pct", "2", "--duty-bits", "8", "--perturb", "Ts=0.9",
             "--seed", "5"]  # fmt: skip
 
 
