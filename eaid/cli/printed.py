@@ -34,7 +34,7 @@ def show_fit(fit: Fit, file: Path, tables: bool, verbose: bool) -> None:
     label = "warned " if usable else "stop   "
     warnings = label + (", ".join(warned(fit)) or "none")
     for line in (*verdict_line(fit), *answer(fit), warnings, f"next   {shlex.join(('eaid', after, str(file)))}"):
-        console.line(line)
+        console.line(on_command_line(line))
     shown = model_tables(fit, asked=False) if tables else []
     for table in [*shown, *(judging_tables(fit) if tables and verbose else ())]:
         console.show(table)

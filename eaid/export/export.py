@@ -69,7 +69,7 @@ def _findings(source: Source, laws: tuple[str, ...], rate_hz: float, options: Ex
 def _gains(source: Source, gains: Gains, laws: tuple[str, ...], rate_hz: float) -> Iterator[Finding]:
     other_rate = abs(rate_hz - source.rate_hz) > 1e-6 * source.rate_hz
     yield from _unstable(source, laws, rate_hz, gains.margins.points if gains.margins and not other_rate else ())
-    if why := gains.not_usable or (source.fit.verdict.of("linear").why if source.fit is not None else ""):
+    if why := gains.not_usable or (source.fit.verdict.of("linear").sentence if source.fit is not None else ""):
         yield finding("export-not-usable", "gains", why=why)
     yield from stops(gains.findings)
     if "rc" in laws and gains.rc is not None:
@@ -119,7 +119,7 @@ def _unstable(source: Source, laws: tuple[str, ...], rate_hz: float, kept: Seque
 
 def _plant(source: Source, laws: tuple[str, ...]) -> Iterator[Finding]:
     subject = "plant" if "plant" in laws else "inverse"
-    if source.fit is not None and (why := source.fit.verdict.of(*PLANT).why):
+    if source.fit is not None and (why := source.fit.verdict.of(*PLANT).sentence):
         yield finding("export-not-usable", subject, why=why)
     if source.plant is not None and source.plant.release is None:
         yield finding("export-no-release", subject)

@@ -139,9 +139,10 @@ def _named_column(path: str, role: str, given: str, table: Table) -> int:
 def _only(path: str, role: str, hits: Sequence[int], names: Sequence[str]) -> int | None:
     """The only column there is; None where there is none; raises DataError where there are several."""
     if len(hits) > 1:
+        first = names[hits[0]] if names.count(names[hits[0]]) == 1 else ""
         raise DataError(
             f"{path}: several columns may be the {role} ({shown([names[i] for i in hits])}); "
-            f'say which with «columns» {role}="{names[hits[0]] or hits[0] + 1}"'
+            f'say which with «columns» {role}="{first or hits[0] + 1}"'
         )
     return hits[0] if hits else None
 

@@ -271,7 +271,7 @@ def simulate(
 
 def _not_usable(fit: Fit, gains: Gains | None) -> dict[str, str]:
     """What of a replay stands on a fit that must not be used, and why."""
-    reasons = {"plant": fit.verdict.of(*PLANT).why, "gains": (gains.not_usable or "") if gains is not None else ""}
+    reasons = {"plant": fit.verdict.of(*PLANT).sentence, "gains": (gains.not_usable or "") if gains is not None else ""}
     return {name: why for name, why in reasons.items() if why}
 
 

@@ -38,7 +38,7 @@ def tune(
     Raises GainsError where fit or wishes are not physical, out of reach, or unstable on the linear model, and DataError
     where the fit lacks what is asked for.
     """
-    why = fit.verdict.of("linear").why
+    why = fit.verdict.of("linear").sentence
     if why and not options.anyway:
         raise DataError(f"the fit is NOT USABLE: {why}; «anyway» makes gains of it all the same, marked")
     model, plant = model_of(fit), plant_of(fit)

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.polynomial.polynomial import polyder, polyroots, polytrim, polyval
 
 from eaid.arrays import Array
-from eaid.findings import Finding, finding, ranked, sentences, stops
+from eaid.errors import in_python
+from eaid.findings import Finding, finding, ranked, say, stops
 from eaid.models import linear, nonlinear
 from eaid.models.parameters import TAU_FLOOR_S
 from eaid.results.common import Interval
@@ -52,7 +53,12 @@ class Verdict(msgspec.Struct, frozen=True):
     @property
     def why(self) -> str:
         """The reasons as sentences; empty for a usable fit."""
-        return "; ".join(sentences(self.reasons))
+        return in_python(self.sentence)
+
+    @property
+    def sentence(self) -> str:
+        """The same with its options yet to be written as Python or the command line does."""
+        return "; ".join(map(say, self.reasons))
 
     def of(self, *models: str) -> "Verdict":
         """The verdict on some of the models: what speaks against others alone is left out."""

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+import eaid
+
 
 def result():
     return json.loads(Path("f.json").read_text(encoding="utf-8"))
@@ -108,3 +110,23 @@ def test_the_tracking_error_of_a_noisy_fit_is_that_of_its_plant(seed, tmp_path, 
         assert run_eaid(line).code == 0
     ran = run_eaid("simulate fit.json --gains gains.json --scenario multisine --controller rc --json")
     assert 0.95 * 0.087 < json.loads(ran.out)["controllers"]["rc"]["max_abs_error_nm"] < 1.05 * 0.102
+
+
+def test_a_verdict_names_options_as_they_are_typed(tmp_path, monkeypatch, run_eaid):
+    """Torque in counts: terminal, gains and page say --units, a notebook units=."""
+    monkeypatch.chdir(tmp_path)
+    assert run_eaid("synth --levels 40,70,100 --repeats 1 --hold 8 --idle 1 --rate-hz 50 -q -o logs").code == 0
+    for log in Path("logs").glob("*.csv"):
+        rows = [line.split(",") for line in log.read_text().splitlines()]
+        scaled = [[*row[:-1], f"{1e9 * float(row[-1])}"] if row[0][:1].isdigit() else row for row in rows]
+        log.write_text("\n".join(map(",".join, scaled)) + "\n")
+    ran = run_eaid("fit logs -o f.json")
+    assert ran.code == 4 and ran.out.startswith("NOT USABLE: ") and "say --units output=UNIT" in ran.out
+    ran = run_eaid("tune-rc f.json -o g.json")
+    assert ran.code == 3 and "say --units output=UNIT" in ran.err
+    ran = run_eaid("tune-rc f.json --anyway --verbose -o g.json")
+    assert "say --units output=UNIT" in ran.err and "units=" not in ran.err
+    assert run_eaid("report f.json g.json -o r -q").code == 0
+    page = Path("r/report.html").read_text(encoding="utf-8")
+    assert "say --units output=UNIT" in page and "«" not in page
+    assert "say units= output=UNIT" in eaid.load("f.json").verdict.why

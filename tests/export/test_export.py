@@ -92,9 +92,9 @@ def test_what_the_gains_themselves_call_unstable_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("gains", "fit", "laws", "sentence", "others"),
     [
-        ({"not_usable": "one level"}, None, None, "rest on a fit that is NOT USABLE: one level", None),
+        ({"not_usable": "one level"}, None, None, "gains of a fit that is NOT USABLE: one level", None),
         ({"findings": [STOP | {"subject": "rc"}]}, None, None, "some-stop", None),
-        (None, {"converged": False}, None, "plant rest on a fit that is NOT USABLE", None),
+        (None, {"converged": False}, None, "plant of a fit that is NOT USABLE", None),
         (None, {"nonlinear": {"solver": {"converged": False}}}, None, "did not converge", None),
         ({}, {"findings": [STOP]}, ("plant",), "some-stop", ("rc",)),
         ({}, {"findings": [STOP | {"subject": "linear"}]}, ("rc",), "some-stop", ("plant",)),

@@ -111,7 +111,7 @@ BAD: dict[str, tuple[Any, ...]] = {
     "no-torque.csv": (csv(GOOD, "time_s,duty_pct,temperature"), "no column is called torque (columns: time_s, "
                       "duty_pct, temperature); name what was measured with --columns output=NAME"),
     "two-torques.csv": (more(lambda i: 0, f"{HEADER},torque_nm"), "several columns may be the output (torque_nm, "
-                        'torque_nm); say which with --columns output="torque_nm"'),
+                        'torque_nm); say which with --columns output="3"'),
     "two-times.csv": (csv([f"{i},{line}" for i, line in enumerate(GOOD)], f"time,{HEADER}"),
                       'several columns may be the time (time, time_s); say which with --columns time="time"'),
     "two-duties.csv": (more(lambda i: 50, f"{HEADER},duty (%)"),

@@ -73,7 +73,7 @@ def _leaves(v: Values) -> str:
 
 
 REPLAY_ROWS: dict[str, Row] = {
-    "replay-not-usable": caution("the {subject} stand on a fit that is NOT USABLE ({why}): the replay is marked"),
+    "replay-not-usable": caution("{subject} of a fit that is NOT USABLE ({why}): the replay is marked"),
     "reference-above-plant": caution(
         "the {subject} goes to {asked:.3g} {unit}, the fitted plant at its highest input to {highest:.3g} {unit}: its "
         "errors say nothing about the gains; give a «reference» within reach"
@@ -141,7 +141,7 @@ EXPORT_ROWS: dict[str, Row] = {
     "export-unstable": stop(
         "{subject}: the loop is unstable at {rate_hz:g} Hz around {levels} {unit}; ask for slower gains"
     ),
-    "export-not-usable": stop("the {subject} rest on a fit that is NOT USABLE: {why}"),
+    "export-not-usable": stop("{subject} of a fit that is NOT USABLE: {why}"),
     "export-quick-falls": caution(
         "the fit's falls between levels are as quick as its release, which an exported plant does not know: the "
         "controllers alone are exported"

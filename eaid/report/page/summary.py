@@ -7,6 +7,7 @@ from itertools import islice
 
 import numpy as np
 
+from eaid.errors import on_command_line
 from eaid.findings import Finding
 from eaid.report.figures import logs, replays, steps, values
 from eaid.report.page.known import MOST, Known
@@ -162,7 +163,7 @@ def _model(results: Results, known: Known) -> Light:
     if fit is None:
         return Light("Model", "none", "no fit given", "appendix")
     if not fit.verdict.usable:
-        return Light("Model", "bad", f"NOT USABLE: {fit.verdict.why}", "model")
+        return Light("Model", "bad", on_command_line(f"NOT USABLE: {fit.verdict.sentence}"), "model")
     findings, percent = known["model"], fit_pct(fit)
     lead = "usable; " if percent is None else f"usable, fits {number(percent, 3)} % (100 % = perfect); "
     return Light("Model", _grade(findings), lead + _counted(findings, fit.data.input_unit), "model")
@@ -183,10 +184,10 @@ MARK = "Fit NOT USABLE: do not quote"
 
 def mark_of(results: Results) -> tuple[str, list[str]] | None:
     """The mark, and why; None where no fit is given, and no gains or replays of one, that must not be used."""
-    reasons = [one.result.verdict.why for one in results.fits]
+    reasons = [one.result.verdict.sentence for one in results.fits]
     reasons += [one.result.not_usable or "" for one in results.gains]
     reasons += [why for replay in results.replays for why in replay.result.head.not_usable.values()]
-    told = list(dict.fromkeys(why for why in reasons if why))
+    told = list(dict.fromkeys(on_command_line(why) for why in reasons if why))
     return (MARK, told) if told else None
 
 
