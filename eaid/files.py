@@ -26,8 +26,7 @@ def sha256_of(path: Path) -> str:
 
 
 LOGS = (
-    ".gz", ".csv", ".tsv", ".dat", ".asc", ".lvm", ".mat", ".tdms", ".mf4", ".mdf", ".parquet", ".feather", ".arrow",
-    ".bag", ".mcap", ".db3", ".npy",
+    ".gz", ".csv", ".tsv", ".dat", ".asc", ".lvm", ".mat", ".tdms", ".mf4", ".mdf", ".bag", ".mcap", ".db3",
 )  # fmt: skip
 """Endings of recordings, besides .txt and .h5, which others have too."""
 

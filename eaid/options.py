@@ -84,7 +84,6 @@ class ReadOptions(Columns):
         shown="PATTERN",
     )  # fmt: skip
     rate_hz: float | None = option(None, "Samples a second of logs without a time column [Hz].", READING, above=True)
-    sign: str = option("auto", "Turn an output that was recorded inverted, or never.", READING, words="auto|keep")
     kind: Kind | None = option(None, "Experiment; by itself from the columns.", STEPS, words=KINDS)
     levels: str | None = option(None, "Levels to keep: 30:100 or 30,40,90.", STEPS, levels=True)
     baseline: str = option(

@@ -19,7 +19,6 @@ from eaid.progress import Progress, no_progress
 from eaid.steps.baseline import baseline_rule
 from eaid.steps.build import stepset_of
 from eaid.steps.cut import active_low, cut_runs, settled_steps
-from eaid.steps.edges import Edge, edges
 from eaid.steps.levels import counted_once
 from eaid.steps.noise import stretches
 from eaid.steps.plateaus import bridge, plateaus, stands_still
@@ -110,16 +109,6 @@ def read_steps(
     for sentence in columns_told(runs):
         columns(sentence)
     return steps_of(runs, options, faults, [path for path in paths if path.is_file()])
-
-
-def read_edges(
-    paths: Sequence[Path], options: ReadOptions, warn: Callable[[str], None] = lambda _: None
-) -> list[tuple[Run, tuple[Edge, ...]]]:
-    """Logs and the edges of their outputs, whatever their inputs do: rise, overshoot and settling of each."""
-    runs, faults = read_what_can_be(files_of(paths, warn), options)
-    if faults:
-        raise DataError(*faults)
-    return [(run, edges(run.time_s, run.output, run.reference_nm)) for run in runs]
 
 
 def steps_of(

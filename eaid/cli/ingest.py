@@ -19,9 +19,6 @@ class Arguments(Common, ReadOptions):
     write_manifest: bool = option(
         False, "Also write dataset.toml beside the logs: the next call needs no options.", OUTPUT
     )
-    edges: bool = option(
-        False, "List the edges of the output instead, as of a closed loop; logs are kept whole.", OUTPUT
-    )
 
 
 @takes(Arguments)
@@ -32,24 +29,14 @@ def command(args: Arguments) -> None:
 
     Example: eaid ingest bench/ --columns input=Volts --units output=mNm -o data.h5
     """
-    from eaid.apparatus import Apparatus
-    from eaid.cli.printed import ingested, show_edges, show_steps
+    from eaid.cli.printed import ingested, show_steps
     from eaid.files import refuse_to_overwrite
     from eaid.logs.dataset import write_dataset
     from eaid.logs.manifest import files_read
-    from eaid.reading import read_edges, read_steps
+    from eaid.reading import read_steps
 
     options = replace(part(ReadOptions, args), logs_as="steps")  # what is not cut into steps is refused here
     refuse_to_overwrite(args.output, args.force, files_read(args.logs))
-    if args.edges:
-        logs = read_edges(args.logs, options, console.warn)
-        whole = [run for run, _edges in logs]
-        rig = options.apparatus or whole[0].apparatus or Apparatus()
-        kind = options.kind or whole[0].kind or "clutch"
-        write_dataset(args.output, whole, kind=kind, apparatus=rig, force=args.force)
-        show_edges(logs, args.json)
-        console.done(args.output, f"{counted(len(logs), 'log')} as recorded", ("report", args.output))
-        return
     runs, stepset = read_steps(args.logs, options, console.progress, console.warn, console.say)
     if args.write_manifest:
         from eaid.logs.folders import files_of

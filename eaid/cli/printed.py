@@ -2,7 +2,6 @@
 
 import shlex
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,6 @@ from eaid.results.plan import Plan, PlannedRun
 from eaid.results.recorded import Excitation
 from eaid.results.summary import answer, runs, verdict_line, warned
 from eaid.shown import counted
-from eaid.steps.edges import Edge
 from eaid.steps.stepset import Level, LevelStep, StepSet
 
 PARTS = ("friction", "nonlinear", "linear", "release", "steps")
@@ -86,21 +84,6 @@ def ingested(data: StepSet) -> dict[str, Any]:
         "levels": tuple(map(level, data.levels)), "releases": tuple(map(level, data.releases)),
         "level_steps": tuple(map(step, data.level_steps)), "runs": data.runs, "findings": data.all_findings,
     }  # fmt: skip
-
-
-def show_edges(logs: Sequence[tuple[Run, tuple[Edge, ...]]], json: bool) -> None:
-    """A table of the edges of each log, or JSON, on stdout."""
-    if json:
-        console.print_json({"logs": [{"run": run.name, "edges": each} for run, each in logs]})
-        return
-    for run, each in logs:
-        unit = run.output_unit
-        console.show(table_of(
-            run.name, f"{counted(len(each), 'edge')} of its output.", each,
-            (("at", "s"), partial(lambda run, edge: run.start_s + edge.at_s, run)), (("from", unit), "before"),
-            ("to", "after"), (("rise", "s", 3), "rise_s"), (("overshoot", "%", 3), "overshoot_pct"),
-            (("settled in", "s", 3), "settling_s"),
-        ))  # fmt: skip
 
 
 def synthesized(output: Path, made: Sequence[Run], inputs: tuple[Input, ...], seed: int) -> dict[str, Any]:

@@ -44,8 +44,6 @@ INPUTS: dict[Kind, tuple[Group, ...]] = {
         Group("RPM", ("speed", "rpm", "rotationspeed", "velocity", "angularvelocity", "omega", "drehzahl")),
     ),
 }
-TRIGGERS = ("trigger", "trig", "enable", "enabled", "gate", "relay", "onoff", "active")
-"""Columns that only say when the input is on; its level comes from the file name."""
 OUTPUTS = (
     Group("", ("torque", "clutchtorque", "moment", "drehmoment", "koppel", "couple", "trq")),
     Group("N", ("shearforce", "frictionforce", "friction", "tangentialforce")),
@@ -69,12 +67,8 @@ class Roles:
     reference: int | None
     by_user: bool = False
     """Whether the user named the input."""
-    trigger: int | None = None
-    """A column that says when the input is on, where none says how much."""
     position: int | None = None
     """A displacement that goes to and fro, where the user names one."""
-    others: tuple[int, ...] = ()
-    """Columns without a role."""
     findings: tuple[Finding, ...] = ()
 
 
@@ -183,10 +177,7 @@ def match_columns(path: str, table: Table, options: ReadOptions) -> Roles:
             if options.kind in (None, kind) and (column := _only(path, "input", which, names)) is not None:
                 inputs.append((kind, column))
     taken |= {*(column for _, column in inputs), *([reference] if reference is not None else [])}
-    triggers = [] if inputs else _alike(names, TRIGGERS, taken)
-    others = tuple(i for i in range(len(names)) if i not in taken)
-    trigger = triggers[0] if len(triggers) == 1 else None
-    return Roles(time, tuple(inputs), output, reference, "input" in named, trigger, named.get("position"), others)
+    return Roles(time, tuple(inputs), output, reference, "input" in named, named.get("position"))
 
 
 def _time(path: str, table: Table, taken: set[int]) -> int | None:
@@ -320,36 +311,17 @@ def steps(values: NDArray[Any]) -> bool:
     return 1 <= int(jumps.sum()) <= max(3, len(kept) // 20) and int(alone.sum()) >= 0.8 * int(jumps.sum())
 
 
-def the_input(
-    path: str, table: Table, roles: Roles, column: Callable[[int], NDArray[Any]], known: bool
-) -> tuple[Kind | None, int | None, tuple[Finding, ...]]:
-    """The input among the columns that may be it: the one that moves, where the names leave a choice.
-
-    Where none that is called like an input moves, the only other column that steps is taken, and told; not where
-    options say level and instant (`told`).
-    """
-    first = roles.inputs[0] if roles.inputs else None
-    alone = len(roles.inputs) == 1 and not roles.others
+def the_input(path: str, roles: Roles, column: Callable[[int], NDArray[Any]]) -> tuple[Kind | None, int | None]:
+    """The input among the columns that may be it: the one that moves, where the names leave a choice."""
+    if not roles.inputs:
+        return None, None
+    first = roles.inputs[0]
     # a duty that moves is it, beside whatever speed and force
-    if first and (roles.by_user or alone or (first[0] == "clutch" and _moves(column(first[1])))):
-        return (*first, ())
-    moving = [(kind, which) for kind, which in roles.inputs if _moves(column(which))]
-    jumping = [one for one in moving if steps(column(one[1]))]
-    if not jumping and not known:  # a speed that follows a throttle moves, but steps nowhere
-        stepping = [which for which in roles.others[:64] if steps(column(which))]
-        if moving:
-            stepping = [which for which in stepping if len(np.unique(column(which))) > 2]  # more than on and off
-        if len(stepping) == 1:
-            name = table.label(stepping[0])
-            still = shown([table.label(which) for _, which in roles.inputs])
-            code = "input-by-its-steps" if still else "input-unnamed"
-            return kind_of(name, ""), stepping[0], (finding(code, path, column=name, still=still),)
-    if len(moving) == 1:
-        return (*moving[0], ())
-    if first is None:
-        return None, None, ()
-    if len(roles.inputs) == 1 or first[0] == "clutch":
-        return (*first, ())
+    if roles.by_user or len(roles.inputs) == 1 or (first[0] == "clutch" and _moves(column(first[1]))):
+        return first
+    moving = [one for one in roles.inputs if _moves(column(one[1]))]
+    if len(moving) == 1 or first[0] == "clutch":
+        return moving[0] if len(moving) == 1 else first
     kinds = " and ".join(kind for kind, _ in roles.inputs)
     raise DataError(f"{path}: may be {kinds}, as it has a column of each; say which with «kind»")
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.findings import Finding, finding
-from eaid.logs.columns import FEWEST, INPUTS, OUTPUTS, chosen_table, default_unit, steps, the_input
+from eaid.logs.columns import FEWEST, INPUTS, OUTPUTS, chosen_table, default_unit, the_input
 from eaid.logs.run import INPUT_UNITS, Run
 from eaid.logs.table import Cells, Table, plain
 from eaid.logs.units import LARGEST_NM, Scale, numbers_samples, scale_of, seconds_since_start, split_name, time_unit
@@ -112,20 +112,6 @@ def checked(
             *faults,
         )
     return np.flatnonzero(~bad)
-
-
-def dropped_steps(keep: NDArray[np.intp], input_: NDArray[Any]) -> list[int]:
-    """Dropped samples, alone between two that are kept, at which the input changed by a tenth of its range."""
-    lost = []
-    least = 0.1 * float(np.nanmax(input_) - np.nanmin(input_))
-    for sample in np.setdiff1d(np.arange(len(input_)), keep).tolist():
-        behind = int(np.searchsorted(keep, sample))
-        if 0 < behind < len(keep):
-            before, now, after = input_[keep[behind - 1]], input_[sample], input_[keep[behind]]
-            change = abs(float(now - before))
-            if change > least and abs(float(now - after)) < 0.5 * change:
-                lost.append(sample)
-    return lost
 
 
 def _listed(source: str, faults: Sequence[str], remedy: str) -> list[str]:
@@ -232,19 +218,15 @@ def run_of(
             raise DataError(f"{source}: has a time column, {label}, so «rate_hz» does nothing; leave it out")
         clock = None
     level, repeat = level_and_repeat(source, options.name_pattern, file or name)
-    beside = [one for one in (roles.output, clock, roles.reference, roles.trigger, roles.position) if one is not None]
+    beside = [one for one in (roles.output, clock, roles.reference, roles.position) if one is not None]
     likely = [column for _, column in roles.inputs]
     if roles.inputs and roles.inputs[0][0] == "clutch":
         del likely[1:]  # the others count only where it stands still
     columns = _Columns(source, table, [*beside, *likely])
-    known = options.name_pattern is not None or options.step_at is not None
-    kind, which, findings = the_input(source, table, roles, columns.__getitem__, known)
+    kind, which = the_input(source, roles, columns.__getitem__)
     if which is not None and which not in likely:
         columns = _Columns(source, table, [*beside, which])
-    trigger = roles.trigger if which is None and level is not None else None
-    if trigger is not None and not (steps(columns[trigger]) and len(np.unique(columns[trigger][:1_000_000])) == 2):
-        trigger = None
-    if which is None and trigger is None and options.name_pattern is not None and level is None:
+    if which is None and options.name_pattern is not None and level is None:
         raise DataError(f"{source}: its name does not match «name_pattern»; rename it or mend the pattern")
 
     rates = [("", options.rate_hz)] if options.rate_hz else table.rates
@@ -256,16 +238,12 @@ def run_of(
             raise DataError(f"{source}: has no time column, and says {two}; say which with «rate_hz» HZ")
         by_user, by_column = 1.0 / rates[0][1], None
     factor = by_user or by_column or 1.0
-    switch = trigger if which is None else which
     raw_time = np.arange(len(columns[roles.output])) if clock is None else columns[clock]
-    used = [column for column in (which, roles.output, trigger, roles.position) if column is not None]
+    used = [column for column in (which, roles.output, roles.position) if column is not None]
     by_label = {"time" if clock is None else table.label(clock): raw_time} | {table.label(i): columns[i] for i in used}
     columns.keep = checked(
         source, by_label, columns.bad({-1, clock, *used}), columns.cells.row, "row", options.repair, factor,
     )  # fmt: skip
-    lost: list[int] = []
-    if columns.keep is not None and switch is not None:
-        lost = dropped_steps(columns.keep, columns[switch])
     kept_time = raw_time if columns.keep is None else raw_time[columns.keep]
     if clock is None:
         time_s, start_s = read_only(kept_time * factor), 0.0
@@ -289,26 +267,17 @@ def run_of(
     else:  # a name says a level and no unit
         scale = Scale(units.get("input", "") if kind is None else INPUT_UNITS[kind], 1.0)
         input_ = np.broadcast_to(np.float64(np.nan), len(kept_time))  # takes no memory
-    told = [*roles.findings, *findings, *columns.cells.findings, *of_time, *into.findings, *scale.findings]
-    if trigger is not None and level is not None:
-        on = columns[trigger]
-        input_ = np.where(columns.kept(trigger) > 0.5 * (float(on.min()) + float(on.max())), level, 0.0)
-        told.append(finding("level-times-trigger", source, column=table.label(trigger), level=level))
+    told = [*roles.findings, *columns.cells.findings, *of_time, *into.findings, *scale.findings]
     if columns.keep is not None:
         total = len(raw_time)
         told.append(finding("rows-dropped", source, dropped=total - len(columns.keep), count=total))
-        for row in lost if options.step_at is None else ():
-            at_s = float(raw_time[row]) * factor
-            told.append(finding("step-row-dropped", source, row=columns.cells.row(row), at_s=at_s))
     largest = max(abs(float(output.max())), abs(float(output.min()))) if len(output) else 0.0
     if into.unit == "N·m" and "output" not in units and largest > LARGEST_NM:
         told.append(finding("torque-too-large", source, largest=largest))
-    if table.dropped:
-        told.append(finding("columns-without-numbers", source, columns=", ".join(table.dropped[:8])))
     if level is not None and which is not None and not (np.abs(np.abs(input_) - abs(level)) <= 0.02 * abs(level)).any():
         most = float(input_[np.abs(input_).argmax()]) if len(input_) else 0.0
         told.append(finding("level-contradicted", source, level=level, found=most, unit=scale.unit))
-    named = {"time": clock, "input": switch, "output": roles.output,
+    named = {"time": clock, "input": which, "output": roles.output,
              "reference": roles.reference, "position": roles.position}  # fmt: skip
     taken = {role: column for role, column in named.items() if column is not None}
     others = [table.label(column) for column in range(len(table.columns)) if column not in taken.values()]
@@ -325,7 +294,7 @@ def run_of(
         output_unit=into.unit,
         source=source,
         sha256=sha256,
-        level=level if which is None and trigger is None else None,
+        level=level if which is None else None,
         repeat=repeat,
         step_s=_on_clock(options.step_at, time_s, start_s),
         until_s=_on_clock(options.until, time_s, start_s),

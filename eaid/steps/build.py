@@ -23,8 +23,8 @@ SMALL = 0.2
 """Share of the usual change below which a sign of its own is not held against a step."""
 
 
-def signs_of(runs: Sequence[Run], keep: bool = False) -> tuple[dict[str, float], list[Finding]]:
-    """The sign of each cut run, by its name, and findings about them; `keep` forbids turning any.
+def signs_of(runs: Sequence[Run]) -> tuple[dict[str, float], list[Finding]]:
+    """The sign of each cut run, by its name, and findings about them.
 
     Steps from rest have one sign for positive and one for negative inputs; a step from level to level has its own,
     whichever way the input goes.
@@ -43,7 +43,7 @@ def signs_of(runs: Sequence[Run], keep: bool = False) -> tuple[dict[str, float],
         findings += [
             finding("sign-differs", run.name, (abs(run.level or 0.0),), siblings=len(clear) - 1) for run in odd
         ]
-        if sign < 0 and not keep:
+        if sign < 0:
             turned[negative] = sign
             findings.append(finding("signs-turned", "data", runs=len(rising)))
     signs = {run.name: turned[(run.level or 0.0) < 0] for run in runs}
@@ -133,7 +133,7 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN) -> StepSe
         rising, falling = ([pair for pair in group if _among(pair[0], wanted)] for group in (rising, falling))
         runs = [run for run in runs if _among(abs(run.level or 0.0), wanted)]
 
-    signs, of_signs = signs_of(runs, options.sign == "keep")
+    signs, of_signs = signs_of(runs)
     steps = {run.name: Step(run, signs[run.name]) for run in runs}
     of_runs = {
         name: [*step.run.findings, *_of_subject(of_signs, name), *step_warnings(step)] for name, step in steps.items()
@@ -196,11 +196,6 @@ def _of_the_set(levels: Sequence[Level], runs: Sequence[Run], input_unit: str) -
     findings = []
     if input_unit == "%" and levels and levels[-1].level <= 1:
         findings.append(finding("duty-may-be-fraction", "data"))
-    counts = {len(level.names) for level in levels}
-    if len(counts) > 1:
-        few = min(counts)
-        at = [level.level for level in levels if len(level.names) == few]
-        findings.append(finding("repeats-differ-in-number", "data", at, unit=input_unit, few=few, most=max(counts)))
     stairs = sum(run.from_level != 0 for run in runs)
     if stairs:
         findings.append(finding("level-to-level", "data", steps=stairs, of=len(runs)))

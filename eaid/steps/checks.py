@@ -21,7 +21,6 @@ from eaid.steps.noise import (
     block_noise,
     line,
     sample_noise,
-    sampled,
     spikes,
     stretches,
 )
@@ -197,10 +196,6 @@ SLOW_CONSTANTS = 1.5
 RISES = 0.005
 """Share of the swing that a rise that goes on gains at least over the last quarter of its window."""
 FEW = 2 * BLOCKS
-JITTER = 0.2
-"""Spread of the sample time, as a share of the usual one, above which it is told."""
-SLOW_CLOCK_S = 1.0
-"""Sample time from which its unit is in question."""
 MOVED = 0.05
 """Share of the swing by which the output may have moved behind a gap or a ramp that the step falls into."""
 FAR = 0.2
@@ -225,18 +220,13 @@ def _contradiction(step: Step) -> Finding | None:
     return finding("level-contradicts-input", run.name, said=run.level, held=held, unit=run.input_unit)
 
 
-def _slow_clock(step: Step) -> Finding | None:
-    return finding("slow-clock", step.run.name, sample_s=step.usual_s) if step.usual_s >= SLOW_CLOCK_S else None
-
-
-def _jitter(step: Step) -> Finding | None:
-    time_s, usual = step.run.time_s, step.usual_s
-    every, some = np.diff(time_s), np.diff(sampled(time_s))
-    if every.max() > 5 * usual:
-        at = int(every.argmax())
-        return finding("gap", step.run.name, gap_s=float(every[at]), at_s=float(time_s[at]), sample_s=usual)
-    low, high = np.quantile(some, (0.01, 0.99)).tolist() if np.ptp(some) > JITTER * usual else (usual, usual)
-    return finding("jitter", step.run.name, low_s=low, high_s=high) if high - low > JITTER * usual else None
+def _gap(step: Step) -> Finding | None:
+    every = np.diff(step.run.time_s)
+    at = int(every.argmax())
+    if every[at] <= 5 * step.usual_s:
+        return None
+    at_s = float(step.run.time_s[at])
+    return finding("gap", step.run.name, gap_s=float(every[at]), at_s=at_s, sample_s=step.usual_s)
 
 
 def _gap_at_step(step: Step) -> Finding | None:
@@ -362,8 +352,7 @@ BOTH: tuple[Edge, ...] = ("rising", "falling")
 CHECKS: tuple[tuple[Callable[[Step], Finding | None], tuple[Edge, ...]], ...] = (
     (_negative, BOTH),
     (_contradiction, ("rising",)),
-    (_slow_clock, BOTH),
-    (_jitter, BOTH),
+    (_gap, BOTH),
     (_gap_at_step, BOTH),
     (_ramp, BOTH),
     (_drift, ("rising",)),

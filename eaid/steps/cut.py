@@ -351,8 +351,7 @@ def cut(run: Run, baseline: str = "auto", rest: float = 0.0) -> list[Run]:
                     f"if it is not in %, say its unit with «units» input=UNIT"
                 )
         if rest != 0.0 and not run.cut:
-            note = finding("counted-from-rest", run.name, rest=rest)
-            run = replace(run, input=read_only(run.input - rest), findings=(*run.findings, note))
+            run = replace(run, input=read_only(run.input - rest))
         # a commanded input is held exactly; a measured one may wander a little
         wanders = run.input_unit != "%" and sample_noise(run.input) > 0
         moves = float(np.ptp(run.input)) > 0 and not (

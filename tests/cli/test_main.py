@@ -13,7 +13,7 @@ COMMANDS = ["ingest", "fit", "tune-rc", "simulate", "export", "report", "synth",
 OPTIONS = {
     "fit": "model kind levels share loss hold-out ci baseline estimator columns units name-pattern step-at until rest "
     "repair logs-as duty bounds-levels dead-time shape tables verbose",
-    "ingest": "columns units name-pattern step-at until baseline rest repair rate-hz sign kind edges",
+    "ingest": "columns units name-pattern step-at until baseline rest repair rate-hz kind",
     "tune-rc": "kp kd natural-frequency damping q-max phi epsilon gamma p-scale b-hat rho alpha pi-overshoot "
     "pi-settling pi-gains reference data duty-limits pwm-hz widen-bounds anyway",
     "simulate": "gains controller scenario reference log noise-nm pwm-hz plants threads perturb duration rate-hz "

@@ -66,17 +66,6 @@ def tdms(path: Path, t: Any, duty: Any, torque: Any) -> Path:
     return tdms_of(path, ("Log", "Duty", duty, duty_), ("Log", "Torque", torque * 1e3, torque_))
 
 
-def parquet(path: Path, t: Any, duty: Any, torque: Any) -> Path:
-    """Three columns, torque in mN·m."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    units = {"time": "s", "duty": "%", "torque": "mN·m"}
-    schema = pa.schema([pa.field(name, "double", metadata={"unit": unit}) for name, unit in units.items()])
-    pq.write_table(pa.table([t, duty, torque * 1e3], schema=schema), path)
-    return path
-
-
 def mdf_of(path: Path, *groups: list[dict[str, Any]], version: str = "4.10") -> Path:
     """Groups of signals, each the arguments of asammdf's `Signal`."""
     from asammdf import MDF, Signal

@@ -141,7 +141,7 @@ BAD: dict[str, tuple[Any, ...]] = {
                     "unpacks to more than 200 times its size, as no recorded log does; unpack it yourself"),
     "log.mat.gz": (gzip.compress(b"MATLAB 5.0".ljust(124, b"\0") + b"\x00\x01IM" + bytes(range(256)) * 9),
                    "is gzip around a file that is no text; unpack it and give what is inside"),
-    "array": (b"\x93NUMPY\x01" + bytes(99), "is no whole NumPy array of numbers; export the log as CSV or HDF5"),
+    "array": (b"\x93NUMPY\x01" + bytes(99), "is a NumPy array; save it as CSV, or as HDF5"),
     "damaged.h5": (b"\x89HDF\r\n\x1a\n" + b"\0" * 500, "is a damaged HDF5 file ("),
     "two-tables.csv": (csv(["1,2"] * 3, "a,b") + csv(GOOD), "holds two tables, one from row 2 and another from row 6; "
                                                            "save each in a file of its own"),
@@ -252,19 +252,6 @@ def test_bad_rows_are_told_one_by_one_and_dropped_where_that_is_wanted(changes, 
         assert run.time_s.tolist() == [float(line.split(",")[0]) for line in kept]
         assert len(run.input) == len(run.output) == len(kept)
         assert codes(run)["rows-dropped"] == {"dropped": len(dropped), "count": 1000}
-
-
-@pytest.mark.parametrize(
-    ("dropped", "at", "repair"),
-    [("{:.3f},{:g},", 201, {"row": 202, "at_s": 1.0}), ("{:.3f},{:g},bad", 201, {"row": 202, "at_s": 1.0}),
-     ("{:.3f},{:g},", 301, None), ("{:.3f},{:g},", 1, None), ("{:.3f},{:g},", 800, None)],
-)  # fmt: skip
-def test_a_dropped_row_at_the_step_is_told(dropped, at, repair, read, codes):
-    """The step counts from the next row, 5 ms later, unless its instant is given; no step is at the first or last."""
-    lines = rows(800, 200, rate_hz=200.0)
-    lines[at - 1] = dropped.format((at - 1) / 200, 50)
-    assert codes(read(csv(lines), repair=True)).get("step-row-dropped") == repair
-    assert "step-row-dropped" not in codes(read(csv(lines), repair=True, step_at=1.0))
 
 
 def test_bad_rows_of_other_columns_refuse_nothing(read):

@@ -64,19 +64,13 @@ PLAIN = {"time": "time", "input": "duty", "output": "torque"}
         ("time|+duty|torque|x", {"output": "X"}, {"output": "x", "left": "torque"}),
         ("Zeit|+Strom|Drehmoment", {}, {"time": "Zeit", "input": "Strom", "output": "Drehmoment"}),
         ("time|+pressure|load cell", {}, {"input": "pressure", "output": "load cell", **FORCE}),
-        ("time|+duty|torque|?note|?who", {}, {"left": "note, who", "code": "columns-without-numbers"}),
+        ("time|+duty|torque|?note|?who", {}, {"left": "note, who"}),
         # a single input stays, however still it is, where nothing else is there: a reference that steps is none
         ("time|=duty|+torque|+torque_ref", {}, {"reference": "torque_ref"}), ("time|=duty|+torque", {}, {}),
         ("time|/speed|+torque", {}, {"input": "speed", **SPEED}),
-        # another column that steps, where none that is called an input does
-        ("time|=duty|torque|+x", {}, {"input": "x", "left": "duty", "code": "input-by-its-steps"}),
         ("time|+duty|torque|+x", {}, {"left": "x"}), ("time|=duty|torque|+x|+z", {}, {"left": "x, z"}),
-        ("time|+x|torque", {}, {"input": "x", "code": "input-unnamed"}),
         ("time|x|torque", {}, {"input": None, "left": "x"}),
-        ("time|+enable|torque", {}, {"input": "enable", "code": "input-unnamed"}),
         ("time|+enable|+gate|torque", {}, {"input": None, "left": "enable, gate"}),
-        # one that moves without steps gives way to one with more than on and off
-        ("time|speed|torque|#x", {}, {"input": "x", "left": "speed", "code": "input-by-its-steps"}),
         ("time|speed|torque|+x", {}, {"input": "speed", "left": "x", **SPEED}),
         # of several kinds, the one that moves; the duty where none does
         ("time|=duty|torque|+force|/rpm", {}, {"input": "force", "left": "duty, rpm", **FORCE}),

@@ -15,11 +15,8 @@ from typing import Any
 import h5py
 import logs_written as written
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 from logs_written import U, Y, changed, later
-from pyarrow import feather
 from scipy.io import savemat
 
 import eaid
@@ -80,17 +77,6 @@ def table(columns: dict[str, Any]) -> np.ndarray:
 
 
 @later
-def npy(path: Path, array: Any) -> None:
-    with path.open("wb") as file:
-        np.save(file, array)
-
-
-@later
-def parquet(path: Path, columns: dict[str, Any], **how: Any) -> None:
-    pq.write_table(pa.table(columns), path, **how)
-
-
-@later
 def of(path: Path, write: Callable[..., Any], **how: Any) -> None:
     """A file of `logs_written` with this step."""
     write(path, T, U, Y, **how)
@@ -125,7 +111,6 @@ BY_FORCE = {"columns": {"input": "ft/wrench.force.z", "output": "ft/wrench.torqu
 ROS = {"columns": {"input": "clutch/duty", "output": "ft/wrench.torque.z"}}
 BY_NUMBER: dict[str, Any] = {"said": {"columns": {"time": "1", "input": "2", "output": "3"}}, "units": "? ?"}
 BY_PLACE: dict[str, Any] = {"units": "? ?", "codes": "columns-by-place"}
-LATER: dict[str, Any] = {"start": 0, "within": 1e-9}
 HELD: dict[str, Any] = {"codes": "signals-held", "within": 1e-9}
 SINCE_1970: dict[str, Any] = {"start": 1.7e9, "within": 1e-9, "codes": "time-since-a-day"}
 GOOD: dict[str, File] = {
@@ -150,7 +135,7 @@ GOOD: dict[str, File] = {
     "MAT signals without labels": File(mat({"o": structure([""] * 3, [ONE, TWO, THREE])}), **BY_NUMBER, left="signal3"),
     "MAT a signal without a label": File(mat({"out": structure([""], [TWO])}), units="? ?", input=np.nan * T),
     "v7.3 vectors": File(hdf5({name: one[None] for name, one in VECTORS.items()} | {"x": (np.ones((2, 1)), LETTERS)},
-                              512), left="x", codes="columns-without-numbers"),
+                              512), left="x"),
     "v7.3 structure": File(hdf5({f"log/{name}": one[None] for name, one in VECTORS.items()}, 512)),
     "v7.3 matrix": File(hdf5({"data": MATRIX}, 512), **BY_PLACE),
     "HDF5 group": File(hdf5({f"rig/{name}": one for name, one in VECTORS.items()} | {"rig/K": np.eye(3)})),
@@ -170,17 +155,6 @@ GOOD: dict[str, File] = {
        for k, how in enumerate(({}, {"fletcher32": True}, {"compression": "lzf"}, {"compression": "gzip"},
                                 {"compression": "gzip", "shuffle": True, "fletcher32": True}, {"shuffle": True},
                                 {"compression": "lzf", "fletcher32": True}))},
-    "NumPy records": File(npy(table(VECTORS | {"note": np.array(["a"] * 300, "U3"), "on": U > 0})), left="on"),
-    "NumPy matrix": File(npy(MATRIX), **BY_PLACE), "NumPy matrix the other way": File(npy(ACROSS), **BY_PLACE),
-    "Parquet with units": File(of(written.parquet), within=1e-12),
-    "Parquet with stamps": File(parquet({"time": STAMPS, "duty": U.astype("f4"), "torque_nm": Y, "note": ["x"] * 300}),
-                                **LATER, left="note", codes="columns-without-numbers"),
-    "Parquet durations called ms": File(parquet({"time_ms": STAMPS - STAMPS[0], "duty": U, "torque_nm": Y}), **LATER),
-    "Parquet whole ns": File(parquet({"time": EPOCH_NS, "duty": U, "torque_nm": Y}), **SINCE_1970),
-    "Parquet decimals": File(parquet({"time": T, "duty": U > 0, "torque_nm": pa.array(Y).cast(pa.decimal128(20, 6))}),
-                             input=U > 0, within=1e-12),
-    "Feather": File(lambda path: feather.write_feather(pa.table(VECTORS), str(path), compression="uncompressed")),
-    "Feather, LZ4": File(lambda path: feather.write_feather(pa.table(VECTORS | {"n": T}), str(path)), left="n"),
     "LVM a column of times": File(lvm((HEAD, NAMES, [f"{CELLS[0]}|hello", *CELLS[1:]]))),
     "LVM without times, decimal comma": File(lvm((NO_START, NAMES, BARE), own="No", mark=","), start=0, within=1e-12,
                                              left="column 1", codes="rate-from-comment"),
@@ -294,10 +268,8 @@ def raw(content: bytes) -> Callable[[Path], Any]:
     return lambda path: path.write_bytes(content)
 
 
-SUMMED = {"compression": "none", "use_dictionary": False, "write_page_checksum": True}
 OBJECTS = "holds MATLAB objects (a Simulink Dataset or timeseries) only; in MATLAB, save it as plain arrays: t = S.Time"
 LENGTH = "is a damaged HDF5 file (a chunk of it has a wrong length); copy or save it again"
-NO_COLUMNS = "holds no columns of numbers; save a matrix, or records with a field for each column"
 NO_TABLE = "no table in it has columns of time and torque ("
 NO_STEP = "has no column of times, and no Delta_X above 0 from an X0 of 0; save it again"
 NO_HEAD = "its header cannot be followed"
@@ -330,15 +302,6 @@ BAD: dict[str, tuple[Callable[[Path], Any], str]] = {
     "MAT damaged": (raw(b"MATLAB 5.0 MAT-file".ljust(124) + b"\0\1IM\x0e\0\0\0\x40\0\0\0" + b"\xff" * 64),
                     "is a damaged MAT file ("),
     **{f"MAT cut at {n}": (cut(mat({"data": MATRIX}), n), "is ") for n in (60, 127, 130, 200, 2000, -1)},
-    "NumPy vector": (npy(Y), NO_COLUMNS), "NumPy cube": (npy(np.zeros((9, 2, 2))), NO_COLUMNS),
-    "NumPy cut": (cut(npy(MATRIX), -8), "is no whole NumPy array of numbers; export the log as CSV or HDF5"),
-    "NumPy objects": (npy(np.array([{}], object)), "holds pickled objects, which can run code; save its numbers as"),
-    "Parquet words": (parquet({"note": ["x"]}), "holds no columns of numbers; save time and torque as such"),
-    "Parquet gap": (parquet({"time": T, "torque": [None, *Y[1:]], "duty": U}), "row 1, column torque, is empty; "),
-    "Parquet twice": (lambda path: pq.write_table(pa.Table.from_arrays([pa.array(T)] * 3, ["t", "y", "y"]), path),
-                      "several columns are called y; save it with names of their own"),
-    "Parquet checksum": (changed(parquet({"time": T, "torque": T + 0.1}, **SUMMED), lambda data: data.__setitem__(
-        data.index((T[7:9] + 0.1).tobytes()), 1)), "is a damaged Parquet file ("),
     "LVM no end": (raw(b"LabVIEW Measurement\nSeparator\tTab\n1\t2\n"), NO_HEAD),
     "LVM nothing": (lvm(), NO_HEAD), "LVM no channels": (lvm((HEAD, "X_Value|Comment", ["0"])), NO_HEAD),
     "LVM no rows": (lvm((HEAD, NAMES, [])), "has a header but no rows; record the log again"),

@@ -108,7 +108,7 @@ LOGS = {
     "decimal comma, units row, kV and mN·m": Log(text("Zeit,Spannung,Drehmoment\nms,kV,mN·m", commas(1e3 * T),
                                                       commas(U / 1e3), commas(1e3 * Y), between=";"), units="V N·m"),
     "a scope's export": Log(text("Source,CH1,CH2\nSecond,Volt,Volt", *([f"{x:+.6e}" for x in v] for v in (T, U, Y))),
-                            {"columns": {"output": "CH2"}}, units="V V", code="input-unnamed"),
+                            {"columns": {"input": "CH1", "output": "CH2"}}, units="V V"),
     "a torque of counts": Log(text(HEADER, T, U, 16000 * Y), output=16000 * Y, code="torque-too-large"),
     "a temperature called T": Log(text("Time [s],duty_pct,T [degC]", T, U, Y), {"columns": {"output": "T"}},
                                   units="% degC"),

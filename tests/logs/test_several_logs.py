@@ -163,30 +163,6 @@ def test_a_level_in_the_name_within_2_percent_of_the_input(name, contradicted, r
             assert codes(run)["level-contradicted"] == {"level": 40.0, "found": sign * 50.0, "unit": "%"}
 
 
-def test_a_trigger_and_a_level_in_the_name(read, codes):
-    on = (U > 0).astype(float)
-    said = {"name_pattern": "u{level}_r{repeat}", "units": {"input": "V"}}
-    run = read(frame("time|enable|torque_nm", T, 2 + 3 * on, Y), "u40_r2", **said)
-    assert (run.level, run.repeat, run.input_unit, run.kind, run.left) == (None, 2, "V", None, ())
-    assert run.input.tolist() == (40 * on).tolist() and dict(run.taken)["input"] == "enable"
-    assert codes(run) == {"level-times-trigger": {"column": "enable", "level": 40.0}}
-    for other in (np.floor(T / 3), np.arange(1000) % 2, 0 * T):  # four values, no steps, still
-        run = read(frame("time|enable|torque_nm", T, other, Y), "u40", name_pattern="u{level}")
-        assert (run.level, run.left, run.has_input) == (40.0, ("enable",), False)
-
-
-SWITCHED = {
-    f"t_{10 * k}V_{n}": frame("time|enable|torque_nm", T, U > 0, k * Y + n / 1e3) for k in (1, 2) for n in (1, 2)
-}
-
-
-def test_logs_that_say_only_on_or_off_are_no_repeats_where_their_outputs_differ():
-    steps = eaid.read(SWITCHED)
-    assert {"input-unnamed", "repeats-disagree"} <= {one.code for one in steps.all_findings}
-    assert [one.level for one in eaid.read(SWITCHED, name_pattern="t_{level}V_").levels] == [10.0, 20.0]
-    assert [one.level for one in eaid.read(SWITCHED, input="enable").levels] == [1.0]
-
-
 @pytest.mark.parametrize(
     ("tops", "told"),
     [

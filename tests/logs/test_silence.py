@@ -62,9 +62,6 @@ TEXT: dict[str, Callable[[Odd, Path], Any]] = {
     "gzip": lambda log, path: path.write_bytes(gzip.compress(plain(log).encode())),
 }  # fmt: skip
 ARRAYS: dict[str, Callable[[Odd, Path], Any]] = {
-    "NumPy": lambda log, path: np.lib.format.write_array(
-        path.open("wb"), np.rec.fromarrays([np.asarray(c) for c in log.columns], names=log.names.split(","))),
-    "Parquet": lambda log, path: pd.DataFrame(named(log)).to_parquet(path),
     "HDF5": lambda log, path: hdf5(log, path),
     "frame": lambda log, path: pd.DataFrame(named(log)),
 }  # fmt: skip
@@ -165,12 +162,12 @@ ODD: dict[str, tuple[Any, ...]] = {
     "beyond any sensor": (output("torque_nm", 1e300), ALL, "as no sensor does"),
     "below any sensor": (output("torque_nm", 1e-300), ALL, "as no sensor does"),
     "an active-low duty": (input_("duty_pct", 60 - U), ALL, "input-may-be-active-low"),
-    "unseen characters in a name": (input_("duty\u202e_\x1b[31m", U), ("CSV", "frame", "Parquet"), "unit-assumed"),
-    "a line break in a unit": (output("torque (N\nm)"), ("frame", "HDF5", "Parquet"), "right"),
+    "unseen characters in a name": (input_("duty\u202e_\x1b[31m", U), ("CSV", "frame"), "unit-assumed"),
+    "a line break in a unit": (output("torque (N\nm)"), ("frame", "HDF5"), "right"),
     "UTF-32": (lambda log: log, {"UTF-32": lambda log, path: path.write_bytes(plain(log).encode("utf-32"))},
                "is text in UTF-32"),
     "objects": (lambda log: log, {"NumPy objects": lambda log, path: np.lib.format.write_array(
-        path.open("wb"), np.array(log.columns, dtype=object))}, "holds pickled objects"),
+        path.open("wb"), np.array(log.columns, dtype=object))}, "is a NumPy array"),
     "a duty of another length": (lambda log: replace(log, columns=(T, U[::4], log.columns[2])), ("HDF5",),
                                  "is of another length"),
     **{f"{kind} in cells": (lambda log, of=of: replace(log, columns=(T, U, [of(x) for x in log.columns[2].tolist()])),

@@ -96,11 +96,9 @@ CASES: dict[str, tuple[Any, dict[str, Any]]] = {
     "a gap behind the step": (
         delayed(900, 0.25), {"gap": {"gap_s": near(0.26), "at_s": near(8.99), "sample_s": near(0.01)}}),
     "a gap of four samples": (delayed(900, 0.03), {}),
-    "a clock in ms": (RUN.assign(time_s=T * 1000), {"slow-clock": {"sample_s": near(10.0)}}),
+    "a clock in ms": (RUN.assign(time_s=T * 1000), {}),
     "a slow clock": (RUN.assign(time_s=T * 60), {}),
-    "jitter": (RUN.assign(time_s=np.cumsum(np.where(np.arange(1200) % 4 == 1, 0.014, 0.01))),
-               {"jitter": {"low_s": near(0.01), "high_s": near(0.014)}}),
-    "a little jitter": (RUN.assign(time_s=np.cumsum(np.where(np.arange(1200) % 4 == 1, 0.011, 0.01))), {}),
+    "jitter": (RUN.assign(time_s=np.cumsum(np.where(np.arange(1200) % 4 == 1, 0.011, 0.01))), {}),
     "a step in a gap": (gap_at_step(20), {
         "step-in-gap": {"gap_s": near(0.2), "at_s": near(3.99), "moved_pct": gone(0.2)},
         "gap": {"gap_s": near(0.2), "at_s": near(3.99), "sample_s": near(0.01)}}),
@@ -215,9 +213,6 @@ CASES: dict[str, tuple[Any, dict[str, Any]]] = {
         output(2 * (1 - np.exp(-np.maximum(T - 4, 0) / 0.5) * np.cos(3 * np.maximum(T - 4, 0))) * (T >= 4)), {}),
     # sets
     "repeats that differ by 5 %": ([log(PLAN, gain=gain) for gain in (0.04, 0.042)], {}),
-    "repeats that differ in number": (
-        [log([(0, 2), (u, 6)], noise=0.001, seed=k) for k, u in enumerate((50, 50, 80))],
-        {"repeats-differ-in-number": {"unit": "%", "few": 1, "most": 2}}),
 }  # fmt: skip
 
 
@@ -255,7 +250,7 @@ def test_what_options_bring_up() -> None:
     assert told(read({"u50": without_input(RUN)}, **named)) == []
     assert "not-at-rest" in told(read({"u50": without_input(RUN)}, **named | {"step_at": 4.3}))
     steps = read(with_input(RUN, RUN.duty_pct + 5), rest=5.0)
-    assert only(steps, "counted-from-rest") == {"rest": 5.0} and steps.levels[0].level == 50.0
+    assert told(steps) == [] and steps.levels[0].level == 50.0
 
 
 # a start off its rest: a test by a second way
@@ -342,7 +337,5 @@ def test_on_and_off_is_no_binary_sequence() -> None:
 def test_several_edges_of_an_output_without_input() -> None:
     t = np.arange(4000) / 100
     y = sum(-np.expm1(-np.maximum(t - at, 0) / 0.3) for at in (5.0, 15.0, 25.0)) + white(4000, 0.005)
-    with pytest.raises(
-        DataError, match=r"3 edges, at 5\.\d+ s \(rise 0\.\d+ s, overshoot \d %, settled in \d\.?\d* s\), at 15"
-    ):
+    with pytest.raises(DataError, match=r"3 edges, at 5\.\d+, 15\.\d+, 25\.\d+ s: several steps"):
         read(pd.DataFrame({"time_s": t, "torque_nm": y}))

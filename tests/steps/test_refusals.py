@@ -37,7 +37,6 @@ REFUSED: dict[str, tuple[Any, dict[str, Any], str]] = {
         "the window ends (4 s) before it begins (4 s); mend until="),
     "a window before the log": (RUN, {"until": -3.0}, "the window ends at -3 s, before the log has begun; mend until="),
     "a touch alone": ({"u50": BLIND.assign(torque_nm=np.where(RUN.index < 1, 0.0, 1.0))}, NAMED, "no step stands out"),
-    "no such sign": (RUN, {"sign": "plus"}, "sign= plus: must be one of auto, keep"),
 }  # fmt: skip
 
 

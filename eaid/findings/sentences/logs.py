@@ -10,19 +10,7 @@ def _held(values: Values) -> str:
 
 LOG_ROWS: dict[str, Row] = {
     "rows-dropped": caution("«repair» dropped {dropped} of {count} rows", size="dropped", always=True),
-    "step-row-dropped": caution(
-        "«repair» dropped row {row}, at which the input changes ({at_s:.10g} s): the step counts from the next row; "
-        "say «step_at» {at_s:.10g} if it began there"
-    ),
     "columns-by-place": caution("its columns have no names: taken as {order}"),
-    "columns-without-numbers": note("{columns} hold no real numbers and are left out"),
-    "input-by-its-steps": caution(
-        "{column} is taken as the input, since {still} never steps; say it with «columns» input=NAME"
-    ),
-    "input-unnamed": caution(
-        "{column} is taken as the input, the only column that steps; say it with «columns» input=NAME"
-    ),
-    "level-times-trigger": note("{column} says when the input is on, the file name that it is {level:g}"),
     "level-contradicted": caution(
         "its name says level {level:g}, its input column goes to {found:g} {unit}: the column counts"
     ),
@@ -119,17 +107,10 @@ def _left_out(v: Values) -> str:
 
 
 def _edges(v: Values) -> str:
-    rows = zip(v["at_s"], v["rise_s"], v["overshoot_pct"], v["settling_s"], strict=True)
-    each = [
-        f"at {at:.4g} s (rise {rise:.2g} s, overshoot {over:.0f} %"
-        + (f", settled in {settled:.2g} s)" if settled >= 0 else ", not settled)")
-        for at, rise, over, settled in list(rows)[:4]
-    ]
-    more = ", …" if v["edges"] > len(each) else ""
-    many = "an edge" if v["edges"] == 1 else f"{v['edges']} edges"
+    at = ", ".join(f"{one:.4g}" for one in v["at_s"][:4]) + ", …" * (v["edges"] > 4)
     return (
-        f"the output has {many}, {', '.join(each)}{more}: several steps, or a closed loop, and not one step; «edges» "
-        "lists all; give the input column, a «columns» position= that reverses, or one edge with «step_at» and «until»"
+        f"the output has {v['edges']} edges, at {at} s: several steps, or a closed loop, and not one step; give the "
+        "input column, a «columns» position= that reverses, or one edge with «step_at» and «until»"
     )
 
 
@@ -154,7 +135,6 @@ STEP_ROWS: dict[str, Row] = {
         "the input moves most of the time, so it holds no steps; a displacement is said with «columns» position=, "
         "beside the load as input=; else " + _AS_RECORDED
     ),
-    "counted-from-rest": note("levels counted from rest at {rest:g}"),
     "input-negative": note("the input is negative: its size is taken"),
     "input-glitch": note("the input leaves its level for {samples:#sample} and comes back: passed over"),
     "short-pieces": note("{pieces:#shorter piece} of fewer than {fewest} samples left out"),
@@ -173,7 +153,6 @@ STEP_ROWS: dict[str, Row] = {
         "holds with them; drop those rows",
         "value",
     ),
-    "slow-clock": note("sample time is {sample_s:.4g} s; if the time is not in s, say «units» time=ms"),
     "gap": caution("gap of {gap_s:.4g} s in the record at {at_s:.6g} s (usual sample time {sample_s:.4g} s)", "gap_s"),
     "step-in-gap": stop(
         "the step falls into a gap of {gap_s:.4g} s of the record at {at_s:.6g} s, and {moved_pct:.0f} % of the change "
@@ -190,7 +169,6 @@ STEP_ROWS: dict[str, Row] = {
         "no step shows its time constants; fit the log as it was recorded («logs_as» recorded), or log the command",
         "moved_pct",
     ),
-    "jitter": note("jitter: the sample time runs from {low_s:.4g} to {high_s:.4g} s", "high_s"),
     "idle-drifts": caution(_drift, "share_pct", rank=0),
     "not-at-rest": stop(
         "not at rest when the step begins: {off:+.3g} {unit} off the idle output, {share_pct:.0f} % of the step; let "
@@ -249,7 +227,6 @@ STEP_ROWS: dict[str, Row] = {
         ),
         "own_pct",
     ),
-    "repeats-differ-in-number": note("repeats differ in number: {levels} {unit} only {few}, others up to {most}"),
     "duty-may-be-fraction": caution(
         "no level is above 1 %: if the duty is a fraction of 1, say «units» input=fraction"
     ),
@@ -263,8 +240,7 @@ STEP_ROWS: dict[str, Row] = {
     ),
     "shape-misses": caution(
         "the best of the step shapes misses the step to {levels} by up to {share_pct:.0f} % of its change: what "
-        "swings, ramps or jumps is no sum of exponentials; read its constants as times only («edges» of eaid ingest "
-        "gives rise, overshoot and settling)",
+        "swings, ramps or jumps is no sum of exponentials; read its constants as times only",
         "share_pct",
     ),
     "sign-differs": stop(
@@ -273,7 +249,5 @@ STEP_ROWS: dict[str, Row] = {
     ),
     "runs-left-out": caution(_left_out, always=True, rank=1),
     "levels-left-out": caution("what was recorded {at} is left out of the fit", always=True, rank=1),
-    "signs-turned": note(
-        "the output falls at the step in {runs:#run}: recorded inverted, their sign is turned; «sign» keep forbids it"
-    ),
+    "signs-turned": note("the output falls at the step in {runs:#run}: recorded inverted, their sign is turned"),
 }

@@ -1,4 +1,4 @@
-"""Files of named arrays → tables: MAT v4, v5 and v7.3, HDF5, NumPy, Parquet, and Arrow files (Feather v2).
+"""Files of named arrays → tables: MAT v4, v5 and v7.3, HDF5.
 
 Vectors of one length that lie in one place (the variables of a MAT-file, a structure, an HDF5 group) are a table, with
 the matrices of that length beside them, column by column. A matrix without vectors beside it is a table by itself
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from eaid.errors import DataError
 from eaid.logs.hdf import nodes
-from eaid.logs.table import BadCell, Cells, Table, seconds
+from eaid.logs.table import BadCell, Cells, Table
 
 FEWEST = 10
 """Rows below which a matrix is no record, but gains and other settings."""
@@ -198,26 +198,6 @@ def _structure(name: str, record: Any) -> list[Table]:
     return [_table(name, columns, clock=None if clock is None else 0)] if columns else []
 
 
-def read_npy(path: Path, source: str) -> list[Table]:
-    """The one table of a NumPy file; raises DataError where it holds no columns of numbers."""
-    try:
-        array = np.load(path, allow_pickle=False)
-    except (ValueError, EOFError) as fault:
-        if "pickle" in str(fault):
-            raise DataError(
-                f"{source}: holds pickled objects, which can run code; save its numbers as numpy.asarray(…, float)"
-            ) from None
-        raise DataError(f"{source}: is no whole NumPy array of numbers; export the log as CSV or HDF5") from None
-    columns = _fields(array)
-    if array.ndim == 2 and array.dtype.kind in "fiub":
-        columns = [Column("", array, k) for k in range(min(array.shape))]
-    if not columns:
-        raise DataError(
-            f"{source}: holds no columns of numbers; save a matrix, or records with a field for each column"
-        )
-    return [_table("", columns)]
-
-
 def _fields(array: Any) -> list[Column]:
     """The columns of an array of records."""
     return [Column(name, array, name) for name in array.dtype.names or () if array.dtype[name].kind in "fiub"]
@@ -300,61 +280,3 @@ def _check_chunks(array: h5py.Dataset) -> None:
             fits = True
         if not fits:
             raise ValueError("a chunk of it has a wrong length")
-
-
-def read_parquet(path: Path, source: str) -> list[Table]:
-    """The one table of a Parquet file; raises DataError where it holds no columns of numbers."""
-    from pyarrow import parquet
-
-    with parquet.ParquetFile(str(path), page_checksum_verification=True) as file:
-        return [_of_arrow(file.read(use_threads=False), source)]
-
-
-def read_arrow(path: Path, source: str) -> list[Table]:
-    """The one table of an Arrow file; raises DataError as for Parquet."""
-    from pyarrow import OSFile, ipc
-
-    with OSFile(str(path)) as opened:
-        table = ipc.open_file(opened).read_all()
-    table.validate(full=True)
-    return [_of_arrow(table, source)]
-
-
-def _of_arrow(table: Any, source: str) -> Table:
-    """The numeric columns of an Arrow table; time stamps become seconds since the first."""
-    from pyarrow import types
-
-    def of_time(field: Any) -> bool:
-        return bool(types.is_timestamp(field.type) or types.is_duration(field.type))
-
-    def fact(metadata: Any, *keys: str) -> str | None:
-        texts = {k.decode(errors="replace").lower(): v.decode(errors="replace") for k, v in (metadata or {}).items()}
-        return next((texts[key][:500] for key in keys if key in texts), None)
-
-    kinds = (types.is_integer, types.is_floating, types.is_decimal, types.is_boolean)
-    numeric = [field for field in table.schema if of_time(field) or any(is_it(field.type) for is_it in kinds)]
-    names = tuple(field.name for field in numeric)
-    if not names:
-        raise DataError(f"{source}: holds no columns of numbers; save time and torque as such")
-    twice = [name for name in names if table.schema.names.count(name) > 1]
-    if twice:
-        raise DataError(f"{source}: several columns are called {twice[0]}; save it with names of their own")
-
-    def load(wanted: Sequence[int]) -> Cells:
-        columns, bad = [], list[BadCell]()
-        for i in wanted:
-            chunked = table.column(names[i])
-            empty = np.flatnonzero(np.asarray(chunked.is_null())) if chunked.null_count else ()
-            values = (chunked.cast("float64") if types.is_decimal(chunked.type) else chunked).to_numpy()
-            if values.dtype.kind in "mM":
-                values = seconds(values)
-            if len(empty):
-                values = np.array(values, dtype=np.float64)
-                values[empty] = np.nan
-                bad.extend(BadCell(int(row), i, "") for row in empty)
-            columns.append(values)
-        return Cells(tuple(columns), tuple(bad))
-
-    units = tuple("s" if of_time(field) else fact(field.metadata, "unit", "units") or "" for field in numeric)
-    dropped = tuple(field.name for field in table.schema if field.name not in names)
-    return Table("", names, load, units, synthetic=fact(table.schema.metadata, "synthetic"), dropped=dropped)
