@@ -90,30 +90,10 @@ def _single_error(level: Level) -> float:
     return float(np.sqrt(2 * (left @ left) / (len(after) - 2)) / smooth.max())
 
 
-def effective_samples(residual: Array) -> tuple[float, float]:
-    """n_e = n/(1 + 2 Σ ρ_j), summed to the first negative pair (Geyer), and ρ_1; by FFT."""
-    n = len(residual)
-    e = residual - residual.mean()
-    power = float(e @ e)
-    if power <= 1e-28 * max(float(residual @ residual), 1e-300) or n < 4:
-        return float(n), 0.0
-    size = 1 << (n + n // 2).bit_length()  # lags up to n/2 stay clear of the far end
-    rho = np.fft.irfft(_spectrum(e, size), size)[: n // 2] / power
-    pairs = rho[1 : len(rho) - 1 : 2] + rho[2::2][: len(rho[1 : len(rho) - 1 : 2])]
-    stop = int(np.argmax(pairs <= 0)) if (pairs <= 0).any() else len(pairs)
-    total = 1 + 2 * float(pairs[:stop].sum())
-    return float(np.clip(n / total, 2.0, n)), float(rho[1])
-
-
-def _spectrum(values: Array, size: int | None = None) -> Array:
-    """Squared size of the Fourier transform, padded with zeros to `size`."""
-    z = np.fft.rfft(values, size)
-    return np.asarray(z.real**2 + z.imag**2)
-
-
 def spectral_degrees(residual: Array) -> float:
     """Degrees of freedom of a sum of squares of coloured noise, (Σ P)²/Σ P² over its spectrum P; two for a sine."""
-    power = _spectrum(residual)
+    z = np.fft.rfft(residual)
+    power = z.real**2 + z.imag**2
     total = float((power**2).sum())
     return float(2 * power.sum() ** 2 / total) if total > 0 else float(len(residual))
 
@@ -139,9 +119,8 @@ def lack_of_fit(level: Level, noise: Array) -> LackOfFit | None:
 
 def adequacy(scatter: Scatter, unit: str) -> tuple[Adequacy, list[Finding]]:
     """Judge the shape of the levels' curves."""
-    pairs = zip(scatter.levels, scatter.jacobians, scatter.noise, strict=True)
-    each = [(effective_samples(level.mean - J[:, 0]), lack_of_fit(level, noise)) for level, J, noise in pairs]
-    sizes, rows = [size for size, _ in each], [row for _, row in each if row]
+    pairs = zip(scatter.levels, scatter.noise, strict=True)
+    rows = [row for row in (lack_of_fit(level, noise) for level, noise in pairs) if row]
     falling, findings = decays(scatter.levels), []
     if falling:
         worst, lost = max(falling, key=lambda pair: pair[1])
@@ -153,11 +132,7 @@ def adequacy(scatter: Scatter, unit: str) -> tuple[Adequacy, list[Finding]]:
         most = max(beyond, key=lambda row: row.systematic_nm or 0.0)
         size = {"systematic": most.systematic_nm, "worst": most.level, "of": len(rows)}
         findings.append(finding("repeats-miss-alike", "friction", [row.level for row in beyond], **size))
-    return Adequacy(
-        lack_of_fit=tuple(rows),
-        residual_autocorrelation=median([rho for _, rho in sizes]),
-        effective_samples=float(sum(count for count, _ in sizes)),
-    ), findings
+    return Adequacy(tuple(rows)), findings
 
 
 VAGUE = 0.1

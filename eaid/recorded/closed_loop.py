@@ -1,8 +1,8 @@
 """Logs of closed loops: which law drove them, how they track, and a fit that the noise in their duty does not bias.
 
-With the law that is found the loop is replayed on the fitted model without noise: for what it should have tracked, and
-for the duty that it would have had. The recorded duty answers the noise and is no free input; the derivatives Z along
-the other one are instruments, and the fit is where Σ Z'r is 0.
+The recorded duty answers the noise and is no free input. With the law that is found the loop is replayed on the fitted
+model without noise; the derivatives Z along the duty that it would have had are instruments, and the fit is where
+Σ Z'r is 0.
 
 The law: Δu_k = K_P Δe_k + K_I dt e_(k−1) by least squares over the rows off the limits: exact for a PI that does not
 wind up.
@@ -11,17 +11,16 @@ wind up.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import msgspec
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.control.margins import Point, Timing, known, lags_at, loop_margins
 from eaid.control.pi import PIGains
 from eaid.estimate.from_logs import Solved, idle_of, model_of
 from eaid.estimate.late import follows_output
 from eaid.estimate.record import RecordedLog
 from eaid.estimate.response import Copies, Drive
 from eaid.findings import Finding, finding
-from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Nonlinear
 from eaid.options import Rig
 from eaid.replay.controllers import Controller, pi_controller
@@ -31,6 +30,8 @@ from eaid.results.recorded import Loop
 
 LAW_PCT = 80.0
 """A law that explains less of the duty's changes is none."""
+LEAST_ROWS = 50
+"""Rows off the limits that a law is told by."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,30 +61,21 @@ def run_loop(
 
 def law_of(log: RecordedLog) -> Law | None:
     """The PI law behind a log with a reference; None where none explains its duty."""
-    law = nearest_law(log)
-    explains = law is not None and law.fit_pct >= LAW_PCT and law.gains.K_P > 0 and law.gains.K_I > 0
-    return law if explains else None
-
-
-def nearest_law(log: RecordedLog) -> Law | None:
-    """The PI that comes nearest to a log's duty; None without a reference or with too few rows off the limits."""
     if log.reference is None:
         return None
     u, e = log.input, log.reference - log.output
-    acting = np.flatnonzero(u > 0)
-    if len(acting) < 50:
-        return None
-    top = float(u.max())
-    off = (u > 0) & (u < top * (1 - 1e-9))
+    acting, off = np.flatnonzero(u > 0), (u > 0) & (u < float(u.max()) * (1 - 1e-9))
     rows = np.flatnonzero(off[1:] & off[:-1]) + 1
-    if len(rows) < 50:
+    if len(rows) < LEAST_ROWS:
         return None
     design = np.column_stack([e[rows] - e[rows - 1], log.dt_s[rows - 1] * e[rows - 1]])
     wanted = u[rows] - u[rows - 1]
-    gains = np.linalg.lstsq(design, wanted, rcond=None)[0]
+    K_P, K_I = gains = np.linalg.lstsq(design, wanted, rcond=None)[0]
     size = float(np.linalg.norm(wanted))
     fit_pct = 100 * (1 - float(np.linalg.norm(wanted - design @ gains)) / size) if size > 0 else 0.0
-    return Law(PIGains(float(gains[0]), float(gains[1]), 0.0, top), fit_pct, int(acting[0]))
+    if not (fit_pct >= LAW_PCT and K_P > 0 and K_I > 0):
+        return None
+    return Law(PIGains(float(K_P), float(K_I), 0.0, float(u.max())), fit_pct, int(acting[0]))
 
 
 def simulated(solved: Solved, index: int, log: RecordedLog, law: Law) -> RecordedLog:
@@ -101,86 +93,32 @@ def simulated(solved: Solved, index: int, log: RecordedLog, law: Law) -> Recorde
     return replace(log, input=duty, output=measured, idle_start=log.starts_idle)
 
 
-OTHERWISE = 1.5
-"""A loop that misses its reference by so many times what is predicted has something that is not in the model."""
-
-
 def judged_loops(base: Solved, logs: Sequence[RecordedLog]) -> tuple[tuple[Loop, ...], list[Finding]]:
     """Every log of a closed loop, and what is to be said of it."""
     loops: list[Loop] = []
     findings: list[Finding] = []
-    laws = [law_of(log) for log in logs]
-    for k, (log, law) in enumerate(zip(logs, laws, strict=True)):
+    by_instrument = base.instruments is not None
+    for k, log in enumerate(logs):
+        law = law_of(log)
         if log.reference is None:
-            follows = follows_output(base, k, log)
-            if follows:
-                findings.append(finding("duty-follows-output", log.name, correlation=follows))
-                findings.append(finding("loop-bias-unknown", log.name))
-                loops.append(Loop(log.name, saturated_fraction=log.saturated))
-            continue
-        if law is None:
-            findings += [_of_another_law(log), finding("loop-bias-unknown", log.name)]
-        elif base.instruments is not None:
-            findings.append(finding("loop-instrument", log.name))
-        else:
-            findings.append(finding("loop-bias-unknown", log.name))
-        loops.append(_loop(base, k, log, law))
-        rms, predicted = loops[-1].rms_error, loops[-1].predicted_rms_error
-        if rms is not None and predicted is not None:
-            noise = float(np.std(base.missed[k]))
-            if rms > OTHERWISE * float(np.hypot(predicted, noise)):
-                findings.append(finding("loop-tracks-otherwise", log.name, rms=rms, predicted=predicted))
+            if not (follows := follows_output(base, k, log)):
+                continue
+            findings.append(finding("duty-follows-output", log.name, correlation=follows))
+        findings.append(finding("loop-instrument" if law and by_instrument else "loop-bias-unknown", log.name))
+        loop = Loop(log.name, saturated_fraction=log.saturated, rms_error=_tracking_error(log))
+        if law is not None:
+            values = {"K_P": law.gains.K_P, "K_I": law.gains.K_I, "law_fit_pct": law.fit_pct}
+            method = "instrument" if by_instrument else "direct"
+            loop = msgspec.structs.replace(loop, method=method, **values)
+        loops.append(loop)
     return tuple(loops), findings
 
 
-def _of_another_law(log: RecordedLog) -> Finding:
-    """What is seen of a loop that no PI explains: how it tracks, and how long it stands at its limit."""
-    assert log.reference is not None
-    law = nearest_law(log)
-    acting = log.input > 0
-    error = (log.reference - log.output)[acting]
-    return finding(
-        "loop-law-unknown", log.name,
-        fit_pct=None if law is None else law.fit_pct,
-        rms=float(np.sqrt(np.nanmean(error**2))),
-        largest=float(log.reference[acting].max()),
-        saturated_pct=100 * log.saturated,
-    )  # fmt: skip
-
-
-def _loop(base: Solved, index: int, log: RecordedLog, law: Law | None) -> Loop:
-    assert log.reference is not None
-    acting = slice(int(np.flatnonzero(log.input > 0)[0]), None)
-    error = (log.reference - log.output)[acting]
-    plain = Loop(log.name, saturated_fraction=log.saturated, rms_error=float(np.sqrt(np.mean(error**2))))
-    if law is None:
-        return plain
-    replayed = simulated(base, index, log, law)
-    off = (log.reference - replayed.output)[acting]
-    gain, phase = least_margins(model_of(base), law.gains, log)
-    return Loop(
-        log.name,
-        K_P=law.gains.K_P,
-        K_I=law.gains.K_I,
-        law_fit_pct=law.fit_pct,
-        saturated_fraction=plain.saturated_fraction,
-        rms_error=plain.rms_error,
-        predicted_rms_error=float(np.sqrt(np.mean(off**2))),
-        rms_from_predicted=float(np.sqrt(np.mean((log.output - replayed.output)[acting] ** 2))),
-        gain_margin_db=gain,
-        phase_margin_deg=phase,
-        method="direct" if base.instruments is None else "instrument",
-    )
-
-
-def least_margins(model: Nonlinear, gains: PIGains, log: RecordedLog) -> tuple[float | None, float | None]:
-    """Least gain margin [dB] and phase margin [°] over the inputs that a loop used, at its sample time."""
-    used = log.input[(log.input > 0) & (log.input < log.input.max())]
-    low, high = np.clip(np.quantile(used, [0.05, 0.95]), *model.u_range)
-    timing = Timing(1 / float(np.median(np.diff(log.time_s))), None)
-    points = [Point(u, float(steady_torque(model, u)), lags_at(model, u)) for u in np.linspace(low, high, 9).tolist()]
-    margins = list(loop_margins(gains, points, timing))
-    return known(min(one.gain_db for one in margins)), known(min(one.phase_deg for one in margins))
+def _tracking_error(log: RecordedLog) -> float | None:
+    """Reference minus output under load, rms; None without a reference."""
+    if log.reference is None:
+        return None
+    return float(np.sqrt(np.nanmean((log.reference - log.output)[int(np.argmax(log.input > 0)) :] ** 2)))
 
 
 ROUNDS = 20

@@ -417,8 +417,6 @@ class Adequacy(Result, frozen=True):
     """Whether the model is right."""
 
     lack_of_fit: tuple[LackOfFit, ...] = ()
-    residual_autocorrelation: Number | None = None
-    effective_samples: Number | None = None
 
 
 class Uncertainty(Result, frozen=True):

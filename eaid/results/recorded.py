@@ -89,18 +89,11 @@ class Loop(Result, frozen=True):
     """Gains of a PI law that explains the recorded duty [%/(N·m)], [%/(N·m·s)]; None: none does, or no reference."""
     K_I: Number | None = None
     law_fit_pct: Number | None = None
-    """How much of the duty that law explains, free run of the law on the recorded error."""
+    """How much of the changes of the duty that law explains."""
     saturated_fraction: Number = 0.0
     """Part of the acting time with the duty at a limit."""
     rms_error: Number | None = None
     """Reference minus recorded output, in the output's unit."""
-    predicted_rms_error: Number | None = None
-    """The same of the loop replayed on the fitted model without noise."""
-    rms_from_predicted: Number | None = None
-    """Recorded output minus the replayed one."""
-    gain_margin_db: Number | None = None
-    """Least over the inputs that the loop used, of the fitted model with that law."""
-    phase_margin_deg: Number | None = None
     method: Literal["direct", "instrument"] = "direct"
 
 
@@ -121,14 +114,6 @@ class Response(Result, frozen=True):
     nonlinear_phase_deg: tuple[Number, ...] = ()
     linear_gain: tuple[Number, ...] = ()
     linear_phase_deg: tuple[Number, ...] = ()
-    harmonics_pct: Number | None = None
-    """Output beyond what any linear system makes of the input, rms over the linear part, the noise taken off [%]."""
-    model_harmonics_pct: Number | None = None
-    """The same of the nonlinear model's output, which has no noise."""
-    periodic: bool = False
-    """Whether the input repeats, so that the tones it lacks are told from those it has."""
-    averages: Number = 0.0
-    """Independent stretches behind each value."""
 
 
 class Recorded(Result, frozen=True):

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eaid.estimate.adequacy import effective_samples
 from eaid.estimate.scatter import RunStatistics, common_shifts, of_numbers, pooled_scatter
 from eaid.estimate.spread import Influence, LevelScatter, interval_of, log_interval_of, satterthwaite
 
@@ -93,13 +92,3 @@ def test_sweeps_count_as_many_observations_as_there_are_sweeps() -> None:
     )
     variance, degrees = whole.variance()
     assert variance == pytest.approx(common @ common / 3 / 4) and degrees == pytest.approx(3.0, rel=0.02)
-
-
-def test_white_noise_has_as_many_samples_as_it_has_and_a_memory_fewer() -> None:
-    """AR(1) of φ leaves n (1 − φ)/(1 + φ)."""
-    random = np.random.default_rng(0)
-    e = random.standard_normal(20_000)
-    for k in range(1, len(e)):
-        e[k] += 0.8 * e[k - 1]
-    count, first = effective_samples(e)
-    assert count == pytest.approx(20_000 * 0.2 / 1.8, rel=0.15) and first == pytest.approx(0.8, abs=0.02)

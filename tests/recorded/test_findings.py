@@ -154,7 +154,7 @@ LOOP = Excitation(kind="closed-loop", duration_s=120.0, rate_hz=200.0, hold_s=(0
 
 
 @pytest.mark.slow
-def test_a_loops_law_is_found_and_its_tracking_predicted() -> None:
+def test_a_loops_law_is_found() -> None:
     run = synthesise_excitation(clutch(), LOOP, NOISE, 3)[0]
     law = law_of(recorded_log(run))
     assert law is not None
@@ -162,8 +162,8 @@ def test_a_loops_law_is_found_and_its_tracking_predicted() -> None:
     fit = fit_recorded([run], replace(PLAIN, duty=(10.0, 100.0)))
     assert fit.recorded is not None
     (loop,) = fit.recorded.loops
-    assert loop.rms_error == pytest.approx(loop.predicted_rms_error, rel=0.1)
-    assert loop.phase_margin_deg is not None and 20 < loop.phase_margin_deg < 60
+    error = (run.reference_nm - run.output)[int(np.argmax(run.input > 0)) :]
+    assert loop.rms_error == pytest.approx(float(np.sqrt(np.mean(error**2))))
     assert loop.method == "instrument" and "loop-instrument" in codes(fit)
     blind = fit_recorded([replace(recorded_log(run), reference=None)], replace(PLAIN, duty=(10.0, 100.0)))
     assert {"duty-follows-output", "loop-bias-unknown"} <= codes(blind).keys()

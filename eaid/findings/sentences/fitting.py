@@ -311,15 +311,6 @@ def _falls(v: Values) -> str:
     )
 
 
-def _other_law(v: Values) -> str:
-    nearest = "" if v["fit_pct"] is None else f" (the nearest explains {max(v['fit_pct'], 0):.0f} % of its changes)"
-    return (
-        f"{v['subject']}: no PI law explains the duty of this loop{nearest}, so its margins and the tracking it should "
-        f"have are not given; it misses its reference, {v['largest']:.3g} at most, by {v['rms']:.3g} (rms) and stands "
-        f"at its limit for {v['saturated_pct']:.0f} % of the acting time"
-    )
-
-
 RECORDED_ROWS: dict[str, Row] = {
     "recorded-not-converged": stop(
         "the fit of the logs did not converge: one more step would gain {predicted_decrease:.2g} of the cost"
@@ -398,13 +389,8 @@ RECORDED_ROWS: dict[str, Row] = {
         "{subject}: a closed loop whose law is not known: the bias of the direct fit cannot be told, and the intervals "
         "leave it out; log the reference of a PI loop, or play a duty of your own"
     ),
-    "loop-law-unknown": note(_other_law),
     "loop-instrument": note(
         "{subject}: fitted with the simulated duty as an instrument: the noise that the duty carries has no say"
-    ),
-    "loop-tracks-otherwise": caution(
-        "{subject}: the recorded loop misses its reference by {rms:.3g} (rms), the fitted model predicts "
-        "{predicted:.3g}: something in the loop is not in the model"
     ),
     "excitation-short": caution(
         "no sequence of {most_s:g} s within the limits reaches the widths: {parameter} comes to ± {width_pct:.3g} %, "

@@ -97,7 +97,6 @@ def bode(fit: Fit) -> Ready | None:
         rows[1].append(Panel(hz, Axis("Phase", "°"), phase, [Band(f, angle - told, angle + told, BAND, 1.0)],
                              tight=False))  # fmt: skip
         rows[2].append(Panel(hz, Axis("Coherence", "1", (0.0, 1.05)), [Line(f, response.coherence)], tight=False))
-    first = next((response for response in responses if response.harmonics_pct is not None), responses[0])
     sheet = Sheet([panel for row in rows for panel in row], 4.6, ink.COLUMN_IN if n == 1 else ink.PAGE_IN, n,
                   (1.5, 1.3, 0.8), share=("col", "row"))  # fmt: skip
-    return Ready(sheet, caption("bode", shown=n, count=len(known), first=first))
+    return Ready(sheet, caption("bode", shown=n, count=len(known)))

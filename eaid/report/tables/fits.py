@@ -19,7 +19,7 @@ from eaid.report.tables import (
 )
 from eaid.results.common import ci95_of
 from eaid.results.fit import Estimate, Fit, Nonlinear, Trend
-from eaid.results.recorded import Asked, Falls, LogFit, Loop, Response
+from eaid.results.recorded import Asked, Falls, LogFit, Loop
 
 PARAMETERS = ("Ts", "tau1", "tau2")
 
@@ -238,7 +238,7 @@ def model_tables(fit: Fit, asked: bool | None = None) -> list[Table]:
     found: list[Table] = []
     if (part := fit.recorded) is not None:
         unit, out = fit.data.input_unit, fit.data.output_unit
-        found += [logs_table(part.logs, out), responses_table(part.responses), loops_table(part.loops, (unit, out))]
+        found += [logs_table(part.logs, out), loops_table(part.loops, (unit, out))]
         found += [asked_table(part.asked, unit), falls_table(part.falls)]
     if fit.friction is not None:
         found.append(levels_table(fit))
@@ -268,13 +268,6 @@ def lack_of_fit_table(fit: Fit) -> Table:
         (with_unit(level(row.level), unit), row.ratio, row.chance, row.beyond, row.systematic_nm)
         for row in (judged.lack_of_fit if judged else ())
     ]
-    if judged and rows:
-        for said, value in (
-            ("residual autocorrelation, one sample apart", judged.residual_autocorrelation),
-            ("samples that count as independent", judged.effective_samples),
-        ):
-            if value is not None:
-                rows.append((said, value, None, "", None))
     caption = "The ratio is what a level's curve misses over what its repeats scatter; beyond what chance allows, the "
     caption += "curve's shape is not quite right there, by the systematic part."
     heads = columns("level", ("ratio", "", 3), ("by chance up to", "", 3), "beyond", ("systematic part", out, 2))
@@ -293,33 +286,16 @@ def logs_table(logs: Sequence[LogFit], out: str) -> Table:
     )  # fmt: skip
 
 
-def responses_table(responses: Sequence[Response]) -> Table:
-    """Where the frequency response of each log is known, and how far the clutch is from any linear system."""
-    return table_of(
-        "Frequency response",
-        "Harmonics: what the output holds beyond any linear answer to the input, noise taken off, as a share of the "
-        "linear part; the same of the nonlinear model.",
-        [response for response in responses if response.frequency_hz],
-        ("log", lambda response: Name(response.name)), (("from", "Hz", 3), lambda response: response.frequency_hz[0]),
-        (("to", "Hz", 3), lambda response: response.frequency_hz[-1]), (("averages", "", 2), "averages"),
-        (("least coherence", "", 3), lambda response: min(response.coherence)),
-        (("harmonics", "%", 3), "harmonics_pct"), (("of the model", "%", 3), "model_harmonics_pct"),
-    )  # fmt: skip
-
-
 def loops_table(loops: Sequence[Loop], units: tuple[str, str]) -> Table:
-    """Recorded closed loops: the law that explains the input, errors, margins, limits."""
+    """Recorded closed loops: the law that explains the input, its error and limits."""
     unit, out = units
     return table_of(
         "Closed loops as recorded",
-        "Error: reference minus output, as recorded and as the same law gives it on the fitted model; margins of that "
-        "law around the inputs used.",
+        "Error: reference minus output.",
         loops,
         ("loop", lambda loop: Name(loop.name)), (("K_P", f"{unit}/({out})", 3), "K_P"),
         (("K_I", f"{unit}/({out}·s)", 3), "K_I"), (("PI law explains", "%", 3), "law_fit_pct"),
         (("at a limit", "%", 2), lambda loop: 100 * loop.saturated_fraction), (("RMS error", out, 3), "rms_error"),
-        (("as replayed", out, 3), "predicted_rms_error"), (("apart", out, 3), "rms_from_predicted"),
-        (("gain margin", "dB", 3), "gain_margin_db"), (("phase margin", "°", 3), "phase_margin_deg"),
     )  # fmt: skip
 
 
