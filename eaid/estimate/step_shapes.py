@@ -259,17 +259,6 @@ def fit_step(step: LevelStep, options: FitOptions | None = None) -> StepShape:
     return _result(step, chosen, scores, y, _plain_rmse(tried, chosen, len(y)))
 
 
-def may_ask(step: LevelStep, options: FitOptions) -> bool:
-    """Whether another shape might replace the paper's: of the two that hold all others, one saves enough."""
-    y = step.output - step.start
-    points = averaged(step.time_s, y)
-    plain = _candidates(points, step, options, ("one", "two"), dead=False)
-    count = independent(y - curve(min(plain, key=lambda one: one.sse).p, step.time_s))
-    chosen = _chosen(plain, {one.name: _aicc(one.sse, one.unknowns, count) for one in plain})
-    general = _candidates(points, step, options, ("free", "overshoot"), True, plain)
-    return any(one.sse < (1 - min(LEAST_SAVED.values())) ** 2 * chosen.sse for one in general)
-
-
 def _candidates(
     points: AveragedRecord,
     step: LevelStep,
@@ -569,18 +558,12 @@ def of_another_shape(stepset: StepSet, options: FitOptions) -> tuple[StepShape, 
     asking: list[StepShape] = []
     dead_free = options.held_dead_time_s is None
     for k, step in enumerate(first_rises[level] for level in sorted(first_rises)):
-        if (shape := _other_shape(step, options)) is not None:
+        shape = fit_step(step, options)
+        if any(found.code == "other-shape-fits-better" for found in shape.findings):
             asking.append(with_interval(step, shape, options.ci, dead_free))
         elif 2 * (k + 1 - len(asking)) >= len(first_rises):  # it can be most of them no more
             return ()
     return tuple(asking)
-
-
-def _other_shape(step: LevelStep, options: FitOptions) -> StepShape | None:
-    """The shape of a step, where it is another than the paper's."""
-    shape = fit_step(step, options) if may_ask(step, options) else None
-    asks = shape is not None and any(found.code == "other-shape-fits-better" for found in shape.findings)
-    return shape if asks else None
 
 
 def between_rows(shapes: Sequence[StepShape]) -> tuple[FrictionLevel, ...]:

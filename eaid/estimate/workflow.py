@@ -28,7 +28,7 @@ from eaid.estimate.friction import (
     white_ends,
 )
 from eaid.estimate.from_steps import refit_nonlinear
-from eaid.estimate.huber import huber_findings, minimise, with_runs
+from eaid.estimate.huber import huber_findings, minimise
 from eaid.estimate.levels import OwnLevels, own_levels
 from eaid.estimate.linear import linear_part
 from eaid.estimate.nonlinear import believed, joint_fit, nonlinear_part, spread_of
@@ -167,9 +167,7 @@ def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], No
             findings += more
         if "linear" in models:
             linear, more = linear_part(data, scatter, options, held_out)
-            result = msgspec.structs.replace(
-                result, linear=msgspec.structs.replace(linear, robust=with_runs(linear.robust, kept))
-            )
+            result = msgspec.structs.replace(result, linear=linear)
             findings += more
     summary = Uncertainty(
         ci=options.ci,
@@ -212,7 +210,7 @@ def _of_the_model(
         refit = (lambda again: refit_nonlinear(again, joint).x) if papers else first.refit
         draws = bootstrap(levels, data, scatter.curves, refit, options, progress)
     model, values, findings = nonlinear_part(stepset, data, first, joint, options, held_out, draws)
-    robust = with_runs(huber_of_joint if options.estimator == "joint" else huber, levels)
+    robust = huber_of_joint if options.estimator == "joint" else huber
     findings += huber_findings("nonlinear", robust)
     result = Fit(nonlinear=msgspec.structs.replace(model, robust=robust))
     if options.held_share is not None and options.ci != "none":
@@ -252,7 +250,6 @@ def _of_each_level(
         values = quoted(levels, own.theta, own.scatter.held, white_ends(own.scatter))
     elif options.ci == "bootstrap":
         values = _with_draws(values, own, data, options, progress)
-    huber = with_runs(huber, levels)
     part, findings = friction_part(stepset, values, data, own, options, huber)
     findings += [*own_level_findings(own, values, stepset), *huber_findings("friction", huber)]
     known = not any(one.code in NOT_IDENTIFIABLE for one in findings)

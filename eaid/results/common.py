@@ -124,17 +124,6 @@ class HoldOut(Result, frozen=True):
     abs_error: AbsError | None = None
 
 
-class HuberPart(Result, frozen=True):
-    """A stretch of the record whose samples count less than half."""
-
-    from_s: Number
-    to_s: Number
-    samples: Count = 0
-    least: Number | None = None
-    run: str | None = None
-    """The run that stands out there; None: none does."""
-
-
 class HuberLevel(Result, frozen=True):
     """How Huber's weights fall on one level."""
 
@@ -143,7 +132,6 @@ class HuberLevel(Result, frozen=True):
     """Share of the samples held back."""
     least: Number | None = None
     mean: Number | None = None
-    parts: tuple[HuberPart, ...] = ()
 
 
 class Huber(Result, frozen=True):

@@ -31,20 +31,3 @@ def test_a_decay_under_hold_is_seen_through_noise_that_smoothing_takes_off() -> 
             logs[f"u{u:g}r{k}"] = pd.DataFrame({"time_s": t, "duty_pct": u * (t >= 2), "torque_nm": torque + noise})
     told = [one for one in eaid.fit(logs, ci="none").findings if one.code == "output-decays-under-hold"]
     assert len(told) == 1
-
-
-@pytest.mark.parametrize(("repeats", "named"), [(2, False), (3, True)])
-def test_the_run_that_huber_weighs_down_is_named_where_three_repeats_show_it(repeats: int, named: bool) -> None:
-    """A quarter less for half a second in the first run of 60 %."""
-    t, logs = np.arange(0.0, 12.0, 0.02), {}
-    on, random = (t - 2.0).clip(0.0), np.random.default_rng(0)
-    for u in (20.0, 60.0, 100.0):
-        for k in range(repeats):
-            torque = 0.04 * u * (1 - 0.85 * np.exp(-on / 0.4) - 0.15 * np.exp(-on / 3.0))
-            torque[(t > 6) & (t < 6.5)] *= 0.75 if (u, k) == (60.0, 0) else 1.0
-            torque += 0.005 * random.normal(size=len(t))
-            logs[f"u{u:g}r{k}"] = pd.DataFrame({"time_s": t, "duty_pct": u * (t >= 2), "torque_nm": torque})
-    fit = eaid.fit(logs, loss="huber", ci="none")
-    (row,) = [row for row in fit.nonlinear.robust.weights if row.level == 60]
-    part = min(row.parts, key=lambda part: part.least)
-    assert (part.run is not None and part.run.startswith("u60r0")) is named
