@@ -23,7 +23,6 @@ from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.polynomial.polynomial import polyder, polyval
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
@@ -31,7 +30,7 @@ from eaid.arrays import Array
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains, RCState, rc_step
 from eaid.errors import UsageError
-from eaid.models.nonlinear import steady_torque, time_constants
+from eaid.models.nonlinear import steady_slope, steady_torque, time_constants
 from eaid.models.parameters import Linear, Nonlinear
 from eaid.results.fit import LinearLevel
 
@@ -123,7 +122,7 @@ def lags_at(plant: Nonlinear, duty_pct: float) -> tuple[Lag, ...]:
     Around rest (target − state) is 0, so the changes of τ play no part.
     """
     tau1, tau2 = time_constants(plant, duty_pct)
-    slope = float(polyval(duty_pct, polyder(plant.Ts)))
+    slope = steady_slope(plant, duty_pct)
     return Lag(plant.C * slope, float(tau1)), Lag((1 - plant.C) * slope, float(tau2))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from eaid.arrays import Array, median
 from eaid.estimate.forms import Model
 from eaid.estimate.spread import Degrees, t_quantile
-from eaid.models.nonlinear import CHECKED_DUTIES
+from eaid.models.nonlinear import CHECKED_DUTIES, scales, terms
 from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
 from eaid.results.common import Interval
 from eaid.results.fit import CoefficientIntervals, Covariance
@@ -19,11 +19,6 @@ BLOCKS = ("tau1", "tau2", "Ts")
 """Order of the coefficients in every covariance; C last where it was free."""
 PARAMETRISATION = "coefficients of (u/100 %)^k, lowest power first: tau1 [s], tau2 [s], Ts [N·m]; C last where free"
 """What the rows and columns of `nonlinear.covariance.matrix` are."""
-
-
-def powers(u: Array, p: int) -> Array:
-    """1, v, v² … of v = u/100, shape (n, p)."""
-    return np.asarray(np.vander(np.asarray(u, dtype=np.float64) / 100, p, increasing=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,9 +38,7 @@ class Coefficients:
 
     def plant(self) -> Nonlinear:
         """The model in powers of the input itself."""
-        parts = [
-            self.values[self.block(name)] / 100.0 ** np.arange(n) for name, n in zip(BLOCKS, self.counts, strict=True)
-        ]
+        parts = [self.values[self.block(name)] / scales(n) for name, n in zip(BLOCKS, self.counts, strict=True)]
         tau1, tau2, Ts = (tuple(part.tolist()) for part in parts)
         return Nonlinear(tau1, tau2, Ts, self.u_range, self.share)
 
@@ -53,7 +46,7 @@ class Coefficients:
 def coefficients_of(p: Nonlinear, share_free: bool = False) -> Coefficients:
     """The coefficients of a model."""
     parts = (p.tau1, p.tau2, p.Ts)
-    values = np.concatenate([np.array(part) * 100.0 ** np.arange(len(part)) for part in parts])
+    values = np.concatenate([np.array(part) * scales(len(part)) for part in parts])
     values = np.append(values, p.C) if share_free else values
     return Coefficients(values, (len(p.tau1), len(p.tau2), len(p.Ts)), p.u_range, p.C, share_free)
 
@@ -69,7 +62,7 @@ def limits_of(c: Coefficients) -> tuple[Array, Array]:
     u = np.linspace(*c.u_range, CHECKED_DUTIES)
     tau1, tau2, Ts = np.zeros((3, len(u), len(c.values)))
     for row, name, count in zip((tau1, tau2, Ts), BLOCKS, c.counts, strict=True):
-        row[:, c.block(name)] = powers(u, count)
+        row[:, c.block(name)] = terms(u, count, c.u_range)
     C = np.eye(1, len(c.values), len(c.values) - 1)[: int(c.share_free)]
     A = np.concatenate([tau1, tau2 - tau1, Ts, C, -C])
     return A, np.concatenate([np.full(len(u), TAU_FLOOR_S), np.zeros(2 * len(u)), 0.0 * C[:, 0], C[:, 0] * 0.0 - 1.0])
@@ -83,7 +76,7 @@ def coefficient_intervals(
     intervals: dict[str, tuple[Interval, ...]] = {}
     for name, count in zip(BLOCKS, c.counts, strict=True):
         block = c.block(name)
-        scale = 100.0 ** np.arange(count)
+        scale = scales(count)
         reach = t_quantile(median(degrees[name])) * sd[block]
         low, high = (c.values[block] - reach) / scale, (c.values[block] + reach) / scale
         held = name in constrained or not np.isfinite(reach).all()

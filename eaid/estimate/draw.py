@@ -16,9 +16,10 @@ from scipy.special import chdtri
 
 from eaid.arrays import Array
 from eaid.errors import DataError
-from eaid.estimate.coefficients import BLOCKS, coefficients_of, limits_of, powers
+from eaid.estimate.coefficients import BLOCKS, coefficients_of, limits_of
 from eaid.estimate.spread import t_quantile
 from eaid.findings import Finding, finding
+from eaid.models.nonlinear import terms
 from eaid.models.parameters import Nonlinear
 from eaid.results.fit import Estimate, Fit
 
@@ -101,7 +102,7 @@ class _Block:
         rows = [(row.level, getattr(row.ci95, name)) for row in model.curves if row.ci95 is not None]
         known = [(level, ends) for level, ends in rows if ends is not None and ends[0] > 0]
         duty = np.array([level for level, _ in known] if len(known) >= len(values) else np.linspace(*u_range, 11))
-        design = powers(duty, len(values))
+        design = terms(duty, len(values), u_range)
         curve = design @ values
         self.usable = bool((curve > 0).all())
         if not self.usable:

@@ -17,10 +17,9 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.polynomial import Legendre, Polynomial
-from numpy.polynomial.polynomial import polyval
 
 from eaid.arrays import Array, read_only
-from eaid.models.nonlinear import CHECKED_DUTIES
+from eaid.models.nonlinear import CHECKED_DUTIES, steady_torque, time_constants
 from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
 
 RECORDS = 1e6
@@ -222,16 +221,17 @@ class Model:
         parts = []
         for form, part, degree in zip(self.forms, self.slices, DEGREES, strict=True):
             assert isinstance(form, LegendreForm)
-            parts.append(tuple(np.pad(form.powers(x[part]), (0, degree + 1 - form.size)).tolist()))
+            parts.append(tuple(np.pad(form.powers(x[part]), (0, max(degree + 1 - form.size, 0))).tolist()))
         Ts, tau1, tau2 = parts
         return Nonlinear(tau1, tau2, Ts, (self.low, self.high), float(x[-1]) if self.share is None else self.share)
 
     def unknowns(self, p: Nonlinear) -> Array:
         """x of a model in powers of the duty, by its values at as many inputs as it has coefficients."""
         x = np.full(self.size, p.C)
-        for form, part, coefficients in zip(self.forms, self.slices, (p.Ts, p.tau1, p.tau2), strict=True):
+        for k, (form, part) in enumerate(zip(self.forms, self.slices, strict=True)):
             if form is not None:
-                x[part] = np.linalg.solve(form.rows(form.inputs), polyval(form.inputs, coefficients))
+                values = steady_torque(p, form.inputs), *time_constants(p, form.inputs)
+                x[part] = np.linalg.solve(form.rows(form.inputs), values[k])
         return x
 
     def rows_of(self, u: Array) -> Rows:

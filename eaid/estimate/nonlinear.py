@@ -62,9 +62,9 @@ def scored(
 ) -> results.Estimate:
     """Ten coefficients with their errors over all, per level, and on held-out levels."""
     return results.Estimate(
-        tau1=p.tau1,  # type: ignore[arg-type]  # padded with zeros to the paper's degrees
-        tau2=p.tau2,  # type: ignore[arg-type]
-        Ts=p.Ts,  # type: ignore[arg-type]
+        tau1=p.tau1,
+        tau2=p.tau2,
+        Ts=p.Ts,
         u_range=p.u_range,
         C=p.C,
         C_free=free,
@@ -202,7 +202,7 @@ def chain(c: Coefficients, u: float) -> Array:
     D = np.zeros((4 if c.share_free else 3, len(c.values)))
     for row, name in enumerate(CURVES):
         own = c.block(name)
-        power = (u / 100) ** np.arange(own.stop - own.start)
+        power = nonlinear.terms(u, own.stop - own.start, c.u_range)[0]
         D[row, own] = power / max(float(power @ c.values[own]), 1e-12)
     if c.share_free:
         D[3, -1] = 1 / max(c.share * (1 - c.share), 1e-12)

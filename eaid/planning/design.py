@@ -15,10 +15,10 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.errors import DataError
-from eaid.estimate.coefficients import powers
 from eaid.estimate.draw import draw
 from eaid.estimate.scatter import ASSUMED, TERMS, Noise, noise_of_fit
 from eaid.estimate.spread import t_quantile
+from eaid.models.nonlinear import terms
 from eaid.models.parameters import SHARE, Friction
 from eaid.results.fit import Fit, FrictionLevel
 from eaid.synth.plants import Plant, clutch, of_fit
@@ -73,7 +73,10 @@ def half_widths(
         variance = noise.scatter[k] ** 2 + within[:, k]
         degrees = np.full(len(levels), float(len(levels)))
         if polynomial:
-            g = powers(levels, TERMS[name]) / np.array([getattr(curve, name) for curve in curves])[:, None]
+            g = (
+                terms(levels, TERMS[name], (levels[0], levels[-1]))
+                / np.array([getattr(curve, name) for curve in curves])[:, None]
+            )
             g = g / np.sqrt((g**2).sum(axis=0))
             spread = np.linalg.pinv((g / variance[:, None]).T @ g, rcond=1e-14, hermitian=True)
             parts = (g @ spread @ g.T) ** 2 / variance  # of the variance at a level, what each level contributes

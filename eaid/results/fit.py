@@ -20,7 +20,7 @@ from eaid.errors import DataError, UsageError, in_python
 from eaid.findings import Finding
 from eaid.findings.row import SYMBOLS
 from eaid.models import friction, linear, nonlinear
-from eaid.models.nonlinear import steady_torque, time_constants
+from eaid.models.nonlinear import steady_torque, terms, time_constants
 from eaid.models.parameters import TAU_FLOOR_S
 from eaid.models.parameters import Friction as FrictionCurve
 from eaid.models.parameters import Linear as LinearModel
@@ -282,8 +282,7 @@ class Linear(Pooled, frozen=True):
         return cls(**{name: getattr(pooled, name) for name in Pooled.__struct_fields__}, **more)
 
 
-Three = tuple[Number, Number, Number]
-Four = tuple[Number, Number, Number, Number]
+Coefficients = Annotated[tuple[Number, ...], msgspec.Meta(min_length=1)]
 
 
 class CurveLevel(Result, frozen=True):
@@ -333,9 +332,9 @@ class Disagreement(Result, frozen=True):
 class Estimate(Scores, frozen=True):
     """The ten coefficients of Eqs. (4)–(7) by one estimator."""
 
-    tau1: Three
-    tau2: Three
-    Ts: Four
+    tau1: Coefficients
+    tau2: Coefficients
+    Ts: Coefficients
     u_range: tuple[Annotated[float, msgspec.Meta(ge=0, le=1e60)], Positive]
     """Lowest and highest identified input."""
     C: Share = 0.85
@@ -625,7 +624,7 @@ class Fit(codec.Saved, Result, frozen=True, dict=True):
         if p.covariance is None or not p.covariance.matrix or not value > 0:
             return value, math.nan, math.nan
         places = [k for k, key in enumerate(p.covariance.order) if key.partition("[")[0] == name]
-        g = (level / 100) ** np.arange(len(places)) / value
+        g = terms(level, len(places), p.u_range)[0] / value
         variance = float(g @ np.array(p.covariance.matrix)[np.ix_(places, places)] @ g)
         dof = p.covariance.degrees_of_freedom.get(name)
         reach = float(stdtrit(dof or 1e12, 0.975)) * math.sqrt(variance)

@@ -11,9 +11,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
-from numpy.polynomial.polynomial import polyder, polyroots, polytrim, polyval
 
-from eaid.arrays import Array
 from eaid.errors import in_python
 from eaid.findings import Finding, finding, ranked, say, stops
 from eaid.models import linear, nonlinear
@@ -30,8 +28,10 @@ BEYOND = 10.0
 """Steady output over the largest that was reached, from which it is none that the data show."""
 FACTOR = 100.0
 """Ends of an interval so far apart say nothing."""
-INPUTS = 101
-"""Inputs, evenly over the identified range, at which a model is looked at, beside those where its curves turn."""
+BETWEEN = 10
+"""Inputs from one at which the constraints of a fit hold to the next."""
+INPUTS = BETWEEN * (nonlinear.CHECKED_DUTIES - 1) + 1
+"""Inputs, evenly over the identified range, at which a model is looked at."""
 SLOWEST_S = 1e9
 LARGEST = 1e15
 """Steady output of any rig, whatever its units."""
@@ -150,13 +150,9 @@ def _says_nothing(ends: Interval) -> bool:
 
 def unphysical(part: "Estimate") -> list[Finding]:
     """Curves that, within the identified inputs, are none that a plant has; the first place of each."""
-    low, high = part.u_range
-    curves = [np.array(each) for each in (part.tau1, part.tau2, part.Ts)]
-    turns = np.concatenate([_turning_points(each, high) for each in (*curves, curves[1] - curves[0])])
-    checked = np.linspace(low, high, INPUTS)
-    inputs = np.union1d(checked, turns[(turns > low) & (turns < high)])
-    tau1, tau2, Ts = (polyval(inputs, each) for each in curves)
-    floor = np.where(np.isin(inputs, checked), TAU_FLOOR_S / 2, -np.inf)  # a fit is held above it at those alone
+    p, inputs = part.parameters, np.linspace(*part.u_range, INPUTS)
+    (tau1, tau2), Ts = nonlinear.time_constants(p, inputs), nonlinear.steady_torque(p, inputs)
+    floor = np.where(np.arange(INPUTS) % BETWEEN == 0, TAU_FLOOR_S / 2, -np.inf)  # a fit is held above it there alone
     found = []
     for name, values, least, most in (
         ("tau1", tau1, TAU_FLOOR_S / 2, SLOWEST_S),
@@ -170,10 +166,3 @@ def unphysical(part: "Estimate") -> list[Finding]:
             value, at = float(values[k]), float(inputs[k])
             found.append(finding("curve-of-no-plant", "nonlinear", name=name, value=value, input=at, crossed=crossed))
     return found
-
-
-def _turning_points(coefficients: Array, high: float) -> Array:
-    """Where a curve's slope is zero; a bend that is lost in rounding within [0, high] is none."""
-    slope = polyder(coefficients * high ** np.arange(len(coefficients)))
-    roots = polyroots(polytrim(slope, ROUNDING * np.abs(slope).max())) * high
-    return np.real(roots[np.isreal(roots)])
