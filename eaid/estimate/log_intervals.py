@@ -1,55 +1,33 @@
 """Intervals of a recorded fit: what its residuals, coloured as they are, leave open about any function of its unknowns.
 
-    V = H⁻¹ Ω H⁻¹',   H = Σ Z'J,   Ω = the variance of Σ_k Z_k' r_k
+    V = H⁻¹ Ω H⁻¹',   H = Σ Z'J,   Ω = Σ_f S0 |F(Z)|² + S1 |F(Z T)|²,   the variance of Σ_k Z_k' r_k
 
-Z is J but where an instrument stands in for it. Ω is estimated in two ways:
-
-    noise     r = white and coloured noise of the sensor, and noise that goes with the output: spectra S0(f) + T² S1(f),
-              both smoothed; Ω = Σ_f S0 |F(Z)|² + S1 |F(Z T)|²
-    stretches Σ over moving stretches of several lengths of s s', s = Σ Z_k' r_k over the stretch (Bartlett weights)
-
-The first is precise and leans on the noise being alike everywhere; the second leans on nothing, and is worth no more
-than the stretches in which a function is decided. A function's variance is their mean, weighted by these and by the
-degrees of freedom of the first, two for each line of the spectra that carries it (Satterthwaite). Both come from the
-same residuals: the mean has no more degrees of freedom than the first. Where the logs hold four engagements or more
-(stretches under load between returns to rest, and whole logs) and their gains differ, these are taken out of r, and
-what they do is added: σ² H⁻¹ Σ s s' H⁻¹, s = Σ Z T of an engagement. Directions that an active constraint holds are
-left out.
+Z is J but where an instrument stands in for it. r is white and coloured noise of the sensor, and noise that goes with
+the output T: S(f) = S0(f) + T² S1(f), both spectra smoothed. A function's variance has two degrees of freedom for each
+line of the spectra that carries it (Satterthwaite). Where the logs hold four engagements or more (stretches under load
+between returns to rest, and whole logs) and their gains differ, these are taken out of r, and what they do is added:
+σ² H⁻¹ Σ s s' H⁻¹, s = Σ Z T of an engagement. Directions that an active constraint holds are left out.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from eaid.arrays import Array, scaled_inverse
 from eaid.estimate.forms import RECORDS_FREE
 from eaid.estimate.friction import HELD_BY
 from eaid.estimate.from_logs import Setup, Solved, idle_of
-from eaid.estimate.noise import Lines, Piece, Scatter, by_spectrum, moving, piece_of, scatter_of
+from eaid.estimate.noise import Lines, Piece, Scatter, by_spectrum, piece_of, scatter_of
 from eaid.estimate.record import RecordedLog
 from eaid.estimate.solver import approach, newton_step
 from eaid.estimate.spread import free_inverse, rejected
 from eaid.findings import Finding, finding
 from eaid.results.recorded import Asked
 
-WINDOWS_S = (0.3, 1.0, 3.0, 10.0)
-"""Lengths of the stretches [s]."""
-LONGEST = 1 / 24
-"""Longest stretch, as a part of all logs together."""
 SEEN = 2e-3
 """Gains of engagements that noise makes so different more rarely than this scatter."""
-
-
-@dataclass(frozen=True, eq=False)
-class StretchScores:
-    """One way of adding scores up."""
-
-    covariance: Array
-    groups: tuple[NDArray[np.intp], ...]
-    """For each log, the group of every bin, (n,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,17 +35,14 @@ class Spread:
     """What is needed for the variance of any function of the unknowns."""
 
     noise: Array
-    """Covariance of the unknowns by the noise's own estimate."""
+    """Covariance of the unknowns by the noise."""
     lines: tuple[Lines, ...]
     """What it rests on, log by log."""
-    stretches: tuple[StretchScores, ...]
     between: Array
     """Covariance by scatter between engagements."""
     scatter: Scatter
     pull: Array
     """H⁻¹ where the constraints leave it free."""
-    slopes: tuple[Array, ...]
-    """Z of every bin of every log, (n, p)."""
     correlation_s: float
     """Integrated correlation time of the residuals [s], the longest of all logs."""
 
@@ -78,15 +53,10 @@ class Spread:
 
     def _variance(self, gradient: Array) -> tuple[float, float]:
         along = self.pull.T @ gradient
-        squares = [(slopes @ along) ** 2 for slopes in self.slopes]
-        own = max(float(gradient @ self.noise @ gradient), 0.0)
-        widest = max(self.stretches, key=lambda one: float(gradient @ one.covariance @ gradient))
-        counted = _degrees(squares, widest.groups)
+        within = max(float(gradient @ self.noise @ gradient), 0.0)
         parts = np.array([one.degrees(along) for one in self.lines])  # variance and degrees of freedom of each log
         share = parts[:, 0] / max(float(parts[:, 0].sum()), 1e-300)
         degrees = 1 / max(float((share**2 / parts[:, 1]).sum()), 1e-3)
-        within = max(float(gradient @ widest.covariance @ gradient), 0.0)
-        within = (degrees * own + counted * within) / (degrees + counted)
         between = max(float(gradient @ self.between @ gradient), 0.0)
         if between == 0.0:
             return within, degrees
@@ -100,18 +70,8 @@ class Spread:
 
     @property
     def covariance(self) -> Array:
-        """One covariance for drawing, of all ways alike."""
-        ways = [self.noise, *(one.covariance for one in self.stretches)]
-        return np.asarray(sum(ways) / len(ways) + self.between)
-
-
-def _degrees(squares: Sequence[Array], groups: Sequence[NDArray[np.intp]]) -> float:
-    """How many groups decide a function: (Σ a)²/Σ a², a its squared influence in each group."""
-    parts = [np.bincount(which, one) for one, which in zip(squares, groups, strict=True)]
-    a = np.concatenate(parts).astype(np.float64)
-    a = a / max(float(a.max()), 1e-300)
-    square = float((a * a).sum())
-    return max(float(a.sum()) ** 2 / square - 1.0, 0.5) if square > 0 else 0.5
+        """One covariance for drawing."""
+        return np.asarray(self.noise + self.between)
 
 
 def spread(solved: Solved) -> Spread:
@@ -134,32 +94,12 @@ def _spread(solved: Solved) -> Spread:
         at = setup.places[log].columns
         H[np.ix_(at, at)] += Z.T @ J
         pieces.append(piece_of(Z, r, at, n, drive, idle_of(solved, log)))
-    span = sum(one.bin_s * len(one.r) for one in pieces)
     memory = max(one.memory_s for one in pieces)
     pull = free_inverse(H, solved.setup.problem().A[solved.active])
-    white = _root(pull)
     lines = tuple(by_spectrum(one, pull) for one in pieces)
     noise = pull @ sum((one.total for one in lines), np.zeros((n, n))) @ pull.T
-    stretches: list[StretchScores] = []
-    for window in WINDOWS_S:
-        if window > LONGEST * span and stretches:
-            break
-        wide = [max(1, round(window / one.bin_s)) for one in pieces]
-        omega = sum(moving(one, white, k) for one, k in zip(pieces, wide, strict=True))
-        where = tuple(np.arange(len(one.r)) // k for one, k in zip(pieces, wide, strict=True))
-        stretches.append(StretchScores(white @ omega @ white.T, where))
     between = _between(pieces, pull) * scatter.gain**2 * (scatter.chance <= SEEN)
-    slopes = tuple(one.plain for one in pieces)
-    return Spread(noise, lines, tuple(stretches), between, scatter, pull, slopes, memory)
-
-
-def _root(pull: Array) -> Array:
-    """L with L L' = H⁻¹ where the data and the constraints leave anything to know, (p, k)."""
-    variance = np.diagonal(pull)
-    scale = np.sqrt(np.where(variance > 1e-40 * variance.max(initial=0.0), variance, 1.0))  # 1: held, its row is 0
-    size, ways = np.linalg.eigh(0.5 * (pull + pull.T) / np.outer(scale, scale))
-    known = size > 1e-14 * size.max(initial=0.0)
-    return np.asarray(scale[:, None] * ways[:, known] * np.sqrt(size[known]))
+    return Spread(noise, lines, between, scatter, pull, memory)
 
 
 def _between(pieces: Sequence[Piece], pull: Array) -> Array:

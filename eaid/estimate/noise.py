@@ -1,4 +1,4 @@
-"""The noise of recorded logs: residuals in bins, their two spectra, sums over moving stretches, engagements.
+"""The noise of recorded logs: residuals in bins, their two spectra, engagements.
 
 r = noise of the sensor + noise that goes with the output T:   S(f) = S0(f) + T² S1(f)
 """
@@ -23,8 +23,6 @@ LEAST_LEFT = 0.25
 """A line keeps at least this part of its power."""
 SMALL = 9.0
 """An output is small or large beside its mean square over this."""
-QUARTERS = 4
-"""Stretches begin at every quarter of their length."""
 FEWEST = 8
 """… and at least so many lines."""
 
@@ -37,8 +35,6 @@ class Piece:
     """Mean residual."""
     size: Array
     """Mean output above idle."""
-    scores: Array
-    """Σ Z r of each bin, (n, p)."""
     plain: Array
     """Σ Z, (n, p)."""
     scaled: Array
@@ -68,7 +64,6 @@ def piece_of(Z: Array, r: Array, at: NDArray[np.intp], n: int, drive: Drive, idl
     return Piece(
         mean,
         np.add.reduceat(output, starts) / count,
-        binned(Z * r[:, None]),
         binned(Z),
         binned(Z * output[:, None]),
         step,
@@ -162,37 +157,6 @@ def _smoothed(values: Array, half: int) -> Array:
     mirrored = np.concatenate([values[half:0:-1], values, values[-2 : -half - 2 : -1]])
     total = np.append(0.0, np.cumsum(mirrored))
     return np.asarray((total[2 * half + 1 :] - total[: -2 * half - 1]) / (2 * half + 1))
-
-
-def moving(piece: Piece, white: Array, width: int) -> Array:
-    """Σ over moving stretches of `width` bins of s s', over the width (Bartlett weights), of whitened unknowns, (k, k).
-
-    `white` is L, (p, k), with L L' = H⁻¹. A stretch draws the fit towards itself: its scores s would have been
-    (I − L' H_s L)⁻¹ s of a fit without it, the jackknife's.
-    """
-    stride = max(1, width // QUARTERS)
-    count = min(-(-width // stride), -(-len(piece.r) // stride))
-    starts = np.arange(0, len(piece.r), stride)
-    slopes = piece.plain @ white
-    pairs = np.array([part.T @ part for part in np.split(slopes, starts[1:])]) / piece.rows
-    return without(_sums(np.add.reduceat(piece.scores @ white, starts), count), _sums(pairs, count)) / count
-
-
-def _sums(values: Array, count: int) -> Array:
-    """Sums of `count` values one after another, and of those fewer at both ends; shape (n + count − 1, …)."""
-    total = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
-    at = np.arange(len(values) + count - 1)
-    return np.asarray(total[np.minimum(at + 1, len(values))] - total[np.maximum(at + 1 - count, 0)])
-
-
-def without(scores: Array, own: Array) -> Array:
-    """Σ of s* s', made symmetric, (k, k), s* the scores (n, k) that a fit without the stretch would have had.
-
-    `own` is each stretch's part of I, (n, k, k). The fit leaves (I − own) of a stretch's variance in s s'.
-    """
-    left = (1 + LEAST_LEFT**2) * np.eye(scores.shape[1]) - own
-    product = np.linalg.solve(left, scores[:, :, None])[:, :, 0].T @ scores
-    return np.asarray(0.5 * (product + product.T))
 
 
 def correlation_s(r: Array, dt_s: float) -> float:
