@@ -118,19 +118,6 @@ def saturated(random: np.random.Generator, run: Run) -> list[Run]:
     return [_with(run, np.minimum(run.output, limit))]
 
 
-def saturated_behind_noise(random: np.random.Generator, run: Run) -> list[Run]:
-    """An amplifier at its limit, behind which a converter adds a third of the noise; the rise takes eight samples."""
-    while True:
-        y, span = run.output, float(run.output.max()) - _base(run)
-        limit = _base(run) + random.uniform(0.3, 0.75) * span
-        if int(np.argmax(y[_step(run) :] > limit)) >= 8:
-            break
-        run = good(random)
-    noise = float(random.choice([0.002, 0.005, 0.01, 0.02])) * span
-    y = np.minimum(y + noise * random.normal(size=len(y)), limit) + 0.3 * noise * random.normal(size=len(y))
-    return [_with(run, y)]
-
-
 def stuck(random: np.random.Generator, run: Run) -> list[Run]:
     y, start = run.output.copy(), _step(run)
     y += 0.005 * _span(run) * random.normal(size=len(y))
@@ -185,21 +172,6 @@ def sweeps(random: np.random.Generator, run: Run) -> list[Run]:
     return [log(run.time_s, u, u * 0.02 + 0.01 * random.normal(size=len(t)))]
 
 
-def ceiling(random: np.random.Generator, run: Run) -> list[Run]:
-    """Levels whose sensor stops at one value, behind noise."""
-    t = run.time_s
-    start = _step(run)
-    since = t - t[start]
-    tau = float(since[-1]) * random.uniform(0.05, 0.12)
-    limit = random.uniform(0.3, 0.5)
-    runs = []
-    for k, level in enumerate((20.0, 40.0, 60.0, 80.0, 100.0)):
-        y = np.minimum(level / 100 * rise(since, tau, 4 * tau, 0.85), limit)
-        y = y + 0.005 * random.normal(size=len(t))
-        runs.append(log(t, np.where(since >= 0, level, 0.0), y, name=f"r{k}"))
-    return runs
-
-
 def unsettled(random: np.random.Generator, _run: Run) -> list[Run]:
     """A staircase that is left before the output rests."""
     tau = 1.0
@@ -222,13 +194,12 @@ def no_step(random: np.random.Generator, run: Run) -> list[Run]:
 Maker = Callable[[np.random.Generator, Run], list[Run]]
 ALONE: dict[str, Maker] = {
     "not-at-rest": not_at_rest, "unsettled-before-step": unsettled, "step-in-gap": step_in_gap,
-    "saturated": saturated, "same-ceiling": ceiling, "sensor-stuck": stuck, "coarse-output": coarse, "spikes": spiked,
+    "saturated": saturated, "sensor-stuck": stuck, "coarse-output": coarse, "spikes": spiked,
     "sign-differs": other_sign, "level-contradicts-input": contradicted, "several-edges": several,
     "input-moves": sweeps,
 }  # fmt: skip
 BAD: dict[str, tuple[Maker, tuple[str, ...]]] = {
     **{code: (make, (code,)) for code, make in ALONE.items()},
-    "saturated-behind-noise": (saturated_behind_noise, ("saturated-behind-noise", "saturated")),
     "shape-explains-little": (no_step, ("shape-explains-little", "several-edges", "not-at-rest")),
 }
 """Kind of bad log → what makes one, and the findings of which one has to be said."""

@@ -10,7 +10,7 @@ from eaid.findings import Finding, finding, stops
 from eaid.logs.run import Kind, Run
 from eaid.options import ReadOptions
 from eaid.steps.baseline import without_spikes
-from eaid.steps.checks import disagreements, same_ceiling, step_warnings
+from eaid.steps.checks import disagreements, step_warnings
 from eaid.steps.cut import cut_runs, level_steps
 from eaid.steps.levels import common, grouped, same_level, wanted_levels
 from eaid.steps.noise import STANDARD_ERRORS, block_error, block_means, idle_density, line
@@ -145,8 +145,7 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN) -> StepSe
             of_runs[one.subject].append(one)
     records = [_record(steps[run.name], tuple(of_runs[run.name]), run.name in out) for run in runs]
     records.sort(key=lambda record: (record.level, record.repeat, record.edge != "rising", record.name))
-    ceiling = same_ceiling(levels, of_runs, output_unit)
-    whole = StepSet(
+    return StepSet(
         kind=kind,
         input_unit=input_unit,
         output_unit=output_unit,
@@ -154,11 +153,10 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN) -> StepSe
         levels=tuple(levels),
         releases=tuple(_averaged(falling, steps, out)),
         runs=tuple(records),
-        findings=(*_of_subject(of_signs, "data"), *_of_the_set(levels, runs, input_unit), *ceiling),
+        findings=(*_of_subject(of_signs, "data"), *_of_the_set(levels, runs, input_unit)),
         synthetic="; ".join(sorted({run.synthetic for run in runs if run.synthetic})) or None,
         level_steps=level_steps([run for run in runs if run.name not in out], of_runs),
     )
-    return whole.without(ceiling[0].levels, ceiling[0]) if ceiling and len(ceiling[0].levels) < len(levels) else whole
 
 
 def _of_subject(findings: Sequence[Finding], subject: str) -> list[Finding]:

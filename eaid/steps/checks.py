@@ -3,12 +3,12 @@
 Levels of torque are compared by means of blocks, so that noise and rotor ripple do not count as change.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
 
-from eaid.arrays import Array, median
+from eaid.arrays import median
 from eaid.findings import Finding, finding
 from eaid.steps.baseline import FLOOR, last_rest, without_spikes
 from eaid.steps.edges import several_edges
@@ -25,22 +25,15 @@ from eaid.steps.noise import (
     stretches,
 )
 from eaid.steps.plateaus import FEWEST, tolerance
-from eaid.steps.step import Step, left_pct, lost_pct
+from eaid.steps.step import Step, left_pct
 from eaid.steps.stepset import Level
 
 BRIEF = 0.02
 """Share of a window up to which a stuck sensor is told, and the numbers stand."""
 COARSE = 25
 """Steps of the sensor's resolution in a change below which its shape cannot be told."""
-ALIKE = 0.005
-"""Share within which two levels end at one value."""
 FLAT = 0.4
 """Sharpness from which a rise is cut off and not settling."""
-FLAT_CODES = {"saturated", "saturated-behind-noise", "flat-topped"}
-SETTLES = 0.25
-"""Sharpness of an exponential that settles, at most: what has lost its noise and is sharper has stopped."""
-QUIET = 0.5
-"""Share of the idle's noise below which the noise of a flat top is that of what lies behind the sensor."""
 CREEP = 0.002
 """Share of its top by which a flat one may still creep over its last quarter."""
 SMOOTH = 400
@@ -52,6 +45,7 @@ def saturated(step: Step) -> Finding | None:
     output = step.run.output[:LONG]
     moves = np.abs(np.diff(output))
     finest = float(moves[moves > 0].min()) if (moves > 0).any() else 0.0
+    exactly = 0
     for limit in (float(output.max()), float(output.min())):
         at = output == limit
         starts, stops = stretches(at)
@@ -60,29 +54,20 @@ def saturated(step: Step) -> Finding | None:
         entry = int(starts[0])
         if len(starts) == 1 and stops[0] <= step.start and entry > 0:
             continue  # a sensor that dropped out in the idle time: stuck
+        exactly = int(at.sum())
         # a settled or idle output is approached by its finest step
-        steep = abs(limit - float(output[max(0, entry - 3)])) > max(20 * finest, 1e-3 * float(np.ptp(output)))
-        if steep or _cut_short(output, entry, limit):
-            return finding("saturated", step.run.name, samples=int(at.sum()), limit=limit, unit=step.unit)
-    return flat_top(step) if step.run.edge == "rising" else None
+        if abs(limit - float(output[max(0, entry - 3)])) > max(20 * finest, 1e-3 * float(np.ptp(output))):
+            return finding("saturated", step.run.name, samples=exactly, limit=limit, unit=step.unit)
+    top = flat_top(step) if step.run.edge == "rising" else None
+    if top is None:
+        return None
+    if exactly:
+        return finding("saturated", step.run.name, samples=exactly, limit=top, unit=step.unit)
+    return finding("flat-topped", step.run.name, step.levels, limit=top, unit=step.unit)
 
 
-def _cut_short(output: Array, entry: int, limit: float) -> bool:
-    """True where an output without noise stops at a limit although its last moves, an exponential's, foretell more."""
-    if entry < 3:
-        return False
-    last, before = abs(limit - float(output[entry - 1])), abs(float(output[entry - 1] - output[entry - 2]))
-    moves = np.abs(np.diff(output))
-    moves = moves[moves > 0]
-    finest = float(moves.min())
-    even = np.abs(moves / finest - np.round(moves / finest)).max() < 1e-3
-    # what is left of an exponential whose last two moves were these, the last one cut
-    left = min(last, before) if before > 0 else 0.0
-    return left > max(4 * finest if even else 0.0, 2e-3 * float(np.ptp(output)))
-
-
-def flat_top(step: Step) -> Finding | None:
-    """A finding where a rise stops at full slope and stays there, within its noise."""
+def flat_top(step: Step) -> float | None:
+    """The output at which a rise stops at full slope and stays, within its noise; None of one that settles."""
     rise = step.rise
     if len(rise) < 200 or not step.swing > 0:
         return None
@@ -90,23 +75,16 @@ def flat_top(step: Step) -> Finding | None:
     top = median(rise[half:])
     creep = abs(float(rise[-quarter:].mean() - rise[half:-quarter].mean()))
     slack = max(CREEP * top, 3 * block_error(rise))
-    if top <= 0 or creep > slack or block_means(rise).max() > top + 3 * slack:
+    if top <= 0 or creep > slack or block_means(rise).max() > top + 3 * slack or sharpness(step, top) <= FLAT:
         return None
-    sharp = sharpness(step, top)
-    idle_noise = sample_noise(step.idle) if len(step.idle) >= 20 else 0.0
-    quiet = 0 < sample_noise(rise[half:]) < QUIET * idle_noise
-    if quiet and sharp is not None and sharp > SETTLES:
-        return finding("saturated-behind-noise", step.run.name, step.levels, limit=top, unit=step.unit)
-    if (quiet and sharp is None) or (sharp or 0.0) > FLAT:
-        return finding("flat-topped", step.run.name, step.levels, limit=top, unit=step.unit)
-    return None
+    return top
 
 
-def sharpness(step: Step, ceiling: float) -> float | None:
+def sharpness(step: Step, ceiling: float) -> float:
     """Slope of a rise as it comes within 5 % of a ceiling, times the time that took, over the ceiling, less its error.
 
     An exponential has 0.15 to 0.2 there, a straight rise that is cut off 0.95. The rise is averaged to a hundred blocks
-    or more; None of one of a few samples.
+    or more; 0 of one of a few samples.
     """
     count = len(step.rise)
     while True:
@@ -117,30 +95,12 @@ def sharpness(step: Step, ceiling: float) -> float | None:
             break
         count = max(wanted, FEW_ROWS)
     if not len(near) or near[0] < 5:
-        return None
+        return 0.0
     at, few = int(near[0]), max(2, int(near[0]) // 5)
     noise = max(sample_noise(step.rise) / np.sqrt(count / len(means)), block_noise(means[::3]))
     error = noise * at / ceiling / np.sqrt(few * (few + 1) * (few + 2) / 12)
     times, near_top = block_means(step.time_s[:count], SMOOTH), slice(at - few, at + 1)
     return line(times[near_top], means[near_top]).slope * float(times[at]) / ceiling - float(error)
-
-
-def same_ceiling(levels: Sequence[Level], findings: Mapping[str, Sequence[Finding]], unit: str) -> list[Finding]:
-    """A finding where two or more of the highest levels end at one value at which runs of theirs stop in mid-rise."""
-    if len(levels) < 3:
-        return []
-    ends = [float(level.mean[-max(1, len(level.mean) // 2) :].mean()) for level in levels]
-    errors = [block_error(level.mean) for level in levels]
-    top = ends[-1]
-    capped: list[Level] = []
-    for level, end, error in zip(levels[::-1], ends[::-1], errors[::-1], strict=True):
-        if abs(end - top) > max(ALIKE * abs(top), 3 * max(error, errors[-1])):
-            break
-        capped.insert(0, level)
-    flat = [any(one.code in FLAT_CODES for name in level.names for one in findings[name]) for level in capped]
-    if top <= 0 or sum(flat) < 2:
-        return []
-    return [finding("same-ceiling", "data", [level.level for level in capped], ceiling=top, unit=unit)]
 
 
 def stuck(step: Step) -> Finding | None:
@@ -191,10 +151,6 @@ def isolated_spikes(step: Step) -> Finding | None:
     )  # fmt: skip
 
 
-SLOW_CONSTANTS = 1.5
-"""A window shorter than this many slow time constants cannot tell them."""
-RISES = 0.005
-"""Share of the swing that a rise that goes on gains at least over the last quarter of its window."""
 FEW = 2 * BLOCKS
 MOVED = 0.05
 """Share of the swing by which the output may have moved behind a gap or a ramp that the step falls into."""
@@ -289,25 +245,6 @@ def _not_idle(step: Step) -> Finding | None:
     )  # fmt: skip
 
 
-def _falls_while_held(step: Step) -> Finding | None:
-    """A fall from the peak, where a straight line through the window behind it falls by five standard errors."""
-    if len(step.rise) < FEW:
-        return None
-    lost = lost_pct(step)
-    if lost <= 2.0 or lost / 100 * step.swing <= STANDARD_ERRORS * block_error(step.rise):
-        return None
-    means = block_means(step.rise, 4 * BLOCKS)
-    tail = means[int(means.argmax()) :]
-    if len(tail) < 8:
-        return None
-    slope, error, left = line(np.arange(len(tail)), tail)
-    alike = float(left[1:] @ left[:-1] / max(float(left @ left), 1e-300))
-    widen = (1 + max(alike, 0.0)) / max(1 - max(alike, 0.0), 0.05)
-    if -slope <= STANDARD_ERRORS * error * widen**0.5:
-        return None
-    return finding("decays-under-hold", step.run.name, step.levels, lost_pct=lost)
-
-
 def _left_after_release(step: Step) -> Finding | None:
     if step.run.from_level != 0 or len(step.rise) < FEW:
         return None
@@ -328,25 +265,6 @@ def _several_edges(step: Step) -> Finding | None:
     return several_edges(step.run.name, time, rise, step.run.step_s or 0.0)
 
 
-def _too_short(step: Step) -> Finding | None:
-    """A rise that goes on at the end: its slow constant, by three means behind the first quarter, outlasts the window.
-
-    Of an exponential the means of equal parts of length h approach their limit by factors e^(−h/τ2).
-    """
-    if len(step.rise) < 4 * BLOCKS or not step.swing > 0:
-        return None
-    _, first, second, third = block_means(step.rise, 4).tolist()
-    window, error = float(step.time_s[-1]), block_error(step.rise, 4)
-    before, after = second - first, third - second
-    if after < max(RISES * step.swing, 3 * error) or before <= 0:
-        return None
-    factor = after / before
-    if factor - 3 * np.sqrt(2) * error * (1 + factor) / before < np.exp(-SLOW_CONSTANTS / 4):
-        return None
-    tau2_s = -window / 4 / float(np.log(factor)) if factor < np.exp(-1 / 20) else None
-    return finding("window-too-short", step.run.name, step.levels, window_s=window, tau2_s=tau2_s)
-
-
 Edge = Literal["rising", "falling"]
 BOTH: tuple[Edge, ...] = ("rising", "falling")
 CHECKS: tuple[tuple[Callable[[Step], Finding | None], tuple[Edge, ...]], ...] = (
@@ -362,8 +280,6 @@ CHECKS: tuple[tuple[Callable[[Step], Finding | None], tuple[Edge, ...]], ...] = 
     (coarse, ("rising",)),
     (isolated_spikes, BOTH),
     (_several_edges, ("rising",)),
-    (_falls_while_held, ("rising",)),
-    (_too_short, ("rising",)),
     (_left_after_release, ("falling",)),
 )
 """Every check of one run, a finding or nothing, and the edges that it is for."""

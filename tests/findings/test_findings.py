@@ -34,10 +34,10 @@ def test_the_gravest_come_first_and_what_the_numbers_mean_before_what_follows_fr
     found = [
         made("input-negative", "x"), made("gap", "y", gap_s=1.0, at_s=0.0, sample_s=0.01),
         made("spikes", "z", samples=1, value=1.0, unit="V", at_s=0.0),
-        made("window-too-short", "run", window_s=8.0, tau2_s=9.0), made("idle-drifts", "run", drift=0.2, unit="V"),
+        made("input-glitch", "run", samples=2), made("idle-drifts", "run", drift=0.2, unit="V"),
     ]  # fmt: skip
     codes = [one.code for one in findings.ranked(found)]
-    assert codes == ["spikes", "idle-drifts", "gap", "window-too-short", "input-negative"]
+    assert codes == ["spikes", "idle-drifts", "gap", "input-negative", "input-glitch"]
     assert [one.code for one in findings.stops(found)] == ["spikes"]
 
 
@@ -74,9 +74,6 @@ SAID = {
     "other-shape-fits-better": (
         {"shape": "one", "dead_time_s": 15.6, "rmse": 0.27, "plain_rmse": 0.72},
         "asks for one exponential behind a dead time of 15.6 s: RMSE 0.27 instead of 0.72"),
-    "window-too-short": (
-        {"window_s": 8.0, "tau2_s": 16.0}, "at the end of its 8 s: too short for the slow time constant (about 16 s)"),
-    "window-too-short ": ({"window_s": 8.0, "tau2_s": None}, "(far longer)"),
     "idle-drifts": (
         {"drift": 0.2, "unit": "N", "share_pct": 10.0, "grown": 0.4, "by_end_pct": 20.0},
         "+0.2 N while idle (10 % of the step); at that rate +0.4 N of the end value, 20 % of the step, are drift"),

@@ -121,8 +121,7 @@ GOOD: dict[str, File] = {
     "MAT one of two": File(mat({"a": MATRIX, "b": 2 * MATRIX}), {"variable": "a"}, **BY_PLACE),
     "MAT wide matrix": File(mat({"log": np.stack([T, U, Y, 0 * T])}), **BY_NUMBER, left="column 4"),
     "MAT matrix of 9 rows beside it": File(mat(VECTORS | {"gains": np.ones((9, 2))})),
-    "MAT vectors": File(mat(VECTORS | {"note": "x", "c": Y * 1j, "n": np.array(["ab", "c"])}), left="c, n",
-                        codes="columns-without-numbers"),
+    "MAT vectors": File(mat(VECTORS | {"note": "x", "c": Y * 1j, "n": np.array(["ab", "c"])}), left="c, n"),
     "MAT vectors of two lengths": File(mat(VECTORS | {"z": np.arange(9.0), "zz": np.arange(9.0)[:, None]})),
     "MAT matrices by column": File(mat({"t": T, "u": np.stack([0 * T, U], 1), "y": np.stack([0 * T, Y, T])}), {
         "columns": {"time": "t", "input": "u[2]", "output": "y[2]"}, "units": {"input": "%", "output": "Nm"}},

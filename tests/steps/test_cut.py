@@ -60,7 +60,7 @@ BY_INPUT = {
     "a slow ramp too, within 1 % of its level": (
         patched(log([(0, 2), (50, 8), (0, 3)]), 200, 500, np.linspace(0, 50, 300)),
         [("a", 0, 50, UP, near(4.97, 0.02), near(503, 2), 0), ("a-release", 0, 50, DOWN, 10.0, 300, 0)],
-        ["input-ramps-on", "idle-drifts", "flat-topped"]),
+        ["input-ramps-on", "idle-drifts"]),
     "a measured force with noise": (
         with_input(log([(0, 2), (50, 5), (0, 3)], unit="N"), BACK.duty_pct.reindex(range(1000), fill_value=0)
                    + white(1000, 0.3, 3)),

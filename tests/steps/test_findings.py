@@ -18,9 +18,9 @@ PLAN = [(0.0, 4.0), (50.0, 8.0)]
 RUN = log(PLAN)
 T = np.arange(1200) / 100
 NOISY = log(PLAN, noise=0.01)
-SWING, PEAK = (2.0 * float(curve(np.arange(end - 40, end) / 100).mean()) for end in (800, 400))
-"""Means of the last of twenty blocks of the window, and of the tenth."""
-SLOW, QUICK = log(PLAN, tau1=1.0, tau2=3.0), log(PLAN, tau1=0.02, tau2=0.05)
+SWING = 2.0 * float(curve(np.arange(760, 800) / 100).mean())
+"""Mean of the last of twenty blocks of the window."""
+SLOW = log(PLAN, tau1=1.0, tau2=3.0)
 
 
 def near(value: float, rel: float = 1e-3) -> Any:
@@ -133,8 +133,7 @@ CASES: dict[str, tuple[Any, dict[str, Any]]] = {
             FAR_OFF: {"off": near(1.15, 0.03)}, "left-after-release": {"left_pct": near(61, 0.1)}}),
     "a staircase that is left before it settles": (
         log([(0, 2), (20, 1), (40, 8)], tau1=1.0, tau2=1.0),
-        {"level-to-level": {"steps": 1, "of": 2}, "unsettled-before-step": {"share_pct": near(7.4, 0.1)},
-         "window-too-short": {"window_s": near(0.99), "tau2_s": near(1.0, 0.2)}}),
+        {"level-to-level": {"steps": 1, "of": 2}, "unsettled-before-step": {"share_pct": near(7.4, 0.1)}}),
     "a staircase whose input is 0.03 s late": (
         with_input(log([(0, 1), (20, 8), (50, 8)], noise=0.002, tau1=0.6, tau2=1.5),
                    np.where(np.arange(1700) < 100, 0, np.where(np.arange(1700) < 903, 20.0, 50.0))),
@@ -164,14 +163,8 @@ CASES: dict[str, tuple[Any, dict[str, Any]]] = {
     "rounded to 1 mN·m, it settles on one value": (output(np.round(RUN.torque_nm, 3)), {}),
     "cut off in mid-rise, behind noise": (
         plus(output(np.minimum(SLOW.torque_nm, 1.0)), white(1200, 0.01)), {"flat-topped": TOP}),
-    "the same, a third of the noise at the top": (
-        plus(output(np.minimum(SLOW.torque_nm, 1.0)), white(1200, 0.01) * np.where(T < 4.7, 1, 0.3)),
-        {"saturated-behind-noise": TOP}),
     "a contact that settles and then holds still": (
         plus(log(PLAN, tau1=0.5, tau2=0.5), white(1200, 0.01) * np.where(T < 5.5, 1, 0.3)), {}),
-    "a quiet top behind a rise of few samples": (
-        plus(output(np.minimum(QUICK.torque_nm, 1.0)), white(1200, 0.01) * np.where(T < 4, 1, 0.3)),
-        {"flat-topped": TOP}),
     "a sensor that stands still for 2 s": (at_samples(700, 900, 1.75), {"sensor-stuck": STUCK}),
     "for 0.6 s of 40": (
         at_samples(1000, 1120, 1.99, log([(0, 4), (50, 40)], noise=0.01, rate_hz=200.0)),
@@ -184,26 +177,10 @@ CASES: dict[str, tuple[Any, dict[str, Any]]] = {
         plus(RUN, np.where(np.isin(np.arange(1200), (600, 700)), np.where(T < 6.5, 5.0, 7.0), 0.0)), {
             "spikes": {"samples": 2, "value": near(9.0, 0.01), "unit": "N·m", "at_s": near(7.0)}, "several-edges": {}}),
     "a spike of 0.2": (plus(NOISY, np.where(np.arange(1200) == 700, 0.2, 0.0)), {}),
-    "three levels at one ceiling, behind noise": (
-        {f"u{u}": plus(output(np.minimum(log([(0, 4), (u, 8)], tau1=1.0, tau2=2.0).torque_nm, 1.2)
-                              ).assign(duty_pct=np.where(T >= 4, u, 0.0)), white(1200, 0.005, u))
-         for u in (20, 40, 60, 80, 100)},
-        {"same-ceiling": {"ceiling": near(1.2, 0.01), "unit": "N·m"}, "flat-topped": {}, "levels-left-out": {}}),
     # the hold and what is left of it
-    "a fall under hold": (  # by 0.05 a second from 8 s on, 0.19 in the last of twenty blocks; PEAK is the block before
-        plus(RUN, -0.05 * np.maximum(T - 8, 0)),
-        {"decays-under-hold": {"lost_pct": near(100 * (1 - (SWING - 0.18975) / PEAK))}}),
-    "a fall by 1.5 %": (plus(RUN, -0.03 * np.maximum(T - 8, 0) / 4), {}),
-    "a wave that happens to fall": (plus(log(PLAN, noise=0.02), 0.03 * np.sin(2 * np.pi * T / 2.3)), {}),
     "a fifth is left behind a release": (
         released(HELD, 0.4), {"left-after-release": {"left_pct": near(20.0, 0.02), "after_s": near(7.99)}}),
     "a thirtieth is left": (released(HELD, 0.06), {}),
-    "still rising": (
-        log(PLAN, tau2=8.0, noise=1e-4), {"window-too-short": {"window_s": near(7.99), "tau2_s": near(8.0, 0.25)}}),
-    "rising without an end": (
-        plus(log(PLAN, tau1=0.1, tau2=0.1), 0.05 * np.maximum(T - 4, 0)),
-        {"window-too-short": {"window_s": near(7.99), "tau2_s": None}}),
-    "a window of two slow constants": (log(PLAN, tau2=4.0, noise=0.001), {}),
     # several edges
     "bumped under hold": (
         plus(log([(0, 3), (50, 17)], noise=0.01), np.where(np.arange(2000) // 500 == 2, 1.5, 0)),

@@ -275,7 +275,7 @@ INTERVAL_ROWS: dict[str, Row] = {
     "joint-fit-asked-for-parts": caution(
         lambda v: f"{_parted(v)}: scatter of single runs' gain leads the joint fit astray; leave out «estimator» joint"
     ),
-    "output-decays-under-hold": caution(_decays, rank=0, covers=("decays-under-hold",)),
+    "output-decays-under-hold": caution(_decays, rank=0),
     "polynomials-too-low": note(
         lambda v: (
             f"the levels lie further from the polynomial of {_joined(v['parameters'])} than their runs scatter: "

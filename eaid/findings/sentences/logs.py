@@ -94,12 +94,6 @@ def _drift(v: Values) -> str:
     return f"{said}; at that rate {v['grown']:+.3g} {v['unit']} of the end value, {by_end:.0f} % of the step, are drift"
 
 
-def _too_short(v: Values) -> str:
-    slow = v.get("tau2_s")
-    about = f"about {slow:.2g} s" if slow is not None else "far longer"
-    return f"still rising at the end of its {v['window_s']:.3g} s: too short for the slow time constant ({about})"
-
-
 def _left_out(v: Values) -> str:
     names = v["runs"]
     told = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
@@ -186,17 +180,9 @@ STEP_ROWS: dict[str, Row] = {
         "share_pct",
     ),
     "saturated": stop("sensor saturated? {samples:#sample} at {limit:.4g} {unit}", "samples"),
-    "saturated-behind-noise": stop(
-        "the output stops at {limit:.4g} {unit} at full slope, with less than half of its idle noise: the sensor is "
-        "saturated; record it with more range"
-    ),
     "flat-topped": caution(
         "the output stops at {limit:.4g} {unit} at full slope and stays there: a saturated sensor, or a contact that "
         "slips; either way its time constants are those of the loading"
-    ),
-    "same-ceiling": stop(
-        "the highest levels, {levels}, all stop at {ceiling:.4g} {unit} in mid-rise: the sensor or its amplifier is "
-        "saturated; leave them out with «levels», or record them with more range"
     ),
     "sensor-stuck": stop(
         "the sensor stood still for {for_s:.3g} s at {at_s:.6g} s, at exactly {value:.4g} {unit}; record it again",
@@ -209,11 +195,6 @@ STEP_ROWS: dict[str, Row] = {
         "the output moves in steps of {resolution:.3g} {unit}, {steps:.0f} of them in the whole change: too coarse to "
         "tell time constants; use a finer range of the sensor"
     ),
-    "decays-under-hold": caution(
-        "the output falls by {lost_pct:.0f} % from its peak while the input is held: no monotone model shows that",
-        "lost_pct",
-    ),
-    "window-too-short": caution(_too_short, "tau2_s"),
     "left-after-release": caution(
         "{left_pct:.0f} % of the held output is left {after_s:.3g} s after the release", "left_pct"
     ),
