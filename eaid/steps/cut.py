@@ -52,13 +52,11 @@ def cut_by_input(run: Run) -> list[Run]:
     glitch = (finding("input-glitch", run.name, samples=bridged),) if bridged else ()
     first = (*run.findings, *glitch, *active_low(run, holds))
     steps: list[Run] = []
-    idle: float | None = run.baseline
+    idle: float | None = None
     end = 0
     for before, now in itertools.pairwise(holds):
         step = edge_between(replace(run, findings=() if steps else first), before, now, zero, idle)
-        if run.baseline is not None:
-            step = replace(step, baseline=run.baseline)
-        elif abs(before.level) <= zero:
+        if abs(before.level) <= zero:
             idle = step.baseline
         count = 1 + sum(one.edge == step.edge for one in steps)
         name = run.name + ("-release" if step.edge == "falling" else "") + (f"-{count}" if count > 1 else "")
@@ -80,10 +78,10 @@ def active_low(run: Run, holds: Sequence[Plateau]) -> tuple[Finding, ...]:
     return (finding("input-may-be-active-low", run.name, (holds[0].level,), unit=run.input_unit),)
 
 
-def edge_between(run: Run, before: Plateau, now: Plateau, zero: float, fallback: float | None) -> Run:
+def edge_between(run: Run, before: Plateau, now: Plateau, zero: float, idle: float | None = None) -> Run:
     """A log with what its step between two plateaus is: edge, levels, baseline, output before it, findings.
 
-    `fallback` is the rest before the step that led to the first plateau.
+    `idle` is the rest before the step that led to the first plateau.
     """
     down = abs(now.level) < abs(before.level) and now.level * before.level >= -zero * zero
     level, other = (before.level, now.level) if down else (now.level, before.level)
@@ -96,10 +94,9 @@ def edge_between(run: Run, before: Plateau, now: Plateau, zero: float, fallback:
     findings, rests = rest.findings(run.name), rest.count
     if from_rest:
         # a rest that still moves after an earlier step is no rest of its own: counted from the one before
-        baseline = rest.value if rest.rests or first or fallback is None else fallback
+        baseline = rest.value if rest.rests or first or idle is None else idle
     elif down and abs(now.level) <= zero:
-        released = last_rest(run.output[now.stop - now.count // 4 - 1 : now.stop], 0.0)
-        baseline = released.value if fallback is None else fallback
+        baseline = last_rest(run.output[now.stop - now.count // 4 - 1 : now.stop], 0.0).value
         rests = max(1, before.count // 20)  # the output held before it is its start
     else:
         baseline = rest.value
@@ -114,7 +111,7 @@ def edge_between(run: Run, before: Plateau, now: Plateau, zero: float, fallback:
         from_level=0.0 if abs(other) <= zero else other,
         edge="falling" if down else "rising",
         held=rest.start if from_rest else end_of(run.output, before),
-        baseline=baseline,
+        baseline=baseline if run.baseline is None else run.baseline,
         rest_s=rests * sample_s(run),
         rest_moved=rest.moved,
         findings=(*run.findings, *findings),
@@ -135,17 +132,16 @@ def cut_at(run: Run, at_s: float) -> list[Run]:
     until, level = _window(run, at_s)
     start = sample_at(run, at_s)
     now, zero, known = Plateau(start, until, level), zero_of(run), run.has_input
-    step = replace(run, level=level)
     earlier = [p for p in plateaus(run.input[:start]) if p.count >= FEWEST] if known and start else []
-    if earlier and abs(earlier[-1].level) > zero:
-        step = edge_between(run, earlier[-1], now, zero, run.baseline)
-    elif start and until > start and run.baseline is None:
-        idle = run.output[:start]
-        rest = last_rest(idle, end_of(run.output, now) - float(idle.mean()))
-        step = replace(
-            step, baseline=rest.value, held=None if rest.rests else rest.start, rest_s=rest.count * sample_s(run),
-            rest_moved=rest.moved, findings=(*run.findings, *rest.findings(run.name)),
-        )  # fmt: skip
+    if start:
+        loaded = bool(earlier) and abs(earlier[-1].level) > zero
+        step = edge_between(run, earlier[-1] if loaded else Plateau(0, start, 0.0), now, zero)
+    else:
+        first, warning = first_samples(run.output[:until]), tuple[Finding, ...]()
+        if run.baseline is None and all(one.code != "step-at-first-sample" for one in run.findings):
+            warning = (finding("no-rest-before-step", run.name, start=first, unit=run.output_unit),)
+        baseline = first if run.baseline is None else run.baseline
+        step = replace(run, level=level, baseline=baseline, findings=(*run.findings, *warning))
     steps = [step.part(slice(until), step_s=float(run.time_s[start]), until_s=None, cut=True)]
     left = float(median(run.input[until:])) if known and until < len(run.time_s) else 0.0
     falls = abs(left) < abs(level) if known else run.until_s is not None and _falls(run, now)
@@ -172,8 +168,14 @@ def _window(run: Run, step: float) -> tuple[int, float]:
         raise DataError(f"{run.where}: the window ends ({run.until_s:g} s) before it begins ({step:g} s); mend «until»")
     start = sample_at(run, step)
     until = len(time) if run.until_s is None else sample_at(run, run.until_s)
+    if until <= start:
+        ends = f"the end of what is taken of it, {time[max(until - 1, 0)]:g} s"
+        raise DataError(
+            f"{run.where}: no sample lies between its step at {step:g} s and {ends}; say the unit of the time with "
+            "«units», as in time=us, or a later «until»"
+        )
     level = run.level
-    if run.has_input and until > start:
+    if run.has_input:
         window = run.input[start:until]
         if level is None:
             holds = [plateau for plateau in plateaus(window) if plateau.count >= FEWEST]
@@ -378,32 +380,13 @@ def _up_to(run: Run) -> Run:
     return run.part(slice(stop), until_s=None)
 
 
-def _with_baselines(steps: list[Run], baseline: str) -> list[Run]:
-    """The steps with their baselines: as the user says, else as cut or stored, else the first samples.
-
-    A release to rest has that of its own rise.
-    """
+def _with_baselines(steps: list[Run], rule: str) -> list[Run]:
+    """The steps with their baselines as the user says, else as cut or stored; a fall to rest has that of its rise."""
     finished: list[Run] = []
     idle: float | None = None
     for step in steps:
-        if step.baseline is None and finished:  # a release behind the window of its step
-            step = replace(step, baseline=finished[0].baseline)
-        elif step.baseline is None:
-            active = step.output[sample_at(step, step.step_s or 0.0) :]
-            if not len(active):
-                where, ends = step.source or step.name, f"the end of what is taken of it, {step.time_s[-1]:g} s"
-                raise DataError(
-                    f"{where}: no sample lies between its step at {step.step_s:g} s and {ends}; say the unit of the "
-                    "time with «units», as in time=us, or a later «until»"
-                )
-            start = first_samples(active)
-            known = any(one.code == "step-at-first-sample" for one in step.findings)
-            warning = () if known else (finding("no-rest-before-step", step.name, start=start, unit=step.output_unit),)
-            step = replace(step, baseline=start, findings=(*step.findings, *warning))
-        if step.edge == "falling" and step.from_level == 0.0 and idle is not None:
-            step = replace(step, baseline=idle)
-        else:
-            step = _ruled(step, baseline)
+        to_rest = step.edge == "falling" and step.from_level == 0.0
+        step = replace(step, baseline=idle) if to_rest and idle is not None else _ruled(step, rule)
         if step.edge == "rising" and step.from_level == 0.0:
             idle = step.baseline
         finished.append(step)
