@@ -10,6 +10,7 @@ a rig could ever ask for, not what is wise: within them every command ends, with
 the cause.
 """
 
+import contextlib
 import csv
 import math
 import os
@@ -73,9 +74,13 @@ class Options:
     """A set of options; a value that means nothing raises `UsageError`, one sentence for each."""
 
     def __post_init__(self) -> None:
-        faults = []
+        faults: list[str] = []
         for name, form in forms(type(self)).items():
-            value = form.settled(getattr(self, name))
+            try:
+                value = form.settled(getattr(self, name))
+            except UsageError as fault:
+                faults += fault.sentences
+                continue
             object.__setattr__(self, name, value)
             faults += form.faults(value)
         if faults:
@@ -125,20 +130,39 @@ class Form:
         return next(named, "--" + self.name.replace("_", "-")).partition("/")[0]
 
     def settled(self, value: Any) -> Any:
-        """A value as the type has it: a list as a tuple, one word where several may stand as a tuple of it."""
-        if self.several and isinstance(value, str):
-            return (value,)
-        if self.parts[0] == Mapping[str, str]:
-            return pairs(f"«{self.name}»", value)
-        if typing.get_origin(self.parts[0]) is tuple and not isinstance(value, str) and isinstance(value, Sequence):
-            return tuple(value)
-        if self.declared.levels and isinstance(value, Sequence) and not isinstance(value, str) and self.parts[0] is str:
-            return ",".join(f"{level:.17g}" for level in value)
-        if self.parts[0] is Path and isinstance(value, str | os.PathLike):
-            return Path(value)
+        """A value as the type has it; a text is read as it is typed on the command line."""
+        kind = self.parts[0]
         if hasattr(value, "dtype") and getattr(value, "ndim", 1) == 0:
-            return value.item()
-        return value
+            value = value.item()
+        if isinstance(value, str):
+            return self._read(value)
+        if kind == Mapping[str, str]:
+            return pairs(f"«{self.name}»", value)
+        if self.declared.levels and isinstance(value, Sequence) and kind is str:
+            return ",".join(f"{level:.17g}" for level in value)
+        if typing.get_origin(kind) is tuple and isinstance(value, Sequence):
+            return tuple(value)
+        return Path(value) if kind is Path and isinstance(value, os.PathLike) else value
+
+    def _read(self, text: str) -> Any:
+        """What a text means; UsageError where it cannot be read, the text itself where `faults` says why."""
+        name, kind = f"«{self.name}»", self.parts[0]
+        if self.declared.read is not None:
+            return self.declared.read(name, text)
+        if self.several:
+            return names(name, text)
+        if text in self.declared.words:
+            return text
+        if self.pair:
+            return pair(name, text, ":" if ":" in (self.declared.shown or "") else ",")
+        readers = {tuple[float, ...]: numbers, Mapping[str, float]: factors, Mapping[str, str]: pairs}
+        if kind in readers:
+            return readers[kind](name, text)
+        if {int, float} & set(self.parts):
+            with contextlib.suppress(ValueError):
+                value = float(text)
+                return int(value) if int in self.parts and value.is_integer() else value
+        return Path(text) if kind is Path else text
 
     def faults(self, value: Any) -> list[str]:
         """Why the option may not have this value, a sentence each."""
@@ -227,52 +251,11 @@ def together(one: str, first: object, other: str, second: object) -> None:
         raise UsageError(f"«{one}» and «{other}» belong together: give both or neither")
 
 
-def is_text(form: Form) -> bool:
-    """Whether Typer hands the option over as a text, which `value_of` reads."""
-    plain = (bool, int, float, str, Path)
-    return bool(form.declared.words or form.declared.read) or form.parts[0] not in (*plain, list[Path])
-
-
 def as_typed(value: Any) -> str | None:
     """A default as it would be typed."""
     if isinstance(value, tuple):
         return ",".join(as_typed(each) or "" for each in value) or None
     return None if value is None or value == {} else f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def value_of(form: Form, typed: Any) -> Any:
-    """What was typed, as a value; `UsageError` where it cannot be read. What it may be the set of options says."""
-    if isinstance(typed, str) and typed.encode(errors="replace").decode() != typed:
-        raise UsageError(f"{form.flag} {typed!r}: is not UTF-8; type it in a terminal that writes UTF-8")
-    if not isinstance(typed, str) or not is_text(form):
-        return form.default if typed is None and form.default is not MISSING else typed
-    if typed == as_typed(form.default):
-        return form.default
-    flag, declared, kind = form.flag, form.declared, form.parts[0]
-    if declared.read is not None:
-        return declared.read(flag, typed)
-    if form.several:
-        return names(flag, typed)
-    if form.pair:
-        return pair(flag, typed, ":" if ":" in (declared.shown or "") else ",")
-    if kind == tuple[float, ...]:
-        return numbers(flag, typed)
-    if kind == Mapping[str, float]:
-        return factors(flag, typed)
-    if typed in declared.words or float not in form.parts:
-        return typed
-    try:
-        return float(typed)
-    except ValueError:
-        return typed
-
-
-def number(flag: str, text: str) -> float:
-    """A number; UsageError where the text is none."""
-    try:
-        return float(text)
-    except ValueError:
-        raise UsageError(f"{flag} {text}: is no number") from None
 
 
 def pair(flag: str, text: str, between: str) -> tuple[float, float]:
@@ -281,7 +264,8 @@ def pair(flag: str, text: str, between: str) -> tuple[float, float]:
     if len(parts) != 2:
         word, example = ("colon", "10:100") if between == ":" else ("comma", "0,100")
         raise UsageError(f"{flag} {text}: write two numbers with a {word} between them, as {example}")
-    return number(flag, parts[0]), number(flag, parts[1])
+    low, high = numbers(flag, text.replace(between, ","))
+    return low, high
 
 
 def numbers(flag: str, text: str) -> tuple[float, ...]:
@@ -344,18 +328,15 @@ def keyed(
     given: Mapping[str, Any] = types.MappingProxyType({}),
 ) -> O:
     """`duration_s=240,hold_s=0.5:20`, or a mapping, as a set of options; `given` says some of them already."""
-    known = forms(kind)
-    given = given or {}
-    values = dict(given)
-    for name, value in (text if isinstance(text, Mapping) else pairs(flag, text)).items():
-        if name not in known:
-            raise UsageError(unknown(flag, name, sorted(known)))
-        read = number(f"{flag} {name}", value) if isinstance(value, str) and not is_text(known[name]) else value
-        if isinstance(read, float) and int in known[name].parts:
-            if not read.is_integer():
-                raise UsageError(f"{flag} {name}={value}: give a whole number")
-            read = int(read)
-        values[name] = value_of(known[name], read)
-        if given.get(name, values[name]) != values[name]:
-            raise UsageError(f"{flag} {name}={value}: another option says {given[name]}; say it in one place")
-    return kind(**values)
+    known, values = forms(kind), dict(given)
+    try:
+        for name, value in (text if isinstance(text, Mapping) else pairs(flag, text)).items():
+            if name not in known:
+                raise UsageError(unknown(flag, name, sorted(known)))
+            values[name] = known[name].settled(value)
+            if given.get(name, values[name]) != values[name]:
+                raise UsageError(f"{flag} {name}={value}: another option says {given[name]}; say it in one place")
+        return kind(**values)
+    except UsageError as fault:
+        of_this = re.compile(f"«({'|'.join(known)})»")
+        raise UsageError(*(of_this.sub(rf"{flag} \1", sentence) for sentence in fault.sentences)) from None

@@ -31,7 +31,7 @@ LOGS, WHEN, HOW, INPUTS = "What is recorded", "Times", "Disturbances", "Other in
 FIGURES, PAGE = "Figures", "Page"
 
 
-def as_typed(_flag: str, text: str) -> str:
+def any_text(_name: str, text: str) -> str:
     """Any text."""
     return text
 
@@ -88,7 +88,7 @@ class ReadOptions(Columns):
     levels: str | None = option(None, "Levels to keep: 30:100 or 30,40,90.", STEPS, levels=True)
     baseline: str = option(
         "auto", "Value before each step: its last rest, the first samples, none, a value, or a window in s to it.",
-        STEPS, words="auto|first|none", read=as_typed, shown="WORD|VALUE|FROM:TO",
+        STEPS, words="auto|first|none", read=any_text, shown="WORD|VALUE|FROM:TO",
     )  # fmt: skip
     rest: float = option(
         0.0, "Input at rest, in its own unit; levels are counted from it.", STEPS, least=-1e9, most=1e9

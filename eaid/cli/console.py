@@ -5,6 +5,7 @@ logs (names, units) is text: control and direction-changing characters are shown
 """
 
 import contextlib
+import itertools
 import os
 import shlex
 import shutil
@@ -14,7 +15,6 @@ import threading
 import time
 import unicodedata
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from io import StringIO
 from typing import TYPE_CHECKING, TextIO
 
 from eaid.errors import on_command_line
@@ -27,12 +27,8 @@ if TYPE_CHECKING:
 
 
 LONGEST = 30
-"""Letters of a name in a table that is too wide, and of a number with its unit."""
-NARROWEST = 24
-"""Letters that a column of texts keeps when its cells are written in several lines."""
+"""Letters of a name in a table."""
 GAP = 2
-NO_NUMBERS = ("", "-", "–", "…", "<", ">", "never", "no", "none", "not", "unstable", "infinite")
-"""How cells begin that stand in a column of numbers without being one."""
 
 
 def shortened(text: str) -> str:
@@ -41,78 +37,35 @@ def shortened(text: str) -> str:
     return " ".join(word if len(word) <= LONGEST else f"{word[: LONGEST - 12]}…{word[-11:]}" for word in words)
 
 
-def aligned(rows: Sequence[Sequence[str]], width: int | None = None) -> list[str]:
-    """The lines of a table, its first row the heading; None: as wide as it is."""
-    if width is None or _length([_widest(column) for column in zip(*rows, strict=True)]) <= width:
-        return _block(rows, None)
-    short = [list(map(shortened, row)) for row in rows]
-    return [
-        line for block in _blocks(short, width) for line in _block([[row[i] for i in block] for row in short], width)
-    ]
+def _letters(text: str) -> int:
+    """Letters that a text takes on a line: combining marks take none."""
+    return sum(not unicodedata.combining(letter) for letter in text)
 
 
-def _length(widths: Sequence[int]) -> int:
-    return sum(widths) + GAP * (len(widths) - 1)
+def aligned(rows: Sequence[Sequence[str]], numeric: Sequence[bool], width: int | None) -> list[str]:
+    """The lines of a table, its first row the heading; None: as wide as it is.
 
-
-def _widest(texts: Sequence[str]) -> int:
-    from rich.cells import cell_len
-
-    return max(map(cell_len, texts))
-
-
-def _least(column: Sequence[str]) -> int:
-    """Least width of a column: numbers and single words are not broken, headings and texts are, between words."""
-    words, whole = _widest(" ".join(column).split(" ")), _widest(column[1:])
-    texts = any(" " in cell and not _is_number(cell) for cell in column[1:])
-    return max(words, min(whole, NARROWEST) if texts else whole)
-
-
-def _blocks(rows: Sequence[Sequence[str]], width: int) -> list[list[int]]:
-    """Which columns stand together: in each block those that tell the rows apart, and as many more as there is room."""
-    least = [_least(column) for column in zip(*rows, strict=True)]
-    apart = (k for k in (1, 2, 3) if len({tuple(row[:k]) for row in rows}) == len(rows))
-    lead = list(range(min(next(apart, 1), len(least))))
-    blocks = [lead]
-    for i in range(len(lead), len(least)):
-        if len(blocks[-1]) > len(lead) and _length([least[k] for k in (*blocks[-1], i)]) > width:
-            blocks.append(lead)
-        blocks[-1] = [*blocks[-1], i]
-    return blocks
-
-
-def _block(rows: Sequence[Sequence[str]], width: int | None) -> list[str]:
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
+    On a narrower terminal cells are broken between words, and where no words are left each row becomes a list.
+    """
     columns = list(zip(*rows, strict=True))
-    widths, least = [_widest(column) for column in columns], [_least(column) for column in columns]
-    while width is not None and _length(widths) > width and widths != least:
-        k = max(range(len(widths)), key=lambda i: (widths[i] - least[i], widths[i]))
-        widths[k] -= 1
-    table = Table(box=None, show_header=False, pad_edge=False, padding=(0, GAP, 0, 0))
-    for i, column in enumerate(columns):
-        table.add_column(justify="right" if i and all(map(_is_number, column[1:])) else "left", width=widths[i])
+    widths = [max(map(_letters, column)) for column in columns]
+    least = [max(_letters(word) for cell in column for word in cell.split(" ")) for column in columns]
+    over = 0 if width is None else sum(widths) + GAP * (len(widths) - 1) - width
+    if over > sum(widths) - sum(least):
+        heads, *others = rows
+        lines = [line for row in others for line in ("", *map("  ".join, zip(heads, row, strict=True)))]
+        return [part for line in lines for part in textwrap.wrap(line, width or 0, subsequent_indent="  ") or [""]]
+    for _ in range(over):
+        widest = max((k for k in range(len(widths)) if widths[k] > least[k]), key=lambda k: widths[k])
+        widths[widest] -= 1
+    lines = []
     for row in rows:
-        table.add_row(*map(Text, row))
-    text = StringIO()
-    Console(file=text, width=_length(widths) + GAP, color_system=None, legacy_windows=False).print(table)
-    return [line.rstrip() for line in text.getvalue().splitlines()]
-
-
-def _is_number(text: str) -> bool:
-    """Whether a cell counts as a number for its column: a number, with a unit or % behind it, an interval or a dash."""
-    if len(text) > LONGEST:
-        return False
-    head = text.split(" ")[0].rstrip("%°").replace("−", "-").partition("…")[0]
-    if head in NO_NUMBERS:
-        return True
-    try:
-        float(head)
-    except ValueError:
-        return False
-    return True
+        cells = [textwrap.wrap(cell, size, break_on_hyphens=False) for cell, size in zip(row, widths, strict=True)]
+        for parts in itertools.zip_longest(*cells, fillvalue=""):
+            pads = [" " * (size - _letters(part)) for part, size in zip(parts, widths, strict=True)]
+            padded = (p + s if right else s + p for s, p, right in zip(parts, pads, numeric, strict=True))
+            lines.append((" " * GAP).join(padded).rstrip())
+    return lines
 
 
 MOST_FINDINGS = 3
@@ -270,7 +223,7 @@ def show(made: "Table") -> None:
     if made.rows and not _quiet:
         cells = [[safe(cell) for cell in row] for row in (made.heads, *made.texts)]
         title = wrapped(f"{made.heading}. {made.caption}".rstrip(), sys.stdout)
-        print("\n".join([title, *aligned(cells, _width_of(sys.stdout))]))
+        print("\n".join([title, *aligned(cells, made.numeric, _width_of(sys.stdout))]))
 
 
 def done(path: "Path", what: str, after: "str | Sequence[str | Path]") -> None:

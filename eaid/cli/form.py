@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 import typer
 
 from eaid.cli import console
-from eaid.declared import Declaration, Form, Options, as_typed, forms, is_text, option, value_of
+from eaid.declared import Declaration, Form, Options, as_typed, forms, option
 from eaid.errors import DataError, UsageError
 
 A = TypeVar("A", bound="Common")
@@ -111,8 +111,11 @@ def takes(arguments: type[A]) -> Callable[[Callable[[A], int | None]], Callable[
                 if path is not None
             ]
             refuse_files(files, typed["output"], typed["force"])
-            values = {form.name: value_of(form, typed[form.name]) for form in shown}
-            return body(arguments(**values, typed=_typed_words(shown, typed)))
+            given = {form.name: typed[form.name] for form in shown if typed[form.name] not in (None, _default(form))}
+            for text in given.values():
+                if isinstance(text, str) and text.encode(errors="replace").decode() != text:
+                    raise UsageError(f"{text!r}: is not UTF-8; type it in a terminal that writes UTF-8")
+            return body(arguments(**given, typed=_typed_words(shown, typed)))
 
         command.__doc__ = body.__doc__
         command.__signature__ = inspect.Signature([_parameter(form) for form in shown])  # type: ignore[attr-defined]
@@ -130,60 +133,50 @@ def refuse_idle(args: Options, names: Sequence[str], because: str) -> None:
         raise UsageError(f"{idle[0]}: does nothing {because}; leave it out")
 
 
+WHOLE = (bool, Path, list[Path])
+"""Types that Typer hands over; all else it hands over as a text."""
+
+
+def _default(form: Form) -> Any:
+    """A default as Typer hands it over."""
+    return form.default if form.parts[0] in WHOLE else as_typed(form.default)
+
+
 def _parameter(form: Form) -> inspect.Parameter:
     """One parameter as Typer wants it."""
     declared, placed = form.declared, form.declared.group == PLACE
-    text = is_text(form)
-    default = ... if form.default is MISSING else as_typed(form.default) if text else form.default
-    if not text and form.default is not MISSING and form.default is not None and form.parts[0] is Path:
-        default = form.default
+    default = ... if form.default is MISSING else _default(form)
     kind = typer.Argument if placed else typer.Option
     named = declared.flags or (f"{form.flag}/--no-{form.flag[2:]}" if form.default is True else form.flag,)
     flags = () if placed else (named,) if isinstance(named, str) else named
     info = kind(
         default, *flags, help=_help(form), metavar=_metavar(form),
-        autocompletion=_offered(declared.words, form.several),
         show_default=default is not None and default is not False, rich_help_panel=None if placed else declared.group,
     )  # fmt: skip
-    optional = form.default is None
-    hint = (str | None) if text else (form.parts[0] | None) if optional else form.parts[0]
-    return inspect.Parameter(form.name, inspect.Parameter.KEYWORD_ONLY, default=info, annotation=hint)
+    hint = form.parts[0] if form.parts[0] in WHOLE else str
+    return inspect.Parameter(
+        form.name, inspect.Parameter.KEYWORD_ONLY, default=info, annotation=hint if default is not None else hint | None
+    )
 
 
-def _offered(words: Sequence[str], several: bool) -> Callable[[str], list[str]] | None:
-    """What the shell offers behind an option: its words; nothing where it offers files."""
-
-    def offered(incomplete: str) -> list[str]:
-        before, comma, last = incomplete.rpartition(",") if several else ("", "", incomplete)
-        return [before + comma + word for word in words if word.startswith(last)]
-
-    return offered if words else None
-
-
-def _metavar(form: Form) -> str | None:
+def _metavar(form: Form) -> str:
     """What stands behind the option: the words where they are few, else WORD; nothing behind a switch."""
-    declared, number = form.declared, float in form.parts
+    declared, kind, number = form.declared, form.parts[0], float in form.parts
     if declared.levels:
         return "LEVELS"
     if declared.shown or not declared.words:
-        return declared.shown or {bool: "", list[Path]: "FILE"}.get(
-            form.parts[0], "NUMBER,…" if is_text(form) else None
-        )
+        plain = {bool: "", list[Path]: "FILE", Path: "PATH", str: "TEXT", tuple[float, ...]: "NUMBER,…"}
+        return declared.shown or plain.get(kind, "NUMBER")
     words = "|".join(declared.words) + (",…" if form.several else "|NUMBER" if number else "")
     return words if len(words) <= SHORT else "WORD,…" if form.several else "WORD|NUMBER" if number else "WORD"
 
 
 def _help(form: Form) -> str:
     """The help, with the words where they do not stand behind the option, in the Markdown that Typer shows."""
-    text, behind = form.declared.help, _metavar(form) or ""
+    text, behind = form.declared.help, _metavar(form)
     if any(word not in behind for word in form.declared.words):
         text = f"{text} {'Of' if form.several else 'One of'} {', '.join(form.declared.words)}."
     return re.sub(r"([_*<`])", r"\\\1", text)
-
-
-def _exactly(value: Any) -> str:
-    """A value as the shortest text that gives it back."""
-    return f"{value:g}" if isinstance(value, float) and float(f"{value:g}") == value else str(value)
 
 
 def _typed_words(shown: Sequence[Form], typed: Mapping[str, Any]) -> tuple[str, ...]:
@@ -192,8 +185,7 @@ def _typed_words(shown: Sequence[Form], typed: Mapping[str, Any]) -> tuple[str, 
     named: list[str] = []
     for form in shown:
         value = typed[form.name]
-        default = as_typed(form.default) if is_text(form) and form.default is not MISSING else form.default
-        if form.declared.group == OUTPUT or not form.declared.kept or value in (None, [], default):
+        if form.declared.group == OUTPUT or not form.declared.kept or value in (None, [], _default(form)):
             continue
         each = value if isinstance(value, list) else [value]
         if form.declared.group == PLACE:
@@ -201,7 +193,7 @@ def _typed_words(shown: Sequence[Form], typed: Mapping[str, Any]) -> tuple[str, 
         elif isinstance(value, bool):
             named.append(form.flag if value else f"--no-{form.flag[2:]}")
         else:
-            named += [word for part in each for word in (form.flag, _exactly(part))]
+            named += [word for part in each for word in (form.flag, str(part))]
     return *placed, *named
 
 

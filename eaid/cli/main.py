@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, Literal, cast
 
 import typer
-from typer.core import TyperCommand, TyperGroup
+from typer.core import TyperCommand
 
 from eaid.cli import console
 from eaid.cli.signals import breaking_off
@@ -90,14 +90,6 @@ MARKUP: Literal["markdown"] = "markdown"
 SETTINGS = {"help_option_names": ["-h", "--help"]}
 
 
-class _Commands(TyperGroup):
-    """Loads a command's module when the shell completes its line; `eaid --help` needs its name and its words only."""
-
-    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        name, listed, rest = super().resolve_command(ctx, args)
-        return name, listed and load_command(str(listed.name)), rest
-
-
 def load_command(name: str) -> TyperCommand:
     """One command with its arguments and options; its name as it is typed, `tune-rc`."""
     alone = typer.Typer(add_completion=False, rich_markup_mode=MARKUP)
@@ -109,7 +101,7 @@ def load_command(name: str) -> TyperCommand:
 
 app = typer.Typer(
     name="eaid",
-    cls=_Commands,
+    add_completion=False,
     help="The workbench for electroadhesive clutches: from recorded step responses to models, gains and replays.",
     context_settings=SETTINGS,
     pretty_exceptions_enable=False,

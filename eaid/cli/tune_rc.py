@@ -8,7 +8,7 @@ from eaid.cli import console
 from eaid.cli.form import Common, Tables, argument, stamped, takes, written
 from eaid.declared import option, part
 from eaid.errors import UsageError
-from eaid.options import ROBUST, TRACKED, TuneOptions, as_typed
+from eaid.options import ROBUST, TRACKED, TuneOptions, any_text
 from eaid.shown import listed
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ class Arguments(Common, TuneOptions, Tables):
 
     fit: Path = argument("FIT", "fit.json of eaid fit; only its linear part is needed.")
     reference: str | None = option(
-        None, "Q_M is taken from it, or judged by it.", ROBUST, words=TRACKED, read=as_typed, shown="FILE|WORD"
+        None, "Q_M is taken from it, or judged by it.", ROBUST, words=TRACKED, read=any_text, shown="FILE|WORD"
     )
     data: list[Path] | None = option(None, "Logs for --phi data; by itself the fit's own.", ROBUST)
     output: Path = written("gains.json")

@@ -61,7 +61,10 @@ def test_the_three_gravest_findings_come_first_and_rows_that_were_dropped_are_al
         "warning: b.json: its linear has no a0 and is left out",
         "note: a.json: another program has written it anew: its digest no longer fits and is passed over (and 1 more)",
     ]
-    others = [finding("input-by-its-steps", "x", column="a", still="b"), finding("columns-by-place", "x", order="t, u")]
+    others = [
+        finding("level-contradicted", "x", level=1.0, found=2.0, unit="V"),
+        finding("columns-by-place", "x", order="t, u"),
+    ]
     many = [left_out, *others, anew, finding("rows-dropped", "a.csv", dropped=14, count=100)]
     console.tell(many)
     told = capsys.readouterr().err.splitlines()

@@ -1,4 +1,4 @@
-"""The face of `eaid`: help, version, completion, and what a failure looks like."""
+"""The face of `eaid`: help, version, and what a failure looks like."""
 
 import re
 import signal
@@ -115,26 +115,6 @@ def test_a_signal_is_never_lost(command, run_eaid, monkeypatch):
     ran = run_eaid()
     assert (ran.code, ran.err) == (130, "error: interrupted; nothing half-written is left\n")
     assert signal.getsignal(signal.SIGTERM) == before
-
-
-@pytest.mark.parametrize(
-    ("line", "offered"),
-    [
-        ("eaid ", COMMANDS),
-        ("eaid tu", ["tune-rc"]),
-        ("eaid fit --est", ["--estimator"]),
-        ("eaid fit d.h5 --loss h", ["huber"]),
-        ("eaid simulate f.json --controller rc,fe", ["rc,feedforward"]),
-        ("eaid fit d.h", []),
-    ],
-)
-def test_the_shell_offers_commands_options_and_words(line, offered, rig, run_eaid, monkeypatch, capsys):
-    monkeypatch.setenv("_EAID_COMPLETE", "complete_bash")
-    monkeypatch.setenv("COMP_WORDS", line)
-    monkeypatch.setenv("COMP_CWORD", str(len(line.split(" ")) - 1))
-    with pytest.raises(SystemExit):
-        run_eaid()
-    assert capsys.readouterr().out.split() == offered
 
 
 def test_a_cause_is_told_once_however_many_logs_it_spoils(tmp_path, run_eaid):

@@ -127,23 +127,3 @@ def test_the_threads_of_blas_change_no_byte(rig):
         more = {"OPENBLAS_NUM_THREADS": count, "OMP_NUM_THREADS": count}
         assert ran("fit", "data.h5", "-o", f"{count}.json", "-q", env={**os.environ, **more}).returncode == 0
     assert (rig / "1.json").read_bytes() == (rig / "2.json").read_bytes()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("shell", "file"),
-    [("bash", ".bash_completions/eaid.sh"), ("zsh", ".zfunc/_eaid"), ("fish", ".config/fish/completions/eaid.fish")],
-)
-def test_completion_installs_and_answers(shell, file, rig, tmp_path):
-    home = {**os.environ, "HOME": str(tmp_path), "_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION": "1"}
-    done = ran("--install-completion", shell, env=home)
-    assert done.returncode == 0 and "_EAID_COMPLETE" in (tmp_path / file).read_text(encoding="utf-8")
-    for line, offered in (
-        ("eaid tu", "tune-rc"),
-        ("eaid fit d.h5 --loss h", "huber"),
-    ):
-        wanted = {
-            "_EAID_COMPLETE": f"complete_{shell}", "COMP_WORDS": line, "_TYPER_COMPLETE_ARGS": line,
-            "COMP_CWORD": str(len(line.split(" ")) - 1), "_TYPER_COMPLETE_FISH_ACTION": "get-args",
-        }  # fmt: skip
-        assert offered in ran(env={**os.environ, **wanted}).stdout.replace('"', " ").split()
