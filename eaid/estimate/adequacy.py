@@ -22,7 +22,7 @@ from eaid.estimate.scatter import (
 )
 from eaid.estimate.spread import Influence, t_quantile
 from eaid.findings import Finding, finding
-from eaid.results.fit import Adequacy, LackOfFit, ShareEstimate
+from eaid.results.fit import LackOfFit, ShareEstimate
 from eaid.steps.noise import line
 from eaid.steps.stepset import Level
 
@@ -117,7 +117,7 @@ def lack_of_fit(level: Level, noise: Array) -> LackOfFit | None:
     return LackOfFit(level.level, ratio, chance, bool(ratio > chance), systematic)
 
 
-def adequacy(scatter: Scatter, unit: str) -> tuple[Adequacy, list[Finding]]:
+def adequacy(scatter: Scatter, unit: str) -> tuple[tuple[LackOfFit, ...], list[Finding]]:
     """Judge the shape of the levels' curves."""
     pairs = zip(scatter.levels, scatter.noise, strict=True)
     rows = [row for row in (lack_of_fit(level, noise) for level, noise in pairs) if row]
@@ -132,7 +132,7 @@ def adequacy(scatter: Scatter, unit: str) -> tuple[Adequacy, list[Finding]]:
         most = max(beyond, key=lambda row: row.systematic_nm or 0.0)
         size = {"systematic": most.systematic_nm, "worst": most.level, "of": len(rows)}
         findings.append(finding("repeats-miss-alike", "friction", [row.level for row in beyond], **size))
-    return Adequacy(tuple(rows)), findings
+    return tuple(rows), findings
 
 
 VAGUE = 0.1

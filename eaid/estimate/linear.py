@@ -25,7 +25,6 @@ from eaid.models.parameters import Friction
 from eaid.models.parameters import Linear as LinearModel
 from eaid.options import FitOptions
 from eaid.results.fit import (
-    NOT_IDENTIFIABLE,
     Bounds,
     BoundsIntervals,
     Linear,
@@ -195,8 +194,7 @@ def linear_part(
         bounds = msgspec.structs.replace(bounds, ci95=bound_intervals(bounds, rows))
         one = msgspec.structs.replace(one, ci95=pooled)
     beyond = metrics.hold_out(held_out, lambda level: model.step_response(p, level.time_s, level.level), total.rmse)
-    known = not any(told.code in NOT_IDENTIFIABLE for told in findings)
-    part = Linear.of(one, per_level=rows, bounds=bounds, robust=huber, hold_out=beyond, identifiable=known)
+    part = Linear.of(one, per_level=rows, bounds=bounds, robust=huber, hold_out=beyond)
     return part, findings
 
 

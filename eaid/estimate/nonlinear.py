@@ -33,7 +33,6 @@ from eaid.models.parameters import Friction, Nonlinear
 from eaid.options import FitOptions
 from eaid.results import fit as results
 from eaid.results.common import HoldOut, Huber, LevelError, Solver
-from eaid.results.fit import NOT_IDENTIFIABLE
 from eaid.steps.stepset import Level, StepSet
 
 Ends = tuple[Array, Array, Array]
@@ -151,7 +150,6 @@ def nonlinear_part(
         estimator="joint" if options.estimator == "joint" else "levels-first",
         joint=papers,
         parts=parts,
-        identifiable=not any(one.code in NOT_IDENTIFIABLE for one in told),
     )
     return whole, values, told
 

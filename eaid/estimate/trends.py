@@ -156,22 +156,7 @@ def fitted_trends(
             findings.append(finding("trend-follows-one-point", "friction", parameter=name, rates=tuple(steep)))
         if not trend.converged:
             findings.append(finding("trend-not-converged", "friction", parameter=name))
-        if trend.form == "double-exponential":
-            findings += _combination(name, np.array(trend.coefficients), x)
     return trends, findings
-
-
-def _combination(name: str, c: Array, x: Array) -> list[Finding]:
-    """The combination of a double exponential's coefficients that the levels see least, where it is hardly seen."""
-    G = FORMS["double-exponential"].gradient(c, x).T * np.where(c == 0, 1.0, np.abs(c))
-    values, vectors = np.linalg.eigh(G.T @ G)
-    if values[0] > 1e-6 * values[-1]:
-        return []
-    weights = vectors[:, 0] / np.abs(vectors[:, 0]).max()
-    changes: dict[str, Value] = {
-        label: 100 * float(w) for label, w in zip(("p", "r1", "q", "r2"), weights, strict=True) if abs(w) > 0.1
-    }
-    return [finding("coefficients-together", "friction", (), parameter=name, **changes)]
 
 
 def trends_with_intervals(

@@ -40,7 +40,7 @@ from eaid.findings import Finding, finding, merged, ranked
 from eaid.models.parameters import SHARE
 from eaid.options import MODELS, FitGiven, FitOptions
 from eaid.results.common import Input, Source
-from eaid.results.fit import NOT_IDENTIFIABLE, Fit, FittedData, Friction, Uncertainty
+from eaid.results.fit import Fit, FittedData, Friction, LackOfFit, Uncertainty
 from eaid.results.verdict import judged
 from eaid.steps.stepset import Level, StepSet
 
@@ -161,9 +161,9 @@ def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], No
         pairs = zip(scatter.levels, scatter.jacobians, strict=True)  # ∂f/∂ln T_s is f itself
         if little := [one.level for one, J in pairs if explains_little([one.mean], [one.mean - J[:, 0]])]:
             findings.append(finding("curve-explains-little", "friction", little))
-        right = None
+        misfits: tuple[LackOfFit, ...] = ()
         if "friction" in models or "nonlinear" in models:
-            right, more = adequacy(scatter, stepset.input_unit)
+            misfits, more = adequacy(scatter, stepset.input_unit)
             findings += more
         if "linear" in models:
             linear, more = linear_part(data, scatter, options, held_out)
@@ -180,7 +180,7 @@ def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], No
         noise=noise_of(scatter, stepset.runs),
         draws=options.draws if options.ci == "bootstrap" else None,
         share=None if result.uncertainty is None else result.uncertainty.share,
-        adequacy=right,
+        lack_of_fit=misfits,
     )
     result = msgspec.structs.replace(result, data=data_part(whole), uncertainty=summary)
     if stepset.releases:
@@ -220,9 +220,7 @@ def _of_the_model(
     if "friction" in models:
         part, more = friction_part(stepset, values, data, None, options, None)
         findings += more
-        result = msgspec.structs.replace(
-            result, friction=msgspec.structs.replace(part, identifiable=model.identifiable)
-        )
+        result = msgspec.structs.replace(result, friction=part)
     return msgspec.structs.replace(result, findings=tuple(findings)), scatter
 
 
@@ -252,9 +250,7 @@ def _of_each_level(
         values = _with_draws(values, own, data, options, progress)
     part, findings = friction_part(stepset, values, data, own, options, huber)
     findings += [*own_level_findings(own, values, stepset), *huber_findings("friction", huber)]
-    known = not any(one.code in NOT_IDENTIFIABLE for one in findings)
-    part = msgspec.structs.replace(part, identifiable=known, hold_out=friction_hold_out(part, stepset, held_out))
-    result = Fit(friction=part)
+    result = Fit(friction=msgspec.structs.replace(part, hold_out=friction_hold_out(part, stepset, held_out)))
     if share is not None and options.ci != "none":
         of_share, more = share_of_levels(own, data, values)
         result = msgspec.structs.replace(result, uncertainty=Uncertainty(share=of_share))

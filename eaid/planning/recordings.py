@@ -92,6 +92,8 @@ def disturbance_of(noise: Noise) -> Disturbance:
 
 SETS, KEEPING = 14, 0.8
 """Recordings that are simulated of each plan, and the probability that a recording keeps a stated width."""
+OPEN = ("one-level-nonlinear", "parameter-open-at-most-levels", "no-level-determines-all")
+"""Findings of a fit that no plan can be trusted on."""
 NOTICED = 0.01
 """Scatter from run to run that is named as what stands in the way of a width."""
 
@@ -159,7 +161,7 @@ def _warnings(rig: FittedRig) -> list[Finding]:
     findings = [] if rig.known else [finding("plan-assumes-noise", "plan")]
     decays = [each for each in rig.fit.findings if each.code == "output-decays-under-hold"]
     findings += [finding("plan-of-decaying-output", "plan", each.levels) for each in decays]
-    if rig.fit.nonlinear is not None and rig.fit.nonlinear.identifiable is False:
+    if any(one.code in OPEN for one in rig.fit.findings):
         findings.append(finding("plan-rests-on-a-guess", "plan"))
     return findings
 

@@ -310,7 +310,7 @@ def nonlinear_part(solved: Solved, uncertainty: Spread | None, known: CurveSprea
         ci95=intervals,
         covariance=covariance,
     )
-    return Nonlinear.of(part, identifiable=None if known is None else bool((known.half_width < WIDEST).all()))
+    return Nonlinear.of(part)
 
 
 def _level_errors(solved: Solved, shown: Array) -> tuple[LevelError, ...]:

@@ -155,7 +155,6 @@ class Friction(Result, frozen=True):
     levels: tuple[FrictionLevel, ...] = ()
     trends: dict[str, Trend] = {}
     solver: Solver | None = None
-    identifiable: bool | None = None
     hold_out: HoldOut | None = None
     robust: Huber | None = None
 
@@ -266,7 +265,6 @@ class Linear(Pooled, frozen=True):
 
     per_level: tuple[LinearLevel, ...] = ()
     bounds: Bounds | None = None
-    identifiable: bool | None = None
     robust: Huber | None = None
     hold_out: HoldOut | None = None
 
@@ -360,7 +358,6 @@ class Nonlinear(Estimate, frozen=True):
 
     estimator: Literal["levels-first", "joint"] = "joint"
     """Which estimate stands here: one T_s a level first and T_s(u) through them, or all at once as in the paper."""
-    identifiable: bool | None = None
     robust: Huber | None = None
     joint: Estimate | None = None
     """The paper's joint fit, without intervals."""
@@ -412,12 +409,6 @@ class LackOfFit(Result, frozen=True):
     systematic_nm: Number | None = None
 
 
-class Adequacy(Result, frozen=True):
-    """Whether the model is right."""
-
-    lack_of_fit: tuple[LackOfFit, ...] = ()
-
-
 class Uncertainty(Result, frozen=True):
     """Where the intervals come from."""
 
@@ -430,7 +421,7 @@ class Uncertainty(Result, frozen=True):
     noise: Noise | None = None
     draws: Count | None = None
     share: ShareEstimate | None = None
-    adequacy: Adequacy | None = None
+    lack_of_fit: tuple[LackOfFit, ...] = ()
 
 
 class StepIntervals(Result, frozen=True):
@@ -508,18 +499,6 @@ class FittedData(Result, frozen=True):
     inputs: tuple[Input, ...] = ()
     synthetic: str | None = None
     """What made the data, where no rig did."""
-
-
-NOT_IDENTIFIABLE = (
-    "one-level-nonlinear",
-    "one-level-linear",
-    "no-level-determines-all",
-    "parameter-open-at-most-levels",
-    "a0-may-be-zero",
-    "b0-may-be-zero",
-    "no-b-bounds",
-)
-"""Codes of the findings that make a model not identifiable."""
 
 
 CURVES: dict[str, Callable[..., Array]] = {

@@ -48,19 +48,26 @@ def test_the_synthesised_widths_keep_what_was_wanted(by_hand, run_eaid):
     assert told["measured_half_width_pct"]["tau2"] <= 12 and told["measured_half_width_pct"]["Ts"] <= 4
 
 
+ONE_LEVEL = {
+    "code": "one-level-nonlinear",
+    "severity": "caution",
+    "subject": "nonlinear",
+    "levels": [40.0],
+    "values": {},
+}
+
+
 @pytest.mark.parametrize(
     ("parts", "want", "code", "sentence"),
     [
         ({"uncertainty": NOISE}, "Ts=0.2", 0, "warning: T_s comes to"),
         ({"uncertainty": NOISE}, "Ts=0.2", 0, "runs differ by 3 %"),
         ({}, "Ts=5", 0, "does not say how noisy the rig is"),
-        ({"nonlinear": {"identifiable": False}}, "Ts=5", 0, "the plan rests on a guess"),
+        ({"findings": [ONE_LEVEL]}, "Ts=5", 0, "the plan rests on a guess"),
         ({"nonlinear": None}, "Ts=5", 3, "holds neither a nonlinear nor a friction model to plan with"),
     ],
 )
 def test_what_is_told_of_a_plan(parts, want, code, sentence, by_hand, run_eaid):
-    if parts.get("nonlinear"):
-        parts = {"nonlinear": {**json.loads(Path("fit.json").read_text())["nonlinear"], **parts["nonlinear"]}}
     by_hand(parts)
     ran = run_eaid("plan fit.json --want", want, "--no-check")
     assert ran.code == code and sentence in ran.err and ("What to record" in ran.out) == (code == 0)

@@ -57,7 +57,7 @@ LEFT_OUT = re.compile(
 """Keys that are no answer, repeat another, or are about to go: readings of B, weights beside equal ones, ripple."""
 BRIEF = re.compile(
     r"(exit code|converged|findings|(friction\.levels|nonlinear|linear|linear\.(per_level|bounds)|release)"
-    r"\.(Ts|tau[12]|C|[abc]0|B|B_[mM]|rmse|sse|identifiable|estimator)"
+    r"\.(Ts|tau[12]|C|[abc]0|B|B_[mM]|rmse|sse|estimator)"
     r"|(rc|pi|rc\.rho|rc\.ultimate_bound|guarantee|margins\.worst\.(rc|pi)|walls)\.\w+"
     r"|controllers\.[\w-]+\.(\w+|frequencies\.\w+|plants\.metrics\.rms_error_nm\..+)|[\w-]+\.(duty_pct|torque_nm)"
     r"|recorded\.(asked|falls)\.\w+|steps\.\w+)"

@@ -153,11 +153,6 @@ def _taus_meet(v: Values) -> str:
     )
 
 
-def _together(v: Values) -> str:
-    parts = ", ".join(f"{name} by {v[name]:+.0f} %" for name in ("p", "r1", "q", "r2") if name in v)
-    return f"{v['symbol']}'s trend hardly changes when {parts} change together: only the curve is known"
-
-
 def _open_at_most(v: Values) -> str:
     why = CAUSES[v["cause"]].format(**v)
     return f"{v['symbol']} is not determined at {v['count']} of {v['of']} levels: {why}"
@@ -198,7 +193,6 @@ INTERVAL_ROWS: dict[str, Row] = {
     "free-share-open": caution(
         "{at} the free C is anywhere between {low:.2f} and {high:.2f}: C and τ2 trade against each other; hold C"
     ),
-    "coefficients-together": note(_together),
     "one-level-nonlinear": caution(
         "one level only: nothing says how T_s, τ1 and τ2 change with the duty; record more levels",
         rank=1,

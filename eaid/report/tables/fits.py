@@ -262,11 +262,10 @@ def judging_tables(fit: Fit) -> list[Table]:
 
 def lack_of_fit_table(fit: Fit) -> Table:
     """What each level's curve misses, against what its repeats scatter."""
-    judged = fit.uncertainty.adequacy if fit.uncertainty else None
     unit, out = fit.data.input_unit, fit.data.output_unit
     rows: list[tuple[Cell, ...]] = [
         (with_unit(level(row.level), unit), row.ratio, row.chance, row.beyond, row.systematic_nm)
-        for row in (judged.lack_of_fit if judged else ())
+        for row in (fit.uncertainty.lack_of_fit if fit.uncertainty else ())
     ]
     caption = "The ratio is what a level's curve misses over what its repeats scatter; beyond what chance allows, the "
     caption += "curve's shape is not quite right there, by the systematic part."
