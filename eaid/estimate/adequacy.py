@@ -217,7 +217,9 @@ def _judged(
     sensitivity = {name: median(slope[k]) for k, name in enumerate(CURVES)}  # in % per 0.01, the slope itself
     reach = float(t_quantile(degrees) * np.sqrt(variance))
     if not reach <= 0.5 or not np.isfinite(C):
-        return ShareEstimate(held, sensitivity), [finding("runs-give-no-share", "friction", held=held)]
+        return ShareEstimate(held, sensitivity), [
+            finding("runs-leave-the-share-open", "friction", held=held, estimate=None, low=0.0, high=1.0)
+        ]
     ends = (max(0.0, C - reach), min(1.0, C + reach))
     rejected = not ends[0] <= held <= ends[1]
     matters = rejected and abs(C - held) >= TRIFLE and bool((np.abs(slope * (C - held)) > MATTERS * half).any())

@@ -260,10 +260,6 @@ def own_level_findings(own: OwnLevels, values: LevelValues, stepset: StepSet) ->
     """What levels that were fitted by themselves leave open, a free C among it."""
     seen, unit = own.scatter, stepset.input_unit
     findings = level_findings(values, partial(curve_half_width, seen), "friction", stepset)
-    if failed := [
-        level.level for level, one in zip(own.levels, own.each, strict=True) if not one.solved.solver.converged
-    ]:
-        findings.append(finding("level-not-converged", "friction", failed, unit=unit))
     for i, level in enumerate(own.levels if seen.share_free else ()):
         ends = own.share_interval(i)
         if ends is None or ends[1] - ends[0] > 0.5:

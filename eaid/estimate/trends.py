@@ -170,29 +170,29 @@ def trends_with_intervals(
     result: dict[str, Trend] = {}
     findings: list[Finding] = []
     for name, trend in trends.items():
-        ci95, code = _coefficients(trend, x, values[name], None if sd is None else sd[name], degrees)
+        ci95, vague = _coefficients(trend, x, values[name], None if sd is None else sd[name], degrees)
         result[name] = msgspec.structs.replace(trend, ci95=ci95)
-        findings += [finding(code, "friction", parameter=name)] if code else []
+        findings += [finding("trend-not-estimable", "friction", parameter=name)] if vague else []
     return result, findings
 
 
 def _coefficients(
     trend: Trend, x: Array, y: Array, sd: Array | None, degrees: float
-) -> tuple[tuple[Interval, ...] | None, str | None]:
-    """Intervals of one trend's coefficients, and the code of their warnings."""
+) -> tuple[tuple[Interval, ...] | None, bool]:
+    """Intervals of one trend's coefficients, and whether the levels tell some of them hardly."""
     if trend.at_bounds:
-        return None, "trend-not-estimable"
+        return None, True
     there = np.isfinite(y)
     x, y = x[there], y[there]
     c = np.array(trend.coefficients)
     G = FORMS[trend.form].gradient(c, x).T
     spare = len(y) - len(c)
     if spare < 1:
-        return None, "trend-uses-all-levels"
+        return None, True
     scale = 1 / np.maximum(np.sqrt((G**2).sum(axis=0)), 1e-300)
     values = np.linalg.svd(G * scale, compute_uv=False)
     if values[-1] < 1e-7 * values[0]:
-        return None, "trend-coefficients-alike"
+        return None, True
     solve = scale[:, None] * np.linalg.pinv(G * scale)
     left = y - FORMS[trend.form].curve(c, x)
     about = float(left @ left) / spare
@@ -205,6 +205,6 @@ def _coefficients(
             share = variance / expected * spare if expected > 0 else np.ones(len(y))
             variance, own_degrees = share * about, float(spare)
     reach = t_quantile(own_degrees) * np.sqrt((solve**2) @ variance)
-    vague = (reach > np.abs(c)).any() and trend.form != "linear"
+    vague = bool((reach > np.abs(c)).any()) and trend.form != "linear"
     ends = tuple((float(a - r), float(a + r)) for a, r in zip(c, reach, strict=True))
-    return ends, "trend-coefficients-vague" if vague else None
+    return ends, vague

@@ -510,10 +510,6 @@ def fit_recorded(
         findings += tested_falls.findings
     if any(log.reference is not None for log in logs):
         base = with_instrument(base, acting)
-    if not base.solver.converged:
-        findings.append(
-            finding("recorded-not-converged", "nonlinear", predicted_decrease=base.solver.predicted_decrease)
-        )
     loops, of_loops = judged_loops(base, acting)
     findings += of_loops
     uncertainty, known = None, None

@@ -62,7 +62,6 @@ FIT_ROWS: dict[str, Row] = {
         "no single step has the shape of a step response: look at the plot for several steps, a closed loop or a "
         "disturbance, and give «step_at» and «until»"
     ),
-    "level-not-converged": stop("the curve {at} did not converge: do not use its numbers, nor what rests on it"),
     "curve-explains-little": stop(
         "two exponentials explain little of the output {at}: this is no single step response; look at the "
         "plot for several steps, a closed loop or a disturbance, and give «step_at» and «until»"
@@ -239,18 +238,8 @@ INTERVAL_ROWS: dict[str, Row] = {
             "record levels in random order instead"
         )
     ),
-    "trend-not-estimable": note("the trend of {symbol} is at a limit: its coefficients are not estimable"),
-    "trend-uses-all-levels": note(
-        "the trend of {symbol} has as many coefficients as levels: nothing is left to tell how sure they are"
-    ),
-    "trend-coefficients-alike": note(
-        "the coefficients of the trend of {symbol} cannot be told apart: only the curve itself is known"
-    ),
-    "trend-coefficients-vague": note(
-        "some coefficients of the trend of {symbol} are not told apart from zero or from each other: use the curve"
-    ),
-    "runs-give-no-share": note(
-        "the runs give no C of their own: every number rests on the C of {held:g} that was held"
+    "trend-not-estimable": note(
+        "the levels do not tell the coefficients of the trend of {symbol} apart: use the curve"
     ),
     "runs-leave-the-share-open": note(
         "the runs leave C anywhere between {low:.2f} and {high:.2f}; every number rests on {held:g}, held"
@@ -306,9 +295,6 @@ def _falls(v: Values) -> str:
 
 
 RECORDED_ROWS: dict[str, Row] = {
-    "recorded-not-converged": stop(
-        "the fit of the logs did not converge: one more step would gain {predicted_decrease:.2g} of the cost"
-    ),
     "input-faster-than-sampled": caution(
         "{subject}: the input jumps from row to row in {share_pct:.0f} % of the acting time: it moves faster than it "
         "is sampled, and what acted between the rows is not known; log it faster, or log its mean",
