@@ -302,7 +302,6 @@ def tune_rc(
     options: TuneOptions | None = None,
     *,
     reference: "str | os.PathLike[str] | None" = None,
-    logs: StepSet | None = None,
     **keywords: Any,
 ) -> Gains:
     """Gains of the robust controller, Eqs. (11) to (15), and of a PI, with one verdict on the guarantee.
@@ -314,9 +313,7 @@ def tune_rc(
     options
         How the gains are designed.
     reference
-        A scenario (multisine, steps, sweep, ramp), or a file `time_s,reference_nm`, which Q_M is judged by.
-    logs
-        Steps of the same rig, which speak about φ.
+        A scenario (multisine, steps, sweep), or a file `time_s,reference_nm`, which Q_M is judged by.
     **keywords
         Fields of `TuneOptions`: kp [1/s²], kd [1/s], b_hat, rho, phi, pi_overshoot [%], pi_settling [s], …
 
@@ -349,7 +346,7 @@ def tune_rc(
     _of_type("fit", fit, Fit)
     named = "" if reference is None else str(reference)
     signal = (named or None) if reference is None or named in TRACKED else read_reference(Path(reference))
-    return tune(fit, chosen(TuneOptions, options, keywords), logs, signal, named)
+    return tune(fit, chosen(TuneOptions, options, keywords), signal, named)
 
 
 def simulate(
@@ -372,7 +369,7 @@ def simulate(
         A fit with a nonlinear model.
     gains
         Gains of `tune_rc`; controllers that need them are left out without.
-    scenario : {"steps", "multisine", "sweep", "ramp", "rehab"}, optional
+    scenario : {"steps", "multisine", "sweep", "rehab"}, optional
         What is replayed; by itself multisine.
     options
         Scenario, controllers, rig and limb.
@@ -407,7 +404,6 @@ def simulate(
     >>> sorted(set(run.to_frame()["name"]))
     ['pi', 'rc']
     """
-    from eaid.coupling.couple import with_wall_findings
     from eaid.logs.read import read_runs
     from eaid.replay.references import read_reference
     from eaid.replay.simulate import simulate as replayed
@@ -422,7 +418,7 @@ def simulate(
     if log is not None:
         how.check_for("log")
     runs = None if log is None else read_runs(_paths(log), reading or ReadOptions())
-    return with_wall_findings(replayed(fit, gains, how, signal, runs, progress), fit, gains)
+    return replayed(fit, gains, how, signal, runs, progress)
 
 
 def couple(
@@ -446,7 +442,7 @@ def couple(
     progress
         As in `read`.
     **keywords
-        Fields of `CoupleOptions`: limb_inertia [kg·m²], limb_damping [N·m·s/rad], torque [N·m], pwm_hz, plants, …
+        Fields of `CoupleOptions`: limb_inertia [kg·m²], limb_damping [N·m·s/rad], torque [N·m], pwm_hz, …
 
     Returns
     -------

@@ -16,10 +16,10 @@ KINDS: tuple[Kind, ...] = ("clutch", "friction-force", "friction-speed")
 MODELS = ("friction", "nonlinear", "linear")
 Law = Literal["pi", "rc", "inverse", "plant"]
 LAWS: tuple[Law, ...] = ("pi", "rc", "inverse", "plant")
-LOOPS = ("open-loop", "pi", "rc-no-rate", "rc", "inverse")
-TRACKED = ("multisine", "steps", "sweep", "ramp")
+LOOPS = ("open-loop", "pi", "rc-no-rate", "rc")
+TRACKED = ("multisine", "steps", "sweep")
 SCENARIOS = (*TRACKED, "rehab")
-CONTROLLERS = ("rc", "pi", "feedforward", "open-loop", "inverse")
+CONTROLLERS = ("rc", "pi", "open-loop", "inverse")
 ROLES = ("time", "input", "output", "reference", "position")
 EXCITATIONS = ("staircase", "random", "prbs", "multisine", "chirp", "closed-loop")
 
@@ -208,7 +208,7 @@ class TuneOptions(Chance):
         "pooled", "1/b0, the middle of B_m, B_M, or a value.", ROBUST, words="pooled|minimax", least=-1e12, most=1e12
     )
     q_max: float | None = option(None, "Q_M, largest slope of the reference; by itself 5 N·m/s.", ROBUST)
-    phi: Literal["data"] | float | None = option(None, "By itself 0.05; data: by model and logs.", ROBUST, words="data")
+    phi: Literal["data"] | float | None = option(None, "By itself 0.05; data: by the model.", ROBUST, words="data")
     pi_gains: tuple[float, float] | None = option(
         None,
         "Its gains; by itself designed from the fit, the paper's are 21,360.",
@@ -224,8 +224,6 @@ class TuneOptions(Chance):
     duty_limits: tuple[float, float] | None = option(None, "By itself 0,100 % or as identified.", RIG, shown="LOW,HIGH")
     rate_hz: float | None = option(None, "Control rate [Hz]; by itself 1000.", RIG, least=1e-3, most=1e5)
     pwm_hz: float | None = option(None, "Duty latched at [Hz]; 0: off; by itself the fit's, else 300.", RIG)
-    bounds_levels: str | None = option(None, "Levels that B_m, B_M are taken over: 30:100.", ADVANCED, levels=True)
-    widen_bounds: bool = option(False, "Take the far ends of the 95 % intervals of B.", ADVANCED)
     epsilon: float | None = option(
         None, "ε, half width of the boundary layer; by itself 0.5.", ADVANCED, least=1e-15, most=1e15
     )
@@ -235,9 +233,6 @@ class TuneOptions(Chance):
     p_scale: float = option(5.0, "p of P = p·I in the Lyapunov equation.", ADVANCED, least=1e-9, most=1e9)
     rho: Literal["paper", "textbook"] = option(
         "paper", "Eq. (15) read as B_M φ, or as φ/B_m.", ADVANCED, words="paper|textbook"
-    )
-    alpha: Literal["formula", "reached"] = option(
-        "formula", "α that ρ is made with.", ADVANCED, words="formula|reached"
     )
     anyway: bool = option(False, "Make gains of a fit that must not be used; they are marked.", ADVANCED)
 
@@ -259,24 +254,13 @@ class TuneOptions(Chance):
 class Rig(Options):
     """What a rig adds to the plant of a replay; the default is none of it.
 
-    In the order a sample meets them: rotor ripple is torque that is really there, T = (x1 + x2)(1 + r sin 2πft); the
-    torque sensor's first-order low-pass sees that torque; noise is added to what the sensor gives; the controller reads
-    the sum at t_k; its duty is rounded to the resolution of the output, waits `delay_samples`, and is latched at the
+    Noise is added to the torque that the controller reads at t_k; its duty waits `delay_samples`, and is latched at the
     next start of a PWM period.
     """
 
     noise_nm: float = option(0.0, "Noise on the measured torque, sd [N·m].", RIG)
-    ripple_pct: float = option(0.0, "Rotor ripple, amplitude in % of the torque.", RIG, least=0, most=1e3)
-    ripple_hz: float = option(1 / 6, "Its frequency [Hz]; by itself once per turn at 10 RPM.", RIG, least=0, most=1e5)
-    sensor_hz: float = option(0.0, "Corner of the torque sensor's low-pass [Hz]; 0: none.", RIG)
     delay_samples: int = option(0, "Control delay [samples].", RIG, least=0, most=100_000)
     pwm_hz: float = option(0.0, "Duty latched once a PWM period [Hz]; 0: off.", RIG)
-    duty_bits: int = option(0, "Resolution of the duty [bit]; 0: unlimited.", RIG, least=0, most=32)
-
-    def agree(self) -> None:
-        """Refuse a frequency of no ripple."""
-        if self.ripple_hz != 1 / 6 and not self.ripple_pct:
-            raise UsageError("«ripple_hz»: does nothing without «ripple_pct»; give both or neither")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -285,30 +269,19 @@ class SimulateOptions(Chance, Rig):
 
     controller: tuple[str, ...] | None = option(None, "By itself rc,pi; sweep adds open-loop.", WHAT, words=CONTROLLERS)
     scenario: str | None = option(None, "By itself multisine.", WHAT, words=SCENARIOS)
-    keep_baseline: bool = option(False, "Do not subtract the idle output of recorded runs.", WHAT)
     duration: float | None = option(None, "Length of steps, multisine or rehab [s].", WHAT, above=True)
     rate_hz: float | None = option(
         None, "Control rate [Hz]; by itself the gains', else 1000.", RIG, least=1e-3, most=1e5
     )
-    perturb: Mapping[str, float] = option(
-        {}, "On the plant alone: Ts=0.9,tau1=1.2.", MORE, shown="NAME=FACTOR", above=True
-    )
     plants: int | None = option(
         None, "Also on so many plants drawn from the fit's uncertainty.", MORE, least=1, most=100_000
     )
-    threads: int | None = option(
-        None, "Of the drawn plants; by itself all processors.", MORE, kept=False, least=1, most=1024
-    )
     limb_damping: float | None = option(None, "Damping of the limb [N·m·s/rad].", REHAB)
-    limb_inertia: float | None = option(None, "Its inertia [kg·m²].", REHAB, least=1e-6, most=1e6)
 
     def agree(self) -> None:
         """Refuse options that do nothing together."""
-        super().agree()
-        if self.threads is not None and self.plants is None:
-            raise UsageError("«threads»: does nothing without «plants»; give both or neither")
-        if self.scenario != "rehab" and (self.limb_damping is not None or self.limb_inertia is not None):
-            raise UsageError("«limb_damping» and «limb_inertia» belong to «scenario» rehab")
+        if self.scenario != "rehab" and self.limb_damping is not None:
+            raise UsageError("«limb_damping»: belongs to «scenario» rehab; leave it out")
 
     def check_for(self, what: str) -> None:
         """Refuse what does nothing for a scenario, a `reference`, or recorded runs (`log`)."""
@@ -318,8 +291,6 @@ class SimulateOptions(Chance, Rig):
             raise UsageError("«rate_hz»: does not go with «log», which has a rate of its own; leave it out")
         if self.duration is not None and what in ("log", "reference"):
             raise UsageError(f"«duration»: does not go with «{what}»; the file says how long it is")
-        if self.keep_baseline and what != "log":
-            raise UsageError("«keep_baseline»: belongs to «log»; leave it out")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -332,7 +303,6 @@ class CoupleOptions(Options):
     delay_samples: int = option(
         0, "From reading to duty [samples]; 0: the dead time that the fit shows.", LOOP, least=0, most=100_000
     )
-    sensor_hz: float = option(0.0, "Torque sensor's corner [Hz]; 0: none.", LOOP)
     replay: bool = option(True, "Also bisect replays of the nonlinear plant.", LOOP)
     torque: tuple[float, ...] = option((), "Torques held; by itself four over the fitted range.", LIMB, shown="1,2,3")
     wall: float | None = option(None, "A stiffness that has to be rendered [N·m/rad].", LIMB, above=True)
@@ -343,27 +313,19 @@ class CoupleOptions(Options):
     idle_drag_nm: float | None = option(None, "Torque of the idle clutch; by itself the fit's idle.", LIMB)
     rotor_rpm: float = option(10.0, "Speed of the rotor.", LIMB)
     limb_speed_rad_s: float = option(0.41, "Fastest motion of the limb; by itself 25° at 0.15 Hz.", LIMB)
-    pair_bias_nm: float | None = option(None, "Bias of an antagonistic pair; by itself mid-range.", LIMB, above=True)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExportOptions(Options):
     """Target, laws and timing of an export."""
 
-    target: str = option("c", "Language or format.", LOGS, "--as", words="c|arduino|matlab|fmu|yaml|python")
+    target: str = option("c", "Language or format.", LOGS, "--as", words="c|arduino|matlab|fmu|yaml")
     law: tuple[str, ...] | None = option(None, "By itself all that the files hold.", LOGS, words=LAWS)
     precision: Literal["double", "single"] = option("double", "Of the numbers.", LOGS, words="double|single")
     rate_hz: float | None = option(
         None, "Control rate, baked in [Hz]; by itself the gains'.", RIG, least=1e-3, most=1e5
     )
     duty_on_fault: float = option(0.0, "Duty while an input is no number.", RIG, least=-1e9, most=1e9)
-    stuck_s: float = option(
-        0.5, "The status tells of a reading unchanged for so long [s].", RIG, least=0, most=1e4, above=True
-    )
-    rate_filter_hz: float | None = option(
-        None, "Corner of the reference's filtered derivative [Hz]; by itself 25.", ADVANCED,
-        least=0, most=1e5, above=True,
-    )  # fmt: skip
     anyway: bool = option(False, "Export what would be refused; its files are marked.", ADVANCED)
 
 
@@ -405,7 +367,6 @@ class PlanOptions(Chance):
 USED_BY = {
     "duty": EXCITATIONS[:-1], "levels": ("staircase", "random", "closed-loop"), "rest_s": ("random",),
     "hold_s": ("staircase", "random", "prbs", "closed-loop"), "frequency_hz": ("multisine", "chirp", "closed-loop"),
-    "tones": ("multisine",), "periods": ("multisine",), "reference_nm": ("closed-loop",), "gains": ("closed-loop",),
 }  # fmt: skip
 """What of a shape only some inputs have."""
 
@@ -430,16 +391,6 @@ class Excitation(Options):
     frequency_hz: tuple[float, float] = option(
         (0.05, 5.0), "Lowest and highest frequency of a multisine, a chirp or a loop's reference [Hz].", INPUTS,
         shown="0.05:5", above=True,
-    )  # fmt: skip
-    tones: int = option(12, "Of a multisine.", INPUTS, least=1, most=10_000)
-    periods: int = option(3, "Of a multisine: so often it repeats itself.", INPUTS, least=1, most=1000)
-    reference_nm: tuple[float, float] | None = option(
-        None, "Lowest and highest output of a closed loop; by itself 0.6:3.6, scaled to the rig.", INPUTS,
-        shown="0.6:3.6", least=-1e6, most=1e6,
-    )  # fmt: skip
-    gains: tuple[float, float] | None = option(
-        None, "K_P and K_I of a closed loop; by itself 21:360, scaled to the rig.", INPUTS, shown="21:360",
-        least=-1e9, most=1e9,
     )  # fmt: skip
     rate_hz: float = option(1000.0, "Samples a second [Hz].", INPUTS, least=1e-3, most=1e5)
 
@@ -475,14 +426,11 @@ class SynthOptions(Chance):
     tau1_scatter: float | None = option(None, "Run-to-run sd of log τ1.", HOW, least=0, most=3)
     tau2_scatter: float | None = option(None, "Run-to-run sd of log τ2.", HOW, least=0, most=3)
     offset_nm: float | None = option(None, "Offset of the torque sensor [N·m].", HOW, least=-1e6, most=1e6)
-    jitter_s: float | None = option(None, "Sample instants, sd [s].", HOW, least=0, most=1e3)
-    resolution_nm: float | None = option(None, "Step of the sensor's digits [N·m].", HOW)
     duty_file: Path | None = option(None, "CSV time_s,duty_pct (force_n, speed_rpm, input).", INPUTS, shown="FILE")
     excitation: str | None = option(None, "Logs to be fitted as recorded.", INPUTS, words=EXCITATIONS)
     shape: str | Mapping[str, Any] | None = option(
         None, "Of the excitation: duration_s=240,hold_s=0.5:20,duty=10:100,levels=10,rest_s=5,idle_s=2,"
-        "frequency_hz=0.05:5,reference_nm=0.6:3.6,gains=21:360, all in the rig's units.", INPUTS,
-        shown="NAME=VALUE,…",
+        "frequency_hz=0.05:5, all in the rig's units.", INPUTS, shown="NAME=VALUE,…",
     )  # fmt: skip
 
     def agree(self) -> None:

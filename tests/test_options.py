@@ -49,9 +49,7 @@ def test_a_default_lies_within_its_limits() -> None:
         (lambda: eaid.TuneOptions(pi_gains=(21, 360), pi_overshoot=1.0, pi_settling=0.3),
          "give either pi_gains= or pi_overshoot= with pi_settling=, not both"),
         (lambda: eaid.TuneOptions(duty_limits=(50.0, 50.0)), "duty_limits= 50,50: must rise from 0 or above"),
-        (lambda: eaid.SimulateOptions(threads=2), "threads=: does nothing without plants=; give both or neither"),
-        (lambda: eaid.SimulateOptions(limb_inertia=0.1), "limb_damping= and limb_inertia= belong to scenario= rehab"),
-        (lambda: eaid.SimulateOptions(perturb={"Ts": 0.0}), "perturb= 0: give a number above 0, 1e+09 at most"),
+        (lambda: eaid.SimulateOptions(limb_damping=0.1), "limb_damping=: belongs to scenario= rehab; leave it out"),
         (lambda: eaid.SynthOptions(shape={"duty": (1, 2)}), "shape=: does nothing without excitation=; leave it out"),
     ],
 )  # fmt: skip
@@ -87,11 +85,10 @@ def test_options_and_keywords_that_disagree_are_refused(small_steps: eaid.StepSe
     [
         (lambda fit: eaid.simulate(fit, options=LOUD, noise_nm=0.5), "noise_nm= 0.5: the options given say 0.1"),
         (lambda fit: eaid.simulate(fit, "steps", reading=eaid.ReadOptions()), "reading=: says how a log= is read"),
-        (lambda fit: eaid.simulate(fit, ripple_hz=0.5), "ripple_hz=: does nothing"),
         (lambda fit: eaid.couple(fit, loops=("pi", "open-loop")), "the loop pi needs gains with a PI"),
-        (lambda fit: eaid.export(None, "none", fit, law=("plant",), rate_filter_hz=3.0), "rate_filter_hz=: is of a"),
+        (lambda fit: eaid.export(None, "none", fit, law=("plant",), duty_on_fault=3.0), "duty_on_fault=: is of a"),
         (lambda _fit: eaid.synth(clean=True, coloured_s=0.3), "coloured_s=: does nothing without coloured="),
-        (lambda _fit: eaid.synth(excitation="random", shape={"tones": 5}), "tones: does nothing for"),
+        (lambda _fit: eaid.synth(excitation="random", shape={"frequency_hz": (1, 2)}), "frequency_hz: does nothing"),
         (lambda _fit: eaid.synth(excitation="prbs", shape={"rate_hz": 9.0}, rate_hz=8.0), "another option says 8.0"),
         (lambda _fit: eaid.synth(excitation="prbs", shape={"kind": "chirp"}), "another option says prbs"),
     ],
@@ -105,7 +102,7 @@ def test_what_would_be_dropped_is_refused(
 
 
 def test_keywords_of_a_rig_are_joined_with_the_options_and_none_is_dropped(small_fit: eaid.Fit) -> None:
-    how = eaid.SimulateOptions(scenario="ramp", duration=2.0, rate_hz=100.0)
+    how = eaid.SimulateOptions(scenario="steps", duration=2.0, rate_hz=100.0)
     assert eaid.simulate(small_fit, options=how, noise_nm=0.5).head.rig.noise_nm == 0.5
     rig = eaid.simulate(small_fit, options=LOUD, duration=2.0, rate_hz=100.0, pwm_hz=50.0).head.rig
     assert (rig.noise_nm, rig.pwm_hz) == (0.1, 50.0)

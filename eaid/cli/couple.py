@@ -15,7 +15,7 @@ class Arguments(Common, CoupleOptions, Tables):
 
     fit: Path = argument("FIT", "fit.json with a nonlinear model.")
     gains_placed: Path | None = argument("GAINS", "The same as --gains.", None)
-    gains: Path | None = option(None, "gains.json; without it only open loop and inverse.", LOOP, shown="FILE")
+    gains: Path | None = option(None, "gains.json; without it only the open loop.", LOOP, shown="FILE")
     output: Path = written("couple.json")
 
 
@@ -29,7 +29,7 @@ def command(args: Arguments) -> None:
     """
     from eaid import api
     from eaid.files import refuse_to_overwrite
-    from eaid.report.tables.gains import walls_brief, walls_tables
+    from eaid.report.tables.gains import walls_brief, walls_table
     from eaid.results import codec
     from eaid.results.fit import Fit
     from eaid.results.gains import Gains
@@ -44,8 +44,7 @@ def command(args: Arguments) -> None:
     if args.json:
         console.print_json(coupling)
     else:
-        for table in walls_tables(coupling) if args.tables or args.verbose else [walls_brief(coupling)]:
-            console.show(table)
+        console.show((walls_table if args.tables or args.verbose else walls_brief)(coupling))
     console.tell([*warnings, *more, *coupling.findings], args.verbose)
     console.done(
         args.output,

@@ -2,18 +2,11 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from eaid.cli import console
 from eaid.cli.form import Common, Tables, argument, stamped, takes, written
 from eaid.declared import option, part
-from eaid.errors import UsageError
 from eaid.options import ROBUST, TRACKED, TuneOptions, any_text
-from eaid.shown import listed
-
-if TYPE_CHECKING:
-    from eaid.results.fit import Fit
-    from eaid.steps.stepset import StepSet
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,7 +17,6 @@ class Arguments(Common, TuneOptions, Tables):
     reference: str | None = option(
         None, "Q_M is taken from it, or judged by it.", ROBUST, words=TRACKED, read=any_text, shown="FILE|WORD"
     )
-    data: list[Path] | None = option(None, "Logs for --phi data; by itself the fit's own.", ROBUST)
     output: Path = written("gains.json")
 
 
@@ -38,20 +30,14 @@ def command(args: Arguments) -> None:
     """
     from eaid import api
     from eaid.files import refuse_to_overwrite
-    from eaid.logs.manifest import files_read
     from eaid.report.tables import gains as tables
     from eaid.results import codec
     from eaid.results.fit import Fit
 
     file = Path(args.reference) if args.reference and args.reference not in TRACKED else None
-    read = [args.fit, *([file] if file else []), *files_read(args.data or [])]
-    refuse_to_overwrite(args.output, args.force, read)
-    options = part(TuneOptions, args)
-    if args.data and options.phi != "data":
-        raise UsageError("--data: does nothing without --phi data; leave it out")
+    refuse_to_overwrite(args.output, args.force, [args.fit, *([file] if file else [])])
     fitted, warnings = codec.read(args.fit, Fit)
-    logs = logs_of(fitted, args) if options.phi == "data" else None
-    gains = api.tune_rc(fitted, options, reference=args.reference, logs=logs)
+    gains = api.tune_rc(fitted, part(TuneOptions, args), reference=args.reference)
     gains = stamped(gains, args, fit=args.fit, reference=file)
     gains.save(args.output, args.force)
     if args.json:
@@ -63,24 +49,3 @@ def command(args: Arguments) -> None:
             console.show(table)
     console.tell([*gains.findings, *warnings], args.verbose)
     console.done(args.output, "gains of rc and pi", ("simulate", args.fit, args.output))
-
-
-def logs_of(fit: "Fit", args: Arguments) -> "StepSet | None":
-    """The logs given, else those that the fit names, where they are still there and unchanged."""
-    from eaid.files import sha256_of
-    from eaid.options import ReadOptions
-    from eaid.reading import read_steps
-
-    if args.data:
-        return read_steps(args.data, ReadOptions(logs_as="steps"), console.progress, console.warn)[1]
-    named = {one.path: one.sha256 for one in fit.data.inputs or fit.data.sources}  # of a folder each log is named
-    paths = []
-    for name, sha256 in named.items():
-        beside = (path for path in (Path(name), args.fit.parent / Path(name).name) if path.is_file())
-        paths += [path for path in beside if sha256_of(path) == sha256][:1]
-    if not paths or len(paths) < len(named):
-        what = f"{listed(list(named), 3)}: is gone or has changed" if named else f"{args.fit}: names no logs"
-        console.warn(f"{what}, so φ cannot be read off them; give the logs with --data")
-        return None
-    reading = ReadOptions(**{**fit.options.reading, "logs_as": "steps"})  # type: ignore[arg-type]
-    return read_steps(paths, reading, console.progress, console.warn)[1]

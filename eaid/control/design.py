@@ -11,7 +11,6 @@ from eaid.arrays import Array
 from eaid.control.gains import Bounds, model_of
 from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, LoopMargins, Point, known, loop_margins
 from eaid.control.pi import PIGains, pi_gains, step_metrics
-from eaid.control.rc import RCGains
 from eaid.control.robust import Design, law_of
 from eaid.errors import GainsError
 from eaid.findings import Finding, finding, ranked
@@ -33,19 +32,13 @@ from eaid.results.gains import (
     PhiFromData,
     Robust,
     SampleTiming,
-    TorquePoint,
     WorstMargins,
 )
-from eaid.steps.stepset import StepSet
 
 WITHIN = 1e-9
 """Share by which the needed may exceed the available: rounding."""
 
 
-WINDOW_S = 0.1
-"""Slopes of logs are straight lines through this much time."""
-FEWEST = 3
-"""Samples of such a line, at least."""
 DUTIES = 19
 INSTANTS = 200
 
@@ -79,35 +72,6 @@ def _largest(shown: list[tuple[float, str]]) -> Mismatch:
     """The largest of signed mismatches and where they are; none where nothing is shown."""
     value, where = max(shown, key=lambda each: abs(each[0]), default=(0.0, ""))
     return Mismatch(abs(value), value, where if value else "")
-
-
-def shown_by_logs(stepset: StepSet, model: Linear, B_m: float, B_M: float) -> Mismatch:
-    """Over the averaged rising steps of the logs."""
-    shown = []
-    for level in stepset.levels:
-        t, torque, slope = _smoothed(level.time_s, level.mean)
-        apart = distance(level.level - (model.a0 * torque - model.c0) / model.b0, slope, B_m, B_M)
-        k = int(np.abs(apart).argmax())
-        shown.append((float(apart[k]), f"{t[k]:.3g} s after the step to {level.level:.4g} {stepset.input_unit}"))
-    return _largest(shown)
-
-
-def _smoothed(time_s: Array, torque_nm: Array) -> tuple[Array, Array, Array]:
-    """Time, torque and slope of straight lines through successive windows, shapes (windows,)."""
-    edges = np.searchsorted(time_s, np.arange(time_s[0], time_s[-1], WINDOW_S))
-    edges = np.append(edges, len(time_s))
-    held = np.diff(edges)
-    if np.median(held[held > 0]) < FEWEST:  # sampled too slowly for that: as few as tell a slope
-        edges = np.append(np.arange(0, len(time_s), FEWEST), len(time_s))
-    rows = []
-    for begin, end in itertools.pairwise(edges.tolist()):
-        if end - begin < FEWEST:
-            continue
-        t, y = time_s[begin:end], torque_nm[begin:end]
-        centred = t - t.mean()
-        rows.append((t.mean(), y.mean(), float(centred @ y / (centred @ centred))))
-    table = np.array(rows).reshape(-1, 3)
-    return table[:, 0], table[:, 1], table[:, 2]
 
 
 def shown_by_levels(per_level: Sequence[LinearLevel], model: Linear, torque_max_nm: float, unit: str = "%") -> Mismatch:
@@ -156,7 +120,7 @@ def design(
                 f"the {name.upper()} loop is unstable on the fitted model around {', '.join(unstable)} {unit}, "
                 f"{timing.words()}; ask for slower gains"
             )
-    reach = actuator(model, law, plant, bounds)
+    reach = Actuator(law.B_hat * law.rho_constant, law.duty_max - law.duty_min)
     slope = slope_nm_s if given or plant is not None else None  # a slope that nothing follows says nothing
     verdict = _guarantee(rc, slope, reach.robust_term_pct, reach.span_pct, fit)
     rows = [
@@ -196,25 +160,6 @@ def pi_of(model: Linear, settled: Design) -> PIGains:
     return PIGains(K_P, K_I, *settled.duty_limits_pct)
 
 
-def actuator(model: Linear, gains: RCGains, plant: Nonlinear | None, bounds: Bounds) -> Actuator:
-    """How much of the law the actuator can deliver: B̂ρ(0) against the duty that is left at low, middle, high torque."""
-    robust_pct = gains.B_hat * gains.rho_constant
-    if plant is not None:
-        top = float(steady_torque(plant, plant.u_range[1]))
-    elif bounds.rows:
-        top = max(row.gain for row in bounds.rows)
-    else:
-        top = (model.b0 * gains.duty_max + model.c0) / model.a0
-    rows = []
-    for torque in (0.1 * top, 0.5 * top, 0.9 * top):
-        held = (model.a0 * torque - model.c0) / model.b0
-        up = max(0.0, gains.duty_max - held)
-        down = max(0.0, held - gains.duty_min)
-        shares = [min(1.0, left / robust_pct) if robust_pct > 0 else 1.0 for left in (up, down)]
-        rows.append(TorquePoint(torque, held, *shares))
-    return Actuator(robust_pct, gains.duty_max - gains.duty_min, tuple(rows))
-
-
 def _margin(loop: LoopMargins) -> Margin:
     """As gains.json has it: a margin without end is not known."""
     return Margin(loop.stable, *(known(x) for x in (loop.gain_db, loop.delay_s, loop.phase_deg, loop.crossover_hz)))
@@ -225,24 +170,19 @@ def _least(loops: Sequence[LoopMargins]) -> Margin:
     return Margin(stable=True, **least)
 
 
-def mismatches(
-    model: Linear, bounds: Bounds, plant: Nonlinear | None, logs: StepSet | None, unit: str = "%"
-) -> dict[str, Mismatch]:
-    """What shows how far η is from η̂: nonlinear model, logs, single levels; those that the data allow."""
+def mismatches(model: Linear, bounds: Bounds, plant: Nonlinear | None, unit: str = "%") -> dict[str, Mismatch]:
+    """What shows how far η is from η̂: nonlinear model, single levels; those that the fit holds."""
     shown = {}
     if plant is not None:
         shown["model"] = shown_by_model(plant, model, bounds.B_m, bounds.B_M, unit)
-    if logs is not None:
-        shown["logs"] = shown_by_logs(logs, model, bounds.B_m, bounds.B_M)
     if bounds.rows:
         shown["levels"] = shown_by_levels(bounds.rows, model, max(row.gain for row in bounds.rows), unit)
     return shown
 
 
 def least_phi(by_source: Mapping[str, Mismatch]) -> Mismatch | None:
-    """The φ that the data ask for: the larger of model and logs; the single levels' where there is neither."""
-    shown = [by_source[name] for name in ("model", "logs") if name in by_source] or list(by_source.values())
-    return max(shown, key=lambda mismatch: mismatch.pct, default=None)
+    """The φ that the data ask for: by the nonlinear model; by the single levels where there is none."""
+    return by_source.get("model", by_source.get("levels"))
 
 
 def _guarantee(rc: Robust, slope: float | None, needed_pct: float | None, span: float | None, fit: Fit) -> Guarantee:

@@ -11,12 +11,10 @@ from eaid.control.rc import RCGains
 from eaid.errors import DataError, GainsError, UsageError
 from eaid.findings import sentences
 from eaid.models.parameters import Linear, Nonlinear
-from eaid.results.common import ci95_of
 from eaid.results.fit import Fit, LinearLevel
 from eaid.results.fit import Linear as LinearFit
 from eaid.results.gains import Gains
 from eaid.results.verdict import unphysical
-from eaid.steps.levels import wanted_levels
 
 SLOWEST, FASTEST = 1e-6, 1e6
 """a0 of anything that is controlled by samples [1/s]."""
@@ -35,7 +33,6 @@ class Bounds:
     """[%·s/(N·m)]"""
     rows: tuple[LinearLevel, ...]
     """The levels kept; empty where the fit holds none."""
-    widened: bool = False
 
 
 def model_of(fit: Fit) -> Linear:
@@ -72,53 +69,29 @@ def _part(fit: Fit) -> LinearFit:
     return fit.linear
 
 
-def bounds_of(fit: Fit, levels: str | None = None, widen: bool = False) -> Bounds:
-    """B_m and B_M as fitted, or over other levels (`30:100`, `30,40`).
-
-    `widen` takes the far ends of the levels' 95 % intervals. A range that is not positive is refused (GainsError).
-    """
-    model_of(fit)
+def bounds_of(fit: Fit) -> Bounds:
+    """B_m and B_M as fitted; a range that is not positive is refused (GainsError)."""
     linear = _part(fit)
     stored = linear.bounds
-    rows = [row for row in linear.per_level if row.level]
-    kept = (stored.levels if stored is not None else ()) or tuple(row.level for row in rows)
-    if levels is None and not widen and stored is not None:
-        kept_rows = [row for row in rows if row.level in kept]
-        ends = stored.B_m, stored.B_M
-    else:
-        if not rows:
-            raise UsageError(
-                "the fit holds no fits of single levels, so «bounds_levels» and «widen_bounds» have nothing "
-                "to work on; fit again with this version of eaid"
-            )
-        if levels:
-            kept = tuple(wanted_levels(levels, [row.level for row in rows], "bounds_levels"))
-        kept_rows = [row for row in rows if row.level in kept]
-        each = [_interval(row) if widen else (zero_offset_B(row), zero_offset_B(row)) for row in kept_rows]
-        ends = min(low for low, _ in each), max(high for _, high in each)
+    if stored is None:
+        raise UsageError("the fit holds no range of B; fit again with «model» linear (or all models)")
+    kept = stored.levels or tuple(row.level for row in linear.per_level if row.level)
+    kept_rows = [row for row in linear.per_level if row.level and row.level in kept]
+    ends = stored.B_m, stored.B_M
     B_m, B_M = (_positive(value, name) for value, name in zip(ends, ("B_m", "B_M"), strict=True))
     if B_m > B_M:
         raise GainsError(f"B_m {B_m:.4g} lies above B_M {B_M:.4g}; check linear.bounds of the fit")
     if any(not (zero_offset_B(row) > 0 and math.isfinite(zero_offset_B(row))) for row in kept_rows):
-        raise GainsError("a level has no positive b0, so the range of B touches 0; leave it out with «bounds_levels»")
-    return Bounds(kept, B_m, B_M, tuple(kept_rows), widen)
+        raise GainsError(
+            "a level has no positive b0, so the range of B touches 0; leave it out of the fit with «bounds_levels»"
+        )
+    return Bounds(kept, B_m, B_M, tuple(kept_rows))
 
 
 def zero_offset_B(row: LinearLevel) -> float:
     """B of a level, c0 = 0; infinite where its gain is 0."""
     b0 = row.a0 * row.gain / row.level
     return 1 / b0 if b0 else math.inf
-
-
-def _interval(row: LinearLevel) -> tuple[float, float]:
-    """The 95 % interval of a level's B."""
-    ends = ci95_of(row, "B")
-    if ends is None or not row.B:
-        raise UsageError(
-            f"level {row.level:g} has no interval of B, so «widen_bounds» has nothing to widen by; "
-            "fit again with «ci» robust, or leave the level out with «levels»"
-        )
-    return zero_offset_B(row) * ends[0] / row.B, zero_offset_B(row) * ends[1] / row.B
 
 
 def _positive(value: float | None, name: str) -> float:

@@ -6,7 +6,7 @@ the error, δu = k_r δr + k_v δv − k_T δT + k_q δq. The plant is a sum of 
 with its dead time. The loop is opened at the duty.
 
 Samples at k h and latches at j/f_pwm repeat together after a common period, taken as 100 samples at most. Over it the
-loop is a linear map of the state (lags, law, sensor, latched duty, duties on their way): stable where its spectral
+loop is a linear map of the state (lags, law, latched duty, duties on their way): stable where its spectral
 radius is below 1. The gain margin is the factor on the duty, the delay margin the extra time between latch and plant,
 that bring the radius to 1: exact, aliasing included. The phase margin is read at the crossover of the loop's frequency
 response, the latch by its mean response. Behind a dead time of more than twenty holds, where the map would have too
@@ -39,15 +39,13 @@ Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True)
 class Timing:
-    """Sampling, latching, delay and the sensor's filter."""
+    """Sampling, latching and delay."""
 
     rate_hz: float = 1000.0
     pwm_hz: float | None = None
     """Rate at which the duty is latched; None: it takes effect at once."""
     delay_samples: int = 0
     """Dead time of the loop [samples]: from reading to duty, and of the plant itself."""
-    sensor_hz: float = 0.0
-    """Corner of the torque sensor's low-pass [Hz]; 0: none."""
 
     @property
     def step_s(self) -> float:
@@ -58,11 +56,6 @@ class Timing:
     def delay_s(self) -> float:
         """Dead time [s]."""
         return self.delay_samples / self.rate_hz
-
-    @property
-    def memory(self) -> float:
-        """Share of its old value that the sensor's low-pass keeps in a sample."""
-        return math.exp(-2 * math.pi * self.sensor_hz / self.rate_hz) if self.sensor_hz > 0 else 0.0
 
     @cached_property
     def pattern(self) -> tuple[int, int]:
@@ -313,13 +306,13 @@ def spectral_radius(
 ) -> float:
     """Spectral radius of the loop's map over one common period of sampling and latching, the duty times `factor`."""
     samples, latches = timing.pattern
-    h, hold, delay_s, memory = timing.step_s, timing.hold_s, timing.delay_s + extra_delay_s, timing.memory
+    h, hold, delay_s = timing.step_s, timing.hold_s, timing.delay_s + extra_delay_s
     late = int(delay_s / hold + 1e-9)  # whole holds that the delay spans
     rest = max(delay_s - late * hold, 0.0)
-    states = len(lags), len(law.A), 1 if memory else 0, late + 1
-    x, s, sensor, duties = np.split(np.eye(sum(states)), np.cumsum(states)[:-1])
+    states = len(lags), len(law.A), late + 1
+    x, s, duties = np.split(np.eye(sum(states)), np.cumsum(states)[:-1])
     latched = {-1 - k: row for k, row in enumerate(duties)}
-    latest, acting, measured = latched[-1], latched[-1 - late], sensor.sum(axis=0)
+    latest, acting = latched[-1], latched[-1 - late]
     gains, rates = (np.array(each)[:, None] for each in zip(*((g, 1 / tau) for g, tau in lags), strict=True))
     # (time, order, index): a sample comes before a latch at the same instant, a latch before the plant sees it.
     events = [(k * h, 0, k) for k in range(samples)] + [(j * hold, 1, j) for j in range(latches)]
@@ -331,14 +324,13 @@ def spectral_radius(
             now = time
         if order == 0:
             torque = x.sum(axis=0)
-            measured = torque + memory * (measured - torque)
-            latest = factor * (law.c @ s + law.d[2] * measured)
-            s = law.A @ s + law.B[:, 2:] * measured
+            latest = factor * (law.c @ s + law.d[2] * torque)
+            s = law.A @ s + law.B[:, 2:] * torque
         elif order == 1:
             latched[index] = latest
         elif order == 2:
             acting = latched[index]
-    after = [x, s, *([measured[None]] if memory else []), *(latched[latches - 1 - k][None] for k in range(late + 1))]
+    after = [x, s, *(latched[latches - 1 - k][None] for k in range(late + 1))]
     return float(np.abs(np.linalg.eigvals(np.concatenate(after))).max())
 
 
@@ -357,11 +349,11 @@ def hold_response(omega: Array, hold_s: float) -> Complex:
 
 
 def measured_response(lags: Sequence[Lag], timing: Timing, omega: Array) -> Complex:
-    """Torque that is read per duty at sampled frequencies [rad/s], without the dead time: hold, lags, latch, sensor."""
-    h, memory = timing.step_s, timing.memory
+    """Torque that is read per duty at sampled frequencies [rad/s], without the dead time: hold, lags, latch."""
+    h = timing.step_s
     z = np.exp(1j * omega * h)
     plant = np.sum([g * -math.expm1(-h / tau) / (z - math.exp(-h / tau)) for g, tau in lags], axis=0)
-    return np.asarray(plant * latch_response(timing, omega) * (1 - memory) / (1 - memory / z), dtype=np.complex128)
+    return np.asarray(plant * latch_response(timing, omega), dtype=np.complex128)
 
 
 def loop_response(law: Law, lags: Sequence[Lag], timing: Timing, omega: Array) -> Complex:

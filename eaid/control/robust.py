@@ -18,7 +18,6 @@ import numpy as np
 from eaid.control.gains import Bounds
 from eaid.control.margins import Timing
 from eaid.control.rc import RCGains
-from eaid.errors import GainsError
 from eaid.models.parameters import Linear
 from eaid.options import TuneOptions
 from eaid.results.gains import (
@@ -62,20 +61,11 @@ class Design:
 
 
 def law_of(model: Linear, bounds: Bounds, design: Design) -> tuple[RCGains, Robust]:
-    """The law that a design gives on a model, and its part of gains.json, φ and Q_M not yet held against anything.
-
-    GainsError where no ρ covers the α that it is to be made with.
-    """
+    """The law that a design gives on a model, and its part of gains.json, φ and Q_M not yet held against anything."""
     options, B_m, B_M, K_P, K_D = design.options, bounds.B_m, bounds.B_M, design.K_P, design.K_D
     choices = {"pooled": 1 / model.b0, "minimax": 2 * B_m * B_M / (B_m + B_M)}
     B_hat = choices[options.b_hat] if isinstance(options.b_hat, str) else float(options.b_hat)
-    formula, reached = (B_M - B_m) / (B_M + B_m), max(abs(1 - B_hat / B_M), abs(1 - B_hat / B_m))
-    alpha = formula if options.alpha == "formula" else reached
-    if alpha >= 1:
-        raise GainsError(
-            f"α is {alpha:.4g} with B̂ = {B_hat:.4g}: 1 or more, no ρ covers that; choose B̂ below {2 * B_m:.4g} "
-            "(«b_hat» minimax)"
-        )
+    alpha, reached = (B_M - B_m) / (B_M + B_m), max(abs(1 - B_hat / B_M), abs(1 - B_hat / B_m))
     norm_K, p = math.hypot(K_P, K_D), options.p_scale
 
     def line(a: float, term: float) -> RhoLine:
@@ -114,7 +104,7 @@ def law_of(model: Linear, bounds: Bounds, design: Design) -> tuple[RCGains, Robu
     return gains, Robust(
         K_P=K_P, K_D=K_D, natural_frequency_rad_s=math.sqrt(K_P), damping=K_D / (2 * math.sqrt(K_P)), B_hat=B_hat,
         B_hat_convention=options.b_hat if isinstance(options.b_hat, str) else "given", B_m=B_m, B_M=B_M,
-        bounds=BRange(levels=bounds.levels, widened=bounds.widened), alpha=formula, alpha_reached=reached,
+        bounds=BRange(levels=bounds.levels), alpha=alpha, alpha_reached=reached,
         guaranteed=covers, phi=taken.phi, phi_honest_pct=taken.phi_honest_pct, Q_M=design.Q_M,
         rho=Rho(
             constant=rho.constant, slope=rho.slope, convention=options.rho, alpha=alpha,

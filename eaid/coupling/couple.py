@@ -1,11 +1,10 @@
 """`couple`: the stiffest walls of every loop at every torque, and what else limits them (docs/coupling.md)."""
 
+import itertools
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
-import msgspec
 import numpy as np
 
 from eaid.arrays import Array
@@ -21,18 +20,17 @@ from eaid.coupling.stiffness import (
     passive_stiffness,
     wall_loop,
 )
-from eaid.errors import DataError, GainsError, UsageError
+from eaid.errors import DataError, GainsError
 from eaid.findings import Finding, finding, ranked
 from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Nonlinear
 from eaid.options import LOOPS, CoupleOptions
 from eaid.progress import Progress
 from eaid.replay.plant import Held, hold_step, plant_parameters, plant_step
-from eaid.replay.rehab import RESISTED_FROM_DEG, limb_steps
+from eaid.replay.rehab import limb_steps
 from eaid.results import coupling as parts
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
-from eaid.results.replay import Replay
 
 BESIDE_RAD = 1e-4
 """Where the limb is let go."""
@@ -43,16 +41,14 @@ def swing(drive: Channel, limb: Limb, timing: Timing, stiffness: float, time_s: 
     h, plant, point = timing.step_s, plant_parameters(drive.plant), drive.point
     held = Held(plant.C * point.torque_nm, (1 - plant.C) * point.torque_nm, point.duty_pct, 0)
     state, angle, speed, before = drive.start, BESIDE_RAD, 0.0, point.torque_nm
-    memory, measured = timing.memory, point.torque_nm
     waiting = [point.duty_pct] * timing.delay_samples
     period = timing.rate_hz / timing.pwm_hz if timing.pwm_hz else 0.0
     keep, push, drift, lift = limb_steps(limb.inertia_kgm2, limb.damping_nms, h)
     angles = []
     for k in range(round(time_s / h)):
         torque = held.x1 + held.x2
-        measured = torque + memory * (measured - torque)
         wanted = point.torque_nm - stiffness * angle
-        state, duty = drive.step(state, wanted, (wanted - before) / h, measured)
+        state, duty = drive.step(state, wanted, (wanted - before) / h, torque)
         before = wanted
         waiting.append(duty)
         held, _ = hold_step(plant, period, h, k, waiting.pop(0), held)
@@ -98,46 +94,6 @@ def replayed_stiffness(drive: Channel, limb: Limb, timing: Timing, expected: flo
     return None
 
 
-@dataclass(frozen=True)
-class Loops:
-    """The gains of the torque loops, and the limb and the timing that they work with."""
-
-    rc: RCGains | None
-    pi: PIGains | None
-    limb: Limb
-    timing: Timing
-    virtual_damping: float = 0.0
-
-    def around(self, loop: str, plant: Nonlinear, torque: float, weight: float = 1.0) -> Channel:
-        """One clutch around a torque; GainsError where its loop is unstable without a wall."""
-        gains = {"pi": self.pi, "rc": self.rc, "rc-no-rate": self.rc}.get(loop)
-        channel = channel_of(loop, plant, torque, gains, self.timing.step_s, weight)
-        if not is_stable(channel.law, channel.point.lags, self.timing):
-            raise GainsError(
-                f"the loop {loop} is unstable at {torque:g} without any wall, {self.timing.words()}; "
-                "no stiffness can be rendered on it, choose other gains or timing"
-            )
-        return channel
-
-    def wall(
-        self, loop: str, channels: list[Channel], torque: float, duty: float | None
-    ) -> tuple[parts.Wall, parts.Curve]:
-        """The stiffest walls at one torque, and what they ask of the limb over frequency."""
-        needed = needed_damping(channels, self.timing)
-        K_passive, limit = passive_stiffness(needed, self.limb.damping_nms, self.virtual_damping)
-        K_stable, lost = wall_loop(channels, self.limb, self.timing).stable(self.virtual_damping)
-        limit_hz = 0.0 if limit <= needed.omega[0] else limit / (2 * math.pi)  # the slowest looked at stands for rest
-        chosen = np.unique(np.linspace(0, len(needed.omega) - 1, 200).astype(int))  # frequencies of a stored curve
-        wall = parts.Wall(loop, torque, duty, known(K_passive), limit_hz, known(K_stable), lost / (2 * math.pi) or None)
-        curve = parts.Curve(
-            loop, torque,
-            tuple((needed.omega[chosen] / (2 * math.pi)).tolist()),
-            tuple(needed.damping(1.0)[chosen].tolist()),
-            tuple((20 * np.log10(np.abs(needed.response[chosen]))).tolist()),
-        )  # fmt: skip
-        return wall, curve
-
-
 def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Progress) -> parts.Coupling:
     """How stiff a virtual wall each loop may render on a limb.
 
@@ -149,36 +105,44 @@ def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Prog
     if plant is None:
         raise DataError("the fit holds no nonlinear model, which walls are worked out on; fit clutch logs with it")
     delay = options.delay_samples or round(fit.dead_time_s * options.rate_hz)
-    timing = Timing(options.rate_hz, options.pwm_hz or None, delay, options.sensor_hz)
-    setup = Loops(rc, pi, Limb(options.limb_inertia, options.limb_damping), timing, options.virtual_damping)
-    needed = {"rc": rc, "rc-no-rate": rc, "pi": pi}
-    held = [loop for loop in LOOPS if needed.get(loop, ()) is not None]
+    timing, limb = (
+        Timing(options.rate_hz, options.pwm_hz or None, delay),
+        Limb(options.limb_inertia, options.limb_damping),
+    )
+    laws: dict[str, RCGains | PIGains | None] = {"rc": rc, "rc-no-rate": rc, "pi": pi}
+    held = [loop for loop in LOOPS if loop not in laws or laws[loop] is not None]
     loops = held if options.loops == LOOPS else list(options.loops)
     torques = options.torque or default_torques(plant)
-    walls, curves = [], []
+    walls = []
     with progress("walls", len(torques) * len(loops)) as tick:
-        for torque in torques:
-            for loop in loops:
-                channel = setup.around(loop, plant, torque)
-                wall, curve = setup.wall(loop, [channel], torque, channel.point.duty_pct)
-                if options.replay and wall.K_stable is not None:
-                    stiffness = replayed_stiffness(channel, setup.limb, setup.timing, wall.K_stable)
-                    wall = msgspec.structs.replace(wall, K_replayed=stiffness)
-                walls.append(wall)
-                curves.append(curve)
-                tick()
-    pair, bias, left_out = _pair(setup, plant, loops, torques, options.pair_bias_nm)
+        for torque, loop in itertools.product(torques, loops):
+            channel = channel_of(loop, plant, torque, laws.get(loop), timing.step_s)
+            if not is_stable(channel.law, channel.point.lags, timing):
+                raise GainsError(
+                    f"the loop {loop} is unstable at {torque:g} without any wall, {timing.words()}; "
+                    "no stiffness can be rendered on it, choose other gains or timing"
+                )
+            walls.append(wall_of(loop, channel, limb, timing, options))
+            tick()
     idle = [abs(run.baseline_nm) for run in fit.data.sources if run.baseline_nm is not None]
     drag = options.idle_drag_nm if options.idle_drag_nm is not None or not idle else float(np.mean(idle))
     impedance = _impedance(plant, max(torques), drag, options)
-    findings = [*_findings(walls, options, impedance, unit)]
-    if left_out:
-        findings.append(
-            finding("pair-bias-cut", "pair", bias=bias, unit=unit, torques=", ".join(f"{t:g}" for t in left_out))
-        )
     return parts.Coupling(
-        options=replace(options, delay_samples=delay), output_unit=unit, walls=tuple(walls), pair=tuple(pair),
-        pair_bias_nm=bias, curves=tuple(curves), impedance=impedance, findings=ranked(findings),
+        options=replace(options, delay_samples=delay), output_unit=unit, walls=tuple(walls), impedance=impedance,
+        findings=ranked(_findings(walls, options, impedance, unit)),
+    )  # fmt: skip
+
+
+def wall_of(loop: str, channel: Channel, limb: Limb, timing: Timing, options: CoupleOptions) -> parts.Wall:
+    """The stiffest walls of a loop at one torque."""
+    needed, damping = needed_damping(channel, timing), options.virtual_damping
+    K_passive, limit = passive_stiffness(needed, limb.damping_nms, damping)
+    K_stable, lost = wall_loop(channel, limb, timing).stable(damping)
+    return parts.Wall(
+        loop, channel.point.torque_nm, channel.point.duty_pct, known(K_passive),
+        0.0 if limit <= needed.omega[0] else limit / (2 * math.pi),  # the slowest looked at stands for rest
+        known(K_stable), lost / (2 * math.pi) or None,
+        replayed_stiffness(channel, limb, timing, K_stable) if options.replay and math.isfinite(K_stable) else None,
     )  # fmt: skip
 
 
@@ -188,26 +152,6 @@ def default_torques(plant: Nonlinear) -> tuple[float, ...]:
     return tuple(
         float(f"{t:.2g}") for t in (max(share * high, low + 0.01 * (high - low)) for share in (0.2, 0.4, 0.6, 0.8))
     )
-
-
-def _pair(
-    setup: Loops, plant: Nonlinear, loops: list[str], torques: Iterable[float], bias: float | None
-) -> tuple[list[parts.Wall], float, list[float]]:
-    """The walls of T1 − T2, each clutch asked for half of the torque beside its bias; torques that it cannot hold."""
-    low, high = (float(steady_torque(plant, u)) for u in plant.u_range)
-    bias = 0.5 * (low + high) if bias is None else bias
-    if not low < bias < high:
-        raise UsageError(f"«pair_bias_nm» {bias:g}: must lie between {low:.3g} and {high:.3g}, which the inputs hold")
-    rows, left_out = [], []
-    for torque in torques:
-        ends = bias + 0.5 * torque, bias - 0.5 * torque
-        if not (low <= ends[1] and ends[0] <= high):
-            left_out.append(torque)
-            continue
-        for loop in loops:
-            channels = [setup.around(loop, plant, end, weight) for end, weight in zip(ends, (0.5, -0.5), strict=True)]
-            rows.append(setup.wall(loop, channels, torque, None)[0])
-    return rows, bias, left_out
 
 
 def _impedance(plant: Nonlinear, torque_nm: float, drag: float | None, options: CoupleOptions) -> parts.Impedance:
@@ -243,35 +187,3 @@ def _findings(walls: list[parts.Wall], options: CoupleOptions, impedance: parts.
         needed = options.limb_speed_rad_s * 60 / (2 * math.pi)
         findings.append(finding("clutch-cannot-turn", "rotor", short=short, needed_rpm=needed))
     return findings
-
-
-def with_wall_findings(replay: Replay, fit: Fit, gains: Gains | None) -> Replay:
-    """A rehabilitation's replay with a finding for each loop whose springs lie beyond what it keeps stable.
-
-    Looked at where the spring is pushed half and fully, on the exercise's limb alone, without what the user adds.
-    """
-    exercise, plant = replay.head.exercise, plant_of(fit)
-    if exercise is None or plant is None:
-        return replay
-    rig = replay.head.rig
-    timing = Timing(1 / (replay.head.dt_s or 1e-3), rig.pwm_hz or None, rig.delay_samples)
-    setup = Loops(rc_gains(gains), pi_gains(gains), Limb(exercise.inertia_kgm2, exercise.damping_nms), timing)
-    pushed = math.radians(exercise.centre_deg + exercise.amplitude_deg - RESISTED_FROM_DEG)
-    low, high = (float(steady_torque(plant, u)) for u in plant.u_range)
-    findings = []
-    for loop in (name for name in replay.records if name in LOOPS):
-        for stiffness in (exercise.soft_nm_rad, exercise.hard_nm_rad):
-            for torque in (0.5 * stiffness * pushed, stiffness * pushed):
-                if not low <= torque <= high:
-                    continue
-                channel = setup.around(loop, plant, torque)
-                stable, _ = wall_loop([channel], setup.limb, setup.timing).stable()
-                if stable < stiffness:
-                    unit = fit.data.output_unit
-                    findings.append(
-                        finding(
-                            "wall-beyond-stable", loop, wanted=stiffness, stable=stable, torque_nm=torque, unit=unit
-                        )
-                    )
-    head = msgspec.structs.replace(replay.head, findings=ranked((*replay.findings, *findings)))
-    return replace(replay, head=head)

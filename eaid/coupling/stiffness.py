@@ -16,7 +16,7 @@ unstable where 1 + (K + B_v (1 − 1/z)/h) M = 0 on |z| = 1: the least K > 0 of
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -45,7 +45,7 @@ from eaid.control.rc import RCGains
 from eaid.errors import UsageError
 from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Nonlinear
-from eaid.replay.controllers import inverse_controller, pi_controller, rc_controller
+from eaid.replay.controllers import pi_controller, rc_controller
 
 
 def operating_point(plant: Nonlinear, torque_nm: float) -> Point:
@@ -69,7 +69,7 @@ Step = Callable[[tuple[float, ...], float, float, float], tuple[Any, float]]
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """One clutch of the drive around a torque of its own, its loop without limits."""
+    """A clutch around a held torque, its loop without limits."""
 
     plant: Nonlinear
     point: Point
@@ -77,55 +77,29 @@ class Channel:
     step: Step
     start: tuple[float, ...]
     """State of the law at rest."""
-    weight: float = 1.0
-    """Share of T_d that this clutch is asked for, and the sign of its torque; 1 for a clutch alone."""
 
 
-def channel_of(
-    loop: str, plant: Nonlinear, torque_nm: float, gains: RCGains | PIGains | None, dt_s: float, weight: float = 1.0
-) -> Channel:
+def channel_of(loop: str, plant: Nonlinear, torque_nm: float, gains: RCGains | PIGains | None, dt_s: float) -> Channel:
     """A loop around a held torque; UsageError where it needs gains that are not given."""
     point = operating_point(plant, torque_nm)
     if loop == "open-loop":
         duties = np.linspace(*plant.u_range, 20_001)  # so fine a table is good to 1e-8 of the range
         steady = steady_torque(plant, duties)
         law = integral_law(1 / sum(lag.gain for lag in point.lags), 0.0, 0.0, 0.0, dt_s)
-        return Channel(plant, point, law, lambda s, r, _v, _t: (s, float(np.interp(r, steady, duties))), (), weight)
-    if loop == "inverse":
-        acting = inverse_controller(plant, (0.0, plant.u_range[1]))
-        start: tuple[float, ...] = (plant.C * torque_nm, (1 - plant.C) * torque_nm, 0.0, point.duty_pct)
-    elif gains is None:
+        return Channel(plant, point, law, lambda s, r, _v, _t: (s, float(np.interp(r, steady, duties))), ())
+    if gains is None:
         kind = "a PI" if loop == "pi" else "a robust controller"
         raise UsageError(f"the loop {loop} needs gains with {kind}; give «gains» that tune-rc wrote")
-    else:
-        free = gains._replace(duty_min=-math.inf, duty_max=math.inf)
-        acting = pi_controller(free) if isinstance(free, PIGains) else rc_controller(free)
-        start = (integral_at_rest(free, torque_nm, point.duty_pct),)
+    free = gains._replace(duty_min=-math.inf, duty_max=math.inf)
+    acting = pi_controller(free) if isinstance(free, PIGains) else rc_controller(free)
     rate = 0.0 if loop == "rc-no-rate" else 1.0
 
     def step(s: tuple[float, ...], r: float, v: float, t: float) -> tuple[Any, float]:
         return acting.step(acting.gains, acting.start._make(s), r, rate * v, t, dt_s)
 
-    if gains is None:
-        law = linearised(step, start, torque_nm)
-    else:
-        law = law_around(gains, torque_nm, point.duty_pct, dt_s)
-        law = replace(law, d=law.d * [1.0, rate, 1.0])
-    return Channel(plant, point, law, step, start, weight)
-
-
-def linearised(step: Step, start: tuple[float, ...], torque_nm: float) -> Law:
-    """Central differences of a law's step around its rest."""
-    n = len(start)
-    at = np.array([*start, torque_nm, 0.0, torque_nm])
-
-    def value(x: Array) -> Array:
-        state, duty = step(tuple(x[:n].tolist()), *x[n:].tolist())
-        return np.array([*state, duty])
-
-    steps = 1e-5 * np.where(at == 0, torque_nm, np.abs(at))
-    slopes = np.column_stack([(value(at + e) - value(at - e)) / (2 * e.max()) for e in np.diag(steps)])
-    return Law(slopes[:n, :n], slopes[:n, n:], slopes[n, :n], slopes[n, n:])
+    law = law_around(gains, torque_nm, point.duty_pct, dt_s)
+    law = replace(law, d=law.d * [1.0, rate, 1.0])
+    return Channel(plant, point, law, step, (integral_at_rest(free, torque_nm, point.duty_pct),))
 
 
 @dataclass(frozen=True)
@@ -183,22 +157,20 @@ class WallLoop:
         return min(zip(K[turned].tolist(), at[turned].tolist(), strict=True), default=(math.inf, 0.0))
 
 
-def wall_loop(channels: Sequence[Channel], limb: Limb, timing: Timing) -> WallLoop:
-    """A drive with a limb on it, opened at the wall."""
+def wall_loop(channel: Channel, limb: Limb, timing: Timing) -> WallLoop:
+    """A clutch with a limb on it, opened at the wall."""
     h = timing.step_s
-    omega = frequencies([lag for one in channels for lag in one.point.lags], slower_hz(timing), 4000)
+    omega = frequencies(channel.point.lags, slower_hz(timing), 4000)
     z = np.exp(1j * omega * h)
-    angle = np.zeros(len(omega), dtype=np.complex128)
-    for channel in channels:
-        rate = np.zeros((5, 5))  # lags, angle and speed of the limb; the duty held
-        for i, (gain, tau) in enumerate(channel.point.lags):
-            rate[i, [i, 4]] = -1 / tau, gain / tau
-            rate[3, i] = 1 / limb.inertia_kgm2
-        rate[2, 3], rate[3, 3] = 1.0, -limb.damping_nms / limb.inertia_kgm2
-        flow = expm(rate * h)
-        turned = np.linalg.solve(z[:, None, None] * np.eye(4) - flow[:4, :4], flow[:4, 4:])[:, 2, 0]
-        late = latch_response(timing, omega) * np.exp(-1j * omega * timing.delay_s)
-        angle += abs(channel.weight) * duty_response(channel, timing, omega) * turned * late
+    rate = np.zeros((5, 5))  # lags, angle and speed of the limb; the duty held
+    for i, (gain, tau) in enumerate(channel.point.lags):
+        rate[i, [i, 4]] = -1 / tau, gain / tau
+        rate[3, i] = 1 / limb.inertia_kgm2
+    rate[2, 3], rate[3, 3] = 1.0, -limb.damping_nms / limb.inertia_kgm2
+    flow = expm(rate * h)
+    turned = np.linalg.solve(z[:, None, None] * np.eye(4) - flow[:4, :4], flow[:4, 4:])[:, 2, 0]
+    late = latch_response(timing, omega) * np.exp(-1j * omega * timing.delay_s)
+    angle = duty_response(channel, timing, omega) * turned * late
     return WallLoop(omega, 1 / angle, (1 - 1 / z) / h, -1 if timing.pwm_hz is None else len(omega))
 
 
@@ -219,8 +191,6 @@ class Needed:
     """‖p‖‖q‖ for K = 1 [s]"""
     inner: Complex
     """p*q for K = 1 [s]"""
-    response: Complex
-    """G(jω): torque per reference."""
 
     def damping(self, stiffness: float, virtual_damping: float = 0.0) -> Array:
         """Damping that the wall K, B_v asks of the limb at each frequency [N·m·s/rad]; per K about −Im G(jω)/ω."""
@@ -230,29 +200,17 @@ class Needed:
         return np.asarray(0.5 * (across - inner.real))
 
 
-def needed_damping(channels: Sequence[Channel], timing: Timing) -> Needed:
-    """What a drive's walls ask of the limb."""
-    omega = np.geomspace(1e-3, 0.999 * np.pi * timing.rate_hz, 1200)  # to just below the Nyquist frequency
+def needed_damping(channel: Channel, timing: Timing) -> Needed:
+    """What a clutch's walls ask of the limb."""
     h = timing.step_s
-    p, q = [], []
-    duties = [duty_response(channel, timing, omega) for channel in channels]
-    for n in range(-ALIASES, ALIASES + 1):
-        alias = omega + 2 * np.pi * n / h
-        p.append(np.conj(1 / (1j * alias)))
-        q.append(sum(_torque(one, duty, timing, omega, alias) for one, duty in zip(channels, duties, strict=True)))
-    first, second = np.array(p), np.array(q)
-    # ‖p‖ in closed form: Σ 1/ω_n² = (h/2)²/sin²(ωh/2)
-    size = 0.5 * h / np.sin(0.5 * omega * h) * np.linalg.norm(second, axis=0)
-    return Needed(omega, h, size, np.sum(np.conj(first) * second, axis=0), np.asarray(second[ALIASES]))
-
-
-def _torque(channel: Channel, duty: Complex, timing: Timing, omega: Array, alias: Array) -> Complex:
-    """D W/h of one clutch at an alias of ω, for K = 1."""
+    omega = np.geomspace(1e-3, 0.999 * np.pi * timing.rate_hz, 1200)  # to just below the Nyquist frequency
+    alias = omega + 2 * np.pi / h * np.arange(-ALIASES, ALIASES + 1)[:, None]
+    late = latch_response(timing, omega) * np.exp(-1j * omega * timing.delay_s)
     lags = sum(g / (1 + 1j * alias * tau) for g, tau in channel.point.lags)
-    hold = hold_response(alias, timing.step_s) * latch_response(timing, omega)
-    late = np.exp(-1j * omega * timing.step_s * timing.delay_samples)
-    share = abs(channel.weight)
-    return np.asarray(share * duty * lags * hold * late)
+    q = duty_response(channel, timing, omega) * late * lags * hold_response(alias, h)  # D W/h for K = 1
+    # ‖p‖ in closed form: Σ 1/ω_n² = (h/2)²/sin²(ωh/2)
+    size = 0.5 * h / np.sin(0.5 * omega * h) * np.linalg.norm(q, axis=0)
+    return Needed(omega, h, size, np.sum(q / (1j * alias), axis=0))
 
 
 def passive_stiffness(needed: Needed, damping_nms: float, virtual_damping: float = 0.0) -> tuple[float, float]:

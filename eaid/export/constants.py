@@ -8,13 +8,9 @@ rate      r ← m r + (1 − m)/dt (x − x before),  m = e^(−2π f dt)
 import math
 import re
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
-from numpy.polynomial import Polynomial
-from numpy.polynomial.chebyshev import cheb2poly, chebadd, chebmulx
-from numpy.polynomial.polynomial import polyval
 
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
@@ -24,21 +20,19 @@ from eaid.replay.controllers import DUTY_TOLERANCE_PCT, OBSERVER_PER_S
 from eaid.replay.plant import plant_parameters
 
 Precision = Literal["double", "single"]
-DEGREE = {"double": 13, "single": 6}
-"""Of P in 1 − e^(−x) = x P(x)."""
-
-
-def series(precision: Precision) -> tuple[float, ...]:
-    """Coefficients of P, lowest power first, as a double each: Taylor's series, written in the Chebyshev polynomials
-    T_n(2x − 1) and cut after the degree; in exact fractions, rounded once."""
-    taylor = [Fraction((-1) ** n, math.factorial(n + 1)) for n in range(26)]
-    x, y = Polynomial([Fraction(1, 2), Fraction(1, 2)]), Polynomial([Fraction(-1), Fraction(2)])  # y = 2x − 1
-    in_y: Any = polyval(x, taylor)  # a polynomial of a polynomial is one
-    chebyshev: Any = [Fraction(0)]
-    for coefficient in in_y.coef[::-1]:
-        chebyshev = chebadd(chebmulx(chebyshev), [coefficient])
-    in_x: Any = polyval(y, cheb2poly(chebyshev[: DEGREE[precision] + 1]))
-    return tuple(float(value) for value in in_x.coef)
+SERIES: dict[Precision, tuple[float, ...]] = {
+    "double": (
+        1.0, -0.5, 0.16666666666666657, -0.04166666666666428, 0.008333333333301267, -0.0013888888886311973,
+        0.00019841269707000008, -2.4801582547234134e-05, 2.755720169804312e-06, -2.7555266954791067e-07,
+        2.502684445743284e-08, -2.066139635495516e-09, 1.4838225325665164e-10, -7.2247884038067735e-12,
+    ),
+    "single": (
+        0.9999999979889346, -0.4999998012069866, 0.1666634490024249, -0.041647044298979564, 0.008275879694584938,
+        -0.001301107315188573, 0.00012918686680724904,
+    ),
+}  # fmt: skip
+"""P of 1 − e^(−x) = x P(x) on 0…1, lowest power first: Taylor's series in Chebyshev polynomials of 2x − 1, cut after
+the 13th or 6th."""
 
 
 def rounded(value: Any, precision: Precision) -> Any:
@@ -110,20 +104,16 @@ class Timing:
     precision: Precision = "double"
     duty_on_fault: float = 0.0
     """Duty while an input is no number, or the state was not made ready."""
-    stuck_s: float = 0.5
-    """The status tells of a reading that has not changed for so long [s]."""
-    rate_filter_hz: float = 25.0
-    """Corner of the reference's filtered derivative [Hz]."""
 
     @property
-    def stuck_samples(self) -> int:
-        """`stuck_s` in samples."""
-        return max(1, round(self.stuck_s / self.dt_s))
+    def rate_filter_hz(self) -> float:
+        """Corner of the reference's filtered derivative [Hz]: 25, a tenth of a lower rate."""
+        return min(25.0, 0.1 / self.dt_s)
 
 
 def pi_constants(gains: PIGains, timing: Timing) -> law.PIConstants:
     """Constants of the PI."""
-    return law.PIConstants(*gains, timing.duty_on_fault, timing.dt_s, timing.stuck_samples)
+    return law.PIConstants(*gains, timing.duty_on_fault, timing.dt_s)
 
 
 def rc_constants(gains: RCGains, timing: Timing) -> law.RCConstants:
@@ -132,7 +122,7 @@ def rc_constants(gains: RCGains, timing: Timing) -> law.RCConstants:
     return law.RCConstants(
         g.K_P, g.K_D, g.B_hat, g.a0, g.b0, g.c0, g.rho_constant, g.rho_slope, g.epsilon, g.gamma, g.Q12, g.Q22,
         math.tanh(g.gamma * g.epsilon), g.duty_min, g.duty_max,
-        timing.duty_on_fault, timing.dt_s, timing.stuck_samples, series(timing.precision),
+        timing.duty_on_fault, timing.dt_s, SERIES[timing.precision],
     )  # fmt: skip
 
 
@@ -140,7 +130,7 @@ def plant_constants(plant: Nonlinear, timing: Timing) -> law.PlantConstants:
     """Constants of the plant."""
     p = plant_parameters(plant)
     return law.PlantConstants(
-        p.C, *p.tau1, *p.tau2, *p.Ts, p.u_low, p.u_high, *p.release, TAU_FLOOR_S, timing.dt_s, series(timing.precision)
+        p.C, *p.tau1, *p.tau2, *p.Ts, p.u_low, p.u_high, *p.release, TAU_FLOOR_S, timing.dt_s, SERIES[timing.precision]
     )
 
 
@@ -157,7 +147,6 @@ def inverse_constants(plant: Nonlinear, limits: tuple[float, float], timing: Tim
         duty_on_fault=timing.duty_on_fault,
         dt=timing.dt_s,
         searches=SEARCHES,
-        stuck_samples=timing.stuck_samples,
         plant=plant_constants(plant, timing),
     )
 
@@ -210,7 +199,6 @@ MEANS = {
     ".duty_max": ("i", "highest duty of the actuator"),
     ".duty_on_fault": ("i", "given while an input is no number; yours to change"),
     ".dt": ("s", "sample time"),
-    ".stuck_samples": ("", "readings alike after which the status tells"),
 }
 """`law.field` → unit and meaning; with nothing before the dot, what all laws share."""
 

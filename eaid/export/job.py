@@ -268,19 +268,15 @@ def laws_of(source: Source, options: ExportOptions) -> tuple[str, ...]:
         if law not in source.laws:
             need = "gains.json of eaid tune-rc" if law in ("pi", "rc") else "fit.json with a nonlinear model, «fit»"
             raise UsageError(f"«law» {law} needs what was not given: {need}")
-    idle = [name for name in ("rate_filter_hz", "duty_on_fault", "stuck_s") if name in options.given()]
-    if idle and set(wanted) == {"plant"}:
-        raise UsageError(f"«{idle[0]}»: is of a controller, and the plant alone is exported; leave it out")
+    if options.duty_on_fault and set(wanted) == {"plant"}:
+        raise UsageError("«duty_on_fault»: is of a controller, and the plant alone is exported; leave it out")
     return tuple(law for law in LAWS if law in wanted)
 
 
 def timing_of(source: Source, options: ExportOptions) -> Timing:
     """Sample time and what goes with it."""
     rate = options.rate_hz or float(f"{source.rate_hz:.9g}")  # of a log's stamps, which round
-    corner = options.rate_filter_hz or min(25.0, 0.1 * rate)
-    if corner >= 0.5 * rate:
-        raise UsageError(f"«rate_filter_hz» is {corner:g}; it must lie below half the control rate, {0.5 * rate:g} Hz")
-    return Timing(1.0 / rate, options.precision, options.duty_on_fault, options.stuck_s, corner)
+    return Timing(1.0 / rate, options.precision, options.duty_on_fault)
 
 
 def constants_of(source: Source, laws: tuple[str, ...], timing: Timing) -> dict[str, Constants]:

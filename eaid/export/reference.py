@@ -13,7 +13,7 @@ numpy.float32, and every operation keeps their type.
 import math
 from typing import NamedTuple
 
-NOT_READY, BAD_INPUT, AT_MIN, AT_MAX, STUCK, WRONG_RATE = 1, 2, 4, 8, 16, 32
+NOT_READY, BAD_INPUT, AT_MIN, AT_MAX, WRONG_RATE = 1, 2, 4, 8, 32
 """Bits of the status."""
 HUGE = 1e9
 """Inputs beyond it are as bad as NaN."""
@@ -54,7 +54,6 @@ class PIConstants(NamedTuple):
     duty_max: float
     duty_on_fault: float
     dt: float
-    stuck_samples: int
 
 
 class RCConstants(NamedTuple):
@@ -77,7 +76,6 @@ class RCConstants(NamedTuple):
     duty_max: float
     duty_on_fault: float
     dt: float
-    stuck_samples: int
     series: tuple[float, ...]
 
 
@@ -92,7 +90,6 @@ class InverseConstants(NamedTuple):
     duty_on_fault: float
     dt: float
     searches: int
-    stuck_samples: int
     plant: PlantConstants
 
 
@@ -106,10 +103,6 @@ class RateConstants(NamedTuple):
 class Guard(NamedTuple):
     """What is watched in every state."""
 
-    torque: float
-    """The reading of before."""
-    same: int
-    """Samples for which it has not changed."""
     status: int
     ready: bool
 
@@ -198,14 +191,11 @@ def rate_fits(baked: float, dt: float) -> bool:
     return bool(abs(dt - baked) <= 0.001 * baked)
 
 
-def watched(guard: Guard, stuck_samples: int, reference: float, rate: float, torque: float) -> Guard:
+def watched(guard: Guard, reference: float, rate: float, torque: float) -> Guard:
     """The guard after one reading."""
     if not guard.ready:
-        return guard._replace(status=guard.status | NOT_READY)
-    if not (good(reference) and good(rate) and good(torque)):
-        return guard._replace(status=BAD_INPUT)
-    same = min(guard.same + 1, stuck_samples) if torque == guard.torque else 0
-    return Guard(torque, same, STUCK if same >= stuck_samples else 0, True)
+        return Guard(guard.status | NOT_READY, False)
+    return Guard(0 if good(reference) and good(rate) and good(torque) else BAD_INPUT, True)
 
 
 def limited(guard: Guard, wanted: float, low: float, high: float) -> tuple[Guard, float]:
@@ -227,19 +217,19 @@ def wound(
 def integral_init(c: PIConstants | RCConstants, dt: float) -> IntegralState:
     """State at rest; not ready where `dt` is not the sample time of the constants."""
     fits = rate_fits(c.dt, dt)
-    return IntegralState(0.0, 0.0, Guard(0.0, 0, 0 if fits else WRONG_RATE, fits))
+    return IntegralState(0.0, 0.0, Guard(0 if fits else WRONG_RATE, fits))
 
 
 def integral_reset(s: IntegralState) -> IntegralState:
     """At rest again, as ready as before."""
-    return IntegralState(0.0, 0.0, Guard(0.0, 0, s.guard.status & WRONG_RATE, s.guard.ready))
+    return IntegralState(0.0, 0.0, Guard(s.guard.status & WRONG_RATE, s.guard.ready))
 
 
 def pi_step(
     c: PIConstants, s: IntegralState, reference: float, _reference_rate: float, torque: float
 ) -> tuple[IntegralState, float]:
     """One sample of the PI; the rate is not used."""
-    guard = watched(s.guard, c.stuck_samples, reference, 0.0, torque)
+    guard = watched(s.guard, reference, 0.0, torque)
     if guard.status & (NOT_READY | BAD_INPUT):
         return s._replace(guard=guard), c.duty_on_fault
     error = reference - torque
@@ -284,7 +274,7 @@ def rc_step(
     c: RCConstants, s: IntegralState, reference: float, reference_rate: float, torque: float
 ) -> tuple[IntegralState, float]:
     """One sample of the robust controller."""
-    guard = watched(s.guard, c.stuck_samples, reference, reference_rate, torque)
+    guard = watched(s.guard, reference, reference_rate, torque)
     if guard.status & (NOT_READY | BAD_INPUT):
         return s._replace(guard=guard), c.duty_on_fault
     wanted = rc_wanted(c, s.integral, reference, reference_rate, torque)
@@ -365,12 +355,12 @@ def plant_step(c: PlantConstants, s: PlantState, duty: float) -> tuple[PlantStat
 def inverse_init(c: InverseConstants, dt: float) -> InverseState:
     """At rest, with nothing learned."""
     fits = rate_fits(c.dt, dt)
-    return InverseState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, Guard(0.0, 0, 0 if fits else WRONG_RATE, fits))
+    return InverseState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, Guard(0 if fits else WRONG_RATE, fits))
 
 
 def inverse_reset(s: InverseState) -> InverseState:
     """At rest again, as ready as before."""
-    guard = Guard(0.0, 0, s.guard.status & WRONG_RATE, s.guard.ready)
+    guard = Guard(s.guard.status & WRONG_RATE, s.guard.ready)
     return InverseState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, guard)
 
 
@@ -428,7 +418,7 @@ def inverse_step(
     c: InverseConstants, s: InverseState, reference: float, reference_rate: float, torque: float
 ) -> tuple[InverseState, float]:
     """One sample of the inverse: reference + rate·dt is where the torque is to be at the next one."""
-    guard = watched(s.guard, c.stuck_samples, reference, reference_rate, torque)
+    guard = watched(s.guard, reference, reference_rate, torque)
     if guard.status & (NOT_READY | BAD_INPUT):
         return s._replace(guard=guard), c.duty_on_fault
     innovation = (torque - s.x1) - s.x2

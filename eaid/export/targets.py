@@ -13,13 +13,12 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from html import escape
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from eaid.export.constants import commented, decimal, entries, hexadecimal, rounded, series
+from eaid.export.constants import SERIES, commented, decimal, entries, hexadecimal, rounded
 from eaid.export.job import TITLES, Job
 from eaid.export.reference import InverseConstants, PIConstants, PlantConstants, RateConstants, RCConstants
 from eaid.synth.files import input_column
@@ -93,16 +92,13 @@ def context(job: Job) -> Mapping[str, object]:
         "plain_laws": bool(set(names) - {"plant"}),
         "integral_laws": bool({"pi", "rc"} & set(names)),
         "needs_series": bool({"rc", "inverse", "plant"} & set(names)),
-        "series": rounded(series(t.precision), t.precision),
+        "series": rounded(SERIES[t.precision], t.precision),
         "rate": job.constants.get("rate"),
         "real": "float" if single else "double",
         "R": t.precision,
         "sqrt": "sqrtf" if single else "sqrt",
         "single": single,
-        "timing": {
-            **{name: rounded(getattr(t, name), t.precision) for name in ("dt_s", "duty_on_fault", "stuck_s")},
-            "stuck_samples": t.stuck_samples,
-        },
+        "timing": {name: rounded(getattr(t, name), t.precision) for name in ("dt_s", "duty_on_fault")},
         "dt_text": decimal(t.dt_s),
         "filter_text": decimal(t.rate_filter_hz),
         "input_unit": units[0],
@@ -166,7 +162,7 @@ class Variable:
 
 def variables(law: str, duty_on_fault: float) -> tuple[Variable, ...]:
     """The variables of a law's FMU; units as i and o."""
-    status = Variable("status", "output", "Integer", "", "bits: 1 not ready, 2 bad input, 4 and 8 limits, 16 stuck")
+    status = Variable("status", "output", "Integer", "", "bits: 1 not ready, 2 bad input, 4, 8 limits, 32 wrong rate")
     if law == "plant":
         return (
             Variable("duty", "input", "Real", "i", "held over the step", "0"),
@@ -288,31 +284,11 @@ def _yaml(job: Job) -> Files:
     yield from _common(job)
 
 
-def _python(job: Job) -> Files:
-    laws = (resources.files("eaid.export") / "reference.py").read_text(encoding="utf-8")
-    yield "eaid_laws.py", f"# {job.head[0]}\n{laws}"
-    lines = [f"{name.upper()} = {_in_python(value)}" for name, value in job.constants.items()]
-    yield "eaid_constants.py", rendered(job, "constants.py.j2", lines=lines)
-    yield "check.py", rendered(job, "check.py.j2")
-    yield from _common(job)
-
-
-def _in_python(value: Any) -> str:
-    """A constant as Python writes it; single precision keeps its numbers, not its type."""
-    if hasattr(value, "_fields"):
-        inner = ",\n    ".join(f"{field}={_in_python(item)}" for field, item in value._asdict().items())
-        return f"law.{type(value).__name__}(\n    {inner},\n)"
-    if isinstance(value, tuple):
-        return "(" + ", ".join(_in_python(item) for item in value) + ")"
-    return repr(value) if isinstance(value, int) else repr(float(value))
-
-
 TARGETS: dict[str, Callable[[Job], Files]] = {
     "c": _c,
     "arduino": _arduino,
     "matlab": _matlab,
     "fmu": _fmu,
     "yaml": _yaml,
-    "python": _python,
 }
 """Target → the files it makes: name and content."""

@@ -19,7 +19,7 @@ from eaid.recorded.fit import fit_recorded
 from eaid.replay.plant import driven
 from eaid.results.fit import Fit
 from eaid.results.recorded import Excitation
-from eaid.synth.logs import Disturbance, measured, sample_times, scatter
+from eaid.synth.logs import Disturbance, measured, scatter
 from eaid.synth.plants import clutch
 
 
@@ -32,7 +32,7 @@ def recording(
 ) -> Run:
     """One log of the sequence; each engagement, from its rest on, has a scatter of its own."""
     draw, plant = np.random.default_rng(seed), clutch(p)
-    time_s = sample_times(plan.time_s, rate_hz, 0.0, draw)
+    time_s = np.arange(round(plan.time_s * rate_hz)) / rate_hz
     start, duty = np.array(plan.breaks[:-1]).T
     place = np.searchsorted(start, time_s, side="right") - 1
     engagement = np.cumsum(duty == 0)[place]

@@ -70,9 +70,7 @@ def _start(
     return float(apart @ apart), (x1, x2)
 
 
-def compared(
-    run: Run, plant: PlantParameters, keep_baseline: bool, units: tuple[str, str], dead_time_s: float
-) -> Record:
+def compared(run: Run, plant: PlantParameters, units: tuple[str, str], dead_time_s: float) -> Record:
     """The model's torque for a run's duty, on its own clock from 0, and how far it is from the recorded one, which
     stands as its reference.
 
@@ -90,12 +88,9 @@ def compared(
         )
     acting = np.flatnonzero(run.input != 0)
     before = int(acting[0]) if len(acting) else len(run.input)
-    idle = 0.0
-    if not keep_baseline:
-        if run.baseline is not None:
-            idle = run.baseline
-        elif before >= IDLE_ROWS and run.edge == "rising":
-            idle = float(run.output[:before].mean())
+    idle = run.baseline or 0.0
+    if run.baseline is None and before >= IDLE_ROWS and run.edge == "rising":
+        idle = float(run.output[:before].mean())
     time_s, torque = read_only(run.time_s - run.time_s[0]), read_only(run.output - idle)
     loaded = run.edge == "falling" or run.input[0] != 0
     start = start_of(plant, time_s, run.input, torque) if loaded else (0.0, 0.0)

@@ -2,7 +2,7 @@
 
 RC and PI, with saturation and what it does to their integrals, stand in `control/rc.py` and `control/pi.py`.
 
-**Feedforward.** The linear model turned round.
+**Open loop.** The duty that the linear model holds the reference with.
 
 **Inverse.** Feedback linearisation with the nonlinear model and its exact per-sample inverse, which the paper held too
 costly. The torque after one sample of a held duty u, from the states x1, x2, is
@@ -70,7 +70,7 @@ class Knowledge:
     """What controllers are made from; a part that is missing costs the controllers that need it."""
 
     plant: Nonlinear
-    """The fitted model (never the perturbed one)."""
+    """The fitted model."""
     linear: Linear | None
     """Where it is missing, the open loop takes the straight line through the plant's steady torque."""
     gains: Gains | None
@@ -78,16 +78,14 @@ class Knowledge:
     """Range of the actuator [%], for the controllers that have no gains of their own."""
 
 
-class FeedforwardGains(NamedTuple):
-    """The linear model turned round."""
+class OpenLoopGains(NamedTuple):
+    """The linear model, and the range of the actuator [%]."""
 
     a0: float
     b0: float
     c0: float
     duty_min: float = 0.0
     duty_max: float = 100.0
-    lead: float = 1.0
-    """Share of the reference's slope that is fed forward; 0: the duty of the steady torque, the open loop."""
 
 
 class NoState(NamedTuple):
@@ -96,11 +94,11 @@ class NoState(NamedTuple):
     nothing: float = 0.0
 
 
-def feedforward_step(
-    gains: FeedforwardGains, state: NoState, reference: float, reference_rate: float, _torque: float, _dt: float
+def open_loop_step(
+    gains: OpenLoopGains, state: NoState, reference: float, _reference_rate: float, _torque: float, _dt: float
 ) -> tuple[NoState, float]:
-    """u = (T_d' + a0 T_d − c0)/b0, the linear model's own duty."""
-    wanted = (gains.lead * reference_rate + gains.a0 * reference - gains.c0) / gains.b0
+    """u = (a0 T_d − c0)/b0, the duty of the linear model's steady torque."""
+    wanted = (gains.a0 * reference - gains.c0) / gains.b0
     return state, min(max(wanted, gains.duty_min), gains.duty_max)
 
 
@@ -223,11 +221,6 @@ def _of_gains(
     return ready(gains)
 
 
-def _feedforward(known: Knowledge, name: str, lead: float) -> Controller:
-    gains = FeedforwardGains(*_line(known), *known.limits, lead)
-    return Controller(name, feedforward_step, gains, NoState())
-
-
 def _line(known: Knowledge) -> tuple[float, float, float]:
     """a0, b0 and c0 of the linear model; without it of one whose steady torque [N·m] is the least-squares line through
     T_s(u), Eq. (7), at 101 duties."""
@@ -244,8 +237,9 @@ def _line(known: Knowledge) -> tuple[float, float, float]:
 CONTROLLERS: dict[str, Callable[[Knowledge], Controller]] = {
     "rc": partial(_of_gains, "rc", rc_gains, rc_controller),
     "pi": partial(_of_gains, "pi", pi_gains, pi_controller),
-    "feedforward": lambda known: _feedforward(known, "feedforward", 1.0),
-    "open-loop": lambda known: _feedforward(known, "open-loop", 0.0),
+    "open-loop": lambda known: Controller(
+        "open-loop", open_loop_step, OpenLoopGains(*_line(known), *known.limits), NoState()
+    ),
     "inverse": lambda known: inverse_controller(known.plant, known.limits),
 }
 """Name → how it is made; `UsageError` where its gains are missing."""

@@ -45,8 +45,7 @@ def plain_metrics(metrics: Metrics) -> dict[str, object]:
     """The metrics that a group has; inside steps and tones a number that is never reached stays null."""
     kept = {key: value for key, value in to_plain(metrics).items() if value not in (None, [], {})}
     if "guarantee_holds_fraction" in kept:  # null where nothing failed
-        for key in ("guarantee_failures_at_limit", "guarantee_failures_by_saturation"):
-            kept.setdefault(key, None)
+        kept.setdefault("guarantee_failures_at_limit", None)
     return kept
 
 

@@ -18,7 +18,7 @@ from eaid.errors import UsageError
 from eaid.options import Rig
 from eaid.replay.controllers import Controller, Step
 from eaid.replay.metrics import tracking
-from eaid.replay.plant import Held, PlantParameters, hold_step, rounded
+from eaid.replay.plant import Held, PlantParameters, hold_step
 from eaid.results.gains import Tracking
 
 LONG = 500_000
@@ -36,7 +36,7 @@ class Trace:
     torque_nm: Array
     """True torque [N·m]."""
     duty_pct: Array
-    """Duty that the controller gave at each sample [%], after limits and resolution."""
+    """Duty that the controller gave at each sample [%], within its limits."""
     limits_pct: tuple[float, float] = (0.0, 100.0)
     """Duty limits that the controller kept [%]."""
     measured_nm: Array | None = None
@@ -44,8 +44,6 @@ class Trace:
     applied_pct: Array | None = None
     """Mean duty on the clutch from each sample to the next [%], where a delay or the PWM makes it differ from
     `duty_pct`."""
-    fast_nm: Array | None = None
-    """Fast part x1 of the plant's torque [N·m], where the loop kept it."""
     state: Array | None = None
     """First number of the controller's state before each sample (rc, pi: the integral of the error), where kept."""
 
@@ -58,22 +56,15 @@ class Trace:
 class RigNumbers(NamedTuple):
     """The rig as the loop takes it; floats and integers only."""
 
-    memory: float
-    """Share of its old value that the sensor's low-pass keeps in a sample; 0: no low-pass."""
-    duty_step: float
-    """Resolution of the duty [%]; 0: unlimited."""
     delay: int
     """[samples]"""
     pwm_period: float
     """[samples]; 0: no latching."""
 
 
-def rig_numbers(rig: Rig, dt_s: float, highest_pct: float = 100.0) -> RigNumbers:
-    """The rig at a control interval of dt_s seconds, its duty ending at `highest_pct`."""
-    memory = math.exp(-2 * math.pi * rig.sensor_hz * dt_s) if rig.sensor_hz > 0 else 0.0
-    step = highest_pct / (2**rig.duty_bits - 1) if rig.duty_bits > 0 else 0.0
-    period = 1.0 / (rig.pwm_hz * dt_s) if rig.pwm_hz > 0 else 0.0
-    return RigNumbers(memory, step, rig.delay_samples, period)
+def rig_numbers(rig: Rig, dt_s: float) -> RigNumbers:
+    """The rig at a control interval of dt_s seconds."""
+    return RigNumbers(rig.delay_samples, 1.0 / (rig.pwm_hz * dt_s) if rig.pwm_hz > 0 else 0.0)
 
 
 def coloured(samples: int, dt_s: float, memory_s: float, random: np.random.Generator) -> Array:
@@ -94,14 +85,6 @@ def noise(rig: Rig, samples: int, seed: int) -> Array:
     return rig.noise_nm * np.random.default_rng(seed).standard_normal(samples)
 
 
-def ripple(rig: Rig, samples: int, dt_s: float) -> Array:
-    """Factor of the rotor ripple on the torque, shape (samples,)."""
-    if rig.ripple_pct <= 0:
-        return np.ones(samples)
-    angle = np.arange(samples) * (2 * math.pi * rig.ripple_hz * dt_s)
-    return np.asarray(1.0 + rig.ripple_pct / 100 * np.sin(angle))
-
-
 class Inputs(NamedTuple):
     """What a loop meets at each sample; columns of one length."""
 
@@ -112,7 +95,7 @@ class Inputs(NamedTuple):
     disturbance: Any
     """Noise on what the sensor gives [N·m]."""
     factor: Any
-    """Rotor ripple on the torque."""
+    """What the sensor gives of the torque; 1 but for logs that are synthesised."""
 
 
 def loop_of(law: Step, sources: str = "") -> Callable[..., tuple[float, float]]:
@@ -121,27 +104,22 @@ def loop_of(law: Step, sources: str = "") -> Callable[..., tuple[float, float]]:
     def closed_loop(
         gains: Any, start: Any, plant: PlantParameters, rig: RigNumbers, dt: float, inputs: Inputs, filled: Any
     ) -> tuple[float, float]:
-        """Fill six columns as long as the inputs; return the plant's states at the end [N·m].
+        """Fill five columns as long as the inputs; return the plant's states at the end [N·m].
 
-        They are the true and the read torque, the duty given and the mean duty applied, the plant's fast part, and the
-        first number of the controller's state before each sample.
+        They are the true and the read torque, the duty given and the mean duty applied, and the first number of the
+        controller's state before each sample.
         """
         sources  # noqa: B018 - what a closure holds is part of numba's key
         reference, rate, disturbance, factor = inputs
-        torque, measured, duty, applied, fast, kept = filled
+        torque, measured, duty, applied, kept = filled
         state = start
-        memory, resolution, delay, period = rig
+        delay, period = rig
         held = Held(0.0, 0.0, 0.0, 0)
-        filtered = 0.0
         for k in range(len(reference)):
-            fast[k] = held.x1
             kept[k] = state[0]
-            true = (held.x1 + held.x2) * factor[k]
-            filtered = true + memory * (filtered - true) if memory > 0.0 else true
-            measured[k] = filtered + disturbance[k]
-            state, u = law(gains, state, reference[k], rate[k], measured[k], dt)
-            torque[k] = true
-            duty[k] = rounded(u, resolution)
+            torque[k] = held.x1 + held.x2
+            measured[k] = torque[k] * factor[k] + disturbance[k]
+            state, duty[k] = law(gains, state, reference[k], rate[k], measured[k], dt)
             late = 0.0 if k < delay else duty[k - delay]
             held, applied[k] = hold_step(plant, period, dt, k, late, held)
         return held.x1, held.x2
@@ -151,14 +129,8 @@ def loop_of(law: Step, sources: str = "") -> Callable[..., tuple[float, float]]:
 
 def inputs_of(controller: Controller, reference_nm: Array, rig: Rig, dt_s: float, seed: int) -> Inputs:
     """The columns that a controller meets on a reference [N·m], shape (n,)."""
-    n = len(reference_nm)
-    rate = reference_rate(reference_nm, dt_s, controller.looks_ahead)
-    return Inputs(
-        np.array(reference_nm, dtype=np.float64),
-        np.ascontiguousarray(rate),
-        noise(rig, n, seed),
-        ripple(rig, n, dt_s),
-    )
+    n, rate = len(reference_nm), reference_rate(reference_nm, dt_s, controller.looks_ahead)
+    return Inputs(np.array(reference_nm, dtype=np.float64), np.ascontiguousarray(rate), noise(rig, n, seed), np.ones(n))
 
 
 def reference_rate(reference_nm: Array, dt_s: float, looks_ahead: bool) -> Array:
@@ -178,15 +150,15 @@ def replay(
     if n < 2 or not np.isfinite(reference_nm).all():
         raise UsageError("the reference must hold two samples or more, all of them finite")
     inputs = inputs_of(controller, reference_nm, rig, dt_s, seed)
-    numbers = rig_numbers(rig, dt_s, controller.gains.duty_max)
+    numbers = rig_numbers(rig, dt_s)
     columns: Sequence[list[float] | Array]
     if n <= LONG:
         run, inputs = loop_of(controller.step), Inputs(*(column.tolist() for column in inputs))
-        columns = [[0.0] * n for _ in range(6)]
+        columns = [[0.0] * n for _ in range(5)]
     else:
         from eaid.replay.many import compiled
 
-        run, columns = compiled(controller.step), tuple(np.empty((6, n)))
+        run, columns = compiled(controller.step), tuple(np.empty((5, n)))
     run(controller.gains, controller.start, plant, numbers, dt_s, inputs, columns)
     return as_trace(controller, rig, dt_s, reference_nm, columns)
 
@@ -194,12 +166,11 @@ def replay(
 def as_trace(
     law: Controller, rig: Rig, dt_s: float, reference_nm: Array, columns: Sequence[Sequence[float] | Array]
 ) -> Trace:
-    """What the loop filled, four columns or six, as a result; what repeats another column is left out."""
-    torque, measured, duty, applied, *inner = (read_only(column) for column in columns)
-    fast, state = inner or (None, None)
-    reads_otherwise = rig.noise_nm > 0 or rig.sensor_hz > 0
+    """What the loop filled, with the controller's state or without, as a result; what repeats is left out."""
+    torque, measured, duty, applied, *state = (read_only(column) for column in columns)
+    reads_otherwise = rig.noise_nm > 0
     acts_otherwise = rig.delay_samples > 0 or rig.pwm_hz > 0
     return Trace(
         law.name, dt_s, read_only(np.arange(len(reference_nm)) * dt_s), reference_nm, torque, duty, law.limits_pct,
-        measured if reads_otherwise else None, applied if acts_otherwise else None, fast, state,
+        measured if reads_otherwise else None, applied if acts_otherwise else None, *state,
     )  # fmt: skip

@@ -63,22 +63,21 @@ def replay_many(
     dt_s: float,
     visit: Callable[[int, Array, Array], None],
     seed: int = 0,
-    threads: int | None = None,
 ) -> None:
     """Trace each plant from rest and show what it did to `visit(index, torque [N·m], duty [%])`, in no fixed order, one
     call at a time a thread."""
-    numbers = rig_numbers(rig, dt_s, controller.gains.duty_max)
+    numbers = rig_numbers(rig, dt_s)
     inputs = loop.inputs_of(controller, reference_nm, rig, dt_s, seed)
     run = compiled(controller.step)
 
     def single(index: int) -> None:
-        filled = tuple(np.empty((6, len(reference_nm))))
+        filled = tuple(np.empty((5, len(reference_nm))))
         run(controller.gains, controller.start, plants[index], numbers, dt_s, inputs, filled)
         visit(index, filled[0], filled[2])
 
     single(0)  # alone, so that what is to be compiled is compiled once
     usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    with ThreadPoolExecutor(max_workers=threads or usable) as pool:
+    with ThreadPoolExecutor(max_workers=usable) as pool:
         for _ in pool.map(single, range(1, len(plants))):  # where one fails, those that wait are given up
             pass
 
@@ -95,7 +94,6 @@ def montecarlo(
     reference: Reference,
     rig: Rig,
     seed: int = 0,
-    threads: int | None = None,
     tick: Callable[[], None] = lambda: None,
 ) -> tuple[PlantSpread, dict[str, Array]]:
     """Trace a controller on every plant and measure each; `tick` is called once a plant.
@@ -116,7 +114,7 @@ def montecarlo(
         tick()
 
     flat = [plant_parameters(p) for p in plants]
-    replay_many(flat, controller, reference.torque_nm, rig, reference.dt_s, visit, seed, threads)
+    replay_many(flat, controller, reference.torque_nm, rig, reference.dt_s, visit, seed)
     values = {name: np.array([measured[i][name] for i in range(len(plants))]) for name in measured[0]}
     tables = {
         "plants/band_time_s": time_s[::stride],

@@ -13,21 +13,20 @@ duties were recorded and are as quick as the release, every fall has its constan
 
 Floors, for plants drawn from an uncertain fit: τ1 ≥ 1 ms, τ2 ≥ τ1, T_s ≥ 0, as the fit's constraints have them.
 
-A rig's output rounds the duty to its resolution, and a PWM latches it once a period; where that is no whole number of
-samples, the interval is cut where the new duty takes over.
+A PWM latches the duty once a period; where that is no whole number of samples, the interval is cut where the new duty
+takes over.
 
 Floats and `math` only: numba compiles these functions as they stand, and plain Python runs them in about a microsecond.
 """
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.errors import DataError, UsageError
+from eaid.errors import DataError
 from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
 
 INSTANT = 1e-9
@@ -70,21 +69,6 @@ def plant_parameters(p: Nonlinear) -> PlantParameters:
     return PlantParameters(
         float(p.C), (a[0], a[1], a[2]), (b[0], b[1], b[2]), (c[0], c[1], c[2], c[3]), low, high,
         (float(fast), float(slow)), below,
-    )  # fmt: skip
-
-
-def perturbed(p: Nonlinear, factors: Mapping[str, float]) -> Nonlinear:
-    """The model with tau1, tau2 or Ts multiplied by a factor above 0: a plant that its controllers do not know."""
-    for name in factors:
-        if name not in ("tau1", "tau2", "Ts"):
-            raise UsageError(f"«perturb»: no {name!r} in the plant; give factors of tau1, tau2 or Ts, as Ts=0.9")
-    if not factors:
-        return p
-
-    tau1, tau2, steady = (factors.get(name, 1.0) for name in ("tau1", "tau2", "Ts"))
-    return replace(
-        p, tau1=tuple(tau1 * c for c in p.tau1), tau2=tuple(tau2 * c for c in p.tau2),
-        Ts=tuple(steady * c for c in p.Ts), release=p.release and (tau1 * p.release[0], tau2 * p.release[1]),
     )  # fmt: skip
 
 
@@ -173,14 +157,6 @@ def driven(
     return torque
 
 
-def plant_slope(parameters: PlantParameters, x1: Array, x2: Array, duty: float) -> Array:
-    """Ṫ of the plant [N·m/s] at its states [N·m], shapes (n,), and a duty [%]: what `plant_step` integrates."""
-    tau1, tau2, steady = plant_terms(parameters, duty)
-    falling1, falling2 = falling_taus(parameters, duty)
-    fast, slow = parameters.C * steady - x1, (1 - parameters.C) * steady - x2
-    return np.asarray(fast / np.where(fast < 0, falling1, tau1) + slow / np.where(slow < 0, falling2, tau2))
-
-
 class Held(NamedTuple):
     """Where plant and latch are; at rest, before the first pulse, all is 0."""
 
@@ -192,11 +168,6 @@ class Held(NamedTuple):
     """Duty that acts [%]."""
     pulse: int
     """The next PWM period to begin, at pulse·period samples."""
-
-
-def rounded(duty: float, resolution: float) -> float:
-    """The duty [%] as an output of this resolution [%] gives it; 0: any."""
-    return math.floor(duty / resolution + 0.5) * resolution if resolution > 0.0 else duty
 
 
 def hold_step(plant: PlantParameters, period: float, dt: float, k: int, duty: float, held: Held) -> tuple[Held, float]:

@@ -68,16 +68,6 @@ def steps(dt_s: float, duration_s: float | None = None, top: float = 1.0, pace: 
     return Reference(read_only(torque), dt_s, steps=tuple((np.flatnonzero(np.diff(torque)) + 1).tolist()))
 
 
-def ramp(dt_s: float, duration_s: float | None = None, top: float = 1.0, pace: float = 1.0) -> Reference:
-    """A triangle 0 → 4 → 0 N·m at one slope, 10 s by default: 0.8 N·m/s up and down.
-
-    `top` is a factor on the torque; times are divided by `pace`.
-    """
-    n = samples_of(10.0 / pace if duration_s is None else duration_s, dt_s)
-    share = np.arange(n) / (n - 1)
-    return Reference(read_only(4.0 * top * (1.0 - np.abs(2.0 * share - 1.0))), dt_s)
-
-
 def multisine(dt_s: float, duration_s: float | None = None, top: float = 1.0, pace: float = 1.0) -> Reference:
     """Fig. 12: 2 + 0.2 Σ sin(2πft + φ) N·m, f = 0.2, 0.5, 1, 2, 4 Hz, φ = 1.7·(0, 1, 4, 9, 16), 12 s; errors count
     after 5 s.
@@ -200,7 +190,6 @@ SCENARIOS: dict[str, Callable[[float, float | None, float, float], Reference]] =
     "steps": steps,
     "multisine": multisine,
     "sweep": sweep,
-    "ramp": ramp,
 }
 """Name → its reference at an interval and of a length [s], with factors on the paper's torque and frequencies."""
 

@@ -22,8 +22,8 @@ from eaid.arrays import Array, read_only
 from eaid.errors import GainsError, UsageError
 from eaid.options import Rig
 from eaid.replay.controllers import Controller
-from eaid.replay.loop import Trace, as_trace, coloured, noise, rig_numbers, ripple
-from eaid.replay.plant import Held, PlantParameters, hold_step, plant_terms, rounded
+from eaid.replay.loop import Trace, as_trace, coloured, noise, rig_numbers
+from eaid.replay.plant import Held, PlantParameters, hold_step, plant_terms
 from eaid.replay.references import record, samples_of
 from eaid.results.replay import Box, CycleTest, Exercise, Metrics, ModeMetrics, ModesTest, Normality, Record, SampleTest
 
@@ -64,7 +64,7 @@ def rehabilitate(
 
 def _signals(exercise: Exercise, rig: Rig, n: int, dt_s: float, seed: int) -> tuple[Array, ...]:
     """What is known before the session begins, shapes (n,): target [rad] and its rate [rad/s], the user's random moment
-    and the noise [N·m], the ripple's factor, the shares of the way to the hard and to the assisted mode."""
+    and the noise [N·m], the shares of the way to the hard and to the assisted mode."""
     t = np.arange(n) * dt_s
     angle = 2 * math.pi * exercise.movement_hz * t
     swing = math.radians(exercise.amplitude_deg)
@@ -76,7 +76,7 @@ def _signals(exercise: Exercise, rig: Rig, n: int, dt_s: float, seed: int) -> tu
     target = math.radians(exercise.centre_deg) - swing * np.cos(angle)
     target_rate = swing * 2 * math.pi * exercise.movement_hz * np.sin(angle)
     tremor, disturbance = coloured(n, dt_s, exercise.tremor_s, user), noise(rig, n, seed)
-    return target, target_rate, exercise.tremor_nm * tremor, disturbance, ripple(rig, n, dt_s), to_hard, to_assisted
+    return target, target_rate, exercise.tremor_nm * tremor, disturbance, to_hard, to_assisted
 
 
 def _run(
@@ -94,15 +94,15 @@ def _run(
     fastest = exercise.slope_nm_s * dt
     turn, late = exercise.mode_s * (len(MODES) - 1), round(exercise.user_delay_s / dt)
     keep, push, drift, lift = limb_steps(exercise.inertia_kgm2, exercise.damping_nms, dt)
-    numbers = rig_numbers(rig, dt, controller.gains.duty_max)
+    delay, period = rig_numbers(rig, dt)
     held = Held(0.0, 0.0, 0.0, 0)
     samples: list[tuple[float, ...]] = []
     angle, speed = float(signals[0][0]), 0.0
-    reference = filtered = wound = 0.0
+    reference = wound = 0.0
     effort: list[float] = []
     duties: list[float] = []
     for k, row in enumerate(zip(*(column.tolist() for column in signals), strict=True)):
-        target, target_rate, tremor, disturbance, factor, harder, assisted = row
+        target, target_rate, tremor, disturbance, harder, assisted = row
         error = target - angle
         # what the user does: their own reaction of `late` ago; bearing the arm's weight is posture, at once
         effort.append(stiffness * error + damping * (target_rate - speed))
@@ -120,14 +120,12 @@ def _run(
         before = reference
         reference += min(max(wanted - reference, -fastest), fastest)
         # what the clutch gives
-        true = (held.x1 + held.x2) * factor
-        filtered = true + numbers.memory * (filtered - true)
-        seen = filtered + disturbance
+        true = held.x1 + held.x2
+        seen = true + disturbance
         state, duty = law(gains, state, reference, (reference - before) / dt, seen, dt)
-        duties.append(rounded(duty, numbers.duty_step))
-        delayed = duties[k - numbers.delay] if k >= numbers.delay else 0.0
-        held, applied = hold_step(plant, numbers.pwm_period, dt, k, delayed, held)
-        samples.append((reference, true, seen, duties[k], applied, angle, desired, sign * true))
+        duties.append(duty)
+        held, applied = hold_step(plant, period, dt, k, duties[k - delay] if k >= delay else 0.0, held)
+        samples.append((reference, true, seen, duty, applied, angle, desired, sign * true))
         # what the limb does, its moment held over the sample
         moment = user + sign * true - moment
         angle += drift * speed + lift * moment
@@ -199,7 +197,6 @@ def box(values: Array) -> Box:
     inside = values[(values >= q1 - reach) & (values <= q3 + reach)]
     return Box(
         n=values.size,
-        independent=independent(values),
         mean=float(values.mean()),
         sd=float(values.std(ddof=1)),
         q1=q1,
@@ -209,20 +206,6 @@ def box(values: Array) -> Box:
         whisker_high=float(inside.max()),
         outliers=values.size - inside.size,
     )
-
-
-def independent(values: Array) -> float:
-    """How many independent observations a series is worth, n / (1 + 2 Σ ρ_k), k up to the first ρ_k ≤ 0."""
-    n = values.size
-    away = values - values.mean()
-    power = float(away @ away)
-    if power == 0.0:
-        return 1.0
-    spectrum = np.abs(np.fft.rfft(away, 2 * n)) ** 2
-    rho = np.fft.irfft(spectrum)[:n] / power
-    ends = np.flatnonzero(rho <= 0)
-    last = int(ends[0]) if ends.size else n
-    return min(float(n), n / (1 + 2 * float(rho[1:last].sum())))
 
 
 def cycle_means(values: Array, cycle: int) -> Array:

@@ -7,9 +7,7 @@ there is our χ),
     q̈ = B⁻¹ (B̂ y + η̂ − η) = y − χ,      χ = (1 − B⁻¹B̂) y + B⁻¹ (η − η̂)
 
 so that χ = y − Ṫ: the slope that the law asks for minus the one that comes. The Lyapunov argument holds at an instant
-where |χ| ≤ ρ. Taken sample by sample, Ṫ is the mean slope until the next one. Where it fails while the duty is at a
-limit, the limit is the cause if |χ| ≤ ρ held had the duty gone on to the u* that the law asked for,
-Ṫ(u*) = Ṫ(u) + (u* − u) ∂Ṫ/∂u.
+where |χ| ≤ ρ. Taken sample by sample, Ṫ is the mean slope until the next one.
 """
 
 import math
@@ -34,7 +32,7 @@ from eaid.progress import Progress, no_progress
 from eaid.replay.compare import compared
 from eaid.replay.controllers import CONTROLLERS, Controller, Knowledge
 from eaid.replay.loop import Trace, reference_rate, replay
-from eaid.replay.plant import PlantParameters, perturbed, plant_parameters, plant_slope, plant_terms
+from eaid.replay.plant import PlantParameters, plant_parameters, plant_terms
 from eaid.replay.references import Reference, Signal, measure, record, reference_of
 from eaid.replay.rehab import MODES, rehabilitate
 from eaid.results.fit import Fit
@@ -49,7 +47,6 @@ class Setup:
 
     fit: Fit
     plant: PlantParameters
-    """The plant that is replayed."""
     known: Knowledge
     """Of the controllers: the fitted plant among it."""
     controllers: tuple[Controller, ...]
@@ -80,9 +77,8 @@ def set_up(fit: Fit, gains: Gains | None, options: SimulateOptions, what: str) -
         findings.append(finding("dead-time-replayed", "nonlinear", dead_time_s=fit.dead_time_s))
     for what_stands, why in _not_usable(fit, gains).items():
         findings.append(finding("replay-not-usable", what_stands, why=why))
-    plant = plant_parameters(perturbed(model, options.perturb))
     chosen = tuple(CONTROLLERS[name](known) for name in names)
-    return Setup(fit, plant, known, chosen, rig, options, 1.0 / rate_hz), findings
+    return Setup(fit, plant_parameters(model), known, chosen, rig, options, 1.0 / rate_hz), findings
 
 
 def _names(wanted: tuple[str, ...] | None, what: str, known: Knowledge) -> tuple[tuple[str, ...], list[Finding]]:
@@ -99,16 +95,10 @@ def _names(wanted: tuple[str, ...] | None, what: str, known: Knowledge) -> tuple
     return tuple(names), [finding("no-gains", "controllers")]
 
 
-NEAR = 0.01
-"""∂Ṫ/∂u at a limit is a difference over so much of the actuator's span inside it."""
-
-
-def watched(
-    gains: RCGains, plant: PlantParameters, replay: Trace, metrics: Metrics, begin: int = 0
-) -> tuple[Metrics, dict[str, Array]]:
-    """The metrics of a replay of the robust controller with the shares of the samples from `begin` on at which |χ| ≤ ρ
-    holds and fails, and of the latter how many at a limit and because of it; and χ and ρ along it, shapes (n,)."""
-    assert replay.fast_nm is not None and replay.state is not None
+def watched(gains: RCGains, replay: Trace, metrics: Metrics, begin: int = 0) -> tuple[Metrics, dict[str, Array]]:
+    """The metrics of a replay of the robust controller with the share of the samples from `begin` on at which |χ| ≤ ρ
+    holds, and of those where it fails the share at a limit; and χ and ρ along it, shapes (n,)."""
+    assert replay.state is not None
     low, high = replay.limits_pct
     measured = replay.torque_nm if replay.measured_nm is None else replay.measured_nm
     integral, error = replay.state, replay.reference_nm - measured
@@ -120,19 +110,8 @@ def watched(
     slope[-1] = slope[-2]
     chi = y - slope
     wanted = gains.B_hat * y + (gains.a0 * measured - gains.c0) / gains.b0
-    limited = (wanted < low) | (wanted > high)
-    unlimited = chi.copy()  # had the duty gone on beyond its limit
-    for limit, inside, beyond in (
-        (low, NEAR * (high - low), wanted < low),
-        (high, -NEAR * (high - low), wanted > high),
-    ):
-        x1 = replay.fast_nm[beyond]
-        x2 = replay.torque_nm[beyond] - x1
-        steepness = (plant_slope(plant, x1, x2, limit + inside) - plant_slope(plant, x1, x2, limit)) / inside
-        unlimited[beyond] -= (wanted[beyond] - limit) * steepness
     fails = np.abs(chi[begin:]) > rho[begin:]
-    at_limit = fails & limited[begin:]
-    by_limit = at_limit & (np.abs(unlimited[begin:]) <= rho[begin:])
+    at_limit = fails & ((wanted < low) | (wanted > high))[begin:]
     count = int(fails.sum())
     with np.errstate(divide="ignore", invalid="ignore"):  # a model without uncertainty has ρ = 0
         largest = float((np.abs(chi[begin:]) / rho[begin:]).max())
@@ -141,7 +120,6 @@ def watched(
         guarantee_holds_fraction=1.0 - count / len(fails),
         guarantee_largest_chi_over_rho=largest if math.isfinite(largest) else None,
         guarantee_failures_at_limit=int(at_limit.sum()) / count if count else None,
-        guarantee_failures_by_saturation=int(by_limit.sum()) / count if count else None,
     ), {"chi_nm_s": read_only(chi), "rho_nm_s": read_only(rho)}
 
 
@@ -162,7 +140,7 @@ def tracked(setup: Setup, wanted: Reference, gains: Gains | None, progress: Prog
         metrics = measure(trace, wanted)
         columns: dict[str, Array] = {}
         if controller.name == "rc":
-            metrics, columns = watched(controller.gains, setup.plant, trace, metrics, wanted.begin)
+            metrics, columns = watched(controller.gains, trace, metrics, wanted.begin)
         records[controller.name] = record(trace, metrics, columns)
     findings += _outside_identified(setup, records)
     head = Head("", dt_s=wanted.dt_s, counted_from_s=wanted.counted_from_s)
@@ -222,11 +200,10 @@ def _over_drawn_plants(
         )
     all_alike = not drawable(setup.fit)
     drawn = draw(setup.fit, count, options.seed)
-    plants = [perturbed(plant, options.perturb) for plant in drawn.plants]
-    parameters = {name: np.array([getattr(plant, name) for plant in plants]) for name in ("tau1", "tau2", "Ts")}
+    parameters = {name: np.array([getattr(plant, name) for plant in drawn.plants]) for name in ("tau1", "tau2", "Ts")}
     for controller in setup.controllers:
         with progress(f"{controller.name} on drawn plants", count) as tick:
-            spread, tables = montecarlo(plants, controller, wanted, setup.rig, options.seed, options.threads, tick)
+            spread, tables = montecarlo(drawn.plants, controller, wanted, setup.rig, options.seed, tick)
         tables |= {f"plants/parameters/{name}": values for name, values in parameters.items()}
         on_fitted = records[controller.name]
         metrics = msgspec.structs.replace(on_fitted.metrics, plants=spread)
@@ -263,7 +240,7 @@ def simulate(
         records, head, more = tracked(setup, wanted, gains, progress)
     head = msgspec.structs.replace(
         head, scenario=what, seed=options.seed, input_unit=fit.data.input_unit, output_unit=fit.data.output_unit,
-        rig=setup.rig, perturb=dict(options.perturb), synthetic=fit.data.synthetic,
+        rig=setup.rig, synthetic=fit.data.synthetic,
         not_usable=_not_usable(fit, gains), findings=ranked([*warned, *more]),
     )  # fmt: skip
     return Replay(head, records)
@@ -281,7 +258,7 @@ def _rehab(setup: Setup, top: float) -> Outcome:
     if setup.fit.data.output_unit not in ("N·m", "Nm"):
         raise DataError(f"rehab needs a torque, and the fit's output is in {setup.fit.data.output_unit}")
     mode_s = None if options.duration is None else options.duration / len(MODES)
-    given = {"mode_s": mode_s, "damping_nms": options.limb_damping, "inertia_kgm2": options.limb_inertia}
+    given = {"mode_s": mode_s, "damping_nms": options.limb_damping}
     exercise = msgspec.structs.replace(
         Exercise().scaled(top), **{key: value for key, value in given.items() if value is not None}
     )
@@ -296,6 +273,6 @@ def _logs(setup: Setup, runs: Sequence[Run]) -> Outcome:
     """Recorded runs: their input through the plant."""
     if unused := list(part(Rig, setup.options).given()):
         raise UsageError(f"«{unused[0]}»: does nothing with logs; leave it out")
-    fit, keep = setup.fit, setup.options.keep_baseline
+    fit = setup.fit
     units = fit.data.input_unit, fit.data.output_unit
-    return {run.name: compared(run, setup.plant, keep, units, fit.dead_time_s) for run in runs}, Head(""), []
+    return {run.name: compared(run, setup.plant, units, fit.dead_time_s) for run in runs}, Head(""), []

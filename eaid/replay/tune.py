@@ -20,7 +20,6 @@ from eaid.replay.plant import plant_parameters
 from eaid.replay.references import Reference, Signal, measure, reference_of
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains, Replayed, Tracking
-from eaid.steps.stepset import StepSet
 
 LONGER = 1.1
 """Share of the promised settling time beyond which a step's own is told."""
@@ -29,7 +28,6 @@ LONGER = 1.1
 def tune(
     fit: Fit,
     options: TuneOptions = TuneOptions(),  # noqa: B008 - frozen
-    logs: StepSet | None = None,
     reference: str | Signal | None = None,
     reference_name: str = "",
 ) -> Gains:
@@ -43,16 +41,11 @@ def tune(
         raise DataError(f"the fit is NOT USABLE: {why}; «anyway» makes gains of it all the same, marked")
     model, plant = model_of(fit), plant_of(fit)
     scales, unit = scales_of(fit, plant), fit.data.input_unit
-    if logs is not None and (logs.input_unit, logs.output_unit) != (unit, fit.data.output_unit):
-        raise DataError(
-            f"«logs» hold {logs.input_unit} and {logs.output_unit}, the fit {unit} and {fit.data.output_unit}; give "
-            "logs of the same rig"
-        )
     given, name = reference is not None, reference_name or (reference if isinstance(reference, str) else "multisine")
     wanted = reference_of(reference or "multisine", timing_of(fit, options).step_s, scales)
     slope = wanted.steepest_nm_s
-    bounds = bounds_of(fit, options.bounds_levels, options.widen_bounds)
-    mismatch = mismatches(model, bounds, plant, logs, unit)
+    bounds = bounds_of(fit)
+    mismatch = mismatches(model, bounds, plant, unit)
     shown = least_phi(mismatch)
     settled = design_options(
         fit, options, scales, slope if given or not scales.paper else None, None if shown is None else shown.pct

@@ -22,7 +22,7 @@ from eaid.results.gains import Gains
 from eaid.results.replay import Replay
 from eaid.steps.stepset import StepSet
 
-SCENARIOS = ("steps", "multisine", "sweep", "ramp", "reference", "log", "rehab")
+SCENARIOS = ("steps", "multisine", "sweep", "reference", "log", "rehab")
 """The order of the paper, and of the page."""
 NEEDED = ("time_s", "reference_nm", "torque_nm", "duty_pct")
 TYPES: dict[str, Any] = {"fit": Fit, "gains": Gains, "couple": Coupling}

@@ -30,16 +30,6 @@ class Wall(Result, frozen=True):
     """The same by bisected replay of the nonlinear plant; None also where the replay shows no edge nearby."""
 
 
-class Curve(Result, frozen=True):
-    """Damping that a wall needs of the limb per stiffness, −Im G(jω)/ω for slow loops, and |G|."""
-
-    loop: str
-    torque_nm: Number
-    frequency_hz: tuple[Number, ...] = ()
-    needed_s: tuple[Number, ...] = ()
-    gain_db: tuple[Number, ...] = ()
-
-
 class Impedance(Result, frozen=True):
     """The least and the largest impedance, and what else limits a wall."""
 
@@ -56,7 +46,7 @@ class Impedance(Result, frozen=True):
 
 
 class Coupling(codec.Saved, Result, frozen=True):
-    """Walls of every loop at every torque, one clutch and an antagonistic pair.
+    """Walls of every loop at every torque.
 
     Examples
     --------
@@ -72,10 +62,6 @@ class Coupling(codec.Saved, Result, frozen=True):
     options: CoupleOptions = CoupleOptions()
     output_unit: str = "N·m"
     walls: tuple[Wall, ...] = ()
-    pair: tuple[Wall, ...] = ()
-    """An antagonistic pair, T1 − T2, each clutch held at its bias."""
-    pair_bias_nm: Number | None = None
-    curves: tuple[Curve, ...] = ()
     impedance: Impedance = Impedance()
     findings: tuple[Finding, ...] = ()
 

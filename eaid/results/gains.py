@@ -59,21 +59,11 @@ class Rho(Result, frozen=True):
     readings: RhoReadings | None = None
 
 
-class TorquePoint(Result, frozen=True):
-    """How much of ±ρ the actuator can deliver at one torque."""
-
-    torque_nm: Number
-    eta_hat_pct: Number | None = None
-    share_up: Number | None = None
-    share_down: Number | None = None
-
-
 class Actuator(Result, frozen=True):
     """What the robust term asks for and what the actuator spans, in the input's unit."""
 
     robust_term_pct: Number | None = None
     span_pct: Number | None = None
-    points: tuple[TorquePoint, ...] = ()
 
 
 class Mismatch(Result, frozen=True):
@@ -88,7 +78,6 @@ class PhiFromData(Result, frozen=True):
     """Largest |η − η̂| by source."""
 
     model: Mismatch | None = None
-    logs: Mismatch | None = None
     levels: Mismatch | None = None
 
 
@@ -171,7 +160,6 @@ class BRange(Result, frozen=True):
 
     convention: str = "zero-offset"
     levels: tuple[Number, ...] = ()
-    widened: bool = False
 
 
 class Condition(Result, frozen=True):

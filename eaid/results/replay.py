@@ -80,8 +80,6 @@ class Box(Result, frozen=True):
     """The numbers of a box plot."""
 
     n: Count
-    independent: Number
-    """How many independent observations the samples are worth."""
     mean: Number
     sd: Number
     q1: Number
@@ -151,7 +149,6 @@ class Metrics(Tracking, frozen=True):
     """Share of the samples at which |χ| ≤ ρ."""
     guarantee_largest_chi_over_rho: Number | None = None
     guarantee_failures_at_limit: Number | None = None
-    guarantee_failures_by_saturation: Number | None = None
     plants: PlantSpread | None = None
     modes: dict[str, ModeMetrics] = {}
     turn_step_nm: Number | None = None
@@ -254,7 +251,6 @@ class Head(Result, frozen=True):
     """covariance, or fitted-plant where the fit holds none."""
     band_quantiles: tuple[Number, ...] = ()
     rig: Rig = Rig()
-    perturb: dict[str, Number] = {}
     not_usable: dict[str, str] = {}
     """What stands on a fit that must not be used, plant or gains, and why."""
     synthetic: str | None = None

@@ -27,7 +27,8 @@ from eaid.synth.plants import Plant
 
 PAPER_REFERENCE_NM = (0.6, 3.6)
 """What a closed loop follows on the reference plant."""
-
+TONES, PERIODS = 12, 3
+"""Of a multisine."""
 
 Draw = np.random.Generator
 Span = tuple[float, float]
@@ -71,13 +72,13 @@ def prbs(e: Excitation, span: Span, n: int, draw: Draw) -> Array:
 def multisine(e: Excitation, span: Span, n: int, _draw: Draw) -> Array:
     """Tones of one period, log-spaced, with Schroeder phases, scaled to touch both ends."""
     t = np.arange(n) / e.rate_hz
-    period = n // e.periods / e.rate_hz
-    lines = np.unique(np.round(np.geomspace(*e.frequency_hz, e.tones) * period))
+    period = n // PERIODS / e.rate_hz
+    lines = np.unique(np.round(np.geomspace(*e.frequency_hz, TONES) * period))
     lines = lines[lines >= 1]
     if not len(lines):
         raise UsageError(
-            f"«shape» periods {e.periods}: none lasts as long as a wave of {e.frequency_hz[1]:g} Hz; give fewer, or a "
-            "longer duration_s"
+            f"«shape» duration_s {e.duration_s:g}: too short for {PERIODS} waves of {e.frequency_hz[1]:g} Hz; give a "
+            "longer one"
         )
     wave = np.zeros(n)
     for k, line in enumerate(lines):
@@ -169,20 +170,18 @@ def looped(plant: Plant, e: Excitation, disturbance: Disturbance, draw: Draw) ->
     assert plant.model is not None  # check_excitation
     factors = scatter(disturbance, draw)
     idle, n, dt_s = round(e.idle_s * e.rate_hz), round(e.duration_s * e.rate_hz), 1 / e.rate_hz
-    low, high = e.reference_nm or (PAPER_REFERENCE_NM[0] * plant.scale, PAPER_REFERENCE_NM[1] * plant.scale)
-    reference = reference_of(e, (low, high), n - idle, draw)
+    low, high = PAPER_REFERENCE_NM
+    reference = reference_of(e, (low * plant.scale, high * plant.scale), n - idle, draw)
     time_s = np.arange(n, dtype=np.float64) * dt_s
     share, white = noise(time_s, plant.rotor_hz(np.zeros(n)), disturbance, draw)
-    value, read = run_loop(factors.on(plant.model), paper_pi(plant, e), reference, dt_s, share[idle:], white[idle:])
+    value, read = run_loop(factors.on(plant.model), paper_pi(plant), reference, dt_s, share[idle:], white[idle:])
     before = np.zeros(idle)
     output = digits(np.concatenate([white[:idle], read]) + disturbance.offset_nm, disturbance)
     return (time_s, np.concatenate([before, value]), output), np.concatenate([before, reference])
 
 
-def paper_pi(plant: Plant, e: Excitation) -> Controller:
-    """The PI of the excitation's gains, else the paper's in the rig's units, over the inputs that the rig has."""
+def paper_pi(plant: Plant) -> Controller:
+    """The paper's PI in the rig's units, over the inputs that the rig has."""
     top = 100.0 if plant.is_duty else plant.input_range[1]
-    paper = plant.is_duty and plant.in_nm
-    factor = 1.0 if paper else top / 100 / plant.scale
-    K_P, K_I = e.gains or (PAPER_PI[0] * factor, PAPER_PI[1] * factor)
-    return pi_controller(PIGains(K_P, K_I, 0.0, top))
+    factor = 1.0 if plant.is_duty and plant.in_nm else top / 100 / plant.scale
+    return pi_controller(PIGains(PAPER_PI[0] * factor, PAPER_PI[1] * factor, 0.0, top))

@@ -23,8 +23,7 @@ from eaid.synth.plants import Plant, Scatter
 @dataclass(frozen=True)
 class Disturbance:
     """Sizes of everything that is not the plant, as the options of `SynthOptions` of the same names; all 0: the plant
-    alone. Ripple and coloured noise are shares of the torque [1], the ripple's phase differs from run to run, and at
-    most 0.45 of a sample of jitter is taken."""
+    alone. Ripple and coloured noise are shares of the torque [1], the ripple's phase differs from run to run."""
 
     white_nm: float = 0.01
     coloured: float = 0.01
@@ -34,7 +33,6 @@ class Disturbance:
     tau1_scatter: float = 0.05
     tau2_scatter: float = 0.0
     offset_nm: float = 0.02
-    jitter_s: float = 0.0
     resolution_nm: float = 1 / 1024
 
 
@@ -46,22 +44,6 @@ def scatter(d: Disturbance, draw: np.random.Generator) -> Scatter:
     """The factors of one run."""
     gain, tau1, tau2 = draw.standard_normal(3).tolist()
     return Scatter(1 + d.gain_scatter * gain, exp(d.tau1_scatter * tau1), exp(d.tau2_scatter * tau2))
-
-
-def sample_times(duration_s: float, rate_hz: float, jitter_s: float, draw: np.random.Generator) -> Array:
-    """Sample instants [s], from 0, `duration_s` itself left out; jittered ones to whole microseconds."""
-    ticks = np.arange(round(duration_s * rate_hz)) / rate_hz
-    if jitter_s == 0:
-        return ticks
-    reach = 0.45 / rate_hz
-    shift = np.clip(draw.standard_normal(ticks.size) * jitter_s, -reach, reach)
-    shift[0] = abs(shift[0])
-    times: Array = np.round(ticks + shift, 6)
-    if not np.all(np.diff(times) > 0):
-        raise UsageError(
-            f"«jitter_s» {jitter_s:g}: at {rate_hz:g} Hz whole microseconds cannot hold it; lower the rate"
-        )
-    return times
 
 
 def measured(torque_nm: Array, time_s: Array, rotor_hz: Array, d: Disturbance, draw: np.random.Generator) -> Array:
@@ -163,7 +145,7 @@ def record(
 ) -> Columns:
     """What is logged of a rig that was at rest before."""
     factors = scatter(disturbance, draw)
-    time_s = sample_times(duration_s, rate_hz, disturbance.jitter_s, draw)
+    time_s = np.arange(round(duration_s * rate_hz)) / rate_hz
     starts, levels = np.array(changes).T
     value = levels[np.searchsorted(starts, time_s, side="right") - 1]
     torque = driven(plant.pull(factors), starts, levels, time_s)

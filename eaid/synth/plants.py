@@ -20,7 +20,7 @@ from eaid.control.gains import plant_of
 from eaid.errors import DataError, UsageError
 from eaid.logs.run import Kind
 from eaid.models.parameters import REFERENCE_PLANT, SHARE, Friction, Nonlinear
-from eaid.replay.plant import Pull, perturbed, plant_parameters, plant_pull, plant_terms
+from eaid.replay.plant import Pull, plant_parameters, plant_pull, plant_terms
 from eaid.results.fit import Fit
 
 UNKNOWN = "a.u."
@@ -41,7 +41,12 @@ class Scatter:
 
     def on(self, model: Nonlinear) -> Nonlinear:
         """The model as this run has it."""
-        return perturbed(model, {"Ts": self.gain, "tau1": self.tau1, "tau2": self.tau2})
+        tau1, tau2 = self.tau1, self.tau2
+        return replace(
+            model, tau1=tuple(tau1 * c for c in model.tau1), tau2=tuple(tau2 * c for c in model.tau2),
+            Ts=tuple(self.gain * c for c in model.Ts),
+            release=model.release and (tau1 * model.release[0], tau2 * model.release[1]),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)

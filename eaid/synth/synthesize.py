@@ -57,7 +57,7 @@ def disturbance_of(options: SynthOptions, plant: Plant) -> Disturbance:
     base = NONE if options.clean else Disturbance()
     if not plant.in_nm:
         base = replace(base, **{name: getattr(base, name) * plant.scale for name in ABSOLUTE})
-    given = {each.name: getattr(options, each.name) for each in fields(Disturbance)}
+    given = {each.name: getattr(options, each.name, None) for each in fields(Disturbance)}
     disturbance = replace(base, **{name: value for name, value in given.items() if value is not None})
     if options.coloured_s is not None and not disturbance.coloured > 0:
         raise UsageError("«coloured_s»: does nothing without «coloured»; give both or neither")

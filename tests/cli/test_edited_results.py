@@ -24,7 +24,7 @@ READERS = {
     "fit.json": [
         "report fit.json --figures fig08 -o page",
         "tune-rc fit.json -o g.json",
-        "tune-rc fit.json --widen-bounds --bounds-levels 30:100 -o g.json",
+        "tune-rc fit.json --phi data -o g.json",
         "simulate fit.json --gains gains.json --scenario steps --duration 2 -o replay.h5",
         "simulate fit.json --controller inverse --plants 2 --duration 2 -o replay.h5",
         "plan fit.json --no-check -o plan.csv",

@@ -14,10 +14,10 @@ OPTIONS = {
     "fit": "model kind levels share loss hold-out ci baseline estimator columns units name-pattern step-at until rest "
     "repair logs-as duty bounds-levels dead-time shape tables verbose",
     "ingest": "columns units name-pattern step-at until baseline rest repair rate-hz kind",
-    "tune-rc": "kp kd natural-frequency damping q-max phi epsilon gamma p-scale b-hat rho alpha pi-overshoot "
-    "pi-settling pi-gains reference data duty-limits pwm-hz widen-bounds anyway",
-    "simulate": "gains controller scenario reference log noise-nm pwm-hz plants threads perturb duration rate-hz "
-    "duty-bits sensor-hz delay-samples ripple-pct limb-damping limb-inertia keep-baseline",
+    "tune-rc": "kp kd natural-frequency damping q-max phi epsilon gamma p-scale b-hat rho pi-overshoot "
+    "pi-settling pi-gains reference duty-limits pwm-hz anyway",
+    "simulate": "gains controller scenario reference log noise-nm pwm-hz plants duration rate-hz "
+    "delay-samples limb-damping",
     "export": "as law precision rate-hz anyway",
     "report": "figures format",
     "synth": "plant kind levels repeats duty-file excitation shape noise-nm clean hold idle release rate-hz",
@@ -29,12 +29,12 @@ OPTIONS = {
 WORDS = {
     "fit": "friction nonlinear linear clutch friction-force friction-speed squares huber robust bootstrap white none "
     "auto joint free first steps recorded",
-    "tune-rc": "pooled minimax paper textbook formula reached multisine",
-    "simulate": "rc pi feedforward open-loop inverse steps multisine sweep ramp rehab",
+    "tune-rc": "pooled minimax paper textbook multisine",
+    "simulate": "rc pi open-loop inverse steps multisine sweep rehab",
     "export": "c arduino matlab fmu yaml pi rc inverse plant double single",
     "report": "pdf svg png",
     "synth": "reference staircase random prbs multisine chirp closed-loop",
-    "couple": "open-loop pi rc-no-rate rc inverse",
+    "couple": "open-loop pi rc-no-rate rc",
 }
 SEEDED = {"fit", "tune-rc", "simulate", "synth", "plan"}
 

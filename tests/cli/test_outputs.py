@@ -18,8 +18,6 @@ logs/log.csv: ingest logs -o OUT
 logs/log.csv: fit logs -o OUT
 data.h5: fit data.h5 -o OUT
 sets/data.h5: fit sets -o OUT
-data.h5: tune-rc fit.json --phi data --data data.h5 -o OUT
-logs/log.csv: tune-rc fit.json --phi data --data logs -o OUT
 fit.json: tune-rc fit.json -o OUT
 reference.csv: tune-rc fit.json --reference reference.csv -o OUT
 fit.json: simulate fit.json --scenario steps -o OUT

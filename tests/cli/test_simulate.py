@@ -33,23 +33,11 @@ def test_the_multisine_is_the_default_and_replay_h5_the_output(run_eaid):
 
 
 def test_every_effect_of_the_rig_is_an_option(run_eaid):
-    effects = (
-        "--noise-nm 0.01 --ripple-pct 2 --ripple-hz 3 --sensor-hz 100 --delay-samples 2 "
-        "--pwm-hz 300 --duty-bits 8 --perturb Ts=0.9,tau1=1.2 --controller rc,pi,open-loop,inverse"
-    )
+    effects = "--noise-nm 0.01 --delay-samples 2 --pwm-hz 300 --controller rc,pi,open-loop,inverse"
     ran = run_eaid(f"simulate fit.json --gains gains.json --duration 2 --json {effects}")
-    told = json.loads(ran.out)
-    wanted = {
-        "noise_nm": 0.01, "ripple_pct": 2.0, "ripple_hz": 3.0, "sensor_hz": 100.0,
-        "delay_samples": 2, "pwm_hz": 300.0, "duty_bits": 8,
-    }  # fmt: skip
-    assert ran.code == 0 and wanted.items() <= told["rig"].items() and told["perturb"] == {"Ts": 0.9, "tau1": 1.2}
+    assert ran.code == 0
+    assert json.loads(ran.out)["rig"] == {"noise_nm": 0.01, "delay_samples": 2, "pwm_hz": 300.0}
     assert {"measured_nm", "applied_pct"} <= set(columns("rc"))
-    plain = run_eaid("simulate fit.json --controller open-loop --duration 2 --force -q")
-    top = columns("open-loop")["torque_nm"]
-    words = "--controller open-loop --duration 2 --force -q --perturb Ts=0.5"
-    assert plain.code == run_eaid(f"simulate fit.json {words}").code == 0
-    np.testing.assert_allclose(columns("open-loop")["torque_nm"], 0.5 * top, rtol=1e-6)
 
 
 def test_a_recorded_duty_through_the_plant(run_eaid):
@@ -67,13 +55,12 @@ def test_a_recorded_duty_through_the_plant(run_eaid):
         assert set(file) == {"closed"}
 
 
-def test_in_volts_counts_and_steps_go_over_the_whole_range(by_hand, run_eaid, volts):
+def test_in_volts_steps_go_over_the_whole_range(by_hand, run_eaid, volts):
     by_hand({"data": volts}, k=3, y=0.5)
-    ran = run_eaid("simulate fit.json --controller inverse --duty-bits 6 --scenario steps --duration 9 --force")
+    ran = run_eaid("simulate fit.json --controller inverse --scenario steps --duration 9 --force")
     found = columns("inverse")  # 4 N·m of 4.372, for 2.186 N
     assert "(N)" in ran.out and found["reference_nm"].max() == pytest.approx(2.0, rel=1e-3)
-    counts = found["duty_pct"] * 63 / 300
-    assert np.abs(counts - np.round(counts)).max() < 1e-9 and counts.max() == 63
+    assert found["duty_pct"].max() == 300
 
 
 def test_gains_of_another_rig_and_logs_in_other_units_are_refused(by_hand, run_eaid, volts):

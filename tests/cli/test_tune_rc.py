@@ -68,19 +68,6 @@ def test_every_option_reaches_the_gains(tuned):
     assert gains["margins"]["timing"] == {"rate_hz": 500.0, "pwm_hz": None, "delay_samples": 0}
 
 
-def test_the_logs_that_a_fit_names_are_taken_while_they_are_the_same(rig, run_eaid):
-    words = ["tune-rc", "fit.json", "--phi", "data", "--force", "-o", "g.json"]
-    assert run_eaid(words).code == 0
-    told = json.loads(Path("g.json").read_text(encoding="utf-8"))["phi_from_data"]
-    assert {"model", "logs"} <= set(told)
-    Path("data.h5").write_bytes(Path("data.h5").read_bytes() + b" ")
-    ran = run_eaid(words)
-    assert ran.code == 0 and "data.h5: is gone or has changed, so φ cannot be read off them" in ran.err
-    assert json.loads(Path("g.json").read_text(encoding="utf-8"))["phi_from_data"].get("logs") is None
-    assert run_eaid(words, "--data", "logs").code == 0
-    assert "logs" in json.loads(Path("g.json").read_text(encoding="utf-8"))["phi_from_data"]
-
-
 @pytest.mark.parametrize(
     ("linear", "sentence"),
     [
@@ -130,9 +117,9 @@ def test_a_fit_without_what_is_needed(by_hand, run_eaid):
     by_hand({"linear": None, "nonlinear": None, "friction": {}})
     ran = run_eaid("tune-rc fit.json -o x")
     assert ran.code == 3 and "holds no linear model" in ran.err
-    by_hand({"nonlinear": None})
-    ran = run_eaid("tune-rc fit.json --bounds-levels 30:100 -o x")
-    assert ran.code == 2 and "no fits of single levels" in ran.err
+    by_hand({"linear": {**LINEAR, "bounds": None}})
+    ran = run_eaid("tune-rc fit.json -o x")
+    assert ran.code == 2 and "the fit holds no range of B" in ran.err
 
 
 def test_a_fit_that_is_not_usable_is_used_on_request_only(tuned, by_hand, run_eaid):

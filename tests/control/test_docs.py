@@ -93,7 +93,6 @@ def test_noise_over_seeds(fit, rows):
     ("start", "options"),
     [
         ("pooled, 1/b0 (the paper's)", {}),
-        ("pooled, ρ made with the α reached (`--alpha reached`)", {"alpha": "reached"}),
         ("minimax, 2 B_m B_M/(B_m + B_M)", {"b_hat": "minimax"}),
     ],
 )

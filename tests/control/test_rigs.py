@@ -144,7 +144,7 @@ def test_behind_a_dead_time_both_loops_keep_six_decibels_and_45_degrees_at_every
         assert 6 <= point.pi.gain_db == pytest.approx(-20 * np.log10(size[turn]), abs=0.1)
         assert point.rc.phase_deg >= 45 and point.rc.gain_db >= 6
     assert gains.guarantee.holds is False and not [one for one in gains.findings if one.code == "margin-missed"]
-    run = eaid.simulate(fit, gains, "ramp", controller=("pi",)).records["pi"]  # … and on the replayed plant it runs
+    run = eaid.simulate(fit, gains, controller=("pi",)).records["pi"]  # … and on the replayed plant it runs
     assert run.metrics.max_abs_error_nm < 0.7 * run.columns["reference_nm"].max()
 
 
@@ -171,7 +171,7 @@ def test_a_rig_a_thousand_times_slower_than_the_paper_s(tuned):
 @pytest.mark.parametrize(
     ("options", "words"),
     [({"kp": 0.0}, "K_P 0 and K_D 3 make the error dynamics"), ({"kd": -3.0}, "both have to be positive"),
-     ({"b_hat": -0.5}, "B̂ is -0.5"), ({"b_hat": 30.0, "alpha": "reached"}, "no ρ covers that")],
+     ({"b_hat": -0.5}, "B̂ is -0.5")],
 )  # fmt: skip
 def test_gains_that_no_loop_takes_are_refused(tuned, options, words):
     with pytest.raises(eaid.GainsError, match=words):

@@ -38,7 +38,7 @@ def test_walls_are_those_of_an_independent_analysis_and_one_sample_late_costs_th
     for wall in couple(torque=(1.0,), loops=("rc", "rc-no-rate"), delay_samples=1).walls:
         least, most = (0.6, 0.8) if wall.loop == "rc" else (0.97, 1.0)
         assert least < wall.K_stable / walls[wall.loop, 1.0].K_stable < most
-    for slower in ({"pwm_hz": 300.0}, {"delay_samples": 10}, {"sensor_hz": 5.0}):
+    for slower in ({"pwm_hz": 300.0}, {"delay_samples": 10}):
         (wall,) = couple(torque=(2.0,), loops=("pi",), **slower).walls
         assert wall.K_stable < walls["pi", 2.0].K_stable
 
@@ -75,31 +75,23 @@ def test_more_virtual_damping_than_the_limb_has_leaves_no_passive_wall():
 
 
 @pytest.mark.parametrize("loop", ["open-loop", "pi"])
-def test_python_control_finds_the_same_sampled_loop(loop):
-    """Torque over reference by python-control: zero-order hold of the plant's two lags, the PI in feedback."""
+def test_python_control_finds_the_same_sampled_wall(loop):
+    """Angle over wanted torque by python-control: plant and limb behind a zero-order hold, the PI in feedback."""
     import control
 
-    found, h = couple(torque=(2.0,), loops=(loop,)), 1e-3
-    (wall,), (curve,) = found.walls, found.curves
-    u = wall.duty
+    (wall,), h = couple(torque=(2.0,), loops=(loop,)).walls, 1e-3
+    u, z = wall.duty, control.tf([1, 0], [1], 1e-3)
     tau1, tau2, _ = (np.polyval(PLANT[name][::-1], u) for name in ("tau1", "tau2", "Ts"))
     slope = np.polyval(np.polyder(PLANT["Ts"][::-1]), u)
-    z = control.tf([1, 0], [1], h)
-    plant = sum(
-        control.c2d(control.tf([share * slope], [tau, 1]), h, "zoh") for share, tau in ((0.85, tau1), (0.15, tau2))
-    )
+    lags = [control.ss(control.tf([C * slope], [tau, 1])) for C, tau in ((0.85, tau1), (0.15, tau2))]
+    plant, limb = lags[0] + lags[1], control.ss(control.tf([1], [0.1, 0.8, 0]))
     law = 21.0 + 360.0 * h / (z - 1)
-    whole = plant / slope if loop == "open-loop" else control.feedback(law * plant)
-    slow = np.array(curve.frequency_hz) < 10.0
-    omega = 2 * np.pi * np.array(curve.frequency_hz)[slow]
-    expected = 20 * np.log10(np.abs(whole(np.exp(1j * omega * h))))
-    assert np.abs(np.array(curve.gain_db)[slow] - expected).max() < 0.02
-
-
-def test_a_pair_is_worked_out_beside_the_single_clutch():
-    found = couple(torque=(1.0, 4.0), pair_bias_nm=1.5)
-    assert {wall.torque_nm for wall in found.pair} == {1.0}
-    assert "pair-bias-cut" in {one.code for one in found.findings}
+    duty = control.tf([1 / slope], [1], h) if loop == "open-loop" else control.feedback(law, control.c2d(plant, h))
+    omega = np.geomspace(0.1, 3000.0, 200_000)
+    angle = control.frequency_response(control.ss(duty) * control.c2d(limb * plant, h), omega).complex
+    turns = np.flatnonzero(((1 / angle).imag[:-1] < 0) != ((1 / angle).imag[1:] < 0))
+    stiffest = min(K for K in -(1 / angle).real[turns] if K > 0)
+    assert wall.K_stable == pytest.approx(stiffest, rel=1e-3)
 
 
 @pytest.mark.slow
@@ -134,7 +126,7 @@ def test_a_dead_time_that_the_steps_show_counts_as_delay():
 def test_walls_do_not_depend_on_the_unit_of_the_input():
     """The reference plant driven by 0 … 300 V in place of 0 … 100 %: the same torque, the same walls."""
     volts = {name: [c / 3.0**k for k, c in enumerate(PLANT[name])] for name in ("tau1", "tau2", "Ts")}
-    options = {"torque": (1.0, 3.0), "loops": ("open-loop", "inverse")}
+    options = {"torque": (1.0, 3.0), "loops": ("open-loop",)}
     stretched = couple({**PLANT, **volts, "u_range": [30.0, 300.0]}, **options)
     for wall, same in zip(couple(**options).walls, stretched.walls, strict=True):
         assert same.duty == pytest.approx(3 * wall.duty)

@@ -1,10 +1,8 @@
 """The paper's gains and the reference plant as a script writes them, their exports, and the replays of both."""
 
 import copy
-import importlib
 import shutil
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +13,8 @@ import numpy as np
 import pytest
 
 import eaid
+from eaid.export import job
+from eaid.export import reference as plain_python
 
 from .. import conftest as shared
 
@@ -133,25 +133,18 @@ class Laws:
             held, torque = self.law.plant_step(c, held, duty)
 
 
-def laws_in(folder: Path, number: type = float) -> Laws:
-    """What `target="python"` wrote into a folder."""
-    sys.path.insert(0, str(folder))
-    try:
-        law, held = (importlib.import_module(name) for name in ("eaid_laws", "eaid_constants"))
-    finally:
-        sys.path.remove(str(folder))
-        for name in ("eaid_laws", "eaid_constants"):
-            sys.modules.pop(name, None)
-    constants = {name.lower(): cast(value, number) for name, value in vars(held).items() if name.isupper()}
-    return Laws(law, constants, number)
+def laws_of(gains: Any, fit: Any, precision: str = "double", **options: Any) -> Laws:
+    """What an export holds, in the plain Python that its other languages repeat."""
+    source, how = job.source_of(gains, fit), eaid.ExportOptions(precision=precision, **options)
+    constants = job.constants_of(source, job.laws_of(source, how), job.timing_of(source, how))
+    number = np.float32 if precision == "single" else float
+    return Laws(plain_python, {name: cast(value, number) for name, value in constants.items()}, number)
 
 
 @pytest.fixture(scope="session")
-def laws(exported: Exporter) -> Callable[[str], Laws]:
+def laws() -> Callable[[str], Laws]:
     """The plain Python in a precision."""
-    return lambda precision="double": laws_in(
-        exported("python", precision), np.float32 if precision == "single" else float
-    )
+    return lambda precision="double": laws_of(gains_of(), fit_of(), precision)
 
 
 def ran(*command: Any, cwd: Path, **further: Any) -> SimpleNamespace:

@@ -155,20 +155,10 @@ int main(void)
 {
     %(state)s s;
     eaid_real duty;
-    int k;
     printf("%%u %%u\\n", (unsigned)eaid_interval(1.05F * eaid_dt_s), (unsigned)eaid_interval(1.2F * eaid_dt_s));
     printf("%%u\\n", (unsigned)eaid_%(law)s_init(&eaid_%(law)s, &s, 2 * eaid_dt_s));
     duty = eaid_%(law)s_step(&eaid_%(law)s, &s, 1, 0, 0);
     printf("%%g %%u\\n", (double)duty, (unsigned)s.guard.status);
-    (void)eaid_%(law)s_init(&eaid_%(law)s, &s, eaid_dt_s);
-    for (k = 0; k < 700; k++)
-    {
-        duty = eaid_%(law)s_step(&eaid_%(law)s, &s, 2, 0, k < 100 ? (eaid_real)k / 100 : (eaid_real)1);
-        if ((k == 599) || (k == 600) || (k == 699))
-        {
-            printf("%%.6g %%u\\n", (double)duty, (unsigned)s.guard.status);
-        }
-    }
     return 0;
 }
 """
@@ -177,14 +167,11 @@ int main(void)
 @pytest.mark.slow
 @pytest.mark.parametrize("precision", ["double", "single"])
 @pytest.mark.parametrize("law", LAWS)
-def test_a_wrong_rate_and_a_stuck_sensor_are_met_as_the_readme_says(exported, tmp_path, law, precision):
+def test_a_wrong_rate_is_met_as_the_readme_says(exported, tmp_path, law, precision):
     state = "eaid_inverse_state" if law == "inverse" else "eaid_integral_state"
     (tmp_path / "faults.c").write_text(FAULTS % {"law": law, "state": state})
     folder = exported("c", precision)
     made = ran(COMPILERS[0], f"-I{folder}", "faults.c", folder / "eaid_control.c", "-o", "faults", "-lm", cwd=tmp_path)
     assert made.returncode == 0
     lines = ran(tmp_path / "faults", cwd=tmp_path).stdout.splitlines()
-    assert lines[:3] == ["0 32", "32", "0 33"]
-    stuck = [line.split() for line in lines[3:]]
-    assert [int(status) & 16 for _, status in stuck] == [0, 16, 16]  # 500 samples after the last change
-    assert float(stuck[2][0]) == 100.0 and int(stuck[2][1]) == 24  # the error stays: the duty is at its limit
+    assert lines == ["0 32", "32", "0 33"]

@@ -1,6 +1,6 @@
 """The exported laws in plain Python, which the other languages repeat to the bit: the libm, the replay, and faults.
 
-On a wrong sample rate, NaN, a stuck sensor, a jump, a takeover a user gets what the export's README.md says.
+On a wrong sample rate, NaN, a jump, a takeover a user gets what the export's README.md says.
 """
 
 import math
@@ -8,9 +8,7 @@ import math
 import numpy as np
 import pytest
 
-import eaid
-
-from .conftest import DT, LAWS, fit_of, gains_of, laws_in, replayed
+from .conftest import DT, LAWS, fit_of, gains_of, laws_of, replayed
 
 
 @pytest.mark.parametrize(("precision", "bound"), [("double", 6e-16), ("single", 3e-7)])
@@ -29,33 +27,26 @@ SOFT = {"gamma": 2.0, "epsilon": 0.4}
 
 
 @pytest.mark.parametrize(
-    ("law", "changes", "factor"),
-    [("pi", {}, 1.0), ("pi", {"duty_limits_pct": [5.0, 95.0]}, 1.0), ("rc", {}, 1.0),
-     ("rc", {"rc": SOFT, "duty_limits_pct": [5.0, 95.0]}, 1.0), ("inverse", {}, 1.0), ("inverse", {}, 0.8)],
+    ("law", "changes"),
+    [("pi", {}), ("pi", {"duty_limits_pct": [5.0, 95.0]}), ("rc", {}),
+     ("rc", {"rc": SOFT, "duty_limits_pct": [5.0, 95.0]}), ("inverse", {})],
 )  # fmt: skip
-def test_the_laws_are_the_replays(tmp_path, law, changes, factor):
-    """On a reference that meets both limits; the inverse also on a plant that is weaker than it knows."""
+def test_the_laws_are_the_replays(tmp_path, law, changes):
+    """On a reference that meets both limits."""
     t = np.arange(3000) * DT
     rows = [f"{at!r},{wanted!r}" for at, wanted in zip(t.tolist(), (1.5 + 6 * np.sin(4 * t)).tolist(), strict=True)]
     (tmp_path / "reference.csv").write_text("\n".join(["time_s,reference_nm", *rows]))
-    perturb = {"Ts": factor} if factor != 1.0 else {}
-    options = {"reference": tmp_path / "reference.csv", "perturb": perturb}
-    run = replayed(law, None, fit_of(), gains_of(**changes), **options)
-    eaid.export(gains_of(**changes), tmp_path / "rig", fit_of(), target="python", anyway=True)
-    made = laws_in(tmp_path / "rig")
-    plant = made.constants["plant"]
-    weak = plant._replace(**{name: factor * getattr(plant, name) for name in ("Ts_0", "Ts_1", "Ts_2", "Ts_3")})
-    duty, torque = np.array(list(made.closed_loop(run, weak))).T
+    run = replayed(law, None, fit_of(), gains_of(**changes), reference=tmp_path / "reference.csv")
+    duty, torque = np.array(list(laws_of(gains_of(**changes), fit_of()).closed_loop(run))).T
     assert np.abs(torque - run.torque).max() <= 1e-12 and np.abs(duty - run.duty).max() <= 1e-7
     low, high = changes.get("duty_limits_pct", (0.0, 100.0))
     assert (duty.min(), duty.max()) == (low, high)
 
 
 @pytest.fixture
-def strict(tmp_path):
-    """Laws of an export with a duty on fault and an early word of a stuck sensor."""
-    eaid.export(gains_of(), tmp_path / "rig", fit_of(), target="python", duty_on_fault=7.0, stuck_s=0.05)
-    return laws_in(tmp_path / "rig")
+def strict():
+    """Laws of an export with a duty on fault."""
+    return laws_of(gains_of(), fit_of(), duty_on_fault=7.0)
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -92,15 +83,8 @@ def test_an_input_that_is_no_number_gives_the_duty_on_fault_and_leaves_the_state
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_a_stuck_sensor_and_the_limits_are_told_and_the_law_goes_on(strict, name):
-    law, state, told = strict.law, strict.init(name), []
-    for k in range(400):
-        state, duty = strict.step(name, state, 2.0, 0.0, 0.01 * min(k, 100))
-        told.append(bool(state.guard.status & law.STUCK))
-    assert told.index(True) == 150 and all(told[150:])
-    assert duty == pytest.approx(100.0)  # the error stays, and nothing in the law can know
-    state, _ = strict.step(name, state, 2.0, 0.0, 1.001)
-    assert not state.guard.status & law.STUCK
+def test_the_limits_are_told_and_the_law_goes_on(strict, name):
+    law = strict.law
     for wanted, torque, duty, bit in ((9.0, 0.0, 100.0, law.AT_MAX), (0.0, 9.0, 0.0, law.AT_MIN)):
         state, given = strict.step(name, strict.init(name), wanted, 0.0, torque)
         assert given == duty and state.guard.status == bit

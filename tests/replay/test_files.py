@@ -9,7 +9,7 @@ import eaid
 
 @pytest.fixture(scope="module")
 def run(fit, gains):
-    return eaid.simulate(fit, gains, "steps", duration=0.9, perturb={"Ts": 0.9}, noise_nm=0.01, plants=3, rate_hz=200.0)
+    return eaid.simulate(fit, gains, "steps", duration=0.9, noise_nm=0.01, plants=3, rate_hz=200.0)
 
 
 @pytest.fixture

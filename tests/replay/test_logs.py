@@ -56,9 +56,6 @@ def test_the_models_own_step_is_explained_and_idle_torque_is_taken_off(fit):
     found = metrics(fit, idle_then_step())
     assert found.idle_nm == pytest.approx(0.03) and found.max_abs_difference_nm < 1e-12
     assert (found.R2, found.fit_pct, found.one_step_pct) == pytest.approx((1.0, 100.0, 100.0))
-    kept = metrics(fit, idle_then_step(), keep_baseline=True)
-    assert kept.mean_difference_nm == pytest.approx(0.03) == kept.rms_difference_nm and kept.idle_nm == 0.0
-    assert kept.one_step_pct == pytest.approx(100.0) and kept.fit_pct < 99.0
     assert metrics(fit, idle_then_step(rows=10)).idle_nm == pytest.approx(0.03)
     assert metrics(fit, idle_then_step(rows=9)).idle_nm == 0.0  # nine rows make no idle value
     assert metrics(fit, idle_then_step(edge="falling")).idle_nm == 0.0
@@ -102,7 +99,7 @@ def test_noise_and_short_stretches(fit):
 def test_how_far_the_model_is_by_hand(fit):
     """At rest the model gives nothing: apart are the recorded 1, −1, 3, 1 themselves; less their mean 0, −2, 2, 0."""
     one = run(np.arange(4) * 0.5, np.zeros(4), [1.0, -1.0, 3.0, 1.0])
-    record = laid(fit, one, keep_baseline=True).records["x"]
+    record = laid(fit, one).records["x"]
     told = record.metrics
     assert (told.max_abs_difference_nm, told.mean_difference_nm, told.start_nm) == (3.0, 1.0, 0.0)
     assert told.rms_difference_nm == pytest.approx(np.sqrt(12 / 4)) and told.reference_is == "recorded torque"

@@ -11,9 +11,8 @@ import eaid
 
 SD = np.array([0.005, 0.05, 0.01, 0.05, 0.5, 0.1, 0.001, 0.02, 0.05, 0.02])
 UNCERTAIN = {"covariance": {"matrix": np.diag(SD**2).tolist()}}
-NAMES = ("rc", "pi", "feedforward", "open-loop", "inverse")
-EVERYTHING = {"noise_nm": 0.02, "ripple_pct": 2.0,
-              "ripple_hz": 3.0, "sensor_hz": 80.0, "delay_samples": 2, "pwm_hz": 300.0, "duty_bits": 8}  # fmt: skip
+NAMES = ("rc", "pi", "open-loop", "inverse")
+EVERYTHING = {"noise_nm": 0.02, "delay_samples": 2, "pwm_hz": 300.0}
 REFERENCE = 2 + np.sin(np.arange(1500) * 4e-3) + np.repeat([0.0, -1.5, 0.0], 500)
 
 
@@ -25,7 +24,7 @@ def uncertain(fit_of):
 
 @pytest.mark.parametrize("rig", [{}, EVERYTHING], ids=["bare", "everything"])
 def test_each_plant_is_its_own_replay_in_machine_code_and_in_python(played, uncertain, fit_of, gains, rig):
-    run = played(REFERENCE, fit=uncertain, controller=NAMES, plants=4, seed=3, perturb={"Ts": 0.9}, **rig)
+    run = played(REFERENCE, fit=uncertain, controller=NAMES, plants=4, seed=3, **rig)
     assert (run.head.plants, run.head.plants_from) == (4, "covariance")
     alone = []
     tables = run.records["pi"].tables
@@ -91,9 +90,10 @@ def test_the_spread_of_each_metric_and_the_worst_plant(fit_of, gains):
     assert len(gain) == 9 and (gain < 0).all()
 
 
-def test_one_thread_and_many_give_the_same_bytes(played, uncertain, tmp_path):
+def test_one_thread_and_many_give_the_same_bytes(played, uncertain, tmp_path, monkeypatch):
     for threads in (1, 4, 1024):
-        options = {"controller": ("rc",), "plants": 50, "noise_nm": 0.01, "threads": threads}
+        monkeypatch.setattr("os.sched_getaffinity", lambda _, threads=threads: range(threads))
+        options = {"controller": ("rc",), "plants": 50, "noise_nm": 0.01}
         played(REFERENCE[:300], fit=uncertain, **options).save(tmp_path / f"{threads}.h5")
     first, *others = ((tmp_path / f"{threads}.h5").read_bytes() for threads in (1, 4, 1024))
     assert all(other == first for other in others)
@@ -114,5 +114,5 @@ def test_a_plant_that_fails_ends_the_work_of_all_threads_and_is_told(played, unc
         yield tick
 
     with pytest.raises(KeyboardInterrupt):
-        played(REFERENCE[:10], fit=uncertain, controller=("pi",), plants=125, threads=2, progress=progress)
+        played(REFERENCE[:10], fit=uncertain, controller=("pi",), plants=125, progress=progress)
     assert seen[0] == ("pi on drawn plants", 125) and 4 <= len(seen) < 120

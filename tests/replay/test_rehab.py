@@ -115,9 +115,9 @@ def test_options_limits_and_another_rig(fit, fit_of, gains, session):
         with pytest.raises(eaid.UsageError, match=said):
             session(0, **options)
     words = {"controller": ("inverse",), "duration": 24.0, "seed": 2}
-    run = eaid.simulate(fit, gains, "rehab", limb_damping=0.9, limb_inertia=0.12, **words)
+    run = eaid.simulate(fit, gains, "rehab", limb_damping=0.9, **words)
     exercise = run.head.exercise
-    assert (exercise.mode_s, exercise.damping_nms, exercise.inertia_kgm2) == (8.0, 0.9, 0.12)
+    assert (exercise.mode_s, exercise.damping_nms, exercise.inertia_kgm2) == (8.0, 0.9, 0.1)
     assert (run.head.counted_from_s, run.head.dt_s, exercise.soft_nm_rad) == (5.0, 1e-3, 1.0)
     # a clutch of a tenth of the torque moves a limb and a user of a tenth of the strength by the same angles
     weak = fit_of({"Ts": [0.1 * c for c in fit.nonlinear.Ts]}, data={"input_unit": "V", "output_unit": "Nm"})
@@ -144,7 +144,7 @@ def test_the_statistics_of_a_session(one):
         near = values[(values >= q1 - 1.5 * (q3 - q1)) & (values <= q3 + 1.5 * (q3 - q1))]
         wanted = (25_000, values.mean(), values.std(ddof=1), q1, median, q3, near.min(), near.max(), 25_000 - len(near))
         numbers = ["n", "mean", "sd", "q1", "median", "q3", "whisker_low", "whisker_high", "outliers"]
-        assert [getattr(box, name) for name in numbers] == pytest.approx(wanted) and 1 < box.independent < 500
+        assert [getattr(box, name) for name in numbers] == pytest.approx(wanted)
         np.testing.assert_allclose(found.cycle_means_deg, means[mode])
         torque = np.abs(counted(one.columns["torque_error_nm"], mode))
         assert (found.mean_abs_torque_error_nm, found.max_abs_torque_error_nm) == pytest.approx(
@@ -166,16 +166,6 @@ def test_the_statistics_of_a_session(one):
         found = test.cycles
         assert (found.t, found.p_welch, found.df) == pytest.approx((welch.statistic, welch.pvalue, welch.df))
         assert (found.U, found.p_rank, found.least_p_rank) == pytest.approx((rank.statistic, rank.pvalue, 0.1))
-
-
-def test_samples_of_a_slow_series_are_worth_few_observations():
-    """An AR(1) with a = e^(−1/50): n (1 − a)/(1 + a)."""
-    random, a = np.random.default_rng(0), np.exp(-1 / 50)
-    slow = [0.0]
-    for value in random.standard_normal(100_000):
-        slow.append(a * slow[-1] + value)
-    assert rehab.independent(np.array(slow)) == pytest.approx(100_000 * (1 - a) / (1 + a), rel=0.25)
-    assert rehab.independent(random.standard_normal(20_000)) > 15_000 and rehab.independent(np.ones(5)) == 1.0
 
 
 def test_too_few_whole_cycles_tell_nothing():

@@ -57,13 +57,6 @@ def test_steps_go_up_and_down_and_each_is_measured_until_the_next(fit, gains):
             assert step == metrics.step(torque[1000 * k : 1000 * (k + 1)], wanted[1000 * k - 1], wanted[1000 * k], DT)
 
 
-def test_the_ramp_rises_and_falls_at_one_slope(fit, gains):
-    made = reference_of(eaid.simulate(fit, gains, "ramp", rate_hz=100.0, **OPEN))
-    t = np.arange(1000) / 999
-    np.testing.assert_allclose(made, 4 * (1 - np.abs(2 * t - 1)), atol=1e-12)
-    assert pytest.approx(0.8, rel=1e-3) == eaid.tune_rc(fit, reference="ramp").rc.Q_M
-
-
 def test_the_sweep_is_measured_over_whole_periods(fit, gains):
     """10 s to settle and 5 s that count, in whole periods, two at least; each tone from its phase 0."""
     run = eaid.simulate(fit, gains, "sweep", rate_hz=200.0)
@@ -177,12 +170,10 @@ def test_what_is_replayed_without_gains_and_without_a_linear_model(played, fit_o
     ],
 )
 def test_the_rate_is_the_controllers_and_not_the_loggers(fit_of, data, dt_s):
-    run = eaid.simulate(fit_of(data=data), None, "ramp", controller=("inverse",))
+    run = eaid.simulate(fit_of(data=data), None, controller=("inverse",))
     assert run.head.dt_s == dt_s
     made = eaid.tune_rc(fit_of(data=data), phi=0.05, pi_gains=(1.0, 1.0), rate_hz=400.0)
-    assert (
-        eaid.simulate(fit_of(data=data), made, "ramp", controller=("pi",)).head.dt_s == 2.5e-3
-    )  # as its gains have it
+    assert eaid.simulate(fit_of(data=data), made, controller=("pi",)).head.dt_s == 2.5e-3  # as its gains have it
     assert (run.head.input_unit, run.head.output_unit) == (
         data.get("input_unit", "%"), data.get("output_unit", "N·m"))  # fmt: skip
 
@@ -236,5 +227,5 @@ def test_what_a_replay_stands_on_is_said(played, fit_of, fit, codes):
     assert run.head.rig.delay_samples == 2 and codes(run)["dead-time-replayed"] == {"dead_time_s": 0.02}
     run = played(T, 0.01, fit=late, controller=("inverse",), delay_samples=1)
     assert run.head.rig.delay_samples == 1 and "dead-time-replayed" not in codes(run)
-    assert "nothing-to-replay-on" not in codes(eaid.tune_rc(fit, reference="ramp"))
+    assert "nothing-to-replay-on" not in codes(eaid.tune_rc(fit, reference="multisine"))
     assert "nothing-to-replay-on" in codes(eaid.tune_rc(fit_of(nonlinear=None)))

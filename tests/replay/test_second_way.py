@@ -70,9 +70,7 @@ class Law:
         if self.name == "inverse":
             return self.inverse(r, rate, torque)
         pi, line = self.gains.pi, self.line
-        ahead = {"pi": 0.0, "open-loop": (line.a0 * r - line.c0) / line.b0}.get(
-            self.name, (rate + line.a0 * r - line.c0) / line.b0)  # fmt: skip
-        wanted = ahead + (pi.K_P * e + pi.K_I * self.q if self.name == "pi" else 0.0)
+        wanted = pi.K_P * e + pi.K_I * self.q if self.name == "pi" else (line.a0 * r - line.c0) / line.b0
         duty, self.q = wound(self.q, e, wanted, self.limits)
         return duty
 
@@ -111,22 +109,16 @@ def second_way(plant, law, reference, rig, seed):
     """True, read and given at each sample: events on one absolute clock, in fractions of a second; and the states."""
     n, given, rows, states = len(reference), [], [], []
     rate = np.append(np.diff(reference) / DT, 0.0) if law.name == "inverse" else np.gradient(reference, DT)
-    added, seen, acting = noise_of(rig, n, seed), 0.0, 0.0
+    added, acting = noise_of(rig, n, seed), 0.0
     pulses = iter(Fraction(j, round(rig["pwm_hz"])) for j in range(10**6)) if rig.get("pwm_hz") else None
     pulse = next(pulses) if pulses else None
     for k, wanted in enumerate(reference):
         now, end = Fraction(k, 1000), Fraction(k + 1, 1000)
         states.append(plant.x)
-        wave = 1 + rig.get("ripple_pct", 0) / 100 * math.sin(2 * math.pi * rig.get("ripple_hz", 0) * float(now))
-        true = sum(plant.x) * wave
-        share = 1 - math.exp(-2 * math.pi * rig["sensor_hz"] * DT) if "sensor_hz" in rig else 1.0
-        seen += share * (true - seen)
-        duty = law(wanted, rate[k], seen + added[k])
-        if rig.get("duty_bits"):
-            counts = 2 ** rig["duty_bits"] - 1
-            duty = math.floor(duty / 100 * counts + 0.5) / counts * 100
+        true = sum(plant.x)
+        duty = law(wanted, rate[k], true + added[k])
         given.append(duty)
-        rows.append((true, seen + added[k], duty))
+        rows.append((true, true + added[k], duty))
         delay = rig.get("delay_samples", 0)
         ready = given[k - delay] if k >= delay else 0.0
         if pulse is None:
@@ -142,15 +134,11 @@ def second_way(plant, law, reference, rig, seed):
 EFFECTS = {
     "bare": {},
     "noise": {"noise_nm": 0.03},
-    "ripple": {"ripple_pct": 4.0, "ripple_hz": 7.0},
-    "sensor": {"sensor_hz": 15.0},
     "delay": {"delay_samples": 5},
-    "quantiser": {"duty_bits": 6},
     "latch": {"pwm_hz": 300.0},
     "fast latch": {"pwm_hz": 1700.0},
     "latch of the control rate": {"pwm_hz": 1000.0},
-    "all": {"noise_nm": 0.02, "ripple_pct": 2.0, "ripple_hz": 7.0, "sensor_hz": 40.0, "delay_samples": 2,
-            "pwm_hz": 300.0, "duty_bits": 8},
+    "all": {"noise_nm": 0.02, "delay_samples": 2, "pwm_hz": 300.0},
 }  # fmt: skip
 STAIRS = np.repeat([0.0, 4.0, 0.5, 2.0, 0.3, 0.0], 150)
 """A staircase to the limits of the duty, and below the lowest identified one."""
@@ -162,7 +150,7 @@ def agrees(done, plant, law, reference, rig, seed=0):
     columns = done.records[law.name].columns
     np.testing.assert_allclose(columns["torque_nm"], true, atol=1e-11)
     np.testing.assert_allclose(columns["duty_pct"], given, atol=1e-8)
-    if {"noise_nm", "sensor_hz"} & set(rig):
+    if "noise_nm" in rig:
         np.testing.assert_allclose(columns["measured_nm"], read, atol=1e-11)
     else:
         assert "measured_nm" not in columns
@@ -172,10 +160,8 @@ def agrees(done, plant, law, reference, rig, seed=0):
 
 @pytest.mark.parametrize("name", EFFECTS)
 def test_every_effect_of_the_rig_on_every_law(played, fit, gains, name):
-    rig, names = EFFECTS[name], ("rc", "pi", "feedforward", "open-loop", "inverse")
+    rig, names = EFFECTS[name], ("rc", "pi", "open-loop", "inverse")
     for reference in (STAIRS, WAVE):
-        if "duty_bits" in rig:  # at a boundary of two counts rounding decides: laws without a high gain
-            names = ("pi", "open-loop")
         done = played(reference, controller=names, seed=11, **rig)
         for law in names:
             columns, _ = agrees(done, Plant(fit.nonlinear), Law(law, fit, gains), reference, rig, 11)
@@ -212,23 +198,13 @@ def test_narrower_limits(played, fit):
         assert columns["duty_pct"].min() >= 5.0 and columns["duty_pct"].max() == 80.0
 
 
-def test_a_plant_that_its_controllers_do_not_know(played, fit_of, fit, gains):
-    """«perturb» multiplies the plant's polynomials and its release; the inverse leaves no steady error on it."""
-    other = {"Ts": 0.9, "tau1": 1.3, "tau2": 0.8}
-    known, changed = (
-        fit_of(release=RELEASE),
-        {name: [k * c for c in getattr(fit.nonlinear, name)] for name, k in other.items()},
-    )
-    plant = fit_of(changed)
-    done = played(STAIRS, fit=known, controller=("pi", "inverse"), perturb=other)
-    for law in ("pi", "inverse"):
-        falls = (0.6, 7.0), False
-        twin = Plant(plant.nonlinear, (1.3 * 0.6, 0.8 * 7.0))
-        agrees(done, twin, Law(law, known, gains, falls=falls), STAIRS, {})
-    held = played(np.full(6000, 2.0), controller=("inverse",), perturb=other).records["inverse"].columns
-    assert abs(held["torque_nm"][-1] - 2.0) < 1e-4
-    with pytest.raises(eaid.UsageError, match="no 'C' in the plant; give factors of tau1, tau2 or Ts"):
-        played(WAVE, perturb={"C": 1.0})
+def test_the_inverse_leaves_no_steady_error_on_a_plant_that_it_does_not_know(played, fit_of):
+    sd = np.array([0.005, 0.05, 0.01, 0.05, 0.5, 0.1, 0.001, 0.02, 0.05, 0.02])
+    drawn = fit_of({"covariance": {"matrix": np.diag(sd**2).tolist()}})
+    done = played(np.full(6000, 2.0), fit=drawn, controller=("inverse",), plants=6)
+    lowest, *_, highest = done.records["inverse"].tables["plants/band_nm"]
+    assert np.ptp([lowest, highest], axis=0).max() > 0.01  # at first
+    assert abs(lowest[-1] - 2.0) < 1e-4 and abs(highest[-1] - 2.0) < 1e-4
 
 
 def test_the_inverse_follows_exactly_what_the_duty_can_reach(played):
@@ -241,8 +217,8 @@ def test_the_inverse_follows_exactly_what_the_duty_can_reach(played):
 
 
 @pytest.mark.parametrize("reference", ["stairs", "wave"])
-def test_chi_against_rho_and_whose_fault_it_is(played, fit, gains, reference):
-    """χ = y − Ṫ; where it fails at a limit, the limit is the cause if |χ| ≤ ρ with the duty that was asked for."""
+def test_chi_against_rho(played, fit, gains, reference):
+    """χ = y − Ṫ; and how many of the samples at which it fails have a duty at a limit."""
     wanted = STAIRS if reference == "stairs" else WAVE
     done = played(wanted, controller=("rc",))
     law, plant = Law("rc", fit, gains), Plant(fit.nonlinear)
@@ -253,18 +229,12 @@ def test_chi_against_rho_and_whose_fault_it_is(played, fit, gains, reference):
     chi = y - np.append(slope, slope[-1])
     np.testing.assert_allclose(columns["chi_nm_s"], chi, atol=1e-5)
     np.testing.assert_allclose(columns["rho_nm_s"], rho, rtol=1e-9)
-    limited, free = (asked < 0) | (asked > 100), chi.copy()
-    for k in np.flatnonzero(limited):
-        at, inside = (100.0, 99.0) if asked[k] > 100 else (0.0, 1.0)
-        steep = (plant.slope(inside, states[k]) - plant.slope(at, states[k])) / (inside - at)
-        free[k] -= (asked[k] - at) * steep
+    limited = (asked < 0) | (asked > 100)
     fails = np.abs(chi) > rho
     told = done.records["rc"].metrics
     assert told.guarantee_holds_fraction == pytest.approx(1 - fails.mean()) and fails.any() and limited.any()
     assert told.guarantee_largest_chi_over_rho == pytest.approx((np.abs(chi) / rho).max())
     assert told.guarantee_failures_at_limit == pytest.approx((fails & limited).sum() / fails.sum())
-    blamed = fails & limited & (np.abs(free) <= rho)
-    assert told.guarantee_failures_by_saturation == pytest.approx(blamed.sum() / fails.sum())
     # by the book, (1 − b B̂) y + b (η − η̂) for b and η of a line through two duties, where the duty is free
     rc, model = gains.rc, gains.model
     for k in np.flatnonzero(~limited & (columns["duty_pct"] > 10) & (np.arange(len(y)) < len(y) - 1))[::23]:

@@ -30,7 +30,7 @@ GAIN_ROWS: dict[str, Row] = {
     ),
     "rho-not-covered": caution(
         "ρ does not cover the uncertainty: with B̂ = {B_hat:.4g} the α really reached is {reached:.4g}, ρ was made with "
-        "{made:.4g}; «b_hat» minimax or «alpha» reached closes it"
+        "{made:.4g}; «b_hat» minimax closes it"
     ),
     "robust-term-beyond-actuator": caution(
         "outside the boundary layer the robust term alone asks for {asked:.4g} {unit}, the actuator spans {span:.4g} "
@@ -119,7 +119,6 @@ WALL_ROWS: dict[str, Row] = {
     "wall-beyond-encoder": caution(
         "{subject}: walls above {encoder:.3g} N·m/rad chatter on the encoder's steps, idle drag {drag:.3g} {unit}"
     ),
-    "pair-bias-cut": note("the pair's bias of {bias:.3g} {unit} leaves {torques} {unit} to the single clutch only"),
 }
 
 

@@ -185,7 +185,7 @@ def _model(results: Results, known: Known, drawn: Figures) -> Block | None:
 
 def _controller(results: Results, known: Known, drawn: Figures) -> Block | None:
     figures = _of(drawn, "fig13_sweep", "walls")
-    walls = [table for given in results.couplings for table in gains.walls_tables(given.result)]
+    walls = [gains.walls_table(given.result) for given in results.couplings]
     if not results.gains:
         return _part("Controller", known, figures, walls, ()) if figures or walls else None
     folds = []

@@ -1,6 +1,6 @@
 """Tables of gains: what the guarantee needs and has, Table IV, what follows from it, margins, virtual walls."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from eaid.report import rig
 from eaid.report.rig import controller_name, gain, printed_head
@@ -223,19 +223,20 @@ def _margin(one: Margin | None) -> tuple[Cell, Cell, Cell]:
     return one.gain_db, one.phase_deg, None if one.delay_s is None else 1e3 * one.delay_s
 
 
-def walls_tables(coupling: Coupling) -> list[Table]:
-    """How stiff a wall each loop may render at each torque, on one clutch and on an antagonistic pair."""
-    options, bias = coupling.options, with_unit(number(coupling.pair_bias_nm, 3), coupling.output_unit)
+def walls_table(coupling: Coupling) -> Table:
+    """How stiff a wall each loop may render at each torque."""
+    options = coupling.options
     caption = (
         f"Passive: on any passive limb of {options.limb_damping:g} N·m·s/rad. Stable: on this limb, "
         f"{options.limb_inertia:g} kg·m², linear and sampled. Replayed: the nonlinear plant. A dash: no limit."
     )
-    pair = f"The walls of T1 − T2, each clutch held at {bias}."
-    every = (
-        _walls_table("How stiff a virtual wall may be", caption, coupling.walls, coupling.output_unit),
-        _walls_table("Walls of an antagonistic pair", pair, coupling.pair, coupling.output_unit),
-    )
-    return [table for table in every if table.rows]
+    return table_of(
+        "How stiff a virtual wall may be", caption, coupling.walls,
+        ("loop", lambda one: controller_name(one.loop)), (("torque", coupling.output_unit, 3), "torque_nm"),
+        (("passive", "N·m/rad", 3), "K_passive"), (("limited at", "Hz", 3), "passive_hz"),
+        (("stable", "N·m/rad", 3), "K_stable"), (("lost at", "Hz", 3), "lost_hz"),
+        (("replayed", "N·m/rad", 3), "K_replayed"),
+    )  # fmt: skip
 
 
 def walls_brief(coupling: Coupling) -> Table:
@@ -254,13 +255,3 @@ def walls_brief(coupling: Coupling) -> Table:
 def _two(wall: Wall | None) -> str:
     ends = (wall.K_passive, wall.K_stable) if wall is not None else ()
     return " | ".join("–" if one is None else number(one, 3) for one in ends)
-
-
-def _walls_table(heading: str, caption: str, walls: Sequence[Wall], unit: str) -> Table:
-    return table_of(
-        heading, caption, walls,
-        ("loop", lambda one: controller_name(one.loop)), (("torque", unit, 3), "torque_nm"),
-        (("passive", "N·m/rad", 3), "K_passive"), (("limited at", "Hz", 3), "passive_hz"),
-        (("stable", "N·m/rad", 3), "K_stable"), (("lost at", "Hz", 3), "lost_hz"),
-        (("replayed", "N·m/rad", 3), "K_replayed"),
-    )  # fmt: skip

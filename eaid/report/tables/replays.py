@@ -15,7 +15,7 @@ METRICS = {
     "saturated_fraction": ("share at a limit", ""),
 }
 SCENARIO_NAMES = {
-    "steps": "steps", "multisine": "sum of sines", "sweep": "sines of rising frequency", "ramp": "ramp up and down",
+    "steps": "steps", "multisine": "sum of sines", "sweep": "sines of rising frequency",
     "reference": "own reference", "log": "recorded input", "rehab": "rehabilitation",
 }  # fmt: skip
 
@@ -69,14 +69,14 @@ def errors_table(replays: Sequence[Replay]) -> Table:
 def guarantee_table(replay: Replay) -> Table:
     """For how much of a replay of the robust controller |χ| ≤ ρ held, and why it did not elsewhere."""
     known = [(name, m) for name, m in replay.metrics().items() if m.guarantee_holds_fraction is not None]
-    caption = "Where |χ| ≤ ρ the Lyapunov argument holds; the last two columns are shares of the samples at which it "
     return table_of(
-        "Guarantee along this replay", f"{caption}does not.", known,
+        "Guarantee along this replay",
+        "Where |χ| ≤ ρ the Lyapunov argument holds; the last column is a share of the samples at which it does not.",
+        known,
         ("controller", lambda row: controller_name(row[0])),
         (("|χ| ≤ ρ for", "%"), lambda row: _percent(row[1].guarantee_holds_fraction)),
         (("largest |χ|/ρ", "", 3), lambda row: row[1].guarantee_largest_chi_over_rho),
         (("failures at a limit of the input", "%", 3), lambda row: _percent(row[1].guarantee_failures_at_limit)),
-        (("because of it", "%", 3), lambda row: _percent(row[1].guarantee_failures_by_saturation)),
     )  # fmt: skip
 
 
@@ -164,14 +164,12 @@ def _modes(sessions: Sessions, replay: Replay) -> Table:
         for mode, part in m.modes.items():
             box = part.abs_position_error_deg
             half = f"{number(box.q1, 3)} … {number(box.q3, 3)}"
-            worth = number(box.independent, 2)
-            rows.append((name, mode, box.median, half, box.mean, part.mean_abs_torque_error_nm, worth))
+            rows.append((name, mode, box.median, half, box.mean, part.mean_abs_torque_error_nm))
     heads = columns(
         "controller", "mode", ("median", "°", 3), "middle half (°)", ("mean", "°", 3),
-        ("mean error of the output", replay.head.output_unit, 2), "independent observations",
+        ("mean error of the output", replay.head.output_unit, 2),
     )  # fmt: skip
-    caption = "Absolute position error; the last column says how many independent observations the samples are worth."
-    return Table("Errors by mode", caption, heads, tuple(rows))
+    return Table("Errors by mode", "Absolute position error.", heads, tuple(rows))
 
 
 def _tests(sessions: Sessions) -> Table:
