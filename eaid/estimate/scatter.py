@@ -388,10 +388,6 @@ class Noise:
     scatter: tuple[float, float, float]
     """Run-to-run standard deviation of ln T_s, ln τ1, ln τ2."""
 
-    def within(self, curve: Friction, hold_s: float) -> Array:
-        """Within-run variance of (ln T_s, ln τ1, ln τ2) of a run that is held so long, shape (3,)."""
-        return np.asarray(unit_variances(curve, hold_s) @ [self.sensor_nm2_s, self.ripple_s])
-
     def scattered(self, factors: Array) -> "Noise":
         """The same with other scatter of (T_s, τ1, τ2), by factors of shape (3,)."""
         Ts, tau1, tau2 = (np.array(self.scatter) * factors).tolist()

@@ -1,25 +1,33 @@
-"""What to record next: levels, hold times and repeats that bring chosen intervals below a wanted width.
+"""What recordings of a rig would tell, and the quickest steps from rest that tell what is wanted.
 
-The width is predicted as the intervals themselves are found: V = (a + h)/R per level, the curve's variance
-g'(Σ g g'/V)⁻¹g, Student's t with Satterthwaite's degrees of freedom: those of the runs that make the curve there. Of
-all experiments on a grid of hold times, numbers of levels and repeats, the one that takes the least time on the rig is
-taken.
+Steps from rest and sequences of one recording are weighed alike. With J from the sensitivities of the model, its rows
+gathered by engagement e (a stretch under load between two rests), an experiment knows its unknowns by
+
+    H_e = ∫ J J' dt,   Ω_e = ∫ J J' S(T) dt,   H = Σ H_e,   S(T) = s0 + s1 T² the density of the noise
+
+A number with the gradient g then varies by the noise, Σ_e g'H⁻¹ Ω_e H⁻¹g, and by the scatter between engagements,
+Σ_e (g'H⁻¹ H_e d)², d its standard deviation in the unknowns: an engagement that sees few levels bends the curves.
+Of steps, on a grid of hold times, numbers of levels and repeats, the experiment that takes the least time on the rig is
+taken; its degrees of freedom are those of the runs that make a curve there (Satterthwaite).
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import ceil, inf
-from typing import Protocol, TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
 from eaid.arrays import Array
 from eaid.errors import DataError
 from eaid.estimate.draw import draw
-from eaid.estimate.scatter import ASSUMED, TERMS, Noise, noise_of_fit
+from eaid.estimate.forms import Model, friction, nonlinear
+from eaid.estimate.from_logs import Setup
+from eaid.estimate.noise import engagements
+from eaid.estimate.response import Drive
+from eaid.estimate.scatter import ASSUMED, Noise, noise_of_fit
 from eaid.estimate.spread import t_quantile
-from eaid.models.nonlinear import terms
-from eaid.models.parameters import SHARE, Friction
+from eaid.models.parameters import SHARE
 from eaid.results.fit import Fit, FrictionLevel
 from eaid.synth.plants import Plant, clutch, of_fit
 
@@ -56,47 +64,71 @@ class Experiment:
     """Whether every wanted width is reached."""
 
 
-def within_runs(curves: Sequence[Friction], hold_s: Array, noise: Noise) -> Array:
-    """Within-run variance h of (log T_s, log τ1, log τ2) of one run of each level, shape (L, 3)."""
-    return np.array([noise.within(curve, float(hold)) for curve, hold in zip(curves, hold_s, strict=True)])
+@dataclass(frozen=True, eq=False)
+class Designer:
+    """What an experiment would tell of a model."""
+
+    model: Model
+    unknowns: Array
+    """Those of the model, (n,)."""
+    rows: Array
+    """How T_s, τ1, τ2 at the inputs at which widths are wanted go with them, (3, m, n)."""
+    noise: Noise
+
+    def variances(self, drive: Drive, weight: Array | float = 1.0) -> tuple[Array, Array]:
+        """Variance of log T_s, log τ1, log τ2 at the inputs by each engagement's noise and scatter, (3, m, E) each.
+
+        `weight` is that of each row that counts in the fit, beside the time that it stands for.
+        """
+        x = np.append(self.unknowns, 0.0)[: len(self.unknowns) + (not drive.idle_known)]
+        slopes = np.pad(self.rows, ((0, 0), (0, 0), (0, len(x) - self.model.size)))
+        slopes = slopes / (slopes @ x)[:, :, None]
+        scattered = np.zeros((len(x), 3))  # one standard deviation of an engagement's T_s, τ1 and τ2
+        for k, part in enumerate(self.model.slices):
+            scattered[part, k] = self.noise.scatter[k] * x[part]
+        J, r = Setup(self.model, (drive,)).jacobian(x, 0)
+        counted = drive.w > 0
+        T2 = r * r / np.maximum(drive.w[counted], 1e-300)
+        density = (self.noise.sensor_nm2_s + self.noise.ripple_s * T2) * weight
+        J = J * np.sqrt(np.broadcast_to(weight, len(J)))[:, None]
+        starts = np.flatnonzero(np.diff(engagements(drive)[counted])) + 1
+        H = np.array([part.T @ part for part in np.split(J, starts)])
+        omega = np.array([part.T @ part for part in np.split(J * np.sqrt(density)[:, None], starts)])
+        size = np.sqrt(np.maximum(np.diagonal(H.sum(axis=0)), 1e-300))
+        try:
+            back = np.linalg.inv(H.sum(axis=0) / np.outer(size, size)) / np.outer(size, size)
+        except np.linalg.LinAlgError:
+            return np.full((*slopes.shape[:2], len(H)), np.inf), np.zeros((*slopes.shape[:2], len(H)))
+        g = slopes @ back
+        within = np.einsum("kmi,eij,kmj->kme", g, omega, g, optimize=True)
+        return np.maximum(within, 0.0), (np.einsum("kmi,eij->kmej", g, H @ scattered) ** 2).sum(axis=3)
 
 
-def half_widths(
-    within: Array, curves: Sequence[Friction], levels: Array, repeats: Array, noise: Noise, polynomial: bool = True
-) -> dict[str, Array]:
-    """Predicted half-width of each parameter at the worst level [%], shape (R,); of the curve, or of single levels.
+INSTANTS = 60
+"""Of each hold, at which the sensitivities are taken."""
+ENDLESS_S = 1e9
+"""A rest that leaves nothing in the states [s]."""
 
-    `within` is what `within_runs` gives for the holds, shape (L, 3); `repeats`, shape (R,), are tried.
-    """
-    result = {}
-    for name, k in PARAMETERS.items():
-        variance = noise.scatter[k] ** 2 + within[:, k]
-        degrees = np.full(len(levels), float(len(levels)))
-        if polynomial:
-            g = (
-                terms(levels, TERMS[name], (levels[0], levels[-1]))
-                / np.array([getattr(curve, name) for curve in curves])[:, None]
-            )
-            g = g / np.sqrt((g**2).sum(axis=0))
-            spread = np.linalg.pinv((g / variance[:, None]).T @ g, rcond=1e-14, hermitian=True)
-            parts = (g @ spread @ g.T) ** 2 / variance  # of the variance at a level, what each level contributes
-            variance = parts.sum(axis=1)
-            degrees = variance**2 / (parts**2).sum(axis=1)
-        known = (repeats[:, None] - 1) * degrees
-        if not polynomial and len(levels) > 3:
-            known = np.maximum(1.0, known / 3.5)  # scatter that follows a trend over the levels costs at the ends
-        reach = (t_quantile(known) * np.sqrt(variance / repeats[:, None])).max(axis=1)
-        result[name] = 100 * np.expm1(np.minimum(reach, 50.0))
-    return result
+
+def drive_of_steps(levels: Sequence[float], hold_s: Array) -> Drive:
+    """A step from rest to each level, in a few instants of its hold that stand for the time about them."""
+    duty, index = np.unique([0.0, *levels], return_inverse=True)
+    rows, weights = [], []
+    for hold in hold_s.tolist():
+        edges = np.concatenate([[0.0], np.geomspace(1e-4 * hold, hold, INSTANTS)])
+        at = np.concatenate([[0.0], 0.5 * (edges[1:] + edges[:-1]), [hold]])  # the step, the instants, the rest
+        rows.append(np.append(np.diff(at), ENDLESS_S))
+        weights.append(np.concatenate([[0.0], np.diff(edges), [0.0]]))
+    which = np.repeat(index[1:, None], INSTANTS + 2, axis=1)
+    which[:, -1] = 0
+    ones = np.ones(which.size, dtype=np.int64)
+    return Drive(
+        np.concatenate(rows), which.ravel(), duty, ones, np.zeros(which.size), np.concatenate(weights), True, True
+    )
 
 
 def quickest(
-    curve_at: Callable[[float], Friction],
-    candidates: Sequence[Sequence[float]],
-    wanted: Mapping[str, float],
-    noise: Noise,
-    session: Session,
-    polynomial: bool = True,
+    rig: "FittedRig", candidates: Sequence[Sequence[float]], wanted: Mapping[str, float], session: Session
 ) -> Experiment:
     """The quickest experiment that reaches every wanted width; where none does, the one that comes nearest.
 
@@ -105,19 +137,18 @@ def quickest(
     best: tuple[float, Experiment] | None = None
     repeats = np.arange(LEAST_REPEATS, MOST_REPEATS + 1.0)
     for levels in candidates:
-        curves = [curve_at(level) for level in levels]
+        tau2 = np.array([rig.plant.at(level).tau2 for level in levels])
         for factor in HOLDS:
             # whole seconds, within what the rig and the least record allow
-            hold = np.ceil([min(max(factor * c.tau2, LEAST_HOLD_S), session.longest_hold_s) for c in curves])
-            within = within_runs(curves, hold, noise)
-            widths = half_widths(within, curves, np.array(levels), repeats, noise, polynomial and len(levels) > 1)
+            hold = np.ceil(np.minimum(np.maximum(factor * tau2, LEAST_HOLD_S), session.longest_hold_s))
+            half = rig.half_widths(levels, hold, repeats)
             time_s = repeats * (hold + session.idle_s + session.release_s).sum()
-            over = np.max([widths[name] / width for name, width in wanted.items()], axis=0)
+            over = np.max([half[PARAMETERS[name]] / width for name, width in wanted.items()], axis=0)
             # an experiment that falls short costs more than any that does not
             price = np.where(over <= 1, time_s, 1e9 * over + time_s)
             k = int(price.argmin())
             if best is None or price[k] < best[0]:
-                width = {name: float(each[k]) for name, each in widths.items()}
+                width = dict(zip(PARAMETERS, half[:, k].tolist(), strict=True))
                 found = Experiment(
                     tuple(levels), tuple(hold.tolist()), int(repeats[k]), width, float(time_s[k]), bool(over[k] <= 1)
                 )
@@ -153,19 +184,8 @@ Widths = dict[str, float]
 """Half-width of the 95 % interval at the worst input [%], by parameter; infinite where there is none."""
 
 
-class Planned(Protocol):
-    """An experiment that was designed."""
-
-    @property
-    def met(self) -> bool:
-        """Whether its predicted widths are those wanted."""
-
-    @property
-    def half_width_pct(self) -> Mapping[str, float]:
-        """Its predicted widths."""
-
-
-P = TypeVar("P", bound=Planned)
+P = TypeVar("P", bound=Any)
+"""An experiment that was designed: `met` says whether its predicted widths, `half_width_pct`, are those wanted."""
 
 
 def enlarged(
@@ -246,9 +266,34 @@ class FittedRig:
 
     def quickest(self, wanted: Mapping[str, float], session: Session) -> Experiment:
         """The quickest steps from rest for the wanted half-widths [%]."""
-        polynomial = self.plant.kind == "clutch"
-        candidates = level_sets(self.levels, session.most_levels) if polynomial else [list(self.levels)]
-        return quickest(self.plant.at, candidates, wanted, self.design_noise, session, polynomial)
+        clutch = self.plant.model is not None
+        candidates = level_sets(self.levels, session.most_levels) if clutch else [list(self.levels)]
+        return quickest(self, candidates, wanted, session)
+
+    def half_widths(self, levels: Sequence[float], hold_s: Array, repeats: Array) -> Array:
+        """Predicted half-widths of steps at the worst level [%], for some numbers of repeats, (3, R)."""
+        u, curves = np.array(levels), [self.plant.at(level) for level in levels]
+        Ts, tau1, tau2 = (np.maximum([getattr(curve, name) for curve in curves], 1e-300) for name in PARAMETERS)
+        model, unknowns = friction(u, self.share), np.concatenate([Ts, tau1, tau2])
+        rows = model.rows(u)[:3]
+        if self.plant.model is not None:  # levels first: τ1(u), τ2(u), T_s of each level, and T_s(u) through them
+            whole = nonlinear(u, self.share)
+            model = replace(whole, Ts=model.Ts)
+            unknowns = np.concatenate([Ts, whole.unknowns(self.plant.model)[whole.slices[0].stop :]])
+            rows, relative = model.rows(u)[:3], whole.rows(u)[0, :, whole.slices[0]] / Ts[:, None]
+            rows[0, :, : len(u)] = Ts[:, None] * relative @ np.linalg.pinv(relative) / Ts
+        within, between = Designer(model, unknowns, rows, self.design_noise).variances(
+            drive_of_steps(levels, hold_s), np.repeat(1 / Ts**2, INSTANTS)
+        )
+        parts = within + between  # of the variance at a level, what the runs of each level contribute
+        variance = parts.sum(axis=2)
+        if self.plant.model is not None and len(levels) > 1:
+            known = (repeats[:, None, None] - 1) * variance**2 / (parts**2).sum(axis=2)
+        else:  # pooled over the levels; scatter that follows a trend over them costs at the ends
+            pooled = (repeats[:, None, None] - 1) * len(levels) / (3.5 if len(levels) > 3 else 1.0)
+            known = np.broadcast_to(np.maximum(1.0, pooled), (len(repeats), *variance.shape))
+        reach = (t_quantile(known) * np.sqrt(variance / repeats[:, None, None])).max(axis=2)
+        return np.asarray(100 * np.expm1(np.minimum(reach, 50.0))).T
 
     def drawn(self, n: int, seed: int) -> list[Rig]:
         """`n` rigs that the data of the fit allow."""

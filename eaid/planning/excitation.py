@@ -12,9 +12,9 @@ from eaid.findings import finding
 from eaid.logs.run import Run
 from eaid.models.parameters import Nonlinear
 from eaid.options import FitOptions, Limits, PlanOptions
-from eaid.planning.design import Session, Widths, enlarged, finite, kept_widths, over, rig_of
+from eaid.planning.design import PARAMETERS, Session, Widths, enlarged, finite, kept_widths, over, rig_of
 from eaid.planning.recordings import RATE_HZ, disturbance_of, refuse_widths
-from eaid.planning.sequences import PARAMETERS, ExcitationPlan, plan_excitation, refuse_scattered
+from eaid.planning.sequences import ExcitationPlan, plan_excitation, refuse_scattered
 from eaid.recorded.fit import fit_recorded
 from eaid.replay.plant import driven
 from eaid.results.fit import Fit

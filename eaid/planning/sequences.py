@@ -1,14 +1,8 @@
 """The shortest sequence of inputs that identifies a clutch to wanted widths.
 
-A sequence is levels with holds, and returns to rest between its engagements. What a fit of it would know:
-
-    H = ∫ J J' dt,   Ω = ∫ J J' S(T) dt,   V = H⁻¹ Ω H⁻¹,   S(T) = s0 + s1 T² the density of the noise
-
-with J from the sensitivities of the model itself. The half-width of log T_s, log τ1, log τ2 at a duty is t √(g'Vg).
-Scatter between engagements adds
-Σ_e (g'H⁻¹ H_e d)², H_e the part of H of one engagement, d its standard deviation in the coefficients: an engagement
-that sees few levels bends the curves. Levels and holds are exchanged one by one for what lowers T φ², φ the worst ratio
-of a width to the wanted one: the time that repeating the sequence would take to reach them all.
+A sequence is levels with holds, and returns to rest between its engagements. Levels and holds are exchanged one by one
+for what lowers T φ², φ the worst ratio of a width to the wanted one: the time that repeating the sequence would take to
+reach them all.
 """
 
 from collections.abc import Mapping
@@ -19,16 +13,14 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.errors import UsageError
-from eaid.estimate.forms import Model, nonlinear
-from eaid.estimate.from_logs import Setup
-from eaid.estimate.noise import engagements
+from eaid.estimate.forms import nonlinear
 from eaid.estimate.response import Drive
 from eaid.estimate.scatter import Noise
 from eaid.estimate.spread import t_quantile
 from eaid.models.parameters import Nonlinear
 from eaid.options import Limits
+from eaid.planning.design import PARAMETERS, Designer
 
-PARAMETERS = ("Ts", "tau1", "tau2")
 MOST_ENGAGEMENTS = 60
 BLOCKS = 12
 """Instants of each hold at which the sensitivities are taken."""
@@ -53,8 +45,8 @@ class HoldSequence:
         return float(self.hold_s.sum())
 
 
-def check(limits: Limits, wanted: Mapping[str, float]) -> None:
-    """Refuse limits and widths that mean nothing."""
+def check(limits: Limits) -> None:
+    """Refuse limits that mean nothing."""
     faults = []
     low, high = limits.duty
     if not 0 < low < high < np.inf:
@@ -72,11 +64,8 @@ def check(limits: Limits, wanted: Mapping[str, float]) -> None:
         )
     if limits.rest_s < 0 or limits.rate_per_s < 0 or limits.work_s < 0 or limits.engagements < 1:
         faults.append("«rest», «limits» rate_per_s and «work» are 0 or more, and there is one engagement at least")
-    for name, width in wanted.items():
-        if name not in PARAMETERS or not 0 < width < 100:
-            faults.append(f"«want» {name}={width:g}: write a parameter of {', '.join(PARAMETERS)} and a percentage")
-    if faults or not wanted:
-        raise UsageError(*(faults or ["«want»: say at least one width, as tau2=6"]))
+    if faults:
+        raise UsageError(*faults)
 
 
 def refuse_scattered(noise: Noise, wanted: Mapping[str, float]) -> None:
@@ -182,7 +171,7 @@ def plan_excitation(
 ) -> ExcitationPlan:
     """The shortest sequence for half-widths of `wanted` percent at the worst duty, or the best of the longest."""
     limits = limits or Limits(duty=p.u_range)
-    check(limits, wanted)
+    check(limits)
     draw = np.random.default_rng(seed)
     judge = Judge(p, noise, dict(wanted), limits)
     segments, best = 16, None
@@ -261,51 +250,18 @@ class Judge:
 
     def half_widths(self, sequence: HoldSequence) -> Array:
         """Half-widths of log T_s, log τ1, log τ2 at the duties [%], (3, DUTIES); infinite where nothing is known."""
-        one = self.model
-        drive = drive_of_sequence(self.whole(sequence), self.limits)
-        J, r = Setup(one, (drive,)).jacobian(self.unknowns, 0)
-        T2 = r * r / np.maximum(drive.w[drive.w > 0], 1e-300)
-        H = J.T @ J
-        omega = (J * (self.noise.sensor_nm2_s + self.noise.ripple_s * T2)[:, None]).T @ J
-        scale = np.sqrt(np.maximum(np.diagonal(H), 1e-300))
-        try:
-            back = np.linalg.inv(H / np.outer(scale, scale)) / np.outer(scale, scale)
-        except np.linalg.LinAlgError:
-            return np.full((3, DUTIES), np.inf)
-        V = back @ omega @ back
-        variance = np.einsum("kdi,ij,kdj->kd", self.slopes, V, self.slopes)
-        half = t_quantile(DEGREES) * np.sqrt(np.maximum(variance, 0.0))
+        within, between = self.designer.variances(drive_of_sequence(self.whole(sequence), self.limits))
+        half = t_quantile(DEGREES) * np.sqrt(within.sum(axis=2))
         if any(self.noise.scatter):
-            which = engagements(drive)[drive.w > 0]
-            parts = np.split(J, np.flatnonzero(np.diff(which)) + 1)
-            pushed = back @ np.array([part.T @ part for part in parts]) @ self.scattered  # by each, (E, n, 3)
-            between = (np.einsum("kdn,enm->kdem", self.slopes, pushed) ** 2).sum(axis=(2, 3))
-            half = np.hypot(half, t_quantile(max(len(parts) - 1, 1)) * np.sqrt(between))
+            half = np.hypot(half, t_quantile(max(between.shape[2] - 1, 1)) * np.sqrt(between.sum(axis=2)))
         return np.asarray(100 * np.expm1(np.minimum(half, 50.0)))
 
     @cached_property
-    def scattered(self) -> Array:
-        """One standard deviation of an engagement's T_s, τ1 and τ2 in the unknowns, (n, 3)."""
-        rows = np.zeros((len(self.unknowns), 3))
-        for k, part in enumerate(self.model.slices):
-            rows[part, k] = self.noise.scatter[k] * self.unknowns[part]
-        return rows
-
-    @cached_property
-    def slopes(self) -> Array:
-        """Derivatives of log T_s, log τ1, log τ2 at the duties by the unknowns, (3, DUTIES, n)."""
-        slopes = np.pad(self.model.rows(np.linspace(*self.limits.duty, DUTIES))[:3], ((0, 0), (0, 0), (0, 1)))
-        return slopes / (slopes @ self.unknowns)[:, :, None]
-
-    @cached_property
-    def unknowns(self) -> Array:
-        """The plant's coefficients, and an idle output of 0."""
-        return np.append(self.model.unknowns(self.p), 0.0)
-
-    @cached_property
-    def model(self) -> Model:
-        """The nonlinear model over the duties that the limits allow."""
-        return nonlinear(np.linspace(*self.limits.duty, 11), self.p.C)
+    def designer(self) -> Designer:
+        """Weighs them by the nonlinear model over the duties that the limits allow."""
+        model = nonlinear(np.linspace(*self.limits.duty, 11), self.p.C)
+        rows = model.rows(np.linspace(*self.limits.duty, DUTIES))[:3]
+        return Designer(model, model.unknowns(self.p), rows, self.noise)
 
     def ratios(self, sequence: HoldSequence) -> Array:
         """Widths over the wanted ones, of those that are wanted, flat."""

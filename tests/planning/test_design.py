@@ -1,27 +1,35 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from eaid.estimate.scatter import ASSUMED, Noise, unit_variances
 from eaid.estimate.spread import t_quantile
+from eaid.models import parameters
 from eaid.models.nonlinear import at_duty
-from eaid.models.parameters import REFERENCE_PLANT, Friction
-from eaid.planning.design import half_widths, within_runs
+from eaid.models.parameters import REFERENCE_PLANT
+from eaid.planning.design import rig_of
+from eaid.results.fit import Fit, FittedData, Friction, FrictionLevel, Nonlinear
 
 
-def curve_at(duty: float) -> Friction:
+def curve_at(duty: float) -> parameters.Friction:
     return at_duty(REFERENCE_PLANT, duty)
 
 
 def test_widths_of_pure_scatter_by_hand() -> None:
     """No noise within a run: t σ/√R at a level, exp(·) − 1 in percent; three levels make a parabola, each its place."""
-    noise = Noise(0.0, 0.0, (0.03, 0.05, 0.1))
-    levels = np.array([20.0, 50.0, 80.0])
-    curves = [curve_at(u) for u in levels]
-    within = within_runs(curves, np.full(3, 30.0), noise)
-    for polynomial, degrees in ((False, 9), (True, 3)):
-        found = half_widths(within, curves, levels, np.array([4]), noise, polynomial)
-        for name, sd in (("Ts", 0.03), ("tau1", 0.05), ("tau2", 0.1))[polynomial:]:
-            assert found[name] == pytest.approx(100 * np.expm1(t_quantile(degrees) * sd / 2))
+    levels, spread = [20.0, 50.0, 80.0], np.array([0.03, 0.05, 0.1])
+    rows = tuple(
+        FrictionLevel(u, **{name: getattr(curve_at(u), name) for name in ("Ts", "tau1", "tau2")}) for u in levels
+    )
+    model = Nonlinear(**{name: getattr(REFERENCE_PLANT, name) for name in ("tau1", "tau2", "Ts")}, u_range=(20.0, 80.0))
+    for part, degrees in ({"friction": Friction(levels=rows)}, 9), ({"nonlinear": model}, 3):
+        kind = "clutch" if "nonlinear" in part else "friction-speed"
+        rig = replace(
+            rig_of(Fit(data=FittedData(kind=kind), **part)), noise=Noise(0.0, 0.0, tuple(spread)), known=False
+        )
+        found = rig.half_widths(levels, np.full(3, 30.0), np.array([4.0]))
+        np.testing.assert_allclose(found[:, 0], 100 * np.expm1(t_quantile(degrees) * spread / 2), rtol=1e-6)
 
 
 def test_information_is_the_sum_over_samples() -> None:
