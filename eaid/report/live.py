@@ -31,23 +31,15 @@ DASHES = {"-": "solid", "--": "dashed", "-.": "dashdot", ":": "dotted"}
 LIGHT = "#D0D0D0"
 
 
-def live_of(sheet: Sheet) -> tuple[Markup, ...]:
-    """A plot for each column of a figure: a Bokeh document and its root as JSON that may stand inside a script."""
+def live_of(sheet: Sheet) -> Markup:
+    """A figure of one column as a Bokeh document and its root, JSON that may stand inside a script; else nothing."""
     if not sheet.live:
-        return ()
-    rows = -(-len(sheet.panels) // sheet.columns)
-    total, ratios = 100 * sheet.height_in + 60 * rows, sheet.ratios or (1.0,) * rows
-    heights = [round(total * ratio / sum(ratios)) for ratio in ratios]
-    named = any(panel.legend == "over" for panel in sheet.panels)
-    columns = [sheet.panels[k :: sheet.columns] for k in range(sheet.columns)]
-    return tuple(_plot(panels, heights, sheet.columns, named and len(columns) > 1) for panels in columns)
-
-
-def _plot(panels: Sequence[Panel], heights: Sequence[int], beside: int, named: bool) -> Markup:
-    """One column; `named`: its lines have a legend though another column's panel has it on paper."""
+        return Markup()
+    total, ratios = 100 * sheet.height_in + 60 * len(sheet.panels), sheet.ratios or (1.0,) * len(sheet.panels)
     drawn: list[Any] = []
-    for panel, height in zip(panels, heights, strict=True):
-        p = _axes(panel, height, drawn[0].x_range if drawn else None, panel is panels[-1])
+    for panel, ratio in zip(sheet.panels, ratios, strict=True):
+        height = round(total * ratio / sum(ratios))
+        p = _axes(panel, height, drawn[0].x_range if drawn else None, panel is sheet.panels[-1])
         hits: list[Any] = []
         items: list[LegendItem] = []
         for band in panel.bands:
@@ -58,7 +50,7 @@ def _plot(panels: Sequence[Panel], heights: Sequence[int], beside: int, named: b
         for line in panel.lines:
             shown, reach = _line(p, line)
             hits.append(reach)
-            if line.name and not line.marker and (named or panel.legend) and not panel.keys:
+            if line.name and not line.marker and panel.legend and not panel.keys:
                 items.append(LegendItem(label={"value": plain(line.name)}, renderers=[shown]))
         for span in panel.spans:
             if span.low < span.high and span.along == "x":
@@ -72,7 +64,7 @@ def _plot(panels: Sequence[Panel], heights: Sequence[int], beside: int, named: b
             legend = Legend(items=items, click_policy="hide", orientation="horizontal", label_text_font_size="12px")
             legend.border_line_color = legend.background_fill_color = None
             legend.spacing, legend.padding, legend.margin = 8, 2, 0  # type: ignore[assignment]
-            legend.ncols = 5 if beside == 1 else 2
+            legend.ncols = 5
             p.add_layout(legend, "above")
         across = panel.x.name.split(" ")[0].lower()
         values = (across, f"$x{{0.000}} {plain(panel.x.unit)}"), ("value", f"$y{{0.000}} {plain(panel.y.unit)}")

@@ -113,9 +113,6 @@ class Span:
     along: str = "x"
     width: float = 0.6
     dash: Dash = "-"
-    hatch: str = ""
-    end: str = ""
-    """A text at the right end of a line."""
 
 
 @dataclass(frozen=True)
@@ -160,8 +157,6 @@ class Panel:
     title: str = ""
     tight: bool = True
     """Whether the lines reach both sides."""
-    bar: tuple[Sequence[float], str] | None = None
-    """Levels and label of a colour bar in place of the texts at the ends."""
     boxes: Sequence[Box] = ()
 
 
@@ -180,7 +175,7 @@ class Sheet:
     """Along x and along y: `col`, `row`, all (True) or none (False)."""
     lettered: bool = True
     live: bool = False
-    """Whether the page has it as plots that can be zoomed, one a column."""
+    """Whether the page has it, of one column, as a plot that can be zoomed."""
 
 
 @dataclass(frozen=True)

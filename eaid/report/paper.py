@@ -16,12 +16,11 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
-from eaid.report.panels import BLACK, VERMILLION, Axis, Box, Line, Panel, Sheet, level_colours, thinned
+from eaid.arrays import Array
+from eaid.report.panels import BLACK, VERMILLION, Axis, Box, Line, Panel, Sheet, thinned
 
 if TYPE_CHECKING:
     from eaid.results.fit import Fit
@@ -35,8 +34,6 @@ INDEXED_PT = 8.6
 POINTS, BAND_POINTS = 2500, 400
 """Most points of a curve; extremes survive; and of a band."""
 FORMATS = ("png", "pdf", "svg")
-COLOURS = 128
-"""A figure has a few colours and their blends; 128 draw alike at a third of the bytes."""
 _LOOK = threading.Lock()
 
 
@@ -52,27 +49,82 @@ def look() -> Iterator[None]:
         yield
 
 
-def figure_of(sheet: Sheet) -> Figure:
-    """A figure, drawn; under `look`."""
+def figure_of(sheet: Sheet, mark: str = "") -> Figure:
+    """A figure, drawn, a mark below all its panels; under `look`."""
     rows = -(-len(sheet.panels) // sheet.columns)
-    figure = Figure(figsize=(sheet.width_in, sheet.height_in), layout="constrained")
+    figure = Figure(figsize=(sheet.width_in, sheet.height_in))
     FigureCanvasAgg(figure)
     along_x, along_y = sheet.share
-    grid = figure.subplots(
-        rows, sheet.columns, squeeze=False, sharex=along_x, sharey=along_y,
-        height_ratios=sheet.ratios or None, width_ratios=sheet.widths or None,
-    )  # fmt: skip
+    grid = figure.subplots(rows, sheet.columns, squeeze=False, sharex=along_x, sharey=along_y)
+    rooms = np.zeros((rows, sheet.columns, 4))
     for k, (axes, panel) in enumerate(zip(grid.flat, sheet.panels, strict=False)):
-        below = along_x and k + sheet.columns < len(sheet.panels)
-        draw(axes, panel, x_label=not below, y_label=not along_y or k % sheet.columns == 0)
+        below, beside = along_x and k + sheet.columns < len(sheet.panels), along_y and k % sheet.columns > 0
+        draw(axes, panel, x_label=not below, y_label=not beside)
         letter = f"({'abcdefghi'[k]}) " * (sheet.lettered and len(sheet.panels) > 1)
         axes.set_title(**_text(f"{letter}{panel.title}".rstrip()))
-        if panel.legend == "over":
-            handles, labels = axes.get_legend_handles_labels()
-            figure.legend(handles, labels, loc="outside upper right", ncols=panel.columns)
+        rooms[k // sheet.columns, k % sheet.columns] = _room(axes, panel, ticks=(not below, not beside))
+    named = next((k for k, panel in enumerate(sheet.panels) if panel.legend == "over"), None)
+    over = 0.0
+    if named is not None:
+        handles, labels = grid.flat[named].get_legend_handles_labels()
+        columns = sheet.panels[named].columns
+        figure.legend(handles, labels, loc="upper right", ncols=columns)
+        over = 0.05 + LINE_IN * -(-len(labels) // columns)
+    if mark:
+        said = f"\N{WARNING SIGN} {mark}"
+        figure.text(0.5, 0.02, said, ha="center", fontsize=SMALLEST_PT, fontweight="bold", color=VERMILLION)
+    _place(grid, sheet, rooms, over, LINE_IN if mark else 0.0)
+    for axes, panel in zip(grid.flat, sheet.panels, strict=False):
+        _name_ends(axes, panel)
     for axes in grid.flat[len(sheet.panels) :]:
         axes.set_visible(False)
     return figure
+
+
+DIGIT_IN, LINE_IN, TICK_IN = 0.071, 0.167, 0.1
+"""Width of a digit and height of a line at 8 pt, length of a tick and its space [in]."""
+
+
+def _room(axes: Axes, panel: Panel, ticks: tuple[bool, bool]) -> tuple[float, float, float, float]:
+    """What a panel needs left, right, below and above its axes [in], by the lengths of its texts.
+
+    matplotlib's own layouts draw every text twice over, which takes longer than all curves.
+    """
+    left = right = below = 0.05
+    if ticks[1]:
+        low, high = sorted(axes.get_ylim())
+        places = [y for y in axes.get_yticks() if low <= y <= high]
+        said = axes.yaxis.get_major_formatter().format_ticks(places)
+        left += TICK_IN + DIGIT_IN * max((len(text) for text in said), default=0)
+    left += LINE_IN * len(axes.get_ylabel().splitlines())
+    if ticks[0]:
+        below, right = below + TICK_IN + 0.08, right + 0.1
+    below += LINE_IN * bool(axes.get_xlabel())
+    beside = [line.end for line in panel.lines if line.end]
+    beside += [note.text for note in panel.notes if note.x > 1 and note.of in ("x", "xy")]
+    if beside:
+        right += 0.1 + DIGIT_IN * max(len(line) for text in beside for line in text.splitlines())
+    names = [text for text in axes.get_legend_handles_labels()[1] if panel.legend in ("above", "beside")]
+    if panel.legend == "beside":
+        right += 0.4 + DIGIT_IN * max(map(len, names))
+    lines = -(-len(names) // panel.columns) if panel.legend == "above" else 0
+    lines = max(lines, bool(axes.get_title(loc="left")), any(note.y > 1 for note in panel.notes if note.of))
+    return left, right, below, 0.08 + LINE_IN * lines
+
+
+def _place(grid: Any, sheet: Sheet, rooms: Array, over_in: float, under_in: float) -> None:
+    """Set the axes of a sheet between what they need, their sizes in its ratios."""
+    rows, columns = grid.shape
+    left, right = rooms[:, :, 0].max(axis=0), rooms[:, :, 1].max(axis=0)
+    below, above = rooms[:, :, 2].max(axis=1), rooms[:, :, 3].max(axis=1)
+    shares = [np.array(given or (1.0,) * n) for given, n in ((sheet.widths, columns), (sheet.ratios, rows))]
+    widths = shares[0] / shares[0].sum() * (sheet.width_in - (left + right).sum())
+    heights = shares[1] / shares[1].sum() * (sheet.height_in - over_in - under_in - (below + above).sum())
+    x = np.cumsum(left + right + widths) - right - widths
+    y = sheet.height_in - over_in - np.cumsum(below + above + heights) + below
+    for (row, column), axes in np.ndenumerate(grid):
+        place = x[column] / sheet.width_in, y[row] / sheet.height_in
+        axes.set_position((*place, widths[column] / sheet.width_in, heights[row] / sheet.height_in))
 
 
 def draw(axes: Axes, panel: Panel, x_label: bool = True, y_label: bool = True) -> None:
@@ -89,8 +141,7 @@ def draw(axes: Axes, panel: Panel, x_label: bool = True, y_label: bool = True) -
         if span.low == span.high:
             getattr(axes, f"ax{across}line")(span.low, color=span.color, linewidth=span.width, linestyle=span.dash)
         else:
-            edge = {"edgecolor": "#C8C8C8", "hatch": span.hatch, "zorder": 0} if span.hatch else {}
-            getattr(axes, f"ax{across}span")(span.low, span.high, facecolor=span.color, lw=0, **edge)
+            getattr(axes, f"ax{across}span")(span.low, span.high, facecolor=span.color, lw=0)
     if panel.boxes:
         _boxes(axes, panel.boxes)
     if panel.tight and panel.lines:
@@ -103,12 +154,6 @@ def draw(axes: Axes, panel: Panel, x_label: bool = True, y_label: bool = True) -
         box = {"bbox": {"facecolor": "white", "edgecolor": "none", "pad": 1}} if note.boxed else {}
         said = _text(note.text)
         axes.text(note.x, note.y, said.pop("label"), transform=shares[note.of], ha=note.ha, va=note.va, **said, **box)
-    ends = [(_end_of(line.y), line.end, line.color) for line in panel.lines if line.end]
-    ends += [(span.low, span.end, span.color) for span in panel.spans if span.end]
-    if panel.bar is not None:
-        _bar(axes, *panel.bar)
-    elif ends:
-        _name_ends(axes, ends)
     if panel.legend == "above":
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=panel.columns)
     elif panel.legend == "beside":
@@ -164,22 +209,14 @@ def _boxes(axes: Axes, boxes: Sequence[Box]) -> None:
     axes.grid(axis="x", visible=False)
 
 
-def _bar(axes: Axes, levels: Sequence[float], label: str) -> None:
-    """A colour bar of the levels beside the axes."""
-    norm = BoundaryNorm(np.arange(len(levels) + 1.0) - 0.5, len(levels))
-    colours = ScalarMappable(norm, ListedColormap(level_colours(len(levels))))
-    bar = axes.figure.colorbar(colours, ax=axes, label=label, pad=0.02)
-    places = np.unique(np.linspace(0, len(levels) - 1, 6).round().astype(int))
-    bar.set_ticks(list(places), labels=[f"{levels[k]:.3g}" for k in places])
-
-
 def _end_of(values: Any) -> float:
     """Where a curve ends: the mean of its last fiftieth."""
     return float(np.mean(values[-max(1, len(values) // 50) :]))
 
 
-def _name_ends(axes: Axes, ends: Sequence[tuple[float, str, str]]) -> None:
+def _name_ends(axes: Axes, panel: Panel) -> None:
     """Write a text at the right end of each curve, moved apart where curves end close together."""
+    ends = [(_end_of(line.y), line.end, line.color) for line in panel.lines if line.end]
     low, high = axes.get_ylim()
     gap = (high - low) * 1.15 * SMALLEST_PT / 72 / (axes.get_window_extent().height / axes.figure.dpi)
     ordered = sorted(ends)
@@ -200,21 +237,17 @@ def _name_ends(axes: Axes, ends: Sequence[tuple[float, str, str]]) -> None:
         )  # fmt: skip
 
 
-def marked(figure: Figure, text: str) -> None:
-    """Write a mark below all panels of a figure."""
-    figure.supxlabel(f"\N{WARNING SIGN} {text}", fontsize=SMALLEST_PT, fontweight="bold", color=VERMILLION)
-
-
 def png_of(figure: Figure, dpi: float = DPI) -> bytes:
     """A figure as PNG, without date or program name."""
-    from PIL import Image
+    from PIL import Image  # which matplotlib brings
 
     figure.set_dpi(dpi)
     figure.canvas.draw()
     canvas = figure.canvas
     drawn = Image.frombuffer("RGBA", canvas.get_width_height(), canvas.buffer_rgba()).convert("RGB")  # type: ignore[attr-defined]
     out = io.BytesIO()
-    few = drawn.quantize(COLOURS, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    # A figure has a few colours and their blends; 128 draw alike at a third of the bytes.
+    few = drawn.quantize(128, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
     few.save(out, format="PNG", dpi=(dpi, dpi), compress_level=7)
     return out.getvalue()
 

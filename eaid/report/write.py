@@ -97,9 +97,7 @@ def _drawn(
 ) -> tuple[dict[str, bytes], str, tuple[int, int]]:
     """A figure in each format, as an address that holds it as PNG, and its size on the page [px]."""
     with paper.look():
-        figure = paper.figure_of(sheet)
-        if mark is not None:
-            paper.marked(figure, mark)
+        figure = paper.figure_of(sheet, mark or "")
         files = {"png": paper.png_of(figure, dpi)}
         files |= {kind: paper.vector_of(figure, kind) for kind in formats if kind != "png"}
         width, height = (round(96 * float(side)) for side in figure.get_size_inches())

@@ -50,7 +50,7 @@ class Page:
         scripts = list(body.iter("script"))
         self.live = {}
         for figure in self.of("figure", "has-live"):
-            self.live[figure.get("id")] = [json.loads(one.text) for one in figure.iter("script")]
+            (self.live[figure.get("id")],) = (json.loads(one.text) for one in figure.iter("script"))
         for one in scripts:
             one.text = ""
         self.text = words(body)
@@ -78,7 +78,7 @@ class Page:
         return self.tables[heading][1:]
 
     def lines(self, figure: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """Name → x and y of what can be hovered in the live plots of a figure."""
+        """Name → x and y of what can be hovered in the live plot of a figure."""
 
         def sources(node: Any) -> Iterator[dict[str, Any]]:
             if isinstance(node, dict):
@@ -89,13 +89,12 @@ class Page:
                 yield from sources(one)
 
         found = {}
-        for k, plot in enumerate(self.live[figure]):
-            for one in sources(plot):
-                if "name" in one:
-                    known = dict(one["data"]["entries"])
-                    held = [gzip.decompress(base64.b64decode(known[key]["array"]["data"])) for key in "xy"]
-                    x, y = (np.frombuffer(part, np.float32) for part in held)
-                    found[one["name"] if len(self.live[figure]) == 1 else f"{k + 1}: {one['name']}"] = x, y
+        for one in sources(self.live[figure]):
+            if "name" in one:
+                known = dict(one["data"]["entries"])
+                held = [gzip.decompress(base64.b64decode(known[key]["array"]["data"])) for key in "xy"]
+                x, y = (np.frombuffer(part, np.float32) for part in held)
+                found[one["name"]] = x, y
         return found
 
 

@@ -12,7 +12,7 @@ from PIL import Image
 pytestmark = pytest.mark.slow
 
 PLOTS = {
-    "fig07_nonlinear_model", "model_over_duty", "fig03_friction_steps", "fig12_multisine", "fig11_steps", "fig16_rehab",
+    "fig07_nonlinear_model", "fig03_friction_steps", "fig12_multisine", "fig11_steps", "fig16_rehab",
 }  # fmt: skip
 WALK = """const every = node => [...node.querySelectorAll('*')].flatMap(
   one => [one, ...(one.shadowRoot ? every(one.shadowRoot) : [])]);"""
@@ -62,7 +62,7 @@ def test_every_figure_is_drawn_without_error_or_request(browser: Any, page: Path
     assert min(painted.values()) > 20, painted
     assert tab.evaluate("[...document.images].every(image => image.complete && image.naturalWidth > 0)")
     assert tab.evaluate("document.documentElement.scrollWidth <= window.innerWidth")  # nothing hangs over the edge
-    picture = Image.open(io.BytesIO(tab.locator("#fig12_multisine-live-1").screenshot())).convert("L")
+    picture = Image.open(io.BytesIO(tab.locator("#fig12_multisine-live").screenshot())).convert("L")
     assert (np.argmax(picture.histogram()) > 128) == (scheme == "light")  # the ground of the plot
     tab.context.close()
 
@@ -77,7 +77,7 @@ def test_a_pointer_zooms_reads_a_value_off_and_copies_and_a_finger_scrolls(brows
     assert tab.locator("button.copy").first.inner_text() == "Copied" and faults == []
     copied = tab.evaluate("navigator.clipboard.readText()")
     assert copied == tab.locator(".next code").first.inner_text() and copied.startswith("eaid ")
-    plot = tab.locator("#fig12_multisine-live-1")
+    plot = tab.locator("#fig12_multisine-live")
     plot.scroll_into_view_if_needed()
     box = plot.bounding_box()
     for share in range(10, 90, 2):  # down through the torque panel until the pointer meets a curve
@@ -99,12 +99,12 @@ def test_without_scripts_and_on_paper_the_static_figures_stand_in(browser: Any, 
     visible = f"{still}.filter(one => one.querySelector('img').checkVisibility()).length"
     tab, _faults, _requests = opened(browser, page, java_script_enabled=False)
     images = tab.locator("section > .has-live img")
-    assert images.count() == 4 and all(images.nth(i).is_visible() for i in range(4))
+    assert images.count() == 3 and all(images.nth(i).is_visible() for i in range(3))
     tab.context.close()
     tab, _faults, _requests = opened(browser, page)
     assert tab.evaluate(visible) == 0
     tab.emulate_media(media="print")
-    assert tab.evaluate(visible) == 4
+    assert tab.evaluate(visible) == 3
     tab.context.close()
 
 

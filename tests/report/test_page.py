@@ -116,10 +116,6 @@ def test_live_plots_hold_what_was_measured_and_the_model(whole: Any, files: dict
     x, y = lines["60 %, measured"]
     assert y == pytest.approx(np.interp(x, level.time_s, level.mean), abs=1e-3)
     assert y.max() == pytest.approx(level.mean.max(), rel=1e-6)  # thinned, and yet the extremes are kept
-    (curve,) = [
-        y for name, (_x, y) in whole.lines("model_over_duty").items() if name == f"1: {fit.nonlinear.estimator} (used)"
-    ]
-    assert curve[-1] == pytest.approx(fit.nonlinear.curves[-1].Ts, rel=1e-4)
 
 
 @pytest.mark.slow

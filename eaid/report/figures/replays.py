@@ -1,8 +1,8 @@
-"""Figs. 11–13, 16 and 17: steps, multisine, sweep, each controller in its own colour and line; logs; the guarantee;
-walls; elbow rehabilitation."""
+"""Figs. 11–13, 16 and 17: steps, multisine, sweep, each controller in its own colour and line; logs; elbow
+rehabilitation."""
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from operator import itemgetter
 
 import numpy as np
@@ -13,11 +13,9 @@ from eaid.report import panels as ink
 from eaid.report.figures.logs import titles
 from eaid.report.figures.steps import some_of
 from eaid.report.panels import Axis, Line, Panel, Ready, Sheet, caption, over, quantity
-from eaid.report.results import Given
 from eaid.report.rig import controller_name
 from eaid.report.tables import number
 from eaid.report.tables.replays import metric
-from eaid.results.coupling import Coupling
 from eaid.results.replay import Replay
 
 
@@ -144,24 +142,6 @@ def recorded_input(replay: Replay) -> Ready | None:
     rows = -(-len(chosen) // columns)
     text = caption("log", shown=len(chosen), rms=sorted((value, name) for name, value in rms.items()), unit=out)
     return Ready(Sheet(panels, 0.5 + 1.35 * rows, columns=columns, share=(False, False)), text)
-
-
-def walls(couplings: Sequence[Given[Coupling]]) -> Ready | None:
-    """The stiffest wall of each loop over the torque held: passive on any limb, and stable on this one."""
-    if not couplings or not couplings[0].result.walls:
-        return None
-    coupling = couplings[0].result
-    lines = []
-    for k, loop in enumerate(dict.fromkeys(wall.loop for wall in coupling.walls)):
-        look, name = ink.controller_look(loop, k)["color"], controller_name(loop)
-        held = [wall for wall in coupling.walls if wall.loop == loop]
-        torque = [wall.torque_nm for wall in held]
-        for key, said, dash in (("K_passive", "passive", "-"), ("K_stable", "stable", "--")):
-            stiffness = np.array([getattr(wall, key) or np.nan for wall in held])
-            lines.append(Line(torque, stiffness, f"{name}, {said}", look, dash, 1.1, "o"))
-    y = Axis("Stiffest wall", "N·m/rad", log=True)
-    panel = Panel(quantity(coupling.output_unit), y, lines, legend="beside", tight=False)
-    return Ready(Sheet([panel], 3.0, live=True), caption("walls"))
 
 
 MODES = {

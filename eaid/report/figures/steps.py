@@ -10,7 +10,7 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.models import linear, nonlinear
 from eaid.report import panels as ink
-from eaid.report.panels import Axis, Line, Panel, Ready, Sheet, caption, over, quantity
+from eaid.report.panels import Axis, Line, Panel, Ready, Sheet, caption, quantity
 from eaid.report.results import Results
 from eaid.report.rig import level_text
 from eaid.results.fit import Fit, StepShape
@@ -20,7 +20,7 @@ from eaid.steps.stepset import LevelStep, StepSet
 Model = Callable[[Array], Array]
 T = TypeVar("T")
 LABELLED = 14
-"""Most levels that are named at the ends of their curves; beyond, a colour bar names them."""
+"""Most levels that are named at the ends of their curves, spread over all."""
 DRAWN = 24
 """Most levels that are drawn: more hide each other."""
 
@@ -65,15 +65,15 @@ class Curve:
     """The model's RMSE."""
 
 
-def curves_panel(curves: Sequence[Curve], y: Axis, said: str, bar: tuple[Sequence[float], str] | None = None) -> Panel:
-    """Each level's curve, its band and its model (`said` in the legend); `bar` as of a panel."""
-    colours = ink.level_colours(len(curves))
+def curves_panel(curves: Sequence[Curve], y: Axis, said: str) -> Panel:
+    """Each level's curve, its band and its model (`said` in the legend)."""
+    colours, named = ink.level_colours(len(curves)), some_of(curves, LABELLED)
     bands, lines = [], []
     for one, colour in zip(curves, colours, strict=True):
         t, mean = one.time_s, one.measured
         if one.sd is not None:
             bands.append(ink.Band(t, mean - one.sd, mean + one.sd, colour, 0.2))
-        end = f"{one.text}: {one.note}" if one.note else one.text
+        end = (f"{one.text}: {one.note}" if one.note else one.text) if one in named else ""
         lines.append(Line(t, mean, f"{one.text}, measured", colour, width=1.5, alpha=0.75, end=end))
         if one.model is not None:
             fine = fine_times(float(t[-1]))
@@ -82,7 +82,7 @@ def curves_panel(curves: Sequence[Curve], y: Axis, said: str, bar: tuple[Sequenc
     keys = [Line((), (), "measured" + " ± sd" * bool(bands), colours[len(colours) // 2], width=1.5, alpha=0.75)]
     if any(one.model is not None for one in curves):
         keys.append(Line((), (), said, **ink.MODEL))
-    return Panel(ink.OF_STEP, y, lines, bands, legend="above", columns=2, keys=keys, bar=bar)
+    return Panel(ink.OF_STEP, y, lines, bands, legend="above", columns=2, keys=keys)
 
 
 def steps_panel(
@@ -93,16 +93,14 @@ def steps_panel(
     said: str = "model",
 ) -> Panel:
     """Each level's mean, its model, and on request the band of ± one sd; `notes` follow its name."""
-    levels = some_of(data.levels)
     curves = [
         Curve(
             one.time_s, one.mean, level_text(one.level, data.input_unit), fitted.get(one.level),
             one.sd if spread and len(one.runs) > 1 else None, (notes or {}).get(one.level, ""),
         )
-        for one in levels
+        for one in some_of(data.levels)
     ]  # fmt: skip
-    bar = [one.level for one in levels], over(data.input_unit).text
-    return curves_panel(curves, quantity(data.output_unit), said, bar if len(levels) > LABELLED else None)
+    return curves_panel(curves, quantity(data.output_unit), said)
 
 
 def fitted_steps(fit: Fit) -> Panel:
@@ -270,35 +268,3 @@ def hold_and_release(data: StepSet) -> Ready | None:
         legend="above", columns=1,
     )  # fmt: skip
     return Ready(Sheet([panel], 2.7, ink.COLUMN_IN), caption("held", top=top, unit=unit))
-
-
-STRETCHES = 48
-"""Stretches of time over which residuals are averaged: each is as much longer as it is later."""
-
-
-def residuals(data: StepSet, fit: Fit) -> Ready | None:
-    """(a) residuals of each level over time, means of stretches, (b) RMSE of each level."""
-    curves = nonlinear_curves(fit, data)
-    if not curves:
-        return None
-    every = [(row.level, row.time_s, row.mean - curves[row.level](row.time_s)) for row in data.levels]
-    unit, out, rows = over(data.input_unit), data.output_unit, some_of(every, LABELLED)
-    lines, furthest = [], []
-    for (level, t, left), colour in zip(rows, ink.level_colours(len(rows)), strict=True):
-        first = np.unique(np.geomspace(1, len(t), STRETCHES)[:-1].astype(int)) - 1
-        count = np.diff([*first, len(t)])
-        at, mean = (np.add.reduceat(values, first) / count for values in (t, left))
-        k, text = int(np.abs(mean).argmax()), level_text(level, data.input_unit)
-        furthest.append((abs(float(mean[k])), float(mean[k]), level, float(at[k])))
-        lines.append(Line(at[at > 0], mean[at > 0], text, colour, width=1.1))
-    rms = [float(np.sqrt(np.mean(left**2))) for _level, _t, left in every]
-    per_level = Line(rms, [level for level, _t, _left in every], "", ink.BLUE, width=0.8, marker="o")
-    zero = ink.Span(0.0, 0.0, ink.BLACK, "y", 0.5)
-    panels = [
-        Panel(Axis("Time since the step", "s", log=True), Axis("Measured − model", out), lines, spans=[zero],
-              bar=([row[0] for row in rows], unit.text)),
-        Panel(Axis("RMSE", out, (0.0, 1.1 * max(rms))), unit, [per_level], tight=False),
-    ]  # fmt: skip
-    _size, value, level, at_s = max(furthest)
-    text = caption("residuals", value=value, level=level, at_s=at_s, unit=data.input_unit, out=out)
-    return Ready(Sheet(panels, 2.7, columns=2, widths=(2.4, 1), share=(False, False)), text)

@@ -114,7 +114,7 @@ def polynomials(fit: Fit, results: Results) -> Ready | None:
     if fit.nonlinear is None or len(believed_levels(fit)) == 1:
         return None
     panels = value_panels(fit, several=True, published=overlaid(fit.data, results.paper))
-    return Ready(Sheet(panels, 2.5, columns=3, share=(False, False), live=True), caption("over_duty"))
+    return Ready(Sheet(panels, 2.5, columns=3, share=(False, False)), caption("over_duty"))
 
 
 def trends(fit: Fit, results: Results) -> Ready | None:

@@ -30,7 +30,7 @@ OPEN_FIGURES = 3
 """Figures of the page's own kind that stand open."""
 KIND_FIGURES = {
     "clutch": ("recorded_logs", "bode", "fig07_nonlinear_model", "level_steps", "model_over_duty",
-               "residuals_nonlinear", "fig08_linear_model", "fig09_shear_per_field"),
+               "fig08_linear_model", "fig09_shear_per_field"),
     "friction-force": ("level_steps", "fig04_friction_over_stress"),
     "friction-speed": ("level_steps", "fig05_friction_over_speed"),
 }  # fmt: skip
@@ -46,7 +46,7 @@ class Drawn:
     src: str
     """The picture, as an address that holds it."""
     size_px: tuple[int, int]
-    live: tuple[Markup, ...] = ()
+    live: str = ""
 
     @property
     def narrow(self) -> bool:
@@ -184,7 +184,7 @@ def _model(results: Results, known: Known, drawn: Figures) -> Block | None:
 
 
 def _controller(results: Results, known: Known, drawn: Figures) -> Block | None:
-    figures = _of(drawn, "fig13_sweep", "walls")
+    figures = _of(drawn, "fig13_sweep")
     walls = [gains.walls_table(given.result) for given in results.couplings]
     if not results.gains:
         return _part("Controller", known, figures, walls, ()) if figures or walls else None
