@@ -423,7 +423,7 @@ def finished(setup: Setup, begin: Sequence[Array], tried: int = 0, costs: Sequen
     end, predicted, active = polish(near, least_slow(setup, ends), near.value, finished=SETTLED)
     if predicted > CONVERGED:  # far from a parabola
         near = with_second_derivatives(setup.problem())
-        end, predicted, active = polish(near, slsqp(near, end.x), near.value, steps=LONG_WAY, finished=SETTLED)
+        end, predicted, active = polish(near, slsqp(near, end), near.value, steps=LONG_WAY, finished=SETTLED)
     evaluations = tried + sum(one.evaluations for one in ends) + end.evaluations
     solver = judged(predicted, evaluations, costs or [one.cost for one in ends], [near.names(i) for i in active])
     return Solved(setup, end.x, end.cost, solver)

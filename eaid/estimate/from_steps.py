@@ -180,7 +180,7 @@ def refit_nonlinear(data: Data, near: Solution) -> Solution:
     steps = replace(near.steps, data=data)
     slack = steps.problem.A @ near.x - steps.problem.b
     problem = replace(steps.problem, b=steps.problem.b + np.minimum(slack, 0.0))  # what rounding left outside
-    return _confirmed(steps, [slsqp(problem, near.x)])
+    return _confirmed(steps, [slsqp(problem, approach(problem, near.x))])
 
 
 def fit_linear(data: Data) -> Solution:
@@ -213,7 +213,7 @@ def fit_levels_first(data: Data, share: float | None, starts: Sequence[Array] | 
         if np.abs(steps.weight - before.weight).max() <= SAME_WEIGHT * before.weight.max():
             break
         end = approach(steps.problem, end.x, near=SETTLED)
-    return _confirmed(steps, [slsqp(steps.problem, end.x, end.local)])
+    return _confirmed(steps, [slsqp(steps.problem, end)])
 
 
 def _confirmed(steps: StepProblem, ends: Sequence[EndPoint]) -> Solution:

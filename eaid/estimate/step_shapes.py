@@ -353,7 +353,7 @@ def _least(
     problem = Problem(normal, np.concatenate([ways, -ways]), b, str, floor=ROUNDING * float(points.weight.sum()))
     end = approach(problem, np.clip(begin, low, high)[chosen], near=settled)
     if settled < COARSE:
-        end = polish(problem, slsqp(problem, end.x, end.local), finished=settled)[0]
+        end = polish(problem, slsqp(problem, end), finished=settled)[0]
     return whole(end.x), end.cost * size**2
 
 

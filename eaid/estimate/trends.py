@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.estimate.solver import CONVERGED, ROUNDING, Problem, polish, slsqp
+from eaid.estimate.solver import CONVERGED, ROUNDING, Problem, approach, polish, slsqp
 from eaid.estimate.spread import t_quantile
 from eaid.findings import Finding, Value, finding
 from eaid.models.trends import FORMS
@@ -77,7 +77,7 @@ def _fit(form: str, s: Array, y: Array, starts: list[Array]) -> tuple[Array, boo
         order = [0, 1, 2]
     floor = ROUNDING * float(y @ y)
     problem = Problem(lambda rates: _projected(rates, s, y)[:3], A, b, names.__getitem__, floor=floor)
-    ends = [slsqp(problem, _apart(start)) for start in starts]
+    ends = [slsqp(problem, approach(problem, _apart(start))) for start in starts]
     best = min(ends, key=lambda end: end.cost)
     end, predicted, active = polish(problem, best, problem.value)
     c = np.concatenate([_projected(end.x, s, y)[3], end.x])[order]

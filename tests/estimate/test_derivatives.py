@@ -1,6 +1,7 @@
 """Derivatives behind every fit, against complex steps and differences; compression; verdicts on known minima."""
 
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from eaid.estimate.data import data_of
 from eaid.estimate.forms import nonlinear
 from eaid.estimate.from_steps import StepProblem
 from eaid.estimate.points import Points, compress, level_normal, log_crossed
-from eaid.estimate.solver import EndPoint, Problem, newton_step, polish, slsqp
+from eaid.estimate.solver import EndPoint, Problem, minimised, newton_step, polish, slsqp
 from eaid.models.parameters import REFERENCE_PLANT
 
 RNG = np.random.default_rng(3)
@@ -90,8 +91,8 @@ def bowl(third_at_least: float | None = None, left: float = 1.0) -> Problem:
 
 
 def test_badly_scaled_unknowns_and_a_constraint_are_no_trouble() -> None:
-    assert (slsqp(bowl(), np.zeros(3)).x - CENTRE) / SCALES == pytest.approx(0, abs=1e-6)
-    end = slsqp(bowl(-1e5), np.zeros(3))
+    assert (minimised(bowl(), [np.zeros(3)])[0].x - CENTRE) / SCALES == pytest.approx(0, abs=1e-6)
+    end = minimised(bowl(-1e5), [np.zeros(3)])[0]
     assert end.x[2] == pytest.approx(-1e5, rel=1e-9) and end.x[2] >= -1e5
     assert end.x[:2] == pytest.approx(CENTRE[:2], rel=1e-6)
 
@@ -111,12 +112,12 @@ def test_the_verdict_sees_a_point_that_is_no_minimum(monkeypatch: pytest.MonkeyP
     assert polish(problem, start, problem.value, steps=0)[1] == pytest.approx(0.01 / 1.01, rel=1e-6)
     end, promise, _ = polish(problem, start, problem.value)
     assert promise < 1e-12 and end.cost == pytest.approx(1.0)
-    monkeypatch.setattr("eaid.estimate.solver._one_round", lambda problem, x, *_: (x, 1))
-    end = slsqp(problem, x)
+    monkeypatch.setattr("eaid.estimate.solver.minimize", lambda *_, **__: SimpleNamespace(x=np.zeros(3), nfev=1))
+    end = slsqp(problem, start)
     assert np.array_equal(end.x, x) and polish(problem, end, problem.value, steps=0)[1] > 1e-3
 
 
 def test_nothing_left_is_not_divided_by() -> None:
     problem = bowl(left=0.0)
-    end = slsqp(problem, CENTRE.copy())
+    end = slsqp(problem, EndPoint(CENTRE.copy(), 0.0, 1))
     assert end.cost == 0.0 and polish(problem, end, problem.value)[1] == 0.0
