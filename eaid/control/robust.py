@@ -26,9 +26,6 @@ from eaid.results.gains import (
     EqualPI,
     Rho,
     RhoLine,
-    RhoReading,
-    RhoReadings,
-    RhoTerms,
     Robust,
     UltimateBound,
 )
@@ -72,17 +69,10 @@ def law_of(model: Linear, bounds: Bounds, design: Design) -> tuple[RCGains, Robu
         """Eq. (15) with equality."""
         return RhoLine(a * design.Q_M / (1 - a) + term / (1 - a), a * norm_K / (1 - a))
 
-    def reading(as_printed: bool) -> tuple[float, RhoReading]:
-        """Φ and ρ under one reading of the same φ, and the φ in the input's unit that it then means."""
-        phi, honest = design.phi, design.phi_honest_pct
-        if honest is not None:
-            phi = honest / (B_m * B_M) if as_printed else honest
-        term = B_M * phi if as_printed else phi / B_m
-        made = line(alpha, term)
-        return term, RhoReading(phi, term, term * B_m, made.constant, made.slope)
-
-    readings = {"paper": reading(True), "textbook": reading(False)}
-    term, taken = readings[options.rho]
+    as_printed, phi = options.rho == "paper", design.phi
+    if design.phi_honest_pct is not None:
+        phi = design.phi_honest_pct / (B_m * B_M) if as_printed else design.phi_honest_pct
+    term = B_M * phi if as_printed else phi / B_m
     rho, needed = line(alpha, term), line(reached, term) if reached < 1 else None
     covers = needed is not None and (
         rho.constant >= needed.constant - ROUNDING and rho.slope >= needed.slope - ROUNDING
@@ -105,11 +95,10 @@ def law_of(model: Linear, bounds: Bounds, design: Design) -> tuple[RCGains, Robu
         K_P=K_P, K_D=K_D, natural_frequency_rad_s=math.sqrt(K_P), damping=K_D / (2 * math.sqrt(K_P)), B_hat=B_hat,
         B_hat_convention=options.b_hat if isinstance(options.b_hat, str) else "given", B_m=B_m, B_M=B_M,
         bounds=BRange(levels=bounds.levels), alpha=alpha, alpha_reached=reached,
-        guaranteed=covers, phi=taken.phi, phi_honest_pct=taken.phi_honest_pct, Q_M=design.Q_M,
+        guaranteed=covers, phi=phi, phi_honest_pct=term * B_m, Q_M=design.Q_M,
         rho=Rho(
             constant=rho.constant, slope=rho.slope, convention=options.rho, alpha=alpha,
-            terms=RhoTerms(alpha * design.Q_M / (1 - alpha), term / (1 - alpha)), needed=needed,
-            readings=RhoReadings(**{name: made for name, (_, made) in readings.items()}),
+            needed=needed,
         ),
         epsilon=design.epsilon, gamma=design.gamma, P=((p, 0.0), (0.0, p)), Q=((Q11, Q12), (Q12, Q22)),
         equal_pi=EqualPI(*equal),

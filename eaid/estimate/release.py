@@ -70,7 +70,6 @@ def release_fit(
     for i, (release, one, fast) in enumerate(zip(releases, alone, shares.tolist(), strict=True)):
         (amplitude, residual, sse), y = sizes(one, data.one(i))[0].tolist(), data.records[i].y
         fit_pct, R2 = quality(sse, [y])
-        curve = rises.get(release.level)
         rows.append(
             ReleaseLevel(
                 level=float(release.level),
@@ -84,8 +83,6 @@ def release_fit(
                 fit_pct=fit_pct,
                 R2=R2,
                 solver=one.solver,
-                rising_tau1=curve.tau1 if curve else None,
-                rising_tau2=curve.tau2 if curve else None,
             )
         )
     parts = sizes(pooled, data)

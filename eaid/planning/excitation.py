@@ -116,7 +116,6 @@ def shortest_recording(
         engagements=plan.engagements,
         half_width_pct=plan.half_width_pct,
         measured_half_width_pct=None if measured is None else finite(measured),
-        kept_pct=None if rows is None else 100 * kept_share(rows, options.want),
         classic_time_on_rig_s=steps.time_s if steps.met else None,
         input_unit=rig.plant.input_unit,
         duty=plan.breaks,
@@ -143,8 +142,3 @@ def sequence_for(
         return measure(plan, p, noise, SETS, options.seed, progress)
 
     return enlarged(make, simulated, options.want, KEEPING) if options.check else (make(options.want), None)
-
-
-def kept_share(rows: list[Widths], wanted: Mapping[str, float]) -> float:
-    """Part of the recordings whose widths are all within the wanted ones."""
-    return sum(max(over(row, wanted).values()) <= 1 for row in rows) / len(rows)

@@ -229,7 +229,6 @@ def _log_part(solved: Solved, k: int, log: RecordedLog) -> LogFit:
         rate_hz=(len(log.time_s) - 1) / span,
         input_kind="stepwise" if log.stepwise else "moving",
         idle=idle_of(solved, k) + (log.baseline or 0.0),
-        idle_fitted=bool(own[0] >= 0),
         start=tuple(float(solved.x[at]) if at >= 0 else 0.0 for at in own[1:]),  # type: ignore[arg-type]
         rmse=float(np.sqrt(np.mean(missed * missed))),
         fit_pct=100 * (1 - float(np.linalg.norm(missed)) / about) if about > 0 else None,

@@ -102,7 +102,7 @@ def compared(run: Run, plant: PlantParameters, units: tuple[str, str], dead_time
     spread, left = float(np.linalg.norm(torque - torque.mean())), float(np.linalg.norm(apart))
     metrics = Metrics(
         max_abs_difference_nm=float(np.abs(apart).max()), rms_difference_nm=_rms(apart),
-        mean_difference_nm=float(apart.mean()), idle_nm=idle, start_nm=sum(start), reference_is="recorded torque",
+        mean_difference_nm=float(apart.mean()), idle_nm=idle, start_nm=sum(start),
     )  # fmt: skip
     if spread > 0:
         metrics = msgspec.structs.replace(

@@ -117,9 +117,8 @@ def _replayed(
             finding("settling-longer", "pi", promised=line.settling_s, longest=longest,
                     limited_pct=100 * (run.saturated_fraction or 0.0))
         )  # fmt: skip
-    bound = msgspec.structs.replace(part.ultimate_bound, replayed_nm=by_rc.max_abs_error_nm)
     return msgspec.structs.replace(
-        gains, rc=msgspec.structs.replace(part, ultimate_bound=bound),
+        gains,
         pi=msgspec.structs.replace(line, steps_settling_s=longest),
         replayed=Replayed(name, wanted.steepest_nm_s, wanted.counted_from_s, by_rc, by_pi, by_paper),
     ), findings  # fmt: skip

@@ -177,8 +177,6 @@ class ReleaseLevel(Scores, frozen=True):
     share: Number | None = None
     tau1: Number | None = None
     tau2: Number | None = None
-    rising_tau1: Number | None = None
-    rising_tau2: Number | None = None
     amplitude: Number | None = None
     residual: Number | None = None
     """Output left after a long time."""

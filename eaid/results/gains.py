@@ -23,30 +23,6 @@ class RhoLine(Result, frozen=True):
     slope: Number
 
 
-class RhoTerms(Result, frozen=True):
-    """The shares of ρ's constant [N·m/s]."""
-
-    reference_nm_s: Number | None = None
-    phi_nm_s: Number | None = None
-
-
-class RhoReading(Result, frozen=True):
-    """ρ under one reading of Eq. (15) with the same number φ."""
-
-    phi: Number | None = None
-    phi_term_nm_s: Number | None = None
-    phi_honest_pct: Number | None = None
-    constant: Number | None = None
-    slope: Number | None = None
-
-
-class RhoReadings(Result, frozen=True):
-    """ρ under both readings."""
-
-    paper: RhoReading | None = None
-    textbook: RhoReading | None = None
-
-
 class Rho(Result, frozen=True):
     """ρ(ξ) = constant + slope ‖ξ‖ [N·m/s] in the chosen reading, and what Eq. (15) needs with the α reached."""
 
@@ -54,9 +30,7 @@ class Rho(Result, frozen=True):
     slope: Number
     convention: str = "paper"
     alpha: Number | None = None
-    terms: RhoTerms | None = None
     needed: RhoLine | None = None
-    readings: RhoReadings | None = None
 
 
 class Actuator(Result, frozen=True):
@@ -200,10 +174,9 @@ class EqualPI(Result, frozen=True):
 
 
 class UltimateBound(Result, frozen=True):
-    """Torque error that ε and ρ promise in the end, and the largest replayed."""
+    """Torque error that ε and ρ promise in the end."""
 
     torque_error_nm: Number | None = None
-    replayed_nm: Number | None = None
 
 
 class Robust(Result, frozen=True):

@@ -36,7 +36,6 @@ class LogFit(Result, frozen=True):
     input_kind: Literal["stepwise", "moving"] = "stepwise"
     idle: Number | None = None
     """Idle output, fitted or known."""
-    idle_fitted: bool = False
     start: tuple[Number, Number] = (0.0, 0.0)
     """Fast and slow state at the first row."""
     rmse: Number | None = None
@@ -153,8 +152,6 @@ class Excitation(Result, frozen=True):
     """Predicted half-width at the worst duty [%]."""
     measured_half_width_pct: dict[str, Number | None] | None = None
     """What 19 of 20 simulated recordings keep at the worst duty [%]; None where none was simulated."""
-    kept_pct: Number | None = None
-    """Part of the simulated recordings that keep all wanted widths [%]."""
     classic_time_on_rig_s: Number | None = None
     """What steps from rest to levels, with repeats, take for the same widths [s]; None: they never reach them."""
     input_unit: str = "%"

@@ -168,7 +168,6 @@ class Metrics(Tracking, frozen=True):
     """What was subtracted from the recorded output."""
     start_nm: Number | None = None
     """Output from which the model starts."""
-    reference_is: str | None = None
 
 
 Role = Literal["controller", "recorded-input"]
