@@ -32,7 +32,10 @@ def logs(into, out, given, measured):
 
 @pytest.fixture(scope="module")
 def fits():
-    return {name: eaid.fit(eaid.read(logs(*units), kind="clutch"), ci="none") for name, units in UNITS.items()}
+    return {
+        name: eaid.fit(eaid.read(logs(*units), kind="clutch", columns={"input": units[2]}), ci="none")
+        for name, units in UNITS.items()
+    }
 
 
 def agree(name, fit, gains, replay, fit0, gains0, replay0):
