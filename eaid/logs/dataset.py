@@ -20,7 +20,7 @@ from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.files import hdf5_written_whole
 from eaid.findings import Finding
-from eaid.logs.hdf import attributes, digest_of, open_hdf5
+from eaid.logs.hdf import attributes, open_hdf5
 from eaid.logs.run import INPUT_UNITS, Kind, Run
 from eaid.logs.table import plain
 from eaid.version import __version__
@@ -83,7 +83,6 @@ def write_dataset(
         folder = file.create_group("runs")
         for run in runs:
             _write_run(folder.create_group(run.name.replace("/", "_")), run)
-        file.attrs["digest"] = digest_of(file)
 
 
 def _write_run(group: h5py.Group, run: Run) -> None:

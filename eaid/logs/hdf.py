@@ -1,12 +1,10 @@
 """HDF5 files of eaid's own (data.h5, replay.h5): opened in this process only where they hold what eaid wrote.
 
 One that carries eaid's seal does, to the byte. Any other, such as one that h5py changed since, is read to its end by
-the isolated reader first (the HDF5 library goes round for ever on some damaged files, and ends the process on others),
-and is held to its digest: SHA-256 of all attributes, shapes and values.
+the isolated reader first: the HDF5 library goes round for ever on some damaged files, and ends the process on others.
 """
 
 import contextlib
-import hashlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -22,7 +20,7 @@ from eaid.files import is_as_written
 def open_hdf5(path: Path, source: str) -> Iterator[h5py.File]:
     """The file, open for reading; raises DataError where it, or what is read of it in the block, is damaged.
 
-    One without a seal or a digest is taken as it is.
+    One without a seal is taken as it is.
     """
     as_written = is_as_written(path)
     if as_written is False:
@@ -34,32 +32,12 @@ def open_hdf5(path: Path, source: str) -> Iterator[h5py.File]:
             foreign.tables(CHECKED, path, source)
     try:
         with h5py.File(path, "r", locking=False) as file:
-            if as_written is None and "digest" in file.attrs and text(file.attrs["digest"]) != digest_of(file):
-                raise DataError(
-                    f"{source}: is damaged, or was changed after eaid wrote it; make it again, or delete the attribute "
-                    f"digest if the change is yours"
-                )
             yield file
     except DataError:
         raise
     except Exception as fault:  # what h5py raises on bytes that it did not expect has no common type
         reason = " ".join(str(fault).split())[:120].rstrip(".") or type(fault).__name__
         raise DataError(f"{source}: is a damaged HDF5 file ({reason}); copy or save it again") from None
-
-
-def digest_of(file: h5py.File) -> str:
-    """SHA-256 of all attributes, shapes and values, one object after the other; the attribute `digest` is left out."""
-    digest = hashlib.sha256()
-    for name, node in (("/", file), *nodes(file)):
-        has_values = isinstance(node, h5py.Dataset) and node.shape is not None
-        facts = sorted((key, text(value)) for key, value in node.attrs.items() if key != "digest")
-        digest.update(repr((name, node.shape if has_values else None, facts)).encode("utf-8", errors="replace"))
-        if has_values:
-            values = np.asarray(node[()])
-            digest.update(str(values.dtype).encode())
-            plain = values.dtype.kind in "fiub"
-            digest.update(np.ascontiguousarray(values).data if plain else repr(values.tolist()).encode())
-    return f"values:{digest.hexdigest()}"
 
 
 def nodes(file: h5py.File, source: str = "") -> Iterator[tuple[str, Any]]:

@@ -28,7 +28,6 @@ from eaid.logs.table import BadCell, Cells, Table
 from eaid.logs.units import unit_of
 
 COMMENT = ("#", "%", "//")
-_MISSING = re.compile(r"na|n/a|null|none|-", re.IGNORECASE)
 _CLOCK = re.compile(
     r"(?:(?P<date>\d[\d/.-]*)[T ]+)?(?P<h>[01]?\d|2[0-3]):(?P<m>[0-5]\d)(?::(?P<s>[0-5]\d|60)(?:[.,](?P<f>\d+))?)?"
     r"\s*(?P<noon>AM|PM)?(?:Z|(?P<utc>[+-])(?P<uh>\d{2}):?(?P<um>\d{2}))?$"
@@ -36,7 +35,7 @@ _CLOCK = re.compile(
 _DATES = ("%Y-%m-%d", "%Y/%m/%d", "%Y.%m.%d", "%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y")
 _DECIMAL = re.compile(r"(?<![\d.,])0+,\d|\d,\d{1,2}(?!\d)|\d,\d{4}")
 """A comma that is a decimal mark and cannot be one between thousands."""
-LABVIEW, HEADER_END = b"LabVIEW Measurement", b"***End_of_Header***"
+LABVIEW = b"LabVIEW Measurement"
 ROWS = 3
 """Rows of numbers, one below the other, that make a table."""
 HEAD_BYTES = 1 << 15
@@ -79,7 +78,7 @@ class Marks(NamedTuple):
         if "_" not in text:  # which Python passes over
             with contextlib.suppress(ValueError):
                 return float(text)
-        return math.nan if _MISSING.fullmatch(text) else None
+        return None
 
     def is_good(self, cell: str) -> bool:
         """True for a number and for a wall-clock stamp."""
@@ -116,15 +115,13 @@ class Dialect:
 
 
 def encoding_of(head: bytes) -> str:
-    """Encoding of a text by its first bytes: byte-order mark, zero bytes, else UTF-8, else Windows-1252."""
+    """Encoding of a text by its first bytes: byte-order mark, else UTF-8, else Windows-1252; empty of no text."""
     if head.startswith(b"\xef\xbb\xbf"):
         return "utf-8-sig"
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "utf-16"
     if b"\0" in head[:4096]:
-        half = len(head[:4096]) // 2
-        zeros = {"utf-16-le": head[1 : 2 * half : 2].count(0), "utf-16-be": head[0 : 2 * half : 2].count(0)}
-        return next((encoding for encoding, count in zeros.items() if count > 0.4 * half), "")
+        return ""
     try:
         head.decode("utf-8")
     except UnicodeDecodeError as fault:
@@ -211,32 +208,27 @@ def _rates(lines: list[str], marks: Marks) -> tuple[tuple[str, float], ...]:
 
 def _of_labview(path: str, encoding: str, lines: list[str]) -> Dialect:
     """Dialect of a LabVIEW measurement file, as its header says it; X_Columns No: its rate is that of Delta_X."""
-    separator = next((line[9:10] for line in lines if line.startswith("Separator")), "\t") or "\t"
-    rows = [[cell.strip().strip('"') for cell in line.split(separator)] for line in lines]
+    separator = "," if any(line.startswith("Separator,") for line in lines) else "\t"
+    rows = [line.rstrip().split(separator) for line in lines]
     at = next((i for i, row in enumerate(rows) if row[0] == "X_Value"), 0)
-    names = [name for name in rows[at] if name not in ("", "Comment")]
-    if not at or len(names) < 2:
-        raise DataError(f"{path}: its header cannot be followed (no line X_Value with names); copy or save it again")
     header = {row[0]: row[1:] for row in rows[:at]}
-    facts = {key: sorted({cell for cell in cells if cell}) for key, cells in header.items()}
-    if facts.get("X_Dimension") not in (None, [], ["Time"]):
-        raise DataError(f"{path}: its X is {facts['X_Dimension'][0]}, not Time: no log; save the signal itself")
-    if "X_Value" in names[1:]:
-        raise DataError(f"{path}: its channels have times of their own; export them on one X column")
-    marks = Marks(separator, *facts.get("Decimal_Separator", "."))
-    rates: tuple[tuple[str, float], ...] = ()
-    if facts.get("X_Columns") == ["No"]:
-        step_s, start_s = (
-            marks.value(facts[key][0]) if len(facts.get(key, ())) == 1 else None for key in ("Delta_X", "X0")
-        )
-        if not step_s or not 0 < step_s < math.inf or start_s not in (None, 0.0):
-            raise DataError(f"{path}: has no column of times, and no Delta_X above 0 from an X0 of 0; save it again")
+    facts = {key: {cell for cell in cells if cell} for key, cells in header.items()}
+    names = [name for name in rows[at] if name not in ("", "Comment")]
+    marks, rates = Marks(separator, *facts.get("Decimal_Separator", ".")), tuple[tuple[str, float], ...]()
+    if facts.get("X_Columns") == {"No"} and len(facts.get("Delta_X", ())) == 1:
+        (step,) = facts["Delta_X"]
         place = next(i for i, row in enumerate(rows, start=1) if row[0] == "Delta_X")
-        rates, names[0] = ((f"row {place}", 1.0 / step_s),), ""
+        rates, names[0] = ((f"row {place}", 1.0 / (marks.value(step) or math.nan)),), ""
+    untimed = bool(names) and not (names[0] or all(0 < rate < math.inf for _, rate in rates))
+    other = facts.get("X_Dimension", {"Time"}) != {"Time"} or facts.get("X_Columns") == {"Multi"} or untimed
+    if not at or len(names) < 2 or other or (facts.get("X_Columns") == {"No"} and not rates):
+        raise DataError(
+            f"{path}: is a LabVIEW file without one column of times, or one Delta_X, for all channels; export it as "
+            f"TDMS, or as CSV with times"
+        )
     units = [*header.get("Y_Unit_Label", ()), *[""] * len(names)][: len(names) - 1]
     clock = "s" if names[0] else ""
-    remarks = "Comment" in rows[at]
-    return Dialect(encoding, marks, tuple(names), (clock, *units), at + 2, rates=rates, remarks=remarks)
+    return Dialect(encoding, marks, tuple(names), (clock, *units), at + 2, rates=rates, remarks="Comment" in rows[at])
 
 
 def _marks(lines: list[str]) -> tuple[Marks, int]:
@@ -356,8 +348,6 @@ def read_text(path: Path, source: str) -> list[Table]:
         zipped = raw.read(2) == b"\x1f\x8b"
     with _unpacked(path, source, zipped) as file:
         head = file.read(HEAD_BYTES)
-        if LABVIEW in head[:64] and (head + file.read()).count(HEADER_END) > 2:
-            raise DataError(f"{source}: holds several segments, each with a header; save each in a file of its own")
     if zipped and not encoding_of(head):
         raise DataError(f"{source}: is gzip around a file that is no text; unpack it and give what is inside")
     dialect = sniff(source, head)
@@ -387,22 +377,8 @@ class _TextLog:
     dialect: Dialect
 
     def load(self, columns: Sequence[int]) -> Cells:
-        """The columns by the decimal mark of the first rows, or by the other where later rows show that it is wrong."""
-        cells, decimal = self._read(self.dialect, columns)
-        other = self.dialect.marks._replace(decimal="," if self.dialect.marks.decimal == "." else ".")
-        if any(math.isfinite(other.value(bad.text) or math.nan) for bad in cells.bad if bad.column >= 0):
-            again, _ = self._read(replace(self.dialect, marks=other), columns)
-            if len(again.bad) < len(cells.bad):
-                return again
-        if self.dialect.marks.decimal == "," and not decimal:
-            raise DataError(
-                f"{self.source}: its commas may be decimal marks or stand between thousands, as three digits follow "
-                f"every one; save it with decimal points"
-            )
-        return cells
-
-    def _read(self, dialect: Dialect, columns: Sequence[int]) -> tuple[Cells, bool]:
-        """The columns, and whether a comma in them is surely a decimal mark."""
+        """The columns; raises DataError where its commas may be decimal marks or stand between thousands."""
+        dialect = self.dialect
         limit = max(MOST_RATIO * self.path.stat().st_size, 1 << 22) if self.zipped else math.inf
         parts: list[list[NDArray[Any]]] = [[] for _ in columns]
         bad: list[BadCell] = []
@@ -444,7 +420,12 @@ class _TextLog:
                 whole[k] = seconds_of(texts)
                 wrong = np.flatnonzero(np.isnan(whole[k])).tolist()
                 bad.extend(BadCell(i, column, texts[i].strip()[:40]) for i in wrong if texts[i])
-        return Cells(tuple(whole), tuple(bad), tuple(rows)), decimal
+        if dialect.marks.decimal == "," and not decimal:
+            raise DataError(
+                f"{self.source}: its commas may be decimal marks or stand between thousands, as three digits follow "
+                f"every one; save it with decimal points"
+            )
+        return Cells(tuple(whole), tuple(bad), tuple(rows))
 
 
 def _by_arrow(body: str, dialect: Dialect, columns: Sequence[int], line: int) -> Cells | None:

@@ -17,9 +17,8 @@ from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.files import hdf5_written_whole
 from eaid.findings import Finding
-from eaid.logs.hdf import digest_of, nodes, open_hdf5
-from eaid.results.codec import digest_of as json_digest_of
-from eaid.results.codec import from_plain, to_plain
+from eaid.logs.hdf import nodes, open_hdf5
+from eaid.results.codec import digest_of, from_plain, to_plain
 from eaid.results.replay import Exercise, Head, Metrics, Record, Replay
 from eaid.version import __version__
 
@@ -59,7 +58,7 @@ def as_json(replay: Replay) -> dict[str, object]:
     if log:
         content["log"] = log
     heading = {key: content.pop(key) for key in ("schema", "eaid")}
-    return {**heading, "digest": json_digest_of({**heading, **content}), **content}
+    return {**heading, "digest": digest_of({**heading, **content}), **content}
 
 
 def write_replay(path: Path, replay: Replay, force: bool = False) -> None:
@@ -76,7 +75,6 @@ def write_replay(path: Path, replay: Replay, force: bool = False) -> None:
                 group.create_dataset(column, data=array, track_times=False, **squeezed)
             group.attrs["role"] = record.role
             group.attrs["metrics"] = _json(plain_metrics(record.metrics))
-        file.attrs["digest"] = digest_of(file)
 
 
 def read(path: Path) -> tuple[Replay, tuple[Finding, ...]]:

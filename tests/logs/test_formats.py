@@ -270,8 +270,7 @@ def raw(content: bytes) -> Callable[[Path], Any]:
 OBJECTS = "holds MATLAB objects (a Simulink Dataset or timeseries) only; in MATLAB, save it as plain arrays: t = S.Time"
 LENGTH = "is a damaged HDF5 file (a chunk of it has a wrong length); copy or save it again"
 NO_TABLE = "no table in it has columns of time and torque ("
-NO_STEP = "has no column of times, and no Delta_X above 0 from an X0 of 0; save it again"
-NO_HEAD = "its header cannot be followed"
+NO_HEAD = "is a LabVIEW file without one column of times, or one Delta_X, for all channels; export it"
 SIGNAL = {"samples": Y, "timestamps": T, "name": "torque", "unit": "Nm"}
 ZIPPED = (("u", U), ("y", Y))
 NEVER = {"_FillValue": 1.0, "missing_value": [2.0, 3.0]}
@@ -297,22 +296,18 @@ BAD: dict[str, tuple[Callable[[Path], Any], str]] = {
     "MAT falling": (mat({"a": np.stack([-T, U])}), "no column is called time (columns: column 1, column 2); name"),
     "MAT complex": (mat({"time": T, "torque": Y * 1j}),
                     "no column is called torque (columns: time; without numbers: torque)"),
-    "no MAT v4": (raw(struct.pack("<5i", 7, 1, 1, 9, 4) + b"abc\0" + bytes(99)), "holds no rows of numbers; a log"),
+    "no MAT v4": (raw(struct.pack("<5i", 7, 1, 1, 9, 4) + b"abc\0" + bytes(99)), "is a binary file of no format"),
     "MAT damaged": (raw(b"MATLAB 5.0 MAT-file".ljust(124) + b"\0\1IM\x0e\0\0\0\x40\0\0\0" + b"\xff" * 64),
                     "is a damaged MAT file ("),
     **{f"MAT cut at {n}": (cut(mat({"data": MATRIX}), n), "is ") for n in (60, 127, 130, 200, 2000, -1)},
     "LVM no end": (raw(b"LabVIEW Measurement\nSeparator\tTab\n1\t2\n"), NO_HEAD),
     "LVM nothing": (lvm(), NO_HEAD), "LVM no channels": (lvm((HEAD, "X_Value|Comment", ["0"])), NO_HEAD),
     "LVM no rows": (lvm((HEAD, NAMES, [])), "has a header but no rows; record the log again"),
-    "LVM spectrum": (lvm((["Channels|1", "X_Dimension|Frequency"], "X_Value|A", ["0|1"])),
-                     "its X is Frequency, not Time: no log; save the signal itself"),
-    **{f"LVM step {step}": (lvm((["Channels|1", f"Delta_X|{step}"], "X_Value|A", ["|1"]), own="No"), NO_STEP)
+    "LVM spectrum": (lvm((["Channels|1", "X_Dimension|Frequency"], "X_Value|A", ["0|1"])), NO_HEAD),
+    **{f"LVM step {step}": (lvm((["Channels|1", f"Delta_X|{step}"], "X_Value|A", ["|1"]), own="No"), NO_HEAD)
        for step in ("fast", "0", "-1", "")},
-    "LVM start": (lvm((HEAD, NAMES, BARE), own="No"), NO_STEP),
-    "LVM segments": (lvm((HEAD, NAMES, CELLS[:99]), (HEAD, NAMES, CELLS[99:])),
-                     "holds several segments, each with a header; save each in a file of its own"),
-    "LVM times": (lvm((HEAD, "X_Value|A|X_Value|B", ["0|1|0|2", "1|3|1.5|4"]), own="Multi"),
-                  "its channels have times of their own; export them on one X column"),
+    "LVM segments": (lvm((HEAD, NAMES, CELLS[:99]), (HEAD, NAMES, CELLS[99:])), "row 116 has 2 cells, unlike the oth"),
+    "LVM times": (lvm((HEAD, "X_Value|A|X_Value|B", ["0|1|0|2", "1|3|1.5|4"]), own="Multi"), NO_HEAD),
     "LVM word": (row46("25.3|0|x"), "row 46, column Torque, holds 'x', which is no number; mend the cell"),
     "LVM long": (row46("25.3|0|1|noted", "X_Value|Duty|Torque"), "row 46 has 4 cells, unlike the others"),
     "LVM half": (row46("Channels|2"), "row 46 has 2 cells, unlike the others"),

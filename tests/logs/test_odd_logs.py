@@ -56,8 +56,7 @@ LOGS = {
     "commas and decimal commas in quotes": Log(text(HEADER, *([f'"{x}"' for x in commas(v)] for v in (T, U, Y)))),
     "mixed line ends": Log("".join(
         line + ("\n", "\r\n", "\r")[i % 3] for i, line in enumerate(text(HEADER, T, U, Y).splitlines()))),
-    "UTF-16, little end first": Log(text(HEADER, T, U, Y), encoding="utf-16-le"),
-    "UTF-16, big end first": Log(text(HEADER, T, U, Y), encoding="utf-16-be"),
+    "UTF-16": Log(text(HEADER, T, U, Y), encoding="utf-16"),
     "Windows-1252": Log(text("Zeit (s),Tastgrad (%),Drehmoment (N·m)", T, U, Y), encoding="cp1252"),
     "Windows-1252 in the rows": Log(text("t [µs],duty,torque_nm,note", 1e6 * T, U, Y, ["größe"] * 300),
                                     encoding="cp1252"),

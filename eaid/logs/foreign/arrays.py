@@ -218,7 +218,7 @@ def read_through(path: Path, source: str) -> list[Table]:
 def read_hdf5(path: Path, source: str) -> list[Table]:
     """Tables of an HDF5 file, none of a dataset of eaid; raises DataError where it holds no table of numbers."""
     file = h5py.File(path, "r", locking=False)
-    if _text(file.attrs.get("schema", "")).startswith("eaid/data/") or ("digest" in file.attrs and "runs" in file):
+    if _text(file.attrs.get("schema", "")).startswith("eaid/data/"):
         return []
     with path.open("rb") as raw:
         matlab = raw.read(6) == b"MATLAB"
