@@ -148,7 +148,8 @@ def apparatus_from(text: str | Apparatus | None, kind: str | None) -> Apparatus 
 def in_words(value: Any) -> str:
     """A value as the command line takes it."""
     if isinstance(value, Mapping):
-        return ",".join(f'{role}="{name}"' for role, name in value.items())
+        plain = {role: name if re.fullmatch(r"[\w./%·°-]+", name) else f'"{name}"' for role, name in value.items()}
+        return ",".join(f"{role}={name}" for role, name in plain.items())
     if isinstance(value, Apparatus):
         return ",".join(f"{each.name}={getattr(value, each.name)}" for each in fields(value))
     return str(value)

@@ -1,5 +1,6 @@
 """Which column is the time, the input and the output: by name, in the usual spellings, or as the user says."""
 
+import contextlib
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -211,6 +212,27 @@ def _output(path: str, table: Table, taken: set[int], references: Sequence[int])
         f"{path}: no column is called torque (columns: {shown(names)}{_dropped(table)}); name what was measured with "
         f"«columns» output=NAME"
     )
+
+
+def columns_guessed(table: Table, options: ReadOptions) -> dict[str, str]:
+    """Columns that may be what no name says: the one that rises, the one that steps, the one that does neither."""
+    names, known = table.columns, dict[str, int | None]()
+    for role, name in options.columns.items():
+        known[role] = _named_column("", role, name, table)
+    if "time" not in known and (clock := _time("", table, set())) is not None:
+        known["time"] = clock
+    with contextlib.suppress(DataError):
+        known.setdefault("output", _output("", table, set(), ()))
+    free = [i for i in range(min(len(names), 64)) if i not in known.values()]
+    values = dict(zip(free, table.load(free).values, strict=True))
+    found: dict[str, str] = {}
+    for role, does in (("time", rises), ("input", steps), ("output", lambda one: np.ptp(one[np.isfinite(one)]) > 0)):
+        fits = [] if role in known else [i for i in values if np.isfinite(values[i]).any() and does(values[i])]
+        if role == "time" or len(fits) == 1:
+            found |= {role: names[fits[0]] or str(fits[0] + 1)} if fits else {}
+        for i in fits:
+            values.pop(i)
+    return found
 
 
 def kind_of(name: str, unit: str) -> Kind:

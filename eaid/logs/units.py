@@ -67,6 +67,8 @@ _SPELLINGS = {
     for spelling in spellings.split()
 }
 TIME_UNITS = "s, ms, us, ns, min, h or d"
+TIME_FACTORS = {unit: _SPELLINGS[unit].factor for unit in ("s", "ms", "us", "ns", "min", "h", "d")}
+"""Seconds in each."""
 _CASE_SENSITIVE = {"MPa": "mpa", "mPa": "", "MNm": "", "MN·m": ""}  # prefixes that case alone tells apart
 _WEIGHED = {"force", "load", "loadcell", "weight", "weighing", "scale", "friction", "tension", "pull", "push", "shear",
             "kraft", "kracht", "fuerza", "last", "cell", "fn", "ft", "thrust"}  # fmt: skip
@@ -84,9 +86,11 @@ def unit_of(text: str) -> Unit | None:
     return _SPELLINGS.get(re.sub(r"[\s·*.⋅×_-]", "", key))
 
 
-def likely_time_unit(usual: float) -> str:
-    """Unit of a clock whose stamps are so far apart, if it is not s: the coarsest that makes half a second or less."""
-    return next((unit for unit in ("ms", "us", "ns") if usual * _SPELLINGS[unit].factor <= 0.5), "ns")
+def likely_time_unit(usual: float, span: float) -> str:
+    """Unit of a clock that counts no seconds: the coarsest with half a second a sample, and an hour in all, at most."""
+    factors = {unit: TIME_FACTORS[unit] for unit in ("ms", "us")}
+    fits = (unit for unit, factor in factors.items() if usual * factor <= 0.5 and span * factor <= LONGEST_S)
+    return next(fits, "ns")
 
 
 @lru_cache(1024)
@@ -324,7 +328,8 @@ def seconds_since_start(
 
 def _of_seconds(path: str, column: str, gone: Array, usual: float) -> Finding:
     """That seconds are assumed of a clock whose unit nobody gave, and what speaks against them."""
-    span, likely = float(gone[-1]), likely_time_unit(usual)
+    span = float(gone[-1])
+    likely = likely_time_unit(usual, span)
     if 0 < usual < 1.0 / FASTEST_HZ:
         likely = "d" if usual < 2e-7 else "min"
         return finding("time-too-fast", path, column=column, rate_hz=1.0 / usual, likely=likely)

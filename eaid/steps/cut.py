@@ -5,7 +5,6 @@ Every step is a run of its own; a dataset of cut runs holds each sample once. `l
 """
 
 import itertools
-import re
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -119,12 +118,8 @@ def edge_between(run: Run, before: Plateau, now: Plateau, zero: float, idle: flo
 
 
 def no_level(run: Run) -> DataError:
-    """Why a log without input and level is refused, with a pattern where its name holds a number."""
-    number = re.search(r"([A-Za-z_=-]?)(\d+(?:\.\d+)?)([A-Za-z%]*)", run.name)
-    hint = "with {level}"
-    if number:
-        hint = f'"{number[1]}{{level}}{number[3]}", if {number[2]} is the level'
-    return DataError(f"{run.where}: nothing tells its level; give the input column, or «name_pattern» {hint}")
+    """Why a log without input and level is refused."""
+    return DataError(f"{run.where}: nothing tells its level; give the input column, or «name_pattern» with {{level}}")
 
 
 def cut_at(run: Run, at_s: float) -> list[Run]:

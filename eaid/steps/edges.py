@@ -45,7 +45,9 @@ def several_edges(name: str, time_s: Array, output: Array, first_s: float = 0.0)
             begins, ends = float(times[a + (share >= 0.1).argmax()]), float(times[a + (share >= 0.9).argmax()])
             if not at_s or ends - begins < QUICK * float(times[-1] - times[0]):
                 at_s.append(begins + first_s)
-    return finding("several-edges", name, edges=len(at_s), at_s=tuple(at_s)) if len(at_s) > 1 else None
+    if len(at_s) < 2:
+        return None
+    return finding("several-edges", name, edges=len(at_s), first_s=at_s[0], last_s=at_s[-1])
 
 
 def _parts(means: Array, start: int, stop: int, span: float) -> list[tuple[int, int]]:

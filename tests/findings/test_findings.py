@@ -70,7 +70,6 @@ def test_every_row_is_well_formed(code: str) -> None:
 SAID = {
     "signs-turned ": ({"runs": 3}, "in 3 runs:"),
     "coarse-output": ({"resolution": 60.0, "unit": "", "steps": 23.0}, "in steps of 60, 23 of them"),
-    "several-edges": ({"edges": 5, "at_s": (0.4, 1.4, 2.4, 3.4, 4.4)}, "5 edges, at 0.4, 1.4, 2.4, 3.4, … s: several"),
     "other-shape-fits-better": (
         {"shape": "one", "dead_time_s": 15.6, "rmse": 0.27, "plain_rmse": 0.72},
         "asks for one exponential behind a dead time of 15.6 s: RMSE 0.27 instead of 0.72"),

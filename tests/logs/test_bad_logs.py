@@ -126,8 +126,6 @@ BAD: dict[str, tuple[Any, ...]] = {
                  "--name-pattern", "_V={level}_"),
     "no-level.csv": (NAMELESS, "nothing tells its level; give the input column, or --name-pattern with {level}",
                      "--step-at", "0.5"),
-    "clutch_0.8kV_rep1.csv": (NAMELESS, 'nothing tells its level; give the input column, or --name-pattern '
-                              '"_{level}kV", if 0.8 is the level', "--step-at", "0.5"),
     "step-outside.csv": (csv(GOOD), "the step at 7 s lies outside the log (0 to 1.99 s); mend --step-at",
                          "--step-at", "7"),
     "until-before.csv": (csv(GOOD), "the window ends (0.2 s) before it begins (0.5 s); mend --until",

@@ -314,5 +314,5 @@ def test_on_and_off_is_no_binary_sequence() -> None:
 def test_several_edges_of_an_output_without_input() -> None:
     t = np.arange(4000) / 100
     y = sum(-np.expm1(-np.maximum(t - at, 0) / 0.3) for at in (5.0, 15.0, 25.0)) + white(4000, 0.005)
-    with pytest.raises(DataError, match=r"3 edges, at 5\.\d+, 15\.\d+, 25\.\d+ s: several steps"):
+    with pytest.raises(DataError, match=r"3 edges, the first at 5\.\d+ s, the last at 25\.\d+ s: several steps"):
         read(pd.DataFrame({"time_s": t, "torque_nm": y}))

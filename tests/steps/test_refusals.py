@@ -27,10 +27,6 @@ REFUSED: dict[str, tuple[Any, dict[str, Any], str]] = {
         "different experiments (clutch, friction-force); give one, or say kind="),
     "no level": ({"a": BLIND}, {}, "a: nothing tells its level; give the input column, or name_pattern= with {level}"),
     "no level, though an instant": ({"a": BLIND}, {"step_at": 4.0}, "nothing tells its level"),
-    "a level in the name": ({"run_60V": BLIND}, {}, 'or name_pattern= "_{level}V", if 60 is the level'),
-    "with a point": ({"run_12.5%_3": BLIND}, {}, '"_{level}%", if 12.5 is the level'),
-    "behind an equals sign": ({"u=8": BLIND}, {}, '"={level}", if 8 is the level'),
-    "a number alone": ({"7": BLIND}, {}, '"{level}", if 7 is the level'),
     "just before the begin": (LATER, {"step_at": 1e4 - 1e-4}, "lies outside the log"),
     "no window": (
         {"u50": BLIND}, NAMED | {"step_at": 4.0, "until": 4.0},

@@ -91,10 +91,6 @@ def test_a_stroke_without_a_peak_slips_too() -> None:
 def test_the_level_of_strokes_from_the_file_name() -> None:
     frame = strokes().drop(columns="pressure_bar")
     assert [level.level for level in cut(frame, "p7bar", name_pattern="p{level}bar").levels] == [7.0]
-    with pytest.raises(
-        DataError, match='nothing tells its level; give the input column, or name_pattern= "p{level}bar"'
-    ):
-        cut(frame, "p7bar")
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-3])

@@ -100,14 +100,6 @@ def _left_out(v: Values) -> str:
     return f"{len(names)} of {v['of']} runs left out of the fit, {told}: {v['why']}"
 
 
-def _edges(v: Values) -> str:
-    at = ", ".join(f"{one:.4g}" for one in v["at_s"][:4]) + ", …" * (v["edges"] > 4)
-    return (
-        f"the output has {v['edges']} edges, at {at} s: several steps, or a closed loop, and not one step; give the "
-        "input column, a «columns» position= that reverses, or one edge with «step_at» and «until»"
-    )
-
-
 def _other_shape(v: Values) -> str:
     name = {"one": "one exponential", "two": "two exponentials", "free": "another C", "overshoot": "an overshoot"}
     dead = f" behind a dead time of {v['dead_time_s']:.3g} s" if v["dead_time_s"] > 0 else ""
@@ -120,7 +112,12 @@ def _other_shape(v: Values) -> str:
 STEP_ROWS: dict[str, Row] = {
     "other-shape-fits-better": caution(_other_shape, "saved_pct", rank=0),
     "step-leaves-open": note("the step to {levels} leaves open: {open}"),
-    "several-edges": stop(_edges, "edges"),
+    "several-edges": stop(
+        "the output has {edges} edges, the first at {first_s:.4g} s, the last at {last_s:.4g} s: several steps, or a "
+        "closed loop, and not one step; give the input column, a «columns» position= that reverses, or one edge with "
+        "«step_at» and «until»",
+        "edges",
+    ),
     "cut-at-reversals": note(
         "cut at the {reversals} turns of its position, each a step from the output at the turn; strokes back count as "
         "negative inputs"
