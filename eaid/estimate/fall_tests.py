@@ -9,7 +9,6 @@ Each is an unknown (or two) beside the coefficients; Wald's test with the covari
 
 from dataclasses import dataclass
 
-import msgspec
 import numpy as np
 from scipy.stats import f as f_distribution
 
@@ -18,13 +17,16 @@ from eaid.estimate.from_logs import NOTHING, Solved, finished, with_extras
 from eaid.estimate.log_intervals import Spread, spread
 from eaid.estimate.response import Drive
 from eaid.findings import Finding, finding
-from eaid.results.common import Interval
-from eaid.results.recorded import Falls
+from eaid.results.recorded import FallTest
 
 CHANCE = 1e-3
 """A difference is taken over where chance makes one as large more rarely than this …"""
 LEAST = {"rest": 0.1, "fall": 0.05, "excess": 0.003}
 """… and it is larger than this part."""
+NAMES = {"rest": ("release_tau1", "release_tau2"), "fall": ("fall_tau1", "fall_tau2"), "excess": ("hysteresis_pct",)}
+"""The numbers of each as results name them."""
+WIDEST = 1e6
+"""Half-width beyond which there is no interval."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +34,7 @@ class Tested:
     """The fit with what the tests asked for, and what they found."""
 
     solved: Solved
-    falls: Falls
+    falls: tuple[FallTest, ...]
     findings: tuple[Finding, ...]
     kept: tuple[str, ...] = ()
     """Which of rest, fall and excess differ, and are fitted."""
@@ -64,7 +66,7 @@ def tested(base: Solved, stepwise: bool) -> Tested:
     """Test all that the inputs can tell together, then fit again with those that differ."""
     names = seen(base.setup.drives, base.setup.model.low, stepwise)
     if not names:
-        return Tested(base, Falls(), (finding("release-not-seen", "release"),))
+        return Tested(base, (), (finding("release-not-seen", "release"),))
     whole = with_falls(base, names)
     uncertainty = spread(whole)
     judgements, left_in = _judged(whole, uncertainty, names)
@@ -145,27 +147,16 @@ def _chance(off: Array, G: Array, uncertainty: Spread) -> float:
     return float(f_distribution.sf(statistic, len(off), max(min(degrees), 1.0)))
 
 
-def _interval(one: Judged, k: int, scale: float = 1.0) -> Interval:
-    low, high = scale * (one.values[k] - one.half[k]), scale * (one.values[k] + one.half[k])
-    return (float(low), float(high)) if np.isfinite(low + high) and high - low < 1e6 else None
-
-
-def _as_result(judgements: dict[str, Judged], kept: tuple[str, ...]) -> Falls:
-    values: dict[str, float | Interval | bool] = {}
-    for name, called in (("rest", "release"), ("fall", "fall"), ("excess", "hysteresis")):
-        values[f"{called}_fitted"] = name in kept
-        if name not in judgements:
-            continue
-        one = judgements[name]
-        values[f"{called}_chance"] = one.chance
-        if name == "excess":
-            values |= {"hysteresis_pct": 100 * float(one.values[0]), "hysteresis_ci95": _interval(one, 0, 100.0)}
-            continue
-        for k, tau in enumerate(("tau1", "tau2")):
-            values[f"{called}_{tau}"] = float(one.values[k])
-            if name == "fall":
-                values[f"fall_{tau}_ci95"] = _interval(one, k)
-    return msgspec.structs.replace(Falls(), **values)
+def _as_result(judgements: dict[str, Judged], kept: tuple[str, ...]) -> tuple[FallTest, ...]:
+    rows = []
+    for extra, names in NAMES.items():
+        for k, name in enumerate(names if extra in judgements else ()):
+            one, scale = judgements[extra], 100.0 if extra == "excess" else 1.0
+            value, half = scale * float(one.values[k]), scale * float(one.half[k])
+            known = half < WIDEST and extra != "rest"
+            ends = (value - half, value + half) if known else None
+            rows.append(FallTest(name, value, ends, one.chance, extra in kept))
+    return tuple(rows)
 
 
 def _findings(solved: Solved, judgements: dict[str, Judged], kept: tuple[str, ...]) -> tuple[Finding, ...]:

@@ -20,11 +20,9 @@ from eaid.estimate.forms import RECORDS_FREE
 from eaid.estimate.friction import HELD_BY
 from eaid.estimate.from_logs import Setup, Solved, idle_of
 from eaid.estimate.noise import Lines, Piece, Scatter, by_spectrum, piece_of, scatter_of
-from eaid.estimate.record import RecordedLog
 from eaid.estimate.solver import approach, newton_step
 from eaid.estimate.spread import free_inverse, rejected
 from eaid.findings import Finding, finding
-from eaid.results.recorded import Asked
 
 SEEN = 2e-3
 """Gains of engagements that noise makes so different more rarely than this scatter."""
@@ -205,17 +203,6 @@ def curves(solved: Solved, uncertainty: Spread, duty: Array) -> CurveSpread:
         low, high = values * np.exp(-off[0]), values * np.exp(off[1])
         wide = np.where(low > 0, np.sqrt(high / low) - 1, np.inf)
     return CurveSpread(duty, values, low, high, wide)
-
-
-def asked(known: CurveSpread, logs: Sequence[RecordedLog]) -> tuple[Asked, ...]:
-    """How well each input is known, and the time spent near it."""
-    edges = 0.5 * (known.duty[1:] + known.duty[:-1])
-    time_s = np.zeros(len(known.duty))
-    for log in logs:
-        acting = log.input > 0
-        np.add.at(time_s, np.searchsorted(edges, log.input[acting]), log.dt_s[acting])
-    widths = [[100 * h if h < 10 else None for h in row] for row in known.half_width.tolist()]
-    return tuple(map(Asked, known.duty.tolist(), *widths, time_s.tolist()))
 
 
 def never_asked(known: CurveSpread) -> list[Finding]:

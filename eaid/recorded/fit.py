@@ -25,7 +25,7 @@ from eaid.estimate.fall_tests import tested, with_falls
 from eaid.estimate.from_logs import Solved, idle_of, model_of, setup_of, solve
 from eaid.estimate.late import LOWER, delay_finding, delays, shifted
 from eaid.estimate.linear import bounds_of, fit_each_level, parameters, single_levels
-from eaid.estimate.log_intervals import CurveSpread, Spread, asked, curves, never_asked, spread
+from eaid.estimate.log_intervals import CurveSpread, Spread, curves, never_asked, spread
 from eaid.estimate.noise import FEWEST_ENGAGEMENTS, scatter_findings
 from eaid.estimate.nonlinear import scored
 from eaid.estimate.record import RecordedLog, logs_of_steps, recorded_log
@@ -33,6 +33,7 @@ from eaid.estimate.step_shapes import single_steps
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.logs.run import Run
 from eaid.models import nonlinear as curve
+from eaid.models.parameters import SHARE
 from eaid.models.parameters import Linear as Eq8
 from eaid.options import FitOptions
 from eaid.recorded.closed_loop import judged_loops, with_instrument
@@ -53,7 +54,7 @@ from eaid.results.fit import (
     Release,
     Uncertainty,
 )
-from eaid.results.recorded import Falls, LogCurve, LogFit, Recorded
+from eaid.results.recorded import FallTest, LogCurve, LogFit, Recorded
 from eaid.results.verdict import judged
 from eaid.steps.levels import wanted_levels
 from eaid.steps.stepset import Level, StepSet
@@ -409,12 +410,16 @@ def friction_part(solved: Solved, levels: Array, known: CurveSpread | None) -> F
     return Friction(C=share, levels=tuple(rows), solver=solved.solver)
 
 
-def release_part(solved: Solved, falls: Falls) -> Release | None:
+def release_part(solved: Solved, falls: Sequence[FallTest]) -> Release | None:
     """Time constants of falls to rest, where they were fitted."""
-    if not falls.release_fitted or falls.release_tau1 is None or falls.release_tau2 is None:
+    tau1, tau2 = (
+        next((one.value for one in falls if one.name == name and one.fitted), None)
+        for name in ("release_tau1", "release_tau2")
+    )
+    if tau1 is None or tau2 is None:
         return None
     share = solved.setup.model.share
-    return Release(tau1=falls.release_tau1, tau2=falls.release_tau2, C=0.85 if share is None else share)
+    return Release(tau1=tau1, tau2=tau2, C=SHARE if share is None else share)
 
 
 AT_REST = 2.0
@@ -541,8 +546,7 @@ def fit_recorded(
             logs=log_parts(base, logs),
             steps=len(every) - len(logs),
             u_range=(inputs.low, inputs.high),
-            asked=() if known is None else asked(known, every),
-            falls=None if tested_falls is None else tested_falls.falls,
+            falls=() if tested_falls is None else tested_falls.falls,
             loops=loops,
             responses=responses(logs, acting, model_of(base), line),
             dead_time_s=max(0.0, *(-late * float(np.median(log.dt_s)) for log, late in zip(logs, rows, strict=True))),

@@ -1,4 +1,4 @@
-"""What a fit of recorded logs says beyond the models: each log, what its input asked about, its falls, its loop."""
+"""What a fit of recorded logs says beyond the models: each log, its falls, its loop."""
 
 from typing import ClassVar, Literal
 
@@ -46,38 +46,17 @@ class LogFit(Result, frozen=True):
     curve: LogCurve = LogCurve()
 
 
-class Asked(Result, frozen=True):
-    """What the input asked about at one level: relative half-widths of the 95 % intervals [%]; None: nothing."""
+class FallTest(Result, frozen=True):
+    """One number by which falls may differ from rises: what was tested, and whether the fit took it over."""
 
-    level: Number
-    Ts: Number | None = None
-    tau1: Number | None = None
-    tau2: Number | None = None
-    time_s: Number = 0.0
-    """Time for which the input was nearest to this level [s]."""
-
-
-class Falls(Result, frozen=True):
-    """Whether falls differ from rises, and up from down: what was tested, and what the fit then took over."""
-
-    release_tau1: Number | None = None
-    """Time constants of falls to rest [s], fitted freely."""
-    release_tau2: Number | None = None
-    release_chance: Number | None = None
-    """Chance of a difference this large if falls to rest had the time constants of the lowest input."""
-    release_fitted: bool = False
-    fall_tau1: Number | None = None
-    """Factor on τ1 of falls between levels."""
-    fall_tau1_ci95: Interval = None
-    fall_tau2: Number | None = None
-    fall_tau2_ci95: Interval = None
-    fall_chance: Number | None = None
-    fall_fitted: bool = False
-    hysteresis_pct: Number | None = None
-    """How much more T_s is after a fall of the input than after a rise [%]."""
-    hysteresis_ci95: Interval = None
-    hysteresis_chance: Number | None = None
-    hysteresis_fitted: bool = False
+    name: str
+    """release_tau1, release_tau2: time constants of falls to rest [s]; fall_tau1, fall_tau2: factors on those of falls
+    between levels; hysteresis_pct: how much more T_s is after a fall of the input than after a rise [%]."""
+    value: Number | None = None
+    ci95: Interval = None
+    chance: Number | None = None
+    """Chance of a difference this large if falls went as rises do."""
+    fitted: bool = False
 
 
 class Loop(Result, frozen=True):
@@ -122,8 +101,7 @@ class Recorded(Result, frozen=True):
     steps: Count = 0
     """Levels of ordinary step logs that were fitted with them."""
     u_range: tuple[Number, Number] = (0.0, 0.0)
-    asked: tuple[Asked, ...] = ()
-    falls: Falls | None = None
+    falls: tuple[FallTest, ...] = ()
     loops: tuple[Loop, ...] = ()
     responses: tuple[Response, ...] = ()
     """Frequency responses of logs whose input moves all the time or switches often, and is no loop's."""

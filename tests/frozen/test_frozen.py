@@ -60,7 +60,7 @@ BRIEF = re.compile(
     r"\.(Ts|tau[12]|C|[abc]0|B|B_[mM]|rmse|sse|estimator)"
     r"|(rc|pi|rc\.rho|rc\.ultimate_bound|guarantee|margins\.worst\.(rc|pi)|walls)\.\w+"
     r"|controllers\.[\w-]+\.(\w+|frequencies\.\w+|plants\.metrics\.rms_error_nm\..+)|[\w-]+\.(duty_pct|torque_nm)"
-    r"|recorded\.(asked|falls)\.\w+|steps\.\w+)"
+    r"|recorded\.falls\.\w+|steps\.\w+)"
 )
 """What is kept of a result like another, but for some choices: files named brief, and of those named again nothing."""
 

@@ -19,7 +19,7 @@ from eaid.report.tables import (
 )
 from eaid.results.common import ci95_of
 from eaid.results.fit import Estimate, Fit, Nonlinear, Trend
-from eaid.results.recorded import Asked, Falls, LogFit, Loop
+from eaid.results.recorded import FallTest, LogFit, Loop
 
 PARAMETERS = ("Ts", "tau1", "tau2")
 
@@ -239,7 +239,7 @@ def model_tables(fit: Fit, asked: bool | None = None) -> list[Table]:
     if (part := fit.recorded) is not None:
         unit, out = fit.data.input_unit, fit.data.output_unit
         found += [logs_table(part.logs, out), loops_table(part.loops, (unit, out))]
-        found += [asked_table(part.asked, unit), falls_table(part.falls)]
+        found.append(falls_table(part.falls))
     if fit.friction is not None:
         found.append(levels_table(fit))
         if fit.friction.trends:
@@ -298,29 +298,21 @@ def loops_table(loops: Sequence[Loop], units: tuple[str, str]) -> Table:
     )  # fmt: skip
 
 
-def asked_table(asked: Sequence[Asked], unit: str) -> Table:
-    """What the inputs asked about at each level."""
-    return table_of(
-        "What the input asked about",
-        "Half-widths of the 95 % intervals there, as a share of the value; a dash: never asked.",
-        asked,
-        (("level", unit), lambda row: level(row.level)), (("time near it", "s", 3), "time_s"),
-        (("T_s", "± %", 2), "Ts"), (("τ1", "± %", 2), "tau1"), (("τ2", "± %", 2), "tau2"),
-    )  # fmt: skip
+FALLS = {
+    "release_tau1": "τ1 of falls to rest (s)",
+    "release_tau2": "τ2 of falls to rest (s)",
+    "fall_tau1": "τ1 of partial falls, times",
+    "fall_tau2": "τ2 of partial falls, times",
+    "hysteresis_pct": "T_s after a fall, more by (%)",
+}
 
 
-def falls_table(falls: Falls | None) -> Table:
+def falls_table(falls: Sequence[FallTest]) -> Table:
     """Whether falls differ from rises; no rows where nothing was tested."""
-    rows: list[tuple[Cell, ...]] = []
-    if falls is not None:
-        slip = (falls.hysteresis_pct, falls.hysteresis_ci95, falls.hysteresis_chance, falls.hysteresis_fitted)
-        rows = [
-            ("τ1 of falls to rest (s)", falls.release_tau1, None, falls.release_chance, falls.release_fitted),
-            ("τ2 of falls to rest (s)", falls.release_tau2, None, falls.release_chance, falls.release_fitted),
-            ("τ1 of partial falls, times", falls.fall_tau1, falls.fall_tau1_ci95, falls.fall_chance, falls.fall_fitted),
-            ("τ2 of partial falls, times", falls.fall_tau2, falls.fall_tau2_ci95, falls.fall_chance, falls.fall_fitted),
-            ("T_s after a fall, more by (%)", *slip),
-        ]
-    heads = columns("value", ("found", "", 3), ("95 % interval", "", 3), ("p", "", 2), "fitted apart")
-    caption = "A small p, the probability of such a difference by chance, says that falls go otherwise than rises."
-    return Table("Falls against rises", caption, heads, tuple(row for row in rows if row[1] is not None))
+    return table_of(
+        "Falls against rises",
+        "A small p, the probability of such a difference by chance, says that falls go otherwise than rises.",
+        falls,
+        ("value", lambda one: FALLS[one.name]), (("found", "", 3), "value"),
+        (("95 % interval", "", 3), "ci95"), (("p", "", 2), "chance"), ("fitted apart", "fitted"),
+    )  # fmt: skip
