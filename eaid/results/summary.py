@@ -108,8 +108,9 @@ def values(fit: "Fit", brief: bool = False) -> list[list[str]]:
 
 
 def steps_of_other_shapes(fit: "Fit") -> "list[StepShape]":
-    """The single steps, where no level is fitted, or where most of them ask for a dead time, which no model has."""
-    late = sum(step.dead_time_s > 0 for step in fit.steps)
+    """The single steps, where no level is fitted, or where most of them ask for a dead time that the models lack."""
+    taken_over = fit.recorded is not None and fit.recorded.dead_time_s > 0
+    late = 0 if taken_over else sum(step.dead_time_s > 0 for step in fit.steps)
     return list(fit.steps) if fit.steps and (not believed_levels(fit) or 2 * late > len(fit.steps)) else []
 
 
