@@ -5,7 +5,7 @@ The one entry that the command line and a notebook share.
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -61,39 +61,23 @@ APART = 3.0
 """Times the distance between the other sweeps that one of them is off."""
 LEAST_OFF = 0.05
 """Distance in ln τ below which nothing is said of a repeat."""
-R = TypeVar("R", bound=msgspec.Struct)
 
 
-def quotable(result: R) -> tuple[R, tuple[str, ...]]:
-    """The result with unknown numbers as None (an interval with such an end as a whole), and the keys they stood at."""
-    names: list[str] = []
-    return _without_unsure(result, "", names), tuple(dict.fromkeys(names))
-
-
-def _without_unsure(value: Any, key: str, names: list[str]) -> Any:
+def quotable(value: Any) -> Any:
+    """The same with unknown numbers as None, and an interval with such an end as a whole; itself where all are known."""
     if isinstance(value, msgspec.Struct):
-        changed = {}
-        for name in value.__struct_fields__:
-            have = getattr(value, name)
-            kept = _without_unsure(have, name, names)
-            if kept is not have:
-                changed[name] = kept
+        old = {name: getattr(value, name) for name in value.__struct_fields__}
+        changed = {name: new for name, have in old.items() if (new := quotable(have)) is not have}
         return msgspec.structs.replace(value, **changed) if changed else value
     if isinstance(value, tuple):
         if len(value) == 2 and all(isinstance(end, float) for end in value):
-            if all(_known(end) for end in value):
-                return value
-            names.append(key)
-            return None
-        items = [_without_unsure(item, key, names) for item in value]
-        return value if all(a is b for a, b in zip(items, value, strict=True)) else tuple(items)
+            return value if all(map(_known, value)) else None
+        items = tuple(map(quotable, value))
+        return value if all(a is b for a, b in zip(items, value, strict=True)) else items
     if isinstance(value, dict):
-        entries = {name: _without_unsure(item, key, names) for name, item in value.items()}
+        entries = {name: quotable(item) for name, item in value.items()}
         return value if all(entries[name] is value[name] for name in value) else entries
-    if isinstance(value, float) and not _known(value):
-        names.append(key)
-        return None
-    return value
+    return None if isinstance(value, float) and not _known(value) else value
 
 
 def _known(value: float) -> bool:
@@ -130,8 +114,8 @@ def _fit_steps(stepset: StepSet, options: FitOptions, progress: Callable[[], Non
     if rows:
         part = result.friction or Friction(options.held_share)
         result = msgspec.structs.replace(result, friction=msgspec.structs.replace(part, levels=(*part.levels, *rows)))
-    result, unknown = quotable(result)
-    beyond_measure = [finding("numbers-beyond-measure", "data", keys=unknown)] if unknown else []
+    told, result = result, quotable(result)
+    beyond_measure = [] if result is told else [finding("numbers-beyond-measure", "data")]
     of_runs = _not_said_again(stepset.all_findings, result.findings)
     return judged(
         msgspec.structs.replace(

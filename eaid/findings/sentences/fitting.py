@@ -180,9 +180,7 @@ def _decays(v: Values) -> str:
 
 INTERVAL_ROWS: dict[str, Row] = {
     "numbers-beyond-measure": caution(
-        lambda v: (
-            f"some numbers are beyond any measure and are left out ({', '.join(v['keys'])}): the data do not tell them"
-        )
+        "some numbers are beyond any measure and are left out: the data do not tell them"
     ),
     "taus-meet": caution(_taus_meet),
     "parameter-constrained": caution("{at} {symbol} is not estimable: a constraint holds it"),
