@@ -64,7 +64,7 @@ LEAST_OFF = 0.05
 
 
 def quotable(value: Any) -> Any:
-    """The same with unknown numbers as None, and an interval with such an end as a whole; itself where all are known."""
+    """The same with unknown numbers as None, intervals with such an end as a whole; itself where all are known."""
     if isinstance(value, msgspec.Struct):
         old = {name: getattr(value, name) for name in value.__struct_fields__}
         changed = {name: new for name, have in old.items() if (new := quotable(have)) is not have}

@@ -28,6 +28,7 @@ from eaid.estimate.response import Drive
 from eaid.estimate.scatter import ASSUMED, Noise, noise_of_fit
 from eaid.estimate.spread import t_quantile
 from eaid.models.parameters import SHARE
+from eaid.options import PlanOptions
 from eaid.results.fit import Fit, FrictionLevel
 from eaid.synth.plants import Plant, clutch, of_fit
 
@@ -37,16 +38,6 @@ HOLDS = (1.5, 2.0, 3.0, 4.0)
 """Hold times tried, in units of each level's τ2: a record of about τ2 or less does not determine it."""
 LEAST_HOLD_S = 5.0
 LEAST_REPEATS, MOST_REPEATS = 3, 20
-
-
-@dataclass(frozen=True)
-class Session:
-    """What the rig allows, and what each run costs beside its hold."""
-
-    idle_s: float = 10.0
-    release_s: float = 10.0
-    most_levels: int = 12
-    longest_hold_s: float = 120.0
 
 
 @dataclass(frozen=True)
@@ -128,7 +119,7 @@ def drive_of_steps(levels: Sequence[float], hold_s: Array) -> Drive:
 
 
 def quickest(
-    rig: "FittedRig", candidates: Sequence[Sequence[float]], wanted: Mapping[str, float], session: Session
+    rig: "FittedRig", candidates: Sequence[Sequence[float]], wanted: Mapping[str, float], session: PlanOptions
 ) -> Experiment:
     """The quickest experiment that reaches every wanted width; where none does, the one that comes nearest.
 
@@ -264,7 +255,7 @@ class FittedRig:
         """What to design with: the scatter that only one rig in five exceeds."""
         return self.noise.cautious(self.degrees if self.known else 0.0)
 
-    def quickest(self, wanted: Mapping[str, float], session: Session) -> Experiment:
+    def quickest(self, wanted: Mapping[str, float], session: PlanOptions) -> Experiment:
         """The quickest steps from rest for the wanted half-widths [%]."""
         clutch = self.plant.model is not None
         candidates = level_sets(self.levels, session.most_levels) if clutch else [list(self.levels)]

@@ -12,7 +12,7 @@ from eaid.findings import finding
 from eaid.logs.run import Run
 from eaid.models.parameters import Nonlinear
 from eaid.options import FitOptions, Limits, PlanOptions
-from eaid.planning.design import PARAMETERS, Session, Widths, enlarged, finite, kept_widths, over, rig_of
+from eaid.planning.design import PARAMETERS, Widths, enlarged, finite, kept_widths, over, rig_of
 from eaid.planning.recordings import RATE_HZ, disturbance_of, refuse_widths
 from eaid.planning.sequences import ExcitationPlan, plan_excitation, refuse_scattered
 from eaid.recorded.fit import fit_recorded
@@ -107,7 +107,7 @@ def shortest_recording(
                 most_s=plan.time_s, parameter=worst, width_pct=widths[worst], wanted_pct=options.want[worst],
             )
         )  # fmt: skip
-    steps = replace(rig, levels=limits.duty).quickest(options.want, Session())
+    steps = replace(rig, levels=limits.duty).quickest(options.want, PlanOptions())
     return Excitation(
         seed=options.seed,
         wanted=dict(options.want),

@@ -20,7 +20,6 @@ from eaid.planning.design import (
     Experiment,
     FittedRig,
     Rig,
-    Session,
     Widths,
     enlarged,
     finite,
@@ -107,9 +106,8 @@ def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Call
     options = replace(options, want=options.want or {"Ts": 3.0, "tau1": 5.0, "tau2": 10.0})
     refuse_widths(options.want)
     rig = rig_of(fit)
-    session = Session(options.idle_s, options.release_s, options.most_levels, options.longest_hold_s)
 
-    make = partial(rig.quickest, session=session)
+    make = partial(rig.quickest, session=options)
     measured: Widths | None = None
     if options.check:
         rigs = rig.drawn(SETS, options.seed)
@@ -141,7 +139,7 @@ def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Call
         half_width_pct=finite(plan.half_width_pct),
         measured_half_width_pct=None if measured is None else finite(measured),
         input_unit=rig.plant.input_unit,
-        runs=run_order(plan, session, options.seed),
+        runs=run_order(plan, options),
         findings=tuple(findings),
     )
 
@@ -166,9 +164,9 @@ def _warnings(rig: FittedRig) -> list[Finding]:
     return findings
 
 
-def run_order(plan: Experiment, session: Session, seed: int) -> tuple[PlannedRun, ...]:
+def run_order(plan: Experiment, session: PlanOptions) -> tuple[PlannedRun, ...]:
     """One block a repeat, each with all levels in an order of its own: no drift or sweep hides in the levels."""
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(session.seed)
     runs: list[PlannedRun] = []
     for repeat in range(1, plan.repeats + 1):
         for i in random.permutation(len(plan.levels)).tolist():
