@@ -9,7 +9,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-import h5py
 import msgspec
 
 from eaid.declared import chosen
@@ -30,19 +29,19 @@ from eaid.options import (
 from eaid.progress import Progress, no_progress
 from eaid.reading import read_steps, steps_of
 from eaid.results import codec
-from eaid.results.coupling import Coupling
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.results.parameters import table_of
-from eaid.results.plan import Plan
-from eaid.results.recorded import Excitation
-from eaid.results.replay import Replay
 from eaid.steps.stepset import StepSet
 
 if TYPE_CHECKING:
     import pandas
 
     from eaid.export.export import ExportFolder
+    from eaid.results.coupling import Coupling
+    from eaid.results.plan import Plan
+    from eaid.results.recorded import Excitation
+    from eaid.results.replay import Replay
 
 R = TypeVar("R")
 Paths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
@@ -169,7 +168,7 @@ def fit(
     return fitted
 
 
-def plan(fit: Fit, options: PlanOptions | None = None, *, progress: Progress = no_progress, **keywords: Any) -> Plan:
+def plan(fit: Fit, options: PlanOptions | None = None, *, progress: Progress = no_progress, **keywords: Any) -> "Plan":
     """What steps to record next, for intervals of wanted widths, in the rig's own input unit.
 
     Parameters
@@ -212,7 +211,7 @@ def plan(fit: Fit, options: PlanOptions | None = None, *, progress: Progress = n
 
 def plan_excitation(
     fit: Fit, options: PlanOptions | None = None, *, progress: Progress = no_progress, **keywords: Any
-) -> Excitation:
+) -> "Excitation":
     """The shortest sequence of inputs for one recording, for intervals of wanted widths, in the rig's own input unit.
 
     Parameters
@@ -360,7 +359,7 @@ def simulate(
     reading: ReadOptions | None = None,
     progress: Progress = no_progress,
     **keywords: Any,
-) -> Replay:
+) -> "Replay":
     """Replay controllers on the fitted plant from rest, or a log's own input.
 
     Parameters
@@ -428,7 +427,7 @@ def couple(
     *,
     progress: Progress = no_progress,
     **keywords: Any,
-) -> Coupling:
+) -> "Coupling":
     """How stiff a virtual wall each loop may render on a limb (Colgate and Schenkel 1997 for the sampled loop).
 
     Parameters
@@ -597,6 +596,10 @@ def load(path: str | os.PathLike[str]) -> "Fit | Gains | Coupling | Replay | Ste
     >>> eaid.load(file).params.equals(fit.params)
     True
     """
+    import h5py
+
+    from eaid.results.coupling import Coupling
+
     file = Path(path)
     if not file.is_file():
         raise DataError(f"{file}: no such file; give a fit.json, gains.json, couple.json, replay.h5 or data.h5")

@@ -29,7 +29,7 @@ from eaid.steps.build import stepset_of
 from eaid.steps.cut import active_low, cut_runs, onset, settled_steps
 from eaid.steps.levels import counted_once
 from eaid.steps.noise import block_means, stretches
-from eaid.steps.plateaus import bridge, plateaus, stands_still
+from eaid.steps.plateaus import plateaus, stands_still
 from eaid.steps.stepset import StepSet
 
 QUIET = 0.02
@@ -55,7 +55,7 @@ def is_recorded(run: Run, rest: float = 0.0) -> bool:
         return False
     if not run.has_input:
         return False
-    holds, _ = bridge(plateaus(run.input))
+    holds = plateaus(run.input)
     still = stands_still(holds, run.input)
     if run.position is None and not still:
         return True

@@ -43,35 +43,7 @@ def command(args: Arguments) -> None:
     if args.json:
         files = sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
         console.print_json({"page": page, "files": files})
-    for said in five_numbers(folder):
-        console.line(said)
     console.done(page, f"{len(LINES)} commands", "open it in a browser")
-
-
-def five_numbers(folder: Path) -> list[str]:
-    """What the demo found, in five lines: fit %, T_s with its interval, errors, the worst margins, the guarantee."""
-    from eaid.report.tables.gains import guarantee_words
-    from eaid.results import codec
-    from eaid.results.fit import Fit
-    from eaid.results.gains import Gains
-
-    fit = codec.read(folder / "fit.json", Fit)[0]
-    gains = codec.read(folder / "gains.json", Gains)[0]
-    assert fit.nonlinear is not None and gains.replayed is not None and gains.margins is not None
-    level, worst, laws = fit.data.levels[-1], gains.margins.worst, ("rc", "pi")
-    value, low, high = fit.at(level).loc["Ts"]
-    rows = (
-        ("fit of the nonlinear model", f"{fit.nonlinear.fit_pct:.1f} %"),
-        (f"T_s at {level:g} {fit.data.input_unit}", f"{value:.3g} ({low:.3g} … {high:.3g}) {fit.data.output_unit}"),
-        ("largest error, RC | PI", _two(*(getattr(gains.replayed, law).max_abs_error_nm for law in laws))),
-        ("worst phase margin, RC | PI", _two(*(getattr(worst, law).phase_deg for law in laws))),
-        ("guarantee", guarantee_words(gains)),
-    )
-    return [f"{name:<28}  {value}" for name, value in rows]
-
-
-def _two(rc: float | None, pi: float | None) -> str:
-    return " | ".join("–" if value is None else f"{value:.3g}" for value in (rc, pi))
 
 
 Line = tuple[str, ...]

@@ -99,6 +99,9 @@ def takes(arguments: type[A]) -> Callable[[Callable[[A], int | None]], Callable[
     def made(body: Callable[[A], int | None]) -> Callable[..., int | None]:
         def command(**typed: Any) -> int | None:
             console.be_quiet(typed["quiet"])
+            for form in shown:
+                if form.parts[0] in (Path, list[Path]) and (value := typed[form.name]):
+                    typed[form.name] = Path(value) if form.parts[0] is Path else list(map(Path, value))
             if placed := typed.get("gains_placed"):
                 if typed["gains"] is not None:
                     raise UsageError("GAINS and --gains: give one of them")

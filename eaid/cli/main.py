@@ -96,7 +96,18 @@ def load_command(name: str) -> TyperCommand:
     alone.command(name, context_settings=SETTINGS)(
         importlib.import_module(f"eaid.cli.{name.replace('-', '_')}").command
     )
-    return cast(TyperCommand, typer.main.get_command(alone))
+    command = cast(TyperCommand, typer.main.get_command(alone))
+    for parameter in command.get_params(typer.Context(command, **command.context_settings)):
+        parameter._runtime_param = _AsTyped()  # type: ignore[attr-defined]
+    return command
+
+
+class _AsTyped:
+    """What is typed stays as it is: `eaid.declared` reads it, and Typer would load pydantic to."""
+
+    def coerce(self, value: Any, **_: Any) -> Any:
+        """The value itself."""
+        return value
 
 
 app = typer.Typer(

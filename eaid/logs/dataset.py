@@ -143,13 +143,9 @@ def read_dataset(
 
 
 def _apparatus(stored: Mapping[str, object], source: str) -> Apparatus | None:
-    """The rig of a dataset: one attribute a field, or all as JSON in one attribute `apparatus`."""
-    try:
-        together = msgspec.json.decode(str(stored.get("apparatus", "{}")), type=dict[str, float])
-    except msgspec.MsgspecError:
-        raise DataError(f"{source}: its apparatus is not a JSON object of numbers; {AGAIN}") from None
+    """The rig of a dataset, one attribute a field."""
     names = {field.name for field in dataclasses.fields(Apparatus)}
-    values = {name: value for name, value in {**together, **stored}.items() if name in names}
+    values = {name: value for name, value in stored.items() if name in names}
     try:
         return msgspec.convert(values, Apparatus, strict=False) if values else None
     except msgspec.ValidationError:

@@ -9,16 +9,13 @@ from eaid.errors import DataError
 from eaid.findings import Finding, finding, stops
 from eaid.logs.run import Kind, Run
 from eaid.options import ReadOptions
-from eaid.steps.baseline import without_spikes
 from eaid.steps.checks import disagreements, step_warnings
 from eaid.steps.cut import cut_runs, level_steps
 from eaid.steps.levels import common, grouped, same_level, wanted_levels
-from eaid.steps.noise import STANDARD_ERRORS, block_error, block_means, idle_density, line
+from eaid.steps.noise import STANDARD_ERRORS, block_error, idle_density
 from eaid.steps.step import Step, left_pct, lost_pct, slip_of
 from eaid.steps.stepset import Level, RunRecord, StepSet
 
-BEYOND_DRIFT = 1.5
-"""A change counts as a step's where it exceeds so many times what the idle slope explains."""
 SMALL = 0.2
 """Share of the usual change below which a sign of its own is not held against a step."""
 
@@ -54,21 +51,9 @@ def signs_of(runs: Sequence[Run]) -> tuple[dict[str, float], list[Finding]]:
 
 
 def _change(step: Step) -> tuple[float, bool]:
-    """Mean change of a step, and whether it is evidence of a direction."""
+    """Mean change of a step, and whether it stands out of the noise."""
     change = float(step.rise.mean())
-    idle, _ = without_spikes(step.idle, abs(change))
-    explained = 0.0
-    if len(idle) >= 20 and step.run.from_level == 0.0:
-        means = block_means(idle)
-        at = (np.arange(len(means)) + 0.5) / len(means)
-        slope, error, _ = line(at, means)
-        lasts = float(step.run.time_s[step.start - 1] - step.run.time_s[0])
-        if abs(slope) > STANDARD_ERRORS * error and lasts > 0:
-            # from the middle of the idle time, or its end, to the middle of the window
-            explained = slope * (0.5 + 0.5 * float(step.time_s[-1]) / lasts)
-    same_way = explained * change > 0
-    beyond = abs(change) > BEYOND_DRIFT * abs(explained) if same_way else True
-    return change, beyond and abs(change) > STANDARD_ERRORS * block_error(step.rise) / np.sqrt(20)
+    return change, abs(change) > STANDARD_ERRORS * block_error(step.rise) / np.sqrt(20)
 
 
 PLAIN = ReadOptions()

@@ -23,7 +23,6 @@ from eaid.steps.plateaus import (
     BACK,
     FEWEST,
     Plateau,
-    bridge,
     end_of,
     plateaus,
     sample_s,
@@ -42,14 +41,13 @@ NO_STEP = "record the idle time before the step too, or give the step instant wi
 
 def cut_by_input(run: Run) -> list[Run]:
     """Steps where the input goes from one plateau to another; towards zero is a falling edge."""
-    holds, bridged = bridge(plateaus(run.input))
+    holds = plateaus(run.input)
     if not stands_still(holds, run.input):
         raise DataError(f"{run.where}: {say(finding('input-moves', run.name))}")
     if len(holds) < 2:
         raise DataError(f"{run.where}: the input stays at {holds[0].level:g} {run.input_unit}: no step; {NO_STEP}")
     zero = zero_of(run)
-    glitch = (finding("input-glitch", run.name, samples=bridged),) if bridged else ()
-    first = (*run.findings, *glitch, *active_low(run, holds))
+    first = (*run.findings, *active_low(run, holds))
     steps: list[Run] = []
     idle: float | None = None
     end = 0

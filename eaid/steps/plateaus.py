@@ -1,4 +1,4 @@
-"""What an input does: where it stands still, ramps between left out and glitches bridged; or moves.
+"""What an input does: where it stands still, ramps between left out; or moves.
 
 A plateau is a stretch in which the input stays within `tolerance`, 1 % of its range or six times its noise.
 """
@@ -14,8 +14,6 @@ from eaid.steps.noise import sample_noise, sampled, stretches
 
 FEWEST = 10
 """Samples in the active window below which a step is refused."""
-GLITCH = 3
-"""Samples up to which an input that leaves its level and comes back is passed over, and told."""
 OFFSET = 0.05
 """Share of its largest value within which a measured input counts as zero."""
 BACK = 0.5
@@ -93,23 +91,6 @@ def _without_slow_ramps(values: Array, start: int, stop: int, allowed: float) ->
             b += 1
         still.append(Plateau(start + a, start + b, level))
     return still
-
-
-def bridge(holds: list[Plateau]) -> tuple[list[Plateau], int]:
-    """Plateaus without the glitches that part one level in two; and how many samples those were."""
-    joined: list[Plateau] = []
-    passed = 0
-    for plateau in holds:
-        if len(joined) >= 2:
-            before, glitch = joined[-2], joined[-1]
-            if glitch.count <= GLITCH and plateau.start == glitch.stop and glitch.start == before.stop:
-                close = 0.05 * max(abs(before.level - glitch.level), abs(plateau.level - glitch.level))
-                if abs(before.level - plateau.level) <= close and plateau.count > GLITCH:
-                    joined[-2:] = [Plateau(before.start, plateau.stop, before.level)]
-                    passed += glitch.count
-                    continue
-        joined.append(plateau)
-    return joined, passed
 
 
 def stands_still(holds: list[Plateau], values: Array) -> bool:

@@ -12,7 +12,6 @@ from eaid.cli import demo as demo_lines
 def test_it_ends_by_naming_the_page(tmp_path, monkeypatch, run_eaid):
     ran = []
     monkeypatch.setattr(demo_lines, "run_line", lambda line, _folder: ran.append(line[0]))
-    monkeypatch.setattr(demo_lines, "five_numbers", lambda _folder: [])
     monkeypatch.chdir(tmp_path)
     shown = run_eaid("demo")
     assert shown.code == 0
@@ -42,6 +41,3 @@ def test_the_whole_demo(tmp_path, run_eaid):
     fit, gains = (json.loads((made / name).read_text(encoding="utf-8")) for name in ("fit.json", "gains.json"))
     assert fit["converged"] and fit["data"]["kind"] == "clutch"
     assert gains["rc"]["K_P"] == 4.5 and gains["pi"]["settling_s"] == pytest.approx(0.27)
-    lines, errors = ran.out.splitlines()[-5:], gains["replayed"]  # five numbers of these files
-    assert f"{fit['nonlinear']['fit_pct']:.1f} %" in lines[0]
-    assert f"{errors['rc']['max_abs_error_nm']:.3g} | {errors['pi']['max_abs_error_nm']:.3g}" in lines[2]

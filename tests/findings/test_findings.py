@@ -34,10 +34,10 @@ def test_the_gravest_come_first_and_what_the_numbers_mean_before_what_follows_fr
     found = [
         made("input-negative", "x"), made("gap", "y", gap_s=1.0, at_s=0.0, sample_s=0.01),
         made("spikes", "z", samples=1, value=1.0, unit="V", at_s=0.0),
-        made("input-glitch", "run", samples=2), made("idle-drifts", "run", drift=0.2, unit="V"),
+        made("level-to-level", "run", steps=1, of=2), made("idle-drifts", "run", drift=0.2, unit="V"),
     ]  # fmt: skip
     codes = [one.code for one in findings.ranked(found)]
-    assert codes == ["spikes", "idle-drifts", "gap", "input-negative", "input-glitch"]
+    assert codes == ["spikes", "idle-drifts", "gap", "input-negative", "level-to-level"]
     assert [one.code for one in findings.stops(found)] == ["spikes"]
 
 

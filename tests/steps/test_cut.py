@@ -65,8 +65,6 @@ BY_INPUT = {
         with_input(log([(0, 2), (50, 5), (0, 3)], unit="N"), BACK.duty_pct.reindex(range(1000), fill_value=0)
                    + white(1000, 0.3, 3)),
         [("a", 0, near(50, 0.1), UP, 2.0, 500, 0), ("a-release", 0, near(50, 0.1), DOWN, 7.0, 300, 0)], []),
-    "two samples at 0 are passed over": (
-        patched(ONE, 400, 402, 0.0), [("a", 0, 50, UP, 2.0, 500, 0)], ["input-glitch"]),
     "nine samples are no step": (log([(0, 2), (50, 5), (0, 0.09)]), [("a", 0, 50, UP, 2.0, 500, 0)], ["short-pieces"]),
     "ten are": (
         log([(0, 2), (50, 5), (0, 0.1)]),

@@ -152,8 +152,6 @@ CASES: dict[str, tuple[Any, dict[str, Any]]] = {
         ramped((1200, 1230, 60.0, 0.0)), {"input-ramps-on": ramp_of(30, 0.29), "level-to-level": {}}),
     "a sample half-way between two holds": (
         ramped((800, 801, 45.0, 45.0), tau=0.01), {"input-ramps-on": ramp_of(1, 0.01, 0.01), "level-to-level": {}}),
-    "an input that leaves its level for two samples": (
-        with_input(RUN, np.where((T >= 6) & (T < 6.015), 0.0, RUN.duty_pct)), {"input-glitch": {"samples": 2}}),
     # the sensor
     "saturated": (output(np.minimum(NOISY.torque_nm, 1.2)), {"saturated": {
         "samples": int((NOISY.torque_nm >= 1.2).sum()), "limit": 1.2, "unit": "N·m"}}),

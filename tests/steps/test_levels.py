@@ -144,13 +144,6 @@ def test_one_log_of_the_other_sign(gain: float, odd: dict[str, int] | None) -> N
     assert steps.levels[0].runs[0, -1] == pytest.approx(2.0, abs=0.05)
 
 
-@pytest.mark.parametrize(("fall", "turned"), [(0.03, False), (0.8, True)])
-def test_what_the_slope_of_the_idle_explains_is_no_direction(fall: float, turned: bool) -> None:
-    """The idle falls by 0.05 N·m/s throughout, as where a rig cools."""
-    frame = log([(0, 10), (50, 10)], gain=-fall / 50, noise=0.002)
-    assert ("signs-turned" in told(read(plus(frame, -0.05 * frame.time_s)))) is turned
-
-
 def test_a_step_between_levels_goes_its_own_way() -> None:
     steps = read(log([(30, 6), (60, 6), (20, 6)], gain=-0.04))
     assert told(steps) == ["level-to-level"]

@@ -127,7 +127,6 @@ STEP_ROWS: dict[str, Row] = {
         "beside the load as input=; else " + _AS_RECORDED
     ),
     "input-negative": note("the input is negative: its size is taken"),
-    "input-glitch": note("the input leaves its level for {samples:#sample} and comes back: passed over"),
     "short-pieces": note("{pieces:#shorter piece} of fewer than {fewest} samples left out"),
     "step-from-output": note("step instant {step_s:.6g} s found from the output alone: late by a sample or more"),
     "step-at-first-sample": caution(
