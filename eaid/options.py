@@ -28,7 +28,7 @@ ROBUST, PI, RIG, ADVANCED = "Robust controller", "PI controller", "Rig", "Advanc
 WHAT, MORE, REHAB, CHANCE = "What is replayed", "More plants", "Rehabilitation", "Chance"
 LIMB, LOOP, DRAWN = "The limb and the wall", "The loop as it runs", "Populations"
 LOGS, WHEN, HOW, INPUTS = "What is recorded", "Times", "Disturbances", "Other inputs than steps"
-FIGURES, PAGE = "Figures", "Page"
+FIGURES = "Figures"
 
 
 def any_text(_name: str, text: str) -> str:
@@ -456,6 +456,3 @@ class ReportOptions(Options):
         (), "Only these: fig07,fig12 or the beginning of a name.", FIGURES, shown="NAME,…"
     )
     format: tuple[str, ...] = option((), "Beside PNG, which is always there.", FIGURES, words="pdf|svg|png")
-    paper: bool | None = option(
-        None, "Published values beside yours; by itself where the units are the paper's.", PAGE, "--paper/--no-paper"
-    )

@@ -4,13 +4,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from eaid.cli import console
-from eaid.cli.form import Common, Tables, argument, stamped, takes, written
+from eaid.cli.form import Common, Verbose, argument, stamped, takes, written
 from eaid.declared import option, part
 from eaid.options import LOOP, CoupleOptions
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arguments(Common, CoupleOptions, Tables):
+class Arguments(Common, CoupleOptions, Verbose):
     """What `eaid couple` takes."""
 
     fit: Path = argument("FIT", "fit.json with a nonlinear model.")
@@ -29,7 +29,7 @@ def command(args: Arguments) -> None:
     """
     from eaid import api
     from eaid.files import refuse_to_overwrite
-    from eaid.report.tables.gains import walls_brief, walls_table
+    from eaid.report.tables.gains import walls_table
     from eaid.results import codec
     from eaid.results.fit import Fit
     from eaid.results.gains import Gains
@@ -44,7 +44,7 @@ def command(args: Arguments) -> None:
     if args.json:
         console.print_json(coupling)
     else:
-        console.show((walls_table if args.tables or args.verbose else walls_brief)(coupling))
+        console.show(walls_table(coupling))
     console.tell([*warnings, *more, *coupling.findings], args.verbose)
     console.done(
         args.output,

@@ -33,7 +33,7 @@ def show_fit(fit: Fit, file: Path, tables: bool, verbose: bool) -> None:
     warnings = label + (", ".join(warned(fit)) or "none")
     for line in (*verdict_line(fit), *answer(fit), warnings, f"next   {shlex.join(('eaid', after, str(file)))}"):
         console.line(on_command_line(line))
-    shown = model_tables(fit, asked=False) if tables else []
+    shown = model_tables(fit) if tables else []
     for table in [*shown, *(judging_tables(fit) if tables and verbose else ())]:
         console.show(table)
 

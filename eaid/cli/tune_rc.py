@@ -44,7 +44,7 @@ def command(args: Arguments) -> None:
         console.print_json(gains)
     else:
         console.line(tables.guarantee_story(gains))
-        shown = [*tables.tables_of(gains, asked=False), tables.margins_table(gains)]
+        shown = [*tables.tables_of(gains), tables.margins_table(gains)]
         for table in shown if args.tables or args.verbose else [tables.controllers_table(gains)]:
             console.show(table)
     console.tell([*gains.findings, *warnings], args.verbose)

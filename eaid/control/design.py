@@ -162,11 +162,11 @@ def pi_of(model: Linear, settled: Design) -> PIGains:
 
 def _margin(loop: LoopMargins) -> Margin:
     """As gains.json has it: a margin without end is not known."""
-    return Margin(loop.stable, *(known(x) for x in (loop.gain_db, loop.delay_s, loop.phase_deg, loop.crossover_hz)))
+    return Margin(loop.stable, *(known(x) for x in (loop.gain_db, loop.phase_deg, loop.crossover_hz)))
 
 
 def _least(loops: Sequence[LoopMargins]) -> Margin:
-    least = {name: known(min(getattr(one, name) for one in loops)) for name in ("gain_db", "phase_deg", "delay_s")}
+    least = {name: known(min(getattr(one, name) for one in loops)) for name in ("gain_db", "phase_deg")}
     return Margin(stable=True, **least)
 
 

@@ -1,4 +1,4 @@
-"""Gain, delay and phase margins of the loop as it really runs: sampled, behind a dead time, the duty latched by a PWM.
+"""Gain and phase margins of the loop as it really runs: sampled, behind a dead time, the duty latched by a PWM.
 
 Around an operating point a control law is linear, s' = A s + B (r, v, T), u = c s + d (r, v, T) per sample, in the
 reference r, its rate v and the torque T that is read; a PI and the robust controller have one state, the integral of
@@ -7,16 +7,15 @@ with its dead time. The loop is opened at the duty.
 
 Samples at k h and latches at j/f_pwm repeat together after a common period, taken as 100 samples at most. Over it the
 loop is a linear map of the state (lags, law, latched duty, duties on their way): stable where its spectral
-radius is below 1. The gain margin is the factor on the duty, the delay margin the extra time between latch and plant,
-that bring the radius to 1: exact, aliasing included. The phase margin is read at the crossover of the loop's frequency
-response, the latch by its mean response. Behind a dead time of more than twenty holds, where the map would have too
-many states and all crossovers lie far below the rate of the latch, all three are read there, on a loop that is stable
-without the dead time.
+radius is below 1. The gain margin is the factor on the duty that brings the radius to 1: exact, aliasing included. The
+phase margin is read at the crossover of the loop's frequency response, the latch by its mean response. Behind a dead
+time of more than twenty holds, where the map would have too many states and all crossovers lie far below the rate of
+the latch, both are read there, on a loop that is stable without the dead time.
 """
 
 import cmath
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property, lru_cache
@@ -88,10 +87,8 @@ LONGEST_PERIOD = 100
 """Samples in the common period of samples and latches, at most; of two rates without a short one the nearest such."""
 LATE = 20
 """Holds of dead time up to which a loop is taken as the map of its state."""
-MOST_LATE = 60
-"""Further holds up to which its delay margin is sought there."""
-LONGEST_DELAY_S = 0.2
-"""Delay margins are sought up to here; beyond, they are no worry."""
+MOST_DB, STEP_DB = 80.0, 2.0
+"""Gain margins are sought up to here, in such steps."""
 ENOUGH_DB, ENOUGH_DEG = 6.0, 45.0
 
 
@@ -225,8 +222,6 @@ class LoopMargins:
     stable: bool
     gain_db: float
     """Factor on the duty that makes it unstable [dB]; infinite where none up to 80 dB does."""
-    delay_s: float
-    """Extra delay that makes it unstable [s]; infinite beyond 0.2 s."""
     phase_deg: float
     """Phase margin at the crossover, the least where there are several [deg]; infinite where the gain stays below 1."""
     crossover_hz: float
@@ -239,21 +234,13 @@ class LoopMargins:
 
 
 def margins(law: Law, lags: Sequence[Lag], timing: Timing) -> LoopMargins:
-    """Gain, delay and phase margin of one loop."""
+    """Gain and phase margin of one loop."""
     left = crossovers(law, lags, timing)
     phase, crossover_hz = min(((p, w / (2 * math.pi)) for p, w in left), default=(math.inf, 0.0))
     if not is_stable(law, lags, timing):
-        return LoopMargins(False, -math.inf, 0.0, math.degrees(phase), crossover_hz)
-    delay = min((p % (2 * math.pi) / w for p, w in left), default=math.inf)
-    if not mapped(timing):
-        gain = _gain_by_response(law, lags, timing)
-    else:
-        gain = _edge(lambda db: spectral_radius(law, lags, timing, 10 ** (db / 20)), 2.0, 80.0)
-        if delay < MOST_LATE * timing.hold_s:  # the phase margin's delay is nearly it; a third keeps the search short
-            step = min(max(delay / 3, timing.step_s), LONGEST_DELAY_S / 4)
-            delay = _edge(lambda s: spectral_radius(law, lags, timing, 1.0, s), step, LONGEST_DELAY_S)
-    far = math.inf if delay > LONGEST_DELAY_S else delay
-    return LoopMargins(True, gain, far, math.degrees(phase), crossover_hz)
+        return LoopMargins(False, -math.inf, math.degrees(phase), crossover_hz)
+    gain = (_gain_by_map if mapped(timing) else _gain_by_response)(law, lags, timing)
+    return LoopMargins(True, gain, math.degrees(phase), crossover_hz)
 
 
 def loop_margins(gains: RCGains | PIGains, points: Sequence[Point], timing: Timing) -> Iterator[LoopMargins]:
@@ -291,22 +278,24 @@ def mapped(timing: Timing) -> bool:
     return timing.delay_s <= LATE * timing.hold_s
 
 
-def _edge(radius: Callable[[float], float], step: float, limit: float) -> float:
-    """First value at which the radius reaches 1: steps to bracket it, then Brent; infinite beyond the limit."""
-    low, high = 0.0, step
-    while radius(high) < 1:
-        low, high = high, high + step
-        if low >= limit:
+def _gain_by_map(law: Law, lags: Sequence[Lag], timing: Timing) -> float:
+    """The factor on the duty at which the radius reaches 1 [dB]: steps to bracket it, then Brent; else infinite."""
+
+    def over(db: float) -> float:
+        return spectral_radius(law, lags, timing, 10 ** (db / 20)) - 1
+
+    low, high = 0.0, STEP_DB
+    while over(high) < 0:
+        low, high = high, high + STEP_DB
+        if low >= MOST_DB:
             return math.inf
-    return float(brentq(lambda x: radius(x) - 1, low, high, xtol=1e-9 * high))
+    return float(brentq(over, low, high, xtol=1e-9 * high))
 
 
-def spectral_radius(
-    law: Law, lags: Sequence[Lag], timing: Timing, factor: float = 1.0, extra_delay_s: float = 0.0
-) -> float:
+def spectral_radius(law: Law, lags: Sequence[Lag], timing: Timing, factor: float = 1.0) -> float:
     """Spectral radius of the loop's map over one common period of sampling and latching, the duty times `factor`."""
     samples, latches = timing.pattern
-    h, hold, delay_s = timing.step_s, timing.hold_s, timing.delay_s + extra_delay_s
+    h, hold, delay_s = timing.step_s, timing.hold_s, timing.delay_s
     late = int(delay_s / hold + 1e-9)  # whole holds that the delay spans
     rest = max(delay_s - late * hold, 0.0)
     states = len(lags), len(law.A), late + 1

@@ -55,10 +55,7 @@ def hexadecimal(value: Any) -> str:
         return "EAID_NAN"
     if math.isinf(number):
         return "EAID_INF" if number > 0 else "-EAID_INF"
-    mantissa, exponent = number.hex().split("p")
-    head, _, rest = mantissa.partition(".")
-    rest = rest.rstrip("0")
-    return f"{head}.{rest or '0'}p{exponent}{suffix}"
+    return number.hex() + suffix
 
 
 def decimal(value: Any) -> str:

@@ -81,7 +81,7 @@ def _gains(source: Source, gains: Gains, laws: tuple[str, ...], rate_hz: float) 
         f"{law}_{key}": getattr(margin, key)
         for law in laws
         if (margin := getattr(worst, law, None)) is not None
-        for key in ("gain_db", "phase_deg", "delay_s")
+        for key in ("gain_db", "phase_deg")
     }
     if numbers:
         yield finding("export-margins", "gains", **numbers)

@@ -25,14 +25,10 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple, TypeVar
 
-import numpy as np
-from numpy.polynomial import polynomial
-
 from eaid.control.gains import physical, pi_gains, rc_gains
 from eaid.control.pi import PIGains, PIState, pi_step
 from eaid.control.rc import RCGains, RCState, rc_step
 from eaid.errors import UsageError
-from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Linear, Nonlinear
 from eaid.replay.plant import PlantParameters, plant_parameters, plant_step
 from eaid.results.gains import Gains
@@ -72,7 +68,7 @@ class Knowledge:
     plant: Nonlinear
     """The fitted model."""
     linear: Linear | None
-    """Where it is missing, the open loop takes the straight line through the plant's steady torque."""
+    """Of which the open loop is made."""
     gains: Gains | None
     limits: tuple[float, float] = (0.0, 100.0)
     """Range of the actuator [%], for the controllers that have no gains of their own."""
@@ -221,25 +217,19 @@ def _of_gains(
     return ready(gains)
 
 
-def _line(known: Knowledge) -> tuple[float, float, float]:
-    """a0, b0 and c0 of the linear model; without it of one whose steady torque [N·m] is the least-squares line through
-    T_s(u), Eq. (7), at 101 duties."""
-    if known.linear is not None:
-        linear = physical(known.linear)
-        return linear.a0, linear.b0, linear.c0
-    duties = np.linspace(*known.plant.u_range, 101)
-    offset, slope = polynomial.polyfit(duties, steady_torque(known.plant, duties), 1).tolist()
-    if not slope > 0.0:
-        raise UsageError("controller open-loop: the plant's steady torque does not rise with the duty; fit it again")
-    return 1.0, slope, offset
+def _open_loop(known: Knowledge) -> Controller:
+    if known.linear is None:
+        raise UsageError("controller open-loop needs a linear model: fit it too, or give «gains», which hold one")
+    linear = physical(known.linear)
+    return Controller(
+        "open-loop", open_loop_step, OpenLoopGains(linear.a0, linear.b0, linear.c0, *known.limits), NoState()
+    )
 
 
 CONTROLLERS: dict[str, Callable[[Knowledge], Controller]] = {
     "rc": partial(_of_gains, "rc", rc_gains, rc_controller),
     "pi": partial(_of_gains, "pi", pi_gains, pi_controller),
-    "open-loop": lambda known: Controller(
-        "open-loop", open_loop_step, OpenLoopGains(*_line(known), *known.limits), NoState()
-    ),
+    "open-loop": _open_loop,
     "inverse": lambda known: inverse_controller(known.plant, known.limits),
 }
 """Name → how it is made; `UsageError` where its gains are missing."""

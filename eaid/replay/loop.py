@@ -21,9 +21,6 @@ from eaid.replay.metrics import tracking
 from eaid.replay.plant import Held, PlantParameters, hold_step
 from eaid.results.gains import Tracking
 
-LONG = 500_000
-"""Samples from which a replay in plain Python takes longer than numba needs to start."""
-
 
 @dataclass(frozen=True, eq=False)
 class Trace:
@@ -151,15 +148,8 @@ def replay(
         raise UsageError("the reference must hold two samples or more, all of them finite")
     inputs = inputs_of(controller, reference_nm, rig, dt_s, seed)
     numbers = rig_numbers(rig, dt_s)
-    columns: Sequence[list[float] | Array]
-    if n <= LONG:
-        run, inputs = loop_of(controller.step), Inputs(*(column.tolist() for column in inputs))
-        columns = [[0.0] * n for _ in range(5)]
-    else:
-        from eaid.replay.many import compiled
-
-        run, columns = compiled(controller.step), tuple(np.empty((5, n)))
-    run(controller.gains, controller.start, plant, numbers, dt_s, inputs, columns)
+    inputs, columns = Inputs(*(column.tolist() for column in inputs)), [[0.0] * n for _ in range(5)]
+    loop_of(controller.step)(controller.gains, controller.start, plant, numbers, dt_s, inputs, columns)
     return as_trace(controller, rig, dt_s, reference_nm, columns)
 
 

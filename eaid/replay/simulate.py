@@ -84,8 +84,7 @@ def set_up(fit: Fit, gains: Gains | None, options: SimulateOptions, what: str) -
 def _names(wanted: tuple[str, ...] | None, what: str, known: Knowledge) -> tuple[tuple[str, ...], list[Finding]]:
     """The controllers to replay; by default those that the files allow."""
     if wanted:
-        straight = "open-loop" in wanted and known.linear is None
-        return wanted, [finding("open-loop-on-straight-line", "open-loop")] if straight else []
+        return wanted, []
     names = [name for name in ("rc", "pi") if getattr(known.gains, name, None) is not None]
     if what == "sweep" and known.linear is not None:
         names.append("open-loop")

@@ -17,12 +17,9 @@ from eaid.options import Rig, TuneOptions
 from eaid.replay.controllers import Controller, pi_controller, rc_controller
 from eaid.replay.loop import replay
 from eaid.replay.plant import plant_parameters
-from eaid.replay.references import Reference, Signal, measure, reference_of
+from eaid.replay.references import Reference, Signal, reference_of
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains, Replayed, Tracking
-
-LONGER = 1.1
-"""Share of the promised settling time beyond which a step's own is told."""
 
 
 def tune(
@@ -84,10 +81,9 @@ def tune(
 def _replayed(
     fit: Fit, gains: Gains, plant: Nonlinear, wanted: Reference, name: str, scales: Scales
 ) -> tuple[Gains, list[Finding]]:
-    """The replayed errors beside the ultimate bound, and the steps of the PI beside what it promises."""
-    rc, pi, part, line = rc_gains(gains), pi_gains(gains), gains.rc, gains.pi
-    assert rc is not None and pi is not None and part is not None and part.ultimate_bound is not None
-    assert gains.margins is not None and line is not None
+    """The replayed errors."""
+    rc, pi = rc_gains(gains), pi_gains(gains)
+    assert rc is not None and pi is not None and gains.margins is not None
     timing, findings = gains.margins.timing, []
     most, highest = float(wanted.torque_nm.max()), float(steady_torque(plant, plant.u_range[1]))
     if most > highest:
@@ -108,17 +104,5 @@ def _replayed(
             finding("paper-pi", "pi", overshoot_pct=overshoot_pct, settling_s=settling_s, unit=gains.output_unit,
                     error=by_paper.max_abs_error_nm)
         )  # fmt: skip
-    stairs = reference_of("steps", wanted.dt_s, scales)
-    run = measure(replay(flat, pi_controller(pi), stairs.torque_nm, rig, wanted.dt_s), stairs)
-    times = [each.settling_s for each in run.steps if each.to_nm != 0]  # at rest no duty drives the output down
-    longest = None if None in times else max(each for each in times if each is not None)
-    if line.settling_s is not None and (longest is None or longest > LONGER * line.settling_s):
-        findings.append(
-            finding("settling-longer", "pi", promised=line.settling_s, longest=longest,
-                    limited_pct=100 * (run.saturated_fraction or 0.0))
-        )  # fmt: skip
-    return msgspec.structs.replace(
-        gains,
-        pi=msgspec.structs.replace(line, steps_settling_s=longest),
-        replayed=Replayed(name, wanted.steepest_nm_s, wanted.counted_from_s, by_rc, by_pi, by_paper),
-    ), findings  # fmt: skip
+    errors_of = Replayed(name, wanted.steepest_nm_s, wanted.counted_from_s, by_rc, by_pi, by_paper)
+    return msgspec.structs.replace(gains, replayed=errors_of), findings

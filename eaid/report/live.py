@@ -14,10 +14,10 @@ import bokeh
 import numpy as np
 from bokeh.document import Document
 from bokeh.models import ColumnDataSource, HoverTool, Range1d
-from bokeh.models.annotations import BoxAnnotation, Legend, LegendItem, TeeHead, Whisker
+from bokeh.models.annotations import BoxAnnotation, Legend, LegendItem
 from bokeh.models.annotations import Span as Rule
 from bokeh.models.glyphs import Line as Stroke
-from bokeh.models.glyphs import Scatter, Text, VArea
+from bokeh.models.glyphs import Text, VArea
 from bokeh.models.layouts import Column
 from bokeh.plotting import figure
 from markupsafe import Markup
@@ -50,7 +50,7 @@ def live_of(sheet: Sheet) -> Markup:
         for line in panel.lines:
             shown, reach = _line(p, line)
             hits.append(reach)
-            if line.name and not line.marker and panel.legend and not panel.keys:
+            if line.name and panel.legend and not panel.keys:
                 items.append(LegendItem(label={"value": plain(line.name)}, renderers=[shown]))
         for span in panel.spans:
             if span.low < span.high and span.along == "x":
@@ -97,18 +97,7 @@ def _axes(panel: Panel, height: int, shared: Any, last: bool) -> Any:
 
 
 def _line(p: Any, line: Line) -> tuple[Any, Any]:
-    """A curve, thinned, or points with their whiskers; and what catches the pointer, by the line's name."""
-    if line.marker:
-        columns: dict[str, Any] = {"x": line.x, "y": line.y}
-        if line.ends is not None:
-            columns |= {"low": line.ends[0], "high": line.ends[1]}
-        source = ColumnDataSource(columns)
-        dots = Scatter(x="x", y="y", size=7, fill_color=line.color, line_color=line.color)
-        shown = p.add_glyph(source, dots, name=plain(line.name))
-        if line.ends is not None:
-            foot, head = TeeHead(size=6), TeeHead(size=6)
-            p.add_layout(Whisker(base="x", lower="low", upper="high", source=source, lower_head=foot, upper_head=head))
-        return shown, shown
+    """A curve, thinned; and what catches the pointer, by the line's name."""
     # Text once for the whole line: a column of names would weigh more than the numbers.
     x, y = thinned(np.asarray(line.x), np.asarray(line.y), POINTS)
     held: dict[str, Any] = {"x": x.astype(np.float32), "y": y.astype(np.float32)}

@@ -33,7 +33,6 @@ INDEXED_PT = 8.6
 """Letters of a text with an index, which matplotlib sets at 0.7 of them."""
 POINTS, BAND_POINTS = 2500, 400
 """Most points of a curve; extremes survive; and of a band."""
-FORMATS = ("png", "pdf", "svg")
 _LOOK = threading.Lock()
 
 

@@ -49,8 +49,6 @@ class Results:
     replays: tuple[Given[Replay], ...] = ()
     data: tuple[Given[StepSet], ...] = ()
     couplings: tuple[Given[Coupling], ...] = ()
-    paper: bool | None = None
-    """Whether published values stand beside these; None where the units are those of the paper's rig."""
 
     @property
     def main_kind(self) -> str | None:
@@ -83,7 +81,7 @@ class Results:
     def of_paper(self) -> bool:
         """Whether the page's own kind was recorded as the paper's was."""
         about = self.main_fit.data if self.main_fit is not None else self.main_data
-        return self.main_kind is None or of_the_paper(about, self.paper)
+        return self.main_kind is None or of_the_paper(about)
 
     def fit(self, kind: str) -> Fit | None:
         """The first fit of a kind."""

@@ -18,24 +18,9 @@ def controller_name(name: str) -> str:
     return CONTROLLER_NAMES.get(name, name)
 
 
-def of_the_paper(data: FittedData | StepSet | None, asked: bool | None = None) -> bool:
-    """Whether published values belong beside these: units of the paper's rig and kind, or somebody asks for them."""
-    if data is None:
-        return False
-    return (data.input_unit, data.output_unit) == PAPER[data.kind] if asked is None else asked
-
-
-def printed_head(kind: str, units: tuple[str, str], asked: bool | None = None) -> str:
-    """Head of the column of published values: empty where they do not belong; with their units beside other ones."""
-    paper = PAPER[kind]
-    if asked is False or (asked is None and units != paper):
-        return ""
-    return "published" if units == paper else f"published ({', '.join(paper)})"
-
-
-def overlaid(data: FittedData, asked: bool | None = None) -> bool:
-    """Whether published curves may be drawn over ours: only in the same units."""
-    return asked is not False and of_the_paper(data)
+def of_the_paper(data: FittedData | StepSet | None) -> bool:
+    """Whether published values belong beside these: those of the same units."""
+    return data is not None and (data.input_unit, data.output_unit) == PAPER[data.kind]
 
 
 def level_text(level: float, unit: str) -> str:

@@ -3,7 +3,7 @@
 import base64
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from eaid.errors import UsageError
@@ -61,16 +61,16 @@ def write_report(
         Where the folder holds a report and `force` is not given, or an option names what is not there.
     """
     options = options or ReportOptions()
-    given = replace(results if isinstance(results, Results) else gathered(results), paper=options.paper)
+    given = results if isinstance(results, Results) else gathered(results)
     folder = Path(output_dir)
-    formats, rows = formats_of(options.format), chosen(options.figures)
+    rows = chosen(options.figures)
     refuse_to_overwrite_report(folder, force)
     mark = mark_of(given)
     contents: dict[str, bytes] = {}
     drawn: list[Drawn] = []
     for row in rows:
         if (ready := row.ready(given)) is not None:
-            files, address, size = _drawn(ready.sheet, mark[0] if mark and row.of_the_fit else None, formats)
+            files, address, size = _drawn(ready.sheet, mark[0] if mark and row.of_the_fit else None, options.format)
             contents |= {f"{FOLDER}/{row.name}.{kind}": content for kind, content in files.items()}
             drawn.append(Drawn(row.name, ready.title, ready.sees, address, size, live_of(ready.sheet)))
         done()
@@ -93,7 +93,7 @@ def write_report(
 
 
 def _drawn(
-    sheet: Sheet, mark: str | None, formats: Sequence[str] = ("png",), dpi: float = paper.DPI
+    sheet: Sheet, mark: str | None, formats: Sequence[str] = (), dpi: float = paper.DPI
 ) -> tuple[dict[str, bytes], str, tuple[int, int]]:
     """A figure in each format, as an address that holds it as PNG, and its size on the page [px]."""
     with paper.look():
@@ -102,13 +102,6 @@ def _drawn(
         files |= {kind: paper.vector_of(figure, kind) for kind in formats if kind != "png"}
         width, height = (round(96 * float(side)) for side in figure.get_size_inches())
     return files, "data:image/png;base64," + base64.b64encode(files["png"]).decode("ascii"), (width, height)
-
-
-def formats_of(wanted: Sequence[str]) -> tuple[str, ...]:
-    """PNG always, and what else is asked for; anything else is refused."""
-    if unknown := [part for part in wanted if part not in paper.FORMATS]:
-        raise UsageError(f"«format» {','.join(unknown)}: figures are written as {', '.join(paper.FORMATS)}")
-    return tuple(kind for kind in paper.FORMATS if kind == "png" or kind in wanted)
 
 
 def chosen(names: Sequence[str]) -> tuple[Row, ...]:

@@ -69,7 +69,6 @@ class Margin(Result, frozen=True):
 
     stable: bool | None = None
     gain_db: Number | None = None
-    delay_s: Number | None = None
     phase_deg: Number | None = None
     crossover_hz: Number | None = None
 
@@ -232,8 +231,6 @@ class PI(Result, frozen=True):
     """[input/(output·s)]"""
     overshoot_pct: Number | None = None
     settling_s: Number | None = None
-    steps_settling_s: Number | None = None
-    """Longest settling time of the scenario steps on the fitted plant, the duty within its limits; None: never."""
     asked: AskedPI | None = None
 
 

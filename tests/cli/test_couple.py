@@ -6,7 +6,7 @@ from pathlib import Path
 
 def test_the_table_and_the_file_agree(rig, run_eaid):
     words = "couple fit.json --gains gains.json --torque 1,2 --loops pi,rc-no-rate --wall 30 --no-replay"
-    ran = run_eaid(f"{words} --tables")
+    ran = run_eaid(words)
     walls = json.loads(Path("couple.json").read_text(encoding="utf-8"))["walls"]
     assert ran.code == 0 and [(wall["loop"], wall["torque_nm"]) for wall in walls] == [
         ("pi", 1.0), ("rc-no-rate", 1.0), ("pi", 2.0), ("rc-no-rate", 2.0),
@@ -16,7 +16,6 @@ def test_the_table_and_the_file_agree(rig, run_eaid):
     assert "couple.json: 4 walls; next: eaid report fit.json gains.json couple.json" in ran.err
     brief = run_eaid(words.replace("--gains ", "") + " --force")  # the gains by their place
     assert json.loads(Path("couple.json").read_text(encoding="utf-8"))["walls"] == walls
-    assert f"{walls[0]['K_passive']:.3g} | {walls[0]['K_stable']:.3g}" in brief.out
     assert len((brief.out + brief.err).splitlines()) <= 25
     assert run_eaid(f"{words} gains.json").code == 2
 

@@ -75,7 +75,7 @@ def test_one_sampled_lag_by_its_closed_form_and_python_controls_poles(point):
 
 def test_a_loop_below_one_everywhere_has_no_crossover(point):
     found = point(((0.5, 0.2), (0.5, 0.2)), (0.5, 0.0), pwm_hz=0.0).pi
-    assert (found.stable, found.phase_deg, found.crossover_hz, found.delay_s) == (True, None, 0.0, None)
+    assert (found.stable, found.phase_deg, found.crossover_hz) == (True, None, 0.0)
 
 
 def growth(slopes, lags, pwm_hz, factor, late_s, seconds=3.0):
@@ -104,14 +104,17 @@ def growth(slopes, lags, pwm_hz, factor, late_s, seconds=3.0):
 
 @pytest.mark.parametrize("pwm_hz", [0.0, 300.0])
 @pytest.mark.parametrize(("pi", "seconds"), [((299.5, 210.4), 3.0), pytest.param(PI, 16.0, marks=pytest.mark.slow)])
-def test_gain_and_delay_margins_are_where_the_simulation_turns(point, pi, seconds, pwm_hz):
+def test_gain_and_phase_margins_are_where_the_simulation_turns(point, pi, seconds, pwm_hz):
     found = point(LAGS, pi, pwm_hz=pwm_hz).pi
     factor = 10 ** (found.gain_db / 20)
     assert growth(pi, LAGS, pwm_hz, 0.97 * factor, 0.0) < 0.5 < 2 < growth(pi, LAGS, pwm_hz, 1.03 * factor, 0.0)
-    assert growth(pi, LAGS, pwm_hz, 1.0, 0.94 * found.delay_s, seconds) < 0.7
-    assert growth(pi, LAGS, pwm_hz, 1.0, 1.06 * found.delay_s, seconds) > 1.5
-    # The usual rule from the frequency response agrees within a hold of the PWM.
-    assert found.delay_s == pytest.approx(math.radians(found.phase_deg) / (2 * math.pi * found.crossover_hz), rel=0.1)
+    assert growth(pi, LAGS, pwm_hz, 1.0, 0.85 * late_of(found), seconds) < 0.7
+    assert growth(pi, LAGS, pwm_hz, 1.0, 1.15 * late_of(found), seconds) > 1.5
+
+
+def late_of(found):
+    """The delay that takes the phase margin away [s]."""
+    return math.radians(found.phase_deg) / (2 * math.pi * found.crossover_hz)
 
 
 def slopes_of(rc, model, torque, duty):
@@ -145,8 +148,8 @@ def test_margins_of_the_robust_law_are_where_the_simulation_turns(tuned, point, 
         assert slopes[0] > 330
     factor = 10 ** (found.gain_db / 20)
     assert growth(slopes, LAGS, 300.0, 0.97 * factor, 0.0) < 0.5 < 2 < growth(slopes, LAGS, 300.0, 1.03 * factor, 0.0)
-    assert growth(slopes, LAGS, 300.0, 1.0, 0.94 * found.delay_s) < 0.7
-    assert growth(slopes, LAGS, 300.0, 1.0, 1.06 * found.delay_s) > 1.5
+    assert growth(slopes, LAGS, 300.0, 1.0, 0.85 * late_of(found)) < 0.7
+    assert growth(slopes, LAGS, 300.0, 1.0, 1.15 * late_of(found)) > 1.5
 
 
 @pytest.mark.slow
@@ -169,9 +172,9 @@ def test_margins_behind_a_dead_time_are_where_the_simulation_turns(fit_of, rises
     assert (
         growth(pi, LAGS, pwm_hz, 0.95 * factor, dead_s, 8.0) < 1 < growth(pi, LAGS, pwm_hz, 1.05 * factor, dead_s, 8.0)
     )
-    assert growth(pi, LAGS, pwm_hz, 1.0, dead_s + 0.95 * (one.pi.delay_s or 0.2), 16.0) < 1
-    if one.pi.delay_s is not None:  # margins beyond 0.2 s are none
-        assert growth(pi, LAGS, pwm_hz, 1.0, dead_s + 1.08 * one.pi.delay_s, 16.0) > 1
+    late = late_of(one.pi)
+    assert growth(pi, LAGS, pwm_hz, 1.0, dead_s + 0.9 * late, 16.0) < 1
+    assert growth(pi, LAGS, pwm_hz, 1.0, dead_s + 1.1 * late, 16.0) > 1
 
 
 def test_margins_of_the_reference_plant(tuned, told):
@@ -211,7 +214,7 @@ def test_loops_that_are_unstable_and_latches_that_are_none(tuned):
     plain = tuned(pwm_hz=0.0).margins
     assert plain.timing.pwm_hz is None and plain.points == tuned(pwm_hz=1000.0).margins.points
     quick = [tuned(pwm_hz=0.0, rate_hz=rate, pi_gains=PI).margins.worst.pi for rate in (400.0, 8000.0)]
-    assert quick[1].delay_s == pytest.approx(quick[0].delay_s, rel=0.05)  # by the map, and by the response
+    assert quick[1].phase_deg == pytest.approx(quick[0].phase_deg, rel=0.05)  # by the map, and by the response
     # two rates without a short common period: the margins of the nearest that have one
     near, far = (tuned(pwm_hz=pwm_hz, pi_gains=PI).margins.worst.pi for pwm_hz in (250.0, 250.37))
     assert far.gain_db == pytest.approx(near.gain_db, rel=0.02) and far.phase_deg == pytest.approx(near.phase_deg)
@@ -225,6 +228,6 @@ def test_behind_a_dead_time_the_map_of_the_state_and_the_response_say_the_same(f
         fit = fit_of(nonlinear=plant_of(LAGS), data=data, steps=rises(holds / 250))
         options = {**MILD, "pi_gains": (30.0, 40.0), "rate_hz": 250.0, "pwm_hz": 0.0, "reference": "steps"}
         found.append(eaid.tune_rc(fit, **options).margins.worst.pi)
-    for name in ("gain_db", "phase_deg", "delay_s"):
+    for name in ("gain_db", "phase_deg"):
         first, second, third, fourth = (getattr(one, name) for one in found)
         assert third - second == pytest.approx(0.5 * (second - first + fourth - third), rel=0.03)

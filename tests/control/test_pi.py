@@ -102,16 +102,3 @@ def test_the_papers_pi_stands_beside_the_designed_one_on_the_papers_rig_alone(tu
     assert papers.replayed.pi == found.replayed.paper_pi and papers.replayed.paper_pi is None
     for other in (papers, tuned(), tuned(nonlinear=True, data={"input_unit": "V", "levels": [10.0, 100.0]})):
         assert "paper-pi" not in told(other)
-
-
-def test_a_promised_settling_time_is_held_against_steps_that_meet_the_limits(tuned, told, fit_of):
-    """0.27 s is of the linear model with a free duty; on the plant a step of 1 N·m takes all the duty there is."""
-    found = tuned(nonlinear=True)
-    said = told(found)["settling-longer"]
-    run = eaid.simulate(fit_of(nonlinear=True), found, "steps", controller=("pi",)).records["pi"].metrics
-    times = [one.settling_s for one in run.steps if one.to_nm]
-    assert found.pi.settling_s == pytest.approx(0.27) == said["promised"]
-    assert found.pi.steps_settling_s == max(times) == said["longest"] > 0.5
-    assert said["limited_pct"] == pytest.approx(100 * run.saturated_fraction) and run.saturated_fraction > 0.1
-    slow = tuned(nonlinear=True, pi_gains=(0.0, 2.0))
-    assert slow.pi.steps_settling_s is None and told(slow)["settling-longer"]["longest"] is None

@@ -169,7 +169,7 @@ OTHER_RIG = {"schema": "eaid/fit/2", "data": VOLTS, "converged": True, "friction
                            "u_range": [100.0, 300.0]}}  # fmt: skip
 
 
-def test_another_rig_has_its_own_units_and_published_values_only_when_asked(report_of: Callable[..., Any]):
+def test_another_rig_has_its_own_units_and_no_published_values(report_of: Callable[..., Any]):
     page = report_of(OTHER_RIG)
     assert page.title == "Step responses" and page.chips == ["V → N", "2 levels, 100 to 300 V"]
     (_heads, lowest, highest) = page.numbers["Values with 95 % intervals"]
@@ -180,9 +180,6 @@ def test_another_rig_has_its_own_units_and_published_values_only_when_asked(repo
     assert [row[-1] for row in page.rows("Linear model, Eq. (8)")][:3] == ["1/s", "N/(s·V)", "N/s"]
     assert "B (V·s/(N))" in page.tables["Input gain of each level"][0]
     assert not any("published" in head for rows in page.tables.values() for head in rows[0])
-    page = report_of(OTHER_RIG, more=("--paper",))
-    assert page.title == "Electroadhesive clutch"
-    assert page.tables["Linear model, Eq. (8)"][0][1] == "published (%, N·m)" == page.tables["Table III"][0][2]
 
 
 def test_trends_are_written_by_their_form(report_of: Callable[..., Any]):

@@ -11,14 +11,6 @@ def _margin(v: Values) -> str:
     )
 
 
-def _settling(v: Values) -> str:
-    longest = "some never settle" if v["longest"] is None else f"up to {v['longest']:.3g} s"
-    return (
-        f"PI: settles within {v['promised']:.3g} s on the linear model while the duty is free; the scenario's steps on "
-        f"the fitted plant: {longest}, the duty at a limit {v['limited_pct']:.0f} % of the time"
-    )
-
-
 GAIN_ROWS: dict[str, Row] = {
     "phi-exceeded": caution(
         "the model's drift term is off by up to {needed:.3g} {unit} ({where}), the gains allow for {allowed:.3g} "
@@ -42,7 +34,6 @@ GAIN_ROWS: dict[str, Row] = {
         "beside it the paper's PI, 21 and 360: largest error {error:.3g} {unit}; {overshoot_pct:.3g} % overshoot and "
         "{settling_s:.3g} s on this linear model, not the 1 % and 0.27 s it was meant for; «pi_gains» 21,360 takes it"
     ),
-    "settling-longer": note(_settling),
     "rc-slowed": note(
         "RC: the paper's numbers leave it too little margin {loop}; made with ε {epsilon:.3g}, K_P {K_P:.3g}, K_D "
         "{K_D:.3g} instead"
@@ -89,9 +80,6 @@ REPLAY_ROWS: dict[str, Row] = {
         "the duty acts {dead_time_s:.3g} s late, the dead time that the steps show; «delay_samples» says another"
     ),
     "no-gains": note("no «gains», so rc and pi are left out; the controllers that need none are replayed"),
-    "open-loop-on-straight-line": note(
-        "no linear model, so open-loop takes the straight line through the plant's steady output"
-    ),
     "replay-leaves-identified": note(_leaves),
 }
 
@@ -125,7 +113,7 @@ WALL_ROWS: dict[str, Row] = {
 def _margins(v: Values) -> str:
     told = []
     for law in ("rc", "pi"):
-        units = (("gain_db", "dB"), ("phase_deg", "° of phase"), ("delay_s", "s of delay"))
+        units = (("gain_db", "dB"), ("phase_deg", "° of phase"))
         parts = [f"{v[f'{law}_{key}']:.3g} {unit}" for key, unit in units if v.get(f"{law}_{key}") is not None]
         told += [f"{law.upper()} {', '.join(parts)}"] if parts else []
     return f"least margins around the fitted duties: {'; '.join(told)}"

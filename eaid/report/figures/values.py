@@ -10,7 +10,7 @@ from eaid.report import panels as ink
 from eaid.report import rig
 from eaid.report.panels import Axis, Band, Dash, Line, Note, Panel, Ready, Sheet, caption, over
 from eaid.report.results import Results
-from eaid.report.rig import of_the_paper, overlaid
+from eaid.report.rig import of_the_paper
 from eaid.report.tables.fits import estimates_of
 from eaid.results.common import Interval, ci95_of
 from eaid.results.fit import CurveLevel, Estimate, Fit, FrictionLevel
@@ -109,15 +109,15 @@ def value_panels(fit: Fit, several: bool = False, published: bool = False) -> li
     return panels
 
 
-def polynomials(fit: Fit, results: Results) -> Ready | None:
+def polynomials(fit: Fit) -> Ready | None:
     """T_s, τ1 and τ2 over the level: every estimate, the single levels with their intervals, and Table III."""
     if fit.nonlinear is None or len(believed_levels(fit)) == 1:
         return None
-    panels = value_panels(fit, several=True, published=overlaid(fit.data, results.paper))
+    panels = value_panels(fit, several=True, published=of_the_paper(fit.data))
     return Ready(Sheet(panels, 2.5, columns=3, share=(False, False)), caption("over_duty"))
 
 
-def trends(fit: Fit, results: Results) -> Ready | None:
+def trends(fit: Fit) -> Ready | None:
     """Figs. 4 and 5: the levels with their intervals, their trend and the published one, a panel a value.
 
     Over force: T_s, τ1, C_f and τ2 over the normal stress [kPa], where it is known; over speed: τ1, T_s and τ2 [RPM].
@@ -149,14 +149,14 @@ def trends(fit: Fit, results: Results) -> Ready | None:
         if trend is not None and trend.coefficients:
             lines.append(Line(fine, trend.predict(fine), "trend", ink.BLUE, width=1.1))
             top = max(top, float(np.max(trend.predict(fine))))
-        if name in paper and overlaid(fit.data, results.paper):
+        if name in paper and of_the_paper(fit.data):
             lines.append(Line(fine, paper[name](fine), "published", ink.VERMILLION, ":", 1.1))
         legend = "" if panels else "over"
         y = value_axis(name, fit.data.output_unit, max(top, 0.0))
         panels.append(Panel(along, y, lines, legend=legend, columns=6, tight=False))
     four = len(names) == 4
     text = caption("trends", rows=part.levels, unit=fit.data.input_unit, out=fit.data.output_unit)
-    title = "" if of_the_paper(fit.data, results.paper) else "Fitted values over the level"
+    title = "" if of_the_paper(fit.data) else "Fitted values over the level"
     sheet = Sheet(panels, 4.2 if four else 2.4, columns=2 if four else 3, share=(four, False))
     return Ready(sheet, text, title)
 
@@ -167,7 +167,7 @@ def pwm_period(results: Results) -> Ready | None:
     Eq. (2): duty = 2 P_a / P; P_a is the time at +V and the time at −V, the rest of the period is 0.
     """
     fit, data = results.fit("clutch"), results.data_of("clutch")
-    if not of_the_paper(fit.data if fit is not None else data, results.paper):
+    if not of_the_paper(fit.data if fit is not None else data):
         return None
     rig = fit.data.apparatus if fit is not None else data.apparatus if data is not None else None
     if rig is None:
@@ -191,12 +191,12 @@ def pwm_period(results: Results) -> Ready | None:
     return Ready(Sheet(panels, 2.5, ink.COLUMN_IN, ratios=(1.7, 1)), caption("pwm"))
 
 
-def shear_per_field(fit: Fit, results: Results) -> Ready | None:
+def shear_per_field(fit: Fit) -> Ready | None:
     """Fig. 9, Eq. (1): shear stress over the electric field of this clutch at its highest level, of the paper's kind.
 
     A hollow square, as the paper marks adjustable rotary actuators, and lines of equal merit.
     """
-    if fit.nonlinear is None or not of_the_paper(fit.data, results.paper):
+    if fit.nonlinear is None or not of_the_paper(fit.data):
         return None
     rig, model, top = fit.data.apparatus, fit.nonlinear.parameters, fit.nonlinear.u_range[1]
     field, shear = rig.field_v_per_um, rig.shear_kpa(float(nonlinear.steady_torque(model, top)))

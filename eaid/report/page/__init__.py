@@ -17,10 +17,10 @@ from markupsafe import Markup, escape
 
 from eaid.report import live
 from eaid.report.page import summary
-from eaid.report.page.known import GLOSSARY, MOST, Known, known, sentence
+from eaid.report.page.known import MOST, Known, known, sentence
 from eaid.report.page.next_steps import commands, next_steps
 from eaid.report.results import KINDS, Results
-from eaid.report.tables import Cell, Name, Table, columns, data, fits, gains, listed, replays, text
+from eaid.report.tables import Cell, Name, Table, data, fits, gains, listed, replays, text
 from eaid.shown import counted
 from eaid.version import __version__
 
@@ -172,7 +172,7 @@ def _model(results: Results, known: Known, drawn: Figures) -> Block | None:
     folds: list[Block] = []
     for given in results.fits:
         fit, fit_kind = given.result, given.result.data.kind
-        folded = [*fits.model_tables(fit, results.paper), *fits.judging_tables(fit)]
+        folded = [*fits.model_tables(fit), *fits.judging_tables(fit)]
         if fit is main:
             tables, folded = folded[:1], folded[1:]
             folds += _block("More on the model", figures[OPEN_FIGURES:], folded)
@@ -193,8 +193,8 @@ def _controller(results: Results, known: Known, drawn: Figures) -> Block | None:
         title = f"Gains and margins, {given.path}" if k else "Gains and margins"
         tables = [
             *([gains.checklist(given.result)] if k else []),  # the first one's stands open
-            gains.table_iv(given.result, results.paper),
-            gains.gains_table(given.result, results.paper),
+            gains.table_iv(given.result),
+            gains.gains_table(given.result),
             gains.margins_table(given.result),
         ]
         folds += _block(title, (), tables)
@@ -229,10 +229,7 @@ def _rehabilitation(results: Results, drawn: Figures) -> Block | None:
 
 def _appendix(results: Results) -> Block:
     again = Block("How to do it again", lines=tuple(commands(results)))
-    words = Table("Words", "", columns("word", "meaning"), GLOSSARY)
-    return Block(
-        "Appendix", folds=(again, Block("Words", tables=(words,)), Block("Files", tables=(data.files_table(results),)))
-    )
+    return Block("Appendix", folds=(again, Block("Files", tables=(data.files_table(results),))))
 
 
 WORDS = {"good": "Good", "care": "Warning", "bad": "Stop", "none": "–"}

@@ -88,7 +88,7 @@ def title(results: Results) -> str:
     """What the page is about."""
     kind, fit = results.main_kind, results.main_fit
     data = fit.data if fit is not None else results.main_data
-    what = "Electroadhesive clutch" if kind == "clutch" and of_the_paper(data, results.paper) else "Step responses"
+    what = "Electroadhesive clutch" if kind == "clutch" and of_the_paper(data) else "Step responses"
     if data is not None and kind != "clutch":
         what = KINDS[data.kind].capitalize()
     if kind is None:

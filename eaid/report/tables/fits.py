@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from eaid.report import rig as published
-from eaid.report.rig import gain, of_the_paper, printed_head, rate
+from eaid.report.rig import gain, of_the_paper, rate
 from eaid.report.tables import (
     INTERVAL,
     SYMBOLS,
@@ -27,11 +27,6 @@ PARAMETERS = ("Ts", "tau1", "tau2")
 def unit_of(fit: Fit, name: str) -> str:
     """Unit of a fitted value."""
     return {"Ts": fit.data.output_unit, "C_f": "1", "tau1": "s", "tau2": "s"}[name]
-
-
-def _printed(fit: Fit, asked: bool | None) -> str:
-    """Head of the column of published values; empty where they do not belong."""
-    return printed_head(fit.data.kind, (fit.data.input_unit, fit.data.output_unit), asked)
 
 
 def estimates_of(part: Nonlinear) -> dict[str, Estimate]:
@@ -73,9 +68,9 @@ def formula(trend: Trend, variable: str) -> str:
     return f"{number(c[0])} e^({number(c[1])} {variable}) {signed(c[2])} e^({number(c[3])} {variable})"
 
 
-def trends_table(fit: Fit, asked: bool | None = None) -> Table:
+def trends_table(fit: Fit) -> Table:
     """Tables I and II: fitted values over normal stress, or over speed; published ones where they belong."""
-    force, paper = fit.data.kind == "friction-force", _printed(fit, asked)
+    force, paper = fit.data.kind == "friction-force", of_the_paper(fit.data)
     printed = published.TABLE_I if force else published.TABLE_II
     variable = "σ" if force else "Ω"
     rows: list[tuple[Cell, ...]] = []
@@ -84,7 +79,7 @@ def trends_table(fit: Fit, asked: bool | None = None) -> Table:
         ours = trends.get(name)
         shown = formula(ours, variable) if ours is not None and ours.coefficients else "not fitted"
         rows.append((SYMBOLS[name], unit_of(fit, name), said, rmse, shown, ours.rmse if ours else None))
-    heads = columns("parameter", "unit", paper, ("published RMSE", "", 3), "ours", ("our RMSE", "", 3))
+    heads = columns("parameter", "unit", "published", ("published RMSE", "", 3), "ours", ("our RMSE", "", 3))
     if not paper:
         stress = fit.friction is not None and fit.friction.over_stress
         said = "normal stress in kPa" if stress else f"level in {fit.data.input_unit or 'the unit of its file'}"
@@ -97,12 +92,12 @@ def trends_table(fit: Fit, asked: bool | None = None) -> Table:
     return Table("Table II", caption, heads, tuple(rows))
 
 
-def table_iii(fit: Fit, asked: bool | None = None) -> Table:
+def table_iii(fit: Fit) -> Table:
     """The ten coefficients and C of the nonlinear model, every estimate beside the one that is used."""
     part = fit.nonlinear
     assert part is not None
     shown = estimates_of(part)
-    paper = _printed(fit, asked)
+    paper = of_the_paper(fit.data)
     rows: list[tuple[Cell, ...]] = []
     for letter, name in (("a", "tau1"), ("b", "tau2"), ("c", "Ts")):
         unit, per = unit_of(fit, name), fit.data.input_unit or "input"
@@ -118,7 +113,7 @@ def table_iii(fit: Fit, asked: bool | None = None) -> Table:
     for one in shown.values():
         last += [number(one.C, 2), ci95_of(one, "C")]
     rows.append((*last, "1"))
-    heads = ["symbol", "belongs to", paper]
+    heads = ["symbol", "belongs to", "published"]
     for k, name in enumerate(shown):
         heads += [f"ours, {name}{' (used)' if k == 0 and len(shown) > 1 else ''}", "95 % interval"]
     caption = "The nonlinear model: τ1(u), τ2(u) and T_s(u) as polynomials of the input u."
@@ -128,24 +123,24 @@ def table_iii(fit: Fit, asked: bool | None = None) -> Table:
     return Table("Table III", caption, columns(*heads, "unit"), tuple(rows))
 
 
-def linear_table(fit: Fit, asked: bool | None = None) -> Table:
+def linear_table(fit: Fit) -> Table:
     """Eq. (8): a0, b0, c0."""
     part = fit.linear
     assert part is not None
-    paper, out = _printed(fit, asked), fit.data.output_unit
+    paper, out = of_the_paper(fit.data), fit.data.output_unit
     units = {"a0": "1/s", "b0": rate(fit.data.input_unit, out), "c0": f"{out}/s"}
     rows: list[tuple[Cell, ...]] = [
         (name, number(published.LINEAR[name], 3), getattr(part, name), ci95_of(part, name), unit)
         for name, unit in units.items()
     ]
     rows.append(("RMSE", "–", part.rmse, None, out))
-    heads = columns("symbol", paper, "ours", "95 % interval", "unit")
+    heads = columns("symbol", "published", "ours", "95 % interval", "unit")
     said = "dT/dt = −a0 T + b0 u + c0, fitted to all levels at once."
     table = Table("Linear model, Eq. (8)", said, heads, tuple(rows))
     return table if paper else table.without(1)
 
 
-def input_gain_table(fit: Fit, asked: bool | None = None) -> Table:
+def input_gain_table(fit: Fit) -> Table:
     """Eq. (8) fitted to each level: a0, steady value, B."""
     part, unit, out = fit.linear, fit.data.input_unit, fit.data.output_unit
     assert part is not None
@@ -153,8 +148,8 @@ def input_gain_table(fit: Fit, asked: bool | None = None) -> Table:
     if (bounds := part.bounds) is not None:
         caption += f" B_m = {number(bounds.B_m)} and B_M = {number(bounds.B_M)} are "
         caption += "the least and the largest B of the levels kept."
-    if paper := _printed(fit, asked):
-        caption += f" {paper.capitalize()}: 12.4 and 42.6."
+    if of_the_paper(fit.data):
+        caption += " Published: 12.4 and 42.6."
     return table_of(
         "Input gain of each level", caption, part.per_level,
         (("level", unit), lambda one: level(one.level)), (("a0", "1/s"), "a0"), (("steady value", out), "gain"),
@@ -233,7 +228,7 @@ def huber_tables(fit: Fit) -> list[Table]:
     return found
 
 
-def model_tables(fit: Fit, asked: bool | None = None) -> list[Table]:
+def model_tables(fit: Fit) -> list[Table]:
     """Values of each model, logs as recorded and single levels first; tables without rows are left out."""
     found: list[Table] = []
     if (part := fit.recorded) is not None:
@@ -243,12 +238,12 @@ def model_tables(fit: Fit, asked: bool | None = None) -> list[Table]:
     if fit.friction is not None:
         found.append(levels_table(fit))
         if fit.friction.trends:
-            found.append(trends_table(fit, asked))
+            found.append(trends_table(fit))
     found.append(level_steps_table(fit))
     if fit.nonlinear is not None:
-        found.append(table_iii(fit, asked))
+        found.append(table_iii(fit))
     if fit.linear is not None:
-        found += [linear_table(fit, asked), input_gain_table(fit, asked)]
+        found += [linear_table(fit), input_gain_table(fit)]
     if fit.release is not None:
         found.append(release_table(fit))
     return [table for table in (*found, held_out_table(fit), *huber_tables(fit)) if table.rows]

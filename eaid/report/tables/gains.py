@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 
 from eaid.report import rig
-from eaid.report.rig import controller_name, gain, printed_head
-from eaid.report.tables import Cell, Table, columns, level, number, table_of, with_unit
-from eaid.results.coupling import Coupling, Wall
+from eaid.report.rig import controller_name, gain
+from eaid.report.tables import Cell, Table, columns, level, number, table_of
+from eaid.results.coupling import Coupling
 from eaid.results.gains import Condition, Gains, Margin, Margins
 
 CONDITIONS = {
@@ -66,15 +66,10 @@ def guarantee_story(gains: Gains) -> str:
     return f"{said}. No gains mend that; what you have: {gain_margin}phase {worst.phase_deg:.3g}°"
 
 
-def tables_of(gains: Gains, asked: bool | None = None) -> list[Table]:
+def tables_of(gains: Gains) -> list[Table]:
     """What the guarantee needs, the gains; tables that have rows."""
-    every = (checklist(gains), table_iv(gains, asked), gains_table(gains, asked))
+    every = (checklist(gains), table_iv(gains), gains_table(gains))
     return [table for table in every if table.rows]
-
-
-def printed(gains: Gains, asked: bool | None = None) -> str:
-    """Head of the published controller's column; empty where it does not belong beside this one."""
-    return printed_head("clutch", (gains.input_unit, gains.output_unit), asked)
 
 
 def controllers_table(gains: Gains) -> Table:
@@ -88,7 +83,7 @@ def controllers_table(gains: Gains) -> Table:
     rows = tuple(
         (
             controller_name(name), ", ".join(f"{symbol} {number(value, 3)}" for symbol, value in shown.items()),
-            *_margin(getattr(worst, name, None))[:2],
+            *_margin(getattr(worst, name, None)),
             getattr(getattr(errors, name, None), "max_abs_error_nm", None),
         )
         for name, shown in choices.items()
@@ -112,10 +107,11 @@ def checklist(gains: Gains) -> Table:
     )  # fmt: skip
 
 
-def table_iv(gains: Gains, asked: bool | None = None) -> Table:
+def table_iv(gains: Gains) -> Table:
     """The robust controller's parameters."""
     rc, out = gains.rc, gains.output_unit
-    per, beside = gain(gains.input_unit, out), printed(gains, asked)
+    per = gain(gains.input_unit, out)
+    beside = (gains.input_unit, gains.output_unit) == rig.PAPER["clutch"]
     meaning = {
         "B_m": (per, "least input gain B that the design allows for"),
         "B_M": (per, "largest input gain B that the design allows for"),
@@ -131,14 +127,15 @@ def table_iv(gains: Gains, asked: bool | None = None) -> Table:
         (names.get(key, key), rig.TABLE_IV[key], getattr(rc, key, None), unit, said)
         for key, (unit, said) in meaning.items()
     )
-    heads = columns("symbol", (beside, "", 3), "ours", "unit", "what it does")
+    heads = columns("symbol", ("published", "", 3), "ours", "unit", "what it does")
     table = Table("Table IV" if beside else "Robust controller", "The robust controller's choices.", heads, rows)
     return table if beside else table.without(1)
 
 
-def gains_table(gains: Gains, asked: bool | None = None) -> Table:
+def gains_table(gains: Gains) -> Table:
     """What follows from Table IV's parameters: B̂, α, ρ, Q; and the PI."""
-    rc, pi, beside = gains.rc, gains.pi, printed(gains, asked)
+    rc, pi = gains.rc, gains.pi
+    beside = (gains.input_unit, gains.output_unit) == rig.PAPER["clutch"]
     unit, out = gains.input_unit or "input", gains.output_unit
     rows: list[tuple[str, str, Cell, str, str]] = []
     replayed = gains.replayed
@@ -172,7 +169,6 @@ def gains_table(gains: Gains, asked: bool | None = None) -> Table:
             ("PI: K_I", "360", pi.K_I, f"{unit}/({out}·s)", "gain on the integral of the error"),
             ("PI: overshoot", "1", pi.overshoot_pct, "%", said),
             ("PI: settling time", "0.27", pi.settling_s, "s", f"to within 2 %, {said}"),
-            ("PI: settling of steps", "–", pi.steps_settling_s, "s", "longest of the scenario steps, duty limited"),
         ]
         rows += _least(gains, "pi", "PI: ")
         if replayed is not None and replayed.pi is not None:
@@ -181,23 +177,23 @@ def gains_table(gains: Gains, asked: bool | None = None) -> Table:
             )
         if replayed is not None and replayed.paper_pi is not None:
             rows.append(("paper's PI: error", "–", replayed.paper_pi.max_abs_error_nm, out, "of 21 and 360, the same"))
-    heads = columns("symbol", beside, "ours", "unit", "what it is")
+    heads = columns("symbol", "published", "ours", "unit", "what it is")
     table = Table("Gains that follow", "What the choices above and the linear model give.", heads, tuple(rows))
     return table if beside else table.without(1)
 
 
 def _least(gains: Gains, controller: str, prefix: str = "") -> list[tuple[str, str, Cell, str, str]]:
-    """The least margins of a controller over the held inputs; a dash: no limit up to 80 dB and 200 ms."""
+    """The least margins of a controller over the held inputs; a dash: no limit up to 80 dB."""
     worst = getattr(gains.margins.worst, controller) if gains.margins and gains.margins.worst else None
     if worst is None:
         return []
-    gain_db, phase_deg, _ = _margin(worst)
+    gain_db, phase_deg = _margin(worst)
     said = "least over the held inputs"
     return [(f"{prefix}gain margin", "–", gain_db, "dB", said), (f"{prefix}phase margin", "–", phase_deg, "°", said)]
 
 
 def margins_table(gains: Gains) -> Table:
-    """Gain, phase and delay margins of both controllers around held inputs, the least of each last."""
+    """Gain and phase margins of both controllers around held inputs, the least of each last."""
     margins = gains.margins or Margins()
     rows: list[tuple[Cell, ...]] = [
         (level(point.duty_pct), point.torque_nm, *_margin(point.rc), *_margin(point.pi)) for point in margins.points
@@ -206,21 +202,19 @@ def margins_table(gains: Gains) -> Table:
         rows.append(("least", None, *_margin(margins.worst.rc), *_margin(margins.worst.pi)))
     timing = margins.timing
     latch = f"the input latched at {timing.pwm_hz:g} Hz" if timing.pwm_hz else "the input not latched"
-    caption = "How much the loop's gain may grow, its phase may lag, and its delay may grow before it becomes "
+    caption = "How much the loop's gain may grow and its phase may lag before it becomes "
     caption += f"unstable, around a held input; sampled at {timing.rate_hz:g} Hz, {latch}. "
     heads = columns(
         ("held input", gains.input_unit), ("output", gains.output_unit, 3), ("RC: gain", "dB", 3), ("phase", "°", 3),
-        ("delay", "ms", 3), ("PI: gain", "dB", 3), ("phase", "°", 3), ("delay", "ms", 3),
+        ("PI: gain", "dB", 3), ("phase", "°", 3),
     )  # fmt: skip
-    return Table("Margins", f"{caption}A dash: no limit up to 80 dB and 200 ms.", heads, tuple(rows))
+    return Table("Margins", f"{caption}A dash: no limit up to 80 dB.", heads, tuple(rows))
 
 
-def _margin(one: Margin | None) -> tuple[Cell, Cell, Cell]:
+def _margin(one: Margin | None) -> tuple[Cell, Cell]:
     if one is None:
-        return None, None, None
-    if one.stable is False:
-        return "unstable", "–", "–"
-    return one.gain_db, one.phase_deg, None if one.delay_s is None else 1e3 * one.delay_s
+        return None, None
+    return ("unstable", "–") if one.stable is False else (one.gain_db, one.phase_deg)
 
 
 def walls_table(coupling: Coupling) -> Table:
@@ -237,21 +231,3 @@ def walls_table(coupling: Coupling) -> Table:
         (("stable", "N·m/rad", 3), "K_stable"), (("lost at", "Hz", 3), "lost_hz"),
         (("replayed", "N·m/rad", 3), "K_replayed"),
     )  # fmt: skip
-
-
-def walls_brief(coupling: Coupling) -> Table:
-    """Of each loop, at each torque, the stiffest wall that is passive and the stiffest that stays stable."""
-    walls = {(one.loop, one.torque_nm): one for one in coupling.walls}
-    torques = list(dict.fromkeys(one.torque_nm for one in coupling.walls))
-    rows = tuple(
-        (controller_name(loop), *(_two(walls.get((loop, torque))) for torque in torques))
-        for loop in dict.fromkeys(one.loop for one in coupling.walls)
-    )
-    caption = "Passive on any limb | stable on this one [N·m/rad]; a dash: no limit, or none that was seen."
-    at = (f"at {with_unit(number(torque, 3), coupling.output_unit)}" for torque in torques)
-    return Table("Stiffest virtual wall", caption, columns("loop", *at), rows)
-
-
-def _two(wall: Wall | None) -> str:
-    ends = (wall.K_passive, wall.K_stable) if wall is not None else ()
-    return " | ".join("–" if one is None else number(one, 3) for one in ends)
