@@ -18,7 +18,6 @@ from eaid.estimate.points import residuals
 from eaid.estimate.scatter import Scatter
 from eaid.estimate.solver import judged
 from eaid.estimate.spread import Influence, t_quantile
-from eaid.estimate.starts import SHARES, level_starts
 from eaid.models.parameters import Friction
 from eaid.results.common import Interval, Solver
 from eaid.steps.stepset import Level
@@ -90,10 +89,7 @@ class OwnLevels:
 def own_levels(levels: Sequence[Level], data: Data, share: float | None, near: OwnLevels | None = None) -> OwnLevels:
     """Every level by itself, C held at `share` or free; `near` are those of data that differ little."""
     each = []
-    starts = [] if near is not None else [level_starts(data, c) for c in (SHARES if share is None else (share,))]
     for i, level in enumerate(levels):
-        begin = [x for level_of, found in starts for x in found[level_of == i]]
-        if near is not None:
-            begin = [near.each[i].x]
-        each.append(Estimate((level,), fit_levels_first(data.one(i), share, [x[: 2 + (share is None)] for x in begin])))
+        begin = None if near is None else [near.each[i].x]
+        each.append(Estimate((level,), fit_levels_first(data.one(i), share, begin)))
     return OwnLevels(tuple(levels), tuple(each))

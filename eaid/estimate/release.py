@@ -16,7 +16,7 @@ from eaid.estimate.forms import nonlinear
 from eaid.estimate.from_steps import Solution, StepProblem
 from eaid.estimate.points import decay
 from eaid.estimate.solver import bring_in, minimised
-from eaid.estimate.starts import level_starts
+from eaid.estimate.starts import form_starts
 from eaid.findings import Finding, finding
 from eaid.models.parameters import SHARE, Friction
 from eaid.results.fit import Release, ReleaseLevel
@@ -26,9 +26,10 @@ MOST = 3
 """Starts of every solve."""
 
 
-def solve(data: Data, shares: Array, starts: Iterable[Array]) -> Solution:
-    """One τ1 and τ2 for all levels of `data`, from the `MOST` best of `starts`, (2,) each."""
-    model = nonlinear(data.u[:1], SHARE).without_torque
+def solve(data: Data, shares: Array, starts: Iterable[Array] | None = None) -> Solution:
+    """One τ1 and τ2 for all levels of `data`, from the `MOST` best of `starts`, (2,) each, else of a search."""
+    model = nonlinear(data.u[:1], float(shares[0])).without_torque
+    starts = form_starts(model, data, np.ones(len(shares))) if starts is None else starts
     steps = StepProblem(data, model, np.ones(len(shares)), shares=shares)
     begin = sorted((bring_in(x, steps.inner, steps.problem) for x in starts), key=lambda x: steps.normal(x)[0])
     end, solver, active = minimised(steps.problem, begin[:MOST])
@@ -63,8 +64,7 @@ def release_fit(
     shares = np.array([share_reached(rises.get(r.level), held_s.get(r.level), share) for r in releases])
     falling = replace(data)
     falling.__dict__["points"] = data.points.of_falls
-    starts = [level_starts(falling.one(i), share)[1][:, :2] for i, share in enumerate(shares.tolist())]
-    alone = [solve(falling.one(i), shares[i : i + 1], starts[i]) for i in range(len(shares))]
+    alone = [solve(falling.one(i), shares[i : i + 1]) for i in range(len(shares))]
     pooled = solve(falling, shares, [one.x for one in alone])
     rows = []
     for i, (release, one, fast) in enumerate(zip(releases, alone, shares.tolist(), strict=True)):

@@ -9,7 +9,6 @@ import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,6 @@ from eaid.estimate.forms import Model
 from eaid.estimate.points import Points, level_normal
 from eaid.models.parameters import TAU_FLOOR_S
 
-Indices: TypeAlias = NDArray[np.intp]
 SHARES = (0.3, 0.5, 0.7, 0.85, 0.95)
 """Where a free C starts from."""
 GRID = 140
@@ -59,7 +57,7 @@ class Table:
                 total += p * q * self.gain[levels, i, j]
         return total
 
-    def _place(self, tau: Array) -> tuple["Indices", Array]:
+    def _place(self, tau: Array) -> tuple[NDArray[np.intp], Array]:
         """The time constant of the grid below τ, and how far from there to the next one τ lies."""
         step = np.log(self.grid[1] / self.grid[0])
         place = np.clip(np.log(np.maximum(tau, 1e-300) / self.grid[0]) / step, 0.0, len(self.grid) - 1.001)
@@ -80,34 +78,6 @@ def table_of(points: Points, share: float, size: int = GRID) -> Table:
     square = share**2 * squares[:, :, None] + (1 - share) ** 2 * squares[:, None] + 2 * share * (1 - share) * gram
     inner = np.maximum(share * along[:, :, None] + (1 - share) * along[:, None], 0.0)
     return Table(grid, inner**2 / np.maximum(square, 1e-300))
-
-
-def bowls(gain: Array, most: int) -> tuple[Indices, Indices, Indices]:
-    """Level, i, j of the pairs i < j that none of the eight beside them undercuts, at most `most` a level."""
-    levels, count = gain.shape[:2]
-    apart = np.arange(count) > np.arange(count)[:, None]
-    framed = np.zeros((levels, count + 2, count + 2))
-    framed[:, 1:-1, 1:-1] = np.where(apart, gain, 0.0)
-    inner = framed[:, 1:-1, 1:-1]
-    beside = [framed[:, a : a + count, b : b + count] for a in range(3) for b in range(3)]
-    peak = (inner >= np.maximum.reduce(beside)) & apart
-    level, first, second = np.nonzero(peak)
-    order = np.lexsort((-inner[peak], level))
-    rank = np.arange(len(order)) - np.searchsorted(level, level)
-    order = order[rank < most]
-    return level[order], first[order], second[order]
-
-
-LEVEL_GRID, BOWLS = 48, 3
-"""Time constants of the table for single levels, and the minima over it that each level starts from, at most."""
-
-
-def level_starts(data: Data, share: float) -> tuple[Indices, Array]:
-    """Level, (N,), and (τ1, τ2, C), (N, 3), of each level's best minima over a table of pairs of τ."""
-    table = table_of(data.points, share, LEVEL_GRID)
-    level, first, second = bowls(table.gain, BOWLS)
-    tau1, tau2 = np.maximum(table.grid[[first, second]], 1.01 * TAU_FLOOR_S)
-    return level, np.stack([tau1, tau2, np.full(len(level), share)], axis=1)
 
 
 def time_constants(
