@@ -85,7 +85,7 @@ def _names(wanted: tuple[str, ...] | None, what: str, known: Knowledge) -> tuple
     """The controllers to replay; by default those that the files allow."""
     if wanted:
         return wanted, []
-    names = [name for name in ("rc", "pi") if getattr(known.gains, name, None) is not None]
+    names = list(known.gains.laws) if known.gains is not None else []
     if what == "sweep" and known.linear is not None:
         names.append("open-loop")
     if names or what == "log":
@@ -101,7 +101,7 @@ def watched(gains: RCGains, replay: Trace, metrics: Metrics, begin: int = 0) -> 
     low, high = replay.limits_pct
     measured = replay.torque_nm if replay.measured_nm is None else replay.measured_nm
     integral, error = replay.state, replay.reference_nm - measured
-    terms = [rc_terms(gains, *each)[1:] for each in zip(integral.tolist(), error.tolist(), strict=True)]
+    terms = [rc_terms(gains, *each) for each in zip(integral.tolist(), error.tolist(), strict=True)]
     rho, omega = np.array(terms).T
     rate = reference_rate(replay.reference_nm, replay.dt_s, False)
     y = rate + gains.K_D * error + gains.K_P * integral + omega

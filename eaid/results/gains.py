@@ -181,6 +181,8 @@ class UltimateBound(Result, frozen=True):
 class Robust(Result, frozen=True):
     """Robust-control gains, Eqs. (10)–(16)."""
 
+    SHOWN: ClassVar = {"K_P": "K_P", "K_D": "K_D", "B_hat": "B̂", "phi": "φ"}
+    """Its numbers in a table of controllers, and how they are written."""
     K_P: Number
     """[1/s²]"""
     K_D: Number
@@ -225,6 +227,7 @@ class AskedPI(Result, frozen=True):
 class PI(Result, frozen=True):
     """PI gains, and what they reach on the linear model."""
 
+    SHOWN: ClassVar = {"K_P": "K_P", "K_I": "K_I"}
     K_P: Number
     """[input/output]"""
     K_I: Number
@@ -274,6 +277,12 @@ class Gains(codec.Saved, Result, frozen=True):
         if not 0 <= low < high:
             raise ValueError(f"duty_limits_pct {low:g} to {high:g}, which has to rise from 0 or above")
 
+    @property
+    def laws(self) -> "dict[str, Robust | PI]":
+        """The controllers by name."""
+        every = {"rc": self.rc, "pi": self.pi}
+        return {name: law for name, law in every.items() if law is not None}
+
     def to_control(self) -> "dict[str, TransferFunction]":
         """By python-control, where it is installed: the PI, and the PI of equal slope inside the layer of RC.
 
@@ -300,8 +309,6 @@ class Gains(codec.Saved, Result, frozen=True):
         """One row a law: its gains, in input per output."""
         import pandas
 
-        laws = {"rc": self.rc, "pi": self.pi}
-        rows = {
-            name: {key: getattr(law, key, None) for key in ("K_P", "K_D", "K_I")} for name, law in laws.items() if law
-        }
+        keys = ("K_P", "K_D", "K_I")
+        rows = {name: {key: getattr(law, key, None) for key in keys} for name, law in self.laws.items()}
         return pandas.DataFrame.from_dict(rows, orient="index", dtype=float)

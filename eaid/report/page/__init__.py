@@ -193,6 +193,7 @@ def _controller(results: Results, known: Known, drawn: Figures) -> Block | None:
         title = f"Gains and margins, {given.path}" if k else "Gains and margins"
         tables = [
             *([gains.checklist(given.result)] if k else []),  # the first one's stands open
+            gains.controllers_table(given.result),
             gains.table_iv(given.result),
             gains.gains_table(given.result),
             gains.margins_table(given.result),

@@ -1,7 +1,5 @@
 """Tables of gains: what the guarantee needs and has, Table IV, what follows from it, margins, virtual walls."""
 
-from collections.abc import Mapping
-
 from eaid.report import rig
 from eaid.report.rig import controller_name, gain
 from eaid.report.tables import Cell, Table, columns, level, number, table_of
@@ -75,18 +73,14 @@ def tables_of(gains: Gains) -> list[Table]:
 def controllers_table(gains: Gains) -> Table:
     """Each controller with its gains, its least margins and its largest error, one line each."""
     worst, errors = gains.margins.worst if gains.margins else None, gains.replayed
-    choices: dict[str, Mapping[str, float | None]] = {}
-    if gains.rc is not None:
-        choices["rc"] = {"K_P": gains.rc.K_P, "K_D": gains.rc.K_D, "B̂": gains.rc.B_hat, "φ": gains.rc.phi}
-    if gains.pi is not None:
-        choices["pi"] = {"K_P": gains.pi.K_P, "K_I": gains.pi.K_I}
     rows = tuple(
         (
-            controller_name(name), ", ".join(f"{symbol} {number(value, 3)}" for symbol, value in shown.items()),
+            controller_name(name),
+            ", ".join(f"{symbol} {number(getattr(law, key), 3)}" for key, symbol in law.SHOWN.items()),
             *_margin(getattr(worst, name, None)),
             getattr(getattr(errors, name, None), "max_abs_error_nm", None),
         )
-        for name, shown in choices.items()
+        for name, law in gains.laws.items()
     )  # fmt: skip
     on = f" on the {errors.reference}" if errors is not None else ""
     heads = columns(
