@@ -90,7 +90,7 @@ def test_a_linear_model_of_no_rig_is_refused(linear, sentence, by_hand, run_eaid
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"tau1": [0.5, -0.01, 0.0]}, "nonlinear.tau1 is -0.005 s at an input of 50.5, which"),
+        ({"tau1": [0.5, -0.01, 0.0]}, "nonlinear.tau1 is 0.0004 s at an input of 49.96, which"),
         # below 0 only between two of the 101 duties that a fit's constraints hold at
         ({"tau1": [0.1 * 10.45**2 - 1e-6, -2.09, 0.1]}, "nonlinear.tau1 is -1e-06 s at an input of 10.45, which"),
         ({"tau2": [0.05, 0.0, 0.0]}, "nonlinear.tau2 is 0.05 s at an input of 10, below tau1, which"),
