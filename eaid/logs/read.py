@@ -26,7 +26,7 @@ OF_COLUMNS = ("columns", "units", "name_pattern", "step_at", "until", "variable"
 """Options that do nothing on a dataset, whose columns are known."""
 UNIT_STEPS = (60.0, 3600.0, 86_400.0, 1e3, 1e6, 1e9)
 """Factors between units of time."""
-SECONDS_ASSUMED = {"unit-assumed", "time-brief", "time-in-whole-numbers", "time-too-long", "time-too-fast"}
+SECONDS_ASSUMED = {"unit-assumed", "time-unclear", "time-doubtful"}
 
 
 def read_runs(paths: Sequence[Path], options: ReadOptions = PLAIN) -> list[Run]:

@@ -1,7 +1,6 @@
 """One table → one run: columns by name, rows checked, time from its start, units turned into those of eaid."""
 
 import contextlib
-import math
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -58,26 +57,21 @@ def checked(
                 f"which it was sampled, or all columns at one rate"
             )
     bad = np.zeros(count, dtype=bool)
-    named: set[tuple[int, str]] = set()
-    cells = []
+    texts = {(sample, label): text for sample, label, text in unread}
+    faults_of: dict[int, list[str]] = {}
     for sample, label, text in unread:
-        bad[sample] = True
-        named.update((sample, column) for column in ([label] if label else columns))
         if not label:
-            cells.append(f"{word} {row_of(sample)} has {text} cells, unlike the others")
-        elif not text:
-            cells.append(f"{word} {row_of(sample)}, column {label}, is empty")
-        else:
-            finite = "is no number"
-            with contextlib.suppress(ValueError):  # nan, inf, 1e400
-                finite = finite if math.isfinite(float(text)) else "is not finite"
-            cells.append(f"{word} {row_of(sample)}, column {label}, holds {text!r}, which {finite}")
+            bad[sample], faults_of[sample] = True, [f"{word} {row_of(sample)} has {text} cells, unlike the others"]
     for label, values in columns.items():
-        for sample in np.flatnonzero(~np.isfinite(values)).tolist():
-            if (sample, label) not in named:
-                value = "empty or not a number" if np.isnan(values[sample]) else "infinite"
-                cells.append(f"{word} {row_of(sample)}, column {label}, is {value}")
-            bad[sample] = True
+        for sample in np.flatnonzero(~np.isfinite(values) & ~bad).tolist():
+            found = texts.get((sample, label))
+            what = "is infinite" if np.isinf(values[sample]) else "is empty or not a number"
+            if found is not None:
+                number = re.fullmatch(r"[+-]?(nan|inf|[\d.]+e\+?\d{3,})", found, re.IGNORECASE)
+                what = f"holds {found!r}, which is {'not finite' if number else 'no number'}" if found else "is empty"
+            faults_of.setdefault(sample, []).append(f"{word} {row_of(sample)}, column {label}, {what}")
+    bad[list(faults_of)] = True
+    cells = [fault for sample in sorted(faults_of) for fault in faults_of[sample]]
     falls: list[str] = []
     fine = np.flatnonzero(~bad)
     rising = time[fine]

@@ -236,8 +236,6 @@ CLOCKS = (
 )
 SLOWEST_S = 90.0
 """Sample time beyond which a clock without a unit counts not from a fixed day, but in a finer unit from power-up."""
-DAYS = ((30_000.0, 60_000.0), (700_000.0, 770_000.0))
-"""First stamps in days: Excel's of 1982 to 2064, MATLAB's datenum of 1916 to 2108."""
 FASTEST_HZ = 50_000.0
 """Sample rate beyond which a clock whose unit nobody gave is warned of."""
 BRIEF_S, QUICK_HZ = 2.0, 2000.0
@@ -299,8 +297,8 @@ def seconds_since_start(
             f"say which with «units» time=UNIT"
         )
     elif too_fast:
-        rate_hz = 1.0 / (usual * factor)
-        findings.append(finding("time-too-fast", path, column=column, rate_hz=rate_hz, likely="d"))
+        span = float(gone[-1]) * factor
+        findings.append(finding("time-unclear", path, column=column, usual_s=usual * factor, span_s=span, likely="d"))
     elif by_column is None:
         if numbers_samples(column) and usual == 1.0:
             raise DataError(
@@ -318,9 +316,6 @@ def seconds_since_start(
             factor = 1.0 / day.per_s
             if day.per_s != 1:
                 findings.append(finding("time-since-a-day", path, column=column, counts=day.counts))
-        elif usual < 1.0 / FASTEST_HZ and any(low <= first <= high for low, high in DAYS):
-            factor = 86400.0
-            findings.append(finding("time-in-days", path, column=column))
         else:
             findings.append(_of_seconds(path, column, gone, usual))
     return read_only(gone if factor == 1.0 else gone * factor), float(first) * factor, tuple(findings)
@@ -328,16 +323,12 @@ def seconds_since_start(
 
 def _of_seconds(path: str, column: str, gone: Array, usual: float) -> Finding:
     """That seconds are assumed of a clock whose unit nobody gave, and what speaks against them."""
-    span = float(gone[-1])
-    likely = likely_time_unit(usual, span)
-    if 0 < usual < 1.0 / FASTEST_HZ:
-        likely = "d" if usual < 2e-7 else "min"
-        return finding("time-too-fast", path, column=column, rate_hz=1.0 / usual, likely=likely)
-    if usual > SLOWEST_S and span > LONGEST_S:
-        return finding("time-too-long", path, column=column, usual_s=usual, span_s=span, likely=likely)
-    if usual >= 1.0 and bool(np.all(gone[:100_000] == np.floor(gone[:100_000]))):
-        code = "time-too-long" if span > LONGEST_S else "time-in-whole-numbers"
-        return finding(code, path, column=column, usual_s=usual, span_s=span, likely=likely)
-    if 0 < usual < 1.0 / QUICK_HZ and span < BRIEF_S:
-        return finding("time-brief", path, column=column, rate_hz=1.0 / usual, span_s=span)
+    span, too_fast = float(gone[-1]), 0 < usual < 1.0 / FASTEST_HZ
+    whole = usual >= 1.0 and bool(np.all(gone[:100_000] == np.floor(gone[:100_000])))
+    brief = 0 < usual < 1.0 / QUICK_HZ and span < BRIEF_S
+    likely = "d" if 0 < usual < 2e-7 else "min" if brief or too_fast else likely_time_unit(usual, span)
+    if too_fast or (span > LONGEST_S and (whole or usual > SLOWEST_S)):
+        return finding("time-unclear", path, column=column, usual_s=usual, span_s=span, likely=likely)
+    if whole or brief:
+        return finding("time-doubtful", path, column=column, usual_s=usual, span_s=span, likely=likely)
     return finding("unit-assumed", path, role="time", column=column, unit="s")

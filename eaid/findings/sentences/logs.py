@@ -28,25 +28,13 @@ LOG_ROWS: dict[str, Row] = {
         "{place} says {said:g} Hz, its stamps are those of {found:.4g} Hz: they count; if their unit is another, say "
         "«units» time=UNIT"
     ),
-    "time-brief": caution(
-        "no unit is given for {column}: in seconds the log lasts {span_s:.3g} s at {rate_hz:.4g} Hz; if it counts "
-        "minutes or hours, say «units» time=min or h"
+    "time-unclear": stop(
+        "no unit of time fits {column}: in seconds its stamps lie {usual_s:.3g} s apart and the log takes {span_s:.4g} "
+        "s; say «units» time={likely}, or what it is"
     ),
-    "time-in-days": caution(
-        "{column} counts days, as Excel and MATLAB do, by its first stamp and its sample time; else say its unit with "
-        "«units» time=UNIT"
-    ),
-    "time-too-fast": stop(
-        "no unit fits {column}: in seconds its rate would be {rate_hz:.3g} Hz; say it with «units» time={likely} or "
-        "what it is"
-    ),
-    "time-too-long": stop(
-        "no unit is given for {column}, its stamps {usual_s:g} apart: in seconds the log would take {span_s:.4g} s; "
-        "say it with «units» time={likely} or time=s"
-    ),
-    "time-in-whole-numbers": caution(
-        "no unit is given for {column}, whole numbers {usual_s:g} apart: seconds assumed; if they are ms or samples, "
-        "say «units» time={likely} or «rate_hz» HZ"
+    "time-doubtful": caution(
+        "no unit is given for {column}: in seconds its stamps lie {usual_s:.3g} s apart and the log takes {span_s:.4g} "
+        "s; if it counts another unit, say «units» time={likely}, or «rate_hz» if it counts samples"
     ),
     "time-unit-differs": stop(
         "no unit is given for its time, and its stamps lie {usual_s:.4g} apart, those of other logs {others_s:.4g}: "
