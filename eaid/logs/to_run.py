@@ -116,47 +116,24 @@ def _listed(source: str, faults: Sequence[str], remedy: str) -> list[str]:
     return sentences
 
 
-class _Columns:
-    """The columns of a table that have been read, the first of which keeps its own times, and others on demand."""
+def _loaded(source: str, table: Table, wanted: Sequence[int | None]) -> tuple[Cells, dict[int, NDArray[Any]]]:
+    """Columns at the times of the first, by their number; DataError where one is too large or too small for a sensor.
 
-    def __init__(self, source: str, table: Table, wanted: Sequence[int]) -> None:
-        first = list(dict.fromkeys(wanted))
-        self._source, self._table, self._first = source, table, first[0]
-        self.cells: Cells = table.load(first)
-        self._values = {
-            column: self._sane(column, values) for column, values in zip(first, self.cells.values, strict=True)
-        }
-        self.keep: NDArray[np.intp] | None = None
-        """Samples that are kept; None: all of them."""
-
-    def __getitem__(self, column: int) -> NDArray[Any]:
-        if column not in self._values:
-            self._values[column] = self._sane(column, self._table.load([self._first, column]).values[1])
-        return self._values[column]
-
-    def _sane(self, column: int, values: NDArray[Any]) -> NDArray[Any]:
-        """Values whose differences may be below zero; raises DataError where they are too large or too small."""
+    Whole numbers are signed, so that their differences may be below zero.
+    """
+    columns = list(dict.fromkeys(one for one in wanted if one is not None))
+    cells, sane = table.load(columns), dict[int, NDArray[Any]]()
+    for column, values in zip(columns, cells.values, strict=True):
         if values.dtype.kind in "ub":
             too_large = values.dtype == np.uint64 and len(values) and values.max() > np.iinfo(np.int64).max
             values = values.astype(np.float64 if too_large else np.int64)
-        if values.dtype.kind == "i":
-            return values
-        values = np.asarray(values, dtype=np.float64)
-        size = np.abs(values[np.isfinite(values)]).max(initial=0)
-        if size != 0 and not 1 / LARGEST <= size <= LARGEST:
-            raise DataError(
-                f"{self._source}: column {self._table.label(column)} goes to {size:g}, as no sensor does; mend it"
-            )
-        return values
-
-    def bad(self, wanted: set[int | None]) -> list[tuple[int, str, str]]:
-        """Cells that could not be read, of some columns or whole rows (−1): sample, column label, what stands there."""
-        bad = sorted((cell for cell in self.cells.bad if cell.column in wanted), key=lambda one: (one.row, one.column))
-        return [(one.row, "" if one.column < 0 else self._table.label(one.column), one.text) for one in bad]
-
-    def kept(self, column: int) -> NDArray[Any]:
-        """The samples of a column that are kept."""
-        return self[column] if self.keep is None else self[column][self.keep]
+        if values.dtype.kind != "i":
+            values = np.asarray(values, dtype=np.float64)
+            size = np.abs(values[np.isfinite(values)]).max(initial=0)
+            if size != 0 and not 1 / LARGEST <= size <= LARGEST:
+                raise DataError(f"{source}: column {table.label(column)} goes to {size:g}, as no sensor does; mend it")
+        sane[column] = values
+    return cells, sane
 
 
 _BEFORE = re.compile(r"\d[.,ep_-]?$", re.IGNORECASE)
@@ -235,14 +212,7 @@ def run_of(
             raise DataError(f"{source}: has a time column, {label}, so «rate_hz» does nothing; leave it out")
         clock = None
     level, repeat = level_and_repeat(source, options.name_pattern, file or name)
-    beside = [one for one in (roles.output, clock, roles.reference, roles.position) if one is not None]
-    likely = [column for _, column in roles.inputs]
-    if roles.inputs and roles.inputs[0][0] == "clutch":
-        del likely[1:]  # the others count only where it stands still
-    columns = _Columns(source, table, [*beside, *likely])
-    kind, which = the_input(source, roles, columns.__getitem__)
-    if which is not None and which not in likely:
-        columns = _Columns(source, table, [*beside, which])
+    kind, which = the_input(source, roles, lambda one: _loaded(source, table, [roles.output, one])[1][one])
     if which is None and options.name_pattern is not None and level is None:
         raise DataError(f"{source}: its name does not match «name_pattern»; rename it or mend the pattern")
 
@@ -255,13 +225,15 @@ def run_of(
             raise DataError(f"{source}: has no time column, and says {two}; say which with «rate_hz» HZ")
         by_user, by_column = 1.0 / rates[0][1], None
     factor = by_user or by_column or 1.0
+    cells, columns = _loaded(source, table, [roles.output, clock, roles.reference, roles.position, which])
     raw_time = np.arange(len(columns[roles.output])) if clock is None else columns[clock]
     used = [column for column in (which, roles.output, roles.position) if column is not None]
     by_label = {"time" if clock is None else table.label(clock): raw_time} | {table.label(i): columns[i] for i in used}
-    columns.keep = checked(
-        source, by_label, columns.bad({-1, clock, *used}), columns.cells.row, "row", options.repair, factor,
-    )  # fmt: skip
-    kept_time = raw_time if columns.keep is None else raw_time[columns.keep]
+    bad = sorted((one.row, one.column, one.text) for one in cells.bad if one.column in {-1, clock, *used})
+    unread = [(row, "" if column < 0 else table.label(column), text) for row, column, text in bad]
+    keep = checked(source, by_label, unread, cells.row, "row", options.repair, factor)
+    kept_time = raw_time if keep is None else raw_time[keep]
+    kept = {column: values if keep is None else values[keep] for column, values in columns.items()}
     if clock is None:
         time_s, start_s = read_only(kept_time * factor), 0.0
         of_time: tuple[Finding, ...] = ()
@@ -276,18 +248,18 @@ def run_of(
             of_time += (finding("rate-contradicted", source, place=wrong[0], said=wrong[1], found=1.0 / usual),)
     plain_output = default_unit(table.columns[roles.output], OUTPUTS)
     into = scale_of(source, "output", units.get("output"), table, roles.output, plain_output)
-    output = into.of(columns.kept(roles.output))
+    output = into.of(kept[roles.output])
     if which is not None and kind is not None:
         plain_input = default_unit(table.columns[which], INPUTS[kind])
         scale = scale_of(source, "input", units.get("input"), table, which, plain_input)
-        input_ = scale.of(columns.kept(which))
+        input_ = scale.of(kept[which])
     else:  # a name says a level and no unit
         scale = Scale(units.get("input", "") if kind is None else INPUT_UNITS[kind], 1.0)
         input_ = np.broadcast_to(np.float64(np.nan), len(kept_time))  # takes no memory
-    told = [*roles.findings, *columns.cells.findings, *of_time, *into.findings, *scale.findings]
-    if columns.keep is not None:
+    told = [*roles.findings, *cells.findings, *of_time, *into.findings, *scale.findings]
+    if keep is not None:
         total = len(raw_time)
-        told.append(finding("rows-dropped", source, dropped=total - len(columns.keep), count=total))
+        told.append(finding("rows-dropped", source, dropped=total - len(keep), count=total))
     largest = max(abs(float(output.max())), abs(float(output.min()))) if len(output) else 0.0
     if into.unit == "N·m" and "output" not in units and largest > LARGEST_NM:
         told.append(finding("torque-too-large", source, largest=largest))
@@ -315,8 +287,8 @@ def run_of(
         repeat=repeat,
         step_s=_on_clock(options.step_at, time_s, start_s),
         until_s=_on_clock(options.until, time_s, start_s),
-        reference_nm=None if roles.reference is None else read_only(columns.kept(roles.reference)),
-        position=None if roles.position is None else read_only(columns.kept(roles.position)),
+        reference_nm=None if roles.reference is None else read_only(kept[roles.reference]),
+        position=None if roles.position is None else read_only(kept[roles.position]),
         position_unit=position_unit,
         findings=tuple(msgspec.structs.replace(one, subject=name) for one in told),
         kind=options.kind or kind,
