@@ -25,8 +25,6 @@ from eaid.options import ReadOptions
 NAME = "dataset.toml"
 SCHEMA = "eaid/manifest/1"
 AGAIN = "write it again with «write_manifest» of eaid ingest"
-LONGEST_LINE = 4000
-"""Characters of a line; a dotted key of more costs the parser gigabytes."""
 Value = str | float | bool
 Number = Annotated[float, msgspec.Meta(ge=-1e12, le=1e12)]
 
@@ -102,12 +100,8 @@ def read_manifest(path: Path) -> Manifest:
     """A manifest; raises DataError where it is not written as this eaid writes it."""
     try:
         text = path.read_text(encoding="utf-8-sig")
-        if max(map(len, text.split("\n"))) > LONGEST_LINE:
-            raise DataError(f"{path}: has a line of more than {LONGEST_LINE:,} characters; {AGAIN}")
         content = tomllib.loads(text)
-    except RecursionError:
-        raise DataError(f"{path}: is nested too deep; {AGAIN}") from None
-    except ValueError as fault:  # no TOML, no UTF-8, or a number of thousands of digits
+    except (ValueError, RecursionError) as fault:  # no TOML, no UTF-8, nested too deep, a number of thousands of digits
         raise DataError(f"{path}: is no TOML ({fault}); {AGAIN}") from None
     if content.get("schema") != SCHEMA:
         raise DataError(f"{path}: its schema is {content.get('schema')!r}, and this eaid reads {SCHEMA!r}; {AGAIN}")

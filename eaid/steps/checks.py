@@ -220,17 +220,14 @@ def _drift(step: Step) -> Finding | None:
     slope, error, _ = line(np.arange(len(means)) / len(means), means)
     if abs(slope) <= max(0.02 * step.swing, STANDARD_ERRORS * error):
         return None
-    grown = slope * len(step.rise) / len(step.idle)
-    share, by_end = (100 * abs(off) / step.swing if step.swing > 0 else None for off in (slope, grown))
-    return finding(
-        "idle-drifts", step.run.name, drift=slope, unit=step.unit, share_pct=share, grown=grown, by_end_pct=by_end
-    )
+    share = 100 * abs(slope) / step.swing if step.swing > 0 else None
+    return finding("idle-drifts", step.run.name, drift=slope, unit=step.unit, share_pct=share)
 
 
 def _not_idle(step: Step) -> Finding | None:
     """A start that left its rest before the step: off by more than the noise allows (`baseline.left_early`).
 
-    An instant is known to one sample: what the output moves in one is told, and no stop.
+    An instant is known to one sample: what the output moves in one is none.
     """
     before = step.before
     if before is None or step.run.from_level != 0 or not step.swing > 0:
@@ -238,11 +235,10 @@ def _not_idle(step: Step) -> Finding | None:
     off = abs(before)
     if off <= FLOOR * step.swing or (len(step.idle) >= FEWEST and last_rest(step.idle, step.swing).rests):
         return None
-    within_one = off <= 0.75 * abs(float(step.rise[:3].mean()) - before)  # a sample and a half: one, and not two
-    return finding(
-        "nearly-at-rest" if within_one else "not-at-rest", step.run.name, (step.run.level or 0.0,), off=before,
-        unit=step.unit, share_pct=100 * off / step.swing,
-    )  # fmt: skip
+    if off <= 0.75 * abs(float(step.rise[:3].mean()) - before):  # within a sample and a half: one, and not two
+        return None
+    share = 100 * off / step.swing
+    return finding("not-at-rest", step.run.name, (step.run.level or 0.0,), off=before, unit=step.unit, share_pct=share)
 
 
 def _left_after_release(step: Step) -> Finding | None:

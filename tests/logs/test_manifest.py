@@ -89,7 +89,7 @@ BAD = {
     "[[log]]\nlevel = 3": "Object missing required field `file` - at `log[0]`",
     '[[log]]\nfile = "a.csv"\nlevel = "3"': "Expected `float | null`, got `str` - at `log[0].level`",
     '[[log]]\nfile = "a.csv"\nlevel = nan': "Expected `float` >= -1000000000000.0 - at `log[0].level`; mend it",
-    20_000 * "a." + "a = 1": "has a line of more than 4,000 characters", f"x = '{3994 * 'a'}'": "lists no logs",
+    f"x = '{3994 * 'a'}'": "lists no logs",
     '[options]\nrest = nan\n[[log]]\nfile = "a.csv"': "--rest nan: give a number from -1e+09 to 1e+09",
     '[[log]]\nfile = "../a.csv"': "its log ../a.csv lies outside its folder; put it there, or give its whole path",
     '[[log]]\nfile = "gone.csv"': "its log gone.csv is not there; put it back or take it off",

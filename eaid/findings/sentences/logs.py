@@ -68,18 +68,10 @@ def _at_level(v: Values) -> str:
     return f" at {v['levels']} {v.get('unit') or ''}".rstrip() if v["levels"] else ""
 
 
-GROWS_PCT = 5.0
-"""From this part of the step [%] a drift that goes on is told to its end."""
-
-
 def _drift(v: Values) -> str:
     share = v.get("share_pct")
     of = f" ({share:.0f} % of the step)" if share is not None and share < 1000 else ""
-    said = f"drift before the step: {v['drift']:+.3g} {v['unit']} while idle{of}"
-    by_end = v.get("by_end_pct")
-    if by_end is None or not GROWS_PCT < by_end < 1000:
-        return said
-    return f"{said}; at that rate {v['grown']:+.3g} {v['unit']} of the end value, {by_end:.0f} % of the step, are drift"
+    return f"drift before the step: {v['drift']:+.3g} {v['unit']} while idle{of}"
 
 
 def _left_out(v: Values) -> str:
@@ -152,10 +144,6 @@ STEP_ROWS: dict[str, Row] = {
         "not at rest when the step begins: {off:+.3g} {unit} off the idle output, {share_pct:.0f} % of the step; let "
         "it rest before the step, mend «step_at» where the input was logged late, or say what it starts from with "
         "«baseline»",
-        "share_pct",
-    ),
-    "nearly-at-rest": caution(
-        "hardly at rest when the step begins: {off:+.3g} {unit} off the idle output, {share_pct:.0f} % of the step",
         "share_pct",
     ),
     "unsettled-before-step": stop(
