@@ -57,8 +57,8 @@ class RCState(NamedTuple):
     """q̃, integral of the torque error [N·m·s]"""
 
 
-def rc_terms(gains: RCGains, integral: float, error: float) -> tuple[float, float]:
-    """ρ(ξ) and ω [N·m/s] for an integrated error [N·m·s] and an error [N·m], Eqs. (13)-(15)."""
+def robust_term(gains: RCGains, integral: float, error: float) -> float:
+    """ω [N·m/s] for an integrated error [N·m·s] and an error [N·m], Eqs. (13)-(15)."""
     z = gains.Q12 * integral + gains.Q22 * error
     rho = gains.rho_constant + gains.rho_slope * math.sqrt(integral * integral + error * error)
     distance = gains.gamma * (abs(z) - gains.epsilon)
@@ -71,7 +71,7 @@ def rc_terms(gains: RCGains, integral: float, error: float) -> tuple[float, floa
             at_zero = math.tanh(gains.gamma * gains.epsilon)
             share = (math.tanh(distance) + at_zero) / (1.0 + at_zero)
             omega = share * math.copysign(rho, z) + (1.0 - share) * omega
-    return rho, omega
+    return omega
 
 
 def rc_step(
@@ -83,8 +83,7 @@ def rc_step(
     """
     integral = state.integral
     error = reference - torque
-    _rho, omega = rc_terms(gains, integral, error)
-    y = reference_rate + gains.K_D * error + gains.K_P * integral + omega
+    y = reference_rate + gains.K_D * error + gains.K_P * integral + robust_term(gains, integral, error)
     wanted = gains.B_hat * y + (gains.a0 * torque - gains.c0) / gains.b0
     duty = min(max(wanted, gains.duty_min), gains.duty_max)
     if (wanted - duty) * error > 0.0:  # beyond a limit, and the error would drive it further

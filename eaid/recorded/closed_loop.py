@@ -49,7 +49,7 @@ def run_loop(
 ) -> tuple[Array, Array]:
     """Duty [%] and read torque [N·m] of a loop, from rest, whose reading is T (1 + share) + added; shapes (n,)."""
     n = len(reference)
-    columns = [[0.0] * n for _ in range(5)]
+    columns = [[0.0] * n for _ in range(4)]
     rate = reference_rate(reference, dt_s, controller.looks_ahead)
     inputs = Inputs(*(column.tolist() for column in (reference, rate, added, 1.0 + share)))
     numbers = rig_numbers(Rig(), dt_s)

@@ -42,10 +42,7 @@ def plain_head(head: Head) -> dict[str, object]:
 
 def plain_metrics(metrics: Metrics) -> dict[str, object]:
     """The metrics that a group has; inside steps and tones a number that is never reached stays null."""
-    kept = {key: value for key, value in to_plain(metrics).items() if value not in (None, [], {})}
-    if "guarantee_holds_fraction" in kept:  # null where nothing failed
-        kept.setdefault("guarantee_failures_at_limit", None)
-    return kept
+    return {key: value for key, value in to_plain(metrics).items() if value not in (None, [], {})}
 
 
 def as_json(replay: Replay) -> dict[str, object]:

@@ -41,8 +41,6 @@ class Trace:
     applied_pct: Array | None = None
     """Mean duty on the clutch from each sample to the next [%], where a delay or the PWM makes it differ from
     `duty_pct`."""
-    state: Array | None = None
-    """First number of the controller's state before each sample (rc, pi: the integral of the error), where kept."""
 
     def tracking(self, counted: "slice | NDArray[np.int64]" = slice(None)) -> Tracking:
         """How well the torque follows the reference over the samples that count."""
@@ -101,19 +99,17 @@ def loop_of(law: Step, sources: str = "") -> Callable[..., tuple[float, float]]:
     def closed_loop(
         gains: Any, start: Any, plant: PlantParameters, rig: RigNumbers, dt: float, inputs: Inputs, filled: Any
     ) -> tuple[float, float]:
-        """Fill five columns as long as the inputs; return the plant's states at the end [N·m].
+        """Fill four columns as long as the inputs; return the plant's states at the end [N·m].
 
-        They are the true and the read torque, the duty given and the mean duty applied, and the first number of the
-        controller's state before each sample.
+        They are the true and the read torque, the duty given and the mean duty applied.
         """
         sources  # noqa: B018 - what a closure holds is part of numba's key
         reference, rate, disturbance, factor = inputs
-        torque, measured, duty, applied, kept = filled
+        torque, measured, duty, applied = filled
         state = start
         delay, period = rig
         held = Held(0.0, 0.0, 0.0, 0)
         for k in range(len(reference)):
-            kept[k] = state[0]
             torque[k] = held.x1 + held.x2
             measured[k] = torque[k] * factor[k] + disturbance[k]
             state, duty[k] = law(gains, state, reference[k], rate[k], measured[k], dt)
@@ -148,7 +144,7 @@ def replay(
         raise UsageError("the reference must hold two samples or more, all of them finite")
     inputs = inputs_of(controller, reference_nm, rig, dt_s, seed)
     numbers = rig_numbers(rig, dt_s)
-    inputs, columns = Inputs(*(column.tolist() for column in inputs)), [[0.0] * n for _ in range(5)]
+    inputs, columns = Inputs(*(column.tolist() for column in inputs)), [[0.0] * n for _ in range(4)]
     loop_of(controller.step)(controller.gains, controller.start, plant, numbers, dt_s, inputs, columns)
     return as_trace(controller, rig, dt_s, reference_nm, columns)
 
@@ -156,11 +152,11 @@ def replay(
 def as_trace(
     law: Controller, rig: Rig, dt_s: float, reference_nm: Array, columns: Sequence[Sequence[float] | Array]
 ) -> Trace:
-    """What the loop filled, with the controller's state or without, as a result; what repeats is left out."""
-    torque, measured, duty, applied, *state = (read_only(column) for column in columns)
+    """What the loop filled, as a result; what repeats another column is left out."""
+    torque, measured, duty, applied = (read_only(column) for column in columns)
     reads_otherwise = rig.noise_nm > 0
     acts_otherwise = rig.delay_samples > 0 or rig.pwm_hz > 0
     return Trace(
         law.name, dt_s, read_only(np.arange(len(reference_nm)) * dt_s), reference_nm, torque, duty, law.limits_pct,
-        measured if reads_otherwise else None, applied if acts_otherwise else None, *state,
+        measured if reads_otherwise else None, applied if acts_otherwise else None,
     )  # fmt: skip

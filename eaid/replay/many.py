@@ -71,7 +71,7 @@ def replay_many(
     run = compiled(controller.step)
 
     def single(index: int) -> None:
-        filled = tuple(np.empty((5, len(reference_nm))))
+        filled = tuple(np.empty((4, len(reference_nm))))
         run(controller.gains, controller.start, plants[index], numbers, dt_s, inputs, filled)
         visit(index, filled[0], filled[2])
 

@@ -1,26 +1,13 @@
-"""Controllers on the fitted plant: a scenario, a reference, the rehabilitation, or recorded runs; one function.
+"""Controllers on the fitted plant: a scenario, a reference, the rehabilitation, or recorded runs; one function."""
 
-**The guarantee watched.** Along a replay of the robust controller the uncertainty χ(t) stands against ρ(t), Eq. (15).
-Whatever the plant is, with u = B̂ y + η̂ played on B q̈ + η = u (Siciliano et al., Robotics, §8.5.3; the paper's η
-there is our χ),
-
-    q̈ = B⁻¹ (B̂ y + η̂ − η) = y − χ,      χ = (1 − B⁻¹B̂) y + B⁻¹ (η − η̂)
-
-so that χ = y − Ṫ: the slope that the law asks for minus the one that comes. The Lyapunov argument holds at an instant
-where |χ| ≤ ρ. Taken sample by sample, Ṫ is the mean slope until the next one.
-"""
-
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import msgspec
 import numpy as np
 
-from eaid.arrays import Array, read_only
 from eaid.control.defaults import control_rate, input_limits, scales_of
 from eaid.control.gains import plant_of, refuse_other_units
-from eaid.control.rc import RCGains, rc_terms
 from eaid.declared import part
 from eaid.errors import DataError, UsageError
 from eaid.estimate.draw import draw, drawable
@@ -31,13 +18,13 @@ from eaid.options import Rig, SimulateOptions
 from eaid.progress import Progress, no_progress
 from eaid.replay.compare import compared
 from eaid.replay.controllers import CONTROLLERS, Controller, Knowledge
-from eaid.replay.loop import Trace, reference_rate, replay
+from eaid.replay.loop import replay
 from eaid.replay.plant import PlantParameters, plant_parameters, plant_terms
 from eaid.replay.references import Reference, Signal, measure, record, reference_of
 from eaid.replay.rehab import MODES, rehabilitate
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
-from eaid.results.replay import Exercise, Head, Metrics, Record, Replay
+from eaid.results.replay import Exercise, Head, Record, Replay
 from eaid.results.verdict import PLANT
 
 
@@ -94,34 +81,6 @@ def _names(wanted: tuple[str, ...] | None, what: str, known: Knowledge) -> tuple
     return tuple(names), [finding("no-gains", "controllers")]
 
 
-def watched(gains: RCGains, replay: Trace, metrics: Metrics, begin: int = 0) -> tuple[Metrics, dict[str, Array]]:
-    """The metrics of a replay of the robust controller with the share of the samples from `begin` on at which |χ| ≤ ρ
-    holds, and of those where it fails the share at a limit; and χ and ρ along it, shapes (n,)."""
-    assert replay.state is not None
-    low, high = replay.limits_pct
-    measured = replay.torque_nm if replay.measured_nm is None else replay.measured_nm
-    integral, error = replay.state, replay.reference_nm - measured
-    terms = [rc_terms(gains, *each) for each in zip(integral.tolist(), error.tolist(), strict=True)]
-    rho, omega = np.array(terms).T
-    rate = reference_rate(replay.reference_nm, replay.dt_s, False)
-    y = rate + gains.K_D * error + gains.K_P * integral + omega
-    slope = np.diff(replay.torque_nm, append=np.nan) / replay.dt_s
-    slope[-1] = slope[-2]
-    chi = y - slope
-    wanted = gains.B_hat * y + (gains.a0 * measured - gains.c0) / gains.b0
-    fails = np.abs(chi[begin:]) > rho[begin:]
-    at_limit = fails & ((wanted < low) | (wanted > high))[begin:]
-    count = int(fails.sum())
-    with np.errstate(divide="ignore", invalid="ignore"):  # a model without uncertainty has ρ = 0
-        largest = float((np.abs(chi[begin:]) / rho[begin:]).max())
-    return msgspec.structs.replace(
-        metrics,
-        guarantee_holds_fraction=1.0 - count / len(fails),
-        guarantee_largest_chi_over_rho=largest if math.isfinite(largest) else None,
-        guarantee_failures_at_limit=int(at_limit.sum()) / count if count else None,
-    ), {"chi_nm_s": read_only(chi), "rho_nm_s": read_only(rho)}
-
-
 UNSEEN = 0.01
 """Share of the samples that may lie outside what was identified without a word."""
 Outcome = tuple[dict[str, Record], Head, list[Finding]]
@@ -131,16 +90,12 @@ MOST_STEPS = 1_000_000_000
 
 
 def tracked(setup: Setup, wanted: Reference, gains: Gains | None, progress: Progress) -> Outcome:
-    """Each controller on the reference; the guarantee watched along the robust one; and drawn plants."""
+    """Each controller on the reference; and drawn plants."""
     options, records = setup.options, {}
     findings = _of_reference(setup, wanted, gains)
     for controller in setup.controllers:
         trace = replay(setup.plant, controller, wanted.torque_nm, setup.rig, wanted.dt_s, options.seed)
-        metrics = measure(trace, wanted)
-        columns: dict[str, Array] = {}
-        if controller.name == "rc":
-            metrics, columns = watched(controller.gains, trace, metrics, wanted.begin)
-        records[controller.name] = record(trace, metrics, columns)
+        records[controller.name] = record(trace, measure(trace, wanted))
     findings += _outside_identified(setup, records)
     head = Head("", dt_s=wanted.dt_s, counted_from_s=wanted.counted_from_s)
     if options.plants is not None:

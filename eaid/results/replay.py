@@ -145,10 +145,6 @@ class Metrics(Tracking, frozen=True):
     """Samples before this instant do not count."""
     steps: tuple[StepMetrics, ...] = ()
     frequencies: tuple[ToneMetrics, ...] = ()
-    guarantee_holds_fraction: Number | None = None
-    """Share of the samples at which |χ| ≤ ρ."""
-    guarantee_largest_chi_over_rho: Number | None = None
-    guarantee_failures_at_limit: Number | None = None
     plants: PlantSpread | None = None
     modes: dict[str, ModeMetrics] = {}
     turn_step_nm: Number | None = None

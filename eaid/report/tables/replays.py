@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 
 from eaid.report.rig import controller_name
-from eaid.report.tables import Cell, Column, Name, Table, columns, level, number, table_of
+from eaid.report.tables import Cell, Column, Name, Table, columns, level, number
 from eaid.results.replay import Metrics, Replay
 
 METRICS = {
@@ -46,7 +46,6 @@ def further_tables(replay: Replay) -> tuple[Table, ...]:
         steps_table(replay),
         tones_table(replay),
         *rehab_tables(replay),
-        guarantee_table(replay),
         plants_table(replay),
     )
 
@@ -64,24 +63,6 @@ def errors_table(replays: Sequence[Replay]) -> Table:
     return Table(
         "Errors of each controller", f"{caption}has one.", (Column("replay"), Column("controller"), *heads), tuple(rows)
     )
-
-
-def guarantee_table(replay: Replay) -> Table:
-    """For how much of a replay of the robust controller |χ| ≤ ρ held, and why it did not elsewhere."""
-    known = [(name, m) for name, m in replay.metrics().items() if m.guarantee_holds_fraction is not None]
-    return table_of(
-        "Guarantee along this replay",
-        "Where |χ| ≤ ρ the Lyapunov argument holds; the last column is a share of the samples at which it does not.",
-        known,
-        ("controller", lambda row: controller_name(row[0])),
-        (("|χ| ≤ ρ for", "%"), lambda row: _percent(row[1].guarantee_holds_fraction)),
-        (("largest |χ|/ρ", "", 3), lambda row: row[1].guarantee_largest_chi_over_rho),
-        (("failures at a limit of the input", "%", 3), lambda row: _percent(row[1].guarantee_failures_at_limit)),
-    )  # fmt: skip
-
-
-def _percent(share: float | None) -> float | None:
-    return None if share is None else 100 * share
 
 
 def log_table(replay: Replay) -> Table:
