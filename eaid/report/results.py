@@ -3,10 +3,11 @@
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar, cast
 
 import h5py
 
+from eaid.declared import chosen
 from eaid.errors import DataError, UsageError
 from eaid.files import sha256_of
 from eaid.findings import Finding, say
@@ -127,8 +128,26 @@ def gathered(items: Iterable["Fit | Gains | Replay | StepSet | Coupling | Given[
         sorted_[kind].append(item if isinstance(item, Given) else Given(result, name))
     order = {name: i for i, name in enumerate(SCENARIOS)}
     sorted_["replay"].sort(key=lambda one: order.get(one.result.head.scenario, len(order)))
+    given = {one.result.kind for one in sorted_["data"]}
+    for one in sorted_["fit"]:
+        if one.result.data.kind not in given and (steps := logs_of(one.result)) is not None:
+            sorted_["data"].append(Given(steps, f"the logs behind {one.path}"))
+            given.add(one.result.data.kind)
     fits, gains, replays, data, couplings = (tuple(group) for group in sorted_.values())
     return Results(fits, gains, replays, data, couplings)
+
+
+def logs_of(fit: Fit) -> StepSet | None:
+    """The steps behind a fit: those in memory, else read again where its logs still are what they were; None: gone."""
+    if "steps_fitted" in fit.__dict__:
+        return cast(StepSet, fit.__dict__["steps_fitted"])
+    logs = {Path(one.path): one.sha256 for one in fit.data.inputs or fit.data.sources}
+    if not logs or not all(path.is_file() and sha256_of(path) == sha256 for path, sha256 in logs.items()):
+        return None
+    try:
+        return read_steps([*logs], chosen(ReadOptions, None, fit.options.reading))[1]
+    except DataError:
+        return None
 
 
 def read_results(paths: Sequence[Path], tell: Callable[[str], None] = lambda _: None) -> Results:

@@ -48,3 +48,13 @@ def test_figures_for_papers_hold_their_fonts_and_json_lists_what_was_made(run_ea
     at = png.index(b"pHYs")
     assert int.from_bytes(png[at + 4 : at + 8]) == 11811  # pixels per metre: 300 dpi
     assert int.from_bytes(png[16:20]) == 2148  # 7.16 in
+
+
+def test_the_logs_behind_a_fit_are_drawn_where_they_still_are_what_they_were(run_eaid):
+    assert run_eaid("synth --levels 20,60,100 --hold 5 --idle 1 --release 0 --rate-hz 50 -q -o logs").code == 0
+    assert run_eaid("fit logs --model nonlinear --until 5 -q --force").code == 0
+    drawn = "report fit.json --figures fig07 -q --force"
+    assert run_eaid(drawn).code == 0 and Path("report/figures/fig07_nonlinear_model.png").is_file()
+    log = next(Path("logs").glob("*.csv"))
+    log.write_text(log.read_text() + "\n")
+    assert run_eaid(f"{drawn} -o changed").code == 0 and not list(Path("changed").rglob("fig07*"))

@@ -48,12 +48,14 @@ def guarantee_words(gains: Gains) -> str:
 def guarantee_story(gains: Gains) -> str:
     """The verdict with its reasons in words and, where no gains can have the guarantee, what these have."""
     rows = [row for row in conditions_of(gains) if row.holds is False]
-    if not rows or not all(row.name in CONDITIONS and None not in (row.needed, row.available) for row in rows):
+    if not rows:
         return f"guarantee {guarantee_words(gains)}"
     why = [
         CONDITIONS[row.name][2].format(
             n=number(row.needed, 3), a=number(row.available, 3), unit=row.unit or "of the input"
         )
+        if row.name in CONDITIONS and None not in (row.needed, row.available)
+        else f"no {called(row)} is enough"
         for row in rows
     ]
     said = f"guarantee NO: {'; '.join(why)}"
