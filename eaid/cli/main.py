@@ -7,15 +7,15 @@ import os
 import re
 import sys
 from collections.abc import Iterator, Sequence
-from typing import Annotated, Any, Literal, cast
-
-import typer
-from typer.core import TyperCommand
+from typing import TYPE_CHECKING, Any, cast
 
 from eaid.cli import console
 from eaid.cli.signals import breaking_off
-from eaid.errors import EaidError, UsageError, on_command_line
+from eaid.errors import EaidError, UsageError, on_command_line, unknown
 from eaid.version import __version__
+
+if TYPE_CHECKING:
+    from typer.core import TyperCommand
 
 
 class Patient:
@@ -85,18 +85,32 @@ COMMANDS = {
 """One module of `eaid.cli` each, with a function `command`; the order and the short words of `--help`."""
 
 
-MARKUP: Literal["markdown"] = "markdown"
-"""How the help is written: rich's own markup would eat units in brackets."""
-SETTINGS = {"help_option_names": ["-h", "--help"]}
+def _help() -> str:
+    """What `eaid --help` says."""
+    lines = [f"  {name.replace('_', '-'):<10}{words}" for name, words in COMMANDS.items()]
+    return "\n".join(
+        [
+            "Usage: eaid COMMAND [OPTIONS] …",
+            "",
+            "The workbench for electroadhesive clutches: from recorded step responses to models, gains and replays.",
+            "",
+            "Commands:",
+            *lines,
+            "",
+            "eaid COMMAND --help shows its options; eaid --version the version.",
+        ]
+    )
 
 
-def load_command(name: str) -> TyperCommand:
+def load_command(name: str) -> "TyperCommand":
     """One command with its arguments and options; its name as it is typed, `tune-rc`."""
-    alone = typer.Typer(add_completion=False, rich_markup_mode=MARKUP)
-    alone.command(name, context_settings=SETTINGS)(
+    import typer
+
+    alone = typer.Typer(add_completion=False, rich_markup_mode="markdown")  # rich's own markup would eat [units]
+    alone.command(name, context_settings={"help_option_names": ["-h", "--help"]})(
         importlib.import_module(f"eaid.cli.{name.replace('-', '_')}").command
     )
-    command = cast(TyperCommand, typer.main.get_command(alone))
+    command = cast("TyperCommand", typer.main.get_command(alone))
     for parameter in command.get_params(typer.Context(command, **command.context_settings)):
         parameter._runtime_param = _AsTyped()  # type: ignore[attr-defined]
     return command
@@ -109,38 +123,6 @@ class _AsTyped:
         """The value itself."""
         return value
 
-
-app = typer.Typer(
-    name="eaid",
-    add_completion=False,
-    help="The workbench for electroadhesive clutches: from recorded step responses to models, gains and replays.",
-    context_settings=SETTINGS,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=MARKUP,
-)
-
-
-def _version(wanted: bool) -> None:
-    if wanted:
-        print(f"eaid {__version__}")
-        raise typer.Exit
-
-
-@app.callback()
-def _root(
-    _show: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
-    ] = False,
-) -> None:
-    pass
-
-
-def _listed() -> None:
-    """What stands for every command until it is called."""
-
-
-for _name, _words in COMMANDS.items():
-    app.command(_name.replace("_", "-"), short_help=_words)(_listed)
 
 INTERRUPTED = "interrupted; nothing half-written is left"
 
@@ -178,11 +160,15 @@ def once_each(sentences: Sequence[str]) -> list[str]:
 
 
 def _call(arguments: list[str]) -> Any:
-    """Call the command that is named first, without the program's own options, for which Typer loads pydantic."""
+    """Call the command that is named first."""
     name, *rest = arguments
-    if name in {module.replace("_", "-") for module in COMMANDS}:
-        return load_command(name)(args=rest, prog_name=f"eaid {name}", standalone_mode=False)
-    return app(args=arguments, prog_name="eaid", standalone_mode=False)
+    if name in ("-h", "--help", "--version"):
+        print(f"eaid {__version__}" if name == "--version" else _help())
+        return 0
+    known = [module.replace("_", "-") for module in COMMANDS]
+    if name not in known:
+        raise UsageError(f"{unknown('no such command', name, known)}; see eaid --help")
+    return load_command(name)(args=rest, prog_name=f"eaid {name}", standalone_mode=False)
 
 
 def _outcome(arguments: list[str]) -> tuple[int, tuple[str, ...]]:
@@ -196,12 +182,14 @@ def _outcome(arguments: list[str]) -> tuple[int, tuple[str, ...]]:
         return (code if isinstance(code, int) else 0), ()
     except EaidError as fault:
         return fault.exit_code, fault.sentences
-    except (KeyboardInterrupt, typer.Abort):
+    except KeyboardInterrupt:
         return 130, (INTERRUPTED,)
     except OSError as fault:
         where = f"{fault.filename}: " if fault.filename else ""
         return 2, (f"{where}{fault.strerror or fault}",)
     except Exception as fault:
+        if type(fault).__name__ == "Abort":
+            return 130, (INTERRUPTED,)
         if hasattr(fault, "format_message"):  # wrong usage, as click tells it
             return int(getattr(fault, "exit_code", 2)), (_usage(fault),)
         if os.environ.get("EAID_DEBUG"):

@@ -47,7 +47,7 @@ def test_version(run_eaid):
 @pytest.mark.parametrize("words", [[], ["--help"], ["-h"]])
 def test_bare_eaid_lists_its_commands_and_is_no_failure(words, run_eaid):
     ran = run_eaid(words)
-    assert ran.code == 0 and re.findall(r"^│ ([a-z][a-z-]+) ", ran.out, re.M)[-len(COMMANDS) :] == COMMANDS
+    assert ran.code == 0 and re.findall(r"^  ([a-z][a-z-]+) ", ran.out, re.M) == COMMANDS
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -82,16 +82,16 @@ def test_what_a_failure_looks_like(fault, code, told, run_eaid, monkeypatch):
     def fail(**_):
         raise fault
 
-    monkeypatch.setattr(main, "app", fail)
-    ran = run_eaid()
+    monkeypatch.setattr(main, "load_command", lambda _name: fail)
+    ran = run_eaid("demo")
     assert (ran.code, ran.out, ran.err) == (code, "", told)
 
 
 def test_a_bug_is_shown_where_it_is_on_request(run_eaid, monkeypatch):
     monkeypatch.setenv("EAID_DEBUG", "1")
-    monkeypatch.setattr(main, "app", lambda **_: 1 // 0)
+    monkeypatch.setattr(main, "load_command", lambda _name: 1 // 0)
     with pytest.raises(ZeroDivisionError):
-        run_eaid()
+        run_eaid("demo")
 
 
 def _into_another_failure():
@@ -111,8 +111,8 @@ def _into_another_failure():
 )
 def test_a_signal_is_never_lost(command, run_eaid, monkeypatch):
     before = signal.getsignal(signal.SIGTERM)
-    monkeypatch.setattr(main, "app", lambda **_: command())
-    ran = run_eaid()
+    monkeypatch.setattr(main, "load_command", lambda _name: lambda **_: command())
+    ran = run_eaid("demo")
     assert (ran.code, ran.err) == (130, "error: interrupted; nothing half-written is left\n")
     assert signal.getsignal(signal.SIGTERM) == before
 

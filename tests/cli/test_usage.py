@@ -93,7 +93,7 @@ TABLE = r"""
 3 | report nowhere.json | nowhere.json: no such file; give a fit.json, gains.json, replay.h5 or data.h5 that eaid wrote
 2 | demo -o logs | logs: is not empty; give --force to write over it, or another -o
 2 | demo -o fit.json | fit.json: is a file; give the demo a folder with -o
-2 | fitt | No such command 'fitt'. Did you mean 'fit'?; see eaid --help
+2 | fitt | no such command fitt: must be one of ingest, fit, …
 2 | fit data.h5 --modle linear | No such option: --modle (Possible options: --model); see eaid fit --help
 2 | export gains2.json --law plant | --law plant needs what was not given: fit.json with a nonlinear model, --fit
 5 | export gains2.json -o out | PI: the loop is unstable at 1000 Hz around 50 %; ask for slower gains; --anyway …
