@@ -51,8 +51,8 @@ def test_figures_for_papers_hold_their_fonts_and_json_lists_what_was_made(run_ea
 
 
 def test_the_logs_behind_a_fit_are_drawn_where_they_still_are_what_they_were(run_eaid):
-    assert run_eaid("synth --levels 20,60,100 --hold 5 --idle 1 --release 0 --rate-hz 50 -q -o logs").code == 0
-    assert run_eaid("fit logs --model nonlinear --until 5 -q --force").code == 0
+    assert run_eaid("synth --levels 20,40,60,80,100 --hold 15 --idle 2 --release 0 --rate-hz 20 -q -o logs").code == 0
+    assert run_eaid("fit logs --model nonlinear -q --force").code == 0
     drawn = "report fit.json --figures fig07 -q --force"
     assert run_eaid(drawn).code == 0 and Path("report/figures/fig07_nonlinear_model.png").is_file()
     log = next(Path("logs").glob("*.csv"))
