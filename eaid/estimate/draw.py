@@ -1,9 +1,9 @@
 """Plants drawn from a fit's uncertainty: other models that the same data would allow.
 
-A deviation δc of the coefficients is drawn with the covariance kept in the fit. At the levels it moves each curve's
-logarithm by d_l = g_l'δc. The scatter behind that covariance is known from a few runs only, fewest at the ends, so d_l
-is stretched by √(ν_l/χ²(ν_l)), which makes it Student's t with the ν_l degrees of freedom of the level's own interval.
-A polynomial is then put through p(u_l) e^(d_l) by least squares of the relative error.
+A deviation δc of the coefficients is drawn with the covariance kept in the fit. Over the range it moves each curve's
+logarithm by d = g'δc. The scatter behind that covariance is known from a few runs only, so d is stretched by
+√(ν/χ²(ν)), which makes it Student's t with the ν degrees of freedom of the parameter. A polynomial is then put through
+p(u) e^d by least squares of the relative error.
 
 The constraints of the fit (τ1 ≥ 1 ms, τ2 ≥ τ1, T_s ≥ 0 over the identified duties) are linear in the coefficients: a
 draw that breaks one is drawn again and counted, and after many refusals pulled back along the line to the fit.
@@ -17,15 +17,14 @@ from scipy.special import chdtri
 from eaid.arrays import Array
 from eaid.errors import DataError
 from eaid.estimate.coefficients import BLOCKS, coefficients_of, limits_of
-from eaid.estimate.spread import t_quantile
 from eaid.findings import Finding, finding
 from eaid.models.nonlinear import terms
 from eaid.models.parameters import Nonlinear
-from eaid.results.fit import Estimate, Fit
+from eaid.results.fit import Fit
 
 TRIES = 200
-DEGREES = np.append(np.geomspace(1.5, 300.0, 120), np.inf)
-"""Degrees of freedom that a level's interval is read as."""
+INPUTS = 11
+"""Inputs over the identified range at which a curve is drawn."""
 FARTHEST = 4.0
 """Logarithm beyond which no draw goes: a factor of 55."""
 MANY_REJECTED = 0.05
@@ -66,7 +65,7 @@ def draw(fit: Fit, n: int, seed: int) -> Drawn:
     centre = fit.plant
     if not drawable(fit) or fit.nonlinear is None or fit.nonlinear.covariance is None:
         return Drawn((centre,) * n, 0)
-    model, stored = fit.nonlinear, fit.nonlinear.covariance
+    stored = fit.nonlinear.covariance
     free = (stored.order or ("",))[-1] == "C"
     at_centre = coefficients_of(centre, free)
     mean, count = at_centre.values, len(at_centre.values)
@@ -76,7 +75,7 @@ def draw(fit: Fit, n: int, seed: int) -> Drawn:
             f"nonlinear.covariance.matrix: shape {matrix.shape}, expected {count} x {count} finite numbers; fit again"
         )
     parts = [(at_centre.block(name), name) for name in BLOCKS]
-    blocks = [_Block(own, name, mean[own], matrix[own, own], model, centre.u_range) for own, name in parts]
+    blocks = [_Block(own, mean[own], stored.degrees_of_freedom.get(name), centre.u_range) for own, name in parts]
     root = _root(matrix)
     slack, offset = limits_of(at_centre)
     at_fit = slack @ mean - offset
@@ -93,38 +92,23 @@ def draw(fit: Fit, n: int, seed: int) -> Drawn:
 
 
 class _Block:
-    """How deviations of one parameter's coefficients get the tails of its intervals at the levels."""
+    """How deviations of one parameter's coefficients get the tails of Student's t, and keep its curve above 0."""
 
-    def __init__(
-        self, own: slice, name: str, values: Array, matrix: Array, model: Estimate, u_range: tuple[float, float]
-    ) -> None:
-        self.own, self.values = own, values
-        rows = [(row.level, getattr(row.ci95, name)) for row in model.curves if row.ci95 is not None]
-        known = [(level, ends) for level, ends in rows if ends is not None and ends[0] > 0]
-        duty = np.array([level for level, _ in known] if len(known) >= len(values) else np.linspace(*u_range, 11))
-        design = terms(duty, len(values), u_range)
+    def __init__(self, own: slice, values: Array, degrees: float | None, u_range: tuple[float, float]) -> None:
+        self.own, self.values, self.degrees = own, values, degrees or np.inf
+        design = terms(np.linspace(*u_range, INPUTS), len(values), u_range)
         curve = design @ values
         self.usable = bool((curve > 0).all())
-        if not self.usable:
-            return
-        self.slopes = design / curve[:, None]
+        self.slopes = design / np.where(curve > 0, curve, 1.0)[:, None]
         self.back = np.linalg.pinv(self.slopes)
-        sd = np.sqrt(np.maximum(((self.slopes @ matrix) * self.slopes).sum(axis=1), 0.0))
-        if len(known) == len(duty):
-            reach = np.array([0.5 * np.log(ends[1] / ends[0]) for _, ends in known])
-        else:
-            usual = None if model.covariance is None else model.covariance.degrees_of_freedom.get(name)
-            reach = sd * t_quantile(float(usual) if usual else np.inf)
-        ratio = np.divide(reach, sd, out=np.full(len(sd), t_quantile(np.inf)), where=sd > 0)
-        quantiles = t_quantile(DEGREES)
-        self.degrees = np.interp(-ratio, -quantiles, np.append(DEGREES[:-1], 1e6))
 
     def with_tails(self, step: Array, at: float) -> Array:
         """The deviation `step`, shape (p,), with tails; `at`: where in its distribution the scatter lies, 0 to 1."""
         if not self.usable:
             return step
-        moved = self.slopes @ step * np.sqrt(self.degrees / chdtri(self.degrees, at))
-        return np.asarray(self.back @ np.exp(np.clip(moved, -FARTHEST, FARTHEST)) - self.values)
+        factor = np.sqrt(self.degrees / chdtri(self.degrees, at)) if np.isfinite(self.degrees) else 1.0
+        moved = np.clip(self.slopes @ step * factor, -FARTHEST, FARTHEST)
+        return np.asarray(self.back @ np.exp(moved) - self.values)
 
 
 def _root(matrix: Array) -> Array:
