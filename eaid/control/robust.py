@@ -20,15 +20,7 @@ from eaid.control.margins import Timing
 from eaid.control.rc import RCGains
 from eaid.models.parameters import Linear
 from eaid.options import TuneOptions
-from eaid.results.gains import (
-    AskedPI,
-    BRange,
-    EqualPI,
-    Rho,
-    RhoLine,
-    Robust,
-    UltimateBound,
-)
+from eaid.results.gains import AskedPI, BRange, EqualPI, Rho, RhoLine, Robust, UltimateBound
 
 ROUNDING = 1e-9
 """By how much ρ may fall short of what is needed [N·m/s]."""

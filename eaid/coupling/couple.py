@@ -12,14 +12,7 @@ from eaid.control.gains import pi_gains, plant_of, rc_gains, refuse_other_units
 from eaid.control.margins import Timing, is_stable, known
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
-from eaid.coupling.stiffness import (
-    Channel,
-    Limb,
-    channel_of,
-    needed_damping,
-    passive_stiffness,
-    wall_loop,
-)
+from eaid.coupling.stiffness import Channel, Limb, channel_of, needed_damping, passive_stiffness, wall_loop
 from eaid.errors import DataError, GainsError
 from eaid.findings import Finding, finding, ranked
 from eaid.models.nonlinear import steady_torque

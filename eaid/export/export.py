@@ -8,18 +8,7 @@ from pathlib import Path
 from eaid.control.margins import Timing, loop_margins, operating_points
 from eaid.errors import EaidError, GainsError
 from eaid.export.constants import unit_name
-from eaid.export.job import (
-    UNKNOWN,
-    Job,
-    Origin,
-    Source,
-    constants_of,
-    head_of,
-    laws_of,
-    source_of,
-    timing_of,
-    vectors,
-)
+from eaid.export.job import UNKNOWN, Job, Origin, Source, constants_of, head_of, laws_of, source_of, timing_of, vectors
 from eaid.export.targets import MARK, TARGETS, VECTOR_COLUMNS
 from eaid.files import folder_written_whole, refuse_folder, sha256_of
 from eaid.findings import Finding, finding, ranked, say, stops

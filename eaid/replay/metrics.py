@@ -10,7 +10,7 @@ A step of the reference from r0 to r1, y = (T − r0)/(r1 − r0), watched until
 
     rise        from the first y = 10 % to the first y = 90 %, between samples by a straight line
     overshoot   max(y) − 1, at least 0, in percent of the step
-    settling    time after the step beyond which |y − 1| stays within 2 % (5 %) until the next step
+    settling    time after the step beyond which |y − 1| stays within 2 % until the next step
 
 What is never reached is None. A tone A sin(2πft) of the reference over whole periods: gain and phase of the
 least-squares fundamental of the torque (a constant fitted beside it) against that of the reference.
@@ -27,11 +27,7 @@ from eaid.results.replay import StepMetrics, ToneMetrics
 
 
 def tracking(
-    reference_nm: Array,
-    torque_nm: Array,
-    duty_pct: Array,
-    dt_s: float,
-    limits_pct: tuple[float, float] = (0.0, 100.0),
+    reference_nm: Array, torque_nm: Array, duty_pct: Array, dt_s: float, limits_pct: tuple[float, float] = (0.0, 100.0)
 ) -> Tracking:
     """Errors [N·m], IAE [N·m·s], duty activity [%] and saturation [1] over all samples given, shapes (n,)."""
     # in place: long columns are sooner overwritten than memory is had for more of them
@@ -53,17 +49,15 @@ def tracking(
 
 
 def step(torque_nm: Array, from_nm: float, to_nm: float, dt_s: float) -> StepMetrics:
-    """Rise time [s], overshoot [%] and settling times [s] of one step; torque from the step's sample on, shape (n,)."""
+    """Rise time [s], overshoot [%] and settling time [s] of one step; torque from the step's sample on, shape (n,)."""
     y = (torque_nm - from_nm) / (to_nm - from_nm)
-    away = np.abs(y - 1.0)
     low, high = _first_crossing(y, 0.1), _first_crossing(y, 0.9)
     return StepMetrics(
         from_nm=from_nm,
         to_nm=to_nm,
         rise_time_s=(high - low) * dt_s if low is not None and high is not None else None,
         overshoot_pct=max(0.0, float(y.max()) - 1.0) * 100,
-        settling_s=_settling(away, 0.02, dt_s),
-        settling_5pct_s=_settling(away, 0.05, dt_s),
+        settling_s=_settling(np.abs(y - 1.0), dt_s),
     )
 
 
@@ -78,9 +72,9 @@ def _first_crossing(y: Array, level: float) -> float | None:
     return k - 1 + float((level - y[k - 1]) / (y[k] - y[k - 1]))
 
 
-def _settling(away: Array, band: float, dt_s: float) -> float | None:
-    """Time [s] from which |y − 1| stays within a band; None: never."""
-    outside = away > band
+def _settling(away: Array, dt_s: float) -> float | None:
+    """Time [s] from which |y − 1| stays within 2 %; None: never."""
+    outside = away > 0.02
     if outside[-1]:
         return None
     late = int(outside[::-1].argmax())  # 0: never outside

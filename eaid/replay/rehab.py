@@ -8,7 +8,7 @@
 One mode fades into the next as (1 + tanh((t − t_switch)/0.5 s))/2, the user's effort with it. The rotor's direction s
 gives the torque its sign: −1 (extension) until the middle of the blend into the assisted mode, then +1 (flexion). The
 clutch makes 0…T_s(100 %) of it, and its reference changes by at most 20 N·m/s. What the clutch still holds when the
-rotor turns round changes its sign at once (`turn_step_nm`): 0.2…0.3 N·m on the reference plant, its slow part mostly.
+rotor turns round changes its sign at once: 0.2…0.3 N·m on the reference plant, its slow part mostly.
 """
 
 import itertools
@@ -169,8 +169,7 @@ def statistics(trace: Trace, columns: Mapping[str, Array], exercise: Exercise) -
     modes, normality, tests = {}, {}, []
     for mode, part in parts.items():
         modes[mode] = ModeMetrics(
-            box(error_deg[mode]), tuple(means[mode].tolist()), float(torque_error[part].mean()),
-            float(torque_error[part].max()), trace.tracking(part),
+            box(error_deg[mode]), tuple(means[mode].tolist()), float(torque_error[part].mean())
         )  # fmt: skip
         normal = stats.normaltest(error_deg[mode])
         normality[mode] = Normality(
@@ -183,10 +182,9 @@ def statistics(trace: Trace, columns: Mapping[str, Array], exercise: Exercise) -
             "Student, samples taken as independent", sizes, float(student.statistic), float(student.pvalue)
         )
         tests.append(ModesTest((one, other), samples, by_cycles(means[one], means[other])))
-    turn, rendered = int(np.argmax(columns["mode"] == len(MODES) - 1)), columns["rendered_nm"]
     return Metrics(
         **msgspec.structs.asdict(trace.tracking(np.concatenate(list(parts.values())))), modes=modes,
-        turn_step_nm=abs(float(rendered[turn] - rendered[turn - 1])), normality=normality, tests=tuple(tests),
+        normality=normality, tests=tuple(tests),
     )  # fmt: skip
 
 

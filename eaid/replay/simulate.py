@@ -85,9 +85,6 @@ UNSEEN = 0.01
 """Share of the samples that may lie outside what was identified without a word."""
 Outcome = tuple[dict[str, Record], Head, list[Finding]]
 
-MOST_STEPS = 1_000_000_000
-"""Most control samples over all drawn plants."""
-
 
 def tracked(setup: Setup, wanted: Reference, gains: Gains | None, progress: Progress) -> Outcome:
     """Each controller on the reference; and drawn plants."""
@@ -147,11 +144,6 @@ def _over_drawn_plants(
 
     options = setup.options
     count = options.plants or 0
-    if count * len(wanted.torque_nm) > MOST_STEPS:
-        raise UsageError(
-            f"«plants» {count}: over {len(wanted.torque_nm):,} samples each, more than {MOST_STEPS:,} in all; ask for "
-            f"{MOST_STEPS // len(wanted.torque_nm):,} at most, or a shorter «duration»"
-        )
     all_alike = not drawable(setup.fit)
     drawn = draw(setup.fit, count, options.seed)
     parameters = {name: np.array([getattr(plant, name) for plant in drawn.plants]) for name in ("tau1", "tau2", "Ts")}

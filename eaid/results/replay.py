@@ -33,7 +33,6 @@ class StepMetrics(Result, frozen=True):
     overshoot_pct: Number | None = None
     settling_s: Number | None = None
     """2 % band."""
-    settling_5pct_s: Number | None = None
 
 
 class ToneMetrics(Result, frozen=True):
@@ -96,8 +95,6 @@ class ModeMetrics(Result, frozen=True):
     abs_position_error_deg: Box
     cycle_means_deg: tuple[Number, ...] = ()
     mean_abs_torque_error_nm: Number | None = None
-    max_abs_torque_error_nm: Number | None = None
-    torque_loop: Tracking | None = None
 
 
 class Normality(Result, frozen=True):
@@ -147,7 +144,6 @@ class Metrics(Tracking, frozen=True):
     frequencies: tuple[ToneMetrics, ...] = ()
     plants: PlantSpread | None = None
     modes: dict[str, ModeMetrics] = {}
-    turn_step_nm: Number | None = None
     normality: dict[str, Normality] = {}
     tests: tuple[ModesTest, ...] = ()
     max_abs_difference_nm: Number | None = None

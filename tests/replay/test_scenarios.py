@@ -136,8 +136,6 @@ def test_lengths_that_no_replay_takes_are_refused(fit, gains, tmp_path):
     (tmp_path / "long.csv").write_text("time_s,reference_nm\n10000,0\n100000,0\n")
     with pytest.raises(eaid.UsageError, match=r"lasts 90000 s, which is 90,000,001 control samples of 0.001 s"):
         eaid.simulate(fit, gains, reference=tmp_path / "long.csv")
-    with pytest.raises(eaid.UsageError, match="ask for 71,423 at most"):
-        eaid.simulate(fit, None, duration=14.001, plants=100_000, controller=("inverse",))
 
 
 def test_what_is_replayed_without_gains_and_without_a_linear_model(played, fit_of, codes, gains):

@@ -14,8 +14,7 @@ import eaid
 
 RC = {
     "rms_error_nm": 0.3, "iae_nm_s": 0.9,
-    "steps": [{"from_nm": 0.0, "to_nm": 1.0, "rise_time_s": 0.1, "overshoot_pct": 2.0, "settling_s": None,
-               "settling_5pct_s": 0.3}],
+    "steps": [{"from_nm": 0.0, "to_nm": 1.0, "rise_time_s": 0.1, "overshoot_pct": 2.0, "settling_s": 0.3}],
     "plants": {"count": 9, "metrics": {
         "max_abs_error_nm": {"worst": {"value": 0.5, "plant": 7, "tau1": [0.1], "tau2": [4.0], "Ts": [2.0]},
                              "p2.5": 0.1, "median": 0.2, "p97.5": 0.4}}},
@@ -30,7 +29,7 @@ def test_numbers_of_a_replay_by_hand(tmp_path: Path, report: Callable[..., Any],
     assert (
         rc[:2] == ["steps", "RC"] and rc[2:6] == ["1.00", "0.300", f"{1.75 / 3:.3f}", "0.900"] and other[1] == "other"
     )
-    assert page.rows("Each step") == [["RC", "0 → 1", "0.100", "2.00", "–", "0.300"]]
+    assert page.rows("Each step") == [["RC", "0 → 1", "0.100", "2.00", "0.300"]]
     drawn = page.rows("Over drawn plants: steps")
     assert drawn == [["RC: largest |error| (N·m)", "0.100", "0.200", "0.400", "0.500", "7", "0"]]
     assert "9 plants drawn" in page.text and "Each frequency" not in page.tables
