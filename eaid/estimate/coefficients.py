@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from eaid.arrays import Array, median
-from eaid.estimate.forms import Model
+from eaid.estimate.forms import Model, nonlinear
 from eaid.estimate.spread import Degrees, t_quantile
-from eaid.models.nonlinear import CHECKED_DUTIES, scales, terms
-from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
+from eaid.models.nonlinear import CHECKED_DUTIES, scales
+from eaid.models.parameters import Nonlinear
 from eaid.results.common import Interval
 from eaid.results.fit import CoefficientIntervals, Covariance
 
@@ -58,14 +58,10 @@ def turned(model: Model) -> Array:
 
 
 def limits_of(c: Coefficients) -> tuple[Array, Array]:
-    """A and b of A c ≥ b: τ1 ≥ 1 ms, τ2 ≥ τ1, T_s ≥ 0 at 101 inputs each, then 0 ≤ C ≤ 1 where it is free."""
-    u = np.linspace(*c.u_range, CHECKED_DUTIES)
-    tau1, tau2, Ts = np.zeros((3, len(u), len(c.values)))
-    for row, name, count in zip((tau1, tau2, Ts), BLOCKS, c.counts, strict=True):
-        row[:, c.block(name)] = terms(u, count, c.u_range)
-    C = np.eye(1, len(c.values), len(c.values) - 1)[: int(c.share_free)]
-    A = np.concatenate([tau1, tau2 - tau1, Ts, C, -C])
-    return A, np.concatenate([np.full(len(u), TAU_FLOOR_S), np.zeros(2 * len(u)), 0.0 * C[:, 0], C[:, 0] * 0.0 - 1.0])
+    """A and b of A c ≥ b: the constraints of a fit but for how long its records are."""
+    model = nonlinear(np.linspace(*c.u_range, CHECKED_DUTIES), None if c.share_free else c.share)
+    limits = model.limits(np.inf)
+    return limits.A @ np.linalg.pinv(turned(model)), limits.b
 
 
 def coefficient_intervals(
