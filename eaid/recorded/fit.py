@@ -446,10 +446,16 @@ def fit_whole(stepset: StepSet, options: FitOptions) -> Fit:
     shapes = single_steps(stepset, options)
     dead_s = statistics.median_low([one.dead_time_s for one in shapes if one.edge == "up"] or [0.0])
     fit = fit_recorded(stepset.recorded, options, stepset, rest, dead_time_s=dead_s)
-    of_shapes = merged([each for shape in shapes for each in shape.findings])
+    of_shapes = merged([each for shape in shapes for each in shape.findings if not _has_it(fit, each)])
     options_given = workflow.given(options, stepset)
     findings = ranked((*fit.findings, *of_shapes))
     return judged(msgspec.structs.replace(fit, options=options_given, steps=shapes, findings=findings))
+
+
+def _has_it(fit: Fit, told: Finding) -> bool:
+    """Whether a step asks for no more than the dead time that the models begin behind."""
+    late = fit.recorded is not None and fit.recorded.dead_time_s > 0
+    return late and told.code == "other-shape-fits-better" and told.values["shape"] in ("one", "two")
 
 
 def fit_recorded(
