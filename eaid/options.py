@@ -309,7 +309,7 @@ class CoupleOptions(Options):
     wall: float | None = option(None, "A stiffness that has to be rendered [N·m/rad].", LIMB, above=True)
     virtual_damping: float = option(0.0, "B_v of the wall [N·m·s/rad].", LIMB)
     limb_inertia: float = option(0.1, "[kg·m²]", LIMB, least=1e-6, most=1e6)
-    limb_damping: float = option(0.8, "[N·m·s/rad]", LIMB)
+    limb_damping: float = option(0.8, "[N·m·s/rad]", LIMB, above=True)
     encoder_counts: int | None = option(None, "Counts a turn of the limb.", LIMB, least=1, most=10**9)
     idle_drag_nm: float | None = option(None, "Torque of the idle clutch; by itself the fit's idle.", LIMB)
     rotor_rpm: float = option(10.0, "Speed of the rotor.", LIMB)

@@ -44,8 +44,7 @@ def command(args: Arguments) -> None:
         console.print_json(gains)
     else:
         console.line(tables.guarantee_story(gains))
-        shown = [*tables.tables_of(gains), tables.margins_table(gains)]
-        for table in shown if args.tables or args.verbose else [tables.controllers_table(gains)]:
+        for table in tables.tables_of(gains)[: None if args.tables or args.verbose else 1]:
             console.show(table)
     console.tell([*gains.findings, *warnings], args.verbose)
     console.done(args.output, "gains of rc and pi", ("simulate", args.fit, args.output))

@@ -110,11 +110,6 @@ class Limb:
     damping_nms: float = 0.8
     """[N·m·s/rad]"""
 
-    def __post_init__(self) -> None:
-        for name, value in (("limb_inertia", self.inertia_kgm2), ("limb_damping", self.damping_nms)):
-            if not (value > 0 and math.isfinite(value)):
-                raise UsageError(f"«{name}» {value:g}: must be above 0; without it no wall is passive")
-
 
 def duty_response(channel: Channel, timing: Timing, omega: Array) -> Complex:
     """Duty per reference at sampled frequencies [rad/s], the torque loop closed, the PWM by its mean response."""

@@ -45,7 +45,7 @@ def test_the_paper_s_linear_model_gives_the_paper_s_gains(by_hand, run_eaid):
     assert len((ran.out + ran.err).splitlines()) <= 15 and "PI          K_P 157, K_I 253 " in ran.out
     ran = run_eaid("tune-rc fit.json -o g.json --force --tables")
     assert re.search(r"^ρ, constant +10\.81 ", ran.out, re.M) and re.search(r"^ρ, slope +6\.586 ", ran.out, re.M)
-    assert re.search(r"^phase margin +– +[0-9.]+ +° ", ran.out, re.M)
+    assert "phase margin (°)" in ran.out
     assert "published" in ran.out  # on the paper's rig
     assert ran.err.splitlines()[-1] == "g.json: gains of rc and pi; next: eaid simulate fit.json g.json"
     assert codes(gains) == {

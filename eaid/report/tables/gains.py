@@ -67,8 +67,8 @@ def guarantee_story(gains: Gains) -> str:
 
 
 def tables_of(gains: Gains) -> list[Table]:
-    """What the guarantee needs, the gains; tables that have rows."""
-    every = (checklist(gains), table_iv(gains), gains_table(gains))
+    """The controllers, what the guarantee needs, the gains, all margins; tables that have rows."""
+    every = (controllers_table(gains), checklist(gains), table_iv(gains), gains_table(gains), margins_table(gains))
     return [table for table in every if table.rows]
 
 
@@ -134,7 +134,6 @@ def gains_table(gains: Gains) -> Table:
     beside = (gains.input_unit, gains.output_unit) == rig.PAPER["clutch"]
     unit, out = gains.input_unit or "input", gains.output_unit
     rows: list[tuple[str, str, Cell, str, str]] = []
-    replayed = gains.replayed
     if rc is not None:
         per = gain(unit, out)
         rows += [
@@ -146,18 +145,8 @@ def gains_table(gains: Gains) -> Table:
             ("Q12, Q22", "–", f"{number(rc.Q[0][1])}, {number(rc.Q[1][1])}", "1", "weights of the switching variable"),
         ]
         if (bound := rc.ultimate_bound) is not None:
-            rows.append(
-                (
-                    "error in the end",
-                    "–",
-                    bound.torque_error_nm,
-                    out,
-                    "guaranteed worst error (only if the guarantee holds)",
-                )
-            )
-        rows += _least(gains, "rc")
-        if replayed is not None and replayed.rc is not None:
-            rows.append(("largest error", "–", replayed.rc.max_abs_error_nm, out, f"replayed: {replayed.reference}"))
+            said = "guaranteed worst error (only if the guarantee holds)"
+            rows.append(("error in the end", "–", bound.torque_error_nm, out, said))
     if pi is not None:
         said = "as reached on the linear model"
         rows += [
@@ -166,26 +155,12 @@ def gains_table(gains: Gains) -> Table:
             ("PI: overshoot", "1", pi.overshoot_pct, "%", said),
             ("PI: settling time", "0.27", pi.settling_s, "s", f"to within 2 %, {said}"),
         ]
-        rows += _least(gains, "pi", "PI: ")
-        if replayed is not None and replayed.pi is not None:
-            rows.append(
-                ("PI: largest error", "–", replayed.pi.max_abs_error_nm, out, f"replayed: {replayed.reference}")
-            )
-        if replayed is not None and replayed.paper_pi is not None:
-            rows.append(("paper's PI: error", "–", replayed.paper_pi.max_abs_error_nm, out, "of 21 and 360, the same"))
+        if gains.replayed is not None and (papers := gains.replayed.paper_pi) is not None:
+            said = f"of 21 and 360, replayed: {gains.replayed.reference}"
+            rows.append(("paper's PI: largest error", "–", papers.max_abs_error_nm, out, said))
     heads = columns("symbol", "published", "ours", "unit", "what it is")
     table = Table("Gains that follow", "What the choices above and the linear model give.", heads, tuple(rows))
     return table if beside else table.without(1)
-
-
-def _least(gains: Gains, controller: str, prefix: str = "") -> list[tuple[str, str, Cell, str, str]]:
-    """The least margins of a controller over the held inputs; a dash: no limit up to 80 dB."""
-    worst = getattr(gains.margins.worst, controller) if gains.margins and gains.margins.worst else None
-    if worst is None:
-        return []
-    gain_db, phase_deg = _margin(worst)
-    said = "least over the held inputs"
-    return [(f"{prefix}gain margin", "–", gain_db, "dB", said), (f"{prefix}phase margin", "–", phase_deg, "°", said)]
 
 
 def margins_table(gains: Gains) -> Table:
