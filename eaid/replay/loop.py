@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eaid.arrays import Array, read_only
-from eaid.errors import UsageError
 from eaid.options import Rig
 from eaid.replay.controllers import Controller, Step
 from eaid.replay.metrics import tracking
@@ -140,8 +139,6 @@ def replay(
     """Trace one controller on one plant, from rest; reference in N·m at intervals of dt_s [s], shape (n,), n ≥ 2."""
     reference_nm = read_only(reference_nm)
     n = len(reference_nm)
-    if n < 2 or not np.isfinite(reference_nm).all():
-        raise UsageError("the reference must hold two samples or more, all of them finite")
     inputs = inputs_of(controller, reference_nm, rig, dt_s, seed)
     numbers = rig_numbers(rig, dt_s)
     inputs, columns = Inputs(*(column.tolist() for column in inputs)), [[0.0] * n for _ in range(4)]

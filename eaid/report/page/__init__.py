@@ -191,14 +191,8 @@ def _controller(results: Results, known: Known, drawn: Figures) -> Block | None:
     folds = []
     for k, given in enumerate(results.gains):
         title = f"Gains and margins, {given.path}" if k else "Gains and margins"
-        tables = [
-            *([gains.checklist(given.result)] if k else []),  # the first one's stands open
-            gains.controllers_table(given.result),
-            gains.table_iv(given.result),
-            gains.gains_table(given.result),
-            gains.margins_table(given.result),
-        ]
-        folds += _block(title, (), tables)
+        shown = gains.checklist(results.gains[0].result)  # stands open
+        folds += _block(title, (), [table for table in gains.tables_of(given.result) if table != shown])
     judged = results.gains[0].result
     holds = judged.guarantee.holds if judged.guarantee is not None else None
     part = _part("Controller", known, figures, [gains.checklist(judged), *walls], folds)
