@@ -198,6 +198,13 @@ def curves(solved: Solved, uncertainty: Spread, duty: Array) -> CurveSpread:
             reach = half / values[k, i]
             off[:, k, i] = [score_end(solved, noise, x, covariance, slopes[k, i], side * reach) for side in (-1, 1)]
     off[off > FARTHEST] = np.inf
+    setup = solved.setup
+    share = float(solved.x[setup.model.size - 1]) if setup.model.share is None else setup.model.share
+    unseen = np.where(np.isinf(off[:, 2]).any(axis=0) & (values[2] > setup.longest_hold_s), 1 - share, 0.0)
+    # a slow part that no hold shows may as well be none: T_s is then what the holds have reached
+    off[0, 0] = np.maximum(
+        off[0, 0], -np.log1p(-unseen * np.exp(-setup.longest_hold_s / np.maximum(values[2], 1e-300)))
+    )
     values = np.where(slopes.any(axis=2), values, np.nan)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         low, high = values * np.exp(-off[0]), values * np.exp(off[1])
@@ -211,5 +218,5 @@ def never_asked(known: CurveSpread) -> list[Finding]:
     for (name, limit), half_width in zip(LIMITS_PCT.items(), known.half_width, strict=True):
         wide = known.duty[~(100 * half_width <= limit)]
         if len(wide):
-            found.append(finding("never-asked", "nonlinear", wide, parameter=name, limit_pct=limit))
+            found.append(finding("not-told-by-the-input", "nonlinear", wide, parameter=name, limit_pct=limit))
     return found

@@ -312,7 +312,7 @@ def open_findings(part: results.Estimate, values: LevelValues) -> list[Finding]:
                 "cause": cause,
                 "record_s": longest,
             }
-            found.append(finding("parameter-open-at-most-levels", "nonlinear", at, **said))
+            found.append(finding("parameter-unknown-at-half-the-levels", "nonlinear", at, **said))
     if part.C_free:
         found.append(finding("share-free", "nonlinear", C=part.C))
     return found

@@ -91,7 +91,7 @@ def disturbance_of(noise: Noise) -> Disturbance:
 
 SETS, KEEPING = 14, 0.8
 """Recordings that are simulated of each plan, and the probability that a recording keeps a stated width."""
-OPEN = ("one-level-nonlinear", "parameter-open-at-most-levels", "no-level-determines-all")
+OPEN = ("one-level-nonlinear", "parameter-unknown-at-half-the-levels", "no-level-determines-all")
 """Findings of a fit that no plan can be trusted on."""
 NOTICED = 0.01
 """Scatter from run to run that is named as what stands in the way of a width."""

@@ -8,7 +8,7 @@ from eaid.results.common import Interval
 from eaid.results.fit import Fit, Parameter
 
 CURVES = ("Ts", "tau1", "tau2")
-OPEN = ("parameter-constrained", "parameter-open-at-most-levels", "constraint-holds")
+OPEN = ("parameter-constrained", "parameter-unknown-at-half-the-levels", "constraint-holds")
 """Codes of findings that name the parameter that has no interval."""
 OF_ITSELF = {
     "taus-meet": ("tau1", "tau2"),

@@ -148,7 +148,7 @@ def test_a_short_record_leaves_tau2_open() -> None:
     (reason,) = [
         one
         for one in sure.findings
-        if one.code == "parameter-open-at-most-levels" and one.values["parameter"] == "tau2"
+        if one.code == "parameter-unknown-at-half-the-levels" and one.values["parameter"] == "tau2"
     ]
     assert reason.values["cause"] == "short-record" and reason.values["record_s"] == pytest.approx(1.99)
     left = [one for one in sure.findings if one.code == "tau2-open"]

@@ -22,7 +22,7 @@ def test_clutch_of_three_seconds_overshoots_and_hides_tau2() -> None:
     )  # fmt: skip
     sure = eaid.fit(stepset, model=("friction", "nonlinear"))
     assert sure.nonlinear is not None and sure.friction is not None
-    reasons = [one.values for one in sure.findings if one.code == "parameter-open-at-most-levels"]
+    reasons = [one.values for one in sure.findings if one.code == "parameter-unknown-at-half-the-levels"]
     assert any(one["parameter"] == "tau2" and one["count"] == 3 == one["of"] for one in reasons)
     assert all(row.ci95.tau2 is None and row.ci95.Ts is not None for row in sure.friction.levels)
     assert "output-decays-under-hold" in {one.code for one in sure.findings}

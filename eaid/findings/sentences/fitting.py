@@ -198,7 +198,7 @@ INTERVAL_ROWS: dict[str, Row] = {
     "few-levels-for-polynomials": caution(
         "{count:#level} pin the polynomials of T_s, τ1, τ2 exactly or not at all: nothing checks their shape"
     ),
-    "parameter-open-at-most-levels": caution(_open_at_most, rank=1, covers=("no-level-determines-all",)),
+    "parameter-unknown-at-half-the-levels": caution(_open_at_most, rank=1, covers=("no-level-determines-all",)),
     "share-free": caution(
         "C is free ({C:.3g}): it trades against τ2 wherever the record is not several τ2 long, and T_s and τ2 are less "
         "sure for it; hold C unless the data ask for another"
@@ -330,7 +330,7 @@ RECORDED_ROWS: dict[str, Row] = {
         "{subject}: the log never rests, so its idle output is not known apart from T_s; 0 is taken: begin the log "
         "with a second at rest"
     ),
-    "never-asked": caution(
+    "not-told-by-the-input": caution(
         lambda v: (
             f"the input never asked about {v['symbol']} at {v['levels']}: its interval there is wider than "
             f"± {v['limit_pct']:g} %; hold these inputs {HOLD[v['parameter']]}"
