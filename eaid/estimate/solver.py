@@ -163,8 +163,12 @@ def _along(A: Array, b: Array, gradient: Array, curvature: Array) -> Array:
 
 SETTLED = 1e-12
 """A solve has ended where the Newton step predicts less than this part of the cost."""
-ENDS = 1.5
-"""SLSQP stops at a step that gains less than this many times what a Newton step predicts at its start."""
+FTOL = 1e-13
+"""SLSQP's own stopping rule, relative to the cost at the start of the round."""
+ENDS, LITTLE = 1.5, 1e-5
+"""Where a Newton step predicts less than a little of the cost, SLSQP stops at a step that gains no more than that."""
+ROUNDS, TRIES = 8, 12
+"""How often SLSQP is begun anew at most, and a round with more rows of A."""
 NEAR_END = 1e-7
 """A start has come near enough to its end where a Newton step predicts less than this part of the cost."""
 RIVAL = 1e-2
@@ -183,19 +187,39 @@ class EndPoint:
 
 
 def slsqp(problem: Problem, near: EndPoint) -> EndPoint:
-    """SLSQP from a place near the minimum, on unknowns whitened there, with the constraints that hold a Newton step.
+    """SLSQP from a place near the minimum, whitened anew each round, until a Newton step predicts nothing more.
 
-    These are a handful of rows instead of hundreds, which the solver's own least squares would go through every time.
+    Its constraints are those that hold a Newton step, and those that a round has left: a handful of rows instead of
+    hundreds, which the solver's own least squares would go through every time.
     """
-    x = near.x
-    cost, gradient, curvature = problem.normal(x)
-    step = newton_step(problem, x, gradient, curvature)
-    if step.decrease <= SETTLED * cost:
-        return near
+    held: set[int] = set()
+    for _ in range(ROUNDS):
+        x, (cost, gradient, curvature) = near.x, problem.normal(near.x)
+        step = newton_step(problem, x, gradient, curvature)
+        if step.decrease <= SETTLED * cost:
+            break
+        held |= set(step.active)
+        ftol = ENDS * step.decrease / cost if step.decrease <= LITTLE * cost else FTOL
+        for _ in range(TRIES):
+            reached, used = _one_round(problem, near, curvature, sorted(held), ftol)
+            left = set(np.flatnonzero(problem.A @ reached - problem.b < -rounding(problem)).tolist()) - held
+            held |= left
+            if not left:
+                break
+        reached = inside(problem, x, reached)
+        lower = problem.value(reached)[0]
+        if not lower < cost:
+            break
+        near = EndPoint(reached, lower, near.evaluations + used)
+    return near
+
+
+def _one_round(problem: Problem, near: EndPoint, curvature: Array, held: list[int], ftol: float) -> tuple[Array, int]:
+    """Where SLSQP ends on unknowns whitened at one place, under some rows of A, and its evaluations."""
+    x, cost = near.x, near.cost
     # x − x0 = L'^(-1) z √cost: cost/cost(x0) then has curvature 1 in z, which is what SLSQP assumes at first
     back = np.linalg.inv(whiten(curvature)).T * np.sqrt(cost)
-    held = problem.A[list(step.active)]
-    rows, slack = held @ back, held @ x - problem.b[list(step.active)]
+    rows, slack = problem.A[held] @ back, problem.A[held] @ x - problem.b[held]
     size = np.maximum(np.linalg.norm(rows, axis=1), 1e-300)
 
     def scaled(z: Array) -> tuple[float, Array]:
@@ -209,12 +233,10 @@ def slsqp(problem: Problem, near: EndPoint) -> EndPoint:
             np.zeros(len(x)),
             jac=True,
             method="SLSQP",
-            constraints=constraints if len(slack) else (),
-            options={"ftol": ENDS * step.decrease / cost, "maxiter": 40},
+            constraints=constraints if held else (),
+            options={"ftol": ftol, "maxiter": 40},
         )
-    reached = inside(problem, x, x + back @ end.x)
-    lower, evaluations = problem.value(reached)[0], near.evaluations + int(end.nfev)
-    return EndPoint(reached, lower, evaluations) if lower < cost else near
+    return x + back @ end.x, int(end.nfev)
 
 
 def approach(problem: Problem, start: Array, steps: int = 40, near: float = NEAR_END) -> EndPoint:

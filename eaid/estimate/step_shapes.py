@@ -305,9 +305,10 @@ def _polished(points: AveragedRecord, start: Array, shape: Shape, free: tuple[in
     which the other unknowns as they are leave least, until no other two leave less.
     """
     p, sse = _least(points, start, shape, free, SETTLED)
-    for _ in range(ROUNDS if 4 in free else 0):
+    for _ in range(ROUNDS):
         moved = p.copy()
-        moved[4] = best_delay(points, p)
+        if 4 in free:
+            moved[4] = best_delay(points, p)
         q, less = _least(points, moved, shape, free, SETTLED)
         if not less < (1 - SETTLED) * sse:
             break

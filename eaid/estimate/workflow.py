@@ -116,7 +116,6 @@ def _fit_steps(stepset: StepSet, options: FitOptions, progress: Callable[[], Non
         result = msgspec.structs.replace(result, friction=msgspec.structs.replace(part, levels=(*part.levels, *rows)))
     told, result = result, quotable(result)
     beyond_measure = [] if result is told else [finding("numbers-beyond-measure", "data")]
-    of_runs = _not_said_again(stepset.all_findings, result.findings)
     return judged(
         msgspec.structs.replace(
             result,
@@ -124,7 +123,7 @@ def _fit_steps(stepset: StepSet, options: FitOptions, progress: Callable[[], Non
             options=given(options, stepset),
             seed=options.seed,
             converged=converged(result),
-            findings=ranked((*of_runs, *result.findings, *of_shapes, *beyond_measure)),
+            findings=ranked((*stepset.all_findings, *result.findings, *of_shapes, *beyond_measure)),
         )
     )
 
@@ -361,16 +360,8 @@ def data_part(stepset: StepSet) -> FittedData:
     )
 
 
-OTHER_SHAPES = {"repeats-miss-alike", "output-decays-under-hold", "decays-under-hold"}
+OTHER_SHAPES = {"repeats-miss-alike", "output-decays-under-hold"}
 """Findings that ask what shape single steps have."""
-SAID_BY = {"decays-under-hold": "output-decays-under-hold", "window-too-short": "tau2-outlasts-record"}
-"""What is said of a run, and the finding of a fit that says it of levels."""
-
-
-def _not_said_again(of_runs: Sequence[Finding], of_the_fit: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Findings of runs that the fit does not say again of its levels."""
-    codes = {warning.code for warning in of_the_fit}
-    return tuple(warning for warning in of_runs if SAID_BY.get(warning.code) not in codes)
 
 
 def given(options: FitOptions, stepset: StepSet) -> FitGiven:
