@@ -17,6 +17,9 @@ from eaid.version import __version__
 if TYPE_CHECKING:
     from typer.core import TyperCommand
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+"""Matrices are small here, and threads that wait for one another doubled the processor time of `plan`."""
+
 
 class Patient:
     """A text stream that goes on as if nothing had happened once its pipe is closed at the other end."""
