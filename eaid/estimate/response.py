@@ -5,7 +5,6 @@ of blocks on which the response is a polynomial, and the sum of squares is the l
 step fits); where it moves all the time, samples are averaged over equal blocks.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -46,42 +45,6 @@ def acting_tau(tau: float, off: float, rest: float, at_rest: float, factor: floa
     if off > 0.0 and at_rest > 0.0:
         return rest * tau + (1.0 - rest) * at_rest, rest, 1.0 - rest, 0.0
     return tau, 1.0, 0.0, 0.0
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def response(
-    dt_s: Array, index: Integers, rising: Integers, steady: Array, tau1: Array, tau2: Array, rest: Array, scalars: Array
-) -> Array:
-    """Idle output and both states together at every row, (n,)."""
-    out, x = np.empty(len(dt_s)), scalars[START:].copy()
-    for k in range(len(dt_s)):
-        out[k] = scalars[IDLE] + x[0] + x[1]
-        i = index[k]
-        total = steady[i] * (1.0 + scalars[EXCESS]) if rising[k] < 0 else steady[i]
-        target = scalars[SHARE] * total
-        for s in range(2):
-            off = x[s] - target
-            tau = tau2[i] if s else tau1[i]
-            x[s] += np.expm1(-dt_s[k] / acting_tau(tau, off, rest[i], scalars[REST + s], scalars[FALL + s])[0]) * off
-            target = total - target
-    return out
-
-
-def from_rest(
-    inputs: Array,
-    dt_s: Array,
-    curves: Callable[[Array], tuple[Array, Array, Array]],
-    share: float,
-    release: tuple[float, float] | None,
-    low: float,
-) -> Array:
-    """What a plant gives on any input, from rest, (n,): `curves` are T_s, τ1 and τ2 of the different inputs."""
-    duty, index = np.unique(inputs, return_inverse=True)
-    rest = np.clip(duty / low, 0, 1) if low > 0 else np.ones(len(duty))
-    steady, tau1, tau2 = (np.ascontiguousarray(one, dtype=np.float64) for one in curves(duty))
-    scalars = np.array([share, *(release or (0.0, 0.0)), 1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
-    rising = np.ones(len(index), dtype=np.int64)
-    return np.asarray(response(dt_s, index.astype(np.int64), rising, steady, tau1, tau2, rest, scalars))
 
 
 MOVING_ROWS = 6_000

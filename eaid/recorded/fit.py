@@ -34,10 +34,8 @@ from eaid.findings import Finding, finding, merged, ranked
 from eaid.logs.run import Run
 from eaid.models import nonlinear as curve
 from eaid.models.parameters import SHARE
-from eaid.models.parameters import Linear as Eq8
 from eaid.options import FitOptions
 from eaid.recorded.closed_loop import judged_loops, with_instrument
-from eaid.recorded.frequency import responses
 from eaid.results.common import Input, Interval, LevelError, Source
 from eaid.results.fit import (
     CoefficientIntervals,
@@ -527,11 +525,10 @@ def fit_recorded(
         uncertainty = spread(base)
         known = curves(base, uncertainty, inputs.shown)
         findings += never_asked(known) + scatter_findings(uncertainty.scatter)
-    linear, friction, line = None, None, None
+    linear, friction = None, None
     if "linear" in wanted:
         solved = solve(replace(setup, model=forms.linear(inputs.basis)))
         linear = linear_part(solved, base, inputs.basis, options.bounds_levels)
-        line = Eq8(linear.a0, linear.b0, linear.c0)
     if "friction" in wanted and inputs.stepwise and len(inputs.levels) <= FEW_LEVELS and share is not None:
         solved, kept = base, () if tested_falls is None else tested_falls.kept
         if "nonlinear" not in wanted:
@@ -554,7 +551,6 @@ def fit_recorded(
             u_range=(inputs.low, inputs.high),
             falls=() if tested_falls is None else tested_falls.falls,
             loops=loops,
-            responses=responses(logs, acting, model_of(base), line),
             dead_time_s=max(0.0, *(-late * float(np.median(log.dt_s)) for log, late in zip(logs, rows, strict=True))),
             engagements=0 if uncertainty is None else uncertainty.scatter.count,
             correlation_s=None if uncertainty is None else uncertainty.correlation_s,

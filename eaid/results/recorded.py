@@ -75,25 +75,6 @@ class Loop(Result, frozen=True):
     method: Literal["direct", "instrument"] = "direct"
 
 
-class Response(Result, frozen=True):
-    """Frequency response of a log: recorded, and of the models on the same input; all of one length."""
-
-    name: str
-    frequency_hz: tuple[Number, ...] = ()
-    gain: tuple[Number, ...] = ()
-    """Output's unit over the input's."""
-    gain_low: tuple[Number, ...] = ()
-    """Ends of the 95 % band."""
-    gain_high: tuple[Number, ...] = ()
-    phase_deg: tuple[Number, ...] = ()
-    phase_half_width_deg: tuple[Number, ...] = ()
-    coherence: tuple[Number, ...] = ()
-    nonlinear_gain: tuple[Number, ...] = ()
-    nonlinear_phase_deg: tuple[Number, ...] = ()
-    linear_gain: tuple[Number, ...] = ()
-    linear_phase_deg: tuple[Number, ...] = ()
-
-
 class Recorded(Result, frozen=True):
     """The part `recorded` of a fit."""
 
@@ -103,8 +84,6 @@ class Recorded(Result, frozen=True):
     u_range: tuple[Number, Number] = (0.0, 0.0)
     falls: tuple[FallTest, ...] = ()
     loops: tuple[Loop, ...] = ()
-    responses: tuple[Response, ...] = ()
-    """Frequency responses of logs whose input moves all the time or switches often, and is no loop's."""
     dead_time_s: Number = 0.0
     """Longest dead time of the logs; the models begin behind it."""
     engagements: Count = 0

@@ -10,10 +10,8 @@ import eaid
 from eaid.estimate.record import RecordedLog, recorded_log
 from eaid.logs.run import Run
 from eaid.models.parameters import REFERENCE_PLANT
-from eaid.models.parameters import Linear as Eq8
 from eaid.reading import is_recorded
 from eaid.recorded.fit import fit_recorded
-from eaid.recorded.frequency import on_input
 from eaid.synth.excitation import Excitation, synthesise_excitation
 from eaid.synth.logs import NONE
 from eaid.synth.plants import clutch
@@ -158,7 +156,9 @@ def test_a_linear_rig_gives_its_three_numbers_and_no_second_time_constant() -> N
         ]
     )
     log = RecordedLog("log", np.arange(len(duty)) / 100, duty, np.zeros(len(duty)), baseline=0.0)
-    clean = on_input(Eq8(3.0, 0.1, 0.5), log)
+    clean, kept = np.zeros(len(duty)), np.exp(-3.0 / 100)
+    for k, u in enumerate(duty[:-1]):
+        clean[k + 1] = kept * clean[k] + (1 - kept) * ((0.1 * u + 0.5) / 3.0 if u > 0 else 0.0)
     noisy = replace(log, output=clean + 0.002 * rng.standard_normal(len(duty)))
     found = fit_recorded([noisy], replace(PLAIN, model=("nonlinear", "linear"), ci="robust"), falls=False)
     assert found.linear is not None and found.nonlinear is not None

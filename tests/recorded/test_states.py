@@ -8,7 +8,7 @@ import pytest
 from eaid.estimate import forms
 from eaid.estimate.from_logs import Setup
 from eaid.estimate.record import RecordedLog
-from eaid.estimate.response import Copies, Drive, Tables, response
+from eaid.estimate.response import Copies, Drive, Tables
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.replay.plant import plant_parameters, plant_step
 
@@ -101,11 +101,8 @@ def test_the_model_moves_as_the_replays_plant_does() -> None:
         x1, x2 = plant_step(plant, x1, x2, float(u), float(dt))
     one = forms.nonlinear(np.array([10.0, 35.0, 60.0, 100.0]), 0.85)
     drive = Copies(log).every
-    tables = one.tables(one.rows_of(drive.duty), one.unknowns(REFERENCE_PLANT))
-    found = response(
-        drive.dt_s, drive.index, np.ones_like(drive.rising), tables.steady, tables.tau1, tables.tau2, tables.rest,
-        np.array([0.85, 0.4, 6.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0]),
-    )  # fmt: skip
+    x = np.append(one.unknowns(REFERENCE_PLANT), [0.4, 6.0, 0.0, 0.0, 0.0])  # the release, idle output, both states
+    found = Setup(one, (drive,), ("rest",)).jacobian(x, 0)[1] + drive.y
     np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-12)
 
 

@@ -176,19 +176,6 @@ def test_a_step_is_drawn_with_the_curve_that_was_fitted_to_it(others: dict[str, 
     assert np.max(np.abs(apart)) < 0.05 * size and f"{min(len(fit.steps), len(shown))} steps" in ready.sees
 
 
-def test_the_bode_plot_shows_the_response_its_band_and_the_models(recorded: Path):
-    fit = eaid.load(recorded)
-    known = next(one for one in fit.recorded.responses if one.frequency_hz)
-    axes = drawn("bode", fit).figure.axes
-    gain, phase, coherence = axes[:: len(axes) // 3]
-    assert gain.lines[0].get_ydata() == pytest.approx(known.gain) and gain.get_ylabel() == "Gain (N·m/%)"
-    assert gain.collections[0].get_paths()[0].vertices[:, 1].min() == pytest.approx(min(known.gain_low))
-    assert gain.lines[1].get_ydata() == pytest.approx(known.nonlinear_gain)
-    assert phase.lines[0].get_ydata() == pytest.approx(known.phase_deg)
-    assert phase.lines[1].get_ydata() == pytest.approx(known.nonlinear_phase_deg)
-    assert coherence.lines[0].get_ydata() == pytest.approx(known.coherence)
-
-
 def test_walls_have_their_table(files: dict[str, Path], tmp_path: Path, report: Callable[..., Any]):
     coupling = eaid.couple(eaid.load(files["clutch.json"]), eaid.load(files["gains.json"]), torque=(1.0,), replay=False)
     coupling.save(tmp_path / "couple.json")

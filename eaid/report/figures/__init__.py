@@ -53,7 +53,6 @@ FIGURES: tuple[Row, ...] = (
     Row("recorded_logs", "Logs as recorded", (_recorded,), logs.recorded_logs),
     Row("fig07_nonlinear_model", "Fig. 7 · Nonlinear model", (_data("clutch"), _all), steps.nonlinear_model),
     Row("model_over_duty", "Parameters over the level", (_CLUTCH,), values.polynomials),
-    Row("bode", "Frequency response", (_recorded,), logs.bode),
     Row("level_steps", "Steps from level to level", (_all,), steps.level_steps, of_the_fit=False),
     Row("fig08_linear_model", "Fig. 8 · Linear model", (_data("clutch"), _CLUTCH), steps.linear_model),
     Row("fig09_shear_per_field", "Fig. 9 · Shear stress over the electric field", (_CLUTCH,),

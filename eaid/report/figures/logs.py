@@ -1,4 +1,4 @@
-"""Logs fitted as they were recorded: input, output and residual over time, frequency response."""
+"""Logs fitted as they were recorded: input, output and residual over time."""
 
 import os
 from collections.abc import Sequence
@@ -7,12 +7,12 @@ import numpy as np
 
 from eaid.report import panels as ink
 from eaid.report.figures.steps import some_of
-from eaid.report.panels import Axis, Band, Line, Panel, Ready, Sheet, Span, caption, over, quantity
+from eaid.report.panels import Axis, Line, Panel, Ready, Sheet, Span, caption, over, quantity
 from eaid.results.fit import Fit
 from eaid.results.recorded import LogCurve, LogFit
 
 MOST = 3
-"""Most logs, and most frequency responses, that are drawn."""
+"""Most logs that are drawn."""
 BAND = "#BDBDBD"
 
 
@@ -62,41 +62,3 @@ def log_panels(
         Panel(ink.OF_LOG, axes[1], [measured, model], legend="over" if first else "", columns=6, title=heads[1]),
         Panel(ink.OF_LOG, axes[2], [residual], spans=[Span(0.0, 0.0, ink.BLACK, "y", 0.5)]),
     ]
-
-
-def bode(fit: Fit) -> Ready | None:
-    """A column a log: gain and phase with 95 % bands, the models' on the same input over them, and coherence."""
-    known = [one for one in (fit.recorded.responses if fit.recorded is not None else ()) if one.frequency_hz]
-    if not known:
-        return None
-    responses = known[:MOST]
-    n, heads = len(responses), titles([response.name for response in responses])
-    # All columns share the rows' axes.
-    gains = [value for response in responses for value in response.gain]
-    hz = Axis("Frequency", "Hz", log=True)
-    units = f"{fit.data.output_unit or 'output'}/{fit.data.input_unit or 'input'}"
-    size_axis = Axis("Gain", units, (0.5 * min(gains), 1.6 * max(gains)), log=True)
-    rows: list[list[Panel]] = [[], [], []]
-    for response, head in zip(responses, heads, strict=True):
-        f, half = np.array(response.frequency_hz), np.array(response.phase_half_width_deg)
-        # beyond 90° the region holds the origin and says nothing of the phase
-        angle, told = np.array(response.phase_deg), np.where(half < 90, half, np.nan)
-        gain = [Line(f, response.gain, "recorded", dash="", marker="o", size=2.0)]
-        phase = [Line(f, angle, dash="", marker="o", size=2.0)]
-        for name, colour, dash, size, turned in (
-            ("nonlinear", ink.BLUE, "-", response.nonlinear_gain, response.nonlinear_phase_deg),
-            ("linear", ink.VERMILLION, "--", response.linear_gain, response.linear_phase_deg),
-        ):
-            if size:
-                gain.append(Line(f, size, name, colour, dash, 1.1))
-                phase.append(Line(f, turned, "", colour, dash, 1.1))
-        bands = [Band(f, np.array(response.gain_low), np.array(response.gain_high), BAND, 1.0, "95 % band")]
-        legend = "over" if not rows[0] else ""
-        rows[0].append(Panel(hz, size_axis, gain, bands, legend=legend, columns=2 if n == 1 else 4, title=head,
-                             tight=False))  # fmt: skip
-        rows[1].append(Panel(hz, Axis("Phase", "°"), phase, [Band(f, angle - told, angle + told, BAND, 1.0)],
-                             tight=False))  # fmt: skip
-        rows[2].append(Panel(hz, Axis("Coherence", "1", (0.0, 1.05)), [Line(f, response.coherence)], tight=False))
-    sheet = Sheet([panel for row in rows for panel in row], 4.6, ink.COLUMN_IN if n == 1 else ink.PAGE_IN, n,
-                  (1.5, 1.3, 0.8), share=("col", "row"))  # fmt: skip
-    return Ready(sheet, caption("bode", shown=n, count=len(known)))

@@ -29,7 +29,7 @@ OPEN_ROWS = 24
 OPEN_FIGURES = 3
 """Figures of the page's own kind that stand open."""
 KIND_FIGURES = {
-    "clutch": ("recorded_logs", "bode", "fig07_nonlinear_model", "level_steps", "model_over_duty",
+    "clutch": ("recorded_logs", "fig07_nonlinear_model", "level_steps", "model_over_duty",
                "fig08_linear_model", "fig09_shear_per_field"),
     "friction-force": ("level_steps", "fig04_friction_over_stress"),
     "friction-speed": ("level_steps", "fig05_friction_over_speed"),
