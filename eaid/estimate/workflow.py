@@ -15,9 +15,8 @@ from threadpoolctl import threadpool_limits
 from eaid.arrays import Array
 from eaid.declared import forms
 from eaid.errors import DataError, UsageError
-from eaid.estimate.adequacy import adequacy, share_of
+from eaid.estimate.adequacy import adequacy, share_of, share_of_levels
 from eaid.estimate.bootstrap import bootstrap
-from eaid.estimate.certainty import levels_first
 from eaid.estimate.data import Data, data_of, explains_little
 from eaid.estimate.friction import (
     LevelValues,
@@ -236,7 +235,7 @@ def _of_each_level(
     findings += [*own_level_findings(own, values, stepset), *huber_findings("friction", huber)]
     result = Fit(friction=msgspec.structs.replace(part, hold_out=friction_hold_out(part, stepset, held_out)))
     if share is not None and options.ci != "none":
-        of_share, more = share_of(levels_first(levels, data, share))
+        of_share, more = share_of_levels(own, data, values)
         result = msgspec.structs.replace(result, uncertainty=Uncertainty(share=of_share))
         findings += more
     return msgspec.structs.replace(result, findings=tuple(findings)), own.scatter
