@@ -164,7 +164,8 @@ PARABOLA = 0.05
 def held(solved: Solved) -> set[str]:
     """Which of T_s, τ1, τ2 an active constraint holds at some input."""
     held = solved.setup.limits.active(i for i in solved.active.tolist() if i < len(solved.setup.limits.b))
-    return {name for code in held for name in HELD_BY.get(code, ())[-1:]}
+    # an endless τ2 is none of the inputs where it is not
+    return {name for code in held if code != "tau2-endless" for name in HELD_BY.get(code, ())[-1:]}
 
 
 @dataclass(frozen=True, eq=False)
