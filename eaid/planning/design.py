@@ -279,7 +279,9 @@ class FittedRig:
         parts = within + between  # of the variance at a level, what the runs of each level contribute
         variance = parts.sum(axis=2)
         if self.plant.model is not None and len(levels) > 1:
-            known = (repeats[:, None, None] - 1) * variance**2 / (parts**2).sum(axis=2)
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                several = np.where(variance > 0, np.nan_to_num(variance**2 / (parts**2).sum(axis=2)), 1.0)
+            known = (repeats[:, None, None] - 1) * several
         else:  # pooled over the levels; scatter that follows a trend over them costs at the ends
             pooled = (repeats[:, None, None] - 1) * len(levels) / (3.5 if len(levels) > 3 else 1.0)
             known = np.broadcast_to(np.maximum(1.0, pooled), (len(repeats), *variance.shape))

@@ -31,7 +31,7 @@ def test_the_whole_demo(tmp_path, run_eaid):
     ran = run_eaid("demo -o", made)
     names = {path.name for path in made.iterdir()}
     assert ran.code == 0 and names >= {*demo_lines.REPORTED, "plan.csv", "report.html", "figures"}
-    assert len(list((made / "figures").glob("*.png"))) >= 15 and not [name for name in names if name.endswith(".part")]
+    assert len(list((made / "figures").glob("*.png"))) >= 14 and not [name for name in names if name.endswith(".part")]
     page = (made / "report.html").read_text(encoding="utf-8")
     assert (made / "report.html").stat().st_size < 8e6 and "(synthetic data)</title>" in page
     assert all(f"<h3>Table {n}</h3>" in page for n in ("I", "II", "III", "IV"))
