@@ -41,7 +41,7 @@ def command(args: Arguments) -> None:
     if args.output.is_dir():
         refuse_to_overwrite(args.output / FILE, True, args.files)
     args.output.parent.mkdir(parents=True, exist_ok=True)
-    results = read_results(args.files, console.warn)
+    results = read_results(args.files, console.warn, console.progress)
     with console.progress("drawing figures", len(chosen(options.figures))) as done:
         made = write_report(results, args.output, options, args.force, done)
     console.done(made.page, counted(len(made.figures), "figure"), "open it in a browser")

@@ -221,7 +221,7 @@ class Model:
         parts = []
         for form, part, degree in zip(self.forms, self.slices, DEGREES, strict=True):
             assert isinstance(form, LegendreForm)
-            parts.append(tuple(np.pad(form.powers(x[part]), (0, max(degree + 1 - form.size, 0))).tolist()))
+            parts.append(tuple(np.pad(form.powers(x[part]), (0, degree + 1 - form.size)).tolist()))
         Ts, tau1, tau2 = parts
         return Nonlinear(tau1, tau2, Ts, (self.low, self.high), float(x[-1]) if self.share is None else self.share)
 

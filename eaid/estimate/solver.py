@@ -201,7 +201,7 @@ def slsqp(problem: Problem, near: EndPoint) -> EndPoint:
         held |= set(step.active)
         ftol = ENDS * step.decrease / cost if step.decrease <= LITTLE * cost else FTOL
         for _ in range(TRIES):
-            reached, used = _one_round(problem, near, curvature, sorted(held), ftol)
+            reached, used = _one_round(problem, x, cost, curvature, sorted(held), ftol)
             left = set(np.flatnonzero(problem.A @ reached - problem.b < -rounding(problem)).tolist()) - held
             held |= left
             if not left:
@@ -214,9 +214,10 @@ def slsqp(problem: Problem, near: EndPoint) -> EndPoint:
     return near
 
 
-def _one_round(problem: Problem, near: EndPoint, curvature: Array, held: list[int], ftol: float) -> tuple[Array, int]:
+def _one_round(
+    problem: Problem, x: Array, cost: float, curvature: Array, held: list[int], ftol: float
+) -> tuple[Array, int]:
     """Where SLSQP ends on unknowns whitened at one place, under some rows of A, and its evaluations."""
-    x, cost = near.x, near.cost
     # x − x0 = L'^(-1) z √cost: cost/cost(x0) then has curvature 1 in z, which is what SLSQP assumes at first
     back = np.linalg.inv(whiten(curvature)).T * np.sqrt(cost)
     rows, slack = problem.A[held] @ back, problem.A[held] @ x - problem.b[held]

@@ -12,6 +12,7 @@ from eaid.errors import DataError, UsageError
 from eaid.files import sha256_of
 from eaid.findings import Finding, say
 from eaid.options import ReadOptions
+from eaid.progress import Progress, no_progress
 from eaid.reading import read_steps
 from eaid.replay import files as replay_files
 from eaid.replay.controllers import CONTROLLERS
@@ -114,7 +115,9 @@ KINDS = {"clutch": "clutch", "friction-force": "friction over force", "friction-
 """Kind of experiment → how it is called."""
 
 
-def gathered(items: Iterable["Fit | Gains | Replay | StepSet | Coupling | Given[Any]"]) -> Results:
+def gathered(
+    items: Iterable["Fit | Gains | Replay | StepSet | Coupling | Given[Any]"], progress: Progress = no_progress
+) -> Results:
     """Results in memory as a report takes them: each gets a name by its kind, replays the order of the paper."""
     kinds: dict[str, type] = {"fit": Fit, "gains": Gains, "replay": Replay, "data": StepSet, "couple": Coupling}
     sorted_: dict[str, list[Given[Any]]] = {kind: [] for kind in kinds}
@@ -130,27 +133,31 @@ def gathered(items: Iterable["Fit | Gains | Replay | StepSet | Coupling | Given[
     sorted_["replay"].sort(key=lambda one: order.get(one.result.head.scenario, len(order)))
     given = {one.result.kind for one in sorted_["data"]}
     for one in sorted_["fit"]:
-        if one.result.data.kind not in given and (steps := logs_of(one.result)) is not None:
+        if one.result.data.kind not in given and (steps := logs_of(one.result, progress)) is not None:
             sorted_["data"].append(Given(steps, f"the logs behind {one.path}"))
             given.add(one.result.data.kind)
     fits, gains, replays, data, couplings = (tuple(group) for group in sorted_.values())
     return Results(fits, gains, replays, data, couplings)
 
 
-def logs_of(fit: Fit) -> StepSet | None:
+def logs_of(fit: Fit, progress: Progress = no_progress) -> StepSet | None:
     """The steps behind a fit: those in memory, else read again where its logs still are what they were; None: gone."""
     if "steps_fitted" in fit.__dict__:
         return cast(StepSet, fit.__dict__["steps_fitted"])
     logs = {Path(one.path): one.sha256 for one in fit.data.inputs or fit.data.sources}
-    if not logs or not all(path.is_file() and sha256_of(path) == sha256 for path, sha256 in logs.items()):
+    if not (logs and fit.data.repeats) or not all(
+        path.is_file() and sha256_of(path) == sha256 for path, sha256 in logs.items()
+    ):
         return None
     try:
-        return read_steps([*logs], chosen(ReadOptions, None, fit.options.reading))[1]
+        return read_steps([*logs], chosen(ReadOptions, None, fit.options.reading), progress)[1]
     except DataError:
         return None
 
 
-def read_results(paths: Sequence[Path], tell: Callable[[str], None] = lambda _: None) -> Results:
+def read_results(
+    paths: Sequence[Path], tell: Callable[[str], None] = lambda _: None, progress: Progress = no_progress
+) -> Results:
     """Read and sort any number of result files; all that cannot be read are told at once.
 
     `tell` gets a sentence for each part of a file that is left out.
@@ -167,7 +174,7 @@ def read_results(paths: Sequence[Path], tell: Callable[[str], None] = lambda _: 
             faults.extend(fault.sentences)
     if faults:
         raise DataError(*faults)
-    return gathered(items)
+    return gathered(items, progress)
 
 
 def _read(path: Path) -> tuple[Any, tuple[Finding, ...]]:

@@ -13,7 +13,6 @@ from eaid.results.recorded import LogCurve, LogFit
 
 MOST = 3
 """Most logs that are drawn."""
-BAND = "#BDBDBD"
 
 
 def drawn_logs(logs: Sequence[LogFit]) -> list[LogFit]:
