@@ -34,12 +34,14 @@ def signs_of(runs: Sequence[Run]) -> tuple[dict[str, float], list[Finding]]:
         clear = [(run, change) for run, change, evident in changes if evident]
         if not clear:
             continue
-        sign = -1.0 if sum(change for _, change in clear) < 0 else 1.0
-        usual = float(np.median([abs(change) for _, change in clear]))
+        sizes = np.array([change for _, change in clear])
+        usual = float(np.median(np.abs(sizes)))
+        # a vote a run: one run in another unit does not outweigh all others; a tie goes to the larger changes
+        votes = np.sign(sizes[np.abs(sizes) > SMALL * usual]).sum() or sizes.sum()
+        sign = -1.0 if votes < 0 else 1.0
         odd = [run for run, change in clear if change * sign < -SMALL * usual]
-        findings += [
-            finding("sign-differs", run.name, (abs(run.level or 0.0),), siblings=len(clear) - 1) for run in odd
-        ]
+        others = len(clear) - len(odd)
+        findings += [finding("sign-differs", run.name, (abs(run.level or 0.0),), siblings=others) for run in odd]
         if sign < 0:
             turned[negative] = sign
             findings.append(finding("signs-turned", "data", runs=len(rising)))

@@ -144,6 +144,12 @@ def test_one_log_of_the_other_sign(gain: float, odd: dict[str, int] | None) -> N
     assert steps.levels[0].runs[0, -1] == pytest.approx(2.0, abs=0.05)
 
 
+def test_a_log_in_another_unit_and_sign_does_not_outvote_the_others() -> None:
+    steps = read([*(log(PLAN, noise=0.005, seed=k) for k in range(2)), log(PLAN, gain=-40.0)])
+    odd = [run.name for run in steps.runs for one in run.findings if one.code == "sign-differs"]
+    assert odd == ["c"] and "signs-turned" not in told(steps)
+
+
 def test_a_step_between_levels_goes_its_own_way() -> None:
     steps = read(log([(30, 6), (60, 6), (20, 6)], gain=-0.04))
     assert told(steps) == ["level-to-level"]

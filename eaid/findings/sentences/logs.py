@@ -197,8 +197,8 @@ STEP_ROWS: dict[str, Row] = {
         "share_pct",
     ),
     "sign-differs": stop(
-        "its output goes the other way than that of its {siblings} siblings; mend its sign or its wiring, or leave it "
-        "out"
+        "its output goes the other way than that of {siblings:#run} beside it; mend its sign or its wiring, or leave "
+        "it out"
     ),
     "runs-left-out": caution(_left_out, always=True, rank=1),
     "levels-left-out": caution("what was recorded {at} is left out of the fit", always=True, rank=1),
