@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 FUNCTIONS = (
     "couple", "export", "fit", "load", "plan", "plan_excitation", "read", "report", "simulate", "synth", "tune_rc",
 )  # fmt: skip
+# Module → the public names that it holds
 HOMES = {
     "eaid.api": FUNCTIONS,
     "eaid.errors": ("DataError", "EaidError", "GainsError", "UsageError"),
@@ -49,7 +50,6 @@ HOMES = {
     "eaid.results.replay": ("Replay",),
     "eaid.steps.stepset": ("StepSet",),
 }  # fmt: skip
-"""Module → the public names that it holds."""
 __all__ = [
     "CoupleOptions", "Coupling", "DataError", "EaidError", "ExportOptions", "Fit", "FitOptions", "Gains", "GainsError",
     "Plan", "PlanOptions", "ReadOptions", "Replay", "ReportOptions", "SimulateOptions", "StepSet", "SynthOptions",

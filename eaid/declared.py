@@ -34,22 +34,15 @@ class Declaration:
 
     help: str
     group: str
-    flags: tuple[str, ...] = ()
-    """Empty: the name with dashes."""
+    flags: tuple[str, ...] = ()  # Empty: the name with dashes
     words: tuple[str, ...] = ()
-    least: float = 0
-    """Of a number, or of each of several."""
+    least: float = 0  # Of a number, or of each of several
     most: float = 1e9
-    above: bool = False
-    """The least value itself is left out."""
-    shown: str | None = None
-    """What stands behind the option in the help."""
-    read: Callable[[str, str], Any] | None = None
-    """(option, text) → value, where the type does not say it."""
-    levels: bool = False
-    """Levels of the data, which Python may also give as numbers."""
-    kept: bool = True
-    """Whether a result keeps it: what changes no number is not kept."""
+    above: bool = False  # The least value itself is left out
+    shown: str | None = None  # What stands behind the option in the help
+    read: Callable[[str, str], Any] | None = None  # (option, text) → value, where the type does not say it
+    levels: bool = False  # Levels of the data, which Python may also give as numbers
+    kept: bool = True  # Whether a result keeps it: what changes no number is not kept
 
     def range_words(self, whole: bool) -> str:
         """`a number from 0 to 100`."""
@@ -221,8 +214,7 @@ def _forms(kind: type) -> dict[str, Form]:
     return made
 
 
-forms: Callable[[type], dict[str, Form]] = cache(_forms)
-"""The options of a set by name."""
+forms: Callable[[type], dict[str, Form]] = cache(_forms)  # The options of a set by name
 
 
 def chosen(kind: type[O], options: O | None, keywords: Mapping[str, Any]) -> O:

@@ -8,8 +8,7 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 
 _OPTION = re.compile("«([^»]+)»")
-FLAGS: dict[str, str] = {}
-"""Options whose flag is another word than their name: `eaid.declared` fills it in."""
+FLAGS: dict[str, str] = {}  # Options whose flag is another word than their name: `eaid.declared` fills it in
 
 
 def in_python(sentence: str) -> str:

@@ -15,8 +15,8 @@ from typing import Any
 
 from eaid.errors import UsageError
 
+# Failures of writing that more room, or another disk, mends
 _NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
-"""Failures of writing that more room, or another disk, mends."""
 
 
 def sha256_of(path: Path) -> str:
@@ -25,10 +25,10 @@ def sha256_of(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+# Endings of recordings, besides .txt and .h5, which others have too
 LOGS = (
     ".gz", ".csv", ".tsv", ".dat", ".asc", ".lvm", ".mat", ".tdms", ".mf4", ".mdf", ".bag", ".mcap", ".db3",
 )  # fmt: skip
-"""Endings of recordings, besides .txt and .h5, which others have too."""
 
 
 def refuse_to_overwrite(path: Path, force: bool, inputs: Iterable[Path] = ()) -> None:
@@ -49,8 +49,7 @@ def refuse_to_overwrite(path: Path, force: bool, inputs: Iterable[Path] = ()) ->
             raise UsageError(f"{path}: is what the command reads, and is never overwritten; give another «output»")
 
 
-Ours = Callable[[Path, bytes], bool]
-"""(file, its first and last 4 kB) → whether a command made it."""
+Ours = Callable[[Path, bytes], bool]  # (file, its first and last 4 kB) → whether a command made it
 
 
 def strangers(folder: Path, ours: Ours) -> list[Path]:

@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 
+# progress(what, how many) → a context that gives a function to call once a piece is done
 Progress = Callable[[str, int], AbstractContextManager[Callable[[], None]]]
-"""progress(what, how many) → a context that gives a function to call once a piece is done."""
 
 
 def no_progress(_what: str, _count: int) -> AbstractContextManager[Callable[[], None]]:

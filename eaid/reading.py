@@ -32,16 +32,11 @@ from eaid.steps.noise import block_means, stretches
 from eaid.steps.plateaus import plateaus, stands_still
 from eaid.steps.stepset import StepSet
 
-QUIET = 0.02
-"""An input below this part of its largest is at rest."""
-APART = {"%": 0.02}
-"""Part of the largest input by which two inputs differ: a commanded duty is exact …"""
-MEASURED = 0.1
-"""… and a measured input wanders."""
-AWAY = 0.05
-"""A stretch under load that spends more than this part of its time away from its own middle is no step."""
-RETURNS = 4
-"""So many falls to rest make a recording of its own, where the rests are shorter than the holds."""
+QUIET = 0.02  # An input below this part of its largest is at rest
+APART = {"%": 0.02}  # Part of the largest input by which two inputs differ: a commanded duty is exact …
+MEASURED = 0.1  # … and a measured input wanders
+AWAY = 0.05  # A stretch under load that spends more than this part of its time away from its own middle is no step
+RETURNS = 4  # So many falls to rest make a recording of its own, where the rests are shorter than the holds
 
 
 def is_recorded(run: Run, rest: float = 0.0) -> bool:
@@ -159,8 +154,8 @@ def _proposal(
     return [f"try: eaid fit {shlex.join(map(str, paths))} {' '.join(said)}"]
 
 
+# An output that falls by this share of its range within so many blocks of all was let go
 BLOCKS, LAG, FALLS = 400, 4, 0.2
-"""An output that falls by this share of its range within so many blocks of all was let go."""
 
 
 def _roundest(value: float) -> str:

@@ -26,8 +26,7 @@ if TYPE_CHECKING:
     from eaid.report.tables import Table
 
 
-LONGEST = 30
-"""Letters of a name in a table."""
+LONGEST = 30  # Letters of a name in a table
 GAP = 2
 
 
@@ -68,15 +67,12 @@ def aligned(rows: Sequence[Sequence[str]], numeric: Sequence[bool], width: int |
     return lines
 
 
-MOST_FINDINGS = 3
-"""Findings that are told by default; `--verbose` tells all."""
+MOST_FINDINGS = 3  # Findings that are told by default; `--verbose` tells all
 COLOUR = {"error": "1;31", "stop": "1;31", "warning": "33", "note": "36"}
-EVERY_S = 3.0
-"""Where there is no terminal, a line of progress comes this often [s]."""
+EVERY_S = 3.0  # Where there is no terminal, a line of progress comes this often [s]
 
 _quiet = False
-_later: list[str] | None = None
-"""What is told once the answer stands there; None: all is told at once."""
+_later: list[str] | None = None  # What is told once the answer stands there; None: all is told at once
 
 
 def be_quiet(quiet: bool) -> None:

@@ -51,6 +51,7 @@ REPORTED = (
     "clutch.h5", "friction-force.h5", "friction-speed.h5", "fit.json", "friction-force.json", "friction-speed.json",
     "gains.json", "steps.h5", "multisine.h5", "sweep.h5", "rehab.h5",
 )  # fmt: skip
+# What the demo does, as typed inside its folder; {…} stands for the path of a shipped dataset
 LINES: tuple[Line, ...] = (
     ("ingest", "{friction-force}", "-o", "friction-force.h5"),
     ("ingest", "{friction-speed}", "-o", "friction-speed.h5"),
@@ -66,7 +67,6 @@ LINES: tuple[Line, ...] = (
     ("plan", "fit.json", "-o", "plan.csv"),
     ("report", *REPORTED, "-o", "."),
 )
-"""What the demo does, as typed inside its folder; {…} stands for the path of a shipped dataset."""
 
 
 def run_line(line: Line, folder: Path) -> None:

@@ -8,8 +8,7 @@ from eaid.cli.form import Common, Tables, argument, takes, written
 from eaid.declared import part
 from eaid.options import FitOptions, ReadOptions
 
-NOT_TO_BE_USED = 4
-"""Exit code of a fit whose verdict is that it must not be used; it is written, marked."""
+NOT_TO_BE_USED = 4  # Exit code of a fit whose verdict is that it must not be used; it is written, marked
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,10 +26,8 @@ R = TypeVar("R")
 OUTPUT, PLACE = "Output", "Arguments"
 GAINS = "no such file; give the gains.json that eaid wrote"
 LOGS = "no such file or folder; check the path"
-SHORT = 20
-"""Letters of a list of words that stand behind an option; longer ones stand in its help."""
-SHARED = ("output", "force", "json", "quiet", "verbose", "seed")
-"""Options that stand last in the help."""
+SHORT = 20  # Letters of a list of words that stand behind an option; longer ones stand in its help
+SHARED = ("output", "force", "json", "quiet", "verbose", "seed")  # Options that stand last in the help
 
 
 def argument(shown: str, help: str, default: Any = MISSING) -> Any:
@@ -37,12 +35,12 @@ def argument(shown: str, help: str, default: Any = MISSING) -> Any:
     return field(default=default, metadata={"option": Declaration(help, PLACE, shown=shown)})
 
 
+# Argument, or option → what is said where its file is missing
 MISSED = {
     "FIT": "no such file; give the fit.json that eaid wrote", "GAINS [FIT]": GAINS, "GAINS": GAINS, "--gains": GAINS,
     "FILE…": "no such file; give a fit.json, gains.json, replay.h5 or data.h5 that eaid wrote",
     "DATA…": LOGS, "LOG…": LOGS,
 }  # fmt: skip
-"""Argument, or option → what is said where its file is missing."""
 
 
 def refuse_files(given: Sequence[tuple[str, Path]], output: Path, force: bool) -> None:
@@ -72,8 +70,7 @@ class Common(Options):
     force: bool = option(False, "Overwrite an existing output.", OUTPUT)
     json: bool = option(False, "Print the result, machine-readable, on stdout.", OUTPUT)
     quiet: bool = option(False, "No messages, tables or progress; errors are still told.", OUTPUT, "-q", "--quiet")
-    typed: tuple[str, ...] = ()
-    """What was typed, but for what only says where the result goes and how it is shown."""
+    typed: tuple[str, ...] = ()  # What was typed, but for what only says where the result goes and how it is shown
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,8 +133,7 @@ def refuse_idle(args: Options, names: Sequence[str], because: str) -> None:
         raise UsageError(f"{idle[0]}: does nothing {because}; leave it out")
 
 
-WHOLE = (bool, Path, list[Path])
-"""Types that Typer hands over; all else it hands over as a text."""
+WHOLE = (bool, Path, list[Path])  # Types that Typer hands over; all else it hands over as a text
 
 
 def _default(form: Form) -> Any:

@@ -73,6 +73,7 @@ def patient_streams() -> Iterator[None]:
         sys.stdout, sys.stderr = before
 
 
+# One module of `eaid.cli` each, with a function `command`; the order and the short words of `--help`
 COMMANDS = {
     "ingest": "Logs → what is in them and warnings, data.h5",
     "fit": "Logs or data.h5 → models with intervals and a verdict, fit.json",
@@ -85,7 +86,6 @@ COMMANDS = {
     "plan": "fit.json → what to record next, plan.csv",
     "demo": "All of the above on the three shipped datasets",
 }
-"""One module of `eaid.cli` each, with a function `command`; the order and the short words of `--help`."""
 
 
 def _help() -> str:
@@ -146,8 +146,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     return code
 
 
-ALIKE = 3
-"""So many files with the same fault are one sentence and a count."""
+ALIKE = 3  # So many files with the same fault are one sentence and a count
 
 
 def once_each(sentences: Sequence[str]) -> list[str]:

@@ -44,8 +44,7 @@ def closing(fit: Fit, file: Path) -> str:
     return f"{file}: {parts} of {runs(fit, f'{fit.data.kind} run')}"
 
 
-MOST = 20
-"""Steps from level to level that are listed; all are in the file and in --json."""
+MOST = 20  # Steps from level to level that are listed; all are in the file and in --json
 
 
 def show_steps(data: StepSet) -> None:

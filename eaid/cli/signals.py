@@ -9,8 +9,7 @@ import time
 from collections.abc import Iterator
 from typing import Any
 
-AGAIN_S = 0.02
-"""After which an interrupt comes again that a destructor or a weak reference's callback swallowed [s]."""
+AGAIN_S = 0.02  # After which an interrupt comes again that a destructor or a weak reference's callback swallowed [s]
 
 
 @contextlib.contextmanager

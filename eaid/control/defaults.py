@@ -32,26 +32,19 @@ from eaid.options import TuneOptions
 from eaid.results.fit import Fit
 from eaid.results.gains import AskedPI
 
-PAPER_TOP = 4.372
-"""Output of the reference plant at 100 % [N·m]."""
-LAYER = 0.11
-"""Half width of the paper's boundary layer over the torque at 100 %: ε/(Q22 · 4.37)."""
-OVERSHOOT_PCT, SETTLING_S = 1.0, 0.27
-"""What the paper's PI was meant to reach (§V-B)."""
-SLOWER = 1.5
-"""Factor on a settling time, or on ε, that the sampled loop cannot have."""
+PAPER_TOP = 4.372  # Output of the reference plant at 100 % [N·m]
+LAYER = 0.11  # Half width of the paper's boundary layer over the torque at 100 %: ε/(Q22 · 4.37)
+OVERSHOOT_PCT, SETTLING_S = 1.0, 0.27  # What the paper's PI was meant to reach (§V-B)
+SLOWER = 1.5  # Factor on a settling time, or on ε, that the sampled loop cannot have
 MOST_STEPS = 30
 
 
 class Scales(NamedTuple):
     """A rig's own sizes, beside the paper's."""
 
-    paper: bool
-    """% duty and N·m: the paper's numbers stand."""
-    pace: float
-    """a0 over the paper's; 1 on the paper's rig."""
-    top: float
-    """Output at the highest input, over the reference plant's; 1 on the paper's rig."""
+    paper: bool  # % duty and N·m: the paper's numbers stand
+    pace: float  # a0 over the paper's; 1 on the paper's rig
+    top: float  # Output at the highest input, over the reference plant's; 1 on the paper's rig
 
 
 def scales_of(fit: Fit, plant: Nonlinear | None = None) -> Scales:
@@ -81,10 +74,8 @@ def input_limits(fit: Fit) -> tuple[float, float]:
     return 0.0, highest
 
 
-SLOW = 0.01
-"""Pace below which a rig is sampled more slowly than at its 1 kHz, in proportion."""
-QUICK_PWM = 20
-"""Periods of a PWM in a sample from which its latch adds nothing."""
+SLOW = 0.01  # Pace below which a rig is sampled more slowly than at its 1 kHz, in proportion
+QUICK_PWM = 20  # Periods of a PWM in a sample from which its latch adds nothing
 
 
 def control_rate(fit: Fit) -> float:

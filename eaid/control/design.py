@@ -35,8 +35,7 @@ from eaid.results.gains import (
     WorstMargins,
 )
 
-WITHIN = 1e-9
-"""Share by which the needed may exceed the available: rounding."""
+WITHIN = 1e-9  # Share by which the needed may exceed the available: rounding
 
 
 DUTIES = 19
@@ -84,8 +83,7 @@ def shown_by_levels(per_level: Sequence[LinearLevel], model: Linear, torque_max_
     return _largest(shown)
 
 
-SHARP = 5.0
-"""γε below which the printed switch, Eq. (14), visibly jumps at z = 0."""
+SHARP = 5.0  # γε below which the printed switch, Eq. (14), visibly jumps at z = 0
 
 
 def design(

@@ -16,10 +16,8 @@ from eaid.results.fit import Linear as LinearFit
 from eaid.results.gains import Gains
 from eaid.results.verdict import unphysical
 
-SLOWEST, FASTEST = 1e-6, 1e6
-"""a0 of anything that is controlled by samples [1/s]."""
-LARGEST = 1e15
-"""b0, its inverse and c0 of any rig, whatever its units."""
+SLOWEST, FASTEST = 1e-6, 1e6  # a0 of anything that is controlled by samples [1/s]
+LARGEST = 1e15  # b0, its inverse and c0 of any rig, whatever its units
 
 
 @dataclass(frozen=True)
@@ -27,12 +25,9 @@ class Bounds:
     """The range of B and where it comes from."""
 
     levels: tuple[float, ...]
-    B_m: float
-    """[%·s/(N·m)]"""
-    B_M: float
-    """[%·s/(N·m)]"""
-    rows: tuple[LinearLevel, ...]
-    """The levels kept; empty where the fit holds none."""
+    B_m: float  # [%·s/(N·m)]
+    B_M: float  # [%·s/(N·m)]
+    rows: tuple[LinearLevel, ...]  # The levels kept; empty where the fit holds none
 
 
 def model_of(fit: Fit) -> Linear:
@@ -104,8 +99,7 @@ def _positive(value: float | None, name: str) -> float:
     )
 
 
-LARGEST_GAIN = 1e30
-"""Of any gain, and of the inverse of one that has to be positive, whatever the rig's units."""
+LARGEST_GAIN = 1e30  # Of any gain, and of the inverse of one that has to be positive, whatever the rig's units
 
 
 def refuse_other_units(fit: Fit, gains: Gains | None) -> None:

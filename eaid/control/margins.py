@@ -41,10 +41,8 @@ class Timing:
     """Sampling, latching and delay."""
 
     rate_hz: float = 1000.0
-    pwm_hz: float | None = None
-    """Rate at which the duty is latched; None: it takes effect at once."""
-    delay_samples: int = 0
-    """Dead time of the loop [samples]: from reading to duty, and of the plant itself."""
+    pwm_hz: float | None = None  # Rate at which the duty is latched; None: it takes effect at once
+    delay_samples: int = 0  # Dead time of the loop [samples]: from reading to duty, and of the plant itself
 
     @property
     def step_s(self) -> float:
@@ -83,22 +81,18 @@ class Timing:
         return f"at {self.rate_hz:g} Hz{latched}{late}"
 
 
+# Samples in the common period of samples and latches, at most; of two rates without a short one the nearest such
 LONGEST_PERIOD = 100
-"""Samples in the common period of samples and latches, at most; of two rates without a short one the nearest such."""
-LATE = 20
-"""Holds of dead time up to which a loop is taken as the map of its state."""
-MOST_DB, STEP_DB = 80.0, 2.0
-"""Gain margins are sought up to here, in such steps."""
+LATE = 20  # Holds of dead time up to which a loop is taken as the map of its state
+MOST_DB, STEP_DB = 80.0, 2.0  # Gain margins are sought up to here, in such steps
 ENOUGH_DB, ENOUGH_DEG = 6.0, 45.0
 
 
 class Lag(NamedTuple):
     """x' = (g u − x)/τ."""
 
-    gain: float
-    """g [N·m/%]"""
-    tau: float
-    """[s]"""
+    gain: float  # g [N·m/%]
+    tau: float  # [s]
 
 
 def linear_lags(b: float, a: float) -> tuple[Lag, ...]:
@@ -121,12 +115,10 @@ class Point(NamedTuple):
 
     duty_pct: float
     torque_nm: float
-    lags: tuple[Lag, ...]
-    """Of the plant there, in parallel."""
+    lags: tuple[Lag, ...]  # Of the plant there, in parallel
 
 
-POINTS = 10
-"""Operating points of the margins where the fit names no levels."""
+POINTS = 10  # Operating points of the margins where the fit names no levels
 
 
 def operating_points(
@@ -156,11 +148,9 @@ class Law:
     """A controller around a point, per control sample: state s of shape (n,), inputs reference, its rate, torque."""
 
     A: Array
-    B: Array
-    """Shape (n, 3)."""
+    B: Array  # Shape (n, 3)
     c: Array
-    d: Array
-    """Shape (3,)."""
+    d: Array  # Shape (3,)
 
     def response(self, z: Complex) -> Complex:
         """Duty per reference, rate and torque, shape (len(z), 3)."""
@@ -220,12 +210,10 @@ class LoopMargins:
     """How far a loop is from instability."""
 
     stable: bool
-    gain_db: float
-    """Factor on the duty that makes it unstable [dB]; infinite where none up to 80 dB does."""
+    gain_db: float  # Factor on the duty that makes it unstable [dB]; infinite where none up to 80 dB does
+    # Phase margin at the crossover, the least where there are several [deg]; infinite where the gain stays below 1
     phase_deg: float
-    """Phase margin at the crossover, the least where there are several [deg]; infinite where the gain stays below 1."""
-    crossover_hz: float
-    """0 where the gain stays below 1."""
+    crossover_hz: float  # 0 where the gain stays below 1
 
     @property
     def enough(self) -> bool:

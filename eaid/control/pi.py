@@ -16,21 +16,16 @@ from eaid.models.parameters import Linear
 class PIGains(NamedTuple):
     """All that `pi_step` needs; floats only."""
 
-    K_P: float
-    """[%/(N·m)]"""
-    K_I: float
-    """[%/(N·m·s)]"""
-    duty_min: float = 0.0
-    """Lowest duty of the actuator [%]"""
-    duty_max: float = 100.0
-    """Highest duty of the actuator [%]"""
+    K_P: float  # [%/(N·m)]
+    K_I: float  # [%/(N·m·s)]
+    duty_min: float = 0.0  # Lowest duty of the actuator [%]
+    duty_max: float = 100.0  # Highest duty of the actuator [%]
 
 
 class PIState(NamedTuple):
     """What the controller remembers between samples; at rest, nothing."""
 
-    integral: float = 0.0
-    """Integral of the torque error [N·m·s]"""
+    integral: float = 0.0  # Integral of the torque error [N·m·s]
 
 
 def pi_step(
@@ -50,18 +45,12 @@ def pi_step(
     return PIState(integral + dt * error), duty
 
 
-PAPER_PI = (21.0, 360.0)
-"""K_P and K_I of §V-B."""
-BAND = 0.02
-"""Settling band, share of the step."""
-MOST_OVERSHOOT_PCT = 95.0
-"""Beyond it a loop swings for hundreds of periods."""
-NONE = 1e-9
-"""An overshoot below this share of the step is none."""
-CLOSE = 1e-15
-"""Share of itself to which a root is found."""
-INWARD = 1e-12
-"""By what share of itself p is drawn inward: where the settling time jumps, rounding must not undo it."""
+PAPER_PI = (21.0, 360.0)  # K_P and K_I of §V-B
+BAND = 0.02  # Settling band, share of the step
+MOST_OVERSHOOT_PCT = 95.0  # Beyond it a loop swings for hundreds of periods
+NONE = 1e-9  # An overshoot below this share of the step is none
+CLOSE = 1e-15  # Share of itself to which a root is found
+INWARD = 1e-12  # By what share of itself p is drawn inward: where the settling time jumps, rounding must not undo it
 
 
 def error(a0: float, p: float, q: float, t_s: float) -> float:

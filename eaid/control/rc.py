@@ -14,47 +14,32 @@ before k. Floats and `math` only: numba compiles `rc_step` as it stands, and pla
 import math
 from typing import NamedTuple
 
-TANH_IS_ONE = 19.1
-"""Beyond it tanh(x) is exactly 1 in double precision."""
+TANH_IS_ONE = 19.1  # Beyond it tanh(x) is exactly 1 in double precision
 
 
 class RCGains(NamedTuple):
     """All that `rc_step` needs; floats only."""
 
-    K_P: float
-    """[1/s²]"""
-    K_D: float
-    """[1/s]"""
-    B_hat: float
-    """B̂ [%·s/(N·m)]"""
-    a0: float
-    """[1/s]"""
-    b0: float
-    """[N·m/(s·%)]"""
-    c0: float
-    """[N·m/s]"""
-    rho_constant: float
-    """ρ at ξ = 0 [N·m/s]"""
-    rho_slope: float
-    """dρ/d‖ξ‖ [N·m/s per N·m, as Table IV has it]"""
-    epsilon: float
-    """Half width of the boundary layer, in units of z."""
-    gamma: float
-    """Sharpness of the soft switch, per unit of z."""
-    Q12: float
-    """z = Q12 q̃ + Q22 e."""
+    K_P: float  # [1/s²]
+    K_D: float  # [1/s]
+    B_hat: float  # B̂ [%·s/(N·m)]
+    a0: float  # [1/s]
+    b0: float  # [N·m/(s·%)]
+    c0: float  # [N·m/s]
+    rho_constant: float  # ρ at ξ = 0 [N·m/s]
+    rho_slope: float  # dρ/d‖ξ‖ [N·m/s per N·m, as Table IV has it]
+    epsilon: float  # Half width of the boundary layer, in units of z
+    gamma: float  # Sharpness of the soft switch, per unit of z
+    Q12: float  # z = Q12 q̃ + Q22 e
     Q22: float
-    duty_min: float = 0.0
-    """Lowest duty of the actuator [%]"""
-    duty_max: float = 100.0
-    """Highest duty of the actuator [%]"""
+    duty_min: float = 0.0  # Lowest duty of the actuator [%]
+    duty_max: float = 100.0  # Highest duty of the actuator [%]
 
 
 class RCState(NamedTuple):
     """What the controller remembers between samples; at rest, nothing."""
 
-    integral: float = 0.0
-    """q̃, integral of the torque error [N·m·s]"""
+    integral: float = 0.0  # q̃, integral of the torque error [N·m·s]
 
 
 def robust_term(gains: RCGains, integral: float, error: float) -> float:

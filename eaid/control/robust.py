@@ -22,10 +22,8 @@ from eaid.models.parameters import Linear
 from eaid.options import TuneOptions
 from eaid.results.gains import AskedPI, BRange, EqualPI, Rho, RhoLine, Robust, UltimateBound
 
-ROUNDING = 1e-9
-"""By how much ρ may fall short of what is needed [N·m/s]."""
-DIRECTIONS = 7200
-"""Of the half plane of ξ; V and |z| are even."""
+ROUNDING = 1e-9  # By how much ρ may fall short of what is needed [N·m/s]
+DIRECTIONS = 7200  # Of the half plane of ξ; V and |z| are even
 
 
 @dataclass(frozen=True)
@@ -35,16 +33,12 @@ class Design:
     options: TuneOptions
     K_P: float
     K_D: float
-    Q_M: float
-    """Largest slope of the torque reference [N·m/s]."""
-    phi: float
-    """φ in the reading's own number."""
-    phi_honest_pct: float | None
-    """Bound on |η − η̂|; where given, φ is worked out from it."""
+    Q_M: float  # Largest slope of the torque reference [N·m/s]
+    phi: float  # φ in the reading's own number
+    phi_honest_pct: float | None  # Bound on |η − η̂|; where given, φ is worked out from it
     epsilon: float
     gamma: float
-    pi: AskedPI
-    """What the PI is designed for; nothing where its gains are given, or the paper's."""
+    pi: AskedPI  # What the PI is designed for; nothing where its gains are given, or the paper's
     duty_limits_pct: tuple[float, float]
     timing: Timing
 

@@ -25,8 +25,7 @@ from eaid.results import coupling as parts
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 
-BESIDE_RAD = 1e-4
-"""Where the limb is let go."""
+BESIDE_RAD = 1e-4  # Where the limb is let go
 
 
 def swing(drive: Channel, limb: Limb, timing: Timing, stiffness: float, time_s: float) -> Array:

@@ -63,8 +63,8 @@ def operating_point(plant: Nonlinear, torque_nm: float) -> Point:
     return Point(duty, torque_nm, lags)
 
 
+# step(state, reference, its rate, torque) → (next state, duty)
 Step = Callable[[tuple[float, ...], float, float, float], tuple[Any, float]]
-"""step(state, reference, its rate, torque) → (next state, duty)"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,8 +75,7 @@ class Channel:
     point: Point
     law: Law
     step: Step
-    start: tuple[float, ...]
-    """State of the law at rest."""
+    start: tuple[float, ...]  # State of the law at rest
 
 
 def channel_of(loop: str, plant: Nonlinear, torque_nm: float, gains: RCGains | PIGains | None, dt_s: float) -> Channel:
@@ -107,8 +106,7 @@ class Limb:
     """What the clutch acts on: J θ'' + b θ' = T − T_0."""
 
     inertia_kgm2: float = 0.1
-    damping_nms: float = 0.8
-    """[N·m·s/rad]"""
+    damping_nms: float = 0.8  # [N·m·s/rad]
 
 
 def duty_response(channel: Channel, timing: Timing, omega: Array) -> Complex:
@@ -123,14 +121,10 @@ def duty_response(channel: Channel, timing: Timing, omega: Array) -> Complex:
 class WallLoop:
     """What a wall turns about, over frequency; arrays of shape (n,)."""
 
-    omega: Array
-    """Angular frequency [rad/s]."""
-    stiffness: Complex
-    """1/M: wanted torque per angle [N·m/rad]."""
-    damper: Complex
-    """(1 − 1/z)/h [1/s]"""
-    ends: int
-    """-1: the last is the samples' Nyquist frequency, where all responses are real; else their number."""
+    omega: Array  # Angular frequency [rad/s]
+    stiffness: Complex  # 1/M: wanted torque per angle [N·m/rad]
+    damper: Complex  # (1 − 1/z)/h [1/s]
+    ends: int  # -1: the last is the samples' Nyquist frequency, where all responses are real; else their number
 
     def stable(self, virtual_damping: float = 0.0) -> tuple[float, float]:
         """The least K at which the loop stops being stable [N·m/rad], and where [rad/s].
@@ -169,23 +163,18 @@ def wall_loop(channel: Channel, limb: Limb, timing: Timing) -> WallLoop:
     return WallLoop(omega, 1 / angle, (1 - 1 / z) / h, -1 if timing.pwm_hz is None else len(omega))
 
 
-ALIASES = 12
-"""Aliases on either side: W falls with 1/ω², so the rest weighs less than 1e-5 of the sum."""
-STIFFEST = 1e6
-"""[N·m/rad]; a wall beyond it is called without limit."""
+ALIASES = 12  # Aliases on either side: W falls with 1/ω², so the rest weighs less than 1e-5 of the sum
+STIFFEST = 1e6  # [N·m/rad]; a wall beyond it is called without limit
 
 
 @dataclass(frozen=True, eq=False)
 class Needed:
     """What a wall needs of the limb, over frequency; arrays of shape (n,)."""
 
-    omega: Array
-    """Angular frequency [rad/s]."""
+    omega: Array  # Angular frequency [rad/s]
     step_s: float
-    size: Array
-    """‖p‖‖q‖ for K = 1 [s]"""
-    inner: Complex
-    """p*q for K = 1 [s]"""
+    size: Array  # ‖p‖‖q‖ for K = 1 [s]
+    inner: Complex  # p*q for K = 1 [s]
 
     def damping(self, stiffness: float, virtual_damping: float = 0.0) -> Array:
         """Damping that the wall K, B_v asks of the limb at each frequency [N·m·s/rad]; per K about −Im G(jω)/ω."""

@@ -26,16 +26,12 @@ from eaid.results.fit import LackOfFit, ShareEstimate
 from eaid.steps.noise import line
 from eaid.steps.stepset import Level
 
-OVERSHOOT = 0.05
-"""Output lost under hold beyond which no monotone curve is right."""
-CHANCE = 0.01
-"""Probability at which noise alone would be told to be a decay under hold."""
-SINGLE_CHANCE = 0.001
-"""The same for a single run, whose peak the same noise has chosen."""
-SINGLE_DEGREES = 4.0
-"""Degrees of freedom given to the scatter of a single smoothed run."""
+OVERSHOOT = 0.05  # Output lost under hold beyond which no monotone curve is right
+CHANCE = 0.01  # Probability at which noise alone would be told to be a decay under hold
+SINGLE_CHANCE = 0.001  # The same for a single run, whose peak the same noise has chosen
+SINGLE_DEGREES = 4.0  # Degrees of freedom given to the scatter of a single smoothed run
+# Levels that all repeats have to miss alike, where there are so many: ripple of a rotor does it at one by chance
 FEW = 3
-"""Levels that all repeats have to miss alike, where there are so many: ripple of a rotor does it at one by chance."""
 
 
 def overshoot(level: Level) -> float:
@@ -135,17 +131,12 @@ def adequacy(scatter: Scatter, unit: str) -> tuple[tuple[LackOfFit, ...], list[F
     return tuple(rows), findings
 
 
-VAGUE = 0.1
-"""Half-width of C beyond which the runs say hardly anything of it."""
-MATTERS = 0.25
-"""Part of a half-width: a shift by so much takes 4 of the 95 % from an interval."""
-TRIFLE = 0.0025
-"""A difference in C that is never worth a word: 3 % in τ2 and 0.3 % in T_s on the reference plant."""
-NUDGE = 0.002
-"""Change of C by which its effect is found."""
+VAGUE = 0.1  # Half-width of C beyond which the runs say hardly anything of it
+MATTERS = 0.25  # Part of a half-width: a shift by so much takes 4 of the 95 % from an interval
+TRIFLE = 0.0025  # A difference in C that is never worth a word: 3 % in τ2 and 0.3 % in T_s on the reference plant
+NUDGE = 0.002  # Change of C by which its effect is found
 STEPS, SETTLED = 12, 1e-5
-LEAST, MOST = 0.02, 0.99
-"""Where C cannot be told, it runs out of here."""
+LEAST, MOST = 0.02, 0.99  # Where C cannot be told, it runs out of here
 
 
 def share_of(first: Estimate) -> tuple[ShareEstimate, list[Finding]]:

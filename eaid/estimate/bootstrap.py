@@ -18,8 +18,7 @@ from eaid.models.parameters import Friction
 from eaid.options import FitOptions
 from eaid.steps.stepset import Level
 
-BLOCK_S = 2.0
-"""Blocks of a single run [s]: the longest memory that the Bartlett windows allow for."""
+BLOCK_S = 2.0  # Blocks of a single run [s]: the longest memory that the Bartlett windows allow for
 
 
 def bootstrap(

@@ -33,16 +33,13 @@ from eaid.models import friction
 from eaid.models.parameters import Friction, Nonlinear
 from eaid.steps.stepset import Level
 
+# Levels beyond the coefficients of T_s(u) from which single runs show their scatter in the levels' distance to it
 LEVELS_TO_SPARE = 2
-"""Levels beyond the coefficients of T_s(u) from which single runs show their scatter in the levels' distance to it."""
-USUAL = 0.03
-"""Scatter of T_s from run to run [part of it] by which levels are weighed where none is seen."""
+USUAL = 0.03  # Scatter of T_s from run to run [part of it] by which levels are weighed where none is seen
+# Probability with which levels that lie on the curve are no further from it than this quantile of F
 BEYOND_CHANCE = 0.999
-"""Probability with which levels that lie on the curve are no further from it than this quantile of F."""
-CURVED = 0.25
-"""Half-width of ln τ2 from which the ends of a level's intervals are found by the score test."""
-SAYS_NOTHING = float(np.log(100.0))
-"""Logarithm of the factor up or down from which an interval is left out."""
+CURVED = 0.25  # Half-width of ln τ2 from which the ends of a level's intervals are found by the score test
+SAYS_NOTHING = float(np.log(100.0))  # Logarithm of the factor up or down from which an interval is left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +47,7 @@ class Estimate:
     """The solved estimate of L levels."""
 
     levels: Sequence[Level]
-    solved: Solution
-    """τ1(u), τ2(u), and C where it is free."""
+    solved: Solution  # τ1(u), τ2(u), and C where it is free
 
     @property
     def problem(self) -> StepProblem:
@@ -286,16 +282,12 @@ class TorqueCurve:
     """T_s(u) through T_s of the levels."""
 
     coefficients: Array
-    gains: Array
-    """How the coefficients answer to T_s of the levels, (p, L)."""
-    variance: Array
-    """Of the levels' T_s, (L,)."""
-    misfit: float | None
-    """χ² of the levels about the curve over its degrees of freedom; None where there are none."""
+    gains: Array  # How the coefficients answer to T_s of the levels, (p, L)
+    variance: Array  # Of the levels' T_s, (L,)
+    misfit: float | None  # χ² of the levels about the curve over its degrees of freedom; None where there are none
+    # Factor by which variances are larger where the levels are further from the curve than chance lets them be
     widened: float
-    """Factor by which variances are larger where the levels are further from the curve than chance lets them be."""
-    active: tuple[int, ...]
-    """Rows of the constraints that hold it, among those of T_s ≥ 0."""
+    active: tuple[int, ...]  # Rows of the constraints that hold it, among those of T_s ≥ 0
 
 
 def torque_curve(

@@ -15,10 +15,9 @@ from eaid.models.parameters import Nonlinear
 from eaid.results.common import Interval
 from eaid.results.fit import CoefficientIntervals, Covariance
 
-BLOCKS = ("tau1", "tau2", "Ts")
-"""Order of the coefficients in every covariance; C last where it was free."""
+BLOCKS = ("tau1", "tau2", "Ts")  # Order of the coefficients in every covariance; C last where it was free
+# What the rows and columns of `nonlinear.covariance.matrix` are
 PARAMETRISATION = "coefficients of (u/100 %)^k, lowest power first: tau1 [s], tau2 [s], Ts [N·m]; C last where free"
-"""What the rows and columns of `nonlinear.covariance.matrix` are."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,11 +19,10 @@ from eaid.steps.stepset import Level
 class Data:
     """The mean curves of L levels. Fitting the mean is exact: Σ_r |y_r − f|² = Σ_r |y_r − ȳ|² + R |ȳ − f|²."""
 
-    u: Array
-    """Level of each curve, in the set's input unit, shape (L,)."""
+    u: Array  # Level of each curve, in the set's input unit, shape (L,)
     records: tuple[Record, ...]
+    # The curves as one array, (L, n), where all share one grid; `records` are its rows then
     together: Array | None = None
-    """The curves as one array, (L, n), where all share one grid; `records` are its rows then."""
 
     @property
     def samples(self) -> int:
@@ -78,12 +77,10 @@ def data_of(levels: Sequence[Level]) -> Data:
     return Data(u, records, together)
 
 
-BLOCKS = 50
-"""Block means of a record that noise is averaged out in, before a model is said to miss the curve."""
-LITTLE = 0.5
-"""R² of the block means below which a model explains little."""
+BLOCKS = 50  # Block means of a record that noise is averaged out in, before a model is said to miss the curve
+LITTLE = 0.5  # R² of the block means below which a model explains little
+# Part of the output's size (rms of the block means) that the model must miss as well: a flat curve has no R²
 FAR = 0.25
-"""Part of the output's size (rms of the block means) that the model must miss as well: a flat curve has no R²."""
 
 
 @dataclass(frozen=True)

@@ -23,12 +23,9 @@ from eaid.models.parameters import Nonlinear
 from eaid.results.fit import Fit
 
 TRIES = 200
-INPUTS = 11
-"""Inputs over the identified range at which a curve is drawn."""
-FARTHEST = 4.0
-"""Logarithm beyond which no draw goes: a factor of 55."""
-MANY_REJECTED = 0.05
-"""Share of rejected draws from which the reader has to know of it."""
+INPUTS = 11  # Inputs over the identified range at which a curve is drawn
+FARTHEST = 4.0  # Logarithm beyond which no draw goes: a factor of 55
+MANY_REJECTED = 0.05  # Share of rejected draws from which the reader has to know of it
 
 
 @dataclass(frozen=True, eq=False)

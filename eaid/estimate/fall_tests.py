@@ -19,14 +19,11 @@ from eaid.estimate.response import Drive
 from eaid.findings import Finding, finding
 from eaid.results.recorded import FallTest
 
-CHANCE = 1e-3
-"""A difference is taken over where chance makes one as large more rarely than this …"""
-LEAST = {"rest": 0.1, "fall": 0.05, "excess": 0.003}
-"""… and it is larger than this part."""
+CHANCE = 1e-3  # A difference is taken over where chance makes one as large more rarely than this …
+LEAST = {"rest": 0.1, "fall": 0.05, "excess": 0.003}  # … and it is larger than this part
+# The numbers of each as results name them
 NAMES = {"rest": ("release_tau1", "release_tau2"), "fall": ("fall_tau1", "fall_tau2"), "excess": ("hysteresis_pct",)}
-"""The numbers of each as results name them."""
-WIDEST = 1e6
-"""Half-width beyond which there is no interval."""
+WIDEST = 1e6  # Half-width beyond which there is no interval
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +33,7 @@ class Tested:
     solved: Solved
     falls: tuple[FallTest, ...]
     findings: tuple[Finding, ...]
-    kept: tuple[str, ...] = ()
-    """Which of rest, fall and excess differ, and are fitted."""
+    kept: tuple[str, ...] = ()  # Which of rest, fall and excess differ, and are fitted
 
 
 def seen(drives: tuple[Drive, ...], low: float, stepwise: bool) -> tuple[str, ...]:

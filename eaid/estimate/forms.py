@@ -22,16 +22,14 @@ from eaid.arrays import Array, read_only
 from eaid.models.nonlinear import CHECKED_DUTIES, steady_torque, time_constants
 from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
 
-RECORDS = 1e6
-"""τ2 is looked for up to this many record lengths: no data can tell it from endless."""
+RECORDS = 1e6  # τ2 is looked for up to this many record lengths: no data can tell it from endless
+# τ2 is looked for up to this many record lengths where C is free: T_s then grows with τ2, all but straight
 RECORDS_FREE = 100.0
-"""τ2 is looked for up to this many record lengths where C is free: T_s then grows with τ2, all but straight."""
-DEGREES = (3, 2, 2)
-"""Degrees of T_s, τ1, τ2."""
+DEGREES = (3, 2, 2)  # Degrees of T_s, τ1, τ2
+# A τ is kept off zero by this much [s]: between the 101 duties a quadratic may dip below its floor
 LEAST_TAU_S = 0.1 * TAU_FLOOR_S
-"""A τ is kept off zero by this much [s]: between the 101 duties a quadratic may dip below its floor."""
+# Coefficients of the first four Legendre polynomials, lowest power first, one in a row
 LEGENDRE = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [-0.5, 0.0, 1.5, 0.0], [0.0, -1.5, 0.0, 2.5]])
-"""Coefficients of the first four Legendre polynomials, lowest power first, one in a row."""
 
 
 @dataclass(frozen=True)
@@ -127,8 +125,7 @@ class Tables(NamedTuple):
     steady: Array
     tau1: Array
     tau2: Array
-    rest: Array
-    """u/u_low, at most 1: below 1 a fall goes over to the release constants."""
+    rest: Array  # u/u_low, at most 1: below 1 a fall goes over to the release constants
     by_steady: Array
     by_tau1: Array
     by_tau2: Array
@@ -138,17 +135,13 @@ class Tables(NamedTuple):
 class Model:
     """Forms of T_s, τ1, τ2 over a range of inputs, and C. The unknowns x are their coefficients, a free C last."""
 
-    Ts: Form | None
-    """None: solved for at each level, no unknown."""
+    Ts: Form | None  # None: solved for at each level, no unknown
     tau1: Form
-    tau2: Form | None
-    """None: there is but one time constant."""
-    share: float | None
-    """C; None: an unknown."""
+    tau2: Form | None  # None: there is but one time constant
+    share: float | None  # C; None: an unknown
     low: float
     high: float
-    limited: Array
-    """Inputs at which the constraints hold."""
+    limited: Array  # Inputs at which the constraints hold
 
     @property
     def free_share(self) -> bool:

@@ -26,27 +26,25 @@ from eaid.results.common import HoldOut, Huber, Interval
 from eaid.results.fit import Friction, FrictionLevel, LevelIntervals
 from eaid.steps.stepset import Level, StepSet
 
-SAYS_NOTHING = float(np.log(100.0))
-"""Logarithm of the factor up or down from which an interval is left out."""
-OPEN = float(np.log(3.0))
-"""Half-width of the logarithm from which a parameter counts as open at a level."""
+SAYS_NOTHING = float(np.log(100.0))  # Logarithm of the factor up or down from which an interval is left out
+OPEN = float(np.log(3.0))  # Half-width of the logarithm from which a parameter counts as open at a level
+# Part of a record, and half-width of its logarithm, within which τ2 has to be known at most levels
 KNOWN_TO, WIDEST = 0.25, 0.5
-"""Part of a record, and half-width of its logarithm, within which τ2 has to be known at most levels."""
+# By so much T_s and τ1 are less sure where the records do not tell τ2: simulated sets of 5 s for a τ2 of 5 to 17 s
 WIDER = 1.4
-"""By so much T_s and τ1 are less sure where the records do not tell τ2: simulated sets of 5 s for a τ2 of 5 to 17 s."""
+# Record lengths that the interval of τ2 may reach to: where most levels' reach further, none is quoted, for what is
+# quoted would be what came out short by chance
 QUOTED_RECORDS = 2.0
-"""Record lengths that the interval of τ2 may reach to: where most levels' reach further, none is quoted, for what is
-quoted would be what came out short by chance."""
+# Parameters that a constraint holds: not estimable
 HELD_BY = {
     "tau1-floor": ("tau1",),
     "tau2-meets-tau1": ("tau1", "tau2"),
     "Ts-zero": ("Ts",),
     "tau2-endless": ("tau2",),
 }
-"""Parameters that a constraint holds: not estimable."""
 TAUS = {"tau1", "tau2"}
+# Units of an input that is a stress already
 PRESSURE_KPA: dict[str, float] = {"Pa": 1e-3, "kPa": 1.0, "MPa": 1e3, "bar": 100.0, "mbar": 0.1}
-"""Units of an input that is a stress already."""
 TORQUE_UNITS = ("N·m", "Nm", "N.m", "N*m")
 
 
@@ -55,15 +53,11 @@ class LevelValues:
     """T_s, τ1, τ2 of L levels, and what is known of each."""
 
     levels: Sequence[Level]
-    theta: Array
-    """T_s, τ1, τ2, C, (4, L)."""
-    held: Sequence[tuple[str, ...]]
-    """Parameters that a constraint holds at each level."""
-    low: Array
-    """Least ln T_s, ln τ1, ln τ2, (3, L)."""
+    theta: Array  # T_s, τ1, τ2, C, (4, L)
+    held: Sequence[tuple[str, ...]]  # Parameters that a constraint holds at each level
+    low: Array  # Least ln T_s, ln τ1, ln τ2, (3, L)
     high: Array
-    degrees: Array
-    """Degrees of freedom, (3, L)."""
+    degrees: Array  # Degrees of freedom, (3, L)
 
     @property
     def open(self) -> Mask:

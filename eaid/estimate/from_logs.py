@@ -36,8 +36,9 @@ from eaid.estimate.starts import MOST, SHARES, time_constants
 from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
 from eaid.results.common import Solver
 
+# What a model can have besides its coefficients, with the values that do nothing
 NOTHING = {"rest": (0.0, 0.0), "fall": (1.0, 1.0), "excess": (0.0,)}
-"""What a model can have besides its coefficients, with the values that do nothing."""
+# Their constraints a'x ≥ b: code, a, b
 LIMITS: dict[str, tuple[tuple[str, tuple[float, ...], float], ...]] = {
     "rest": (
         ("release-tau1-floor", (1.0, 0.0), TAU_FLOOR_S),
@@ -46,19 +47,16 @@ LIMITS: dict[str, tuple[tuple[str, tuple[float, ...], float], ...]] = {
     "fall": (("fall-tau1-least", (1.0, 0.0), 0.02), ("fall-tau2-least", (0.0, 1.0), 0.02)),
     "excess": (("hysteresis-least", (1.0,), -0.8),),
 }
-"""Their constraints a'x ≥ b: code, a, b."""
 
 
 @dataclass(frozen=True, eq=False)
 class Place:
     """Where the unknowns of a log lie, beside the coefficients of T_s, τ1 and τ2."""
 
+    # In x: C, the extras, idle output, x1 and x2 at its first row; −1 where one is no unknown, (9,)
     x: NDArray[np.intp]
-    """In x: C, the extras, idle output, x1 and x2 at its first row; −1 where one is no unknown, (9,)."""
-    columns: NDArray[np.intp]
-    """Places in x of all unknowns that it knows, in the kernel's order."""
-    kernel: NDArray[np.intp]
-    """As `x`, among these columns."""
+    columns: NDArray[np.intp]  # Places in x of all unknowns that it knows, in the kernel's order
+    kernel: NDArray[np.intp]  # As `x`, among these columns
 
     @property
     def own(self) -> NDArray[np.intp]:
@@ -74,19 +72,13 @@ class Setup:
     """Logs and a model: everything but the unknowns."""
 
     model: Model
-    drives: tuple[Drive, ...]
-    """The logs in numbers."""
+    drives: tuple[Drive, ...]  # The logs in numbers
     extras: tuple[str, ...] = ()
-    idle_free: bool = True
-    """Whether idle outputs that are not known are unknowns; else they are 0."""
-    copies: tuple[Copies, ...] = ()
-    """Where `drives` are but copies in fewer rows: the logs themselves."""
-    longest_s: float = 0.0
-    """Length of the longest log [s]."""
-    shortest_s: float = 0.0
-    """Usual time between two rows [s]."""
-    longest_hold_s: float = 0.0
-    """Longest time for which an input is held, or a moving one is recorded [s]."""
+    idle_free: bool = True  # Whether idle outputs that are not known are unknowns; else they are 0
+    copies: tuple[Copies, ...] = ()  # Where `drives` are but copies in fewer rows: the logs themselves
+    longest_s: float = 0.0  # Length of the longest log [s]
+    shortest_s: float = 0.0  # Usual time between two rows [s]
+    longest_hold_s: float = 0.0  # Longest time for which an input is held, or a moving one is recorded [s]
 
     @cached_property
     def limits(self) -> Limits:
@@ -280,10 +272,8 @@ def linear_sums(samples: Samples, by_steady: Array, tau1: Array, tau2: Array, sh
     return sums
 
 
-GRID = 17
-"""Values of τ on the grid, from half a sample to the longest log."""
-TRIED = 3
-"""Values tried at each input."""
+GRID = 17  # Values of τ on the grid, from half a sample to the longest log
+TRIED = 3  # Values tried at each input
 
 
 def starts(setup: Setup, problem: Problem) -> list[Array]:
@@ -347,27 +337,23 @@ def inner(setup: Setup, x: Array, problem: Problem) -> Array:
     return draw_in(flat, calm, problem)
 
 
+# A constraint a'x ≥ b holds a fit that ends within this part of b: where no cost tells, a solver stops short
 AT_BOUND = 1e-6
-"""A constraint a'x ≥ b holds a fit that ends within this part of b: where no cost tells, a solver stops short."""
-ALIKE = 20.0
-"""χ² by which two ends must differ to be told apart."""
-NEAR = 0.05
-"""An end this part of the cost above the best is no rival."""
-LONG_WAY = 1000
-"""Newton steps along a bent valley, where τ1 and τ2 all but meet."""
+ALIKE = 20.0  # χ² by which two ends must differ to be told apart
+NEAR = 0.05  # An end this part of the cost above the best is no rival
+LONG_WAY = 1000  # Newton steps along a bent valley, where τ1 and τ2 all but meet
 
 
 @dataclass(frozen=True, eq=False)
 class Solved:
     """Where a fit ended."""
 
-    fitted: Setup
-    """With the copies on which it was looked for."""
+    fitted: Setup  # With the copies on which it was looked for
     x: Array
     cost: float
     solver: Solver
+    # Inputs without the noise of the outputs, where they stood in for the recorded ones in the derivatives
     instruments: tuple[Drive, ...] | None = None
-    """Inputs without the noise of the outputs, where they stood in for the recorded ones in the derivatives."""
 
     @property
     def setup(self) -> Setup:

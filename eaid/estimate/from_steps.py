@@ -37,14 +37,10 @@ from eaid.estimate.starts import form_starts, touching_starts
 from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
 from eaid.results.common import Solver
 
-A0_GRID = 16
-"""Time constants on the starting grid of the linear model."""
-A0_STARTS = 3
-"""Starts from it."""
-WEIGHED = 10
-"""Rounds of weights, at most."""
-SAME_WEIGHT = 1e-10
-"""Weights that change by less than this part of the largest have settled."""
+A0_GRID = 16  # Time constants on the starting grid of the linear model
+A0_STARTS = 3  # Starts from it
+WEIGHED = 10  # Rounds of weights, at most
+SAME_WEIGHT = 1e-10  # Weights that change by less than this part of the largest have settled
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,12 +49,10 @@ class StepProblem:
 
     data: Data
     model: Model
-    weight: Array
-    """w of each level, (L,)."""
+    weight: Array  # w of each level, (L,)
+    # T_s of the levels by coefficients that are solved for, (L, k); None: each level has its own
     design: Array | None = None
-    """T_s of the levels by coefficients that are solved for, (L, k); None: each level has its own."""
-    shares: Array | None = None
-    """C of each level, where they differ, (L,)."""
+    shares: Array | None = None  # C of each level, where they differ, (L,)
 
     @cached_property
     def M(self) -> Array:
@@ -143,8 +137,7 @@ class Solution:
     steps: StepProblem
     x: Array
     solver: Solver
-    active: tuple[int, ...] = ()
-    """Constraints that hold it."""
+    active: tuple[int, ...] = ()  # Constraints that hold it
 
     @cached_property
     def at(self) -> Normal:

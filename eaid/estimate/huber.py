@@ -16,12 +16,9 @@ from eaid.estimate.points import Record
 from eaid.findings import Finding, finding
 from eaid.results.common import Huber, HuberLevel
 
-K = 1.345
-"""Huber's constant: 95 % efficient on normal noise."""
-SETTLED = 1e-9
-"""The iteration ends where the residuals move by less than this part of σ."""
-WIDE = 0.4
-"""Share of a level's samples held back from which it is told; 18 % are where the noise is normal and alike."""
+K = 1.345  # Huber's constant: 95 % efficient on normal noise
+SETTLED = 1e-9  # The iteration ends where the residuals move by less than this part of σ
+WIDE = 0.4  # Share of a level's samples held back from which it is told; 18 % are where the noise is normal and alike
 Solved = TypeVar("Solved")
 
 

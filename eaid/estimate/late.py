@@ -25,26 +25,19 @@ from eaid.estimate.response import Copies, Drive
 from eaid.estimate.solver import EndPoint, approach
 from eaid.findings import Finding, finding
 
-MOST = 3
-"""Rows that are looked for one by one."""
-FAR = 4
-"""Rows at which a cost that is lower by `LOWER` of it speaks of a delay of many rows …"""
+MOST = 3  # Rows that are looked for one by one
+FAR = 4  # Rows at which a cost that is lower by `LOWER` of it speaks of a delay of many rows …
 LOWER = 0.02
-FARTHEST = 500
-"""… and this many are looked for."""
+FARTHEST = 500  # … and this many are looked for
+# Rows from which a delay is told, by whether the input is held; one that moves is read half a row off by itself
 LEAST_ROWS = {True: 0.5, False: 0.75}
-"""Rows from which a delay is told, by whether the input is held; one that moves is read half a row off by itself."""
-ORDER = 8
-"""Of the autoregression."""
+ORDER = 8  # Of the autoregression
 STRETCHES = 40
-CHANCE = 0.01
-"""Of a delay as large by noise alone, at most."""
+CHANCE = 0.01  # Of a delay as large by noise alone, at most
 LEAST_CHANGES = 4
 JUMP = 5.0
-EXPLAINS = 0.8
-"""Part of the cost below which a delay leaves it where the input seems to answer the output."""
-FOLLOWS = 0.1
-"""Correlation of the duty's changes with the residual's from which a log counts as a loop."""
+EXPLAINS = 0.8  # Part of the cost below which a delay leaves it where the input seems to answer the output
+FOLLOWS = 0.1  # Correlation of the duty's changes with the residual's from which a log counts as a loop
 
 
 def delays(base: Solved, logs: Sequence[RecordedLog]) -> list[int]:

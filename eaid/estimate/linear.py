@@ -36,8 +36,7 @@ from eaid.results.fit import (
 from eaid.steps.levels import wanted_levels
 from eaid.steps.stepset import Level
 
-UNSEEN = 1e-10
-"""Directions that the data do not see have this part of the information at most."""
+UNSEEN = 1e-10  # Directions that the data do not see have this part of the information at most
 
 
 def to_line(form: Model) -> Array:

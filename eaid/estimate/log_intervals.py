@@ -24,25 +24,19 @@ from eaid.estimate.solver import approach, newton_step
 from eaid.estimate.spread import free_inverse, rejected
 from eaid.findings import Finding, finding
 
-SEEN = 2e-3
-"""Gains of engagements that noise makes so different more rarely than this scatter."""
+SEEN = 2e-3  # Gains of engagements that noise makes so different more rarely than this scatter
 
 
 @dataclass(frozen=True, eq=False)
 class Spread:
     """What is needed for the variance of any function of the unknowns."""
 
-    noise: Array
-    """Covariance of the unknowns by the noise."""
-    lines: tuple[Lines, ...]
-    """What it rests on, log by log."""
-    between: Array
-    """Covariance by scatter between engagements."""
+    noise: Array  # Covariance of the unknowns by the noise
+    lines: tuple[Lines, ...]  # What it rests on, log by log
+    between: Array  # Covariance by scatter between engagements
     scatter: Scatter
-    pull: Array
-    """H⁻¹ where the constraints leave it free."""
-    correlation_s: float
-    """Integrated correlation time of the residuals [s], the longest of all logs."""
+    pull: Array  # H⁻¹ where the constraints leave it free
+    correlation_s: float  # Integrated correlation time of the residuals [s], the longest of all logs
 
     def variance(self, gradient: Array) -> tuple[float, float]:
         """Variance of a function with that gradient, and its degrees of freedom."""
@@ -107,10 +101,8 @@ def _between(pieces: Sequence[Piece], pull: Array) -> Array:
     return np.asarray(S.T @ S)
 
 
-STEPS = 3
-"""Newton steps to the least cost."""
-FARTHEST = np.log(20.0)
-"""An end farther off than this in log q is none."""
+STEPS = 3  # Newton steps to the least cost
+FARTHEST = np.log(20.0)  # An end farther off than this in log q is none
 
 
 def score_end(solved: Solved, noise: Scatter, x: Array, covariance: Array, g: Array, reach: float) -> float:
@@ -155,10 +147,8 @@ def newton(setup: Setup, noise: Scatter, x: Array) -> tuple[Array, Array]:
     return back @ score, back @ omega @ back
 
 
-LIMITS_PCT = {"Ts": 10.0, "tau1": 30.0, "tau2": 50.0}
-"""Half-widths beyond which an input was never asked about."""
-PARABOLA = 0.05
-"""Half-width in the logarithm up to which a parabola is a picture of the cost."""
+LIMITS_PCT = {"Ts": 10.0, "tau1": 30.0, "tau2": 50.0}  # Half-widths beyond which an input was never asked about
+PARABOLA = 0.05  # Half-width in the logarithm up to which a parabola is a picture of the cost
 
 
 def held(solved: Solved) -> set[str]:
@@ -176,8 +166,7 @@ class CurveSpread:
     values: Array
     low: Array
     high: Array
-    half_width: Array
-    """Relative half-widths, e^h − 1; infinite where nothing is known."""
+    half_width: Array  # Relative half-widths, e^h − 1; infinite where nothing is known
 
 
 def curves(solved: Solved, uncertainty: Spread, duty: Array) -> CurveSpread:

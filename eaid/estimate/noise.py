@@ -15,35 +15,24 @@ from eaid.estimate.from_logs import Solved, idle_of
 from eaid.estimate.response import Drive
 from eaid.findings import Finding, finding
 
-BINS = 16_384
-"""Derivatives and residuals are first added up over so many short bins of a log, at most."""
-SMOOTH = 0.25
-"""Half-width over which the noise's spectrum is smoothed, as a part of its corner frequency …"""
-LEAST_LEFT = 0.25
-"""A line keeps at least this part of its power."""
-SMALL = 9.0
-"""An output is small or large beside its mean square over this."""
-FEWEST = 8
-"""… and at least so many lines."""
+BINS = 16_384  # Derivatives and residuals are first added up over so many short bins of a log, at most
+SMOOTH = 0.25  # Half-width over which the noise's spectrum is smoothed, as a part of its corner frequency …
+LEAST_LEFT = 0.25  # A line keeps at least this part of its power
+SMALL = 9.0  # An output is small or large beside its mean square over this
+FEWEST = 8  # … and at least so many lines
 
 
 @dataclass(frozen=True, eq=False)
 class Piece:
     """One log in bins, (n, …)."""
 
-    r: Array
-    """Mean residual."""
-    size: Array
-    """Mean output above idle."""
-    plain: Array
-    """Σ Z, (n, p)."""
-    scaled: Array
-    """Σ Z T, (n, p)."""
-    rows: int
-    """Samples of a bin."""
+    r: Array  # Mean residual
+    size: Array  # Mean output above idle
+    plain: Array  # Σ Z, (n, p)
+    scaled: Array  # Σ Z T, (n, p)
+    rows: int  # Samples of a bin
     bin_s: float
-    memory_s: float
-    """Integrated correlation time of the residuals [s]."""
+    memory_s: float  # Integrated correlation time of the residuals [s]
     engaged: NDArray[np.intp]
 
 
@@ -77,15 +66,12 @@ def piece_of(Z: Array, r: Array, at: NDArray[np.intp], n: int, drive: Drive, idl
 class Lines:
     """Noise by its two spectra, S0 and T² S1, line by line (m of them)."""
 
-    slopes: NDArray[np.complex128]
-    """√S F(Z) and √S1 F(Z T), (2, m, p)."""
+    slopes: NDArray[np.complex128]  # √S F(Z) and √S1 F(Z T), (2, m, p)
+    # Part of the lines that are independent of each other, of both: the log's length over that with its zeros, less
+    # where the noise is small, (2,)
     apart: Array
-    """Part of the lines that are independent of each other, of both: the log's length over that with its zeros, less
-    where the noise is small, (2,)."""
-    left: Array
-    """Part of their power that the fit leaves, (2, m)."""
-    half: int
-    """Half-width over which they were smoothed."""
+    left: Array  # Part of their power that the fit leaves, (2, m)
+    half: int  # Half-width over which they were smoothed
 
     @property
     def total(self) -> Array:
@@ -180,14 +166,10 @@ def engagements(drive: Drive) -> NDArray[np.intp]:
     return np.asarray(np.maximum(np.cumsum(begins) - 1, 0))
 
 
-WINDOW_S = 2.0
-"""Stretch over which the density of the noise is taken [s]."""
-FEWEST_ENGAGEMENTS = 4
-"""Fewest engagements whose scatter counts."""
-CHANCE = 1e-3
-"""Gains that noise makes so different more rarely than this are told."""
-LEAST_LOAD = 0.02
-"""An engagement with less than this part of the mean ∫ T² tells no gain."""
+WINDOW_S = 2.0  # Stretch over which the density of the noise is taken [s]
+FEWEST_ENGAGEMENTS = 4  # Fewest engagements whose scatter counts
+CHANCE = 1e-3  # Gains that noise makes so different more rarely than this are told
+LEAST_LOAD = 0.02  # An engagement with less than this part of the mean ∫ T² tells no gain
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,13 +178,10 @@ class Scatter:
 
     sensor_nm2_s: float
     ripple_s: float
-    gain: float
-    """Standard deviation of the gain between engagements beyond what noise makes of it."""
+    gain: float  # Standard deviation of the gain between engagements beyond what noise makes of it
     count: int
-    chance: float
-    """That noise alone makes gains so different."""
-    residuals: tuple[Array, ...]
-    """Model less recorded, without what the gains explain, of each log."""
+    chance: float  # That noise alone makes gains so different
+    residuals: tuple[Array, ...]  # Model less recorded, without what the gains explain, of each log
 
 
 def scatter_of(solved: Solved) -> Scatter:

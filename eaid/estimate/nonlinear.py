@@ -35,8 +35,8 @@ from eaid.results import fit as results
 from eaid.results.common import HoldOut, Huber, LevelError, Solver
 from eaid.steps.stepset import Level, StepSet
 
+# Least and largest ln T_s, ln τ1, ln τ2 of the levels and degrees of freedom, (3, L) each
 Ends = tuple[Array, Array, Array]
-"""Least and largest ln T_s, ln τ1, ln τ2 of the levels and degrees of freedom, (3, L) each."""
 
 
 def believed(levels: Sequence[Level], data: Data, share: float | None, loss: str) -> tuple[Estimate, Huber | None]:
@@ -94,12 +94,9 @@ class Standing:
     """The estimate that stands as the model: its part of the result, unknowns, constraints and intervals."""
 
     part: results.Estimate
-    unknowns: Array
-    """Of the whole model, (n,)."""
-    held: dict[str, tuple[float, ...]]
-    """Constraints that hold it, and where."""
-    covariance: Array
-    """Of the coefficients in powers of u/100."""
+    unknowns: Array  # Of the whole model, (n,)
+    held: dict[str, tuple[float, ...]]  # Constraints that hold it, and where
+    covariance: Array  # Of the coefficients in powers of u/100
     ends: Ends
 
 

@@ -19,25 +19,20 @@ from numpy.typing import NDArray
 from eaid.arrays import Array
 
 POINTS_PER_BLOCK = 8
-HEAD = 16
-"""First samples, kept as they are: the fast rise may be over within them. A block is never shorter."""
+HEAD = 16  # First samples, kept as they are: the fast rise may be over within them. A block is never shorter.
 LONGEST_BLOCK = 16384
-SMALL = 256
-"""Records up to this length keep every sample: nothing would be gained."""
+SMALL = 256  # Records up to this length keep every sample: nothing would be gained
 
 
 @dataclass(frozen=True, eq=False)
 class Points:
     """Weighted points of L levels, padded to the longest with weight 0."""
 
-    t_s: Array
-    """Time since the step [s], shape (L, P), or (1, P) where all levels share it."""
-    y: Array
-    """Output, shape (L, P)."""
-    w: Array
-    """Weight: how many samples a point stands for, shape (L, P) or (1, P)."""
+    t_s: Array  # Time since the step [s], shape (L, P), or (1, P) where all levels share it
+    y: Array  # Output, shape (L, P)
+    w: Array  # Weight: how many samples a point stands for, shape (L, P) or (1, P)
+    # Whether curves are compared about their means: an unknown constant is then taken out of each level
     centred: bool = False
-    """Whether curves are compared about their means: an unknown constant is then taken out of each level."""
 
     def rows(self, which: slice) -> "Points":
         """The points of some levels."""
@@ -179,14 +174,10 @@ def _compress_grid(t_s: Array, y: Array, uniform: bool) -> tuple[Array, Array, A
 class Normal(NamedTuple):
     """What L levels cost at θ = (T_s, τ1, τ2, C), and how that changes; residuals are f − y."""
 
-    theta: Array
-    """(4, L)."""
-    cost: Array
-    """Σ w r², (L,)."""
-    score: Array
-    """Σ w r ∂f/∂θ, (L, 4)."""
-    information: Array
-    """Σ w ∂f/∂θ ∂f/∂θ', (L, 4, 4)."""
+    theta: Array  # (4, L)
+    cost: Array  # Σ w r², (L,)
+    score: Array  # Σ w r ∂f/∂θ, (L, 4)
+    information: Array  # Σ w ∂f/∂θ ∂f/∂θ', (L, 4, 4)
 
 
 def level_normal(theta: Array, points: Points, torques: Callable[[Array, Array], Array] | None = None) -> Normal:

@@ -14,12 +14,9 @@ from eaid.arrays import Array, read_only
 from eaid.logs.run import Run
 from eaid.steps.stepset import StepSet
 
-IDLE_ROWS = 10
-"""Fewest rows at rest before the first other one that make an idle start."""
-ROUNDED = 1e-8
-"""Steps of time that differ by less than this part are alike."""
-QUIET = 5e-3
-"""A measured input this part of its largest, from the first row on, is at rest."""
+IDLE_ROWS = 10  # Fewest rows at rest before the first other one that make an idle start
+ROUNDED = 1e-8  # Steps of time that differ by less than this part are alike
+QUIET = 5e-3  # A measured input this part of its largest, from the first row on, is at rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,18 +25,13 @@ class RecordedLog:
 
     name: str
     time_s: Array
-    input: Array
-    """Duty (force, speed), counted from rest, ≥ 0; each value held until the next row."""
-    output: Array
-    """Torque, or whatever was recorded, as measured."""
-    reference: Array | None = None
-    """What a closed loop was to follow, in the output's unit; None: the log has none."""
-    baseline: float | None = None
-    """Idle output, where it is known; None: an unknown of the fit."""
+    input: Array  # Duty (force, speed), counted from rest, ≥ 0; each value held until the next row
+    output: Array  # Torque, or whatever was recorded, as measured
+    reference: Array | None = None  # What a closed loop was to follow, in the output's unit; None: the log has none
+    baseline: float | None = None  # Idle output, where it is known; None: an unknown of the fit
+    # Whether it begins at rest with nothing left in its states; None: judged by its first rows
     idle_start: bool | None = None
-    """Whether it begins at rest with nothing left in its states; None: judged by its first rows."""
-    weight: float = 1.0
-    """Weight of each squared residual: R for the mean of R repeats."""
+    weight: float = 1.0  # Weight of each squared residual: R for the mean of R repeats
     source: str = ""
     sha256: str = ""
 

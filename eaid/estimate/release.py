@@ -22,8 +22,7 @@ from eaid.models.parameters import SHARE, Friction
 from eaid.results.fit import Release, ReleaseLevel
 from eaid.steps.stepset import Level
 
-MOST = 3
-"""Starts of every solve."""
+MOST = 3  # Starts of every solve
 
 
 def solve(data: Data, shares: Array, starts: Iterable[Array] | None = None) -> Solution:

@@ -26,15 +26,11 @@ SHARE, REST, FALL, EXCESS, IDLE, START = 0, 1, 3, 5, 6, 7
 class Samples(NamedTuple):
     """A log in numbers, row by row, shapes (n,)."""
 
-    dt_s: Array
-    """How long a row's input acts [s]; 0 after the last."""
-    which: Integers
-    """Which of the different inputs acts."""
-    rising: Integers
-    """−1 while an input is held to which the log fell from a higher one, else 1."""
+    dt_s: Array  # How long a row's input acts [s]; 0 after the last
+    which: Integers  # Which of the different inputs acts
+    rising: Integers  # −1 while an input is held to which the log fell from a higher one, else 1
     y: Array
-    w: Array
-    """Weights; 0: a row that is not compared."""
+    w: Array  # Weights; 0: a row that is not compared
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -47,31 +43,23 @@ def acting_tau(tau: float, off: float, rest: float, at_rest: float, factor: floa
     return tau, 1.0, 0.0, 0.0
 
 
-MOVING_ROWS = 6_000
-"""Blocks of an input that moves all the time, at most."""
-SKETCH_ROWS = 2_000
-"""The same of a copy on which many starts are looked at."""
+MOVING_ROWS = 6_000  # Blocks of an input that moves all the time, at most
+SKETCH_ROWS = 2_000  # The same of a copy on which many starts are looked at
 
 
 @dataclass(frozen=True, eq=False)
 class Drive:
     """What drives the model, and what it is compared with; shapes (n,) but for `duty`."""
 
-    dt_s: Array
-    """How long a row's input acts [s]; 0 after the last."""
-    index: NDArray[np.int64]
-    """Which of `duty` acts."""
-    duty: Array
-    """The different inputs, shape (m,)."""
-    rising: NDArray[np.int64]
-    """−1 while an input is held to which the log fell from a higher one, else 1."""
+    dt_s: Array  # How long a row's input acts [s]; 0 after the last
+    index: NDArray[np.int64]  # Which of `duty` acts
+    duty: Array  # The different inputs, shape (m,)
+    rising: NDArray[np.int64]  # −1 while an input is held to which the log fell from a higher one, else 1
     y: Array
-    w: Array
-    """Weights; 0: a row that is not compared."""
+    w: Array  # Weights; 0: a row that is not compared
     idle_known: bool
     starts_idle: bool
-    left: float = 0.0
-    """Squares that no response of these rows can take away."""
+    left: float = 0.0  # Squares that no response of these rows can take away
 
     @property
     def rows(self) -> Samples:
@@ -88,14 +76,10 @@ class Drive:
 class Holds:
     """A log hold by hold, H of them, for the one pass over every sample; an input that moves has one a row."""
 
-    first: NDArray[np.int64]
-    """Rows at which they begin, and the number of rows, (H + 1,)."""
-    index: NDArray[np.int64]
-    """Which of the different inputs acts, (H,)."""
-    duty: Array
-    """The different inputs."""
-    rising: NDArray[np.int64]
-    """−1 where a stepwise input came from above and is not at rest, else 1, (H,)."""
+    first: NDArray[np.int64]  # Rows at which they begin, and the number of rows, (H + 1,)
+    index: NDArray[np.int64]  # Which of the different inputs acts, (H,)
+    duty: Array  # The different inputs
+    rising: NDArray[np.int64]  # −1 where a stepwise input came from above and is not at rest, else 1, (H,)
 
     def rows(self, values: NDArray[np.int64]) -> NDArray[np.int64]:
         """A value a hold as a value a row."""

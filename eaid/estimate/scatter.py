@@ -30,29 +30,21 @@ from eaid.results.fit import Fit
 from eaid.steps.stepset import Level, RunRecord
 
 Mask: TypeAlias = NDArray[np.bool_]
+# Parameters of one level, in the order of every array here; C only where it was free
 NAMES = ("Ts", "tau1", "tau2", "C")
-"""Parameters of one level, in the order of every array here; C only where it was free."""
 CURVES = NAMES[:3]
-MEETING = 1e-4
-"""A limit this close holds a parameter; τ1 and τ2 this close are one."""
-UNDETERMINED = 3.0
-"""Factor up or down from which a parameter counts as not determined."""
-WINDOWS_S = (0.1, 0.3, 1.0, 2.0)
-"""Bartlett windows [s]: from the friction ripple's memory to a third of a rotor turn."""
+MEETING = 1e-4  # A limit this close holds a parameter; τ1 and τ2 this close are one
+UNDETERMINED = 3.0  # Factor up or down from which a parameter counts as not determined
+WINDOWS_S = (0.1, 0.3, 1.0, 2.0)  # Bartlett windows [s]: from the friction ripple's memory to a third of a rotor turn
+# Scores are summed over a tenth of the shortest window before the Bartlett sum; no memory is that short
 BINS_PER_WINDOW = 10
-"""Scores are summed over a tenth of the shortest window before the Bartlett sum; no memory is that short."""
-TERMS = {"Ts": 4, "tau1": 3, "tau2": 3}
-"""Terms of the paper's polynomials, Eqs. (5)–(7)."""
-SPARE_LEVELS = 4
-"""Levels beyond the terms of a curve that are needed to see the scatter of single runs in it."""
-FEW_DEGREES = 4.0
-"""Degrees of freedom given to the noise within single runs, where nothing else is known."""
+TERMS = {"Ts": 4, "tau1": 3, "tau2": 3}  # Terms of the paper's polynomials, Eqs. (5)–(7)
+SPARE_LEVELS = 4  # Levels beyond the terms of a curve that are needed to see the scatter of single runs in it
+FEW_DEGREES = 4.0  # Degrees of freedom given to the noise within single runs, where nothing else is known
+# Degrees of freedom that a level's scatter takes from its neighbourhood: itself and both neighbours where R = 3
 NEIGHBOURS = 4.5
-"""Degrees of freedom that a level's scatter takes from its neighbourhood: itself and both neighbours where R = 3."""
-CHANCE = 0.01
-"""Probability at which independent repeats would be taken for sweeps."""
-SWEPT_LEVELS = 3
-"""Levels at least that show sweeps."""
+CHANCE = 0.01  # Probability at which independent repeats would be taken for sweeps
+SWEPT_LEVELS = 3  # Levels at least that show sweeps
 
 
 def log_jacobian(curve: Friction, time_s: Array, share_free: bool = False) -> Array:
@@ -129,10 +121,8 @@ def run_residuals(runs: Array, fitted: Array, jacobian: Array) -> Array:
 class RunStatistics:
     """One level's k numbers and what its R runs say about them."""
 
-    shift: Array
-    """How far each run alone would move them, shape (R, k); the rows sum to zero."""
-    within: Array
-    """Variance h of a single run's numbers by its own noise, shape (k,)."""
+    shift: Array  # How far each run alone would move them, shape (R, k); the rows sum to zero
+    within: Array  # Variance h of a single run's numbers by its own noise, shape (k,)
 
     @property
     def scatter(self) -> Array:
@@ -167,18 +157,13 @@ def paule_mandel(total: Callable[[float], float], wanted: float, scale: float) -
 class PooledScatter:
     """Scatter of the levels' numbers, k of them, by groups of runs: M levels with repeats, or one of all levels."""
 
+    # a: variance between runs beyond what one run shows within itself, shape (k,); NaN where it cannot be seen
     between: Array
-    """a: variance between runs beyond what one run shows within itself, shape (k,); NaN where it cannot be seen."""
-    expected: Array
-    """Variance of each level's mean as one scatter for all levels gives it, (L, k)."""
-    mixed: Array
-    """How much each group counts for the scatter of each level, (k, L, M)."""
-    relative: Array
-    """Scatter that each group shows, as a part of the expected, (k, M)."""
-    degrees: Array
-    """Degrees of freedom of each group, (M,)."""
-    common: Array
-    """Variance that all levels share because repeats were sweeps, shape (k,); 0 where they were not."""
+    expected: Array  # Variance of each level's mean as one scatter for all levels gives it, (L, k)
+    mixed: Array  # How much each group counts for the scatter of each level, (k, L, M)
+    relative: Array  # Scatter that each group shows, as a part of the expected, (k, M)
+    degrees: Array  # Degrees of freedom of each group, (M,)
+    common: Array  # Variance that all levels share because repeats were sweeps, shape (k,); 0 where they were not
 
 
 def pooled_scatter(levels: Sequence[RunStatistics], usable: Mask | None = None) -> PooledScatter:
@@ -254,8 +239,7 @@ class Scatter:
 
     levels: tuple[Level, ...]
     curves: tuple[Friction, ...]
-    share_free: bool = False
-    """Whether C of each level is a parameter too."""
+    share_free: bool = False  # Whether C of each level is a parameter too
 
     @cached_property
     def jacobians(self) -> tuple[Array, ...]:
@@ -381,12 +365,9 @@ class Noise:
     With A = ∫ J J' dt the within-run variances are the diagonal of A⁻¹ (∫ J J' (s0 + s1 f²) dt) A⁻¹.
     """
 
-    sensor_nm2_s: float
-    """s0: density of noise that does not go with the torque [N²m²·s]."""
-    ripple_s: float
-    """s1: density of noise that goes with the torque, as a share of it [s]."""
-    scatter: tuple[float, float, float]
-    """Run-to-run standard deviation of ln T_s, ln τ1, ln τ2."""
+    sensor_nm2_s: float  # s0: density of noise that does not go with the torque [N²m²·s]
+    ripple_s: float  # s1: density of noise that goes with the torque, as a share of it [s]
+    scatter: tuple[float, float, float]  # Run-to-run standard deviation of ln T_s, ln τ1, ln τ2
 
     def scattered(self, factors: Array) -> "Noise":
         """The same with other scatter of (T_s, τ1, τ2), by factors of shape (3,)."""
@@ -398,8 +379,8 @@ class Noise:
         return self.scattered(np.full(3, float(np.sqrt(degrees / chdtri(degrees, 0.8))) if degrees > 0 else 1.0))
 
 
+# Where a fit says nothing: 0.03 N·m of white noise at 1 kHz, ripple of 1 % with a memory of 0.05 s, 3 % and 5 %
 ASSUMED = Noise(sensor_nm2_s=1e-6, ripple_s=1e-5, scatter=(0.03, 0.05, 0.0))
-"""Where a fit says nothing: 0.03 N·m of white noise at 1 kHz, ripple of 1 % with a memory of 0.05 s, 3 % and 5 %."""
 
 
 @lru_cache(maxsize=1000)

@@ -13,33 +13,27 @@ from scipy.optimize import minimize, nnls
 from eaid.arrays import Array
 from eaid.results.common import Solver, StartCost
 
-NEAR = 1e-9
-"""Slack of a row of A at which it counts as active, beside those that hold the Newton step."""
+NEAR = 1e-9  # Slack of a row of A at which it counts as active, beside those that hold the Newton step
+# Curvature below which nothing determines an unknown: its square root can still be squared and divided by
 TINY = 1e-280
-"""Curvature below which nothing determines an unknown: its square root can still be squared and divided by."""
-MOST = 1e100
-"""Size of a whitened step beyond which there is none: only rounding determines it."""
+MOST = 1e100  # Size of a whitened step beyond which there is none: only rounding determines it
+# A predicted is judged against at least this part of the sum of squared data: beneath it lies rounding
 ROUNDING = 1e-15
-"""A predicted is judged against at least this part of the sum of squared data: beneath it lies rounding."""
 
-Value = Callable[[Array], tuple[float, Array]]
-"""x → cost, gradient (n,)."""
+Value = Callable[[Array], tuple[float, Array]]  # x → cost, gradient (n,)
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
     """Minimise a sum of squares under A x ≥ b."""
 
+    # x → cost, gradient (n,) and its Gauss–Newton matrix, positive semidefinite, (n, n)
     normal: Callable[[Array], tuple[float, Array, Array]]
-    """x → cost, gradient (n,) and its Gauss–Newton matrix, positive semidefinite, (n, n)."""
     A: Array
     b: Array
-    names: Callable[[int], str]
-    """The code of the constraint that a row of A is part of, as in `Solver.at_bounds`."""
-    exact: Callable[[Array], Array] | None = None
-    """x → true second derivatives, (n, n), where they are known."""
-    floor: float = 0.0
-    """Cost below which differences are rounding: `ROUNDING` times the sum of squared data."""
+    names: Callable[[int], str]  # The code of the constraint that a row of A is part of, as in `Solver.at_bounds`
+    exact: Callable[[Array], Array] | None = None  # x → true second derivatives, (n, n), where they are known
+    floor: float = 0.0  # Cost below which differences are rounding: `ROUNDING` times the sum of squared data
 
     def value(self, x: Array) -> tuple[float, Array]:
         """Cost and gradient."""
@@ -161,20 +155,14 @@ def _along(A: Array, b: Array, gradient: Array, curvature: Array) -> Array:
     return np.asarray(d - free.T @ (back.T @ (back @ (free @ (gradient + curvature @ d)))))
 
 
-SETTLED = 1e-12
-"""A solve has ended where the Newton step predicts less than this part of the cost."""
-FTOL = 1e-13
-"""SLSQP's own stopping rule, relative to the cost at the start of the round."""
+SETTLED = 1e-12  # A solve has ended where the Newton step predicts less than this part of the cost
+FTOL = 1e-13  # SLSQP's own stopping rule, relative to the cost at the start of the round
+# Where a Newton step predicts less than a little of the cost, SLSQP stops at a step that gains no more than that
 ENDS, LITTLE = 1.5, 1e-5
-"""Where a Newton step predicts less than a little of the cost, SLSQP stops at a step that gains no more than that."""
-ROUNDS, TRIES = 8, 12
-"""How often SLSQP is begun anew at most, and a round with more rows of A."""
-NEAR_END = 1e-7
-"""A start has come near enough to its end where a Newton step predicts less than this part of the cost."""
-RIVAL = 1e-2
-"""An end this part of the cost above the best is no rival: SLSQP does not go on from it."""
-SAME = 1e-6
-"""Ends whose costs differ by less than this part have found the same minimum."""
+ROUNDS, TRIES = 8, 12  # How often SLSQP is begun anew at most, and a round with more rows of A
+NEAR_END = 1e-7  # A start has come near enough to its end where a Newton step predicts less than this part of the cost
+RIVAL = 1e-2  # An end this part of the cost above the best is no rival: SLSQP does not go on from it
+SAME = 1e-6  # Ends whose costs differ by less than this part have found the same minimum
 
 
 @dataclass(frozen=True, eq=False)
@@ -277,8 +265,7 @@ def ended(ends: Sequence[EndPoint], problem: Problem) -> list[EndPoint]:
     return polished
 
 
-SHIFT = 1e-5
-"""Relative step of the differences that second derivatives come from."""
+SHIFT = 1e-5  # Relative step of the differences that second derivatives come from
 
 
 def with_second_derivatives(problem: Problem) -> Problem:
@@ -294,12 +281,10 @@ def with_second_derivatives(problem: Problem) -> Problem:
     return replace(problem, exact=exact)
 
 
-FINISHED = 1e-15
-"""Polishing ends where the Newton step predicts less than this part of the cost."""
+FINISHED = 1e-15  # Polishing ends where the Newton step predicts less than this part of the cost
+# The last step, too small to be seen in the cost, is taken where it changes no unknown by more than this part
 UNSEEN = 1e-4
-"""The last step, too small to be seen in the cost, is taken where it changes no unknown by more than this part."""
-CONVERGED = 1e-9
-"""A fit has converged where the Newton step would lower the cost by less than this part of it."""
+CONVERGED = 1e-9  # A fit has converged where the Newton step would lower the cost by less than this part of it
 
 
 def polish(

@@ -19,12 +19,9 @@ from eaid.arrays import Array
 from eaid.results.common import Interval
 
 Counts: TypeAlias = NDArray[np.int64]
-NOMINAL = 0.95
-"""Coverage that every interval of eaid claims."""
-FARTHEST = 50.0
-"""Logarithm beyond which an end is none."""
-Degrees: TypeAlias = dict[str, "float | Array"]
-"""Degrees of freedom by parameter; arrays have one entry a level."""
+NOMINAL = 0.95  # Coverage that every interval of eaid claims
+FARTHEST = 50.0  # Logarithm beyond which an end is none
+Degrees: TypeAlias = dict[str, "float | Array"]  # Degrees of freedom by parameter; arrays have one entry a level
 
 
 @overload
@@ -69,18 +66,13 @@ def textbook(residuals: Sequence[Array], parameters: int) -> tuple[float, float]
 class LevelScatter:
     """How T_s, τ1, τ2[, C] of L levels scatter, in logarithms; k of them, shown by M independent groups of runs."""
 
-    expected: Array
-    """Variance of each level's own estimate as one scatter for all levels gives it, (L, k)."""
-    alike: Array
-    """Correlations within a level, (L, k, k)."""
-    mixed: Array
-    """How much each group counts for the scatter of each level, rows of sum 1, (k, L, M)."""
-    relative: Array
-    """Scatter that each group shows, as a part of the expected, (k, M)."""
-    degrees: Array
-    """Degrees of freedom of each group, (M,)."""
+    expected: Array  # Variance of each level's own estimate as one scatter for all levels gives it, (L, k)
+    alike: Array  # Correlations within a level, (L, k, k)
+    mixed: Array  # How much each group counts for the scatter of each level, rows of sum 1, (k, L, M)
+    relative: Array  # Scatter that each group shows, as a part of the expected, (k, M)
+    degrees: Array  # Degrees of freedom of each group, (M,)
+    # Where repeats were sweeps: how far each run alone would move its level's estimate, (R, k) of each level
     shifts: tuple[Array, ...] = ()
-    """Where repeats were sweeps: how far each run alone would move its level's estimate, (R, k) of each level."""
 
     def alone(self, i: int) -> "LevelScatter":
         """The same of one level."""
@@ -103,13 +95,10 @@ class LevelScatter:
 class Influence:
     """How n numbers answer to the levels that they were estimated from."""
 
-    gain: Array
-    """Change of the numbers where the own estimates of a level change, (L, k, n)."""
+    gain: Array  # Change of the numbers where the own estimates of a level change, (L, k, n)
     levels: LevelScatter
-    singles: Array
-    """Independent parts of what levels of a single run contribute, (parts, n)."""
-    single_degrees: float
-    """Degrees of freedom of those."""
+    singles: Array  # Independent parts of what levels of a single run contribute, (parts, n)
+    single_degrees: float  # Degrees of freedom of those
 
     def of(self, rows: Array) -> "Influence":
         """The same for other numbers, whose gradients are `rows`, shape (m, n)."""
@@ -183,8 +172,7 @@ def free_inverse(curvature: Array, held: Array) -> Array:
     return np.asarray(ways @ np.linalg.pinv(ways.T @ curvature @ ways, rcond=1e-13) @ ways.T)
 
 
-OUTWARD = (0.5, 0.8, 1.2, 1.8, 2.7, 4.0, 6.0)
-"""How far out the score test looks for an end, in half-widths."""
+OUTWARD = (0.5, 0.8, 1.2, 1.8, 2.7, 4.0, 6.0)  # How far out the score test looks for an end, in half-widths
 
 
 def rejected(at: Callable[[float], tuple[Array, float] | None]) -> Array | None:

@@ -19,34 +19,23 @@ from eaid.estimate.forms import Model
 from eaid.estimate.points import Points, level_normal
 from eaid.models.parameters import TAU_FLOOR_S
 
-SHARES = (0.3, 0.5, 0.7, 0.85, 0.95)
-"""Where a free C starts from."""
-GRID = 140
-"""Time constants of the table."""
-LONGEST = 30.0
-"""The longest, in records."""
-TRIED = 5
-"""Values tried at each input."""
-BANDS = (0.0, 0.1, 0.35, 1.0, 3.0, LONGEST)
-"""Ends of the ranges of τ2, in records, each of which a search begins in."""
-REACH = (10.0, 4.0, 1.5)
-"""How far up and down from the value before, in each round."""
-MOST = 6
-"""Starts handed on."""
-TOUCHED = 20
-"""Levels that τ2(u) is let touch τ1 at, at every second where there are as many."""
-MOST_LEVELS = 30
-"""Levels that are looked at."""
+SHARES = (0.3, 0.5, 0.7, 0.85, 0.95)  # Where a free C starts from
+GRID = 140  # Time constants of the table
+LONGEST = 30.0  # The longest, in records
+TRIED = 5  # Values tried at each input
+BANDS = (0.0, 0.1, 0.35, 1.0, 3.0, LONGEST)  # Ends of the ranges of τ2, in records, each of which a search begins in
+REACH = (10.0, 4.0, 1.5)  # How far up and down from the value before, in each round
+MOST = 6  # Starts handed on
+TOUCHED = 20  # Levels that τ2(u) is let touch τ1 at, at every second where there are as many
+MOST_LEVELS = 30  # Levels that are looked at
 
 
 @dataclass(frozen=True, eq=False)
 class Table:
     """What the cost of L levels falls by at pairs of time constants."""
 
-    grid: Array
-    """Time constants [s], (K,)."""
-    gain: Array
-    """(L, K, K); [l, i, j] for τ1 = grid[i], τ2 = grid[j]."""
+    grid: Array  # Time constants [s], (K,)
+    gain: Array  # (L, K, K); [l, i, j] for τ1 = grid[i], τ2 = grid[j]
 
     def at(self, tau1: Array, tau2: Array) -> Array:
         """Gain at time constants of each level, (N, L) each, linear in ln τ between those of the grid."""

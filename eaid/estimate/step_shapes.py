@@ -29,12 +29,9 @@ from eaid.steps.stepset import LevelStep, StepSet
 
 Shape = Literal["one", "two", "free", "overshoot"]
 SHAPES: tuple[Shape, ...] = ("one", "two", "free", "overshoot")
-MOST = 3.0
-"""Largest C of an overshoot: beyond, two nearly equal parts of opposite sign imitate other shapes."""
-APART = 2.0
-"""Least τ2/τ1 of an overshoot."""
-SEEN = 0.02
-"""Share of its peak by which an overshoot has to come down within the record."""
+MOST = 3.0  # Largest C of an overshoot: beyond, two nearly equal parts of opposite sign imitate other shapes
+APART = 2.0  # Least τ2/τ1 of an overshoot
+SEEN = 0.02  # Share of its peak by which an overshoot has to come down within the record
 
 
 def curve(p: Array, time_s: Array) -> Array:
@@ -72,15 +69,12 @@ def overshoots(p: Array, window: float) -> bool:
     return bool(s.max() - s[-1] > SEEN * s.max())
 
 
-FEW = 800
-"""Points to which a record is averaged for the choice of a shape; the chosen one is fitted to all samples."""
+FEW = 800  # Points to which a record is averaged for the choice of a shape; the chosen one is fitted to all samples
 GRID = 28
 STARTS = 3
 DELAYS = 20
-LOOKED_AT = 300_000
-"""Half of the values of the curve that are worked out to find a dead time, at most."""
-FAR = 1.0
-"""Distance in ln τ2 from which a start is another."""
+LOOKED_AT = 300_000  # Half of the values of the curve that are worked out to find a dead time, at most
+FAR = 1.0  # Distance in ln τ2 from which a start is another
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,8 +84,7 @@ class AveragedRecord:
     time_s: Array
     output: Array
     weight: Array
-    within: float = 0.0
-    """Sum of squares of the samples about the means that stand for them: no shape takes it away."""
+    within: float = 0.0  # Sum of squares of the samples about the means that stand for them: no shape takes it away
 
 
 def averaged(time_s: Array, y: Array) -> AveragedRecord:
@@ -193,24 +186,18 @@ def _apart(cost: Array, slow: Array) -> list[int]:
     return [best, *(int(one.argmin()) for one in far if np.isfinite(one.min(initial=np.inf)))]
 
 
-BETTER = 10.0
-"""Difference of AICc from which a shape replaces the paper's: 150 to 1."""
+BETTER = 10.0  # Difference of AICc from which a shape replaces the paper's: 150 to 1
+# Share of the RMSE that a shape has to save before it replaces a simpler one; freeing C alone is no small step
 LEAST_SAVED = {"one": 0.05, "two": 0.05, "free": 0.15, "overshoot": 0.05}
-"""Share of the RMSE that a shape has to save before it replaces a simpler one; freeing C alone is no small step."""
+# Which of (change, ln τ1, ln(τ2/τ1), C) a shape leaves free
 FREE: dict[Shape, tuple[int, ...]] = {"one": (0, 1), "two": (0, 1, 2), "free": (0, 1, 2, 3), "overshoot": (0, 1, 2, 3)}
-"""Which of (change, ln τ1, ln(τ2/τ1), C) a shape leaves free."""
-MISSED = 0.1
-"""Share of the change by which the best shape may miss the mean of a sixtieth of the record."""
-LITTLE = 0.5
-"""R² below which a curve explains little."""
+MISSED = 0.1  # Share of the change by which the best shape may miss the mean of a sixtieth of the record
+LITTLE = 0.5  # R² below which a curve explains little
+# Part of the cost by which no further step lowers it: of all starts, of the best of each shape
 COARSE, SETTLED = 1e-4, 1e-12
-"""Part of the cost by which no further step lowers it: of all starts, of the best of each shape."""
-ROUNDS = 20
-"""Pairs of samples between which a dead time is fitted, at most."""
-ROUNDING = 1e-16
-"""Of a sum of squares, as a part of that of the output."""
-LEAST_SHARE = 0.01
-"""Least C of a free shape, and least 1 − C."""
+ROUNDS = 20  # Pairs of samples between which a dead time is fitted, at most
+ROUNDING = 1e-16  # Of a sum of squares, as a part of that of the output
+LEAST_SHARE = 0.01  # Least C of a free shape, and least 1 − C
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,8 +208,7 @@ class _Candidate:
     dead: bool
     p: Array
     sse: float
-    free: tuple[int, ...]
-    """Which of p are fitted."""
+    free: tuple[int, ...]  # Which of p are fitted
 
     @property
     def unknowns(self) -> int:
@@ -463,10 +449,8 @@ def _result(
     )
 
 
-LEAST_TAIL = 1e-6
-"""Part of a step's change below which what it has left is nothing."""
-FEW_STEPS = 3
-"""Steps up to which each is shown by itself, too."""
+LEAST_TAIL = 1e-6  # Part of a step's change below which what it has left is nothing
+FEW_STEPS = 3  # Steps up to which each is shown by itself, too
 
 
 def single_steps(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]:
@@ -508,8 +492,7 @@ def fitted(step: LevelStep, options: FitOptions, tail: "Tail") -> StepShape:
 class Tail:
     """What the steps before a step have left to go, Σ a e^(−t/τ)."""
 
-    parts: tuple[tuple[float, float, float], ...] = ()
-    """a, τ, and the half-width of the 95 % interval of a."""
+    parts: tuple[tuple[float, float, float], ...] = ()  # a, τ, and the half-width of the 95 % interval of a
 
     def taken_from(self, step: LevelStep) -> LevelStep:
         """The step as it would have been behind a hold that had settled."""
@@ -593,16 +576,12 @@ def row_of(step: StepShape) -> FrictionLevel:
 
 
 NAMES = ("change", "tau1", "tau2", "C", "dead_time_s")
-LAGS = 16
-"""Part of the record up to which noise may remember."""
-LONGEST = 1.0
-"""Record lengths beyond which the slow time constant is not quoted, nor the change that rests on it."""
+LAGS = 16  # Part of the record up to which noise may remember
+LONGEST = 1.0  # Record lengths beyond which the slow time constant is not quoted, nor the change that rests on it
+# Record lengths beyond which a slow time constant makes all intervals twice as wide: the tail before is not known
 SHORT = 0.5
-"""Record lengths beyond which a slow time constant makes all intervals twice as wide: the tail before is not known."""
-NEARLY = 4.0
-"""Difference of AICc from which two exponentials are nearly chosen."""
-WIDEST = 3.0
-"""Factor by which an interval of a time constant may reach to either side before it says nothing."""
+NEARLY = 4.0  # Difference of AICc from which two exponentials are nearly chosen
+WIDEST = 3.0  # Factor by which an interval of a time constant may reach to either side before it says nothing
 
 
 def with_interval(

@@ -17,13 +17,13 @@ from eaid.models.trends import FORMS
 from eaid.results.common import Interval
 from eaid.results.fit import Trend
 
+# Rates are looked for up to this many e-folds over the range of x; steeper ones live between two points
 STEEPEST = 40.0
-"""Rates are looked for up to this many e-folds over the range of x; steeper ones live between two points."""
 Form: TypeAlias = Literal["linear", "double-exponential", "merged-exponential"]
 APART = 0.05
 CANCEL = 100.0
-LEAST = {"linear": 3, "double-exponential": 5}
-"""Levels that a form needs: one more than its coefficients."""
+LEAST = {"linear": 3, "double-exponential": 5}  # Levels that a form needs: one more than its coefficients
+# Which value has which trend in which experiment, Tables I and II
 FORMS_OVER: dict[str, dict[str, Form]] = {
     "friction-force": {
         "Ts": "linear",
@@ -33,7 +33,6 @@ FORMS_OVER: dict[str, dict[str, Form]] = {
     },
     "friction-speed": {"Ts": "double-exponential", "tau1": "double-exponential", "tau2": "double-exponential"},
 }
-"""Which value has which trend in which experiment, Tables I and II."""
 
 
 def fit_trend(x: Array, y: Array, over: str, form: Form) -> Trend:

@@ -44,22 +44,18 @@ from eaid.results.fit import Fit, FittedData, Friction, LackOfFit, Uncertainty
 from eaid.results.verdict import judged
 from eaid.steps.stepset import Level, StepSet
 
+# Models that a kind of experiment can be fitted with
 ALLOWED: dict[str, tuple[str, ...]] = {
     "clutch": MODELS,
     "friction-force": ("friction",),
     "friction-speed": ("friction",),
 }
-"""Models that a kind of experiment can be fitted with."""
 
 
-MOST = 1e60
-"""Largest size of a number that a result may hold; its cube is still a number."""
-ODD = 0.01
-"""Probability at which a good repeat would be said to lie off the others."""
-APART = 3.0
-"""Times the distance between the other sweeps that one of them is off."""
-LEAST_OFF = 0.05
-"""Distance in ln τ below which nothing is said of a repeat."""
+MOST = 1e60  # Largest size of a number that a result may hold; its cube is still a number
+ODD = 0.01  # Probability at which a good repeat would be said to lie off the others
+APART = 3.0  # Times the distance between the other sweeps that one of them is off
+LEAST_OFF = 0.05  # Distance in ln τ below which nothing is said of a repeat
 
 
 def quotable(value: Any) -> Any:
@@ -359,8 +355,7 @@ def data_part(stepset: StepSet) -> FittedData:
     )
 
 
-OTHER_SHAPES = {"repeats-miss-alike", "output-decays-under-hold"}
-"""Findings that ask what shape single steps have."""
+OTHER_SHAPES = {"repeats-miss-alike", "output-decays-under-hold"}  # Findings that ask what shape single steps have
 
 
 def given(options: FitOptions, stepset: StepSet) -> FitGiven:

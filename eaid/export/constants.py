@@ -20,6 +20,8 @@ from eaid.replay.controllers import DUTY_TOLERANCE_PCT, OBSERVER_PER_S
 from eaid.replay.plant import plant_parameters
 
 Precision = Literal["double", "single"]
+# P of 1 − e^(−x) = x P(x) on 0…1, lowest power first: Taylor's series in Chebyshev polynomials of 2x − 1, cut after the
+# 13th or 6th
 SERIES: dict[Precision, tuple[float, ...]] = {
     "double": (
         1.0, -0.5, 0.16666666666666657, -0.04166666666666428, 0.008333333333301267, -0.0013888888886311973,
@@ -31,8 +33,6 @@ SERIES: dict[Precision, tuple[float, ...]] = {
         -0.001301107315188573, 0.00012918686680724904,
     ),
 }  # fmt: skip
-"""P of 1 − e^(−x) = x P(x) on 0…1, lowest power first: Taylor's series in Chebyshev polynomials of 2x − 1, cut after
-the 13th or 6th."""
 
 
 def rounded(value: Any, precision: Precision) -> Any:
@@ -85,12 +85,11 @@ def unit_name(text: str) -> str:
     return harmless(re.sub(r"[\"'\\{}<>]", "", text))[:20] or "1"
 
 
+# Of one law, or of the rate's filter
 Constants: TypeAlias = law.PIConstants | law.RCConstants | law.InverseConstants | law.PlantConstants | law.RateConstants
-"""Of one law, or of the rate's filter."""
-SEARCHES = 16
-"""Tries of the inverse's search at most: twelve are the most seen."""
+SEARCHES = 16  # Tries of the inverse's search at most: twelve are the most seen
+# The search ends when it moves the duty by no more than that
 TOLERANCE = {"double": DUTY_TOLERANCE_PCT, "single": 1e-4}
-"""The search ends when it moves the duty by no more than that."""
 
 
 @dataclass(frozen=True)
@@ -99,8 +98,7 @@ class Timing:
 
     dt_s: float
     precision: Precision = "double"
-    duty_on_fault: float = 0.0
-    """Duty while an input is no number, or the state was not made ready."""
+    duty_on_fault: float = 0.0  # Duty while an input is no number, or the state was not made ready
 
     @property
     def rate_filter_hz(self) -> float:
@@ -154,6 +152,7 @@ def rate_constants(timing: Timing) -> law.RateConstants:
     return law.RateConstants(memory, (1.0 - memory) / timing.dt_s)
 
 
+# `law.field` → unit and meaning; with nothing before the dot, what all laws share
 MEANS = {
     "pi.K_P": ("i/o", "proportional gain"),
     "pi.K_I": ("i/(o·s)", "integral gain"),
@@ -197,7 +196,6 @@ MEANS = {
     ".duty_on_fault": ("i", "given while an input is no number; yours to change"),
     ".dt": ("s", "sample time"),
 }
-"""`law.field` → unit and meaning; with nothing before the dot, what all laws share."""
 
 
 @dataclass(frozen=True)

@@ -114,8 +114,8 @@ def _plant(source: Source, laws: tuple[str, ...]) -> Iterator[Finding]:
         yield finding("export-no-release", subject)
 
 
+# Files of an export, beside the sketch that is named as its folder
 NAMES = re.compile(r"eaid_\w+\.\w+|(vectors|check|parameters)\.\w+|Makefile|README\.md")
-"""Files of an export, beside the sketch that is named as its folder."""
 
 
 def is_export(path: Path, ends: bytes) -> bool:
@@ -133,8 +133,7 @@ class ExportFolder:
     laws: tuple[str, ...]
     files: tuple[str, ...]
     dt_s: float
-    findings: tuple[Finding, ...]
-    """What stands at the head of each file, the gravest first."""
+    findings: tuple[Finding, ...]  # What stands at the head of each file, the gravest first
 
 
 def export(

@@ -44,15 +44,13 @@ class Source:
     rc: RCGains | None = None
     pi: PIGains | None = None
     plant: Nonlinear | None = None
-    linear: tuple[float, float, float] | None = None
-    """a0, b0, c0 of the linear model."""
+    linear: tuple[float, float, float] | None = None  # a0, b0, c0 of the linear model
     limits: tuple[float, float] = (0.0, 100.0)
     units: tuple[str, str] = ("%", "N·m")
     rate_hz: float = 1000.0
     pwm_hz: float | None = None
     dead_time_s: float = 0.0
-    origins: tuple[str, ...] = ()
-    """What the numbers came from, with a fingerprint each."""
+    origins: tuple[str, ...] = ()  # What the numbers came from, with a fingerprint each
     gains: Gains | None = None
     fit: Fit | None = None
 
@@ -107,10 +105,8 @@ def _of_gains(gains: Gains) -> Source:
     )  # fmt: skip
 
 
-GO_ON, RESET, START = 0, 1, 2
-"""What comes before a row's step: nothing, a reset, a bumpless start."""
-ROWS = 60
-"""Rows of the longest case."""
+GO_ON, RESET, START = 0, 1, 2  # What comes before a row's step: nothing, a reset, a bumpless start
+ROWS = 60  # Rows of the longest case
 
 
 @dataclass(frozen=True)
@@ -123,18 +119,17 @@ class Vector:
     reference: Any
     rate: Any
     torque: Any
-    duty: Any
-    """Where a bumpless start begins."""
+    duty: Any  # Where a bumpless start begins
     expected: Any
     status: int
 
 
+# Law → init, reset, start, step
 PLAYED: dict[str, tuple[Callable[..., Any], Callable[..., Any], Callable[..., Any], Callable[..., Any]]] = {
     "pi": (reference.integral_init, reference.integral_reset, reference.pi_start, reference.pi_step),
     "rc": (reference.integral_init, reference.integral_reset, reference.rc_start, reference.rc_step),
     "inverse": (reference.inverse_init, reference.inverse_reset, reference.inverse_start, reference.inverse_step),
 }
-"""Law → init, reset, start, step."""
 
 Row = tuple[str, int, float, float, float, float]
 
@@ -246,14 +241,12 @@ class Job:
     timing: Timing
     units: tuple[str, str]
     laws: tuple[str, ...]
+    # Law, and `rate` where there is a controller → its constants of `eaid.export.reference`, rounded
     constants: Mapping[str, Constants]
-    """Law, and `rate` where there is a controller → its constants of `eaid.export.reference`, rounded."""
     vectors: tuple[Vector, ...]
     head: tuple[str, ...]
-    name: str
-    """The folder's name."""
-    top: float
-    """Largest torque of the rig [output unit]."""
+    name: str  # The folder's name
+    top: float  # Largest torque of the rig [output unit]
 
 
 QUICK_FALLS = "the fit's falls between levels are as quick as its release, which an exported plant does not know"
@@ -298,8 +291,7 @@ def constants_of(source: Source, laws: tuple[str, ...], timing: Timing) -> dict[
     return {name: rounded(value, timing.precision) for name, value in made.items()}
 
 
-MOST = {"double": 1e60, "single": 1e15}
-"""Largest constant: its square is a number still."""
+MOST = {"double": 1e60, "single": 1e15}  # Largest constant: its square is a number still
 
 
 def _refuse_what_is_too_large(law: str, constants: Any, precision: str) -> None:

@@ -13,13 +13,10 @@ numpy.float32, and every operation keeps their type.
 import math
 from typing import NamedTuple
 
-NOT_READY, BAD_INPUT, AT_MIN, AT_MAX, WRONG_RATE = 1, 2, 4, 8, 32
-"""Bits of the status."""
-HUGE = 1e9
-"""Inputs beyond it are as bad as NaN."""
+NOT_READY, BAD_INPUT, AT_MIN, AT_MAX, WRONG_RATE = 1, 2, 4, 8, 32  # Bits of the status
+HUGE = 1e9  # Inputs beyond it are as bad as NaN
 TANH_IS_ONE = 19.1
-SPANS, HALVINGS = 40, 60
-"""Doublings and halvings in which a bumpless start finds its integral."""
+SPANS, HALVINGS = 40, 60  # Doublings and halvings in which a bumpless start finds its integral
 
 
 class PlantConstants(NamedTuple):

@@ -36,11 +36,11 @@ RATE = {
 }
 
 
+# Law → the C type of its state
 STATES = {
     "pi": "eaid_integral_state", "rc": "eaid_integral_state", "inverse": "eaid_inverse_state",
     "plant": "eaid_plant_state",
 }  # fmt: skip
-"""Law → the C type of its state."""
 
 
 @cache
@@ -142,8 +142,8 @@ def _jump(job: Job) -> dict[str, str]:
     }
 
 
+# Every file of an export bears it near its beginning, an FMU at its end, vectors.csv its columns instead
 MARK = b", made by eaid "
-"""Every file of an export bears it near its beginning, an FMU at its end, vectors.csv its columns instead."""
 FLAGS = ("-O2", "-std=c99", "-fPIC", "-shared", "-ffp-contract=off", "-fvisibility=hidden")
 
 
@@ -153,8 +153,7 @@ class Variable:
 
     name: str
     causality: str
-    kind: str
-    """Real, Integer or Boolean."""
+    kind: str  # Real, Integer or Boolean
     unit: str
     words: str
     start: str = ""
@@ -284,6 +283,7 @@ def _yaml(job: Job) -> Files:
     yield from _common(job)
 
 
+# Target → the files it makes: name and content
 TARGETS: dict[str, Callable[[Job], Files]] = {
     "c": _c,
     "arduino": _arduino,
@@ -291,4 +291,3 @@ TARGETS: dict[str, Callable[[Job], Files]] = {
     "fmu": _fmu,
     "yaml": _yaml,
 }
-"""Target → the files it makes: name and content."""

@@ -51,9 +51,9 @@ OUTPUTS = (
     Group("N", ("loadcell", "force", "load", "kraft", "kracht", "fuerza")),
     Group("", ("output", "response", "sensor", "measured", "y")),
 )
+# Words in the names of columns that hold a setting, not what was measured or commanded
 SETTINGS = {"limit", "limits", "max", "maximum", "min", "minimum", "offset", "bias", "gain", "threshold", "range",
             "zero", "tare", "rated", "nominal"}  # fmt: skip
-"""Words in the names of columns that hold a setting, not what was measured or commanded."""
 _REFERENCE = {"reference", "ref", "desired", "des", "target", "setpoint", "command", "cmd", "commanded"}
 
 
@@ -62,14 +62,12 @@ class Roles:
     """Column numbers of one table, from 0."""
 
     time: int | None
+    # What may be the input by its name, most likely first; the data decide where there are several
     inputs: tuple[tuple[Kind, int], ...]
-    """What may be the input by its name, most likely first; the data decide where there are several."""
     output: int
     reference: int | None
-    by_user: bool = False
-    """Whether the user named the input."""
-    position: int | None = None
-    """A displacement that goes to and fro, where the user names one."""
+    by_user: bool = False  # Whether the user named the input
+    position: int | None = None  # A displacement that goes to and fro, where the user names one
     findings: tuple[Finding, ...] = ()
 
 
@@ -249,8 +247,7 @@ def default_unit(column: str, groups: Sequence[Group]) -> str:
     return next((group.unit for group in groups if _alike([column], group.names, set())), "")
 
 
-FEWEST = 20
-"""Samples below which a column is too short to step."""
+FEWEST = 20  # Samples below which a column is too short to step
 
 
 def chosen_table(source: str, tables: Sequence[Table], options: ReadOptions) -> tuple[Table, Roles]:

@@ -27,8 +27,8 @@ from eaid.version import __version__
 
 SCHEMA = "eaid/data/1"
 COLUMNS = {"time_s": "time_s", "input": "input", "torque_nm": "output"}
+# Columns that not every run has; each dataset's name and the field of `Run`
 MORE = {"reference_nm": "reference_nm", "position": "position"}
-"""Columns that not every run has; each dataset's name and the field of `Run`."""
 AGAIN = "ingest the logs again"
 
 

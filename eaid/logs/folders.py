@@ -15,13 +15,12 @@ from eaid.logs.table import plain
 from eaid.logs.text import has_table, lines_of
 from eaid.shown import listed
 
+# Endings that a folder of logs also holds and that are no logs: passed over in silence
 SKIPPED = (
     ".md", ".txt~", ".part", ".json", ".png", ".jpg", ".jpeg", ".pdf", ".svg", ".html", ".toml", ".py", ".m", ".slx",
     ".mdl", ".yaml", ".yml", ".docx", ".pptx", ".ini",
 )  # fmt: skip
-"""Endings that a folder of logs also holds and that are no logs: passed over in silence."""
-HEAD = 1 << 16
-"""Bytes of a text by which it is judged."""
+HEAD = 1 << 16  # Bytes of a text by which it is judged
 
 
 def files_of(paths: Iterable[Path], tell: Callable[[str], None] = lambda _: None) -> list[Path]:

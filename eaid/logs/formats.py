@@ -24,6 +24,7 @@ from eaid.errors import DataError
 from eaid.logs.foreign.answer import Answer, Question, received, send
 from eaid.logs.table import Cells, Table
 
+# First bytes of a file that is not read, what it is, and the remedy
 UNREAD: tuple[tuple[bytes, str], ...] = (
     (b"PK\x03\x04", "a ZIP archive or an Excel workbook; unpack it, or save its sheet as CSV"),
     (b"\xd0\xcf\x11\xe0", "an old Excel workbook; save its sheet as CSV"),
@@ -37,7 +38,6 @@ UNREAD: tuple[tuple[bytes, str], ...] = (
     (b"RIFF", "a sound file; export the log as CSV"),
     (b"\xff\xd8\xff", "a picture; export the log as CSV"),
 )
-"""First bytes of a file that is not read, what it is, and the remedy."""
 _UTF_32 = re.compile(rb"\xff\xfe\0\0|\0\0\xfe\xff|([\x20-\x7e]\0{3}){4}|(\0{3}[\x20-\x7e]){4}")
 
 
@@ -45,12 +45,9 @@ class Format(NamedTuple):
     """One row of the table of formats."""
 
     name: str
-    is_it: Callable[[bytes], bool]
-    """Tells it by the first 4 KiB of a file."""
-    reader: str = ""
-    """`module.function` in `foreign`; empty: read, or refused, in this process."""
-    library: str = ""
-    """Library that it takes, where eaid itself does not need it."""
+    is_it: Callable[[bytes], bool]  # Tells it by the first 4 KiB of a file
+    reader: str = ""  # `module.function` in `foreign`; empty: read, or refused, in this process
+    library: str = ""  # Library that it takes, where eaid itself does not need it
 
 
 def is_hdf5(head: bytes) -> bool:
@@ -93,8 +90,8 @@ FORMATS: tuple[Format, ...] = (
     Format("not read", lambda head: unread(head) is not None),
     Format("text", lambda _: True),
 )
+# An HDF5 file read to its end, so that what breaks the HDF5 library does not break this process
 CHECKED = Format("HDF5", is_hdf5, "arrays.read_through")
-"""An HDF5 file read to its end, so that what breaks the HDF5 library does not break this process."""
 
 
 def format_of(head: bytes) -> Format:
@@ -103,8 +100,7 @@ def format_of(head: bytes) -> Format:
 
 
 READER: tuple[str, ...] = (sys.executable, "-P", "-m", "eaid.logs.foreign.answer")
-LONGEST_S = 60.0
-"""Time for any file; a second for every megabyte comes on top [s]."""
+LONGEST_S = 60.0  # Time for any file; a second for every megabyte comes on top [s]
 
 
 class ForeignReader:
@@ -112,8 +108,7 @@ class ForeignReader:
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
-        self.alone = threading.RLock()
-        """Held while one file is read: the process knows one file at a time."""
+        self.alone = threading.RLock()  # Held while one file is read: the process knows one file at a time
 
     def __enter__(self) -> "ForeignReader":
         return self

@@ -18,8 +18,7 @@ from eaid.options import ReadOptions
 if TYPE_CHECKING:
     import pandas as pd
 
-RUN = "run"
-"""Column of a DataFrame with several runs that tells them apart."""
+RUN = "run"  # Column of a DataFrame with several runs that tells them apart
 
 
 def runs_from_frames(frames: "pd.DataFrame | Mapping[str, pd.DataFrame]", options: ReadOptions = PLAIN) -> list[Run]:

@@ -29,22 +29,20 @@ Value = str | float | bool
 Number = Annotated[float, msgspec.Meta(ge=-1e12, le=1e12)]
 
 
+# Options that a manifest may hold, under the names of the command line
 Options = msgspec.defstruct(
     "Options", [(name, (next((kind for kind in (bool, float) if kind in form.parts), str)) | None, None)
      for name, form in forms(ReadOptions).items()],
     frozen=True, forbid_unknown_fields=True, omit_defaults=True,
 )  # fmt: skip
-"""Options that a manifest may hold, under the names of the command line."""
 
 
 class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One log of a manifest."""
 
-    file: str
-    """Its path; in the file itself, beside the manifest."""
+    file: str  # Its path; in the file itself, beside the manifest
     sha256: str | None = None
-    level: Number | None = None
-    """For logs without an input column."""
+    level: Number | None = None  # For logs without an input column
     repeat: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] | None = None
     step_s: Number | None = None
     until_s: Number | None = None
@@ -60,8 +58,7 @@ class Manifest:
     """Options and logs of a folder."""
 
     path: Path
-    options: Mapping[str, Value]
-    """Those that it gives."""
+    options: Mapping[str, Value]  # Those that it gives
     logs: tuple[Entry, ...]
 
     def outside(self) -> list[str]:

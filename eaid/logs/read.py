@@ -22,10 +22,9 @@ from eaid.options import ReadOptions
 from eaid.shown import counted
 
 PLAIN = ReadOptions()
+# Options that do nothing on a dataset, whose columns are known
 OF_COLUMNS = ("columns", "units", "name_pattern", "step_at", "until", "variable", "rate_hz")
-"""Options that do nothing on a dataset, whose columns are known."""
-UNIT_STEPS = (60.0, 3600.0, 86_400.0, 1e3, 1e6, 1e9)
-"""Factors between units of time."""
+UNIT_STEPS = (60.0, 3600.0, 86_400.0, 1e3, 1e6, 1e9)  # Factors between units of time
 SECONDS_ASSUMED = {"unit-assumed", "time-unclear", "time-doubtful"}
 
 

@@ -19,58 +19,39 @@ class Run:
     """One log, or one step of it: shapes (n,), float64, read-only, time strictly rising."""
 
     name: str
-    time_s: Array
-    """Time since the log's first sample [s]: 0 first, so that a stamp of 1.7e9 s costs no digit."""
-    input: Array
-    """Duty, force or speed, in `input_unit`; all NaN where the log has no input column."""
-    output: Array
-    """Torque, or whatever was recorded, in `output_unit`, as measured (baseline not subtracted)."""
+    time_s: Array  # Time since the log's first sample [s]: 0 first, so that a stamp of 1.7e9 s costs no digit
+    input: Array  # Duty, force or speed, in `input_unit`; all NaN where the log has no input column
+    output: Array  # Torque, or whatever was recorded, in `output_unit`, as measured (baseline not subtracted)
     input_unit: str
     output_unit: str
-    source: str
-    """The path as the user gave it."""
+    source: str  # The path as the user gave it
     sha256: str
-    level: float | None = None
-    """Level by the file name or a stored attribute; None: that of `input`."""
+    level: float | None = None  # Level by the file name or a stored attribute; None: that of `input`
     repeat: int | None = None
-    step_s: float | None = None
-    """Step instant [s], on `time_s`, where it was given or stored; None: not known yet."""
-    until_s: float | None = None
-    """End of the active window [s], on `time_s`, where it was given or stored."""
-    baseline: float | None = None
-    """Idle output, where it was stored; None: the mean before the step."""
+    step_s: float | None = None  # Step instant [s], on `time_s`, where it was given or stored; None: not known yet
+    until_s: float | None = None  # End of the active window [s], on `time_s`, where it was given or stored
+    baseline: float | None = None  # Idle output, where it was stored; None: the mean before the step
     edge: Literal["rising", "falling"] = "rising"
-    rest_s: float | None = None
-    """Duration of the rest before the step whose mean its start is [s]; None: not known."""
-    rest_moved: float = 0.0
-    """How far that rest moved, mean of its second half less that of its first, in `output_unit`."""
-    reference_nm: Array | None = None
-    """Torque reference of a closed-loop log [N·m], shape (n,); None: the log has none."""
+    rest_s: float | None = None  # Duration of the rest before the step whose mean its start is [s]; None: not known
+    rest_moved: float = 0.0  # How far that rest moved, mean of its second half less that of its first, in `output_unit`
+    reference_nm: Array | None = None  # Torque reference of a closed-loop log [N·m], shape (n,); None: the log has none
+    # Displacement of a contact that goes to and fro, shape (n,), in `position_unit`; None: the log has none
     position: Array | None = None
-    """Displacement of a contact that goes to and fro, shape (n,), in `position_unit`; None: the log has none."""
     position_unit: str = ""
-    findings: tuple[Finding, ...] = ()
-    """What reading it and finding its step brought up."""
-    kind: Kind | None = None
-    """Experiment, as its columns or its dataset say; None: nothing says it."""
-    apparatus: Apparatus | None = None
-    """Rig, where the file says it."""
-    synthetic: str | None = None
-    """What made the data, where they are not recorded; None: a rig."""
+    findings: tuple[Finding, ...] = ()  # What reading it and finding its step brought up
+    kind: Kind | None = None  # Experiment, as its columns or its dataset say; None: nothing says it
+    apparatus: Apparatus | None = None  # Rig, where the file says it
+    synthetic: str | None = None  # What made the data, where they are not recorded; None: a rig
+    # Input before the step, in `input_unit`: 0 is a step from rest (of a falling edge, where it falls to)
     from_level: float = 0.0
-    """Input before the step, in `input_unit`: 0 is a step from rest (of a falling edge, where it falls to)."""
+    # Output just before the edge, at the end of the hold or of the idle time, in `output_unit`
     held: float | None = None
-    """Output just before the edge, at the end of the hold or of the idle time, in `output_unit`."""
-    dataset: str = ""
-    """The dataset it was read from, as the user gave it; empty: read from `source` itself."""
-    start_s: float = 0.0
-    """The log's own clock at `time_s` = 0 [s]."""
+    dataset: str = ""  # The dataset it was read from, as the user gave it; empty: read from `source` itself
+    start_s: float = 0.0  # The log's own clock at `time_s` = 0 [s]
+    # (role, column) that were read, in the order time, input, output, reference
     taken: tuple[tuple[str, str], ...] = ()
-    """(role, column) that were read, in the order time, input, output, reference."""
-    left: tuple[str, ...] = ()
-    """Columns of the log that were not read."""
-    cut: bool = False
-    """True for one step cut out of a log (or stored so); False: steps are still to be cut out of it."""
+    left: tuple[str, ...] = ()  # Columns of the log that were not read
+    cut: bool = False  # True for one step cut out of a log (or stored so); False: steps are still to be cut out of it
 
     @property
     def where(self) -> str:

@@ -33,12 +33,9 @@ def seconds(stamps: NDArray[Any]) -> Array:
 class BadCell:
     """A cell that is no finite number."""
 
-    row: int
-    """Index into the arrays, from 0."""
-    column: int
-    """Index into `Table.columns`; −1: the whole row (too few or too many cells)."""
-    text: str
-    """What stands there, shortened; empty where nothing does."""
+    row: int  # Index into the arrays, from 0
+    column: int  # Index into `Table.columns`; −1: the whole row (too few or too many cells)
+    text: str  # What stands there, shortened; empty where nothing does
 
 
 @dataclass(frozen=True)
@@ -47,10 +44,9 @@ class Cells:
 
     values: tuple[NDArray[Any], ...]
     bad: tuple[BadCell, ...] = ()
+    # Samples, and their rows of the file, from which on rows go with samples; the first sample is 0
     rows: tuple[tuple[int, int], ...] = ((0, 1),)
-    """Samples, and their rows of the file, from which on rows go with samples; the first sample is 0."""
-    findings: tuple[Finding, ...] = ()
-    """What reading had to do."""
+    findings: tuple[Finding, ...] = ()  # What reading had to do
 
     def row(self, index: int) -> int:
         """Row of the file, counted as an editor counts lines, of one sample."""
@@ -62,22 +58,18 @@ class Cells:
 class Table:
     """What the columns of a table are called, and how to read some of them."""
 
-    name: str
-    """Variable, group or channel group; empty where a file is one table."""
-    columns: tuple[str, ...]
-    """Names as the file has them; empty strings where it has none."""
+    name: str  # Variable, group or channel group; empty where a file is one table
+    columns: tuple[str, ...]  # Names as the file has them; empty strings where it has none
+    # Reads the chosen columns, in the chosen order; columns of other times are brought to those of the first
     load: Callable[[Sequence[int]], Cells]
-    """Reads the chosen columns, in the chosen order; columns of other times are brought to those of the first."""
+    # Unit of each column where the file says it apart from the name; empty strings where not
     units: tuple[str, ...] = ()
-    """Unit of each column where the file says it apart from the name; empty strings where not."""
+    # Sample rates that the file says [Hz], and where in it, for tables without a time column
     rates: tuple[tuple[str, float], ...] = ()
-    """Sample rates that the file says [Hz], and where in it, for tables without a time column."""
-    synthetic: str | None = None
-    """What made the data, where a comment or a property says so."""
-    clock: int | None = None
-    """Column of the time, where the format itself says which it is."""
+    synthetic: str | None = None  # What made the data, where a comment or a property says so
+    clock: int | None = None  # Column of the time, where the format itself says which it is
+    # Columns that hold no numbers (texts, complex numbers, cells), and so cannot be chosen
     dropped: tuple[str, ...] = ()
-    """Columns that hold no numbers (texts, complex numbers, cells), and so cannot be chosen."""
 
     def __post_init__(self) -> None:
         for name in ("columns", "units", "dropped"):

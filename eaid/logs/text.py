@@ -33,25 +33,21 @@ _CLOCK = re.compile(
     r"\s*(?P<noon>AM|PM)?(?:Z|(?P<utc>[+-])(?P<uh>\d{2}):?(?P<um>\d{2}))?$"
 )
 _DATES = ("%Y-%m-%d", "%Y/%m/%d", "%Y.%m.%d", "%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y")
+# A comma that is a decimal mark and cannot be one between thousands
 _DECIMAL = re.compile(r"(?<![\d.,])0+,\d|\d,\d{1,2}(?!\d)|\d,\d{4}")
-"""A comma that is a decimal mark and cannot be one between thousands."""
 LABVIEW = b"LabVIEW Measurement"
-ROWS = 3
-"""Rows of numbers, one below the other, that make a table."""
+ROWS = 3  # Rows of numbers, one below the other, that make a table
 HEAD_BYTES = 1 << 15
-PIECE = 1 << 22
-"""Characters that are read at once."""
+PIECE = 1 << 22  # Characters that are read at once
+# A gzip that unpacks to more than this many times its size is taken for a bomb (recorded logs: about 10)
 MOST_RATIO = 200
-"""A gzip that unpacks to more than this many times its size is taken for a bomb (recorded logs: about 10)."""
-MOST_BAD = 10_000
-"""Bad cells that are listed; a log with more is refused whatever they are."""
+MOST_BAD = 10_000  # Bad cells that are listed; a log with more is refused whatever they are
 
 
 class Marks(NamedTuple):
     """What stands between the cells of a row, and before the decimals of its numbers."""
 
-    delimiter: str | None
-    """None: any white space."""
+    delimiter: str | None  # None: any white space
     decimal: str
 
     def cells(self, line: str, count: int = 0) -> list[str]:
@@ -103,15 +99,11 @@ class Dialect:
     marks: Marks
     columns: tuple[str, ...]
     units: tuple[str, ...]
-    first_line: int
-    """Line of the first row of numbers, from 1."""
-    stamps: tuple[int, ...] = ()
-    """Columns of wall-clock stamps."""
-    rates: tuple[tuple[str, float], ...] = ()
-    """Sample rates that lines above the table say [Hz], and the row."""
+    first_line: int  # Line of the first row of numbers, from 1
+    stamps: tuple[int, ...] = ()  # Columns of wall-clock stamps
+    rates: tuple[tuple[str, float], ...] = ()  # Sample rates that lines above the table say [Hz], and the row
     synthetic: str | None = None
-    remarks: bool = False
-    """True where a row may have a remark behind its cells."""
+    remarks: bool = False  # True where a row may have a remark behind its cells
 
 
 def encoding_of(head: bytes) -> str:

@@ -19,10 +19,9 @@ from eaid.logs.table import Cells, Table, plain
 from eaid.logs.units import LARGEST_NM, Scale, numbers_samples, scale_of, seconds_since_start, split_name, time_unit
 from eaid.options import ReadOptions
 
+# Beyond it, or all below its inverse, numbers are none that a sensor gives, and their squares may be none at all
 LARGEST = 1e100
-"""Beyond it, or all below its inverse, numbers are none that a sensor gives, and their squares may be none at all."""
-SHOWN = 5
-"""Bad rows told one by one; the rest of a kind are counted."""
+SHOWN = 5  # Bad rows told one by one; the rest of a kind are counted
 
 
 def checked(
@@ -137,8 +136,8 @@ def _loaded(source: str, table: Table, wanted: Sequence[int | None]) -> tuple[Ce
 
 
 _BEFORE = re.compile(r"\d[.,ep_-]?$", re.IGNORECASE)
+# What stands beside a number that may be a part of a longer one: 2-5V, 2p5V, 1e2V, 2_5V, 1,000V
 _AFTER = re.compile(r"[.,]?\d|[ep-][+-]?\d|_\d{1,3}(?!\d)", re.IGNORECASE)
-"""What stands beside a number that may be a part of a longer one: 2-5V, 2p5V, 1e2V, 2_5V, 1,000V."""
 _DATED = re.compile(r"(\d{4}([-_.]?)\d\d\2\d\d|\d\d[-_.]\d\d[-_.]\d{4})[-_]$")
 
 

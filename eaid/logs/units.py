@@ -18,8 +18,7 @@ from eaid.errors import DataError, UsageError
 from eaid.findings import Finding, finding
 from eaid.logs.table import Table
 
-LARGEST_NM = 1000.0
-"""Torque beyond any clutch that a bench holds [N·m]: a column of counts, or of another unit."""
+LARGEST_NM = 1000.0  # Torque beyond any clutch that a bench holds [N·m]: a column of counts, or of another unit
 
 
 class Unit(NamedTuple):
@@ -67,8 +66,7 @@ _SPELLINGS = {
     for spelling in spellings.split()
 }
 TIME_UNITS = "s, ms, us, ns, min, h or d"
-TIME_FACTORS = {unit: _SPELLINGS[unit].factor for unit in ("s", "ms", "us", "ns", "min", "h", "d")}
-"""Seconds in each."""
+TIME_FACTORS = {unit: _SPELLINGS[unit].factor for unit in ("s", "ms", "us", "ns", "min", "h", "d")}  # Seconds in each
 _CASE_SENSITIVE = {"MPa": "mpa", "mPa": "", "MNm": "", "MN·m": ""}  # prefixes that case alone tells apart
 _WEIGHED = {"force", "load", "loadcell", "weight", "weighing", "scale", "friction", "tension", "pull", "push", "shear",
             "kraft", "kracht", "fuerza", "last", "cell", "fn", "ft", "thrust"}  # fmt: skip
@@ -100,8 +98,8 @@ def words_of(name: str) -> frozenset[str]:
     return frozenset(re.findall(r"[a-z0-9]+", spaced.lower()))
 
 
+# Names of columns that number the samples
 COUNTERS = {"sample", "samples", "index", "idx", "count", "counter", "frame", "row", "tick", "ticks", "nr", "no", "n"}
-"""Names of columns that number the samples."""
 _BRACKETED = re.compile(r"^(.*?)\s*[\[({]\s*([^\])}]*?)\s*[\])}]\s*$")
 _RATE = re.compile(r"^(.*?)(?:_|\.|\s+in\s+|,\s*|\s+)([^\s_/,.]+/[^\s_/,.]+)$")
 _SPEED = re.compile(r"^(um|µm|mm|cm|m|in|ft)/(s|sec|min|h)$")
@@ -234,14 +232,12 @@ CLOCKS = (
     Clock("100 ns since 1601 (FILETIME)", 1e7, (1.26e10, 1.56e10)),
     Clock("100 ns since the year 1 (.NET)", 1e7, (6.31e10, 6.61e10)),
 )
+# Sample time beyond which a clock without a unit counts not from a fixed day, but in a finer unit from power-up
 SLOWEST_S = 90.0
-"""Sample time beyond which a clock without a unit counts not from a fixed day, but in a finer unit from power-up."""
-FASTEST_HZ = 50_000.0
-"""Sample rate beyond which a clock whose unit nobody gave is warned of."""
-BRIEF_S, QUICK_HZ = 2.0, 2000.0
-"""Span and sample rate of a log that may be one of minutes, if nobody gave the unit."""
+FASTEST_HZ = 50_000.0  # Sample rate beyond which a clock whose unit nobody gave is warned of
+BRIEF_S, QUICK_HZ = 2.0, 2000.0  # Span and sample rate of a log that may be one of minutes, if nobody gave the unit
+# Span beyond which a clock whose unit nobody gave counts no seconds, if it counts whole numbers, or seldom
 LONGEST_S = 3600.0
-"""Span beyond which a clock whose unit nobody gave counts no seconds, if it counts whole numbers, or seldom."""
 
 
 def time_unit(path: str, given: str | None, table: Table, column: int) -> tuple[float | None, float | None]:

@@ -11,8 +11,7 @@ from eaid.arrays import Array
 from eaid.models import friction
 from eaid.models.parameters import Friction, Nonlinear
 
-CHECKED_DUTIES = 101
-"""Equally spaced duties, from the lowest to the highest identified, at which the constraints hold."""
+CHECKED_DUTIES = 101  # Equally spaced duties, from the lowest to the highest identified, at which the constraints hold
 
 
 def time_constants(p: Nonlinear, duty_pct: Array | float) -> tuple[Array, Array]:

@@ -32,10 +32,10 @@ from eaid.options import PlanOptions
 from eaid.results.fit import Fit, FrictionLevel
 from eaid.synth.plants import Plant, clutch, of_fit
 
+# What a width can be wanted of: the curve over the duty, at its worst level
 PARAMETERS = {"Ts": 0, "tau1": 1, "tau2": 2}
-"""What a width can be wanted of: the curve over the duty, at its worst level."""
+# Hold times tried, in units of each level's τ2: a record of about τ2 or less does not determine it
 HOLDS = (1.5, 2.0, 3.0, 4.0)
-"""Hold times tried, in units of each level's τ2: a record of about τ2 or less does not determine it."""
 LEAST_HOLD_S = 5.0
 LEAST_REPEATS, MOST_REPEATS = 3, 20
 
@@ -47,12 +47,9 @@ class Experiment:
     levels: tuple[float, ...]
     hold_s: tuple[float, ...]
     repeats: int
-    half_width_pct: dict[str, float]
-    """At the worst level, of every parameter; infinite where it is not determined."""
-    time_s: float
-    """Time on the rig [s]."""
-    met: bool
-    """Whether every wanted width is reached."""
+    half_width_pct: dict[str, float]  # At the worst level, of every parameter; infinite where it is not determined
+    time_s: float  # Time on the rig [s]
+    met: bool  # Whether every wanted width is reached
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,10 +57,8 @@ class Designer:
     """What an experiment would tell of a model."""
 
     model: Model
-    unknowns: Array
-    """Those of the model, (n,)."""
-    rows: Array
-    """How T_s, τ1, τ2 at the inputs at which widths are wanted go with them, (3, m, n)."""
+    unknowns: Array  # Those of the model, (n,)
+    rows: Array  # How T_s, τ1, τ2 at the inputs at which widths are wanted go with them, (3, m, n)
     noise: Noise
 
     def variances(self, drive: Drive, weight: Array | float = 1.0) -> tuple[Array, Array]:
@@ -95,10 +90,8 @@ class Designer:
         return np.maximum(within, 0.0), (np.einsum("kmi,eij->kmej", g, H @ scattered) ** 2).sum(axis=3)
 
 
-INSTANTS = 60
-"""Of each hold, at which the sensitivities are taken."""
-ENDLESS_S = 1e9
-"""A rest that leaves nothing in the states [s]."""
+INSTANTS = 60  # Of each hold, at which the sensitivities are taken
+ENDLESS_S = 1e9  # A rest that leaves nothing in the states [s]
 
 
 def drive_of_steps(levels: Sequence[float], hold_s: Array) -> Drive:
@@ -164,19 +157,17 @@ def level_sets(known: Sequence[float], most: int) -> list[list[float]]:
     return sets
 
 
-POWER = 0.7
-"""Power of the excess by which a plan is asked for narrower: widths fall faster than their prediction."""
+POWER = 0.7  # Power of the excess by which a plan is asked for narrower: widths fall faster than their prediction
+# Least factor by which a width that was not kept is asked for narrower, and the excess that counts at most
 LEAST, MOST = 1.03, 3.0
-"""Least factor by which a width that was not kept is asked for narrower, and the excess that counts at most."""
-ROUNDS = 6
-"""Times that a plan is made larger."""
+ROUNDS = 6  # Times that a plan is made larger
 
+# Half-width of the 95 % interval at the worst input [%], by parameter; infinite where there is none
 Widths = dict[str, float]
-"""Half-width of the 95 % interval at the worst input [%], by parameter; infinite where there is none."""
 
 
+# An experiment that was designed: `met` says whether its predicted widths, `half_width_pct`, are those wanted
 P = TypeVar("P", bound=Any)
-"""An experiment that was designed: `met` says whether its predicted widths, `half_width_pct`, are those wanted."""
 
 
 def enlarged(
@@ -237,13 +228,10 @@ class FittedRig:
 
     fit: Fit
     plant: Plant
-    levels: Sequence[float]
-    """The identified range of a clutch; the fitted levels of a friction experiment."""
-    share: float
-    """C."""
+    levels: Sequence[float]  # The identified range of a clutch; the fitted levels of a friction experiment
+    share: float  # C
     noise: Noise
-    known: bool
-    """Whether the fit says how noisy the rig is; else the noise is assumed."""
+    known: bool  # Whether the fit says how noisy the rig is; else the noise is assumed
 
     @property
     def degrees(self) -> float:

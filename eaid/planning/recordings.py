@@ -33,10 +33,8 @@ from eaid.steps.stepset import Level
 from eaid.synth.logs import NONE, Disturbance, measured, scatter
 from eaid.synth.plants import Plant
 
-RATE_HZ = 100.0
-"""Samples a second of a simulated recording."""
-MEMORY_S = 0.05
-"""Time constant of its coloured noise [s]."""
+RATE_HZ = 100.0  # Samples a second of a simulated recording
+MEMORY_S = 0.05  # Time constant of its coloured noise [s]
 
 
 def measure(
@@ -89,12 +87,11 @@ def disturbance_of(noise: Noise) -> Disturbance:
     )
 
 
+# Recordings that are simulated of each plan, and the probability that a recording keeps a stated width
 SETS, KEEPING = 14, 0.8
-"""Recordings that are simulated of each plan, and the probability that a recording keeps a stated width."""
+# Findings of a fit that no plan can be trusted on
 OPEN = ("one-level-nonlinear", "parameter-unknown-at-half-the-levels", "no-level-determines-all")
-"""Findings of a fit that no plan can be trusted on."""
-NOTICED = 0.01
-"""Scatter from run to run that is named as what stands in the way of a width."""
+NOTICED = 0.01  # Scatter from run to run that is named as what stands in the way of a width
 
 
 def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Callable[[], None] = lambda: None) -> Plan:

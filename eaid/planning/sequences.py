@@ -22,14 +22,10 @@ from eaid.options import Limits
 from eaid.planning.design import PARAMETERS, Designer
 
 MOST_ENGAGEMENTS = 60
-BLOCKS = 12
-"""Instants of each hold at which the sensitivities are taken."""
-RAMP_S = 0.05
-"""An input whose rate is limited goes in steps this long [s]."""
-COARSE = 4
-"""Steps of a ramp while sequences are compared; the one that is taken has steps of `RAMP_S`."""
-FULL_DUTY = 100.0
-"""Highest input of a rig in %."""
+BLOCKS = 12  # Instants of each hold at which the sensitivities are taken
+RAMP_S = 0.05  # An input whose rate is limited goes in steps this long [s]
+COARSE = 4  # Steps of a ramp while sequences are compared; the one that is taken has steps of `RAMP_S`
+FULL_DUTY = 100.0  # Highest input of a rig in %
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,34 +131,27 @@ def breaks_of(whole: HoldSequence, limits: Limits, most: int = 10**6) -> tuple[t
     return (*merged, (now, 0.0))
 
 
-DUTIES = 10
-"""Duties at which the widths are wanted, from the lowest to the highest."""
-LEVELS = 13
-"""Levels that a sequence chooses from."""
-HOLDS = 9
-"""Holds that it chooses from, log-spaced."""
-POWER = 8
-"""Of the mean that stands for the worst ratio while levels and holds are exchanged."""
-DEGREES = 20.0
-"""Degrees of freedom that a recording's intervals are taken to have."""
+DUTIES = 10  # Duties at which the widths are wanted, from the lowest to the highest
+LEVELS = 13  # Levels that a sequence chooses from
+HOLDS = 9  # Holds that it chooses from, log-spaced
+POWER = 8  # Of the mean that stands for the worst ratio while levels and holds are exchanged
+DEGREES = 20.0  # Degrees of freedom that a recording's intervals are taken to have
 SWEEPS = 2
 ROUNDS = 5
-MARGIN = 0.9
-"""Widths are planned to this part of the wanted ones: those of a recording scatter about the planned."""
+MARGIN = 0.9  # Widths are planned to this part of the wanted ones: those of a recording scatter about the planned
+# Segments whose sensitivities are worked out for one improved sequence, at most: a long one is improved in part
 EFFORT = 150_000
-"""Segments whose sensitivities are worked out for one improved sequence, at most: a long one is improved in part."""
 
 
 @dataclass(frozen=True, eq=False)
 class ExcitationPlan:
     """A sequence, what it costs and what it is to give."""
 
+    # (from when [s], input in the rig's unit), each held until the next; the last entry ends it
     breaks: tuple[tuple[float, float], ...]
-    """(from when [s], input in the rig's unit), each held until the next; the last entry ends it."""
     time_s: float
     engagements: int
-    half_width_pct: dict[str, float]
-    """At the worst duty."""
+    half_width_pct: dict[str, float]  # At the worst duty
     met: bool
 
 

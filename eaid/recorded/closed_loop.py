@@ -28,10 +28,8 @@ from eaid.replay.loop import Inputs, loop_of, reference_rate, rig_numbers
 from eaid.replay.plant import plant_parameters
 from eaid.results.recorded import Loop
 
-LAW_PCT = 80.0
-"""A law that explains less of the duty's changes is none."""
-LEAST_ROWS = 50
-"""Rows off the limits that a law is told by."""
+LAW_PCT = 80.0  # A law that explains less of the duty's changes is none
+LEAST_ROWS = 50  # Rows off the limits that a law is told by
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +38,7 @@ class Law:
 
     gains: PIGains
     fit_pct: float
-    first: int
-    """Row at which the loop was closed."""
+    first: int  # Row at which the loop was closed
 
 
 def run_loop(
@@ -122,8 +119,7 @@ def _tracking_error(log: RecordedLog) -> float | None:
 
 
 ROUNDS = 20
-RENEWED = 2
-"""Instruments one after another."""
+RENEWED = 2  # Instruments one after another
 
 
 def with_instrument(base: Solved, logs: Sequence[RecordedLog]) -> Solved:

@@ -58,10 +58,8 @@ from eaid.steps.levels import wanted_levels
 from eaid.steps.stepset import Level, StepSet
 
 LEAST_ROWS = 10
-FEW_VALUES = 5
-"""Different outputs up to which an input that moves all the time is taken for the output."""
-JUMP = 0.1
-"""A jump, as a part of the largest input."""
+FEW_VALUES = 5  # Different outputs up to which an input that moves all the time is taken for the output
+JUMP = 0.1  # A jump, as a part of the largest input
 FAST_PCT = 20.0
 SATURATED_PCT = 20.0
 CLIPPED_PCT = 5.0
@@ -140,22 +138,17 @@ def _clipped(log: RecordedLog) -> Finding | None:
     return finding("output-saturates", log.name, share_pct=share, limit=top)
 
 
-ALIKE = 1e-3
-"""Inputs that differ by less than this part of the largest are one level."""
-MANY = 60
-"""Levels beyond which inputs count as moving."""
-FEW_LEVELS = 20
-"""Levels that are shown each by itself, at most."""
-TAIL = 0.01
-"""Part of the acting time that a moving input may spend below, and above, the identified range."""
+ALIKE = 1e-3  # Inputs that differ by less than this part of the largest are one level
+MANY = 60  # Levels beyond which inputs count as moving
+FEW_LEVELS = 20  # Levels that are shown each by itself, at most
+TAIL = 0.01  # Part of the acting time that a moving input may spend below, and above, the identified range
 
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
     """What the logs excite."""
 
-    levels: Array
-    """Held levels, or the ends of the range where the inputs move."""
+    levels: Array  # Held levels, or the ends of the range where the inputs move
     low: float
     high: float
     stepwise: bool
@@ -202,10 +195,8 @@ def inputs_of(logs: Sequence[RecordedLog], wanted: tuple[float, float] | None) -
     return Inputs(np.array([low, high]) if high > low else np.array([low]), low, high, False)
 
 
-STRETCHES = 150
-"""Of a long log, each with the rows of its extremes."""
-DIGITS = 6
-"""Of the values that are drawn."""
+STRETCHES = 150  # Of a long log, each with the rows of its extremes
+DIGITS = 6  # Of the values that are drawn
 
 
 def log_parts(solved: Solved, logs: Sequence[RecordedLog]) -> tuple[LogFit, ...]:
@@ -256,13 +247,10 @@ def extremes(rows: Array, stretches: int) -> NDArray[np.intp]:
     return np.unique(np.concatenate(places))
 
 
-STEP_RECORDS = 3.0
-"""Levels' own linear models are of steps of the fitted model, so many of its longest τ2 long …"""
-LONGEST_STEP_S = 60.0
-"""… and no longer than this."""
+STEP_RECORDS = 3.0  # Levels' own linear models are of steps of the fitted model, so many of its longest τ2 long …
+LONGEST_STEP_S = 60.0  # … and no longer than this
 STEP_SAMPLES = 2000
-WIDEST = 10.0
-"""An interval wider than this factor says nothing."""
+WIDEST = 10.0  # An interval wider than this factor says nothing
 
 
 def data_part(
@@ -420,8 +408,8 @@ def release_part(solved: Solved, falls: Sequence[FallTest]) -> Release | None:
     return Release(tau1=tau1, tau2=tau2, C=SHARE if share is None else share)
 
 
+# Cost of a start at rest, over that of one with unknown states, up to which the steps' dead time is believed
 AT_REST = 2.0
-"""Cost of a start at rest, over that of one with unknown states, up to which the steps' dead time is believed."""
 
 
 def fit_whole(stepset: StepSet, options: FitOptions) -> Fit:

@@ -24,13 +24,10 @@ from eaid.replay.plant import PlantParameters, driven, falling_taus, plant_pull,
 from eaid.replay.references import record
 from eaid.results.replay import Metrics, Record
 
-IDLE_ROWS = 10
-"""Fewest rows at zero duty before the first other one that make an idle value."""
-START_ROWS = 20_000
-"""Most rows from which the start of a loaded run is estimated."""
+IDLE_ROWS = 10  # Fewest rows at zero duty before the first other one that make an idle value
+START_ROWS = 20_000  # Most rows from which the start of a loaded run is estimated
 LEAST_ROWS = 10
-TELLS_APART = 50.0
-"""Condition of the two decays below which both parts of the start are estimated."""
+TELLS_APART = 50.0  # Condition of the two decays below which both parts of the start are estimated
 
 
 def _rms(values: Array) -> float:

@@ -34,8 +34,8 @@ from eaid.replay.plant import PlantParameters, plant_parameters, plant_step
 from eaid.results.gains import Gains
 
 G = TypeVar("G", RCGains, PIGains)
+# step(gains, state, reference, reference_rate, torque, dt) → (next state, duty)
 Step = Callable[[Any, Any, float, float, float, float], tuple[Any, float]]
-"""step(gains, state, reference, reference_rate, torque, dt) → (next state, duty)."""
 
 
 @dataclass(frozen=True)
@@ -45,11 +45,10 @@ class Controller:
     name: str
     step: Step
     gains: Any
-    start: Any
-    """State before the first sample."""
+    start: Any  # State before the first sample
+    # The rate it is given leads to the next sample of the reference exactly (forward difference), else it is the
+    # central one
     looks_ahead: bool = False
-    """The rate it is given leads to the next sample of the reference exactly (forward difference), else it is the
-    central one."""
 
     def __post_init__(self) -> None:
         gains = (float(value) if isinstance(value, int) else value for value in self.gains)
@@ -65,13 +64,11 @@ class Controller:
 class Knowledge:
     """What controllers are made from; a part that is missing costs the controllers that need it."""
 
-    plant: Nonlinear
-    """The fitted model."""
-    linear: Linear | None
-    """Of which the open loop is made."""
+    plant: Nonlinear  # The fitted model
+    linear: Linear | None  # Of which the open loop is made
     gains: Gains | None
+    # Range of the actuator [%], for the controllers that have no gains of their own
     limits: tuple[float, float] = (0.0, 100.0)
-    """Range of the actuator [%], for the controllers that have no gains of their own."""
 
 
 class OpenLoopGains(NamedTuple):
@@ -98,24 +95,18 @@ def open_loop_step(
     return state, min(max(wanted, gains.duty_min), gains.duty_max)
 
 
-OBSERVER_PER_S = 30.0
-"""Speed of the observer's two poles [1/s]."""
-DUTY_TOLERANCE_PCT = 1e-12
-"""The search ends when it moves the duty by no more than that."""
-SEARCH_STEPS = 60
-"""Far more than the search takes (four to six)."""
+OBSERVER_PER_S = 30.0  # Speed of the observer's two poles [1/s]
+DUTY_TOLERANCE_PCT = 1e-12  # The search ends when it moves the duty by no more than that
+SEARCH_STEPS = 60  # Far more than the search takes (four to six)
 
 
 class InverseGains(NamedTuple):
     """The model that is inverted, and how fast it follows the measurement."""
 
     plant: PlantParameters
-    observer: float = OBSERVER_PER_S
-    """w [1/s]"""
-    duty_min: float = 0.0
-    """[%]"""
-    duty_max: float = 100.0
-    """[%]"""
+    observer: float = OBSERVER_PER_S  # w [1/s]
+    duty_min: float = 0.0  # [%]
+    duty_max: float = 100.0  # [%]
 
 
 class InverseState(NamedTuple):
@@ -123,10 +114,8 @@ class InverseState(NamedTuple):
 
     x1: float = 0.0
     x2: float = 0.0
-    lack: float = 0.0
-    """d [N·m/s]"""
-    duty: float = 0.0
-    """Duty played last [%], where the next search begins."""
+    lack: float = 0.0  # d [N·m/s]
+    duty: float = 0.0  # Duty played last [%], where the next search begins
 
 
 def duty_for(
@@ -226,10 +215,10 @@ def _open_loop(known: Knowledge) -> Controller:
     )
 
 
+# Name → how it is made; `UsageError` where its gains are missing
 CONTROLLERS: dict[str, Callable[[Knowledge], Controller]] = {
     "rc": partial(_of_gains, "rc", rc_gains, rc_controller),
     "pi": partial(_of_gains, "pi", pi_gains, pi_controller),
     "open-loop": _open_loop,
     "inverse": lambda known: inverse_controller(known.plant, known.limits),
 }
-"""Name → how it is made; `UsageError` where its gains are missing."""

@@ -23,8 +23,7 @@ from eaid.results.replay import Exercise, Head, Metrics, Record, Replay
 from eaid.version import __version__
 
 SCHEMA = "eaid/replay/1"
-LARGEST = 1e30
-"""Size from which no value of a column is believed: figures are drawn in single precision."""
+LARGEST = 1e30  # Size from which no value of a column is believed: figures are drawn in single precision
 AGAIN = "make it again with eaid simulate"
 
 

@@ -29,17 +29,12 @@ class Trace:
     dt_s: float
     time_s: Array
     reference_nm: Array
-    torque_nm: Array
-    """True torque [N·m]."""
-    duty_pct: Array
-    """Duty that the controller gave at each sample [%], within its limits."""
-    limits_pct: tuple[float, float] = (0.0, 100.0)
-    """Duty limits that the controller kept [%]."""
-    measured_nm: Array | None = None
-    """Torque that the controller read [N·m]; None: the true one."""
+    torque_nm: Array  # True torque [N·m]
+    duty_pct: Array  # Duty that the controller gave at each sample [%], within its limits
+    limits_pct: tuple[float, float] = (0.0, 100.0)  # Duty limits that the controller kept [%]
+    measured_nm: Array | None = None  # Torque that the controller read [N·m]; None: the true one
+    # Mean duty on the clutch from each sample to the next [%], where a delay or the PWM makes it differ from `duty_pct`
     applied_pct: Array | None = None
-    """Mean duty on the clutch from each sample to the next [%], where a delay or the PWM makes it differ from
-    `duty_pct`."""
 
     def tracking(self, counted: "slice | NDArray[np.int64]" = slice(None)) -> Tracking:
         """How well the torque follows the reference over the samples that count."""
@@ -50,10 +45,8 @@ class Trace:
 class RigNumbers(NamedTuple):
     """The rig as the loop takes it; floats and integers only."""
 
-    delay: int
-    """[samples]"""
-    pwm_period: float
-    """[samples]; 0: no latching."""
+    delay: int  # [samples]
+    pwm_period: float  # [samples]; 0: no latching
 
 
 def rig_numbers(rig: Rig, dt_s: float) -> RigNumbers:
@@ -82,14 +75,10 @@ def noise(rig: Rig, samples: int, seed: int) -> Array:
 class Inputs(NamedTuple):
     """What a loop meets at each sample; columns of one length."""
 
-    reference: Any
-    """[N·m]"""
-    rate: Any
-    """Slope of the reference [N·m/s]."""
-    disturbance: Any
-    """Noise on what the sensor gives [N·m]."""
-    factor: Any
-    """What the sensor gives of the torque; 1 but for logs that are synthesised."""
+    reference: Any  # [N·m]
+    rate: Any  # Slope of the reference [N·m/s]
+    disturbance: Any  # Noise on what the sensor gives [N·m]
+    factor: Any  # What the sensor gives of the torque; 1 but for logs that are synthesised
 
 
 def loop_of(law: Step, sources: str = "") -> Callable[..., tuple[float, float]]:

@@ -34,8 +34,8 @@ from eaid.replay.references import Reference, measure
 from eaid.results.gains import Tracking
 from eaid.results.replay import Distribution, Metrics, PlantSpread, Worst
 
+# The loop, and where the laws and the plant stand
 MODULES = [loop, *{sys.modules[law.__module__] for name, law in vars(controllers).items() if name.endswith("_step")}]
-"""The loop, and where the laws and the plant stand."""
 for _module in MODULES:
     for _function in vars(_module).values():
         if isfunction(_function) and _function.__module__ == _module.__name__:
@@ -84,8 +84,7 @@ def replay_many(
 
 QUANTILES = (0.0, 0.025, 0.25, 0.5, 0.75, 0.975, 1.0)
 BAND_INSTANTS = 1000
-GIVEN = ("from_nm", "to_nm", "frequency_hz")
-"""What a measurement repeats from its reference; no metric."""
+GIVEN = ("from_nm", "to_nm", "frequency_hz")  # What a measurement repeats from its reference; no metric
 
 
 def montecarlo(

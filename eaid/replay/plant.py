@@ -29,8 +29,7 @@ from eaid.arrays import Array
 from eaid.errors import DataError
 from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
 
-INSTANT = 1e-9
-"""Two instants nearer than this share of a sample are one."""
+INSTANT = 1e-9  # Two instants nearer than this share of a sample are one
 
 
 class PlantParameters(NamedTuple):
@@ -40,14 +39,10 @@ class PlantParameters(NamedTuple):
     tau1: tuple[float, float, float]
     tau2: tuple[float, float, float]
     Ts: tuple[float, float, float, float]
-    u_low: float
-    """Lowest identified duty [%]"""
-    u_high: float
-    """Highest identified duty [%]"""
-    release: tuple[float, float]
-    """(τ1, τ2) of a fall to rest [s]; 0: no release was fitted."""
-    release_below: float
-    """Duty [%] below which a fall goes over to them; infinite: every fall has them."""
+    u_low: float  # Lowest identified duty [%]
+    u_high: float  # Highest identified duty [%]
+    release: tuple[float, float]  # (τ1, τ2) of a fall to rest [s]; 0: no release was fitted
+    release_below: float  # Duty [%] below which a fall goes over to them; infinite: every fall has them
 
 
 def plant_parameters(p: Nonlinear) -> PlantParameters:
@@ -123,10 +118,9 @@ def plant_step(parameters: PlantParameters, x1: float, x2: float, duty: float, d
     return x1 - math.expm1(-dt / tau1) * fast, x2 - math.expm1(-dt / tau2) * slow
 
 
+# (fast part, slow part, input) → target minus state of both [N·m], and the time constant of each [s]
 Pull = Callable[[float, float, float], tuple[float, float, float, float]]
-"""(fast part, slow part, input) → target minus state of both [N·m], and the time constant of each [s]."""
-FEW_ROWS = 8
-"""An input held for fewer rows is followed row by row, which then is faster."""
+FEW_ROWS = 8  # An input held for fewer rows is followed row by row, which then is faster
 
 
 def driven(
@@ -160,14 +154,10 @@ def driven(
 class Held(NamedTuple):
     """Where plant and latch are; at rest, before the first pulse, all is 0."""
 
-    x1: float
-    """Fast part of the torque [N·m]."""
-    x2: float
-    """Slow part [N·m]."""
-    latched: float
-    """Duty that acts [%]."""
-    pulse: int
-    """The next PWM period to begin, at pulse·period samples."""
+    x1: float  # Fast part of the torque [N·m]
+    x2: float  # Slow part [N·m]
+    latched: float  # Duty that acts [%]
+    pulse: int  # The next PWM period to begin, at pulse·period samples
 
 
 def hold_step(plant: PlantParameters, period: float, dt: float, k: int, duty: float, held: Held) -> tuple[Held, float]:

@@ -18,11 +18,9 @@ from eaid.replay import metrics
 from eaid.replay.loop import Trace
 from eaid.results.replay import Metrics, Record, Role
 
-Signal = tuple[Array, Array]
-"""Time [s] and output, shapes (n,) each."""
+Signal = tuple[Array, Array]  # Time [s] and output, shapes (n,) each
 
-MOST_SAMPLES = 20_000_000
-"""Most control samples of one replay."""
+MOST_SAMPLES = 20_000_000  # Most control samples of one replay
 
 
 @dataclass(frozen=True)
@@ -40,10 +38,8 @@ class Reference:
 
     torque_nm: Array
     dt_s: float
-    counted_from_s: float = 0.0
-    """Errors before this instant do not count [s]."""
-    steps: tuple[int, ...] = ()
-    """Samples at which the reference steps; each is measured until the next, or the end."""
+    counted_from_s: float = 0.0  # Errors before this instant do not count [s]
+    steps: tuple[int, ...] = ()  # Samples at which the reference steps; each is measured until the next, or the end
     tones: tuple[Tone, ...] = ()
 
     @property
@@ -186,12 +182,12 @@ def samples_of(duration_s: float, dt_s: float) -> int:
     return n
 
 
+# Name → its reference at an interval and of a length [s], with factors on the paper's torque and frequencies
 SCENARIOS: dict[str, Callable[[float, float | None, float, float], Reference]] = {
     "steps": steps,
     "multisine": multisine,
     "sweep": sweep,
 }
-"""Name → its reference at an interval and of a length [s], with factors on the paper's torque and frequencies."""
 
 
 def reference_of(wanted: str | Signal, dt_s: float, scales: Scales, duration_s: float | None = None) -> Reference:

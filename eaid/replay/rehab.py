@@ -27,10 +27,9 @@ from eaid.replay.plant import Held, PlantParameters, hold_step, plant_terms
 from eaid.replay.references import record, samples_of
 from eaid.results.replay import Box, CycleTest, Exercise, Metrics, ModeMetrics, ModesTest, Normality, Record, SampleTest
 
-MODES = ("soft", "hard", "assisted")
-"""In the order of Fig. 16."""
+MODES = ("soft", "hard", "assisted")  # In the order of Fig. 16
+# Where an elbow ends, overstretched or fully bent; a limb beyond it is a loop that has diverged
 RANGE_DEG = (-10.0, 150.0)
-"""Where an elbow ends, overstretched or fully bent; a limb beyond it is a loop that has diverged."""
 RESISTED_FROM_DEG = 10.0
 
 

@@ -34,8 +34,7 @@ class Setup:
 
     fit: Fit
     plant: PlantParameters
-    known: Knowledge
-    """Of the controllers: the fitted plant among it."""
+    known: Knowledge  # Of the controllers: the fitted plant among it
     controllers: tuple[Controller, ...]
     rig: Rig
     options: SimulateOptions
@@ -81,8 +80,7 @@ def _names(wanted: tuple[str, ...] | None, what: str, known: Knowledge) -> tuple
     return tuple(names), [finding("no-gains", "controllers")]
 
 
-UNSEEN = 0.01
-"""Share of the samples that may lie outside what was identified without a word."""
+UNSEEN = 0.01  # Share of the samples that may lie outside what was identified without a word
 Outcome = tuple[dict[str, Record], Head, list[Finding]]
 
 

@@ -24,8 +24,7 @@ from markupsafe import Markup
 
 from eaid.report.panels import Dash, Line, Panel, Sheet, thinned
 
-POINTS = 800
-"""Points of one line; extremes survive."""
+POINTS = 800  # Points of one line; extremes survive
 BAND_POINTS = 300
 DASHES = {"-": "solid", "--": "dashed", "-.": "dashdot", ":": "dotted"}
 LIGHT = "#D0D0D0"

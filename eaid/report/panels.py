@@ -14,15 +14,13 @@ from eaid.arrays import Array
 from eaid.report.rig import level_text
 from eaid.report.tables import listed, number
 
-COLUMN_IN, PAGE_IN = 3.5, 7.16
-"""Widths of a figure of one and of both columns of a journal [in]."""
+COLUMN_IN, PAGE_IN = 3.5, 7.16  # Widths of a figure of one and of both columns of a journal [in]
 
 # Okabe & Ito, "Color Universal Design" (2008).
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 BLUE, VERMILLION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
 GREY, PALE = "#6E6E6E", "#EEEEEE"
-Dash = str | tuple[int, tuple[int, ...]]
-"""A line's dashes as matplotlib has them; none: ""."""
+Dash = str | tuple[int, tuple[int, ...]]  # A line's dashes as matplotlib has them; none: ""
 
 
 class Stroke(TypedDict, total=False):
@@ -33,8 +31,8 @@ class Stroke(TypedDict, total=False):
     width: float
 
 
+# A model is a thin dark dashed line over the broader, paler line of what was measured: both stay to be seen
 MODEL: Stroke = {"color": BLACK, "dash": (0, (4, 2)), "width": 0.8}
-"""A model is a thin dark dashed line over the broader, paler line of what was measured: both stay to be seen."""
 
 
 @dataclass(frozen=True)
@@ -72,22 +70,17 @@ def over(unit: str) -> Axis:
 class Line:
     """A curve, or points with a marker, perhaps with whiskers; `name` is for legend and pointer, `end` at its end."""
 
-    x: Any
-    """An array, or numbers."""
+    x: Any  # An array, or numbers
     y: Any
     name: str = ""
     color: str = BLACK
     dash: Dash = "-"
-    width: float = 0.9
-    """On paper [pt]."""
+    width: float = 0.9  # On paper [pt]
     marker: str = ""
-    size: float = 3.6
-    """Of the marker [pt]."""
-    fill: str = ""
-    """Of the marker; empty: its colour."""
+    size: float = 3.6  # Of the marker [pt]
+    fill: str = ""  # Of the marker; empty: its colour
     alpha: float = 1.0
-    ends: tuple[Array, Array] | None = None
-    """Lower and upper ends of the whiskers."""
+    ends: tuple[Array, Array] | None = None  # Lower and upper ends of the whiskers
     end: str = ""
 
 
@@ -148,15 +141,11 @@ class Panel:
     bands: Sequence[Band] = ()
     spans: Sequence[Span] = ()
     notes: Sequence[Note] = ()
-    legend: str = ""
-    """Where the names stand: `above` the panel, `beside` it, or `over` all panels; empty: nowhere."""
-    columns: int = 5
-    """Of the legend."""
-    keys: Sequence[Line] = ()
-    """What the legend shows in place of the lines, whose names are then for the pointer alone."""
+    legend: str = ""  # Where the names stand: `above` the panel, `beside` it, or `over` all panels; empty: nowhere
+    columns: int = 5  # Of the legend
+    keys: Sequence[Line] = ()  # What the legend shows in place of the lines, whose names are then for the pointer alone
     title: str = ""
-    tight: bool = True
-    """Whether the lines reach both sides."""
+    tight: bool = True  # Whether the lines reach both sides
     boxes: Sequence[Box] = ()
 
 
@@ -168,14 +157,11 @@ class Sheet:
     height_in: float
     width_in: float = PAGE_IN
     columns: int = 1
-    ratios: tuple[float, ...] = ()
-    """Heights of the rows."""
+    ratios: tuple[float, ...] = ()  # Heights of the rows
     widths: tuple[float, ...] = ()
-    share: tuple[Any, Any] = ("col", False)
-    """Along x and along y: `col`, `row`, all (True) or none (False)."""
+    share: tuple[Any, Any] = ("col", False)  # Along x and along y: `col`, `row`, all (True) or none (False)
     lettered: bool = True
-    live: bool = False
-    """Whether the page has it, of one column, as a plot that can be zoomed."""
+    live: bool = False  # Whether the page has it, of one column, as a plot that can be zoomed
 
 
 @dataclass(frozen=True)
@@ -183,10 +169,8 @@ class Ready:
     """A figure and its words."""
 
     sheet: Sheet
-    sees: str
-    """What is to be seen in it; every claim computed."""
-    title: str = ""
-    """Empty: as in the catalogue, without the paper's number on another rig."""
+    sees: str  # What is to be seen in it; every claim computed
+    title: str = ""  # Empty: as in the catalogue, without the paper's number on another rig
 
 
 @cache
@@ -211,6 +195,7 @@ def level_colours(n: int) -> list[str]:
     return [mpl.colors.to_hex(table(0.34 + 0.66 * i / max(n - 1, 1))) for i in range(n)]
 
 
+# Colour, line and marker of a controller, the same in every figure
 CONTROLLERS: dict[str, tuple[str, Dash, str]] = {
     "rc": (BLUE, "-", "o"),
     "pi": (VERMILLION, "--", "s"),
@@ -219,11 +204,10 @@ CONTROLLERS: dict[str, tuple[str, Dash, str]] = {
     "inverse": (PURPLE, (0, (1, 1)), "D"),
     "rc-no-rate": (ORANGE, (0, (3, 1, 1, 1)), "v"),
 }
-"""Colour, line and marker of a controller, the same in every figure."""
+# Of names that this version does not know
 SPARE: tuple[tuple[str, Dash, str], ...] = (
     (SKY, "--", "P"), (GREY, "-.", "X"), (BLACK, ":", "*"),
 )  # fmt: skip
-"""Of names that this version does not know."""
 
 
 def controller_look(name: str, position: int = 0) -> Stroke:

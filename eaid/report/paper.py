@@ -27,12 +27,9 @@ if TYPE_CHECKING:
     from eaid.results.replay import Replay
 
 DPI = 300
-SMALLEST_PT = 8.0
-"""No letter of a figure is smaller at its printed size [pt]."""
-INDEXED_PT = 8.6
-"""Letters of a text with an index, which matplotlib sets at 0.7 of them."""
-POINTS, BAND_POINTS = 2500, 400
-"""Most points of a curve; extremes survive; and of a band."""
+SMALLEST_PT = 8.0  # No letter of a figure is smaller at its printed size [pt]
+INDEXED_PT = 8.6  # Letters of a text with an index, which matplotlib sets at 0.7 of them
+POINTS, BAND_POINTS = 2500, 400  # Most points of a curve; extremes survive; and of a band
 _LOOK = threading.Lock()
 
 
@@ -80,8 +77,8 @@ def figure_of(sheet: Sheet, mark: str = "") -> Figure:
     return figure
 
 
+# Width of a digit and height of a line at 8 pt, length of a tick and its space [in]
 DIGIT_IN, LINE_IN, TICK_IN = 0.071, 0.167, 0.1
-"""Width of a digit and height of a line at 8 pt, length of a tick and its space [in]."""
 
 
 def _room(axes: Axes, panel: Panel, ticks: tuple[bool, bool]) -> tuple[float, float, float, float]:

@@ -24,11 +24,9 @@ from eaid.results.gains import Gains
 from eaid.results.replay import Replay
 from eaid.steps.stepset import StepSet
 
-SCENARIOS = ("steps", "multisine", "sweep", "reference", "log", "rehab")
-"""The order of the paper, and of the page."""
+SCENARIOS = ("steps", "multisine", "sweep", "reference", "log", "rehab")  # The order of the paper, and of the page
 NEEDED = ("time_s", "reference_nm", "torque_nm", "duty_pct")
-TYPES: dict[str, Any] = {"fit": Fit, "gains": Gains, "couple": Coupling}
-"""Kind of a JSON result → its type."""
+TYPES: dict[str, Any] = {"fit": Fit, "gains": Gains, "couple": Coupling}  # Kind of a JSON result → its type
 T = TypeVar("T")
 
 
@@ -37,8 +35,7 @@ class Given(Generic[T]):
     """A result and where it comes from."""
 
     result: T
-    path: str
-    """What the result is called: its file, as given."""
+    path: str  # What the result is called: its file, as given
     sha256: str = ""
 
 
@@ -111,8 +108,8 @@ class Results:
         return next((str(one) for one in said if one), None)
 
 
+# Kind of experiment → how it is called
 KINDS = {"clutch": "clutch", "friction-force": "friction over force", "friction-speed": "friction over speed"}
-"""Kind of experiment → how it is called."""
 
 
 def gathered(

@@ -5,8 +5,8 @@ from eaid.results.common import Source
 from eaid.results.fit import FittedData, Trend
 from eaid.steps.stepset import StepSet
 
+# Kind → the units in which the paper's own rig was recorded
 PAPER = {"clutch": ("%", "N·m"), "friction-force": ("N", "N·m"), "friction-speed": ("RPM", "N·m")}
-"""Kind → the units in which the paper's own rig was recorded."""
 CONTROLLER_NAMES = {
     "rc": "RC", "pi": "PI", "open-loop": "open loop", "inverse": "model inverse",
     "rc-no-rate": "RC without rate",
@@ -43,39 +43,38 @@ def rising(sources: tuple[Source, ...]) -> tuple[Source, ...]:
     return tuple(one for one in sources if one.edge != "falling")
 
 
+# Parameter → formula as printed (σ in kPa), coefficients, RMSE of the trend
 TABLE_I = {
     "Ts": ("0.0944 σ − 0.0896", (0.0944, -0.0896), 0.323),
     "C_f": ("0.29 e^(−0.000725 σ) − 0.42 e^(−0.337 σ)", (0.29, -0.000725, -0.42, -0.337), 0.0127),
     "tau1": ("6.01 e^(−0.431 σ) + 0.11 e^(0.0492 σ)", (6.01, -0.431, 0.11, 0.0492), 0.277),
     "tau2": ("40.25 e^(−0.219 σ) + 1.37 e^(0.0476 σ)", (40.25, -0.219, 1.37, 0.0476), 2.67),
 }
-"""Parameter → formula as printed (σ in kPa), coefficients, RMSE of the trend."""
 
+# Parameter → formula as printed (Ω in RPM), coefficients, RMSE of the trend
 TABLE_II = {
     "Ts": ("0.349 e^(−0.230 Ω) + 1.042 e^(0.00608 Ω)", (0.349, -0.230, 1.042, 0.00608), 0.0523),
     "tau1": ("0.425 e^(−0.310 Ω) + 0.0498 e^(−0.0150 Ω)", (0.425, -0.310, 0.0498, -0.0150), 0.0020),
     "tau2": ("5.375e5 e^(−0.0507 Ω) − 5.374e5 e^(−0.0507 Ω)", (5.375e5, -0.0507, -5.374e5, -0.0507), 0.850),
 }
-"""Parameter → formula as printed (Ω in RPM), coefficients, RMSE of the trend."""
 
 
+# Table I over the normal stress [kPa]
 OVER_STRESS = {
     name: Trend("linear" if len(known) == 2 else "double-exponential", known).predict
     for name, (_text, known, _rmse) in TABLE_I.items()
 }
-"""Table I over the normal stress [kPa]."""
+# Table II over the rotation speed [RPM]; its τ2 keeps 100 e^(−0.0507 Ω) only, all other digits cancel
 OVER_SPEED = {name: Trend("double-exponential", known).predict for name, (_text, known, _rmse) in TABLE_II.items()}
-"""Table II over the rotation speed [RPM]; its τ2 keeps 100 e^(−0.0507 Ω) only, all other digits cancel."""
 
+# Polynomials of the duty [%], lowest power first
 TABLE_III = {
     "tau1": (6.74e-3, 2.39e-2, -2.13e-4),
     "tau2": (0.93, 0.41, -2.64e-3),
     "Ts": (-1.19e-2, 1.81e-3, -2.97e-5, 1.85e-7),
     "C": (SHARE,),
 }
-"""Polynomials of the duty [%], lowest power first."""
 
 TABLE_IV = {"B_m": 12.4, "B_M": 42.6, "Q_M": 5.0, "phi": 0.05, "epsilon": 0.5, "gamma": 50.0, "K_D": 3.0, "K_P": 4.5}
 
-LINEAR = {"a0": PAPER_LINEAR.a0, "b0": PAPER_LINEAR.b0, "c0": PAPER_LINEAR.c0}
-"""Eq. (8) as printed in §IV-B."""
+LINEAR = {"a0": PAPER_LINEAR.a0, "b0": PAPER_LINEAR.b0, "c0": PAPER_LINEAR.c0}  # Eq. (8) as printed in §IV-B

@@ -16,19 +16,14 @@ from eaid.findings import Finding, finding
 from eaid.steps.noise import block_means, block_noise, line, sample_noise, spikes
 from eaid.steps.plateaus import FEWEST
 
-STEADY = 0.01
-"""Share of a step's change by which the last quarter of a rest may differ from the whole of it."""
-STANDARD_ERRORS = 4.0
-"""Standard errors beyond which a rest counts as moving."""
+STEADY = 0.01  # Share of a step's change by which the last quarter of a rest may differ from the whole of it
+STANDARD_ERRORS = 4.0  # Standard errors beyond which a rest counts as moving
+# Share of a step's change by which a start may be off its rest: τ1 then shifts by about 2 %, no more than the interval
+# that a good record gives it, and a coarse sensor moves in such steps anyway
 FLOOR = 0.02
-"""Share of a step's change by which a start may be off its rest: τ1 then shifts by about 2 %, no more than the interval
-that a good record gives it, and a coarse sensor moves in such steps anyway."""
-CHANCE = 1e-5
-"""Probability at which a rest that lasts until its step counts as left before it."""
-GROUPS = 6
-"""Groups of samples, at least, that tell how far means of so many samples lie apart."""
-BURST = 1.2
-"""The last group of samples is off where it lies this many times as far out as the farthest of the others."""
+CHANCE = 1e-5  # Probability at which a rest that lasts until its step counts as left before it
+GROUPS = 6  # Groups of samples, at least, that tell how far means of so many samples lie apart
+BURST = 1.2  # The last group of samples is off where it lies this many times as far out as the farthest of the others
 SIZES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 512, 1024)
 
 
@@ -59,20 +54,13 @@ def baseline_rule(text: str) -> tuple[str, float, float]:
 class Rest:
     """The rest before a step."""
 
-    value: float
-    """Mean of the rest, or where nothing rests the output just before the step, by a straight line."""
-    start: float
-    """Output just before the step."""
-    rests: bool = True
-    """False where the output moves right up to the step."""
-    lead: int = 0
-    """Samples by which the output leaves its rest before the step."""
-    left_out: int = 0
-    """Spikes that were left out of the mean."""
-    count: int = 1
-    """Samples of the mean."""
-    moved: float = 0.0
-    """Mean of its second half less that of its first."""
+    value: float  # Mean of the rest, or where nothing rests the output just before the step, by a straight line
+    start: float  # Output just before the step
+    rests: bool = True  # False where the output moves right up to the step
+    lead: int = 0  # Samples by which the output leaves its rest before the step
+    left_out: int = 0  # Spikes that were left out of the mean
+    count: int = 1  # Samples of the mean
+    moved: float = 0.0  # Mean of its second half less that of its first
 
     def findings(self, run: str) -> tuple[Finding, ...]:
         """What is to be told of it."""

@@ -16,8 +16,7 @@ from eaid.steps.noise import STANDARD_ERRORS, block_error, idle_density
 from eaid.steps.step import Step, left_pct, lost_pct, slip_of
 from eaid.steps.stepset import Level, RunRecord, StepSet
 
-SMALL = 0.2
-"""Share of the usual change below which a sign of its own is not held against a step."""
+SMALL = 0.2  # Share of the usual change below which a sign of its own is not held against a step
 
 
 def signs_of(runs: Sequence[Run]) -> tuple[dict[str, float], list[Finding]]:

@@ -28,14 +28,10 @@ from eaid.steps.plateaus import FEWEST, tolerance
 from eaid.steps.step import Step, left_pct
 from eaid.steps.stepset import Level
 
-BRIEF = 0.02
-"""Share of a window up to which a stuck sensor is told, and the numbers stand."""
-COARSE = 25
-"""Steps of the sensor's resolution in a change below which its shape cannot be told."""
-FLAT = 0.4
-"""Sharpness from which a rise is cut off and not settling."""
-CREEP = 0.002
-"""Share of its top by which a flat one may still creep over its last quarter."""
+BRIEF = 0.02  # Share of a window up to which a stuck sensor is told, and the numbers stand
+COARSE = 25  # Steps of the sensor's resolution in a change below which its shape cannot be told
+FLAT = 0.4  # Sharpness from which a rise is cut off and not settling
+CREEP = 0.002  # Share of its top by which a flat one may still creep over its last quarter
 SMOOTH = 400
 FEW_ROWS = 100
 
@@ -152,12 +148,9 @@ def isolated_spikes(step: Step) -> Finding | None:
 
 
 FEW = 2 * BLOCKS
-MOVED = 0.05
-"""Share of the swing by which the output may have moved behind a gap or a ramp that the step falls into."""
-FAR = 0.2
-"""Share of the swing from which what it moved during a ramp leaves no time constants to be told."""
-DISAGREE = 0.10
-"""Repeats whose torque at the end differs by more than this share are told."""
+MOVED = 0.05  # Share of the swing by which the output may have moved behind a gap or a ramp that the step falls into
+FAR = 0.2  # Share of the swing from which what it moved during a ramp leaves no time constants to be told
+DISAGREE = 0.10  # Repeats whose torque at the end differs by more than this share are told
 
 
 def _negative(step: Step) -> Finding | None:
@@ -263,6 +256,7 @@ def _several_edges(step: Step) -> Finding | None:
 
 Edge = Literal["rising", "falling"]
 BOTH: tuple[Edge, ...] = ("rising", "falling")
+# Every check of one run, a finding or nothing, and the edges that it is for
 CHECKS: tuple[tuple[Callable[[Step], Finding | None], tuple[Edge, ...]], ...] = (
     (_negative, BOTH),
     (_contradiction, ("rising",)),
@@ -278,7 +272,6 @@ CHECKS: tuple[tuple[Callable[[Step], Finding | None], tuple[Edge, ...]], ...] = 
     (_several_edges, ("rising",)),
     (_left_after_release, ("falling",)),
 )
-"""Every check of one run, a finding or nothing, and the edges that it is for."""
 
 
 def step_warnings(step: Step) -> tuple[Finding, ...]:

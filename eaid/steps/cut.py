@@ -34,8 +34,7 @@ from eaid.steps.plateaus import (
 from eaid.steps.step import Step, sample_at
 from eaid.steps.stepset import LevelStep
 
-UNSETTLED = 0.05
-"""Share of a step's change by which the output may still move before a step from level to level."""
+UNSETTLED = 0.05  # Share of a step's change by which the output may still move before a step from level to level
 NO_STEP = "record the idle time before the step too, or give the step instant with «step_at»"
 
 
@@ -263,8 +262,7 @@ def onset(output: Array) -> int | None:
 
 
 BLOCKS = 4000
-SLOWS = 0.8
-"""Share of its usual speed below which a stroke slows down."""
+SLOWS = 0.8  # Share of its usual speed below which a stroke slows down
 
 
 def cut_reversals(run: Run) -> list[Run]:
@@ -316,8 +314,7 @@ def turns_of(position: Array) -> list[int]:
     return samples
 
 
-WANDERS = 0.15
-"""Range of a measured input, as a share of its median, up to which it is one load that wanders."""
+WANDERS = 0.15  # Range of a measured input, as a share of its median, up to which it is one load that wanders
 
 
 def cut(run: Run, baseline: str = "auto", rest: float = 0.0) -> list[Run]:
@@ -405,8 +402,7 @@ def _ruled(step: Run, baseline: str) -> Run:
     return replace(step, baseline=float(step.output[inside].mean()))
 
 
-MOST_SETTLED = 60
-"""Steps up to which a log that is fitted as it was recorded has each step fitted by itself, too."""
+MOST_SETTLED = 60  # Steps up to which a log that is fitted as it was recorded has each step fitted by itself, too
 
 
 def cut_runs(runs: Sequence[Run], options: ReadOptions) -> tuple[list[Run], list[str]]:

@@ -14,14 +14,10 @@ from eaid.steps.noise import block_means, block_noise, sample_noise
 from eaid.steps.plateaus import BACK, FEWEST, turns
 
 BLOCKS = 400
-QUICK = 0.2
-"""Share of the record that an edge behind the first may take: what comes back slower is drift."""
-MOVES = 0.15
-"""Share of the range that an edge moves within a fiftieth of the record."""
-RESTS = 0.03
-"""Share of the range within which a stretch of a twentieth of the record rests."""
-CLEAR = 14.0
-"""Standard errors of a block mean that the range has to exceed: a turn is then half of them."""
+QUICK = 0.2  # Share of the record that an edge behind the first may take: what comes back slower is drift
+MOVES = 0.15  # Share of the range that an edge moves within a fiftieth of the record
+RESTS = 0.03  # Share of the range within which a stretch of a twentieth of the record rests
+CLEAR = 14.0  # Standard errors of a block mean that the range has to exceed: a turn is then half of them
 
 
 def several_edges(name: str, time_s: Array, output: Array, first_s: float = 0.0) -> Finding | None:

@@ -19,12 +19,9 @@ from eaid.steps.noise import sample_noise
 from eaid.steps.step import Step, usual_step
 from eaid.steps.stepset import Level
 
-CLOSE = 1e-3
-"""Share within which commanded inputs are one level: rounding of what was written."""
-WITHIN = 1e-2
-"""Share within which measured inputs may be one level, where their noise does not tell them apart."""
-TOLD_APART = 10.0
-"""Standard deviations of the input's noise beyond which two holds are two levels."""
+CLOSE = 1e-3  # Share within which commanded inputs are one level: rounding of what was written
+WITHIN = 1e-2  # Share within which measured inputs may be one level, where their noise does not tell them apart
+TOLD_APART = 10.0  # Standard deviations of the input's noise beyond which two holds are two levels
 
 
 def same_level(a: float, b: float, noise: float = math.inf) -> bool:
@@ -98,21 +95,15 @@ def common(members: Sequence[Step]) -> Level:
     return Level(level, read_only(axis), read_only(runs), tuple(member.run.name for member in members))
 
 
-ALL_PAIRS = 60
-"""Runs of a level of which each is compared with each; of more, those next to each other by their means."""
+ALL_PAIRS = 60  # Runs of a level of which each is compared with each; of more, those next to each other by their means
 NEIGHBOURS = 3
-PROBES = (0.9, 0.6, 0.4, 0.75, 0.3)
-"""Places in what two runs have in common that are compared before all of it."""
+PROBES = (0.9, 0.6, 0.4, 0.75, 0.3)  # Places in what two runs have in common that are compared before all of it
+# Samples before and behind a step that are compared: long logs take no more time and memory than that
 BEFORE, BEHIND = 2_000, 20_000
-"""Samples before and behind a step that are compared: long logs take no more time and memory than that."""
-SHORTEST = 20
-"""Samples in common below which nothing is compared."""
-TURNS = -0.3
-"""Correlation of a second difference with the next below which it is of noise: white noise has -0.67."""
-SINGLE = 1e-7
-"""Rounding of a single-precision float."""
-ALIKE = 0.5
-"""Correlation of the noise of two runs from which they are hardly two: that of others is 0 ± 0.1."""
+SHORTEST = 20  # Samples in common below which nothing is compared
+TURNS = -0.3  # Correlation of a second difference with the next below which it is of noise: white noise has -0.67
+SINGLE = 1e-7  # Rounding of a single-precision float
+ALIKE = 0.5  # Correlation of the noise of two runs from which they are hardly two: that of others is 0 ± 0.1
 
 
 @dataclass(frozen=True)
@@ -121,8 +112,7 @@ class _Values:
 
     run: Run
     output: Array
-    at: int
-    """Sample at which its input steps."""
+    at: int  # Sample at which its input steps
 
     @cached_property
     def usual_s(self) -> float:

@@ -13,27 +13,20 @@ from numpy.typing import NDArray
 
 from eaid.arrays import Array, median
 
-BLOCKS = 20
-"""A window is judged by the means of this many equal parts."""
-LONG = 1 << 22
-"""Samples from which medians are taken from stretches of a record only."""
-STANDARD_ERRORS = 5.0
-"""Standard errors beyond which a difference is told."""
-SPIKE = 25.0
-"""Standard deviations of the noise beyond which a single sample is a spike."""
+BLOCKS = 20  # A window is judged by the means of this many equal parts
+LONG = 1 << 22  # Samples from which medians are taken from stretches of a record only
+STANDARD_ERRORS = 5.0  # Standard errors beyond which a difference is told
+SPIKE = 25.0  # Standard deviations of the noise beyond which a single sample is a spike
 IDLE_BLOCK_S = 0.25
-IDLE_BLOCKS = 8
-"""Blocks of `IDLE_BLOCK_S` below which an idle record tells no density."""
+IDLE_BLOCKS = 8  # Blocks of `IDLE_BLOCK_S` below which an idle record tells no density
 
 
 class Line(NamedTuple):
     """A straight line by least squares."""
 
     slope: float
-    error: float
-    """Standard error of the slope, of residuals that are independent."""
-    left: Array
-    """Residuals, shape (n,)."""
+    error: float  # Standard error of the slope, of residuals that are independent
+    left: Array  # Residuals, shape (n,)
 
 
 def line(at: NDArray[Any], values: Array) -> Line:

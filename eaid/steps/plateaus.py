@@ -12,12 +12,9 @@ from eaid.arrays import Array, median
 from eaid.logs.run import Run
 from eaid.steps.noise import sample_noise, sampled, stretches
 
-FEWEST = 10
-"""Samples in the active window below which a step is refused."""
-OFFSET = 0.05
-"""Share of its largest value within which a measured input counts as zero."""
-BACK = 0.5
-"""Share of a range by which values have to come back for a turn."""
+FEWEST = 10  # Samples in the active window below which a step is refused
+OFFSET = 0.05  # Share of its largest value within which a measured input counts as zero
+BACK = 0.5  # Share of a range by which values have to come back for a turn
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,8 @@ from eaid.arrays import Array, median, read_only
 from eaid.logs.run import Run
 from eaid.steps.noise import STANDARD_ERRORS, block_error, block_means, line, sampled
 
-SAME = 2e-3
-"""Share of the sample time within which sample instants count as equal: the rounding of written times."""
-OVER = 0.05
-"""Share by which a peak has to exceed the level after it to be a slip."""
+SAME = 2e-3  # Share of the sample time within which sample instants count as equal: the rounding of written times
+OVER = 0.05  # Share by which a peak has to exceed the level after it to be a slip
 
 
 def usual_step(time_s: Array) -> float:
@@ -47,8 +45,7 @@ class Step:
     """A cut run from its step on: what the checks look at."""
 
     run: Run
-    sign: float = 1.0
-    """Sign that makes the set's torque positive."""
+    sign: float = 1.0  # Sign that makes the set's torque positive
 
     @cached_property
     def start(self) -> int:
@@ -120,18 +117,13 @@ class SlipTest:
     """One slip, in the output's unit; displacements are None where the speed is not known."""
 
     peak: float
-    peak_s: float
-    """Time of the peak since the step [s]."""
-    after: float
-    """Level after the slip: mean of the last quarter."""
-    stiffness_per_s: float
-    """Slope of the loading between 20 and 80 % of the peak [output unit per s]."""
+    peak_s: float  # Time of the peak since the step [s]
+    after: float  # Level after the slip: mean of the last quarter
+    stiffness_per_s: float  # Slope of the loading between 20 and 80 % of the peak [output unit per s]
+    # Displacement from the step to the peak [unit of the position]; None where no position was recorded
     moved: float | None = None
-    """Displacement from the step to the peak [unit of the position]; None where no position was recorded."""
-    stiffness: float | None = None
-    """Slope of the loading over the displacement [output unit per unit of the position]."""
-    unit: str = ""
-    """Unit of the position."""
+    stiffness: float | None = None  # Slope of the loading over the displacement [output unit per unit of the position]
+    unit: str = ""  # Unit of the position
 
 
 def slip_of(step: Step) -> SlipTest | None:

@@ -18,8 +18,7 @@ from eaid.steps.cut import cut
 from eaid.synth.logs import PROTOCOLS, Disturbance, synthesise
 from eaid.synth.plants import REFERENCE
 
-NAMES = tuple(REFERENCE)
-"""clutch, friction-force, friction-speed."""
+NAMES = tuple(REFERENCE)  # clutch, friction-force, friction-speed
 
 
 def write(path: Path, runs: Sequence[Run], force: bool = False) -> None:

@@ -25,14 +25,11 @@ from eaid.replay.plant import driven
 from eaid.synth.logs import Columns, Disturbance, digits, mark, measured, noise, refuse_too_many, run_of, scatter
 from eaid.synth.plants import Plant
 
-PAPER_REFERENCE_NM = (0.6, 3.6)
-"""What a closed loop follows on the reference plant."""
-TONES, PERIODS = 12, 3
-"""Of a multisine."""
+PAPER_REFERENCE_NM = (0.6, 3.6)  # What a closed loop follows on the reference plant
+TONES, PERIODS = 12, 3  # Of a multisine
 
 Draw = np.random.Generator
-Span = tuple[float, float]
-"""The lowest and the highest."""
+Span = tuple[float, float]  # The lowest and the highest
 
 
 def staircase(e: Excitation, span: Span, n: int, _draw: Draw) -> Array:
@@ -96,6 +93,7 @@ def chirp(e: Excitation, span: Span, n: int, _draw: Draw) -> Array:
     return np.asarray(0.5 * (span[0] + span[1]) - 0.5 * (span[1] - span[0]) * np.cos(phase))
 
 
+# Name → (excitation, lowest and highest input, samples, generator) → input of each sample
 KINDS: dict[str, Callable[[Excitation, Span, int, Draw], Array]] = {
     "staircase": staircase,
     "random": random_steps,
@@ -103,7 +101,6 @@ KINDS: dict[str, Callable[[Excitation, Span, int, Draw], Array]] = {
     "multisine": multisine,
     "chirp": chirp,
 }
-"""Name → (excitation, lowest and highest input, samples, generator) → input of each sample."""
 
 
 def reference_of(e: Excitation, span: Span, n: int, draw: Draw) -> Array:

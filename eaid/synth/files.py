@@ -10,13 +10,11 @@ from eaid.logs.run import INPUT_UNITS, Run
 from eaid.replay.references import read_rows
 from eaid.synth.logs import Input
 
+# Input of a plain eaid CSV, by kind,
 PLAIN = {"clutch": "duty_pct", "friction-force": "force_n", "friction-speed": "speed_rpm"}
-"""Input of a plain eaid CSV, by kind,"""
-NAMES = {"clutch": "input", "friction-force": "force", "friction-speed": "speed"}
-"""and its name in another unit."""
+NAMES = {"clutch": "input", "friction-force": "force", "friction-speed": "speed"}  # and its name in another unit
 
-FIRST = "# synthetic: "
-"""Only files that begin so are ever replaced or removed."""
+FIRST = "# synthetic: "  # Only files that begin so are ever replaced or removed
 
 
 def is_synthetic(_path: Path, ends: bytes) -> bool:

@@ -36,8 +36,8 @@ class Disturbance:
     resolution_nm: float = 1 / 1024
 
 
+# The plant alone
 NONE = Disturbance(**{field.name: 0.0 for field in fields(Disturbance) if field.name != "coloured_s"})
-"""The plant alone."""
 
 
 def scatter(d: Disturbance, draw: np.random.Generator) -> Scatter:
@@ -90,18 +90,17 @@ class Protocol:
     rate_hz: float = 1000.0
 
 
+# Defaults of each kind; the levels are the plant's
 PROTOCOLS: dict[str, Protocol] = {
     "clutch": Protocol(levels=()),
     "friction-force": Protocol(levels=(), repeats=2, idle_s=2.0, hold_s=60.0, release_s=0.0),
     "friction-speed": Protocol(levels=(), repeats=2, idle_s=2.0, hold_s=60.0, release_s=0.0),
 }
-"""Defaults of each kind; the levels are the plant's."""
 
 KINDS = tuple(PROTOCOLS)
 
 
-Input = Sequence[tuple[float, float]]
-"""A piecewise constant input: (from when [s], value), the first at 0."""
+Input = Sequence[tuple[float, float]]  # A piecewise constant input: (from when [s], value), the first at 0
 
 
 def synthesise(plant: Plant, protocol: Protocol, disturbance: Disturbance, seed: int) -> list[Run]:
@@ -136,8 +135,7 @@ def synthesise_input(
     return runs
 
 
-Columns = tuple[Array, Array, Array]
-"""Time [s], input and output of a log, shapes (n,)."""
+Columns = tuple[Array, Array, Array]  # Time [s], input and output of a log, shapes (n,)
 
 
 def record(

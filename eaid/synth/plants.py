@@ -23,8 +23,7 @@ from eaid.models.parameters import REFERENCE_PLANT, SHARE, Friction, Nonlinear
 from eaid.replay.plant import Pull, plant_parameters, plant_pull, plant_terms
 from eaid.results.fit import Fit
 
-UNKNOWN = "a.u."
-"""Unit of an input or output whose fit says none: arbitrary units."""
+UNKNOWN = "a.u."  # Unit of an input or output whose fit says none: arbitrary units
 
 
 @dataclass(frozen=True)
@@ -54,16 +53,11 @@ class Plant:
     """A thing to be recorded."""
 
     kind: Kind
-    at: Callable[[float], Friction]
-    """What an input leads to, held for ever."""
-    rotor_rpm: float | None
-    """Rotor speed [RPM] (§III, §IV-A); None: the input is the speed [RPM]."""
-    levels: tuple[float, ...]
-    """Inputs that are recorded unless the user names others, in the input's unit."""
-    made_of: str
-    """What stands behind the numbers, in words."""
-    model: Nonlinear | None = None
-    """The clutch's own model; friction rigs have none."""
+    at: Callable[[float], Friction]  # What an input leads to, held for ever
+    rotor_rpm: float | None  # Rotor speed [RPM] (§III, §IV-A); None: the input is the speed [RPM]
+    levels: tuple[float, ...]  # Inputs that are recorded unless the user names others, in the input's unit
+    made_of: str  # What stands behind the numbers, in words
+    model: Nonlinear | None = None  # The clutch's own model; friction rigs have none
     input_unit: str = "%"
     output_unit: str = "N·m"
 
@@ -135,6 +129,7 @@ def table_ii(speed_rpm: float) -> Friction:
     )
 
 
+# `--plant reference`, by kind: the clutch, the friction rig under weights [N], and at speeds [RPM] under 86 N
 REFERENCE: dict[str, Plant] = {
     "clutch": clutch(),
     "friction-force": Plant(
@@ -145,7 +140,6 @@ REFERENCE: dict[str, Plant] = {
         "Table II as printed, with tau2 = 5.4 exp(-0.0101 RPM) s", input_unit="RPM",
     ),
 }  # fmt: skip
-"""`--plant reference`, by kind: the clutch, the friction rig under weights [N], and at speeds [RPM] under 86 N."""
 
 
 def _unit(text: str) -> str:

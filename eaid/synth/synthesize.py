@@ -12,8 +12,8 @@ from eaid.synth.files import read_input
 from eaid.synth.logs import NONE, PROTOCOLS, Disturbance, Protocol, synthesise, synthesise_input
 from eaid.synth.plants import REFERENCE, Plant, of_fit
 
+# Disturbances in the output's unit: their defaults are scaled to the rig
 ABSOLUTE = ("white_nm", "offset_nm", "resolution_nm")
-"""Disturbances in the output's unit: their defaults are scaled to the rig."""
 
 
 def synthesize(options: SynthOptions, fit: Fit | None = None, named: str = "a fit") -> list[Run]:

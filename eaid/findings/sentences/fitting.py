@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from eaid.findings.row import SYMBOLS, Row, Values, caution, note, stop
 from eaid.shown import listed
 
+# What each constraint of `Solver.at_bounds` says
 CONSTRAINTS = {
     "tau1-floor": "τ1 is at its floor of 1 ms",
     "tau2-meets-tau1": "τ2 has fallen to τ1",
@@ -20,7 +21,6 @@ CONSTRAINTS = {
     "fall-tau2-least": "τ2 of falls is a fiftieth of that of rises",
     "hysteresis-least": "T_s after a fall is a fifth of that after a rise",
 }
-"""What each constraint of `Solver.at_bounds` says."""
 
 
 def _constraint(values: Values) -> str:
@@ -276,12 +276,12 @@ INTERVAL_ROWS: dict[str, Row] = {
 }
 
 
+# Parameter → how inputs have to be held to ask about it
 HOLD = {
     "Ts": "for longer than τ2",
     "tau1": "more often, coming from a lower input",
     "tau2": "for longer than τ2, coming from a lower input",
 }
-"""Parameter → how inputs have to be held to ask about it."""
 
 
 def _falls(v: Values) -> str:

@@ -17,25 +17,19 @@ import numpy as np
 from eaid.errors import DataError
 from eaid.logs.table import Cells, Table
 
-LONGEST_HEAD = 1 << 28
-"""Bytes of a message without its arrays."""
+LONGEST_HEAD = 1 << 28  # Bytes of a message without its arrays
 KINDS = tuple(f"{order}{kind}" for order in "<>|" for kind in ("i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f8"))
-FLOOR = 512 << 20
-"""Memory for any file [bytes], beyond what the process holds before it."""
-MOST_RATIO = 40
-"""Memory for a file, as a multiple of its size (what is recorded packs by about 10)."""
+FLOOR = 512 << 20  # Memory for any file [bytes], beyond what the process holds before it
+MOST_RATIO = 40  # Memory for a file, as a multiple of its size (what is recorded packs by about 10)
 
 
 class Question(msgspec.Struct, frozen=True):
     """A question about a file: its tables, or columns of one of them."""
 
-    reader: str
-    """`module.function` in this folder."""
+    reader: str  # `module.function` in this folder
     path: str
-    source: str
-    """How sentences name the file."""
-    what: str
-    """Its format, in words."""
+    source: str  # How sentences name the file
+    what: str  # Its format, in words
     table: int | None = None
     wanted: tuple[int, ...] = ()
 
@@ -46,8 +40,7 @@ class Answer(msgspec.Struct, frozen=True, omit_defaults=True):
     tables: tuple[Table, ...] = ()
     cells: Cells = Cells(())
     refusal: tuple[str, ...] = ()
-    worn: bool = False
-    """Whether nobody knows what the process still holds: it gets no further question."""
+    worn: bool = False  # Whether nobody knows what the process still holds: it gets no further question
 
 
 M = TypeVar("M", Question, Answer)

@@ -25,14 +25,13 @@ from eaid.errors import DataError
 from eaid.logs.hdf import nodes
 from eaid.logs.table import BadCell, Cells, Table
 
-FEWEST = 10
-"""Rows below which a matrix is no record, but gains and other settings."""
+FEWEST = 10  # Rows below which a matrix is no record, but gains and other settings
 OBJECTS = (
     "holds MATLAB objects (a Simulink Dataset or timeseries) only; in MATLAB, save it as plain arrays: t = S.Time; "
     "y = squeeze(S.Data); save('log.mat', 't', 'y', '-v7') for each signal S of the Dataset"
 )
+# Classes of MATLAB that are numbers; a file of another program says none
 _CLASSES = {"", "double", "single", "logical", *(f"{u}int{n}" for u in ("", "u") for n in (8, 16, 32, 64))}
-"""Classes of MATLAB that are numbers; a file of another program says none."""
 
 
 class Column(NamedTuple):

@@ -19,10 +19,8 @@ from eaid.errors import DataError
 from eaid.logs.foreign.signals import Signal, tables_of_signals
 from eaid.logs.table import Table
 
-MOST_ELEMENTS = 64
-"""Elements of an array that become columns; longer arrays are pictures and scans, not logs."""
-UNITS = {"torque": "N·m", "force": "N"}
-"""Units of geometry_msgs/Wrench, which every ROS message keeps."""
+MOST_ELEMENTS = 64  # Elements of an array that become columns; longer arrays are pictures and scans, not logs
+UNITS = {"torque": "N·m", "force": "N"}  # Units of geometry_msgs/Wrench, which every ROS message keeps
 
 
 @contextmanager

@@ -29,12 +29,9 @@ class Signal:
 
     name: str
     unit: str
-    group: str
-    """Where in the file it stands; empty where there are no groups."""
-    clock: Hashable
-    """Signals of one clock share their times."""
-    load: Callable[[], tuple[Array, Array]]
-    """Times [s] and values, shape (n,) each."""
+    group: str  # Where in the file it stands; empty where there are no groups
+    clock: Hashable  # Signals of one clock share their times
+    load: Callable[[], tuple[Array, Array]]  # Times [s] and values, shape (n,) each
 
 
 def tables_of_signals(source: str, signals: Sequence[Signal]) -> list[Table]:
@@ -146,10 +143,9 @@ def _vectors(columns: Sequence[tuple[Any, str]], wanted: Sequence[int]) -> Cells
     return Cells(tuple(seconds(one) if one.dtype.kind == "M" else one for one in values))
 
 
+# Data types that are integers and floats, either byte order, by major version
 _MDF_NUMBERS = {3: (*range(4), *range(9, 17)), 4: tuple(range(6))}
-"""Data types that are integers and floats, either byte order, by major version."""
-_MDF_FORMULA = {3: 10, 4: 3}
-"""Conversion type of a formula, by major version."""
+_MDF_FORMULA = {3: 10, 4: 3}  # Conversion type of a formula, by major version
 
 
 def read_mdf(path: Path, source: str) -> list[Table]:

@@ -17,14 +17,13 @@ Need = Callable[[Results], Any]
 class Row:
     """One figure of the catalogue."""
 
-    name: str
-    """File name without ending."""
+    name: str  # File name without ending
     title: str
+    # What is given to `describe`, in this order; the figure is left out where one of them is None
     needs: tuple[Need, ...]
-    """What is given to `describe`, in this order; the figure is left out where one of them is None."""
     describe: Callable[..., Ready | None]
+    # Whether it shows the fit of the clutch, or what was made from it; a mark of that fit goes on it then
     of_the_fit: bool = True
-    """Whether it shows the fit of the clutch, or what was made from it; a mark of that fit goes on it then."""
 
     def ready(self, results: Results) -> Ready | None:
         """The figure, or None where its data were not given."""
@@ -46,6 +45,7 @@ _fit, _data, _replay = (partial(methodcaller, name) for name in ("fit", "data_of
 _CLUTCH = _fit("clutch")
 
 
+# In the order of the page
 FIGURES: tuple[Row, ...] = (
     Row("fig02_pwm", "Fig. 2 · One PWM period", (_all,), values.pwm_period, of_the_fit=False),
     Row("fig06_hold_and_release", "Fig. 6 · Output while held and after release",
@@ -70,4 +70,3 @@ FIGURES: tuple[Row, ...] = (
     Row("fig16_rehab", "Fig. 16 · Elbow rehabilitation", (_replay("rehab"),), replays.training),
     Row("fig17_rehab_errors", "Fig. 17 · Position error by mode", (_replay("rehab"),), replays.errors),
 )  # fmt: skip
-"""In the order of the page."""

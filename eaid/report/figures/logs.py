@@ -11,8 +11,7 @@ from eaid.report.panels import Axis, Line, Panel, Ready, Sheet, Span, caption, o
 from eaid.results.fit import Fit
 from eaid.results.recorded import LogCurve, LogFit
 
-MOST = 3
-"""Most logs that are drawn."""
+MOST = 3  # Most logs that are drawn
 
 
 def drawn_logs(logs: Sequence[LogFit]) -> list[LogFit]:

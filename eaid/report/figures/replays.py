@@ -144,14 +144,13 @@ def recorded_input(replay: Replay) -> Ready | None:
     return Ready(Sheet(panels, 0.5 + 1.35 * rows, columns=columns, share=(False, False)), text)
 
 
+# Mode → pale ground and name; the paper's blue, red and green
 MODES = {
     "soft": ("#CFE6F5", "resistive, soft"),
     "hard": ("#F9DCCB", "resistive, hard"),
     "assisted": ("#D3EDE0", "assisted"),
 }
-"""Mode → pale ground and name; the paper's blue, red and green."""
-Stretch = tuple[str, float, float]
-"""One mode: its name, from [s], to [s]."""
+Stretch = tuple[str, float, float]  # One mode: its name, from [s], to [s]
 
 
 def session(replay: Replay) -> tuple[Mapping[str, Array], list[Stretch]] | None:

@@ -19,10 +19,8 @@ from eaid.steps.stepset import LevelStep, StepSet
 
 Model = Callable[[Array], Array]
 T = TypeVar("T")
-LABELLED = 14
-"""Most levels that are named at the ends of their curves, spread over all."""
-DRAWN = 24
-"""Most levels that are drawn: more hide each other."""
+LABELLED = 14  # Most levels that are named at the ends of their curves, spread over all
+DRAWN = 24  # Most levels that are drawn: more hide each other
 
 
 def nonlinear_curves(fit: Fit | None, data: StepSet) -> dict[float, Model]:
@@ -59,10 +57,8 @@ class Curve:
     measured: Array
     text: str
     model: Model | None = None
-    sd: Array | None = None
-    """Half of the band around it; None: no band."""
-    note: str = ""
-    """The model's RMSE."""
+    sd: Array | None = None  # Half of the band around it; None: no band
+    note: str = ""  # The model's RMSE
 
 
 def curves_panel(curves: Sequence[Curve], y: Axis, said: str) -> Panel:
@@ -172,8 +168,7 @@ def linear_model(data: StepSet, fit: Fit) -> Ready | None:
     return Ready(Sheet(panels, 2.9, columns=2, share=(True, True)), text)
 
 
-MOST = 12
-"""Most steps from level to level that are drawn."""
+MOST = 12  # Most steps from level to level that are drawn
 
 
 def level_steps(results: Results) -> Ready | None:

@@ -17,12 +17,11 @@ from eaid.results.fit import CurveLevel, Estimate, Fit, FrictionLevel
 from eaid.results.summary import ENDLESS_S, believed_levels
 
 NAMES = {"Ts": "Steady value T_s", "tau1": "Fast constant τ1", "tau2": "Slow constant τ2"}
+# Colour and line of each estimate of one fit; the one that is used first
 ESTIMATES: tuple[tuple[str, Dash], ...] = (
     (ink.BLUE, "-"), (ink.VERMILLION, "-."), (ink.GREEN, (0, (4, 1, 1, 1, 1, 1))), (ink.PURPLE, (0, (6, 2)))
 )  # fmt: skip
-"""Colour and line of each estimate of one fit; the one that is used first."""
-TALL = 1.6
-"""An interval that reaches beyond so many times its value does not set the axis."""
+TALL = 1.6  # An interval that reaches beyond so many times its value does not set the axis
 
 
 def value_axis(name: str, unit: str, top: float = 0.0) -> Axis:

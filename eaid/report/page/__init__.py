@@ -24,10 +24,8 @@ from eaid.report.tables import Cell, Name, Table, data, fits, gains, listed, rep
 from eaid.shown import counted
 from eaid.version import __version__
 
-OPEN_ROWS = 24
-"""Most rows of a table that stands open."""
-OPEN_FIGURES = 3
-"""Figures of the page's own kind that stand open."""
+OPEN_ROWS = 24  # Most rows of a table that stands open
+OPEN_FIGURES = 3  # Figures of the page's own kind that stand open
 KIND_FIGURES = {
     "clutch": ("recorded_logs", "fig07_nonlinear_model", "level_steps", "model_over_duty",
                "fig08_linear_model", "fig09_shear_per_field"),
@@ -43,8 +41,7 @@ class Drawn:
     name: str
     title: str
     sees: str
-    src: str
-    """The picture, as an address that holds it."""
+    src: str  # The picture, as an address that holds it
     size_px: tuple[int, int]
     live: str = ""
 
@@ -69,12 +66,9 @@ class Block:
     title: str
     figures: tuple[Drawn, ...] = ()
     tables: tuple[Table, ...] = ()
-    findings: tuple[tuple[str, str], ...] = ()
-    """Severity and sentence of each."""
-    lines: tuple[str, ...] = ()
-    """Command lines."""
-    verdict: tuple[str, str] | None = None
-    """Grade and words of a verdict that heads it."""
+    findings: tuple[tuple[str, str], ...] = ()  # Severity and sentence of each
+    lines: tuple[str, ...] = ()  # Command lines
+    verdict: tuple[str, str] | None = None  # Grade and words of a verdict that heads it
     folds: "tuple[Block, ...]" = ()
 
     @property

@@ -7,14 +7,12 @@ from eaid.findings import Finding, merged, ranked, say
 from eaid.report.results import Results
 
 MODELS = {"friction": "friction curves", "nonlinear": "nonlinear model", "linear": "linear model", "release": "release"}
+# Findings of single runs that say how far the model is from them
 ABOUT_THE_CURVE = {"shape-misses", "other-shape-fits-better"}
-"""Findings of single runs that say how far the model is from them."""
-MOST = 3
-"""Findings of a part that are shown; the rest are folded."""
+MOST = 3  # Findings of a part that are shown; the rest are folded
 
 
-Known = Mapping[str, tuple[Finding, ...]]
-"""Part of the page → its findings, the gravest first, those of one code once."""
+Known = Mapping[str, tuple[Finding, ...]]  # Part of the page → its findings, the gravest first, those of one code once
 
 
 def known(results: Results) -> Known:

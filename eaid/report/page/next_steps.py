@@ -8,8 +8,8 @@ from eaid.report.results import Given, Results
 from eaid.report.tables.gains import BEYOND_GAINS, called, conditions_of
 from eaid.results.gains import Gains
 
+# Condition of the guarantee → the option by which tune-rc meets it
 MENDED = {"rho": "--b-hat minimax", "phi": "--phi data", "Q_M": "--reference multisine"}
-"""Condition of the guarantee → the option by which tune-rc meets it."""
 
 
 @dataclass(frozen=True)

@@ -191,11 +191,9 @@ def mark_of(results: Results) -> tuple[str, list[str]] | None:
     return (MARK, told) if told else None
 
 
-SCENARIOS = ("multisine", "reference", "steps")
-"""Replays that are shown, the best first."""
+SCENARIOS = ("multisine", "reference", "steps")  # Replays that are shown, the best first
 WIDTH_IN, HEIGHT_IN = 5.0, 2.5
-SHOWN_S = 20.0
-"""Most of a replay that is shown [s]."""
+SHOWN_S = 20.0  # Most of a replay that is shown [s]
 
 
 def pictures(results: Results) -> list[tuple[str, str, Sheet]]:

@@ -19,8 +19,7 @@ class Name(str):
     __slots__ = ()
 
 
-Cell = str | float | int | bool | None | tuple[float, float]
-"""A text, a number, yes or no, an interval; None is a dash."""
+Cell = str | float | int | bool | None | tuple[float, float]  # A text, a number, yes or no, an interval; None is a dash
 
 
 @dataclass(frozen=True)
@@ -69,10 +68,9 @@ class Table:
         )
 
 
-Head = str | tuple[str, str] | tuple[str, str, int]
-"""Head, unit and digits of a column."""
+Head = str | tuple[str, str] | tuple[str, str, int]  # Head, unit and digits of a column
+# A column: its head, and what it shows of an item: an attribute by name, or a function
 Part = tuple[Head, str | Callable[[T], Cell]]
-"""A column: its head, and what it shows of an item: an attribute by name, or a function."""
 INTERVAL: Head = ("95 % interval", "", 3)
 
 

@@ -6,6 +6,7 @@ from eaid.report.tables import Cell, Table, columns, level, number, table_of
 from eaid.results.coupling import Coupling
 from eaid.results.gains import Condition, Gains, Margin, Margins
 
+# Condition of the guarantee → how it is called, what it says, and why it does not hold
 CONDITIONS = {
     "rho": ("ρ", "the robust term covers the model's error, inequality (15)",
             "ρ covers {a} of the {n} {unit} that the model's error needs"),
@@ -16,9 +17,7 @@ CONDITIONS = {
                    "the robust term asks for {n} {unit}, the actuator has {a}"),
     "dead-time": ("dead time", "the plant answers at once, as the proof supposes", "the plant answers {a} {unit} late"),
 }  # fmt: skip
-"""Condition of the guarantee → how it is called, what it says, and why it does not hold."""
-BEYOND_GAINS = {"duty-limit", "dead-time"}
-"""Conditions that no gains meet."""
+BEYOND_GAINS = {"duty-limit", "dead-time"}  # Conditions that no gains meet
 
 
 def called(condition: Condition) -> str:
