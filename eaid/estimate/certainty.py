@@ -39,7 +39,6 @@ USUAL = 0.03  # Scatter of T_s from run to run [part of it] by which levels are 
 # Probability with which levels that lie on the curve are no further from it than this quantile of F
 BEYOND_CHANCE = 0.999
 CURVED = 0.25  # Half-width of ln τ2 from which the ends of a level's intervals are found by the score test
-SAYS_NOTHING = float(np.log(100.0))  # Logarithm of the factor up or down from which an interval is left out
 
 
 @dataclass(frozen=True, eq=False)

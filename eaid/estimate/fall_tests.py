@@ -10,7 +10,7 @@ Each is an unknown (or two) beside the coefficients; Wald's test with the covari
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import f as f_distribution
+from scipy.special import fdtrc
 
 from eaid.arrays import Array
 from eaid.estimate.from_logs import NOTHING, Solved, finished, with_extras
@@ -140,7 +140,7 @@ def _chance(off: Array, G: Array, uncertainty: Spread) -> float:
     scale = np.sqrt(np.maximum(np.diagonal(V), 1e-300))
     back = np.linalg.pinv(V / np.outer(scale, scale), rcond=1e-10, hermitian=True)
     statistic = float((off / scale) @ back @ (off / scale)) / len(off)
-    return float(f_distribution.sf(statistic, len(off), max(min(degrees), 1.0)))
+    return float(fdtrc(len(off), max(min(degrees), 1.0), statistic))
 
 
 def _as_result(judgements: dict[str, Judged], kept: tuple[str, ...]) -> tuple[FallTest, ...]:

@@ -96,11 +96,6 @@ class Setup:
         return replace(self, drives=tuple(one.every for one in self.copies)) if self.copies else self
 
     @cached_property
-    def drawn(self) -> "Setup":
-        """The same on a sketch, on which many starts are looked at."""
-        return replace(self, drives=tuple(one.sketch for one in self.copies)) if self.copies else self
-
-    @cached_property
     def maps(self) -> tuple[Rows, ...]:
         """What the model makes of each log's inputs."""
         return tuple(self.model.rows_of(drive.duty) for drive in self.drives)
@@ -389,11 +384,11 @@ class Solved:
 
 def solve(setup: Setup) -> Solved:
     """The least-squares unknowns, from our own starts."""
-    sketch = setup.drawn.problem()
-    ends = sorted((approach(sketch, x) for x in starts(setup.drawn, sketch)), key=lambda end: end.cost)
+    near = setup.problem()
+    ends = sorted((approach(near, x) for x in starts(setup, near)), key=lambda end: end.cost)
     reach = NEAR if all(one.log.stepwise for one in setup.copies) else np.inf  # averages have errors of their own
-    near = [end for end in ends if end.cost <= (1 + reach) * ends[0].cost + sketch.floor]
-    kept = {f"{end.cost:.5g}": end.x for end in reversed(near)}  # one of each cost
+    rivals = [end for end in ends if end.cost <= (1 + reach) * ends[0].cost + near.floor]
+    kept = {f"{end.cost:.5g}": end.x for end in reversed(rivals)}  # one of each cost
     return finished(setup, [*kept.values()], sum(end.evaluations for end in ends), [end.cost for end in ends])
 
 
@@ -406,10 +401,10 @@ def finished(setup: Setup, begin: Sequence[Array], tried: int = 0, costs: Sequen
     if not held:  # copies are averages, and their ends near ones
         near = setup.every.problem()
         ends = [approach(near, end.x) for end in ends]
-    end, predicted, active = polish(near, least_slow(setup, ends), near.value, finished=SETTLED)
+    end, predicted, active = polish(near, least_slow(setup, ends), finished=SETTLED)
     if predicted > CONVERGED:  # far from a parabola
-        near = with_second_derivatives(setup.problem())
-        end, predicted, active = polish(near, slsqp(near, end), near.value, steps=LONG_WAY, finished=SETTLED)
+        near = with_second_derivatives(near)
+        end, predicted, active = polish(near, slsqp(near, end), steps=LONG_WAY, finished=SETTLED)
     evaluations = tried + sum(one.evaluations for one in ends) + end.evaluations
     solver = judged(predicted, evaluations, costs or [one.cost for one in ends], [near.names(i) for i in active])
     return Solved(setup, end.x, end.cost, solver)

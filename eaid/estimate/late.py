@@ -16,13 +16,13 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
-from scipy.stats import t as student
 
 from eaid.arrays import Array, scaled_inverse
 from eaid.estimate.from_logs import Setup, Solved
 from eaid.estimate.record import RecordedLog
 from eaid.estimate.response import Copies, Drive
 from eaid.estimate.solver import EndPoint, approach
+from eaid.estimate.spread import t_quantile
 from eaid.findings import Finding, finding
 
 MOST = 3  # Rows that are looked for one by one
@@ -100,7 +100,7 @@ def delay_of(base: Solved, index: int, log: RecordedLog) -> int:
         if further_step[0] * step < 0 and abs(further_step[0]) >= abs(step):
             break
         rows, (step, sd) = further, further_step
-    least = max(LEAST_ROWS[log.stepwise], float(student.isf(CHANCE / 2, STRETCHES - 1)) * sd)
+    least = max(LEAST_ROWS[log.stepwise], t_quantile(STRETCHES - 1.0, 1 - CHANCE) * sd)
     return rows if abs(rows + step) >= least else 0
 
 

@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import t as student
 
 from eaid.arrays import Array, scaled_inverse
 from eaid.estimate.forms import RECORDS_FREE
@@ -21,7 +20,7 @@ from eaid.estimate.friction import HELD_BY
 from eaid.estimate.from_logs import Setup, Solved, idle_of
 from eaid.estimate.noise import Lines, Piece, Scatter, by_spectrum, piece_of, scatter_of
 from eaid.estimate.solver import approach, newton_step
-from eaid.estimate.spread import free_inverse, rejected
+from eaid.estimate.spread import free_inverse, rejected, t_quantile
 from eaid.findings import Finding, finding
 
 SEEN = 2e-3  # Gains of engagements that noise makes so different more rarely than this scatter
@@ -58,7 +57,7 @@ class Spread:
     def of(self, gradient: Array) -> float:
         """Half-width of the 95 % interval of a function with that gradient."""
         variance, degrees = self.variance(gradient)
-        return float(student.ppf(0.975, degrees) * variance**0.5)
+        return t_quantile(degrees) * float(np.sqrt(variance))
 
     @property
     def covariance(self) -> Array:

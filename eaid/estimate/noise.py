@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from eaid.arrays import Array
 from eaid.estimate.from_logs import Solved, idle_of
@@ -206,7 +206,7 @@ def scatter_of(solved: Solved) -> Scatter:
     s0, s1 = densities(cleaned, outputs, steps)
     own = np.maximum((s0 * T2 + s1 * T4) / T2**2, 1e-300)
     mean = float((gamma / own).sum() / (1 / own).sum())
-    chance = float(chi2.sf(float(((gamma - mean) ** 2 / own).sum()), len(gamma) - 1))
+    chance = float(chdtrc(len(gamma) - 1, float(((gamma - mean) ** 2 / own).sum())))
     gain = max(float(gamma.var(ddof=1)) - float(own.mean()), 0.0) ** 0.5
     return Scatter(s0, s1, gain, len(gamma), chance, tuple(cleaned))
 

@@ -44,7 +44,6 @@ def acting_tau(tau: float, off: float, rest: float, at_rest: float, factor: floa
 
 
 MOVING_ROWS = 6_000  # Blocks of an input that moves all the time, at most
-SKETCH_ROWS = 2_000  # The same of a copy on which many starts are looked at
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,12 +120,7 @@ class Copies:
     @cached_property
     def small(self) -> Drive:
         """Some thousand rows that cost what the log costs, exactly where its input is held."""
-        return compressed(self) if self.log.stepwise else averaged(self, MOVING_ROWS)
-
-    @cached_property
-    def sketch(self) -> Drive:
-        """Fewer rows of an input that moves, on which many starts are looked at."""
-        return self.small if self.log.stepwise else averaged(self, SKETCH_ROWS)
+        return compressed(self) if self.log.stepwise else averaged(self)
 
 
 def compressed(copies: Copies) -> Drive:
@@ -147,13 +141,13 @@ def compressed(copies: Copies) -> Drive:
     )  # fmt: skip
 
 
-def averaged(copies: Copies, rows: int) -> Drive:
+def averaged(copies: Copies) -> Drive:
     """A log whose input moves all the time, over equal blocks: each the mean output at its middle, the mean input."""
     log, y = copies.log, copies.above
     n = len(log.input)
-    if n <= rows or not np.isfinite(y).all():
+    if n <= MOVING_ROWS or not np.isfinite(y).all():
         return copies.every
-    starts = np.arange(0, n, -(-n // rows))
+    starts = np.arange(0, n, -(-n // MOVING_ROWS))
     size = np.diff(np.append(starts, n))
     t = log.time_s
     span = np.append(np.diff(t[starts]), t[-1] - t[starts[-1]])

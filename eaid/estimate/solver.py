@@ -20,8 +20,6 @@ MOST = 1e100  # Size of a whitened step beyond which there is none: only roundin
 # A predicted is judged against at least this part of the sum of squared data: beneath it lies rounding
 ROUNDING = 1e-15
 
-Value = Callable[[Array], tuple[float, Array]]  # x → cost, gradient (n,)
-
 
 @dataclass(frozen=True, eq=False)
 class Problem:
@@ -288,27 +286,21 @@ CONVERGED = 1e-9  # A fit has converged where the Newton step would lower the co
 
 
 def polish(
-    problem: Problem,
-    end: EndPoint,
-    full: Value | None = None,
-    steps: int = 40,
-    finished: float = FINISHED,
+    problem: Problem, end: EndPoint, steps: int = 40, finished: float = FINISHED
 ) -> tuple[EndPoint, float, tuple[int, ...]]:
     """Take constrained Newton steps from an end point while one predicts to gain `finished` of the cost.
 
-    Returns the point with its cost, what a further step predicts relative to the cost, and the active rows. `full` is
-    the cost where it is another than the problem's.
+    Returns the point with its cost, what a further step predicts relative to the cost, and the active rows.
     """
-    full = full or problem.value
     x, evaluations = end.x, end.evaluations + 1
-    cost, gradient = full(x)
+    cost, gradient = problem.value(x)
     step = newton_step(problem, x, gradient, problem.curvature(x))
     for _ in range(steps):
         if step.decrease <= finished * cost:
             break
         for length in (1.0, 0.5, 0.25, 0.1, 0.01):
             reached = inside(problem, x, x + length * step.d)
-            lower, slope = full(reached)
+            lower, slope = problem.value(reached)
             evaluations += 1
             if lower < cost:
                 break

@@ -78,7 +78,7 @@ def _fit(form: str, s: Array, y: Array, starts: list[Array]) -> tuple[Array, boo
     problem = Problem(lambda rates: _projected(rates, s, y)[:3], A, b, names.__getitem__, floor=floor)
     ends = [slsqp(problem, approach(problem, _apart(start))) for start in starts]
     best = min(ends, key=lambda end: end.cost)
-    end, predicted, active = polish(problem, best, problem.value)
+    end, predicted, active = polish(problem, best)
     c = np.concatenate([_projected(end.x, s, y)[3], end.x])[order]
     # Where one exponential is exact, (p + q x) e^(r x) is flat in r: what is predicted is 0/0 then.
     return c, predicted <= CONVERGED or end.cost <= problem.floor, tuple(names[i] for i in active)

@@ -9,13 +9,11 @@ import itertools
 import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from eaid.apparatus import Apparatus
 from eaid.arrays import Array
 from eaid.errors import DataError, UsageError
 from eaid.estimate import forms, workflow
@@ -36,7 +34,7 @@ from eaid.models import nonlinear as curve
 from eaid.models.parameters import SHARE
 from eaid.options import FitOptions
 from eaid.recorded.closed_loop import judged_loops, with_instrument
-from eaid.results.common import Input, Interval, LevelError, Source
+from eaid.results.common import Interval, LevelError, Source
 from eaid.results.fit import (
     CoefficientIntervals,
     Covariance,
@@ -256,33 +254,23 @@ WIDEST = 10.0  # An interval wider than this factor says nothing
 def data_part(
     logs: Sequence[RecordedLog], runs: Sequence[RecordedLog | Run], steps: StepSet | None, levels: Array
 ) -> FittedData:
-    """What was fitted."""
-    first = next((run for run in runs if isinstance(run, Run)), None)
-    rates = [(len(log.time_s) - 1) / float(log.time_s[-1] - log.time_s[0]) for log in logs]
+    """What was fitted: the logs, before the steps that were fitted with them."""
+    told = FittedData() if steps is None else workflow.data_part(steps)
+    made = [run.synthetic for run in runs if isinstance(run, Run) and run.synthetic]
     sources = [
-        Source(
-            path=log.source,
-            sha256=log.sha256,
-            run=log.name,
-            baseline_nm=log.baseline,
-            samples=len(log.time_s),
-            edge="recorded",
-        )
+        Source(log.source, log.sha256, log.name, baseline_nm=log.baseline, samples=len(log.time_s), edge="recorded")
         for log in logs
         if log.source
     ]
-    inputs = {log.source: log.sha256 for log in logs if log.source and Path(log.source).is_file()}
-    made = first.synthetic if first is not None else None
-    return FittedData(
-        kind=(first.kind if first is not None and first.kind else steps.kind if steps is not None else "clutch"),  # type: ignore[arg-type]
-        input_unit="%" if first is None else first.input_unit,
-        output_unit="N·m" if first is None else first.output_unit,
+    return msgspec.structs.replace(
+        told,
         levels=tuple(levels.tolist()),
-        sample_rate_hz=max(rates),
-        apparatus=Apparatus() if steps is None else steps.apparatus,
-        sources=tuple(sources),
-        inputs=tuple(Input(path, digest) for path, digest in inputs.items()),
-        synthetic=made if made is not None else None if steps is None else steps.synthetic,
+        repeats=(),
+        samples=(),
+        record_s=(),
+        sample_rate_hz=max((len(log.time_s) - 1) / float(log.time_s[-1] - log.time_s[0]) for log in logs),
+        sources=(*sources, *told.sources),
+        synthetic=made[0] if made else told.synthetic,
     )
 
 

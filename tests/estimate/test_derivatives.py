@@ -109,15 +109,15 @@ def test_the_verdict_sees_a_point_that_is_no_minimum(monkeypatch: pytest.MonkeyP
     """Also where SLSQP says success where it began."""
     problem, x = bowl(), CENTRE + SCALES * np.array([0.0, 0.1, 0.0])
     start = EndPoint(x, problem.value(x)[0], 1)
-    assert polish(problem, start, problem.value, steps=0)[1] == pytest.approx(0.01 / 1.01, rel=1e-6)
-    end, promise, _ = polish(problem, start, problem.value)
+    assert polish(problem, start, steps=0)[1] == pytest.approx(0.01 / 1.01, rel=1e-6)
+    end, promise, _ = polish(problem, start)
     assert promise < 1e-12 and end.cost == pytest.approx(1.0)
     monkeypatch.setattr("eaid.estimate.solver.minimize", lambda *_, **__: SimpleNamespace(x=np.zeros(3), nfev=1))
     end = slsqp(problem, start)
-    assert np.array_equal(end.x, x) and polish(problem, end, problem.value, steps=0)[1] > 1e-3
+    assert np.array_equal(end.x, x) and polish(problem, end, steps=0)[1] > 1e-3
 
 
 def test_nothing_left_is_not_divided_by() -> None:
     problem = bowl(left=0.0)
     end = slsqp(problem, EndPoint(CENTRE.copy(), 0.0, 1))
-    assert end.cost == 0.0 and polish(problem, end, problem.value)[1] == 0.0
+    assert end.cost == 0.0 and polish(problem, end)[1] == 0.0
