@@ -337,7 +337,6 @@ class Limits(Options):
     duty: tuple[float, float] = option(
         (10.0, 100.0), "Lowest and highest input above rest.", RIG, shown="10:100", above=True
     )
-    rate_per_s: float = option(0.0, "Fastest change of the input a second; 0: any.", RIG)
     hold_s: tuple[float, float] = option((0.3, 30.0), "Shortest and longest hold [s].", RIG, shown="0.3:30", above=True)
     rest_s: float = option(5.0, "Length of a return to rest, and of the rest before the first level [s].", RIG)
     engagements: int = option(4, "Stretches under load between rests, at least.", RIG, least=1, most=1000)
@@ -360,7 +359,7 @@ class PlanOptions(Chance):
     longest_hold_s: float = option(120.0, "Longest hold [s].", RIG, "--longest-hold", least=5, most=1e6)
     most_levels: int = option(12, "Most levels to record.", RIG, least=4, most=100)
     limits: str | Mapping[str, Any] | Limits | None = option(
-        None, "Of the excitation: duty=10:100,hold_s=0.3:30,rate_per_s=200,rest_s=5,work_s=60,engagements=4, in "
+        None, "Of the excitation: duty=10:100,hold_s=0.3:30,rest_s=5,work_s=60,engagements=4, in "
         "the input's unit; by itself the duty's range is that of the fit.", RIG, shown="NAME=VALUE,…",
     )  # fmt: skip
 
