@@ -21,7 +21,7 @@ TRACKED = ("multisine", "steps", "sweep")
 SCENARIOS = (*TRACKED, "rehab")
 CONTROLLERS = ("rc", "pi", "open-loop", "inverse")
 ROLES = ("time", "input", "output", "reference", "position")
-EXCITATIONS = ("staircase", "random", "prbs", "multisine", "chirp", "closed-loop")
+EXCITATIONS = ("random", "staircase", "chirp", "closed-loop")
 
 READING, STEPS, MODEL, RECORDED = "Reading logs", "Finding steps", "Model", "Logs fitted as recorded"
 ROBUST, PI, RIG, ADVANCED = "Robust controller", "PI controller", "Rig", "Advanced"
@@ -364,11 +364,11 @@ class PlanOptions(Chance):
     )  # fmt: skip
 
 
+# What of a shape only some inputs have
 USED_BY = {
-    "duty": EXCITATIONS[:-1], "levels": ("staircase", "random", "closed-loop"), "rest_s": ("random",),
-    "hold_s": ("staircase", "random", "prbs", "closed-loop"), "frequency_hz": ("multisine", "chirp", "closed-loop"),
+    "duty": ("random", "staircase", "chirp"), "levels": ("random", "staircase", "closed-loop"), "rest_s": ("random",),
+    "hold_s": ("random", "staircase", "closed-loop"),
 }  # fmt: skip
-"""What of a shape only some inputs have."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -383,15 +383,7 @@ class Excitation(Options):
         (0.5, 20.0), "Shortest and longest hold [s].", INPUTS, shown="0.3:30", above=True
     )
     idle_s: float = option(2.0, "Input 0 at first [s].", INPUTS)
-    rest_s: float = option(
-        0.0,
-        "Length of a return to 0 after every `levels` holds of random steps [s]; 0: none.",
-        INPUTS,
-    )
-    frequency_hz: tuple[float, float] = option(
-        (0.05, 5.0), "Lowest and highest frequency of a multisine, a chirp or a loop's reference [Hz].", INPUTS,
-        shown="0.05:5", above=True,
-    )  # fmt: skip
+    rest_s: float = option(0.0, "Return to 0 after every `levels` holds of random steps [s]; 0: none.", INPUTS)
     rate_hz: float = option(1000.0, "Samples a second [Hz].", INPUTS, least=1e-3, most=1e5)
 
     def agree(self) -> None:
@@ -429,8 +421,8 @@ class SynthOptions(Chance):
     duty_file: Path | None = option(None, "CSV time_s,duty_pct (force_n, speed_rpm, input).", INPUTS, shown="FILE")
     excitation: str | None = option(None, "Logs to be fitted as recorded.", INPUTS, words=EXCITATIONS)
     shape: str | Mapping[str, Any] | None = option(
-        None, "Of the excitation: duration_s=240,hold_s=0.5:20,duty=10:100,levels=10,rest_s=5,idle_s=2,"
-        "frequency_hz=0.05:5, all in the rig's units.", INPUTS, shown="NAME=VALUE,…",
+        None, "Of the excitation: duration_s=240,hold_s=0.5:20,duty=10:100,levels=10,rest_s=5,idle_s=2, in the "
+        "rig's units.", INPUTS, shown="NAME=VALUE,…",
     )  # fmt: skip
 
     def agree(self) -> None:
