@@ -173,11 +173,23 @@ def kept_widths(rows: Sequence[Widths], keeping: float) -> Widths:
     return {name: sorted(row[name] for row in rows)[place] for name in rows[0]}
 
 
-def judged(plan: P, kept: Widths | None, options: PlanOptions) -> tuple[P, str, float]:
-    """A plan with what was wanted and what its recordings keep; the parameter furthest from what is wanted, its width.
+def settled(
+    make: Callable[[Mapping[str, float]], P], measure: Callable[[P, int], Widths], options: PlanOptions,
+    sets: int, keeping: float, progress: Callable[[], None],
+) -> tuple[P, str, float]:  # fmt: skip
+    """A plan as its result, simulated so many times; the parameter furthest from what is wanted of it, and its width.
 
-    A plan that was not simulated is judged by its prediction.
+    A plan that is not simulated is judged by its prediction.
     """
+
+    def simulated(plan: P) -> list[Widths]:
+        rows = []
+        for k in range(sets):
+            rows.append(measure(plan, k))
+            progress()
+        return rows
+
+    plan, kept = enlarged(make, simulated, options.want, keeping) if options.check else (make(options.want), None)
     widths = kept or plan.half_width_pct
     worst = max(options.want, key=lambda name: widths[name] / options.want[name])
     made = msgspec.structs.replace(

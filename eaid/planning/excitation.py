@@ -14,7 +14,7 @@ from eaid.findings import finding
 from eaid.logs.run import Run
 from eaid.models.parameters import Nonlinear
 from eaid.options import FitOptions, Limits, PlanOptions
-from eaid.planning.design import PARAMETERS, Widths, enlarged, judged, rig_of, wanting
+from eaid.planning.design import PARAMETERS, Widths, rig_of, settled, wanting
 from eaid.planning.recordings import RATE_HZ, disturbance_of
 from eaid.planning.sequences import plan_excitation, refuse_scattered
 from eaid.recorded.fit import fit_recorded
@@ -40,22 +40,10 @@ def recording(plan: Excitation, p: Nonlinear, disturbance: Disturbance, seed: in
     return Run("planned", time_s, duty[place], output, plant.input_unit, plant.output_unit, "eaid synth", "")
 
 
-def measure(
-    plan: Excitation,
-    p: Nonlinear,
-    noise: Noise,
-    sets: int,
-    seed: int = 0,
-    progress: Callable[[], None] = lambda: None,
-) -> list[Widths]:
-    """Half-widths [%] at the worst duty of every recording's own intervals."""
-    options = FitOptions(model=("nonlinear",), duty=p.u_range, share=p.C)
-    rows = []
-    for k in range(sets):
-        run = recording(plan, p, disturbance_of(noise), seed + 7919 * k)
-        rows.append(widths(fit_recorded([run], options, falls=False)))
-        progress()
-    return rows
+def measure(plan: Excitation, p: Nonlinear, noise: Noise, k: int, seed: int = 0) -> Widths:
+    """Half-widths [%] at the worst duty of the `k`-th recording's own intervals."""
+    run = recording(plan, p, disturbance_of(noise), seed + 7919 * k)
+    return widths(fit_recorded([run], FitOptions(model=("nonlinear",), duty=p.u_range, share=p.C), falls=False))
 
 
 def widths(fit: Fit) -> Widths:
@@ -88,13 +76,11 @@ def shortest_recording(
     rig = rig_of(fit)
     refuse_scattered(rig.noise, options.want)
     limits = limits_of(options, fit.plant.u_range, rig.plant.input_unit)
-    make, kept = partial(plan_excitation, fit.plant, rig.noise, limits=limits, seed=options.seed), None
-    if options.check:  # longer until 19 of 20 recordings keep what is wanted
-        simulate = partial(measure, p=fit.plant, noise=rig.noise, sets=SETS, seed=options.seed, progress=progress)
-        plan, kept = enlarged(make, simulate, options.want, KEEPING)
-    else:
-        plan = make(options.want)
-    plan, worst, width = judged(plan, kept, options)
+    plant, noise = fit.plant, rig.noise
+    plan, worst, width = settled(  # longer until 19 of 20 recordings keep what is wanted
+        partial(plan_excitation, plant, noise, limits=limits, seed=options.seed),
+        lambda plan, k: measure(plan, plant, noise, k, options.seed), options, SETS, KEEPING, progress,
+    )  # fmt: skip
     findings = [] if rig.known else [finding("plan-assumes-noise", "plan")]
     if not plan.met:
         findings.append(

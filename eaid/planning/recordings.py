@@ -15,7 +15,7 @@ from eaid.estimate.scatter import Noise
 from eaid.findings import Finding, finding
 from eaid.models.friction import step_response
 from eaid.options import PlanOptions
-from eaid.planning.design import PARAMETERS, FittedRig, Rig, Widths, enlarged, judged, rig_of, wanting
+from eaid.planning.design import PARAMETERS, FittedRig, Widths, rig_of, settled, wanting
 from eaid.results.fit import Fit
 from eaid.results.plan import Plan, PlannedRun
 from eaid.steps.stepset import Level
@@ -24,16 +24,6 @@ from eaid.synth.plants import Plant
 
 RATE_HZ = 100.0  # Samples a second of a simulated recording
 MEMORY_S = 0.05  # Time constant of its coloured noise [s]
-
-
-def measure(plan: Plan, rigs: Sequence[Rig], share: float, seed: int, progress: Callable[[], None]) -> list[Widths]:
-    """Half-widths of every recording's own intervals at the worst level [%]."""
-    rows = []
-    for k, (plant, noise) in enumerate(rigs):
-        levels = experiment(plan, plant, noise, seed + 100_000 * k)
-        rows.append(widths(levels, share, polynomial=plant.kind == "clutch" and len(plan.levels) > 1))
-        progress()
-    return rows
 
 
 def experiment(plan: Plan, plant: Plant, noise: Noise, seed: int) -> tuple[Level, ...]:
@@ -88,14 +78,16 @@ def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Call
     """
     options = wanting(options, {"Ts": 3.0, "tau1": 5.0, "tau2": 10.0})
     rig = rig_of(fit)
-    make, kept = partial(rig.quickest, session=options), None
-    if options.check:
-        rigs = rig.drawn(SETS, options.seed)
-        simulate = partial(measure, rigs=rigs, share=rig.share, seed=options.seed, progress=progress)
-        plan, kept = enlarged(make, simulate, options.want, KEEPING)
-    else:
-        plan = make(options.want)
-    plan, worst, width = judged(plan, kept, options)
+    rigs = rig.drawn(SETS, options.seed) if options.check else []
+
+    def measure(plan: Plan, k: int) -> Widths:
+        """Half-widths of one recording's own intervals at the worst level [%]."""
+        plant, noise = rigs[k]
+        levels = experiment(plan, plant, noise, options.seed + 100_000 * k)
+        return widths(levels, rig.share, polynomial=plant.kind == "clutch" and len(plan.levels) > 1)
+
+    make = partial(rig.quickest, session=options)
+    plan, worst, width = settled(make, measure, options, SETS, KEEPING, progress)
     findings = _warnings(rig)
     if not plan.met:
         scatter = 100 * rig.design_noise.scatter[PARAMETERS[worst]]
