@@ -4,8 +4,7 @@ A run idles, holds its level, and is released; its torque is that of the replay'
 """
 
 import hashlib
-import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from math import exp
 
@@ -108,14 +107,13 @@ def synthesise(plant: Plant, protocol: Protocol, disturbance: Disturbance, seed:
     """Runs of idle, step, hold and release; the seed, the place of a level and the repeat make a run."""
     check_protocol(plant, protocol)
     p, end_s, runs = protocol, protocol.idle_s + protocol.hold_s, []
-    for (place, level), repeat in itertools.product(enumerate(map(float, p.levels)), range(1, p.repeats + 1)):
+    for place, level in enumerate(map(float, p.levels)):
         changes = [(0.0, 0.0)] * (p.idle_s > 0) + [(p.idle_s, level), (end_s, 0.0)]
-        draw = np.random.default_rng([seed, KINDS.index(plant.kind), place, repeat])
-        columns = record(plant, changes, end_s + p.release_s, p.rate_hz, disturbance, draw)
         wide = f"{level:05.1f}"  # so that names sort, where a tenth tells the level exactly
         name = wide if float(wide) == level else f"{level:.9g}"
-        run = run_of(plant, columns, name, repeat, mark(plant, disturbance, seed))
-        runs.append(replace(run, level=level, step_s=p.idle_s))
+        key = seed, KINDS.index(plant.kind), place
+        made = repeats(plant, name, changes, end_s + p.release_s, p, disturbance, key)
+        runs += [replace(run, level=level, step_s=p.idle_s) for run in made]
     return runs
 
 
@@ -124,21 +122,20 @@ def synthesise_input(
 ) -> list[Run]:
     """Repeats of one given input over `protocol.hold_s`; no level is claimed for them."""
     check_protocol(plant, protocol)
-    runs = []
-    for repeat in range(1, protocol.repeats + 1):
-        draw = np.random.default_rng([seed, len(KINDS), repeat])
-        columns = record(plant, changes, protocol.hold_s, protocol.rate_hz, disturbance, draw)
-        runs.append(run_of(plant, columns, "input", repeat, mark(plant, disturbance, seed)))
-    return runs
+    return list(repeats(plant, "input", changes, protocol.hold_s, protocol, disturbance, (seed, len(KINDS))))
 
 
-def record(
-    plant: Plant, changes: Input, duration_s: float, rate_hz: float, disturbance: Disturbance, draw: np.random.Generator
-) -> Columns:
-    """What is logged of a rig that was at rest before."""
+def repeats(
+    plant: Plant, what: str, changes: Input, duration_s: float, protocol: Protocol, disturbance: Disturbance,
+    key: tuple[int, ...],
+) -> Iterator[Run]:  # fmt: skip
+    """The runs of one input, each of a rig that was at rest before; key, the seed first, and repeat make its noise."""
     starts, levels = np.array(changes).T
-    time_s = np.arange(round(duration_s * rate_hz)) / rate_hz
-    return played(plant, scatter(disturbance, draw), (starts, levels), time_s, disturbance, draw)
+    time_s = np.arange(round(duration_s * protocol.rate_hz)) / protocol.rate_hz
+    for repeat in range(1, protocol.repeats + 1):
+        draw = np.random.default_rng([*key, repeat])
+        columns = played(plant, scatter(disturbance, draw), (starts, levels), time_s, disturbance, draw)
+        yield run_of(plant, columns, what, repeat, mark(plant, disturbance, key[0]))
 
 
 def played(
