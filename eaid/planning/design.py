@@ -14,7 +14,7 @@ taken; its degrees of freedom are those of the runs that make a curve there (Sat
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import ceil, inf
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
@@ -217,9 +217,6 @@ def wanting(options: PlanOptions | None, widths: Mapping[str, float]) -> PlanOpt
     return options
 
 
-Rig: TypeAlias = tuple[Plant, Noise]
-
-
 @dataclass(frozen=True)
 class FittedRig:
     """A fit's plant, and the noise and scatter of its runs."""
@@ -257,7 +254,7 @@ class FittedRig:
                 # an experiment that falls short costs more than any that does not
                 price = np.where(over <= 1, time_s, 1e9 * over + time_s)
                 k = int(price.argmin())
-                if price[k] < least:
+                if not best.levels or price[k] < least:
                     least = float(price[k])
                     best = Plan(
                         met=bool(over[k] <= 1), levels=tuple(levels), hold_s=tuple(hold.tolist()),
@@ -293,7 +290,7 @@ class FittedRig:
         reach = (t_quantile(known) * np.sqrt(variance / repeats[:, None, None])).max(axis=2)
         return np.asarray(100 * np.expm1(np.minimum(reach, 50.0))).T
 
-    def drawn(self, n: int, seed: int) -> list[Rig]:
+    def drawn(self, n: int, seed: int) -> list[tuple[Plant, Noise]]:
         """`n` rigs that the data of the fit allow."""
         random = np.random.default_rng([seed, 3])
         if self.plant.kind == "clutch":
