@@ -139,13 +139,8 @@ class Rig:
             Entry("duty_min", low, i, "lowest duty of the actuator"),
             Entry("duty_max", high, i, "highest duty of the actuator"),
             Entry("duty_on_fault", self.duty_on_fault, i, "given while an input is no number; yours to change"),
-            self.sample_time,
+            Entry("dt", self.dt_s, "s", "sample time"),
         )
-
-    @property
-    def sample_time(self) -> Entry:
-        """What all laws hold."""
-        return Entry("dt", self.dt_s, "s", "sample time")
 
 
 def pi_constants(gains: PIGains, rig: Rig) -> Entries:
@@ -196,7 +191,7 @@ def plant_constants(plant: Nonlinear, rig: Rig) -> Entries:
         Entry("release1", p.release[0], "s", "τ1 of a fall to rest; 0: none was fitted"),
         Entry("release2", p.release[1], "s", "τ2 of a fall to rest; 0: none was fitted"),
         Entry("tau_floor", TAU_FLOOR_S, "s", "shortest time constant"),
-        rig.sample_time,
+        Entry("dt", rig.dt_s, "s", "sample time"),
     )
 
 

@@ -20,15 +20,6 @@ from eaid.results.gains import Gains, Robust
 from eaid.results.verdict import PLANT
 
 
-def judged(source: Source, laws: tuple[str, ...], rate_hz: float, options: ExportOptions) -> tuple[Finding, ...]:
-    """The findings for the heads, the gravest first; GainsError where one says stop and `anyway` is not given."""
-    findings = ranked(_findings(source, laws, rate_hz, options))
-    grave = stops(findings)
-    if grave and not options.anyway:
-        raise GainsError(*(f"{say(one)}; «anyway» exports it all the same, marked" for one in grave))
-    return (*((finding("export-anyway", "export"),) if grave else ()), *findings)
-
-
 def offered(gains: Gains, fit: Fit) -> tuple[str, ...] | None:
     """The laws that would not be refused: None for all that these files hold, empty for none of them."""
     try:
@@ -157,7 +148,11 @@ def export(
     laws = laws_of(source, options)
     rig = rig_of(source, options)
     constants = constants_of(source, laws, rig)
-    findings = judged(source, laws, 1.0 / rig.dt_s, options)
+    findings = ranked(_findings(source, laws, 1.0 / rig.dt_s, options))
+    if grave := stops(findings):
+        if not options.anyway:
+            raise GainsError(*(f"{say(one)}; «anyway» exports it all the same, marked" for one in grave))
+        findings = (finding("export-anyway", "export"), *findings)
     limits = source.limits if set(laws) - {"plant"} else (0.0, source.plant.u_range[1] if source.plant else 0.0)
     job = Job(
         rig, laws, constants, tuple(vectors(constants, source.top, rig)),

@@ -119,20 +119,6 @@ MARK = b", made by eaid "
 FLAGS = ("-O2", "-std=c99", "-fPIC", "-shared", "-ffp-contract=off", "-fvisibility=hidden")
 
 
-def fmus(job: Job, files: Mapping[str, str | bytes]) -> Iterator[tuple[str, bytes]]:
-    """An FMU for each law; `files` hold the C sources."""
-    for law in job.laws:
-        sources = {
-            "eaid_control.h": str(files["eaid_control.h"]),
-            "eaid_control.c": str(files["eaid_control.c"]),
-            "fmi2_wrapper.c": rendered(job, "fmi2_wrapper.c.j2", law=law),
-        }
-        guid = hashlib.sha256("".join(sources.values()).encode()).hexdigest()[:32]
-        sources["fmi2_wrapper.c"] = sources["fmi2_wrapper.c"].replace("@GUID@", guid)
-        description = rendered(job, "modelDescription.xml.j2", law=law, guid=guid)
-        yield f"eaid_{law}.fmu", _zipped(f"eaid_{law}", description, sources)
-
-
 def _zipped(name: str, description: str, sources: Mapping[str, str]) -> bytes:
     whole = io.BytesIO()
     with zipfile.ZipFile(whole, "w", zipfile.ZIP_DEFLATED) as file:
@@ -213,7 +199,17 @@ def _matlab(job: Job) -> Files:
 
 
 def _fmu(job: Job) -> Files:
-    yield from fmus(job, dict(_c(job)))
+    files = dict(_c(job))
+    for law in job.laws:
+        sources = {
+            "eaid_control.h": str(files["eaid_control.h"]),
+            "eaid_control.c": str(files["eaid_control.c"]),
+            "fmi2_wrapper.c": rendered(job, "fmi2_wrapper.c.j2", law=law),
+        }
+        guid = hashlib.sha256("".join(sources.values()).encode()).hexdigest()[:32]
+        sources["fmi2_wrapper.c"] = sources["fmi2_wrapper.c"].replace("@GUID@", guid)
+        description = rendered(job, "modelDescription.xml.j2", law=law, guid=guid)
+        yield f"eaid_{law}.fmu", _zipped(f"eaid_{law}", description, sources)
     yield from _common(job)
 
 
