@@ -234,7 +234,6 @@ RECORDED: dict[str, tuple[str, dict[str, Any]]] = {
     "staircase of 6 s": ("staircase", {"duration_s": 480.0, "hold_s": (0.5, 6.0)}),
     "rests": ("random", {"duration_s": 240.0, "hold_s": (0.5, 10.0), "rest_s": 8.0}),
     "closed loop": ("closed-loop", {"duration_s": 240.0, "hold_s": (0.5, 12.0)}),
-    "multisine": ("multisine", {"duration_s": 240.0}),
     "chirp": ("chirp", {"duration_s": 240.0}),
 }
 """Excitation and its shape."""

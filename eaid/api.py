@@ -263,8 +263,8 @@ def synth(plant: Fit | None = None, options: SynthOptions | None = None, **keywo
         Levels, times, disturbances, or an input in place of steps.
     **keywords
         Fields of `SynthOptions`: levels, repeats, idle_s, hold_s, release_s, rate_hz, seed, clean, white_nm, …; in
-        place of steps duty_file or excitation ("random", "staircase", "prbs", "multisine", "chirp",
-        "closed-loop") with its shape (duration_s, duty, hold_s, levels, frequency_hz, …).
+        place of steps duty_file or excitation ("random", "staircase", "chirp", "closed-loop")
+        with its shape (duration_s, duty, hold_s, levels, …).
 
     Returns
     -------

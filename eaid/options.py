@@ -21,7 +21,7 @@ TRACKED = ("multisine", "steps", "sweep")
 SCENARIOS = (*TRACKED, "rehab")
 CONTROLLERS = ("rc", "pi", "open-loop", "inverse")
 ROLES = ("time", "input", "output", "reference", "position")
-EXCITATIONS = ("staircase", "random", "prbs", "multisine", "chirp", "closed-loop")
+EXCITATIONS = ("random", "staircase", "chirp", "closed-loop")
 
 READING, STEPS, MODEL, RECORDED = "Reading logs", "Finding steps", "Model", "Logs fitted as recorded"
 ROBUST, PI, RIG, ADVANCED = "Robust controller", "PI controller", "Rig", "Advanced"
@@ -337,7 +337,6 @@ class Limits(Options):
     duty: tuple[float, float] = option(
         (10.0, 100.0), "Lowest and highest input above rest.", RIG, shown="10:100", above=True
     )
-    rate_per_s: float = option(0.0, "Fastest change of the input a second; 0: any.", RIG)
     hold_s: tuple[float, float] = option((0.3, 30.0), "Shortest and longest hold [s].", RIG, shown="0.3:30", above=True)
     rest_s: float = option(5.0, "Length of a return to rest, and of the rest before the first level [s].", RIG)
     engagements: int = option(4, "Stretches under load between rests, at least.", RIG, least=1, most=1000)
@@ -360,16 +359,16 @@ class PlanOptions(Chance):
     longest_hold_s: float = option(120.0, "Longest hold [s].", RIG, "--longest-hold", least=5, most=1e6)
     most_levels: int = option(12, "Most levels to record.", RIG, least=4, most=100)
     limits: str | Mapping[str, Any] | Limits | None = option(
-        None, "Of the excitation: duty=10:100,hold_s=0.3:30,rate_per_s=200,rest_s=5,work_s=60,engagements=4, in "
+        None, "Of the excitation: duty=10:100,hold_s=0.3:30,rest_s=5,work_s=60,engagements=4, in "
         "the input's unit; by itself the duty's range is that of the fit.", RIG, shown="NAME=VALUE,…",
     )  # fmt: skip
 
 
+# What of a shape only some inputs have
 USED_BY = {
-    "duty": EXCITATIONS[:-1], "levels": ("staircase", "random", "closed-loop"), "rest_s": ("random",),
-    "hold_s": ("staircase", "random", "prbs", "closed-loop"), "frequency_hz": ("multisine", "chirp", "closed-loop"),
+    "duty": ("random", "staircase", "chirp"), "levels": ("random", "staircase", "closed-loop"), "rest_s": ("random",),
+    "hold_s": ("random", "staircase", "closed-loop"),
 }  # fmt: skip
-"""What of a shape only some inputs have."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -384,15 +383,7 @@ class Excitation(Options):
         (0.5, 20.0), "Shortest and longest hold [s].", INPUTS, shown="0.3:30", above=True
     )
     idle_s: float = option(2.0, "Input 0 at first [s].", INPUTS)
-    rest_s: float = option(
-        0.0,
-        "Length of a return to 0 after every `levels` holds of random steps [s]; 0: none.",
-        INPUTS,
-    )
-    frequency_hz: tuple[float, float] = option(
-        (0.05, 5.0), "Lowest and highest frequency of a multisine, a chirp or a loop's reference [Hz].", INPUTS,
-        shown="0.05:5", above=True,
-    )  # fmt: skip
+    rest_s: float = option(0.0, "Return to 0 after every `levels` holds of random steps [s]; 0: none.", INPUTS)
     rate_hz: float = option(1000.0, "Samples a second [Hz].", INPUTS, least=1e-3, most=1e5)
 
     def agree(self) -> None:
@@ -430,8 +421,8 @@ class SynthOptions(Chance):
     duty_file: Path | None = option(None, "CSV time_s,duty_pct (force_n, speed_rpm, input).", INPUTS, shown="FILE")
     excitation: str | None = option(None, "Logs to be fitted as recorded.", INPUTS, words=EXCITATIONS)
     shape: str | Mapping[str, Any] | None = option(
-        None, "Of the excitation: duration_s=240,hold_s=0.5:20,duty=10:100,levels=10,rest_s=5,idle_s=2,"
-        "frequency_hz=0.05:5, all in the rig's units.", INPUTS, shown="NAME=VALUE,…",
+        None, "Of the excitation: duration_s=240,hold_s=0.5:20,duty=10:100,levels=10,rest_s=5,idle_s=2, in the "
+        "rig's units.", INPUTS, shown="NAME=VALUE,…",
     )  # fmt: skip
 
     def agree(self) -> None:

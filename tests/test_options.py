@@ -88,9 +88,9 @@ def test_options_and_keywords_that_disagree_are_refused(small_steps: eaid.StepSe
         (lambda fit: eaid.couple(fit, loops=("pi", "open-loop")), "the loop pi needs gains with a PI"),
         (lambda fit: eaid.export(None, "none", fit, law=("plant",), duty_on_fault=3.0), "duty_on_fault=: is of a"),
         (lambda _fit: eaid.synth(clean=True, coloured_s=0.3), "coloured_s=: does nothing without coloured="),
-        (lambda _fit: eaid.synth(excitation="random", shape={"frequency_hz": (1, 2)}), "frequency_hz: does nothing"),
-        (lambda _fit: eaid.synth(excitation="prbs", shape={"rate_hz": 9.0}, rate_hz=8.0), "another option says 8.0"),
-        (lambda _fit: eaid.synth(excitation="prbs", shape={"kind": "chirp"}), "another option says prbs"),
+        (lambda _fit: eaid.synth(excitation="chirp", shape={"rest_s": 2.0}), "rest_s: does nothing"),
+        (lambda _fit: eaid.synth(excitation="chirp", shape={"rate_hz": 9.0}, rate_hz=8.0), "another option says 8.0"),
+        (lambda _fit: eaid.synth(excitation="random", shape={"kind": "chirp"}), "another option says random"),
     ],
 )  # fmt: skip
 def test_what_would_be_dropped_is_refused(

@@ -34,13 +34,12 @@ def command(args: Arguments) -> None:
     Example: eaid export gains.json fit.json --as arduino --precision single --rate-hz 500
     """
     from eaid.export.export import export as exported
-    from eaid.export.job import Origin
     from eaid.results.common import Input
 
     gains, fit, paths = _read(args.files)
     inputs = tuple(Input.of(path) for path in paths)
     command = shlex.join(["eaid", *sys.argv[1:]]) if sys.argv[1:2] == ["export"] else ""
-    made = exported(gains, fit, part(ExportOptions, args), args.output, args.force, Origin(command, inputs))
+    made = exported(gains, fit, part(ExportOptions, args), args.output, args.force, command, inputs)
     console.tell(made.findings, args.verbose)
     if args.json:
         console.print_json(made)

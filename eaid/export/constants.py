@@ -1,4 +1,4 @@
-"""Gains and plant → the constants of `eaid.export.reference` at one sample time.
+"""Gains and plant → the constants of `eaid.export.reference` at one sample time, each with its unit and meaning.
 
 PI, RC    the gains as they are; tanh(γε) once, Eq. (14)
 inverse   observer poles at e^(−w dt): correction 1 − e^(−2 w dt), learning (1 − e^(−w dt))²/dt
@@ -7,14 +7,14 @@ rate      r ← m r + (1 − m)/dt (x − x before),  m = e^(−2π f dt)
 
 import math
 import re
-from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any, Literal
 
 import numpy as np
 
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
-from eaid.export import reference as law
 from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
 from eaid.replay.controllers import DUTY_TOLERANCE_PCT, OBSERVER_PER_S
 from eaid.replay.plant import plant_parameters
@@ -33,16 +33,6 @@ SERIES: dict[Precision, tuple[float, ...]] = {
         -0.001301107315188573, 0.00012918686680724904,
     ),
 }  # fmt: skip
-
-
-def rounded(value: Any, precision: Precision) -> Any:
-    """A constant, or a NamedTuple of them, as the target holds it: floats stay, or become numpy.float32."""
-    if isinstance(value, tuple):
-        inner = [rounded(item, precision) for item in value]
-        return type(value)(*inner) if hasattr(value, "_fields") else tuple(inner)
-    if precision == "single" and isinstance(value, float):
-        return np.float32(value)
-    return value
 
 
 def hexadecimal(value: Any) -> str:
@@ -85,152 +75,142 @@ def unit_name(text: str) -> str:
     return harmless(re.sub(r"[\"'\\{}<>]", "", text))[:20] or "1"
 
 
-# Of one law, or of the rate's filter
-Constants: TypeAlias = law.PIConstants | law.RCConstants | law.InverseConstants | law.PlantConstants | law.RateConstants
 SEARCHES = 16  # Tries of the inverse's search at most: twelve are the most seen
 # The search ends when it moves the duty by no more than that
 TOLERANCE = {"double": DUTY_TOLERANCE_PCT, "single": 1e-4}
 
 
 @dataclass(frozen=True)
-class Timing:
-    """What an export bakes in beside the gains."""
+class Entry:
+    """One constant; a model inside a law is an entry whose value holds those of the model."""
+
+    name: str
+    value: Any
+    unit: str = ""
+    words: str = ""
+
+    @property
+    def comment(self) -> str:
+        """Meaning and unit, as a comment has them."""
+        return " ".join(part for part in (self.words, self.unit and f"[{self.unit}]") if part)
+
+
+Entries = tuple[Entry, ...]
+
+
+def rounded(value: Any, precision: Precision) -> Any:
+    """A number, entries or a series as the target holds them: floats stay, or become numpy.float32."""
+    if isinstance(value, tuple):
+        return tuple(rounded(item, precision) for item in value)
+    if isinstance(value, Entry):
+        return replace(value, value=rounded(value.value, precision))
+    return np.float32(value) if precision == "single" and isinstance(value, float) else value
+
+
+def namespace(entries: Entries, series: tuple[Any, ...]) -> SimpleNamespace:
+    """Constants as `eaid.export.reference` reads them."""
+    inner = {e.name: namespace(e.value, series) if isinstance(e.value, tuple) else e.value for e in entries}
+    return SimpleNamespace(**inner, series=series)
+
+
+@dataclass(frozen=True)
+class Rig:
+    """What every law needs to know of the rig beside its gains."""
 
     dt_s: float
-    precision: Precision = "double"
-    duty_on_fault: float = 0.0  # Duty while an input is no number, or the state was not made ready
+    precision: Precision
+    duty_on_fault: float  # Duty while an input is no number, or the state was not made ready
+    input: str  # Units
+    output: str
 
     @property
     def rate_filter_hz(self) -> float:
         """Corner of the reference's filtered derivative [Hz]: 25, a tenth of a lower rate."""
         return min(25.0, 0.1 / self.dt_s)
 
+    def per(self, unit: str) -> str:
+        """A unit below a slash, in brackets where it is a compound one."""
+        return f"/({unit})" if "·" in unit else f"/{unit}"
 
-def pi_constants(gains: PIGains, timing: Timing) -> law.PIConstants:
+    def limits(self, low: float, high: float) -> Entries:
+        """What all controllers hold."""
+        i = self.input
+        return (
+            Entry("duty_min", low, i, "lowest duty of the actuator"),
+            Entry("duty_max", high, i, "highest duty of the actuator"),
+            Entry("duty_on_fault", self.duty_on_fault, i, "given while an input is no number; yours to change"),
+            Entry("dt", self.dt_s, "s", "sample time"),
+        )
+
+
+def pi_constants(gains: PIGains, rig: Rig) -> Entries:
     """Constants of the PI."""
-    return law.PIConstants(*gains, timing.duty_on_fault, timing.dt_s)
+    i, o = rig.input, rig.output
+    return (
+        Entry("K_P", gains.K_P, i + rig.per(o), "proportional gain"),
+        Entry("K_I", gains.K_I, f"{i}/({o}·s)", "integral gain"),
+        *rig.limits(gains.duty_min, gains.duty_max),
+    )
 
 
-def rc_constants(gains: RCGains, timing: Timing) -> law.RCConstants:
+def rc_constants(gains: RCGains, rig: Rig) -> Entries:
     """Constants of the robust controller."""
-    g = gains
-    return law.RCConstants(
-        g.K_P, g.K_D, g.B_hat, g.a0, g.b0, g.c0, g.rho_constant, g.rho_slope, g.epsilon, g.gamma, g.Q12, g.Q22,
-        math.tanh(g.gamma * g.epsilon), g.duty_min, g.duty_max,
-        timing.duty_on_fault, timing.dt_s, SERIES[timing.precision],
+    g, i, o = gains, rig.input, rig.output
+    return (
+        Entry("K_P", g.K_P, "1/s²", "Eq. (12)"),
+        Entry("K_D", g.K_D, "1/s", "Eq. (12)"),
+        Entry("B_hat", g.B_hat, f"{i}·s{rig.per(o)}", "B̂, Eq. (11)"),
+        Entry("a0", g.a0, "1/s", "linear model, Eq. (8)"),
+        Entry("b0", g.b0, f"{o}/(s·{i})", "linear model"),
+        Entry("c0", g.c0, f"{o}/s", "linear model"),
+        Entry("rho_constant", g.rho_constant, f"{o}/s", "ρ at ξ = 0, Eq. (15)"),
+        Entry("rho_slope", g.rho_slope, "1/s", "dρ/d‖ξ‖"),
+        Entry("epsilon", g.epsilon, "", "half width of the boundary layer, in units of z"),
+        Entry("gamma", g.gamma, "", "sharpness of the soft switch, per unit of z"),
+        Entry("Q12", g.Q12, "", "z = Q12 ∫e + Q22 e"),
+        Entry("Q22", g.Q22),
+        Entry("at_zero", math.tanh(g.gamma * g.epsilon), "", "tanh(γε)"),
+        *rig.limits(g.duty_min, g.duty_max),
+    )
+
+
+def plant_constants(plant: Nonlinear, rig: Rig) -> Entries:
+    """Constants of the plant; polynomials of the duty, lowest power first."""
+    p, i, o = plant_parameters(plant), rig.input, rig.output
+    equations = {"tau1": ("s", "τ1(u), Eq. (5)"), "tau2": ("s", "τ2(u), Eq. (6)"), "Ts": (o, "T_s(u), Eq. (7)")}
+    powers = ("", rig.per(i), f"{rig.per(i)}²", f"{rig.per(i)}³")
+    return (
+        Entry("C", p.C, "", "share of the fast part"),
+        *(
+            Entry(f"{name}_{k}", value, unit + powers[k], "" if k else words)
+            for name, (unit, words) in equations.items()
+            for k, value in enumerate(getattr(p, name))
+        ),
+        Entry("u_low", p.u_low, i, "lowest identified duty"),
+        Entry("u_high", p.u_high, i, "highest identified duty"),
+        Entry("release1", p.release[0], "s", "τ1 of a fall to rest; 0: none was fitted"),
+        Entry("release2", p.release[1], "s", "τ2 of a fall to rest; 0: none was fitted"),
+        Entry("tau_floor", TAU_FLOOR_S, "s", "shortest time constant"),
+        Entry("dt", rig.dt_s, "s", "sample time"),
+    )
+
+
+def inverse_constants(plant: Nonlinear, limits: tuple[float, float], rig: Rig) -> Entries:
+    """Constants of the inverse between the duty limits."""
+    gone = -math.expm1(-OBSERVER_PER_S * rig.dt_s)
+    kept = 1.0 - gone
+    return (
+        Entry("correction", 1.0 - kept * kept, "",
+              "observer: share of the innovation that corrects the model's states"),
+        Entry("learning", gone * gone / rig.dt_s, "1/s", "observer: rate at which it learns what the model lacks"),
+        Entry("tolerance", TOLERANCE[rig.precision], rig.input, "the search ends when it moves the duty by no more"),
+        *rig.limits(*limits),
+        Entry("searches", SEARCHES, "", "tries of the search at most"),
+        Entry("plant", plant_constants(plant, rig), "", "the model that is inverted"),
     )  # fmt: skip
 
 
-def plant_constants(plant: Nonlinear, timing: Timing) -> law.PlantConstants:
-    """Constants of the plant."""
-    p = plant_parameters(plant)
-    return law.PlantConstants(
-        p.C, *p.tau1, *p.tau2, *p.Ts, p.u_low, p.u_high, *p.release, TAU_FLOOR_S, timing.dt_s, SERIES[timing.precision]
-    )
-
-
-def inverse_constants(plant: Nonlinear, limits: tuple[float, float], timing: Timing) -> law.InverseConstants:
-    """Constants of the inverse between the duty limits."""
-    gone = -math.expm1(-OBSERVER_PER_S * timing.dt_s)
-    kept = 1.0 - gone
-    return law.InverseConstants(
-        correction=1.0 - kept * kept,
-        learning=gone * gone / timing.dt_s,
-        tolerance=TOLERANCE[timing.precision],
-        duty_min=limits[0],
-        duty_max=limits[1],
-        duty_on_fault=timing.duty_on_fault,
-        dt=timing.dt_s,
-        searches=SEARCHES,
-        plant=plant_constants(plant, timing),
-    )
-
-
-def rate_constants(timing: Timing) -> law.RateConstants:
+def rate_constants(rig: Rig) -> Entries:
     """Constants of the filtered derivative."""
-    memory = math.exp(-2 * math.pi * timing.rate_filter_hz * timing.dt_s)
-    return law.RateConstants(memory, (1.0 - memory) / timing.dt_s)
-
-
-# `law.field` → unit and meaning; with nothing before the dot, what all laws share
-MEANS = {
-    "pi.K_P": ("i/o", "proportional gain"),
-    "pi.K_I": ("i/(o·s)", "integral gain"),
-    "rc.K_P": ("1/s²", "Eq. (12)"),
-    "rc.K_D": ("1/s", "Eq. (12)"),
-    "rc.B_hat": ("i·s/o", "B̂, Eq. (11)"),
-    "rc.a0": ("1/s", "linear model, Eq. (8)"),
-    "rc.b0": ("o/(s·i)", "linear model"),
-    "rc.c0": ("o/s", "linear model"),
-    "rc.rho_constant": ("o/s", "ρ at ξ = 0, Eq. (15)"),
-    "rc.rho_slope": ("1/s", "dρ/d‖ξ‖"),
-    "rc.epsilon": ("", "half width of the boundary layer, in units of z"),
-    "rc.gamma": ("", "sharpness of the soft switch, per unit of z"),
-    "rc.Q12": ("", "z = Q12 ∫e + Q22 e"),
-    "rc.Q22": ("", ""),
-    "rc.at_zero": ("", "tanh(γε)"),
-    "plant.C": ("", "share of the fast part"),
-    "plant.tau1_0": ("s", "τ1(u), Eq. (5)"),
-    "plant.tau1_1": ("s/i", ""),
-    "plant.tau1_2": ("s/i²", ""),
-    "plant.tau2_0": ("s", "τ2(u), Eq. (6)"),
-    "plant.tau2_1": ("s/i", ""),
-    "plant.tau2_2": ("s/i²", ""),
-    "plant.Ts_0": ("o", "T_s(u), Eq. (7)"),
-    "plant.Ts_1": ("o/i", ""),
-    "plant.Ts_2": ("o/i²", ""),
-    "plant.Ts_3": ("o/i³", ""),
-    "plant.u_low": ("i", "lowest identified duty"),
-    "plant.u_high": ("i", "highest identified duty"),
-    "plant.release1": ("s", "τ1 of a fall to rest; 0: none was fitted"),
-    "plant.release2": ("s", "τ2 of a fall to rest; 0: none was fitted"),
-    "plant.tau_floor": ("s", "shortest time constant"),
-    "inverse.correction": ("", "observer: share of the innovation that corrects the model's states"),
-    "inverse.learning": ("1/s", "observer: rate at which it learns what the model lacks"),
-    "inverse.tolerance": ("i", "the search ends when it moves the duty by no more"),
-    "inverse.searches": ("", "tries of the search at most"),
-    "rate.memory": ("", "r ← memory r + gain (x − x before)"),
-    "rate.gain": ("1/s", ""),
-    ".duty_min": ("i", "lowest duty of the actuator"),
-    ".duty_max": ("i", "highest duty of the actuator"),
-    ".duty_on_fault": ("i", "given while an input is no number; yours to change"),
-    ".dt": ("s", "sample time"),
-}
-
-
-@dataclass(frozen=True)
-class Entry:
-    """One constant."""
-
-    name: str
-    value: Any
-    unit: str
-    words: str
-
-    @property
-    def comment(self) -> str:
-        """Meaning and unit, as a comment has them."""
-        unit = f"[{self.unit}]" if self.unit else ""
-        return " ".join(part for part in (self.words, unit) if part)
-
-
-def entries(law: str, constants: Any, units: tuple[str, str]) -> tuple[Entry, ...]:
-    """The constants of one law but its polynomial, in their order; a model inside is an entry of its own."""
-    made = []
-    for name, value in constants._asdict().items():
-        if hasattr(value, "_fields"):
-            made.append(Entry(name, entries(name, value, units), "", "the model that is inverted"))
-        elif name != "series":
-            unit, words = MEANS.get(f"{law}.{name}") or MEANS[f".{name}"]
-            made.append(Entry(name, value, _in(unit, units), words))
-    return tuple(made)
-
-
-def _in(unit: str, units: tuple[str, str]) -> str:
-    """A unit in the rig's own; a compound one is put in brackets where it has to be."""
-
-    def named(match: re.Match[str]) -> str:
-        slash, name = match[1], units["io".index(match[2])]
-        return f"{slash}({name})" if slash and "·" in name else slash + name
-
-    return re.sub("(/?)(?<![a-zA-Z])([io])(?![a-zA-Z])", named, unit)
+    memory = math.exp(-2 * math.pi * rig.rate_filter_hz * rig.dt_s)
+    return Entry("memory", memory), Entry("gain", (1.0 - memory) / rig.dt_s, "1/s")

@@ -7,8 +7,7 @@ from pathlib import Path
 
 from eaid.control.margins import Timing, loop_margins, operating_points
 from eaid.errors import EaidError, GainsError
-from eaid.export.constants import unit_name
-from eaid.export.job import UNKNOWN, Job, Origin, Source, constants_of, head_of, laws_of, source_of, timing_of, vectors
+from eaid.export.job import Job, Source, constants_of, head_of, laws_of, rig_of, source_of, vectors
 from eaid.export.targets import MARK, TARGETS, VECTOR_COLUMNS
 from eaid.files import folder_written_whole, refuse_folder, sha256_of
 from eaid.findings import Finding, finding, ranked, say, stops
@@ -17,17 +16,8 @@ from eaid.options import ExportOptions
 from eaid.results import codec
 from eaid.results.common import Input
 from eaid.results.fit import Fit
-from eaid.results.gains import Gains, MarginPoint, Robust
+from eaid.results.gains import Gains, Robust
 from eaid.results.verdict import PLANT
-
-
-def judged(source: Source, laws: tuple[str, ...], rate_hz: float, options: ExportOptions) -> tuple[Finding, ...]:
-    """The findings for the heads, the gravest first; GainsError where one says stop and `anyway` is not given."""
-    findings = ranked(_findings(source, laws, rate_hz, options))
-    grave = stops(findings)
-    if grave and not options.anyway:
-        raise GainsError(*(f"{say(one)}; «anyway» exports it all the same, marked" for one in grave))
-    return (*((finding("export-anyway", "export"),) if grave else ()), *findings)
 
 
 def offered(gains: Gains, fit: Fit) -> tuple[str, ...] | None:
@@ -57,7 +47,7 @@ def _findings(source: Source, laws: tuple[str, ...], rate_hz: float, options: Ex
 
 def _gains(source: Source, gains: Gains, laws: tuple[str, ...], rate_hz: float) -> Iterator[Finding]:
     other_rate = abs(rate_hz - source.rate_hz) > 1e-6 * source.rate_hz
-    yield from _unstable(source, laws, rate_hz, gains.margins.points if gains.margins and not other_rate else ())
+    yield from _unstable(source, gains, laws, rate_hz, other_rate)
     if why := gains.not_usable or (source.fit.verdict.of("linear").sentence if source.fit is not None else ""):
         yield finding("export-not-usable", "gains", why=why)
     yield from stops(gains.findings)
@@ -90,16 +80,18 @@ def _guarantee(gains: Gains, rc: Robust) -> Finding:
     return finding("export-guarantee-missing", "rc", missing=", ".join(missing))
 
 
-def _unstable(source: Source, laws: tuple[str, ...], rate_hz: float, kept: Sequence[MarginPoint]) -> Iterator[Finding]:
+def _unstable(
+    source: Source, gains: Gains, laws: tuple[str, ...], rate_hz: float, other_rate: bool
+) -> Iterator[Finding]:
     """Each loop around held duties of the plant, else on the linear model, at the rate that is baked in."""
-    linear = Linear(*(source.linear or (1.0, 1.0, 0.0)))  # not looked at where there is a plant
+    model, kept = gains.model, gains.margins.points if gains.margins and not other_rate else ()
     levels = [point.duty_pct for point in kept]
-    points = operating_points(source.plant, linear, (), levels, source.limits)
+    points = operating_points(source.plant, Linear(model.a0, model.b0, model.c0), (), levels, source.limits)
     timing = Timing(rate_hz, source.pwm_hz, round(source.dead_time_s * rate_hz))
-    for law, gains in (("pi", source.pi), ("rc", source.rc)):
-        if law not in laws or gains is None:
+    for law, controller in (("pi", source.pi), ("rc", source.rc)):
+        if law not in laws or controller is None:
             continue
-        loops = zip(points, loop_margins(gains, points, timing), strict=True)
+        loops = zip(points, loop_margins(controller, points, timing), strict=True)
         bad = {point.duty_pct for point, one in loops if not one.stable}
         bad |= {point.duty_pct for point in kept if (one := getattr(point, law)) is not None and one.stable is False}
         if bad:
@@ -138,9 +130,11 @@ class ExportFolder:
 
 def export(
     gains: Gains | None, fit: Fit | None, options: ExportOptions, folder: Path, force: bool = False,
-    origin: Origin = UNKNOWN,
+    command: str = "", inputs: Sequence[Input] = (),
 ) -> ExportFolder:  # fmt: skip
     """Write controllers and plant as source for a rig; without gains the fit's inverse and plant alone.
+
+    `command` and `inputs`, what made the export, stand at the head of its files.
 
     Raises
     ------
@@ -149,16 +143,21 @@ def export(
     UsageError
         The options contradict one another, or the folder is there already.
     """
-    refuse_folder(folder, force, is_export, "eaid export", (Path(each.path) for each in origin.inputs), names=())
+    refuse_folder(folder, force, is_export, "eaid export", (Path(each.path) for each in inputs), names=())
     source = source_of(gains, fit)
     laws = laws_of(source, options)
-    timing = timing_of(source, options)
-    constants = constants_of(source, laws, timing)
-    findings = judged(source, laws, 1.0 / timing.dt_s, options)
+    rig = rig_of(source, options)
+    constants = constants_of(source, laws, rig)
+    findings = ranked(_findings(source, laws, 1.0 / rig.dt_s, options))
+    if grave := stops(findings):
+        if not options.anyway:
+            raise GainsError(*(f"{say(one)}; «anyway» exports it all the same, marked" for one in grave))
+        findings = (finding("export-anyway", "export"), *findings)
+    limits = source.limits if set(laws) - {"plant"} else (0.0, source.plant.u_range[1] if source.plant else 0.0)
     job = Job(
-        options, timing, (unit_name(source.units[0]), unit_name(source.units[1])), laws, constants,
-        tuple(vectors(constants, source.top, timing.precision)), head_of(source, laws, timing, findings, origin),
-        folder.resolve().name, source.top,
+        rig, laws, constants, tuple(vectors(constants, source.top, rig)),
+        head_of(source, laws, rig, findings, command, inputs), options.target, folder.resolve().name,
+        source.top, limits,
     )  # fmt: skip
     files = dict(TARGETS[options.target](job))
     with folder_written_whole(folder, is_export) as part:
@@ -166,7 +165,7 @@ def export(
             data = content if isinstance(content, bytes) else content.encode("utf-8")
             (part / name).write_bytes(data)
         refuse_folder(folder, force, is_export, "eaid export", names=files)
-    return ExportFolder(folder, options.target, laws, tuple(files), timing.dt_s, findings)
+    return ExportFolder(folder, options.target, laws, tuple(files), rig.dt_s, findings)
 
 
 def fit_beside(gains: Gains, path: Path) -> Path | None:

@@ -10,7 +10,6 @@ import sys
 import tempfile
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from functools import cache
 from html import escape
 from pathlib import Path
@@ -18,28 +17,25 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from eaid.export.constants import SERIES, commented, decimal, entries, hexadecimal, rounded
-from eaid.export.job import TITLES, Job
-from eaid.export.reference import InverseConstants, PIConstants, PlantConstants, RateConstants, RCConstants
+from eaid.export.constants import SERIES, commented, decimal, hexadecimal, namespace, rounded
+from eaid.export.job import Job
 from eaid.synth.files import input_column
 from eaid.synth.plants import UNKNOWN
 
-START = {
-    "pi": "Bumpless: sets the integral with which the next step, on these inputs, gives `duty`.",
-    "rc": "Bumpless: sets the integral with which the next step, on these inputs, gives `duty`.",
-    "inverse": "Sets the observer to the measured torque, as after a long hold, and its search to `duty`.",
-}
-RATE = {
-    "pi": "The rate is not used.",
-    "rc": "reference_rate: the reference's slope, yours or that of eaid_rate_step.",
-    "inverse": "reference + reference_rate dt is where the torque is to be at the next sample.",
-}
-
-
-# Law → the C type of its state
-STATES = {
-    "pi": "eaid_integral_state", "rc": "eaid_integral_state", "inverse": "eaid_inverse_state",
-    "plant": "eaid_plant_state",
+_TAKEOVER = "Bumpless: sets the integral with which the next step, on these inputs, gives `duty`."
+# Law → what it is, the C type of its state, what `start` does, what becomes of the reference's rate
+LAWS = {
+    "pi": ("PI of §V-B: u = K_P e + K_I ∫e", "eaid_integral_state", _TAKEOVER, "The rate is not used."),
+    "rc": (
+        "Robust control, Eqs. (11)-(14)", "eaid_integral_state", _TAKEOVER,
+        "reference_rate: the reference's slope, yours or that of eaid_rate_step.",
+    ),
+    "inverse": (
+        "Feedback linearisation with the nonlinear model, exact inverse of each sample", "eaid_inverse_state",
+        "Sets the observer to the measured torque, as after a long hold, and its search to `duty`.",
+        "reference + reference_rate dt is where the torque is to be at the next sample.",
+    ),
+    "plant": ("The clutch: nonlinear model, Eqs. (4)-(7), for hardware in the loop", "eaid_plant_state", "", ""),
 }  # fmt: skip
 
 
@@ -70,128 +66,57 @@ def rendered(job: Job, template: str, **further: Any) -> str:
 
 def context(job: Job) -> Mapping[str, object]:
     """What every template may use."""
-    t, names, units = job.timing, job.laws, job.units
-    single = t.precision == "single"
+    rig, names = job.rig, job.laws
+    single = rig.precision == "single"
+    series = rounded(SERIES[rig.precision], rig.precision)
+    rate = namespace(job.constants["rate"], series) if "rate" in job.constants else None
     return {
         "job": job,
         "head": list(job.head),
         "laws": [
-            {
-                "name": name,
-                "title": TITLES[name],
-                "start": START.get(name, ""),
-                "rate": RATE.get(name, ""),
-                "entries": entries(name, job.constants[name], units),
-            }
+            {"name": name, "title": LAWS[name][0], "start": LAWS[name][2], "rate": LAWS[name][3],
+             "entries": job.constants[name]}
             for name in names
         ],
         "names": names,
-        "titles": TITLES,
-        "states": STATES,
+        "titles": {name: row[0] for name, row in LAWS.items()},
+        "states": {name: row[1] for name, row in LAWS.items()},
         "controllers": [name for name in names if name != "plant"],
-        "plain_laws": bool(set(names) - {"plant"}),
+        "plain_laws": rate is not None,
         "integral_laws": bool({"pi", "rc"} & set(names)),
         "needs_series": bool({"rc", "inverse", "plant"} & set(names)),
-        "series": rounded(SERIES[t.precision], t.precision),
-        "rate": job.constants.get("rate"),
+        "series": series,
+        "rate": rate,
         "real": "float" if single else "double",
-        "R": t.precision,
+        "R": rig.precision,
         "sqrt": "sqrtf" if single else "sqrt",
         "single": single,
-        "timing": {name: rounded(getattr(t, name), t.precision) for name in ("dt_s", "duty_on_fault")},
-        "dt_text": decimal(t.dt_s),
-        "filter_text": decimal(t.rate_filter_hz),
-        "input_unit": units[0],
-        "output_unit": units[1],
-        "vectors": job.vectors,
-        "folder": job.name,
+        "timing": {name: rounded(getattr(rig, name), rig.precision) for name in ("dt_s", "duty_on_fault")},
+        "dt_text": decimal(rig.dt_s),
+        "filter_text": decimal(rig.rate_filter_hz),
+        "input_unit": rig.input,
+        "output_unit": rig.output,
         "version_line": job.head[0],
         "law": next((name for name in ("rc", "pi", "inverse") if name in names), "plant"),
-        "duty_max_text": decimal(float(_limits(job)[1])) + "F",
-        "limits": _limits(job),
-        "log_header": log_header(units),
-        "plant_header": log_header(units).rsplit(",", 1)[0],
-        **_jump(job),
-    }
+        "duty_max_text": decimal(job.limits[1]) + "F",
+        "log_header": log_header(rig.input, rig.output),
+        "plant_header": log_header(rig.input, rig.output).rsplit(",", 1)[0],
+        # what a jump of the reference does to the filtered derivative
+        "peak_text": f"{float(rate.gain):.3g}" if rate else "0",
+        "decay_text": f"{3 / (2 * math.pi * rig.rate_filter_hz):.2g}",
+    }  # fmt: skip
 
 
-def log_header(units: tuple[str, str]) -> str:
-    """Columns of a log, as `eaid` finds them by name, with their units."""
+def log_header(*units: str) -> str:
+    """Columns of a log, as `eaid` finds them by name, with the units of input and output."""
     into, out = (UNKNOWN if unit == "1" else unit for unit in units)
     torque, reference = ("torque_nm", "reference_nm") if out == "N·m" else (f"output ({out})", f"reference ({out})")
     return f"time_s,{input_column('clutch', into)},{torque},{reference}"
 
 
-def _limits(job: Job) -> tuple[float, float]:
-    for one in job.constants.values():
-        if isinstance(one, PIConstants | RCConstants | InverseConstants):
-            return float(one.duty_min), float(one.duty_max)
-    plant = job.constants["plant"]
-    assert isinstance(plant, PlantConstants)
-    return 0.0, float(plant.u_high)
-
-
-def _jump(job: Job) -> dict[str, str]:
-    """What a jump of the reference does to the filtered derivative."""
-    rate = job.constants.get("rate")
-    if not isinstance(rate, RateConstants):
-        return {"peak_text": "0", "decay_text": "0"}
-    return {
-        "peak_text": f"{float(rate.gain):.3g}",
-        "decay_text": f"{3 / (2 * math.pi * job.timing.rate_filter_hz):.2g}",
-    }
-
-
 # Every file of an export bears it near its beginning, an FMU at its end, vectors.csv its columns instead
 MARK = b", made by eaid "
 FLAGS = ("-O2", "-std=c99", "-fPIC", "-shared", "-ffp-contract=off", "-fvisibility=hidden")
-
-
-@dataclass(frozen=True)
-class Variable:
-    """One variable of a modelDescription.xml; its value reference is its place in the list."""
-
-    name: str
-    causality: str
-    kind: str  # Real, Integer or Boolean
-    unit: str
-    words: str
-    start: str = ""
-
-
-def variables(law: str, duty_on_fault: float) -> tuple[Variable, ...]:
-    """The variables of a law's FMU; units as i and o."""
-    status = Variable("status", "output", "Integer", "", "bits: 1 not ready, 2 bad input, 4, 8 limits, 32 wrong rate")
-    if law == "plant":
-        return (
-            Variable("duty", "input", "Real", "i", "held over the step", "0"),
-            Variable("torque", "output", "Real", "o", "after the step"),
-            status,
-        )
-    return (
-        Variable("reference", "input", "Real", "o", "wanted torque", "0"),
-        Variable("reference_rate", "input", "Real", "o/s", "its slope; not read while use_rate_filter is true", "0"),
-        Variable("torque", "input", "Real", "o", "measured torque", "0"),
-        Variable("duty", "output", "Real", "i", "from these inputs, until the next step"),
-        status,
-        Variable("duty_on_fault", "parameter", "Real", "i", "given while an input is no number", repr(duty_on_fault)),
-        Variable("use_rate_filter", "parameter", "Boolean", "", "take the reference's filtered derivative", "false"),
-    )
-
-
-def fmus(job: Job, files: Mapping[str, str | bytes]) -> Iterator[tuple[str, bytes]]:
-    """An FMU for each law; `files` hold the C sources."""
-    for law in job.laws:
-        sources = {
-            "eaid_control.h": str(files["eaid_control.h"]),
-            "eaid_control.c": str(files["eaid_control.c"]),
-            "fmi2_wrapper.c": rendered(job, "fmi2_wrapper.c.j2", law=law),
-        }
-        guid = hashlib.sha256("".join(sources.values()).encode()).hexdigest()[:32]
-        sources["fmi2_wrapper.c"] = sources["fmi2_wrapper.c"].replace("@GUID@", guid)
-        listed = variables(law, float(job.timing.duty_on_fault))
-        description = rendered(job, "modelDescription.xml.j2", law=law, guid=guid, variables=listed)
-        yield f"eaid_{law}.fmu", _zipped(f"eaid_{law}", description, sources)
 
 
 def _zipped(name: str, description: str, sources: Mapping[str, str]) -> bytes:
@@ -244,7 +169,7 @@ def _common(job: Job) -> Files:
         numbers = ",".join(decimal(x) for x in (v.reference, v.rate, v.torque, v.duty, v.expected))
         lines.append(f"{v.law},{v.case},{v.before},{numbers},{v.status}")
     yield "vectors.csv", "\n".join(lines) + "\n"
-    yield "README.md", rendered(job, "README.md.j2", target=job.options.target)
+    yield "README.md", rendered(job, "README.md.j2", target=job.target)
 
 
 def _c(job: Job) -> Files:
@@ -274,7 +199,17 @@ def _matlab(job: Job) -> Files:
 
 
 def _fmu(job: Job) -> Files:
-    yield from fmus(job, dict(_c(job)))
+    files = dict(_c(job))
+    for law in job.laws:
+        sources = {
+            "eaid_control.h": str(files["eaid_control.h"]),
+            "eaid_control.c": str(files["eaid_control.c"]),
+            "fmi2_wrapper.c": rendered(job, "fmi2_wrapper.c.j2", law=law),
+        }
+        guid = hashlib.sha256("".join(sources.values()).encode()).hexdigest()[:32]
+        sources["fmi2_wrapper.c"] = sources["fmi2_wrapper.c"].replace("@GUID@", guid)
+        description = rendered(job, "modelDescription.xml.j2", law=law, guid=guid)
+        yield f"eaid_{law}.fmu", _zipped(f"eaid_{law}", description, sources)
     yield from _common(job)
 
 

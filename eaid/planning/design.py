@@ -14,12 +14,13 @@ taken; its degrees of freedom are those of the runs that make a curve there (Sat
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import ceil, inf
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, TypeVar
 
+import msgspec
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.errors import DataError
+from eaid.errors import DataError, UsageError
 from eaid.estimate.draw import draw
 from eaid.estimate.forms import Model, friction, nonlinear
 from eaid.estimate.from_logs import Setup
@@ -30,6 +31,7 @@ from eaid.estimate.spread import t_quantile
 from eaid.models.parameters import SHARE
 from eaid.options import PlanOptions
 from eaid.results.fit import Fit, FrictionLevel
+from eaid.results.plan import Plan
 from eaid.synth.plants import Plant, clutch, of_fit
 
 # What a width can be wanted of: the curve over the duty, at its worst level
@@ -38,18 +40,6 @@ PARAMETERS = {"Ts": 0, "tau1": 1, "tau2": 2}
 HOLDS = (1.5, 2.0, 3.0, 4.0)
 LEAST_HOLD_S = 5.0
 LEAST_REPEATS, MOST_REPEATS = 3, 20
-
-
-@dataclass(frozen=True)
-class Experiment:
-    """Levels, holds and repeats, and what they are predicted to give."""
-
-    levels: tuple[float, ...]
-    hold_s: tuple[float, ...]
-    repeats: int
-    half_width_pct: dict[str, float]  # At the worst level, of every parameter; infinite where it is not determined
-    time_s: float  # Time on the rig [s]
-    met: bool  # Whether every wanted width is reached
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,36 +101,6 @@ def drive_of_steps(levels: Sequence[float], hold_s: Array) -> Drive:
     )
 
 
-def quickest(
-    rig: "FittedRig", candidates: Sequence[Sequence[float]], wanted: Mapping[str, float], session: PlanOptions
-) -> Experiment:
-    """The quickest experiment that reaches every wanted width; where none does, the one that comes nearest.
-
-    `candidates` are the sets of levels to choose from.
-    """
-    best: tuple[float, Experiment] | None = None
-    repeats = np.arange(LEAST_REPEATS, MOST_REPEATS + 1.0)
-    for levels in candidates:
-        tau2 = np.array([rig.plant.at(level).tau2 for level in levels])
-        for factor in HOLDS:
-            # whole seconds, within what the rig and the least record allow
-            hold = np.ceil(np.minimum(np.maximum(factor * tau2, LEAST_HOLD_S), session.longest_hold_s))
-            half = rig.half_widths(levels, hold, repeats)
-            time_s = repeats * (hold + session.idle_s + session.release_s).sum()
-            over = np.max([half[PARAMETERS[name]] / width for name, width in wanted.items()], axis=0)
-            # an experiment that falls short costs more than any that does not
-            price = np.where(over <= 1, time_s, 1e9 * over + time_s)
-            k = int(price.argmin())
-            if best is None or price[k] < best[0]:
-                width = dict(zip(PARAMETERS, half[:, k].tolist(), strict=True))
-                found = Experiment(
-                    tuple(levels), tuple(hold.tolist()), int(repeats[k]), width, float(time_s[k]), bool(over[k] <= 1)
-                )
-                best = float(price[k]), found
-    assert best is not None
-    return best[1]
-
-
 def level_sets(known: Sequence[float], most: int) -> list[list[float]]:
     """Equally spaced levels over the identified range, from eight (four more than T_s(u) has terms) to `most`.
 
@@ -166,7 +126,7 @@ ROUNDS = 6  # Times that a plan is made larger
 Widths = dict[str, float]
 
 
-# An experiment that was designed: `met` says whether its predicted widths, `half_width_pct`, are those wanted
+# A plan, of steps or of one recording: `met` says whether its predicted widths, `half_width_pct`, are those wanted
 P = TypeVar("P", bound=Any)
 
 
@@ -175,19 +135,23 @@ def enlarged(
     measure: Callable[[P], list[Widths]],
     wanted: Mapping[str, float],
     keeping: float,
-) -> tuple[P, list[Widths]]:
+) -> tuple[P, Widths]:
     """The plan that `make` gives for the wanted widths [%], larger until each is kept with probability `keeping`.
 
     A width measured too wide is asked for narrower in the next round. A plan that falls short even by its prediction is
-    as large as the limits allow, and stays. Returned with it are its simulated widths, and those of the plans before it
-    as far from its prediction as they were from their own.
+    as large as the limits allow, and stays; so does the second that gives none of its simulated recordings a wanted
+    interval. Returned with it is what is kept: its simulated widths count, and those of the plans before it as far from
+    its prediction as they were from their own.
     """
     widths = dict(wanted)
     plan = make(widths)
     rows = measure(plan)
+    endless = 0
     for _ in range(ROUNDS):
-        excess = over(kept_widths(rows, keeping), wanted)
-        if not plan.met or max(excess.values()) <= 1:
+        kept = kept_widths(rows, keeping)
+        endless += any(min(row[name] for row in rows) == inf for name in wanted)
+        excess = {name: kept[name] / width for name, width in wanted.items()}
+        if not plan.met or max(excess.values()) <= 1 or endless > 1:
             break
         for name, ratio in excess.items():
             if ratio > 1:
@@ -200,7 +164,7 @@ def enlarged(
             ended = [row for row in rows if max(row.values()) < inf]
             before = [{name: width * scale.get(name, 1.0) for name, width in row.items()} for row in ended]
             plan, rows = larger, before + measure(larger)
-    return plan, rows
+    return plan, kept_widths(rows, keeping)
 
 
 def kept_widths(rows: Sequence[Widths], keeping: float) -> Widths:
@@ -209,17 +173,48 @@ def kept_widths(rows: Sequence[Widths], keeping: float) -> Widths:
     return {name: sorted(row[name] for row in rows)[place] for name in rows[0]}
 
 
-def over(widths: Mapping[str, float], wanted: Mapping[str, float]) -> dict[str, float]:
-    """Widths over the wanted ones, of what is wanted."""
-    return {name: widths[name] / width for name, width in wanted.items()}
+def settled(
+    make: Callable[[Mapping[str, float]], P], measure: Callable[[P, int], Widths], options: PlanOptions,
+    sets: int, keeping: float, progress: Callable[[], None],
+) -> tuple[P, str, float]:  # fmt: skip
+    """A plan as its result, simulated so many times; the parameter furthest from what is wanted of it, and its width.
+
+    A plan that is not simulated is judged by its prediction.
+    """
+
+    def simulated(plan: P) -> list[Widths]:
+        rows = []
+        for k in range(sets):
+            rows.append(measure(plan, k))
+            progress()
+        return rows
+
+    plan, kept = enlarged(make, simulated, options.want, keeping) if options.check else (make(options.want), None)
+    widths = kept or plan.half_width_pct
+    worst = max(options.want, key=lambda name: widths[name] / options.want[name])
+    made = msgspec.structs.replace(
+        plan, seed=options.seed, wanted=dict(options.want), met=widths[worst] <= options.want[worst],
+        half_width_pct=finite(plan.half_width_pct), measured_half_width_pct=None if kept is None else finite(kept),
+    )  # fmt: skip
+    return made, worst, widths[worst]
 
 
 def finite(widths: Mapping[str, float]) -> dict[str, float | None]:
     """Widths as a result holds them: None where there is no interval."""
-    return {name: width if width < float("inf") else None for name, width in widths.items()}
+    return {name: width if width < inf else None for name, width in widths.items()}
 
 
-Rig: TypeAlias = tuple[Plant, Noise]
+def wanting(options: PlanOptions | None, widths: Mapping[str, float]) -> PlanOptions:
+    """The options, with these half-widths [%] where none are wanted; `UsageError` for widths that mean nothing."""
+    options = options or PlanOptions()
+    options = replace(options, want=options.want or widths)
+    wrong = [name for name, width in options.want.items() if name not in PARAMETERS or not 0 < width < 100]
+    if wrong:
+        raise UsageError(
+            f"«want» {', '.join(wrong)}: give a parameter of {', '.join(PARAMETERS)} and a half-width in percent, "
+            "above 0 and below 100, as in tau2=10,Ts=2"
+        )
+    return options
 
 
 @dataclass(frozen=True)
@@ -243,11 +238,30 @@ class FittedRig:
         """What to design with: the scatter that only one rig in five exceeds."""
         return self.noise.cautious(self.degrees if self.known else 0.0)
 
-    def quickest(self, wanted: Mapping[str, float], session: PlanOptions) -> Experiment:
-        """The quickest steps from rest for the wanted half-widths [%]."""
-        clutch = self.plant.model is not None
-        candidates = level_sets(self.levels, session.most_levels) if clutch else [list(self.levels)]
-        return quickest(self, candidates, wanted, session)
+    def quickest(self, wanted: Mapping[str, float], session: PlanOptions) -> Plan:
+        """The quickest steps from rest for the wanted half-widths [%]; where none reaches them, what comes nearest."""
+        best, least = Plan(), inf
+        repeats = np.arange(LEAST_REPEATS, MOST_REPEATS + 1.0)
+        several = self.plant.model is not None
+        for levels in level_sets(self.levels, session.most_levels) if several else [list(self.levels)]:
+            tau2 = np.array([self.plant.at(level).tau2 for level in levels])
+            for factor in HOLDS:
+                # whole seconds, within what the rig and the least record allow
+                hold = np.ceil(np.minimum(np.maximum(factor * tau2, LEAST_HOLD_S), session.longest_hold_s))
+                half = self.half_widths(levels, hold, repeats)
+                time_s = repeats * (hold + session.idle_s + session.release_s).sum()
+                over = np.max([half[PARAMETERS[name]] / width for name, width in wanted.items()], axis=0)
+                # an experiment that falls short costs more than any that does not
+                price = np.where(over <= 1, time_s, 1e9 * over + time_s)
+                k = int(price.argmin())
+                if not best.levels or price[k] < least:
+                    least = float(price[k])
+                    best = Plan(
+                        met=bool(over[k] <= 1), levels=tuple(levels), hold_s=tuple(hold.tolist()),
+                        repeats=int(repeats[k]), time_on_rig_s=float(time_s[k]), input_unit=self.plant.input_unit,
+                        half_width_pct=dict(zip(PARAMETERS, half[:, k].tolist(), strict=True)),
+                    )  # fmt: skip
+        return best
 
     def half_widths(self, levels: Sequence[float], hold_s: Array, repeats: Array) -> Array:
         """Predicted half-widths of steps at the worst level [%], for some numbers of repeats, (3, R)."""
@@ -276,7 +290,7 @@ class FittedRig:
         reach = (t_quantile(known) * np.sqrt(variance / repeats[:, None, None])).max(axis=2)
         return np.asarray(100 * np.expm1(np.minimum(reach, 50.0))).T
 
-    def drawn(self, n: int, seed: int) -> list[Rig]:
+    def drawn(self, n: int, seed: int) -> list[tuple[Plant, Noise]]:
         """`n` rigs that the data of the fit allow."""
         random = np.random.default_rng([seed, 3])
         if self.plant.kind == "clutch":

@@ -1,8 +1,10 @@
 """A fit and wanted widths → the shortest sequence of inputs for one recording, checked by simulated recordings."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
+import msgspec
 import numpy as np
 
 from eaid.declared import keyed, pairs
@@ -12,9 +14,9 @@ from eaid.findings import finding
 from eaid.logs.run import Run
 from eaid.models.parameters import Nonlinear
 from eaid.options import FitOptions, Limits, PlanOptions
-from eaid.planning.design import PARAMETERS, Widths, enlarged, finite, kept_widths, over, rig_of
-from eaid.planning.recordings import RATE_HZ, disturbance_of, refuse_widths
-from eaid.planning.sequences import ExcitationPlan, plan_excitation, refuse_scattered
+from eaid.planning.design import PARAMETERS, Widths, rig_of, settled, wanting
+from eaid.planning.recordings import RATE_HZ, disturbance_of
+from eaid.planning.sequences import plan_excitation, refuse_scattered
 from eaid.recorded.fit import fit_recorded
 from eaid.replay.plant import driven
 from eaid.results.fit import Fit
@@ -23,17 +25,11 @@ from eaid.synth.logs import Disturbance, measured, scatter
 from eaid.synth.plants import clutch
 
 
-def recording(
-    plan: ExcitationPlan,
-    p: Nonlinear,
-    disturbance: Disturbance,
-    seed: int,
-    rate_hz: float = RATE_HZ,
-) -> Run:
+def recording(plan: Excitation, p: Nonlinear, disturbance: Disturbance, seed: int) -> Run:
     """One log of the sequence; each engagement, from its rest on, has a scatter of its own."""
     draw, plant = np.random.default_rng(seed), clutch(p)
-    time_s = np.arange(round(plan.time_s * rate_hz)) / rate_hz
-    start, duty = np.array(plan.breaks[:-1]).T
+    time_s = np.arange(round(plan.time_on_rig_s * RATE_HZ)) / RATE_HZ
+    start, duty = np.array(plan.duty[:-1]).T
     place = np.searchsorted(start, time_s, side="right") - 1
     engagement = np.cumsum(duty == 0)[place]
     torque = np.empty_like(time_s)
@@ -44,22 +40,10 @@ def recording(
     return Run("planned", time_s, duty[place], output, plant.input_unit, plant.output_unit, "eaid synth", "")
 
 
-def measure(
-    plan: ExcitationPlan,
-    p: Nonlinear,
-    noise: Noise,
-    sets: int,
-    seed: int = 0,
-    progress: Callable[[], None] = lambda: None,
-) -> list[Widths]:
-    """Half-widths [%] at the worst duty of every recording's own intervals."""
-    options = FitOptions(model=("nonlinear",), duty=p.u_range, share=p.C)
-    rows = []
-    for k in range(sets):
-        run = recording(plan, p, disturbance_of(noise), seed + 7919 * k)
-        rows.append(widths(fit_recorded([run], options, falls=False)))
-        progress()
-    return rows
+def measure(plan: Excitation, p: Nonlinear, noise: Noise, k: int, seed: int = 0) -> Widths:
+    """Half-widths [%] at the worst duty of the `k`-th recording's own intervals."""
+    run = recording(plan, p, disturbance_of(noise), seed + 7919 * k)
+    return widths(fit_recorded([run], FitOptions(model=("nonlinear",), duty=p.u_range, share=p.C), falls=False))
 
 
 def widths(fit: Fit) -> Widths:
@@ -86,41 +70,31 @@ def shortest_recording(
     `UsageError` for a width of no parameter or one that the scatter keeps out of reach, and for limits that leave
     nothing; `DataError` for a fit without a nonlinear model.
     """
-    options = options or PlanOptions()
-    options = replace(options, want=options.want or {"Ts": 1.0, "tau1": 4.0, "tau2": 13.0})
-    refuse_widths(options.want)
+    options = wanting(options, {"Ts": 1.0, "tau1": 4.0, "tau2": 13.0})
     if fit.nonlinear is None:
         raise DataError("the fit holds no nonlinear model, which a sequence is planned with; fit clutch logs with it")
     rig = rig_of(fit)
     refuse_scattered(rig.noise, options.want)
     limits = limits_of(options, fit.plant.u_range, rig.plant.input_unit)
-    plan, rows = sequence_for(fit.plant, rig.noise, options, limits, progress)
-    measured = None if rows is None else kept_widths(rows, KEEPING)
-    widths = measured or plan.half_width_pct
-    excess = over(widths, options.want)
-    worst = max(excess, key=excess.__getitem__)
+    plant, noise = fit.plant, rig.noise
+    plan, worst, width = settled(  # longer until 19 of 20 recordings keep what is wanted
+        partial(plan_excitation, plant, noise, limits=limits, seed=options.seed),
+        lambda plan, k: measure(plan, plant, noise, k, options.seed), options, SETS, KEEPING, progress,
+    )  # fmt: skip
     findings = [] if rig.known else [finding("plan-assumes-noise", "plan")]
-    if excess[worst] > 1:
+    if not plan.met:
         findings.append(
             finding(
                 "excitation-short", "plan",
-                most_s=plan.time_s, parameter=worst, width_pct=widths[worst], wanted_pct=options.want[worst],
+                most_s=plan.time_on_rig_s, parameter=worst, width_pct=width, wanted_pct=options.want[worst],
             )
         )  # fmt: skip
     steps = replace(rig, levels=limits.duty).quickest(options.want, PlanOptions())
-    return Excitation(
-        seed=options.seed,
-        wanted=dict(options.want),
-        met=excess[worst] <= 1,
-        time_on_rig_s=plan.time_s,
-        engagements=plan.engagements,
-        half_width_pct=plan.half_width_pct,
-        measured_half_width_pct=None if measured is None else finite(measured),
-        classic_time_on_rig_s=steps.time_s if steps.met else None,
-        input_unit=rig.plant.input_unit,
-        duty=plan.breaks,
-        findings=tuple(findings),
+    classic_s = steps.time_on_rig_s if steps.met else None
+    sequence: Excitation = msgspec.structs.replace(
+        plan, classic_time_on_rig_s=classic_s, input_unit=rig.plant.input_unit, findings=tuple(findings)
     )
+    return sequence
 
 
 def limits_of(options: PlanOptions, duty: tuple[float, float], unit: str) -> Limits:
@@ -128,17 +102,3 @@ def limits_of(options: PlanOptions, duty: tuple[float, float], unit: str) -> Lim
     if isinstance(options.limits, Limits):
         return options.limits
     return replace(keyed(Limits, "«limits»", {"duty": duty, **pairs("«limits»", options.limits)}), unit=unit)
-
-
-def sequence_for(
-    p: Nonlinear, noise: Noise, options: PlanOptions, limits: Limits, progress: Callable[[], None] = lambda: None
-) -> tuple[ExcitationPlan, list[Widths] | None]:
-    """A sequence, and the widths of simulated recordings; longer until 19 of 20 keep what is wanted."""
-
-    def make(wanted: Mapping[str, float]) -> ExcitationPlan:
-        return plan_excitation(p, noise, wanted, limits, options.seed)
-
-    def simulated(plan: ExcitationPlan) -> list[Widths]:
-        return measure(plan, p, noise, SETS, options.seed, progress)
-
-    return enlarged(make, simulated, options.want, KEEPING) if options.check else (make(options.want), None)

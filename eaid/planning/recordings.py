@@ -1,32 +1,21 @@
 """A fit and the interval widths that are wanted → the session to record: levels, holds, repeats, order."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from math import sqrt
+from math import inf, sqrt
 
+import msgspec
 import numpy as np
 
-from eaid.errors import UsageError
 from eaid.estimate.certainty import levels_first
 from eaid.estimate.data import data_of
 from eaid.estimate.levels import own_levels
 from eaid.estimate.scatter import Noise
-from eaid.findings import Finding, Value, finding
+from eaid.findings import Finding, finding
 from eaid.models.friction import step_response
 from eaid.options import PlanOptions
-from eaid.planning.design import (
-    PARAMETERS,
-    Experiment,
-    FittedRig,
-    Rig,
-    Widths,
-    enlarged,
-    finite,
-    kept_widths,
-    over,
-    rig_of,
-)
+from eaid.planning.design import PARAMETERS, FittedRig, Widths, rig_of, settled, wanting
 from eaid.results.fit import Fit
 from eaid.results.plan import Plan, PlannedRun
 from eaid.steps.stepset import Level
@@ -37,19 +26,7 @@ RATE_HZ = 100.0  # Samples a second of a simulated recording
 MEMORY_S = 0.05  # Time constant of its coloured noise [s]
 
 
-def measure(
-    plan: Experiment, rigs: Sequence[Rig], share: float, seed: int, progress: Callable[[], None]
-) -> list[Widths]:
-    """Half-widths of every recording's own intervals at the worst level [%]."""
-    rows = []
-    for k, (plant, noise) in enumerate(rigs):
-        levels = experiment(plan, plant, noise, seed + 100_000 * k)
-        rows.append(widths(levels, share, polynomial=plant.kind == "clutch" and len(plan.levels) > 1))
-        progress()
-    return rows
-
-
-def experiment(plan: Experiment, plant: Plant, noise: Noise, seed: int) -> tuple[Level, ...]:
+def experiment(plan: Plan, plant: Plant, noise: Noise, seed: int) -> tuple[Level, ...]:
     """The levels of one simulated recording."""
     disturbance = disturbance_of(noise)
     levels = []
@@ -99,56 +76,30 @@ def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Call
 
     `UsageError` for a width of no parameter or a limit that no rig has; `DataError` for a fit without a model of steps.
     """
-    options = options or PlanOptions()
-    options = replace(options, want=options.want or {"Ts": 3.0, "tau1": 5.0, "tau2": 10.0})
-    refuse_widths(options.want)
+    options = wanting(options, {"Ts": 3.0, "tau1": 5.0, "tau2": 10.0})
     rig = rig_of(fit)
+    rigs = rig.drawn(SETS, options.seed) if options.check else []
+
+    def measure(plan: Plan, k: int) -> Widths:
+        """Half-widths of one recording's own intervals at the worst level [%]."""
+        plant, noise = rigs[k]
+        levels = experiment(plan, plant, noise, options.seed + 100_000 * k)
+        return widths(levels, rig.share, polynomial=plant.kind == "clutch" and len(plan.levels) > 1)
 
     make = partial(rig.quickest, session=options)
-    measured: Widths | None = None
-    if options.check:
-        rigs = rig.drawn(SETS, options.seed)
-        simulate = partial(measure, rigs=rigs, share=rig.share, seed=options.seed, progress=progress)
-        plan, rows = enlarged(make, simulate, options.want, KEEPING)
-        measured = kept_widths(rows, KEEPING)
-    else:
-        plan = make(options.want)
-    widths = measured or plan.half_width_pct
-    excess = over(widths, options.want)
-    worst = max(excess, key=excess.__getitem__)
+    plan, worst, width = settled(make, measure, options, SETS, KEEPING, progress)
     findings = _warnings(rig)
-    if excess[worst] > 1:
-        scatter = 100 * dict(zip(PARAMETERS, rig.design_noise.scatter, strict=True))[worst]
-        values: dict[str, Value] = {
-            "width_pct": finite(widths)[worst],
-            "wanted_pct": options.want[worst],
-            "scatter_pct": scatter if scatter > 100 * NOTICED else None,
-        }
-        findings.append(finding("plan-falls-short", "plan", (), parameter=worst, repeats=plan.repeats, **values))
-    return Plan(
-        seed=options.seed,
-        wanted=dict(options.want),
-        met=excess[worst] <= 1,
-        levels=plan.levels,
-        hold_s=plan.hold_s,
-        repeats=plan.repeats,
-        time_on_rig_s=plan.time_s,
-        half_width_pct=finite(plan.half_width_pct),
-        measured_half_width_pct=None if measured is None else finite(measured),
-        input_unit=rig.plant.input_unit,
-        runs=run_order(plan, options),
-        findings=tuple(findings),
-    )
-
-
-def refuse_widths(wanted: Mapping[str, float]) -> None:
-    """Refuse widths that mean nothing, with `UsageError`."""
-    wrong = [name for name, width in wanted.items() if name not in PARAMETERS or not 0 < width < 100]
-    if wrong or not wanted:
-        raise UsageError(
-            f"«want» {', '.join(wrong)}: give a parameter of {', '.join(PARAMETERS)} and a half-width in percent, "
-            "above 0 and below 100, as in tau2=10,Ts=2"
-        )
+    if not plan.met:
+        scatter = 100 * rig.design_noise.scatter[PARAMETERS[worst]]
+        findings.append(
+            finding(
+                "plan-falls-short", "plan", (), parameter=worst, repeats=plan.repeats,
+                width_pct=width if width < inf else None, wanted_pct=options.want[worst],
+                scatter_pct=scatter if scatter > 100 * NOTICED else None,
+            )
+        )  # fmt: skip
+    session: Plan = msgspec.structs.replace(plan, runs=run_order(plan, options), findings=tuple(findings))
+    return session
 
 
 def _warnings(rig: FittedRig) -> list[Finding]:
@@ -161,7 +112,7 @@ def _warnings(rig: FittedRig) -> list[Finding]:
     return findings
 
 
-def run_order(plan: Experiment, session: PlanOptions) -> tuple[PlannedRun, ...]:
+def run_order(plan: Plan, session: PlanOptions) -> tuple[PlannedRun, ...]:
     """One block a repeat, each with all levels in an order of its own: no drift or sweep hides in the levels."""
     random = np.random.default_rng(session.seed)
     runs: list[PlannedRun] = []

@@ -1,9 +1,7 @@
-"""Logs of a clutch whose input does more than step from rest: staircases, random steps, PRBS, multisine, chirp, loops.
+"""Logs of a clutch whose input does more than step from rest.
 
     staircase    all levels up and down again, each held as long
     random       levels in random order, the lowest and the highest among them; holds log-uniform
-    prbs         two levels, switched at random at multiples of the shortest hold
-    multisine    mean + Σ a sin(2π f t + φ), frequencies log-spaced, Schroeder phases
     chirp        mean + a sin of a frequency that rises geometrically
     closed-loop  the input that a PI gives on a reference, with noise in what it reads
 
@@ -11,7 +9,6 @@ The input is sampled at the rate of the log and held between samples; the states
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -21,12 +18,11 @@ from eaid.errors import UsageError
 from eaid.logs.run import Run
 from eaid.options import Excitation
 from eaid.replay.controllers import Controller, pi_controller
-from eaid.replay.plant import driven
-from eaid.synth.logs import Columns, Disturbance, digits, mark, measured, noise, refuse_too_many, run_of, scatter
-from eaid.synth.plants import Plant
+from eaid.synth.logs import Columns, Disturbance, digits, mark, noise, played, refuse_too_many, run_of, scatter
+from eaid.synth.plants import Plant, Scatter
 
 PAPER_REFERENCE_NM = (0.6, 3.6)  # What a closed loop follows on the reference plant
-TONES, PERIODS = 12, 3  # Of a multisine
+FREQUENCIES_HZ = (0.05, 5.0)  # Lowest and highest of a chirp, and of the tones upon a loop's reference
 
 Draw = np.random.Generator
 Span = tuple[float, float]  # The lowest and the highest
@@ -59,35 +55,10 @@ def random_steps(e: Excitation, span: Span, n: int, draw: Draw) -> Array:
     return value
 
 
-def prbs(e: Excitation, span: Span, n: int, draw: Draw) -> Array:
-    """Two levels, drawn anew at every multiple of the shortest hold."""
-    bit = max(1, round(e.hold_s[0] * e.rate_hz))
-    bits = draw.integers(0, 2, -(-n // bit))
-    return np.where(np.repeat(bits, bit)[:n] > 0, span[1], span[0]).astype(np.float64)
-
-
-def multisine(e: Excitation, span: Span, n: int, _draw: Draw) -> Array:
-    """Tones of one period, log-spaced, with Schroeder phases, scaled to touch both ends."""
-    t = np.arange(n) / e.rate_hz
-    period = n // PERIODS / e.rate_hz
-    lines = np.unique(np.round(np.geomspace(*e.frequency_hz, TONES) * period))
-    lines = lines[lines >= 1]
-    if not len(lines):
-        raise UsageError(
-            f"«shape» duration_s {e.duration_s:g}: too short for {PERIODS} waves of {e.frequency_hz[1]:g} Hz; give a "
-            "longer one"
-        )
-    wave = np.zeros(n)
-    for k, line in enumerate(lines):
-        wave += np.cos(2 * np.pi * line / period * t - np.pi * k * (k + 1) / max(len(lines), 1))
-    low, high = float(wave.min()), float(wave.max())
-    return np.asarray(span[0] + (wave - low) * ((span[1] - span[0]) / (high - low)))
-
-
 def chirp(e: Excitation, span: Span, n: int, _draw: Draw) -> Array:
-    """A sine whose frequency rises geometrically from the lowest to the highest."""
+    """A sine whose frequency rises geometrically."""
     t = np.arange(n) / e.rate_hz
-    first, last = e.frequency_hz
+    first, last = FREQUENCIES_HZ
     growth = np.log(last / first) / max(float(t[-1]), 1e-9)
     phase = 2 * np.pi * first * np.expm1(growth * t) / growth
     return np.asarray(0.5 * (span[0] + span[1]) - 0.5 * (span[1] - span[0]) * np.cos(phase))
@@ -95,20 +66,15 @@ def chirp(e: Excitation, span: Span, n: int, _draw: Draw) -> Array:
 
 # Name → (excitation, lowest and highest input, samples, generator) → input of each sample
 KINDS: dict[str, Callable[[Excitation, Span, int, Draw], Array]] = {
-    "staircase": staircase,
-    "random": random_steps,
-    "prbs": prbs,
-    "multisine": multisine,
-    "chirp": chirp,
-}
+    "staircase": staircase, "random": random_steps, "chirp": chirp,
+}  # fmt: skip
 
 
 def reference_of(e: Excitation, span: Span, n: int, draw: Draw) -> Array:
     """Outputs in random order with holds as those of random steps, each with small tones upon it."""
-    level = random_steps(replace(e, rest_s=0.0), span, n, draw)
     t = np.arange(n) / e.rate_hz
-    tones = sum(np.sin(2 * np.pi * f * t + 1.7 * k * k) for k, f in enumerate(np.geomspace(*e.frequency_hz, 5)))
-    return np.asarray(np.clip(level + 0.02 * (span[1] - span[0]) * tones, *span))
+    tones = sum(np.sin(2 * np.pi * f * t + 1.7 * k * k) for k, f in enumerate(np.geomspace(*FREQUENCIES_HZ, 5)))
+    return np.asarray(np.clip(random_steps(e, span, n, draw) + 0.02 * (span[1] - span[0]) * tones, *span))
 
 
 def check_excitation(plant: Plant, e: Excitation) -> None:
@@ -123,9 +89,10 @@ def check_excitation(plant: Plant, e: Excitation) -> None:
     shortest, longest = e.hold_s
     if not 0 < shortest <= longest:
         faults.append(f"«shape» hold_s {shortest:g}:{longest:g}: give the shortest and the longest hold, above 0 s")
-    first, last = e.frequency_hz
-    if not 0 < first < last <= 0.5 * e.rate_hz:
-        faults.append(f"«shape» frequency_hz {first:g}:{last:g}: must rise, up to half the rate")
+    if e.kind in ("chirp", "closed-loop") and e.rate_hz < 2 * FREQUENCIES_HZ[1]:
+        faults.append(
+            f"«rate_hz» {e.rate_hz:g}: must be {2 * FREQUENCIES_HZ[1]:g} Hz or more for «excitation» {e.kind}"
+        )
     if e.duration_s <= e.idle_s:
         faults.append(f"«shape» duration_s {e.duration_s:g}: must be longer than the idle time")
     if faults:
@@ -138,43 +105,35 @@ def synthesise_excitation(
     """Logs of that input."""
     check_excitation(plant, e)
     refuse_too_many(e.duration_s * e.rate_hz * repeats)
+    time_s, idle = np.arange(round(e.duration_s * e.rate_hz)) / e.rate_hz, np.zeros(round(e.idle_s * e.rate_hz))
     runs = []
     for repeat in range(1, repeats + 1):
         draw, reference = np.random.default_rng([seed, 99, repeat]), None
+        factors = scatter(disturbance, draw)
         if e.kind == "closed-loop":
-            columns, reference = looped(plant, e, disturbance, draw)
+            columns, reference = looped(plant, e, factors, (time_s, idle), disturbance, draw)
         else:
-            columns = open_loop(plant, e, disturbance, draw)
-        runs.append(run_of(plant, columns, (e.kind, repeat), mark(plant, disturbance, seed), reference))
+            moved = KINDS[e.kind](e, e.duty or plant.input_range, len(time_s) - len(idle), draw)
+            columns = played(plant, factors, (time_s, np.append(idle, moved)), time_s, disturbance, draw)
+        runs.append(run_of(plant, columns, e.kind, repeat, mark(plant, disturbance, seed), reference))
     return runs
 
 
-def open_loop(plant: Plant, e: Excitation, disturbance: Disturbance, draw: Draw) -> Columns:
-    """One log of an input that knows nothing of the output."""
-    factors = scatter(disturbance, draw)
-    idle, n = round(e.idle_s * e.rate_hz), round(e.duration_s * e.rate_hz)
-    value = np.concatenate([np.zeros(idle), KINDS[e.kind](e, e.duty or plant.input_range, n - idle, draw)])
-
-    time_s = np.arange(n) / e.rate_hz
-    torque = driven(plant.pull(factors), time_s, value, time_s)
-    return time_s, value, measured(torque, time_s, plant.rotor_hz(value), disturbance, draw)
-
-
-def looped(plant: Plant, e: Excitation, disturbance: Disturbance, draw: Draw) -> tuple[Columns, Array]:
+def looped(
+    plant: Plant, e: Excitation, factors: Scatter, times: tuple[Array, Array], disturbance: Disturbance, draw: Draw
+) -> tuple[Columns, Array]:
     """One log of a loop, and its reference: steps and tones; its PI reads what is logged, above its offset."""
     from eaid.recorded.closed_loop import run_loop
 
     assert plant.model is not None  # check_excitation
-    factors = scatter(disturbance, draw)
-    idle, n, dt_s = round(e.idle_s * e.rate_hz), round(e.duration_s * e.rate_hz), 1 / e.rate_hz
+    time_s, idle = times
+    n = len(idle)
     low, high = PAPER_REFERENCE_NM
-    reference = reference_of(e, (low * plant.scale, high * plant.scale), n - idle, draw)
-    time_s = np.arange(n, dtype=np.float64) * dt_s
-    share, white = noise(time_s, plant.rotor_hz(np.zeros(n)), disturbance, draw)
-    value, read = run_loop(factors.on(plant.model), paper_pi(plant), reference, dt_s, share[idle:], white[idle:])
-    before = np.zeros(idle)
-    output = digits(np.concatenate([white[:idle], read]) + disturbance.offset_nm, disturbance)
-    return (time_s, np.concatenate([before, value]), output), np.concatenate([before, reference])
+    reference = reference_of(e, (low * plant.scale, high * plant.scale), len(time_s) - n, draw)
+    share, white = noise(time_s, plant.rotor_hz(np.zeros_like(time_s)), disturbance, draw)
+    value, read = run_loop(factors.on(plant.model), paper_pi(plant), reference, 1 / e.rate_hz, share[n:], white[n:])
+    output = digits(np.append(white[:n], read) + disturbance.offset_nm, disturbance)
+    return (time_s, np.append(idle, value), output), np.append(idle, reference)
 
 
 def paper_pi(plant: Plant) -> Controller:

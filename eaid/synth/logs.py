@@ -4,8 +4,7 @@ A run idles, holds its level, and is released; its torque is that of the replay'
 """
 
 import hashlib
-import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from math import exp
 
@@ -101,25 +100,21 @@ KINDS = tuple(PROTOCOLS)
 
 
 Input = Sequence[tuple[float, float]]  # A piecewise constant input: (from when [s], value), the first at 0
+Columns = tuple[Array, Array, Array]  # Time [s], input and output of a log, shapes (n,)
 
 
 def synthesise(plant: Plant, protocol: Protocol, disturbance: Disturbance, seed: int) -> list[Run]:
     """Runs of idle, step, hold and release; the seed, the place of a level and the repeat make a run."""
     check_protocol(plant, protocol)
     p, end_s, runs = protocol, protocol.idle_s + protocol.hold_s, []
-    for (place, level), repeat in itertools.product(enumerate(map(float, p.levels)), range(1, p.repeats + 1)):
+    for place, level in enumerate(map(float, p.levels)):
         changes = [(0.0, 0.0)] * (p.idle_s > 0) + [(p.idle_s, level), (end_s, 0.0)]
-        draw = np.random.default_rng([seed, KINDS.index(plant.kind), place, repeat])
-        columns = record(plant, changes, end_s + p.release_s, p.rate_hz, disturbance, draw)
-        run = run_of(plant, columns, (_level_name(level), repeat), mark(plant, disturbance, seed))
-        runs.append(replace(run, level=level, step_s=p.idle_s))
+        wide = f"{level:05.1f}"  # so that names sort, where a tenth tells the level exactly
+        name = wide if float(wide) == level else f"{level:.9g}"
+        key = seed, KINDS.index(plant.kind), place
+        made = repeats(plant, name, changes, end_s + p.release_s, p, disturbance, key)
+        runs += [replace(run, level=level, step_s=p.idle_s) for run in made]
     return runs
-
-
-def _level_name(level: float) -> str:
-    """A level in a run's name: alike wide, so that names sort, where a tenth tells it exactly."""
-    wide = f"{level:05.1f}"
-    return wide if float(wide) == level else f"{level:.9g}"
 
 
 def synthesise_input(
@@ -127,50 +122,43 @@ def synthesise_input(
 ) -> list[Run]:
     """Repeats of one given input over `protocol.hold_s`; no level is claimed for them."""
     check_protocol(plant, protocol)
-    runs = []
-    for repeat in range(1, protocol.repeats + 1):
-        draw = np.random.default_rng([seed, len(KINDS), repeat])
-        columns = record(plant, changes, protocol.hold_s, protocol.rate_hz, disturbance, draw)
-        runs.append(run_of(plant, columns, ("input", repeat), mark(plant, disturbance, seed)))
-    return runs
+    return list(repeats(plant, "input", changes, protocol.hold_s, protocol, disturbance, (seed, len(KINDS))))
 
 
-Columns = tuple[Array, Array, Array]  # Time [s], input and output of a log, shapes (n,)
-
-
-def record(
-    plant: Plant, changes: Input, duration_s: float, rate_hz: float, disturbance: Disturbance, draw: np.random.Generator
-) -> Columns:
-    """What is logged of a rig that was at rest before."""
-    factors = scatter(disturbance, draw)
-    time_s = np.arange(round(duration_s * rate_hz)) / rate_hz
+def repeats(
+    plant: Plant, what: str, changes: Input, duration_s: float, protocol: Protocol, disturbance: Disturbance,
+    key: tuple[int, ...],
+) -> Iterator[Run]:  # fmt: skip
+    """The runs of one input, each of a rig that was at rest before; key, the seed first, and repeat make its noise."""
     starts, levels = np.array(changes).T
+    time_s = np.arange(round(duration_s * protocol.rate_hz)) / protocol.rate_hz
+    for repeat in range(1, protocol.repeats + 1):
+        draw = np.random.default_rng([*key, repeat])
+        columns = played(plant, scatter(disturbance, draw), (starts, levels), time_s, disturbance, draw)
+        yield run_of(plant, columns, what, repeat, mark(plant, disturbance, key[0]))
+
+
+def played(
+    plant: Plant, factors: Scatter, steps: tuple[Array, Array], time_s: Array, disturbance: Disturbance,
+    draw: np.random.Generator,
+) -> Columns:  # fmt: skip
+    """What one run of the rig gives where the input takes some values, each from an instant on: (instants, values)."""
+    starts, levels = steps
     value = levels[np.searchsorted(starts, time_s, side="right") - 1]
     torque = driven(plant.pull(factors), starts, levels, time_s)
-    output = measured(torque, time_s, plant.rotor_hz(value), disturbance, draw)
-    return time_s, value, output
+    return time_s, value, measured(torque, time_s, plant.rotor_hz(value), disturbance, draw)
 
 
 def run_of(
-    plant: Plant, columns: Columns, name: tuple[str, int], synthetic: str, reference: Array | None = None
+    plant: Plant, columns: Columns, what: str, repeat: int, synthetic: str, reference: Array | None = None
 ) -> Run:
-    """Columns as a run that says what it is of, (what, repeat), and what made it; its fingerprint is theirs."""
-    time_s, value, output = columns
-    what, repeat = name
+    """Columns as a run that says what it is of and what made it; its fingerprint is theirs."""
+    time_s, value, output = map(read_only, columns)
     return Run(
-        name=f"synthetic-{plant.kind}-{what}-r{repeat}",
-        time_s=read_only(time_s),
-        input=read_only(value),
-        output=read_only(output),
-        input_unit=plant.input_unit,
-        output_unit=plant.output_unit,
-        source="eaid synth",
-        sha256=hashlib.sha256(np.stack(columns).tobytes()).hexdigest(),
-        repeat=repeat,
-        kind=plant.kind,
-        synthetic=synthetic,
-        reference_nm=None if reference is None else read_only(reference),
-    )
+        f"synthetic-{plant.kind}-{what}-r{repeat}", time_s, value, output, plant.input_unit, plant.output_unit,
+        source="eaid synth", sha256=hashlib.sha256(np.stack(columns).tobytes()).hexdigest(), repeat=repeat,
+        kind=plant.kind, synthetic=synthetic, reference_nm=None if reference is None else read_only(reference),
+    )  # fmt: skip
 
 
 def check_protocol(plant: Plant, protocol: Protocol) -> None:

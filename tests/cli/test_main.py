@@ -33,7 +33,7 @@ WORDS = {
     "simulate": "rc pi open-loop inverse steps multisine sweep rehab",
     "export": "c arduino matlab fmu yaml pi rc inverse plant double single",
     "report": "pdf svg png",
-    "synth": "reference staircase random prbs multisine chirp closed-loop",
+    "synth": "reference staircase random chirp closed-loop",
     "couple": "open-loop pi rc-no-rate rc",
 }
 SEEDED = {"fit", "tune-rc", "simulate", "synth", "plan"}

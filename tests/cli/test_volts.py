@@ -51,13 +51,13 @@ def test_a_sequence_in_another_unit_leads_back_to_the_plant(factor, unit, rig_of
         assert ours.sum() == pytest.approx(scaled.sum(), rel=1e-4)
 
 
-@pytest.mark.parametrize("kind", ["random", "staircase", "multisine", "chirp", "prbs", "closed-loop"])
+@pytest.mark.parametrize("kind", ["random", "staircase", "chirp", "closed-loop"])
 def test_every_excitation_is_that_of_the_same_rig_in_percent(kind, rig_of, run_eaid):
     """Three hundredths of a volt a percent: so much of the input, the same output, also while it is let go."""
     tables = []
     for factor, unit in ((0.03, "V"), (1.0, "%")):
         rig_of(factor, unit, release={"tau1": 0.2, "tau2": 1.0})
-        shape = {"multisine": "", "chirp": "", "random": ",hold_s=0.5:4,rest_s=3"}.get(kind, ",hold_s=0.5:4")
+        shape = {"chirp": "", "random": ",hold_s=0.5:4,rest_s=3"}.get(kind, ",hold_s=0.5:4")
         assert (
             run_eaid(
                 f"synth --plant fit.json --excitation {kind} --shape duration_s=60{shape} --rate-hz 100 -q -o {unit}"

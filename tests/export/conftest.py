@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import eaid
-from eaid.export import job
+from eaid.export import constants, job
 from eaid.export import reference as plain_python
 
 from .. import conftest as shared
@@ -98,47 +98,34 @@ def played() -> Callable[[str, str], Replayed]:
     return play
 
 
-def cast(value: Any, number: type) -> Any:
-    """A constant, or a tuple of them, with its real numbers of one type."""
-    if isinstance(value, tuple):
-        inner = [cast(item, number) for item in value]
-        return type(value)(*inner) if hasattr(value, "_fields") else tuple(inner)
-    return number(value) if isinstance(value, float) else value
-
-
 @dataclass(frozen=True)
 class Laws:
-    """The exported plain Python: its functions, and its constants in the type of its precision."""
+    """The exported plain Python: its classes, and its constants in the type of its precision."""
 
     law: Any
     constants: dict[str, Any]
     number: type
 
     def init(self, name: str, dt: float = DT) -> Any:
-        return (self.law.inverse_init if name == "inverse" else self.law.integral_init)(self.constants[name], dt)
-
-    def step(self, name: str, state: Any, *inputs: float) -> tuple[Any, Any]:
-        return getattr(self.law, f"{name}_step")(self.constants[name], state, *map(self.number, inputs))
-
-    def start(self, name: str, *inputs: float) -> Any:
-        return getattr(self.law, f"{name}_start")(self.constants[name], self.init(name), *inputs)
+        return {"pi": self.law.PI, "rc": self.law.RC, "inverse": self.law.Inverse}[name](self.constants[name], dt)
 
     def closed_loop(self, run: Replayed, plant: Any = None) -> Iterator[tuple[Any, Any]]:
         """Duty and torque, sample by sample, on a replay's reference."""
         c = plant or self.constants["plant"]
-        state, held, torque = self.init(run.law), self.law.plant_init(c, c.dt), self.number(0.0)
+        control, clutch, torque = self.init(run.law), self.law.Plant(c, c.dt), self.number(0.0)
         for reference, rate in zip(run.reference, run.rate, strict=True):
-            state, duty = self.step(run.law, state, reference, rate, torque)
+            duty = control.step(*map(self.number, (reference, rate, torque)))
             yield duty, torque
-            held, torque = self.law.plant_step(c, held, duty)
+            torque = clutch.step(duty)
 
 
 def laws_of(gains: Any, fit: Any, precision: str = "double", **options: Any) -> Laws:
     """What an export holds, in the plain Python that its other languages repeat."""
     source, how = job.source_of(gains, fit), eaid.ExportOptions(precision=precision, **options)
-    constants = job.constants_of(source, job.laws_of(source, how), job.timing_of(source, how))
+    held = job.constants_of(source, job.laws_of(source, how), job.rig_of(source, how))
+    series = constants.rounded(constants.SERIES[precision], precision)
     number = np.float32 if precision == "single" else float
-    return Laws(plain_python, {name: cast(value, number) for name, value in constants.items()}, number)
+    return Laws(plain_python, {name: constants.namespace(each, series) for name, each in held.items()}, number)
 
 
 @pytest.fixture(scope="session")

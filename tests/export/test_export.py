@@ -216,7 +216,7 @@ def test_the_yaml_holds_every_constant(exported, laws):
     told = yaml.safe_load((exported("yaml") / "parameters.yaml").read_text())["eaid_controller"]["ros__parameters"]
     assert told["sample_time_s"] == 1e-3 and told["output_unit"] == "N·m"
     for law, held in laws().constants.items():
-        for name, value in held._asdict().items():
+        for name, value in vars(held).items():
             if name == "plant":
                 assert told[law]["plant"]["tau1_1"] == value.tau1_1
             elif name != "series":

@@ -18,24 +18,22 @@ WANT = {"tau1": 8.0, "tau2": 25.0, "Ts": 3.0}
 
 @pytest.mark.slow
 def test_a_plan_keeps_its_limits_and_its_widths() -> None:
-    limits = Limits(duty=(20.0, 90.0), rate_per_s=200.0, hold_s=(0.5, 12.0), rest_s=3.0, engagements=3)
+    limits = Limits(duty=(20.0, 90.0), hold_s=(0.5, 12.0), rest_s=3.0, engagements=3)
     p = REFERENCE_PLANT
     found = plan_excitation(p, NOISE, WANT, limits)
     assert found.met and found.engagements >= 3
-    at, duty = np.array(found.breaks).T
+    at, duty = np.array(found.duty).T
     assert at[0] == 0.0 and duty[0] == 0.0 and duty.max() <= 90.0
     assert set(duty[duty > 0]) and duty[duty > 0].min() > 0
     rests = np.flatnonzero(duty[:-1] == 0)
-    assert np.diff(at)[rests].min() >= 3.0 - 0.06  # a rest begins where its ramp ends
-    jumps = np.abs(np.diff(duty[:-1]))
-    assert jumps.max() <= 200.0 * 0.05 + 1e-9  # in steps of 50 ms
-    assert found.time_s == at[-1]
+    assert np.diff(at)[rests].min() >= 3.0 - 1e-9
+    assert found.time_on_rig_s == at[-1]
 
 
 @pytest.mark.slow
 def test_measured_widths_are_the_predicted_ones() -> None:
     found = plan_excitation(REFERENCE_PLANT, NOISE, WANT)
-    rows = measure(found, REFERENCE_PLANT, NOISE, 5)
+    rows = [measure(found, REFERENCE_PLANT, NOISE, k) for k in range(5)]
     for name, predicted in found.half_width_pct.items():
         # a prediction takes the noise at its lowest frequencies, and no width is known better than to a third
         assert 0.35 * predicted < np.median([row[name] for row in rows]) < 1.35 * predicted

@@ -37,11 +37,23 @@ def test_a_plan_is_not_taken_for_its_luck() -> None:
 
     kept = []
     for _ in range(400):
-        plan, rows = design.enlarged(lambda wanted: Asked(wanted["Ts"]), measure, {"Ts": 1.0}, 0.8)
-        stated = design.kept_widths(rows, 0.8)["Ts"]
+        plan, widths = design.enlarged(lambda wanted: Asked(wanted["Ts"]), measure, {"Ts": 1.0}, 0.8)
+        stated = widths["Ts"]
         assert stated <= 1.0
         kept.append(np.mean([row["Ts"] <= stated for row in measure(plan)]))
     assert np.mean(kept) == pytest.approx(0.8, abs=0.02)
+
+
+def test_a_second_plan_without_any_interval_is_the_last() -> None:
+    """τ2 that nothing determines: no larger plan is simulated, though each is predicted to reach its width."""
+    measured = []
+
+    def measure(plan: Asked) -> list[design.Widths]:
+        measured.append(plan.width)
+        return [{"Ts": 0.5, "tau2": np.inf}] * 20
+
+    _, widths = design.enlarged(lambda wanted: Asked(wanted["tau2"]), measure, {"Ts": 1.0, "tau2": 10.0}, 0.9)
+    assert len(measured) == 2 and widths == {"Ts": 0.5, "tau2": np.inf}
 
 
 @pytest.fixture(scope="module")

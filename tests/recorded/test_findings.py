@@ -57,7 +57,7 @@ def test_a_fast_input_a_limit_and_a_single_level_are_told() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["random", "multisine"])
+@pytest.mark.parametrize("kind", ["random", "chirp"])
 @pytest.mark.parametrize("late", [0, 1, -2, -20])
 def test_a_dead_time_and_an_input_noted_late_are_taken_over(kind: str, late: int) -> None:
     """τ1 is that of the log without the delay, which is told in rows or seconds."""
@@ -169,7 +169,7 @@ def test_a_loops_law_is_found() -> None:
     assert loop.method == "instrument" and "loop-instrument" in codes(fit)
     blind = fit_recorded([replace(recorded_log(run), reference=None)], replace(PLAIN, duty=(10.0, 100.0)))
     assert {"duty-follows-output", "loop-bias-unknown"} <= codes(blind).keys()
-    free = synthesise_excitation(clutch(), Excitation(kind="multisine", duration_s=120.0, rate_hz=200.0), NOISE, 3)
+    free = synthesise_excitation(clutch(), Excitation(kind="chirp", duration_s=120.0, rate_hz=200.0), NOISE, 3)
     assert "duty-follows-output" not in codes(fit_recorded(free, PLAIN))
 
 

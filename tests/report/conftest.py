@@ -189,7 +189,7 @@ def page(files: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Pa
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The fit of a log of each kind, as they were recorded."""
     folder = tmp_path_factory.mktemp("recorded")
-    logs = [folder / kind for kind in ("random", "prbs", "chirp", "closed-loop")]
+    logs = [folder / kind for kind in ("random", "staircase", "chirp", "closed-loop")]
     for seed, log in enumerate(logs):
         shape = ["--shape", "duration_s=60", "--rate-hz", "100", "--seed", seed]
         assert call("synth", "--excitation", log.name, *shape, "-o", log, "-q") == 0
