@@ -44,7 +44,7 @@ def command(args: Arguments) -> int:
         if args.json:
             console.print_json(result)
         else:
-            show_fit(result, args.output, args.tables or args.verbose, args.verbose)
+            show_fit(result, args.output, args.tables or args.verbose)
     console.tell(result.findings, args.verbose)
     console.say(closing(result, args.output))
     if result.verdict.usable:

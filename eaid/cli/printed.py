@@ -12,8 +12,8 @@ from eaid.findings import say
 from eaid.findings.finding import WORD
 from eaid.logs.run import Run
 from eaid.report.tables import Name, Table, columns, table_of
-from eaid.report.tables.data import between_levels, highest_slips, levels_recorded, slips_table
-from eaid.report.tables.fits import judging_tables, model_tables
+from eaid.report.tables.data import between_levels, levels_recorded, slips_table
+from eaid.report.tables.fits import model_tables
 from eaid.results.common import Input
 from eaid.results.fit import Fit
 from eaid.results.plan import Plan, PlannedRun
@@ -25,16 +25,15 @@ from eaid.steps.stepset import Level, LevelStep, StepSet
 PARTS = ("friction", "nonlinear", "linear", "release", "steps")
 
 
-def show_fit(fit: Fit, file: Path, tables: bool, verbose: bool) -> None:
-    """The answer in eight lines, the gravest warnings and what to do next; all tables; those that judge it too."""
+def show_fit(fit: Fit, file: Path, tables: bool) -> None:
+    """The answer in eight lines, the gravest warnings and what to do next; on request all tables."""
     usable = fit.verdict.usable
     after = "tune-rc" if fit.linear is not None and usable else "report"
     label = "warned " if usable else "stop   "
     warnings = label + (", ".join(warned(fit)) or "none")
     for line in (*verdict_line(fit), *answer(fit), warnings, f"next   {shlex.join(('eaid', after, str(file)))}"):
         console.line(on_command_line(line))
-    shown = model_tables(fit) if tables else []
-    for table in [*shown, *(judging_tables(fit) if tables and verbose else ())]:
+    for table in model_tables(fit) if tables else ():
         console.show(table)
 
 
@@ -59,7 +58,7 @@ def show_steps(data: StepSet) -> None:
     console.show(between_levels(between[:MOST], data))
     if len(between) > MOST:
         console.line(f"and {len(between) - MOST} more")
-    console.show(slips_table(highest_slips(data), data))
+    console.show(slips_table(data))
     console.show(table_of(
         "Warnings", "", data.all_findings,
         ("", lambda one: WORD[one.severity]), ("run", lambda one: Name(console.shortened(one.subject))),

@@ -288,5 +288,4 @@ def test_table_iv_and_what_follows_from_it(report_of: Callable[..., Any]):
     page = report_of({**GAINS, "rc": rc})
     rows = {row[0]: row for row in page.rows("Table IV")}
     assert rows["Bm"][1:3] == ["12.4", "8.600"] and rows["φ"][1:3] == ["0.0500", "0.1000"] and rows["QM"][2] == "–"
-    rows = {row[0]: row for row in page.rows("Gains that follow")}
     assert rows["B̂"][1:3] == ["12.5", "12.80"] and rows["ρ, constant"][1:3] == ["10.81", "15.50"]

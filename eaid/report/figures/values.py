@@ -8,56 +8,34 @@ from eaid.arrays import Array
 from eaid.models import nonlinear
 from eaid.report import panels as ink
 from eaid.report import rig
-from eaid.report.panels import Axis, Band, Dash, Line, Note, Panel, Ready, Sheet, caption, over
+from eaid.report.panels import Axis, Band, Line, Note, Panel, Ready, Sheet, caption, over
 from eaid.report.results import Results
 from eaid.report.rig import of_the_paper
-from eaid.report.tables.fits import estimates_of
 from eaid.results.common import Interval, ci95_of
-from eaid.results.fit import CurveLevel, Estimate, Fit, FrictionLevel
+from eaid.results.fit import Fit
 from eaid.results.summary import ENDLESS_S, believed_levels
 
 NAMES = {"Ts": "Steady value T_s", "tau1": "Fast constant τ1", "tau2": "Slow constant τ2"}
-# Colour and line of each estimate of one fit; the one that is used first
-ESTIMATES: tuple[tuple[str, Dash], ...] = (
-    (ink.BLUE, "-"), (ink.VERMILLION, "-."), (ink.GREEN, (0, (4, 1, 1, 1, 1, 1))), (ink.PURPLE, (0, (6, 2)))
-)  # fmt: skip
 TALL = 1.6  # An interval that reaches beyond so many times its value does not set the axis
 
 
-def value_axis(name: str, unit: str, top: float = 0.0) -> Axis:
-    """The axis of a fitted value, from 0 to a little above `top`; by the data without one."""
-    limits = (0.0, 1.1 * top) if top else (None, None)
+def value_axis(name: str, unit: str, top: float) -> Axis:
+    """The axis of a fitted value, from 0 to a little above `top`; by the data where that is 0."""
     said = "Friction coefficient C_f" if name == "C_f" else NAMES[name]
-    return Axis(said, {"C_f": "1", "Ts": unit}.get(name, "s"), limits)
+    return Axis(said, {"C_f": "1", "Ts": unit}.get(name, "s"), (0.0, 1.1 * top) if top else (None, None))
 
 
-def points(x: Sequence[float], values: Array, intervals: Sequence[Interval], name: str = "", color: str = ink.BLACK,
-           dash: Dash = "", marker: str = "o", size: float = 3.6, alpha: float = 1.0) -> Line:  # fmt: skip
+def points(x: Sequence[float], values: Array, intervals: Sequence[Interval], name: str) -> Line:
     """Values with their 95 % intervals where there are any, the value itself where not."""
     known = [(value, value) if ends is None else ends for value, ends in zip(values, intervals, strict=True)]
     low, high = np.array(known).reshape(-1, 2).T
-    ends = np.minimum(low, values), np.maximum(high, values)
-    return Line(x, values, name, color, dash, marker=marker, size=size, alpha=alpha, ends=ends)
-
-
-def highest(values: Array) -> float:
-    """The largest of the values that are known; 0 where none is."""
-    known = values[np.isfinite(values)]
-    return float(known.max()) if len(known) else 0.0
+    return Line(x, values, name, dash="", marker="o", ends=(np.minimum(low, values), np.maximum(high, values)))
 
 
 def seen(drawn: Line) -> float:
     """The highest end of a whisker that is to be seen."""
-    ends = np.asarray(drawn.y) if drawn.ends is None else drawn.ends[1]
-    return highest(np.minimum(ends, TALL * np.abs(drawn.y)))
-
-
-def level_points(rows: Sequence[FrictionLevel | CurveLevel], name: str, color: str = ink.BLACK) -> Line | None:
-    """One value of every level; without those time constants that have no end; None where nothing is left."""
-    values = ended(np.array([getattr(row, name) for row in rows], dtype=float), name)
-    if not np.isfinite(values).any():
-        return None
-    return points([row.level for row in rows], values, [ci95_of(row, name) for row in rows], "95 %", color)
+    assert drawn.ends is not None
+    return float(np.nanmax(np.minimum(drawn.ends[1], TALL * np.abs(drawn.y)), initial=0.0))
 
 
 def ended(values: Array, name: str) -> Array:
@@ -65,55 +43,37 @@ def ended(values: Array, name: str) -> Array:
     return values if name == "Ts" else np.where(values > ENDLESS_S, np.nan, values)
 
 
-def values_over(part: Estimate, u: Array) -> dict[str, Array]:
-    """T_s, τ1 and τ2 of an estimate over the input."""
-    tau1, tau2 = nonlinear.time_constants(part.parameters, u)
-    steady = nonlinear.steady_torque(part.parameters, u)
-    return {"Ts": steady, "tau1": ended(tau1, "tau1"), "tau2": ended(tau2, "tau2")}
-
-
-def value_panels(fit: Fit, several: bool = False, published: bool = False) -> list[Panel]:
-    """T_s, τ1 and τ2, a panel each: the levels of a fit, and its nonlinear model where there is one.
-
-    Every estimate where `several` are wanted, and Table III.
-    """
+def value_panels(fit: Fit) -> list[Panel]:
+    """T_s, τ1 and τ2, a panel each: the levels of a fit, its nonlinear model where there is one, and Table III."""
     rows, part = believed_levels(fit), fit.nonlinear
-    u = np.linspace(*part.u_range, 200) if part is not None else np.empty(0)
-    estimates = estimates_of(part) if part is not None else {}
-    if not several:
-        estimates = dict(list(estimates.items())[:1])
     panels = []
     for name in NAMES:
-        curves = {estimate: values_over(one, u)[name] for estimate, one in estimates.items()}
-        drawn = level_points(rows, name, ink.BLACK if several else ink.BLUE)
-        top, high = seen(drawn) if drawn is not None else 0.0, highest(next(iter(curves.values()), np.empty(0)))
-        top = high if not top or top < high < 3 * top else top
-        lines = [  # only where the axis holds them: τ2 without end would hide all the rest
-            Line(
-                u,
-                np.where(y < 1.3 * top, y, np.nan),
-                estimate if k else f"{estimate} (used)",
-                *ESTIMATES[k],
-                0.9 if k else 1.1,
-            )
-            for k, (estimate, y) in enumerate(curves.items())
-        ]
-        lines += [drawn] if drawn is not None else []
-        if published and name != "Ts":  # Table III's T_s gives 0.06 N·m at full duty: a line on the floor
-            paper = np.polynomial.polynomial.polyval(u, rig.TABLE_III[name])
-            lines.append(Line(u, paper, "published", ink.GREY, ":", 1.1))
-        legend = "over" if several and name == "tau1" else ""
+        values = ended(np.array([getattr(row, name) for row in rows], dtype=float), name)
+        lines = [points([row.level for row in rows], values, [ci95_of(row, name) for row in rows], "95 %")]
+        top = seen(lines[0])
+        if part is not None:
+            u = np.linspace(*part.u_range, 200)
+            tau1, tau2 = nonlinear.time_constants(part.parameters, u)
+            curves = {"Ts": nonlinear.steady_torque(part.parameters, u), "tau1": tau1, "tau2": tau2}
+            model = ended(curves[name], name)
+            high = float(np.nanmax(model, initial=0.0))
+            top = high if not top or top < high < 3 * top else top
+            # only where the axis holds it: τ2 without end would hide all the rest
+            lines.insert(0, Line(u, np.where(model < 1.3 * top, model, np.nan), "model", ink.BLUE, width=1.1))
+            if of_the_paper(fit.data) and name != "Ts":  # Table III's T_s gives 0.06 N·m at full duty
+                paper = np.polynomial.polynomial.polyval(u, rig.TABLE_III[name])
+                lines.append(Line(u, paper, "published", ink.GREY, ":", 1.1))
         y = value_axis(name, fit.data.output_unit, top or 1 / 1.1)
+        legend = "over" if name == "tau1" else ""
         panels.append(Panel(over(fit.data.input_unit), y, lines, legend=legend, columns=6, tight=False))
     return panels
 
 
 def polynomials(fit: Fit) -> Ready | None:
-    """T_s, τ1 and τ2 over the level: every estimate, the single levels with their intervals, and Table III."""
+    """T_s, τ1 and τ2 over the level: the model, the single levels with their intervals, and Table III."""
     if fit.nonlinear is None or len(believed_levels(fit)) == 1:
         return None
-    panels = value_panels(fit, several=True, published=of_the_paper(fit.data))
-    return Ready(Sheet(panels, 2.5, columns=3, share=(False, False)), caption("over_duty"))
+    return Ready(Sheet(value_panels(fit), 2.5, columns=3, share=(False, False)), caption("over_duty"))
 
 
 def trends(fit: Fit) -> Ready | None:

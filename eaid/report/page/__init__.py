@@ -7,7 +7,7 @@ escaped.
 import base64
 import hashlib
 import re
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib import resources
@@ -113,13 +113,9 @@ def _block(title: str, figures: Sequence[Drawn] = (), tables: Iterable[Table] = 
     return [block] if block.figures or block.tables else []
 
 
-def _part(
-    title: str, known: Known, figures: Sequence[Drawn], tables: Iterable[Table], folds: Sequence[Block],
-    besides: Container[str] = (),
-) -> Block:  # fmt: skip
-    """A part with its gravest findings, those about `besides` left out, the others and long tables folded."""
-    here = [found for found in known[title.lower()] if found.subject not in besides]
-    findings = tuple((found.severity, sentence(found, title == "Data")) for found in here)
+def _part(title: str, known: Known, figures: Sequence[Drawn], tables: Iterable[Table], folds: Sequence[Block]) -> Block:
+    """A part with its gravest findings, the others and long tables folded."""
+    findings = tuple((found.severity, sentence(found, title == "Data")) for found in known[title.lower()])
     more = [Block("More to know", findings=findings[MOST:])] if len(findings) > MOST else []
     rows = [table for table in tables if table.rows]
     long = [Block(table.heading, tables=(table,)) for table in rows if len(table.rows) > OPEN_ROWS]
@@ -135,18 +131,15 @@ def _data(results: Results, known: Known, drawn: Figures) -> Block | None:
     tables: list[Table] = []
     folds: list[Block] = []
     for steps in (given.result for given in results.data):
-        warned, fine = data.runs_tables(steps)
-        levels, slips = data.levels_recorded(steps), data.slips_table(steps.runs, steps)
         title = f"{KINDS[steps.kind]}: every run" if len(results.data) > 1 else "every run"
-        folded = [warned, levels]
-        if steps is main:  # its runs with warnings stand open, else its levels
-            tables, folded = ([warned], [levels]) if warned.rows else ([levels], [])
-        folds += _block(title.capitalize(), (), [*folded, slips, fine])
+        levels, *others = data.levels_recorded(steps), data.slips_table(steps), data.runs_table(steps)
+        if steps is main:
+            tables.append(levels)
+        folds += _block(title.capitalize(), (), others if steps is main else [levels, *others])
     alone = () if results.fits else ("fig07_nonlinear_model", "fig03_friction_steps")
     figures = _of(drawn, *alone, "fig06_hold_and_release")
     folds += _block("How the clutch is driven", _of(drawn, "fig02_pwm"))
-    runs = {run.name for given in results.data for run in given.result.runs}
-    return _part("Data", known, figures, tables, folds, besides=runs)
+    return _part("Data", known, figures, tables, folds)
 
 
 def _figures_of(kind: str, drawn: Figures, results: Results) -> tuple[Drawn, ...]:
@@ -166,7 +159,7 @@ def _model(results: Results, known: Known, drawn: Figures) -> Block | None:
     folds: list[Block] = []
     for given in results.fits:
         fit, fit_kind = given.result, given.result.data.kind
-        folded = [*fits.model_tables(fit), *fits.judging_tables(fit)]
+        folded = fits.model_tables(fit)
         if fit is main:
             tables, folded = folded[:1], folded[1:]
             folds += _block("More on the model", figures[OPEN_FIGURES:], folded)

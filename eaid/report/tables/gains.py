@@ -67,7 +67,7 @@ def guarantee_story(gains: Gains) -> str:
 
 def tables_of(gains: Gains) -> list[Table]:
     """The controllers, what the guarantee needs, the gains, all margins; tables that have rows."""
-    every = (controllers_table(gains), checklist(gains), table_iv(gains), gains_table(gains), margins_table(gains))
+    every = (controllers_table(gains), checklist(gains), table_iv(gains), margins_table(gains))
     return [table for table in every if table.rows]
 
 
@@ -103,49 +103,35 @@ def checklist(gains: Gains) -> Table:
 
 
 def table_iv(gains: Gains) -> Table:
-    """The robust controller's parameters."""
-    rc, out = gains.rc, gains.output_unit
-    per = gain(gains.input_unit, out)
-    beside = (gains.input_unit, gains.output_unit) == rig.PAPER["clutch"]
-    meaning = {
-        "B_m": (per, "least input gain B that the design allows for"),
-        "B_M": (per, "largest input gain B that the design allows for"),
-        "Q_M": (f"{out}/s", "steepest reference"),
-        "phi": ("as entered in Eq. (15)", "bound on the error of the model's drift term"),
-        "epsilon": ("1", "half width of the layer where the robust term is linear"),
-        "gamma": ("1", "sharpness of the switch at that layer's edge"),
-        "K_D": ("1/s", "gain on the error"),
-        "K_P": ("1/s²", "gain on the integral of the error"),
-    }
-    names = {"phi": "φ", "epsilon": "ε", "gamma": "γ"}
-    rows = tuple(
-        (names.get(key, key), rig.TABLE_IV[key], getattr(rc, key, None), unit, said)
-        for key, (unit, said) in meaning.items()
-    )
-    heads = columns("symbol", ("published", "", 3), "ours", "unit", "what it does")
-    table = Table("Table IV" if beside else "Robust controller", "The robust controller's choices.", heads, rows)
-    return table if beside else table.without(1)
-
-
-def gains_table(gains: Gains) -> Table:
-    """What follows from Table IV's parameters: B̂, α, ρ, Q; and the PI."""
+    """What was chosen for the robust controller, what follows from it and the linear model, and the PI."""
     rc, pi = gains.rc, gains.pi
-    beside = (gains.input_unit, gains.output_unit) == rig.PAPER["clutch"]
+    on_papers_rig = (gains.input_unit, gains.output_unit) == rig.PAPER["clutch"]
     unit, out = gains.input_unit or "input", gains.output_unit
-    rows: list[tuple[str, str, Cell, str, str]] = []
+    per = gain(unit, out)
+    rows: list[tuple[str, str | None, Cell, str, str]] = []
     if rc is not None:
-        per = gain(unit, out)
+        chosen = (
+            ("B_m", "B_m", per, "least input gain B that the design allows for"),
+            ("B_M", "B_M", per, "largest input gain B that the design allows for"),
+            ("Q_M", "Q_M", f"{out}/s", "steepest reference"),
+            ("phi", "φ", "as entered in Eq. (15)", "bound on the error of the model's drift term"),
+            ("epsilon", "ε", "1", "half width of the layer where the robust term is linear"),
+            ("gamma", "γ", "1", "sharpness of the switch at that layer's edge"),
+            ("K_D", "K_D", "1/s", "gain on the error"),
+            ("K_P", "K_P", "1/s²", "gain on the integral of the error"),
+        )
+        rows += [(name, number(rig.TABLE_IV[key], 3), getattr(rc, key), u, said) for key, name, u, said in chosen]
         rows += [
             ("B̂", "12.5", rc.B_hat, per, "input gain that the controller assumes"),
             ("α by Eq. (16)", "0.5491", rc.alpha, "1", "(B_M − B_m)/(B_M + B_m)"),
-            ("α reached", "–", rc.alpha_reached, "1", "largest |1 − b B̂| over the range of B"),
+            ("α reached", None, rc.alpha_reached, "1", "largest |1 − b B̂| over the range of B"),
             ("ρ, constant", "10.81", rc.rho.constant, f"{out}/s", "size of the robust term without error"),
             ("ρ, slope", "6.586", rc.rho.slope, "per ‖ξ‖", "how the robust term grows with the error"),
-            ("Q12, Q22", "–", f"{number(rc.Q[0][1])}, {number(rc.Q[1][1])}", "1", "weights of the switching variable"),
+            ("Q12, Q22", None, f"{number(rc.Q[0][1])}, {number(rc.Q[1][1])}", "1", "weights of the switching variable"),
         ]
         if (bound := rc.ultimate_bound) is not None:
             said = "guaranteed worst error (only if the guarantee holds)"
-            rows.append(("error in the end", "–", bound.torque_error_nm, out, said))
+            rows.append(("error in the end", None, bound.torque_error_nm, out, said))
     if pi is not None:
         said = "as reached on the linear model"
         rows += [
@@ -156,10 +142,11 @@ def gains_table(gains: Gains) -> Table:
         ]
         if gains.replayed is not None and (papers := gains.replayed.paper_pi) is not None:
             said = f"of 21 and 360, replayed: {gains.replayed.reference}"
-            rows.append(("paper's PI: largest error", "–", papers.max_abs_error_nm, out, said))
+            rows.append(("paper's PI: largest error", None, papers.max_abs_error_nm, out, said))
     heads = columns("symbol", "published", "ours", "unit", "what it is")
-    table = Table("Gains that follow", "What the choices above and the linear model give.", heads, tuple(rows))
-    return table if beside else table.without(1)
+    caption = "What was chosen, and what follows from it and the linear model."
+    table = Table("Table IV" if on_papers_rig else "Gains", caption, heads, tuple(rows))
+    return table if on_papers_rig else table.without(1)
 
 
 def margins_table(gains: Gains) -> Table:
