@@ -22,7 +22,7 @@ from bokeh.models.layouts import Column
 from bokeh.plotting import figure
 from markupsafe import Markup
 
-from eaid.report.panels import Dash, Line, Panel, Sheet, thinned
+from eaid.report.panels import Dash, Line, Panel, Sheet, apart, thinned
 
 POINTS = 800  # Points of one line; extremes survive
 BAND_POINTS = 300
@@ -116,10 +116,7 @@ def _name_ends(p: Any, lines: Sequence[Line]) -> None:
     if not lines:
         return
     ends = sorted((float(line.y[-1]), line.end.partition(":")[0]) for line in lines)  # numbers are for the pointer
-    gap = 0.045 * max(abs(value) for value, _text in ends)
-    placed: list[float] = []
-    for value, _text in ends:
-        placed.append(max(value, placed[-1] + gap) if placed else value)
+    placed = apart([value for value, _text in ends], 0.045 * max(abs(value) for value, _text in ends))
     longest = float(max(line.x[-1] for line in lines))
     texts = [text for _value, text in ends]
     words = ColumnDataSource({"x": [1.01 * longest] * len(ends), "y": placed, "text": texts})

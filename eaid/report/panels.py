@@ -216,6 +216,16 @@ def controller_look(name: str, position: int = 0) -> Stroke:
     return {"color": colour, "dash": dash}
 
 
+def apart(values: Sequence[float], gap: float) -> list[float]:
+    """Rising values moved apart, neighbours both by half, until none are closer than the gap, or nearly so."""
+    placed = list(values)
+    for _ in range(200):
+        for i in range(len(placed) - 1):
+            lack = max(gap - (placed[i + 1] - placed[i]), 0.0)
+            placed[i], placed[i + 1] = placed[i] - lack / 2, placed[i + 1] + lack / 2
+    return placed
+
+
 def thinned(x: Array, y: Array, points: int) -> tuple[Array, Array]:
     """At most about `points` samples of a curve, shape (≤ points + 2,): extremes of equal stretches, in order.
 
