@@ -18,7 +18,7 @@ from eaid.results.common import Input
 from eaid.results.fit import Fit
 from eaid.results.plan import Plan, PlannedRun
 from eaid.results.recorded import Excitation
-from eaid.results.summary import answer, runs, verdict_line, warned
+from eaid.results.summary import answer, verdict_line, warned
 from eaid.shown import counted
 from eaid.steps.stepset import Level, LevelStep, StepSet
 
@@ -35,12 +35,6 @@ def show_fit(fit: Fit, file: Path, tables: bool) -> None:
         console.line(on_command_line(line))
     for table in model_tables(fit) if tables else ():
         console.show(table)
-
-
-def closing(fit: Fit, file: Path) -> str:
-    """The last line: the file, what it holds, and of which data."""
-    parts = ", ".join(name for name in PARTS if getattr(fit, name)) or "no model"
-    return f"{file}: {parts} of {runs(fit, f'{fit.data.kind} run')}"
 
 
 MOST = 20  # Steps from level to level that are listed; all are in the file and in --json

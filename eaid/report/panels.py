@@ -204,16 +204,11 @@ CONTROLLERS: dict[str, tuple[str, Dash, str]] = {
     "inverse": (PURPLE, (0, (1, 1)), "D"),
     "rc-no-rate": (ORANGE, (0, (3, 1, 1, 1)), "v"),
 }
-# Of names that this version does not know
-SPARE: tuple[tuple[str, Dash, str], ...] = (
-    (SKY, "--", "P"), (GREY, "-.", "X"), (BLACK, ":", "*"),
-)  # fmt: skip
 
 
-def controller_look(name: str, position: int = 0) -> Stroke:
-    """Colour and line of a controller."""
-    colour, dash, _marker = CONTROLLERS.get(name, SPARE[position % len(SPARE)])
-    return {"color": colour, "dash": dash}
+def controller_look(name: str) -> tuple[str, Dash, str]:
+    """Colour, line and marker of a controller; of a name that this version does not know, black dots."""
+    return CONTROLLERS.get(name, (BLACK, ":", "*"))
 
 
 def apart(values: Sequence[float], gap: float) -> list[float]:
@@ -234,13 +229,8 @@ def thinned(x: Array, y: Array, points: int) -> tuple[Array, Array]:
     n = len(y)
     if n <= points:
         return x, y
-    stretches = max(points // 2, 1)
-    width = -(-n // stretches)
-    padded = np.full(-(-n // width) * width, np.nan)
-    padded[:n] = np.nan_to_num(y)
-    blocks = padded.reshape(-1, width)
-    start = np.arange(len(blocks)) * width
-    low = start + np.argmin(np.where(np.isnan(blocks), np.inf, blocks), axis=1)
-    high = start + np.argmax(np.where(np.isnan(blocks), -np.inf, blocks), axis=1)
-    keep = np.unique(np.concatenate([[0], low, high, [n - 1]]))
+    width = -(-n // max(points // 2, 1))
+    blocks = np.pad(y, (0, -n % width), mode="edge").reshape(-1, width)
+    starts = np.arange(0, n, width)
+    keep = np.unique(np.concatenate([[0], starts + blocks.argmin(axis=1), starts + blocks.argmax(axis=1), [n - 1]]))
     return x[keep], y[keep]

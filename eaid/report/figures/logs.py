@@ -1,6 +1,5 @@
 """Logs fitted as they were recorded: input, output and residual over time."""
 
-import os
 from collections.abc import Sequence
 
 import numpy as np
@@ -21,12 +20,9 @@ def drawn_logs(logs: Sequence[LogFit]) -> list[LogFit]:
 
 
 def titles(names: Sequence[str], letters: int = 44) -> list[str]:
-    """Names without the beginning that all share, and at most so many letters, as matplotlib text."""
-    shared = os.path.commonprefix(list(names)) if len(names) > 1 else ""  # noqa: RUF071 (letters are meant)
-    cut = max(shared.rfind("-"), shared.rfind("_")) + 1
+    """The ends of names, by which they differ, all of them in at most so many letters, as matplotlib text."""
     most = letters // len(names)
-    tails = [name[cut:] or name for name in names]
-    return [(tail if len(tail) <= most else f"…{tail[1 - most :]}").replace("$", r"\$") for tail in tails]
+    return [(name if len(name) <= most else f"…{name[1 - most :]}").replace("$", r"\$") for name in names]
 
 
 def recorded_logs(fit: Fit) -> Ready | None:

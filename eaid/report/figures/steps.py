@@ -1,8 +1,8 @@
 """Step responses: the mean of each level, ± sd, its model, and the level at the curve's end; what the models leave."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
+from types import MappingProxyType
 from typing import TypeVar
 
 import numpy as np
@@ -48,34 +48,24 @@ def fine_times(t_end: float, points: int = 150) -> Array:
     return np.unique(np.concatenate([[0.0], np.geomspace(1e-3, 1, points) * t_end]))
 
 
-@dataclass(frozen=True, eq=False)
-class Curve:
-    """One level: what was measured, its model, and what stands at its end."""
-
-    time_s: Array
-    measured: Array
-    text: str
-    model: Model | None = None
-    sd: Array | None = None  # Half of the band around it; None: no band
-    note: str = ""  # The model's RMSE
+# What was measured: time, values, half of the band around them or None, what it is called, the model's RMSE or ""
+Curve = tuple[Array, Array, Array | None, str, str, Model | None]
 
 
 def curves_panel(curves: Sequence[Curve], y: Axis, said: str) -> Panel:
     """Each level's curve, its band and its model (`said` in the legend)."""
-    colours, named = ink.level_colours(len(curves)), some_of(curves, LABELLED)
+    colours, named = ink.level_colours(len(curves)), {one[3] for one in some_of(curves, LABELLED)}
     bands, lines = [], []
-    for one, colour in zip(curves, colours, strict=True):
-        t, mean = one.time_s, one.measured
-        if one.sd is not None:
-            bands.append(ink.Band(t, mean - one.sd, mean + one.sd, colour, 0.2))
-        end = (f"{one.text}: {one.note}" if one.note else one.text) if one in named else ""
-        lines.append(Line(t, mean, f"{one.text}, measured", colour, width=1.5, alpha=0.75, end=end))
-        if one.model is not None:
+    for (t, mean, sd, text, rmse, model), colour in zip(curves, colours, strict=True):
+        if sd is not None:
+            bands.append(ink.Band(t, mean - sd, mean + sd, colour, 0.2))
+        end = (f"{text}: {rmse}" if rmse else text) if text in named else ""
+        lines.append(Line(t, mean, f"{text}, measured", colour, width=1.5, alpha=0.75, end=end))
+        if model is not None:
             fine = fine_times(float(t[-1]))
-            name = f"{one.text}, model{', RMSE ' if one.note else ''}{one.note}"
-            lines.append(Line(fine, one.model(fine), name, **ink.MODEL))
+            lines.append(Line(fine, model(fine), f"{text}, model{', RMSE ' if rmse else ''}{rmse}", **ink.MODEL))
     keys = [Line((), (), "measured" + " ± sd" * bool(bands), colours[len(colours) // 2], width=1.5, alpha=0.75)]
-    if any(one.model is not None for one in curves):
+    if any(model is not None for *_, model in curves):
         keys.append(Line((), (), said, **ink.MODEL))
     return Panel(ink.OF_STEP, y, lines, bands, legend="above", columns=2, keys=keys)
 
@@ -83,16 +73,14 @@ def curves_panel(curves: Sequence[Curve], y: Axis, said: str) -> Panel:
 def steps_panel(
     data: StepSet,
     fitted: Mapping[float, Model],
-    notes: Mapping[float, str] | None = None,
+    notes: Mapping[float, str] = MappingProxyType({}),
     spread: bool = False,
     said: str = "model",
 ) -> Panel:
     """Each level's mean, its model, and on request the band of ± one sd; `notes` follow its name."""
     curves = [
-        Curve(
-            one.time_s, one.mean, level_text(one.level, data.input_unit), fitted.get(one.level),
-            one.sd if spread and len(one.runs) > 1 else None, (notes or {}).get(one.level, ""),
-        )
+        (one.time_s, one.mean, one.sd if spread and len(one.runs) > 1 else None,
+         level_text(one.level, data.input_unit), notes.get(one.level, ""), fitted.get(one.level))
         for one in some_of(data.levels)
     ]  # fmt: skip
     return curves_panel(curves, quantity(data.output_unit), said)
@@ -100,9 +88,7 @@ def steps_panel(
 
 def fitted_steps(fit: Fit) -> Panel:
     """The step responses of the first model that was fitted (nonlinear, linear, friction), a line a level."""
-
-    data = fit.data
-    time = np.concatenate([[0.0], np.geomspace(1e-3, 1.0, 200)]) * float(max(data.record_s, default=20.0))
+    data, time = fit.data, fine_times(max(fit.data.record_s, default=20.0))
     levels = data.levels or (() if fit.recorded is None else np.linspace(*fit.recorded.u_range, 5).tolist())
     shown = fit.predict(levels, time.tolist())
     lines = [
@@ -201,7 +187,7 @@ def level_steps_panel(data: StepSet, shapes: Sequence[StepShape]) -> Panel:
         return shape.predict(t_s) - shape.start
 
     curves = [
-        Curve(step.time_s, step.output - shape.start, step_text(shape), partial(change, shape))
+        (step.time_s, step.output - shape.start, None, step_text(shape), "", partial(change, shape))
         for step, shape in some_of(paired(data, shapes), MOST)
     ]
     return curves_panel(curves, Axis("Change of output", data.output_unit or "1"), "fitted")

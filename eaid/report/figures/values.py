@@ -81,41 +81,41 @@ def trends(fit: Fit) -> Ready | None:
 
     Over force: T_s, τ1, C_f and τ2 over the normal stress [kPa], where it is known; over speed: τ1, T_s and τ2 [RPM].
     """
-    part = fit.friction
+    part, stress, papers_rig = (
+        fit.friction,
+        fit.friction is not None and fit.friction.over_stress,
+        of_the_paper(fit.data),
+    )
     if part is None or len(part.levels) < 2:
         return None
-    names: tuple[str, ...] = ("Ts", "tau1", "tau2")
+    names: tuple[str, ...] = ("Ts", "tau1", "C_f", "tau2") if stress and fit.data.output_unit == "N·m" else tuple(NAMES)
     paper = rig.OVER_STRESS
     if fit.data.kind == "friction-speed":
         # Table II's tau2 is two equal rates of opposite weight: at the printed digits no curve is left to draw.
         names, paper = ("tau1", "Ts", "tau2"), {name: rig.OVER_SPEED[name] for name in ("Ts", "tau1")}
-    elif part.over_stress and fit.data.output_unit == "N·m":  # Eq. (1) takes a torque
-        names = ("Ts", "tau1", "C_f", "tau2")
-    x = np.array(part.x if part.over_stress else [row.level for row in part.levels])
+    x = np.array(part.x if stress else [row.level for row in part.levels])
     fine = np.linspace(x.min(), x.max(), 200)
-    along = Axis("Normal stress", "kPa") if part.over_stress else over(fit.data.input_unit)
+    along = Axis("Normal stress", "kPa") if stress else over(fit.data.input_unit)
     panels: list[Panel] = []
     for name in names:
         key = "Ts" if name == "C_f" else name
-        values = np.array([getattr(row, key) for row in part.levels])
+        # Eq. (1): C_f is T_s by what a coefficient of 1 would give
+        per = [fit.data.apparatus.friction_coefficient(1.0, one) for one in x] if name == "C_f" else [1.0] * len(x)
+        values = np.array(per) * [getattr(row, key) for row in part.levels]
         ends = [ci95_of(row, key) for row in part.levels]
-        if name == "C_f":
-            per = [fit.data.apparatus.friction_coefficient(1.0, one) for one in x]
-            values = np.array(per) * values
-            ends = [end and (k * end[0], k * end[1]) for k, end in zip(per, ends, strict=True)]
-        lines = [points(x.tolist(), values, ends, "each level, 95 %")]
+        scaled = [end and (k * end[0], k * end[1]) for k, end in zip(per, ends, strict=True)]
+        lines = [points(x.tolist(), values, scaled, "each level, 95 %")]
         top, trend = seen(lines[0]), part.trends.get(name)
         if trend is not None and trend.coefficients:
             lines.append(Line(fine, trend.predict(fine), "trend", ink.BLUE, width=1.1))
             top = max(top, float(np.max(trend.predict(fine))))
-        if name in paper and of_the_paper(fit.data):
+        if name in paper and papers_rig:
             lines.append(Line(fine, paper[name](fine), "published", ink.VERMILLION, ":", 1.1))
-        legend = "" if panels else "over"
         y = value_axis(name, fit.data.output_unit, max(top, 0.0))
-        panels.append(Panel(along, y, lines, legend=legend, columns=6, tight=False))
+        panels.append(Panel(along, y, lines, legend="" if panels else "over", columns=6, tight=False))
     four = len(names) == 4
     text = caption("trends", rows=part.levels, unit=fit.data.input_unit, out=fit.data.output_unit)
-    title = "" if of_the_paper(fit.data) else "Fitted values over the level"
+    title = "" if papers_rig else "Fitted values over the level"
     sheet = Sheet(panels, 4.2 if four else 2.4, columns=2 if four else 3, share=(four, False))
     return Ready(sheet, text, title)
 
@@ -126,11 +126,10 @@ def pwm_period(results: Results) -> Ready | None:
     Eq. (2): duty = 2 P_a / P; P_a is the time at +V and the time at −V, the rest of the period is 0.
     """
     fit, data = results.fit("clutch"), results.data_of("clutch")
-    if not of_the_paper(fit.data if fit is not None else data):
+    about = fit.data if fit is not None else data
+    if about is None or not of_the_paper(about):
         return None
-    rig = fit.data.apparatus if fit is not None else data.apparatus if data is not None else None
-    if rig is None:
-        return None
+    rig = about.apparatus
     duty_pct, v = 60.0, rig.voltage_v
     period_ms = 1e3 / rig.pwm_hz
     active_ms, half = period_ms * duty_pct / 200, period_ms / 2

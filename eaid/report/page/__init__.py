@@ -17,8 +17,8 @@ from markupsafe import Markup, escape
 
 from eaid.report import live
 from eaid.report.page import summary
-from eaid.report.page.known import MOST, Known, known, sentence
 from eaid.report.page.next_steps import commands, next_steps
+from eaid.report.page.summary import MOST, Known, known, sentence
 from eaid.report.results import KINDS, Results
 from eaid.report.tables import Cell, Name, Table, data, fits, gains, listed, replays, text
 from eaid.shown import counted
@@ -172,18 +172,19 @@ def _model(results: Results, known: Known, drawn: Figures) -> Block | None:
 
 def _controller(results: Results, known: Known, drawn: Figures) -> Block | None:
     figures = _of(drawn, "fig13_sweep")
-    walls = [gains.walls_table(given.result) for given in results.couplings]
-    if not results.gains:
-        return _part("Controller", known, figures, walls, ()) if figures or walls else None
-    folds = []
+    tables = [gains.walls_table(given.result) for given in results.couplings]
+    folds: list[Block] = []
+    verdict = None
     for k, given in enumerate(results.gains):
-        title = f"Gains and margins, {given.path}" if k else "Gains and margins"
-        shown = gains.checklist(results.gains[0].result)  # stands open
-        folds += _block(title, (), [table for table in gains.tables_of(given.result) if table != shown])
-    judged = results.gains[0].result
-    holds = judged.guarantee.holds if judged.guarantee is not None else None
-    part = _part("Controller", known, figures, [gains.checklist(judged), *walls], folds)
-    return replace(part, verdict=("good" if holds else "care", f"Guarantee: {gains.guarantee_words(judged)}."))
+        controllers, checklist, *others = gains.tables_of(given.result)
+        if k == 0:
+            tables.insert(0, checklist)
+            holds = given.result.guarantee is not None and given.result.guarantee.holds
+            verdict = "good" if holds else "care", f"Guarantee: {gains.guarantee_words(given.result)}."
+        folds += _block(f"Gains and margins{f', {given.path}' if k else ''}", (), [controllers, *others])
+    if not (results.gains or figures or tables):
+        return None
+    return replace(_part("Controller", known, figures, tables, folds), verdict=verdict)
 
 
 def _replay(results: Results, known: Known, drawn: Figures) -> Block | None:

@@ -66,9 +66,8 @@ def guarantee_story(gains: Gains) -> str:
 
 
 def tables_of(gains: Gains) -> list[Table]:
-    """The controllers, what the guarantee needs, the gains, all margins; tables that have rows."""
-    every = (controllers_table(gains), checklist(gains), table_iv(gains), margins_table(gains))
-    return [table for table in every if table.rows]
+    """The controllers, what the guarantee needs, the gains, all margins."""
+    return [controllers_table(gains), checklist(gains), table_iv(gains), margins_table(gains)]
 
 
 def controllers_table(gains: Gains) -> Table:
