@@ -4,14 +4,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from eaid.cli import console
-from eaid.cli.form import Common, FitAndGains, stamped, takes, written
+from eaid.cli.form import FitAndGains, stamped, takes, written
 from eaid.declared import part
 from eaid.files import refuse_to_overwrite
 from eaid.options import CoupleOptions
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arguments(Common, CoupleOptions, FitAndGains):
+class Arguments(CoupleOptions, FitAndGains):
     """What `eaid couple` takes."""
 
     output: Path = written("couple.json")

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eaid.cli import console
-from eaid.cli.form import Common, Verbose, argument, takes, written
+from eaid.cli.form import Common, argument, takes, written
 from eaid.declared import part
 from eaid.errors import DataError, UsageError
 from eaid.options import ExportOptions
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arguments(Common, ExportOptions, Verbose):
+class Arguments(Common, ExportOptions):
     """What `eaid export` takes."""
 
     files: list[Path] = argument("GAINS [FIT]", "gains.json, and fit.json for inverse and plant.")

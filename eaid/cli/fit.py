@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from eaid.cli import console
-from eaid.cli.form import Common, Tables, argument, takes, written
+from eaid.cli.form import Common, argument, takes, written
 from eaid.declared import part
 from eaid.files import refuse_to_overwrite
 from eaid.options import FitOptions, ReadOptions
@@ -15,7 +15,7 @@ NOT_TO_BE_USED = 4  # Exit code of a fit whose verdict is that it must not be us
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arguments(Common, FitOptions, ReadOptions, Tables):
+class Arguments(Common, FitOptions, ReadOptions):
     """What `eaid fit` takes."""
 
     data: list[Path] = argument("DATA…", "A data.h5, log files, or folders of them.")
@@ -52,7 +52,7 @@ def command(args: Arguments) -> int:
         if args.json:
             console.print_json(result)
         else:
-            show_fit(result, args.output, args.tables or args.verbose)
+            show_fit(result, args.output, args.verbose)
     finally:
         for tell in heard:
             tell()

@@ -51,25 +51,12 @@ class Common(Options):
     force: bool = option(False, "Overwrite an existing output.", OUTPUT)
     json: bool = option(False, "Print the result, machine-readable, on stdout.", OUTPUT)
     quiet: bool = option(False, "No messages, tables or progress; errors are still told.", OUTPUT, "-q", "--quiet")
+    verbose: bool = option(False, "Tell all findings and show all tables.", OUTPUT, "-v", "--verbose")
     typed: tuple[str, ...] = ()  # What was typed, but for what only says where the result goes and how it is shown
 
 
 @dataclass(frozen=True, kw_only=True)
-class Verbose(Options):
-    """Of commands that have more to tell."""
-
-    verbose: bool = option(False, "Tell all findings and show all tables.", OUTPUT, "-v", "--verbose")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Tables(Verbose):
-    """Of commands that say the answer first, in a few lines."""
-
-    tables: bool = option(False, "Show all numbers as tables.", OUTPUT)
-
-
-@dataclass(frozen=True, kw_only=True)
-class FitAndGains(Verbose):
+class FitAndGains(Common):
     """Of commands that take a fit and, for closed loops, gains."""
 
     fit: Path = argument("FIT", "fit.json of eaid fit, with a nonlinear model.")

@@ -58,5 +58,5 @@ def command(args: Arguments) -> None:
         console.print_json(plan)
     else:
         show_plan(plan, args.idle_s, args.release_s)
-    console.tell((*warnings, *plan.findings))
+    console.tell((*warnings, *plan.findings), args.verbose)
     console.say(f"{', '.join(map(str, files))}: {cost(plan)}")

@@ -11,7 +11,7 @@ from eaid.files import all_written_whole
 from eaid.findings import say
 from eaid.findings.finding import WORD
 from eaid.logs.run import Run
-from eaid.report.tables import Name, Table, columns, table_of
+from eaid.report.tables import Name, table_of
 from eaid.report.tables.data import between_levels, levels_recorded, slips_table
 from eaid.report.tables.fits import model_tables
 from eaid.results.common import Input
@@ -104,20 +104,22 @@ def write_plan(files: Sequence[Path], plan: Plan | Excitation, kind: str, force:
 
 def show_plan(plan: Plan | Excitation, idle_s: float, release_s: float) -> None:
     """The plan for people."""
-    of = "19 of 20"
     if isinstance(plan, Plan):
-        of = "four of five"
-        rows = tuple((f"{level:g}", hold) for level, hold in zip(plan.levels, plan.hold_s, strict=True))
-        caption = (
+        console.show(table_of(
+            "What to record",
             f"{plan.repeats} repeats of each level, in the order of the run table; each run idles for {idle_s:g} s "
-            f"before its step and is recorded for {release_s:g} s after its release"
-        )
-        console.show(Table("What to record", caption, columns(("level", plan.input_unit), ("hold", "s", 3)), rows))
+            f"before its step and is recorded for {release_s:g} s after its release",
+            zip(plan.levels, plan.hold_s, strict=True),
+            (("level", plan.input_unit), lambda of: f"{of[0]:g}"), (("hold", "s", 3), lambda of: of[1]),
+        ))  # fmt: skip
+    kept = "four of five" if isinstance(plan, Plan) else "19 of 20"
     measured = plan.measured_half_width_pct or {}
-    widths = tuple((name, plan.wanted.get(name), w, measured.get(name)) for name, w in plan.half_width_pct.items())
-    heads = columns("parameter", ("wanted", "%", 3), ("predicted", "%", 3), ("kept", "%", 3))
-    caption = f"Of the 95 % intervals at the worst level; kept: by {of} simulated recordings"
-    console.show(Table("Half-widths", caption, heads, widths))
+    console.show(table_of(
+        "Half-widths", f"Of the 95 % intervals at the worst level; kept: by {kept} simulated recordings",
+        plan.half_width_pct.items(),
+        ("parameter", lambda of: of[0]), (("wanted", "%", 3), lambda of: plan.wanted.get(of[0])),
+        (("predicted", "%", 3), lambda of: of[1]), (("kept", "%", 3), lambda of: measured.get(of[0])),
+    ))  # fmt: skip
 
 
 def cost(plan: Plan | Excitation) -> str:

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from eaid.cli import console
-from eaid.cli.form import Common, FitAndGains, stamped, takes, written
+from eaid.cli.form import FitAndGains, stamped, takes, written
 from eaid.declared import forms, option, part
 from eaid.errors import UsageError
 from eaid.files import refuse_to_overwrite
@@ -12,7 +12,7 @@ from eaid.options import WHAT, Columns, ReadOptions, SimulateOptions
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arguments(Common, SimulateOptions, Columns, FitAndGains):
+class Arguments(SimulateOptions, Columns, FitAndGains):
     """What `eaid simulate` takes."""
 
     reference: Path | None = option(None, "A reference of your own: CSV time_s,reference_nm.", WHAT, shown="FILE")

@@ -86,14 +86,13 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """What lies between two curves; `name` is for the legend."""
+    """What lies between two curves."""
 
     x: Array
     low: Array
     high: Array
     color: str
     alpha: float = 0.25
-    name: str = ""
 
 
 @dataclass(frozen=True)

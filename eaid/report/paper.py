@@ -31,11 +31,7 @@ INDEXED_PT = 8.6  # Letters of a text with an index, which matplotlib sets at 0.
 LINE_IN = 0.167  # Height of a line of such letters [in]
 POINTS, BAND_POINTS = 2500, 400  # Most points of a curve; extremes survive; and of a band
 _LOOK = threading.Lock()
-
-
-@cache
-def _parameters() -> dict[Any, Any]:
-    return dict(mpl.rc_params_from_file(Path(__file__).with_name("figures.mplstyle")))
+_parameters = cache(lambda: dict(mpl.rc_params_from_file(Path(__file__).with_name("figures.mplstyle"))))
 
 
 @contextmanager
@@ -82,8 +78,7 @@ def draw(axes: Axes, panel: Panel, x_label: bool = True, y_label: bool = True) -
     for band in panel.bands:
         some = slice(None, None, max(1, len(band.x) // BAND_POINTS))
         low, high = band.low[some], band.high[some]
-        shade = axes.fill_between(band.x[some], low, high, color=band.color, alpha=band.alpha, linewidth=0)
-        shade.set_label(band.name or "_")
+        axes.fill_between(band.x[some], low, high, color=band.color, alpha=band.alpha, linewidth=0)
     for line in (*panel.lines, *panel.keys):
         _line(axes, line, named=bool(panel.legend) and (not panel.keys or line in panel.keys))
     for span in panel.spans:
@@ -156,14 +151,12 @@ def _boxes(axes: Axes, boxes: Sequence[Box]) -> None:
     axes.grid(axis="x", visible=False)
 
 
-def _end_of(values: Any) -> float:
-    """Where a curve ends: the mean of its last fiftieth."""
-    return float(np.mean(values[-max(1, len(values) // 50) :]))
-
-
 def _name_ends(axes: Axes, panel: Panel) -> None:
     """Write a text at the right end of each curve, moved apart where curves end close together."""
-    ends = sorted((_end_of(line.y), line.end, line.color) for line in panel.lines if line.end)
+    # a curve ends at the mean of its last fiftieth
+    ends = sorted(
+        (float(np.mean(line.y[-max(1, len(line.y) // 50) :])), line.end, line.color) for line in panel.lines if line.end
+    )
     low, high = axes.get_ylim()
     gap = (high - low) * 1.15 * SMALLEST_PT / 72 / (axes.get_window_extent().height / axes.figure.dpi)
     for (value, text, colour), place in zip(ends, apart([value for value, _, _ in ends], gap), strict=True):

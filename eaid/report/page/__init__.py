@@ -20,7 +20,7 @@ from eaid.report.page import summary
 from eaid.report.page.next_steps import commands, next_steps
 from eaid.report.page.summary import MOST, Known, known, sentence
 from eaid.report.results import KINDS, Results
-from eaid.report.tables import Cell, Name, Table, data, fits, gains, listed, replays, text
+from eaid.report.tables import Name, Table, data, fits, gains, listed, replays, text
 from eaid.shown import counted
 from eaid.version import __version__
 
@@ -236,7 +236,10 @@ def page(results: Results, drawn: Sequence[Drawn], pictures: Sequence[Drawn]) ->
         parts=parts(results, known(results), {one.name: one for one in drawn}),
         style=Markup(_asset("page.css")),
         # Our own scripts only, told by their hash: nothing else on the page can run, whatever a file name says.
-        allowed=" ".join(_hash(script) for script in (library, starter) if script),
+        allowed=" ".join(
+            f"'sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}'"
+            for script in (library, starter) if script
+        ),
         library=Markup(library),
         starter=Markup(starter),
     )  # fmt: skip
@@ -252,28 +255,18 @@ def _environment() -> Environment:
         lstrip_blocks=True,
     )
     made.filters["sign"] = signs
-    made.globals |= {"words": WORDS, "severities": SEVERITIES, "cell": _cell}
+    made.globals |= {"words": WORDS, "severities": SEVERITIES, "text": text}
     return made
 
 
-def _cell(cell: Cell, digits: int) -> Markup:
-    """A cell as HTML: formulas are set, names that users chose are not."""
-    return escape(str(cell)) if isinstance(cell, Name) else signs(text(cell, digits))
-
-
 def signs(said: str) -> Markup:
-    """Our own formulas as HTML: T_s, u^2 and e^(…) get their subscript and superscript; all else is escaped first."""
+    """Our own formulas as HTML: T_s, u^2 and e^(…) get their sub- and superscripts; names that users chose do not."""
     safe = str(escape(str(said)))
     if isinstance(said, Name):
         return Markup(safe)
     safe = re.sub(r"\^\(([^()]*)\)", r"<sup>\1</sup>", safe)
     safe = re.sub(r"(?<=[u%A-Za-z])\^(\d)", r"<sup>\1</sup>", safe)
     return Markup(re.sub(r"\b([TCBKQabc])_([A-Za-z0-9])\b", r"\1<sub>\2</sub>", safe))
-
-
-def _hash(script: str) -> str:
-    digest = base64.b64encode(hashlib.sha256(script.encode("utf-8")).digest()).decode("ascii")
-    return f"'sha256-{digest}'"
 
 
 def _asset(name: str) -> str:

@@ -14,7 +14,7 @@ from eaid.report.panels import Axis, Panel, Sheet
 from eaid.report.results import KINDS, Results
 from eaid.report.rig import controller_name, level_text
 from eaid.report.tables import Cell, Table, columns, number
-from eaid.report.tables.data import warnings_of
+from eaid.report.tables.data import is_warned
 from eaid.report.tables.gains import guarantee_story
 from eaid.report.tables.replays import SCENARIO_NAMES, metric
 from eaid.results import summary
@@ -27,17 +27,17 @@ MODELS = {"friction": "friction curves", "nonlinear": "nonlinear model", "linear
 ABOUT_THE_CURVE = {"shape-misses", "other-shape-fits-better"}
 MOST = 3  # Findings of a part that are shown; the rest are folded
 
-Known = Mapping[str, tuple[Finding, ...]]  # Part of the page → its findings, the gravest first, those of one code once
+Known = Mapping[str, tuple[Finding, ...]]  # Part of the page → its findings, the gravest first
 
 
 def known(results: Results) -> Known:
-    """All findings of the results, sorted."""
+    """All findings of the results, sorted; those of one code as one, but for runs."""
     found: dict[str, list[Finding]] = {"data": [], "model": [], "controller": [], "replay": []}
     for data in results.data:
         found["data"] += data.result.all_findings
     for fit in results.fits:
         for one in fit.result.findings:
-            of_the_model = one.subject in MODELS or one.subject == "fit" or one.code in ABOUT_THE_CURVE
+            of_the_model = one.subject in (*MODELS, "fit") or one.code in ABOUT_THE_CURVE
             found["model" if of_the_model else "data"].append(one)
     for gains in results.gains:
         found["controller"] += gains.result.findings
@@ -45,7 +45,7 @@ def known(results: Results) -> Known:
         found["replay"] += replay.result.findings
     for part, group in found.items():  # each once: a fit repeats what its data already said
         found[part] = list({(one.code, one.subject, one.levels): one for one in group}.values())
-    return {part: merged(ranked(group)) for part, group in found.items()}
+    return {part: ranked(group if part == "data" else merged(ranked(group))) for part, group in found.items()}
 
 
 def sentence(one: Finding, of_data: bool = False) -> str:
@@ -164,20 +164,15 @@ def _counted(findings: Sequence[Finding], unit: str = "") -> str:
 
 
 def _data(results: Results, known: Known) -> Light:
-    data, fit = results.main_data, results.main_fit
+    data, fit, findings = results.main_data, results.main_fit, merged(known["data"])
     about = data if data is not None else fit.data if fit is not None and fit.data.sources else None
     if about is None:
         return Light("Data", "none", "no data given", "appendix")
     runs = data.runs if data is not None else [one for one in fit.data.sources if one.edge != "falling"] if fit else ()
-    warned = sum(1 for run in data.runs if warnings_of(run)) if data is not None else 0
-    grade, count = _grade(known["data"]), counted(len(runs), "run")
-    text = f"{f'{warned} of ' * bool(warned)}{count}{' warned' * bool(warned)}; "
-    return Light(
-        "Data",
-        "care" if warned and grade == "good" else grade,
-        text + _counted(known["data"], about.input_unit),
-        "data",
-    )
+    warned, grade = sum(map(is_warned, data.runs)) if data is not None else 0, _grade(findings)
+    text = f"{warned} of {counted(len(runs), 'run')} warned; " if warned else f"{counted(len(runs), 'run')}; "
+    grade = "care" if warned and grade == "good" else grade
+    return Light("Data", grade, text + _counted(findings, about.input_unit), "data")
 
 
 def _model(results: Results, known: Known) -> Light:
@@ -228,12 +223,6 @@ def _replay_of(results: Results) -> Replay | None:
     return next(filter(None, map(results.replay, SCENARIOS)), None)
 
 
-def _shares(fit: Fit) -> list[tuple[float, float]]:
-    """Fit [%] and level, of the model that is drawn."""
-    rows = fit.nonlinear.per_level if fit.nonlinear is not None else fit.friction_levels
-    return [(row.fit_pct, row.level) for row in rows if row.fit_pct is not None]
-
-
 def _picture(panels: Sequence[Panel], ratios: tuple[float, ...] = (), columns: int = 1) -> Sheet:
     return Sheet(panels, HEIGHT_IN, WIDTH_IN, columns, ratios, lettered=False)
 
@@ -251,7 +240,15 @@ def _candidates(results: Results) -> Iterator[tuple[str, str, Sheet]]:
     elif data is not None:
         models = steps.nonlinear_curves(fit, data) or steps.single_curves(fit)
         panels = [steps.steps_panel(replace(data, levels=tuple(steps.some_of(data.levels, 6))), models)]
-        worst = min(_shares(fit), default=None) if fit is not None and len(data.levels) > 1 else None
+        rows = (
+            fit.nonlinear.per_level
+            if fit is not None and fit.nonlinear is not None
+            else fit.friction_levels
+            if fit
+            else ()
+        )
+        shares = [(row.fit_pct, row.level) for row in rows if row.fit_pct is not None]
+        worst = min(shares) if shares and len(data.levels) > 1 else None
         alone = tuple(row for row in data.levels if worst is not None and row.level == worst[1])
         if alone and worst is not None:  # the level that the model follows least, on a scale of its own
             panel = steps.steps_panel(replace(data, levels=alone), models)

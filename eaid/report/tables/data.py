@@ -3,30 +3,23 @@
 from collections import Counter
 from collections.abc import Iterable
 
-from msgspec.structs import replace
-
-from eaid.errors import on_command_line
-from eaid.findings import say
 from eaid.report.results import KINDS, Results
 from eaid.report.tables import Cell, Name, Table, columns, level, table_of
 from eaid.steps.stepset import LevelStep, RunRecord, StepSet
 
 
-def warnings_of(run: RunRecord) -> tuple[str, ...]:
-    """What a run warns of, as sentences that do not name it again; notes are no warnings."""
-    warnings = [replace(found, subject="this run") for found in run.findings if found.severity != "note"]
-    return tuple(("stop: " if one.severity == "stop" else "") + on_command_line(say(one)) for one in warnings)
+def is_warned(run: RunRecord) -> bool:
+    """Whether a run has warnings; notes are none."""
+    return any(found.severity != "note" for found in run.findings)
 
 
 def runs_table(data: StepSet) -> Table:
-    """One row a run, those with warnings first."""
+    """One row a run."""
     return table_of(
-        "Runs", "The idle output is the mean before the step; it is subtracted before fitting.",
-        sorted(data.runs, key=lambda run: not warnings_of(run)),
+        "Runs", "The idle output is the mean before the step; it is subtracted before fitting.", data.runs,
         ("run", lambda run: Name(run.name)), (("level", data.input_unit), lambda run: level(run.level)),
-        ("edge", "edge"), ("repeat", "repeat"), ("samples", "samples"), (("rate", "Hz"), "rate_hz"),
-        (("idle", data.output_unit, 3), "baseline_nm"),
-        ("warnings", lambda run: Name("; ".join(warnings_of(run)))) if any(map(warnings_of, data.runs)) else None,
+        ("edge", "edge"), ("repeat", "repeat"), ("warned", is_warned), ("samples", "samples"),
+        (("rate", "Hz"), "rate_hz"), (("idle", data.output_unit, 3), "baseline_nm"),
     )  # fmt: skip
 
 
@@ -39,7 +32,7 @@ def levels_recorded(data: StepSet) -> Table:
         runs = [run for run in data.runs if run.name in averaged.names]
         idle = [run.baseline_nm for run in runs]
         before: Cell = idle[0] if len(idle) == 1 else (min(idle), max(idle)) if idle else None
-        warned = sum(1 for run in data.runs if run.level == averaged.level and warnings_of(run))
+        warned = sum(1 for run in data.runs if run.level == averaged.level and is_warned(run))
         rise = float(mean[-max(1, len(mean) // 10) :].mean())
         lost_pct = round(max((run.lost_pct or 0.0 for run in runs), default=0.0))
         held_s = float(averaged.time_s[-1])
@@ -82,7 +75,7 @@ def slips_table(data: StepSet) -> Table:
 
 
 def files_table(results: Results) -> Table:
-    """The files given to the report and, for each fit, the logs behind it."""
+    """The files given to the report."""
     rows: list[tuple[Cell, ...]] = [
         *((Name(data.path), f"data, {KINDS[data.result.kind]}", Name(data.sha256)) for data in results.data),
         *((Name(fit.path), f"fit, {KINDS[fit.result.data.kind]}", Name(fit.sha256)) for fit in results.fits),
@@ -90,12 +83,5 @@ def files_table(results: Results) -> Table:
         *((Name(one.path), Name(f"replay, {one.result.head.scenario}"), Name(one.sha256)) for one in results.replays),
         *((Name(walls.path), "virtual walls", Name(walls.sha256)) for walls in results.couplings),
     ]
-    fingerprints = {given.sha256 for given in results.every}
-    for fit in results.fits:
-        logs = [(log.path, log.sha256) for log in fit.result.data.inputs or fit.result.data.sources]
-        for path, sha in dict.fromkeys(logs):
-            if sha not in fingerprints:
-                rows.append((Name(path), Name(f"log behind {fit.path}"), Name(sha or "–")))
-    caption = "What was given to this report, and the logs that the fits name. The fingerprint (SHA-256) tells one "
-    return Table("Files", f"{caption}version of a file from another.", columns("file", "what it is", "fingerprint"),
-                 tuple(rows))  # fmt: skip
+    caption = "The fingerprint (SHA-256) tells one version of a file from another."
+    return Table("Files", caption, columns("file", "what it is", "fingerprint"), tuple(rows))

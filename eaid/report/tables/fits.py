@@ -19,7 +19,7 @@ from eaid.report.tables import (
 )
 from eaid.results.common import ci95_of
 from eaid.results.fit import Fit, Trend
-from eaid.results.recorded import FallTest, LogFit, Loop
+from eaid.results.recorded import LogFit, Loop
 
 PARAMETERS = ("Ts", "tau1", "tau2")
 
@@ -196,7 +196,7 @@ def model_tables(fit: Fit) -> list[Table]:
     found: list[Table] = []
     if (part := fit.recorded) is not None:
         units = fit.data.input_unit, fit.data.output_unit
-        found += [logs_table(part.logs, units[1]), loops_table(part.loops, units), falls_table(part.falls)]
+        found += [logs_table(part.logs, units[1]), loops_table(part.loops, units)]
     if fit.friction is not None:
         found += [levels_table(fit), *([trends_table(fit)] if fit.friction.trends else [])]
     found.append(level_steps_table(fit))
@@ -244,24 +244,4 @@ def loops_table(loops: Sequence[Loop], units: tuple[str, str]) -> Table:
         ("loop", lambda loop: Name(loop.name)), (("K_P", f"{unit}/({out})", 3), "K_P"),
         (("K_I", f"{unit}/({out}·s)", 3), "K_I"), (("PI law explains", "%", 3), "law_fit_pct"),
         (("at a limit", "%", 2), lambda loop: 100 * loop.saturated_fraction), (("RMS error", out, 3), "rms_error"),
-    )  # fmt: skip
-
-
-FALLS = {
-    "release_tau1": "τ1 of falls to rest (s)",
-    "release_tau2": "τ2 of falls to rest (s)",
-    "fall_tau1": "τ1 of partial falls, times",
-    "fall_tau2": "τ2 of partial falls, times",
-    "hysteresis_pct": "T_s after a fall, more by (%)",
-}
-
-
-def falls_table(falls: Sequence[FallTest]) -> Table:
-    """Whether falls differ from rises; no rows where nothing was tested."""
-    return table_of(
-        "Falls against rises",
-        "A small p, the probability of such a difference by chance, says that falls go otherwise than rises.",
-        falls,
-        ("value", lambda one: FALLS[one.name]), (("found", "", 3), "value"),
-        (("95 % interval", "", 3), "ci95"), (("p", "", 2), "chance"), ("fitted apart", "fitted"),
     )  # fmt: skip
