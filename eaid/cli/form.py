@@ -20,7 +20,7 @@ import typer
 from eaid.cli import console
 from eaid.declared import Declaration, Form, Options, as_typed, forms, option
 from eaid.errors import UsageError
-from eaid.options import WHAT
+from eaid.options import CHANCE, WHAT
 
 if TYPE_CHECKING:
     from eaid.findings import Finding
@@ -31,7 +31,6 @@ A = TypeVar("A", bound="Common")
 R = TypeVar("R")
 OUTPUT, PLACE = "Output", "Arguments"
 SHORT = 20  # Letters of a list of words that stand behind an option; longer ones stand in its help
-SHARED = ("output", "force", "json", "quiet", "verbose", "seed")  # Options that stand last in the help
 
 
 def argument(shown: str, help: str, default: Any = MISSING) -> Any:
@@ -76,9 +75,7 @@ class FitAndGains(Common):
 
 def takes(arguments: type[A]) -> Callable[[Callable[[A], int | None]], Callable[..., int | None]]:
     """Make of a function of `arguments` one that Typer takes as a command."""
-    shown = sorted(
-        forms(arguments).values(), key=lambda form: SHARED.index(form.name) + 1 if form.name in SHARED else 0
-    )
+    shown = sorted(forms(arguments).values(), key=lambda form: form.declared.group in (CHANCE, OUTPUT))
 
     def made(body: Callable[[A], int | None]) -> Callable[..., int | None]:
         def command(**typed: Any) -> int | None:

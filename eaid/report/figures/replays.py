@@ -1,7 +1,7 @@
-"""Figs. 11–13, 16 and 17: steps, multisine, sweep, each controller in its own colour and line; logs; elbow
-rehabilitation."""
+"""Figs. 11–13, 16 and 17: steps, multisine, sweep, each controller in its own colour and line; logs as recorded and
+under the model; elbow rehabilitation."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -9,12 +9,13 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.replay import rehab
 from eaid.report import panels as ink
-from eaid.report.figures.logs import titles
 from eaid.report.figures.steps import some_of
-from eaid.report.panels import Axis, Line, Panel, Ready, Sheet, caption, over, quantity
+from eaid.report.panels import Axis, Line, Panel, Ready, Sheet, Span, caption, over, quantity
 from eaid.report.rig import controller_name
 from eaid.report.tables import number
 from eaid.report.tables.replays import metric
+from eaid.results.fit import Fit
+from eaid.results.recorded import LogCurve, LogFit
 from eaid.results.replay import Replay
 
 
@@ -31,8 +32,7 @@ def bands(replay: Replay) -> list[ink.Band]:
 def counted_from(replay: Replay) -> float:
     """Instant from which a replay's errors count [s]."""
     said = [one.metrics.counted_from_s for one in replay.records.values()] + [replay.head.counted_from_s]
-    usual = 5.0 if replay.head.scenario == "multisine" else 0.0
-    return next((value for value in said if value is not None), usual)
+    return next((value for value in said if value is not None), 0.0)
 
 
 def tracking(replay: Replay) -> Ready:
@@ -74,7 +74,7 @@ def tracking_panels(replay: Replay, until_s: float | None = None) -> list[Panel]
             lines.append(Line(t, values, said, colour, dash))
         asked.append(Line(t, reference, "reference", ink.BLACK, ":"))
     cut = until_s is not None
-    shaded = [ink.Span(0.0, from_s, ink.PALE)] if from_s > 0 and not cut and replay.head.scenario != "steps" else []
+    shaded = [Span(0.0, from_s, ink.PALE)] if from_s > 0 and not cut and replay.head.scenario != "steps" else []
     counted = [np.abs(line.y[line.x >= from_s]) for line in error]
     top = max((float(np.max(e)) for e in counted if len(e)), default=1.0)
     size, plants = 1.25 * top + 1e-9, [] if cut else bands(replay)
@@ -105,7 +105,7 @@ def sweep(replay: Replay) -> Ready | None:
     hz = Axis("Frequency", "Hz", log=True)
     panels = [
         Panel(hz, Axis("Amplitude", "dB", (max(lowest - 2, -32), None)), gain,
-              spans=[ink.Span(-3, -3, ink.GREY, "y", 0.7, ":")], notes=[ink.Note("−3 dB", 1.01, -3, "x", ha="left")],
+              spans=[Span(-3, -3, ink.GREY, "y", 0.7, ":")], notes=[ink.Note("−3 dB", 1.01, -3, "x", ha="left")],
               legend="above", columns=2 if len(gain) > 3 else 3, tight=False),
         Panel(hz, Axis("Mean |error|", replay.head.output_unit, (0.0, None)), error, tight=False),
     ]  # fmt: skip
@@ -129,6 +129,51 @@ def recorded_input(replay: Replay) -> Ready | None:
         panels.append(Panel(ink.OF_LOG, y, [recorded, model], legend=legend, columns=6, title=title))
     text = caption("log", shown=len(chosen), rms=sorted((value, name) for name, value in rms.items()), unit=out)
     return Ready(Sheet(panels, 2.2, columns=len(chosen), share=(False, False)), text)
+
+
+def drawn_logs(logs: Sequence[LogFit]) -> list[LogFit]:
+    """The logs that are drawn: all, or the best, the middle and the worst followed."""
+    known = [log for log in logs if log.curve.time_s]
+    return known if len(known) <= 3 else some_of(sorted(known, key=lambda log: -(log.fit_pct or 0.0)), 3)
+
+
+def titles(names: Sequence[str], letters: int = 44) -> list[str]:
+    """The ends of names, by which they differ, all of them in at most so many letters, as matplotlib text."""
+    most = letters // len(names)
+    return [(name if len(name) <= most else f"…{name[1 - most :]}").replace("$", r"\$") for name in names]
+
+
+def recorded_logs(fit: Fit) -> Ready | None:
+    """A column a log: (top) input, (middle) measured and the model driven by the input alone, (bottom) residual."""
+    all_logs = fit.recorded.logs if fit.recorded is not None else ()
+    logs, units = drawn_logs(all_logs), (fit.data.input_unit, fit.data.output_unit)
+    if not logs:
+        return None
+    n, heads = len(logs), titles([log.name for log in logs])
+    percents = ["" if log.fit_pct is None else f"fit {log.fit_pct:.3g} %" for log in logs]
+    columns = [log_panels(log.curve, units, (heads[k], percents[k]), first=k == 0) for k, log in enumerate(logs)]
+    panels = [column[row] for row in range(3) for column in columns]
+    known = [log for log in logs if None not in (log.rmse, log.fit_pct, log.one_step_pct)]
+    worst = min(known, key=lambda log: log.fit_pct or 0.0, default=None)
+    text = caption("recorded", shown=n, count=len(all_logs), worst=worst, unit=units[1])
+    return Ready(Sheet(panels, 4.2, columns=n, ratios=(1, 1.6, 1), live=n == 1), text)
+
+
+def log_panels(
+    curve: LogCurve, units: tuple[str, str], heads: tuple[str, str] = ("", ""), first: bool = True
+) -> list[Panel]:
+    """Input, measured and model, residual of one log over its own time; names and legend beside the `first` alone."""
+    t, (unit, out) = np.array(curve.time_s), units
+    held = Line(np.repeat(t, 2)[1:], np.repeat(curve.input, 2)[:-1], "input", ink.GREEN, width=0.7)
+    measured = Line(t, np.array(curve.measured), "measured", ink.SKY, width=1.8)
+    model = Line(t, np.array(curve.model), "model", **ink.MODEL)
+    residual = Line(t, np.array(curve.residual), "residual", ink.VERMILLION, width=0.6)
+    axes = (over(unit), quantity(out), Axis("Residual", out or "output")) if first else (Axis(),) * 3
+    return [
+        Panel(ink.OF_LOG, axes[0], [held], title=heads[0]),
+        Panel(ink.OF_LOG, axes[1], [measured, model], legend="over" if first else "", columns=6, title=heads[1]),
+        Panel(ink.OF_LOG, axes[2], [residual], spans=[Span(0.0, 0.0, ink.BLACK, "y", 0.5)]),
+    ]
 
 
 # Mode → pale ground and name; the paper's blue, red and green
@@ -160,8 +205,8 @@ def training(replay: Replay) -> Ready | None:
     t, target, angle, desired, rendered = (
         trace[key] for key in ("time_s", "target_deg", "angle_deg", "desired_nm", "rendered_nm")
     )
-    spans = [ink.Span(start, end, MODES.get(name, (ink.PALE, ""))[0]) for name, start, end in stretches]
-    spans += [ink.Span(start, start, ink.BLACK) for _name, start, _end in stretches]  # told apart in grey, too
+    spans = [Span(start, end, MODES.get(name, (ink.PALE, ""))[0]) for name, start, end in stretches]
+    spans += [Span(start, start, ink.BLACK) for _name, start, _end in stretches]  # told apart in grey, too
     heads = [ink.Note(MODES.get(name, ("", name))[1], (a + b) / 2, 1.02, "y", va="bottom") for name, a, b in stretches]
     rows = (
         (Axis("Angle", "°"), [Line(t, target, "target", ink.BLACK, "--"), Line(t, angle, "angle", ink.BLUE)]),

@@ -3,13 +3,12 @@
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import islice
 
 import numpy as np
 
 from eaid.errors import on_command_line
 from eaid.findings import Finding, merged, ranked, say
-from eaid.report.figures import logs, replays, steps, values
+from eaid.report.figures import replays, steps, values
 from eaid.report.panels import Axis, Panel, Sheet
 from eaid.report.results import KINDS, Results
 from eaid.report.rig import controller_name, level_text
@@ -20,7 +19,7 @@ from eaid.report.tables.replays import SCENARIO_NAMES, metric
 from eaid.results import summary
 from eaid.results.fit import Fit
 from eaid.results.replay import Replay
-from eaid.shown import counted
+from eaid.shown import counted, span
 
 MODELS = {"friction": "friction curves", "nonlinear": "nonlinear model", "linear": "linear model", "release": "release"}
 # Findings of single runs that say how far the model is from them
@@ -134,8 +133,7 @@ def chips(results: Results) -> tuple[str, ...]:
         logs = fit.recorded.logs
         texts.append(f"{counted(len(logs), 'log')} as recorded, {sum(log.duration_s for log in logs):.4g} s")
     if levels and about is not None:
-        span = f"{levels[0]:.4g} to {level_text(levels[-1], about.input_unit)}"
-        texts.append(f"{len(levels)} levels, {span}" if len(levels) > 1 else level_text(levels[0], about.input_unit))
+        texts.append(span(levels, about.input_unit))
     if len(results.kinds) > 1:
         texts.append("with " + " and ".join(KINDS[kind] for kind in results.kinds[1:]))
     return tuple(texts)
@@ -213,11 +211,6 @@ WIDTH_IN, HEIGHT_IN = 5.0, 2.5
 SHOWN_S = 20.0  # Most of a replay that is shown [s]
 
 
-def pictures(results: Results) -> list[tuple[str, str, Sheet]]:
-    """Title, part of the page where more of it stands, and picture: the first two that there are."""
-    return list(islice(_candidates(results), 2))
-
-
 def _replay_of(results: Results) -> Replay | None:
     """The replay that is shown."""
     return next(filter(None, map(results.replay, SCENARIOS)), None)
@@ -227,16 +220,16 @@ def _picture(panels: Sequence[Panel], ratios: tuple[float, ...] = (), columns: i
     return Sheet(panels, HEIGHT_IN, WIDTH_IN, columns, ratios, lettered=False)
 
 
-def _candidates(results: Results) -> Iterator[tuple[str, str, Sheet]]:
-    """Described when wanted, the best first.
+def pictures(results: Results) -> Iterator[tuple[str, str, Sheet]]:
+    """Title, part of the page where more of it stands, and picture, described when wanted, the best first.
 
     The model on its data, controllers, fitted values over the level, or a step with the curve that it asks for.
     """
     data, fit, replay = results.main_data, results.main_fit, _replay_of(results)
-    drawn = logs.drawn_logs(fit.recorded.logs) if fit is not None and fit.recorded is not None else []
+    drawn = replays.drawn_logs(fit.recorded.logs) if fit is not None and fit.recorded is not None else []
     if fit is not None and drawn:  # the input, and below it the output and the model driven by that input alone
         units = fit.data.input_unit, fit.data.output_unit
-        yield "Measured against model", "model", _picture(logs.log_panels(drawn[-1].curve, units)[:2], (1, 2))
+        yield "Measured against model", "model", _picture(replays.log_panels(drawn[-1].curve, units)[:2], (1, 2))
     elif data is not None:
         models = steps.nonlinear_curves(fit, data) or steps.single_curves(fit)
         panels = [steps.steps_panel(replace(data, levels=tuple(steps.some_of(data.levels, 6))), models)]

@@ -32,23 +32,14 @@ def conditions_of(gains: Gains) -> tuple[Condition, ...]:
     return gains.guarantee.conditions if gains.guarantee is not None else ()
 
 
-def guarantee_words(gains: Gains) -> str:
-    """The one verdict on the guarantee: yes, NO with what is missing, or what is not known."""
-    rows = conditions_of(gains)
-    missing = [called(row) for row in rows if row.holds is False]
-    unknown = [called(row) for row in rows if row.holds is None]
-    if missing:
-        return f"NO ({', '.join(missing)})"
-    if unknown or not rows:
-        return f"not known ({', '.join(unknown)})" if unknown else "not judged in this file"
-    return "yes"
-
-
 def guarantee_story(gains: Gains) -> str:
-    """The verdict with its reasons in words and, where no gains can have the guarantee, what these have."""
+    """The one verdict on the guarantee with its reasons in words and, where no gains can have it, what these have."""
     rows = [row for row in conditions_of(gains) if row.holds is False]
+    unknown = [called(row) for row in conditions_of(gains) if row.holds is None]
+    if not rows and unknown:
+        return f"guarantee not known ({', '.join(unknown)})"
     if not rows:
-        return f"guarantee {guarantee_words(gains)}"
+        return "guarantee yes" if conditions_of(gains) else "guarantee not judged in this file"
     why = [
         CONDITIONS[row.name][2].format(
             n=number(row.needed, 3), a=number(row.available, 3), unit=row.unit or "of the input"
