@@ -21,8 +21,6 @@ from eaid.results.common import ci95_of
 from eaid.results.fit import Fit, Trend
 from eaid.results.recorded import LogFit, Loop
 
-PARAMETERS = ("Ts", "tau1", "tau2")
-
 
 def unit_of(fit: Fit, name: str) -> str:
     """Unit of a fitted value."""
@@ -42,7 +40,7 @@ def levels_table(fit: Fit) -> Table:
         (("level", fit.data.input_unit),
          lambda one: Name(level(one.level) if not one.from_ else f"{level(one.from_)} → {level(one.level)}")),
         (("stress", "kPa", 3), lambda one: rig.stress_kpa(one.level)) if force else None,
-        *(part for name in PARAMETERS for part in with_interval((SYMBOLS[name], unit_of(fit, name)), name)),
+        *(part for name in ("Ts", "tau1", "tau2") for part in with_interval((SYMBOLS[name], unit_of(fit, name)), name)),
         (("RMSE", out, 3), "rmse"),
         (("fit", "%", 3), "fit_pct") if any(one.fit_pct is not None for one in rows) else None,
     )  # fmt: skip
@@ -112,19 +110,17 @@ def table_iii(fit: Fit) -> Table:
 
 def linear_table(fit: Fit) -> Table:
     """Eq. (8): a0, b0, c0."""
-    part = fit.linear
+    part, out = fit.linear, fit.data.output_unit
     assert part is not None
-    paper, out = of_the_paper(fit.data), fit.data.output_unit
-    units = {"a0": "1/s", "b0": rate(fit.data.input_unit, out), "c0": f"{out}/s"}
-    rows: list[tuple[Cell, ...]] = [
-        (name, number(published.LINEAR[name], 3), getattr(part, name), ci95_of(part, name), unit)
-        for name, unit in units.items()
-    ]
-    rows.append(("RMSE", "–", part.rmse, None, out))
-    heads = columns("symbol", "published", "ours", "95 % interval", "unit")
-    said = "dT/dt = −a0 T + b0 u + c0, fitted to all levels at once."
-    table = Table("Linear model, Eq. (8)", said, heads, tuple(rows))
-    return table if paper else table.without(1)
+    units = {"a0": "1/s", "b0": rate(fit.data.input_unit, out), "c0": f"{out}/s", "rmse": out}
+    return table_of(
+        "Linear model, Eq. (8)", "dT/dt = −a0 T + b0 u + c0, fitted to all levels at once.", units,
+        ("symbol", lambda name: "RMSE" if name == "rmse" else name),
+        ("published", lambda name: number(published.LINEAR.get(name), 3)) if of_the_paper(fit.data) else None,
+        ("ours", lambda name: getattr(part, name)),
+        ("95 % interval", lambda name: ci95_of(part, name) if name != "rmse" else None),
+        ("unit", lambda name: units[name]),
+    )  # fmt: skip
 
 
 def input_gain_table(fit: Fit) -> Table:

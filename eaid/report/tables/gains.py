@@ -64,21 +64,16 @@ def tables_of(gains: Gains) -> list[Table]:
 def controllers_table(gains: Gains) -> Table:
     """Each controller with its gains, its least margins and its largest error, one line each."""
     worst, errors = gains.margins.worst if gains.margins else None, gains.replayed
-    rows = tuple(
-        (
-            controller_name(name),
-            ", ".join(f"{symbol} {number(getattr(law, key), 3)}" for key, symbol in law.SHOWN.items()),
-            *_margin(getattr(worst, name, None)),
-            getattr(getattr(errors, name, None), "max_abs_error_nm", None),
-        )
-        for name, law in gains.laws.items()
-    )  # fmt: skip
     on = f" on the {errors.reference}" if errors is not None else ""
-    heads = columns(
-        "controller", "gains", ("gain margin", "dB", 3), ("phase margin", "°", 3),
-        (f"largest error{on}", gains.output_unit, 3),
+    return table_of(
+        "Controllers", "Margins: the least over the held inputs.", gains.laws.items(),
+        ("controller", lambda of: controller_name(of[0])),
+        ("gains", lambda of: ", ".join(f"{s} {number(getattr(of[1], key), 3)}" for key, s in of[1].SHOWN.items())),
+        (("gain margin", "dB", 3), lambda of: _margin(getattr(worst, of[0], None))[0]),
+        (("phase margin", "°", 3), lambda of: _margin(getattr(worst, of[0], None))[1]),
+        ((f"largest error{on}", gains.output_unit, 3),
+         lambda of: getattr(getattr(errors, of[0], None), "max_abs_error_nm", None)),
     )  # fmt: skip
-    return Table("Controllers", "Margins: the least over the held inputs.", heads, rows)
 
 
 def checklist(gains: Gains) -> Table:
@@ -142,20 +137,19 @@ def table_iv(gains: Gains) -> Table:
 def margins_table(gains: Gains) -> Table:
     """Gain and phase margins of both controllers around held inputs, the least of each last."""
     margins = gains.margins or Margins()
-    rows: list[tuple[Cell, ...]] = [
-        (level(point.duty_pct), point.torque_nm, *_margin(point.rc), *_margin(point.pi)) for point in margins.points
-    ]
-    if margins.worst is not None:
-        rows.append(("least", None, *_margin(margins.worst.rc), *_margin(margins.worst.pi)))
+    rows = [(level(one.duty_pct), one.torque_nm, one.rc, one.pi) for one in margins.points]
+    least = [("least", None, margins.worst.rc, margins.worst.pi)] if margins.worst is not None else []
     timing = margins.timing
     latch = f"the input latched at {timing.pwm_hz:g} Hz" if timing.pwm_hz else "the input not latched"
-    caption = "How much the loop's gain may grow and its phase may lag before it becomes "
-    caption += f"unstable, around a held input; sampled at {timing.rate_hz:g} Hz, {latch}. "
-    heads = columns(
-        ("held input", gains.input_unit), ("output", gains.output_unit, 3), ("RC: gain", "dB", 3), ("phase", "°", 3),
-        ("PI: gain", "dB", 3), ("phase", "°", 3),
+    return table_of(
+        "Margins",
+        "How much the loop's gain may grow and its phase may lag before it becomes unstable, around a held input; "
+        f"sampled at {timing.rate_hz:g} Hz, {latch}. A dash: no limit up to 80 dB.",
+        [*rows, *least],
+        (("held input", gains.input_unit), lambda of: of[0]), (("output", gains.output_unit, 3), lambda of: of[1]),
+        (("RC: gain", "dB", 3), lambda of: _margin(of[2])[0]), (("phase", "°", 3), lambda of: _margin(of[2])[1]),
+        (("PI: gain", "dB", 3), lambda of: _margin(of[3])[0]), (("phase", "°", 3), lambda of: _margin(of[3])[1]),
     )  # fmt: skip
-    return Table("Margins", f"{caption}A dash: no limit up to 80 dB.", heads, tuple(rows))
 
 
 def _margin(one: Margin | None) -> tuple[Cell, Cell]:
