@@ -6,7 +6,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, TypedDict
+from typing import Any
 
 import numpy as np
 
@@ -21,18 +21,6 @@ BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 BLUE, VERMILLION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
 GREY, PALE = "#6E6E6E", "#EEEEEE"
 Dash = str | tuple[int, tuple[int, ...]]  # A line's dashes as matplotlib has them; none: ""
-
-
-class Stroke(TypedDict, total=False):
-    """How a line is drawn."""
-
-    color: str
-    dash: Dash
-    width: float
-
-
-# A model is a thin dark dashed line over the broader, paler line of what was measured: both stay to be seen
-MODEL: Stroke = {"color": BLACK, "dash": (0, (4, 2)), "width": 0.8}
 
 
 @dataclass(frozen=True)
@@ -82,6 +70,11 @@ class Line:
     alpha: float = 1.0
     ends: tuple[Array, Array] | None = None  # Lower and upper ends of the whiskers
     end: str = ""
+
+
+def model_line(x: Array, y: Array, name: str) -> Line:
+    """A thin dark dashed line over the broader, paler one of what was measured: both stay to be seen."""
+    return Line(x, y, name, BLACK, (0, (4, 2)), 0.8)
 
 
 @dataclass(frozen=True, eq=False)

@@ -124,7 +124,7 @@ def recorded_input(replay: Replay) -> Ready | None:
     for name, head in zip(chosen, titles(chosen), strict=True):
         table, title = compared[name], f"{head}: RMS {rms[name]:.2g}"
         recorded = Line(table["time_s"], table["reference_nm"], "recorded", ink.SKY, width=2.2)
-        model = Line(table["time_s"], table["torque_nm"], "model, same input", **ink.MODEL)
+        model = ink.model_line(table["time_s"], table["torque_nm"], "model, same input")
         y, legend = (Axis(), "") if panels else (quantity(out), "over")
         panels.append(Panel(ink.OF_LOG, y, [recorded, model], legend=legend, columns=6, title=title))
     text = caption("log", shown=len(chosen), rms=sorted((value, name) for name, value in rms.items()), unit=out)
@@ -166,7 +166,7 @@ def log_panels(
     t, (unit, out) = np.array(curve.time_s), units
     held = Line(np.repeat(t, 2)[1:], np.repeat(curve.input, 2)[:-1], "input", ink.GREEN, width=0.7)
     measured = Line(t, np.array(curve.measured), "measured", ink.SKY, width=1.8)
-    model = Line(t, np.array(curve.model), "model", **ink.MODEL)
+    model = ink.model_line(t, np.array(curve.model), "model")
     residual = Line(t, np.array(curve.residual), "residual", ink.VERMILLION, width=0.6)
     axes = (over(unit), quantity(out), Axis("Residual", out or "output")) if first else (Axis(),) * 3
     return [

@@ -63,10 +63,10 @@ def curves_panel(curves: Sequence[Curve], y: Axis, said: str) -> Panel:
         lines.append(Line(t, mean, f"{text}, measured", colour, width=1.5, alpha=0.75, end=end))
         if model is not None:
             fine = fine_times(float(t[-1]))
-            lines.append(Line(fine, model(fine), f"{text}, model{', RMSE ' if rmse else ''}{rmse}", **ink.MODEL))
+            lines.append(ink.model_line(fine, model(fine), f"{text}, model{', RMSE ' if rmse else ''}{rmse}"))
     keys = [Line((), (), "measured" + " ± sd" * bool(bands), colours[len(colours) // 2], width=1.5, alpha=0.75)]
     if any(model is not None for *_, model in curves):
-        keys.append(Line((), (), said, **ink.MODEL))
+        keys.append(ink.model_line(np.empty(0), np.empty(0), said))
     return Panel(ink.OF_STEP, y, lines, bands, legend="above", columns=2, keys=keys)
 
 
