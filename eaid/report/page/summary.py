@@ -89,7 +89,8 @@ def _controllers(results: Results) -> Iterator[Table]:
         each = [metric(replay, name, key) if replay is not None else getattr(getattr(behind, name, None), key, None)
                 for name in names]  # fmt: skip
         ratio = f"{each[1] / each[0]:.2g}" if both and each[0] and each[1] else ""
-        said = f"{said} ({unit}), {SCENARIO_NAMES.get(where or '', where)}" if unit else f"{said}, {where}"
+        said = f"{said} ({unit})" if unit else said
+        said = f"{said}, {SCENARIO_NAMES.get(where or '', where)}"
         rows.append((said, *(f"{one:.3g}" if one is not None else None for one in each), ratio))
     for key, said in (("gain_db", "least gain margin (dB)"), ("phase_deg", "least phase margin (°)")):
         each = [getattr(getattr(margins, name, None), key, None) for name in names] if both else []
