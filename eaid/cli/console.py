@@ -72,7 +72,6 @@ COLOUR = {"error": "1;31", "stop": "1;31", "warning": "33", "note": "36"}
 EVERY_S = 3.0  # Where there is no terminal, a line of progress comes this often [s]
 
 _quiet = False
-_later: list[str] | None = None  # What is told once the answer stands there; None: all is told at once
 
 
 def be_quiet(quiet: bool) -> None:
@@ -102,30 +101,10 @@ def _width_of(stream: TextIO) -> int | None:
     return shutil.get_terminal_size().columns if stream.isatty() else None
 
 
-@contextlib.contextmanager
-def answer_first() -> Iterator[None]:
-    """Messages and warnings of the block come at its end, whether it ends well or not; progress does not wait."""
-    global _later
-    _later = []
-    try:
-        yield
-    finally:
-        waiting, _later = _later, None
-        for text in waiting:
-            print(text, file=sys.stderr)
-
-
-def _print(text: str, at_once: bool = False) -> None:
-    if _later is None or at_once:
-        print(text, file=sys.stderr)
-    else:
-        _later.append(text)
-
-
-def say(message: str, at_once: bool = False) -> None:
-    """Tell the user something, on stderr; `at_once` also where the answer comes first."""
+def say(message: str) -> None:
+    """Tell the user something, on stderr."""
     if not _quiet:
-        _print(wrapped(message, sys.stderr), at_once)
+        print(wrapped(message, sys.stderr), file=sys.stderr)
 
 
 def warn(message: str) -> None:
@@ -164,7 +143,7 @@ def _mark(kind: str, message: str) -> None:
     line = wrapped(f"{kind}: {message}", sys.stderr)
     if sys.stderr.isatty() and not os.environ.get("NO_COLOR"):
         line = f"\x1b[{COLOUR[kind]}m{kind}:\x1b[0m" + line.removeprefix(f"{kind}:")
-    _print(line)
+    print(line, file=sys.stderr)
 
 
 @contextlib.contextmanager
@@ -201,10 +180,10 @@ def _lines(label: str, total: int) -> Iterator[Callable[[], None]]:
     def tell() -> None:
         while not over.wait(EVERY_S):
             spent = f"{done} done, " * (done > 0) + f"{time.monotonic() - began:.0f} s"
-            say(f"{label}: {done} of {total}" if total else f"{label}: {spent}", at_once=True)
+            say(f"{label}: {done} of {total}" if total else f"{label}: {spent}")
 
     if total:
-        say(f"{label}: {total} to do", at_once=True)
+        say(f"{label}: {total} to do")
     teller = threading.Thread(target=tell, daemon=True)
     teller.start()
     try:
@@ -222,9 +201,10 @@ def show(made: "Table") -> None:
         print("\n".join([title, *aligned(cells, made.numeric, _width_of(sys.stdout))]))
 
 
-def done(path: "Path", what: str, after: "str | Sequence[str | Path]") -> None:
+def done(path: "Path", what: str, after: "str | Sequence[str | Path | None]") -> None:
     """The closing line: the file, what it holds, and what to do next, a text or the words of a command of eaid."""
-    say(f"{path}: {what}; next: {after if isinstance(after, str) else shlex.join(('eaid', *map(str, after)))}")
+    words = after if isinstance(after, str) else shlex.join(["eaid", *(str(word) for word in after if word)])
+    say(f"{path}: {what}; next: {words}")
 
 
 def line(text: str) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eaid.cli import console
-from eaid.cli.form import Common, Verbose, argument, takes, written
+from eaid.cli.form import Common, argument, takes, written
 from eaid.declared import part
 from eaid.errors import DataError, UsageError
 from eaid.options import ExportOptions
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arguments(Common, ExportOptions, Verbose):
+class Arguments(Common, ExportOptions):
     """What `eaid export` takes."""
 
     files: list[Path] = argument("GAINS [FIT]", "gains.json, and fit.json for inverse and plant.")
@@ -54,19 +54,18 @@ def _read(paths: list[Path]) -> "tuple[Gains | None, Fit | None, list[Path]]":
     from eaid.results.fit import Fit
     from eaid.results.gains import Gains
 
-    kinds = [codec.kind_of(path) if path.is_file() else "gains" for path in paths]  # which is then told as missing
-    for path, kind in zip(paths, kinds, strict=True):
+    files: dict[str, Path] = {}
+    for path in paths:
+        kind = codec.kind_of(path) if path.is_file() else "gains"  # which is then told as missing
         if kind not in ("gains", "fit"):
             raise DataError(f"{path}: is neither gains.json nor fit.json; give what eaid tune-rc or eaid fit wrote")
-    if len(set(kinds)) < len(kinds):
-        raise UsageError(f"{paths[-1]}: a second {kinds[-1]}.json; give one gains.json and one fit.json at most")
-    files = dict(zip(kinds, paths, strict=True))
+        if kind in files:
+            raise UsageError(f"{path}: a second {kind}.json; give one gains.json and one fit.json at most")
+        files[kind] = path
     gains, warnings = codec.read(files["gains"], Gains) if "gains" in files else (None, ())
-    if gains is not None and "fit" not in files:
-        beside = fit_beside(gains, files["gains"])
-        if beside is not None:
-            files["fit"] = beside
-            console.say(f"with {beside}, which the gains were made from")
+    if gains is not None and "fit" not in files and (beside := fit_beside(gains, files["gains"])) is not None:
+        files["fit"] = beside
+        console.say(f"with {beside}, which the gains were made from")
     fit, more = codec.read(files["fit"], Fit) if "fit" in files else (None, ())
     if fit is not None and fit.nonlinear is None:
         raise DataError(

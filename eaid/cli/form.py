@@ -13,49 +13,29 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import typer
 
 from eaid.cli import console
 from eaid.declared import Declaration, Form, Options, as_typed, forms, option
-from eaid.errors import DataError, UsageError
+from eaid.errors import UsageError
+from eaid.options import CHANCE, WHAT
+
+if TYPE_CHECKING:
+    from eaid.findings import Finding
+    from eaid.results.fit import Fit
+    from eaid.results.gains import Gains
 
 A = TypeVar("A", bound="Common")
 R = TypeVar("R")
 OUTPUT, PLACE = "Output", "Arguments"
-GAINS = "no such file; give the gains.json that eaid wrote"
-LOGS = "no such file or folder; check the path"
 SHORT = 20  # Letters of a list of words that stand behind an option; longer ones stand in its help
-SHARED = ("output", "force", "json", "quiet", "verbose", "seed")  # Options that stand last in the help
 
 
 def argument(shown: str, help: str, default: Any = MISSING) -> Any:
     """A field that is given by its place."""
     return field(default=default, metadata={"option": Declaration(help, PLACE, shown=shown)})
-
-
-# Argument, or option → what is said where its file is missing
-MISSED = {
-    "FIT": "no such file; give the fit.json that eaid wrote", "GAINS [FIT]": GAINS, "GAINS": GAINS, "--gains": GAINS,
-    "FILE…": "no such file; give a fit.json, gains.json, replay.h5 or data.h5 that eaid wrote",
-    "DATA…": LOGS, "LOG…": LOGS,
-}  # fmt: skip
-
-
-def refuse_files(given: Sequence[tuple[str, Path]], output: Path, force: bool) -> None:
-    """Refuse missing inputs, then an existing output, before anything heavy is loaded.
-
-    Where only some inputs are missing, the command tells them with the faults of the others.
-    """
-    from eaid.files import refuse_to_overwrite
-
-    missing = [f"{path}: {MISSED[shown]}" for shown, path in given if not path.exists()]
-    stands = output.is_file() and not force
-    if missing and (stands or len(missing) == len(given)):
-        raise DataError(*missing)
-    if stands and given:
-        refuse_to_overwrite(output, force)
 
 
 def written(default: str, help: str = "Where the result is written.") -> Any:
@@ -70,28 +50,32 @@ class Common(Options):
     force: bool = option(False, "Overwrite an existing output.", OUTPUT)
     json: bool = option(False, "Print the result, machine-readable, on stdout.", OUTPUT)
     quiet: bool = option(False, "No messages, tables or progress; errors are still told.", OUTPUT, "-q", "--quiet")
+    verbose: bool = option(False, "Tell all findings and show all tables.", OUTPUT, "-v", "--verbose")
     typed: tuple[str, ...] = ()  # What was typed, but for what only says where the result goes and how it is shown
 
 
 @dataclass(frozen=True, kw_only=True)
-class Verbose(Options):
-    """Of commands that have more to tell."""
+class FitAndGains(Common):
+    """Of commands that take a fit and, for closed loops, gains."""
 
-    verbose: bool = option(False, "Tell all findings and show all tables.", OUTPUT, "-v", "--verbose")
+    fit: Path = argument("FIT", "fit.json of eaid fit, with a nonlinear model.")
+    gains_placed: Path | None = argument("GAINS", "The same as --gains.", None)
+    gains: Path | None = option(None, "gains.json of eaid tune-rc; closed loops need it.", WHAT, shown="FILE")
 
+    def read(self) -> "tuple[Fit, Gains | None, tuple[Finding, ...]]":
+        """Both, and what is to be told of their files."""
+        from eaid.results import codec
+        from eaid.results.fit import Fit
+        from eaid.results.gains import Gains
 
-@dataclass(frozen=True, kw_only=True)
-class Tables(Verbose):
-    """Of commands that say the answer first, in a few lines."""
-
-    tables: bool = option(False, "Show all numbers as tables.", OUTPUT)
+        fit, warnings = codec.read(self.fit, Fit)
+        gains, more = codec.read(self.gains, Gains) if self.gains else (None, ())
+        return fit, gains, (*warnings, *more)
 
 
 def takes(arguments: type[A]) -> Callable[[Callable[[A], int | None]], Callable[..., int | None]]:
     """Make of a function of `arguments` one that Typer takes as a command."""
-    shown = sorted(
-        forms(arguments).values(), key=lambda form: SHARED.index(form.name) + 1 if form.name in SHARED else 0
-    )
+    shown = sorted(forms(arguments).values(), key=lambda form: form.declared.group in (CHANCE, OUTPUT))
 
     def made(body: Callable[[A], int | None]) -> Callable[..., int | None]:
         def command(**typed: Any) -> int | None:
@@ -103,14 +87,6 @@ def takes(arguments: type[A]) -> Callable[[Callable[[A], int | None]], Callable[
                 if typed["gains"] is not None:
                     raise UsageError("GAINS and --gains: give one of them")
                 typed |= {"gains": placed, "gains_placed": None}
-            files = [
-                (name, path)
-                for form in shown
-                if (name := (form.declared.shown or "") if form.declared.group == PLACE else form.flag) in MISSED
-                for path in (typed[form.name] if isinstance(typed[form.name], list) else [typed[form.name]])
-                if path is not None
-            ]
-            refuse_files(files, typed["output"], typed["force"])
             given = {form.name: typed[form.name] for form in shown if typed[form.name] not in (None, _default(form))}
             for text in given.values():
                 if isinstance(text, str) and text.encode(errors="replace").decode() != text:

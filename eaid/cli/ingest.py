@@ -6,6 +6,7 @@ from pathlib import Path
 from eaid.cli import console
 from eaid.cli.form import OUTPUT, Common, argument, takes, written
 from eaid.declared import option, part
+from eaid.files import refuse_to_overwrite
 from eaid.options import ReadOptions
 from eaid.shown import counted
 
@@ -30,7 +31,6 @@ def command(args: Arguments) -> None:
     Example: eaid ingest bench/ --columns input=Volts --units output=mNm -o data.h5
     """
     from eaid.cli.printed import ingested, show_steps
-    from eaid.files import refuse_to_overwrite
     from eaid.logs.dataset import write_dataset
     from eaid.logs.manifest import files_read
     from eaid.reading import read_steps
@@ -49,8 +49,5 @@ def command(args: Arguments) -> None:
         console.print_json(ingested(stepset), "ingest")
     else:
         show_steps(stepset)
-    console.done(
-        args.output,
-        f"{counted(len(runs), 'run')}, {counted(len(stepset.levels), 'level')}",
-        ("fit", args.output),
-    )
+    summary = f"{counted(len(runs), 'run')}, {counted(len(stepset.levels), 'level')}"
+    console.done(args.output, summary, ("fit", args.output))

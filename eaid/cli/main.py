@@ -6,7 +6,7 @@ import io
 import os
 import re
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
 from eaid.cli import console
@@ -29,22 +29,19 @@ class Patient:
 
     def write(self, text: str) -> int:
         """Write, or drop what nobody reads."""
-        with self._read_or_not():
-            self._stream.write(text)
+        self._read_or_not(self._stream.write, text)
         return len(text)
 
     def flush(self) -> None:
         """Flush, or drop what nobody reads."""
-        with self._read_or_not():
-            self._stream.flush()
+        self._read_or_not(self._stream.flush)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
 
-    @contextlib.contextmanager
-    def _read_or_not(self) -> Iterator[None]:
+    def _read_or_not(self, act: Callable[..., Any], *given: str) -> None:
         try:
-            yield
+            act(*given)
         except OSError as fault:
             nowhere = os.open(os.devnull, os.O_WRONLY)
             os.dup2(nowhere, self._stream.fileno())
@@ -88,21 +85,13 @@ COMMANDS = {
 }
 
 
-def _help() -> str:
-    """What `eaid --help` says."""
-    lines = [f"  {name.replace('_', '-'):<10}{words}" for name, words in COMMANDS.items()]
-    return "\n".join(
-        [
-            "Usage: eaid COMMAND [OPTIONS] …",
-            "",
-            "The workbench for electroadhesive clutches: from recorded step responses to models, gains and replays.",
-            "",
-            "Commands:",
-            *lines,
-            "",
-            "eaid COMMAND --help shows its options; eaid --version the version.",
-        ]
-    )
+HELP = f"""Usage: eaid COMMAND [OPTIONS] …
+
+The workbench for electroadhesive clutches: from recorded step responses to models, gains and replays.
+
+Commands:
+{"".join(f"  {name.replace('_', '-'):<10}{words}{chr(10)}" for name, words in COMMANDS.items())}
+eaid COMMAND --help shows its options; eaid --version the version."""
 
 
 def load_command(name: str) -> "TyperCommand":
@@ -136,7 +125,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     try:
         with breaking_off() as interrupted, patient_streams():
             code, sentences = _outcome(given or ["--help"])
-            if code and interrupted:  # a library may make another failure of a KeyboardInterrupt
+            if code and interrupted:  # typer, or a library, may make another failure of a KeyboardInterrupt
                 code, sentences = 130, (INTERRUPTED,)
             for sentence in sentences if {"-v", "--verbose"} & set(given) else once_each(sentences):
                 (console.say if sentence.startswith("try: ") else console.fail)(on_command_line(sentence))
@@ -161,26 +150,19 @@ def once_each(sentences: Sequence[str]) -> list[str]:
     return shown
 
 
-def _call(arguments: list[str]) -> Any:
-    """Call the command that is named first."""
-    name, *rest = arguments
-    if name in ("-h", "--help", "--version"):
-        print(f"eaid {__version__}" if name == "--version" else _help())
-        return 0
-    known = [module.replace("_", "-") for module in COMMANDS]
-    if name not in known:
-        raise UsageError(f"{unknown('no such command', name, known)}; see eaid --help")
-    return load_command(name)(args=rest, prog_name=f"eaid {name}", standalone_mode=False)
-
-
 def _outcome(arguments: list[str]) -> tuple[int, tuple[str, ...]]:
     """Exit code of one command, and the sentences that say why it failed."""
+    name, *rest = arguments
+    known = [module.replace("_", "-") for module in COMMANDS]
     try:
         if "" in arguments:  # pathlib takes it for the current folder
             raise UsageError("an empty word stands among the arguments; give a file or a folder in its place")
-        code = _call(arguments)
-        if code == 130:  # typer turns Ctrl-C into this code, without a word
-            raise KeyboardInterrupt
+        if name in ("-h", "--help", "--version"):
+            print(f"eaid {__version__}" if name == "--version" else HELP)
+            return 0, ()
+        if name not in known:
+            raise UsageError(f"{unknown('no such command', name, known)}; see eaid --help")
+        code = load_command(name)(args=rest, prog_name=f"eaid {name}", standalone_mode=False)
         return (code if isinstance(code, int) else 0), ()
     except EaidError as fault:
         return fault.exit_code, fault.sentences
@@ -190,18 +172,11 @@ def _outcome(arguments: list[str]) -> tuple[int, tuple[str, ...]]:
         where = f"{fault.filename}: " if fault.filename else ""
         return 2, (f"{where}{fault.strerror or fault}",)
     except Exception as fault:
-        if type(fault).__name__ == "Abort":
-            return 130, (INTERRUPTED,)
         if hasattr(fault, "format_message"):  # wrong usage, as click tells it
-            return int(getattr(fault, "exit_code", 2)), (_usage(fault),)
+            sentence = str(fault.format_message()).rstrip(".").replace("\n", " ")
+            context = getattr(fault, "ctx", None)
+            return 2, (sentence + (f"; see {context.command_path} --help" if context else ""),)
         if os.environ.get("EAID_DEBUG"):
             raise
         what = f"{type(fault).__name__}: {fault}"
         return 1, (f"unexpected failure, a bug of eaid ({what}); EAID_DEBUG=1 shows where",)
-
-
-def _usage(fault: Any) -> str:
-    """The sentence of a usage error of click, and the help that says more."""
-    sentence = str(fault.format_message()).rstrip(".").replace("\n", " ")
-    context = getattr(fault, "ctx", None)
-    return sentence + (f"; see {context.command_path} --help" if context else "")

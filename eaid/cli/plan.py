@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from eaid.cli import console
 from eaid.cli.form import Common, argument, refuse_idle, takes, written
 from eaid.declared import option, part
+from eaid.files import refuse_to_overwrite
 from eaid.options import LOGS, PlanOptions
 
 if TYPE_CHECKING:
@@ -37,20 +38,19 @@ def command(args: Arguments) -> None:
 
     from eaid import api
     from eaid.cli.printed import cost, show_plan, write_plan
-    from eaid.files import refuse_to_overwrite
     from eaid.results import codec
     from eaid.results.common import Input
     from eaid.results.fit import Fit
 
-    files = [args.output] if args.excitation else [args.output, args.output.with_suffix(".duty.csv")]
-    for path in files:
-        refuse_to_overwrite(path, args.force, (args.fit,))
+    files, planned = [args.output, args.output.with_suffix(".duty.csv")], api.plan
     if args.excitation:
+        files, planned = [args.output], api.plan_excitation  # type: ignore[assignment]
         refuse_idle(args, ("idle_s", "release_s", "longest_hold_s", "most_levels"), "with --excitation")
     else:
         refuse_idle(args, ("limits",), "without --excitation")
     fit, warnings = codec.read(args.fit, Fit)
-    planned = api.plan_excitation if args.excitation else api.plan
+    for path in files:
+        refuse_to_overwrite(path, args.force, (args.fit,))
     plan: Plan | Excitation = planned(fit, part(PlanOptions, args), progress=console.progress)
     plan = msgspec.structs.replace(plan, inputs=(Input.of(args.fit),), command=args.typed)
     write_plan(files, plan, fit.data.kind, args.force)
@@ -58,5 +58,5 @@ def command(args: Arguments) -> None:
         console.print_json(plan)
     else:
         show_plan(plan, args.idle_s, args.release_s)
-    console.tell((*warnings, *plan.findings))
+    console.tell((*warnings, *plan.findings), args.verbose)
     console.say(f"{', '.join(map(str, files))}: {cost(plan)}")

@@ -11,37 +11,30 @@ from eaid.files import all_written_whole
 from eaid.findings import say
 from eaid.findings.finding import WORD
 from eaid.logs.run import Run
-from eaid.report.tables import Name, Table, columns, table_of
-from eaid.report.tables.data import between_levels, highest_slips, levels_recorded, slips_table
-from eaid.report.tables.fits import judging_tables, model_tables
+from eaid.report.tables import Name, table_of
+from eaid.report.tables.data import between_levels, levels_recorded, slips_table
+from eaid.report.tables.fits import model_tables
 from eaid.results.common import Input
 from eaid.results.fit import Fit
 from eaid.results.plan import Plan, PlannedRun
 from eaid.results.recorded import Excitation
-from eaid.results.summary import answer, runs, verdict_line, warned
+from eaid.results.summary import answer, verdict_line, warned
 from eaid.shown import counted
 from eaid.steps.stepset import Level, LevelStep, StepSet
 
 PARTS = ("friction", "nonlinear", "linear", "release", "steps")
 
 
-def show_fit(fit: Fit, file: Path, tables: bool, verbose: bool) -> None:
-    """The answer in eight lines, the gravest warnings and what to do next; all tables; those that judge it too."""
+def show_fit(fit: Fit, file: Path, tables: bool) -> None:
+    """The answer in eight lines, the gravest warnings and what to do next; on request all tables."""
     usable = fit.verdict.usable
     after = "tune-rc" if fit.linear is not None and usable else "report"
     label = "warned " if usable else "stop   "
     warnings = label + (", ".join(warned(fit)) or "none")
     for line in (*verdict_line(fit), *answer(fit), warnings, f"next   {shlex.join(('eaid', after, str(file)))}"):
         console.line(on_command_line(line))
-    shown = model_tables(fit) if tables else []
-    for table in [*shown, *(judging_tables(fit) if tables and verbose else ())]:
+    for table in model_tables(fit) if tables else ():
         console.show(table)
-
-
-def closing(fit: Fit, file: Path) -> str:
-    """The last line: the file, what it holds, and of which data."""
-    parts = ", ".join(name for name in PARTS if getattr(fit, name)) or "no model"
-    return f"{file}: {parts} of {runs(fit, f'{fit.data.kind} run')}"
 
 
 MOST = 20  # Steps from level to level that are listed; all are in the file and in --json
@@ -59,7 +52,7 @@ def show_steps(data: StepSet) -> None:
     console.show(between_levels(between[:MOST], data))
     if len(between) > MOST:
         console.line(f"and {len(between) - MOST} more")
-    console.show(slips_table(highest_slips(data), data))
+    console.show(slips_table(data))
     console.show(table_of(
         "Warnings", "", data.all_findings,
         ("", lambda one: WORD[one.severity]), ("run", lambda one: Name(console.shortened(one.subject))),
@@ -111,20 +104,22 @@ def write_plan(files: Sequence[Path], plan: Plan | Excitation, kind: str, force:
 
 def show_plan(plan: Plan | Excitation, idle_s: float, release_s: float) -> None:
     """The plan for people."""
-    of = "19 of 20"
     if isinstance(plan, Plan):
-        of = "four of five"
-        rows = tuple((f"{level:g}", hold) for level, hold in zip(plan.levels, plan.hold_s, strict=True))
-        caption = (
+        console.show(table_of(
+            "What to record",
             f"{plan.repeats} repeats of each level, in the order of the run table; each run idles for {idle_s:g} s "
-            f"before its step and is recorded for {release_s:g} s after its release"
-        )
-        console.show(Table("What to record", caption, columns(("level", plan.input_unit), ("hold", "s", 3)), rows))
+            f"before its step and is recorded for {release_s:g} s after its release",
+            zip(plan.levels, plan.hold_s, strict=True),
+            (("level", plan.input_unit), lambda of: f"{of[0]:g}"), (("hold", "s", 3), lambda of: of[1]),
+        ))  # fmt: skip
+    kept = "four of five" if isinstance(plan, Plan) else "19 of 20"
     measured = plan.measured_half_width_pct or {}
-    widths = tuple((name, plan.wanted.get(name), w, measured.get(name)) for name, w in plan.half_width_pct.items())
-    heads = columns("parameter", ("wanted", "%", 3), ("predicted", "%", 3), ("kept", "%", 3))
-    caption = f"Of the 95 % intervals at the worst level; kept: by {of} simulated recordings"
-    console.show(Table("Half-widths", caption, heads, widths))
+    console.show(table_of(
+        "Half-widths", f"Of the 95 % intervals at the worst level; kept: by {kept} simulated recordings",
+        plan.half_width_pct.items(),
+        ("parameter", lambda of: of[0]), (("wanted", "%", 3), lambda of: plan.wanted.get(of[0])),
+        (("predicted", "%", 3), lambda of: of[1]), (("kept", "%", 3), lambda of: measured.get(of[0])),
+    ))  # fmt: skip
 
 
 def cost(plan: Plan | Excitation) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 from eaid.cli import console
 from eaid.cli.form import Common, argument, takes, written
 from eaid.declared import part
-from eaid.errors import UsageError
+from eaid.files import refuse_to_overwrite
 from eaid.options import ReportOptions
 from eaid.shown import counted
 
@@ -28,11 +28,6 @@ def command(args: Arguments) -> None:
 
     Example: eaid report fit.json gains.json multisine.h5 clutch.h5 -o report
     """
-    from eaid.files import refuse_to_overwrite
-
-    page = args.output / "report.html"
-    if page.exists() and not args.force:  # before anything heavy is loaded
-        raise UsageError(f"{page}: exists already; give --force to overwrite the report, or another --output")
     from eaid.report.results import read_results
     from eaid.report.write import FILE, chosen, refuse_to_overwrite_report, write_report
 

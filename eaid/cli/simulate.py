@@ -1,22 +1,20 @@
 """`eaid simulate`: controllers replayed on the fitted plant."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from eaid.cli import console
-from eaid.cli.form import Common, Verbose, argument, stamped, takes, written
+from eaid.cli.form import FitAndGains, stamped, takes, written
 from eaid.declared import forms, option, part
 from eaid.errors import UsageError
+from eaid.files import refuse_to_overwrite
 from eaid.options import WHAT, Columns, ReadOptions, SimulateOptions
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arguments(Common, SimulateOptions, Columns, Verbose):
+class Arguments(SimulateOptions, Columns, FitAndGains):
     """What `eaid simulate` takes."""
 
-    fit: Path = argument("FIT", "fit.json of eaid fit.")
-    gains_placed: Path | None = argument("GAINS", "The same as --gains.", None)
-    gains: Path | None = option(None, "gains.json of eaid tune-rc; rc and pi need it.", WHAT, shown="FILE")
     reference: Path | None = option(None, "A reference of your own: CSV time_s,reference_nm.", WHAT, shown="FILE")
     log: list[Path] | None = option(None, "Recorded runs: their input through the plant.", WHAT, shown="FILE")
     output: Path = written("replay.h5")
@@ -28,28 +26,19 @@ def command(args: Arguments) -> None:
 
     Example: eaid simulate fit.json --gains gains.json --scenario sweep --noise-nm 0.01
     """
-    from dataclasses import replace
-
     from eaid import api
-    from eaid.files import refuse_to_overwrite
     from eaid.logs.manifest import files_read
     from eaid.replay.files import as_json, write_replay
     from eaid.report.tables.replays import tables_of
-    from eaid.results import codec
-    from eaid.results.fit import Fit
-    from eaid.results.gains import Gains
 
-    files = {"fit": args.fit, "gains": args.gains, "reference": args.reference}
-    refuse_to_overwrite(args.output, args.force, [*filter(None, files.values()), *files_read(args.log or [])])
     if not args.log and any((args.columns, args.units, args.repair, args.variable)):
         raise UsageError("--columns, --units, --repair and --variable belong to --log; leave them out")
-    options = part(SimulateOptions, args)
-    reading = ReadOptions(**{name: getattr(args, name) for name in forms(Columns)})
-    fitted, warnings = codec.read(args.fit, Fit)
-    tuned, more = codec.read(args.gains, Gains) if args.gains else (None, ())
+    fitted, tuned, warnings = args.read()
+    files = {"fit": args.fit, "gains": args.gains, "reference": args.reference}
+    refuse_to_overwrite(args.output, args.force, [*filter(None, files.values()), *files_read(args.log or [])])
+    reading = ReadOptions(**{name: getattr(args, name) for name in forms(Columns)}) if args.log else None
     replay = api.simulate(
-        fitted, tuned, options=options, reference=args.reference, log=args.log,
-        reading=reading if args.log else None,
+        fitted, tuned, options=part(SimulateOptions, args), reference=args.reference, log=args.log, reading=reading,
         progress=console.progress,
     )  # fmt: skip
     replay = replace(replay, head=stamped(replay.head, args, **files, log=args.log))
@@ -59,6 +48,6 @@ def command(args: Arguments) -> None:
     else:
         for table in tables_of(replay):
             console.show(table)
-    console.tell([*replay.findings, *warnings, *more], args.verbose)
+    console.tell([*replay.findings, *warnings], args.verbose)
     summary = f"{replay.head.scenario} with {', '.join(sorted(replay.records)[:5])}"
-    console.done(args.output, summary, ("report", args.fit, *([args.gains] if args.gains else []), args.output))
+    console.done(args.output, summary, ("report", args.fit, args.gains, args.output))

@@ -7,6 +7,7 @@ from eaid.cli import console
 from eaid.cli.form import Common, refuse_idle, takes, written
 from eaid.declared import option, part
 from eaid.errors import UsageError
+from eaid.files import refuse_folder, refuse_to_overwrite
 from eaid.options import LOGS, SynthOptions
 from eaid.shown import counted
 
@@ -26,7 +27,6 @@ def command(args: Arguments) -> None:
     Example: eaid synth --levels 20,60,100 --repeats 2 --hold 8 -o logs
     """
     from eaid.cli.printed import synthesized
-    from eaid.files import refuse_folder, refuse_to_overwrite
     from eaid.results import codec
     from eaid.results.common import Input
     from eaid.results.fit import Fit

@@ -4,13 +4,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from eaid.cli import console
-from eaid.cli.form import Common, Tables, argument, stamped, takes, written
+from eaid.cli.form import Common, argument, stamped, takes, written
 from eaid.declared import option, part
+from eaid.files import refuse_to_overwrite
 from eaid.options import ROBUST, TRACKED, TuneOptions, any_text
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arguments(Common, TuneOptions, Tables):
+class Arguments(Common, TuneOptions):
     """What `eaid tune-rc` takes."""
 
     fit: Path = argument("FIT", "fit.json of eaid fit; only its linear part is needed.")
@@ -29,14 +30,13 @@ def command(args: Arguments) -> None:
     Example: eaid tune-rc fit.json --b-hat minimax --phi data -o gains.json
     """
     from eaid import api
-    from eaid.files import refuse_to_overwrite
     from eaid.report.tables import gains as tables
     from eaid.results import codec
     from eaid.results.fit import Fit
 
     file = Path(args.reference) if args.reference and args.reference not in TRACKED else None
-    refuse_to_overwrite(args.output, args.force, [args.fit, *([file] if file else [])])
     fitted, warnings = codec.read(args.fit, Fit)
+    refuse_to_overwrite(args.output, args.force, filter(None, (args.fit, file)))
     gains = api.tune_rc(fitted, part(TuneOptions, args), reference=args.reference)
     gains = stamped(gains, args, fit=args.fit, reference=file)
     gains.save(args.output, args.force)
@@ -44,7 +44,7 @@ def command(args: Arguments) -> None:
         console.print_json(gains)
     else:
         console.line(tables.guarantee_story(gains))
-        for table in tables.tables_of(gains)[: None if args.tables or args.verbose else 1]:
+        for table in tables.tables_of(gains)[: None if args.verbose else 1]:
             console.show(table)
     console.tell([*gains.findings, *warnings], args.verbose)
     console.done(args.output, "gains of rc and pi", ("simulate", args.fit, args.output))

@@ -22,7 +22,7 @@ from bokeh.models.layouts import Column
 from bokeh.plotting import figure
 from markupsafe import Markup
 
-from eaid.report.panels import Dash, Line, Panel, Sheet, thinned
+from eaid.report.panels import Line, Panel, Sheet, apart, thinned
 
 POINTS = 800  # Points of one line; extremes survive
 BAND_POINTS = 300
@@ -73,7 +73,11 @@ def live_of(sheet: Sheet) -> Markup:
     root = drawn[0] if len(drawn) == 1 else Column(children=drawn, sizing_mode="stretch_width")
     document.add_root(root)
     held = {"doc": document.to_json(deferred=False), "root": {"id": root.id}}
-    return Markup(_script_safe(_renumbered(json.dumps(held, allow_nan=False, separators=(",", ":")))))
+    said = json.dumps(held, allow_nan=False, separators=(",", ":"))
+    # Bokeh counts its ids on through a process, and the same plot has to have the same bytes
+    names: dict[str, str] = {}
+    said = re.sub(r'"id":"(\w+)"', lambda model: f'"id":"{names.setdefault(model[1], f"m{len(names) + 1}")}"', said)
+    return Markup(said.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"))
 
 
 def _axes(panel: Panel, height: int, shared: Any, last: bool) -> Any:
@@ -101,14 +105,11 @@ def _line(p: Any, line: Line) -> tuple[Any, Any]:
     x, y = thinned(np.asarray(line.x), np.asarray(line.y), POINTS)
     held: dict[str, Any] = {"x": x.astype(np.float32), "y": y.astype(np.float32)}
     source = ColumnDataSource(held, name=plain(line.name))
-    look = Stroke(x="x", y="y", line_color=line.color, line_width=1.7 * line.width, line_dash=_dashes(line.dash))
+    dash = DASHES[line.dash] if isinstance(line.dash, str) else [2 * length for length in line.dash[1]]
+    look = Stroke(x="x", y="y", line_color=line.color, line_width=1.7 * line.width, line_dash=dash)
     # A pointer hits a line only within half its width: a broad one that nobody sees catches it.
     broad = Stroke(x="x", y="y", line_width=14, line_alpha=0)
     return p.add_glyph(source, look), p.add_glyph(source, broad, name=plain(line.name))
-
-
-def _dashes(dash: Dash) -> Any:
-    return [2 * length for length in dash[1]] if isinstance(dash, tuple) else DASHES[dash]
 
 
 def _name_ends(p: Any, lines: Sequence[Line]) -> None:
@@ -116,12 +117,9 @@ def _name_ends(p: Any, lines: Sequence[Line]) -> None:
     if not lines:
         return
     ends = sorted((float(line.y[-1]), line.end.partition(":")[0]) for line in lines)  # numbers are for the pointer
-    gap = 0.045 * max(abs(value) for value, _text in ends)
-    placed: list[float] = []
-    for value, _text in ends:
-        placed.append(max(value, placed[-1] + gap) if placed else value)
+    values, texts = zip(*ends, strict=True)
     longest = float(max(line.x[-1] for line in lines))
-    texts = [text for _value, text in ends]
+    placed = apart(values, 0.045 * max(map(abs, values)))
     words = ColumnDataSource({"x": [1.01 * longest] * len(ends), "y": placed, "text": texts})
     p.add_glyph(words, Text(x="x", y="y", text="text", text_font_size="12px", text_baseline="middle"))
     p.x_range = Range1d(start=0, end=(1.03 + 0.022 * max(map(len, texts))) * longest)
@@ -130,17 +128,6 @@ def _name_ends(p: Any, lines: Sequence[Line]) -> None:
 def plain(text: str) -> str:
     """A text of the user's own without the signs by which a tooltip would read HTML or a column's name in it."""
     return text.translate(str.maketrans("<>&@${}", "‹›＆＠＄()"))
-
-
-def _script_safe(text: str) -> str:
-    """JSON that may stand inside a script element: no `<`, `>` or `&` is left in it."""
-    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
-
-
-def _renumbered(text: str) -> str:
-    """The same plot with model ids counted from 1: Bokeh counts on through a process, and bytes have to be the same."""
-    names: dict[str, str] = {}
-    return re.sub(r'"id":"(\w+)"', lambda model: f'"id":"{names.setdefault(model[1], f"m{len(names) + 1}")}"', text)
 
 
 def script() -> str:

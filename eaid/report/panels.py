@@ -6,7 +6,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, TypedDict
+from typing import Any
 
 import numpy as np
 
@@ -21,18 +21,6 @@ BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 BLUE, VERMILLION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
 GREY, PALE = "#6E6E6E", "#EEEEEE"
 Dash = str | tuple[int, tuple[int, ...]]  # A line's dashes as matplotlib has them; none: ""
-
-
-class Stroke(TypedDict, total=False):
-    """How a line is drawn."""
-
-    color: str
-    dash: Dash
-    width: float
-
-
-# A model is a thin dark dashed line over the broader, paler line of what was measured: both stay to be seen
-MODEL: Stroke = {"color": BLACK, "dash": (0, (4, 2)), "width": 0.8}
 
 
 @dataclass(frozen=True)
@@ -84,16 +72,20 @@ class Line:
     end: str = ""
 
 
+def model_line(x: Array, y: Array, name: str) -> Line:
+    """A thin dark dashed line over the broader, paler one of what was measured: both stay to be seen."""
+    return Line(x, y, name, BLACK, (0, (4, 2)), 0.8)
+
+
 @dataclass(frozen=True, eq=False)
 class Band:
-    """What lies between two curves; `name` is for the legend."""
+    """What lies between two curves."""
 
     x: Array
     low: Array
     high: Array
     color: str
     alpha: float = 0.25
-    name: str = ""
 
 
 @dataclass(frozen=True)
@@ -204,16 +196,21 @@ CONTROLLERS: dict[str, tuple[str, Dash, str]] = {
     "inverse": (PURPLE, (0, (1, 1)), "D"),
     "rc-no-rate": (ORANGE, (0, (3, 1, 1, 1)), "v"),
 }
-# Of names that this version does not know
-SPARE: tuple[tuple[str, Dash, str], ...] = (
-    (SKY, "--", "P"), (GREY, "-.", "X"), (BLACK, ":", "*"),
-)  # fmt: skip
 
 
-def controller_look(name: str, position: int = 0) -> Stroke:
-    """Colour and line of a controller."""
-    colour, dash, _marker = CONTROLLERS.get(name, SPARE[position % len(SPARE)])
-    return {"color": colour, "dash": dash}
+def controller_look(name: str) -> tuple[str, Dash, str]:
+    """Colour, line and marker of a controller; of a name that this version does not know, black dots."""
+    return CONTROLLERS.get(name, (BLACK, ":", "*"))
+
+
+def apart(values: Sequence[float], gap: float) -> list[float]:
+    """Rising values moved apart, neighbours both by half, until none are closer than the gap, or nearly so."""
+    placed = list(values)
+    for _ in range(200):
+        for i in range(len(placed) - 1):
+            lack = max(gap - (placed[i + 1] - placed[i]), 0.0)
+            placed[i], placed[i + 1] = placed[i] - lack / 2, placed[i + 1] + lack / 2
+    return placed
 
 
 def thinned(x: Array, y: Array, points: int) -> tuple[Array, Array]:
@@ -224,13 +221,8 @@ def thinned(x: Array, y: Array, points: int) -> tuple[Array, Array]:
     n = len(y)
     if n <= points:
         return x, y
-    stretches = max(points // 2, 1)
-    width = -(-n // stretches)
-    padded = np.full(-(-n // width) * width, np.nan)
-    padded[:n] = np.nan_to_num(y)
-    blocks = padded.reshape(-1, width)
-    start = np.arange(len(blocks)) * width
-    low = start + np.argmin(np.where(np.isnan(blocks), np.inf, blocks), axis=1)
-    high = start + np.argmax(np.where(np.isnan(blocks), -np.inf, blocks), axis=1)
-    keep = np.unique(np.concatenate([[0], low, high, [n - 1]]))
+    width = -(-n // max(points // 2, 1))
+    blocks = np.pad(y, (0, -n % width), mode="edge").reshape(-1, width)
+    starts = np.arange(0, n, width)
+    keep = np.unique(np.concatenate([[0], starts + blocks.argmin(axis=1), starts + blocks.argmax(axis=1), [n - 1]]))
     return x[keep], y[keep]

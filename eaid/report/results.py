@@ -19,14 +19,14 @@ from eaid.replay.controllers import CONTROLLERS
 from eaid.report.rig import of_the_paper
 from eaid.results import codec
 from eaid.results.coupling import Coupling
-from eaid.results.fit import Fit
+from eaid.results.fit import Fit, FittedData
 from eaid.results.gains import Gains
 from eaid.results.replay import Replay
 from eaid.steps.stepset import StepSet
 
 SCENARIOS = ("steps", "multisine", "sweep", "reference", "log", "rehab")  # The order of the paper, and of the page
 NEEDED = ("time_s", "reference_nm", "torque_nm", "duty_pct")
-TYPES: dict[str, Any] = {"fit": Fit, "gains": Gains, "couple": Coupling}  # Kind of a JSON result → its type
+TYPES: dict[str, Any] = {"fit": Fit, "gains": Gains, "replay": Replay, "data": StepSet, "couple": Coupling}
 T = TypeVar("T")
 
 
@@ -72,15 +72,24 @@ class Results:
         return self.data_of(self.main_kind or "")
 
     @property
+    def recorded(self) -> Fit | None:
+        """The first fit of logs as they were recorded."""
+        return next((one.result for one in self.fits if one.result.recorded is not None), None)
+
+    @property
     def every(self) -> tuple[Given[Any], ...]:
         """All results, whatever their kind."""
         return (*self.data, *self.fits, *self.gains, *self.replays, *self.couplings)
 
     @property
+    def about(self) -> FittedData | StepSet | None:
+        """What says of the page's own kind how it was recorded."""
+        return self.main_fit.data if self.main_fit is not None else self.main_data
+
+    @property
     def of_paper(self) -> bool:
         """Whether the page's own kind was recorded as the paper's was."""
-        about = self.main_fit.data if self.main_fit is not None else self.main_data
-        return self.main_kind is None or of_the_paper(about)
+        return self.main_kind is None or of_the_paper(self.about)
 
     def fit(self, kind: str) -> Fit | None:
         """The first fit of a kind."""
@@ -116,11 +125,10 @@ def gathered(
     items: Iterable["Fit | Gains | Replay | StepSet | Coupling | Given[Any]"], progress: Progress = no_progress
 ) -> Results:
     """Results in memory as a report takes them: each gets a name by its kind, replays the order of the paper."""
-    kinds: dict[str, type] = {"fit": Fit, "gains": Gains, "replay": Replay, "data": StepSet, "couple": Coupling}
-    sorted_: dict[str, list[Given[Any]]] = {kind: [] for kind in kinds}
+    sorted_: dict[str, list[Given[Any]]] = {kind: [] for kind in TYPES}
     for item in items:
         result = item.result if isinstance(item, Given) else item
-        kind = next((name for name, type_ in kinds.items() if isinstance(result, type_)), None)
+        kind = next((name for name, type_ in TYPES.items() if isinstance(result, type_)), None)
         if kind is None:
             raise UsageError(f"a {type(result).__name__} is no result that a report can show")
         count = len(sorted_[kind])
@@ -133,8 +141,7 @@ def gathered(
         if one.result.data.kind not in given and (steps := logs_of(one.result, progress)) is not None:
             sorted_["data"].append(Given(steps, f"the logs behind {one.path}"))
             given.add(one.result.data.kind)
-    fits, gains, replays, data, couplings = (tuple(group) for group in sorted_.values())
-    return Results(fits, gains, replays, data, couplings)
+    return Results(*map(tuple, sorted_.values()))
 
 
 def logs_of(fit: Fit, progress: Progress = no_progress) -> StepSet | None:
@@ -142,9 +149,8 @@ def logs_of(fit: Fit, progress: Progress = no_progress) -> StepSet | None:
     if "steps_fitted" in fit.__dict__:
         return cast(StepSet, fit.__dict__["steps_fitted"])
     logs = {Path(one.path): one.sha256 for one in fit.data.inputs or fit.data.sources}
-    if not (logs and fit.data.repeats) or not all(
-        path.is_file() and sha256_of(path) == sha256 for path, sha256 in logs.items()
-    ):
+    unchanged = all(path.is_file() and sha256_of(path) == sha256 for path, sha256 in logs.items())
+    if not (logs and fit.data.repeats and unchanged):
         return None
     try:
         return read_steps([*logs], chosen(ReadOptions, None, fit.options.reading), progress)[1]

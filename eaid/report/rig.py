@@ -1,7 +1,6 @@
 """What rig a result is of: its units and names, and whether it is the clutch that the paper describes."""
 
 from eaid.models.parameters import PAPER_LINEAR, SHARE
-from eaid.results.common import Source
 from eaid.results.fit import FittedData, Trend
 from eaid.steps.stepset import StepSet
 
@@ -36,11 +35,6 @@ def rate(input_unit: str, output_unit: str) -> str:
 def gain(input_unit: str, output_unit: str) -> str:
     """Unit of B = 1/b0."""
     return f"{input_unit or 'input'}·s/({output_unit or 'output'})"
-
-
-def rising(sources: tuple[Source, ...]) -> tuple[Source, ...]:
-    """The runs that rise."""
-    return tuple(one for one in sources if one.edge != "falling")
 
 
 # Parameter → formula as printed (σ in kPa), coefficients, RMSE of the trend

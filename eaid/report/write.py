@@ -4,6 +4,7 @@ import base64
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 from eaid.errors import UsageError
@@ -75,7 +76,7 @@ def write_report(
             drawn.append(Drawn(row.name, ready.title, ready.sees, address, size, live_of(ready.sheet)))
         done()
     shown = []
-    for title, section, sheet in pictures(given):
+    for title, section, sheet in islice(pictures(given), 2):
         _files, address, size = _drawn(sheet, mark[0] if mark else None, dpi=200)
         shown.append(Drawn(section, title, f"More of it in the part {section}", address, size))
     text = page(given, drawn, shown)

@@ -114,7 +114,7 @@ def test_progress_is_a_bar_on_a_terminal_and_now_and_then_a_line_elsewhere(termi
 def test_every_table_fits_the_terminal(name, rig, terminal, run_eaid):
     """And holds the words that stand there without a terminal."""
     more = {
-        "ingest": "logs", "fit": "data.h5 --ci white --tables -v", "tune-rc": "fit.json -v",
+        "ingest": "logs", "fit": "data.h5 --ci white -v", "tune-rc": "fit.json -v",
         "plan": "fit.json --no-check",
         "simulate": "fit.json --gains gains.json --scenario steps --duration 8",
         "couple": "fit.json --torque 1 --no-replay",

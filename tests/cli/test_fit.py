@@ -93,11 +93,9 @@ def test_huber_shows_the_level_that_it_weighs_down(rig, run_eaid):
         fallen = cells[0][:1].isdigit() and 5.0 < float(cells[0]) < 5.5
         lines.append(",".join([*cells[:-1], str(0.75 * float(cells[-1]))]) if fallen else line)
     log.write_text("\n".join(lines) + "\n")
-    ran = run_eaid("fit huber --loss huber --ci none --tables -o f.json")
+    assert run_eaid("fit huber --loss huber --ci none -o f.json").code == 0
     weights = {one["level"]: one for one in result()["nonlinear"]["robust"]["weights"]}
     assert weights[60]["least"] < min(one["least"] for level, one in weights.items() if level != 60)
-    rows = table(ran.out, "Weights of Huber's loss, nonlinear model")[1:]
-    assert any(row[0] == "60 %" for row in rows)
 
 
 @pytest.mark.slow

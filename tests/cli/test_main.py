@@ -12,7 +12,7 @@ from eaid.cli import main
 COMMANDS = ["ingest", "fit", "tune-rc", "simulate", "export", "report", "synth", "couple", "plan", "demo"]
 OPTIONS = {
     "fit": "model kind levels share loss hold-out ci baseline estimator columns units name-pattern step-at until rest "
-    "repair logs-as duty bounds-levels dead-time shape tables verbose",
+    "repair logs-as duty bounds-levels dead-time shape",
     "ingest": "columns units name-pattern step-at until baseline rest repair rate-hz kind",
     "tune-rc": "kp kd natural-frequency damping q-max phi epsilon gamma p-scale b-hat rho pi-overshoot "
     "pi-settling pi-gains reference duty-limits pwm-hz anyway",
@@ -55,7 +55,7 @@ def test_help_has_the_options_their_words_and_one_example(name, run_eaid):
     ran = run_eaid(name, "--help")
     assert ran.code == 0 and f"Usage: eaid {name}" in ran.out and ran.out.count(f"Example: eaid {name}") == 1
     flags = set(re.findall(r"--[a-z][a-z-]*", ran.out))
-    common = ["output", "json", "quiet", "force", "help", *(["seed"] if name in SEEDED else [])]
+    common = ["output", "json", "quiet", "verbose", "force", "help", *(["seed"] if name in SEEDED else [])]
     assert {f"--{one}" for one in (*OPTIONS[name].split(), *common)} <= flags
     shown = set(re.split(r"[\s│,.|]+", ran.out))
     assert set(WORDS.get(name, "").split()) <= shown

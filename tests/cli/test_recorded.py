@@ -17,7 +17,7 @@ def _here(tmp_path, monkeypatch):
 @pytest.mark.slow
 def test_a_log_of_random_steps_is_fitted_whole_and_followed_by_a_sequence_that_can_be_played(run_eaid):
     assert run_eaid(RANDOM).code == 0
-    ran = run_eaid("fit rec --tables")
+    ran = run_eaid("fit rec --verbose")
     assert ran.code == 0 and "Logs fitted as recorded" in ran.out and "free-run fit (%)" in ran.out
     fit = json.loads(Path("fit.json").read_text(encoding="utf-8"))
     assert fit["converged"] is True and fit["recorded"]["logs"][0]["fit_pct"] > 90

@@ -121,7 +121,7 @@ def test_the_model_is_drawn_through_its_levels_and_a_curve_that_only_crosses_the
     assert np.isnan(tau2.lines[0].get_ydata()).all() and tau2.get_ylim()[1] == pytest.approx(1.1 * 5)
     x, y = tau1.lines[0].get_data()
     assert y == pytest.approx(np.polynomial.polynomial.polyval(x, PLANT["tau1"]))
-    assert {line.get_label() for line in tau1.lines} >= {"joint (used)", "published"}
+    assert {line.get_label() for line in tau1.lines} >= {"model", "published"}
 
 
 def test_the_linear_model_is_not_drawn_below_zero():

@@ -66,7 +66,7 @@ def test_the_parts_stand_in_their_order_a_picture_first_and_count_what_they_fold
 
 def test_the_page_says_where_its_numbers_come_from(whole: Any, files: dict[str, Path]):
     assert re.search(r"<title>[^<]*\(synthetic data\)</title>", whole.html) and "No rig recorded them" in whole.text
-    assert whole.title == "Electroadhesive clutch" and whole.chips[1:3] == ["% → N·m", "5 levels, 20 to 100 %"]
+    assert whole.title == "Electroadhesive clutch" and whole.chips[1:3] == ["% → N·m", "5 levels, 20 … 100 %"]
     given = {row[0]: row[-1] for row in whole.rows("Files")}
     for path in files.values():
         assert given[str(path)] == hashlib.sha256(path.read_bytes()).hexdigest()
@@ -171,7 +171,7 @@ OTHER_RIG = {"schema": "eaid/fit/2", "data": VOLTS, "converged": True, "friction
 
 def test_another_rig_has_its_own_units_and_no_published_values(report_of: Callable[..., Any]):
     page = report_of(OTHER_RIG)
-    assert page.title == "Step responses" and page.chips == ["V → N", "2 levels, 100 to 300 V"]
+    assert page.title == "Step responses" and page.chips == ["V → N", "2 levels, 100 … 300 V"]
     (_heads, lowest, highest) = page.numbers["Values with 95 % intervals"]
     assert lowest[:2] == ["100", "1 (0.95 … 1.05)"] and highest[:2] == ["300", "2 (1.9 … 2.1)"]
     assert highest[3] == "not estimable" and lowest[2] == "0.1 (not estimable)"
@@ -288,5 +288,4 @@ def test_table_iv_and_what_follows_from_it(report_of: Callable[..., Any]):
     page = report_of({**GAINS, "rc": rc})
     rows = {row[0]: row for row in page.rows("Table IV")}
     assert rows["Bm"][1:3] == ["12.4", "8.600"] and rows["φ"][1:3] == ["0.0500", "0.1000"] and rows["QM"][2] == "–"
-    rows = {row[0]: row for row in page.rows("Gains that follow")}
     assert rows["B̂"][1:3] == ["12.5", "12.80"] and rows["ρ, constant"][1:3] == ["10.81", "15.50"]

@@ -6,7 +6,7 @@ from functools import partial
 from operator import attrgetter, methodcaller
 from typing import Any
 
-from eaid.report.figures import logs, replays, steps, values
+from eaid.report.figures import replays, steps, values
 from eaid.report.panels import Ready
 from eaid.report.results import Results
 
@@ -33,10 +33,6 @@ class Row:
         return made and replace(made, title=made.title or title)
 
 
-def _recorded(results: Results) -> Any:
-    return next((one.result for one in results.fits if one.result.recorded is not None), None)
-
-
 def _all(results: Results) -> Results:
     return results
 
@@ -50,7 +46,7 @@ FIGURES: tuple[Row, ...] = (
     Row("fig02_pwm", "Fig. 2 · One PWM period", (_all,), values.pwm_period, of_the_fit=False),
     Row("fig06_hold_and_release", "Fig. 6 · Output while held and after release",
         (attrgetter("main_data"),), steps.hold_and_release, of_the_fit=False),
-    Row("recorded_logs", "Logs as recorded", (_recorded,), logs.recorded_logs),
+    Row("recorded_logs", "Logs as recorded", (attrgetter("recorded"),), replays.recorded_logs),
     Row("fig07_nonlinear_model", "Fig. 7 · Nonlinear model", (_data("clutch"), _all), steps.nonlinear_model),
     Row("model_over_duty", "Parameters over the level", (_CLUTCH,), values.polynomials),
     Row("level_steps", "Steps from level to level", (_all,), steps.level_steps, of_the_fit=False),

@@ -1,45 +1,38 @@
-"""Figs. 11–13, 16 and 17: steps, multisine, sweep, each controller in its own colour and line; logs; elbow
-rehabilitation."""
+"""Figs. 11–13, 16 and 17: steps, multisine, sweep, each controller in its own colour and line; logs as recorded and
+under the model; elbow rehabilitation."""
 
-import itertools
-from collections.abc import Mapping
-from operator import itemgetter
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 
 from eaid.arrays import Array
 from eaid.replay import rehab
 from eaid.report import panels as ink
-from eaid.report.figures.logs import titles
 from eaid.report.figures.steps import some_of
-from eaid.report.panels import Axis, Line, Panel, Ready, Sheet, caption, over, quantity
+from eaid.report.panels import Axis, Line, Panel, Ready, Sheet, Span, caption, over, quantity
 from eaid.report.rig import controller_name
 from eaid.report.tables import number
 from eaid.report.tables.replays import metric
+from eaid.results.fit import Fit
+from eaid.results.recorded import LogCurve, LogFit
 from eaid.results.replay import Replay
 
 
 def bands(replay: Replay) -> list[ink.Band]:
     """The 2.5 % and 97.5 % outputs of each controller over drawn plants, where there are any."""
-    quantiles = replay.head.band_quantiles
-    if not {0.025, 0.975} <= set(quantiles):
-        return []
-    low, high = quantiles.index(0.025), quantiles.index(0.975)
-    drawn = [(k, name, one.tables) for k, (name, one) in enumerate(replay.records.items())]
-    return [
-        ink.Band(
-            tables["plants/band_time_s"], tables["plants/band_nm"][low], tables["plants/band_nm"][high],
-            ink.controller_look(name, k)["color"],
-        )
-        for k, name, tables in drawn if "plants/band_nm" in tables
-    ]  # fmt: skip
+    quantiles, found = replay.head.band_quantiles, []
+    for name, tables in ((name, one.tables) for name, one in replay.records.items()):
+        if {0.025, 0.975} <= set(quantiles) and "plants/band_nm" in tables:
+            low, high = (tables["plants/band_nm"][quantiles.index(share)] for share in (0.025, 0.975))
+            found.append(ink.Band(tables["plants/band_time_s"], low, high, ink.controller_look(name)[0]))
+    return found
 
 
 def counted_from(replay: Replay) -> float:
     """Instant from which a replay's errors count [s]."""
     said = [one.metrics.counted_from_s for one in replay.records.values()] + [replay.head.counted_from_s]
-    usual = 5.0 if replay.head.scenario == "multisine" else 0.0
-    return next((value for value in said if value is not None), usual)
+    return next((value for value in said if value is not None), 0.0)
 
 
 def tracking(replay: Replay) -> Ready:
@@ -73,16 +66,15 @@ def tracking_panels(replay: Replay, until_s: float | None = None) -> list[Panel]
     error: list[Line] = []
     acting: list[Line] = []
     asked: list[Line] = []
-    for k, (name, one) in enumerate(replay.records.items()):
-        t, said, look = one.columns["time_s"], controller_name(name), ink.controller_look(name, k)
+    for name, one in replay.records.items():
+        t, said, (colour, dash, _marker) = one.columns["time_s"], controller_name(name), ink.controller_look(name)
         some = slice(None) if until_s is None else (t >= from_s) & (t <= until_s)
         t, reference, true, duty = (one.columns[key][some] for key in keys)
-        output.append(Line(t, true, said, **look))
-        error.append(Line(t, reference - true, said, **look))
-        acting.append(Line(t, duty, said, **look))
+        for lines, values in ((output, true), (error, reference - true), (acting, duty)):
+            lines.append(Line(t, values, said, colour, dash))
         asked.append(Line(t, reference, "reference", ink.BLACK, ":"))
     cut = until_s is not None
-    shaded = [ink.Span(0.0, from_s, ink.PALE)] if from_s > 0 and not cut and replay.head.scenario != "steps" else []
+    shaded = [Span(0.0, from_s, ink.PALE)] if from_s > 0 and not cut and replay.head.scenario != "steps" else []
     counted = [np.abs(line.y[line.x >= from_s]) for line in error]
     top = max((float(np.max(e)) for e in counted if len(e)), default=1.0)
     size, plants = 1.25 * top + 1e-9, [] if cut else bands(replay)
@@ -97,23 +89,23 @@ def tracking_panels(replay: Replay, until_s: float | None = None) -> list[Panel]
 def sweep(replay: Replay) -> Ready | None:
     """Fig. 13: (a) amplitude [dB] and (b) mean absolute error over the frequency [Hz], a row a controller."""
     gain, error, each = [], [], []
-    for k, (name, one) in enumerate(replay.records.items()):
+    for name, one in replay.records.items():
         tones = [row for row in one.metrics.frequencies if row.gain_db is not None]
         if tones:
             keys = ("frequency_hz", "gain_db", "mean_abs_error_nm")
             f, size_db, mean = (np.array([getattr(row, key) for row in tones]) for key in keys)
-            colour, dash, marker = ink.CONTROLLERS.get(name, ink.SPARE[k % len(ink.SPARE)])
-            gain.append(Line(f, size_db, controller_name(name), colour, dash, 1.1, marker))
-            error.append(Line(f, mean, controller_name(name), colour, dash, 1.1, marker))
+            said, (colour, dash, marker) = controller_name(name), ink.controller_look(name)
+            gain.append(Line(f, size_db, said, colour, dash, 1.1, marker))
+            error.append(Line(f, mean, said, colour, dash, 1.1, marker))
             below = f[size_db < -3].tolist()
-            each.append((controller_name(name), below[0] if below else None, float(np.max(size_db))))
+            each.append((said, below[0] if below else None, float(np.max(size_db))))
     if not gain:
         return None
     lowest = min(float(np.min(line.y)) for line in gain)
     hz = Axis("Frequency", "Hz", log=True)
     panels = [
         Panel(hz, Axis("Amplitude", "dB", (max(lowest - 2, -32), None)), gain,
-              spans=[ink.Span(-3, -3, ink.GREY, "y", 0.7, ":")], notes=[ink.Note("−3 dB", 1.01, -3, "x", ha="left")],
+              spans=[Span(-3, -3, ink.GREY, "y", 0.7, ":")], notes=[ink.Note("−3 dB", 1.01, -3, "x", ha="left")],
               legend="above", columns=2 if len(gain) > 3 else 3, tight=False),
         Panel(hz, Axis("Mean |error|", replay.head.output_unit, (0.0, None)), error, tight=False),
     ]  # fmt: skip
@@ -121,27 +113,67 @@ def sweep(replay: Replay) -> Ready | None:
 
 
 def recorded_input(replay: Replay) -> Ready | None:
-    """Recorded output and the model's under the recorded input, a panel a run, at most six, spread over the outputs."""
+    """Recorded output and the model's under the recorded input, a panel a run, at most three."""
     compared = {name: one.columns for name, one in replay.records.items() if one.role == "recorded-input"}
     if not compared:
         return None
     rms = {name: float(np.sqrt(np.mean((t["reference_nm"] - t["torque_nm"]) ** 2))) for name, t in compared.items()}
     by_output = sorted(compared, key=lambda name: float(np.max(compared[name]["reference_nm"])))
-    chosen, out = some_of(by_output, 6), replay.head.output_unit
-    columns = min(3, len(chosen))
-    panels = []
-    for k, (name, head) in enumerate(zip(chosen, titles(chosen, 16 * len(chosen)), strict=True)):
-        t = compared[name]["time_s"]
-        lines = [
-            Line(t, compared[name]["reference_nm"], "recorded", ink.SKY, width=2.2),
-            Line(t, compared[name]["torque_nm"], "model, same input", **ink.MODEL),
-        ]
-        below = k + columns >= len(chosen)
-        panels.append(Panel(ink.OF_LOG if below else Axis(), quantity(out) if k % columns == 0 else Axis(), lines,
-                            legend="" if k else "over", columns=6, title=f"{head}: RMS {rms[name]:.2g}"))  # fmt: skip
-    rows = -(-len(chosen) // columns)
+    chosen, out = some_of(by_output, 3), replay.head.output_unit
+    panels: list[Panel] = []
+    for name, head in zip(chosen, titles(chosen), strict=True):
+        table, title = compared[name], f"{head}: RMS {rms[name]:.2g}"
+        recorded = Line(table["time_s"], table["reference_nm"], "recorded", ink.SKY, width=2.2)
+        model = ink.model_line(table["time_s"], table["torque_nm"], "model, same input")
+        y, legend = (Axis(), "") if panels else (quantity(out), "over")
+        panels.append(Panel(ink.OF_LOG, y, [recorded, model], legend=legend, columns=6, title=title))
     text = caption("log", shown=len(chosen), rms=sorted((value, name) for name, value in rms.items()), unit=out)
-    return Ready(Sheet(panels, 0.5 + 1.35 * rows, columns=columns, share=(False, False)), text)
+    return Ready(Sheet(panels, 2.2, columns=len(chosen), share=(False, False)), text)
+
+
+def drawn_logs(logs: Sequence[LogFit]) -> list[LogFit]:
+    """The logs that are drawn: all, or the best, the middle and the worst followed."""
+    known = [log for log in logs if log.curve.time_s]
+    return known if len(known) <= 3 else some_of(sorted(known, key=lambda log: -(log.fit_pct or 0.0)), 3)
+
+
+def titles(names: Sequence[str], letters: int = 44) -> list[str]:
+    """The ends of names, by which they differ, all of them in at most so many letters, as matplotlib text."""
+    most = letters // len(names)
+    return [(name if len(name) <= most else f"…{name[1 - most :]}").replace("$", r"\$") for name in names]
+
+
+def recorded_logs(fit: Fit) -> Ready | None:
+    """A column a log: (top) input, (middle) measured and the model driven by the input alone, (bottom) residual."""
+    all_logs = fit.recorded.logs if fit.recorded is not None else ()
+    logs, units = drawn_logs(all_logs), (fit.data.input_unit, fit.data.output_unit)
+    if not logs:
+        return None
+    n, heads = len(logs), titles([log.name for log in logs])
+    percents = ["" if log.fit_pct is None else f"fit {log.fit_pct:.3g} %" for log in logs]
+    columns = [log_panels(log.curve, units, (heads[k], percents[k]), first=k == 0) for k, log in enumerate(logs)]
+    panels = [column[row] for row in range(3) for column in columns]
+    known = [log for log in logs if None not in (log.rmse, log.fit_pct, log.one_step_pct)]
+    worst = min(known, key=lambda log: log.fit_pct or 0.0, default=None)
+    text = caption("recorded", shown=n, count=len(all_logs), worst=worst, unit=units[1])
+    return Ready(Sheet(panels, 4.2, columns=n, ratios=(1, 1.6, 1), live=n == 1), text)
+
+
+def log_panels(
+    curve: LogCurve, units: tuple[str, str], heads: tuple[str, str] = ("", ""), first: bool = True
+) -> list[Panel]:
+    """Input, measured and model, residual of one log over its own time; names and legend beside the `first` alone."""
+    t, (unit, out) = np.array(curve.time_s), units
+    held = Line(np.repeat(t, 2)[1:], np.repeat(curve.input, 2)[:-1], "input", ink.GREEN, width=0.7)
+    measured = Line(t, np.array(curve.measured), "measured", ink.SKY, width=1.8)
+    model = ink.model_line(t, np.array(curve.model), "model")
+    residual = Line(t, np.array(curve.residual), "residual", ink.VERMILLION, width=0.6)
+    axes = (over(unit), quantity(out), Axis("Residual", out or "output")) if first else (Axis(),) * 3
+    return [
+        Panel(ink.OF_LOG, axes[0], [held], title=heads[0]),
+        Panel(ink.OF_LOG, axes[1], [measured, model], legend="over" if first else "", columns=6, title=heads[1]),
+        Panel(ink.OF_LOG, axes[2], [residual], spans=[Span(0.0, 0.0, ink.BLACK, "y", 0.5)]),
+    ]
 
 
 # Mode → pale ground and name; the paper's blue, red and green
@@ -159,12 +191,10 @@ def session(replay: Replay) -> tuple[Mapping[str, Array], list[Stretch]] | None:
     trace = next((one for name in order if "angle_deg" in (one := replay.records[name].columns)), None)
     if trace is None:
         return None
-    names = [rehab.MODES[code] if 0 <= code < len(rehab.MODES) else str(code) for code in trace["mode"].astype(int)]
-    stretches = []
-    for name, samples in itertools.groupby(zip(names, trace["time_s"].tolist(), strict=True), key=itemgetter(0)):
-        times = [t for _name, t in samples]
-        stretches.append((name, times[0], times[-1]))
-    return trace, stretches
+    modes, t = trace["mode"].astype(int), trace["time_s"]
+    edges = [0, *(np.flatnonzero(np.diff(modes)) + 1).tolist(), len(modes)]
+    names = dict(enumerate(rehab.MODES))
+    return trace, [(names.get(int(modes[a]), str(modes[a])), float(t[a]), float(t[b - 1])) for a, b in pairwise(edges)]
 
 
 def training(replay: Replay) -> Ready | None:
@@ -175,8 +205,8 @@ def training(replay: Replay) -> Ready | None:
     t, target, angle, desired, rendered = (
         trace[key] for key in ("time_s", "target_deg", "angle_deg", "desired_nm", "rendered_nm")
     )
-    spans = [ink.Span(start, end, MODES.get(name, (ink.PALE, ""))[0]) for name, start, end in stretches]
-    spans += [ink.Span(start, start, ink.BLACK) for _name, start, _end in stretches]  # told apart in grey, too
+    spans = [Span(start, end, MODES.get(name, (ink.PALE, ""))[0]) for name, start, end in stretches]
+    spans += [Span(start, start, ink.BLACK) for _name, start, _end in stretches]  # told apart in grey, too
     heads = [ink.Note(MODES.get(name, ("", name))[1], (a + b) / 2, 1.02, "y", va="bottom") for name, a, b in stretches]
     rows = (
         (Axis("Angle", "°"), [Line(t, target, "target", ink.BLACK, "--"), Line(t, angle, "angle", ink.BLUE)]),

@@ -1,8 +1,8 @@
 """Step responses: the mean of each level, ± sd, its model, and the level at the curve's end; what the models leave."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
+from types import MappingProxyType
 from typing import TypeVar
 
 import numpy as np
@@ -14,7 +14,6 @@ from eaid.report.panels import Axis, Line, Panel, Ready, Sheet, caption, quantit
 from eaid.report.results import Results
 from eaid.report.rig import level_text
 from eaid.results.fit import Fit, StepShape
-from eaid.steps.noise import block_means
 from eaid.steps.stepset import LevelStep, StepSet
 
 Model = Callable[[Array], Array]
@@ -49,51 +48,39 @@ def fine_times(t_end: float, points: int = 150) -> Array:
     return np.unique(np.concatenate([[0.0], np.geomspace(1e-3, 1, points) * t_end]))
 
 
-@dataclass(frozen=True, eq=False)
-class Curve:
-    """One level: what was measured, its model, and what stands at its end."""
-
-    time_s: Array
-    measured: Array
-    text: str
-    model: Model | None = None
-    sd: Array | None = None  # Half of the band around it; None: no band
-    note: str = ""  # The model's RMSE
+# What was measured: time, values, half of the band around them or None, what it is called, the model's RMSE or ""
+Curve = tuple[Array, Array, Array | None, str, str, Model | None]
 
 
 def curves_panel(curves: Sequence[Curve], y: Axis, said: str) -> Panel:
     """Each level's curve, its band and its model (`said` in the legend)."""
-    colours, named = ink.level_colours(len(curves)), some_of(curves, LABELLED)
+    colours, named = ink.level_colours(len(curves)), {one[3] for one in some_of(curves, LABELLED)}
     bands, lines = [], []
-    for one, colour in zip(curves, colours, strict=True):
-        t, mean = one.time_s, one.measured
-        if one.sd is not None:
-            bands.append(ink.Band(t, mean - one.sd, mean + one.sd, colour, 0.2))
-        end = (f"{one.text}: {one.note}" if one.note else one.text) if one in named else ""
-        lines.append(Line(t, mean, f"{one.text}, measured", colour, width=1.5, alpha=0.75, end=end))
-        if one.model is not None:
+    for (t, mean, sd, text, rmse, model), colour in zip(curves, colours, strict=True):
+        if sd is not None:
+            bands.append(ink.Band(t, mean - sd, mean + sd, colour, 0.2))
+        end = (f"{text}: {rmse}" if rmse else text) if text in named else ""
+        lines.append(Line(t, mean, f"{text}, measured", colour, width=1.5, alpha=0.75, end=end))
+        if model is not None:
             fine = fine_times(float(t[-1]))
-            name = f"{one.text}, model{', RMSE ' if one.note else ''}{one.note}"
-            lines.append(Line(fine, one.model(fine), name, **ink.MODEL))
+            lines.append(ink.model_line(fine, model(fine), f"{text}, model{', RMSE ' if rmse else ''}{rmse}"))
     keys = [Line((), (), "measured" + " ± sd" * bool(bands), colours[len(colours) // 2], width=1.5, alpha=0.75)]
-    if any(one.model is not None for one in curves):
-        keys.append(Line((), (), said, **ink.MODEL))
+    if any(model is not None for *_, model in curves):
+        keys.append(ink.model_line(np.empty(0), np.empty(0), said))
     return Panel(ink.OF_STEP, y, lines, bands, legend="above", columns=2, keys=keys)
 
 
 def steps_panel(
     data: StepSet,
     fitted: Mapping[float, Model],
-    notes: Mapping[float, str] | None = None,
+    notes: Mapping[float, str] = MappingProxyType({}),
     spread: bool = False,
     said: str = "model",
 ) -> Panel:
     """Each level's mean, its model, and on request the band of ± one sd; `notes` follow its name."""
     curves = [
-        Curve(
-            one.time_s, one.mean, level_text(one.level, data.input_unit), fitted.get(one.level),
-            one.sd if spread and len(one.runs) > 1 else None, (notes or {}).get(one.level, ""),
-        )
+        (one.time_s, one.mean, one.sd if spread and len(one.runs) > 1 else None,
+         level_text(one.level, data.input_unit), notes.get(one.level, ""), fitted.get(one.level))
         for one in some_of(data.levels)
     ]  # fmt: skip
     return curves_panel(curves, quantity(data.output_unit), said)
@@ -101,9 +88,7 @@ def steps_panel(
 
 def fitted_steps(fit: Fit) -> Panel:
     """The step responses of the first model that was fitted (nonlinear, linear, friction), a line a level."""
-
-    data = fit.data
-    time = np.concatenate([[0.0], np.geomspace(1e-3, 1.0, 200)]) * float(max(data.record_s, default=20.0))
+    data, time = fit.data, fine_times(max(fit.data.record_s, default=20.0))
     levels = data.levels or (() if fit.recorded is None else np.linspace(*fit.recorded.u_range, 5).tolist())
     shown = fit.predict(levels, time.tolist())
     lines = [
@@ -169,6 +154,7 @@ def linear_model(data: StepSet, fit: Fit) -> Ready | None:
 
 
 MOST = 12  # Most steps from level to level that are drawn
+HELD_LOOKS = ((ink.BLUE, "-"), (ink.VERMILLION, "--"), (ink.GREEN, "-."))  # Of Fig. 6, the highest level first
 
 
 def level_steps(results: Results) -> Ready | None:
@@ -201,65 +187,38 @@ def level_steps_panel(data: StepSet, shapes: Sequence[StepShape]) -> Panel:
         return shape.predict(t_s) - shape.start
 
     curves = [
-        Curve(step.time_s, step.output - shape.start, step_text(shape), partial(change, shape))
+        (step.time_s, step.output - shape.start, None, step_text(shape), "", partial(change, shape))
         for step, shape in some_of(paired(data, shapes), MOST)
     ]
     return curves_panel(curves, Axis("Change of output", data.output_unit or "1"), "fitted")
 
 
-@dataclass(frozen=True, eq=False)
-class Held:
-    """Mean of a level's repeats, held and then released; time from the step, idle output subtracted."""
-
-    level: float
-    time_s: Array
-    torque: Array
-    release_s: float
-
-    @property
-    def lost_pct(self) -> float:
-        """Torque lost from peak to release [% of the peak], by means of twentieths."""
-        means = block_means(self.torque[self.time_s <= self.release_s])
-        return 100 * max(0.0, 1 - float(means[-1] / means.max())) if means.max() > 0 else 0.0
-
-    @property
-    def left_pct(self) -> float:
-        """Torque left at the end of the log [% of the torque when held], by means of twentieths."""
-        held = float(block_means(self.torque[self.time_s <= self.release_s])[-1])
-        left = float(block_means(self.torque[self.time_s > self.release_s])[-1])
-        return 100 * left / held if held > 0 else 0.0
-
-
-def held_levels(data: StepSet) -> list[Held]:
-    """Levels whose rise and release were both recorded: the highest, the middle and the lowest of them."""
-    rising = {level.level: level for level in data.levels}
-    found = []
-    for release in data.releases:
-        if (step := rising.get(release.level)) is None:
-            continue
-        dt = float(step.time_s[-1] - step.time_s[0]) / max(len(step.time_s) - 1, 1)
-        end = float(step.time_s[-1]) + dt
-        time = np.concatenate([step.time_s, end + release.time_s])
-        found.append(Held(release.level, time, np.concatenate([step.mean, release.mean]), end - dt / 2))
-    return found[::-1] if len(found) <= 3 else [found[-1], found[len(found) // 2], found[0]]
-
-
 def hold_and_release(data: StepSet) -> Ready | None:
-    """Fig. 6: output over time, the held stretch shaded; the shares lost while held and left after release."""
-    levels, unit = held_levels(data), data.input_unit
-    if not levels:
+    """Fig. 6: output over time, the held stretch shaded; the shares lost while held and left after release.
+
+    Of the highest, the middle and the lowest level whose rise and release were both recorded.
+    """
+    rising = {level.level: level for level in data.levels}
+    pairs = [(rising[release.level], release) for release in data.releases if release.level in rising]
+    if not pairs:
         return None
-    top, lines = levels[0], []
-    for run, (colour, dash) in zip(levels, ((ink.BLUE, "-"), (ink.VERMILLION, "--"), (ink.GREEN, "-.")), strict=False):
-        label = f"{level_text(run.level, unit)}: lost {run.lost_pct:.1f} %, left {run.left_pct:.1f} %"
-        lines.append(Line(run.time_s, run.torque, label.replace("-", "−"), colour, dash))
-    low, high = (float(end([end(run.torque) for run in levels])) for end in (np.min, np.max))
-    room = high - low or 1.0
-    names = (("input on", top.release_s / 2), ("off", (top.release_s + top.time_s[-1]) / 2))
+    lines, shares, ends = [], [], []
+    for (step, release), (colour, dash) in zip(some_of(pairs, 3)[::-1], HELD_LOOKS, strict=False):
+        runs = [run for run in data.runs if run.name in (*step.names, *release.names)]
+        lost = float(np.mean([run.lost_pct for run in runs if run.lost_pct is not None]))
+        left = float(np.mean([run.left_pct for run in runs if run.left_pct is not None]))
+        ends.append(float(2 * step.time_s[-1] - step.time_s[-2]))
+        shares.append((level_text(step.level, data.input_unit), lost, left))
+        label = f"{shares[-1][0]}: lost {lost:.1f} %, left {left:.1f} %".replace("-", "−")
+        time, output = np.concatenate([step.time_s, ends[-1] + release.time_s]), np.r_[step.mean, release.mean]
+        lines.append(Line(time, output, label, colour, dash))
+    low, high = min(float(line.y.min()) for line in lines), max(float(line.y.max()) for line in lines)
+    room, end = high - low or 1.0, ends[0]
     panel = Panel(
         ink.OF_STEP, quantity(data.output_unit, low - 0.05 * room, high + 0.18 * room), lines,
-        spans=[ink.Span(0, top.release_s, "#E8E8E8")],
-        notes=[ink.Note(text, float(at), 0.985, "y", va="top") for text, at in names],  # above every curve
+        spans=[ink.Span(0, end, "#E8E8E8")],
+        notes=[ink.Note("input on", end / 2, 0.985, "y", va="top"),  # above every curve
+               ink.Note("off", (end + float(lines[0].x[-1])) / 2, 0.985, "y", va="top")],
         legend="above", columns=1,
     )  # fmt: skip
-    return Ready(Sheet([panel], 2.7, ink.COLUMN_IN), caption("held", top=top, unit=unit))
+    return Ready(Sheet([panel], 2.7, ink.COLUMN_IN), caption("held", top=shares[0]))

@@ -8,56 +8,34 @@ from eaid.arrays import Array
 from eaid.models import nonlinear
 from eaid.report import panels as ink
 from eaid.report import rig
-from eaid.report.panels import Axis, Band, Dash, Line, Note, Panel, Ready, Sheet, caption, over
+from eaid.report.panels import Axis, Band, Line, Note, Panel, Ready, Sheet, caption, over
 from eaid.report.results import Results
 from eaid.report.rig import of_the_paper
-from eaid.report.tables.fits import estimates_of
 from eaid.results.common import Interval, ci95_of
-from eaid.results.fit import CurveLevel, Estimate, Fit, FrictionLevel
+from eaid.results.fit import Fit
 from eaid.results.summary import ENDLESS_S, believed_levels
 
 NAMES = {"Ts": "Steady value T_s", "tau1": "Fast constant τ1", "tau2": "Slow constant τ2"}
-# Colour and line of each estimate of one fit; the one that is used first
-ESTIMATES: tuple[tuple[str, Dash], ...] = (
-    (ink.BLUE, "-"), (ink.VERMILLION, "-."), (ink.GREEN, (0, (4, 1, 1, 1, 1, 1))), (ink.PURPLE, (0, (6, 2)))
-)  # fmt: skip
 TALL = 1.6  # An interval that reaches beyond so many times its value does not set the axis
 
 
-def value_axis(name: str, unit: str, top: float = 0.0) -> Axis:
-    """The axis of a fitted value, from 0 to a little above `top`; by the data without one."""
-    limits = (0.0, 1.1 * top) if top else (None, None)
+def value_axis(name: str, unit: str, top: float) -> Axis:
+    """The axis of a fitted value, from 0 to a little above `top`; by the data where that is 0."""
     said = "Friction coefficient C_f" if name == "C_f" else NAMES[name]
-    return Axis(said, {"C_f": "1", "Ts": unit}.get(name, "s"), limits)
+    return Axis(said, {"C_f": "1", "Ts": unit}.get(name, "s"), (0.0, 1.1 * top) if top else (None, None))
 
 
-def points(x: Sequence[float], values: Array, intervals: Sequence[Interval], name: str = "", color: str = ink.BLACK,
-           dash: Dash = "", marker: str = "o", size: float = 3.6, alpha: float = 1.0) -> Line:  # fmt: skip
+def points(x: Sequence[float], values: Array, intervals: Sequence[Interval], name: str) -> Line:
     """Values with their 95 % intervals where there are any, the value itself where not."""
     known = [(value, value) if ends is None else ends for value, ends in zip(values, intervals, strict=True)]
     low, high = np.array(known).reshape(-1, 2).T
-    ends = np.minimum(low, values), np.maximum(high, values)
-    return Line(x, values, name, color, dash, marker=marker, size=size, alpha=alpha, ends=ends)
-
-
-def highest(values: Array) -> float:
-    """The largest of the values that are known; 0 where none is."""
-    known = values[np.isfinite(values)]
-    return float(known.max()) if len(known) else 0.0
+    return Line(x, values, name, dash="", marker="o", ends=(np.minimum(low, values), np.maximum(high, values)))
 
 
 def seen(drawn: Line) -> float:
     """The highest end of a whisker that is to be seen."""
-    ends = np.asarray(drawn.y) if drawn.ends is None else drawn.ends[1]
-    return highest(np.minimum(ends, TALL * np.abs(drawn.y)))
-
-
-def level_points(rows: Sequence[FrictionLevel | CurveLevel], name: str, color: str = ink.BLACK) -> Line | None:
-    """One value of every level; without those time constants that have no end; None where nothing is left."""
-    values = ended(np.array([getattr(row, name) for row in rows], dtype=float), name)
-    if not np.isfinite(values).any():
-        return None
-    return points([row.level for row in rows], values, [ci95_of(row, name) for row in rows], "95 %", color)
+    assert drawn.ends is not None
+    return float(np.nanmax(np.minimum(drawn.ends[1], TALL * np.abs(drawn.y)), initial=0.0))
 
 
 def ended(values: Array, name: str) -> Array:
@@ -65,55 +43,37 @@ def ended(values: Array, name: str) -> Array:
     return values if name == "Ts" else np.where(values > ENDLESS_S, np.nan, values)
 
 
-def values_over(part: Estimate, u: Array) -> dict[str, Array]:
-    """T_s, τ1 and τ2 of an estimate over the input."""
-    tau1, tau2 = nonlinear.time_constants(part.parameters, u)
-    steady = nonlinear.steady_torque(part.parameters, u)
-    return {"Ts": steady, "tau1": ended(tau1, "tau1"), "tau2": ended(tau2, "tau2")}
-
-
-def value_panels(fit: Fit, several: bool = False, published: bool = False) -> list[Panel]:
-    """T_s, τ1 and τ2, a panel each: the levels of a fit, and its nonlinear model where there is one.
-
-    Every estimate where `several` are wanted, and Table III.
-    """
+def value_panels(fit: Fit) -> list[Panel]:
+    """T_s, τ1 and τ2, a panel each: the levels of a fit, its nonlinear model where there is one, and Table III."""
     rows, part = believed_levels(fit), fit.nonlinear
-    u = np.linspace(*part.u_range, 200) if part is not None else np.empty(0)
-    estimates = estimates_of(part) if part is not None else {}
-    if not several:
-        estimates = dict(list(estimates.items())[:1])
     panels = []
     for name in NAMES:
-        curves = {estimate: values_over(one, u)[name] for estimate, one in estimates.items()}
-        drawn = level_points(rows, name, ink.BLACK if several else ink.BLUE)
-        top, high = seen(drawn) if drawn is not None else 0.0, highest(next(iter(curves.values()), np.empty(0)))
-        top = high if not top or top < high < 3 * top else top
-        lines = [  # only where the axis holds them: τ2 without end would hide all the rest
-            Line(
-                u,
-                np.where(y < 1.3 * top, y, np.nan),
-                estimate if k else f"{estimate} (used)",
-                *ESTIMATES[k],
-                0.9 if k else 1.1,
-            )
-            for k, (estimate, y) in enumerate(curves.items())
-        ]
-        lines += [drawn] if drawn is not None else []
-        if published and name != "Ts":  # Table III's T_s gives 0.06 N·m at full duty: a line on the floor
-            paper = np.polynomial.polynomial.polyval(u, rig.TABLE_III[name])
-            lines.append(Line(u, paper, "published", ink.GREY, ":", 1.1))
-        legend = "over" if several and name == "tau1" else ""
+        values = ended(np.array([getattr(row, name) for row in rows], dtype=float), name)
+        lines = [points([row.level for row in rows], values, [ci95_of(row, name) for row in rows], "95 %")]
+        top = seen(lines[0])
+        if part is not None:
+            u = np.linspace(*part.u_range, 200)
+            tau1, tau2 = nonlinear.time_constants(part.parameters, u)
+            curves = {"Ts": nonlinear.steady_torque(part.parameters, u), "tau1": tau1, "tau2": tau2}
+            model = ended(curves[name], name)
+            high = float(np.nanmax(model, initial=0.0))
+            top = high if not top or top < high < 3 * top else top
+            # only where the axis holds it: τ2 without end would hide all the rest
+            lines.insert(0, Line(u, np.where(model < 1.3 * top, model, np.nan), "model", ink.BLUE, width=1.1))
+            if of_the_paper(fit.data) and name != "Ts":  # Table III's T_s gives 0.06 N·m at full duty
+                paper = np.polynomial.polynomial.polyval(u, rig.TABLE_III[name])
+                lines.append(Line(u, paper, "published", ink.GREY, ":", 1.1))
         y = value_axis(name, fit.data.output_unit, top or 1 / 1.1)
+        legend = "over" if name == "tau1" else ""
         panels.append(Panel(over(fit.data.input_unit), y, lines, legend=legend, columns=6, tight=False))
     return panels
 
 
 def polynomials(fit: Fit) -> Ready | None:
-    """T_s, τ1 and τ2 over the level: every estimate, the single levels with their intervals, and Table III."""
+    """T_s, τ1 and τ2 over the level: the model, the single levels with their intervals, and Table III."""
     if fit.nonlinear is None or len(believed_levels(fit)) == 1:
         return None
-    panels = value_panels(fit, several=True, published=of_the_paper(fit.data))
-    return Ready(Sheet(panels, 2.5, columns=3, share=(False, False)), caption("over_duty"))
+    return Ready(Sheet(value_panels(fit), 2.5, columns=3, share=(False, False)), caption("over_duty"))
 
 
 def trends(fit: Fit) -> Ready | None:
@@ -121,41 +81,41 @@ def trends(fit: Fit) -> Ready | None:
 
     Over force: T_s, τ1, C_f and τ2 over the normal stress [kPa], where it is known; over speed: τ1, T_s and τ2 [RPM].
     """
-    part = fit.friction
+    part, stress, papers_rig = (
+        fit.friction,
+        fit.friction is not None and fit.friction.over_stress,
+        of_the_paper(fit.data),
+    )
     if part is None or len(part.levels) < 2:
         return None
-    names: tuple[str, ...] = ("Ts", "tau1", "tau2")
+    names: tuple[str, ...] = ("Ts", "tau1", "C_f", "tau2") if stress and fit.data.output_unit == "N·m" else tuple(NAMES)
     paper = rig.OVER_STRESS
     if fit.data.kind == "friction-speed":
         # Table II's tau2 is two equal rates of opposite weight: at the printed digits no curve is left to draw.
         names, paper = ("tau1", "Ts", "tau2"), {name: rig.OVER_SPEED[name] for name in ("Ts", "tau1")}
-    elif part.over_stress and fit.data.output_unit == "N·m":  # Eq. (1) takes a torque
-        names = ("Ts", "tau1", "C_f", "tau2")
-    x = np.array(part.x if part.over_stress else [row.level for row in part.levels])
+    x = np.array(part.x if stress else [row.level for row in part.levels])
     fine = np.linspace(x.min(), x.max(), 200)
-    along = Axis("Normal stress", "kPa") if part.over_stress else over(fit.data.input_unit)
+    along = Axis("Normal stress", "kPa") if stress else over(fit.data.input_unit)
     panels: list[Panel] = []
     for name in names:
         key = "Ts" if name == "C_f" else name
-        values = np.array([getattr(row, key) for row in part.levels])
+        # Eq. (1): C_f is T_s by what a coefficient of 1 would give
+        per = [fit.data.apparatus.friction_coefficient(1.0, one) for one in x] if name == "C_f" else [1.0] * len(x)
+        values = np.array(per) * [getattr(row, key) for row in part.levels]
         ends = [ci95_of(row, key) for row in part.levels]
-        if name == "C_f":
-            per = [fit.data.apparatus.friction_coefficient(1.0, one) for one in x]
-            values = np.array(per) * values
-            ends = [end and (k * end[0], k * end[1]) for k, end in zip(per, ends, strict=True)]
-        lines = [points(x.tolist(), values, ends, "each level, 95 %")]
+        scaled = [end and (k * end[0], k * end[1]) for k, end in zip(per, ends, strict=True)]
+        lines = [points(x.tolist(), values, scaled, "each level, 95 %")]
         top, trend = seen(lines[0]), part.trends.get(name)
         if trend is not None and trend.coefficients:
             lines.append(Line(fine, trend.predict(fine), "trend", ink.BLUE, width=1.1))
             top = max(top, float(np.max(trend.predict(fine))))
-        if name in paper and of_the_paper(fit.data):
+        if name in paper and papers_rig:
             lines.append(Line(fine, paper[name](fine), "published", ink.VERMILLION, ":", 1.1))
-        legend = "" if panels else "over"
         y = value_axis(name, fit.data.output_unit, max(top, 0.0))
-        panels.append(Panel(along, y, lines, legend=legend, columns=6, tight=False))
+        panels.append(Panel(along, y, lines, legend="" if panels else "over", columns=6, tight=False))
     four = len(names) == 4
     text = caption("trends", rows=part.levels, unit=fit.data.input_unit, out=fit.data.output_unit)
-    title = "" if of_the_paper(fit.data) else "Fitted values over the level"
+    title = "" if papers_rig else "Fitted values over the level"
     sheet = Sheet(panels, 4.2 if four else 2.4, columns=2 if four else 3, share=(four, False))
     return Ready(sheet, text, title)
 
@@ -166,11 +126,10 @@ def pwm_period(results: Results) -> Ready | None:
     Eq. (2): duty = 2 P_a / P; P_a is the time at +V and the time at −V, the rest of the period is 0.
     """
     fit, data = results.fit("clutch"), results.data_of("clutch")
-    if not of_the_paper(fit.data if fit is not None else data):
+    about = fit.data if fit is not None else data
+    if about is None or not of_the_paper(about):
         return None
-    rig = fit.data.apparatus if fit is not None else data.apparatus if data is not None else None
-    if rig is None:
-        return None
+    rig = about.apparatus
     duty_pct, v = 60.0, rig.voltage_v
     period_ms = 1e3 / rig.pwm_hz
     active_ms, half = period_ms * duty_pct / 200, period_ms / 2

@@ -7,8 +7,8 @@ escaped.
 import base64
 import hashlib
 import re
-from collections.abc import Container, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 
@@ -17,15 +17,14 @@ from markupsafe import Markup, escape
 
 from eaid.report import live
 from eaid.report.page import summary
-from eaid.report.page.known import MOST, Known, known, sentence
 from eaid.report.page.next_steps import commands, next_steps
+from eaid.report.page.summary import MOST, Known, known, sentence
 from eaid.report.results import KINDS, Results
-from eaid.report.tables import Cell, Name, Table, data, fits, gains, listed, replays, text
+from eaid.report.tables import Name, Table, data, fits, gains, listed, replays, text
 from eaid.shown import counted
 from eaid.version import __version__
 
 OPEN_ROWS = 24  # Most rows of a table that stands open
-OPEN_FIGURES = 3  # Figures of the page's own kind that stand open
 KIND_FIGURES = {
     "clutch": ("recorded_logs", "fig07_nonlinear_model", "level_steps", "model_over_duty",
                "fig08_linear_model", "fig09_shear_per_field"),
@@ -68,7 +67,6 @@ class Block:
     tables: tuple[Table, ...] = ()
     findings: tuple[tuple[str, str], ...] = ()  # Severity and sentence of each
     lines: tuple[str, ...] = ()  # Command lines
-    verdict: tuple[str, str] | None = None  # Grade and words of a verdict that heads it
     folds: "tuple[Block, ...]" = ()
 
     @property
@@ -96,10 +94,23 @@ class Block:
 
 def parts(results: Results, known: Known, drawn: Figures) -> list[Block]:
     """The parts that have anything to show, in the order of the page."""
+    rehab = results.replay("rehab")
+    others = [given.result for given in results.replays if given.result.head.scenario != "rehab"]
+    tracked = [replay for replay in others if replay.head.scenario != "log"]
+    replayed = [table for replay in tracked for table in replays.further_tables(replay)]
+    replayed = [*([replays.errors_table(tracked)] if tracked else []), *map(replays.log_table, others), *replayed]
+    shown = _of(drawn, "fig12_multisine", "own_reference", "fig11_steps", "log_replay")
+    again = Block("How to do it again", lines=tuple(commands(results)))
     every = [
-        _data(results, known, drawn), _model(results, known, drawn), _controller(results, known, drawn),
-        _replay(results, known, drawn), _rehabilitation(results, drawn), _appendix(results),
-    ]  # fmt: skip
+        _data(results, known, drawn),
+        _model(results, known, drawn),
+        _controller(results, known, drawn),
+        _part("Replay", known, shown, replayed) if others else None,
+        _part("Rehabilitation", {}, _of(drawn, "fig16_rehab", "fig17_rehab_errors"), replays.rehab_tables(rehab))
+        if rehab is not None
+        else None,
+        Block("Appendix", folds=(again, Block("Files", tables=(data.files_table(results),)))),
+    ]
     return [part for part in every if part is not None]
 
 
@@ -107,24 +118,23 @@ def _of(drawn: Figures, *names: str) -> tuple[Drawn, ...]:
     return tuple(drawn[name] for name in names if name in drawn)
 
 
-def _block(title: str, figures: Sequence[Drawn] = (), tables: Iterable[Table] = ()) -> list[Block]:
+def _block(title: str, figures: Sequence[Drawn], tables: Iterable[Table]) -> list[Block]:
     """Figures and tables that have rows under one title; none where there are neither."""
     block = Block(title, tuple(figures), tuple(table for table in tables if table.rows))
     return [block] if block.figures or block.tables else []
 
 
 def _part(
-    title: str, known: Known, figures: Sequence[Drawn], tables: Iterable[Table], folds: Sequence[Block],
-    besides: Container[str] = (),
+    title: str, known: Known, figures: Sequence[Drawn], tables: Iterable[Table], folds: Sequence[Block] = (),
+    open_figures: int = 1,
 ) -> Block:  # fmt: skip
-    """A part with its gravest findings, those about `besides` left out, the others and long tables folded."""
-    here = [found for found in known[title.lower()] if found.subject not in besides]
-    findings = tuple((found.severity, sentence(found, title == "Data")) for found in here)
+    """A part with its first figures, its gravest findings and its first table; what else there is stands folded."""
+    findings = tuple((found.severity, sentence(found, title == "Data")) for found in known.get(title.lower(), ()))
     more = [Block("More to know", findings=findings[MOST:])] if len(findings) > MOST else []
     rows = [table for table in tables if table.rows]
-    long = [Block(table.heading, tables=(table,)) for table in rows if len(table.rows) > OPEN_ROWS]
-    shown = tuple(table for table in rows if len(table.rows) <= OPEN_ROWS)
-    return Block(title, tuple(figures), shown, findings[:MOST], folds=(*long, *more, *folds))
+    shown = [table for table in rows[:1] if len(table.rows) <= OPEN_ROWS]
+    more += _block(f"More on the {title.lower()}", figures[open_figures:], rows[len(shown) :])
+    return Block(title, tuple(figures[:open_figures]), tuple(shown), findings[:MOST], folds=(*more, *folds))
 
 
 def _data(results: Results, known: Known, drawn: Figures) -> Block | None:
@@ -135,18 +145,14 @@ def _data(results: Results, known: Known, drawn: Figures) -> Block | None:
     tables: list[Table] = []
     folds: list[Block] = []
     for steps in (given.result for given in results.data):
-        warned, fine = data.runs_tables(steps)
-        levels, slips = data.levels_recorded(steps), data.slips_table(steps.runs, steps)
-        title = f"{KINDS[steps.kind]}: every run" if len(results.data) > 1 else "every run"
-        folded = [warned, levels]
-        if steps is main:  # its runs with warnings stand open, else its levels
-            tables, folded = ([warned], [levels]) if warned.rows else ([levels], [])
-        folds += _block(title.capitalize(), (), [*folded, slips, fine])
+        every = [data.levels_recorded(steps), data.slips_table(steps), data.runs_table(steps)]
+        if steps is main:
+            tables = every
+        else:
+            folds += _block(f"{KINDS[steps.kind].capitalize()}: every run", (), every)
     alone = () if results.fits else ("fig07_nonlinear_model", "fig03_friction_steps")
-    figures = _of(drawn, *alone, "fig06_hold_and_release")
-    folds += _block("How the clutch is driven", _of(drawn, "fig02_pwm"))
-    runs = {run.name for given in results.data for run in given.result.runs}
-    return _part("Data", known, figures, tables, folds, besides=runs)
+    figures = _of(drawn, *alone, "fig06_hold_and_release", "fig02_pwm")
+    return _part("Data", known, figures, tables, folds, max(1, len(figures) - 1))
 
 
 def _figures_of(kind: str, drawn: Figures, results: Results) -> tuple[Drawn, ...]:
@@ -160,65 +166,29 @@ def _model(results: Results, known: Known, drawn: Figures) -> Block | None:
     kind = results.main_kind
     if not results.fits or kind is None:
         return None
-    figures = _figures_of(kind, drawn, results)
-    main = results.fit(kind)
-    tables: list[Table] = []
+    main, kinds = results.fit(kind), [given.result.data.kind for given in results.fits]
     folds: list[Block] = []
     for given in results.fits:
-        fit, fit_kind = given.result, given.result.data.kind
-        folded = [*fits.model_tables(fit), *fits.judging_tables(fit)]
-        if fit is main:
-            tables, folded = folded[:1], folded[1:]
-            folds += _block("More on the model", figures[OPEN_FIGURES:], folded)
-        else:
-            several = sum(other.result.data.kind == fit_kind for other in results.fits) > 1
-            title = KINDS[fit_kind].capitalize() + (f", {given.path}" if several else "")
-            folds += _block(title, _figures_of(fit_kind, drawn, results) if fit_kind != kind else (), folded)
-    return _part("Model", known, figures[:OPEN_FIGURES], tables, folds)
+        if given.result is not main:
+            of = given.result.data.kind
+            title = KINDS[of].capitalize() + (f", {given.path}" if kinds.count(of) > 1 else "")
+            folds += _block(
+                title, _figures_of(of, drawn, results) if of != kind else (), fits.model_tables(given.result)
+            )
+    tables = fits.model_tables(main) if main is not None else []
+    return _part("Model", known, _figures_of(kind, drawn, results), tables, folds, 3)
 
 
 def _controller(results: Results, known: Known, drawn: Figures) -> Block | None:
-    figures = _of(drawn, "fig13_sweep")
-    walls = [gains.walls_table(given.result) for given in results.couplings]
-    if not results.gains:
-        return _part("Controller", known, figures, walls, ()) if figures or walls else None
-    folds = []
+    tables, folds = [gains.walls_table(given.result) for given in results.couplings], []
     for k, given in enumerate(results.gains):
-        title = f"Gains and margins, {given.path}" if k else "Gains and margins"
-        shown = gains.checklist(results.gains[0].result)  # stands open
-        folds += _block(title, (), [table for table in gains.tables_of(given.result) if table != shown])
-    judged = results.gains[0].result
-    holds = judged.guarantee.holds if judged.guarantee is not None else None
-    part = _part("Controller", known, figures, [gains.checklist(judged), *walls], folds)
-    return replace(part, verdict=("good" if holds else "care", f"Guarantee: {gains.guarantee_words(judged)}."))
-
-
-def _replay(results: Results, known: Known, drawn: Figures) -> Block | None:
-    shown = [given.result for given in results.replays if given.result.head.scenario != "rehab"]
-    if not shown:
-        return None
-    logs = [replays.log_table(replay) for replay in shown if replay.head.scenario == "log"]
-    tracked = [replay for replay in shown if replay.head.scenario != "log"]
-    figures = _of(drawn, "fig12_multisine", "own_reference", "fig11_steps", "log_replay")
-    tables, folded = logs, []
-    if tracked:
-        tables = [replays.errors_table(tracked)]
-        folded = [*logs, *(table for replay in tracked for table in replays.further_tables(replay))]
-    return _part("Replay", known, figures[:1], tables, _block("More replays", figures[1:], folded))
-
-
-def _rehabilitation(results: Results, drawn: Figures) -> Block | None:
-    replay = results.replay("rehab")
-    if replay is None:
-        return None
-    tables = replays.rehab_tables(replay)
-    folds = _block("Errors by mode, and whether they differ", _of(drawn, "fig17_rehab_errors"), tables[1:])
-    return Block("Rehabilitation", _of(drawn, "fig16_rehab"), tuple(tables[:1]), folds=tuple(folds))
-
-
-def _appendix(results: Results) -> Block:
-    again = Block("How to do it again", lines=tuple(commands(results)))
-    return Block("Appendix", folds=(again, Block("Files", tables=(data.files_table(results),))))
+        controllers, checklist, *others = gains.tables_of(given.result)
+        if k:
+            folds += _block(f"Gains of {given.path}", (), [controllers, checklist, *others])
+        else:
+            tables = [checklist, *tables, controllers, *others]
+    figures = _of(drawn, "fig13_sweep")
+    return _part("Controller", known, figures, tables, folds) if results.gains or figures or tables else None
 
 
 WORDS = {"good": "Good", "care": "Warning", "bad": "Stop", "none": "–"}
@@ -242,7 +212,10 @@ def page(results: Results, drawn: Sequence[Drawn], pictures: Sequence[Drawn]) ->
         parts=parts(results, known(results), {one.name: one for one in drawn}),
         style=Markup(_asset("page.css")),
         # Our own scripts only, told by their hash: nothing else on the page can run, whatever a file name says.
-        allowed=" ".join(_hash(script) for script in (library, starter) if script),
+        allowed=" ".join(
+            f"'sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}'"
+            for script in (library, starter) if script
+        ),
         library=Markup(library),
         starter=Markup(starter),
     )  # fmt: skip
@@ -258,28 +231,18 @@ def _environment() -> Environment:
         lstrip_blocks=True,
     )
     made.filters["sign"] = signs
-    made.globals |= {"words": WORDS, "severities": SEVERITIES, "cell": _cell}
+    made.globals |= {"words": WORDS, "severities": SEVERITIES, "text": text}
     return made
 
 
-def _cell(cell: Cell, digits: int) -> Markup:
-    """A cell as HTML: formulas are set, names that users chose are not."""
-    return escape(str(cell)) if isinstance(cell, Name) else signs(text(cell, digits))
-
-
 def signs(said: str) -> Markup:
-    """Our own formulas as HTML: T_s, u^2 and e^(…) get their subscript and superscript; all else is escaped first."""
+    """Our own formulas as HTML: T_s, u^2 and e^(…) get their sub- and superscripts; names that users chose do not."""
     safe = str(escape(str(said)))
     if isinstance(said, Name):
         return Markup(safe)
     safe = re.sub(r"\^\(([^()]*)\)", r"<sup>\1</sup>", safe)
     safe = re.sub(r"(?<=[u%A-Za-z])\^(\d)", r"<sup>\1</sup>", safe)
     return Markup(re.sub(r"\b([TCBKQabc])_([A-Za-z0-9])\b", r"\1<sub>\2</sub>", safe))
-
-
-def _hash(script: str) -> str:
-    digest = base64.b64encode(hashlib.sha256(script.encode("utf-8")).digest()).decode("ascii")
-    return f"'sha256-{digest}'"
 
 
 def _asset(name: str) -> str:

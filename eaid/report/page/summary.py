@@ -1,27 +1,60 @@
-"""The first screen: what the page is about, one story of data, model and controller, its pictures and numbers."""
+"""Findings by the page's parts, and the first screen: data, model and controller at a glance, pictures, numbers."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import islice
 
 import numpy as np
 
 from eaid.errors import on_command_line
-from eaid.findings import Finding
-from eaid.report.figures import logs, replays, steps, values
-from eaid.report.page.known import MOST, Known
+from eaid.findings import Finding, merged, ranked, say
+from eaid.report.figures import replays, steps, values
 from eaid.report.panels import Axis, Panel, Sheet
 from eaid.report.results import KINDS, Results
-from eaid.report.rig import controller_name, level_text, of_the_paper, rising
+from eaid.report.rig import controller_name, level_text
 from eaid.report.tables import Cell, Table, columns, number
-from eaid.report.tables.data import warnings_of
+from eaid.report.tables.data import is_warned
 from eaid.report.tables.gains import guarantee_story
 from eaid.report.tables.replays import SCENARIO_NAMES, metric
 from eaid.results import summary
 from eaid.results.fit import Fit
 from eaid.results.replay import Replay
-from eaid.shown import counted
+from eaid.shown import counted, span
+
+MODELS = {"friction": "friction curves", "nonlinear": "nonlinear model", "linear": "linear model", "release": "release"}
+# Findings of single runs that say how far the model is from them
+ABOUT_THE_CURVE = {"shape-misses", "other-shape-fits-better"}
+MOST = 3  # Findings of a part that are shown; the rest are folded
+
+Known = Mapping[str, tuple[Finding, ...]]  # Part of the page → its findings, the gravest first
+
+
+def known(results: Results) -> Known:
+    """All findings of the results, sorted; those of one code as one, but for runs."""
+    found: dict[str, list[Finding]] = {"data": [], "model": [], "controller": [], "replay": []}
+    for data in results.data:
+        found["data"] += data.result.all_findings
+    for fit in results.fits:
+        for one in fit.result.findings:
+            of_the_model = one.subject in (*MODELS, "fit") or one.code in ABOUT_THE_CURVE
+            found["model" if of_the_model else "data"].append(one)
+    for gains in results.gains:
+        found["controller"] += gains.result.findings
+    for replay in results.replays:
+        found["replay"] += replay.result.findings
+    for part, group in found.items():  # each once: a fit repeats what its data already said
+        found[part] = list({(one.code, one.subject, one.levels): one for one in group}.values())
+    return {part: ranked(group if part == "data" else merged(ranked(group))) for part, group in found.items()}
+
+
+def sentence(one: Finding, of_data: bool = False) -> str:
+    """A finding in words, with a capital and a full stop, options as the command line has them."""
+    said = on_command_line(say(one)).rstrip(".")
+    about = f"{MODELS[one.subject]}: " if one.subject in MODELS else ""
+    if of_data and one.subject != "data" and one.subject not in said:
+        return f"{one.subject}: {said}."  # a run, by its name
+    text = f"{about}{said}"
+    return f"{text[:1].upper() if text[:1] not in 'τφρα' else text[:1]}{text[1:]}."
 
 
 def fit_pct(fit: Fit) -> float | None:
@@ -44,31 +77,28 @@ def tables(results: Results) -> tuple[Table, ...]:
 def _controllers(results: Results) -> Iterator[Table]:
     """Errors in the replay shown, else in the one behind the gains, and least margins: each, and RC against PI."""
     replay, gains = _replay_of(results), results.gains[0].result if results.gains else None
-    keys = {"max_abs_error_nm": "largest error", "rms_error_nm": "RMS error"}
-    rows: dict[str, list[float | None]] = {}
-    names = ["rc", "pi"]
+    behind = gains.replayed if gains is not None and replay is None else None
+    margins = gains.margins.worst if gains is not None and gains.margins is not None else None
+    names, unit, where = ["rc", "pi"], gains.output_unit if gains is not None else "", behind and behind.reference
     if replay is not None:
         names = [name for name in names if name in replay.records] or list(replay.records)[:2]
-        unit, where = replay.head.output_unit, SCENARIO_NAMES.get(replay.head.scenario, replay.head.scenario)
-        rows = {said: [metric(replay, name, key) for name in names] for key, said in keys.items()}
-    elif gains is not None and (known := gains.replayed) is not None:
-        unit, where = gains.output_unit, SCENARIO_NAMES.get(known.reference, known.reference)
-        rows = {said: [getattr(getattr(known, name), key, None) for name in names] for key, said in keys.items()}
-    rows = {f"{said} ({unit}), {where}" if unit else f"{said}, {where}": each for said, each in rows.items()}
-    worst = gains.margins.worst if gains is not None and gains.margins is not None else None
+        unit, where = replay.head.output_unit, replay.head.scenario
+    both = names == ["rc", "pi"]
+    rows: list[tuple[Cell, ...]] = []
+    for key, said in (("max_abs_error_nm", "largest error"), ("rms_error_nm", "RMS error")):
+        each = [metric(replay, name, key) if replay is not None else getattr(getattr(behind, name, None), key, None)
+                for name in names]  # fmt: skip
+        ratio = f"{each[1] / each[0]:.2g}" if both and each[0] and each[1] else ""
+        said = f"{said} ({unit})" if unit else said
+        said = f"{said}, {SCENARIO_NAMES.get(where or '', where)}"
+        rows.append((said, *(f"{one:.3g}" if one is not None else None for one in each), ratio))
     for key, said in (("gain_db", "least gain margin (dB)"), ("phase_deg", "least phase margin (°)")):
-        if worst is not None and names == ["rc", "pi"]:
-            rows[said] = [getattr(getattr(worst, name), key, None) for name in names]
-    shown: list[tuple[Cell, ...]] = []
-    for said, each in rows.items():
-        cells = [f"{value:.3g}" if value is not None else None for value in each]
-        first, last = each[0], each[-1]
-        ratio = f"{last / first:.2g}" if "error" in said and first and last and len(each) == 2 else ""
-        if any(cells):
-            shown.append((said, *cells, *([ratio] if names == ["rc", "pi"] else [])))
-    ratios = ["PI/RC"] if names == ["rc", "pi"] else []
+        each = [getattr(getattr(margins, name, None), key, None) for name in names] if both else []
+        rows.append((said, *(f"{one:.3g}" if one is not None else None for one in each), ""))
+    shown = tuple(row if both else row[:-1] for row in rows if any(row[1:]))
     if shown:
-        yield Table("Controllers", "", columns("", *map(controller_name, names), *ratios), tuple(shown))
+        heads = columns("", *map(controller_name, names), *(["PI/RC"] if both else []))
+        yield Table("Controllers", "", heads, shown)
 
 
 GRADES = {"stop": "bad", "caution": "care", "note": "good"}
@@ -86,21 +116,17 @@ class Light:
 
 def title(results: Results) -> str:
     """What the page is about."""
-    kind, fit = results.main_kind, results.main_fit
-    data = fit.data if fit is not None else results.main_data
-    what = "Electroadhesive clutch" if kind == "clutch" and of_the_paper(data) else "Step responses"
-    if data is not None and kind != "clutch":
-        what = KINDS[data.kind].capitalize()
-    if kind is None:
-        what = "Replays" if results.replays else "Gains"
-    return what
+    if results.main_kind is None:
+        return "Replays" if results.replays else "Gains"
+    if results.main_kind != "clutch":
+        return KINDS[results.main_kind].capitalize()
+    return "Electroadhesive clutch" if results.of_paper else "Step responses"
 
 
 def chips(results: Results) -> tuple[str, ...]:
     """Where the numbers come from: synthetic or a rig, what was stepped and measured, levels."""
     texts = ["synthetic data"] if results.synthetic else []
-    fit, data = results.main_fit, results.main_data
-    about = fit.data if fit is not None else data
+    fit, data, about = results.main_fit, results.main_data, results.about
     if about is not None:
         texts.append(f"{about.input_unit or 'level'} → {about.output_unit or 'output'}")
     levels = sorted(row.level for row in data.levels) if data is not None else sorted(fit.data.levels) if fit else []
@@ -108,8 +134,7 @@ def chips(results: Results) -> tuple[str, ...]:
         logs = fit.recorded.logs
         texts.append(f"{counted(len(logs), 'log')} as recorded, {sum(log.duration_s for log in logs):.4g} s")
     if levels and about is not None:
-        span = f"{levels[0]:.4g} to {level_text(levels[-1], about.input_unit)}"
-        texts.append(f"{len(levels)} levels, {span}" if len(levels) > 1 else level_text(levels[0], about.input_unit))
+        texts.append(span(levels, about.input_unit))
     if len(results.kinds) > 1:
         texts.append("with " + " and ".join(KINDS[kind] for kind in results.kinds[1:]))
     return tuple(texts)
@@ -120,12 +145,8 @@ def lights(results: Results, known: Known) -> tuple[Light, Light, Light]:
     return _data(results, known), _model(results, known), _controller(results, known)
 
 
-def _worst(grades: Iterable[str]) -> str:
-    return min(grades, key=("bad", "care", "good").index, default="good")
-
-
 def _grade(findings: Sequence[Finding]) -> str:
-    return _worst(GRADES[found.severity] for found in findings)
+    return min((GRADES[found.severity] for found in findings), key=("bad", "care", "good").index, default="good")
 
 
 def _counted(findings: Sequence[Finding], unit: str = "") -> str:
@@ -142,20 +163,15 @@ def _counted(findings: Sequence[Finding], unit: str = "") -> str:
 
 
 def _data(results: Results, known: Known) -> Light:
-    data, fit, findings = results.main_data, results.main_fit, known["data"]
-    if data is not None:
-        warned = sum(1 for run in data.runs if warnings_of(run))
-        text = (
-            f"{warned} of {counted(len(data.runs), 'run')} warned; "
-            if warned
-            else f"{counted(len(data.runs), 'run')}; "
-        )
-        grade = _worst([_grade(findings), "care" if warned else "good"])
-        return Light("Data", grade, text + _counted(findings, data.input_unit), "data")
-    if fit is not None and fit.data.sources:
-        text = f"{counted(len(rising(fit.data.sources)), 'run')}; {_counted(findings, fit.data.input_unit)}"
-        return Light("Data", _grade(findings), text, "data")
-    return Light("Data", "none", "no data given", "appendix")
+    data, fit, findings = results.main_data, results.main_fit, merged(known["data"])
+    about = data if data is not None else fit.data if fit is not None and fit.data.sources else None
+    if about is None:
+        return Light("Data", "none", "no data given", "appendix")
+    runs = data.runs if data is not None else [one for one in fit.data.sources if one.edge != "falling"] if fit else ()
+    warned, grade = sum(map(is_warned, data.runs)) if data is not None else 0, _grade(findings)
+    text = f"{warned} of {counted(len(runs), 'run')} warned; " if warned else f"{counted(len(runs), 'run')}; "
+    grade = "care" if warned and grade == "good" else grade
+    return Light("Data", grade, text + _counted(findings, about.input_unit), "data")
 
 
 def _model(results: Results, known: Known) -> Light:
@@ -196,40 +212,37 @@ WIDTH_IN, HEIGHT_IN = 5.0, 2.5
 SHOWN_S = 20.0  # Most of a replay that is shown [s]
 
 
-def pictures(results: Results) -> list[tuple[str, str, Sheet]]:
-    """Title, part of the page where more of it stands, and picture: the first two that there are."""
-    return list(islice(_candidates(results), 2))
-
-
 def _replay_of(results: Results) -> Replay | None:
     """The replay that is shown."""
     return next(filter(None, map(results.replay, SCENARIOS)), None)
-
-
-def _shares(fit: Fit) -> list[tuple[float, float]]:
-    """Fit [%] and level, of the model that is drawn."""
-    rows = fit.nonlinear.per_level if fit.nonlinear is not None else fit.friction_levels
-    return [(row.fit_pct, row.level) for row in rows if row.fit_pct is not None]
 
 
 def _picture(panels: Sequence[Panel], ratios: tuple[float, ...] = (), columns: int = 1) -> Sheet:
     return Sheet(panels, HEIGHT_IN, WIDTH_IN, columns, ratios, lettered=False)
 
 
-def _candidates(results: Results) -> Iterator[tuple[str, str, Sheet]]:
-    """Described when wanted, the best first.
+def pictures(results: Results) -> Iterator[tuple[str, str, Sheet]]:
+    """Title, part of the page where more of it stands, and picture, described when wanted, the best first.
 
     The model on its data, controllers, fitted values over the level, or a step with the curve that it asks for.
     """
     data, fit, replay = results.main_data, results.main_fit, _replay_of(results)
-    drawn = logs.drawn_logs(fit.recorded.logs) if fit is not None and fit.recorded is not None else []
+    drawn = replays.drawn_logs(fit.recorded.logs) if fit is not None and fit.recorded is not None else []
     if fit is not None and drawn:  # the input, and below it the output and the model driven by that input alone
         units = fit.data.input_unit, fit.data.output_unit
-        yield "Measured against model", "model", _picture(logs.log_panels(drawn[-1].curve, units)[:2], (1, 2))
+        yield "Measured against model", "model", _picture(replays.log_panels(drawn[-1].curve, units)[:2], (1, 2))
     elif data is not None:
         models = steps.nonlinear_curves(fit, data) or steps.single_curves(fit)
         panels = [steps.steps_panel(replace(data, levels=tuple(steps.some_of(data.levels, 6))), models)]
-        worst = min(_shares(fit), default=None) if fit is not None and len(data.levels) > 1 else None
+        rows = (
+            fit.nonlinear.per_level
+            if fit is not None and fit.nonlinear is not None
+            else fit.friction_levels
+            if fit
+            else ()
+        )
+        shares = [(row.fit_pct, row.level) for row in rows if row.fit_pct is not None]
+        worst = min(shares) if shares and len(data.levels) > 1 else None
         alone = tuple(row for row in data.levels if worst is not None and row.level == worst[1])
         if alone and worst is not None:  # the level that the model follows least, on a scale of its own
             panel = steps.steps_panel(replace(data, levels=alone), models)

@@ -128,11 +128,6 @@ def level(value: float | None) -> str:
     return "–" if value is None else f"{value:.4g}".replace("-", "−")
 
 
-def with_unit(said: str, unit: str) -> str:
-    """A value and its unit; the bare value where it has none."""
-    return f"{said} {unit}".rstrip()
-
-
 def listed(items: Sequence[str]) -> str:
     """`10, 20 and 30`."""
     return f"{', '.join(items[:-1])} and {items[-1]}" if len(items) > 1 else "".join(items)

@@ -1,6 +1,7 @@
 """Tables of one fit: the single levels, Tables I–III, the linear model, release, held-out levels, Huber's weights."""
 
 from collections.abc import Sequence
+from typing import Any
 
 from eaid.report import rig as published
 from eaid.report.rig import gain, of_the_paper, rate
@@ -15,24 +16,15 @@ from eaid.report.tables import (
     number,
     table_of,
     with_interval,
-    with_unit,
 )
 from eaid.results.common import ci95_of
-from eaid.results.fit import Estimate, Fit, Nonlinear, Trend
-from eaid.results.recorded import FallTest, LogFit, Loop
-
-PARAMETERS = ("Ts", "tau1", "tau2")
+from eaid.results.fit import Fit, Trend
+from eaid.results.recorded import LogFit, Loop
 
 
 def unit_of(fit: Fit, name: str) -> str:
     """Unit of a fitted value."""
-    return {"Ts": fit.data.output_unit, "C_f": "1", "tau1": "s", "tau2": "s"}[name]
-
-
-def estimates_of(part: Nonlinear) -> dict[str, Estimate]:
-    """The estimates of the nonlinear model by name, the one that is used first."""
-    beside = {} if part.joint is None or part.estimator == "joint" else {"joint": part.joint}
-    return {part.estimator: part, **beside}
+    return {"Ts": fit.data.output_unit, "C_f": "1"}.get(name, "s")
 
 
 def levels_table(fit: Fit) -> Table:
@@ -48,7 +40,7 @@ def levels_table(fit: Fit) -> Table:
         (("level", fit.data.input_unit),
          lambda one: Name(level(one.level) if not one.from_ else f"{level(one.from_)} → {level(one.level)}")),
         (("stress", "kPa", 3), lambda one: rig.stress_kpa(one.level)) if force else None,
-        *(part for name in PARAMETERS for part in with_interval((SYMBOLS[name], unit_of(fit, name)), name)),
+        *(part for name in ("Ts", "tau1", "tau2") for part in with_interval((SYMBOLS[name], unit_of(fit, name)), name)),
         (("RMSE", out, 3), "rmse"),
         (("fit", "%", 3), "fit_pct") if any(one.fit_pct is not None for one in rows) else None,
     )  # fmt: skip
@@ -70,21 +62,19 @@ def formula(trend: Trend, variable: str) -> str:
 
 def trends_table(fit: Fit) -> Table:
     """Tables I and II: fitted values over normal stress, or over speed; published ones where they belong."""
-    force, paper = fit.data.kind == "friction-force", of_the_paper(fit.data)
-    printed = published.TABLE_I if force else published.TABLE_II
+    force = fit.data.kind == "friction-force"
     variable = "σ" if force else "Ω"
     rows: list[tuple[Cell, ...]] = []
     trends = fit.friction.trends if fit.friction else {}
-    for name, (said, _coefficients, rmse) in printed.items():
+    for name, (printed, _coefficients, rmse) in (published.TABLE_I if force else published.TABLE_II).items():
         ours = trends.get(name)
         shown = formula(ours, variable) if ours is not None and ours.coefficients else "not fitted"
-        rows.append((SYMBOLS[name], unit_of(fit, name), said, rmse, shown, ours.rmse if ours else None))
+        rows.append((SYMBOLS[name], unit_of(fit, name), printed, rmse, shown, ours.rmse if ours else None))
     heads = columns("parameter", "unit", "published", ("published RMSE", "", 3), "ours", ("our RMSE", "", 3))
-    if not paper:
+    if not of_the_paper(fit.data):
         stress = fit.friction is not None and fit.friction.over_stress
         said = "normal stress in kPa" if stress else f"level in {fit.data.input_unit or 'the unit of its file'}"
-        caption = f"{variable} is the {said}."
-        return Table("Trends over the level", caption, heads, tuple(rows)).without(2, 3)
+        return Table("Trends over the level", f"{variable} is the {said}.", heads, tuple(rows)).without(2, 3)
     if force:
         return Table("Table I", "Over the normal stress σ in kPa, at constant speed.", heads, tuple(rows))
     caption = "Over the rotation speed Ω in RPM, at constant force. The published τ2 is two equal rates with huge "
@@ -93,51 +83,44 @@ def trends_table(fit: Fit) -> Table:
 
 
 def table_iii(fit: Fit) -> Table:
-    """The ten coefficients and C of the nonlinear model, every estimate beside the one that is used."""
+    """The ten coefficients and C of the nonlinear model, and the paper's joint estimate of them beside it."""
     part = fit.nonlinear
     assert part is not None
-    shown = estimates_of(part)
-    paper = of_the_paper(fit.data)
+    joint = None if part.estimator == "joint" else part.joint
     rows: list[tuple[Cell, ...]] = []
     for letter, name in (("a", "tau1"), ("b", "tau2"), ("c", "Ts")):
         unit, per = unit_of(fit, name), fit.data.input_unit or "input"
-        for power in range(len(getattr(part, name))):
-            printed = published.TABLE_III[name]
-            cells: list[Cell] = [f"{letter}_{power}", f"{SYMBOLS[name]}, u^{power}" if power else SYMBOLS[name]]
-            cells.append(number(printed[power], 3) if power < len(printed) else None)
-            for one in shown.values():
-                ends = ci95_of(one, name) or ()
-                cells += [getattr(one, name)[power], ends[power] if power < len(ends) else None]
-            rows.append((*cells, f"{unit}/{per}^{power}" if power > 1 else f"{unit}/{per}" if power else unit))
-    last: list[Cell] = ["C", "share of the fast part", number(published.TABLE_III["C"][0], 2)]
-    for one in shown.values():
-        last += [number(one.C, 2), ci95_of(one, "C")]
-    rows.append((*last, "1"))
-    heads = ["symbol", "belongs to", "published"]
-    for k, name in enumerate(shown):
-        heads += [f"ours, {name}{' (used)' if k == 0 and len(shown) > 1 else ''}", "95 % interval"]
+        printed, ends = published.TABLE_III[name], ci95_of(part, name) or ()
+        for power, value in enumerate(getattr(part, name)):
+            of = f"{SYMBOLS[name]}, u^{power}" if power else SYMBOLS[name]
+            paper = number(printed[power], 3) if power < len(printed) else None
+            beside = getattr(joint, name)[power] if joint is not None else None
+            each = f"{unit}/{per}^{power}" if power > 1 else f"{unit}/{per}" if power else unit
+            rows.append((f"{letter}_{power}", of, paper, value, ends[power] if ends else None, beside, each))
+    share = number(part.C, 2), ci95_of(part, "C"), number(joint.C, 2) if joint is not None else None
+    rows.append(("C", "share of the fast part", number(published.TABLE_III["C"][0], 2), *share, "1"))
+    heads = columns("symbol", "belongs to", "published", f"ours, {part.estimator}", "95 % interval", "joint", "unit")
+    of_paper = of_the_paper(fit.data)
     caption = "The nonlinear model: τ1(u), τ2(u) and T_s(u) as polynomials of the input u."
-    if not paper:
-        return Table("Nonlinear model", caption, columns(*heads, "unit"), tuple(rows)).without(2)
-    caption += " The published T_s gives 0.057 N·m at full duty, where the paper's own figures show about 4 N·m."
-    return Table("Table III", caption, columns(*heads, "unit"), tuple(rows))
+    if of_paper:
+        caption += " The published T_s gives 0.057 N·m at full duty, where the paper's own figures show about 4 N·m."
+    table = Table("Table III" if of_paper else "Nonlinear model", caption, heads, tuple(rows))
+    return table.without(*[2] * (not of_paper), *[5] * (joint is None))
 
 
 def linear_table(fit: Fit) -> Table:
     """Eq. (8): a0, b0, c0."""
-    part = fit.linear
+    part, out = fit.linear, fit.data.output_unit
     assert part is not None
-    paper, out = of_the_paper(fit.data), fit.data.output_unit
-    units = {"a0": "1/s", "b0": rate(fit.data.input_unit, out), "c0": f"{out}/s"}
-    rows: list[tuple[Cell, ...]] = [
-        (name, number(published.LINEAR[name], 3), getattr(part, name), ci95_of(part, name), unit)
-        for name, unit in units.items()
-    ]
-    rows.append(("RMSE", "–", part.rmse, None, out))
-    heads = columns("symbol", "published", "ours", "95 % interval", "unit")
-    said = "dT/dt = −a0 T + b0 u + c0, fitted to all levels at once."
-    table = Table("Linear model, Eq. (8)", said, heads, tuple(rows))
-    return table if paper else table.without(1)
+    units = {"a0": "1/s", "b0": rate(fit.data.input_unit, out), "c0": f"{out}/s", "rmse": out}
+    return table_of(
+        "Linear model, Eq. (8)", "dT/dt = −a0 T + b0 u + c0, fitted to all levels at once.", units,
+        ("symbol", lambda name: "RMSE" if name == "rmse" else name),
+        ("published", lambda name: number(published.LINEAR.get(name), 3)) if of_the_paper(fit.data) else None,
+        ("ours", lambda name: getattr(part, name)),
+        ("95 % interval", lambda name: ci95_of(part, name) if name != "rmse" else None),
+        ("unit", lambda name: units[name]),
+    )  # fmt: skip
 
 
 def input_gain_table(fit: Fit) -> Table:
@@ -160,17 +143,14 @@ def input_gain_table(fit: Fit) -> Table:
 
 def release_table(fit: Fit) -> Table:
     """Time constants of the falling edges, pooled and of each level."""
-    part, out = fit.release, fit.data.output_unit
+    part, unit = fit.release, fit.data.input_unit
     assert part is not None
-    rows: list[tuple[Cell, ...]] = [("all together", part.tau1, part.tau2, None, None, part.rmse)]
-    rows += [
-        (with_unit(level(r.level), fit.data.input_unit), r.tau1, r.tau2, r.amplitude, r.residual, r.rmse)
-        for r in part.levels
-    ]
-    heads = columns(
-        "level", ("τ1", "s"), ("τ2", "s"), ("falls by", out), ("is left", out, 3), ("RMSE", out, 3)
+    rows: list[Any] = [part, *part.levels]
+    return table_of(
+        "Release", "How the output falls after the input returns to zero.", rows,
+        (("level", unit), lambda one: "all together" if one is part else level(one.level)), (("τ1", "s"), "tau1"),
+        (("τ2", "s"), "tau2"), (("RMSE", fit.data.output_unit, 3), "rmse"),
     )  # fmt: skip
-    return Table("Release", "How the output falls after the input returns to zero.", heads, tuple(rows))
 
 
 SHAPES = {"one": "one exponential", "two": "two exponentials", "free": "two, C free", "overshoot": "overshoot"}
@@ -194,51 +174,27 @@ def level_steps_table(fit: Fit) -> Table:
 
 def held_out_table(fit: Fit) -> Table:
     """Errors on levels that were not fitted; no rows where none was held out."""
-    rows: list[tuple[Cell, ...]] = []
-    for name, part in (("friction", fit.friction), ("nonlinear", fit.nonlinear), ("linear", fit.linear)):
-        if part is not None and part.hold_out is not None:
-            for row in part.hold_out.levels:
-                mean = row.abs_error.mean if row.abs_error else None
-                rows.append((name, level(row.level), row.rmse, mean, part.hold_out.fitted_rmse))
+    parts = (("friction", fit.friction), ("nonlinear", fit.nonlinear), ("linear", fit.linear))
+    held = [(name, part.hold_out) for name, part in parts if part is not None and part.hold_out is not None]
     out = fit.data.output_unit
-    heads = columns(
-        "model", ("level", fit.data.input_unit), ("RMSE", out, 3), ("mean |error|", out, 3),
-        ("RMSE on the fitted levels", out, 3),
+    return table_of(
+        "Levels held out", "Levels that the fit never saw, predicted from the others.",
+        [(name, part, row) for name, part in held for row in part.levels],
+        ("model", lambda one: one[0]), (("level", fit.data.input_unit), lambda one: level(one[2].level)),
+        (("RMSE", out, 3), lambda one: one[2].rmse),
+        (("mean |error|", out, 3), lambda one: one[2].abs_error.mean if one[2].abs_error else None),
+        (("RMSE on the fitted levels", out, 3), lambda one: one[1].fitted_rmse),
     )  # fmt: skip
-    return Table("Levels held out", "Levels that the fit never saw, predicted from the others.", heads, tuple(rows))
-
-
-def huber_tables(fit: Fit) -> list[Table]:
-    """How much of each level Huber's loss held back, and where; one table a model."""
-    found = []
-    for name, part in (("friction", fit.friction), ("nonlinear", fit.nonlinear), ("linear", fit.linear)):
-        robust = part.robust if part is not None else None
-        if robust is None:
-            continue
-        caption = f"Residuals beyond {number(robust.k)} σ count less, as 1/|residual|; σ by the median is "
-        caption += (
-            f"{number(robust.sigma, 3)} {fit.data.output_unit}. Normal noise alone holds back 18 % of the samples."
-        )
-        found.append(table_of(
-            f"Weights of Huber's loss, {name} model", caption, robust.weights,
-            ("level", lambda one: with_unit(level(one.level), fit.data.input_unit)),
-            (("samples held back", "%", 2), lambda one: None if one.below_one is None else 100 * one.below_one),
-            (("mean weight", "", 3), "mean"), (("least weight", "", 3), "least"),
-        ))  # fmt: skip
-    return found
 
 
 def model_tables(fit: Fit) -> list[Table]:
     """Values of each model, logs as recorded and single levels first; tables without rows are left out."""
     found: list[Table] = []
     if (part := fit.recorded) is not None:
-        unit, out = fit.data.input_unit, fit.data.output_unit
-        found += [logs_table(part.logs, out), loops_table(part.loops, (unit, out))]
-        found.append(falls_table(part.falls))
+        units = fit.data.input_unit, fit.data.output_unit
+        found += [logs_table(part.logs, units[1]), loops_table(part.loops, units)]
     if fit.friction is not None:
-        found.append(levels_table(fit))
-        if fit.friction.trends:
-            found.append(trends_table(fit))
+        found += [levels_table(fit), *([trends_table(fit)] if fit.friction.trends else [])]
     found.append(level_steps_table(fit))
     if fit.nonlinear is not None:
         found.append(table_iii(fit))
@@ -246,26 +202,20 @@ def model_tables(fit: Fit) -> list[Table]:
         found += [linear_table(fit), input_gain_table(fit)]
     if fit.release is not None:
         found.append(release_table(fit))
-    return [table for table in (*found, held_out_table(fit), *huber_tables(fit)) if table.rows]
-
-
-def judging_tables(fit: Fit) -> list[Table]:
-    """Whether the model is right; none without repeats."""
-    table = lack_of_fit_table(fit)
-    return [table] if table.rows else []
+    return [table for table in (*found, held_out_table(fit), lack_of_fit_table(fit)) if table.rows]
 
 
 def lack_of_fit_table(fit: Fit) -> Table:
-    """What each level's curve misses, against what its repeats scatter."""
-    unit, out = fit.data.input_unit, fit.data.output_unit
-    rows: list[tuple[Cell, ...]] = [
-        (with_unit(level(row.level), unit), row.ratio, row.chance, row.beyond, row.systematic_nm)
-        for row in (fit.uncertainty.lack_of_fit if fit.uncertainty else ())
-    ]
-    caption = "The ratio is what a level's curve misses over what its repeats scatter; beyond what chance allows, the "
-    caption += "curve's shape is not quite right there, by the systematic part."
-    heads = columns("level", ("ratio", "", 3), ("by chance up to", "", 3), "beyond", ("systematic part", out, 2))
-    return Table("Is the model right", caption, heads, tuple(rows))
+    """What each level's curve misses, against what its repeats scatter; no rows without repeats."""
+    return table_of(
+        "Is the model right",
+        "The ratio is what a level's curve misses over what its repeats scatter; beyond what chance allows, the "
+        "curve's shape is not quite right there, by the systematic part.",
+        fit.uncertainty.lack_of_fit if fit.uncertainty else (),
+        (("level", fit.data.input_unit), lambda one: level(one.level)), (("ratio", "", 3), "ratio"),
+        (("by chance up to", "", 3), "chance"), ("beyond", "beyond"),
+        (("systematic part", fit.data.output_unit, 2), "systematic_nm"),
+    )  # fmt: skip
 
 
 def logs_table(logs: Sequence[LogFit], out: str) -> Table:
@@ -290,24 +240,4 @@ def loops_table(loops: Sequence[Loop], units: tuple[str, str]) -> Table:
         ("loop", lambda loop: Name(loop.name)), (("K_P", f"{unit}/({out})", 3), "K_P"),
         (("K_I", f"{unit}/({out}·s)", 3), "K_I"), (("PI law explains", "%", 3), "law_fit_pct"),
         (("at a limit", "%", 2), lambda loop: 100 * loop.saturated_fraction), (("RMS error", out, 3), "rms_error"),
-    )  # fmt: skip
-
-
-FALLS = {
-    "release_tau1": "τ1 of falls to rest (s)",
-    "release_tau2": "τ2 of falls to rest (s)",
-    "fall_tau1": "τ1 of partial falls, times",
-    "fall_tau2": "τ2 of partial falls, times",
-    "hysteresis_pct": "T_s after a fall, more by (%)",
-}
-
-
-def falls_table(falls: Sequence[FallTest]) -> Table:
-    """Whether falls differ from rises; no rows where nothing was tested."""
-    return table_of(
-        "Falls against rises",
-        "A small p, the probability of such a difference by chance, says that falls go otherwise than rises.",
-        falls,
-        ("value", lambda one: FALLS[one.name]), (("found", "", 3), "value"),
-        (("95 % interval", "", 3), "ci95"), (("p", "", 2), "chance"), ("fitted apart", "fitted"),
     )  # fmt: skip

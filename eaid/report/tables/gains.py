@@ -32,23 +32,14 @@ def conditions_of(gains: Gains) -> tuple[Condition, ...]:
     return gains.guarantee.conditions if gains.guarantee is not None else ()
 
 
-def guarantee_words(gains: Gains) -> str:
-    """The one verdict on the guarantee: yes, NO with what is missing, or what is not known."""
-    rows = conditions_of(gains)
-    missing = [called(row) for row in rows if row.holds is False]
-    unknown = [called(row) for row in rows if row.holds is None]
-    if missing:
-        return f"NO ({', '.join(missing)})"
-    if unknown or not rows:
-        return f"not known ({', '.join(unknown)})" if unknown else "not judged in this file"
-    return "yes"
-
-
 def guarantee_story(gains: Gains) -> str:
-    """The verdict with its reasons in words and, where no gains can have the guarantee, what these have."""
+    """The one verdict on the guarantee with its reasons in words and, where no gains can have it, what these have."""
     rows = [row for row in conditions_of(gains) if row.holds is False]
+    unknown = [called(row) for row in conditions_of(gains) if row.holds is None]
+    if not rows and unknown:
+        return f"guarantee not known ({', '.join(unknown)})"
     if not rows:
-        return f"guarantee {guarantee_words(gains)}"
+        return "guarantee yes" if conditions_of(gains) else "guarantee not judged in this file"
     why = [
         CONDITIONS[row.name][2].format(
             n=number(row.needed, 3), a=number(row.available, 3), unit=row.unit or "of the input"
@@ -66,29 +57,23 @@ def guarantee_story(gains: Gains) -> str:
 
 
 def tables_of(gains: Gains) -> list[Table]:
-    """The controllers, what the guarantee needs, the gains, all margins; tables that have rows."""
-    every = (controllers_table(gains), checklist(gains), table_iv(gains), gains_table(gains), margins_table(gains))
-    return [table for table in every if table.rows]
+    """The controllers, what the guarantee needs, the gains, all margins."""
+    return [controllers_table(gains), checklist(gains), table_iv(gains), margins_table(gains)]
 
 
 def controllers_table(gains: Gains) -> Table:
     """Each controller with its gains, its least margins and its largest error, one line each."""
     worst, errors = gains.margins.worst if gains.margins else None, gains.replayed
-    rows = tuple(
-        (
-            controller_name(name),
-            ", ".join(f"{symbol} {number(getattr(law, key), 3)}" for key, symbol in law.SHOWN.items()),
-            *_margin(getattr(worst, name, None)),
-            getattr(getattr(errors, name, None), "max_abs_error_nm", None),
-        )
-        for name, law in gains.laws.items()
-    )  # fmt: skip
     on = f" on the {errors.reference}" if errors is not None else ""
-    heads = columns(
-        "controller", "gains", ("gain margin", "dB", 3), ("phase margin", "°", 3),
-        (f"largest error{on}", gains.output_unit, 3),
+    return table_of(
+        "Controllers", "Margins: the least over the held inputs.", gains.laws.items(),
+        ("controller", lambda of: controller_name(of[0])),
+        ("gains", lambda of: ", ".join(f"{s} {number(getattr(of[1], key), 3)}" for key, s in of[1].SHOWN.items())),
+        (("gain margin", "dB", 3), lambda of: _margin(getattr(worst, of[0], None))[0]),
+        (("phase margin", "°", 3), lambda of: _margin(getattr(worst, of[0], None))[1]),
+        ((f"largest error{on}", gains.output_unit, 3),
+         lambda of: getattr(getattr(errors, of[0], None), "max_abs_error_nm", None)),
     )  # fmt: skip
-    return Table("Controllers", "Margins: the least over the held inputs.", heads, rows)
 
 
 def checklist(gains: Gains) -> Table:
@@ -103,49 +88,35 @@ def checklist(gains: Gains) -> Table:
 
 
 def table_iv(gains: Gains) -> Table:
-    """The robust controller's parameters."""
-    rc, out = gains.rc, gains.output_unit
-    per = gain(gains.input_unit, out)
-    beside = (gains.input_unit, gains.output_unit) == rig.PAPER["clutch"]
-    meaning = {
-        "B_m": (per, "least input gain B that the design allows for"),
-        "B_M": (per, "largest input gain B that the design allows for"),
-        "Q_M": (f"{out}/s", "steepest reference"),
-        "phi": ("as entered in Eq. (15)", "bound on the error of the model's drift term"),
-        "epsilon": ("1", "half width of the layer where the robust term is linear"),
-        "gamma": ("1", "sharpness of the switch at that layer's edge"),
-        "K_D": ("1/s", "gain on the error"),
-        "K_P": ("1/s²", "gain on the integral of the error"),
-    }
-    names = {"phi": "φ", "epsilon": "ε", "gamma": "γ"}
-    rows = tuple(
-        (names.get(key, key), rig.TABLE_IV[key], getattr(rc, key, None), unit, said)
-        for key, (unit, said) in meaning.items()
-    )
-    heads = columns("symbol", ("published", "", 3), "ours", "unit", "what it does")
-    table = Table("Table IV" if beside else "Robust controller", "The robust controller's choices.", heads, rows)
-    return table if beside else table.without(1)
-
-
-def gains_table(gains: Gains) -> Table:
-    """What follows from Table IV's parameters: B̂, α, ρ, Q; and the PI."""
+    """What was chosen for the robust controller, what follows from it and the linear model, and the PI."""
     rc, pi = gains.rc, gains.pi
-    beside = (gains.input_unit, gains.output_unit) == rig.PAPER["clutch"]
+    on_papers_rig = (gains.input_unit, gains.output_unit) == rig.PAPER["clutch"]
     unit, out = gains.input_unit or "input", gains.output_unit
-    rows: list[tuple[str, str, Cell, str, str]] = []
+    per = gain(unit, out)
+    rows: list[tuple[str, str | None, Cell, str, str]] = []
     if rc is not None:
-        per = gain(unit, out)
+        chosen = (
+            ("B_m", "B_m", per, "least input gain B that the design allows for"),
+            ("B_M", "B_M", per, "largest input gain B that the design allows for"),
+            ("Q_M", "Q_M", f"{out}/s", "steepest reference"),
+            ("phi", "φ", "as entered in Eq. (15)", "bound on the error of the model's drift term"),
+            ("epsilon", "ε", "1", "half width of the layer where the robust term is linear"),
+            ("gamma", "γ", "1", "sharpness of the switch at that layer's edge"),
+            ("K_D", "K_D", "1/s", "gain on the error"),
+            ("K_P", "K_P", "1/s²", "gain on the integral of the error"),
+        )
+        rows += [(name, number(rig.TABLE_IV[key], 3), getattr(rc, key), u, said) for key, name, u, said in chosen]
         rows += [
             ("B̂", "12.5", rc.B_hat, per, "input gain that the controller assumes"),
             ("α by Eq. (16)", "0.5491", rc.alpha, "1", "(B_M − B_m)/(B_M + B_m)"),
-            ("α reached", "–", rc.alpha_reached, "1", "largest |1 − b B̂| over the range of B"),
+            ("α reached", None, rc.alpha_reached, "1", "largest |1 − b B̂| over the range of B"),
             ("ρ, constant", "10.81", rc.rho.constant, f"{out}/s", "size of the robust term without error"),
             ("ρ, slope", "6.586", rc.rho.slope, "per ‖ξ‖", "how the robust term grows with the error"),
-            ("Q12, Q22", "–", f"{number(rc.Q[0][1])}, {number(rc.Q[1][1])}", "1", "weights of the switching variable"),
+            ("Q12, Q22", None, f"{number(rc.Q[0][1])}, {number(rc.Q[1][1])}", "1", "weights of the switching variable"),
         ]
         if (bound := rc.ultimate_bound) is not None:
             said = "guaranteed worst error (only if the guarantee holds)"
-            rows.append(("error in the end", "–", bound.torque_error_nm, out, said))
+            rows.append(("error in the end", None, bound.torque_error_nm, out, said))
     if pi is not None:
         said = "as reached on the linear model"
         rows += [
@@ -156,29 +127,29 @@ def gains_table(gains: Gains) -> Table:
         ]
         if gains.replayed is not None and (papers := gains.replayed.paper_pi) is not None:
             said = f"of 21 and 360, replayed: {gains.replayed.reference}"
-            rows.append(("paper's PI: largest error", "–", papers.max_abs_error_nm, out, said))
+            rows.append(("paper's PI: largest error", None, papers.max_abs_error_nm, out, said))
     heads = columns("symbol", "published", "ours", "unit", "what it is")
-    table = Table("Gains that follow", "What the choices above and the linear model give.", heads, tuple(rows))
-    return table if beside else table.without(1)
+    caption = "What was chosen, and what follows from it and the linear model."
+    table = Table("Table IV" if on_papers_rig else "Gains", caption, heads, tuple(rows))
+    return table if on_papers_rig else table.without(1)
 
 
 def margins_table(gains: Gains) -> Table:
     """Gain and phase margins of both controllers around held inputs, the least of each last."""
     margins = gains.margins or Margins()
-    rows: list[tuple[Cell, ...]] = [
-        (level(point.duty_pct), point.torque_nm, *_margin(point.rc), *_margin(point.pi)) for point in margins.points
-    ]
-    if margins.worst is not None:
-        rows.append(("least", None, *_margin(margins.worst.rc), *_margin(margins.worst.pi)))
+    rows = [(level(one.duty_pct), one.torque_nm, one.rc, one.pi) for one in margins.points]
+    least = [("least", None, margins.worst.rc, margins.worst.pi)] if margins.worst is not None else []
     timing = margins.timing
     latch = f"the input latched at {timing.pwm_hz:g} Hz" if timing.pwm_hz else "the input not latched"
-    caption = "How much the loop's gain may grow and its phase may lag before it becomes "
-    caption += f"unstable, around a held input; sampled at {timing.rate_hz:g} Hz, {latch}. "
-    heads = columns(
-        ("held input", gains.input_unit), ("output", gains.output_unit, 3), ("RC: gain", "dB", 3), ("phase", "°", 3),
-        ("PI: gain", "dB", 3), ("phase", "°", 3),
+    return table_of(
+        "Margins",
+        "How much the loop's gain may grow and its phase may lag before it becomes unstable, around a held input; "
+        f"sampled at {timing.rate_hz:g} Hz, {latch}. A dash: no limit up to 80 dB.",
+        [*rows, *least],
+        (("held input", gains.input_unit), lambda of: of[0]), (("output", gains.output_unit, 3), lambda of: of[1]),
+        (("RC: gain", "dB", 3), lambda of: _margin(of[2])[0]), (("phase", "°", 3), lambda of: _margin(of[2])[1]),
+        (("PI: gain", "dB", 3), lambda of: _margin(of[3])[0]), (("phase", "°", 3), lambda of: _margin(of[3])[1]),
     )  # fmt: skip
-    return Table("Margins", f"{caption}A dash: no limit up to 80 dB.", heads, tuple(rows))
 
 
 def _margin(one: Margin | None) -> tuple[Cell, Cell]:

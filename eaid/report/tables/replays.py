@@ -1,10 +1,10 @@
 """Tables of replays, for page and terminal: errors, guarantee, steps, tones, drawn plants, logs, modes."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from eaid.report.rig import controller_name
-from eaid.report.tables import Cell, Column, Name, Table, columns, level, number
-from eaid.results.replay import Metrics, Replay
+from eaid.report.tables import Name, Table, level, number, table_of
+from eaid.results.replay import Replay
 
 METRICS = {
     "max_abs_error_nm": ("largest |error|", "out"),
@@ -47,117 +47,100 @@ def further_tables(replay: Replay) -> tuple[Table, ...]:
 
 def errors_table(replays: Sequence[Replay]) -> Table:
     """Errors and input of each controller, all scenarios in one table."""
-    rows: list[tuple[Cell, ...]] = []
-    for one in replays:
-        said = SCENARIO_NAMES.get(one.head.scenario, one.head.scenario or "own reference")
-        names = one.metrics()
-        rows += [(said, controller_name(name), *(metric(one, name, key) for key in METRICS)) for name in names]
-    caption = "Errors are reference minus true output; the settling time at the start is left out where the scenario "
     units = _units(replays[0])
-    heads = [Column(said, units[kind], 3) for said, kind in METRICS.values()]
-    return Table(
-        "Errors of each controller", f"{caption}has one.", (Column("replay"), Column("controller"), *heads), tuple(rows)
-    )
+    return table_of(
+        "Errors of each controller",
+        "Errors are reference minus true output; the settling time at the start is left out where there is one.",
+        [(one, name) for one in replays for name in one.metrics()],
+        ("replay", lambda of: SCENARIO_NAMES.get(of[0].head.scenario, of[0].head.scenario or "own reference")),
+        ("controller", lambda of: controller_name(of[1])),
+        *(((said, units[u], 3), lambda of, key=key: metric(of[0], of[1], key)) for key, (said, u) in METRICS.items()),
+    )  # fmt: skip
 
 
 def log_table(replay: Replay) -> Table:
     """How far the model is from each recorded run when it gets the recorded input."""
-    rows: list[tuple[Cell, ...]] = []
-    for name, known in replay.metrics("recorded-input").items():
-        differences = (known.rms_difference_nm, known.max_abs_difference_nm, known.mean_difference_nm)
-        rows.append((Name(name), *differences, known.R2, known.fit_pct, known.one_step_pct))
     out = replay.head.output_unit
-    heads = columns(
-        "run", ("RMS difference", out, 3), ("largest", out, 3), ("mean, recorded − model", out, 3), "R²",
-        ("free-run fit", "%", 3), ("one-step fit", "%", 3),
+    return table_of(
+        "Recorded input through the model",
+        "Each log's own input drives the model: free run, and from each measured sample to the next.",
+        replay.metrics("recorded-input").items(),
+        ("run", lambda of: Name(of[0])), (("RMS difference", out, 3), lambda of: of[1].rms_difference_nm),
+        (("largest", out, 3), lambda of: of[1].max_abs_difference_nm),
+        (("mean, recorded − model", out, 3), lambda of: of[1].mean_difference_nm), ("R²", lambda of: of[1].R2),
+        (("free-run fit", "%", 3), lambda of: of[1].fit_pct), (("one-step fit", "%", 3), lambda of: of[1].one_step_pct),
     )  # fmt: skip
-    said = "Each log's own input drives the model: free run, and from each measured sample to the next."
-    return Table("Recorded input through the model", said, heads, tuple(rows))
 
 
 def plants_table(replay: Replay) -> Table:
     """Every number over plants drawn from the fit's uncertainty; no rows where none were drawn."""
-    rows: list[tuple[Cell, ...]] = []
-    units = _units(replay) | {"": "1"}
-    for name, m in replay.metrics().items():
-        drawn = m.plants.metrics if m.plants else {}
-        for key, one in drawn.items():
-            said, kind = METRICS.get(key, (key, None))
-            said = f"{controller_name(name)}: {said}{f' ({units[kind]})' if kind is not None else ''}"
-            rows.append((said, one.low, one.median, one.high, one.worst.value, one.worst.plant, one.never))
-    caption = f"{replay.head.plants} plants drawn from the fit's uncertainty; the figure's shaded band holds 95 % of "
-    heads = columns(
-        "number", ("2.5 %", "", 3), ("median", "", 3), ("97.5 %", "", 3), ("worst", "", 3), "its plant",
-        "never reached by",
+    units = _units(replay)
+
+    def called(name: str, key: str) -> str:
+        said, kind = METRICS.get(key, (key, None))
+        return f"{controller_name(name)}: {said}{f' ({units[kind] or 1})' if kind is not None else ''}"
+
+    return table_of(
+        f"Over drawn plants: {replay.head.scenario}",
+        f"{replay.head.plants} plants drawn from the fit's uncertainty; the figure's shaded band holds 95 % of them.",
+        [(called(name, key), one) for name, m in replay.metrics().items() if m.plants
+         for key, one in m.plants.metrics.items()],
+        ("number", lambda of: of[0]), (("2.5 %", "", 3), lambda of: of[1].low),
+        (("median", "", 3), lambda of: of[1].median), (("97.5 %", "", 3), lambda of: of[1].high),
+        (("worst", "", 3), lambda of: of[1].worst.value), ("its plant", lambda of: of[1].worst.plant),
+        ("never reached by", lambda of: of[1].never),
     )  # fmt: skip
-    return Table(f"Over drawn plants: {replay.head.scenario}", f"{caption}them.", heads, tuple(rows))
 
 
 def steps_table(replay: Replay) -> Table:
     """Rise, overshoot and settling of each step."""
-    rows: list[tuple[Cell, ...]] = []
-    for name, record in replay.records.items():
-        for step in record.metrics.steps:
-            change = f"{level(step.from_nm)} → {level(step.to_nm)}"
-            rows.append((controller_name(name), change, step.rise_time_s, step.overshoot_pct, step.settling_s))
-    caption = "Rise from 10 to 90 %; settling to within 2 % of the step; a dash where the next step comes first."
-    heads = columns(
-        "controller", ("step", replay.head.output_unit), ("rise time", "s", 3), ("overshoot", "%", 3),
-        ("settling, 2 %", "s", 3),
+    return table_of(
+        "Each step",
+        "Rise from 10 to 90 %; settling to within 2 % of the step; a dash where the next step comes first.",
+        [(controller_name(name), step) for name, one in replay.records.items() for step in one.metrics.steps],
+        ("controller", lambda of: of[0]),
+        (("step", replay.head.output_unit), lambda of: f"{level(of[1].from_nm)} → {level(of[1].to_nm)}"),
+        (("rise time", "s", 3), lambda of: of[1].rise_time_s), (("overshoot", "%", 3), lambda of: of[1].overshoot_pct),
+        (("settling, 2 %", "s", 3), lambda of: of[1].settling_s),
     )  # fmt: skip
-    return Table("Each step", caption, heads, tuple(rows))
 
 
 def tones_table(replay: Replay) -> Table:
     """Amplitude and phase of each tone of a sweep."""
-    rows = tuple(
-        (controller_name(name), row.frequency_hz, row.gain_db, row.phase_deg, row.mean_abs_error_nm)
-        for name, record in replay.records.items()
-        for row in record.metrics.frequencies
-    )
-    caption = "Amplitude and phase of the output against the reference, at the sine's own frequency."
-    heads = columns(
-        "controller", ("frequency", "Hz", 3), ("amplitude", "dB", 3), ("phase", "°", 3),
-        ("mean |error|", replay.head.output_unit, 3),
+    return table_of(
+        "Each frequency", "Amplitude and phase of the output against the reference, at the sine's own frequency.",
+        [(controller_name(name), tone) for name, one in replay.records.items() for tone in one.metrics.frequencies],
+        ("controller", lambda of: of[0]), (("frequency", "Hz", 3), lambda of: of[1].frequency_hz),
+        (("amplitude", "dB", 3), lambda of: of[1].gain_db), (("phase", "°", 3), lambda of: of[1].phase_deg),
+        (("mean |error|", replay.head.output_unit, 3), lambda of: of[1].mean_abs_error_nm),
     )  # fmt: skip
-    return Table("Each frequency", caption, heads, rows)
 
 
 def rehab_tables(replay: Replay) -> list[Table]:
     """Of each controller, the robust one first: errors by mode, tests between modes; those with rows."""
     order = sorted(replay.metrics().items(), key=lambda item: item[0] != "rc")
     sessions = [(controller_name(name), m) for name, m in order]
-    return [table for table in (_modes(sessions, replay), _tests(sessions)) if table.rows]
-
-
-Sessions = Iterable[tuple[str, Metrics]]
-
-
-def _modes(sessions: Sessions, replay: Replay) -> Table:
-    rows: list[tuple[Cell, ...]] = []
-    for name, m in sessions:
-        for mode, part in m.modes.items():
-            box = part.abs_position_error_deg
-            half = f"{number(box.q1, 3)} … {number(box.q3, 3)}"
-            rows.append((name, mode, box.median, half, box.mean, part.mean_abs_torque_error_nm))
-    heads = columns(
-        "controller", "mode", ("median", "°", 3), "middle half (°)", ("mean", "°", 3),
-        ("mean error of the output", replay.head.output_unit, 2),
+    errors = table_of(
+        "Errors by mode", "Absolute position error.",
+        [(name, mode, part.abs_position_error_deg, part) for name, m in sessions for mode, part in m.modes.items()],
+        ("controller", lambda of: of[0]), ("mode", lambda of: of[1]), (("median", "°", 3), lambda of: of[2].median),
+        ("middle half (°)", lambda of: f"{number(of[2].q1, 3)} … {number(of[2].q3, 3)}"),
+        (("mean", "°", 3), lambda of: of[2].mean),
+        (("mean error of the output", replay.head.output_unit, 2), lambda of: of[3].mean_abs_torque_error_nm),
     )  # fmt: skip
-    return Table("Errors by mode", "Absolute position error.", heads, tuple(rows))
-
-
-def _tests(sessions: Sessions) -> Table:
-    rows: list[tuple[Cell, ...]] = []
-    for name, m in sessions:
-        for test in m.tests:
-            chances = (_chance(p) for p in (test.samples.p, test.cycles.p_welch, test.cycles.p_rank))
-            rows.append((name, " and ".join(test.modes), *chances, number(test.cycles.least_p_rank, 2)))
-    caption = "Probability (p) of such a difference by chance. The paper's test takes every millisecond as a new "
-    caption += "observation, which it is not; the other two use one mean per movement, and the last column is the "
-    caption += "least p that so few movements can give."
-    heads = columns("controller", "modes", "p, all samples (paper)", "p, means, Welch", "p, means, ranks", "least p")
-    return Table("Do the modes differ?", caption, heads, tuple(rows))
+    tests = table_of(
+        "Do the modes differ?",
+        "Probability (p) of such a difference by chance. The paper's test takes every millisecond as a new "
+        "observation, which it is not; the other two use one mean per movement, and the last column is the "
+        "least p that so few movements can give.",
+        [(name, test) for name, m in sessions for test in m.tests],
+        ("controller", lambda of: of[0]), ("modes", lambda of: " and ".join(of[1].modes)),
+        ("p, all samples (paper)", lambda of: _chance(of[1].samples.p)),
+        ("p, means, Welch", lambda of: _chance(of[1].cycles.p_welch)),
+        ("p, means, ranks", lambda of: _chance(of[1].cycles.p_rank)),
+        ("least p", lambda of: number(of[1].cycles.least_p_rank, 2)),
+    )  # fmt: skip
+    return [table for table in (errors, tests) if table.rows]
 
 
 def _chance(p: float | None) -> str:
