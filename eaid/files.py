@@ -42,10 +42,13 @@ def refuse_to_overwrite(path: Path, force: bool, inputs: Iterable[Path] = ()) ->
         return
     if not path.is_file():
         raise UsageError(f"{path}: is no regular file, which alone is ever replaced; give another «output»")
+    inputs = list(inputs)
+    if not all(given.exists() for given in inputs):
+        return  # what reads them tells which is missing, and that comes first
     if not force:
         raise UsageError(f"{path}: exists already; give «force» to overwrite it, or another «output»")
     for given in inputs:
-        if given.exists() and path.samefile(given):
+        if path.samefile(given):
             raise UsageError(f"{path}: is what the command reads, and is never overwritten; give another «output»")
 
 

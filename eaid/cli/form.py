@@ -50,7 +50,7 @@ class Common(Options):
     force: bool = option(False, "Overwrite an existing output.", OUTPUT)
     json: bool = option(False, "Print the result, machine-readable, on stdout.", OUTPUT)
     quiet: bool = option(False, "No messages, tables or progress; errors are still told.", OUTPUT, "-q", "--quiet")
-    verbose: bool = option(False, "Tell all findings and show all tables.", OUTPUT, "-v", "--verbose")
+    verbose: bool = option(False, "Tell all findings and show all tables.", OUTPUT, "-v", "--verbose", "--tables")
     typed: tuple[str, ...] = ()  # What was typed, but for what only says where the result goes and how it is shown
 
 

@@ -45,6 +45,7 @@ TABLE = r"""
 2 | tune-rc fit.json --duty-limits 0,120 | --duty-limits 0,120: a duty ends at 100 %
 3 | tune-rc nowhere.json -o fit.json | nowhere.json: no such file; give the fit.json that eaid wrote
 3 | couple fit.json nowhere.json -o fit.json | nowhere.json: no such file; give the gains.json that eaid wrote
+3 | fit nowhere.h5 -o fit.json | nowhere.h5: no such file or folder; check the path
 3 | tune-rc nowhere.json | nowhere.json: no such file; give the fit.json that eaid wrote
 3 | tune-rc gains.json | gains.json: is no fit of eaid (its schema is 'eaid/gains/1'); give the fit.json that eaid …
 5 | tune-rc fit.json --pi-overshoot 1 --pi-settling 0.001 | the PI loop is unstable on the fitted model around …
