@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from eaid.control.margins import Timing, loop_margins, operating_points
+from eaid.control.margins import Timing, margins, operating_points
 from eaid.errors import EaidError, GainsError
 from eaid.export.constants import unit_name
 from eaid.export.job import UNKNOWN, Job, Origin, Source, constants_of, head_of, laws_of, source_of, timing_of, vectors
@@ -99,8 +99,7 @@ def _unstable(source: Source, laws: tuple[str, ...], rate_hz: float, kept: Seque
     for law, gains in (("pi", source.pi), ("rc", source.rc)):
         if law not in laws or gains is None:
             continue
-        loops = zip(points, loop_margins(gains, points, timing), strict=True)
-        bad = {point.duty_pct for point, one in loops if not one.stable}
+        bad = {point.duty_pct for point in points if not margins(gains, point, timing).stable}
         bad |= {point.duty_pct for point in kept if (one := getattr(point, law)) is not None and one.stable is False}
         if bad:
             yield finding("export-unstable", law.upper(), sorted(bad), rate_hz=rate_hz, unit=source.units[0])

@@ -10,7 +10,6 @@ METRICS = {
     "max_abs_error_nm": ("largest |error|", "out"),
     "rms_error_nm": ("RMS error", "out"),
     "mean_abs_error_nm": ("mean |error|", "out"),
-    "iae_nm_s": ("∫ |error|", "out·s"),
     "mean_abs_duty_step_pct": ("mean input step", "in"),
     "saturated_fraction": ("share at a limit", ""),
 }
@@ -21,8 +20,7 @@ SCENARIO_NAMES = {
 
 
 def _units(replay: Replay) -> dict[str, str]:
-    out = replay.head.output_unit
-    return {"out": out, "out·s": f"{out or 'output'}·s", "in": replay.head.input_unit, "": ""}
+    return {"out": replay.head.output_unit, "in": replay.head.input_unit, "": ""}
 
 
 def metric(replay: Replay, name: str, key: str) -> float | None:
@@ -76,7 +74,7 @@ def log_table(replay: Replay) -> Table:
 
 
 def plants_table(replay: Replay) -> Table:
-    """Every number over plants drawn from the fit's uncertainty; no rows where none were drawn."""
+    """How each controller follows over plants drawn from the fit's uncertainty; no rows where none were drawn."""
     rows: list[tuple[Cell, ...]] = []
     units = _units(replay) | {"": "1"}
     for name, m in replay.metrics().items():
@@ -84,11 +82,10 @@ def plants_table(replay: Replay) -> Table:
         for key, one in drawn.items():
             said, kind = METRICS.get(key, (key, None))
             said = f"{controller_name(name)}: {said}{f' ({units[kind]})' if kind is not None else ''}"
-            rows.append((said, one.low, one.median, one.high, one.worst.value, one.worst.plant, one.never))
+            rows.append((said, one.low, one.median, one.high, one.worst.value, one.worst.plant))
     caption = f"{replay.head.plants} plants drawn from the fit's uncertainty; the figure's shaded band holds 95 % of "
     heads = columns(
         "number", ("2.5 %", "", 3), ("median", "", 3), ("97.5 %", "", 3), ("worst", "", 3), "its plant",
-        "never reached by",
     )  # fmt: skip
     return Table(f"Over drawn plants: {replay.head.scenario}", f"{caption}them.", heads, tuple(rows))
 
