@@ -103,22 +103,19 @@ def robust_of(model: Linear, bounds: Bounds, design: Design) -> Robust:
 
 
 def phi_needed(model: Linear, bounds: Bounds, plant: Nonlinear | None) -> float | None:
-    """The largest |η − η̂| [% duty] that the nonlinear model shows, or without one the single levels; None where the fit
-    holds neither."""
-    if plant is not None:
-        return _by_model(plant, model, bounds)
-    # the levels' first-order models from 0 to the highest torque; linear in T, so one end is the worst
-    ends = (0.0, max((row.gain for row in bounds.rows), default=0.0))
-    apart = (
-        torque * row.level / row.gain - (model.a0 * torque - model.c0) / model.b0
-        for row, torque in itertools.product(bounds.rows, ends)
-    )
-    return max(map(abs, apart), default=None)
+    """The largest |η − η̂| [% duty] that the data show; None where the fit holds neither a nonlinear model nor levels.
 
-
-def _by_model(plant: Nonlinear, model: Linear, bounds: Bounds) -> float:
-    """Over the nonlinear model's steps between identified duties and from rest: u − η̂(T), as far as it lies outside B Ṫ
-    over B in [B_m, B_M]."""
+    By the nonlinear model over its steps between identified duties and from rest: u − η̂(T), as far as it lies outside
+    B Ṫ over B in [B_m, B_M].
+    """
+    if plant is None:
+        # the levels' first-order models from 0 to the highest torque; linear in T, so one end is the worst
+        ends = (0.0, max((row.gain for row in bounds.rows), default=0.0))
+        levels = (
+            torque * row.level / row.gain - (model.a0 * torque - model.c0) / model.b0
+            for row, torque in itertools.product(bounds.rows, ends)
+        )
+        return max(map(abs, levels), default=None)
     duties = np.linspace(*plant.u_range, DUTIES)
     tau1, tau2 = time_constants(plant, duties)
     steady = steady_torque(plant, duties)

@@ -48,10 +48,6 @@ class Controller:
     # central one
     looks_ahead: bool = False
 
-    def __post_init__(self) -> None:
-        gains = (float(value) if isinstance(value, int) else value for value in self.gains)
-        object.__setattr__(self, "gains", self.gains._make(gains))  # of floats all, so that one machine code serves
-
     @property
     def limits_pct(self) -> tuple[float, float]:
         """Duty limits that the law keeps [%]."""

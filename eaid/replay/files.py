@@ -52,8 +52,7 @@ def as_json(replay: Replay) -> dict[str, object]:
     content = {"schema": SCHEMA, **plain_head(replay.head), "controllers": controllers}
     if log:
         content["log"] = log
-    heading = {key: content.pop(key) for key in ("schema", "eaid")}
-    return {**heading, "digest": digest_of({**heading, **content}), **content}
+    return {"schema": SCHEMA, "eaid": __version__, "digest": digest_of(content), **content}
 
 
 def write_replay(path: Path, replay: Replay, force: bool = False) -> None:

@@ -36,8 +36,6 @@ def coloured(samples: int, dt_s: float, memory_s: float, random: np.random.Gener
 
 def noise(rig: Rig, samples: int, seed: int) -> Array:
     """White noise on the measured torque [N·m], shape (samples,)."""
-    if rig.noise_nm <= 0:
-        return np.zeros(samples)
     return rig.noise_nm * np.random.default_rng(seed).standard_normal(samples)
 
 
