@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 
 from benchmarks.table import Row, paired_medians
-from eaid.control.pi import PAPER_PI, PIGains
 from eaid.control.rc import RCGains, RCState, rc_step
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.options import Rig
-from eaid.replay.controllers import CONTROLLERS, Knowledge, rc_controller
+from eaid.replay.controllers import inverse_controller, rc_controller
 from eaid.replay.loop import noise, reference_rate, replay
 from eaid.replay.many import replay_many
 from eaid.replay.plant import PlantParameters, plant_parameters
@@ -37,7 +36,7 @@ class Case:
         self.reference = np.array(multisine(DT_S, duration_s).torque_nm)
         self.rate = reference_rate(self.reference, DT_S, False)
         self.n = len(self.reference)
-        self.noise = noise(RIG, self.n, DT_S, 1)
+        self.noise = noise(RIG, self.n, 1)
 
 
 def drawn_plants() -> list[PlantParameters]:
@@ -129,12 +128,12 @@ def rows() -> Iterator[Row]:
     ours = partial(replay, plant, RC, long.reference, RIG, DT_S, 1)
     theirs = python_control(long, plant)
     our_s, control_s = paired_medians(ours, theirs, min(RUNS, 3))
-    agree = float(np.abs(ours().torque_nm - theirs()).max())
+    agree = float(np.abs(ours()["torque_nm"] - theirs()).max())
     yield Row(
         "one 60 s replay", "plain Python", our_s, "python-control", control_s, "≥ 20 × faster",
         control_s >= 20 * our_s, f"{agree:.1e} N·m apart",
     )  # fmt: skip
-    inverse = CONTROLLERS["inverse"](Knowledge(REFERENCE_PLANT, None, GAINS, PIGains(*PAPER_PI)))
+    inverse = inverse_controller(REFERENCE_PLANT)
     our_s, rc_s = paired_medians(
         partial(replay, plant, inverse, long.reference, RIG, DT_S, 1), ours, RUNS, process_time
     )

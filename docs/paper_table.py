@@ -39,6 +39,7 @@ def rows() -> Iterator[tuple[str, str, str, str]]:
         paper = eaid.load(path)
     gains = eaid.tune_rc(paper, pi_gains=(21.0, 360.0))
     rc, pi, rho = gains.rc, gains.pi, gains.rc.rho
+    (drift,) = (row for row in gains.guarantee.conditions if row.name == "phi")
     yes, no = "holds on the reference plant", "**does not hold**: "
 
     levels = np.arange(10.0, 101.0, 10.0)
@@ -84,7 +85,7 @@ def rows() -> Iterator[tuple[str, str, str, str]]:
     yield (
         "Table IV",
         "φ = 0.05",
-        (f"a bound of {rc.phi_honest_pct:.0f} % of duty; {rc.phi_needed_pct:.0f} % are needed"),
+        (f"a bound of {rc.phi_honest_pct:.0f} % of duty; {drift.needed:.0f} % are needed"),
         f"{no}η − η̂ is beyond it in any reading",
     )
     yield (

@@ -21,10 +21,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from eaid.control.gains import Bounds
-from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, Point, Timing, loop_margins
+from eaid.control.design import Design, robust_of
+from eaid.control.gains import Bounds, rc_law
+from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, Point, Timing, margins
 from eaid.control.pi import PIGains, pi_gains
-from eaid.control.robust import Design, law_of
 from eaid.errors import DataError, GainsError, UsageError
 from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import PAPER_LINEAR, Linear, Nonlinear
@@ -147,7 +147,7 @@ def quickest_pi(model: Linear, points: Sequence[Point], timing: Timing, pace: fl
                 pi = PIGains(*pi_gains(model, overshoot_pct, settling_s))
             except GainsError:  # slower than integral control alone
                 break
-            if all(each.enough for each in loop_margins(pi, points, timing)):
+            if all(margins(pi, point, timing).enough for point in points):
                 return AskedPI(overshoot_pct, settling_s)
     flat = [point.duty_pct for point in points if sum(lag.gain for lag in point.lags) <= 0]
     why = f"the output does not rise with the input around {', '.join(f'{u:.4g}' for u in flat)} {unit}: leave such "
@@ -168,12 +168,25 @@ def workable_rc(
     papers = scales.paper and not timing.delay_samples
     tried = [design]
     if pi.K_I and not papers and options.kp is None and options.kd is None and options.natural_frequency is None:
-        B_hat = law_of(model, bounds, design)[0].B_hat
+        B_hat = robust_of(model, bounds, design).B_hat
         tried.append(replace(design, K_P=0.5 * pi.K_I / B_hat, K_D=(0.5 * pi.K_P + model.a0 / model.b0) / B_hat))
     for one in tried:
         for k in range(MOST_STEPS):
             wider = replace(one, epsilon=one.epsilon * SLOWER**k, gamma=one.gamma / SLOWER**k)
-            loops = loop_margins(law_of(model, bounds, wider)[0], points, timing)
+            law = rc_law(model, robust_of(model, bounds, wider), wider.duty_limits_pct)
+            loops = (margins(law, point, timing) for point in points)
             if all(each.stable if papers else each.enough for each in loops):
                 return wider
     return design
+
+
+def pi_of(model: Linear, settled: Design) -> PIGains:
+    """The PI that was asked for or settled on; GainsError where it is out of reach."""
+    given = settled.options.pi_gains
+    if given is None:
+        assert settled.pi.overshoot_pct is not None and settled.pi.settling_s is not None
+        given = pi_gains(model, settled.pi.overshoot_pct, settled.pi.settling_s)
+    K_P, K_I = given
+    if not (K_P >= 0 and K_I >= 0 and K_P + K_I > 0):
+        raise GainsError(f"PI gains {K_P:g} and {K_I:g}: neither may be negative, nor both 0")
+    return PIGains(K_P, K_I, *settled.duty_limits_pct)

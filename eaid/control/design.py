@@ -1,200 +1,221 @@
-"""A fit and settled numbers → gains: the law, the verdict on it, PI, margins, and how far η is from η̂ by the data."""
+"""A settled design → the robust controller, Eqs. (10)-(16), and what is to be said of it: margins around every level,
+how far η is from η̂ by the data, and the guarantee.
+
+    α = (B_M − B_m)/(B_M + B_m)                          by the formula; the same for B as for its inverse
+    α_reached = max over b in [1/B_M, 1/B_m] of |1 − b B̂|   really: at one end, since 1 − b B̂ is linear in b
+    ρ = (α Q_M + α ‖K‖ ‖ξ‖ + Φ)/(1 − α),                 ‖K‖ = √(K_P² + K_D²)
+
+Two readings of Φ [N·m/s]: as printed, Φ = B_M φ; as the textbook derives it, Φ = φ/B_m, with φ in % duty. So the
+printed φ means φ B_m B_M in % duty. B̂ of 2 B_m B_M/(B_m + B_M), minimax, makes α_reached least, α of the formula.
+
+Q of AᵀQ + QA = −p·I, its entries one after another: 2 K_P Q12 = p, 2 (Q12 − K_D Q22) = −p, Q11 = K_D Q12 + K_P Q22.
+"""
 
 import itertools
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
-import msgspec
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.control.gains import Bounds, model_of
-from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, LoopMargins, Point, known, loop_margins
-from eaid.control.pi import PIGains, pi_gains, step_metrics
-from eaid.control.robust import Design, law_of
+from eaid.control.gains import Bounds
+from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, Point, Timing, known, margins
+from eaid.control.pi import PIGains
+from eaid.control.rc import RCGains
 from eaid.errors import GainsError
-from eaid.findings import Finding, finding, ranked
+from eaid.findings import Finding, finding
 from eaid.models.nonlinear import steady_torque, time_constants
 from eaid.models.parameters import Linear, Nonlinear
-from eaid.results.fit import Fit, LinearLevel
+from eaid.options import TuneOptions
+from eaid.results.fit import Fit
 from eaid.results.gains import (
-    PI,
-    Actuator,
     AskedPI,
     Condition,
-    Gains,
+    EqualPI,
     Guarantee,
-    LinearModel,
     Margin,
     MarginPoint,
     Margins,
-    Mismatch,
-    PhiFromData,
+    Rho,
+    RhoLine,
     Robust,
     SampleTiming,
     WorstMargins,
 )
 
+ROUNDING = 1e-9  # By how much ρ may fall short of what is needed [N·m/s]
 WITHIN = 1e-9  # Share by which the needed may exceed the available: rounding
-
-
 DUTIES = 19
 INSTANTS = 200
+DIRECTIONS = 7200  # Of the half plane of ξ; V and |z| are even
+SHARP = 5.0  # γε below which the printed switch, Eq. (14), visibly jumps at z = 0
 
 
-def distance(left_pct: Array, slope: Array, B_m: float, B_M: float) -> Array:
-    """Signed distance of u − η̂(T) [% duty] from B Ṫ over B in [B_m, B_M]; slope in N·m/s, shapes alike."""
-    low, high = np.minimum(B_m * slope, B_M * slope), np.maximum(B_m * slope, B_M * slope)
-    return np.maximum(left_pct - high, 0.0) + np.minimum(left_pct - low, 0.0)
+@dataclass(frozen=True)
+class Design:
+    """What was asked for, and the numbers that nothing was said about, settled; in the rig's units."""
+
+    options: TuneOptions
+    K_P: float
+    K_D: float
+    Q_M: float  # Largest slope of the torque reference [N·m/s]
+    phi: float  # φ in the reading's own number
+    phi_honest_pct: float | None  # Bound on |η − η̂|; where given, φ is worked out from it
+    epsilon: float
+    gamma: float
+    pi: AskedPI  # What the PI is designed for; nothing where its gains are given, or the paper's
+    duty_limits_pct: tuple[float, float]
+    timing: Timing
 
 
-def shown_by_model(plant: Nonlinear, model: Linear, B_m: float, B_M: float, unit: str = "%") -> Mismatch:
-    """Over the nonlinear model's steps between identified duties and from rest."""
+def robust_of(model: Linear, bounds: Bounds, design: Design) -> Robust:
+    """The robust controller that a design gives on a model, φ not yet held against anything."""
+    options, B_m, B_M, K_P, K_D = design.options, bounds.B_m, bounds.B_M, design.K_P, design.K_D
+    choices = {"pooled": 1 / model.b0, "minimax": 2 * B_m * B_M / (B_m + B_M)}
+    B_hat = choices[options.b_hat] if isinstance(options.b_hat, str) else float(options.b_hat)
+    alpha, reached = (B_M - B_m) / (B_M + B_m), max(abs(1 - B_hat / B_M), abs(1 - B_hat / B_m))
+    norm_K, p = math.hypot(K_P, K_D), options.p_scale
+
+    def line(a: float, term: float) -> RhoLine:
+        """Eq. (15) with equality."""
+        return RhoLine(a * design.Q_M / (1 - a) + term / (1 - a), a * norm_K / (1 - a))
+
+    as_printed, phi = options.rho == "paper", design.phi
+    if design.phi_honest_pct is not None:
+        phi = design.phi_honest_pct / (B_m * B_M) if as_printed else design.phi_honest_pct
+    term = B_M * phi if as_printed else phi / B_m
+    rho, needed = line(alpha, term), line(reached, term) if reached < 1 else None
+    covers = needed is not None and (
+        rho.constant >= needed.constant - ROUNDING and rho.slope >= needed.slope - ROUNDING
+    )
+    Q12 = p / (2 * K_P)
+    Q22 = (p + 2 * Q12) / (2 * K_D)
+    Q11 = K_D * Q12 + K_P * Q22
+    # near ξ = 0 there is ω = ρ(0) z/ε, so u = B̂ ((K_D + ρ(0) Q22/ε) e + (K_P + ρ(0) Q12/ε) q̃) + feedforward
+    steep = rho.constant / design.epsilon
+    return Robust(
+        K_P=K_P, K_D=K_D, B_hat=B_hat, B_m=B_m, B_M=B_M,
+        alpha=alpha, alpha_reached=reached, guaranteed=covers, phi=phi, phi_honest_pct=term * B_m, Q_M=design.Q_M,
+        rho=Rho(constant=rho.constant, slope=rho.slope, convention=options.rho, needed=needed),
+        epsilon=design.epsilon, gamma=design.gamma, P=((p, 0.0), (0.0, p)), Q=((Q11, Q12), (Q12, Q22)),
+        equal_pi=EqualPI(B_hat * (K_D + steep * Q22), B_hat * (K_P + steep * Q12)),
+        ultimate_bound_nm=ultimate_bound_nm(
+            reached, (reached * design.Q_M + term, reached * norm_K), rho, design.epsilon, p, (Q11, Q12, Q22)
+        ),
+    )  # fmt: skip
+
+
+def ultimate_bound_nm(
+    alpha: float, n: tuple[float, float], rho: RhoLine, epsilon: float, p: float, Q: tuple[float, float, float]
+) -> float | None:
+    """Largest |e| [N·m] in the end; None where the bound on V̇ gives none.
+
+    The disturbance is |χ| ≤ n0 + n1 ‖ξ‖ + α |ω|. Every trajectory ends below the largest V where V may still rise;
+    along a direction (cos φ, sin φ) that is a quadratic in r inside the layer |z| ≤ ε and a line outside it.
+    """
+    (n0, n1), (Q11, Q12, Q22), keep = n, Q, 1 - alpha
+    angle = np.linspace(0.0, math.pi, DIRECTIONS, endpoint=False)
+    c, s = np.cos(angle), np.sin(angle)
+    zd = np.abs(Q12 * c + Q22 * s)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        edge = np.where(zd > 0, epsilon / zd, np.inf)
+        # Outside: r (p − 2 zd (n1 − keep ρ1)) = 2 zd (n0 − keep ρ0) is the last r where V may rise.
+        slope = p - 2 * zd * (n1 - keep * rho.slope)
+        excess = 2 * zd * (n0 - keep * rho.constant)
+        outside = np.where(slope > 0, excess / slope, np.where((slope < 0) | (excess > 0), np.inf, 0.0))
+        # Inside: a r² + b r + d = 0; −2d/(b + √) holds for a = 0 too and cancels nothing where b > 0.
+        a = 2 * zd**2 * keep * rho.slope / epsilon
+        b = p - 2 * zd * n1 + 2 * zd**2 * keep * rho.constant / epsilon
+        d = -2 * zd * n0
+        root = np.sqrt(np.maximum(b * b - 4 * a * d, 0.0))
+        inside = np.where(b >= 0, -2 * d / (b + root), np.where(a > 0, (root - b) / (2 * a), np.inf))
+    last = np.where(outside > edge, outside, np.minimum(np.nan_to_num(inside, nan=0.0, posinf=np.inf), edge))
+    level = float((last**2 * (Q11 * c * c + 2 * Q12 * c * s + Q22 * s * s)).max())
+    # on V = level: |e| ≤ √(level (Q⁻¹)₂₂)
+    return math.sqrt(level * Q11 / (Q11 * Q22 - Q12**2)) if math.isfinite(level) else None
+
+
+def phi_needed(model: Linear, bounds: Bounds, plant: Nonlinear | None) -> float | None:
+    """The largest |η − η̂| [% duty] that the data show; None where the fit holds neither a nonlinear model nor levels.
+
+    By the nonlinear model over its steps between identified duties and from rest: u − η̂(T), as far as it lies outside
+    B Ṫ over B in [B_m, B_M].
+    """
+    if plant is None:
+        # the levels' first-order models from 0 to the highest torque; linear in T, so one end is the worst
+        ends = (0.0, max((row.gain for row in bounds.rows), default=0.0))
+        levels = (
+            torque * row.level / row.gain - (model.a0 * torque - model.c0) / model.b0
+            for row, torque in itertools.product(bounds.rows, ends)
+        )
+        return max(map(abs, levels), default=None)
     duties = np.linspace(*plant.u_range, DUTIES)
     tau1, tau2 = time_constants(plant, duties)
     steady = steady_torque(plant, duties)
-    shown = []
+    most = 0.0
     for duty, fast, slow, end in zip(duties, tau1, tau2, steady, strict=True):
         t = np.concatenate([[0.0], np.geomspace(1e-3, 5 * slow, INSTANTS)])
         first, second = np.exp(-t / fast), np.exp(-t / slow)
         start = np.concatenate([[0.0], steady])[:, None]
         torque = end + (start - end) * (plant.C * first + (1 - plant.C) * second)
         slope = (end - start) * (plant.C / fast * first + (1 - plant.C) / slow * second)
-        apart = distance(duty - (model.a0 * torque - model.c0) / model.b0, slope, B_m, B_M)
-        i, k = np.unravel_index(np.abs(apart).argmax(), apart.shape)
-        origin = "rest" if i == 0 else f"{duties[i - 1]:.3g} {unit}"
-        shown.append((float(apart[i, k]), f"{t[k]:.3g} s after a step from {origin} to {duty:.3g} {unit}"))
-    return _largest(shown)
+        left: Array = duty - (model.a0 * torque - model.c0) / model.b0
+        one, other = bounds.B_m * slope, bounds.B_M * slope
+        apart = left - np.clip(left, np.minimum(one, other), np.maximum(one, other))
+        most = max(most, float(np.abs(apart).max()))
+    return most
 
 
-def _largest(shown: list[tuple[float, str]]) -> Mismatch:
-    """The largest of signed mismatches and where they are; none where nothing is shown."""
-    value, where = max(shown, key=lambda each: abs(each[0]), default=(0.0, ""))
-    return Mismatch(abs(value), value, where if value else "")
-
-
-def shown_by_levels(per_level: Sequence[LinearLevel], model: Linear, torque_max_nm: float, unit: str = "%") -> Mismatch:
-    """Over the single levels' first-order models from 0 to a torque [N·m]; linear in T, so one end is the worst."""
-    shown = []
-    for row, torque in itertools.product(per_level, (0.0, torque_max_nm)):
-        eta = torque * row.level / row.gain
-        where = f"at an output of {torque:.3g} on the model of {row.level:.4g} {unit} alone"
-        shown.append((eta - (model.a0 * torque - model.c0) / model.b0, where))
-    return _largest(shown)
-
-
-SHARP = 5.0  # γε below which the printed switch, Eq. (14), visibly jumps at z = 0
-
-
-def design(
-    fit: Fit, settled: Design, bounds: Bounds, plant: Nonlinear | None, points: Sequence[Point],
-    shown: Mapping[str, Mismatch], slope_nm_s: float, reference: str, given: bool,
-) -> Gains:  # fmt: skip
-    """Gains for a fit, with everything that is known about them.
-
-    `points` are the operating points of the plant, `found` is what shows how far η is from η̂, `slope_nm_s` the largest
-    slope of a reference [N·m/s], which Q_M has to cover where it was given. Raises GainsError where the wishes are not
-    physical, out of reach, or a loop is unstable around an operating point.
-    """
-    model, unit, timing = model_of(fit), fit.data.input_unit, settled.timing
-    law, rc = law_of(model, bounds, settled)
-    need, phi, Q_M = least_phi(shown), rc.phi_honest_pct, settled.Q_M
-    rc = msgspec.structs.replace(
-        rc, phi_holds=None if need is None or phi is None else bool(need.pct <= phi * (1 + WITHIN)),
-        phi_needed_pct=None if need is None else need.pct,
-        Q_M_holds=bool(slope_nm_s <= Q_M * (1 + WITHIN)) if given else None,
-        reference_slope_nm_s=slope_nm_s if given else None,
-    )  # fmt: skip
-    pi = pi_of(model, settled)
-    overshoot_pct, settling_s = step_metrics(model, pi.K_P, pi.K_I)
-    part = PI(
-        pi.K_P, pi.K_I, overshoot_pct, known(settling_s), asked=None if settled.pi == AskedPI() else settled.pi
-    )  # fmt: skip
-    loops = {name: list(loop_margins(each, points, timing)) for name, each in (("rc", law), ("pi", pi))}
-    for name, each in loops.items():
+def margins_of(
+    loops: Mapping[str, RCGains | PIGains], points: Sequence[Point], timing: Timing, unit: str
+) -> tuple[Margins, list[Finding]]:
+    """Margins of both loops around every operating point; GainsError where one is unstable around any."""
+    every = {name: [margins(gains, point, timing) for point in points] for name, gains in loops.items()}
+    missed, worst = [], {}
+    for name, each in every.items():
         unstable = [f"{point.duty_pct:.4g}" for point, one in zip(points, each, strict=True) if not one.stable]
         if unstable:
             raise GainsError(
                 f"the {name.upper()} loop is unstable on the fitted model around {', '.join(unstable)} {unit}, "
                 f"{timing.words()}; ask for slower gains"
             )
-    reach = Actuator(law.B_hat * law.rho_constant, law.duty_max - law.duty_min)
-    slope = slope_nm_s if given or plant is not None else None  # a slope that nothing follows says nothing
-    verdict = _guarantee(rc, slope, reach.robust_term_pct, reach.span_pct, fit)
-    rows = [
-        MarginPoint(point.duty_pct, point.torque_nm, *map(_margin, each))
-        for point, *each in zip(points, *loops.values(), strict=True)
-    ]
-    missed = []
-    for name, each in loops.items():
-        lacking = {point.duty_pct: one for point, one in zip(points, each, strict=True) if not one.enough}
+        least = [known(min(getattr(one, key) for one in each)) for key in ("gain_db", "phase_deg")]
+        worst[name] = Margin(True, *least)
+        lacking = [point.duty_pct for point, one in zip(points, each, strict=True) if not one.enough]
         if lacking:
-            least = _least(list(lacking.values()))
             missed.append(
-                finding("margin-missed", name, list(lacking), unit=unit, enough_db=ENOUGH_DB, enough_deg=ENOUGH_DEG,
-                        gain_db=least.gain_db, phase_deg=least.phase_deg)
+                finding("margin-missed", name, lacking, unit=unit, enough_db=ENOUGH_DB, enough_deg=ENOUGH_DEG,
+                        gain_db=least[0], phase_deg=least[1])
             )  # fmt: skip
-    return Gains(
-        model=LinearModel(model.a0, model.b0, model.c0), rc=rc, pi=part, input_unit=unit,
-        output_unit=fit.data.output_unit, duty_limits_pct=settled.duty_limits_pct, guarantee=verdict, actuator=reach,
-        phi_from_data=PhiFromData(**shown),
-        margins=Margins(
-            SampleTiming(timing.rate_hz, timing.pwm_hz, timing.delay_samples), tuple(rows),
-            WorstMargins(*map(_least, loops.values())),
-        ),
-        findings=ranked([*_warnings(rc, verdict, need, unit, "reference" if given else reference), *missed]),
-    )  # fmt: skip
+    # a margin without end is not known
+    shown = {
+        name: [Margin(one.stable, *map(known, (one.gain_db, one.phase_deg, one.crossover_hz))) for one in each]
+        for name, each in every.items()
+    }
+    rows = [
+        MarginPoint(point.duty_pct, point.torque_nm, *each)
+        for point, *each in zip(points, *shown.values(), strict=True)
+    ]
+    sampled = SampleTiming(timing.rate_hz, timing.pwm_hz, timing.delay_samples)
+    return Margins(sampled, tuple(rows), WorstMargins(**worst)), missed
 
 
-def pi_of(model: Linear, settled: Design) -> PIGains:
-    """The PI that was asked for or settled on; GainsError where it is out of reach."""
-    given = settled.options.pi_gains
-    if given is None:
-        assert settled.pi.overshoot_pct is not None and settled.pi.settling_s is not None
-        given = pi_gains(model, settled.pi.overshoot_pct, settled.pi.settling_s)
-    K_P, K_I = given
-    if not (K_P >= 0 and K_I >= 0 and K_P + K_I > 0):
-        raise GainsError(f"PI gains {K_P:g} and {K_I:g}: neither may be negative, nor both 0")
-    return PIGains(K_P, K_I, *settled.duty_limits_pct)
-
-
-def _margin(loop: LoopMargins) -> Margin:
-    """As gains.json has it: a margin without end is not known."""
-    return Margin(loop.stable, *(known(x) for x in (loop.gain_db, loop.phase_deg, loop.crossover_hz)))
-
-
-def _least(loops: Sequence[LoopMargins]) -> Margin:
-    least = {name: known(min(getattr(one, name) for one in loops)) for name in ("gain_db", "phase_deg")}
-    return Margin(stable=True, **least)
-
-
-def mismatches(model: Linear, bounds: Bounds, plant: Nonlinear | None, unit: str = "%") -> dict[str, Mismatch]:
-    """What shows how far η is from η̂: nonlinear model, single levels; those that the fit holds."""
-    shown = {}
-    if plant is not None:
-        shown["model"] = shown_by_model(plant, model, bounds.B_m, bounds.B_M, unit)
-    if bounds.rows:
-        shown["levels"] = shown_by_levels(bounds.rows, model, max(row.gain for row in bounds.rows), unit)
-    return shown
-
-
-def least_phi(by_source: Mapping[str, Mismatch]) -> Mismatch | None:
-    """The φ that the data ask for: by the nonlinear model; by the single levels where there is none."""
-    return by_source.get("model", by_source.get("levels"))
-
-
-def _guarantee(rc: Robust, slope: float | None, needed_pct: float | None, span: float | None, fit: Fit) -> Guarantee:
+def guarantee_of(
+    rc: Robust, phi: float | None, slope: float | None, limits: tuple[float, float], fit: Fit
+) -> Guarantee:
     """Everything that the argument needs; it holds where every condition does, and cannot be told where none fails and
-    one is not known."""
-    unit, out = fit.data.input_unit, fit.data.output_unit
-    conditions = [
-        Condition("rho", rc.guaranteed, None if rc.rho.needed is None else rc.rho.needed.constant, rc.rho.constant,
-                  f"{out}/s"),
-    ]  # fmt: skip
+    one is not known.
+
+    `phi` is what the data show of |η − η̂| [% duty], `slope` the largest of the reference [N·m/s]; None: not known.
+    """
+    unit, per_s = fit.data.input_unit, f"{fit.data.output_unit}/s"
+    needed_rho = None if rc.rho.needed is None else rc.rho.needed.constant
+    conditions = [Condition("rho", rc.guaranteed, needed_rho, rc.rho.constant, per_s)]
     for name, needed, available, in_unit in (
-        ("phi", rc.phi_needed_pct, rc.phi_honest_pct, unit),
-        ("Q_M", slope, rc.Q_M, f"{out}/s"),
-        ("duty-limit", needed_pct, span, unit),
+        ("phi", phi, rc.phi_honest_pct, unit),
+        ("Q_M", slope, rc.Q_M, per_s),
+        ("duty-limit", rc.B_hat * rc.rho.constant, limits[1] - limits[0], unit),
     ):
         holds = None if needed is None or available is None else bool(needed <= available * (1 + WITHIN))
         conditions.append(Condition(name, holds, needed, available, in_unit))
@@ -204,21 +225,18 @@ def _guarantee(rc: Robust, slope: float | None, needed_pct: float | None, span: 
     return Guarantee(False if False in verdicts else None if None in verdicts else True, tuple(conditions))
 
 
-def _warnings(rc: Robust, verdict: Guarantee, need: Mismatch | None, unit: str, reference: str) -> list[Finding]:
+def warnings_of(rc: Robust, verdict: Guarantee, unit: str, reference: str) -> list[Finding]:
+    """What does not hold, each with its numbers."""
     findings, sharpness = [], rc.gamma * rc.epsilon
-    duty_limit, steep = ({each.name: each for each in verdict.conditions}[name] for name in ("duty-limit", "Q_M"))
+    phi, steep, duty_limit = verdict.conditions[1:4]
     if steep.holds is False:
         findings.append(finding("slope-above-q-max", "rc", slope=steep.needed, Q_M=rc.Q_M, reference=reference))
     if not rc.guaranteed:
-        findings.append(finding("rho-not-covered", "rc", B_hat=rc.B_hat, reached=rc.alpha_reached, made=rc.rho.alpha))
-    if rc.phi_holds is False and need is not None:
-        findings.append(
-            finding("phi-exceeded", "rc", allowed=rc.phi_honest_pct, needed=need.pct, where=need.where, unit=unit)
-        )
+        findings.append(finding("rho-not-covered", "rc", B_hat=rc.B_hat, reached=rc.alpha_reached, made=rc.alpha))
+    if phi.holds is False:
+        findings.append(finding("phi-exceeded", "rc", allowed=phi.available, needed=phi.needed, unit=unit))
     if sharpness < SHARP:
         findings.append(finding("switch-jumps", "rc", sharpness=sharpness, least=SHARP, jump=1 - math.tanh(sharpness)))
-    if rc.ultimate_bound is not None and rc.ultimate_bound.torque_error_nm is None:
-        findings.append(finding("no-ultimate-bound", "rc"))
     if duty_limit.holds is False:
         findings.append(
             finding("robust-term-beyond-actuator", "rc", asked=duty_limit.needed, span=duty_limit.available, unit=unit)

@@ -3,7 +3,7 @@
 B_i of a level is 1/b0_i. One step cannot tell b0 from c0: c0 is 0 (`zero-offset`), b0_i = a_i gain_i / u_i.
 """
 
-import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from eaid.control.pi import PIGains
@@ -12,8 +12,7 @@ from eaid.errors import DataError, GainsError, UsageError
 from eaid.findings import sentences
 from eaid.models.parameters import Linear, Nonlinear
 from eaid.results.fit import Fit, LinearLevel
-from eaid.results.fit import Linear as LinearFit
-from eaid.results.gains import Gains
+from eaid.results.gains import Gains, LinearModel, Robust
 from eaid.results.verdict import unphysical
 
 SLOWEST, FASTEST = 1e-6, 1e6  # a0 of anything that is controlled by samples [1/s]
@@ -24,7 +23,6 @@ LARGEST = 1e15  # b0, its inverse and c0 of any rig, whatever its units
 class Bounds:
     """The range of B and where it comes from."""
 
-    levels: tuple[float, ...]
     B_m: float  # [%·s/(N·m)]
     B_M: float  # [%·s/(N·m)]
     rows: tuple[LinearLevel, ...]  # The levels kept; empty where the fit holds none
@@ -32,71 +30,52 @@ class Bounds:
 
 def model_of(fit: Fit) -> Linear:
     """The pooled linear model; DataError where it is missing, GainsError where it is not physical."""
-    linear = _part(fit)
-    return physical(Linear(linear.a0, linear.b0, linear.c0))
+    if fit.linear is None:
+        raise DataError("the fit holds no linear model; fit clutch data with «model» linear (or all models)")
+    return physical(fit.linear.parameters)
 
 
 def physical(linear: Linear) -> Linear:
     """The model itself; GainsError where it is none of a rig."""
-    if not linear.a0 > 0:
+    a0, b0, c0 = linear.a0, linear.b0, linear.c0
+    if not a0 > 0:
         raise GainsError(
-            f"the fit's a0 is {linear.a0:.4g} 1/s; a clutch whose torque does not settle by itself is not physical"
+            f"the fit's a0 is {a0:.4g} 1/s; a clutch whose torque does not settle by itself is not physical"
         )
-    if not linear.b0 > 0:
+    if not b0 > 0:
+        raise GainsError(f"the fit's b0 is {b0:.4g}; more duty has to give more torque, check the sign of the data")
+    if not (SLOWEST <= a0 <= FASTEST and max(b0, 1 / b0, abs(c0)) <= LARGEST):
         raise GainsError(
-            f"the fit's b0 is {linear.b0:.4g}; more duty has to give more torque, check the sign of the data"
-        )
-    if not SLOWEST <= linear.a0 <= FASTEST:
-        raise GainsError(
-            f"the fit's a0 is {linear.a0:.4g} 1/s; a plant with a time constant of {1 / linear.a0:.3g} s is none that "
-            f"samples control ({1 / FASTEST:g} to {1 / SLOWEST:g} s); check the time column"
-        )
-    if not max(linear.b0, 1 / linear.b0, abs(linear.c0)) <= LARGEST:
-        raise GainsError(
-            f"the fit's b0 is {linear.b0:.4g} and its c0 {linear.c0:.4g}, which no rig has; check the units of the data"
+            f"the fit's a0 is {a0:.4g} 1/s, its b0 is {b0:.4g} and its c0 {c0:.4g}, which no rig has that samples "
+            "control; check the time column and the units of the data"
         )
     return linear
 
 
-def _part(fit: Fit) -> LinearFit:
-    if fit.linear is None:
-        raise DataError("the fit holds no linear model; fit clutch data with «model» linear (or all models)")
-    return fit.linear
-
-
 def bounds_of(fit: Fit) -> Bounds:
     """B_m and B_M as fitted; a range that is not positive is refused (GainsError)."""
-    linear = _part(fit)
-    stored = linear.bounds
-    if stored is None:
+    linear = fit.linear
+    if linear is None or linear.bounds is None:
         raise UsageError("the fit holds no range of B; fit again with «model» linear (or all models)")
-    kept = stored.levels or tuple(row.level for row in linear.per_level if row.level)
-    kept_rows = [row for row in linear.per_level if row.level and row.level in kept]
-    ends = stored.B_m, stored.B_M
-    B_m, B_M = (_positive(value, name) for value, name in zip(ends, ("B_m", "B_M"), strict=True))
+    ends = []
+    for name in ("B_m", "B_M"):
+        value = getattr(linear.bounds, name)
+        if value is None or not value > 0:
+            raise GainsError(
+                f"{name} is {'missing' if value is None else f'{value:.4g}'}, so the range of B touches 0 and no gain "
+                "is robust over it; leave out the levels without a positive b0 («levels»)"
+            )
+        ends.append(value)
+    B_m, B_M = ends
     if B_m > B_M:
         raise GainsError(f"B_m {B_m:.4g} lies above B_M {B_M:.4g}; check linear.bounds of the fit")
-    if any(not (zero_offset_B(row) > 0 and math.isfinite(zero_offset_B(row))) for row in kept_rows):
+    kept = linear.bounds.levels
+    rows = [row for row in linear.per_level if row.level and (row.level in kept or not kept)]
+    if any(not row.a0 * row.gain / row.level > 0 for row in rows):
         raise GainsError(
             "a level has no positive b0, so the range of B touches 0; leave it out of the fit with «bounds_levels»"
         )
-    return Bounds(kept, B_m, B_M, tuple(kept_rows))
-
-
-def zero_offset_B(row: LinearLevel) -> float:
-    """B of a level, c0 = 0; infinite where its gain is 0."""
-    b0 = row.a0 * row.gain / row.level
-    return 1 / b0 if b0 else math.inf
-
-
-def _positive(value: float | None, name: str) -> float:
-    if value is not None and math.isfinite(value) and value > 0:
-        return float(value)
-    shown = f"{value:.4g}" if value is not None else "missing"
-    raise GainsError(
-        f"{name} is {shown}, so the range of B touches 0 and no gain is robust over it; "
-        "leave out the levels without a positive b0 («levels»)"
-    )
+    return Bounds(B_m, B_M, tuple(rows))
 
 
 LARGEST_GAIN = 1e30  # Of any gain, and of the inverse of one that has to be positive, whatever the rig's units
@@ -115,17 +94,17 @@ def rc_gains(gains: Gains | None) -> RCGains | None:
     """Gains of the robust controller; None where there are none. DataError where a loop cannot run with them."""
     if gains is None or gains.rc is None:
         return None
-    rc = gains.rc
-    low, high = gains.duty_limits_pct
-    model, (Q12, Q22) = gains.model, rc.Q[1]
-    positive = {"b0": model.b0, "Q[1][1]": Q22, "B_hat": rc.B_hat, "epsilon": rc.epsilon, "gamma": rc.gamma}
-    _check(
-        {**positive, "K_P": rc.K_P, "K_D": rc.K_D},
-        {"a0": model.a0, "c0": model.c0, "Q[1][0]": Q12, "rho.constant": rc.rho.constant, "rho.slope": rc.rho.slope},
-    )
+    law = rc_law(gains.model, gains.rc, gains.duty_limits_pct)
+    _check("rc", law, ("K_P", "K_D", "B_hat", "b0", "epsilon", "gamma", "Q22"))
+    return law
+
+
+def rc_law(model: Linear | LinearModel, rc: Robust, limits_pct: tuple[float, float]) -> RCGains:
+    """The robust controller on a model as its step takes it."""
+    Q12, Q22 = rc.Q[1]
     return RCGains(
-        K_P=rc.K_P, K_D=rc.K_D, B_hat=rc.B_hat, a0=model.a0, b0=model.b0, c0=model.c0, rho_constant=rc.rho.constant,
-        rho_slope=rc.rho.slope, epsilon=rc.epsilon, gamma=rc.gamma, Q12=Q12, Q22=Q22, duty_min=low, duty_max=high,
+        rc.K_P, rc.K_D, rc.B_hat, model.a0, model.b0, model.c0, rc.rho.constant, rc.rho.slope, rc.epsilon, rc.gamma,
+        Q12, Q22, *limits_pct,
     )  # fmt: skip
 
 
@@ -133,19 +112,20 @@ def pi_gains(gains: Gains | None) -> PIGains | None:
     """Gains of the PI controller; None where there are none. DataError where a loop cannot run with them."""
     if gains is None or gains.pi is None:
         return None
-    pi = gains.pi
-    _check({}, {"pi.K_P": pi.K_P, "pi.K_I": pi.K_I})
-    low, high = gains.duty_limits_pct
-    return PIGains(pi.K_P, pi.K_I, low, high)
+    law = PIGains(gains.pi.K_P, gains.pi.K_I, *gains.duty_limits_pct)
+    _check("pi", law, ())
+    return law
 
 
-def _check(positive: dict[str, float], other: dict[str, float]) -> None:
-    """Refuse numbers with which no loop of a rig runs."""
-    for name, value in {**positive, **other}.items():
+def _check(name_of_law: str, law: RCGains | PIGains, positive: Sequence[str]) -> None:
+    """Refuse numbers with which no loop of a rig runs; the limits of the duty stand last."""
+    for name, value in list(law._asdict().items())[:-2]:
         if name in positive and not value > 0:
-            raise DataError(f"gains.json: {name} is {value:g}, it has to be positive; run tune-rc again")
+            raise DataError(f"gains.json: {name_of_law}: {name} is {value:g}, it has to be positive; run tune-rc again")
         if abs(value) > LARGEST_GAIN or (name in positive and value < 1 / LARGEST_GAIN):
-            raise DataError(f"gains.json: {name} is {value:g}, which no loop of a rig has; run tune-rc again")
+            raise DataError(
+                f"gains.json: {name_of_law}: {name} is {value:g}, which no loop of a rig has; run tune-rc again"
+            )
 
 
 def plant_of(fit: Fit) -> Nonlinear | None:
@@ -158,7 +138,7 @@ def plant_of(fit: Fit) -> Nonlinear | None:
     if part is None:
         return None
     low, high = part.u_range
-    if low > high:
+    if not (0 <= low <= high and high > 0):
         raise DataError(f"the fit's nonlinear.u_range is [{low:g}, {high:g}]; it has to rise from 0 or above")
     if wrong := unphysical(part):
         raise DataError(*sentences(wrong[:1]))

@@ -1,9 +1,8 @@
 """Gain and phase margins of the loop as it really runs: sampled, behind a dead time, the duty latched by a PWM.
 
-Around an operating point a control law is linear, s' = A s + B (r, v, T), u = c s + d (r, v, T) per sample, in the
-reference r, its rate v and the torque T that is read; a PI and the robust controller have one state, the integral of
-the error, δu = k_r δr + k_v δv − k_T δT + k_q δq. The plant is a sum of lags, T = Σ x_i, x_i' = (g_i u − x_i)/τ_i,
-with its dead time. The loop is opened at the duty.
+Around an operating point a control law is linear in the reference r, its rate v, the torque T that is read and the
+integral q of the error: δu = k_r δr + k_v δv − k_T δT + k_q δq. The plant is a sum of lags, T = Σ x_i,
+x_i' = (g_i u − x_i)/τ_i, with its dead time. The loop is opened at the duty.
 
 Samples at k h and latches at j/f_pwm repeat together after a common period, taken as 100 samples at most. Over it the
 loop is a linear map of the state (lags, law, latched duty, duties on their way): stable where its spectral
@@ -15,7 +14,7 @@ the latch, both are read there, on a loop that is stable without the dead time.
 
 import cmath
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property, lru_cache
@@ -29,6 +28,7 @@ from eaid.arrays import Array
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains, RCState, rc_step
 from eaid.errors import UsageError
+from eaid.models import linear
 from eaid.models.nonlinear import steady_slope, steady_torque, time_constants
 from eaid.models.parameters import Linear, Nonlinear
 from eaid.results.fit import LinearLevel
@@ -95,11 +95,6 @@ class Lag(NamedTuple):
     tau: float  # [s]
 
 
-def linear_lags(b: float, a: float) -> tuple[Lag, ...]:
-    """The linear model Ṫ = −a T + b u as one lag; a [1/s], b [N·m/(s·%)]."""
-    return (Lag(b / a, 1 / a),)
-
-
 def lags_at(plant: Nonlinear, duty_pct: float) -> tuple[Lag, ...]:
     """The plant around a duty held for long: two lags in parallel, C and 1 − C of the slope of T_s.
 
@@ -138,56 +133,39 @@ def operating_points(
         duties = [u for u in levels if low <= u <= high] or np.linspace(low, high, POINTS).tolist()
         return [Point(duty, float(steady_torque(plant, duty)), lags_at(plant, duty)) for duty in duties]
     if rows:
-        return [Point(row.level, row.gain, linear_lags(row.a0 * row.gain / row.level, row.a0)) for row in rows]
+        return [Point(row.level, row.gain, (Lag(row.gain / row.level, 1 / row.a0),)) for row in rows]
     middle = sum(limits) / 2
-    return [Point(middle, (model.b0 * middle + model.c0) / model.a0, linear_lags(model.b0, model.a0))]
+    return [Point(middle, linear.steady_torque(model, middle), (Lag(model.b0 / model.a0, 1 / model.a0),))]
 
 
-@dataclass(frozen=True, eq=False)
-class Law:
-    """A controller around a point, per control sample: state s of shape (n,), inputs reference, its rate, torque."""
+class Law(NamedTuple):
+    """A controller around a point: δu = k_r δr + k_v δv − k_T δT + k_q δq; without k_q nothing reads the integral."""
 
-    A: Array
-    B: Array  # Shape (n, 3)
-    c: Array
-    d: Array  # Shape (3,)
-
-    def response(self, z: Complex) -> Complex:
-        """Duty per reference, rate and torque, shape (len(z), 3)."""
-        resolvent = np.linalg.inv(z[:, None, None] * np.eye(len(self.A)) - self.A)
-        return np.asarray(self.c @ resolvent @ self.B + self.d)
+    k_r: float
+    k_v: float
+    k_T: float
+    k_q: float
 
 
-def integral_law(k_r: float, k_v: float, k_T: float, k_q: float, dt_s: float) -> Law:
-    """δu = k_r δr + k_v δv − k_T δT + k_q δq, q the integral of the error; without k_q nothing reads it."""
-    n = 1 if k_q else 0
-    return Law(np.eye(n), np.tile([dt_s, 0.0, -dt_s], (n, 1)), np.full(n, k_q), np.array([k_r, k_v, -k_T]))
-
-
-def law_around(gains: RCGains | PIGains, torque_nm: float, duty_pct: float, dt_s: float) -> Law:
+def law_around(gains: RCGains | PIGains, torque_nm: float, duty_pct: float) -> Law:
     """A controller around a held torque [N·m] that takes a duty [%], its limits left out.
 
     The PI is linear as it stands. Of the robust controller, by central differences of `rc_step`: at rest e = 0 and the
     integral stands where the law gives that duty; far from the layer's middle the slope differs.
     """
     if isinstance(gains, PIGains):
-        return integral_law(gains.K_P, 0.0, gains.K_P, gains.K_I, dt_s)
+        return Law(gains.K_P, 0.0, gains.K_P, gains.K_I)
     free = gains._replace(duty_min=-math.inf, duty_max=math.inf)
     rest, step = integral_at_rest(gains, torque_nm, duty_pct), 1e-6 * gains.epsilon / gains.Q22
 
-    def duty(integral: float, reference: float, torque: float) -> float:
-        return rc_step(free, RCState(integral), reference, 0.0, torque, 0.0)[1]
+    def slope(integral: float, reference: float, torque: float) -> float:
+        above, below = (
+            rc_step(free, RCState(rest + h * integral), torque_nm + h * reference, 0.0, torque_nm + h * torque, 0.0)[1]
+            for h in (step, -step)
+        )
+        return (above - below) / (2 * step)
 
-    def slope(one: float, other: float) -> float:
-        return (one - other) / (2 * step)
-
-    return integral_law(
-        slope(duty(rest, torque_nm + step, torque_nm), duty(rest, torque_nm - step, torque_nm)),
-        gains.B_hat,
-        slope(duty(rest, torque_nm, torque_nm - step), duty(rest, torque_nm, torque_nm + step)),
-        slope(duty(rest + step, torque_nm, torque_nm), duty(rest - step, torque_nm, torque_nm)),
-        dt_s,
-    )
+    return Law(slope(0, 1, 0), gains.B_hat, -slope(0, 0, 1), slope(1, 0, 0))
 
 
 def integral_at_rest(gains: RCGains | PIGains, torque_nm: float, duty_pct: float) -> float:
@@ -221,24 +199,15 @@ class LoopMargins:
         return self.stable and self.gain_db >= ENOUGH_DB and self.phase_deg >= ENOUGH_DEG
 
 
-def margins(law: Law, lags: Sequence[Lag], timing: Timing) -> LoopMargins:
-    """Gain and phase margin of one loop."""
-    left = crossovers(law, lags, timing)
-    phase, crossover_hz = min(((p, w / (2 * math.pi)) for p, w in left), default=(math.inf, 0.0))
-    if not is_stable(law, lags, timing):
-        return LoopMargins(False, -math.inf, math.degrees(phase), crossover_hz)
-    gain = (_gain_by_map if mapped(timing) else _gain_by_response)(law, lags, timing)
-    return LoopMargins(True, gain, math.degrees(phase), crossover_hz)
-
-
-def loop_margins(gains: RCGains | PIGains, points: Sequence[Point], timing: Timing) -> Iterator[LoopMargins]:
-    """The margins of a controller around every operating point."""
-    return (_margins_at(gains, point, timing) for point in points)
-
-
 @lru_cache(maxsize=100)  # the loop that a design settles on is among those it tried
-def _margins_at(gains: RCGains | PIGains, point: Point, timing: Timing) -> LoopMargins:
-    return margins(law_around(gains, point.torque_nm, point.duty_pct, timing.step_s), point.lags, timing)
+def margins(gains: RCGains | PIGains, point: Point, timing: Timing) -> LoopMargins:
+    """Gain and phase margin of a controller around an operating point."""
+    law, lags = law_around(gains, point.torque_nm, point.duty_pct), point.lags
+    phase, omega = min(crossovers(law, lags, timing), default=(math.inf, 0.0))
+    stable, gain_db = is_stable(law, lags, timing), -math.inf
+    if stable:
+        gain_db = (_gain_by_map if mapped(timing) else _gain_by_response)(law, lags, timing)
+    return LoopMargins(stable, gain_db, math.degrees(phase), omega / (2 * math.pi))
 
 
 def known(value: float) -> float | None:
@@ -256,7 +225,7 @@ def is_stable(law: Law, lags: Sequence[Lag], timing: Timing) -> bool:
     at_once = replace(timing, delay_samples=0)
     if spectral_radius(law, lags, at_once) >= 1:
         return False
-    if abs(loop_response(law, lags, timing, np.array([math.pi * slower_hz(timing)]))) >= 1:
+    if abs(loop_response(law, lags, timing, frequencies(lags, timing, 2)[1:])) >= 1:
         return False
     return all(p % (2 * math.pi) > w * timing.delay_s for p, w in crossovers(law, lags, at_once))
 
@@ -286,7 +255,7 @@ def spectral_radius(law: Law, lags: Sequence[Lag], timing: Timing, factor: float
     h, hold, delay_s = timing.step_s, timing.hold_s, timing.delay_s
     late = int(delay_s / hold + 1e-9)  # whole holds that the delay spans
     rest = max(delay_s - late * hold, 0.0)
-    states = len(lags), len(law.A), late + 1
+    states = len(lags), 1 if law.k_q else 0, late + 1
     x, s, duties = np.split(np.eye(sum(states)), np.cumsum(states)[:-1])
     latched = {-1 - k: row for k, row in enumerate(duties)}
     latest, acting = latched[-1], latched[-1 - late]
@@ -301,8 +270,8 @@ def spectral_radius(law: Law, lags: Sequence[Lag], timing: Timing, factor: float
             now = time
         if order == 0:
             torque = x.sum(axis=0)
-            latest = factor * (law.c @ s + law.d[2] * torque)
-            s = law.A @ s + law.B[:, 2:] * torque
+            latest = factor * (law.k_q * s.sum(axis=0) - law.k_T * torque)
+            s = s - h * torque
         elif order == 1:
             latched[index] = latest
         elif order == 2:
@@ -335,12 +304,18 @@ def measured_response(lags: Sequence[Lag], timing: Timing, omega: Array) -> Comp
 
 def loop_response(law: Law, lags: Sequence[Lag], timing: Timing, omega: Array) -> Complex:
     """Response of the loop opened at the duty, without its dead time, over angular frequency [rad/s]."""
-    return np.asarray(-law.response(np.exp(1j * omega * timing.step_s))[:, 2] * measured_response(lags, timing, omega))
+    by_torque = law.k_T + integral_response(law, timing, omega)
+    return np.asarray(by_torque * measured_response(lags, timing, omega), dtype=np.complex128)
+
+
+def integral_response(law: Law, timing: Timing, omega: Array) -> Complex:
+    """Duty by the integral, per error at the samples."""
+    return np.asarray(law.k_q * timing.step_s / (np.exp(1j * omega * timing.step_s) - 1), dtype=np.complex128)
 
 
 def crossovers(law: Law, lags: Sequence[Lag], timing: Timing) -> list[tuple[float, float]]:
     """Where the loop's gain is 1: the phase that is left to −1, from −π to π, and the frequency [rad/s]."""
-    omega = frequencies(lags, slower_hz(timing), 2000)
+    omega = frequencies(lags, timing, 2000)
 
     def response(omega: float) -> complex:
         return complex(loop_response(law, lags, timing, np.array([omega]))[0])
@@ -355,21 +330,22 @@ def crossovers(law: Law, lags: Sequence[Lag], timing: Timing) -> list[tuple[floa
 
 def _gain_by_response(law: Law, lags: Sequence[Lag], timing: Timing) -> float:
     """The least factor on the duty that brings the response to −1 [dB]."""
-    omega = frequencies(lags, slower_hz(timing), 20_000)
+    omega = frequencies(lags, timing, 20_000)
     loop = loop_response(law, lags, timing, omega) * np.exp(-1j * omega * timing.delay_s)
-    real, imag = loop.real, loop.imag
-    turns = np.flatnonzero((imag[:-1] < 0) != (imag[1:] < 0))
-    share = imag[turns] / (imag[turns] - imag[turns + 1])
-    crossed = -(real[turns] + share * (real[turns + 1] - real[turns]))
+    crossed = real_crossings(-loop)
     least = float(max(crossed[(crossed > 0) & (crossed < 1)], default=0.0))
     return -20 * math.log10(least) if least > 1e-4 else math.inf
 
 
-def frequencies(lags: Sequence[Lag], rate_hz: float, count: int) -> Array:
-    """From far below what the slowest lag turns to half a rate [rad/s], in equal ratios, shape (count,)."""
-    return np.geomspace(1e-4 / max(1.0, *(lag.tau for lag in lags)), math.pi * rate_hz, count)
+def real_crossings(curve: Complex) -> Array:
+    """Where a curve over frequency crosses the real axis, by straight lines."""
+    real, imag = curve.real, curve.imag
+    k = np.flatnonzero((imag[:-1] < 0) != (imag[1:] < 0))
+    return np.asarray(real[k] + imag[k] / (imag[k] - imag[k + 1]) * (real[k + 1] - real[k]))
 
 
-def slower_hz(timing: Timing) -> float:
-    """The slower of sampling and latching [Hz]."""
-    return min(timing.rate_hz, timing.pwm_hz or timing.rate_hz)
+def frequencies(lags: Sequence[Lag], timing: Timing, count: int) -> Array:
+    """From far below what the slowest lag turns to half the rate of the slower of sampling and latching [rad/s], in
+    equal ratios, shape (count,)."""
+    slower_hz = min(timing.rate_hz, timing.pwm_hz or timing.rate_hz)
+    return np.geomspace(1e-4 / max(1.0, *(lag.tau for lag in lags)), math.pi * slower_hz, count)

@@ -4,9 +4,11 @@ The controller reads the torque at t_k and its duty acts until t_{k+1}; that dut
 samples before k.
 """
 
+import cmath
 import math
 from typing import NamedTuple
 
+import numpy as np
 from scipy.optimize import brentq
 
 from eaid.errors import GainsError
@@ -53,53 +55,64 @@ CLOSE = 1e-15  # Share of itself to which a root is found
 INWARD = 1e-12  # By what share of itself p is drawn inward: where the settling time jumps, rounding must not undo it
 
 
-def error(a0: float, p: float, q: float, t_s: float) -> float:
-    """Error e(t) after a unit step of the reference, at one time [s]."""
-    sigma = p / 2
-    square = q - sigma * sigma
-    if square > 0:
-        omega = math.sqrt(square)
-        return math.exp(-sigma * t_s) * (math.cos(omega * t_s) + (a0 - sigma) * t_s * _sinc(omega * t_s))
-    kappa = math.sqrt(-square)
-    # e^(−σt) cosh κt overflows nowhere when written as two decaying exponentials; q > 0 keeps κ < σ.
-    slow, fast = math.exp(-(sigma - kappa) * t_s), math.exp(-(sigma + kappa) * t_s)
-    x = kappa * t_s
-    ratio = slow * -math.expm1(-2 * x) / (2 * x) if x > 1e-8 else slow
-    return (slow + fast) / 2 + (a0 - sigma) * t_s * ratio
+class Loop(NamedTuple):
+    """The error after a unit step of the reference, (s + a0)/(s² + p s + q), by the roots of its denominator:
+    e(t) = e^(s2 t) (1 + (s1 + a0) (e^(d t) − 1)/d), d = s1 − s2."""
 
+    a0: float
+    s1: complex  # The faster one, where both are real
+    s2: complex
 
-def _sinc(x: float) -> float:
-    return math.sin(x) / x if x > 1e-8 else 1.0
+    @classmethod
+    def of(cls, a0: float, p: float, q: float) -> "Loop":
+        """p > 0 and q > 0."""
+        s1 = -p / 2 - cmath.sqrt(p * p / 4 - q)
+        return cls(a0, s1, q / s1)
 
+    def error(self, t_s: float) -> float:
+        """e(t) at one time [s]."""
+        d = self.s1 - self.s2
+        grown = complex(np.expm1(d * t_s)) / d if d else t_s
+        return (cmath.exp(self.s2 * t_s) * (1 + (self.s1 + self.a0) * grown)).real
 
-def _extrema(a0: float, p: float, q: float) -> tuple[float, float]:
-    """First time [s] at which ė = 0, and the time between extrema; infinite where there is none.
+    def turns(self) -> list[float]:
+        """Times [s] at which ė = 0, up to the first within the band: e^(d t) = 1 + d x."""
+        d, below = self.s1 - self.s2, self.s1 * (self.s1 + self.a0)
+        if below == 0:
+            return []
+        x = -(self.s1 + self.s2 + self.a0) / below
+        if d.imag == 0:
+            if not (x.real > 0 and (1 + d * x).real > 0):
+                return []
+            return [float((np.log1p(d * x) / d if d else x).real)]
+        spacing = 2 * math.pi / abs(d)
+        turns = [float((np.log1p(d * x) / d).real)]
+        if turns[0] <= 0:
+            turns[0] += spacing
+        while abs(self.error(turns[-1])) > BAND:
+            turns.append(turns[-1] + spacing)
+        return turns
 
-    ė = e^(−σt) ((a0 − p) c − (q − σ² + σ (a0 − σ)) s), zero where (a0 − p) c = m s.
-    """
-    sigma = p / 2
-    square = q - sigma * sigma
-    m = square + sigma * (a0 - sigma)
-    if square > 0:
-        omega = math.sqrt(square)
-        first = math.atan2((a0 - p) * omega, m) / omega
-        while first <= 0:
-            first += math.pi / omega
-        return first, math.pi / omega
-    kappa = math.sqrt(-square)
-    # tanh(κt)/κ = (a0 − p)/m
-    if m == 0:
-        return math.inf, math.inf
-    ratio = (a0 - p) / m
-    if ratio <= 0 or kappa * ratio >= 1:
-        return math.inf, math.inf
-    return (math.atanh(kappa * ratio) / kappa if kappa * ratio > 1e-8 else ratio), math.inf
+    def overshoot(self) -> float:
+        """Share of the step."""
+        return max([0.0, *(-self.error(t) for t in self.turns())])
+
+    def settling_s(self) -> float:
+        """The last time at which the torque leaves the band."""
+        turns = self.turns()
+        start = max((t for t in turns if abs(self.error(t)) > BAND), default=0.0)
+        end = min((t for t in turns if t > start), default=math.inf)
+        if math.isinf(end):
+            end = start + 1 / -(self.s1 + self.s2).real
+            while abs(self.error(end)) > BAND:
+                end = start + 2 * (end - start)
+        return float(brentq(lambda t: abs(self.error(t)) - BAND, start, end, xtol=CLOSE * end))
 
 
 def step_metrics(model: Linear, K_P: float, K_I: float) -> tuple[float, float]:
     """Overshoot [%] and 2 % settling time [s] of the closed loop on the linear model without c0.
 
-    The time is the last at which the torque leaves the band; infinite where the loop does not settle.
+    The time is infinite where the loop does not settle.
     """
     p, q = model.a0 + model.b0 * K_P, model.b0 * K_I
     if p <= 0 or q < 0:
@@ -108,24 +121,8 @@ def step_metrics(model: Linear, K_P: float, K_I: float) -> tuple[float, float]:
         # No integral: the error ends at a0/p and stays there.
         rest = model.a0 / p
         return 0.0, math.log((1 - rest) / (BAND - rest)) / p if rest < BAND else math.inf
-    return _metrics(model.a0, p, q)
-
-
-def _metrics(a0: float, p: float, q: float) -> tuple[float, float]:
-    first, spacing = _extrema(a0, p, q)
-    turns = [first]
-    while math.isfinite(turns[-1]) and math.isfinite(spacing) and abs(error(a0, p, q, turns[-1])) > BAND:
-        turns.append(turns[-1] + spacing)
-    peaks = [error(a0, p, q, t) for t in turns if math.isfinite(t)]
-    overshoot = max([0.0, *(-peak for peak in peaks)])
-    outside = [t for t, peak in zip(turns, peaks, strict=False) if abs(peak) > BAND]
-    start = outside[-1] if outside else 0.0
-    later = [t for t in turns if t > start and math.isfinite(t)]
-    end = later[0] if later else start + 1 / p
-    while not later and abs(error(a0, p, q, end)) > BAND:
-        end = start + 2 * (end - start)
-    settling = brentq(lambda t: abs(error(a0, p, q, t)) - BAND, start, end, xtol=CLOSE * end)
-    return 100 * overshoot, float(settling)
+    loop = Loop.of(model.a0, p, q)
+    return 100 * loop.overshoot(), loop.settling_s()
 
 
 def _q_of_overshoot(a0: float, p: float, overshoot: float) -> float:
@@ -135,7 +132,7 @@ def _q_of_overshoot(a0: float, p: float, overshoot: float) -> float:
         return low
 
     def above(q: float) -> float:
-        return _metrics(a0, p, q)[0] / 100 - overshoot if q > low else -overshoot
+        return Loop.of(a0, p, q).overshoot() - overshoot if q > low else -overshoot
 
     high = max(low, p * p, a0 * a0)
     while above(high) < 0:
@@ -158,7 +155,7 @@ def pi_gains(model: Linear, overshoot_pct: float, settling_s: float) -> tuple[fl
     a0, share = model.a0, overshoot_pct / 100
 
     def settles(p: float) -> float:
-        return _metrics(a0, p, _q_of_overshoot(a0, p, share))[1]
+        return Loop.of(a0, p, _q_of_overshoot(a0, p, share)).settling_s()
 
     # A loop with overshoot settles in about 4/σ or less; p from the open loop's up to far above what the time asks.
     low = a0 * (1 + 1e-9)

@@ -1,41 +1,187 @@
-"""`couple`: the stiffest walls of every loop at every torque, and what else limits them (docs/coupling.md)."""
+"""`couple`: the stiffest walls of every loop at every torque, and what else limits them (docs/coupling.md).
+
+**Passive.** The clutch's torque follows the limb's sampled angle, T(s) = −W(s) D(e^(sh)) θ*(s): D is the wall and the
+closed torque loop at the samples, W = P(s)(1 − e^(−sh))/s the hold and the plant. Seen from the limb's speed v = sθ all
+aliases ω_n = ω + 2πn/h of a frequency take part, and b |v|² + Re v*T ≥ 0 for every v asks at each ω for
+
+    b ≥ ½ (√(‖p‖²‖q‖² − (Im p*q)²) − Re p*q),     p_n = 1/(jω_n)*,   q_n = D(e^(jωh)) W(jω_n)/h
+
+(the least eigenvalue of a Hermitian matrix of rank two). With W the plain hold this is Colgate and Schenkel's
+b ≥ h/2/(1 − cos ωh) · Re{(1 − e^(−jωh)) D}; for slow loops it is b ≥ K max(−Im G(jω)/ω).
+
+**Stable.** With M the sampled angle per wanted torque, hold, plant, limb and dead time in it, the loop of a wall turns
+unstable where 1 + (K + B_v (1 − 1/z)/h) M = 0 on |z| = 1: the least K > 0 of
+
+    K = −Re(1/M + B_v (1 − 1/z)/h)   at the frequencies where the imaginary part is 0, the Nyquist frequency among them.
+"""
 
 import itertools
 import math
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
+from scipy.linalg import expm
+from scipy.optimize import brentq
 
 from eaid.arrays import Array
+from eaid.control import margins
 from eaid.control.gains import pi_gains, plant_of, rc_gains, refuse_other_units
-from eaid.control.margins import Timing, is_stable, known
+from eaid.control.margins import Complex, Law, Point, Timing, known
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
-from eaid.coupling.stiffness import Channel, Limb, channel_of, needed_damping, passive_stiffness, wall_loop
-from eaid.errors import DataError, GainsError
+from eaid.errors import DataError, GainsError, UsageError
 from eaid.findings import Finding, finding, ranked
 from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Nonlinear
 from eaid.options import LOOPS, CoupleOptions
 from eaid.progress import Progress
+from eaid.replay.controllers import pi_controller, rc_controller
 from eaid.replay.plant import Held, hold_step, plant_parameters, plant_step
 from eaid.replay.rehab import limb_steps
 from eaid.results import coupling as parts
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """A clutch around a held torque, its loop without limits."""
+
+    plant: Nonlinear
+    point: Point
+    law: Law
+    # step(state, reference, its rate, torque) → (next state, duty)
+    step: Callable[[Any, float, float, float], tuple[Any, float]]
+    start: Any  # State of the law at rest
+
+
+def channel_of(loop: str, plant: Nonlinear, torque_nm: float, gains: RCGains | PIGains | None, dt_s: float) -> Channel:
+    """A loop around a held torque; UsageError where it needs gains that are not given, or for a torque outside the
+    identified duties."""
+    least, most = (float(steady_torque(plant, u)) for u in plant.u_range)
+    if not least <= torque_nm <= most:
+        raise UsageError(
+            f"«torque» {torque_nm:g}: the fitted plant holds {least:.3g} to {most:.3g} within its identified inputs; "
+            "choose a torque in between"
+        )
+    held = float(brentq(lambda u: float(steady_torque(plant, u)) - torque_nm, *plant.u_range, xtol=1e-12))
+    point = Point(held, torque_nm, margins.lags_at(plant, held))
+    if not point.lags[0].gain > 0:
+        raise UsageError(f"«torque» {torque_nm:g}: T_s does not rise with the input there; choose another torque")
+    if loop == "open-loop":
+        duties = np.linspace(*plant.u_range, 20_001)  # so fine a table is good to 1e-8 of the range
+        steady = steady_torque(plant, duties)
+        law = Law(1 / sum(lag.gain for lag in point.lags), 0.0, 0.0, 0.0)
+        return Channel(plant, point, law, lambda s, r, _v, _t: (s, float(np.interp(r, steady, duties))), None)
+    if gains is None:
+        kind = "a PI" if loop == "pi" else "a robust controller"
+        raise UsageError(f"the loop {loop} needs gains with {kind}; give «gains» that tune-rc wrote")
+    free = gains._replace(duty_min=-math.inf, duty_max=math.inf)
+    acting = pi_controller(free) if isinstance(free, PIGains) else rc_controller(free)
+    rate = 0.0 if loop == "rc-no-rate" else 1.0
+    law = margins.law_around(gains, torque_nm, point.duty_pct)
+    return Channel(
+        plant, point, law._replace(k_v=rate * law.k_v),
+        lambda s, r, v, t: acting.step(acting.gains, s, r, rate * v, t, dt_s),
+        acting.start._replace(integral=margins.integral_at_rest(free, torque_nm, point.duty_pct)),
+    )  # fmt: skip
+
+
+def duty_response(channel: Channel, timing: Timing, omega: Array) -> Complex:
+    """Duty per reference at sampled frequencies [rad/s], the torque loop closed, its dead time and the mean response of
+    the PWM's latch in it."""
+    law, z, late = channel.law, np.exp(1j * omega * timing.step_s), np.exp(-1j * omega * timing.delay_s)
+    by_integral = margins.integral_response(law, timing, omega)
+    measured = margins.measured_response(channel.point.lags, timing, omega) * late
+    by_reference = law.k_r + by_integral + law.k_v * (1 - 1 / z) / timing.step_s
+    closed = by_reference / (1 + (law.k_T + by_integral) * measured)
+    return np.asarray(closed * margins.latch_response(timing, omega) * late, dtype=np.complex128)
+
+
+STIFFEST = 1e6  # [N·m/rad]; a wall beyond it is called without limit
+
+
+def stable_stiffness(channel: Channel, timing: Timing, options: CoupleOptions) -> float:
+    """The least K at which the wall with a limb stops being stable [N·m/rad].
+
+    Infinite beyond `STIFFEST`; 0 where B_v alone is too much.
+    """
+    h, B_v = timing.step_s, options.virtual_damping
+    omega = margins.frequencies(channel.point.lags, timing, 4000)
+    z = np.exp(1j * omega * h)
+    rate = np.zeros((5, 5))  # lags, angle and speed of the limb; the duty held
+    for i, (gain, tau) in enumerate(channel.point.lags):
+        rate[i, [i, 4]] = -1 / tau, gain / tau
+        rate[3, i] = 1 / options.limb_inertia
+    rate[2, 3], rate[3, 3] = 1.0, -options.limb_damping / options.limb_inertia
+    flow = expm(rate * h)
+    turned = np.linalg.solve(z[:, None, None] * np.eye(4) - flow[:4, :4], flow[:4, 4:])[:, 2, 0]
+    stiffness, damper = 1 / (duty_response(channel, timing, omega) * turned), (1 - 1 / z) / h
+
+    def first(curve: Complex) -> float:
+        """The least −Re > 0 of a curve where its imaginary part is 0; without a latch that is so at the last too."""
+        at = -margins.real_crossings(curve)
+        if timing.pwm_hz is None:
+            at = np.append(at, -curve.real[-1])
+        return float(min(at[at > 0], default=math.inf))
+
+    if B_v > 0 and first(stiffness / damper) <= B_v:
+        return 0.0
+    least = first(stiffness + B_v * damper)
+    return least if least < STIFFEST else math.inf
+
+
+ALIASES = 12  # Aliases on either side: W falls with 1/ω², so the rest weighs less than 1e-5 of the sum
+
+
+def passive_stiffness(channel: Channel, timing: Timing, options: CoupleOptions) -> float:
+    """The stiffest passive wall [N·m/rad] on a limb of a damping b.
+
+    0 where B_v alone is too much, inf where there is no limit below `STIFFEST`. What a wall needs is convex in K (the
+    least eigenvalue of a matrix that is linear in K), so it grows beyond b once.
+    """
+    h, B_v, damping_nms = timing.step_s, options.virtual_damping, options.limb_damping
+    omega = np.geomspace(1e-3, 0.999 * np.pi * timing.rate_hz, 1200)  # to just below the Nyquist frequency
+    alias = omega + 2 * np.pi / h * np.arange(-ALIASES, ALIASES + 1)[:, None]
+    lags = sum(g / (1 + 1j * alias * tau) for g, tau in channel.point.lags)
+    q = duty_response(channel, timing, omega) * lags * margins.hold_response(alias, h)  # D W/h for K = 1
+    # ‖p‖ in closed form: Σ 1/ω_n² = (h/2)²/sin²(ωh/2)
+    size = 0.5 * h / np.sin(0.5 * omega * h) * np.linalg.norm(q, axis=0)
+    product = np.sum(q / (1j * alias), axis=0)
+
+    def needed(stiffness: float) -> float:
+        """Damping that the wall asks of the limb [N·m·s/rad]; per K about max(−Im G(jω)/ω)."""
+        wall = stiffness + B_v * (1 - np.exp(-1j * omega * h)) / h
+        inner = wall * product
+        across = np.sqrt(np.maximum((np.abs(wall) * size) ** 2 - inner.imag**2, inner.real**2))
+        return float(0.5 * (across - inner.real).max())
+
+    if needed(STIFFEST) <= damping_nms:
+        return math.inf
+    if B_v == 0:  # in proportion to K
+        return damping_nms / needed(1.0)
+    if needed(1e-3) > damping_nms:
+        return 0.0
+    return float(brentq(lambda K: needed(K) - damping_nms, 1e-3, STIFFEST, rtol=1e-9))
+
+
 BESIDE_RAD = 1e-4  # Where the limb is let go
 
 
-def swing(drive: Channel, limb: Limb, timing: Timing, stiffness: float, time_s: float) -> Array:
-    """Angle of the limb at each sample [rad], shape (n,), from `BESIDE_RAD`, at rest, the torque held at T_0."""
+def growth(drive: Channel, options: CoupleOptions, timing: Timing, stiffness: float, time_s: float) -> float:
+    """Log of how much the limb's swing grows from the third to the last quarter of the time; below 0: it dies away.
+
+    From `BESIDE_RAD`, at rest, the torque held at T_0.
+    """
     h, plant, point = timing.step_s, plant_parameters(drive.plant), drive.point
     held = Held(plant.C * point.torque_nm, (1 - plant.C) * point.torque_nm, point.duty_pct, 0)
     state, angle, speed, before = drive.start, BESIDE_RAD, 0.0, point.torque_nm
     waiting = [point.duty_pct] * timing.delay_samples
     period = timing.rate_hz / timing.pwm_hz if timing.pwm_hz else 0.0
-    keep, push, drift, lift = limb_steps(limb.inertia_kgm2, limb.damping_nms, h)
+    keep, push, drift, lift = limb_steps(options.limb_inertia, options.limb_damping, h)
     angles = []
     for k in range(round(time_s / h)):
         torque = held.x1 + held.x2
@@ -48,30 +194,22 @@ def swing(drive: Channel, limb: Limb, timing: Timing, stiffness: float, time_s: 
         angles.append(angle)
         angle, speed = angle + drift * speed + lift * moment, keep * speed + push * moment
         if abs(angle) > 1.0:
-            break
-    return np.array(angles)
+            return math.inf
+    quarter, speeds = (len(angles) - 1) // 4, np.diff(angles)  # a slow drift of the middle weighs little
+    late, last = (max(float(np.std(speeds[i * quarter : (i + 1) * quarter])), 1e-300) for i in (2, 3))
+    return math.log(last / late)
 
 
-def growth(drive: Channel, limb: Limb, timing: Timing, stiffness: float, time_s: float) -> float:
-    """Log of how much the swing grows from the third to the last quarter of the time; below 0: it dies away."""
-    angle = np.diff(swing(drive, limb, timing, stiffness, time_s))  # a slow drift of the middle weighs little
-    quarter = (round(time_s / timing.step_s) - 1) // 4
-    if len(angle) < 4 * quarter:
-        return math.inf  # left the range before the time was over
-    late, last = (float(np.std(angle[i * quarter : (i + 1) * quarter])) for i in (2, 3))
-    return math.log(max(last, 1e-300) / max(late, 1e-300))
-
-
-def replayed_stiffness(drive: Channel, limb: Limb, timing: Timing, expected: float) -> float | None:
+def replayed_stiffness(drive: Channel, options: CoupleOptions, timing: Timing, expected: float) -> float | None:
     """The stiffness at which the replay neither grows nor dies away [N·m/rad], near what linear theory expects.
 
     None where it is not within a factor of two of that.
     """
-    turn_s = 2 * math.pi * math.sqrt(limb.inertia_kgm2 / expected)
+    turn_s = 2 * math.pi * math.sqrt(options.limb_inertia / expected)
     time_s = max(20 * turn_s, 200 * timing.step_s)
 
     def rate(log_stiffness: float) -> float:
-        return min(growth(drive, limb, timing, math.exp(log_stiffness), time_s), 20.0)
+        return min(growth(drive, options, timing, math.exp(log_stiffness), time_s), 20.0)
 
     for factor in (1.03, 1.3, 2.0):
         low, high = math.log(expected / factor), math.log(expected * factor)
@@ -97,10 +235,7 @@ def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Prog
     if plant is None:
         raise DataError("the fit holds no nonlinear model, which walls are worked out on; fit clutch logs with it")
     delay = options.delay_samples or round(fit.dead_time_s * options.rate_hz)
-    timing, limb = (
-        Timing(options.rate_hz, options.pwm_hz or None, delay),
-        Limb(options.limb_inertia, options.limb_damping),
-    )
+    timing = Timing(options.rate_hz, options.pwm_hz or None, delay)
     laws: dict[str, RCGains | PIGains | None] = {"rc": rc, "rc-no-rate": rc, "pi": pi}
     held = [loop for loop in LOOPS if loop not in laws or laws[loop] is not None]
     loops = held if options.loops == LOOPS else list(options.loops)
@@ -109,32 +244,26 @@ def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Prog
     with progress("walls", len(torques) * len(loops)) as tick:
         for torque, loop in itertools.product(torques, loops):
             channel = channel_of(loop, plant, torque, laws.get(loop), timing.step_s)
-            if not is_stable(channel.law, channel.point.lags, timing):
+            if not margins.is_stable(channel.law, channel.point.lags, timing):
                 raise GainsError(
                     f"the loop {loop} is unstable at {torque:g} without any wall, {timing.words()}; "
                     "no stiffness can be rendered on it, choose other gains or timing"
                 )
-            walls.append(wall_of(loop, channel, limb, timing, options))
+            passive, stable = (known(of(channel, timing, options)) for of in (passive_stiffness, stable_stiffness))
+            replayed = replayed_stiffness(channel, options, timing, stable) if options.replay and stable else None
+            walls.append(parts.Wall(loop, torque, channel.point.duty_pct, passive, stable, replayed))
             tick()
     idle = [abs(run.baseline_nm) for run in fit.data.sources if run.baseline_nm is not None]
     drag = options.idle_drag_nm if options.idle_drag_nm is not None or not idle else float(np.mean(idle))
-    impedance = _impedance(plant, max(torques), drag, options)
+    highest, counts, flat = max(torques), options.encoder_counts, plant_parameters(plant)
+    # half a second after the torque was let go
+    left = sum(plant_step(flat, plant.C * highest, (1 - plant.C) * highest, 0.0, 0.5))
+    encoder = None if counts is None or drag is None else 2 * drag / (2 * math.pi / counts)
+    slip = options.rotor_rpm * 2 * math.pi / 60 - options.limb_speed_rad_s
+    impedance = parts.Impedance(drag, left, encoder, slip, 2 * left)
     return parts.Coupling(
         options=replace(options, delay_samples=delay), output_unit=unit, walls=tuple(walls), impedance=impedance,
         findings=ranked(_findings(walls, options, impedance, unit)),
-    )  # fmt: skip
-
-
-def wall_of(loop: str, channel: Channel, limb: Limb, timing: Timing, options: CoupleOptions) -> parts.Wall:
-    """The stiffest walls of a loop at one torque."""
-    needed, damping = needed_damping(channel, timing), options.virtual_damping
-    K_passive, limit = passive_stiffness(needed, limb.damping_nms, damping)
-    K_stable, lost = wall_loop(channel, limb, timing).stable(damping)
-    return parts.Wall(
-        loop, channel.point.torque_nm, channel.point.duty_pct, known(K_passive),
-        0.0 if limit <= needed.omega[0] else limit / (2 * math.pi),  # the slowest looked at stands for rest
-        known(K_stable), lost / (2 * math.pi) or None,
-        replayed_stiffness(channel, limb, timing, K_stable) if options.replay and math.isfinite(K_stable) else None,
     )  # fmt: skip
 
 
@@ -146,30 +275,16 @@ def default_torques(plant: Nonlinear) -> tuple[float, ...]:
     )
 
 
-def _impedance(plant: Nonlinear, torque_nm: float, drag: float | None, options: CoupleOptions) -> parts.Impedance:
-    flat = plant_parameters(plant)
-    x = plant.C * torque_nm, (1 - plant.C) * torque_nm
-    left = sum(plant_step(flat, *x, 0.0, 0.5))  # half a second after the torque was let go
-    counts = options.encoder_counts
-    encoder = None if counts is None or drag is None else 2 * drag / (2 * math.pi / counts)
-    rotor = options.rotor_rpm * 2 * math.pi / 60
-    return parts.Impedance(drag, left, encoder, rotor - options.limb_speed_rad_s, 2 * left)
-
-
 def _findings(walls: list[parts.Wall], options: CoupleOptions, impedance: parts.Impedance, unit: str) -> list[Finding]:
     findings: list[Finding] = []
     without = {wall.torque_nm: wall.K_stable for wall in walls if wall.loop == "rc-no-rate"}
     for wall in walls:
-        stable, passive, torque = wall.K_stable, wall.K_passive, wall.torque_nm
-        at = partial(finding, torque_nm=torque, unit=unit, stable=stable)
+        stable, slower, limit = wall.K_stable, without.get(wall.torque_nm), impedance.encoder_K
+        at = partial(finding, torque_nm=wall.torque_nm, unit=unit, stable=stable)
         if options.wall is not None and stable is not None and stable < options.wall:
             findings.append(at("wall-beyond-stable", wall.loop, wanted=options.wall))
-        elif stable is not None and passive is not None and stable > 2 * passive:
-            findings.append(at("wall-not-passive", wall.loop, passive=passive))
-        slower = without.get(torque)
         if wall.loop == "rc" and slower is not None and stable is not None and stable > 3 * slower:
             findings.append(at("wall-by-rate", "rc", without=slower))
-        limit = impedance.encoder_K
         if limit is not None and (stable is None or stable > limit):
             findings.append(
                 finding("wall-beyond-encoder", wall.loop, encoder=limit, drag=impedance.idle_drag_nm, unit=unit)

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from eaid.control.margins import Timing, loop_margins, operating_points
+from eaid.control.margins import Timing, margins, operating_points
 from eaid.errors import EaidError, GainsError
 from eaid.export.job import Job, Source, constants_of, head_of, laws_of, rig_of, source_of, vectors
 from eaid.export.targets import MARK, TARGETS, VECTOR_COLUMNS
@@ -91,8 +91,7 @@ def _unstable(
     for law, controller in (("pi", source.pi), ("rc", source.rc)):
         if law not in laws or controller is None:
             continue
-        loops = zip(points, loop_margins(controller, points, timing), strict=True)
-        bad = {point.duty_pct for point, one in loops if not one.stable}
+        bad = {point.duty_pct for point in points if not margins(controller, point, timing).stable}
         bad |= {point.duty_pct for point in kept if (one := getattr(point, law)) is not None and one.stable is False}
         if bad:
             yield finding("export-unstable", law.upper(), sorted(bad), rate_hz=rate_hz, unit=source.units[0])

@@ -19,19 +19,13 @@ import numpy as np
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.logs.run import Run
-from eaid.replay.loop import Trace
-from eaid.replay.plant import PlantParameters, driven, falling_taus, plant_pull, plant_terms
-from eaid.replay.references import record
+from eaid.replay.plant import PlantParameters, driven, plant_pull, plant_terms
 from eaid.results.replay import Metrics, Record
 
 IDLE_ROWS = 10  # Fewest rows at zero duty before the first other one that make an idle value
 START_ROWS = 20_000  # Most rows from which the start of a loaded run is estimated
 LEAST_ROWS = 10
 TELLS_APART = 50.0  # Condition of the two decays below which both parts of the start are estimated
-
-
-def _rms(values: Array) -> float:
-    return math.sqrt(float(np.mean(values * values)))
 
 
 def start_of(plant: PlantParameters, time_s: Array, duty_pct: Array, torque_nm: Array) -> tuple[float, float]:
@@ -42,29 +36,22 @@ def start_of(plant: PlantParameters, time_s: Array, duty_pct: Array, torque_nm: 
     """
     changed = np.flatnonzero(duty_pct != duty_pct[0])
     last = min(int(changed[0]) + 1 if len(changed) else len(duty_pct), START_ROWS)
-    since, duty = time_s[:last] - time_s[0], float(duty_pct[0])
-    tau1, tau2, steady = plant_terms(plant, duty)
-    ends = plant.C * steady, (1 - plant.C) * steady
-    each = zip((tau1, tau2), falling_taus(plant, duty), strict=True)
+    since, duty, C = time_s[:last] - time_s[0], float(duty_pct[0]), plant.C
+    steady = plant_terms(plant, duty)[2]
+    rising, falling = (plant_pull(plant, x, x, duty)[2:] for x in (-math.inf, math.inf))
+    found = []
     # a part that falls may have another time constant than one that rises: what fits best tells which it does
-    tries = [_start(plant.C, ends, taus, since, torque_nm[:last]) for taus in itertools.product(*map(set, each))]
-    return min(tries, key=lambda one: one[0])[1]
-
-
-def _start(
-    share: float, ends: tuple[float, float], taus: tuple[float, ...], since: Array, torque_nm: Array
-) -> tuple[float, tuple[float, float]]:
-    """Square sum of what is left, and the two parts [N·m], for these time constants."""
-    decays = np.stack([np.exp(-since / tau) for tau in taus])
-    left = torque_nm - ends[0] * (1 - decays[0]) - ends[1] * (1 - decays[1])
-    if len(since) >= LEAST_ROWS and np.linalg.cond(decays) < TELLS_APART:
-        x1, x2 = np.linalg.lstsq(decays.T, left)[0].tolist()
-    else:
-        together = share * decays[0] + (1 - share) * decays[1]
-        whole = float(together @ left / (together @ together))
-        x1, x2 = share * whole, (1 - share) * whole
-    apart = left - x1 * decays[0] - x2 * decays[1]
-    return float(apart @ apart), (x1, x2)
+    for taus in itertools.product(*map(set, zip(rising, falling, strict=True))):
+        fast, slow = decays = np.stack([np.exp(-since / tau) for tau in taus])
+        left = torque_nm[:last] - steady * (C * (1 - fast) + (1 - C) * (1 - slow))
+        if len(since) >= LEAST_ROWS and np.linalg.cond(decays) < TELLS_APART:
+            x1, x2 = np.linalg.lstsq(decays.T, left)[0].tolist()
+        else:
+            together = C * fast + (1 - C) * slow
+            whole = float(together @ left / (together @ together))
+            x1, x2 = C * whole, (1 - C) * whole
+        found.append((float(np.sum((left - x1 * fast - x2 * slow) ** 2)), (x1, x2)))
+    return min(found)[1]
 
 
 def compared(run: Run, plant: PlantParameters, units: tuple[str, str], dead_time_s: float) -> Record:
@@ -98,7 +85,7 @@ def compared(run: Run, plant: PlantParameters, units: tuple[str, str], dead_time
     apart = torque - model
     spread, left = float(np.linalg.norm(torque - torque.mean())), float(np.linalg.norm(apart))
     metrics = Metrics(
-        max_abs_difference_nm=float(np.abs(apart).max()), rms_difference_nm=_rms(apart),
+        max_abs_difference_nm=float(np.abs(apart).max()), rms_difference_nm=math.sqrt(float(np.mean(apart * apart))),
         mean_difference_nm=float(apart.mean()), idle_nm=idle, start_nm=sum(start),
     )  # fmt: skip
     if spread > 0:
@@ -106,5 +93,5 @@ def compared(run: Run, plant: PlantParameters, units: tuple[str, str], dead_time
             metrics, R2=1 - (left / spread) ** 2, fit_pct=100 * (1 - left / spread),
             one_step_pct=100 * (1 - float(np.linalg.norm(np.diff(apart))) / spread),
         )  # fmt: skip
-    dt_s = float(time_s[-1] / (len(time_s) - 1))
-    return record(Trace(run.name, dt_s, time_s, torque, model, run.input), metrics, role="recorded-input")
+    columns = {"time_s": time_s, "reference_nm": torque, "torque_nm": model, "duty_pct": run.input}
+    return Record(columns, metrics, role="recorded-input")

@@ -1,4 +1,4 @@
-"""The controllers that a replay knows: one row each, what a row needs from the user's files, and two laws.
+"""The controllers that a replay knows: what each needs from the user's files, and two laws.
 
 RC and PI, with saturation and what it does to their integrals, stand in `control/rc.py` and `control/pi.py`.
 
@@ -22,8 +22,7 @@ about as much as a PD of that speed would, not as a deadbeat one; and a wrong pl
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 from eaid.control.gains import physical, pi_gains, rc_gains
 from eaid.control.pi import PIGains, PIState, pi_step
@@ -33,7 +32,6 @@ from eaid.models.parameters import Linear, Nonlinear
 from eaid.replay.plant import PlantParameters, plant_parameters, plant_step
 from eaid.results.gains import Gains
 
-G = TypeVar("G", RCGains, PIGains)
 # step(gains, state, reference, reference_rate, torque, dt) → (next state, duty)
 Step = Callable[[Any, Any, float, float, float, float], tuple[Any, float]]
 
@@ -50,25 +48,10 @@ class Controller:
     # central one
     looks_ahead: bool = False
 
-    def __post_init__(self) -> None:
-        gains = (float(value) if isinstance(value, int) else value for value in self.gains)
-        object.__setattr__(self, "gains", self.gains._make(gains))  # of floats all, so that one machine code serves
-
     @property
     def limits_pct(self) -> tuple[float, float]:
         """Duty limits that the law keeps [%]."""
         return self.gains.duty_min, self.gains.duty_max
-
-
-@dataclass(frozen=True)
-class Knowledge:
-    """What controllers are made from; a part that is missing costs the controllers that need it."""
-
-    plant: Nonlinear  # The fitted model
-    linear: Linear | None  # Of which the open loop is made
-    gains: Gains | None
-    # Range of the actuator [%], for the controllers that have no gains of their own
-    limits: tuple[float, float] = (0.0, 100.0)
 
 
 class OpenLoopGains(NamedTuple):
@@ -81,16 +64,10 @@ class OpenLoopGains(NamedTuple):
     duty_max: float = 100.0
 
 
-class NoState(NamedTuple):
-    """Of a law that remembers nothing."""
-
-    nothing: float = 0.0
-
-
 def open_loop_step(
-    gains: OpenLoopGains, state: NoState, reference: float, _reference_rate: float, _torque: float, _dt: float
-) -> tuple[NoState, float]:
-    """u = (a0 T_d − c0)/b0, the duty of the linear model's steady torque."""
+    gains: OpenLoopGains, state: float, reference: float, _reference_rate: float, _torque: float, _dt: float
+) -> tuple[float, float]:
+    """u = (a0 T_d − c0)/b0, the duty of the linear model's steady torque; no state."""
     wanted = (gains.a0 * reference - gains.c0) / gains.b0
     return state, min(max(wanted, gains.duty_min), gains.duty_max)
 
@@ -101,10 +78,9 @@ SEARCH_STEPS = 60  # Far more than the search takes (four to six)
 
 
 class InverseGains(NamedTuple):
-    """The model that is inverted, and how fast it follows the measurement."""
+    """The model that is inverted, and the range of the actuator."""
 
     plant: PlantParameters
-    observer: float = OBSERVER_PER_S  # w [1/s]
     duty_min: float = 0.0  # [%]
     duty_max: float = 100.0  # [%]
 
@@ -170,7 +146,7 @@ def inverse_step(
     """
     plant = gains.plant
     innovation = torque - state.x1 - state.x2
-    kept = math.exp(-gains.observer * dt)
+    kept = math.exp(-OBSERVER_PER_S * dt)
     correction = (1.0 - kept * kept) * innovation
     x1 = state.x1 + plant.C * correction
     x2 = state.x2 + (1.0 - plant.C) * correction
@@ -193,32 +169,25 @@ def pi_controller(gains: PIGains) -> Controller:
 
 def inverse_controller(plant: Nonlinear, limits: tuple[float, float] = (0.0, 100.0)) -> Controller:
     """The inverse of a fitted model over the range of its actuator [%], ready to replay."""
-    gains = InverseGains(plant_parameters(plant), OBSERVER_PER_S, *limits)
+    gains = InverseGains(plant_parameters(plant), *limits)
     return Controller("inverse", inverse_step, gains, InverseState(), looks_ahead=True)
 
 
-def _of_gains(
-    name: str, read: Callable[[Gains | None], G | None], ready: Callable[[G], Controller], known: Knowledge
+def controller_of(
+    name: str, plant: Nonlinear, linear: Linear | None, gains: Gains | None, limits_pct: tuple[float, float]
 ) -> Controller:
-    gains = read(known.gains)
-    if gains is None:
-        raise UsageError(f"controller {name} needs gains: give «gains», which eaid tune-rc writes")
-    return ready(gains)
-
-
-def _open_loop(known: Knowledge) -> Controller:
-    if known.linear is None:
-        raise UsageError("controller open-loop needs a linear model: fit it too, or give «gains», which hold one")
-    linear = physical(known.linear)
-    return Controller(
-        "open-loop", open_loop_step, OpenLoopGains(linear.a0, linear.b0, linear.c0, *known.limits), NoState()
-    )
-
-
-# Name → how it is made; `UsageError` where its gains are missing
-CONTROLLERS: dict[str, Callable[[Knowledge], Controller]] = {
-    "rc": partial(_of_gains, "rc", rc_gains, rc_controller),
-    "pi": partial(_of_gains, "pi", pi_gains, pi_controller),
-    "open-loop": _open_loop,
-    "inverse": lambda known: inverse_controller(known.plant, known.limits),
-}
+    """A controller by its name, from the fitted models, gains, and the range of the actuator [%] for those that have no
+    gains of their own; `UsageError` where what it needs is missing."""
+    if name == "inverse":
+        return inverse_controller(plant, limits_pct)
+    if name == "open-loop":
+        if linear is None:
+            raise UsageError("controller open-loop needs a linear model: fit it too, or give «gains», which hold one")
+        linear = physical(linear)
+        law = OpenLoopGains(linear.a0, linear.b0, linear.c0, *limits_pct)
+        return Controller("open-loop", open_loop_step, law, 0.0)
+    if name == "rc" and (rc := rc_gains(gains)) is not None:
+        return rc_controller(rc)
+    if name == "pi" and (pi := pi_gains(gains)) is not None:
+        return pi_controller(pi)
+    raise UsageError(f"controller {name} needs gains: give «gains», which eaid tune-rc writes")

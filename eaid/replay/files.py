@@ -5,12 +5,12 @@ the next sample); and what a scenario adds. What the replay says of itself are r
 its attribute `metrics` (JSON), what it is its attribute `role`.
 """
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import h5py
+import msgspec
 import numpy as np
 
 from eaid.arrays import Array, read_only
@@ -19,7 +19,7 @@ from eaid.files import hdf5_written_whole
 from eaid.findings import Finding
 from eaid.logs.hdf import nodes, open_hdf5
 from eaid.results.codec import digest_of, from_plain, to_plain
-from eaid.results.replay import Exercise, Head, Metrics, Record, Replay
+from eaid.results.replay import Head, Metrics, Record, Replay
 from eaid.version import __version__
 
 SCHEMA = "eaid/replay/1"
@@ -28,15 +28,14 @@ AGAIN = "make it again with eaid simulate"
 
 
 def plain_head(head: Head) -> dict[str, object]:
-    """What a replay says of itself, as files have it: the exercise's numbers stand beside the others."""
-    content = {key: value for key, value in to_plain(head).items() if value is not None and key != "exercise"}
-    for name in ("band_quantiles", "not_usable"):
+    """What a replay says of itself, as files have it; what it does not have is left out."""
+    content = {key: value for key, value in to_plain(head).items() if value is not None}
+    for name in ("band_quantiles", "not_usable", "findings"):
         if not content[name]:
             del content[name]
-    findings = content.pop("findings")
-    exercise = to_plain(head.exercise) if head.exercise is not None else {}
-    warned = {"findings": findings, "warnings": [each["text"] for each in findings]} if findings else {}
-    return {"eaid": __version__, **content, **exercise, **warned}
+    if head.findings:
+        content["warnings"] = [each["text"] for each in content["findings"]]
+    return {"eaid": __version__, **content}
 
 
 def plain_metrics(metrics: Metrics) -> dict[str, object]:
@@ -53,8 +52,7 @@ def as_json(replay: Replay) -> dict[str, object]:
     content = {"schema": SCHEMA, **plain_head(replay.head), "controllers": controllers}
     if log:
         content["log"] = log
-    heading = {key: content.pop(key) for key in ("schema", "eaid")}
-    return {**heading, "digest": digest_of({**heading, **content}), **content}
+    return {"schema": SCHEMA, "eaid": __version__, "digest": digest_of(content), **content}
 
 
 def write_replay(path: Path, replay: Replay, force: bool = False) -> None:
@@ -62,7 +60,7 @@ def write_replay(path: Path, replay: Replay, force: bool = False) -> None:
     with hdf5_written_whole(path, force) as file:
         file.attrs["schema"] = SCHEMA
         for name, value in plain_head(replay.head).items():
-            file.attrs[name] = value if isinstance(value, str | int | float) else _json(value)
+            file.attrs[name] = value if isinstance(value, str | int | float) else msgspec.json.encode(value).decode()
         for name, record in replay.records.items():
             group = file.create_group(name)
             for column, values in {**record.columns, **record.tables}.items():
@@ -70,7 +68,7 @@ def write_replay(path: Path, replay: Replay, force: bool = False) -> None:
                 squeezed = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if array.ndim else {}
                 group.create_dataset(column, data=array, track_times=False, **squeezed)
             group.attrs["role"] = record.role
-            group.attrs["metrics"] = _json(plain_metrics(record.metrics))
+            group.attrs["metrics"] = msgspec.json.encode(plain_metrics(record.metrics)).decode()
 
 
 def read(path: Path) -> tuple[Replay, tuple[Finding, ...]]:
@@ -97,10 +95,6 @@ def read(path: Path) -> tuple[Replay, tuple[Finding, ...]]:
             numbers = _plain(group.attrs.get("metrics", "{}"), path, "metrics")
             role = _plain(group.attrs.get("role", "controller"), path, "role")
             records[name] = Record(columns, from_plain(numbers, Metrics, f"{path}: {name}", left_out), tables, role)
-        names = set(Exercise.__struct_fields__)
-        exercise = {key: content.pop(key) for key in list(content) if key in names}
-        if names <= exercise.keys():
-            content["exercise"] = exercise
         content.setdefault("scenario", "")
         return Replay(from_plain(content, Head, str(path), left_out), records), tuple(left_out)
 
@@ -120,21 +114,13 @@ def _columns(arrays: Mapping[str, Any], where: str) -> dict[str, Array]:
     return columns
 
 
-def _json(value: Any) -> str:
-    return json.dumps(value, ensure_ascii=False, allow_nan=False)
-
-
-def _not_json(word: str) -> float:
-    raise ValueError(word)
-
-
 def _plain(value: Any, path: Path, name: str) -> Any:
     """An attribute as Python has it; what was kept as JSON is read again."""
     if isinstance(value, bytes):
         value = value.decode("utf-8", errors="replace")
     if isinstance(value, str) and value.startswith(("{", "[")):
         try:
-            return json.loads(value, parse_constant=_not_json)
-        except (ValueError, RecursionError):
+            return msgspec.json.decode(value)
+        except (msgspec.DecodeError, RecursionError):
             raise DataError(f"{path}: its {name} is no JSON; {AGAIN}") from None
     return value.tolist() if hasattr(value, "tolist") else value

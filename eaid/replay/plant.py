@@ -21,7 +21,7 @@ Floats and `math` only: numba compiles these functions as they stand, and plain 
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -48,23 +48,17 @@ class PlantParameters(NamedTuple):
 def plant_parameters(p: Nonlinear) -> PlantParameters:
     """The form of a model that loops take; polynomials of lower degree are filled up with zeros.
 
-    Raises `DataError` where a polynomial has more coefficients than Eqs. (5)-(7), or the duties have no order.
+    Raises `DataError` where a polynomial has more coefficients than Eqs. (5)-(7).
     """
-    filled = []
+    filled: list[Any] = []  # tuples of so many
     for name, polynomial, most in (("tau1", p.tau1, 3), ("tau2", p.tau2, 3), ("Ts", p.Ts, 4)):
         if not 1 <= len(polynomial) <= most:
             raise DataError(f"nonlinear.{name} has {len(polynomial)} coefficients; the replay takes 1 to {most}")
-        filled.append([float(each) for each in (*polynomial, 0.0, 0.0, 0.0)])
+        filled.append((*map(float, polynomial), 0.0, 0.0, 0.0)[:most])
+    tau1, tau2, Ts = filled
     low, high = map(float, p.u_range)
-    if not (0.0 <= low <= high and high > 0.0):
-        raise DataError(f"nonlinear.u_range is [{low:g}, {high:g}] %; it must rise from 0 or above")
-    fast, slow = p.release or (0.0, 0.0)
-    below = math.inf if p.falls_as_release else low
-    a, b, c = filled
-    return PlantParameters(
-        float(p.C), (a[0], a[1], a[2]), (b[0], b[1], b[2]), (c[0], c[1], c[2], c[3]), low, high,
-        (float(fast), float(slow)), below,
-    )  # fmt: skip
+    fast, slow = map(float, p.release or (0.0, 0.0))
+    return PlantParameters(float(p.C), tau1, tau2, Ts, low, high, (fast, slow), math.inf if p.falls_as_release else low)
 
 
 def plant_terms(parameters: PlantParameters, duty: float) -> tuple[float, float, float]:
@@ -103,12 +97,6 @@ def plant_pull(parameters: PlantParameters, x1: float, x2: float, duty: float) -
         if slow < 0.0 and release2 > 0.0:
             tau2 = share * tau2 + (1.0 - share) * release2
     return fast, slow, tau1, tau2
-
-
-def falling_taus(parameters: PlantParameters, duty: float) -> tuple[float, float]:
-    """τ1 and τ2 [s] with which the two parts fall towards a duty [%]."""
-    _, _, tau1, tau2 = plant_pull(parameters, math.inf, math.inf, duty)
-    return tau1, tau2
 
 
 def plant_step(parameters: PlantParameters, x1: float, x2: float, duty: float, dt: float) -> tuple[float, float]:

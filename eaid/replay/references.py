@@ -1,35 +1,44 @@
-"""Torque references of the paper's experiments, at the control rate, and what is to be measured on each."""
+"""Torque references of the paper's experiments, at the control rate, and what is measured on each.
+
+Errors are reference − true torque. Over n samples:
+
+    largest     max |e|                              RMS  √(Σ e²/n)            mean  Σ |e|/n
+    duty step   Σ |u_k − u_{k−1}|/(n − 1)
+    saturated   share of samples whose duty lies at or beyond a limit (0 and 100 %, or the gains' own)
+
+A step of the reference from r0 to r1, y = (T − r0)/(r1 − r0), watched until the next step:
+
+    rise        from the first y = 10 % to the first y = 90 %, between samples by a straight line
+    overshoot   max(y) − 1, at least 0, in percent of the step
+    settling    time after the step beyond which |y − 1| stays within 2 % until the next step
+
+What is never reached is None. A tone A sin(2πft) of the reference over whole periods: gain and phase of the
+least-squares fundamental of the torque (a constant fitted beside it) against that of the reference.
+"""
 
 import csv
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from eaid.arrays import Array, read_only
 from eaid.control.defaults import Scales
 from eaid.errors import DataError, UsageError
-from eaid.replay import metrics
-from eaid.replay.loop import Trace
-from eaid.results.replay import Metrics, Record, Role
+from eaid.findings import Finding, finding
+from eaid.replay.plant import PlantParameters, plant_terms
+from eaid.results.gains import Tracking
+from eaid.results.replay import Metrics, StepMetrics, ToneMetrics
 
 Signal = tuple[Array, Array]  # Time [s] and output, shapes (n,) each
 
 MOST_SAMPLES = 20_000_000  # Most control samples of one replay
-
-
-@dataclass(frozen=True)
-class Tone:
-    """One frequency of a sweep: the samples over which its fundamental is measured."""
-
-    frequency_hz: float
-    begin: int
-    end: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +49,8 @@ class Reference:
     dt_s: float
     counted_from_s: float = 0.0  # Errors before this instant do not count [s]
     steps: tuple[int, ...] = ()  # Samples at which the reference steps; each is measured until the next, or the end
-    tones: tuple[Tone, ...] = ()
+    # Frequencies of a sweep [Hz], and the samples over which the fundamental of each is measured: first, end
+    tones: tuple[tuple[float, int, int], ...] = ()
 
     @property
     def begin(self) -> int:
@@ -53,23 +63,17 @@ class Reference:
         return float(np.abs(np.gradient(self.torque_nm, self.dt_s)).max())
 
 
-def steps(dt_s: float, duration_s: float | None = None, top: float = 1.0, pace: float = 1.0) -> Reference:
-    """Fig. 11: a staircase 0…4 N·m up and down, each level held as long, 5 s by default.
-
-    `top` is a factor on the torque; times are divided by `pace`.
-    """
+def steps(dt_s: float, duration_s: float | None, top: float, pace: float) -> Reference:
+    """Fig. 11: a staircase 0…4 N·m up and down, each level held as long, 5 s by default."""
     levels = top * np.array([0.0, 1.0, 2.0, 3.0, 4.0, 3.0, 2.0, 1.0, 0.0])
     hold = samples_of(5.0 / pace if duration_s is None else duration_s / len(levels), dt_s)
     torque = np.repeat(levels, hold)
     return Reference(read_only(torque), dt_s, steps=tuple((np.flatnonzero(np.diff(torque)) + 1).tolist()))
 
 
-def multisine(dt_s: float, duration_s: float | None = None, top: float = 1.0, pace: float = 1.0) -> Reference:
+def multisine(dt_s: float, duration_s: float | None, top: float, pace: float) -> Reference:
     """Fig. 12: 2 + 0.2 Σ sin(2πft + φ) N·m, f = 0.2, 0.5, 1, 2, 4 Hz, φ = 1.7·(0, 1, 4, 9, 16), 12 s; errors count
-    after 5 s.
-
-    `top` is a factor on the torque, `pace` on the frequencies; times are divided by it.
-    """
+    after 5 s."""
     length, settled = 12.0 / pace if duration_s is None else duration_s, 5.0 / pace
     t = np.arange(samples_of(length, dt_s)) * dt_s
     torque = np.full_like(t, 2.0 * top)
@@ -78,11 +82,10 @@ def multisine(dt_s: float, duration_s: float | None = None, top: float = 1.0, pa
     return Reference(read_only(torque), dt_s, counted_from_s=settled if length > settled else 0.0)
 
 
-def sweep(dt_s: float, duration_s: float | None = None, top: float = 1.0, pace: float = 1.0) -> Reference:
+def sweep(dt_s: float, duration_s: float | None, top: float, pace: float) -> Reference:
     """Fig. 13: sines 2 ± 1 N·m, 0.2 to 3 Hz, one after another, each from phase 0 for whole periods.
 
-    Each settles for 10 s, then is measured for 5 s and two periods at least. `top` is a factor on the torque, `pace` on
-    the frequencies; times are divided by it.
+    Each settles for 10 s, then is measured for 5 s and two periods at least.
     """
     if duration_s is not None:
         raise UsageError("the sweep's length follows from its frequencies; leave «duration» out")
@@ -98,24 +101,19 @@ def sweep(dt_s: float, duration_s: float | None = None, top: float = 1.0, pace: 
         end = begin + round((before + periods) / frequency / dt_s)
         t = np.arange(end - begin) * dt_s
         pieces.append(2.0 * top + top * np.sin(2 * math.pi * frequency * t))
-        tones.append(Tone(frequency, measured_from, end))
+        tones.append((frequency, measured_from, end))
         begin = end
     torque = np.concatenate(pieces)
-    return Reference(read_only(torque), dt_s, counted_from_s=tones[0].begin * dt_s, tones=tuple(tones))
+    return Reference(read_only(torque), dt_s, counted_from_s=tones[0][1] * dt_s, tones=tuple(tones))
 
 
-def sampled(time_s: Array, torque_nm: Array, dt_s: float, name: str = "the reference") -> Reference:
+def sampled(time_s: Array, torque_nm: Array, dt_s: float) -> Reference:
     """A reference of the user's own on the control grid, by straight lines between its points, shapes (n,)."""
-    n = math.floor(min((time_s[-1] - time_s[0]) / dt_s, 1e15) + 1e-6) + 1
+    lasts_s = float(time_s[-1] - time_s[0])
+    n = math.floor(min(lasts_s / dt_s, 1e15) + 1e-6) + 1
     if n < 2:
-        raise DataError(
-            f"{name}: lasts {time_s[-1] - time_s[0]:g} s, less than one control interval; give a longer reference"
-        )
-    if n > MOST_SAMPLES:
-        raise UsageError(
-            f"{name}: lasts {time_s[-1] - time_s[0]:g} s, which is {n:,} control samples of {dt_s:g} s, and a "
-            f"replay takes {MOST_SAMPLES:,}; give a lower «rate_hz»"
-        )
+        raise DataError(f"the reference: lasts {lasts_s:g} s, less than one control interval; give a longer reference")
+    refuse_too_long(f"the reference: lasts {lasts_s:g} s, which is", n, dt_s)
     grid = time_s[0] + np.arange(n) * dt_s
     return Reference(read_only(np.interp(grid, time_s, torque_nm)), dt_s)
 
@@ -146,10 +144,10 @@ def read_rows(
             values = [float(row[column]) for column in columns] if len(row) == len(named) else []
         except ValueError:
             values = []
-        if not values or not all(map(math.isfinite, values)):
-            faults.append(f"{path}: row {number} holds {','.join(row)!r}, not {len(header)} finite numbers; mend it")
-        else:
+        if values and all(map(math.isfinite, values)):
             numbers.append((number, values))
+        else:
+            faults.append(f"{path}: row {number} holds {','.join(row)!r}, not {len(header)} finite numbers; mend it")
     if faults:
         raise DataError(*faults[:20])
     return numbers
@@ -174,20 +172,22 @@ def samples_of(duration_s: float, dt_s: float) -> int:
     n = round(duration_s / dt_s)
     if n < 2:
         raise UsageError(f"a duration of {duration_s:g} s holds fewer than two control samples of {dt_s:g} s")
-    if n > MOST_SAMPLES:
-        raise UsageError(
-            f"a duration of {duration_s:g} s holds {n:,} control samples of {dt_s:g} s, and a replay takes "
-            f"{MOST_SAMPLES:,}; give a shorter «duration» or a lower «rate_hz»"
-        )
+    refuse_too_long(f"a duration of {duration_s:g} s holds", n, dt_s)
     return n
 
 
-# Name → its reference at an interval and of a length [s], with factors on the paper's torque and frequencies
-SCENARIOS: dict[str, Callable[[float, float | None, float, float], Reference]] = {
-    "steps": steps,
-    "multisine": multisine,
-    "sweep": sweep,
-}
+def refuse_too_long(said: str, n: int, dt_s: float) -> None:
+    """UsageError where there are more control samples than a replay takes."""
+    if n > MOST_SAMPLES:
+        raise UsageError(
+            f"{said} {n:,} control samples of {dt_s:g} s, and a replay takes {MOST_SAMPLES:,}; make it shorter or give "
+            "a lower «rate_hz»"
+        )
+
+
+# Name → its reference at an interval and of a length [s], with factors on the paper's torque and frequencies; its times
+# are divided by the latter
+SCENARIOS = {"steps": steps, "multisine": multisine, "sweep": sweep}
 
 
 def reference_of(wanted: str | Signal, dt_s: float, scales: Scales, duration_s: float | None = None) -> Reference:
@@ -197,29 +197,86 @@ def reference_of(wanted: str | Signal, dt_s: float, scales: Scales, duration_s: 
     return SCENARIOS[wanted](dt_s, duration_s, scales.top, scales.pace)
 
 
-def measure(trace: Trace, reference: Reference) -> Metrics:
-    """All metrics of a replay on its reference: tracking, then per step and per tone where there are any."""
-    wanted, torque, dt_s = trace.reference_nm, trace.torque_nm, trace.dt_s
-    steps = [
-        metrics.step(torque[a:b], float(wanted[a - 1]), float(wanted[a]), dt_s)
-        for a, b in itertools.pairwise([*reference.steps, len(torque)])
-    ]
-    tones = [
-        metrics.tone(wanted[tone.begin : tone.end], torque[tone.begin : tone.end], tone.frequency_hz, dt_s)
-        for tone in reference.tones
-    ]
-    return Metrics(
-        **msgspec.structs.asdict(trace.tracking(slice(reference.begin, None))),
-        counted_from_s=reference.counted_from_s,
-        steps=tuple(steps),
-        frequencies=tuple(tones),
+def reference_beyond(wanted: Reference, plant: PlantParameters, subject: str, unit: str) -> list[Finding]:
+    """Whether a reference goes beyond what the plant has."""
+    asked, highest = float(wanted.torque_nm.max()), plant_terms(plant, plant.u_high)[2]
+    if asked <= highest:
+        return []
+    return [finding("reference-above-plant", subject, asked=asked, highest=highest, unit=unit)]
+
+
+def tracking(
+    columns: Mapping[str, Array], limits_pct: tuple[float, float], counted: "slice | NDArray[np.int64]" = slice(None)
+) -> Tracking:
+    """Errors [N·m], duty activity [%] and saturation [1] of a replay over the samples that count."""
+    reference, torque, duty = (columns[name][counted] for name in ("reference_nm", "torque_nm", "duty_pct"))
+    error = np.abs(reference - torque)
+    return Tracking(
+        max_abs_error_nm=float(error.max()),
+        rms_error_nm=math.sqrt(float((error * error).mean())),
+        mean_abs_error_nm=float(error.mean()),
+        mean_abs_duty_step_pct=float(np.abs(np.diff(duty)).mean()) if len(duty) > 1 else 0.0,
+        saturated_fraction=float(((duty <= limits_pct[0]) | (duty >= limits_pct[1])).mean()),
     )
 
 
-def record(
-    trace: Trace, measured: Metrics, further: Mapping[str, Array] | None = None, role: Role = "controller"
-) -> Record:
-    """A replay as a group of replay.h5, with further columns of its length."""
-    names = ("time_s", "reference_nm", "torque_nm", "duty_pct", "measured_nm", "applied_pct")
-    columns = {name: column for name in names if (column := getattr(trace, name)) is not None}
-    return Record({**columns, **(further or {})}, measured, role=role)
+def step(torque_nm: Array, from_nm: float, to_nm: float, dt_s: float) -> StepMetrics:
+    """Rise time [s], overshoot [%] and settling time [s] of one step; torque from the step's sample on, shape (n,)."""
+    y = (torque_nm - from_nm) / (to_nm - from_nm)
+    low, high = _first_crossing(y, 0.1), _first_crossing(y, 0.9)
+    return StepMetrics(
+        from_nm=from_nm,
+        to_nm=to_nm,
+        rise_time_s=(high - low) * dt_s if low is not None and high is not None else None,
+        overshoot_pct=max(0.0, float(y.max()) - 1.0) * 100,
+        settling_s=_settling(np.abs(y - 1.0), dt_s),
+    )
+
+
+def _first_crossing(y: Array, level: float) -> float | None:
+    """Samples until y first reaches a level, between samples by a straight line; 0 where it begins there."""
+    reached = y >= level
+    k = int(reached.argmax())
+    if not reached[k]:
+        return None
+    if k == 0:
+        return 0.0
+    return k - 1 + float((level - y[k - 1]) / (y[k] - y[k - 1]))
+
+
+def _settling(away: Array, dt_s: float) -> float | None:
+    """Time [s] from which |y − 1| stays within 2 %; None: never."""
+    outside = np.flatnonzero(away > 0.02)
+    if not len(outside):
+        return 0.0
+    return None if outside[-1] == len(away) - 1 else float(outside[-1] + 1) * dt_s
+
+
+def tone(reference_nm: Array, torque_nm: Array, frequency_hz: float, dt_s: float) -> ToneMetrics:
+    """Gain [dB], phase [°] and mean absolute error [N·m] at one frequency, over whole periods, shapes (n,)."""
+    angle = 2 * math.pi * frequency_hz * (np.arange(len(torque_nm)) * dt_s)
+    waves = np.column_stack([np.sin(angle), np.cos(angle), np.ones(len(angle))])
+    sines, cosines, _ = np.linalg.lstsq(waves, np.column_stack([torque_nm, reference_nm]))[0].tolist()
+    ratio = complex(sines[0], cosines[0]) / complex(sines[1], cosines[1])
+    return ToneMetrics(
+        frequency_hz=frequency_hz,
+        gain_db=20 * math.log10(abs(ratio)) if ratio != 0 else None,
+        phase_deg=math.degrees(math.atan2(ratio.imag, ratio.real)),
+        mean_abs_error_nm=float(np.abs(reference_nm - torque_nm).mean()),
+    )
+
+
+def measure(columns: Mapping[str, Array], limits_pct: tuple[float, float], reference: Reference) -> Metrics:
+    """All metrics of a replay on its reference: tracking, then per step and per tone where there are any."""
+    wanted, torque, dt_s = columns["reference_nm"], columns["torque_nm"], reference.dt_s
+    measured = [
+        step(torque[a:b], float(wanted[a - 1]), float(wanted[a]), dt_s)
+        for a, b in itertools.pairwise([*reference.steps, len(torque)])
+    ]
+    tones = [
+        tone(wanted[begin:end], torque[begin:end], frequency_hz, dt_s) for frequency_hz, begin, end in reference.tones
+    ]
+    return Metrics(
+        **msgspec.structs.asdict(tracking(columns, limits_pct, slice(reference.begin, None))),
+        counted_from_s=reference.counted_from_s, steps=tuple(measured), frequencies=tuple(tones),
+    )  # fmt: skip

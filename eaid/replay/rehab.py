@@ -18,14 +18,14 @@ from collections.abc import Callable, Mapping
 import msgspec
 import numpy as np
 
-from eaid.arrays import Array, read_only
+from eaid.arrays import Array
 from eaid.errors import GainsError, UsageError
 from eaid.options import Rig
 from eaid.replay.controllers import Controller
-from eaid.replay.loop import Trace, as_trace, coloured, noise, rig_numbers
+from eaid.replay.loop import coloured, columns_of, noise, rig_numbers
 from eaid.replay.plant import Held, PlantParameters, hold_step, plant_terms
-from eaid.replay.references import record, samples_of
-from eaid.results.replay import Box, CycleTest, Exercise, Metrics, ModeMetrics, ModesTest, Normality, Record, SampleTest
+from eaid.replay.references import samples_of, tracking
+from eaid.results.replay import Box, CycleTest, Exercise, Metrics, ModeMetrics, ModesTest, Record, SampleTest
 
 MODES = ("soft", "hard", "assisted")  # In the order of Fig. 16
 # Where an elbow ends, overstretched or fully bent; a limb beyond it is a loop that has diverged
@@ -48,40 +48,35 @@ def rehabilitate(
     n = samples_of(len(MODES) * exercise.mode_s, dt_s)
     if exercise.mode_s < 10 * dt_s:
         raise UsageError(f"rehab: a mode of {exercise.mode_s:g} s is too short for a control interval of {dt_s:g} s")
-    signals = _signals(exercise, rig, n, dt_s, seed)
-    columns = _run(plant, controller, exercise, rig, dt_s, signals)
-    reference, torque, measured, duty, applied, angle, desired, rendered = map(read_only, columns)
-    trace = as_trace(controller, rig, dt_s, reference, (torque, measured, duty, applied))
-    target, angle = np.degrees(signals[0]), np.degrees(angle)
-    further = {
+    reference, *filled, target, angle, desired, rendered = _run(plant, controller, exercise, rig, n, dt_s, seed)
+    target, angle = np.degrees(target), np.degrees(angle)
+    columns = columns_of(rig, dt_s, reference, filled) | {
         "target_deg": target, "angle_deg": angle, "position_error_deg": target - angle, "desired_nm": desired,
         "rendered_nm": rendered, "torque_error_nm": desired - rendered,
         "mode": np.minimum(np.arange(n) * dt_s // exercise.mode_s, len(MODES) - 1),
     }  # fmt: skip
-    return record(trace, statistics(trace, further, exercise), further)
-
-
-def _signals(exercise: Exercise, rig: Rig, n: int, dt_s: float, seed: int) -> tuple[Array, ...]:
-    """What is known before the session begins, shapes (n,): target [rad] and its rate [rad/s], the user's random moment
-    and the noise [N·m], the shares of the way to the hard and to the assisted mode."""
-    t = np.arange(n) * dt_s
-    angle = 2 * math.pi * exercise.movement_hz * t
-    swing = math.radians(exercise.amplitude_deg)
-    # the sensor's noise has another seed
-    user = np.random.default_rng(int(np.random.SeedSequence([seed, 7]).generate_state(1, np.uint64)[0]))
-    # the user's moment is white noise that forgets itself in tremor_s: an AR(1) of the same variance at any rate
-    middle = exercise.mode_s * np.arange(1, len(MODES))
-    to_hard, to_assisted = (0.5 * (1 + np.tanh((t - at) / exercise.blend_s)) for at in middle)
-    target = math.radians(exercise.centre_deg) - swing * np.cos(angle)
-    target_rate = swing * 2 * math.pi * exercise.movement_hz * np.sin(angle)
-    tremor, disturbance = coloured(n, dt_s, exercise.tremor_s, user), noise(rig, n, seed)
-    return target, target_rate, exercise.tremor_nm * tremor, disturbance, to_hard, to_assisted
+    return Record(columns, statistics(columns, controller.limits_pct, exercise, dt_s))
 
 
 def _run(
-    plant: PlantParameters, controller: Controller, exercise: Exercise, rig: Rig, dt: float, signals: tuple[Array, ...]
+    plant: PlantParameters, controller: Controller, exercise: Exercise, rig: Rig, n: int, dt: float, seed: int
 ) -> Array:
-    """The session, sample by sample: reference, torque, measured, duty, applied, angle, desired, rendered; (8, n)."""
+    """The session, sample by sample: reference, torque, measured, duty, applied, target, angle, desired, rendered;
+    (9, n)."""
+    t = np.arange(n) * dt
+    phase = 2 * math.pi * exercise.movement_hz * t
+    swing = math.radians(exercise.amplitude_deg)
+    # the sensor's noise has another seed
+    user_random = np.random.default_rng(int(np.random.SeedSequence([seed, 7]).generate_state(1, np.uint64)[0]))
+    middle = exercise.mode_s * np.arange(1, len(MODES))
+    signals = (
+        math.radians(exercise.centre_deg) - swing * np.cos(phase),  # target [rad] and its rate [rad/s]
+        swing * 2 * math.pi * exercise.movement_hz * np.sin(phase),
+        # the user's moment is white noise that forgets itself in tremor_s: an AR(1) of the same variance at any rate
+        exercise.tremor_nm * coloured(n, dt, exercise.tremor_s, user_random),
+        noise(rig, n, seed),
+        *(0.5 * (1 + np.tanh((t - at) / exercise.blend_s)) for at in middle),  # shares of the way to hard, to assisted
+    )
     law: Callable[..., tuple[object, float]] = controller.step
     gains, state = controller.gains, controller.start
     soft, hard = exercise.soft_nm_rad, exercise.hard_nm_rad
@@ -124,7 +119,7 @@ def _run(
         state, duty = law(gains, state, reference, (reference - before) / dt, seen, dt)
         duties.append(duty)
         held, applied = hold_step(plant, period, dt, k, duties[k - delay] if k >= delay else 0.0, held)
-        samples.append((reference, true, seen, duty, applied, angle, desired, sign * true))
+        samples.append((reference, true, seen, duty, applied, target, angle, desired, sign * true))
         # what the limb does, its moment held over the sample
         moment = user + sign * true - moment
         angle += drift * speed + lift * moment
@@ -149,66 +144,37 @@ def limb_steps(inertia_kgm2: float, damping_nms: float, dt_s: float) -> tuple[fl
     return math.exp(-x), once * dt_s / inertia_kgm2, once * dt_s, twice * dt_s**2 / inertia_kgm2
 
 
-def statistics(trace: Trace, columns: Mapping[str, Array], exercise: Exercise) -> Metrics:
-    """Errors of the torque loop over all counted samples; boxes, normality and tests by mode, |position error| in °.
+def statistics(
+    columns: Mapping[str, Array], limits_pct: tuple[float, float], exercise: Exercise, dt_s: float
+) -> Metrics:
+    """Errors of the torque loop over all counted samples; boxes and tests by mode, |position error| in °.
 
     A small p of D'Agostino and Pearson's K² says that the samples are not normal. Beside the paper's test, Student's t
     on samples taken as independent, stand those on the means of movement cycles.
     """
     from scipy import stats  # slow to import, as in `by_cycles`
 
-    starts = exercise.mode_s * np.arange(len(MODES))
-    begins = np.round((starts + exercise.uncounted_s) / trace.dt_s).astype(int)
-    ends = np.round((starts + exercise.mode_s) / trace.dt_s).astype(int)
-    parts = {mode: np.arange(begin, end) for mode, begin, end in zip(MODES, begins, ends, strict=True)}
-    error_deg = {mode: np.abs(columns["position_error_deg"][part]) for mode, part in parts.items()}
-    cycle = round(1 / exercise.movement_hz / trace.dt_s)
-    means = {mode: cycle_means(values, cycle) for mode, values in error_deg.items()}
-    torque_error = np.abs(columns["torque_error_nm"])
-    modes, normality, tests = {}, {}, []
-    for mode, part in parts.items():
+    cycle = round(1 / exercise.movement_hz / dt_s)
+    parts, errors, means, modes = [], {}, {}, {}
+    for k, mode in enumerate(MODES):
+        begin, end = (round((k * exercise.mode_s + after) / dt_s) for after in (exercise.uncounted_s, exercise.mode_s))
+        part, whole = np.arange(begin, end), (end - begin) // cycle
+        parts.append(part)
+        errors[mode] = error = np.abs(columns["position_error_deg"][part])
+        means[mode] = error[: whole * cycle].reshape(whole, cycle).mean(axis=1)
         modes[mode] = ModeMetrics(
-            box(error_deg[mode]), tuple(means[mode].tolist()), float(torque_error[part].mean())
+            Box(float(error.mean()), *np.percentile(error, [25, 50, 75]).tolist()), tuple(means[mode].tolist()),
+            float(np.abs(columns["torque_error_nm"][part]).mean()), float(stats.normaltest(error).pvalue),
         )  # fmt: skip
-        normal = stats.normaltest(error_deg[mode])
-        normality[mode] = Normality(
-            "D'Agostino-Pearson", float(normal.statistic), float(normal.pvalue), bool(normal.pvalue < 0.05)
-        )
+    tests = []
     for one, other in itertools.combinations(MODES, 2):
-        student = stats.ttest_ind(error_deg[one], error_deg[other])
-        sizes = error_deg[one].size, error_deg[other].size
-        samples = SampleTest(
-            "Student, samples taken as independent", sizes, float(student.statistic), float(student.pvalue)
-        )
+        student = stats.ttest_ind(errors[one], errors[other])
+        samples = SampleTest((errors[one].size, errors[other].size), float(student.statistic), float(student.pvalue))
         tests.append(ModesTest((one, other), samples, by_cycles(means[one], means[other])))
     return Metrics(
-        **msgspec.structs.asdict(trace.tracking(np.concatenate(list(parts.values())))), modes=modes,
-        normality=normality, tests=tuple(tests),
+        **msgspec.structs.asdict(tracking(columns, limits_pct, np.concatenate(parts))), modes=modes,
+        tests=tuple(tests),
     )  # fmt: skip
-
-
-def box(values: Array) -> Box:
-    """The numbers of a box plot: quartiles (linear), whiskers within 1.5 quartile ranges, outliers."""
-    q1, median, q3 = (float(q) for q in np.percentile(values, [25, 50, 75]))
-    reach = 1.5 * (q3 - q1)
-    inside = values[(values >= q1 - reach) & (values <= q3 + reach)]
-    return Box(
-        n=values.size,
-        mean=float(values.mean()),
-        sd=float(values.std(ddof=1)),
-        q1=q1,
-        median=median,
-        q3=q3,
-        whisker_low=float(inside.min()),
-        whisker_high=float(inside.max()),
-        outliers=values.size - inside.size,
-    )
-
-
-def cycle_means(values: Array, cycle: int) -> Array:
-    """Mean over each whole movement cycle of so many samples, from the first sample on."""
-    whole = values.size // cycle
-    return np.asarray(values[: whole * cycle].reshape(whole, cycle).mean(axis=1))
 
 
 def by_cycles(first: Array, second: Array) -> CycleTest:
@@ -219,8 +185,8 @@ def by_cycles(first: Array, second: Array) -> CycleTest:
     if min(n, m) == 0:
         return CycleTest((n, m))
     rank = stats.mannwhitneyu(first, second, method="exact")
-    test = CycleTest((n, m), U=float(rank.statistic), p_rank=float(rank.pvalue), least_p_rank=2 / math.comb(n + m, n))
+    test = CycleTest((n, m), p_rank=float(rank.pvalue), least_p_rank=2 / math.comb(n + m, n))
     if min(n, m) < 2 or not first.std() + second.std() > 0:
         return test
     welch = stats.ttest_ind(first, second, equal_var=False)
-    return msgspec.structs.replace(test, t=float(welch.statistic), df=float(welch.df), p_welch=float(welch.pvalue))
+    return msgspec.structs.replace(test, t=float(welch.statistic), p_welch=float(welch.pvalue))

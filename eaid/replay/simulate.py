@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -17,145 +18,33 @@ from eaid.models.parameters import Linear
 from eaid.options import Rig, SimulateOptions
 from eaid.progress import Progress, no_progress
 from eaid.replay.compare import compared
-from eaid.replay.controllers import CONTROLLERS, Controller, Knowledge
+from eaid.replay.controllers import Controller, controller_of
 from eaid.replay.loop import replay
-from eaid.replay.plant import PlantParameters, plant_parameters, plant_terms
-from eaid.replay.references import Reference, Signal, measure, record, reference_of
+from eaid.replay.plant import PlantParameters, plant_parameters
+from eaid.replay.references import Reference, Signal, measure, reference_beyond, reference_of
 from eaid.replay.rehab import MODES, rehabilitate
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.results.replay import Exercise, Head, Record, Replay
 from eaid.results.verdict import PLANT
 
+UNSEEN = 0.01  # Share of the samples that may lie outside what was identified without a word
+
 
 @dataclass(frozen=True)
 class Setup:
-    """What every kind of replay needs."""
+    """What every replay of controllers needs."""
 
     fit: Fit
     plant: PlantParameters
-    known: Knowledge  # Of the controllers: the fitted plant among it
     controllers: tuple[Controller, ...]
     rig: Rig
-    options: SimulateOptions
     dt_s: float
+    options: SimulateOptions
 
 
-def set_up(fit: Fit, gains: Gains | None, options: SimulateOptions, what: str) -> tuple[Setup, list[Finding]]:
-    """What a fit, gains and options come to, and findings on them; DataError where the fit holds no plant."""
-    model = plant_of(fit)
-    if model is None:
-        raise DataError("the fit holds no nonlinear model, which the replay's plant is; fit clutch data with it")
-    refuse_other_units(fit, gains)
-    linear = fit.linear or (gains.model if gains is not None else None)
-    known = Knowledge(
-        model,
-        None if linear is None else Linear(linear.a0, linear.b0, linear.c0),
-        gains,
-        input_limits(fit) if gains is None else gains.duty_limits_pct,
-    )
-    names, findings = _names(options.controller, what, known)
-    rig = part(Rig, options)
-    made_for = gains.margins.timing.rate_hz if gains is not None and gains.margins is not None else None
-    rate_hz = options.rate_hz or made_for or control_rate(fit)
-    if fit.dead_time_s > 0 and rig.delay_samples == 0:
-        rig = replace(rig, delay_samples=round(fit.dead_time_s * rate_hz))
-        findings.append(finding("dead-time-replayed", "nonlinear", dead_time_s=fit.dead_time_s))
-    for what_stands, why in _not_usable(fit, gains).items():
-        findings.append(finding("replay-not-usable", what_stands, why=why))
-    chosen = tuple(CONTROLLERS[name](known) for name in names)
-    return Setup(fit, plant_parameters(model), known, chosen, rig, options, 1.0 / rate_hz), findings
-
-
-def _names(wanted: tuple[str, ...] | None, what: str, known: Knowledge) -> tuple[tuple[str, ...], list[Finding]]:
-    """The controllers to replay; by default those that the files allow."""
-    if wanted:
-        return wanted, []
-    names = list(known.gains.laws) if known.gains is not None else []
-    if what == "sweep" and known.linear is not None:
-        names.append("open-loop")
-    if names or what == "log":
-        return tuple(names), []
-    names = ["open-loop", "inverse"] if known.linear is not None else ["inverse"]
-    return tuple(names), [finding("no-gains", "controllers")]
-
-
-UNSEEN = 0.01  # Share of the samples that may lie outside what was identified without a word
-Outcome = tuple[dict[str, Record], Head, list[Finding]]
-
-
-def tracked(setup: Setup, wanted: Reference, gains: Gains | None, progress: Progress) -> Outcome:
-    """Each controller on the reference; and drawn plants."""
-    options, records = setup.options, {}
-    findings = _of_reference(setup, wanted, gains)
-    for controller in setup.controllers:
-        trace = replay(setup.plant, controller, wanted.torque_nm, setup.rig, wanted.dt_s, options.seed)
-        records[controller.name] = record(trace, measure(trace, wanted))
-    findings += _outside_identified(setup, records)
-    head = Head("", dt_s=wanted.dt_s, counted_from_s=wanted.counted_from_s)
-    if options.plants is not None:
-        head, of_plants = _over_drawn_plants(setup, wanted, records, head, progress)
-        findings += of_plants
-    return records, head, findings
-
-
-def _of_reference(setup: Setup, wanted: Reference, gains: Gains | None) -> list[Finding]:
-    """Where a reference asks for more than the plant has, or is steeper than Q_M."""
-    findings = []
-    top, highest = float(wanted.torque_nm.max()), plant_terms(setup.plant, setup.plant.u_high)[2]
-    if top > highest:
-        findings.append(
-            finding("reference-above-plant", "reference", asked=top, highest=highest, unit=setup.fit.data.output_unit)
-        )
-    Q_M = gains.rc.Q_M if gains is not None and gains.rc is not None else None
-    if Q_M is not None and not wanted.steps and wanted.steepest_nm_s > Q_M * (1 + 1e-9):
-        findings.append(finding("reference-above-q-max", "rc", slope=wanted.steepest_nm_s, Q_M=Q_M))
-    return findings
-
-
-def _outside_identified(setup: Setup, records: Mapping[str, Record]) -> list[Finding]:
-    """Where replays go through what no log showed: duties outside the identified ones, falls between levels."""
-    low, high = setup.known.plant.u_range
-    below = above = falling = 0.0
-    for replayed in records.values():
-        duty, torque = replayed.columns["duty_pct"], replayed.columns["torque_nm"]
-        falls = (np.diff(torque) < 0) & (duty[:-1] >= low)
-        below = max(below, float(((duty > 0) & (duty < low)).mean()))
-        above = max(above, float((duty > high).mean()))
-        falling = max(falling, float(falls.mean()))
-    falls_known = bool(setup.fit.recorded_falls)
-    if max(below, above, 0.0 if falls_known else falling) <= UNSEEN:
-        return []
-    return [
-        finding(
-            "replay-leaves-identified", "nonlinear", below_pct=100 * below, above_pct=100 * above,
-            falling_pct=None if falls_known else 100 * falling, low=low, high=high, unit=setup.fit.data.input_unit,
-        )
-    ]  # fmt: skip
-
-
-def _over_drawn_plants(
-    setup: Setup, wanted: Reference, records: dict[str, Record], head: Head, progress: Progress
-) -> tuple[Head, list[Finding]]:
-    """Every metric over plants drawn from the fit's uncertainty, beside the fitted plant's."""
-    from eaid.replay.many import QUANTILES, montecarlo  # numba, which a replay of one plant does without
-
-    options = setup.options
-    count = options.plants or 0
-    all_alike = not drawable(setup.fit)
-    drawn = draw(setup.fit, count, options.seed)
-    parameters = {name: np.array([getattr(plant, name) for plant in drawn.plants]) for name in ("tau1", "tau2", "Ts")}
-    for controller in setup.controllers:
-        with progress(f"{controller.name} on drawn plants", count) as tick:
-            spread, tables = montecarlo(drawn.plants, controller, wanted, setup.rig, options.seed, tick)
-        tables |= {f"plants/parameters/{name}": values for name, values in parameters.items()}
-        on_fitted = records[controller.name]
-        metrics = msgspec.structs.replace(on_fitted.metrics, plants=spread)
-        records[controller.name] = Record(on_fitted.columns, metrics, tables)
-    head = msgspec.structs.replace(
-        head, plants=count, plants_from="fitted-plant" if all_alike else "covariance", band_quantiles=QUANTILES
-    )
-    return head, [finding("plants-all-alike", "nonlinear")] if all_alike else list(drawn.findings)
+# Records by name, what the head says of them, and findings
+Outcome = tuple[dict[str, Record], dict[str, Any], list[Finding]]
 
 
 def simulate(
@@ -173,27 +62,50 @@ def simulate(
     """
     what = "log" if runs is not None else "reference" if reference is not None else options.scenario or "multisine"
     options.check_for(what)
-    scales = scales_of(fit, plant_of(fit))
-    setup, warned = set_up(fit, gains, options, what)
+    model = plant_of(fit)
+    if model is None:
+        raise DataError("the fit holds no nonlinear model, which the replay's plant is; fit clutch data with it")
+    refuse_other_units(fit, gains)
+    findings: list[Finding] = []
+    known = fit.linear or (gains.model if gains is not None else None)
+    linear = None if known is None else Linear(known.a0, known.b0, known.c0)
+    names = options.controller or tuple(gains.laws if gains is not None else ())
+    if not options.controller and what == "sweep" and linear is not None:
+        names += ("open-loop",)
+    if not names and what != "log":
+        names = ("open-loop", "inverse") if linear is not None else ("inverse",)
+        findings.append(finding("no-gains", "controllers"))
+    limits = input_limits(fit) if gains is None else gains.duty_limits_pct
+    controllers = tuple(controller_of(name, model, linear, gains, limits) for name in names)
+    rig, scales = part(Rig, options), scales_of(fit, model)
+    if runs is not None and (unused := list(rig.given())):
+        raise UsageError(f"«{unused[0]}»: does nothing with logs; leave it out")
+    made_for = gains.margins.timing.rate_hz if gains is not None and gains.margins is not None else None
+    rate_hz = options.rate_hz or made_for or control_rate(fit)
+    if fit.dead_time_s > 0 and rig.delay_samples == 0:
+        rig = replace(rig, delay_samples=round(fit.dead_time_s * rate_hz))
+        findings.append(finding("dead-time-replayed", "nonlinear", dead_time_s=fit.dead_time_s))
+    reasons = {"plant": fit.verdict.of(*PLANT).sentence, "gains": (gains.not_usable or "") if gains is not None else ""}
+    not_usable = {name: why for name, why in reasons.items() if why}
+    findings += [finding("replay-not-usable", name, why=why) for name, why in not_usable.items()]
+    setup = Setup(fit, plant_parameters(model), controllers, rig, 1.0 / rate_hz, options)
+    outcome: Outcome
     if runs is not None:
-        records, head, more = _logs(setup, runs)
+        units = fit.data.input_unit, fit.data.output_unit
+        outcome = {run.name: compared(run, setup.plant, units, fit.dead_time_s) for run in runs}, {}, []
     elif what == "rehab":
-        records, head, more = _rehab(setup, scales.top)
+        outcome = _rehab(setup, scales.top)
     else:
         wanted = reference_of(what if reference is None else reference, setup.dt_s, scales, options.duration)
-        records, head, more = tracked(setup, wanted, gains, progress)
-    head = msgspec.structs.replace(
-        head, scenario=what, seed=options.seed, input_unit=fit.data.input_unit, output_unit=fit.data.output_unit,
-        rig=setup.rig, synthetic=fit.data.synthetic,
-        not_usable=_not_usable(fit, gains), findings=ranked([*warned, *more]),
+        outcome = _tracked(setup, wanted, gains, progress)
+    records, head, more = outcome
+    return Replay(
+        Head(
+            what, seed=options.seed, input_unit=fit.data.input_unit, output_unit=fit.data.output_unit, rig=rig,
+            synthetic=fit.data.synthetic, not_usable=not_usable, findings=ranked([*findings, *more]), **head,
+        ),
+        records,
     )  # fmt: skip
-    return Replay(head, records)
-
-
-def _not_usable(fit: Fit, gains: Gains | None) -> dict[str, str]:
-    """What of a replay stands on a fit that must not be used, and why."""
-    reasons = {"plant": fit.verdict.of(*PLANT).sentence, "gains": (gains.not_usable or "") if gains is not None else ""}
-    return {name: why for name, why in reasons.items() if why}
 
 
 def _rehab(setup: Setup, top: float) -> Outcome:
@@ -210,13 +122,57 @@ def _rehab(setup: Setup, top: float) -> Outcome:
         each.name: rehabilitate(setup.plant, each, exercise, setup.rig, setup.dt_s, options.seed)
         for each in setup.controllers
     }
-    return records, Head("", dt_s=setup.dt_s, counted_from_s=exercise.uncounted_s, exercise=exercise), []
+    return records, {"dt_s": setup.dt_s, "counted_from_s": exercise.uncounted_s, "exercise": exercise}, []
 
 
-def _logs(setup: Setup, runs: Sequence[Run]) -> Outcome:
-    """Recorded runs: their input through the plant."""
-    if unused := list(part(Rig, setup.options).given()):
-        raise UsageError(f"«{unused[0]}»: does nothing with logs; leave it out")
-    fit = setup.fit
-    units = fit.data.input_unit, fit.data.output_unit
-    return {run.name: compared(run, setup.plant, units, fit.dead_time_s) for run in runs}, Head(""), []
+def _tracked(setup: Setup, wanted: Reference, gains: Gains | None, progress: Progress) -> Outcome:
+    """Each controller on the reference; and on drawn plants."""
+    fit, seed, records = setup.fit, setup.options.seed, {}
+    findings = reference_beyond(wanted, setup.plant, "reference", fit.data.output_unit)
+    Q_M = gains.rc.Q_M if gains is not None and gains.rc is not None else None
+    if Q_M is not None and not wanted.steps and wanted.steepest_nm_s > Q_M * (1 + 1e-9):
+        findings.append(finding("reference-above-q-max", "rc", slope=wanted.steepest_nm_s, Q_M=Q_M))
+    for controller in setup.controllers:
+        columns = replay(setup.plant, controller, wanted.torque_nm, setup.rig, wanted.dt_s, seed)
+        records[controller.name] = Record(columns, measure(columns, controller.limits_pct, wanted))
+    findings += _outside_identified(setup, records)
+    head: dict[str, Any] = {"dt_s": wanted.dt_s, "counted_from_s": wanted.counted_from_s}
+    if (count := setup.options.plants) is None:
+        return records, head, findings
+
+    from eaid.replay.many import QUANTILES, montecarlo  # numba, which a replay of one plant does without
+
+    drawn = draw(fit, count, seed)
+    findings += list(drawn.findings) if drawable(fit) else [finding("plants-all-alike", "nonlinear")]
+    parameters = {
+        f"plants/parameters/{name}": np.array([getattr(plant, name) for plant in drawn.plants])
+        for name in ("tau1", "tau2", "Ts")
+    }
+    for controller in setup.controllers:
+        with progress(f"{controller.name} on drawn plants", count) as tick:
+            spread, tables = montecarlo(drawn.plants, controller, wanted, setup.rig, seed, tick)
+        alone = records[controller.name]
+        metrics = msgspec.structs.replace(alone.metrics, plants=spread)
+        records[controller.name] = Record(alone.columns, metrics, tables | parameters)
+    return records, {**head, "plants": count, "band_quantiles": QUANTILES}, findings
+
+
+def _outside_identified(setup: Setup, records: Mapping[str, Record]) -> list[Finding]:
+    """Where replays go through what no log showed: duties outside the identified ones, falls between levels."""
+    low, high = setup.plant.u_low, setup.plant.u_high
+    below = above = falling = 0.0
+    for replayed in records.values():
+        duty, torque = replayed.columns["duty_pct"], replayed.columns["torque_nm"]
+        falls = (np.diff(torque) < 0) & (duty[:-1] >= low)
+        below = max(below, float(((duty > 0) & (duty < low)).mean()))
+        above = max(above, float((duty > high).mean()))
+        falling = max(falling, float(falls.mean()))
+    falls_known = bool(setup.fit.recorded_falls)
+    if max(below, above, 0.0 if falls_known else falling) <= UNSEEN:
+        return []
+    return [
+        finding(
+            "replay-leaves-identified", "nonlinear", below_pct=100 * below, above_pct=100 * above,
+            falling_pct=None if falls_known else 100 * falling, low=low, high=high, unit=setup.fit.data.input_unit,
+        )
+    ]  # fmt: skip

@@ -11,11 +11,10 @@ from eaid.declared import chosen
 from eaid.errors import DataError, UsageError
 from eaid.files import sha256_of
 from eaid.findings import Finding, say
-from eaid.options import ReadOptions
+from eaid.options import CONTROLLERS, ReadOptions
 from eaid.progress import Progress, no_progress
 from eaid.reading import read_steps
 from eaid.replay import files as replay_files
-from eaid.replay.controllers import CONTROLLERS
 from eaid.report.rig import of_the_paper
 from eaid.results import codec
 from eaid.results.coupling import Coupling

@@ -20,12 +20,8 @@ class Wall(Result, frozen=True):
     """Input that holds the torque."""
     K_passive: Number | None = None
     """Passive against any passive limb of this damping [N·m/rad]."""
-    passive_hz: Number | None = None
-    """Frequency that limits it."""
     K_stable: Number | None = None
     """Stable with this limb, linear and sampled [N·m/rad]."""
-    lost_hz: Number | None = None
-    """Frequency at which stability is lost there."""
     K_replayed: Number | None = None
     """The same by bisected replay of the nonlinear plant; None also where the replay shows no edge nearby."""
 
@@ -77,5 +73,5 @@ class Coupling(codec.Saved, Result, frozen=True):
         return "\n".join([*rows, *sentences(self.findings[:3])])
 
     def to_frame(self) -> "pandas.DataFrame":
-        """One row a wall: loop, torque, K passive, stable and replayed, and the frequencies that limit them."""
+        """One row a wall: loop, torque, K passive, stable and replayed."""
         return codec.frame_of(self.walls)

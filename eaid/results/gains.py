@@ -29,30 +29,7 @@ class Rho(Result, frozen=True):
     constant: Number
     slope: Number
     convention: str = "paper"
-    alpha: Number | None = None
     needed: RhoLine | None = None
-
-
-class Actuator(Result, frozen=True):
-    """What the robust term asks for and what the actuator spans, in the input's unit."""
-
-    robust_term_pct: Number | None = None
-    span_pct: Number | None = None
-
-
-class Mismatch(Result, frozen=True):
-    """Largest |η − η̂| that one source shows, in the input's unit."""
-
-    pct: Number
-    signed_pct: Number | None = None
-    where: str = ""
-
-
-class PhiFromData(Result, frozen=True):
-    """Largest |η − η̂| by source."""
-
-    model: Mismatch | None = None
-    levels: Mismatch | None = None
 
 
 class SampleTiming(Result, frozen=True):
@@ -103,7 +80,6 @@ class Tracking(Result, frozen=True):
     max_abs_error_nm: Number | None = None
     rms_error_nm: Number | None = None
     mean_abs_error_nm: Number | None = None
-    iae_nm_s: Number | None = None
     mean_abs_duty_step_pct: Number | None = None
     saturated_fraction: Number | None = None
 
@@ -126,13 +102,6 @@ class LinearModel(Result, frozen=True):
     a0: Number
     b0: Number
     c0: Number
-
-
-class BRange(Result, frozen=True):
-    """Where B_m and B_M come from."""
-
-    convention: str = "zero-offset"
-    levels: tuple[Number, ...] = ()
 
 
 class Condition(Result, frozen=True):
@@ -172,12 +141,6 @@ class EqualPI(Result, frozen=True):
     K_I: Number | None = None
 
 
-class UltimateBound(Result, frozen=True):
-    """Torque error that ε and ρ promise in the end."""
-
-    torque_error_nm: Number | None = None
-
-
 class Robust(Result, frozen=True):
     """Robust-control gains, Eqs. (10)–(16)."""
 
@@ -194,10 +157,8 @@ class Robust(Result, frozen=True):
     gamma: Positive
     Q: tuple[tuple[Number, Number], tuple[Number, Number]]
     P: tuple[tuple[Number, Number], tuple[Number, Number]] | None = None
-    B_hat_convention: str = ""
     B_m: Number | None = None
     B_M: Number | None = None
-    bounds: BRange | None = None
     alpha: Number | None = None
     alpha_reached: Number | None = None
     guaranteed: bool | None = None
@@ -206,15 +167,11 @@ class Robust(Result, frozen=True):
     phi_honest_pct: Number | None = None
     """What φ means in the input's unit."""
     phi_holds: bool | None = None
-    phi_needed_pct: Number | None = None
     Q_M: Number | None = None
     """Bound on the reference's slope."""
-    Q_M_holds: bool | None = None
-    reference_slope_nm_s: Number | None = None
-    natural_frequency_rad_s: Number | None = None
-    damping: Number | None = None
     equal_pi: EqualPI | None = None
-    ultimate_bound: UltimateBound | None = None
+    ultimate_bound_nm: Number | None = None
+    """Largest error in the end that the argument allows, where the guarantee holds."""
 
 
 class AskedPI(Result, frozen=True):
@@ -264,8 +221,6 @@ class Gains(codec.Saved, Result, frozen=True):
     duty_limits_pct: tuple[Number, Number] = (0.0, 100.0)
     """The actuator's range, in the input's unit."""
     guarantee: Guarantee | None = None
-    actuator: Actuator | None = None
-    phi_from_data: PhiFromData | None = None
     margins: Margins | None = None
     replayed: Replayed | None = None
     not_usable: str | None = None

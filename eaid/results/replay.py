@@ -46,47 +46,35 @@ class ToneMetrics(Result, frozen=True):
 
 
 class Worst(Result, frozen=True):
-    """The plant on which a metric is worst, and its coefficients."""
+    """The plant on which a metric is worst."""
 
     value: Number | None = None
     plant: Count = 0
-    tau1: tuple[Number, ...] = ()
-    tau2: tuple[Number, ...] = ()
-    Ts: tuple[Number, ...] = ()
 
 
 class Distribution(Result, frozen=True):
-    """One metric over the drawn plants that reach it."""
+    """One metric over the drawn plants."""
 
     worst: Worst = Worst()
-    mean: Number | None = None
-    sd: Number | None = None
     low: Number | None = msgspec.field(default=None, name="p2.5")
     median: Number | None = None
     high: Number | None = msgspec.field(default=None, name="p97.5")
-    never: Count = 0
-    """Plants that never reach it."""
 
 
 class PlantSpread(Result, frozen=True):
-    """All metrics over the drawn plants."""
+    """How well the output follows, over the drawn plants."""
 
     count: Count
     metrics: dict[str, Distribution] = {}
 
 
 class Box(Result, frozen=True):
-    """The numbers of a box plot."""
+    """Mean and quartiles."""
 
-    n: Count
     mean: Number
-    sd: Number
     q1: Number
     median: Number
     q3: Number
-    whisker_low: Number
-    whisker_high: Number
-    outliers: Count
 
 
 class ModeMetrics(Result, frozen=True):
@@ -95,34 +83,24 @@ class ModeMetrics(Result, frozen=True):
     abs_position_error_deg: Box
     cycle_means_deg: tuple[Number, ...] = ()
     mean_abs_torque_error_nm: Number | None = None
-
-
-class Normality(Result, frozen=True):
-    """A test of normality; a small p rejects it."""
-
-    test: str
-    statistic: Number
-    p: Number
-    rejected: bool
+    normality_p: Number | None = None
+    """D'Agostino and Pearson's test; a small p says that the position errors are not normal."""
 
 
 class SampleTest(Result, frozen=True):
-    """The paper's test, on samples taken as independent."""
+    """The paper's test, Student's t on samples taken as independent."""
 
-    test: str
     n: tuple[Count, Count]
     t: Number
     p: Number
 
 
 class CycleTest(Result, frozen=True):
-    """Tests on the means of whole movement cycles; None where too few are whole."""
+    """Welch's t and the exact rank test on the means of whole movement cycles; None where too few are whole."""
 
     n: tuple[Count, Count]
     t: Number | None = None
-    df: Number | None = None
     p_welch: Number | None = None
-    U: Number | None = None
     p_rank: Number | None = None
     least_p_rank: Number | None = None
 
@@ -144,7 +122,6 @@ class Metrics(Tracking, frozen=True):
     frequencies: tuple[ToneMetrics, ...] = ()
     plants: PlantSpread | None = None
     modes: dict[str, ModeMetrics] = {}
-    normality: dict[str, Normality] = {}
     tests: tuple[ModesTest, ...] = ()
     max_abs_difference_nm: Number | None = None
     """Of a recorded input: recorded − model."""
@@ -238,8 +215,6 @@ class Head(Result, frozen=True):
     counted_from_s: Number | None = None
     exercise: Exercise | None = None
     plants: Count | None = None
-    plants_from: str | None = None
-    """covariance, or fitted-plant where the fit holds none."""
     band_quantiles: tuple[Number, ...] = ()
     rig: Rig = Rig()
     not_usable: dict[str, str] = {}

@@ -87,7 +87,8 @@ def test_a_session_of_rehabilitation(run_eaid):
     assert ran.code == 5 and not Path("replay.h5").exists()
     assert ran.err.startswith("error: rehab with rc: the ") and "diverges" in ran.err and ran.err.count("\n") == 1
     told = json.loads(run_eaid(words, "--json", "-q").out)
-    assert told["scenario"] == "rehab" and told["uncounted_s"] == 5.0 and told["damping_nms"] == 0.8
+    exercise = told["exercise"]
+    assert told["scenario"] == "rehab" and exercise["uncounted_s"] == 5.0 and exercise["damping_nms"] == 0.8
     rc = told["controllers"]["rc"]
     assert 2 < rc["modes"]["soft"]["abs_position_error_deg"]["median"] < 4
     assert rc["max_abs_error_nm"] >= rc["rms_error_nm"] > 0 and len(rc["tests"]) == 3

@@ -41,7 +41,7 @@ def test_another_rig_is_designed_for_its_own_pace_and_output(tuned, told):
     Q22 = (5 + 5 / 18) / 12
     assert (found.rc.K_P, found.rc.K_D, found.duty_limits_pct) == (18.0, 6.0, (0.0, 5.0))
     assert found.rc.epsilon == pytest.approx(0.11 * 8.744 * Q22) and found.rc.gamma * found.rc.epsilon == 25.0
-    assert found.rc.phi_honest_pct == pytest.approx(found.phi_from_data.levels.pct) and found.rc.phi_holds
+    assert found.rc.phi_honest_pct == pytest.approx(found.guarantee.conditions[1].needed) and found.rc.phi_holds
     assert pytest.approx(9.284 * 2 * 2, rel=2e-3) == found.rc.Q_M and found.replayed is None
     assert (found.margins.timing.rate_hz, found.margins.timing.pwm_hz) == (1000.0, None)  # not the logger's rate
     assert found.pi.overshoot_pct == pytest.approx(1.0) and settled(found) == pytest.approx(0.135)
@@ -193,11 +193,11 @@ def changed(*path, value):
         (changed("rc", "K_P", value="4.5"), 'its rc.K_P is "4.5"'),
         (changed("rc", "epsilon", value=0), "its rc.epsilon is 0"),
         (changed("model", "b0", value=-0.1), "b0 is -0.1, it has to be positive"),
-        (changed("rc", "Q", value=[[1, 2], [2, -1]]), "Q[1][1] is -1, it has to be positive"),
+        (changed("rc", "Q", value=[[1, 2], [2, -1]]), "Q22 is -1, it has to be positive"),
         (changed("model", "b0", value=1e-300), "b0 is 1e-300, which no loop of a rig has"),
         (changed("rc", "K_P", value=-1e5), "K_P is -100000, it has to be positive"),
-        (changed("rc", "rho", "slope", value=1e50), "rho.slope is 1e+50, which no loop of a rig has"),
-        (changed("pi", "K_I", value=1e50), "pi.K_I is 1e+50, which no loop of a rig has"),
+        (changed("rc", "rho", "slope", value=1e50), "rho_slope is 1e+50, which no loop of a rig has"),
+        (changed("pi", "K_I", value=1e50), "pi: K_I is 1e+50, which no loop of a rig has"),
         ({**GAINS, "duty_limits_pct": [90, 5]}, "duty_limits_pct 90 to 5"),
         ({**GAINS, "duty_limits_pct": 90}, "duty_limits_pct is 90"),
     ],

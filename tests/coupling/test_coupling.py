@@ -65,8 +65,6 @@ def test_a_first_order_lag_leaves_b_over_its_time(tau, rate_hz, delay, virtual, 
     ).walls
     late = 0 if virtual else tau
     assert wall.K_passive == pytest.approx((0.8 - virtual) / (late + (0.5 + delay) / rate_hz), rel=rel)
-    if virtual:
-        assert wall.passive_hz > 0.9 * rate_hz / 2  # the bare hold's aliases end at the Nyquist frequency
 
 
 def test_more_virtual_damping_than_the_limb_has_leaves_no_passive_wall():

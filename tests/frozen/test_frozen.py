@@ -51,14 +51,14 @@ LEFT_OUT = re.compile(
     r"|per_level\.(abs_error|level|fit_pct)|curves\.level|levels\.(fit_pct|from|start|delay_s|speed_rpm)|steps\.findings"
     r"|steps\.run|joint\.(curves|ci95|covariance)|logs\.curve|worst\.(tau\d|Ts|plant)|scatter_from"
     r"|sources\.(run|edge|samples|level|repeat)|shapes\.name|test|where|time_s|(pi|open-loop|inverse)\.reference_nm"
-    r"|chi_nm_s|rho_nm_s|iae_nm_s|counted_from_s|evidence|(per_level|levels)\.(converged|rmse|C|shape|c0|samples)"
+    r"|chi_nm_s|rho_nm_s|counted_from_s|evidence|(per_level|levels)\.(converged|rmse|C|shape|c0|samples)"
     r"|margins\.points\.(\w+\.stable|duty_pct|torque_nm)|steps\.(fit_pct|samples|rmse)|record_s|draws|per_0.01_pct)(\.|$)"
 )
 """Keys that are no answer, repeat another, or are about to go: readings of B, weights beside equal ones, ripple."""
 BRIEF = re.compile(
     r"(exit code|converged|findings|(friction\.levels|nonlinear|linear|linear\.(per_level|bounds)|release)"
     r"\.(Ts|tau[12]|C|[abc]0|B|B_[mM]|rmse|sse|estimator)"
-    r"|(rc|pi|rc\.rho|rc\.ultimate_bound|guarantee|margins\.worst\.(rc|pi)|walls)\.\w+"
+    r"|(rc|pi|rc\.rho|guarantee|margins\.worst\.(rc|pi)|walls)\.\w+"
     r"|controllers\.[\w-]+\.(\w+|frequencies\.\w+|plants\.metrics\.rms_error_nm\..+)|[\w-]+\.(duty_pct|torque_nm)"
     r"|recorded\.falls\.\w+|steps\.\w+)"
 )

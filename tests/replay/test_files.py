@@ -40,7 +40,7 @@ def test_what_is_written_comes_back(run, file, tmp_path):
     with h5py.File(file) as held:
         assert held.attrs["schema"] == "eaid/replay/1" and held.attrs["noise_nm" if "noise_nm" in held.attrs else "rig"]
         assert "band_quantiles" in held.attrs and "not_usable" not in held.attrs  # what holds nothing is left out
-        assert '"settling_s": null' in held["rc"].attrs["metrics"] and "R2" not in held["rc"].attrs["metrics"]
+        assert '"settling_s":null' in held["rc"].attrs["metrics"] and "R2" not in held["rc"].attrs["metrics"]
 
 
 def test_what_is_no_replay_is_refused(tmp_path, file):

@@ -25,7 +25,7 @@ def uncertain(fit_of):
 @pytest.mark.parametrize("rig", [{}, EVERYTHING], ids=["bare", "everything"])
 def test_each_plant_is_its_own_replay_in_machine_code_and_in_python(played, uncertain, fit_of, gains, rig):
     run = played(REFERENCE, fit=uncertain, controller=NAMES, plants=4, seed=3, **rig)
-    assert (run.head.plants, run.head.plants_from) == (4, "covariance")
+    assert run.head.plants == 4
     alone = []
     tables = run.records["pi"].tables
     for k in range(4):
@@ -49,45 +49,28 @@ def test_laws_that_know_the_fitted_plant_are_the_same_in_machine_code(played, fi
     """Without uncertainty every drawn plant is the fitted one: the same numbers as in plain Python."""
     fit = fit_of(release={"tau1": 0.3, "tau2": 4.0})
     run = played(REFERENCE, fit=fit, controller=NAMES, plants=2, **EVERYTHING)
-    assert run.head.plants_from == "fitted-plant" and "plants-all-alike" in {one.code for one in run.findings}
+    assert "plants-all-alike" in {one.code for one in run.findings}
     for name in NAMES:
         one = run.records[name]
         for metric, values in one.tables.items():
             if metric.startswith("plants/metrics/"):
                 wanted = getattr(one.metrics, metric.rpartition("/")[2])
                 np.testing.assert_allclose(values, [wanted] * 2, rtol=1e-9, atol=1e-12)
-        assert one.metrics.plants.metrics["rms_error_nm"].sd == 0.0
+        spread = one.metrics.plants.metrics["rms_error_nm"]
+        assert spread.low == spread.high
 
 
 def test_the_spread_of_each_metric_and_the_worst_plant(fit_of, gains):
     run = eaid.simulate(fit_of(UNCERTAIN), gains, "steps", duration=9.0, plants=40, seed=5, controller=("pi",))
     tables, told = run.records["pi"].tables, run.records["pi"].metrics.plants
-    assert told.count == 40 and "steps[1].from_nm" not in told.metrics
+    assert told.count == 40 and set(told.metrics) == {
+        "max_abs_error_nm", "rms_error_nm", "mean_abs_error_nm", "mean_abs_duty_step_pct", "saturated_fraction"
+    }  # fmt: skip
     for name, spread in told.metrics.items():
         values = tables[f"plants/metrics/{name}"]
-        reached = values[np.isfinite(values)]
-        assert spread.never == len(values) - len(reached)
-        if not len(reached):
-            assert spread.mean is None and spread.worst.value is None
-            continue
-        told_of = (spread.low, spread.median, spread.high, spread.mean, spread.sd)
-        wanted = (
-            *np.quantile(reached, (0.025, 0.5, 0.975)),
-            reached.mean(),
-            reached.std(ddof=1) if len(reached) > 1 else 0,
-        )
-        assert told_of == pytest.approx(wanted)
-        worst = int(np.argmax(np.where(np.isfinite(values), values, np.inf)))  # never is worse than late
-        assert spread.worst.plant == worst and spread.worst.value == (
-            values[worst] if np.isfinite(values[worst]) else None
-        )
-        assert spread.worst.Ts == tuple(tables["plants/parameters/Ts"][worst])
-    assert any(spread.never for spread in told.metrics.values())
-    swept = eaid.simulate(fit_of(UNCERTAIN), gains, "sweep", rate_hz=40.0, plants=9, controller=("open-loop",)).records
-    one = swept["open-loop"]
-    gain, worst = one.tables["plants/metrics/frequencies[1 Hz].gain_db"], one.metrics.plants.metrics
-    assert worst["frequencies[1 Hz].gain_db"].worst.plant == np.abs(gain).argmax()  # farthest from 0 dB
-    assert len(gain) == 9 and (gain < 0).all()
+        told_of = (spread.low, spread.median, spread.high)
+        assert told_of == pytest.approx(tuple(np.quantile(values, (0.025, 0.5, 0.975))))
+        assert (spread.worst.plant, spread.worst.value) == (values.argmax(), values.max())
 
 
 def test_one_thread_and_many_give_the_same_bytes(played, uncertain, tmp_path, monkeypatch):

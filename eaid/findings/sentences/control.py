@@ -13,8 +13,8 @@ def _margin(v: Values) -> str:
 
 GAIN_ROWS: dict[str, Row] = {
     "phi-exceeded": caution(
-        "the model's drift term is off by up to {needed:.3g} {unit} ({where}), the gains allow for {allowed:.3g} "
-        "{unit}; «phi» data takes φ from the data"
+        "the model's drift term is off by up to {needed:.3g} {unit}, the gains allow for {allowed:.3g} {unit}; "
+        "«phi» data takes φ from the data"
     ),
     "slope-above-q-max": caution(
         "the {reference} is steeper ({slope:.3g} per second) than the gains assume ({Q_M:.3g}); add "
@@ -28,7 +28,6 @@ GAIN_ROWS: dict[str, Row] = {
         "outside the boundary layer the robust term alone asks for {asked:.4g} {unit}, the actuator spans {span:.4g} "
         "{unit}: there the Lyapunov argument does not hold on the real clutch"
     ),
-    "no-ultimate-bound": caution("no bound on the error in the end follows from these gains: V may rise without end"),
     "margin-missed": caution(_margin),
     "paper-pi": note(
         "beside it the paper's PI, 21 and 360: largest error {error:.3g} {unit}; {overshoot_pct:.3g} % overshoot and "
@@ -48,7 +47,7 @@ GAIN_ROWS: dict[str, Row] = {
         "data, the PI designed for {overshoot_pct:g} % and {settling_s:.3g} s"
     ),
     "fit-not-usable": caution("made from a fit that is NOT USABLE: {why}"),
-    "nothing-to-replay-on": note("the fit holds no nonlinear model, so no error is replayed beside the ultimate bound"),
+    "nothing-to-replay-on": note("the fit holds no nonlinear model, so no error is replayed"),
 }
 
 
@@ -89,11 +88,6 @@ WALL_ROWS: dict[str, Row] = {
         "{subject}: a wall of {wanted:.3g} N·m/rad is beyond what stays stable at {torque_nm:.3g} {unit} on this limb "
         "({stable:.3g} N·m/rad); render a softer one, or with another loop",
         size="wanted",
-    ),
-    "wall-not-passive": note(
-        "{subject} renders {passive:.3g} N·m/rad passively at {torque_nm:.3g} {unit}; between that and "
-        "{stable:.4g} N·m/rad only this limb keeps it stable",
-        size="stable",
     ),
     "wall-by-rate": note(
         "rc with its reference rate: {stable:.4g} N·m/rad at {torque_nm:.3g} {unit} rests on fractions of a sample; "

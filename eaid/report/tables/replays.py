@@ -10,7 +10,6 @@ METRICS = {
     "max_abs_error_nm": ("largest |error|", "out"),
     "rms_error_nm": ("RMS error", "out"),
     "mean_abs_error_nm": ("mean |error|", "out"),
-    "iae_nm_s": ("∫ |error|", "out·s"),
     "mean_abs_duty_step_pct": ("mean input step", "in"),
     "saturated_fraction": ("share at a limit", ""),
 }
@@ -21,8 +20,7 @@ SCENARIO_NAMES = {
 
 
 def _units(replay: Replay) -> dict[str, str]:
-    out = replay.head.output_unit
-    return {"out": out, "out·s": f"{out or 'output'}·s", "in": replay.head.input_unit, "": ""}
+    return {"out": replay.head.output_unit, "in": replay.head.input_unit, "": ""}
 
 
 def metric(replay: Replay, name: str, key: str) -> float | None:
@@ -73,7 +71,7 @@ def log_table(replay: Replay) -> Table:
 
 
 def plants_table(replay: Replay) -> Table:
-    """Every number over plants drawn from the fit's uncertainty; no rows where none were drawn."""
+    """How each controller follows over plants drawn from the fit's uncertainty; no rows where none were drawn."""
     units = _units(replay)
 
     def called(name: str, key: str) -> str:
@@ -88,7 +86,6 @@ def plants_table(replay: Replay) -> Table:
         ("number", lambda of: of[0]), (("2.5 %", "", 3), lambda of: of[1].low),
         (("median", "", 3), lambda of: of[1].median), (("97.5 %", "", 3), lambda of: of[1].high),
         (("worst", "", 3), lambda of: of[1].worst.value), ("its plant", lambda of: of[1].worst.plant),
-        ("never reached by", lambda of: of[1].never),
     )  # fmt: skip
 
 
