@@ -33,26 +33,12 @@ class Rho(Result, frozen=True):
     needed: RhoLine | None = None
 
 
-class Actuator(Result, frozen=True):
-    """What the robust term asks for and what the actuator spans, in the input's unit."""
-
-    robust_term_pct: Number | None = None
-    span_pct: Number | None = None
-
-
 class Mismatch(Result, frozen=True):
     """Largest |η − η̂| that one source shows, in the input's unit."""
 
     pct: Number
     signed_pct: Number | None = None
     where: str = ""
-
-
-class PhiFromData(Result, frozen=True):
-    """Largest |η − η̂| by source."""
-
-    model: Mismatch | None = None
-    levels: Mismatch | None = None
 
 
 class SampleTiming(Result, frozen=True):
@@ -128,13 +114,6 @@ class LinearModel(Result, frozen=True):
     c0: Number
 
 
-class BRange(Result, frozen=True):
-    """Where B_m and B_M come from."""
-
-    convention: str = "zero-offset"
-    levels: tuple[Number, ...] = ()
-
-
 class Condition(Result, frozen=True):
     """One thing that the guarantee needs, and what is there."""
 
@@ -194,10 +173,8 @@ class Robust(Result, frozen=True):
     gamma: Positive
     Q: tuple[tuple[Number, Number], tuple[Number, Number]]
     P: tuple[tuple[Number, Number], tuple[Number, Number]] | None = None
-    B_hat_convention: str = ""
     B_m: Number | None = None
     B_M: Number | None = None
-    bounds: BRange | None = None
     alpha: Number | None = None
     alpha_reached: Number | None = None
     guaranteed: bool | None = None
@@ -209,10 +186,6 @@ class Robust(Result, frozen=True):
     phi_needed_pct: Number | None = None
     Q_M: Number | None = None
     """Bound on the reference's slope."""
-    Q_M_holds: bool | None = None
-    reference_slope_nm_s: Number | None = None
-    natural_frequency_rad_s: Number | None = None
-    damping: Number | None = None
     equal_pi: EqualPI | None = None
     ultimate_bound: UltimateBound | None = None
 
@@ -264,8 +237,8 @@ class Gains(codec.Saved, Result, frozen=True):
     duty_limits_pct: tuple[Number, Number] = (0.0, 100.0)
     """The actuator's range, in the input's unit."""
     guarantee: Guarantee | None = None
-    actuator: Actuator | None = None
-    phi_from_data: PhiFromData | None = None
+    phi_from_data: dict[str, Mismatch] = {}
+    """Largest |η − η̂| that the nonlinear model (`model`) and the single levels (`levels`) show."""
     margins: Margins | None = None
     replayed: Replayed | None = None
     not_usable: str | None = None
