@@ -39,8 +39,7 @@ if TYPE_CHECKING:
 
     from eaid.export.export import ExportFolder
     from eaid.results.coupling import Coupling
-    from eaid.results.plan import Plan
-    from eaid.results.recorded import Excitation
+    from eaid.results.plan import Excitation, Plan
     from eaid.results.replay import Replay
 
 R = TypeVar("R")

@@ -18,7 +18,7 @@ from eaid.planning.sequences import ExcitationPlan, plan_excitation, refuse_scat
 from eaid.recorded.fit import fit_recorded
 from eaid.replay.plant import driven
 from eaid.results.fit import Fit
-from eaid.results.recorded import Excitation
+from eaid.results.plan import Excitation
 from eaid.synth.logs import Disturbance, measured, scatter
 from eaid.synth.plants import clutch
 
@@ -114,7 +114,7 @@ def shortest_recording(
         met=excess[worst] <= 1,
         time_on_rig_s=plan.time_s,
         engagements=plan.engagements,
-        half_width_pct=plan.half_width_pct,
+        half_width_pct={**plan.half_width_pct},
         measured_half_width_pct=None if measured is None else finite(measured),
         classic_time_on_rig_s=steps.time_s if steps.met else None,
         input_unit=rig.plant.input_unit,

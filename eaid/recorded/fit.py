@@ -290,13 +290,12 @@ def nonlinear_part(solved: Solved, uncertainty: Spread | None, known: CurveSprea
     """The ten coefficients, with errors by level and intervals."""
     total, free = errors(solved.outputs, solved.missed), solved.setup.model.free_share
     intervals, covariance = (None, None) if uncertainty is None else _coefficients(solved, uncertainty)
-    part = msgspec.structs.replace(
+    return msgspec.structs.replace(
         scored(model_of(solved), free, total, _level_errors(solved, shown), solved.solver),
         curves=() if known is None else _curves(known),
         ci95=intervals,
         covariance=covariance,
     )
-    return Nonlinear.of(part)
 
 
 def _level_errors(solved: Solved, shown: Array) -> tuple[LevelError, ...]:
@@ -329,9 +328,7 @@ def _coefficients(solved: Solved, uncertainty: Spread) -> tuple[CoefficientInter
     plain, T = coefficients_of(model_of(solved), model.free_share), turned(model)
     V = uncertainty.covariance[: T.shape[1], : T.shape[1]]
     covariance, degrees = T @ V @ T.T, degrees_of(solved, uncertainty)
-    return coefficient_intervals(plain, covariance, {**degrees}), covariance_part(
-        plain, covariance, {**degrees}, "robust"
-    )
+    return coefficient_intervals(plain, covariance, {**degrees}), covariance_part(plain, covariance, {**degrees})
 
 
 def degrees_of(solved: Solved, uncertainty: Spread) -> dict[str, float]:

@@ -13,7 +13,7 @@ from eaid.report.results import Results
 from eaid.report.rig import of_the_paper
 from eaid.report.tables.fits import estimates_of
 from eaid.results.common import Interval, ci95_of
-from eaid.results.fit import CurveLevel, Estimate, Fit, FrictionLevel
+from eaid.results.fit import CurveLevel, Fit, FrictionLevel, Nonlinear
 from eaid.results.summary import ENDLESS_S, believed_levels
 
 NAMES = {"Ts": "Steady value T_s", "tau1": "Fast constant τ1", "tau2": "Slow constant τ2"}
@@ -65,7 +65,7 @@ def ended(values: Array, name: str) -> Array:
     return values if name == "Ts" else np.where(values > ENDLESS_S, np.nan, values)
 
 
-def values_over(part: Estimate, u: Array) -> dict[str, Array]:
+def values_over(part: Nonlinear, u: Array) -> dict[str, Array]:
     """T_s, τ1 and τ2 of an estimate over the input."""
     tau1, tau2 = nonlinear.time_constants(part.parameters, u)
     steady = nonlinear.steady_torque(part.parameters, u)

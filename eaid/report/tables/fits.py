@@ -18,7 +18,7 @@ from eaid.report.tables import (
     with_unit,
 )
 from eaid.results.common import ci95_of
-from eaid.results.fit import Estimate, Fit, Nonlinear, Trend
+from eaid.results.fit import Fit, Nonlinear, Trend
 from eaid.results.recorded import FallTest, LogFit, Loop
 
 PARAMETERS = ("Ts", "tau1", "tau2")
@@ -29,7 +29,7 @@ def unit_of(fit: Fit, name: str) -> str:
     return {"Ts": fit.data.output_unit, "C_f": "1", "tau1": "s", "tau2": "s"}[name]
 
 
-def estimates_of(part: Nonlinear) -> dict[str, Estimate]:
+def estimates_of(part: Nonlinear) -> dict[str, Nonlinear]:
     """The estimates of the nonlinear model by name, the one that is used first."""
     beside = {} if part.joint is None or part.estimator == "joint" else {"joint": part.joint}
     return {part.estimator: part, **beside}
