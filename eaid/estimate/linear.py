@@ -218,7 +218,5 @@ def linear_findings(
     for name in ("a0", "b0") if several else ("a0",):
         ends = getattr(ci95, name)
         if ends is not None and ends[0] <= 0:
-            findings.append(finding(f"{name}-may-be-zero", "linear", low=ends[0], high=ends[1]))
-    if bounds.B_m is None:
-        findings.append(finding("no-b-bounds", "linear"))
+            findings.append(finding("linear-may-be-zero", "linear", parameter=name, low=ends[0], high=ends[1]))
     return findings

@@ -93,7 +93,7 @@ def refuse(logs: Sequence[RecordedLog]) -> None:
         raise DataError(*faults)
 
 
-def input_findings(logs: Sequence[RecordedLog], levels: Array, stepwise: bool) -> list[Finding]:
+def input_findings(logs: Sequence[RecordedLog], levels: Array) -> list[Finding]:
     """Warnings in the inputs, log by log and together."""
     findings = [one for log in logs for one in (_fast(log), _saturated(log), _clipped(log)) if one is not None]
     findings += [
@@ -103,8 +103,6 @@ def input_findings(logs: Sequence[RecordedLog], levels: Array, stepwise: bool) -
     ]
     if len(levels) == 1:
         findings.append(finding("one-input-only", "data", levels))
-    elif stepwise and len(levels) < 4:
-        findings.append(finding("few-inputs", "data", levels, count=len(levels)))
     return findings
 
 
@@ -477,7 +475,7 @@ def fit_recorded(
     refuse(logs)
     every = [*logs, *(logs_of_steps(steps) if steps is not None else [])]
     inputs = inputs_of(every, options.duty)
-    findings = input_findings(logs, inputs.levels, inputs.stepwise)
+    findings = input_findings(logs, inputs.levels)
     rests = any(log.starts_idle or bool((log.input == 0).any()) or log.baseline is not None for log in every)
     if not rests:
         findings += [finding("idle-not-seen", log.name) for log in logs]
