@@ -2,10 +2,11 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
-from math import isfinite
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any, Literal
+
+import msgspec
 
 from eaid.apparatus import Apparatus
 from eaid.declared import Options, option, pairs, together
@@ -129,21 +130,15 @@ def apparatus_from(text: str | Apparatus | None, kind: str | None) -> Apparatus 
     """The rig that `«apparatus»` describes; what it leaves out is the paper's. None where nothing is given."""
     if not text or isinstance(text, Apparatus):
         return text or None
-    numbers: dict[str, float] = {}
-    known = [each.name for each in fields(Apparatus)]
-    for name, value in pairs("«apparatus»", text).items():
+    given, known = pairs("«apparatus»", text), [each.name for each in fields(Apparatus)]
+    for name in given:
         if name not in known:
             raise UsageError(unknown("«apparatus»", name, known))
-        try:
-            numbers[name] = int(value) if name == "surfaces" else float(value)
-        except ValueError:
-            raise UsageError(f"«apparatus» {name}={value}: is no number") from None
-        if not (isfinite(numbers[name]) and numbers[name] > 0):
-            raise UsageError(f"«apparatus» {name}={value}: must be above zero")
     try:
-        return replace(Apparatus(surfaces=1 if kind in KINDS[1:] else 2), **cast(Any, numbers))
-    except ValueError:
-        raise UsageError("«apparatus»: inner_radius_m must be below outer_radius_m") from None
+        return msgspec.convert({"surfaces": 1 if kind in KINDS[1:] else 2, **given}, Apparatus, strict=False)
+    except msgspec.ValidationError as fault:
+        why = str(fault).replace("`", "").replace(" - at $.", ": ")
+        raise UsageError(f"«apparatus» {text}: {why}") from None
 
 
 def in_words(value: Any) -> str:

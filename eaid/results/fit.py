@@ -385,7 +385,6 @@ class Uncertainty(Result, frozen=True):
     scatter_from: str = ""
     """repeats, curve, or within."""
     degrees_of_freedom: Number | None = None
-    run_to_run_pct: dict[str, Number | None] = {}
     noise: Noise | None = None
     draws: Count | None = None
     share: ShareEstimate | None = None
