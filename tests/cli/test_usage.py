@@ -27,7 +27,7 @@ TABLE = r"""
 2 | fit '' | an empty word stands among the arguments; give a file or a folder in its place
 2 | fit | Missing argument 'DATA…'; see eaid fit --help
 2 | ingest logs --apparatus surfaces=two | --apparatus surfaces=two: Expected int, got str: surfaces
-2 | ingest logs --apparatus outer_radius_m=0.01 | --apparatus outer_radius_m=0.01: an inner radius of 0.04 m and an outer one of 0.01 m
+2 | ingest logs --apparatus outer_radius_m=0.01 | --apparatus outer_radius_m=0.01: an inner radius of 0.04 m …
 2 | ingest logs --columns time=a,time=b | --columns time=a,time=b: says time twice
 2 | ingest logs --columns output=torque_nm,input=3 | --columns: input and output are the same column, torque_nm
 2 | ingest logs --columns torque=3 | --columns and --units know time, input, output, reference and position, not torque
