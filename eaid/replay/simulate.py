@@ -152,9 +152,7 @@ def _over_drawn_plants(
         on_fitted = records[controller.name]
         metrics = msgspec.structs.replace(on_fitted.metrics, plants=spread)
         records[controller.name] = Record(on_fitted.columns, metrics, tables)
-    head = msgspec.structs.replace(
-        head, plants=count, plants_from="fitted-plant" if all_alike else "covariance", band_quantiles=QUANTILES
-    )
+    head = msgspec.structs.replace(head, plants=count, band_quantiles=QUANTILES)
     return head, [finding("plants-all-alike", "nonlinear")] if all_alike else list(drawn.findings)
 
 
