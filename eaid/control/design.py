@@ -19,6 +19,7 @@ from eaid.models.parameters import Linear, Nonlinear
 from eaid.results.fit import Fit, LinearLevel
 from eaid.results.gains import (
     PI,
+    Actuator,
     AskedPI,
     Condition,
     Gains,
@@ -28,6 +29,7 @@ from eaid.results.gains import (
     MarginPoint,
     Margins,
     Mismatch,
+    PhiFromData,
     Robust,
     SampleTiming,
     WorstMargins,
@@ -96,10 +98,12 @@ def design(
     """
     model, unit, timing = model_of(fit), fit.data.input_unit, settled.timing
     law, rc = law_of(model, bounds, settled)
-    need, phi = least_phi(shown), rc.phi_honest_pct
+    need, phi, Q_M = least_phi(shown), rc.phi_honest_pct, settled.Q_M
     rc = msgspec.structs.replace(
         rc, phi_holds=None if need is None or phi is None else bool(need.pct <= phi * (1 + WITHIN)),
         phi_needed_pct=None if need is None else need.pct,
+        Q_M_holds=bool(slope_nm_s <= Q_M * (1 + WITHIN)) if given else None,
+        reference_slope_nm_s=slope_nm_s if given else None,
     )  # fmt: skip
     pi = pi_of(model, settled)
     overshoot_pct, settling_s = step_metrics(model, pi.K_P, pi.K_I)
@@ -114,8 +118,9 @@ def design(
                 f"the {name.upper()} loop is unstable on the fitted model around {', '.join(unstable)} {unit}, "
                 f"{timing.words()}; ask for slower gains"
             )
+    reach = Actuator(law.B_hat * law.rho_constant, law.duty_max - law.duty_min)
     slope = slope_nm_s if given or plant is not None else None  # a slope that nothing follows says nothing
-    verdict = _guarantee(rc, slope, law.B_hat * law.rho_constant, law.duty_max - law.duty_min, fit)
+    verdict = _guarantee(rc, slope, reach.robust_term_pct, reach.span_pct, fit)
     rows = [
         MarginPoint(point.duty_pct, point.torque_nm, *map(_margin, each))
         for point, *each in zip(points, *loops.values(), strict=True)
@@ -131,8 +136,8 @@ def design(
             )  # fmt: skip
     return Gains(
         model=LinearModel(model.a0, model.b0, model.c0), rc=rc, pi=part, input_unit=unit,
-        output_unit=fit.data.output_unit, duty_limits_pct=settled.duty_limits_pct, guarantee=verdict,
-        phi_from_data=dict(shown),
+        output_unit=fit.data.output_unit, duty_limits_pct=settled.duty_limits_pct, guarantee=verdict, actuator=reach,
+        phi_from_data=PhiFromData(**shown),
         margins=Margins(
             SampleTiming(timing.rate_hz, timing.pwm_hz, timing.delay_samples), tuple(rows),
             WorstMargins(*map(_least, loops.values())),

@@ -24,6 +24,7 @@ LARGEST = 1e15  # b0, its inverse and c0 of any rig, whatever its units
 class Bounds:
     """The range of B and where it comes from."""
 
+    levels: tuple[float, ...]
     B_m: float  # [%·s/(N·m)]
     B_M: float  # [%·s/(N·m)]
     rows: tuple[LinearLevel, ...]  # The levels kept; empty where the fit holds none
@@ -79,7 +80,7 @@ def bounds_of(fit: Fit) -> Bounds:
         raise GainsError(
             "a level has no positive b0, so the range of B touches 0; leave it out of the fit with «bounds_levels»"
         )
-    return Bounds(B_m, B_M, tuple(kept_rows))
+    return Bounds(kept, B_m, B_M, tuple(kept_rows))
 
 
 def zero_offset_B(row: LinearLevel) -> float:

@@ -20,7 +20,7 @@ from eaid.control.margins import Timing
 from eaid.control.rc import RCGains
 from eaid.models.parameters import Linear
 from eaid.options import TuneOptions
-from eaid.results.gains import AskedPI, EqualPI, Rho, RhoLine, Robust, UltimateBound
+from eaid.results.gains import AskedPI, BRange, EqualPI, Rho, RhoLine, Robust, UltimateBound
 
 ROUNDING = 1e-9  # By how much ρ may fall short of what is needed [N·m/s]
 DIRECTIONS = 7200  # Of the half plane of ξ; V and |z| are even
@@ -78,7 +78,9 @@ def law_of(model: Linear, bounds: Bounds, design: Design) -> tuple[RCGains, Robu
         reached, (reached * design.Q_M + term, reached * norm_K), rho, design.epsilon, p, (Q11, Q12, Q22)
     )
     return gains, Robust(
-        K_P=K_P, K_D=K_D, B_hat=B_hat, B_m=B_m, B_M=B_M, alpha=alpha, alpha_reached=reached,
+        K_P=K_P, K_D=K_D, natural_frequency_rad_s=math.sqrt(K_P), damping=K_D / (2 * math.sqrt(K_P)), B_hat=B_hat,
+        B_hat_convention=options.b_hat if isinstance(options.b_hat, str) else "given", B_m=B_m, B_M=B_M,
+        bounds=BRange(levels=bounds.levels), alpha=alpha, alpha_reached=reached,
         guaranteed=covers, phi=phi, phi_honest_pct=term * B_m, Q_M=design.Q_M,
         rho=Rho(
             constant=rho.constant, slope=rho.slope, convention=options.rho, alpha=alpha,

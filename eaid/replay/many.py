@@ -120,7 +120,7 @@ def montecarlo(
         "plants/band_nm": np.quantile(kept, QUANTILES, axis=1),
         **{f"plants/metrics/{name}": each for name, each in values.items()},
     }
-    return PlantSpread(len(plants), {name: _summary(name, each) for name, each in values.items()}), tables
+    return PlantSpread(len(plants), {name: _summary(name, each, plants) for name, each in values.items()}), tables
 
 
 def flattened(measured: Metrics) -> Iterator[tuple[str, float]]:
@@ -136,14 +136,15 @@ def flattened(measured: Metrics) -> Iterator[tuple[str, float]]:
                 yield prefix + name, float("nan") if value is None else float(value)
 
 
-def _summary(name: str, values: Array) -> Distribution:
+def _summary(name: str, values: Array, plants: Sequence[Nonlinear]) -> Distribution:
     reached = values[np.isfinite(values)]
     signed = name.endswith(("gain_db", "phase_deg"))
     worst = int(np.argmax(np.where(np.isfinite(values), np.abs(values) if signed else values, np.inf)))
+    plant = plants[worst]
     low, middle, high = np.quantile(reached, (0.025, 0.5, 0.975)).tolist() if len(reached) else (None,) * 3
     value = float(values[worst]) if np.isfinite(values[worst]) else None
     return Distribution(
-        worst=Worst(value=value, plant=worst),
+        worst=Worst(value=value, plant=worst, tau1=plant.tau1, tau2=plant.tau2, Ts=plant.Ts),
         mean=float(reached.mean()) if len(reached) else None,
         sd=None if not len(reached) else float(reached.std(ddof=1)) if len(reached) > 1 else 0.0,
         low=low,

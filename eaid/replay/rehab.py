@@ -188,9 +188,21 @@ def statistics(trace: Trace, columns: Mapping[str, Array], exercise: Exercise) -
 
 
 def box(values: Array) -> Box:
-    """The numbers of a box plot, quartiles linear."""
+    """The numbers of a box plot: quartiles (linear), whiskers within 1.5 quartile ranges, outliers."""
     q1, median, q3 = (float(q) for q in np.percentile(values, [25, 50, 75]))
-    return Box(values.size, float(values.mean()), float(values.std(ddof=1)), q1, median, q3)
+    reach = 1.5 * (q3 - q1)
+    inside = values[(values >= q1 - reach) & (values <= q3 + reach)]
+    return Box(
+        n=values.size,
+        mean=float(values.mean()),
+        sd=float(values.std(ddof=1)),
+        q1=q1,
+        median=median,
+        q3=q3,
+        whisker_low=float(inside.min()),
+        whisker_high=float(inside.max()),
+        outliers=values.size - inside.size,
+    )
 
 
 def cycle_means(values: Array, cycle: int) -> Array:

@@ -62,7 +62,7 @@ def set_up(fit: Fit, gains: Gains | None, options: SimulateOptions, what: str) -
         rig = replace(rig, delay_samples=round(fit.dead_time_s * rate_hz))
         findings.append(finding("dead-time-replayed", "nonlinear", dead_time_s=fit.dead_time_s))
     for what_stands, why in _not_usable(fit, gains).items():
-        findings.append(finding("fit-not-usable", what_stands, why=why))
+        findings.append(finding("replay-not-usable", what_stands, why=why))
     chosen = tuple(CONTROLLERS[name](known) for name in names)
     return Setup(fit, plant_parameters(model), known, chosen, rig, options, 1.0 / rate_hz), findings
 
@@ -152,7 +152,9 @@ def _over_drawn_plants(
         on_fitted = records[controller.name]
         metrics = msgspec.structs.replace(on_fitted.metrics, plants=spread)
         records[controller.name] = Record(on_fitted.columns, metrics, tables)
-    head = msgspec.structs.replace(head, plants=count, band_quantiles=QUANTILES)
+    head = msgspec.structs.replace(
+        head, plants=count, plants_from="fitted-plant" if all_alike else "covariance", band_quantiles=QUANTILES
+    )
     return head, [finding("plants-all-alike", "nonlinear")] if all_alike else list(drawn.findings)
 
 

@@ -71,7 +71,7 @@ def tune(
         gains, more = _replayed(fit, gains, plant, wanted, name, scales)
         findings += more
     if why:
-        findings.insert(0, finding("fit-not-usable", "gains", why=why))
+        findings.insert(0, finding("fit-not-usable", "model", why=why))
     return msgspec.structs.replace(
         gains, options=options, seed=options.seed, not_usable=why or None,
         findings=ranked([*findings, *gains.findings]),

@@ -22,12 +22,21 @@ class RhoLine(Result, frozen=True):
     slope: Number
 
 
-class Rho(RhoLine, frozen=True):
-    """The same in the chosen reading, and what Eq. (15) needs with the α reached."""
+class Rho(Result, frozen=True):
+    """ρ(ξ) = constant + slope ‖ξ‖ [N·m/s] in the chosen reading, and what Eq. (15) needs with the α reached."""
 
+    constant: Number
+    slope: Number
     convention: str = "paper"
     alpha: Number | None = None
     needed: RhoLine | None = None
+
+
+class Actuator(Result, frozen=True):
+    """What the robust term asks for and what the actuator spans, in the input's unit."""
+
+    robust_term_pct: Number | None = None
+    span_pct: Number | None = None
 
 
 class Mismatch(Result, frozen=True):
@@ -36,6 +45,13 @@ class Mismatch(Result, frozen=True):
     pct: Number
     signed_pct: Number | None = None
     where: str = ""
+
+
+class PhiFromData(Result, frozen=True):
+    """Largest |η − η̂| by source."""
+
+    model: Mismatch | None = None
+    levels: Mismatch | None = None
 
 
 class SampleTiming(Result, frozen=True):
@@ -111,6 +127,13 @@ class LinearModel(Result, frozen=True):
     c0: Number
 
 
+class BRange(Result, frozen=True):
+    """Where B_m and B_M come from."""
+
+    convention: str = "zero-offset"
+    levels: tuple[Number, ...] = ()
+
+
 class Condition(Result, frozen=True):
     """One thing that the guarantee needs, and what is there."""
 
@@ -170,8 +193,10 @@ class Robust(Result, frozen=True):
     gamma: Positive
     Q: tuple[tuple[Number, Number], tuple[Number, Number]]
     P: tuple[tuple[Number, Number], tuple[Number, Number]] | None = None
+    B_hat_convention: str = ""
     B_m: Number | None = None
     B_M: Number | None = None
+    bounds: BRange | None = None
     alpha: Number | None = None
     alpha_reached: Number | None = None
     guaranteed: bool | None = None
@@ -183,6 +208,10 @@ class Robust(Result, frozen=True):
     phi_needed_pct: Number | None = None
     Q_M: Number | None = None
     """Bound on the reference's slope."""
+    Q_M_holds: bool | None = None
+    reference_slope_nm_s: Number | None = None
+    natural_frequency_rad_s: Number | None = None
+    damping: Number | None = None
     equal_pi: EqualPI | None = None
     ultimate_bound: UltimateBound | None = None
 
@@ -234,8 +263,8 @@ class Gains(codec.Saved, Result, frozen=True):
     duty_limits_pct: tuple[Number, Number] = (0.0, 100.0)
     """The actuator's range, in the input's unit."""
     guarantee: Guarantee | None = None
-    phi_from_data: dict[str, Mismatch] = {}
-    """Largest |η − η̂| that the nonlinear model (`model`) and the single levels (`levels`) show."""
+    actuator: Actuator | None = None
+    phi_from_data: PhiFromData | None = None
     margins: Margins | None = None
     replayed: Replayed | None = None
     not_usable: str | None = None

@@ -46,10 +46,13 @@ class ToneMetrics(Result, frozen=True):
 
 
 class Worst(Result, frozen=True):
-    """A metric where it is worst, and the number of that plant."""
+    """The plant on which a metric is worst, and its coefficients."""
 
     value: Number | None = None
     plant: Count = 0
+    tau1: tuple[Number, ...] = ()
+    tau2: tuple[Number, ...] = ()
+    Ts: tuple[Number, ...] = ()
 
 
 class Distribution(Result, frozen=True):
@@ -81,6 +84,9 @@ class Box(Result, frozen=True):
     q1: Number
     median: Number
     q3: Number
+    whisker_low: Number
+    whisker_high: Number
+    outliers: Count
 
 
 class ModeMetrics(Result, frozen=True):
@@ -232,6 +238,8 @@ class Head(Result, frozen=True):
     counted_from_s: Number | None = None
     exercise: Exercise | None = None
     plants: Count | None = None
+    plants_from: str | None = None
+    """covariance, or fitted-plant where the fit holds none."""
     band_quantiles: tuple[Number, ...] = ()
     rig: Rig = Rig()
     not_usable: dict[str, str] = {}

@@ -113,8 +113,8 @@ def test_readings_mismatch_and_slope(fit, fit_of, tuned):
         assert f"{rc.phi_honest_pct:.3g} % duty" in TEXT
     linear = {"a0": 1.84393, "b0": 0.0782825, "c0": -1.343124, "bounds": {"B_m": 8.349, "B_M": 41.142}}
     published, fitted = eaid.tune_rc(fit), tuned(nonlinear=True, linear=linear)
-    assert f"{published.phi_from_data['model'].pct:.1f} % duty" in TEXT
-    assert f"{fitted.phi_from_data['model'].pct:.1f} % for the model" in TEXT
+    assert f"{published.phi_from_data.model.pct:.1f} % duty" in TEXT
+    assert f"{fitted.phi_from_data.model.pct:.1f} % for the model" in TEXT
     assert f"{published.rc.phi_honest_pct:.1f} % and {fitted.rc.phi_honest_pct:.1f} %" in TEXT
     assert f"{published.replayed.slope_nm_s:.2f} N·m/s" in TEXT
 

@@ -41,7 +41,7 @@ def test_another_rig_is_designed_for_its_own_pace_and_output(tuned, told):
     Q22 = (5 + 5 / 18) / 12
     assert (found.rc.K_P, found.rc.K_D, found.duty_limits_pct) == (18.0, 6.0, (0.0, 5.0))
     assert found.rc.epsilon == pytest.approx(0.11 * 8.744 * Q22) and found.rc.gamma * found.rc.epsilon == 25.0
-    assert found.rc.phi_honest_pct == pytest.approx(found.phi_from_data["levels"].pct) and found.rc.phi_holds
+    assert found.rc.phi_honest_pct == pytest.approx(found.phi_from_data.levels.pct) and found.rc.phi_holds
     assert pytest.approx(9.284 * 2 * 2, rel=2e-3) == found.rc.Q_M and found.replayed is None
     assert (found.margins.timing.rate_hz, found.margins.timing.pwm_hz) == (1000.0, None)  # not the logger's rate
     assert found.pi.overshoot_pct == pytest.approx(1.0) and settled(found) == pytest.approx(0.135)

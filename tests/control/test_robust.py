@@ -18,11 +18,13 @@ def test_table_iv_to_its_digits(tuned, told):
     rc = found.rc
     assert (rc.K_P, rc.K_D, rc.B_hat, rc.Q_M, rc.phi, rc.epsilon, rc.gamma) == (4.5, 3.0, 12.5, 5.0, 0.05, 0.5, 50.0)
     assert (f"{rc.alpha:.6f}", f"{rc.rho.constant:.4f}", f"{rc.rho.slope:.5f}") == ("0.549091", "10.8125", "6.58595")
+    assert (rc.natural_frequency_rad_s, rc.damping) == pytest.approx((2.1213, 0.7071), abs=1e-4)
     assert rc.Q[0][1] == rc.Q[1][0] == pytest.approx(5 / 9) and rc.Q[1][1] == pytest.approx((5 + 10 / 9) / 6)
     assert (round(rc.equal_pi.K_P), round(rc.equal_pi.K_I)) == (313, 206)
     assert rc.phi_honest_pct == pytest.approx(26.4, abs=0.05) and rc.rho.convention == "paper"
     textbook = tuned(rho="textbook").rc
     assert textbook.phi_honest_pct == pytest.approx(0.05) and textbook.rho.constant == pytest.approx(6.09765, abs=5e-6)
+    assert f"{found.actuator.robust_term_pct:.0f}" == "135" and found.actuator.span_pct == 100.0
     asked = told(found)
     assert asked["rho-not-covered"] == pytest.approx({"B_hat": 12.5, "reached": 1 - 12.5 / 42.6, "made": 30.2 / 55})
     assert asked["robust-term-beyond-actuator"]["asked"] == pytest.approx(12.5 * 10.8125)
@@ -115,28 +117,28 @@ def test_one_verdict_with_a_row_for_each_thing_it_needs(tuned, told, tmp_path):
     assert (rows["Q_M"].needed, rows["Q_M"].available, rows["Q_M"].unit) == (pytest.approx(2.5), 5.0, "N·m/s")
     assert rows["phi"].needed == found.rc.phi_needed_pct > rows["phi"].available == found.rc.phi_honest_pct
     assert (rows["duty-limit"].available, rows["duty-limit"].unit) == (100.0, "%")
-    assert rows["duty-limit"].needed == found.rc.B_hat * found.rc.rho.constant
-    assert told(found)["phi-exceeded"]["where"] == found.phi_from_data["model"].where
+    assert rows["duty-limit"].needed == found.actuator.robust_term_pct == found.rc.B_hat * found.rc.rho.constant
+    assert told(found)["phi-exceeded"]["where"] == found.phi_from_data.model.where
     # φ that the data ask for, in either reading, is one bound and one ρ
     both = [tuned(**quick, phi="data", rho=reading) for reading in ("paper", "textbook")]
     assert both[0].rc.rho.constant == pytest.approx(both[1].rc.rho.constant)
     for made, unit in zip(both, (12.4 * 42.6, 1.0), strict=True):
         assert made.rc.phi * unit == pytest.approx(made.rc.phi_needed_pct) == made.rc.phi_honest_pct
-        assert made.guarantee.missing == ("duty-limit",) and made.rc.phi_holds
+        assert made.guarantee.missing == ("duty-limit",) and made.rc.phi_holds and made.rc.Q_M_holds
         assert made.rc.Q_M == pytest.approx(2.5) == made.replayed.slope_nm_s
     steep = tuned(**quick, q_max=2.0)
-    assert "Q_M" in steep.guarantee.missing
+    assert steep.rc.Q_M_holds is False and "Q_M" in steep.guarantee.missing
     assert told(steep)["slope-above-q-max"] == {"slope": pytest.approx(2.5), "Q_M": 2.0, "reference": "reference"}
     # nothing that speaks about φ and Q_M: not known, unless something else fails
-    assert tuned().guarantee.holds is False and tuned().rc.phi_holds is None
+    assert tuned().guarantee.holds is False and tuned().rc.phi_holds is None and tuned().rc.Q_M_holds is None
     little = {"b_hat": "minimax", "q_max": 0.5, "phi": 0.01}
     assert tuned(**little).guarantee.holds is None and tuned(**little).guarantee.missing == ()
 
 
 def test_what_rho_asks_of_the_actuator(tuned):
     found = tuned(duty_limits=(10.0, 60.0), q_max=2.0, phi=0.01)
-    (row,) = (one for one in found.guarantee.conditions if one.name == "duty-limit")
-    assert row.available == 50.0 and row.needed == pytest.approx(found.rc.B_hat * found.rc.rho.constant)
+    assert found.actuator.span_pct == 50.0
+    assert found.actuator.robust_term_pct == pytest.approx(found.rc.B_hat * found.rc.rho.constant)
 
 
 @pytest.mark.parametrize(("gamma", "jump"), [(2.0, 1 - math.tanh(1.0)), (9.9, 1 - math.tanh(4.95)), (10.0, None)])

@@ -25,7 +25,7 @@ def uncertain(fit_of):
 @pytest.mark.parametrize("rig", [{}, EVERYTHING], ids=["bare", "everything"])
 def test_each_plant_is_its_own_replay_in_machine_code_and_in_python(played, uncertain, fit_of, gains, rig):
     run = played(REFERENCE, fit=uncertain, controller=NAMES, plants=4, seed=3, **rig)
-    assert run.head.plants == 4
+    assert (run.head.plants, run.head.plants_from) == (4, "covariance")
     alone = []
     tables = run.records["pi"].tables
     for k in range(4):
@@ -49,7 +49,7 @@ def test_laws_that_know_the_fitted_plant_are_the_same_in_machine_code(played, fi
     """Without uncertainty every drawn plant is the fitted one: the same numbers as in plain Python."""
     fit = fit_of(release={"tau1": 0.3, "tau2": 4.0})
     run = played(REFERENCE, fit=fit, controller=NAMES, plants=2, **EVERYTHING)
-    assert "plants-all-alike" in {one.code for one in run.findings}
+    assert run.head.plants_from == "fitted-plant" and "plants-all-alike" in {one.code for one in run.findings}
     for name in NAMES:
         one = run.records[name]
         for metric, values in one.tables.items():
@@ -81,6 +81,7 @@ def test_the_spread_of_each_metric_and_the_worst_plant(fit_of, gains):
         assert spread.worst.plant == worst and spread.worst.value == (
             values[worst] if np.isfinite(values[worst]) else None
         )
+        assert spread.worst.Ts == tuple(tables["plants/parameters/Ts"][worst])
     assert any(spread.never for spread in told.metrics.values())
     swept = eaid.simulate(fit_of(UNCERTAIN), gains, "sweep", rate_hz=40.0, plants=9, controller=("open-loop",)).records
     one = swept["open-loop"]

@@ -141,8 +141,9 @@ def test_the_statistics_of_a_session(one):
         found, values = told.modes[mode], error[mode]
         box = found.abs_position_error_deg
         q1, median, q3 = np.percentile(values, [25, 50, 75])
-        wanted = (25_000, values.mean(), values.std(ddof=1), q1, median, q3)
-        numbers = ["n", "mean", "sd", "q1", "median", "q3"]
+        near = values[(values >= q1 - 1.5 * (q3 - q1)) & (values <= q3 + 1.5 * (q3 - q1))]
+        wanted = (25_000, values.mean(), values.std(ddof=1), q1, median, q3, near.min(), near.max(), 25_000 - len(near))
+        numbers = ["n", "mean", "sd", "q1", "median", "q3", "whisker_low", "whisker_high", "outliers"]
         assert [getattr(box, name) for name in numbers] == pytest.approx(wanted)
         np.testing.assert_allclose(found.cycle_means_deg, means[mode])
         torque = np.abs(counted(one.columns["torque_error_nm"], mode))

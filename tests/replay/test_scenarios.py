@@ -204,11 +204,11 @@ def test_where_replays_leave_what_was_identified_is_told_in_shares(played, codes
 def test_what_a_replay_stands_on_is_said(played, fit_of, fit, codes):
     shaky = fit_of({"solver": {"converged": False}})
     run = played(T, 0.01, fit=shaky, controller=("inverse",))
-    assert "fit-not-usable" in codes(run) and set(run.head.not_usable) == {"plant"}
+    assert "replay-not-usable" in codes(run) and set(run.head.not_usable) == {"plant"}
     linear = {"a0": 1.36, "b0": 0.08, "c0": -2.42, "solver": {"converged": False}, "bounds": {"B_m": 12.4, "B_M": 42.6}}
     marked = eaid.tune_rc(fit_of(linear=linear), anyway=True)
     run = played(T, 0.01, gains=marked)
-    assert "fit-not-usable" in codes(run) and run.head.not_usable == {"gains": marked.not_usable}
+    assert "replay-not-usable" in codes(run) and run.head.not_usable == {"gains": marked.not_usable}
     rise = {"run": "r", "from": 0.0, "level": 9.0, "edge": "up", "start": 0.0, "change": 1.0, "gain": 1.0,
             "shape": "one", "tau1": 1.0, "tau2": None, "C": 1.0, "dead_time_s": 0.02, "rmse": 0.0, "fit_pct": 9.0,
             "R2": 1.0, "samples": 9}  # fmt: skip

@@ -49,7 +49,7 @@ def test_gains_and_replays_carry_it_on(shaky: dict[str, Path], tmp_path: Path, r
     ran = run_eaid("simulate", shaky["fit.json"], "--gains", shaky["gains.json"], *out)
     said = json.loads(ran.out)["not_usable"]
     assert ran.code == 0 and set(said) == {"gains"} and WHY in said["gains"]
-    assert "warning: gains of a fit that is NOT USABLE: the linear fit" in ran.err
+    assert "warning: gains of a fit that is NOT USABLE (the linear fit" in ran.err
 
 
 @pytest.mark.parametrize("name", ["fit.json", "gains.json", "steps.h5"])

@@ -47,7 +47,7 @@ GAIN_ROWS: dict[str, Row] = {
         "one's pace (a0 {pace:.3g} times the paper's) and range (input up to {highest:.4g}); φ is read off the "
         "data, the PI designed for {overshoot_pct:g} % and {settling_s:.3g} s"
     ),
-    "fit-not-usable": caution("{subject} of a fit that is NOT USABLE: {why}"),
+    "fit-not-usable": caution("made from a fit that is NOT USABLE: {why}"),
     "nothing-to-replay-on": note("the fit holds no nonlinear model, so no error is replayed beside the ultimate bound"),
 }
 
@@ -64,6 +64,7 @@ def _leaves(v: Values) -> str:
 
 
 REPLAY_ROWS: dict[str, Row] = {
+    "replay-not-usable": caution("{subject} of a fit that is NOT USABLE ({why}): the replay is marked"),
     "reference-above-plant": caution(
         "the {subject} goes to {asked:.3g} {unit}, the fitted plant at its highest input to {highest:.3g} {unit}: its "
         "errors say nothing about the gains; give a «reference» within reach"
