@@ -39,8 +39,7 @@ if TYPE_CHECKING:
 
     from eaid.export.export import ExportFolder
     from eaid.results.coupling import Coupling
-    from eaid.results.plan import Plan
-    from eaid.results.recorded import Excitation
+    from eaid.results.plan import Excitation, Plan
     from eaid.results.replay import Replay
 
 R = TypeVar("R")
@@ -319,7 +318,7 @@ def tune_rc(
     Returns
     -------
     Gains
-        With `guarantee`, `findings`, `to_control()`, `save("gains.json")`.
+        With `rc`, `pi`, `guarantee`, `findings`, `to_frame()`, `save("gains.json")`.
 
     Raises
     ------
@@ -437,7 +436,7 @@ def couple(
     gains
         Gains of the loops rc and pi; without them the open loop and the inverse remain.
     options
-        Limb, loop, torques and what is drawn.
+        Limb, loop and torques.
     progress
         As in `read`.
     **keywords
@@ -446,7 +445,7 @@ def couple(
     Returns
     -------
     Coupling
-        With `walls` [N·m/rad], `pair`, `regions`, `to_frame()`, `findings`, `save("couple.json")`.
+        With `walls` [N·m/rad], `impedance`, `to_frame()`, `findings`, `save("couple.json")`.
 
     Raises
     ------
@@ -487,11 +486,11 @@ def report(
     output_dir
         Folder that is made where it is not there; its parent has to be.
     options
-        Which figures, their formats, and whether published values stand beside them.
+        Which figures, and their formats.
     force
         Write over a report.
     **keywords
-        Fields of `ReportOptions`: figures, format, paper.
+        Fields of `ReportOptions`: figures, format.
 
     Returns
     -------

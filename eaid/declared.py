@@ -90,6 +90,9 @@ class Options:
         }
 
 
+NUMERIC = {int, float, tuple[float, ...], tuple[float, float], Mapping[str, float]}
+
+
 @dataclass(frozen=True)
 class Form:
     """An option's name and type, taken apart: how its values are written and what they may be."""
@@ -164,20 +167,14 @@ class Form:
         name, declared, kind = f"«{self.name}»", self.declared, self.parts[0]
         if kind is bool:
             return [] if isinstance(value, bool) else [f"{name} {value!r}: give True or False"]
-        if float in self.parts or int in self.parts:
+        if NUMERIC & set(self.parts):
             if isinstance(value, str) and str in self.parts:
-                if value in declared.words or not declared.words:
-                    return []
-                return [f"{name} {value}: must be {', '.join(declared.words)} or a number"]
-            return self._outside(value)
-        if kind in (tuple[float, ...], tuple[float, float]):
-            if isinstance(value, str) and str in self.parts:
-                return []
-            if not isinstance(value, tuple) or (self.pair and len(value) != 2):
+                fine = not declared.words or value in declared.words
+                return [] if fine else [f"{name} {value}: must be {', '.join(declared.words)} or a number"]
+            if typing.get_origin(kind) is tuple and (not isinstance(value, tuple) or (self.pair and len(value) != 2)):
                 return [f"{name} {value!r}: give {'two numbers' if self.pair else 'numbers'}"]
-            return [fault for each in value for fault in self._outside(each)]
-        if kind == Mapping[str, float] and isinstance(value, Mapping):
-            return [fault for each in value.values() for fault in self._outside(each)]
+            each = value if isinstance(value, tuple) else value.values() if isinstance(value, Mapping) else (value,)
+            return [fault for one in each for fault in self._outside(one)]
         if self.several:
             if not isinstance(value, tuple):
                 return [f"{name} {value!r}: give words"]
@@ -278,16 +275,10 @@ def names(flag: str, text: str) -> tuple[str, ...]:
 
 def factors(flag: str, text: str) -> dict[str, float]:
     """`Ts=0.9,tau1=1.2`, or widths in percent: names with numbers."""
-    values: dict[str, float] = {}
-    for part in names(flag, text):
-        name, _, value = (piece.strip() for piece in part.partition("="))
-        if name in values:
-            raise UsageError(f"{flag} {text}: says {name} twice; give each name once")
-        try:
-            values[name] = float(value.removesuffix("%"))
-        except ValueError:
-            raise UsageError(f"{flag} {text}: {part!r} is no name=number; write it as Ts=0.9,tau1=1.2") from None
-    return values
+    try:
+        return {name: float(value.removesuffix("%")) for name, value in pairs(flag, text).items()}
+    except ValueError:
+        raise UsageError(f"{flag} {text}: write numbers by their names, as Ts=0.9,tau1=1.2") from None
 
 
 def pairs(flag: str, text: str | Mapping[str, Any] | None) -> dict[str, str]:
@@ -304,9 +295,7 @@ def pairs(flag: str, text: str | Mapping[str, Any] | None) -> dict[str, str]:
     for cell in cells:
         name, equals, value = (piece.strip() for piece in cell.partition("="))
         if not equals or not name or not value:
-            raise UsageError(
-                f"{flag} {text}: write role=name pairs with commas between them, as time=Time,output=Force"
-            )
+            raise UsageError(f"{flag} {text}: write name=value pairs with commas between them, as Ts=4,tau1=9")
         if name in values:
             raise UsageError(f"{flag} {text}: says {name} twice")
         values[name] = value

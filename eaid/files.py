@@ -1,14 +1,16 @@
 """Files that are whole or not there: written beside their final name, then renamed; and their fingerprints.
 
-What a killed command leaves behind is named `.NAME.HOST-PID.….part`: no command reads it, and the next one that writes
-NAME clears it away once that process is gone.
+What a killed command leaves behind is named `.NAME.….part`: no command reads it, and one that writes NAME an hour later
+clears it away.
 """
 
 import contextlib
 import errno
+import glob
 import hashlib
 import os
 import shutil
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -114,9 +116,7 @@ def all_written_whole(paths: Sequence[Path], force: bool = False) -> Iterator[li
         refuse_to_overwrite(path, force)
     parts: list[Path] = []
     try:
-        for path in paths:
-            clear_left_over(path)
-            parts.append(_part_of(path))
+        parts.extend(map(_part_of, paths))
         yield parts
         for part in parts:
             _to_disk(part)
@@ -142,49 +142,22 @@ def _to_disk(path: Path) -> None:
         os.fsync(file.fileno())
 
 
-def _part_of(path: Path) -> Path:
-    part = _unused(path)
+KILLED_S = 3600  # Age from which what stands beside an output was left there by a writer that is gone
+
+
+def _part_of(path: Path, folder: bool = False) -> Path:
+    """A new file or folder beside `path` with a name that nothing has; what killed writers of `path` left goes."""
+    start = f".{os.fsencode(path.name)[:120].decode(errors='ignore')}."
+    with contextlib.suppress(OSError):
+        for left in path.parent.glob(f"{glob.escape(start)}{'[0-9a-f]' * 12}.part"):
+            if time.time() - left.stat().st_mtime > KILLED_S:
+                shutil.rmtree(left) if left.is_dir() else left.unlink()
+    part = path.parent / f"{start}{os.urandom(6).hex()}.part"
     try:
-        part.touch(exist_ok=False)
+        part.mkdir() if folder else part.touch(exist_ok=False)
     except OSError as fault:
         raise UsageError(f"{path}: cannot be written ({fault.strerror}); choose another folder with «output»") from None
     return part
-
-
-def _unused(path: Path) -> Path:
-    """A name beside `path` that nothing has."""
-    return path.parent / f"{_mark(path)}{os.getpid()}.{os.urandom(6).hex()}.part"
-
-
-def _mark(path: Path) -> str:
-    """How the temporary names of this machine's writers of `path` begin; the process number follows."""
-    host = hashlib.sha256(os.fsencode(getattr(os, "uname", lambda: (0, ""))()[1])).hexdigest()[:6]
-    return f".{os.fsencode(path.name)[:120].decode(errors='ignore')}.{host}-"
-
-
-def clear_left_over(path: Path) -> None:
-    """Remove what killed writers of `path` left beside it; what a running one still writes stays."""
-    if os.name != "posix":
-        return
-    mark = _mark(path)
-    with contextlib.suppress(OSError):
-        for item in os.scandir(path.parent):
-            number = item.name[len(mark) :].split(".")[0]
-            if not (item.name.startswith(mark) and item.name.endswith(".part") and number.isdigit()):
-                continue
-            if not _is_running(int(number)):
-                with contextlib.suppress(OSError):
-                    shutil.rmtree(item.path) if item.is_dir(follow_symlinks=False) else os.unlink(item.path)
-
-
-def _is_running(number: int) -> bool:
-    try:
-        os.kill(number, 0)
-    except ProcessLookupError:
-        return False
-    except (OSError, OverflowError):
-        pass
-    return True
 
 
 @contextlib.contextmanager
@@ -196,12 +169,7 @@ def folder_written_whole(path: Path, ours: Ours = lambda _path, _ends: True) -> 
     stay, the files inside are replaced one right after the other.
     """
     path = path.resolve()
-    clear_left_over(path)
-    part = _unused(path)
-    try:
-        part.mkdir()
-    except OSError as fault:
-        raise UsageError(f"{path}: cannot be written ({fault.strerror}); choose another folder with «output»") from None
+    part = _part_of(path, folder=True)
     try:
         yield part
         made = sorted(part.iterdir())

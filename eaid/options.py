@@ -2,10 +2,11 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
-from math import isfinite
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any, Literal
+
+import msgspec
 
 from eaid.apparatus import Apparatus
 from eaid.declared import Options, option, pairs, together
@@ -26,9 +27,14 @@ EXCITATIONS = ("random", "staircase", "chirp", "closed-loop")
 READING, STEPS, MODEL, RECORDED = "Reading logs", "Finding steps", "Model", "Logs fitted as recorded"
 ROBUST, PI, RIG, ADVANCED = "Robust controller", "PI controller", "Rig", "Advanced"
 WHAT, MORE, REHAB, CHANCE = "What is replayed", "More plants", "Rehabilitation", "Chance"
-LIMB, LOOP, DRAWN = "The limb and the wall", "The loop as it runs", "Populations"
+LIMB, LOOP = "The limb and the wall", "The loop as it runs"
 LOGS, WHEN, HOW, INPUTS = "What is recorded", "Times", "Disturbances", "Other inputs than steps"
 FIGURES = "Figures"
+
+# Limits of options that are alike
+RATE: dict[str, Any] = {"least": 1e-3, "most": 1e5}
+ANY: dict[str, Any] = {"least": -1e12, "most": 1e12}
+POSITIVE: dict[str, Any] = {"least": 1e-15, "most": 1e15}
 
 
 def any_text(_name: str, text: str) -> str:
@@ -90,13 +96,9 @@ class ReadOptions(Columns):
         "auto", "Value before each step: its last rest, the first samples, none, a value, or a window in s to it.",
         STEPS, words="auto|first|none", read=any_text, shown="WORD|VALUE|FROM:TO",
     )  # fmt: skip
-    rest: float = option(
-        0.0, "Input at rest, in its own unit; levels are counted from it.", STEPS, least=-1e9, most=1e9
-    )
-    step_at: float | None = option(None, "Step instant, in seconds of the log.", STEPS, least=-1e12, most=1e12)
-    until: float | None = option(
-        None, "End of the active window, in seconds of the log.", STEPS, least=-1e12, most=1e12
-    )
+    rest: float = option(0.0, "Input at rest, in its own unit; levels are counted from it.", STEPS, **ANY)
+    step_at: float | None = option(None, "Step instant, in seconds of the log.", STEPS, **ANY)
+    until: float | None = option(None, "End of the active window, in seconds of the log.", STEPS, **ANY)
     apparatus: Apparatus | None = option(
         None, "The rig, where it is not the paper's: surfaces=1,inner_radius_m=0.03.", STEPS, shown="NAME=VALUE,…"
     )
@@ -128,21 +130,15 @@ def apparatus_from(text: str | Apparatus | None, kind: str | None) -> Apparatus 
     """The rig that `«apparatus»` describes; what it leaves out is the paper's. None where nothing is given."""
     if not text or isinstance(text, Apparatus):
         return text or None
-    numbers: dict[str, float] = {}
-    known = [each.name for each in fields(Apparatus)]
-    for name, value in pairs("«apparatus»", text).items():
+    given, known = pairs("«apparatus»", text), [each.name for each in fields(Apparatus)]
+    for name in given:
         if name not in known:
             raise UsageError(unknown("«apparatus»", name, known))
-        try:
-            numbers[name] = int(value) if name == "surfaces" else float(value)
-        except ValueError:
-            raise UsageError(f"«apparatus» {name}={value}: is no number") from None
-        if not (isfinite(numbers[name]) and numbers[name] > 0):
-            raise UsageError(f"«apparatus» {name}={value}: must be above zero")
     try:
-        return replace(Apparatus(surfaces=1 if kind in KINDS[1:] else 2), **cast(Any, numbers))
-    except ValueError:
-        raise UsageError("«apparatus»: inner_radius_m must be below outer_radius_m") from None
+        return msgspec.convert({"surfaces": 1 if kind in KINDS[1:] else 2, **given}, Apparatus, strict=False)
+    except msgspec.ValidationError as fault:
+        why = str(fault).replace("`", "").replace(" - at $.", ": ")
+        raise UsageError(f"«apparatus» {text}: {why}") from None
 
 
 def in_words(value: Any) -> str:
@@ -199,39 +195,26 @@ class FitGiven(FitOptions):
 class TuneOptions(Chance):
     """How gains are designed; None: the paper's values on its rig (Table IV, §V), else what the fit asks for."""
 
-    kp: float | None = option(None, "K_P [1/s²]; by itself 4.5.", ROBUST, least=-1e10, most=1e10)
-    kd: float | None = option(None, "K_D [1/s]; by itself 3.", ROBUST, least=-1e10, most=1e10)
-    natural_frequency: float | None = option(
-        None, "ω_n [rad/s], in place of K_P and K_D.", ROBUST, least=1e-6, most=1e5
-    )
-    damping: float | None = option(None, "Damping ratio, with the natural frequency.", ROBUST, least=1e-3, most=1e3)
+    kp: float | None = option(None, "K_P [1/s²]; by itself 4.5.", ROBUST, **ANY)
+    kd: float | None = option(None, "K_D [1/s]; by itself 3.", ROBUST, **ANY)
+    natural_frequency: float | None = option(None, "ω_n [rad/s], in place of K_P and K_D.", ROBUST, **POSITIVE)
+    damping: float | None = option(None, "Damping ratio, with the natural frequency.", ROBUST, **POSITIVE)
     b_hat: Literal["pooled", "minimax"] | float = option(
-        "pooled", "1/b0, the middle of B_m, B_M, or a value.", ROBUST, words="pooled|minimax", least=-1e12, most=1e12
+        "pooled", "1/b0, the middle of B_m, B_M, or a value.", ROBUST, words="pooled|minimax", **ANY
     )
     q_max: float | None = option(None, "Q_M, largest slope of the reference; by itself 5 N·m/s.", ROBUST)
     phi: Literal["data"] | float | None = option(None, "By itself 0.05; data: by the model.", ROBUST, words="data")
     pi_gains: tuple[float, float] | None = option(
-        None,
-        "Its gains; by itself designed from the fit, the paper's are 21,360.",
-        PI,
-        shown="K_P,K_I",
-        least=-1e9,
-        most=1e9,
+        None, "Its gains; by itself designed from the fit, the paper's are 21,360.", PI, shown="K_P,K_I", **ANY
     )
-    pi_overshoot: float | None = option(
-        None, "Or designed: overshoot on the linear model [%].", PI, least=-1e6, most=1e6
-    )
-    pi_settling: float | None = option(None, "And settling time, 2 % band [s].", PI, least=-1e6, most=1e6)
+    pi_overshoot: float | None = option(None, "Or designed: overshoot on the linear model [%].", PI, **ANY)
+    pi_settling: float | None = option(None, "And settling time, 2 % band [s].", PI, **ANY)
     duty_limits: tuple[float, float] | None = option(None, "By itself 0,100 % or as identified.", RIG, shown="LOW,HIGH")
-    rate_hz: float | None = option(None, "Control rate [Hz]; by itself 1000.", RIG, least=1e-3, most=1e5)
+    rate_hz: float | None = option(None, "Control rate [Hz]; by itself 1000.", RIG, **RATE)
     pwm_hz: float | None = option(None, "Duty latched at [Hz]; 0: off; by itself the fit's, else 300.", RIG)
-    epsilon: float | None = option(
-        None, "ε, half width of the boundary layer; by itself 0.5.", ADVANCED, least=1e-15, most=1e15
-    )
-    gamma: float | None = option(
-        None, "γ, sharpness of the soft switch; by itself 50.", ADVANCED, least=1e-15, most=1e15
-    )
-    p_scale: float = option(5.0, "p of P = p·I in the Lyapunov equation.", ADVANCED, least=1e-9, most=1e9)
+    epsilon: float | None = option(None, "ε, half width of the boundary layer; by itself 0.5.", ADVANCED, **POSITIVE)
+    gamma: float | None = option(None, "γ, sharpness of the soft switch; by itself 50.", ADVANCED, **POSITIVE)
+    p_scale: float = option(5.0, "p of P = p·I in the Lyapunov equation.", ADVANCED, **POSITIVE)
     rho: Literal["paper", "textbook"] = option(
         "paper", "Eq. (15) read as B_M φ, or as φ/B_m.", ADVANCED, words="paper|textbook"
     )
@@ -271,12 +254,8 @@ class SimulateOptions(Chance, Rig):
     controller: tuple[str, ...] | None = option(None, "By itself rc,pi; sweep adds open-loop.", WHAT, words=CONTROLLERS)
     scenario: str | None = option(None, "By itself multisine.", WHAT, words=SCENARIOS)
     duration: float | None = option(None, "Length of steps, multisine or rehab [s].", WHAT, above=True)
-    rate_hz: float | None = option(
-        None, "Control rate [Hz]; by itself the gains', else 1000.", RIG, least=1e-3, most=1e5
-    )
-    plants: int | None = option(
-        None, "Also on so many plants drawn from the fit's uncertainty.", MORE, least=1, most=100_000
-    )
+    rate_hz: float | None = option(None, "Control rate [Hz]; by itself the gains', else 1000.", RIG, **RATE)
+    plants: int | None = option(None, "Also on plants drawn from the fit's uncertainty.", MORE, least=1, most=100_000)
     limb_damping: float | None = option(None, "Damping of the limb [N·m·s/rad].", REHAB)
 
     def agree(self) -> None:
@@ -299,7 +278,7 @@ class CoupleOptions(Options):
     """The limb, the timing, the torques and the loops."""
 
     loops: tuple[str, ...] = option(LOOPS, "Loops that are judged.", LOOP, words=LOOPS, shown="NAME,…")
-    rate_hz: float = option(1000.0, "Control rate [Hz].", LOOP, least=1e-3, most=1e5)
+    rate_hz: float = option(1000.0, "Control rate [Hz].", LOOP, **RATE)
     pwm_hz: float = option(0.0, "Duty latched at [Hz]; 0: at once.", LOOP)
     delay_samples: int = option(
         0, "From reading to duty [samples]; 0: the dead time that the fit shows.", LOOP, least=0, most=100_000
@@ -323,9 +302,7 @@ class ExportOptions(Options):
     target: str = option("c", "Language or format.", LOGS, "--as", words="c|arduino|matlab|fmu|yaml")
     law: tuple[str, ...] | None = option(None, "By itself all that the files hold.", LOGS, words=LAWS)
     precision: Literal["double", "single"] = option("double", "Of the numbers.", LOGS, words="double|single")
-    rate_hz: float | None = option(
-        None, "Control rate, baked in [Hz]; by itself the gains'.", RIG, least=1e-3, most=1e5
-    )
+    rate_hz: float | None = option(None, "Control rate, baked in [Hz]; by itself the gains'.", RIG, **RATE)
     duty_on_fault: float = option(0.0, "Duty while an input is no number.", RIG, least=-1e9, most=1e9)
     anyway: bool = option(False, "Export what would be refused; its files are marked.", ADVANCED)
 
@@ -384,7 +361,7 @@ class Excitation(Options):
     )
     idle_s: float = option(2.0, "Input 0 at first [s].", INPUTS)
     rest_s: float = option(0.0, "Return to 0 after every `levels` holds of random steps [s]; 0: none.", INPUTS)
-    rate_hz: float = option(1000.0, "Samples a second [Hz].", INPUTS, least=1e-3, most=1e5)
+    rate_hz: float = option(1000.0, "Samples a second [Hz].", INPUTS, **RATE)
 
     def agree(self) -> None:
         """Refuse what another kind of input has."""
@@ -408,7 +385,7 @@ class SynthOptions(Chance):
     idle_s: float | None = option(None, "Input 0 before the step [s].", WHEN, "--idle")
     hold_s: float | None = option(None, "Input at its level [s].", WHEN, "--hold", above=True)
     release_s: float | None = option(None, "Input 0 after the step [s].", WHEN, "--release")
-    rate_hz: float | None = option(None, "Samples a second [Hz].", WHEN, least=1e-3, most=1e5)
+    rate_hz: float | None = option(None, "Samples a second [Hz].", WHEN, **RATE)
     clean: bool = option(False, "The plant alone: no noise, scatter, offset or digits.", HOW)
     white_nm: float | None = option(None, "White noise, sd [N·m].", HOW, "--noise-nm")
     coloured: float | None = option(None, "Coloured noise, sd, share of torque.", HOW, least=0, most=10)
@@ -417,7 +394,7 @@ class SynthOptions(Chance):
     gain_scatter: float | None = option(None, "Run-to-run sd of the torque's gain, share.", HOW, least=0, most=0.3)
     tau1_scatter: float | None = option(None, "Run-to-run sd of log τ1.", HOW, least=0, most=3)
     tau2_scatter: float | None = option(None, "Run-to-run sd of log τ2.", HOW, least=0, most=3)
-    offset_nm: float | None = option(None, "Offset of the torque sensor [N·m].", HOW, least=-1e6, most=1e6)
+    offset_nm: float | None = option(None, "Offset of the torque sensor [N·m].", HOW, **ANY)
     duty_file: Path | None = option(None, "CSV time_s,duty_pct (force_n, speed_rpm, input).", INPUTS, shown="FILE")
     excitation: str | None = option(None, "Logs to be fitted as recorded.", INPUTS, words=EXCITATIONS)
     shape: str | Mapping[str, Any] | None = option(

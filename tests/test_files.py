@@ -1,8 +1,7 @@
 """Outputs are whole or not there, and never overwritten by accident."""
 
+import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -10,7 +9,7 @@ import pytest
 from eaid import files
 from eaid.errors import UsageError
 
-LEFT_OVER = re.compile(r"\.fit\.json\.[0-9a-f]{6}-\d+\.[^.]+\.part")
+LEFT_OVER = re.compile(r"\.fit\.json\.[0-9a-f]{12}\.part")
 
 
 def names(folder: Path) -> list[str]:
@@ -48,18 +47,17 @@ def test_a_missing_folder_is_named_and_a_name_of_two_hundred_letters_can_be_writ
 
 def test_what_killed_writers_left_is_cleared_away_and_nothing_else(tmp_path: Path) -> None:
     target = tmp_path / "fit.json"
-    gone = subprocess.Popen([sys.executable, "-c", ""])
-    gone.wait()
+    others = [".gains.json.0123456789ab.part", ".fit.json.mine.part", "fit.json.part"]  # of another output, of others
+    dead, dead_folder = (tmp_path / f".fit.json.{token * 12}.part" for token in "ad")
+    dead_folder.mkdir()
+    for item in (dead, dead_folder / "half", *(tmp_path / name for name in others)):
+        item.write_text("half")
+    for item in tmp_path.iterdir():
+        os.utime(item, (0, 0))
     with files.written_whole(target) as part:
-        mark = part.name.split("-")[0]
-        assert LEFT_OVER.fullmatch(part.name)
-        dead = tmp_path / f"{mark}-{gone.pid}.x1.part"
-        dead.write_text("half")
-        others = [f".gains.json.{mark[-6:]}-{gone.pid}.x.part", f".fit.json.000000-{gone.pid}.x.part", "fit.json.part"]
-        for name in others:  # of another output, of another machine, of no command of eaid
-            (tmp_path / name).write_text("theirs")
+        assert LEFT_OVER.fullmatch(part.name) and not dead.exists() and not dead_folder.exists()
         with files.written_whole(target, force=True) as second:
-            assert part.exists() and not dead.exists()  # the first writer is still at work
+            assert part.exists()  # the first writer is still at work
             second.write_text("second")
         part.write_text("first")
         target.unlink()

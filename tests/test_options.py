@@ -43,7 +43,7 @@ def test_a_default_lies_within_its_limits() -> None:
         (lambda: eaid.FitOptions(duty=(1.0, 2.0, 3.0)), "duty= (1.0, 2.0, 3.0): give two numbers"),
         (lambda: eaid.ReadOptions(repair="yes"), "repair= 'yes': give True or False"),
         (lambda: eaid.ReadOptions(name_pattern="run"), "name_pattern= run: holds neither {level} nor {repeat}"),
-        (lambda: eaid.ReadOptions(apparatus="surfaces=0"), "apparatus= surfaces=0: must be above zero"),
+        (lambda: eaid.ReadOptions(apparatus="surfaces=0"), "apparatus= surfaces=0: Expected int >= 1: surfaces"),
         (lambda: eaid.TuneOptions(damping=0.7),
          "natural_frequency= and damping= belong together: give both or neither"),
         (lambda: eaid.TuneOptions(pi_gains=(21, 360), pi_overshoot=1.0, pi_settling=0.3),

@@ -11,8 +11,7 @@ from eaid.files import refuse_to_overwrite
 from eaid.options import LOGS, PlanOptions
 
 if TYPE_CHECKING:
-    from eaid.results.plan import Plan
-    from eaid.results.recorded import Excitation
+    from eaid.results.plan import Excitation, Plan
 
 
 @dataclass(frozen=True, kw_only=True)

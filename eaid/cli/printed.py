@@ -16,8 +16,7 @@ from eaid.report.tables.data import between_levels, levels_recorded, slips_table
 from eaid.report.tables.fits import model_tables
 from eaid.results.common import Input
 from eaid.results.fit import Fit
-from eaid.results.plan import Plan, PlannedRun
-from eaid.results.recorded import Excitation
+from eaid.results.plan import Excitation, Plan, PlannedRun
 from eaid.results.summary import answer, verdict_line, warned
 from eaid.shown import counted
 from eaid.steps.stepset import Level, LevelStep, StepSet

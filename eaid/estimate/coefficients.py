@@ -16,8 +16,6 @@ from eaid.results.common import Interval
 from eaid.results.fit import CoefficientIntervals, Covariance
 
 BLOCKS = ("tau1", "tau2", "Ts")  # Order of the coefficients in every covariance; C last where it was free
-# What the rows and columns of `nonlinear.covariance.matrix` are
-PARAMETRISATION = "coefficients of (u/100 %)^k, lowest power first: tau1 [s], tau2 [s], Ts [N·m]; C last where free"
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,13 +85,11 @@ def coefficient_intervals(
     return CoefficientIntervals(**intervals, C=share)
 
 
-def covariance_part(c: Coefficients, covariance: Array, degrees: Degrees, source: str) -> Covariance:
+def covariance_part(c: Coefficients, covariance: Array, degrees: Degrees) -> Covariance:
     """What a fit keeps, so that plants can be drawn."""
     order = [f"{name}[{i}]" for name, count in zip(BLOCKS, c.counts, strict=True) for i in range(count)]
     return Covariance(
-        PARAMETRISATION,
         (*order, *(["C"] * c.share_free)),
         tuple(tuple(row) for row in covariance.tolist()),
         {name: median(df) for name, df in degrees.items()},
-        source,
     )

@@ -10,7 +10,7 @@ from eaid.arrays import Array
 from eaid.estimate.points import Points, Record, compress
 from eaid.findings import Finding, finding
 from eaid.results.common import AbsError, HoldOut, LevelError
-from eaid.results.fit import Estimate, Pooled
+from eaid.results.fit import Linear, Nonlinear
 from eaid.steps.noise import block_means
 from eaid.steps.stepset import Level
 
@@ -133,7 +133,7 @@ def explains_little(outputs: Sequence[Array], residuals: Sequence[Array]) -> boo
     return missed > (1 - LITTLE) * spread and missed > FAR**2 * float(y @ y)
 
 
-def fit_findings(part: Estimate, active_at: Mapping[str, Sequence[float]], held_out: Sequence[float]) -> list[Finding]:
+def fit_findings(part: Nonlinear, active_at: Mapping[str, Sequence[float]], held_out: Sequence[float]) -> list[Finding]:
     """Warnings about the ten coefficients; `active_at`: the constraints that hold them, and where."""
     findings = []
     if part.solver is not None and not part.solver.converged:
@@ -145,7 +145,7 @@ def fit_findings(part: Estimate, active_at: Mapping[str, Sequence[float]], held_
     return findings
 
 
-def missed(subject: str, data: Data, residuals: Sequence[Array], model: Estimate | Pooled) -> list[Finding]:
+def missed(subject: str, data: Data, residuals: Sequence[Array], model: Nonlinear | Linear) -> list[Finding]:
     """Said where a model misses the curves themselves."""
     if not explains_little([record.y for record in data.records], residuals):
         return []

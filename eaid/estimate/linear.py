@@ -30,7 +30,6 @@ from eaid.results.fit import (
     Linear,
     LinearLevel,
     LinearLevelIntervals,
-    Pooled,
     PooledIntervals,
 )
 from eaid.steps.levels import wanted_levels
@@ -123,7 +122,7 @@ def bounds_of(rows: Sequence[LinearLevel], wanted: Sequence[float] | None = None
     return Bounds(levels=levels, B_m=min(known, default=None), B_M=max(known, default=None))
 
 
-def pooled_intervals(fit: Pooled, data: Data, solved: Solution, scatter: Scatter, white: bool) -> PooledIntervals:
+def pooled_intervals(fit: Linear, data: Data, solved: Solution, scatter: Scatter, white: bool) -> PooledIntervals:
     """95 % intervals of the pooled a0, b0, c0; one level leaves c0 to b0."""
     form, x = unknowns(solved)
     turn = to_parameters(form, x)
@@ -176,7 +175,7 @@ def linear_part(
     solved, huber = minimise(data, options.loss, fit_linear, lambda d, _: fit_linear(d), Solution.residuals)
     p, left, each = parameters(*unknowns(solved)), solved.residuals(data), fit_each_level(data)
     total = metrics.errors([record.y for record in data.records], left)
-    one = Pooled(
+    one = Linear(
         p.a0, p.b0, p.c0, solver=solved.solver, rmse=total.rmse, sse=total.sse, fit_pct=total.fit_pct, R2=total.R2
     )
     rows = single_levels(data, each)
@@ -193,12 +192,12 @@ def linear_part(
         bounds = msgspec.structs.replace(bounds, ci95=bound_intervals(bounds, rows))
         one = msgspec.structs.replace(one, ci95=pooled)
     beyond = metrics.hold_out(held_out, lambda level: model.step_response(p, level.time_s, level.level), total.rmse)
-    part = Linear.of(one, per_level=rows, bounds=bounds, robust=huber, hold_out=beyond)
+    part = msgspec.structs.replace(one, per_level=rows, bounds=bounds, robust=huber, hold_out=beyond)
     return part, findings
 
 
 def linear_findings(
-    data: Data, fit: Pooled, rows: Sequence[LinearLevel], bounds: Bounds, ci95: PooledIntervals
+    data: Data, fit: Linear, rows: Sequence[LinearLevel], bounds: Bounds, ci95: PooledIntervals
 ) -> list[Finding]:
     """Warnings about the linear model and the bounds of B."""
     findings, solver, several = [], fit.solver, len(rows) > 1
@@ -219,7 +218,5 @@ def linear_findings(
     for name in ("a0", "b0") if several else ("a0",):
         ends = getattr(ci95, name)
         if ends is not None and ends[0] <= 0:
-            findings.append(finding(f"{name}-may-be-zero", "linear", low=ends[0], high=ends[1]))
-    if bounds.B_m is None:
-        findings.append(finding("no-b-bounds", "linear"))
+            findings.append(finding("linear-may-be-zero", "linear", parameter=name, low=ends[0], high=ends[1]))
     return findings

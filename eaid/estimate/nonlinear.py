@@ -58,9 +58,9 @@ def joint_fit(data: Data, share: float | None, loss: str) -> tuple[Solution, Hub
 
 def scored(
     p: Nonlinear, free: bool, total: Errors, rows: Sequence[LevelError], solver: Solver, held: HoldOut | None = None
-) -> results.Estimate:
+) -> results.Nonlinear:
     """Ten coefficients with their errors over all, per level, and on held-out levels."""
-    return results.Estimate(
+    return results.Nonlinear(
         tau1=p.tau1,
         tau2=p.tau2,
         Ts=p.Ts,
@@ -80,7 +80,7 @@ def scored(
 
 def of_steps(
     p: Nonlinear, free: bool, data: Data, left: Sequence[Array], solver: Solver, held_out: Sequence[Level]
-) -> results.Estimate:
+) -> results.Nonlinear:
     """The same of the mean curves of levels; `left` are the residuals."""
     outputs = [record.y for record in data.records]
     total = errors(outputs, left)
@@ -93,7 +93,7 @@ def of_steps(
 class Standing:
     """The estimate that stands as the model: its part of the result, unknowns, constraints and intervals."""
 
-    part: results.Estimate
+    part: results.Nonlinear
     unknowns: Array  # Of the whole model, (n,)
     held: dict[str, tuple[float, ...]]  # Constraints that hold it, and where
     covariance: Array  # Of the coefficients in powers of u/100
@@ -137,12 +137,12 @@ def nonlinear_part(
     for i, level in enumerate(levels):
         t = t_quantile(float(one.ends[2][:, i].min()))
         widths.append(float(t * torque_sd(c, one.covariance, level).max()))
-    shown = with_intervals(one, values, c, widths, options.ci) if options.ci != "none" else one.part
+    shown = with_intervals(one, values, c) if options.ci != "none" else one.part
     told = fit_findings(one.part, one.held, [level.level for level in held_out])
     told += missed("nonlinear", data, residuals(model.theta(one.unknowns, M), data.records), one.part)
     told += [*level_findings(values, widths.__getitem__, "nonlinear", stepset), *open_findings(one.part, values), *bent]
     told += joint_findings(parts, options.estimator)
-    whole = results.Nonlinear.of(
+    whole = msgspec.structs.replace(
         shown,
         estimator="joint" if options.estimator == "joint" else "levels-first",
         joint=papers,
@@ -164,22 +164,20 @@ def values_of(one: Standing, levels: Sequence[Level], share_free: bool) -> Level
     return quoted(levels, theta, held, one.ends)
 
 
-def with_intervals(
-    one: Standing, values: LevelValues, c: Coefficients, widths: Sequence[float], source: str
-) -> results.Estimate:
+def with_intervals(one: Standing, values: LevelValues, c: Coefficients) -> results.Nonlinear:
     """An estimate with intervals of its curves and coefficients."""
     curves = []
     for i, level in enumerate(values.levels):
         Ts, tau1, tau2, _ = values.theta[:, i].tolist()
         ends = results.LevelIntervals(**values.intervals(i), dof=values.dof(i))
-        curves.append(results.CurveLevel(level.level, Ts, tau1, tau2, ends, widths[i]))
+        curves.append(results.CurveLevel(level.level, Ts, tau1, tau2, ends))
     by_name: Degrees = dict(zip(CURVES, one.ends[2], strict=True))
     constrained = tuple(dict.fromkeys(name for code in one.held for name in HELD_BY.get(code, ())))
     return msgspec.structs.replace(
         one.part,
         curves=tuple(curves),
         ci95=coefficient_intervals(c, one.covariance, by_name, constrained),
-        covariance=covariance_part(c, one.covariance, by_name, source),
+        covariance=covariance_part(c, one.covariance, by_name),
     )
 
 
@@ -226,7 +224,7 @@ def _curves(p: Nonlinear, levels: Sequence[Level]) -> Array:
     return np.array([nonlinear.steady_torque(p, u), *nonlinear.time_constants(p, u)])
 
 
-def of_joint(part: results.Estimate, joint: Solution, first: Estimate) -> Standing:
+def of_joint(part: results.Nonlinear, joint: Solution, first: Estimate) -> Standing:
     """The paper's joint fit as the model, by how its unknowns answer to the runs."""
     at, x, model = joint.at, joint.x, first.model
     take = joint.steps.M.transpose(1, 0, 2)
@@ -287,7 +285,7 @@ def misfits(first: Estimate) -> tuple[dict[str, float], list[Finding]]:
     return found, [finding("polynomials-too-low", "nonlinear", (), parameters=tuple(beyond))] if beyond else []
 
 
-def open_findings(part: results.Estimate, values: LevelValues) -> list[Finding]:
+def open_findings(part: results.Nonlinear, values: LevelValues) -> list[Finding]:
     """Levels too few for the polynomials, parameters that are open at most levels, and a free C."""
     count = len(values.levels)
     found = []
@@ -315,7 +313,7 @@ def open_findings(part: results.Estimate, values: LevelValues) -> list[Finding]:
     return found
 
 
-def parted(joint: results.Estimate, one: Standing, levels: Sequence[Level]) -> tuple[results.Disagreement, ...]:
+def parted(joint: results.Nonlinear, one: Standing, levels: Sequence[Level]) -> tuple[results.Disagreement, ...]:
     """Parameters whose joint curve leaves the intervals of the estimate that is believed; the worst level each."""
     found = []
     u = np.array([level.level for level in levels])

@@ -110,8 +110,6 @@ def _findings(data: Data, rows: Sequence[ReleaseLevel], pooled: Solution, parts:
         findings.append(finding("release-beyond-record", "release", tau2_s=tau2_s, record_s=data.longest_s))
     if "tau1-floor" in pooled.solver.at_bounds:
         findings.append(finding("release-too-fast", "release"))
-    if "tau2-meets-tau1" in pooled.solver.at_bounds:
-        findings.append(finding("release-one-exponential", "release"))
     left = [row.level for row, (size, rest) in zip(rows, parts[:, :2], strict=True) if rest > 0.1 * abs(size)]
     if left:
         findings.append(finding("release-leaves-output", "release", left))

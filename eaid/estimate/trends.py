@@ -149,8 +149,6 @@ def fitted_trends(
             findings.append(finding("trend-needs-levels", "friction", (), parameter=name, **facts))
             continue
         trend = trends[name] = fit_trend(x, np.array(values[name], dtype=np.float64), over, form)
-        if trend.form == "merged-exponential":
-            findings.append(finding("trend-rates-merge", "friction", parameter=name))
         if steep := [code for code in trend.at_bounds if code != "rates-meet"]:
             findings.append(finding("trend-follows-one-point", "friction", parameter=name, rates=tuple(steep)))
         if not trend.converged:

@@ -33,7 +33,7 @@ from eaid.estimate.levels import OwnLevels, own_levels
 from eaid.estimate.linear import linear_part
 from eaid.estimate.nonlinear import believed, joint_fit, nonlinear_part, spread_of
 from eaid.estimate.release import release_fit
-from eaid.estimate.scatter import CURVES, NAMES, Scatter, common_shifts, noise_of
+from eaid.estimate.scatter import CURVES, Scatter, common_shifts, noise_of
 from eaid.estimate.spread import t_quantile
 from eaid.estimate.step_shapes import between_rows, of_another_shape, single_steps
 from eaid.findings import Finding, finding, merged, ranked
@@ -152,10 +152,6 @@ def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], No
         ci=options.ci,
         scatter_from=scatter.source,
         degrees_of_freedom=scatter.degrees,
-        run_to_run_pct={
-            name: 100 * float(np.sqrt(a)) if np.isfinite(a) else None
-            for name, a in zip(NAMES, scatter.pooled.between.tolist(), strict=False)
-        },
         noise=noise_of(scatter, stepset.runs),
         draws=options.draws if options.ci == "bootstrap" else None,
         share=None if result.uncertainty is None else result.uncertainty.share,

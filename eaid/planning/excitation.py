@@ -20,7 +20,7 @@ from eaid.planning.sequences import plan_excitation, refuse_scattered
 from eaid.recorded.fit import fit_recorded
 from eaid.replay.plant import driven
 from eaid.results.fit import Fit
-from eaid.results.recorded import Excitation
+from eaid.results.plan import Excitation
 from eaid.synth.logs import Disturbance, measured, scatter
 from eaid.synth.plants import clutch
 

@@ -21,7 +21,7 @@ from eaid.estimate.spread import t_quantile
 from eaid.models.parameters import Nonlinear
 from eaid.options import Limits
 from eaid.planning.design import PARAMETERS, Designer
-from eaid.results.recorded import Excitation
+from eaid.results.plan import Excitation
 
 MOST_ENGAGEMENTS = 60
 BLOCKS = 12  # Instants of each hold at which the sensitivities are taken
@@ -134,7 +134,7 @@ def plan_excitation(
     breaks = breaks_of(judge.whole(sequence))
     return Excitation(
         met=all(widths[name] <= width for name, width in wanted.items()), time_on_rig_s=breaks[-1][0],
-        engagements=judge.engagements(sequence), half_width_pct=widths, duty=breaks,
+        engagements=judge.engagements(sequence), half_width_pct={**widths}, duty=breaks,
     )  # fmt: skip
 
 

@@ -91,7 +91,7 @@ def refuse(logs: Sequence[RecordedLog]) -> None:
         raise DataError(*faults)
 
 
-def input_findings(logs: Sequence[RecordedLog], levels: Array, stepwise: bool) -> list[Finding]:
+def input_findings(logs: Sequence[RecordedLog], levels: Array) -> list[Finding]:
     """Warnings in the inputs, log by log and together."""
     findings = [one for log in logs for one in (_fast(log), _saturated(log), _clipped(log)) if one is not None]
     findings += [
@@ -101,8 +101,6 @@ def input_findings(logs: Sequence[RecordedLog], levels: Array, stepwise: bool) -
     ]
     if len(levels) == 1:
         findings.append(finding("one-input-only", "data", levels))
-    elif stepwise and len(levels) < 4:
-        findings.append(finding("few-inputs", "data", levels, count=len(levels)))
     return findings
 
 
@@ -278,13 +276,12 @@ def nonlinear_part(solved: Solved, uncertainty: Spread | None, known: CurveSprea
     """The ten coefficients, with errors by level and intervals."""
     total, free = errors(solved.outputs, solved.missed), solved.setup.model.free_share
     intervals, covariance = (None, None) if uncertainty is None else _coefficients(solved, uncertainty)
-    part = msgspec.structs.replace(
+    return msgspec.structs.replace(
         scored(model_of(solved), free, total, _level_errors(solved, shown), solved.solver),
         curves=() if known is None else _curves(known),
         ci95=intervals,
         covariance=covariance,
     )
-    return Nonlinear.of(part)
 
 
 def _level_errors(solved: Solved, shown: Array) -> tuple[LevelError, ...]:
@@ -317,9 +314,7 @@ def _coefficients(solved: Solved, uncertainty: Spread) -> tuple[CoefficientInter
     plain, T = coefficients_of(model_of(solved), model.free_share), turned(model)
     V = uncertainty.covariance[: T.shape[1], : T.shape[1]]
     covariance, degrees = T @ V @ T.T, degrees_of(solved, uncertainty)
-    return coefficient_intervals(plain, covariance, {**degrees}), covariance_part(
-        plain, covariance, {**degrees}, "robust"
-    )
+    return coefficient_intervals(plain, covariance, {**degrees}), covariance_part(plain, covariance, {**degrees})
 
 
 def degrees_of(solved: Solved, uncertainty: Spread) -> dict[str, float]:
@@ -468,7 +463,7 @@ def fit_recorded(
     refuse(logs)
     every = [*logs, *(logs_of_steps(steps) if steps is not None else [])]
     inputs = inputs_of(every, options.duty)
-    findings = input_findings(logs, inputs.levels, inputs.stepwise)
+    findings = input_findings(logs, inputs.levels)
     rests = any(log.starts_idle or bool((log.input == 0).any()) or log.baseline is not None for log in every)
     if not rests:
         findings += [finding("idle-not-seen", log.name) for log in logs]

@@ -6,12 +6,12 @@ key. A value of another type is refused by name; a part that lacks what it needs
 the features that need it; keys that no type names are passed over.
 """
 
+import copy
 import hashlib
 import json
 import math
 import os
 import re
-import types
 import typing
 from collections.abc import Iterable, Mapping
 from dataclasses import fields, is_dataclass
@@ -82,19 +82,14 @@ def content_of(result: object, kind: str) -> dict[str, Any]:
     return content
 
 
-def text_of(content: Mapping[str, Any]) -> str:
-    """The text of plain content; one with a schema gets its digest behind the version."""
-    plain = to_plain(content)
+def dumps(result: object, kind: str = "") -> str:
+    """The text of a result file, its digest behind the version; of what no file holds, and has no kind, the content."""
+    kind = kind or getattr(result, "FILE", "")
+    plain = content_of(result, kind) if kind else to_plain(result)
     if "schema" in plain:
         heading = {key: plain[key] for key in ("schema", "eaid") if key in plain}
         plain = {**heading, "digest": digest_of(plain), **plain}
     return json.dumps(plain, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-
-
-def dumps(result: object, kind: str = "") -> str:
-    """The text of a result file; of what no file holds, and has no kind, the content alone."""
-    kind = kind or getattr(result, "FILE", "")
-    return text_of(content_of(result, kind) if kind else to_plain(result))
 
 
 class Saved(Shown):
@@ -111,24 +106,27 @@ class Saved(Shown):
 
 
 def kind_of(path: Path) -> str:
-    """fit, gains or couple, by the schema of a JSON result, else by the parts that a script's own file holds."""
+    """fit, gains, couple or plan, by the schema of a JSON result, else by the parts that a script's own file holds."""
+    return _kind(path, _content(path, "a result that eaid wrote")[1])
+
+
+def _content(path: Path, wanted: str) -> tuple[str, Any]:
+    """Text and content of a JSON file."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (ValueError, RecursionError) as fault:
-        raise DataError(f"{path}: is not a JSON file ({fault}); give a result that eaid wrote") from None
+        text = path.read_text(encoding="utf-8")
+        return text, json.loads(text, parse_constant=_not_json, parse_float=_finite)
+    except (ValueError, RecursionError) as fault:  # no UTF-8, no JSON, or numbers and nesting beyond all reason
+        raise DataError(f"{path}: is not a JSON file ({fault}); give {wanted}") from None
+
+
+def _kind(path: Path, content: Any) -> str:
     schema = content.get("schema") if isinstance(content, dict) else ""
     for kind, parts in KINDS.items():
         if schema == schema_of(kind) or (schema is None and any(part in content for part in parts)):
             return kind
-    refuse_other_version(path, schema)
+        if isinstance(schema, str) and schema.startswith(f"eaid/{kind}/"):
+            raise DataError(f"{path}: is an {schema} file; make it again with this version of eaid")
     raise DataError(f"{path}: is no result of eaid; give a fit.json, gains.json or couple.json")
-
-
-def refuse_other_version(path: Path, schema: object) -> None:
-    """Raise DataError where a file names a schema of a known kind, but of another version."""
-    kind = schema.split("/")[1] if isinstance(schema, str) and schema.count("/") == 2 else ""
-    if kind in KINDS and schema != schema_of(kind):
-        raise DataError(f"{path}: is an {schema} file; make it again with this version of eaid")
 
 
 def digest_of(content: dict[str, Any]) -> str:
@@ -141,20 +139,13 @@ def digest_of(content: dict[str, Any]) -> str:
 def read(path: Path, type_: type[R]) -> tuple[R, tuple[Finding, ...]]:
     """A result file as its type, and what was left out or changed, as findings; DataError where it is no such file."""
     kind: str = type_.FILE  # type: ignore[attr-defined]
+    wanted = f"the {kind}.json that eaid wrote"
     if not path.is_file():
-        raise DataError(f"{path}: no such file; give the {kind}.json that eaid wrote")
-    try:
-        text = path.read_text(encoding="utf-8")
-        content = json.loads(text, parse_constant=_not_json, parse_float=_finite)
-    except (ValueError, RecursionError) as fault:  # no UTF-8, no JSON, or numbers and nesting beyond all reason
-        raise DataError(f"{path}: is not a JSON file ({fault}); give the {kind}.json that eaid wrote") from None
-    schema = content.get("schema") if isinstance(content, dict) else None
-    of_a_script = isinstance(content, dict) and "schema" not in content and any(part in content for part in KINDS[kind])
-    if schema != schema_of(kind) and not of_a_script:
-        said = f"its schema is {schema!r}" if isinstance(schema, str) else "it holds no schema"
-        if isinstance(schema, str) and schema.startswith(f"eaid/{kind}/"):
-            refuse_other_version(path, schema)
-        raise DataError(f"{path}: is no {kind} of eaid ({said}); give the {kind}.json that eaid wrote")
+        raise DataError(f"{path}: no such file; give {wanted}")
+    text, content = _content(path, wanted)
+    if _kind(path, content) != kind:
+        said = f"its schema is {content['schema']!r}" if "schema" in content else "it holds no schema"
+        raise DataError(f"{path}: is no {kind} of eaid ({said}); give {wanted}")
     found: list[Finding] = []
     if "digest" in content and content["digest"] != digest_of(content):
         if text.startswith('{\n "schema"') and text.endswith("\n}\n"):
@@ -168,67 +159,46 @@ def read(path: Path, type_: type[R]) -> tuple[R, tuple[Finding, ...]]:
 
 def from_plain(content: Any, type_: type[R], source: str, found: list[Finding] | None = None) -> R:
     """Plain content as its type; `found` gets a finding for each part that is left out."""
-    found = [] if found is None else found
+    kept = copy.deepcopy(content)
+    while True:
+        try:
+            return msgspec.convert(kept, type_, strict=True)
+        except msgspec.ValidationError as fault:
+            what, _, where = str(fault).partition(" - at `$")
+            where = where.removesuffix("`").removeprefix(".")
+            missing = re.fullmatch("Object missing required field `(.*)`", what)
+            if not _left_out(kept, where, what):
+                why = f"its {where or 'content'} has no {missing[1]}" if missing else _sentence(what, where, kept)
+                raise DataError(f"{source}: {why}; make it again with eaid") from None
+            if missing and found is not None:
+                found.append(finding("part-left-out", source, part=where, key=missing[1]))
+        except UsageError as fault:
+            raise DataError(*(f"{source}: its options say {each}" for each in fault.sentences)) from None
+
+
+def _left_out(content: Any, where: str, fault: str) -> bool:
+    """Take out what a fault is about, where it is as good as absent: null, empty, or a part that lacks a value.
+
+    False where it is another fault, the content itself, or one of a list of numbers, whose others would move up.
+    """
+    keys = _keys(where.partition("[...]")[0])  # entries of a mapping are left out with it
+    lacks = fault.startswith("Object missing")
     try:
-        kept = _whole(content, type_, "", source, found)
-        return msgspec.convert(kept, type_, strict=True)
-    except _MissingError as fault:
-        raise DataError(f"{source}: its {fault.where} has no {fault.key}; make it again with eaid") from None
-    except msgspec.ValidationError as fault:
-        raise DataError(f"{source}: {_sentence(fault, content)}; make it again with eaid") from None
-    except UsageError as fault:
-        raise DataError(*(f"{source}: its options say {each}" for each in fault.sentences)) from None
+        for key in keys[:-1]:
+            content = content[key]
+        value = content[keys[-1]]
+        empty = value is None or (value in ("", [], {}) and re.match("Expected `(object|array)", fault) is not None)
+        if not (lacks or (empty and isinstance(content, dict))):
+            return False
+        del content[keys[-1]]
+    except (KeyError, IndexError, TypeError):
+        return False
+    return True
 
 
-class _MissingError(Exception):
-    """A part lacks a value without which it says nothing."""
-
-    def __init__(self, where: str, key: str) -> None:
-        self.where, self.key = where or "content", key
-
-
-def _whole(value: Any, type_: Any, where: str, source: str, found: list[Finding]) -> Any:
-    """The value without optional parts that lack what they need."""
-    part = _struct_in(type_)
-    if part is None or value is None:
-        return value
-    origin, arguments = typing.get_origin(type_), typing.get_args(type_)
-    if origin is tuple and isinstance(value, list):
-        pairs = [(f"{where}[{i}]", item) for i, item in enumerate(value)]
-        return [item for name, one in pairs if (item := _optional(one, arguments[0], name, source, found)) is not None]
-    if origin is dict and isinstance(value, dict):
-        items = {k: _optional(one, arguments[1], f"{where}.{k}", source, found) for k, one in value.items()}
-        return {key: item for key, item in items.items() if item is not None}
-    if origin in (typing.Union, types.UnionType):
-        return _optional(value, next(a for a in arguments if _struct_in(a)), where, source, found)
-    if isinstance(value, dict) and isinstance(type_, type):
-        return _fields(value, type_, where, source, found)
-    return value
-
-
-def _fields(value: dict[str, Any], type_: type, where: str, source: str, found: list[Finding]) -> dict[str, Any]:
-    kept = dict(value)
-    hints = _hints(type_)
-    for field in msgspec.structs.fields(type_):
-        key, inside = field.encode_name, f"{where}.{field.encode_name}".lstrip(".")
-        if key in kept:
-            kept[key] = _whole(kept[key], hints[field.name], inside, source, found)
-            optional = type(None) in typing.get_args(hints[field.name])
-            if (kept[key] is None and not optional) or (kept[key] in ("", []) and _struct_in(hints[field.name])):
-                del kept[key]
-        if field.required and key not in kept:
-            raise _MissingError(where, key)
-    return kept
-
-
-def _optional(value: Any, type_: Any, where: str, source: str, found: list[Finding]) -> Any:
-    if value in ("", [], {}):
-        return None  # empty is as good as absent
-    try:
-        return _whole(value, type_, where, source, found)
-    except _MissingError as fault:
-        found.append(finding("part-left-out", source, part=fault.where, key=fault.key))
-        return None
+def _keys(where: str) -> list[str | int]:
+    """`levels[0].Ts` as keys."""
+    return [int(key) if key.isdigit() else key for key in re.findall(r"[^.\[\]]+", where)]
 
 
 @cache
@@ -249,21 +219,16 @@ def holds_part(type_: type, name: str) -> bool:
     return _struct_in(_hints(type_)[name]) is not None
 
 
-_FAULT = re.compile(r"(?P<what>.*?)(?: - at `\$\.?(?P<where>.*)`)?")
-
-
-def _sentence(fault: msgspec.ValidationError, content: Any) -> str:
+def _sentence(what: str, where: str, content: Any) -> str:
     """What is wrong with a value, by the name of its key."""
-    found = _FAULT.fullmatch(str(fault))
-    what, where = (found["what"], found["where"] or "") if found else (str(fault), "")
-    value = content
-    for key in re.findall(r"[^.\[\]]+", where):
-        try:
-            value = value[int(key)] if isinstance(value, list) else value[key]
-        except (KeyError, IndexError, TypeError, ValueError):
-            return f"its {where} is wrong ({what.replace('`', '')})"
-    text = json.dumps(value, ensure_ascii=False)
-    return f"its {where or 'content'} is {text if len(text) <= 40 else text[:37] + '…'} ({what.replace('`', '')})"
+    reason = what.replace("`", "")
+    try:
+        for key in _keys(where):
+            content = content[key]
+    except (KeyError, IndexError, TypeError):
+        return f"its {where} is wrong ({reason})"
+    text = json.dumps(content, ensure_ascii=False)
+    return f"its {where or 'content'} is {text if len(text) <= 40 else text[:37] + '…'} ({reason})"
 
 
 def _not_json(word: str) -> float:

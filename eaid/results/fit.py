@@ -8,7 +8,7 @@ import math
 import statistics
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import msgspec
 import numpy as np
@@ -243,39 +243,29 @@ class Bounds(Result, frozen=True):
     ci95: BoundsIntervals | None = None
 
 
-class Pooled(Scores, frozen=True):
-    """Eq. (8) fitted to all levels at once: Ṫ = −a0 T + b0 u + c0."""
+class Linear(Scores, frozen=True):
+    """Eq. (8) fitted to all levels at once, Ṫ = −a0 T + b0 u + c0, and each level's own."""
 
     a0: Number
     b0: Number
     c0: Number
     solver: Solver | None = None
     ci95: PooledIntervals | None = None
+    per_level: tuple[LinearLevel, ...] = ()
+    bounds: Bounds | None = None
+    robust: Huber | None = None
+    hold_out: HoldOut | None = None
 
     @property
     def parameters(self) -> LinearModel:
         """The model of Eq. (8)."""
         return LinearModel(self.a0, self.b0, self.c0)
 
-
-class Linear(Pooled, frozen=True):
-    """The pooled linear model, and each level's own."""
-
-    per_level: tuple[LinearLevel, ...] = ()
-    bounds: Bounds | None = None
-    robust: Huber | None = None
-    hold_out: HoldOut | None = None
-
     def to_control(self) -> Any:
         """The transfer function b0/(s + a0) from input to output, by python-control, where that is installed."""
         import control
 
         return control.tf([self.b0], [1.0, self.a0])
-
-    @classmethod
-    def of(cls, pooled: Pooled, **more: Any) -> Self:
-        """A pooled model with each level's own beside it."""
-        return cls(**{name: getattr(pooled, name) for name in Pooled.__struct_fields__}, **more)
 
 
 Coefficients = Annotated[tuple[Number, ...], msgspec.Meta(min_length=1)]
@@ -289,8 +279,6 @@ class CurveLevel(Result, frozen=True):
     tau1: Number | None = None
     tau2: Number | None = None
     ci95: LevelIntervals | None = None
-    torque_half_width_nm: Number | None = None
-    """Half width of the output curve's interval, largest over the record, in the output's unit."""
 
 
 class CoefficientIntervals(Result, frozen=True):
@@ -303,13 +291,11 @@ class CoefficientIntervals(Result, frozen=True):
 
 
 class Covariance(Result, frozen=True):
-    """Covariance of the coefficients, so that plants can be drawn."""
+    """Covariance of the coefficients of (u/100)^k, so that plants can be drawn."""
 
-    parametrisation: str = ""
     order: tuple[str, ...] = ()
     matrix: tuple[tuple[Number, ...], ...] = ()
     degrees_of_freedom: dict[str, Number | None] = {}
-    from_: str = msgspec.field(default="", name="from")
 
 
 class Disagreement(Result, frozen=True):
@@ -325,8 +311,8 @@ class Disagreement(Result, frozen=True):
     ci95_other: Interval = None
 
 
-class Estimate(Scores, frozen=True):
-    """The ten coefficients of Eqs. (4)–(7) by one estimator."""
+class Nonlinear(Scores, frozen=True):
+    """The ten coefficients of Eqs. (4)–(7)."""
 
     tau1: Coefficients
     tau2: Coefficients
@@ -344,33 +330,18 @@ class Estimate(Scores, frozen=True):
     misfit: dict[str, Number | None] | None = None
     """χ² of the levels' T_s, τ1, τ2 about their polynomials, over levels − coefficients."""
     hold_out: HoldOut | None = None
+    estimator: Literal["levels-first", "joint"] = "joint"
+    """Which estimate this is: one T_s a level first and T_s(u) through them, or all at once as in the paper."""
+    robust: Huber | None = None
+    joint: "Nonlinear | None" = None
+    """Beside the estimate that is used the paper's joint fit, without intervals."""
+    parts: tuple[Disagreement, ...] = ()
+    """Where that leaves the intervals of the estimate that is used."""
 
     @property
     def parameters(self) -> NonlinearModel:
         """The model of Eqs. (4)–(7)."""
         return NonlinearModel(self.tau1, self.tau2, self.Ts, self.u_range, self.C)
-
-
-class Nonlinear(Estimate, frozen=True):
-    """The estimate that is used, and the paper's joint fit beside it."""
-
-    estimator: Literal["levels-first", "joint"] = "joint"
-    """Which estimate stands here: one T_s a level first and T_s(u) through them, or all at once as in the paper."""
-    robust: Huber | None = None
-    joint: Estimate | None = None
-    """The paper's joint fit, without intervals."""
-    parts: tuple[Disagreement, ...] = ()
-    """Where that leaves the intervals of the estimate that is believed."""
-
-    @classmethod
-    def of(cls, estimate: Estimate, **more: Any) -> Self:
-        """An estimate as the one that is believed."""
-        return cls(**{name: getattr(estimate, name) for name in Estimate.__struct_fields__}, **more)
-
-    @property
-    def estimate(self) -> Estimate:
-        """The estimate that stands here, alone."""
-        return Estimate(**{name: getattr(self, name) for name in Estimate.__struct_fields__})
 
 
 class Noise(Result, frozen=True):
@@ -411,11 +382,9 @@ class Uncertainty(Result, frozen=True):
     """Where the intervals come from."""
 
     ci: str = "none"
-    nominal: Number = 0.95
     scatter_from: str = ""
     """repeats, curve, or within."""
     degrees_of_freedom: Number | None = None
-    run_to_run_pct: dict[str, Number | None] = {}
     noise: Noise | None = None
     draws: Count | None = None
     share: ShareEstimate | None = None
@@ -631,48 +600,13 @@ class Fit(codec.Saved, Result, frozen=True, dict=True):
 
     @property
     def rmse(self) -> float:
-        """Root mean square residual of the first model that was fitted: nonlinear, linear, friction."""
-        sse, _, samples = self._sums
+        """Root mean square residual of the first model that was fitted: nonlinear, linear, friction; NaN if unknown."""
+        if self._first != "friction":
+            known = getattr(self, self._first).rmse
+            return math.nan if known is None else float(known)
+        rows = [(row.sse, row.samples) for row in self.friction_levels if row.sse is not None and row.samples]
+        sse, samples = np.array(rows or [(math.nan, 1)]).sum(axis=0).tolist()
         return math.sqrt(sse / samples)
-
-    @property
-    def rsquared(self) -> float:
-        """1 − ‖y − ŷ‖²/‖y − mean y‖² of the same model; of the friction model about each level's own mean."""
-        sse, about_mean, _ = self._sums
-        return 1 - sse / about_mean
-
-    @property
-    def aic(self) -> float:
-        """n ln(SSE/n) + 2 (k + 1) of the same model, as if samples were independent: for models of the same data."""
-        sse, _, samples = self._sums
-        part = getattr(self, self._first)
-        if self._first == "friction":
-            unknowns = (3 + (part.C is None)) * len(self.friction_levels)
-        else:  # coefficients that the levels do not allow are 0
-            values = (part.a0, part.b0, part.c0) if self._first == "linear" else (*part.Ts, *part.tau1, *part.tau2)
-            unknowns = int(np.count_nonzero(values)) + (self._first == "nonlinear" and part.C_free)
-        return samples * math.log(sse / samples) + 2 * (unknowns + 1)
-
-    @property
-    def _sums(self) -> tuple[float, float, float]:
-        """Sums of squares of residuals and about the mean, and samples, of the first model; NaN where one is exact."""
-        rows = self.friction_levels if self._first == "friction" else (getattr(self, self._first),)
-        sums: list[tuple[float, float, float]] = [
-            (one.sse, one.sse / (1 - one.R2), one.sse / one.rmse**2)
-            for one in rows
-            if one.sse and one.rmse and one.R2 is not None
-        ]
-        sse, about_mean, samples = np.array(sums or [(math.nan,) * 3]).sum(axis=0).tolist()
-        return sse, about_mean, samples
-
-    def cov_params(self) -> "pandas.DataFrame":
-        """Covariance of the nonlinear model's coefficients of (u/100)^k; `DataError` where the fit holds none."""
-        import pandas as pd
-
-        held = self.nonlinear.covariance if self.nonlinear is not None else None
-        if held is None or not held.matrix:
-            raise DataError("the fit holds no covariance; fit a nonlinear model with «ci» robust")
-        return pd.DataFrame(held.matrix, index=list(held.order), columns=list(held.order), dtype=float)
 
     @property
     def _first(self) -> str:
@@ -805,10 +739,3 @@ class Fit(codec.Saved, Result, frozen=True, dict=True):
         from eaid.results.verdict import verdict_of
 
         return verdict_of(self)
-
-    @property
-    def linear_model(self) -> LinearModel:
-        """The pooled linear model."""
-        if self.linear is None:
-            raise DataError("this fit holds no linear model; fit clutch logs with «model» linear")
-        return self.linear.parameters

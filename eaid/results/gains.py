@@ -13,7 +13,6 @@ from eaid.results.common import Count, Inputs, Number, Positive, Result
 
 if TYPE_CHECKING:
     import pandas
-    from control import TransferFunction
 
 
 class RhoLine(Result, frozen=True):
@@ -233,20 +232,10 @@ class Gains(codec.Saved, Result, frozen=True):
             raise ValueError(f"duty_limits_pct {low:g} to {high:g}, which has to rise from 0 or above")
 
     @property
-    def laws(self) -> "dict[str, Robust | PI]":
+    def laws(self) -> dict[str, Robust | PI]:
         """The controllers by name."""
         every = {"rc": self.rc, "pi": self.pi}
         return {name: law for name, law in every.items() if law is not None}
-
-    def to_control(self) -> "dict[str, TransferFunction]":
-        """By python-control, where it is installed: the PI, and the PI of equal slope inside the layer of RC.
-
-        Transfer functions from torque error to input.
-        """
-        import control
-
-        laws = {"pi": self.pi, "rc": None if self.rc is None else self.rc.equal_pi}
-        return {name: control.tf([one.K_P, one.K_I], [1.0, 0.0]) for name, one in laws.items() if one is not None}
 
     def summary(self) -> str:
         """Gains, the one verdict on the guarantee, and the gravest findings."""

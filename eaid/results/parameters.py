@@ -1,13 +1,12 @@
 """The one table of a fit's parameters: every value with its interval, its degrees of freedom, or why it has none."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import Any
 
-import msgspec
-
-from eaid.results.common import Interval
+from eaid.findings.row import SYMBOLS
+from eaid.results.common import Interval, ci95_of
 from eaid.results.fit import Fit, Parameter
 
-CURVES = ("Ts", "tau1", "tau2")
 OPEN = ("parameter-constrained", "parameter-unknown-at-half-the-levels", "constraint-holds")
 """Codes of findings that name the parameter that has no interval."""
 OF_ITSELF = {
@@ -21,66 +20,48 @@ OF_ITSELF = {
 
 def table_of(fit: Fit) -> tuple[Parameter, ...]:
     """The rows of a fit: nonlinear, linear, friction, release."""
-    return tuple(_rows(fit))
 
+    def row(model: str, symbol: str, place: str, value: float | None, ends: Interval, **more: Any) -> Parameter:
+        low, high = ends or (None, None)
+        why = "" if ends else _why(fit, model, symbol, more.get("level"))
+        return Parameter(model, symbol + place, value=value, low=low, high=high, why=why, **more)
 
-def _rows(fit: Fit) -> Iterator[Parameter]:
+    def of(model: str, part: Any, *names: str, level: float | None = None, place: str = "") -> Iterator[Parameter]:
+        """Values of a part that holds their intervals as `ci95`."""
+        known = getattr(part.ci95, "dof", {})
+        for name in names:
+            yield row(model, name, place, getattr(part, name), ci95_of(part, name), level=level, dof=known.get(name))
+
+    def powers(model: str, symbol: str, values: Sequence[float], ends: Sequence[Interval], **more: Any) -> None:
+        for i, value in enumerate(values):
+            rows.append(row(model, symbol, f"[{i}]", value, ends[i] if i < len(ends) else None, **more))
+
+    rows: list[Parameter] = []
     if (p := fit.nonlinear) is not None:
         known = {} if p.covariance is None else p.covariance.degrees_of_freedom
         for name in ("tau1", "tau2", "Ts"):
-            ends = getattr(p.ci95, name) if p.ci95 is not None else ()
-            for i, value in enumerate(getattr(p, name)):
-                interval = ends[i] if i < len(ends) else None
-                yield _row(fit, "nonlinear", name, f"{name}[{i}]", None, value, interval, known.get(name))
-        yield _row(fit, "nonlinear", "C", "C", None, p.C, None if p.ci95 is None else p.ci95.C, None)
+            ends = () if p.ci95 is None else getattr(p.ci95, name)
+            powers("nonlinear", name, getattr(p, name), ends, dof=known.get(name))
+        rows.append(row("nonlinear", "C", "", p.C, ci95_of(p, "C")))
     if (q := fit.linear) is not None:
-        for name in ("a0", "b0", "c0"):
-            yield _of(fit, "linear", name, None, q)
-        for row in q.per_level:
-            for name in ("a0", "gain", "B"):
-                yield _of(fit, "linear", name, row.level, row)
+        rows += of("linear", q, "a0", "b0", "c0")
+        for level in q.per_level:
+            rows += of("linear", level, "a0", "gain", "B", level=level.level)
         if q.bounds is not None:
-            for name in ("B_m", "B_M"):
-                yield _of(fit, "linear", name, None, q.bounds)
+            rows += of("linear", q.bounds, "B_m", "B_M")
     if fit.friction is not None:
-        for level in fit.friction.levels:
-            for name in (*CURVES, *(["C_f"] if level.C_f is not None else [])):
-                one = _of(fit, "friction", name, level.level, level)
-                between = f"{name}[from {level.from_:g}]" if level.from_ else name
-                yield msgspec.structs.replace(one, name=between)
+        for one in fit.friction.levels:
+            names = (*SYMBOLS, *(["C_f"] if one.C_f is not None else []))
+            between = f"[from {one.from_:g}]" if one.from_ else ""
+            rows += of("friction", one, *names, level=one.level, place=between)
         for name, trend in fit.friction.trends.items():
-            for i, value in enumerate(trend.coefficients):
-                interval = trend.ci95[i] if trend.ci95 is not None else None
-                yield _row(fit, "friction", name, f"{name}[{i}]", None, value, interval, None)
+            powers("friction", name, trend.coefficients, trend.ci95 or ())
     elif p is not None:
         for curve in p.curves:
-            for name in CURVES:
-                yield _of(fit, "nonlinear", name, curve.level, curve)
+            rows += of("nonlinear", curve, *SYMBOLS, level=curve.level)
     if fit.release is not None:
-        for name in ("tau1", "tau2"):
-            yield _row(fit, "release", name, name, None, getattr(fit.release, name), None, None)
-
-
-def _of(fit: Fit, model: str, name: str, level: float | None, part: object) -> Parameter:
-    """A value of a part that holds its intervals as `ci95`."""
-    ci95 = getattr(part, "ci95", None)
-    ends = None if ci95 is None else getattr(ci95, name)
-    dof = None if ci95 is None else getattr(ci95, "dof", {}).get(name)
-    return _row(fit, model, name, name, level, getattr(part, name), ends, dof)
-
-
-def _row(
-    fit: Fit,
-    model: str,
-    symbol: str,
-    name: str,
-    level: float | None,
-    value: float | None,
-    ends: Interval,
-    dof: float | None,
-) -> Parameter:
-    low, high = ends or (None, None)
-    return Parameter(model, name, level, value, low, high, dof, "" if ends else _why(fit, model, symbol, level))
+        rows += [row("release", name, "", getattr(fit.release, name), None) for name in ("tau1", "tau2")]
+    return tuple(rows)
 
 
 def _why(fit: Fit, model: str, symbol: str, level: float | None) -> str:

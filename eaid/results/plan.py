@@ -23,16 +23,8 @@ class PlannedRun(Result, frozen=True):
     release_s: Number
 
 
-class Plan(Shown, Result, frozen=True):
-    """One experiment: levels, holds, repeats, order, and what it gives.
-
-    Examples
-    --------
-    >>> run = PlannedRun(order=1, level=60.0, repeat=1, idle_s=2.0, hold_s=20.0, release_s=5.0)
-    >>> plan = Plan(levels=(60.0,), hold_s=(20.0,), repeats=1, time_on_rig_s=27.0, runs=(run,))
-    >>> plan.to_frame()[["level", "hold_s"]].values.tolist()
-    [[60.0, 20.0]]
-    """
+class Planned(Result, frozen=True, kw_only=True):
+    """What every plan.json holds: what was wanted, and the interval widths that the plan gives."""
 
     FILE: ClassVar[str] = "plan"
     inputs: tuple[Input, ...] = ()
@@ -43,18 +35,43 @@ class Plan(Shown, Result, frozen=True):
     """Half-widths of 95 % intervals that are wanted at the worst level [%]."""
     met: bool = False
     """Whether every wanted width is reached."""
-    levels: tuple[Number, ...] = ()
-    hold_s: tuple[Number, ...] = ()
-    """Hold of each level [s]."""
-    repeats: Count = 0
     time_on_rig_s: Number = 0.0
     half_width_pct: dict[str, Number | None] = {}
     """Predicted half-width at the worst level [%]; None: undetermined."""
     measured_half_width_pct: dict[str, Number | None] | None = None
-    """What four of five simulated recordings keep at the worst level [%]; None where none was simulated."""
+    """What most simulated recordings keep at the worst level [%]: four of five, of one sequence 19 of 20; None where
+    none was simulated."""
     input_unit: str = "%"
-    runs: tuple[PlannedRun, ...] = ()
     findings: tuple[Finding, ...] = ()
+
+
+class Excitation(Planned, frozen=True):
+    """One sequence for one recording: when which duty acts, and what it is to give."""
+
+    engagements: Count = 0
+    """Stretches under load, each after a rest."""
+    classic_time_on_rig_s: Number | None = None
+    """What steps from rest to levels, with repeats, take for the same widths [s]; None: they never reach them."""
+    duty: tuple[tuple[Number, Number], ...] = ()
+    """(from when [s], input in its unit), each held until the next; the last entry ends it."""
+
+
+class Plan(Shown, Planned, frozen=True):
+    """One experiment: levels, holds, repeats, order, and what it gives.
+
+    Examples
+    --------
+    >>> run = PlannedRun(order=1, level=60.0, repeat=1, idle_s=2.0, hold_s=20.0, release_s=5.0)
+    >>> plan = Plan(levels=(60.0,), hold_s=(20.0,), repeats=1, time_on_rig_s=27.0, runs=(run,))
+    >>> plan.to_frame()[["level", "hold_s"]].values.tolist()
+    [[60.0, 20.0]]
+    """
+
+    levels: tuple[Number, ...] = ()
+    hold_s: tuple[Number, ...] = ()
+    """Hold of each level [s]."""
+    repeats: Count = 0
+    runs: tuple[PlannedRun, ...] = ()
 
     def summary(self) -> str:
         """Levels, runs and time on the rig, the widths that it gives, and the gravest findings."""

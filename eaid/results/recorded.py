@@ -1,9 +1,8 @@
 """What a fit of recorded logs says beyond the models: each log, its falls, its loop."""
 
-from typing import ClassVar, Literal
+from typing import Literal
 
-from eaid.findings import Finding
-from eaid.results.common import Count, Input, Interval, Number, Result
+from eaid.results.common import Count, Interval, Number, Result
 
 
 class LogCurve(Result, frozen=True):
@@ -89,29 +88,3 @@ class Recorded(Result, frozen=True):
     engagements: Count = 0
     correlation_s: Number | None = None
     """Integrated correlation time of the residuals [s], the longest of all logs."""
-
-
-class Excitation(Result, frozen=True):
-    """plan.json of one sequence for one recording: when which duty acts, and what it is to give."""
-
-    FILE: ClassVar[str] = "plan"
-    inputs: tuple[Input, ...] = ()
-    command: tuple[str, ...] = ()
-    """What was typed to make it, without the output; empty where Python did."""
-    seed: int = 0
-    wanted: dict[str, Number] = {}
-    """Half-widths of 95 % intervals that are wanted at the worst duty [%]."""
-    met: bool = False
-    time_on_rig_s: Number = 0.0
-    engagements: Count = 0
-    """Stretches under load, each after a rest."""
-    half_width_pct: dict[str, Number] = {}
-    """Predicted half-width at the worst duty [%]."""
-    measured_half_width_pct: dict[str, Number | None] | None = None
-    """What 19 of 20 simulated recordings keep at the worst duty [%]; None where none was simulated."""
-    classic_time_on_rig_s: Number | None = None
-    """What steps from rest to levels, with repeats, take for the same widths [s]; None: they never reach them."""
-    input_unit: str = "%"
-    duty: tuple[tuple[Number, Number], ...] = ()
-    """(from when [s], input in its unit), each held until the next; the last entry ends it."""
-    findings: tuple[Finding, ...] = ()

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from eaid.findings import merged, ranked, say
 from eaid.findings.finding import WORD
+from eaid.findings.row import SYMBOLS
 from eaid.shown import counted, span
 
 if TYPE_CHECKING:
@@ -14,9 +15,6 @@ T = TypeVar("T")
 
 MOST = 3
 """Findings that are told with the answer."""
-WIDTH = 80
-"""Letters of a line."""
-SYMBOLS = {"Ts": "T_s", "tau1": "τ1", "tau2": "τ2"}
 ENDLESS_S = 1e4
 """A time constant above this [s] that no interval bounds is no number worth showing."""
 USED = {
@@ -30,7 +28,7 @@ def fit_summary(fit: "Fit") -> list[str]:
     """Whether it must not be used, what was fitted, the answer, and the three gravest findings."""
     return [
         *verdict_line(fit),
-        fitted(fit),
+        f"{fit.data.kind}: {span(fit.data.levels, fit.data.input_unit)}; {runs(fit, 'run')}",
         *answer(fit),
         *(f"{WORD[one.severity]}: {say(one)}" for one in ranked(merged(fit.findings))[:MOST]),
     ]
@@ -40,11 +38,6 @@ def verdict_line(fit: "Fit") -> list[str]:
     """`NOT USABLE: …` with the gravest reason, where the fit must not be used."""
     reasons = fit.verdict.reasons
     return [f"NOT USABLE: {say(reasons[0])}"] if reasons else []
-
-
-def fitted(fit: "Fit") -> str:
-    """`clutch: 10 levels, 10 … 100 %; 30 runs, synthetic`."""
-    return f"{fit.data.kind}: {span(fit.data.levels, fit.data.input_unit)}; {runs(fit, 'run')}"
 
 
 def runs(fit: "Fit", noun: str) -> str:
@@ -84,7 +77,7 @@ def warned(fit: "Fit") -> tuple[str, ...]:
     return tuple(one.code.replace("-", " ").replace("tau", "τ") for one in grave)
 
 
-def values(fit: "Fit", brief: bool = False) -> list[list[str]]:
+def values(fit: "Fit") -> list[list[str]]:
     """Heading and rows: T_s, τ1 and τ2 at the lowest, the middle and the highest level.
 
     Where single steps stand for the levels: change and time constants of the first, the middle and the last of them,
@@ -93,7 +86,7 @@ def values(fit: "Fit", brief: bool = False) -> list[list[str]]:
     data, steps = fit.data, steps_of_other_shapes(fit)
     out = data.output_unit or "unit unknown"
     if steps:
-        late = any(one.dead_time_s for one in steps) and not brief
+        late = any(one.dead_time_s for one in steps)
         heading = ["step", f"change [{out}]", "τ1 [s]", "τ2 [s]", *(["dead [s]"] if late else [])]
         rows = [
             [f"{one.from_:.4g} → {one.level:.4g}", *(_with_interval(one, key) for key in ("change", "tau1", "tau2")),
@@ -103,7 +96,7 @@ def values(fit: "Fit", brief: bool = False) -> list[list[str]]:
     else:
         heading = [f"level [{data.input_unit}]" if data.input_unit else "level", f"T_s [{out}]", "τ1 [s]", "τ2 [s]"]
         levels: Sequence[CurveLevel | FrictionLevel] = believed_levels(fit)
-        rows = [[f"{row.level:.4g}", *(_value(row, name, brief) for name in SYMBOLS)] for row in _three(levels)]
+        rows = [[f"{row.level:.4g}", *(_value(row, name) for name in SYMBOLS)] for row in _three(levels)]
     return [heading, *rows] if rows else []
 
 
@@ -120,15 +113,10 @@ def _three(rows: Sequence[T]) -> list[T]:
 
 
 def _lines(fit: "Fit") -> list[str]:
-    """The values as lines, left-aligned; brief where they would be too wide."""
-    lines: list[str] = []
-    for brief in (False, True):
-        cells = values(fit, brief)
-        widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-        lines = ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in cells]
-        if max(map(len, lines), default=0) <= WIDTH:
-            break
-    return lines
+    """The values as lines, left-aligned."""
+    cells = values(fit)
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    return ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in cells]
 
 
 def _fit_pct(fit: "Fit") -> str:
@@ -151,13 +139,13 @@ def believed_levels(fit: "Fit") -> "tuple[CurveLevel, ...] | tuple[FrictionLevel
     return curves or tuple(row for row in fit.friction_levels if row.from_ == 0)
 
 
-def _value(row: "CurveLevel | FrictionLevel", name: str, brief: bool) -> str:
+def _value(row: "CurveLevel | FrictionLevel", name: str) -> str:
     value = getattr(row, name)
     if value is None:
         return "not known"
     if row.ci95 is not None and getattr(row.ci95, name) is not None:
         return _with_interval(row, name)
-    return "not estimable" if name != "Ts" and (brief or value > ENDLESS_S) else f"{value:.3g} (not estimable)"
+    return "not estimable" if name != "Ts" and value > ENDLESS_S else f"{value:.3g} (not estimable)"
 
 
 def _with_interval(row: "CurveLevel | FrictionLevel | StepShape", name: str) -> str:

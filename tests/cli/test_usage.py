@@ -21,13 +21,13 @@ TABLE = r"""
 2 | fit data.h5 --baseline 3:x | --baseline 3:x: write auto, first, none, a value in the output's unit, or FROM:TO in …
 2 | fit data.h5 --apparatus surface=2 | --apparatus surface: must be one of inner_radius_m, outer_radius_m, surfaces, …
 2 | fit data.h5 --columns "a=b\nc" | --columns 'a=b\nc': holds a line break; write all pairs on one line
-2 | fit data.h5 --columns time | --columns time: write role=name pairs with commas between them, as …
+2 | fit data.h5 --columns time | --columns time: write name=value pairs with commas between them, as …
 2 | fit data.h5 --rate-hz 100 | --rate-hz: does nothing on data.h5, a dataset, which says all itself; leave it out
 3 | fit nowhere.h5 | nowhere.h5: no such file or folder; check the path
 2 | fit '' | an empty word stands among the arguments; give a file or a folder in its place
 2 | fit | Missing argument 'DATA…'; see eaid fit --help
-2 | ingest logs --apparatus surfaces=two | --apparatus surfaces=two: is no number
-2 | ingest logs --apparatus outer_radius_m=0.01 | --apparatus: inner_radius_m must be below outer_radius_m
+2 | ingest logs --apparatus surfaces=two | --apparatus surfaces=two: Expected int, got str: surfaces
+2 | ingest logs --apparatus outer_radius_m=0.01 | --apparatus outer_radius_m=0.01: an inner radius of 0.04 m …
 2 | ingest logs --columns time=a,time=b | --columns time=a,time=b: says time twice
 2 | ingest logs --columns output=torque_nm,input=3 | --columns: input and output are the same column, torque_nm
 2 | ingest logs --columns torque=3 | --columns and --units know time, input, output, reference and position, not torque

@@ -53,7 +53,7 @@ def test_every_parameter_of_the_contract_has_its_interval(made: StepSet, body: e
 def test_the_result_says_which_way_and_why(body: eaid.Fit) -> None:
     said = body.uncertainty
     assert said is not None and said.ci == "robust" and said.scatter_from == "repeats"
-    assert said.run_to_run_pct["Ts"] == pytest.approx(3, rel=0.5)
+    assert said.noise.scatter["Ts"] == pytest.approx(0.03, rel=0.5)
     assert "repeats-miss-alike" not in codes(body)
 
 

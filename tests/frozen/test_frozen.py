@@ -49,7 +49,7 @@ LEFT_OUT = re.compile(
     r"|agreement|periodic|ripple\w*|matrix|order|parametrisation|regions|R2|severity|subject|values|unit|apparatus|rig"
     r"|\w+_unit|C_free|nominal|readings|q[13]|whisker_\w+|outliers|n|never|anti_windup|timing|curves\.frequency_hz"
     r"|per_level\.(abs_error|level|fit_pct)|curves\.level|levels\.(fit_pct|from|start|delay_s|speed_rpm)|steps\.findings"
-    r"|steps\.run|joint\.(curves|ci95|covariance)|logs\.curve|worst\.(tau\d|Ts|plant)|scatter_from"
+    r"|steps\.run|joint\.(curves|ci95|covariance|estimator)|logs\.curve|worst\.(tau\d|Ts|plant)|scatter_from"
     r"|sources\.(run|edge|samples|level|repeat)|shapes\.name|test|where|time_s|(pi|open-loop|inverse)\.reference_nm"
     r"|chi_nm_s|rho_nm_s|counted_from_s|evidence|(per_level|levels)\.(converged|rmse|C|shape|c0|samples)"
     r"|margins\.points\.(\w+\.stable|duty_pct|torque_nm)|steps\.(fit_pct|samples|rmse)|record_s|draws|per_0.01_pct)(\.|$)"

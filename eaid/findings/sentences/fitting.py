@@ -83,10 +83,6 @@ FIT_ROWS: dict[str, Row] = {
     "trend-needs-levels": note(
         "no trend of {symbol} over {over}: a {form} trend needs at least {least} levels, there are {count}"
     ),
-    "trend-rates-merge": note(
-        "the two rates of the trend of {symbol} merge: its limit (p + q x) e^(r x) is given; a pair would be "
-        "two huge weights that cancel"
-    ),
     "trend-follows-one-point": caution(
         "the trend of {symbol} has a rate as steep as is looked for: it follows one point, not a trend"
     ),
@@ -112,7 +108,6 @@ FIT_ROWS: dict[str, Row] = {
     "release-too-fast": caution(
         "the release is faster than 1 ms or than the samples can tell: its fast constant is at its floor"
     ),
-    "release-one-exponential": note("one exponential is enough for the releases: τ1 and τ2 coincide"),
     "release-leaves-output": caution(
         "more than a tenth of the output is left long after the release of level {levels}; the model's release goes "
         "to zero"
@@ -143,24 +138,6 @@ def _tau2_open(v: Values) -> str:
     return f"{v['at']} τ2 {said}; the curve itself is known to {known} within the record of {v['record_s']:.3g} s"
 
 
-def _taus_meet(v: Values) -> str:
-    taus = [f"{tau:g}" for tau in v["taus_s"]]
-    listed = taus[0] if len(taus) == 1 else f"{', '.join(taus[:-1])} and {taus[-1]}"
-    return (
-        f"{v['at']} τ1 and τ2 meet, neither is estimable by itself: all that the records show is one exponential, of "
-        f"{listed} s"
-    )
-
-
-def _open_at_most(v: Values) -> str:
-    why = CAUSES[v["cause"]].format(**v)
-    return f"{v['symbol']} is not determined at {v['count']} of {v['of']} levels: {why}"
-
-
-def _share(v: Values) -> str:
-    return f"the runs ask for C = {v['estimate']:.3f} ({v['low']:.3f} … {v['high']:.3f})"
-
-
 def _parted(v: Values) -> str:
     ends = f" [{v['low']:.3g}, {v['high']:.3g}]" if v["low"] is not None else ", not well known there"
     return f"{v['symbol']} at {v['worst']:g}: joint {v['joint']:.3g}, else {v['other']:.3g}{ends}"
@@ -182,7 +159,12 @@ INTERVAL_ROWS: dict[str, Row] = {
     "numbers-beyond-measure": caution(
         "some numbers are beyond any measure and are left out: the data do not tell them"
     ),
-    "taus-meet": caution(_taus_meet),
+    "taus-meet": caution(
+        lambda v: (
+            f"{v['at']} τ1 and τ2 meet, neither is estimable by itself: all that the records show is one exponential, "
+            f"of {', '.join(f'{tau:g}' for tau in v['taus_s'])} s"
+        )
+    ),
     "parameter-constrained": caution("{at} {symbol} is not estimable: a constraint holds it"),
     "tau2-open": caution(_tau2_open),
     "tau2-outlasts-record": caution("{at} τ2 is longer than the record of {record_s:.3g} s; record longer"),
@@ -198,7 +180,13 @@ INTERVAL_ROWS: dict[str, Row] = {
     "few-levels-for-polynomials": caution(
         "{count:#level} pin the polynomials of T_s, τ1, τ2 exactly or not at all: nothing checks their shape"
     ),
-    "parameter-unknown-at-half-the-levels": caution(_open_at_most, rank=1, covers=("no-level-determines-all",)),
+    "parameter-unknown-at-half-the-levels": caution(
+        lambda v: (
+            f"{v['symbol']} is not determined at {v['count']} of {v['of']} levels: {CAUSES[v['cause']].format(**v)}"
+        ),
+        rank=1,
+        covers=("no-level-determines-all",),
+    ),
     "share-free": caution(
         "C is free ({C:.3g}): it trades against τ2 wherever the record is not several τ2 long, and T_s and τ2 are less "
         "sure for it; hold C unless the data ask for another"
@@ -206,13 +194,10 @@ INTERVAL_ROWS: dict[str, Row] = {
     "one-level-linear": caution(
         "one level only: one step cannot tell b0 from c0, only b0 u + c0 is known; record a second level", rank=1
     ),
-    "a0-may-be-zero": caution(
-        "a0 may be zero (95 % interval {low:.3g} to {high:.3g} 1/s): the records are too short", rank=1
+    "linear-may-be-zero": caution(
+        "{parameter} may be zero or negative (95 % interval {low:.3g} to {high:.3g}): record longer, or more levels",
+        rank=1,
     ),
-    "b0-may-be-zero": caution(
-        "b0 may be zero or negative (95 % interval {low:.3g} to {high:.3g}): the duty's effect is not seen", rank=1
-    ),
-    "no-b-bounds": caution("no level has a positive b0, so B has no bounds", rank=1),
     "single-runs-few-levels": caution(
         "one run a level and too few levels to see run-to-run scatter: the intervals hold one run's own noise only and "
         "are too narrow; repeat each level three times"
@@ -243,10 +228,8 @@ INTERVAL_ROWS: dict[str, Row] = {
         "the runs leave C anywhere between {low:.2f} and {high:.2f}; every number rests on {held:g}, held"
     ),
     "runs-reject-the-share": caution(
-        lambda v: (
-            f"{_share(v)}; it was held at {v['held']:g}: T_s, τ1, τ2 and their intervals belong to the held C, not to "
-            f"the rig; refit with «share» {v['estimate']:.3f}"
-        )
+        "the runs ask for C = {estimate:.3f} ({low:.3f} … {high:.3f}); it was held at {held:g}: T_s, τ1, τ2 and their "
+        "intervals belong to the held C, not to the rig; refit with «share» {estimate:.3f}"
     ),
     "joint-fit-parts": note(
         lambda v: (
@@ -325,7 +308,6 @@ RECORDED_ROWS: dict[str, Row] = {
     "one-input-only": caution(
         "the logs excite one input only ({levels}): T_s, τ1 and τ2 are known there; how they go with the input is not"
     ),
-    "few-inputs": note("the logs hold {count:#input} only ({levels}): the polynomials have no more terms than that"),
     "idle-not-seen": caution(
         "{subject}: the log never rests, so its idle output is not known apart from T_s; 0 is taken: begin the log "
         "with a second at rest"

@@ -1,12 +1,7 @@
 """Sentences about logs: what reading had to do, and warnings about what was read."""
 
 from eaid.findings.row import Row, Values, caution, note, stop
-
-
-def _held(values: Values) -> str:
-    left = f"; {values['left_out']} samples before the first left out" if values["left_out"] else ""
-    return f"{values['columns']} recorded at other times than the output: held between samples{left}"
-
+from eaid.shown import listed
 
 LOG_ROWS: dict[str, Row] = {
     "rows-dropped": caution("«repair» dropped {dropped} of {count} rows", size="dropped", always=True),
@@ -54,7 +49,12 @@ LOG_ROWS: dict[str, Row] = {
     "input-may-be-active-low": caution(
         "its output rises where its input falls from {at}: if that is the input at rest, say «rest»"
     ),
-    "signals-held": caution(_held),
+    "signals-held": caution(
+        lambda v: (
+            f"{v['columns']} recorded at other times than the output: held between samples"
+            + (f"; {v['left_out']} samples before the first left out" if v["left_out"] else "")
+        )
+    ),
     "log-changed": caution("the log has changed since its manifest was written"),
 }
 
@@ -64,20 +64,10 @@ _AS_RECORDED = (
 )
 
 
-def _at_level(v: Values) -> str:
-    return f" at {v['levels']} {v.get('unit') or ''}".rstrip() if v["levels"] else ""
-
-
 def _drift(v: Values) -> str:
     share = v.get("share_pct")
     of = f" ({share:.0f} % of the step)" if share is not None and share < 1000 else ""
     return f"drift before the step: {v['drift']:+.3g} {v['unit']} while idle{of}"
-
-
-def _left_out(v: Values) -> str:
-    names = v["runs"]
-    told = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
-    return f"{len(names)} of {v['of']} runs left out of the fit, {told}: {v['why']}"
 
 
 def _other_shape(v: Values) -> str:
@@ -175,7 +165,7 @@ STEP_ROWS: dict[str, Row] = {
     ),
     "repeats-disagree": caution(
         lambda v: (
-            f"repeats disagree{_at_level(v)}: their outputs at the end differ by {v['spread_pct']:.0f} %"
+            f"repeats disagree {v['at']}: their outputs at the end differ by {v['spread_pct']:.0f} %"
             + (f", {v['subject']} by {round(v['own_pct']):+d} % from the others" if "own_pct" in v else "")
         ),
         "own_pct",
@@ -200,7 +190,11 @@ STEP_ROWS: dict[str, Row] = {
         "its output goes the other way than that of {siblings:#run} beside it; mend its sign or its wiring, or leave "
         "it out"
     ),
-    "runs-left-out": caution(_left_out, always=True, rank=1),
+    "runs-left-out": caution(
+        lambda v: f"{len(v['runs'])} of {v['of']} runs left out of the fit, {listed(v['runs'], 3)}: {v['why']}",
+        always=True,
+        rank=1,
+    ),
     "levels-left-out": caution("what was recorded {at} is left out of the fit", always=True, rank=1),
     "signs-turned": note("the output falls at the step in {runs:#run}: recorded inverted, their sign is turned"),
 }
