@@ -11,6 +11,7 @@ import re
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -138,23 +139,17 @@ class ForeignReader:
             process = self._process
             assert process.stdin is not None and process.stdout is not None
             longest_s = LONGEST_S + Path(question.path).stat().st_size / 1e6
-            late = threading.Event()
-
-            def stop() -> None:
-                late.set()
-                process.kill()
-
-            bell = threading.Timer(longest_s, stop)
-            bell.daemon = True
+            begun_s = time.monotonic()
+            bell = threading.Timer(longest_s, process.kill)
             bell.start()
             try:
                 send(process.stdin, question)
                 answer = received(process.stdout, Answer)
-            except (OSError, EOFError, ValueError, MemoryError):
+            except (OSError, EOFError, ValueError, MemoryError, OverflowError):
                 self._end()
                 raise DataError(
                     f"{question.source}: takes longer than {longest_s:.0f} s to read; export it as CSV"
-                    if late.is_set()
+                    if time.monotonic() - begun_s >= longest_s
                     else f"{question.source}: is a damaged {question.what} file (its reader broke down on it); "
                     f"copy or save it again"
                 ) from None

@@ -17,8 +17,6 @@ import numpy as np
 from eaid.errors import DataError
 from eaid.logs.table import Cells, Table
 
-LONGEST_HEAD = 1 << 28  # Bytes of a message without its arrays
-KINDS = tuple(f"{order}{kind}" for order in "<>|" for kind in ("i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f8"))
 FLOOR = 512 << 20  # Memory for any file [bytes], beyond what the process holds before it
 MOST_RATIO = 40  # Memory for a file, as a multiple of its size (what is recorded packs by about 10)
 
@@ -47,46 +45,30 @@ M = TypeVar("M", Question, Answer)
 
 
 def send(out: IO[bytes], message: Question | Answer) -> None:
-    """Write a message, its arrays behind it; how a table is read is not sent."""
-    arrays: list[np.ndarray[Any, Any]] = []
-
-    def apart(value: Any) -> tuple[str, int] | None:
-        if not isinstance(value, np.ndarray):
-            return None
-        arrays.append(np.ascontiguousarray(value if value.dtype.kind in "iu" else value.astype(np.float64)))
-        return arrays[-1].dtype.str, len(value)
-
-    head = msgspec.msgpack.encode(message, enc_hook=apart)
-    out.write(len(head).to_bytes(8, "little") + head)
-    for array in arrays:
-        out.write(array.view("u1").data)
+    """Write a message behind its length; how a table is read is not sent."""
+    data = msgspec.msgpack.encode(message, enc_hook=_array_in_bytes)
+    out.write(len(data).to_bytes(8, "little") + data)
     out.flush()
 
 
 def received(source: IO[bytes], kind: type[M]) -> M:
     """The next message; raises EOFError where there is none, ValueError where it is something else."""
+    count = int.from_bytes(source.read(8), "little")
+    data = source.read(count)
+    if not data or len(data) < count:
+        raise EOFError
+    return msgspec.msgpack.decode(data, type=kind, dec_hook=_array_from_bytes)
 
-    def read(count: int) -> bytes:
-        data = source.read(count)
-        if len(data) < count:
-            raise EOFError
-        return data
 
-    def beside(_: Any, header: Any) -> Any:
-        if header is None:
-            return lambda _: Cells(())
-        of, count = header
-        if of not in KINDS or not isinstance(count, int) or count < 0:
-            raise ValueError("no array of numbers")
-        array = np.empty(count, dtype=of)
-        if source.readinto(array.view("u1")) < array.nbytes:  # type: ignore[attr-defined]
-            raise EOFError
-        return array
+def _array_in_bytes(value: Any) -> tuple[str, bytes] | None:
+    if not isinstance(value, np.ndarray):
+        return None
+    numbers = value if value.dtype.kind in "iu" else value.astype(np.float64)
+    return numbers.dtype.str, numbers.tobytes()
 
-    count = int.from_bytes(read(8), "little")
-    if count > LONGEST_HEAD:
-        raise ValueError("no message")
-    return msgspec.msgpack.decode(read(count), type=kind, dec_hook=beside)
+
+def _array_from_bytes(_: Any, header: Any) -> Any:
+    return (lambda _: Cells(())) if header is None else np.frombuffer(header[1], dtype=header[0])
 
 
 def _bound_memory(size: int) -> None:
