@@ -203,9 +203,8 @@ def test_a_copy_is_no_repeat(kind, form, tmp_path):
         ALL[form](Odd(",".join(one), tuple(one[column].to_numpy() for column in one)), tmp_path / name)
     steps = eaid.read(both if form == "frame" else [tmp_path / name for name in both])
     told = {one.code for run in steps.runs for one in run.findings}
-    alike = {"tared": "repeats-too-alike", "with noise": "repeats-too-alike", "another": ""}.get(
-        kind, "run-given-twice"
-    )
+    alike = "repeats-too-alike" if kind in ("tared", "with noise", "significant digits") else "run-given-twice"
+    alike = "" if kind == "another" else alike
     assert told == ({alike} if alike else set())
     assert len(steps.levels[0].names) == 2 - (alike == "run-given-twice" and kind != "inside a longer log")
 
