@@ -1,4 +1,4 @@
-"""Text logs: CSV in its many dialects, plain or gzipped: encoding, marks, header, units row, facts in comment lines.
+"""Text logs: CSV in its many dialects, plain or gzipped: encoding, marks, header, units row, comment lines.
 
 They are read piece by piece, by Arrow's parser where every cell is a plain finite number, else cell by cell. Wall-clock
 stamps (`2024-10-29 16:18:17.123`, `16:18:17,5`) become seconds; an offset from UTC counts. LabVIEW's measurement files
@@ -101,7 +101,7 @@ class Dialect:
     units: tuple[str, ...]
     first_line: int  # Line of the first row of numbers, from 1
     stamps: tuple[int, ...] = ()  # Columns of wall-clock stamps
-    rates: tuple[tuple[str, float], ...] = ()  # Sample rates that lines above the table say [Hz], and the row
+    rate_hz: float | None = None  # Sample rate that the header says
     synthetic: str | None = None
     remarks: bool = False  # True where a row may have a remark behind its cells
 
@@ -157,45 +157,11 @@ def sniff(path: str, head: bytes) -> Dialect:
     ragged = marks.delimiter is not None and lines[start].count(marks.delimiter) == count and len(cells) == count
     start -= _broken_rows(lines[:start], marks)
     _refuse_another_table(path, lines[:start], marks)
-    names, units, header_lines = _header(lines[:start], marks, count, ragged)
+    names, units = _header(lines[:start], marks, count, ragged)
     stamps = tuple(i for i, cell in enumerate(cells) if marks.value(cell) is None and marks.is_good(cell))
-    above = ["" if i in header_lines else line for i, line in enumerate(lines[:start])]
-    made_by = (re.match(r"[#%/ ]+synthetic\s*[:=]\s*(\S.*)$", line, re.IGNORECASE) for line in above)
+    made_by = (re.match(r"[#%/ ]+synthetic\s*[:=]\s*(\S.*)$", line, re.IGNORECASE) for line in lines[:start])
     synthetic = next((match[1].strip() for match in made_by if match), None)
-    return Dialect(encoding, marks, names, units, start + 1, stamps, _rates(above, marks), synthetic)
-
-
-_RATE = re.compile(
-    r"""(?:(?:sampl(?:e|ing)|abtast|scan)[\s_-]*(?P<word>rate|freq(?:uen[cz]y?)?|interval|period)|f_?s|sampled\s+at
-    |(?P<dt>dt|delta[_ ]?[xt]))\s*(?:[\[(]\s*(?P<beside>[^\s\])]+)\s*[\])])?\s*[:=;,\t]*\s*
-    (?P<number>\d[\d.,]*(?:e[+-]?\d+)?)\s*(?P<unit>[a-zµμ/]+)?[^\d]*$""",
-    re.IGNORECASE | re.VERBOSE,
-)
-_NOT_OF_THE_ROWS = re.compile(r"decimat|divid|averag|every|max|limit|nominal", re.IGNORECASE)
-_PER_S = re.compile(r"([kKM]?)(?:hz|s/s|sps|samples/s)$", re.IGNORECASE)
-
-
-def _rates(lines: list[str], marks: Marks) -> tuple[tuple[str, float], ...]:
-    """Sample rates that lines above a table say [Hz], with the row: `sampling rate: 1 kHz`, `dt = 0.001 s`, `Fs 50 Hz`.
-
-    A line has to begin with what it says, and to end with a number and its unit.
-    """
-    rates = []
-    for row, line in enumerate(lines, start=1):
-        match = _RATE.match(line.strip().lstrip("#%/ ").replace('"', "").rstrip())
-        if not match or bool(match["unit"]) == bool(match["beside"]) or _NOT_OF_THE_ROWS.search(line):
-            continue
-        number, unit = match["number"], match["unit"] or match["beside"]
-        if marks.decimal == "." and re.fullmatch(r"\d{1,3}(,\d{3})+(\.\d*)?", number):
-            number = number.replace(",", "")
-        amount = marks.value(number) or Marks(None, ".").value(number)
-        lasts = match["dt"] or (match["word"] or "").lower() in ("interval", "period")
-        per_s, known = _PER_S.match(unit), unit_of(unit)
-        if amount and not lasts and per_s:
-            rates.append((f"row {row}", amount * {"k": 1e3, "K": 1e3, "M": 1e6}.get(per_s[1], 1.0)))
-        elif amount and lasts and known is not None and known.quantity == "time":
-            rates.append((f"row {row}", 1.0 / (amount * known.factor)))
-    return tuple(rates)
+    return Dialect(encoding, marks, names, units, start + 1, stamps, synthetic=synthetic)
 
 
 def _of_labview(path: str, encoding: str, lines: list[str]) -> Dialect:
@@ -206,21 +172,21 @@ def _of_labview(path: str, encoding: str, lines: list[str]) -> Dialect:
     header = {row[0]: row[1:] for row in rows[:at]}
     facts = {key: {cell for cell in cells if cell} for key, cells in header.items()}
     names = [name for name in rows[at] if name not in ("", "Comment")]
-    marks, rates = Marks(separator, *facts.get("Decimal_Separator", ".")), tuple[tuple[str, float], ...]()
-    if facts.get("X_Columns") == {"No"} and len(facts.get("Delta_X", ())) == 1:
-        (step,) = facts["Delta_X"]
-        place = next(i for i, row in enumerate(rows, start=1) if row[0] == "Delta_X")
-        rates, names[0] = ((f"row {place}", 1.0 / (marks.value(step) or math.nan)),), ""
-    untimed = bool(names) and not (names[0] or all(0 < rate < math.inf for _, rate in rates))
-    other = facts.get("X_Dimension", {"Time"}) != {"Time"} or facts.get("X_Columns") == {"Multi"} or untimed
-    if not at or len(names) < 2 or other or (facts.get("X_Columns") == {"No"} and not rates):
+    marks = Marks(separator, *facts.get("Decimal_Separator", "."))
+    timed, rate_hz = facts.get("X_Columns") != {"No"}, None
+    steps_s = [marks.value(cell) or 0.0 for cell in facts.get("Delta_X", ())]
+    if not timed and len(steps_s) == 1 and steps_s[0] > 0:
+        rate_hz = 1.0 / steps_s[0]
+    other = facts.get("X_Dimension", {"Time"}) != {"Time"} or facts.get("X_Columns") == {"Multi"}
+    if not at or len(names) < 2 or other or not (timed or rate_hz):
         raise DataError(
             f"{path}: is a LabVIEW file without one column of times, or one Delta_X, for all channels; export it as "
             f"TDMS, or as CSV with times"
         )
     units = [*header.get("Y_Unit_Label", ()), *[""] * len(names)][: len(names) - 1]
-    clock = "s" if names[0] else ""
-    return Dialect(encoding, marks, tuple(names), (clock, *units), at + 2, rates=rates, remarks="Comment" in rows[at])
+    first, clock = (names[0], "s") if timed else ("", "")
+    columns, remarks = (first, *names[1:]), "Comment" in rows[at]
+    return Dialect(encoding, marks, columns, (clock, *units), at + 2, rate_hz=rate_hz, remarks=remarks)
 
 
 def _marks(lines: list[str]) -> tuple[Marks, int]:
@@ -298,35 +264,32 @@ def _refuse_another_table(path: str, above: list[str], marks: Marks) -> None:
             )
 
 
-def _header(
-    above: list[str], marks: Marks, count: int, ragged: bool
-) -> tuple[tuple[str, ...], tuple[str, ...], set[int]]:
-    """Names and units of the columns from the lines above the first row, and which lines those are.
+def _header(above: list[str], marks: Marks, count: int, ragged: bool) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names and units of the columns from the lines above the first row.
 
     `ragged`: the rows end with a delimiter, and a name behind it is that of an empty column.
     """
-    rows: list[tuple[int, list[str]]] = []
-    for i in reversed(range(len(above))):
-        bare = above[i].strip("\r\n ")
+    rows: list[list[str]] = []
+    for line in reversed(above):
+        bare = line.strip("\r\n ")
         if bare.startswith(COMMENT):
             bare = bare.lstrip("#%/ ")
         cells = [cell.strip().strip('"').strip() for cell in marks.cells(bare, count)]
         if len(cells) == count + 1 and ragged:
             cells = cells[:-1]
         if len(cells) == count and any(cells) and (count > 1 or not rows):
-            rows.append((i, cells))
+            rows.append(cells)
         elif bare:
             break
         if len(rows) == 2:
             break
     none = ("",) * count
     if not rows:
-        return none, none, set()
-    i, cells = rows[0]
-    if len(rows) == 2 and _is_units_row(cells) and not _is_units_row(rows[1][1]):
-        units = tuple("" if cell == "-" else cell.strip("[]() ") for cell in cells)
-        return tuple(rows[1][1]), units, {i, rows[1][0]}
-    return tuple(cells), none, {i}
+        return none, none
+    if len(rows) == 2 and _is_units_row(rows[0]) and not _is_units_row(rows[1]):
+        units = tuple("" if cell == "-" else cell.strip("[]() ") for cell in rows[0])
+        return tuple(rows[1]), units
+    return tuple(rows[0]), none
 
 
 def _is_units_row(cells: list[str]) -> bool:
@@ -345,7 +308,7 @@ def read_text(path: Path, source: str) -> list[Table]:
     dialect = sniff(source, head)
     units = tuple("s" if i in dialect.stamps else unit for i, unit in enumerate(dialect.units))
     load = _TextLog(path, source, zipped, dialect).load
-    return [Table("", dialect.columns, load, units, dialect.rates, dialect.synthetic)]
+    return [Table("", dialect.columns, load, units, dialect.rate_hz, dialect.synthetic)]
 
 
 @contextlib.contextmanager

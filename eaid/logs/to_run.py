@@ -1,6 +1,7 @@
 """One table → one run: columns by name, rows checked, time from its start, units turned into those of eaid."""
 
 import contextlib
+import math
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -215,14 +216,10 @@ def run_of(
     if which is None and options.name_pattern is not None and level is None:
         raise DataError(f"{source}: its name does not match «name_pattern»; rename it or mend the pattern")
 
-    rates = [("", options.rate_hz)] if options.rate_hz else table.rates
     if clock is not None:
         by_user, by_column = time_unit(source, units.get("time"), table, clock)
     else:
-        if len({rate_hz for _, rate_hz in rates}) > 1:
-            two = " and ".join(f"{rate_hz:g} Hz in {place}" for place, rate_hz in rates)
-            raise DataError(f"{source}: has no time column, and says {two}; say which with «rate_hz» HZ")
-        by_user, by_column = 1.0 / rates[0][1], None
+        by_user, by_column = 1.0 / (options.rate_hz or table.rate_hz or math.nan), None
     factor = by_user or by_column or 1.0
     cells, columns = _loaded(source, table, [roles.output, clock, roles.reference, roles.position, which])
     raw_time = np.arange(len(columns[roles.output])) if clock is None else columns[clock]
@@ -237,14 +234,9 @@ def run_of(
         time_s, start_s = read_only(kept_time * factor), 0.0
         of_time: tuple[Finding, ...] = ()
         if options.rate_hz is None:
-            place, rate_hz = table.rates[0]
-            of_time = (finding("rate-from-comment", source, rate_hz=rate_hz, place=place),)
+            of_time = (finding("rate-from-header", source, rate_hz=table.rate_hz),)
     else:
         time_s, start_s, of_time = seconds_since_start(source, table.label(clock), kept_time, by_user, by_column)
-        usual = float(np.median(np.diff(time_s[:10_000]))) if len(time_s) > 1 else 0.0
-        wrong = next((one for one in table.rates if usual and not 0.9 < usual * one[1] < 1.1), None)
-        if wrong is not None:
-            of_time += (finding("rate-contradicted", source, place=wrong[0], said=wrong[1], found=1.0 / usual),)
     plain_output = default_unit(table.columns[roles.output], OUTPUTS)
     into = scale_of(source, "output", units.get("output"), table, roles.output, plain_output)
     output = into.of(kept[roles.output])

@@ -152,7 +152,7 @@ GOOD: dict[str, File] = {
                                 {"compression": "lzf", "fletcher32": True}))},
     "LVM a column of times": File(lvm((HEAD, NAMES, [f"{CELLS[0]}|hello", *CELLS[1:]]))),
     "LVM without times, decimal comma": File(lvm((NO_START, NAMES, BARE), own="No", mark=","), start=0, within=1e-12,
-                                             left="column 1", codes="rate-from-comment"),
+                                             left="column 1", codes="rate-from-header"),
     "LVM commas, a special block": File(lvm((HEAD, NAMES, CELLS), separator=",",
                                             top="***Start_Special***\nanything, at all\n***End_Special***")),
     "TDMS waveforms": File(of(written.tdms), within=1e-12),
