@@ -18,7 +18,7 @@ from eaid.logs.run import Run
 from eaid.options import ReadOptions
 from eaid.steps.baseline import baseline_rule, first_samples, last_rest
 from eaid.steps.edges import several_edges
-from eaid.steps.noise import STANDARD_ERRORS, block_means, block_noise, sample_noise, sampled
+from eaid.steps.noise import STANDARD_ERRORS, block_means, block_noise, sample_noise
 from eaid.steps.plateaus import (
     BACK,
     FEWEST,
@@ -222,7 +222,7 @@ def rises_at_once(output: Array, start: float = 0.0) -> bool:
     if count < 2 * FEWEST:
         return False
     rise = output - start
-    end = median(sampled(rise[-(count // 10) :]))
+    end = median(rise[-(count // 10) :])
     noise = sample_noise(output)
     if abs(end) <= 8 * noise or abs(float(rise[:3].mean())) > 0.2 * abs(end):
         return False
