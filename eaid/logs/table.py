@@ -64,7 +64,6 @@ class Table:
     load: Callable[[Sequence[int]], Cells]
     # Unit of each column where the file says it apart from the name; empty strings where not
     units: tuple[str, ...] = ()
-    rate_hz: float | None = None  # Sample rate that the file says, of a table without a time column
     synthetic: str | None = None  # What made the data, where a comment or a property says so
     clock: int | None = None  # Column of the time, where the format itself says which it is
     # Columns that hold no numbers (texts, complex numbers, cells), and so cannot be chosen

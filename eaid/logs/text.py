@@ -16,6 +16,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import IO, Any, NamedTuple, cast
 
@@ -101,7 +102,6 @@ class Dialect:
     units: tuple[str, ...]
     first_line: int  # Line of the first row of numbers, from 1
     stamps: tuple[int, ...] = ()  # Columns of wall-clock stamps
-    rate_hz: float | None = None  # Sample rate that the header says
     synthetic: str | None = None
     remarks: bool = False  # True where a row may have a remark behind its cells
 
@@ -161,32 +161,25 @@ def sniff(path: str, head: bytes) -> Dialect:
     stamps = tuple(i for i, cell in enumerate(cells) if marks.value(cell) is None and marks.is_good(cell))
     made_by = (re.match(r"[#%/ ]+synthetic\s*[:=]\s*(\S.*)$", line, re.IGNORECASE) for line in lines[:start])
     synthetic = next((match[1].strip() for match in made_by if match), None)
-    return Dialect(encoding, marks, names, units, start + 1, stamps, synthetic=synthetic)
+    return Dialect(encoding, marks, names, units, start + 1, stamps, synthetic)
 
 
 def _of_labview(path: str, encoding: str, lines: list[str]) -> Dialect:
-    """Dialect of a LabVIEW measurement file, as its header says it; X_Columns No: its rate is that of Delta_X."""
+    """Dialect of a LabVIEW measurement file, as its header says it; without times, its first column is empty."""
     separator = "," if any(line.startswith("Separator,") for line in lines) else "\t"
     rows = [line.rstrip().split(separator) for line in lines]
     at = next((i for i, row in enumerate(rows) if row[0] == "X_Value"), 0)
     header = {row[0]: row[1:] for row in rows[:at]}
-    facts = {key: {cell for cell in cells if cell} for key, cells in header.items()}
     names = [name for name in rows[at] if name not in ("", "Comment")]
-    marks = Marks(separator, *facts.get("Decimal_Separator", "."))
-    timed, rate_hz = facts.get("X_Columns") != {"No"}, None
-    steps_s = [marks.value(cell) or 0.0 for cell in facts.get("Delta_X", ())]
-    if not timed and len(steps_s) == 1 and steps_s[0] > 0:
-        rate_hz = 1.0 / steps_s[0]
-    other = facts.get("X_Dimension", {"Time"}) != {"Time"} or facts.get("X_Columns") == {"Multi"}
-    if not at or len(names) < 2 or other or not (timed or rate_hz):
+    if len(names) < 2 or header.get("X_Columns") == ["Multi"] or {*header.get("X_Dimension", ())} - {"Time", ""}:
         raise DataError(
-            f"{path}: is a LabVIEW file without one column of times, or one Delta_X, for all channels; export it as "
-            f"TDMS, or as CSV with times"
+            f"{path}: is a LabVIEW file without one column of times for all channels; export it as TDMS, or as CSV"
         )
-    units = [*header.get("Y_Unit_Label", ()), *[""] * len(names)][: len(names) - 1]
-    first, clock = (names[0], "s") if timed else ("", "")
-    columns, remarks = (first, *names[1:]), "Comment" in rows[at]
-    return Dialect(encoding, marks, columns, (clock, *units), at + 2, rate_hz=rate_hz, remarks=remarks)
+    marks = Marks(separator, *header.get("Decimal_Separator", "."))
+    units = ["s", *header.get("Y_Unit_Label", ()), *[""] * len(names)][: len(names)]
+    if header.get("X_Columns") == ["No"]:
+        names[0], units[0] = "", ""
+    return Dialect(encoding, marks, tuple(names), tuple(units), at + 2, remarks="Comment" in rows[at])
 
 
 def _marks(lines: list[str]) -> tuple[Marks, int]:
@@ -307,8 +300,8 @@ def read_text(path: Path, source: str) -> list[Table]:
         raise DataError(f"{source}: is gzip around a file that is no text; unpack it and give what is inside")
     dialect = sniff(source, head)
     units = tuple("s" if i in dialect.stamps else unit for i, unit in enumerate(dialect.units))
-    load = _TextLog(path, source, zipped, dialect).load
-    return [Table("", dialect.columns, load, units, dialect.rate_hz, dialect.synthetic)]
+    load = partial(_load, path, source, zipped, dialect)
+    return [Table("", dialect.columns, load, units, dialect.synthetic)]
 
 
 @contextlib.contextmanager
@@ -322,69 +315,59 @@ def _unpacked(path: Path, source: str, zipped: bool) -> Iterator[IO[bytes]]:
         raise DataError(f"{source}: is no whole gzip file ({reason}); copy it again") from None
 
 
-@dataclass(frozen=True)
-class _TextLog:
-    """A text log whose dialect is known."""
-
-    path: Path
-    source: str
-    zipped: bool
-    dialect: Dialect
-
-    def load(self, columns: Sequence[int]) -> Cells:
-        """The columns; raises DataError where its commas may be decimal marks or stand between thousands."""
-        dialect = self.dialect
-        limit = max(MOST_RATIO * self.path.stat().st_size, 1 << 22) if self.zipped else math.inf
-        parts: list[list[NDArray[Any]]] = [[] for _ in columns]
-        bad: list[BadCell] = []
-        rows: list[tuple[int, int]] = []
-        count, seen, decimal = 0, 0, False
-        with (
-            _unpacked(self.path, self.source, self.zipped) as file,
-            io.TextIOWrapper(file, dialect.encoding, errors="replace") as text,
-        ):
-            line = 1
-            for _ in range(dialect.first_line - 1):
-                text.readline()
-                line += 1
-            while piece := text.read(PIECE) + text.readline():
-                seen += len(piece)
-                if seen > limit:
-                    raise DataError(
-                        f"{self.source}: unpacks to more than {MOST_RATIO} times its size, as no recorded log does; "
-                        f"unpack it yourself"
-                    )
-                first, line = line, line + piece.count("\n")
-                if not (body := piece.rstrip("\n \t\0\x1a")):
-                    continue
-                if dialect.marks.decimal == "," and not decimal:
-                    quoted = " ".join(re.findall(r'"[^"]*"', body)) if dialect.marks.delimiter == "," else body
-                    decimal = _DECIMAL.search(quoted) is not None
-                cells = _by_arrow(body, dialect, columns, first) or _cell_by_cell(body, dialect, columns, first)
-                bad.extend(replace(one, row=one.row + count) for one in cells.bad)
-                rows.extend((sample + count, row) for sample, row in cells.rows)
-                count += len(cells.values[0])
-                for part, values in zip(parts, cells.values, strict=True):
-                    part.append(values)
-                if len(bad) > MOST_BAD:
-                    raise DataError(f"{self.source}: more than {MOST_BAD:,} of its cells are bad; record it again")
-        whole = [part[0] if len(part) == 1 else np.concatenate([*part, *([] if part else [[]])]) for part in parts]
-        for k, column in enumerate(columns):
-            if column in dialect.stamps:
-                texts = [str(text) for text in whole[k]]
-                whole[k] = seconds_of(texts)
-                wrong = np.flatnonzero(np.isnan(whole[k])).tolist()
-                bad.extend(BadCell(i, column, texts[i].strip()[:40]) for i in wrong if texts[i])
-        if dialect.marks.decimal == "," and not decimal:
-            raise DataError(
-                f"{self.source}: its commas may be decimal marks or stand between thousands, as three digits follow "
-                f"every one; save it with decimal points"
-            )
-        return Cells(tuple(whole), tuple(bad), tuple(rows))
+def _load(path: Path, source: str, zipped: bool, dialect: Dialect, columns: Sequence[int]) -> Cells:
+    """Columns of a text log; raises DataError where its commas may be decimal marks or stand between thousands."""
+    limit = max(MOST_RATIO * path.stat().st_size, 1 << 22) if zipped else math.inf
+    parts: list[list[NDArray[Any]]] = [[] for _ in columns]
+    bad: list[BadCell] = []
+    rows: list[tuple[int, int]] = []
+    count, seen, decimal, line = 0, 0, False, dialect.first_line
+    with (
+        _unpacked(path, source, zipped) as file,
+        io.TextIOWrapper(file, dialect.encoding, errors="replace") as text,
+    ):
+        for _ in range(dialect.first_line - 1):
+            text.readline()
+        while piece := text.read(PIECE) + text.readline():
+            seen += len(piece)
+            if seen > limit:
+                raise DataError(
+                    f"{source}: unpacks to more than {MOST_RATIO} times its size, as no recorded log does; "
+                    f"unpack it yourself"
+                )
+            first, line = line, line + piece.count("\n")
+            if not (body := piece.rstrip("\n \t\0\x1a")):
+                continue
+            if dialect.marks.decimal == "," and not decimal:
+                quoted = " ".join(re.findall(r'"[^"]*"', body)) if dialect.marks.delimiter == "," else body
+                decimal = _DECIMAL.search(quoted) is not None
+            cells = _by_arrow(body, dialect, columns, first) or _cell_by_cell(body, dialect, columns, first)
+            bad.extend(replace(one, row=one.row + count) for one in cells.bad)
+            rows.extend((sample + count, row) for sample, row in cells.rows)
+            count += len(cells.values[0])
+            for part, values in zip(parts, cells.values, strict=True):
+                part.append(values)
+            if len(bad) > MOST_BAD:
+                raise DataError(f"{source}: more than {MOST_BAD:,} of its cells are bad; record it again")
+    whole = [np.concatenate(part) if part else np.empty(0) for part in parts]
+    for k, column in enumerate(columns):
+        if column in dialect.stamps:
+            texts = [str(text) for text in whole[k]]
+            whole[k] = seconds_of(texts)
+            wrong = np.flatnonzero(np.isnan(whole[k])).tolist()
+            bad.extend(BadCell(i, column, texts[i].strip()[:40]) for i in wrong if texts[i])
+    if dialect.marks.decimal == "," and not decimal:
+        raise DataError(
+            f"{source}: its commas may be decimal marks or stand between thousands, as three digits follow "
+            f"every one; save it with decimal points"
+        )
+    return Cells(tuple(whole), tuple(bad), tuple(rows))
 
 
 def _by_arrow(body: str, dialect: Dialect, columns: Sequence[int], line: int) -> Cells | None:
     """The columns of a piece by Arrow's parser; None where anything in them is not a plain finite number."""
+    if not set(columns).isdisjoint(dialect.stamps):
+        return None
     import pyarrow as pa
     from pyarrow import csv as arrow
 
@@ -397,8 +380,7 @@ def _by_arrow(body: str, dialect: Dialect, columns: Sequence[int], line: int) ->
     for column in columns:
         digits = first[min(column, len(first) - 1)]
         long = digits.isdigit() and len(digits) > 15  # more than a float surely holds: stamps in ns stay whole
-        number = pa.int64() if long else pa.float64()
-        kinds[names[column]] = pa.string() if column in dialect.stamps else number
+        kinds[names[column]] = pa.int64() if long else pa.float64()
     data = body.encode()
     try:
         table = arrow.read_csv(
@@ -415,9 +397,8 @@ def _by_arrow(body: str, dialect: Dialect, columns: Sequence[int], line: int) ->
     values: list[NDArray[Any]] = []
     for column in columns:
         (cells,) = table[names[column]].chunks
-        stamps = column in dialect.stamps
-        values.append(np.array(cells.to_pylist(), dtype=object) if stamps else np.from_dlpack(cells))
-        if not (values[-1].all() if stamps else np.isfinite(values[-1]).all()):
+        values.append(np.from_dlpack(cells))
+        if not np.isfinite(values[-1]).all():
             return None
     return Cells(tuple(values), rows=((0, line),))
 

@@ -1,7 +1,6 @@
 """One table → one run: columns by name, rows checked, time from its start, units turned into those of eaid."""
 
 import contextlib
-import math
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -216,10 +215,11 @@ def run_of(
     if which is None and options.name_pattern is not None and level is None:
         raise DataError(f"{source}: its name does not match «name_pattern»; rename it or mend the pattern")
 
+    by_user, by_column = None, None
     if clock is not None:
         by_user, by_column = time_unit(source, units.get("time"), table, clock)
-    else:
-        by_user, by_column = 1.0 / (options.rate_hz or table.rate_hz or math.nan), None
+    elif options.rate_hz is not None:
+        by_user = 1.0 / options.rate_hz
     factor = by_user or by_column or 1.0
     cells, columns = _loaded(source, table, [roles.output, clock, roles.reference, roles.position, which])
     raw_time = np.arange(len(columns[roles.output])) if clock is None else columns[clock]
@@ -233,8 +233,6 @@ def run_of(
     if clock is None:
         time_s, start_s = read_only(kept_time * factor), 0.0
         of_time: tuple[Finding, ...] = ()
-        if options.rate_hz is None:
-            of_time = (finding("rate-from-header", source, rate_hz=table.rate_hz),)
     else:
         time_s, start_s, of_time = seconds_since_start(source, table.label(clock), kept_time, by_user, by_column)
     plain_output = default_unit(table.columns[roles.output], OUTPUTS)

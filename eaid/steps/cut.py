@@ -375,10 +375,11 @@ def _with_baselines(steps: list[Run], rule: str) -> list[Run]:
     finished: list[Run] = []
     idle: float | None = None
     for step in steps:
-        to_rest = step.edge == "falling" and step.from_level == 0.0
-        step = replace(step, baseline=idle) if to_rest and idle is not None else _ruled(step, rule)
-        if step.edge == "rising" and step.from_level == 0.0:
+        step = _ruled(step, rule)
+        if step.from_level == 0.0 and step.edge == "rising":
             idle = step.baseline
+        elif step.from_level == 0.0 and idle is not None:
+            step = replace(step, baseline=idle)
         finished.append(step)
     return finished
 

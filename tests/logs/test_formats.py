@@ -137,7 +137,6 @@ GOOD: dict[str, File] = {
     "HDF5 one of two groups": File(hdf5({f"{group}/{name}": k * one for group, k in (("a", 1), ("b", 2))
                                          for name, one in VECTORS.items()}), {"variable": "a"}),
     "HDF5 compound table": File(hdf5({"log/table": table(VECTORS | {"note": np.array(["a"] * 300, "S3")})})),
-    "HDF5 named columns": File(hdf5({"m": (np.stack([Y, T, U], 1), {"columns": ["torque_nm", "time_s", "duty_pct"]})})),
     "HDF5 other numbers": File(hdf5({"time_s": T, "duty_pct": U.astype(">f4"), "torque_nm": Y, "n": U > 0}), left="n"),
     "HDF5 deep groups": File(hdf5(VECTORS | {"/".join("g" * 400): np.zeros(3)})),
     "HDF5 counts and offsets": File(hdf5({
@@ -151,8 +150,8 @@ GOOD: dict[str, File] = {
                                 {"compression": "gzip", "shuffle": True, "fletcher32": True}, {"shuffle": True},
                                 {"compression": "lzf", "fletcher32": True}))},
     "LVM a column of times": File(lvm((HEAD, NAMES, [f"{CELLS[0]}|hello", *CELLS[1:]]))),
-    "LVM without times, decimal comma": File(lvm((NO_START, NAMES, BARE), own="No", mark=","), start=0, within=1e-12,
-                                             left="column 1", codes="rate-from-header"),
+    "LVM without times, decimal comma": File(lvm((NO_START, NAMES, BARE), own="No", mark=","), {"rate_hz": 100.0},
+                                             start=0, within=1e-12, left="column 1"),
     "LVM commas, a special block": File(lvm((HEAD, NAMES, CELLS), separator=",",
                                             top="***Start_Special***\nanything, at all\n***End_Special***")),
     "TDMS waveforms": File(of(written.tdms), within=1e-12),
@@ -246,7 +245,7 @@ def raw(content: bytes) -> Callable[[Path], Any]:
 OBJECTS = "holds MATLAB objects (a Simulink Dataset or timeseries) only; in MATLAB, save it as plain arrays: t = S.Time"
 LENGTH = "is a damaged HDF5 file (a chunk of it has a wrong length); copy or save it again"
 NO_TABLE = "no table in it has columns of time and torque ("
-NO_HEAD = "is a LabVIEW file without one column of times, or one Delta_X, for all channels; export it"
+NO_HEAD = "is a LabVIEW file without one column of times for all channels; export it as TDMS, or as CSV"
 ZIPPED = (("u", U), ("y", Y))
 NEVER = {"_FillValue": 1.0, "missing_value": [2.0, 3.0]}
 BAD: dict[str, tuple[Callable[[Path], Any], str]] = {
@@ -258,7 +257,7 @@ BAD: dict[str, tuple[Callable[[Path], Any], str]] = {
     "HDF5 words": (hdf5({"note": np.bytes_(b"x")}), "holds no table of numbers; save time and torque as arrays of one"),
     "HDF5 lengths": (hdf5({"time_s": T, "torque_nm": Y[:-1]}), NO_TABLE),
     "HDF5 never written": (hdf5(VECTORS | {"torque_nm": (np.r_[1, 2, 3, Y[3:]], NEVER)}),
-                           "row 1, column torque_nm, is empty; mend the cell, or drop such rows with «repair»"),
+                           "row 1, column torque_nm, is empty or not a number; mend the cell, or drop such rows"),
     "HDF5 short": (chunk(bytes(799)), LENGTH), "HDF5 long": (chunk(bytes(801)), LENGTH),
     "HDF5 filter left out": (chunk(bytes(799), 1, compression="gzip"), LENGTH),
     "HDF5 not packed": (chunk(b"nothing of the kind", compression="gzip"), "is a damaged HDF5 file ("),
@@ -278,8 +277,7 @@ BAD: dict[str, tuple[Callable[[Path], Any], str]] = {
     "LVM nothing": (lvm(), NO_HEAD), "LVM no channels": (lvm((HEAD, "X_Value|Comment", ["0"])), NO_HEAD),
     "LVM no rows": (lvm((HEAD, NAMES, [])), "has a header but no rows; record the log again"),
     "LVM spectrum": (lvm((["Channels|1", "X_Dimension|Frequency"], "X_Value|A", ["0|1"])), NO_HEAD),
-    **{f"LVM step {step}": (lvm((["Channels|1", f"Delta_X|{step}"], "X_Value|A", ["|1"]), own="No"), NO_HEAD)
-       for step in ("fast", "0", "-1", "")},
+    "LVM no times": (lvm((NO_START, NAMES, BARE), own="No"), "no column is called time (columns: column 1, Duty, Tor"),
     "LVM segments": (lvm((HEAD, NAMES, CELLS[:99]), (HEAD, NAMES, CELLS[99:])), "row 116 has 2 cells, unlike the oth"),
     "LVM times": (lvm((HEAD, "X_Value|A|X_Value|B", ["0|1|0|2", "1|3|1.5|4"]), own="Multi"), NO_HEAD),
     "LVM word": (row46("25.3|0|x"), "row 46, column Torque, holds 'x', which is no number; mend the cell"),

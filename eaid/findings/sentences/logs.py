@@ -23,7 +23,6 @@ LOG_ROWS: dict[str, Row] = {
         "«units» {role}=gf or kgf"
     ),
     "time-since-a-day": note("{column} counts {counts}, as its first stamp tells"),
-    "rate-from-header": note("no column is called time: {rate_hz:g} Hz, from the Delta_X of its header"),
     "time-unclear": stop(
         "no unit of time fits {column}: in seconds its stamps lie {usual_s:.3g} s apart and the log takes {span_s:.4g} "
         "s; say «units» time={likely}, or what it is"
