@@ -22,7 +22,7 @@ from typing import NamedTuple
 import msgspec
 
 from eaid.errors import DataError
-from eaid.logs.foreign.answer import Answer, Question, received, send
+from eaid.logs.foreign.answer import LONGEST_S, Answer, Question, received, send
 from eaid.logs.table import Cells, Table
 
 # First bytes of a file that is not read, what it is, and the remedy
@@ -98,7 +98,6 @@ def format_of(head: bytes) -> Format:
 
 
 READER: tuple[str, ...] = (sys.executable, "-P", "-m", "eaid.logs.foreign.answer")
-LONGEST_S = 60.0  # Time for any file; a second for every megabyte comes on top [s]
 
 
 class ForeignReader:

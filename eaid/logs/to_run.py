@@ -116,7 +116,7 @@ def _listed(source: str, faults: Sequence[str], remedy: str) -> list[str]:
 
 
 def _loaded(source: str, table: Table, wanted: Sequence[int | None]) -> tuple[Cells, dict[int, NDArray[Any]]]:
-    """Columns at the times of the first, by their number; DataError where one is too large or too small for a sensor.
+    """Columns by their number; DataError where one is too large or too small for a sensor.
 
     Whole numbers are signed, so that their differences may be below zero.
     """
@@ -211,7 +211,7 @@ def run_of(
             raise DataError(f"{source}: has a time column, {label}, so «rate_hz» does nothing; leave it out")
         clock = None
     level, repeat = level_and_repeat(source, options.name_pattern, file or name)
-    kind, which = the_input(source, roles, lambda one: _loaded(source, table, [roles.output, one])[1][one])
+    kind, which = the_input(source, roles, lambda one: _loaded(source, table, [one])[1][one])
     if which is None and options.name_pattern is not None and level is None:
         raise DataError(f"{source}: its name does not match «name_pattern»; rename it or mend the pattern")
 
@@ -245,7 +245,7 @@ def run_of(
     else:  # a name says a level and no unit
         scale = Scale(units.get("input", "") if kind is None else INPUT_UNITS[kind], 1.0)
         input_ = np.broadcast_to(np.float64(np.nan), len(kept_time))  # takes no memory
-    told = [*roles.findings, *cells.findings, *of_time, *into.findings, *scale.findings]
+    told = [*roles.findings, *of_time, *into.findings, *scale.findings]
     if keep is not None:
         total = len(raw_time)
         told.append(finding("rows-dropped", source, dropped=total - len(keep), count=total))

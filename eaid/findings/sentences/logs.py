@@ -2,12 +2,6 @@
 
 from eaid.findings.row import Row, Values, caution, note, stop
 
-
-def _held(values: Values) -> str:
-    left = f"; {values['left_out']} samples before the first left out" if values["left_out"] else ""
-    return f"{values['columns']} recorded at other times than the output: held between samples{left}"
-
-
 LOG_ROWS: dict[str, Row] = {
     "rows-dropped": caution("«repair» dropped {dropped} of {count} rows", size="dropped", always=True),
     "columns-by-place": caution("its columns have no names: taken as {order}"),
@@ -49,7 +43,6 @@ LOG_ROWS: dict[str, Row] = {
     "input-may-be-active-low": caution(
         "its output rises where its input falls from {at}: if that is the input at rest, say «rest»"
     ),
-    "signals-held": caution(_held),
     "log-changed": caution("the log has changed since its manifest was written"),
 }
 

@@ -5,7 +5,6 @@ What goes to and fro are typed messages and the bytes of arrays: neither side ru
 
 import os
 import sys
-import threading
 import time
 from importlib import import_module
 from pathlib import Path
@@ -17,6 +16,7 @@ import numpy as np
 from eaid.errors import DataError
 from eaid.logs.table import Cells, Table
 
+LONGEST_S = 60.0  # Time for any file; a second for every megabyte comes on top [s]
 FLOOR = 512 << 20  # Memory for any file [bytes], beyond what the process holds before it
 MOST_RATIO = 40  # Memory for a file, as a multiple of its size (what is recorded packs by about 10)
 
@@ -71,30 +71,19 @@ def _array_from_bytes(_: Any, header: Any) -> Any:
     return (lambda _: Cells(())) if header is None else np.frombuffer(header[1], dtype=header[0])
 
 
-def _bound_memory(size: int) -> None:
-    """Bound what may be allocated from now on; where the system cannot (macOS, Windows), nothing is done."""
+def _bound(size: int) -> None:
+    """Bound memory and processor time from now on; where the system cannot (macOS, Windows), nothing is done."""
     try:
         import resource
 
         words = Path("/proc/self/status").read_text(encoding="ascii", errors="replace").partition("VmData:")[2].split()
-        _, hard = resource.getrlimit(resource.RLIMIT_DATA)
-        most = (int(words[0]) << 10) + FLOOR + MOST_RATIO * size
-        resource.setrlimit(resource.RLIMIT_DATA, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+        memory = (int(words[0]) << 10) + FLOOR + MOST_RATIO * size
+        seconds = int(time.process_time() + LONGEST_S + size / 1e6) + 1  # it ends, whatever becomes of the command
+        for kind, most in ((resource.RLIMIT_DATA, memory), (resource.RLIMIT_CPU, seconds)):
+            _, hard = resource.getrlimit(kind)
+            resource.setrlimit(kind, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
     except (ImportError, OSError, IndexError, ValueError):
         return
-
-
-def _end_with_parent() -> None:
-    """Leave, whatever is being done, once the command that asks is gone."""
-    parent = os.getppid()
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(1.0)
-        os._exit(130)
-
-    if os.name == "posix":
-        threading.Thread(target=watch, daemon=True).start()
 
 
 class _Open:
@@ -111,7 +100,7 @@ class _Open:
             if key != self._key:
                 self._key, self._tables = None, []
                 path = Path(question.path)
-                _bound_memory(path.stat().st_size)
+                _bound(path.stat().st_size)
                 module, _, function = question.reader.partition(".")
                 read = getattr(import_module(f"eaid.logs.foreign.{module}"), function)
                 self._tables, self._key = read(path, question.source), key
@@ -131,7 +120,6 @@ class _Open:
 
 def main() -> None:
     """Answer until there are no more questions."""
-    _end_with_parent()
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # whatever a library prints stays out of the answers
     opened = _Open()
