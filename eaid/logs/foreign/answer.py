@@ -76,12 +76,14 @@ def _bound(size: int) -> None:
     try:
         import resource
 
-        words = Path("/proc/self/status").read_text(encoding="ascii", errors="replace").partition("VmData:")[2].split()
-        memory = (int(words[0]) << 10) + FLOOR + MOST_RATIO * size
-        seconds = int(time.process_time() + LONGEST_S + size / 1e6) + 1  # it ends, whatever becomes of the command
-        for kind, most in ((resource.RLIMIT_DATA, memory), (resource.RLIMIT_CPU, seconds)):
+        def limit(kind: int, most: int) -> None:
             _, hard = resource.getrlimit(kind)
             resource.setrlimit(kind, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+
+        # twice what the command waits for, in case that it is gone
+        limit(resource.RLIMIT_CPU, int(time.process_time() + 2 * (LONGEST_S + size / 1e6)))
+        words = Path("/proc/self/status").read_text(encoding="ascii", errors="replace").partition("VmData:")[2].split()
+        limit(resource.RLIMIT_DATA, (int(words[0]) << 10) + FLOOR + MOST_RATIO * size)
     except (ImportError, OSError, IndexError, ValueError):
         return
 
