@@ -30,7 +30,8 @@ from eaid.models.nonlinear import at_duty
 from eaid.models.parameters import REFERENCE_PLANT, Friction
 from eaid.results.common import Interval
 from eaid.results.fit import Fit
-from eaid.steps.build import build_stepset
+from eaid.steps.build import stepset_of
+from eaid.steps.cut import cut
 from eaid.steps.stepset import Level, StepSet
 
 NAMES = ("Ts", "tau1", "tau2")
@@ -284,7 +285,7 @@ def quoted(name: str, count: int) -> Iterator[tuple[str, float, Interval]]:
             since = np.maximum(t - (k + 1) * hold / RATE_HZ - dead, 0.0)
             y += change * rise(since, tau1, tau2, share) * (since > 0)
         y += random.choice([0.002, 0.01, 0.03]) * wander(random, len(t), float(random.choice([0.1, 5, 20])))
-        for step in single_steps(build_stepset([log(t, np.repeat(HEIGHTS, hold), y)]), eaid.FitOptions()):
+        for step in single_steps(stepset_of(cut(log(t, np.repeat(HEIGHTS, hold), y))), eaid.FitOptions()):
             found = step.ci95
             change = changes[step.from_, step.level]
             yield "change", change, found.change

@@ -17,7 +17,9 @@ from eaid.errors import DataError
 from eaid.estimate.step_shapes import fit_step
 from eaid.findings.sentences import SENTENCES
 from eaid.logs.run import Run
-from eaid.steps.build import build_stepset
+from eaid.options import ReadOptions
+from eaid.steps.build import stepset_of
+from eaid.steps.cut import cut_runs
 
 MOST_FALSE_PCT, MOST_MISSED_PCT = 2.0, 5.0
 
@@ -208,7 +210,10 @@ BAD: dict[str, tuple[Maker, tuple[str, ...]]] = {
 def stops(runs: Sequence[Run], shapes: bool) -> set[str]:
     """Codes of the stop findings that logs bring up; "refused" where they are refused."""
     try:
-        made = build_stepset(list(runs))
+        steps, faults = cut_runs(list(runs), ReadOptions())
+        if faults:
+            return {"refused"}
+        made = stepset_of(steps)
     except DataError:
         return {"refused"}
     found = [*made.findings, *(one for run in made.runs for one in run.findings)]

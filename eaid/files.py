@@ -28,9 +28,7 @@ def sha256_of(path: Path) -> str:
 
 
 # Endings of recordings, besides .txt and .h5, which others have too
-LOGS = (
-    ".gz", ".csv", ".tsv", ".dat", ".asc", ".lvm", ".mat", ".tdms", ".mf4", ".mdf", ".bag", ".mcap", ".db3",
-)  # fmt: skip
+LOGS = (".gz", ".csv", ".tsv", ".dat", ".asc", ".lvm", ".mat", ".tdms")
 
 
 def refuse_to_overwrite(path: Path, force: bool, inputs: Iterable[Path] = ()) -> None:

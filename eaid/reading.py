@@ -92,8 +92,6 @@ def read_steps(
         files, plain = files_of(Path(entry.file) for entry in manifest.logs), ReadOptions()
         stands = {k: v for k, v in manifest.options.items() if getattr(options, k) == getattr(plain, k)}
         options = replace(options, **cast(Any, stands))
-        for name in manifest.outside()[:5]:
-            warn(f"{manifest.path}: takes {name}, which lies outside its folder")
         for name in manifest.unlisted()[:5]:
             warn(f"{manifest.path}: does not list {name}, which is left out")
     with progress("reading logs", len(files)) as advance:

@@ -146,7 +146,7 @@ def match_columns(path: str, table: Table, options: ReadOptions) -> Roles:
     for role, other in ((a, b) for a in named for b in named if a < b and named[a] == named[b]):
         raise UsageError(f"«columns»: {role} and {other} are the same column, {table.label(named[role])}")
     time = named["time"] if "time" in named else _time(path, table, set(named.values()))
-    if time is None and not (options.rate_hz or table.rates):
+    if time is None and options.rate_hz is None:
         raise DataError(
             f"{path}: no column is called time (columns: {shown(names)}{_dropped(table)}); name it with «columns» "
             f"time=NAME, or give «rate_hz» HZ where the log has none"
@@ -275,7 +275,7 @@ def by_place(path: str, table: Table, options: ReadOptions) -> Roles:
 
     The first has to be a time: to rise all the way.
     """
-    count, rate = len(table.columns), bool(options.rate_hz or table.rates)
+    count, rate = len(table.columns), options.rate_hz is not None
     places = {(3, False): (0, 1, 2), (2, False): (0, None, 1), (2, True): (None, 0, 1), (1, True): (None, None, 0)}
     if not options.columns and (count, rate) in places and (rate or rises(table.load([0]).values[0])):
         time, input_, output = places[count, rate]

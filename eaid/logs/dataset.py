@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 
 from eaid.apparatus import Apparatus
-from eaid.arrays import Array, read_only
+from eaid.arrays import read_only
 from eaid.errors import DataError
 from eaid.files import hdf5_written_whole
 from eaid.findings import Finding
@@ -26,8 +26,8 @@ from eaid.logs.table import plain
 from eaid.version import __version__
 
 SCHEMA = "eaid/data/1"
+# Each dataset's name and the field of `Run`; the columns that every run has, and those that some have
 COLUMNS = {"time_s": "time_s", "input": "input", "torque_nm": "output"}
-# Columns that not every run has; each dataset's name and the field of `Run`
 MORE = {"reference_nm": "reference_nm", "position": "position"}
 AGAIN = "ingest the logs again"
 
@@ -133,10 +133,9 @@ def read_dataset(
         )  # fmt: skip
         runs: list[Run] = []
         faults: list[str] = []
-        last: dict[str, Array] = {}
         for name in names:
             try:
-                runs.append(each(_read_run(file["runs"][name], dataclasses.replace(shared, name=plain(name)), last)))
+                runs.append(each(_read_run(file["runs"][name], dataclasses.replace(shared, name=plain(name)))))
             except DataError as fault:
                 faults.extend(fault.sentences)
         return runs, faults
@@ -161,8 +160,7 @@ def _plain(value: Any) -> Any:
     return plain(value) if isinstance(value, str) else value
 
 
-def _read_run(group: h5py.Group, shared: Run, last: dict[str, Array]) -> Run:
-    """A run; a column that is the one of the run before shares its memory, and stands in `last` for the next."""
+def _read_run(group: h5py.Group, shared: Run) -> Run:
     where = f"{shared.dataset}: run {shared.name}"
     try:
         columns = {field: read_only(group[name][()]) for name, field in (COLUMNS | MORE).items() if name in group}
@@ -174,8 +172,6 @@ def _read_run(group: h5py.Group, shared: Run, last: dict[str, Array]) -> Run:
         raise DataError(f"{where} has no {' and no '.join(missing)}; {AGAIN}")
     if len({values.shape for values in columns.values()}) > 1 or columns["time_s"].ndim != 1:
         raise DataError(f"{where} has columns of different shape; {AGAIN}")
-    columns = {k: last[k] if k in last and np.array_equal(last[k], one) else one for k, one in columns.items()}
-    last.update(columns)
     try:
         facts = msgspec.structs.asdict(msgspec.convert(stored, _Facts))
         written = msgspec.json.decode(str(stored.get("findings", "[]")))

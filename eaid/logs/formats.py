@@ -11,6 +11,7 @@ import re
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -21,7 +22,7 @@ from typing import NamedTuple
 import msgspec
 
 from eaid.errors import DataError
-from eaid.logs.foreign.answer import Answer, Question, received, send
+from eaid.logs.foreign.answer import LONGEST_S, Answer, Question, received, send
 from eaid.logs.table import Cells, Table
 
 # First bytes of a file that is not read, what it is, and the remedy
@@ -37,6 +38,9 @@ UNREAD: tuple[tuple[bytes, str], ...] = (
     (b"\x89PNG", "a picture; export the log as CSV"),
     (b"RIFF", "a sound file; export the log as CSV"),
     (b"\xff\xd8\xff", "a picture; export the log as CSV"),
+    *((mark, "an MDF measurement file; export it as CSV or HDF5") for mark in (b"MDF     ", b"UnFinMF ")),
+    *((mark, "a ROS bag; export its topics as CSV or HDF5") for mark in (b"#ROSBAG V", b"\x89MCAP0\r\n")),
+    (b"SQLite format 3\0", "an SQLite database, as some ROS bags are; export it as CSV or HDF5"),
 )
 _UTF_32 = re.compile(rb"\xff\xfe\0\0|\0\0\xfe\xff|([\x20-\x7e]\0{3}){4}|(\0{3}[\x20-\x7e]){4}")
 
@@ -62,10 +66,6 @@ def unread(head: bytes) -> str | None:
     return next((what for mark, what in UNREAD if head.startswith(mark)), None)
 
 
-def _begins(*marks: bytes) -> Callable[[bytes], bool]:
-    return lambda head: head.startswith(marks)
-
-
 def _is_mat(head: bytes) -> bool:
     """MAT v5 by its text and version word; MAT v4 by its first header: type, rows, columns, imaginary, name length."""
     if head[124:128] in (b"\x00\x01IM", b"\x01\x00MI") or head.startswith(b"MATLAB 5.0"):
@@ -83,9 +83,7 @@ def _is_mat(head: bytes) -> bool:
 
 FORMATS: tuple[Format, ...] = (
     Format("HDF5", is_hdf5, "arrays.read_hdf5"),
-    Format("TDMS", _begins(b"TDSm"), "signals.read_tdms", "nptdms"),
-    Format("MDF", _begins(b"MDF     ", b"UnFinMF "), "signals.read_mdf", "asammdf"),
-    Format("ROS bag", _begins(b"#ROSBAG V", b"\x89MCAP0\r\n", b"SQLite format 3\0"), "ros.read_ros", "rosbags"),
+    Format("TDMS", lambda head: head.startswith(b"TDSm"), "tdms.read_tdms", "nptdms"),
     Format("MAT", _is_mat, "arrays.read_mat"),
     Format("not read", lambda head: unread(head) is not None),
     Format("text", lambda _: True),
@@ -100,7 +98,6 @@ def format_of(head: bytes) -> Format:
 
 
 READER: tuple[str, ...] = (sys.executable, "-P", "-m", "eaid.logs.foreign.answer")
-LONGEST_S = 60.0  # Time for any file; a second for every megabyte comes on top [s]
 
 
 class ForeignReader:
@@ -121,7 +118,7 @@ class ForeignReader:
         if form.library and find_spec(form.library) is None:
             raise DataError(
                 f"{source}: is a {form.name} file, which takes {form.library} to read; "
-                f'pip install "eaid[{form.name.split()[0].lower()}]"'
+                f'pip install "eaid[{form.name.lower()}]"'
             )
         question = Question(form.reader, str(path), source, form.name)
         tables = self._answer(question).tables
@@ -141,23 +138,17 @@ class ForeignReader:
             process = self._process
             assert process.stdin is not None and process.stdout is not None
             longest_s = LONGEST_S + Path(question.path).stat().st_size / 1e6
-            late = threading.Event()
-
-            def stop() -> None:
-                late.set()
-                process.kill()
-
-            bell = threading.Timer(longest_s, stop)
-            bell.daemon = True
+            begun_s = time.monotonic()
+            bell = threading.Timer(longest_s, process.kill)
             bell.start()
             try:
                 send(process.stdin, question)
                 answer = received(process.stdout, Answer)
-            except (OSError, EOFError, ValueError, MemoryError):
+            except (OSError, EOFError, ValueError, MemoryError, OverflowError):
                 self._end()
                 raise DataError(
                     f"{question.source}: takes longer than {longest_s:.0f} s to read; export it as CSV"
-                    if late.is_set()
+                    if time.monotonic() - begun_s >= longest_s
                     else f"{question.source}: is a damaged {question.what} file (its reader broke down on it); "
                     f"copy or save it again"
                 ) from None

@@ -1,7 +1,6 @@
 """DataFrames → runs, by the same column finding and checks as logs."""
 
 import hashlib
-import math
 from collections import Counter
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -103,12 +102,7 @@ def _array(column: "pd.Series[Any]") -> np.ndarray[Any, Any]:
         return seconds(values)
     if values.dtype.kind not in "OSU":
         return values
-    numbers = np.array([_number(one) for one in values.tolist()])
+    import pandas as pd
+
+    numbers = pd.to_numeric(pd.Series(values), errors="coerce").to_numpy(dtype=np.float64)
     return numbers if len(numbers) and np.isfinite(numbers).mean() > 0.5 else values
-
-
-def _number(cell: Any) -> float:
-    try:
-        return float(cell)
-    except (TypeError, ValueError):
-        return math.nan

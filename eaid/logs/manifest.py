@@ -61,10 +61,6 @@ class Manifest:
     options: Mapping[str, Value]  # Those that it gives
     logs: tuple[Entry, ...]
 
-    def outside(self) -> list[str]:
-        """Logs that it lists by their whole paths, outside its folder."""
-        return [one.file for one in self.logs if Path(one.file).resolve().parent != self.path.resolve().parent]
-
     def unlisted(self) -> list[str]:
         """Names of the logs beside the manifest that it does not list."""
         listed = {Path(entry.file).resolve() for entry in self.logs}
@@ -109,11 +105,9 @@ def read_manifest(path: Path) -> Manifest:
     if not parts.log:
         raise DataError(f"{path}: lists no logs; {AGAIN}")
     logs = tuple(msgspec.structs.replace(entry, file=str(path.parent / entry.file)) for entry in parts.log)
-    outside = next((entry.file for entry in parts.log if ".." in Path(entry.file).parts), None)
+    outside = next((entry.file for entry in parts.log if Path(entry.file).name != entry.file), None)
     if outside is not None:
-        raise DataError(
-            f"{path}: its log {plain(outside)} lies outside its folder; put it there, or give its whole path"
-        )
+        raise DataError(f"{path}: its log {plain(outside)} lies outside its folder; put it there")
     missing = [
         f"{path}: its log {plain(Path(entry.file).name)} is not there; put it back or take it off"
         for entry in logs

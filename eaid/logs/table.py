@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eaid.arrays import Array
-from eaid.findings import Finding
 
 
 def plain(text: str) -> str:
@@ -46,7 +45,6 @@ class Cells:
     bad: tuple[BadCell, ...] = ()
     # Samples, and their rows of the file, from which on rows go with samples; the first sample is 0
     rows: tuple[tuple[int, int], ...] = ((0, 1),)
-    findings: tuple[Finding, ...] = ()  # What reading had to do
 
     def row(self, index: int) -> int:
         """Row of the file, counted as an editor counts lines, of one sample."""
@@ -60,12 +58,10 @@ class Table:
 
     name: str  # Variable, group or channel group; empty where a file is one table
     columns: tuple[str, ...]  # Names as the file has them; empty strings where it has none
-    # Reads the chosen columns, in the chosen order; columns of other times are brought to those of the first
+    # Reads the chosen columns, in the chosen order
     load: Callable[[Sequence[int]], Cells]
     # Unit of each column where the file says it apart from the name; empty strings where not
     units: tuple[str, ...] = ()
-    # Sample rates that the file says [Hz], and where in it, for tables without a time column
-    rates: tuple[tuple[str, float], ...] = ()
     synthetic: str | None = None  # What made the data, where a comment or a property says so
     clock: int | None = None  # Column of the time, where the format itself says which it is
     # Columns that hold no numbers (texts, complex numbers, cells), and so cannot be chosen

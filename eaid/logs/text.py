@@ -1,4 +1,4 @@
-"""Text logs: CSV in its many dialects, plain or gzipped: encoding, marks, header, units row, facts in comment lines.
+"""Text logs: CSV in its many dialects, plain or gzipped: encoding, marks, header, units row, comment lines.
 
 They are read piece by piece, by Arrow's parser where every cell is a plain finite number, else cell by cell. Wall-clock
 stamps (`2024-10-29 16:18:17.123`, `16:18:17,5`) become seconds; an offset from UTC counts. LabVIEW's measurement files
@@ -16,6 +16,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import IO, Any, NamedTuple, cast
 
@@ -101,7 +102,6 @@ class Dialect:
     units: tuple[str, ...]
     first_line: int  # Line of the first row of numbers, from 1
     stamps: tuple[int, ...] = ()  # Columns of wall-clock stamps
-    rates: tuple[tuple[str, float], ...] = ()  # Sample rates that lines above the table say [Hz], and the row
     synthetic: str | None = None
     remarks: bool = False  # True where a row may have a remark behind its cells
 
@@ -157,70 +157,29 @@ def sniff(path: str, head: bytes) -> Dialect:
     ragged = marks.delimiter is not None and lines[start].count(marks.delimiter) == count and len(cells) == count
     start -= _broken_rows(lines[:start], marks)
     _refuse_another_table(path, lines[:start], marks)
-    names, units, header_lines = _header(lines[:start], marks, count, ragged)
+    names, units = _header(lines[:start], marks, count, ragged)
     stamps = tuple(i for i, cell in enumerate(cells) if marks.value(cell) is None and marks.is_good(cell))
-    above = ["" if i in header_lines else line for i, line in enumerate(lines[:start])]
-    made_by = (re.match(r"[#%/ ]+synthetic\s*[:=]\s*(\S.*)$", line, re.IGNORECASE) for line in above)
+    made_by = (re.match(r"[#%/ ]+synthetic\s*[:=]\s*(\S.*)$", line, re.IGNORECASE) for line in lines[:start])
     synthetic = next((match[1].strip() for match in made_by if match), None)
-    return Dialect(encoding, marks, names, units, start + 1, stamps, _rates(above, marks), synthetic)
-
-
-_RATE = re.compile(
-    r"""(?:(?:sampl(?:e|ing)|abtast|scan)[\s_-]*(?P<word>rate|freq(?:uen[cz]y?)?|interval|period)|f_?s|sampled\s+at
-    |(?P<dt>dt|delta[_ ]?[xt]))\s*(?:[\[(]\s*(?P<beside>[^\s\])]+)\s*[\])])?\s*[:=;,\t]*\s*
-    (?P<number>\d[\d.,]*(?:e[+-]?\d+)?)\s*(?P<unit>[a-zµμ/]+)?[^\d]*$""",
-    re.IGNORECASE | re.VERBOSE,
-)
-_NOT_OF_THE_ROWS = re.compile(r"decimat|divid|averag|every|max|limit|nominal", re.IGNORECASE)
-_PER_S = re.compile(r"([kKM]?)(?:hz|s/s|sps|samples/s)$", re.IGNORECASE)
-
-
-def _rates(lines: list[str], marks: Marks) -> tuple[tuple[str, float], ...]:
-    """Sample rates that lines above a table say [Hz], with the row: `sampling rate: 1 kHz`, `dt = 0.001 s`, `Fs 50 Hz`.
-
-    A line has to begin with what it says, and to end with a number and its unit.
-    """
-    rates = []
-    for row, line in enumerate(lines, start=1):
-        match = _RATE.match(line.strip().lstrip("#%/ ").replace('"', "").rstrip())
-        if not match or bool(match["unit"]) == bool(match["beside"]) or _NOT_OF_THE_ROWS.search(line):
-            continue
-        number, unit = match["number"], match["unit"] or match["beside"]
-        if marks.decimal == "." and re.fullmatch(r"\d{1,3}(,\d{3})+(\.\d*)?", number):
-            number = number.replace(",", "")
-        amount = marks.value(number) or Marks(None, ".").value(number)
-        lasts = match["dt"] or (match["word"] or "").lower() in ("interval", "period")
-        per_s, known = _PER_S.match(unit), unit_of(unit)
-        if amount and not lasts and per_s:
-            rates.append((f"row {row}", amount * {"k": 1e3, "K": 1e3, "M": 1e6}.get(per_s[1], 1.0)))
-        elif amount and lasts and known is not None and known.quantity == "time":
-            rates.append((f"row {row}", 1.0 / (amount * known.factor)))
-    return tuple(rates)
+    return Dialect(encoding, marks, names, units, start + 1, stamps, synthetic)
 
 
 def _of_labview(path: str, encoding: str, lines: list[str]) -> Dialect:
-    """Dialect of a LabVIEW measurement file, as its header says it; X_Columns No: its rate is that of Delta_X."""
+    """Dialect of a LabVIEW measurement file, as its header says it; without times, its first column is empty."""
     separator = "," if any(line.startswith("Separator,") for line in lines) else "\t"
     rows = [line.rstrip().split(separator) for line in lines]
     at = next((i for i, row in enumerate(rows) if row[0] == "X_Value"), 0)
     header = {row[0]: row[1:] for row in rows[:at]}
-    facts = {key: {cell for cell in cells if cell} for key, cells in header.items()}
     names = [name for name in rows[at] if name not in ("", "Comment")]
-    marks, rates = Marks(separator, *facts.get("Decimal_Separator", ".")), tuple[tuple[str, float], ...]()
-    if facts.get("X_Columns") == {"No"} and len(facts.get("Delta_X", ())) == 1:
-        (step,) = facts["Delta_X"]
-        place = next(i for i, row in enumerate(rows, start=1) if row[0] == "Delta_X")
-        rates, names[0] = ((f"row {place}", 1.0 / (marks.value(step) or math.nan)),), ""
-    untimed = bool(names) and not (names[0] or all(0 < rate < math.inf for _, rate in rates))
-    other = facts.get("X_Dimension", {"Time"}) != {"Time"} or facts.get("X_Columns") == {"Multi"} or untimed
-    if not at or len(names) < 2 or other or (facts.get("X_Columns") == {"No"} and not rates):
+    if len(names) < 2 or header.get("X_Columns") == ["Multi"] or {*header.get("X_Dimension", ())} - {"Time", ""}:
         raise DataError(
-            f"{path}: is a LabVIEW file without one column of times, or one Delta_X, for all channels; export it as "
-            f"TDMS, or as CSV with times"
+            f"{path}: is a LabVIEW file without one column of times for all channels; export it as TDMS, or as CSV"
         )
-    units = [*header.get("Y_Unit_Label", ()), *[""] * len(names)][: len(names) - 1]
-    clock = "s" if names[0] else ""
-    return Dialect(encoding, marks, tuple(names), (clock, *units), at + 2, rates=rates, remarks="Comment" in rows[at])
+    marks = Marks(separator, *header.get("Decimal_Separator", "."))
+    units = ["s", *header.get("Y_Unit_Label", ()), *[""] * len(names)][: len(names)]
+    if header.get("X_Columns") == ["No"]:
+        names[0], units[0] = "", ""
+    return Dialect(encoding, marks, tuple(names), tuple(units), at + 2, remarks="Comment" in rows[at])
 
 
 def _marks(lines: list[str]) -> tuple[Marks, int]:
@@ -298,35 +257,32 @@ def _refuse_another_table(path: str, above: list[str], marks: Marks) -> None:
             )
 
 
-def _header(
-    above: list[str], marks: Marks, count: int, ragged: bool
-) -> tuple[tuple[str, ...], tuple[str, ...], set[int]]:
-    """Names and units of the columns from the lines above the first row, and which lines those are.
+def _header(above: list[str], marks: Marks, count: int, ragged: bool) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names and units of the columns from the lines above the first row.
 
     `ragged`: the rows end with a delimiter, and a name behind it is that of an empty column.
     """
-    rows: list[tuple[int, list[str]]] = []
-    for i in reversed(range(len(above))):
-        bare = above[i].strip("\r\n ")
+    rows: list[list[str]] = []
+    for line in reversed(above):
+        bare = line.strip("\r\n ")
         if bare.startswith(COMMENT):
             bare = bare.lstrip("#%/ ")
         cells = [cell.strip().strip('"').strip() for cell in marks.cells(bare, count)]
         if len(cells) == count + 1 and ragged:
             cells = cells[:-1]
         if len(cells) == count and any(cells) and (count > 1 or not rows):
-            rows.append((i, cells))
+            rows.append(cells)
         elif bare:
             break
         if len(rows) == 2:
             break
     none = ("",) * count
     if not rows:
-        return none, none, set()
-    i, cells = rows[0]
-    if len(rows) == 2 and _is_units_row(cells) and not _is_units_row(rows[1][1]):
-        units = tuple("" if cell == "-" else cell.strip("[]() ") for cell in cells)
-        return tuple(rows[1][1]), units, {i, rows[1][0]}
-    return tuple(cells), none, {i}
+        return none, none
+    if len(rows) == 2 and _is_units_row(rows[0]) and not _is_units_row(rows[1]):
+        units = tuple("" if cell == "-" else cell.strip("[]() ") for cell in rows[0])
+        return tuple(rows[1]), units
+    return tuple(rows[0]), none
 
 
 def _is_units_row(cells: list[str]) -> bool:
@@ -344,8 +300,8 @@ def read_text(path: Path, source: str) -> list[Table]:
         raise DataError(f"{source}: is gzip around a file that is no text; unpack it and give what is inside")
     dialect = sniff(source, head)
     units = tuple("s" if i in dialect.stamps else unit for i, unit in enumerate(dialect.units))
-    load = _TextLog(path, source, zipped, dialect).load
-    return [Table("", dialect.columns, load, units, dialect.rates, dialect.synthetic)]
+    load = partial(_load, path, source, zipped, dialect)
+    return [Table("", dialect.columns, load, units, dialect.synthetic)]
 
 
 @contextlib.contextmanager
@@ -359,69 +315,59 @@ def _unpacked(path: Path, source: str, zipped: bool) -> Iterator[IO[bytes]]:
         raise DataError(f"{source}: is no whole gzip file ({reason}); copy it again") from None
 
 
-@dataclass(frozen=True)
-class _TextLog:
-    """A text log whose dialect is known."""
-
-    path: Path
-    source: str
-    zipped: bool
-    dialect: Dialect
-
-    def load(self, columns: Sequence[int]) -> Cells:
-        """The columns; raises DataError where its commas may be decimal marks or stand between thousands."""
-        dialect = self.dialect
-        limit = max(MOST_RATIO * self.path.stat().st_size, 1 << 22) if self.zipped else math.inf
-        parts: list[list[NDArray[Any]]] = [[] for _ in columns]
-        bad: list[BadCell] = []
-        rows: list[tuple[int, int]] = []
-        count, seen, decimal = 0, 0, False
-        with (
-            _unpacked(self.path, self.source, self.zipped) as file,
-            io.TextIOWrapper(file, dialect.encoding, errors="replace") as text,
-        ):
-            line = 1
-            for _ in range(dialect.first_line - 1):
-                text.readline()
-                line += 1
-            while piece := text.read(PIECE) + text.readline():
-                seen += len(piece)
-                if seen > limit:
-                    raise DataError(
-                        f"{self.source}: unpacks to more than {MOST_RATIO} times its size, as no recorded log does; "
-                        f"unpack it yourself"
-                    )
-                first, line = line, line + piece.count("\n")
-                if not (body := piece.rstrip("\n \t\0\x1a")):
-                    continue
-                if dialect.marks.decimal == "," and not decimal:
-                    quoted = " ".join(re.findall(r'"[^"]*"', body)) if dialect.marks.delimiter == "," else body
-                    decimal = _DECIMAL.search(quoted) is not None
-                cells = _by_arrow(body, dialect, columns, first) or _cell_by_cell(body, dialect, columns, first)
-                bad.extend(replace(one, row=one.row + count) for one in cells.bad)
-                rows.extend((sample + count, row) for sample, row in cells.rows)
-                count += len(cells.values[0])
-                for part, values in zip(parts, cells.values, strict=True):
-                    part.append(values)
-                if len(bad) > MOST_BAD:
-                    raise DataError(f"{self.source}: more than {MOST_BAD:,} of its cells are bad; record it again")
-        whole = [part[0] if len(part) == 1 else np.concatenate([*part, *([] if part else [[]])]) for part in parts]
-        for k, column in enumerate(columns):
-            if column in dialect.stamps:
-                texts = [str(text) for text in whole[k]]
-                whole[k] = seconds_of(texts)
-                wrong = np.flatnonzero(np.isnan(whole[k])).tolist()
-                bad.extend(BadCell(i, column, texts[i].strip()[:40]) for i in wrong if texts[i])
-        if dialect.marks.decimal == "," and not decimal:
-            raise DataError(
-                f"{self.source}: its commas may be decimal marks or stand between thousands, as three digits follow "
-                f"every one; save it with decimal points"
-            )
-        return Cells(tuple(whole), tuple(bad), tuple(rows))
+def _load(path: Path, source: str, zipped: bool, dialect: Dialect, columns: Sequence[int]) -> Cells:
+    """Columns of a text log; raises DataError where its commas may be decimal marks or stand between thousands."""
+    limit = max(MOST_RATIO * path.stat().st_size, 1 << 22) if zipped else math.inf
+    parts: list[list[NDArray[Any]]] = [[] for _ in columns]
+    bad: list[BadCell] = []
+    rows: list[tuple[int, int]] = []
+    count, seen, decimal, line = 0, 0, False, dialect.first_line
+    with (
+        _unpacked(path, source, zipped) as file,
+        io.TextIOWrapper(file, dialect.encoding, errors="replace") as text,
+    ):
+        for _ in range(dialect.first_line - 1):
+            text.readline()
+        while piece := text.read(PIECE) + text.readline():
+            seen += len(piece)
+            if seen > limit:
+                raise DataError(
+                    f"{source}: unpacks to more than {MOST_RATIO} times its size, as no recorded log does; "
+                    f"unpack it yourself"
+                )
+            first, line = line, line + piece.count("\n")
+            if not (body := piece.rstrip("\n \t\0\x1a")):
+                continue
+            if dialect.marks.decimal == "," and not decimal:
+                quoted = " ".join(re.findall(r'"[^"]*"', body)) if dialect.marks.delimiter == "," else body
+                decimal = _DECIMAL.search(quoted) is not None
+            cells = _by_arrow(body, dialect, columns, first) or _cell_by_cell(body, dialect, columns, first)
+            bad.extend(replace(one, row=one.row + count) for one in cells.bad)
+            rows.extend((sample + count, row) for sample, row in cells.rows)
+            count += len(cells.values[0])
+            for part, values in zip(parts, cells.values, strict=True):
+                part.append(values)
+            if len(bad) > MOST_BAD:
+                raise DataError(f"{source}: more than {MOST_BAD:,} of its cells are bad; record it again")
+    whole = [np.concatenate(part) if part else np.empty(0) for part in parts]
+    for k, column in enumerate(columns):
+        if column in dialect.stamps:
+            texts = [str(text) for text in whole[k]]
+            whole[k] = seconds_of(texts)
+            wrong = np.flatnonzero(np.isnan(whole[k])).tolist()
+            bad.extend(BadCell(i, column, texts[i].strip()[:40]) for i in wrong if texts[i])
+    if dialect.marks.decimal == "," and not decimal:
+        raise DataError(
+            f"{source}: its commas may be decimal marks or stand between thousands, as three digits follow "
+            f"every one; save it with decimal points"
+        )
+    return Cells(tuple(whole), tuple(bad), tuple(rows))
 
 
 def _by_arrow(body: str, dialect: Dialect, columns: Sequence[int], line: int) -> Cells | None:
     """The columns of a piece by Arrow's parser; None where anything in them is not a plain finite number."""
+    if not set(columns).isdisjoint(dialect.stamps):
+        return None
     import pyarrow as pa
     from pyarrow import csv as arrow
 
@@ -434,8 +380,7 @@ def _by_arrow(body: str, dialect: Dialect, columns: Sequence[int], line: int) ->
     for column in columns:
         digits = first[min(column, len(first) - 1)]
         long = digits.isdigit() and len(digits) > 15  # more than a float surely holds: stamps in ns stay whole
-        number = pa.int64() if long else pa.float64()
-        kinds[names[column]] = pa.string() if column in dialect.stamps else number
+        kinds[names[column]] = pa.int64() if long else pa.float64()
     data = body.encode()
     try:
         table = arrow.read_csv(
@@ -452,9 +397,8 @@ def _by_arrow(body: str, dialect: Dialect, columns: Sequence[int], line: int) ->
     values: list[NDArray[Any]] = []
     for column in columns:
         (cells,) = table[names[column]].chunks
-        stamps = column in dialect.stamps
-        values.append(np.array(cells.to_pylist(), dtype=object) if stamps else np.from_dlpack(cells))
-        if not (values[-1].all() if stamps else np.isfinite(values[-1]).all()):
+        values.append(np.from_dlpack(cells))
+        if not np.isfinite(values[-1]).all():
             return None
     return Cells(tuple(values), rows=((0, line),))
 

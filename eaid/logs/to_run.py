@@ -114,7 +114,7 @@ def _listed(source: str, faults: Sequence[str], remedy: str) -> list[str]:
 
 
 def _loaded(source: str, table: Table, wanted: Sequence[int | None]) -> tuple[Cells, dict[int, NDArray[Any]]]:
-    """Columns at the times of the first, by their number; DataError where one is too large or too small for a sensor.
+    """Columns by their number; DataError where one is too large or too small for a sensor.
 
     Whole numbers are signed, so that their differences may be below zero.
     """
@@ -187,18 +187,15 @@ def run_of(
             raise DataError(f"{source}: has a time column, {label}, so «rate_hz» does nothing; leave it out")
         clock = None
     level, repeat = level_and_repeat(source, options.name_pattern, file or name)
-    kind, which = the_input(source, roles, lambda one: _loaded(source, table, [roles.output, one])[1][one])
+    kind, which = the_input(source, roles, lambda one: _loaded(source, table, [one])[1][one])
     if which is None and options.name_pattern is not None and level is None:
         raise DataError(f"{source}: its name does not match «name_pattern»; rename it or mend the pattern")
 
-    rates = [("", options.rate_hz)] if options.rate_hz else table.rates
+    by_user, by_column = None, None
     if clock is not None:
         by_user, by_column = time_unit(source, units.get("time"), table, clock)
-    else:
-        if len({rate_hz for _, rate_hz in rates}) > 1:
-            two = " and ".join(f"{rate_hz:g} Hz in {place}" for place, rate_hz in rates)
-            raise DataError(f"{source}: has no time column, and says {two}; say which with «rate_hz» HZ")
-        by_user, by_column = 1.0 / rates[0][1], None
+    elif options.rate_hz is not None:
+        by_user = 1.0 / options.rate_hz
     factor = by_user or by_column or 1.0
     cells, columns = _loaded(source, table, [roles.output, clock, roles.reference, roles.position, which])
     raw_time = np.arange(len(columns[roles.output])) if clock is None else columns[clock]
@@ -212,15 +209,8 @@ def run_of(
     if clock is None:
         time_s, start_s = read_only(kept_time * factor), 0.0
         of_time: tuple[Finding, ...] = ()
-        if options.rate_hz is None:
-            place, rate_hz = table.rates[0]
-            of_time = (finding("rate-from-comment", source, rate_hz=rate_hz, place=place),)
     else:
         time_s, start_s, of_time = seconds_since_start(source, table.label(clock), kept_time, by_user, by_column)
-        usual = float(np.median(np.diff(time_s[:10_000]))) if len(time_s) > 1 else 0.0
-        wrong = next((one for one in table.rates if usual and not 0.9 < usual * one[1] < 1.1), None)
-        if wrong is not None:
-            of_time += (finding("rate-contradicted", source, place=wrong[0], said=wrong[1], found=1.0 / usual),)
     plain_output = default_unit(table.columns[roles.output], OUTPUTS)
     into = scale_of(source, "output", units.get("output"), table, roles.output, plain_output)
     output = into.of(kept[roles.output])
@@ -231,7 +221,7 @@ def run_of(
     else:  # a name says a level and no unit
         scale = Scale(units.get("input", "") if kind is None else INPUT_UNITS[kind], 1.0)
         input_ = np.broadcast_to(np.float64(np.nan), len(kept_time))  # takes no memory
-    told = [*roles.findings, *cells.findings, *of_time, *into.findings, *scale.findings]
+    told = [*roles.findings, *of_time, *into.findings, *scale.findings]
     if keep is not None:
         total = len(raw_time)
         told.append(finding("rows-dropped", source, dropped=total - len(keep), count=total))

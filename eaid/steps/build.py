@@ -10,7 +10,7 @@ from eaid.findings import Finding, finding, stops
 from eaid.logs.run import Kind, Run
 from eaid.options import ReadOptions
 from eaid.steps.checks import disagreements, step_warnings
-from eaid.steps.cut import cut_runs, level_steps
+from eaid.steps.cut import level_steps
 from eaid.steps.levels import common, grouped, same_level, wanted_levels
 from eaid.steps.noise import STANDARD_ERRORS, block_error, idle_density
 from eaid.steps.step import Step, left_pct, lost_pct, slip_of
@@ -88,14 +88,6 @@ def _single(values: set[str], what: str, remedy: str) -> str:
     if len(values) > 1:
         raise DataError(f"the logs have different {what} ({', '.join(sorted(v or 'none' for v in values))}); {remedy}")
     return next(iter(values))
-
-
-def build_stepset(runs: Sequence[Run], options: ReadOptions = PLAIN) -> StepSet:
-    """Step set of runs, cut or not; raises DataError with a sentence for every log that cannot be used."""
-    steps, faults = cut_runs(runs, options)
-    if faults:
-        raise DataError(*faults)
-    return stepset_of(steps, options)
 
 
 def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN) -> StepSet:

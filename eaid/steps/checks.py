@@ -14,7 +14,6 @@ from eaid.steps.baseline import FLOOR, last_rest, without_spikes
 from eaid.steps.edges import several_edges
 from eaid.steps.noise import (
     BLOCKS,
-    LONG,
     STANDARD_ERRORS,
     block_error,
     block_means,
@@ -38,7 +37,7 @@ FEW_ROWS = 100
 
 def saturated(step: Step) -> Finding | None:
     """A limit at which the output stands after coming to it at full slope: exactly, or within its noise."""
-    output = step.run.output[:LONG]
+    output = step.run.output
     moves = np.abs(np.diff(output))
     finest = float(moves[moves > 0].min()) if (moves > 0).any() else 0.0
     exactly = 0
@@ -101,7 +100,7 @@ def sharpness(step: Step, ceiling: float) -> float:
 
 def stuck(step: Step) -> Finding | None:
     """One value for longer than chance allows, where the samples around it differ from their neighbours."""
-    output = step.run.output[:LONG]
+    output = step.run.output
     same = np.diff(output) == 0
     starts, stops = stretches(same)
     for i in np.argsort(starts - stops)[:3].tolist():
@@ -123,7 +122,7 @@ def stuck(step: Step) -> Finding | None:
 
 def coarse(step: Step) -> Finding | None:
     """Output that moves in steps too coarse for its change, and is not dithered by noise."""
-    rise = step.rise[:LONG]
+    rise = step.rise
     moves = np.abs(np.diff(rise))
     moved = moves[moves > 1e-9 * max(step.swing, 1e-300)]
     if len(rise) < 2 * BLOCKS or not len(moved) or not step.swing > 0:

@@ -18,7 +18,7 @@ from eaid.logs.run import Run
 from eaid.options import ReadOptions
 from eaid.steps.baseline import baseline_rule, first_samples, last_rest
 from eaid.steps.edges import several_edges
-from eaid.steps.noise import STANDARD_ERRORS, block_means, block_noise, sample_noise, sampled
+from eaid.steps.noise import STANDARD_ERRORS, block_means, block_noise, sample_noise
 from eaid.steps.plateaus import (
     BACK,
     FEWEST,
@@ -222,7 +222,7 @@ def rises_at_once(output: Array, start: float = 0.0) -> bool:
     if count < 2 * FEWEST:
         return False
     rise = output - start
-    end = median(sampled(rise[-(count // 10) :]))
+    end = median(rise[-(count // 10) :])
     noise = sample_noise(output)
     if abs(end) <= 8 * noise or abs(float(rise[:3].mean())) > 0.2 * abs(end):
         return False
@@ -375,10 +375,11 @@ def _with_baselines(steps: list[Run], rule: str) -> list[Run]:
     finished: list[Run] = []
     idle: float | None = None
     for step in steps:
-        to_rest = step.edge == "falling" and step.from_level == 0.0
-        step = replace(step, baseline=idle) if to_rest and idle is not None else _ruled(step, rule)
-        if step.edge == "rising" and step.from_level == 0.0:
+        step = _ruled(step, rule)
+        if step.from_level == 0.0 and step.edge == "rising":
             idle = step.baseline
+        elif step.from_level == 0.0 and idle is not None:
+            step = replace(step, baseline=idle)
         finished.append(step)
     return finished
 

@@ -1,11 +1,9 @@
 """How noisy a record is: block means, their standard error, straight lines, the noise of samples, isolated spikes.
 
-Noise is taken from differences between neighbours, so that slow changes do not count as noise. Long records are judged
-by some stretches of them, evenly spread. The density S of slow noise is b var(block means), blocks of b = 0.25 s: white
-noise of standard deviation σ at a rate f has S = σ²/f.
+Noise is taken from differences between neighbours, so that slow changes do not count as noise. The density S of slow
+noise is b var(block means), blocks of b = 0.25 s: white noise of standard deviation σ at a rate f has S = σ²/f.
 """
 
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +12,6 @@ from numpy.typing import NDArray
 from eaid.arrays import Array, median
 
 BLOCKS = 20  # A window is judged by the means of this many equal parts
-LONG = 1 << 22  # Samples from which medians are taken from stretches of a record only
 STANDARD_ERRORS = 5.0  # Standard errors beyond which a difference is told
 SPIKE = 25.0  # Standard deviations of the noise beyond which a single sample is a spike
 IDLE_BLOCK_S = 0.25
@@ -45,14 +42,9 @@ def stretches(mask: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.int
 
 def block_means(values: Array, blocks: int = BLOCKS) -> Array:
     """Means of equal parts of the last axis, shape (…, blocks), fewer where there are fewer samples."""
-    starts, lengths = _blocks(values.shape[-1], blocks)
-    return np.asarray(np.add.reduceat(values, starts, axis=-1) / lengths)
-
-
-@lru_cache(64)
-def _blocks(samples: int, blocks: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    samples = values.shape[-1]
     edges = np.linspace(0, samples, min(blocks, samples) + 1).astype(np.intp)
-    return edges[:-1], np.diff(edges)
+    return np.asarray(np.add.reduceat(values, edges[:-1], axis=-1) / np.diff(edges))
 
 
 def block_error(values: Array, blocks: int = BLOCKS) -> float:
@@ -72,17 +64,9 @@ def block_noise(means: Array) -> float:
     return float(1.4826 * median(np.abs(bends)) / np.sqrt(6))
 
 
-def sampled(values: Array) -> Array:
-    """Values, or of a long record some stretches of it, evenly spread: what medians and quantiles are taken from."""
-    if len(values) < LONG:
-        return values
-    starts = np.linspace(0, len(values) - (1 << 14), 32).astype(np.int64)
-    return np.concatenate([values[start : start + (1 << 14)] for start in starts])
-
-
 def sample_noise(values: Array) -> float:
     """Standard deviation of the noise of single samples, from the median difference of neighbours; 0 of one sample."""
-    steps = np.diff(sampled(values))
+    steps = np.diff(values)
     return float(1.4826 * median(np.abs(steps)) / np.sqrt(2)) if len(steps) else 0.0
 
 

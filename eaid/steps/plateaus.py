@@ -10,7 +10,7 @@ import numpy as np
 
 from eaid.arrays import Array, median
 from eaid.logs.run import Run
-from eaid.steps.noise import sample_noise, sampled, stretches
+from eaid.steps.noise import sample_noise, stretches
 
 FEWEST = 10  # Samples in the active window below which a step is refused
 OFFSET = 0.05  # Share of its largest value within which a measured input counts as zero
@@ -66,7 +66,7 @@ def _without_slow_ramps(values: Array, start: int, stop: int, allowed: float) ->
     """A stretch without jumps as plateaus: one where it stands still, the parts between ramps where it does not."""
     part = values[start:stop]
     if np.ptp(part) <= 4 * allowed or len(part) < 4 * FEWEST:
-        return [Plateau(start, stop, median(sampled(part)))]
+        return [Plateau(start, stop, median(part))]
     lag = FEWEST
     moves = np.abs(part[lag:] - part[:-lag]) > allowed
     while not moves.any() and 2 * lag < len(part) // 2:

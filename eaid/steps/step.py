@@ -12,7 +12,7 @@ import numpy as np
 
 from eaid.arrays import Array, median, read_only
 from eaid.logs.run import Run
-from eaid.steps.noise import STANDARD_ERRORS, block_error, block_means, line, sampled
+from eaid.steps.noise import STANDARD_ERRORS, block_error, block_means, line
 
 SAME = 2e-3  # Share of the sample time within which sample instants count as equal: the rounding of written times
 OVER = 0.05  # Share by which a peak has to exceed the level after it to be a slip
@@ -20,7 +20,7 @@ OVER = 0.05  # Share by which a peak has to exceed the level after it to be a sl
 
 def usual_step(time_s: Array) -> float:
     """Median sample time [s] of an axis of two samples or more."""
-    return median(np.diff(sampled(time_s)))  # of a long record a few are leaps between stretches: no median sees them
+    return median(np.diff(time_s))
 
 
 def uniform_step(time_s: Array, within: float = SAME) -> float | None:

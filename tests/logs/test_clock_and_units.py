@@ -50,17 +50,6 @@ def test_clocks(first, step, name, said, factor, code, read, codes):
 
 
 @pytest.mark.parametrize(
-    ("line", "rate_hz"), [("Fs: 1 kHz", 1e3), ("Fs = 2e-4 MHz", 200.0), ("dt = 10 ms", 100.0), ("20 Samples/s", None)]
-)
-def test_the_rate_that_a_comment_says(line, rate_hz, read):
-    log = f"# {line}\n" + text("duty,torque_nm", STEP, STEP)
-    if rate_hz is None:
-        assert "no column is called time" in read.refused(log)[0]
-    else:
-        assert read(log).time_s[-1] == pytest.approx(59 / rate_hz, rel=1e-9)
-
-
-@pytest.mark.parametrize(
     ("said", "since"),
     [(8.0, 3.0), (5.0, 0.0), (10.9, 5.9), (3.0, 3.0), (4.9, 4.9), (5.9, 0.9), (30.0, 25.0), (-1.0, -6.0), (0.0, 0.0)],
 )

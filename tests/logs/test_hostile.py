@@ -128,16 +128,15 @@ def test_what_breaks_a_library_is_refused(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(
     ("code", "said"),
-    [("import os; os.read(0, 1); os.abort()", f"is a damaged MDF file {BROKE}"),
-     ("import os, pickle; os.read(0, 1); os.write(1, pickle.dumps([0] * 99))", f"is a damaged MDF file {BROKE}"),
-     ("import os; os.read(0, 1); os.write(1, bytes([9, *bytes(7)]) + b'no answer')", f"is a damaged MDF file {BROKE}"),
+    [("import os; os.read(0, 1); os.abort()", f"is a damaged MAT file {BROKE}"),
+     ("import os, pickle; os.read(0, 1); os.write(1, pickle.dumps([0] * 99))", f"is a damaged MAT file {BROKE}"),
+     ("import os; os.read(0, 1); os.write(1, bytes([9, *bytes(7)]) + b'no answer')", f"is a damaged MAT file {BROKE}"),
      ("import time; time.sleep(60)", "takes longer than 0 s to read; export it as CSV")],
 )  # fmt: skip
 def test_a_reader_that_breaks_down_or_takes_too_long(code, said, read, monkeypatch):
-    pytest.importorskip("asammdf")
     monkeypatch.setattr(formats, "READER", (sys.executable, "-S", "-c", code))
     monkeypatch.setattr(formats, "LONGEST_S", 0.4 if "sleep" in code else 20.0)
-    assert read.refused(b"MDF     4.10    " + bytes(200)) == [said]
+    assert read.refused(b"MATLAB 5.0" + bytes(200)) == [said]
 
 
 def test_names_in_a_dataset_are_names_only(tmp_path, monkeypatch, run_eaid):

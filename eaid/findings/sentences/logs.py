@@ -18,11 +18,6 @@ LOG_ROWS: dict[str, Row] = {
         "«units» {role}=gf or kgf"
     ),
     "time-since-a-day": note("{column} counts {counts}, as its first stamp tells"),
-    "rate-from-comment": note("no column is called time: {rate_hz:g} Hz, from the comment in {place}"),
-    "rate-contradicted": caution(
-        "{place} says {said:g} Hz, its stamps are those of {found:.4g} Hz: they count; if their unit is another, say "
-        "«units» time=UNIT"
-    ),
     "time-unclear": stop(
         "no unit of time fits {column}: in seconds its stamps lie {usual_s:.3g} s apart and the log takes {span_s:.4g} "
         "s; say «units» time={likely}, or what it is"
@@ -48,12 +43,6 @@ LOG_ROWS: dict[str, Row] = {
     ),
     "input-may-be-active-low": caution(
         "its output rises where its input falls from {at}: if that is the input at rest, say «rest»"
-    ),
-    "signals-held": caution(
-        lambda v: (
-            f"{v['columns']} recorded at other times than the output: held between samples"
-            + (f"; {v['left_out']} samples before the first left out" if v["left_out"] else "")
-        )
     ),
     "log-changed": caution("the log has changed since its manifest was written"),
 }

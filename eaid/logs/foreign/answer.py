@@ -5,7 +5,6 @@ What goes to and fro are typed messages and the bytes of arrays: neither side ru
 
 import os
 import sys
-import threading
 import time
 from importlib import import_module
 from pathlib import Path
@@ -17,8 +16,7 @@ import numpy as np
 from eaid.errors import DataError
 from eaid.logs.table import Cells, Table
 
-LONGEST_HEAD = 1 << 28  # Bytes of a message without its arrays
-KINDS = tuple(f"{order}{kind}" for order in "<>|" for kind in ("i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f8"))
+LONGEST_S = 60.0  # Time for any file; a second for every megabyte comes on top [s]
 FLOOR = 512 << 20  # Memory for any file [bytes], beyond what the process holds before it
 MOST_RATIO = 40  # Memory for a file, as a multiple of its size (what is recorded packs by about 10)
 
@@ -47,72 +45,47 @@ M = TypeVar("M", Question, Answer)
 
 
 def send(out: IO[bytes], message: Question | Answer) -> None:
-    """Write a message, its arrays behind it; how a table is read is not sent."""
-    arrays: list[np.ndarray[Any, Any]] = []
-
-    def apart(value: Any) -> tuple[str, int] | None:
-        if not isinstance(value, np.ndarray):
-            return None
-        arrays.append(np.ascontiguousarray(value if value.dtype.kind in "iu" else value.astype(np.float64)))
-        return arrays[-1].dtype.str, len(value)
-
-    head = msgspec.msgpack.encode(message, enc_hook=apart)
-    out.write(len(head).to_bytes(8, "little") + head)
-    for array in arrays:
-        out.write(array.view("u1").data)
+    """Write a message behind its length; how a table is read is not sent."""
+    data = msgspec.msgpack.encode(message, enc_hook=_array_in_bytes)
+    out.write(len(data).to_bytes(8, "little") + data)
     out.flush()
 
 
 def received(source: IO[bytes], kind: type[M]) -> M:
     """The next message; raises EOFError where there is none, ValueError where it is something else."""
-
-    def read(count: int) -> bytes:
-        data = source.read(count)
-        if len(data) < count:
-            raise EOFError
-        return data
-
-    def beside(_: Any, header: Any) -> Any:
-        if header is None:
-            return lambda _: Cells(())
-        of, count = header
-        if of not in KINDS or not isinstance(count, int) or count < 0:
-            raise ValueError("no array of numbers")
-        array = np.empty(count, dtype=of)
-        if source.readinto(array.view("u1")) < array.nbytes:  # type: ignore[attr-defined]
-            raise EOFError
-        return array
-
-    count = int.from_bytes(read(8), "little")
-    if count > LONGEST_HEAD:
-        raise ValueError("no message")
-    return msgspec.msgpack.decode(read(count), type=kind, dec_hook=beside)
+    count = int.from_bytes(source.read(8), "little")
+    data = source.read(count)
+    if not data or len(data) < count:
+        raise EOFError
+    return msgspec.msgpack.decode(data, type=kind, dec_hook=_array_from_bytes)
 
 
-def _bound_memory(size: int) -> None:
-    """Bound what may be allocated from now on; where the system cannot (macOS, Windows), nothing is done."""
+def _array_in_bytes(value: Any) -> tuple[str, bytes] | None:
+    if not isinstance(value, np.ndarray):
+        return None
+    numbers = value if value.dtype.kind in "iu" else value.astype(np.float64)
+    return numbers.dtype.str, numbers.tobytes()
+
+
+def _array_from_bytes(_: Any, header: Any) -> Any:
+    return (lambda _: Cells(())) if header is None else np.frombuffer(header[1], dtype=header[0])
+
+
+def _bound(size: int) -> None:
+    """Bound memory and processor time from now on; where the system cannot (macOS, Windows), nothing is done."""
     try:
         import resource
 
+        def limit(kind: int, most: int) -> None:
+            _, hard = resource.getrlimit(kind)
+            resource.setrlimit(kind, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+
+        # twice what the command waits for, in case that it is gone
+        limit(resource.RLIMIT_CPU, int(time.process_time() + 2 * (LONGEST_S + size / 1e6)))
         words = Path("/proc/self/status").read_text(encoding="ascii", errors="replace").partition("VmData:")[2].split()
-        _, hard = resource.getrlimit(resource.RLIMIT_DATA)
-        most = (int(words[0]) << 10) + FLOOR + MOST_RATIO * size
-        resource.setrlimit(resource.RLIMIT_DATA, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+        limit(resource.RLIMIT_DATA, (int(words[0]) << 10) + FLOOR + MOST_RATIO * size)
     except (ImportError, OSError, IndexError, ValueError):
         return
-
-
-def _end_with_parent() -> None:
-    """Leave, whatever is being done, once the command that asks is gone."""
-    parent = os.getppid()
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(1.0)
-        os._exit(130)
-
-    if os.name == "posix":
-        threading.Thread(target=watch, daemon=True).start()
 
 
 class _Open:
@@ -129,7 +102,7 @@ class _Open:
             if key != self._key:
                 self._key, self._tables = None, []
                 path = Path(question.path)
-                _bound_memory(path.stat().st_size)
+                _bound(path.stat().st_size)
                 module, _, function = question.reader.partition(".")
                 read = getattr(import_module(f"eaid.logs.foreign.{module}"), function)
                 self._tables, self._key = read(path, question.source), key
@@ -149,7 +122,6 @@ class _Open:
 
 def main() -> None:
     """Answer until there are no more questions."""
-    _end_with_parent()
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # whatever a library prints stays out of the answers
     opened = _Open()

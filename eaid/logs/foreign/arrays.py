@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from eaid.errors import DataError
 from eaid.logs.hdf import nodes
-from eaid.logs.table import BadCell, Cells, Table
+from eaid.logs.table import Cells, Table
 
 FEWEST = 10  # Rows below which a matrix is no record, but gains and other settings
 OBJECTS = (
@@ -45,8 +45,8 @@ class Column(NamedTuple):
         """An attribute of its array in an HDF5 file."""
         return self.array.attrs.get(name, plain) if isinstance(self.array, h5py.Dataset) else plain
 
-    def values(self) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-        """Its numbers, and which of them were never written, shape (n,) each."""
+    def values(self) -> NDArray[Any]:
+        """Its numbers, shape (n,); NaN where none was ever written."""
         key: Any = () if self.part is None else self.part
         if isinstance(self.part, int):
             across = self.array.shape[0] < self.array.shape[1]
@@ -62,15 +62,12 @@ class Column(NamedTuple):
         )
         if (scale, offset) != (1.0, 0.0):
             stored = stored * scale + offset
-        return (np.where(empty, np.nan, stored) if empty.any() else stored), empty
+        return np.where(empty, np.nan, stored) if empty.any() else stored
 
 
 def _table(name: str, columns: Sequence[Column], dropped: Sequence[str] = (), clock: int | None = None) -> Table:
     def load(wanted: Sequence[int]) -> Cells:
-        read = [columns[i].values() for i in wanted]
-        bad = [BadCell(int(row), i, "") for i, (_, empty) in zip(wanted, read, strict=True)
-               for row in np.flatnonzero(empty)]  # fmt: skip
-        return Cells(tuple(values for values, _ in read), tuple(bad))
+        return Cells(tuple(columns[i].values() for i in wanted))
 
     units = tuple(_text(one.attribute("units", one.attribute("unit", ""))) for one in columns)
     return Table(name, tuple(one.label for one in columns), load, units, clock=clock, dropped=tuple(dropped))
@@ -99,11 +96,10 @@ def _tables(name: str, arrays: Mapping[str, Any], between: str = ".") -> tuple[l
     tables: list[Table] = []
     for leaf, array in matrices:
         count, beside = min(array.shape), vectors.get(max(array.shape))
-        labels = [_text(one) for one in np.ravel(Column("", array).attribute("columns", ()))]
-        if len(labels) != count and beside:
+        if beside:
             labels = [f"{leaf}[{k + 1}]" for k in range(count)]
-        elif len(labels) != count:  # no names where the first column is a time: they go by their place
-            first = Column("", array, 0).values()[0].astype(np.float64)
+        else:  # no names where the first column is a time: they go by their place
+            first = Column("", array, 0).values().astype(np.float64)
             rising = len(first) > 2 and bool(np.mean(np.diff(first) > 0) > 0.9)
             labels = [""] * count if rising else [f"column {k + 1}" for k in range(count)]
         columns = [Column(label, array, k) for k, label in enumerate(labels)]
