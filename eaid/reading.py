@@ -1,5 +1,8 @@
 """Logs → steps: what the user may say about logs, and the one way from files or tables to a `StepSet`."""
 
+import contextlib
+import shlex
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -8,19 +11,24 @@ from typing import Any, cast
 import numpy as np
 
 from eaid.apparatus import Apparatus
+from eaid.arrays import median
 from eaid.errors import DataError
 from eaid.files import sha256_of
+from eaid.logs.columns import columns_guessed
 from eaid.logs.folders import files_of
 from eaid.logs.manifest import apply, manifest_of
 from eaid.logs.read import columns_told, read_what_can_be
 from eaid.logs.run import Run
-from eaid.options import ReadOptions
+from eaid.logs.text import read_text
+from eaid.logs.to_run import pattern_guessed
+from eaid.logs.units import TIME_FACTORS
+from eaid.options import ReadOptions, in_words
 from eaid.progress import Progress, no_progress
 from eaid.steps.baseline import baseline_rule
 from eaid.steps.build import stepset_of
-from eaid.steps.cut import active_low, cut_runs, settled_steps
+from eaid.steps.cut import active_low, cut_runs, onset, settled_steps
 from eaid.steps.levels import counted_once
-from eaid.steps.noise import stretches
+from eaid.steps.noise import block_means, stretches
 from eaid.steps.plateaus import plateaus, stands_still
 from eaid.steps.stepset import StepSet
 
@@ -101,7 +109,56 @@ def read_steps(
         runs = [apply(entries[run.source], run) if run.source in entries else run for run in runs]
     for sentence in columns_told(runs):
         columns(sentence)
-    return steps_of(runs, options, faults, [path for path in paths if path.is_file()])
+    try:
+        return steps_of(runs, options, faults, [path for path in paths if path.is_file()])
+    except DataError as fault:
+        raise DataError(*fault.sentences, *_proposal(paths, files, runs, options, fault.sentences)) from None
+
+
+def _proposal(
+    paths: Sequence[Path], files: Sequence[Path], runs: Sequence[Run], options: ReadOptions, faults: Sequence[str]
+) -> list[str]:
+    """The command with all that can be guessed of what the logs do not say; nothing where that is nothing."""
+    given = dict(options.stated())
+    columns, units, more = dict(options.columns), dict(options.units), dict[str, str]()
+    if len(files) < 2:
+        return []
+    if not runs and any("no column is called" in fault for fault in faults):
+        with contextlib.suppress(DataError):
+            columns |= columns_guessed(read_text(files[0], str(files[0]))[0], options)
+            runs, faults = read_what_can_be(files, replace(options, columns=columns))
+    likely = Counter(str(one.values["likely"]) for run in runs for one in run.findings if "likely" in one.values)
+    factor = 1.0
+    if likely:
+        units["time"] = likely.most_common(1)[0][0]
+        factor = TIME_FACTORS[units["time"]]
+    blind = [run for run in runs if not run.has_input]
+    if options.name_pattern is None and len(blind) > 1:
+        more = {"name_pattern": pattern} if (pattern := pattern_guessed([run.name for run in blind])) else {}
+    starts = [factor * float(run.time_s[at]) for run in blind if (at := onset(run.output))]
+    if options.step_at is None and len(starts) > 1 and np.ptp(np.quantile(starts, (0.2, 0.8))) < 0.05 * median(starts):
+        more["step_at"] = _roundest(median(starts))
+        moved = np.sum([np.abs(block_means(run.output - run.output[0], BLOCKS)) for run in blind], axis=0)
+        fall = moved[:-LAG] - moved[LAG:]
+        if fall.max() > FALLS * np.ptp(moved):
+            more["until"] = _roundest(fall.argmax() / BLOCKS * factor * median([run.time_s[-1] for run in blind]))
+    guessed = {"columns": columns, "units": units}
+    more |= {name: in_words(value) for name, value in guessed.items() if value != getattr(options, name)}
+    if len(more) < 2:  # the refusal says it already
+        return []
+    if any("«repair»" in fault for fault in faults):
+        given["repair"] = True
+    said = [f"«{name}»" + f" {shlex.quote(str(value))}" * (value is not True) for name, value in (given | more).items()]
+    return [f"try: eaid fit {shlex.join(map(str, paths))} {' '.join(said)}"]
+
+
+# An output that falls by this share of its range within so many blocks of all was let go
+BLOCKS, LAG, FALLS = 400, 4, 0.2
+
+
+def _roundest(value: float) -> str:
+    """The shortest number within 2 % of a value."""
+    return next(text for k in range(1, 9) if abs(float(text := f"{value:.{k}g}") - value) <= 0.02 * abs(value))
 
 
 def steps_of(

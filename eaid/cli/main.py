@@ -128,7 +128,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
             if code and interrupted:  # typer, or a library, may make another failure of a KeyboardInterrupt
                 code, sentences = 130, (INTERRUPTED,)
             for sentence in sentences if {"-v", "--verbose"} & set(given) else once_each(sentences):
-                console.fail(on_command_line(sentence))
+                (console.say if sentence.startswith("try: ") else console.fail)(on_command_line(sentence))
     except EaidError as fault:  # what was printed cannot be stored
         code = fault.exit_code
         console.fail(str(fault))

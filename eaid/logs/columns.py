@@ -1,5 +1,6 @@
 """Which column is the time, the input and the output: by name, in the usual spellings, or as the user says."""
 
+import contextlib
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -211,6 +212,27 @@ def _output(path: str, table: Table, taken: set[int], references: Sequence[int])
     )
 
 
+def columns_guessed(table: Table, options: ReadOptions) -> dict[str, str]:
+    """Columns that may be what no name says: the one that rises, the one that steps, the one that does neither."""
+    names, known = table.columns, dict[str, int | None]()
+    for role, name in options.columns.items():
+        known[role] = _named_column("", role, name, table)
+    if "time" not in known and (clock := _time("", table, set())) is not None:
+        known["time"] = clock
+    with contextlib.suppress(DataError):
+        known.setdefault("output", _output("", table, set(), ()))
+    free = [i for i in range(min(len(names), 64)) if i not in known.values()]
+    values = dict(zip(free, table.load(free).values, strict=True))
+    found: dict[str, str] = {}
+    for role, does in (("time", rises), ("input", steps), ("output", lambda one: np.ptp(one[np.isfinite(one)]) > 0)):
+        fits = [] if role in known else [i for i in values if np.isfinite(values[i]).any() and does(values[i])]
+        if role == "time" or len(fits) == 1:
+            found |= {role: names[fits[0]] or str(fits[0] + 1)} if fits else {}
+        for i in fits:
+            values.pop(i)
+    return found
+
+
 def kind_of(name: str, unit: str) -> Kind:
     """Experiment that a user's own choice of input column means."""
     for kind, groups in INPUTS.items():
@@ -293,6 +315,19 @@ def rises(values: NDArray[Any]) -> bool:
     """Whether a column rises all the way but for 1 % of its rows, as a time does."""
     kept = values[np.isfinite(values)]
     return len(kept) > 2 and bool(np.mean(np.diff(kept) > 0) > 0.99)
+
+
+def steps(values: NDArray[Any]) -> bool:
+    """Whether a column stands still but for a few jumps, each from one sample to the next, as a commanded input."""
+    kept = values[np.isfinite(values)].astype(np.float64)
+    span = float(np.ptp(kept)) if len(kept) >= FEWEST else 0.0
+    if span == 0.0:
+        return False
+    jumps = np.abs(np.diff(kept)) > 0.01 * span
+    alone = jumps.copy()
+    alone[1:] &= ~jumps[:-1]
+    alone[:-1] &= ~jumps[1:]
+    return 1 <= int(jumps.sum()) <= max(3, len(kept) // 20) and int(alone.sum()) >= 0.8 * int(jumps.sum())
 
 
 def the_input(path: str, roles: Roles, column: Callable[[int], NDArray[Any]]) -> tuple[Kind | None, int | None]:

@@ -1,6 +1,8 @@
 """One table → one run: columns by name, rows checked, time from its start, units turned into those of eaid."""
 
+import contextlib
 import re
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -169,6 +171,28 @@ def level_and_repeat(source: str, pattern: str | None, name: str) -> tuple[float
             f"let «name_pattern» hold what stands beside it, as in {{repeat}}_{{level}}V"
         )
     return float(level.replace(",", ".")), None if repeat is None else int(repeat)
+
+
+def pattern_guessed(names: Sequence[str]) -> str:
+    """A name pattern with the number that tells the names apart and has a letter beside it; empty where there is none.
+
+    Of several the one before a unit, or behind an equals sign, whose values come equally often.
+    """
+    pieces = [re.split(r"(\d+(?:\.\d+)?)", name) for name in names]
+    patterns = []
+    for k in range(1, len(pieces[0]), 2) if len({tuple(one[::2]) for one in pieces}) == 1 else ():
+        texts, counts = pieces[0], Counter(one[k] for one in pieces)
+        (before,) = re.findall(r"[_\s-]?[^_\s-]*$", texts[k - 1])[:1]
+        (after,) = re.findall(r"^[^_\s-]*[_\s-]?", texts[k + 1])
+        if len(counts) < 2 or not re.search("[A-Za-z]", before + after):
+            continue
+        for pattern in (f"{before}{{level}}{after}", f"{texts[k - 3][-3:]}{{repeat}}{texts[k - 1]}{{level}}{after}"):
+            with contextlib.suppress(DataError):
+                if all(level_and_repeat("", pattern, name)[0] is not None for name in names):
+                    no_unit = not re.match("[A-Za-z%]", after) and not before.endswith("=")
+                    patterns.append((no_unit, max(counts.values()) - min(counts.values()), pattern))
+                    break
+    return min(patterns)[-1] if patterns else ""
 
 
 def run_of(

@@ -2,6 +2,7 @@
 
 import gzip
 import os
+import shlex
 import shutil
 import sys
 
@@ -227,3 +228,25 @@ def test_reading_options_are_kept_for_doing_it_again(read, tmp_path):
     again = eaid.read(tmp_path / "log_u60_.csv", **steps.reading)
     assert set(steps.reading) == set(options) and again.reading == steps.reading
     assert ([one.level for one in again.levels], again.steps[0].step_s) == ([60.0], 2.0)
+
+
+NAMES = {"20241103_V={u}_run{k}": "_V={level}_", "run{k}_{u}V": "run{repeat}_{level}V", "u{u}_{k}": "u{level}_"}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_is_missing_in_a_folder_is_guessed_together_and_the_command_works(name, run_eaid, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "logs").mkdir()
+    for k, u in enumerate((20, 40, 60, 20, 40, 60)):
+        y = u * np.where(T < 2, 0.0, np.where(T < 7, -np.expm1(-(T - 2) / 0.5), np.exp(-(T - 7) / 0.1)))
+        table = text("stamp,load,bench", 1e6 * T, y, 21 + 0.01 * np.sin(T))
+        (tmp_path / "logs" / f"{name.format(u=u, k=k)}.csv").write_text(table + "x,1,1\n" * (k == 5))
+    ran = run_eaid("fit", "logs", "-o", "fit.json")
+    pattern = NAMES[name]
+    assert ran.code == 3 and ran.err.splitlines()[-1] == (
+        f"try: eaid fit logs --repair --name-pattern '{pattern}' --step-at 2 --until 7 --columns time=stamp "
+        "--units time=us"
+    )
+    words = shlex.split(ran.err.splitlines()[-1].removeprefix("try: eaid fit"))
+    assert run_eaid("ingest", *words, "-o", "data.h5").code == 0
+    assert [one.level for one in eaid.read("data.h5").levels] == [20.0, 40.0, 60.0]
