@@ -159,18 +159,12 @@ def input_gain_table(fit: Fit) -> Table:
 
 
 def release_table(fit: Fit) -> Table:
-    """Time constants of the falling edges, pooled and of each level."""
-    part, out = fit.release, fit.data.output_unit
+    """Time constants of the falling edges."""
+    part = fit.release
     assert part is not None
-    rows: list[tuple[Cell, ...]] = [("all together", part.tau1, part.tau2, None, None, part.rmse)]
-    rows += [
-        (with_unit(level(r.level), fit.data.input_unit), r.tau1, r.tau2, r.amplitude, r.residual, r.rmse)
-        for r in part.levels
-    ]
-    heads = columns(
-        "level", ("τ1", "s"), ("τ2", "s"), ("falls by", out), ("is left", out, 3), ("RMSE", out, 3)
-    )  # fmt: skip
-    return Table("Release", "How the output falls after the input returns to zero.", heads, tuple(rows))
+    heads = columns(("τ1", "s"), ("τ2", "s"), ("RMSE", fit.data.output_unit, 3))
+    caption = "How the output falls after the input returns to zero, all levels together."
+    return Table("Release", caption, heads, ((part.tau1, part.tau2, part.rmse),))
 
 
 SHAPES = {"one": "one exponential", "two": "two exponentials", "free": "two, C free", "overshoot": "overshoot"}
