@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -87,15 +88,12 @@ FAR = 0.25
 class Errors:
     """Errors over some samples, in the output's unit."""
 
-    rmse: float
-    sse: float
+    scores: dict[str, Any]  # rmse, sse, fit_pct, R2
     abs_error: AbsError
-    fit_pct: float | None
-    R2: float | None
 
     def at(self, level: float) -> LevelError:
         """The same as the errors of one level."""
-        return LevelError(level, self.abs_error, rmse=self.rmse, sse=self.sse, fit_pct=self.fit_pct, R2=self.R2)
+        return LevelError(level, self.abs_error, **self.scores)
 
 
 def quality(sse: float, outputs: Sequence[Array]) -> tuple[float | None, float | None]:
@@ -112,7 +110,8 @@ def errors(outputs: Sequence[Array], residuals: Sequence[Array]) -> Errors:
     samples, sse = sum(len(r) for r in residuals), sum(float(r @ r) for r in residuals)
     mean, square = sum(float(np.abs(r).sum()) for r in residuals) / samples, sse / samples
     sd = float(np.sqrt(max(square - mean**2, 0.0)))
-    return Errors(float(np.sqrt(square)), sse, AbsError(mean, sd), *quality(sse, outputs))
+    fit_pct, R2 = quality(sse, outputs)
+    return Errors({"rmse": float(np.sqrt(square)), "sse": sse, "fit_pct": fit_pct, "R2": R2}, AbsError(mean, sd))
 
 
 def hold_out(held_out: Sequence[Level], predicted: Callable[[Level], Array], fitted_rmse: float) -> HoldOut | None:
@@ -121,9 +120,13 @@ def hold_out(held_out: Sequence[Level], predicted: Callable[[Level], Array], fit
         return None
     outputs = [level.mean for level in held_out]
     residuals = [predicted(level) - level.mean for level in held_out]
-    total = errors(outputs, residuals)
-    rows = [errors([y], [r]).at(level.level) for level, y, r in zip(held_out, outputs, residuals, strict=True)]
-    return HoldOut(tuple(rows), total.rmse, fitted_rmse, total.abs_error)
+    total, rows = errors(outputs, residuals), each_level([level.level for level in held_out], outputs, residuals)
+    return HoldOut(rows, total.scores["rmse"], fitted_rmse, total.abs_error)
+
+
+def each_level(levels: Sequence[float], outputs: Sequence[Array], residuals: Sequence[Array]) -> tuple[LevelError, ...]:
+    """Errors of every level by itself."""
+    return tuple(errors([y], [r]).at(u) for u, y, r in zip(levels, outputs, residuals, strict=True))
 
 
 def explains_little(outputs: Sequence[Array], residuals: Sequence[Array]) -> bool:

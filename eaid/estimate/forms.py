@@ -272,7 +272,7 @@ def linear(levels: Array) -> Model:
     return Model(LegendreForm(int(high > low), low, high), LegendreForm(0, low, high), None, 1.0, low, high, levels[:1])
 
 
-def friction(levels: Array, share: float) -> Model:
+def friction(levels: Array, share: float | None) -> Model:
     """Eq. (3) with T_s, τ1, τ2 of every level."""
     each = PerLevel(tuple(levels.tolist()))
     return Model(each, each, each, share, float(levels[0]), float(levels[-1]), levels)

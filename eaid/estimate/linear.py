@@ -14,11 +14,11 @@ from eaid.estimate import data as metrics
 from eaid.estimate.data import Data, missed
 from eaid.estimate.forms import Model
 from eaid.estimate.forms import linear as line
-from eaid.estimate.from_steps import Solution, StepProblem, fit_linear
+from eaid.estimate.from_steps import UNSEEN, Solution, StepProblem, fit_linear, textbook_covariance
 from eaid.estimate.huber import huber_findings, minimise
-from eaid.estimate.points import level_normal, log_crossed, residuals
+from eaid.estimate.points import log_crossed
 from eaid.estimate.scatter import Scatter
-from eaid.estimate.spread import Influence, LevelScatter, interval_of, log_interval_of, textbook
+from eaid.estimate.spread import Influence, LevelScatter, interval_of, log_interval_of
 from eaid.findings import Finding, finding
 from eaid.models import linear as model
 from eaid.models.parameters import Friction
@@ -35,8 +35,6 @@ from eaid.results.fit import (
 )
 from eaid.steps.levels import wanted_levels
 from eaid.steps.stepset import Level
-
-UNSEEN = 1e-10  # Directions that the data do not see have this part of the information at most
 
 
 def to_line(form: Model) -> Array:
@@ -88,15 +86,6 @@ def influence(data: Data, form: Model, x: Array, curves: Sequence[Friction], sca
     return Influence(along @ steps.M.transpose(1, 0, 2) @ back, scatter, np.zeros((0, len(x))), 0.0)
 
 
-def textbook_covariance(data: Data, form: Model, x: Array) -> tuple[Array, float]:
-    """s² (J'J)⁻¹ of x, and its degrees of freedom."""
-    M = form.rows(data.u)
-    theta = form.theta(x, M)
-    noise, spare = textbook(residuals(theta, data.records), len(x))
-    information = np.einsum("kln,lkj,jlm->nm", M, level_normal(theta, data.points).information, M)
-    return scaled_inverse(information, UNSEEN) * noise, spare
-
-
 def fit_each_level(data: Data) -> list[Solution]:
     """τ and gain of each level by itself."""
     return [fit_linear(data.one(i)) for i in range(len(data.u))]
@@ -110,8 +99,7 @@ def single_levels(data: Data, solved: Sequence[Solution]) -> tuple[LinearLevel, 
         total = metrics.errors([record.y], one.residuals(one.steps.data))
         b0 = a0 * gain / u if u else 0.0
         B = 1 / b0 if b0 > 0 else None
-        row = LinearLevel(u, a0, gain, b0, 0.0, B, one.solver.converged, rmse=total.rmse, sse=total.sse)
-        rows.append(msgspec.structs.replace(row, fit_pct=total.fit_pct, R2=total.R2))
+        rows.append(LinearLevel(u, a0, gain, b0, 0.0, B, one.solver.converged, **total.scores))
     return tuple(rows)
 
 
@@ -176,9 +164,7 @@ def linear_part(
     solved, huber = minimise(data, options.loss, fit_linear, lambda d, _: fit_linear(d), Solution.residuals)
     p, left, each = parameters(*unknowns(solved)), solved.residuals(data), fit_each_level(data)
     total = metrics.errors([record.y for record in data.records], left)
-    one = Pooled(
-        p.a0, p.b0, p.c0, solver=solved.solver, rmse=total.rmse, sse=total.sse, fit_pct=total.fit_pct, R2=total.R2
-    )
+    one = Pooled(p.a0, p.b0, p.c0, solver=solved.solver, **total.scores)
     rows = single_levels(data, each)
     wanted = options.bounds_levels
     levels = None if wanted is None else wanted_levels(wanted, [row.level for row in rows], "bounds_levels")
@@ -192,7 +178,9 @@ def linear_part(
         rows = tuple(msgspec.structs.replace(row, ci95=ci) for row, ci in zip(rows, ends, strict=True))
         bounds = msgspec.structs.replace(bounds, ci95=bound_intervals(bounds, rows))
         one = msgspec.structs.replace(one, ci95=pooled)
-    beyond = metrics.hold_out(held_out, lambda level: model.step_response(p, level.time_s, level.level), total.rmse)
+    beyond = metrics.hold_out(
+        held_out, lambda level: model.step_response(p, level.time_s, level.level), total.scores["rmse"]
+    )
     part = Linear.of(one, per_level=rows, bounds=bounds, robust=huber, hold_out=beyond)
     return part, findings
 

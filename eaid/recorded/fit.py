@@ -350,14 +350,11 @@ def linear_part(solved: Solved, base: Solved, levels: Array, wanted: str | None)
         a0=pooled.a0,
         b0=pooled.b0,
         c0=pooled.c0,
-        rmse=total.rmse,
-        sse=total.sse,
-        fit_pct=total.fit_pct,
-        R2=total.R2,
         solver=solved.solver,
         per_level=rows,
         bounds=bounds_of(rows, None if wanted is None else wanted_levels(wanted, levels.tolist(), "bounds_levels")),
-    )  # fmt: skip
+        **total.scores,
+    )
 
 
 def _settled_steps(base: Solved, levels: Array) -> list[Level]:

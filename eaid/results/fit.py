@@ -275,8 +275,6 @@ class CurveLevel(Result, frozen=True):
     tau1: Number | None = None
     tau2: Number | None = None
     ci95: LevelIntervals | None = None
-    torque_half_width_nm: Number | None = None
-    """Half width of the output curve's interval, largest over the record, in the output's unit."""
 
 
 class CoefficientIntervals(Result, frozen=True):
