@@ -508,7 +508,7 @@ def of_another_shape(stepset: StepSet, options: FitOptions) -> tuple[StepShape, 
 
 
 def between_rows(shapes: Sequence[StepShape]) -> tuple[FrictionLevel, ...]:
-    """Those that neither begin nor end at rest as rows of the friction model; one exponential has its constant twice."""
+    """Those that neither begin nor end at rest as rows of the friction model; a single constant stands there twice."""
     return tuple(
         FrictionLevel(
             one.level, one.change, one.tau1, one.tau1 if one.tau2 is None else one.tau2, one.C,
