@@ -22,8 +22,6 @@ class Data:
 
     u: Array  # Level of each curve, in the set's input unit, shape (L,)
     records: tuple[Record, ...]
-    # The curves as one array, (L, n), where all share one grid; `records` are its rows then
-    together: Array | None = None
 
     @property
     def samples(self) -> int:
@@ -48,34 +46,20 @@ class Data:
     @cached_property
     def points(self) -> Points:
         """The compressed curves."""
-        records = self.records
-        return compress([r.t_s for r in records], [r.y for r in records], self.together, [r.uniform for r in records])
+        return compress([r.t_s for r in self.records], [r.y for r in self.records], [r.uniform for r in self.records])
 
     def one(self, index: int) -> "Data":
         """One level of it."""
         row = slice(index, index + 1)
-        together = None if self.together is None else self.together[row]
-        alone = Data(self.u[row], self.records[row], together)
+        alone = Data(self.u[row], self.records[row])
         alone.__dict__["points"] = self.points.rows(row)
         return alone
 
 
 def data_of(levels: Sequence[Level]) -> Data:
-    """The mean curves of some levels; those on one grid share their times."""
-    u = np.array([level.level for level in levels], dtype=np.float64)
-    first = levels[0]
-    alike = all(
-        level.time_s is first.time_s or (level.uniform and np.array_equal(level.time_s, first.time_s))
-        for level in levels
-    )
-    if not alike:
-        return Data(u, tuple(Record(one.time_s, one.mean, one.uniform) for one in levels))
-    together = np.empty((len(levels), len(first.time_s)))
-    for row, level in zip(together, levels, strict=True):
-        runs = level.ordered_runs
-        np.matmul(np.full(len(runs), 1 / len(runs)), runs, out=row)
-    records = tuple(Record(first.time_s, row, first.uniform) for row in together)
-    return Data(u, records, together)
+    """The mean curves of some levels."""
+    records = tuple(Record(level.time_s, level.mean, level.uniform) for level in levels)
+    return Data(np.array([level.level for level in levels], dtype=np.float64), records)
 
 
 BLOCKS = 50  # Block means of a record that noise is averaged out in, before a model is said to miss the curve

@@ -126,8 +126,8 @@ class StepProblem:
 
     def weighed(self, x: Array) -> "StepProblem":
         """The same with w = 1/(T_s² + s²) at x; none for a level that is 0 throughout."""
-        at, w = self.at(x), np.broadcast_to(self.data.points.w, self.data.points.y.shape)
-        size = at.theta[0] ** 2 + at.cost / w.sum(axis=1)
+        at = self.at(x)
+        size = at.theta[0] ** 2 + at.cost / self.data.points.w.sum(axis=1)
         known = size > 1e-24 * size.max(initial=0.0)
         return replace(self, weight=np.where(known, 1 / np.where(known, size, 1.0), 0.0))
 

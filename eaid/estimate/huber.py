@@ -48,7 +48,7 @@ def minimise(
             Record(record.t_s, record.y + one - np.clip(one, -cut, cut), record.uniform)
             for record, one in zip(data.records, r, strict=True)
         )
-        solved = again(replace(data, records=records, together=None), solved)
+        solved = again(replace(data, records=records), solved)
         after = residuals(solved, data)
         moved = max(float(np.abs(a - b).max()) for a, b in zip(after, r, strict=True)) / sigma
         r = after

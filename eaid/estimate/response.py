@@ -104,7 +104,7 @@ def compressed(log: RecordedLog, every: Drive) -> Drive:
     hold stay as they are, and so do blocks with an output that is not known.
     """
     known, t = every.w > 0, log.time_s
-    at, (y,), w = nodes_of(t, every.y[None], np.append(log.changes, len(t)), log.even_s, known)
+    at, y, w = nodes_of(t, every.y, np.append(log.changes, len(t)), log.even_s, known)
     w = log.weight * np.where(np.isin(at, t[~known]), 0.0, w)
     row = np.searchsorted(t, at, side="right") - 1
     left = log.weight * float(every.y @ every.y) - float(w @ (y * y))
