@@ -27,6 +27,7 @@ from eaid.estimate.log_intervals import CurveSpread, Spread, curves, never_asked
 from eaid.estimate.noise import FEWEST_ENGAGEMENTS, scatter_findings
 from eaid.estimate.nonlinear import scored
 from eaid.estimate.record import RecordedLog, logs_of_steps, recorded_log
+from eaid.estimate.spread import Degrees
 from eaid.estimate.step_shapes import single_steps
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.logs.run import Run
@@ -34,16 +35,12 @@ from eaid.models import nonlinear as curve
 from eaid.models.parameters import SHARE
 from eaid.options import FitOptions
 from eaid.recorded.closed_loop import judged_loops, with_instrument
-from eaid.results.common import Interval, LevelError, Source
+from eaid.results.common import LevelError, Source
 from eaid.results.fit import (
-    CoefficientIntervals,
-    Covariance,
-    CurveLevel,
     Fit,
     FittedData,
     Friction,
     FrictionLevel,
-    LevelIntervals,
     Linear,
     Noise,
     Nonlinear,
@@ -197,12 +194,8 @@ STRETCHES = 150  # Of a long log, each with the rows of its extremes
 DIGITS = 6  # Of the values that are drawn
 
 
-def log_parts(solved: Solved, logs: Sequence[RecordedLog]) -> tuple[LogFit, ...]:
-    """The results of the first logs of a fit; there may be others after them."""
-    return tuple(_log_part(solved, k, log) for k, log in enumerate(logs))
-
-
-def _log_part(solved: Solved, k: int, log: RecordedLog) -> LogFit:
+def log_part(solved: Solved, k: int, log: RecordedLog) -> LogFit:
+    """The result of one log of a fit."""
     drive, own = solved.setup.drives[k], solved.setup.places[k].own
     counted = drive.w > 0
     missed, y = solved.missed[k], solved.outputs[k]
@@ -248,7 +241,6 @@ def extremes(rows: Array, stretches: int) -> NDArray[np.intp]:
 STEP_RECORDS = 3.0  # Levels' own linear models are of steps of the fitted model, so many of its longest τ2 long …
 LONGEST_STEP_S = 60.0  # … and no longer than this
 STEP_SAMPLES = 2000
-WIDEST = 10.0  # An interval wider than this factor says nothing
 
 
 def data_part(
@@ -276,14 +268,18 @@ def data_part(
 
 def nonlinear_part(solved: Solved, uncertainty: Spread | None, known: CurveSpread | None, shown: Array) -> Nonlinear:
     """The ten coefficients, with errors by level and intervals."""
-    total, free = errors(solved.outputs, solved.missed), solved.setup.model.free_share
-    intervals, covariance = (None, None) if uncertainty is None else _coefficients(solved, uncertainty)
-    part = msgspec.structs.replace(
-        scored(model_of(solved), free, total, _level_errors(solved, shown), solved.solver),
-        curves=() if known is None else _curves(known),
-        ci95=intervals,
-        covariance=covariance,
-    )
+    total, model = errors(solved.outputs, solved.missed), solved.setup.model
+    part = scored(model_of(solved), model.free_share, total, _level_errors(solved, shown), solved.solver)
+    if uncertainty is not None and known is not None:
+        c, turn = coefficients_of(model_of(solved), model.free_share), turned(model)
+        covariance = turn @ uncertainty.covariance[: turn.shape[1], : turn.shape[1]] @ turn.T
+        degrees: Degrees = {**degrees_of(solved, uncertainty)}
+        part = msgspec.structs.replace(
+            part,
+            curves=known.rows,
+            ci95=coefficient_intervals(c, covariance, degrees),
+            covariance=covariance_part(c, covariance, degrees, "robust"),
+        )
     return Nonlinear.of(part)
 
 
@@ -297,29 +293,6 @@ def _level_errors(solved: Solved, shown: Array) -> tuple[LevelError, ...]:
         at = nearest == i
         rows.append(errors([y[at]], [missed[at]]).at(level) if at.any() else LevelError(level))
     return tuple(rows)
-
-
-def _curves(known: CurveSpread) -> tuple[CurveLevel, ...]:
-    rows = []
-    for i, level in enumerate(known.duty.tolist()):
-        ends: list[Interval] = [
-            (float(known.low[k, i]), float(known.high[k, i])) if known.half_width[k, i] < WIDEST else None
-            for k in range(3)
-        ]
-        Ts, tau1, tau2 = known.values[:, i].tolist()
-        rows.append(CurveLevel(level, Ts, tau1, tau2, LevelIntervals(*ends)))
-    return tuple(rows)
-
-
-def _coefficients(solved: Solved, uncertainty: Spread) -> tuple[CoefficientIntervals, Covariance]:
-    """Intervals of the paper's coefficients, and their covariance in powers of u/100."""
-    model = solved.setup.model
-    plain, T = coefficients_of(model_of(solved), model.free_share), turned(model)
-    V = uncertainty.covariance[: T.shape[1], : T.shape[1]]
-    covariance, degrees = T @ V @ T.T, degrees_of(solved, uncertainty)
-    return coefficient_intervals(plain, covariance, {**degrees}), covariance_part(
-        plain, covariance, {**degrees}, "robust"
-    )
 
 
 def degrees_of(solved: Solved, uncertainty: Spread) -> dict[str, float]:
@@ -369,7 +342,7 @@ def friction_part(solved: Solved, levels: Array, known: CurveSpread | None) -> F
     """T_s, τ1, τ2 of the levels: those of the nonlinear model with their intervals, or each level's by itself."""
     share, tables = solved.setup.model.share, solved.curves(levels)
     assert share is not None
-    ends = {row.level: row.ci95 for row in (() if known is None else _curves(known))}
+    ends = {row.level: row.ci95 for row in (() if known is None else known.rows)}
     values = zip(tables.steady.tolist(), tables.tau1.tolist(), tables.tau2.tolist(), strict=True)
     rows = [
         FrictionLevel(
@@ -379,18 +352,6 @@ def friction_part(solved: Solved, levels: Array, known: CurveSpread | None) -> F
         for one, (Ts, tau1, tau2) in zip(_level_errors(solved, levels), values, strict=True)
     ]  # fmt: skip
     return Friction(C=share, levels=tuple(rows), solver=solved.solver)
-
-
-def release_part(solved: Solved, falls: Sequence[FallTest]) -> Release | None:
-    """Time constants of falls to rest, where they were fitted."""
-    tau1, tau2 = (
-        next((one.value for one in falls if one.name == name and one.fitted), None)
-        for name in ("release_tau1", "release_tau2")
-    )
-    if tau1 is None or tau2 is None:
-        return None
-    share = solved.setup.model.share
-    return Release(tau1=tau1, tau2=tau2, C=SHARE if share is None else share)
 
 
 # Cost of a start at rest, over that of one with unknown states, up to which the steps' dead time is believed
@@ -485,10 +446,11 @@ def fit_recorded(
         base = solve(setup_of(base.fitted.model, [*map(shifted, logs, rows), *every[len(logs) :]], rests))
     setup, acting = base.fitted, [*map(shifted, logs, rows)]
     findings += [one for log, late in zip(logs, rows, strict=True) for one in delay_finding(log, late)]
-    tested_falls = tested(base, inputs.stepwise) if falls else None
-    if tested_falls is not None:
-        base = tested_falls.solved
-        findings += tested_falls.findings
+    of_falls: tuple[FallTest, ...] = ()
+    if falls:
+        base, of_falls, more_findings = tested(base, inputs.stepwise)
+        findings += more_findings
+    release, extras = model_of(base).release, base.fitted.extras
     if any(log.reference is not None for log in logs):
         base = with_instrument(base, acting)
     loops, of_loops = judged_loops(base, acting)
@@ -503,10 +465,10 @@ def fit_recorded(
         solved = solve(replace(setup, model=forms.linear(inputs.basis)))
         linear = linear_part(solved, base, inputs.basis, options.bounds_levels)
     if "friction" in wanted and inputs.stepwise and len(inputs.levels) <= FEW_LEVELS and share is not None:
-        solved, kept = base, () if tested_falls is None else tested_falls.kept
+        solved = base
         if "nonlinear" not in wanted:
             solved = solve(replace(setup, model=forms.friction(inputs.levels, share)))
-            solved = with_falls(solved, kept) if kept else solved
+            solved = with_falls(solved, extras) if extras else solved
         friction = friction_part(solved, inputs.levels, known if "nonlinear" in wanted else None)
     return Fit(
         findings=ranked(findings),
@@ -516,13 +478,13 @@ def fit_recorded(
         nonlinear=nonlinear_part(base, uncertainty, known, inputs.shown) if "nonlinear" in wanted else None,
         linear=linear,
         friction=friction,
-        release=None if tested_falls is None else release_part(base, tested_falls.falls),
+        release=None if release is None else Release(*release, SHARE if share is None else share),
         uncertainty=None if uncertainty is None else uncertainty_part(base, uncertainty),
         recorded=Recorded(
-            logs=log_parts(base, logs),
+            logs=tuple(log_part(base, k, log) for k, log in enumerate(logs)),
             steps=len(every) - len(logs),
             u_range=(inputs.low, inputs.high),
-            falls=() if tested_falls is None else tested_falls.falls,
+            falls=of_falls,
             loops=loops,
             dead_time_s=max(0.0, *(-late * float(np.median(log.dt_s)) for log, late in zip(logs, rows, strict=True))),
             engagements=0 if uncertainty is None else uncertainty.scatter.count,
