@@ -4,7 +4,7 @@ Its step response is one exponential with τ = 1/a0 and the gain (b0 u + c0)/a0.
 small changes of the levels' own T_s, τ1, τ2, by the full curvature of the cost: the model need not fit.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import msgspec
 import numpy as np
@@ -70,20 +70,35 @@ def to_parameters(form: Model, x: Array) -> Array:
     return turn if form.high > form.low else turn[:2]
 
 
-def to_logs(x: Array) -> Array:
+def to_logs(_form: Model, x: Array) -> Array:
     """∂(ln a0, ln gain, ln B)/∂(gain, τ), (3, 2), B = u/(a0 gain)."""
     gain, tau = x
     return np.array([[0.0, -1 / tau], [1 / gain, 0.0], [-1 / gain, 1 / tau]]) if gain else np.full((3, 2), np.nan)
 
 
-def influence(data: Data, form: Model, x: Array, curves: Sequence[Friction], scatter: LevelScatter) -> Influence:
-    """How x answers to the levels' own curves."""
+def variances(
+    solved: Solution,
+    slopes: Callable[[Model, Array], Array],
+    curves: Sequence[Friction],
+    scatter: LevelScatter,
+    white: bool,
+) -> tuple[list[float], list[float]]:
+    """Variances of some numbers of a fit, of which `slopes` gives those by its unknowns, and degrees of freedom.
+
+    By how the unknowns answer to the levels' own curves, or those of the textbook.
+    """
+    data, (form, x) = solved.steps.data, unknowns(solved)
+    turn = slopes(form, x)
+    if white:
+        covariance, spare = textbook_covariance(data, form, x)
+        return np.diag(turn @ covariance @ turn.T).tolist(), [spare] * len(turn)
     steps = StepProblem(data, form, np.ones(len(data.u)))
-    curve_values = np.array([[one.Ts, one.tau1, one.tau2, one.C] for one in curves]).T
-    along = log_crossed(curve_values, form.theta(x, steps.M), data.points, scatter.expected.shape[1] == 4)
+    own = np.array([[one.Ts, one.tau1, one.tau2, one.C] for one in curves]).T
+    along = log_crossed(own, form.theta(x, steps.M), data.points, scatter.expected.shape[1] == 4)
     assert steps.problem.exact is not None
-    back = scaled_inverse(0.5 * steps.problem.exact(x), UNSEEN)
-    return Influence(along @ steps.M.transpose(1, 0, 2) @ back, scatter, np.zeros((0, len(x))), 0.0)
+    gain = along @ steps.M.transpose(1, 0, 2) @ scaled_inverse(0.5 * steps.problem.exact(x), UNSEEN)
+    variance, degrees = Influence(gain, scatter, np.zeros((0, len(x))), 0.0).of(turn).variance()
+    return variance.tolist(), degrees.tolist()
 
 
 def fit_each_level(data: Data) -> list[Solution]:
@@ -111,40 +126,22 @@ def bounds_of(rows: Sequence[LinearLevel], wanted: Sequence[float] | None = None
     return Bounds(levels=levels, B_m=min(known, default=None), B_M=max(known, default=None))
 
 
-def pooled_intervals(fit: Pooled, data: Data, solved: Solution, scatter: Scatter, white: bool) -> PooledIntervals:
+def pooled_intervals(fit: Pooled, solved: Solution, scatter: Scatter, white: bool) -> PooledIntervals:
     """95 % intervals of the pooled a0, b0, c0; one level leaves c0 to b0."""
-    form, x = unknowns(solved)
-    turn = to_parameters(form, x)
-    if white:
-        covariance, spare = textbook_covariance(data, form, x)
-        variance, degrees = np.diag(turn @ covariance @ turn.T), np.full(len(turn), spare)
-    else:
-        variance, degrees = influence(data, form, x, scatter.curves, scatter.of_levels).of(turn).variance()
-    ends = map(interval_of, (fit.a0, fit.b0, fit.c0), variance.tolist(), degrees.tolist())
-    return PooledIntervals(*ends, dof=dict(zip(("a0", "b0", "c0"), degrees.tolist(), strict=False)))
+    variance, degrees = variances(solved, to_parameters, scatter.curves, scatter.of_levels, white)
+    ends = map(interval_of, (fit.a0, fit.b0, fit.c0), variance, degrees)
+    return PooledIntervals(*ends, dof=dict(zip(("a0", "b0", "c0"), degrees, strict=False)))
 
 
-def level_intervals(
-    rows: Sequence[LinearLevel], data: Data, solved: Sequence[Solution], scatter: Scatter, white: bool
-) -> list[LinearLevelIntervals]:
-    """95 % intervals of a0, gain and B of every level."""
-    intervals = []
-    for i, (row, one) in enumerate(zip(rows, solved, strict=True)):
-        alone, (form, x) = data.one(i), unknowns(one)
-        turn, values = to_logs(x), (row.a0, row.gain, row.B)
-        if white:
-            covariance, spare = textbook_covariance(alone, form, x)
-            logs = np.diag(turn @ covariance @ turn.T).tolist()
-            ends = [
-                None if v is None else interval_of(v, v * v * one, spare) for v, one in zip(values, logs, strict=True)
-            ]
-            intervals.append(LinearLevelIntervals(*ends))
-            continue
-        near = influence(alone, form, x, scatter.curves[i : i + 1], scatter.of_levels.alone(i)).of(turn)
-        variance, degrees = (each.tolist() for each in near.variance())
+def level_intervals(row: LinearLevel, solved: Solution, i: int, scatter: Scatter, white: bool) -> LinearLevelIntervals:
+    """95 % intervals of a0, gain and B of level i."""
+    own, values = scatter.of_levels.alone(i), (row.a0, row.gain, row.B)
+    variance, degrees = variances(solved, to_logs, scatter.curves[i : i + 1], own, white)
+    if not white:
         dof = dict(zip(("a0", "gain", "B"), degrees, strict=True))
-        intervals.append(LinearLevelIntervals(*map(log_interval_of, values, variance, degrees), dof=dof))
-    return intervals
+        return LinearLevelIntervals(*map(log_interval_of, values, variance, degrees), dof=dof)
+    rows = zip(values, variance, degrees, strict=True)
+    return LinearLevelIntervals(*(None if v is None else interval_of(v, v * v * one, spare) for v, one, spare in rows))
 
 
 def bound_intervals(bounds: Bounds, rows: Sequence[LinearLevel]) -> BoundsIntervals:
@@ -170,12 +167,14 @@ def linear_part(
     levels = None if wanted is None else wanted_levels(wanted, [row.level for row in rows], "bounds_levels")
     bounds = bounds_of(rows, levels)
     white = options.ci == "white"
-    pooled = pooled_intervals(one, data, solved, scatter, white)
+    pooled = pooled_intervals(one, solved, scatter, white)
     findings = [*linear_findings(data, one, rows, bounds, pooled), *huber_findings("linear", huber)]
     findings += missed("linear", data, left, one)
     if options.ci != "none":
-        ends = level_intervals(rows, data, each, scatter, white)
-        rows = tuple(msgspec.structs.replace(row, ci95=ci) for row, ci in zip(rows, ends, strict=True))
+        rows = tuple(
+            msgspec.structs.replace(row, ci95=level_intervals(row, one_level, i, scatter, white))
+            for i, (row, one_level) in enumerate(zip(rows, each, strict=True))
+        )
         bounds = msgspec.structs.replace(bounds, ci95=bound_intervals(bounds, rows))
         one = msgspec.structs.replace(one, ci95=pooled)
     beyond = metrics.hold_out(

@@ -21,7 +21,7 @@ from eaid.estimate.coefficients import coefficient_intervals, coefficients_of, c
 from eaid.estimate.data import data_of, errors
 from eaid.estimate.fall_tests import tested, with_falls
 from eaid.estimate.from_logs import Solved, idle_of, model_of, setup_of, solve
-from eaid.estimate.late import LOWER, delay_finding, delays, shifted
+from eaid.estimate.late import LOWER, delays, shifted
 from eaid.estimate.linear import bounds_of, fit_each_level, parameters, single_levels
 from eaid.estimate.log_intervals import CurveSpread, Spread, curves, never_asked, spread
 from eaid.estimate.noise import FEWEST_ENGAGEMENTS, scatter_findings
@@ -90,7 +90,22 @@ def refuse(logs: Sequence[RecordedLog]) -> None:
 
 def input_findings(logs: Sequence[RecordedLog], levels: Array, stepwise: bool) -> list[Finding]:
     """Warnings in the inputs, log by log and together."""
-    findings = [one for log in logs for one in (_fast(log), _saturated(log), _clipped(log)) if one is not None]
+    findings = []
+    for log in logs:
+        known, top = np.isfinite(log.output), float(log.input.max())
+        step = np.abs(np.diff(log.input)) > JUMP * top
+        alone = int((step[1:] & step[:-1]).sum())  # rows that differ much from both neighbours
+        share = 100.0 * alone / max(int((log.input > 0).sum()), 1)
+        if share > FAST_PCT:
+            findings.append(finding("input-faster-than-sampled", log.name, share_pct=share))
+        share = 100.0 * log.saturated
+        if (not log.stepwise or log.reference is not None) and share > SATURATED_PCT:
+            findings.append(finding("input-saturates", log.name, share_pct=share, limit=top))
+        # an output at its largest value while different inputs act, and never near it otherwise
+        y, limit = log.output[known], float(log.output[known].max())
+        share = 100.0 * float((y == limit).mean())
+        if share > CLIPPED_PCT and len(np.unique(y)) >= 20 and np.ptp(log.input[known][y == limit]) > JUMP * top:
+            findings.append(finding("output-saturates", log.name, share_pct=share, limit=limit))
     findings += [
         finding("input-never-moves", log.name, level=float(log.input[0]))
         for log in logs
@@ -101,36 +116,6 @@ def input_findings(logs: Sequence[RecordedLog], levels: Array, stepwise: bool) -
     elif stepwise and len(levels) < 4:
         findings.append(finding("few-inputs", "data", levels, count=len(levels)))
     return findings
-
-
-def _fast(log: RecordedLog) -> Finding | None:
-    """Rows that differ much from both neighbours, in opposite directions or not."""
-    step = np.abs(np.diff(log.input)) > JUMP * log.input.max()
-    alone = step[1:] & step[:-1]
-    acting = int((log.input > 0).sum())
-    share = 100.0 * int(alone.sum()) / max(acting, 1)
-    return finding("input-faster-than-sampled", log.name, share_pct=share) if share > FAST_PCT else None
-
-
-def _saturated(log: RecordedLog) -> Finding | None:
-    """A moving input that stands at its largest value."""
-    share = 100.0 * log.saturated
-    if (log.stepwise and log.reference is None) or share <= SATURATED_PCT:
-        return None
-    return finding("input-saturates", log.name, share_pct=share, limit=float(log.input.max()))
-
-
-def _clipped(log: RecordedLog) -> Finding | None:
-    """An output that stands at its largest value while different inputs act, and never comes near it otherwise."""
-    y = log.output[np.isfinite(log.output)]
-    u = log.input[np.isfinite(log.output)]
-    top = float(y.max())
-    at = y == top
-    share = 100.0 * float(at.mean())
-    steps = np.unique(y)
-    if share <= CLIPPED_PCT or len(steps) < 20 or np.ptp(u[at]) <= JUMP * u.max():
-        return None
-    return finding("output-saturates", log.name, share_pct=share, limit=top)
 
 
 ALIKE = 1e-3  # Inputs that differ by less than this part of the largest are one level
@@ -445,7 +430,12 @@ def fit_recorded(
         rows = [sum(pair) for pair in zip(rows, more, strict=True)]
         base = solve(setup_of(base.fitted.model, [*map(shifted, logs, rows), *every[len(logs) :]], rests))
     setup, acting = base.fitted, [*map(shifted, logs, rows)]
-    findings += [one for log, late in zip(logs, rows, strict=True) for one in delay_finding(log, late)]
+    late_s = [late * float(np.median(log.dt_s)) for log, late in zip(logs, rows, strict=True)]
+    for log, count, lasts in zip(logs, rows, late_s, strict=True):
+        if count > 0:
+            findings.append(finding("input-late", log.name, rows=count, ms=1e3 * lasts))
+        elif count < 0:
+            findings.append(finding("dead-time", log.name, dead_time_s=-lasts))
     of_falls: tuple[FallTest, ...] = ()
     if falls:
         base, of_falls, more_findings = tested(base, inputs.stepwise)
@@ -486,7 +476,7 @@ def fit_recorded(
             u_range=(inputs.low, inputs.high),
             falls=of_falls,
             loops=loops,
-            dead_time_s=max(0.0, *(-late * float(np.median(log.dt_s)) for log, late in zip(logs, rows, strict=True))),
+            dead_time_s=max(0.0, -min(late_s)),
             engagements=0 if uncertainty is None else uncertainty.scatter.count,
             correlation_s=None if uncertainty is None else uncertainty.correlation_s,
         ),
