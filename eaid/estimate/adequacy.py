@@ -138,11 +138,13 @@ def share_of(
     """
     held = float(near.theta[3, 0])
     solved = fit_levels_first(data, None, [np.append(near.x, held)], near.form(None))
-    influence = Estimate(near.levels, solved).of_levels
-    if isinstance(near, OwnLevels):  # single runs of levels that share nothing but C
+    free = Estimate(near.levels, solved)
+    influence, holding = free.of_levels, set(free.held)
+    if isinstance(near, OwnLevels):  # levels share nothing but C
         influence = replace(influence, single_degrees=max(len(near.levels) - 1.0, 1.0))
+        holding &= {"C-zero", "C-one"}
     variance, degrees = (float(one[-1]) for one in influence.variance())
-    C = np.nan if {"C-zero", "C-one"} & solved.held.keys() else float(solved.x[-1])
+    C = np.nan if holding else float(solved.x[-1])
     low, high = (np.log(np.maximum(at(held + side * NUDGE)[:3], 1e-300)) for side in (-1, 1))
     slope = (high - low) / (2 * NUDGE)
     sensitivity = {name: median(slope[k]) for k, name in enumerate(CURVES)}  # in % per 0.01, the slope itself

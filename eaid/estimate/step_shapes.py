@@ -147,10 +147,10 @@ def starts_of(
                 cost = total - a * right[i] - b * right[j]
                 inside = (C > 0) & (C < 1) if shape == "free" else (C > 1) & (C < MOST) & (tau[j] > APART * tau[i])
                 cost = np.where(inside, cost, np.inf)
-            rows.append(
-                [(float(cost[m]), np.array([change[m], np.log(tau[i[m]]), np.log(tau[j[m]] / tau[i[m]]), C[m], delay]))
-                 for m in _apart(cost, np.log(tau[j])) if np.isfinite(cost[m])]
-            )  # fmt: skip
+            best = _apart(cost, np.log(tau[j]))[: 1 if shape == "one" else None]
+            found = [m for m in best if np.isfinite(cost[m])]
+            p = np.stack([change, np.log(tau[i]), np.log(tau[j] / tau[i]), C, np.full(len(i), delay)], axis=1)
+            rows.append([(float(cost[m]), p[m]) for m in found])
     return {shape: _best(rows) for shape, rows in places.items()}
 
 
