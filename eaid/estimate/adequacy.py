@@ -1,6 +1,6 @@
 """Is the model right? Lack of fit against the spread of the repeats, decay under hold, the C that the runs ask for."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +10,7 @@ from eaid.arrays import Array, median
 from eaid.estimate.certainty import Estimate
 from eaid.estimate.data import Data
 from eaid.estimate.from_steps import fit_levels_first
-from eaid.estimate.levels import OwnLevels
+from eaid.estimate.levels import OwnLevels, own_levels
 from eaid.estimate.scatter import CURVES, Scatter
 from eaid.estimate.spread import t_quantile
 from eaid.findings import Finding, finding
@@ -129,13 +129,8 @@ TRIFLE = 0.0025  # A difference in C that is never worth a word: 3 % in τ2 and 
 NUDGE = 0.002  # Change of C by which its effect is found
 
 
-def share_of(
-    near: Estimate | OwnLevels, data: Data, at: Callable[[float], Array], half: Array
-) -> tuple[ShareEstimate, list[Finding]]:
-    """Does the C that was held fit this rig? The same estimate with one free C for all levels beside it.
-
-    `at` gives T_s, τ1, τ2 of the levels at a C, (4, L); `half` are the half-widths of ln T_s, ln τ1, ln τ2, (3, L).
-    """
+def share_of(near: Estimate | OwnLevels, data: Data) -> tuple[ShareEstimate, list[Finding]]:
+    """Does the C that was held fit this rig? The same estimate with one free C for all levels beside it."""
     held = float(near.theta[3, 0])
     solved = fit_levels_first(data, None, [np.append(near.x, held)], near.form(None))
     free = Estimate(near.levels, solved)
@@ -145,8 +140,16 @@ def share_of(
         holding &= {"C-zero", "C-one"}
     variance, degrees = (float(one[-1]) for one in influence.variance())
     C = np.nan if holding else float(solved.x[-1])
-    low, high = (np.log(np.maximum(at(held + side * NUDGE)[:3], 1e-300)) for side in (-1, 1))
-    slope = (high - low) / (2 * NUDGE)
+    moved = []
+    for share in (held - NUDGE, held + NUDGE):
+        if isinstance(near, OwnLevels):
+            theta = own_levels(near.levels, data, share, near).theta
+        else:
+            theta = fit_levels_first(data, share, [near.x]).at.theta
+        moved.append(np.log(np.maximum(theta[:3], 1e-300)))
+    slope = (moved[1] - moved[0]) / (2 * NUDGE)
+    low, high, _ = near.intervals if isinstance(near, OwnLevels) else near.intervals(data.u)
+    half = 0.5 * (high - low)
     sensitivity = {name: median(slope[k]) for k, name in enumerate(CURVES)}  # in % per 0.01, the slope itself
     reach = float(t_quantile(degrees) * np.sqrt(variance))
     if not reach <= 0.5 or not np.isfinite(C):

@@ -17,10 +17,10 @@ from eaid.declared import forms
 from eaid.errors import DataError, UsageError
 from eaid.estimate.adequacy import adequacy, share_of
 from eaid.estimate.bootstrap import bootstrap, drawn_ends
-from eaid.estimate.certainty import levels_first
+from eaid.estimate.certainty import Estimate, levels_first
 from eaid.estimate.data import Data, data_of, explains_little
 from eaid.estimate.friction import friction_part, quoted, white_ends
-from eaid.estimate.from_steps import Solution, fit_levels_first, fit_nonlinear, refit_nonlinear
+from eaid.estimate.from_steps import Solution, fit_nonlinear, refit_nonlinear
 from eaid.estimate.huber import huber_findings, minimise
 from eaid.estimate.levels import OwnLevels, own_levels
 from eaid.estimate.linear import linear_part
@@ -124,10 +124,9 @@ def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], No
     data, whole = data_of(kept), stepset
     stepset = replace(stepset, levels=kept)
     with np.errstate(all="ignore"):
-        if "nonlinear" in models:
-            result, scatter = _of_the_model(stepset, data, models, options, held_out, progress)
-        else:
-            result, scatter = _of_each_level(stepset, data, models, options, held_out, progress)
+        fitted = _of_the_model if "nonlinear" in models else _of_each_level
+        result, near = fitted(stepset, data, models, options, held_out, progress)
+        scatter, share = near.scatter, None
         findings = [*result.findings, *scatter_findings(scatter)]
         pairs = zip(scatter.levels, scatter.jacobians, strict=True)  # ∂f/∂ln T_s is f itself
         if little := [one.level for one, J in pairs if explains_little([one.mean], [one.mean - J[:, 0]])]:
@@ -136,6 +135,9 @@ def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], No
         if "friction" in models or "nonlinear" in models:
             misfits, more = adequacy(scatter, stepset.input_unit)
             findings += more
+            if options.held_share is not None and options.ci != "none":
+                share, more = share_of(near, data)
+                findings += more
         if "linear" in models:
             linear, more = linear_part(data, scatter, options, held_out)
             result = msgspec.structs.replace(result, linear=linear)
@@ -150,7 +152,7 @@ def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], No
         },
         noise=noise_of(scatter, stepset.runs),
         draws=options.draws if options.ci == "bootstrap" else None,
-        share=None if result.uncertainty is None else result.uncertainty.share,
+        share=share,
         lack_of_fit=misfits,
     )
     result = msgspec.structs.replace(result, data=data_part(whole), uncertainty=summary)
@@ -169,8 +171,8 @@ def _of_the_model(
     options: FitOptions,
     held_out: Sequence[Level],
     progress: Callable[[], None] | None,
-) -> tuple[Fit, Scatter]:
-    """The nonlinear model, and the friction curves that it gives at the levels; what the runs say about them."""
+) -> tuple[Fit, Estimate | OwnLevels]:
+    """The nonlinear model, and the friction curves that it gives at the levels; the estimate behind them."""
     levels, share = stepset.levels, options.held_share
     first, huber = minimise(
         data,
@@ -190,18 +192,11 @@ def _of_the_model(
     robust = of_joint if papers else huber
     findings += huber_findings("nonlinear", robust)
     result = Fit(nonlinear=msgspec.structs.replace(model, robust=robust))
-    if share is not None and options.ci != "none":
-        low, high, _ = first.intervals(data.u)
-        of_share, more = share_of(
-            first, data, lambda C: fit_levels_first(data, C, [first.x]).at.theta, 0.5 * (high - low)
-        )
-        result = msgspec.structs.replace(result, uncertainty=Uncertainty(share=of_share))
-        findings += more
     if "friction" in models:
         part, more = friction_part(stepset, values, data, options)
         findings += more
         result = msgspec.structs.replace(result, friction=part)
-    return msgspec.structs.replace(result, findings=tuple(findings)), first.scatter
+    return msgspec.structs.replace(result, findings=tuple(findings)), first
 
 
 def _of_each_level(
@@ -211,8 +206,8 @@ def _of_each_level(
     options: FitOptions,
     held_out: Sequence[Level],
     progress: Callable[[], None] | None,
-) -> tuple[Fit, Scatter]:
-    """Every level by itself, with trends over the levels; what the runs say about their curves."""
+) -> tuple[Fit, Estimate | OwnLevels]:
+    """Every level by itself, with trends over the levels; their estimates."""
     levels, share = stepset.levels, options.held_share
     own, huber = minimise(
         data,
@@ -222,7 +217,7 @@ def _of_each_level(
         OwnLevels.residuals,
     )
     if "friction" not in models:
-        return Fit(), own.scatter
+        return Fit(), own
     ends = own.intervals
     if options.ci == "white":
         ends = white_ends(own.scatter)
@@ -238,13 +233,7 @@ def _of_each_level(
     values = quoted(levels, own.theta, own.scatter.held, ends)
     part, findings = friction_part(stepset, values, data, options, own, huber, held_out)
     findings += huber_findings("friction", huber)
-    result = Fit(friction=part)
-    if share is not None and options.ci != "none":
-        half = 0.5 * (values.high - values.low)
-        of_share, more = share_of(own, data, lambda C: own_levels(levels, data, C, own).theta, half)
-        result = msgspec.structs.replace(result, uncertainty=Uncertainty(share=of_share))
-        findings += more
-    return msgspec.structs.replace(result, findings=tuple(findings)), own.scatter
+    return Fit(friction=part, findings=tuple(findings)), own
 
 
 def scatter_findings(scatter: Scatter) -> list[Finding]:

@@ -186,6 +186,9 @@ def log_part(solved: Solved, k: int, log: RecordedLog) -> LogFit:
     missed, y = solved.missed[k], solved.outputs[k]
     about = float(np.linalg.norm(y - y.mean()))
     span = float(log.time_s[-1] - log.time_s[0])
+    time_s, level, measured = (column[counted] for column in (log.time_s, log.input, log.output))
+    columns = (time_s, level, measured, measured + missed, -missed)
+    at = extremes(np.stack([level, measured, -missed]), STRETCHES)  # rows to be drawn
     return LogFit(
         name=log.name,
         path=log.source,
@@ -199,15 +202,8 @@ def log_part(solved: Solved, k: int, log: RecordedLog) -> LogFit:
         rmse=float(np.sqrt(np.mean(missed * missed))),
         fit_pct=100 * (1 - float(np.linalg.norm(missed)) / about) if about > 0 else None,
         one_step_pct=100 * (1 - float(np.linalg.norm(np.diff(missed))) / about) if about > 0 else None,
-        curve=curve_of(log.time_s[counted], log.input[counted], log.output[counted], -missed),
+        curve=LogCurve(*(tuple(float(f"{x:.{DIGITS}g}") for x in column[at]) for column in columns)),
     )
-
-
-def curve_of(time_s: Array, level: Array, measured: Array, residual: Array) -> LogCurve:
-    """Rows to be drawn; shapes (n,)."""
-    at = extremes(np.stack([level, measured, residual]), STRETCHES)
-    columns = (time_s, level, measured, measured - residual, residual)
-    return LogCurve(*(tuple(float(f"{x:.{DIGITS}g}") for x in column[at]) for column in columns))
 
 
 def extremes(rows: Array, stretches: int) -> NDArray[np.intp]:
