@@ -9,6 +9,7 @@ from scipy.special import fdtri
 from eaid.arrays import Array, median
 from eaid.estimate.certainty import Estimate
 from eaid.estimate.data import Data
+from eaid.estimate.forms import friction
 from eaid.estimate.from_steps import fit_levels_first
 from eaid.estimate.levels import OwnLevels, own_levels
 from eaid.estimate.scatter import CURVES, Scatter
@@ -131,25 +132,22 @@ NUDGE = 0.002  # Change of C by which its effect is found
 
 def share_of(near: Estimate | OwnLevels, data: Data) -> tuple[ShareEstimate, list[Finding]]:
     """Does the C that was held fit this rig? The same estimate with one free C for all levels beside it."""
-    held = float(near.theta[3, 0])
-    solved = fit_levels_first(data, None, [np.append(near.x, held)], near.form(None))
-    free = Estimate(near.levels, solved)
+    held, levels = float(near.theta[3, 0]), near.levels
+    if isinstance(near, OwnLevels):
+        (low, high, _), x, form = near.intervals, near.theta[1:3].ravel(), friction(data.u, None).without_torque
+        moved = [own_levels(levels, data, held + side * NUDGE, near).theta for side in (-1, 1)]
+    else:
+        (low, high, _), x, form = near.intervals(data.u), near.x, None
+        moved = [fit_levels_first(data, held + side * NUDGE, [x]).at.theta for side in (-1, 1)]
+    free = Estimate(levels, fit_levels_first(data, None, [np.append(x, held)], form))
     influence, holding = free.of_levels, set(free.held)
-    if isinstance(near, OwnLevels):  # levels share nothing but C
-        influence = replace(influence, single_degrees=max(len(near.levels) - 1.0, 1.0))
+    if form is not None:  # levels share nothing but C
+        influence = replace(influence, single_degrees=max(len(levels) - 1.0, 1.0))
         holding &= {"C-zero", "C-one"}
     variance, degrees = (float(one[-1]) for one in influence.variance())
-    C = np.nan if holding else float(solved.x[-1])
-    moved = []
-    for share in (held - NUDGE, held + NUDGE):
-        if isinstance(near, OwnLevels):
-            theta = own_levels(near.levels, data, share, near).theta
-        else:
-            theta = fit_levels_first(data, share, [near.x]).at.theta
-        moved.append(np.log(np.maximum(theta[:3], 1e-300)))
-    slope = (moved[1] - moved[0]) / (2 * NUDGE)
-    low, high, _ = near.intervals if isinstance(near, OwnLevels) else near.intervals(data.u)
-    half = 0.5 * (high - low)
+    C, half = np.nan if holding else float(free.x[-1]), 0.5 * (high - low)
+    before, after = (np.log(np.maximum(theta[:3], 1e-300)) for theta in moved)
+    slope = (after - before) / (2 * NUDGE)
     sensitivity = {name: median(slope[k]) for k, name in enumerate(CURVES)}  # in % per 0.01, the slope itself
     reach = float(t_quantile(degrees) * np.sqrt(variance))
     if not reach <= 0.5 or not np.isfinite(C):

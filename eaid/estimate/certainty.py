@@ -68,10 +68,6 @@ class Estimate:
         """T_s, τ1, τ2, C of the levels, (4, L)."""
         return self.at.theta
 
-    def form(self, share: float | None) -> Model:
-        """The model whose unknowns x are, C held or free."""
-        return nonlinear(self.problem.data.u, share).without_torque
-
     @cached_property
     def model(self) -> Model:
         """The whole model, T_s(u) among it."""

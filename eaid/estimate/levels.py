@@ -13,7 +13,6 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.estimate.certainty import Estimate
 from eaid.estimate.data import Data
-from eaid.estimate.forms import Model, friction
 from eaid.estimate.from_steps import fit_levels_first
 from eaid.estimate.points import residuals
 from eaid.estimate.scatter import Scatter
@@ -35,15 +34,6 @@ class OwnLevels:
     def theta(self) -> Array:
         """T_s, τ1, τ2, C of the levels, (4, L)."""
         return np.concatenate([one.at.theta for one in self.each], axis=1)
-
-    @property
-    def x(self) -> Array:
-        """τ1 and τ2 of the levels, one after the other, (2L,)."""
-        return self.theta[1:3].ravel()
-
-    def form(self, share: float | None) -> Model:
-        """The model whose unknowns these are, and C where it is free."""
-        return friction(self.scatter.duty, share).without_torque
 
     @property
     def curves(self) -> tuple[Friction, ...]:

@@ -149,16 +149,11 @@ class Inputs:
         return self.basis if few else np.linspace(self.low, self.high, 11)
 
 
-def levels_of(logs: Sequence[RecordedLog]) -> Array:
-    """The different inputs above rest, rising; those within a thousandth of the largest taken together."""
-    values = np.unique(np.concatenate([log.input[log.changes] for log in logs]))
-    values = values[values > 0]
-    return np.asarray(values[np.append(True, np.diff(values) > ALIKE * values[-1])], dtype=np.float64)
-
-
 def inputs_of(logs: Sequence[RecordedLog], wanted: tuple[float, float] | None) -> Inputs:
     """Levels and range that the logs excite, or the range that was asked for."""
-    levels = levels_of(logs)
+    levels = np.unique(np.concatenate([log.input[log.changes] for log in logs]))
+    levels = levels[levels > 0]
+    levels = levels[np.append(True, np.diff(levels) > ALIKE * levels[-1])]  # those all but alike are one
     stepwise = all(log.stepwise for log in logs) and len(levels) <= MANY
     if wanted is not None:
         inside = levels[(levels >= wanted[0]) & (levels <= wanted[1])]
