@@ -62,11 +62,8 @@ class LevelValues:
     @property
     def open(self) -> Mask:
         """Where the data do not determine a parameter, (3, L)."""
-        return np.asarray(~(0.5 * (self.high - self.low) <= OPEN) | self._constrained)
-
-    @property
-    def _constrained(self) -> Mask:
-        return np.array([[name in held for held in self.held] for name in CURVES])
+        constrained = np.array([[name in held for held in self.held] for name in CURVES])
+        return np.asarray(~(0.5 * (self.high - self.low) <= OPEN) | constrained)
 
     def ci95(self, i: int) -> LevelIntervals:
         """95 % intervals of one level, of what the data tell.
