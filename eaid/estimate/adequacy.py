@@ -1,6 +1,7 @@
 """Is the model right? Lack of fit against the spread of the repeats, decay under hold, the C that the runs ask for."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.special import fdtri
@@ -8,19 +9,11 @@ from scipy.special import fdtri
 from eaid.arrays import Array, median
 from eaid.estimate.certainty import Estimate
 from eaid.estimate.data import Data
-from eaid.estimate.friction import LevelValues
+from eaid.estimate.forms import friction
 from eaid.estimate.from_steps import fit_levels_first
 from eaid.estimate.levels import OwnLevels, own_levels
-from eaid.estimate.scatter import (
-    CURVES,
-    Scatter,
-    log_jacobian,
-    of_numbers,
-    pooled_scatter,
-    run_residuals,
-    run_statistics,
-)
-from eaid.estimate.spread import Influence, t_quantile
+from eaid.estimate.scatter import CURVES, Scatter
+from eaid.estimate.spread import t_quantile
 from eaid.findings import Finding, finding
 from eaid.results.fit import LackOfFit, ShareEstimate
 from eaid.steps.noise import line
@@ -135,76 +128,26 @@ VAGUE = 0.1  # Half-width of C beyond which the runs say hardly anything of it
 MATTERS = 0.25  # Part of a half-width: a shift by so much takes 4 of the 95 % from an interval
 TRIFLE = 0.0025  # A difference in C that is never worth a word: 3 % in τ2 and 0.3 % in T_s on the reference plant
 NUDGE = 0.002  # Change of C by which its effect is found
-STEPS, SETTLED = 12, 1e-5
-LEAST, MOST = 0.02, 0.99  # Where C cannot be told, it runs out of here
 
 
-def share_of(first: Estimate) -> tuple[ShareEstimate, list[Finding]]:
-    """Does the C that was held fit this rig? The same estimate with C free beside it."""
-    held, levels, data = first.model.share, first.levels, first.problem.data
-    assert held is not None
-
-    def at(share: float) -> Array:
-        return np.log(np.maximum(fit_levels_first(data, share, [first.x]).at.theta[:3], 1e-300))
-
-    free = Estimate(levels, fit_levels_first(data, None, [np.append(first.x, held)]))
-    last = np.eye(1, free.model.size, free.model.size - 1)
-    variance, degrees = (float(one[0]) for one in free.influence.of(last).variance())
-    low, high, _ = first.intervals(data.u)
-    return _judged(held, at, np.nan if free.held else float(free.x[-1]), variance, degrees, 0.5 * (high - low))
-
-
-def share_of_levels(own: OwnLevels, data: Data, values: LevelValues) -> tuple[ShareEstimate, list[Finding]]:
-    """The same where every level was fitted by itself: one C for all of them.
-
-    With z = ∂f/∂C of a level less what its T_s, τ1 and τ2 can follow, C is where Σ w z'(ȳ − f) is 0, w the inverse of
-    the mean squared output; a run moves it by w z'(y_r − ȳ)/(R Σ w z'z).
-    """
-    held, now = own.each[0].model.share, own
-    assert held is not None
-    near = {held: own}
-
-    def at(share: float) -> Array:
-        near.setdefault(share, own_levels(own.levels, data, share, own))
-        return np.log(np.maximum(near[share].theta[:3], 1e-300))
-
-    share, step, before, information = held, 1.0, np.inf, 0.0
-    for _ in range(STEPS):
-        slopes = [log_jacobian(curve, level.time_s, True) for curve, level in zip(now.curves, own.levels, strict=True)]
-        ways = [J[:, 3] - J[:, :3] @ np.linalg.lstsq(J[:, :3], J[:, 3], rcond=1e-10)[0] for J in slopes]
-        weight = [1 / max(float(np.mean(level.mean**2)), 1e-300) for level in own.levels]
-        left = [level.mean - J[:, 0] for level, J in zip(own.levels, slopes, strict=True)]
-        scores = np.array([w * float(z @ r) for w, z, r in zip(weight, ways, left, strict=True)])
-        information = max(sum(w * float(z @ z) for w, z in zip(weight, ways, strict=True)), 1e-300)
-        step = float(np.clip(scores.sum() / information, -1.0, 1.0)) * share * (1 - share)  # of C, from its logit
-        if 0.1 < abs(step / before) < 0.9:  # T_s, τ1 and τ2 follow: steps shrink by a ratio, which leads to their sum
-            step /= 1 - step / before
-        if abs(step) < SETTLED or not LEAST < share + step < MOST:
-            break
-        share, before = share + step, step
-        now = own_levels(own.levels, data, share, now)
-    single = [len(level.runs) == 1 for level in own.levels]
-    if all(single):
-        variance, degrees = float((scores**2).sum()) / information**2, max(len(scores) - 1.0, 1.0)
+def share_of(near: Estimate | OwnLevels, data: Data) -> tuple[ShareEstimate, list[Finding]]:
+    """Does the C that was held fit this rig? The same estimate with one free C for all levels beside it."""
+    held, levels = float(near.theta[3, 0]), near.levels
+    if isinstance(near, OwnLevels):
+        (low, high, _), x, form = near.intervals, near.theta[1:3].ravel(), friction(data.u, None).without_torque
+        moved = [own_levels(levels, data, held + side * NUDGE, near).theta for side in (-1, 1)]
     else:
-        rows = zip(own.levels, slopes, ways, strict=True)
-        noise = [(level, run_residuals(level.runs, J[:, 0], J), z / max(float(z @ z), 1e-300)) for level, J, z in rows]
-        scatter = of_numbers(pooled_scatter([run_statistics(level, one, way[:, None]) for level, one, way in noise]))
-        gain = np.array([w * float(z @ z) for w, z in zip(weight, ways, strict=True)])[:, None, None] / information
-        variance, degrees = (float(one[0]) for one in Influence(gain, scatter, np.zeros((0, 1)), 0.0).variance())
-    settled = share if abs(step) < SETTLED else np.nan
-    size = (share * (1 - share)) ** 2
-    return _judged(held, at, settled, variance * size, degrees, 0.5 * (values.high - values.low))
-
-
-def _judged(
-    held: float, at: Callable[[float], Array], C: float, variance: float, degrees: float, half: Array
-) -> tuple[ShareEstimate, list[Finding]]:
-    """What is told of the C that was held, given the one that the runs ask for; NaN where they ask for none.
-
-    `at` gives ln T_s, ln τ1, ln τ2 of the levels at a C, (3, L); `half` are the half-widths of their intervals.
-    """
-    slope = (at(held + NUDGE) - at(held - NUDGE)) / (2 * NUDGE)
+        (low, high, _), x, form = near.intervals(data.u), near.x, None
+        moved = [fit_levels_first(data, held + side * NUDGE, [x]).at.theta for side in (-1, 1)]
+    free = Estimate(levels, fit_levels_first(data, None, [np.append(x, held)], form))
+    influence, holding = free.of_levels, set(free.held)
+    if form is not None:  # levels share nothing but C
+        influence = replace(influence, single_degrees=max(len(levels) - 1.0, 1.0))
+        holding &= {"C-zero", "C-one"}
+    variance, degrees = (float(one[-1]) for one in influence.variance())
+    C, half = np.nan if holding else float(free.x[-1]), 0.5 * (high - low)
+    before, after = (np.log(np.maximum(theta[:3], 1e-300)) for theta in moved)
+    slope = (after - before) / (2 * NUDGE)
     sensitivity = {name: median(slope[k]) for k, name in enumerate(CURVES)}  # in % per 0.01, the slope itself
     reach = float(t_quantile(degrees) * np.sqrt(variance))
     if not reach <= 0.5 or not np.isfinite(C):

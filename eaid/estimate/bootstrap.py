@@ -13,6 +13,7 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.estimate.data import Data
 from eaid.estimate.points import Points, compress
+from eaid.estimate.spread import t_quantile
 from eaid.models import friction
 from eaid.models.parameters import Friction
 from eaid.options import FitOptions
@@ -41,6 +42,18 @@ def bootstrap(
         if advance:
             advance()
     return np.array(rows)
+
+
+def drawn_ends(value: Array, draws: Array, degrees: Array) -> tuple[Array, Array, Array]:
+    """Ends of intervals of values, from what they are in the refits, and their degrees of freedom."""
+    reach = t_quantile(degrees) * spread_of(draws)
+    return value - reach, value + reach, degrees
+
+
+def spread_of(draws: Array) -> Array:
+    """Standard deviation over refits, the first axis, from their middle 95 %."""
+    low, high = np.quantile(draws, [0.025, 0.975], axis=0)
+    return np.asarray((high - low) / 3.92)
 
 
 def _compressed(level: Level, length: int) -> Array:

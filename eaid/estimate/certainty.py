@@ -63,6 +63,11 @@ class Estimate:
         """The levels' curves."""
         return self.solved.at
 
+    @property
+    def theta(self) -> Array:
+        """T_s, τ1, τ2, C of the levels, (4, L)."""
+        return self.at.theta
+
     @cached_property
     def model(self) -> Model:
         """The whole model, T_s(u) among it."""
@@ -200,19 +205,15 @@ class Estimate:
         rows[first:, len(self.levels) :] = np.eye(len(self.x))
         return rows
 
-    def with_levels(self, of_levels: Influence) -> Influence:
-        """Influence on the coefficients, with the scatter of single runs about T_s(u)."""
-        whole = of_levels.of(self.answers)
+    @cached_property
+    def influence(self) -> Influence:
+        """How the coefficients answer to the runs, single ones by their scatter about T_s(u)."""
+        whole = self.of_levels.of(self.answers)
         if not ((self.repeats == 1).all() and self.by_levels):
             return whole
         apart = np.zeros((len(self.levels), self.model.size))
         apart[:, : self.first] = (self.curve.gains * np.sqrt(self.curve.variance)).T
         return replace(whole, singles=np.concatenate([whole.singles, apart]))
-
-    @cached_property
-    def influence(self) -> Influence:
-        """How the coefficients answer to the runs."""
-        return self.with_levels(self.of_levels)
 
     def refit(self, data: Data) -> Array:
         """The coefficients for data that differ little, with the weights of T_s(u) kept, (n,)."""

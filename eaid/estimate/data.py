@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -21,8 +22,6 @@ class Data:
 
     u: Array  # Level of each curve, in the set's input unit, shape (L,)
     records: tuple[Record, ...]
-    # The curves as one array, (L, n), where all share one grid; `records` are its rows then
-    together: Array | None = None
 
     @property
     def samples(self) -> int:
@@ -47,34 +46,20 @@ class Data:
     @cached_property
     def points(self) -> Points:
         """The compressed curves."""
-        records = self.records
-        return compress([r.t_s for r in records], [r.y for r in records], self.together, [r.uniform for r in records])
+        return compress([r.t_s for r in self.records], [r.y for r in self.records], [r.uniform for r in self.records])
 
     def one(self, index: int) -> "Data":
         """One level of it."""
         row = slice(index, index + 1)
-        together = None if self.together is None else self.together[row]
-        alone = Data(self.u[row], self.records[row], together)
+        alone = Data(self.u[row], self.records[row])
         alone.__dict__["points"] = self.points.rows(row)
         return alone
 
 
 def data_of(levels: Sequence[Level]) -> Data:
-    """The mean curves of some levels; those on one grid share their times."""
-    u = np.array([level.level for level in levels], dtype=np.float64)
-    first = levels[0]
-    alike = all(
-        level.time_s is first.time_s or (level.uniform and np.array_equal(level.time_s, first.time_s))
-        for level in levels
-    )
-    if not alike:
-        return Data(u, tuple(Record(one.time_s, one.mean, one.uniform) for one in levels))
-    together = np.empty((len(levels), len(first.time_s)))
-    for row, level in zip(together, levels, strict=True):
-        runs = level.ordered_runs
-        np.matmul(np.full(len(runs), 1 / len(runs)), runs, out=row)
-    records = tuple(Record(first.time_s, row, first.uniform) for row in together)
-    return Data(u, records, together)
+    """The mean curves of some levels."""
+    records = tuple(Record(level.time_s, level.mean, level.uniform) for level in levels)
+    return Data(np.array([level.level for level in levels], dtype=np.float64), records)
 
 
 BLOCKS = 50  # Block means of a record that noise is averaged out in, before a model is said to miss the curve
@@ -87,15 +72,12 @@ FAR = 0.25
 class Errors:
     """Errors over some samples, in the output's unit."""
 
-    rmse: float
-    sse: float
+    scores: dict[str, Any]  # rmse, sse, fit_pct, R2
     abs_error: AbsError
-    fit_pct: float | None
-    R2: float | None
 
     def at(self, level: float) -> LevelError:
         """The same as the errors of one level."""
-        return LevelError(level, self.abs_error, rmse=self.rmse, sse=self.sse, fit_pct=self.fit_pct, R2=self.R2)
+        return LevelError(level, self.abs_error, **self.scores)
 
 
 def quality(sse: float, outputs: Sequence[Array]) -> tuple[float | None, float | None]:
@@ -112,7 +94,8 @@ def errors(outputs: Sequence[Array], residuals: Sequence[Array]) -> Errors:
     samples, sse = sum(len(r) for r in residuals), sum(float(r @ r) for r in residuals)
     mean, square = sum(float(np.abs(r).sum()) for r in residuals) / samples, sse / samples
     sd = float(np.sqrt(max(square - mean**2, 0.0)))
-    return Errors(float(np.sqrt(square)), sse, AbsError(mean, sd), *quality(sse, outputs))
+    fit_pct, R2 = quality(sse, outputs)
+    return Errors({"rmse": float(np.sqrt(square)), "sse": sse, "fit_pct": fit_pct, "R2": R2}, AbsError(mean, sd))
 
 
 def hold_out(held_out: Sequence[Level], predicted: Callable[[Level], Array], fitted_rmse: float) -> HoldOut | None:
@@ -121,9 +104,13 @@ def hold_out(held_out: Sequence[Level], predicted: Callable[[Level], Array], fit
         return None
     outputs = [level.mean for level in held_out]
     residuals = [predicted(level) - level.mean for level in held_out]
-    total = errors(outputs, residuals)
-    rows = [errors([y], [r]).at(level.level) for level, y, r in zip(held_out, outputs, residuals, strict=True)]
-    return HoldOut(tuple(rows), total.rmse, fitted_rmse, total.abs_error)
+    total, rows = errors(outputs, residuals), each_level([level.level for level in held_out], outputs, residuals)
+    return HoldOut(rows, total.scores["rmse"], fitted_rmse, total.abs_error)
+
+
+def each_level(levels: Sequence[float], outputs: Sequence[Array], residuals: Sequence[Array]) -> tuple[LevelError, ...]:
+    """Errors of every level by itself."""
+    return tuple(errors([y], [r]).at(u) for u, y, r in zip(levels, outputs, residuals, strict=True))
 
 
 def explains_little(outputs: Sequence[Array], residuals: Sequence[Array]) -> bool:

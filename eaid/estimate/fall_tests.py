@@ -26,55 +26,29 @@ NAMES = {"rest": ("release_tau1", "release_tau2"), "fall": ("fall_tau1", "fall_t
 WIDEST = 1e6  # Half-width beyond which there is no interval
 
 
-@dataclass(frozen=True, eq=False)
-class Tested:
-    """The fit with what the tests asked for, and what they found."""
-
-    solved: Solved
-    falls: tuple[FallTest, ...]
-    findings: tuple[Finding, ...]
-    kept: tuple[str, ...] = ()  # Which of rest, fall and excess differ, and are fitted
-
-
 def seen(drives: tuple[Drive, ...], low: float, stepwise: bool) -> tuple[str, ...]:
     """Which of the three the inputs can tell."""
-    found = []
-    if any(_falls_to_rest(drive) for drive in drives):
-        found.append("rest")
-    falls = [_level_falls(drive, low) for drive in drives]
-    if stepwise and sum(falls) >= 2:
-        found += ["fall", "excess"]
-    return tuple(found)
+    rests = falls = 0
+    for drive in drives:
+        level = drive.duty[drive.index]
+        fell = np.flatnonzero((level[:-1] > 0) & (level[1:] == 0))
+        rests += any(int((level[at + 1 :] == 0).argmin() or len(level) - at - 1) >= 8 for at in fell)
+        falls += int(((level[1:] < level[:-1]) & (level[1:] >= low)).sum())
+    return (*(["rest"] if rests else []), *(["fall", "excess"] if stepwise and falls >= 2 else []))
 
 
-def _falls_to_rest(drive: Drive) -> bool:
-    level = drive.duty[drive.index]
-    fell = np.flatnonzero((level[:-1] > 0) & (level[1:] == 0))
-    return any(int((level[at + 1 :] == 0).argmin() or len(level) - at - 1) >= 8 for at in fell)
-
-
-def _level_falls(drive: Drive, low: float) -> int:
-    level = drive.duty[drive.index]
-    return int(((level[1:] < level[:-1]) & (level[1:] >= low)).sum())
-
-
-def tested(base: Solved, stepwise: bool) -> Tested:
-    """Test all that the inputs can tell together, then fit again with those that differ."""
+def tested(base: Solved, stepwise: bool) -> tuple[Solved, tuple[FallTest, ...], tuple[Finding, ...]]:
+    """Test all that the inputs can tell together, then fit again with those that differ: they are its extras."""
     names = seen(base.setup.drives, base.setup.model.low, stepwise)
-    if not names:
-        return Tested(base, (), (finding("release-not-seen", "release"),))
-    whole = with_falls(base, names)
-    uncertainty = spread(whole)
-    judgements, left_in = _judged(whole, uncertainty, names)
-    solved = base
-    if left_in:
-        solved = whole if left_in == names else with_falls(base, left_in)
-        if left_in != names:
-            judgements = {
-                **_judged(solved, spread(solved), left_in)[0],
-                **{k: v for k, v in judgements.items() if k not in left_in},
-            }
-    return Tested(solved, _as_result(judgements, left_in), _findings(solved, judgements, left_in), left_in)
+    judgements: dict[str, Judged] = {}
+    if names:
+        whole = with_falls(base, names)
+        judgements = _judged(whole, names)
+        if differing := tuple(name for name in names if judgements[name].differs):
+            base = whole if differing == names else with_falls(base, differing)
+            if differing != names:
+                judgements |= _judged(base, differing)
+    return base, _as_result(judgements, base.setup.extras), _findings(base, judgements)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,9 +79,8 @@ def with_falls(base: Solved, names: tuple[str, ...]) -> Solved:
     return finished(setup, [x])
 
 
-def _judged(solved: Solved, uncertainty: Spread, names: tuple[str, ...]) -> tuple[dict[str, Judged], tuple[str, ...]]:
-    judgements, kept = {}, []
-    model = solved.setup.model
+def _judged(solved: Solved, names: tuple[str, ...]) -> dict[str, Judged]:
+    judgements, model, uncertainty = {}, solved.setup.model, spread(solved)
     for name in names:
         at, count = solved.setup.at(name), len(NOTHING[name])
         G = np.zeros((count, solved.setup.size))
@@ -122,9 +95,7 @@ def _judged(solved: Solved, uncertainty: Spread, names: tuple[str, ...]) -> tupl
         scale = against if name == "rest" else 1.0
         differs = chance < CHANCE and bool((np.abs(off / scale) > LEAST[name]).any())
         judgements[name] = Judged(values, half, chance, differs)
-        if differs:
-            kept.append(name)
-    return judgements, tuple(kept)
+    return judgements
 
 
 def _chance(off: Array, G: Array, uncertainty: Spread) -> float:
@@ -155,8 +126,9 @@ def _as_result(judgements: dict[str, Judged], kept: tuple[str, ...]) -> tuple[Fa
     return tuple(rows)
 
 
-def _findings(solved: Solved, judgements: dict[str, Judged], kept: tuple[str, ...]) -> tuple[Finding, ...]:
+def _findings(solved: Solved, judgements: dict[str, Judged]) -> tuple[Finding, ...]:
     (edge1, edge2), findings = edges(solved).tolist(), [finding("release-not-seen", "release")]
+    kept = solved.setup.extras
     if "rest" in judgements:
         (tau1, tau2), chance = judgements["rest"].values.tolist(), judgements["rest"].chance
         findings = [finding("release-alike", "release", tau1_s=edge1, tau2_s=edge2, chance=chance)]

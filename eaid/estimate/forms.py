@@ -58,15 +58,9 @@ class LegendreForm:
 
     def powers(self, c: Array) -> Array:
         """The same polynomial in powers of u, lowest first, (size,)."""
-        return np.asarray(c @ _powers_of(self.low, self.high)[: self.size, : self.size])
-
-
-@lru_cache(maxsize=32)
-def _powers_of(low: float, high: float) -> Array:
-    """The powers of u in each Legendre polynomial, lowest first, one polynomial in a row, (4, 4)."""
-    middle, half = 0.5 * (low + high), 0.5 * (high - low) or 1.0
-    parts = [Legendre.basis(k, [middle - half, middle + half]).convert(kind=Polynomial).coef for k in range(4)]
-    return np.array([np.pad(part, (0, 4 - len(part))) for part in parts])
+        domain = [self.low, self.high] if self.high > self.low else [self.low - 1, self.low + 1]
+        powers = Legendre(c, domain).convert(kind=Polynomial).coef
+        return np.pad(powers, (0, self.size - len(powers)))
 
 
 @dataclass(frozen=True)
@@ -272,7 +266,7 @@ def linear(levels: Array) -> Model:
     return Model(LegendreForm(int(high > low), low, high), LegendreForm(0, low, high), None, 1.0, low, high, levels[:1])
 
 
-def friction(levels: Array, share: float) -> Model:
+def friction(levels: Array, share: float | None) -> Model:
     """Eq. (3) with T_s, τ1, τ2 of every level."""
     each = PerLevel(tuple(levels.tolist()))
     return Model(each, each, each, share, float(levels[0]), float(levels[-1]), levels)

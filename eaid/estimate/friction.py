@@ -3,10 +3,10 @@
 The rows are those of the nonlinear model's curves at the levels, or of each level by itself: one value a level.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 
+import msgspec
 import numpy as np
 
 from eaid.arrays import Array
@@ -62,28 +62,22 @@ class LevelValues:
     @property
     def open(self) -> Mask:
         """Where the data do not determine a parameter, (3, L)."""
-        return np.asarray(~(0.5 * (self.high - self.low) <= OPEN) | self._constrained)
+        constrained = np.array([[name in held for held in self.held] for name in CURVES])
+        return np.asarray(~(0.5 * (self.high - self.low) <= OPEN) | constrained)
 
-    @property
-    def _constrained(self) -> Mask:
-        return np.array([[name in held for held in self.held] for name in CURVES])
-
-    def dof(self, i: int) -> dict[str, float]:
-        """Degrees of freedom of one level's intervals."""
-        return {name: float(self.degrees[k, i]) for k, name in enumerate(CURVES) if np.isfinite(self.degrees[k, i])}
-
-    def intervals(self, i: int) -> dict[str, Interval]:
+    def ci95(self, i: int) -> LevelIntervals:
         """95 % intervals of one level, of what the data tell.
 
         Where a constraint holds τ2 beyond a record, the share of T_s that it delays is not seen, and T_s has none.
         """
-        ends_by_name: dict[str, Interval] = {}
+        ends: dict[str, Interval] = {}
         for k, name in enumerate(CURVES):
             low, high = float(self.low[k, i]), float(self.high[k, i])
             fine = name not in self.held[i] and self.theta[k, i] > 0 and high - low < 2 * SAYS_NOTHING
             fine &= not (name == "Ts" and "tau2" in self.held[i] and self.theta[2, i] > self.levels[i].time_s[-1])
-            ends_by_name[name] = (float(np.exp(low)), float(np.exp(high))) if fine else None
-        return ends_by_name
+            ends[name] = (float(np.exp(low)), float(np.exp(high))) if fine else None
+        degrees = zip(CURVES, self.degrees[:, i].tolist(), strict=True)
+        return LevelIntervals(**ends, dof={name: one for name, one in degrees if np.isfinite(one)})
 
 
 def quoted(
@@ -103,11 +97,6 @@ def quoted(
     return LevelValues(levels, theta, held, low, high, degrees)
 
 
-def of_own_levels(own: OwnLevels) -> LevelValues:
-    """The values of levels that were fitted by themselves."""
-    return quoted(own.levels, own.theta, own.scatter.held, own.intervals)
-
-
 def white_ends(scatter: Scatter) -> tuple[Array, Array, Array]:
     """The textbook's ends of each level by itself: θ ± t s on its logarithm, from s² A⁻¹."""
     ends = []
@@ -121,7 +110,13 @@ def white_ends(scatter: Scatter) -> tuple[Array, Array, Array]:
 
 
 def friction_part(
-    stepset: StepSet, values: LevelValues, data: Data, own: OwnLevels | None, options: FitOptions, huber: Huber | None
+    stepset: StepSet,
+    values: LevelValues,
+    data: Data,
+    options: FitOptions,
+    own: OwnLevels | None = None,
+    huber: Huber | None = None,
+    held_out: Sequence[Level] = (),
 ) -> tuple[Friction, list[Finding]]:
     """The friction model: rows of all levels, trends, and their warnings; `own` where each was fitted by itself."""
     over, x = trend_axis(stepset, data.u)
@@ -131,36 +126,44 @@ def friction_part(
     rows = []
     for i, (level, record, r) in enumerate(zip(values.levels, data.records, left, strict=True)):
         Ts, tau1, tau2, C = values.theta[:, i].tolist()
-        sse = float(r @ r)
-        fit_pct, R2 = metrics.quality(sse, [record.y])
-        ends = values.intervals(i) if shown else {}
-        if shown and own is not None:
-            ends["C"] = own.share_interval(i)
-        if (c := coefficient[i]) is not None and (of_Ts := ends.get("Ts")) is not None:
-            ends["C_f"] = (c * of_Ts[0] / Ts, c * of_Ts[1] / Ts)
+        ends, c = values.ci95(i) if shown else None, coefficient[i]
+        if ends is not None and own is not None:
+            ends = msgspec.structs.replace(ends, C=own.share_interval(i))
+        if ends is not None and ends.Ts is not None and c is not None:
+            ends = msgspec.structs.replace(ends, C_f=(c * ends.Ts[0] / Ts, c * ends.Ts[1] / Ts))
         rows.append(
             FrictionLevel(
                 level.level, Ts, tau1, tau2, C,
                 stress_kpa=float(x[i]) if over == "stress_kpa" else None,
                 speed_rpm=float(x[i]) if over == "speed_rpm" else None,
-                samples=len(r), C_f=c, rmse=float(np.sqrt(sse / len(r))), sse=sse, fit_pct=fit_pct, R2=R2,
-                solver=None if own is None else own.each[i].solved.solver,
-                ci95=LevelIntervals(**ends, dof=values.dof(i)) if shown else None,
+                samples=len(r), C_f=c, **metrics.errors([record.y], [r]).scores,
+                solver=None if own is None else own.each[i].solved.solver, ci95=ends,
             )
         )  # fmt: skip
     by_name = {name: [getattr(row, name) for row in rows] for name in (*CURVES, "C_f")}
     trends, more = fitted_trends(stepset.kind, over, x, by_name)
     findings += more
-    if shown and trends and own is not None:
-        columns = {name: np.array(by_name[name], dtype=float) for name in trends}
-        spread = np.sqrt(np.einsum("lkk->kl", own.scatter.of_levels.covariance(actual=True))[:3])
-        sd = {name: column * spread[{"tau1": 1, "tau2": 2}.get(name, 0)] for name, column in columns.items()}
-        known = own.scatter.source == "repeats" and options.ci != "white"
-        trends, more = trends_with_intervals(trends, x, columns, sd if known else None, own.scatter.degrees)
-        findings += more
     share = values.theta[3, 0].item() if options.held_share is not None else None
-    solver = None if own is None else own.solver
-    return Friction(share, over, tuple(rows), trends, solver, robust=huber), findings
+    if own is None:
+        return Friction(share, over, tuple(rows), trends), findings
+    seen = own.scatter
+    if shown and trends:
+        columns = {name: np.array(by_name[name], dtype=float) for name in trends}
+        spread = np.sqrt(np.einsum("lkk->kl", seen.of_levels.covariance(actual=True))[:3])
+        sd = {name: column * spread[{"tau1": 1, "tau2": 2}.get(name, 0)] for name, column in columns.items()}
+        known = seen.source == "repeats" and options.ci != "white"
+        trends, more = trends_with_intervals(trends, x, columns, sd if known else None, seen.degrees)
+        findings += more
+    findings += level_findings(values, seen, "friction", stepset)
+    for i, level in enumerate(own.levels if seen.share_free else ()):
+        low, high = own.share_interval(i) or (0.0, 1.0)
+        if high - low > 0.5:
+            unit = stepset.input_unit
+            findings.append(finding("free-share-open", "friction", [level.level], low=low, high=high, unit=unit))
+    if values.open.any(axis=0).all():
+        findings.append(finding("no-level-determines-all", "friction"))
+    part = Friction(share, over, tuple(rows), trends, own.solver, robust=huber)
+    return msgspec.structs.replace(part, hold_out=friction_hold_out(part, stepset, held_out)), findings
 
 
 def _coefficients(stepset: StepSet, over: str, x: Array, Ts: Array) -> tuple[list[Finding], list[float | None]]:
@@ -205,13 +208,8 @@ def friction_hold_out(part: Friction, stepset: StepSet, held_out: Sequence[Level
     return metrics.hold_out(held_out, predicted, float(np.sqrt(sse / samples)))
 
 
-def level_findings(
-    values: LevelValues, half_width: Callable[[int], float], subject: str, stepset: StepSet
-) -> list[Finding]:
-    """What the levels leave open: τ1 and τ2 that meet, constraints that hold, τ2 open or beyond the record.
-
-    `half_width` gives that of a level's output curve within its record.
-    """
+def level_findings(values: LevelValues, seen: Scatter, subject: str, stepset: StepSet) -> list[Finding]:
+    """What the levels leave open: τ1 and τ2 that meet, constraints that hold, τ2 open or beyond the record."""
     unit, u = stepset.input_unit, [level.level for level in values.levels]
     Ts, tau1, tau2 = values.theta[:3]
     met = (tau2 <= tau1 * (1 + MEETING)) & (Ts > 0)
@@ -240,27 +238,14 @@ def level_findings(
                 "tau2-open", subject, [u[i]],
                 low_s=float(low) if low > 1e-3 * records[i] else None,
                 high_s=float(high) if high < 1e4 * records[i] else None,
-                record_s=records[i], curve_half_width=half_width(i), unit=unit, output_unit=stepset.output_unit,
+                record_s=records[i], curve_half_width=curve_half_width(seen, i), unit=unit,
+                output_unit=stepset.output_unit,
             )
         )  # fmt: skip
     beyond = ~values.open[2] & (tau2 > records)
     if beyond.any():
         longest = float(np.max(np.array(records)[beyond]))
         findings.append(finding("tau2-outlasts-record", subject, where(beyond), record_s=longest, unit=unit))
-    return findings
-
-
-def own_level_findings(own: OwnLevels, values: LevelValues, stepset: StepSet) -> list[Finding]:
-    """What levels that were fitted by themselves leave open, a free C among it."""
-    seen, unit = own.scatter, stepset.input_unit
-    findings = level_findings(values, partial(curve_half_width, seen), "friction", stepset)
-    for i, level in enumerate(own.levels if seen.share_free else ()):
-        ends = own.share_interval(i)
-        if ends is None or ends[1] - ends[0] > 0.5:
-            low, high = ends or (0.0, 1.0)
-            findings.append(finding("free-share-open", "friction", [level.level], low=low, high=high, unit=unit))
-    if values.open.any(axis=0).all():
-        findings.append(finding("no-level-determines-all", "friction"))
     return findings
 
 

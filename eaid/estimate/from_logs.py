@@ -5,7 +5,7 @@ on every sample, and what one more of them would gain is the verdict, as with th
 """
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -62,9 +62,6 @@ class Place:
     def own(self) -> NDArray[np.intp]:
         """Idle output and start states in x, (3,)."""
         return self.x[6:]
-
-
-Together = Callable[[Array], tuple[float, Array, Array]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,21 +181,7 @@ class Setup:
             row[at : at + len(along)] = along
         b = np.append(limits.b, [least for *_, least in more])
         codes = (*limits.codes, *(code for _, code, _, _ in more))
-        return Problem(remembered(self.together), A, b, codes.__getitem__, floor=ROUNDING * self.energy)
-
-
-def remembered(together: Together) -> Together:
-    """The same, with its last answer at hand: cost and curvature of a place are asked for one after another."""
-    last: dict[bytes, tuple[float, Array, Array]] = {}
-
-    def found(x: Array) -> tuple[float, Array, Array]:
-        place = x.tobytes()
-        if place not in last:
-            last.clear()
-            last[place] = together(x)
-        return last[place]
-
-    return found
+        return Problem(self.together, A, b, codes.__getitem__, floor=ROUNDING * self.energy)
 
 
 def setup_of(model: Model, logs: Sequence[RecordedLog], idle_free: bool = True) -> Setup:

@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from eaid.arrays import Array
+from eaid.arrays import Array, scaled_inverse
 from eaid.estimate.data import Data
 from eaid.estimate.forms import Limits, Model, linear, nonlinear
 from eaid.estimate.points import Normal, level_normal, residuals
@@ -33,6 +33,7 @@ from eaid.estimate.solver import (
     slsqp,
     with_second_derivatives,
 )
+from eaid.estimate.spread import textbook
 from eaid.estimate.starts import form_starts, touching_starts
 from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
 from eaid.results.common import Solver
@@ -40,6 +41,7 @@ from eaid.results.common import Solver
 A0_GRID = 16  # Time constants on the starting grid of the linear model
 A0_STARTS = 3  # Starts from it
 WEIGHED = 10  # Rounds of weights, at most
+UNSEEN = 1e-10  # Directions that the data do not see have this part of the information at most
 SAME_WEIGHT = 1e-10  # Weights that change by less than this part of the largest have settled
 
 
@@ -124,8 +126,8 @@ class StepProblem:
 
     def weighed(self, x: Array) -> "StepProblem":
         """The same with w = 1/(T_s² + s²) at x; none for a level that is 0 throughout."""
-        at, w = self.at(x), np.broadcast_to(self.data.points.w, self.data.points.y.shape)
-        size = at.theta[0] ** 2 + at.cost / w.sum(axis=1)
+        at = self.at(x)
+        size = at.theta[0] ** 2 + at.cost / self.data.points.w.sum(axis=1)
         known = size > 1e-24 * size.max(initial=0.0)
         return replace(self, weight=np.where(known, 1 / np.where(known, size, 1.0), 0.0))
 
@@ -176,6 +178,15 @@ def refit_nonlinear(data: Data, near: Solution) -> Solution:
     return _confirmed(steps, [slsqp(problem, approach(problem, near.x))])
 
 
+def textbook_covariance(data: Data, model: Model, x: Array) -> tuple[Array, float]:
+    """s² (J'J)⁻¹ of a model's unknowns, as if every sample's error were its own, and N − P."""
+    M = model.rows(data.u)
+    theta = model.theta(x, M)
+    noise, spare = textbook(residuals(theta, data.records), len(x))
+    curvature = np.einsum("kln,lkj,jlm->nm", M, level_normal(theta, data.points).information, M)
+    return scaled_inverse(curvature, UNSEEN) * noise, spare
+
+
 def fit_linear(data: Data) -> Solution:
     """Eq. (8) fitted to all levels at once: x is τ = 1/a0; with a single level c0 is 0."""
     model = linear(data.u)
@@ -189,9 +200,14 @@ def fit_linear(data: Data) -> Solution:
     return Solution(steps, end.x, solver, active)
 
 
-def fit_levels_first(data: Data, share: float | None, starts: Sequence[Array] | None = None) -> Solution:
-    """T_s of each level, τ1(u) and τ2(u); `starts` are coefficients to begin from, by default those of a search."""
-    model = nonlinear(data.u, share).without_torque
+def fit_levels_first(
+    data: Data, share: float | None, starts: Sequence[Array] | None = None, form: Model | None = None
+) -> Solution:
+    """T_s of each level, τ1(u) and τ2(u), of the nonlinear model or of another form.
+
+    `starts` are coefficients to begin from, by default those of a search.
+    """
+    model = form or nonlinear(data.u, share).without_torque
     steps = StepProblem(data, model, 1 / np.maximum((data.points.y**2).max(axis=1), 1e-300))
     if starts is None:
         starts = form_starts(model, data, steps.weight)

@@ -48,21 +48,18 @@ def minimise(
             Record(record.t_s, record.y + one - np.clip(one, -cut, cut), record.uniform)
             for record, one in zip(data.records, r, strict=True)
         )
-        solved = again(replace(data, records=records, together=None), solved)
+        solved = again(replace(data, records=records), solved)
         after = residuals(solved, data)
         moved = max(float(np.abs(a - b).max()) for a, b in zip(after, r, strict=True)) / sigma
         r = after
         if moved <= SETTLED:
             break
-    weights = tuple(weights_on(u, one, K * sigma) for u, one in zip(data.u.tolist(), r, strict=True))
+    rows = []
+    for u, one in zip(data.u.tolist(), r, strict=True):  # weights min(1, kσ/|r|)
+        weight = np.minimum(1.0, K * sigma / np.maximum(np.abs(one), 1e-300)) if sigma > 0 else np.ones_like(one)
+        rows.append(HuberLevel(u, float(np.mean(weight < 1)), float(weight.min()), float(weight.mean())))
     settled = bool(moved <= SETTLED or sigma == 0.0)
-    return solved, Huber(k=K, sigma=sigma, settled=settled, weights=weights)
-
-
-def weights_on(level: float, residual: Array, cut: float) -> HuberLevel:
-    """How Huber's weights min(1, kσ/|r|) fall on one level."""
-    weight = np.minimum(1.0, cut / np.maximum(np.abs(residual), 1e-300)) if cut > 0 else np.ones_like(residual)
-    return HuberLevel(level, float(np.mean(weight < 1)), float(weight.min()), float(weight.mean()))
+    return solved, Huber(k=K, sigma=sigma, settled=settled, weights=tuple(rows))
 
 
 def huber_findings(subject: str, info: Huber | None) -> list[Finding]:

@@ -23,7 +23,6 @@ from eaid.estimate.record import RecordedLog
 from eaid.estimate.response import Copies, Drive
 from eaid.estimate.solver import EndPoint, approach
 from eaid.estimate.spread import t_quantile
-from eaid.findings import Finding, finding
 
 MOST = 3  # Rows that are looked for one by one
 FAR = 4  # Rows at which a cost that is lower by `LOWER` of it speaks of a delay of many rows …
@@ -56,14 +55,6 @@ def delays(base: Solved, logs: Sequence[RecordedLog]) -> list[int]:
                 rows = rows if moved < EXPLAINS * plain else 0
         found.append(rows)
     return found
-
-
-def delay_finding(log: RecordedLog, rows: int) -> list[Finding]:
-    """What is said of a log whose input acts some rows earlier, or later, than it is noted."""
-    lasts = abs(rows) * float(np.median(log.dt_s))
-    if rows > 0:
-        return [finding("input-late", log.name, rows=rows, ms=1e3 * lasts)]
-    return [finding("dead-time", log.name, dead_time_s=lasts)] if rows else []
 
 
 def follows_output(base: Solved, index: int, log: RecordedLog) -> float:
@@ -142,16 +133,12 @@ def one_step(setup: Setup, x: Array, log: RecordedLog) -> tuple[float, float]:
 
 
 def whitened(values: Array, r: Array) -> Array:
-    """What an autoregression of r does not foresee of some values, (n, …)."""
-    return np.asarray(lfilter(np.append(1.0, -autoregression(r)), [1.0], values, axis=0))
-
-
-def autoregression(r: Array) -> Array:
-    """Coefficients of r_k on the `ORDER` values before it (Yule and Walker)."""
+    """What an autoregression of r on the `ORDER` values before (Yule and Walker) does not foresee of values, (n, …)."""
     n = 2 ** int(np.ceil(np.log2(2 * len(r))))
     rho = np.fft.irfft(np.abs(np.fft.rfft(r, n)) ** 2)[: ORDER + 1]
     rho[0] *= 1 + 1e-9
-    return np.asarray(solve_toeplitz(rho[:-1], rho[1:])) if rho[0] > 0 else np.zeros(ORDER)
+    coefficients = solve_toeplitz(rho[:-1], rho[1:]) if rho[0] > 0 else np.zeros(ORDER)
+    return np.asarray(lfilter(np.append(1.0, -coefficients), [1.0], values, axis=0))
 
 
 def shifted(log: RecordedLog, rows: int) -> RecordedLog:

@@ -4,7 +4,7 @@ Its step response is one exponential with τ = 1/a0 and the gain (b0 u + c0)/a0.
 small changes of the levels' own T_s, τ1, τ2, by the full curvature of the cost: the model need not fit.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import msgspec
 import numpy as np
@@ -14,11 +14,11 @@ from eaid.estimate import data as metrics
 from eaid.estimate.data import Data, missed
 from eaid.estimate.forms import Model
 from eaid.estimate.forms import linear as line
-from eaid.estimate.from_steps import Solution, StepProblem, fit_linear
+from eaid.estimate.from_steps import UNSEEN, Solution, StepProblem, fit_linear, textbook_covariance
 from eaid.estimate.huber import huber_findings, minimise
-from eaid.estimate.points import level_normal, log_crossed, residuals
+from eaid.estimate.points import log_crossed
 from eaid.estimate.scatter import Scatter
-from eaid.estimate.spread import Influence, LevelScatter, interval_of, log_interval_of, textbook
+from eaid.estimate.spread import Influence, LevelScatter, interval_of, log_interval_of
 from eaid.findings import Finding, finding
 from eaid.models import linear as model
 from eaid.models.parameters import Friction
@@ -34,8 +34,6 @@ from eaid.results.fit import (
 )
 from eaid.steps.levels import wanted_levels
 from eaid.steps.stepset import Level
-
-UNSEEN = 1e-10  # Directions that the data do not see have this part of the information at most
 
 
 def to_line(form: Model) -> Array:
@@ -71,29 +69,35 @@ def to_parameters(form: Model, x: Array) -> Array:
     return turn if form.high > form.low else turn[:2]
 
 
-def to_logs(x: Array) -> Array:
+def to_logs(_form: Model, x: Array) -> Array:
     """∂(ln a0, ln gain, ln B)/∂(gain, τ), (3, 2), B = u/(a0 gain)."""
     gain, tau = x
     return np.array([[0.0, -1 / tau], [1 / gain, 0.0], [-1 / gain, 1 / tau]]) if gain else np.full((3, 2), np.nan)
 
 
-def influence(data: Data, form: Model, x: Array, curves: Sequence[Friction], scatter: LevelScatter) -> Influence:
-    """How x answers to the levels' own curves."""
+def variances(
+    solved: Solution,
+    slopes: Callable[[Model, Array], Array],
+    curves: Sequence[Friction],
+    scatter: LevelScatter,
+    white: bool,
+) -> tuple[list[float], list[float]]:
+    """Variances of some numbers of a fit, of which `slopes` gives those by its unknowns, and degrees of freedom.
+
+    By how the unknowns answer to the levels' own curves, or those of the textbook.
+    """
+    data, (form, x) = solved.steps.data, unknowns(solved)
+    turn = slopes(form, x)
+    if white:
+        covariance, spare = textbook_covariance(data, form, x)
+        return np.diag(turn @ covariance @ turn.T).tolist(), [spare] * len(turn)
     steps = StepProblem(data, form, np.ones(len(data.u)))
-    curve_values = np.array([[one.Ts, one.tau1, one.tau2, one.C] for one in curves]).T
-    along = log_crossed(curve_values, form.theta(x, steps.M), data.points, scatter.expected.shape[1] == 4)
+    own = np.array([[one.Ts, one.tau1, one.tau2, one.C] for one in curves]).T
+    along = log_crossed(own, form.theta(x, steps.M), data.points, scatter.expected.shape[1] == 4)
     assert steps.problem.exact is not None
-    back = scaled_inverse(0.5 * steps.problem.exact(x), UNSEEN)
-    return Influence(along @ steps.M.transpose(1, 0, 2) @ back, scatter, np.zeros((0, len(x))), 0.0)
-
-
-def textbook_covariance(data: Data, form: Model, x: Array) -> tuple[Array, float]:
-    """s² (J'J)⁻¹ of x, and its degrees of freedom."""
-    M = form.rows(data.u)
-    theta = form.theta(x, M)
-    noise, spare = textbook(residuals(theta, data.records), len(x))
-    information = np.einsum("kln,lkj,jlm->nm", M, level_normal(theta, data.points).information, M)
-    return scaled_inverse(information, UNSEEN) * noise, spare
+    gain = along @ steps.M.transpose(1, 0, 2) @ scaled_inverse(0.5 * steps.problem.exact(x), UNSEEN)
+    variance, degrees = Influence(gain, scatter, np.zeros((0, len(x))), 0.0).of(turn).variance()
+    return variance.tolist(), degrees.tolist()
 
 
 def fit_each_level(data: Data) -> list[Solution]:
@@ -109,8 +113,7 @@ def single_levels(data: Data, solved: Sequence[Solution]) -> tuple[LinearLevel, 
         total = metrics.errors([record.y], one.residuals(one.steps.data))
         b0 = a0 * gain / u if u else 0.0
         B = 1 / b0 if b0 > 0 else None
-        row = LinearLevel(u, a0, gain, b0, 0.0, B, one.solver.converged, rmse=total.rmse, sse=total.sse)
-        rows.append(msgspec.structs.replace(row, fit_pct=total.fit_pct, R2=total.R2))
+        rows.append(LinearLevel(u, a0, gain, b0, 0.0, B, one.solver.converged, **total.scores))
     return tuple(rows)
 
 
@@ -122,40 +125,22 @@ def bounds_of(rows: Sequence[LinearLevel], wanted: Sequence[float] | None = None
     return Bounds(levels=levels, B_m=min(known, default=None), B_M=max(known, default=None))
 
 
-def pooled_intervals(fit: Linear, data: Data, solved: Solution, scatter: Scatter, white: bool) -> PooledIntervals:
+def pooled_intervals(fit: Linear, solved: Solution, scatter: Scatter, white: bool) -> PooledIntervals:
     """95 % intervals of the pooled a0, b0, c0; one level leaves c0 to b0."""
-    form, x = unknowns(solved)
-    turn = to_parameters(form, x)
-    if white:
-        covariance, spare = textbook_covariance(data, form, x)
-        variance, degrees = np.diag(turn @ covariance @ turn.T), np.full(len(turn), spare)
-    else:
-        variance, degrees = influence(data, form, x, scatter.curves, scatter.of_levels).of(turn).variance()
-    ends = map(interval_of, (fit.a0, fit.b0, fit.c0), variance.tolist(), degrees.tolist())
-    return PooledIntervals(*ends, dof=dict(zip(("a0", "b0", "c0"), degrees.tolist(), strict=False)))
+    variance, degrees = variances(solved, to_parameters, scatter.curves, scatter.of_levels, white)
+    ends = map(interval_of, (fit.a0, fit.b0, fit.c0), variance, degrees)
+    return PooledIntervals(*ends, dof=dict(zip(("a0", "b0", "c0"), degrees, strict=False)))
 
 
-def level_intervals(
-    rows: Sequence[LinearLevel], data: Data, solved: Sequence[Solution], scatter: Scatter, white: bool
-) -> list[LinearLevelIntervals]:
-    """95 % intervals of a0, gain and B of every level."""
-    intervals = []
-    for i, (row, one) in enumerate(zip(rows, solved, strict=True)):
-        alone, (form, x) = data.one(i), unknowns(one)
-        turn, values = to_logs(x), (row.a0, row.gain, row.B)
-        if white:
-            covariance, spare = textbook_covariance(alone, form, x)
-            logs = np.diag(turn @ covariance @ turn.T).tolist()
-            ends = [
-                None if v is None else interval_of(v, v * v * one, spare) for v, one in zip(values, logs, strict=True)
-            ]
-            intervals.append(LinearLevelIntervals(*ends))
-            continue
-        near = influence(alone, form, x, scatter.curves[i : i + 1], scatter.of_levels.alone(i)).of(turn)
-        variance, degrees = (each.tolist() for each in near.variance())
+def level_intervals(row: LinearLevel, solved: Solution, i: int, scatter: Scatter, white: bool) -> LinearLevelIntervals:
+    """95 % intervals of a0, gain and B of level i."""
+    own, values = scatter.of_levels.alone(i), (row.a0, row.gain, row.B)
+    variance, degrees = variances(solved, to_logs, scatter.curves[i : i + 1], own, white)
+    if not white:
         dof = dict(zip(("a0", "gain", "B"), degrees, strict=True))
-        intervals.append(LinearLevelIntervals(*map(log_interval_of, values, variance, degrees), dof=dof))
-    return intervals
+        return LinearLevelIntervals(*map(log_interval_of, values, variance, degrees), dof=dof)
+    rows = zip(values, variance, degrees, strict=True)
+    return LinearLevelIntervals(*(None if v is None else interval_of(v, v * v * one, spare) for v, one, spare in rows))
 
 
 def bound_intervals(bounds: Bounds, rows: Sequence[LinearLevel]) -> BoundsIntervals:
@@ -175,23 +160,25 @@ def linear_part(
     solved, huber = minimise(data, options.loss, fit_linear, lambda d, _: fit_linear(d), Solution.residuals)
     p, left, each = parameters(*unknowns(solved)), solved.residuals(data), fit_each_level(data)
     total = metrics.errors([record.y for record in data.records], left)
-    one = Linear(
-        p.a0, p.b0, p.c0, solver=solved.solver, rmse=total.rmse, sse=total.sse, fit_pct=total.fit_pct, R2=total.R2
-    )
+    one = Linear(p.a0, p.b0, p.c0, solver=solved.solver, **total.scores)
     rows = single_levels(data, each)
     wanted = options.bounds_levels
     levels = None if wanted is None else wanted_levels(wanted, [row.level for row in rows], "bounds_levels")
     bounds = bounds_of(rows, levels)
     white = options.ci == "white"
-    pooled = pooled_intervals(one, data, solved, scatter, white)
+    pooled = pooled_intervals(one, solved, scatter, white)
     findings = [*linear_findings(data, one, rows, bounds, pooled), *huber_findings("linear", huber)]
     findings += missed("linear", data, left, one)
     if options.ci != "none":
-        ends = level_intervals(rows, data, each, scatter, white)
-        rows = tuple(msgspec.structs.replace(row, ci95=ci) for row, ci in zip(rows, ends, strict=True))
+        rows = tuple(
+            msgspec.structs.replace(row, ci95=level_intervals(row, one_level, i, scatter, white))
+            for i, (row, one_level) in enumerate(zip(rows, each, strict=True))
+        )
         bounds = msgspec.structs.replace(bounds, ci95=bound_intervals(bounds, rows))
         one = msgspec.structs.replace(one, ci95=pooled)
-    beyond = metrics.hold_out(held_out, lambda level: model.step_response(p, level.time_s, level.level), total.rmse)
+    beyond = metrics.hold_out(
+        held_out, lambda level: model.step_response(p, level.time_s, level.level), total.scores["rmse"]
+    )
     part = msgspec.structs.replace(one, per_level=rows, bounds=bounds, robust=huber, hold_out=beyond)
     return part, findings
 

@@ -22,6 +22,8 @@ from eaid.estimate.noise import Lines, Piece, Scatter, by_spectrum, piece_of, sc
 from eaid.estimate.solver import approach, newton_step
 from eaid.estimate.spread import free_inverse, rejected, t_quantile
 from eaid.findings import Finding, finding
+from eaid.results.common import Interval
+from eaid.results.fit import CurveLevel, LevelIntervals
 
 SEEN = 2e-3  # Gains of engagements that noise makes so different more rarely than this scatter
 
@@ -37,12 +39,9 @@ class Spread:
     pull: Array  # H⁻¹ where the constraints leave it free
     correlation_s: float  # Integrated correlation time of the residuals [s], the longest of all logs
 
+    @np.errstate(over="ignore", invalid="ignore")  # what nothing determines has no bound
     def variance(self, gradient: Array) -> tuple[float, float]:
         """Variance of a function with that gradient, and its degrees of freedom."""
-        with np.errstate(over="ignore", invalid="ignore"):  # what nothing determines has no bound
-            return self._variance(gradient)
-
-    def _variance(self, gradient: Array) -> tuple[float, float]:
         along = self.pull.T @ gradient
         within = max(float(gradient @ self.noise @ gradient), 0.0)
         parts = np.array([one.degrees(along) for one in self.lines])  # variance and degrees of freedom of each log
@@ -65,13 +64,9 @@ class Spread:
         return np.asarray(self.noise + self.between)
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what nothing determines has no bound
 def spread(solved: Solved) -> Spread:
     """Everything that intervals need where a fit ended."""
-    with np.errstate(over="ignore", invalid="ignore"):  # what nothing determines has no bound
-        return _spread(solved)
-
-
-def _spread(solved: Solved) -> Spread:
     setup, x = solved.setup, solved.x
     clean = setup if solved.instruments is None else replace(setup, drives=solved.instruments)
     n = setup.size
@@ -147,6 +142,7 @@ def newton(setup: Setup, noise: Scatter, x: Array) -> tuple[Array, Array]:
 
 
 LIMITS_PCT = {"Ts": 10.0, "tau1": 30.0, "tau2": 50.0}  # Half-widths beyond which an input was never asked about
+WIDEST = 10.0  # An interval wider than this factor says nothing
 PARABOLA = 0.05  # Half-width in the logarithm up to which a parabola is a picture of the cost
 
 
@@ -166,6 +162,19 @@ class CurveSpread:
     low: Array
     high: Array
     half_width: Array  # Relative half-widths, e^h − 1; infinite where nothing is known
+
+    @property
+    def rows(self) -> tuple[CurveLevel, ...]:
+        """The same input by input, without intervals that say nothing."""
+        rows = []
+        for i, level in enumerate(self.duty.tolist()):
+            ends: list[Interval] = [
+                (float(low), float(high)) if half < WIDEST else None
+                for low, high, half in zip(self.low[:, i], self.high[:, i], self.half_width[:, i], strict=True)
+            ]
+            Ts, tau1, tau2 = self.values[:, i].tolist()
+            rows.append(CurveLevel(level, Ts, tau1, tau2, LevelIntervals(*ends)))
+        return tuple(rows)
 
 
 def curves(solved: Solved, uncertainty: Spread, duty: Array) -> CurveSpread:

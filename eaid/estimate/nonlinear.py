@@ -12,48 +12,30 @@ import numpy as np
 from scipy.special import fdtri
 
 from eaid.arrays import Array
-from eaid.estimate.certainty import BEYOND_CHANCE, Estimate, levels_first
+from eaid.estimate.bootstrap import drawn_ends, spread_of
+from eaid.estimate.certainty import BEYOND_CHANCE, Estimate
 from eaid.estimate.coefficients import (
-    Coefficients,
     coefficient_intervals,
     coefficients_of,
     covariance_part,
     turned,
 )
-from eaid.estimate.data import Data, Errors, errors, fit_findings, hold_out, missed
+from eaid.estimate.data import Data, Errors, each_level, errors, fit_findings, hold_out, missed
 from eaid.estimate.friction import HELD_BY, LevelValues, level_findings, quoted
-from eaid.estimate.from_steps import Solution, fit_nonlinear, refit_nonlinear
-from eaid.estimate.huber import minimise
-from eaid.estimate.points import level_normal, residuals
-from eaid.estimate.scatter import CURVES, held_parameters, log_jacobian
-from eaid.estimate.spread import Degrees, Influence, corrected, free_inverse, gains_of, t_quantile, textbook
+from eaid.estimate.from_steps import Solution, textbook_covariance
+from eaid.estimate.points import residuals
+from eaid.estimate.scatter import CURVES, held_parameters
+from eaid.estimate.spread import Influence, corrected, gains_of, t_quantile
 from eaid.findings import Finding, Value, finding
 from eaid.models import nonlinear
 from eaid.models.parameters import Friction, Nonlinear
 from eaid.options import FitOptions
 from eaid.results import fit as results
-from eaid.results.common import HoldOut, Huber, LevelError, Solver
+from eaid.results.common import HoldOut, LevelError, Solver
 from eaid.steps.stepset import Level, StepSet
 
 # Least and largest ln T_s, ln τ1, ln τ2 of the levels and degrees of freedom, (3, L) each
 Ends = tuple[Array, Array, Array]
-
-
-def believed(levels: Sequence[Level], data: Data, share: float | None, loss: str) -> tuple[Estimate, Huber | None]:
-    """The estimate that is believed, under the loss that was asked for."""
-
-    return minimise(
-        data,
-        loss,
-        lambda d: levels_first(levels, d, share),
-        lambda d, near: levels_first(levels, d, share, near),
-        lambda one, on: one.solved.residuals(on),
-    )
-
-
-def joint_fit(data: Data, share: float | None, loss: str) -> tuple[Solution, Huber | None]:
-    """The paper's joint fit, and what Huber's loss held back."""
-    return minimise(data, loss, lambda d: fit_nonlinear(d, share), refit_nonlinear, Solution.residuals)
 
 
 def scored(
@@ -67,14 +49,11 @@ def scored(
         u_range=p.u_range,
         C=p.C,
         C_free=free,
-        rmse=total.rmse,
-        sse=total.sse,
         abs_error=total.abs_error,
-        fit_pct=total.fit_pct,
-        R2=total.R2,
         per_level=tuple(rows),
         solver=solver,
         hold_out=held,
+        **total.scores,
     )
 
 
@@ -83,9 +62,9 @@ def of_steps(
 ) -> results.Nonlinear:
     """The same of the mean curves of levels; `left` are the residuals."""
     outputs = [record.y for record in data.records]
-    total = errors(outputs, left)
-    rows = [errors([y], [r]).at(u) for u, y, r in zip(data.u.tolist(), outputs, left, strict=True)]
-    beyond = hold_out(held_out, lambda level: nonlinear.step_response(p, level.time_s, level.level), total.rmse)
+    total, rows = errors(outputs, left), each_level(data.u.tolist(), outputs, left)
+    rmse = total.scores["rmse"]
+    beyond = hold_out(held_out, lambda level: nonlinear.step_response(p, level.time_s, level.level), rmse)
     return scored(p, free, total, rows, solver, beyond)
 
 
@@ -132,15 +111,10 @@ def nonlinear_part(
     if options.ci == "white":
         one = white(one, first)
     values = values_of(one, levels, free)
-    c = coefficients_of(one.part.parameters, free)
-    widths = []
-    for i, level in enumerate(levels):
-        t = t_quantile(float(one.ends[2][:, i].min()))
-        widths.append(float(t * torque_sd(c, one.covariance, level).max()))
-    shown = with_intervals(one, values, c) if options.ci != "none" else one.part
+    shown = with_intervals(one, values) if options.ci != "none" else one.part
     told = fit_findings(one.part, one.held, [level.level for level in held_out])
     told += missed("nonlinear", data, residuals(model.theta(one.unknowns, M), data.records), one.part)
-    told += [*level_findings(values, widths.__getitem__, "nonlinear", stepset), *open_findings(one.part, values), *bent]
+    told += [*level_findings(values, first.scatter, "nonlinear", stepset), *open_findings(one.part, values), *bent]
     told += joint_findings(parts, options.estimator)
     whole = msgspec.structs.replace(
         shown,
@@ -153,75 +127,48 @@ def nonlinear_part(
 
 def values_of(one: Standing, levels: Sequence[Level], share_free: bool) -> LevelValues:
     """T_s, τ1, τ2 of the model at the levels."""
-    p, u = one.part.parameters, np.array([level.level for level in levels])
-    tau1, tau2 = nonlinear.time_constants(p, u)
-    theta = np.array([nonlinear.steady_torque(p, u), tau1, tau2, np.full(len(u), p.C)])
-    everywhere = [name for code in one.held for name in HELD_BY.get(code, ())]
+    theta = _curves(one.part.parameters, levels)
     held = [
-        tuple(dict.fromkeys([*everywhere, *held_parameters(Friction(*row), float(level.time_s[-1]), share_free)]))
+        tuple(dict.fromkeys([*_held(one), *held_parameters(Friction(*row), float(level.time_s[-1]), share_free)]))
         for row, level in zip(theta.T.tolist(), levels, strict=True)
     ]
     return quoted(levels, theta, held, one.ends)
 
 
-def with_intervals(one: Standing, values: LevelValues, c: Coefficients) -> results.Nonlinear:
+def _held(one: Standing) -> tuple[str, ...]:
+    """Parameters that a constraint holds somewhere."""
+    return tuple(dict.fromkeys(name for code in one.held for name in HELD_BY.get(code, ())))
+
+
+def with_intervals(one: Standing, values: LevelValues) -> results.Nonlinear:
     """An estimate with intervals of its curves and coefficients."""
+    c, by_name = coefficients_of(one.part.parameters, one.part.C_free), dict(zip(CURVES, one.ends[2], strict=True))
     curves = []
     for i, level in enumerate(values.levels):
         Ts, tau1, tau2, _ = values.theta[:, i].tolist()
-        ends = results.LevelIntervals(**values.intervals(i), dof=values.dof(i))
-        curves.append(results.CurveLevel(level.level, Ts, tau1, tau2, ends))
-    by_name: Degrees = dict(zip(CURVES, one.ends[2], strict=True))
-    constrained = tuple(dict.fromkeys(name for code in one.held for name in HELD_BY.get(code, ())))
+        curves.append(results.CurveLevel(level.level, Ts, tau1, tau2, values.ci95(i)))
     return msgspec.structs.replace(
         one.part,
         curves=tuple(curves),
-        ci95=coefficient_intervals(c, one.covariance, by_name, constrained),
+        ci95=coefficient_intervals(c, one.covariance, by_name, _held(one)),
         covariance=covariance_part(c, one.covariance, by_name),
     )
 
 
-def torque_sd(c: Coefficients, covariance: Array, level: Level, most: int = 200) -> Array:
-    """Standard deviation of the output curve at a few instants of a record, close together where it is young."""
-    t = level.time_s
-    if len(t) > most:
-        t = t[np.unique(np.floor(np.geomspace(1, len(t), most))).astype(int) - 1]
-    slopes = log_jacobian(nonlinear.at_duty(c.plant(), level.level), t, c.share_free) @ chain(c, level.level)
-    return np.asarray(np.sqrt(np.maximum(((slopes @ covariance) * slopes).sum(axis=1), 0.0)))
-
-
-def chain(c: Coefficients, u: float) -> Array:
-    """∂(ln T_s, ln τ1, ln τ2[, logit C])/∂coefficients at one input, (3 or 4, P)."""
-    D = np.zeros((4 if c.share_free else 3, len(c.values)))
-    for row, name in enumerate(CURVES):
-        own = c.block(name)
-        power = nonlinear.terms(u, own.stop - own.start, c.u_range)[0]
-        D[row, own] = power / max(float(power @ c.values[own]), 1e-12)
-    if c.share_free:
-        D[3, -1] = 1 / max(c.share * (1 - c.share), 1e-12)
-    return D
-
-
 def white(one: Standing, first: Estimate) -> Standing:
     """The textbook: covariance s² (J'J)⁻¹ with N − P degrees of freedom."""
-    model, data = first.model, first.problem.data
-    M = model.rows(data.u)
-    theta = model.theta(one.unknowns, M)
-    information = level_normal(theta, data.points).information
-    noise, spare = textbook(residuals(theta, data.records), model.size)
-    curvature = np.einsum("kln,lkj,jlm->nm", M, information, M)
-    covariance = free_inverse(curvature, np.zeros((0, model.size))) * noise
+    data, turn = first.problem.data, turned(first.model)
+    covariance, spare = textbook_covariance(data, first.model, one.unknowns)
     value, D = first.numbers(data.u, one.unknowns)
     reach = t_quantile(spare) * np.sqrt(np.maximum(np.einsum("klp,pq,klq->kl", D, covariance, D), 0.0))
-    turn = turned(model)
     ends = value - reach, value + reach, np.full(reach.shape, spare)
     return replace(one, covariance=turn @ covariance @ turn.T, ends=ends)
 
 
 def _curves(p: Nonlinear, levels: Sequence[Level]) -> Array:
-    """T_s, τ1, τ2 of a model at the levels, (3, L)."""
+    """T_s, τ1, τ2, C of a model at the levels, (4, L)."""
     u = np.array([level.level for level in levels])
-    return np.array([nonlinear.steady_torque(p, u), *nonlinear.time_constants(p, u)])
+    return np.array([nonlinear.steady_torque(p, u), *nonlinear.time_constants(p, u), np.full(len(u), p.C)])
 
 
 def of_joint(part: results.Nonlinear, joint: Solution, first: Estimate) -> Standing:
@@ -249,21 +196,14 @@ def of_joint(part: results.Nonlinear, joint: Solution, first: Estimate) -> Stand
 
 def from_draws(one: Standing, first: Estimate, u: Array, draws: Array) -> Standing:
     """The same with intervals from refits to resampled runs; those that run away (a lost τ2) count by rank."""
-    value, near = first.numbers(u, one.unknowns)[0], np.array([first.numbers(u, x)[0] for x in draws])
-    reach = t_quantile(one.ends[2]) * spread_of(near)
+    near = np.array([first.numbers(u, x)[0] for x in draws])
     c = draws @ turned(first.model).T
     size, middle = spread_of(c), np.median(c, axis=0)
     tame = np.clip(c, middle - 3 * size, middle + 3 * size)
     sd = tame.std(axis=0)
     factor = size / np.where(sd > 0, sd, 1.0)
     covariance = np.cov(tame, rowvar=False) * np.outer(factor, factor)
-    return replace(one, covariance=covariance, ends=(value - reach, value + reach, one.ends[2]))
-
-
-def spread_of(values: Array) -> Array:
-    """Standard deviation over refits, the first axis, from their middle 95 %."""
-    low, high = np.quantile(values, [0.025, 0.975], axis=0)
-    return np.asarray((high - low) / 3.92)
+    return replace(one, covariance=covariance, ends=drawn_ends(first.numbers(u, one.unknowns)[0], near, one.ends[2]))
 
 
 def misfits(first: Estimate) -> tuple[dict[str, float], list[Finding]]:
@@ -300,14 +240,8 @@ def open_findings(part: results.Nonlinear, values: LevelValues) -> list[Finding]
             one = 2 * (met & open_there).sum() > open_there.sum()
             cause = "one-exponential" if one else "short-record" if name == "tau2" else "records"
             at = [level.level for level, there in zip(values.levels, open_there, strict=True) if there]
-            said: dict[str, Value] = {
-                "parameter": name,
-                "count": len(at),
-                "of": count,
-                "cause": cause,
-                "record_s": longest,
-            }
-            found.append(finding("parameter-unknown-at-half-the-levels", "nonlinear", at, **said))
+            said: dict[str, Value] = {"parameter": name, "count": len(at), "of": count, "cause": cause}
+            found.append(finding("parameter-unknown-at-half-the-levels", "nonlinear", at, **said, record_s=longest))
     if part.C_free:
         found.append(finding("share-free", "nonlinear", C=part.C))
     return found
@@ -318,7 +252,7 @@ def parted(joint: results.Nonlinear, one: Standing, levels: Sequence[Level]) -> 
     found = []
     u = np.array([level.level for level in levels])
     other = values_of(one, levels, False)
-    for k, (name, a, b) in enumerate(zip(CURVES, _curves(joint.parameters, levels), other.theta[:3], strict=True)):
+    for k, (name, a, b) in enumerate(zip(CURVES, _curves(joint.parameters, levels), other.theta, strict=False)):
         with np.errstate(divide="ignore", invalid="ignore"):
             apart = np.log(a)
             out = np.flatnonzero(~((apart >= other.low[k]) & (apart <= other.high[k])))

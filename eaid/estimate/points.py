@@ -7,7 +7,7 @@ and weights w_j (Golub–Welsch). With ŷ_j the projection at the nodes,
 exact where f is a polynomial of degree < m on the block.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
@@ -28,16 +28,15 @@ SMALL = 256  # Records up to this length keep every sample: nothing would be gai
 class Points:
     """Weighted points of L levels, padded to the longest with weight 0."""
 
-    t_s: Array  # Time since the step [s], shape (L, P), or (1, P) where all levels share it
+    t_s: Array  # Time since the step [s], shape (L, P)
     y: Array  # Output, shape (L, P)
-    w: Array  # Weight: how many samples a point stands for, shape (L, P) or (1, P)
+    w: Array  # Weight: how many samples a point stands for, shape (L, P)
     # Whether curves are compared about their means: an unknown constant is then taken out of each level
     centred: bool = False
 
     def rows(self, which: slice) -> "Points":
         """The points of some levels."""
-        t, w = self.t_s, self.w
-        return Points(t if len(t) == 1 else t[which], self.y[which], w if len(w) == 1 else w[which], self.centred)
+        return Points(self.t_s[which], self.y[which], self.w[which], self.centred)
 
     def about_mean(self, values: Array) -> Array:
         """Values at the points, (L, …, P), less their weighted mean."""
@@ -48,19 +47,6 @@ class Points:
     def of_falls(self) -> "Points":
         """The same turned over and about their means: a fall to an unknown rest goes as a rise from it."""
         return Points(self.t_s, -self.about_mean(self.y), self.w, True)
-
-
-def blocks(n: int) -> Iterator[tuple[int, int]]:
-    """Start and stop of each block of a record of n samples: 16, 16, 32, 64 … 16384, then equal ones."""
-    start, length = 0, HEAD
-    while start < n:
-        stop = min(start + length, n)
-        if n - stop < HEAD:
-            stop = n
-        yield start, stop
-        if start > 0:
-            length = min(2 * length, LONGEST_BLOCK)
-        start = stop
 
 
 def orthonormal(x: Array, m: int) -> tuple[Array, Array, Array]:
@@ -89,9 +75,14 @@ def orthonormal(x: Array, m: int) -> tuple[Array, Array, Array]:
 
 @lru_cache(maxsize=4096)
 def block_sizes(n: int) -> NDArray[np.int64]:
-    """How a hold of n rows is cut: single rows, then blocks."""
-    (_, head), *others = blocks(n)
-    return np.array([1] * head + [stop - start for start, stop in others], dtype=np.int64)
+    """How a record of n samples is cut: 16 single ones, then blocks of 16, 32, 64 … 16384, then equal ones."""
+    sizes, length = [1] * min(n, HEAD), HEAD
+    if n - HEAD < HEAD:
+        sizes = [1] * n
+    while (left := n - sum(sizes)) > 0:
+        sizes.append(length if left - length >= HEAD else left)
+        length = min(2 * length, LONGEST_BLOCK)
+    return np.array(sizes, dtype=np.int64)
 
 
 @lru_cache(maxsize=1024)
@@ -104,7 +95,7 @@ def gauss(n: int) -> tuple[Array, Array, Array]:
 def nodes_of(
     t_s: Array, y: Array, holds: NDArray[np.int64], even_s: float | None, known: NDArray[np.bool_] | None = None
 ) -> tuple[Array, Array, Array]:
-    """Nodes (P,), outputs (L, P) and weights (P,) for L records of n rows on one grid.
+    """Nodes, outputs and weights, (P,) each, for a record of n rows.
 
     `holds` are the rows at which an input begins to act, and n; `even_s` is the time from row to row where it is always
     the same. Blocks with a row that is not `known` stay as they are.
@@ -116,53 +107,36 @@ def nodes_of(
         size = np.concatenate([[n] if each else [1] * n for n, each in zip(size, whole, strict=True)])
         first = np.cumsum(size) - size
     raw = first[size == 1]
-    at, outputs, weights = [t_s[raw]], [y[:, raw]], [np.ones(len(raw))]
+    at, outputs, weights = [t_s[raw]], [y[raw]], [np.ones(len(raw))]
     for n in np.unique(size[size > 1]).tolist():
         starts = first[size == n]
         if even_s is not None:
             nodes, w, projection = gauss(n)
             at.append((t_s[starts][:, None] + even_s * nodes).ravel())
-            outputs.append((sliding_window_view(y, n, axis=1)[:, starts] @ projection).reshape(len(y), -1))
+            outputs.append((sliding_window_view(y, n)[starts] @ projection).ravel())
             weights.append(np.tile(w, len(starts)))
             continue
         for k in starts.tolist():
             nodes, w, projection = orthonormal(t_s[k : k + n], POINTS_PER_BLOCK)
             at.append(nodes)
-            outputs.append(y[:, k : k + n] @ projection / np.sqrt(w))
+            outputs.append(y[k : k + n] @ projection / np.sqrt(w))
             weights.append(w)
     when = np.concatenate(at)
     order = np.argsort(when, kind="stable")
-    return when[order], np.concatenate(outputs, axis=1)[:, order], np.concatenate(weights)[order]
+    return when[order], np.concatenate(outputs)[order], np.concatenate(weights)[order]
 
 
-def compress(
-    times_s: Sequence[Array],
-    outputs: Sequence[Array],
-    together: Array | None = None,
-    uniform: Sequence[bool] | None = None,
-) -> Points:
-    """Points of all levels; times and outputs of shape (n_l,) each, times rising, `uniform` where that is known.
-
-    Levels on one grid share their nodes: `together` then holds the outputs as one array, (L, n).
-    """
+def compress(times_s: Sequence[Array], outputs: Sequence[Array], uniform: Sequence[bool] | None = None) -> Points:
+    """Points of all levels; times and outputs of shape (n_l,) each, times rising, `uniform` where that is known."""
     known = [False] * len(times_s) if uniform is None else uniform
-    if together is not None:
-        t, y, w = _compress_grid(times_s[0], together, known[0])
-        return Points(t[None], y, w[None])
-    parts = [_compress_grid(t, y[None], k) for t, y, k in zip(times_s, outputs, known, strict=True)]
+    parts = [_nodes(t, y, k) for t, y, k in zip(times_s, outputs, known, strict=True)]
     longest = max(len(t) for t, _, _ in parts)
-
-    def padded(values: Array) -> Array:
-        return np.pad(values, (0, longest - len(values)), mode="edge")
-
-    weights = [np.pad(w, (0, longest - len(w))) for _, _, w in parts]
-    return Points(
-        np.stack([padded(t) for t, _, _ in parts]), np.stack([padded(y[0]) for _, y, _ in parts]), np.stack(weights)
-    )
+    t, y = (np.stack([np.pad(one[k], (0, longest - len(one[k])), mode="edge") for one in parts]) for k in (0, 1))
+    return Points(t, y, np.stack([np.pad(w, (0, longest - len(w))) for _, _, w in parts]))
 
 
-def _compress_grid(t_s: Array, y: Array, uniform: bool) -> tuple[Array, Array, Array]:
-    """Nodes (P,), outputs (L, P) and weights (P,) for L records on one grid."""
+def _nodes(t_s: Array, y: Array, uniform: bool) -> tuple[Array, Array, Array]:
+    """Nodes, outputs and weights, (P,) each, for one record."""
     n = len(t_s)
     if n <= SMALL:
         return t_s, y, np.ones(n)

@@ -5,7 +5,7 @@ of blocks on which the response is a polynomial, and the sum of squares is the l
 step fits); where it moves all the time, samples are averaged over equal blocks.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -72,84 +72,53 @@ class Drive:
 
 
 @dataclass(frozen=True, eq=False)
-class Holds:
-    """A log hold by hold, H of them, for the one pass over every sample; an input that moves has one a row."""
-
-    first: NDArray[np.int64]  # Rows at which they begin, and the number of rows, (H + 1,)
-    index: NDArray[np.int64]  # Which of the different inputs acts, (H,)
-    duty: Array  # The different inputs
-    rising: NDArray[np.int64]  # −1 where a stepwise input came from above and is not at rest, else 1, (H,)
-
-    def rows(self, values: NDArray[np.int64]) -> NDArray[np.int64]:
-        """A value a hold as a value a row."""
-        return np.repeat(values, np.diff(self.first))
-
-
-@dataclass(frozen=True, eq=False)
 class Copies:
     """A log in numbers: every sample, and fewer rows that cost what the log costs; each made when it is asked for."""
 
     log: RecordedLog
 
     @cached_property
-    def holds(self) -> Holds:
-        """Where its input changes."""
-        at = self.log.changes
-        level = self.log.input[at]
-        duty, index = np.unique(level, return_inverse=True)
-        rising = np.ones(len(at), dtype=np.int64)
-        if self.log.stepwise:
-            rising[1:][(level[1:] < level[:-1]) & (level[1:] > 0)] = -1
-        return Holds(np.append(at, len(self.log.input)), index.astype(np.int64), duty, rising)
-
-    @cached_property
-    def above(self) -> Array:
-        """Output above a known idle output."""
-        return self.log.output if not self.log.baseline else self.log.output - self.log.baseline
-
-    @cached_property
     def every(self) -> Drive:
         """Every row; one whose output is not finite is passed through and not compared."""
-        log, holds, known = self.log, self.holds, np.isfinite(self.above)
+        log, at = self.log, self.log.changes
+        level, lasts, rising = log.input[at], np.diff(np.append(at, len(log.input))), np.ones(len(at), dtype=np.int64)
+        if log.stepwise:
+            rising[1:][(level[1:] < level[:-1]) & (level[1:] > 0)] = -1
+        duty, index = np.unique(level, return_inverse=True)
+        above, known = log.output - (log.baseline or 0.0), np.isfinite(log.output)
         return Drive(
-            np.array(log.dt_s), holds.rows(holds.index), holds.duty, holds.rows(holds.rising),
-            np.where(known, self.above, 0.0), np.where(known, log.weight, 0.0), log.baseline is not None,
-            log.starts_idle,
+            np.array(log.dt_s), np.repeat(index.astype(np.int64), lasts), duty, np.repeat(rising, lasts),
+            np.where(known, above, 0.0), np.where(known, log.weight, 0.0), log.baseline is not None, log.starts_idle,
         )  # fmt: skip
 
     @cached_property
     def small(self) -> Drive:
         """Some thousand rows that cost what the log costs, exactly where its input is held."""
-        return compressed(self) if self.log.stepwise else averaged(self)
+        return compressed(self.log, self.every) if self.log.stepwise else averaged(self.log, self.every)
 
 
-def compressed(copies: Copies) -> Drive:
+def compressed(log: RecordedLog, every: Drive) -> Drive:
     """A log whose input is held, in Gauss nodes of blocks that double in length from each change on.
 
     What it costs is what the log costs, as far as the response is a polynomial on each block; the first rows of each
     hold stay as they are, and so do blocks with an output that is not known.
     """
-    log, y, holds = copies.log, copies.above, copies.holds
-    known, t = np.isfinite(y), log.time_s
-    at, values, w = nodes_of(t, np.where(known, y, 0.0)[None], holds.first, log.even_s, known)
+    known, t = every.w > 0, log.time_s
+    at, y, w = nodes_of(t, every.y, np.append(log.changes, len(t)), log.even_s, known)
     w = log.weight * np.where(np.isin(at, t[~known]), 0.0, w)
-    hold = np.searchsorted(t[log.changes], at, side="right") - 1
-    left = log.weight * float(y[known] @ y[known]) - float(w @ (values[0] * values[0]))
-    return Drive(
-        np.append(np.diff(at), t[-1] - at[-1]), holds.index[hold], holds.duty, holds.rising[hold], values[0], w,
-        log.baseline is not None, log.starts_idle, max(left, 0.0),
-    )  # fmt: skip
+    row = np.searchsorted(t, at, side="right") - 1
+    left = log.weight * float(every.y @ every.y) - float(w @ (y * y))
+    dt_s = np.append(np.diff(at), t[-1] - at[-1])
+    return replace(every, dt_s=dt_s, index=every.index[row], rising=every.rising[row], y=y, w=w, left=max(left, 0.0))
 
 
-def averaged(copies: Copies) -> Drive:
+def averaged(log: RecordedLog, every: Drive) -> Drive:
     """A log whose input moves all the time, over equal blocks: each the mean output at its middle, the mean input."""
-    log, y = copies.log, copies.above
-    n = len(log.input)
-    if n <= MOVING_ROWS or not np.isfinite(y).all():
-        return copies.every
+    n, t = len(log.input), log.time_s
+    if n <= MOVING_ROWS or not every.w.all():
+        return every
     starts = np.arange(0, n, -(-n // MOVING_ROWS))
     size = np.diff(np.append(starts, n))
-    t = log.time_s
     span = np.append(np.diff(t[starts]), t[-1] - t[starts[-1]])
     acted = np.add.reduceat(log.input * log.dt_s, starts)
     level = np.where(span > 0, acted / np.where(span > 0, span, 1.0), log.input[starts])
@@ -159,11 +128,15 @@ def averaged(copies: Copies) -> Drive:
     weight = np.stack([np.where(alone, log.weight, 0.0), np.where(alone, 0.0, log.weight * size)], axis=1).ravel()
     kept = np.stack([np.ones_like(alone), ~alone], axis=1).ravel()
     duty, index = np.unique(level, return_inverse=True)
-    return Drive(
-        np.append(np.diff(at[kept]), 0.0), np.repeat(index, 2)[kept].astype(np.int64), duty,
-        np.ones(int(kept.sum()), dtype=np.int64), np.repeat(np.add.reduceat(y, starts) / size, 2)[kept], weight[kept],
-        log.baseline is not None, log.starts_idle,
-    )  # fmt: skip
+    return replace(
+        every,
+        dt_s=np.append(np.diff(at[kept]), 0.0),
+        index=np.repeat(index, 2)[kept].astype(np.int64),
+        duty=duty,
+        rising=np.ones(int(kept.sum()), dtype=np.int64),
+        y=np.repeat(np.add.reduceat(every.y, starts) / size, 2)[kept],
+        w=weight[kept],
+    )
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})

@@ -7,7 +7,7 @@ tried by their values at as many inputs as they have coefficients, one after the
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -55,8 +55,7 @@ class Table:
 
 def table_of(points: Points, share: float, size: int = GRID) -> Table:
     """The table of levels on their compressed points."""
-    there = np.broadcast_to(points.w, points.y.shape) > 0
-    times = np.where(there & (points.t_s > 0), points.t_s, np.nan)
+    times = np.where((points.w > 0) & (points.t_s > 0), points.t_s, np.nan)
     grid = np.geomspace(0.3 * np.nanmin(times), LONGEST * np.nanmax(times), size)
     s = -np.expm1(-points.t_s[:, None] / grid[:, None])
     s = points.about_mean(s) if points.centred else s
@@ -167,12 +166,8 @@ def with_torque(x: Array, model: Model, data: Data, weight: Array) -> tuple[Arra
     M, part, points, count = model.rows(data.u), model.slices[0], data.points, len(x)
     theta = np.stack([model.theta(row, M) for row in x], axis=1)
     theta[0] = 0.0
-
-    def each(values: Array) -> Array:
-        return values if len(values) == 1 else np.tile(values, (count, 1))
-
-    many = replace(points, t_s=each(points.t_s), y=np.tile(points.y, (count, 1)), w=each(points.w))
-    at = level_normal(theta.reshape(4, -1), many)  # of T_s = 0: the score is −Σ w φ y
+    t_s, y, w = (np.tile(values, (count, 1)) for values in (points.t_s, points.y, points.w))
+    at = level_normal(theta.reshape(4, -1), Points(t_s, y, w, points.centred))  # of T_s = 0: the score is −Σ w φ y
     square = at.information[:, 0, 0].reshape(count, -1)
     along, cost = -at.score[:, 0].reshape(count, -1), at.cost.reshape(count, -1)
     rows, x = M[0, :, part], x.copy()

@@ -8,7 +8,7 @@ by AICc with the number of independent samples; the paper's form stands unless a
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, cast
+from typing import TypeAlias
 
 import msgspec
 import numpy as np
@@ -27,8 +27,7 @@ from eaid.results.fit import FrictionLevel, LevelIntervals, StepIntervals, StepS
 from eaid.steps.noise import block_means, block_noise
 from eaid.steps.stepset import LevelStep, StepSet
 
-Shape = Literal["one", "two", "free", "overshoot"]
-SHAPES: tuple[Shape, ...] = ("one", "two", "free", "overshoot")
+SHAPES = ("one", "two", "free", "overshoot")
 MOST = 3.0  # Largest C of an overshoot: beyond, two nearly equal parts of opposite sign imitate other shapes
 APART = 2.0  # Least τ2/τ1 of an overshoot
 SEEN = 0.02  # Share of its peak by which an overshoot has to come down within the record
@@ -102,13 +101,6 @@ def averaged(time_s: Array, y: Array) -> AveragedRecord:
     return AveragedRecord(np.add.reduceat(time_s, edges) / weight, means, weight, within)
 
 
-def delays_of(points: AveragedRecord, window: float) -> list[float]:
-    """Dead times to start from: shares of the time to half of the change."""
-    half = np.flatnonzero(np.abs(points.output) >= 0.5 * np.abs(points.output[-1]))
-    until = float(points.time_s[half[0]]) if len(half) else window / 4
-    return [until * (k + 0.5) / DELAYS for k in range(DELAYS)]
-
-
 def best_delay(points: AveragedRecord, p: Array) -> float:
     """The middle between the two samples between which a dead time leaves least, the time constants and C as in `p`.
 
@@ -125,37 +117,27 @@ def best_delay(points: AveragedRecord, p: Array) -> float:
 
 
 def starts_of(
-    points: AveragedRecord, window: float, delays: Sequence[float], share: float, wanted: Sequence[Shape]
-) -> dict[Shape, list[Array]]:
+    points: AveragedRecord, window: float, delays: Sequence[float], share: float, wanted: Sequence[str]
+) -> dict[str, list[Array]]:
     """The best places on a grid of time constants and dead times, for each shape; amplitudes are linear there."""
     stride = max(1, len(points.time_s) // 300)
     t, y, w = points.time_s[::stride], points.output[::stride], points.weight[::stride]
     shortest = max(window / 3000, float(np.diff(points.time_s[: max(2, len(t))]).min()) / 3)
-    tau = np.geomspace(shortest, 5 * window, GRID)
-    i, j = np.triu_indices(GRID, 1)
-    total = float(w @ y**2)
-    places: dict[Shape, list[list[tuple[float, Array]]]] = {shape: [] for shape in wanted}
+    tau, each = np.geomspace(shortest, 5 * window, GRID), np.arange(GRID)
+    pairs, total = np.triu_indices(GRID, 1), float(w @ y**2)
+    places: dict[str, list[list[tuple[float, Array]]]] = {shape: [] for shape in wanted}
     for delay in delays:
-        for rows in places.values():
-            rows.append([])
         rises = -np.expm1(-np.maximum(t - delay, 0.0) / tau[:, np.newaxis])
         gram, right = (rises * w) @ rises.T, rises @ (w * y)
         one = np.diag(gram)
-        for shape in wanted:
-            if shape == "one":
-                ok = one > 0
-                change = np.where(ok, right / np.where(ok, one, 1.0), 0.0)
-                cost = total - change * right
-                k = cost.argsort()[:1]
-                places[shape][-1] += [
-                    (float(cost[m]), np.array([change[m], np.log(tau[m]), 1.0, 1.0, delay])) for m in k
-                ]
-                continue
-            if shape == "two":
-                size = share**2 * one[i] + 2 * share * (1 - share) * gram[i, j] + (1 - share) ** 2 * one[j]
-                along = share * right[i] + (1 - share) * right[j]
+        for shape, rows in places.items():
+            i, j = (each, each) if shape == "one" else pairs
+            if shape in ("one", "two"):
+                C = np.full(len(i), 1.0 if shape == "one" else share)
+                size = C**2 * one[i] + 2 * C * (1 - C) * gram[i, j] + (1 - C) ** 2 * one[j]
+                along = C * right[i] + (1 - C) * right[j]
                 change = along / np.maximum(size, 1e-300)
-                cost, C = total - change * along, np.full(len(i), share)
+                cost = total - change * along
             else:
                 det = np.maximum(one[i] * one[j] - gram[i, j] ** 2, 1e-12 * one[i] * one[j])
                 a = (one[j] * right[i] - gram[i, j] * right[j]) / det
@@ -165,10 +147,10 @@ def starts_of(
                 cost = total - a * right[i] - b * right[j]
                 inside = (C > 0) & (C < 1) if shape == "free" else (C > 1) & (C < MOST) & (tau[j] > APART * tau[i])
                 cost = np.where(inside, cost, np.inf)
-            for m in _apart(cost, np.log(tau[j])):
-                if np.isfinite(cost[m]):
-                    start = np.array([change[m], np.log(tau[i[m]]), np.log(tau[j[m]] / tau[i[m]]), C[m], delay])
-                    places[shape][-1].append((float(cost[m]), start))
+            best = _apart(cost, np.log(tau[j]))[: 1 if shape == "one" else None]
+            found = [m for m in best if np.isfinite(cost[m])]
+            p = np.stack([change, np.log(tau[i]), np.log(tau[j] / tau[i]), C, np.full(len(i), delay)], axis=1)
+            rows.append([(float(cost[m]), p[m]) for m in found])
     return {shape: _best(rows) for shape, rows in places.items()}
 
 
@@ -190,7 +172,7 @@ BETTER = 10.0  # Difference of AICc from which a shape replaces the paper's: 150
 # Share of the RMSE that a shape has to save before it replaces a simpler one; freeing C alone is no small step
 LEAST_SAVED = {"one": 0.05, "two": 0.05, "free": 0.15, "overshoot": 0.05}
 # Which of (change, ln τ1, ln(τ2/τ1), C) a shape leaves free
-FREE: dict[Shape, tuple[int, ...]] = {"one": (0, 1), "two": (0, 1, 2), "free": (0, 1, 2, 3), "overshoot": (0, 1, 2, 3)}
+FREE: dict[str, tuple[int, ...]] = {"one": (0, 1), "two": (0, 1, 2), "free": (0, 1, 2, 3), "overshoot": (0, 1, 2, 3)}
 MISSED = 0.1  # Share of the change by which the best shape may miss the mean of a sixtieth of the record
 LITTLE = 0.5  # R² below which a curve explains little
 # Part of the cost by which no further step lowers it: of all starts, of the best of each shape
@@ -204,7 +186,7 @@ LEAST_SHARE = 0.01  # Least C of a free shape, and least 1 − C
 class _Candidate:
     """One shape fitted: which, its unknowns p, and its weighted sum of squares."""
 
-    shape: Shape
+    shape: str
     dead: bool
     p: Array
     sse: float
@@ -230,7 +212,7 @@ def fit_step(step: LevelStep, options: FitOptions | None = None) -> StepShape:
         )
     y = step.output - step.start
     points = averaged(step.time_s, y)
-    wanted = SHAPES if options.shape == "auto" else (cast(Shape, options.shape),)
+    wanted = SHAPES if options.shape == "auto" else (options.shape,)
     tried: list[_Candidate] = []
     for dead in (False, True) if options.held_dead_time_s is None else (options.held_dead_time_s > 0,):
         tried += _candidates(points, step, options, wanted, dead, tried)
@@ -240,16 +222,17 @@ def fit_step(step: LevelStep, options: FitOptions | None = None) -> StepShape:
     scores = {one.name: _aicc(one.sse + rounding, one.unknowns, count) for one in tried}
     chosen = _chosen(tried, scores)
     every = AveragedRecord(step.time_s, y, np.ones(len(y)))
-    p, sse = _polished(every, chosen.p, chosen.shape, chosen.free)
-    chosen = replace(chosen, p=p, sse=sse)
-    return _result(step, chosen, scores, y, _plain_rmse(tried, chosen, len(y)))
+    p, _ = _polished(every, chosen.p, chosen.shape, chosen.free)
+    plain = [one.sse for one in tried if one.shape in ("one", "two") and not one.dead]
+    others = None if chosen.shape in ("one", "two") and p[4] == 0 else min(plain, default=None)
+    return _result(step, chosen.shape, p, scores, y, None if others is None else math.sqrt(others / len(y)))
 
 
 def _candidates(
     points: AveragedRecord,
     step: LevelStep,
     options: FitOptions,
-    wanted: Sequence[Shape],
+    wanted: Sequence[str],
     dead: bool,
     simpler: Sequence[_Candidate] = (),
 ) -> list[_Candidate]:
@@ -257,7 +240,11 @@ def _candidates(
     window = float(step.time_s[-1])
     given = options.held_dead_time_s
     share = options.held_share or SHARE
-    delays = [given or 0.0] if given is not None or not dead else delays_of(points, window)
+    delays = [given or 0.0]
+    if given is None and dead:  # shares of the time to half of the change
+        half = np.flatnonzero(np.abs(points.output) >= 0.5 * np.abs(points.output[-1]))
+        until = float(points.time_s[half[0]]) if len(half) else window / 4
+        delays = [until * (k + 0.5) / DELAYS for k in range(DELAYS)]
     found: list[_Candidate] = []
     for shape, starts in starts_of(points, window, delays, share, wanted).items():
         free = FREE[shape] + ((4,) if dead and given is None else ())
@@ -274,7 +261,7 @@ def _candidates(
     return found
 
 
-def _within(one: _Candidate, shape: Shape, share: float) -> Array | None:
+def _within(one: _Candidate, shape: str, share: float) -> Array | None:
     """The same curve as one of a shape that contains it; None where it does not."""
     p = one.p.copy()
     if one.shape == "one" and shape in ("two", "free"):
@@ -284,7 +271,7 @@ def _within(one: _Candidate, shape: Shape, share: float) -> Array | None:
     return p if shape != "free" or LEAST_SHARE <= p[3] <= 1 - LEAST_SHARE else None
 
 
-def _polished(points: AveragedRecord, start: Array, shape: Shape, free: tuple[int, ...]) -> tuple[Array, float]:
+def _polished(points: AveragedRecord, start: Array, shape: str, free: tuple[int, ...]) -> tuple[Array, float]:
     """The least squares next to one start: the unknowns p and the weighted sum of squares.
 
     A dead time bends the curve at every sample that it passes, so it is fitted between two samples, those between
@@ -303,7 +290,7 @@ def _polished(points: AveragedRecord, start: Array, shape: Shape, free: tuple[in
 
 
 def _least(
-    points: AveragedRecord, start: Array, shape: Shape, free: tuple[int, ...], settled: float
+    points: AveragedRecord, start: Array, shape: str, free: tuple[int, ...], settled: float
 ) -> tuple[Array, float]:
     """Least squares within bounds from one start, its dead time kept between the same two samples.
 
@@ -381,23 +368,6 @@ def _chosen(tried: list[_Candidate], scores: dict[str, float]) -> _Candidate:
     return named[chosen]
 
 
-def _plain_rmse(tried: list[_Candidate], chosen: _Candidate, count: int) -> float | None:
-    """RMSE of the paper's form, or of one exponential, without a dead time, where another was chosen; else None."""
-    plain = [one.sse for one in tried if one.shape in ("one", "two") and not one.dead]
-    if not plain or (chosen.shape in ("one", "two") and chosen.p[4] == 0):
-        return None
-    return math.sqrt(min(plain) / count)
-
-
-def _missed(step: LevelStep, left: Array, change: float) -> list[Finding]:
-    """A finding where block means of the residuals stand far out of their noise: the response has another form."""
-    means = block_means(left, 60)
-    worst = float(np.abs(means).max())
-    if len(left) < 240 or worst <= max(MISSED * abs(change), 8 * block_noise(means)):
-        return []
-    return [finding("shape-misses", step.name, (step.level,), worst=worst, share_pct=100 * worst / abs(change))]
-
-
 def _peak(p: Array) -> float | None:
     """The change where ds/dt = 0: C/τ1 e^(−t/τ1) = (C − 1)/τ2 e^(−t/τ2); None where C is not above 1."""
     if p[3] <= 1:
@@ -408,33 +378,41 @@ def _peak(p: Array) -> float | None:
 
 
 def _result(
-    step: LevelStep, one: _Candidate, scores: dict[str, float], y: Array, plain_rmse: float | None
+    step: LevelStep, shape: str, p: Array, scores: dict[str, float], y: Array, plain_rmse: float | None
 ) -> StepShape:
-    p = one.p
+    """The result; `plain_rmse` is that of the paper's form, or of one exponential, where another was chosen."""
     left = y - curve(p, step.time_s)
     sse = float(left @ left)
-    rmse = math.sqrt(sse / len(left))
+    rmse, change = math.sqrt(sse / len(left)), float(p[0])
     fit_pct, r2 = quality(sse, [y])
     found: list[Finding] = []
     if r2 is not None and r2 < LITTLE and independent(left) < len(left) / 4:
-        found.append(finding("shape-explains-little", step.name, (step.level,), R2=r2, shape=one.shape))
-    else:
-        found += _missed(step, left, float(p[0]))
+        found.append(finding("shape-explains-little", step.name, (step.level,), R2=r2, shape=shape))
+    elif len(left) >= 240:  # block means that stand far out of their noise: the response has another form
+        means = block_means(left, 60)
+        worst = float(np.abs(means).max())
+        if worst > max(MISSED * abs(change), 8 * block_noise(means)):
+            pct = 100 * worst / abs(change)
+            found.append(finding("shape-misses", step.name, (step.level,), worst=worst, share_pct=pct))
     if plain_rmse is not None:
-        said = {"shape": one.shape, "dead_time_s": float(p[4]), "rmse": rmse, "plain_rmse": plain_rmse}
-        saved = 100 * (1 - rmse / plain_rmse)
-        found.append(finding("other-shape-fits-better", step.name, (step.level,), **said, saved_pct=saved))
+        said = {
+            "dead_time_s": float(p[4]),
+            "rmse": rmse,
+            "plain_rmse": plain_rmse,
+            "saved_pct": 100 * (1 - rmse / plain_rmse),
+        }
+        found.append(finding("other-shape-fits-better", step.name, (step.level,), shape=shape, **said))
     best = min(scores.values())
-    single = one.shape == "one"
+    single = shape == "one"
     return StepShape(
         run=step.name,
         from_=step.from_level,
         level=step.level,
         edge=step.edge,
         start=step.start,
-        change=float(p[0]),
-        gain=None if step.level == step.from_level else float(p[0]) / (step.level - step.from_level),
-        shape=one.shape,
+        change=change,
+        gain=None if step.level == step.from_level else change / (step.level - step.from_level),
+        shape=shape,
         tau1=float(np.exp(p[1])),
         tau2=None if single else float(np.exp(p[1] + p[2])),
         C=1.0 if single else float(p[3]),
@@ -451,6 +429,8 @@ def _result(
 
 LEAST_TAIL = 1e-6  # Part of a step's change below which what it has left is nothing
 FEW_STEPS = 3  # Steps up to which each is shown by itself, too
+# What the steps before a step have left to go, Σ a e^(−t/τ): a, τ, and the half-width of the 95 % interval of a
+Tail: TypeAlias = tuple[tuple[float, float, float], ...]
 
 
 def single_steps(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]:
@@ -465,49 +445,29 @@ def single_steps(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]
     if not (between or asked or len(steps) <= FEW_STEPS):
         return ()
     found: dict[int, StepShape] = {}
-    before, tail = -1, NO_TAIL
+    before: int = -1
+    tail: Tail = ()
     for k in sorted(range(len(steps)), key=lambda k: (steps[k].source, steps[k].at_s)):
-        tail = _tail_after(steps[before], steps[k], found[before], tail) if before >= 0 else NO_TAIL
-        found[k] = fitted(steps[k], options, tail)
+        step, last = steps[k], steps[before]
+        lasted, until = step.at_s - last.at_s, float(last.time_s[-1]) * (1 + 2 / len(last.time_s))
+        follows = before >= 0 and last.source == step.source and last.level == step.from_level and 0 < lasted <= until
+        tail = tail_of(found[before], tail, lasted) if follows else ()
+        alone = without_tail(step, tail)
+        shape = with_interval(alone, fit_step(alone, options), options, tail)
+        found[k] = msgspec.structs.replace(shape, tail=tuple((size, tau) for size, tau, _ in tail))
         before = k
     return tuple(found[k] for k in range(len(steps)))
 
 
-def _tail_after(last: LevelStep, step: LevelStep, shape: StepShape, before: "Tail") -> "Tail":
-    """What is left at a step of the one before it, where that is of the same log and lasted until then."""
-    lasted = step.at_s - last.at_s
-    until = float(last.time_s[-1]) * (1 + 2 / len(last.time_s))
-    follows = last.source == step.source and last.level == step.from_level and 0 < lasted <= until
-    return tail_of(shape, before, lasted) if follows else NO_TAIL
-
-
-def fitted(step: LevelStep, options: FitOptions, tail: "Tail") -> StepShape:
-    """The shape of one step behind a tail, with its intervals."""
-    alone = tail.taken_from(step)
-    shape = with_interval(alone, fit_step(alone, options), options.ci, options.held_dead_time_s is None, tail)
-    return msgspec.structs.replace(shape, tail=tuple((size, tau) for size, tau, _ in tail.parts))
-
-
-@dataclass(frozen=True)
-class Tail:
-    """What the steps before a step have left to go, Σ a e^(−t/τ)."""
-
-    parts: tuple[tuple[float, float, float], ...] = ()  # a, τ, and the half-width of the 95 % interval of a
-
-    def taken_from(self, step: LevelStep) -> LevelStep:
-        """The step as it would have been behind a hold that had settled."""
-        if not self.parts:
-            return step
-        rest_s = step.rest_s or 0.0
-        output, start, moved = step.output, step.start, step.rest_moved
-        for size, tau, _ in self.parts:
-            output = output - size * np.exp(-step.time_s / tau)
-            start -= size * _before(rest_s, tau)
-            moved -= abs(size) * abs(_before(rest_s / 2, tau) * (math.exp(rest_s / 2 / tau) - 1))
-        return replace(step, output=output, start=start, rest_moved=max(moved, 0.0))
-
-
-NO_TAIL = Tail()
+def without_tail(step: LevelStep, tail: Tail) -> LevelStep:
+    """The step as it would have been behind a hold that had settled."""
+    rest_s = step.rest_s or 0.0
+    output, start, moved = step.output, step.start, step.rest_moved
+    for size, tau, _ in tail:
+        output = output - size * np.exp(-step.time_s / tau)
+        start -= size * _before(rest_s, tau)
+        moved -= abs(size) * abs(_before(rest_s / 2, tau) * (math.exp(rest_s / 2 / tau) - 1))
+    return replace(step, output=output, start=start, rest_moved=max(moved, 0.0)) if tail else step
 
 
 def _before(rest_s: float, tau: float) -> float:
@@ -517,11 +477,9 @@ def _before(rest_s: float, tau: float) -> float:
 
 def tail_of(shape: StepShape, before: Tail, lasted_s: float) -> Tail:
     """What a fitted step, and the tail before it, have left to go after a hold."""
-    parts = [
-        (size * math.exp(-lasted_s / tau), tau, half * math.exp(-lasted_s / tau)) for size, tau, half in before.parts
-    ]
+    parts = [(size * math.exp(-lasted_s / tau), tau, half * math.exp(-lasted_s / tau)) for size, tau, half in before]
     if any(one.code == "shape-explains-little" for one in shape.findings):
-        return Tail(tuple(parts))
+        return tuple(parts)
     after, ci = max(lasted_s - shape.dead_time_s, 0.0), shape.ci95
     of_change = 0.5 * (ci.change[1] - ci.change[0]) / abs(shape.change) if ci.change is not None else 1.0
     of_share = 0.5 * (ci.C[1] - ci.C[0]) if ci.C is not None else 0.0
@@ -533,46 +491,33 @@ def tail_of(shape: StepShape, before: Tail, lasted_s: float) -> Tail:
             half = abs(size) * math.hypot(of_change, of_share / share, after / tau * of_tau)
             # a part that outlasts the hold is no more known than what the output has done in it
             parts.append((size, tau, half) if tau <= lasted_s else (0.0, tau, moved))
-    return Tail(tuple(part for part in parts if abs(part[0]) + part[2] > LEAST_TAIL * abs(shape.change)))
+    return tuple(part for part in parts if abs(part[0]) + part[2] > LEAST_TAIL * abs(shape.change))
 
 
 def of_another_shape(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]:
     """The first rise to each level that asks for another shape than the paper's, with intervals, where most do."""
     first_rises = {step.level: step for step in reversed(stepset.level_steps) if step.edge == "up"}
     asking: list[StepShape] = []
-    dead_free = options.held_dead_time_s is None
     for k, step in enumerate(first_rises[level] for level in sorted(first_rises)):
         shape = fit_step(step, options)
         if any(found.code == "other-shape-fits-better" for found in shape.findings):
-            asking.append(with_interval(step, shape, options.ci, dead_free))
+            asking.append(with_interval(step, shape, options))
         elif 2 * (k + 1 - len(asking)) >= len(first_rises):  # it can be most of them no more
             return ()
     return tuple(asking)
 
 
 def between_rows(shapes: Sequence[StepShape]) -> tuple[FrictionLevel, ...]:
-    """Those that neither begin nor end at rest as rows of the friction model."""
-    return tuple(row_of(shape) for shape in shapes if shape.from_ != 0 and shape.level != 0)
-
-
-def row_of(step: StepShape) -> FrictionLevel:
-    """One fitted step; a single exponential has its constant twice."""
-    return FrictionLevel(
-        step.level,
-        step.change,
-        step.tau1,
-        step.tau2 if step.tau2 is not None else step.tau1,
-        step.C,
-        from_=step.from_,
-        start=step.start,
-        shape=step.shape,
-        delay_s=step.dead_time_s,
-        rmse=step.rmse,
-        samples=step.samples,
-        fit_pct=step.fit_pct,
-        R2=step.R2,
-        ci95=LevelIntervals(Ts=step.ci95.change, tau1=step.ci95.tau1, tau2=step.ci95.tau2, C=step.ci95.C),
-    )
+    """Those that neither begin nor end at rest as rows of the friction model; a single constant stands there twice."""
+    return tuple(
+        FrictionLevel(
+            one.level, one.change, one.tau1, one.tau1 if one.tau2 is None else one.tau2, one.C,
+            from_=one.from_, start=one.start, shape=one.shape, delay_s=one.dead_time_s,
+            rmse=one.rmse, samples=one.samples, fit_pct=one.fit_pct, R2=one.R2,
+            ci95=LevelIntervals(Ts=one.ci95.change, tau1=one.ci95.tau1, tau2=one.ci95.tau2, C=one.ci95.C),
+        )
+        for one in shapes if one.from_ != 0 and one.level != 0
+    )  # fmt: skip
 
 
 NAMES = ("change", "tau1", "tau2", "C", "dead_time_s")
@@ -584,18 +529,17 @@ NEARLY = 4.0  # Difference of AICc from which two exponentials are nearly chosen
 WIDEST = 3.0  # Factor by which an interval of a time constant may reach to either side before it says nothing
 
 
-def with_interval(
-    step: LevelStep, shape: StepShape, ci: str = "robust", dead_time_free: bool = True, tail: Tail = NO_TAIL
-) -> StepShape:
+def with_interval(step: LevelStep, shape: StepShape, options: FitOptions, tail: Tail = ()) -> StepShape:
     """One fitted step with its intervals, and a finding where some say nothing; `tail` was taken from its output."""
-    if ci == "none":
+    if options.ci == "none":
         return shape
     window = float(step.time_s[-1])
     two = shape.tau2 is not None
-    free = [True, True, two, shape.shape in ("free", "overshoot"), dead_time_free and shape.dead_time_s > 0]
+    free = [True, True, two, shape.shape in ("free", "overshoot")]
+    free.append(options.held_dead_time_s is None and shape.dead_time_s > 0)
     names = [name for name, is_free in zip(NAMES, free, strict=True) if is_free]
     refused = any(one.severity == "stop" for one in shape.findings)
-    error = {} if refused else dict(zip(names, _errors(step, shape, free, ci, tail).tolist(), strict=True))
+    error = {} if refused else dict(zip(names, _errors(step, shape, free, options.ci, tail).tolist(), strict=True))
     if not all(map(math.isfinite, error.values())):
         error = {}
     if shape.tau2 is not None and shape.tau2 > SHORT * window:
@@ -660,7 +604,7 @@ def _errors(step: LevelStep, shape: StepShape, free: Sequence[bool], ci: str, ta
     # a rest that still moved by more than its noise, 4 start, has as far to go again
     start += max(0.0, step.rest_moved**2 - 4 * start)
     halves = t_quantile(degrees) ** 2 * (variance + moved**2 * start)
-    for _, tau, half in tail.parts:
+    for _, tau, half in tail:
         halves = (
             halves + (half * unit @ jacobian.T @ (_before(step.rest_s or 0.0, tau) - np.exp(-step.time_s / tau))) ** 2
         )

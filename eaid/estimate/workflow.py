@@ -15,26 +15,18 @@ from threadpoolctl import threadpool_limits
 from eaid.arrays import Array
 from eaid.declared import forms
 from eaid.errors import DataError, UsageError
-from eaid.estimate.adequacy import adequacy, share_of, share_of_levels
-from eaid.estimate.bootstrap import bootstrap
+from eaid.estimate.adequacy import adequacy, share_of
+from eaid.estimate.bootstrap import bootstrap, drawn_ends
+from eaid.estimate.certainty import Estimate, levels_first
 from eaid.estimate.data import Data, data_of, explains_little
-from eaid.estimate.friction import (
-    LevelValues,
-    friction_hold_out,
-    friction_part,
-    of_own_levels,
-    own_level_findings,
-    quoted,
-    white_ends,
-)
-from eaid.estimate.from_steps import refit_nonlinear
+from eaid.estimate.friction import friction_part, quoted, white_ends
+from eaid.estimate.from_steps import Solution, fit_nonlinear, refit_nonlinear
 from eaid.estimate.huber import huber_findings, minimise
 from eaid.estimate.levels import OwnLevels, own_levels
 from eaid.estimate.linear import linear_part
-from eaid.estimate.nonlinear import believed, joint_fit, nonlinear_part, spread_of
+from eaid.estimate.nonlinear import nonlinear_part
 from eaid.estimate.release import release_fit
 from eaid.estimate.scatter import CURVES, Scatter, common_shifts, noise_of
-from eaid.estimate.spread import t_quantile
 from eaid.estimate.step_shapes import between_rows, of_another_shape, single_steps
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.models.parameters import SHARE
@@ -132,10 +124,9 @@ def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], No
     data, whole = data_of(kept), stepset
     stepset = replace(stepset, levels=kept)
     with np.errstate(all="ignore"):
-        if "nonlinear" in models:
-            result, scatter = _of_the_model(stepset, data, models, options, held_out, progress)
-        else:
-            result, scatter = _of_each_level(stepset, data, models, options, held_out, progress)
+        fitted = _of_the_model if "nonlinear" in models else _of_each_level
+        result, near = fitted(stepset, data, models, options, held_out, progress)
+        scatter, share = near.scatter, None
         findings = [*result.findings, *scatter_findings(scatter)]
         pairs = zip(scatter.levels, scatter.jacobians, strict=True)  # ∂f/∂ln T_s is f itself
         if little := [one.level for one, J in pairs if explains_little([one.mean], [one.mean - J[:, 0]])]:
@@ -144,6 +135,9 @@ def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], No
         if "friction" in models or "nonlinear" in models:
             misfits, more = adequacy(scatter, stepset.input_unit)
             findings += more
+            if options.held_share is not None and options.ci != "none":
+                share, more = share_of(near, data)
+                findings += more
         if "linear" in models:
             linear, more = linear_part(data, scatter, options, held_out)
             result = msgspec.structs.replace(result, linear=linear)
@@ -154,7 +148,7 @@ def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], No
         degrees_of_freedom=scatter.degrees,
         noise=noise_of(scatter, stepset.runs),
         draws=options.draws if options.ci == "bootstrap" else None,
-        share=None if result.uncertainty is None else result.uncertainty.share,
+        share=share,
         lack_of_fit=misfits,
     )
     result = msgspec.structs.replace(result, data=data_part(whole), uncertainty=summary)
@@ -173,30 +167,32 @@ def _of_the_model(
     options: FitOptions,
     held_out: Sequence[Level],
     progress: Callable[[], None] | None,
-) -> tuple[Fit, Scatter]:
-    """The nonlinear model, and the friction curves that it gives at the levels; what the runs say about them."""
-    levels = stepset.levels
-    first, huber = believed(levels, data, options.held_share, options.loss)
-    scatter = first.scatter
-    joint, huber_of_joint = joint_fit(data, options.held_share, options.loss)
-    draws = None
+) -> tuple[Fit, Estimate | OwnLevels]:
+    """The nonlinear model, and the friction curves that it gives at the levels; the estimate behind them."""
+    levels, share = stepset.levels, options.held_share
+    first, huber = minimise(
+        data,
+        options.loss,
+        lambda d: levels_first(levels, d, share),
+        lambda d, near: levels_first(levels, d, share, near),
+        lambda one, on: one.solved.residuals(on),
+    )
+    joint, of_joint = minimise(
+        data, options.loss, lambda d: fit_nonlinear(d, share), refit_nonlinear, Solution.residuals
+    )
+    papers, draws = options.estimator == "joint", None
     if options.ci == "bootstrap":
-        papers = options.estimator == "joint"
         refit = (lambda again: refit_nonlinear(again, joint).x) if papers else first.refit
-        draws = bootstrap(levels, data, scatter.curves, refit, options, progress)
+        draws = bootstrap(levels, data, first.scatter.curves, refit, options, progress)
     model, values, findings = nonlinear_part(stepset, data, first, joint, options, held_out, draws)
-    robust = huber_of_joint if options.estimator == "joint" else huber
+    robust = of_joint if papers else huber
     findings += huber_findings("nonlinear", robust)
     result = Fit(nonlinear=msgspec.structs.replace(model, robust=robust))
-    if options.held_share is not None and options.ci != "none":
-        share, more = share_of(first)
-        result = msgspec.structs.replace(result, uncertainty=Uncertainty(share=share))
-        findings += more
     if "friction" in models:
-        part, more = friction_part(stepset, values, data, None, options, None)
+        part, more = friction_part(stepset, values, data, options)
         findings += more
         result = msgspec.structs.replace(result, friction=part)
-    return msgspec.structs.replace(result, findings=tuple(findings)), scatter
+    return msgspec.structs.replace(result, findings=tuple(findings)), first
 
 
 def _of_each_level(
@@ -206,8 +202,8 @@ def _of_each_level(
     options: FitOptions,
     held_out: Sequence[Level],
     progress: Callable[[], None] | None,
-) -> tuple[Fit, Scatter]:
-    """Every level by itself, with trends over the levels; what the runs say about their curves."""
+) -> tuple[Fit, Estimate | OwnLevels]:
+    """Every level by itself, with trends over the levels; their estimates."""
     levels, share = stepset.levels, options.held_share
     own, huber = minimise(
         data,
@@ -217,34 +213,23 @@ def _of_each_level(
         OwnLevels.residuals,
     )
     if "friction" not in models:
-        return Fit(), own.scatter
-    values = of_own_levels(own)
+        return Fit(), own
+    ends = own.intervals
     if options.ci == "white":
-        values = quoted(levels, own.theta, own.scatter.held, white_ends(own.scatter))
-    elif options.ci == "bootstrap":
-        values = _with_draws(values, own, data, options, progress)
-    part, findings = friction_part(stepset, values, data, own, options, huber)
-    findings += [*own_level_findings(own, values, stepset), *huber_findings("friction", huber)]
-    result = Fit(friction=msgspec.structs.replace(part, hold_out=friction_hold_out(part, stepset, held_out)))
-    if share is not None and options.ci != "none":
-        of_share, more = share_of_levels(own, data, values)
-        result = msgspec.structs.replace(result, uncertainty=Uncertainty(share=of_share))
-        findings += more
-    return msgspec.structs.replace(result, findings=tuple(findings)), own.scatter
+        ends = white_ends(own.scatter)
+    elif options.ci == "bootstrap":  # refits that run away count by rank
 
+        def logs(theta: Array) -> Array:
+            return np.log(np.maximum(theta[:3], 1e-300))
 
-def _with_draws(
-    values: LevelValues, own: OwnLevels, data: Data, options: FitOptions, progress: Callable[[], None] | None
-) -> LevelValues:
-    """The same with intervals from refits to resampled runs; those that run away count by rank."""
-
-    def refit(again: Data) -> Array:
-        near = own_levels(own.levels, again, options.held_share, own)
-        return np.log(np.maximum(near.theta[:3], 1e-300))
-
-    near = bootstrap(own.levels, data, own.curves, refit, options, progress)
-    value, reach = np.log(np.maximum(own.theta[:3], 1e-300)), t_quantile(values.degrees) * spread_of(near)
-    return quoted(values.levels, own.theta, values.held, (value - reach, value + reach, values.degrees))
+        near = bootstrap(
+            levels, data, own.curves, lambda d: logs(own_levels(levels, d, share, own).theta), options, progress
+        )
+        ends = drawn_ends(logs(own.theta), near, ends[2])
+    values = quoted(levels, own.theta, own.scatter.held, ends)
+    part, findings = friction_part(stepset, values, data, options, own, huber, held_out)
+    findings += huber_findings("friction", huber)
+    return Fit(friction=part, findings=tuple(findings)), own
 
 
 def scatter_findings(scatter: Scatter) -> list[Finding]:

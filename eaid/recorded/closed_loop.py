@@ -11,7 +11,6 @@ wind up.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import msgspec
 import numpy as np
 
 from eaid.arrays import Array
@@ -102,20 +101,18 @@ def judged_loops(base: Solved, logs: Sequence[RecordedLog]) -> tuple[tuple[Loop,
                 continue
             findings.append(finding("duty-follows-output", log.name, correlation=follows))
         findings.append(finding("loop-instrument" if law and by_instrument else "loop-bias-unknown", log.name))
-        loop = Loop(log.name, saturated_fraction=log.saturated, rms_error=_tracking_error(log))
-        if law is not None:
-            values = {"K_P": law.gains.K_P, "K_I": law.gains.K_I, "law_fit_pct": law.fit_pct}
-            method = "instrument" if by_instrument else "direct"
-            loop = msgspec.structs.replace(loop, method=method, **values)
-        loops.append(loop)
+        off = None if log.reference is None else (log.reference - log.output)[int(np.argmax(log.input > 0)) :]
+        found = {} if law is None else {"K_P": law.gains.K_P, "K_I": law.gains.K_I, "law_fit_pct": law.fit_pct}
+        loops.append(
+            Loop(
+                log.name,
+                saturated_fraction=log.saturated,
+                rms_error=None if off is None else float(np.sqrt(np.nanmean(off**2))),
+                method="instrument" if law and by_instrument else "direct",
+                **found,
+            )
+        )
     return tuple(loops), findings
-
-
-def _tracking_error(log: RecordedLog) -> float | None:
-    """Reference minus output under load, rms; None without a reference."""
-    if log.reference is None:
-        return None
-    return float(np.sqrt(np.nanmean((log.reference - log.output)[int(np.argmax(log.input > 0)) :] ** 2)))
 
 
 ROUNDS = 20

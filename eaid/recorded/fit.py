@@ -21,12 +21,13 @@ from eaid.estimate.coefficients import coefficient_intervals, coefficients_of, c
 from eaid.estimate.data import data_of, errors
 from eaid.estimate.fall_tests import tested, with_falls
 from eaid.estimate.from_logs import Solved, idle_of, model_of, setup_of, solve
-from eaid.estimate.late import LOWER, delay_finding, delays, shifted
+from eaid.estimate.late import LOWER, delays, shifted
 from eaid.estimate.linear import bounds_of, fit_each_level, parameters, single_levels
 from eaid.estimate.log_intervals import CurveSpread, Spread, curves, never_asked, spread
 from eaid.estimate.noise import FEWEST_ENGAGEMENTS, scatter_findings
 from eaid.estimate.nonlinear import scored
 from eaid.estimate.record import RecordedLog, logs_of_steps, recorded_log
+from eaid.estimate.spread import Degrees
 from eaid.estimate.step_shapes import single_steps
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.logs.run import Run
@@ -34,16 +35,12 @@ from eaid.models import nonlinear as curve
 from eaid.models.parameters import SHARE
 from eaid.options import FitOptions
 from eaid.recorded.closed_loop import judged_loops, with_instrument
-from eaid.results.common import Interval, LevelError, Source
+from eaid.results.common import LevelError, Source
 from eaid.results.fit import (
-    CoefficientIntervals,
-    Covariance,
-    CurveLevel,
     Fit,
     FittedData,
     Friction,
     FrictionLevel,
-    LevelIntervals,
     Linear,
     Noise,
     Nonlinear,
@@ -93,7 +90,22 @@ def refuse(logs: Sequence[RecordedLog]) -> None:
 
 def input_findings(logs: Sequence[RecordedLog], levels: Array) -> list[Finding]:
     """Warnings in the inputs, log by log and together."""
-    findings = [one for log in logs for one in (_fast(log), _saturated(log), _clipped(log)) if one is not None]
+    findings = []
+    for log in logs:
+        known, top = np.isfinite(log.output), float(log.input.max())
+        step = np.abs(np.diff(log.input)) > JUMP * top
+        alone = int((step[1:] & step[:-1]).sum())  # rows that differ much from both neighbours
+        share = 100.0 * alone / max(int((log.input > 0).sum()), 1)
+        if share > FAST_PCT:
+            findings.append(finding("input-faster-than-sampled", log.name, share_pct=share))
+        share = 100.0 * log.saturated
+        if (not log.stepwise or log.reference is not None) and share > SATURATED_PCT:
+            findings.append(finding("input-saturates", log.name, share_pct=share, limit=top))
+        # an output at its largest value while different inputs act, and never near it otherwise
+        y, limit = log.output[known], float(log.output[known].max())
+        share = 100.0 * float((y == limit).mean())
+        if share > CLIPPED_PCT and len(np.unique(y)) >= 20 and np.ptp(log.input[known][y == limit]) > JUMP * top:
+            findings.append(finding("output-saturates", log.name, share_pct=share, limit=limit))
     findings += [
         finding("input-never-moves", log.name, level=float(log.input[0]))
         for log in logs
@@ -102,36 +114,6 @@ def input_findings(logs: Sequence[RecordedLog], levels: Array) -> list[Finding]:
     if len(levels) == 1:
         findings.append(finding("one-input-only", "data", levels))
     return findings
-
-
-def _fast(log: RecordedLog) -> Finding | None:
-    """Rows that differ much from both neighbours, in opposite directions or not."""
-    step = np.abs(np.diff(log.input)) > JUMP * log.input.max()
-    alone = step[1:] & step[:-1]
-    acting = int((log.input > 0).sum())
-    share = 100.0 * int(alone.sum()) / max(acting, 1)
-    return finding("input-faster-than-sampled", log.name, share_pct=share) if share > FAST_PCT else None
-
-
-def _saturated(log: RecordedLog) -> Finding | None:
-    """A moving input that stands at its largest value."""
-    share = 100.0 * log.saturated
-    if (log.stepwise and log.reference is None) or share <= SATURATED_PCT:
-        return None
-    return finding("input-saturates", log.name, share_pct=share, limit=float(log.input.max()))
-
-
-def _clipped(log: RecordedLog) -> Finding | None:
-    """An output that stands at its largest value while different inputs act, and never comes near it otherwise."""
-    y = log.output[np.isfinite(log.output)]
-    u = log.input[np.isfinite(log.output)]
-    top = float(y.max())
-    at = y == top
-    share = 100.0 * float(at.mean())
-    steps = np.unique(y)
-    if share <= CLIPPED_PCT or len(steps) < 20 or np.ptp(u[at]) <= JUMP * u.max():
-        return None
-    return finding("output-saturates", log.name, share_pct=share, limit=top)
 
 
 ALIKE = 1e-3  # Inputs that differ by less than this part of the largest are one level
@@ -165,16 +147,11 @@ class Inputs:
         return self.basis if few else np.linspace(self.low, self.high, 11)
 
 
-def levels_of(logs: Sequence[RecordedLog]) -> Array:
-    """The different inputs above rest, rising; those within a thousandth of the largest taken together."""
-    values = np.unique(np.concatenate([log.input[log.changes] for log in logs]))
-    values = values[values > 0]
-    return np.asarray(values[np.append(True, np.diff(values) > ALIKE * values[-1])], dtype=np.float64)
-
-
 def inputs_of(logs: Sequence[RecordedLog], wanted: tuple[float, float] | None) -> Inputs:
     """Levels and range that the logs excite, or the range that was asked for."""
-    levels = levels_of(logs)
+    levels = np.unique(np.concatenate([log.input[log.changes] for log in logs]))
+    levels = levels[levels > 0]
+    levels = levels[np.append(True, np.diff(levels) > ALIKE * levels[-1])]  # those all but alike are one
     stepwise = all(log.stepwise for log in logs) and len(levels) <= MANY
     if wanted is not None:
         inside = levels[(levels >= wanted[0]) & (levels <= wanted[1])]
@@ -195,17 +172,16 @@ STRETCHES = 150  # Of a long log, each with the rows of its extremes
 DIGITS = 6  # Of the values that are drawn
 
 
-def log_parts(solved: Solved, logs: Sequence[RecordedLog]) -> tuple[LogFit, ...]:
-    """The results of the first logs of a fit; there may be others after them."""
-    return tuple(_log_part(solved, k, log) for k, log in enumerate(logs))
-
-
-def _log_part(solved: Solved, k: int, log: RecordedLog) -> LogFit:
+def log_part(solved: Solved, k: int, log: RecordedLog) -> LogFit:
+    """The result of one log of a fit."""
     drive, own = solved.setup.drives[k], solved.setup.places[k].own
     counted = drive.w > 0
     missed, y = solved.missed[k], solved.outputs[k]
     about = float(np.linalg.norm(y - y.mean()))
     span = float(log.time_s[-1] - log.time_s[0])
+    time_s, level, measured = (column[counted] for column in (log.time_s, log.input, log.output))
+    columns = (time_s, level, measured, measured + missed, -missed)
+    at = extremes(np.stack([level, measured, -missed]), STRETCHES)  # rows to be drawn
     return LogFit(
         name=log.name,
         path=log.source,
@@ -219,15 +195,8 @@ def _log_part(solved: Solved, k: int, log: RecordedLog) -> LogFit:
         rmse=float(np.sqrt(np.mean(missed * missed))),
         fit_pct=100 * (1 - float(np.linalg.norm(missed)) / about) if about > 0 else None,
         one_step_pct=100 * (1 - float(np.linalg.norm(np.diff(missed))) / about) if about > 0 else None,
-        curve=curve_of(log.time_s[counted], log.input[counted], log.output[counted], -missed),
+        curve=LogCurve(*(tuple(float(f"{x:.{DIGITS}g}") for x in column[at]) for column in columns)),
     )
-
-
-def curve_of(time_s: Array, level: Array, measured: Array, residual: Array) -> LogCurve:
-    """Rows to be drawn; shapes (n,)."""
-    at = extremes(np.stack([level, measured, residual]), STRETCHES)
-    columns = (time_s, level, measured, measured - residual, residual)
-    return LogCurve(*(tuple(float(f"{x:.{DIGITS}g}") for x in column[at]) for column in columns))
 
 
 def extremes(rows: Array, stretches: int) -> NDArray[np.intp]:
@@ -246,7 +215,6 @@ def extremes(rows: Array, stretches: int) -> NDArray[np.intp]:
 STEP_RECORDS = 3.0  # Levels' own linear models are of steps of the fitted model, so many of its longest τ2 long …
 LONGEST_STEP_S = 60.0  # … and no longer than this
 STEP_SAMPLES = 2000
-WIDEST = 10.0  # An interval wider than this factor says nothing
 
 
 def data_part(
@@ -274,14 +242,19 @@ def data_part(
 
 def nonlinear_part(solved: Solved, uncertainty: Spread | None, known: CurveSpread | None, shown: Array) -> Nonlinear:
     """The ten coefficients, with errors by level and intervals."""
-    total, free = errors(solved.outputs, solved.missed), solved.setup.model.free_share
-    intervals, covariance = (None, None) if uncertainty is None else _coefficients(solved, uncertainty)
-    return msgspec.structs.replace(
-        scored(model_of(solved), free, total, _level_errors(solved, shown), solved.solver),
-        curves=() if known is None else _curves(known),
-        ci95=intervals,
-        covariance=covariance,
-    )
+    total, model = errors(solved.outputs, solved.missed), solved.setup.model
+    part = scored(model_of(solved), model.free_share, total, _level_errors(solved, shown), solved.solver)
+    if uncertainty is not None and known is not None:
+        c, turn = coefficients_of(model_of(solved), model.free_share), turned(model)
+        covariance = turn @ uncertainty.covariance[: turn.shape[1], : turn.shape[1]] @ turn.T
+        degrees: Degrees = {**degrees_of(solved, uncertainty)}
+        part = msgspec.structs.replace(
+            part,
+            curves=known.rows,
+            ci95=coefficient_intervals(c, covariance, degrees),
+            covariance=covariance_part(c, covariance, degrees),
+        )
+    return part
 
 
 def _level_errors(solved: Solved, shown: Array) -> tuple[LevelError, ...]:
@@ -294,27 +267,6 @@ def _level_errors(solved: Solved, shown: Array) -> tuple[LevelError, ...]:
         at = nearest == i
         rows.append(errors([y[at]], [missed[at]]).at(level) if at.any() else LevelError(level))
     return tuple(rows)
-
-
-def _curves(known: CurveSpread) -> tuple[CurveLevel, ...]:
-    rows = []
-    for i, level in enumerate(known.duty.tolist()):
-        ends: list[Interval] = [
-            (float(known.low[k, i]), float(known.high[k, i])) if known.half_width[k, i] < WIDEST else None
-            for k in range(3)
-        ]
-        Ts, tau1, tau2 = known.values[:, i].tolist()
-        rows.append(CurveLevel(level, Ts, tau1, tau2, LevelIntervals(*ends)))
-    return tuple(rows)
-
-
-def _coefficients(solved: Solved, uncertainty: Spread) -> tuple[CoefficientIntervals, Covariance]:
-    """Intervals of the paper's coefficients, and their covariance in powers of u/100."""
-    model = solved.setup.model
-    plain, T = coefficients_of(model_of(solved), model.free_share), turned(model)
-    V = uncertainty.covariance[: T.shape[1], : T.shape[1]]
-    covariance, degrees = T @ V @ T.T, degrees_of(solved, uncertainty)
-    return coefficient_intervals(plain, covariance, {**degrees}), covariance_part(plain, covariance, {**degrees})
 
 
 def degrees_of(solved: Solved, uncertainty: Spread) -> dict[str, float]:
@@ -345,14 +297,11 @@ def linear_part(solved: Solved, base: Solved, levels: Array, wanted: str | None)
         a0=pooled.a0,
         b0=pooled.b0,
         c0=pooled.c0,
-        rmse=total.rmse,
-        sse=total.sse,
-        fit_pct=total.fit_pct,
-        R2=total.R2,
         solver=solved.solver,
         per_level=rows,
         bounds=bounds_of(rows, None if wanted is None else wanted_levels(wanted, levels.tolist(), "bounds_levels")),
-    )  # fmt: skip
+        **total.scores,
+    )
 
 
 def _settled_steps(base: Solved, levels: Array) -> list[Level]:
@@ -367,7 +316,7 @@ def friction_part(solved: Solved, levels: Array, known: CurveSpread | None) -> F
     """T_s, τ1, τ2 of the levels: those of the nonlinear model with their intervals, or each level's by itself."""
     share, tables = solved.setup.model.share, solved.curves(levels)
     assert share is not None
-    ends = {row.level: row.ci95 for row in (() if known is None else _curves(known))}
+    ends = {row.level: row.ci95 for row in (() if known is None else known.rows)}
     values = zip(tables.steady.tolist(), tables.tau1.tolist(), tables.tau2.tolist(), strict=True)
     rows = [
         FrictionLevel(
@@ -377,18 +326,6 @@ def friction_part(solved: Solved, levels: Array, known: CurveSpread | None) -> F
         for one, (Ts, tau1, tau2) in zip(_level_errors(solved, levels), values, strict=True)
     ]  # fmt: skip
     return Friction(C=share, levels=tuple(rows), solver=solved.solver)
-
-
-def release_part(solved: Solved, falls: Sequence[FallTest]) -> Release | None:
-    """Time constants of falls to rest, where they were fitted."""
-    tau1, tau2 = (
-        next((one.value for one in falls if one.name == name and one.fitted), None)
-        for name in ("release_tau1", "release_tau2")
-    )
-    if tau1 is None or tau2 is None:
-        return None
-    share = solved.setup.model.share
-    return Release(tau1=tau1, tau2=tau2, C=SHARE if share is None else share)
 
 
 # Cost of a start at rest, over that of one with unknown states, up to which the steps' dead time is believed
@@ -482,11 +419,17 @@ def fit_recorded(
         rows = [sum(pair) for pair in zip(rows, more, strict=True)]
         base = solve(setup_of(base.fitted.model, [*map(shifted, logs, rows), *every[len(logs) :]], rests))
     setup, acting = base.fitted, [*map(shifted, logs, rows)]
-    findings += [one for log, late in zip(logs, rows, strict=True) for one in delay_finding(log, late)]
-    tested_falls = tested(base, inputs.stepwise) if falls else None
-    if tested_falls is not None:
-        base = tested_falls.solved
-        findings += tested_falls.findings
+    late_s = [late * float(np.median(log.dt_s)) for log, late in zip(logs, rows, strict=True)]
+    for log, count, lasts in zip(logs, rows, late_s, strict=True):
+        if count > 0:
+            findings.append(finding("input-late", log.name, rows=count, ms=1e3 * lasts))
+        elif count < 0:
+            findings.append(finding("dead-time", log.name, dead_time_s=-lasts))
+    of_falls: tuple[FallTest, ...] = ()
+    if falls:
+        base, of_falls, more_findings = tested(base, inputs.stepwise)
+        findings += more_findings
+    release, extras = model_of(base).release, base.fitted.extras
     if any(log.reference is not None for log in logs):
         base = with_instrument(base, acting)
     loops, of_loops = judged_loops(base, acting)
@@ -501,10 +444,10 @@ def fit_recorded(
         solved = solve(replace(setup, model=forms.linear(inputs.basis)))
         linear = linear_part(solved, base, inputs.basis, options.bounds_levels)
     if "friction" in wanted and inputs.stepwise and len(inputs.levels) <= FEW_LEVELS and share is not None:
-        solved, kept = base, () if tested_falls is None else tested_falls.kept
+        solved = base
         if "nonlinear" not in wanted:
             solved = solve(replace(setup, model=forms.friction(inputs.levels, share)))
-            solved = with_falls(solved, kept) if kept else solved
+            solved = with_falls(solved, extras) if extras else solved
         friction = friction_part(solved, inputs.levels, known if "nonlinear" in wanted else None)
     return Fit(
         findings=ranked(findings),
@@ -514,15 +457,15 @@ def fit_recorded(
         nonlinear=nonlinear_part(base, uncertainty, known, inputs.shown) if "nonlinear" in wanted else None,
         linear=linear,
         friction=friction,
-        release=None if tested_falls is None else release_part(base, tested_falls.falls),
+        release=None if release is None else Release(*release, SHARE if share is None else share),
         uncertainty=None if uncertainty is None else uncertainty_part(base, uncertainty),
         recorded=Recorded(
-            logs=log_parts(base, logs),
+            logs=tuple(log_part(base, k, log) for k, log in enumerate(logs)),
             steps=len(every) - len(logs),
             u_range=(inputs.low, inputs.high),
-            falls=() if tested_falls is None else tested_falls.falls,
+            falls=of_falls,
             loops=loops,
-            dead_time_s=max(0.0, *(-late * float(np.median(log.dt_s)) for log, late in zip(logs, rows, strict=True))),
+            dead_time_s=max(0.0, -min(late_s)),
             engagements=0 if uncertainty is None else uncertainty.scatter.count,
             correlation_s=None if uncertainty is None else uncertainty.correlation_s,
         ),

@@ -170,28 +170,14 @@ class Friction(Result, frozen=True):
         return tuple(getattr(one, key) for one in self.levels)
 
 
-class ReleaseLevel(Scores, frozen=True):
-    """T(t) = residual + amplitude (share e^(−t/τ1) + (1 − share) e^(−t/τ2)) after the release of one level."""
-
-    level: Number
-    share: Number | None = None
-    tau1: Number | None = None
-    tau2: Number | None = None
-    amplitude: Number | None = None
-    residual: Number | None = None
-    """Output left after a long time."""
-    solver: Solver | None = None
-
-
 class Release(Result, frozen=True):
-    """Time constants of the falling edges to rest: of all levels together, and of each."""
+    """Time constants of the falling edges to rest, of all levels together."""
 
     tau1: Positive
     tau2: Positive
     C: Number = 0.85
     rmse: Number | None = None
     sse: Number | None = None
-    levels: tuple[ReleaseLevel, ...] = ()
     solver: Solver | None = None
 
 

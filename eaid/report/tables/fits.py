@@ -1,7 +1,6 @@
 """Tables of one fit: the single levels, Tables I–III, the linear model, release, held-out levels, Huber's weights."""
 
 from collections.abc import Sequence
-from typing import Any
 
 from eaid.report import rig as published
 from eaid.report.rig import gain, of_the_paper, rate
@@ -142,14 +141,10 @@ def input_gain_table(fit: Fit) -> Table:
 
 
 def release_table(fit: Fit) -> Table:
-    """Time constants of the falling edges, pooled and of each level."""
-    part, unit = fit.release, fit.data.input_unit
-    assert part is not None
-    rows: list[Any] = [part, *part.levels]
+    """Time constants of the falling edges."""
     return table_of(
-        "Release", "How the output falls after the input returns to zero.", rows,
-        (("level", unit), lambda one: "all together" if one is part else level(one.level)), (("τ1", "s"), "tau1"),
-        (("τ2", "s"), "tau2"), (("RMSE", fit.data.output_unit, 3), "rmse"),
+        "Release", "How the output falls after the input returns to zero, all levels together.", [fit.release],
+        (("τ1", "s"), "tau1"), (("τ2", "s"), "tau2"), (("RMSE", fit.data.output_unit, 3), "rmse"),
     )  # fmt: skip
 
 
