@@ -17,8 +17,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
+from eaid.arrays import Array
 from eaid.report.panels import BLACK, VERMILLION, Axis, Box, Line, Panel, Sheet, apart, thinned
 
 if TYPE_CHECKING:
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
 DPI = 300
 SMALLEST_PT = 8.0  # No letter of a figure is smaller at its printed size [pt]
 INDEXED_PT = 8.6  # Letters of a text with an index, which matplotlib sets at 0.7 of them
-LINE_IN = 0.167  # Height of a line of such letters [in]
 POINTS, BAND_POINTS = 2500, 400  # Most points of a curve; extremes survive; and of a band
 _LOOK = threading.Lock()
 _parameters = cache(lambda: dict(mpl.rc_params_from_file(Path(__file__).with_name("figures.mplstyle"))))
@@ -47,30 +47,76 @@ def figure_of(sheet: Sheet, mark: str = "") -> Figure:
     figure = Figure(figsize=(sheet.width_in, sheet.height_in))
     FigureCanvasAgg(figure)
     along_x, along_y = sheet.share
-    grid = figure.subplots(
-        rows, sheet.columns, squeeze=False, sharex=along_x, sharey=along_y,
-        height_ratios=sheet.ratios or None, width_ratios=sheet.widths or None,
-    )  # fmt: skip
-    for axes in grid.flat[len(sheet.panels) :]:
-        axes.set_visible(False)
+    grid = figure.subplots(rows, sheet.columns, squeeze=False, sharex=along_x, sharey=along_y)
+    rooms = np.zeros((rows, sheet.columns, 4))
     for k, (axes, panel) in enumerate(zip(grid.flat, sheet.panels, strict=False)):
         below, beside = along_x and k + sheet.columns < len(sheet.panels), along_y and k % sheet.columns > 0
         draw(axes, panel, x_label=not below, y_label=not beside)
         letter = f"({'abcdefghi'[k]}) " * (sheet.lettered and len(sheet.panels) > 1)
         axes.set_title(**_text(f"{letter}{panel.title}".rstrip()))
-    for axes, panel in zip(grid.flat, sheet.panels, strict=False):
-        _name_ends(axes, panel)
-    low_in, high_in = LINE_IN if mark else 0.0, sheet.height_in
+        rooms[k // sheet.columns, k % sheet.columns] = _room(axes, panel, ticks=(not below, not beside))
+    named = next((k for k, panel in enumerate(sheet.panels) if panel.legend == "over"), None)
+    over = 0.0
+    if named is not None:
+        handles, labels = grid.flat[named].get_legend_handles_labels()
+        columns = sheet.panels[named].columns
+        figure.legend(handles, labels, loc="upper right", ncols=columns)
+        over = 0.05 + LINE_IN * -(-len(labels) // columns)
     if mark:
         said = f"\N{WARNING SIGN} {mark}"
         figure.text(0.5, 0.02, said, ha="center", fontsize=SMALLEST_PT, fontweight="bold", color=VERMILLION)
+    _place(grid, sheet, rooms, over, LINE_IN if mark else 0.0)
     for axes, panel in zip(grid.flat, sheet.panels, strict=False):
-        if panel.legend == "over":
-            handles, labels = axes.get_legend_handles_labels()
-            figure.legend(handles, labels, loc="upper right", ncols=panel.columns)
-            high_in -= LINE_IN * -(-len(labels) // panel.columns)
-    figure.tight_layout(pad=0.4, h_pad=0.6, w_pad=0.8, rect=(0, low_in / sheet.height_in, 1, high_in / sheet.height_in))
+        _name_ends(axes, panel)
+    for axes in grid.flat[len(sheet.panels) :]:
+        axes.set_visible(False)
     return figure
+
+
+# Width of a digit and height of a line at 8 pt, length of a tick and its space [in]
+DIGIT_IN, LINE_IN, TICK_IN = 0.071, 0.167, 0.1
+
+
+def _room(axes: Axes, panel: Panel, ticks: tuple[bool, bool]) -> tuple[float, float, float, float]:
+    """What a panel needs left, right, below and above its axes [in], by the lengths of its texts.
+
+    matplotlib's own layouts draw every text twice over, which takes longer than all curves.
+    """
+    left = right = below = 0.05
+    if ticks[1]:
+        low, high = sorted(axes.get_ylim())
+        places = [y for y in axes.get_yticks() if low <= y <= high]
+        said = axes.yaxis.get_major_formatter().format_ticks(places)
+        left += TICK_IN + DIGIT_IN * max((len(text) for text in said), default=0)
+    left += LINE_IN * len(axes.get_ylabel().splitlines())
+    if ticks[0]:
+        below, right = below + TICK_IN + 0.08, right + 0.1
+    below += LINE_IN * bool(axes.get_xlabel())
+    beside = [line.end for line in panel.lines if line.end]
+    beside += [note.text for note in panel.notes if note.x > 1 and note.of in ("x", "xy")]
+    if beside:
+        right += 0.1 + DIGIT_IN * max(len(line) for text in beside for line in text.splitlines())
+    names = [text for text in axes.get_legend_handles_labels()[1] if panel.legend in ("above", "beside")]
+    if panel.legend == "beside":
+        right += 0.4 + DIGIT_IN * max(map(len, names))
+    lines = -(-len(names) // panel.columns) if panel.legend == "above" else 0
+    lines = max(lines, bool(axes.get_title(loc="left")), any(note.y > 1 for note in panel.notes if note.of))
+    return left, right, below, 0.08 + LINE_IN * lines
+
+
+def _place(grid: Any, sheet: Sheet, rooms: Array, over_in: float, under_in: float) -> None:
+    """Set the axes of a sheet between what they need, their sizes in its ratios."""
+    rows, columns = grid.shape
+    left, right = rooms[:, :, 0].max(axis=0), rooms[:, :, 1].max(axis=0)
+    below, above = rooms[:, :, 2].max(axis=1), rooms[:, :, 3].max(axis=1)
+    shares = [np.array(given or (1.0,) * n) for given, n in ((sheet.widths, columns), (sheet.ratios, rows))]
+    widths = shares[0] / shares[0].sum() * (sheet.width_in - (left + right).sum())
+    heights = shares[1] / shares[1].sum() * (sheet.height_in - over_in - under_in - (below + above).sum())
+    x = np.cumsum(left + right + widths) - right - widths
+    y = sheet.height_in - over_in - np.cumsum(below + above + heights) + below
+    for (row, column), axes in np.ndenumerate(grid):
+        place = x[column] / sheet.width_in, y[row] / sheet.height_in
+        axes.set_position((*place, widths[column] / sheet.width_in, heights[row] / sheet.height_in))
 
 
 def draw(axes: Axes, panel: Panel, x_label: bool = True, y_label: bool = True) -> None:
@@ -134,9 +180,12 @@ def _axis(axes: Axes, name: str, axis: Axis, labelled: bool) -> None:
         getattr(axes, f"set_{name}lim")(*axis.limits)
     if axis.log:
         getattr(axes, f"set_{name}scale")("log")
-        one.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        low, high = one.get_view_interval()
+        one.set_major_locator(LogLocator(subs=(1, 2, 5)) if high < 300 * low else LogLocator(numticks=6))
         one.set_major_formatter(FuncFormatter(lambda value, _place: f"{value:g}"))
-        one.set_minor_locator(NullLocator())
+        one.set_minor_formatter(NullFormatter())
+        if high < 300 * low:
+            one.set_minor_locator(NullLocator())
     if axis.ticks is not None:
         one.set_ticks(list(axis.ticks), list(axis.ticks.values()))
 

@@ -3,6 +3,8 @@
 from collections import Counter
 from collections.abc import Iterable
 
+import numpy as np
+
 from eaid.report.results import KINDS, Results
 from eaid.report.tables import Cell, Name, Table, columns, level, table_of
 from eaid.steps.stepset import LevelStep, RunRecord, StepSet
@@ -34,7 +36,7 @@ def levels_recorded(data: StepSet) -> Table:
         before: Cell = idle[0] if len(idle) == 1 else (min(idle), max(idle)) if idle else None
         warned = sum(1 for run in data.runs if run.level == averaged.level and is_warned(run))
         rise = float(mean[-max(1, len(mean) // 10) :].mean())
-        lost_pct = round(max((run.lost_pct or 0.0 for run in runs), default=0.0))
+        lost_pct = round(np.mean([run.lost_pct or 0.0 for run in runs])) if runs else 0
         held_s = float(averaged.time_s[-1])
         rows.append((level(averaged.level), len(averaged.names), warned, before, rise, lost_pct, held_s,
                      falls[averaged.level]))  # fmt: skip
@@ -43,7 +45,7 @@ def levels_recorded(data: StepSet) -> Table:
         ("level", data.input_unit), "runs", "warned", ("before", out, 3), ("rise", out), ("lost", "%"), ("held", "s"),
         "falls",
     )  # fmt: skip
-    caption = "Rise: mean of the repeats in the end. Lost: from the peak to there."
+    caption = "Rise: mean of the repeats in the end. Lost: from the peak to there, mean of the runs."
     return Table("Levels", caption, heads, tuple(rows))
 
 
