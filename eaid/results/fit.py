@@ -36,6 +36,7 @@ from eaid.results.common import (
     Input,
     Interval,
     LevelError,
+    Made,
     Number,
     Positive,
     Result,
@@ -462,7 +463,7 @@ CURVES: dict[str, Callable[..., Array]] = {
 """Models of steps, the first that was fitted before the others → output at times after a step."""
 
 
-class Fit(codec.Saved, Result, frozen=True, dict=True):
+class Fit(codec.Saved, Made, frozen=True, dict=True):
     """All that one call fitted; what its kind does not allow is None.
 
     Examples
@@ -477,10 +478,6 @@ class Fit(codec.Saved, Result, frozen=True, dict=True):
 
     FILE: ClassVar[str] = "fit"
     options: FitGiven = FitGiven()
-    command: tuple[str, ...] = ()
-    """What was typed to make it, without the output; empty where Python did."""
-    seed: int = 0
-    """That of `options`, under the key that every result file has."""
     data: FittedData = FittedData()
     converged: bool | None = None
     friction: Friction | None = None
@@ -494,8 +491,6 @@ class Fit(codec.Saved, Result, frozen=True, dict=True):
     """Of logs that were fitted as they were recorded."""
     parameters: tuple[Parameter, ...] = ()
     """All fitted parameters with their intervals."""
-    findings: tuple[Finding, ...] = ()
-    """Worst first."""
 
     @property
     def params(self) -> "pandas.Series[float]":
