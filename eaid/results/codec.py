@@ -101,7 +101,7 @@ class Saved(Shown):
 
     def save(self, path: str | os.PathLike[str], force: bool = False) -> None:
         """Write the result's JSON file, whole or not at all; an existing file is left alone unless `force`."""
-        with written_whole(Path(path), force) as part:
+        with written_whole(Path(path), force=force) as (part,):
             part.write_text(dumps(self), encoding="utf-8", errors="surrogatepass")
 
 
