@@ -114,7 +114,7 @@ def _content(path: Path, wanted: str) -> tuple[str, Any]:
     """Text and content of a JSON file."""
     try:
         text = path.read_text(encoding="utf-8")
-        return text, json.loads(text, parse_constant=_not_json, parse_float=_finite)
+        return text, json.loads(text, parse_constant=_finite, parse_float=_finite)
     except (ValueError, RecursionError) as fault:  # no UTF-8, no JSON, or numbers and nesting beyond all reason
         raise DataError(f"{path}: is not a JSON file ({fault}); give {wanted}") from None
 
@@ -229,10 +229,6 @@ def _sentence(what: str, where: str, content: Any) -> str:
         return f"its {where} is wrong ({reason})"
     text = json.dumps(content, ensure_ascii=False)
     return f"its {where or 'content'} is {text if len(text) <= 40 else text[:37] + '…'} ({reason})"
-
-
-def _not_json(word: str) -> float:
-    raise ValueError(f"it holds {word}, which is no JSON number")
 
 
 def _finite(text: str) -> float:

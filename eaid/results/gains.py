@@ -22,11 +22,9 @@ class RhoLine(Result, frozen=True):
     slope: Number
 
 
-class Rho(Result, frozen=True):
-    """ρ(ξ) = constant + slope ‖ξ‖ [N·m/s] in the chosen reading, and what Eq. (15) needs with the α reached."""
+class Rho(RhoLine, frozen=True):
+    """The same in the chosen reading, and what Eq. (15) needs with the α reached."""
 
-    constant: Number
-    slope: Number
     convention: str = "paper"
     needed: RhoLine | None = None
 
