@@ -164,12 +164,6 @@ class Friction(Result, frozen=True):
         """Whether trends run over the normal stress, which is known of every level."""
         return self.over == "stress_kpa" and all(row.stress_kpa is not None for row in self.levels)
 
-    @property
-    def x(self) -> tuple[float, ...]:
-        """The levels in the quantity that trends run over."""
-        key = self.over if self.over in ("stress_kpa", "speed_rpm") else "level"
-        return tuple(getattr(one, key) for one in self.levels)
-
 
 class Release(Result, frozen=True):
     """Time constants of the falling edges to rest, of all levels together."""
