@@ -26,7 +26,7 @@ from eaid.models.parameters import Friction as FrictionCurve
 from eaid.models.parameters import Linear as LinearModel
 from eaid.models.parameters import Nonlinear as NonlinearModel
 from eaid.models.trends import evaluate
-from eaid.options import FitGiven
+from eaid.options import FitGiven, Kind
 from eaid.results import codec
 from eaid.results.common import (
     AbsError,
@@ -433,7 +433,7 @@ class StepShape(Result, frozen=True):
 class FittedData(Result, frozen=True):
     """What was fitted."""
 
-    kind: Literal["clutch", "friction-force", "friction-speed"] = "clutch"
+    kind: Kind = "clutch"
     input_unit: str = "%"
     output_unit: str = "N·m"
     levels: tuple[Number, ...] = ()
