@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from eaid.version import __version__
 
 if TYPE_CHECKING:
-    from eaid.api import couple, export, fit, load, plan, plan_excitation, read, report, simulate, synth, tune_rc
+    from eaid.api import couple, export, fit, load, plan, read, report, simulate, synth, tune_rc
     from eaid.errors import DataError, EaidError, GainsError, UsageError
     from eaid.options import (
         CoupleOptions,
@@ -32,37 +32,22 @@ if TYPE_CHECKING:
     from eaid.results.replay import Replay
     from eaid.steps.stepset import StepSet
 
-FUNCTIONS = (
-    "couple", "export", "fit", "load", "plan", "plan_excitation", "read", "report", "simulate", "synth", "tune_rc",
-)  # fmt: skip
-# Module → the public names that it holds
-HOMES = {
-    "eaid.api": FUNCTIONS,
-    "eaid.errors": ("DataError", "EaidError", "GainsError", "UsageError"),
-    "eaid.options": (
-        "CoupleOptions", "ExportOptions", "FitOptions", "PlanOptions", "ReadOptions", "ReportOptions",
-        "SimulateOptions", "SynthOptions", "TuneOptions",
-    ),
-    "eaid.results.coupling": ("Coupling",),
-    "eaid.results.fit": ("Fit",),
-    "eaid.results.gains": ("Gains",),
-    "eaid.results.plan": ("Plan",),
-    "eaid.results.replay": ("Replay",),
-    "eaid.steps.stepset": ("StepSet",),
-}  # fmt: skip
 __all__ = [
     "CoupleOptions", "Coupling", "DataError", "EaidError", "ExportOptions", "Fit", "FitOptions", "Gains", "GainsError",
     "Plan", "PlanOptions", "ReadOptions", "Replay", "ReportOptions", "SimulateOptions", "StepSet", "SynthOptions",
     "TuneOptions", "UsageError", "__version__",
-    "couple", "export", "fit", "load", "plan", "plan_excitation", "read", "report", "simulate", "synth", "tune_rc",
+    "couple", "export", "fit", "load", "plan", "read", "report", "simulate", "synth", "tune_rc",
 ]  # fmt: skip
+HOMES = ("eaid.errors", "eaid.options", "eaid.api")
+"""Modules that hold them, the quick ones first."""
 
 
 def __getattr__(name: str) -> Any:
     """The public names, whose libraries are loaded when one is first asked for: `eaid --help` needs none."""
-    for module, names in HOMES.items():
-        if name in names:
-            return getattr(import_module(module), name)
+    if name in __all__:
+        for module in map(import_module, HOMES):
+            if hasattr(module, name):
+                return getattr(module, name)
     raise AttributeError(f"module 'eaid' has no attribute {name!r}")
 
 
@@ -74,7 +59,7 @@ class _Package(ModuleType):
     """Keeps `eaid.synth`, `eaid.report` and `eaid.export` functions, though packages of these names are imported."""
 
     def __setattr__(self, name: str, value: object) -> None:
-        if not (name in FUNCTIONS and isinstance(value, ModuleType)):
+        if not (name in __all__ and isinstance(value, ModuleType)):
             super().__setattr__(name, value)
 
 

@@ -7,7 +7,7 @@ keywords; `eaid.options` declares them.
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
@@ -29,20 +29,19 @@ from eaid.options import (
 from eaid.progress import Progress, no_progress
 from eaid.reading import read_steps, steps_of
 from eaid.results import codec
+from eaid.results.coupling import Coupling
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.results.parameters import table_of
+from eaid.results.plan import Excitation, Plan
+from eaid.results.replay import Replay
 from eaid.steps.stepset import StepSet
 
 if TYPE_CHECKING:
     import pandas
 
     from eaid.export.export import ExportFolder
-    from eaid.results.coupling import Coupling
-    from eaid.results.plan import Excitation, Plan
-    from eaid.results.replay import Replay
 
-R = TypeVar("R")
 Paths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
 Column = str | int | None
 
@@ -167,8 +166,15 @@ def fit(
     return fitted
 
 
-def plan(fit: Fit, options: PlanOptions | None = None, *, progress: Progress = no_progress, **keywords: Any) -> "Plan":
-    """What steps to record next, for intervals of wanted widths, in the rig's own input unit.
+def plan(
+    fit: Fit,
+    options: PlanOptions | None = None,
+    *,
+    excitation: bool = False,
+    progress: Progress = no_progress,
+    **keywords: Any,
+) -> Plan | Excitation:
+    """What to record next, for intervals of wanted widths, in the rig's own input unit.
 
     Parameters
     ----------
@@ -176,20 +182,24 @@ def plan(fit: Fit, options: PlanOptions | None = None, *, progress: Progress = n
         What is known of the rig: its model, noise and scatter.
     options
         Wanted widths, and what the rig allows.
+    excitation
+        The shortest sequence of inputs for one recording, in place of steps; it needs a nonlinear model.
     progress
         As in `read`; called once a simulated recording.
     **keywords
-        Fields of `PlanOptions`: want [%], idle_s, release_s, longest_hold_s, most_levels, check, seed.
+        Fields of `PlanOptions`: want [%], check, seed; of steps idle_s, release_s, longest_hold_s, most_levels; of a
+        sequence limits.
 
     Returns
     -------
-    Plan
-        With `runs`, `to_frame()`, `findings`.
+    Plan or Excitation
+        With the widths it gives and `findings`; of steps `runs` and `to_frame()`, of a sequence `duty` (from when [s],
+        input) and what steps would take.
 
     Raises
     ------
     DataError
-        A fit without a model of steps.
+        A fit without the model that is planned with.
     UsageError
         A width of no parameter, or a limit that no rig has.
 
@@ -200,55 +210,17 @@ def plan(fit: Fit, options: PlanOptions | None = None, *, progress: Progress = n
     >>> session = eaid.plan(fit, want={"Ts": 10.0}, check=False)
     >>> len(session.runs) == len(session.to_frame())
     True
-    """
-    from eaid.planning.recordings import plan_recordings
-
-    _of_type("fit", fit, Fit)
-    with progress("simulated recordings", 0) as advance:
-        return plan_recordings(fit, chosen(PlanOptions, options, keywords), advance)
-
-
-def plan_excitation(
-    fit: Fit, options: PlanOptions | None = None, *, progress: Progress = no_progress, **keywords: Any
-) -> "Excitation":
-    """The shortest sequence of inputs for one recording, for intervals of wanted widths, in the rig's own input unit.
-
-    Parameters
-    ----------
-    fit
-        A fit with a nonlinear model.
-    options
-        Wanted widths, and what the rig allows.
-    progress
-        As in `read`; called once a simulated recording.
-    **keywords
-        Fields of `PlanOptions`: want [%], limits, check, seed.
-
-    Returns
-    -------
-    Excitation
-        With `duty` (from when [s], input), its `input_unit`, the widths it gives, what steps would take, `findings`.
-
-    Raises
-    ------
-    UsageError
-        A width of no parameter, or limits that leave nothing.
-    DataError
-        A fit without a nonlinear model.
-
-    Examples
-    --------
-    >>> import eaid
-    >>> fit = eaid.fit(eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1))
-    >>> sequence = eaid.plan_excitation(fit, want={"Ts": 20.0}, check=False)
+    >>> sequence = eaid.plan(fit, want={"Ts": 20.0}, check=False, excitation=True)
     >>> sequence.duty[0], sequence.input_unit
     ((0.0, 0.0), '%')
     """
     from eaid.planning.excitation import shortest_recording
+    from eaid.planning.recordings import plan_recordings
 
     _of_type("fit", fit, Fit)
+    how = chosen(PlanOptions, options, keywords)
     with progress("simulated recordings", 0) as advance:
-        return shortest_recording(fit, chosen(PlanOptions, options, keywords), advance)
+        return (shortest_recording if excitation else plan_recordings)(fit, how, advance)
 
 
 def synth(plant: Fit | None = None, options: SynthOptions | None = None, **keywords: Any) -> StepSet:
@@ -358,7 +330,7 @@ def simulate(
     reading: ReadOptions | None = None,
     progress: Progress = no_progress,
     **keywords: Any,
-) -> "Replay":
+) -> Replay:
     """Replay controllers on the fitted plant from rest, or a log's own input.
 
     Parameters
@@ -426,7 +398,7 @@ def couple(
     *,
     progress: Progress = no_progress,
     **keywords: Any,
-) -> "Coupling":
+) -> Coupling:
     """How stiff a virtual wall each loop may render on a limb (Colgate and Schenkel 1997 for the sampled loop).
 
     Parameters
@@ -470,7 +442,7 @@ def couple(
 
 
 def report(
-    results: "Fit | Gains | Replay | StepSet | Coupling | Sequence[Fit | Gains | Replay | StepSet | Coupling]",
+    results: Fit | Gains | Replay | StepSet | Coupling | Sequence[Fit | Gains | Replay | StepSet | Coupling],
     output_dir: str | os.PathLike[str],
     options: ReportOptions | None = None,
     *,
@@ -568,7 +540,7 @@ def export(
     return exported(gains, fit, chosen(ExportOptions, options, keywords), Path(output_dir), force)
 
 
-def load(path: str | os.PathLike[str]) -> "Fit | Gains | Coupling | Replay | StepSet":
+def load(path: str | os.PathLike[str]) -> Fit | Gains | Coupling | Replay | StepSet:
     """A result of any kind from its file, by what the file says of itself.
 
     Parameters
@@ -596,8 +568,6 @@ def load(path: str | os.PathLike[str]) -> "Fit | Gains | Coupling | Replay | Ste
     True
     """
     import h5py
-
-    from eaid.results.coupling import Coupling
 
     file = Path(path)
     if not file.is_file():

@@ -11,7 +11,7 @@ import hashlib
 import os
 import shutil
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -95,20 +95,11 @@ def refuse_folder(
 
 
 @contextlib.contextmanager
-def written_whole(path: Path, force: bool = False) -> Iterator[Path]:
-    """A temporary path in the same folder; renamed to `path` when the block ends well, removed when not.
+def written_whole(*paths: Path, force: bool = False) -> Iterator[list[Path]]:
+    """Temporary paths beside outputs that belong together; renamed one right after the other when the block ends well.
 
-    Two commands that write the same output never mix: each has a name of its own until the rename.
-    """
-    with all_written_whole((path,), force) as (part,):
-        yield part
-
-
-@contextlib.contextmanager
-def all_written_whole(paths: Sequence[Path], force: bool = False) -> Iterator[list[Path]]:
-    """Temporary paths of outputs that belong together; renamed one right after the other when the block ends well.
-
-    None takes its place before all of them are on the disk.
+    None takes its place before all of them are on the disk. Two commands that write the same output never mix: each
+    has names of its own until the rename.
     """
     for path in paths:
         refuse_to_overwrite(path, force)
@@ -216,11 +207,7 @@ def is_as_written(path: Path) -> bool | None:
         if not mark.startswith(SEAL):
             return None
         file.seek(0)
-        seen, left = hashlib.sha256(), size
-        while left and (block := file.read(min(left, 1 << 20))):
-            seen.update(block)
-            left -= len(block)
-    return mark[len(SEAL) :] == seen.digest()
+        return mark[len(SEAL) :] == hashlib.sha256(file.read(size)).digest()
 
 
 @contextlib.contextmanager
@@ -237,5 +224,5 @@ def hdf5_written_whole(path: Path, force: bool = False) -> Iterator[Any]:
         yield file
         file.flush()
         image = file.id.get_file_image()
-    with written_whole(path, force) as part:
+    with written_whole(path, force=force) as (part,):
         part.write_bytes(image + SEAL + hashlib.sha256(image).digest())

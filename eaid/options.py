@@ -15,8 +15,7 @@ from eaid.errors import UsageError, unknown
 Kind = Literal["clutch", "friction-force", "friction-speed"]
 KINDS: tuple[Kind, ...] = ("clutch", "friction-force", "friction-speed")
 MODELS = ("friction", "nonlinear", "linear")
-Law = Literal["pi", "rc", "inverse", "plant"]
-LAWS: tuple[Law, ...] = ("pi", "rc", "inverse", "plant")
+LAWS = ("pi", "rc", "inverse", "plant")
 LOOPS = ("open-loop", "pi", "rc-no-rate", "rc")
 TRACKED = ("multisine", "steps", "sweep")
 SCENARIOS = (*TRACKED, "rehab")

@@ -18,10 +18,10 @@ def names(folder: Path) -> list[str]:
 
 def test_a_finished_block_leaves_the_file_alone_and_a_failure_the_earlier_one(tmp_path: Path) -> None:
     target = tmp_path / "fit.json"
-    with files.written_whole(target) as part:
+    with files.written_whole(target) as (part,):
         part.write_text("old")
         assert not target.exists()
-    with pytest.raises(RuntimeError), files.written_whole(target, force=True) as part:
+    with pytest.raises(RuntimeError), files.written_whole(target, force=True) as (part,):
         part.write_text("half")
         raise RuntimeError
     assert target.read_text() == "old" and names(tmp_path) == ["fit.json"]
@@ -29,7 +29,7 @@ def test_a_finished_block_leaves_the_file_alone_and_a_failure_the_earlier_one(tm
 
 def test_an_existing_output_is_left_alone_without_force_also_where_it_appears_meanwhile(tmp_path: Path) -> None:
     target = tmp_path / "fit.json"
-    with pytest.raises(UsageError, match="exists already"), files.written_whole(target) as part:
+    with pytest.raises(UsageError, match="exists already"), files.written_whole(target) as (part,):
         part.write_text("ours")
         target.write_text("theirs")
     with pytest.raises(UsageError, match="exists already; give force="), files.written_whole(target):
@@ -40,7 +40,7 @@ def test_an_existing_output_is_left_alone_without_force_also_where_it_appears_me
 def test_a_missing_folder_is_named_and_a_name_of_two_hundred_letters_can_be_written(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="the folder .* does not exist"), files.written_whole(tmp_path / "no" / "a"):
         pass
-    with files.written_whole(tmp_path / ("é" * 115 + ".json")) as part:
+    with files.written_whole(tmp_path / ("é" * 115 + ".json")) as (part,):
         part.write_text("whole")
     assert names(tmp_path) == ["é" * 115 + ".json"]
 
@@ -54,9 +54,9 @@ def test_what_killed_writers_left_is_cleared_away_and_nothing_else(tmp_path: Pat
         item.write_text("half")
     for item in tmp_path.iterdir():
         os.utime(item, (0, 0))
-    with files.written_whole(target) as part:
+    with files.written_whole(target) as (part,):
         assert LEFT_OVER.fullmatch(part.name) and not dead.exists() and not dead_folder.exists()
-        with files.written_whole(target, force=True) as second:
+        with files.written_whole(target, force=True) as (second,):
             assert part.exists()  # the first writer is still at work
             second.write_text("second")
         part.write_text("first")
@@ -66,11 +66,11 @@ def test_what_killed_writers_left_is_cleared_away_and_nothing_else(tmp_path: Pat
 
 def test_outputs_that_belong_together_come_together(tmp_path: Path) -> None:
     pair = (tmp_path / "plan.csv", tmp_path / "plan.duty.csv")
-    with pytest.raises(RuntimeError), files.all_written_whole(pair) as parts:
+    with pytest.raises(RuntimeError), files.written_whole(*pair) as parts:
         parts[0].write_text("whole")
         raise RuntimeError
     assert names(tmp_path) == []
-    with files.all_written_whole(pair) as parts:
+    with files.written_whole(*pair) as parts:
         for part in parts:
             part.write_text("whole")
     assert [path.read_text() for path in pair] == ["whole", "whole"] and len(names(tmp_path)) == 2

@@ -2,16 +2,12 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from eaid.cli import console
 from eaid.cli.form import Common, argument, refuse_idle, takes, written
 from eaid.declared import option, part
 from eaid.files import refuse_to_overwrite
 from eaid.options import LOGS, PlanOptions
-
-if TYPE_CHECKING:
-    from eaid.results.plan import Excitation, Plan
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,16 +37,16 @@ def command(args: Arguments) -> None:
     from eaid.results.common import Input
     from eaid.results.fit import Fit
 
-    files, planned = [args.output, args.output.with_suffix(".duty.csv")], api.plan
+    files = [args.output, args.output.with_suffix(".duty.csv")]
     if args.excitation:
-        files, planned = [args.output], api.plan_excitation  # type: ignore[assignment]
+        files = [args.output]
         refuse_idle(args, ("idle_s", "release_s", "longest_hold_s", "most_levels"), "with --excitation")
     else:
         refuse_idle(args, ("limits",), "without --excitation")
     fit, warnings = codec.read(args.fit, Fit)
     for path in files:
         refuse_to_overwrite(path, args.force, (args.fit,))
-    plan: Plan | Excitation = planned(fit, part(PlanOptions, args), progress=console.progress)
+    plan = api.plan(fit, part(PlanOptions, args), excitation=args.excitation, progress=console.progress)
     plan = msgspec.structs.replace(plan, inputs=(Input.of(args.fit),), command=args.typed)
     write_plan(files, plan, fit.data.kind, args.force)
     if args.json:

@@ -7,7 +7,7 @@ from typing import Any
 
 from eaid.cli import console
 from eaid.errors import on_command_line
-from eaid.files import all_written_whole
+from eaid.files import written_whole
 from eaid.findings import say
 from eaid.findings.finding import WORD
 from eaid.logs.run import Run
@@ -96,7 +96,7 @@ def write_plan(files: Sequence[Path], plan: Plan | Excitation, kind: str, force:
         rows = [f"{r.order},{r.level:.9g},{r.repeat},{r.idle_s:g},{r.hold_s:g},{r.release_s:g}" for r in plan.runs]
         changes = input_file(input_changes(plan.runs), kind, plan.input_unit)
         contents = [[",".join(PlannedRun.__struct_fields__), *rows], changes]
-    with all_written_whole(files, force) as parts:
+    with written_whole(*files, force=force) as parts:
         for part, lines in zip(parts, contents, strict=True):
             part.write_text("\n".join(lines) + "\n", encoding="utf-8")
 

@@ -155,6 +155,6 @@ def write_manifest(
         if len(rising) == 1 and rising[0].from_level == 0 and not rising[0].dataset:
             # its instant is looked for anew: it may be wrong
             lines += _toml(repeat=rising[0].repeat, level=None if rising[0].has_input else rising[0].level)
-    with written_whole(path, force) as part:
+    with written_whole(path, force=force) as (part,):
         part.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return path

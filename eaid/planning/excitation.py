@@ -65,7 +65,7 @@ SETS, KEEPING = 20, 19 / 21
 def shortest_recording(
     fit: Fit, options: PlanOptions | None = None, progress: Callable[[], None] = lambda: None
 ) -> Excitation:
-    """The shortest sequence that identifies a fit's plant to the wanted widths: what `eaid.plan_excitation` calls.
+    """The shortest sequence that identifies a fit's plant to the wanted widths: `eaid.plan(fit, excitation=True)`.
 
     `UsageError` for a width of no parameter or one that the scatter keeps out of reach, and for limits that leave
     nothing; `DataError` for a fit without a nonlinear model.

@@ -8,7 +8,7 @@ from itertools import islice
 from pathlib import Path
 
 from eaid.errors import UsageError
-from eaid.files import all_written_whole
+from eaid.files import written_whole
 from eaid.options import ReportOptions
 from eaid.report import paper
 from eaid.report.figures import FIGURES, Row
@@ -84,7 +84,7 @@ def write_report(
     for one in (folder, folder / FOLDER):
         one.mkdir(exist_ok=True)
     paths = [folder / name for name in contents]
-    with all_written_whole(paths, force) as parts:
+    with written_whole(*paths, force=force) as parts:
         for part, content in zip(parts, contents.values(), strict=True):
             part.write_bytes(content)
     for old in figures_in(folder):

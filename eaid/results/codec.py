@@ -101,7 +101,7 @@ class Saved(Shown):
 
     def save(self, path: str | os.PathLike[str], force: bool = False) -> None:
         """Write the result's JSON file, whole or not at all; an existing file is left alone unless `force`."""
-        with written_whole(Path(path), force) as part:
+        with written_whole(Path(path), force=force) as (part,):
             part.write_text(dumps(self), encoding="utf-8", errors="surrogatepass")
 
 
@@ -114,7 +114,7 @@ def _content(path: Path, wanted: str) -> tuple[str, Any]:
     """Text and content of a JSON file."""
     try:
         text = path.read_text(encoding="utf-8")
-        return text, json.loads(text, parse_constant=_not_json, parse_float=_finite)
+        return text, json.loads(text, parse_constant=_finite, parse_float=_finite)
     except (ValueError, RecursionError) as fault:  # no UTF-8, no JSON, or numbers and nesting beyond all reason
         raise DataError(f"{path}: is not a JSON file ({fault}); give {wanted}") from None
 
@@ -229,10 +229,6 @@ def _sentence(what: str, where: str, content: Any) -> str:
         return f"its {where} is wrong ({reason})"
     text = json.dumps(content, ensure_ascii=False)
     return f"its {where or 'content'} is {text if len(text) <= 40 else text[:37] + '…'} ({reason})"
-
-
-def _not_json(word: str) -> float:
-    raise ValueError(f"it holds {word}, which is no JSON number")
 
 
 def _finite(text: str) -> float:

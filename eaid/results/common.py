@@ -7,6 +7,7 @@ from typing import Annotated, Any, Self
 import msgspec
 
 from eaid.files import sha256_of
+from eaid.findings import Finding
 
 Number = Annotated[float, msgspec.Meta(ge=-1e60, le=1e60)]
 """A finite number of a size that a rig can have; its cube is still a number."""
@@ -40,6 +41,17 @@ class Input(Result, frozen=True):
 
 Inputs = dict[str, Input | tuple[Input, ...]]
 """The files that a result was made from, by what they are: fit, gains, reference, log."""
+
+
+class Made(Result, frozen=True, kw_only=True):
+    """What every result says of its making, and of itself."""
+
+    command: tuple[str, ...] = ()
+    """What was typed to make it, without the output; empty where Python did."""
+    seed: int = 0
+    """That of its options."""
+    findings: tuple[Finding, ...] = ()
+    """What is to be known before the numbers are used, worst first."""
 
 
 class Source(Result, frozen=True):

@@ -2,10 +2,10 @@
 
 from typing import TYPE_CHECKING, ClassVar
 
-from eaid.findings import Finding, sentences
+from eaid.findings import sentences
 from eaid.options import CoupleOptions
 from eaid.results import codec
-from eaid.results.common import Inputs, Number, Result
+from eaid.results.common import Inputs, Made, Number, Result
 
 if TYPE_CHECKING:
     import pandas
@@ -41,7 +41,7 @@ class Impedance(Result, frozen=True):
     """Step of torque where the rotor turns round half a second after the highest of the torques."""
 
 
-class Coupling(codec.Saved, Result, frozen=True):
+class Coupling(codec.Saved, Made, frozen=True):
     """Walls of every loop at every torque.
 
     Examples
@@ -53,13 +53,10 @@ class Coupling(codec.Saved, Result, frozen=True):
 
     FILE: ClassVar[str] = "couple"
     inputs: Inputs = {}
-    command: tuple[str, ...] = ()
-    """What was typed to make it, without the output; empty where Python did."""
     options: CoupleOptions = CoupleOptions()
     output_unit: str = "N·m"
     walls: tuple[Wall, ...] = ()
     impedance: Impedance = Impedance()
-    findings: tuple[Finding, ...] = ()
 
     def summary(self) -> str:
         """The stiffest passive and stable wall of each loop at each torque, and the gravest findings."""

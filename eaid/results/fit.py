@@ -26,7 +26,7 @@ from eaid.models.parameters import Friction as FrictionCurve
 from eaid.models.parameters import Linear as LinearModel
 from eaid.models.parameters import Nonlinear as NonlinearModel
 from eaid.models.trends import evaluate
-from eaid.options import FitGiven
+from eaid.options import FitGiven, Kind
 from eaid.results import codec
 from eaid.results.common import (
     AbsError,
@@ -36,6 +36,7 @@ from eaid.results.common import (
     Input,
     Interval,
     LevelError,
+    Made,
     Number,
     Positive,
     Result,
@@ -162,12 +163,6 @@ class Friction(Result, frozen=True):
     def over_stress(self) -> bool:
         """Whether trends run over the normal stress, which is known of every level."""
         return self.over == "stress_kpa" and all(row.stress_kpa is not None for row in self.levels)
-
-    @property
-    def x(self) -> tuple[float, ...]:
-        """The levels in the quantity that trends run over."""
-        key = self.over if self.over in ("stress_kpa", "speed_rpm") else "level"
-        return tuple(getattr(one, key) for one in self.levels)
 
 
 class Release(Result, frozen=True):
@@ -438,7 +433,7 @@ class StepShape(Result, frozen=True):
 class FittedData(Result, frozen=True):
     """What was fitted."""
 
-    kind: Literal["clutch", "friction-force", "friction-speed"] = "clutch"
+    kind: Kind = "clutch"
     input_unit: str = "%"
     output_unit: str = "N·m"
     levels: tuple[Number, ...] = ()
@@ -462,7 +457,7 @@ CURVES: dict[str, Callable[..., Array]] = {
 """Models of steps, the first that was fitted before the others → output at times after a step."""
 
 
-class Fit(codec.Saved, Result, frozen=True, dict=True):
+class Fit(codec.Saved, Made, frozen=True, dict=True):
     """All that one call fitted; what its kind does not allow is None.
 
     Examples
@@ -477,10 +472,6 @@ class Fit(codec.Saved, Result, frozen=True, dict=True):
 
     FILE: ClassVar[str] = "fit"
     options: FitGiven = FitGiven()
-    command: tuple[str, ...] = ()
-    """What was typed to make it, without the output; empty where Python did."""
-    seed: int = 0
-    """That of `options`, under the key that every result file has."""
     data: FittedData = FittedData()
     converged: bool | None = None
     friction: Friction | None = None
@@ -494,8 +485,6 @@ class Fit(codec.Saved, Result, frozen=True, dict=True):
     """Of logs that were fitted as they were recorded."""
     parameters: tuple[Parameter, ...] = ()
     """All fitted parameters with their intervals."""
-    findings: tuple[Finding, ...] = ()
-    """Worst first."""
 
     @property
     def params(self) -> "pandas.Series[float]":

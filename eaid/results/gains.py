@@ -6,10 +6,10 @@ the paper's rig.
 
 from typing import TYPE_CHECKING, ClassVar
 
-from eaid.findings import Finding, sentences
+from eaid.findings import sentences
 from eaid.options import TuneOptions
 from eaid.results import codec
-from eaid.results.common import Count, Inputs, Number, Positive, Result
+from eaid.results.common import Count, Inputs, Made, Number, Positive, Result
 
 if TYPE_CHECKING:
     import pandas
@@ -22,11 +22,9 @@ class RhoLine(Result, frozen=True):
     slope: Number
 
 
-class Rho(Result, frozen=True):
-    """ρ(ξ) = constant + slope ‖ξ‖ [N·m/s] in the chosen reading, and what Eq. (15) needs with the α reached."""
+class Rho(RhoLine, frozen=True):
+    """The same in the chosen reading, and what Eq. (15) needs with the α reached."""
 
-    constant: Number
-    slope: Number
     convention: str = "paper"
     needed: RhoLine | None = None
 
@@ -193,7 +191,7 @@ class PI(Result, frozen=True):
     asked: AskedPI | None = None
 
 
-class Gains(codec.Saved, Result, frozen=True):
+class Gains(codec.Saved, Made, frozen=True):
     """Gains of both controllers, and what is known of them.
 
     Examples
@@ -212,9 +210,6 @@ class Gains(codec.Saved, Result, frozen=True):
     pi: PI | None = None
     inputs: Inputs = {}
     options: TuneOptions | None = None
-    command: tuple[str, ...] = ()
-    """What was typed to make it, without the output; empty where Python did."""
-    seed: int = 0
     input_unit: str = "%"
     output_unit: str = "N·m"
     duty_limits_pct: tuple[Number, Number] = (0.0, 100.0)
@@ -224,7 +219,6 @@ class Gains(codec.Saved, Result, frozen=True):
     replayed: Replayed | None = None
     not_usable: str | None = None
     """Why the fit must not be used that they were made from all the same; None: it may be."""
-    findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
         low, high = self.duty_limits_pct

@@ -2,9 +2,9 @@
 
 from typing import TYPE_CHECKING, ClassVar
 
-from eaid.findings import Finding, ranked, sentences
+from eaid.findings import ranked, sentences
 from eaid.results import codec
-from eaid.results.common import Count, Input, Number, Result
+from eaid.results.common import Count, Input, Made, Number, Result
 from eaid.shown import Shown, counted, span
 
 if TYPE_CHECKING:
@@ -23,14 +23,11 @@ class PlannedRun(Result, frozen=True):
     release_s: Number
 
 
-class Planned(Result, frozen=True, kw_only=True):
+class Planned(Made, frozen=True, kw_only=True):
     """What every plan.json holds: what was wanted, and the interval widths that the plan gives."""
 
     FILE: ClassVar[str] = "plan"
     inputs: tuple[Input, ...] = ()
-    command: tuple[str, ...] = ()
-    """What was typed to make it, without the output; empty where Python did."""
-    seed: int = 0
     wanted: dict[str, Number] = {}
     """Half-widths of 95 % intervals that are wanted at the worst level [%]."""
     met: bool = False
@@ -42,7 +39,6 @@ class Planned(Result, frozen=True, kw_only=True):
     """What most simulated recordings keep at the worst level [%]: four of five, of one sequence 19 of 20; None where
     none was simulated."""
     input_unit: str = "%"
-    findings: tuple[Finding, ...] = ()
 
 
 class Excitation(Planned, frozen=True):

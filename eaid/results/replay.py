@@ -15,7 +15,7 @@ import msgspec
 from eaid.arrays import Array
 from eaid.findings import Finding, sentences
 from eaid.options import Rig
-from eaid.results.common import Count, Inputs, Number, Positive, Result
+from eaid.results.common import Count, Inputs, Made, Number, Positive, Result
 from eaid.results.gains import Tracking
 from eaid.shown import Shown
 
@@ -204,11 +204,10 @@ MOMENTS = (
 """What of an exercise is in proportion to the torque that it takes."""
 
 
-class Head(Result, frozen=True):
+class Head(Made, frozen=True):
     """What a replay says of itself: the root attributes of replay.h5."""
 
     scenario: str
-    seed: int = 0
     input_unit: str = "%"
     output_unit: str = "N·m"
     dt_s: Positive | None = None
@@ -221,9 +220,6 @@ class Head(Result, frozen=True):
     """What stands on a fit that must not be used, plant or gains, and why."""
     synthetic: str | None = None
     inputs: Inputs = {}
-    command: tuple[str, ...] = ()
-    """What was typed to make it, without the output; empty where Python did."""
-    findings: tuple[Finding, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -35,7 +35,6 @@ INPUTS = BETWEEN * (nonlinear.CHECKED_DUTIES - 1) + 1
 SLOWEST_S = 1e9
 LARGEST = 1e15
 """Steady output of any rig, whatever its units."""
-ROUNDING = 1e-12
 NEARLY = 1e-3
 """Share of the largest value by which τ2 may lie below τ1, or T_s below 0."""
 
@@ -87,10 +86,9 @@ def failures(fit: "Fit") -> list[Finding]:
             found.append(finding("fit-not-converged", name, predicted_decrease=solver.predicted_decrease))
     if fit.converged is False and not found:
         found.append(finding("fit-not-converged", "fit", predicted_decrease=None))
-    if fit.steps and not any(getattr(fit, name) for name in MODELS):
-        shapeless = [one for one in fit.steps if any(said.code == "shape-explains-little" for said in one.findings)]
-        if len(shapeless) == len(fit.steps):
-            found.append(finding("no-step-has-a-shape", "steps", count=len(shapeless)))
+    shapeless = (any(said.code == "shape-explains-little" for said in one.findings) for one in fit.steps)
+    if fit.steps and not any(getattr(fit, name) for name in MODELS) and all(shapeless):
+        found.append(finding("no-step-has-a-shape", "steps"))
     return [*found, *_nonlinear(fit), *_linear(fit)]
 
 

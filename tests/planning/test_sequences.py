@@ -44,7 +44,7 @@ def test_measured_widths_are_the_predicted_ones() -> None:
 )
 def test_limits_that_mean_nothing_are_refused(wrong: dict[str, Any], small_fit: eaid.Fit) -> None:
     with pytest.raises(eaid.UsageError):
-        eaid.plan_excitation(small_fit, **wrong)
+        eaid.plan(small_fit, excitation=True, **wrong)
 
 
 def test_widths_that_scatter_keeps_out_of_reach_are_refused_at_once() -> None:

@@ -67,7 +67,7 @@ REFUSED: dict[str, tuple[Any, str]] = {
     "an empty object": ("{}", "is no result of eaid"),
     "gains without a model": ('{"schema": "eaid/gains/1"}', "has no model"),
     "nested without end": ("{" * 5000, "is not a JSON file"),
-    "NaN": ('{"linear": {"a0": NaN}}', "it holds NaN, which is no JSON number"),
+    "NaN": ('{"linear": {"a0": NaN}}', "it holds NaN, which is no finite number"),
     "an infinite number": ('{"linear": {"a0": 1e999}}', "it holds 1e999, which is no finite number"),
     "a plan": ('{"schema": "eaid/plan/1"}', "is a plan.json"),
     "another schema": ('{"schema": "eaid/fit/99"}', "make it again with this version"),

@@ -11,7 +11,33 @@ def _margin(v: Values) -> str:
     )
 
 
-GAIN_ROWS: dict[str, Row] = {
+def _leaves(v: Values) -> str:
+    parts = []
+    if v["below_pct"] > 1:
+        parts.append(f"{v['below_pct']:.0f} % of the time below {v['low']:.4g} {v['unit']}")
+    if v["above_pct"] > 1:
+        parts.append(f"{v['above_pct']:.0f} % above {v['high']:.4g} {v['unit']}")
+    if v["falling_pct"] is not None and v["falling_pct"] > 1:
+        parts.append(f"{v['falling_pct']:.0f} % of it is falling output, where only rises were recorded")
+    return f"the replay leaves what was recorded: {', '.join(parts)}; treat that as extrapolation"
+
+
+def _margins(v: Values) -> str:
+    told = []
+    for law in ("rc", "pi"):
+        units = (("gain_db", "dB"), ("phase_deg", "° of phase"))
+        parts = [f"{v[f'{law}_{key}']:.3g} {unit}" for key, unit in units if v.get(f"{law}_{key}") is not None]
+        told += [f"{law.upper()} {', '.join(parts)}"] if parts else []
+    return f"least margins around the fitted duties: {'; '.join(told)}"
+
+
+def _guarantee(v: Values) -> str:
+    missing = f" (missing: {v['missing']})" if v["missing"] else ""
+    return f"RC: the Lyapunov guarantee does not hold on this rig{missing}; the margins are what speaks for these gains"
+
+
+ROWS: dict[str, Row] = {
+    # Gains
     "phi-exceeded": caution(
         "the model's drift term is off by up to {needed:.3g} {unit}, the gains allow for {allowed:.3g} {unit}; "
         "«phi» data takes φ from the data"
@@ -48,21 +74,7 @@ GAIN_ROWS: dict[str, Row] = {
     ),
     "fit-not-usable": caution("made from a fit that is NOT USABLE: {why}"),
     "nothing-to-replay-on": note("the fit holds no nonlinear model, so no error is replayed"),
-}
-
-
-def _leaves(v: Values) -> str:
-    parts = []
-    if v["below_pct"] > 1:
-        parts.append(f"{v['below_pct']:.0f} % of the time below {v['low']:.4g} {v['unit']}")
-    if v["above_pct"] > 1:
-        parts.append(f"{v['above_pct']:.0f} % above {v['high']:.4g} {v['unit']}")
-    if v["falling_pct"] is not None and v["falling_pct"] > 1:
-        parts.append(f"{v['falling_pct']:.0f} % of it is falling output, where only rises were recorded")
-    return f"the replay leaves what was recorded: {', '.join(parts)}; treat that as extrapolation"
-
-
-REPLAY_ROWS: dict[str, Row] = {
+    # Replays
     "replay-not-usable": caution("{subject} of a fit that is NOT USABLE ({why}): the replay is marked"),
     "reference-above-plant": caution(
         "the {subject} goes to {asked:.3g} {unit}, the fitted plant at its highest input to {highest:.3g} {unit}: its "
@@ -80,10 +92,7 @@ REPLAY_ROWS: dict[str, Row] = {
     ),
     "no-gains": note("no «gains», so rc and pi are left out; the controllers that need none are replayed"),
     "replay-leaves-identified": note(_leaves),
-}
-
-
-WALL_ROWS: dict[str, Row] = {
+    # Walls
     "wall-beyond-stable": caution(
         "{subject}: a wall of {wanted:.3g} N·m/rad is beyond what stays stable at {torque_nm:.3g} {unit} on this limb "
         "({stable:.3g} N·m/rad); render a softer one, or with another loop",
@@ -101,24 +110,7 @@ WALL_ROWS: dict[str, Row] = {
     "wall-beyond-encoder": caution(
         "{subject}: walls above {encoder:.3g} N·m/rad chatter on the encoder's steps, idle drag {drag:.3g} {unit}"
     ),
-}
-
-
-def _margins(v: Values) -> str:
-    told = []
-    for law in ("rc", "pi"):
-        units = (("gain_db", "dB"), ("phase_deg", "° of phase"))
-        parts = [f"{v[f'{law}_{key}']:.3g} {unit}" for key, unit in units if v.get(f"{law}_{key}") is not None]
-        told += [f"{law.upper()} {', '.join(parts)}"] if parts else []
-    return f"least margins around the fitted duties: {'; '.join(told)}"
-
-
-def _guarantee(v: Values) -> str:
-    missing = f" (missing: {v['missing']})" if v["missing"] else ""
-    return f"RC: the Lyapunov guarantee does not hold on this rig{missing}; the margins are what speaks for these gains"
-
-
-EXPORT_ROWS: dict[str, Row] = {
+    # Exports
     "export-unstable": stop(
         "{subject}: the loop is unstable at {rate_hz:g} Hz around {levels} {unit}; ask for slower gains"
     ),
@@ -141,10 +133,7 @@ EXPORT_ROWS: dict[str, Row] = {
         "the duty on fault, {duty:g} {unit}, lies outside the duty limits {low:g} to {high:g} {unit}"
     ),
     "export-anyway": caution("EXPORTED ANYWAY: a finding of severity stop stands; do not run it on a person"),
-}
-
-
-REPORT_ROWS: dict[str, Row] = {
+    # Files
     "result-written-anew": note(
         "{subject}: another program has written it anew: its digest no longer fits and is passed over"
     ),

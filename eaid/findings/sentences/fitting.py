@@ -29,7 +29,77 @@ def _constraint(values: Values) -> str:
     return f"a constraint holds the fit: {said}{where}; what it holds is not estimated there"
 
 
-FIT_ROWS: dict[str, Row] = {
+CAUSES = {
+    "one-exponential": "one exponential is all that most of them show",
+    "short-record": "hold each level longer than {record_s:.3g} s",
+    "records": "the records do not show it",
+}
+
+
+def _joined(names: Sequence[str]) -> str:
+    return " and ".join(SYMBOLS[name] for name in names)
+
+
+def _tau2_open(v: Values) -> str:
+    low, high = v["low_s"], v["high_s"]
+    if low is not None and high is not None:
+        said = f"is anywhere between {low:.2g} and {high:.2g} s"
+    elif low is not None:
+        said = f"is {low:.2g} s or anything above"
+    else:
+        said = f"is anything up to {high:.2g} s" if high is not None else "may be anything"
+    known = f"{v['curve_half_width']:.1g} {v['output_unit']}".rstrip()
+    return f"{v['at']} τ2 {said}; the curve itself is known to {known} within the record of {v['record_s']:.3g} s"
+
+
+def _parted(v: Values) -> str:
+    ends = f" [{v['low']:.3g}, {v['high']:.3g}]" if v["low"] is not None else ", not well known there"
+    return f"{v['symbol']} at {v['worst']:g}: joint {v['joint']:.3g}, else {v['other']:.3g}{ends}"
+
+
+def _decays(v: Values) -> str:
+    count = len(v["each"])
+    more = f" and at {count - 1} more levels" if count > 1 else ""
+    where = f"{v['worst']:g} {v.get('unit') or ''}".rstrip()
+    most = 2 * count > v["of"]
+    done = "; end the window before it does («until»), or take T_s for an average" if most else ""
+    return (
+        f"the output overshoots and decays under hold: {v['lost_pct']:.0f} % of its peak is lost by the end at {where}"
+        f"{more}; no sum of rising exponentials shows that, so T_s is an average and τ2 means nothing there{done}"
+    )
+
+
+# Parameter → how inputs have to be held to ask about it
+HOLD = {
+    "Ts": "for longer than τ2",
+    "tau1": "more often, coming from a lower input",
+    "tau2": "for longer than τ2, coming from a lower input",
+}
+
+
+def _falls(v: Values) -> str:
+    return (
+        f"falls between levels are not what rises are: their τ1 is {v['tau1_factor']:.3g} times and their τ2 "
+        f"{v['tau2_factor']:.3g} times that of rises to the same input (chance {v['chance']:.2g}); τ1 and τ2 here are "
+        "those of rises, and the replay takes them for falls too"
+    )
+
+
+def _falls_short(v: Values) -> str:
+    if v["width_pct"] is None:
+        return f"{v['symbol']} stays undetermined with all that is allowed: a longer «longest_hold» is needed"
+    cause = (
+        f"runs differ by {v['scatter_pct']:.2g} %, and {v['repeats']} repeats only average that"
+        if v["scatter_pct"] is not None
+        else "a longer «longest_hold» or a quieter sensor is needed"
+    )
+    return (
+        f"{v['symbol']} comes to {v['width_pct']:.3g} %, not {v['wanted_pct']:g} %, with all that is allowed: {cause}"
+    )
+
+
+ROWS: dict[str, Row] = {
+    # Models
     "fit-not-converged": stop(
         lambda v: (
             f"the {v['subject']}{'' if v['subject'] == 'fit' else ' fit'} did not converge"
@@ -112,50 +182,7 @@ FIT_ROWS: dict[str, Row] = {
         "more than a tenth of the output is left long after the release of level {levels}; the model's release goes "
         "to zero"
     ),
-}
-
-
-CAUSES = {
-    "one-exponential": "one exponential is all that most of them show",
-    "short-record": "hold each level longer than {record_s:.3g} s",
-    "records": "the records do not show it",
-}
-
-
-def _joined(names: Sequence[str]) -> str:
-    return " and ".join(SYMBOLS[name] for name in names)
-
-
-def _tau2_open(v: Values) -> str:
-    low, high = v["low_s"], v["high_s"]
-    if low is not None and high is not None:
-        said = f"is anywhere between {low:.2g} and {high:.2g} s"
-    elif low is not None:
-        said = f"is {low:.2g} s or anything above"
-    else:
-        said = f"is anything up to {high:.2g} s" if high is not None else "may be anything"
-    known = f"{v['curve_half_width']:.1g} {v['output_unit']}".rstrip()
-    return f"{v['at']} τ2 {said}; the curve itself is known to {known} within the record of {v['record_s']:.3g} s"
-
-
-def _parted(v: Values) -> str:
-    ends = f" [{v['low']:.3g}, {v['high']:.3g}]" if v["low"] is not None else ", not well known there"
-    return f"{v['symbol']} at {v['worst']:g}: joint {v['joint']:.3g}, else {v['other']:.3g}{ends}"
-
-
-def _decays(v: Values) -> str:
-    count = len(v["each"])
-    more = f" and at {count - 1} more levels" if count > 1 else ""
-    where = f"{v['worst']:g} {v.get('unit') or ''}".rstrip()
-    most = 2 * count > v["of"]
-    done = "; end the window before it does («until»), or take T_s for an average" if most else ""
-    return (
-        f"the output overshoots and decays under hold: {v['lost_pct']:.0f} % of its peak is lost by the end at {where}"
-        f"{more}; no sum of rising exponentials shows that, so T_s is an average and τ2 means nothing there{done}"
-    )
-
-
-INTERVAL_ROWS: dict[str, Row] = {
+    # Intervals
     "numbers-beyond-measure": caution(
         "some numbers are beyond any measure and are left out: the data do not tell them"
     ),
@@ -256,26 +283,7 @@ INTERVAL_ROWS: dict[str, Row] = {
         "{pct:.0f} % of the draws broke a constraint (τ2 below τ1, or T_s below 0) and were drawn again: the ranges "
         "over the {plants} plants are cut there"
     ),
-}
-
-
-# Parameter → how inputs have to be held to ask about it
-HOLD = {
-    "Ts": "for longer than τ2",
-    "tau1": "more often, coming from a lower input",
-    "tau2": "for longer than τ2, coming from a lower input",
-}
-
-
-def _falls(v: Values) -> str:
-    return (
-        f"falls between levels are not what rises are: their τ1 is {v['tau1_factor']:.3g} times and their τ2 "
-        f"{v['tau2_factor']:.3g} times that of rises to the same input (chance {v['chance']:.2g}); τ1 and τ2 here are "
-        "those of rises, and the replay takes them for falls too"
-    )
-
-
-RECORDED_ROWS: dict[str, Row] = {
+    # Logs fitted as recorded
     "input-faster-than-sampled": caution(
         "{subject}: the input jumps from row to row in {share_pct:.0f} % of the acting time: it moves faster than it "
         "is sampled, and what acted between the rows is not known; log it faster, or log its mean",
@@ -356,23 +364,7 @@ RECORDED_ROWS: dict[str, Row] = {
         "no sequence of {most_s:g} s within the limits reaches the widths: {parameter} comes to ± {width_pct:.3g} %, "
         "not {wanted_pct:g} %"
     ),
-}
-
-
-def _falls_short(v: Values) -> str:
-    if v["width_pct"] is None:
-        return f"{v['symbol']} stays undetermined with all that is allowed: a longer «longest_hold» is needed"
-    cause = (
-        f"runs differ by {v['scatter_pct']:.2g} %, and {v['repeats']} repeats only average that"
-        if v["scatter_pct"] is not None
-        else "a longer «longest_hold» or a quieter sensor is needed"
-    )
-    return (
-        f"{v['symbol']} comes to {v['width_pct']:.3g} %, not {v['wanted_pct']:g} %, with all that is allowed: {cause}"
-    )
-
-
-PLAN_ROWS: dict[str, Row] = {
+    # Plans
     "plan-assumes-noise": caution(
         "the fit does not say how noisy the rig is; assumed: 3 % scatter of T_s, 5 % of τ1 from run to run, 1 % ripple "
         "and 0.03 N·m of sensor noise at 1 kHz; fit again to use the rig's own"

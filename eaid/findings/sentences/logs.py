@@ -3,7 +3,24 @@
 from eaid.findings.row import Row, Values, caution, note, stop
 from eaid.shown import listed
 
-LOG_ROWS: dict[str, Row] = {
+
+def _drift(v: Values) -> str:
+    share = v.get("share_pct")
+    of = f" ({share:.0f} % of the step)" if share is not None and share < 1000 else ""
+    return f"drift before the step: {v['drift']:+.3g} {v['unit']} while idle{of}"
+
+
+def _other_shape(v: Values) -> str:
+    name = {"one": "one exponential", "two": "two exponentials", "free": "another C", "overshoot": "an overshoot"}
+    dead = f" behind a dead time of {v['dead_time_s']:.3g} s" if v["dead_time_s"] > 0 else ""
+    return (
+        f"the step to {v['levels']} asks for {name[v['shape']]}{dead}: RMSE {v['rmse']:.3g} instead of "
+        f"{v['plain_rmse']:.3g}"
+    )
+
+
+ROWS: dict[str, Row] = {
+    # Reading
     "rows-dropped": caution("«repair» dropped {dropped} of {count} rows", size="dropped", always=True),
     "columns-by-place": caution("its columns have no names: taken as {order}"),
     "level-contradicted": caution(
@@ -45,30 +62,7 @@ LOG_ROWS: dict[str, Row] = {
         "its output rises where its input falls from {at}: if that is the input at rest, say «rest»"
     ),
     "log-changed": caution("the log has changed since its manifest was written"),
-}
-
-
-_AS_RECORDED = (
-    "eaid fit takes such a log whole, as it was recorded («logs_as» recorded asks for it); for steps, hold each level"
-)
-
-
-def _drift(v: Values) -> str:
-    share = v.get("share_pct")
-    of = f" ({share:.0f} % of the step)" if share is not None and share < 1000 else ""
-    return f"drift before the step: {v['drift']:+.3g} {v['unit']} while idle{of}"
-
-
-def _other_shape(v: Values) -> str:
-    name = {"one": "one exponential", "two": "two exponentials", "free": "another C", "overshoot": "an overshoot"}
-    dead = f" behind a dead time of {v['dead_time_s']:.3g} s" if v["dead_time_s"] > 0 else ""
-    return (
-        f"the step to {v['levels']} asks for {name[v['shape']]}{dead}: RMSE {v['rmse']:.3g} instead of "
-        f"{v['plain_rmse']:.3g}"
-    )
-
-
-STEP_ROWS: dict[str, Row] = {
+    # Steps
     "other-shape-fits-better": caution(_other_shape, "saved_pct", rank=0),
     "step-leaves-open": note("the step to {levels} leaves open: {open}"),
     "several-edges": stop(
@@ -83,7 +77,8 @@ STEP_ROWS: dict[str, Row] = {
     ),
     "input-moves": stop(
         "the input moves most of the time, so it holds no steps; a displacement is said with «columns» position=, "
-        "beside the load as input=; else " + _AS_RECORDED
+        "beside the load as input=; else eaid fit takes such a log whole, as it was recorded («logs_as» recorded asks "
+        "for it); for steps, hold each level"
     ),
     "input-negative": note("the input is negative: its size is taken"),
     "short-pieces": note("{pieces:#shorter piece} of fewer than {fewest} samples left out"),

@@ -93,7 +93,7 @@ def trends(fit: Fit) -> Ready | None:
     if fit.data.kind == "friction-speed":
         # Table II's tau2 is two equal rates of opposite weight: at the printed digits no curve is left to draw.
         names, paper = ("tau1", "Ts", "tau2"), {name: rig.OVER_SPEED[name] for name in ("Ts", "tau1")}
-    x = np.array(part.x if stress else [row.level for row in part.levels])
+    x = np.array([row.stress_kpa if stress else row.level for row in part.levels], dtype=float)
     fine = np.linspace(x.min(), x.max(), 200)
     along = Axis("Normal stress", "kPa") if stress else over(fit.data.input_unit)
     panels: list[Panel] = []
