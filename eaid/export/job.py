@@ -124,7 +124,7 @@ def vectors(constants: Mapping[str, Entries], top: float, rig: Rig) -> Iterator[
     for law, entries in constants.items():
         c = namespace(entries, series)
         if law == "plant":
-            plant = reference.Plant(c, c.dt)
+            plant = reference.Plant(c)
             for case, before, duty in _duties(float(c.u_high)):
                 held = rounded(duty, rig.precision)
                 torque = rounded(plant.step(held), rig.precision)
@@ -138,7 +138,7 @@ def vectors(constants: Mapping[str, Entries], top: float, rig: Rig) -> Iterator[
                 before = RESET if k == 0 else GO_ON
                 yield Vector(law, "rate", before, wanted, nothing, nothing, nothing, slope, 0)
         else:
-            controller = CONTROLLERS[law](c, c.dt)
+            controller = CONTROLLERS[law](c)
             for case, before, *numbers in _rows(top, float(c.dt), float(c.duty_min), float(c.duty_max)):
                 wanted, slope, torque, duty = (rounded(number, rig.precision) for number in numbers)
                 if before == RESET:
