@@ -32,6 +32,7 @@ from eaid.models import linear
 from eaid.models.nonlinear import steady_slope, steady_torque, time_constants
 from eaid.models.parameters import Linear, Nonlinear
 from eaid.results.fit import LinearLevel
+from eaid.results.gains import Margin
 
 Complex = NDArray[np.complex128]
 
@@ -183,31 +184,25 @@ def integral_at_rest(gains: RCGains | PIGains, torque_nm: float, duty_pct: float
     return float(brentq(short, -reach, reach, xtol=1e-15))
 
 
-@dataclass(frozen=True)
-class LoopMargins:
-    """How far a loop is from instability."""
-
-    stable: bool
-    gain_db: float  # Factor on the duty that makes it unstable [dB]; infinite where none up to 80 dB does
-    # Phase margin at the crossover, the least where there are several [deg]; infinite where the gain stays below 1
-    phase_deg: float
-    crossover_hz: float  # 0 where the gain stays below 1
-
-    @property
-    def enough(self) -> bool:
-        """Whether the loop has 6 dB and 45°."""
-        return self.stable and self.gain_db >= ENOUGH_DB and self.phase_deg >= ENOUGH_DEG
+def enough(margin: Margin) -> bool:
+    """Whether a loop has 6 dB and 45°."""
+    gain_db, phase_deg = (math.inf if each is None else each for each in (margin.gain_db, margin.phase_deg))
+    return bool(margin.stable) and gain_db >= ENOUGH_DB and phase_deg >= ENOUGH_DEG
 
 
 @lru_cache(maxsize=100)  # the loop that a design settles on is among those it tried
-def margins(gains: RCGains | PIGains, point: Point, timing: Timing) -> LoopMargins:
-    """Gain and phase margin of a controller around an operating point."""
+def margins(gains: RCGains | PIGains, point: Point, timing: Timing) -> Margin:
+    """Gain and phase margin of a controller around an operating point, the least where there are several.
+
+    None for a margin without end: no factor up to 80 dB makes the loop unstable, its gain stays below 1 (a crossover at
+    0 Hz); and for the gain margin of a loop that is unstable.
+    """
     law, lags = law_around(gains, point.torque_nm, point.duty_pct), point.lags
     phase, omega = min(crossovers(law, lags, timing), default=(math.inf, 0.0))
-    stable, gain_db = is_stable(law, lags, timing), -math.inf
+    stable, gain_db = is_stable(law, lags, timing), math.inf
     if stable:
         gain_db = (_gain_by_map if mapped(timing) else _gain_by_response)(law, lags, timing)
-    return LoopMargins(stable, gain_db, math.degrees(phase), omega / (2 * math.pi))
+    return Margin(stable, known(gain_db), known(math.degrees(phase)), omega / (2 * math.pi))
 
 
 def known(value: float) -> float | None:

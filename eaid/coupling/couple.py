@@ -38,7 +38,7 @@ from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Nonlinear
 from eaid.options import LOOPS, CoupleOptions
 from eaid.progress import Progress
-from eaid.replay.controllers import pi_controller, rc_controller
+from eaid.replay.controllers import feedback
 from eaid.replay.plant import Held, hold_step, plant_parameters, plant_step
 from eaid.replay.rehab import limb_steps
 from eaid.results import coupling as parts
@@ -80,7 +80,7 @@ def channel_of(loop: str, plant: Nonlinear, torque_nm: float, gains: RCGains | P
         kind = "a PI" if loop == "pi" else "a robust controller"
         raise UsageError(f"the loop {loop} needs gains with {kind}; give «gains» that tune-rc wrote")
     free = gains._replace(duty_min=-math.inf, duty_max=math.inf)
-    acting = pi_controller(free) if isinstance(free, PIGains) else rc_controller(free)
+    acting = feedback(free)
     rate = 0.0 if loop == "rc-no-rate" else 1.0
     law = margins.law_around(gains, torque_nm, point.duty_pct)
     return Channel(
