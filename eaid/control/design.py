@@ -44,8 +44,7 @@ from eaid.results.gains import (
     WorstMargins,
 )
 
-ROUNDING = 1e-9  # By how much ρ may fall short of what is needed [N·m/s]
-WITHIN = 1e-9  # Share by which the needed may exceed the available: rounding
+ROUNDING = 1e-9  # By how much ρ may fall short [N·m/s]; share by which the needed may exceed the available
 DUTIES = 19
 INSTANTS = 200
 DIRECTIONS = 7200  # Of the half plane of ξ; V and |z| are even
@@ -215,7 +214,7 @@ def guarantee_of(
         ("Q_M", slope, rc.Q_M, per_s),
         ("duty-limit", rc.B_hat * rc.rho.constant, limits[1] - limits[0], unit),
     ):
-        holds = None if needed is None or available is None else bool(needed <= available * (1 + WITHIN))
+        holds = None if needed is None or available is None else bool(needed <= available * (1 + ROUNDING))
         conditions.append(Condition(name, holds, needed, available, in_unit))
     if fit.dead_time_s > 0:
         conditions.append(Condition("dead-time", False, 0.0, fit.dead_time_s, "s"))

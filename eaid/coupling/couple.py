@@ -239,7 +239,9 @@ def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Prog
     laws: dict[str, RCGains | PIGains | None] = {"rc": rc, "rc-no-rate": rc, "pi": pi}
     held = [loop for loop in LOOPS if loop not in laws or laws[loop] is not None]
     loops = held if options.loops == LOOPS else list(options.loops)
-    torques = options.torque or default_torques(plant)
+    low, high = (float(steady_torque(plant, u)) for u in plant.u_range)
+    spread = (max(share * high, low + 0.01 * (high - low)) for share in (0.2, 0.4, 0.6, 0.8))
+    torques = options.torque or tuple(float(f"{torque:.2g}") for torque in spread)
     walls = []
     with progress("walls", len(torques) * len(loops)) as tick:
         for torque, loop in itertools.product(torques, loops):
@@ -265,14 +267,6 @@ def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Prog
         options=replace(options, delay_samples=delay), output_unit=unit, walls=tuple(walls), impedance=impedance,
         findings=ranked(_findings(walls, options, impedance, unit)),
     )  # fmt: skip
-
-
-def default_torques(plant: Nonlinear) -> tuple[float, ...]:
-    """Four torques over what the identified inputs hold, to two digits."""
-    low, high = (float(steady_torque(plant, u)) for u in plant.u_range)
-    return tuple(
-        float(f"{t:.2g}") for t in (max(share * high, low + 0.01 * (high - low)) for share in (0.2, 0.4, 0.6, 0.8))
-    )
 
 
 def _findings(walls: list[parts.Wall], options: CoupleOptions, impedance: parts.Impedance, unit: str) -> list[Finding]:

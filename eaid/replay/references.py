@@ -224,12 +224,14 @@ def step(torque_nm: Array, from_nm: float, to_nm: float, dt_s: float) -> StepMet
     """Rise time [s], overshoot [%] and settling time [s] of one step; torque from the step's sample on, shape (n,)."""
     y = (torque_nm - from_nm) / (to_nm - from_nm)
     low, high = _first_crossing(y, 0.1), _first_crossing(y, 0.9)
+    outside = np.flatnonzero(np.abs(y - 1.0) > 0.02)
+    settled = int(outside[-1]) + 1 if len(outside) else 0
     return StepMetrics(
         from_nm=from_nm,
         to_nm=to_nm,
         rise_time_s=(high - low) * dt_s if low is not None and high is not None else None,
         overshoot_pct=max(0.0, float(y.max()) - 1.0) * 100,
-        settling_s=_settling(np.abs(y - 1.0), dt_s),
+        settling_s=settled * dt_s if settled < len(y) else None,
     )
 
 
@@ -242,14 +244,6 @@ def _first_crossing(y: Array, level: float) -> float | None:
     if k == 0:
         return 0.0
     return k - 1 + float((level - y[k - 1]) / (y[k] - y[k - 1]))
-
-
-def _settling(away: Array, dt_s: float) -> float | None:
-    """Time [s] from which |y − 1| stays within 2 %; None: never."""
-    outside = np.flatnonzero(away > 0.02)
-    if not len(outside):
-        return 0.0
-    return None if outside[-1] == len(away) - 1 else float(outside[-1] + 1) * dt_s
 
 
 def tone(reference_nm: Array, torque_nm: Array, frequency_hz: float, dt_s: float) -> ToneMetrics:
