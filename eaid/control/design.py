@@ -40,7 +40,6 @@ from eaid.results.gains import (
     Rho,
     RhoLine,
     Robust,
-    SampleTiming,
     WorstMargins,
 )
 
@@ -194,8 +193,7 @@ def margins_of(
         MarginPoint(point.duty_pct, point.torque_nm, *each)
         for point, *each in zip(points, *every.values(), strict=True)
     ]
-    sampled = SampleTiming(timing.rate_hz, timing.pwm_hz, timing.delay_samples)
-    return Margins(sampled, tuple(rows), WorstMargins(**worst)), missed
+    return Margins(timing, tuple(rows), WorstMargins(**worst)), missed
 
 
 def guarantee_of(

@@ -15,11 +15,11 @@ the latch, both are read there, on a loop that is stable without the dead time.
 import cmath
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
@@ -32,18 +32,13 @@ from eaid.models import linear
 from eaid.models.nonlinear import steady_slope, steady_torque, time_constants
 from eaid.models.parameters import Linear, Nonlinear
 from eaid.results.fit import LinearLevel
-from eaid.results.gains import Margin
+from eaid.results.gains import Margin, SampleTiming
 
 Complex = NDArray[np.complex128]
 
 
-@dataclass(frozen=True)
-class Timing:
-    """Sampling, latching and delay."""
-
-    rate_hz: float = 1000.0
-    pwm_hz: float | None = None  # Rate at which the duty is latched; None: it takes effect at once
-    delay_samples: int = 0  # Dead time of the loop [samples]: from reading to duty, and of the plant itself
+class Timing(SampleTiming, frozen=True):
+    """Sampling, latching and delay: the dead time of the loop from reading to duty, and of the plant itself."""
 
     @property
     def step_s(self) -> float:
@@ -55,7 +50,7 @@ class Timing:
         """Dead time [s]."""
         return self.delay_samples / self.rate_hz
 
-    @cached_property
+    @property
     def pattern(self) -> tuple[int, int]:
         """Samples and latches in their common period."""
         if self.pwm_hz is None:
@@ -217,7 +212,7 @@ def is_stable(law: Law, lags: Sequence[Lag], timing: Timing) -> bool:
     """
     if mapped(timing):
         return spectral_radius(law, lags, timing) < 1
-    at_once = replace(timing, delay_samples=0)
+    at_once = msgspec.structs.replace(timing, delay_samples=0)
     if spectral_radius(law, lags, at_once) >= 1:
         return False
     if abs(loop_response(law, lags, timing, frequencies(lags, timing, 2)[1:])) >= 1:
