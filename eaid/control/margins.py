@@ -16,7 +16,7 @@ import cmath
 import math
 from collections.abc import Sequence
 from fractions import Fraction
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import msgspec
@@ -37,7 +37,7 @@ from eaid.results.gains import Margin, SampleTiming
 Complex = NDArray[np.complex128]
 
 
-class Timing(SampleTiming, frozen=True):
+class Timing(SampleTiming, frozen=True, dict=True):
     """Sampling, latching and delay: the dead time of the loop from reading to duty, and of the plant itself."""
 
     @property
@@ -50,7 +50,7 @@ class Timing(SampleTiming, frozen=True):
         """Dead time [s]."""
         return self.delay_samples / self.rate_hz
 
-    @property
+    @cached_property
     def pattern(self) -> tuple[int, int]:
         """Samples and latches in their common period."""
         if self.pwm_hz is None:
