@@ -143,40 +143,34 @@ class Law(NamedTuple):
     k_q: float
 
 
-def law_around(gains: RCGains | PIGains, torque_nm: float, duty_pct: float) -> Law:
-    """A controller around a held torque [N·m] that takes a duty [%], its limits left out.
+def law_around(gains: RCGains | PIGains, torque_nm: float, duty_pct: float) -> tuple[Law, float]:
+    """A controller that holds a torque [N·m] with a duty [%], its limits left out, and its integral there [N·m·s].
 
     The PI is linear as it stands. Of the robust controller, by central differences of `rc_step`: at rest e = 0 and the
     integral stands where the law gives that duty; far from the layer's middle the slope differs.
     """
     if isinstance(gains, PIGains):
-        return Law(gains.K_P, 0.0, gains.K_P, gains.K_I)
-    free = gains._replace(duty_min=-math.inf, duty_max=math.inf)
-    rest, step = integral_at_rest(gains, torque_nm, duty_pct), 1e-6 * gains.epsilon / gains.Q22
+        return Law(gains.K_P, 0.0, gains.K_P, gains.K_I), duty_pct / gains.K_I if gains.K_I else 0.0
+    free, step = gains._replace(duty_min=-math.inf, duty_max=math.inf), 1e-6 * gains.epsilon / gains.Q22
 
-    def slope(integral: float, reference: float, torque: float) -> float:
-        above, below = (
-            rc_step(free, RCState(rest + h * integral), torque_nm + h * reference, 0.0, torque_nm + h * torque, 0.0)[1]
-            for h in (step, -step)
-        )
-        return (above - below) / (2 * step)
-
-    return Law(slope(0, 1, 0), gains.B_hat, -slope(0, 0, 1), slope(1, 0, 0))
-
-
-def integral_at_rest(gains: RCGains | PIGains, torque_nm: float, duty_pct: float) -> float:
-    """Integral of the error [N·m·s] with which a controller holds a torque [N·m] with a duty [%]."""
-    if isinstance(gains, PIGains):
-        return duty_pct / gains.K_I if gains.K_I else 0.0
-    free = gains._replace(duty_min=-math.inf, duty_max=math.inf)
+    def given(integral: float, reference_nm: float, read_nm: float) -> float:
+        return rc_step(free, RCState(integral), reference_nm, 0.0, read_nm, 0.0)[1]
 
     def short(integral: float) -> float:
-        return rc_step(free, RCState(integral), torque_nm, 0.0, torque_nm, 0.0)[1] - duty_pct
+        return given(integral, torque_nm, torque_nm) - duty_pct
 
     reach = 1.0
     while short(-reach) > 0 or short(reach) < 0:
         reach *= 2
-    return float(brentq(short, -reach, reach, xtol=1e-15))
+    rest = float(brentq(short, -reach, reach, xtol=1e-15))
+
+    def slope(integral: float, reference: float, torque: float) -> float:
+        above, below = (
+            given(rest + h * integral, torque_nm + h * reference, torque_nm + h * torque) for h in (step, -step)
+        )
+        return (above - below) / (2 * step)
+
+    return Law(slope(0, 1, 0), gains.B_hat, -slope(0, 0, 1), slope(1, 0, 0)), rest
 
 
 def enough(margin: Margin) -> bool:
@@ -192,7 +186,7 @@ def margins(gains: RCGains | PIGains, point: Point, timing: Timing) -> Margin:
     None for a margin without end: no factor up to 80 dB makes the loop unstable, its gain stays below 1 (a crossover at
     0 Hz); and for the gain margin of a loop that is unstable.
     """
-    law, lags = law_around(gains, point.torque_nm, point.duty_pct), point.lags
+    (law, _), lags = law_around(gains, point.torque_nm, point.duty_pct), point.lags
     phase, omega = min(crossovers(law, lags, timing), default=(math.inf, 0.0))
     stable, gain_db = is_stable(law, lags, timing), math.inf
     if stable:

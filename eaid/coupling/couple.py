@@ -79,14 +79,13 @@ def channel_of(loop: str, plant: Nonlinear, torque_nm: float, gains: RCGains | P
     if gains is None:
         kind = "a PI" if loop == "pi" else "a robust controller"
         raise UsageError(f"the loop {loop} needs gains with {kind}; give «gains» that tune-rc wrote")
-    free = gains._replace(duty_min=-math.inf, duty_max=math.inf)
-    acting = feedback(free)
+    acting = feedback(gains._replace(duty_min=-math.inf, duty_max=math.inf))
     rate = 0.0 if loop == "rc-no-rate" else 1.0
-    law = margins.law_around(gains, torque_nm, point.duty_pct)
+    law, integral = margins.law_around(gains, torque_nm, point.duty_pct)
     return Channel(
         plant, point, law._replace(k_v=rate * law.k_v),
         lambda s, r, v, t: acting.step(acting.gains, s, r, rate * v, t, dt_s),
-        acting.start._replace(integral=margins.integral_at_rest(free, torque_nm, point.duty_pct)),
+        acting.start._replace(integral=integral),
     )  # fmt: skip
 
 
