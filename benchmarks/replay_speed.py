@@ -12,7 +12,7 @@ from benchmarks.table import Row, paired_medians
 from eaid.control.rc import RCGains, RCState, rc_step
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.options import Rig
-from eaid.replay.controllers import inverse_controller, rc_controller
+from eaid.replay.controllers import feedback, inverse_controller
 from eaid.replay.loop import noise, reference_rate, replay
 from eaid.replay.many import replay_many
 from eaid.replay.plant import PlantParameters, plant_parameters
@@ -25,7 +25,7 @@ MANY_S = 10.0
 RUNS = 9
 GAINS = RCGains(4.5, 3.0, 12.5, 1.36, 0.08, -2.42, 10.8125, 6.58594648300479, 0.5, 50.0, 5 / 9, 55 / 54)
 """Table IV."""
-RC = rc_controller(GAINS)
+RC = feedback(GAINS)
 RIG = Rig(noise_nm=0.01)
 
 

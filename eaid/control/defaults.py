@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 from eaid.control.design import Design, robust_of
 from eaid.control.gains import Bounds, rc_law
-from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, Point, Timing, margins
+from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, Point, Timing, enough, margins
 from eaid.control.pi import PIGains, pi_gains
 from eaid.errors import DataError, GainsError, UsageError
 from eaid.models.nonlinear import steady_torque
@@ -147,7 +147,7 @@ def quickest_pi(model: Linear, points: Sequence[Point], timing: Timing, pace: fl
                 pi = PIGains(*pi_gains(model, overshoot_pct, settling_s))
             except GainsError:  # slower than integral control alone
                 break
-            if all(margins(pi, point, timing).enough for point in points):
+            if all(enough(margins(pi, point, timing)) for point in points):
                 return AskedPI(overshoot_pct, settling_s)
     flat = [point.duty_pct for point in points if sum(lag.gain for lag in point.lags) <= 0]
     why = f"the output does not rise with the input around {', '.join(f'{u:.4g}' for u in flat)} {unit}: leave such "
@@ -175,7 +175,7 @@ def workable_rc(
             wider = replace(one, epsilon=one.epsilon * SLOWER**k, gamma=one.gamma / SLOWER**k)
             law = rc_law(model, robust_of(model, bounds, wider), wider.duty_limits_pct)
             loops = (margins(law, point, timing) for point in points)
-            if all(each.stable if papers else each.enough for each in loops):
+            if all(each.stable if papers else enough(each) for each in loops):
                 return wider
     return design
 

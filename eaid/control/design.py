@@ -20,7 +20,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.control.gains import Bounds
-from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, Point, Timing, known, margins
+from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, Point, Timing, enough, margins
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
 from eaid.errors import GainsError
@@ -40,12 +40,10 @@ from eaid.results.gains import (
     Rho,
     RhoLine,
     Robust,
-    SampleTiming,
     WorstMargins,
 )
 
-ROUNDING = 1e-9  # By how much ρ may fall short of what is needed [N·m/s]
-WITHIN = 1e-9  # Share by which the needed may exceed the available: rounding
+ROUNDING = 1e-9  # By how much ρ may fall short [N·m/s]; share by which the needed may exceed the available
 DUTIES = 19
 INSTANTS = 200
 DIRECTIONS = 7200  # Of the half plane of ξ; V and |z| are even
@@ -180,25 +178,22 @@ def margins_of(
                 f"the {name.upper()} loop is unstable on the fitted model around {', '.join(unstable)} {unit}, "
                 f"{timing.words()}; ask for slower gains"
             )
-        least = [known(min(getattr(one, key) for one in each)) for key in ("gain_db", "phase_deg")]
+        least = [
+            min((margin for one in each if (margin := getattr(one, key)) is not None), default=None)
+            for key in ("gain_db", "phase_deg")
+        ]
         worst[name] = Margin(True, *least)
-        lacking = [point.duty_pct for point, one in zip(points, each, strict=True) if not one.enough]
+        lacking = [point.duty_pct for point, one in zip(points, each, strict=True) if not enough(one)]
         if lacking:
             missed.append(
                 finding("margin-missed", name, lacking, unit=unit, enough_db=ENOUGH_DB, enough_deg=ENOUGH_DEG,
                         gain_db=least[0], phase_deg=least[1])
             )  # fmt: skip
-    # a margin without end is not known
-    shown = {
-        name: [Margin(one.stable, *map(known, (one.gain_db, one.phase_deg, one.crossover_hz))) for one in each]
-        for name, each in every.items()
-    }
     rows = [
         MarginPoint(point.duty_pct, point.torque_nm, *each)
-        for point, *each in zip(points, *shown.values(), strict=True)
+        for point, *each in zip(points, *every.values(), strict=True)
     ]
-    sampled = SampleTiming(timing.rate_hz, timing.pwm_hz, timing.delay_samples)
-    return Margins(sampled, tuple(rows), WorstMargins(**worst)), missed
+    return Margins(timing, tuple(rows), WorstMargins(**worst)), missed
 
 
 def guarantee_of(
@@ -217,7 +212,7 @@ def guarantee_of(
         ("Q_M", slope, rc.Q_M, per_s),
         ("duty-limit", rc.B_hat * rc.rho.constant, limits[1] - limits[0], unit),
     ):
-        holds = None if needed is None or available is None else bool(needed <= available * (1 + WITHIN))
+        holds = None if needed is None or available is None else bool(needed <= available * (1 + ROUNDING))
         conditions.append(Condition(name, holds, needed, available, in_unit))
     if fit.dead_time_s > 0:
         conditions.append(Condition("dead-time", False, 0.0, fit.dead_time_s, "s"))

@@ -15,11 +15,11 @@ the latch, both are read there, on a loop that is stable without the dead time.
 import cmath
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property, lru_cache
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
@@ -32,17 +32,13 @@ from eaid.models import linear
 from eaid.models.nonlinear import steady_slope, steady_torque, time_constants
 from eaid.models.parameters import Linear, Nonlinear
 from eaid.results.fit import LinearLevel
+from eaid.results.gains import Margin, SampleTiming
 
 Complex = NDArray[np.complex128]
 
 
-@dataclass(frozen=True)
-class Timing:
-    """Sampling, latching and delay."""
-
-    rate_hz: float = 1000.0
-    pwm_hz: float | None = None  # Rate at which the duty is latched; None: it takes effect at once
-    delay_samples: int = 0  # Dead time of the loop [samples]: from reading to duty, and of the plant itself
+class Timing(SampleTiming, frozen=True, dict=True):
+    """Sampling, latching and delay: the dead time of the loop from reading to duty, and of the plant itself."""
 
     @property
     def step_s(self) -> float:
@@ -147,67 +143,55 @@ class Law(NamedTuple):
     k_q: float
 
 
-def law_around(gains: RCGains | PIGains, torque_nm: float, duty_pct: float) -> Law:
-    """A controller around a held torque [N·m] that takes a duty [%], its limits left out.
+def law_around(gains: RCGains | PIGains, torque_nm: float, duty_pct: float) -> tuple[Law, float]:
+    """A controller that holds a torque [N·m] with a duty [%], its limits left out, and its integral there [N·m·s].
 
     The PI is linear as it stands. Of the robust controller, by central differences of `rc_step`: at rest e = 0 and the
     integral stands where the law gives that duty; far from the layer's middle the slope differs.
     """
     if isinstance(gains, PIGains):
-        return Law(gains.K_P, 0.0, gains.K_P, gains.K_I)
-    free = gains._replace(duty_min=-math.inf, duty_max=math.inf)
-    rest, step = integral_at_rest(gains, torque_nm, duty_pct), 1e-6 * gains.epsilon / gains.Q22
+        return Law(gains.K_P, 0.0, gains.K_P, gains.K_I), duty_pct / gains.K_I if gains.K_I else 0.0
+    free, step = gains._replace(duty_min=-math.inf, duty_max=math.inf), 1e-6 * gains.epsilon / gains.Q22
 
-    def slope(integral: float, reference: float, torque: float) -> float:
-        above, below = (
-            rc_step(free, RCState(rest + h * integral), torque_nm + h * reference, 0.0, torque_nm + h * torque, 0.0)[1]
-            for h in (step, -step)
-        )
-        return (above - below) / (2 * step)
-
-    return Law(slope(0, 1, 0), gains.B_hat, -slope(0, 0, 1), slope(1, 0, 0))
-
-
-def integral_at_rest(gains: RCGains | PIGains, torque_nm: float, duty_pct: float) -> float:
-    """Integral of the error [N·m·s] with which a controller holds a torque [N·m] with a duty [%]."""
-    if isinstance(gains, PIGains):
-        return duty_pct / gains.K_I if gains.K_I else 0.0
-    free = gains._replace(duty_min=-math.inf, duty_max=math.inf)
+    def given(integral: float, reference_nm: float, read_nm: float) -> float:
+        return rc_step(free, RCState(integral), reference_nm, 0.0, read_nm, 0.0)[1]
 
     def short(integral: float) -> float:
-        return rc_step(free, RCState(integral), torque_nm, 0.0, torque_nm, 0.0)[1] - duty_pct
+        return given(integral, torque_nm, torque_nm) - duty_pct
 
     reach = 1.0
     while short(-reach) > 0 or short(reach) < 0:
         reach *= 2
-    return float(brentq(short, -reach, reach, xtol=1e-15))
+    rest = float(brentq(short, -reach, reach, xtol=1e-15))
+
+    def slope(integral: float, reference: float, torque: float) -> float:
+        above, below = (
+            given(rest + h * integral, torque_nm + h * reference, torque_nm + h * torque) for h in (step, -step)
+        )
+        return (above - below) / (2 * step)
+
+    return Law(slope(0, 1, 0), gains.B_hat, -slope(0, 0, 1), slope(1, 0, 0)), rest
 
 
-@dataclass(frozen=True)
-class LoopMargins:
-    """How far a loop is from instability."""
-
-    stable: bool
-    gain_db: float  # Factor on the duty that makes it unstable [dB]; infinite where none up to 80 dB does
-    # Phase margin at the crossover, the least where there are several [deg]; infinite where the gain stays below 1
-    phase_deg: float
-    crossover_hz: float  # 0 where the gain stays below 1
-
-    @property
-    def enough(self) -> bool:
-        """Whether the loop has 6 dB and 45°."""
-        return self.stable and self.gain_db >= ENOUGH_DB and self.phase_deg >= ENOUGH_DEG
+def enough(margin: Margin) -> bool:
+    """Whether a loop has 6 dB and 45°."""
+    gain_db, phase_deg = (math.inf if each is None else each for each in (margin.gain_db, margin.phase_deg))
+    return bool(margin.stable) and gain_db >= ENOUGH_DB and phase_deg >= ENOUGH_DEG
 
 
 @lru_cache(maxsize=100)  # the loop that a design settles on is among those it tried
-def margins(gains: RCGains | PIGains, point: Point, timing: Timing) -> LoopMargins:
-    """Gain and phase margin of a controller around an operating point."""
-    law, lags = law_around(gains, point.torque_nm, point.duty_pct), point.lags
+def margins(gains: RCGains | PIGains, point: Point, timing: Timing) -> Margin:
+    """Gain and phase margin of a controller around an operating point, the least where there are several.
+
+    None for a margin without end: no factor up to 80 dB makes the loop unstable, its gain stays below 1 (a crossover at
+    0 Hz); and for the gain margin of a loop that is unstable.
+    """
+    (law, _), lags = law_around(gains, point.torque_nm, point.duty_pct), point.lags
     phase, omega = min(crossovers(law, lags, timing), default=(math.inf, 0.0))
-    stable, gain_db = is_stable(law, lags, timing), -math.inf
+    stable, gain_db = is_stable(law, lags, timing), math.inf
     if stable:
         gain_db = (_gain_by_map if mapped(timing) else _gain_by_response)(law, lags, timing)
-    return LoopMargins(stable, gain_db, math.degrees(phase), omega / (2 * math.pi))
+    return Margin(stable, known(gain_db), known(math.degrees(phase)), omega / (2 * math.pi))
 
 
 def known(value: float) -> float | None:
@@ -222,7 +206,7 @@ def is_stable(law: Law, lags: Sequence[Lag], timing: Timing) -> bool:
     """
     if mapped(timing):
         return spectral_radius(law, lags, timing) < 1
-    at_once = replace(timing, delay_samples=0)
+    at_once = msgspec.structs.replace(timing, delay_samples=0)
     if spectral_radius(law, lags, at_once) >= 1:
         return False
     if abs(loop_response(law, lags, timing, frequencies(lags, timing, 2)[1:])) >= 1:

@@ -38,7 +38,7 @@ from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import Nonlinear
 from eaid.options import LOOPS, CoupleOptions
 from eaid.progress import Progress
-from eaid.replay.controllers import pi_controller, rc_controller
+from eaid.replay.controllers import feedback
 from eaid.replay.plant import Held, hold_step, plant_parameters, plant_step
 from eaid.replay.rehab import limb_steps
 from eaid.results import coupling as parts
@@ -79,14 +79,13 @@ def channel_of(loop: str, plant: Nonlinear, torque_nm: float, gains: RCGains | P
     if gains is None:
         kind = "a PI" if loop == "pi" else "a robust controller"
         raise UsageError(f"the loop {loop} needs gains with {kind}; give «gains» that tune-rc wrote")
-    free = gains._replace(duty_min=-math.inf, duty_max=math.inf)
-    acting = pi_controller(free) if isinstance(free, PIGains) else rc_controller(free)
+    acting = feedback(gains._replace(duty_min=-math.inf, duty_max=math.inf))
     rate = 0.0 if loop == "rc-no-rate" else 1.0
-    law = margins.law_around(gains, torque_nm, point.duty_pct)
+    law, integral = margins.law_around(gains, torque_nm, point.duty_pct)
     return Channel(
         plant, point, law._replace(k_v=rate * law.k_v),
         lambda s, r, v, t: acting.step(acting.gains, s, r, rate * v, t, dt_s),
-        acting.start._replace(integral=margins.integral_at_rest(free, torque_nm, point.duty_pct)),
+        acting.start._replace(integral=integral),
     )  # fmt: skip
 
 
@@ -239,7 +238,9 @@ def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Prog
     laws: dict[str, RCGains | PIGains | None] = {"rc": rc, "rc-no-rate": rc, "pi": pi}
     held = [loop for loop in LOOPS if loop not in laws or laws[loop] is not None]
     loops = held if options.loops == LOOPS else list(options.loops)
-    torques = options.torque or default_torques(plant)
+    low, high = (float(steady_torque(plant, u)) for u in plant.u_range)
+    spread = (max(share * high, low + 0.01 * (high - low)) for share in (0.2, 0.4, 0.6, 0.8))
+    torques = options.torque or tuple(float(f"{torque:.2g}") for torque in spread)
     walls = []
     with progress("walls", len(torques) * len(loops)) as tick:
         for torque, loop in itertools.product(torques, loops):
@@ -265,14 +266,6 @@ def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Prog
         options=replace(options, delay_samples=delay), output_unit=unit, walls=tuple(walls), impedance=impedance,
         findings=ranked(_findings(walls, options, impedance, unit)),
     )  # fmt: skip
-
-
-def default_torques(plant: Nonlinear) -> tuple[float, ...]:
-    """Four torques over what the identified inputs hold, to two digits."""
-    low, high = (float(steady_torque(plant, u)) for u in plant.u_range)
-    return tuple(
-        float(f"{t:.2g}") for t in (max(share * high, low + 0.01 * (high - low)) for share in (0.2, 0.4, 0.6, 0.8))
-    )
 
 
 def _findings(walls: list[parts.Wall], options: CoupleOptions, impedance: parts.Impedance, unit: str) -> list[Finding]:

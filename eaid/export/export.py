@@ -16,7 +16,7 @@ from eaid.options import ExportOptions
 from eaid.results import codec
 from eaid.results.common import Input
 from eaid.results.fit import Fit
-from eaid.results.gains import Gains, Robust
+from eaid.results.gains import Condition, Gains, Guarantee
 from eaid.results.verdict import PLANT
 
 
@@ -27,7 +27,7 @@ def offered(gains: Gains, fit: Fit) -> tuple[str, ...] | None:
     except EaidError:
         return ()
     plain = ExportOptions()
-    laws = tuple(law for law in source.laws if not stops(_findings(source, (law,), source.rate_hz, plain)))
+    laws = tuple(law for law in source.laws if not stops(_findings(source, (law,), source.made_for.rate_hz, plain)))
     return () if not {"pi", "rc"} & set(laws) else None if laws == source.laws else laws
 
 
@@ -42,19 +42,31 @@ def _findings(source: Source, laws: tuple[str, ...], rate_hz: float, options: Ex
     if {"pi", "rc"} & set(laws) and source.gains is not None:
         yield from _gains(source, source.gains, laws, rate_hz)
     if {"inverse", "plant"} & set(laws):
-        yield from _plant(source, laws)
+        subject = "plant" if "plant" in laws else "inverse"
+        if source.fit is not None and (why := source.fit.verdict.of(*PLANT).sentence):
+            yield finding("export-not-usable", subject, why=why)
+        if source.plant is not None and source.plant.release is None:
+            yield finding("export-no-release", subject)
 
 
 def _gains(source: Source, gains: Gains, laws: tuple[str, ...], rate_hz: float) -> Iterator[Finding]:
-    other_rate = abs(rate_hz - source.rate_hz) > 1e-6 * source.rate_hz
+    made_hz = source.made_for.rate_hz
+    other_rate = abs(rate_hz - made_hz) > 1e-6 * made_hz
     yield from _unstable(source, gains, laws, rate_hz, other_rate)
     if why := gains.not_usable or (source.fit.verdict.of("linear").sentence if source.fit is not None else ""):
         yield finding("export-not-usable", "gains", why=why)
     yield from stops(gains.findings)
-    if "rc" in laws and gains.rc is not None:
-        yield _guarantee(gains, gains.rc)
+    if "rc" in laws and (rc := gains.rc) is not None:
+        rho, phi = Condition("rho", rc.guaranteed), Condition("phi", rc.phi_holds)  # all that some files say of it
+        told = gains.guarantee or Guarantee(rc.guaranteed and rc.phi_holds is not False, (rho, phi))
+        if told.holds is None:
+            yield finding("export-guarantee-unknown", "rc")
+        elif told.holds:
+            yield finding("export-guarantee-holds", "rc")
+        else:
+            yield finding("export-guarantee-missing", "rc", missing=", ".join(told.missing))
     if other_rate:
-        yield finding("export-other-rate", "gains", rate_hz=rate_hz, made_hz=source.rate_hz)
+        yield finding("export-other-rate", "gains", rate_hz=rate_hz, made_hz=made_hz)
     worst = gains.margins.worst if gains.margins else None
     numbers = {
         f"{law}_{key}": getattr(margin, key)
@@ -66,20 +78,6 @@ def _gains(source: Source, gains: Gains, laws: tuple[str, ...], rate_hz: float) 
         yield finding("export-margins", "gains", **numbers)
 
 
-def _guarantee(gains: Gains, rc: Robust) -> Finding:
-    """Whether ρ covers what is known: the verdict of the gains, or in files without one the two marks."""
-    if gains.guarantee:
-        holds, missing = gains.guarantee.holds, gains.guarantee.missing
-    else:
-        missing = tuple(name for name, held in (("rho", rc.guaranteed), ("phi", rc.phi_holds)) if held is False)
-        holds = None if rc.guaranteed is None else not missing
-    if holds is None:
-        return finding("export-guarantee-unknown", "rc")
-    if holds:
-        return finding("export-guarantee-holds", "rc")
-    return finding("export-guarantee-missing", "rc", missing=", ".join(missing))
-
-
 def _unstable(
     source: Source, gains: Gains, laws: tuple[str, ...], rate_hz: float, other_rate: bool
 ) -> Iterator[Finding]:
@@ -87,7 +85,8 @@ def _unstable(
     model, kept = gains.model, gains.margins.points if gains.margins and not other_rate else ()
     levels = [point.duty_pct for point in kept]
     points = operating_points(source.plant, Linear(model.a0, model.b0, model.c0), (), levels, source.limits)
-    timing = Timing(rate_hz, source.pwm_hz, round(source.dead_time_s * rate_hz))
+    made = source.made_for
+    timing = Timing(rate_hz, made.pwm_hz, round(made.delay_samples / made.rate_hz * rate_hz))
     for law, controller in (("pi", source.pi), ("rc", source.rc)):
         if law not in laws or controller is None:
             continue
@@ -95,14 +94,6 @@ def _unstable(
         bad |= {point.duty_pct for point in kept if (one := getattr(point, law)) is not None and one.stable is False}
         if bad:
             yield finding("export-unstable", law.upper(), sorted(bad), rate_hz=rate_hz, unit=source.units[0])
-
-
-def _plant(source: Source, laws: tuple[str, ...]) -> Iterator[Finding]:
-    subject = "plant" if "plant" in laws else "inverse"
-    if source.fit is not None and (why := source.fit.verdict.of(*PLANT).sentence):
-        yield finding("export-not-usable", subject, why=why)
-    if source.plant is not None and source.plant.release is None:
-        yield finding("export-no-release", subject)
 
 
 # Files of an export, beside the sketch that is named as its folder

@@ -33,7 +33,7 @@ from eaid.replay.plant import plant_parameters, plant_terms
 from eaid.results.codec import content_of, digest_of
 from eaid.results.common import Input
 from eaid.results.fit import Fit
-from eaid.results.gains import Gains
+from eaid.results.gains import Gains, SampleTiming
 from eaid.version import __version__
 
 
@@ -48,9 +48,7 @@ class Source:
     plant: Nonlinear | None
     limits: tuple[float, float]
     units: tuple[str, str]
-    rate_hz: float
-    pwm_hz: float | None
-    dead_time_s: float
+    made_for: SampleTiming
 
     @property
     def laws(self) -> tuple[str, ...]:
@@ -80,18 +78,13 @@ def source_of(gains: Gains | None, fit: Fit | None) -> Source:
         refuse_other_units(fit, gains)
     plant = None if fit is None else plant_of(fit)
     if gains is not None:
-        timing = gains.margins.timing if gains.margins else None
-        units = (gains.input_unit, gains.output_unit) if fit is None else (fit.data.input_unit, fit.data.output_unit)
-        rate_hz, pwm_hz = (timing.rate_hz, timing.pwm_hz) if timing else (1000.0, None)
-        dead_time_s = timing.delay_samples / rate_hz if timing else 0.0
-        return Source(
-            gains, fit, rc_gains(gains), pi_gains(gains), plant, gains.duty_limits_pct, units,
-            rate_hz, pwm_hz, dead_time_s,
-        )  # fmt: skip
+        timing = gains.margins.timing if gains.margins else SampleTiming()
+        units = gains.input_unit, gains.output_unit
+        return Source(gains, fit, rc_gains(gains), pi_gains(gains), plant, gains.duty_limits_pct, units, timing)
     if fit is None:
         raise UsageError("nothing to export: give gains, or a fit with a nonlinear model")
     units = fit.data.input_unit, fit.data.output_unit
-    return Source(None, fit, None, None, plant, input_limits(fit), units, control_rate(fit), None, fit.dead_time_s)
+    return Source(None, fit, None, None, plant, input_limits(fit), units, SampleTiming(control_rate(fit)))
 
 
 GO_ON, RESET, START = 0, 1, 2  # What comes before a row's step: nothing, a reset, a bumpless start
@@ -124,7 +117,7 @@ def vectors(constants: Mapping[str, Entries], top: float, rig: Rig) -> Iterator[
     for law, entries in constants.items():
         c = namespace(entries, series)
         if law == "plant":
-            plant = reference.Plant(c, c.dt)
+            plant = reference.Plant(c)
             for case, before, duty in _duties(float(c.u_high)):
                 held = rounded(duty, rig.precision)
                 torque = rounded(plant.step(held), rig.precision)
@@ -138,7 +131,7 @@ def vectors(constants: Mapping[str, Entries], top: float, rig: Rig) -> Iterator[
                 before = RESET if k == 0 else GO_ON
                 yield Vector(law, "rate", before, wanted, nothing, nothing, nothing, slope, 0)
         else:
-            controller = CONTROLLERS[law](c, c.dt)
+            controller = CONTROLLERS[law](c)
             for case, before, *numbers in _rows(top, float(c.dt), float(c.duty_min), float(c.duty_max)):
                 wanted, slope, torque, duty = (rounded(number, rig.precision) for number in numbers)
                 if before == RESET:
@@ -220,7 +213,7 @@ def laws_of(source: Source, options: ExportOptions) -> tuple[str, ...]:
 
 def rig_of(source: Source, options: ExportOptions) -> Rig:
     """Sample time, precision and units."""
-    rate = options.rate_hz or float(f"{source.rate_hz:.9g}")  # of a log's stamps, which round
+    rate = options.rate_hz or float(f"{source.made_for.rate_hz:.9g}")  # of a log's stamps, which round
     return Rig(1.0 / rate, options.precision, float(options.duty_on_fault), *map(unit_name, source.units))
 
 

@@ -12,9 +12,11 @@ form. Constants are those of `eaid.export.constants`, floats or numpy.float32, a
 import math
 from typing import Any, TypeAlias
 
+from eaid.replay.plant import PlantParameters, plant_pull
+
 Number: TypeAlias = Any  # float or numpy.float32
 
-NOT_READY, BAD_INPUT, AT_MIN, AT_MAX, WRONG_RATE = 1, 2, 4, 8, 32  # Bits of the status
+BAD_INPUT, AT_MIN, AT_MAX = 2, 4, 8  # Bits of the status; the sample time is here always the right one
 HUGE = 1e9  # Inputs beyond it are as bad as NaN
 TANH_IS_ONE = 19.1
 SPANS, HALVINGS = 40, 60  # Doublings and halvings in which a bumpless start finds its integral
@@ -61,30 +63,20 @@ def added(value: float, carry: float, change: float) -> tuple[float, float]:
     return total, (total - value) - y
 
 
-def rate_fits(baked: float, dt: float) -> bool:
-    """Whether the caller's sample time is the one that the constants were made for, within 0.1 %."""
-    return bool(abs(dt - baked) <= 0.001 * baked)
-
-
 class Controller:
-    """What all controllers share: a wrong sample time is refused at the start, and each reading is watched."""
+    """What all controllers share: each reading is watched."""
 
-    def __init__(self, c: Any, dt: float) -> None:
+    def __init__(self, c: Any) -> None:
         self.c = c
-        self.ready = rate_fits(c.dt, dt)
-        self.status = 0 if self.ready else WRONG_RATE
         self.reset()
 
     def reset(self) -> None:
-        """At rest again, as ready as before."""
-        self.status &= WRONG_RATE
+        """At rest again."""
+        self.status = 0
 
     def acts(self, *inputs: float) -> bool:
         """Whether the law may act on this reading; the status is begun."""
-        if self.ready:
-            self.status = 0 if good(*inputs) else BAD_INPUT
-        else:
-            self.status |= NOT_READY
+        self.status = 0 if good(*inputs) else BAD_INPUT
         return self.status == 0
 
 
@@ -99,7 +91,7 @@ class Integral(Controller):
         raise NotImplementedError
 
     def reset(self) -> None:
-        """At rest again, as ready as before."""
+        """At rest again."""
         super().reset()
         self.integral = self.carry = 0.0
 
@@ -183,48 +175,28 @@ class RC(Integral):
 
 def plant_change(c: Any, x1: Number, x2: Number, duty: Number) -> tuple[Number, Number]:
     """By how much the fast and the slow part move in one sample of a held duty."""
-    share = 1.0
-    u = duty
-    if u < c.u_low:
-        share = u / c.u_low if u > 0.0 else 0.0
-        u = c.u_low
-    elif u > c.u_high:
-        u = c.u_high
-    tau1 = c.tau1_0 + u * (c.tau1_1 + u * c.tau1_2)
-    tau2 = c.tau2_0 + u * (c.tau2_1 + u * c.tau2_2)
-    steady = share * (c.Ts_0 + u * (c.Ts_1 + u * (c.Ts_2 + u * c.Ts_3)))
-    if tau1 < c.tau_floor:
-        tau1 = c.tau_floor
-    if tau2 < tau1:
-        tau2 = tau1
-    if steady < 0.0:
-        steady = 0.0
-    target = c.C * steady
-    fast = target - x1
-    slow = steady - target - x2
-    if duty < c.u_low:
-        if fast < 0.0 and c.release1 > 0.0:
-            tau1 = share * tau1 + (1.0 - share) * c.release1
-        if slow < 0.0 and c.release2 > 0.0:
-            tau2 = share * tau2 + (1.0 - share) * c.release2
+    plant = PlantParameters(
+        c.C, (c.tau1_0, c.tau1_1, c.tau1_2), (c.tau2_0, c.tau2_1, c.tau2_2), (c.Ts_0, c.Ts_1, c.Ts_2, c.Ts_3),
+        c.u_low, c.u_high, (c.release1, c.release2), c.u_low,
+    )  # fmt: skip
+    fast, slow, tau1, tau2 = plant_pull(plant, x1, x2, duty)
     return loss(c.series, c.dt / tau1) * fast, loss(c.series, c.dt / tau2) * slow
 
 
 class Plant:
     """The clutch: fast and slow part of the torque, and what rounding left out of them."""
 
-    def __init__(self, c: Any, dt: Number) -> None:
+    def __init__(self, c: Any) -> None:
         self.c = c
         self.x1 = self.x2 = self.carry1 = self.carry2 = 0.0
-        self.status = 0 if rate_fits(c.dt, dt) else NOT_READY | WRONG_RATE
+        self.status = 0
 
     def step(self, duty: Number) -> Number:
         """The torque after one sample of a held duty; a duty that is no number counts as 0, and is told."""
-        if not self.status & NOT_READY:
-            self.status = 0 if good(duty) else BAD_INPUT
-            change1, change2 = plant_change(self.c, self.x1, self.x2, duty if good(duty) else 0.0)
-            self.x1, self.carry1 = added(self.x1, self.carry1, change1)
-            self.x2, self.carry2 = added(self.x2, self.carry2, change2)
+        self.status = 0 if good(duty) else BAD_INPUT
+        change1, change2 = plant_change(self.c, self.x1, self.x2, duty if good(duty) else 0.0)
+        self.x1, self.carry1 = added(self.x1, self.carry1, change1)
+        self.x2, self.carry2 = added(self.x2, self.carry2, change2)
         return self.x1 + self.x2
 
 
@@ -232,7 +204,7 @@ class Inverse(Controller):
     """The model inverted: an observer of its two states and of what it lacks, and the duty played last."""
 
     def reset(self) -> None:
-        """At rest again, with nothing learned, as ready as before."""
+        """At rest again, with nothing learned."""
         super().reset()
         self.x1 = self.x2 = self.lack = self.duty = self.carry1 = self.carry2 = 0.0
 

@@ -22,7 +22,7 @@ from eaid.estimate.response import Copies, Drive
 from eaid.findings import Finding, finding
 from eaid.models.parameters import Nonlinear
 from eaid.options import Rig
-from eaid.replay.controllers import Controller, pi_controller
+from eaid.replay.controllers import Controller, feedback
 from eaid.replay.loop import Inputs, loop_of, reference_rate, rig_numbers
 from eaid.replay.plant import plant_parameters
 from eaid.results.recorded import Loop
@@ -81,7 +81,7 @@ def simulated(solved: Solved, index: int, log: RecordedLog, law: Law) -> Recorde
     dt_s = float(log.time_s[-1] - log.time_s[0]) / (n - 1)
     added = np.full(n, idle_of(solved, index) + (log.baseline or 0.0))
     duty, measured = np.zeros(n), added.copy()
-    controller = pi_controller(law.gains)
+    controller = feedback(law.gains)
     part = slice(law.first, n)
     duty[part], measured[part] = run_loop(
         model_of(solved), controller, np.asarray(log.reference[part]), dt_s, np.zeros(n - law.first), added[part]

@@ -157,14 +157,11 @@ def inverse_step(
     return InverseState(x1 + lack * dt, x2, lack, duty), duty
 
 
-def rc_controller(gains: RCGains) -> Controller:
-    """The robust controller, ready to replay."""
+def feedback(gains: RCGains | PIGains) -> Controller:
+    """The robust controller or the PI, whose gains they are, ready to replay."""
+    if isinstance(gains, PIGains):
+        return Controller("pi", pi_step, gains, PIState())
     return Controller("rc", rc_step, gains, RCState())
-
-
-def pi_controller(gains: PIGains) -> Controller:
-    """The PI controller, ready to replay."""
-    return Controller("pi", pi_step, gains, PIState())
 
 
 def inverse_controller(plant: Nonlinear, limits: tuple[float, float] = (0.0, 100.0)) -> Controller:
@@ -186,8 +183,7 @@ def controller_of(
         linear = physical(linear)
         law = OpenLoopGains(linear.a0, linear.b0, linear.c0, *limits_pct)
         return Controller("open-loop", open_loop_step, law, 0.0)
-    if name == "rc" and (rc := rc_gains(gains)) is not None:
-        return rc_controller(rc)
-    if name == "pi" and (pi := pi_gains(gains)) is not None:
-        return pi_controller(pi)
-    raise UsageError(f"controller {name} needs gains: give «gains», which eaid tune-rc writes")
+    held = rc_gains(gains) if name == "rc" else pi_gains(gains)
+    if held is None:
+        raise UsageError(f"controller {name} needs gains: give «gains», which eaid tune-rc writes")
+    return feedback(held)

@@ -123,7 +123,7 @@ def read_rows(
 ) -> list[tuple[int, list[float]]]:
     """Rows of a CSV whose header holds these columns, or other `names` of them, with their finite numbers.
 
-    Raises `DataError` where the file has another header, or with its bad rows.
+    Raises `DataError` where the file has another header, or with its bad rows: the first column is a time that rises.
     """
     wanted = ",".join(header)
     if not path.is_file():
@@ -148,22 +148,22 @@ def read_rows(
             numbers.append((number, values))
         else:
             faults.append(f"{path}: row {number} holds {','.join(row)!r}, not {len(header)} finite numbers; mend it")
+    for (_, before), (number, now) in itertools.pairwise(numbers):
+        if now[0] <= before[0]:
+            faults.append(
+                f"{path}: time does not rise at row {number} ({now[0]:g} s after {before[0]:g} s); sort the rows or "
+                "drop this one"
+            )
     if faults:
         raise DataError(*faults[:20])
+    if len(numbers) < 2:
+        raise DataError(f"{path}: holds {len(numbers)} row(s) of data; two or more are needed")
     return numbers
 
 
 def read_reference(path: Path) -> Signal:
-    """Time [s] and reference [N·m] of a CSV with the columns time_s,reference_nm; at least two rows."""
-    rows = read_rows(path, ("time_s", "reference_nm"))
-    if len(rows) < 2:
-        raise DataError(f"{path}: holds {len(rows)} row(s) of data; a reference needs two or more")
-    time_s, torque_nm = np.array([values for _, values in rows]).T
-    for k in np.flatnonzero(np.diff(time_s) <= 0)[:1]:
-        raise DataError(
-            f"{path}: time does not rise at row {rows[k + 1][0]} ({time_s[k + 1]:g} s after {time_s[k]:g} s); "
-            "sort it or drop the row"
-        )
+    """Time [s] and reference [N·m] of a CSV with the columns time_s,reference_nm."""
+    time_s, torque_nm = np.array([values for _, values in read_rows(path, ("time_s", "reference_nm"))]).T
     return time_s, torque_nm
 
 
@@ -224,12 +224,14 @@ def step(torque_nm: Array, from_nm: float, to_nm: float, dt_s: float) -> StepMet
     """Rise time [s], overshoot [%] and settling time [s] of one step; torque from the step's sample on, shape (n,)."""
     y = (torque_nm - from_nm) / (to_nm - from_nm)
     low, high = _first_crossing(y, 0.1), _first_crossing(y, 0.9)
+    outside = np.flatnonzero(np.abs(y - 1.0) > 0.02)
+    settled = int(outside[-1]) + 1 if len(outside) else 0
     return StepMetrics(
         from_nm=from_nm,
         to_nm=to_nm,
         rise_time_s=(high - low) * dt_s if low is not None and high is not None else None,
         overshoot_pct=max(0.0, float(y.max()) - 1.0) * 100,
-        settling_s=_settling(np.abs(y - 1.0), dt_s),
+        settling_s=settled * dt_s if settled < len(y) else None,
     )
 
 
@@ -242,14 +244,6 @@ def _first_crossing(y: Array, level: float) -> float | None:
     if k == 0:
         return 0.0
     return k - 1 + float((level - y[k - 1]) / (y[k] - y[k - 1]))
-
-
-def _settling(away: Array, dt_s: float) -> float | None:
-    """Time [s] from which |y − 1| stays within 2 %; None: never."""
-    outside = np.flatnonzero(away > 0.02)
-    if not len(outside):
-        return 0.0
-    return None if outside[-1] == len(away) - 1 else float(outside[-1] + 1) * dt_s
 
 
 def tone(reference_nm: Array, torque_nm: Array, frequency_hz: float, dt_s: float) -> ToneMetrics:

@@ -1,7 +1,7 @@
 """Controllers on the fitted plant: a scenario, a reference, the rehabilitation, or recorded runs; one function."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import msgspec
@@ -29,18 +29,6 @@ from eaid.results.replay import Exercise, Head, Record, Replay
 from eaid.results.verdict import PLANT
 
 UNSEEN = 0.01  # Share of the samples that may lie outside what was identified without a word
-
-
-@dataclass(frozen=True)
-class Setup:
-    """What every replay of controllers needs."""
-
-    fit: Fit
-    plant: PlantParameters
-    controllers: tuple[Controller, ...]
-    rig: Rig
-    dt_s: float
-    options: SimulateOptions
 
 
 # Records by name, what the head says of them, and findings
@@ -88,16 +76,24 @@ def simulate(
     reasons = {"plant": fit.verdict.of(*PLANT).sentence, "gains": (gains.not_usable or "") if gains is not None else ""}
     not_usable = {name: why for name, why in reasons.items() if why}
     findings += [finding("replay-not-usable", name, why=why) for name, why in not_usable.items()]
-    setup = Setup(fit, plant_parameters(model), controllers, rig, 1.0 / rate_hz, options)
+    plant, dt_s = plant_parameters(model), 1.0 / rate_hz
     outcome: Outcome
     if runs is not None:
         units = fit.data.input_unit, fit.data.output_unit
-        outcome = {run.name: compared(run, setup.plant, units, fit.dead_time_s) for run in runs}, {}, []
+        outcome = {run.name: compared(run, plant, units, fit.dead_time_s) for run in runs}, {}, []
     elif what == "rehab":
-        outcome = _rehab(setup, scales.top)
+        if fit.data.output_unit not in ("N·m", "Nm"):
+            raise DataError(f"rehab needs a torque, and the fit's output is in {fit.data.output_unit}")
+        mode_s = None if options.duration is None else options.duration / len(MODES)
+        given = {"mode_s": mode_s, "damping_nms": options.limb_damping}
+        exercise = msgspec.structs.replace(
+            Exercise().scaled(scales.top), **{key: value for key, value in given.items() if value is not None}
+        )
+        sessions = {each.name: rehabilitate(plant, each, exercise, rig, dt_s, options.seed) for each in controllers}
+        outcome = sessions, {"dt_s": dt_s, "counted_from_s": exercise.uncounted_s, "exercise": exercise}, []
     else:
-        wanted = reference_of(what if reference is None else reference, setup.dt_s, scales, options.duration)
-        outcome = _tracked(setup, wanted, gains, progress)
+        wanted = reference_of(what if reference is None else reference, dt_s, scales, options.duration)
+        outcome = _tracked(fit, gains, plant, controllers, wanted, rig, options, progress)
     records, head, more = outcome
     return Replay(
         Head(
@@ -108,36 +104,22 @@ def simulate(
     )  # fmt: skip
 
 
-def _rehab(setup: Setup, top: float) -> Outcome:
-    """The rehabilitation of §VII with each controller, its moments scaled to what the rig can hold."""
-    options = setup.options
-    if setup.fit.data.output_unit not in ("N·m", "Nm"):
-        raise DataError(f"rehab needs a torque, and the fit's output is in {setup.fit.data.output_unit}")
-    mode_s = None if options.duration is None else options.duration / len(MODES)
-    given = {"mode_s": mode_s, "damping_nms": options.limb_damping}
-    exercise = msgspec.structs.replace(
-        Exercise().scaled(top), **{key: value for key, value in given.items() if value is not None}
-    )
-    records = {
-        each.name: rehabilitate(setup.plant, each, exercise, setup.rig, setup.dt_s, options.seed)
-        for each in setup.controllers
-    }
-    return records, {"dt_s": setup.dt_s, "counted_from_s": exercise.uncounted_s, "exercise": exercise}, []
-
-
-def _tracked(setup: Setup, wanted: Reference, gains: Gains | None, progress: Progress) -> Outcome:
+def _tracked(
+    fit: Fit, gains: Gains | None, plant: PlantParameters, controllers: Sequence[Controller], wanted: Reference,
+    rig: Rig, options: SimulateOptions, progress: Progress,
+) -> Outcome:  # fmt: skip
     """Each controller on the reference; and on drawn plants."""
-    fit, seed, records = setup.fit, setup.options.seed, {}
-    findings = reference_beyond(wanted, setup.plant, "reference", fit.data.output_unit)
+    seed, records = options.seed, {}
+    findings = reference_beyond(wanted, plant, "reference", fit.data.output_unit)
     Q_M = gains.rc.Q_M if gains is not None and gains.rc is not None else None
     if Q_M is not None and not wanted.steps and wanted.steepest_nm_s > Q_M * (1 + 1e-9):
         findings.append(finding("reference-above-q-max", "rc", slope=wanted.steepest_nm_s, Q_M=Q_M))
-    for controller in setup.controllers:
-        columns = replay(setup.plant, controller, wanted.torque_nm, setup.rig, wanted.dt_s, seed)
+    for controller in controllers:
+        columns = replay(plant, controller, wanted.torque_nm, rig, wanted.dt_s, seed)
         records[controller.name] = Record(columns, measure(columns, controller.limits_pct, wanted))
-    findings += _outside_identified(setup, records)
+    findings += _outside_identified(fit, plant, records)
     head: dict[str, Any] = {"dt_s": wanted.dt_s, "counted_from_s": wanted.counted_from_s}
-    if (count := setup.options.plants) is None:
+    if (count := options.plants) is None:
         return records, head, findings
 
     from eaid.replay.many import QUANTILES, montecarlo  # numba, which a replay of one plant does without
@@ -145,21 +127,21 @@ def _tracked(setup: Setup, wanted: Reference, gains: Gains | None, progress: Pro
     drawn = draw(fit, count, seed)
     findings += list(drawn.findings) if drawable(fit) else [finding("plants-all-alike", "nonlinear")]
     parameters = {
-        f"plants/parameters/{name}": np.array([getattr(plant, name) for plant in drawn.plants])
+        f"plants/parameters/{name}": np.array([getattr(each, name) for each in drawn.plants])
         for name in ("tau1", "tau2", "Ts")
     }
-    for controller in setup.controllers:
+    for controller in controllers:
         with progress(f"{controller.name} on drawn plants", count) as tick:
-            spread, tables = montecarlo(drawn.plants, controller, wanted, setup.rig, seed, tick)
+            spread, tables = montecarlo(drawn.plants, controller, wanted, rig, seed, tick)
         alone = records[controller.name]
         metrics = msgspec.structs.replace(alone.metrics, plants=spread)
         records[controller.name] = Record(alone.columns, metrics, tables | parameters)
     return records, {**head, "plants": count, "band_quantiles": QUANTILES}, findings
 
 
-def _outside_identified(setup: Setup, records: Mapping[str, Record]) -> list[Finding]:
+def _outside_identified(fit: Fit, plant: PlantParameters, records: Mapping[str, Record]) -> list[Finding]:
     """Where replays go through what no log showed: duties outside the identified ones, falls between levels."""
-    low, high = setup.plant.u_low, setup.plant.u_high
+    low, high = plant.u_low, plant.u_high
     below = above = falling = 0.0
     for replayed in records.values():
         duty, torque = replayed.columns["duty_pct"], replayed.columns["torque_nm"]
@@ -167,12 +149,12 @@ def _outside_identified(setup: Setup, records: Mapping[str, Record]) -> list[Fin
         below = max(below, float(((duty > 0) & (duty < low)).mean()))
         above = max(above, float((duty > high).mean()))
         falling = max(falling, float(falls.mean()))
-    falls_known = bool(setup.fit.recorded_falls)
+    falls_known = bool(fit.recorded_falls)
     if max(below, above, 0.0 if falls_known else falling) <= UNSEEN:
         return []
     return [
         finding(
             "replay-leaves-identified", "nonlinear", below_pct=100 * below, above_pct=100 * above,
-            falling_pct=None if falls_known else 100 * falling, low=low, high=high, unit=setup.fit.data.input_unit,
+            falling_pct=None if falls_known else 100 * falling, low=low, high=high, unit=fit.data.input_unit,
         )
     ]  # fmt: skip

@@ -12,7 +12,7 @@ from eaid.control.pi import PAPER_PI, PIGains, step_metrics
 from eaid.errors import DataError
 from eaid.findings import finding, ranked
 from eaid.options import Rig, TuneOptions
-from eaid.replay.controllers import Controller, pi_controller, rc_controller
+from eaid.replay.controllers import Controller, feedback
 from eaid.replay.loop import replay
 from eaid.replay.plant import plant_parameters
 from eaid.replay.references import Signal, reference_beyond, reference_of, tracking
@@ -77,13 +77,13 @@ def tune(
             return tracking(columns, controller.limits_pct, slice(wanted.begin, None))
 
         if scales.paper and (pi.K_P, pi.K_I) != PAPER_PI:
-            by_paper = errors(pi_controller(PIGains(*PAPER_PI, *limits)))
+            by_paper = errors(feedback(PIGains(*PAPER_PI, *limits)))
             overshoot_pct, settling_s = step_metrics(model, *PAPER_PI)
             findings.append(
                 finding("paper-pi", "pi", overshoot_pct=overshoot_pct, settling_s=settling_s, unit=output_unit,
                         error=by_paper.max_abs_error_nm)
             )  # fmt: skip
-        by_rc, by_pi = errors(rc_controller(law)), errors(pi_controller(pi))
+        by_rc, by_pi = errors(feedback(law)), errors(feedback(pi))
         replayed = Replayed(name, slope, wanted.counted_from_s, by_rc, by_pi, by_paper)
     if why:
         findings.insert(0, finding("fit-not-usable", "model", why=why))

@@ -30,7 +30,7 @@ class Rho(RhoLine, frozen=True):
 
 
 class SampleTiming(Result, frozen=True):
-    """Rate of the controller, and the PWM that latches the duty."""
+    """Rate of the controller, and the PWM that latches the duty; None: it takes effect at once."""
 
     rate_hz: Positive = 1000.0
     pwm_hz: Positive | None = None

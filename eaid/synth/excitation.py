@@ -17,7 +17,7 @@ from eaid.control.pi import PAPER_PI, PIGains
 from eaid.errors import UsageError
 from eaid.logs.run import Run
 from eaid.options import Excitation
-from eaid.replay.controllers import Controller, pi_controller
+from eaid.replay.controllers import Controller, feedback
 from eaid.synth.logs import Columns, Disturbance, digits, mark, noise, played, refuse_too_many, run_of, scatter
 from eaid.synth.plants import Plant, Scatter
 
@@ -140,4 +140,4 @@ def paper_pi(plant: Plant) -> Controller:
     """The paper's PI in the rig's units, over the inputs that the rig has."""
     top = 100.0 if plant.is_duty else plant.input_range[1]
     factor = 1.0 if plant.is_duty and plant.in_nm else top / 100 / plant.scale
-    return pi_controller(PIGains(PAPER_PI[0] * factor, PAPER_PI[1] * factor, 0.0, top))
+    return feedback(PIGains(PAPER_PI[0] * factor, PAPER_PI[1] * factor, 0.0, top))

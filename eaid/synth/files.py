@@ -51,19 +51,14 @@ def read_input(path: Path, kind: str = "clutch", unit: str = "%") -> tuple[Input
     column = input_column(kind, unit)
     rows = read_rows(path, ("time_s", column), {"input": column})
     duty = column == "duty_pct"
-    most = 100.0 if duty else math.inf
-    faults, before = [], -math.inf
-    for number, (time_s, value) in rows:
-        if not 0 <= value <= most:
-            range_said = "0 to 100 %" if duty else "0 and above"
-            faults.append(f"{path}: row {number} holds {column} {value:g}, outside {range_said}; mend it")
-        if time_s <= before:
-            faults.append(f"{path}: time falls or stands still at row {number} ({time_s:g} s); sort the rows")
-        before = time_s
+    most, range_said = (100.0, "0 to 100 %") if duty else (math.inf, "0 and above")
+    faults = [
+        f"{path}: row {number} holds {column} {value:g}, outside {range_said}; mend it"
+        for number, (_, value) in rows
+        if not 0 <= value <= most
+    ]
     if faults:
         raise DataError(*faults[:20])
-    if len(rows) < 2:
-        raise DataError(f"{path}: holds fewer than two rows; the last row ends the log")
     changes = [(time_s - rows[0][1][0], value) for _, (time_s, value) in rows]
     return changes[:-1], changes[-1][0]
 

@@ -13,6 +13,7 @@ import numpy as np
 from eaid.arrays import Array, read_only
 from eaid.errors import UsageError
 from eaid.logs.run import Run
+from eaid.options import KINDS
 from eaid.replay.loop import coloured
 from eaid.replay.plant import driven
 from eaid.replay.references import MOST_SAMPLES
@@ -95,9 +96,6 @@ PROTOCOLS: dict[str, Protocol] = {
     "friction-force": Protocol(levels=(), repeats=2, idle_s=2.0, hold_s=60.0, release_s=0.0),
     "friction-speed": Protocol(levels=(), repeats=2, idle_s=2.0, hold_s=60.0, release_s=0.0),
 }
-
-KINDS = tuple(PROTOCOLS)
-
 
 Input = Sequence[tuple[float, float]]  # A piecewise constant input: (from when [s], value), the first at 0
 Columns = tuple[Array, Array, Array]  # Time [s], input and output of a log, shapes (n,)

@@ -142,15 +142,10 @@ REFERENCE: dict[str, Plant] = {
 }  # fmt: skip
 
 
-def _unit(text: str) -> str:
-    """A unit as a file can hold it; an edited fit.json may hold letters that no file can."""
-    return text.encode("utf-8", errors="replace").decode() or UNKNOWN
-
-
 def of_fit(fit: Fit, kind: Kind, named: str) -> Plant:
     """The plant that a fit found, in its units; of friction only the fitted levels can be recorded."""
     data = fit.data
-    input_unit, output_unit = _unit(data.input_unit), _unit(data.output_unit)
+    input_unit, output_unit = data.input_unit or UNKNOWN, data.output_unit or UNKNOWN
     if kind == "clutch":
         model = plant_of(fit)
         if model is None:

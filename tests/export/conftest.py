@@ -106,13 +106,13 @@ class Laws:
     constants: dict[str, Any]
     number: type
 
-    def init(self, name: str, dt: float = DT) -> Any:
-        return {"pi": self.law.PI, "rc": self.law.RC, "inverse": self.law.Inverse}[name](self.constants[name], dt)
+    def init(self, name: str) -> Any:
+        return {"pi": self.law.PI, "rc": self.law.RC, "inverse": self.law.Inverse}[name](self.constants[name])
 
     def closed_loop(self, run: Replayed, plant: Any = None) -> Iterator[tuple[Any, Any]]:
         """Duty and torque, sample by sample, on a replay's reference."""
         c = plant or self.constants["plant"]
-        control, clutch, torque = self.init(run.law), self.law.Plant(c, c.dt), self.number(0.0)
+        control, clutch, torque = self.init(run.law), self.law.Plant(c), self.number(0.0)
         for reference, rate in zip(run.reference, run.rate, strict=True):
             duty = control.step(*map(self.number, (reference, rate, torque)))
             yield duty, torque

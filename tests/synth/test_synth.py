@@ -183,12 +183,12 @@ DUTY = "time_s,duty_pct\n"
     [
         ("", "its header is not time_s,duty_pct"),
         ("t,u\n0,1\n", "its header is not time_s,duty_pct"),
-        (f"{DUTY}0,1\n", "fewer than two rows"),
+        (f"{DUTY}0,1\n", r"holds 1 row\(s\)"),
         (f"{DUTY}0,1\n1,x\n", "row 3 holds '1,x', not 2 finite numbers"),
         (f"{DUTY}0,1\n1,2,3\n", "row 3 holds '1,2,3', not 2 finite numbers"),
         (f"{DUTY}0,1\n1,101\n", "row 3 holds duty_pct 101, outside 0 to 100 %"),
         (f"{DUTY}0,1\nnan,10\n", "row 3 holds 'nan,10', not 2 finite numbers"),
-        (f"{DUTY}0,1\n0,2\n", "time falls or stands still at row 3"),
+        (f"{DUTY}0,1\n0,2\n", "time does not rise at row 3"),
         ("\0\xff", "is no text"),
     ],
 )
