@@ -101,11 +101,6 @@ def stands_still(holds: list[Plateau], values: Array) -> bool:
     return still >= len(values) / 2
 
 
-def sample_s(run: Run) -> float:
-    """Mean sample time of a log [s]."""
-    return float(run.time_s[-1] - run.time_s[0]) / (len(run.time_s) - 1)
-
-
 def end_of(output: Array, hold: Plateau) -> float:
     """Output at the end of a hold: mean of its last twentieth."""
     return float(output[hold.stop - max(1, hold.count // 20) : hold.stop].mean())
