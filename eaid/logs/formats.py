@@ -90,17 +90,11 @@ READER: tuple[str, ...] = (sys.executable, "-P", "-m", "eaid.logs.foreign.answer
 
 
 class ForeignReader:
-    """The process, started when the first such file comes and ended with the block that it is used in."""
+    """The process, started when the first such file comes, until it is closed."""
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
         self.alone = threading.RLock()  # Held while one file is read: the process knows one file at a time
-
-    def __enter__(self) -> "ForeignReader":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._end()
 
     def tables(self, form: Format, path: Path, source: str) -> list[Table]:
         """Tables of a file of a format."""
@@ -134,7 +128,7 @@ class ForeignReader:
                 send(process.stdin, question)
                 answer = received(process.stdout, Answer)
             except (OSError, EOFError, ValueError, MemoryError, OverflowError):
-                self._end()
+                self.close()
                 raise DataError(
                     f"{question.source}: takes longer than {longest_s:.0f} s to read; export it as CSV"
                     if time.monotonic() - begun_s >= longest_s
@@ -144,12 +138,13 @@ class ForeignReader:
             finally:
                 bell.cancel()
             if answer.worn:
-                self._end()
+                self.close()
             if answer.refusal:
                 raise DataError(*answer.refusal)
             return answer
 
-    def _end(self) -> None:
+    def close(self) -> None:
+        """End the process; the next file gets a new one."""
         process, self._process = self._process, None
         if process is not None:
             process.kill()

@@ -118,19 +118,12 @@ def turns(values: Array, back: float) -> list[int]:
     """Places of the extremes between which values go to and fro by at least `back`, the ends among them."""
     places, low, high, direction = [0], 0, 0, 0
     for i, value in enumerate(values.tolist()):
-        if value > values[high]:
-            high = i
-        if value < values[low]:
-            low = i
+        low = i if value < values[low] else low
+        high = i if value > values[high] else high
         if direction >= 0 and values[high] - value >= back:
-            if direction > 0 or high > 0:
-                places.append(high)
-            direction, low = -1, i
-            high = i
+            places.append(high)
+            direction, low, high = -1, i, i
         elif direction <= 0 and value - values[low] >= back:
-            if direction < 0 or low > 0:
-                places.append(low)
-            direction, high = 1, i
-            low = i
-    last = len(values) - 1
-    return [*dict.fromkeys(places), *([last] if places[-1] != last else [])]
+            places.append(low)
+            direction, low, high = 1, i, i
+    return [*dict.fromkeys([*places, len(values) - 1])]
