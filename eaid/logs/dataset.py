@@ -43,7 +43,7 @@ class _Root(msgspec.Struct, omit_defaults=True):
     synthetic: str | None = None
 
 
-class _Facts(msgspec.Struct, omit_defaults=True):
+class _Facts(msgspec.Struct):
     """Attributes of a run, each a field of `Run`; all of them may be missing."""
 
     level: float | None = None
@@ -92,13 +92,10 @@ def _write_run(group: h5py.Group, run: Run) -> None:
                 name, data=np.asarray(values, dtype=np.float64), chunks=(min(len(values), 1 << 17),),
                 compression="gzip", compression_opts=4, shuffle=True, track_times=False,
             )  # fmt: skip
-    facts = _Facts(**{field: getattr(run, field) for field in _Facts.__struct_fields__})
-    if run.level is None:
-        facts.edge = None
-    plain = {field.encode_name: field.default for field in msgspec.structs.fields(_Facts)}
-    for name, value in msgspec.to_builtins(facts).items():
-        if value != plain[name]:  # `omit_defaults` knows a 0 only by its identity
-            group.attrs[name] = value
+    for fact in msgspec.structs.fields(_Facts):
+        value = getattr(run, fact.name)
+        if value != fact.default and (fact.name != "edge" or run.level is not None):
+            group.attrs[fact.encode_name] = value
     if run.findings:
         group.attrs["findings"] = msgspec.json.encode(run.findings).decode()
 

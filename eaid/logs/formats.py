@@ -7,7 +7,6 @@ gets a new process. It is kept apart for its crashes, not as a prison: it runs w
 
 import contextlib
 import os
-import re
 import subprocess
 import sys
 import threading
@@ -25,24 +24,16 @@ from eaid.errors import DataError
 from eaid.logs.foreign.answer import LONGEST_S, Answer, Question, received, send
 from eaid.logs.table import Cells, Table
 
-# First bytes of a file that is not read, what it is, and the remedy
+# First bytes of a file that is not read, what it is, and the remedy; any other binary file is refused as one
 UNREAD: tuple[tuple[bytes, str], ...] = (
     (b"PK\x03\x04", "a ZIP archive or an Excel workbook; unpack it, or save its sheet as CSV"),
     (b"\xd0\xcf\x11\xe0", "an old Excel workbook; save its sheet as CSV"),
     *((bytes((0x80, n)), "a Python pickle, which can run code; export the log as CSV or HDF5") for n in (2, 3, 4, 5)),
     *((mark, "packed, but not with gzip; unpack it") for mark in (b"BZh", b"\xfd7zXZ", b"(\xb5/\xfd", b"7z\xbc\xaf")),
-    (b"\x93NUMPY", "a NumPy array; save it as CSV, or as HDF5"),
-    (b"PAR1", "a Parquet file; save it as CSV, or as HDF5"),
-    (b"ARROW1", "an Arrow file; save it as CSV, or as HDF5"),
     (b"%PDF", "a PDF; export the log as CSV"),
-    (b"\x89PNG", "a picture; export the log as CSV"),
-    (b"RIFF", "a sound file; export the log as CSV"),
-    (b"\xff\xd8\xff", "a picture; export the log as CSV"),
     *((mark, "an MDF measurement file; export it as CSV or HDF5") for mark in (b"MDF     ", b"UnFinMF ")),
     *((mark, "a ROS bag; export its topics as CSV or HDF5") for mark in (b"#ROSBAG V", b"\x89MCAP0\r\n")),
-    (b"SQLite format 3\0", "an SQLite database, as some ROS bags are; export it as CSV or HDF5"),
 )
-_UTF_32 = re.compile(rb"\xff\xfe\0\0|\0\0\xfe\xff|([\x20-\x7e]\0{3}){4}|(\0{3}[\x20-\x7e]){4}")
 
 
 class Format(NamedTuple):
@@ -61,8 +52,6 @@ def is_hdf5(head: bytes) -> bool:
 
 def unread(head: bytes) -> str | None:
     """What a file is that is not read, and the remedy; None for any other."""
-    if _UTF_32.match(head):
-        return "text in UTF-32; save it as UTF-8"
     return next((what for mark, what in UNREAD if head.startswith(mark)), None)
 
 
@@ -101,17 +90,11 @@ READER: tuple[str, ...] = (sys.executable, "-P", "-m", "eaid.logs.foreign.answer
 
 
 class ForeignReader:
-    """The process, started when the first such file comes and ended with the block that it is used in."""
+    """The process, started when the first such file comes, until it is closed."""
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
         self.alone = threading.RLock()  # Held while one file is read: the process knows one file at a time
-
-    def __enter__(self) -> "ForeignReader":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._end()
 
     def tables(self, form: Format, path: Path, source: str) -> list[Table]:
         """Tables of a file of a format."""
@@ -145,7 +128,7 @@ class ForeignReader:
                 send(process.stdin, question)
                 answer = received(process.stdout, Answer)
             except (OSError, EOFError, ValueError, MemoryError, OverflowError):
-                self._end()
+                self.close()
                 raise DataError(
                     f"{question.source}: takes longer than {longest_s:.0f} s to read; export it as CSV"
                     if time.monotonic() - begun_s >= longest_s
@@ -155,12 +138,13 @@ class ForeignReader:
             finally:
                 bell.cancel()
             if answer.worn:
-                self._end()
+                self.close()
             if answer.refusal:
                 raise DataError(*answer.refusal)
             return answer
 
-    def _end(self) -> None:
+    def close(self) -> None:
+        """End the process; the next file gets a new one."""
         process, self._process = self._process, None
         if process is not None:
             process.kill()

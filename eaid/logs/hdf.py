@@ -28,7 +28,7 @@ def open_hdf5(path: Path, source: str) -> Iterator[h5py.File]:
     if as_written is None:
         from eaid.logs.formats import CHECKED, ForeignReader
 
-        with ForeignReader() as foreign:
+        with contextlib.closing(ForeignReader()) as foreign:
             foreign.tables(CHECKED, path, source)
     try:
         with h5py.File(path, "r", locking=False) as file:

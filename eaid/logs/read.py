@@ -4,6 +4,7 @@ import os
 from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -55,7 +56,7 @@ def read_what_can_be(
     faults: list[str] = []
     workers = min(4, os.cpu_count() or 1)
     # the parser and the checksum work outside the interpreter's lock; a single file is broken off at once
-    with ForeignReader() as foreign, ThreadPoolExecutor(workers) as pool:
+    with closing(ForeignReader()) as foreign, ThreadPoolExecutor(workers) as pool:
         try:
             for of_log, wrong in (pool.map if len(files) > 1 else map)(of_file, files):
                 runs.extend(of_log)

@@ -84,13 +84,6 @@ def unit_of(text: str) -> Unit | None:
     return _SPELLINGS.get(re.sub(r"[\s·*.⋅×_-]", "", key))
 
 
-def likely_time_unit(usual: float, span: float) -> str:
-    """Unit of a clock that counts no seconds: the coarsest with half a second a sample, and an hour in all, at most."""
-    factors = {unit: TIME_FACTORS[unit] for unit in ("ms", "us")}
-    fits = (unit for unit, factor in factors.items() if usual * factor <= 0.5 and span * factor <= LONGEST_S)
-    return next(fits, "ns")
-
-
 @lru_cache(1024)
 def words_of(name: str) -> frozenset[str]:
     """The words of a column's name, in lower case: `shearForce_N` → shear, force, n."""
@@ -322,7 +315,9 @@ def _of_seconds(path: str, column: str, gone: Array, usual: float) -> Finding:
     span, too_fast = float(gone[-1]), 0 < usual < 1.0 / FASTEST_HZ
     whole = usual >= 1.0 and bool(np.all(gone[:100_000] == np.floor(gone[:100_000])))
     brief = 0 < usual < 1.0 / QUICK_HZ and span < BRIEF_S
-    likely = "d" if 0 < usual < 2e-7 else "min" if brief or too_fast else likely_time_unit(usual, span)
+    # if it counts no seconds: the coarsest unit with half a second a sample, and an hour in all, at most
+    finer = (one for one in ("ms", "us") if max(usual / 0.5, span / LONGEST_S) * TIME_FACTORS[one] <= 1)
+    likely = "d" if 0 < usual < 2e-7 else "min" if brief or too_fast else next(finer, "ns")
     if too_fast or (span > LONGEST_S and (whole or usual > SLOWEST_S)):
         return finding("time-unclear", path, column=column, usual_s=usual, span_s=span, likely=likely)
     if whole or brief:

@@ -12,7 +12,6 @@ import numpy as np
 
 from eaid.arrays import Array, median
 from eaid.errors import UsageError
-from eaid.findings import Finding, finding
 from eaid.steps.noise import block_means, block_noise, line, sample_noise, spikes
 from eaid.steps.plateaus import FEWEST
 
@@ -61,10 +60,6 @@ class Rest:
     left_out: int = 0  # Spikes that were left out of the mean
     count: int = 1  # Samples of the mean
     moved: float = 0.0  # Mean of its second half less that of its first
-
-    def findings(self, run: str) -> tuple[Finding, ...]:
-        """What is to be told of it."""
-        return (finding("spikes-before-step", run, samples=self.left_out),) if self.left_out else ()
 
 
 def _rests(part: Array, change: float) -> bool:

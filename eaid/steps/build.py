@@ -29,8 +29,13 @@ def signs_of(runs: Sequence[Run]) -> tuple[dict[str, float], list[Finding]]:
     turned = {False: 1.0, True: 1.0}
     for negative in turned:
         rising = [r for r in runs if r.edge == "rising" and r.from_level == 0 and ((r.level or 0.0) < 0) is negative]
-        changes = [(run, *_change(Step(run))) for run in rising]
-        clear = [(run, change) for run, change, evident in changes if evident]
+        rises = [Step(run).rise for run in rising]
+        # those whose mean stands out of the noise
+        clear = [
+            (run, float(rise.mean()))
+            for run, rise in zip(rising, rises, strict=True)
+            if abs(rise.mean()) > STANDARD_ERRORS * block_error(rise) / np.sqrt(20)
+        ]
         if not clear:
             continue
         sizes = np.array([change for _, change in clear])
@@ -49,12 +54,6 @@ def signs_of(runs: Sequence[Run]) -> tuple[dict[str, float], list[Finding]]:
         if run.from_level != 0.0:
             signs[run.name] = -1.0 if float(Step(run).rise.mean()) < 0 else 1.0
     return signs, findings
-
-
-def _change(step: Step) -> tuple[float, bool]:
-    """Mean change of a step, and whether it stands out of the noise."""
-    change = float(step.rise.mean())
-    return change, abs(change) > STANDARD_ERRORS * block_error(step.rise) / np.sqrt(20)
 
 
 PLAIN = ReadOptions()
@@ -121,6 +120,11 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN) -> StepSe
     for level in levels:
         for one in disagreements(level, input_unit):
             of_runs[one.subject].append(one)
+    findings = _of_subject(of_signs, "data")
+    if input_unit == "%" and levels and levels[-1].level <= 1:
+        findings.append(finding("duty-may-be-fraction", "data"))
+    if stairs := sum(run.from_level != 0 for run in runs):
+        findings.append(finding("level-to-level", "data", steps=stairs, of=len(runs)))
     records = [_record(steps[run.name], tuple(of_runs[run.name]), run.name in out) for run in runs]
     records.sort(key=lambda record: (record.level, record.repeat, record.edge != "rising", record.name))
     return StepSet(
@@ -131,7 +135,7 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN) -> StepSe
         levels=tuple(levels),
         releases=tuple(_averaged(falling, steps, out)),
         runs=tuple(records),
-        findings=(*_of_subject(of_signs, "data"), *_of_the_set(levels, runs, input_unit)),
+        findings=tuple(findings),
         synthetic="; ".join(sorted({run.synthetic for run in runs if run.synthetic})) or None,
         level_steps=level_steps([run for run in runs if run.name not in out], of_runs),
     )
@@ -166,13 +170,3 @@ def _averaged(groups: Sequence[tuple[float, Sequence[Run]]], steps: Mapping[str,
 
 def _among(level: float, wanted: Sequence[float]) -> bool:
     return any(same_level(level, one, 0.0) for one in wanted)
-
-
-def _of_the_set(levels: Sequence[Level], runs: Sequence[Run], input_unit: str) -> list[Finding]:
-    findings = []
-    if input_unit == "%" and levels and levels[-1].level <= 1:
-        findings.append(finding("duty-may-be-fraction", "data"))
-    stairs = sum(run.from_level != 0 for run in runs)
-    if stairs:
-        findings.append(finding("level-to-level", "data", steps=stairs, of=len(runs)))
-    return findings

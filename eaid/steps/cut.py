@@ -25,7 +25,6 @@ from eaid.steps.plateaus import (
     Plateau,
     end_of,
     plateaus,
-    sample_s,
     stands_still,
     tolerance,
     turns,
@@ -87,7 +86,9 @@ def edge_between(run: Run, before: Plateau, now: Plateau, zero: float, idle: flo
     first = before.start == 0
     hold = run.output[before.start if first else before.stop - before.count // 4 - 1 : before.stop]
     rest = last_rest(hold, change)
-    findings, rests = rest.findings(run.name), rest.count
+    findings, rests = list(run.findings), rest.count
+    if rest.left_out:
+        findings.append(finding("spikes-before-step", run.name, samples=rest.left_out))
     if from_rest:
         # a rest that still moves after an earlier step is no rest of its own: counted from the one before
         baseline = rest.value if rest.rests or first or idle is None else idle
@@ -100,7 +101,7 @@ def edge_between(run: Run, before: Plateau, now: Plateau, zero: float, idle: flo
         # what leaves its rest before the step, by more than its noise, is an input logged late
         if off > UNSETTLED * abs(change) or (rest.lead and off > 0):
             share = 100 * off / max(abs(change), 1e-3 * off)
-            findings += (finding("unsettled-before-step", run.name, (before.level, now.level), share_pct=share),)
+            findings.append(finding("unsettled-before-step", run.name, (before.level, now.level), share_pct=share))
     return replace(
         run,
         level=level,
@@ -108,9 +109,9 @@ def edge_between(run: Run, before: Plateau, now: Plateau, zero: float, idle: flo
         edge="falling" if down else "rising",
         held=rest.start if from_rest else end_of(run.output, before),
         baseline=baseline if run.baseline is None else run.baseline,
-        rest_s=rests * sample_s(run),
+        rest_s=rests * (float(run.time_s[-1] - run.time_s[0]) / (len(run.time_s) - 1)),
         rest_moved=rest.moved,
-        findings=(*run.findings, *findings),
+        findings=tuple(findings),
     )
 
 
@@ -469,30 +470,27 @@ def _counted(steps: list[Run]) -> list[Run]:
     return counted
 
 
-def _level_step(step: Step, findings: tuple[Finding, ...]) -> LevelStep:
-    run = step.run
-    level = run.level or 0.0
-    before, after = (level, run.from_level) if run.edge == "falling" else (run.from_level, level)
-    start = run.baseline or 0.0
-    if run.edge == "falling" and run.from_level == 0.0 and run.held is not None:
-        start = run.held
-    return LevelStep(
-        name=run.name,
-        source=run.source,
-        from_level=before,
-        level=after,
-        start=start,
-        time_s=step.time_s,
-        output=read_only(run.output[step.start :]),
-        input=read_only(run.input[step.start :]),
-        rest_s=run.rest_s,
-        rest_moved=run.rest_moved,
-        at_s=run.start_s + (run.step_s or 0.0),
-        findings=findings,
-    )
-
-
 def level_steps(runs: Sequence[Run], findings: Mapping[str, Sequence[Finding]]) -> tuple[LevelStep, ...]:
     """The changes of input of cut runs, with the findings of each name: upwards first, by the level they go to."""
-    steps = [_level_step(Step(run), tuple(findings.get(run.name, ()))) for run in runs if _samples(run)]
+    steps = []
+    for run in (run for run in runs if _samples(run)):
+        falls, at, level = run.edge == "falling", Step(run).start, run.level or 0.0
+        active = run.part(slice(at, None))
+        held = run.held if falls and run.from_level == 0.0 else None
+        steps.append(
+            LevelStep(
+                name=run.name,
+                source=run.source,
+                from_level=level if falls else run.from_level,
+                level=run.from_level if falls else level,
+                start=(run.baseline or 0.0) if held is None else held,
+                time_s=Step(run).time_s,
+                output=active.output,
+                input=active.input,
+                rest_s=run.rest_s,
+                rest_moved=run.rest_moved,
+                at_s=run.start_s + (run.step_s or 0.0),
+                findings=tuple(findings.get(run.name, ())),
+            )
+        )
     return tuple(sorted(steps, key=lambda one: (one.edge != "up", one.level, one.from_level, one.name)))

@@ -1,7 +1,8 @@
 """Which steps are of one level, as closely as the input column tells them apart; their average; and which are one run.
 
 Repeats are averaged sample by sample where they share a time axis, else interpolated to the finest. Runs are one run
-where their values agree to their digits, whatever their clocks, decimals, rates and lengths are.
+where their values agree to their digits, or closer than noise allows, whatever their clocks, decimals, rates, offsets
+and lengths are.
 """
 
 import math
@@ -11,11 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from eaid.arrays import Array, read_only
+from eaid.arrays import Array, median, read_only
 from eaid.errors import DataError, UsageError
 from eaid.findings import finding
 from eaid.logs.run import Run
-from eaid.steps.noise import sample_noise
+from eaid.steps.noise import block_noise, sample_noise
 from eaid.steps.step import Step, usual_step
 from eaid.steps.stepset import Level
 
@@ -99,10 +100,8 @@ NEAR = 60  # Runs of a level that each is compared with: those next to it by the
 # Samples before and behind a step that are compared: long logs take no more time and memory than that
 BEFORE, BEHIND = 2_000, 20_000
 SHORTEST = 20  # Samples in common below which nothing is compared
-LATE = 2_000  # Samples at the end of what two runs have in common whose noise is compared
-TURNS = -0.3  # Correlation of a second difference with the next below which it is of noise: white noise has -0.67
 SINGLE = 1e-6  # Rounding of a single-precision float
-ALIKE = 0.5  # Correlation of the noise of two runs from which they are hardly two: that of others is 0 ± 0.1
+ALIKE = 0.5  # Standard deviations of the noise within which no two recordings agree in all of their samples
 
 
 class _Output(NamedTuple):
@@ -112,7 +111,7 @@ class _Output(NamedTuple):
     values: Array
     at: int  # Sample at which its input steps
     usual_s: float  # Median sample time [s]
-    digit: float  # Unit of the last digit: the least by which two of its values differ
+    slack: float  # What a copy may be off: half the unit of the last digit, or a part of the noise
 
 
 def _output(run: Run) -> _Output:
@@ -123,12 +122,14 @@ def _output(run: Run) -> _Output:
     begin = max(0, at - BEFORE)
     values = run.output[begin : at + BEHIND]
     gaps = np.diff(np.unique(values))
+    digit = float(gaps.min()) if len(gaps) else 0.0  # the least by which two of its values differ
+    rounding = 0.505 * digit + SINGLE * float(np.abs(values).max(initial=0.0))
     usual_s = usual_step(run.time_s) if len(run.time_s) > 1 else 1.0
-    return _Output(run, values, at - begin, usual_s, float(gaps.min()) if len(gaps) else 0.0)
+    return _Output(run, values, at - begin, usual_s, max(rounding, ALIKE * block_noise(values)))
 
 
 def counted_once(runs: Sequence[Run]) -> list[Run]:
-    """Runs without those whose values another run has, of another log; the longer one stays and says so.
+    """Runs without copies of a run of another log; the longer one stays and says so.
 
     Runs are those of one rig, cut (their steps are laid on each other) or not (the first change of their inputs is).
     """
@@ -141,27 +142,24 @@ def counted_once(runs: Sequence[Run]) -> list[Run]:
         for one in sorted(map(_output, members), key=lambda one: float(one.values.mean())):
             for k, other in list(enumerate(alone))[-NEAR:]:
                 same_log = (one.run.dataset, one.run.source) == (other.run.dataset, other.run.source)
-                if (code := None if same_log else _compared(one, other)) is None:
+                if same_log or not _copied(one, other):
                     continue
                 longer, shorter = (one, other) if len(one.run.output) > len(other.run.output) else (other, one)
                 told = kept[id(longer.run)]
-                note = finding(code, told.name, (told.level or 0.0,), other=shorter.run.where)
+                note = finding("run-given-twice", told.name, (told.level or 0.0,), other=shorter.run.where)
                 kept[id(longer.run)] = replace(told, findings=(*told.findings, note))
-                if code == "run-given-twice":
-                    del kept[id(shorter.run)]
-                    alone[k] = longer
-                    break
+                del kept[id(shorter.run)]
+                alone[k] = longer
+                break
             else:
                 alone.append(one)
     return list(kept.values())
 
 
-def _compared(one: _Output, other: _Output) -> str | None:
-    """What two runs are: one and the same, hardly two, or two (None)."""
+def _copied(one: _Output, other: _Output) -> bool:
+    """Whether one run's values are those of another, or every so many of them, but for rounding and an offset."""
     fine, coarse = (one, other) if one.usual_s <= other.usual_s else (other, one)
     slower = round(coarse.usual_s / fine.usual_s)
-    slack = 0.505 * max(one.digit, other.digit) + SINGLE * float(np.abs(coarse.values).max(initial=0.0))
-    alike = False
     for stride in {1, slower if slower * SHORTEST < len(fine.values) else 1}:
         for shift in range(-stride, stride + 1):
             at, first = divmod(fine.at + shift, stride)
@@ -170,19 +168,7 @@ def _compared(one: _Output, other: _Output) -> str | None:
             if before < 0 or before + behind < SHORTEST:
                 continue
             a = of_fine[at - before : at + behind]
-            b = coarse.values[coarse.at - before : coarse.at + behind]
-            if np.ptp(a) > 0 and np.abs(a - b).max() <= slack:
-                return "run-given-twice"
-            alike = alike or (stride == 1 and _same_noise(a, b))
-    return "repeats-too-alike" if alike else None
-
-
-def _same_noise(a: Array, b: Array) -> bool:
-    """Whether the noise of two outputs is one, in their later halves: second differences that go together.
-
-    Those of noise turn from sample to sample; those of a curve do not.
-    """
-    late = max(len(a) // 2, len(a) - LATE)
-    c, d = np.diff(a[late:], 2), np.diff(b[late:], 2)
-    noisy = all(one[1:] @ one[:-1] < TURNS * (one @ one) for one in (c, d))
-    return noisy and len(c) >= 2 * SHORTEST and float(c @ d) > ALIKE * math.sqrt(float(c @ c) * float(d @ d))
+            off = a - coarse.values[coarse.at - before : coarse.at + behind]
+            if np.ptp(a) > 0 and np.abs(off - median(off)).max() <= max(one.slack, other.slack):
+                return True
+    return False

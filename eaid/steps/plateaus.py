@@ -101,11 +101,6 @@ def stands_still(holds: list[Plateau], values: Array) -> bool:
     return still >= len(values) / 2
 
 
-def sample_s(run: Run) -> float:
-    """Mean sample time of a log [s]."""
-    return float(run.time_s[-1] - run.time_s[0]) / (len(run.time_s) - 1)
-
-
 def end_of(output: Array, hold: Plateau) -> float:
     """Output at the end of a hold: mean of its last twentieth."""
     return float(output[hold.stop - max(1, hold.count // 20) : hold.stop].mean())
@@ -123,19 +118,12 @@ def turns(values: Array, back: float) -> list[int]:
     """Places of the extremes between which values go to and fro by at least `back`, the ends among them."""
     places, low, high, direction = [0], 0, 0, 0
     for i, value in enumerate(values.tolist()):
-        if value > values[high]:
-            high = i
-        if value < values[low]:
-            low = i
+        low = i if value < values[low] else low
+        high = i if value > values[high] else high
         if direction >= 0 and values[high] - value >= back:
-            if direction > 0 or high > 0:
-                places.append(high)
-            direction, low = -1, i
-            high = i
+            places.append(high)
+            direction, low, high = -1, i, i
         elif direction <= 0 and value - values[low] >= back:
-            if direction < 0 or low > 0:
-                places.append(low)
-            direction, high = 1, i
-            low = i
-    last = len(values) - 1
-    return [*dict.fromkeys(places), *([last] if places[-1] != last else [])]
+            places.append(low)
+            direction, low, high = 1, i, i
+    return [*dict.fromkeys([*places, len(values) - 1])]

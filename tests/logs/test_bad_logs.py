@@ -50,14 +50,14 @@ BEYOND = "; if it is not in %, say its unit with --units input=UNIT"
 NO_TIME = "; name it with --columns time=NAME, or give --rate-hz HZ where the log has none"
 NO_STEP = ": no step; record the idle time before the step too, or give the step instant with --step-at"
 NAMELESS = column(1, lambda i, u: u, "time_s,ignored,torque_nm")
+BINARY = "a binary file of no format that eaid knows; export it as CSV, MAT or HDF5"
 UNREAD = {
     b"PK\x03\x04": "a ZIP archive or an Excel workbook; unpack it, or save its sheet as CSV",
     b"\xd0\xcf\x11\xe0": "an old Excel workbook; save its sheet as CSV",
     **{bytes((0x80, n)): "a Python pickle, which can run code; export the log as CSV or HDF5" for n in (2, 3, 4, 5)},
     **dict.fromkeys((b"BZh91AY", b"\xfd7zXZ", b"(\xb5/\xfd", b"7z\xbc\xaf"), "packed, but not with gzip; unpack it"),
     b"%PDF": "a PDF; export the log as CSV",
-    b"\x89PNG\r\n": "a picture; export the log as CSV", b"RIFF": "a sound file; export the log as CSV",
-    b"\xff\xd8\xff": "a picture; export the log as CSV",
+    **dict.fromkeys((b"\x89PNG\r\n", b"RIFF", b"\xff\xd8\xff", b"SQLite format 3"), BINARY),
 }  # fmt: skip
 BAD: dict[str, tuple[Any, ...]] = {
     **{f"{mark!r}": (mark + bytes(100), f"is {said}") for mark, said in UNREAD.items()},
@@ -65,8 +65,7 @@ BAD: dict[str, tuple[Any, ...]] = {
     "header.csv": (csv([]), PROSE), "header-only.csv": (HEADER.encode(), PROSE),
     "prose.csv": (b"Dear all,\nthe clutch broke.\nNo data today.\nSorry.\n", PROSE),
     "short-prose.csv": (b"just words\nand more\n", PROSE),
-    "binary.csv": (bytes(range(256)) * 40,
-                   "is a binary file of no format that eaid knows; export it as CSV, MAT or HDF5"),
+    "binary.csv": (bytes(range(256)) * 40, f"is {BINARY}"),
     "repeated.csv": (changed(100, GOOD[97]), "time is repeated at row 100 (0.97 s after 0.97 s)" + SORT),
     "falling.csv": (changed(100, "0.5,50,1.9"), "time falls at row 100 (0.5 s after 0.97 s)" + SORT),
     "all-falling.csv": (csv(GOOD[::-1]), "time falls at row 3 (1.98 s after 1.99 s); sort the rows"),
@@ -139,7 +138,7 @@ BAD: dict[str, tuple[Any, ...]] = {
                     "unpacks to more than 200 times its size, as no recorded log does; unpack it yourself"),
     "log.mat.gz": (gzip.compress(b"MATLAB 5.0".ljust(124, b"\0") + b"\x00\x01IM" + bytes(range(256)) * 9),
                    "is gzip around a file that is no text; unpack it and give what is inside"),
-    "array": (b"\x93NUMPY\x01" + bytes(99), "is a NumPy array; save it as CSV, or as HDF5"),
+    "array": (b"\x93NUMPY\x01" + bytes(99), f"is {BINARY}"),
     "damaged.h5": (b"\x89HDF\r\n\x1a\n" + b"\0" * 500, "is a damaged HDF5 file ("),
     "two-tables.csv": (csv(["1,2"] * 3, "a,b") + csv(GOOD), "holds two tables, one from row 2 and another from row 6; "
                                                            "save each in a file of its own"),

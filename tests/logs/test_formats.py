@@ -285,8 +285,7 @@ BAD: dict[str, tuple[Callable[[Path], Any], str]] = {
     **{mark.decode("latin-1"): (raw(mark + bytes(99)), f"{said} as CSV or HDF5") for mark, said in (
         (b"MDF     4.10", "is an MDF measurement file; export it"),
         (b"UnFinMF ", "is an MDF measurement file; export it"),
-        (b"#ROSBAG V2.0", "is a ROS bag; export its topics"), (b"\x89MCAP0\r\n", "is a ROS bag; export its topics"),
-        (b"SQLite format 3\0", "is an SQLite database, as some ROS bags are; export it"))},
+        (b"#ROSBAG V2.0", "is a ROS bag; export its topics"), (b"\x89MCAP0\r\n", "is a ROS bag; export its topics"))},
 }  # fmt: skip
 
 

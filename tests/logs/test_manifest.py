@@ -19,7 +19,7 @@ MANIFEST = 'schema = "eaid/manifest/1"\n'
 
 
 def odd_log(path: Path, level: float, more: float = 0.0) -> Path:
-    noise = 0.005 * np.random.default_rng(int(level)).normal(size=1000)
+    noise = 0.005 * np.random.default_rng(round(level + 1000 * more)).normal(size=1000)
     path.write_text(text("Zeit,Kraft", T, np.round(0.02 * level * (Y - 0.1) + 0.1 + noise + more, 6)))
     return path
 

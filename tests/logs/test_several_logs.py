@@ -215,7 +215,8 @@ def test_a_log_that_comes_again_counts_once_and_names_are_told_apart(tmp_path, c
     assert run_eaid("ingest", tmp_path / "x", "-q", "-o", tmp_path / "d.h5").code == 0
     (rise, fall) = eaid.read([tmp_path / "d.h5", tmp_path / "x" / "a.csv"]).steps
     assert rise.dataset and fall.dataset and "run-given-twice" in [one.code for one in rise.findings]
-    frames = {name: frame("time_s|duty_pct|torque_nm", T, U, Y + k) for name, k in (("a", 0), ("b", 0), ("c", 1e-3))}
+    shares = {"a": 1, "b": 1, "c": 1.001}
+    frames = {name: frame("time_s|duty_pct|torque_nm", T, U, k * Y) for name, k in shares.items()}
     first, other = eaid.read(frames, logs_as="recorded").recorded
     assert (first.name, other.name, list(codes(first))) == ("a", "c", ["run-given-twice"])
 

@@ -54,10 +54,7 @@ ROWS: dict[str, Row] = {
         "its input stays within 1 while that of other logs goes to {other:g} %: a fraction is read apart with «units» "
         "input=fraction; if all are in %, say «units» input=%"
     ),
-    "run-given-twice": caution("{other} holds the same values to their digits: they count once"),
-    "repeats-too-alike": caution(
-        "its noise is that of {other}, which no two recordings have: leave one out if it is a copy of the other"
-    ),
+    "run-given-twice": caution("{other} holds the same values, as no two recordings do: they count once"),
     "input-may-be-active-low": caution(
         "its output rises where its input falls from {at}: if that is the input at rest, say «rest»"
     ),

@@ -1,1 +1,1 @@
-"""Binary formats of other programs, read in a process of its own: `ask` is this side of it, `answer` the other."""
+"""Binary formats of other programs, read in a process of its own: `answer` is its side, `logs.formats` this one."""

@@ -6,6 +6,7 @@ What goes to and fro are typed messages and the bytes of arrays: neither side ru
 import os
 import sys
 import time
+from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
 from typing import IO, Any, TypeVar
@@ -88,49 +89,43 @@ def _bound(size: int) -> None:
         return
 
 
-class _Open:
-    """The file of the last question, with its tables."""
+@lru_cache(1)
+def _tables(reader: str, path: Path, source: str) -> list[Table]:
+    """The tables of a file, those of the last one at hand."""
+    _bound(path.stat().st_size)
+    module, _, function = reader.partition(".")
+    tables: list[Table] = getattr(import_module(f"eaid.logs.foreign.{module}"), function)(path, source)
+    return tables
 
-    def __init__(self) -> None:
-        self._key: tuple[str, str] | None = None
-        self._tables: list[Table] = []
 
-    def answer(self, question: Question) -> Answer:
-        """The tables of a file, or columns of one of them; what is wrong where they cannot be had."""
-        try:
-            key = (question.reader, question.path)
-            if key != self._key:
-                self._key, self._tables = None, []
-                path = Path(question.path)
-                _bound(path.stat().st_size)
-                module, _, function = question.reader.partition(".")
-                read = getattr(import_module(f"eaid.logs.foreign.{module}"), function)
-                self._tables, self._key = read(path, question.source), key
-            if question.table is None:
-                return Answer(tuple(self._tables))
-            return Answer(cells=self._tables[question.table].load(question.wanted))
-        except DataError as fault:
-            return Answer(refusal=tuple(fault.sentences))
-        except MemoryError:
-            far = f"{question.source}: takes far more memory to unpack than its size accounts for; save it unpacked"
-            return Answer(refusal=(far,), worn=True)
-        except Exception as fault:  # what a library raises on bytes that it did not expect has no common type
-            reason = " ".join(str(fault).split())[:120].rstrip(".") or type(fault).__name__
-            damaged = f"{question.source}: is a damaged {question.what} file ({reason}); copy or save it again"
-            return Answer(refusal=(damaged,))
+def _answer(question: Question) -> Answer:
+    """The tables of a file, or columns of one of them; what is wrong where they cannot be had."""
+    try:
+        tables = _tables(question.reader, Path(question.path), question.source)
+        if question.table is None:
+            return Answer(tuple(tables))
+        return Answer(cells=tables[question.table].load(question.wanted))
+    except DataError as fault:
+        return Answer(refusal=tuple(fault.sentences))
+    except MemoryError:
+        far = f"{question.source}: takes far more memory to unpack than its size accounts for; save it unpacked"
+        return Answer(refusal=(far,), worn=True)
+    except Exception as fault:  # what a library raises on bytes that it did not expect has no common type
+        reason = " ".join(str(fault).split())[:120].rstrip(".") or type(fault).__name__
+        damaged = f"{question.source}: is a damaged {question.what} file ({reason}); copy or save it again"
+        return Answer(refusal=(damaged,))
 
 
 def main() -> None:
     """Answer until there are no more questions."""
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # whatever a library prints stays out of the answers
-    opened = _Open()
     while True:
         try:
             question = received(sys.stdin.buffer, Question)
         except EOFError:
             return
-        send(out, opened.answer(question))
+        send(out, _answer(question))
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eaid.errors import DataError
-from eaid.logs.hdf import nodes
+from eaid.logs.hdf import nodes, text
 from eaid.logs.table import Cells, Table
 
 FEWEST = 10  # Rows below which a matrix is no record, but gains and other settings
@@ -69,7 +69,7 @@ def _table(name: str, columns: Sequence[Column], dropped: Sequence[str] = (), cl
     def load(wanted: Sequence[int]) -> Cells:
         return Cells(tuple(columns[i].values() for i in wanted))
 
-    units = tuple(_text(one.attribute("units", one.attribute("unit", ""))) for one in columns)
+    units = tuple(text(one.attribute("units", one.attribute("unit", ""))) for one in columns)
     return Table(name, tuple(one.label for one in columns), load, units, clock=clock, dropped=tuple(dropped))
 
 
@@ -158,10 +158,8 @@ def _of_variables(variables: Mapping[str, Any], name: str = "") -> list[Table]:
 def _texts(value: Any) -> list[str]:
     """All texts of a label: one, or one a column."""
     if isinstance(value, np.ndarray) and value.dtype == object:
-        return [text for item in value.reshape(-1) for text in _texts(item)]
-    return (
-        [str(text) for text in value.reshape(-1)] if isinstance(value, np.ndarray) and value.dtype.kind == "U" else []
-    )
+        return [one for item in value.reshape(-1) for one in _texts(item)]
+    return [str(one) for one in value.reshape(-1)] if isinstance(value, np.ndarray) and value.dtype.kind == "U" else []
 
 
 def _structure(name: str, record: Any) -> list[Table]:
@@ -193,11 +191,6 @@ def _structure(name: str, record: Any) -> list[Table]:
     return [_table(name, columns, clock=None if clock is None else 0)] if columns else []
 
 
-def _fields(array: Any) -> list[Column]:
-    """The columns of an array of records."""
-    return [Column(name, array, name) for name in array.dtype.names or () if array.dtype[name].kind in "fiub"]
-
-
 def read_through(path: Path, source: str) -> list[Table]:
     """Read an HDF5 file to its end, attributes and arrays: no table, but whatever the library stumbles over."""
     with h5py.File(path, "r", locking=False) as file:
@@ -213,7 +206,7 @@ def read_through(path: Path, source: str) -> list[Table]:
 def read_hdf5(path: Path, source: str) -> list[Table]:
     """Tables of an HDF5 file, none of a dataset of eaid; raises DataError where it holds no table of numbers."""
     file = h5py.File(path, "r", locking=False)
-    if _text(file.attrs.get("schema", "")).startswith("eaid/data/"):
+    if text(file.attrs.get("schema", "")).startswith("eaid/data/"):
         return []
     with path.open("rb") as raw:
         matlab = raw.read(6) == b"MATLAB"
@@ -225,11 +218,12 @@ def read_hdf5(path: Path, source: str) -> list[Table]:
         if name.startswith("#"):
             opaque = True
         elif isinstance(node, h5py.Dataset) and node.shape is not None:
-            if matlab and (kind := _text(node.attrs.get("MATLAB_class", ""))) not in _CLASSES:
+            if matlab and (kind := text(node.attrs.get("MATLAB_class", ""))) not in _CLASSES:
                 opaque = opaque or kind not in ("char", "cell", "struct")
                 dropped.append(name)
             elif node.dtype.names and node.ndim == 1:
-                every.append(_table(name, _fields(node)))
+                fields = [field for field in node.dtype.names if node.dtype[field].kind in "fiub"]
+                every.append(_table(name, [Column(field, node, field) for field in fields]))
             else:
                 place, _, leaf = name.rpartition("/")
                 places.setdefault(place, {})[leaf] = node
@@ -244,10 +238,6 @@ def read_hdf5(path: Path, source: str) -> list[Table]:
             else f"{source}: holds no table of numbers; save time and torque as arrays of one length"
         )
     return _with_dropped(every, dropped)
-
-
-def _text(value: Any) -> str:
-    return value.decode("latin-1") if isinstance(value, bytes) else str(value)
 
 
 def _check_chunks(array: h5py.Dataset) -> None:
