@@ -90,7 +90,7 @@ BAD = {
     '[[log]]\nfile = "a.csv"\nlevel = "3"': "Expected `float | null`, got `str` - at `log[0].level`",
     '[[log]]\nfile = "a.csv"\nlevel = nan': "Expected `float` >= -1000000000000.0 - at `log[0].level`; mend it",
     f"x = '{3994 * 'a'}'": "lists no logs",
-    '[options]\nrest = nan\n[[log]]\nfile = "a.csv"': "--rest nan: give a number from -1e+09 to 1e+09",
+    '[options]\nrest = nan\n[[log]]\nfile = "a.csv"': "--rest nan: give a number from -1e+12 to 1e+12",
     '[[log]]\nfile = "../a.csv"': "its log ../a.csv lies outside its folder; put it there",
     '[[log]]\nfile = "/a/b.csv"': "its log /a/b.csv lies outside its folder; put it there",
     '[[log]]\nfile = "gone.csv"': "its log gone.csv is not there; put it back or take it off",
