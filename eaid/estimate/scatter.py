@@ -18,15 +18,14 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, nnls
-from scipy.special import chdtri, fdtrc
+from scipy.special import fdtrc
 
 from eaid.arrays import Array, inverse, median
 from eaid.estimate.forms import RECORDS, RECORDS_FREE
 from eaid.estimate.spread import LevelScatter
 from eaid.models import friction
 from eaid.models.parameters import TAU_FLOOR_S, Friction
-from eaid.results import fit as results
-from eaid.results.fit import Fit
+from eaid.results.fit import Noise
 from eaid.steps.stepset import Level, RunRecord
 
 Mask: TypeAlias = NDArray[np.bool_]
@@ -358,34 +357,16 @@ def _between(u: Array, log_values: Array, within: Array, p: int) -> float:
     return paule_mandel(total, float(len(u) - p), float(np.var(log_values)) + 1e-12)[0]
 
 
-@dataclass(frozen=True)
-class Noise:
-    """Noise within a run and scatter between runs, in a form that another experiment can be planned with.
-
-    With A = ∫ J J' dt the within-run variances are the diagonal of A⁻¹ (∫ J J' (s0 + s1 f²) dt) A⁻¹.
-    """
-
-    sensor_nm2_s: float  # s0: density of noise that does not go with the torque [N²m²·s]
-    ripple_s: float  # s1: density of noise that goes with the torque, as a share of it [s]
-    scatter: tuple[float, float, float]  # Run-to-run standard deviation of ln T_s, ln τ1, ln τ2
-
-    def scattered(self, factors: Array) -> "Noise":
-        """The same with other scatter of (T_s, τ1, τ2), by factors of shape (3,)."""
-        Ts, tau1, tau2 = (np.array(self.scatter) * factors).tolist()
-        return replace(self, scatter=(Ts, tau1, tau2))
-
-    def cautious(self, degrees: float) -> "Noise":
-        """The same with the scatter that only one rig in five exceeds, known by so many `degrees` of freedom."""
-        return self.scattered(np.full(3, float(np.sqrt(degrees / chdtri(degrees, 0.8))) if degrees > 0 else 1.0))
-
-
 # Where a fit says nothing: 0.03 N·m of white noise at 1 kHz, ripple of 1 % with a memory of 0.05 s, 3 % and 5 %
-ASSUMED = Noise(sensor_nm2_s=1e-6, ripple_s=1e-5, scatter=(0.03, 0.05, 0.0))
+ASSUMED = Noise(sensor_nm2_s=1e-6, ripple_s=1e-5, scatter={"Ts": 0.03, "tau1": 0.05, "tau2": 0.0})
 
 
 @lru_cache(maxsize=1000)
 def unit_variances(curve: Friction, hold_s: float) -> Array:
-    """Variance of (ln T_s, ln τ1, ln τ2) of a run under s0 = 1, and under s1 = 1, shape (3, 2)."""
+    """Variance of (ln T_s, ln τ1, ln τ2) of a run under s0 = 1, and under s1 = 1, shape (3, 2).
+
+    With A = ∫ J J' dt those of noise of the density s0 + s1 f² are the diagonal of A⁻¹ (∫ J J' (s0 + s1 f²) dt) A⁻¹.
+    """
     edges = np.concatenate([[0.0], np.geomspace(hold_s * 1e-5, hold_s, 400)])
     middle, width = 0.5 * (edges[1:] + edges[:-1]), np.diff(edges)
     jacobian = log_jacobian(curve, middle)
@@ -395,7 +376,7 @@ def unit_variances(curve: Friction, hold_s: float) -> Array:
     return np.stack([np.diag(unit), np.diag(ripple)], axis=1)
 
 
-def noise_of(of_runs: Scatter, records: Sequence[RunRecord]) -> results.Noise:
+def noise_of(of_runs: Scatter, records: Sequence[RunRecord]) -> Noise:
     """`uncertainty.noise` of a fit: the noise that its levels show.
 
     The density of the sensor's noise is the median of what the runs show while they idle, where some idle long enough.
@@ -405,9 +386,9 @@ def noise_of(of_runs: Scatter, records: Sequence[RunRecord]) -> results.Noise:
     known = np.flatnonzero(of_runs.usable[:, :3].all(axis=1)).tolist()
     units = np.reshape([unit_variances(of_runs.curves[i], float(of_runs.levels[i].time_s[-1])) for i in known], (-1, 2))
     within = np.ravel([of_runs.runs[i].within[:3] for i in known])
-    pairs = zip(CURVES, of_runs.pooled.between.tolist(), ASSUMED.scatter, strict=False)
-    scatter = {name: float(np.sqrt(a)) if np.isfinite(a) else assumed for name, a, assumed in pairs}
-    return results.Noise(*_densities(units, within, sensor), scatter)
+    pairs = zip(CURVES, of_runs.pooled.between.tolist(), strict=False)
+    scatter = {name: float(np.sqrt(a)) if np.isfinite(a) else ASSUMED.scatter[name] for name, a in pairs}
+    return Noise(*_densities(units, within, sensor), scatter)
 
 
 def _densities(units: Array, variance: Array, sensor: float | None) -> tuple[float, float]:
@@ -420,11 +401,3 @@ def _densities(units: Array, variance: Array, sensor: float | None) -> tuple[flo
     scale = np.sqrt((design**2).sum(axis=0))
     both = nnls(design / scale, np.ones(len(design)))[0] / scale
     return float(both[0]), float(both[1])
-
-
-def noise_of_fit(fit: Fit) -> Noise | None:
-    """The noise that a fit holds; None: it says none."""
-    held = fit.uncertainty.noise if fit.uncertainty is not None else None
-    if held is None or not set(CURVES) <= set(held.scatter):
-        return None
-    return Noise(held.sensor_nm2_s, held.ripple_s, (held.scatter["Ts"], held.scatter["tau1"], held.scatter["tau2"]))

@@ -9,7 +9,6 @@ import numpy as np
 
 from eaid.declared import keyed, pairs
 from eaid.errors import DataError
-from eaid.estimate.scatter import Noise
 from eaid.findings import finding
 from eaid.logs.run import Run
 from eaid.models.parameters import Nonlinear
@@ -19,7 +18,7 @@ from eaid.planning.recordings import RATE_HZ, disturbance_of
 from eaid.planning.sequences import plan_excitation, refuse_scattered
 from eaid.recorded.fit import fit_recorded
 from eaid.replay.plant import driven
-from eaid.results.fit import Fit
+from eaid.results.fit import Fit, Noise
 from eaid.results.plan import Excitation
 from eaid.synth.logs import Disturbance, measured, scatter
 from eaid.synth.plants import clutch

@@ -11,12 +11,11 @@ import numpy as np
 from eaid.estimate.certainty import levels_first
 from eaid.estimate.data import data_of
 from eaid.estimate.levels import own_levels
-from eaid.estimate.scatter import Noise
 from eaid.findings import Finding, finding
 from eaid.models.friction import step_response
 from eaid.options import PlanOptions
 from eaid.planning.design import PARAMETERS, FittedRig, Widths, rig_of, settled, wanting
-from eaid.results.fit import Fit
+from eaid.results.fit import Fit, Noise
 from eaid.results.plan import Plan, PlannedRun
 from eaid.steps.stepset import Level
 from eaid.synth.logs import NONE, Disturbance, measured, scatter
@@ -58,9 +57,9 @@ def disturbance_of(noise: Noise) -> Disturbance:
         white_nm=sqrt(noise.sensor_nm2_s * RATE_HZ),
         coloured=sqrt(noise.ripple_s / (2 * MEMORY_S)),
         coloured_s=MEMORY_S,
-        gain_scatter=min(noise.scatter[0], 0.3),
-        tau1_scatter=noise.scatter[1],
-        tau2_scatter=noise.scatter[2],
+        gain_scatter=min(noise.scatter["Ts"], 0.3),
+        tau1_scatter=noise.scatter["tau1"],
+        tau2_scatter=noise.scatter["tau2"],
     )
 
 
@@ -90,7 +89,7 @@ def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Call
     plan, worst, width = settled(make, measure, options, SETS, KEEPING, progress)
     findings = _warnings(rig)
     if not plan.met:
-        scatter = 100 * rig.design_noise.scatter[PARAMETERS[worst]]
+        scatter = 100 * rig.design_noise.scatter[worst]
         findings.append(
             finding(
                 "plan-falls-short", "plan", (), parameter=worst, repeats=plan.repeats,

@@ -259,7 +259,7 @@ def nonlinear_part(solved: Solved, uncertainty: Spread | None, known: CurveSprea
 
 def _level_errors(solved: Solved, shown: Array) -> tuple[LevelError, ...]:
     """Errors of the rows whose input is nearest to each of some levels; rests are left out."""
-    duty = np.concatenate([drive.duty[drive.index][drive.w > 0] for drive in solved.setup.drives])
+    duty = np.concatenate([drive.duty[drive.which][drive.w > 0] for drive in solved.setup.drives])
     y, missed = np.concatenate(solved.outputs), np.concatenate(solved.missed)
     nearest = np.where(duty > 0, np.searchsorted(0.5 * (shown[1:] + shown[:-1]), duty), -1)
     rows = []
