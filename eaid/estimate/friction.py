@@ -105,7 +105,7 @@ def white_ends(scatter: Scatter) -> tuple[Array, Array, Array]:
         reach = t_quantile(spare) * np.sqrt(np.maximum(np.diag(np.linalg.pinv(J.T @ J)) * noise, 0.0))[:3]
         ends.append((np.log1p(-np.minimum(reach, 1 - 1e-12)), np.log1p(reach), np.full(3, spare)))
     low, high, degrees = (np.array(part).T for part in zip(*ends, strict=True))
-    value = np.log(np.maximum([[c.Ts, c.tau1, c.tau2] for c in scatter.curves], 1e-300)).T
+    value = np.log(np.maximum(scatter.theta[:3], 1e-300))
     return value + low, value + high, degrees
 
 

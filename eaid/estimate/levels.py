@@ -14,11 +14,9 @@ from eaid.arrays import Array
 from eaid.estimate.certainty import Estimate
 from eaid.estimate.data import Data
 from eaid.estimate.from_steps import fit_levels_first
-from eaid.estimate.points import residuals
 from eaid.estimate.scatter import Scatter
 from eaid.estimate.solver import judged
 from eaid.estimate.spread import Influence, t_quantile
-from eaid.models.parameters import Friction
 from eaid.results.common import Interval, Solver
 from eaid.steps.stepset import Level
 
@@ -33,21 +31,12 @@ class OwnLevels:
     @cached_property
     def theta(self) -> Array:
         """T_s, τ1, τ2, C of the levels, (4, L)."""
-        return np.concatenate([one.at.theta for one in self.each], axis=1)
-
-    @property
-    def curves(self) -> tuple[Friction, ...]:
-        """The same as curves of Eq. (3)."""
-        return tuple(Friction(*row) for row in self.theta.T.tolist())
+        return np.concatenate([one.solved.at.theta for one in self.each], axis=1)
 
     @cached_property
     def scatter(self) -> Scatter:
-        """What the runs say of them."""
-        return Scatter(self.levels, self.curves, self.each[0].model.free_share)
-
-    def residuals(self, data: Data) -> list[Array]:
-        """f − y at every sample of each level."""
-        return residuals(self.theta, data.records)
+        """What the runs say of their curves."""
+        return Scatter(self.levels, self.theta, self.each[0].model.free_share)
 
     @cached_property
     def solver(self) -> Solver:
@@ -90,6 +79,6 @@ def own_levels(levels: Sequence[Level], data: Data, share: float | None, near: O
     """Every level by itself, C held at `share` or free; `near` are those of data that differ little."""
     each = []
     for i, level in enumerate(levels):
-        begin = None if near is None else [near.each[i].x]
+        begin = None if near is None else [near.each[i].solved.x]
         each.append(Estimate((level,), fit_levels_first(data.one(i), share, begin)))
     return OwnLevels(tuple(levels), tuple(each))

@@ -157,7 +157,7 @@ def with_intervals(one: Standing, values: LevelValues) -> results.Nonlinear:
 
 def white(one: Standing, first: Estimate) -> Standing:
     """The textbook: covariance s² (J'J)⁻¹ with N − P degrees of freedom."""
-    data, turn = first.problem.data, turned(first.model)
+    data, turn = first.solved.steps.data, turned(first.model)
     covariance, spare = textbook_covariance(data, first.model, one.unknowns)
     value, D = first.numbers(data.u, one.unknowns)
     reach = t_quantile(spare) * np.sqrt(np.maximum(np.einsum("klp,pq,klq->kl", D, covariance, D), 0.0))
@@ -177,7 +177,7 @@ def of_joint(part: results.Nonlinear, joint: Solution, first: Estimate) -> Stand
     take = joint.steps.M.transpose(1, 0, 2)
     gain, back = gains_of(at.information, first.along(at.theta), take, joint.steps.limits.A[list(joint.active)])
     alone = [np.zeros((0, model.size))]
-    if (first.repeats == 1).all():
+    if (first.scatter.repeats == 1).all():
         gain = 0 * gain
         for i in range(len(first.levels)):
             own = take[i].T @ at.information[i] @ take[i]

@@ -52,13 +52,6 @@ def log_jacobian(curve: Friction, time_s: Array, share_free: bool = False) -> Ar
     return np.asarray((friction.gradient(curve, time_s) * scale[:, None])[: 4 if share_free else 3].T)
 
 
-def logs_of(curve: Friction, share_free: bool = False) -> Array:
-    """(ln T_s, ln τ1, ln τ2[, logit C]); what is zero or at its edge is kept finite."""
-    share = min(max(curve.C, 1e-12), 1 - 1e-12)
-    values = np.log(np.maximum([curve.Ts, curve.tau1, curve.tau2, share / (1 - share)], 1e-300))
-    return np.asarray(values[: 4 if share_free else 3])
-
-
 def held_parameters(curve: Friction, record_s: float, share_free: bool) -> tuple[str, ...]:
     """Which of T_s, τ1, τ2 a constraint holds."""
     names: list[str] = []
@@ -152,21 +145,8 @@ def paule_mandel(total: Callable[[float], float], wanted: float, scale: float) -
     return float(brentq(lambda a: total(a) - wanted, low, high, xtol=1e-13 * high, rtol=1e-12)), 1.0
 
 
-@dataclass(frozen=True, eq=False)
-class PooledScatter:
-    """Scatter of the levels' numbers, k of them, by groups of runs: M levels with repeats, or one of all levels."""
-
-    # a: variance between runs beyond what one run shows within itself, shape (k,); NaN where it cannot be seen
-    between: Array
-    expected: Array  # Variance of each level's mean as one scatter for all levels gives it, (L, k)
-    mixed: Array  # How much each group counts for the scatter of each level, (k, L, M)
-    relative: Array  # Scatter that each group shows, as a part of the expected, (k, M)
-    degrees: Array  # Degrees of freedom of each group, (M,)
-    common: Array  # Variance that all levels share because repeats were sweeps, shape (k,); 0 where they were not
-
-
-def pooled_scatter(levels: Sequence[RunStatistics], usable: Mask | None = None) -> PooledScatter:
-    """Scatter of levels with repeats; levels of a single run borrow it. Needs one level with R ≥ 2.
+def pooled_scatter(levels: Sequence[RunStatistics], usable: Mask | None = None) -> LevelScatter:
+    """Scatter of levels' numbers with repeats; levels of a single run borrow it. Needs one level with R ≥ 2.
 
     Where `usable`, shape (L, k), is false, a number has no say in the pool and borrows from it. Where repeats were
     recorded as sweeps, what a sweep's levels have in common is no part of it.
@@ -193,7 +173,12 @@ def pooled_scatter(levels: Sequence[RunStatistics], usable: Mask | None = None) 
         between[k], q = paule_mandel(chi_square, float(own.sum()), float(v[own > 0, k].max()))
         expected[:, k] = q * (between[k] + h[:, k]) / repeats
         relative[k] = np.where(own > 0, v[:, k] / np.maximum(repeats * expected[:, k], 1e-300), 0.0)
-    return PooledScatter(between, expected, mixed, relative, repeats - 1, common)
+    return LevelScatter(expected, unrelated(expected), mixed, relative, repeats - 1, between, common)
+
+
+def unrelated(variance: Array) -> Array:
+    """Correlations of numbers that have nothing to do with each other, (L, k, k), for variances (L, k)."""
+    return np.broadcast_to(np.eye(variance.shape[1]), (*variance.shape, variance.shape[1]))
 
 
 def common_shifts(levels: Sequence[RunStatistics], k: int) -> Array | None:
@@ -237,8 +222,13 @@ class Scatter:
     """What the runs of L levels say about their curves of Eq. (3)."""
 
     levels: tuple[Level, ...]
-    curves: tuple[Friction, ...]
+    theta: Array  # T_s, τ1, τ2, C of the levels, (4, L)
     share_free: bool = False  # Whether C of each level is a parameter too
+
+    @cached_property
+    def curves(self) -> tuple[Friction, ...]:
+        """The same as curves of Eq. (3)."""
+        return tuple(Friction(*row) for row in self.theta.T.tolist())
 
     @cached_property
     def jacobians(self) -> tuple[Array, ...]:
@@ -297,13 +287,13 @@ class Scatter:
         return "curve" if np.isfinite(self.pooled.between).any() else "within"
 
     @cached_property
-    def pooled(self) -> PooledScatter:
+    def pooled(self) -> LevelScatter:
         """How the levels' own parameters scatter."""
         if (self.repeats > 1).any():
             return pooled_scatter(self.runs, self.usable)
         within = np.array([runs.within for runs in self.runs])
         between, degrees = np.full(within.shape[1], np.nan), []
-        theta = np.array([logs_of(curve, self.share_free) for curve in self.curves]) + self.shift
+        theta = np.log(np.maximum(self.theta[:3].T, 1e-300)) + self.shift[:, :3]
         records = np.log([level.time_s[-1] for level in self.levels])
         for k, name in enumerate(CURVES):
             row = self.usable[:, k] & ((name != "tau2") | (theta[:, k] <= records))  # beyond its record: no scatter
@@ -313,7 +303,7 @@ class Scatter:
         alone = np.ones((within.shape[1], len(within), 1))
         known = np.array([min(degrees, default=FEW_DEGREES)])
         variance = within + np.where(np.isfinite(between), between, 0.0)
-        return PooledScatter(between, variance, alone, alone[:, 0], known, np.zeros(len(between)))
+        return LevelScatter(variance, unrelated(variance), alone, alone[:, 0], known, between, np.zeros(len(between)))
 
     @cached_property
     def of_levels(self) -> LevelScatter:
@@ -326,7 +316,7 @@ class Scatter:
         alike = white / (size[:, :, None] * size[:, None, :]) * part[:, :, None] * part[:, None, :]
         np.einsum("lkk->lk", alike)[:] = 1.0
         shifts = tuple(runs.shift for runs in self.runs) if self.swept else ()
-        return replace(of_numbers(pooled), alike=alike, shifts=shifts)
+        return replace(pooled, alike=alike, shifts=shifts)
 
     @property
     def swept(self) -> bool:
@@ -337,12 +327,6 @@ class Scatter:
     def degrees(self) -> float:
         """Degrees of freedom of what is pooled over all levels."""
         return float(self.pooled.degrees.sum())
-
-
-def of_numbers(pooled: PooledScatter) -> LevelScatter:
-    """The scatter of numbers that have nothing to do with each other, as intervals take it."""
-    alike = np.broadcast_to(np.eye(pooled.expected.shape[1]), (*pooled.expected.shape, pooled.expected.shape[1]))
-    return LevelScatter(pooled.expected, alike, pooled.mixed, pooled.relative, pooled.degrees)
 
 
 def _between(u: Array, log_values: Array, within: Array, p: int) -> float:

@@ -25,6 +25,7 @@ from eaid.estimate.huber import huber_findings, minimise
 from eaid.estimate.levels import OwnLevels, own_levels
 from eaid.estimate.linear import linear_part
 from eaid.estimate.nonlinear import nonlinear_part
+from eaid.estimate.points import residuals
 from eaid.estimate.release import release_fit
 from eaid.estimate.scatter import CURVES, Scatter, common_shifts, noise_of
 from eaid.estimate.step_shapes import between_rows, of_another_shape, single_steps
@@ -210,7 +211,7 @@ def _of_each_level(
         options.loss,
         lambda d: own_levels(levels, d, share),
         lambda d, near: own_levels(levels, d, share, near),
-        OwnLevels.residuals,
+        lambda one, on: residuals(one.theta, on.records),
     )
     if "friction" not in models:
         return Fit(), own
@@ -223,7 +224,7 @@ def _of_each_level(
             return np.log(np.maximum(theta[:3], 1e-300))
 
         near = bootstrap(
-            levels, data, own.curves, lambda d: logs(own_levels(levels, d, share, own).theta), options, progress
+            levels, data, own.scatter.curves, lambda d: logs(own_levels(levels, d, share, own).theta), options, progress
         )
         ends = drawn_ends(logs(own.theta), near, ends[2])
     values = quoted(levels, own.theta, own.scatter.held, ends)
