@@ -134,8 +134,12 @@ def share_of(near: Estimate | OwnLevels, data: Data) -> tuple[ShareEstimate, lis
     """Does the C that was held fit this rig? The same estimate with one free C for all levels beside it."""
     held, levels = float(near.scatter.theta[3, 0]), near.levels
     if isinstance(near, OwnLevels):
-        (low, high, _), x, form = near.intervals, near.theta[1:3].ravel(), friction(data.u, None).without_torque
-        moved = [own_levels(levels, data, held + side * NUDGE, near).theta for side in (-1, 1)]
+        (low, high, _), x, form = (
+            near.intervals,
+            near.scatter.theta[1:3].ravel(),
+            replace(friction(data.u, None), Ts=None),
+        )
+        moved = [own_levels(levels, data, held + side * NUDGE, near).scatter.theta for side in (-1, 1)]
     else:
         (low, high, _), x, form = near.intervals(data.u), near.solved.x, None
         moved = [fit_levels_first(data, held + side * NUDGE, [x]).at.theta for side in (-1, 1)]

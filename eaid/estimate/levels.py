@@ -29,14 +29,10 @@ class OwnLevels:
     each: tuple[Estimate, ...]
 
     @cached_property
-    def theta(self) -> Array:
-        """T_s, τ1, τ2, C of the levels, (4, L)."""
-        return np.concatenate([one.solved.at.theta for one in self.each], axis=1)
-
-    @cached_property
     def scatter(self) -> Scatter:
         """What the runs say of their curves."""
-        return Scatter(self.levels, self.theta, self.each[0].model.free_share)
+        theta = np.concatenate([one.solved.at.theta for one in self.each], axis=1)
+        return Scatter(self.levels, theta, self.each[0].model.free_share)
 
     @cached_property
     def solver(self) -> Solver:
@@ -64,7 +60,8 @@ class OwnLevels:
         """95 % interval of a free C of one level; None where it was held."""
         if not self.scatter.share_free:
             return None
-        logit = np.log(self.theta[3, i] / (1 - self.theta[3, i])) if 0 < self.theta[3, i] < 1 else np.inf
+        share = self.scatter.theta[3, i]
+        logit = np.log(share / (1 - share)) if 0 < share < 1 else np.inf
         seen = self.scatter.of_levels.alone(i)
         own = Influence(np.eye(1, 4, 3)[:, :, None], seen, np.zeros((0, 1)), 0.0)
         variance, degrees = (float(one[0]) for one in own.variance())

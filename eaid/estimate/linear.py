@@ -123,13 +123,6 @@ def bounds_of(rows: Sequence[LinearLevel], wanted: Sequence[float] | None = None
     return Bounds(levels=levels, B_m=min(known, default=None), B_M=max(known, default=None))
 
 
-def pooled_intervals(fit: Linear, solved: Solution, scatter: Scatter, white: bool) -> PooledIntervals:
-    """95 % intervals of the pooled a0, b0, c0; one level leaves c0 to b0."""
-    variance, degrees = variances(solved, to_parameters, scatter.theta, scatter.of_levels, white)
-    ends = map(interval_of, (fit.a0, fit.b0, fit.c0), variance, degrees)
-    return PooledIntervals(*ends, dof=dict(zip(("a0", "b0", "c0"), degrees, strict=False)))
-
-
 def level_intervals(row: LinearLevel, solved: Solution, i: int, scatter: Scatter, white: bool) -> LinearLevelIntervals:
     """95 % intervals of a0, gain and B of level i."""
     own, values = scatter.of_levels.alone(i), (row.a0, row.gain, row.B)
@@ -164,7 +157,9 @@ def linear_part(
     levels = None if wanted is None else wanted_levels(wanted, [row.level for row in rows], "bounds_levels")
     bounds = bounds_of(rows, levels)
     white = options.ci == "white"
-    pooled = pooled_intervals(one, solved, scatter, white)
+    variance, degrees = variances(solved, to_parameters, scatter.theta, scatter.of_levels, white)
+    ends = map(interval_of, (p.a0, p.b0, p.c0), variance, degrees)  # one level leaves c0 to b0
+    pooled = PooledIntervals(*ends, dof=dict(zip(("a0", "b0", "c0"), degrees, strict=False)))
     findings = [*linear_findings(data, one, rows, bounds, pooled), *huber_findings("linear", huber)]
     findings += missed("linear", data, left, one)
     if options.ci != "none":

@@ -116,23 +116,6 @@ class RunStatistics:
     shift: Array  # How far each run alone would move them, shape (R, k); the rows sum to zero
     within: Array  # Variance h of a single run's numbers by its own noise, shape (k,)
 
-    @property
-    def scatter(self) -> Array:
-        """Σ d²/(R − 1), shape (k,); 0 for a single run."""
-        return np.asarray(np.sort(self.shift**2, axis=0).sum(axis=0) / max(len(self.shift) - 1, 1))
-
-
-def run_statistics(level: Level, noise: Array, directions: Array) -> RunStatistics:
-    """The statistics of a level whose numbers answer to its samples by `directions`, J A⁻¹, shape (n, k).
-
-    `noise`, shape (R, n), are the residuals of its runs about their own curves.
-    """
-    scores = (noise[:, None] * np.ascontiguousarray(directions.T)).reshape(-1, len(level.time_s)).T
-    variances = bartlett_variance(level.time_s, scores).reshape(len(WINDOWS_S), len(noise), -1)
-    # sorted: the order of the runs changes no rounding
-    within = np.asarray(np.sort(variances, axis=1).mean(axis=1).max(axis=0))
-    return RunStatistics((level.runs - level.mean) @ directions, within)
-
 
 def paule_mandel(total: Callable[[float], float], wanted: float, scale: float) -> tuple[float, float]:
     """The a ≥ 0 at which the falling function `total` meets `wanted`, and q (1, or below it where a = 0)."""
@@ -152,7 +135,9 @@ def pooled_scatter(levels: Sequence[RunStatistics], usable: Mask | None = None) 
     recorded as sweeps, what a sweep's levels have in common is no part of it.
     """
     repeats = np.array([len(level.shift) for level in levels], dtype=float)
-    v = np.array([level.scatter for level in levels])
+    # Σ d²/(R − 1) of each level, 0 for a single run; sorted: the order of the runs changes no rounding
+    squares = [np.sort(level.shift**2, axis=0).sum(axis=0) for level in levels]
+    v = np.array(squares) / np.maximum(repeats - 1, 1)[:, None]
     h = np.array([np.maximum(level.within, 1e-300) for level in levels])
     counted = np.ones(v.shape, dtype=bool) if usable is None else usable
     count, between, common = v.shape[1], np.zeros(v.shape[1]), np.zeros(v.shape[1])
@@ -245,8 +230,15 @@ class Scatter:
     @cached_property
     def runs(self) -> tuple[RunStatistics, ...]:
         """Shifts and noise of each level's runs."""
-        rows = zip(self.levels, self.noise, self.jacobians, strict=True)
-        return tuple(run_statistics(level, noise, J @ inverse(J.T @ J)) for level, noise, J in rows)
+        found = []
+        for level, noise, J in zip(self.levels, self.noise, self.jacobians, strict=True):
+            directions = J @ inverse(J.T @ J)  # how the level's numbers answer to its samples, (n, k)
+            scores = (noise[:, None] * np.ascontiguousarray(directions.T)).reshape(-1, len(level.time_s)).T
+            variances = bartlett_variance(level.time_s, scores).reshape(len(WINDOWS_S), len(noise), -1)
+            # sorted: the order of the runs changes no rounding
+            within = np.asarray(np.sort(variances, axis=1).mean(axis=1).max(axis=0))
+            found.append(RunStatistics((level.runs - level.mean) @ directions, within))
+        return tuple(found)
 
     @property
     def repeats(self) -> NDArray[np.int64]:

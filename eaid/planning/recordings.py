@@ -39,17 +39,6 @@ def experiment(plan: Plan, plant: Plant, noise: Noise, seed: int) -> tuple[Level
     return tuple(levels)
 
 
-def widths(levels: tuple[Level, ...], share: float, polynomial: bool) -> Widths:
-    """Half-width of the 95 % intervals at the worst level [%]: of the curves, else of the levels."""
-    data = data_of(levels)
-    if polynomial:
-        low, high, _ = levels_first(levels, data, share).intervals(data.u)
-    else:
-        low, high, _ = own_levels(levels, data, share).intervals
-    reach = np.minimum(0.5 * (high - low).max(axis=1), 50.0)
-    return {name: float(100 * np.expm1(reach[k])) for k, name in enumerate(PARAMETERS)}
-
-
 def disturbance_of(noise: Noise) -> Disturbance:
     """The noise and the scatter of a fit as a simulated recording has them."""
     return replace(
@@ -83,7 +72,13 @@ def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Call
         """Half-widths of one recording's own intervals at the worst level [%]."""
         plant, noise = rigs[k]
         levels = experiment(plan, plant, noise, options.seed + 100_000 * k)
-        return widths(levels, rig.share, polynomial=plant.kind == "clutch" and len(plan.levels) > 1)
+        data = data_of(levels)
+        if plant.kind == "clutch" and len(levels) > 1:  # of the curves
+            low, high, _ = levels_first(levels, data, rig.share).intervals(data.u)
+        else:
+            low, high, _ = own_levels(levels, data, rig.share).intervals
+        reach = np.minimum(0.5 * (high - low).max(axis=1), 50.0)
+        return {name: float(100 * np.expm1(reach[i])) for name, i in PARAMETERS.items()}
 
     make = partial(rig.quickest, session=options)
     plan, worst, width = settled(make, measure, options, SETS, KEEPING, progress)
