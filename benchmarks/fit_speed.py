@@ -131,7 +131,7 @@ def per_level(made: list[Level]) -> Iterator[Row]:
         ]
 
     def ours() -> list[Array]:
-        return list(own_levels(made, data_of(made), 0.85).theta[:3].T)
+        return list(own_levels(made, data_of(made), 0.85).scatter.theta[:3].T)
 
     def cost(found: Array) -> float:
         return sum(float(np.sum((one_curve(a.time_s, *p) - a.runs) ** 2)) for a, p in zip(made, found, strict=True))

@@ -132,12 +132,16 @@ NUDGE = 0.002  # Change of C by which its effect is found
 
 def share_of(near: Estimate | OwnLevels, data: Data) -> tuple[ShareEstimate, list[Finding]]:
     """Does the C that was held fit this rig? The same estimate with one free C for all levels beside it."""
-    held, levels = float(near.theta[3, 0]), near.levels
+    held, levels = float(near.scatter.theta[3, 0]), near.levels
     if isinstance(near, OwnLevels):
-        (low, high, _), x, form = near.intervals, near.theta[1:3].ravel(), friction(data.u, None).without_torque
-        moved = [own_levels(levels, data, held + side * NUDGE, near).theta for side in (-1, 1)]
+        (low, high, _), x, form = (
+            near.intervals,
+            near.scatter.theta[1:3].ravel(),
+            replace(friction(data.u, None), Ts=None),
+        )
+        moved = [own_levels(levels, data, held + side * NUDGE, near).scatter.theta for side in (-1, 1)]
     else:
-        (low, high, _), x, form = near.intervals(data.u), near.x, None
+        (low, high, _), x, form = near.intervals(data.u), near.solved.x, None
         moved = [fit_levels_first(data, held + side * NUDGE, [x]).at.theta for side in (-1, 1)]
     free = Estimate(levels, fit_levels_first(data, None, [np.append(x, held)], form))
     influence, holding = free.of_levels, set(free.held)
@@ -145,7 +149,7 @@ def share_of(near: Estimate | OwnLevels, data: Data) -> tuple[ShareEstimate, lis
         influence = replace(influence, single_degrees=max(len(levels) - 1.0, 1.0))
         holding &= {"C-zero", "C-one"}
     variance, degrees = (float(one[-1]) for one in influence.variance())
-    C, half = np.nan if holding else float(free.x[-1]), 0.5 * (high - low)
+    C, half = np.nan if holding else float(free.solved.x[-1]), 0.5 * (high - low)
     before, after = (np.log(np.maximum(theta[:3], 1e-300)) for theta in moved)
     slope = (after - before) / (2 * NUDGE)
     sensitivity = {name: median(slope[k]) for k, name in enumerate(CURVES)}  # in % per 0.01, the slope itself

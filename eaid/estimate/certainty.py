@@ -15,12 +15,11 @@ from scipy.special import fdtri
 from eaid.arrays import Array
 from eaid.estimate.data import Data
 from eaid.estimate.forms import Model, nonlinear
-from eaid.estimate.from_steps import Solution, StepProblem, fit_levels_first
+from eaid.estimate.from_steps import Solution, fit_levels_first
 from eaid.estimate.points import Normal, log_crossed
 from eaid.estimate.scatter import FEW_DEGREES, Scatter, bartlett_covariance, paule_mandel, run_residuals
 from eaid.estimate.solver import Problem, newton_step
 from eaid.estimate.spread import (
-    Counts,
     Influence,
     LevelScatter,
     corrected,
@@ -48,30 +47,10 @@ class Estimate:
     levels: Sequence[Level]
     solved: Solution  # τ1(u), τ2(u), and C where it is free
 
-    @property
-    def problem(self) -> StepProblem:
-        """What was solved."""
-        return self.solved.steps
-
-    @property
-    def x(self) -> Array:
-        """Coefficients of τ1(u), τ2(u), and C where it is free."""
-        return self.solved.x
-
-    @property
-    def at(self) -> Normal:
-        """The levels' curves."""
-        return self.solved.at
-
-    @property
-    def theta(self) -> Array:
-        """T_s, τ1, τ2, C of the levels, (4, L)."""
-        return self.at.theta
-
     @cached_property
     def model(self) -> Model:
         """The whole model, T_s(u) among it."""
-        return nonlinear(self.problem.data.u, self.problem.model.share)
+        return nonlinear(self.solved.steps.data.u, self.solved.steps.model.share)
 
     @property
     def first(self) -> int:
@@ -81,29 +60,19 @@ class Estimate:
     @cached_property
     def size(self) -> Array:
         """What T_s of each level is measured in, (L,); 0 for one that is 0 throughout."""
-        w = self.problem.weight
+        w = self.solved.steps.weight
         return np.asarray(np.where(w > 0, 1 / np.sqrt(np.where(w > 0, w, 1.0)), 0.0))
-
-    @cached_property
-    def repeats(self) -> Counts:
-        """Runs of each level, (L,)."""
-        return np.array([len(level.runs) for level in self.levels])
 
     @cached_property
     def blocked(self) -> Array:
         """Rows of the active constraints over all unknowns."""
-        rows = self.problem.limits.A[list(self.solved.active)]
+        rows = self.solved.steps.limits.A[list(self.solved.active)]
         return np.concatenate([np.zeros((len(rows), len(self.levels))), rows], axis=1)
 
     @cached_property
-    def curves(self) -> tuple[Friction, ...]:
-        """The levels' curves of Eq. (3)."""
-        return tuple(Friction(*row) for row in self.at.theta.T.tolist())
-
-    @cached_property
     def scatter(self) -> Scatter:
-        """What the runs say about them."""
-        return Scatter(tuple(self.levels), self.curves, self.model.free_share)
+        """What the runs say about the levels' curves."""
+        return Scatter(tuple(self.levels), self.solved.at.theta, self.model.free_share)
 
     @property
     def by_levels(self) -> bool:
@@ -117,18 +86,18 @@ class Estimate:
 
     def along(self, theta: Array) -> Array:
         """How the curves θ go with the levels' own estimates, (L, k, 4)."""
-        return log_crossed(self.at.theta, theta, self.problem.data.points, self.model.free_share)
+        return log_crossed(self.solved.at.theta, theta, self.solved.steps.data.points, self.model.free_share)
 
     def influence_at(self, at: Normal, of_levels: LevelScatter | None = None) -> tuple[Influence, Array]:
         """How T_s/size of the levels and x answer to the levels' own estimates at curves, and the Newton step from
         there, (L + p,); `of_levels` is how these scatter."""
-        L, p, weight = len(self.levels), len(self.x), self.problem.weight
+        L, p, weight = len(self.levels), len(self.solved.x), self.solved.steps.weight
         take = np.zeros((L, 4, L + p))  # how T_s, τ1, τ2, C of a level go with the unknowns
         take[np.arange(L), 0, np.arange(L)] = self.size
-        take[:, 1:, L:] = self.problem.M[1:].transpose(1, 0, 2)
+        take[:, 1:, L:] = self.solved.steps.M[1:].transpose(1, 0, 2)
         every = weight[:, None, None]
         gain, back = gains_of(every * at.information, every * self.along(at.theta), take, self.blocked)
-        alone = of_levels is None and bool((self.repeats == 1).all())
+        alone = of_levels is None and bool((self.scatter.repeats == 1).all())
         singles = self._singles(at, take) if alone else np.zeros((0, L + p))
         gradient = np.einsum("lk,lkm->m", weight[:, None] * at.score, take)
         scatter = of_levels or self.scatter.of_levels
@@ -136,7 +105,7 @@ class Estimate:
 
     def _singles(self, at: Normal, take: Array) -> Array:
         """Scores of levels of a single run, (parts, L + p)."""
-        problem, rows, alone = self.problem, self.problem.M[1:], []
+        problem, rows, alone = self.solved.steps, self.solved.steps.M[1:], []
         by_level, information = problem.reduced(at)
         curvature = np.einsum("kln,lkj,jlm->nm", rows, information, rows)
         back = free_inverse(curvature, self.blocked[:, len(self.levels) :])
@@ -164,27 +133,27 @@ class Estimate:
     @cached_property
     def of_levels(self) -> Influence:
         """How T_s/size of the levels and x answer to the runs."""
-        return self.influence_at(self.at)[0]
+        return self.influence_at(self.solved.at)[0]
 
     @cached_property
     def curve(self) -> "TorqueCurve":
         """T_s(u) through T_s of the levels."""
-        at, several, Ts = self.at, self.repeats > 1, self.at.theta[0]
+        at, several, Ts = self.solved.at, self.scatter.repeats > 1, self.solved.at.theta[0]
         relative, known = None, 0.0
         if several.any() and len(self.levels) > self.first:
-            every = np.eye(len(self.levels), len(self.levels) + len(self.x))
+            every = np.eye(len(self.levels), len(self.levels) + len(self.solved.x))
             variance = self.of_levels.of(every[several]).variance()[0]
             part = self.size[several] / np.maximum(Ts[several], 1e-3 * max(float(Ts.max()), 1e-300))
-            relative = float(np.mean(self.repeats[several] * variance * part**2)) / self.repeats
-            known = float((self.repeats - 1).sum())
-        samples = self.problem.data.points.w.sum(axis=1)
+            relative = float(np.mean(self.scatter.repeats[several] * variance * part**2)) / self.scatter.repeats
+            known = float((self.scatter.repeats - 1).sum())
+        samples = self.solved.steps.data.points.w.sum(axis=1)
         noise = at.cost / samples / np.maximum(at.information[:, 0, 0], 1e-300)
-        return torque_curve(self.model, self.problem.data.u, Ts, relative, noise, known)
+        return torque_curve(self.model, self.solved.steps.data.u, Ts, relative, noise, known)
 
     @property
     def coefficients(self) -> Array:
         """Of T_s(u), τ1(u), τ2(u), and C where it is free, (n,)."""
-        return np.append(self.curve.coefficients, self.x)
+        return np.append(self.curve.coefficients, self.solved.x)
 
     @property
     def parameters(self) -> Nonlinear:
@@ -200,16 +169,16 @@ class Estimate:
     @cached_property
     def answers(self) -> Array:
         """How the coefficients follow from T_s/size of the levels and x, (n, L + p)."""
-        first, rows = self.first, np.zeros((self.model.size, len(self.levels) + len(self.x)))
+        first, rows = self.first, np.zeros((self.model.size, len(self.levels) + len(self.solved.x)))
         rows[:first, : len(self.levels)] = self.curve.gains * self.size * np.sqrt(self.curve.widened)
-        rows[first:, len(self.levels) :] = np.eye(len(self.x))
+        rows[first:, len(self.levels) :] = np.eye(len(self.solved.x))
         return rows
 
     @cached_property
     def influence(self) -> Influence:
         """How the coefficients answer to the runs, single ones by their scatter about T_s(u)."""
         whole = self.of_levels.of(self.answers)
-        if not ((self.repeats == 1).all() and self.by_levels):
+        if not ((self.scatter.repeats == 1).all() and self.by_levels):
             return whole
         apart = np.zeros((len(self.levels), self.model.size))
         apart[:, : self.first] = (self.curve.gains * np.sqrt(self.curve.variance)).T
@@ -217,7 +186,7 @@ class Estimate:
 
     def refit(self, data: Data) -> Array:
         """The coefficients for data that differ little, with the weights of T_s(u) kept, (n,)."""
-        again = fit_levels_first(data, self.model.share, [self.x])
+        again = fit_levels_first(data, self.model.share, [self.solved.x])
         return np.append(self.curve.gains @ again.at.theta[0], again.x)
 
     def numbers(self, u: Array, c: Array) -> tuple[Array, Array]:
@@ -236,11 +205,11 @@ class Estimate:
         value, slopes = self.numbers(u, self.coefficients)
         influence = self.influence
         if scatter is not None:
-            influence = self.influence_at(self.at, scatter)[0].of(self.answers)
+            influence = self.influence_at(self.solved.at, scatter)[0].of(self.answers)
         variance, degrees = (v.reshape(3, -1) for v in influence.of(slopes.reshape(-1, self.model.size)).variance())
         reach = t_quantile(degrees) * np.sqrt(variance)
         low, high = value - reach, value + reach
-        if scatter is None and (self.repeats == 1).all() and not self.by_levels:
+        if scatter is None and (self.scatter.repeats == 1).all() and not self.by_levels:
             return low, high, degrees
         covariance = influence.covariance()
         for i in np.flatnonzero((reach[2] > CURVED) & np.isfinite(reach[2])).tolist():
@@ -260,14 +229,14 @@ class Estimate:
 
     def _reached(self, u: Array, way: Array, reach: float, scatter: LevelScatter | None) -> Array | None:
         """ln T_s, ln τ1, ln τ2 where τ2 is moved along a way of the coefficients until the runs reject it."""
-        limits = self.problem.limits
+        limits = self.solved.steps.limits
 
         def at(factor: float) -> tuple[Array, float] | None:
-            x = self.x + np.expm1(factor * reach) * way[self.first :]
+            x = self.solved.x + np.expm1(factor * reach) * way[self.first :]
             if not np.isfinite(x).all() or (limits.A @ x < limits.b - 1e-9).any():
                 return None
-            there = self.problem.at(x)
-            c = np.append(self.curve.coefficients + self.curve.gains @ (there.theta[0] - self.at.theta[0]), x)
+            there = self.solved.steps.at(x)
+            c = np.append(self.curve.coefficients + self.curve.gains @ (there.theta[0] - self.solved.at.theta[0]), x)
             value, slopes = self.numbers(u, c)
             influence, step = self.influence_at(there, scatter)
             variance, degrees = influence.of(slopes[2] @ self.answers).variance()
@@ -335,4 +304,4 @@ def torque_curve(
 
 def levels_first(levels: Sequence[Level], data: Data, share: float | None, near: Estimate | None = None) -> Estimate:
     """The estimate from the runs of L levels, `data` being their means; `near` is that of data that differ little."""
-    return Estimate(levels, fit_levels_first(data, share, None if near is None else [near.x]))
+    return Estimate(levels, fit_levels_first(data, share, None if near is None else [near.solved.x]))

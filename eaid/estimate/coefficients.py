@@ -3,8 +3,10 @@
 All are then of the order of one, and a covariance of them can be inverted; results hold powers of the input itself.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 
 from eaid.arrays import Array, median
@@ -12,8 +14,9 @@ from eaid.estimate.forms import Model, nonlinear
 from eaid.estimate.spread import Degrees, t_quantile
 from eaid.models.nonlinear import CHECKED_DUTIES, scales
 from eaid.models.parameters import Nonlinear
+from eaid.results import fit as results
 from eaid.results.common import Interval
-from eaid.results.fit import CoefficientIntervals, Covariance
+from eaid.results.fit import CoefficientIntervals, Covariance, CurveLevel
 
 BLOCKS = ("tau1", "tau2", "Ts")  # Order of the coefficients in every covariance; C last where it was free
 
@@ -61,13 +64,22 @@ def limits_of(c: Coefficients) -> tuple[Array, Array]:
     return limits.A @ np.linalg.pinv(turned(model)), limits.b
 
 
-def coefficient_intervals(
-    c: Coefficients, covariance: Array, degrees: Degrees, constrained: tuple[str, ...] = ()
-) -> CoefficientIntervals:
-    """95 % intervals of the coefficients in powers of the input; None where a constraint holds the parameter."""
-    sd = np.sqrt(np.maximum(np.diag(covariance), 0))
+def with_intervals(
+    part: results.Nonlinear,
+    curves: Sequence[CurveLevel],
+    covariance: Array,
+    degrees: Degrees,
+    constrained: tuple[str, ...] = (),
+) -> results.Nonlinear:
+    """A model with its curves, the covariance that plants are drawn with, and 95 % intervals of its coefficients.
+
+    These are in powers of the input; None where a constraint holds the parameter.
+    """
+    c, sd = coefficients_of(part.parameters, part.C_free), np.sqrt(np.maximum(np.diag(covariance), 0))
     intervals: dict[str, tuple[Interval, ...]] = {}
+    order: list[str] = []
     for name, count in zip(BLOCKS, c.counts, strict=True):
+        order += [f"{name}[{i}]" for i in range(count)]
         block = c.block(name)
         scale = scales(count)
         reach = t_quantile(median(degrees[name])) * sd[block]
@@ -79,17 +91,14 @@ def coefficient_intervals(
         )
     share: Interval = None
     if c.share_free:
+        order.append("C")
         reach = t_quantile(min(median(df) for df in degrees.values())) * sd[-1]
         if np.isfinite(reach):
             share = (max(0.0, float(c.values[-1] - reach)), min(1.0, float(c.values[-1] + reach)))
-    return CoefficientIntervals(**intervals, C=share)
-
-
-def covariance_part(c: Coefficients, covariance: Array, degrees: Degrees) -> Covariance:
-    """What a fit keeps, so that plants can be drawn."""
-    order = [f"{name}[{i}]" for name, count in zip(BLOCKS, c.counts, strict=True) for i in range(count)]
-    return Covariance(
-        (*order, *(["C"] * c.share_free)),
-        tuple(tuple(row) for row in covariance.tolist()),
-        {name: median(df) for name, df in degrees.items()},
+    kept: dict[str, float | None] = {name: median(df) for name, df in degrees.items()}
+    return msgspec.structs.replace(
+        part,
+        curves=tuple(curves),
+        ci95=CoefficientIntervals(**intervals, C=share),
+        covariance=Covariance(tuple(order), tuple(tuple(row) for row in covariance.tolist()), kept),
     )

@@ -24,11 +24,6 @@ class Data:
     records: tuple[Record, ...]
 
     @property
-    def samples(self) -> int:
-        """Samples of all mean curves together."""
-        return sum(len(record.y) for record in self.records)
-
-    @property
     def longest_s(self) -> float:
         """Length of the longest record [s]."""
         return max(float(record.t_s[-1]) for record in self.records)
@@ -37,11 +32,6 @@ class Data:
     def shortest_s(self) -> float:
         """The shortest time from a step to its first sample behind it [s]."""
         return min(float(record.t_s[record.t_s > 0].min()) for record in self.records)
-
-    @cached_property
-    def energy(self) -> float:
-        """Sum of squared data, all samples."""
-        return float((self.points.w * self.points.y**2).sum())
 
     @cached_property
     def points(self) -> Points:

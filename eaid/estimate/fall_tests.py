@@ -30,7 +30,7 @@ def seen(drives: tuple[Drive, ...], low: float, stepwise: bool) -> tuple[str, ..
     """Which of the three the inputs can tell."""
     rests = falls = 0
     for drive in drives:
-        level = drive.duty[drive.index]
+        level = drive.duty[drive.which]
         fell = np.flatnonzero((level[:-1] > 0) & (level[1:] == 0))
         rests += any(int((level[at + 1 :] == 0).argmin() or len(level) - at - 1) >= 8 for at in fell)
         falls += int(((level[1:] < level[:-1]) & (level[1:] >= low)).sum())

@@ -11,8 +11,8 @@ highest, all keep their edge value. Constraints, specification 3: τ1 ≥ 1 ms, 
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -158,11 +158,6 @@ class Model:
         """Number of unknowns."""
         return int(self.slices[2].stop) + self.free_share
 
-    @property
-    def without_torque(self) -> "Model":
-        """The same with T_s solved for at each level."""
-        return replace(self, Ts=None)
-
     def rows(self, u: Array) -> Array:
         """∂(T_s, τ1, τ2, C)/∂x at some inputs, (4, m, n); what is no unknown has a row of zeros."""
         M = np.zeros((4, len(u), self.size))
@@ -250,12 +245,7 @@ def _floored(rows: Array, x: Array) -> tuple[Array, Array]:
 
 def nonlinear(levels: Array, share: float | None) -> Model:
     """Eqs. (4)–(7) over the range of some levels: a polynomial has at most as many coefficients as there are."""
-    return _nonlinear(tuple(levels.tolist()), share)
-
-
-@lru_cache(maxsize=8)
-def _nonlinear(levels: tuple[float, ...], share: float | None) -> Model:
-    low, high, most = min(levels), max(levels), len(set(levels)) - 1
+    low, high, most = float(levels.min()), float(levels.max()), len(np.unique(levels)) - 1
     Ts, tau1, tau2 = (LegendreForm(min(degree, most), low, high) for degree in DEGREES)
     return Model(Ts, tau1, tau2, share, low, high, np.linspace(low, high, CHECKED_DUTIES if high > low else 1))
 

@@ -16,7 +16,7 @@ from eaid.estimate.levels import OwnLevels
 from eaid.estimate.points import residuals
 from eaid.estimate.scatter import CURVES, MEETING, Mask, Scatter
 from eaid.estimate.spread import Influence, t_quantile, textbook
-from eaid.estimate.trends import fitted_trends, trends_with_intervals
+from eaid.estimate.trends import fitted_trends
 from eaid.findings import Finding, finding
 from eaid.models import friction as model
 from eaid.models.parameters import SHARE, TAU_FLOOR_S
@@ -105,7 +105,7 @@ def white_ends(scatter: Scatter) -> tuple[Array, Array, Array]:
         reach = t_quantile(spare) * np.sqrt(np.maximum(np.diag(np.linalg.pinv(J.T @ J)) * noise, 0.0))[:3]
         ends.append((np.log1p(-np.minimum(reach, 1 - 1e-12)), np.log1p(reach), np.full(3, spare)))
     low, high, degrees = (np.array(part).T for part in zip(*ends, strict=True))
-    value = np.log(np.maximum([[c.Ts, c.tau1, c.tau2] for c in scatter.curves], 1e-300)).T
+    value = np.log(np.maximum(scatter.theta[:3], 1e-300))
     return value + low, value + high, degrees
 
 
@@ -141,19 +141,14 @@ def friction_part(
             )
         )  # fmt: skip
     by_name = {name: [getattr(row, name) for row in rows] for name in (*CURVES, "C_f")}
-    trends, more = fitted_trends(stepset.kind, over, x, by_name)
-    findings += more
     share = values.theta[3, 0].item() if options.held_share is not None else None
     if own is None:
-        return Friction(share, over, tuple(rows), trends), findings
-    seen = own.scatter
-    if shown and trends:
-        columns = {name: np.array(by_name[name], dtype=float) for name in trends}
-        spread = np.sqrt(np.einsum("lkk->kl", seen.of_levels.covariance(actual=True))[:3])
-        sd = {name: column * spread[{"tau1": 1, "tau2": 2}.get(name, 0)] for name, column in columns.items()}
-        known = seen.source == "repeats" and options.ci != "white"
-        trends, more = trends_with_intervals(trends, x, columns, sd if known else None, seen.degrees)
-        findings += more
+        return Friction(share, over, tuple(rows)), findings
+    seen, relative = own.scatter, None
+    if seen.source == "repeats" and options.ci != "white":
+        relative = np.sqrt(np.einsum("lkk->kl", seen.of_levels.covariance(actual=True))[:3])
+    trends, more = fitted_trends(stepset.kind, over, x, by_name, (relative, seen.degrees) if shown else None)
+    findings += more
     findings += level_findings(values, seen, "friction", stepset)
     for i, level in enumerate(own.levels if seen.share_free else ()):
         low, high = own.share_interval(i) or (0.0, 1.0)
@@ -208,8 +203,11 @@ def friction_hold_out(part: Friction, stepset: StepSet, held_out: Sequence[Level
     return metrics.hold_out(held_out, predicted, float(np.sqrt(sse / samples)))
 
 
-def level_findings(values: LevelValues, seen: Scatter, subject: str, stepset: StepSet) -> list[Finding]:
-    """What the levels leave open: τ1 and τ2 that meet, constraints that hold, τ2 open or beyond the record."""
+def level_findings(values: LevelValues, seen: Scatter | None, subject: str, stepset: StepSet) -> list[Finding]:
+    """What the levels leave open: τ1 and τ2 that meet, constraints that hold, τ2 open or beyond the record.
+
+    `seen` is what the levels' runs say about these curves; None: they are those of another estimate.
+    """
     unit, u = stepset.input_unit, [level.level for level in values.levels]
     Ts, tau1, tau2 = values.theta[:3]
     met = (tau2 <= tau1 * (1 + MEETING)) & (Ts > 0)
@@ -238,7 +236,7 @@ def level_findings(values: LevelValues, seen: Scatter, subject: str, stepset: St
                 "tau2-open", subject, [u[i]],
                 low_s=float(low) if low > 1e-3 * records[i] else None,
                 high_s=float(high) if high < 1e4 * records[i] else None,
-                record_s=records[i], curve_half_width=curve_half_width(seen, i), unit=unit,
+                record_s=records[i], curve_half_width=None if seen is None else curve_half_width(seen, i), unit=unit,
                 output_unit=stepset.output_unit,
             )
         )  # fmt: skip

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from eaid.arrays import Array
 from eaid.estimate.forms import LEAST_TAU_S, Form, LegendreForm, Limits, Model, Rows, Tables
 from eaid.estimate.record import RecordedLog
-from eaid.estimate.response import Copies, Drive, Samples, derivatives
+from eaid.estimate.response import Copies, Drive, derivatives
 from eaid.estimate.solver import (
     CONVERGED,
     ROUNDING,
@@ -154,7 +154,7 @@ class Setup:
     def derivatives(self, x: Array, log: int) -> Array:
         """√w ∂f/∂x of a log's own columns, then √w (f − y), for its samples that count, (N, p + 1)."""
         place = self.places[log]
-        return np.asarray(derivatives(self.drives[log].rows, *self.tables(x, log), place.kernel, len(place.columns)))
+        return np.asarray(derivatives(self.drives[log], *self.tables(x, log), place.kernel, len(place.columns)))
 
     def jacobian(self, x: Array, log: int) -> tuple[Array, Array]:
         """The same apart, (N, p) and (N,)."""
@@ -211,7 +211,7 @@ def linear_parts(setup: Setup, shapes: Sequence[Array] | Array) -> tuple[Array, 
     for drive, rows, place in zip(setup.drives, setup.maps, setup.places, strict=True):
         tau1 = np.maximum(x[:, one] @ rows.tau1.T, LEAST_TAU_S)
         tau2 = np.maximum(x[:, two] @ rows.tau2.T, LEAST_TAU_S) if model.tau2 else np.ones_like(tau1)
-        found = linear_sums(drive.rows, rows.steady, tau1, tau2, share)
+        found = linear_sums(drive, rows.steady, tau1, tau2, share)
         known = np.concatenate([np.arange(a), np.where(place.own >= 0, np.searchsorted(free, place.own), -1), [size]])
         at = np.flatnonzero(known >= 0)
         sums[:, known[at][:, None], known[at]] += found[:, at[:, None], at]
@@ -224,23 +224,23 @@ def linear_parts(setup: Setup, shapes: Sequence[Array] | Array) -> tuple[Array, 
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def linear_sums(samples: Samples, by_steady: Array, tau1: Array, tau2: Array, share: Array) -> Array:
+def linear_sums(drive: Drive, by_steady: Array, tau1: Array, tau2: Array, share: Array) -> Array:
     """Σ w s s' of K shapes, (K, n + 4, n + 4), for τ1 and τ2 of every input, (K, m), and C, (K,).
 
     s are the derivatives by the n coefficients of T_s, idle output, x1 and x2 at the first row; then y.
     """
-    n, rows = by_steady.shape[1], len(samples.w)
+    n, rows = by_steady.shape[1], len(drive.w)
     sums, columns = np.empty((len(share), n + 4, n + 4)), np.empty((rows, n + 4))
     for k in range(len(share)):
         fast, slow = np.zeros(n), np.zeros(n)
         start1 = start2 = 1.0
         for row in range(rows):
-            root, i = np.sqrt(samples.w[row]), samples.which[row]
+            root, i = np.sqrt(drive.w[row]), drive.which[row]
             for j in range(n):
                 columns[row, j] = root * (fast[j] + slow[j])
             columns[row, n], columns[row, n + 1] = root, root * start1
-            columns[row, n + 2], columns[row, n + 3] = root * start2, root * samples.y[row]
-            g1, g2 = -np.expm1(-samples.dt_s[row] / tau1[k, i]), -np.expm1(-samples.dt_s[row] / tau2[k, i])
+            columns[row, n + 2], columns[row, n + 3] = root * start2, root * drive.y[row]
+            g1, g2 = -np.expm1(-drive.dt_s[row] / tau1[k, i]), -np.expm1(-drive.dt_s[row] / tau2[k, i])
             for j in range(n):
                 fast[j] += g1 * (share[k] * by_steady[i, j] - fast[j])
                 slow[j] += g2 * ((1.0 - share[k]) * by_steady[i, j] - slow[j])
@@ -399,8 +399,7 @@ def least_slow(setup: Setup, ends: Sequence[EndPoint]) -> EndPoint:
     What has one time constant is explained as well by a slow part that never comes, and a T_s larger by what it hides.
     """
     best, part = min(ends, key=lambda end: end.cost), setup.model.slices[2]
-    samples = sum(drive.samples for drive in setup.every.drives)
-    alike = [end for end in ends if end.cost <= (1 + ALIKE / samples) * best.cost]
+    alike = [end for end in ends if end.cost <= (1 + ALIKE / setup.every.samples) * best.cost]
     if setup.model.tau2 is None or len(alike) < 2:
         return best
     rows = setup.model.tau2.rows(setup.model.limited)

@@ -9,7 +9,7 @@ Levels first is the estimate that is believed: T_s of each level solved for, so 
 reach τ1(u) and τ2(u), and w_l = 1/(T_l² + s_l²), s_l the rms residual, for runs scatter by a part of their output.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -26,10 +26,9 @@ from eaid.estimate.solver import (
     Problem,
     approach,
     bring_in,
-    concluded,
     ended,
     judged,
-    minimised,
+    polish,
     slsqp,
     with_second_derivatives,
 )
@@ -167,7 +166,7 @@ def fit_nonlinear(data: Data, share: float | None) -> Solution:
     starts = form_starts(steps.model, data, steps.weight)
     begin = [*starts, *touching_starts(starts[0], steps.model, data, steps.weight)]
     begin = [bring_in(x, steps.inner, steps.problem) for x in begin]
-    return _confirmed(steps, ended([approach(steps.problem, x) for x in begin], steps.problem))
+    return minimised(steps, begin)
 
 
 def refit_nonlinear(data: Data, near: Solution) -> Solution:
@@ -175,7 +174,7 @@ def refit_nonlinear(data: Data, near: Solution) -> Solution:
     steps = replace(near.steps, data=data)
     slack = steps.problem.A @ near.x - steps.problem.b
     problem = replace(steps.problem, b=steps.problem.b + np.minimum(slack, 0.0))  # what rounding left outside
-    return _confirmed(steps, [slsqp(problem, approach(problem, near.x))])
+    return _concluded(steps, [slsqp(problem, approach(problem, near.x))])
 
 
 def textbook_covariance(data: Data, model: Model, x: Array) -> tuple[Array, float]:
@@ -191,13 +190,12 @@ def fit_linear(data: Data) -> Solution:
     """Eq. (8) fitted to all levels at once: x is τ = 1/a0; with a single level c0 is 0."""
     model = linear(data.u)
     assert model.Ts is not None
-    steps = StepProblem(data, model.without_torque, np.ones(len(data.u)), model.Ts.rows(data.u))
+    steps = StepProblem(data, replace(model, Ts=None), np.ones(len(data.u)), model.Ts.rows(data.u))
     grid = np.geomspace(0.3 * data.shortest_s, 3 * data.longest_s, A0_GRID)[:, None]
     costs = np.array([steps.normal(x)[0] for x in grid])
     framed = np.pad(costs, 1, constant_values=np.inf)
     minima = np.flatnonzero((costs <= framed[:-2]) & (costs <= framed[2:]))
-    end, solver, active = minimised(steps.problem, grid[minima[np.argsort(costs[minima])][:A0_STARTS]])
-    return Solution(steps, end.x, solver, active)
+    return minimised(steps, grid[minima[np.argsort(costs[minima])][:A0_STARTS]])
 
 
 def fit_levels_first(
@@ -207,12 +205,12 @@ def fit_levels_first(
 
     `starts` are coefficients to begin from, by default those of a search.
     """
-    model = form or nonlinear(data.u, share).without_torque
+    model = form or replace(nonlinear(data.u, share), Ts=None)
     steps = StepProblem(data, model, 1 / np.maximum((data.points.y**2).max(axis=1), 1e-300))
     if starts is None:
         starts = form_starts(model, data, steps.weight)
     begin = [bring_in(x, steps.inner, steps.problem) for x in starts]
-    if data.energy == 0.0:
+    if not data.points.y.any():
         return Solution(replace(steps, weight=np.zeros(len(data.u))), begin[0], judged(0.0, 0, (0.0,)))
     steps = steps.weighed(min(begin, key=lambda x: steps.normal(x)[0]))
     ends = ended([approach(steps.problem, x) for x in begin], steps.problem)
@@ -222,10 +220,18 @@ def fit_levels_first(
         if np.abs(steps.weight - before.weight).max() <= SAME_WEIGHT * before.weight.max():
             break
         end = approach(steps.problem, end.x, near=SETTLED)
-    return _confirmed(steps, [slsqp(steps.problem, end)])
+    return _concluded(steps, [slsqp(steps.problem, end)])
 
 
-def _confirmed(steps: StepProblem, ends: Sequence[EndPoint]) -> Solution:
+def minimised(steps: StepProblem, starts: Iterable[Array]) -> Solution:
+    """The least of what feasible starts lead to."""
+    return _concluded(steps, ended([approach(steps.problem, x) for x in starts], steps.problem))
+
+
+def _concluded(steps: StepProblem, ends: Sequence[EndPoint]) -> Solution:
     """The best end, polished, with our verdict."""
-    end, solver, active = concluded(steps.problem, ends)
-    return Solution(steps, end.x, solver, active)
+    best = min(ends, key=lambda end: end.cost)
+    end, predicted, active = polish(steps.problem, best)
+    evaluations = sum(one.evaluations for one in ends) + end.evaluations - best.evaluations
+    costs = [end.cost if one is best else one.cost for one in ends]
+    return Solution(steps, end.x, judged(predicted, evaluations, costs, map(steps.problem.names, active)), active)

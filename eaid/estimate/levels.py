@@ -14,11 +14,9 @@ from eaid.arrays import Array
 from eaid.estimate.certainty import Estimate
 from eaid.estimate.data import Data
 from eaid.estimate.from_steps import fit_levels_first
-from eaid.estimate.points import residuals
 from eaid.estimate.scatter import Scatter
 from eaid.estimate.solver import judged
 from eaid.estimate.spread import Influence, t_quantile
-from eaid.models.parameters import Friction
 from eaid.results.common import Interval, Solver
 from eaid.steps.stepset import Level
 
@@ -31,23 +29,10 @@ class OwnLevels:
     each: tuple[Estimate, ...]
 
     @cached_property
-    def theta(self) -> Array:
-        """T_s, τ1, τ2, C of the levels, (4, L)."""
-        return np.concatenate([one.at.theta for one in self.each], axis=1)
-
-    @property
-    def curves(self) -> tuple[Friction, ...]:
-        """The same as curves of Eq. (3)."""
-        return tuple(Friction(*row) for row in self.theta.T.tolist())
-
-    @cached_property
     def scatter(self) -> Scatter:
-        """What the runs say of them."""
-        return Scatter(self.levels, self.curves, self.each[0].model.free_share)
-
-    def residuals(self, data: Data) -> list[Array]:
-        """f − y at every sample of each level."""
-        return residuals(self.theta, data.records)
+        """What the runs say of their curves."""
+        theta = np.concatenate([one.solved.at.theta for one in self.each], axis=1)
+        return Scatter(self.levels, theta, self.each[0].model.free_share)
 
     @cached_property
     def solver(self) -> Solver:
@@ -75,7 +60,8 @@ class OwnLevels:
         """95 % interval of a free C of one level; None where it was held."""
         if not self.scatter.share_free:
             return None
-        logit = np.log(self.theta[3, i] / (1 - self.theta[3, i])) if 0 < self.theta[3, i] < 1 else np.inf
+        share = self.scatter.theta[3, i]
+        logit = np.log(share / (1 - share)) if 0 < share < 1 else np.inf
         seen = self.scatter.of_levels.alone(i)
         own = Influence(np.eye(1, 4, 3)[:, :, None], seen, np.zeros((0, 1)), 0.0)
         variance, degrees = (float(one[0]) for one in own.variance())
@@ -90,6 +76,6 @@ def own_levels(levels: Sequence[Level], data: Data, share: float | None, near: O
     """Every level by itself, C held at `share` or free; `near` are those of data that differ little."""
     each = []
     for i, level in enumerate(levels):
-        begin = None if near is None else [near.each[i].x]
+        begin = None if near is None else [near.each[i].solved.x]
         each.append(Estimate((level,), fit_levels_first(data.one(i), share, begin)))
     return OwnLevels(tuple(levels), tuple(each))

@@ -21,7 +21,6 @@ from eaid.estimate.scatter import Scatter
 from eaid.estimate.spread import Influence, LevelScatter, interval_of, log_interval_of
 from eaid.findings import Finding, finding
 from eaid.models import linear as model
-from eaid.models.parameters import Friction
 from eaid.models.parameters import Linear as LinearModel
 from eaid.options import FitOptions
 from eaid.results.fit import (
@@ -78,13 +77,13 @@ def to_logs(_form: Model, x: Array) -> Array:
 def variances(
     solved: Solution,
     slopes: Callable[[Model, Array], Array],
-    curves: Sequence[Friction],
+    own: Array,
     scatter: LevelScatter,
     white: bool,
 ) -> tuple[list[float], list[float]]:
     """Variances of some numbers of a fit, of which `slopes` gives those by its unknowns, and degrees of freedom.
 
-    By how the unknowns answer to the levels' own curves, or those of the textbook.
+    By how the unknowns answer to the levels' `own` T_s, τ1, τ2, C, (4, L), or those of the textbook.
     """
     data, (form, x) = solved.steps.data, unknowns(solved)
     turn = slopes(form, x)
@@ -92,7 +91,6 @@ def variances(
         covariance, spare = textbook_covariance(data, form, x)
         return np.diag(turn @ covariance @ turn.T).tolist(), [spare] * len(turn)
     steps = StepProblem(data, form, np.ones(len(data.u)))
-    own = np.array([[one.Ts, one.tau1, one.tau2, one.C] for one in curves]).T
     along = log_crossed(own, form.theta(x, steps.M), data.points, scatter.expected.shape[1] == 4)
     assert steps.problem.exact is not None
     gain = along @ steps.M.transpose(1, 0, 2) @ scaled_inverse(0.5 * steps.problem.exact(x), UNSEEN)
@@ -125,17 +123,10 @@ def bounds_of(rows: Sequence[LinearLevel], wanted: Sequence[float] | None = None
     return Bounds(levels=levels, B_m=min(known, default=None), B_M=max(known, default=None))
 
 
-def pooled_intervals(fit: Linear, solved: Solution, scatter: Scatter, white: bool) -> PooledIntervals:
-    """95 % intervals of the pooled a0, b0, c0; one level leaves c0 to b0."""
-    variance, degrees = variances(solved, to_parameters, scatter.curves, scatter.of_levels, white)
-    ends = map(interval_of, (fit.a0, fit.b0, fit.c0), variance, degrees)
-    return PooledIntervals(*ends, dof=dict(zip(("a0", "b0", "c0"), degrees, strict=False)))
-
-
 def level_intervals(row: LinearLevel, solved: Solution, i: int, scatter: Scatter, white: bool) -> LinearLevelIntervals:
     """95 % intervals of a0, gain and B of level i."""
     own, values = scatter.of_levels.alone(i), (row.a0, row.gain, row.B)
-    variance, degrees = variances(solved, to_logs, scatter.curves[i : i + 1], own, white)
+    variance, degrees = variances(solved, to_logs, scatter.theta[:, i : i + 1], own, white)
     if not white:
         dof = dict(zip(("a0", "gain", "B"), degrees, strict=True))
         return LinearLevelIntervals(*map(log_interval_of, values, variance, degrees), dof=dof)
@@ -166,7 +157,9 @@ def linear_part(
     levels = None if wanted is None else wanted_levels(wanted, [row.level for row in rows], "bounds_levels")
     bounds = bounds_of(rows, levels)
     white = options.ci == "white"
-    pooled = pooled_intervals(one, solved, scatter, white)
+    variance, degrees = variances(solved, to_parameters, scatter.theta, scatter.of_levels, white)
+    ends = map(interval_of, (p.a0, p.b0, p.c0), variance, degrees)  # one level leaves c0 to b0
+    pooled = PooledIntervals(*ends, dof=dict(zip(("a0", "b0", "c0"), degrees, strict=False)))
     findings = [*linear_findings(data, one, rows, bounds, pooled), *huber_findings("linear", huber)]
     findings += missed("linear", data, left, one)
     if options.ci != "none":

@@ -37,7 +37,6 @@ class Spread:
     between: Array  # Covariance by scatter between engagements
     scatter: Scatter
     pull: Array  # H⁻¹ where the constraints leave it free
-    correlation_s: float  # Integrated correlation time of the residuals [s], the longest of all logs
 
     @np.errstate(over="ignore", invalid="ignore")  # what nothing determines has no bound
     def variance(self, gradient: Array) -> tuple[float, float]:
@@ -80,12 +79,11 @@ def spread(solved: Solved) -> Spread:
         at = setup.places[log].columns
         H[np.ix_(at, at)] += Z.T @ J
         pieces.append(piece_of(Z, r, at, n, drive, idle_of(solved, log)))
-    memory = max(one.memory_s for one in pieces)
     pull = free_inverse(H, solved.setup.problem().A[solved.active])
     lines = tuple(by_spectrum(one, pull) for one in pieces)
     noise = pull @ sum((one.total for one in lines), np.zeros((n, n))) @ pull.T
     between = _between(pieces, pull) * scatter.gain**2 * (scatter.chance <= SEEN)
-    return Spread(noise, lines, between, scatter, pull, memory)
+    return Spread(noise, lines, between, scatter, pull)
 
 
 def _between(pieces: Sequence[Piece], pull: Array) -> Array:

@@ -6,6 +6,7 @@ into the τ curves of the joint fit; its intervals count what separates it from 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import msgspec
 import numpy as np
@@ -14,12 +15,7 @@ from scipy.special import fdtri
 from eaid.arrays import Array
 from eaid.estimate.bootstrap import drawn_ends, spread_of
 from eaid.estimate.certainty import BEYOND_CHANCE, Estimate
-from eaid.estimate.coefficients import (
-    coefficient_intervals,
-    coefficients_of,
-    covariance_part,
-    turned,
-)
+from eaid.estimate.coefficients import turned, with_intervals
 from eaid.estimate.data import Data, Errors, each_level, errors, fit_findings, hold_out, missed
 from eaid.estimate.friction import HELD_BY, LevelValues, level_findings, quoted
 from eaid.estimate.from_steps import Solution, textbook_covariance
@@ -103,7 +99,7 @@ def nonlinear_part(
     turn, u = turned(model), data.u
     covariance = turn @ first.influence.covariance() @ turn.T
     one = Standing(part, first.coefficients, first.held, covariance, first.intervals(u))
-    parts = parted(papers, one, levels)
+    parts = joint_findings(papers, one, levels, options.estimator)
     if options.estimator == "joint":
         one = of_joint(papers, joint, first)
     if draws is not None:
@@ -111,18 +107,20 @@ def nonlinear_part(
     if options.ci == "white":
         one = white(one, first)
     values = values_of(one, levels, free)
-    shown = with_intervals(one, values) if options.ci != "none" else one.part
+    shown = one.part
+    if options.ci != "none":
+        curves = [
+            results.CurveLevel(level.level, Ts, tau1, tau2, values.ci95(i))
+            for i, (level, (Ts, tau1, tau2)) in enumerate(zip(levels, values.theta[:3].T.tolist(), strict=True))
+        ]
+        by_name = dict(zip(CURVES, one.ends[2], strict=True))
+        shown = with_intervals(one.part, curves, one.covariance, by_name, _held(one))
     told = fit_findings(one.part, one.held, [level.level for level in held_out])
     told += missed("nonlinear", data, residuals(model.theta(one.unknowns, M), data.records), one.part)
-    told += [*level_findings(values, first.scatter, "nonlinear", stepset), *open_findings(one.part, values), *bent]
-    told += joint_findings(parts, options.estimator)
-    whole = msgspec.structs.replace(
-        shown,
-        estimator="joint" if options.estimator == "joint" else "levels-first",
-        joint=papers,
-        parts=parts,
-    )
-    return whole, values, told
+    seen = first.scatter if options.estimator != "joint" else None
+    told += [*level_findings(values, seen, "nonlinear", stepset), *open_findings(one.part, values), *bent]
+    estimator: Literal["joint", "levels-first"] = "joint" if options.estimator == "joint" else "levels-first"
+    return msgspec.structs.replace(shown, estimator=estimator, joint=papers), values, [*told, *parts]
 
 
 def values_of(one: Standing, levels: Sequence[Level], share_free: bool) -> LevelValues:
@@ -140,24 +138,9 @@ def _held(one: Standing) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for code in one.held for name in HELD_BY.get(code, ())))
 
 
-def with_intervals(one: Standing, values: LevelValues) -> results.Nonlinear:
-    """An estimate with intervals of its curves and coefficients."""
-    c, by_name = coefficients_of(one.part.parameters, one.part.C_free), dict(zip(CURVES, one.ends[2], strict=True))
-    curves = []
-    for i, level in enumerate(values.levels):
-        Ts, tau1, tau2, _ = values.theta[:, i].tolist()
-        curves.append(results.CurveLevel(level.level, Ts, tau1, tau2, values.ci95(i)))
-    return msgspec.structs.replace(
-        one.part,
-        curves=tuple(curves),
-        ci95=coefficient_intervals(c, one.covariance, by_name, _held(one)),
-        covariance=covariance_part(c, one.covariance, by_name),
-    )
-
-
 def white(one: Standing, first: Estimate) -> Standing:
     """The textbook: covariance s² (J'J)⁻¹ with N − P degrees of freedom."""
-    data, turn = first.problem.data, turned(first.model)
+    data, turn = first.solved.steps.data, turned(first.model)
     covariance, spare = textbook_covariance(data, first.model, one.unknowns)
     value, D = first.numbers(data.u, one.unknowns)
     reach = t_quantile(spare) * np.sqrt(np.maximum(np.einsum("klp,pq,klq->kl", D, covariance, D), 0.0))
@@ -177,7 +160,7 @@ def of_joint(part: results.Nonlinear, joint: Solution, first: Estimate) -> Stand
     take = joint.steps.M.transpose(1, 0, 2)
     gain, back = gains_of(at.information, first.along(at.theta), take, joint.steps.limits.A[list(joint.active)])
     alone = [np.zeros((0, model.size))]
-    if (first.repeats == 1).all():
+    if (first.scatter.repeats == 1).all():
         gain = 0 * gain
         for i in range(len(first.levels)):
             own = take[i].T @ at.information[i] @ take[i]
@@ -247,35 +230,21 @@ def open_findings(part: results.Nonlinear, values: LevelValues) -> list[Finding]
     return found
 
 
-def parted(joint: results.Nonlinear, one: Standing, levels: Sequence[Level]) -> tuple[results.Disagreement, ...]:
-    """Parameters whose joint curve leaves the intervals of the estimate that is believed; the worst level each."""
-    found = []
-    u = np.array([level.level for level in levels])
-    other = values_of(one, levels, False)
-    for k, (name, a, b) in enumerate(zip(CURVES, _curves(joint.parameters, levels), other.theta, strict=False)):
+def joint_findings(joint: results.Nonlinear, one: Standing, levels: Sequence[Level], estimator: str) -> list[Finding]:
+    """Where the joint fit's curves leave the intervals of the estimate that is believed: the one that does so most."""
+    believed, u, apart = values_of(one, levels, False), [level.level for level in levels], []
+    for k, (name, a, b) in enumerate(zip(CURVES, _curves(joint.parameters, levels), believed.theta, strict=False)):
         with np.errstate(divide="ignore", invalid="ignore"):
-            apart = np.log(a)
-            out = np.flatnonzero(~((apart >= other.low[k]) & (apart <= other.high[k])))
-        if len(out):
-            i = int(out[np.abs(np.log(np.maximum(a[out], 1e-300) / np.maximum(b[out], 1e-300))).argmax()])
-            low, high = np.exp([other.low[k, i], other.high[k, i]]).tolist()
-            known = (low, high) if low > 0 and np.isfinite(high) else None
-            row = (float(u[i]), float(a[i]), float(b[i]), known)
-            found.append(results.Disagreement(name, tuple(u[out].tolist()), *row))
-    return tuple(found)
-
-
-def joint_findings(parts: Sequence[results.Disagreement], estimator: str) -> list[Finding]:
-    """Where the joint fit parts from the estimate that is believed: the parameter that does so most."""
-    if not parts:
+            out = ~((np.log(a) >= believed.low[k]) & (np.log(a) <= believed.high[k]))
+        ratio = np.where(out, np.abs(np.log(np.maximum(a, 1e-300) / np.maximum(b, 1e-300))), -1.0)
+        if out.any():
+            i = int(ratio.argmax())
+            low, high = np.exp([believed.low[k, i], believed.high[k, i]]).tolist()
+            ends = (low, high) if low > 0 and np.isfinite(high) else (None, None)
+            apart.append((ratio[i], out, (name, u[i], float(a[i]), float(b[i]), *ends)))
+    if not apart:
         return []
-
-    def ratio(one: results.Disagreement) -> float:
-        first, second = abs(one.one or 0.0), abs(one.other or 0.0)
-        return max(first, second) / max(min(first, second), 1e-300)
-
-    worst = max(parts, key=ratio)
-    low, high = worst.ci95_other or (None, None)
+    _, out, values = max(apart, key=lambda row: row[0])
     code = "joint-fit-asked-for-parts" if estimator == "joint" else "joint-fit-parts"
-    values = {"parameter": worst.parameter, "worst": worst.worst, "joint": worst.one, "other": worst.other}
-    return [finding(code, "nonlinear", worst.levels, low=low, high=high, **values)]
+    named = dict(zip(("parameter", "worst", "joint", "other", "low", "high"), values, strict=True))
+    return [finding(code, "nonlinear", [at for at, off in zip(u, out, strict=True) if off], **named)]

@@ -215,14 +215,9 @@ def residuals(theta: Array, records: Sequence[Record]) -> list[Array]:
     """f − y at every sample of each level, shapes (n_l,)."""
     left = []
     for (Ts, tau1, tau2, share), record in zip(theta.T, records, strict=True):
-        r = (-Ts * share) * decay(record, tau1)
-        r -= (Ts * (1.0 - share)) * decay(record, tau2)
+        r = (-Ts * share) * np.exp(record.t_s / -tau1)
+        r -= (Ts * (1.0 - share)) * np.exp(record.t_s / -tau2)
         r += Ts
         r -= record.y
         left.append(r)
     return left
-
-
-def decay(record: Record, tau: float) -> Array:
-    """e^(−t/τ) at every sample, shape (n,)."""
-    return np.asarray(np.exp(record.t_s / -tau))

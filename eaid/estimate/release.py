@@ -13,9 +13,8 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.estimate.data import Data, data_of
 from eaid.estimate.forms import nonlinear
-from eaid.estimate.from_steps import Solution, StepProblem
-from eaid.estimate.points import decay
-from eaid.estimate.solver import bring_in, minimised
+from eaid.estimate.from_steps import Solution, StepProblem, minimised
+from eaid.estimate.solver import bring_in
 from eaid.estimate.starts import form_starts
 from eaid.findings import Finding, finding
 from eaid.models.parameters import SHARE, Friction
@@ -27,11 +26,10 @@ MOST = 3  # Starts of the solve
 
 def solve(data: Data, shares: Array) -> Solution:
     """One τ1 and τ2 for all levels of `data`, from the `MOST` best starts of a search."""
-    model, alike = nonlinear(data.u[:1], float(shares[0])).without_torque, np.ones(len(shares))
+    model, alike = replace(nonlinear(data.u[:1], float(shares[0])), Ts=None), np.ones(len(shares))
     steps = StepProblem(data, model, alike, shares=shares)
     starts = [bring_in(x, steps.inner, steps.problem) for x in form_starts(model, data, alike)]
-    end, solver, active = minimised(steps.problem, sorted(starts, key=lambda x: steps.normal(x)[0])[:MOST])
-    return Solution(steps, end.x, solver, active)
+    return minimised(steps, sorted(starts, key=lambda x: steps.normal(x)[0])[:MOST])
 
 
 def sizes(solved: Solution, data: Data) -> Array:
@@ -39,7 +37,7 @@ def sizes(solved: Solution, data: Data) -> Array:
     tau1, tau2 = solved.x
     parts = []
     for share, record in zip(solved.at.theta[3], data.records, strict=True):
-        shape = share * decay(record, tau1) + (1 - share) * decay(record, tau2)
+        shape = share * np.exp(record.t_s / -tau1) + (1 - share) * np.exp(record.t_s / -tau2)
         off = shape - shape.mean()
         amplitude = max(float(off @ record.y) / max(float(off @ off), 1e-300), 0.0)
         residual = float(record.y.mean()) - amplitude * float(shape.mean())
@@ -65,7 +63,7 @@ def release_fit(
     pooled = solve(falling, shares)
     parts = sizes(pooled, data)
     total = float(parts[:, 2].sum())
-    rmse = float(np.sqrt(total / data.samples))
+    rmse = float(np.sqrt(total / sum(len(record.y) for record in data.records)))
     tau1, tau2 = pooled.x.tolist()
     part = Release(tau1, tau2, share, rmse, total, solver=pooled.solver)
     return part, _findings(data, pooled, parts)

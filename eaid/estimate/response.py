@@ -5,7 +5,7 @@ of blocks on which the response is a polynomial, and the sum of squares is the l
 step fits); where it moves all the time, samples are averaged over equal blocks.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -23,16 +23,6 @@ Integers = NDArray[np.int64]
 SHARE, REST, FALL, EXCESS, IDLE, START = 0, 1, 3, 5, 6, 7
 
 
-class Samples(NamedTuple):
-    """A log in numbers, row by row, shapes (n,)."""
-
-    dt_s: Array  # How long a row's input acts [s]; 0 after the last
-    which: Integers  # Which of the different inputs acts
-    rising: Integers  # −1 while an input is held to which the log fell from a higher one, else 1
-    y: Array
-    w: Array  # Weights; 0: a row that is not compared
-
-
 @numba.njit(cache=True, error_model="numpy")
 def acting_tau(tau: float, off: float, rest: float, at_rest: float, factor: float) -> tuple[float, float, float, float]:
     """τ of a state that lies `off` above its target, and its derivatives by the τ of rises, `at_rest` and `factor`."""
@@ -46,24 +36,18 @@ def acting_tau(tau: float, off: float, rest: float, at_rest: float, factor: floa
 MOVING_ROWS = 6_000  # Blocks of an input that moves all the time, at most
 
 
-@dataclass(frozen=True, eq=False)
-class Drive:
-    """What drives the model, and what it is compared with; shapes (n,) but for `duty`."""
+class Drive(NamedTuple):
+    """What drives the model, and what it is compared with, as the kernels take it; shapes (n,) but for `duty`."""
 
     dt_s: Array  # How long a row's input acts [s]; 0 after the last
-    index: NDArray[np.int64]  # Which of `duty` acts
+    which: Integers  # Which of `duty` acts
     duty: Array  # The different inputs, shape (m,)
-    rising: NDArray[np.int64]  # −1 while an input is held to which the log fell from a higher one, else 1
+    rising: Integers  # −1 while an input is held to which the log fell from a higher one, else 1
     y: Array
     w: Array  # Weights; 0: a row that is not compared
     idle_known: bool
     starts_idle: bool
     left: float = 0.0  # Squares that no response of these rows can take away
-
-    @property
-    def rows(self) -> Samples:
-        """As the kernels take them."""
-        return Samples(self.dt_s, self.index, self.rising, self.y, self.w)
 
     @property
     def samples(self) -> int:
@@ -109,7 +93,7 @@ def compressed(log: RecordedLog, every: Drive) -> Drive:
     row = np.searchsorted(t, at, side="right") - 1
     left = log.weight * float(every.y @ every.y) - float(w @ (y * y))
     dt_s = np.append(np.diff(at), t[-1] - at[-1])
-    return replace(every, dt_s=dt_s, index=every.index[row], rising=every.rising[row], y=y, w=w, left=max(left, 0.0))
+    return every._replace(dt_s=dt_s, which=every.which[row], rising=every.rising[row], y=y, w=w, left=max(left, 0.0))
 
 
 def averaged(log: RecordedLog, every: Drive) -> Drive:
@@ -128,10 +112,9 @@ def averaged(log: RecordedLog, every: Drive) -> Drive:
     weight = np.stack([np.where(alone, log.weight, 0.0), np.where(alone, 0.0, log.weight * size)], axis=1).ravel()
     kept = np.stack([np.ones_like(alone), ~alone], axis=1).ravel()
     duty, index = np.unique(level, return_inverse=True)
-    return replace(
-        every,
+    return every._replace(
         dt_s=np.append(np.diff(at[kept]), 0.0),
-        index=np.repeat(index, 2)[kept].astype(np.int64),
+        which=np.repeat(index, 2)[kept].astype(np.int64),
         duty=duty,
         rising=np.ones(int(kept.sum()), dtype=np.int64),
         y=np.repeat(np.add.reduceat(every.y, starts) / size, 2)[kept],
@@ -140,13 +123,13 @@ def averaged(log: RecordedLog, every: Drive) -> Drive:
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def derivatives(samples: Samples, tables: Tables, scalars: Array, place: Integers, count: int) -> Array:
+def derivatives(drive: Drive, tables: Tables, scalars: Array, place: Integers, count: int) -> Array:
     """√w times the derivatives by `count` unknowns, then √w times the residual, of the rows that count, (N, count + 1).
 
     The coefficients of T_s, τ1 and τ2 come first. `place` has the columns of `scalars`, (9,); what is no unknown has
     the column −1, the last, which nobody reads.
     """
-    n_s, weights, share = tables.by_steady.shape[1], samples.w, scalars[SHARE]
+    n_s, weights, share = tables.by_steady.shape[1], drive.w, scalars[SHARE]
     x, before, g, last_step = scalars[START:].copy(), np.zeros(2), np.zeros(2), 0.0
     sens = np.zeros((2, count + 1))
     sens[0, place[START]] = sens[1, place[START + 1]] = 1.0
@@ -158,9 +141,9 @@ def derivatives(samples: Samples, tables: Tables, scalars: Array, place: Integer
                 out[row, j] = root * (sens[0, j] + sens[1, j])
             if place[IDLE] >= 0:
                 out[row, place[IDLE]] = root
-            out[row, count] = root * (x[0] + x[1] + scalars[IDLE] - samples.y[k])
+            out[row, count] = root * (x[0] + x[1] + scalars[IDLE] - drive.y[k])
             row += 1
-        i, step, fallen = samples.which[k], samples.dt_s[k], samples.rising[k] < 0
+        i, step, fallen = drive.which[k], drive.dt_s[k], drive.rising[k] < 0
         excess = 1.0 + scalars[EXCESS] if fallen else 1.0
         total, first = tables.steady[i] * excess, n_s
         for s in range(2):

@@ -18,15 +18,14 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, nnls
-from scipy.special import chdtri, fdtrc
+from scipy.special import fdtrc
 
 from eaid.arrays import Array, inverse, median
 from eaid.estimate.forms import RECORDS, RECORDS_FREE
 from eaid.estimate.spread import LevelScatter
 from eaid.models import friction
 from eaid.models.parameters import TAU_FLOOR_S, Friction
-from eaid.results import fit as results
-from eaid.results.fit import Fit
+from eaid.results.fit import Noise
 from eaid.steps.stepset import Level, RunRecord
 
 Mask: TypeAlias = NDArray[np.bool_]
@@ -51,13 +50,6 @@ def log_jacobian(curve: Friction, time_s: Array, share_free: bool = False) -> Ar
     """∂f/∂(ln T_s, ln τ1, ln τ2[, logit C]), shape (n, 3 or 4), Eq. (3)."""
     scale = np.array([curve.Ts, curve.tau1, curve.tau2, curve.C * (1 - curve.C)])
     return np.asarray((friction.gradient(curve, time_s) * scale[:, None])[: 4 if share_free else 3].T)
-
-
-def logs_of(curve: Friction, share_free: bool = False) -> Array:
-    """(ln T_s, ln τ1, ln τ2[, logit C]); what is zero or at its edge is kept finite."""
-    share = min(max(curve.C, 1e-12), 1 - 1e-12)
-    values = np.log(np.maximum([curve.Ts, curve.tau1, curve.tau2, share / (1 - share)], 1e-300))
-    return np.asarray(values[: 4 if share_free else 3])
 
 
 def held_parameters(curve: Friction, record_s: float, share_free: bool) -> tuple[str, ...]:
@@ -124,23 +116,6 @@ class RunStatistics:
     shift: Array  # How far each run alone would move them, shape (R, k); the rows sum to zero
     within: Array  # Variance h of a single run's numbers by its own noise, shape (k,)
 
-    @property
-    def scatter(self) -> Array:
-        """Σ d²/(R − 1), shape (k,); 0 for a single run."""
-        return np.asarray(np.sort(self.shift**2, axis=0).sum(axis=0) / max(len(self.shift) - 1, 1))
-
-
-def run_statistics(level: Level, noise: Array, directions: Array) -> RunStatistics:
-    """The statistics of a level whose numbers answer to its samples by `directions`, J A⁻¹, shape (n, k).
-
-    `noise`, shape (R, n), are the residuals of its runs about their own curves.
-    """
-    scores = (noise[:, None] * np.ascontiguousarray(directions.T)).reshape(-1, len(level.time_s)).T
-    variances = bartlett_variance(level.time_s, scores).reshape(len(WINDOWS_S), len(noise), -1)
-    # sorted: the order of the runs changes no rounding
-    within = np.asarray(np.sort(variances, axis=1).mean(axis=1).max(axis=0))
-    return RunStatistics((level.runs - level.mean) @ directions, within)
-
 
 def paule_mandel(total: Callable[[float], float], wanted: float, scale: float) -> tuple[float, float]:
     """The a ≥ 0 at which the falling function `total` meets `wanted`, and q (1, or below it where a = 0)."""
@@ -153,27 +128,16 @@ def paule_mandel(total: Callable[[float], float], wanted: float, scale: float) -
     return float(brentq(lambda a: total(a) - wanted, low, high, xtol=1e-13 * high, rtol=1e-12)), 1.0
 
 
-@dataclass(frozen=True, eq=False)
-class PooledScatter:
-    """Scatter of the levels' numbers, k of them, by groups of runs: M levels with repeats, or one of all levels."""
-
-    # a: variance between runs beyond what one run shows within itself, shape (k,); NaN where it cannot be seen
-    between: Array
-    expected: Array  # Variance of each level's mean as one scatter for all levels gives it, (L, k)
-    mixed: Array  # How much each group counts for the scatter of each level, (k, L, M)
-    relative: Array  # Scatter that each group shows, as a part of the expected, (k, M)
-    degrees: Array  # Degrees of freedom of each group, (M,)
-    common: Array  # Variance that all levels share because repeats were sweeps, shape (k,); 0 where they were not
-
-
-def pooled_scatter(levels: Sequence[RunStatistics], usable: Mask | None = None) -> PooledScatter:
-    """Scatter of levels with repeats; levels of a single run borrow it. Needs one level with R ≥ 2.
+def pooled_scatter(levels: Sequence[RunStatistics], usable: Mask | None = None) -> LevelScatter:
+    """Scatter of levels' numbers with repeats; levels of a single run borrow it. Needs one level with R ≥ 2.
 
     Where `usable`, shape (L, k), is false, a number has no say in the pool and borrows from it. Where repeats were
     recorded as sweeps, what a sweep's levels have in common is no part of it.
     """
     repeats = np.array([len(level.shift) for level in levels], dtype=float)
-    v = np.array([level.scatter for level in levels])
+    # Σ d²/(R − 1) of each level, 0 for a single run; sorted: the order of the runs changes no rounding
+    squares = [np.sort(level.shift**2, axis=0).sum(axis=0) for level in levels]
+    v = np.array(squares) / np.maximum(repeats - 1, 1)[:, None]
     h = np.array([np.maximum(level.within, 1e-300) for level in levels])
     counted = np.ones(v.shape, dtype=bool) if usable is None else usable
     count, between, common = v.shape[1], np.zeros(v.shape[1]), np.zeros(v.shape[1])
@@ -194,7 +158,12 @@ def pooled_scatter(levels: Sequence[RunStatistics], usable: Mask | None = None) 
         between[k], q = paule_mandel(chi_square, float(own.sum()), float(v[own > 0, k].max()))
         expected[:, k] = q * (between[k] + h[:, k]) / repeats
         relative[k] = np.where(own > 0, v[:, k] / np.maximum(repeats * expected[:, k], 1e-300), 0.0)
-    return PooledScatter(between, expected, mixed, relative, repeats - 1, common)
+    return LevelScatter(expected, unrelated(expected), mixed, relative, repeats - 1, between, common)
+
+
+def unrelated(variance: Array) -> Array:
+    """Correlations of numbers that have nothing to do with each other, (L, k, k), for variances (L, k)."""
+    return np.broadcast_to(np.eye(variance.shape[1]), (*variance.shape, variance.shape[1]))
 
 
 def common_shifts(levels: Sequence[RunStatistics], k: int) -> Array | None:
@@ -238,8 +207,13 @@ class Scatter:
     """What the runs of L levels say about their curves of Eq. (3)."""
 
     levels: tuple[Level, ...]
-    curves: tuple[Friction, ...]
+    theta: Array  # T_s, τ1, τ2, C of the levels, (4, L)
     share_free: bool = False  # Whether C of each level is a parameter too
+
+    @cached_property
+    def curves(self) -> tuple[Friction, ...]:
+        """The same as curves of Eq. (3)."""
+        return tuple(Friction(*row) for row in self.theta.T.tolist())
 
     @cached_property
     def jacobians(self) -> tuple[Array, ...]:
@@ -256,8 +230,15 @@ class Scatter:
     @cached_property
     def runs(self) -> tuple[RunStatistics, ...]:
         """Shifts and noise of each level's runs."""
-        rows = zip(self.levels, self.noise, self.jacobians, strict=True)
-        return tuple(run_statistics(level, noise, J @ inverse(J.T @ J)) for level, noise, J in rows)
+        found = []
+        for level, noise, J in zip(self.levels, self.noise, self.jacobians, strict=True):
+            directions = J @ inverse(J.T @ J)  # how the level's numbers answer to its samples, (n, k)
+            scores = (noise[:, None] * np.ascontiguousarray(directions.T)).reshape(-1, len(level.time_s)).T
+            variances = bartlett_variance(level.time_s, scores).reshape(len(WINDOWS_S), len(noise), -1)
+            # sorted: the order of the runs changes no rounding
+            within = np.asarray(np.sort(variances, axis=1).mean(axis=1).max(axis=0))
+            found.append(RunStatistics((level.runs - level.mean) @ directions, within))
+        return tuple(found)
 
     @property
     def repeats(self) -> NDArray[np.int64]:
@@ -298,13 +279,13 @@ class Scatter:
         return "curve" if np.isfinite(self.pooled.between).any() else "within"
 
     @cached_property
-    def pooled(self) -> PooledScatter:
+    def pooled(self) -> LevelScatter:
         """How the levels' own parameters scatter."""
         if (self.repeats > 1).any():
             return pooled_scatter(self.runs, self.usable)
         within = np.array([runs.within for runs in self.runs])
         between, degrees = np.full(within.shape[1], np.nan), []
-        theta = np.array([logs_of(curve, self.share_free) for curve in self.curves]) + self.shift
+        theta = np.log(np.maximum(self.theta[:3].T, 1e-300)) + self.shift[:, :3]
         records = np.log([level.time_s[-1] for level in self.levels])
         for k, name in enumerate(CURVES):
             row = self.usable[:, k] & ((name != "tau2") | (theta[:, k] <= records))  # beyond its record: no scatter
@@ -314,7 +295,7 @@ class Scatter:
         alone = np.ones((within.shape[1], len(within), 1))
         known = np.array([min(degrees, default=FEW_DEGREES)])
         variance = within + np.where(np.isfinite(between), between, 0.0)
-        return PooledScatter(between, variance, alone, alone[:, 0], known, np.zeros(len(between)))
+        return LevelScatter(variance, unrelated(variance), alone, alone[:, 0], known, between, np.zeros(len(between)))
 
     @cached_property
     def of_levels(self) -> LevelScatter:
@@ -327,7 +308,7 @@ class Scatter:
         alike = white / (size[:, :, None] * size[:, None, :]) * part[:, :, None] * part[:, None, :]
         np.einsum("lkk->lk", alike)[:] = 1.0
         shifts = tuple(runs.shift for runs in self.runs) if self.swept else ()
-        return replace(of_numbers(pooled), alike=alike, shifts=shifts)
+        return replace(pooled, alike=alike, shifts=shifts)
 
     @property
     def swept(self) -> bool:
@@ -338,12 +319,6 @@ class Scatter:
     def degrees(self) -> float:
         """Degrees of freedom of what is pooled over all levels."""
         return float(self.pooled.degrees.sum())
-
-
-def of_numbers(pooled: PooledScatter) -> LevelScatter:
-    """The scatter of numbers that have nothing to do with each other, as intervals take it."""
-    alike = np.broadcast_to(np.eye(pooled.expected.shape[1]), (*pooled.expected.shape, pooled.expected.shape[1]))
-    return LevelScatter(pooled.expected, alike, pooled.mixed, pooled.relative, pooled.degrees)
 
 
 def _between(u: Array, log_values: Array, within: Array, p: int) -> float:
@@ -358,34 +333,16 @@ def _between(u: Array, log_values: Array, within: Array, p: int) -> float:
     return paule_mandel(total, float(len(u) - p), float(np.var(log_values)) + 1e-12)[0]
 
 
-@dataclass(frozen=True)
-class Noise:
-    """Noise within a run and scatter between runs, in a form that another experiment can be planned with.
-
-    With A = ∫ J J' dt the within-run variances are the diagonal of A⁻¹ (∫ J J' (s0 + s1 f²) dt) A⁻¹.
-    """
-
-    sensor_nm2_s: float  # s0: density of noise that does not go with the torque [N²m²·s]
-    ripple_s: float  # s1: density of noise that goes with the torque, as a share of it [s]
-    scatter: tuple[float, float, float]  # Run-to-run standard deviation of ln T_s, ln τ1, ln τ2
-
-    def scattered(self, factors: Array) -> "Noise":
-        """The same with other scatter of (T_s, τ1, τ2), by factors of shape (3,)."""
-        Ts, tau1, tau2 = (np.array(self.scatter) * factors).tolist()
-        return replace(self, scatter=(Ts, tau1, tau2))
-
-    def cautious(self, degrees: float) -> "Noise":
-        """The same with the scatter that only one rig in five exceeds, known by so many `degrees` of freedom."""
-        return self.scattered(np.full(3, float(np.sqrt(degrees / chdtri(degrees, 0.8))) if degrees > 0 else 1.0))
-
-
 # Where a fit says nothing: 0.03 N·m of white noise at 1 kHz, ripple of 1 % with a memory of 0.05 s, 3 % and 5 %
-ASSUMED = Noise(sensor_nm2_s=1e-6, ripple_s=1e-5, scatter=(0.03, 0.05, 0.0))
+ASSUMED = Noise(sensor_nm2_s=1e-6, ripple_s=1e-5, scatter={"Ts": 0.03, "tau1": 0.05, "tau2": 0.0})
 
 
 @lru_cache(maxsize=1000)
 def unit_variances(curve: Friction, hold_s: float) -> Array:
-    """Variance of (ln T_s, ln τ1, ln τ2) of a run under s0 = 1, and under s1 = 1, shape (3, 2)."""
+    """Variance of (ln T_s, ln τ1, ln τ2) of a run under s0 = 1, and under s1 = 1, shape (3, 2).
+
+    With A = ∫ J J' dt those of noise of the density s0 + s1 f² are the diagonal of A⁻¹ (∫ J J' (s0 + s1 f²) dt) A⁻¹.
+    """
     edges = np.concatenate([[0.0], np.geomspace(hold_s * 1e-5, hold_s, 400)])
     middle, width = 0.5 * (edges[1:] + edges[:-1]), np.diff(edges)
     jacobian = log_jacobian(curve, middle)
@@ -395,7 +352,7 @@ def unit_variances(curve: Friction, hold_s: float) -> Array:
     return np.stack([np.diag(unit), np.diag(ripple)], axis=1)
 
 
-def noise_of(of_runs: Scatter, records: Sequence[RunRecord]) -> results.Noise:
+def noise_of(of_runs: Scatter, records: Sequence[RunRecord]) -> Noise:
     """`uncertainty.noise` of a fit: the noise that its levels show.
 
     The density of the sensor's noise is the median of what the runs show while they idle, where some idle long enough.
@@ -405,9 +362,9 @@ def noise_of(of_runs: Scatter, records: Sequence[RunRecord]) -> results.Noise:
     known = np.flatnonzero(of_runs.usable[:, :3].all(axis=1)).tolist()
     units = np.reshape([unit_variances(of_runs.curves[i], float(of_runs.levels[i].time_s[-1])) for i in known], (-1, 2))
     within = np.ravel([of_runs.runs[i].within[:3] for i in known])
-    pairs = zip(CURVES, of_runs.pooled.between.tolist(), ASSUMED.scatter, strict=False)
-    scatter = {name: float(np.sqrt(a)) if np.isfinite(a) else assumed for name, a, assumed in pairs}
-    return results.Noise(*_densities(units, within, sensor), scatter)
+    pairs = zip(CURVES, of_runs.pooled.between.tolist(), strict=False)
+    scatter = {name: float(np.sqrt(a)) if np.isfinite(a) else ASSUMED.scatter[name] for name, a in pairs}
+    return Noise(*_densities(units, within, sensor), scatter)
 
 
 def _densities(units: Array, variance: Array, sensor: float | None) -> tuple[float, float]:
@@ -420,11 +377,3 @@ def _densities(units: Array, variance: Array, sensor: float | None) -> tuple[flo
     scale = np.sqrt((design**2).sum(axis=0))
     both = nnls(design / scale, np.ones(len(design)))[0] / scale
     return float(both[0]), float(both[1])
-
-
-def noise_of_fit(fit: Fit) -> Noise | None:
-    """The noise that a fit holds; None: it says none."""
-    held = fit.uncertainty.noise if fit.uncertainty is not None else None
-    if held is None or not set(CURVES) <= set(held.scatter):
-        return None
-    return Noise(held.sensor_nm2_s, held.ripple_s, (held.scatter["Ts"], held.scatter["tau1"], held.scatter["tau2"]))

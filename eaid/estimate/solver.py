@@ -315,7 +315,7 @@ def polish(
     return EndPoint(x, cost, evaluations), predicted, tuple(sorted({*step.active, *near.tolist()}))
 
 
-def judged(predicted: float, evaluations: int, costs: Sequence[float], at_bounds: Sequence[str] = ()) -> Solver:
+def judged(predicted: float, evaluations: int, costs: Sequence[float], at_bounds: Iterable[str] = ()) -> Solver:
     """Our verdict on a fit, from the decrease that a further step predicts, relative to the cost."""
     converged = predicted <= CONVERGED
     gain = f"a further constrained Newton step would lower the cost by {predicted:.0e} of it"
@@ -327,17 +327,3 @@ def judged(predicted: float, evaluations: int, costs: Sequence[float], at_bounds
         starts=tuple(StartCost(float(cost)) for cost in costs),
         at_bounds=tuple(dict.fromkeys(at_bounds)),
     )
-
-
-def minimised(problem: Problem, starts: Iterable[Array]) -> tuple[EndPoint, Solver, tuple[int, ...]]:
-    """The least of what feasible starts lead to, `concluded`."""
-    return concluded(problem, ended([approach(problem, start) for start in starts], problem))
-
-
-def concluded(problem: Problem, ends: Sequence[EndPoint]) -> tuple[EndPoint, Solver, tuple[int, ...]]:
-    """The best end, polished, with our verdict and the active rows."""
-    best = min(ends, key=lambda end: end.cost)
-    end, predicted, active = polish(problem, best)
-    evaluations = sum(one.evaluations for one in ends) + end.evaluations - best.evaluations
-    costs = [end.cost if one is best else one.cost for one in ends]
-    return end, judged(predicted, evaluations, costs, [problem.names(i) for i in active]), active

@@ -12,13 +12,11 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias, overload
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from eaid.arrays import Array
 from eaid.results.common import Interval
 
-Counts: TypeAlias = NDArray[np.int64]
 NOMINAL = 0.95  # Coverage that every interval of eaid claims
 FARTHEST = 50.0  # Logarithm beyond which an end is none
 Degrees: TypeAlias = dict[str, "float | Array"]  # Degrees of freedom by parameter; arrays have one entry a level
@@ -64,23 +62,27 @@ def textbook(residuals: Sequence[Array], parameters: int) -> tuple[float, float]
 
 @dataclass(frozen=True, eq=False)
 class LevelScatter:
-    """How T_s, τ1, τ2[, C] of L levels scatter, in logarithms; k of them, shown by M independent groups of runs."""
+    """How T_s, τ1, τ2[, C] of L levels scatter, in logarithms; k of them, shown by M independent groups of runs.
+
+    The groups are levels with repeats, or one of all levels.
+    """
 
     expected: Array  # Variance of each level's own estimate as one scatter for all levels gives it, (L, k)
     alike: Array  # Correlations within a level, (L, k, k)
     mixed: Array  # How much each group counts for the scatter of each level, rows of sum 1, (k, L, M)
     relative: Array  # Scatter that each group shows, as a part of the expected, (k, M)
     degrees: Array  # Degrees of freedom of each group, (M,)
+    # a: variance between runs beyond what one run shows within itself, (k,); NaN where it cannot be seen
+    between: Array
+    common: Array  # Variance that all levels share because repeats were sweeps, (k,); 0 where they were not
     # Where repeats were sweeps: how far each run alone would move its level's estimate, (R, k) of each level
     shifts: tuple[Array, ...] = ()
 
     def alone(self, i: int) -> "LevelScatter":
         """The same of one level."""
         one = slice(i, i + 1)
-        common = tuple(self.shifts[one])
-        return replace(
-            self, expected=self.expected[one], alike=self.alike[one], mixed=self.mixed[:, one], shifts=common
-        )
+        parts = {"expected": self.expected[one], "alike": self.alike[one], "mixed": self.mixed[:, one]}
+        return replace(self, **parts, shifts=self.shifts[one])
 
     def covariance(self, actual: bool) -> Array:
         """Of each level's own estimate, (L, k, k): as expected, or as its neighbourhood shows it."""

@@ -8,7 +8,6 @@ tried by their values at as many inputs as they have coefficients, one after the
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,7 +84,8 @@ def time_constants(
 
     def better(values: list[Array], k: int, reach: float) -> float:
         """The gain at the best values of τ1 (k = 0) or τ2 (k = 1) within a factor, which replace the ones before."""
-        candidates = values[k] * _factors(tried, reach, sizes[k])
+        steps = itertools.product(np.geomspace(1 / reach, reach, tried), repeat=sizes[k])
+        candidates = values[k] * np.array(list(steps))
         both = [np.broadcast_to(one, (len(candidates), len(one))) for one in values]
         both[k] = candidates
         gains = gain(*both)
@@ -106,12 +106,6 @@ def time_constants(
         keep(values.copy(), max(better(values, 0, reach) for reach in REACH))
         keep(values, max(better(values, k, reach) for reach in REACH for k in (1, 0)))
     return [(tau1, tau2) for _, tau1, tau2 in sorted(ends.values(), key=lambda row: -row[0])][:MOST]
-
-
-@lru_cache(maxsize=32)
-def _factors(count: int, reach: float, size: int) -> Array:
-    """All products of `size` of `count` factors from 1/reach to reach, (count^size, size)."""
-    return np.array(list(itertools.product(np.geomspace(1 / reach, reach, count), repeat=size)))
 
 
 def form_starts(model: Model, data: Data, weight: Array) -> list[Array]:

@@ -19,6 +19,8 @@ from eaid.results.fit import Trend
 
 # Rates are looked for up to this many e-folds over the range of x; steeper ones live between two points
 STEEPEST = 40.0
+# Relative deviations of T_s, τ1, τ2 of the levels, (3, L), where they are known, and their degrees of freedom
+Spread: TypeAlias = tuple[Array | None, float]
 Form: TypeAlias = Literal["linear", "double-exponential", "merged-exponential"]
 APART = 0.05
 CANCEL = 100.0
@@ -136,9 +138,14 @@ def _projected(rates: Array, s: Array, y: Array) -> tuple[float, Array, Array, A
 
 
 def fitted_trends(
-    kind: str, over: str, x: Array, values: Mapping[str, Sequence[float | None]]
+    kind: str, over: str, x: Array, values: Mapping[str, Sequence[float | None]], seen: Spread | None
 ) -> tuple[dict[str, Trend], list[Finding]]:
-    """The trends of a kind of experiment over x, (L,), without intervals."""
+    """The trends of a kind of experiment over x, (L,), with 95 % intervals of their coefficients if it is `seen` how
+    the levels scatter: relative deviations of T_s, τ1, τ2, (3, L), and their degrees of freedom.
+
+    The coefficients answer to the levels as δc = (G'G)⁻¹ G' δy. Where the trend misses the levels by more than they
+    scatter, or each level has one run (no deviations), the residuals about the trend say how δy scatters.
+    """
     trends: dict[str, Trend] = {}
     findings: list[Finding] = []
     for name, form in FORMS_OVER.get(kind, {}).items():
@@ -148,29 +155,20 @@ def fitted_trends(
             facts: dict[str, Value] = {"over": over, "form": form, "least": LEAST[form], "count": len(x)}
             findings.append(finding("trend-needs-levels", "friction", (), parameter=name, **facts))
             continue
-        trend = trends[name] = fit_trend(x, np.array(values[name], dtype=np.float64), over, form)
+        y = np.array(values[name], dtype=np.float64)
+        trend = fit_trend(x, y, over, form)
         if steep := [code for code in trend.at_bounds if code != "rates-meet"]:
             findings.append(finding("trend-follows-one-point", "friction", parameter=name, rates=tuple(steep)))
         if not trend.converged:
             findings.append(finding("trend-not-converged", "friction", parameter=name))
+        if seen is not None:
+            relative, degrees = seen
+            sd = None if relative is None else y * relative[{"tau1": 1, "tau2": 2}.get(name, 0)]
+            ci95, vague = _coefficients(trend, x, y, sd, degrees)
+            trend = msgspec.structs.replace(trend, ci95=ci95)
+            findings += [finding("trend-not-estimable", "friction", parameter=name)] if vague else []
+        trends[name] = trend
     return trends, findings
-
-
-def trends_with_intervals(
-    trends: Mapping[str, Trend], x: Array, values: Mapping[str, Array], sd: Mapping[str, Array] | None, degrees: float
-) -> tuple[dict[str, Trend], list[Finding]]:
-    """The trends with 95 % intervals of their coefficients, and a finding where they have none.
-
-    The coefficients answer to the levels as δc = (G'G)⁻¹ G' δy. `sd` say how δy scatters, by parameter; where the trend
-    misses the levels by more than that, or each level has one run (None), the residuals about the trend do.
-    """
-    result: dict[str, Trend] = {}
-    findings: list[Finding] = []
-    for name, trend in trends.items():
-        ci95, vague = _coefficients(trend, x, values[name], None if sd is None else sd[name], degrees)
-        result[name] = msgspec.structs.replace(trend, ci95=ci95)
-        findings += [finding("trend-not-estimable", "friction", parameter=name)] if vague else []
-    return result, findings
 
 
 def _coefficients(

@@ -25,6 +25,7 @@ from eaid.estimate.huber import huber_findings, minimise
 from eaid.estimate.levels import OwnLevels, own_levels
 from eaid.estimate.linear import linear_part
 from eaid.estimate.nonlinear import nonlinear_part
+from eaid.estimate.points import residuals
 from eaid.estimate.release import release_fit
 from eaid.estimate.scatter import CURVES, Scatter, common_shifts, noise_of
 from eaid.estimate.step_shapes import between_rows, of_another_shape, single_steps
@@ -80,39 +81,37 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
     options = options or FitOptions()
     # the products here are small: threads of BLAS would wait for each other, and round otherwise than one does
     with threadpool_limits(1, user_api="blas"):
-        return _fit_steps(stepset, options, progress)
-
-
-def _fit_steps(stepset: StepSet, options: FitOptions, progress: Callable[[], None] | None) -> Fit:
-    if stepset.levels or not stepset.level_steps:
-        result = _fit_levels(stepset, options, progress)
-        still = next((one for one in result.findings if one.code == "curve-explains-little"), None)
-        if still is not None and len(still.levels) < len(stepset.levels) - len(options.hold_out):
-            stepset = stepset.without(still.levels, still)
+        if stepset.levels or not stepset.level_steps:
             result = _fit_levels(stepset, options, progress)
-    else:  # a staircase that never rests: no model of steps from rest
-        result = Fit(data=data_part(stepset), uncertainty=Uncertainty("none"))
-    shapes = single_steps(stepset, options)
-    of_shapes = tuple(warning for shape in shapes for warning in shape.findings)
-    if not shapes and any(one.code in OTHER_SHAPES for one in (*result.findings, *stepset.all_findings)):
-        shapes = of_another_shape(stepset, options)
-        of_shapes = merged([warning for shape in shapes for warning in shape.findings])
-    rows = between_rows(shapes) if "friction" in (options.model or ("friction",)) else ()
-    if rows:
-        part = result.friction or Friction(options.held_share)
-        result = msgspec.structs.replace(result, friction=msgspec.structs.replace(part, levels=(*part.levels, *rows)))
-    told, result = result, quotable(result)
-    beyond_measure = [] if result is told else [finding("numbers-beyond-measure", "data")]
-    return judged(
-        msgspec.structs.replace(
-            result,
-            steps=shapes,
-            options=given(options, stepset),
-            seed=options.seed,
-            converged=converged(result),
-            findings=ranked((*stepset.all_findings, *result.findings, *of_shapes, *beyond_measure)),
+            still = next((one for one in result.findings if one.code == "curve-explains-little"), None)
+            if still is not None and len(still.levels) < len(stepset.levels) - len(options.hold_out):
+                stepset = stepset.without(still.levels, still)
+                result = _fit_levels(stepset, options, progress)
+        else:  # a staircase that never rests: no model of steps from rest
+            result = Fit(data=data_part(stepset), uncertainty=Uncertainty("none"))
+        shapes = single_steps(stepset, options)
+        of_shapes = tuple(warning for shape in shapes for warning in shape.findings)
+        if not shapes and any(one.code in OTHER_SHAPES for one in (*result.findings, *stepset.all_findings)):
+            shapes = of_another_shape(stepset, options)
+            of_shapes = merged([warning for shape in shapes for warning in shape.findings])
+        rows = between_rows(shapes) if "friction" in (options.model or ("friction",)) else ()
+        if rows:
+            part = result.friction or Friction(options.held_share)
+            result = msgspec.structs.replace(
+                result, friction=msgspec.structs.replace(part, levels=(*part.levels, *rows))
+            )
+        told, result = result, quotable(result)
+        beyond_measure = [] if result is told else [finding("numbers-beyond-measure", "data")]
+        return judged(
+            msgspec.structs.replace(
+                result,
+                steps=shapes,
+                options=given(options, stepset),
+                seed=options.seed,
+                converged=converged(result),
+                findings=ranked((*stepset.all_findings, *result.findings, *of_shapes, *beyond_measure)),
+            )
         )
-    )
 
 
 def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], None] | None) -> Fit:
@@ -210,7 +209,7 @@ def _of_each_level(
         options.loss,
         lambda d: own_levels(levels, d, share),
         lambda d, near: own_levels(levels, d, share, near),
-        OwnLevels.residuals,
+        lambda one, on: residuals(one.scatter.theta, on.records),
     )
     if "friction" not in models:
         return Fit(), own
@@ -223,10 +222,15 @@ def _of_each_level(
             return np.log(np.maximum(theta[:3], 1e-300))
 
         near = bootstrap(
-            levels, data, own.curves, lambda d: logs(own_levels(levels, d, share, own).theta), options, progress
+            levels,
+            data,
+            own.scatter.curves,
+            lambda d: logs(own_levels(levels, d, share, own).scatter.theta),
+            options,
+            progress,
         )
-        ends = drawn_ends(logs(own.theta), near, ends[2])
-    values = quoted(levels, own.theta, own.scatter.held, ends)
+        ends = drawn_ends(logs(own.scatter.theta), near, ends[2])
+    values = quoted(levels, own.scatter.theta, own.scatter.held, ends)
     part, findings = friction_part(stepset, values, data, options, own, huber, held_out)
     findings += huber_findings("friction", huber)
     return Fit(friction=part, findings=tuple(findings)), own

@@ -18,6 +18,7 @@ from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
+from scipy.special import chdtri
 
 from eaid.arrays import Array
 from eaid.errors import DataError, UsageError
@@ -26,11 +27,11 @@ from eaid.estimate.forms import Model, friction, nonlinear
 from eaid.estimate.from_logs import Setup
 from eaid.estimate.noise import engagements
 from eaid.estimate.response import Drive
-from eaid.estimate.scatter import ASSUMED, Noise, noise_of_fit
+from eaid.estimate.scatter import ASSUMED
 from eaid.estimate.spread import t_quantile
 from eaid.models.parameters import SHARE
 from eaid.options import PlanOptions
-from eaid.results.fit import Fit, FrictionLevel
+from eaid.results.fit import Fit, FrictionLevel, Noise
 from eaid.results.plan import Plan
 from eaid.synth.plants import Plant, clutch, of_fit
 
@@ -60,8 +61,8 @@ class Designer:
         slopes = np.pad(self.rows, ((0, 0), (0, 0), (0, len(x) - self.model.size)))
         slopes = slopes / (slopes @ x)[:, :, None]
         scattered = np.zeros((len(x), 3))  # one standard deviation of an engagement's T_s, τ1 and τ2
-        for k, part in enumerate(self.model.slices):
-            scattered[part, k] = self.noise.scatter[k] * x[part]
+        for (name, k), part in zip(PARAMETERS.items(), self.model.slices, strict=True):
+            scattered[part, k] = self.noise.scatter[name] * x[part]
         J, r = Setup(self.model, (drive,)).jacobian(x, 0)
         counted = drive.w > 0
         T2 = r * r / np.maximum(drive.w[counted], 1e-300)
@@ -236,7 +237,8 @@ class FittedRig:
     @property
     def design_noise(self) -> Noise:
         """What to design with: the scatter that only one rig in five exceeds."""
-        return self.noise.cautious(self.degrees if self.known else 0.0)
+        degrees = self.degrees if self.known else 0.0
+        return scattered(self.noise, np.full(3, np.sqrt(degrees / chdtri(degrees, 0.8)) if degrees > 0 else 1.0))
 
     def quickest(self, wanted: Mapping[str, float], session: PlanOptions) -> Plan:
         """The quickest steps from rest for the wanted half-widths [%]; where none reaches them, what comes nearest."""
@@ -301,7 +303,7 @@ class FittedRig:
         degrees = max(self.degrees, 1.0)
         chance = random.chisquare(degrees, (n, 3)) / degrees
         factors = 1 / np.sqrt(chance) if self.degrees > 0 else np.ones((n, 3))
-        return [(plant, self.noise.scattered(row)) for plant, row in zip(plants, factors, strict=True)]
+        return [(plant, scattered(self.noise, row)) for plant, row in zip(plants, factors, strict=True)]
 
 
 def rig_of(fit: Fit) -> FittedRig:
@@ -314,8 +316,15 @@ def rig_of(fit: Fit) -> FittedRig:
         levels, share = plant.model.u_range, plant.model.C
     else:
         share = (fit.friction.C if fit.friction is not None else None) or SHARE
-    noise = noise_of_fit(fit)
-    return FittedRig(fit, plant, levels, share, noise or ASSUMED, noise is not None)
+    held = fit.uncertainty.noise if fit.uncertainty is not None else None
+    noise = held if held is not None and set(PARAMETERS) <= set(held.scatter) else ASSUMED
+    return FittedRig(fit, plant, levels, share, noise, known=noise is held)
+
+
+def scattered(noise: Noise, factors: Array) -> Noise:
+    """The same noise with other scatter of T_s, τ1, τ2, by factors of shape (3,)."""
+    scatter = {name: noise.scatter[name] * float(factors[k]) for name, k in PARAMETERS.items()}
+    return msgspec.structs.replace(noise, scatter=scatter)
 
 
 def _levels_drawn(plant: Plant, rows: tuple[FrictionLevel, ...], random: np.random.Generator) -> Plant:

@@ -9,7 +9,6 @@ import numpy as np
 
 from eaid.declared import keyed, pairs
 from eaid.errors import DataError
-from eaid.estimate.scatter import Noise
 from eaid.findings import finding
 from eaid.logs.run import Run
 from eaid.models.parameters import Nonlinear
@@ -19,15 +18,18 @@ from eaid.planning.recordings import RATE_HZ, disturbance_of
 from eaid.planning.sequences import plan_excitation, refuse_scattered
 from eaid.recorded.fit import fit_recorded
 from eaid.replay.plant import driven
-from eaid.results.fit import Fit
+from eaid.results.fit import Fit, Noise
 from eaid.results.plan import Excitation
-from eaid.synth.logs import Disturbance, measured, scatter
+from eaid.synth.logs import measured, scatter
 from eaid.synth.plants import clutch
 
 
-def recording(plan: Excitation, p: Nonlinear, disturbance: Disturbance, seed: int) -> Run:
-    """One log of the sequence; each engagement, from its rest on, has a scatter of its own."""
-    draw, plant = np.random.default_rng(seed), clutch(p)
+def measure(plan: Excitation, p: Nonlinear, noise: Noise, k: int, seed: int = 0) -> Widths:
+    """Half-widths [%] at the worst duty of the `k`-th recording's own intervals.
+
+    It is one log of the sequence; each engagement, from its rest on, has a scatter of its own.
+    """
+    draw, plant, disturbance = np.random.default_rng(seed + 7919 * k), clutch(p), disturbance_of(noise)
     time_s = np.arange(round(plan.time_on_rig_s * RATE_HZ)) / RATE_HZ
     start, duty = np.array(plan.duty[:-1]).T
     place = np.searchsorted(start, time_s, side="right") - 1
@@ -37,12 +39,7 @@ def recording(plan: Excitation, p: Nonlinear, disturbance: Disturbance, seed: in
         part = engagement == number
         torque[part] = driven(plant.pull(scatter(disturbance, draw)), start, duty, time_s)[part]
     output = measured(torque, time_s, np.zeros_like(time_s), disturbance, draw)
-    return Run("planned", time_s, duty[place], output, plant.input_unit, plant.output_unit, "eaid synth", "")
-
-
-def measure(plan: Excitation, p: Nonlinear, noise: Noise, k: int, seed: int = 0) -> Widths:
-    """Half-widths [%] at the worst duty of the `k`-th recording's own intervals."""
-    run = recording(plan, p, disturbance_of(noise), seed + 7919 * k)
+    run = Run("planned", time_s, duty[place], output, plant.input_unit, plant.output_unit, "eaid synth", "")
     return widths(fit_recorded([run], FitOptions(model=("nonlinear",), duty=p.u_range, share=p.C), falls=False))
 
 

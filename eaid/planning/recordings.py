@@ -11,12 +11,11 @@ import numpy as np
 from eaid.estimate.certainty import levels_first
 from eaid.estimate.data import data_of
 from eaid.estimate.levels import own_levels
-from eaid.estimate.scatter import Noise
 from eaid.findings import Finding, finding
 from eaid.models.friction import step_response
 from eaid.options import PlanOptions
 from eaid.planning.design import PARAMETERS, FittedRig, Widths, rig_of, settled, wanting
-from eaid.results.fit import Fit
+from eaid.results.fit import Fit, Noise
 from eaid.results.plan import Plan, PlannedRun
 from eaid.steps.stepset import Level
 from eaid.synth.logs import NONE, Disturbance, measured, scatter
@@ -40,17 +39,6 @@ def experiment(plan: Plan, plant: Plant, noise: Noise, seed: int) -> tuple[Level
     return tuple(levels)
 
 
-def widths(levels: tuple[Level, ...], share: float, polynomial: bool) -> Widths:
-    """Half-width of the 95 % intervals at the worst level [%]: of the curves, else of the levels."""
-    data = data_of(levels)
-    if polynomial:
-        low, high, _ = levels_first(levels, data, share).intervals(data.u)
-    else:
-        low, high, _ = own_levels(levels, data, share).intervals
-    reach = np.minimum(0.5 * (high - low).max(axis=1), 50.0)
-    return {name: float(100 * np.expm1(reach[k])) for k, name in enumerate(PARAMETERS)}
-
-
 def disturbance_of(noise: Noise) -> Disturbance:
     """The noise and the scatter of a fit as a simulated recording has them."""
     return replace(
@@ -58,9 +46,9 @@ def disturbance_of(noise: Noise) -> Disturbance:
         white_nm=sqrt(noise.sensor_nm2_s * RATE_HZ),
         coloured=sqrt(noise.ripple_s / (2 * MEMORY_S)),
         coloured_s=MEMORY_S,
-        gain_scatter=min(noise.scatter[0], 0.3),
-        tau1_scatter=noise.scatter[1],
-        tau2_scatter=noise.scatter[2],
+        gain_scatter=min(noise.scatter["Ts"], 0.3),
+        tau1_scatter=noise.scatter["tau1"],
+        tau2_scatter=noise.scatter["tau2"],
     )
 
 
@@ -84,13 +72,19 @@ def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Call
         """Half-widths of one recording's own intervals at the worst level [%]."""
         plant, noise = rigs[k]
         levels = experiment(plan, plant, noise, options.seed + 100_000 * k)
-        return widths(levels, rig.share, polynomial=plant.kind == "clutch" and len(plan.levels) > 1)
+        data = data_of(levels)
+        if plant.kind == "clutch" and len(levels) > 1:  # of the curves
+            low, high, _ = levels_first(levels, data, rig.share).intervals(data.u)
+        else:
+            low, high, _ = own_levels(levels, data, rig.share).intervals
+        reach = np.minimum(0.5 * (high - low).max(axis=1), 50.0)
+        return {name: float(100 * np.expm1(reach[i])) for name, i in PARAMETERS.items()}
 
     make = partial(rig.quickest, session=options)
     plan, worst, width = settled(make, measure, options, SETS, KEEPING, progress)
     findings = _warnings(rig)
     if not plan.met:
-        scatter = 100 * rig.design_noise.scatter[PARAMETERS[worst]]
+        scatter = 100 * rig.design_noise.scatter[worst]
         findings.append(
             finding(
                 "plan-falls-short", "plan", (), parameter=worst, repeats=plan.repeats,

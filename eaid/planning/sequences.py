@@ -16,11 +16,11 @@ from eaid.arrays import Array
 from eaid.errors import UsageError
 from eaid.estimate.forms import nonlinear
 from eaid.estimate.response import Drive
-from eaid.estimate.scatter import Noise
 from eaid.estimate.spread import t_quantile
 from eaid.models.parameters import Nonlinear
 from eaid.options import Limits
 from eaid.planning.design import PARAMETERS, Designer
+from eaid.results.fit import Noise
 from eaid.results.plan import Excitation
 
 MOST_ENGAGEMENTS = 60
@@ -47,7 +47,8 @@ def check(limits: Limits) -> None:
 def refuse_scattered(noise: Noise, wanted: Mapping[str, float]) -> None:
     """Refuse widths that the scatter between engagements keeps out of reach, however many there are."""
     faults = []
-    for name, scatter in zip(PARAMETERS, noise.scatter, strict=True):
+    for name in PARAMETERS:
+        scatter = noise.scatter[name]
         least = float(100 * np.expm1(scatter * of_mean(MOST_ENGAGEMENTS)))
         if least > wanted.get(name, np.inf):
             faults.append(
@@ -167,7 +168,8 @@ class Judge:
     def least_engagements(self) -> int:
         """As many as asked for, and as the scatter between them needs."""
         count = self.limits.engagements
-        for name, scatter in zip(PARAMETERS, self.noise.scatter, strict=True):
+        for name in PARAMETERS:
+            scatter = self.noise.scatter[name]
             if scatter > 0 and name in self.wanted:
                 enough = 0.8 * self.wanted[name] / (100 * scatter)
                 while count < MOST_ENGAGEMENTS and of_mean(count) > enough:
@@ -190,7 +192,7 @@ class Judge:
         """Half-widths of log T_s, log τ1, log τ2 at the duties [%], (3, DUTIES); infinite where nothing is known."""
         within, between = self.designer.variances(drive_of_sequence(self.whole(sequence)))
         half = t_quantile(DEGREES) * np.sqrt(within.sum(axis=2))
-        if any(self.noise.scatter):
+        if any(self.noise.scatter.values()):
             half = np.hypot(half, t_quantile(max(between.shape[2] - 1, 1)) * np.sqrt(between.sum(axis=2)))
         return np.asarray(100 * np.expm1(np.minimum(half, 50.0)))
 

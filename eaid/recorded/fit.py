@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from eaid.arrays import Array
 from eaid.errors import DataError, UsageError
 from eaid.estimate import forms, workflow
-from eaid.estimate.coefficients import coefficient_intervals, coefficients_of, covariance_part, turned
+from eaid.estimate.coefficients import turned, with_intervals
 from eaid.estimate.data import data_of, errors
 from eaid.estimate.fall_tests import tested, with_falls
 from eaid.estimate.from_logs import Solved, idle_of, model_of, setup_of, solve
@@ -27,7 +27,6 @@ from eaid.estimate.log_intervals import CurveSpread, Spread, curves, never_asked
 from eaid.estimate.noise import FEWEST_ENGAGEMENTS, scatter_findings
 from eaid.estimate.nonlinear import scored
 from eaid.estimate.record import RecordedLog, logs_of_steps, recorded_log
-from eaid.estimate.spread import Degrees
 from eaid.estimate.step_shapes import single_steps
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.logs.run import Run
@@ -244,22 +243,16 @@ def nonlinear_part(solved: Solved, uncertainty: Spread | None, known: CurveSprea
     """The ten coefficients, with errors by level and intervals."""
     total, model = errors(solved.outputs, solved.missed), solved.setup.model
     part = scored(model_of(solved), model.free_share, total, _level_errors(solved, shown), solved.solver)
-    if uncertainty is not None and known is not None:
-        c, turn = coefficients_of(model_of(solved), model.free_share), turned(model)
-        covariance = turn @ uncertainty.covariance[: turn.shape[1], : turn.shape[1]] @ turn.T
-        degrees: Degrees = {**degrees_of(solved, uncertainty)}
-        part = msgspec.structs.replace(
-            part,
-            curves=known.rows,
-            ci95=coefficient_intervals(c, covariance, degrees),
-            covariance=covariance_part(c, covariance, degrees),
-        )
-    return part
+    if uncertainty is None or known is None:
+        return part
+    turn = turned(model)
+    covariance = turn @ uncertainty.covariance[: turn.shape[1], : turn.shape[1]] @ turn.T
+    return with_intervals(part, known.rows, covariance, {**degrees_of(solved, uncertainty)})
 
 
 def _level_errors(solved: Solved, shown: Array) -> tuple[LevelError, ...]:
     """Errors of the rows whose input is nearest to each of some levels; rests are left out."""
-    duty = np.concatenate([drive.duty[drive.index][drive.w > 0] for drive in solved.setup.drives])
+    duty = np.concatenate([drive.duty[drive.which][drive.w > 0] for drive in solved.setup.drives])
     y, missed = np.concatenate(solved.outputs), np.concatenate(solved.missed)
     nearest = np.where(duty > 0, np.searchsorted(0.5 * (shown[1:] + shown[:-1]), duty), -1)
     rows = []
@@ -467,6 +460,5 @@ def fit_recorded(
             loops=loops,
             dead_time_s=max(0.0, -min(late_s)),
             engagements=0 if uncertainty is None else uncertainty.scatter.count,
-            correlation_s=None if uncertainty is None else uncertainty.correlation_s,
         ),
     )

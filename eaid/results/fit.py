@@ -279,19 +279,6 @@ class Covariance(Result, frozen=True):
     degrees_of_freedom: dict[str, Number | None] = {}
 
 
-class Disagreement(Result, frozen=True):
-    """Where the joint fit leaves the intervals of the estimate that is believed."""
-
-    parameter: str
-    levels: tuple[Number, ...] = ()
-    worst: Number | None = None
-    """The level at which they part most."""
-    one: Number | None = None
-    """Of the joint fit."""
-    other: Number | None = None
-    ci95_other: Interval = None
-
-
 class Nonlinear(Scores, frozen=True):
     """The ten coefficients of Eqs. (4)–(7)."""
 
@@ -316,8 +303,6 @@ class Nonlinear(Scores, frozen=True):
     robust: Huber | None = None
     joint: "Nonlinear | None" = None
     """Beside the estimate that is used the paper's joint fit, without intervals."""
-    parts: tuple[Disagreement, ...] = ()
-    """Where that leaves the intervals of the estimate that is used."""
 
     @property
     def parameters(self) -> NonlinearModel:

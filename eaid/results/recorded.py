@@ -86,5 +86,3 @@ class Recorded(Result, frozen=True):
     dead_time_s: Number = 0.0
     """Longest dead time of the logs; the models begin behind it."""
     engagements: Count = 0
-    correlation_s: Number | None = None
-    """Integrated correlation time of the residuals [s], the longest of all logs."""

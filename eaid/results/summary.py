@@ -54,7 +54,8 @@ def answer(fit: "Fit") -> list[str]:
         lines.append("shown  single steps with their dead times; the models have none")
     elif model is not None:
         used = USED[model.estimator] if fit.recorded is None else "the recorded log as a whole, every input at once"
-        lines.append(f"used   {used}{' (the joint fit disagrees with the single levels)' if model.parts else ''}")
+        parted = any(one.code in ("joint-fit-parts", "joint-fit-asked-for-parts") for one in fit.findings)
+        lines.append(f"used   {used}{' (the joint fit disagrees with the single levels)' if parted else ''}")
         lines += _peaks(fit)
     return lines
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eaid.estimate.scatter import RunStatistics, common_shifts, of_numbers, pooled_scatter
+from eaid.estimate.scatter import RunStatistics, common_shifts, pooled_scatter
 from eaid.estimate.spread import Influence, LevelScatter, interval_of, log_interval_of, satterthwaite
 
 
@@ -30,7 +30,7 @@ def alone(variance: list[float], relative: list[float], degrees: list[float], **
     """Levels that each show the scatter of their one parameter by themselves."""
     one = np.eye(len(variance))[None]
     found = (np.array(variance)[:, None], np.ones((len(variance), 1, 1)), one, np.array([relative]), np.array(degrees))
-    return LevelScatter(*found, **more)
+    return LevelScatter(*found, np.zeros(1), np.zeros(1), **more)
 
 
 def test_welch_of_levels_by_hand() -> None:
@@ -86,7 +86,7 @@ def test_sweeps_count_as_many_observations_as_there_are_sweeps() -> None:
     assert found.expected[0, 0] == pytest.approx((left**2).sum() / (7 * 3) / 4)
     whole = Influence(
         np.ones((8, 1, 1)) / 8,
-        replace(of_numbers(found), shifts=tuple(one.shift for one in levels)),
+        replace(found, shifts=tuple(one.shift for one in levels)),
         np.zeros((0, 1)),
         0.0,
     )

@@ -26,7 +26,7 @@ def test_it_is_the_weighted_least_squares_with_one_free_size_a_level(levels: Any
     """Weights 1/(T² + s²) at the solution; T of each level by its own closed form."""
     fit = levels_first(levels, data_of(levels), 0.85)
     u, t = np.array([one.level for one in levels]), levels[0].time_s
-    y, weight = np.array([one.mean for one in levels]), fit.problem.weight
+    y, weight = np.array([one.mean for one in levels]), fit.solved.steps.weight
 
     def left(x: np.ndarray) -> np.ndarray:
         phi = curves(x, u, t)
@@ -39,18 +39,18 @@ def test_it_is_the_weighted_least_squares_with_one_free_size_a_level(levels: Any
     assert other.x == pytest.approx(start, rel=1e-4)
     phi = curves(start, u, t)
     T = (phi * y).sum(axis=1) / (phi**2).sum(axis=1)
-    assert fit.at.theta[0] == pytest.approx(T, rel=1e-6)
+    assert fit.solved.at.theta[0] == pytest.approx(T, rel=1e-6)
     s = np.sqrt(((T[:, None] * phi - y) ** 2).mean(axis=1))
     assert weight == pytest.approx(1 / (T**2 + s**2), rel=5e-3)
 
 
 def test_its_gradient_is_that_of_its_cost(levels: Any) -> None:
     fit = levels_first(levels, data_of(levels), None)
-    x = fit.x * 1.1
-    _, gradient, _ = fit.problem.normal(x)
+    x = fit.solved.x * 1.1
+    _, gradient, _ = fit.solved.steps.normal(x)
     for k in range(len(x)):
         h = 1e-6 * max(abs(x[k]), 1e-3) * np.eye(len(x))[k]
-        slope = (fit.problem.normal(x + h)[0] - fit.problem.normal(x - h)[0]) / (2 * h[k])
+        slope = (fit.solved.steps.normal(x + h)[0] - fit.solved.steps.normal(x - h)[0]) / (2 * h[k])
         assert gradient[k] == pytest.approx(slope, rel=1e-4, abs=1e-6 * np.abs(gradient).max())
 
 
@@ -63,7 +63,7 @@ def test_a_run_moves_it_as_its_influence_says(levels: Any) -> None:
     moved = tuple(replace(one, runs=runs) if i == which else one for i, one in enumerate(levels))
     after = levels_first(moved, data_of(moved), 0.85, near=before)
     value, slopes = before.numbers(u, before.coefficients)
-    now, _ = before.numbers(u, np.append(before.curve.gains @ after.at.theta[0], after.x))
+    now, _ = before.numbers(u, np.append(before.curve.gains @ after.solved.at.theta[0], after.solved.x))
     gain = before.influence.of(slopes.reshape(9, -1)).gain[which]
     predicted = step / 3 * before.scatter.runs[which].shift[1] @ gain
     assert (now - value).ravel() == pytest.approx(predicted, rel=0.15, abs=0.03 * np.abs(predicted).max())
@@ -78,4 +78,4 @@ def test_a_level_that_does_not_move_and_one_of_zeros_have_no_say(levels: Any, se
     u = np.arange(20.0, 101.0, 20.0)
     ours, theirs = (one.numbers(u, one.coefficients)[0] for one in (found, alone))
     assert found.solved.solver.converged and ours[1:] == pytest.approx(theirs[1:], abs=0.25)
-    assert found.at.theta[0, 0] == 0.0 and found.at.theta[0, 1] < 0.01
+    assert found.solved.at.theta[0, 0] == 0.0 and found.solved.at.theta[0, 1] < 0.01

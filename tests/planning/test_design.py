@@ -3,13 +3,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from eaid.estimate.scatter import ASSUMED, Noise, unit_variances
+from eaid.estimate.scatter import ASSUMED, unit_variances
 from eaid.estimate.spread import t_quantile
 from eaid.models import parameters
 from eaid.models.nonlinear import at_duty
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.planning.design import rig_of
-from eaid.results.fit import Fit, FittedData, Friction, FrictionLevel, Nonlinear
+from eaid.results.fit import Fit, FittedData, Friction, FrictionLevel, Noise, Nonlinear, Uncertainty
 
 
 def curve_at(duty: float) -> parameters.Friction:
@@ -25,9 +25,8 @@ def test_widths_of_pure_scatter_by_hand() -> None:
     model = Nonlinear(**{name: getattr(REFERENCE_PLANT, name) for name in ("tau1", "tau2", "Ts")}, u_range=(20.0, 80.0))
     for part, degrees in ({"friction": Friction(levels=rows)}, 9), ({"nonlinear": model}, 3):
         kind = "clutch" if "nonlinear" in part else "friction-speed"
-        rig = replace(
-            rig_of(Fit(data=FittedData(kind=kind), **part)), noise=Noise(0.0, 0.0, tuple(spread)), known=False
-        )
+        noise = Noise(0.0, 0.0, dict(zip(("Ts", "tau1", "tau2"), spread.tolist(), strict=True)))
+        rig = replace(rig_of(Fit(data=FittedData(kind=kind), **part)), noise=noise, known=False)
         found = rig.half_widths(levels, np.full(3, 30.0), np.array([4.0]))
         np.testing.assert_allclose(found[:, 0], 100 * np.expm1(t_quantile(degrees) * spread / 2), rtol=1e-6)
 
@@ -46,5 +45,13 @@ def test_information_is_the_sum_over_samples() -> None:
 
 def test_scatter_that_is_known_from_few_runs_is_taken_larger() -> None:
     """√(ν/χ²) at 20 %: 1.17 for 20 degrees of freedom, by hand from χ²₀.₂(20) = 14.578."""
-    assert ASSUMED.cautious(20.0).scatter[0] == pytest.approx(0.03 * np.sqrt(20 / 14.578), rel=1e-4)
-    assert ASSUMED.cautious(0.0) == ASSUMED
+    levels = (FrictionLevel(50.0, 1.0, 0.2, 2.0),)
+
+    def taken(degrees: float) -> Noise:
+        known = Uncertainty(degrees_of_freedom=degrees, noise=ASSUMED)
+        return rig_of(
+            Fit(data=FittedData("friction-speed"), friction=Friction(levels=levels), uncertainty=known)
+        ).design_noise
+
+    assert taken(20.0).scatter["Ts"] == pytest.approx(0.03 * np.sqrt(20 / 14.578), rel=1e-4)
+    assert taken(0.0) == ASSUMED

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import eaid
-from eaid.estimate.scatter import Noise
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.options import Limits
 from eaid.planning.excitation import measure
 from eaid.planning.sequences import plan_excitation, refuse_scattered
+from eaid.results.fit import Noise
 
-NOISE = Noise(1.8e-7, 6e-5, (0.0, 0.0, 0.0))
+NOISE = Noise(1.8e-7, 6e-5, {"Ts": 0.0, "tau1": 0.0, "tau2": 0.0})
 WANT = {"tau1": 8.0, "tau2": 25.0, "Ts": 3.0}
 
 
@@ -49,7 +49,7 @@ def test_limits_that_mean_nothing_are_refused(wrong: dict[str, Any], small_fit: 
 
 def test_widths_that_scatter_keeps_out_of_reach_are_refused_at_once() -> None:
     """Sixty engagements leave t(59)/√60 = 0.258 of a scatter of 13 %, which is 3.4 %."""
-    wild = Noise(1.8e-7, 6e-5, (0.13, 0.0, 0.0))
+    wild = Noise(1.8e-7, 6e-5, {"Ts": 0.13, "tau1": 0.0, "tau2": 0.0})
     refuse_scattered(wild, {"Ts": 3.5, "tau2": 1.0})
     with pytest.raises(eaid.UsageError, match=r"3\.42 %"):
         refuse_scattered(wild, {"Ts": 3.4})

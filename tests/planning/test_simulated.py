@@ -71,7 +71,7 @@ def test_rigs_scatter_as_the_fit_is_sure(fitted: Any) -> None:
     half_width = 0.5 * np.log(row.ci95.tau2[1] / row.ci95.tau2[0])
     assert np.quantile(np.abs(tau2 - np.log(row.tau2)), 0.95) == pytest.approx(half_width, rel=0.3)
     degrees = fitted.uncertainty.degrees_of_freedom
-    factor = np.array([own.scatter[0] / noise.scatter[0] for _, own in found])
+    factor = np.array([own.scatter["Ts"] / noise.scatter["Ts"] for _, own in found])
     assert np.mean(1 / factor**2) == pytest.approx(1.0, abs=4 * np.sqrt(2 / degrees / 200))
     assert np.std(1 / factor**2) == pytest.approx(np.sqrt(2 / degrees), rel=0.25)
     again = rig.drawn(200, 1)

@@ -21,7 +21,7 @@ def plainly(drive: Drive, tables: Tables, scalars: Any, start: tuple[Any, Any] =
     share, rest1, rest2, fall1, fall2, excess, idle = scalars[:7]
     x1, x2 = start
     found = []
-    for i, step, up in zip(drive.index, drive.dt_s, drive.rising, strict=True):
+    for i, step, up in zip(drive.which, drive.dt_s, drive.rising, strict=True):
         found.append(idle + x1 + x2)
         if step <= 0:
             continue
