@@ -8,7 +8,7 @@ from eaid.arrays import Array
 from eaid.models import nonlinear
 from eaid.report import panels as ink
 from eaid.report import rig
-from eaid.report.panels import Axis, Band, Line, Note, Panel, Ready, Sheet, caption, over
+from eaid.report.panels import Axis, Band, Line, Note, Panel, Sheet, over
 from eaid.report.results import Results
 from eaid.report.rig import of_the_paper
 from eaid.results.common import Interval, ci95_of
@@ -69,14 +69,14 @@ def value_panels(fit: Fit) -> list[Panel]:
     return panels
 
 
-def polynomials(fit: Fit) -> Ready | None:
+def polynomials(fit: Fit) -> Sheet | None:
     """T_s, τ1 and τ2 over the level: the model, the single levels with their intervals, and Table III."""
     if fit.nonlinear is None or len(believed_levels(fit)) == 1:
         return None
-    return Ready(Sheet(value_panels(fit), 2.5, columns=3, share=(False, False)), caption("over_duty"))
+    return Sheet(value_panels(fit), 2.5, columns=3, share=(False, False))
 
 
-def trends(fit: Fit) -> Ready | None:
+def trends(fit: Fit) -> Sheet | None:
     """Figs. 4 and 5: the levels with their intervals, their trend and the published one, a panel a value.
 
     Over force: T_s, τ1, C_f and τ2 over the normal stress [kPa], where it is known; over speed: τ1, T_s and τ2 [RPM].
@@ -114,13 +114,10 @@ def trends(fit: Fit) -> Ready | None:
         y = value_axis(name, fit.data.output_unit, max(top, 0.0))
         panels.append(Panel(along, y, lines, legend="" if panels else "over", columns=6, tight=False))
     four = len(names) == 4
-    text = caption("trends", rows=part.levels, unit=fit.data.input_unit, out=fit.data.output_unit)
-    title = "" if papers_rig else "Fitted values over the level"
-    sheet = Sheet(panels, 4.2 if four else 2.4, columns=2 if four else 3, share=(four, False))
-    return Ready(sheet, text, title)
+    return Sheet(panels, 4.2 if four else 2.4, columns=2 if four else 3, share=(four, False))
 
 
-def pwm_period(results: Results) -> Ready | None:
+def pwm_period(results: Results) -> Sheet | None:
     """Fig. 2: one PWM period of a clutch like the paper's: (a) voltage, (b) the ideal torque as a share of full duty's.
 
     Eq. (2): duty = 2 P_a / P; P_a is the time at +V and the time at −V, the rest of the period is 0.
@@ -146,10 +143,10 @@ def pwm_period(results: Results) -> Ready | None:
         Panel(time, volts, lines, notes=notes, title=f"duty 2 P_a/P = {duty_pct:.0f} %"),
         Panel(time, torque, [Line(edges, on, color=ink.BLUE, width=1.1)], [Band(edges, 0 * on, on, ink.BLUE, 0.15)]),
     ]
-    return Ready(Sheet(panels, 2.5, ink.COLUMN_IN, ratios=(1.7, 1)), caption("pwm"))
+    return Sheet(panels, 2.5, ink.COLUMN_IN, ratios=(1.7, 1))
 
 
-def shear_per_field(fit: Fit) -> Ready | None:
+def shear_per_field(fit: Fit) -> Sheet | None:
     """Fig. 9, Eq. (1): shear stress over the electric field of this clutch at its highest level, of the paper's kind.
 
     A hollow square, as the paper marks adjustable rotary actuators, and lines of equal merit.
@@ -159,15 +156,14 @@ def shear_per_field(fit: Fit) -> Ready | None:
     rig, model, top = fit.data.apparatus, fit.nonlinear.parameters, fit.nonlinear.u_range[1]
     field, shear = rig.field_v_per_um, rig.shear_kpa(float(nonlinear.steady_torque(model, top)))
     x, merit = np.array([0.0, 2 * field]), shear / field
-    factors = (0.5, 1.0, 2.0)
+    factors, said = (0.5, 1.0, 2.0), f"{shear:.2f} kPa\nat {field:.2f} V/µm"
     lines = [Line(x, factor * merit * x, color=ink.GREY, dash="--", width=0.8) for factor in factors]
     notes = [Note(f"{factor * merit:.2g}", 1.01, factor, "xy", ha="left") for factor in factors[:2]]
     notes += [
         Note(f"{2 * merit:.2g}", 0.5, 1.01, "xy", va="bottom"),
         Note("kPa/\n(V/µm)", 1.01, 0.86, "xy", ha="left", va="top"),
-        Note(f"this clutch,\n{shear:.2f} kPa", 1.1 * field, 0.97 * shear, ha="left", va="top", boxed=True),
+        Note(f"this clutch,\n{said}", 1.1 * field, 0.97 * shear, ha="left", va="top", boxed=True),
     ]
     lines.append(Line([field], [shear], color=ink.BLUE, dash="", marker="s", size=7, fill="white"))
     axes = Axis("Electric field", "V/µm", (0.0, 2 * field)), Axis("Shear stress", "kPa", (0.0, 2 * shear))
-    text = caption("shear", field=field, stress=shear, level=top, unit=fit.data.input_unit)
-    return Ready(Sheet([Panel(*axes, lines, notes=notes, tight=False)], 2.5, ink.COLUMN_IN), text)
+    return Sheet([Panel(*axes, lines, notes=notes, tight=False)], 2.5, ink.COLUMN_IN)
