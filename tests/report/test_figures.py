@@ -145,7 +145,7 @@ def test_friction_over_stress_has_a_coefficient_of_friction_where_the_output_is_
                  friction={"C": 0.85, "over": "stress_kpa", "levels": rows, "trends": {"Ts": trend}})  # fmt: skip
     axes = drawn("fig04_friction_over_stress", fit).figure.axes
     assert len(axes) == 3 + (unit == "N·m")
-    x, y = axes[0].lines[-1 - (unit == "N·m")].get_data()
+    x, y = axes[0].lines[0].get_data()
     assert y == pytest.approx(0.5 * x - 0.1)
     if unit == "N·m":
         volume = 2 * np.pi * (0.06**3 - 0.04**3) / 3

@@ -1,6 +1,7 @@
 """Fitted values over the level, with their 95 % intervals; the rig: one PWM period, shear stress over the field."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,27 +16,32 @@ from eaid.results.common import Interval, ci95_of
 from eaid.results.fit import Fit
 from eaid.results.summary import ENDLESS_S, believed_levels
 
-NAMES = {"Ts": "Steady value T_s", "tau1": "Fast constant τ1", "tau2": "Slow constant τ2"}
+VALUES = ("Ts", "tau1", "tau2")
+NAMES = {"Ts": "Steady value T_s", "tau1": "Fast constant τ1", "tau2": "Slow constant τ2",
+         "C_f": "Friction coefficient C_f"}  # fmt: skip
 TALL = 1.6  # An interval that reaches beyond so many times its value does not set the axis
 
 
-def value_axis(name: str, unit: str, top: float) -> Axis:
-    """The axis of a fitted value, from 0 to a little above `top`; by the data where that is 0."""
-    said = "Friction coefficient C_f" if name == "C_f" else NAMES[name]
-    return Axis(said, {"C_f": "1", "Ts": unit}.get(name, "s"), (0.0, 1.1 * top) if top else (None, None))
-
-
-def points(x: Sequence[float], values: Array, intervals: Sequence[Interval], name: str) -> Line:
-    """Values with their 95 % intervals where there are any, the value itself where not."""
+def value_panel(
+    x: Axis, fit: Fit, name: str, levels: Sequence[float], values: Array, intervals: Sequence[Interval],
+    model: Line | None, published: Line | None, legend: bool,
+) -> Panel:  # fmt: skip
+    """A fitted value over the level: its model, the single levels with their intervals, what was published."""
     known = [(value, value) if ends is None else ends for value, ends in zip(values, intervals, strict=True)]
     low, high = np.array(known).reshape(-1, 2).T
-    return Line(x, values, name, dash="", marker="o", ends=(np.minimum(low, values), np.maximum(high, values)))
-
-
-def seen(drawn: Line) -> float:
-    """The highest end of a whisker that is to be seen."""
-    assert drawn.ends is not None
-    return float(np.nanmax(np.minimum(drawn.ends[1], TALL * np.abs(drawn.y)), initial=0.0))
+    ends = np.minimum(low, values), np.maximum(high, values)
+    lines = [Line(levels, values, "each level, 95 %", dash="", marker="o", ends=ends)]
+    top = float(np.nanmax(np.minimum(ends[1], TALL * np.abs(values)), initial=0.0))
+    if model is not None:
+        peak = float(np.nanmax(model.y, initial=0.0))
+        top = top if top and peak > 3 * top and name in ("tau1", "tau2") else max(top, peak)
+        # only where the axis holds it: τ2 without end would hide all the rest
+        lines.insert(0, replace(model, y=np.where(model.y < 1.3 * top, model.y, np.nan), color=ink.BLUE, width=1.1))
+    if published is not None:
+        lines.append(replace(published, name="published", color=ink.VERMILLION, dash=":", width=1.1))
+    unit = {"C_f": "1", "Ts": fit.data.output_unit}.get(name, "s")
+    y = Axis(NAMES[name], unit, (0.0, 1.1 * top) if top else (None, None))
+    return Panel(x, y, lines, legend="over" if legend else "", columns=6, tight=False)
 
 
 def ended(values: Array, name: str) -> Array:
@@ -47,25 +53,19 @@ def value_panels(fit: Fit) -> list[Panel]:
     """T_s, τ1 and τ2, a panel each: the levels of a fit, its nonlinear model where there is one, and Table III."""
     rows, part = believed_levels(fit), fit.nonlinear
     panels = []
-    for name in NAMES:
+    for name in VALUES:
         values = ended(np.array([getattr(row, name) for row in rows], dtype=float), name)
-        lines = [points([row.level for row in rows], values, [ci95_of(row, name) for row in rows], "95 %")]
-        top = seen(lines[0])
+        model = published = None
         if part is not None:
             u = np.linspace(*part.u_range, 200)
             tau1, tau2 = nonlinear.time_constants(part.parameters, u)
             curves = {"Ts": nonlinear.steady_torque(part.parameters, u), "tau1": tau1, "tau2": tau2}
-            model = ended(curves[name], name)
-            high = float(np.nanmax(model, initial=0.0))
-            top = high if not top or top < high < 3 * top else top
-            # only where the axis holds it: τ2 without end would hide all the rest
-            lines.insert(0, Line(u, np.where(model < 1.3 * top, model, np.nan), "model", ink.BLUE, width=1.1))
+            model = Line(u, ended(curves[name], name), "model")
             if of_the_paper(fit.data) and name != "Ts":  # Table III's T_s gives 0.06 N·m at full duty
-                paper = np.polynomial.polynomial.polyval(u, rig.TABLE_III[name])
-                lines.append(Line(u, paper, "published", ink.GREY, ":", 1.1))
-        y = value_axis(name, fit.data.output_unit, top or 1 / 1.1)
-        legend = "over" if name == "tau1" else ""
-        panels.append(Panel(over(fit.data.input_unit), y, lines, legend=legend, columns=6, tight=False))
+                published = Line(u, np.polynomial.polynomial.polyval(u, rig.TABLE_III[name]))
+        levels, intervals = [row.level for row in rows], [ci95_of(row, name) for row in rows]
+        x = over(fit.data.input_unit)
+        panels.append(value_panel(x, fit, name, levels, values, intervals, model, published, name == "tau1"))
     return panels
 
 
@@ -81,14 +81,10 @@ def trends(fit: Fit) -> Sheet | None:
 
     Over force: T_s, τ1, C_f and τ2 over the normal stress [kPa], where it is known; over speed: τ1, T_s and τ2 [RPM].
     """
-    part, stress, papers_rig = (
-        fit.friction,
-        fit.friction is not None and fit.friction.over_stress,
-        of_the_paper(fit.data),
-    )
+    part, stress = fit.friction, fit.friction is not None and fit.friction.over_stress
     if part is None or len(part.levels) < 2:
         return None
-    names: tuple[str, ...] = ("Ts", "tau1", "C_f", "tau2") if stress and fit.data.output_unit == "N·m" else tuple(NAMES)
+    names = ("Ts", "tau1", "C_f", "tau2") if stress and fit.data.output_unit == "N·m" else VALUES
     paper = rig.OVER_STRESS
     if fit.data.kind == "friction-speed":
         # Table II's tau2 is two equal rates of opposite weight: at the printed digits no curve is left to draw.
@@ -104,15 +100,10 @@ def trends(fit: Fit) -> Sheet | None:
         values = np.array(per) * [getattr(row, key) for row in part.levels]
         ends = [ci95_of(row, key) for row in part.levels]
         scaled = [end and (k * end[0], k * end[1]) for k, end in zip(per, ends, strict=True)]
-        lines = [points(x.tolist(), values, scaled, "each level, 95 %")]
-        top, trend = seen(lines[0]), part.trends.get(name)
-        if trend is not None and trend.coefficients:
-            lines.append(Line(fine, trend.predict(fine), "trend", ink.BLUE, width=1.1))
-            top = max(top, float(np.max(trend.predict(fine))))
-        if name in paper and papers_rig:
-            lines.append(Line(fine, paper[name](fine), "published", ink.VERMILLION, ":", 1.1))
-        y = value_axis(name, fit.data.output_unit, max(top, 0.0))
-        panels.append(Panel(along, y, lines, legend="" if panels else "over", columns=6, tight=False))
+        fitted = part.trends.get(name)
+        trend = Line(fine, fitted.predict(fine), "trend") if fitted is not None and fitted.coefficients else None
+        published = Line(fine, paper[name](fine)) if name in paper and of_the_paper(fit.data) else None
+        panels.append(value_panel(along, fit, name, x.tolist(), values, scaled, trend, published, not panels))
     four = len(names) == 4
     return Sheet(panels, 4.2 if four else 2.4, columns=2 if four else 3, share=(four, False))
 
