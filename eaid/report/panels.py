@@ -148,7 +148,7 @@ class Sheet:
     columns: int = 1
     ratios: tuple[float, ...] = ()  # Heights of the rows
     widths: tuple[float, ...] = ()
-    share: tuple[Any, Any] = ("col", False)  # Along x and along y: `col`, `row`, all (True) or none (False)
+    shared: bool = True  # Whether panels of one column have one x axis
     lettered: bool = True
     live: bool = False  # Whether the page has it, of one column, as a plot that can be zoomed
 

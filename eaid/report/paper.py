@@ -46,16 +46,14 @@ def figure_of(sheet: Sheet, mark: str = "") -> Figure:
     rows = -(-len(sheet.panels) // sheet.columns)
     figure = Figure(figsize=(sheet.width_in, sheet.height_in))
     FigureCanvasAgg(figure)
-    along_x, along_y = sheet.share
     grid = figure.subplots(
-        rows, sheet.columns, squeeze=False, sharex=along_x, sharey=along_y,
+        rows, sheet.columns, squeeze=False, sharex="col" if sheet.shared else False,
         height_ratios=sheet.ratios or None, width_ratios=sheet.widths or None,
     )  # fmt: skip
     for axes in grid.flat[len(sheet.panels) :]:
         axes.set_visible(False)
     for k, (axes, panel) in enumerate(zip(grid.flat, sheet.panels, strict=False)):
-        below, beside = along_x and k + sheet.columns < len(sheet.panels), along_y and k % sheet.columns > 0
-        draw(axes, panel, x_label=not below, y_label=not beside)
+        draw(axes, panel, x_label=not sheet.shared or k + sheet.columns >= len(sheet.panels))
         letter = f"({'abcdefghi'[k]}) " * (sheet.lettered and len(sheet.panels) > 1)
         axes.set_title(**_text(f"{letter}{panel.title}".rstrip()))
     for axes, panel in zip(grid.flat, sheet.panels, strict=False):
@@ -73,7 +71,7 @@ def figure_of(sheet: Sheet, mark: str = "") -> Figure:
     return figure
 
 
-def draw(axes: Axes, panel: Panel, x_label: bool = True, y_label: bool = True) -> None:
+def draw(axes: Axes, panel: Panel, x_label: bool = True) -> None:
     """Draw a panel."""
     for band in panel.bands:
         some = slice(None, None, max(1, len(band.x) // BAND_POINTS))
@@ -91,7 +89,7 @@ def draw(axes: Axes, panel: Panel, x_label: bool = True, y_label: bool = True) -
         _boxes(axes, panel.boxes)
     if panel.tight and panel.lines:
         axes.set_xlim(min(line.x[0] for line in panel.lines), max(line.x[-1] for line in panel.lines))
-    for name, axis, labelled in (("x", panel.x, x_label), ("y", panel.y, y_label)):
+    for name, axis, labelled in (("x", panel.x, x_label), ("y", panel.y, True)):
         _axis(axes, name, axis, labelled)
     for note in panel.notes:
         shares = {"": axes.transData, "xy": axes.transAxes, "x": axes.get_yaxis_transform(),

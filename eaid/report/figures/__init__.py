@@ -42,7 +42,7 @@ _CLUTCH = _fit("clutch")
 
 TRENDS = "The values of each level, their 95 % intervals and their trend."
 FREE_RUN = "The model is driven by the recorded input alone (free run); of many logs three are drawn."
-TRACKED = "Where the ground is grey, the error does not count; a shaded band holds 95 % of the drawn plants."
+TRACKED = "Errors are reference minus output; a shaded band holds 95 % of drawn plants, where there are any."
 
 # In the order of the page
 FIGURES: tuple[Row, ...] = (
@@ -61,7 +61,7 @@ FIGURES: tuple[Row, ...] = (
     Row("level_steps", "Steps from level to level", "Each step from its own start; dashed: the fitted curve.",
         (_all,), steps.level_steps, of_the_fit=False),
     Row("fig08_linear_model", "Fig. 8 · Linear model",
-        "One model of all levels, on the same scale; a level at which it ends below zero is not drawn.",
+        "Broad: mean of the repeats; dashed: one model of all levels, left out where it ends below zero.",
         (_data("clutch"), _CLUTCH), steps.linear_model),
     Row("fig09_shear_per_field", "Fig. 9 · Shear stress over the electric field",
         "The square is this clutch at its highest level; the lines are half, equal and twice its stress per field.",

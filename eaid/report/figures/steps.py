@@ -118,26 +118,16 @@ def friction_steps(results: Results) -> Sheet | None:
 
 
 def linear_model(data: StepSet, fit: Fit) -> Sheet | None:
-    """Fig. 8: (a) what was measured and (b) the one linear model of all levels, Eq. (8), on the same scale.
+    """Fig. 8: what was measured, and the one linear model of all levels, Eq. (8), dashed.
 
     Where the model lies below zero in the end, which no clutch does, it is left out.
     """
     if fit.linear is None:
         return None
-    model, unit = fit.linear.parameters, data.input_unit
-    levels = some_of(data.levels, LABELLED)
-    fine = fine_times(max(float(one.time_s[-1]) for one in levels))
-    measured, modelled = [], []
-    for one, colour in zip(levels, ink.level_colours(len(levels)), strict=True):
-        text = level_text(one.level, unit)
-        measured.append(Line(one.time_s, one.mean, text, colour, width=1.2, end=text))
-        if linear.steady_torque(model, one.level) > 0:
-            response = linear.step_response(model, fine, one.level)
-            modelled.append(Line(fine, response, text, colour, (0, (4, 2)), 1.1, end=text))
-    out = quantity(data.output_unit, 0.0, None)
-    both = ((measured, "measured"), (modelled, "linear model"))
-    panels = [Panel(ink.OF_STEP, out, lines, title=title) for lines, title in both]
-    return Sheet(panels, 2.9, columns=2, share=(True, True))
+    model = fit.linear.parameters
+    above = [row.level for row in data.levels if linear.steady_torque(model, row.level) > 0]
+    curves = {level: partial(linear.step_response, model, duty_pct=level) for level in above}
+    return Sheet([steps_panel(data, curves, said="Eq. (8)")], 3.2)
 
 
 MOST = 12  # Most steps from level to level that are drawn

@@ -73,7 +73,7 @@ def polynomials(fit: Fit) -> Sheet | None:
     """T_s, τ1 and τ2 over the level: the model, the single levels with their intervals, and Table III."""
     if fit.nonlinear is None or len(believed_levels(fit)) == 1:
         return None
-    return Sheet(value_panels(fit), 2.5, columns=3, share=(False, False))
+    return Sheet(value_panels(fit), 2.5, columns=3, shared=False)
 
 
 def trends(fit: Fit) -> Sheet | None:
@@ -105,7 +105,7 @@ def trends(fit: Fit) -> Sheet | None:
         published = Line(fine, paper[name](fine)) if name in paper and of_the_paper(fit.data) else None
         panels.append(value_panel(along, fit, name, x.tolist(), values, scaled, trend, published, not panels))
     four = len(names) == 4
-    return Sheet(panels, 4.2 if four else 2.4, columns=2 if four else 3, share=(four, False))
+    return Sheet(panels, 4.2 if four else 2.4, columns=2 if four else 3, shared=four)
 
 
 def pwm_period(results: Results) -> Sheet | None:
