@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from eaid.declared import chosen
-from eaid.errors import DataError, UsageError
+from eaid.errors import UsageError
 from eaid.estimate.workflow import fit_steps
 from eaid.logs.frames import runs_from_frames
 from eaid.options import (
@@ -28,7 +28,6 @@ from eaid.options import (
 )
 from eaid.progress import Progress, no_progress
 from eaid.reading import read_steps, steps_of
-from eaid.results import codec
 from eaid.results.coupling import Coupling
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
@@ -567,26 +566,9 @@ def load(path: str | os.PathLike[str]) -> Fit | Gains | Coupling | Replay | Step
     >>> eaid.load(file).params.equals(fit.params)
     True
     """
-    import h5py
+    from eaid.report.results import read_result
 
-    file = Path(path)
-    if not file.is_file():
-        raise DataError(f"{file}: no such file; give a fit.json, gains.json, couple.json, replay.h5 or data.h5")
-    if h5py.is_hdf5(file):
-        from eaid.replay.files import SCHEMA
-        from eaid.replay.files import read as read_replay
-
-        try:
-            with h5py.File(file) as held:
-                schema = held.attrs.get("schema", "")
-        except (OSError, KeyError, RuntimeError):  # damaged: what reads its runs says so
-            schema = ""
-        return read_replay(file)[0] if schema == SCHEMA else read(file)
-    kinds: dict[str, type[Any]] = {"fit": Fit, "gains": Gains, "couple": Coupling}
-    kind = codec.kind_of(file)
-    if kind not in kinds:
-        raise DataError(f"{file}: is a {kind}.json; give a fit.json, gains.json or couple.json")
-    result: Fit | Gains | Coupling = codec.read(file, kinds[kind])[0]
+    result: Fit | Gains | Coupling | Replay | StepSet = read_result(Path(path))[0]
     return result
 
 

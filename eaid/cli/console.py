@@ -26,14 +26,7 @@ if TYPE_CHECKING:
     from eaid.report.tables import Table
 
 
-LONGEST = 30  # Letters of a name in a table
 GAP = 2
-
-
-def shortened(text: str) -> str:
-    """A text for a table: the middle of each long name in it is left out."""
-    words = text.split(" ")
-    return " ".join(word if len(word) <= LONGEST else f"{word[: LONGEST - 12]}…{word[-11:]}" for word in words)
 
 
 def _letters(text: str) -> int:
@@ -193,24 +186,21 @@ def _lines(label: str, total: int) -> Iterator[Callable[[], None]]:
         teller.join()
 
 
-def show(made: "Table") -> None:
-    """Print a table on stdout, its caption behind the heading; nothing where it has no rows."""
-    if made.rows and not _quiet:
-        cells = [[safe(cell) for cell in row] for row in (made.heads, *made.texts)]
-        title = wrapped(f"{made.heading}. {made.caption}".rstrip(), sys.stdout)
-        print("\n".join([title, *aligned(cells, made.numeric, _width_of(sys.stdout))]))
+def show(*parts: "Table | str") -> None:
+    """Print lines and tables on stdout, captions behind their headings; nothing of a table without rows."""
+    for part in () if _quiet else parts:
+        if isinstance(part, str):
+            print(wrapped(part, sys.stdout))
+        elif part.rows:
+            cells = [[safe(cell) for cell in row] for row in (part.heads, *part.texts)]
+            title = wrapped(f"{part.heading}. {part.caption}".rstrip(), sys.stdout)
+            print("\n".join([title, *aligned(cells, part.numeric, _width_of(sys.stdout))]))
 
 
 def done(path: "Path", what: str, after: "str | Sequence[str | Path | None]") -> None:
     """The closing line: the file, what it holds, and what to do next, a text or the words of a command of eaid."""
     words = after if isinstance(after, str) else shlex.join(["eaid", *(str(word) for word in after if word)])
     say(f"{path}: {what}; next: {words}")
-
-
-def line(text: str) -> None:
-    """Print one line of a result on stdout, under its table."""
-    if not _quiet:
-        print(wrapped(text, sys.stdout))
 
 
 def print_json(result: object, kind: str = "") -> None:

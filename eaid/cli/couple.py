@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from eaid.cli import console
-from eaid.cli.form import FitAndGains, stamped, takes, written
+from eaid.cli.form import FitAndGains, stamped, takes, tell_result, written
 from eaid.declared import part
 from eaid.files import refuse_to_overwrite
 from eaid.options import CoupleOptions
@@ -33,9 +33,5 @@ def command(args: Arguments) -> None:
     coupling = api.couple(fitted, tuned, part(CoupleOptions, args), progress=console.progress)
     coupling = stamped(coupling, args, fit=args.fit, gains=args.gains)
     coupling.save(args.output, args.force)
-    if args.json:
-        console.print_json(coupling)
-    else:
-        console.show(walls_table(coupling))
-    console.tell([*warnings, *coupling.findings], args.verbose)
+    tell_result(args, coupling, [walls_table(coupling)], [*warnings, *coupling.findings])
     console.done(args.output, f"{len(coupling.walls)} walls", ("report", args.fit, args.gains, args.output))

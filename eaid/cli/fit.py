@@ -1,12 +1,10 @@
 """`eaid fit`: logs or a dataset → fit.json, what it says in a few lines, and its warnings."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 from eaid.cli import console
-from eaid.cli.form import Common, argument, takes, written
+from eaid.cli.form import Common, argument, takes, tell_result, written
 from eaid.declared import part
 from eaid.files import refuse_to_overwrite
 from eaid.options import FitOptions, ReadOptions
@@ -33,30 +31,17 @@ def command(args: Arguments) -> int:
     import msgspec
 
     from eaid import api
-    from eaid.cli.printed import PARTS, show_fit
+    from eaid.cli.printed import PARTS, fit_shown
     from eaid.logs.manifest import files_read
     from eaid.reading import read_steps
     from eaid.results.summary import runs
 
     refuse_to_overwrite(args.output, args.force, files_read(args.data))
-    heard: list[Callable[[], None]] = []  # told once the answer stands there, or the fit has failed
-    try:
-        stepset = read_steps(
-            args.data, part(ReadOptions, args), console.progress,
-            lambda sentence: heard.append(partial(console.warn, sentence)),
-            lambda sentence: heard.append(partial(console.say, sentence)),
-        )[1]  # fmt: skip
-        result = api.fit(stepset, part(FitOptions, args), progress=console.progress)
-        result = msgspec.structs.replace(result, command=args.typed)
-        result.save(args.output, args.force)
-        if args.json:
-            console.print_json(result)
-        else:
-            show_fit(result, args.output, args.verbose)
-    finally:
-        for tell in heard:
-            tell()
-    console.tell(result.findings, args.verbose)
+    stepset = read_steps(args.data, part(ReadOptions, args), console.progress, console.warn, console.say)[1]
+    result = api.fit(stepset, part(FitOptions, args), progress=console.progress)
+    result = msgspec.structs.replace(result, command=args.typed)
+    result.save(args.output, args.force)
+    tell_result(args, result, fit_shown(result, args.output, args.verbose), result.findings)
     parts = ", ".join(name for name in PARTS if getattr(result, name)) or "no model"
     console.say(f"{args.output}: {parts} of {runs(result, f'{result.data.kind} run')}")
     if result.verdict.usable:

@@ -10,7 +10,7 @@ def command(args: Arguments) -> int: ...
 
 import inspect
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -24,6 +24,7 @@ from eaid.options import CHANCE, WHAT
 
 if TYPE_CHECKING:
     from eaid.findings import Finding
+    from eaid.report.tables import Table
     from eaid.results.fit import Fit
     from eaid.results.gains import Gains
 
@@ -170,6 +171,17 @@ def _typed_words(shown: Sequence[Form], typed: Mapping[str, Any]) -> tuple[str, 
         else:
             named += [word for part in each for word in (form.flag, str(part))]
     return *placed, *named
+
+
+def tell_result(
+    args: Common, result: object, shown: "Iterable[Table | str]", findings: "Iterable[Finding]", kind: str = ""
+) -> None:
+    """Print a result, by its lines and tables or with --json as its file, and tell the findings."""
+    if args.json:
+        console.print_json(result, kind)
+    else:
+        console.show(*shown)
+    console.tell(findings, args.verbose)
 
 
 def stamped(result: R, args: Common, **files: Path | list[Path] | None) -> R:

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from eaid.cli import console
-from eaid.cli.form import OUTPUT, Common, argument, takes, written
+from eaid.cli.form import OUTPUT, Common, argument, takes, tell_result, written
 from eaid.declared import option, part
 from eaid.files import refuse_to_overwrite
 from eaid.options import ReadOptions
@@ -30,7 +30,7 @@ def command(args: Arguments) -> None:
 
     Example: eaid ingest bench/ --columns input=Volts --units output=mNm -o data.h5
     """
-    from eaid.cli.printed import ingested, show_steps
+    from eaid.cli.printed import ingested, steps_shown
     from eaid.logs.dataset import write_dataset
     from eaid.logs.manifest import files_read
     from eaid.reading import read_steps
@@ -45,9 +45,6 @@ def command(args: Arguments) -> None:
         at = write_manifest(files_of(args.logs), runs, {**options.stated(), "kind": stepset.kind}, args.force)
         console.say(f"{at}: written; eaid ingest {at.parent} needs no options now")
     write_dataset(args.output, runs, kind=stepset.kind, apparatus=stepset.apparatus, force=args.force)  # type: ignore[arg-type]
-    if args.json:
-        console.print_json(ingested(stepset), "ingest")
-    else:
-        show_steps(stepset)
+    tell_result(args, ingested(stepset), steps_shown(stepset), (), "ingest")
     summary = f"{counted(len(runs), 'run')}, {counted(len(stepset.levels), 'level')}"
     console.done(args.output, summary, ("fit", args.output))

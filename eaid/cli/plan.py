@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from eaid.cli import console
-from eaid.cli.form import Common, argument, refuse_idle, takes, written
+from eaid.cli.form import Common, argument, refuse_idle, takes, tell_result, written
 from eaid.declared import option, part
 from eaid.files import refuse_to_overwrite
 from eaid.options import LOGS, PlanOptions
@@ -32,7 +32,7 @@ def command(args: Arguments) -> None:
     import msgspec
 
     from eaid import api
-    from eaid.cli.printed import cost, show_plan, write_plan
+    from eaid.cli.printed import cost, plan_shown, write_plan
     from eaid.results import codec
     from eaid.results.common import Input
     from eaid.results.fit import Fit
@@ -49,9 +49,5 @@ def command(args: Arguments) -> None:
     plan = api.plan(fit, part(PlanOptions, args), excitation=args.excitation, progress=console.progress)
     plan = msgspec.structs.replace(plan, inputs=(Input.of(args.fit),), command=args.typed)
     write_plan(files, plan, fit.data.kind, args.force)
-    if args.json:
-        console.print_json(plan)
-    else:
-        show_plan(plan, args.idle_s, args.release_s)
-    console.tell((*warnings, *plan.findings), args.verbose)
+    tell_result(args, plan, plan_shown(plan, args.idle_s, args.release_s), (*warnings, *plan.findings))
     console.say(f"{', '.join(map(str, files))}: {cost(plan)}")

@@ -1,20 +1,17 @@
 """What commands print of fits, of what was read and of plans; and `--json` where no file says it."""
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from eaid.cli import console
 from eaid.errors import on_command_line
 from eaid.files import written_whole
 from eaid.findings import say
 from eaid.findings.finding import WORD
-from eaid.logs.run import Run
-from eaid.report.tables import Name, table_of
+from eaid.report.tables import Name, Table, table_of
 from eaid.report.tables.data import between_levels, levels_recorded, slips_table
 from eaid.report.tables.fits import model_tables
-from eaid.results.common import Input
 from eaid.results.fit import Fit
 from eaid.results.plan import Excitation, Plan, PlannedRun
 from eaid.results.summary import answer, verdict_line, warned
@@ -24,39 +21,37 @@ from eaid.steps.stepset import Level, LevelStep, StepSet
 PARTS = ("friction", "nonlinear", "linear", "release", "steps")
 
 
-def show_fit(fit: Fit, file: Path, tables: bool) -> None:
+def fit_shown(fit: Fit, file: Path, tables: bool) -> list[str | Table]:
     """The answer in eight lines, the gravest warnings and what to do next; on request all tables."""
     usable = fit.verdict.usable
     after = "tune-rc" if fit.linear is not None and usable else "report"
     label = "warned " if usable else "stop   "
     warnings = label + (", ".join(warned(fit)) or "none")
-    for line in (*verdict_line(fit), *answer(fit), warnings, f"next   {shlex.join(('eaid', after, str(file)))}"):
-        console.line(on_command_line(line))
-    for table in model_tables(fit) if tables else ():
-        console.show(table)
+    lines = *verdict_line(fit), *answer(fit), warnings, f"next   {shlex.join(('eaid', after, str(file)))}"
+    return [*map(on_command_line, lines), *(model_tables(fit) if tables else ())]
 
 
 MOST = 20  # Steps from level to level that are listed; all are in the file and in --json
 
 
-def show_steps(data: StepSet) -> None:
+def steps_shown(data: StepSet) -> Iterator[str | Table]:
     """What was read: one line a level, one line a step between levels, slips and warnings."""
     made = f", synthetic: {data.synthetic}" if data.synthetic else ""
     rates = sorted(run.rate_hz for run in data.runs) or [0.0]
     rate = " to ".join(dict.fromkeys(f"{one:.5g}" for one in (rates[0], rates[-1])))
     what = f"{counted(len(data.levels), 'level')}, {counted(len(data.runs), 'run')}"
-    console.line(f"{data.kind}: {what}, {rate} Hz{made}")
+    yield f"{data.kind}: {what}, {rate} Hz{made}"
     between = [step for step in data.level_steps if step.from_level != 0.0 and step.level != 0.0]
-    console.show(levels_recorded(data))
-    console.show(between_levels(between[:MOST], data))
+    yield levels_recorded(data)
+    yield between_levels(between[:MOST], data)
     if len(between) > MOST:
-        console.line(f"and {len(between) - MOST} more")
-    console.show(slips_table(data))
-    console.show(table_of(
+        yield f"and {len(between) - MOST} more"
+    yield slips_table(data)
+    yield table_of(
         "Warnings", "", data.all_findings,
-        ("", lambda one: WORD[one.severity]), ("run", lambda one: Name(console.shortened(one.subject))),
+        ("", lambda one: WORD[one.severity]), ("run", lambda one: Name(one.subject)),
         ("what", lambda one: Name(on_command_line(say(one)))),
-    ))  # fmt: skip
+    )  # fmt: skip
 
 
 def ingested(data: StepSet) -> dict[str, Any]:
@@ -77,14 +72,6 @@ def ingested(data: StepSet) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def synthesized(output: Path, made: Sequence[Run], inputs: tuple[Input, ...], seed: int) -> dict[str, Any]:
-    """What `synth --json` prints."""
-    first = made[0]
-    rows = [{"name": r.name, "level": r.level, "repeat": r.repeat, "samples": r.time_s.size} for r in made]
-    of = {key: getattr(first, key) for key in ("synthetic", "kind", "input_unit", "output_unit")}
-    return {"output": output, **of, "inputs": inputs, "seed": seed, "runs": rows}
-
-
 def write_plan(files: Sequence[Path], plan: Plan | Excitation, kind: str, force: bool) -> None:
     """The run table and the input file, both whole or neither; of a sequence the input file alone."""
     from eaid.planning.recordings import input_changes  # for planning alone
@@ -101,24 +88,24 @@ def write_plan(files: Sequence[Path], plan: Plan | Excitation, kind: str, force:
             part.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def show_plan(plan: Plan | Excitation, idle_s: float, release_s: float) -> None:
+def plan_shown(plan: Plan | Excitation, idle_s: float, release_s: float) -> Iterator[Table]:
     """The plan for people."""
     if isinstance(plan, Plan):
-        console.show(table_of(
+        yield table_of(
             "What to record",
             f"{plan.repeats} repeats of each level, in the order of the run table; each run idles for {idle_s:g} s "
             f"before its step and is recorded for {release_s:g} s after its release",
             zip(plan.levels, plan.hold_s, strict=True),
             (("level", plan.input_unit), lambda of: f"{of[0]:g}"), (("hold", "s", 3), lambda of: of[1]),
-        ))  # fmt: skip
+        )  # fmt: skip
     kept = "four of five" if isinstance(plan, Plan) else "19 of 20"
     measured = plan.measured_half_width_pct or {}
-    console.show(table_of(
+    yield table_of(
         "Half-widths", f"Of the 95 % intervals at the worst level; kept: by {kept} simulated recordings",
         plan.half_width_pct.items(),
         ("parameter", lambda of: of[0]), (("wanted", "%", 3), lambda of: plan.wanted.get(of[0])),
         (("predicted", "%", 3), lambda of: of[1]), (("kept", "%", 3), lambda of: measured.get(of[0])),
-    ))  # fmt: skip
+    )  # fmt: skip
 
 
 def cost(plan: Plan | Excitation) -> str:

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from eaid.cli import console
-from eaid.cli.form import FitAndGains, stamped, takes, written
+from eaid.cli.form import FitAndGains, stamped, takes, tell_result, written
 from eaid.declared import forms, option, part
 from eaid.errors import UsageError
 from eaid.files import refuse_to_overwrite
@@ -43,11 +43,6 @@ def command(args: Arguments) -> None:
     )  # fmt: skip
     replay = replace(replay, head=stamped(replay.head, args, **files, log=args.log))
     write_replay(args.output, replay, args.force)
-    if args.json:
-        console.print_json(as_json(replay))
-    else:
-        for table in tables_of(replay):
-            console.show(table)
-    console.tell([*replay.findings, *warnings], args.verbose)
+    tell_result(args, as_json(replay), tables_of(replay), [*replay.findings, *warnings])
     summary = f"{replay.head.scenario} with {', '.join(sorted(replay.records)[:5])}"
     console.done(args.output, summary, ("report", args.fit, args.gains, args.output))

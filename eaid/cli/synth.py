@@ -26,7 +26,6 @@ def command(args: Arguments) -> None:
 
     Example: eaid synth --levels 20,60,100 --repeats 2 --hold 8 -o logs
     """
-    from eaid.cli.printed import synthesized
     from eaid.results import codec
     from eaid.results.common import Input
     from eaid.results.fit import Fit
@@ -52,7 +51,10 @@ def command(args: Arguments) -> None:
     (write if is_dataset else write_folder)(args.output, runs, args.force)
     console.tell(warnings, verbose=True)
     if args.json:
-        console.print_json(synthesized(args.output, runs, tuple(map(Input.of, inputs)), args.seed), "synth")
+        rows = [{"name": r.name, "level": r.level, "repeat": r.repeat, "samples": r.time_s.size} for r in runs]
+        of = {key: getattr(runs[0], key) for key in ("synthetic", "kind", "input_unit", "output_unit")}
+        sources = tuple(map(Input.of, inputs))
+        console.print_json({"output": args.output, **of, "inputs": sources, "seed": args.seed, "runs": rows}, "synth")
     made_of = (runs[0].synthetic or "").partition(";")[0].removeprefix("eaid synth of ")
     summary = f"{counted(len(runs), 'synthetic run')} of {made_of}, seed {args.seed}"
     console.done(args.output, summary, ("fit", args.output))

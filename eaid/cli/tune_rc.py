@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from eaid.cli import console
-from eaid.cli.form import Common, argument, stamped, takes, written
+from eaid.cli.form import Common, argument, stamped, takes, tell_result, written
 from eaid.declared import option, part
 from eaid.files import refuse_to_overwrite
 from eaid.options import ROBUST, TRACKED, TuneOptions, any_text
@@ -40,11 +40,6 @@ def command(args: Arguments) -> None:
     gains = api.tune_rc(fitted, part(TuneOptions, args), reference=args.reference)
     gains = stamped(gains, args, fit=args.fit, reference=file)
     gains.save(args.output, args.force)
-    if args.json:
-        console.print_json(gains)
-    else:
-        console.line(tables.guarantee_story(gains))
-        for table in tables.tables_of(gains)[: None if args.verbose else 1]:
-            console.show(table)
-    console.tell([*gains.findings, *warnings], args.verbose)
+    shown = tables.tables_of(gains)[: None if args.verbose else 1]
+    tell_result(args, gains, [tables.guarantee_story(gains), *shown], [*gains.findings, *warnings])
     console.done(args.output, "gains of rc and pi", ("simulate", args.fit, args.output))

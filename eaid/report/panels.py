@@ -5,14 +5,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.report.rig import level_text
-from eaid.report.tables import listed, number
 
 COLUMN_IN, PAGE_IN = 3.5, 7.16  # Widths of a figure of one and of both columns of a journal [in]
 
@@ -151,32 +148,9 @@ class Sheet:
     columns: int = 1
     ratios: tuple[float, ...] = ()  # Heights of the rows
     widths: tuple[float, ...] = ()
-    share: tuple[Any, Any] = ("col", False)  # Along x and along y: `col`, `row`, all (True) or none (False)
+    shared: bool = True  # Whether panels of one column have one x axis
     lettered: bool = True
     live: bool = False  # Whether the page has it, of one column, as a plot that can be zoomed
-
-
-@dataclass(frozen=True)
-class Ready:
-    """A figure and its words."""
-
-    sheet: Sheet
-    sees: str  # What is to be seen in it; every claim computed
-    title: str = ""  # Empty: as in the catalogue, without the paper's number on another rig
-
-
-@cache
-def _captions() -> Any:
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    made = Environment(loader=PackageLoader("eaid.report", "."), undefined=StrictUndefined)
-    made.filters |= {"n": number, "at": level_text, "listed": listed}
-    return made.get_template("captions.j2").module
-
-
-def caption(name: str, **numbers: Any) -> str:
-    """The words of one figure with its numbers."""
-    return str(getattr(_captions(), name)(**numbers))
 
 
 def level_colours(n: int) -> list[str]:

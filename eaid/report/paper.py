@@ -46,15 +46,14 @@ def figure_of(sheet: Sheet, mark: str = "") -> Figure:
     rows = -(-len(sheet.panels) // sheet.columns)
     figure = Figure(figsize=(sheet.width_in, sheet.height_in))
     FigureCanvasAgg(figure)
-    along_x, along_y = sheet.share
-    grid = figure.subplots(rows, sheet.columns, squeeze=False, sharex=along_x, sharey=along_y)
+    grid = figure.subplots(rows, sheet.columns, squeeze=False, sharex="col" if sheet.shared else False)
     rooms = np.zeros((rows, sheet.columns, 4))
     for k, (axes, panel) in enumerate(zip(grid.flat, sheet.panels, strict=False)):
-        below, beside = along_x and k + sheet.columns < len(sheet.panels), along_y and k % sheet.columns > 0
-        draw(axes, panel, x_label=not below, y_label=not beside)
+        lowest = not sheet.shared or k + sheet.columns >= len(sheet.panels)
+        draw(axes, panel, x_label=lowest)
         letter = f"({'abcdefghi'[k]}) " * (sheet.lettered and len(sheet.panels) > 1)
         axes.set_title(**_text(f"{letter}{panel.title}".rstrip()))
-        rooms[k // sheet.columns, k % sheet.columns] = _room(axes, panel, ticks=(not below, not beside))
+        rooms[k // sheet.columns, k % sheet.columns] = _room(axes, panel, lowest)
     named = next((k for k, panel in enumerate(sheet.panels) if panel.legend == "over"), None)
     over = 0.0
     if named is not None:
@@ -77,19 +76,17 @@ def figure_of(sheet: Sheet, mark: str = "") -> Figure:
 DIGIT_IN, LINE_IN, TICK_IN = 0.071, 0.167, 0.1
 
 
-def _room(axes: Axes, panel: Panel, ticks: tuple[bool, bool]) -> tuple[float, float, float, float]:
+def _room(axes: Axes, panel: Panel, lowest: bool) -> tuple[float, float, float, float]:
     """What a panel needs left, right, below and above its axes [in], by the lengths of its texts.
 
     matplotlib's own layouts draw every text twice over, which takes longer than all curves.
     """
     left = right = below = 0.05
-    if ticks[1]:
-        low, high = sorted(axes.get_ylim())
-        places = [y for y in axes.get_yticks() if low <= y <= high]
-        said = axes.yaxis.get_major_formatter().format_ticks(places)
-        left += TICK_IN + DIGIT_IN * max((len(text) for text in said), default=0)
+    low, high = sorted(axes.get_ylim())
+    said = axes.yaxis.get_major_formatter().format_ticks([y for y in axes.get_yticks() if low <= y <= high])
+    left += TICK_IN + DIGIT_IN * max((len(text) for text in said), default=0)
     left += LINE_IN * len(axes.get_ylabel().splitlines())
-    if ticks[0]:
+    if lowest:
         below, right = below + TICK_IN + 0.08, right + 0.1
     below += LINE_IN * bool(axes.get_xlabel())
     beside = [line.end for line in panel.lines if line.end]
@@ -119,7 +116,7 @@ def _place(grid: Any, sheet: Sheet, rooms: Array, over_in: float, under_in: floa
         axes.set_position((*place, widths[column] / sheet.width_in, heights[row] / sheet.height_in))
 
 
-def draw(axes: Axes, panel: Panel, x_label: bool = True, y_label: bool = True) -> None:
+def draw(axes: Axes, panel: Panel, x_label: bool = True) -> None:
     """Draw a panel."""
     for band in panel.bands:
         some = slice(None, None, max(1, len(band.x) // BAND_POINTS))
@@ -137,7 +134,7 @@ def draw(axes: Axes, panel: Panel, x_label: bool = True, y_label: bool = True) -
         _boxes(axes, panel.boxes)
     if panel.tight and panel.lines:
         axes.set_xlim(min(line.x[0] for line in panel.lines), max(line.x[-1] for line in panel.lines))
-    for name, axis, labelled in (("x", panel.x, x_label), ("y", panel.y, y_label)):
+    for name, axis, labelled in (("x", panel.x, x_label), ("y", panel.y, True)):
         _axis(axes, name, axis, labelled)
     for note in panel.notes:
         shares = {"": axes.transData, "xy": axes.transAxes, "x": axes.get_yaxis_transform(),

@@ -168,7 +168,9 @@ def read_results(
     faults: list[str] = []
     for path in paths:
         try:
-            result, found = _read(path)
+            result, found = read_result(path)
+            if isinstance(result, Replay):
+                result = drawable(result, path)
             items.append(Given(result, str(path), sha256_of(path)))
             for one in found:
                 tell(say(one))
@@ -179,24 +181,27 @@ def read_results(
     return gathered(items, progress)
 
 
-def _read(path: Path) -> tuple[Any, tuple[Finding, ...]]:
+def read_result(path: Path) -> tuple[Any, tuple[Finding, ...]]:
+    """A result of any kind, by what its file says of itself, and findings about what of it was left out."""
     if path.is_dir():
         raise UsageError(f"{path}: is a folder; give the files in it that eaid wrote")
     if not path.is_file():
-        raise DataError(f"{path}: no such file; give a fit.json, gains.json, replay.h5 or data.h5 that eaid wrote")
+        raise DataError(f"{path}: no such file; give a fit.json, gains.json, couple.json, replay.h5 or data.h5")
     if not h5py.is_hdf5(path):
         kind = codec.kind_of(path)
         if kind not in TYPES:
-            raise DataError(f"{path}: is a {kind}.json, which no report shows")
+            raise DataError(f"{path}: is a {kind}.json; give a fit.json, gains.json or couple.json")
         return codec.read(path, TYPES[kind])
-    with h5py.File(path) as file:
-        schema = file.attrs.get("schema", "")
-    return _read_replay(path) if schema == replay_files.SCHEMA else (read_steps([path], ReadOptions())[1], ())
+    try:
+        with h5py.File(path) as file:
+            schema = file.attrs.get("schema", "")
+    except (OSError, KeyError, RuntimeError):  # damaged: what reads its runs says so
+        schema = ""
+    return replay_files.read(path) if schema == replay_files.SCHEMA else (read_steps([path], ReadOptions())[1], ())
 
 
-def _read_replay(path: Path) -> tuple[Replay, tuple[Finding, ...]]:
-    """A replay.h5 whose groups can be drawn; one without its columns, or with a time that does not rise, is refused."""
-    replay, found = replay_files.read(path)
+def drawable(replay: Replay, path: Path) -> Replay:
+    """The groups of a replay.h5 that can be drawn; without its columns, or with a falling time, it is refused."""
     drawn = {name: one for name, one in replay.records.items() if set(NEEDED) & set(one.columns) != {"time_s"}}
     faults = []
     for name, one in drawn.items():
@@ -211,4 +216,4 @@ def _read_replay(path: Path) -> tuple[Replay, tuple[Finding, ...]]:
         raise DataError(f"{path}: holds no controller; make it again with eaid simulate")
     known = {name: i for i, name in enumerate(CONTROLLERS)}
     ordered = dict(sorted(drawn.items(), key=lambda item: known.get(item[0], len(known))))
-    return replace(replay, records=ordered), found
+    return replace(replay, records=ordered)

@@ -1,6 +1,6 @@
 """What rig a result is of: its units and names, and whether it is the clutch that the paper describes."""
 
-from eaid.models.parameters import PAPER_LINEAR, SHARE
+from eaid.models.parameters import SHARE
 from eaid.results.fit import FittedData, Trend
 from eaid.steps.stepset import StepSet
 
@@ -70,5 +70,3 @@ TABLE_III = {
 }
 
 TABLE_IV = {"B_m": 12.4, "B_M": 42.6, "Q_M": 5.0, "phi": 0.05, "epsilon": 0.5, "gamma": 50.0, "K_D": 3.0, "K_P": 4.5}
-
-LINEAR = {"a0": PAPER_LINEAR.a0, "b0": PAPER_LINEAR.b0, "c0": PAPER_LINEAR.c0}  # Eq. (8) as printed in §IV-B

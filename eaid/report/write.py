@@ -70,10 +70,11 @@ def write_report(
     contents: dict[str, bytes] = {}
     drawn: list[Drawn] = []
     for row in rows:
-        if (ready := row.ready(given)) is not None:
-            files, address, size = _drawn(ready.sheet, mark[0] if mark and row.of_the_fit else None, options.format)
+        if (sheet := row.sheet(given)) is not None:
+            files, address, size = _drawn(sheet, mark[0] if mark and row.of_the_fit else None, options.format)
             contents |= {f"{FOLDER}/{row.name}.{kind}": content for kind, content in files.items()}
-            drawn.append(Drawn(row.name, ready.title, ready.sees, address, size, live_of(ready.sheet)))
+            title = row.title if given.of_paper else row.title.split(" · ")[-1]
+            drawn.append(Drawn(row.name, title, row.sees, address, size, live_of(sheet)))
         done()
     shown = []
     for title, section, sheet in islice(pictures(given), 2):

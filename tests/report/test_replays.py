@@ -33,7 +33,7 @@ def test_numbers_of_a_replay_by_hand(tmp_path: Path, report: Callable[..., Any],
     assert "9 plants drawn" in page.text and "Each frequency" not in page.tables
 
 
-def test_captions_and_tables_say_what_the_replays_hold(whole: Any, files: dict[str, Path]):
+def test_tables_say_what_the_replays_hold(whole: Any, files: dict[str, Path]):
     def columns(name: str, controller: str = "rc") -> dict[str, np.ndarray]:
         with h5py.File(files[f"{name}.h5"]) as file:
             return {key: np.asarray(one) for key, one in file[controller].items() if isinstance(one, h5py.Dataset)}
@@ -42,22 +42,19 @@ def test_captions_and_tables_say_what_the_replays_hold(whole: Any, files: dict[s
         with h5py.File(files[f"{name}.h5"]) as file:
             return json.loads(file[controller].attrs["metrics"])
 
-    errors = {name: metrics("multisine", key)["max_abs_error_nm"] for key, name in (("rc", "RC"), ("pi", "PI"))}
-    for name, value in errors.items():
-        assert f"{name} {value:.2g}" in whole.captions["fig12_multisine"]
-    assert f"{errors['PI'] / errors['RC']:.2g} times smaller than PI's" in whole.captions["fig12_multisine"]
-    overshoots = [one["overshoot_pct"] for one in metrics("steps")["steps"] if one["overshoot_pct"] is not None]
-    assert f"Largest overshoot of a step: RC {max(overshoots):.2g}".rstrip("0") in whole.captions["fig11_steps"]
+    errors = [metrics("multisine", name)["max_abs_error_nm"] for name in ("rc", "pi")]
+    ((_said, *shown),) = (row for row in whole.numbers["Controllers"] if row[0].startswith("largest error"))
+    assert shown == [f"{errors[0]:.3g}", f"{errors[1]:.3g}", f"{errors[1] / errors[0]:.2g}"]
+    overshoots = [one["overshoot_pct"] for one in metrics("steps")["steps"]]
+    rows = [row for row in whole.rows("Each step") if row[0] == "RC"]
+    assert [float(row[3].replace("–", "nan")) for row in rows] == pytest.approx(
+        [np.nan if one is None else one for one in overshoots], rel=0.01, abs=1e-3, nan_ok=True
+    )
     tones = metrics("sweep")["frequencies"]
-    below = next((one["frequency_hz"] for one in tones if one["gain_db"] < -3), None)
-    assert (f"RC −3 dB by {below:.2g}" if below else "RC above −3 dB throughout") in whole.captions["fig13_sweep"]
     rows = [row for row in whole.rows("Each frequency") if row[0] == "RC"]
     assert [float(row[2].replace("−", "-")) for row in rows] == pytest.approx(
         [one["gain_db"] for one in tones], rel=0.01, abs=1e-3
     )
-    session = columns("rehab")
-    gap = np.mean(np.abs(session["desired_nm"] - session["rendered_nm"]))
-    assert f"off the desired one by {gap:.2g} N·m" in whole.captions["fig16_rehab"]
     modes = metrics("rehab")["modes"]
     rows = {row[1]: row for row in whole.rows("Errors by mode") if row[0] == "RC"}
     for name, one in modes.items():
@@ -89,9 +86,8 @@ def test_drawn_plants_a_log_and_a_reference_have_their_figures(
     replay = eaid.load(tmp_path / "log.h5")
     rms = sorted(np.sqrt(np.mean((one.columns["reference_nm"] - one.columns["torque_nm"]) ** 2))
                  for one in replay.records.values())  # fmt: skip
-    assert f"3 of {len(rms)} runs" in page.captions["log_replay"]
-    assert f"is off by {rms[0]:.2g} to {rms[-1]:.2g} N·m" in page.captions["log_replay"]
-    assert len(page.rows("Recorded input through the model")) == len(rms)
+    rows = page.rows("Recorded input through the model")
+    assert sorted(float(row[1]) for row in rows) == pytest.approx(rms, rel=0.01)
     assert f"--reference {tmp_path / 'mine.csv'}" in page.text
 
 

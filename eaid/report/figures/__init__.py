@@ -1,13 +1,13 @@
-"""Every figure: its name, its title, what it needs, and the function that describes it."""
+"""Every figure: its name, its title, what is to be seen in it, what it needs, and the function that describes it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from operator import attrgetter, methodcaller
 from typing import Any
 
 from eaid.report.figures import replays, steps, values
-from eaid.report.panels import Ready
+from eaid.report.panels import Sheet
 from eaid.report.results import Results
 
 Need = Callable[[Results], Any]
@@ -19,18 +19,17 @@ class Row:
 
     name: str  # File name without ending
     title: str
+    sees: str  # Its caption; the numbers stand in the tables
     # What is given to `describe`, in this order; the figure is left out where one of them is None
     needs: tuple[Need, ...]
-    describe: Callable[..., Ready | None]
+    describe: Callable[..., Sheet | None]
     # Whether it shows the fit of the clutch, or what was made from it; a mark of that fit goes on it then
     of_the_fit: bool = True
 
-    def ready(self, results: Results) -> Ready | None:
+    def sheet(self, results: Results) -> Sheet | None:
         """The figure, or None where its data were not given."""
         given = [need(results) for need in self.needs]
-        made = None if any(one is None for one in given) else self.describe(*given)
-        title = self.title if results.of_paper else self.title.split(" · ")[-1]
-        return made and replace(made, title=made.title or title)
+        return None if any(one is None for one in given) else self.describe(*given)
 
 
 def _all(results: Results) -> Results:
@@ -41,28 +40,47 @@ _fit, _data, _replay = (partial(methodcaller, name) for name in ("fit", "data_of
 _CLUTCH = _fit("clutch")
 
 
+TRENDS = "The values of each level, their 95 % intervals and their trend."
+FREE_RUN = "The model is driven by the recorded input alone (free run); of many logs three are drawn."
+TRACKED = "Errors are reference minus output; a shaded band holds 95 % of drawn plants, where there are any."
+
 # In the order of the page
 FIGURES: tuple[Row, ...] = (
-    Row("fig02_pwm", "Fig. 2 · One PWM period", (_all,), values.pwm_period, of_the_fit=False),
+    Row("fig02_pwm", "Fig. 2 · One PWM period",
+        "The voltage alternates in sign, so that no charge builds up; the ideal torque does not depend on the sign.",
+        (_all,), values.pwm_period, of_the_fit=False),
     Row("fig06_hold_and_release", "Fig. 6 · Output while held and after release",
+        "Lost: from the peak to the end of the hold. Left: at the end of the record.",
         (attrgetter("main_data"),), steps.hold_and_release, of_the_fit=False),
-    Row("recorded_logs", "Logs as recorded", (attrgetter("recorded"),), replays.recorded_logs),
-    Row("fig07_nonlinear_model", "Fig. 7 · Nonlinear model", (_data("clutch"), _all), steps.nonlinear_model),
-    Row("model_over_duty", "Parameters over the level", (_CLUTCH,), values.polynomials),
-    Row("level_steps", "Steps from level to level", (_all,), steps.level_steps, of_the_fit=False),
-    Row("fig08_linear_model", "Fig. 8 · Linear model", (_data("clutch"), _CLUTCH), steps.linear_model),
-    Row("fig09_shear_per_field", "Fig. 9 · Shear stress over the electric field", (_CLUTCH,),
-        values.shear_per_field),
-    Row("fig03_friction_steps", "Fig. 3 · Friction steps", (_all,), steps.friction_steps, of_the_fit=False),
-    Row("fig04_friction_over_stress", "Fig. 4 · Friction over the normal stress", (_fit("friction-force"),),
+    Row("recorded_logs", "Logs as recorded", FREE_RUN, (attrgetter("recorded"),), replays.recorded_logs),
+    Row("fig07_nonlinear_model", "Fig. 7 · Nonlinear model",
+        "Broad: mean of the repeats, shaded ± one standard deviation (sd); dashed, where fitted: Eq. (4).",
+        (_data("clutch"), _all), steps.nonlinear_model),
+    Row("model_over_duty", "Parameters over the level",
+        "The model over the level, with its 95 % intervals at some levels.", (_CLUTCH,), values.polynomials),
+    Row("level_steps", "Steps from level to level", "Each step from its own start; dashed: the fitted curve.",
+        (_all,), steps.level_steps, of_the_fit=False),
+    Row("fig08_linear_model", "Fig. 8 · Linear model",
+        "Broad: mean of the repeats; dashed: one model of all levels, left out where it ends below zero.",
+        (_data("clutch"), _CLUTCH), steps.linear_model),
+    Row("fig09_shear_per_field", "Fig. 9 · Shear stress over the electric field",
+        "The square is this clutch at its highest level; the lines are half, equal and twice its stress per field.",
+        (_CLUTCH,), values.shear_per_field),
+    Row("fig03_friction_steps", "Fig. 3 · Friction steps", "Broad: mean of the repeats; dashed, where fitted: Eq. (3).",
+        (_all,), steps.friction_steps, of_the_fit=False),
+    Row("fig04_friction_over_stress", "Fig. 4 · Friction over the load", TRENDS, (_fit("friction-force"),),
         values.trends, of_the_fit=False),
-    Row("fig05_friction_over_speed", "Fig. 5 · Friction over the rotation speed", (_fit("friction-speed"),),
+    Row("fig05_friction_over_speed", "Fig. 5 · Friction over the rotation speed", TRENDS, (_fit("friction-speed"),),
         values.trends, of_the_fit=False),
-    Row("fig12_multisine", "Fig. 12 · Sum of sines", (_replay("multisine"),), replays.tracking),
-    Row("own_reference", "Your own reference", (_replay("reference"),), replays.tracking),
-    Row("fig11_steps", "Fig. 11 · Steps", (_replay("steps"),), replays.tracking),
-    Row("fig13_sweep", "Fig. 13 · Sines of rising frequency", (_replay("sweep"),), replays.sweep),
-    Row("log_replay", "Recorded input through the model", (_replay("log"),), replays.recorded_input),
-    Row("fig16_rehab", "Fig. 16 · Elbow rehabilitation", (_replay("rehab"),), replays.training),
-    Row("fig17_rehab_errors", "Fig. 17 · Position error by mode", (_replay("rehab"),), replays.errors),
+    Row("fig12_multisine", "Fig. 12 · Sum of sines", TRACKED, (_replay("multisine"),), replays.tracking),
+    Row("own_reference", "Your own reference", TRACKED, (_replay("reference"),), replays.tracking),
+    Row("fig11_steps", "Fig. 11 · Steps", TRACKED, (_replay("steps"),), replays.tracking),
+    Row("fig13_sweep", "Fig. 13 · Sines of rising frequency",
+        "Amplitude of the output against the reference, and the error, at each frequency.",
+        (_replay("sweep"),), replays.sweep),
+    Row("log_replay", "Recorded input through the model", FREE_RUN, (_replay("log"),), replays.recorded_input),
+    Row("fig16_rehab", "Fig. 16 · Elbow rehabilitation", "The ground changes with the mode of the exercise.",
+        (_replay("rehab"),), replays.training),
+    Row("fig17_rehab_errors", "Fig. 17 · Position error by mode",
+        "Without the first seconds of each mode; whiskers to 1.5 times the box.", (_replay("rehab"),), replays.errors),
 )  # fmt: skip

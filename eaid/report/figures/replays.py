@@ -10,10 +10,8 @@ from eaid.arrays import Array
 from eaid.replay import rehab
 from eaid.report import panels as ink
 from eaid.report.figures.steps import some_of
-from eaid.report.panels import Axis, Line, Panel, Ready, Sheet, Span, caption, over, quantity
+from eaid.report.panels import Axis, Line, Panel, Sheet, Span, over, quantity
 from eaid.report.rig import controller_name
-from eaid.report.tables import number
-from eaid.report.tables.replays import metric
 from eaid.results.fit import Fit
 from eaid.results.recorded import LogCurve, LogFit
 from eaid.results.replay import Replay
@@ -35,27 +33,15 @@ def counted_from(replay: Replay) -> float:
     return next((value for value in said if value is not None), 0.0)
 
 
-def tracking(replay: Replay) -> Ready:
+def tracking(replay: Replay) -> Sheet:
     """Figs. 11, 12 and the like: output and reference, the error but for steps, and the input of each controller.
 
-    Grey: where the error does not count yet; shaded: 95 % of drawn plants, where there are any. Of steps the overshoot
-    is told, elsewhere the error alone.
+    Grey: where the error does not count yet; shaded: 95 % of drawn plants, where there are any.
     """
-    with_error = replay.head.scenario != "steps"
-    panels = tracking_panels(replay)
-    errors = sorted((value, name) for name in replay.records if (value := metric(replay, name, "max_abs_error_nm")))
-    found = [(value, controller_name(name)) for value, name in errors]
-    text = caption("errors", found=found, unit=replay.head.output_unit)
-    if not with_error:
-        panels.pop(1)
-        overshoots = []
-        for name, one in replay.records.items():
-            shares = [step.overshoot_pct for step in one.metrics.steps if step.overshoot_pct is not None]
-            if shares:
-                overshoots.append(f"{controller_name(name)} {number(max(shares), 2)} %")
-        text = caption("steps", overshoots=overshoots, errors=text)
-    height, ratios = (4.4, (1.5, 1, 1)) if with_error else (3.4, (1.8, 1))
-    return Ready(Sheet(panels, height, ratios=ratios, live=True), text)
+    output, error, acting = tracking_panels(replay)
+    if replay.head.scenario == "steps":
+        return Sheet([output, acting], 3.4, ratios=(1.8, 1), live=True)
+    return Sheet([output, error, acting], 4.4, ratios=(1.5, 1, 1), live=True)
 
 
 def tracking_panels(replay: Replay, until_s: float | None = None) -> list[Panel]:
@@ -86,9 +72,9 @@ def tracking_panels(replay: Replay, until_s: float | None = None) -> list[Panel]
     ]
 
 
-def sweep(replay: Replay) -> Ready | None:
+def sweep(replay: Replay) -> Sheet | None:
     """Fig. 13: (a) amplitude [dB] and (b) mean absolute error over the frequency [Hz], a row a controller."""
-    gain, error, each = [], [], []
+    gain, error = [], []
     for name, one in replay.records.items():
         tones = [row for row in one.metrics.frequencies if row.gain_db is not None]
         if tones:
@@ -97,8 +83,6 @@ def sweep(replay: Replay) -> Ready | None:
             said, (colour, dash, marker) = controller_name(name), ink.controller_look(name)
             gain.append(Line(f, size_db, said, colour, dash, 1.1, marker))
             error.append(Line(f, mean, said, colour, dash, 1.1, marker))
-            below = f[size_db < -3].tolist()
-            each.append((said, below[0] if below else None, float(np.max(size_db))))
     if not gain:
         return None
     lowest = min(float(np.min(line.y)) for line in gain)
@@ -109,26 +93,21 @@ def sweep(replay: Replay) -> Ready | None:
               legend="above", columns=2 if len(gain) > 3 else 3, tight=False),
         Panel(hz, Axis("Mean |error|", replay.head.output_unit, (0.0, None)), error, tight=False),
     ]  # fmt: skip
-    return Ready(Sheet(panels, 3.3, ink.COLUMN_IN), caption("sweep", rows=each))
+    return Sheet(panels, 3.3, ink.COLUMN_IN)
 
 
-def recorded_input(replay: Replay) -> Ready | None:
-    """Recorded output and the model's under the recorded input, a panel a run, at most three."""
-    compared = {name: one.columns for name, one in replay.records.items() if one.role == "recorded-input"}
-    if not compared:
-        return None
-    rms = {name: float(np.sqrt(np.mean((t["reference_nm"] - t["torque_nm"]) ** 2))) for name, t in compared.items()}
-    by_output = sorted(compared, key=lambda name: float(np.max(compared[name]["reference_nm"])))
-    chosen, out = some_of(by_output, 3), replay.head.output_unit
-    panels: list[Panel] = []
-    for name, head in zip(chosen, titles(chosen), strict=True):
-        table, title = compared[name], f"{head}: RMS {rms[name]:.2g}"
-        recorded = Line(table["time_s"], table["reference_nm"], "recorded", ink.SKY, width=2.2)
-        model = ink.model_line(table["time_s"], table["torque_nm"], "model, same input")
-        y, legend = (Axis(), "") if panels else (quantity(out), "over")
-        panels.append(Panel(ink.OF_LOG, y, [recorded, model], legend=legend, columns=6, title=title))
-    text = caption("log", shown=len(chosen), rms=sorted((value, name) for name, value in rms.items()), unit=out)
-    return Ready(Sheet(panels, 2.2, columns=len(chosen), share=(False, False)), text)
+def recorded_input(replay: Replay) -> Sheet | None:
+    """What a fit shows of its logs, of those whose recorded input was replayed, at most three of them."""
+    compared = [(name, one.columns) for name, one in replay.records.items() if one.role == "recorded-input"]
+    shown = some_of(sorted(compared, key=lambda one: float(np.max(one[1]["reference_nm"]))), 3)
+    curves = []
+    for _name, t in shown:
+        residual = t["reference_nm"] - t["torque_nm"]
+        columns = t["time_s"], t["duty_pct"], t["reference_nm"], t["torque_nm"], residual
+        curves.append(LogCurve(*(tuple(column.tolist()) for column in columns)))
+    said = [f"RMS {np.sqrt(np.mean(np.square(curve.residual))):.2g}" for curve in curves]
+    names = [name for name, _columns in shown]
+    return logs_sheet(names, said, curves, (replay.head.input_unit, replay.head.output_unit))
 
 
 def drawn_logs(logs: Sequence[LogFit]) -> list[LogFit]:
@@ -143,20 +122,26 @@ def titles(names: Sequence[str], letters: int = 44) -> list[str]:
     return [(name if len(name) <= most else f"…{name[1 - most :]}").replace("$", r"\$") for name in names]
 
 
-def recorded_logs(fit: Fit) -> Ready | None:
-    """A column a log: (top) input, (middle) measured and the model driven by the input alone, (bottom) residual."""
-    all_logs = fit.recorded.logs if fit.recorded is not None else ()
-    logs, units = drawn_logs(all_logs), (fit.data.input_unit, fit.data.output_unit)
-    if not logs:
-        return None
-    n, heads = len(logs), titles([log.name for log in logs])
+def recorded_logs(fit: Fit) -> Sheet | None:
+    """Measured output of logs and the model driven by their input alone."""
+    logs = drawn_logs(fit.recorded.logs if fit.recorded is not None else ())
     percents = ["" if log.fit_pct is None else f"fit {log.fit_pct:.3g} %" for log in logs]
-    columns = [log_panels(log.curve, units, (heads[k], percents[k]), first=k == 0) for k, log in enumerate(logs)]
+    units = fit.data.input_unit, fit.data.output_unit
+    return logs_sheet([log.name for log in logs], percents, [log.curve for log in logs], units)
+
+
+def logs_sheet(
+    names: Sequence[str], said: Sequence[str], curves: Sequence[LogCurve], units: tuple[str, str]
+) -> Sheet | None:
+    """A column a log: (top) input, (middle) measured and model, (bottom) residual."""
+    if not curves:
+        return None
+    n, heads = len(curves), zip(titles(names), said, strict=True)
+    columns = [
+        log_panels(curve, units, head, first=k == 0) for k, (curve, head) in enumerate(zip(curves, heads, strict=True))
+    ]
     panels = [column[row] for row in range(3) for column in columns]
-    known = [log for log in logs if None not in (log.rmse, log.fit_pct, log.one_step_pct)]
-    worst = min(known, key=lambda log: log.fit_pct or 0.0, default=None)
-    text = caption("recorded", shown=n, count=len(all_logs), worst=worst, unit=units[1])
-    return Ready(Sheet(panels, 4.2, columns=n, ratios=(1, 1.6, 1), live=n == 1), text)
+    return Sheet(panels, 4.2, columns=n, ratios=(1, 1.6, 1), live=n == 1)
 
 
 def log_panels(
@@ -197,7 +182,7 @@ def session(replay: Replay) -> tuple[Mapping[str, Array], list[Stretch]] | None:
     return trace, [(names.get(int(modes[a]), str(modes[a])), float(t[a]), float(t[b - 1])) for a, b in pairwise(edges)]
 
 
-def training(replay: Replay) -> Ready | None:
+def training(replay: Replay) -> Sheet | None:
     """Fig. 16: (a) target and angle, (b) position error [°], (c) desired and rendered output, (d) its error."""
     if (found := session(replay)) is None:
         return None
@@ -218,11 +203,10 @@ def training(replay: Replay) -> Ready | None:
         Panel(ink.TIME, y, lines, spans=spans, notes=() if k else heads, legend="beside" if len(lines) > 1 else "")
         for k, (y, lines) in enumerate(rows)
     ]
-    gap, top = float(np.mean(np.abs(desired - rendered))), float(np.max(np.abs(desired)))
-    return Ready(Sheet(panels, 5.0, live=True), caption("training", gap=gap, top=top, unit=unit))
+    return Sheet(panels, 5.0, live=True)
 
 
-def errors(replay: Replay) -> Ready | None:
+def errors(replay: Replay) -> Sheet | None:
     """Fig. 17: box plot of the absolute position error [°] of each mode, without its first seconds.
 
     Whiskers to 1.5 times the box.
@@ -239,6 +223,4 @@ def errors(replay: Replay) -> Ready | None:
     looks = [(MODES.get(name, (ink.PALE, name)), values) for name, values in absolute_deg.items()]
     hatches = ("", "////", "....", "xxxx")
     boxes = [ink.Box(name, values, colour, hatches[k % 4]) for k, ((colour, name), values) in enumerate(looks)]
-    panel = Panel(Axis(), Axis("|position error|", "°", (0.0, None)), boxes=boxes)
-    medians = [f"{name} {number(float(np.median(values)), 2)}°" for name, values in absolute_deg.items()]
-    return Ready(Sheet([panel], 2.4, ink.COLUMN_IN), caption("position", medians=medians))
+    return Sheet([Panel(Axis(), Axis("|position error|", "°", (0.0, None)), boxes=boxes)], 2.4, ink.COLUMN_IN)

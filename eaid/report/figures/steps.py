@@ -10,7 +10,7 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.models import linear, nonlinear
 from eaid.report import panels as ink
-from eaid.report.panels import Axis, Line, Panel, Ready, Sheet, caption, quantity
+from eaid.report.panels import Axis, Line, Panel, Sheet, quantity
 from eaid.report.results import Results
 from eaid.report.rig import level_text
 from eaid.results.fit import Fit, StepShape
@@ -98,79 +98,49 @@ def fitted_steps(fit: Fit) -> Panel:
     return Panel(ink.OF_STEP, quantity(data.output_unit), lines, legend="above")
 
 
-def nonlinear_model(data: StepSet, results: Results) -> Ready:
+def nonlinear_model(data: StepSet, results: Results) -> Sheet:
     """Fig. 7: mean ± sd per level; the nonlinear model, Eq. (4), dashed, each level's RMSE behind its name."""
     fit = results.fit("clutch")
     models = nonlinear_curves(fit, data)
     rows = fit.nonlinear.per_level if fit is not None and fit.nonlinear is not None else ()
     notes = {row.level: f"{row.rmse:.3f}" for row in rows if row.rmse is not None}
-    several = [row for row in data.levels if len(row.runs) > 1 and models]
-    inside = [np.abs(row.mean - models[row.level](row.time_s)) <= row.sd for row in several]
-    share = 100 * float(np.mean(np.concatenate(inside))) if inside else None
     panel = steps_panel(data, models, notes, spread=True, said=f"Eq. (4), RMSE ({data.output_unit})")
-    text = caption("nonlinear", fitted=bool(models), inside_pct=share, out=data.output_unit)
-    return Ready(Sheet([panel], 3.6, live=True), text)
+    return Sheet([panel], 3.6, live=True)
 
 
-def friction_steps(results: Results) -> Ready | None:
+def friction_steps(results: Results) -> Sheet | None:
     """Fig. 3: steps of the force dataset, else of the speed dataset, and the fitted Eq. (3) where there is any."""
     kind = "friction-force" if results.data_of("friction-force") is not None else "friction-speed"
     data, fit = results.data_of(kind), results.fit(kind)
     if data is None:
         return None
-    rows = fit.friction.levels if fit is not None and fit.friction is not None else ()
-    worst = max(((row.rmse / row.Ts, row.level) for row in rows if row.rmse is not None and row.Ts > 0), default=None)
-    panel = steps_panel(data, single_curves(fit), said="Eq. (3)")
-    text = caption("friction_steps", worst=worst, unit=data.input_unit)
-    return Ready(Sheet([panel], 2.9, ink.COLUMN_IN, live=True), text)
+    return Sheet([steps_panel(data, single_curves(fit), said="Eq. (3)")], 2.9, ink.COLUMN_IN, live=True)
 
 
-def linear_model(data: StepSet, fit: Fit) -> Ready | None:
-    """Fig. 8: (a) what was measured and (b) the one linear model of all levels, Eq. (8), on the same scale.
+def linear_model(data: StepSet, fit: Fit) -> Sheet | None:
+    """Fig. 8: what was measured, and the one linear model of all levels, Eq. (8), dashed.
 
     Where the model lies below zero in the end, which no clutch does, it is left out.
     """
     if fit.linear is None:
         return None
-    model, unit = fit.linear.parameters, data.input_unit
-    goals = {row.level: linear.steady_torque(model, row.level) for row in data.levels}
-    missed = [(abs(goals[row.level] - float(np.mean(row.mean[-max(1, len(row.mean) // 50) :]))), row.level)
-              for row in data.levels]  # fmt: skip
-    below = [level_text(level, unit) for level, goal in goals.items() if goal <= 0]
-    levels = some_of(data.levels, LABELLED)
-    fine = fine_times(max(float(one.time_s[-1]) for one in levels))
-    measured, modelled = [], []
-    for one, colour in zip(levels, ink.level_colours(len(levels)), strict=True):
-        text = level_text(one.level, unit)
-        measured.append(Line(one.time_s, one.mean, text, colour, width=1.2, end=text))
-        if goals[one.level] > 0:
-            response = linear.step_response(model, fine, one.level)
-            modelled.append(Line(fine, response, text, colour, (0, (4, 2)), 1.1, end=text))
-    out = quantity(data.output_unit, 0.0, None)
-    both = ((measured, "measured"), (modelled, "linear model"))
-    panels = [Panel(ink.OF_STEP, out, lines, title=title) for lines, title in both]
-    text = caption("linear", near=min(missed), far=max(missed), below=below, unit=unit, out=data.output_unit)
-    return Ready(Sheet(panels, 2.9, columns=2, share=(True, True)), text)
+    model = fit.linear.parameters
+    above = [row.level for row in data.levels if linear.steady_torque(model, row.level) > 0]
+    curves = {level: partial(linear.step_response, model, duty_pct=level) for level in above}
+    return Sheet([steps_panel(data, curves, said="Eq. (8)")], 3.2)
 
 
 MOST = 12  # Most steps from level to level that are drawn
 HELD_LOOKS = ((ink.BLUE, "-"), (ink.VERMILLION, "--"), (ink.GREEN, "-."))  # Of Fig. 6, the highest level first
 
 
-def level_steps(results: Results) -> Ready | None:
+def level_steps(results: Results) -> Sheet | None:
     """Change of output over time since each step from level to level, and the fitted curves (dashed)."""
     for one in results.data:
         data, fit = one.result, results.fit(one.result.kind)
-        if fit is not None and (pairs := paired(data, fit.steps)):
-            shares = [(shape.fit_pct, step_text(shape)) for _, shape in pairs if shape.fit_pct is not None]
-            text = caption("level_steps", count=len(pairs), worst=min(shares))
-            return Ready(Sheet([level_steps_panel(data, fit.steps)], 3.0), text)
+        if fit is not None and paired(data, fit.steps):
+            return Sheet([level_steps_panel(data, fit.steps)], 3.0)
     return None
-
-
-def step_text(step: StepShape) -> str:
-    """A step as it is named: 50 → 100."""
-    return f"{step.from_:.3g} → {step.level:.3g}".replace("-", "−")
 
 
 def paired(data: StepSet, shapes: Sequence[StepShape]) -> list[tuple[LevelStep, StepShape]]:
@@ -186,14 +156,17 @@ def level_steps_panel(data: StepSet, shapes: Sequence[StepShape]) -> Panel:
     def change(shape: StepShape, t_s: Array) -> Array:
         return shape.predict(t_s) - shape.start
 
+    def called(step: StepShape) -> str:
+        return f"{step.from_:.3g} → {step.level:.3g}".replace("-", "−")
+
     curves = [
-        (step.time_s, step.output - shape.start, None, step_text(shape), "", partial(change, shape))
+        (step.time_s, step.output - shape.start, None, called(shape), "", partial(change, shape))
         for step, shape in some_of(paired(data, shapes), MOST)
     ]
     return curves_panel(curves, Axis("Change of output", data.output_unit or "1"), "fitted")
 
 
-def hold_and_release(data: StepSet) -> Ready | None:
+def hold_and_release(data: StepSet) -> Sheet | None:
     """Fig. 6: output over time, the held stretch shaded; the shares lost while held and left after release.
 
     Of the highest, the middle and the lowest level whose rise and release were both recorded.
@@ -202,14 +175,13 @@ def hold_and_release(data: StepSet) -> Ready | None:
     pairs = [(rising[release.level], release) for release in data.releases if release.level in rising]
     if not pairs:
         return None
-    lines, shares, ends = [], [], []
+    lines, ends = [], []
     for (step, release), (colour, dash) in zip(some_of(pairs, 3)[::-1], HELD_LOOKS, strict=False):
         runs = [run for run in data.runs if run.name in (*step.names, *release.names)]
         lost = float(np.mean([run.lost_pct for run in runs if run.lost_pct is not None]))
         left = float(np.mean([run.left_pct for run in runs if run.left_pct is not None]))
         ends.append(float(2 * step.time_s[-1] - step.time_s[-2]))
-        shares.append((level_text(step.level, data.input_unit), lost, left))
-        label = f"{shares[-1][0]}: lost {lost:.1f} %, left {left:.1f} %".replace("-", "−")
+        label = f"{level_text(step.level, data.input_unit)}: lost {lost:.1f} %, left {left:.1f} %".replace("-", "−")
         time, output = np.concatenate([step.time_s, ends[-1] + release.time_s]), np.r_[step.mean, release.mean]
         lines.append(Line(time, output, label, colour, dash))
     low, high = min(float(line.y.min()) for line in lines), max(float(line.y.max()) for line in lines)
@@ -221,4 +193,4 @@ def hold_and_release(data: StepSet) -> Ready | None:
                ink.Note("off", (end + float(lines[0].x[-1])) / 2, 0.985, "y", va="top")],
         legend="above", columns=1,
     )  # fmt: skip
-    return Ready(Sheet([panel], 2.7, ink.COLUMN_IN), caption("held", top=shares[0]))
+    return Sheet([panel], 2.7, ink.COLUMN_IN)

@@ -1,6 +1,7 @@
 """Fitted values over the level, with their 95 % intervals; the rig: one PWM period, shear stress over the field."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -8,34 +9,39 @@ from eaid.arrays import Array
 from eaid.models import nonlinear
 from eaid.report import panels as ink
 from eaid.report import rig
-from eaid.report.panels import Axis, Band, Line, Note, Panel, Ready, Sheet, caption, over
+from eaid.report.panels import Axis, Band, Line, Note, Panel, Sheet, over
 from eaid.report.results import Results
 from eaid.report.rig import of_the_paper
 from eaid.results.common import Interval, ci95_of
 from eaid.results.fit import Fit
 from eaid.results.summary import ENDLESS_S, believed_levels
 
-NAMES = {"Ts": "Steady value T_s", "tau1": "Fast constant τ1", "tau2": "Slow constant τ2"}
+VALUES = ("Ts", "tau1", "tau2")
+NAMES = {"Ts": "Steady value T_s", "tau1": "Fast constant τ1", "tau2": "Slow constant τ2",
+         "C_f": "Friction coefficient C_f"}  # fmt: skip
 TALL = 1.6  # An interval that reaches beyond so many times its value does not set the axis
 
 
-def value_axis(name: str, unit: str, top: float) -> Axis:
-    """The axis of a fitted value, from 0 to a little above `top`; by the data where that is 0."""
-    said = "Friction coefficient C_f" if name == "C_f" else NAMES[name]
-    return Axis(said, {"C_f": "1", "Ts": unit}.get(name, "s"), (0.0, 1.1 * top) if top else (None, None))
-
-
-def points(x: Sequence[float], values: Array, intervals: Sequence[Interval], name: str) -> Line:
-    """Values with their 95 % intervals where there are any, the value itself where not."""
+def value_panel(
+    x: Axis, fit: Fit, name: str, levels: Sequence[float], values: Array, intervals: Sequence[Interval],
+    model: Line | None, published: Line | None, legend: bool,
+) -> Panel:  # fmt: skip
+    """A fitted value over the level: its model, the single levels with their intervals, what was published."""
     known = [(value, value) if ends is None else ends for value, ends in zip(values, intervals, strict=True)]
     low, high = np.array(known).reshape(-1, 2).T
-    return Line(x, values, name, dash="", marker="o", ends=(np.minimum(low, values), np.maximum(high, values)))
-
-
-def seen(drawn: Line) -> float:
-    """The highest end of a whisker that is to be seen."""
-    assert drawn.ends is not None
-    return float(np.nanmax(np.minimum(drawn.ends[1], TALL * np.abs(drawn.y)), initial=0.0))
+    ends = np.minimum(low, values), np.maximum(high, values)
+    lines = [Line(levels, values, "each level, 95 %", dash="", marker="o", ends=ends)]
+    top = float(np.nanmax(np.minimum(ends[1], TALL * np.abs(values)), initial=0.0))
+    if model is not None:
+        peak = float(np.nanmax(model.y, initial=0.0))
+        top = top if top and peak > 3 * top and name in ("tau1", "tau2") else max(top, peak)
+        # only where the axis holds it: τ2 without end would hide all the rest
+        lines.insert(0, replace(model, y=np.where(model.y < 1.3 * top, model.y, np.nan), color=ink.BLUE, width=1.1))
+    if published is not None:
+        lines.append(replace(published, name="published", color=ink.VERMILLION, dash=":", width=1.1))
+    unit = {"C_f": "1", "Ts": fit.data.output_unit}.get(name, "s")
+    y = Axis(NAMES[name], unit, (0.0, 1.1 * top) if top else (None, None))
+    return Panel(x, y, lines, legend="over" if legend else "", columns=6, tight=False)
 
 
 def ended(values: Array, name: str) -> Array:
@@ -47,48 +53,38 @@ def value_panels(fit: Fit) -> list[Panel]:
     """T_s, τ1 and τ2, a panel each: the levels of a fit, its nonlinear model where there is one, and Table III."""
     rows, part = believed_levels(fit), fit.nonlinear
     panels = []
-    for name in NAMES:
+    for name in VALUES:
         values = ended(np.array([getattr(row, name) for row in rows], dtype=float), name)
-        lines = [points([row.level for row in rows], values, [ci95_of(row, name) for row in rows], "95 %")]
-        top = seen(lines[0])
+        model = published = None
         if part is not None:
             u = np.linspace(*part.u_range, 200)
             tau1, tau2 = nonlinear.time_constants(part.parameters, u)
             curves = {"Ts": nonlinear.steady_torque(part.parameters, u), "tau1": tau1, "tau2": tau2}
-            model = ended(curves[name], name)
-            high = float(np.nanmax(model, initial=0.0))
-            top = high if not top or top < high < 3 * top else top
-            # only where the axis holds it: τ2 without end would hide all the rest
-            lines.insert(0, Line(u, np.where(model < 1.3 * top, model, np.nan), "model", ink.BLUE, width=1.1))
+            model = Line(u, ended(curves[name], name), "model")
             if of_the_paper(fit.data) and name != "Ts":  # Table III's T_s gives 0.06 N·m at full duty
-                paper = np.polynomial.polynomial.polyval(u, rig.TABLE_III[name])
-                lines.append(Line(u, paper, "published", ink.GREY, ":", 1.1))
-        y = value_axis(name, fit.data.output_unit, top or 1 / 1.1)
-        legend = "over" if name == "tau1" else ""
-        panels.append(Panel(over(fit.data.input_unit), y, lines, legend=legend, columns=6, tight=False))
+                published = Line(u, np.polynomial.polynomial.polyval(u, rig.TABLE_III[name]))
+        levels, intervals = [row.level for row in rows], [ci95_of(row, name) for row in rows]
+        x = over(fit.data.input_unit)
+        panels.append(value_panel(x, fit, name, levels, values, intervals, model, published, name == "tau1"))
     return panels
 
 
-def polynomials(fit: Fit) -> Ready | None:
+def polynomials(fit: Fit) -> Sheet | None:
     """T_s, τ1 and τ2 over the level: the model, the single levels with their intervals, and Table III."""
     if fit.nonlinear is None or len(believed_levels(fit)) == 1:
         return None
-    return Ready(Sheet(value_panels(fit), 2.5, columns=3, share=(False, False)), caption("over_duty"))
+    return Sheet(value_panels(fit), 2.5, columns=3, shared=False)
 
 
-def trends(fit: Fit) -> Ready | None:
+def trends(fit: Fit) -> Sheet | None:
     """Figs. 4 and 5: the levels with their intervals, their trend and the published one, a panel a value.
 
     Over force: T_s, τ1, C_f and τ2 over the normal stress [kPa], where it is known; over speed: τ1, T_s and τ2 [RPM].
     """
-    part, stress, papers_rig = (
-        fit.friction,
-        fit.friction is not None and fit.friction.over_stress,
-        of_the_paper(fit.data),
-    )
+    part, stress = fit.friction, fit.friction is not None and fit.friction.over_stress
     if part is None or len(part.levels) < 2:
         return None
-    names: tuple[str, ...] = ("Ts", "tau1", "C_f", "tau2") if stress and fit.data.output_unit == "N·m" else tuple(NAMES)
+    names = ("Ts", "tau1", "C_f", "tau2") if stress and fit.data.output_unit == "N·m" else VALUES
     paper = rig.OVER_STRESS
     if fit.data.kind == "friction-speed":
         # Table II's tau2 is two equal rates of opposite weight: at the printed digits no curve is left to draw.
@@ -104,23 +100,15 @@ def trends(fit: Fit) -> Ready | None:
         values = np.array(per) * [getattr(row, key) for row in part.levels]
         ends = [ci95_of(row, key) for row in part.levels]
         scaled = [end and (k * end[0], k * end[1]) for k, end in zip(per, ends, strict=True)]
-        lines = [points(x.tolist(), values, scaled, "each level, 95 %")]
-        top, trend = seen(lines[0]), part.trends.get(name)
-        if trend is not None and trend.coefficients:
-            lines.append(Line(fine, trend.predict(fine), "trend", ink.BLUE, width=1.1))
-            top = max(top, float(np.max(trend.predict(fine))))
-        if name in paper and papers_rig:
-            lines.append(Line(fine, paper[name](fine), "published", ink.VERMILLION, ":", 1.1))
-        y = value_axis(name, fit.data.output_unit, max(top, 0.0))
-        panels.append(Panel(along, y, lines, legend="" if panels else "over", columns=6, tight=False))
+        fitted = part.trends.get(name)
+        trend = Line(fine, fitted.predict(fine), "trend") if fitted is not None and fitted.coefficients else None
+        published = Line(fine, paper[name](fine)) if name in paper and of_the_paper(fit.data) else None
+        panels.append(value_panel(along, fit, name, x.tolist(), values, scaled, trend, published, not panels))
     four = len(names) == 4
-    text = caption("trends", rows=part.levels, unit=fit.data.input_unit, out=fit.data.output_unit)
-    title = "" if papers_rig else "Fitted values over the level"
-    sheet = Sheet(panels, 4.2 if four else 2.4, columns=2 if four else 3, share=(four, False))
-    return Ready(sheet, text, title)
+    return Sheet(panels, 4.2 if four else 2.4, columns=2 if four else 3, shared=four)
 
 
-def pwm_period(results: Results) -> Ready | None:
+def pwm_period(results: Results) -> Sheet | None:
     """Fig. 2: one PWM period of a clutch like the paper's: (a) voltage, (b) the ideal torque as a share of full duty's.
 
     Eq. (2): duty = 2 P_a / P; P_a is the time at +V and the time at −V, the rest of the period is 0.
@@ -146,10 +134,10 @@ def pwm_period(results: Results) -> Ready | None:
         Panel(time, volts, lines, notes=notes, title=f"duty 2 P_a/P = {duty_pct:.0f} %"),
         Panel(time, torque, [Line(edges, on, color=ink.BLUE, width=1.1)], [Band(edges, 0 * on, on, ink.BLUE, 0.15)]),
     ]
-    return Ready(Sheet(panels, 2.5, ink.COLUMN_IN, ratios=(1.7, 1)), caption("pwm"))
+    return Sheet(panels, 2.5, ink.COLUMN_IN, ratios=(1.7, 1))
 
 
-def shear_per_field(fit: Fit) -> Ready | None:
+def shear_per_field(fit: Fit) -> Sheet | None:
     """Fig. 9, Eq. (1): shear stress over the electric field of this clutch at its highest level, of the paper's kind.
 
     A hollow square, as the paper marks adjustable rotary actuators, and lines of equal merit.
@@ -159,15 +147,14 @@ def shear_per_field(fit: Fit) -> Ready | None:
     rig, model, top = fit.data.apparatus, fit.nonlinear.parameters, fit.nonlinear.u_range[1]
     field, shear = rig.field_v_per_um, rig.shear_kpa(float(nonlinear.steady_torque(model, top)))
     x, merit = np.array([0.0, 2 * field]), shear / field
-    factors = (0.5, 1.0, 2.0)
+    factors, said = (0.5, 1.0, 2.0), f"{shear:.2f} kPa\nat {field:.2f} V/µm"
     lines = [Line(x, factor * merit * x, color=ink.GREY, dash="--", width=0.8) for factor in factors]
     notes = [Note(f"{factor * merit:.2g}", 1.01, factor, "xy", ha="left") for factor in factors[:2]]
     notes += [
         Note(f"{2 * merit:.2g}", 0.5, 1.01, "xy", va="bottom"),
         Note("kPa/\n(V/µm)", 1.01, 0.86, "xy", ha="left", va="top"),
-        Note(f"this clutch,\n{shear:.2f} kPa", 1.1 * field, 0.97 * shear, ha="left", va="top", boxed=True),
+        Note(f"this clutch,\n{said}", 1.1 * field, 0.97 * shear, ha="left", va="top", boxed=True),
     ]
     lines.append(Line([field], [shear], color=ink.BLUE, dash="", marker="s", size=7, fill="white"))
     axes = Axis("Electric field", "V/µm", (0.0, 2 * field)), Axis("Shear stress", "kPa", (0.0, 2 * shear))
-    text = caption("shear", field=field, stress=shear, level=top, unit=fit.data.input_unit)
-    return Ready(Sheet([Panel(*axes, lines, notes=notes, tight=False)], 2.5, ink.COLUMN_IN), text)
+    return Sheet([Panel(*axes, lines, notes=notes, tight=False)], 2.5, ink.COLUMN_IN)

@@ -7,7 +7,7 @@ escaped.
 import base64
 import hashlib
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
@@ -28,8 +28,8 @@ OPEN_ROWS = 24  # Most rows of a table that stands open
 KIND_FIGURES = {
     "clutch": ("recorded_logs", "fig07_nonlinear_model", "level_steps", "model_over_duty",
                "fig08_linear_model", "fig09_shear_per_field"),
-    "friction-force": ("level_steps", "fig04_friction_over_stress"),
-    "friction-speed": ("level_steps", "fig05_friction_over_speed"),
+    "friction-force": ("fig03_friction_steps", "level_steps", "fig04_friction_over_stress"),
+    "friction-speed": ("fig03_friction_steps", "level_steps", "fig05_friction_over_speed"),
 }  # fmt: skip
 
 
@@ -55,7 +55,7 @@ class Drawn:
         return f"{self.title}. {self.sees}"
 
 
-Figures = Mapping[str, Drawn]
+Figures = dict[str, Drawn]
 
 
 @dataclass(frozen=True)
@@ -79,11 +79,6 @@ class Block:
         """How much there is."""
         parts = ((len(self.figures), "figure"), (len(self.tables), "table"), (len(self.findings), "finding"))
         return " and ".join(counted(n, word) for n, word in parts if n)
-
-    @property
-    def rows(self) -> int:
-        """Rows of its tables."""
-        return sum(len(table.rows) for table in self.tables)
 
     @property
     def names(self) -> str:
@@ -115,7 +110,8 @@ def parts(results: Results, known: Known, drawn: Figures) -> list[Block]:
 
 
 def _of(drawn: Figures, *names: str) -> tuple[Drawn, ...]:
-    return tuple(drawn[name] for name in names if name in drawn)
+    """Figures by name, but for those that a part before has shown."""
+    return tuple(drawn.pop(name) for name in names if name in drawn)
 
 
 def _block(title: str, figures: Sequence[Drawn], tables: Iterable[Table]) -> list[Block]:
@@ -155,28 +151,20 @@ def _data(results: Results, known: Known, drawn: Figures) -> Block | None:
     return _part("Data", known, figures, tables, folds, max(1, len(figures) - 1))
 
 
-def _figures_of(kind: str, drawn: Figures, results: Results) -> tuple[Drawn, ...]:
-    shows_steps = "friction-force" if results.data_of("friction-force") is not None else "friction-speed"
-    main = results.main_kind == kind
-    names = (("fig03_friction_steps",) if kind == shows_steps else ()) + KIND_FIGURES[kind]
-    return _of(drawn, *(name for name in names if main or "level" not in name))
-
-
 def _model(results: Results, known: Known, drawn: Figures) -> Block | None:
     kind = results.main_kind
     if not results.fits or kind is None:
         return None
     main, kinds = results.fit(kind), [given.result.data.kind for given in results.fits]
+    figures = _of(drawn, *KIND_FIGURES[kind])
     folds: list[Block] = []
-    for given in results.fits:
+    for given in sorted(results.fits, key=lambda given: [*KINDS].index(given.result.data.kind)):
         if given.result is not main:
             of = given.result.data.kind
             title = KINDS[of].capitalize() + (f", {given.path}" if kinds.count(of) > 1 else "")
-            folds += _block(
-                title, _figures_of(of, drawn, results) if of != kind else (), fits.model_tables(given.result)
-            )
+            folds += _block(title, _of(drawn, *KIND_FIGURES[of]), fits.model_tables(given.result))
     tables = fits.model_tables(main) if main is not None else []
-    return _part("Model", known, _figures_of(kind, drawn, results), tables, folds, 3)
+    return _part("Model", known, figures, tables, folds, 3)
 
 
 def _controller(results: Results, known: Known, drawn: Figures) -> Block | None:

@@ -1,7 +1,6 @@
 """What to do next, at most three things each with its command, and the commands that make the same files again."""
 
 import shlex
-from dataclasses import dataclass
 
 from eaid.export.export import offered
 from eaid.report.results import Given, Results
@@ -12,12 +11,7 @@ from eaid.results.gains import Gains
 MENDED = {"rho": "--b-hat minimax", "phi": "--phi data", "Q_M": "--reference multisine"}
 
 
-@dataclass(frozen=True)
-class Step:
-    """One thing to do next, and the command that does it."""
-
-    why: str
-    command: str
+Step = tuple[str, str]  # What to do next, and the command that does it
 
 
 def next_steps(results: Results) -> tuple[Step, ...]:
@@ -25,30 +19,30 @@ def next_steps(results: Results) -> tuple[Step, ...]:
     clutch = next((fit for fit in results.fits if fit.result.data.kind == "clutch"), None)
     fit = clutch or next(iter(results.fits), None)
     if fit is None:
-        return tuple(Step("Fit the data", f"eaid fit {shlex.quote(one.path)} -o fit.json") for one in results.data[:1])
+        return tuple(("Fit the data", f"eaid fit {shlex.quote(one.path)} -o fit.json") for one in results.data[:1])
     fit_json = shlex.quote(fit.path)
     usable = fit.result.verdict.usable
     gains = next(iter(results.gains), None) if usable else None
     steps: list[Step] = []
     linear = clutch.result.linear if clutch is not None and not results.gains and usable else None
     if linear is not None and linear.a0 > 0 and linear.b0 > 0:
-        steps.append(Step("Design the controllers", f"eaid tune-rc {fit_json} -o gains.json"))
+        steps.append(("Design the controllers", f"eaid tune-rc {fit_json} -o gains.json"))
     if gains is not None:
         steps += _better_gains(gains, fit_json)
         if not any(replay.result.head.scenario == "multisine" for replay in results.replays):
             line = f"eaid simulate {fit_json} {shlex.quote(gains.path)} --scenario multisine -o multisine.h5"
-            steps.append(Step("Try the controllers on the fitted model", line))
+            steps.append(("Try the controllers on the fitted model", line))
     if fit.result.nonlinear is not None or fit.result.friction_levels:
         logs = " --excitation" if fit.result.recorded is not None else ""
         why = "Plan what to record next: inputs, holds and repeats for narrower intervals"
-        steps.append(Step(why, f"eaid plan {fit_json}{logs} -o plan.csv"))
+        steps.append((why, f"eaid plan {fit_json}{logs} -o plan.csv"))
     if gains is not None:
         holds = all(row.holds for row in conditions_of(gains.result))
         why = "Take these gains to the rig" if holds else "Take these gains to the rig, without a guarantee"
         laws = offered(gains.result, fit.result)
         only = f" --law {','.join(laws)}" if laws else ""
         if laws != ():
-            steps.append(Step(why, f"eaid export {shlex.quote(gains.path)} --as c{only} -o rig"))
+            steps.append((why, f"eaid export {shlex.quote(gains.path)} --as c{only} -o rig"))
     return tuple(steps[:3])
 
 
@@ -62,7 +56,7 @@ def _better_gains(gains: Given[Gains], fit_json: str) -> list[Step]:
         return []
     why = f"Ask for gains whose guarantee holds ({', '.join(called(row) for row in missing)})"
     typed = shlex.join(gains.result.command) or fit_json  # what was asked for stays
-    return [Step(why, f"eaid tune-rc {typed} {options} -o {shlex.quote(gains.path)} --force")]
+    return [(why, f"eaid tune-rc {typed} {options} -o {shlex.quote(gains.path)} --force")]
 
 
 def commands(results: Results) -> list[str]:

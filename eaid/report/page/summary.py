@@ -234,13 +234,8 @@ def pictures(results: Results) -> Iterator[tuple[str, str, Sheet]]:
     elif data is not None:
         models = steps.nonlinear_curves(fit, data) or steps.single_curves(fit)
         panels = [steps.steps_panel(replace(data, levels=tuple(steps.some_of(data.levels, 6))), models)]
-        rows = (
-            fit.nonlinear.per_level
-            if fit is not None and fit.nonlinear is not None
-            else fit.friction_levels
-            if fit
-            else ()
-        )
+        model = None if fit is None else fit.nonlinear
+        rows = model.per_level if model is not None else fit.friction_levels if fit is not None else ()
         shares = [(row.fit_pct, row.level) for row in rows if row.fit_pct is not None]
         worst = min(shares) if shares and len(data.levels) > 1 else None
         alone = tuple(row for row in data.levels if worst is not None and row.level == worst[1])
@@ -251,7 +246,7 @@ def pictures(results: Results) -> Iterator[tuple[str, str, Sheet]]:
             panels.append(replace(panel, y=Axis(), lines=bare, legend="", title=title))
         said, part = ("Measured against model", "model") if models else ("Measured", "data")
         widths = (1.6, 1) if len(panels) > 1 else ()
-        yield said, part, replace(_picture(panels, columns=len(panels)), widths=widths, share=(False, False))
+        yield said, part, replace(_picture(panels, columns=len(panels)), widths=widths, shared=False)
     if replay is not None:
         until = replays.counted_from(replay) + SHOWN_S
         panels = replays.tracking_panels(replay, until)[:2]

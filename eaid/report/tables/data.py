@@ -7,7 +7,7 @@ import numpy as np
 
 from eaid.report.results import KINDS, Results
 from eaid.report.tables import Cell, Name, Table, columns, level, table_of
-from eaid.steps.stepset import LevelStep, RunRecord, StepSet
+from eaid.steps.stepset import Level, LevelStep, RunRecord, StepSet
 
 
 def is_warned(run: RunRecord) -> bool:
@@ -28,25 +28,21 @@ def runs_table(data: StepSet) -> Table:
 def levels_recorded(data: StepSet) -> Table:
     """One row a level: runs, the output before the step and in the end, what is lost while the input is held."""
     falls = Counter({release.level: len(release.names) for release in data.releases})
-    rows: list[tuple[Cell, ...]] = []
-    for averaged in data.levels:
-        mean = averaged.mean
-        runs = [run for run in data.runs if run.name in averaged.names]
-        idle = [run.baseline_nm for run in runs]
-        before: Cell = idle[0] if len(idle) == 1 else (min(idle), max(idle)) if idle else None
-        warned = sum(1 for run in data.runs if run.level == averaged.level and is_warned(run))
-        rise = float(mean[-max(1, len(mean) // 10) :].mean())
-        lost_pct = round(np.mean([run.lost_pct or 0.0 for run in runs])) if runs else 0
-        held_s = float(averaged.time_s[-1])
-        rows.append((level(averaged.level), len(averaged.names), warned, before, rise, lost_pct, held_s,
-                     falls[averaged.level]))  # fmt: skip
-    out = data.output_unit
-    heads = columns(
-        ("level", data.input_unit), "runs", "warned", ("before", out, 3), ("rise", out), ("lost", "%"), ("held", "s"),
-        "falls",
+    runs = {one.level: [run for run in data.runs if run.name in one.names] for one in data.levels}
+    warned = Counter(run.level for run in data.runs if is_warned(run))
+
+    def before(one: Level) -> Cell:
+        idle = [run.baseline_nm for run in runs[one.level]]
+        return idle[0] if len(idle) == 1 else (min(idle), max(idle)) if idle else None
+
+    return table_of(
+        "Levels", "Rise: mean of the repeats in the end. Lost: from the peak to there, mean of the runs.", data.levels,
+        (("level", data.input_unit), lambda one: level(one.level)), ("runs", lambda one: len(one.names)),
+        ("warned", lambda one: warned[one.level]), (("before", data.output_unit, 3), before),
+        (("rise", data.output_unit), lambda one: float(one.mean[-max(1, len(one.mean) // 10) :].mean())),
+        (("lost", "%"), lambda one: round(np.mean([run.lost_pct or 0.0 for run in runs[one.level]] or [0.0]))),
+        (("held", "s"), lambda one: float(one.time_s[-1])), ("falls", lambda one: falls[one.level]),
     )  # fmt: skip
-    caption = "Rise: mean of the repeats in the end. Lost: from the peak to there, mean of the runs."
-    return Table("Levels", caption, heads, tuple(rows))
 
 
 def between_levels(steps: Iterable[LevelStep], data: StepSet) -> Table:

@@ -1,7 +1,9 @@
 """Tables of one fit: the single levels, Tables I–III, the linear model, release, held-out levels, Huber's weights."""
 
 from collections.abc import Sequence
+from operator import itemgetter
 
+from eaid.models.parameters import PAPER_LINEAR
 from eaid.report import rig as published
 from eaid.report.rig import gain, of_the_paper, rate
 from eaid.report.tables import (
@@ -10,7 +12,6 @@ from eaid.report.tables import (
     Cell,
     Name,
     Table,
-    columns,
     level,
     number,
     table_of,
@@ -63,22 +64,28 @@ def trends_table(fit: Fit) -> Table:
     """Tables I and II: fitted values over normal stress, or over speed; published ones where they belong."""
     force = fit.data.kind == "friction-force"
     variable = "σ" if force else "Ω"
-    rows: list[tuple[Cell, ...]] = []
-    trends = fit.friction.trends if fit.friction else {}
-    for name, (printed, _coefficients, rmse) in (published.TABLE_I if force else published.TABLE_II).items():
+    trends, of_paper = fit.friction.trends if fit.friction else {}, of_the_paper(fit.data)
+    heading = f"Table {'I' if force else 'II'}" if of_paper else "Trends over the level"
+    stress = fit.friction is not None and fit.friction.over_stress
+    caption = f"{variable} is the level in {fit.data.input_unit or 'the unit of its file'}."
+    if of_paper and not force:
+        caption = "Over the rotation speed Ω in RPM, at constant force. The published τ2 is two equal rates with huge "
+        caption += "opposite weights: at its printed digits only 100 e^(−0.0507 Ω) is left."
+    elif of_paper or stress:
+        caption = f"{variable} is the normal stress in kPa."
+
+    def shown(name: str) -> str:
         ours = trends.get(name)
-        shown = formula(ours, variable) if ours is not None and ours.coefficients else "not fitted"
-        rows.append((SYMBOLS[name], unit_of(fit, name), printed, rmse, shown, ours.rmse if ours else None))
-    heads = columns("parameter", "unit", "published", ("published RMSE", "", 3), "ours", ("our RMSE", "", 3))
-    if not of_the_paper(fit.data):
-        stress = fit.friction is not None and fit.friction.over_stress
-        said = "normal stress in kPa" if stress else f"level in {fit.data.input_unit or 'the unit of its file'}"
-        return Table("Trends over the level", f"{variable} is the {said}.", heads, tuple(rows)).without(2, 3)
-    if force:
-        return Table("Table I", "Over the normal stress σ in kPa, at constant speed.", heads, tuple(rows))
-    caption = "Over the rotation speed Ω in RPM, at constant force. The published τ2 is two equal rates with huge "
-    caption += "opposite weights: at its printed digits only 100 e^(−0.0507 Ω) is left."
-    return Table("Table II", caption, heads, tuple(rows))
+        return formula(ours, variable) if ours is not None and ours.coefficients else "not fitted"
+
+    table = published.TABLE_I if force else published.TABLE_II
+    return table_of(
+        heading, caption, table,
+        ("parameter", lambda name: SYMBOLS[name]), ("unit", lambda name: unit_of(fit, name)),
+        ("published", lambda name: table[name][0]) if of_paper else None,
+        (("published RMSE", "", 3), lambda name: table[name][2]) if of_paper else None,
+        ("ours", shown), (("our RMSE", "", 3), lambda name: trends[name].rmse if name in trends else None),
+    )  # fmt: skip
 
 
 def table_iii(fit: Fit) -> Table:
@@ -98,13 +105,16 @@ def table_iii(fit: Fit) -> Table:
             rows.append((f"{letter}_{power}", of, paper, value, ends[power] if ends else None, beside, each))
     share = number(part.C, 2), ci95_of(part, "C"), number(joint.C, 2) if joint is not None else None
     rows.append(("C", "share of the fast part", number(published.TABLE_III["C"][0], 2), *share, "1"))
-    heads = columns("symbol", "belongs to", "published", f"ours, {part.estimator}", "95 % interval", "joint", "unit")
     of_paper = of_the_paper(fit.data)
     caption = "The nonlinear model: τ1(u), τ2(u) and T_s(u) as polynomials of the input u."
     if of_paper:
         caption += " The published T_s gives 0.057 N·m at full duty, where the paper's own figures show about 4 N·m."
-    table = Table("Table III" if of_paper else "Nonlinear model", caption, heads, tuple(rows))
-    return table.without(*[2] * (not of_paper), *[5] * (joint is None))
+    return table_of(
+        "Table III" if of_paper else "Nonlinear model", caption, rows,
+        ("symbol", itemgetter(0)), ("belongs to", itemgetter(1)), ("published", itemgetter(2)) if of_paper else None,
+        (f"ours, {part.estimator}", itemgetter(3)), ("95 % interval", itemgetter(4)),
+        ("joint", itemgetter(5)) if joint is not None else None, ("unit", itemgetter(6)),
+    )  # fmt: skip
 
 
 def linear_table(fit: Fit) -> Table:
@@ -115,7 +125,7 @@ def linear_table(fit: Fit) -> Table:
     return table_of(
         "Linear model, Eq. (8)", "dT/dt = −a0 T + b0 u + c0, fitted to all levels at once.", units,
         ("symbol", lambda name: "RMSE" if name == "rmse" else name),
-        ("published", lambda name: number(published.LINEAR.get(name), 3)) if of_the_paper(fit.data) else None,
+        ("published", lambda name: number(getattr(PAPER_LINEAR, name, None), 3)) if of_the_paper(fit.data) else None,
         ("ours", lambda name: getattr(part, name)),
         ("95 % interval", lambda name: ci95_of(part, name) if name != "rmse" else None),
         ("unit", lambda name: units[name]),
@@ -197,20 +207,7 @@ def model_tables(fit: Fit) -> list[Table]:
         found += [linear_table(fit), input_gain_table(fit)]
     if fit.release is not None:
         found.append(release_table(fit))
-    return [table for table in (*found, held_out_table(fit), lack_of_fit_table(fit)) if table.rows]
-
-
-def lack_of_fit_table(fit: Fit) -> Table:
-    """What each level's curve misses, against what its repeats scatter; no rows without repeats."""
-    return table_of(
-        "Is the model right",
-        "The ratio is what a level's curve misses over what its repeats scatter; beyond what chance allows, the "
-        "curve's shape is not quite right there, by the systematic part.",
-        fit.uncertainty.lack_of_fit if fit.uncertainty else (),
-        (("level", fit.data.input_unit), lambda one: level(one.level)), (("ratio", "", 3), "ratio"),
-        (("by chance up to", "", 3), "chance"), ("beyond", "beyond"),
-        (("systematic part", fit.data.output_unit, 2), "systematic_nm"),
-    )  # fmt: skip
+    return [table for table in (*found, held_out_table(fit)) if table.rows]
 
 
 def logs_table(logs: Sequence[LogFit], out: str) -> Table:

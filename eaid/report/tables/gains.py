@@ -1,8 +1,10 @@
 """Tables of gains: what the guarantee needs and has, Table IV, what follows from it, margins, virtual walls."""
 
+from operator import itemgetter
+
 from eaid.report import rig
 from eaid.report.rig import controller_name, gain
-from eaid.report.tables import Cell, Table, columns, level, number, table_of
+from eaid.report.tables import Cell, Table, level, number, table_of
 from eaid.results.coupling import Coupling
 from eaid.results.gains import Condition, Gains, Margin, Margins
 
@@ -127,10 +129,12 @@ def table_iv(gains: Gains) -> Table:
         if gains.replayed is not None and (papers := gains.replayed.paper_pi) is not None:
             said = f"of 21 and 360, replayed: {gains.replayed.reference}"
             rows.append(("paper's PI: largest error", None, papers.max_abs_error_nm, out, said))
-    heads = columns("symbol", "published", "ours", "unit", "what it is")
     caption = "What was chosen, and what follows from it and the linear model."
-    table = Table("Table IV" if on_papers_rig else "Gains", caption, heads, tuple(rows))
-    return table if on_papers_rig else table.without(1)
+    return table_of(
+        "Table IV" if on_papers_rig else "Gains", caption, rows,
+        ("symbol", itemgetter(0)), ("published", itemgetter(1)) if on_papers_rig else None, ("ours", itemgetter(2)),
+        ("unit", itemgetter(3)), ("what it is", itemgetter(4)),
+    )  # fmt: skip
 
 
 def margins_table(gains: Gains) -> Table:
