@@ -40,6 +40,7 @@ from eaid.results.gains import (
     Rho,
     RhoLine,
     Robust,
+    SampleTiming,
     WorstMargins,
 )
 
@@ -193,7 +194,8 @@ def margins_of(
         MarginPoint(point.duty_pct, point.torque_nm, *each)
         for point, *each in zip(points, *every.values(), strict=True)
     ]
-    return Margins(timing, tuple(rows), WorstMargins(**worst)), missed
+    sampled = SampleTiming(timing.rate_hz, timing.pwm_hz, timing.delay_samples)
+    return Margins(sampled, tuple(rows), WorstMargins(**worst)), missed
 
 
 def guarantee_of(

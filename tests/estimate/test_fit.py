@@ -276,7 +276,7 @@ def test_trends_need_levels_and_units(friction_set: Maker) -> None:
     curves = {p: Friction(10.0 + p, 0.1, 1.0) for p in (1.0, 3.0, 5.0, 7.0)}
     found = quick(friction_set("friction-force", "bar", curves))
     part = found.friction
-    assert part.over == "stress_kpa" and part.x == (100.0, 300.0, 500.0, 700.0)
+    assert part.over == "stress_kpa" and [one.stress_kpa for one in part.levels] == [100.0, 300.0, 500.0, 700.0]
     assert part.trends.keys() == {"Ts"} and part.trends["Ts"].coefficients == pytest.approx((0.01, 10.0))
     told = [one.values for one in found.findings if one.code == "trend-needs-levels"]
     assert ("tau1", "stress_kpa", 4) in [(one["parameter"], one["over"], one["count"]) for one in told]
