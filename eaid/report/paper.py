@@ -24,6 +24,7 @@ from eaid.report.panels import BLACK, VERMILLION, Axis, Box, Line, Panel, Sheet,
 
 if TYPE_CHECKING:
     from eaid.results.fit import Fit
+    from eaid.results.gains import Gains
     from eaid.results.replay import Replay
 
 DPI = 300
@@ -237,14 +238,19 @@ def vector_of(figure: Figure, kind: str) -> bytes:
     return out.getvalue()
 
 
-def plot(result: "Fit | Replay", ax: Axes | None = None) -> Axes:
-    """The step responses of a fit, a line a level, or the trace of every controller of a replay: for notebooks."""
+def plot(result: "Fit | Gains | Replay", ax: Axes | None = None) -> Axes:
+    """For notebooks: the step responses of a fit, the margins of gains, or the trace of every controller."""
     from matplotlib import pyplot
 
     from eaid.report.figures.replays import tracking_panels
     from eaid.report.figures.steps import fitted_steps
+    from eaid.report.figures.values import margins_panel
     from eaid.results.fit import Fit
+    from eaid.results.gains import Gains
 
     ax = ax if ax is not None else pyplot.subplots(layout="constrained")[1]
-    draw(ax, fitted_steps(result) if isinstance(result, Fit) else tracking_panels(result)[0])
+    if isinstance(result, Fit):
+        draw(ax, fitted_steps(result))
+    else:
+        draw(ax, margins_panel(result) if isinstance(result, Gains) else tracking_panels(result)[0])
     return ax

@@ -4,7 +4,7 @@ Units are the rig's: `input_unit` for duties, `output_unit` for torques; `_nm` a
 the paper's rig.
 """
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from eaid.findings import sentences
 from eaid.options import TuneOptions
@@ -242,6 +242,12 @@ class Gains(codec.Saved, Made, frozen=True):
             missing = ", ".join(self.guarantee.missing)
             lines.append("guarantee: yes" if self.guarantee.holds else f"guarantee: NO ({missing})")
         return "\n".join([*lines, *sentences(self.findings[:3])])
+
+    def plot(self, ax: Any = None) -> Any:
+        """The gain margins of the laws over the held input, on matplotlib Axes."""
+        from eaid.report.paper import plot
+
+        return plot(self, ax)
 
     def to_frame(self) -> "pandas.DataFrame":
         """One row a law: its gains, in input per output."""

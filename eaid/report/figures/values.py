@@ -14,6 +14,7 @@ from eaid.report.results import Results
 from eaid.report.rig import of_the_paper
 from eaid.results.common import Interval, ci95_of
 from eaid.results.fit import Fit
+from eaid.results.gains import Gains
 from eaid.results.summary import ENDLESS_S, believed_levels
 
 VALUES = ("Ts", "tau1", "tau2")
@@ -158,3 +159,14 @@ def shear_per_field(fit: Fit) -> Sheet | None:
     lines.append(Line([field], [shear], color=ink.BLUE, dash="", marker="s", size=7, fill="white"))
     axes = Axis("Electric field", "V/µm", (0.0, 2 * field)), Axis("Shear stress", "kPa", (0.0, 2 * shear))
     return Sheet([Panel(*axes, lines, notes=notes, tight=False)], 2.5, ink.COLUMN_IN)
+
+
+def margins_panel(gains: Gains) -> Panel:
+    """Gain margins of the laws over the held input; none is drawn where the gain has no limit."""
+    points, lines = gains.margins.points if gains.margins is not None else (), []
+    for name in gains.laws:
+        x = np.array([point.duty_pct for point in points])
+        y = np.array([getattr(getattr(point, name), "gain_db", None) for point in points], dtype=float)
+        colour, dash, marker = ink.controller_look(name)
+        lines.append(Line(x, y, rig.controller_name(name), colour, dash, marker=marker))
+    return Panel(over(gains.input_unit), Axis("Gain margin", "dB", (0.0, None)), lines, legend="above", tight=False)
