@@ -9,7 +9,7 @@ from scipy.special import fdtri
 from eaid.arrays import Array, median
 from eaid.estimate.certainty import Estimate
 from eaid.estimate.data import Data
-from eaid.estimate.forms import friction
+from eaid.estimate.forms import Model, friction
 from eaid.estimate.from_steps import fit_levels_first
 from eaid.estimate.levels import OwnLevels, own_levels
 from eaid.estimate.scatter import CURVES, Scatter
@@ -134,11 +134,8 @@ def share_of(near: Estimate | OwnLevels, data: Data) -> tuple[ShareEstimate, lis
     """Does the C that was held fit this rig? The same estimate with one free C for all levels beside it."""
     held, levels = float(near.scatter.theta[3, 0]), near.levels
     if isinstance(near, OwnLevels):
-        (low, high, _), x, form = (
-            near.intervals,
-            near.scatter.theta[1:3].ravel(),
-            replace(friction(data.u, None), Ts=None),
-        )
+        (low, high, _), x = near.intervals, near.scatter.theta[1:3].ravel()
+        form: Model | None = replace(friction(data.u, None), Ts=None)
         moved = [own_levels(levels, data, held + side * NUDGE, near).scatter.theta for side in (-1, 1)]
     else:
         (low, high, _), x, form = near.intervals(data.u), near.solved.x, None

@@ -25,15 +25,14 @@ Solved = TypeVar("Solved")
 def minimise(
     data: Data,
     loss: str,
-    solve: Callable[[Data], Solved],
-    again: Callable[[Data, Solved], Solved],
+    solve: Callable[[Data, Solved | None], Solved],
     residuals: Callable[[Solved, Data], list[Array]],
 ) -> tuple[Solved, Huber | None]:
-    """The solution under a loss of the table `LOSSES`, and, for Huber's, its scale and weights in numbers.
+    """The solution under squares or Huber's loss, and, for the latter, its scale and weights in numbers.
 
-    `solve` fits data, `again` fits data that differ little from those of an earlier solution.
+    `solve` fits data, next to an earlier solution of data that differ little where there is one.
     """
-    solved = solve(data)
+    solved = solve(data, None)
     if loss == "squares":
         return solved, None
     r = residuals(solved, data)
@@ -48,7 +47,7 @@ def minimise(
             Record(record.t_s, record.y + one - np.clip(one, -cut, cut), record.uniform)
             for record, one in zip(data.records, r, strict=True)
         )
-        solved = again(replace(data, records=records), solved)
+        solved = solve(replace(data, records=records), solved)
         after = residuals(solved, data)
         moved = max(float(np.abs(a - b).max()) for a, b in zip(after, r, strict=True)) / sigma
         r = after

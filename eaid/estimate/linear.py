@@ -148,7 +148,7 @@ def linear_part(
     data: Data, scatter: Scatter, options: FitOptions, held_out: Sequence[Level] = ()
 ) -> tuple[Linear, list[Finding]]:
     """The linear model, pooled and per level, with the bounds of B, intervals, and warnings."""
-    solved, huber = minimise(data, options.loss, fit_linear, lambda d, _: fit_linear(d), Solution.residuals)
+    solved, huber = minimise(data, options.loss, lambda d, _: fit_linear(d), Solution.residuals)
     p, left, each = parameters(*unknowns(solved)), solved.residuals(data), fit_each_level(data)
     total = metrics.errors([record.y for record in data.records], left)
     one = Linear(p.a0, p.b0, p.c0, solver=solved.solver, **total.scores)

@@ -169,15 +169,12 @@ def _of_the_model(
 ) -> tuple[Fit, Estimate | OwnLevels]:
     """The nonlinear model, and the friction curves that it gives at the levels; the estimate behind them."""
     levels, share = stepset.levels, options.held_share
-    first, huber = minimise(
+    first, huber = minimise(data, options.loss, lambda d, near: levels_first(levels, d, share, near), _missed)
+    joint, of_joint = minimise(
         data,
         options.loss,
-        lambda d: levels_first(levels, d, share),
-        lambda d, near: levels_first(levels, d, share, near),
-        lambda one, on: one.solved.residuals(on),
-    )
-    joint, of_joint = minimise(
-        data, options.loss, lambda d: fit_nonlinear(d, share), refit_nonlinear, Solution.residuals
+        lambda d, near: fit_nonlinear(d, share) if near is None else refit_nonlinear(d, near),
+        Solution.residuals,
     )
     papers, draws = options.estimator == "joint", None
     if options.ci == "bootstrap":
@@ -194,6 +191,11 @@ def _of_the_model(
     return msgspec.structs.replace(result, findings=tuple(findings)), first
 
 
+def _missed(one: Estimate | OwnLevels, data: Data) -> list[Array]:
+    """f − y of the levels' curves at every sample."""
+    return residuals(one.scatter.theta, data.records)
+
+
 def _of_each_level(
     stepset: StepSet,
     data: Data,
@@ -204,13 +206,7 @@ def _of_each_level(
 ) -> tuple[Fit, Estimate | OwnLevels]:
     """Every level by itself, with trends over the levels; their estimates."""
     levels, share = stepset.levels, options.held_share
-    own, huber = minimise(
-        data,
-        options.loss,
-        lambda d: own_levels(levels, d, share),
-        lambda d, near: own_levels(levels, d, share, near),
-        lambda one, on: residuals(one.scatter.theta, on.records),
-    )
+    own, huber = minimise(data, options.loss, lambda d, near: own_levels(levels, d, share, near), _missed)
     if "friction" not in models:
         return Fit(), own
     ends = own.intervals

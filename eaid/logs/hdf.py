@@ -70,8 +70,13 @@ def nodes(file: h5py.File, source: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def text(value: Any) -> str:
-    """An attribute as text."""
-    return value.decode("utf-8", errors="replace") if isinstance(value, bytes) else str(value)
+    """An attribute as text; bytes that are no UTF-8 are Latin-1, as older writers have `N·m` and `µs`."""
+    if not isinstance(value, bytes):
+        return str(value)
+    try:
+        return value.decode()
+    except UnicodeDecodeError:
+        return value.decode("latin-1")
 
 
 def attributes(node: h5py.File | h5py.Group) -> dict[str, object]:

@@ -49,14 +49,21 @@ def checked(
         raise DataError(f"{source}: has a header but no rows; record the log again")
     if not unread and all(np.isfinite(values).all() for values in columns.values()) and (np.diff(time) > 0).all():
         return None
+    texts = {(sample, label): text for sample, label, text in unread}
     for label, values in columns.items():
-        if count >= FEWEST and 0.2 * count < (gone := int(np.isnan(values).sum())) < count:
+        gone = int(np.isnan(values).sum())
+        words = [text for (_, column), text in texts.items() if column == label and text]
+        if gone == count and words:
+            raise DataError(
+                f"{source}: column {label} holds no number in any row, but words such as {words[0]!r}; write what they "
+                f"stand for in numbers, or name another column with «columns»"
+            )
+        if count >= FEWEST and 0.2 * count < gone < count:
             raise DataError(
                 f"{source}: column {label} holds a number in {count - gone} of {count} rows only; save the rows in "
                 f"which it was sampled, or all columns at one rate"
             )
     bad = np.zeros(count, dtype=bool)
-    texts = {(sample, label): text for sample, label, text in unread}
     faults_of: dict[int, list[str]] = {}
     for sample, label, text in unread:
         if not label:

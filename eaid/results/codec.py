@@ -116,7 +116,8 @@ def _content(path: Path, wanted: str) -> tuple[str, Any]:
         text = path.read_text(encoding="utf-8")
         return text, json.loads(text, parse_constant=_finite, parse_float=_finite)
     except (ValueError, RecursionError) as fault:  # no UTF-8, no JSON, or numbers and nesting beyond all reason
-        raise DataError(f"{path}: is not a JSON file ({fault}); give {wanted}") from None
+        why = "it is binary" if isinstance(fault, UnicodeDecodeError) else fault
+        raise DataError(f"{path}: is not a JSON file ({why}); give {wanted}") from None
 
 
 def _kind(path: Path, content: Any) -> str:

@@ -99,6 +99,9 @@ BAD: dict[str, tuple[Any, ...]] = {
     "short.csv": (csv(rows(59)), "9 samples in its window, at least 10 are needed; record it longer"),
     "one-row.csv": (csv(GOOD[:1]), "holds 1 samples, and a step takes at least 10; record it longer"),
     "nine-rows.csv": (csv(GOOD[45:54]), "holds 9 samples, and a step takes at least 10; record it longer"),
+    "on-off.csv": (column(1, lambda i, u: "on" if u else "off"),
+                   "column duty_pct holds no number in any row, but words such as 'off'; write what they stand for in "
+                   "numbers, or name another column with --columns"),
     "wave.csv": (column(1, lambda i, u: 50 + 40 * np.sin(i / 15)),
                  "the input moves most of the time, so it holds no steps; a displacement is said with --columns "
                  "position=, beside the load as input=; else eaid fit takes such a log whole, "
