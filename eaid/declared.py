@@ -41,6 +41,7 @@ class Declaration:
     above: bool = False  # The least value itself is left out
     shown: str | None = None  # What stands behind the option in the help
     read: Callable[[str, str], Any] | None = None  # (option, text) → value, where the type does not say it
+    rises: bool = False  # Of two numbers the second is not below the first
     levels: bool = False  # Levels of the data, which Python may also give as numbers
     kept: bool = True  # Whether a result keeps it: what changes no number is not kept
 
@@ -174,7 +175,10 @@ class Form:
             if typing.get_origin(kind) is tuple and (not isinstance(value, tuple) or (self.pair and len(value) != 2)):
                 return [f"{name} {value!r}: give {'two numbers' if self.pair else 'numbers'}"]
             each = value if isinstance(value, tuple) else value.values() if isinstance(value, Mapping) else (value,)
-            return [fault for one in each for fault in self._outside(one)]
+            faults = [fault for one in each for fault in self._outside(one)]
+            if declared.rises and not faults and value[0] > value[1]:
+                faults = [f"{name} {value[0]:g}:{value[1]:g}: give the lower number first"]
+            return faults
         if self.several:
             if not isinstance(value, tuple):
                 return [f"{name} {value!r}: give words"]

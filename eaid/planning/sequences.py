@@ -28,22 +28,6 @@ BLOCKS = 12  # Instants of each hold at which the sensitivities are taken
 FULL_DUTY = 100.0  # Highest input of a rig in %
 
 
-def check(limits: Limits) -> None:
-    """Refuse limits that mean nothing."""
-    faults = []
-    low, high = limits.duty
-    if not 0 < low < high < np.inf:
-        faults.append(f"«limits» duty {low:g}:{high:g}: give two inputs that rise, above 0")
-    elif limits.unit == "%" and high > FULL_DUTY:
-        faults.append(f"«limits» duty {low:g}:{high:g}: a duty ends at 100 %")
-    if not 0 < limits.hold_s[0] < limits.hold_s[1]:
-        faults.append(
-            f"«limits» hold_s {limits.hold_s[0]:g}:{limits.hold_s[1]:g}: give the shortest and the longest hold"
-        )
-    if faults:
-        raise UsageError(*faults)
-
-
 def refuse_scattered(noise: Noise, wanted: Mapping[str, float]) -> None:
     """Refuse widths that the scatter between engagements keeps out of reach, however many there are."""
     faults = []
@@ -111,7 +95,8 @@ def plan_excitation(
 ) -> Excitation:
     """The shortest sequence for half-widths of `wanted` percent at the worst duty, or the best of the longest."""
     limits = limits or Limits(duty=p.u_range)
-    check(limits)
+    if limits.unit == "%" and limits.duty[1] > FULL_DUTY:
+        raise UsageError(f"«limits» duty {limits.duty[1]:g}: a duty ends at 100 %")
     draw = np.random.default_rng(seed)
     judge = Judge(p, noise, dict(wanted), limits)
     segments, best = 16, None
