@@ -62,14 +62,7 @@ class _Facts(msgspec.Struct):
     rest_moved: float = 0.0
 
 
-def write_dataset(
-    path: Path,
-    runs: Sequence[Run],
-    *,
-    kind: Kind,
-    apparatus: Apparatus,
-    force: bool = False,
-) -> None:
+def write_dataset(path: Path, runs: Sequence[Run], *, kind: Kind, apparatus: Apparatus, force: bool = False) -> None:
     """Write runs as data.h5, whole or not at all: steps, whose `level`, `step_s` and `baseline` are known, or logs as
     they were recorded, without a level."""
     made_by = sorted({run.synthetic for run in runs if run.synthetic})

@@ -38,9 +38,7 @@ def read_runs(paths: Sequence[Path], options: ReadOptions = PLAIN) -> list[Run]:
 
 
 def read_what_can_be(
-    files: Sequence[Path],
-    options: ReadOptions,
-    advance: Callable[[], None] = lambda: None,
+    files: Sequence[Path], options: ReadOptions, advance: Callable[[], None] = lambda: None
 ) -> tuple[list[Run], list[str]]:
     """Runs of the good logs, and the faults of the others; `advance` is called after every file."""
 

@@ -322,10 +322,7 @@ def _load(path: Path, source: str, zipped: bool, dialect: Dialect, columns: Sequ
     bad: list[BadCell] = []
     rows: list[tuple[int, int]] = []
     count, seen, decimal, line = 0, 0, False, dialect.first_line
-    with (
-        _unpacked(path, source, zipped) as file,
-        io.TextIOWrapper(file, dialect.encoding, errors="replace") as text,
-    ):
+    with _unpacked(path, source, zipped) as file, io.TextIOWrapper(file, dialect.encoding, errors="replace") as text:
         for _ in range(dialect.first_line - 1):
             text.readline()
         while piece := text.read(PIECE) + text.readline():

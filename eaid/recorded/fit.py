@@ -35,17 +35,7 @@ from eaid.models.parameters import SHARE
 from eaid.options import FitOptions
 from eaid.recorded.closed_loop import judged_loops, with_instrument
 from eaid.results.common import LevelError, Source
-from eaid.results.fit import (
-    Fit,
-    FittedData,
-    Friction,
-    FrictionLevel,
-    Linear,
-    Noise,
-    Nonlinear,
-    Release,
-    Uncertainty,
-)
+from eaid.results.fit import Fit, FittedData, Friction, FrictionLevel, Linear, Noise, Nonlinear, Release, Uncertainty
 from eaid.results.recorded import FallTest, LogCurve, LogFit, Recorded
 from eaid.results.verdict import judged
 from eaid.steps.levels import wanted_levels
@@ -81,8 +71,6 @@ def refuse(logs: Sequence[RecordedLog]) -> None:
                 f"{where}: its output takes {FEW_VALUES} values or fewer while its input moves all the time, as if "
                 "they were swapped; name both with «columns» input=NAME,output=NAME"
             )
-        elif not (np.diff(log.time_s) > 0).all():
-            faults.append(f"{where}: its time does not rise; sort or drop the rows")
     if faults:
         raise DataError(*faults)
 
@@ -133,11 +121,9 @@ class Inputs:
     @property
     def basis(self) -> Array:
         """Levels over which the models are laid out."""
-        if self.stepwise and len(self.levels) > 1:
-            return np.unique([*self.levels, self.low, self.high])
         if self.stepwise:
-            return self.levels
-        return np.linspace(self.low, self.high, 11) if self.high > self.low else np.array([self.low])
+            return np.unique([*self.levels, self.low, self.high]) if len(self.levels) > 1 else self.levels
+        return np.unique(np.linspace(self.low, self.high, 11))
 
     @property
     def shown(self) -> Array:
@@ -284,7 +270,10 @@ def linear_part(solved: Solved, base: Solved, levels: Array, wanted: str | None)
     """Eq. (8) of the logs, and of each level by itself: of steps of the fitted nonlinear model."""
     pooled = parameters(solved.setup.model, solved.coefficients)
     total = errors(solved.outputs, solved.missed)
-    of_model = data_of(_settled_steps(base, levels))
+    p = model_of(base)  # steps from rest of it to each level
+    slowest = float(np.max(curve.time_constants(p, levels)[1]))
+    t = np.linspace(0.0, min(STEP_RECORDS * slowest, LONGEST_STEP_S), STEP_SAMPLES)
+    of_model = data_of([Level(u, t, curve.step_response(p, t, u)[None], (f"{u:g}",)) for u in levels.tolist()])
     rows = single_levels(of_model, fit_each_level(of_model))
     return Linear(
         a0=pooled.a0,
@@ -295,14 +284,6 @@ def linear_part(solved: Solved, base: Solved, levels: Array, wanted: str | None)
         bounds=bounds_of(rows, None if wanted is None else wanted_levels(wanted, levels.tolist(), "bounds_levels")),
         **total.scores,
     )
-
-
-def _settled_steps(base: Solved, levels: Array) -> list[Level]:
-    """Steps from rest of the fitted model to each level."""
-    p = model_of(base)
-    slowest = float(np.max(curve.time_constants(p, levels)[1]))
-    t = np.linspace(0.0, min(STEP_RECORDS * slowest, LONGEST_STEP_S), STEP_SAMPLES)
-    return [Level(float(u), t, curve.step_response(p, t, float(u))[None], (f"{u:g}",)) for u in levels]
 
 
 def friction_part(solved: Solved, levels: Array, known: CurveSpread | None) -> Friction:
@@ -326,15 +307,7 @@ AT_REST = 2.0
 
 
 def fit_whole(stepset: StepSet, options: FitOptions) -> Fit:
-    """Fit the recorded logs of a set with its steps, with the options of step fits.
-
-    Raises
-    ------
-    UsageError
-        Options that only steps have: a loss, held-out levels.
-    DataError
-        A log that no model can be fitted to.
-    """
+    """Fit the recorded logs of a set with its steps; raises UsageError for options that only steps have."""
     if options.loss != "squares":
         raise UsageError(f"«loss» {options.loss}: logs fitted as recorded take squares; or say «logs_as» steps")
     if options.hold_out:
@@ -345,16 +318,16 @@ def fit_whole(stepset: StepSet, options: FitOptions) -> Fit:
     shapes = single_steps(stepset, options)
     dead_s = statistics.median_low([one.dead_time_s for one in shapes if one.edge == "up"] or [0.0])
     fit = fit_recorded(stepset.recorded, options, stepset, rest, dead_time_s=dead_s)
-    of_shapes = merged([each for shape in shapes for each in shape.findings if not _has_it(fit, each)])
-    options_given = workflow.given(options, stepset)
+    # shapes that ask for no more than the dead time that the models begin behind are no news
+    known = ("one", "two") if fit.recorded is not None and fit.recorded.dead_time_s > 0 else ()
+    of_shapes = merged([
+        one for shape in shapes for one in shape.findings
+        if one.code != "other-shape-fits-better" or one.values["shape"] not in known
+    ])  # fmt: skip
     findings = ranked((*fit.findings, *of_shapes))
-    return judged(msgspec.structs.replace(fit, options=options_given, steps=shapes, findings=findings))
-
-
-def _has_it(fit: Fit, told: Finding) -> bool:
-    """Whether a step asks for no more than the dead time that the models begin behind."""
-    late = fit.recorded is not None and fit.recorded.dead_time_s > 0
-    return late and told.code == "other-shape-fits-better" and told.values["shape"] in ("one", "two")
+    return judged(
+        msgspec.structs.replace(fit, options=workflow.given(options, stepset), steps=shapes, findings=findings)
+    )
 
 
 def fit_recorded(
@@ -366,26 +339,10 @@ def fit_recorded(
     falls: bool = True,
     dead_time_s: float = 0.0,
 ) -> Fit:
-    """Fit recorded logs, with or without ordinary steps.
+    """Fit recorded logs, with or without step logs of the same clutch.
 
-    Parameters
-    ----------
-    runs : logs as they were recorded; a `Run` has its input counted from `rest`.
-    options : those of every fit.
-    steps : step logs of the same clutch, fitted with the others.
-    rest : input at rest, in its own unit.
-    falls : falls get unknowns of their own where the data show that they differ from rises.
-    dead_time_s : that of the single steps; it is taken over where the logs are fitted better with it.
-
-    Returns
-    -------
-    Fit
-        The content of fit.json, with the part `recorded`.
-
-    Raises
-    ------
-    DataError
-        Where no model can be fitted to a log: one sentence for each.
+    The input of a `Run` is counted from `rest`. With `falls`, falls get unknowns of their own where they differ from
+    rises; `dead_time_s` of single steps is taken over where the logs are fitted better with it.
     """
     options = options or FitOptions()
     share = options.held_share

@@ -19,17 +19,7 @@ from eaid.options import ReadOptions
 from eaid.steps.baseline import baseline_rule, first_samples, last_rest
 from eaid.steps.edges import several_edges
 from eaid.steps.noise import STANDARD_ERRORS, block_means, block_noise, sample_noise
-from eaid.steps.plateaus import (
-    BACK,
-    FEWEST,
-    Plateau,
-    end_of,
-    plateaus,
-    stands_still,
-    tolerance,
-    turns,
-    zero_of,
-)
+from eaid.steps.plateaus import BACK, FEWEST, Plateau, end_of, plateaus, stands_still, tolerance, turns, zero_of
 from eaid.steps.step import Step, sample_at
 from eaid.steps.stepset import LevelStep
 
