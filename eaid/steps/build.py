@@ -9,7 +9,7 @@ from eaid.errors import DataError
 from eaid.findings import Finding, finding, stops
 from eaid.logs.run import Kind, Run
 from eaid.options import ReadOptions
-from eaid.steps.checks import disagreements, step_warnings
+from eaid.steps.checks import CHECKS, disagreements
 from eaid.steps.cut import level_steps
 from eaid.steps.levels import common, grouped, same_level, wanted_levels
 from eaid.steps.noise import STANDARD_ERRORS, block_error, idle_density
@@ -20,11 +20,7 @@ SMALL = 0.2  # Share of the usual change below which a sign of its own is not he
 
 
 def signs_of(runs: Sequence[Run]) -> tuple[dict[str, float], list[Finding]]:
-    """The sign of each cut run, by its name, and findings about them.
-
-    Steps from rest have one sign for positive and one for negative inputs; a step from level to level has its own,
-    whichever way the input goes.
-    """
+    """The sign of each cut run, by its name, one for all steps from rest of a sign of input; and findings of them."""
     findings: list[Finding] = []
     turned = {False: 1.0, True: 1.0}
     for negative in turned:
@@ -99,7 +95,9 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN) -> StepSe
     kind: Kind = options.kind or next(iter(kinds), None) or "clutch"
     input_unit = _single({run.input_unit for run in cut_steps}, "input units", "say one with «units» input=UNIT")
     output_unit = _single({run.output_unit for run in cut_steps}, "output units", "say one with «units» output=UNIT")
-    apparatus = _apparatus(cut_steps, options, kind)
+    rigs = {run.apparatus for run in cut_steps if run.apparatus is not None}
+    if options.apparatus is None and len(rigs) > 1:
+        raise DataError("the datasets are of different rigs; fit them apart")
 
     runs = sorted(cut_steps, key=lambda run: (abs(run.level or 0.0), run.repeat or 0, run.name))
     rising = grouped([run for run in runs if run.edge == "rising" and run.from_level == 0])
@@ -113,8 +111,12 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN) -> StepSe
     signs, of_signs = signs_of(runs)
     steps = {run.name: Step(run, signs[run.name]) for run in runs}
     of_runs = {
-        name: [*step.run.findings, *_of_subject(of_signs, name), *step_warnings(step)] for name, step in steps.items()
-    }
+        name: [
+            *step.run.findings, *_of_subject(of_signs, name),
+            *filter(None, (check(step) for check in CHECKS[step.run.edge])),
+        ]
+        for name, step in steps.items()
+    }  # fmt: skip
     out = _stopped(runs, of_runs)
     levels = _averaged(rising, steps, out)
     for level in levels:
@@ -131,7 +133,7 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN) -> StepSe
         kind=kind,
         input_unit=input_unit,
         output_unit=output_unit,
-        apparatus=apparatus,
+        apparatus=options.apparatus or next(iter(rigs), Apparatus(surfaces=2 if kind == "clutch" else 1)),
         levels=tuple(levels),
         releases=tuple(_averaged(falling, steps, out)),
         runs=tuple(records),
@@ -152,14 +154,6 @@ def _stopped(runs: Sequence[Run], findings: Mapping[str, Sequence[Finding]]) -> 
     of_all = set.intersection(*(codes[name] for name in rises))
     out = {name for name, own in codes.items() if own - of_all}
     return set() if out.issuperset(rises) else out
-
-
-def _apparatus(runs: Sequence[Run], options: ReadOptions, kind: Kind) -> Apparatus:
-    """The one rig that all logs are of."""
-    rigs = {run.apparatus for run in runs if run.apparatus is not None}
-    if options.apparatus is None and len(rigs) > 1:
-        raise DataError("the datasets are of different rigs; fit them apart")
-    return options.apparatus or next(iter(rigs), Apparatus(surfaces=2 if kind == "clutch" else 1))
 
 
 def _averaged(groups: Sequence[tuple[float, Sequence[Run]]], steps: Mapping[str, Step], out: set[str]) -> list[Level]:

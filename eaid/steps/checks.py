@@ -4,7 +4,6 @@ Levels of torque are compared by means of blocks, so that noise and rotor ripple
 """
 
 from collections.abc import Callable
-from typing import Literal
 
 import numpy as np
 
@@ -53,7 +52,7 @@ def saturated(step: Step) -> Finding | None:
         # a settled or idle output is approached by its finest step
         if abs(limit - float(output[max(0, entry - 3)])) > max(20 * finest, 1e-3 * float(np.ptp(output))):
             return finding("saturated", step.run.name, samples=exactly, limit=limit, unit=step.unit)
-    top = flat_top(step) if step.run.edge == "rising" else None
+    top = _flat_top(step) if step.run.edge == "rising" else None
     if top is None:
         return None
     if exactly:
@@ -61,7 +60,7 @@ def saturated(step: Step) -> Finding | None:
     return finding("flat-topped", step.run.name, step.levels, limit=top, unit=step.unit)
 
 
-def flat_top(step: Step) -> float | None:
+def _flat_top(step: Step) -> float | None:
     """The output at which a rise stops at full slope and stays, within its noise; None of one that settles."""
     rise = step.rise
     if len(rise) < 200 or not step.swing > 0:
@@ -76,10 +75,9 @@ def flat_top(step: Step) -> float | None:
 
 
 def sharpness(step: Step, ceiling: float) -> float:
-    """Slope of a rise as it comes within 5 % of a ceiling, times the time that took, over the ceiling, less its error.
+    """Slope of a rise within 5 % of a ceiling, times the time it took, over the ceiling, less its error.
 
-    An exponential has 0.15 to 0.2 there, a straight rise that is cut off 0.95. The rise is averaged to a hundred blocks
-    or more; 0 of one of a few samples.
+    An exponential has 0.15 to 0.2 there, a straight rise that is cut off 0.95; 0 of one of a few samples.
     """
     count = len(step.rise)
     while True:
@@ -217,30 +215,27 @@ def _drift(step: Step) -> Finding | None:
 
 
 def _not_idle(step: Step) -> Finding | None:
-    """A start that left its rest before the step: off by more than the noise allows (`baseline.left_early`).
-
-    An instant is known to one sample: what the output moves in one is none.
-    """
+    """A start that left its rest before the step: off by more than the noise allows (`baseline.left_early`)."""
     before = step.before
     if before is None or step.run.from_level != 0 or not step.swing > 0:
         return None
     off = abs(before)
     if off <= FLOOR * step.swing or (len(step.idle) >= FEWEST and last_rest(step.idle, step.swing).rests):
         return None
-    if off <= 0.75 * abs(float(step.rise[:3].mean()) - before):  # within a sample and a half: one, and not two
+    if off <= 0.75 * abs(
+        float(step.rise[:3].mean()) - before
+    ):  # within a sample and a half: the instant is known to one
         return None
     share = 100 * off / step.swing
     return finding("not-at-rest", step.run.name, (step.run.level or 0.0,), off=before, unit=step.unit, share_pct=share)
 
 
 def _left_after_release(step: Step) -> Finding | None:
-    if step.run.from_level != 0 or len(step.rise) < FEW:
-        return None
     left = left_pct(step)
-    if left > 5.0 and left / 100 * step.swing > STANDARD_ERRORS * block_error(step.rise):
-        after_s = float(step.time_s[-1])
-        return finding("left-after-release", step.run.name, step.levels, left_pct=left, after_s=after_s)
-    return None
+    off = left / 100 * step.swing
+    if step.run.from_level != 0 or len(step.rise) < FEW or left <= 5 or off <= STANDARD_ERRORS * block_error(step.rise):
+        return None
+    return finding("left-after-release", step.run.name, step.levels, left_pct=left, after_s=float(step.time_s[-1]))
 
 
 def _several_edges(step: Step) -> Finding | None:
@@ -253,42 +248,21 @@ def _several_edges(step: Step) -> Finding | None:
     return several_edges(step.run.name, time, rise, step.run.step_s or 0.0)
 
 
-Edge = Literal["rising", "falling"]
-BOTH: tuple[Edge, ...] = ("rising", "falling")
-# Every check of one run, a finding or nothing, and the edges that it is for
-CHECKS: tuple[tuple[Callable[[Step], Finding | None], tuple[Edge, ...]], ...] = (
-    (_negative, BOTH),
-    (_contradiction, ("rising",)),
-    (_gap, BOTH),
-    (_gap_at_step, BOTH),
-    (_ramp, BOTH),
-    (_drift, ("rising",)),
-    (_not_idle, ("rising",)),
-    (saturated, BOTH),
-    (stuck, BOTH),
-    (coarse, ("rising",)),
-    (isolated_spikes, BOTH),
-    (_several_edges, ("rising",)),
-    (_left_after_release, ("falling",)),
-)
-
-
-def step_warnings(step: Step) -> tuple[Finding, ...]:
-    """All warnings of one step, in the order of the table."""
-    checks = (check(step) for check, for_edges in CHECKS if step.run.edge in for_edges)
-    return tuple(warning for warning in checks if warning is not None)
+# The checks of one run, by its edge: each gives a finding or nothing
+CHECKS: dict[str, tuple[Callable[[Step], Finding | None], ...]] = {
+    "rising": (_negative, _contradiction, _gap, _gap_at_step, _ramp, _drift, _not_idle, saturated, stuck, coarse,
+               isolated_spikes, _several_edges),
+    "falling": (_negative, _gap, _gap_at_step, _ramp, saturated, stuck, isolated_spikes, _left_after_release),
+}  # fmt: skip
 
 
 def disagreements(level: Level, unit: str) -> list[Finding]:
-    """One for each repeat of a level where the means over their last quarter spread by more than `DISAGREE`.
-
-    `own_pct` is how far a repeat lies from the mean of the others, as a share of the mean of all.
-    """
+    """One for each repeat of a level where the means over their last quarter spread by more than `DISAGREE`."""
     ends = level.runs[:, -max(1, level.runs.shape[1] // 4) :].mean(axis=1)
     middle, spread = abs(float(ends.mean())), float(np.ptp(ends))
     if spread <= DISAGREE * middle or middle == 0:
         return []
-    own_pct = 100 * (ends - ends.mean()) * len(ends) / (len(ends) - 1) / middle
+    own_pct = 100 * (ends - ends.mean()) * len(ends) / (len(ends) - 1) / middle  # each from the mean of the others
     return [
         finding("repeats-disagree", name, [level.level], own_pct=pct, spread_pct=100 * spread / middle, unit=unit)
         for name, pct in zip(level.names, own_pct.tolist(), strict=True)

@@ -64,10 +64,7 @@ def active_low(run: Run, holds: Sequence[Plateau]) -> tuple[Finding, ...]:
 
 
 def edge_between(run: Run, before: Plateau, now: Plateau, zero: float, idle: float | None = None) -> Run:
-    """A log with what its step between two plateaus is: edge, levels, baseline, output before it, findings.
-
-    `idle` is the rest before the step that led to the first plateau.
-    """
+    """A log with what its step between two plateaus is; `idle`: rest before the step that led to the first of them."""
     down = abs(now.level) < abs(before.level) and now.level * before.level >= -zero * zero
     level, other = (before.level, now.level) if down else (now.level, before.level)
     from_rest = abs(before.level) <= zero
@@ -226,8 +223,7 @@ def rises_at_once(output: Array, start: float = 0.0) -> bool:
 def onset(output: Array) -> int | None:
     """First sample after the output's last visit to its idle band before it is half-way up; None where none stands out.
 
-    The idle band is the median of the first samples ± 4 standard deviations (from the median deviation), at least 1 %
-    of the rise; the first samples are refined once by those before the onset.
+    The idle band is the median of the first samples ± 4 standard deviations, at least 1 % of the rise.
     """
     count = len(output)
     head = max(FEWEST, count // 50)
@@ -257,13 +253,17 @@ SLOWS = 0.8  # Share of its usual speed below which a stroke slows down
 
 
 def cut_reversals(run: Run) -> list[Run]:
-    """The strokes of a log with a position, shape (n,), each from its turn to the next; its level is the input's.
-
-    Raises DataError where the position never turns, or nothing tells the level.
-    """
+    """The strokes of a log with a position, each from its turn to the next; its level is the input's."""
     assert run.position is not None
-    at = turns_of(run.position)
-    if not len(at):
+    means = block_means(run.position, BLOCKS)
+    span, width = float(np.ptp(means)), len(run.position) / len(means)
+    at: list[int] = []  # the extremes between which it goes by `BACK` of its range; none of mere noise
+    for before, k in itertools.pairwise(turns(means, BACK * span)[:-1] if span > 20 * block_noise(means) else []):
+        if abs(means[k] - means[before]) >= BACK * span:  # else noise at the very start
+            low = int(max(0, (k - 1) * width))
+            near = run.position[low : int((k + 2) * width) + 1]
+            at.append(low + int(near.argmax() if means[k] > means[before] else near.argmin()))
+    if not at:
         raise DataError(f"{run.where}: its position never turns; leave «columns» position out")
     known = bool(np.isfinite(run.input).all())
     if run.level is None and not known:
@@ -288,30 +288,11 @@ def cut_reversals(run: Run) -> list[Run]:
     return [replace(steps[0], findings=(*run.findings, note)), *(replace(one, findings=()) for one in steps[1:])]
 
 
-def turns_of(position: Array) -> list[int]:
-    """Samples at which a position turns: extremes between which it goes by `BACK` of its range; none of mere noise."""
-    means = block_means(position, BLOCKS)
-    span, width = float(np.ptp(means)), len(position) / len(means)
-    if span <= 20 * block_noise(means):
-        return []
-    places = turns(means, BACK * span)
-    samples = []
-    for before, k in itertools.pairwise(places[:-1]):
-        if abs(means[k] - means[before]) < BACK * span:
-            continue  # noise at the very start
-        low = int(max(0, (k - 1) * width))
-        near = position[low : int((k + 2) * width) + 1]
-        samples.append(low + int(near.argmax() if means[k] > means[before] else near.argmin()))
-    return samples
-
-
 WANDERS = 0.15  # Range of a measured input, as a share of its median, up to which it is one load that wanders
 
 
 def cut(run: Run, baseline: str = "auto", rest: float = 0.0) -> list[Run]:
-    """The steps of a log, in the order of time, each with its level, step instant, baseline and edge.
-
-    Levels are counted from `rest`, the input at rest.
+    """The steps of a log, in the order of time; levels are counted from `rest`, the input at rest.
 
     Raises DataError where the log has no step, or a level that cannot be told.
     """
@@ -348,7 +329,13 @@ def cut(run: Run, baseline: str = "auto", rest: float = 0.0) -> list[Run]:
         steps = cut_by_input(_up_to(run))
     else:
         steps = cut_by_output(_up_to(run) if run.has_input else run)
-    return _with_baselines(steps, baseline)
+    steps, idle = [_ruled(step, baseline) for step in steps], None
+    for k, step in enumerate(steps):
+        if step.from_level == 0.0 and step.edge == "rising":
+            idle = step.baseline
+        elif step.from_level == 0.0 and idle is not None:  # a fall to rest has the baseline of its rise
+            steps[k] = replace(step, baseline=idle)
+    return steps
 
 
 def _up_to(run: Run) -> Run:
@@ -359,20 +346,6 @@ def _up_to(run: Run) -> Run:
     if stop < FEWEST:
         raise DataError(f"{run.where}: the window ends at {run.until_s:g} s, before the log has begun; mend «until»")
     return run.part(slice(stop), until_s=None)
-
-
-def _with_baselines(steps: list[Run], rule: str) -> list[Run]:
-    """The steps with their baselines as the user says, else as cut or stored; a fall to rest has that of its rise."""
-    finished: list[Run] = []
-    idle: float | None = None
-    for step in steps:
-        step = _ruled(step, rule)
-        if step.from_level == 0.0 and step.edge == "rising":
-            idle = step.baseline
-        elif step.from_level == 0.0 and idle is not None:
-            step = replace(step, baseline=idle)
-        finished.append(step)
-    return finished
 
 
 def _ruled(step: Run, baseline: str) -> Run:
@@ -404,9 +377,19 @@ def cut_runs(runs: Sequence[Run], options: ReadOptions) -> tuple[list[Run], list
     for run in runs:
         try:
             of_log = cut(run, options.baseline, options.rest)
-            steps.extend(_long_enough(of_log, run.cut))
         except DataError as fault:
             faults.extend(fault.sentences)
+            continue
+        good = [step for step in of_log if _samples(step) >= FEWEST]
+        short = [step for step in of_log if _samples(step) < FEWEST]
+        alone = [step for step in short if run.cut or step.edge == "rising"]
+        if alone and (run.cut or not any(step.edge == "rising" for step in good)):
+            few = _samples(alone[0])
+            faults.append(f"{run.where}: {few} samples in its window, at least {FEWEST} are needed; record it longer")
+        elif short and good:  # a short one beside good ones is left out and told
+            note = finding("short-pieces", good[0].name, pieces=len(short), fewest=FEWEST)
+            good[0] = replace(good[0], findings=(*good[0].findings, note))
+        steps += good
     return _counted(steps), faults
 
 
@@ -425,22 +408,6 @@ def settled_steps(runs: Sequence[Run], options: ReadOptions) -> tuple[LevelStep,
 def _samples(run: Run) -> int:
     """Samples in the active window of a cut run: from its step to its end."""
     return len(run.time_s) - Step(run).start
-
-
-def _long_enough(steps: list[Run], stored: bool) -> list[Run]:
-    """Steps with enough samples; a short one beside good ones is left out and told; one alone, or stored, refuses."""
-    good = [step for step in steps if _samples(step) >= FEWEST]
-    short = [step for step in steps if step not in good]
-    alone = [step for step in short if stored or step.edge == "rising"]
-    if alone and (stored or not any(step.edge == "rising" for step in good)):
-        raise DataError(
-            f"{alone[0].where}: {_samples(alone[0])} samples in its window, at least {FEWEST} are needed; record it "
-            "longer"
-        )
-    if short and good:
-        note = finding("short-pieces", good[0].name, pieces=len(short), fewest=FEWEST)
-        good[0] = replace(good[0], findings=(*good[0].findings, note))
-    return good
 
 
 def _counted(steps: list[Run]) -> list[Run]:

@@ -17,7 +17,7 @@ from eaid.errors import DataError, UsageError
 from eaid.findings import finding
 from eaid.logs.run import Run
 from eaid.steps.noise import block_noise, sample_noise
-from eaid.steps.step import Step, usual_step
+from eaid.steps.step import Step, uniform_step, usual_step
 from eaid.steps.stepset import Level
 
 CLOSE = 1e-3  # Share within which commanded inputs are one level: rounding of what was written
@@ -56,10 +56,9 @@ def wanted_levels(text: str, levels: Sequence[float], option: str = "levels") ->
         if len(numbers) == 2 and numbers[0] <= numbers[1]:
             meant = [level for level in levels if numbers[0] - 1e-9 <= level <= numbers[1] + 1e-9]
         elif len(numbers) == 1:
-            near = sorted(
-                (level for level in levels if same_level(level, numbers[0])), key=lambda u: abs(u - numbers[0])
-            )
-            meant = [level for level in near if same_level(level, near[0], 0.0)]
+            near = [level for level in levels if same_level(level, numbers[0])]
+            nearest = min(near, key=lambda u: abs(u - numbers[0]), default=0.0)
+            meant = [level for level in near if same_level(level, nearest, 0.0)]
         else:
             raise UsageError(f"«{option}» {text}: write 30:100 or 30,40,90")
         if not meant:
@@ -70,16 +69,12 @@ def wanted_levels(text: str, levels: Sequence[float], option: str = "levels") ->
 
 
 def common(members: Sequence[Step]) -> Level:
-    """The repeats of one level, on their common window, the shortest; its level is their mean where inputs differ.
-
-    Uniform repeats of one rate are taken as they are; any other set is interpolated linearly onto the finest (median)
-    sample time. A single run keeps its own axis.
-    """
+    """The repeats of one level, on their common window, the shortest; its level is their mean where inputs differ."""
     inputs = [member.levels[0] for member in members]
     level = inputs[0] if len(set(inputs)) == 1 else float(np.mean(inputs))
     times = [member.time_s for member in members]
     outputs = [member.rise for member in members]
-    steps = [member.uniform_s for member in members]
+    steps = [uniform_step(time) for time in times]
     known = [step for step in steps if step is not None]
     shortest = min(len(time) for time in times)
     # the shortest sample time, not that of the first run: the order of the logs decides nothing
@@ -129,10 +124,7 @@ def _output(run: Run) -> _Output:
 
 
 def counted_once(runs: Sequence[Run]) -> list[Run]:
-    """Runs without copies of a run of another log; the longer one stays and says so.
-
-    Runs are those of one rig, cut (their steps are laid on each other) or not (the first change of their inputs is).
-    """
+    """Runs without copies of a run of another log, their steps laid on each other; the longer one stays and says so."""
     kept = {id(run): run for run in runs}
     groups: dict[tuple[str, str, str, str], list[Run]] = {}
     for run in runs:

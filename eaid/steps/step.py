@@ -64,11 +64,6 @@ class Step:
         return read_only(active - active[0])
 
     @cached_property
-    def uniform_s(self) -> float | None:
-        """Sample time of the active window [s]; None where it is not uniform."""
-        return uniform_step(self.time_s)
-
-    @cached_property
     def rise(self) -> Array:
         """Output relative to the idle baseline in the active window, its sign as the step's."""
         return self.sign * (self.run.output[self.start :] - (self.run.baseline or 0.0))
