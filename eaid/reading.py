@@ -100,8 +100,9 @@ def read_steps(
         files, plain = files_of(Path(entry.file) for entry in manifest.logs), ReadOptions()
         stands = {k: v for k, v in manifest.options.items() if getattr(options, k) == getattr(plain, k)}
         options = replace(options, **cast(Any, stands))
-        for name in manifest.unlisted()[:5]:
-            warn(f"{manifest.path}: does not list {name}, which is left out")
+        listed = {file.resolve() for file in files}
+        for file in [one for one in files_of([manifest.path.parent]) if one.resolve() not in listed][:5]:
+            warn(f"{manifest.path}: does not list {file.name}, which is left out")
     with progress("reading logs", len(files)) as advance:
         runs, faults = read_what_can_be(files, options, advance)
     if manifest is not None:

@@ -7,7 +7,7 @@ No time stamps, names in order: the same runs give the same bytes.
 import dataclasses
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +19,11 @@ from eaid.apparatus import Apparatus
 from eaid.arrays import read_only
 from eaid.errors import DataError
 from eaid.files import hdf5_written_whole
-from eaid.findings import Finding
+from eaid.findings import Finding, finding
 from eaid.logs.hdf import attributes, open_hdf5
 from eaid.logs.run import INPUT_UNITS, Kind, Run
 from eaid.logs.table import plain
+from eaid.logs.to_run import checked
 from eaid.version import __version__
 
 SCHEMA = "eaid/data/1"
@@ -75,31 +76,23 @@ def write_dataset(path: Path, runs: Sequence[Run], *, kind: Kind, apparatus: App
                 file.attrs[name] = value
         folder = file.create_group("runs")
         for run in runs:
-            _write_run(folder.create_group(run.name.replace("/", "_")), run)
+            group = folder.create_group(run.name.replace("/", "_"))
+            for name, field in (COLUMNS | MORE).items():
+                if (values := getattr(run, field)) is not None:
+                    group.create_dataset(
+                        name, data=np.asarray(values, dtype=np.float64), chunks=(min(len(values), 1 << 17),),
+                        compression="gzip", compression_opts=4, shuffle=True, track_times=False,
+                    )  # fmt: skip
+            for fact in msgspec.structs.fields(_Facts):
+                value = getattr(run, fact.name)
+                if value != fact.default and (fact.name != "edge" or run.level is not None):
+                    group.attrs[fact.encode_name] = value
+            if run.findings:
+                group.attrs["findings"] = msgspec.json.encode(run.findings).decode()
 
 
-def _write_run(group: h5py.Group, run: Run) -> None:
-    for name, field in (COLUMNS | MORE).items():
-        if (values := getattr(run, field)) is not None:
-            group.create_dataset(
-                name, data=np.asarray(values, dtype=np.float64), chunks=(min(len(values), 1 << 17),),
-                compression="gzip", compression_opts=4, shuffle=True, track_times=False,
-            )  # fmt: skip
-    for fact in msgspec.structs.fields(_Facts):
-        value = getattr(run, fact.name)
-        if value != fact.default and (fact.name != "edge" or run.level is not None):
-            group.attrs[fact.encode_name] = value
-    if run.findings:
-        group.attrs["findings"] = msgspec.json.encode(run.findings).decode()
-
-
-def read_dataset(
-    path: Path, source: str, sha256: str, each: Callable[[Run], Run] = lambda run: run
-) -> tuple[list[Run], list[str]]:
-    """Runs of a data.h5, in the order of their names, and what is wrong with the others, a sentence each.
-
-    `each` is applied to every run before the next is read: what it shortens never lies in memory all at once.
-    """
+def read_dataset(path: Path, source: str, sha256: str, repair: bool) -> tuple[list[Run], list[str]]:
+    """Runs of a data.h5, in the order of their names, and what is wrong with the others, a sentence each."""
     with open_hdf5(path, source) as file:
         stored = attributes(file)
         root = msgspec.convert(stored, _Root, strict=False)
@@ -125,7 +118,7 @@ def read_dataset(
         faults: list[str] = []
         for name in names:
             try:
-                runs.append(each(_read_run(file["runs"][name], dataclasses.replace(shared, name=plain(name)))))
+                runs.append(_read_run(file["runs"][name], dataclasses.replace(shared, name=plain(name)), repair))
             except DataError as fault:
                 faults.extend(fault.sentences)
         return runs, faults
@@ -150,8 +143,8 @@ def _plain(value: Any) -> Any:
     return plain(value) if isinstance(value, str) else value
 
 
-def _read_run(group: h5py.Group, shared: Run) -> Run:
-    where = f"{shared.dataset}: run {shared.name}"
+def _read_run(group: h5py.Group, shared: Run, repair: bool) -> Run:
+    where = shared.where
     try:
         columns = {field: read_only(group[name][()]) for name, field in (COLUMNS | MORE).items() if name in group}
         stored = attributes(group)
@@ -175,6 +168,13 @@ def _read_run(group: h5py.Group, shared: Run) -> Run:
     fields = {name: value for name, value in fields.items() if not isinstance(value, float) or math.isfinite(value)}
     fields |= {"edge": "falling" if facts["edge"] == "falling" else "rising", "cut": facts["edge"] is not None}
     run = dataclasses.replace(shared, **columns, **fields, findings=findings)  # type: ignore[arg-type]  # by field
+    rows = {"time": run.time_s, "input": run.input, "output": run.output}
+    if np.isnan(run.input).all():
+        del rows["input"]
+    keep = checked(where, rows, (), lambda i: i + 1, "sample", repair)
+    if keep is not None:
+        dropped = finding("rows-dropped", run.name, dropped=len(run.time_s) - len(keep), count=len(run.time_s))
+        run = run.part(keep, findings=(*run.findings, dropped))
     first = float(run.time_s[0]) if len(run.time_s) else 0.0
     if abs(first) <= 1e6:  # beyond it a run is counted from its own start [s]
         return run

@@ -24,10 +24,7 @@ HEAD = 1 << 16  # Bytes of a text by which it is judged
 
 
 def files_of(paths: Iterable[Path], tell: Callable[[str], None] = lambda _: None) -> list[Path]:
-    """The files behind what the user gave: a folder stands for the logs in it, by name.
-
-    `tell` gets a sentence about what is left out of a folder.
-    """
+    """The files behind what the user gave, a folder for the logs in it; `tell` gets a sentence of what is left out."""
     files: list[Path] = []
     faults: list[str] = []
     for path in paths:
@@ -59,42 +56,31 @@ def files_of(paths: Iterable[Path], tell: Callable[[str], None] = lambda _: None
 
 def _sorted_out(folder: Path) -> tuple[list[Path], list[str]]:
     """The logs of a folder, and the names of what is left out, each in order."""
-    items = sorted(
-        item
-        for item in folder.iterdir()
-        if item.is_file()
-        and not item.name.startswith(".")
-        and item.suffix.lower() not in SKIPPED
-        and item.name != "Thumbs.db"
-    )
-    made = {item: _made_by_eaid(item) for item in items}
-    logs = [item for item in items if not made[item] and _is_log(item)]
+    kinds = {
+        item: _kind(item)
+        for item in sorted(folder.iterdir())
+        if item.is_file() and item.name[0] != "." and item.suffix.lower() not in SKIPPED and item.name != "Thumbs.db"
+    }
     # a dataset beside logs was most likely made from them, and a log counts once
-    logs = logs or [item for item in items if made[item] == "data"]
-    return logs, [item.name for item in items if item not in logs]
+    wanted = "log" if "log" in kinds.values() else "data"
+    return [item for item in kinds if kinds[item] == wanted], [item.name for item in kinds if kinds[item] != wanted]
 
 
-def _made_by_eaid(path: Path) -> str:
-    """data or replay, for a file that eaid wrote; empty for any other."""
+def _kind(path: Path) -> str:
+    """log, data or replay of a file in a folder, by its ending, its first bytes, or rows of numbers in a text."""
+    ending = path.suffix.lower()
+    if ending in LOGS:
+        return "log"
     try:
-        if path.suffix.lower() in LOGS or not is_as_written(path):
-            return ""
+        if is_as_written(path):
+            import h5py
+
+            with h5py.File(path, "r", locking=False) as file:
+                return str(file.attrs["schema"]).split("/")[1]
+        with path.open("rb") as raw:
+            head = raw.read(HEAD)
     except OSError:
-        return ""  # refused by its name
-    import h5py
-
-    with h5py.File(path, "r", locking=False) as file:
-        return str(file.attrs["schema"]).split("/")[1]
-
-
-def _is_log(path: Path) -> bool:
-    """Whether a file in a folder is a log: by its ending, by its first bytes, or by rows of numbers in a text."""
-    if path.suffix.lower() in (*LOGS, ".h5", ".hdf5"):
-        return True
-    try:
-        with path.open("rb") as file:
-            head = file.read(HEAD)
-    except OSError:
-        return True  # refused by its name
+        return "log"  # refused by its name
     form = format_of(head[:4096]).name
-    return has_table(lines_of(head)) if form == "text" else form != "not read"
+    rows = has_table(lines_of(head)) if form == "text" else form != "not read"
+    return "log" if rows or ending in (".h5", ".hdf5") else ""

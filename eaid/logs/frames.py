@@ -23,18 +23,8 @@ RUN = "run"  # Column of a DataFrame with several runs that tells them apart
 def runs_from_frames(frames: "pd.DataFrame | Mapping[str, pd.DataFrame]", options: ReadOptions = PLAIN) -> list[Run]:
     """Runs of a DataFrame with a column `run` (without one: a single run), or of {name: DataFrame}.
 
-    Parameters
-    ----------
-    frames
-        Columns go by name, as in logs; stamps (datetime, timedelta) count as times; `frame.attrs["units"]`, a
-        mapping of column to unit, says units that the names do not. An index that has a name is a column, too.
-    options
-        As for logs; the name pattern is looked for in the names of the runs.
-
-    Raises
-    ------
-    DataError
-        With a sentence for every fault of every run.
+    Columns go by name, as in logs; stamps count as times; `frame.attrs["units"]`, a mapping of column to unit, says
+    units that the names do not. Raises DataError with a sentence for every fault of every run.
     """
     runs: list[Run] = []
     faults: list[str] = []
@@ -63,8 +53,7 @@ def _parted(frames: "pd.DataFrame | Mapping[str, pd.DataFrame]") -> "dict[str, p
             raise DataError(
                 f"{unnamed} of {len(frame)} rows have no name in the column {RUN}; say of each row which run it is of"
             )
-        parts: Mapping[Any, pd.DataFrame] = dict(iter(frame.drop(columns=RUN).groupby(frame[RUN], sort=False)))
-        frames = parts
+        frames = dict(iter(frame.drop(columns=RUN).groupby(frame[RUN], sort=False)))
     counts = Counter(str(name) for name in frames)
     if (twice := counts.most_common(1)) and twice[0][1] > 1:
         raise DataError(f"{twice[0][0]}: is the name of two runs, a number and a text; give each a name of its own")
@@ -76,8 +65,7 @@ def _parted(frames: "pd.DataFrame | Mapping[str, pd.DataFrame]") -> "dict[str, p
 
 def _with_index(frame: "pd.DataFrame") -> "pd.DataFrame":
     """A frame whose index, where it has a name or holds times, is a column."""
-    stamps = frame.index.nlevels == 1 and frame.index.dtype.kind in "mM"
-    if stamps and frame.index.name is None:
+    if frame.index.nlevels == 1 and frame.index.dtype.kind in "mM" and frame.index.name is None:
         frame = frame.rename_axis("time")
     return frame.reset_index() if any(name is not None for name in frame.index.names) else frame
 

@@ -61,11 +61,6 @@ class Manifest:
     options: Mapping[str, Value]  # Those that it gives
     logs: tuple[Entry, ...]
 
-    def unlisted(self) -> list[str]:
-        """Names of the logs beside the manifest that it does not list."""
-        listed = {Path(entry.file).resolve() for entry in self.logs}
-        return [file.name for file in files_of([self.path.parent]) if file.resolve() not in listed]
-
 
 def files_read(paths: Sequence[Path]) -> Iterator[Path]:
     """All that is read where these paths are given: a folder and a manifest stand for what they hold, too."""
@@ -79,21 +74,19 @@ def files_read(paths: Sequence[Path]) -> Iterator[Path]:
 
 
 def manifest_of(paths: Sequence[Path]) -> Manifest | None:
-    """The manifest that is meant: given itself, or lying in the one folder that is given; None where there is none."""
+    """The manifest that is meant: given itself, or lying in the one folder that is given; None where there is none.
+
+    Raises DataError where it is not written as this eaid writes it.
+    """
     manifests = [path / NAME for path in paths if (path / NAME).is_file()]
     manifests += [path for path in paths if path.suffix == ".toml" and path.is_file()]
     if not manifests:
         return None
     if len(paths) > 1:
         raise UsageError(f"{manifests[0]}: says all about its own logs; give it, or its folder, alone")
-    return read_manifest(manifests[0])
-
-
-def read_manifest(path: Path) -> Manifest:
-    """A manifest; raises DataError where it is not written as this eaid writes it."""
+    path = manifests[0]
     try:
-        text = path.read_text(encoding="utf-8-sig")
-        content = tomllib.loads(text)
+        content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except (ValueError, RecursionError) as fault:  # no TOML, no UTF-8, nested too deep, a number of thousands of digits
         raise DataError(f"{path}: is no TOML ({fault}); {AGAIN}") from None
     if content.get("schema") != SCHEMA:

@@ -12,13 +12,13 @@ import numpy as np
 
 from eaid.errors import DataError, UsageError
 from eaid.files import LOGS, is_as_written, sha256_of
-from eaid.findings import finding
+from eaid.findings import Finding, finding
 from eaid.logs.dataset import read_dataset
 from eaid.logs.folders import files_of
 from eaid.logs.formats import ForeignReader, format_of, unread
-from eaid.logs.run import Run
+from eaid.logs.run import Run, numbered
 from eaid.logs.text import read_text
-from eaid.logs.to_run import checked, run_of
+from eaid.logs.to_run import run_of
 from eaid.options import ReadOptions
 from eaid.shown import counted
 
@@ -91,58 +91,36 @@ def read_file(path: Path, options: ReadOptions, foreign: ForeignReader) -> tuple
         sealed = form.name == "HDF5" and is_as_written(path) is not None
         tables = [] if sealed else foreign.tables(form, path, source)
         if not tables:
-            return read_dataset(path, source, sha256, lambda run: _checked_run(run, options))
+            return read_dataset(path, source, sha256, options.repair)
         return [run_of(name or path.name, source, sha256, tables, options, path.name)], []
-
-
-def _checked_run(run: Run, options: ReadOptions) -> Run:
-    """A run of a dataset, its rows checked like those of a log."""
-    columns = {"time": run.time_s, "input": run.input, "output": run.output}
-    if np.isnan(run.input).all():
-        del columns["input"]
-    keep = checked(run.where, columns, (), lambda i: i + 1, "sample", options.repair)
-    if keep is None:
-        return run
-    dropped = finding("rows-dropped", run.name, dropped=len(run.time_s) - len(keep), count=len(run.time_s))
-    return run.part(keep, findings=(*run.findings, dropped))
 
 
 def together(runs: Sequence[Run], options: ReadOptions) -> list[Run]:
     """Runs of one call, with names of their own, each told where it lies as far from the others as units do."""
-    every = list(runs) if "input" in options.units else _shares_told(runs)
-    return named_apart(every if "time" in options.units else _clocks_told(every))
-
-
-def _shares_told(runs: Sequence[Run]) -> list[Run]:
-    """Runs; where some go to 100 %, one in % that stays within 1 is most likely a fraction, and is told.
-
-    Those of datasets were compared when they were ingested.
-    """
-    in_pct = [run.input_unit == "%" and not run.dataset and len(run.input) > 0 for run in runs]
-    largest = [float(np.abs(run.input).max()) if pct else 0.0 for run, pct in zip(runs, in_pct, strict=True)]
-    most = max(largest, default=0.0)
-    whole = any(round(top, 3) == 100.0 for top in largest)
-    return [
-        replace(run, findings=(*run.findings, finding("input-in-fractions", run.name, other=most)))
-        if most > 1.5 and (0 < top < 1 or (top == 1 and whole))
-        else run
-        for run, top in zip(runs, largest, strict=True)
-    ]
-
-
-def _clocks_told(runs: Sequence[Run]) -> list[Run]:
-    """Runs; one whose unit of time nobody says is told where its stamps lie as far from the usual as units do."""
+    told: dict[int, Finding] = {}
+    if "input" not in options.units:  # those of datasets were compared when they were ingested
+        in_pct = [run.input_unit == "%" and not run.dataset for run in runs]
+        largest = [
+            float(np.abs(run.input).max(initial=0)) if pct else 0.0 for run, pct in zip(runs, in_pct, strict=True)
+        ]
+        most, whole = max(largest, default=0.0), any(round(top, 3) == 100.0 for top in largest)
+        for i, top in enumerate(largest):  # where some go to 100 %, one that stays within 1 is most likely a fraction
+            if most > 1.5 and (0 < top < 1 or (top == 1 and whole)):
+                told[i] = finding("input-in-fractions", runs[i].name, other=most)
+    every = [replace(run, findings=(*run.findings, told[i])) if i in told else run for i, run in enumerate(runs)]
     steps = [float(np.median(np.diff(run.time_s[:10_000]))) if len(run.time_s) > 1 else np.nan for run in runs]
     middle = sorted(steps)[len(steps) // 2] if steps else np.nan
-    told = list(runs)
-    for i, run in enumerate(runs):
+    for i, run in enumerate(every if "time" not in options.units else ()):
         of_time = {one.code for one in run.findings if one.values.get("role", "time") == "time"}
         others = steps[1 - i] if len(runs) == 2 else middle
         factor = max(steps[i], others) / min(steps[i], others)
         if of_time & SECONDS_ASSUMED and any(abs(factor / one - 1) < 0.02 for one in UNIT_STEPS):
             differs = finding("time-unit-differs", run.name, usual_s=steps[i], others_s=others)
-            told[i] = replace(run, findings=(*run.findings, differs))
-    return told
+            every[i] = replace(run, findings=(*run.findings, differs))
+    counts = Counter(run.name for run in every)
+    folders = [f"{Path(run.source).resolve().parent.name}-" if counts[run.name] > 1 else "" for run in every]
+    names = numbered(folder + run.name for folder, run in zip(folders, every, strict=True))
+    return [run if run.name == name else replace(run, name=name) for run, name in zip(every, names, strict=True)]
 
 
 def columns_told(runs: Sequence[Run]) -> list[str]:
@@ -154,18 +132,3 @@ def columns_told(runs: Sequence[Run]) -> list[str]:
             taken = [f"{role} = {name} [{units.get(role) or '?'}]" for role, name in run.taken]
             alike[", ".join(taken), ", ".join(run.left) or "none"] += 1
     return [f"columns of {counted(n, 'log')}: {taken}; left: {left}" for (taken, left), n in alike.items()]
-
-
-def named_apart(runs: Sequence[Run]) -> list[Run]:
-    """Runs with names of their own: the folder's name before a name that comes twice, then a number behind it."""
-    counts = Counter(run.name for run in runs)
-    apart = [
-        replace(run, name=f"{Path(run.source).resolve().parent.name}-{run.name}") if counts[run.name] > 1 else run
-        for run in runs
-    ]
-    times: Counter[str] = Counter()
-    for i, run in enumerate(apart):
-        times[run.name] += 1
-        if times[run.name] > 1:
-            apart[i] = replace(run, name=f"{run.name}-{times[run.name]}")
-    return apart

@@ -1,5 +1,7 @@
 """A run: one recorded step, as read from a file, in the units that `logs/units.py` turns into."""
 
+from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -68,3 +70,12 @@ class Run:
         columns = {name: getattr(self, name) for name in ("time_s", "input", "output", "reference_nm", "position")}
         parts = {name: read_only(values[samples]) for name, values in columns.items() if values is not None}
         return replace(self, **{**parts, **changes})
+
+
+def numbered(names: Iterable[str], before: str = "-") -> list[str]:
+    """Names, each that comes again with its number behind it."""
+    times, apart = Counter[str](), list[str]()
+    for name in names:
+        times[name] += 1
+        apart.append(f"{name}{before}{times[name]}" if times[name] > 1 else name)
+    return apart

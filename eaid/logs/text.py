@@ -13,7 +13,7 @@ import math
 import re
 import zlib
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import partial
@@ -36,7 +36,6 @@ _CLOCK = re.compile(
 _DATES = ("%Y-%m-%d", "%Y/%m/%d", "%Y.%m.%d", "%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y")
 # A comma that is a decimal mark and cannot be one between thousands
 _DECIMAL = re.compile(r"(?<![\d.,])0+,\d|\d,\d{1,2}(?!\d)|\d,\d{4}")
-LABVIEW = b"LabVIEW Measurement"
 ROWS = 3  # Rows of numbers, one below the other, that make a table
 HEAD_BYTES = 1 << 15
 PIECE = 1 << 22  # Characters that are read at once
@@ -145,7 +144,7 @@ def sniff(path: str, head: bytes) -> Dialect:
         raise DataError(f"{path}: is a binary file of no format that eaid knows; export it as CSV, MAT or HDF5")
     if not any(line.strip() for line in lines):
         raise DataError(f"{path}: is empty; record the log again")
-    if LABVIEW in head[:64]:
+    if b"LabVIEW Measurement" in head[:64]:
         return _of_labview(path, encoding, lines)
     if len(head) == HEAD_BYTES and len(lines) > 1:
         lines.pop()
@@ -153,12 +152,21 @@ def sniff(path: str, head: bytes) -> Dialect:
     start = next((i for i, line in enumerate(lines) if count and marks.is_row(line, count)), None)
     if start is None:
         raise DataError(f"{path}: holds no rows of numbers; a log is a table with a column of time and one of torque")
-    cells = marks.cells(lines[start], count)
-    ragged = marks.delimiter is not None and lines[start].count(marks.delimiter) == count and len(cells) == count
+    first_cells = marks.cells(lines[start], count)
+    ragged = marks.delimiter is not None and lines[start].count(marks.delimiter) == count == len(first_cells)
     start -= _broken_rows(lines[:start], marks)
-    _refuse_another_table(path, lines[:start], marks)
+    rows = 0  # of numbers above the table that is read: another table, which would be lost
+    for i, line in enumerate(lines[:start]):
+        cells = marks.cells(line, len(line))
+        numbers = sum(marks.value(cell) is not None for cell in cells)
+        rows = rows + 1 if numbers > 1 and 2 * numbers > len(cells) and not line.lstrip().startswith(COMMENT) else 0
+        if rows == ROWS:
+            raise DataError(
+                f"{path}: holds two tables, one from row {i - 1} and another from row {start + 1}; "
+                f"save each in a file of its own"
+            )
     names, units = _header(lines[:start], marks, count, ragged)
-    stamps = tuple(i for i, cell in enumerate(cells) if marks.value(cell) is None and marks.is_good(cell))
+    stamps = tuple(i for i, cell in enumerate(first_cells) if marks.value(cell) is None and marks.is_good(cell))
     made_by = (re.match(r"[#%/ ]+synthetic\s*[:=]\s*(\S.*)$", line, re.IGNORECASE) for line in lines[:start])
     synthetic = next((match[1].strip() for match in made_by if match), None)
     return Dialect(encoding, marks, names, units, start + 1, stamps, synthetic)
@@ -243,25 +251,8 @@ def _broken_rows(above: list[str], marks: Marks) -> int:
     return count
 
 
-def _refuse_another_table(path: str, above: list[str], marks: Marks) -> None:
-    """Refuse a file with rows of numbers above the table that is read: two tables, of which one would be lost."""
-    rows = 0
-    for i, line in enumerate(above):
-        cells = marks.cells(line, len(line))
-        numbers = sum(marks.value(cell) is not None for cell in cells)
-        rows = rows + 1 if numbers > 1 and 2 * numbers > len(cells) and not line.lstrip().startswith(COMMENT) else 0
-        if rows == ROWS:
-            raise DataError(
-                f"{path}: holds two tables, one from row {i - 1} and another from row {len(above) + 1}; "
-                f"save each in a file of its own"
-            )
-
-
 def _header(above: list[str], marks: Marks, count: int, ragged: bool) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names and units of the columns from the lines above the first row.
-
-    `ragged`: the rows end with a delimiter, and a name behind it is that of an empty column.
-    """
+    """Names and units of the columns from the lines above the first row; `ragged` rows end with a delimiter."""
     rows: list[list[str]] = []
     for line in reversed(above):
         bare = line.strip("\r\n ")
@@ -269,7 +260,7 @@ def _header(above: list[str], marks: Marks, count: int, ragged: bool) -> tuple[t
             bare = bare.lstrip("#%/ ")
         cells = [cell.strip().strip('"').strip() for cell in marks.cells(bare, count)]
         if len(cells) == count + 1 and ragged:
-            cells = cells[:-1]
+            cells = cells[:-1]  # the name of an empty column
         if len(cells) == count and any(cells) and (count > 1 or not rows):
             rows.append(cells)
         elif bare:
@@ -434,19 +425,6 @@ def _cell_by_cell(body: str, dialect: Dialect, columns: Sequence[int], line: int
     return Cells(tuple(arrays), tuple(bad), tuple(rows))
 
 
-def _days(dates: Iterable[str]) -> dict[str, int]:
-    """The day of each date, in the one way of writing in which most are dates, none falls and the fewest days pass."""
-    dates, ways = list(dates), []
-    for form in _DATES:
-        days = {}
-        for date in dates:
-            with contextlib.suppress(ValueError):
-                days[date] = datetime.strptime(date, form).toordinal()
-        in_order = [*days.values()] or [0]
-        ways.append((-len(days), in_order != sorted(in_order), max(in_order) - min(in_order), days))
-    return min(ways, key=lambda way: way[:3])[3]
-
-
 def seconds_of(texts: Sequence[str]) -> Array:
     """Seconds since the whole second of the first stamp, shape (n,); NaN of those that cannot be read.
 
@@ -454,7 +432,15 @@ def seconds_of(texts: Sequence[str]) -> Array:
     """
     seconds = np.full(len(texts), np.nan)
     stamps = [_CLOCK.match(text.strip().strip('"')) for text in texts]
-    days = {"": 0} | _days(dict.fromkeys(stamp["date"] for stamp in stamps if stamp and stamp["date"]))
+    dates, ways = dict.fromkeys(stamp["date"] for stamp in stamps if stamp and stamp["date"]), []
+    for form in _DATES:  # the way of writing in which most are dates, none falls and the fewest days pass
+        days = {"": 0}
+        for date in dates:
+            with contextlib.suppress(ValueError):
+                days[date] = datetime.strptime(date, form).toordinal()
+        passed = [*days.values()][1:] or [0]
+        ways.append((-len(days), passed != sorted(passed), max(passed) - min(passed), days))
+    days = min(ways, key=lambda way: way[:3])[3]
     first: int | None = None
     midnights, last = 0, 0
     for i, stamp in enumerate(stamps):

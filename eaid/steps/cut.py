@@ -5,7 +5,7 @@ Every step is a run of its own; a dataset of cut runs holds each sample once. `l
 """
 
 import itertools
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -14,7 +14,7 @@ import numpy as np
 from eaid.arrays import Array, median, read_only
 from eaid.errors import DataError
 from eaid.findings import Finding, finding, say, stops
-from eaid.logs.run import Run
+from eaid.logs.run import Run, numbered
 from eaid.options import ReadOptions
 from eaid.steps.baseline import baseline_rule, first_samples, last_rest
 from eaid.steps.edges import several_edges
@@ -413,16 +413,13 @@ def _samples(run: Run) -> int:
 def _counted(steps: list[Run]) -> list[Run]:
     """Every step with a repeat number of its own level and edge, in the order given."""
     used: defaultdict[tuple[str, float, float], set[int]] = defaultdict(set)
-    names: Counter[str] = Counter()
     counted = []
-    for step in steps:
+    for step, name in zip(steps, numbered(step.name for step in steps), strict=True):
         key = (step.edge, round(abs(step.level or 0.0), 6), round(step.from_level, 6))
         repeat = step.repeat
         if repeat is None or repeat in used[key]:
             repeat = next(n for n in range(1, len(steps) + 2) if n not in used[key])
         used[key].add(repeat)
-        names[step.name] += 1
-        name = step.name if names[step.name] == 1 else f"{step.name}-{names[step.name]}"
         counted.append(replace(step, repeat=repeat, name=name))
     return counted
 

@@ -11,7 +11,6 @@ value = `scale_factor` · stored + `add_offset`, cells that are `_FillValue` or 
 
 import math
 import zlib
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -23,6 +22,7 @@ from numpy.typing import NDArray
 
 from eaid.errors import DataError
 from eaid.logs.hdf import nodes, text
+from eaid.logs.run import numbered
 from eaid.logs.table import Cells, Table
 
 FEWEST = 10  # Rows below which a matrix is no record, but gains and other settings
@@ -183,11 +183,8 @@ def _structure(name: str, record: Any) -> list[Table]:
         columns += [Column(label, table[:, j]) for j, label in enumerate(labels)
                     if clock is None or not np.array_equal(table[:, j], clock)]  # fmt: skip
     columns = [one for one in columns if len(one.array) == len(columns[0].array)]
-    counts: Counter[str] = Counter()
-    for i, one in enumerate(columns):  # a number behind a name that comes again
-        counts[one.label] += 1
-        if counts[one.label] > 1:
-            columns[i] = one._replace(label=f"{one.label} #{counts[one.label]}")
+    names = numbered((one.label for one in columns), " #")
+    columns = [one._replace(label=name) for one, name in zip(columns, names, strict=True)]
     return [_table(name, columns, clock=None if clock is None else 0)] if columns else []
 
 

@@ -1,7 +1,6 @@
 """TDMS files of National Instruments → tables: the channels of one clock, and the vectors of each group."""
 
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -63,19 +62,15 @@ def _table(name: str, columns: Sequence[tuple[Any, str]], dropped: Sequence[str]
     labels, units = [str(channel.name) for channel, _ in columns], [unit for _, unit in columns]
     if clock is not None:
         labels, units = ["time", *labels], ["s", *units]
-    load = partial(_load, [channel for channel, _ in columns], clock)
+
+    def load(wanted: Sequence[int]) -> Cells:
+        values = []
+        for i in wanted:
+            if clock is not None and i == 0:
+                values.append(clock[0] + np.arange(clock[2]) * clock[1])
+                continue
+            column = np.asarray(columns[i - (clock is not None)][0][:])
+            values.append(seconds(column) if column.dtype.kind == "M" else column)
+        return Cells(tuple(values))
+
     return Table(name, tuple(labels), load, tuple(units), dropped=tuple(dropped))
-
-
-def _load(channels: Sequence[Any], clock: Clock | None, wanted: Sequence[int]) -> Cells:
-    columns = []
-    for i in wanted:
-        if clock is None:
-            values = np.asarray(channels[i][:])
-            columns.append(seconds(values) if values.dtype.kind == "M" else values)
-        elif i == 0:
-            begin, increment, count = clock
-            columns.append(begin + np.arange(count) * increment)
-        else:
-            columns.append(np.asarray(channels[i - 1][:], dtype=np.float64))
-    return Cells(tuple(columns))
