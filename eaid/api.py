@@ -481,10 +481,11 @@ def report(
     >>> page.name
     'report.html'
     """
+    from eaid.report.results import gathered
     from eaid.report.write import write_report
 
-    several = list(results) if isinstance(results, Iterable) else [results]
-    return write_report(several, output_dir, chosen(ReportOptions, options, keywords), force).page
+    given = gathered(results if isinstance(results, Iterable) else [results])
+    return write_report(given, Path(output_dir), chosen(ReportOptions, options, keywords), force).page
 
 
 def export(

@@ -29,16 +29,14 @@ def command(args: Arguments) -> None:
     Example: eaid report fit.json gains.json multisine.h5 clutch.h5 -o report
     """
     from eaid.report.results import read_results
-    from eaid.report.write import FILE, chosen, refuse_to_overwrite_report, write_report
+    from eaid.report.write import FILE, refuse_to_overwrite_report, write_report
 
-    options = part(ReportOptions, args)
     refuse_to_overwrite_report(args.output, args.force)
     if args.output.is_dir():
         refuse_to_overwrite(args.output / FILE, True, args.files)
     args.output.parent.mkdir(parents=True, exist_ok=True)
     results = read_results(args.files, console.warn, console.progress)
-    with console.progress("drawing figures", len(chosen(options.figures))) as done:
-        made = write_report(results, args.output, options, args.force, done)
+    made = write_report(results, args.output, part(ReportOptions, args), args.force, console.progress)
     console.done(made.page, counted(len(made.figures), "figure"), "open it in a browser")
     if args.json:
         console.print_json(made)

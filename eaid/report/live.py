@@ -27,7 +27,6 @@ from eaid.report.panels import Line, Panel, Sheet, apart, thinned
 POINTS = 800  # Points of one line; extremes survive
 BAND_POINTS = 300
 DASHES = {"-": "solid", "--": "dashed", "-.": "dashdot", ":": "dotted"}
-LIGHT = "#D0D0D0"
 
 
 def live_of(sheet: Sheet) -> Markup:
@@ -62,8 +61,7 @@ def live_of(sheet: Sheet) -> Markup:
         if items:
             legend = Legend(items=items, click_policy="hide", orientation="horizontal", label_text_font_size="12px")
             legend.border_line_color = legend.background_fill_color = None
-            legend.spacing, legend.padding, legend.margin = 8, 2, 0  # type: ignore[assignment]
-            legend.ncols = 5
+            legend.spacing, legend.padding, legend.margin, legend.ncols = 8, 2, 0, 5  # type: ignore[assignment]
             p.add_layout(legend, "above")
         across = panel.x.name.split(" ")[0].lower()
         values = (across, f"$x{{0.000}} {plain(panel.x.unit)}"), ("value", f"$y{{0.000}} {plain(panel.y.unit)}")
@@ -93,9 +91,8 @@ def _axes(panel: Panel, height: int, shared: Any, last: bool) -> Any:
     if low is not None and high is not None:
         p.y_range = Range1d(start=low, end=high)
     p.toolbar.logo, p.toolbar.autohide = None, True
-    p.axis.axis_label_text_font_style = "normal"
-    p.axis.minor_tick_line_color = None
-    p.grid.grid_line_color = LIGHT
+    p.axis.axis_label_text_font_style, p.axis.minor_tick_line_color = "normal", None
+    p.grid.grid_line_color = "#D0D0D0"
     return p
 
 
@@ -103,8 +100,7 @@ def _line(p: Any, line: Line) -> tuple[Any, Any]:
     """A curve, thinned; and what catches the pointer, by the line's name."""
     # Text once for the whole line: a column of names would weigh more than the numbers.
     x, y = thinned(np.asarray(line.x), np.asarray(line.y), POINTS)
-    held: dict[str, Any] = {"x": x.astype(np.float32), "y": y.astype(np.float32)}
-    source = ColumnDataSource(held, name=plain(line.name))
+    source = ColumnDataSource({"x": x.astype(np.float32), "y": y.astype(np.float32)}, name=plain(line.name))
     dash = DASHES[line.dash] if isinstance(line.dash, str) else [2 * length for length in line.dash[1]]
     look = Stroke(x="x", y="y", line_color=line.color, line_width=1.7 * line.width, line_dash=dash)
     # A pointer hits a line only within half its width: a broad one that nobody sees catches it.

@@ -110,16 +110,6 @@ class Note:
     boxed: bool = False
 
 
-@dataclass(frozen=True)
-class Box:
-    """A box plot of some values on paper."""
-
-    name: str
-    values: Array
-    color: str
-    hatch: str
-
-
 @dataclass(frozen=True, eq=False)
 class Panel:
     """One pair of axes."""
@@ -135,7 +125,7 @@ class Panel:
     keys: Sequence[Line] = ()  # What the legend shows in place of the lines, whose names are then for the pointer alone
     title: str = ""
     tight: bool = True  # Whether the lines reach both sides
-    boxes: Sequence[Box] = ()
+    boxes: Sequence[tuple[str, Array, str, str]] = ()  # On paper: name, values, colour and hatch of each box plot
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,11 +6,11 @@ Widths of a journal's columns, letters of 8 pt and more, no index of a symbol be
 import io
 import re
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -20,12 +20,13 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
 from eaid.arrays import Array
-from eaid.report.panels import BLACK, VERMILLION, Axis, Box, Line, Panel, Sheet, apart, thinned
-
-if TYPE_CHECKING:
-    from eaid.results.fit import Fit
-    from eaid.results.gains import Gains
-    from eaid.results.replay import Replay
+from eaid.report.figures.replays import tracking_panels
+from eaid.report.figures.steps import fitted_steps
+from eaid.report.figures.values import margins_panel
+from eaid.report.panels import BLACK, VERMILLION, Axis, Line, Panel, Sheet, apart, thinned
+from eaid.results.fit import Fit
+from eaid.results.gains import Gains
+from eaid.results.replay import Replay
 
 DPI = 300
 SMALLEST_PT = 8.0  # No letter of a figure is smaller at its printed size [pt]
@@ -132,7 +133,14 @@ def draw(axes: Axes, panel: Panel, x_label: bool = True) -> None:
         else:
             getattr(axes, f"ax{across}span")(span.low, span.high, facecolor=span.color, lw=0)
     if panel.boxes:
-        _boxes(axes, panel.boxes)
+        names, values, colours, hatches = zip(*panel.boxes, strict=True)
+        drawn = axes.boxplot(
+            values, tick_labels=names, showfliers=False, patch_artist=True, widths=0.5,
+            medianprops={"color": "black", "linewidth": 1.2},
+        )  # fmt: skip
+        for patch, colour, hatch in zip(drawn["boxes"], colours, hatches, strict=True):
+            patch.set(facecolor=colour, hatch=hatch, linewidth=0.7)
+        axes.grid(axis="x", visible=False)
     if panel.tight and panel.lines:
         axes.set_xlim(min(line.x[0] for line in panel.lines), max(line.x[-1] for line in panel.lines))
     for name, axis, labelled in (("x", panel.x, x_label), ("y", panel.y, True)):
@@ -188,16 +196,6 @@ def _axis(axes: Axes, name: str, axis: Axis, labelled: bool) -> None:
         one.set_ticks(list(axis.ticks), list(axis.ticks.values()))
 
 
-def _boxes(axes: Axes, boxes: Sequence[Box]) -> None:
-    drawn = axes.boxplot(
-        [one.values for one in boxes], tick_labels=[one.name for one in boxes], showfliers=False,
-        patch_artist=True, widths=0.5, medianprops={"color": "black", "linewidth": 1.2},
-    )  # fmt: skip
-    for patch, one in zip(drawn["boxes"], boxes, strict=True):
-        patch.set(facecolor=one.color, hatch=one.hatch, linewidth=0.7)
-    axes.grid(axis="x", visible=False)
-
-
 def _name_ends(axes: Axes, panel: Panel) -> None:
     """Write a text at the right end of each curve, moved apart where curves end close together."""
     # a curve ends at the mean of its last fiftieth
@@ -215,38 +213,27 @@ def _name_ends(axes: Axes, panel: Panel) -> None:
         )  # fmt: skip
 
 
-def png_of(figure: Figure, dpi: float = DPI) -> bytes:
-    """A figure as PNG, without date or program name."""
+def saved(figure: Figure, kind: str, dpi: float = DPI) -> bytes:
+    """A figure as PNG, PDF (TrueType fonts inside) or SVG (letters as outlines), without date or program name."""
     from PIL import Image  # which matplotlib brings
 
+    out, canvas = io.BytesIO(), figure.canvas
+    if kind != "png":
+        nobody = ("Creator", "Date") if kind == "svg" else ("Creator", "Producer", "CreationDate")
+        figure.savefig(out, format=kind, metadata=dict.fromkeys(nobody), dpi=dpi)
+        return out.getvalue()
     figure.set_dpi(dpi)
-    figure.canvas.draw()
-    canvas = figure.canvas
+    canvas.draw()
     drawn = Image.frombuffer("RGBA", canvas.get_width_height(), canvas.buffer_rgba()).convert("RGB")  # type: ignore[attr-defined]
-    out = io.BytesIO()
     # A figure has a few colours and their blends; 128 draw alike at a third of the bytes.
     few = drawn.quantize(128, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
     few.save(out, format="PNG", dpi=(dpi, dpi), compress_level=7)
     return out.getvalue()
 
 
-def vector_of(figure: Figure, kind: str) -> bytes:
-    """A figure as PDF (TrueType fonts inside) or SVG (letters as outlines), without date or program name."""
-    empty = {"pdf": {"Creator": None, "Producer": None, "CreationDate": None}, "svg": {"Date": None, "Creator": None}}
-    out = io.BytesIO()
-    figure.savefig(out, format=kind, metadata=empty[kind], dpi=DPI)
-    return out.getvalue()
-
-
-def plot(result: "Fit | Gains | Replay", ax: Axes | None = None) -> Axes:
+def plot(result: Fit | Gains | Replay, ax: Axes | None = None) -> Axes:
     """For notebooks: the step responses of a fit, the margins of gains, or the trace of every controller."""
     from matplotlib import pyplot
-
-    from eaid.report.figures.replays import tracking_panels
-    from eaid.report.figures.steps import fitted_steps
-    from eaid.report.figures.values import margins_panel
-    from eaid.results.fit import Fit
-    from eaid.results.gains import Gains
 
     ax = ax if ax is not None else pyplot.subplots(layout="constrained")[1]
     if isinstance(result, Fit):

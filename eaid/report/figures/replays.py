@@ -16,6 +16,8 @@ from eaid.results.fit import Fit
 from eaid.results.recorded import LogCurve, LogFit
 from eaid.results.replay import Replay
 
+COLUMNS = ("time_s", "duty_pct", "reference_nm", "torque_nm")
+
 
 def bands(replay: Replay) -> list[ink.Band]:
     """The 2.5 % and 97.5 % outputs of each controller over drawn plants, where there are any."""
@@ -34,10 +36,7 @@ def counted_from(replay: Replay) -> float:
 
 
 def tracking(replay: Replay) -> Sheet:
-    """Figs. 11, 12 and the like: output and reference, the error but for steps, and the input of each controller.
-
-    Grey: where the error does not count yet; shaded: 95 % of drawn plants, where there are any.
-    """
+    """Figs. 11, 12 and the like: output and reference, the error but for steps, and the input of each controller."""
     output, error, acting = tracking_panels(replay)
     if replay.head.scenario == "steps":
         return Sheet([output, acting], 3.4, ratios=(1.8, 1), live=True)
@@ -47,15 +46,11 @@ def tracking(replay: Replay) -> Sheet:
 def tracking_panels(replay: Replay, until_s: float | None = None) -> list[Panel]:
     """Output and reference, error, and input of each controller; `until_s` leaves out what does not count, and more."""
     unit, out, from_s = replay.head.input_unit, replay.head.output_unit, counted_from(replay)
-    keys = ("time_s", "reference_nm", "torque_nm", "duty_pct")
-    output: list[Line] = []
-    error: list[Line] = []
-    acting: list[Line] = []
-    asked: list[Line] = []
+    output, error, acting, asked = list[Line](), list[Line](), list[Line](), list[Line]()
     for name, one in replay.records.items():
         t, said, (colour, dash, _marker) = one.columns["time_s"], controller_name(name), ink.controller_look(name)
         some = slice(None) if until_s is None else (t >= from_s) & (t <= until_s)
-        t, reference, true, duty = (one.columns[key][some] for key in keys)
+        t, duty, reference, true = (one.columns[key][some] for key in COLUMNS)
         for lines, values in ((output, true), (error, reference - true), (acting, duty)):
             lines.append(Line(t, values, said, colour, dash))
         asked.append(Line(t, reference, "reference", ink.BLACK, ":"))
@@ -97,17 +92,20 @@ def sweep(replay: Replay) -> Sheet | None:
 
 
 def recorded_input(replay: Replay) -> Sheet | None:
-    """What a fit shows of its logs, of those whose recorded input was replayed, at most three of them."""
-    compared = [(name, one.columns) for name, one in replay.records.items() if one.role == "recorded-input"]
-    shown = some_of(sorted(compared, key=lambda one: float(np.max(one[1]["reference_nm"]))), 3)
-    curves = []
-    for _name, t in shown:
-        residual = t["reference_nm"] - t["torque_nm"]
-        columns = t["time_s"], t["duty_pct"], t["reference_nm"], t["torque_nm"], residual
-        curves.append(LogCurve(*(tuple(column.tolist()) for column in columns)))
-    said = [f"RMS {np.sqrt(np.mean(np.square(curve.residual))):.2g}" for curve in curves]
-    names = [name for name, _columns in shown]
-    return logs_sheet(names, said, curves, (replay.head.input_unit, replay.head.output_unit))
+    """What a fit shows of its logs, of those whose recorded input was replayed."""
+    logs = []
+    for name, one in replay.records.items():
+        if one.role == "recorded-input":
+            t, duty, recorded, model = (one.columns[key] for key in COLUMNS)
+            curve = LogCurve(*(tuple(column.tolist()) for column in (t, duty, recorded, model, recorded - model)))
+            logs.append(LogFit(name, fit_pct=one.metrics.fit_pct, curve=curve))
+    return logs_sheet(logs, (replay.head.input_unit, replay.head.output_unit))
+
+
+def recorded_logs(fit: Fit) -> Sheet | None:
+    """Measured output of logs and the model driven by their input alone."""
+    logs = fit.recorded.logs if fit.recorded is not None else ()
+    return logs_sheet(logs, (fit.data.input_unit, fit.data.output_unit))
 
 
 def drawn_logs(logs: Sequence[LogFit]) -> list[LogFit]:
@@ -116,32 +114,17 @@ def drawn_logs(logs: Sequence[LogFit]) -> list[LogFit]:
     return known if len(known) <= 3 else some_of(sorted(known, key=lambda log: -(log.fit_pct or 0.0)), 3)
 
 
-def titles(names: Sequence[str], letters: int = 44) -> list[str]:
-    """The ends of names, by which they differ, all of them in at most so many letters, as matplotlib text."""
-    most = letters // len(names)
-    return [(name if len(name) <= most else f"…{name[1 - most :]}").replace("$", r"\$") for name in names]
-
-
-def recorded_logs(fit: Fit) -> Sheet | None:
-    """Measured output of logs and the model driven by their input alone."""
-    logs = drawn_logs(fit.recorded.logs if fit.recorded is not None else ())
-    percents = ["" if log.fit_pct is None else f"fit {log.fit_pct:.3g} %" for log in logs]
-    units = fit.data.input_unit, fit.data.output_unit
-    return logs_sheet([log.name for log in logs], percents, [log.curve for log in logs], units)
-
-
-def logs_sheet(
-    names: Sequence[str], said: Sequence[str], curves: Sequence[LogCurve], units: tuple[str, str]
-) -> Sheet | None:
-    """A column a log: (top) input, (middle) measured and model, (bottom) residual."""
-    if not curves:
-        return None
-    n, heads = len(curves), zip(titles(names), said, strict=True)
-    columns = [
-        log_panels(curve, units, head, first=k == 0) for k, (curve, head) in enumerate(zip(curves, heads, strict=True))
-    ]
+def logs_sheet(logs: Sequence[LogFit], units: tuple[str, str]) -> Sheet | None:
+    """A column a log of those drawn: (top) input, (middle) measured and model, (bottom) residual."""
+    columns: list[list[Panel]] = []
+    for log in (shown := drawn_logs(logs)):
+        most = 44 // len(shown)  # letters of its name, by the end of which it differs from the others
+        name = (log.name if len(log.name) <= most else f"…{log.name[1 - most :]}").replace("$", r"\$")
+        percent = "" if log.fit_pct is None else f"fit {log.fit_pct:.3g} %"
+        columns.append(log_panels(log.curve, units, (name, percent), first=not columns))
     panels = [column[row] for row in range(3) for column in columns]
-    return Sheet(panels, 4.2, columns=n, ratios=(1, 1.6, 1), live=n == 1)
+    n = len(columns)
+    return Sheet(panels, 4.2, columns=n, ratios=(1, 1.6, 1), live=n == 1) if n else None
 
 
 def log_panels(
@@ -207,20 +190,16 @@ def training(replay: Replay) -> Sheet | None:
 
 
 def errors(replay: Replay) -> Sheet | None:
-    """Fig. 17: box plot of the absolute position error [°] of each mode, without its first seconds.
-
-    Whiskers to 1.5 times the box.
-    """
+    """Fig. 17: box plot of the absolute position error [°] of each mode, without its first seconds."""
     if (found := session(replay)) is None:
         return None
     trace, stretches = found
     skip = replay.head.exercise.uncounted_s if replay.head.exercise is not None else 5.0
     t, error = trace["time_s"], np.abs(trace["target_deg"] - trace["angle_deg"])
     by_mode = {name: error[(t >= start + skip - 1e-9) & (t <= end)] for name, start, end in stretches}
-    absolute_deg = {name: values for name, values in by_mode.items() if len(values)}
-    if not absolute_deg:
+    looks = [(*MODES.get(name, (ink.PALE, name)), values) for name, values in by_mode.items() if len(values)]
+    if not looks:
         return None
-    looks = [(MODES.get(name, (ink.PALE, name)), values) for name, values in absolute_deg.items()]
     hatches = ("", "////", "....", "xxxx")
-    boxes = [ink.Box(name, values, colour, hatches[k % 4]) for k, ((colour, name), values) in enumerate(looks)]
+    boxes = [(name, values, colour, hatches[k % 4]) for k, (colour, name, values) in enumerate(looks)]
     return Sheet([Panel(Axis(), Axis("|position error|", "°", (0.0, None)), boxes=boxes)], 2.4, ink.COLUMN_IN)

@@ -101,7 +101,7 @@ def parts(results: Results, known: Known, drawn: Figures) -> list[Block]:
         _model(results, known, drawn),
         _controller(results, known, drawn),
         _part("Replay", known, shown, replayed) if others else None,
-        _part("Rehabilitation", {}, _of(drawn, "fig16_rehab", "fig17_rehab_errors"), replays.rehab_tables(rehab))
+        _part("Rehabilitation", {}, _of(drawn, "fig16_rehab", "fig17_rehab_errors"), [replays.modes_table(rehab)])
         if rehab is not None
         else None,
         Block("Appendix", folds=(again, Block("Files", tables=(data.files_table(results),)))),

@@ -1,6 +1,5 @@
 """Tables of one fit: the single levels, Tables I–III, the linear model, release, held-out levels, Huber's weights."""
 
-from collections.abc import Sequence
 from operator import itemgetter
 
 from eaid.models.parameters import PAPER_LINEAR
@@ -19,7 +18,6 @@ from eaid.report.tables import (
 )
 from eaid.results.common import ci95_of
 from eaid.results.fit import Fit, Trend
-from eaid.results.recorded import LogFit, Loop
 
 
 def unit_of(fit: Fit, name: str) -> str:
@@ -150,14 +148,6 @@ def input_gain_table(fit: Fit) -> Table:
     )  # fmt: skip
 
 
-def release_table(fit: Fit) -> Table:
-    """Time constants of the falling edges."""
-    return table_of(
-        "Release", "How the output falls after the input returns to zero, all levels together.", [fit.release],
-        (("τ1", "s"), "tau1"), (("τ2", "s"), "tau2"), (("RMSE", fit.data.output_unit, 3), "rmse"),
-    )  # fmt: skip
-
-
 SHAPES = {"one": "one exponential", "two": "two exponentials", "free": "two, C free", "overshoot": "overshoot"}
 
 
@@ -193,11 +183,25 @@ def held_out_table(fit: Fit) -> Table:
 
 
 def model_tables(fit: Fit) -> list[Table]:
-    """Values of each model, logs as recorded and single levels first; tables without rows are left out."""
+    """Values of each model, logs as recorded and single levels first."""
     found: list[Table] = []
+    unit, out = fit.data.input_unit, fit.data.output_unit
     if (part := fit.recorded) is not None:
-        units = fit.data.input_unit, fit.data.output_unit
-        found += [logs_table(part.logs, units[1]), loops_table(part.loops, units)]
+        logs = table_of(
+            "Logs fitted as recorded",
+            "Free run: the model driven by the input alone. One step: from each measured sample to the next.",
+            part.logs,
+            ("log", lambda log: Name(log.name)), ("input", "input_kind"), (("length", "s", 3), "duration_s"),
+            (("rate", "Hz", 3), "rate_hz"), (("idle", out, 3), "idle"), (("RMSE", out, 3), "rmse"),
+            (("free-run fit", "%", 3), "fit_pct"), (("one-step fit", "%", 3), "one_step_pct"),
+        )  # fmt: skip
+        loops = table_of(
+            "Closed loops as recorded", "Error: reference minus output.", part.loops,
+            ("loop", lambda loop: Name(loop.name)), (("K_P", f"{unit}/({out})", 3), "K_P"),
+            (("K_I", f"{unit}/({out}·s)", 3), "K_I"), (("PI law explains", "%", 3), "law_fit_pct"),
+            (("at a limit", "%", 2), lambda loop: 100 * loop.saturated_fraction), (("RMS error", out, 3), "rms_error"),
+        )  # fmt: skip
+        found += [logs, loops]
     if fit.friction is not None:
         found += [levels_table(fit), *([trends_table(fit)] if fit.friction.trends else [])]
     found.append(level_steps_table(fit))
@@ -205,31 +209,9 @@ def model_tables(fit: Fit) -> list[Table]:
         found.append(table_iii(fit))
     if fit.linear is not None:
         found += [linear_table(fit), input_gain_table(fit)]
-    if fit.release is not None:
-        found.append(release_table(fit))
-    return [table for table in (*found, held_out_table(fit)) if table.rows]
-
-
-def logs_table(logs: Sequence[LogFit], out: str) -> Table:
-    """One row a log."""
-    return table_of(
-        "Logs fitted as recorded",
-        "Free run: the model driven by the input alone. One step: from each measured sample to the next.",
-        logs,
-        ("log", lambda log: Name(log.name)), ("input", "input_kind"), (("length", "s", 3), "duration_s"),
-        (("rate", "Hz", 3), "rate_hz"), (("idle", out, 3), "idle"), (("RMSE", out, 3), "rmse"),
-        (("free-run fit", "%", 3), "fit_pct"), (("one-step fit", "%", 3), "one_step_pct"),
+    release = table_of(
+        "Release", "How the output falls after the input returns to zero, all levels together.",
+        [fit.release] if fit.release is not None else [],
+        (("τ1", "s"), "tau1"), (("τ2", "s"), "tau2"), (("RMSE", out, 3), "rmse"),
     )  # fmt: skip
-
-
-def loops_table(loops: Sequence[Loop], units: tuple[str, str]) -> Table:
-    """Recorded closed loops: the law that explains the input, its error and limits."""
-    unit, out = units
-    return table_of(
-        "Closed loops as recorded",
-        "Error: reference minus output.",
-        loops,
-        ("loop", lambda loop: Name(loop.name)), (("K_P", f"{unit}/({out})", 3), "K_P"),
-        (("K_I", f"{unit}/({out}·s)", 3), "K_I"), (("PI law explains", "%", 3), "law_fit_pct"),
-        (("at a limit", "%", 2), lambda loop: 100 * loop.saturated_fraction), (("RMS error", out, 3), "rms_error"),
-    )  # fmt: skip
+    return [*found, release, held_out_table(fit)]

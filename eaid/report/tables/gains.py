@@ -59,34 +59,39 @@ def guarantee_story(gains: Gains) -> str:
 
 
 def tables_of(gains: Gains) -> list[Table]:
-    """The controllers, what the guarantee needs, the gains, all margins."""
-    return [controllers_table(gains), checklist(gains), table_iv(gains), margins_table(gains)]
-
-
-def controllers_table(gains: Gains) -> Table:
-    """Each controller with its gains, its least margins and its largest error, one line each."""
-    worst, errors = gains.margins.worst if gains.margins else None, gains.replayed
+    """Controllers with their least margins and largest errors, what the guarantee needs, the gains, all margins."""
+    errors, margins = gains.replayed, gains.margins or Margins()
     on = f" on the {errors.reference}" if errors is not None else ""
-    return table_of(
+    controllers = table_of(
         "Controllers", "Margins: the least over the held inputs.", gains.laws.items(),
         ("controller", lambda of: controller_name(of[0])),
         ("gains", lambda of: ", ".join(f"{s} {number(getattr(of[1], key), 3)}" for key, s in of[1].SHOWN.items())),
-        (("gain margin", "dB", 3), lambda of: _margin(getattr(worst, of[0], None))[0]),
-        (("phase margin", "°", 3), lambda of: _margin(getattr(worst, of[0], None))[1]),
+        (("gain margin", "dB", 3), lambda of: _margin(getattr(margins.worst, of[0], None))[0]),
+        (("phase margin", "°", 3), lambda of: _margin(getattr(margins.worst, of[0], None))[1]),
         ((f"largest error{on}", gains.output_unit, 3),
          lambda of: getattr(getattr(errors, of[0], None), "max_abs_error_nm", None)),
     )  # fmt: skip
-
-
-def checklist(gains: Gains) -> Table:
-    """What the guarantee needs, and what is there."""
-    return table_of(
+    checklist = table_of(
         "What the guarantee needs", "The robust controller is proven stable only where every row holds.",
         conditions_of(gains),
         ("condition", called), ("what it says", lambda one: CONDITIONS.get(one.name, ("", one.name))[1]),
         (("needed", "", 3), "needed"), (("available", "", 3), "available"), ("unit", "unit"),
         ("verdict", lambda one: {True: "holds", False: "does not hold", None: "not known"}[one.holds]),
     )  # fmt: skip
+    rows = [(level(one.duty_pct), one.torque_nm, one.rc, one.pi) for one in margins.points]
+    least = [("least", None, margins.worst.rc, margins.worst.pi)] if margins.worst is not None else []
+    timing = margins.timing
+    latch = f"the input latched at {timing.pwm_hz:g} Hz" if timing.pwm_hz else "the input not latched"
+    every = table_of(
+        "Margins",
+        "How much the loop's gain may grow and its phase may lag before it becomes unstable, around a held input; "
+        f"sampled at {timing.rate_hz:g} Hz, {latch}. A dash: no limit up to 80 dB.",
+        [*rows, *least],
+        (("held input", gains.input_unit), lambda of: of[0]), (("output", gains.output_unit, 3), lambda of: of[1]),
+        (("RC: gain", "dB", 3), lambda of: _margin(of[2])[0]), (("phase", "°", 3), lambda of: _margin(of[2])[1]),
+        (("PI: gain", "dB", 3), lambda of: _margin(of[3])[0]), (("phase", "°", 3), lambda of: _margin(of[3])[1]),
+    )  # fmt: skip
+    return [controllers, checklist, table_iv(gains), every]
 
 
 def table_iv(gains: Gains) -> Table:
@@ -134,24 +139,6 @@ def table_iv(gains: Gains) -> Table:
         "Table IV" if on_papers_rig else "Gains", caption, rows,
         ("symbol", itemgetter(0)), ("published", itemgetter(1)) if on_papers_rig else None, ("ours", itemgetter(2)),
         ("unit", itemgetter(3)), ("what it is", itemgetter(4)),
-    )  # fmt: skip
-
-
-def margins_table(gains: Gains) -> Table:
-    """Gain and phase margins of both controllers around held inputs, the least of each last."""
-    margins = gains.margins or Margins()
-    rows = [(level(one.duty_pct), one.torque_nm, one.rc, one.pi) for one in margins.points]
-    least = [("least", None, margins.worst.rc, margins.worst.pi)] if margins.worst is not None else []
-    timing = margins.timing
-    latch = f"the input latched at {timing.pwm_hz:g} Hz" if timing.pwm_hz else "the input not latched"
-    return table_of(
-        "Margins",
-        "How much the loop's gain may grow and its phase may lag before it becomes unstable, around a held input; "
-        f"sampled at {timing.rate_hz:g} Hz, {latch}. A dash: no limit up to 80 dB.",
-        [*rows, *least],
-        (("held input", gains.input_unit), lambda of: of[0]), (("output", gains.output_unit, 3), lambda of: of[1]),
-        (("RC: gain", "dB", 3), lambda of: _margin(of[2])[0]), (("phase", "°", 3), lambda of: _margin(of[2])[1]),
-        (("PI: gain", "dB", 3), lambda of: _margin(of[3])[0]), (("phase", "°", 3), lambda of: _margin(of[3])[1]),
     )  # fmt: skip
 
 

@@ -34,13 +34,44 @@ def metric(replay: Replay, name: str, key: str) -> float | None:
 
 
 def tables_of(replay: Replay) -> list[Table]:
-    """Every table of one replay that has rows."""
-    return [table for table in (log_table(replay), errors_table([replay]), *further_tables(replay)) if table.rows]
+    """Every table of one replay."""
+    return [log_table(replay), errors_table([replay]), *further_tables(replay)]
 
 
-def further_tables(replay: Replay) -> tuple[Table, ...]:
-    """What a replay has beside its errors."""
-    return (steps_table(replay), tones_table(replay), *rehab_tables(replay), plants_table(replay))
+def further_tables(replay: Replay) -> list[Table]:
+    """What a replay has beside its errors: each step, each tone of a sweep, modes, drawn plants."""
+    out, units = replay.head.output_unit, _units(replay)
+
+    def called(name: str, key: str) -> str:
+        said, kind = METRICS.get(key, (key, None))
+        return f"{controller_name(name)}: {said}{f' ({units[kind] or 1})' if kind is not None else ''}"
+
+    steps = table_of(
+        "Each step",
+        "Rise from 10 to 90 %; settling to within 2 % of the step; a dash where the next step comes first.",
+        [(controller_name(name), step) for name, one in replay.records.items() for step in one.metrics.steps],
+        ("controller", lambda of: of[0]),
+        (("step", out), lambda of: f"{level(of[1].from_nm)} → {level(of[1].to_nm)}"),
+        (("rise time", "s", 3), lambda of: of[1].rise_time_s), (("overshoot", "%", 3), lambda of: of[1].overshoot_pct),
+        (("settling, 2 %", "s", 3), lambda of: of[1].settling_s),
+    )  # fmt: skip
+    tones = table_of(
+        "Each frequency", "Amplitude and phase of the output against the reference, at the sine's own frequency.",
+        [(controller_name(name), tone) for name, one in replay.records.items() for tone in one.metrics.frequencies],
+        ("controller", lambda of: of[0]), (("frequency", "Hz", 3), lambda of: of[1].frequency_hz),
+        (("amplitude", "dB", 3), lambda of: of[1].gain_db), (("phase", "°", 3), lambda of: of[1].phase_deg),
+        (("mean |error|", out, 3), lambda of: of[1].mean_abs_error_nm),
+    )  # fmt: skip
+    plants = table_of(
+        f"Over drawn plants: {replay.head.scenario}",
+        f"{replay.head.plants} plants drawn from the fit's uncertainty; the figure's shaded band holds 95 % of them.",
+        [(called(name, key), one) for name, m in replay.metrics().items() if m.plants
+         for key, one in m.plants.metrics.items()],
+        ("number", lambda of: of[0]), (("2.5 %", "", 3), lambda of: of[1].low),
+        (("median", "", 3), lambda of: of[1].median), (("97.5 %", "", 3), lambda of: of[1].high),
+        (("worst", "", 3), lambda of: of[1].worst.value), ("its plant", lambda of: of[1].worst.plant),
+    )  # fmt: skip
+    return [steps, tones, modes_table(replay), plants]
 
 
 def errors_table(replays: Sequence[Replay]) -> Table:
@@ -70,76 +101,15 @@ def log_table(replay: Replay) -> Table:
     )  # fmt: skip
 
 
-def plants_table(replay: Replay) -> Table:
-    """How each controller follows over plants drawn from the fit's uncertainty; no rows where none were drawn."""
-    units = _units(replay)
-
-    def called(name: str, key: str) -> str:
-        said, kind = METRICS.get(key, (key, None))
-        return f"{controller_name(name)}: {said}{f' ({units[kind] or 1})' if kind is not None else ''}"
-
-    return table_of(
-        f"Over drawn plants: {replay.head.scenario}",
-        f"{replay.head.plants} plants drawn from the fit's uncertainty; the figure's shaded band holds 95 % of them.",
-        [(called(name, key), one) for name, m in replay.metrics().items() if m.plants
-         for key, one in m.plants.metrics.items()],
-        ("number", lambda of: of[0]), (("2.5 %", "", 3), lambda of: of[1].low),
-        (("median", "", 3), lambda of: of[1].median), (("97.5 %", "", 3), lambda of: of[1].high),
-        (("worst", "", 3), lambda of: of[1].worst.value), ("its plant", lambda of: of[1].worst.plant),
-    )  # fmt: skip
-
-
-def steps_table(replay: Replay) -> Table:
-    """Rise, overshoot and settling of each step."""
-    return table_of(
-        "Each step",
-        "Rise from 10 to 90 %; settling to within 2 % of the step; a dash where the next step comes first.",
-        [(controller_name(name), step) for name, one in replay.records.items() for step in one.metrics.steps],
-        ("controller", lambda of: of[0]),
-        (("step", replay.head.output_unit), lambda of: f"{level(of[1].from_nm)} → {level(of[1].to_nm)}"),
-        (("rise time", "s", 3), lambda of: of[1].rise_time_s), (("overshoot", "%", 3), lambda of: of[1].overshoot_pct),
-        (("settling, 2 %", "s", 3), lambda of: of[1].settling_s),
-    )  # fmt: skip
-
-
-def tones_table(replay: Replay) -> Table:
-    """Amplitude and phase of each tone of a sweep."""
-    return table_of(
-        "Each frequency", "Amplitude and phase of the output against the reference, at the sine's own frequency.",
-        [(controller_name(name), tone) for name, one in replay.records.items() for tone in one.metrics.frequencies],
-        ("controller", lambda of: of[0]), (("frequency", "Hz", 3), lambda of: of[1].frequency_hz),
-        (("amplitude", "dB", 3), lambda of: of[1].gain_db), (("phase", "°", 3), lambda of: of[1].phase_deg),
-        (("mean |error|", replay.head.output_unit, 3), lambda of: of[1].mean_abs_error_nm),
-    )  # fmt: skip
-
-
-def rehab_tables(replay: Replay) -> list[Table]:
-    """Of each controller, the robust one first: errors by mode, tests between modes; those with rows."""
+def modes_table(replay: Replay) -> Table:
+    """Errors of each controller by mode, the robust one first."""
     order = sorted(replay.metrics().items(), key=lambda item: item[0] != "rc")
-    sessions = [(controller_name(name), m) for name, m in order]
-    errors = table_of(
+    return table_of(
         "Errors by mode", "Absolute position error.",
-        [(name, mode, part.abs_position_error_deg, part) for name, m in sessions for mode, part in m.modes.items()],
+        [(controller_name(name), mode, part.abs_position_error_deg, part)
+         for name, metrics in order for mode, part in metrics.modes.items()],
         ("controller", lambda of: of[0]), ("mode", lambda of: of[1]), (("median", "°", 3), lambda of: of[2].median),
         ("middle half (°)", lambda of: f"{number(of[2].q1, 3)} … {number(of[2].q3, 3)}"),
         (("mean", "°", 3), lambda of: of[2].mean),
         (("mean error of the output", replay.head.output_unit, 2), lambda of: of[3].mean_abs_torque_error_nm),
     )  # fmt: skip
-    tests = table_of(
-        "Do the modes differ?",
-        "Probability (p) of such a difference by chance. The paper's test takes every millisecond as a new "
-        "observation, which it is not; the other two use one mean per movement, and the last column is the "
-        "least p that so few movements can give.",
-        [(name, test) for name, m in sessions for test in m.tests],
-        ("controller", lambda of: of[0]), ("modes", lambda of: " and ".join(of[1].modes)),
-        ("p, all samples (paper)", lambda of: _chance(of[1].samples.p)),
-        ("p, means, Welch", lambda of: _chance(of[1].cycles.p_welch)),
-        ("p, means, ranks", lambda of: _chance(of[1].cycles.p_rank)),
-        ("least p", lambda of: number(of[1].cycles.least_p_rank, 2)),
-    )  # fmt: skip
-    return [table for table in (errors, tests) if table.rows]
-
-
-def _chance(p: float | None) -> str:
-    """A probability; below what a double can hold it is said to be so."""
-    return "< 1e−300" if p == 0 else number(p, 2)
