@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from eaid.cli import console
-from eaid.cli.form import Common, refuse_idle, takes, written
+from eaid.cli.form import Common, takes, written
 from eaid.declared import option, part
 from eaid.errors import UsageError
 from eaid.files import refuse_folder, refuse_to_overwrite
@@ -36,9 +36,7 @@ def command(args: Arguments) -> None:
     fit_file = None if args.plant == "reference" else Path(args.plant)
     inputs = [each for each in (fit_file, args.duty_file) if each is not None]
     is_dataset = args.output.suffix.lower() in (".h5", ".hdf5")
-    if args.excitation is None:
-        refuse_idle(args, ("shape",), "without --excitation")
-    elif is_dataset:
+    if args.excitation is not None and is_dataset:
         raise UsageError("--excitation: writes a folder of CSV (-o FOLDER); give another -o")
     if is_dataset:
         refuse_to_overwrite(args.output, args.force, inputs)

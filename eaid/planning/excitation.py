@@ -9,14 +9,16 @@ import numpy as np
 
 from eaid.declared import keyed, pairs
 from eaid.errors import DataError
+from eaid.estimate.forms import nonlinear
+from eaid.estimate.from_logs import finished, setup_of
+from eaid.estimate.log_intervals import held, spread
+from eaid.estimate.record import RecordedLog
 from eaid.findings import finding
-from eaid.logs.run import Run
 from eaid.models.parameters import Nonlinear
-from eaid.options import FitOptions, Limits, PlanOptions
+from eaid.options import Limits, PlanOptions
 from eaid.planning.design import PARAMETERS, Widths, rig_of, settled, wanting
 from eaid.planning.recordings import RATE_HZ, disturbance_of
-from eaid.planning.sequences import plan_excitation, refuse_scattered
-from eaid.recorded.fit import fit_recorded
+from eaid.planning.sequences import DUTIES, plan_excitation, refuse_scattered
 from eaid.replay.plant import driven
 from eaid.results.fit import Fit, Noise
 from eaid.results.plan import Excitation
@@ -25,7 +27,7 @@ from eaid.synth.plants import clutch
 
 
 def measure(plan: Excitation, p: Nonlinear, noise: Noise, k: int, seed: int = 0) -> Widths:
-    """Half-widths [%] at the worst duty of the `k`-th recording's own intervals.
+    """Half-widths [%] at the worst duty, as the `k`-th recording tells them where its fit to the log ends.
 
     It is one log of the sequence; each engagement, from its rest on, has a scatter of its own.
     """
@@ -39,20 +41,15 @@ def measure(plan: Excitation, p: Nonlinear, noise: Noise, k: int, seed: int = 0)
         part = engagement == number
         torque[part] = driven(plant.pull(scatter(disturbance, draw)), start, duty, time_s)[part]
     output = measured(torque, time_s, np.zeros_like(time_s), disturbance, draw)
-    run = Run("planned", time_s, duty[place], output, plant.input_unit, plant.output_unit, "eaid synth", "")
-    return widths(fit_recorded([run], FitOptions(model=("nonlinear",), duty=p.u_range, share=p.C), falls=False))
-
-
-def widths(fit: Fit) -> Widths:
-    """Half-widths at the worst shown duty [%]; infinite where one is not known."""
-    curves = fit.nonlinear.curves if fit.nonlinear is not None else ()
-    worst = dict.fromkeys(PARAMETERS, 0.0 if curves else float("inf"))
-    for level in curves:
-        for name in PARAMETERS:
-            ends = getattr(level.ci95, name)
-            width = float("inf") if ends is None or ends[0] <= 0 else 100 * ((ends[1] / ends[0]) ** 0.5 - 1)
-            worst[name] = max(worst[name], width)
-    return worst
+    duties = np.linspace(*p.u_range, DUTIES)
+    model = nonlinear(duties, p.C)
+    setup = setup_of(model, [RecordedLog("planned", time_s, duty[place], output)])
+    solved = finished(setup, [np.append(model.unknowns(p), np.zeros(setup.size - model.size))])
+    known, slopes = spread(solved), setup.slopes(duties)
+    half = np.apply_along_axis(known.of, 2, slopes) / (slopes @ solved.x)
+    unknown = [name in held(solved) for name in PARAMETERS]
+    worst = np.where(unknown, np.inf, np.expm1(np.minimum(half.max(axis=1), 50.0)))
+    return dict(zip(PARAMETERS, (100 * worst).tolist(), strict=True))
 
 
 # Recordings that are simulated of each sequence, and the probability that a recording keeps a width: 19 of 20 do

@@ -122,7 +122,9 @@ ODD: dict[str, tuple[Any, ...]] = {
     "d/m over midnight": (time("time", clock("{d:02}/{m:02}/2024")), TEXT, "right"),
     "m/d over midnight": (time("time", clock("{m:02}/{d:02}/2024")), TEXT, "right"),
     "d.m over midnight": (time("time", clock("{d}.{m}.2024")), TEXT, "right"),
-    "minutes and seconds": (time("time", [f"{t // 60:02.0f}:{t % 60:05.2f}" for t in T]), TEXT, "holds no number in any row"),
+    "minutes and seconds": (
+        time("time", [f"{t // 60:02.0f}:{t % 60:05.2f}" for t in T]), TEXT, "holds no number in any row"
+    ),
     "a rate in a comment": (above("# Sampling rate: 100 Hz"), TEXT, NO_TIME),
     **{name: (output(name), ALL, FACTOR) for name in (
         "Torque*1000 [Nm]", "Torque x100 [Nm]", "torque (Nm x 0.01)", "torque (N.m*1e-2)", "torque [10^-3 Nm]",
