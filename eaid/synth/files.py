@@ -23,27 +23,25 @@ def is_synthetic(_path: Path, ends: bytes) -> bool:
 
 
 def write_folder(folder: Path, runs: Sequence[Run], force: bool) -> None:
-    """One CSV a run, all at once or none; with `force`, a folder of earlier synthetic runs is replaced."""
+    """One CSV a run, all at once or none; with `force`, a folder of earlier synthetic runs is replaced.
+
+    Every number has the digits that give it back exactly; units that are not the usual ones stand in the header.
+    """
     with folder_written_whole(folder, is_synthetic) as part:
         for run in runs:
-            (part / f"{run.name}.csv").write_text(as_csv(run), encoding="utf-8", newline="\n")
+            unit, output = run.input_unit, "torque_nm" if run.output_unit == "N·m" else f"output ({run.output_unit})"
+            columns = {"time_s": run.time_s, input_column(run.kind or "clutch", unit): run.input, output: run.output}
+            if run.reference_nm is not None:
+                columns["reference_nm"] = run.reference_nm
+            rows = zip(*(each.tolist() for each in columns.values()), strict=True)
+            lines = [f"{FIRST}{run.synthetic}", ",".join(columns), *(",".join(map(repr, row)) for row in rows), ""]
+            (part / f"{run.name}.csv").write_text("\n".join(lines), encoding="utf-8", newline="\n")
         refuse_folder(folder, force, is_synthetic, "eaid synth")
 
 
 def input_column(kind: str, unit: str) -> str:
     """Name of the input's column: `duty_pct`, `force_n`, `speed_rpm`, or one with another unit, `input (V)`."""
     return PLAIN[kind] if unit == INPUT_UNITS[kind] else f"{NAMES[kind]} ({unit})"
-
-
-def as_csv(run: Run) -> str:
-    """The text of one file: every number with the digits that give it back exactly; other units stand in the header."""
-    output = "torque_nm" if run.output_unit == "N·m" else f"output ({run.output_unit})"
-    columns = {"time_s": run.time_s, input_column(run.kind or "clutch", run.input_unit): run.input, output: run.output}
-    if run.reference_nm is not None:
-        columns["reference_nm"] = run.reference_nm
-    lines = [f"{FIRST}{run.synthetic}", ",".join(columns)]
-    lines += [",".join(map(repr, row)) for row in zip(*(each.tolist() for each in columns.values()), strict=True)]
-    return "\n".join(lines) + "\n"
 
 
 def read_input(path: Path, kind: str = "clutch", unit: str = "%") -> tuple[Input, float]:

@@ -115,14 +115,6 @@ def synthesise(plant: Plant, protocol: Protocol, disturbance: Disturbance, seed:
     return runs
 
 
-def synthesise_input(
-    plant: Plant, changes: Input, protocol: Protocol, disturbance: Disturbance, seed: int
-) -> list[Run]:
-    """Repeats of one given input over `protocol.hold_s`; no level is claimed for them."""
-    check_protocol(plant, protocol)
-    return list(repeats(plant, "input", changes, protocol.hold_s, protocol, disturbance, (seed, len(KINDS))))
-
-
 def repeats(
     plant: Plant, what: str, changes: Input, duration_s: float, protocol: Protocol, disturbance: Disturbance,
     key: tuple[int, ...],

@@ -1,17 +1,19 @@
 """Synthetic logs of a plant, from options alone: protocol, given input or excitation; one function."""
 
 from dataclasses import fields, replace
+from typing import TypeVar
 
 from eaid.declared import keyed
 from eaid.errors import UsageError
 from eaid.logs.run import Run
-from eaid.options import Excitation, SynthOptions
+from eaid.options import KINDS, Excitation, SynthOptions
 from eaid.results.fit import Fit
 from eaid.synth.excitation import synthesise_excitation
 from eaid.synth.files import read_input
-from eaid.synth.logs import NONE, PROTOCOLS, Disturbance, Protocol, synthesise, synthesise_input
+from eaid.synth.logs import NONE, PROTOCOLS, Disturbance, Protocol, check_protocol, repeats, synthesise
 from eaid.synth.plants import REFERENCE, Plant, of_fit
 
+Part = TypeVar("Part", Protocol, Disturbance)
 # Disturbances in the output's unit: their defaults are scaled to the rig
 ABSOLUTE = ("white_nm", "offset_nm", "resolution_nm")
 
@@ -37,19 +39,23 @@ def synthesize(options: SynthOptions, fit: Fit | None = None, named: str = "a fi
     """
     plant = REFERENCE[options.kind or "clutch"] if fit is None else of_fit(fit, options.kind or fit.data.kind, named)
     disturbance = disturbance_of(options, plant)
-    given = {each.name: getattr(options, each.name) for each in fields(Protocol)}
-    times = {name: value for name, value in given.items() if value is not None}
-    protocol = replace(PROTOCOLS[plant.kind], **{"levels": plant.levels, **times})
+    protocol = said_by(options, replace(PROTOCOLS[plant.kind], levels=plant.levels))
     if options.duty_file is not None:
         changes, duration_s = read_input(options.duty_file, plant.kind, plant.input_unit)
         timing = replace(protocol, idle_s=0.0, hold_s=duration_s, release_s=0.0)
-        return synthesise_input(plant, changes, timing, disturbance, options.seed)
+        check_protocol(plant, timing)
+        return list(repeats(plant, "input", changes, duration_s, timing, disturbance, (options.seed, len(KINDS))))
     if options.excitation is not None:
-        options_given = {"kind": options.excitation, "rate_hz": options.rate_hz}
-        given = {name: value for name, value in options_given.items() if value is not None}
-        shape = keyed(Excitation, "«shape»", options.shape, given)
+        rate = {} if options.rate_hz is None else {"rate_hz": options.rate_hz}
+        shape = keyed(Excitation, "«shape»", options.shape, {"kind": options.excitation, **rate})
         return synthesise_excitation(plant, shape, disturbance, options.seed, options.repeats or 1)
     return synthesise(plant, protocol, disturbance, options.seed)
+
+
+def said_by(options: SynthOptions, usual: Part) -> Part:
+    """The usual values, or those of the options of the same names."""
+    given = {each.name: getattr(options, each.name, None) for each in fields(usual)}
+    return replace(usual, **{name: value for name, value in given.items() if value is not None})
 
 
 def disturbance_of(options: SynthOptions, plant: Plant) -> Disturbance:
@@ -57,8 +63,7 @@ def disturbance_of(options: SynthOptions, plant: Plant) -> Disturbance:
     base = NONE if options.clean else Disturbance()
     if not plant.in_nm:
         base = replace(base, **{name: getattr(base, name) * plant.scale for name in ABSOLUTE})
-    given = {each.name: getattr(options, each.name, None) for each in fields(Disturbance)}
-    disturbance = replace(base, **{name: value for name, value in given.items() if value is not None})
+    disturbance = said_by(options, base)
     if options.coloured_s is not None and not disturbance.coloured > 0:
         raise UsageError("«coloured_s»: does nothing without «coloured»; give both or neither")
     if disturbance.coloured > 0 and disturbance.coloured_s == 0:
