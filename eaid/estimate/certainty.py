@@ -19,15 +19,7 @@ from eaid.estimate.from_steps import Solution, fit_levels_first
 from eaid.estimate.points import Normal, log_crossed
 from eaid.estimate.scatter import FEW_DEGREES, Scatter, bartlett_covariance, paule_mandel, run_residuals
 from eaid.estimate.solver import Problem, newton_step
-from eaid.estimate.spread import (
-    Influence,
-    LevelScatter,
-    corrected,
-    free_inverse,
-    gains_of,
-    rejected,
-    t_quantile,
-)
+from eaid.estimate.spread import Influence, LevelScatter, corrected, free_inverse, gains_of, rejected, t_quantile
 from eaid.models import friction
 from eaid.models.parameters import Friction, Nonlinear
 from eaid.steps.stepset import Level

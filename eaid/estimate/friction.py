@@ -36,12 +36,7 @@ WIDER = 1.4
 # quoted would be what came out short by chance
 QUOTED_RECORDS = 2.0
 # Parameters that a constraint holds: not estimable
-HELD_BY = {
-    "tau1-floor": ("tau1",),
-    "tau2-meets-tau1": ("tau1", "tau2"),
-    "Ts-zero": ("Ts",),
-    "tau2-endless": ("tau2",),
-}
+HELD_BY = {"tau1-floor": ("tau1",), "tau2-meets-tau1": ("tau1", "tau2"), "Ts-zero": ("Ts",), "tau2-endless": ("tau2",)}
 TAUS = {"tau1", "tau2"}
 # Units of an input that is a stress already
 PRESSURE_KPA: dict[str, float] = {"Pa": 1e-3, "kPa": 1.0, "MPa": 1e3, "bar": 100.0, "mbar": 0.1}

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -40,10 +39,7 @@ from eaid.results.common import Solver
 NOTHING = {"rest": (0.0, 0.0), "fall": (1.0, 1.0), "excess": (0.0,)}
 # Their constraints a'x ≥ b: code, a, b
 LIMITS: dict[str, tuple[tuple[str, tuple[float, ...], float], ...]] = {
-    "rest": (
-        ("release-tau1-floor", (1.0, 0.0), TAU_FLOOR_S),
-        ("release-tau2-meets-tau1", (-1.0, 1.0), 0.0),
-    ),
+    "rest": (("release-tau1-floor", (1.0, 0.0), TAU_FLOOR_S), ("release-tau2-meets-tau1", (-1.0, 1.0), 0.0)),
     "fall": (("fall-tau1-least", (1.0, 0.0), 0.02), ("fall-tau2-least", (0.0, 1.0), 0.02)),
     "excess": (("hysteresis-least", (1.0,), -0.8),),
 }
@@ -201,53 +197,17 @@ def with_extras(setup: Setup, extras: Sequence[str], x: Array, values: Sequence[
 
 def linear_parts(setup: Setup, shapes: Sequence[Array] | Array) -> tuple[Array, Array]:
     """Costs (K,) of some x, (K, n), and places (K, n) with what enters linearly solved for."""
-    model, x = setup.model, np.array(shapes)
-    a, one, two = model.slices[0].stop, *model.slices[1:]
-    own = np.concatenate([place.own[place.own >= 0] for place in setup.places]).astype(np.intp)
-    free = np.concatenate([np.arange(a), own]).astype(np.intp)
-    share = x[:, model.size - 1] if model.share is None else np.full(len(x), model.share)
-    size = len(free)
-    sums = np.zeros((len(x), size + 1, size + 1))
-    for drive, rows, place in zip(setup.drives, setup.maps, setup.places, strict=True):
-        tau1 = np.maximum(x[:, one] @ rows.tau1.T, LEAST_TAU_S)
-        tau2 = np.maximum(x[:, two] @ rows.tau2.T, LEAST_TAU_S) if model.tau2 else np.ones_like(tau1)
-        found = linear_sums(drive, rows.steady, tau1, tau2, share)
-        known = np.concatenate([np.arange(a), np.where(place.own >= 0, np.searchsorted(free, place.own), -1), [size]])
-        at = np.flatnonzero(known >= 0)
-        sums[:, known[at][:, None], known[at]] += found[:, at[:, None], at]
-    scale = np.sqrt(np.maximum(np.diagonal(sums, axis1=1, axis2=2)[:, :size], 1e-300))
-    A = sums[:, :size, :size] / (scale[:, :, None] * scale[:, None, :])
-    v = sums[:, :size, size] / scale
-    z = np.linalg.solve(A + 1e-10 * np.eye(size), v[:, :, None])[:, :, 0]
-    x[:, free] = z / scale
-    return sums[:, size, size] + np.einsum("kij,ki,kj->k", A, z, z) - 2 * (v * z).sum(axis=1), x
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def linear_sums(drive: Drive, by_steady: Array, tau1: Array, tau2: Array, share: Array) -> Array:
-    """Σ w s s' of K shapes, (K, n + 4, n + 4), for τ1 and τ2 of every input, (K, m), and C, (K,).
-
-    s are the derivatives by the n coefficients of T_s, idle output, x1 and x2 at the first row; then y.
-    """
-    n, rows = by_steady.shape[1], len(drive.w)
-    sums, columns = np.empty((len(share), n + 4, n + 4)), np.empty((rows, n + 4))
-    for k in range(len(share)):
-        fast, slow = np.zeros(n), np.zeros(n)
-        start1 = start2 = 1.0
-        for row in range(rows):
-            root, i = np.sqrt(drive.w[row]), drive.which[row]
-            for j in range(n):
-                columns[row, j] = root * (fast[j] + slow[j])
-            columns[row, n], columns[row, n + 1] = root, root * start1
-            columns[row, n + 2], columns[row, n + 3] = root * start2, root * drive.y[row]
-            g1, g2 = -np.expm1(-drive.dt_s[row] / tau1[k, i]), -np.expm1(-drive.dt_s[row] / tau2[k, i])
-            for j in range(n):
-                fast[j] += g1 * (share[k] * by_steady[i, j] - fast[j])
-                slow[j] += g2 * ((1.0 - share[k]) * by_steady[i, j] - slow[j])
-            start1 -= g1 * start1
-            start2 -= g2 * start2
-        sums[k] = columns.T @ columns
-    return sums
+    own = [place.own[place.own >= 0] for place in setup.places]
+    free = np.concatenate([np.arange(setup.model.slices[0].stop), *own]).astype(np.intp)
+    x, costs = np.array(shapes), np.empty(len(shapes))
+    x[:, free] = 0.0
+    for k, row in enumerate(x):
+        cost, gradient, curvature = setup.together(row)
+        H, g = curvature[np.ix_(free, free)], gradient[free]
+        scale = np.sqrt(np.maximum(np.diagonal(H), 1e-300))
+        row[free] = d = -np.linalg.solve(H / np.outer(scale, scale) + 1e-10 * np.eye(len(g)), g / scale) / scale
+        costs[k] = cost + g @ d + 0.5 * d @ H @ d
+    return costs, x
 
 
 GRID = 17  # Values of τ on the grid, from half a sample to the longest log

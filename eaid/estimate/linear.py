@@ -23,14 +23,7 @@ from eaid.findings import Finding, finding
 from eaid.models import linear as model
 from eaid.models.parameters import Linear as LinearModel
 from eaid.options import FitOptions
-from eaid.results.fit import (
-    Bounds,
-    BoundsIntervals,
-    Linear,
-    LinearLevel,
-    LinearLevelIntervals,
-    PooledIntervals,
-)
+from eaid.results.fit import Bounds, BoundsIntervals, Linear, LinearLevel, LinearLevelIntervals, PooledIntervals
 from eaid.steps.levels import wanted_levels
 from eaid.steps.stepset import Level
 
@@ -75,11 +68,7 @@ def to_logs(_form: Model, x: Array) -> Array:
 
 
 def variances(
-    solved: Solution,
-    slopes: Callable[[Model, Array], Array],
-    own: Array,
-    scatter: LevelScatter,
-    white: bool,
+    solved: Solution, slopes: Callable[[Model, Array], Array], own: Array, scatter: LevelScatter, white: bool
 ) -> tuple[list[float], list[float]]:
     """Variances of some numbers of a fit, of which `slopes` gives those by its unknowns, and degrees of freedom.
 

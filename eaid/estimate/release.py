@@ -47,10 +47,7 @@ def sizes(solved: Solution, data: Data) -> Array:
 
 
 def release_fit(
-    releases: Sequence[Level],
-    rises: Mapping[float, Friction],
-    held_s: Mapping[float, float],
-    share: float = SHARE,
+    releases: Sequence[Level], rises: Mapping[float, Friction], held_s: Mapping[float, float], share: float = SHARE
 ) -> tuple[Release, list[Finding]]:
     """The release constants.
 

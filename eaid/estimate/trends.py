@@ -19,6 +19,8 @@ from eaid.results.fit import Trend
 
 # Rates are looked for up to this many e-folds over the range of x; steeper ones live between two points
 STEEPEST = 40.0
+# Rates to try on x scaled to 0…1, falling, denser about zero
+RATES = np.sinh(np.linspace(np.arcsinh(15.0), -np.arcsinh(STEEPEST), 61))
 # Relative deviations of T_s, τ1, τ2 of the levels, (3, L), where they are known, and their degrees of freedom
 Spread: TypeAlias = tuple[Array | None, float]
 Form: TypeAlias = Literal["linear", "double-exponential", "merged-exponential"]
@@ -39,31 +41,24 @@ FORMS_OVER: dict[str, dict[str, Form]] = {
 
 def fit_trend(x: Array, y: Array, over: str, form: Form) -> Trend:
     """The least-squares trend; `form` is linear or double-exponential, shapes (n,), n as `LEAST` says."""
-    origin, range_ = float(x.min()), float(np.ptp(x))
-    s = (x - origin) / range_
+    origin, range_, size = float(x.min()), float(np.ptp(x)), float(np.abs(y).max()) or 1.0
+    s, converged, held = (x - origin) / range_, True, tuple[str, ...]()
     if form == "linear":
-        return _trend(form, np.polyfit(x, y, 1), x, y, over, True, ())
-    size = float(np.abs(y).max()) or 1.0
-    c, converged, held = _fit("double-exponential", s, y / size, _rate_pairs(s, y / size, 4))
-    weights = np.abs(c[[0, 2], None] * np.exp(np.multiply.outer(c[[1, 3]], s)))
-    if "rates-meet" not in held and weights.sum(axis=0).max() <= CANCEL:
-        order = (0, 1, 2, 3) if c[1] >= c[3] else (2, 3, 0, 1)
-        c = c[list(order)]
-        rates = c[[1, 3]] / range_
-        back = size * np.exp(-rates * origin)
-        return _trend(form, np.array([c[0] * back[0], rates[0], c[2] * back[1], rates[1]]), x, y, over, converged, held)
-    c, converged, held = _fit("merged-exponential", s, y / size, [_merged_rate(s, y / size)])
-    rate = c[2] / range_
-    back = size * np.exp(-rate * origin)
-    slope = c[1] / range_
-    merged = np.array([(c[0] - slope * origin) * back, slope * back, rate])
-    return _trend("merged-exponential", merged, x, y, over, converged, held)
-
-
-def _trend(form: Form, c: Array, x: Array, y: Array, over: str, converged: bool, held: tuple[str, ...]) -> Trend:
-    residual = FORMS[form].curve(c, x) - y
-    rmse = float(np.sqrt(np.mean(residual**2)))
-    return Trend(form, tuple(c.tolist()), over, rmse, converged, held)
+        c = np.polyfit(x, y, 1)
+    else:
+        c, converged, held = _fit(form, s, y / size, _rate_pairs(s, y / size, 4))
+        weights = np.abs(c[[0, 2], None] * np.exp(np.multiply.outer(c[[1, 3]], s)))
+        if "rates-meet" in held or weights.sum(axis=0).max() > CANCEL:
+            form = "merged-exponential"
+            rate = min(RATES, key=lambda rate: _projected(np.array([rate]), s, y / size)[0])
+            c, converged, held = _fit(form, s, y / size, [np.array([rate])])
+            rate, slope = c[2] / range_, c[1] / range_
+            c = np.append(size * np.exp(-rate * origin) * np.array([c[0] - slope * origin, slope]), rate)
+        else:
+            c[1::2] /= range_
+            c[::2] *= size * np.exp(-c[1::2] * origin)
+    left = FORMS[form].curve(c, x) - y
+    return Trend(form, tuple(c.tolist()), over, float(np.sqrt(np.mean(left**2))), converged, held)
 
 
 def _fit(form: str, s: Array, y: Array, starts: list[Array]) -> tuple[Array, bool, tuple[str, ...]]:
@@ -78,7 +73,7 @@ def _fit(form: str, s: Array, y: Array, starts: list[Array]) -> tuple[Array, boo
         order = [0, 1, 2]
     floor = ROUNDING * float(y @ y)
     problem = Problem(lambda rates: _projected(rates, s, y)[:3], A, b, names.__getitem__, floor=floor)
-    ends = [slsqp(problem, approach(problem, _apart(start))) for start in starts]
+    ends = [slsqp(problem, approach(problem, start)) for start in starts]
     best = min(ends, key=lambda end: end.cost)
     end, predicted, active = polish(problem, best)
     c = np.concatenate([_projected(end.x, s, y)[3], end.x])[order]
@@ -86,17 +81,11 @@ def _fit(form: str, s: Array, y: Array, starts: list[Array]) -> tuple[Array, boo
     return c, predicted <= CONVERGED or end.cost <= problem.floor, tuple(names[i] for i in active)
 
 
-def _rate_grid(s: Array) -> Array:
-    """Rates to try, from −40 to 15 e-folds over the range of s, denser about zero, falling, shape (61,)."""
-    return np.sinh(np.linspace(np.arcsinh(15.0), -np.arcsinh(STEEPEST), 61)) / float(np.ptp(s))
-
-
 def _rate_pairs(s: Array, y: Array, most: int) -> list[Array]:
     """The best few pairs of rates on a grid with the weights solved for, neighbours of a better one left out."""
-    rates = _rate_grid(s)
-    basis = np.exp(np.multiply.outer(rates, s))
+    basis = np.exp(np.multiply.outer(RATES, s))
     basis /= np.linalg.norm(basis, axis=1)[:, None]
-    n = len(rates)
+    n = len(RATES)
     gram, along = basis @ basis.T, basis @ y
     first, second = np.triu_indices(n, 1)
     g, a, b = gram[first, second], along[first], along[second]
@@ -105,23 +94,9 @@ def _rate_pairs(s: Array, y: Array, most: int) -> list[Array]:
     pairs: list[Array] = []
     for _ in range(most):
         i, j = np.unravel_index(grid.argmax(), grid.shape)
-        pairs.append(rates[[i, j]])
+        pairs.append(RATES[[i, j]])
         grid[max(i - 3, 0) : i + 4, max(j - 3, 0) : j + 4] = -np.inf
     return pairs
-
-
-def _merged_rate(s: Array, y: Array) -> Array:
-    """The best rate of (p + q s) e^(r s) on the grid, p and q solved for, shape (1,)."""
-    rates = _rate_grid(s)
-    return rates[[int(np.argmin([_projected(rates[[k]], s, y)[0] for k in range(len(rates))]))]]
-
-
-def _apart(rates: Array) -> Array:
-    """Rates in falling order, within the limits and at least `APART` from one another."""
-    if len(rates) == 1:
-        return np.clip(rates, -1.4 * STEEPEST, 0.99 * STEEPEST)
-    high, low = np.clip(rates.max(), -STEEPEST, 0.99 * STEEPEST), np.clip(rates.min(), -1.4 * STEEPEST, 0.9 * STEEPEST)
-    return np.array([high, min(low, high - 1.01 * APART)])
 
 
 def _projected(rates: Array, s: Array, y: Array) -> tuple[float, Array, Array, Array]:
