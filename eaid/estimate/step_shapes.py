@@ -101,21 +101,6 @@ def averaged(time_s: Array, y: Array) -> AveragedRecord:
     return AveragedRecord(np.add.reduceat(time_s, edges) / weight, means, weight, within)
 
 
-def best_delay(points: AveragedRecord, p: Array) -> float:
-    """The middle between the two samples between which a dead time leaves least, the time constants and C as in `p`.
-
-    Of a long record those near the dead time of `p` are looked at.
-    """
-    middle = 0.5 * (points.time_s[1:] + points.time_s[:-1])
-    middle = middle[middle < 0.9 * points.time_s[-1]]
-    at, reach = int(np.searchsorted(middle, p[4])), max(2, LOOKED_AT // len(points.time_s))
-    middle = middle[max(at - reach, 0) : at + reach]
-    after = np.maximum(points.time_s - middle[:, np.newaxis], 0.0)
-    shape = 1 - p[3] * np.exp(-after / np.exp(p[1])) - (1 - p[3]) * np.exp(-after / np.exp(p[1] + p[2]))
-    along, square = shape @ (points.weight * points.output), (shape**2) @ points.weight
-    return float(middle[np.argmax(along**2 / np.maximum(square, 1e-300))])
-
-
 def starts_of(
     points: AveragedRecord, window: float, delays: Sequence[float], share: float, wanted: Sequence[str]
 ) -> dict[str, list[Array]]:
@@ -148,17 +133,14 @@ def starts_of(
                 inside = (C > 0) & (C < 1) if shape == "free" else (C > 1) & (C < MOST) & (tau[j] > APART * tau[i])
                 cost = np.where(inside, cost, np.inf)
             best = _apart(cost, np.log(tau[j]))[: 1 if shape == "one" else None]
-            found = [m for m in best if np.isfinite(cost[m])]
             p = np.stack([change, np.log(tau[i]), np.log(tau[j] / tau[i]), C, np.full(len(i), delay)], axis=1)
-            rows.append([(float(cost[m]), p[m]) for m in found])
-    return {shape: _best(rows) for shape, rows in places.items()}
-
-
-def _best(rows: Sequence[Sequence[tuple[float, Array]]]) -> list[Array]:
-    """The best of the places of those delays whose neighbours have none as good; `rows` holds those of each delay."""
-    least = [min((cost for cost, _ in row), default=np.inf) for row in rows]
-    lower = [row for k, row in enumerate(rows) if least[k] <= min(least[max(k - 1, 0) : k + 2])]
-    return [p for _, p in sorted((one for row in lower for one in row), key=lambda one: one[0])[:STARTS]]
+            rows.append([(float(cost[m]), p[m]) for m in best if np.isfinite(cost[m])])
+    found = {}
+    for shape, rows in places.items():  # of those delays whose neighbours have none as good
+        least = [min((cost for cost, _ in row), default=np.inf) for row in rows]
+        lower = [row for k, row in enumerate(rows) if least[k] <= min(least[max(k - 1, 0) : k + 2])]
+        found[shape] = [p for _, p in sorted((one for row in lower for one in row), key=lambda one: one[0])[:STARTS]]
+    return found
 
 
 def _apart(cost: Array, slow: Array) -> list[int]:
@@ -219,7 +201,11 @@ def fit_step(step: LevelStep, options: FitOptions | None = None) -> StepShape:
     best = min(tried, key=lambda one: (one.sse, one.unknowns))
     rounding = ROUNDING * float(y @ y)
     count = independent(y - curve(best.p, step.time_s), rounding)
-    scores = {one.name: _aicc(one.sse + rounding, one.unknowns, count) for one in tried}
+    scores = {}
+    for one in tried:
+        k = one.unknowns
+        aicc = count * math.log(max(one.sse + rounding, 1e-300)) + 2 * k + 2 * k * (k + 1) / max(count - k - 1, 1.0)
+        scores[one.name] = aicc
     chosen = _chosen(tried, scores)
     every = AveragedRecord(step.time_s, y, np.ones(len(y)))
     p, _ = _polished(every, chosen.p, chosen.shape, chosen.free)
@@ -278,10 +264,17 @@ def _polished(points: AveragedRecord, start: Array, shape: str, free: tuple[int,
     which the other unknowns as they are leave least, until no other two leave less.
     """
     p, sse = _least(points, start, shape, free, SETTLED)
+    middle, reach = 0.5 * (points.time_s[1:] + points.time_s[:-1]), max(2, LOOKED_AT // len(points.time_s))
+    middle = middle[middle < 0.9 * points.time_s[-1]]
     for _ in range(ROUNDS):
         moved = p.copy()
         if 4 in free:
-            moved[4] = best_delay(points, p)
+            at = int(np.searchsorted(middle, p[4]))
+            near = middle[max(at - reach, 0) : at + reach]  # of a long record, those near the dead time so far
+            after = np.maximum(points.time_s - near[:, np.newaxis], 0.0)
+            s = 1 - p[3] * np.exp(-after / np.exp(p[1])) - (1 - p[3]) * np.exp(-after / np.exp(p[1] + p[2]))
+            along, square = s @ (points.weight * points.output), (s**2) @ points.weight
+            moved[4] = near[np.argmax(along**2 / np.maximum(square, 1e-300))]
         q, less = _least(points, moved, shape, free, SETTLED)
         if not less < (1 - SETTLED) * sse:
             break
@@ -348,10 +341,6 @@ def independent(left: Array, rounding: float = 0.0, fewest: float = 12.0) -> flo
     return max(count / max(1.0, (1 + alike) / (1 - alike), spread), fewest)
 
 
-def _aicc(sse: float, k: int, count: float) -> float:
-    return count * math.log(max(sse, 1e-300)) + 2 * k + 2 * k * (k + 1) / max(count - k - 1, 1.0)
-
-
 def _chosen(tried: list[_Candidate], scores: dict[str, float]) -> _Candidate:
     """The paper's form; one exponential where a second adds nothing; else what is better and worth it."""
     named = {one.name: one for one in tried}
@@ -366,15 +355,6 @@ def _chosen(tried: list[_Candidate], scores: dict[str, float]) -> _Candidate:
         if better and scores[name] < scores[chosen] - BETTER:
             chosen = name
     return named[chosen]
-
-
-def _peak(p: Array) -> float | None:
-    """The change where ds/dt = 0: C/τ1 e^(−t/τ1) = (C − 1)/τ2 e^(−t/τ2); None where C is not above 1."""
-    if p[3] <= 1:
-        return None
-    tau1, tau2 = np.exp(p[1]), np.exp(p[1] + p[2])
-    at = np.log(p[3] * tau2 / ((p[3] - 1) * tau1)) / (1 / tau1 - 1 / tau2)
-    return float(curve(np.array([*p[:4], 0.0]), np.array([at]))[0])
 
 
 def _result(
@@ -395,15 +375,14 @@ def _result(
             pct = 100 * worst / abs(change)
             found.append(finding("shape-misses", step.name, (step.level,), worst=worst, share_pct=pct))
     if plain_rmse is not None:
-        said = {
-            "dead_time_s": float(p[4]),
-            "rmse": rmse,
-            "plain_rmse": plain_rmse,
-            "saved_pct": 100 * (1 - rmse / plain_rmse),
-        }
-        found.append(finding("other-shape-fits-better", step.name, (step.level,), shape=shape, **said))
-    best = min(scores.values())
-    single = shape == "one"
+        said = {"dead_time_s": float(p[4]), "rmse": rmse, "plain_rmse": plain_rmse}
+        saved = 100 * (1 - rmse / plain_rmse)
+        found.append(finding("other-shape-fits-better", step.name, (step.level,), shape=shape, saved_pct=saved, **said))
+    tau1, tau2, peak = float(np.exp(p[1])), float(np.exp(p[1] + p[2])), None
+    if p[3] > 1:  # where ds/dt = 0: C/τ1 e^(−t/τ1) = (C − 1)/τ2 e^(−t/τ2)
+        at = p[4] + np.log(p[3] * tau2 / ((p[3] - 1) * tau1)) / (1 / tau1 - 1 / tau2)
+        peak = float(curve(p, np.array([at]))[0])
+    best, single = min(scores.values()), shape == "one"
     return StepShape(
         run=step.name,
         from_=step.from_level,
@@ -413,15 +392,15 @@ def _result(
         change=change,
         gain=None if step.level == step.from_level else change / (step.level - step.from_level),
         shape=shape,
-        tau1=float(np.exp(p[1])),
-        tau2=None if single else float(np.exp(p[1] + p[2])),
+        tau1=tau1,
+        tau2=None if single else tau2,
         C=1.0 if single else float(p[3]),
         dead_time_s=float(p[4]),
         rmse=rmse,
         fit_pct=fit_pct,
         R2=r2,
         samples=len(left),
-        peak=_peak(p),
+        peak=peak,
         evidence={name: score - best for name, score in scores.items()},
         findings=tuple(found),
     )
@@ -452,22 +431,16 @@ def single_steps(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]
         lasted, until = step.at_s - last.at_s, float(last.time_s[-1]) * (1 + 2 / len(last.time_s))
         follows = before >= 0 and last.source == step.source and last.level == step.from_level and 0 < lasted <= until
         tail = tail_of(found[before], tail, lasted) if follows else ()
-        alone = without_tail(step, tail)
+        rest_s, output, start, moved = step.rest_s or 0.0, step.output, step.start, step.rest_moved
+        for size, tau, _ in tail:  # as it would have been behind a hold that had settled
+            output = output - size * np.exp(-step.time_s / tau)
+            start -= size * _before(rest_s, tau)
+            moved -= abs(size) * abs(_before(rest_s / 2, tau) * (math.exp(rest_s / 2 / tau) - 1))
+        alone = replace(step, output=output, start=start, rest_moved=max(moved, 0.0)) if tail else step
         shape = with_interval(alone, fit_step(alone, options), options, tail)
         found[k] = msgspec.structs.replace(shape, tail=tuple((size, tau) for size, tau, _ in tail))
         before = k
     return tuple(found[k] for k in range(len(steps)))
-
-
-def without_tail(step: LevelStep, tail: Tail) -> LevelStep:
-    """The step as it would have been behind a hold that had settled."""
-    rest_s = step.rest_s or 0.0
-    output, start, moved = step.output, step.start, step.rest_moved
-    for size, tau, _ in tail:
-        output = output - size * np.exp(-step.time_s / tau)
-        start -= size * _before(rest_s, tau)
-        moved -= abs(size) * abs(_before(rest_s / 2, tau) * (math.exp(rest_s / 2 / tau) - 1))
-    return replace(step, output=output, start=start, rest_moved=max(moved, 0.0)) if tail else step
 
 
 def _before(rest_s: float, tau: float) -> float:
@@ -548,17 +521,14 @@ def with_interval(step: LevelStep, shape: StepShape, options: FitOptions, tail: 
     wide = {name for name, half in most.items() if error.get(name, 0.0) > half}
     if shape.tau2 is not None and shape.tau2 > LONGEST * window:
         wide |= {"tau2", "change"}
-    if shape.shape == "one" and _nearly_two(shape):
+    one, more = (shape.evidence.get(name + "+dead" * (shape.dead_time_s > 0), math.nan) for name in ("one", "two"))
+    if shape.shape == "one" and more < one - NEARLY:  # one constant is then a mixture
         wide |= {"tau1", "change"}
     ends: dict[str, Interval] = {}
-    for name, half in error.items():
-        value = getattr(shape, name)
-        if name in wide:
-            continue
-        if name in ("tau1", "tau2"):
-            ends[name] = (value * math.exp(-half), value * math.exp(half))
-        else:
-            ends[name] = (value - half, value + half)
+    for name in error.keys() - wide:
+        value, half = getattr(shape, name), error[name]
+        log = name in ("tau1", "tau2")
+        ends[name] = (value * math.exp(-half), value * math.exp(half)) if log else (value - half, value + half)
     change = ends.get("change")
     if change is not None and shape.gain is not None:
         low, high = sorted(end / (shape.level - shape.from_) for end in change)
@@ -566,13 +536,6 @@ def with_interval(step: LevelStep, shape: StepShape, options: FitOptions, tail: 
     open_ = tuple(name for name in names if name not in ends)
     said = (finding("step-leaves-open", shape.run, (shape.level,), open=", ".join(open_)),) if open_ else ()
     return msgspec.structs.replace(shape, ci95=StepIntervals(**ends), findings=(*shape.findings, *said))
-
-
-def _nearly_two(shape: StepShape) -> bool:
-    """Whether two exponentials are better, if not by enough to be chosen: one constant is then a mixture."""
-    dead = "+dead" if shape.dead_time_s > 0 else ""
-    one, two = (shape.evidence.get(name + dead) for name in ("one", "two"))
-    return one is not None and two is not None and two < one - NEARLY
 
 
 def _errors(step: LevelStep, shape: StepShape, free: Sequence[bool], ci: str, tail: Tail) -> Array:

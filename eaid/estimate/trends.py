@@ -42,7 +42,8 @@ FORMS_OVER: dict[str, dict[str, Form]] = {
 def fit_trend(x: Array, y: Array, over: str, form: Form) -> Trend:
     """The least-squares trend; `form` is linear or double-exponential, shapes (n,), n as `LEAST` says."""
     origin, range_, size = float(x.min()), float(np.ptp(x)), float(np.abs(y).max()) or 1.0
-    s, converged, held = (x - origin) / range_, True, tuple[str, ...]()
+    s, converged = (x - origin) / range_, True
+    held: tuple[str, ...] = ()
     if form == "linear":
         c = np.polyfit(x, y, 1)
     else:
@@ -152,13 +153,8 @@ def _coefficients(
     """Intervals of one trend's coefficients, and whether the levels tell some of them hardly."""
     if trend.at_bounds:
         return None, True
-    there = np.isfinite(y)
-    x, y = x[there], y[there]
     c = np.array(trend.coefficients)
-    G = FORMS[trend.form].gradient(c, x).T
-    spare = len(y) - len(c)
-    if spare < 1:
-        return None, True
+    G, spare = FORMS[trend.form].gradient(c, x).T, len(y) - len(c)
     scale = 1 / np.maximum(np.sqrt((G**2).sum(axis=0)), 1e-300)
     values = np.linalg.svd(G * scale, compute_uv=False)
     if values[-1] < 1e-7 * values[0]:
@@ -169,7 +165,7 @@ def _coefficients(
     if sd is None:
         variance, own_degrees = np.full(len(y), about), float(spare)
     else:
-        variance, own_degrees = sd[there] ** 2, degrees
+        variance, own_degrees = sd**2, degrees
         expected = float(variance.sum()) * spare / len(y)
         if about * spare > 2 * expected:  # the trend misses the levels by more than they scatter
             share = variance / expected * spare if expected > 0 else np.ones(len(y))
