@@ -17,9 +17,9 @@ from scipy.optimize import curve_fit, least_squares
 
 from benchmarks.table import Row
 from eaid.arrays import Array
+from eaid.estimate.certainty import own_levels
 from eaid.estimate.data import data_of
 from eaid.estimate.from_steps import fit_nonlinear
-from eaid.estimate.levels import own_levels
 from eaid.estimate.linear import fit_linear, parameters, unknowns
 from eaid.models import nonlinear
 from eaid.models.parameters import REFERENCE_PLANT

@@ -213,8 +213,8 @@ def plan(
     >>> sequence.duty[0], sequence.input_unit
     ((0.0, 0.0), '%')
     """
-    from eaid.planning.excitation import shortest_recording
     from eaid.planning.recordings import plan_recordings
+    from eaid.planning.sequences import shortest_recording
 
     _of_type("fit", fit, Fit)
     how = chosen(PlanOptions, options, keywords)

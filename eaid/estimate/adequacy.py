@@ -7,11 +7,10 @@ import numpy as np
 from scipy.special import fdtri
 
 from eaid.arrays import Array, median
-from eaid.estimate.certainty import Estimate
+from eaid.estimate.certainty import Estimate, OwnLevels, own_levels
 from eaid.estimate.data import Data
 from eaid.estimate.forms import Model, friction
 from eaid.estimate.from_steps import fit_levels_first
-from eaid.estimate.levels import OwnLevels, own_levels
 from eaid.estimate.scatter import CURVES, Scatter
 from eaid.estimate.spread import t_quantile
 from eaid.findings import Finding, finding

@@ -11,8 +11,8 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.estimate import data as metrics
+from eaid.estimate.certainty import OwnLevels
 from eaid.estimate.data import Data
-from eaid.estimate.levels import OwnLevels
 from eaid.estimate.points import residuals
 from eaid.estimate.scatter import CURVES, MEETING, Mask, Scatter
 from eaid.estimate.spread import Influence, t_quantile, textbook

@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eaid.arrays import Array
-from eaid.estimate.forms import LEAST_TAU_S, Form, LegendreForm, Limits, Model, Rows, Tables
-from eaid.estimate.record import RecordedLog
-from eaid.estimate.response import Copies, Drive, derivatives
+from eaid.estimate.forms import Form, LegendreForm, Limits, Model, Rows, Tables
+from eaid.estimate.response import Copies, Drive, RecordedLog, derivatives
 from eaid.estimate.solver import (
     CONVERGED,
     ROUNDING,

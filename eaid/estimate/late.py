@@ -19,8 +19,7 @@ from scipy.signal import lfilter
 
 from eaid.arrays import Array, scaled_inverse
 from eaid.estimate.from_logs import Setup, Solved
-from eaid.estimate.record import RecordedLog
-from eaid.estimate.response import Copies, Drive
+from eaid.estimate.response import Copies, Drive, RecordedLog
 from eaid.estimate.solver import EndPoint, approach
 from eaid.estimate.spread import t_quantile
 

@@ -521,8 +521,10 @@ def with_interval(step: LevelStep, shape: StepShape, options: FitOptions, tail: 
     wide = {name for name, half in most.items() if error.get(name, 0.0) > half}
     if shape.tau2 is not None and shape.tau2 > LONGEST * window:
         wide |= {"tau2", "change"}
-    one, more = (shape.evidence.get(name + "+dead" * (shape.dead_time_s > 0), math.nan) for name in ("one", "two"))
-    if shape.shape == "one" and more < one - NEARLY:  # one constant is then a mixture
+    one, more = (shape.evidence.get(name + "+dead" * (shape.dead_time_s > 0)) for name in ("one", "two"))
+    if (
+        shape.shape == "one" and one is not None and more is not None and more < one - NEARLY
+    ):  # a mixture
         wide |= {"tau1", "change"}
     ends: dict[str, Interval] = {}
     for name in error.keys() - wide:

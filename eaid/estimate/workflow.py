@@ -17,12 +17,11 @@ from eaid.declared import forms
 from eaid.errors import DataError, UsageError
 from eaid.estimate.adequacy import adequacy, share_of
 from eaid.estimate.bootstrap import bootstrap, drawn_ends
-from eaid.estimate.certainty import Estimate, levels_first
+from eaid.estimate.certainty import Estimate, OwnLevels, levels_first, own_levels
 from eaid.estimate.data import Data, data_of, explains_little
 from eaid.estimate.friction import friction_part, quoted, white_ends
 from eaid.estimate.from_steps import Solution, fit_nonlinear, refit_nonlinear
 from eaid.estimate.huber import huber_findings, minimise
-from eaid.estimate.levels import OwnLevels, own_levels
 from eaid.estimate.linear import linear_part
 from eaid.estimate.nonlinear import nonlinear_part
 from eaid.estimate.points import residuals

@@ -25,7 +25,7 @@ from eaid.errors import DataError, UsageError
 from eaid.estimate.draw import draw
 from eaid.estimate.forms import Model, friction, nonlinear
 from eaid.estimate.from_logs import Setup
-from eaid.estimate.noise import engagements
+from eaid.estimate.log_intervals import engagements
 from eaid.estimate.response import Drive
 from eaid.estimate.scatter import ASSUMED
 from eaid.estimate.spread import t_quantile

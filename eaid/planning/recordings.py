@@ -8,9 +8,8 @@ from math import inf, sqrt
 import msgspec
 import numpy as np
 
-from eaid.estimate.certainty import levels_first
+from eaid.estimate.certainty import levels_first, own_levels
 from eaid.estimate.data import data_of
-from eaid.estimate.levels import own_levels
 from eaid.findings import Finding, finding
 from eaid.models.friction import step_response
 from eaid.options import PlanOptions

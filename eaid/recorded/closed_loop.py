@@ -17,8 +17,7 @@ from eaid.arrays import Array
 from eaid.control.pi import PIGains
 from eaid.estimate.from_logs import Solved, idle_of, model_of
 from eaid.estimate.late import follows_output
-from eaid.estimate.record import RecordedLog
-from eaid.estimate.response import Copies, Drive
+from eaid.estimate.response import Copies, Drive, RecordedLog
 from eaid.findings import Finding, finding
 from eaid.models.parameters import Nonlinear
 from eaid.options import Rig

@@ -23,10 +23,9 @@ from eaid.estimate.fall_tests import tested, with_falls
 from eaid.estimate.from_logs import Solved, idle_of, model_of, setup_of, solve
 from eaid.estimate.late import LOWER, delays, shifted
 from eaid.estimate.linear import bounds_of, fit_each_level, parameters, single_levels
-from eaid.estimate.log_intervals import CurveSpread, Spread, curves, never_asked, spread
-from eaid.estimate.noise import FEWEST_ENGAGEMENTS, scatter_findings
+from eaid.estimate.log_intervals import FEWEST_ENGAGEMENTS, CurveSpread, Spread, curves, spread
 from eaid.estimate.nonlinear import scored
-from eaid.estimate.record import RecordedLog, logs_of_steps, recorded_log
+from eaid.estimate.response import RecordedLog, logs_of_steps, recorded_log
 from eaid.estimate.step_shapes import single_steps
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.logs.run import Run
@@ -388,7 +387,7 @@ def fit_recorded(
     if options.ci != "none":
         uncertainty = spread(base)
         known = curves(base, uncertainty, inputs.shown)
-        findings += never_asked(known) + scatter_findings(uncertainty.scatter)
+        findings += known.findings + uncertainty.scatter.findings
     linear, friction = None, None
     if "linear" in wanted:
         solved = solve(replace(setup, model=forms.linear(inputs.basis)))

@@ -7,7 +7,7 @@ import pytest
 
 import eaid
 from eaid.estimate.late import shifted
-from eaid.estimate.record import RecordedLog, recorded_log
+from eaid.estimate.response import RecordedLog, recorded_log
 from eaid.models import nonlinear
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.recorded.closed_loop import law_of

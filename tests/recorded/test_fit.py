@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 import eaid
-from eaid.estimate.record import RecordedLog, recorded_log
+from eaid.estimate.response import RecordedLog, recorded_log
 from eaid.logs.run import Run
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.reading import is_recorded

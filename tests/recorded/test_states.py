@@ -7,8 +7,7 @@ import pytest
 
 from eaid.estimate import forms
 from eaid.estimate.from_logs import Setup
-from eaid.estimate.record import RecordedLog
-from eaid.estimate.response import Copies, Drive, Tables
+from eaid.estimate.response import Copies, Drive, RecordedLog, Tables
 from eaid.models.parameters import REFERENCE_PLANT
 from eaid.replay.plant import plant_parameters, plant_step
 
