@@ -1,6 +1,6 @@
 """What the fits of the curve share: every sample of the levels, and the few weighted points that stand for them."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -108,18 +108,6 @@ def explains_little(outputs: Sequence[Array], residuals: Sequence[Array]) -> boo
     y, r = (np.concatenate([block_means(one, BLOCKS) for one in values]) for values in (outputs, residuals))
     missed, spread = float(r @ r), float(((y - y.mean()) ** 2).sum())
     return missed > (1 - LITTLE) * spread and missed > FAR**2 * float(y @ y)
-
-
-def fit_findings(part: Nonlinear, active_at: Mapping[str, Sequence[float]], held_out: Sequence[float]) -> list[Finding]:
-    """Warnings about the ten coefficients; `active_at`: the constraints that hold them, and where."""
-    findings = []
-    if part.solver is not None and not part.solver.converged:
-        findings.append(finding("fit-not-converged", "nonlinear", predicted_decrease=part.solver.predicted_decrease))
-    for code, at in active_at.items():
-        findings.append(finding("constraint-holds", "nonlinear", sorted({*at[:1], *at[-1:]}), constraint=code))
-    if outside := [u for u in held_out if not part.u_range[0] <= u <= part.u_range[1]]:
-        findings.append(finding("held-out-beyond-the-levels", "nonlinear", outside))
-    return findings
 
 
 def missed(subject: str, data: Data, residuals: Sequence[Array], model: Nonlinear | Linear) -> list[Finding]:

@@ -73,7 +73,13 @@ def draw(fit: Fit, n: int, seed: int) -> Drawn:
         )
     parts = [(at_centre.block(name), name) for name in BLOCKS]
     blocks = [_Block(own, mean[own], stored.degrees_of_freedom.get(name), centre.u_range) for own, name in parts]
-    root = _root(matrix)
+    # a root of the covariance, in scaled form: its condition is that of the correlations
+    sd = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    unit = np.where(sd > 0, sd, 1.0)
+    size, vectors = np.linalg.eigh(matrix / np.outer(unit, unit))
+    # a sign of its own for each vector, so that the same file gives the same plants on every machine
+    vectors = vectors * np.where(vectors[np.abs(vectors).argmax(axis=0), np.arange(count)] < 0, -1.0, 1.0)
+    root = unit[:, None] * vectors * np.sqrt(np.maximum(size, 0.0))
     slack, offset = limits_of(at_centre)
     at_fit = slack @ mean - offset
     allowed = np.minimum(at_fit, 0.0) - 1e-12  # every constraint, as far as the fit itself keeps it
@@ -106,16 +112,6 @@ class _Block:
         factor = np.sqrt(self.degrees / chdtri(self.degrees, at)) if np.isfinite(self.degrees) else 1.0
         moved = np.clip(self.slopes @ step * factor, -FARTHEST, FARTHEST)
         return np.asarray(self.back @ np.exp(moved) - self.values)
-
-
-def _root(matrix: Array) -> Array:
-    """A root of the covariance, found in scaled form: its condition is that of the correlations."""
-    sd = np.sqrt(np.maximum(np.diag(matrix), 0.0))
-    unit = np.where(sd > 0, sd, 1.0)
-    values, vectors = np.linalg.eigh(matrix / np.outer(unit, unit))
-    # a sign of its own for each vector, so that the same file gives the same plants on every machine
-    vectors = vectors * np.where(vectors[np.abs(vectors).argmax(axis=0), np.arange(len(sd))] < 0, -1.0, 1.0)
-    return np.asarray(unit[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def _feasible(

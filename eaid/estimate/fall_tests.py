@@ -7,13 +7,13 @@
 Each is an unknown (or two) beside the coefficients; Wald's test with the covariance of the coloured residuals.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import fdtrc
 
 from eaid.arrays import Array
-from eaid.estimate.from_logs import NOTHING, Solved, finished, with_extras
+from eaid.estimate.from_logs import NOTHING, Solved, finished
 from eaid.estimate.log_intervals import Spread, spread
 from eaid.estimate.response import Drive
 from eaid.findings import Finding, finding
@@ -75,8 +75,8 @@ def as_rises(solved: Solved, name: str) -> Array:
 def with_falls(base: Solved, names: tuple[str, ...]) -> Solved:
     """The fit with some of rest, fall and excess as unknowns beside its own."""
     begin = np.concatenate([as_rises(base, name) for name in names])
-    setup, x = with_extras(base.fitted, names, base.x, begin)
-    return finished(setup, [x])
+    x, before = base.x, base.fitted
+    return finished(replace(before, extras=names), [np.r_[x[: before.model.size], begin, x[before.shared :]]])
 
 
 def _judged(solved: Solved, names: tuple[str, ...]) -> dict[str, Judged]:

@@ -125,15 +125,6 @@ class Setup:
         """Samples that are compared."""
         return sum(drive.samples for drive in self.drives)
 
-    @cached_property
-    def energy(self) -> float:
-        """Weighted sum of the squared outputs about each log's mean."""
-        total = 0.0
-        for drive in self.drives:
-            mean = float(drive.w @ drive.y) / float(drive.w.sum())
-            total += float(drive.w @ (drive.y - mean) ** 2) + drive.left
-        return total
-
     def at(self, name: str) -> int:
         """First place of an extra in x; −1 where it is no unknown."""
         if name not in self.extras:
@@ -176,7 +167,11 @@ class Setup:
             row[at : at + len(along)] = along
         b = np.append(limits.b, [least for *_, least in more])
         codes = (*limits.codes, *(code for _, code, _, _ in more))
-        return Problem(self.together, A, b, codes.__getitem__, floor=ROUNDING * self.energy)
+        energy = 0.0  # weighted sum of the squared outputs about each log's mean
+        for drive in self.drives:
+            mean = float(drive.w @ drive.y) / float(drive.w.sum())
+            energy += float(drive.w @ (drive.y - mean) ** 2) + drive.left
+        return Problem(self.together, A, b, codes.__getitem__, floor=ROUNDING * energy)
 
 
 def setup_of(model: Model, logs: Sequence[RecordedLog], idle_free: bool = True) -> Setup:
@@ -186,12 +181,6 @@ def setup_of(model: Model, logs: Sequence[RecordedLog], idle_free: bool = True) 
     holds = [np.diff(log.time_s[np.append(log.changes, -1)]).max() if log.stepwise else log.time_s[-1] for log in logs]
     hold = float(max(holds))
     return Setup(model, tuple(one.small for one in copies), (), idle_free, copies, longest, shortest, hold)
-
-
-def with_extras(setup: Setup, extras: Sequence[str], x: Array, values: Sequence[float] | Array) -> tuple[Setup, Array]:
-    """The same logs with other extras, and x with `values` for all of them in the place of the old ones."""
-    fresh = replace(setup, extras=tuple(extras))
-    return fresh, np.concatenate([x[: setup.model.size], np.asarray(values, dtype=float), x[setup.shared :]])
 
 
 def linear_parts(setup: Setup, shapes: Sequence[Array] | Array) -> tuple[Array, Array]:

@@ -87,11 +87,6 @@ def variances(
     return variance.tolist(), degrees.tolist()
 
 
-def fit_each_level(data: Data) -> list[Solution]:
-    """τ and gain of each level by itself."""
-    return [fit_linear(data.one(i)) for i in range(len(data.u))]
-
-
 def single_levels(data: Data, solved: Sequence[Solution]) -> tuple[LinearLevel, ...]:
     """a0, gain, b0 and B of each level by itself, c0 = 0, specification 4.3."""
     rows = []
@@ -123,22 +118,13 @@ def level_intervals(row: LinearLevel, solved: Solution, i: int, scatter: Scatter
     return LinearLevelIntervals(*(None if v is None else interval_of(v, v * v * one, spare) for v, one, spare in rows))
 
 
-def bound_intervals(bounds: Bounds, rows: Sequence[LinearLevel]) -> BoundsIntervals:
-    """95 % intervals of B_m and B_M, the least and largest B over the kept levels; None where some B is unbounded."""
-    kept = [None if row.ci95 is None else row.ci95.B for row in rows if row.level in bounds.levels]
-    known = [interval for interval in kept if interval is not None]
-    if not known or len(known) < len(kept):
-        return BoundsIntervals()
-    low, high = np.array(known).T
-    return BoundsIntervals((float(low.min()), float(high.min())), (float(low.max()), float(high.max())))
-
-
 def linear_part(
     data: Data, scatter: Scatter, options: FitOptions, held_out: Sequence[Level] = ()
 ) -> tuple[Linear, list[Finding]]:
     """The linear model, pooled and per level, with the bounds of B, intervals, and warnings."""
     solved, huber = minimise(data, options.loss, lambda d, _: fit_linear(d), Solution.residuals)
-    p, left, each = parameters(*unknowns(solved)), solved.residuals(data), fit_each_level(data)
+    p, left = parameters(*unknowns(solved)), solved.residuals(data)
+    each = [fit_linear(data.one(i)) for i in range(len(data.u))]
     total = metrics.errors([record.y for record in data.records], left)
     one = Linear(p.a0, p.b0, p.c0, solver=solved.solver, **total.scores)
     rows = single_levels(data, each)
@@ -156,7 +142,11 @@ def linear_part(
             msgspec.structs.replace(row, ci95=level_intervals(row, one_level, i, scatter, white))
             for i, (row, one_level) in enumerate(zip(rows, each, strict=True))
         )
-        bounds = msgspec.structs.replace(bounds, ci95=bound_intervals(bounds, rows))
+        kept, of_bounds = [row.ci95 and row.ci95.B for row in rows if row.level in bounds.levels], BoundsIntervals()
+        if kept and all(kept):  # of the least and the largest B; none where some B is unbounded
+            low, high = np.array(kept, dtype=np.float64).T
+            of_bounds = BoundsIntervals((float(low.min()), float(high.min())), (float(low.max()), float(high.max())))
+        bounds = msgspec.structs.replace(bounds, ci95=of_bounds)
         one = msgspec.structs.replace(one, ci95=pooled)
     beyond = metrics.hold_out(
         held_out, lambda level: model.step_response(p, level.time_s, level.level), total.scores["rmse"]

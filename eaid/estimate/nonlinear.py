@@ -16,7 +16,7 @@ from eaid.arrays import Array
 from eaid.estimate.bootstrap import drawn_ends, spread_of
 from eaid.estimate.certainty import BEYOND_CHANCE, Estimate
 from eaid.estimate.coefficients import turned, with_intervals
-from eaid.estimate.data import Data, Errors, each_level, errors, fit_findings, hold_out, missed
+from eaid.estimate.data import Data, Errors, each_level, errors, hold_out, missed
 from eaid.estimate.friction import HELD_BY, LevelValues, level_findings, quoted
 from eaid.estimate.from_steps import Solution, textbook_covariance
 from eaid.estimate.points import residuals
@@ -101,7 +101,7 @@ def nonlinear_part(
     one = Standing(part, first.coefficients, first.held, covariance, first.intervals(u))
     parts = joint_findings(papers, one, levels, options.estimator)
     if options.estimator == "joint":
-        one = of_joint(papers, joint, first)
+        one, solver = of_joint(papers, joint, first), joint.solver
     if draws is not None:
         one = from_draws(one, first, u, draws)
     if options.ci == "white":
@@ -115,10 +115,16 @@ def nonlinear_part(
         ]
         by_name = dict(zip(CURVES, one.ends[2], strict=True))
         shown = with_intervals(one.part, curves, one.covariance, by_name, _held(one))
-    told = fit_findings(one.part, one.held, [level.level for level in held_out])
+    told = []
+    if not solver.converged:
+        told.append(finding("fit-not-converged", "nonlinear", predicted_decrease=solver.predicted_decrease))
+    for code, at in one.held.items():
+        told.append(finding("constraint-holds", "nonlinear", sorted({*at[:1], *at[-1:]}), constraint=code))
+    low, high = one.part.u_range
+    if outside := [level.level for level in held_out if not low <= level.level <= high]:
+        told.append(finding("held-out-beyond-the-levels", "nonlinear", outside))
     told += missed("nonlinear", data, residuals(model.theta(one.unknowns, M), data.records), one.part)
-    seen = first.scatter if options.estimator != "joint" else None
-    told += [*level_findings(values, seen, "nonlinear", stepset), *open_findings(one.part, values), *bent]
+    told += [*level_findings(values, "nonlinear", stepset), *open_findings(one.part, values), *bent]
     estimator: Literal["joint", "levels-first"] = "joint" if options.estimator == "joint" else "levels-first"
     return msgspec.structs.replace(shown, estimator=estimator, joint=papers), values, [*told, *parts]
 

@@ -129,20 +129,18 @@ def nodes_of(
 def compress(times_s: Sequence[Array], outputs: Sequence[Array], uniform: Sequence[bool] | None = None) -> Points:
     """Points of all levels; times and outputs of shape (n_l,) each, times rising, `uniform` where that is known."""
     known = [False] * len(times_s) if uniform is None else uniform
-    parts = [_nodes(t, y, k) for t, y, k in zip(times_s, outputs, known, strict=True)]
+    parts = []
+    for t_s, out, even in zip(times_s, outputs, known, strict=True):
+        n = len(t_s)
+        if n <= SMALL:
+            parts.append((t_s, out, np.ones(n)))
+            continue
+        dt = (t_s[-1] - t_s[0]) / (n - 1)
+        even = even or np.abs(t_s - (t_s[0] + dt * np.arange(n))).max() <= 1e-6 * dt
+        parts.append(nodes_of(t_s, out, np.array([0, n]), dt if even else None))
     longest = max(len(t) for t, _, _ in parts)
     t, y = (np.stack([np.pad(one[k], (0, longest - len(one[k])), mode="edge") for one in parts]) for k in (0, 1))
     return Points(t, y, np.stack([np.pad(w, (0, longest - len(w))) for _, _, w in parts]))
-
-
-def _nodes(t_s: Array, y: Array, uniform: bool) -> tuple[Array, Array, Array]:
-    """Nodes, outputs and weights, (P,) each, for one record."""
-    n = len(t_s)
-    if n <= SMALL:
-        return t_s, y, np.ones(n)
-    dt = (t_s[-1] - t_s[0]) / (n - 1)
-    even = uniform or np.abs(t_s - (t_s[0] + dt * np.arange(n))).max() <= 1e-6 * dt
-    return nodes_of(t_s, y, np.array([0, n]), dt if even else None)
 
 
 class Normal(NamedTuple):

@@ -49,12 +49,12 @@ def sizes(solved: Solution, data: Data) -> Array:
 def release_fit(
     releases: Sequence[Level], rises: Mapping[float, Friction], held_s: Mapping[float, float], share: float = SHARE
 ) -> tuple[Release, list[Finding]]:
-    """The release constants.
-
-    `rises` are the rising curves by level, `held_s` is how long each level was held before its release [s].
-    """
-    data = data_of(releases)
-    shares = np.array([share_reached(rises.get(r.level), held_s.get(r.level), share) for r in releases])
+    """The release constants; `rises` are the rising curves by level, `held_s` how long each was held before [s]."""
+    data, shares = data_of(releases), np.full(len(releases), share)
+    for i, u in enumerate(data.u.tolist()):
+        if u in rises and u in held_s and rises[u].Ts > 0:
+            fast, slow = -np.expm1(-held_s[u] / np.array([rises[u].tau1, rises[u].tau2])) * [rises[u].C, 1 - rises[u].C]
+            shares[i] = fast / (fast + slow)
     falling = replace(data)
     falling.__dict__["points"] = data.points.of_falls
     pooled = solve(falling, shares)
@@ -64,15 +64,6 @@ def release_fit(
     tau1, tau2 = pooled.x.tolist()
     part = Release(tau1, tau2, share, rmse, total, solver=pooled.solver)
     return part, _findings(data, pooled, parts)
-
-
-def share_reached(rise: Friction | None, held_s: float | None, share: float) -> float:
-    """The fast state's part of the torque when a level is let go after `held_s` seconds."""
-    if rise is None or held_s is None or rise.Ts <= 0:
-        return share
-    fast = -rise.C * np.expm1(-held_s / rise.tau1)
-    slow = -(1 - rise.C) * np.expm1(-held_s / rise.tau2)
-    return float(fast / (fast + slow))
 
 
 def _findings(data: Data, pooled: Solution, parts: Array) -> list[Finding]:

@@ -12,7 +12,7 @@ Levels of a single run show a in their distance to a polynomial through the leve
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, partial
 from typing import TypeAlias
 
 import numpy as np
@@ -337,7 +337,6 @@ def _between(u: Array, log_values: Array, within: Array, p: int) -> float:
 ASSUMED = Noise(sensor_nm2_s=1e-6, ripple_s=1e-5, scatter={"Ts": 0.03, "tau1": 0.05, "tau2": 0.0})
 
 
-@lru_cache(maxsize=1000)
 def unit_variances(curve: Friction, hold_s: float) -> Array:
     """Variance of (ln T_s, ln τ1, ln τ2) of a run under s0 = 1, and under s1 = 1, shape (3, 2).
 

@@ -522,9 +522,7 @@ def with_interval(step: LevelStep, shape: StepShape, options: FitOptions, tail: 
     if shape.tau2 is not None and shape.tau2 > LONGEST * window:
         wide |= {"tau2", "change"}
     one, more = (shape.evidence.get(name + "+dead" * (shape.dead_time_s > 0)) for name in ("one", "two"))
-    if (
-        shape.shape == "one" and one is not None and more is not None and more < one - NEARLY
-    ):  # a mixture
+    if shape.shape == "one" and one is not None and more is not None and more < one - NEARLY:  # a mixture
         wide |= {"tau1", "change"}
     ends: dict[str, Interval] = {}
     for name in error.keys() - wide:

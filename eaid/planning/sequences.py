@@ -39,17 +39,14 @@ FULL_DUTY = 100.0  # Highest input of a rig in %
 
 def refuse_scattered(noise: Noise, wanted: Mapping[str, float]) -> None:
     """Refuse widths that the scatter between engagements keeps out of reach, however many there are."""
-    faults = []
-    for name in PARAMETERS:
-        scatter = noise.scatter[name]
-        least = float(100 * np.expm1(scatter * of_mean(MOST_ENGAGEMENTS)))
-        if least > wanted.get(name, np.inf):
-            faults.append(
-                f"«want» {name}={wanted[name]:g}: not reachable in {MOST_ENGAGEMENTS} engagements: {name} scatters by "
-                f"{100 * scatter:.3g} % from one to the next, which leaves ± {least:.3g} % at best; want "
-                f"{1.5 * least:.2g} % or more"
-            )
-    if faults:
+    least = {name: float(100 * np.expm1(noise.scatter[name] * of_mean(MOST_ENGAGEMENTS))) for name in wanted}
+    if faults := [
+        f"«want» {name}={width:g}: not reachable in {MOST_ENGAGEMENTS} engagements: {name} scatters by "
+        f"{100 * noise.scatter[name]:.3g} % from one to the next, which leaves ± {least[name]:.3g} % at best; want "
+        f"{1.5 * least[name]:.2g} % or more"
+        for name, width in wanted.items()
+        if least[name] > width
+    ]:
         raise UsageError(*faults)
 
 

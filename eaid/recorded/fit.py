@@ -21,8 +21,9 @@ from eaid.estimate.coefficients import turned, with_intervals
 from eaid.estimate.data import data_of, errors
 from eaid.estimate.fall_tests import tested, with_falls
 from eaid.estimate.from_logs import Solved, idle_of, model_of, setup_of, solve
+from eaid.estimate.from_steps import fit_linear
 from eaid.estimate.late import LOWER, delays, shifted
-from eaid.estimate.linear import bounds_of, fit_each_level, parameters, single_levels
+from eaid.estimate.linear import bounds_of, parameters, single_levels
 from eaid.estimate.log_intervals import FEWEST_ENGAGEMENTS, CurveSpread, Spread, curves, spread
 from eaid.estimate.nonlinear import scored
 from eaid.estimate.response import RecordedLog, logs_of_steps, recorded_log
@@ -273,7 +274,7 @@ def linear_part(solved: Solved, base: Solved, levels: Array, wanted: str | None)
     slowest = float(np.max(curve.time_constants(p, levels)[1]))
     t = np.linspace(0.0, min(STEP_RECORDS * slowest, LONGEST_STEP_S), STEP_SAMPLES)
     of_model = data_of([Level(u, t, curve.step_response(p, t, u)[None], (f"{u:g}",)) for u in levels.tolist()])
-    rows = single_levels(of_model, fit_each_level(of_model))
+    rows = single_levels(of_model, [fit_linear(of_model.one(i)) for i in range(len(levels))])
     return Linear(
         a0=pooled.a0,
         b0=pooled.b0,
