@@ -48,7 +48,6 @@ ROUNDING = 1e-9  # By how much ρ may fall short [N·m/s]; share by which the ne
 DUTIES = 19
 INSTANTS = 200
 DIRECTIONS = 7200  # Of the half plane of ξ; V and |z| are even
-SHARP = 5.0  # γε below which the printed switch, Eq. (14), visibly jumps at z = 0
 
 
 @dataclass(frozen=True)
@@ -224,7 +223,7 @@ def guarantee_of(
 
 def warnings_of(rc: Robust, verdict: Guarantee, unit: str, reference: str) -> list[Finding]:
     """What does not hold, each with its numbers."""
-    findings, sharpness = [], rc.gamma * rc.epsilon
+    findings = []
     phi, steep, duty_limit = verdict.conditions[1:4]
     if steep.holds is False:
         findings.append(finding("slope-above-q-max", "rc", slope=steep.needed, Q_M=rc.Q_M, reference=reference))
@@ -232,8 +231,6 @@ def warnings_of(rc: Robust, verdict: Guarantee, unit: str, reference: str) -> li
         findings.append(finding("rho-not-covered", "rc", B_hat=rc.B_hat, reached=rc.alpha_reached, made=rc.alpha))
     if phi.holds is False:
         findings.append(finding("phi-exceeded", "rc", allowed=phi.available, needed=phi.needed, unit=unit))
-    if sharpness < SHARP:
-        findings.append(finding("switch-jumps", "rc", sharpness=sharpness, least=SHARP, jump=1 - math.tanh(sharpness)))
     if duty_limit.holds is False:
         findings.append(
             finding("robust-term-beyond-actuator", "rc", asked=duty_limit.needed, span=duty_limit.available, unit=unit)

@@ -12,7 +12,7 @@ from eaid.errors import DataError, GainsError, UsageError
 from eaid.findings import sentences
 from eaid.models.parameters import Linear, Nonlinear
 from eaid.results.fit import Fit, LinearLevel
-from eaid.results.gains import Gains, LinearModel, Robust
+from eaid.results.gains import Gains, Robust
 from eaid.results.verdict import unphysical
 
 SLOWEST, FASTEST = 1e-6, 1e6  # a0 of anything that is controlled by samples [1/s]
@@ -99,7 +99,7 @@ def rc_gains(gains: Gains | None) -> RCGains | None:
     return law
 
 
-def rc_law(model: Linear | LinearModel, rc: Robust, limits_pct: tuple[float, float]) -> RCGains:
+def rc_law(model: Linear, rc: Robust, limits_pct: tuple[float, float]) -> RCGains:
     """The robust controller on a model as its step takes it."""
     Q12, Q22 = rc.Q[1]
     return RCGains(

@@ -7,9 +7,9 @@ x_i' = (g_i u − x_i)/τ_i, with its dead time. The loop is opened at the duty.
 Samples at k h and latches at j/f_pwm repeat together after a common period, taken as 100 samples at most. Over it the
 loop is a linear map of the state (lags, law, latched duty, duties on their way): stable where its spectral
 radius is below 1. The gain margin is the factor on the duty that brings the radius to 1: exact, aliasing included. The
-phase margin is read at the crossover of the loop's frequency response, the latch by its mean response. Behind a dead
-time of more than twenty holds, where the map would have too many states and all crossovers lie far below the rate of
-the latch, both are read there, on a loop that is stable without the dead time.
+phase margin is read at the crossover of the loop's frequency response, the latch by its mean response. A dead time of
+more than twenty holds would make too many states, and all crossovers lie far below the rate of the latch: there the map
+holds a duty for a twentieth of it, duty and integral as late on the mean.
 """
 
 import cmath
@@ -19,17 +19,17 @@ from fractions import Fraction
 from functools import cached_property, lru_cache
 from typing import NamedTuple
 
-import msgspec
 import numpy as np
+from numpy.polynomial.polynomial import polyder, polyval
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from eaid.arrays import Array
 from eaid.control.pi import PIGains
-from eaid.control.rc import RCGains, RCState, rc_step
+from eaid.control.rc import RCGains, rc_step
 from eaid.errors import UsageError
 from eaid.models import linear
-from eaid.models.nonlinear import steady_slope, steady_torque, time_constants
+from eaid.models.nonlinear import steady_torque, time_constants
 from eaid.models.parameters import Linear, Nonlinear
 from eaid.results.fit import LinearLevel
 from eaid.results.gains import Margin, SampleTiming
@@ -79,7 +79,7 @@ class Timing(SampleTiming, frozen=True, dict=True):
 
 # Samples in the common period of samples and latches, at most; of two rates without a short one the nearest such
 LONGEST_PERIOD = 100
-LATE = 20  # Holds of dead time up to which a loop is taken as the map of its state
+LATE = 20  # Holds of dead time that the map of a loop spans at most
 MOST_DB, STEP_DB = 80.0, 2.0  # Gain margins are sought up to here, in such steps
 ENOUGH_DB, ENOUGH_DEG = 6.0, 45.0
 
@@ -97,7 +97,7 @@ def lags_at(plant: Nonlinear, duty_pct: float) -> tuple[Lag, ...]:
     Around rest (target − state) is 0, so the changes of τ play no part.
     """
     tau1, tau2 = time_constants(plant, duty_pct)
-    slope = steady_slope(plant, duty_pct)
+    slope = float(polyval(duty_pct, polyder(plant.Ts)))
     return Lag(plant.C * slope, float(tau1)), Lag((1 - plant.C) * slope, float(tau2))
 
 
@@ -154,7 +154,7 @@ def law_around(gains: RCGains | PIGains, torque_nm: float, duty_pct: float) -> t
     free, step = gains._replace(duty_min=-math.inf, duty_max=math.inf), 1e-6 * gains.epsilon / gains.Q22
 
     def given(integral: float, reference_nm: float, read_nm: float) -> float:
-        return rc_step(free, RCState(integral), reference_nm, 0.0, read_nm, 0.0)[1]
+        return rc_step(free, integral, reference_nm, 0.0, read_nm, 0.0)[1]
 
     def short(integral: float) -> float:
         return given(integral, torque_nm, torque_nm) - duty_pct
@@ -188,9 +188,8 @@ def margins(gains: RCGains | PIGains, point: Point, timing: Timing) -> Margin:
     """
     (law, _), lags = law_around(gains, point.torque_nm, point.duty_pct), point.lags
     phase, omega = min(crossovers(law, lags, timing), default=(math.inf, 0.0))
-    stable, gain_db = is_stable(law, lags, timing), math.inf
-    if stable:
-        gain_db = (_gain_by_map if mapped(timing) else _gain_by_response)(law, lags, timing)
+    stable = spectral_radius(law, lags, timing) < 1
+    gain_db = gain_margin(law, lags, timing) if stable else math.inf
     return Margin(stable, known(gain_db), known(math.degrees(phase)), omega / (2 * math.pi))
 
 
@@ -199,27 +198,7 @@ def known(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def is_stable(law: Law, lags: Sequence[Lag], timing: Timing) -> bool:
-    """Whether the sampled loop, as it runs, dies out.
-
-    Behind a long dead time by Nyquist's criterion: stable without it, and no crossover lags by half a turn with it.
-    """
-    if mapped(timing):
-        return spectral_radius(law, lags, timing) < 1
-    at_once = msgspec.structs.replace(timing, delay_samples=0)
-    if spectral_radius(law, lags, at_once) >= 1:
-        return False
-    if abs(loop_response(law, lags, timing, frequencies(lags, timing, 2)[1:])) >= 1:
-        return False
-    return all(p % (2 * math.pi) > w * timing.delay_s for p, w in crossovers(law, lags, at_once))
-
-
-def mapped(timing: Timing) -> bool:
-    """Whether a loop is taken as the map of its state."""
-    return timing.delay_s <= LATE * timing.hold_s
-
-
-def _gain_by_map(law: Law, lags: Sequence[Lag], timing: Timing) -> float:
+def gain_margin(law: Law, lags: Sequence[Lag], timing: Timing) -> float:
     """The factor on the duty at which the radius reaches 1 [dB]: steps to bracket it, then Brent; else infinite."""
 
     def over(db: float) -> float:
@@ -234,7 +213,11 @@ def _gain_by_map(law: Law, lags: Sequence[Lag], timing: Timing) -> float:
 
 
 def spectral_radius(law: Law, lags: Sequence[Lag], timing: Timing, factor: float = 1.0) -> float:
-    """Spectral radius of the loop's map over one common period of sampling and latching, the duty times `factor`."""
+    """Spectral radius of the loop's map over one common period of sampling and latching, the duty times `factor`: below
+    1 the loop dies out."""
+    if timing.delay_s > LATE * timing.hold_s * (1 + 1e-9):
+        quick, timing = timing, Timing((LATE + 0.5) / (timing.delay_s + timing.hold_s / 2), None, LATE)
+        law = law._replace(k_T=law.k_T + law.k_q * (timing.step_s - quick.step_s) / 2)
     samples, latches = timing.pattern
     h, hold, delay_s = timing.step_s, timing.hold_s, timing.delay_s
     late = int(delay_s / hold + 1e-9)  # whole holds that the delay spans
@@ -310,15 +293,6 @@ def crossovers(law: Law, lags: Sequence[Lag], timing: Timing) -> list[tuple[floa
         at = float(brentq(lambda x: abs(response(x)) - 1, omega[k], omega[k + 1]))
         phases.append((cmath.phase(-response(at) * cmath.exp(-1j * at * timing.delay_s)), at))
     return phases
-
-
-def _gain_by_response(law: Law, lags: Sequence[Lag], timing: Timing) -> float:
-    """The least factor on the duty that brings the response to −1 [dB]."""
-    omega = frequencies(lags, timing, 20_000)
-    loop = loop_response(law, lags, timing, omega) * np.exp(-1j * omega * timing.delay_s)
-    crossed = real_crossings(-loop)
-    least = float(max(crossed[(crossed > 0) & (crossed < 1)], default=0.0))
-    return -20 * math.log10(least) if least > 1e-4 else math.inf
 
 
 def real_crossings(curve: Complex) -> Array:

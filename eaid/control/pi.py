@@ -24,27 +24,20 @@ class PIGains(NamedTuple):
     duty_max: float = 100.0  # Highest duty of the actuator [%]
 
 
-class PIState(NamedTuple):
-    """What the controller remembers between samples; at rest, nothing."""
-
-    integral: float = 0.0  # Integral of the torque error [N·m·s]
-
-
 def pi_step(
-    gains: PIGains, state: PIState, reference: float, _reference_rate: float, torque: float, dt: float
-) -> tuple[PIState, float]:
-    """One sample of the PI controller: the next state, and the duty [%] that acts until the next sample.
+    gains: PIGains, integral: float, reference: float, _reference_rate: float, torque: float, dt: float
+) -> tuple[float, float]:
+    """One sample of the PI controller: the next integral of the error [N·m·s], 0 at rest, and the duty [%] until then.
 
     Reference and torque in N·m, its rate in N·m/s (not used: a PI feeds nothing forward), dt in s.
     """
     K_P, K_I, low, high = gains
-    integral = state.integral
     error = reference - torque
     wanted = K_P * error + K_I * integral
     duty = min(max(wanted, low), high)
     if (wanted - duty) * error > 0.0:  # beyond a limit, and the error would drive it further
-        return state, duty
-    return PIState(integral + dt * error), duty
+        return integral, duty
+    return integral + dt * error, duty
 
 
 PAPER_PI = (21.0, 360.0)  # K_P and K_I of §V-B

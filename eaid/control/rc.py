@@ -36,12 +36,6 @@ class RCGains(NamedTuple):
     duty_max: float = 100.0  # Highest duty of the actuator [%]
 
 
-class RCState(NamedTuple):
-    """What the controller remembers between samples; at rest, nothing."""
-
-    integral: float = 0.0  # q̃, integral of the torque error [N·m·s]
-
-
 def robust_term(gains: RCGains, integral: float, error: float) -> float:
     """ω [N·m/s] for an integrated error [N·m·s] and an error [N·m], Eqs. (13)-(15)."""
     z = gains.Q12 * integral + gains.Q22 * error
@@ -60,17 +54,16 @@ def robust_term(gains: RCGains, integral: float, error: float) -> float:
 
 
 def rc_step(
-    gains: RCGains, state: RCState, reference: float, reference_rate: float, torque: float, dt: float
-) -> tuple[RCState, float]:
-    """One sample of the robust controller: the next state, and the duty [%] that acts until the next sample.
+    gains: RCGains, integral: float, reference: float, reference_rate: float, torque: float, dt: float
+) -> tuple[float, float]:
+    """One sample of the robust controller: the next q̃ [N·m·s], 0 at rest, and the duty [%] until the next sample.
 
     Reference and torque in N·m, its rate in N·m/s, dt in s.
     """
-    integral = state.integral
     error = reference - torque
     y = reference_rate + gains.K_D * error + gains.K_P * integral + robust_term(gains, integral, error)
     wanted = gains.B_hat * y + (gains.a0 * torque - gains.c0) / gains.b0
     duty = min(max(wanted, gains.duty_min), gains.duty_max)
     if (wanted - duty) * error > 0.0:  # beyond a limit, and the error would drive it further
-        return state, duty
-    return RCState(integral + dt * error), duty
+        return integral, duty
+    return integral + dt * error, duty

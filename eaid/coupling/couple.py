@@ -85,7 +85,7 @@ def channel_of(loop: str, plant: Nonlinear, torque_nm: float, gains: RCGains | P
     return Channel(
         plant, point, law._replace(k_v=rate * law.k_v),
         lambda s, r, v, t: acting.step(acting.gains, s, r, rate * v, t, dt_s),
-        acting.start._replace(integral=integral),
+        integral,
     )  # fmt: skip
 
 
@@ -245,7 +245,7 @@ def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Prog
     with progress("walls", len(torques) * len(loops)) as tick:
         for torque, loop in itertools.product(torques, loops):
             channel = channel_of(loop, plant, torque, laws.get(loop), timing.step_s)
-            if not margins.is_stable(channel.law, channel.point.lags, timing):
+            if margins.spectral_radius(channel.law, channel.point.lags, timing) >= 1:
                 raise GainsError(
                     f"the loop {loop} is unstable at {torque:g} without any wall, {timing.words()}; "
                     "no stiffness can be rendered on it, choose other gains or timing"

@@ -22,7 +22,7 @@ from eaid.models import friction as model
 from eaid.models.parameters import SHARE, TAU_FLOOR_S
 from eaid.models.parameters import Friction as FrictionCurve
 from eaid.options import FitOptions
-from eaid.results.common import HoldOut, Huber, Interval
+from eaid.results.common import HoldOut, Interval
 from eaid.results.fit import Friction, FrictionLevel, LevelIntervals
 from eaid.steps.stepset import Level, StepSet
 
@@ -110,7 +110,6 @@ def friction_part(
     data: Data,
     options: FitOptions,
     own: OwnLevels | None = None,
-    huber: Huber | None = None,
     held_out: Sequence[Level] = (),
 ) -> tuple[Friction, list[Finding]]:
     """The friction model: rows of all levels, trends, and their warnings; `own` where each was fitted by itself."""
@@ -152,7 +151,7 @@ def friction_part(
             findings.append(finding("free-share-open", "friction", [level.level], low=low, high=high, unit=unit))
     if values.open.any(axis=0).all():
         findings.append(finding("no-level-determines-all", "friction"))
-    part = Friction(share, over, tuple(rows), trends, own.solver, robust=huber)
+    part = Friction(share, over, tuple(rows), trends, own.solver)
     return msgspec.structs.replace(part, hold_out=friction_hold_out(part, stepset, held_out)), findings
 
 

@@ -14,7 +14,6 @@ from eaid.arrays import Array
 from eaid.estimate.data import Data
 from eaid.estimate.points import Record
 from eaid.findings import Finding, finding
-from eaid.results.common import Huber, HuberLevel
 
 K = 1.345  # Huber's constant: 95 % efficient on normal noise
 SETTLED = 1e-9  # The iteration ends where the residuals move by less than this part of σ
@@ -27,16 +26,15 @@ def minimise(
     loss: str,
     solve: Callable[[Data, Solved | None], Solved],
     residuals: Callable[[Solved, Data], list[Array]],
-) -> tuple[Solved, Huber | None]:
-    """The solution under squares or Huber's loss, and, for the latter, its scale and weights in numbers.
+) -> tuple[Solved, list[float]]:
+    """The solution under squares or Huber's loss, and the levels of which the latter holds back much.
 
     `solve` fits data, next to an earlier solution of data that differ little where there is one.
     """
     solved = solve(data, None)
     if loss == "squares":
-        return solved, None
+        return solved, []
     r = residuals(solved, data)
-    moved, sigma = np.inf, 0.0
     for _ in range(200):
         sigma = 1.4826 * float(np.median(np.abs(np.concatenate(r))))  # by the median of |r|, over all samples
         if sigma == 0.0:
@@ -53,15 +51,10 @@ def minimise(
         r = after
         if moved <= SETTLED:
             break
-    rows = []
-    for u, one in zip(data.u.tolist(), r, strict=True):  # weights min(1, kσ/|r|)
-        weight = np.minimum(1.0, K * sigma / np.maximum(np.abs(one), 1e-300)) if sigma > 0 else np.ones_like(one)
-        rows.append(HuberLevel(u, float(np.mean(weight < 1)), float(weight.min()), float(weight.mean())))
-    settled = bool(moved <= SETTLED or sigma == 0.0)
-    return solved, Huber(k=K, sigma=sigma, settled=settled, weights=tuple(rows))
+    held_back = [0.0 if sigma == 0.0 else float(np.mean(np.abs(one) > K * sigma)) for one in r]
+    return solved, [u for u, share in zip(data.u.tolist(), held_back, strict=True) if share > WIDE]
 
 
-def huber_findings(subject: str, info: Huber | None) -> list[Finding]:
+def huber_findings(subject: str, wide: list[float]) -> list[Finding]:
     """Levels of which Huber's loss holds back so much that it cannot be spikes."""
-    wide = [row.level for row in (info.weights if info else ()) if (row.below_one or 0.0) > WIDE]
     return [finding("huber-holds-back-much", subject, wide, most_pct=100 * WIDE)] if wide else []

@@ -151,7 +151,7 @@ def linear_part(
     beyond = metrics.hold_out(
         held_out, lambda level: model.step_response(p, level.time_s, level.level), total.scores["rmse"]
     )
-    part = msgspec.structs.replace(one, per_level=rows, bounds=bounds, robust=huber, hold_out=beyond)
+    part = msgspec.structs.replace(one, per_level=rows, bounds=bounds, hold_out=beyond)
     return part, findings
 
 

@@ -180,9 +180,8 @@ def _of_the_model(
         refit = (lambda again: refit_nonlinear(again, joint).x) if papers else first.refit
         draws = bootstrap(levels, data, first.scatter.curves, refit, options, progress)
     model, values, findings = nonlinear_part(stepset, data, first, joint, options, held_out, draws)
-    robust = of_joint if papers else huber
-    findings += huber_findings("nonlinear", robust)
-    result = Fit(nonlinear=msgspec.structs.replace(model, robust=robust))
+    findings += huber_findings("nonlinear", of_joint if papers else huber)
+    result = Fit(nonlinear=model)
     if "friction" in models:
         part, more = friction_part(stepset, values, data, options)
         findings += more
@@ -226,7 +225,7 @@ def _of_each_level(
         )
         ends = drawn_ends(logs(own.scatter.theta), near, ends[2])
     values = quoted(levels, own.scatter.theta, own.scatter.held, ends)
-    part, findings = friction_part(stepset, values, data, options, own, huber, held_out)
+    part, findings = friction_part(stepset, values, data, options, own, held_out)
     findings += huber_findings("friction", huber)
     return Fit(friction=part, findings=tuple(findings)), own
 

@@ -11,7 +11,6 @@ from eaid.export.job import Job, Source, constants_of, head_of, laws_of, rig_of,
 from eaid.export.targets import MARK, TARGETS, VECTOR_COLUMNS
 from eaid.files import folder_written_whole, refuse_folder, sha256_of
 from eaid.findings import Finding, finding, ranked, say, stops
-from eaid.models.parameters import Linear
 from eaid.options import ExportOptions
 from eaid.results import codec
 from eaid.results.common import Input
@@ -64,27 +63,21 @@ def _gains(source: Source, gains: Gains, laws: tuple[str, ...], rate_hz: float) 
         elif told.holds:
             yield finding("export-guarantee-holds", "rc")
         else:
-            yield finding("export-guarantee-missing", "rc", missing=", ".join(told.missing))
+            yield finding("export-guarantee-missing", "rc", missing=", ".join(told.missing) or "unknown")
     if other_rate:
         yield finding("export-other-rate", "gains", rate_hz=rate_hz, made_hz=made_hz)
-    worst = gains.margins.worst if gains.margins else None
-    numbers = {
-        f"{law}_{key}": getattr(margin, key)
-        for law in laws
-        if (margin := getattr(worst, law, None)) is not None
-        for key in ("gain_db", "phase_deg")
-    }
-    if numbers:
-        yield finding("export-margins", "gains", **numbers)
+    for law in laws:
+        if (worst := gains.margins and gains.margins.worst) and (one := getattr(worst, law, None)):
+            yield finding("export-margins", law, gain_db=one.gain_db, phase_deg=one.phase_deg)
 
 
 def _unstable(
     source: Source, gains: Gains, laws: tuple[str, ...], rate_hz: float, other_rate: bool
 ) -> Iterator[Finding]:
     """Each loop around held duties of the plant, else on the linear model, at the rate that is baked in."""
-    model, kept = gains.model, gains.margins.points if gains.margins and not other_rate else ()
+    kept = gains.margins.points if gains.margins and not other_rate else ()
     levels = [point.duty_pct for point in kept]
-    points = operating_points(source.plant, Linear(model.a0, model.b0, model.c0), (), levels, source.limits)
+    points = operating_points(source.plant, gains.model, (), levels, source.limits)
     made = source.made_for
     timing = Timing(rate_hz, made.pwm_hz, round(made.delay_samples / made.rate_hz * rate_hz))
     for law, controller in (("pi", source.pi), ("rc", source.rc)):

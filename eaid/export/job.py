@@ -26,7 +26,7 @@ from eaid.export.constants import (
     rounded,
     unit_name,
 )
-from eaid.findings import Finding, say
+from eaid.findings import Finding, finding, say
 from eaid.models.parameters import Nonlinear
 from eaid.options import LAWS, ExportOptions
 from eaid.replay.plant import plant_parameters, plant_terms
@@ -194,15 +194,12 @@ class Job:
     limits: tuple[float, float]  # Of the duty
 
 
-QUICK_FALLS = "the fit's falls between levels are as quick as its release, which an exported plant does not know"
-
-
 def laws_of(source: Source, options: ExportOptions) -> tuple[str, ...]:
     """The laws to export, in one order; UsageError where one is asked for that the inputs do not hold."""
     wanted = options.law if options.law is not None else source.laws
     for law in wanted:
         if law not in source.laws and source.quick_falls:
-            raise UsageError(f"«law» {law}: {QUICK_FALLS}; export the controllers alone, «law» pi,rc")
+            raise UsageError(f"«law» {law}: {say(finding('export-quick-falls', law))}; «law» pi,rc exports them")
         if law not in source.laws:
             need = "gains.json of eaid tune-rc" if law in ("pi", "rc") else "fit.json with a nonlinear model, «fit»"
             raise UsageError(f"«law» {law} needs what was not given: {need}")

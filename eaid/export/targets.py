@@ -22,22 +22,6 @@ from eaid.export.job import Job
 from eaid.synth.files import input_column
 from eaid.synth.plants import UNKNOWN
 
-_TAKEOVER = "Bumpless: sets the integral with which the next step, on these inputs, gives `duty`."
-# Law → what it is, the C type of its state, what `start` does, what becomes of the reference's rate
-LAWS = {
-    "pi": ("PI of §V-B: u = K_P e + K_I ∫e", "eaid_integral_state", _TAKEOVER, "The rate is not used."),
-    "rc": (
-        "Robust control, Eqs. (11)-(14)", "eaid_integral_state", _TAKEOVER,
-        "reference_rate: the reference's slope, yours or that of eaid_rate_step.",
-    ),
-    "inverse": (
-        "Feedback linearisation with the nonlinear model, exact inverse of each sample", "eaid_inverse_state",
-        "Sets the observer to the measured torque, as after a long hold, and its search to `duty`.",
-        "reference + reference_rate dt is where the torque is to be at the next sample.",
-    ),
-    "plant": ("The clutch: nonlinear model, Eqs. (4)-(7), for hardware in the loop", "eaid_plant_state", "", ""),
-}  # fmt: skip
-
 
 @cache
 def environment() -> Environment:
@@ -72,34 +56,19 @@ def context(job: Job) -> Mapping[str, object]:
     rate = namespace(job.constants["rate"], series) if "rate" in job.constants else None
     return {
         "job": job,
+        "rig": rig,
+        "pi": math.pi,
         "head": list(job.head),
-        "laws": [
-            {"name": name, "title": LAWS[name][0], "start": LAWS[name][2], "rate": LAWS[name][3],
-             "entries": job.constants[name]}
-            for name in names
-        ],
+        "laws": {name: job.constants[name] for name in names},
         "names": names,
-        "titles": {name: row[0] for name, row in LAWS.items()},
-        "states": {name: row[1] for name, row in LAWS.items()},
         "controllers": [name for name in names if name != "plant"],
-        "integral_laws": bool({"pi", "rc"} & set(names)),
-        "needs_series": bool({"rc", "inverse", "plant"} & set(names)),
         "series": series,
         "rate": rate,
-        "R": rig.precision,
-        "sqrt": "sqrtf" if single else "sqrt",
         "single": single,
         "timing": {name: rounded(getattr(rig, name), rig.precision) for name in ("dt_s", "duty_on_fault")},
         "dt_text": decimal(rig.dt_s),
-        "filter_text": decimal(rig.rate_filter_hz),
-        "input_unit": rig.input,
-        "output_unit": rig.output,
         "law": next((name for name in ("rc", "pi", "inverse") if name in names), "plant"),
         "log_header": log_header(rig.input, rig.output),
-        "plant_header": log_header(rig.input, rig.output).rsplit(",", 1)[0],
-        # what a jump of the reference does to the filtered derivative
-        "peak_text": f"{float(rate.gain):.3g}" if rate else "0",
-        "decay_text": f"{3 / (2 * math.pi * rig.rate_filter_hz):.2g}",
     }  # fmt: skip
 
 

@@ -5,7 +5,7 @@ to 0 at u = 0; above the highest all keep their edge value.
 """
 
 import numpy as np
-from numpy.polynomial.polynomial import polyder, polyval
+from numpy.polynomial.polynomial import polyval
 
 from eaid.arrays import Array
 from eaid.models import friction
@@ -26,11 +26,6 @@ def steady_torque(p: Nonlinear, duty_pct: Array | float) -> Array:
     edge = polyval(inside, p.Ts)
     below = np.clip(np.asarray(duty_pct) / p.u_range[0], 0.0, 1.0) if p.u_range[0] > 0 else 1.0
     return np.asarray(edge * below)
-
-
-def steady_slope(p: Nonlinear, duty_pct: float) -> float:
-    """dT_s/du [N·m/%] at an identified duty."""
-    return float(polyval(duty_pct, polyder(p.Ts)))
 
 
 def terms(duty_pct: Array | float, count: int, u_range: tuple[float, float]) -> Array:

@@ -25,8 +25,8 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from eaid.control.gains import physical, pi_gains, rc_gains
-from eaid.control.pi import PIGains, PIState, pi_step
-from eaid.control.rc import RCGains, RCState, rc_step
+from eaid.control.pi import PIGains, pi_step
+from eaid.control.rc import RCGains, rc_step
 from eaid.errors import UsageError
 from eaid.models.parameters import Linear, Nonlinear
 from eaid.replay.plant import PlantParameters, plant_parameters, plant_step
@@ -160,8 +160,8 @@ def inverse_step(
 def feedback(gains: RCGains | PIGains) -> Controller:
     """The robust controller or the PI, whose gains they are, ready to replay."""
     if isinstance(gains, PIGains):
-        return Controller("pi", pi_step, gains, PIState())
-    return Controller("rc", rc_step, gains, RCState())
+        return Controller("pi", pi_step, gains, 0.0)
+    return Controller("rc", rc_step, gains, 0.0)
 
 
 def inverse_controller(plant: Nonlinear, limits: tuple[float, float] = (0.0, 100.0)) -> Controller:

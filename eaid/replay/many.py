@@ -29,7 +29,7 @@ from eaid.options import Rig
 from eaid.replay import controllers, loop, plant
 from eaid.replay.controllers import Controller, Step
 from eaid.replay.loop import rig_numbers
-from eaid.replay.plant import PlantParameters, plant_parameters
+from eaid.replay.plant import plant_parameters
 from eaid.replay.references import Reference, tracking
 from eaid.results.gains import Tracking
 from eaid.results.replay import Distribution, PlantSpread, Worst
@@ -54,33 +54,6 @@ def compiled(law: Step) -> Any:
         return numba.njit(error_model="numpy", nogil=True)(function)
 
 
-def replay_many(
-    plants: Sequence[PlantParameters],
-    controller: Controller,
-    reference_nm: Array,
-    rig: Rig,
-    dt_s: float,
-    visit: Callable[[int, Array, Array], None],
-    seed: int = 0,
-) -> None:
-    """Trace each plant from rest and show what it did to `visit(index, torque [N·m], duty [%])`, in no fixed order, one
-    call at a time a thread."""
-    numbers = rig_numbers(rig, dt_s)
-    inputs = loop.inputs_of(controller, reference_nm, rig, dt_s, seed)
-    run = compiled(controller.step)
-
-    def single(index: int) -> None:
-        filled = tuple(np.empty((4, len(reference_nm))))
-        run(controller.gains, controller.start, plants[index], numbers, dt_s, inputs, filled)
-        visit(index, filled[0], filled[2])
-
-    single(0)  # alone, so that what is to be compiled is compiled once
-    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    with ThreadPoolExecutor(max_workers=usable) as pool:
-        for _ in pool.map(single, range(1, len(plants))):  # where one fails, those that wait are given up
-            pass
-
-
 QUANTILES = (0.0, 0.025, 0.25, 0.5, 0.75, 0.975, 1.0)
 BAND_INSTANTS = 1000
 
@@ -103,14 +76,22 @@ def montecarlo(
     kept = np.empty((len(wanted[shown]), len(plants)))
     measured = np.empty((len(Tracking.__struct_fields__), len(plants)))
 
-    def visit(index: int, torque: Array, duty: Array) -> None:
-        kept[:, index] = torque[shown]
-        columns = {"reference_nm": wanted, "torque_nm": torque, "duty_pct": duty}
+    inputs, run = loop.inputs_of(controller, wanted, rig, dt_s, seed), compiled(controller.step)
+
+    def single(index: int) -> None:
+        plant, filled = plant_parameters(plants[index]), tuple(np.empty((4, len(wanted))))
+        run(controller.gains, controller.start, plant, rig_numbers(rig, dt_s), dt_s, inputs, filled)
+        kept[:, index] = filled[0][shown]
+        columns = {"reference_nm": wanted, "torque_nm": filled[0], "duty_pct": filled[2]}
         followed = tracking(columns, controller.limits_pct, slice(reference.begin, None))
         measured[:, index] = msgspec.structs.astuple(followed)
         tick()
 
-    replay_many([plant_parameters(p) for p in plants], controller, wanted, rig, dt_s, visit, seed)
+    single(0)  # alone, so that what is to be compiled is compiled once
+    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    with ThreadPoolExecutor(max_workers=usable) as pool:
+        for _ in pool.map(single, range(1, len(plants))):  # where one fails, those that wait are given up
+            pass
     values = dict(zip(Tracking.__struct_fields__, measured, strict=True))
     tables: dict[str, Array] = {
         "plants/band_time_s": (np.arange(len(wanted), dtype=np.float64) * dt_s)[shown],

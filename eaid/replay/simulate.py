@@ -14,7 +14,6 @@ from eaid.errors import DataError, UsageError
 from eaid.estimate.draw import draw, drawable
 from eaid.findings import Finding, finding, ranked
 from eaid.logs.run import Run
-from eaid.models.parameters import Linear
 from eaid.options import Rig, SimulateOptions
 from eaid.progress import Progress, no_progress
 from eaid.replay.compare import compared
@@ -55,8 +54,7 @@ def simulate(
         raise DataError("the fit holds no nonlinear model, which the replay's plant is; fit clutch data with it")
     refuse_other_units(fit, gains)
     findings: list[Finding] = []
-    known = fit.linear or (gains.model if gains is not None else None)
-    linear = None if known is None else Linear(known.a0, known.b0, known.c0)
+    linear = fit.linear.parameters if fit.linear is not None else gains.model if gains is not None else None
     names = options.controller or tuple(gains.laws if gains is not None else ())
     if not options.controller and what == "sweep" and linear is not None:
         names += ("open-loop",)

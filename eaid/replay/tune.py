@@ -17,7 +17,7 @@ from eaid.replay.loop import replay
 from eaid.replay.plant import plant_parameters
 from eaid.replay.references import Signal, reference_beyond, reference_of, tracking
 from eaid.results.fit import Fit
-from eaid.results.gains import PI, AskedPI, Gains, LinearModel, Replayed, Tracking
+from eaid.results.gains import PI, AskedPI, Gains, Replayed, Tracking
 
 
 def tune(
@@ -90,8 +90,7 @@ def tune(
     overshoot_pct, settling_s = step_metrics(model, pi.K_P, pi.K_I)
     asked = None if settled.pi == AskedPI() else settled.pi
     return Gains(
-        model=LinearModel(model.a0, model.b0, model.c0),
-        rc=msgspec.structs.replace(rc, phi_holds=verdict.conditions[1].holds),
+        model=model, rc=msgspec.structs.replace(rc, phi_holds=verdict.conditions[1].holds),
         pi=PI(pi.K_P, pi.K_I, overshoot_pct, known(settling_s), asked), input_unit=unit, output_unit=output_unit,
         duty_limits_pct=limits, guarantee=verdict, margins=judged, replayed=replayed, options=options,
         seed=options.seed, not_usable=why or None, findings=ranked(findings),

@@ -134,23 +134,3 @@ class HoldOut(Result, frozen=True):
     rmse: Number | None = None
     fitted_rmse: Number | None = None
     abs_error: AbsError | None = None
-
-
-class HuberLevel(Result, frozen=True):
-    """How Huber's weights fall on one level."""
-
-    level: Number
-    below_one: Number | None = None
-    """Share of the samples held back."""
-    least: Number | None = None
-    mean: Number | None = None
-
-
-class Huber(Result, frozen=True):
-    """Huber's loss: where it bends, and what it held back."""
-
-    loss: str = "huber"
-    k: Number | None = None
-    sigma: Number | None = None
-    settled: bool = True
-    weights: tuple[HuberLevel, ...] = ()

@@ -32,7 +32,6 @@ from eaid.results.common import (
     AbsError,
     Count,
     HoldOut,
-    Huber,
     Input,
     Interval,
     LevelError,
@@ -157,7 +156,6 @@ class Friction(Result, frozen=True):
     trends: dict[str, Trend] = {}
     solver: Solver | None = None
     hold_out: HoldOut | None = None
-    robust: Huber | None = None
 
     @property
     def over_stress(self) -> bool:
@@ -234,7 +232,6 @@ class Linear(Scores, frozen=True):
     ci95: PooledIntervals | None = None
     per_level: tuple[LinearLevel, ...] = ()
     bounds: Bounds | None = None
-    robust: Huber | None = None
     hold_out: HoldOut | None = None
 
     @property
@@ -300,7 +297,6 @@ class Nonlinear(Scores, frozen=True):
     hold_out: HoldOut | None = None
     estimator: Literal["levels-first", "joint"] = "joint"
     """Which estimate this is: one T_s a level first and T_s(u) through them, or all at once as in the paper."""
-    robust: Huber | None = None
     joint: "Nonlinear | None" = None
     """Beside the estimate that is used the paper's joint fit, without intervals."""
 

@@ -7,6 +7,7 @@ the paper's rig.
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from eaid.findings import sentences
+from eaid.models.parameters import Linear
 from eaid.options import TuneOptions
 from eaid.results import codec
 from eaid.results.common import Count, Inputs, Made, Number, Positive, Result
@@ -91,14 +92,6 @@ class Replayed(Result, frozen=True):
     pi: Tracking | None = None
     paper_pi: Tracking | None = None
     """The paper's PI, 21 and 360, where the rig is the paper's and its own PI is another."""
-
-
-class LinearModel(Result, frozen=True):
-    """Ṫ = −a0 T + b0 u + c0, Eq. (8)."""
-
-    a0: Number
-    b0: Number
-    c0: Number
 
 
 class Condition(Result, frozen=True):
@@ -205,7 +198,7 @@ class Gains(codec.Saved, Made, frozen=True):
     """
 
     FILE: ClassVar[str] = "gains"
-    model: LinearModel
+    model: Linear
     rc: Robust | None = None
     pi: PI | None = None
     inputs: Inputs = {}

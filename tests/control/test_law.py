@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eaid.control.gains import rc_gains
-from eaid.control.rc import RCState, rc_step
+from eaid.control.rc import rc_step
 
 small = st.floats(-3, 3, allow_subnormal=False)
 DT = 1e-3
@@ -34,14 +34,14 @@ def law(gains, integral, reference, rate, torque):
 def omega_of(gains, integral, error):
     """ω [N·m/s], from a law that is nothing but ω."""
     bare = gains._replace(K_P=0.0, K_D=0.0, B_hat=1.0, a0=0.0, c0=0.0)
-    return rc_step(bare, RCState(integral), error, 0.0, 0.0, DT)[1]
+    return rc_step(bare, integral, error, 0.0, 0.0, DT)[1]
 
 
 @given(small, small, st.floats(-10, 10), small)
 def test_it_is_the_printed_law(RC, integral, reference, rate, torque):
-    state, duty = rc_step(RC, RCState(integral), reference, rate, torque, DT)
+    state, duty = rc_step(RC, integral, reference, rate, torque, DT)
     assert duty == pytest.approx(law(RC, integral, reference, rate, torque), rel=1e-12, abs=1e-9)
-    assert state.integral == pytest.approx(integral + DT * (reference - torque))
+    assert state == pytest.approx(integral + DT * (reference - torque))
 
 
 @pytest.mark.parametrize("gamma", [0.5, 2.0, 10.0, 50.0])
@@ -66,22 +66,22 @@ def test_omega_exceeds_rho_by_six_in_a_thousand_at_the_edge_of_the_layer(RC):
 
 def test_the_integral_stands_still_only_while_it_would_wind_up(RC):
     held = RC._replace(duty_min=10.0, duty_max=80.0)
-    assert rc_step(held, RCState(0.0), 8.0, 0.0, 0.0, DT) == (RCState(0.0), 80.0)
-    state, duty = rc_step(held, RCState(50.0), 1.9, 0.0, 2.0, DT)
-    assert duty == 80.0 and state.integral == pytest.approx(50.0 - 1e-4)  # still above, but the error leads back
-    assert rc_step(held, RCState(-50.0), 1.9, 0.0, 2.0, DT) == (RCState(-50.0), 10.0)
+    assert rc_step(held, 0.0, 8.0, 0.0, 0.0, DT) == (0.0, 80.0)
+    state, duty = rc_step(held, 50.0, 1.9, 0.0, 2.0, DT)
+    assert duty == 80.0 and state == pytest.approx(50.0 - 1e-4)  # still above, but the error leads back
+    assert rc_step(held, -50.0, 1.9, 0.0, 2.0, DT) == (-50.0, 10.0)
 
 
 def run(gains, Q, b, mismatch, reference, start_nm):
     """ξ, z and V along Ṫ = b (u − η̂(T) − δ), δ = mismatch(t, z), b = b(t): exact while u, δ, b are held."""
-    state, torque, rows = RCState(0.0), start_nm, []
+    state, torque, rows = 0.0, start_nm, []
     rate = np.gradient(reference, DT)
     pole = gains.a0 / gains.b0
     for k, (r, slope) in enumerate(zip(reference.tolist(), rate.tolist(), strict=True)):
         error = r - torque
-        z = gains.Q12 * state.integral + gains.Q22 * error
-        xi = np.array([state.integral, error])
-        rows.append((state.integral, error, z, float(xi @ Q @ xi)))
+        z = gains.Q12 * state + gains.Q22 * error
+        xi = np.array([state, error])
+        rows.append((state, error, z, float(xi @ Q @ xi)))
         state, duty = rc_step(gains, state, r, slope, torque, DT)
         gain = b(k * DT)
         a = gain * pole

@@ -4,11 +4,13 @@ from eaid.findings.row import Row, Values, caution, note, stop
 
 
 def _margin(v: Values) -> str:
-    least = [f"{v[key]:.3g}{unit}" for key, unit in (("gain_db", " dB"), ("phase_deg", "°")) if v[key] is not None]
-    return (
-        f"{v['subject'].upper()}: less than {v['enough_db']:g} dB or {v['enough_deg']:g}° of margin around "
-        f"{v['levels']} {v['unit']} (least {', '.join(least)})"
-    )
+    """Of a law of which some are missed, those; of one that is exported, the least."""
+    known = [f"{v[key]:.3g}{unit}" for key, unit in (("gain_db", " dB"), ("phase_deg", "°")) if v[key] is not None]
+    law, least = v["subject"].upper(), ", ".join(known)
+    if "enough_db" not in v:
+        return f"least margins around the fitted duties: {law} {least}"
+    missed = f"less than {v['enough_db']:g} dB or {v['enough_deg']:g}° of margin"
+    return f"{law}: {missed} around {v['levels']} {v['unit']} (least {least})"
 
 
 def _leaves(v: Values) -> str:
@@ -20,20 +22,6 @@ def _leaves(v: Values) -> str:
     if v["falling_pct"] is not None and v["falling_pct"] > 1:
         parts.append(f"{v['falling_pct']:.0f} % of it is falling output, where only rises were recorded")
     return f"the replay leaves what was recorded: {', '.join(parts)}; treat that as extrapolation"
-
-
-def _margins(v: Values) -> str:
-    told = []
-    for law in ("rc", "pi"):
-        units = (("gain_db", "dB"), ("phase_deg", "° of phase"))
-        parts = [f"{v[f'{law}_{key}']:.3g} {unit}" for key, unit in units if v.get(f"{law}_{key}") is not None]
-        told += [f"{law.upper()} {', '.join(parts)}"] if parts else []
-    return f"least margins around the fitted duties: {'; '.join(told)}"
-
-
-def _guarantee(v: Values) -> str:
-    missing = f" (missing: {v['missing']})" if v["missing"] else ""
-    return f"RC: the Lyapunov guarantee does not hold on this rig{missing}; the margins are what speaks for these gains"
 
 
 ROWS: dict[str, Row] = {
@@ -62,10 +50,6 @@ ROWS: dict[str, Row] = {
     "rc-slowed": note(
         "RC: the paper's numbers leave it too little margin {loop}; made with ε {epsilon:.3g}, K_P {K_P:.3g}, K_D "
         "{K_D:.3g} instead"
-    ),
-    "switch-jumps": caution(
-        "γε is {sharpness:.3g}, below {least:g}: the printed switch jumps by {jump:.2g} ρ at z = 0; eaid takes the "
-        "jump out, so its law is no longer the printed one"
     ),
     "designed-for-rig": note(
         "not the paper's rig (input: {input_unit}, output: {output_unit}), so the law's numbers are made for this "
@@ -120,9 +104,12 @@ ROWS: dict[str, Row] = {
         "controllers alone are exported"
     ),
     "export-guarantee-holds": note("RC: ρ covers what the fit knows of the rig, Eq. (15)"),
-    "export-guarantee-missing": caution(_guarantee),
+    "export-guarantee-missing": caution(
+        "RC: the Lyapunov guarantee does not hold on this rig (missing: {missing}); the margins are what speaks for "
+        "these gains"
+    ),
+    "export-margins": note(_margin),
     "export-guarantee-unknown": caution("RC: these gains do not say whether the guarantee holds"),
-    "export-margins": note(_margins),
     "export-other-rate": caution(
         "exported for {rate_hz:g} Hz, the gains were made for {made_hz:g} Hz: their margins are not these"
     ),
