@@ -293,10 +293,7 @@ def chosen_table(source: str, tables: Sequence[Table], options: ReadOptions) -> 
 
 
 def by_place(path: str, table: Table, options: ReadOptions) -> Roles:
-    """Columns without names: time, input, output where there are three; time, output where there are two.
-
-    The first has to be a time: to rise all the way.
-    """
+    """Columns without names: time, input, output; of two time, output. The first has to rise all the way."""
     count, rate = len(table.columns), options.rate_hz is not None
     places = {(3, False): (0, 1, 2), (2, False): (0, None, 1), (2, True): (None, 0, 1), (1, True): (None, None, 0)}
     if not options.columns and (count, rate) in places and (rate or rises(table.load([0]).values[0])):

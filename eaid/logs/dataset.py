@@ -64,8 +64,7 @@ class _Facts(msgspec.Struct):
 
 
 def write_dataset(path: Path, runs: Sequence[Run], *, kind: Kind, apparatus: Apparatus, force: bool = False) -> None:
-    """Write runs as data.h5, whole or not at all: steps, whose `level`, `step_s` and `baseline` are known, or logs as
-    they were recorded, without a level."""
+    """Write runs as data.h5, whole or not at all: steps, or logs as they were recorded, without a level."""
     made_by = sorted({run.synthetic for run in runs if run.synthetic})
     input_unit = min((run.input_unit for run in runs), default=INPUT_UNITS[kind])
     output_unit = min((run.output_unit for run in runs), default="N·m")

@@ -66,11 +66,8 @@ def files_read(paths: Sequence[Path]) -> Iterator[Path]:
     """All that is read where these paths are given: a folder and a manifest stand for what they hold, too."""
     yield from paths
     manifest = manifest_of(paths)
-    if manifest is not None:
-        yield from (Path(entry.file) for entry in manifest.logs)
-    else:
-        for path in paths:
-            yield from files_of([path]) if path.is_dir() else ()
+    folders = [path for path in paths if path.is_dir()]
+    yield from files_of(folders) if manifest is None else (Path(entry.file) for entry in manifest.logs)
 
 
 def manifest_of(paths: Sequence[Path]) -> Manifest | None:

@@ -123,14 +123,11 @@ def _listed(source: str, faults: Sequence[str], remedy: str) -> list[str]:
 
 
 def _loaded(source: str, table: Table, wanted: Sequence[int | None]) -> tuple[Cells, dict[int, NDArray[Any]]]:
-    """Columns by their number; DataError where one is too large or too small for a sensor.
-
-    Whole numbers are signed, so that their differences may be below zero.
-    """
+    """Columns by their number; DataError where one is too large or too small for a sensor."""
     columns = list(dict.fromkeys(one for one in wanted if one is not None))
     cells, sane = table.load(columns), dict[int, NDArray[Any]]()
     for column, values in zip(columns, cells.values, strict=True):
-        if values.dtype.kind in "ub":
+        if values.dtype.kind in "ub":  # signed, so that differences may be below zero
             too_large = values.dtype == np.uint64 and len(values) and values.max() > np.iinfo(np.int64).max
             values = values.astype(np.float64 if too_large else np.int64)
         if values.dtype.kind != "i":
@@ -205,10 +202,7 @@ def pattern_guessed(names: Sequence[str]) -> str:
 def run_of(
     name: str, source: str, sha256: str, tables: Sequence[Table], options: ReadOptions, file: str = ""
 ) -> Run:  # fmt: skip
-    """The run behind the tables of one log; raises DataError with all its faults.
-
-    `source` is how sentences name the log; in `file`, or the name, the name pattern is looked for.
-    """
+    """The run behind the tables of one log; the name pattern is looked for in `file`, or in the name."""
     name = plain(name)
     table, roles = chosen_table(source, tables, options)
     clock, units = roles.time, options.units
@@ -256,11 +250,11 @@ def run_of(
     if keep is not None:
         total = len(raw_time)
         told.append(finding("rows-dropped", source, dropped=total - len(keep), count=total))
-    largest = max(abs(float(output.max())), abs(float(output.min()))) if len(output) else 0.0
+    largest = float(np.abs(output).max())
     if into.unit == "N·m" and "output" not in units and largest > LARGEST_NM:
         told.append(finding("torque-too-large", source, largest=largest))
     if level is not None and which is not None and not (np.abs(np.abs(input_) - abs(level)) <= 0.02 * abs(level)).any():
-        most = float(input_[np.abs(input_).argmax()]) if len(input_) else 0.0
+        most = float(input_[np.abs(input_).argmax()])
         told.append(finding("level-contradicted", source, level=level, found=most, unit=scale.unit))
     named = {"time": clock, "input": which, "output": roles.output,
              "reference": roles.reference, "position": roles.position}  # fmt: skip

@@ -147,10 +147,9 @@ class Scale:
 
 
 def declared_unit(path: str, role: str, given: str | None, table: Table, column: int) -> str:
-    """The unit of a column as its file or its name says it; empty where neither does, or it is one of another quantity.
+    """The unit of a column as its file or its name says it; empty where neither does.
 
-    Raises DataError where a number stands beside it (`x100`, `Nm*1e-2`: multiply or divide?) and the user says no unit,
-    and where the user says another unit than the column does.
+    Raises DataError for a number beside it (`x100`: multiply or divide?), and where the user says another unit.
     """
     name, file_unit = table.columns[column], table.unit(column)
     bare, named = split_name(name)
@@ -175,16 +174,13 @@ def declared_unit(path: str, role: str, given: str | None, table: Table, column:
 
 
 def scale_of(path: str, role: str, given: str | None, table: Table, column: int, default: str) -> Scale:
-    """Unit and factor of a column: what the user says, else the file, else the column's name, else the default.
-
-    A unit that eaid does not know is kept as it is. `/255` says that 255 counts are the full scale: an input in %.
-    """
+    """Unit and factor of a column: what the user says, else the file, else the column's name, else the default."""
     label, known = table.label(column), unit_of(given) if given else None
     if known is not None and known.quantity == "time":
         raise UsageError(f"«units» {role}={given}: is a unit of time, not of the {role}")
     full = divisor(role, given) if given is not None and given.startswith("/") else 0.0
     text = declared_unit(path, role, given, table, column)
-    if full:
+    if full:  # /255: so many counts are the full scale
         return Scale("%", 100.0 / full) if role == "input" else Scale("", 1.0 / full)
     text = given or text
     known = unit_of(text) if text else None
@@ -192,7 +188,7 @@ def scale_of(path: str, role: str, given: str | None, table: Table, column: int,
         code = "unit-assumed" if default else "unit-unknown"
         return Scale(default, 1.0, (finding(code, path, role=role, column=label, unit=default),))
     if known is None:
-        return Scale(text, 1.0)
+        return Scale(text, 1.0)  # one that eaid does not know stays as it is
     if text.strip("[]() ").lower() in ("g", "kg"):
         words = words_of(split_name(table.columns[column])[0])
         if words & _SHAKEN or not (given or words & _WEIGHED):
@@ -234,10 +230,7 @@ LONGEST_S = 3600.0
 
 
 def time_unit(path: str, given: str | None, table: Table, column: int) -> tuple[float | None, float | None]:
-    """Seconds in one unit of a time column, as the user says, and as its file or its name does; None where not.
-
-    Raises UsageError or DataError where it is no unit of time.
-    """
+    """Seconds in one unit of a time column, as the user says, and as its file or its name does; None where not."""
     by_user = None
     if given is not None:
         known = unit_of(given)
@@ -263,11 +256,8 @@ def seconds_since_start(
 ) -> tuple[Array, float, tuple[Finding, ...]]:
     """Time since the first sample [s], shape (n,), the clock there [s], and its warnings.
 
-    `raw` rises; `by_user`, `by_column`: seconds in one unit of it, as far as somebody says. Raises DataError where the
-    column numbers the samples, or names a unit that its stamps contradict.
+    `raw` rises; `by_user`, `by_column`: seconds in one unit of it, as far as somebody says.
     """
-    if not len(raw):
-        return np.empty(0), 0.0, ()
     first = raw[0]
     gone = read_only(raw - first)
     usual = float(np.median(np.diff(gone[:10_000]))) if len(gone) > 1 else 0.0

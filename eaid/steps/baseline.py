@@ -27,11 +27,7 @@ SIZES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 512, 1024)
 
 
 def baseline_rule(text: str) -> tuple[str, float, float]:
-    """What the user says about the value before a step: auto, first, value or window, and its numbers.
-
-    A value is there twice; a window is in seconds relative to the step. Raises UsageError for anything but `auto`,
-    `first`, `none`, a number, or `FROM:TO`.
-    """
+    """What the user says about the value before a step: auto, first, value or window, and its two numbers."""
     rule = text.strip().lower()
     if rule in ("auto", "first"):
         return rule, 0.0, 0.0

@@ -17,7 +17,7 @@ from eaid.findings import Finding, finding, say, stops
 from eaid.logs.run import Run, numbered
 from eaid.options import ReadOptions
 from eaid.steps.baseline import baseline_rule, first_samples, last_rest
-from eaid.steps.edges import several_edges
+from eaid.steps.checks import several_edges
 from eaid.steps.noise import STANDARD_ERRORS, block_means, block_noise, sample_noise
 from eaid.steps.plateaus import BACK, FEWEST, Plateau, end_of, plateaus, stands_still, tolerance, turns, zero_of
 from eaid.steps.step import Step, sample_at
@@ -202,10 +202,7 @@ def cut_by_output(run: Run) -> list[Run]:
 
 
 def rises_at_once(output: Array, start: float = 0.0) -> bool:
-    """True where the output begins at `start` and leaves it from its first sample on, without an idle stretch before.
-
-    At a quarter of the time to half of its end value a step response has long risen; an idle output has not.
-    """
+    """True where the output begins at `start` and leaves it from its first sample on, without an idle stretch."""
     count = len(output)
     if count < 2 * FEWEST:
         return False
@@ -216,6 +213,7 @@ def rises_at_once(output: Array, start: float = 0.0) -> bool:
         return False
     above = np.flatnonzero(np.sign(end) * rise >= 0.5 * abs(end))
     high = int(above[0]) if len(above) else count - 1
+    # at a quarter of the time to half of its end value a step response has long risen; an idle output has not
     quarter = np.sign(end) * rise[high // 4 : high // 4 + high // 8 + 1]
     return bool(quarter.mean() >= 0.05 * abs(end) + 4 * noise / np.sqrt(len(quarter)))
 

@@ -13,11 +13,8 @@ Clock = tuple[float, float, int]  # Time of the first sample and sample time [s]
 
 
 def read_tdms(path: Path, source: str) -> list[Table]:
-    """Tables of a TDMS file, its values as npTDMS scales them.
-
-    Channels with waveform properties are a table for each clock; where their names do not tell them apart, one for each
-    group besides. The others are columns of equally long vectors, of which one has to be the time.
-    """
+    """Tables of a TDMS file: channels with waveform properties for each clock, and where their names are not enough for
+    each group; the others as vectors of one length."""
     import nptdms
 
     file = nptdms.TdmsFile.open(str(path))
