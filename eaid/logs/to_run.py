@@ -40,11 +40,6 @@ def checked(
     """
     time = next(iter(columns.values()))
     count = len(time)
-    lengths = {len(values) for values in columns.values()}
-    if len(lengths) > 1:
-        raise DataError(
-            f"{source}: its columns have different lengths ({', '.join(map(str, sorted(lengths)))}); save it again"
-        )
     if count == 0:
         raise DataError(f"{source}: has a header but no rows; record the log again")
     if not unread and all(np.isfinite(values).all() for values in columns.values()) and (np.diff(time) > 0).all():

@@ -19,10 +19,9 @@ from eaid.estimate.from_logs import Solved, idle_of, model_of
 from eaid.estimate.late import follows_output
 from eaid.estimate.response import Copies, Drive, RecordedLog
 from eaid.findings import Finding, finding
-from eaid.models.parameters import Nonlinear
 from eaid.options import Rig
-from eaid.replay.controllers import Controller, feedback
-from eaid.replay.loop import Inputs, loop_of, reference_rate, rig_numbers
+from eaid.replay.controllers import feedback
+from eaid.replay.loop import replay
 from eaid.replay.plant import plant_parameters
 from eaid.results.recorded import Loop
 
@@ -37,21 +36,6 @@ class Law:
     gains: PIGains
     fit_pct: float
     first: int  # Row at which the loop was closed
-
-
-def run_loop(
-    model: Nonlinear, controller: Controller, reference: Array, dt_s: float, share: Array, added: Array
-) -> tuple[Array, Array]:
-    """Duty [%] and read torque [N·m] of a loop, from rest, whose reading is T (1 + share) + added; shapes (n,)."""
-    n = len(reference)
-    columns = [[0.0] * n for _ in range(4)]
-    rate = reference_rate(reference, dt_s, controller.looks_ahead)
-    inputs = Inputs(*(column.tolist() for column in (reference, rate, added, 1.0 + share)))
-    numbers = rig_numbers(Rig(), dt_s)
-    loop_of(controller.step)(
-        controller.gains, controller.start, plant_parameters(model), numbers, dt_s, inputs, columns
-    )
-    return np.array(columns[2]), np.array(columns[1])
 
 
 def law_of(log: RecordedLog) -> Law | None:
@@ -76,16 +60,12 @@ def law_of(log: RecordedLog) -> Law | None:
 def simulated(solved: Solved, index: int, log: RecordedLog, law: Law) -> RecordedLog:
     """The log that the loop of a law gives on the fitted model, without noise."""
     assert log.reference is not None
-    n = len(log.input)
-    dt_s = float(log.time_s[-1] - log.time_s[0]) / (n - 1)
-    added = np.full(n, idle_of(solved, index) + (log.baseline or 0.0))
-    duty, measured = np.zeros(n), added.copy()
-    controller = feedback(law.gains)
-    part = slice(law.first, n)
-    duty[part], measured[part] = run_loop(
-        model_of(solved), controller, np.asarray(log.reference[part]), dt_s, np.zeros(n - law.first), added[part]
-    )
-    return replace(log, input=duty, output=measured, idle_start=log.starts_idle)
+    dt_s = float(log.time_s[-1] - log.time_s[0]) / (len(log.input) - 1)
+    idle, before = idle_of(solved, index) + (log.baseline or 0.0), np.zeros(law.first)
+    wanted = log.reference[law.first :] - idle  # the law acts on its distance from what is read
+    loop = replay(plant_parameters(model_of(solved)), feedback(law.gains), wanted, Rig(), dt_s)
+    duty, torque = (np.append(before, loop[name]) for name in ("duty_pct", "torque_nm"))
+    return replace(log, input=duty, output=torque + idle, idle_start=log.starts_idle)
 
 
 def judged_loops(base: Solved, logs: Sequence[RecordedLog]) -> tuple[tuple[Loop, ...], list[Finding]]:

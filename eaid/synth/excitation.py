@@ -16,8 +16,10 @@ from eaid.arrays import Array
 from eaid.control.pi import PAPER_PI, PIGains
 from eaid.errors import UsageError
 from eaid.logs.run import Run
-from eaid.options import Excitation
+from eaid.options import Excitation, Rig
 from eaid.replay.controllers import Controller, feedback
+from eaid.replay.loop import Inputs, inputs_of, loop_of, rig_numbers
+from eaid.replay.plant import plant_parameters
 from eaid.synth.logs import Columns, Disturbance, digits, mark, noise, played, refuse_too_many, run_of, scatter
 from eaid.synth.plants import Plant, Scatter
 
@@ -118,15 +120,17 @@ def looped(
     plant: Plant, e: Excitation, factors: Scatter, times: tuple[Array, Array], disturbance: Disturbance, draw: Draw
 ) -> tuple[Columns, Array]:
     """One log of a loop, and its reference: steps and tones; its PI reads what is logged, above its offset."""
-    from eaid.recorded.closed_loop import run_loop
-
     assert plant.model is not None  # check_excitation
     time_s, idle = times
     n = len(idle)
     low, high = PAPER_REFERENCE_NM
     reference = reference_of(e, (low * plant.scale, high * plant.scale), len(time_s) - n, draw)
     share, white = noise(time_s, plant.rotor_hz(np.zeros_like(time_s)), disturbance, draw)
-    value, read = run_loop(factors.on(plant.model), paper_pi(plant), reference, 1 / e.rate_hz, share[n:], white[n:])
+    law, dt_s = paper_pi(plant), 1 / e.rate_hz
+    inputs = inputs_of(law, reference, Rig(), dt_s, 0)._replace(disturbance=white[n:], factor=1.0 + share[n:])
+    _, read, value, _ = columns = [[0.0] * len(reference) for _ in range(4)]
+    numbers = plant_parameters(factors.on(plant.model)), rig_numbers(Rig(), dt_s)
+    loop_of(law.step)(law.gains, law.start, *numbers, dt_s, Inputs(*(one.tolist() for one in inputs)), columns)
     output = digits(np.append(white[:n], read) + disturbance.offset_nm, disturbance)
     return (time_s, np.append(idle, value), output), np.append(idle, reference)
 

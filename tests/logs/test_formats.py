@@ -258,7 +258,7 @@ BAD: dict[str, tuple[Callable[[Path], Any], str]] = {
     "MAT two": (mat({"a": MATRIX, "b": 2 * MATRIX}), "holds several tables that may be the log (a, b); choose one with "
                                                     "«variable» NAME"),
     "MAT none": (mat({"a": np.stack([T, U, Y, Y]), "b": np.ones((4, 90))}), NO_TABLE),
-    "MAT falling": (mat({"a": np.stack([-T, U])}), "no column is called time (columns: column 1, column 2); name"),
+    "MAT falling": (mat({"a": np.stack([-T, U])}), "its 2 columns have no names; say by number, from 1 to 2, what"),
     "MAT complex": (mat({"time": T, "torque": Y * 1j}),
                     "no column is called torque (columns: time; without numbers: torque)"),
     "no MAT v4": (raw(struct.pack("<5i", 7, 1, 1, 9, 4) + b"abc\0" + bytes(99)), "is a binary file of no format"),

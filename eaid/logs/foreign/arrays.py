@@ -96,13 +96,7 @@ def _tables(name: str, arrays: Mapping[str, Any], between: str = ".") -> tuple[l
     tables: list[Table] = []
     for leaf, array in matrices:
         count, beside = min(array.shape), vectors.get(max(array.shape))
-        if beside:
-            labels = [f"{leaf}[{k + 1}]" for k in range(count)]
-        else:  # no names where the first column is a time: they go by their place
-            first = Column("", array, 0).values().astype(np.float64)
-            rising = len(first) > 2 and bool(np.mean(np.diff(first) > 0) > 0.9)
-            labels = [""] * count if rising else [f"column {k + 1}" for k in range(count)]
-        columns = [Column(label, array, k) for k, label in enumerate(labels)]
+        columns = [Column(f"{leaf}[{k + 1}]" if beside else "", array, k) for k in range(count)]
         if beside is None:
             tables.append(_table(inside(leaf), columns))
         else:
