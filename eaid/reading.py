@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
+import msgspec
 import numpy as np
 
 from eaid.apparatus import Apparatus
@@ -97,8 +98,10 @@ def read_steps(
     if manifest is None:
         files = files_of(paths, warn)
     else:
-        files, plain = files_of(Path(entry.file) for entry in manifest.logs), ReadOptions()
-        stands = {k: v for k, v in manifest.options.items() if getattr(options, k) == getattr(plain, k)}
+        files, plain = files_of(Path(entry.file) for entry in manifest.log), ReadOptions()
+        stands = {
+            k: v for k, v in msgspec.to_builtins(manifest.options).items() if getattr(options, k) == getattr(plain, k)
+        }
         options = replace(options, **cast(Any, stands))
         listed = {file.resolve() for file in files}
         for file in [one for one in files_of([manifest.path.parent]) if one.resolve() not in listed][:5]:
@@ -106,7 +109,7 @@ def read_steps(
     with progress("reading logs", len(files)) as advance:
         runs, faults = read_what_can_be(files, options, advance)
     if manifest is not None:
-        entries = {entry.file: entry for entry in manifest.logs}
+        entries = {entry.file: entry for entry in manifest.log}
         runs = [apply(entries[run.source], run) if run.source in entries else run for run in runs]
     for sentence in columns_told(runs):
         columns(sentence)

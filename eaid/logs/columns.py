@@ -66,7 +66,6 @@ class Roles:
     inputs: tuple[tuple[Kind, int], ...]
     output: int
     reference: int | None
-    by_user: bool = False  # Whether the user named the input
     position: int | None = None  # A displacement that goes to and fro, where the user names one
     findings: tuple[Finding, ...] = ()
 
@@ -86,15 +85,9 @@ def _alike(names: Sequence[str], spellings: Iterable[str], taken: set[int]) -> l
     return [i for i, some in words.items() if some & long and not some & SETTINGS]
 
 
-def _quantity(unit: str) -> str:
-    """The quantity that a unit is of; empty where none is known."""
-    known = unit_of(unit)
-    return known.quantity if known else ""
-
-
 def _quantity_of(table: Table, column: int) -> str:
     """The quantity of a column by the unit that its file or its name says."""
-    return _quantity(table.unit(column)) or _quantity(split_name(table.columns[column])[1])
+    return unit_of(table.unit(column)).quantity or unit_of(split_name(table.columns[column])[1]).quantity
 
 
 def shown(names: Sequence[str]) -> str:
@@ -161,7 +154,7 @@ def match_columns(path: str, table: Table, options: ReadOptions) -> Roles:
     output = named["output"] if "output" in named else _output(path, table, taken, references)
 
     taken |= {output}
-    quantity = [_quantity(split_name(name)[1]) for name in names]
+    quantity = [unit_of(split_name(name)[1]).quantity for name in names]
     alike = [i for i in references if i not in taken and quantity[i] and quantity[i] == quantity[output]]
     if reference is None and len(alike) == 1:  # a reference in the output's own unit: no input
         reference = alike[0]
@@ -176,7 +169,7 @@ def match_columns(path: str, table: Table, options: ReadOptions) -> Roles:
             if options.kind in (None, kind) and (column := _only(path, "input", which, names)) is not None:
                 inputs.append((kind, column))
     taken |= {*(column for _, column in inputs), *([reference] if reference is not None else [])}
-    return Roles(time, tuple(inputs), output, reference, "input" in named, named.get("position"))
+    return Roles(time, tuple(inputs), output, reference, named.get("position"))
 
 
 def _time(path: str, table: Table, taken: set[int]) -> int | None:
@@ -188,7 +181,7 @@ def _time(path: str, table: Table, taken: set[int]) -> int | None:
         clocks = _alike(names, group.names, taken)
         if len(clocks) > 1:
             units = {i: split_name(names[i])[1] for i in clocks}  # `T [degC]` is a temperature
-            clocks = [i for i in clocks if not units[i] or _quantity(units[i]) == "time"]
+            clocks = [i for i in clocks if not units[i] or unit_of(units[i]).quantity == "time"]
         if (time := _only(path, "time", clocks, names)) is not None:
             return time
     timed = [i for i in range(len(names)) if i not in taken and _quantity_of(table, i) == "time"]
@@ -239,7 +232,7 @@ def kind_of(name: str, unit: str) -> Kind:
         if any(_alike([name], group.names, set()) for group in groups):
             return kind
     kinds: dict[str, Kind] = {"force": "friction-force", "pressure": "friction-force", "speed": "friction-speed"}
-    return kinds.get(_quantity(unit or split_name(name)[1]), "clutch")
+    return kinds.get(unit_of(unit or split_name(name)[1]).quantity, "clutch")
 
 
 def default_unit(column: str, groups: Sequence[Group]) -> str:
@@ -333,7 +326,7 @@ def the_input(path: str, roles: Roles, column: Callable[[int], NDArray[Any]]) ->
         return None, None
     first = roles.inputs[0]
     # a duty that moves is it, beside whatever speed and force
-    if roles.by_user or len(roles.inputs) == 1 or (first[0] == "clutch" and _moves(column(first[1]))):
+    if len(roles.inputs) == 1 or (first[0] == "clutch" and _moves(column(first[1]))):
         return first
     moving = [one for one in roles.inputs if _moves(column(one[1]))]
     if len(moving) == 1 or first[0] == "clutch":

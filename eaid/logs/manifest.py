@@ -7,7 +7,7 @@ say it itself, its level. Options that are typed win.
 import json
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -48,18 +48,12 @@ class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     until_s: Number | None = None
 
 
-class _Content(msgspec.Struct):
-    options: Options = Options()  # type: ignore[valid-type]
-    log: tuple[Entry, ...] = ()
-
-
-@dataclass(frozen=True)
-class Manifest:
+class Manifest(msgspec.Struct, frozen=True):
     """Options and logs of a folder."""
 
-    path: Path
-    options: Mapping[str, Value]  # Those that it gives
-    logs: tuple[Entry, ...]
+    path: Path = Path()
+    options: Options = Options()  # type: ignore[valid-type]
+    log: tuple[Entry, ...] = ()
 
 
 def files_read(paths: Sequence[Path]) -> Iterator[Path]:
@@ -67,7 +61,7 @@ def files_read(paths: Sequence[Path]) -> Iterator[Path]:
     yield from paths
     manifest = manifest_of(paths)
     folders = [path for path in paths if path.is_dir()]
-    yield from files_of(folders) if manifest is None else (Path(entry.file) for entry in manifest.logs)
+    yield from files_of(folders) if manifest is None else (Path(entry.file) for entry in manifest.log)
 
 
 def manifest_of(paths: Sequence[Path]) -> Manifest | None:
@@ -89,13 +83,13 @@ def manifest_of(paths: Sequence[Path]) -> Manifest | None:
     if content.get("schema") != SCHEMA:
         raise DataError(f"{path}: its schema is {content.get('schema')!r}, and this eaid reads {SCHEMA!r}; {AGAIN}")
     try:
-        parts = msgspec.convert(content, _Content)
+        manifest = msgspec.convert(content, Manifest)
     except msgspec.ValidationError as fault:
         raise DataError(f"{path}: {str(fault).replace('$.', '')}; mend it, or {AGAIN}") from None
-    if not parts.log:
+    if not manifest.log:
         raise DataError(f"{path}: lists no logs; {AGAIN}")
-    logs = tuple(msgspec.structs.replace(entry, file=str(path.parent / entry.file)) for entry in parts.log)
-    outside = next((entry.file for entry in parts.log if Path(entry.file).name != entry.file), None)
+    logs = tuple(msgspec.structs.replace(entry, file=str(path.parent / entry.file)) for entry in manifest.log)
+    outside = next((entry.file for entry in manifest.log if Path(entry.file).name != entry.file), None)
     if outside is not None:
         raise DataError(f"{path}: its log {plain(outside)} lies outside its folder; put it there")
     missing = [
@@ -105,7 +99,7 @@ def manifest_of(paths: Sequence[Path]) -> Manifest | None:
     ]
     if missing:
         raise DataError(*missing)
-    return Manifest(path, msgspec.to_builtins(parts.options), logs)
+    return msgspec.structs.replace(manifest, path=path, log=logs)
 
 
 def apply(entry: Entry, run: Run) -> Run:

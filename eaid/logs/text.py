@@ -278,7 +278,7 @@ def _header(above: list[str], marks: Marks, count: int, ragged: bool) -> tuple[t
 
 def _is_units_row(cells: list[str]) -> bool:
     filled = [cell for cell in cells if cell]
-    return bool(filled) and all(unit_of(cell) is not None or cell[0] in "[(" for cell in filled)
+    return bool(filled) and all(unit_of(cell).quantity or cell[0] in "[(" for cell in filled)
 
 
 def read_text(path: Path, source: str) -> list[Table]:

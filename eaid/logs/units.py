@@ -22,11 +22,11 @@ LARGEST_NM = 1000.0  # Torque beyond any clutch that a bench holds [N·m]: a col
 
 
 class Unit(NamedTuple):
-    """A unit: what it measures, the unit it is turned into, and the factor."""
+    """A unit: what it measures (empty: it is not known), the unit it is turned into, and the factor."""
 
-    quantity: str
-    to: str
-    factor: float
+    quantity: str = ""
+    to: str = ""
+    factor: float = 1.0
 
 
 _G = 9.80665  # m/s², standard gravity: a gram on a load cell is a gram-force
@@ -73,15 +73,11 @@ _WEIGHED = {"force", "load", "loadcell", "weight", "weighing", "scale", "frictio
 _SHAKEN = {"acc", "accel", "acceleration", "accelerometer", "vibration", "vib", "imu", "shock", "ax", "ay", "az"}
 
 
-def unit_of(text: str) -> Unit | None:
-    """The unit behind a spelling (`mN·m`, `N*m`, `[ms]`, `Newtons`), or None where it is not known."""
+def unit_of(text: str) -> Unit:
+    """The unit behind a spelling (`mN·m`, `N*m`, `[ms]`, `Newtons`)."""
     bare = text.strip().strip("[](){}").strip()
-    if bare in _CASE_SENSITIVE:
-        return _SPELLINGS.get(_CASE_SENSITIVE[bare])
-    key = bare.replace("µ", "u").replace("μ", "u").lower()
-    if key in _SPELLINGS:
-        return _SPELLINGS[key]
-    return _SPELLINGS.get(re.sub(r"[\s·*.⋅×_-]", "", key))
+    key = _CASE_SENSITIVE.get(bare, bare.replace("µ", "u").replace("μ", "u").lower())
+    return _SPELLINGS.get(key) or _SPELLINGS.get(re.sub(r"[\s·*.⋅×_-]", "", key), Unit())
 
 
 @lru_cache(1024)
@@ -109,14 +105,14 @@ def split_name(name: str) -> tuple[str, str]:
         return match.group(1).strip(), match.group(2)
     for written in (_RATE, _SUFFIX):  # speed_rad/s is no speed_rad in s
         match = written.match(name)
-        known = match and (unit_of(match.group(2)) is not None and match.group(2) not in ("1", "-"))
+        known = match and unit_of(match.group(2)).quantity and match.group(2) not in ("1", "-")
         if match and match.group(1) and (known or _SPEED.match(match.group(2))):
             return match.group(1).strip(" _/."), match.group(2)
     match = _CAMEL.match(name)  # TorqueMnm, dutyPct, ForceN
     if match:
         for cut in range(1, len(name)):
             unit = name[cut:]
-            if unit[0].isupper() and unit_of(unit) is not None and (len(unit) > 1 or unit in "NV"):
+            if unit[0].isupper() and unit_of(unit).quantity and (len(unit) > 1 or unit in "NV"):
                 return name[:cut], unit
     return name, ""
 
@@ -154,9 +150,9 @@ def declared_unit(path: str, role: str, given: str | None, table: Table, column:
     name, file_unit = table.columns[column], table.unit(column)
     bare, named = split_name(name)
     text = file_unit or named
-    known = unit_of(text) if text else None
+    known = unit_of(text)
     scaled = _TIMES_A_NUMBER.search(bare) or (
-        known is None and (_TIMES_A_NUMBER.search(text) or _NUMBER_OF_UNITS.match(text))
+        not known.quantity and (_TIMES_A_NUMBER.search(text) or _NUMBER_OF_UNITS.match(text))
     )
     if scaled and given is None:
         raise DataError(
@@ -164,7 +160,7 @@ def declared_unit(path: str, role: str, given: str | None, table: Table, column:
             f"which may multiply or divide; say the unit of its cells with «units» {role}=UNIT"
         )
     letter = len(named) == 1 and name.strip().endswith(f" {named}")  # Phase A
-    if given is None or scaled or known is None or letter or (known.quantity == "time") != (role == "time"):
+    if given is None or scaled or not known.quantity or letter or (known.quantity == "time") != (role == "time"):
         return text
     if role != "time" and unit_of(given) != known:
         raise DataError(
@@ -175,19 +171,19 @@ def declared_unit(path: str, role: str, given: str | None, table: Table, column:
 
 def scale_of(path: str, role: str, given: str | None, table: Table, column: int, default: str) -> Scale:
     """Unit and factor of a column: what the user says, else the file, else the column's name, else the default."""
-    label, known = table.label(column), unit_of(given) if given else None
-    if known is not None and known.quantity == "time":
+    label = table.label(column)
+    if unit_of(given or "").quantity == "time":
         raise UsageError(f"«units» {role}={given}: is a unit of time, not of the {role}")
     full = divisor(role, given) if given is not None and given.startswith("/") else 0.0
     text = declared_unit(path, role, given, table, column)
     if full:  # /255: so many counts are the full scale
         return Scale("%", 100.0 / full) if role == "input" else Scale("", 1.0 / full)
     text = given or text
-    known = unit_of(text) if text else None
-    if not text or (known is not None and known.quantity == "time"):
+    known = unit_of(text)
+    if not text or known.quantity == "time":
         code = "unit-assumed" if default else "unit-unknown"
         return Scale(default, 1.0, (finding(code, path, role=role, column=label, unit=default),))
-    if known is None:
+    if not known.quantity:
         return Scale(text, 1.0)  # one that eaid does not know stays as it is
     if text.strip("[]() ").lower() in ("g", "kg"):
         words = words_of(split_name(table.columns[column])[0])
@@ -234,14 +230,14 @@ def time_unit(path: str, given: str | None, table: Table, column: int) -> tuple[
     by_user = None
     if given is not None:
         known = unit_of(given)
-        if not given.startswith("/") and (known is None or known.quantity != "time"):
+        if not given.startswith("/") and known.quantity != "time":
             raise UsageError(f"«units» time={given}: is no unit of time; use {TIME_UNITS}")
-        by_user = 1.0 / divisor("time", given) if known is None else known.factor
+        by_user = known.factor if known.quantity else 1.0 / divisor("time", given)
     name = table.columns[column]
     bare = split_name(name)[0]
     text = declared_unit(path, "time", given, table, column)
     known = unit_of(text or (bare if len(bare) > 1 or bare == "s" else ""))
-    if known is not None and known.quantity == "time":
+    if known.quantity == "time":
         return by_user, known.factor
     if text and by_user is None:
         raise DataError(

@@ -144,12 +144,7 @@ def inputs_of(logs: Sequence[RecordedLog], wanted: tuple[float, float] | None) -
     if stepwise:
         return Inputs(levels, float(levels[0]), float(levels[-1]), True)
     values, weights = [np.concatenate(part) for part in zip(*((log.input, log.dt_s) for log in logs), strict=True)]
-    acting = values > 0
-    values, weights = values[acting], weights[acting]
-    order = np.argsort(values)
-    share = np.cumsum(weights[order]) / weights.sum()
-    ends = np.minimum(np.searchsorted(share, [TAIL, 1 - TAIL]), len(order) - 1)
-    low, high = values[order][ends].tolist()
+    low, high = np.quantile(values, [TAIL, 1 - TAIL], weights=weights * (values > 0), method="inverted_cdf").tolist()
     return Inputs(np.array([low, high]) if high > low else np.array([low]), low, high, False)
 
 
