@@ -26,13 +26,6 @@ SINGLE_DEGREES = 4.0  # Degrees of freedom given to the scatter of a single smoo
 FEW = 3
 
 
-def overshoot(level: Level) -> float:
-    """Share of its peak that the mean output loses while the input is held, smoothed over a fiftieth of the record."""
-    smooth = _smooth(level.mean)
-    peak = float(smooth.max())
-    return float((peak - smooth[-1]) / peak) if peak > 0 else 0.0
-
-
 def _smooth(values: Array) -> Array:
     """Moving means over a fiftieth of the record, along the last axis."""
     width = max(1, values.shape[-1] // 50)
@@ -52,9 +45,15 @@ def decays(levels: Sequence[Level]) -> list[tuple[float, float]]:
     pooled = sum(float(((fall - fall.mean()) ** 2).sum()) for fall in falls) / max(spare, 1)
     falling = []
     for level, fall in zip(levels, falls, strict=True):
-        lost = overshoot(level)
-        error = np.sqrt(pooled / len(fall)) if len(fall) > 1 else _single_error(level)
-        degrees, chance = (float(spare), CHANCE) if len(fall) > 1 else (SINGLE_DEGREES, SINGLE_CHANCE)
+        smooth = _smooth(level.mean)
+        if (peak := float(smooth.max())) <= 0:
+            continue
+        error, degrees, chance = np.sqrt(pooled / len(fall)), float(spare), CHANCE
+        if len(fall) == 1:
+            after = smooth[int(smooth.argmax()) :: max(1, len(level.mean) // 50)]
+            left = line(np.arange(len(after)), after).left if len(after) >= 4 else np.full(4, np.inf)
+            error, degrees, chance = np.sqrt(2 * (left @ left) / (len(left) - 2)) / peak, SINGLE_DEGREES, SINGLE_CHANCE
+        lost = (peak - float(smooth[-1])) / peak
         if lost > OVERSHOOT and fall.mean() > t_quantile(degrees, 1 - 2 * chance) * error:
             falling.append((level.level, lost))
     return falling
@@ -66,24 +65,6 @@ def _falls(level: Level) -> Array:
     others = smooth if len(smooth) == 1 else smooth.sum(axis=0) - smooth
     peak = np.take_along_axis(smooth, others.argmax(axis=1)[:, None], axis=1)[:, 0]
     return np.asarray((peak - smooth[:, -1]) / np.maximum(np.abs(peak), 1e-300))
-
-
-def _single_error(level: Level) -> float:
-    """Standard error of the fall of a single run, from its smoothed output about a line after the peak."""
-    smooth = _smooth(level.mean)
-    after = smooth[int(smooth.argmax()) :: max(1, len(level.mean) // 50)]
-    if len(after) < 4 or smooth.max() <= 0:
-        return np.inf
-    left = line(np.arange(len(after)), after).left
-    return float(np.sqrt(2 * (left @ left) / (len(after) - 2)) / smooth.max())
-
-
-def spectral_degrees(residual: Array) -> float:
-    """Degrees of freedom of a sum of squares of coloured noise, (Σ P)²/Σ P² over its spectrum P; two for a sine."""
-    z = np.fft.rfft(residual)
-    power = z.real**2 + z.imag**2
-    total = float((power**2).sum())
-    return float(2 * power.sum() ** 2 / total) if total > 0 else float(len(residual))
 
 
 def lack_of_fit(level: Level, noise: Array) -> LackOfFit | None:
@@ -99,7 +80,10 @@ def lack_of_fit(level: Level, noise: Array) -> LackOfFit | None:
     off = noise - common
     apart = float(np.vdot(off, off)) / (runs - 1)
     ratio = runs * float(common @ common) / apart if apart > 0 else 1.0
-    count = float(np.mean([spectral_degrees(run) for run in off]))
+    power = np.abs(np.fft.rfft(off)) ** 2  # degrees of freedom of coloured noise, (Σ P)²/Σ P²; two for a sine
+    squares = (power**2).sum(axis=1)
+    known = 2 * power.sum(axis=1) ** 2 / np.where(squares > 0, squares, 1.0)
+    count = float(np.mean(np.where(squares > 0, known, off.shape[1])))
     chance = float(fdtri(count, count * (runs - 1), 0.999))
     systematic = float(np.sqrt(np.mean(common**2) * max(0.0, 1 - 1 / ratio))) if ratio > 0 else 0.0
     return LackOfFit(level.level, ratio, chance, bool(ratio > chance), systematic)

@@ -77,15 +77,9 @@ def _resampled(
             mean, taken = rows.mean(axis=0), random.integers(0, count, count)
             y[k] = mean + np.sqrt(count / (count - 1)) * (rows[taken].mean(axis=0) - mean)
         else:
-            blocks = _of_blocks(level, friction.step_response(curve, level.time_s), random)
-            y[k] = _compressed(replace(level, runs=blocks[None]), len(y[k]))[0]
+            fitted, n = friction.step_response(curve, level.time_s), len(level.time_s)
+            length = int(np.clip(np.searchsorted(level.time_s - level.time_s[0], BLOCK_S), 1, max(1, n // 2)))
+            starts = random.integers(0, n, -(-n // length))
+            blocks = (level.mean - fitted)[((starts[:, None] + np.arange(length)) % n).ravel()[:n]]
+            y[k] = _compressed(replace(level, runs=(fitted + blocks)[None]), len(y[k]))[0]
     return Points(base.t_s, y, base.w)
-
-
-def _of_blocks(level: Level, fitted: Array, random: "np.random.Generator") -> Array:
-    """A single run made anew from blocks of its own residuals, shape (n,)."""
-    left = level.mean - fitted
-    n = len(left)
-    length = int(np.clip(np.searchsorted(level.time_s - level.time_s[0], BLOCK_S), 1, max(1, n // 2)))
-    starts = random.integers(0, n, -(-n // length))
-    return np.asarray(fitted + left[((starts[:, None] + np.arange(length)) % n).ravel()[:n]])

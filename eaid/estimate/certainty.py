@@ -20,7 +20,7 @@ from eaid.estimate.data import Data
 from eaid.estimate.forms import Model, nonlinear
 from eaid.estimate.from_steps import Solution, fit_levels_first
 from eaid.estimate.points import Normal, log_crossed
-from eaid.estimate.scatter import FEW_DEGREES, Scatter, bartlett_covariance, paule_mandel, run_residuals
+from eaid.estimate.scatter import FEW_DEGREES, Scatter, paule_mandel, run_residuals, window_sums
 from eaid.estimate.solver import Problem, judged, newton_step
 from eaid.estimate.spread import Influence, LevelScatter, corrected, free_inverse, gains_of, rejected, t_quantile
 from eaid.models import friction
@@ -120,7 +120,8 @@ class Estimate:
         curve = Friction(*at.theta[:, i].tolist())
         slopes = friction.gradient(curve, level.time_s)
         noise = run_residuals(level.runs, curve.Ts * slopes[0], slopes.T)[0]
-        covariance = bartlett_covariance(level.time_s, (slopes * noise).T)
+        sums = window_sums(level.time_s, (slopes * noise).T)
+        covariance = np.array([sum(x @ x.T for x in parts) / m for parts, m in sums])
         white = np.maximum(np.diag(covariance[0]), 1e-300)
         largest = covariance[int((np.einsum("wkk->wk", covariance) / white).sum(axis=1).argmax())]
         variance, ways = np.linalg.eigh(largest)

@@ -48,7 +48,14 @@ def tested(base: Solved, stepwise: bool) -> tuple[Solved, tuple[FallTest, ...], 
             base = whole if differing == names else with_falls(base, differing)
             if differing != names:
                 judgements |= _judged(base, differing)
-    return base, _as_result(judgements, base.setup.extras), _findings(base, judgements)
+    rows = []
+    for extra, numbers in NAMES.items():
+        for k, name in enumerate(numbers if extra in judgements else ()):
+            one, scale = judgements[extra], 100.0 if extra == "excess" else 1.0
+            value, half = scale * float(one.values[k]), scale * float(one.half[k])
+            ends = (value - half, value + half) if half < WIDEST and extra != "rest" else None
+            rows.append(FallTest(name, value, ends, one.chance, extra in base.setup.extras))
+    return base, tuple(rows), _findings(base, judgements)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,18 +119,6 @@ def _chance(off: Array, G: Array, uncertainty: Spread) -> float:
     back = np.linalg.pinv(V / np.outer(scale, scale), rcond=1e-10, hermitian=True)
     statistic = float((off / scale) @ back @ (off / scale)) / len(off)
     return float(fdtrc(len(off), max(min(degrees), 1.0), statistic))
-
-
-def _as_result(judgements: dict[str, Judged], kept: tuple[str, ...]) -> tuple[FallTest, ...]:
-    rows = []
-    for extra, names in NAMES.items():
-        for k, name in enumerate(names if extra in judgements else ()):
-            one, scale = judgements[extra], 100.0 if extra == "excess" else 1.0
-            value, half = scale * float(one.values[k]), scale * float(one.half[k])
-            known = half < WIDEST and extra != "rest"
-            ends = (value - half, value + half) if known else None
-            rows.append(FallTest(name, value, ends, one.chance, extra in kept))
-    return tuple(rows)
 
 
 def _findings(solved: Solved, judgements: dict[str, Judged]) -> tuple[Finding, ...]:

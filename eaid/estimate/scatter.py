@@ -66,7 +66,7 @@ def held_parameters(curve: Friction, record_s: float, share_free: bool) -> tuple
     return tuple(dict.fromkeys(names))
 
 
-def _window_sums(time_s: Array, scores: Array) -> Iterator[tuple[tuple[Array, ...], int]]:
+def window_sums(time_s: Array, scores: Array) -> Iterator[tuple[tuple[Array, ...], int]]:
     """Sums of the scores (n, k) over m neighbouring bins, and m, of each window: k rows, before, inside, after.
 
     Windows longer than half the record are cut to it.
@@ -92,12 +92,7 @@ def bartlett_variance(time_s: Array, scores: Array) -> Array:
 
     Σ_|j|<m (1 − |j|/m) Γ_j equals the mean square of all sums over m neighbours, zeros beyond the ends.
     """
-    return np.array([sum(np.vecdot(x, x) for x in parts) / m for parts, m in _window_sums(time_s, scores)])
-
-
-def bartlett_covariance(time_s: Array, scores: Array) -> Array:
-    """The same as covariances, shape (windows, k, k)."""
-    return np.array([sum(x @ x.T for x in parts) / m for parts, m in _window_sums(time_s, scores)])
+    return np.array([sum(np.vecdot(x, x) for x in parts) / m for parts, m in window_sums(time_s, scores)])
 
 
 def run_residuals(runs: Array, fitted: Array, jacobian: Array) -> Array:
@@ -363,16 +358,12 @@ def noise_of(of_runs: Scatter, records: Sequence[RunRecord]) -> Noise:
     within = np.ravel([of_runs.runs[i].within[:3] for i in known])
     pairs = zip(CURVES, of_runs.pooled.between.tolist(), strict=False)
     scatter = {name: float(np.sqrt(a)) if np.isfinite(a) else ASSUMED.scatter[name] for name, a in pairs}
-    return Noise(*_densities(units, within, sensor), scatter)
-
-
-def _densities(units: Array, variance: Array, sensor: float | None) -> tuple[float, float]:
-    """s0, s1 ≥ 0 of `variance` = `units` (s0, s1), relative errors alike; s0 may be known."""
-    if not len(variance):
-        return ASSUMED.sensor_nm2_s if sensor is None else sensor, ASSUMED.ripple_s
-    design = units / np.maximum(variance, 1e-300)[:, None]
+    if not len(within):
+        return Noise(ASSUMED.sensor_nm2_s if sensor is None else sensor, ASSUMED.ripple_s, scatter)
+    design = units / np.maximum(within, 1e-300)[:, None]  # `within` = `units` (s0, s1), relative errors alike
     if sensor is not None:
-        return sensor, max(0.0, float(design[:, 1] @ (1 - sensor * design[:, 0]) / (design[:, 1] @ design[:, 1])))
+        ripple = float(design[:, 1] @ (1 - sensor * design[:, 0]) / (design[:, 1] @ design[:, 1]))
+        return Noise(sensor, max(0.0, ripple), scatter)
     scale = np.sqrt((design**2).sum(axis=0))
-    both = nnls(design / scale, np.ones(len(design)))[0] / scale
-    return float(both[0]), float(both[1])
+    s0, s1 = (nnls(design / scale, np.ones(len(design)))[0] / scale).tolist()
+    return Noise(s0, s1, scatter)

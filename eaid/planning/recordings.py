@@ -10,10 +10,10 @@ import numpy as np
 
 from eaid.estimate.certainty import levels_first, own_levels
 from eaid.estimate.data import data_of
-from eaid.findings import Finding, finding
+from eaid.findings import finding
 from eaid.models.friction import step_response
 from eaid.options import PlanOptions
-from eaid.planning.design import PARAMETERS, FittedRig, Widths, rig_of, settled, wanting
+from eaid.planning.design import PARAMETERS, Widths, rig_of, settled, wanting
 from eaid.results.fit import Fit, Noise
 from eaid.results.plan import Plan, PlannedRun
 from eaid.steps.stepset import Level
@@ -81,7 +81,11 @@ def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Call
 
     make = partial(rig.quickest, session=options)
     plan, worst, width = settled(make, measure, options, SETS, KEEPING, progress)
-    findings = _warnings(rig)
+    findings = [] if rig.known else [finding("plan-assumes-noise", "plan")]
+    decays = [each for each in rig.fit.findings if each.code == "output-decays-under-hold"]
+    findings += [finding("plan-of-decaying-output", "plan", each.levels) for each in decays]
+    if any(one.code in OPEN for one in rig.fit.findings):
+        findings.append(finding("plan-rests-on-a-guess", "plan"))
     if not plan.met:
         scatter = 100 * rig.design_noise.scatter[worst]
         findings.append(
@@ -93,16 +97,6 @@ def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Call
         )  # fmt: skip
     session: Plan = msgspec.structs.replace(plan, runs=run_order(plan, options), findings=tuple(findings))
     return session
-
-
-def _warnings(rig: FittedRig) -> list[Finding]:
-    """What of the fit no plan can mend, or the plan has to guess."""
-    findings = [] if rig.known else [finding("plan-assumes-noise", "plan")]
-    decays = [each for each in rig.fit.findings if each.code == "output-decays-under-hold"]
-    findings += [finding("plan-of-decaying-output", "plan", each.levels) for each in decays]
-    if any(one.code in OPEN for one in rig.fit.findings):
-        findings.append(finding("plan-rests-on-a-guess", "plan"))
-    return findings
 
 
 def run_order(plan: Plan, session: PlanOptions) -> tuple[PlannedRun, ...]:
