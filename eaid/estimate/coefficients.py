@@ -71,10 +71,7 @@ def with_intervals(
     degrees: Degrees,
     constrained: tuple[str, ...] = (),
 ) -> results.Nonlinear:
-    """A model with its curves, the covariance that plants are drawn with, and 95 % intervals of its coefficients.
-
-    These are in powers of the input; None where a constraint holds the parameter.
-    """
+    """A model with its curves, the covariance that plants are drawn with, and intervals of its powers (None: held)."""
     c, sd = coefficients_of(part.parameters, part.C_free), np.sqrt(np.maximum(np.diag(covariance), 0))
     intervals: dict[str, tuple[Interval, ...]] = {}
     order: list[str] = []

@@ -61,14 +61,12 @@ class LevelValues:
         return np.asarray(~(0.5 * (self.high - self.low) <= OPEN) | constrained)
 
     def ci95(self, i: int) -> LevelIntervals:
-        """95 % intervals of one level, of what the data tell.
-
-        Where a constraint holds τ2 beyond a record, the share of T_s that it delays is not seen, and T_s has none.
-        """
+        """95 % intervals of one level, of what the data tell."""
         ends: dict[str, Interval] = {}
         for k, name in enumerate(CURVES):
             low, high = float(self.low[k, i]), float(self.high[k, i])
             fine = name not in self.held[i] and self.theta[k, i] > 0 and high - low < 2 * SAYS_NOTHING
+            # where a constraint holds τ2 beyond a record, the share of T_s that it delays is not seen
             fine &= not (name == "Ts" and "tau2" in self.held[i] and self.theta[2, i] > self.levels[i].time_s[-1])
             ends[name] = (float(np.exp(low)), float(np.exp(high))) if fine else None
         degrees = zip(CURVES, self.degrees[:, i].tolist(), strict=True)

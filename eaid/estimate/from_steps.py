@@ -201,10 +201,7 @@ def fit_linear(data: Data) -> Solution:
 def fit_levels_first(
     data: Data, share: float | None, starts: Sequence[Array] | None = None, form: Model | None = None
 ) -> Solution:
-    """T_s of each level, τ1(u) and τ2(u), of the nonlinear model or of another form.
-
-    `starts` are coefficients to begin from, by default those of a search.
-    """
+    """T_s of each level, τ1(u), τ2(u), of the nonlinear model or another form, from `starts` or those of a search."""
     model = form or replace(nonlinear(data.u, share), Ts=None)
     steps = StepProblem(data, model, 1 / np.maximum((data.points.y**2).max(axis=1), 1e-300))
     if starts is None:

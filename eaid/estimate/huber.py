@@ -27,10 +27,7 @@ def minimise(
     solve: Callable[[Data, Solved | None], Solved],
     residuals: Callable[[Solved, Data], list[Array]],
 ) -> tuple[Solved, list[float]]:
-    """The solution under squares or Huber's loss, and the levels of which the latter holds back much.
-
-    `solve` fits data, next to an earlier solution of data that differ little where there is one.
-    """
+    """The solution, and levels of which Huber's loss holds back much; `solve` may go on from an earlier solution."""
     solved = solve(data, None)
     if loss == "squares":
         return solved, []

@@ -281,7 +281,7 @@ class Spread:
     def of(self, gradient: Array) -> float:
         """Half-width of the 95 % interval of a function with that gradient."""
         variance, degrees = self.variance(gradient)
-        return t_quantile(degrees) * float(np.sqrt(variance))
+        return float(t_quantile(degrees) * np.sqrt(variance))
 
     @property
     def covariance(self) -> Array:

@@ -84,11 +84,7 @@ def nonlinear_part(
     held_out: Sequence[Level],
     draws: Array | None,
 ) -> tuple[results.Nonlinear, LevelValues, list[Finding]]:
-    """The model that stands with its intervals and the joint fit beside it, its values at the levels, and findings.
-
-    `joint` is the paper's fit; `draws` are unknowns of refits of the estimate that stands to resampled runs,
-    (draws, n).
-    """
+    """The model, its values at the levels, findings; `draws` are its refits to resampled runs, (draws, n)."""
     levels, model, solver = first.levels, first.model, first.solved.solver
     M, free = model.rows(data.u), model.free_share
     left = residuals(model.theta(first.coefficients, M), data.records)

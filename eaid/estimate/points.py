@@ -50,10 +50,7 @@ class Points:
 
 
 def orthonormal(x: Array, m: int) -> tuple[Array, Array, Array]:
-    """Gauss nodes (m,), weights (m,) and the whitened projection (n, m) for the instants `x`, shape (n,), n > m.
-
-    The projection U maps samples to √w_j ŷ_j = Σ_k y_k U_kj.
-    """
+    """Gauss nodes (m,), weights (m,), the projection (n, m) to √w_j ŷ_j, for the instants `x`, shape (n,), n > m."""
     centre, half = 0.5 * (x[0] + x[-1]), 0.5 * (x[-1] - x[0])
     s = (x - centre) / half
     basis = np.empty((m, len(x)))
@@ -153,10 +150,7 @@ class Normal(NamedTuple):
 
 
 def level_normal(theta: Array, points: Points, torques: Callable[[Array, Array], Array] | None = None) -> Normal:
-    """Sums of the curves T_s φ of Eq. (3) at the points.
-
-    `torques` gives T_s of the levels from Σ w φ² and Σ w φ y, (L,) each, where it is to be solved for.
-    """
+    """Sums of the curves T_s φ of Eq. (3); `torques` gives T_s from Σ w φ² and Σ w φ y where it is to be solved for."""
     s = _slopes(theta, points)
     if torques is not None:
         weighed = s[:, 0] * points.w

@@ -67,10 +67,7 @@ def held_parameters(curve: Friction, record_s: float, share_free: bool) -> tuple
 
 
 def window_sums(time_s: Array, scores: Array) -> Iterator[tuple[tuple[Array, ...], int]]:
-    """Sums of the scores (n, k) over m neighbouring bins, and m, of each window: k rows, before, inside, after.
-
-    Windows longer than half the record are cut to it.
-    """
+    """Of each window, half a record at most: sums of scores (n, k) over m bins, before, inside, after; and m."""
     duration_s = float(time_s[-1] - time_s[0])
     bin_s = min(WINDOWS_S) / BINS_PER_WINDOW
     if duration_s > 4 * len(time_s) * bin_s:  # a slow clock, or one in another unit: no more bins than data
@@ -347,10 +344,7 @@ def unit_variances(curve: Friction, hold_s: float) -> Array:
 
 
 def noise_of(of_runs: Scatter, records: Sequence[RunRecord]) -> Noise:
-    """`uncertainty.noise` of a fit: the noise that its levels show.
-
-    The density of the sensor's noise is the median of what the runs show while they idle, where some idle long enough.
-    """
+    """`uncertainty.noise` of a fit; the sensor's density is the median of idle runs, where some idle long enough."""
     idle = [run.idle_density for run in records if run.idle_density is not None]
     sensor = float(np.median(idle)) if idle else None
     known = np.flatnonzero(of_runs.usable[:, :3].all(axis=1)).tolist()

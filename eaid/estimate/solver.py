@@ -227,10 +227,7 @@ def _one_round(
 
 
 def approach(problem: Problem, start: Array, steps: int = 40, near: float = NEAR_END) -> EndPoint:
-    """Go down from a feasible start until a step predicts to gain less than `near` of the cost.
-
-    Steps are constrained Newton steps with Levenberg's and Marquardt's damping, which grows where a step gains nothing.
-    """
+    """Damped constrained Newton steps (Marquardt) from a feasible start until one gains less than `near` of it."""
     x, evaluations, damping = start, 1, 1e-6
     cost, gradient, curvature = problem.normal(x)
     for _ in range(steps):

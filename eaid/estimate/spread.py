@@ -9,7 +9,7 @@ run r alone would move θ_l.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeAlias, overload
+from typing import Any, TypeAlias
 
 import numpy as np
 from scipy.special import stdtrit
@@ -22,11 +22,7 @@ FARTHEST = 50.0  # Logarithm beyond which an end is none
 Degrees: TypeAlias = dict[str, "float | Array"]  # Degrees of freedom by parameter; arrays have one entry a level
 
 
-@overload
-def t_quantile(degrees: float, nominal: float = NOMINAL) -> float: ...
-@overload
-def t_quantile(degrees: Array, nominal: float = NOMINAL) -> Array: ...
-def t_quantile(degrees: float | Array, nominal: float = NOMINAL) -> float | Array:
+def t_quantile(degrees: float | Array, nominal: float = NOMINAL) -> Any:
     """Two-sided quantile of Student's t; infinite degrees of freedom give the normal one, none give infinity."""
     many = np.asarray(degrees, dtype=np.float64)
     t = np.where(many > 0, stdtrit(np.clip(many, 1e-3, 1e12), (1 + nominal) / 2), np.inf)
@@ -62,10 +58,7 @@ def textbook(residuals: Sequence[Array], parameters: int) -> tuple[float, float]
 
 @dataclass(frozen=True, eq=False)
 class LevelScatter:
-    """How T_s, τ1, τ2[, C] of L levels scatter, in logarithms; k of them, shown by M independent groups of runs.
-
-    The groups are levels with repeats, or one of all levels.
-    """
+    """How k numbers of L levels (T_s, τ1, …) scatter in logarithms; M groups show it: levels with repeats or all."""
 
     expected: Array  # Variance of each level's own estimate as one scatter for all levels gives it, (L, k)
     alike: Array  # Correlations within a level, (L, k, k)

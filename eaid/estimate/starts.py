@@ -109,10 +109,7 @@ def time_constants(
 
 
 def form_starts(model: Model, data: Data, weight: Array) -> list[Array]:
-    """Unknowns to start from, the most promising first; `weight` of each level, (L,). τ2 may fall below τ1 in between.
-
-    A T_s(u) is that of least squares at these time constants.
-    """
+    """Unknowns to start from, best first, T_s(u) by least squares; `weight` of each level. τ2 may meet τ1 between."""
     back = [np.linalg.inv(form.rows(form.inputs)) for form in (model.tau1, model.tau2) if form is not None]
     some = slice(None, None, 1 + (len(weight) - 1) // MOST_LEVELS)
     one, two = (model.tau1.rows(data.u[some]) @ inverse for inverse in back)

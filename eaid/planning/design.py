@@ -53,10 +53,7 @@ class Designer:
     noise: Noise
 
     def variances(self, drive: Drive, weight: Array | float = 1.0) -> tuple[Array, Array]:
-        """Variance of log T_s, log τ1, log τ2 at the inputs by each engagement's noise and scatter, (3, m, E) each.
-
-        `weight` is that of each row that counts in the fit, beside the time that it stands for.
-        """
+        """Variance of log T_s, log τ1, log τ2 by noise and scatter of each engagement, (3, m, E); `weight` of rows."""
         x = np.append(self.unknowns, 0.0)[: len(self.unknowns) + (not drive.idle_known)]
         slopes = np.pad(self.rows, ((0, 0), (0, 0), (0, len(x) - self.model.size)))
         slopes = slopes / (slopes @ x)[:, :, None]
@@ -178,10 +175,7 @@ def settled(
     make: Callable[[Mapping[str, float]], P], measure: Callable[[P, int], Widths], options: PlanOptions,
     sets: int, keeping: float, progress: Callable[[], None],
 ) -> tuple[P, str, float]:  # fmt: skip
-    """A plan as its result, simulated so many times; the parameter furthest from what is wanted of it, and its width.
-
-    A plan that is not simulated is judged by its prediction.
-    """
+    """A plan as its result, by simulations or by prediction; the parameter furthest from its width, and this width."""
 
     def simulated(plan: P) -> list[Widths]:
         rows = []

@@ -52,7 +52,7 @@ def refuse_scattered(noise: Noise, wanted: Mapping[str, float]) -> None:
 
 def of_mean(count: int) -> float:
     """Half-width of the 95 % interval of the mean of so many values, in their standard deviations."""
-    return t_quantile(count - 1 or 1) / float(count**0.5)
+    return float(t_quantile(count - 1 or 1) / count**0.5)
 
 
 # Levels and holds [s], shape (2, n); the level 0 is a rest
