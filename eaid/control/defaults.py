@@ -23,14 +23,14 @@ from typing import NamedTuple
 
 from eaid.control.design import Design, robust_of
 from eaid.control.gains import Bounds, rc_law
-from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, Point, Timing, enough, margins
+from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, Point, enough, margins
 from eaid.control.pi import PIGains, pi_gains
 from eaid.errors import DataError, GainsError, UsageError
 from eaid.models.nonlinear import steady_torque
 from eaid.models.parameters import PAPER_LINEAR, Linear, Nonlinear
 from eaid.options import TuneOptions
 from eaid.results.fit import Fit
-from eaid.results.gains import AskedPI
+from eaid.results.gains import AskedPI, Timing
 
 PAPER_TOP = 4.372  # Output of the reference plant at 100 % [N·m]
 LAYER = 0.11  # Half width of the paper's boundary layer over the torque at 100 %: ε/(Q22 · 4.37)

@@ -15,12 +15,13 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from eaid.arrays import Array
 from eaid.control.gains import Bounds
-from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, Point, Timing, enough, margins
+from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, Point, enough, margins
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
 from eaid.errors import GainsError
@@ -40,7 +41,7 @@ from eaid.results.gains import (
     Rho,
     RhoLine,
     Robust,
-    SampleTiming,
+    Timing,
     WorstMargins,
 )
 
@@ -193,8 +194,7 @@ def margins_of(
         MarginPoint(point.duty_pct, point.torque_nm, *each)
         for point, *each in zip(points, *every.values(), strict=True)
     ]
-    sampled = SampleTiming(timing.rate_hz, timing.pwm_hz, timing.delay_samples)
-    return Margins(sampled, tuple(rows), WorstMargins(**worst)), missed
+    return Margins(timing, tuple(rows), WorstMargins(**worst)), missed
 
 
 def guarantee_of(
@@ -221,18 +221,24 @@ def guarantee_of(
     return Guarantee(False if False in verdicts else None if None in verdicts else True, tuple(conditions))
 
 
+# Condition that does not hold → its finding
+WARNINGS = {
+    "Q_M": "slope-above-q-max", "rho": "rho-not-covered", "phi": "phi-exceeded",
+    "duty-limit": "robust-term-beyond-actuator",
+}  # fmt: skip
+
+
 def warnings_of(rc: Robust, verdict: Guarantee, unit: str, reference: str) -> list[Finding]:
     """What does not hold, each with its numbers."""
-    findings = []
-    phi, steep, duty_limit = verdict.conditions[1:4]
-    if steep.holds is False:
-        findings.append(finding("slope-above-q-max", "rc", slope=steep.needed, Q_M=rc.Q_M, reference=reference))
-    if not rc.guaranteed:
-        findings.append(finding("rho-not-covered", "rc", B_hat=rc.B_hat, reached=rc.alpha_reached, made=rc.alpha))
-    if phi.holds is False:
-        findings.append(finding("phi-exceeded", "rc", allowed=phi.available, needed=phi.needed, unit=unit))
-    if duty_limit.holds is False:
-        findings.append(
-            finding("robust-term-beyond-actuator", "rc", asked=duty_limit.needed, span=duty_limit.available, unit=unit)
-        )
-    return findings
+    lacking = {one.name: one for one in verdict.conditions if one.holds is False}
+    about: dict[str, Any] = {
+        "unit": unit,
+        "reference": reference,
+        "B_hat": rc.B_hat,
+        "reached": rc.alpha_reached,
+        "made": rc.alpha,
+    }
+    return [
+        finding(code, "rc", needed=lacking[name].needed, available=lacking[name].available, **about)
+        for name, code in WARNINGS.items() if name in lacking
+    ]  # fmt: skip

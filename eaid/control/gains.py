@@ -3,7 +3,6 @@
 B_i of a level is 1/b0_i. One step cannot tell b0 from c0: c0 is 0 (`zero-offset`), b0_i = a_i gain_i / u_i.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from eaid.control.pi import PIGains
@@ -79,6 +78,7 @@ def bounds_of(fit: Fit) -> Bounds:
 
 
 LARGEST_GAIN = 1e30  # Of any gain, and of the inverse of one that has to be positive, whatever the rig's units
+RC_POSITIVE: tuple[str, ...] = ("K_P", "K_D", "B_hat", "b0", "epsilon", "gamma", "Q22")
 
 
 def refuse_other_units(fit: Fit, gains: Gains | None) -> None:
@@ -90,12 +90,21 @@ def refuse_other_units(fit: Fit, gains: Gains | None) -> None:
         )
 
 
-def rc_gains(gains: Gains | None) -> RCGains | None:
-    """Gains of the robust controller; None where there are none. DataError where a loop cannot run with them."""
-    if gains is None or gains.rc is None:
+def law_of(gains: Gains | None, name: str) -> RCGains | PIGains | None:
+    """Gains of `rc` or `pi` as its step takes them; None without any, DataError where no loop runs with them."""
+    held = None if gains is None else gains.laws.get(name)
+    if gains is None or held is None:
         return None
-    law = rc_law(gains.model, gains.rc, gains.duty_limits_pct)
-    _check("rc", law, ("K_P", "K_D", "B_hat", "b0", "epsilon", "gamma", "Q22"))
+    law: RCGains | PIGains
+    if isinstance(held, Robust):
+        law, positive = rc_law(gains.model, held, gains.duty_limits_pct), RC_POSITIVE
+    else:
+        law, positive = PIGains(held.K_P, held.K_I, *gains.duty_limits_pct), ()
+    for key, value in list(law._asdict().items())[:-2]:  # the limits of the duty stand last
+        if key in positive and not value > 0:
+            raise DataError(f"gains.json: {name}: {key} is {value:g}, it has to be positive; run tune-rc again")
+        if abs(value) > LARGEST_GAIN or (key in positive and value < 1 / LARGEST_GAIN):
+            raise DataError(f"gains.json: {name}: {key} is {value:g}, which no loop of a rig has; run tune-rc again")
     return law
 
 
@@ -106,26 +115,6 @@ def rc_law(model: Linear, rc: Robust, limits_pct: tuple[float, float]) -> RCGain
         rc.K_P, rc.K_D, rc.B_hat, model.a0, model.b0, model.c0, rc.rho.constant, rc.rho.slope, rc.epsilon, rc.gamma,
         Q12, Q22, *limits_pct,
     )  # fmt: skip
-
-
-def pi_gains(gains: Gains | None) -> PIGains | None:
-    """Gains of the PI controller; None where there are none. DataError where a loop cannot run with them."""
-    if gains is None or gains.pi is None:
-        return None
-    law = PIGains(gains.pi.K_P, gains.pi.K_I, *gains.duty_limits_pct)
-    _check("pi", law, ())
-    return law
-
-
-def _check(name_of_law: str, law: RCGains | PIGains, positive: Sequence[str]) -> None:
-    """Refuse numbers with which no loop of a rig runs; the limits of the duty stand last."""
-    for name, value in list(law._asdict().items())[:-2]:
-        if name in positive and not value > 0:
-            raise DataError(f"gains.json: {name_of_law}: {name} is {value:g}, it has to be positive; run tune-rc again")
-        if abs(value) > LARGEST_GAIN or (name in positive and value < 1 / LARGEST_GAIN):
-            raise DataError(
-                f"gains.json: {name_of_law}: {name} is {value:g}, which no loop of a rig has; run tune-rc again"
-            )
 
 
 def plant_of(fit: Fit) -> Nonlinear | None:

@@ -15,8 +15,7 @@ holds a duty for a twentieth of it, duty and integral as late on the mean.
 import cmath
 import math
 from collections.abc import Sequence
-from fractions import Fraction
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -27,58 +26,15 @@ from scipy.optimize import brentq
 from eaid.arrays import Array
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains, rc_step
-from eaid.errors import UsageError
 from eaid.models import linear
 from eaid.models.nonlinear import steady_torque, time_constants
 from eaid.models.parameters import Linear, Nonlinear
 from eaid.results.fit import LinearLevel
-from eaid.results.gains import Margin, SampleTiming
+from eaid.results.gains import Margin, Timing
 
 Complex = NDArray[np.complex128]
 
 
-class Timing(SampleTiming, frozen=True, dict=True):
-    """Sampling, latching and delay: the dead time of the loop from reading to duty, and of the plant itself."""
-
-    @property
-    def step_s(self) -> float:
-        """Control interval [s]."""
-        return 1 / self.rate_hz
-
-    @property
-    def delay_s(self) -> float:
-        """Dead time [s]."""
-        return self.delay_samples / self.rate_hz
-
-    @cached_property
-    def pattern(self) -> tuple[int, int]:
-        """Samples and latches in their common period."""
-        if self.pwm_hz is None:
-            return 1, 1
-        samples = self.rate_hz / self.pwm_hz
-        if not 1 / 20.5 <= samples <= 100.5:
-            raise UsageError(
-                f"a PWM of {self.pwm_hz:g} Hz under control at {self.rate_hz:g} Hz is outside what margins are worked "
-                "out for (0.05 to 100 samples a period); check «pwm_hz»"
-            )
-        ratio = Fraction(samples).limit_denominator(max(1, min(20, int(LONGEST_PERIOD / samples))))
-        return ratio.numerator, ratio.denominator
-
-    @property
-    def hold_s(self) -> float:
-        """Time that a duty acts [s]."""
-        samples, latches = self.pattern
-        return samples / latches / self.rate_hz
-
-    def words(self) -> str:
-        """At what rate, latched how and how late the loop runs."""
-        latched = "" if self.pwm_hz is None else f" with the duty latched at {self.pwm_hz:g} Hz"
-        late = f" behind a dead time of {self.delay_s:.3g} s" if self.delay_samples else ""
-        return f"at {self.rate_hz:g} Hz{latched}{late}"
-
-
-# Samples in the common period of samples and latches, at most; of two rates without a short one the nearest such
-LONGEST_PERIOD = 100
 LATE = 20  # Holds of dead time that the map of a loop spans at most
 MOST_DB, STEP_DB = 80.0, 2.0  # Gain margins are sought up to here, in such steps
 ENOUGH_DB, ENOUGH_DEG = 6.0, 45.0

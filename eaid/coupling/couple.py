@@ -28,8 +28,8 @@ from scipy.optimize import brentq
 
 from eaid.arrays import Array
 from eaid.control import margins
-from eaid.control.gains import pi_gains, plant_of, rc_gains, refuse_other_units
-from eaid.control.margins import Complex, Law, Point, Timing, known
+from eaid.control.gains import law_of, plant_of, refuse_other_units
+from eaid.control.margins import Complex, Law, Point, known
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
 from eaid.errors import DataError, GainsError, UsageError
@@ -43,7 +43,7 @@ from eaid.replay.plant import Held, hold_step, plant_parameters, plant_step
 from eaid.replay.rehab import limb_steps
 from eaid.results import coupling as parts
 from eaid.results.fit import Fit
-from eaid.results.gains import Gains
+from eaid.results.gains import Gains, Timing
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,12 +230,12 @@ def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Prog
     for a torque that the identified inputs do not hold, and GainsError for a loop that is unstable without any wall.
     """
     refuse_other_units(fit, gains)
-    plant, rc, pi, unit = plant_of(fit), rc_gains(gains), pi_gains(gains), fit.data.output_unit
+    plant, unit = plant_of(fit), fit.data.output_unit
     if plant is None:
         raise DataError("the fit holds no nonlinear model, which walls are worked out on; fit clutch logs with it")
     delay = options.delay_samples or round(fit.dead_time_s * options.rate_hz)
     timing = Timing(options.rate_hz, options.pwm_hz or None, delay)
-    laws: dict[str, RCGains | PIGains | None] = {"rc": rc, "rc-no-rate": rc, "pi": pi}
+    laws = {"rc": law_of(gains, "rc"), "rc-no-rate": law_of(gains, "rc"), "pi": law_of(gains, "pi")}
     held = [loop for loop in LOOPS if loop not in laws or laws[loop] is not None]
     loops = held if options.loops == LOOPS else list(options.loops)
     low, high = (float(steady_torque(plant, u)) for u in plant.u_range)

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from eaid.control.margins import Timing, margins, operating_points
+from eaid.control.margins import margins, operating_points
 from eaid.errors import EaidError, GainsError
 from eaid.export.job import Job, Source, constants_of, head_of, laws_of, rig_of, source_of, vectors
 from eaid.export.targets import MARK, TARGETS, VECTOR_COLUMNS
@@ -15,7 +15,7 @@ from eaid.options import ExportOptions
 from eaid.results import codec
 from eaid.results.common import Input
 from eaid.results.fit import Fit
-from eaid.results.gains import Condition, Gains, Guarantee
+from eaid.results.gains import Condition, Gains, Guarantee, Timing
 from eaid.results.verdict import PLANT
 
 
@@ -80,8 +80,8 @@ def _unstable(
     points = operating_points(source.plant, gains.model, (), levels, source.limits)
     made = source.made_for
     timing = Timing(rate_hz, made.pwm_hz, round(made.delay_samples / made.rate_hz * rate_hz))
-    for law, controller in (("pi", source.pi), ("rc", source.rc)):
-        if law not in laws or controller is None:
+    for law, controller in sorted(source.loops.items()):
+        if law not in laws:
             continue
         bad = {point.duty_pct for point in points if not margins(controller, point, timing).stable}
         bad |= {point.duty_pct for point in kept if (one := getattr(point, law)) is not None and one.stable is False}

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from eaid.control.defaults import control_rate, input_limits
-from eaid.control.gains import pi_gains, plant_of, rc_gains, refuse_other_units
+from eaid.control.gains import law_of, plant_of, refuse_other_units
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
 from eaid.errors import UsageError, in_python
@@ -33,7 +33,7 @@ from eaid.replay.plant import plant_parameters, plant_terms
 from eaid.results.codec import content_of, digest_of
 from eaid.results.common import Input
 from eaid.results.fit import Fit
-from eaid.results.gains import Gains, SampleTiming
+from eaid.results.gains import Gains, Timing
 from eaid.version import __version__
 
 
@@ -43,19 +43,18 @@ class Source:
 
     gains: Gains | None
     fit: Fit | None
-    rc: RCGains | None
-    pi: PIGains | None
+    loops: Mapping[str, RCGains | PIGains]
     plant: Nonlinear | None
     limits: tuple[float, float]
     units: tuple[str, str]
-    made_for: SampleTiming
+    made_for: Timing
 
     @property
     def laws(self) -> tuple[str, ...]:
         """The laws that can be exported."""
         plant = None if self.quick_falls else self.plant
-        held = {"pi": self.pi, "rc": self.rc, "inverse": plant, "plant": plant}
-        return tuple(name for name in LAWS if held[name] is not None)
+        held = {**self.loops, "inverse": plant, "plant": plant}
+        return tuple(name for name in LAWS if held.get(name) is not None)
 
     @property
     def quick_falls(self) -> bool:
@@ -78,13 +77,14 @@ def source_of(gains: Gains | None, fit: Fit | None) -> Source:
         refuse_other_units(fit, gains)
     plant = None if fit is None else plant_of(fit)
     if gains is not None:
-        timing = gains.margins.timing if gains.margins else SampleTiming()
+        timing = gains.margins.timing if gains.margins else Timing()
         units = gains.input_unit, gains.output_unit
-        return Source(gains, fit, rc_gains(gains), pi_gains(gains), plant, gains.duty_limits_pct, units, timing)
+        loops = {name: law for name in gains.laws if (law := law_of(gains, name)) is not None}
+        return Source(gains, fit, loops, plant, gains.duty_limits_pct, units, timing)
     if fit is None:
         raise UsageError("nothing to export: give gains, or a fit with a nonlinear model")
     units = fit.data.input_unit, fit.data.output_unit
-    return Source(None, fit, None, None, plant, input_limits(fit), units, SampleTiming(control_rate(fit)))
+    return Source(None, fit, {}, plant, input_limits(fit), units, Timing(control_rate(fit)))
 
 
 GO_ON, RESET, START = 0, 1, 2  # What comes before a row's step: nothing, a reset, a bumpless start
@@ -216,11 +216,10 @@ def rig_of(source: Source, options: ExportOptions) -> Rig:
 
 def constants_of(source: Source, laws: tuple[str, ...], rig: Rig) -> dict[str, Entries]:
     """Constants of each law, and of the rate's filter, in the target's precision; UsageError where one is too large."""
-    made: dict[str, Entries] = {}
-    if "pi" in laws and source.pi is not None:
-        made["pi"] = pi_constants(source.pi, rig)
-    if "rc" in laws and source.rc is not None:
-        made["rc"] = rc_constants(source.rc, rig)
+    made = {
+        name: pi_constants(law, rig) if isinstance(law, PIGains) else rc_constants(law, rig)
+        for name, law in sorted(source.loops.items()) if name in laws
+    }  # fmt: skip
     if source.plant is not None:
         if "inverse" in laws:
             made["inverse"] = inverse_constants(source.plant, source.limits, rig)

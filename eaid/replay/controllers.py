@@ -24,7 +24,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from eaid.control.gains import physical, pi_gains, rc_gains
+from eaid.control.gains import law_of, physical
 from eaid.control.pi import PIGains, pi_step
 from eaid.control.rc import RCGains, rc_step
 from eaid.errors import UsageError
@@ -183,7 +183,7 @@ def controller_of(
         linear = physical(linear)
         law = OpenLoopGains(linear.a0, linear.b0, linear.c0, *limits_pct)
         return Controller("open-loop", open_loop_step, law, 0.0)
-    held = rc_gains(gains) if name == "rc" else pi_gains(gains)
+    held = law_of(gains, name)
     if held is None:
         raise UsageError(f"controller {name} needs gains: give «gains», which eaid tune-rc writes")
     return feedback(held)

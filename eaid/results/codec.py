@@ -55,7 +55,7 @@ def to_plain(value: Any) -> Any:
         kept = {}
         for name, key in zip(value.__struct_fields__, value.__struct_encode_fields__, strict=True):
             item = getattr(value, name)
-            if item is not None or not holds_part(type(value), name):
+            if item is not None or name not in parts_of(type(value)):
                 kept[key] = to_plain(item)
         return kept
     if isinstance(value, Mapping):
@@ -202,11 +202,6 @@ def _keys(where: str) -> list[str | int]:
     return [int(key) if key.isdigit() else key for key in re.findall(r"[^.\[\]]+", where)]
 
 
-@cache
-def _hints(type_: type) -> dict[str, Any]:
-    return typing.get_type_hints(type_)
-
-
 def _struct_in(hint: Any) -> Any:
     """The first struct type inside a type, None where there is none."""
     if isinstance(hint, type) and issubclass(hint, msgspec.Struct):
@@ -215,9 +210,9 @@ def _struct_in(hint: Any) -> Any:
 
 
 @cache
-def holds_part(type_: type, name: str) -> bool:
-    """Whether a field of a result holds results of its own."""
-    return _struct_in(_hints(type_)[name]) is not None
+def parts_of(type_: type) -> frozenset[str]:
+    """The fields of a result that hold results of their own."""
+    return frozenset(name for name, hint in typing.get_type_hints(type_).items() if _struct_in(hint) is not None)
 
 
 def _sentence(what: str, where: str, content: Any) -> str:
@@ -244,7 +239,7 @@ def cells_of(item: msgspec.Struct) -> dict[str, Any]:
     cells: dict[str, Any] = {}
     for name, key in zip(item.__struct_fields__, item.__struct_encode_fields__, strict=True):
         value = getattr(item, name)
-        if holds_part(type(item), name):
+        if name in parts_of(type(item)):
             ends = value.__struct_fields__ if name == "ci95" and value is not None else ()
             for one in (each for each in ends if each != "dof"):
                 low, high = getattr(value, one) or (math.nan, math.nan)

@@ -6,7 +6,7 @@ Keys are the paper's symbols, polynomials lowest power first, units those of the
 
 import math
 import statistics
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
@@ -430,12 +430,8 @@ class FittedData(Result, frozen=True):
     """What made the data, where no rig did."""
 
 
-CURVES: dict[str, Callable[..., Array]] = {
-    "nonlinear": nonlinear.step_response,
-    "linear": linear.step_response,
-    "friction": friction.step_response,
-}
-"""Models of steps, the first that was fitted before the others → output at times after a step."""
+# Models of steps, the first that was fitted before the others
+CURVES: dict[str, Any] = {"nonlinear": nonlinear, "linear": linear, "friction": friction}
 
 
 class Fit(codec.Saved, Made, frozen=True, dict=True):
@@ -634,7 +630,7 @@ class Fit(codec.Saved, Made, frozen=True, dict=True):
     def _curve(self, model: str, duty: float, time_s: Array) -> Array:
         """The output of a model at times since a step from rest."""
         if model != "friction":
-            return CURVES[model](getattr(self, model).parameters, time_s, duty)
+            return np.asarray(CURVES[model].step_response(getattr(self, model).parameters, time_s, duty))
         known = {row.level: row for row in self.friction_levels if row.from_ == 0}
         near = next((level for level in known if math.isclose(level, duty, rel_tol=1e-5)), None)
         if near is None:

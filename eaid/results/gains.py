@@ -4,8 +4,11 @@ Units are the rig's: `input_unit` for duties, `output_unit` for torques; `_nm` a
 the paper's rig.
 """
 
+from fractions import Fraction
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from eaid.errors import UsageError
 from eaid.findings import sentences
 from eaid.models.parameters import Linear
 from eaid.options import TuneOptions
@@ -30,13 +33,54 @@ class Rho(RhoLine, frozen=True):
     needed: RhoLine | None = None
 
 
-class SampleTiming(Result, frozen=True):
+LONGEST_PERIOD = (
+    100  # Samples in the common period of samples and latches; of two rates without a short one the nearest
+)
+
+
+class Timing(Result, frozen=True, dict=True):
     """Rate of the controller, and the PWM that latches the duty; None: it takes effect at once."""
 
     rate_hz: Positive = 1000.0
     pwm_hz: Positive | None = None
     delay_samples: Count = 0
     """Dead time that the steps show."""
+
+    @property
+    def step_s(self) -> float:
+        """Control interval [s]."""
+        return 1 / self.rate_hz
+
+    @property
+    def delay_s(self) -> float:
+        """Dead time [s]."""
+        return self.delay_samples / self.rate_hz
+
+    @cached_property
+    def pattern(self) -> tuple[int, int]:
+        """Samples and latches in their common period."""
+        if self.pwm_hz is None:
+            return 1, 1
+        samples = self.rate_hz / self.pwm_hz
+        if not 1 / 20.5 <= samples <= 100.5:
+            raise UsageError(
+                f"a PWM of {self.pwm_hz:g} Hz under control at {self.rate_hz:g} Hz is outside what margins are worked "
+                "out for (0.05 to 100 samples a period); check «pwm_hz»"
+            )
+        ratio = Fraction(samples).limit_denominator(max(1, min(20, int(LONGEST_PERIOD / samples))))
+        return ratio.numerator, ratio.denominator
+
+    @property
+    def hold_s(self) -> float:
+        """Time that a duty acts [s]."""
+        samples, latches = self.pattern
+        return samples / latches / self.rate_hz
+
+    def words(self) -> str:
+        """At what rate, latched how and how late the loop runs."""
+        latched = "" if self.pwm_hz is None else f" with the duty latched at {self.pwm_hz:g} Hz"
+        late = f" behind a dead time of {self.delay_s:.3g} s" if self.delay_samples else ""
+        return f"at {self.rate_hz:g} Hz{latched}{late}"
 
 
 class Margin(Result, frozen=True):
@@ -67,7 +111,7 @@ class WorstMargins(Result, frozen=True):
 class Margins(Result, frozen=True):
     """Margins of both loops, sampled and latched as `timing` says."""
 
-    timing: SampleTiming = SampleTiming()
+    timing: Timing = Timing()
     points: tuple[MarginPoint, ...] = ()
     worst: WorstMargins | None = None
 

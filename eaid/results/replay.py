@@ -158,39 +158,25 @@ class Record:
 class Exercise(Result, frozen=True):
     """The rehabilitation: exercise, limb and its owner; specification 7's defaults."""
 
-    mode_s: Number = 30.0
-    """Length of each mode [s]."""
-    uncounted_s: Number = 5.0
-    """Start of each mode that the statistics leave out [s]."""
+    mode_s: Number = 30.0  # Length of each mode [s]
+    uncounted_s: Number = 5.0  # Start of each mode that the statistics leave out [s]
     centre_deg: Number = 35.0
-    amplitude_deg: Number = 25.0
-    """Target: centre − amplitude cos(2π f t) [°]."""
+    amplitude_deg: Number = 25.0  # Target: centre − amplitude cos(2π f t) [°]
     movement_hz: Number = 0.15
     soft_nm_rad: Number = 1.0
-    hard_nm_rad: Number = 3.0
-    """Stiffness of the resistive modes, from 10° on."""
-    assist_proportional: Number = 3.0
-    """K_P [N·m/rad]"""
-    assist_integral: Number = 10.0
-    """K_I [N·m/(rad·s)]"""
-    blend_s: Number = 0.5
-    """Scale of the tanh that blends the modes [s]."""
-    slope_nm_s: Number = 20.0
-    """Fastest change of the torque reference."""
+    hard_nm_rad: Number = 3.0  # Stiffness of the resistive modes, from 10° on
+    assist_proportional: Number = 3.0  # K_P [N·m/rad]
+    assist_integral: Number = 10.0  # K_I [N·m/(rad·s)]
+    blend_s: Number = 0.5  # Scale of the tanh that blends the modes [s]
+    slope_nm_s: Number = 20.0  # Fastest change of the torque reference
     inertia_kgm2: Number = 0.1
-    damping_nms: Number = 0.8
-    """[N·m·s/rad]"""
-    gravity_nm: Number = 1.5
-    """Moment of the forearm's weight, times sin θ."""
-    user_stiffness: Number = 8.0
-    """[N·m/rad]"""
-    user_damping: Number = 1.0
-    """[N·m·s/rad]"""
+    damping_nms: Number = 0.8  # [N·m·s/rad]
+    gravity_nm: Number = 1.5  # Moment of the forearm's weight, times sin θ
+    user_stiffness: Number = 8.0  # [N·m/rad]
+    user_damping: Number = 1.0  # [N·m·s/rad]
     user_delay_s: Number = 0.12
-    tremor_nm: Number = 0.3
-    """Standard deviation of the user's random moment."""
-    tremor_s: Number = 0.5
-    """Time in which it forgets itself."""
+    tremor_nm: Number = 0.3  # Standard deviation of the user's random moment
+    tremor_s: Number = 0.5  # Time in which it forgets itself
 
     def scaled(self, top: float) -> Self:
         """The same movement by a limb and a user `top` times as strong: every moment and stiffness is scaled."""

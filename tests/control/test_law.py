@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eaid.control.gains import rc_gains
+from eaid.control.gains import law_of
 from eaid.control.rc import rc_step
 
 small = st.floats(-3, 3, allow_subnormal=False)
@@ -17,7 +17,7 @@ SECONDS = 3.0
 
 @pytest.fixture(scope="module")
 def RC(tuned):
-    return rc_gains(tuned())._replace(duty_min=-math.inf, duty_max=math.inf)
+    return law_of(tuned(), "rc")._replace(duty_min=-math.inf, duty_max=math.inf)
 
 
 def law(gains, integral, reference, rate, torque):
@@ -121,7 +121,7 @@ def guaranteed(tuned):
     def guaranteed(**options):
         made = tuned(b_hat="minimax", **options)
         assert made.rc.guaranteed
-        return made.rc, rc_gains(made)._replace(duty_min=-math.inf, duty_max=math.inf)
+        return made.rc, law_of(made, "rc")._replace(duty_min=-math.inf, duty_max=math.inf)
 
     return guaranteed
 

@@ -27,11 +27,11 @@ def _leaves(v: Values) -> str:
 ROWS: dict[str, Row] = {
     # Gains
     "phi-exceeded": caution(
-        "the model's drift term is off by up to {needed:.3g} {unit}, the gains allow for {allowed:.3g} {unit}; "
+        "the model's drift term is off by up to {needed:.3g} {unit}, the gains allow for {available:.3g} {unit}; "
         "«phi» data takes φ from the data"
     ),
     "slope-above-q-max": caution(
-        "the {reference} is steeper ({slope:.3g} per second) than the gains assume ({Q_M:.3g}); add "
+        "the {reference} is steeper ({needed:.3g} per second) than the gains assume ({available:.3g}); add "
         "«reference» {reference}"
     ),
     "rho-not-covered": caution(
@@ -39,8 +39,8 @@ ROWS: dict[str, Row] = {
         "{made:.4g}; «b_hat» minimax closes it"
     ),
     "robust-term-beyond-actuator": caution(
-        "outside the boundary layer the robust term alone asks for {asked:.4g} {unit}, the actuator spans {span:.4g} "
-        "{unit}: there the Lyapunov argument does not hold on the real clutch"
+        "outside the boundary layer the robust term alone asks for {needed:.4g} {unit}, the actuator spans "
+        "{available:.4g} {unit}: there the Lyapunov argument does not hold on the real clutch"
     ),
     "margin-missed": caution(_margin),
     "paper-pi": note(
