@@ -12,7 +12,7 @@ from benchmarks.table import Row, paired_medians
 from eaid.control.rc import RCGains, rc_step
 from eaid.models.parameters import REFERENCE_PLANT, Nonlinear
 from eaid.options import Rig
-from eaid.replay.controllers import feedback, inverse_controller
+from eaid.replay.controllers import controller_of, feedback
 from eaid.replay.loop import noise, reference_rate, replay
 from eaid.replay.many import montecarlo
 from eaid.replay.plant import PlantParameters, plant_parameters
@@ -131,7 +131,7 @@ def rows() -> Iterator[Row]:
         "one 60 s replay", "plain Python", our_s, "python-control", control_s, "≥ 20 × faster",
         control_s >= 20 * our_s, f"{agree:.1e} N·m apart",
     )  # fmt: skip
-    inverse = inverse_controller(REFERENCE_PLANT)
+    inverse = controller_of("inverse", REFERENCE_PLANT, None, None, (0.0, 100.0))
     our_s, rc_s = paired_medians(
         partial(replay, plant, inverse, long.reference, RIG, DT_S, 1), ours, RUNS, process_time
     )

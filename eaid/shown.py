@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from html import escape
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import pandas
@@ -49,3 +49,15 @@ class Shown:
     def _repr_html_(self) -> str:
         table = self.to_frame().to_html(max_rows=30, float_format="{:.4g}".format)
         return f"<pre>{escape(self.summary())}</pre>{table}"
+
+
+class Plotted(Shown):
+    """A result that can be drawn: the responses of a fit, the gain margins of gains over the held input, a replay."""
+
+    __slots__ = ()
+
+    def plot(self, ax: Any = None) -> Any:
+        """The result on matplotlib Axes."""
+        from eaid.report.paper import plot
+
+        return plot(self, ax)  # type: ignore[arg-type]

@@ -86,10 +86,8 @@ def control_rate(fit: Fit) -> float:
 
 
 def timing_of(fit: Fit, options: TuneOptions) -> Timing:
-    """When the loop samples and latches: as given, else as the fit's rig does; no PWM where the input is no duty.
-
-    The dead time that the steps show counts as delay.
-    """
+    """When the loop samples and latches: as given, else as the fit's rig does (no PWM where the input is no duty), the
+    dead time as delay."""
     rate, pwm = options.rate_hz or control_rate(fit), options.pwm_hz
     if pwm is None:
         latched_hz = fit.data.apparatus.pwm_hz
@@ -100,10 +98,8 @@ def timing_of(fit: Fit, options: TuneOptions) -> Timing:
 def design_options(
     fit: Fit, options: TuneOptions, scales: Scales, slope: float | None, phi_shown: float | None
 ) -> Design:
-    """The numbers of a design, from the options and, where they are silent, from the rig.
-
-    `slope` is the largest of the reference [output/s], `phi_shown` what the data show of |η − η̂| [input].
-    """
+    """The numbers of a design, from the options and, where they are silent, from the rig; `slope` is the largest of the
+    reference [output/s], `phi_shown` what the data show of |η − η̂| [input]."""
     K_P = 4.5 * scales.pace**2 if options.kp is None else options.kp
     K_D = 3.0 * scales.pace if options.kd is None else options.kd
     if options.natural_frequency is not None and options.damping is not None:  # s² + K_D s + K_P

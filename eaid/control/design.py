@@ -200,11 +200,9 @@ def margins_of(
 def guarantee_of(
     rc: Robust, phi: float | None, slope: float | None, limits: tuple[float, float], fit: Fit
 ) -> Guarantee:
-    """Everything that the argument needs; it holds where every condition does, and cannot be told where none fails and
-    one is not known.
-
-    `phi` is what the data show of |η − η̂| [% duty], `slope` the largest of the reference [N·m/s]; None: not known.
-    """
+    """Everything that the argument needs: it holds where every condition does, and is not known where none fails and
+    one is not known. `phi` is what the data show of |η − η̂| [% duty], `slope` the largest of the reference [N·m/s];
+    None: not known."""
     unit, per_s = fit.data.input_unit, f"{fit.data.output_unit}/s"
     needed_rho = None if rc.rho.needed is None else rc.rho.needed.constant
     conditions = [Condition("rho", rc.guaranteed, needed_rho, rc.rho.constant, per_s)]

@@ -118,11 +118,8 @@ def rc_law(model: Linear, rc: Robust, limits_pct: tuple[float, float]) -> RCGain
 
 
 def plant_of(fit: Fit) -> Nonlinear | None:
-    """The nonlinear model of a fit, `Fit.plant`; None where the fit holds none.
-
-    Raises `DataError` where, within the identified inputs, a time constant or T_s is none that a plant has: the floors
-    of the replay are for drawn plants and for rounding, not for a model that is wrong.
-    """
+    """`Fit.plant`, None where the fit holds no nonlinear model; DataError where, within the identified inputs, its
+    curves are none that a plant has: the floors of the replay are for drawn plants and rounding."""
     part = fit.nonlinear
     if part is None:
         return None

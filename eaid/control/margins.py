@@ -48,10 +48,8 @@ class Lag(NamedTuple):
 
 
 def lags_at(plant: Nonlinear, duty_pct: float) -> tuple[Lag, ...]:
-    """The plant around a duty held for long: two lags in parallel, C and 1 − C of the slope of T_s.
-
-    Around rest (target − state) is 0, so the changes of τ play no part.
-    """
+    """The plant around a duty held for long: two lags in parallel, C and 1 − C of the slope of T_s; target − state is 0
+    there, so the changes of τ play no part."""
     tau1, tau2 = time_constants(plant, duty_pct)
     slope = float(polyval(duty_pct, polyder(plant.Ts)))
     return Lag(plant.C * slope, float(tau1)), Lag((1 - plant.C) * slope, float(tau2))
@@ -75,11 +73,8 @@ def operating_points(
     levels: Sequence[float],
     limits: tuple[float, float],
 ) -> list[Point]:
-    """Held duties over the identified range.
-
-    Without a nonlinear model, or where one level gave T_s no slope: the first-order models of the single levels, else
-    the pooled one in the middle of the actuator's range.
-    """
+    """Held duties over the identified range; without a nonlinear model, or where one level gave T_s no slope, the
+    first-order models of the levels, else the pooled one in the middle of the actuator's range."""
     if plant is not None and any(plant.Ts[1:]):
         low, high = plant.u_range
         duties = [u for u in levels if low <= u <= high] or np.linspace(low, high, POINTS).tolist()
@@ -137,11 +132,9 @@ def enough(margin: Margin) -> bool:
 
 @lru_cache(maxsize=100)  # the loop that a design settles on is among those it tried
 def margins(gains: RCGains | PIGains, point: Point, timing: Timing) -> Margin:
-    """Gain and phase margin of a controller around an operating point, the least where there are several.
-
-    None for a margin without end: no factor up to 80 dB makes the loop unstable, its gain stays below 1 (a crossover at
-    0 Hz); and for the gain margin of a loop that is unstable.
-    """
+    """Gain and phase margin of a controller around an operating point, the least where there are several. None for a
+    margin without end (no factor up to 80 dB makes the loop unstable, its gain stays below 1), and for the gain margin
+    of a loop that is unstable."""
     (law, _), lags = law_around(gains, point.torque_nm, point.duty_pct), point.lags
     phase, omega = min(crossovers(law, lags, timing), default=(math.inf, 0.0))
     stable = spectral_radius(law, lags, timing) < 1

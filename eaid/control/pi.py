@@ -103,10 +103,8 @@ class Loop(NamedTuple):
 
 
 def step_metrics(model: Linear, K_P: float, K_I: float) -> tuple[float, float]:
-    """Overshoot [%] and 2 % settling time [s] of the closed loop on the linear model without c0.
-
-    The time is infinite where the loop does not settle.
-    """
+    """Overshoot [%] and 2 % settling time [s] of the closed loop on the linear model without c0; infinite where it does
+    not settle."""
     p, q = model.a0 + model.b0 * K_P, model.b0 * K_I
     if p <= 0 or q < 0:
         return math.inf, math.inf

@@ -104,10 +104,8 @@ STIFFEST = 1e6  # [N·m/rad]; a wall beyond it is called without limit
 
 
 def stable_stiffness(channel: Channel, timing: Timing, options: CoupleOptions) -> float:
-    """The least K at which the wall with a limb stops being stable [N·m/rad].
-
-    Infinite beyond `STIFFEST`; 0 where B_v alone is too much.
-    """
+    """The least K at which the wall with a limb stops being stable [N·m/rad]: infinite beyond `STIFFEST`, 0 where B_v
+    alone is too much."""
     h, B_v = timing.step_s, options.virtual_damping
     omega = margins.frequencies(channel.point.lags, timing, 4000)
     z = np.exp(1j * omega * h)
@@ -171,10 +169,8 @@ BESIDE_RAD = 1e-4  # Where the limb is let go
 
 
 def growth(drive: Channel, options: CoupleOptions, timing: Timing, stiffness: float, time_s: float) -> float:
-    """Log of how much the limb's swing grows from the third to the last quarter of the time; below 0: it dies away.
-
-    From `BESIDE_RAD`, at rest, the torque held at T_0.
-    """
+    """Log of how much the limb's swing, let go at `BESIDE_RAD` with the torque held at T_0, grows from the third to the
+    last quarter of the time; below 0 it dies away."""
     h, plant, point = timing.step_s, plant_parameters(drive.plant), drive.point
     held = Held(plant.C * point.torque_nm, (1 - plant.C) * point.torque_nm, point.duty_pct, 0)
     state, angle, speed, before = drive.start, BESIDE_RAD, 0.0, point.torque_nm
@@ -200,10 +196,8 @@ def growth(drive: Channel, options: CoupleOptions, timing: Timing, stiffness: fl
 
 
 def replayed_stiffness(drive: Channel, options: CoupleOptions, timing: Timing, expected: float) -> float | None:
-    """The stiffness at which the replay neither grows nor dies away [N·m/rad], near what linear theory expects.
-
-    None where it is not within a factor of two of that.
-    """
+    """The stiffness at which the replay neither grows nor dies away [N·m/rad], near what linear theory expects; None
+    where it is not within a factor of two of that."""
     turn_s = 2 * math.pi * math.sqrt(options.limb_inertia / expected)
     time_s = max(20 * turn_s, 200 * timing.step_s)
 
@@ -224,11 +218,9 @@ def replayed_stiffness(drive: Channel, options: CoupleOptions, timing: Timing, e
 
 
 def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Progress) -> parts.Coupling:
-    """How stiff a virtual wall each loop may render on a limb.
-
-    Loops whose gains are not given are left out. Raises DataError where the fit holds no nonlinear model, UsageError
-    for a torque that the identified inputs do not hold, and GainsError for a loop that is unstable without any wall.
-    """
+    """`eaid.couple` on what has been read; loops whose gains are not given are left out. DataError where the fit holds
+    no nonlinear model, UsageError for a torque that it does not hold, GainsError for a loop that is unstable without
+    any wall."""
     refuse_other_units(fit, gains)
     plant, unit = plant_of(fit), fit.data.output_unit
     if plant is None:

@@ -115,17 +115,8 @@ def export(
     gains: Gains | None, fit: Fit | None, options: ExportOptions, folder: Path, force: bool = False,
     command: str = "", inputs: Sequence[Input] = (),
 ) -> ExportFolder:  # fmt: skip
-    """Write controllers and plant as source for a rig; without gains the fit's inverse and plant alone.
-
-    `command` and `inputs`, what made the export, stand at the head of its files.
-
-    Raises
-    ------
-    GainsError
-        A loop is unstable at the sample rate, or a finding of severity stop stands; `anyway` overrides, marked.
-    UsageError
-        The options contradict one another, or the folder is there already.
-    """
+    """`eaid.export` with what made it, `command` and `inputs`, at the head of its files. GainsError where a loop is
+    unstable at the sample rate or a finding of severity stop stands; `anyway` overrides, marked."""
     refuse_folder(folder, force, is_export, "eaid export", (Path(each.path) for each in inputs), names=())
     source = source_of(gains, fit)
     laws = laws_of(source, options)

@@ -10,6 +10,7 @@ form. Constants are those of `eaid.export.constants`, floats or numpy.float32, a
 """
 
 import math
+from collections.abc import Callable
 from typing import Any, TypeAlias
 
 from eaid.replay.plant import PlantParameters, plant_pull
@@ -86,9 +87,7 @@ class Integral(Controller):
     integral: Number
     carry: Number
 
-    def wanted(self, integral: Number, reference: Number, reference_rate: Number, torque: Number) -> Number:
-        """The duty that the law asks for, before its limits."""
-        raise NotImplementedError
+    wanted: Callable[..., Number]  # The duty that the law asks for, before its limits
 
     def reset(self) -> None:
         """At rest again."""
@@ -235,10 +234,8 @@ class Inverse(Controller):
         return self.duty
 
     def duty_for(self, need: Number) -> Number:
-        """Duty after which the torque has moved by `need`, by false position after Anderson and Björck.
-
-        It brackets the duty by the last one and 1 beside it, else the limit on that side; `searches` tries at most.
-        """
+        """Duty after which the torque has moved by `need`, by false position after Anderson and Björck between the last
+        duty and 1 beside it, else the limit on that side; `searches` tries at most."""
         c = self.c
 
         def miss_of(duty: Number) -> Number:

@@ -138,11 +138,8 @@ def _common(job: Job) -> Files:
 
 
 def _c(job: Job) -> Files:
-    yield "eaid_control.h", rendered(job, "eaid_control.h.j2")
-    yield "eaid_control.c", rendered(job, "eaid_control.c.j2")
-    yield "check.c", rendered(job, "check.c.j2")
-    yield "vectors.h", rendered(job, "vectors.h.j2")
-    yield "Makefile", rendered(job, "Makefile.j2")
+    for name in ("eaid_control.h", "eaid_control.c", "check.c", "vectors.h", "Makefile"):
+        yield name, rendered(job, f"{name}.j2")
     yield from _common(job)
 
 

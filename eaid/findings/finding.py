@@ -14,8 +14,7 @@ from eaid.shown import counted
 
 Value = float | int | str | bool | None | tuple[float | str, ...]
 GRAVITY: dict[str, int] = {"stop": 0, "caution": 1, "note": 2}
-WORD = {"stop": "stop", "caution": "warning", "note": "note"}
-"""How a severity is called wherever people read it."""
+WORD = {"stop": "stop", "caution": "warning", "note": "note"}  # How a severity is called wherever people read it
 
 
 class Finding(msgspec.Struct, frozen=True):
@@ -43,10 +42,8 @@ def ranked(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 
 
 def merged(findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    """One finding for all of one code: the worst by the table's `size`, with the number of the `others`.
-
-    Codes that another one `covers` are left out.
-    """
+    """One finding for all of one code: the worst by the table's `size`, with the number of the `others`; codes that
+    another one `covers` are left out."""
     groups: dict[str, list[Finding]] = {}
     for one in findings:
         groups.setdefault(one.code, []).append(one)
@@ -84,8 +81,7 @@ class Words(string.Formatter):
         return counted(value, spec[1:]) if spec.startswith("#") else super().format_field(value, spec)
 
 
-MOST_LISTED = 6
-"""Numbers that a sentence lists one by one."""
+MOST_LISTED = 6  # Numbers that a sentence lists one by one
 
 
 def say(finding: Finding) -> str:

@@ -55,11 +55,8 @@ def start_of(plant: PlantParameters, time_s: Array, duty_pct: Array, torque_nm: 
 
 
 def compared(run: Run, plant: PlantParameters, units: tuple[str, str], dead_time_s: float) -> Record:
-    """The model's torque for a run's duty, on its own clock from 0, and how far it is from the recorded one, which
-    stands as its reference.
-
-    Raises `DataError` where its input or output is in another unit than the fit's.
-    """
+    """The model's torque for a run's duty, on its own clock from 0, and how far it is from the recorded one, its
+    reference; DataError where its input or output is in another unit than the fit's."""
     if run.input_unit != units[0] or np.isnan(run.input).any():
         raise DataError(
             f"{run.source}: {run.name} holds no input in {units[0]}, which the fit has (its own is {run.input_unit}); "

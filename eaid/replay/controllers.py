@@ -139,11 +139,8 @@ def duty_for(
 def inverse_step(
     gains: InverseGains, state: InverseState, reference: float, reference_rate: float, torque: float, dt: float
 ) -> tuple[InverseState, float]:
-    """One sample: the next state, and the duty [%] after which the model's torque is the next sample of the reference.
-
-    Reference and torque in N·m, dt in s; the rate [N·m/s] is the forward difference, so that reference + rate·dt is
-    the next sample.
-    """
+    """One sample: the next state, and the duty [%] after which the model's torque is the next sample of the reference,
+    reference + rate·dt; the rate is the forward difference."""
     plant = gains.plant
     innovation = torque - state.x1 - state.x2
     kept = math.exp(-OBSERVER_PER_S * dt)
@@ -164,19 +161,14 @@ def feedback(gains: RCGains | PIGains) -> Controller:
     return Controller("rc", rc_step, gains, 0.0)
 
 
-def inverse_controller(plant: Nonlinear, limits: tuple[float, float] = (0.0, 100.0)) -> Controller:
-    """The inverse of a fitted model over the range of its actuator [%], ready to replay."""
-    gains = InverseGains(plant_parameters(plant), *limits)
-    return Controller("inverse", inverse_step, gains, InverseState(), looks_ahead=True)
-
-
 def controller_of(
     name: str, plant: Nonlinear, linear: Linear | None, gains: Gains | None, limits_pct: tuple[float, float]
 ) -> Controller:
     """A controller by its name, from the fitted models, gains, and the range of the actuator [%] for those that have no
     gains of their own; `UsageError` where what it needs is missing."""
     if name == "inverse":
-        return inverse_controller(plant, limits_pct)
+        inverse = InverseGains(plant_parameters(plant), *limits_pct)
+        return Controller("inverse", inverse_step, inverse, InverseState(), looks_ahead=True)
     if name == "open-loop":
         if linear is None:
             raise UsageError("controller open-loop needs a linear model: fit it too, or give «gains», which hold one")

@@ -72,10 +72,8 @@ def write_replay(path: Path, replay: Replay, force: bool = False) -> None:
 
 
 def read(path: Path) -> tuple[Replay, tuple[Finding, ...]]:
-    """A replay.h5, groups in the file's order, and findings about what of it was left out.
-
-    Raises `DataError` where it is no replay.h5, or a value has another type than its key.
-    """
+    """A replay.h5, groups in the file's order, and findings about what was left out; DataError where it is no
+    replay.h5, or a value has another type than its key."""
     if not path.is_file():
         raise DataError(f"{path}: no such file; give the replay.h5 that eaid simulate wrote")
     if not h5py.is_hdf5(path):

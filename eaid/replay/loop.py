@@ -99,12 +99,9 @@ def replay(
 def columns_of(
     rig: Rig, dt_s: float, reference_nm: Array, filled: Sequence[Sequence[float] | Array]
 ) -> dict[str, Array]:
-    """What the loop filled, each of shape (n,), read-only.
-
-    `torque_nm` is the true torque, `duty_pct` what the controller gave, within its limits. With noise also
-    `measured_nm`, what it read; where a delay or the PWM makes it another, `applied_pct`, the mean duty on the clutch
-    from each sample to the next.
-    """
+    """What the loop filled, each of shape (n,), read-only: `torque_nm` is the true torque, `duty_pct` what the
+    controller gave; with noise `measured_nm`, what it read; where a delay or the PWM makes it another, `applied_pct`,
+    the mean duty until the next sample."""
     torque, measured, duty, applied = filled
     time_s = np.arange(len(reference_nm)) * dt_s
     columns = {"time_s": time_s, "reference_nm": reference_nm, "torque_nm": torque, "duty_pct": duty}

@@ -66,11 +66,9 @@ def montecarlo(
     seed: int = 0,
     tick: Callable[[], None] = lambda: None,
 ) -> tuple[PlantSpread, dict[str, Array]]:
-    """Trace a controller on every plant and measure how each follows; `tick` is called once a plant.
-
-    Of each number its distribution, and the worst plant; and as tables each number for each plant, and a band of at
-    most `BAND_INSTANTS` instants: torque at `QUANTILES`.
-    """
+    """Trace a controller on every plant; `tick` is called once a plant. Of each number how it is distributed and the
+    worst plant; as tables each number of each plant, and a band of torque at `QUANTILES` for at most `BAND_INSTANTS`
+    instants."""
     wanted, dt_s = reference.torque_nm, reference.dt_s
     shown = slice(None, None, -(-len(wanted) // BAND_INSTANTS))
     kept = np.empty((len(wanted[shown]), len(plants)))

@@ -46,10 +46,8 @@ class PlantParameters(NamedTuple):
 
 
 def plant_parameters(p: Nonlinear) -> PlantParameters:
-    """The form of a model that loops take; polynomials of lower degree are filled up with zeros.
-
-    Raises `DataError` where a polynomial has more coefficients than Eqs. (5)-(7).
-    """
+    """The form of a model that loops take, polynomials filled up with zeros; DataError where one has more coefficients
+    than Eqs. (5)-(7)."""
     filled: list[Any] = []  # tuples of so many
     for name, polynomial, most in (("tau1", p.tau1, 3), ("tau2", p.tau2, 3), ("Ts", p.Ts, 4)):
         if not 1 <= len(polynomial) <= most:

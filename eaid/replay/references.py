@@ -83,10 +83,8 @@ def multisine(dt_s: float, duration_s: float | None, top: float, pace: float) ->
 
 
 def sweep(dt_s: float, duration_s: float | None, top: float, pace: float) -> Reference:
-    """Fig. 13: sines 2 ± 1 N·m, 0.2 to 3 Hz, one after another, each from phase 0 for whole periods.
-
-    Each settles for 10 s, then is measured for 5 s and two periods at least.
-    """
+    """Fig. 13: sines 2 ± 1 N·m, 0.2 to 3 Hz, one after another, each from phase 0 for whole periods: 10 s to settle,
+    then 5 s and two periods at least to measure."""
     if duration_s is not None:
         raise UsageError("the sweep's length follows from its frequencies; leave «duration» out")
     frequencies_hz = [pace * f for f in (0.2, 0.3, 0.4, 0.6, 0.8, 1.0, 1.5, 2.0, 2.5, 3.0)]
@@ -121,10 +119,8 @@ def sampled(time_s: Array, torque_nm: Array, dt_s: float) -> Reference:
 def read_rows(
     path: Path, header: Sequence[str], names: Mapping[str, str] = MappingProxyType({})
 ) -> list[tuple[int, list[float]]]:
-    """Rows of a CSV whose header holds these columns, or other `names` of them, with their finite numbers.
-
-    Raises `DataError` where the file has another header, or with its bad rows: the first column is a time that rises.
-    """
+    """Row numbers and finite numbers of a CSV whose header holds these columns, or other `names` of them; DataError for
+    another header, or with its bad rows: the first column is a time that rises."""
     wanted = ",".join(header)
     if not path.is_file():
         raise DataError(f"{path}: no such file; give a CSV {wanted}")

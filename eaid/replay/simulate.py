@@ -42,11 +42,9 @@ def simulate(
     runs: Sequence[Run] | None = None,
     progress: Progress = no_progress,
 ) -> Replay:
-    """`eaid.simulate` on what has been read: a reference as time [s] and output, or recorded runs.
-
-    Raises DataError where the fit holds no plant or a run has other units than the fit, UsageError where options do
-    nothing here or contradict each other.
-    """
+    """`eaid.simulate` on what has been read: a reference as time [s] and output, or recorded runs. DataError where the
+    fit holds no plant or a run has other units than the fit, UsageError where options do nothing here or contradict
+    each other."""
     what = "log" if runs is not None else "reference" if reference is not None else options.scenario or "multisine"
     options.check_for(what)
     model = plant_of(fit)

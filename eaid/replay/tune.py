@@ -26,11 +26,8 @@ def tune(
     reference: str | Signal | None = None,
     reference_name: str = "",
 ) -> Gains:
-    """`eaid.tune_rc` on what has been read; without a reference the multisine, which Q_M need not cover.
-
-    Raises GainsError where fit or wishes are not physical, out of reach, or unstable on the linear model, and DataError
-    where the fit lacks what is asked for.
-    """
+    """`eaid.tune_rc` on what has been read; without a reference the multisine, which Q_M need not cover. GainsError
+    where fit or wishes are not physical, out of reach or unstable, DataError where the fit lacks what is asked for."""
     why = fit.verdict.of("linear").sentence
     if why and not options.anyway:
         raise DataError(f"the fit is NOT USABLE: {why}; «anyway» makes gains of it all the same, marked")

@@ -31,8 +31,7 @@ if TYPE_CHECKING:
     import pandas
 
 R = TypeVar("R", bound=msgspec.Struct)
-VERSIONS = {"fit": 2}
-"""Schema versions above the first; a file of an older one is refused by name."""
+VERSIONS = {"fit": 2}  # Schema versions above the first; a file of an older one is refused by name
 KINDS: dict[str, tuple[str, ...]] = {
     "fit": ("data", "friction", "nonlinear", "linear", "release"),
     "gains": ("model", "rc", "pi"),
@@ -178,10 +177,8 @@ def from_plain(content: Any, type_: type[R], source: str, found: list[Finding] |
 
 
 def _left_out(content: Any, where: str, fault: str) -> bool:
-    """Take out what a fault is about, where it is as good as absent: null, empty, or a part that lacks a value.
-
-    False where it is another fault, the content itself, or one of a list of numbers, whose others would move up.
-    """
+    """Take out what a fault is about, where it is as good as absent: null, empty, or a part that lacks a value. False
+    where it is another fault, the content itself, or one of a list of numbers, whose others would move up."""
     keys = _keys(where.partition("[...]")[0])  # entries of a mapping are left out with it
     lacks = fault.startswith("Object missing")
     try:

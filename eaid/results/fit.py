@@ -45,6 +45,7 @@ from eaid.results.common import (
     Source,
 )
 from eaid.results.recorded import Recorded
+from eaid.shown import Plotted
 
 if TYPE_CHECKING:
     import pandas
@@ -434,7 +435,7 @@ class FittedData(Result, frozen=True):
 CURVES: dict[str, Any] = {"nonlinear": nonlinear, "linear": linear, "friction": friction}
 
 
-class Fit(codec.Saved, Made, frozen=True, dict=True):
+class Fit(Plotted, codec.Saved, Made, frozen=True, dict=True):
     """All that one call fitted; what its kind does not allow is None.
 
     Examples
@@ -643,12 +644,6 @@ class Fit(codec.Saved, Made, frozen=True, dict=True):
         from eaid.results.summary import fit_summary
 
         return in_python("\n".join(fit_summary(self)))
-
-    def plot(self, ax: Any = None) -> Any:
-        """The step responses of the fitted models, on matplotlib Axes."""
-        from eaid.report.paper import plot
-
-        return plot(self, ax)
 
     @property
     def plant(self) -> NonlinearModel:

@@ -6,7 +6,7 @@ the paper's rig.
 
 from fractions import Fraction
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from eaid.errors import UsageError
 from eaid.findings import sentences
@@ -14,6 +14,7 @@ from eaid.models.parameters import Linear
 from eaid.options import TuneOptions
 from eaid.results import codec
 from eaid.results.common import Count, Inputs, Made, Number, Positive, Result
+from eaid.shown import Plotted
 
 if TYPE_CHECKING:
     import pandas
@@ -228,7 +229,7 @@ class PI(Result, frozen=True):
     asked: AskedPI | None = None
 
 
-class Gains(codec.Saved, Made, frozen=True):
+class Gains(Plotted, codec.Saved, Made, frozen=True):
     """Gains of both controllers, and what is known of them.
 
     Examples
@@ -279,12 +280,6 @@ class Gains(codec.Saved, Made, frozen=True):
             missing = ", ".join(self.guarantee.missing)
             lines.append("guarantee: yes" if self.guarantee.holds else f"guarantee: NO ({missing})")
         return "\n".join([*lines, *sentences(self.findings[:3])])
-
-    def plot(self, ax: Any = None) -> Any:
-        """The gain margins of the laws over the held input, on matplotlib Axes."""
-        from eaid.report.paper import plot
-
-        return plot(self, ax)
 
     def to_frame(self) -> "pandas.DataFrame":
         """One row a law: its gains, in input per output."""

@@ -8,7 +8,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import TYPE_CHECKING, Literal, Self
 
 import msgspec
 
@@ -17,7 +17,7 @@ from eaid.findings import Finding, sentences
 from eaid.options import Rig
 from eaid.results.common import Count, Inputs, Made, Number, Positive, Result
 from eaid.results.gains import Tracking
-from eaid.shown import Shown
+from eaid.shown import Plotted
 
 if TYPE_CHECKING:
     import pandas
@@ -96,11 +96,9 @@ class SampleTest(Result, frozen=True):
 
 
 class CycleTest(Result, frozen=True):
-    """Welch's t and the exact rank test on the means of whole movement cycles; None where too few are whole."""
+    """The exact rank test on the means of whole movement cycles; None where none is whole."""
 
     n: tuple[Count, Count]
-    t: Number | None = None
-    p_welch: Number | None = None
     p_rank: Number | None = None
     least_p_rank: Number | None = None
 
@@ -209,7 +207,7 @@ class Head(Made, frozen=True):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Replay(Shown):
+class Replay(Plotted):
     """Controllers replayed on a fitted plant, or recorded runs laid beside it.
 
     Examples
@@ -254,12 +252,6 @@ class Replay(Shown):
 
         frames = [pandas.DataFrame({"name": name, **one.columns}) for name, one in self.records.items()]
         return pandas.concat(frames, ignore_index=True) if frames else pandas.DataFrame({"name": []})
-
-    def plot(self, ax: Any = None) -> Any:
-        """Reference and outputs over time, on matplotlib Axes."""
-        from eaid.report.paper import plot
-
-        return plot(self, ax)
 
     def save(self, path: str | os.PathLike[str], force: bool = False) -> None:
         """Write replay.h5, whole or not at all."""

@@ -13,15 +13,10 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-MOST = 3
-"""Findings that are told with the answer."""
-ENDLESS_S = 1e4
-"""A time constant above this [s] that no interval bounds is no number worth showing."""
-USED = {
-    "levels-first": "levels first, then the curves",
-    "joint": "all levels at once, as in the paper, as you asked",
-}
-"""Estimates that stand as the nonlinear model."""
+MOST = 3  # Findings that are told with the answer
+ENDLESS_S = 1e4  # A time constant above this [s] that no interval bounds is no number worth showing
+# Estimates that stand as the nonlinear model
+USED = {"levels-first": "levels first, then the curves", "joint": "all levels at once, as in the paper, as you asked"}
 
 
 def fit_summary(fit: "Fit") -> list[str]:
@@ -79,11 +74,8 @@ def warned(fit: "Fit") -> tuple[str, ...]:
 
 
 def values(fit: "Fit") -> list[list[str]]:
-    """Heading and rows: T_s, τ1 and τ2 at the lowest, the middle and the highest level.
-
-    Where single steps stand for the levels: change and time constants of the first, the middle and the last of them,
-    and dead times where there are any. No rows, no heading.
-    """
+    """Heading and rows: T_s, τ1 and τ2 at the lowest, the middle and the highest level; where single steps stand for
+    the levels their changes, with dead times where there are any. No rows, no heading."""
     data, steps = fit.data, steps_of_other_shapes(fit)
     out = data.output_unit or "unit unknown"
     if steps:

@@ -22,21 +22,14 @@ if TYPE_CHECKING:
     from eaid.results.fit import Fit, Nonlinear
 
 MODELS = ("friction", "nonlinear", "linear", "release")
-PLANT = ("nonlinear", "release")
-"""Models that a replay's plant is made of."""
-BEYOND = 10.0
-"""Steady output over the largest that was reached, from which it is none that the data show."""
-FACTOR = 100.0
-"""Ends of an interval so far apart say nothing."""
-BETWEEN = 10
-"""Inputs from one at which the constraints of a fit hold to the next."""
-INPUTS = BETWEEN * (nonlinear.CHECKED_DUTIES - 1) + 1
-"""Inputs, evenly over the identified range, at which a model is looked at."""
+PLANT = ("nonlinear", "release")  # Models that a replay's plant is made of
+BEYOND = 10.0  # Steady output over the largest that was reached, from which it is none that the data show
+FACTOR = 100.0  # Ends of an interval so far apart say nothing
+BETWEEN = 10  # Inputs from one at which the constraints of a fit hold to the next
+INPUTS = BETWEEN * (nonlinear.CHECKED_DUTIES - 1) + 1  # Evenly over the identified range
 SLOWEST_S = 1e9
-LARGEST = 1e15
-"""Steady output of any rig, whatever its units."""
-NEARLY = 1e-3
-"""Share of the largest value by which τ2 may lie below τ1, or T_s below 0."""
+LARGEST = 1e15  # Steady output of any rig, whatever its units
+NEARLY = 1e-3  # Share of the largest value by which τ2 may lie below τ1, or T_s below 0
 
 
 class Verdict(msgspec.Struct, frozen=True):
