@@ -178,10 +178,7 @@ def apart(values: Sequence[float], gap: float) -> list[float]:
 
 
 def thinned(x: Array, y: Array, points: int) -> tuple[Array, Array]:
-    """At most about `points` samples of a curve, shape (≤ points + 2,): extremes of equal stretches, in order.
-
-    A spike of one sample survives, which taking every k-th sample would lose; the first and the last always do.
-    """
+    """At most `points` + 2 samples of a curve, the extremes of equal stretches in order: a spike of one survives."""
     n = len(y)
     if n <= points:
         return x, y

@@ -79,10 +79,7 @@ DIGIT_IN, LINE_IN, TICK_IN = 0.071, 0.167, 0.1
 
 
 def _room(axes: Axes, panel: Panel, lowest: bool) -> tuple[float, float, float, float]:
-    """What a panel needs left, right, below and above its axes [in], by the lengths of its texts.
-
-    matplotlib's own layouts draw every text twice over, which takes longer than all curves.
-    """
+    """What a panel needs left, right, below and above its axes [in]: matplotlib's layouts draw each text twice."""
     left = right = below = 0.05
     low, high = sorted(axes.get_ylim())
     said = axes.yaxis.get_major_formatter().format_ticks([y for y in axes.get_yticks() if low <= y <= high])

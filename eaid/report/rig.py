@@ -1,7 +1,7 @@
 """What rig a result is of: its units and names, and whether it is the clutch that the paper describes."""
 
 from eaid.models.parameters import SHARE
-from eaid.results.fit import FittedData, Trend
+from eaid.results.fit import FittedData
 from eaid.steps.stepset import StepSet
 
 # Kind → the units in which the paper's own rig was recorded
@@ -51,15 +51,6 @@ TABLE_II = {
     "tau1": ("0.425 e^(−0.310 Ω) + 0.0498 e^(−0.0150 Ω)", (0.425, -0.310, 0.0498, -0.0150), 0.0020),
     "tau2": ("5.375e5 e^(−0.0507 Ω) − 5.374e5 e^(−0.0507 Ω)", (5.375e5, -0.0507, -5.374e5, -0.0507), 0.850),
 }
-
-
-# Table I over the normal stress [kPa]
-OVER_STRESS = {
-    name: Trend("linear" if len(known) == 2 else "double-exponential", known).predict
-    for name, (_text, known, _rmse) in TABLE_I.items()
-}
-# Table II over the rotation speed [RPM]; its τ2 keeps 100 e^(−0.0507 Ω) only, all other digits cancel
-OVER_SPEED = {name: Trend("double-exponential", known).predict for name, (_text, known, _rmse) in TABLE_II.items()}
 
 # Polynomials of the duty [%], lowest power first
 TABLE_III = {

@@ -118,10 +118,7 @@ def friction_steps(results: Results) -> Sheet | None:
 
 
 def linear_model(data: StepSet, fit: Fit) -> Sheet | None:
-    """Fig. 8: what was measured, and the one linear model of all levels, Eq. (8), dashed.
-
-    Where the model lies below zero in the end, which no clutch does, it is left out.
-    """
+    """Fig. 8: what was measured, and Eq. (8) of all levels, dashed, but where it ends below zero, as no clutch does."""
     if fit.linear is None:
         return None
     model = fit.linear.parameters
@@ -167,10 +164,7 @@ def level_steps_panel(data: StepSet, shapes: Sequence[StepShape]) -> Panel:
 
 
 def hold_and_release(data: StepSet) -> Sheet | None:
-    """Fig. 6: output over time, the held stretch shaded; the shares lost while held and left after release.
-
-    Of the highest, the middle and the lowest level whose rise and release were both recorded.
-    """
+    """Fig. 6: the highest, the middle and the lowest level with rise and release; shares lost and left."""
     rising = {level.level: level for level in data.levels}
     pairs = [(rising[release.level], release) for release in data.releases if release.level in rising]
     if not pairs:

@@ -13,7 +13,7 @@ from eaid.report.panels import Axis, Band, Line, Note, Panel, Sheet, over
 from eaid.report.results import Results
 from eaid.report.rig import of_the_paper
 from eaid.results.common import Interval, ci95_of
-from eaid.results.fit import Fit
+from eaid.results.fit import Fit, Trend
 from eaid.results.gains import Gains
 from eaid.results.summary import ENDLESS_S, believed_levels
 
@@ -78,18 +78,15 @@ def polynomials(fit: Fit) -> Sheet | None:
 
 
 def trends(fit: Fit) -> Sheet | None:
-    """Figs. 4 and 5: the levels with their intervals, their trend and the published one, a panel a value.
-
-    Over force: T_s, τ1, C_f and τ2 over the normal stress [kPa], where it is known; over speed: τ1, T_s and τ2 [RPM].
-    """
+    """Figs. 4 and 5: the levels with their intervals, their trend and the published one, a panel a value."""
     part, stress = fit.friction, fit.friction is not None and fit.friction.over_stress
     if part is None or len(part.levels) < 2:
         return None
     names = ("Ts", "tau1", "C_f", "tau2") if stress and fit.data.output_unit == "N·m" else VALUES
-    paper = rig.OVER_STRESS
+    paper = rig.TABLE_I
     if fit.data.kind == "friction-speed":
         # Table II's tau2 is two equal rates of opposite weight: at the printed digits no curve is left to draw.
-        names, paper = ("tau1", "Ts", "tau2"), {name: rig.OVER_SPEED[name] for name in ("Ts", "tau1")}
+        names, paper = ("tau1", "Ts", "tau2"), {name: rig.TABLE_II[name] for name in ("Ts", "tau1")}
     x = np.array([row.stress_kpa if stress else row.level for row in part.levels], dtype=float)
     fine = np.linspace(x.min(), x.max(), 200)
     along = Axis("Normal stress", "kPa") if stress else over(fit.data.input_unit)
@@ -103,7 +100,10 @@ def trends(fit: Fit) -> Sheet | None:
         scaled = [end and (k * end[0], k * end[1]) for k, end in zip(per, ends, strict=True)]
         fitted = part.trends.get(name)
         trend = Line(fine, fitted.predict(fine), "trend") if fitted is not None and fitted.coefficients else None
-        published = Line(fine, paper[name](fine)) if name in paper and of_the_paper(fit.data) else None
+        published = None
+        if name in paper and of_the_paper(fit.data):
+            known = paper[name][1]
+            published = Line(fine, Trend("linear" if len(known) == 2 else "double-exponential", known).predict(fine))
         panels.append(value_panel(along, fit, name, x.tolist(), values, scaled, trend, published, not panels))
     four = len(names) == 4
     return Sheet(panels, 4.2 if four else 2.4, columns=2 if four else 3, shared=four)
@@ -139,10 +139,7 @@ def pwm_period(results: Results) -> Sheet | None:
 
 
 def shear_per_field(fit: Fit) -> Sheet | None:
-    """Fig. 9, Eq. (1): shear stress over the electric field of this clutch at its highest level, of the paper's kind.
-
-    A hollow square, as the paper marks adjustable rotary actuators, and lines of equal merit.
-    """
+    """Fig. 9, Eq. (1): shear stress over the field of this clutch at its highest level, with lines of equal merit."""
     if fit.nonlinear is None or not of_the_paper(fit.data):
         return None
     rig, model, top = fit.data.apparatus, fit.nonlinear.parameters, fit.nonlinear.u_range[1]

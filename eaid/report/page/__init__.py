@@ -7,20 +7,21 @@ escaped.
 import base64
 import hashlib
 import re
+import shlex
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cache
 from importlib import resources
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
+from eaid.export.export import offered
+from eaid.findings.finding import listed
 from eaid.report import live
 from eaid.report.page import summary
-from eaid.report.page.next_steps import commands, next_steps
 from eaid.report.page.summary import MOST, Known, known, sentence
 from eaid.report.results import KINDS, Results
-from eaid.report.tables import Name, Table, data, fits, gains, listed, replays, text
+from eaid.report.tables import Name, Table, data, fits, gains, replays, text
 from eaid.shown import counted
 from eaid.version import __version__
 
@@ -49,11 +50,6 @@ class Drawn:
         """Whether it has one column."""
         return self.size_px[0] < 480
 
-    @property
-    def alt(self) -> str:
-        """What a reader who does not see the picture is told."""
-        return f"{self.title}. {self.sees}"
-
 
 Figures = dict[str, Drawn]
 
@@ -68,11 +64,6 @@ class Block:
     findings: tuple[tuple[str, str], ...] = ()  # Severity and sentence of each
     lines: tuple[str, ...] = ()  # Command lines
     folds: "tuple[Block, ...]" = ()
-
-    @property
-    def id(self) -> str:
-        """Where links lead."""
-        return self.title.lower()
 
     @property
     def count(self) -> str:
@@ -92,8 +83,8 @@ def parts(results: Results, known: Known, drawn: Figures) -> list[Block]:
     rehab = results.replay("rehab")
     others = [given.result for given in results.replays if given.result.head.scenario != "rehab"]
     tracked = [replay for replay in others if replay.head.scenario != "log"]
-    replayed = [table for replay in tracked for table in replays.further_tables(replay)]
-    replayed = [*([replays.errors_table(tracked)] if tracked else []), *map(replays.log_table, others), *replayed]
+    replayed = [*([replays.errors_table(tracked)] if tracked else []), *map(replays.log_table, others)]
+    replayed += [table for replay in tracked for table in replays.further_tables(replay)]
     shown = _of(drawn, "fig12_multisine", "own_reference", "fig11_steps", "log_replay")
     again = Block("How to do it again", lines=tuple(commands(results)))
     every = [
@@ -179,6 +170,57 @@ def _controller(results: Results, known: Known, drawn: Figures) -> Block | None:
     return _part("Controller", known, figures, tables, folds) if results.gains or figures or tables else None
 
 
+# Condition of the guarantee → the option by which tune-rc meets it
+MENDED = {"rho": "--b-hat minimax", "phi": "--phi data", "Q_M": "--reference multisine"}
+
+
+def next_steps(results: Results) -> list[tuple[str, str]]:
+    """At most three things to do, each with the command that does it."""
+    clutch = next((fit for fit in results.fits if fit.result.data.kind == "clutch"), None)
+    fit = clutch or next(iter(results.fits), None)
+    if fit is None:
+        return [("Fit the data", f"eaid fit {shlex.quote(one.path)} -o fit.json") for one in results.data[:1]]
+    fit_json, usable, linear = shlex.quote(fit.path), fit.result.verdict.usable, fit.result.linear
+    steps: list[tuple[str, str]] = []
+    if linear is not None and not results.gains and usable and linear.a0 > 0 and linear.b0 > 0:
+        steps.append(("Design the controllers", f"eaid tune-rc {fit_json} -o gains.json"))
+    given = next(iter(results.gains), None) if usable else None
+    conditions = gains.conditions_of(given.result) if given is not None else ()
+    if given is not None:
+        missing = [row for row in conditions if row.holds is False]
+        options = " ".join(MENDED[row.name] for row in missing if row.name in MENDED)
+        if options and not any(row.name in gains.BEYOND_GAINS for row in missing):
+            why = f"Ask for gains whose guarantee holds ({', '.join(map(gains.called, missing))})"
+            typed = shlex.join(given.result.command) or fit_json  # what was asked for stays
+            steps.append((why, f"eaid tune-rc {typed} {options} -o {shlex.quote(given.path)} --force"))
+        if results.replay("multisine") is None:
+            line = f"eaid simulate {fit_json} {shlex.quote(given.path)} --scenario multisine -o multisine.h5"
+            steps.append(("Try the controllers on the fitted model", line))
+    if fit.result.nonlinear is not None or fit.result.friction_levels:
+        logs = " --excitation" if fit.result.recorded is not None else ""
+        why = "Plan what to record next: inputs, holds and repeats for narrower intervals"
+        steps.append((why, f"eaid plan {fit_json}{logs} -o plan.csv"))
+    if given is not None and (laws := offered(given.result, fit.result)) != ():
+        without = "" if all(row.holds for row in conditions) else ", without a guarantee"
+        only = f" --law {','.join(laws)}" if laws else ""
+        line = f"eaid export {shlex.quote(given.path)} --as c{only} -o rig"
+        steps.append((f"Take these gains to the rig{without}", line))
+    return steps[:3]
+
+
+def commands(results: Results) -> list[str]:
+    """Command lines that make these files again; a result of the Python API says so."""
+    made = [("fit", fit.path, fit.result.command) for fit in results.fits]
+    made += [("tune-rc", gains.path, gains.result.command) for gains in results.gains]
+    made += [("simulate", replay.path, replay.result.head.command) for replay in results.replays]
+    made += [("couple", walls.path, walls.result.command) for walls in results.couplings]
+    lines = [f"eaid ingest LOGS -o {shlex.quote(data.path)}" for data in results.data]
+    for command, path, words in made:
+        line = shlex.join(["eaid", command, *words, "-o", path])
+        lines.append(line if words else f"{path}: made in Python by eaid.{command.replace('-', '_')}")
+    return [*lines, shlex.join(["eaid", "report", *(given.path for given in results.every), "-o", "report"])]
+
+
 WORDS = {"good": "Good", "care": "Warning", "bad": "Stop", "none": "–"}
 SEVERITIES = {"stop": ("bad", "Stop"), "caution": ("care", "Warning"), "note": ("good", "Note")}
 
@@ -187,7 +229,13 @@ def page(results: Results, drawn: Sequence[Drawn], pictures: Sequence[Drawn]) ->
     """The whole page as text."""
     library = live.script() if any(one.live for one in drawn) else ""
     starter = _asset("page.js")
-    return _environment().get_template("report.html.j2").render(
+    made = Environment(
+        loader=PackageLoader("eaid.report.page"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
+        lstrip_blocks=True,
+    )  # fmt: skip
+    made.filters["sign"] = signs
+    return made.get_template("report.html.j2").render(
+        words=WORDS, severities=SEVERITIES, text=text,
         title=summary.title(results),
         synthetic=results.synthetic,
         chips=summary.chips(results),
@@ -207,20 +255,6 @@ def page(results: Results, drawn: Sequence[Drawn], pictures: Sequence[Drawn]) ->
         library=Markup(library),
         starter=Markup(starter),
     )  # fmt: skip
-
-
-@cache
-def _environment() -> Environment:
-    made = Environment(
-        loader=PackageLoader("eaid.report.page"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    made.filters["sign"] = signs
-    made.globals |= {"words": WORDS, "severities": SEVERITIES, "text": text}
-    return made
 
 
 def signs(said: str) -> Markup:

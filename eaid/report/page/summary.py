@@ -17,7 +17,6 @@ from eaid.report.tables.data import is_warned
 from eaid.report.tables.gains import guarantee_story
 from eaid.report.tables.replays import SCENARIO_NAMES, metric
 from eaid.results import summary
-from eaid.results.fit import Fit
 from eaid.results.replay import Replay
 from eaid.shown import counted, span
 
@@ -31,17 +30,14 @@ Known = Mapping[str, tuple[Finding, ...]]  # Part of the page → its findings, 
 
 def known(results: Results) -> Known:
     """All findings of the results, sorted; those of one code as one, but for runs."""
-    found: dict[str, list[Finding]] = {"data": [], "model": [], "controller": [], "replay": []}
-    for data in results.data:
-        found["data"] += data.result.all_findings
-    for fit in results.fits:
-        for one in fit.result.findings:
-            of_the_model = one.subject in (*MODELS, "fit") or one.code in ABOUT_THE_CURVE
-            found["model" if of_the_model else "data"].append(one)
-    for gains in results.gains:
-        found["controller"] += gains.result.findings
-    for replay in results.replays:
-        found["replay"] += replay.result.findings
+    found: dict[str, list[Finding]] = {
+        "data": [one for data in results.data for one in data.result.all_findings], "model": [],
+        "controller": [one for gains in results.gains for one in gains.result.findings],
+        "replay": [one for replay in results.replays for one in replay.result.findings],
+    }  # fmt: skip
+    for one in (one for fit in results.fits for one in fit.result.findings):
+        of_the_model = one.subject in (*MODELS, "fit") or one.code in ABOUT_THE_CURVE
+        found["model" if of_the_model else "data"].append(one)
     for part, group in found.items():  # each once: a fit repeats what its data already said
         found[part] = list({(one.code, one.subject, one.levels): one for one in group}.values())
     return {part: ranked(group if part == "data" else merged(ranked(group))) for part, group in found.items()}
@@ -55,14 +51,6 @@ def sentence(one: Finding, of_data: bool = False) -> str:
         return f"{one.subject}: {said}."  # a run, by its name
     text = f"{about}{said}"
     return f"{text[:1].upper() if text[:1] not in 'τφρα' else text[:1]}{text[1:]}."
-
-
-def fit_pct(fit: Fit) -> float | None:
-    """100 (1 − ‖y − ŷ‖/‖y − mean y‖) of the page's model, as the fit says: of all its data, else the levels' mean."""
-    if fit.nonlinear is not None and fit.nonlinear.fit_pct is not None:
-        return fit.nonlinear.fit_pct
-    percents = [row.fit_pct for row in fit.friction_levels if row.fit_pct is not None]
-    return float(np.mean(percents)) if percents else None
 
 
 def tables(results: Results) -> tuple[Table, ...]:
@@ -180,7 +168,10 @@ def _model(results: Results, known: Known) -> Light:
         return Light("Model", "none", "no fit given", "appendix")
     if not fit.verdict.usable:
         return Light("Model", "bad", on_command_line(f"NOT USABLE: {fit.verdict.sentence}"), "model")
-    findings, percent = known["model"], fit_pct(fit)
+    findings, percents = known["model"], [row.fit_pct for row in fit.friction_levels if row.fit_pct is not None]
+    percent = float(np.mean(percents)) if percents else None
+    if fit.nonlinear is not None and fit.nonlinear.fit_pct is not None:  # of all its data
+        percent = fit.nonlinear.fit_pct
     lead = "usable; " if percent is None else f"usable, fits {number(percent, 3)} % (100 % = perfect); "
     return Light("Model", _grade(findings), lead + _counted(findings, fit.data.input_unit), "model")
 

@@ -1,13 +1,11 @@
 """Tables of results; the one type of a table: typed cells, as text for the terminal and as HTML for the page."""
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from operator import attrgetter
-from typing import Any, TypeVar
-
-from eaid.results.common import Interval, ci95_of
+from typing import TypeVar
 
 T = TypeVar("T")
 SYMBOLS = {"Ts": "T_s", "C_f": "C_f", "tau1": "τ1", "tau2": "τ2"}
@@ -81,16 +79,11 @@ def table_of(heading: str, caption: str, items: Iterable[T], *parts: Part[T] | N
     return Table(heading, caption, columns(*(head for head, _show in shown)), rows)
 
 
-def with_interval(head: Head, name: str) -> tuple[Part[Any], Part[Any]]:
-    """Two columns: a value, and its 95 % interval."""
-    return (head, name), (INTERVAL, lambda one: ci95_of(one, name))
-
-
 def text(cell: Cell, digits: int = 4) -> str:
     """A cell as text."""
-    if isinstance(cell, str):
-        return cell
-    return interval(cell, min(digits, 3)) if isinstance(cell, tuple) else number(cell, digits)
+    if isinstance(cell, tuple):
+        return " … ".join(number(end, min(digits, 3)) for end in cell)
+    return cell if isinstance(cell, str) else number(cell, digits)
 
 
 def number(value: object, digits: int = 4) -> str:
@@ -112,16 +105,6 @@ def number(value: object, digits: int = 4) -> str:
     return said.replace("-", "−")
 
 
-def interval(ends: Interval, digits: int = 3) -> str:
-    """A 95 % interval as text; a dash where there is none."""
-    return "–" if ends is None else f"{number(ends[0], digits)} … {number(ends[1], digits)}"
-
-
 def level(value: float | None) -> str:
     """A level as people write it: 10, 17.5, 153."""
     return "–" if value is None else f"{value:.4g}".replace("-", "−")
-
-
-def listed(items: Sequence[str]) -> str:
-    """`10, 20 and 30`."""
-    return f"{', '.join(items[:-1])} and {items[-1]}" if len(items) > 1 else "".join(items)

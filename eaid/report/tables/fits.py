@@ -5,17 +5,7 @@ from operator import itemgetter
 from eaid.models.parameters import PAPER_LINEAR
 from eaid.report import rig as published
 from eaid.report.rig import gain, of_the_paper, rate
-from eaid.report.tables import (
-    INTERVAL,
-    SYMBOLS,
-    Cell,
-    Name,
-    Table,
-    level,
-    number,
-    table_of,
-    with_interval,
-)
+from eaid.report.tables import INTERVAL, SYMBOLS, Cell, Name, Table, level, number, table_of
 from eaid.results.common import ci95_of
 from eaid.results.fit import Fit, Trend
 
@@ -38,7 +28,8 @@ def levels_table(fit: Fit) -> Table:
         (("level", fit.data.input_unit),
          lambda one: Name(level(one.level) if not one.from_ else f"{level(one.from_)} → {level(one.level)}")),
         (("stress", "kPa", 3), lambda one: rig.stress_kpa(one.level)) if force else None,
-        *(part for name in ("Ts", "tau1", "tau2") for part in with_interval((SYMBOLS[name], unit_of(fit, name)), name)),
+        *(part for name in ("Ts", "tau1", "tau2") for part in (
+            ((SYMBOLS[name], unit_of(fit, name)), name), (INTERVAL, lambda one, name=name: ci95_of(one, name)))),
         (("RMSE", out, 3), "rmse"),
         (("fit", "%", 3), "fit_pct") if any(one.fit_pct is not None for one in rows) else None,
     )  # fmt: skip
