@@ -1,5 +1,6 @@
 """What a report shows: fits, gains, replays and datasets, from files or from memory. Nothing is refitted."""
 
+import contextlib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -130,11 +131,9 @@ def gathered(
         kind = next((name for name, type_ in TYPES.items() if isinstance(result, type_)), None)
         if kind is None:
             raise UsageError(f"a {type(result).__name__} is no result that a report can show")
-        count = len(sorted_[kind])
-        name = f"{kind} {count + 1}" if count else kind
+        name = f"{kind} {len(sorted_[kind]) + 1}" if sorted_[kind] else kind
         sorted_[kind].append(item if isinstance(item, Given) else Given(result, name))
-    order = {name: i for i, name in enumerate(SCENARIOS)}
-    sorted_["replay"].sort(key=lambda one: order.get(one.result.head.scenario, len(order)))
+    sorted_["replay"].sort(key=lambda one: [*SCENARIOS, one.result.head.scenario].index(one.result.head.scenario))
     given = {one.result.kind for one in sorted_["data"]}
     for one in sorted_["fit"]:
         if one.result.data.kind not in given and (steps := logs_of(one.result, progress)) is not None:
@@ -143,35 +142,27 @@ def gathered(
     return Results(*map(tuple, sorted_.values()))
 
 
-def logs_of(fit: Fit, progress: Progress = no_progress) -> StepSet | None:
+def logs_of(fit: Fit, progress: Progress) -> StepSet | None:
     """The steps behind a fit: those in memory, else read again where its logs still are what they were; None: gone."""
     if "steps_fitted" in fit.__dict__:
         return cast(StepSet, fit.__dict__["steps_fitted"])
     logs = {Path(one.path): one.sha256 for one in fit.data.inputs or fit.data.sources}
     unchanged = all(path.is_file() and sha256_of(path) == sha256 for path, sha256 in logs.items())
-    if not (logs and fit.data.repeats and unchanged):
-        return None
-    try:
-        return read_steps([*logs], chosen(ReadOptions, None, fit.options.reading), progress)[1]
-    except DataError:
-        return None
+    if logs and fit.data.repeats and unchanged:
+        with contextlib.suppress(DataError):
+            return read_steps([*logs], chosen(ReadOptions, None, fit.options.reading), progress)[1]
+    return None
 
 
-def read_results(
-    paths: Sequence[Path], tell: Callable[[str], None] = lambda _: None, progress: Progress = no_progress
-) -> Results:
-    """Read and sort any number of result files; all that cannot be read are told at once.
-
-    `tell` gets a sentence for each part of a file that is left out.
-    """
+def read_results(paths: Sequence[Path], tell: Callable[[str], None], progress: Progress) -> Results:
+    """Read and sort any number of result files, all faults at once; `tell` hears of each part that is left out."""
     items: list[Given[Any]] = []
     faults: list[str] = []
     for path in paths:
         try:
             result, found = read_result(path)
-            if isinstance(result, Replay):
-                result = drawable(result, path)
-            items.append(Given(result, str(path), sha256_of(path)))
+            shown = drawable(result, path) if isinstance(result, Replay) else result
+            items.append(Given(shown, str(path), sha256_of(path)))
             for one in found:
                 tell(say(one))
         except DataError as fault:
@@ -192,11 +183,9 @@ def read_result(path: Path) -> tuple[Any, tuple[Finding, ...]]:
         if kind not in TYPES:
             raise DataError(f"{path}: is a {kind}.json; give a fit.json, gains.json or couple.json")
         return codec.read(path, TYPES[kind])
-    try:
-        with h5py.File(path) as file:
-            schema = file.attrs.get("schema", "")
-    except (OSError, KeyError, RuntimeError):  # damaged: what reads its runs says so
-        schema = ""
+    schema = ""
+    with contextlib.suppress(OSError, KeyError, RuntimeError), h5py.File(path) as file:  # damaged: its reader says so
+        schema = file.attrs.get("schema", "")
     return replay_files.read(path) if schema == replay_files.SCHEMA else (read_steps([path], ReadOptions())[1], ())
 
 
@@ -214,6 +203,5 @@ def drawable(replay: Replay, path: Path) -> Replay:
         raise DataError(*faults)
     if not drawn:
         raise DataError(f"{path}: holds no controller; make it again with eaid simulate")
-    known = {name: i for i, name in enumerate(CONTROLLERS)}
-    ordered = dict(sorted(drawn.items(), key=lambda item: known.get(item[0], len(known))))
-    return replace(replay, records=ordered)
+    order = sorted(drawn, key=lambda name: [*CONTROLLERS, name].index(name))
+    return replace(replay, records={name: drawn[name] for name in order})
