@@ -45,14 +45,6 @@ class Declaration:
     levels: bool = False  # Levels of the data, which Python may also give as numbers
     kept: bool = True  # Whether a result keeps it: what changes no number is not kept
 
-    def range_words(self, whole: bool) -> str:
-        """`a number from 0 to 100`."""
-        kind = "a whole number" if whole else "a number"
-        least, most = (
-            str(end) if isinstance(end, int) and end < 10**17 else f"{end:g}" for end in (self.least, self.most)
-        )
-        return f"{kind} above {least}, {most} at most" if self.above else f"{kind} from {least} to {most}"
-
 
 def option(default: Any, help: str, group: str, *flags: str, words: str | Sequence[str] = (), **more: Any) -> Any:
     """A field of an options type; `words` also as `a|b`, `more` are fields of `Declaration`."""
@@ -116,11 +108,6 @@ class Form:
         return bool(self.parts[0] == tuple[str, ...])
 
     @property
-    def pair(self) -> bool:
-        """Whether the value is two numbers."""
-        return bool(self.parts[0] == tuple[float, float])
-
-    @property
     def flag(self) -> str:
         """The option as it is typed, `--pi-gains`."""
         named = (flag for flag in self.declared.flags if flag.startswith("--"))
@@ -150,9 +137,10 @@ class Form:
             return names(name, text)
         if text in self.declared.words:
             return text
-        if self.pair:
-            return pair(name, text, ":" if ":" in (self.declared.shown or "") else ",")
-        readers = {tuple[float, ...]: numbers, Mapping[str, float]: factors, Mapping[str, str]: pairs}
+        if kind == tuple[float, float]:
+            text = text.replace(":", ",")  # 10:100, or 0,100
+        readers = {tuple[float, ...]: numbers, tuple[float, float]: numbers, Mapping[str, float]: factors,
+                   Mapping[str, str]: pairs}  # fmt: skip
         if kind in readers:
             return readers[kind](name, text)
         if {int, float} & set(self.parts):
@@ -172,8 +160,9 @@ class Form:
             if isinstance(value, str) and str in self.parts:
                 fine = not declared.words or value in declared.words
                 return [] if fine else [f"{name} {value}: must be {', '.join(declared.words)} or a number"]
-            if typing.get_origin(kind) is tuple and (not isinstance(value, tuple) or (self.pair and len(value) != 2)):
-                return [f"{name} {value!r}: give {'two numbers' if self.pair else 'numbers'}"]
+            pair = kind == tuple[float, float]
+            if typing.get_origin(kind) is tuple and (not isinstance(value, tuple) or (pair and len(value) != 2)):
+                return [f"{name} {as_typed(value)}: give {f'two numbers, as {declared.shown}' if pair else 'numbers'}"]
             each = value if isinstance(value, tuple) else value.values() if isinstance(value, Mapping) else (value,)
             faults = [fault for one in each for fault in self._outside(one)]
             if declared.rises and not faults and value[0] > value[1]:
@@ -189,7 +178,7 @@ class Form:
             return again + [unknown(name, word, known) for word in value if known and word not in known]
         if declared.words and isinstance(value, str | int | float) and declared.read is None:
             return [] if value in declared.words else [unknown(name, value, declared.words)]
-        if kind is str and str not in map(type, (value,)) and len(self.parts) == 1:
+        if self.parts == (str,) and not isinstance(value, str):
             return [f"{name} {value!r}: give a text"]
         return []
 
@@ -200,9 +189,12 @@ class Form:
         low = value > declared.least if declared.above else value >= declared.least
         if low and value <= declared.most and (not whole or value == math.floor(value)):
             return []
-        shown = f"{value:g}" if isinstance(value, float) else str(value)
+        limits = (declared.least, declared.most)
+        least, most = (f"{end:g}" if isinstance(end, float) or end >= 10**17 else str(end) for end in limits)
+        shown = f"{value:g}" if isinstance(value, float) else str(value)[:30]
+        ends = f"above {least}, {most} at most" if declared.above else f"from {least} to {most}"
         words = "".join(f", or {word}" for word in declared.words)
-        return [f"«{self.name}» {shown[:30]}: give {declared.range_words(whole)}{words}"]
+        return [f"«{self.name}» {shown}: give a {'whole ' * whole}number {ends}{words}"]
 
 
 def _forms(kind: type) -> dict[str, Form]:
@@ -238,27 +230,11 @@ def part(kind: type[O], options: object) -> O:
     return kind(**{name: getattr(options, name) for name in forms(kind)})
 
 
-def together(one: str, first: object, other: str, second: object) -> None:
-    """Refuse one of two options without the other."""
-    if (first is None) != (second is None):
-        raise UsageError(f"«{one}» and «{other}» belong together: give both or neither")
-
-
 def as_typed(value: Any) -> str | None:
     """A default as it would be typed."""
     if isinstance(value, tuple):
         return ",".join(as_typed(each) or "" for each in value) or None
     return None if value is None or value == {} else f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def pair(flag: str, text: str, between: str) -> tuple[float, float]:
-    """Two numbers with a comma or a colon between them."""
-    parts = text.split(between)
-    if len(parts) != 2:
-        word, example = ("colon", "10:100") if between == ":" else ("comma", "0,100")
-        raise UsageError(f"{flag} {text}: write two numbers with a {word} between them, as {example}")
-    low, high = numbers(flag, text.replace(between, ","))
-    return low, high
 
 
 def numbers(flag: str, text: str) -> tuple[float, ...]:

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import msgspec
 
 from eaid.apparatus import Apparatus
-from eaid.declared import Options, option, pairs, together
+from eaid.declared import Options, option, pairs
 from eaid.errors import UsageError, unknown
 
 Kind = Literal["clutch", "friction-force", "friction-speed"]
@@ -229,8 +229,9 @@ class TuneOptions(Chance):
         by_frequency = self.natural_frequency is not None or self.damping is not None
         if by_frequency and (self.kp is not None or self.kd is not None):
             raise UsageError("give either «kp» and «kd», or «natural_frequency» and «damping», not both")
-        together("natural_frequency", self.natural_frequency, "damping", self.damping)
-        together("pi_overshoot", self.pi_overshoot, "pi_settling", self.pi_settling)
+        for one, other in (("natural_frequency", "damping"), ("pi_overshoot", "pi_settling")):
+            if (getattr(self, one) is None) != (getattr(self, other) is None):
+                raise UsageError(f"«{one}» and «{other}» belong together: give both or neither")
         if self.pi_gains is not None and self.pi_overshoot is not None:
             raise UsageError("give either «pi_gains» or «pi_overshoot» with «pi_settling», not both")
 

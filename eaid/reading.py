@@ -81,17 +81,9 @@ def read_steps(
     warn: Callable[[str], None] = lambda _: None,
     columns: Callable[[str], None] = lambda _: None,
 ) -> tuple[list[Run], StepSet]:
-    """The cut runs behind logs, datasets, folders or a manifest, and their step set.
+    """The cut runs behind logs, datasets, folders or a manifest, and their step set; DataError tells all faults.
 
     `columns` hears which columns were taken and which were left, before anything else is done with them.
-
-    `options.logs_as` says which logs are not cut and stand in `StepSet.recorded`: none (steps), those whose input does
-    more than step from rest (auto), all (recorded).
-
-    Raises
-    ------
-    DataError
-        With the faults of all logs at once.
     """
     baseline_rule(options.baseline)  # what is wrong in the options is told before anything is read
     manifest = manifest_of(paths)
@@ -166,17 +158,11 @@ def _roundest(value: float) -> str:
 
 
 def steps_of(
-    runs: Sequence[Run],
-    options: ReadOptions,
-    faults: Sequence[str] = (),
-    paths: Sequence[Path] = (),
+    runs: Sequence[Run], options: ReadOptions, faults: Sequence[str] = (), paths: Sequence[Path] = ()
 ) -> tuple[list[Run], StepSet]:
     """The same from runs that are read already; `faults` of reading are raised with those of finding steps."""
-    uncut = [
-        run
-        for run in runs
-        if options.logs_as == "recorded" or (options.logs_as == "auto" and is_recorded(run, options.rest))
-    ]
+    how = options.logs_as
+    uncut = [run for run in runs if how == "recorded" or (how == "auto" and is_recorded(run, options.rest))]
     steps, more = cut_runs([run for run in runs if not any(run is one for one in uncut)], options)
     if faults or more:
         raise DataError(*faults, *more)

@@ -26,9 +26,6 @@ if TYPE_CHECKING:
     from eaid.report.tables import Table
 
 
-GAP = 2
-
-
 def _letters(text: str) -> int:
     """Letters that a text takes on a line: combining marks take none."""
     return sum(not unicodedata.combining(letter) for letter in text)
@@ -42,7 +39,7 @@ def aligned(rows: Sequence[Sequence[str]], numeric: Sequence[bool], width: int |
     columns = list(zip(*rows, strict=True))
     widths = [max(map(_letters, column)) for column in columns]
     least = [max(_letters(word) for cell in column for word in cell.split(" ")) for column in columns]
-    over = 0 if width is None else sum(widths) + GAP * (len(widths) - 1) - width
+    over = 0 if width is None else sum(widths) + 2 * (len(widths) - 1) - width
     if over > sum(widths) - sum(least):
         heads, *others = rows
         lines = [line for row in others for line in ("", *map("  ".join, zip(heads, row, strict=True)))]
@@ -56,7 +53,7 @@ def aligned(rows: Sequence[Sequence[str]], numeric: Sequence[bool], width: int |
         for parts in itertools.zip_longest(*cells, fillvalue=""):
             pads = [" " * (size - _letters(part)) for part, size in zip(parts, widths, strict=True)]
             padded = (p + s if right else s + p for s, p, right in zip(parts, pads, numeric, strict=True))
-            lines.append((" " * GAP).join(padded).rstrip())
+            lines.append("  ".join(padded).rstrip())
     return lines
 
 

@@ -1,11 +1,13 @@
 """`eaid fit`: logs or a dataset → fit.json, what it says in a few lines, and its warnings."""
 
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
 from eaid.cli import console
 from eaid.cli.form import Common, argument, takes, tell_result, written
 from eaid.declared import part
+from eaid.errors import on_command_line
 from eaid.files import refuse_to_overwrite
 from eaid.options import FitOptions, ReadOptions
 
@@ -31,20 +33,26 @@ def command(args: Arguments) -> int:
     import msgspec
 
     from eaid import api
-    from eaid.cli.printed import PARTS, fit_shown
     from eaid.logs.manifest import files_read
     from eaid.reading import read_steps
-    from eaid.results.summary import runs
+    from eaid.report.tables.fits import model_tables
+    from eaid.results.summary import answer, runs, verdict_line, warned
 
     refuse_to_overwrite(args.output, args.force, files_read(args.data))
     stepset = read_steps(args.data, part(ReadOptions, args), console.progress, console.warn, console.say)[1]
     result = api.fit(stepset, part(FitOptions, args), progress=console.progress)
     result = msgspec.structs.replace(result, command=args.typed)
     result.save(args.output, args.force)
-    tell_result(args, result, fit_shown(result, args.output, args.verbose), result.findings)
-    parts = ", ".join(name for name in PARTS if getattr(result, name)) or "no model"
+    usable = result.verdict.usable
+    warnings = ("warned " if usable else "stop   ") + (", ".join(warned(result)) or "none")
+    after = shlex.join(("eaid", "tune-rc" if result.linear is not None and usable else "report", str(args.output)))
+    lines = *verdict_line(result), *answer(result), warnings, f"next   {after}"
+    shown = [*map(on_command_line, lines), *(model_tables(result) if args.verbose else ())]
+    tell_result(args, result, shown, result.findings)
+    models = ("friction", "nonlinear", "linear", "release", "steps")
+    parts = ", ".join(name for name in models if getattr(result, name)) or "no model"
     console.say(f"{args.output}: {parts} of {runs(result, f'{result.data.kind} run')}")
-    if result.verdict.usable:
+    if usable:
         return 0
     console.fail(f"{args.output}: is written and marked; do not use its numbers")
     return NOT_TO_BE_USED

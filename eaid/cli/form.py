@@ -123,10 +123,13 @@ def _parameter(form: Form) -> inspect.Parameter:
     declared, placed = form.declared, form.declared.group == PLACE
     default = ... if form.default is MISSING else _default(form)
     kind = typer.Argument if placed else typer.Option
-    named = declared.flags or (f"{form.flag}/--no-{form.flag[2:]}" if form.default is True else form.flag,)
-    flags = () if placed else (named,) if isinstance(named, str) else named
+    both = f"{form.flag}/--no-{form.flag[2:]}" if form.default is True else form.flag
+    flags = () if placed else declared.flags or (both,)
+    help, behind = declared.help, _metavar(form)
+    if any(word not in behind for word in declared.words):
+        help = f"{help} {'Of' if form.several else 'One of'} {', '.join(declared.words)}."
     info = kind(
-        default, *flags, help=_help(form), metavar=_metavar(form),
+        default, *flags, help=re.sub(r"([_*<`])", r"\\\1", help), metavar=behind,  # in the Markdown that Typer shows
         show_default=default is not None and default is not False, rich_help_panel=None if placed else declared.group,
     )  # fmt: skip
     hint = form.parts[0] if form.parts[0] in WHOLE else str
@@ -145,14 +148,6 @@ def _metavar(form: Form) -> str:
         return declared.shown or plain.get(kind, "NUMBER")
     words = "|".join(declared.words) + (",…" if form.several else "|NUMBER" if number else "")
     return words if len(words) <= SHORT else "WORD,…" if form.several else "WORD|NUMBER" if number else "WORD"
-
-
-def _help(form: Form) -> str:
-    """The help, with the words where they do not stand behind the option, in the Markdown that Typer shows."""
-    text, behind = form.declared.help, _metavar(form)
-    if any(word not in behind for word in form.declared.words):
-        text = f"{text} {'Of' if form.several else 'One of'} {', '.join(form.declared.words)}."
-    return re.sub(r"([_*<`])", r"\\\1", text)
 
 
 def _typed_words(shown: Sequence[Form], typed: Mapping[str, Any]) -> tuple[str, ...]:

@@ -7,6 +7,8 @@ import os
 import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, cast
 
 from eaid.cli import console
@@ -27,19 +29,12 @@ class Patient:
     def __init__(self, stream: Any) -> None:
         self._stream = stream
 
-    def write(self, text: str) -> int:
-        """Write, or drop what nobody reads."""
-        self._read_or_not(self._stream.write, text)
-        return len(text)
-
-    def flush(self) -> None:
-        """Flush, or drop what nobody reads."""
-        self._read_or_not(self._stream.flush)
-
     def __getattr__(self, name: str) -> Any:
-        return getattr(self._stream, name)
+        held = getattr(self._stream, name)
+        return partial(self._read_or_not, held) if name in ("write", "flush") else held
 
     def _read_or_not(self, act: Callable[..., Any], *given: str) -> None:
+        """Write or flush, or drop what nobody reads."""
         try:
             act(*given)
         except OSError as fault:
@@ -104,16 +99,9 @@ def load_command(name: str) -> "TyperCommand":
     )
     command = cast("TyperCommand", typer.main.get_command(alone))
     for parameter in command.get_params(typer.Context(command, **command.context_settings)):
-        parameter._runtime_param = _AsTyped()  # type: ignore[attr-defined]
+        # what is typed stays as it is: `eaid.declared` reads it, and Typer would load pydantic to
+        parameter._runtime_param = SimpleNamespace(coerce=lambda value, **_: value)  # type: ignore[attr-defined]
     return command
-
-
-class _AsTyped:
-    """What is typed stays as it is: `eaid.declared` reads it, and Typer would load pydantic to."""
-
-    def coerce(self, value: Any, **_: Any) -> Any:
-        """The value itself."""
-        return value
 
 
 INTERRUPTED = "interrupted; nothing half-written is left"

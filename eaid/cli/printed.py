@@ -1,6 +1,5 @@
-"""What commands print of fits, of what was read and of plans; and `--json` where no file says it."""
+"""What commands print of what was read and of plans; and `--json` where no file says it."""
 
-import shlex
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,25 +10,9 @@ from eaid.findings import say
 from eaid.findings.finding import WORD
 from eaid.report.tables import Name, Table, table_of
 from eaid.report.tables.data import between_levels, levels_recorded, slips_table
-from eaid.report.tables.fits import model_tables
-from eaid.results.fit import Fit
 from eaid.results.plan import Excitation, Plan, PlannedRun
-from eaid.results.summary import answer, verdict_line, warned
 from eaid.shown import counted
 from eaid.steps.stepset import Level, LevelStep, StepSet
-
-PARTS = ("friction", "nonlinear", "linear", "release", "steps")
-
-
-def fit_shown(fit: Fit, file: Path, tables: bool) -> list[str | Table]:
-    """The answer in eight lines, the gravest warnings and what to do next; on request all tables."""
-    usable = fit.verdict.usable
-    after = "tune-rc" if fit.linear is not None and usable else "report"
-    label = "warned " if usable else "stop   "
-    warnings = label + (", ".join(warned(fit)) or "none")
-    lines = *verdict_line(fit), *answer(fit), warnings, f"next   {shlex.join(('eaid', after, str(file)))}"
-    return [*map(on_command_line, lines), *(model_tables(fit) if tables else ())]
-
 
 MOST = 20  # Steps from level to level that are listed; all are in the file and in --json
 

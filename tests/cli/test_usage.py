@@ -16,7 +16,7 @@ TABLE = r"""
 2 | fit data.h5 --share most | --share most: must be free or a number
 2 | fit data.h5 --hold-out a | --hold-out a: write numbers with commas between them, as 40,70
 3 | fit data.h5 --bounds-levels 1:5 | --bounds-levels 1:5: no log holds 1:5; levels found: 20, 40, 60, 80, 100
-2 | fit data.h5 --duty 10 | --duty 10: write two numbers with a colon between them, as 10:100
+2 | fit data.h5 --duty 10 | --duty 10: give two numbers, as LOW:HIGH
 2 | fit data.h5 --duty 90:10 | --duty 90:10: give the lower number first
 2 | fit data.h5 --duty 10:100 | --duty: belongs to logs that are fitted as recorded, and these are steps; leave it out
 2 | fit data.h5 --baseline 3:x | --baseline 3:x: write auto, first, none, a value in the output's unit, or FROM:TO in …
@@ -39,7 +39,7 @@ TABLE = r"""
 2 | ingest logs -o no/such/data.h5 | no/such/data.h5: the folder no/such does not exist; make it first
 3 | ingest pipe.csv | pipe.csv: is no plain file; give a log or a folder of logs
 2 | tune-rc fit.json --pi-overshoot 1 | --pi-overshoot and --pi-settling belong together: give both or neither
-2 | tune-rc fit.json --pi-gains 21 | --pi-gains 21: write two numbers with a comma between them…
+2 | tune-rc fit.json --pi-gains 21 | --pi-gains 21: give two numbers, as K_P,K_I
 2 | tune-rc fit.json --b-hat best | --b-hat best: must be pooled, minimax or a number
 2 | tune-rc fit.json --phi much | --phi much: must be data or a number
 2 | tune-rc fit.json --kp 4 --damping 1 | give either --kp and --kd, or --natural-frequency and --damping, not both
@@ -75,7 +75,7 @@ TABLE = r"""
 3 | synth --plant force.json --kind clutch | force.json (sha256 …
 2 | synth --excitation random -o new.h5 | --excitation: writes a folder of CSV (-o FOLDER); give another -o
 2 | synth --excitation random --shape colour=3 -o new | --shape colour: must be one of duration_s, duty, …
-2 | synth --excitation random --shape hold_s=3 -o new | --shape hold_s 3: write two numbers with a colon between them…
+2 | synth --excitation random --shape hold_s=3 -o new | --shape hold_s 3: give two numbers, as 0.3:30
 2 | synth --excitation staircase --shape levels=2.5 -o new | --shape levels 2.5: give a whole number from 2 to 10000
 2 | synth --excitation chirp --rate-hz 8 -o new | --rate-hz 8: must be 10 Hz or more for --excitation chirp
 3 | export nowhere.json | nowhere.json: no such file; give the gains.json that eaid wrote
