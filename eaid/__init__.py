@@ -38,14 +38,12 @@ __all__ = [
     "TuneOptions", "UsageError", "__version__",
     "couple", "export", "fit", "load", "plan", "read", "report", "simulate", "synth", "tune_rc",
 ]  # fmt: skip
-HOMES = ("eaid.errors", "eaid.options", "eaid.api")
-"""Modules that hold them, the quick ones first."""
 
 
 def __getattr__(name: str) -> Any:
     """The public names, whose libraries are loaded when one is first asked for: `eaid --help` needs none."""
     if name in __all__:
-        for module in map(import_module, HOMES):
+        for module in map(import_module, ("eaid.errors", "eaid.options", "eaid.api")):  # the quick ones first
             if hasattr(module, name):
                 return getattr(module, name)
     raise AttributeError(f"module 'eaid' has no attribute {name!r}")

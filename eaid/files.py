@@ -32,10 +32,7 @@ LOGS = (".gz", ".csv", ".tsv", ".dat", ".asc", ".lvm", ".mat", ".tdms")
 
 
 def refuse_to_overwrite(path: Path, force: bool, inputs: Iterable[Path] = ()) -> None:
-    """Leave an existing output alone unless the user says otherwise; call it before the work is done.
-
-    What the command reads (`inputs`), and what is no regular file (a device, a pipe, a folder), is never replaced.
-    """
+    """Leave an existing output alone without `force`; `inputs`, and what is no regular file, are never replaced."""
     if not path.parent.is_dir():
         raise UsageError(f"{path}: the folder {path.parent} does not exist; make it first")
     if not path.exists():
@@ -72,7 +69,7 @@ def refuse_folder(
     folder: Path, force: bool, ours: Ours, command: str, inputs: Iterable[Path] = (),
     names: Iterable[str] | None = None,
 ) -> None:  # fmt: skip
-    """Leave an existing folder alone unless the user says so; one with an input, or with files of others, always.
+    """Leave an existing folder alone without `force`; one with an input, or with files of others, always.
 
     Where `names` are given, files of others beside those of the command stay, but for those names.
     """
@@ -96,11 +93,7 @@ def refuse_folder(
 
 @contextlib.contextmanager
 def written_whole(*paths: Path, force: bool = False) -> Iterator[list[Path]]:
-    """Temporary paths beside outputs that belong together; renamed one right after the other when the block ends well.
-
-    None takes its place before all of them are on the disk. Two commands that write the same output never mix: each
-    has names of its own until the rename.
-    """
+    """Temporary paths beside outputs that belong together, renamed once all are on the disk and the block ends well."""
     for path in paths:
         refuse_to_overwrite(path, force)
     parts: list[Path] = []
@@ -150,9 +143,8 @@ def _part_of(path: Path, folder: bool = False) -> Path:
 
 
 @contextlib.contextmanager
-def folder_written_whole(path: Path, ours: Ours = lambda _path, _ends: True) -> Iterator[Path]:
-    """A temporary folder beside `path` that takes its place, and that of all files of `ours` in it, when the block ends
-    well; what others put there stays.
+def folder_written_whole(path: Path, ours: Ours) -> Iterator[Path]:
+    """A folder that takes the place of `path` and of all files of `ours` in it; what others put there stays.
 
     Linux exchanges the two in one step; elsewhere, for the folder that the command runs in, and where files of others
     stay, the files inside are replaced one right after the other.
@@ -194,10 +186,7 @@ SEAL = b"eaid-sha256:"
 
 
 def is_as_written(path: Path) -> bool | None:
-    """Whether an HDF5 file holds, to the byte, what eaid wrote; None where it has no seal (h5py takes it off).
-
-    Only one that does is safe to open in this process.
-    """
+    """Whether an HDF5 file is what eaid wrote, so safe to open here; None where it has no seal (h5py takes it off)."""
     size = path.stat().st_size - len(SEAL) - 32
     if size <= 0:
         return None
@@ -212,10 +201,9 @@ def is_as_written(path: Path) -> bool | None:
 
 @contextlib.contextmanager
 def hdf5_written_whole(path: Path, force: bool = False) -> Iterator[Any]:
-    """An HDF5 file, built in memory and written whole when the block ends well; the same content, the same bytes.
+    """An HDF5 file, built in memory (on a full disk the library may crash) and written whole with its seal.
 
-    Behind its end stand `SEAL` and the SHA-256 of all before it, which the HDF5 library passes over. On a full disk
-    that library itself prints tracebacks and may crash; plain bytes give a plain OSError.
+    Behind its end stand `SEAL` and the SHA-256 of all before it, which the HDF5 library passes over.
     """
     import h5py
 

@@ -44,8 +44,7 @@ def is_recorded(run: Run, rest: float = 0.0) -> bool:
     """Whether a log is fitted as it was recorded, for its input does more than step from rest.
 
     It does where it moves most of the time, where a stretch under load goes through different inputs, or where it falls
-    to rest again and again with rests shorter than the holds, or some shorter than a third of the longest hold. Runs
-    whose level or step instant was given, and steps cut out of a log, are steps; so are logs of the friction rig.
+    to rest again and again with short rests. Runs whose level or step instant was given, and cut steps, are steps.
     """
     if run.cut or {run.level, run.step_s, run.until_s} != {None} or run.kind not in (None, "clutch"):
         return False

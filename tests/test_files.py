@@ -82,13 +82,13 @@ def test_a_folder_is_replaced_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     if not at_once:
         monkeypatch.setattr(files, "_exchanged", lambda *_: False)
     for written in (("a.csv", "b.csv"), ("b.csv", "c.csv")):
-        with files.folder_written_whole(folder) as part:
+        with files.folder_written_whole(folder, lambda _path, _ends: True) as part:
             for name in written:
                 (part / name).write_text(f"{name} of {written}")
             assert not folder.exists() or names(folder) == ["a.csv", "b.csv"]
         assert {item.name: item.read_text() for item in folder.iterdir()} == {n: f"{n} of {written}" for n in written}
         assert names(tmp_path) == ["logs"]
-    with pytest.raises(RuntimeError), files.folder_written_whole(folder) as part:
+    with pytest.raises(RuntimeError), files.folder_written_whole(folder, lambda _path, _ends: True) as part:
         (part / "half.csv").write_text("half")
         raise RuntimeError
     assert names(folder) == ["b.csv", "c.csv"] and names(tmp_path) == ["logs"]

@@ -6,7 +6,7 @@ from pathlib import Path
 from eaid.cli import console
 from eaid.cli.form import Common, argument, refuse_idle, takes, tell_result, written
 from eaid.declared import option, part
-from eaid.files import refuse_to_overwrite
+from eaid.files import refuse_to_overwrite, written_whole
 from eaid.options import LOGS, PlanOptions
 
 
@@ -32,14 +32,16 @@ def command(args: Arguments) -> None:
     import msgspec
 
     from eaid import api
-    from eaid.cli.printed import cost, plan_shown, write_plan
+    from eaid.cli.printed import cost, plan_shown
+    from eaid.planning.recordings import input_changes
     from eaid.results import codec
     from eaid.results.common import Input
     from eaid.results.fit import Fit
+    from eaid.results.plan import Excitation, PlannedRun
+    from eaid.synth.files import input_file
 
-    files = [args.output, args.output.with_suffix(".duty.csv")]
+    files = [args.output] if args.excitation else [args.output, args.output.with_suffix(".duty.csv")]
     if args.excitation:
-        files = [args.output]
         refuse_idle(args, ("idle_s", "release_s", "longest_hold_s", "most_levels"), "with --excitation")
     else:
         refuse_idle(args, ("limits",), "without --excitation")
@@ -48,6 +50,14 @@ def command(args: Arguments) -> None:
         refuse_to_overwrite(path, args.force, (args.fit,))
     plan = api.plan(fit, part(PlanOptions, args), excitation=args.excitation, progress=console.progress)
     plan = msgspec.structs.replace(plan, inputs=(Input.of(args.fit),), command=args.typed)
-    write_plan(files, plan, fit.data.kind, args.force)
+    if isinstance(plan, Excitation):
+        contents = [input_file(plan.duty, "clutch", plan.input_unit)]
+    else:
+        rows = [f"{r.order},{r.level:.9g},{r.repeat},{r.idle_s:g},{r.hold_s:g},{r.release_s:g}" for r in plan.runs]
+        changes = input_file(input_changes(plan.runs), fit.data.kind, plan.input_unit)
+        contents = [[",".join(PlannedRun.__struct_fields__), *rows], changes]
+    with written_whole(*files, force=args.force) as parts:
+        for file, lines in zip(parts, contents, strict=True):
+            file.write_text("\n".join(lines) + "\n", encoding="utf-8")
     tell_result(args, plan, plan_shown(plan, args.idle_s, args.release_s), (*warnings, *plan.findings))
     console.say(f"{', '.join(map(str, files))}: {cost(plan)}")

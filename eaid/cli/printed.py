@@ -1,16 +1,14 @@
 """What commands print of what was read and of plans; and `--json` where no file says it."""
 
-from collections.abc import Iterator, Sequence
-from pathlib import Path
+from collections.abc import Iterator
 from typing import Any
 
 from eaid.errors import on_command_line
-from eaid.files import written_whole
 from eaid.findings import say
 from eaid.findings.finding import WORD
 from eaid.report.tables import Name, Table, table_of
 from eaid.report.tables.data import between_levels, levels_recorded, slips_table
-from eaid.results.plan import Excitation, Plan, PlannedRun
+from eaid.results.plan import Excitation, Plan
 from eaid.shown import counted
 from eaid.steps.stepset import Level, LevelStep, StepSet
 
@@ -53,22 +51,6 @@ def ingested(data: StepSet) -> dict[str, Any]:
         "levels": tuple(map(level, data.levels)), "releases": tuple(map(level, data.releases)),
         "level_steps": tuple(map(step, data.level_steps)), "runs": data.runs, "findings": data.all_findings,
     }  # fmt: skip
-
-
-def write_plan(files: Sequence[Path], plan: Plan | Excitation, kind: str, force: bool) -> None:
-    """The run table and the input file, both whole or neither; of a sequence the input file alone."""
-    from eaid.planning.recordings import input_changes  # for planning alone
-    from eaid.synth.files import input_file
-
-    if isinstance(plan, Excitation):
-        contents = [input_file(plan.duty, "clutch", plan.input_unit)]
-    else:
-        rows = [f"{r.order},{r.level:.9g},{r.repeat},{r.idle_s:g},{r.hold_s:g},{r.release_s:g}" for r in plan.runs]
-        changes = input_file(input_changes(plan.runs), kind, plan.input_unit)
-        contents = [[",".join(PlannedRun.__struct_fields__), *rows], changes]
-    with written_whole(*files, force=force) as parts:
-        for part, lines in zip(parts, contents, strict=True):
-            part.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def plan_shown(plan: Plan | Excitation, idle_s: float, release_s: float) -> Iterator[Table]:

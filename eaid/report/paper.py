@@ -8,7 +8,6 @@ import re
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -33,13 +32,12 @@ SMALLEST_PT = 8.0  # No letter of a figure is smaller at its printed size [pt]
 INDEXED_PT = 8.6  # Letters of a text with an index, which matplotlib sets at 0.7 of them
 POINTS, BAND_POINTS = 2500, 400  # Most points of a curve; extremes survive; and of a band
 _LOOK = threading.Lock()
-_parameters = cache(lambda: dict(mpl.rc_params_from_file(Path(__file__).with_name("figures.mplstyle"))))
 
 
 @contextmanager
 def look() -> Iterator[None]:
     """The settings under which a figure is made and saved; matplotlib has one set of them, so threads take turns."""
-    with _LOOK, mpl.rc_context({**_parameters(), "backend": mpl.rcParams["backend"]}):
+    with _LOOK, mpl.rc_context(fname=Path(__file__).with_name("figures.mplstyle")):
         yield
 
 

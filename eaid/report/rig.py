@@ -27,11 +27,6 @@ def level_text(level: float, unit: str) -> str:
     return (f"{level:.3g} {unit}" if level < 1000 else f"{level:.0f} {unit}").rstrip()
 
 
-def rate(input_unit: str, output_unit: str) -> str:
-    """Unit of b0, output per second and input."""
-    return f"{output_unit}/(s·{input_unit or 'input'})"
-
-
 def gain(input_unit: str, output_unit: str) -> str:
     """Unit of B = 1/b0."""
     return f"{input_unit or 'input'}·s/({output_unit or 'output'})"

@@ -10,8 +10,6 @@ from eaid.report.figures import replays, steps, values
 from eaid.report.panels import Sheet
 from eaid.report.results import Results
 
-Need = Callable[[Results], Any]
-
 
 @dataclass(frozen=True)
 class Row:
@@ -21,7 +19,7 @@ class Row:
     title: str
     sees: str  # Its caption; the numbers stand in the tables
     # What is given to `describe`, in this order; the figure is left out where one of them is None
-    needs: tuple[Need, ...]
+    needs: tuple[Callable[[Results], Any], ...]
     describe: Callable[..., Sheet | None]
     # Whether it shows the fit of the clutch, or what was made from it; a mark of that fit goes on it then
     of_the_fit: bool = True

@@ -4,7 +4,7 @@ from operator import itemgetter
 
 from eaid.models.parameters import PAPER_LINEAR
 from eaid.report import rig as published
-from eaid.report.rig import gain, of_the_paper, rate
+from eaid.report.rig import gain, of_the_paper
 from eaid.report.tables import INTERVAL, SYMBOLS, Cell, Name, Table, level, number, table_of
 from eaid.results.common import ci95_of
 from eaid.results.fit import Fit, Trend
@@ -110,7 +110,7 @@ def linear_table(fit: Fit) -> Table:
     """Eq. (8): a0, b0, c0."""
     part, out = fit.linear, fit.data.output_unit
     assert part is not None
-    units = {"a0": "1/s", "b0": rate(fit.data.input_unit, out), "c0": f"{out}/s", "rmse": out}
+    units = {"a0": "1/s", "b0": f"{out}/(s·{fit.data.input_unit or 'input'})", "c0": f"{out}/s", "rmse": out}
     return table_of(
         "Linear model, Eq. (8)", "dT/dt = −a0 T + b0 u + c0, fitted to all levels at once.", units,
         ("symbol", lambda name: "RMSE" if name == "rmse" else name),
