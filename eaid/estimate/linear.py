@@ -163,7 +163,7 @@ def linear_findings(
     if solver is not None and not solver.converged:
         findings.append(finding("fit-not-converged", "linear", predicted_decrease=solver.predicted_decrease))
     if solver is not None and solver.at_bounds:
-        findings.append(finding("a0-not-determined", "linear", constraint=solver.at_bounds[0]))
+        findings.append(finding("constraint-holds", "linear", constraint=solver.at_bounds[0]))
     levels = {
         "linear-output-negative": [u for u in data.u.tolist() if fit.b0 * u + fit.c0 < 0],
         "linear-level-beyond-record": [

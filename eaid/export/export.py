@@ -58,12 +58,8 @@ def _gains(source: Source, gains: Gains, laws: tuple[str, ...], rate_hz: float) 
     if "rc" in laws and (rc := gains.rc) is not None:
         rho, phi = Condition("rho", rc.guaranteed), Condition("phi", rc.phi_holds)  # all that some files say of it
         told = gains.guarantee or Guarantee(rc.guaranteed and rc.phi_holds is not False, (rho, phi))
-        if told.holds is None:
-            yield finding("export-guarantee-unknown", "rc")
-        elif told.holds:
-            yield finding("export-guarantee-holds", "rc")
-        else:
-            yield finding("export-guarantee-missing", "rc", missing=", ".join(told.missing) or "unknown")
+        answer = "unknown" if told.holds is None else "holds" if told.holds else "missing"
+        yield finding(f"export-guarantee-{answer}", "rc", missing=", ".join(told.missing) or "unknown")
     if other_rate:
         yield finding("export-other-rate", "gains", rate_hz=rate_hz, made_hz=made_hz)
     for law in laws:

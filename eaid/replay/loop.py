@@ -18,8 +18,7 @@ from eaid.replay.plant import Held, PlantParameters, hold_step
 
 
 def rig_numbers(rig: Rig, dt_s: float) -> tuple[int, float]:
-    """The rig as the loop takes it, at a control interval of dt_s seconds: delay and PWM period [samples; 0: no
-    latching]."""
+    """The rig as the loop takes it, at a control interval of dt_s [s]: delay, and PWM period [samples; 0: at once]."""
     return rig.delay_samples, 1.0 / (rig.pwm_hz * dt_s) if rig.pwm_hz > 0 else 0.0
 
 

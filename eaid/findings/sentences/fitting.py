@@ -99,17 +99,7 @@ def _falls_short(v: Values) -> str:
 
 ROWS: dict[str, Row] = {
     # Models
-    "fit-not-converged": stop(
-        lambda v: (
-            f"the {v['subject']}{'' if v['subject'] == 'fit' else ' fit'} did not converge"
-            + (
-                f": a further step would still lower its cost by {v['predicted_decrease']:.0e} of it"
-                if v.get("predicted_decrease")
-                else ""
-            )
-            + "; do not use its numbers"
-        )
-    ),
+    "fit-not-converged": stop("the {subject} fit did not converge; do not use its numbers"),
     "curve-of-no-plant": stop(
         lambda v: (
             f"the fit's nonlinear.{v['name']} is {v['value']:.3g}{'' if v['name'] == 'Ts' else ' s'} at an input of "
@@ -135,13 +125,7 @@ ROWS: dict[str, Row] = {
         "two exponentials explain little of the output {at}: this is no single step response; look at the "
         "plot for several steps, a closed loop or a disturbance, and give «step_at» and «until»"
     ),
-    "model-explains-little": stop(
-        lambda v: (
-            f"the {v['subject']} model explains little of the outputs"
-            + (f" (R² {v['R2']:.2g})" if v.get("R2") is not None else "")
-            + ": do not use its numbers"
-        )
-    ),
+    "model-explains-little": stop("the {subject} model explains little of the outputs; do not use its numbers"),
     "fast-rise-not-resolved": caution("τ1 is at its floor of 1 ms {at}: the fast rise is not resolved"),
     "output-does-not-rise": caution("T_s is at 0 {at}: the output does not rise with the step; check its sign"),
     "level-is-no-stress": caution(
@@ -164,7 +148,6 @@ ROWS: dict[str, Row] = {
     "held-out-beyond-the-levels": note(
         "held-out level {levels} lies outside the fitted ones: the model, held at its edge there, predicts nothing"
     ),
-    "a0-not-determined": caution("a0 is at the edge of what is looked for: these data cannot tell it"),
     "linear-output-negative": caution("the linear model gives a negative output at level {levels}"),
     "linear-level-beyond-record": caution(
         "1/a0 is longer than the record at level {levels}: gain and B of these levels are extrapolated"
@@ -329,10 +312,6 @@ ROWS: dict[str, Row] = {
         "falls to rest have time constants of their own, {tau1_s:.3g} s and {tau2_s:.3g} s (the lowest input would "
         "give {edge1_s:.3g} s and {edge2_s:.3g} s; chance {chance:.2g}); they are fitted and taken for the release"
     ),
-    "release-alike": note(
-        "falls to rest are as fast as the lowest input gives, {tau1_s:.3g} s and {tau2_s:.3g} s, as far as these logs "
-        "can tell (chance {chance:.2g})"
-    ),
     "release-not-seen": note(
         "the logs hold no fall to rest: that a release goes as at the lowest input is an assumption"
     ),
@@ -355,9 +334,6 @@ ROWS: dict[str, Row] = {
     "loop-bias-unknown": caution(
         "{subject}: a closed loop whose law is not known: the bias of the direct fit cannot be told, and the intervals "
         "leave it out; log the reference of a PI loop, or play a duty of your own"
-    ),
-    "loop-instrument": note(
-        "{subject}: fitted with the simulated duty as an instrument: the noise that the duty carries has no say"
     ),
     "excitation-short": caution(
         "no sequence of {most_s:g} s within the limits reaches the widths: {parameter} comes to ± {width_pct:.3g} %, "
