@@ -3,7 +3,7 @@
 All are then of the order of one, and a covariance of them can be inverted; results hold powers of the input itself.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import msgspec
@@ -11,7 +11,7 @@ import numpy as np
 
 from eaid.arrays import Array, median
 from eaid.estimate.forms import Model, nonlinear
-from eaid.estimate.spread import Degrees, t_quantile
+from eaid.estimate.spread import t_quantile
 from eaid.models.nonlinear import CHECKED_DUTIES, scales
 from eaid.models.parameters import Nonlinear
 from eaid.results import fit as results
@@ -68,7 +68,7 @@ def with_intervals(
     part: results.Nonlinear,
     curves: Sequence[CurveLevel],
     covariance: Array,
-    degrees: Degrees,
+    degrees: Mapping[str, float | Array],
     constrained: tuple[str, ...] = (),
 ) -> results.Nonlinear:
     """A model with its curves, the covariance that plants are drawn with, and intervals of its powers (None: held)."""

@@ -137,25 +137,20 @@ class Setup:
         at, given = self.places[log].x, (self.model.share or 0.0, *itertools.chain(*NOTHING.values()), 0.0, 0.0, 0.0)
         return self.model.tables(self.maps[log], x), np.where(at >= 0, x[at], given)
 
-    def derivatives(self, x: Array, log: int) -> Array:
-        """√w ∂f/∂x of a log's own columns, then √w (f − y), for its samples that count, (N, p + 1)."""
-        place = self.places[log]
-        return np.asarray(derivatives(self.drives[log], *self.tables(x, log), place.kernel, len(place.columns)))
-
     def jacobian(self, x: Array, log: int) -> tuple[Array, Array]:
-        """The same apart, (N, p) and (N,)."""
-        found = self.derivatives(x, log)
+        """√w ∂f/∂x of a log's own columns, (N, p), and √w (f − y), (N,), for its samples that count."""
+        place = self.places[log]
+        found = derivatives(self.drives[log], *self.tables(x, log), place.kernel, len(place.columns))
         return found[:, :-1], found[:, -1]
 
     def together(self, x: Array) -> tuple[float, Array, Array]:
         """Cost, gradient and Gauss–Newton matrix."""
         cost, gradient, curvature = 0.0, np.zeros(self.size), np.zeros((self.size, self.size))
         for log, drive in enumerate(self.drives):
-            at, found = self.places[log].columns, self.derivatives(x, log)
-            P = 2.0 * found.T @ found
-            cost += 0.5 * float(P[-1, -1]) + drive.left
-            gradient[at] += P[-1, :-1]
-            curvature[np.ix_(at, at)] += P[:-1, :-1]
+            at, (J, r) = self.places[log].columns, self.jacobian(x, log)
+            cost += float(r @ r) + drive.left
+            gradient[at] += 2.0 * J.T @ r
+            curvature[np.ix_(at, at)] += 2.0 * J.T @ J
         return cost, gradient, curvature
 
     def problem(self) -> Problem:

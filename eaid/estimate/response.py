@@ -113,17 +113,9 @@ def logs_of_steps(steps: StepSet) -> list[RecordedLog]:
         t, y = level.time_s, level.mean
         if t[0] > 0:  # the input acts from 0 on
             t, y = np.append(0.0, t), np.append(np.nan, y)
-        logs.append(
-            RecordedLog(
-                level.names[0] if level.names else f"{level.level:g}",
-                t,
-                np.full(len(t), level.level),
-                y,
-                baseline=0.0,
-                idle_start=True,
-                weight=float(len(level.runs)),
-            )
-        )
+        name, held = level.names[0] if level.names else f"{level.level:g}", np.full(len(t), level.level)
+        weight = float(len(level.runs))
+        logs.append(RecordedLog(name, t, held, y, baseline=0.0, idle_start=True, weight=weight))
     return logs
 
 

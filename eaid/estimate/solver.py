@@ -92,13 +92,8 @@ def rounding(problem: Problem) -> Array:
 
 def draw_in(x: Array, inner: Array, problem: Problem) -> Array:
     """The point nearest to `x` on the line to a feasible `inner`, a little inside."""
-    slack, inner_slack = problem.A @ x - problem.b, problem.A @ inner - problem.b
-    out = slack < 0
-    if not out.any():
-        return x
-    room = np.maximum(inner_slack[out], 1e-300)
-    kept = float(np.min(room / (room - slack[out])))
-    return inner + max(0.0, kept - 0.001 * (1.0 - kept)) * (x - inner)
+    reached = inside(problem, inner, x)
+    return x if reached is x else reached + 1e-3 * (inner - reached)
 
 
 def bring_in(x: Array, inner: Array, problem: Problem) -> Array:
@@ -127,12 +122,11 @@ def newton_step(problem: Problem, x: Array, gradient: Array, curvature: Array) -
     f[-1] = 1.0
     multipliers = nnls(E, f)[0]
     r = E @ multipliers - f
-    if r[-1] == 0.0:
-        return NewtonStep(np.zeros_like(x), 0.0, tuple(np.flatnonzero(multipliers > 0).tolist()))
-    z = -r[:-1] / r[-1] * size - q
+    held = np.flatnonzero(multipliers > 0)
+    z = -r[:-1] / r[-1] * size - q if r[-1] else np.full(len(x), np.inf)
     if not np.isfinite(z).all() or np.abs(z).max() > MOST:
-        return NewtonStep(np.zeros_like(x), 0.0, tuple(np.flatnonzero(multipliers > 0).tolist()))
-    d, held = z @ back, np.flatnonzero(multipliers > 0)
+        return NewtonStep(np.zeros_like(x), 0.0, tuple(held.tolist()))
+    d = z @ back
     off, little = slack + problem.A @ d, rounding(problem)
     if (off < -little).any() or (off > little)[held].any():  # where next to nothing determines d, rounding leads off
         back_on = _along(problem.A[held], -slack[held], gradient, curvature)

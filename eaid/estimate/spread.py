@@ -9,7 +9,7 @@ run r alone would move θ_l.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from scipy.special import stdtrit
@@ -19,7 +19,6 @@ from eaid.results.common import Interval
 
 NOMINAL = 0.95  # Coverage that every interval of eaid claims
 FARTHEST = 50.0  # Logarithm beyond which an end is none
-Degrees: TypeAlias = dict[str, "float | Array"]  # Degrees of freedom by parameter; arrays have one entry a level
 
 
 def t_quantile(degrees: float | Array, nominal: float = NOMINAL) -> Any:

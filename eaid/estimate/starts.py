@@ -10,7 +10,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eaid.arrays import Array
 from eaid.estimate.data import Data
@@ -38,24 +37,18 @@ class Table:
 
     def at(self, tau1: Array, tau2: Array) -> Array:
         """Gain at time constants of each level, (N, L) each, linear in ln τ between those of the grid."""
-        first, second = (self._place(tau) for tau in (tau1, tau2))
-        total, levels = np.zeros(tau1.shape), np.arange(tau1.shape[1])
-        for i, p in ((first[0], 1 - first[1]), (first[0] + 1, first[1])):
-            for j, q in ((second[0], 1 - second[1]), (second[0] + 1, second[1])):
-                total += p * q * self.gain[levels, i, j]
-        return total
-
-    def _place(self, tau: Array) -> tuple[NDArray[np.intp], Array]:
-        """The time constant of the grid below τ, and how far from there to the next one τ lies."""
-        step = np.log(self.grid[1] / self.grid[0])
-        place = np.clip(np.log(np.maximum(tau, 1e-300) / self.grid[0]) / step, 0.0, len(self.grid) - 1.001)
-        return place.astype(np.intp), place - place.astype(np.intp)
+        step, both = np.log(self.grid[1] / self.grid[0]), np.maximum([tau1, tau2], 1e-300)
+        place = np.clip(np.log(both / self.grid[0]) / step, 0.0, len(self.grid) - 1.001)
+        below = place.astype(np.intp)
+        (i, j), (p, q), levels = below, place - below, np.arange(tau1.shape[1])
+        near, far = ((1 - q) * self.gain[levels, k, j] + q * self.gain[levels, k, j + 1] for k in (i, i + 1))
+        return np.asarray((1 - p) * near + p * far)
 
 
-def table_of(points: Points, share: float, size: int = GRID) -> Table:
+def table_of(points: Points, share: float) -> Table:
     """The table of levels on their compressed points."""
     times = np.where((points.w > 0) & (points.t_s > 0), points.t_s, np.nan)
-    grid = np.geomspace(0.3 * np.nanmin(times), LONGEST * np.nanmax(times), size)
+    grid = np.geomspace(0.3 * np.nanmin(times), LONGEST * np.nanmax(times), GRID)
     s = -np.expm1(-points.t_s[:, None] / grid[:, None])
     s = points.about_mean(s) if points.centred else s
     weighed = s * points.w[:, None]

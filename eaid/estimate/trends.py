@@ -21,8 +21,6 @@ from eaid.results.fit import Trend
 STEEPEST = 40.0
 # Rates to try on x scaled to 0…1, falling, denser about zero
 RATES = np.sinh(np.linspace(np.arcsinh(15.0), -np.arcsinh(STEEPEST), 61))
-# Relative deviations of T_s, τ1, τ2 of the levels, (3, L), where they are known, and their degrees of freedom
-Spread: TypeAlias = tuple[Array | None, float]
 Form: TypeAlias = Literal["linear", "double-exponential", "merged-exponential"]
 APART = 0.05
 CANCEL = 100.0
@@ -114,7 +112,7 @@ def _projected(rates: Array, s: Array, y: Array) -> tuple[float, Array, Array, A
 
 
 def fitted_trends(
-    kind: str, over: str, x: Array, values: Mapping[str, Sequence[float | None]], seen: Spread | None
+    kind: str, over: str, x: Array, of: Mapping[str, Sequence[float | None]], seen: tuple[Array | None, float] | None
 ) -> tuple[dict[str, Trend], list[Finding]]:
     """The trends of a kind of experiment over x, (L,), with 95 % intervals of their coefficients if it is `seen` how
     the levels scatter: relative deviations of T_s, τ1, τ2, (3, L), and their degrees of freedom.
@@ -125,13 +123,13 @@ def fitted_trends(
     trends: dict[str, Trend] = {}
     findings: list[Finding] = []
     for name, form in FORMS_OVER.get(kind, {}).items():
-        if any(value is None for value in values[name]):
+        if any(value is None for value in of[name]):
             continue
         if len(x) < LEAST[form]:
             facts: dict[str, Value] = {"over": over, "form": form, "least": LEAST[form], "count": len(x)}
             findings.append(finding("trend-needs-levels", "friction", (), parameter=name, **facts))
             continue
-        y = np.array(values[name], dtype=np.float64)
+        y = np.array(of[name], dtype=np.float64)
         trend = fit_trend(x, y, over, form)
         if steep := [code for code in trend.at_bounds if code != "rates-meet"]:
             findings.append(finding("trend-follows-one-point", "friction", parameter=name, rates=tuple(steep)))

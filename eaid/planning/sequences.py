@@ -8,7 +8,6 @@ reach them all.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import TypeAlias
 
 import msgspec
 import numpy as np
@@ -55,11 +54,7 @@ def of_mean(count: int) -> float:
     return float(t_quantile(count - 1 or 1) / count**0.5)
 
 
-# Levels and holds [s], shape (2, n); the level 0 is a rest
-Sequence: TypeAlias = Array
-
-
-def drive_of_sequence(whole: Sequence) -> Drive:
+def drive_of_sequence(whole: Array) -> Drive:
     """A sequence for the kernel: some instants of each hold, each with the time that it stands for as its weight."""
     changes = breaks_of(whole)
     starts, level = np.array(changes[:-1]).T
@@ -73,7 +68,7 @@ def drive_of_sequence(whole: Sequence) -> Drive:
     )  # fmt: skip
 
 
-def breaks_of(whole: Sequence) -> tuple[tuple[float, float], ...]:
+def breaks_of(whole: Array) -> tuple[tuple[float, float], ...]:
     """(from when [s], input), in milliseconds; the last entry ends it."""
     breaks: list[tuple[float, float]] = []
     now = 0.0
@@ -132,14 +127,14 @@ def plan_excitation(
 
 @dataclass(frozen=True, eq=False)
 class Judge:
-    """What a sequence is worth."""
+    """What a sequence is worth: levels and holds [s], shape (2, n); the level 0 is a rest."""
 
     p: Nonlinear
     noise: Noise
     wanted: dict[str, float]
     limits: Limits
 
-    def random(self, segments: int, draw: np.random.Generator) -> Sequence:
+    def random(self, segments: int, draw: np.random.Generator) -> Array:
         """Levels in random order, both ends often, holds log-uniform."""
         low, high = self.limits.duty
         levels = np.linspace(low, high, LEVELS)
@@ -148,7 +143,7 @@ class Judge:
         holds = np.exp(draw.uniform(shortest, longest, segments))
         return np.array([order, holds])
 
-    def engagements(self, sequence: Sequence) -> int:
+    def engagements(self, sequence: Array) -> int:
         """Stretches under load: as many as asked for, as the longest allows, and as the scatter between them needs."""
         count = self.least_engagements
         if self.limits.work_s > 0:
@@ -167,7 +162,7 @@ class Judge:
                     count += 1
         return count
 
-    def whole(self, sequence: Sequence) -> Sequence:
+    def whole(self, sequence: Array) -> Array:
         """The sequence with a rest before each engagement."""
         count = self.engagements(sequence)
         levels, holds = sequence
@@ -175,11 +170,11 @@ class Judge:
         at = np.unique(np.concatenate([[0], ends]))
         return np.array([np.insert(levels, at, 0.0), np.insert(holds, at, self.limits.rest_s)])
 
-    def time_s(self, sequence: Sequence) -> float:
+    def time_s(self, sequence: Array) -> float:
         """Rig time, rests included."""
         return float(self.whole(sequence)[1].sum())
 
-    def half_widths(self, sequence: Sequence) -> Array:
+    def half_widths(self, sequence: Array) -> Array:
         """Half-widths of log T_s, log τ1, log τ2 at the duties [%], (3, DUTIES); infinite where nothing is known."""
         within, between = self.designer.variances(drive_of_sequence(self.whole(sequence)))
         half = t_quantile(DEGREES) * np.sqrt(within.sum(axis=2))
@@ -194,18 +189,18 @@ class Judge:
         rows = model.rows(np.linspace(*self.limits.duty, DUTIES))[:3]
         return Designer(model, model.unknowns(self.p), rows, self.noise)
 
-    def ratios(self, sequence: Sequence) -> Array:
+    def ratios(self, sequence: Array) -> Array:
         """Widths over the wanted ones, of those that are wanted, flat."""
         half = self.half_widths(sequence)
         return np.concatenate([half[k] / self.wanted[name] for k, name in enumerate(PARAMETERS) if name in self.wanted])
 
-    def price(self, sequence: Sequence) -> float:
+    def price(self, sequence: Array) -> float:
         """T φ²: the time that would do, if the sequence were repeated."""
         ratios = np.minimum(self.ratios(sequence), 1e6)
         phi = float(np.mean(ratios**POWER)) ** (1 / POWER)
         return float(self.time_s(sequence) * phi**2)
 
-    def improved(self, sequence: Sequence) -> Sequence:
+    def improved(self, sequence: Array) -> Array:
         """Levels and holds exchanged one after another while that lowers the price, and `EFFORT` lasts."""
         n = sequence.shape[1]
         levels = np.linspace(*self.limits.duty, LEVELS)[:: 2 if n > 40 else 1]
