@@ -7,7 +7,7 @@ No time stamps, names in order: the same runs give the same bytes.
 import dataclasses
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +40,7 @@ class _Root(msgspec.Struct, omit_defaults=True):
     eaid: str = ""
     kind: str = "clutch"
     input_unit: str | None = None
-    output_unit: str | None = None
+    output_unit: str = "N·m"
     synthetic: str | None = None
 
 
@@ -102,16 +102,17 @@ def read_dataset(path: Path, source: str, sha256: str, repair: bool) -> tuple[li
         names = sorted(file["runs"]) if isinstance(file.get("runs"), h5py.Group) else []
         if not names:
             raise DataError(f"{source}: holds no runs; {AGAIN}")
+        rig = {field.name: stored[field.name] for field in dataclasses.fields(Apparatus) if field.name in stored}
+        try:
+            apparatus = msgspec.convert(rig, Apparatus, strict=False) if rig else None
+        except msgspec.ValidationError:
+            raise DataError(f"{source}: its apparatus holds what is no number; {AGAIN}") from None
         none = np.empty(0)
-        # an empty unit is an unknown one
-        units = (
-            INPUT_UNITS[root.kind] if root.input_unit is None else root.input_unit,
-            "N·m" if root.output_unit is None else root.output_unit,
-        )
+        input_unit = INPUT_UNITS[root.kind] if root.input_unit is None else root.input_unit  # an empty one is unknown
         made_by = None if root.synthetic is None else plain(root.synthetic)
         shared = Run(
-            "", none, none, none, plain(units[0]), plain(units[1]), source, sha256,
-            kind=root.kind, apparatus=_apparatus(stored, source), synthetic=made_by, dataset=source,  # type: ignore[arg-type]
+            "", none, none, none, plain(input_unit), plain(root.output_unit), source, sha256,
+            kind=root.kind, apparatus=apparatus, synthetic=made_by, dataset=source,  # type: ignore[arg-type]
         )  # fmt: skip
         runs: list[Run] = []
         faults: list[str] = []
@@ -121,16 +122,6 @@ def read_dataset(path: Path, source: str, sha256: str, repair: bool) -> tuple[li
             except DataError as fault:
                 faults.extend(fault.sentences)
         return runs, faults
-
-
-def _apparatus(stored: Mapping[str, object], source: str) -> Apparatus | None:
-    """The rig of a dataset, one attribute a field."""
-    names = {field.name for field in dataclasses.fields(Apparatus)}
-    values = {name: value for name, value in stored.items() if name in names}
-    try:
-        return msgspec.convert(values, Apparatus, strict=False) if values else None
-    except msgspec.ValidationError:
-        raise DataError(f"{source}: its apparatus holds what is no number; {AGAIN}") from None
 
 
 def _plain(value: Any) -> Any:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
-from eaid.findings import Finding, finding
+from eaid.findings import finding
 from eaid.logs.columns import FEWEST, INPUTS, OUTPUTS, chosen_table, default_unit, the_input
 from eaid.logs.run import INPUT_UNITS, Run
 from eaid.logs.table import Cells, Table, plain
@@ -58,20 +58,21 @@ def checked(
                 f"{source}: column {label} holds a number in {count - gone} of {count} rows only; save the rows in "
                 f"which it was sampled, or all columns at one rate"
             )
-    bad = np.zeros(count, dtype=bool)
-    faults_of: dict[int, list[str]] = {}
-    for sample, label, text in unread:
-        if not label:
-            bad[sample], faults_of[sample] = True, [f"{word} {row_of(sample)} has {text} cells, unlike the others"]
+    whole = {
+        sample: f"{word} {row_of(sample)} has {text} cells, unlike the others"
+        for sample, label, text in unread
+        if not label
+    }
+    faults_of = {sample: [fault] for sample, fault in whole.items()}
     for label, values in columns.items():
-        for sample in np.flatnonzero(~np.isfinite(values) & ~bad).tolist():
+        for sample in sorted({*np.flatnonzero(~np.isfinite(values)).tolist()} - whole.keys()):
             found = texts.get((sample, label))
             what = "is infinite" if np.isinf(values[sample]) else "is empty or not a number"
             if found is not None:
                 number = re.fullmatch(r"[+-]?(nan|inf|[\d.]+e\+?\d{3,})", found, re.IGNORECASE)
                 what = f"holds {found!r}, which is {'not finite' if number else 'no number'}" if found else "is empty"
             faults_of.setdefault(sample, []).append(f"{word} {row_of(sample)}, column {label}, {what}")
-    bad[list(faults_of)] = True
+    bad = np.isin(np.arange(count), list(faults_of))
     cells = [fault for sample in sorted(faults_of) for fault in faults_of[sample]]
     falls: list[str] = []
     fine = np.flatnonzero(~bad)
@@ -203,8 +204,9 @@ def run_of(
     clock, units = roles.time, options.units
     if clock is not None and options.rate_hz is not None:
         if not numbers_samples(table.columns[clock]):
-            label = table.label(clock)
-            raise DataError(f"{source}: has a time column, {label}, so «rate_hz» does nothing; leave it out")
+            raise DataError(
+                f"{source}: has a time column, {table.label(clock)}, so «rate_hz» does nothing; leave it out"
+            )
         clock = None
     level, repeat = level_and_repeat(source, options.name_pattern, file or name)
     kind, which = the_input(source, roles, lambda one: _loaded(source, table, [one])[1][one])
@@ -220,17 +222,14 @@ def run_of(
     cells, columns = _loaded(source, table, [roles.output, clock, roles.reference, roles.position, which])
     raw_time = np.arange(len(columns[roles.output])) if clock is None else columns[clock]
     used = [column for column in (which, roles.output, roles.position) if column is not None]
-    by_label = {"time" if clock is None else table.label(clock): raw_time} | {table.label(i): columns[i] for i in used}
+    label = "time" if clock is None else table.label(clock)
+    by_label = {label: raw_time} | {table.label(i): columns[i] for i in used}
     bad = sorted((one.row, one.column, one.text) for one in cells.bad if one.column in {-1, clock, *used})
     unread = [(row, "" if column < 0 else table.label(column), text) for row, column, text in bad]
     keep = checked(source, by_label, unread, cells.row, "row", options.repair, factor)
     kept_time = raw_time if keep is None else raw_time[keep]
     kept = {column: values if keep is None else values[keep] for column, values in columns.items()}
-    if clock is None:
-        time_s, start_s = read_only(kept_time * factor), 0.0
-        of_time: tuple[Finding, ...] = ()
-    else:
-        time_s, start_s, of_time = seconds_since_start(source, table.label(clock), kept_time, by_user, by_column)
+    time_s, start_s, of_time = seconds_since_start(source, label, kept_time, by_user, by_column)
     plain_output = default_unit(table.columns[roles.output], OUTPUTS)
     into = scale_of(source, "output", units.get("output"), table, roles.output, plain_output)
     output = into.of(kept[roles.output])
@@ -255,10 +254,9 @@ def run_of(
              "reference": roles.reference, "position": roles.position}  # fmt: skip
     taken = {role: column for role, column in named.items() if column is not None}
     others = [table.label(column) for column in range(len(table.columns)) if column not in taken.values()]
-    position_unit = ""
-    if roles.position is not None:  # as it is called: nothing is turned into it
-        by_name = split_name(table.columns[roles.position])[1]
-        position_unit = units.get("position") or table.unit(roles.position) or by_name
+    position_unit = units.get("position", "")  # as it is called: nothing is turned into it
+    if roles.position is not None and not position_unit:
+        position_unit = table.unit(roles.position) or split_name(table.columns[roles.position])[1]
     return Run(
         name=name,
         time_s=time_s,
