@@ -203,19 +203,11 @@ def divisor(role: str, given: str) -> float:
     return counts
 
 
-class Clock(NamedTuple):
-    """A clock that began at a fixed day: what it counts, how many a second, its first stamps of our time [s]."""
-
-    counts: str
-    per_s: float
-    first_s: tuple[float, float]
-
-
-PER_S = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+# What a clock counts that began at a fixed day, how many of it a second, and its first stamps of our time [s]
 CLOCKS = (
-    *(Clock(f"{unit} since 1970", per_s, (1e9, 4e9)) for unit, per_s in PER_S.items()),
-    Clock("100 ns since 1601 (FILETIME)", 1e7, (1.26e10, 1.56e10)),
-    Clock("100 ns since the year 1 (.NET)", 1e7, (6.31e10, 6.61e10)),
+    *((f"{unit} since 1970", per_s, 1e9, 4e9) for unit, per_s in (("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9))),
+    ("100 ns since 1601 (FILETIME)", 1e7, 1.26e10, 1.56e10),
+    ("100 ns since the year 1 (.NET)", 1e7, 6.31e10, 6.61e10),
 )
 # Sample time beyond which a clock without a unit counts not from a fixed day, but in a finer unit from power-up
 SLOWEST_S = 90.0
@@ -258,17 +250,18 @@ def seconds_since_start(
     gone = read_only(raw - first)
     usual = float(np.median(np.diff(gone[:10_000]))) if len(gone) > 1 else 0.0
     factor, findings = by_user or by_column or 1.0, list[Finding]()
-    day = next((one for one in CLOCKS if one.first_s[0] <= float(first) / one.per_s <= one.first_s[1]), None)
-    refuted = day is not None and by_column is not None and not math.isclose(by_column * day.per_s, 1.0)
+    days = ((counts, per_s) for counts, per_s, low, high in CLOCKS if low <= float(first) / per_s <= high)
+    counts, per_s = next(days, ("", 0.0))
+    refuted = bool(counts) and by_column is not None and not math.isclose(by_column * per_s, 1.0)
     too_fast = by_column is not None and 0 < usual * by_column < 1.0 / 5e6  # no bench samples so fast
     if by_user is not None:
         if by_column is not None and not (refuted or too_fast) and not math.isclose(by_user, by_column):
             raise DataError(
                 f"{path}: column {column} says its unit, «units» time=UNIT another; leave it out, or mend the name"
             )
-    elif refuted and day is not None:
+    elif refuted:
         raise DataError(
-            f"{path}: column {column} says its unit, but its first stamp, {float(first):.10g}, counts {day.counts}; "
+            f"{path}: column {column} says its unit, but its first stamp, {float(first):.10g}, counts {counts}; "
             f"say which with «units» time=UNIT"
         )
     elif too_fast:
@@ -287,10 +280,10 @@ def seconds_since_start(
                 f"{path}: column {column} holds times of day as numbers, {raw[late[0]]:.10g} and then "
                 f"{raw[late[0] + 1]:.10g}; save it as 16:18:59.9, or in seconds"
             )
-        if day is not None and usual / day.per_s <= SLOWEST_S:
-            factor = 1.0 / day.per_s
-            if day.per_s != 1:
-                findings.append(finding("time-since-a-day", path, column=column, counts=day.counts))
+        if counts and usual / per_s <= SLOWEST_S:
+            factor = 1.0 / per_s
+            if per_s != 1:
+                findings.append(finding("time-since-a-day", path, column=column, counts=counts))
         else:
             findings.append(_of_seconds(path, column, gone, usual))
     return read_only(gone if factor == 1.0 else gone * factor), float(first) * factor, tuple(findings)

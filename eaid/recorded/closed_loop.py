@@ -35,7 +35,6 @@ class Law:
 
     gains: PIGains
     fit_pct: float
-    first: int  # Row at which the loop was closed
 
 
 def law_of(log: RecordedLog) -> Law | None:
@@ -43,7 +42,7 @@ def law_of(log: RecordedLog) -> Law | None:
     if log.reference is None:
         return None
     u, e = log.input, log.reference - log.output
-    acting, off = np.flatnonzero(u > 0), (u > 0) & (u < float(u.max()) * (1 - 1e-9))
+    off = (u > 0) & (u < float(u.max()) * (1 - 1e-9))
     rows = np.flatnonzero(off[1:] & off[:-1]) + 1
     if len(rows) < LEAST_ROWS:
         return None
@@ -54,15 +53,15 @@ def law_of(log: RecordedLog) -> Law | None:
     fit_pct = 100 * (1 - float(np.linalg.norm(wanted - design @ gains)) / size) if size > 0 else 0.0
     if not (fit_pct >= LAW_PCT and K_P > 0 and K_I > 0):
         return None
-    return Law(PIGains(float(K_P), float(K_I), 0.0, float(u.max())), fit_pct, int(acting[0]))
+    return Law(PIGains(float(K_P), float(K_I), 0.0, float(u.max())), fit_pct)
 
 
 def simulated(solved: Solved, index: int, log: RecordedLog, law: Law) -> RecordedLog:
     """The log that the loop of a law gives on the fitted model, without noise."""
     assert log.reference is not None
     dt_s = float(log.time_s[-1] - log.time_s[0]) / (len(log.input) - 1)
-    idle, before = idle_of(solved, index) + (log.baseline or 0.0), np.zeros(law.first)
-    wanted = log.reference[law.first :] - idle  # the law acts on its distance from what is read
+    idle, before = idle_of(solved, index) + (log.baseline or 0.0), np.zeros(int(np.argmax(log.input > 0)))
+    wanted = log.reference[len(before) :] - idle  # the law acts on its distance from what is read
     loop = replay(plant_parameters(model_of(solved)), feedback(law.gains), wanted, Rig(), dt_s)
     duty, torque = (np.append(before, loop[name]) for name in ("duty_pct", "torque_nm"))
     return replace(log, input=duty, output=torque + idle, idle_start=log.starts_idle)
