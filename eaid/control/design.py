@@ -49,6 +49,7 @@ ROUNDING = 1e-9  # By how much ρ may fall short [N·m/s]; share by which the ne
 DUTIES = 19
 INSTANTS = 200
 DIRECTIONS = 7200  # Of the half plane of ξ; V and |z| are even
+SHARP = 5.0  # γε below which the printed switch, Eq. (14), visibly jumps at z = 0
 
 
 @dataclass(frozen=True)
@@ -236,7 +237,10 @@ def warnings_of(rc: Robust, verdict: Guarantee, unit: str, reference: str) -> li
         "reached": rc.alpha_reached,
         "made": rc.alpha,
     }
-    return [
+    findings = [
         finding(code, "rc", needed=lacking[name].needed, available=lacking[name].available, **about)
         for name, code in WARNINGS.items() if name in lacking
     ]  # fmt: skip
+    if (sharpness := rc.gamma * rc.epsilon) < SHARP:
+        findings.append(finding("switch-jumps", "rc", sharpness=sharpness, least=SHARP, jump=1 - math.tanh(sharpness)))
+    return findings

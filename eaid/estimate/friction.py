@@ -15,7 +15,7 @@ from eaid.estimate.certainty import OwnLevels
 from eaid.estimate.data import Data
 from eaid.estimate.points import residuals
 from eaid.estimate.scatter import CURVES, MEETING, Mask, Scatter
-from eaid.estimate.spread import t_quantile, textbook
+from eaid.estimate.spread import Influence, t_quantile, textbook
 from eaid.estimate.trends import fitted_trends
 from eaid.findings import Finding, finding
 from eaid.models import friction as model
@@ -141,7 +141,7 @@ def friction_part(
         relative = np.sqrt(np.einsum("lkk->kl", seen.of_levels.covariance(actual=True))[:3])
     trends, more = fitted_trends(stepset.kind, over, x, by_name, (relative, seen.degrees) if shown else None)
     findings += more
-    findings += level_findings(values, "friction", stepset)
+    findings += level_findings(values, seen, "friction", stepset)
     for i, level in enumerate(own.levels if seen.share_free else ()):
         low, high = own.share_interval(i) or (0.0, 1.0)
         if high - low > 0.5:
@@ -195,8 +195,11 @@ def friction_hold_out(part: Friction, stepset: StepSet, held_out: Sequence[Level
     return metrics.hold_out(held_out, predicted, float(np.sqrt(sse / samples)))
 
 
-def level_findings(values: LevelValues, subject: str, stepset: StepSet) -> list[Finding]:
-    """What the levels leave open: τ1 and τ2 that meet, constraints that hold, τ2 open or beyond the record."""
+def level_findings(values: LevelValues, seen: Scatter | None, subject: str, stepset: StepSet) -> list[Finding]:
+    """What the levels leave open: τ1 and τ2 that meet, constraints that hold, τ2 open or beyond the record.
+
+    `seen` is what the levels' runs say about these curves; None: they are those of another estimate.
+    """
     unit, u = stepset.input_unit, [level.level for level in values.levels]
     Ts, tau1, tau2 = values.theta[:3]
     met = (tau2 <= tau1 * (1 + MEETING)) & (Ts > 0)
@@ -225,7 +228,8 @@ def level_findings(values: LevelValues, subject: str, stepset: StepSet) -> list[
                 "tau2-open", subject, [u[i]],
                 low_s=float(low) if low > 1e-3 * records[i] else None,
                 high_s=float(high) if high < 1e4 * records[i] else None,
-                record_s=records[i], unit=unit,
+                record_s=records[i], curve_half_width=None if seen is None else curve_half_width(seen, i), unit=unit,
+                output_unit=stepset.output_unit,
             )
         )  # fmt: skip
     beyond = ~values.open[2] & (tau2 > records)
@@ -233,3 +237,11 @@ def level_findings(values: LevelValues, subject: str, stepset: StepSet) -> list[
         longest = float(np.max(np.array(records)[beyond]))
         findings.append(finding("tau2-outlasts-record", subject, where(beyond), record_s=longest, unit=unit))
     return findings
+
+
+def curve_half_width(scatter: Scatter, i: int, most: int = 200) -> float:
+    """95 % half-width of one level's output curve within its record, in the output's unit."""
+    J = scatter.jacobians[i]
+    J = J[np.unique(np.floor(np.geomspace(1, len(J), most))).astype(int) - 1]
+    variance, degrees = Influence(J.T[None], scatter.of_levels.alone(i), np.zeros((0, len(J))), 0.0).variance()
+    return float((t_quantile(degrees) * np.sqrt(variance)).max())

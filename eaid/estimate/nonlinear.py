@@ -120,7 +120,8 @@ def nonlinear_part(
     if outside := [level.level for level in held_out if not low <= level.level <= high]:
         told.append(finding("held-out-beyond-the-levels", "nonlinear", outside))
     told += missed("nonlinear", data, residuals(model.theta(one.unknowns, M), data.records), one.part)
-    told += [*level_findings(values, "nonlinear", stepset), *open_findings(one.part, values), *bent]
+    seen = first.scatter if options.estimator != "joint" else None
+    told += [*level_findings(values, seen, "nonlinear", stepset), *open_findings(one.part, values), *bent]
     estimator: Literal["joint", "levels-first"] = "joint" if options.estimator == "joint" else "levels-first"
     return msgspec.structs.replace(shown, estimator=estimator, joint=papers), values, [*told, *parts]
 

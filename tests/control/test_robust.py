@@ -142,3 +142,9 @@ def test_what_rho_asks_of_the_actuator(tuned):
     found = tuned(duty_limits=(10.0, 60.0), q_max=2.0, phi=0.01)
     (row,) = (one for one in found.guarantee.conditions if one.name == "duty-limit")
     assert (row.available, row.needed) == (50.0, pytest.approx(found.rc.B_hat * found.rc.rho.constant))
+
+
+@pytest.mark.parametrize(("gamma", "jump"), [(2.0, 1 - math.tanh(1.0)), (9.9, 1 - math.tanh(4.95)), (10.0, None)])
+def test_below_a_sharpness_of_five_the_jump_is_told(tuned, told, gamma, jump):
+    found = told(tuned(gamma=gamma)).get("switch-jumps")
+    assert found is None if jump is None else found["jump"] == pytest.approx(jump)

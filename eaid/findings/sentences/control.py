@@ -51,6 +51,10 @@ ROWS: dict[str, Row] = {
         "RC: the paper's numbers leave it too little margin {loop}; made with ε {epsilon:.3g}, K_P {K_P:.3g}, K_D "
         "{K_D:.3g} instead"
     ),
+    "switch-jumps": caution(
+        "γε is {sharpness:.3g}, below {least:g}: the printed switch jumps by {jump:.2g} ρ at z = 0; eaid takes the "
+        "jump out, so its law is no longer the printed one"
+    ),
     "designed-for-rig": note(
         "not the paper's rig (input: {input_unit}, output: {output_unit}), so the law's numbers are made for this "
         "one's pace (a0 {pace:.3g} times the paper's) and range (input up to {highest:.4g}); φ is read off the "

@@ -48,7 +48,10 @@ def _tau2_open(v: Values) -> str:
         said = f"is {low:.2g} s or anything above"
     else:
         said = f"is anything up to {high:.2g} s" if high is not None else "may be anything"
-    return f"{v['at']} τ2 {said}; the record is {v['record_s']:.3g} s long"
+    if v["curve_half_width"] is None:
+        return f"{v['at']} τ2 {said}; the record is {v['record_s']:.3g} s long"
+    known = f"{v['curve_half_width']:.1g} {v['output_unit']}".rstrip()
+    return f"{v['at']} τ2 {said}; the curve itself is known to {known} within the record of {v['record_s']:.3g} s"
 
 
 def _parted(v: Values) -> str:
