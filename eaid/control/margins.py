@@ -244,13 +244,6 @@ def crossovers(law: Law, lags: Sequence[Lag], timing: Timing) -> list[tuple[floa
     return phases
 
 
-def real_crossings(curve: Complex) -> Array:
-    """Where a curve over frequency crosses the real axis, by straight lines."""
-    real, imag = curve.real, curve.imag
-    k = np.flatnonzero((imag[:-1] < 0) != (imag[1:] < 0))
-    return np.asarray(real[k] + imag[k] / (imag[k] - imag[k + 1]) * (real[k + 1] - real[k]))
-
-
 def frequencies(lags: Sequence[Lag], timing: Timing, count: int) -> Array:
     """From far below what the slowest lag turns to half the rate of the slower of sampling and latching [rad/s], in
     equal ratios, shape (count,)."""

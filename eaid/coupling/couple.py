@@ -120,9 +120,11 @@ def stable_stiffness(channel: Channel, timing: Timing, options: CoupleOptions) -
 
     def first(curve: Complex) -> float:
         """The least −Re > 0 of a curve where its imaginary part is 0; without a latch that is so at the last too."""
-        at = -margins.real_crossings(curve)
+        real, imag = curve.real, curve.imag
+        k = np.flatnonzero((imag[:-1] < 0) != (imag[1:] < 0))  # crossed between, by a straight line
+        at = -(real[k] + imag[k] / (imag[k] - imag[k + 1]) * (real[k + 1] - real[k]))
         if timing.pwm_hz is None:
-            at = np.append(at, -curve.real[-1])
+            at = np.append(at, -real[-1])
         return float(min(at[at > 0], default=math.inf))
 
     if B_v > 0 and first(stiffness / damper) <= B_v:

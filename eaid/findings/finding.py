@@ -48,20 +48,19 @@ def merged(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     for one in findings:
         groups.setdefault(one.code, []).append(one)
     covered = {less for code in groups for less in _row(code).covers}
-    return tuple(_worst(code, group) for code, group in groups.items() if code not in covered)
+    worst = []
+    for code, group in groups.items():
+        if code not in covered:
+            size = _row(code).size
+            one = max(group, key=lambda each: _number(each.values.get(size)))  # the first of those alike
+            others = {"others": len(group) - 1} if len(group) > 1 else {}
+            worst.append(msgspec.structs.replace(one, values={**one.values, **others}))
+    return tuple(worst)
 
 
 def _row(code: str) -> Row:
     """The table's row of a code; one that says nothing where a later version made the finding."""
     return SENTENCES.get(code, Row("note", code))
-
-
-def _worst(code: str, group: list[Finding]) -> Finding:
-    size = _row(code).size
-    worst = max(group, key=lambda one: _number(one.values.get(size))) if size else group[0]
-    if len(group) == 1:
-        return worst
-    return msgspec.structs.replace(worst, values={**worst.values, "others": len(group) - 1})
 
 
 def _number(value: Value) -> float:
