@@ -99,7 +99,7 @@ ROWS: dict[str, Row] = {
     ),
     "export-not-usable": stop("{subject} of a fit that is NOT USABLE: {why}"),
     "export-quick-falls": caution(
-        "falls between levels are as quick as the release, which an exported plant does not know: controllers alone"
+        "falls between levels are as quick as the release, which no exported plant knows: «law» pi,rc goes alone"
     ),
     "export-guarantee-holds": note("RC: ρ covers what the fit knows of the rig, Eq. (15)"),
     "export-guarantee-missing": caution(
