@@ -485,7 +485,7 @@ def report(
     from eaid.report.write import write_report
 
     given = gathered(results if isinstance(results, Iterable) else [results])
-    return write_report(given, Path(output_dir), chosen(ReportOptions, options, keywords), force).page
+    return write_report(given, Path(output_dir), chosen(ReportOptions, options, keywords), force)[0]
 
 
 def export(

@@ -46,13 +46,12 @@ def command(args: Arguments) -> None:
     console.done(page, f"{len(LINES)} commands", "open it in a browser")
 
 
-Line = tuple[str, ...]
 REPORTED = (
     "clutch.h5", "friction-force.h5", "friction-speed.h5", "fit.json", "friction-force.json", "friction-speed.json",
     "gains.json", "steps.h5", "multisine.h5", "sweep.h5", "rehab.h5",
 )  # fmt: skip
 # What the demo does, as typed inside its folder; {…} stands for the path of a shipped dataset
-LINES: tuple[Line, ...] = (
+LINES: tuple[tuple[str, ...], ...] = (
     ("ingest", "{friction-force}", "-o", "friction-force.h5"),
     ("ingest", "{friction-speed}", "-o", "friction-speed.h5"),
     ("fit", "friction-force.h5", "-o", "friction-force.json"),
@@ -69,7 +68,7 @@ LINES: tuple[Line, ...] = (
 )
 
 
-def run_line(line: Line, folder: Path) -> None:
+def run_line(line: tuple[str, ...], folder: Path) -> None:
     """One command line in this process, inside the folder: its tables are not shown, its failure ends the demo."""
     from eaid.cli.main import run
 

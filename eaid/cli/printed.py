@@ -10,7 +10,7 @@ from eaid.report.tables import Name, Table, table_of
 from eaid.report.tables.data import between_levels, levels_recorded, slips_table
 from eaid.results.plan import Excitation, Plan
 from eaid.shown import counted
-from eaid.steps.stepset import Level, LevelStep, StepSet
+from eaid.steps.stepset import Level, StepSet
 
 MOST = 20  # Steps from level to level that are listed; all are in the file and in --json
 
@@ -41,15 +41,15 @@ def ingested(data: StepSet) -> dict[str, Any]:
     def level(one: Level) -> dict[str, Any]:
         return {"level": one.level, "repeats": len(one.names), "samples": len(one.time_s), "runs": one.names}
 
-    def step(one: LevelStep) -> dict[str, Any]:
-        keys = ("level", "edge", "start", "change", "gain")
-        of = {"run": one.name, "from": one.from_level, **{key: getattr(one, key) for key in keys}}
-        return {**of, "window_s": float(one.time_s[-1])}
-
+    steps = [
+        {"run": one.name, "from": one.from_level, "level": one.level, "edge": one.edge, "start": one.start,
+         "change": one.change, "gain": one.gain, "window_s": float(one.time_s[-1])}
+        for one in data.level_steps
+    ]  # fmt: skip
     return {
         **{key: getattr(data, key) for key in ("kind", "input_unit", "output_unit", "synthetic", "apparatus")},
         "levels": tuple(map(level, data.levels)), "releases": tuple(map(level, data.releases)),
-        "level_steps": tuple(map(step, data.level_steps)), "runs": data.runs, "findings": data.all_findings,
+        "level_steps": steps, "runs": data.runs, "findings": data.all_findings,
     }  # fmt: skip
 
 

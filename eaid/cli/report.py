@@ -36,7 +36,7 @@ def command(args: Arguments) -> None:
         refuse_to_overwrite(args.output / FILE, True, args.files)
     args.output.parent.mkdir(parents=True, exist_ok=True)
     results = read_results(args.files, console.warn, console.progress)
-    made = write_report(results, args.output, part(ReportOptions, args), args.force, console.progress)
-    console.done(made.page, counted(len(made.figures), "figure"), "open it in a browser")
+    page, figures = write_report(results, args.output, part(ReportOptions, args), args.force, console.progress)
+    console.done(page, counted(len(figures), "figure"), "open it in a browser")
     if args.json:
-        console.print_json(made)
+        console.print_json({"page": page, "figures": figures})

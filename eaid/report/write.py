@@ -2,7 +2,6 @@
 
 import base64
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
@@ -21,18 +20,10 @@ from eaid.report.results import Results
 FILE, FOLDER = "report.html", "figures"
 
 
-@dataclass(frozen=True)
-class Report:
-    """What was written."""
-
-    page: Path
-    figures: tuple[str, ...]
-
-
 def write_report(
     given: Results, folder: Path, options: ReportOptions, force: bool = False, progress: Progress = no_progress
-) -> Report:
-    """Write `folder`/report.html and `folder`/figures, all of it or nothing."""
+) -> tuple[Path, tuple[str, ...]]:
+    """Write `folder`/report.html and `folder`/figures, all of it or nothing; the page, and the figures by name."""
     rows = tuple(row for row in FIGURES if not options.figures or row.name.startswith(options.figures))
     if unknown := [name for name in options.figures if not any(row.name.startswith(name) for row in rows)]:
         known = ", ".join(row.name for row in FIGURES)
@@ -63,7 +54,7 @@ def write_report(
     for old in files_in(folder):
         if old not in paths:
             old.unlink()
-    return Report(folder / FILE, tuple(one.name for one in drawn))
+    return folder / FILE, tuple(one.name for one in drawn)
 
 
 def _drawn(

@@ -150,11 +150,10 @@ MODES = {
     "hard": ("#F9DCCB", "resistive, hard"),
     "assisted": ("#D3EDE0", "assisted"),
 }
-Stretch = tuple[str, float, float]  # One mode: its name, from [s], to [s]
 
 
-def session(replay: Replay) -> tuple[Mapping[str, Array], list[Stretch]] | None:
-    """The first controller's trace that holds angle and target, and its modes; RC where it is there."""
+def session(replay: Replay) -> tuple[Mapping[str, Array], list[tuple[str, float, float]]] | None:
+    """The first trace that holds angle and target, RC's where it is there; its modes, each from when to when."""
     order = sorted(replay.records, key=lambda name: name != "rc")
     trace = next((one for name in order if "angle_deg" in (one := replay.records[name].columns)), None)
     if trace is None:

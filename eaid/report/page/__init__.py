@@ -16,10 +16,10 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from eaid.export.export import offered
-from eaid.findings.finding import listed
+from eaid.findings.finding import WORD, listed
 from eaid.report import live
 from eaid.report.page import summary
-from eaid.report.page.summary import MOST, Known, known, sentence
+from eaid.report.page.summary import GRADES, MOST, Known, known, sentence
 from eaid.report.results import KINDS, Results
 from eaid.report.tables import Name, Table, data, fits, gains, replays, text
 from eaid.shown import counted
@@ -222,7 +222,6 @@ def commands(results: Results) -> list[str]:
 
 
 WORDS = {"good": "Good", "care": "Warning", "bad": "Stop", "none": "–"}
-SEVERITIES = {"stop": ("bad", "Stop"), "caution": ("care", "Warning"), "note": ("good", "Note")}
 
 
 def page(results: Results, drawn: Sequence[Drawn], pictures: Sequence[Drawn]) -> str:
@@ -235,7 +234,7 @@ def page(results: Results, drawn: Sequence[Drawn], pictures: Sequence[Drawn]) ->
     )  # fmt: skip
     made.filters["sign"] = signs
     return made.get_template("report.html.j2").render(
-        words=WORDS, severities=SEVERITIES, text=text,
+        words=WORDS, grades=GRADES, called=WORD, text=text,
         title=summary.title(results),
         synthetic=results.synthetic,
         chips=summary.chips(results),

@@ -199,7 +199,6 @@ def mark_of(results: Results) -> tuple[str, list[str]] | None:
 
 
 SCENARIOS = ("multisine", "reference", "steps")  # Replays that are shown, the best first
-WIDTH_IN, HEIGHT_IN = 5.0, 2.5
 SHOWN_S = 20.0  # Most of a replay that is shown [s]
 
 
@@ -209,7 +208,7 @@ def _replay_of(results: Results) -> Replay | None:
 
 
 def _picture(panels: Sequence[Panel], ratios: tuple[float, ...] = (), columns: int = 1) -> Sheet:
-    return Sheet(panels, HEIGHT_IN, WIDTH_IN, columns, ratios, lettered=False)
+    return Sheet(panels, 2.5, 5.0, columns, ratios, lettered=False)
 
 
 def pictures(results: Results) -> Iterator[tuple[str, str, Sheet]]:

@@ -8,7 +8,6 @@ from operator import attrgetter
 from typing import TypeVar
 
 T = TypeVar("T")
-SYMBOLS = {"Ts": "T_s", "C_f": "C_f", "tau1": "τ1", "tau2": "τ2"}
 
 
 class Name(str):

@@ -2,10 +2,11 @@
 
 from operator import itemgetter
 
+from eaid.findings.row import SYMBOLS
 from eaid.models.parameters import PAPER_LINEAR
 from eaid.report import rig as published
 from eaid.report.rig import gain, of_the_paper
-from eaid.report.tables import INTERVAL, SYMBOLS, Cell, Name, Table, level, number, table_of
+from eaid.report.tables import INTERVAL, Cell, Name, Table, level, number, table_of
 from eaid.results.common import ci95_of
 from eaid.results.fit import Fit, Trend
 
@@ -70,7 +71,7 @@ def trends_table(fit: Fit) -> Table:
     table = published.TABLE_I if force else published.TABLE_II
     return table_of(
         heading, caption, table,
-        ("parameter", lambda name: SYMBOLS[name]), ("unit", lambda name: unit_of(fit, name)),
+        ("parameter", lambda name: SYMBOLS.get(name, name)), ("unit", lambda name: unit_of(fit, name)),
         ("published", lambda name: table[name][0]) if of_paper else None,
         (("published RMSE", "", 3), lambda name: table[name][2]) if of_paper else None,
         ("ours", shown), (("our RMSE", "", 3), lambda name: trends[name].rmse if name in trends else None),
