@@ -39,7 +39,7 @@ def test_the_answer_comes_first_in_eight_lines(rig, run_eaid):
 
 def test_options_reach_the_fit(fitted):
     fit = fitted("data.h5 --model nonlinear,linear --share 0.8 --loss huber --hold-out 60 --bounds-levels 40:100")
-    assert "friction" not in fit and fit["nonlinear"]["C"] == 0.8 and fit["nonlinear"]["robust"]["loss"] == "huber"
+    assert "friction" not in fit and fit["nonlinear"]["C"] == 0.8 and fit["options"]["loss"] == "huber"
     assert [row["level"] for row in fit["nonlinear"]["hold_out"]["levels"]] == [60.0]
     assert fit["linear"]["bounds"]["levels"] == [40.0, 80.0, 100.0]
     fit = fitted("data.h5 --share free --levels 40:100")
@@ -82,10 +82,12 @@ def test_the_tables_hold_the_numbers_of_the_file(rig, run_eaid):
     assert held[1] == "60" and float(held[2]) == pytest.approx(part["hold_out"]["levels"][0]["rmse"], rel=0.01)
 
 
-def test_huber_shows_the_level_that_it_weighs_down(rig, run_eaid):
+def test_huber_sees_past_a_drop_out(rig, run_eaid):
     """A quarter less for half a second in one run of one level."""
     made = "synth --levels 20,40,60,80,100 --repeats 3 --hold 8 --idle 1 --rate-hz 50 -q -o huber"
     assert run_eaid(made).code == 0
+    assert run_eaid("fit huber --ci none -o f.json").code == 0
+    whole = result()["friction"]["levels"][2]
     (log,) = Path("huber").glob("*060*r2*.csv")
     lines = []
     for line in log.read_text().splitlines():
@@ -93,9 +95,11 @@ def test_huber_shows_the_level_that_it_weighs_down(rig, run_eaid):
         fallen = cells[0][:1].isdigit() and 5.0 < float(cells[0]) < 5.5
         lines.append(",".join([*cells[:-1], str(0.75 * float(cells[-1]))]) if fallen else line)
     log.write_text("\n".join(lines) + "\n")
-    assert run_eaid("fit huber --loss huber --ci none -o f.json").code == 0
-    weights = {one["level"]: one for one in result()["nonlinear"]["robust"]["weights"]}
-    assert weights[60]["least"] < min(one["least"] for level, one in weights.items() if level != 60)
+    off = []
+    for loss in ("huber", "squares"):
+        assert run_eaid(f"fit huber --loss {loss} --ci none -o f.json --force").code == 0
+        off.append([abs(result()["friction"]["levels"][2][name] / whole[name] - 1) for name in ("Ts", "tau1", "tau2")])
+    assert all(held < moved for held, moved in zip(*off, strict=True)), off
 
 
 @pytest.mark.slow
