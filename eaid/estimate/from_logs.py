@@ -9,11 +9,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from eaid.arrays import Array
-from eaid.estimate.forms import Form, LegendreForm, Limits, Model, Rows, Tables
+from eaid.estimate.forms import LEAST_TAU_S, Form, LegendreForm, Limits, Model, Rows, Tables
 from eaid.estimate.response import Copies, Drive, RecordedLog, derivatives
 from eaid.estimate.solver import (
     CONVERGED,
@@ -120,11 +121,6 @@ class Setup:
         """Number of unknowns."""
         return self.shared + sum(len(place.columns) - self.shared for place in self.places)
 
-    @cached_property
-    def samples(self) -> int:
-        """Samples that are compared."""
-        return sum(drive.samples for drive in self.drives)
-
     def at(self, name: str) -> int:
         """First place of an extra in x; −1 where it is no unknown."""
         if name not in self.extras:
@@ -137,20 +133,25 @@ class Setup:
         at, given = self.places[log].x, (self.model.share or 0.0, *itertools.chain(*NOTHING.values()), 0.0, 0.0, 0.0)
         return self.model.tables(self.maps[log], x), np.where(at >= 0, x[at], given)
 
-    def jacobian(self, x: Array, log: int) -> tuple[Array, Array]:
-        """√w ∂f/∂x of a log's own columns, (N, p), and √w (f − y), (N,), for its samples that count."""
+    def derivatives(self, x: Array, log: int) -> Array:
+        """√w ∂f/∂x of a log's own columns, then √w (f − y), for its samples that count, (N, p + 1)."""
         place = self.places[log]
-        found = derivatives(self.drives[log], *self.tables(x, log), place.kernel, len(place.columns))
+        return np.asarray(derivatives(self.drives[log], *self.tables(x, log), place.kernel, len(place.columns)))
+
+    def jacobian(self, x: Array, log: int) -> tuple[Array, Array]:
+        """The same apart, (N, p) and (N,)."""
+        found = self.derivatives(x, log)
         return found[:, :-1], found[:, -1]
 
     def together(self, x: Array) -> tuple[float, Array, Array]:
         """Cost, gradient and Gauss–Newton matrix."""
         cost, gradient, curvature = 0.0, np.zeros(self.size), np.zeros((self.size, self.size))
         for log, drive in enumerate(self.drives):
-            at, (J, r) = self.places[log].columns, self.jacobian(x, log)
-            cost += float(r @ r) + drive.left
-            gradient[at] += 2.0 * J.T @ r
-            curvature[np.ix_(at, at)] += 2.0 * J.T @ J
+            at, found = self.places[log].columns, self.derivatives(x, log)
+            P = 2.0 * found.T @ found
+            cost += 0.5 * float(P[-1, -1]) + drive.left
+            gradient[at] += P[-1, :-1]
+            curvature[np.ix_(at, at)] += P[:-1, :-1]
         return cost, gradient, curvature
 
     def problem(self) -> Problem:
@@ -180,17 +181,53 @@ def setup_of(model: Model, logs: Sequence[RecordedLog], idle_free: bool = True) 
 
 def linear_parts(setup: Setup, shapes: Sequence[Array] | Array) -> tuple[Array, Array]:
     """Costs (K,) of some x, (K, n), and places (K, n) with what enters linearly solved for."""
-    own = [place.own[place.own >= 0] for place in setup.places]
-    free = np.concatenate([np.arange(setup.model.slices[0].stop), *own]).astype(np.intp)
-    x, costs = np.array(shapes), np.empty(len(shapes))
-    x[:, free] = 0.0
-    for k, row in enumerate(x):
-        cost, gradient, curvature = setup.together(row)
-        H, g = curvature[np.ix_(free, free)], gradient[free]
-        scale = np.sqrt(np.maximum(np.diagonal(H), 1e-300))
-        row[free] = d = -np.linalg.solve(H / np.outer(scale, scale) + 1e-10 * np.eye(len(g)), g / scale) / scale
-        costs[k] = cost + g @ d + 0.5 * d @ H @ d
-    return costs, x
+    model, x = setup.model, np.array(shapes)
+    a, one, two = model.slices[0].stop, *model.slices[1:]
+    own = np.concatenate([place.own[place.own >= 0] for place in setup.places]).astype(np.intp)
+    free = np.concatenate([np.arange(a), own]).astype(np.intp)
+    share = x[:, model.size - 1] if model.share is None else np.full(len(x), model.share)
+    size = len(free)
+    sums = np.zeros((len(x), size + 1, size + 1))
+    for drive, rows, place in zip(setup.drives, setup.maps, setup.places, strict=True):
+        tau1 = np.maximum(x[:, one] @ rows.tau1.T, LEAST_TAU_S)
+        tau2 = np.maximum(x[:, two] @ rows.tau2.T, LEAST_TAU_S) if model.tau2 else np.ones_like(tau1)
+        found = linear_sums(drive, rows.steady, tau1, tau2, share)
+        known = np.concatenate([np.arange(a), np.where(place.own >= 0, np.searchsorted(free, place.own), -1), [size]])
+        at = np.flatnonzero(known >= 0)
+        sums[:, known[at][:, None], known[at]] += found[:, at[:, None], at]
+    scale = np.sqrt(np.maximum(np.diagonal(sums, axis1=1, axis2=2)[:, :size], 1e-300))
+    A = sums[:, :size, :size] / (scale[:, :, None] * scale[:, None, :])
+    v = sums[:, :size, size] / scale
+    z = np.linalg.solve(A + 1e-10 * np.eye(size), v[:, :, None])[:, :, 0]
+    x[:, free] = z / scale
+    return sums[:, size, size] + np.einsum("kij,ki,kj->k", A, z, z) - 2 * (v * z).sum(axis=1), x
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def linear_sums(drive: Drive, by_steady: Array, tau1: Array, tau2: Array, share: Array) -> Array:
+    """Σ w s s' of K shapes, (K, n + 4, n + 4), for τ1 and τ2 of every input, (K, m), and C, (K,).
+
+    s are the derivatives by the n coefficients of T_s, idle output, x1 and x2 at the first row; then y.
+    """
+    n, rows = by_steady.shape[1], len(drive.w)
+    sums, columns = np.empty((len(share), n + 4, n + 4)), np.empty((rows, n + 4))
+    for k in range(len(share)):
+        fast, slow = np.zeros(n), np.zeros(n)
+        start1 = start2 = 1.0
+        for row in range(rows):
+            root, i = np.sqrt(drive.w[row]), drive.which[row]
+            for j in range(n):
+                columns[row, j] = root * (fast[j] + slow[j])
+            columns[row, n], columns[row, n + 1] = root, root * start1
+            columns[row, n + 2], columns[row, n + 3] = root * start2, root * drive.y[row]
+            g1, g2 = -np.expm1(-drive.dt_s[row] / tau1[k, i]), -np.expm1(-drive.dt_s[row] / tau2[k, i])
+            for j in range(n):
+                fast[j] += g1 * (share[k] * by_steady[i, j] - fast[j])
+                slow[j] += g2 * ((1.0 - share[k]) * by_steady[i, j] - slow[j])
+            start1 -= g1 * start1
+            start2 -= g2 * start2
+        sums[k] = columns.T @ columns
+    return sums
 
 
 GRID = 17  # Values of τ on the grid, from half a sample to the longest log
@@ -342,7 +379,8 @@ def least_slow(setup: Setup, ends: Sequence[EndPoint]) -> EndPoint:
     What has one time constant is explained as well by a slow part that never comes, and a T_s larger by what it hides.
     """
     best, part = min(ends, key=lambda end: end.cost), setup.model.slices[2]
-    alike = [end for end in ends if end.cost <= (1 + ALIKE / setup.every.samples) * best.cost]
+    samples = sum(drive.samples for drive in setup.every.drives)
+    alike = [end for end in ends if end.cost <= (1 + ALIKE / samples) * best.cost]
     if setup.model.tau2 is None or len(alike) < 2:
         return best
     rows = setup.model.tau2.rows(setup.model.limited)
