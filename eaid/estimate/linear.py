@@ -4,7 +4,7 @@ Its step response is one exponential with τ = 1/a0 and the gain (b0 u + c0)/a0.
 small changes of the levels' own T_s, τ1, τ2, by the full curvature of the cost: the model need not fit.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import msgspec
 import numpy as np
@@ -61,21 +61,13 @@ def to_parameters(form: Model, x: Array) -> Array:
     return turn if form.high > form.low else turn[:2]
 
 
-def to_logs(_form: Model, x: Array) -> Array:
-    """∂(ln a0, ln gain, ln B)/∂(gain, τ), (3, 2), B = u/(a0 gain)."""
-    gain, tau = x
-    return np.array([[0.0, -1 / tau], [1 / gain, 0.0], [-1 / gain, 1 / tau]]) if gain else np.full((3, 2), np.nan)
-
-
 def variances(
-    solved: Solution, slopes: Callable[[Model, Array], Array], own: Array, scatter: LevelScatter, white: bool
+    data: Data, form: Model, x: Array, turn: Array, own: Array, scatter: LevelScatter, white: bool
 ) -> tuple[list[float], list[float]]:
-    """Variances of some numbers of a fit, of which `slopes` gives those by its unknowns, and degrees of freedom.
+    """Variances and degrees of freedom of numbers that go with the unknowns `x` of a fit by `turn`, (k, n).
 
     By how the unknowns answer to the levels' `own` T_s, τ1, τ2, C, (4, L), or those of the textbook.
     """
-    data, (form, x) = solved.steps.data, unknowns(solved)
-    turn = slopes(form, x)
     if white:
         covariance, spare = textbook_covariance(data, form, x)
         return np.diag(turn @ covariance @ turn.T).tolist(), [spare] * len(turn)
@@ -109,8 +101,10 @@ def bounds_of(rows: Sequence[LinearLevel], wanted: Sequence[float] | None = None
 
 def level_intervals(row: LinearLevel, solved: Solution, i: int, scatter: Scatter, white: bool) -> LinearLevelIntervals:
     """95 % intervals of a0, gain and B of level i."""
-    own, values = scatter.of_levels.alone(i), (row.a0, row.gain, row.B)
-    variance, degrees = variances(solved, to_logs, scatter.theta[:, i : i + 1], own, white)
+    own, values, (form, x) = scatter.of_levels.alone(i), (row.a0, row.gain, row.B), unknowns(solved)
+    gain, tau = x  # their logarithms by these; B = u/(a0 gain)
+    turn = np.array([[0.0, -1 / tau], [1 / gain, 0.0], [-1 / gain, 1 / tau]]) if gain else np.full((3, 2), np.nan)
+    variance, degrees = variances(solved.steps.data, form, x, turn, scatter.theta[:, i : i + 1], own, white)
     if not white:
         dof = dict(zip(("a0", "gain", "B"), degrees, strict=True))
         return LinearLevelIntervals(*map(log_interval_of, values, variance, degrees), dof=dof)
@@ -123,7 +117,8 @@ def linear_part(
 ) -> tuple[Linear, list[Finding]]:
     """The linear model, pooled and per level, with the bounds of B, intervals, and warnings."""
     solved, huber = minimise(data, options.loss, lambda d, _: fit_linear(d), Solution.residuals)
-    p, left = parameters(*unknowns(solved)), solved.residuals(data)
+    form, x = unknowns(solved)
+    p, left = parameters(form, x), solved.residuals(data)
     each = [fit_linear(data.one(i)) for i in range(len(data.u))]
     total = metrics.errors([record.y for record in data.records], left)
     one = Linear(p.a0, p.b0, p.c0, solver=solved.solver, **total.scores)
@@ -132,7 +127,9 @@ def linear_part(
     levels = None if wanted is None else wanted_levels(wanted, [row.level for row in rows], "bounds_levels")
     bounds = bounds_of(rows, levels)
     white = options.ci == "white"
-    variance, degrees = variances(solved, to_parameters, scatter.theta, scatter.of_levels, white)
+    variance, degrees = variances(
+        solved.steps.data, form, x, to_parameters(form, x), scatter.theta, scatter.of_levels, white
+    )
     ends = map(interval_of, (p.a0, p.b0, p.c0), variance, degrees)  # one level leaves c0 to b0
     pooled = PooledIntervals(*ends, dof=dict(zip(("a0", "b0", "c0"), degrees, strict=False)))
     findings = [*linear_findings(data, one, rows, bounds, pooled), *huber_findings("linear", huber)]

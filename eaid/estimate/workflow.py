@@ -36,14 +36,6 @@ from eaid.results.fit import Fit, FittedData, Friction, LackOfFit, Uncertainty
 from eaid.results.verdict import judged
 from eaid.steps.stepset import Level, StepSet
 
-# Models that a kind of experiment can be fitted with
-ALLOWED: dict[str, tuple[str, ...]] = {
-    "clutch": MODELS,
-    "friction-force": ("friction",),
-    "friction-speed": ("friction",),
-}
-
-
 MOST = 1e60  # Largest size of a number that a result may hold; its cube is still a number
 ODD = 0.01  # Probability at which a good repeat would be said to lie off the others
 APART = 3.0  # Times the distance between the other sweeps that one of them is off
@@ -279,7 +271,7 @@ def converged(result: Fit) -> bool:
 
 def chosen(kind: str, wanted: Sequence[str] | None) -> tuple[str, ...]:
     """The models to fit; raises UsageError for one that the kind does not allow."""
-    allowed = ALLOWED[kind]
+    allowed = MODELS if kind == "clutch" else ("friction",)
     for name in wanted or ():
         if name not in allowed:
             raise UsageError(f"«model» {name}: {kind} logs can be fitted with {', '.join(allowed)}")
