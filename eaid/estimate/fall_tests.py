@@ -122,12 +122,14 @@ def _chance(off: Array, G: Array, uncertainty: Spread) -> float:
 
 
 def _findings(solved: Solved, judgements: dict[str, Judged]) -> tuple[Finding, ...]:
-    findings = [] if "rest" in judgements else [finding("release-not-seen", "release")]
-    kept = solved.setup.extras
-    if "rest" in kept:
-        (tau1, tau2), (edge1, edge2) = judgements["rest"].values.tolist(), edges(solved).tolist()
-        own = {"tau1_s": tau1, "tau2_s": tau2, "edge1_s": edge1, "edge2_s": edge2}
-        findings = [finding("release-differs", "release", (), **own, chance=judgements["rest"].chance)]
+    findings, kept = [finding("release-not-seen", "release")], solved.setup.extras
+    if "rest" in judgements:
+        (tau1, tau2), chance = judgements["rest"].values.tolist(), judgements["rest"].chance
+        edge1, edge2 = edges(solved).tolist()
+        findings = [finding("release-alike", "release", tau1_s=edge1, tau2_s=edge2, chance=chance)]
+        if "rest" in kept:
+            own = {"tau1_s": tau1, "tau2_s": tau2, "edge1_s": edge1, "edge2_s": edge2}
+            findings = [finding("release-differs", "release", (), **own, chance=chance)]
     if "fall" in kept:
         (tau1, tau2), chance = judgements["fall"].values.tolist(), judgements["fall"].chance
         findings.append(finding("falls-differ", "nonlinear", tau1_factor=tau1, tau2_factor=tau2, chance=chance))

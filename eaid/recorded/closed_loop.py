@@ -78,8 +78,7 @@ def judged_loops(base: Solved, logs: Sequence[RecordedLog]) -> tuple[tuple[Loop,
             if not (follows := follows_output(base, k, log)):
                 continue
             findings.append(finding("duty-follows-output", log.name, correlation=follows))
-        if not (law and by_instrument):
-            findings.append(finding("loop-bias-unknown", log.name))
+        findings.append(finding("loop-instrument" if law and by_instrument else "loop-bias-unknown", log.name))
         off = None if log.reference is None else (log.reference - log.output)[int(np.argmax(log.input > 0)) :]
         found = {} if law is None else {"K_P": law.gains.K_P, "K_I": law.gains.K_I, "law_fit_pct": law.fit_pct}
         loops.append(

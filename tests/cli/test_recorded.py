@@ -22,7 +22,7 @@ def test_a_log_of_random_steps_is_fitted_whole_and_followed_by_a_sequence_that_c
     fit = json.loads(Path("fit.json").read_text(encoding="utf-8"))
     assert fit["converged"] is True and fit["recorded"]["logs"][0]["fit_pct"] > 90
     assert fit["recorded"]["logs"][0]["sha256"] and len(fit["nonlinear"]["tau1"]) == 3
-    assert not {one["code"] for one in fit["findings"]} & {"release-differs", "release-not-seen"}
+    assert "release-alike" in {one["code"] for one in fit["findings"]}
     assert fit["linear"]["bounds"]["B_m"] < fit["linear"]["bounds"]["B_M"]
     assert run_eaid("tune-rc fit.json").code in (0, 5)
     limits = "--want tau1=15,tau2=40 --limits duty=20:90,hold_s=0.5:10,rest_s=3,engagements=2 --no-check"

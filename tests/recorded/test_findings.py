@@ -96,7 +96,7 @@ def test_a_release_of_its_own_is_found_and_fitted() -> None:
         one.fitted for one in fit.recorded.falls if one.name.startswith("fall")
     )
     same = fit_recorded([random_log(3, 200.0)], PLAIN)
-    assert same.release is None and not {"release-differs", "release-not-seen"} & codes(same).keys()
+    assert same.release is None and "release-alike" in codes(same)
 
 
 @pytest.mark.slow
@@ -166,7 +166,7 @@ def test_a_loops_law_is_found() -> None:
     (loop,) = fit.recorded.loops
     error = (run.reference_nm - run.output)[int(np.argmax(run.input > 0)) :]
     assert loop.rms_error == pytest.approx(float(np.sqrt(np.mean(error**2))))
-    assert loop.method == "instrument" and "loop-bias-unknown" not in codes(fit)
+    assert loop.method == "instrument" and "loop-instrument" in codes(fit)
     blind = fit_recorded([replace(recorded_log(run), reference=None)], replace(PLAIN, duty=(10.0, 100.0)))
     assert {"duty-follows-output", "loop-bias-unknown"} <= codes(blind).keys()
     free = synthesise_excitation(clutch(), Excitation(kind="chirp", duration_s=120.0, rate_hz=200.0), NOISE, 3)

@@ -27,10 +27,12 @@ def _leaves(v: Values) -> str:
 ROWS: dict[str, Row] = {
     # Gains
     "phi-exceeded": caution(
-        "the model's drift term is off by {needed:.3g} {unit}, the gains allow {available:.3g}; «phi» data takes it"
+        "the model's drift term is off by up to {needed:.3g} {unit}, the gains allow for {available:.3g} {unit}; "
+        "«phi» data takes φ from the data"
     ),
     "slope-above-q-max": caution(
-        "{reference} is steeper ({needed:.3g}/s) than the gains expect ({available:.3g}); add «reference» {reference}"
+        "the {reference} is steeper ({needed:.3g} per second) than the gains assume ({available:.3g}); add "
+        "«reference» {reference}"
     ),
     "rho-not-covered": caution(
         "ρ does not cover the uncertainty: with B̂ = {B_hat:.4g} the α really reached is {reached:.4g}, ρ was made with "
@@ -46,7 +48,8 @@ ROWS: dict[str, Row] = {
         "{settling_s:.3g} s on this linear model, not the 1 % and 0.27 s it was meant for; «pi_gains» 21,360 takes it"
     ),
     "rc-slowed": note(
-        "RC: the paper's numbers leave too little margin {loop}: ε {epsilon:.3g}, K_P {K_P:.3g}, K_D {K_D:.3g} instead"
+        "RC: the paper's numbers leave it too little margin {loop}; made with ε {epsilon:.3g}, K_P {K_P:.3g}, K_D "
+        "{K_D:.3g} instead"
     ),
     "switch-jumps": caution(
         "γε is {sharpness:.3g}, below {least:g}: the printed switch jumps by {jump:.2g} ρ at z = 0; eaid takes the "
@@ -69,7 +72,8 @@ ROWS: dict[str, Row] = {
         "the reference is as steep as {slope:.3g} per second; the gains were made for Q_M = {Q_M:g}"
     ),
     "plants-all-alike": caution(
-        "this fit holds no covariance, so every drawn plant is the fitted one; fit again with «ci» robust"
+        "this fit holds no covariance of the nonlinear model, so every drawn plant is the fitted one; fit again with "
+        "«ci» robust to carry the uncertainty on"
     ),
     "dead-time-replayed": note(
         "the duty acts {dead_time_s:.3g} s late, the dead time that the steps show; «delay_samples» says another"
@@ -88,7 +92,8 @@ ROWS: dict[str, Row] = {
         size="stable",
     ),
     "clutch-cannot-turn": caution(
-        "the limb may be {short:.3g} rad/s faster than the rotor: the torque turns round; take {needed_rpm:.3g} RPM"
+        "the limb may move faster than the rotor by {short:.3g} rad/s: there the clutch's torque turns round; a rotor "
+        "of {needed_rpm:.3g} RPM does not let it"
     ),
     "wall-beyond-encoder": caution(
         "{subject}: walls above {encoder:.3g} N·m/rad chatter on the encoder's steps, idle drag {drag:.3g} {unit}"
@@ -99,11 +104,13 @@ ROWS: dict[str, Row] = {
     ),
     "export-not-usable": stop("{subject} of a fit that is NOT USABLE: {why}"),
     "export-quick-falls": caution(
-        "falls between levels are as quick as the release, which no exported plant knows: «law» pi,rc goes alone"
+        "the fit's falls between levels are as quick as the release, which an exported plant does not know: the "
+        "controllers alone are exported"
     ),
     "export-guarantee-holds": note("RC: ρ covers what the fit knows of the rig, Eq. (15)"),
     "export-guarantee-missing": caution(
-        "RC: the Lyapunov guarantee does not hold on this rig (missing: {missing}); the margins speak for these gains"
+        "RC: the Lyapunov guarantee does not hold on this rig (missing: {missing}); the margins are what speaks for "
+        "these gains"
     ),
     "export-margins": note(_margin),
     "export-guarantee-unknown": caution("RC: these gains do not say whether the guarantee holds"),

@@ -117,7 +117,8 @@ ROWS: dict[str, Row] = {
         "the data leave T_s open {at} by a factor of a hundred or more; record from rest, hold the levels for longer"
     ),
     "linear-parameter-unknown": stop(
-        "{parameter} of the linear model is anywhere in {low:.3g} … {high:.3g}; record more levels, held for longer"
+        "{parameter} of the linear model may lie anywhere between {low:.3g} and {high:.3g}; record more levels, held "
+        "for longer"
     ),
     "no-step-has-a-shape": stop(
         "no single step has the shape of a step response: look at the plot for several steps, a closed loop or a "
@@ -156,13 +157,15 @@ ROWS: dict[str, Row] = {
     ),
     "level-without-b": caution("b0 is not positive at level {levels}: left out of B_m and B_M"),
     "release-beyond-record": caution(
-        "the slow release constant ({tau2_s:.3g} s) is longer than the records after a release ({record_s:.3g} s)"
+        "the slow release constant ({tau2_s:.3g} s) is longer than the longest record after a release "
+        "({record_s:.3g} s): these data cannot tell it"
     ),
     "release-too-fast": caution(
         "the release is faster than 1 ms or than the samples can tell: its fast constant is at its floor"
     ),
     "release-leaves-output": caution(
-        "more than a tenth of the output is left long after the release of level {levels}; the model goes to zero"
+        "more than a tenth of the output is left long after the release of level {levels}; the model's release goes "
+        "to zero"
     ),
     # Intervals
     "numbers-beyond-measure": caution(
@@ -262,7 +265,8 @@ ROWS: dict[str, Row] = {
         )
     ),
     "draws-rejected": caution(
-        "{pct:.0f} % of the draws broke a constraint and were drawn again: ranges over {plants} plants are cut there"
+        "{pct:.0f} % of the draws broke a constraint (τ2 below τ1, or T_s below 0) and were drawn again: the ranges "
+        "over the {plants} plants are cut there"
     ),
     # Logs fitted as recorded
     "input-faster-than-sampled": caution(
@@ -298,7 +302,8 @@ ROWS: dict[str, Row] = {
         "the logs excite one input only ({levels}): T_s, τ1 and τ2 are known there; how they go with the input is not"
     ),
     "idle-not-seen": caution(
-        "{subject}: the log never rests, so its idle output is taken for 0; begin the log with a second at rest"
+        "{subject}: the log never rests, so its idle output is not known apart from T_s; 0 is taken: begin the log "
+        "with a second at rest"
     ),
     "not-told-by-the-input": caution(
         lambda v: (
@@ -310,12 +315,17 @@ ROWS: dict[str, Row] = {
         "falls to rest have time constants of their own, {tau1_s:.3g} s and {tau2_s:.3g} s (the lowest input would "
         "give {edge1_s:.3g} s and {edge2_s:.3g} s; chance {chance:.2g}); they are fitted and taken for the release"
     ),
+    "release-alike": note(
+        "falls to rest are as fast as the lowest input gives, {tau1_s:.3g} s and {tau2_s:.3g} s, as far as these logs "
+        "can tell (chance {chance:.2g})"
+    ),
     "release-not-seen": note(
         "the logs hold no fall to rest: that a release goes as at the lowest input is an assumption"
     ),
     "falls-differ": caution(_falls),
     "hysteresis": caution(
-        "T_s is {excess_pct:+.2g} % after a fall of the input (chance {chance:.2g}); T_s here is that after rises"
+        "the steady output depends on where the input came from: {excess_pct:+.2g} % after a fall of the input "
+        "(chance {chance:.2g}); T_s here is that after rises"
     ),
     "engagements-scatter": note(
         "the output differs between engagements by {scatter_pct:.2g} % (sd of {count}); the intervals hold it"
@@ -332,8 +342,12 @@ ROWS: dict[str, Row] = {
         "{subject}: a closed loop whose law is not known: the bias of the direct fit cannot be told, and the intervals "
         "leave it out; log the reference of a PI loop, or play a duty of your own"
     ),
+    "loop-instrument": note(
+        "{subject}: fitted with the simulated duty as an instrument: the noise that the duty carries has no say"
+    ),
     "excitation-short": caution(
-        "no sequence of {most_s:g} s reaches the widths: {parameter} comes to ± {width_pct:.3g} %, not {wanted_pct:g} %"
+        "no sequence of {most_s:g} s within the limits reaches the widths: {parameter} comes to ± {width_pct:.3g} %, "
+        "not {wanted_pct:g} %"
     ),
     # Plans
     "plan-assumes-noise": caution(

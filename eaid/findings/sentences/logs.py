@@ -31,7 +31,8 @@ ROWS: dict[str, Row] = {
         "no unit is given for {role} {column}: its numbers stay as they are; say it with «units» {role}=UNIT", rank=1
     ),
     "unit-g-unclear": caution(
-        "{role} {column} is in {unit}, an acceleration or a weight; a weight is said by «units» {role}=gf or kgf"
+        "{role} {column} is in {unit}, an acceleration or a weight: its numbers stay as they are; a weight is said by "
+        "«units» {role}=gf or kgf"
     ),
     "time-since-a-day": note("{column} counts {counts}, as its first stamp tells"),
     "time-unclear": stop(
@@ -68,7 +69,8 @@ ROWS: dict[str, Row] = {
         "edges",
     ),
     "cut-at-reversals": note(
-        "cut at the {reversals} turns of its position, a step from each; strokes back count as negative inputs"
+        "cut at the {reversals} turns of its position, each a step from the output at the turn; strokes back count as "
+        "negative inputs"
     ),
     "input-moves": stop(
         "the input moves most of the time, so it holds no steps; a displacement is said with «columns» position=, "
@@ -83,7 +85,8 @@ ROWS: dict[str, Row] = {
         "{unit}, for the start; if the step came later, say «step_at»"
     ),
     "no-rest-before-step": caution(
-        "nothing is recorded before the step: its first samples, {start:.4g} {unit}, are its start; else say «baseline»"
+        "nothing is recorded before the step: its first samples, {start:.4g} {unit}, are taken for its start; if it is "
+        "another, say «baseline»"
     ),
     "spikes-before-step": caution("{samples:#spike} before the step left out of its baseline", "samples"),
     "spikes": stop(
@@ -152,10 +155,12 @@ ROWS: dict[str, Row] = {
         "no level is above 1 %: if the duty is a fraction of 1, say «units» input=fraction"
     ),
     "level-to-level": note(
-        "{steps} of {of} steps go from one level to another: each is fitted from its own start, apart from the others"
+        "{steps} of {of} steps go from one level to another: each is fitted from its own start, apart from the steps "
+        "from rest"
     ),
     "shape-explains-little": caution(
-        "the best step shape ({shape}) explains {R2:.0%} of the output's variance only: this is no step response"
+        "the best of the step shapes ({shape}) explains {R2:.0%} of the output's variance only: that step by itself is "
+        "no step response"
     ),
     "shape-misses": caution(
         "the best of the step shapes misses the step to {levels} by up to {share_pct:.0f} % of its change: what "
@@ -163,7 +168,8 @@ ROWS: dict[str, Row] = {
         "share_pct",
     ),
     "sign-differs": stop(
-        "its output goes the other way than that of {siblings:#run} beside it; mend its sign or wiring, or leave it out"
+        "its output goes the other way than that of {siblings:#run} beside it; mend its sign or its wiring, or leave "
+        "it out"
     ),
     "runs-left-out": caution(
         lambda v: f"{len(v['runs'])} of {v['of']} runs left out of the fit, {listed(v['runs'], 3)}: {v['why']}",
