@@ -47,14 +47,13 @@ class Inputs(NamedTuple):
     factor: Any  # What the sensor gives of the torque; 1 but for logs that are synthesised
 
 
-def loop_of(law: Step, sources: str = "") -> Callable[..., None]:
-    """The control loop around one law; `sources` is part of the key under which machine code of it is kept."""
+def loop_of(law: Step) -> Callable[..., None]:
+    """The control loop around one law."""
 
     def closed_loop(
         gains: Any, start: Any, plant: PlantParameters, rig: tuple[int, float], dt: float, inputs: Inputs, filled: Any
     ) -> None:
         """Fill four columns as long as the inputs: true and read torque, the duty given and the mean duty applied."""
-        sources  # noqa: B018 - what a closure holds is part of numba's key
         reference, rate, disturbance, factor = inputs
         torque, measured, duty, applied = filled
         state = start

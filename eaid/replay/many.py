@@ -4,8 +4,8 @@ Every plant meets the same noise, so that plants differ by their parameters alon
 plant and on no thread: the same seed gives the same numbers on one thread and on many, those of plain Python.
 
 Every plain function that the loop calls is registered with numba, so that compiled code may call it; the loop itself is
-a closure around a law. numba keeps what it compiles on disk under a key that includes what a closure holds: among it a
-fingerprint of all sources, so that a changed law is never served from an old cache.
+a closure around a law. numba keeps what it compiles on disk in a file of the function's name, which holds a fingerprint
+of all sources: what another version left there is never opened.
 """
 
 import hashlib
@@ -47,7 +47,8 @@ def compiled(law: Step) -> Any:
     sources = hashlib.sha256()
     for file in (__file__, *(str(module.__file__) for module in MODULES)):
         sources.update(Path(file).read_bytes())
-    function = loop.loop_of(law, sources.hexdigest())
+    function = loop.loop_of(law)
+    function.__qualname__ += f"_{sources.hexdigest()[:16]}"
     try:
         return numba.njit(error_model="numpy", nogil=True, cache=True)(function)
     except RuntimeError:
