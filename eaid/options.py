@@ -1,4 +1,7 @@
-"""Every option of eaid, declared once; `eaid.declared` says how, and derives flags, keywords, limits and refusals."""
+"""Every option of eaid, declared once; `eaid.declared` says how, and derives flags, keywords, limits and refusals.
+
+A default of None is settled where the option is used: those of gains in `eaid.control.defaults`.
+"""
 
 import re
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""How sure the estimate of levels first is: T_s(u) through the levels, and how every number answers to the runs.
+"""Intervals of levels first, which fits T_s of each level and then T_s(u) through them: how numbers answer to the runs.
 
 Unknowns are T_s of the L levels and the coefficients x of τ1(u), τ2(u), C. Levels with repeats contribute their runs.
 Levels of a single run contribute their own distance to the estimate, as clusters with scores corrected for their own

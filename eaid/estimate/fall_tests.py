@@ -1,4 +1,4 @@
-"""Do falls go as rises do? Tested on the data, and fitted where they differ.
+"""Do falls in recorded logs go as rises do? Tested on the data, and fitted where they differ.
 
     rest     τ1, τ2 of falls to rest against those of the lowest identified input
     fall     factors on τ1, τ2 of falls between identified inputs against 1

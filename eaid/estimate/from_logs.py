@@ -1,4 +1,4 @@
-"""From starts to the least cost: compared on a coarse copy of the logs, ended on every sample, with our own verdict.
+"""Fits to recorded logs, from starts to the least cost: compared on a coarse copy, ended on every sample.
 
 SLSQP works on whitened unknowns, a Gauss–Newton matrix at each round; the end is polished by constrained Newton steps
 on every sample, and what one more of them would gain is the verdict, as with the step fits.

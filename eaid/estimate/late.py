@@ -1,4 +1,4 @@
-"""By how many rows does the output answer late, for a dead time, or early, where the input is noted late?
+"""Dead time of a recorded log: by how many rows the output answers late, or early, where the input is noted late.
 
 With f_s the response to the input of s rows later (what acted, if the log shows a change s rows late), D = (f₁ − f₋₁)/2
 is the derivative by that delay. In residuals r whitened by an autoregression, J and D with them,

@@ -1,4 +1,4 @@
-"""Falling edges: one τ1 and τ2 for all levels.
+"""Falling edges of steps: one τ1 and τ2 for all levels.
 
 T(t) = residual + amplitude (s e^(−t/τ1) + (1 − s) e^(−t/τ2)), amplitude ≥ 0, specification 4.1 let go. Their
 share s is what they had reached when the input left: with the rising curve and the time H that it was held,

@@ -1,4 +1,4 @@
-"""Sentences about logs: what reading had to do, and warnings about what was read."""
+"""Sentences about logs and the steps cut from them: what reading had to do, and what is wrong or doubtful."""
 
 from eaid.findings.row import Row, Values, caution, note, stop
 from eaid.shown import listed
