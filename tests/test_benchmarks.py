@@ -1,10 +1,13 @@
 """Every benchmark runs, at its smallest size, in this process; its times say nothing here."""
 
+import subprocess
+import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
-from benchmarks import coverage, fit_quality, fit_speed, mutants, processes, reading, replay_speed, stop_findings
+from benchmarks import coverage, fit_quality, fit_speed, processes, reading, replay_speed, stop_findings
 from benchmarks.table import markdown
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
@@ -36,13 +39,16 @@ def test_rows(module, small, count, monkeypatch: pytest.MonkeyPatch) -> None:
         (lambda: coverage.main(["1", "base", "random", "two"]), "| level Ts |"),
         (lambda: fit_quality.main(2), "2 of 2 within 1e-06"),
         (lambda: stop_findings.main(2), "not-at-rest"),
-        (
-            lambda: mutants.main(["steps", "-n", "1", "--only", "checks.py", "--tests", "tests/steps/test_slips.py"]),
-            "| 1 |",
-        ),
     ],
-    ids=["coverage", "fit_quality", "stop_findings", "mutants"],
+    ids=["coverage", "fit_quality", "stop_findings"],
 )
 def test_tables(call: Callable[[], object], told: str, capfd: pytest.CaptureFixture[str]) -> None:
     call()
     assert told in capfd.readouterr().out
+
+
+def test_mutants_are_made_in_a_process_that_has_not_loaded_eaid() -> None:
+    words = "-m benchmarks.mutants steps -n 1 --only checks.py --tests tests/steps/test_slips.py"
+    root = Path(__file__).parents[1]
+    run = subprocess.run([sys.executable, *words.split()], cwd=root, capture_output=True, text=True, check=False)
+    assert run.returncode == 0 and "| steps | 1 |" in run.stdout, run.stdout + run.stderr
