@@ -75,7 +75,7 @@ def rows() -> Iterator[tuple[str, str, str, str]]:
         f"at {equal[0]} % as printed, at {equal[1]} % fitted",
         (no + "and as printed the torque is negative below 30.25 %"),
     )
-    slope = next(told.values["needed"] for told in gains.findings if told.code == "slope-above-q-max")
+    slope = next(told.values["slope"] for told in gains.findings if told.code == "slope-above-q-max")
     yield (
         "Table IV",
         "Q_M = 5 N·m/s",

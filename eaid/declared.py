@@ -13,6 +13,7 @@ the cause.
 import contextlib
 import csv
 import math
+import operator
 import os
 import re
 import types
@@ -41,7 +42,7 @@ class Declaration:
     above: bool = False  # The least value itself is left out
     shown: str | None = None  # What stands behind the option in the help
     read: Callable[[str, str], Any] | None = None  # (option, text) → value, where the type does not say it
-    rises: bool = False  # Of two numbers the second is not below the first
+    rises: str = ""  # How the first of two numbers stands to the second: < or <=
     levels: bool = False  # Levels of the data, which Python may also give as numbers
     kept: bool = True  # Whether a result keeps it: what changes no number is not kept
 
@@ -83,6 +84,7 @@ class Options:
         }
 
 
+ORDERS = {"<": operator.lt, "<=": operator.le}
 NUMERIC = {int, float, tuple[float, ...], tuple[float, float], Mapping[str, float]}
 
 
@@ -165,8 +167,8 @@ class Form:
                 return [f"{name} {as_typed(value)}: give {f'two numbers, as {declared.shown}' if pair else 'numbers'}"]
             each = value if isinstance(value, tuple) else value.values() if isinstance(value, Mapping) else (value,)
             faults = [fault for one in each for fault in self._outside(one)]
-            if declared.rises and not faults and value[0] > value[1]:
-                faults = [f"{name} {value[0]:g}:{value[1]:g}: give the lower number first"]
+            if declared.rises and not faults and not ORDERS[declared.rises](*value):
+                faults = [f"{name} {value[0]:g}:{value[1]:g}: give two numbers, the lower one first"]
             return faults
         if self.several:
             if not isinstance(value, tuple):

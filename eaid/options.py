@@ -167,7 +167,7 @@ class FitOptions(Chance):
     hold_out: tuple[float, ...] = option((), "Left out, to measure the error: 40,70.", MODEL, levels=True)
     loss: str = option("squares", "Huber for logs with spikes and drop-outs.", MODEL, words="squares|huber")
     duty: tuple[float, float] | None = option(
-        None, "Identified range of the input.", RECORDED, shown="LOW:HIGH", rises=True
+        None, "Identified range of the input.", RECORDED, shown="LOW:HIGH", rises="<="
     )
     bounds_levels: str | None = option(None, "Levels of B_m and B_M: 30:100 or 30,40.", ADVANCED, levels=True)
     shape: str = option(
@@ -317,10 +317,10 @@ class Limits(Options):
     """What a rig allows of a planned sequence of inputs."""
 
     duty: tuple[float, float] = option(
-        (10.0, 100.0), "Lowest and highest input above rest.", RIG, shown="10:100", above=True, rises=True
+        (10.0, 100.0), "Lowest and highest input above rest.", RIG, shown="10:100", above=True, rises="<"
     )
     hold_s: tuple[float, float] = option(
-        (0.3, 30.0), "Shortest and longest hold [s].", RIG, shown="0.3:30", above=True, rises=True
+        (0.3, 30.0), "Shortest and longest hold [s].", RIG, shown="0.3:30", above=True, rises="<="
     )
     rest_s: float = option(5.0, "Length of a return to rest, and of the rest before the first level [s].", RIG)
     engagements: int = option(4, "Stretches under load between rests, at least.", RIG, least=1, most=1000)
@@ -361,10 +361,10 @@ class Excitation(Options):
 
     kind: str = option("random", "What the input does.", INPUTS, words=EXCITATIONS)
     duration_s: float = option(240.0, "[s]", INPUTS, above=True)
-    duty: tuple[float, float] | None = option(None, "Lowest and highest input.", INPUTS, shown="10:100", rises=True)
+    duty: tuple[float, float] | None = option(None, "Lowest and highest input.", INPUTS, shown="10:100", rises="<")
     levels: int = option(10, "Different levels of a staircase or of random steps.", INPUTS, least=2, most=10_000)
     hold_s: tuple[float, float] = option(
-        (0.5, 20.0), "Shortest and longest hold [s].", INPUTS, shown="0.3:30", above=True, rises=True
+        (0.5, 20.0), "Shortest and longest hold [s].", INPUTS, shown="0.3:30", above=True, rises="<="
     )
     idle_s: float = option(2.0, "Input 0 at first [s].", INPUTS)
     rest_s: float = option(0.0, "Return to 0 after every `levels` holds of random steps [s]; 0: none.", INPUTS)

@@ -15,7 +15,6 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -220,27 +219,20 @@ def guarantee_of(
     return Guarantee(False if False in verdicts else None if None in verdicts else True, tuple(conditions))
 
 
-# Condition that does not hold → its finding
-WARNINGS = {
-    "Q_M": "slope-above-q-max", "rho": "rho-not-covered", "phi": "phi-exceeded",
-    "duty-limit": "robust-term-beyond-actuator",
-}  # fmt: skip
-
-
 def warnings_of(rc: Robust, verdict: Guarantee, unit: str, reference: str) -> list[Finding]:
     """What does not hold, each with its numbers."""
-    lacking = {one.name: one for one in verdict.conditions if one.holds is False}
-    about: dict[str, Any] = {
-        "unit": unit,
-        "reference": reference,
-        "B_hat": rc.B_hat,
-        "reached": rc.alpha_reached,
-        "made": rc.alpha,
-    }
-    findings = [
-        finding(code, "rc", needed=lacking[name].needed, available=lacking[name].available, **about)
-        for name, code in WARNINGS.items() if name in lacking
-    ]  # fmt: skip
-    if (sharpness := rc.gamma * rc.epsilon) < SHARP:
+    findings, sharpness = [], rc.gamma * rc.epsilon
+    phi, steep, duty_limit = verdict.conditions[1:4]
+    if steep.holds is False:
+        findings.append(finding("slope-above-q-max", "rc", slope=steep.needed, Q_M=rc.Q_M, reference=reference))
+    if not rc.guaranteed:
+        findings.append(finding("rho-not-covered", "rc", B_hat=rc.B_hat, reached=rc.alpha_reached, made=rc.alpha))
+    if phi.holds is False:
+        findings.append(finding("phi-exceeded", "rc", allowed=phi.available, needed=phi.needed, unit=unit))
+    if sharpness < SHARP:
         findings.append(finding("switch-jumps", "rc", sharpness=sharpness, least=SHARP, jump=1 - math.tanh(sharpness)))
+    if duty_limit.holds is False:
+        findings.append(
+            finding("robust-term-beyond-actuator", "rc", asked=duty_limit.needed, span=duty_limit.available, unit=unit)
+        )
     return findings

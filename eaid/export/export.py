@@ -62,9 +62,15 @@ def _gains(source: Source, gains: Gains, laws: tuple[str, ...], rate_hz: float) 
         yield finding(f"export-guarantee-{answer}", "rc", missing=", ".join(told.missing) or "unknown")
     if other_rate:
         yield finding("export-other-rate", "gains", rate_hz=rate_hz, made_hz=made_hz)
-    for law in laws:
-        if (worst := gains.margins and gains.margins.worst) and (one := getattr(worst, law, None)):
-            yield finding("export-margins", law, gain_db=one.gain_db, phase_deg=one.phase_deg)
+    worst = gains.margins.worst if gains.margins else None
+    numbers = {
+        f"{law}_{key}": getattr(margin, key)
+        for law in laws
+        if (margin := getattr(worst, law, None)) is not None
+        for key in ("gain_db", "phase_deg")
+    }
+    if numbers:
+        yield finding("export-margins", "gains", **numbers)
 
 
 def _unstable(

@@ -199,7 +199,7 @@ def laws_of(source: Source, options: ExportOptions) -> tuple[str, ...]:
     wanted = options.law if options.law is not None else source.laws
     for law in wanted:
         if law not in source.laws and source.quick_falls:
-            raise UsageError(f"«law» {law}: {say(finding('export-quick-falls', law))}; «law» pi,rc exports them")
+            raise UsageError(f"«law» {law}: {say(finding('export-quick-falls', law))}")
         if law not in source.laws:
             need = "gains.json of eaid tune-rc" if law in ("pi", "rc") else "fit.json with a nonlinear model, «fit»"
             raise UsageError(f"«law» {law} needs what was not given: {need}")

@@ -1,6 +1,9 @@
 """The parameters of the three models, in the units of specification 1, polynomials lowest power first."""
 
 from dataclasses import dataclass
+from typing import Annotated
+
+import msgspec
 
 SHARE = 0.85  # C: share of the fast part, held at the paper's value unless the user sets or frees it
 TAU_FLOOR_S = 1e-3  # Least τ1 of a fit and of a replay [s], specification 3
@@ -31,13 +34,16 @@ class Nonlinear:
     falls_as_release: bool = False
 
 
+Stored = Annotated[float, msgspec.Meta(ge=-1e60, le=1e60)]  # A number as files of results may hold it
+
+
 @dataclass(frozen=True)
 class Linear:
     """Eq. (8): Ṫ = −a0 T + b0 u + c0."""
 
-    a0: float  # [1/s]
-    b0: float  # [N·m/(s·%)]
-    c0: float  # [N·m/s]
+    a0: Stored  # [1/s]
+    b0: Stored  # [N·m/(s·%)]
+    c0: Stored  # [N·m/s]
 
 
 # Specification 6: Table III's time constants, and a T_s(u) that gives back the paper's linear model. Synthetic.

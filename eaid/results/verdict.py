@@ -78,7 +78,7 @@ def failures(fit: "Fit") -> list[Finding]:
         if solver is not None and not solver.converged:
             found.append(finding("fit-not-converged", name, predicted_decrease=solver.predicted_decrease))
     if fit.converged is False and not found:
-        found.append(finding("fit-not-converged", "whole"))
+        found.append(finding("fit-not-converged", "fit"))
     shapeless = (any(said.code == "shape-explains-little" for said in one.findings) for one in fit.steps)
     if fit.steps and not any(getattr(fit, name) for name in MODELS) and all(shapeless):
         found.append(finding("no-step-has-a-shape", "steps"))

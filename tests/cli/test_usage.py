@@ -17,7 +17,7 @@ TABLE = r"""
 2 | fit data.h5 --hold-out a | --hold-out a: write numbers with commas between them, as 40,70
 3 | fit data.h5 --bounds-levels 1:5 | --bounds-levels 1:5: no log holds 1:5; levels found: 20, 40, 60, 80, 100
 2 | fit data.h5 --duty 10 | --duty 10: give two numbers, as LOW:HIGH
-2 | fit data.h5 --duty 90:10 | --duty 90:10: give the lower number first
+2 | fit data.h5 --duty 90:10 | --duty 90:10: give two numbers, the lower one first
 2 | fit data.h5 --duty 10:100 | --duty: belongs to logs that are fitted as recorded, and these are steps; leave it out
 2 | fit data.h5 --baseline 3:x | --baseline 3:x: write auto, first, none, a value in the output's unit, or FROM:TO in …
 2 | fit data.h5 --apparatus surface=2 | --apparatus surface: must be one of inner_radius_m, outer_radius_m, surfaces, …
@@ -66,7 +66,7 @@ TABLE = r"""
 2 | plan fit.json --excitation --most-levels 5 | --most-levels: does nothing with --excitation; leave it out
 2 | plan fit.json --excitation --limits rest_s=1e300 | --limits rest_s 1e+300: give a number from 0 to 1e+09
 2 | plan fit.json --excitation --limits dutty=10:100 | --limits dutty: must be one of duty, engagements, hold_s, …
-2 | plan fit.json --excitation --limits duty=100:10 | --limits duty 100:10: give the lower number first
+2 | plan fit.json --excitation --limits duty=100:10 | --limits duty 100:10: give two numbers, the lower one first
 2 | synth --levels ten | --levels ten: give levels as 30,40,90 or as from:to:step
 2 | synth --levels 10:100:7 | --levels 10:100:7: the step does not lead from 10 to 100
 2 | synth --duty-file duty.csv --hold 3 | --duty-file: says levels and times itself; leave out --levels, --idle, …

@@ -4,13 +4,19 @@ from eaid.findings.row import Row, Values, caution, note, stop
 
 
 def _margin(v: Values) -> str:
-    """Of a law of which some are missed, those; of one that is exported, the least."""
     known = [f"{v[key]:.3g}{unit}" for key, unit in (("gain_db", " dB"), ("phase_deg", "°")) if v[key] is not None]
     law, least = v["subject"].upper(), ", ".join(known)
-    if "enough_db" not in v:
-        return f"least margins around the fitted duties: {law} {least}"
     missed = f"less than {v['enough_db']:g} dB or {v['enough_deg']:g}° of margin"
     return f"{law}: {missed} around {v['levels']} {v['unit']} (least {least})"
+
+
+def _margins(v: Values) -> str:
+    told = []
+    for law in ("rc", "pi"):
+        units = (("gain_db", "dB"), ("phase_deg", "° of phase"))
+        parts = [f"{v[f'{law}_{key}']:.3g} {unit}" for key, unit in units if v.get(f"{law}_{key}") is not None]
+        told += [f"{law.upper()} {', '.join(parts)}"] if parts else []
+    return f"least margins around the fitted duties: {'; '.join(told)}"
 
 
 def _leaves(v: Values) -> str:
@@ -27,11 +33,11 @@ def _leaves(v: Values) -> str:
 ROWS: dict[str, Row] = {
     # Gains
     "phi-exceeded": caution(
-        "the model's drift term is off by up to {needed:.3g} {unit}, the gains allow for {available:.3g} {unit}; "
+        "the model's drift term is off by up to {needed:.3g} {unit}, the gains allow for {allowed:.3g} {unit}; "
         "«phi» data takes φ from the data"
     ),
     "slope-above-q-max": caution(
-        "the {reference} is steeper ({needed:.3g} per second) than the gains assume ({available:.3g}); add "
+        "the {reference} is steeper ({slope:.3g} per second) than the gains assume ({Q_M:.3g}); add "
         "«reference» {reference}"
     ),
     "rho-not-covered": caution(
@@ -39,8 +45,8 @@ ROWS: dict[str, Row] = {
         "{made:.4g}; «b_hat» minimax closes it"
     ),
     "robust-term-beyond-actuator": caution(
-        "outside the boundary layer the robust term alone asks for {needed:.4g} {unit}, the actuator spans "
-        "{available:.4g} {unit}: there the Lyapunov argument does not hold on the real clutch"
+        "outside the boundary layer the robust term alone asks for {asked:.4g} {unit}, the actuator spans {span:.4g} "
+        "{unit}: there the Lyapunov argument does not hold on the real clutch"
     ),
     "margin-missed": caution(_margin),
     "paper-pi": note(
@@ -112,7 +118,7 @@ ROWS: dict[str, Row] = {
         "RC: the Lyapunov guarantee does not hold on this rig (missing: {missing}); the margins are what speaks for "
         "these gains"
     ),
-    "export-margins": note(_margin),
+    "export-margins": note(_margins),
     "export-guarantee-unknown": caution("RC: these gains do not say whether the guarantee holds"),
     "export-other-rate": caution(
         "exported for {rate_hz:g} Hz, the gains were made for {made_hz:g} Hz: their margins are not these"

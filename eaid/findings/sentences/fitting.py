@@ -102,7 +102,9 @@ def _falls_short(v: Values) -> str:
 
 ROWS: dict[str, Row] = {
     # Models
-    "fit-not-converged": stop("the {subject} fit did not converge; do not use its numbers"),
+    "fit-not-converged": stop(
+        lambda v: f"the {v['subject']}{' fit' * (v['subject'] != 'fit')} did not converge; do not use its numbers"
+    ),
     "curve-of-no-plant": stop(
         lambda v: (
             f"the fit's nonlinear.{v['name']} is {v['value']:.3g}{'' if v['name'] == 'Ts' else ' s'} at an input of "

@@ -1,4 +1,4 @@
-"""Tables of one fit: the single levels, Tables I–III, the linear model, release, held-out levels, Huber's weights."""
+"""Tables of one fit: the single levels, Tables I–III, the linear model, release, held-out levels."""
 
 from operator import itemgetter
 
