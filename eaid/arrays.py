@@ -29,6 +29,14 @@ def scaled_inverse(matrix: Array, rcond: float = 1e-13) -> Array:
 
 
 def median(values: ArrayLike) -> float:
-    """Median of all numbers of an array; NaN where there are none, or one of them is NaN."""
-    array = np.asarray(values, dtype=np.float64)
-    return float(np.median(array)) if array.size else float("nan")
+    """Median of all numbers of an array; NaN where there are none, or one of them is NaN.
+
+    `np.median` puts three places in order; one and a maximum take a quarter of the time.
+    """
+    part = np.array(values, dtype=np.float64).ravel()
+    if not part.size:
+        return float("nan")
+    half = part.size // 2
+    part.partition(half)
+    middle, largest = part[half], part[half:].max()  # NaN goes to the end
+    return float(largest if np.isnan(largest) else middle if part.size % 2 else 0.5 * (part[:half].max() + middle))

@@ -13,7 +13,6 @@ import numpy as np
 from eaid.errors import DataError, UsageError
 from eaid.files import LOGS, is_as_written, sha256_of
 from eaid.findings import Finding, finding
-from eaid.logs.dataset import read_dataset
 from eaid.logs.folders import files_of
 from eaid.logs.formats import ForeignReader, format_of, unread
 from eaid.logs.run import Run, numbered
@@ -88,6 +87,8 @@ def read_file(path: Path, options: ReadOptions, foreign: ForeignReader) -> tuple
     if not form.reader:
         return [run_of(name or path.name, source, sha256, read_text(path, source), options, path.name)], []
     with foreign.alone:
+        from eaid.logs.dataset import read_dataset  # HDF5 takes long to load, and text needs none
+
         sealed = form.name == "HDF5" and is_as_written(path) is not None
         tables = [] if sealed else foreign.tables(form, path, source)
         if not tables:

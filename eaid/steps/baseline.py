@@ -111,8 +111,11 @@ def left_early(hold: Array, rest: Array, change: float) -> int:
     lead, most = 0, 1.0
     for k in sizes:
         before = rest[: len(hold) - 2 * k]
-        groups = before[len(before) % k :].reshape(-1, k).mean(axis=1)
-        off = abs(float(hold[-k:].mean() - groups.mean()))
+        before = before[len(before) % k :]
+        off = abs(float(hold[-k:].mean() - before.mean()))
+        if off <= most * FLOOR * abs(change):
+            continue
+        groups = before.reshape(-1, k).mean(axis=1)
         error = float(groups.std(ddof=1)) * math.sqrt(1 + 1 / len(groups))
         limit = error * float(stdtrit(len(groups) - 1, 1 - CHANCE / 2 / len(sizes)))
         # bursts as far off as this are no chance of a normal distribution

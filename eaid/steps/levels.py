@@ -161,6 +161,7 @@ def _copied(one: _Output, other: _Output) -> bool:
                 continue
             a = of_fine[at - before : at + behind]
             off = a - coarse.values[coarse.at - before : coarse.at + behind]
-            if np.ptp(a) > 0 and np.abs(off - median(off)).max() <= max(one.slack, other.slack):
+            slack = max(one.slack, other.slack)
+            if np.ptp(off) <= 2 * slack and np.ptp(a) > 0 and np.abs(off - median(off)).max() <= slack:
                 return True
     return False

@@ -66,8 +66,10 @@ def block_noise(means: Array) -> float:
 
 def sample_noise(values: Array) -> float:
     """Standard deviation of the noise of single samples, from the median difference of neighbours; 0 of one sample."""
-    steps = np.diff(values)
-    return float(1.4826 * median(np.abs(steps)) / np.sqrt(2)) if len(steps) else 0.0
+    steps = np.abs(np.diff(values))
+    if 2 * np.count_nonzero(steps) < len(steps):  # a commanded input: the median is 0
+        return 0.0
+    return float(1.4826 * median(steps) / np.sqrt(2)) if len(steps) else 0.0
 
 
 def spikes(values: Array, least: float) -> NDArray[np.intp]:
@@ -75,9 +77,10 @@ def spikes(values: Array, least: float) -> NDArray[np.intp]:
     if len(values) < 8:
         return np.empty(0, dtype=np.intp)
     steps = np.diff(values)
-    limit = max(SPIKE * sample_noise(values), least)
     before, after = steps[:-1], steps[1:]
-    return np.flatnonzero((np.abs(before) > limit) & (np.abs(after) > limit) & (before * after < 0)) + 1
+    sizes = np.minimum(np.abs(before), np.abs(after))
+    out = np.flatnonzero((sizes > least) & (before * after < 0))
+    return out[sizes[out] > SPIKE * sample_noise(values)] + 1 if len(out) else out
 
 
 def idle_density(time_s: Array, idle: Array) -> float | None:

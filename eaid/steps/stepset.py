@@ -14,7 +14,6 @@ from eaid.apparatus import Apparatus
 from eaid.arrays import Array
 from eaid.errors import DataError
 from eaid.findings import Finding, finding, merged, ranked, say, sentences, stops
-from eaid.logs.dataset import write_dataset
 from eaid.logs.run import Run
 from eaid.shown import Shown, counted, span
 from eaid.steps.step import SlipTest, uniform_step
@@ -238,6 +237,8 @@ class StepSet(Shown):
 
     def save(self, path: str | os.PathLike[str], force: bool = False) -> None:
         """Write data.h5, whole or not at all; DataError for a set that was not read from logs."""
+        from eaid.logs.dataset import write_dataset
+
         if not self.steps:
             raise DataError(f"{path}: this set holds averaged levels only; save the one that was read from logs")
         write_dataset(Path(path), self.steps, kind=self.kind, apparatus=self.apparatus, force=force)  # type: ignore[arg-type]
