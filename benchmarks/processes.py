@@ -44,7 +44,7 @@ def rows() -> Iterator[Row]:
     bare = process(PYTHON, "-c", "import typer")
     for name in ("", *COMMANDS):
         command = process(PYTHON, "-m", "eaid", *name.replace("_", "-").split(), "--help")
-        (ours, other), most = paired_medians(command, bare, RUNS), 4.5 if name else 3
+        (ours, other), most = paired_medians(command, bare, RUNS), 4 if name else 3
         yield Row(
             f"eaid {name} --help", "eaid", ours, "import typer", other, f"≤ {most:g} × the time", ours <= most * other
         )
@@ -59,7 +59,7 @@ def rows() -> Iterator[Row]:
         ours, other = paired_medians(process(PYTHON, *fit, "data.h5", cwd=where), imports, RUNS)
         yield Row(
             "fit from data.h5, 10 levels × 3 repeats", "eaid fit data.h5", ours,
-            "import typer, numpy, scipy.optimize, h5py", other, "≤ 2.5 × the time", ours <= 2.5 * other,
+            "import typer, numpy, scipy.optimize, h5py", other, "≤ 3 × the time", ours <= 3 * other,
         )  # fmt: skip
         script = process(PYTHON, "plain.py", "logs", cwd=where)
         ours, other = paired_medians(process(PYTHON, *fit, "logs", cwd=where), script, RUNS)
