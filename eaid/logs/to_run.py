@@ -21,7 +21,7 @@ from eaid.options import ReadOptions
 
 # Beyond it, or all below its inverse, numbers are none that a sensor gives, and their squares may be none at all
 LARGEST = 1e100
-SHOWN = 5  # Bad rows told one by one; the rest of a kind are counted
+SHOWN = 5  # Bad rows of a kind up to which each is told; of more, the first and a count
 
 
 def checked(
@@ -112,10 +112,9 @@ def checked(
 
 
 def _listed(source: str, faults: Sequence[str], remedy: str) -> list[str]:
-    sentences = [f"{source}: {what}; {remedy}" for what in faults[:SHOWN]]
     if len(faults) > SHOWN:
-        sentences.append(f"{source}: and {len(faults) - SHOWN} more such rows; {remedy}")
-    return sentences
+        faults = [f"{faults[0]}, and {len(faults) - 1} more such rows"]
+    return [f"{source}: {what}; {remedy}" for what in faults]
 
 
 def _loaded(source: str, table: Table, wanted: Sequence[int | None]) -> tuple[Cells, dict[int, NDArray[Any]]]:
