@@ -203,9 +203,10 @@ class TuneOptions(Chance):
     kd: float | None = option(None, "K_D [1/s]; by itself 3.", ROBUST, **ANY)
     natural_frequency: float | None = option(None, "ω_n [rad/s], in place of K_P and K_D.", ROBUST, **POSITIVE)
     damping: float | None = option(None, "Damping ratio, with the natural frequency.", ROBUST, **POSITIVE)
-    b_hat: Literal["pooled", "minimax"] | float = option(
-        "pooled", "1/b0, the middle of B_m, B_M, or a value.", ROBUST, words="pooled|minimax", **ANY
-    )
+    b_hat: Literal["pooled", "minimax"] | float | None = option(
+        None, "1/b0, the middle of B_m, B_M (by itself where 1/b0 > 2 B_m), or a value.", ROBUST,
+        words="pooled|minimax", **ANY,
+    )  # fmt: skip
     q_max: float | None = option(None, "Q_M, largest slope of the reference; by itself 5 N·m/s.", ROBUST)
     phi: Literal["data"] | float | None = option(None, "By itself 0.05; data: by the model.", ROBUST, words="data")
     pi_gains: tuple[float, float] | None = option(

@@ -108,7 +108,7 @@ def design_options(
         raise GainsError(
             f"K_P {K_P:g} and K_D {K_D:g} make the error dynamics s² + K_D s + K_P unstable; both have to be positive"
         )
-    if not isinstance(options.b_hat, str) and not options.b_hat > 0:
+    if isinstance(options.b_hat, float) and not options.b_hat > 0:
         raise GainsError(f"B̂ is {options.b_hat:g} %·s/(N·m); it has to be positive, or the loop is turned round")
     by_data = options.phi == "data" or (options.phi is None and not scales.paper)
     if by_data and phi_shown is None:

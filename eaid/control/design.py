@@ -71,8 +71,10 @@ class Design:
 def robust_of(model: Linear, bounds: Bounds, design: Design) -> Robust:
     """The robust controller that a design gives on a model, φ not yet held against anything."""
     options, B_m, B_M, K_P, K_D = design.options, bounds.B_m, bounds.B_M, design.K_P, design.K_D
-    choices = {"pooled": 1 / model.b0, "minimax": 2 * B_m * B_M / (B_m + B_M)}
-    B_hat = choices[options.b_hat] if isinstance(options.b_hat, str) else float(options.b_hat)
+    wanted, pooled, minimax = options.b_hat, 1 / model.b0, 2 * B_m * B_M / (B_m + B_M)
+    if wanted is None:  # from 2 B_m on, α reaches 1 and no ρ is enough
+        wanted = "pooled" if pooled < 2 * B_m else "minimax"
+    B_hat = pooled if wanted == "pooled" else minimax if wanted == "minimax" else float(wanted)
     alpha, reached = (B_M - B_m) / (B_M + B_m), max(abs(1 - B_hat / B_M), abs(1 - B_hat / B_m))
     norm_K, p = math.hypot(K_P, K_D), options.p_scale
 

@@ -20,13 +20,18 @@ from eaid.results.verdict import PLANT
 
 
 def offered(gains: Gains, fit: Fit) -> tuple[str, ...] | None:
-    """The laws that would not be refused: None for all that these files hold, empty for none of them."""
+    """The laws that one may take to a rig, neither refused nor short of margin: None for all that these files hold,
+    empty for none of them."""
     try:
         source = source_of(gains, fit)
     except EaidError:
         return ()
     plain = ExportOptions()
-    laws = tuple(law for law in source.laws if not stops(_findings(source, (law,), source.made_for.rate_hz, plain)))
+    short = {one.subject for one in gains.findings if one.code == "margin-missed"}
+    laws = tuple(
+        law for law in source.laws
+        if law not in short and not stops(_findings(source, (law,), source.made_for.rate_hz, plain))
+    )  # fmt: skip
     return () if not {"pi", "rc"} & set(laws) else None if laws == source.laws else laws
 
 

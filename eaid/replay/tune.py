@@ -50,6 +50,8 @@ def tune(
     # a slope that nothing follows says nothing
     verdict = guarantee_of(rc, needed_phi, slope if given or plant is not None else None, limits, fit)
     findings += warnings_of(rc, verdict, unit, "reference" if given else name)
+    if options.b_hat is None and rc.B_hat != 1 / model.b0:
+        findings.append(finding("b-hat-between-levels", "rc", pooled=1 / model.b0, B_hat=rc.B_hat, B_m=rc.B_m))
     if not scales.paper:
         findings.append(
             finding(

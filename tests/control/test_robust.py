@@ -73,6 +73,18 @@ def test_pooled_is_not_guaranteed_and_minimax_is(tuned):
     assert all(tuned(b_hat=minimax.B_hat * k).rc.alpha_reached > minimax.alpha for k in (0.9, 1.1))
 
 
+def test_a_pooled_b0_that_no_rho_is_enough_for_gives_way_to_the_middle(tuned, told):
+    """As staircases have it, whose one slope over all levels is none of any level."""
+    far = {"a0": 0.12, "b0": 1 / 181}
+    found, asked = tuned(linear=far), tuned(linear=far, b_hat="pooled")
+    minimax = 2 * 12.4 * 42.6 / 55
+    assert found.rc.B_hat == pytest.approx(minimax) and found.rc.alpha_reached < 1
+    assert told(found)["b-hat-between-levels"] == pytest.approx({"pooled": 181.0, "B_hat": minimax, "B_m": 12.4})
+    assert asked.rc.B_hat == pytest.approx(181.0) and asked.rc.rho.needed is None
+    assert not {"b-hat-between-levels"} & {*told(asked), *told(tuned()), *told(tuned(linear={"b0": 1 / 24.7}))}
+    assert tuned(linear={"b0": 1 / 24.9}).rc.B_hat == pytest.approx(minimax)
+
+
 def test_no_rho_is_enough_where_the_alpha_reached_is_1(tuned):
     edge = tuned(b_hat=24.8).rc
     assert tuned(b_hat=30.0).rc.ultimate_bound_nm is None

@@ -68,7 +68,8 @@ BAD: dict[str, tuple[Any, ...]] = {
     "binary.csv": (bytes(range(256)) * 40, f"is {BINARY}"),
     "repeated.csv": (changed(100, GOOD[97]), "time is repeated at row 100 (0.97 s after 0.97 s)" + SORT),
     "falling.csv": (changed(100, "0.5,50,1.9"), "time falls at row 100 (0.5 s after 0.97 s)" + SORT),
-    "all-falling.csv": (csv(GOOD[::-1]), "time falls at row 3 (1.98 s after 1.99 s), and 198 more such rows; sort the rows"),
+    "all-falling.csv": (csv(GOOD[::-1]), "time falls at row 3 (1.98 s after 1.99 s), and 198 more such rows; sort "
+                                         "the rows"),
     "cell.csv": (changed(60, "0.58,,0.9"), "row 60, column duty_pct, is empty" + CELL),
     "word.csv": (changed(60, "0.58,50,high"), "row 60, column torque_nm, holds 'high', which is no number" + CELL),
     "nan.csv": (changed(60, "0.58,50,nan"), "row 60, column torque_nm, holds 'nan', which is not finite" + CELL),

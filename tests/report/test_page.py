@@ -14,6 +14,8 @@ import pytest
 import eaid
 from eaid.report.tables import number
 
+from ..conftest import PLANT, loaded
+
 FIGURES = {
     "fig02_pwm", "fig03_friction_steps", "fig04_friction_over_stress", "fig05_friction_over_speed",
     "fig06_hold_and_release", "fig07_nonlinear_model", "fig08_linear_model", "fig09_shear_per_field", "fig11_steps",
@@ -280,6 +282,21 @@ def test_one_verdict_on_the_guarantee_and_what_to_do_next(
 def test_no_command_is_offered_that_would_be_refused(wrong: dict[str, Any], report_of: Callable[..., Any]):
     page = report_of({"schema": "eaid/fit/2", "converged": True, "linear": {**LINEAR, **wrong}})
     assert [command.split()[1] for _why, command in page.steps] == ([] if wrong else ["tune-rc"])
+
+
+@pytest.mark.parametrize(("short", "laws"), [("", None), ("rc", "pi,inverse,plant"), ("pi", "rc,inverse,plant")])
+def test_gains_short_of_margin_are_not_sent_to_the_rig(short: str, laws: str | None, report_of: Any, tmp_path: Path):
+    """None at all where neither controller has 6 dB and 45°."""
+    fit = {"schema": "eaid/fit/2", "converged": True, "linear": LINEAR, "nonlinear": PLANT}
+    eaid.tune_rc(loaded(fit)).save(tmp_path / "gains.json")
+    gains = json.loads((tmp_path / "gains.json").read_text(encoding="utf-8"))
+    values = {"unit": "%", "enough_db": 6.0, "enough_deg": 45.0, "gain_db": 1.0, "phase_deg": 30.0, "of": 1}
+    told = [{"code": "margin-missed", "subject": one, "severity": "caution", "levels": [30.0], "values": values}
+            for one in ("rc", "pi")]  # fmt: skip
+    page = report_of(fit, {**gains, "findings": [one for one in told if one["subject"] == short]})
+    command = page.steps[-1][1].split()
+    assert command[1] == "export" and command[5:-2] == (["--law", laws] if laws else [])
+    assert "export" not in str(report_of(fit, {**gains, "findings": told}).steps)
 
 
 def test_table_iv_and_what_follows_from_it(report_of: Callable[..., Any]):

@@ -44,6 +44,10 @@ ROWS: dict[str, Row] = {
         "ρ does not cover the uncertainty: with B̂ = {B_hat:.4g} the α really reached is {reached:.4g}, ρ was made with "
         "{made:.4g}; «b_hat» minimax closes it"
     ),
+    "b-hat-between-levels": note(
+        "B̂ is {B_hat:.4g}, the middle of what the levels need: 1/b0 of the model of all levels, {pooled:.4g}, is beyond "
+        "twice the least, {B_m:.4g}, where no ρ is enough; «b_hat» pooled takes it all the same"
+    ),
     "robust-term-beyond-actuator": caution(
         "outside the boundary layer the robust term alone asks for {asked:.4g} {unit}, the actuator spans {span:.4g} "
         "{unit}: there the Lyapunov argument does not hold on the real clutch"
