@@ -1,5 +1,6 @@
-"""The array type of every signature, how arrays are made safe to share, their median, and inverses."""
+"""The array type of every signature, how arrays are made safe to share, their median, their extremes, and inverses."""
 
+import itertools
 from typing import TypeAlias
 
 import numpy as np
@@ -40,3 +41,16 @@ def median(values: ArrayLike) -> float:
     part.partition(half)
     middle, largest = part[half], part[half:].max()  # NaN goes to the end
     return float(largest if np.isnan(largest) else middle if part.size % 2 else 0.5 * (part[:half].max() + middle))
+
+
+def extremes(rows: Array, stretches: int) -> NDArray[np.intp]:
+    """Samples at which one of the rows, (k, n), is least or greatest within its stretch; all where they are few."""
+    count, n = rows.shape
+    if n <= 2 * count * stretches:
+        return np.arange(n)
+    starts = np.linspace(0, n, stretches + 1).astype(np.intp)
+    places = [np.array([0, n - 1])]
+    for first, last in itertools.pairwise(starts.tolist()):
+        part = rows[:, first:last]
+        places += [first + part.argmin(axis=1), first + part.argmax(axis=1)]
+    return np.unique(np.concatenate(places))

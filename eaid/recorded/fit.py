@@ -5,16 +5,14 @@ intervals from the residuals as they are; what the inputs never asked about is s
 with them as their mean curves, each sample of each repeat alike.
 """
 
-import itertools
 import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
-from eaid.arrays import Array
+from eaid.arrays import Array, extremes
 from eaid.errors import DataError, UsageError
 from eaid.estimate import forms, workflow
 from eaid.estimate.coefficients import turned, with_intervals
@@ -177,19 +175,6 @@ def log_part(solved: Solved, k: int, log: RecordedLog) -> LogFit:
         one_step_pct=100 * (1 - float(np.linalg.norm(np.diff(missed))) / about) if about > 0 else None,
         curve=LogCurve(*(tuple(float(f"{x:.{DIGITS}g}") for x in column[at]) for column in columns)),
     )
-
-
-def extremes(rows: Array, stretches: int) -> NDArray[np.intp]:
-    """Samples at which one of the rows, (k, n), is least or greatest within its stretch; all where they are few."""
-    count, n = rows.shape
-    if n <= 2 * count * stretches:
-        return np.arange(n)
-    starts = np.linspace(0, n, stretches + 1).astype(np.intp)
-    places = [np.array([0, n - 1])]
-    for first, last in itertools.pairwise(starts.tolist()):
-        part = rows[:, first:last]
-        places += [first + part.argmin(axis=1), first + part.argmax(axis=1)]
-    return np.unique(np.concatenate(places))
 
 
 STEP_RECORDS = 3.0  # Levels' own linear models are of steps of the fitted model, so many of its longest τ2 long …

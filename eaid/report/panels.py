@@ -7,9 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-from eaid.arrays import Array
+from eaid.arrays import Array, extremes
 
 COLUMN_IN, PAGE_IN = 3.5, 7.16  # Widths of a figure of one and of both columns of a journal [in]
 
@@ -179,11 +177,5 @@ def apart(values: Sequence[float], gap: float) -> list[float]:
 
 def thinned(x: Array, y: Array, points: int) -> tuple[Array, Array]:
     """At most `points` + 2 samples of a curve, the extremes of equal stretches in order: a spike of one survives."""
-    n = len(y)
-    if n <= points:
-        return x, y
-    width = -(-n // max(points // 2, 1))
-    blocks = np.pad(y, (0, -n % width), mode="edge").reshape(-1, width)
-    starts = np.arange(0, n, width)
-    keep = np.unique(np.concatenate([[0], starts + blocks.argmin(axis=1), starts + blocks.argmax(axis=1), [n - 1]]))
+    keep = extremes(y[None], max(points // 2, 1))
     return x[keep], y[keep]

@@ -34,9 +34,8 @@ class Rho(RhoLine, frozen=True):
     needed: RhoLine | None = None
 
 
-LONGEST_PERIOD = (
-    100  # Samples in the common period of samples and latches; of two rates without a short one the nearest
-)
+# Samples in the common period of samples and latches; of two rates without a short one the nearest
+LONGEST_PERIOD = 100
 
 
 class Timing(Result, frozen=True, dict=True):

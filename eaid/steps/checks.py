@@ -222,9 +222,8 @@ def _not_idle(step: Step) -> Finding | None:
     off = abs(before)
     if off <= FLOOR * step.swing or (len(step.idle) >= FEWEST and last_rest(step.idle, step.swing).rests):
         return None
-    if off <= 0.75 * abs(
-        float(step.rise[:3].mean()) - before
-    ):  # within a sample and a half: the instant is known to one
+    # within a sample and a half: the instant is known to one
+    if off <= 0.75 * abs(float(step.rise[:3].mean()) - before):
         return None
     share = 100 * off / step.swing
     return finding("not-at-rest", step.run.name, (step.run.level or 0.0,), off=before, unit=step.unit, share_pct=share)

@@ -45,7 +45,7 @@ ROWS: dict[str, Row] = {
         "{made:.4g}; «b_hat» minimax closes it"
     ),
     "b-hat-between-levels": note(
-        "B̂ is {B_hat:.4g}, the middle of what the levels need: 1/b0 of the model of all levels, {pooled:.4g}, is beyond "
+        "B̂ is {B_hat:.4g}, the middle of what the levels need: 1/b0 of the model of all levels, {pooled:.4g}, is over "
         "twice the least, {B_m:.4g}, where no ρ is enough; «b_hat» pooled takes it all the same"
     ),
     "robust-term-beyond-actuator": caution(
