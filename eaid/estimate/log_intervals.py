@@ -407,7 +407,7 @@ class CurveSpread:
         for (name, limit), half_width in zip(LIMITS_PCT.items(), self.half_width, strict=True):
             wide = self.duty[~(100 * half_width <= limit)]
             if len(wide):
-                found.append(finding("not-told-by-the-input", "nonlinear", wide, parameter=name, limit_pct=limit))
+                found.append(finding("input-leaves-tau-open", "nonlinear", wide, parameter=name, limit_pct=limit))
         return found
 
 

@@ -77,7 +77,7 @@ def test_a_dead_time_and_an_input_noted_late_are_taken_over(kind: str, late: int
 def test_inputs_that_were_never_asked_about() -> None:
     e = Excitation(kind="random", duration_s=60.0, duty=(60.0, 70.0), rate_hz=100.0, hold_s=(0.3, 2.0))
     fit = fit_recorded(synthesise_excitation(clutch(), e, NOISE, 1), replace(PLAIN, duty=(20.0, 100.0)))
-    told = [one for one in fit.findings if one.code == "not-told-by-the-input"]
+    told = [one for one in fit.findings if one.code == "input-leaves-tau-open"]
     assert {one.values["parameter"] for one in told} >= {"Ts", "tau2"}
     assert any(20.0 in one.levels for one in told)
     assert fit.recorded is not None

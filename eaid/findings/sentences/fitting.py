@@ -307,7 +307,7 @@ ROWS: dict[str, Row] = {
         "{subject}: the log never rests, so its idle output is not known apart from T_s; 0 is taken: begin the log "
         "with a second at rest"
     ),
-    "not-told-by-the-input": caution(
+    "input-leaves-tau-open": caution(
         lambda v: (
             f"the input never asked about {v['symbol']} at {v['levels']}: its interval there is wider than "
             f"± {v['limit_pct']:g} %; hold these inputs {HOLD[v['parameter']]}"
