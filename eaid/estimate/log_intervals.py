@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
-from eaid.arrays import Array, scaled_inverse
+from eaid.arrays import Array
 from eaid.estimate.forms import RECORDS_FREE
 from eaid.estimate.friction import HELD_BY
 from eaid.estimate.from_logs import Setup, Solved, idle_of
 from eaid.estimate.response import Drive
-from eaid.estimate.solver import approach, newton_step
+from eaid.estimate.solver import approach, newton_step, rounding
 from eaid.estimate.spread import free_inverse, rejected, t_quantile
 from eaid.findings import Finding, finding
 from eaid.results.common import Interval
@@ -319,8 +319,8 @@ def _between(pieces: Sequence[Piece], pull: Array) -> Array:
     return np.asarray(S.T @ S)
 
 
-STEPS = 3  # Newton steps to the least cost
 FARTHEST = np.log(20.0)  # An end farther off than this in log q is none
+DAMPING = 1e-6  # Part of the curvature added to it, so that next to collinear unknowns do not run away
 
 
 def score_end(solved: Solved, noise: Scatter, x: Array, covariance: Array, g: Array, reach: float) -> float:
@@ -334,13 +334,14 @@ def score_end(solved: Solved, noise: Scatter, x: Array, covariance: Array, g: Ar
 
     def at(factor: float) -> tuple[Array, float] | None:
         nonlocal place
-        least = side * value * np.exp(factor * reach)
-        bound = replace(problem, A=np.vstack([problem.A, side * g]), b=np.append(problem.b, least))
-        for _ in range(STEPS):
-            _, gradient, curvature = problem.normal(place)
-            if not np.isfinite(curvature).all():
-                return None
-            place = place + newton_step(bound, place, gradient, curvature).d
+        least = value * np.exp(factor * reach)
+        bound = replace(problem, A=np.vstack([problem.A, side * g]), b=np.append(problem.b, side * least))
+        moved = place + covariance @ g * (least - float(g @ place)) / usual
+        _, gradient, curvature = problem.normal(moved)
+        if not np.isfinite(curvature).all():
+            return None
+        damped = curvature + DAMPING * np.diag(np.diagonal(curvature))
+        place = approach(bound, moved + newton_step(bound, moved, gradient, damped).d).x
         step, there = newton(solved.fitted, noise, place)
         wider = max(float(g @ there @ g) / usual, 1e-300) ** 0.5
         return np.log([float(g @ place)]), side * float(g @ step) / (abs(reach) * value * wider)
@@ -350,8 +351,11 @@ def score_end(solved: Solved, noise: Scatter, x: Array, covariance: Array, g: Ar
 
 
 def newton(setup: Setup, noise: Scatter, x: Array) -> tuple[Array, Array]:
-    """How far the residuals at x are from where they lead, (n,), and its covariance by the noise's density, (n, n)."""
-    n = setup.size
+    """How far the residuals at x are from where they lead, (n,), and its covariance by the noise's density, (n, n).
+
+    In the directions that the constraints on which x lies leave free.
+    """
+    problem, n = setup.problem(), setup.size
     H, omega, score = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
     for log, drive in enumerate(setup.drives):
         J, r = setup.jacobian(x, log)
@@ -361,7 +365,7 @@ def newton(setup: Setup, noise: Scatter, x: Array) -> tuple[Array, Array]:
         H[np.ix_(at, at)] += J.T @ J
         omega[np.ix_(at, at)] += (J * (noise.sensor_nm2_s + noise.ripple_s * torque**2)[:, None]).T @ J
         score[at] += J.T @ r
-    back = scaled_inverse(H)
+    back = free_inverse(H, problem.A[problem.A @ x - problem.b <= rounding(problem)])
     return back @ score, back @ omega @ back
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.signal import lfilter
 
 import eaid
 from eaid.estimate.response import RecordedLog, recorded_log
@@ -175,3 +176,20 @@ def test_a_chirp_with_little_noise_ends_where_the_noise_is_all_that_is_left() ->
     logs = eaid.synth(excitation="chirp", shape=shape, rate_hz=200.0, clean=True, seed=1005, white_nm=0.006)
     found = fit_recorded(logs.recorded, replace(PLAIN, duty=(10.0, 100.0)), falls=False)
     assert found.nonlinear is not None and found.nonlinear.rmse == pytest.approx(0.006, rel=0.02)
+
+
+def test_an_interval_beside_a_limit_does_not_hang_on_rounding() -> None:
+    """One exponential under slow noise: τ2 meets τ1, two columns of derivatives are one, and T_s keeps its ends."""
+    t, covered = np.arange(900.0), 0
+    u = np.where(t >= 20.0, 50.0, 0.0)
+    clean = 20.0 + 35.0 * (1 - np.exp(-np.maximum(t - 20.0, 0.0) / 150.0))
+    for seed in range(6):
+        white = np.random.default_rng(seed).standard_normal(len(t))
+        y = clean + lfilter([0.3], [1.0, -0.95], white)  # standard deviation 1, correlated over 20 s
+        logs = [RecordedLog("log", t, u, scale * y) for scale in (1.0, 1 + 1e-13)]
+        level, shaken = (fit_recorded([log], replace(PLAIN, ci="robust")).nonlinear.curves[-1] for log in logs)  # type: ignore[union-attr]
+        assert level.ci95.Ts is not None and level.ci95.tau1 is not None
+        assert shaken.ci95.Ts == pytest.approx(level.ci95.Ts, rel=1e-3)
+        assert shaken.ci95.tau1 == pytest.approx(level.ci95.tau1, rel=1e-3)
+        covered += level.ci95.Ts[0] < 35.0 < level.ci95.Ts[1]
+    assert covered >= 5
