@@ -7,7 +7,7 @@ BIN := .venv/bin
 endif
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: demo test test-all check bench mutants docs screenshot datasets wheel clean
+.PHONY: demo test test-all check bench mutants docs screenshot reports datasets wheel clean
 
 demo: .venv/.run  ## the main job: three shipped datasets to one report
 	$(BIN)/eaid demo -o demo --force
@@ -39,6 +39,9 @@ CHROMIUM ?= chromium
 screenshot: demo  ## docs/figures/page.png, the first screen of the demo's page
 	$(CHROMIUM) --headless --no-sandbox --hide-scrollbars --window-size=1280,830 --virtual-time-budget=8000 \
 		--screenshot=docs/figures/page.png "file://$(CURDIR)/demo/report.html"
+
+reports: demo  ## reports/demo: the demo's answers, page and figures, without its recordings
+	rm -rf reports/demo && cp -r demo reports/demo && rm reports/demo/*.h5
 
 datasets: .venv/.run  ## the shipped synthetic logs again, byte for byte
 	$(BIN)/python datasets/make.py

@@ -2,6 +2,7 @@
 
 import json
 import re
+from pathlib import Path
 
 import pytest
 
@@ -40,4 +41,8 @@ def test_the_whole_demo(tmp_path, run_eaid):
         assert str(made) not in text and "site-packages" not in text
     fit, gains = (json.loads((made / name).read_text(encoding="utf-8")) for name in ("fit.json", "gains.json"))
     assert fit["converged"] and fit["data"]["kind"] == "clutch"
+    kept = Path(__file__).parents[2] / "reports" / "demo"  # `make reports` writes it
+    assert {path.name for path in kept.rglob("*")} == {path.name for path in made.rglob("*") if path.suffix != ".h5"}
+    before = json.loads((kept / "gains.json").read_text(encoding="utf-8"))["margins"]["worst"]["rc"]
+    assert before["gain_db"] == pytest.approx(gains["margins"]["worst"]["rc"]["gain_db"], rel=1e-6)
     assert gains["rc"]["K_P"] == 4.5 and gains["pi"]["settling_s"] == pytest.approx(0.27)

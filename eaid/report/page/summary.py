@@ -240,7 +240,7 @@ def pictures(results: Results) -> Iterator[tuple[str, str, Sheet]]:
     if replay is not None:
         until = replays.counted_from(replay) + SHOWN_S
         panels = replays.tracking_panels(replay, until)[:2]
-        yield "Controllers against the reference", "replay", _picture(panels, (1.6, 1))
+        yield "Controllers against the reference, simulated", "replay", _picture(panels, (1.6, 1))
     if fit is None:
         return
     if len(summary.believed_levels(fit)) > 1:
