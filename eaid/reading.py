@@ -15,6 +15,7 @@ from eaid.apparatus import Apparatus
 from eaid.arrays import median
 from eaid.errors import DataError
 from eaid.files import sha256_of
+from eaid.findings import finding
 from eaid.logs.columns import columns_guessed
 from eaid.logs.folders import files_of
 from eaid.logs.manifest import apply, manifest_of
@@ -27,6 +28,7 @@ from eaid.options import ReadOptions, in_words
 from eaid.progress import Progress, no_progress
 from eaid.steps.baseline import baseline_rule
 from eaid.steps.build import stepset_of
+from eaid.steps.checks import of_record
 from eaid.steps.cut import active_low, cut_runs, onset, settled_steps
 from eaid.steps.levels import counted_once
 from eaid.steps.noise import block_means, stretches
@@ -167,12 +169,16 @@ def steps_of(
         raise DataError(*faults, *more)
     for k, run in enumerate(uncut):
         if run.has_input:
-            uncut[k] = replace(run, findings=(*run.findings, *active_low(run, plateaus(run.input))))
+            found = (*run.findings, *active_low(run, plateaus(run.input)), *of_record(run))
+            uncut[k] = replace(run, findings=found)
     uncut, steps = counted_once(uncut), counted_once(steps)
     if uncut and not steps:
         first = uncut[0]
         rig = options.apparatus or first.apparatus or Apparatus()
-        stepset = StepSet(options.kind or first.kind or "clutch", first.input_unit, first.output_unit, rig, ())
+        small = first.input_unit == "%" and all(float(np.abs(run.input).max()) <= 1 for run in uncut)
+        told = (finding("duty-may-be-fraction", "data"),) if small else ()
+        kind = options.kind or first.kind or "clutch"
+        stepset = StepSet(kind, first.input_unit, first.output_unit, rig, (), findings=told)
     else:
         stepset = stepset_of(steps, options)
     each = (*stepset.level_steps, *settled_steps(uncut, options))

@@ -369,7 +369,7 @@ def newton(setup: Setup, noise: Scatter, x: Array) -> tuple[Array, Array]:
     return back @ score, back @ omega @ back
 
 
-LIMITS_PCT = {"Ts": 10.0, "tau1": 30.0, "tau2": 50.0}  # Half-widths beyond which an input was never asked about
+LIMITS_PCT = {"Ts": 10.0, "tau1": 30.0, "tau2": 50.0}  # Half-widths beyond which the logs do not fix an input
 WIDEST = 10.0  # An interval wider than this factor says nothing
 PARABOLA = 0.05  # Half-width in the logarithm up to which a parabola is a picture of the cost
 

@@ -17,11 +17,15 @@ from eaid.arrays import Array, read_only
 from eaid.estimate.forms import Tables
 from eaid.estimate.points import nodes_of
 from eaid.logs.run import Run
+from eaid.steps.noise import sample_noise
 from eaid.steps.stepset import StepSet
 
 IDLE_ROWS = 10  # Fewest rows at rest before the first other one that make an idle start
 ROUNDED = 1e-8  # Steps of time that differ by less than this part are alike
-QUIET = 5e-3  # A measured input this part of its largest, from the first row on, is at rest
+QUIET = 5e-3  # An input below rest by this part of its largest, or …
+NOISY = 6.0  # … so many deviations of its noise …
+MOST = 0.05  # … up to this part, is a noisy rest, …
+AROUND = 1.5  # … and what is nearer to rest than so many times that is at rest too
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,10 +94,9 @@ def recorded_log(run: Run, rest: float = 0.0) -> RecordedLog:
     level = run.input - rest
     if level.min() < 0 and -level.min() > level.max():
         level = -level
-    quiet = np.abs(level) <= QUIET * float(np.abs(level).max())
-    first = int(np.argmin(quiet))
-    if first >= IDLE_ROWS and (level[:first] < 0).any():  # the noise of a measured input; small commands stay
-        level = np.where(np.arange(len(level)) < first, 0.0, level)
+    top, below = float(level.max()), -float(level.min())
+    if 0 < below <= min(max(QUIET * top, NOISY * sample_noise(level)), MOST * top):
+        level = np.where(np.abs(level) <= AROUND * below, 0.0, level)
     return RecordedLog(
         run.name,
         run.time_s,

@@ -290,7 +290,7 @@ def _least(
     The unknowns are (change, ln τ2, ln(τ2/τ1), C, θ), τ2 the slower constant, of an overshoot the window's at most.
     """
     root, window, chosen = np.sqrt(points.weight)[:, None], float(points.time_s[-1]), [*free]
-    size = max(float(np.abs(points.output).max()), 1e-300)
+    size = float(np.abs(points.output).max()) or 1.0
     share = {"free": (LEAST_SHARE, 1 - LEAST_SHARE), "overshoot": (1.0 + 1e-6, MOST)}.get(shape, (-1.0, 2.0))
     apart, slowest = (APART, window) if shape == "overshoot" else (1.0, 50 * window)
     k = min(int(np.searchsorted(points.time_s, start[4], side="right")), len(points.time_s) - 1)
@@ -454,7 +454,8 @@ def tail_of(shape: StepShape, before: Tail, lasted_s: float) -> Tail:
     if any(one.code == "shape-explains-little" for one in shape.findings):
         return tuple(parts)
     after, ci = max(lasted_s - shape.dead_time_s, 0.0), shape.ci95
-    of_change = 0.5 * (ci.change[1] - ci.change[0]) / abs(shape.change) if ci.change is not None else 1.0
+    ends = ci.change if shape.change else None
+    of_change = 1.0 if ends is None else 0.5 * (ends[1] - ends[0]) / abs(shape.change)
     of_share = 0.5 * (ci.C[1] - ci.C[0]) if ci.C is not None else 0.0
     moved = abs(float(shape.predict(np.array([lasted_s]))[0]) - shape.start)
     for share, tau, ends in ((shape.C, shape.tau1, ci.tau1), (1 - shape.C, shape.tau2, ci.tau2)):

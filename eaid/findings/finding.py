@@ -89,9 +89,10 @@ def say(finding: Finding) -> str:
     if row is None:
         return finding.code
     levels, parameter = listed(finding.levels), finding.values.get("parameter")
+    unit = str(finding.values.get("unit") or "")
     fields = {
         **finding.values, "subject": finding.subject, "each": finding.levels, "levels": levels,
-        "at": f"at {levels} {finding.values.get('unit') or ''}".rstrip(),
+        "at": f"at {listed(finding.levels, unit)}",
         "symbol": SYMBOLS.get(str(parameter), parameter),
     }  # fmt: skip
     said = row.template(fields) if callable(row.template) else Words().vformat(row.template, (), fields)
@@ -105,9 +106,10 @@ def sentences(findings: Iterable[Finding]) -> list[str]:
     return [in_python(say(one)) for one in findings]
 
 
-def listed(items: Sequence[float | str]) -> str:
-    """`10, 20 and 30`; of many numbers the first and the last."""
+def listed(items: Sequence[float | str], unit: str = "") -> str:
+    """`10, 20 and 30 %`; of many numbers the first and the last."""
     texts = [item if isinstance(item, str) else f"{item:.4g}" for item in items]
     if len(texts) > MOST_LISTED and not isinstance(items[0], str):
-        return f"{texts[0]} … {texts[-1]} ({len(texts)} of them)"
-    return ", ".join(texts[:-1]) + f" and {texts[-1]}" if len(texts) > 1 else "".join(texts)
+        return f"{texts[0]} … {f'{texts[-1]} {unit}'.rstrip()} ({len(texts)} of them)"
+    every = ", ".join(texts[:-1]) + f" and {texts[-1]}" if len(texts) > 1 else "".join(texts)
+    return f"{every} {unit}".rstrip()

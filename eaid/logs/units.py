@@ -294,9 +294,13 @@ def _of_seconds(path: str, column: str, gone: Array, usual: float) -> Finding:
     span, too_fast = float(gone[-1]), 0 < usual < 1.0 / FASTEST_HZ
     whole = usual >= 1.0 and bool(np.all(gone[:100_000] == np.floor(gone[:100_000])))
     brief = 0 < usual < 1.0 / QUICK_HZ and span < BRIEF_S
+
+    def off(unit: str) -> float:  # from a hundred samples a second, and from a minute in all
+        return sum(abs(math.log(size * TIME_FACTORS[unit])) for size in (usual / 0.01, span / 60))
+
     # if it counts no seconds: the coarsest unit with half a second a sample, and an hour in all, at most
     finer = (one for one in ("ms", "us") if max(usual / 0.5, span / LONGEST_S) * TIME_FACTORS[one] <= 1)
-    likely = "d" if 0 < usual < 2e-7 else "min" if brief or too_fast else next(finer, "ns")
+    likely = min(("min", "h", "d"), key=off) if brief or too_fast else next(finer, "ns")
     if too_fast or (span > LONGEST_S and (whole or usual > SLOWEST_S)):
         return finding("time-unclear", path, column=column, usual_s=usual, span_s=span, likely=likely)
     if whole or brief:

@@ -1,7 +1,7 @@
 """Recorded logs → a fit: the one entry of this package.
 
 The nonlinear model first, then whether falls differ from rises, then the linear model and the levels by themselves;
-intervals from the residuals as they are; what the inputs never asked about is said. Logs of ordinary steps are fitted
+intervals from the residuals as they are; what the inputs do not fix is said. Logs of ordinary steps are fitted
 with them as their mean curves, each sample of each repeat alike.
 """
 
@@ -59,7 +59,10 @@ def refuse(logs: Sequence[RecordedLog]) -> None:
         elif top == 0.0:
             faults.append(f"{where}: its input never leaves rest; there is nothing to fit")
         elif (log.input < 0).any():
-            faults.append(f"{where}: its input is both above and below rest; say where rest is («rest»)")
+            faults.append(
+                f"{where}: its input is both above and below rest; say where rest is («rest»), or log the command, "
+                "if noise alone does that"
+            )
         elif known < LEAST_ROWS:
             faults.append(f"{where}: holds {known} rows with an output; a fit needs {LEAST_ROWS}")
         elif np.ptp(log.output[np.isfinite(log.output)]) == 0:
@@ -295,6 +298,7 @@ def fit_whole(stepset: StepSet, options: FitOptions) -> Fit:
     if options.ci not in ("robust", "none"):
         raise UsageError(f"«ci» {options.ci}: logs fitted as recorded take robust or none; or say «logs_as» steps")
     rest = float(stepset.reading.get("rest", 0.0))
+    refuse([recorded_log(run, rest) for run in stepset.recorded])
     shapes = single_steps(stepset, options)
     dead_s = statistics.median_low([one.dead_time_s for one in shapes if one.edge == "up"] or [0.0])
     fit = fit_recorded(stepset.recorded, options, stepset, rest, dead_time_s=dead_s)
@@ -304,7 +308,7 @@ def fit_whole(stepset: StepSet, options: FitOptions) -> Fit:
         one for shape in shapes for one in shape.findings
         if one.code != "other-shape-fits-better" or one.values["shape"] not in known
     ])  # fmt: skip
-    findings = ranked((*fit.findings, *of_shapes))
+    findings = ranked((*stepset.all_findings, *fit.findings, *of_shapes))
     return judged(
         msgspec.structs.replace(fit, options=workflow.given(options, stepset), steps=shapes, findings=findings)
     )

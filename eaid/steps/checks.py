@@ -5,11 +5,13 @@ Levels of torque are compared by means of blocks, so that noise and rotor ripple
 
 import itertools
 from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
 
 from eaid.arrays import Array, median
 from eaid.findings import Finding, finding
+from eaid.logs.run import Run
 from eaid.steps.baseline import FLOOR, last_rest, without_spikes
 from eaid.steps.noise import (
     BLOCKS,
@@ -168,8 +170,8 @@ def _contradiction(step: Step) -> Finding | None:
 
 def _gap(step: Step) -> Finding | None:
     every = np.diff(step.run.time_s)
-    at = int(every.argmax())
-    if every[at] <= 5 * step.usual_s:
+    at = int(every.argmax()) if len(every) else 0
+    if not len(every) or every[at] <= 5 * step.usual_s:
         return None
     at_s = float(step.run.time_s[at])
     return finding("gap", step.run.name, gap_s=float(every[at]), at_s=at_s, sample_s=step.usual_s)
@@ -308,6 +310,21 @@ CHECKS: dict[str, tuple[Callable[[Step], Finding | None], ...]] = {
                isolated_spikes, _several_edges),
     "falling": (_negative, _gap, _gap_at_step, _ramp, saturated, stuck, isolated_spikes, _left_after_release),
 }  # fmt: skip
+
+
+class Record(Step):
+    """A log that is fitted as it was recorded, taken as one window from its first sample on."""
+
+    @cached_property
+    def swing(self) -> float:
+        """Range of the output but for its rarest samples."""
+        low, high = np.quantile(self.run.output, (0.01, 0.99)).tolist()
+        return float(high - low)
+
+
+def of_record(run: Run) -> list[Finding]:
+    """What is wrong in a log that is fitted as it was recorded."""
+    return [*filter(None, (check(Record(run)) for check in (_gap, stuck, isolated_spikes)))]
 
 
 def disagreements(level: Level, unit: str) -> list[Finding]:

@@ -192,6 +192,7 @@ class StepSet(Shown):
         What stops a run that is left out stops nothing else: it is told as the reason.
         """
         kept = [one for run in self.runs if not run.left_out for one in run.findings]
+        kept += [one for run in self.recorded for one in run.findings]
         stopped = {one.code for one in stops(kept)}
         reasons: dict[str, list[tuple[str, Finding]]] = {}
         for run in self.runs:

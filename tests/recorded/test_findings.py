@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import eaid
@@ -185,3 +186,32 @@ def test_the_noise_in_a_loops_duty_biases_nothing() -> None:
             assert fit.nonlinear is not None and fit.nonlinear.curves[5].tau1 is not None
             errors[known].append(np.log(fit.nonlinear.curves[5].tau1 / 0.67693))
     assert abs(np.mean(errors[True])) < 0.5 * abs(np.mean(errors[False]))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "code"),
+    [
+        (lambda t, u, y: ("time", 1e3 * t, u, y), "time-unclear"),
+        (lambda t, u, y: ("time_s", t, u, 1e3 * y), "torque-too-large"),
+        (lambda t, u, y: ("time_s", t, u, np.where(np.arange(len(y)) % 700 == 350, -99.99, y)), "spikes"),
+        (lambda t, u, y: ("time_s", t, u, np.where(abs(t - 60) < 4, y[3000], y)), "sensor-stuck"),
+        (lambda t, u, y: ("time_s", t + 10 * (t > 60), u, y), "gap"),
+        (lambda t, u, y: ("time_s", t, u / 100, y), "duty-may-be-fraction"),
+        (lambda t, u, y: ("time_s", t, u + np.random.default_rng(2).normal(0, 0.5, len(u)), y), ""),
+    ],
+)
+def test_what_is_wrong_in_a_recorded_log_is_told_by_its_fit(spoil, code) -> None:
+    """As it is of steps: a unit, a marker, a stuck sensor, a gap; noise on a measured input is no negative input."""
+    rng = np.random.default_rng(1)
+    t = np.arange(6000) / 50
+    u = np.repeat(np.where(np.arange(40) % 5 == 0, 0.0, rng.uniform(10, 100, 40)), 150)
+    a = b = 0.0
+    y = np.empty(len(t))
+    for k, level in enumerate(0.01 * u + 3e-4 * u**2):
+        y[k] = a + b + rng.normal(0, 0.005)
+        a, b = a + (0.85 * level - a) * (1 - np.exp(-0.02 / 0.3)), b + (0.15 * level - b) * (1 - np.exp(-0.02 / 8))
+    time, *columns = spoil(t, u, y)
+    frame = pd.DataFrame(dict(zip((time, "duty_pct", "torque_nm"), columns, strict=True)))
+    found = {one.code: one.severity for one in eaid.fit(eaid.read(frame), model=("nonlinear",)).findings}
+    wrong = {"time-unclear", "torque-too-large", "spikes", "sensor-stuck", "gap", "duty-may-be-fraction"}
+    assert {one for one in found if one in wrong} == ({code} if code else set())

@@ -209,7 +209,11 @@ ROWS: dict[str, Row] = {
         "one level only: one step cannot tell b0 from c0, only b0 u + c0 is known; record a second level", rank=1
     ),
     "linear-may-be-zero": caution(
-        "{parameter} may be zero or negative (95 % interval {low:.3g} to {high:.3g}): record longer, or more levels",
+        lambda v: (
+            f"{v['parameter']} may be zero or negative"
+            + (f" (95 % interval {v['low']:.3g} to {v['high']:.3g})" if v["low"] is not None else "")
+            + ": record longer, or more levels"
+        ),
         rank=1,
     ),
     "single-runs-few-levels": caution(
@@ -243,7 +247,8 @@ ROWS: dict[str, Row] = {
     ),
     "runs-reject-the-share": caution(
         "the runs ask for C = {estimate:.3f} ({low:.3f} … {high:.3f}); it was held at {held:g}: T_s, τ1, τ2 and their "
-        "intervals belong to the held C, not to the rig; refit with «share» {estimate:.3f}"
+        "intervals belong to the held C, not to the rig; a drift and a sensor that is slow or at its end look so too: "
+        "if it is none of these, refit with «share» {estimate:.3f}"
     ),
     "joint-fit-parts": note(
         lambda v: (
@@ -309,7 +314,7 @@ ROWS: dict[str, Row] = {
     ),
     "input-leaves-tau-open": caution(
         lambda v: (
-            f"the input never asked about {v['symbol']} at {v['levels']}: its interval there is wider than "
+            f"these logs do not fix {v['symbol']} {v['at']}: its interval there is wider than "
             f"± {v['limit_pct']:g} %; hold these inputs {HOLD[v['parameter']]}"
         )
     ),

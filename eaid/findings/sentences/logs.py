@@ -26,7 +26,12 @@ ROWS: dict[str, Row] = {
     "level-contradicted": caution(
         "its name says level {level:g}, its input column goes to {found:g} {unit}: the column counts"
     ),
-    "unit-assumed": note("no unit is given for {role} {column}: {unit} assumed; say it with «units» {role}=UNIT"),
+    "unit-assumed": note(
+        lambda v: (
+            f"no unit is given for {v['column'] if v['column'] == v['role'] else v['role'] + ' ' + v['column']}: "
+            f"{v['unit']} assumed; say it with «units» {v['role']}=UNIT"
+        )
+    ),
     "unit-unknown": caution(
         "no unit is given for {role} {column}: its numbers stay as they are; say it with «units» {role}=UNIT", rank=1
     ),
@@ -54,7 +59,7 @@ ROWS: dict[str, Row] = {
         "its input stays within 1 while that of other logs goes to {other:g} %: a fraction is read apart with «units» "
         "input=fraction; if all are in %, say «units» input=%"
     ),
-    "run-given-twice": caution("{other} holds the same values, as no two recordings do: they count once"),
+    "run-given-twice": caution("{subject} and {other} hold the same values, as no two recordings do: they count once"),
     "input-may-be-active-low": caution(
         "its output rises where its input falls from {at}: if that is the input at rest, say «rest»"
     ),
