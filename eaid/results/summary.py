@@ -63,7 +63,9 @@ def _peaks(fit: "Fit") -> list[str]:
     top = max(steps, key=lambda one: one.level)
     unit = f" {fit.data.output_unit}" if fit.data.output_unit else ""
     where = f"{top.from_:.4g} → {top.level:.4g} peaks at {top.peak:.3g}{unit} and falls towards {top.change:.3g}"
-    return [f"peaks  {len(steps)} of {counted(len(fit.steps), 'step')} overshoot, T_s is an average: {where}"]
+    levels = len(fit.data.levels)
+    of = f"steps to {len(steps)} of {counted(levels, 'level')}" if levels else counted(len(steps), "step")
+    return [f"peaks  {of} overshoot, T_s is an average: {where}"]
 
 
 def warned(fit: "Fit") -> tuple[str, ...]:
