@@ -25,9 +25,8 @@ from benchmarks.stop_findings import log, rise, wander
 from eaid.apparatus import Apparatus
 from eaid.arrays import Array
 from eaid.estimate.step_shapes import single_steps
-from eaid.models import friction
-from eaid.models.nonlinear import at_duty
-from eaid.models.parameters import REFERENCE_PLANT, Friction
+from eaid.plant.dynamics import REFERENCE_PLANT, Step
+from eaid.plant.respond import step_response
 from eaid.results.common import Interval
 from eaid.results.fit import Fit
 from eaid.steps.build import stepset_of
@@ -70,9 +69,9 @@ VARIANTS: dict[str, Variant] = {
 }
 
 
-def plant(duty_pct: float, variant: Variant) -> Friction:
+def plant(duty_pct: float, variant: Variant) -> Step:
     """The true curve of one level."""
-    return replace(at_duty(REFERENCE_PLANT, duty_pct), C=variant.share)
+    return replace(REFERENCE_PLANT.at(duty_pct), C=variant.share)
 
 
 def coloured(random: np.random.Generator, runs: int, n: int, dt_s: float) -> Array:
@@ -109,7 +108,7 @@ def one_set(
             gain = 1 + 0.03 * (sweep[r] if variant.sweeps else size * random.standard_normal())
             own = replace(true, Ts=true.Ts * gain, tau1=true.tau1 * np.exp(0.05 * size * random.standard_normal()))
             rotor = np.sin(2 * np.pi * (ROTOR_HZ * t + random.random()))
-            torque = friction.step_response(own, t) * (1 + 0.01 * colour[i, r] + 0.01 * rotor)
+            torque = step_response(own, t) * (1 + 0.01 * colour[i, r] + 0.01 * rotor)
             runs.append(torque + variant.white_nm * random.standard_normal(samples))
         names = tuple(f"{duty:g}-{r}" for r in range(variant.runs))
         made.append(Level(float(duty), t, np.array(runs), names))
@@ -121,8 +120,7 @@ def truth(variant: Variant, samples: int = SAMPLES, levels: Array = LEVELS) -> d
     curves = [plant(float(duty), variant) for duty in levels]
     t = np.arange(samples) * (variant.record_s / samples)
     clean = tuple(
-        Level(u, t, friction.step_response(one, t)[None], ("plant",))
-        for u, one in zip(levels.tolist(), curves, strict=True)
+        Level(u, t, step_response(one, t)[None], ("plant",)) for u, one in zip(levels.tolist(), curves, strict=True)
     )
     found = eaid.fit(stepset(clean), model=("friction", "linear"), ci="none")
     linear, friction_part = found.linear, found.friction
@@ -249,9 +247,7 @@ def recorded(name: str, sets: int) -> dict[str, tuple[Array, float, float]]:
         logs = eaid.synth(excitation=excitation, shape=shape, rate_hz=200.0, clean=True, seed=seed, **noise)
         found = eaid.fit(logs, model=("nonlinear",), duty=(10.0, 100.0)).nonlinear
         for name in NAMES:
-            pairs = [
-                (getattr(row.ci95, name), getattr(at_duty(REFERENCE_PLANT, row.level), name)) for row in found.curves
-            ]
+            pairs = [(getattr(row.ci95, name), getattr(REFERENCE_PLANT.at(row.level), name)) for row in found.curves]
             rows[name].append([inside(ends, value) for ends, value in pairs])
             widths[name] += [50 * float(np.log(ends[1] / ends[0])) for ends, _ in pairs if ends]
     return {

@@ -21,8 +21,8 @@ from eaid.estimate.certainty import own_levels
 from eaid.estimate.data import data_of
 from eaid.estimate.from_steps import fit_nonlinear
 from eaid.estimate.linear import fit_linear, parameters, unknowns
-from eaid.models import nonlinear
-from eaid.models.parameters import REFERENCE_PLANT
+from eaid.plant.dynamics import REFERENCE_PLANT
+from eaid.plant.respond import from_rest
 from eaid.steps.stepset import Level
 
 DUTIES = np.arange(10.0, 101.0, 10.0)
@@ -35,9 +35,7 @@ START = np.array([0.1, 2.0, -1.5, 2.0, 30.0, -15.0, 0.1, 0.5, 2.0, 1.5])
 def levels() -> list[Level]:
     rng, t = np.random.default_rng(0), np.arange(SAMPLES) / 1000
     return [
-        Level(
-            u, t, nonlinear.step_response(REFERENCE_PLANT, t, u) + 0.01 * rng.normal(size=(3, len(t))), ("a", "b", "c")
-        )
+        Level(u, t, from_rest(REFERENCE_PLANT, t, u) + 0.01 * rng.normal(size=(3, len(t))), ("a", "b", "c"))
         for u in DUTIES
     ]
 

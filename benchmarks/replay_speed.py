@@ -10,12 +10,11 @@ import numpy as np
 
 from benchmarks.table import Row, paired_medians
 from eaid.control.rc import RCGains, rc_step
-from eaid.models.parameters import REFERENCE_PLANT, Nonlinear
 from eaid.options import Rig
+from eaid.plant.dynamics import REFERENCE_PLANT, Plant, PlantNumbers, plant_numbers
 from eaid.replay.controllers import controller_of, feedback
 from eaid.replay.loop import noise, reference_rate, replay
 from eaid.replay.many import montecarlo
-from eaid.replay.plant import PlantParameters, plant_parameters
 from eaid.replay.references import multisine
 
 DT_S = 1e-3
@@ -40,7 +39,7 @@ class Case:
         self.noise = noise(RIG, self.n, 1)
 
 
-def drawn_plants() -> list[Nonlinear]:
+def drawn_plants() -> list[Plant]:
     """Plants whose time constants stay well inside their range, as a fit's uncertainty would draw them."""
     random = np.random.default_rng(5)
     plants = []
@@ -57,7 +56,7 @@ def drawn_plants() -> list[Nonlinear]:
     return plants
 
 
-def numpy_many(case: Case, plants: list[PlantParameters]) -> np.ndarray:
+def numpy_many(case: Case, plants: list[PlantNumbers]) -> np.ndarray:
     """The loop with NumPy over the plants: what one writes first."""
     C, tau1, tau2, steady, low, high = (np.array(column).T for column in list(zip(*plants, strict=True))[:6])
     (a0, a1, a2), (b0, b1, b2), (c0, c1, c2, c3) = tau1, tau2, steady
@@ -85,11 +84,11 @@ def numpy_many(case: Case, plants: list[PlantParameters]) -> np.ndarray:
     return torque
 
 
-def python_control(case: Case, plant: PlantParameters) -> Callable[[], np.ndarray]:
+def python_control(case: Case, plant: PlantNumbers) -> Callable[[], np.ndarray]:
     """The same maths in python-control: plant and controller as discrete-time systems, connected."""
     import control
 
-    from eaid.replay.plant import plant_step
+    from eaid.plant.dynamics import plant_step
 
     def plant_update(_t: float, x: Any, u: Any, _p: Any) -> Any:
         return plant_step(plant, x[0], x[1], u[0], DT_S)
@@ -122,7 +121,7 @@ def python_control(case: Case, plant: PlantParameters) -> Callable[[], np.ndarra
 
 
 def rows() -> Iterator[Row]:
-    plant, long = plant_parameters(REFERENCE_PLANT), Case(SINGLE_S)
+    plant, long = plant_numbers(REFERENCE_PLANT), Case(SINGLE_S)
     ours = partial(replay, plant, RC, long.reference, RIG, DT_S, 1)
     theirs = python_control(long, plant)
     our_s, control_s = paired_medians(ours, theirs, min(RUNS, 3))
@@ -141,7 +140,7 @@ def rows() -> Iterator[Row]:
     )  # fmt: skip
     short, plants = Case(MANY_S), drawn_plants()
     many = partial(montecarlo, plants, RC, short.wanted, RIG, 1)
-    by_numpy = partial(numpy_many, short, [plant_parameters(each) for each in plants])
+    by_numpy = partial(numpy_many, short, [plant_numbers(each) for each in plants])
     our_s, numpy_s = paired_medians(many, by_numpy, min(RUNS, 3))
     largest = np.abs(by_numpy() - short.reference[:, None])[short.wanted.begin :].max(axis=0)
     agree = float(np.abs(largest - many()[1]["plants/metrics/max_abs_error_nm"]).max())

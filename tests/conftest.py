@@ -26,8 +26,8 @@ import pytest  # noqa: E402
 import eaid  # noqa: E402
 from eaid.apparatus import Apparatus  # noqa: E402
 from eaid.cli import console, main  # noqa: E402
-from eaid.models import friction, nonlinear  # noqa: E402
-from eaid.models.parameters import REFERENCE_PLANT, Friction, Nonlinear  # noqa: E402
+from eaid.plant.dynamics import REFERENCE_PLANT, Plant, Step  # noqa: E402
+from eaid.plant.respond import from_rest, step_response  # noqa: E402
 from eaid.steps.stepset import Level, StepSet  # noqa: E402
 
 ROOT = Path(__file__).parents[1]
@@ -127,7 +127,7 @@ def _messages_are_told() -> None:
 
 
 def _clutch_set(
-    plant: Nonlinear = REFERENCE_PLANT,
+    plant: Plant = REFERENCE_PLANT,
     levels: Iterable[float] = range(10, 101, 10),
     duration_s: float = 20.0,
     rate_hz: float = 1000.0,
@@ -139,19 +139,17 @@ def _clutch_set(
     time_s = np.arange(round(duration_s * rate_hz)) / rate_hz
     made = []
     for u in levels:
-        torque = nonlinear.step_response(plant, time_s, float(u))
+        torque = from_rest(plant, time_s, float(u))
         runs = torque + noise_nm * rng.normal(size=(repeats, len(time_s)))
         made.append(Level(float(u), time_s, runs, tuple(f"{u}-{r}" for r in range(repeats))))
     return StepSet("clutch", "%", "N·m", Apparatus(), tuple(made))
 
 
 def _friction_set(
-    kind: str, unit: str, curves: dict[float, Friction], duration_s: float = 30.0, rate_hz: float = 100.0
+    kind: str, unit: str, curves: dict[float, Step], duration_s: float = 30.0, rate_hz: float = 100.0
 ) -> StepSet:
     time_s = np.arange(round(duration_s * rate_hz)) / rate_hz
-    levels = tuple(
-        Level(u, time_s, friction.step_response(curve, time_s)[None], (f"{u}",)) for u, curve in curves.items()
-    )
+    levels = tuple(Level(u, time_s, step_response(curve, time_s)[None], (f"{u}",)) for u, curve in curves.items())
     return StepSet(kind, unit, "N·m", Apparatus(surfaces=1), levels)
 
 

@@ -26,9 +26,9 @@ from eaid.control.gains import Bounds, rc_law
 from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, Point, enough, margins
 from eaid.control.pi import PIGains, pi_gains
 from eaid.errors import DataError, GainsError, UsageError
-from eaid.models.nonlinear import steady_torque
-from eaid.models.parameters import PAPER_LINEAR, Linear, Nonlinear
 from eaid.options import TuneOptions
+from eaid.plant.dynamics import Plant
+from eaid.plant.linear import PAPER_LINEAR, Linear
 from eaid.results.fit import Fit
 from eaid.results.gains import AskedPI, Timing
 
@@ -47,7 +47,7 @@ class Scales(NamedTuple):
     top: float  # Output at the highest input, over the reference plant's; 1 on the paper's rig
 
 
-def scales_of(fit: Fit, plant: Nonlinear | None = None) -> Scales:
+def scales_of(fit: Fit, plant: Plant | None = None) -> Scales:
     """What the rig's clock and output are scaled by."""
     if is_duty(fit) and fit.data.output_unit in ("N·m", "Nm"):
         return Scales(True, 1.0, 1.0)
@@ -55,7 +55,7 @@ def scales_of(fit: Fit, plant: Nonlinear | None = None) -> Scales:
     rows = fit.linear.per_level if fit.linear is not None else ()
     top = max((row.gain for row in rows), default=PAPER_TOP)
     if plant is not None:
-        top = float(steady_torque(plant, plant.u_range[1]))
+        top = float(plant.steady(plant.u_range[1]))
     return Scales(False, pace, top / PAPER_TOP)
 
 
@@ -145,7 +145,7 @@ def quickest_pi(model: Linear, points: Sequence[Point], timing: Timing, pace: fl
                 break
             if all(enough(margins(pi, point, timing)) for point in points):
                 return AskedPI(overshoot_pct, settling_s)
-    flat = [point.duty_pct for point in points if sum(lag.gain for lag in point.lags) <= 0]
+    flat = [point.duty_pct for point in points if point.plant.gain <= 0]
     why = f"the output does not rise with the input around {', '.join(f'{u:.4g}' for u in flat)} {unit}: leave such "
     why += "levels out of the fit («levels»)"
     raise GainsError(

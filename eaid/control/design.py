@@ -25,9 +25,9 @@ from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
 from eaid.errors import GainsError
 from eaid.findings import Finding, finding
-from eaid.models.nonlinear import steady_torque, time_constants
-from eaid.models.parameters import Linear, Nonlinear
 from eaid.options import TuneOptions
+from eaid.plant.dynamics import Plant
+from eaid.plant.linear import Linear
 from eaid.results.fit import Fit
 from eaid.results.gains import (
     AskedPI,
@@ -137,7 +137,7 @@ def ultimate_bound_nm(
     return math.sqrt(level * Q11 / (Q11 * Q22 - Q12**2)) if math.isfinite(level) else None
 
 
-def phi_needed(model: Linear, bounds: Bounds, plant: Nonlinear | None) -> float | None:
+def phi_needed(model: Linear, bounds: Bounds, plant: Plant | None) -> float | None:
     """The largest |η − η̂| [% duty] that the data show; None where the fit holds neither a nonlinear model nor levels.
 
     By the nonlinear model over its steps between identified duties and from rest: u − η̂(T), as far as it lies outside
@@ -152,8 +152,8 @@ def phi_needed(model: Linear, bounds: Bounds, plant: Nonlinear | None) -> float 
         )
         return max(map(abs, levels), default=None)
     duties = np.linspace(*plant.u_range, DUTIES)
-    tau1, tau2 = time_constants(plant, duties)
-    steady = steady_torque(plant, duties)
+    tau1, tau2 = plant.time_constants(duties)
+    steady = plant.steady(duties)
     most = 0.0
     for duty, fast, slow, end in zip(duties, tau1, tau2, steady, strict=True):
         t = np.concatenate([[0.0], np.geomspace(1e-3, 5 * slow, INSTANTS)])

@@ -9,7 +9,8 @@ from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
 from eaid.errors import DataError, GainsError, UsageError
 from eaid.findings import sentences
-from eaid.models.parameters import Linear, Nonlinear
+from eaid.plant.dynamics import Plant
+from eaid.plant.linear import Linear
 from eaid.results.fit import Fit, LinearLevel
 from eaid.results.gains import Gains, Robust
 from eaid.results.verdict import unphysical
@@ -117,15 +118,15 @@ def rc_law(model: Linear, rc: Robust, limits_pct: tuple[float, float]) -> RCGain
     )  # fmt: skip
 
 
-def plant_of(fit: Fit) -> Nonlinear | None:
-    """`Fit.plant`, None where the fit holds no nonlinear model; DataError where, within the identified inputs, its
-    curves are none that a plant has: the floors of the replay are for drawn plants and rounding."""
-    part = fit.nonlinear
-    if part is None:
+def plant_of(fit: Fit) -> Plant | None:
+    """`Fit.plant`, None where the fit holds none; DataError where, within the identified inputs, its curves are none
+    that a plant has: the floors of the replay are for drawn plants and rounding."""
+    if fit.plant_ is None and fit.nonlinear is None:
         return None
-    low, high = part.u_range
+    plant = fit.plant
+    low, high = plant.u_range
     if not (0 <= low <= high and high > 0):
         raise DataError(f"the fit's nonlinear.u_range is [{low:g}, {high:g}]; it has to rise from 0 or above")
-    if wrong := unphysical(part):
+    if wrong := unphysical(plant):
         raise DataError(*sentences(wrong[:1]))
-    return fit.plant
+    return plant

@@ -1,11 +1,11 @@
 """Gain and phase margins of the loop as it really runs: sampled, behind a dead time, the duty latched by a PWM.
 
 Around an operating point a control law is linear in the reference r, its rate v, the torque T that is read and the
-integral q of the error: δu = k_r δr + k_v δv − k_T δT + k_q δq. The plant is a sum of lags, T = Σ x_i,
-x_i' = (g_i u − x_i)/τ_i, with its dead time. The loop is opened at the duty.
+integral q of the error: δu = k_r δr + k_v δv − k_T δT + k_q δq. The plant is the two states of
+`eaid.plant.operating`, behind its dead time. The loop is opened at the duty.
 
 Samples at k h and latches at j/f_pwm repeat together after a common period, taken as 100 samples at most. Over it the
-loop is a linear map of the state (lags, law, latched duty, duties on their way): stable where its spectral
+loop is a linear map of the state (plant, law, latched duty, duties on their way): stable where its spectral
 radius is below 1. The gain margin is the factor on the duty that brings the radius to 1: exact, aliasing included. The
 phase margin is read at the crossover of the loop's frequency response, the latch by its mean response. A dead time of
 more than twenty holds would make too many states, and all crossovers lie far below the rate of the latch: there the map
@@ -19,40 +19,21 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.polynomial.polynomial import polyder, polyval
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from eaid.arrays import Array
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains, rc_step
-from eaid.models import linear
-from eaid.models.nonlinear import steady_torque, time_constants
-from eaid.models.parameters import Linear, Nonlinear
+from eaid.plant import linear
+from eaid.plant.dynamics import Plant
+from eaid.plant.linear import Linear
+from eaid.plant.operating import Complex, Operating, around, lag
 from eaid.results.fit import LinearLevel
 from eaid.results.gains import Margin, Timing
-
-Complex = NDArray[np.complex128]
-
 
 LATE = 20  # Holds of dead time that the map of a loop spans at most
 MOST_DB, STEP_DB = 80.0, 2.0  # Gain margins are sought up to here, in such steps
 ENOUGH_DB, ENOUGH_DEG = 6.0, 45.0
-
-
-class Lag(NamedTuple):
-    """x' = (g u − x)/τ."""
-
-    gain: float  # g [N·m/%]
-    tau: float  # [s]
-
-
-def lags_at(plant: Nonlinear, duty_pct: float) -> tuple[Lag, ...]:
-    """The plant around a duty held for long: two lags in parallel, C and 1 − C of the slope of T_s; target − state is 0
-    there, so the changes of τ play no part."""
-    tau1, tau2 = time_constants(plant, duty_pct)
-    slope = float(polyval(duty_pct, polyder(plant.Ts)))
-    return Lag(plant.C * slope, float(tau1)), Lag((1 - plant.C) * slope, float(tau2))
 
 
 class Point(NamedTuple):
@@ -60,14 +41,14 @@ class Point(NamedTuple):
 
     duty_pct: float
     torque_nm: float
-    lags: tuple[Lag, ...]  # Of the plant there, in parallel
+    plant: Operating  # Around that input
 
 
 POINTS = 10  # Operating points of the margins where the fit names no levels
 
 
 def operating_points(
-    plant: Nonlinear | None,
+    plant: Plant | None,
     model: Linear,
     rows: Sequence[LinearLevel],
     levels: Sequence[float],
@@ -78,11 +59,11 @@ def operating_points(
     if plant is not None and any(plant.Ts[1:]):
         low, high = plant.u_range
         duties = [u for u in levels if low <= u <= high] or np.linspace(low, high, POINTS).tolist()
-        return [Point(duty, float(steady_torque(plant, duty)), lags_at(plant, duty)) for duty in duties]
+        return [Point(duty, float(plant.steady(duty)), around(plant, duty)) for duty in duties]
     if rows:
-        return [Point(row.level, row.gain, (Lag(row.gain / row.level, 1 / row.a0),)) for row in rows]
+        return [Point(row.level, row.gain, lag(row.gain / row.level, 1 / row.a0)) for row in rows]
     middle = sum(limits) / 2
-    return [Point(middle, linear.steady_torque(model, middle), (Lag(model.b0 / model.a0, 1 / model.a0),))]
+    return [Point(middle, linear.steady(model, middle), lag(model.b0 / model.a0, 1 / model.a0))]
 
 
 class Law(NamedTuple):
@@ -135,10 +116,10 @@ def margins(gains: RCGains | PIGains, point: Point, timing: Timing) -> Margin:
     """Gain and phase margin of a controller around an operating point, the least where there are several. None for a
     margin without end (no factor up to 80 dB makes the loop unstable, its gain stays below 1), and for the gain margin
     of a loop that is unstable."""
-    (law, _), lags = law_around(gains, point.torque_nm, point.duty_pct), point.lags
-    phase, omega = min(crossovers(law, lags, timing), default=(math.inf, 0.0))
-    stable = spectral_radius(law, lags, timing) < 1
-    gain_db = gain_margin(law, lags, timing) if stable else math.inf
+    (law, _), plant = law_around(gains, point.torque_nm, point.duty_pct), point.plant
+    phase, omega = min(crossovers(law, plant, timing), default=(math.inf, 0.0))
+    stable = spectral_radius(law, plant, timing) < 1
+    gain_db = gain_margin(law, plant, timing) if stable else math.inf
     return Margin(stable, known(gain_db), known(math.degrees(phase)), omega / (2 * math.pi))
 
 
@@ -147,11 +128,11 @@ def known(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def gain_margin(law: Law, lags: Sequence[Lag], timing: Timing) -> float:
+def gain_margin(law: Law, plant: Operating, timing: Timing) -> float:
     """The factor on the duty at which the radius reaches 1 [dB]: steps to bracket it, then Brent; else infinite."""
 
     def over(db: float) -> float:
-        return spectral_radius(law, lags, timing, 10 ** (db / 20)) - 1
+        return spectral_radius(law, plant, timing, 10 ** (db / 20)) - 1
 
     low, high = 0.0, STEP_DB
     while over(high) < 0:
@@ -161,7 +142,7 @@ def gain_margin(law: Law, lags: Sequence[Lag], timing: Timing) -> float:
     return float(brentq(over, low, high, xtol=1e-9 * high))
 
 
-def spectral_radius(law: Law, lags: Sequence[Lag], timing: Timing, factor: float = 1.0) -> float:
+def spectral_radius(law: Law, plant: Operating, timing: Timing, factor: float = 1.0) -> float:
     """Spectral radius of the loop's map over one common period of sampling and latching, the duty times `factor`: below
     1 the loop dies out."""
     if timing.delay_s > LATE * timing.hold_s * (1 + 1e-9):
@@ -171,21 +152,21 @@ def spectral_radius(law: Law, lags: Sequence[Lag], timing: Timing, factor: float
     h, hold, delay_s = timing.step_s, timing.hold_s, timing.delay_s
     late = int(delay_s / hold + 1e-9)  # whole holds that the delay spans
     rest = max(delay_s - late * hold, 0.0)
-    states = len(lags), 1 if law.k_q else 0, late + 1
+    states = 2, 1 if law.k_q else 0, late + 1
     x, s, duties = np.split(np.eye(sum(states)), np.cumsum(states)[:-1])
     latched = {-1 - k: row for k, row in enumerate(duties)}
     latest, acting = latched[-1], latched[-1 - late]
-    gains, rates = (np.array(each)[:, None] for each in zip(*((g, 1 / tau) for g, tau in lags), strict=True))
     # (time, order, index): a sample comes before a latch at the same instant, a latch before the plant sees it.
     events = [(k * h, 0, k) for k in range(samples)] + [(j * hold, 1, j) for j in range(latches)]
     events += [(j * hold + rest, 2, j - late) for j in range(latches)]
     now = 0.0
     for time, order, index in [*sorted(events, key=lambda event: (round(event[0], 12), event[1])), (samples * h, 3, 0)]:
         if time > now + 1e-12:
-            x = x - np.expm1((now - time) * rates) * (gains * acting - x)
+            flow, pushed = plant.over(time - now)
+            x = flow @ x + np.outer(pushed, acting)
             now = time
         if order == 0:
-            torque = x.sum(axis=0)
+            torque = plant.c @ x
             latest = factor * (law.k_q * s.sum(axis=0) - law.k_T * torque)
             s = s - h * torque
         elif order == 1:
@@ -210,18 +191,17 @@ def hold_response(omega: Array, hold_s: float) -> Complex:
     return np.asarray(np.sinc(omega * hold_s / (2 * math.pi)) * np.exp(-0.5j * omega * hold_s))
 
 
-def measured_response(lags: Sequence[Lag], timing: Timing, omega: Array) -> Complex:
-    """Torque that is read per duty at sampled frequencies [rad/s], without the dead time: hold, lags, latch."""
+def measured_response(plant: Operating, timing: Timing, omega: Array) -> Complex:
+    """Torque that is read per duty at sampled frequencies [rad/s], without the dead time: hold, plant, latch."""
     h = timing.step_s
-    z = np.exp(1j * omega * h)
-    plant = np.sum([g * -math.expm1(-h / tau) / (z - math.exp(-h / tau)) for g, tau in lags], axis=0)
-    return np.asarray(plant * latch_response(timing, omega), dtype=np.complex128)
+    sampled = plant.sampled(np.exp(1j * omega * h), h)
+    return np.asarray(sampled * latch_response(timing, omega), dtype=np.complex128)
 
 
-def loop_response(law: Law, lags: Sequence[Lag], timing: Timing, omega: Array) -> Complex:
+def loop_response(law: Law, plant: Operating, timing: Timing, omega: Array) -> Complex:
     """Response of the loop opened at the duty, without its dead time, over angular frequency [rad/s]."""
     by_torque = law.k_T + integral_response(law, timing, omega)
-    return np.asarray(by_torque * measured_response(lags, timing, omega), dtype=np.complex128)
+    return np.asarray(by_torque * measured_response(plant, timing, omega), dtype=np.complex128)
 
 
 def integral_response(law: Law, timing: Timing, omega: Array) -> Complex:
@@ -229,14 +209,14 @@ def integral_response(law: Law, timing: Timing, omega: Array) -> Complex:
     return np.asarray(law.k_q * timing.step_s / (np.exp(1j * omega * timing.step_s) - 1), dtype=np.complex128)
 
 
-def crossovers(law: Law, lags: Sequence[Lag], timing: Timing) -> list[tuple[float, float]]:
+def crossovers(law: Law, plant: Operating, timing: Timing) -> list[tuple[float, float]]:
     """Where the loop's gain is 1: the phase that is left to −1, from −π to π, and the frequency [rad/s]."""
-    omega = frequencies(lags, timing, 2000)
+    omega = frequencies(plant, timing, 2000)
 
     def response(omega: float) -> complex:
-        return complex(loop_response(law, lags, timing, np.array([omega]))[0])
+        return complex(loop_response(law, plant, timing, np.array([omega]))[0])
 
-    above = np.abs(loop_response(law, lags, timing, omega)) >= 1
+    above = np.abs(loop_response(law, plant, timing, omega)) >= 1
     phases = []
     for k in np.flatnonzero(above[:-1] != above[1:]):
         at = float(brentq(lambda x: abs(response(x)) - 1, omega[k], omega[k + 1]))
@@ -244,8 +224,8 @@ def crossovers(law: Law, lags: Sequence[Lag], timing: Timing) -> list[tuple[floa
     return phases
 
 
-def frequencies(lags: Sequence[Lag], timing: Timing, count: int) -> Array:
+def frequencies(plant: Operating, timing: Timing, count: int) -> Array:
     """From far below what the slowest lag turns to half the rate of the slower of sampling and latching [rad/s], in
     equal ratios, shape (count,)."""
     slower_hz = min(timing.rate_hz, timing.pwm_hz or timing.rate_hz)
-    return np.geomspace(1e-4 / max(1.0, *(lag.tau for lag in lags)), math.pi * slower_hz, count)
+    return np.geomspace(1e-4 / max(1.0, plant.slowest_s), math.pi * slower_hz, count)

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from eaid.errors import GainsError
-from eaid.models.parameters import Linear
+from eaid.plant.linear import Linear
 
 
 class PIGains(NamedTuple):

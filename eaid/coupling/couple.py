@@ -29,17 +29,17 @@ from scipy.optimize import brentq
 from eaid.arrays import Array
 from eaid.control import margins
 from eaid.control.gains import law_of, plant_of, refuse_other_units
-from eaid.control.margins import Complex, Law, Point, known
+from eaid.control.margins import Law, Point, known
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
 from eaid.errors import DataError, GainsError, UsageError
 from eaid.findings import Finding, finding, ranked
-from eaid.models.nonlinear import steady_torque
-from eaid.models.parameters import Nonlinear
 from eaid.options import LOOPS, CoupleOptions
+from eaid.plant.dynamics import Plant, plant_numbers, plant_rest, plant_step
+from eaid.plant.operating import Complex, around
 from eaid.progress import Progress
 from eaid.replay.controllers import feedback
-from eaid.replay.plant import Held, hold_step, plant_parameters, plant_step
+from eaid.replay.loop import Held, hold_step
 from eaid.replay.rehab import limb_steps
 from eaid.results import coupling as parts
 from eaid.results.fit import Fit
@@ -50,7 +50,7 @@ from eaid.results.gains import Gains, Timing
 class Channel:
     """A clutch around a held torque, its loop without limits."""
 
-    plant: Nonlinear
+    plant: Plant
     point: Point
     law: Law
     # step(state, reference, its rate, torque) → (next state, duty)
@@ -58,23 +58,23 @@ class Channel:
     start: Any  # State of the law at rest
 
 
-def channel_of(loop: str, plant: Nonlinear, torque_nm: float, gains: RCGains | PIGains | None, dt_s: float) -> Channel:
+def channel_of(loop: str, plant: Plant, torque_nm: float, gains: RCGains | PIGains | None, dt_s: float) -> Channel:
     """A loop around a held torque; UsageError where it needs gains that are not given, or for a torque outside the
     identified duties."""
-    least, most = (float(steady_torque(plant, u)) for u in plant.u_range)
+    least, most = (float(plant.steady(u)) for u in plant.u_range)
     if not least <= torque_nm <= most:
         raise UsageError(
             f"«torque» {torque_nm:g}: the fitted plant holds {least:.3g} to {most:.3g} within its identified inputs; "
             "choose a torque in between"
         )
-    held = float(brentq(lambda u: float(steady_torque(plant, u)) - torque_nm, *plant.u_range, xtol=1e-12))
-    point = Point(held, torque_nm, margins.lags_at(plant, held))
-    if not point.lags[0].gain > 0:
+    held = float(brentq(lambda u: float(plant.steady(u)) - torque_nm, *plant.u_range, xtol=1e-12))
+    point = Point(held, torque_nm, around(plant, held))
+    if not point.plant.gain > 0:
         raise UsageError(f"«torque» {torque_nm:g}: T_s does not rise with the input there; choose another torque")
     if loop == "open-loop":
         duties = np.linspace(*plant.u_range, 20_001)  # so fine a table is good to 1e-8 of the range
-        steady = steady_torque(plant, duties)
-        law = Law(1 / sum(lag.gain for lag in point.lags), 0.0, 0.0, 0.0)
+        steady = plant.steady(duties)
+        law = Law(1 / point.plant.gain, 0.0, 0.0, 0.0)
         return Channel(plant, point, law, lambda s, r, _v, _t: (s, float(np.interp(r, steady, duties))), None)
     if gains is None:
         kind = "a PI" if loop == "pi" else "a robust controller"
@@ -94,7 +94,7 @@ def duty_response(channel: Channel, timing: Timing, omega: Array) -> Complex:
     the PWM's latch in it."""
     law, z, late = channel.law, np.exp(1j * omega * timing.step_s), np.exp(-1j * omega * timing.delay_s)
     by_integral = margins.integral_response(law, timing, omega)
-    measured = margins.measured_response(channel.point.lags, timing, omega) * late
+    measured = margins.measured_response(channel.point.plant, timing, omega) * late
     by_reference = law.k_r + by_integral + law.k_v * (1 - 1 / z) / timing.step_s
     closed = by_reference / (1 + (law.k_T + by_integral) * measured)
     return np.asarray(closed * margins.latch_response(timing, omega) * late, dtype=np.complex128)
@@ -107,12 +107,10 @@ def stable_stiffness(channel: Channel, timing: Timing, options: CoupleOptions) -
     """The least K at which the wall with a limb stops being stable [N·m/rad]: infinite beyond `STIFFEST`, 0 where B_v
     alone is too much."""
     h, B_v = timing.step_s, options.virtual_damping
-    omega = margins.frequencies(channel.point.lags, timing, 4000)
+    omega = margins.frequencies(channel.point.plant, timing, 4000)
     z = np.exp(1j * omega * h)
-    rate = np.zeros((5, 5))  # lags, angle and speed of the limb; the duty held
-    for i, (gain, tau) in enumerate(channel.point.lags):
-        rate[i, [i, 4]] = -1 / tau, gain / tau
-        rate[3, i] = 1 / options.limb_inertia
+    rate, plant = np.zeros((5, 5)), channel.point.plant  # plant, angle and speed of the limb; the duty held
+    rate[:2, :2], rate[:2, 4], rate[3, :2] = plant.A, plant.b, plant.c / options.limb_inertia
     rate[2, 3], rate[3, 3] = 1.0, -options.limb_damping / options.limb_inertia
     flow = expm(rate * h)
     turned = np.linalg.solve(z[:, None, None] * np.eye(4) - flow[:4, :4], flow[:4, 4:])[:, 2, 0]
@@ -145,8 +143,11 @@ def passive_stiffness(channel: Channel, timing: Timing, options: CoupleOptions) 
     h, B_v, damping_nms = timing.step_s, options.virtual_damping, options.limb_damping
     omega = np.geomspace(1e-3, 0.999 * np.pi * timing.rate_hz, 1200)  # to just below the Nyquist frequency
     alias = omega + 2 * np.pi / h * np.arange(-ALIASES, ALIASES + 1)[:, None]
-    lags = sum(g / (1 + 1j * alias * tau) for g, tau in channel.point.lags)
-    q = duty_response(channel, timing, omega) * lags * margins.hold_response(alias, h)  # D W/h for K = 1
+    q = (
+        duty_response(channel, timing, omega)
+        * channel.point.plant.response(1j * alias)
+        * margins.hold_response(alias, h)
+    )  # D W/h for K = 1
     # ‖p‖ in closed form: Σ 1/ω_n² = (h/2)²/sin²(ωh/2)
     size = 0.5 * h / np.sin(0.5 * omega * h) * np.linalg.norm(q, axis=0)
     product = np.sum(q / (1j * alias), axis=0)
@@ -173,21 +174,21 @@ BESIDE_RAD = 1e-4  # Where the limb is let go
 def growth(drive: Channel, options: CoupleOptions, timing: Timing, stiffness: float, time_s: float) -> float:
     """Log of how much the limb's swing, let go at `BESIDE_RAD` with the torque held at T_0, grows from the third to the
     last quarter of the time; below 0 it dies away."""
-    h, plant, point = timing.step_s, plant_parameters(drive.plant), drive.point
-    held = Held(plant.C * point.torque_nm, (1 - plant.C) * point.torque_nm, point.duty_pct, 0)
+    h, plant, point = timing.step_s, plant_numbers(drive.plant), drive.point
+    held = Held(*plant_rest(plant, point.torque_nm), point.duty_pct, 0)
     state, angle, speed, before = drive.start, BESIDE_RAD, 0.0, point.torque_nm
     waiting = [point.duty_pct] * timing.delay_samples
     period = timing.rate_hz / timing.pwm_hz if timing.pwm_hz else 0.0
     keep, push, drift, lift = limb_steps(options.limb_inertia, options.limb_damping, h)
     angles = []
     for k in range(round(time_s / h)):
-        torque = held.x1 + held.x2
+        torque = held.x1 + plant.z * held.x2
         wanted = point.torque_nm - stiffness * angle
         state, duty = drive.step(state, wanted, (wanted - before) / h, torque)
         before = wanted
         waiting.append(duty)
         held, _ = hold_step(plant, period, h, k, waiting.pop(0), held)
-        moment = 0.5 * (torque + held.x1 + held.x2) - point.torque_nm
+        moment = 0.5 * (torque + held.x1 + plant.z * held.x2) - point.torque_nm
         angles.append(angle)
         angle, speed = angle + drift * speed + lift * moment, keep * speed + push * moment
         if abs(angle) > 1.0:
@@ -232,14 +233,14 @@ def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Prog
     laws = {"rc": law_of(gains, "rc"), "rc-no-rate": law_of(gains, "rc"), "pi": law_of(gains, "pi")}
     held = [loop for loop in LOOPS if loop not in laws or laws[loop] is not None]
     loops = held if options.loops == LOOPS else list(options.loops)
-    low, high = (float(steady_torque(plant, u)) for u in plant.u_range)
+    low, high = (float(plant.steady(u)) for u in plant.u_range)
     spread = (max(share * high, low + 0.01 * (high - low)) for share in (0.2, 0.4, 0.6, 0.8))
     torques = options.torque or tuple(float(f"{torque:.2g}") for torque in spread)
     walls = []
     with progress("walls", len(torques) * len(loops)) as tick:
         for torque, loop in itertools.product(torques, loops):
             channel = channel_of(loop, plant, torque, laws.get(loop), timing.step_s)
-            if margins.spectral_radius(channel.law, channel.point.lags, timing) >= 1:
+            if margins.spectral_radius(channel.law, channel.point.plant, timing) >= 1:
                 raise GainsError(
                     f"the loop {loop} is unstable at {torque:g} without any wall, {timing.words()}; "
                     "no stiffness can be rendered on it, choose other gains or timing"
@@ -250,7 +251,7 @@ def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Prog
             tick()
     idle = [abs(run.baseline_nm) for run in fit.data.sources if run.baseline_nm is not None]
     drag = options.idle_drag_nm if options.idle_drag_nm is not None or not idle else float(np.mean(idle))
-    highest, counts, flat = max(torques), options.encoder_counts, plant_parameters(plant)
+    highest, counts, flat = max(torques), options.encoder_counts, plant_numbers(plant)
     # half a second after the torque was let go
     left = sum(plant_step(flat, plant.C * highest, (1 - plant.C) * highest, 0.0, 0.5))
     encoder = None if counts is None or drag is None else 2 * drag / (2 * math.pi / counts)

@@ -14,9 +14,9 @@ from eaid.arrays import Array
 from eaid.estimate.data import Data
 from eaid.estimate.points import Points, compress
 from eaid.estimate.spread import t_quantile
-from eaid.models import friction
-from eaid.models.parameters import Friction
 from eaid.options import FitOptions
+from eaid.plant.dynamics import Step
+from eaid.plant.respond import step_response
 from eaid.steps.stepset import Level
 
 BLOCK_S = 2.0  # Blocks of a single run [s]: the longest memory that the Bartlett windows allow for
@@ -25,7 +25,7 @@ BLOCK_S = 2.0  # Blocks of a single run [s]: the longest memory that the Bartlet
 def bootstrap(
     levels: Sequence[Level],
     data: Data,
-    curves: Sequence[Friction],
+    curves: Sequence[Step],
     refit: Callable[[Data], Array],
     options: FitOptions,
     advance: Callable[[], None] | None = None,
@@ -65,7 +65,7 @@ def _compressed(level: Level, length: int) -> Array:
 def _resampled(
     base: Points,
     levels: Sequence[Level],
-    curves: Sequence[Friction],
+    curves: Sequence[Step],
     runs: Sequence[Array],
     random: "np.random.Generator",
 ) -> Points:
@@ -77,7 +77,7 @@ def _resampled(
             mean, taken = rows.mean(axis=0), random.integers(0, count, count)
             y[k] = mean + np.sqrt(count / (count - 1)) * (rows[taken].mean(axis=0) - mean)
         else:
-            fitted, n = friction.step_response(curve, level.time_s), len(level.time_s)
+            fitted, n = step_response(curve, level.time_s), len(level.time_s)
             length = int(np.clip(np.searchsorted(level.time_s - level.time_s[0], BLOCK_S), 1, max(1, n // 2)))
             starts = random.integers(0, n, -(-n // length))
             blocks = (level.mean - fitted)[((starts[:, None] + np.arange(length)) % n).ravel()[:n]]

@@ -23,8 +23,8 @@ from eaid.estimate.points import Normal, log_crossed
 from eaid.estimate.scatter import FEW_DEGREES, Scatter, paule_mandel, run_residuals, window_sums
 from eaid.estimate.solver import Problem, judged, newton_step
 from eaid.estimate.spread import Influence, LevelScatter, corrected, free_inverse, gains_of, rejected, t_quantile
-from eaid.models import friction
-from eaid.models.parameters import Friction, Nonlinear
+from eaid.plant.dynamics import Plant, Step
+from eaid.plant.respond import step_slopes
 from eaid.results.common import Interval, Solver
 from eaid.steps.stepset import Level
 
@@ -117,8 +117,8 @@ class Estimate:
     def _within_run(self, at: Normal, i: int) -> Array:
         """Rows whose squares sum to the covariance of a single run's scores by its own noise, (4, 4)."""
         level = self.levels[i]
-        curve = Friction(*at.theta[:, i].tolist())
-        slopes = friction.gradient(curve, level.time_s)
+        curve = Step(*at.theta[:, i].tolist())
+        slopes = step_slopes(curve, level.time_s)
         noise = run_residuals(level.runs, curve.Ts * slopes[0], slopes.T)[0]
         sums = window_sums(level.time_s, (slopes * noise).T)
         covariance = np.array([sum(x @ x.T for x in parts) / m for parts, m in sums])
@@ -153,7 +153,7 @@ class Estimate:
         return np.append(self.curve.coefficients, self.solved.x)
 
     @property
-    def parameters(self) -> Nonlinear:
+    def parameters(self) -> Plant:
         """The model of Eqs. (4)–(7)."""
         return self.model.parameters(self.coefficients)
 

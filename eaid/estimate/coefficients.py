@@ -12,8 +12,8 @@ import numpy as np
 from eaid.arrays import Array, median
 from eaid.estimate.forms import Model, nonlinear
 from eaid.estimate.spread import t_quantile
-from eaid.models.nonlinear import CHECKED_DUTIES, scales
-from eaid.models.parameters import Nonlinear
+from eaid.plant.dynamics import CHECKED_INPUTS, Plant
+from eaid.plant.forms import scales
 from eaid.results import fit as results
 from eaid.results.common import Interval
 from eaid.results.fit import CoefficientIntervals, Covariance, CurveLevel
@@ -36,14 +36,14 @@ class Coefficients:
         k = BLOCKS.index(name)
         return slice(sum(self.counts[:k]), sum(self.counts[: k + 1]))
 
-    def plant(self) -> Nonlinear:
+    def plant(self) -> Plant:
         """The model in powers of the input itself."""
         parts = [self.values[self.block(name)] / scales(n) for name, n in zip(BLOCKS, self.counts, strict=True)]
         tau1, tau2, Ts = (tuple(part.tolist()) for part in parts)
-        return Nonlinear(tau1, tau2, Ts, self.u_range, self.share)
+        return Plant(tau1, tau2, Ts, self.u_range, self.share)
 
 
-def coefficients_of(p: Nonlinear, share_free: bool = False) -> Coefficients:
+def coefficients_of(p: Plant, share_free: bool = False) -> Coefficients:
     """The coefficients of a model."""
     parts = (p.tau1, p.tau2, p.Ts)
     values = np.concatenate([np.array(part) * scales(len(part)) for part in parts])
@@ -59,7 +59,7 @@ def turned(model: Model) -> Array:
 
 def limits_of(c: Coefficients) -> tuple[Array, Array]:
     """A and b of A c ≥ b: the constraints of a fit but for how long its records are."""
-    model = nonlinear(np.linspace(*c.u_range, CHECKED_DUTIES), None if c.share_free else c.share)
+    model = nonlinear(np.linspace(*c.u_range, CHECKED_INPUTS), None if c.share_free else c.share)
     limits = model.limits(np.inf)
     return limits.A @ np.linalg.pinv(turned(model)), limits.b
 

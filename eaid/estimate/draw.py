@@ -18,8 +18,8 @@ from eaid.arrays import Array
 from eaid.errors import DataError
 from eaid.estimate.coefficients import BLOCKS, coefficients_of, limits_of
 from eaid.findings import Finding, finding
-from eaid.models.nonlinear import terms
-from eaid.models.parameters import Nonlinear
+from eaid.plant.dynamics import Plant
+from eaid.plant.forms import terms
 from eaid.results.fit import Fit
 
 TRIES = 200
@@ -32,7 +32,7 @@ MANY_REJECTED = 0.05  # Share of rejected draws from which the reader has to kno
 class Drawn:
     """Plants, and how many draws were rejected on the way because they broke a constraint."""
 
-    plants: tuple[Nonlinear, ...]
+    plants: tuple[Plant, ...]
     rejected: int
 
     @property

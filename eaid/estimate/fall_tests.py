@@ -15,8 +15,8 @@ from scipy.special import fdtrc
 from eaid.arrays import Array
 from eaid.estimate.from_logs import NOTHING, Solved, finished
 from eaid.estimate.log_intervals import Spread, spread
-from eaid.estimate.response import Drive
 from eaid.findings import Finding, finding
+from eaid.plant.derivatives import Drive
 from eaid.results.recorded import FallTest
 
 CHANCE = 1e-3  # A difference is taken over where chance makes one as large more rarely than this …
@@ -82,8 +82,10 @@ def as_rises(solved: Solved, name: str) -> Array:
 def with_falls(base: Solved, names: tuple[str, ...]) -> Solved:
     """The fit with some of rest, fall and excess as unknowns beside its own."""
     begin = np.concatenate([as_rises(base, name) for name in names])
-    x, before = base.x, base.fitted
-    return finished(replace(before, extras=names), [np.r_[x[: before.model.size], begin, x[before.shared :]]])
+    x, before, dead = base.x, base.fitted, base.fitted.at("dead")
+    own = x[before.shared :] if dead < 0 else np.append(x[dead], x[before.shared :])
+    extras = names if dead < 0 else (*names, "dead")
+    return finished(replace(before, extras=extras), [np.r_[x[: before.model.size], begin, own]])
 
 
 def _judged(solved: Solved, names: tuple[str, ...]) -> dict[str, Judged]:

@@ -13,14 +13,14 @@ highest, all keep their edge value. Constraints, specification 3: τ1 ≥ 1 ms, 
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
-from numpy.polynomial import Legendre, Polynomial
 
 from eaid.arrays import Array, read_only
-from eaid.models.nonlinear import CHECKED_DUTIES, steady_torque, time_constants
-from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
+from eaid.plant.derivatives import Tables
+from eaid.plant.dynamics import CHECKED_INPUTS, TAU_FLOOR_S, Plant
+from eaid.plant.forms import Form, LegendreForm, PerLevel
 
 RECORDS = 1e6  # τ2 is looked for up to this many record lengths: no data can tell it from endless
 # τ2 is looked for up to this many record lengths where C is free: T_s then grows with τ2, all but straight
@@ -28,64 +28,6 @@ RECORDS_FREE = 100.0
 DEGREES = (3, 2, 2)  # Degrees of T_s, τ1, τ2
 # A τ is kept off zero by this much [s]: between the 101 duties a quadratic may dip below its floor
 LEAST_TAU_S = 0.1 * TAU_FLOOR_S
-# Coefficients of the first four Legendre polynomials, lowest power first, one in a row
-LEGENDRE = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [-0.5, 0.0, 1.5, 0.0], [0.0, -1.5, 0.0, 2.5]])
-
-
-@dataclass(frozen=True)
-class LegendreForm:
-    """A polynomial over the identified inputs, low to high, in Legendre polynomials."""
-
-    degree: int
-    low: float
-    high: float
-
-    @property
-    def size(self) -> int:
-        """Number of coefficients."""
-        return self.degree + 1
-
-    @property
-    def inputs(self) -> Array:
-        """As many inputs as coefficients: values there give the form."""
-        return np.linspace(self.low, self.high, self.size)
-
-    def rows(self, u: Array) -> Array:
-        """∂ value/∂ coefficients at some inputs, (m, size)."""
-        half = 0.5 * (self.high - self.low)
-        scaled = (np.asarray(u) - 0.5 * (self.high + self.low)) / (half or 1.0)
-        return np.asarray(scaled[:, None] ** np.arange(4) @ LEGENDRE.T[:, : self.size])
-
-    def powers(self, c: Array) -> Array:
-        """The same polynomial in powers of u, lowest first, (size,)."""
-        domain = [self.low, self.high] if self.high > self.low else [self.low - 1, self.low + 1]
-        powers = Legendre(c, domain).convert(kind=Polynomial).coef
-        return np.pad(powers, (0, self.size - len(powers)))
-
-
-@dataclass(frozen=True)
-class PerLevel:
-    """A value at each level; an input between two has the nearer one's."""
-
-    levels: tuple[float, ...]
-
-    @property
-    def size(self) -> int:
-        """Number of coefficients."""
-        return len(self.levels)
-
-    @property
-    def inputs(self) -> Array:
-        """The levels."""
-        return np.array(self.levels)
-
-    def rows(self, u: Array) -> Array:
-        """∂ value/∂ coefficients at some inputs, (m, size)."""
-        edges = 0.5 * (self.inputs[1:] + self.inputs[:-1])
-        return np.asarray(np.eye(self.size)[np.searchsorted(edges, u)])
-
-
-Form: TypeAlias = LegendreForm | PerLevel
 
 
 class Limits(NamedTuple):
@@ -111,18 +53,6 @@ class Rows(NamedTuple):
     steady: Array
     tau1: Array
     tau2: Array
-
-
-class Tables(NamedTuple):
-    """T_s, τ1, τ2 of the different inputs, shapes (m,), and their derivatives by the coefficients, (m, n)."""
-
-    steady: Array
-    tau1: Array
-    tau2: Array
-    rest: Array  # u/u_low, at most 1: below 1 a fall goes over to the release constants
-    by_steady: Array
-    by_tau1: Array
-    by_tau2: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,21 +128,21 @@ class Model:
         codes = tuple(code for code, part, _ in parts for _ in part)
         return Limits(read_only(A), read_only(b), codes, np.concatenate(at))
 
-    def parameters(self, x: Array) -> Nonlinear:
+    def parameters(self, x: Array) -> Plant:
         """Polynomials in powers of the duty, lowest first, padded with zeros to the paper's degrees."""
         parts = []
         for form, part, degree in zip(self.forms, self.slices, DEGREES, strict=True):
             assert isinstance(form, LegendreForm)
             parts.append(tuple(np.pad(form.powers(x[part]), (0, degree + 1 - form.size)).tolist()))
         Ts, tau1, tau2 = parts
-        return Nonlinear(tau1, tau2, Ts, (self.low, self.high), float(x[-1]) if self.share is None else self.share)
+        return Plant(tau1, tau2, Ts, (self.low, self.high), float(x[-1]) if self.share is None else self.share)
 
-    def unknowns(self, p: Nonlinear) -> Array:
+    def unknowns(self, p: Plant) -> Array:
         """x of a model in powers of the duty, by its values at as many inputs as it has coefficients."""
         x = np.full(self.size, p.C)
         for k, (form, part) in enumerate(zip(self.forms, self.slices, strict=True)):
             if form is not None:
-                values = steady_torque(p, form.inputs), *time_constants(p, form.inputs)
+                values = p.steady(form.inputs), *p.time_constants(form.inputs)
                 x[part] = np.linalg.solve(form.rows(form.inputs), values[k])
         return x
 
@@ -247,7 +177,7 @@ def nonlinear(levels: Array, share: float | None) -> Model:
     """Eqs. (4)–(7) over the range of some levels: a polynomial has at most as many coefficients as there are."""
     low, high, most = float(levels.min()), float(levels.max()), len(np.unique(levels)) - 1
     Ts, tau1, tau2 = (LegendreForm(min(degree, most), low, high) for degree in DEGREES)
-    return Model(Ts, tau1, tau2, share, low, high, np.linspace(low, high, CHECKED_DUTIES if high > low else 1))
+    return Model(Ts, tau1, tau2, share, low, high, np.linspace(low, high, CHECKED_INPUTS if high > low else 1))
 
 
 def linear(levels: Array) -> Model:

@@ -18,10 +18,9 @@ from eaid.estimate.scatter import CURVES, MEETING, Mask, Scatter
 from eaid.estimate.spread import Influence, t_quantile, textbook
 from eaid.estimate.trends import fitted_trends
 from eaid.findings import Finding, finding
-from eaid.models import friction as model
-from eaid.models.parameters import SHARE, TAU_FLOOR_S
-from eaid.models.parameters import Friction as FrictionCurve
 from eaid.options import FitOptions
+from eaid.plant.dynamics import SHARE, TAU_FLOOR_S, Step
+from eaid.plant.respond import step_response
 from eaid.results.common import HoldOut, Interval
 from eaid.results.fit import Friction, FrictionLevel, LevelIntervals
 from eaid.steps.stepset import Level, StepSet
@@ -188,8 +187,8 @@ def friction_hold_out(part: Friction, stepset: StepSet, held_out: Sequence[Level
         x = trend_axis(stepset, np.array([level.level]))[1]
         Ts, tau1, tau2 = (float(part.trends[name].predict(x)[0]) for name in CURVES)
         share = SHARE if part.C is None else part.C
-        curve = FrictionCurve(Ts, max(tau1, TAU_FLOOR_S), max(tau2, TAU_FLOOR_S), share)
-        return model.step_response(curve, level.time_s)
+        curve = Step(Ts, max(tau1, TAU_FLOOR_S), max(tau2, TAU_FLOOR_S), share)
+        return step_response(curve, level.time_s)
 
     samples, sse = sum(f.samples or 0 for f in part.levels), sum(f.sse or 0.0 for f in part.levels)
     return metrics.hold_out(held_out, predicted, float(np.sqrt(sse / samples)))

@@ -8,14 +8,16 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from eaid.arrays import Array
-from eaid.estimate.forms import LEAST_TAU_S, Form, LegendreForm, Limits, Model, Rows, Tables
-from eaid.estimate.response import Copies, Drive, RecordedLog, derivatives
+from eaid.arrays import Array, median
+from eaid.estimate.copies import Copies
+from eaid.estimate.forms import LEAST_TAU_S, Limits, Model, Rows
+from eaid.estimate.recorded_log import RecordedLog
 from eaid.estimate.solver import (
     CONVERGED,
     ROUNDING,
@@ -32,16 +34,19 @@ from eaid.estimate.solver import (
     with_second_derivatives,
 )
 from eaid.estimate.starts import MOST, SHARES, time_constants
-from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
+from eaid.plant.derivatives import IDLE, Drive, Tables, delayed, derivatives
+from eaid.plant.dynamics import TAU_FLOOR_S, Plant
+from eaid.plant.forms import Form, LegendreForm
 from eaid.results.common import Solver
 
 # What a model can have besides its coefficients, with the values that do nothing
-NOTHING = {"rest": (0.0, 0.0), "fall": (1.0, 1.0), "excess": (0.0,)}
+NOTHING = {"rest": (0.0, 0.0), "fall": (1.0, 1.0), "excess": (0.0,), "dead": (0.0,)}
 # Their constraints a'x ≥ b: code, a, b
 LIMITS: dict[str, tuple[tuple[str, tuple[float, ...], float], ...]] = {
     "rest": (("release-tau1-floor", (1.0, 0.0), TAU_FLOOR_S), ("release-tau2-meets-tau1", (-1.0, 1.0), 0.0)),
     "fall": (("fall-tau1-least", (1.0, 0.0), 0.02), ("fall-tau2-least", (0.0, 1.0), 0.02)),
     "excess": (("hysteresis-least", (1.0,), -0.8),),
+    "dead": (("dead-time-none", (1.0,), 0.0),),
 }
 
 
@@ -49,7 +54,7 @@ LIMITS: dict[str, tuple[tuple[str, tuple[float, ...], float], ...]] = {
 class Place:
     """Where the unknowns of a log lie, beside the coefficients of T_s, τ1 and τ2."""
 
-    # In x: C, the extras, idle output, x1 and x2 at its first row; −1 where one is no unknown, (9,)
+    # In x: C, the extras, idle output, x1 and x2 at its first row; −1 where one is no unknown, (10,)
     x: NDArray[np.intp]
     columns: NDArray[np.intp]  # Places in x of all unknowns that it knows, in the kernel's order
     kernel: NDArray[np.intp]  # As `x`, among these columns
@@ -57,7 +62,7 @@ class Place:
     @property
     def own(self) -> NDArray[np.intp]:
         """Idle output and start states in x, (3,)."""
-        return self.x[6:]
+        return self.x[IDLE:]
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +77,7 @@ class Setup:
     longest_s: float = 0.0  # Length of the longest log [s]
     shortest_s: float = 0.0  # Usual time between two rows [s]
     longest_hold_s: float = 0.0  # Longest time for which an input is held, or a moving one is recorded [s]
+    dead_time_s: float = 0.0  # θ where it is no unknown [s]
 
     @cached_property
     def limits(self) -> Limits:
@@ -129,14 +135,19 @@ class Setup:
         return self.model.size + sum(len(NOTHING[one]) for one in before)
 
     def tables(self, x: Array, log: int) -> tuple[Tables, Array]:
-        """T_s, τ1, τ2 of a log's inputs, and the nine numbers beside them."""
+        """T_s, τ1, τ2 of a log's inputs, and the numbers beside them."""
         at, given = self.places[log].x, (self.model.share or 0.0, *itertools.chain(*NOTHING.values()), 0.0, 0.0, 0.0)
         return self.model.tables(self.maps[log], x), np.where(at >= 0, x[at], given)
 
+    def dead_time(self, x: Array) -> float:
+        """θ [s]."""
+        at = self.at("dead")
+        return float(x[at]) if at >= 0 else self.dead_time_s
+
     def derivatives(self, x: Array, log: int) -> Array:
         """√w ∂f/∂x of a log's own columns, then √w (f − y), for its samples that count, (N, p + 1)."""
-        place = self.places[log]
-        return np.asarray(derivatives(self.drives[log], *self.tables(x, log), place.kernel, len(place.columns)))
+        place, drive = self.places[log], delayed(self.drives[log], self.dead_time(x))
+        return np.asarray(derivatives(drive, *self.tables(x, log), place.kernel, len(place.columns)))
 
     def jacobian(self, x: Array, log: int) -> tuple[Array, Array]:
         """The same apart, (N, p) and (N,)."""
@@ -170,13 +181,14 @@ class Setup:
         return Problem(self.together, A, b, codes.__getitem__, floor=ROUNDING * energy)
 
 
-def setup_of(model: Model, logs: Sequence[RecordedLog], idle_free: bool = True) -> Setup:
-    """Logs and a model, with the copies on which its fit is looked for."""
-    copies, spans = tuple(map(Copies, logs)), [log.dt_s[:-1] for log in logs]
+def setup_of(model: Model, logs: Sequence[RecordedLog], idle_free: bool = True, dead_time_s: float = 0.0) -> Setup:
+    """Logs and a model behind a dead time, with the copies on which its fit is looked for."""
+    copies, spans = tuple(Copies(log, dead_time_s) for log in logs), [log.dt_s[:-1] for log in logs]
     longest, shortest = max(float(one.sum()) for one in spans), float(np.median(np.concatenate(spans)))
     holds = [np.diff(log.time_s[np.append(log.changes, -1)]).max() if log.stepwise else log.time_s[-1] for log in logs]
     hold = float(max(holds))
-    return Setup(model, tuple(one.small for one in copies), (), idle_free, copies, longest, shortest, hold)
+    small = tuple(one.small for one in copies)
+    return Setup(model, small, (), idle_free, copies, longest, shortest, hold, dead_time_s)
 
 
 def linear_parts(setup: Setup, shapes: Sequence[Array] | Array) -> tuple[Array, Array]:
@@ -188,7 +200,8 @@ def linear_parts(setup: Setup, shapes: Sequence[Array] | Array) -> tuple[Array, 
     share = x[:, model.size - 1] if model.share is None else np.full(len(x), model.share)
     size = len(free)
     sums = np.zeros((len(x), size + 1, size + 1))
-    for drive, rows, place in zip(setup.drives, setup.maps, setup.places, strict=True):
+    for every, rows, place in zip(setup.drives, setup.maps, setup.places, strict=True):
+        drive = delayed(every, setup.dead_time_s)
         tau1 = np.maximum(x[:, one] @ rows.tau1.T, LEAST_TAU_S)
         tau2 = np.maximum(x[:, two] @ rows.tau2.T, LEAST_TAU_S) if model.tau2 else np.ones_like(tau1)
         found = linear_sums(drive, rows.steady, tau1, tau2, share)
@@ -387,12 +400,18 @@ def least_slow(setup: Setup, ends: Sequence[EndPoint]) -> EndPoint:
     return min(alike, key=lambda end: float((rows @ end.x[part]).max()))
 
 
-def model_of(solved: Solved) -> Nonlinear:
-    """The fitted model, with its release where that was fitted."""
-    setup = solved.setup
-    parameters = setup.model.parameters(solved.coefficients)
-    at = setup.at("rest")
-    return parameters if at < 0 else replace(parameters, release=(float(solved.x[at]), float(solved.x[at + 1])))
+def model_of(solved: Solved) -> Plant:
+    """The fitted plant, with its dead time, and with what falls have of their own where that was fitted."""
+    setup, x = solved.setup, solved.x
+    found: dict[str, Any] = {"dead_time_s": setup.dead_time(x)}
+    for name, extra in (("release", "rest"), ("falls", "fall")):
+        if (at := setup.at(extra)) >= 0:
+            found[name] = (float(x[at]), float(x[at + 1]))
+    if (at := setup.at("excess")) >= 0:
+        found["excess"] = float(x[at])
+    idles = [idle_of(solved, k) + (one.log.baseline or 0.0) for k, one in enumerate(setup.copies)]
+    found["idle"] = median(idles) if idles else 0.0
+    return replace(setup.model.parameters(solved.coefficients), **found)
 
 
 def idle_of(solved: Solved, log: int) -> float:

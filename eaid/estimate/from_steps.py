@@ -34,7 +34,7 @@ from eaid.estimate.solver import (
 )
 from eaid.estimate.spread import textbook
 from eaid.estimate.starts import form_starts, touching_starts
-from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
+from eaid.plant.dynamics import TAU_FLOOR_S, Plant
 from eaid.results.common import Solver
 
 A0_GRID = 16  # Time constants on the starting grid of the linear model
@@ -146,7 +146,7 @@ class Solution:
         return self.steps.at(self.x)
 
     @property
-    def parameters(self) -> Nonlinear:
+    def parameters(self) -> Plant:
         """Of a model whose T_s is a polynomial, in the units of specification 1."""
         return self.steps.model.parameters(self.x)
 

@@ -11,18 +11,22 @@ is of the input as it acted.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
-from eaid.arrays import Array, scaled_inverse
-from eaid.estimate.from_logs import Setup, Solved
-from eaid.estimate.response import Copies, Drive, RecordedLog
+from eaid.arrays import Array, median, scaled_inverse
+from eaid.estimate.copies import Copies
+from eaid.estimate.from_logs import Setup, Solved, finished, setup_of, solve
+from eaid.estimate.recorded_log import IDLE_ROWS, RecordedLog
 from eaid.estimate.solver import EndPoint, approach
 from eaid.estimate.spread import t_quantile
+from eaid.plant.derivatives import Drive
 
+# Cost of a start at rest, over that of one with unknown states, up to which the steps' dead time is believed
+AT_REST = 2.0
 MOST = 3  # Rows that are looked for one by one
 FAR = 4  # Rows at which a cost that is lower by `LOWER` of it speaks of a delay of many rows …
 LOWER = 0.02
@@ -36,6 +40,58 @@ LEAST_CHANGES = 4
 JUMP = 5.0
 EXPLAINS = 0.8  # Part of the cost below which a delay leaves it where the input seems to answer the output
 FOLLOWS = 0.1  # Correlation of the duty's changes with the residual's from which a log counts as a loop
+
+
+@dataclass(frozen=True, eq=False)
+class Timed:
+    """A fit behind the dead time of its logs."""
+
+    solved: Solved
+    logs: tuple[RecordedLog, ...]  # With inputs that were noted late where they acted
+    late: tuple[int, ...]  # Rows by which each was noted late
+
+
+def timed(
+    base: Solved, logs: Sequence[RecordedLog], steps: Sequence[RecordedLog], given_s: float | None, of_steps_s: float
+) -> Timed:
+    """The fit of logs, and of steps with them, behind their dead time: the one given, or what they show.
+
+    `of_steps_s` is what single steps show; it is taken where the logs are fitted better with it. What the logs show is
+    an unknown of the fit, by parts of a sample.
+    """
+    model, rests = base.fitted.model, base.fitted.idle_free
+    dead_s, acting = 0.0, tuple(logs)
+    if tried := of_steps_s if given_s is None else given_s:
+        moved = tuple(behind(log, tried) for log in logs)
+        late = solve(setup_of(model, [*moved, *steps], rests, tried))
+        at_rest = late.setup.size < base.setup.size  # the log begins at rest behind it, and T_s is told apart
+        if given_s is not None or late.cost < (AT_REST if at_rest else 1 - LOWER) * base.cost:
+            base, dead_s, acting = late, tried, moved
+    if given_s is not None:
+        return Timed(base, acting, (0,) * len(logs))
+    rows = delays(base, acting)
+    shown = [dead_s - count * median(log.dt_s) for log, count in zip(logs, rows, strict=True)]
+    dead_s = max(median([one for one in shown if one > 0] or [0.0]), 0.0)
+    late_rows = tuple(max(0, round(-one / median(log.dt_s))) for one, log in zip(shown, logs, strict=True))
+    if not any(rows) and not dead_s:
+        return Timed(base, acting, late_rows)
+    acting = tuple(behind(shifted(log, count), dead_s) for log, count in zip(logs, late_rows, strict=True))
+    if any(rows):
+        base = solve(setup_of(model, [*acting, *steps], rests, dead_s))
+    if dead_s:
+        x, setup = base.x, base.fitted
+        at = setup.shared
+        base = finished(replace(setup, extras=(*setup.extras, "dead")), [np.r_[x[:at], dead_s, x[at:]]])
+    return Timed(base, acting, late_rows)
+
+
+def behind(log: RecordedLog, dead_s: float) -> RecordedLog:
+    """The log, known to begin at rest where it rests for long enough with its dead time."""
+    acting = np.flatnonzero(log.input != 0)
+    if dead_s == 0 or log.idle_start is not None or not len(acting) or not acting[0]:
+        return log
+    rows = int(acting[0]) + dead_s / median(log.dt_s)
+    return replace(log, idle_start=True) if rows >= min(IDLE_ROWS, len(log.input) - 1) else log
 
 
 def delays(base: Solved, logs: Sequence[RecordedLog]) -> list[int]:
@@ -114,7 +170,7 @@ def far_delay(setup: Setup, x: Array, log: RecordedLog) -> tuple[int, Array]:
 
 def aligned(setup: Setup, x: Array, log: RecordedLog) -> EndPoint:
     """The fit of one log by itself, begun at x."""
-    return approach(alone(setup, Copies(log).small).problem(), x)
+    return approach(alone(setup, Copies(log, setup.dead_time_s).small).problem(), x)
 
 
 def one_step(setup: Setup, x: Array, log: RecordedLog) -> tuple[float, float]:

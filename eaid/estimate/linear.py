@@ -20,9 +20,9 @@ from eaid.estimate.points import log_crossed
 from eaid.estimate.scatter import Scatter
 from eaid.estimate.spread import Influence, LevelScatter, interval_of, log_interval_of
 from eaid.findings import Finding, finding
-from eaid.models import linear as model
-from eaid.models.parameters import Linear as LinearModel
 from eaid.options import FitOptions
+from eaid.plant import linear
+from eaid.plant.linear import Linear as LinearModel
 from eaid.results.fit import Bounds, BoundsIntervals, Linear, LinearLevel, LinearLevelIntervals, PooledIntervals
 from eaid.steps.levels import wanted_levels
 from eaid.steps.stepset import Level
@@ -146,7 +146,7 @@ def linear_part(
         bounds = msgspec.structs.replace(bounds, ci95=of_bounds)
         one = msgspec.structs.replace(one, ci95=pooled)
     beyond = metrics.hold_out(
-        held_out, lambda level: model.step_response(p, level.time_s, level.level), total.scores["rmse"]
+        held_out, lambda level: linear.step_response(p, level.time_s, level.level), total.scores["rmse"]
     )
     part = msgspec.structs.replace(one, per_level=rows, bounds=bounds, hold_out=beyond)
     return part, findings

@@ -20,10 +20,10 @@ from eaid.arrays import Array
 from eaid.estimate.forms import RECORDS_FREE
 from eaid.estimate.friction import HELD_BY
 from eaid.estimate.from_logs import Setup, Solved, idle_of
-from eaid.estimate.response import Drive
 from eaid.estimate.solver import approach, newton_step, rounding
 from eaid.estimate.spread import free_inverse, rejected, t_quantile
 from eaid.findings import Finding, finding
+from eaid.plant.derivatives import Drive
 from eaid.results.common import Interval
 from eaid.results.fit import CurveLevel, LevelIntervals
 

@@ -23,9 +23,9 @@ from eaid.estimate.points import residuals
 from eaid.estimate.scatter import CURVES, held_parameters
 from eaid.estimate.spread import Influence, corrected, gains_of, t_quantile
 from eaid.findings import Finding, Value, finding
-from eaid.models import nonlinear
-from eaid.models.parameters import Friction, Nonlinear
 from eaid.options import FitOptions
+from eaid.plant.dynamics import Plant, Step
+from eaid.plant.respond import from_rest
 from eaid.results import fit as results
 from eaid.results.common import HoldOut, LevelError, Solver
 from eaid.steps.stepset import Level, StepSet
@@ -35,7 +35,7 @@ Ends = tuple[Array, Array, Array]
 
 
 def scored(
-    p: Nonlinear, free: bool, total: Errors, rows: Sequence[LevelError], solver: Solver, held: HoldOut | None = None
+    p: Plant, free: bool, total: Errors, rows: Sequence[LevelError], solver: Solver, held: HoldOut | None = None
 ) -> results.Nonlinear:
     """Ten coefficients with their errors over all, per level, and on held-out levels."""
     return results.Nonlinear(
@@ -54,13 +54,13 @@ def scored(
 
 
 def of_steps(
-    p: Nonlinear, free: bool, data: Data, left: Sequence[Array], solver: Solver, held_out: Sequence[Level]
+    p: Plant, free: bool, data: Data, left: Sequence[Array], solver: Solver, held_out: Sequence[Level]
 ) -> results.Nonlinear:
     """The same of the mean curves of levels; `left` are the residuals."""
     outputs = [record.y for record in data.records]
     total, rows = errors(outputs, left), each_level(data.u.tolist(), outputs, left)
     rmse = total.scores["rmse"]
-    beyond = hold_out(held_out, lambda level: nonlinear.step_response(p, level.time_s, level.level), rmse)
+    beyond = hold_out(held_out, lambda level: from_rest(p, level.time_s, level.level), rmse)
     return scored(p, free, total, rows, solver, beyond)
 
 
@@ -130,7 +130,7 @@ def values_of(one: Standing, levels: Sequence[Level], share_free: bool) -> Level
     """T_s, τ1, τ2 of the model at the levels."""
     theta = _curves(one.part.parameters, levels)
     held = [
-        tuple(dict.fromkeys([*_held(one), *held_parameters(Friction(*row), float(level.time_s[-1]), share_free)]))
+        tuple(dict.fromkeys([*_held(one), *held_parameters(Step(*row), float(level.time_s[-1]), share_free)]))
         for row, level in zip(theta.T.tolist(), levels, strict=True)
     ]
     return quoted(levels, theta, held, one.ends)
@@ -151,10 +151,10 @@ def white(one: Standing, first: Estimate) -> Standing:
     return replace(one, covariance=turn @ covariance @ turn.T, ends=ends)
 
 
-def _curves(p: Nonlinear, levels: Sequence[Level]) -> Array:
+def _curves(p: Plant, levels: Sequence[Level]) -> Array:
     """T_s, τ1, τ2, C of a model at the levels, (4, L)."""
     u = np.array([level.level for level in levels])
-    return np.array([nonlinear.steady_torque(p, u), *nonlinear.time_constants(p, u), np.full(len(u), p.C)])
+    return np.array([p.steady(u), *p.time_constants(u), np.full(len(u), p.C)])
 
 
 def of_joint(part: results.Nonlinear, joint: Solution, first: Estimate) -> Standing:

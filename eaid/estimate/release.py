@@ -17,7 +17,7 @@ from eaid.estimate.from_steps import Solution, StepProblem, minimised
 from eaid.estimate.solver import bring_in
 from eaid.estimate.starts import form_starts
 from eaid.findings import Finding, finding
-from eaid.models.parameters import SHARE, Friction
+from eaid.plant.dynamics import SHARE, Step
 from eaid.results.fit import Release
 from eaid.steps.stepset import Level
 
@@ -47,7 +47,7 @@ def sizes(solved: Solution, data: Data) -> Array:
 
 
 def release_fit(
-    releases: Sequence[Level], rises: Mapping[float, Friction], held_s: Mapping[float, float], share: float = SHARE
+    releases: Sequence[Level], rises: Mapping[float, Step], held_s: Mapping[float, float], share: float = SHARE
 ) -> tuple[Release, list[Finding]]:
     """The release constants; `rises` are the rising curves by level, `held_s` how long each was held before [s]."""
     data, shares = data_of(releases), np.full(len(releases), share)

@@ -23,8 +23,8 @@ from scipy.special import fdtrc
 from eaid.arrays import Array, inverse, median
 from eaid.estimate.forms import RECORDS, RECORDS_FREE
 from eaid.estimate.spread import LevelScatter
-from eaid.models import friction
-from eaid.models.parameters import TAU_FLOOR_S, Friction
+from eaid.plant.dynamics import TAU_FLOOR_S, Step
+from eaid.plant.respond import step_slopes
 from eaid.results.fit import Noise
 from eaid.steps.stepset import Level, RunRecord
 
@@ -46,13 +46,13 @@ CHANCE = 0.01  # Probability at which independent repeats would be taken for swe
 SWEPT_LEVELS = 3  # Levels at least that show sweeps
 
 
-def log_jacobian(curve: Friction, time_s: Array, share_free: bool = False) -> Array:
+def log_jacobian(curve: Step, time_s: Array, share_free: bool = False) -> Array:
     """∂f/∂(ln T_s, ln τ1, ln τ2[, logit C]), shape (n, 3 or 4), Eq. (3)."""
     scale = np.array([curve.Ts, curve.tau1, curve.tau2, curve.C * (1 - curve.C)])
-    return np.asarray((friction.gradient(curve, time_s) * scale[:, None])[: 4 if share_free else 3].T)
+    return np.asarray((step_slopes(curve, time_s) * scale[:, None])[: 4 if share_free else 3].T)
 
 
-def held_parameters(curve: Friction, record_s: float, share_free: bool) -> tuple[str, ...]:
+def held_parameters(curve: Step, record_s: float, share_free: bool) -> tuple[str, ...]:
     """Which of T_s, τ1, τ2 a constraint holds."""
     names: list[str] = []
     if curve.tau1 <= TAU_FLOOR_S * (1 + MEETING):
@@ -203,9 +203,9 @@ class Scatter:
     share_free: bool = False  # Whether C of each level is a parameter too
 
     @cached_property
-    def curves(self) -> tuple[Friction, ...]:
+    def curves(self) -> tuple[Step, ...]:
         """The same as curves of Eq. (3)."""
-        return tuple(Friction(*row) for row in self.theta.T.tolist())
+        return tuple(Step(*row) for row in self.theta.T.tolist())
 
     @cached_property
     def jacobians(self) -> tuple[Array, ...]:
@@ -329,7 +329,7 @@ def _between(u: Array, log_values: Array, within: Array, p: int) -> float:
 ASSUMED = Noise(sensor_nm2_s=1e-6, ripple_s=1e-5, scatter={"Ts": 0.03, "tau1": 0.05, "tau2": 0.0})
 
 
-def unit_variances(curve: Friction, hold_s: float) -> Array:
+def unit_variances(curve: Step, hold_s: float) -> Array:
     """Variance of (ln T_s, ln τ1, ln τ2) of a run under s0 = 1, and under s1 = 1, shape (3, 2).
 
     With A = ∫ J J' dt those of noise of the density s0 + s1 f² are the diagonal of A⁻¹ (∫ J J' (s0 + s1 f²) dt) A⁻¹.

@@ -15,7 +15,7 @@ from eaid.arrays import Array
 from eaid.estimate.data import Data
 from eaid.estimate.forms import Model
 from eaid.estimate.points import Points, level_normal
-from eaid.models.parameters import TAU_FLOOR_S
+from eaid.plant.dynamics import TAU_FLOOR_S
 
 SHARES = (0.3, 0.5, 0.7, 0.85, 0.95)  # Where a free C starts from
 GRID = 140  # Time constants of the table

@@ -20,8 +20,8 @@ from eaid.estimate.scatter import bartlett_variance
 from eaid.estimate.solver import Problem, approach, polish, slsqp
 from eaid.estimate.spread import t_quantile
 from eaid.findings import Finding, finding
-from eaid.models.parameters import SHARE
 from eaid.options import FitOptions
+from eaid.plant.dynamics import SHARE
 from eaid.results.common import Interval
 from eaid.results.fit import FrictionLevel, LevelIntervals, StepIntervals, StepShape
 from eaid.steps.noise import block_means, block_noise

@@ -13,7 +13,7 @@ from eaid.arrays import Array
 from eaid.estimate.solver import CONVERGED, ROUNDING, Problem, approach, polish, slsqp
 from eaid.estimate.spread import t_quantile
 from eaid.findings import Finding, Value, finding
-from eaid.models.trends import FORMS
+from eaid.plant.trends import FORMS
 from eaid.results.common import Interval
 from eaid.results.fit import Trend
 

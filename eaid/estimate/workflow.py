@@ -29,10 +29,10 @@ from eaid.estimate.release import release_fit
 from eaid.estimate.scatter import CURVES, Scatter, common_shifts, noise_of
 from eaid.estimate.step_shapes import between_rows, of_another_shape, single_steps
 from eaid.findings import Finding, finding, merged, ranked
-from eaid.models.parameters import SHARE
 from eaid.options import MODELS, FitGiven, FitOptions
+from eaid.plant.dynamics import SHARE
 from eaid.results.common import Input, Source
-from eaid.results.fit import Fit, FittedData, Friction, LackOfFit, Uncertainty
+from eaid.results.fit import Fit, FittedData, FittedPlant, Friction, LackOfFit, Uncertainty, with_release
 from eaid.results.verdict import judged
 from eaid.steps.stepset import Level, StepSet
 
@@ -91,7 +91,8 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
             result = msgspec.structs.replace(
                 result, friction=msgspec.structs.replace(part, levels=(*part.levels, *rows))
             )
-        told, result = result, quotable(result)
+        told = with_plant(msgspec.structs.replace(result, steps=shapes))
+        result = quotable(told)
         beyond_measure = [] if result is told else [finding("numbers-beyond-measure", "data")]
         return judged(
             msgspec.structs.replace(
@@ -261,6 +262,15 @@ def odd_repeats(scatter: Scatter) -> list[Finding]:
                 pct, names = float(100 * np.expm1(off)), tuple(one[r] for one in runs)
                 findings.append(finding("repeat-is-off", "data", levels, runs=names, parameter=name, off_pct=pct))
     return findings
+
+
+def with_plant(result: Fit) -> Fit:
+    """A fit of steps with the plant that every later command reads."""
+    if result.nonlinear is None:
+        return result
+    plant = with_release(result.nonlinear.parameters, result.release, result.friction_levels)
+    plant = replace(plant, dead_time_s=result.dead_time_s)
+    return msgspec.structs.replace(result, plant_=FittedPlant.of(plant, result.data))
 
 
 def converged(result: Fit) -> bool:

@@ -15,9 +15,8 @@ import numpy as np
 
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
-from eaid.models.parameters import TAU_FLOOR_S, Nonlinear
+from eaid.plant.dynamics import Plant, plant_numbers
 from eaid.replay.controllers import DUTY_TOLERANCE_PCT, OBSERVER_PER_S
-from eaid.replay.plant import plant_parameters
 
 Precision = Literal["double", "single"]
 # P of 1 − e^(−x) = x P(x) on 0…1, lowest power first: Taylor's series in Chebyshev polynomials of 2x − 1, cut after the
@@ -174,9 +173,9 @@ def rc_constants(gains: RCGains, rig: Rig) -> Entries:
     )
 
 
-def plant_constants(plant: Nonlinear, rig: Rig) -> Entries:
+def plant_constants(plant: Plant, rig: Rig) -> Entries:
     """Constants of the plant; polynomials of the duty, lowest power first."""
-    p, i, o = plant_parameters(plant), rig.input, rig.output
+    p, i, o = plant_numbers(plant), rig.input, rig.output
     equations = {"tau1": ("s", "τ1(u), Eq. (5)"), "tau2": ("s", "τ2(u), Eq. (6)"), "Ts": (o, "T_s(u), Eq. (7)")}
     powers = ("", rig.per(i), f"{rig.per(i)}²", f"{rig.per(i)}³")
     return (
@@ -190,12 +189,12 @@ def plant_constants(plant: Nonlinear, rig: Rig) -> Entries:
         Entry("u_high", p.u_high, i, "highest identified duty"),
         Entry("release1", p.release[0], "s", "τ1 of a fall to rest; 0: none was fitted"),
         Entry("release2", p.release[1], "s", "τ2 of a fall to rest; 0: none was fitted"),
-        Entry("tau_floor", TAU_FLOOR_S, "s", "shortest time constant"),
+        Entry("tau_floor", p.floor, "s", "shortest time constant"),
         Entry("dt", rig.dt_s, "s", "sample time"),
     )
 
 
-def inverse_constants(plant: Nonlinear, limits: tuple[float, float], rig: Rig) -> Entries:
+def inverse_constants(plant: Plant, limits: tuple[float, float], rig: Rig) -> Entries:
     """Constants of the inverse between the duty limits."""
     gone = -math.expm1(-OBSERVER_PER_S * rig.dt_s)
     kept = 1.0 - gone

@@ -27,9 +27,8 @@ from eaid.export.constants import (
     unit_name,
 )
 from eaid.findings import Finding, finding, say
-from eaid.models.parameters import Nonlinear
 from eaid.options import LAWS, ExportOptions
-from eaid.replay.plant import plant_parameters, plant_terms
+from eaid.plant.dynamics import Plant, plant_numbers, plant_terms
 from eaid.results.codec import content_of, digest_of
 from eaid.results.common import Input
 from eaid.results.fit import Fit
@@ -44,7 +43,7 @@ class Source:
     gains: Gains | None
     fit: Fit | None
     loops: Mapping[str, RCGains | PIGains]
-    plant: Nonlinear | None
+    plant: Plant | None
     limits: tuple[float, float]
     units: tuple[str, str]
     made_for: Timing
@@ -65,7 +64,7 @@ class Source:
     def top(self) -> float:
         """Largest torque of the rig, for test vectors."""
         if self.plant is not None:
-            return plant_terms(plant_parameters(self.plant), self.plant.u_range[1])[2] or 1.0
+            return plant_terms(plant_numbers(self.plant), self.plant.u_range[1])[2] or 1.0
         assert self.gains is not None
         model = self.gains.model
         return max((model.b0 * self.limits[1] + model.c0) / model.a0, 1e-3)

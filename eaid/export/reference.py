@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable
 from typing import Any, TypeAlias
 
-from eaid.replay.plant import PlantParameters, plant_pull
+from eaid.plant.dynamics import PlantNumbers, plant_pull
 
 Number: TypeAlias = Any  # float or numpy.float32
 
@@ -174,9 +174,9 @@ class RC(Integral):
 
 def plant_change(c: Any, x1: Number, x2: Number, duty: Number) -> tuple[Number, Number]:
     """By how much the fast and the slow part move in one sample of a held duty."""
-    plant = PlantParameters(
+    plant = PlantNumbers(
         c.C, (c.tau1_0, c.tau1_1, c.tau1_2), (c.tau2_0, c.tau2_1, c.tau2_2), (c.Ts_0, c.Ts_1, c.Ts_2, c.Ts_3),
-        c.u_low, c.u_high, (c.release1, c.release2), c.u_low,
+        c.u_low, c.u_high, (c.release1, c.release2), c.u_low, (0.0, 0.0, 0.0, 0.0), (1.0, 1.0), -1.0, 1.0, c.tau_floor, False,
     )  # fmt: skip
     fast, slow, tau1, tau2 = plant_pull(plant, x1, x2, duty)
     return loss(c.series, c.dt / tau1) * fast, loss(c.series, c.dt / tau2) * slow

@@ -26,14 +26,14 @@ from eaid.estimate.draw import draw
 from eaid.estimate.forms import Model, friction, nonlinear
 from eaid.estimate.from_logs import Setup
 from eaid.estimate.log_intervals import engagements
-from eaid.estimate.response import Drive
 from eaid.estimate.scatter import ASSUMED
 from eaid.estimate.spread import t_quantile
-from eaid.models.parameters import SHARE
 from eaid.options import PlanOptions
+from eaid.plant.derivatives import Drive
+from eaid.plant.dynamics import SHARE
 from eaid.results.fit import Fit, FrictionLevel, Noise
 from eaid.results.plan import Plan
-from eaid.synth.plants import Plant, clutch, of_fit
+from eaid.synth.plants import Specimen, clutch, of_fit
 
 # What a width can be wanted of: the curve over the duty, at its worst level
 PARAMETERS = {"Ts": 0, "tau1": 1, "tau2": 2}
@@ -217,7 +217,7 @@ class FittedRig:
     """A fit's plant, and the noise and scatter of its runs."""
 
     fit: Fit
-    plant: Plant
+    plant: Specimen
     levels: Sequence[float]  # The identified range of a clutch; the fitted levels of a friction experiment
     share: float  # C
     noise: Noise
@@ -286,7 +286,7 @@ class FittedRig:
         reach = (t_quantile(known) * np.sqrt(variance / repeats[:, None, None])).max(axis=2)
         return np.asarray(100 * np.expm1(np.minimum(reach, 50.0))).T
 
-    def drawn(self, n: int, seed: int) -> list[tuple[Plant, Noise]]:
+    def drawn(self, n: int, seed: int) -> list[tuple[Specimen, Noise]]:
         """`n` rigs that the data of the fit allow."""
         random = np.random.default_rng([seed, 3])
         if self.plant.kind == "clutch":
@@ -321,7 +321,7 @@ def scattered(noise: Noise, factors: Array) -> Noise:
     return msgspec.structs.replace(noise, scatter=scatter)
 
 
-def _levels_drawn(plant: Plant, rows: tuple[FrictionLevel, ...], random: np.random.Generator) -> Plant:
+def _levels_drawn(plant: Specimen, rows: tuple[FrictionLevel, ...], random: np.random.Generator) -> Specimen:
     """The same experiment with T_s, τ1, τ2 of each level drawn from their intervals, where they have some."""
     curves = {}
     for row in rows:

@@ -11,20 +11,20 @@ import numpy as np
 from eaid.estimate.certainty import levels_first, own_levels
 from eaid.estimate.data import data_of
 from eaid.findings import finding
-from eaid.models.friction import step_response
 from eaid.options import PlanOptions
 from eaid.planning.design import PARAMETERS, Widths, rig_of, settled, wanting
+from eaid.plant.respond import step_response
 from eaid.results.fit import Fit, Noise
 from eaid.results.plan import Plan, PlannedRun
 from eaid.steps.stepset import Level
 from eaid.synth.logs import NONE, Disturbance, measured, scatter
-from eaid.synth.plants import Plant
+from eaid.synth.plants import Specimen
 
 RATE_HZ = 100.0  # Samples a second of a simulated recording
 MEMORY_S = 0.05  # Time constant of its coloured noise [s]
 
 
-def experiment(plan: Plan, plant: Plant, noise: Noise, seed: int) -> tuple[Level, ...]:
+def experiment(plan: Plan, plant: Specimen, noise: Noise, seed: int) -> tuple[Level, ...]:
     """The levels of one simulated recording."""
     disturbance = disturbance_of(noise)
     levels = []

@@ -18,14 +18,15 @@ from eaid.errors import DataError, UsageError
 from eaid.estimate.forms import nonlinear
 from eaid.estimate.from_logs import finished, setup_of
 from eaid.estimate.log_intervals import held, spread
-from eaid.estimate.response import Drive, RecordedLog
+from eaid.estimate.recorded_log import RecordedLog
 from eaid.estimate.spread import t_quantile
 from eaid.findings import finding
-from eaid.models.parameters import Nonlinear
 from eaid.options import Limits, PlanOptions
 from eaid.planning.design import PARAMETERS, Designer, Widths, rig_of, settled, wanting
 from eaid.planning.recordings import RATE_HZ, disturbance_of
-from eaid.replay.plant import driven
+from eaid.plant.derivatives import Drive
+from eaid.plant.dynamics import Plant
+from eaid.plant.respond import driven
 from eaid.results.fit import Fit, Noise
 from eaid.results.plan import Excitation
 from eaid.synth.logs import measured, scatter
@@ -92,7 +93,7 @@ EFFORT = 150_000
 
 
 def plan_excitation(
-    p: Nonlinear, noise: Noise, wanted: Mapping[str, float], limits: Limits | None = None, seed: int = 0
+    p: Plant, noise: Noise, wanted: Mapping[str, float], limits: Limits | None = None, seed: int = 0
 ) -> Excitation:
     """The shortest sequence for half-widths of `wanted` percent at the worst duty, or the best of the longest."""
     limits = limits or Limits(duty=p.u_range)
@@ -129,7 +130,7 @@ def plan_excitation(
 class Judge:
     """What a sequence is worth: levels and holds [s], shape (2, n); the level 0 is a rest."""
 
-    p: Nonlinear
+    p: Plant
     noise: Noise
     wanted: dict[str, float]
     limits: Limits
@@ -226,7 +227,7 @@ class Judge:
         return sequence
 
 
-def measure(plan: Excitation, p: Nonlinear, noise: Noise, k: int, seed: int = 0) -> Widths:
+def measure(plan: Excitation, p: Plant, noise: Noise, k: int, seed: int = 0) -> Widths:
     """Half-widths [%] at the worst duty, as the `k`-th recording tells them where its fit to the log ends.
 
     It is one log of the sequence; each engagement, from its rest on, has a scatter of its own.
@@ -239,7 +240,7 @@ def measure(plan: Excitation, p: Nonlinear, noise: Noise, k: int, seed: int = 0)
     torque = np.empty_like(time_s)
     for number in np.unique(engagement):
         part = engagement == number
-        torque[part] = driven(plant.pull(scatter(disturbance, draw)), start, duty, time_s)[part]
+        torque[part] = driven(plant.acting(scatter(disturbance, draw)), start, duty, time_s)[part]
     output = measured(torque, time_s, np.zeros_like(time_s), disturbance, draw)
     duties = np.linspace(*p.u_range, DUTIES)
     model = nonlinear(duties, p.C)

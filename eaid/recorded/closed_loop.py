@@ -15,14 +15,16 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.control.pi import PIGains
+from eaid.estimate.copies import Copies
 from eaid.estimate.from_logs import Solved, idle_of, model_of
 from eaid.estimate.late import follows_output
-from eaid.estimate.response import Copies, Drive, RecordedLog
+from eaid.estimate.recorded_log import RecordedLog
 from eaid.findings import Finding, finding
 from eaid.options import Rig
+from eaid.plant.derivatives import Drive
+from eaid.plant.dynamics import plant_numbers
 from eaid.replay.controllers import feedback
 from eaid.replay.loop import replay
-from eaid.replay.plant import plant_parameters
 from eaid.results.recorded import Loop
 
 LAW_PCT = 80.0  # A law that explains less of the duty's changes is none
@@ -62,7 +64,7 @@ def simulated(solved: Solved, index: int, log: RecordedLog, law: Law) -> Recorde
     dt_s = float(log.time_s[-1] - log.time_s[0]) / (len(log.input) - 1)
     idle, before = idle_of(solved, index) + (log.baseline or 0.0), np.zeros(int(np.argmax(log.input > 0)))
     wanted = log.reference[len(before) :] - idle  # the law acts on its distance from what is read
-    loop = replay(plant_parameters(model_of(solved)), feedback(law.gains), wanted, Rig(), dt_s)
+    loop = replay(plant_numbers(model_of(solved)), feedback(law.gains), wanted, Rig(), dt_s)
     duty, torque = (np.append(before, loop[name]) for name in ("duty_pct", "torque_nm"))
     return replace(log, input=duty, output=torque + idle, idle_start=log.starts_idle)
 

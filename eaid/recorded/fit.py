@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import msgspec
 import numpy as np
 
-from eaid.arrays import Array, extremes
+from eaid.arrays import Array, extremes, median
 from eaid.errors import DataError, UsageError
 from eaid.estimate import forms, workflow
 from eaid.estimate.coefficients import turned, with_intervals
@@ -20,20 +20,31 @@ from eaid.estimate.data import data_of, errors
 from eaid.estimate.fall_tests import tested, with_falls
 from eaid.estimate.from_logs import Solved, idle_of, model_of, setup_of, solve
 from eaid.estimate.from_steps import fit_linear
-from eaid.estimate.late import LOWER, delays, shifted
+from eaid.estimate.late import timed
 from eaid.estimate.linear import bounds_of, parameters, single_levels
 from eaid.estimate.log_intervals import FEWEST_ENGAGEMENTS, CurveSpread, Spread, curves, spread
 from eaid.estimate.nonlinear import scored
-from eaid.estimate.response import RecordedLog, logs_of_steps, recorded_log
+from eaid.estimate.recorded_log import RecordedLog, logs_of_steps, recorded_log
 from eaid.estimate.step_shapes import single_steps
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.logs.run import Run
-from eaid.models import nonlinear as curve
-from eaid.models.parameters import SHARE
 from eaid.options import FitOptions
+from eaid.plant.dynamics import SHARE
+from eaid.plant.respond import from_rest
 from eaid.recorded.closed_loop import judged_loops, with_instrument
 from eaid.results.common import LevelError, Source
-from eaid.results.fit import Fit, FittedData, Friction, FrictionLevel, Linear, Noise, Nonlinear, Release, Uncertainty
+from eaid.results.fit import (
+    Fit,
+    FittedData,
+    FittedPlant,
+    Friction,
+    FrictionLevel,
+    Linear,
+    Noise,
+    Nonlinear,
+    Release,
+    Uncertainty,
+)
 from eaid.results.recorded import FallTest, LogCurve, LogFit, Recorded
 from eaid.results.verdict import judged
 from eaid.steps.levels import wanted_levels
@@ -253,10 +264,10 @@ def linear_part(solved: Solved, base: Solved, levels: Array, wanted: str | None)
     """Eq. (8) of the logs, and of each level by itself: of steps of the fitted nonlinear model."""
     pooled = parameters(solved.setup.model, solved.coefficients)
     total = errors(solved.outputs, solved.missed)
-    p = model_of(base)  # steps from rest of it to each level
-    slowest = float(np.max(curve.time_constants(p, levels)[1]))
+    p = replace(model_of(base), dead_time_s=0.0)  # steps from rest of it to each level, behind its dead time
+    slowest = float(np.max(p.time_constants(levels)[1]))
     t = np.linspace(0.0, min(STEP_RECORDS * slowest, LONGEST_STEP_S), STEP_SAMPLES)
-    of_model = data_of([Level(u, t, curve.step_response(p, t, u)[None], (f"{u:g}",)) for u in levels.tolist()])
+    of_model = data_of([Level(u, t, from_rest(p, t, u)[None], (f"{u:g}",)) for u in levels.tolist()])
     rows = single_levels(of_model, [fit_linear(of_model.one(i)) for i in range(len(levels))])
     return Linear(
         a0=pooled.a0,
@@ -283,10 +294,6 @@ def friction_part(solved: Solved, levels: Array, known: CurveSpread | None) -> F
         for one, (Ts, tau1, tau2) in zip(_level_errors(solved, levels), values, strict=True)
     ]  # fmt: skip
     return Friction(C=share, levels=tuple(rows), solver=solved.solver)
-
-
-# Cost of a start at rest, over that of one with unknown states, up to which the steps' dead time is believed
-AT_REST = 2.0
 
 
 def fit_whole(stepset: StepSet, options: FitOptions) -> Fit:
@@ -340,32 +347,24 @@ def fit_recorded(
         findings += [finding("idle-not-seen", log.name) for log in logs]
     wanted = options.model or ("friction", "nonlinear", "linear")
 
-    rows = [0] * len(logs)
     base = solve(setup_of(forms.nonlinear(inputs.basis, share), every, rests))
-    given = options.held_dead_time_s
-    if dead_s := dead_time_s if given is None else given:
-        late = [-round(dead_s / float(np.median(log.dt_s))) for log in logs]
-        behind = solve(setup_of(base.fitted.model, [*map(shifted, logs, late), *every[len(logs) :]], rests))
-        at_rest = behind.setup.size < base.setup.size  # the log begins at rest behind it, and T_s is told apart
-        if given is not None or behind.cost < (AT_REST if at_rest else 1 - LOWER) * base.cost:
-            rows, base = late, behind
-    if given is None and any(more := delays(base, [*map(shifted, logs, rows)])):
-        rows = [sum(pair) for pair in zip(rows, more, strict=True)]
-        base = solve(setup_of(base.fitted.model, [*map(shifted, logs, rows), *every[len(logs) :]], rests))
-    setup, acting = base.fitted, [*map(shifted, logs, rows)]
-    late_s = [late * float(np.median(log.dt_s)) for log, late in zip(logs, rows, strict=True)]
-    for log, count, lasts in zip(logs, rows, late_s, strict=True):
+    behind = timed(base, logs, every[len(logs) :], options.held_dead_time_s, dead_time_s)
+    base, acting = behind.solved, behind.logs
+    theta_s = base.fitted.dead_time(base.x)
+    setup = replace(base.fitted, extras=(), dead_time_s=theta_s)
+    for log, count in zip(logs, behind.late, strict=True):
         if count > 0:
-            findings.append(finding("input-late", log.name, rows=count, ms=1e3 * lasts))
-        elif count < 0:
-            findings.append(finding("dead-time", log.name, dead_time_s=-lasts))
+            findings.append(finding("input-late", log.name, rows=count, ms=1e3 * count * median(log.dt_s)))
+        elif theta_s > 0:
+            findings.append(finding("dead-time", log.name, dead_time_s=theta_s))
     of_falls: tuple[FallTest, ...] = ()
     if falls:
         base, of_falls, more_findings = tested(base, inputs.stepwise)
         findings += more_findings
-    release, extras = model_of(base).release, base.fitted.extras
+    extras = tuple(name for name in base.fitted.extras if name != "dead")
     if any(log.reference is not None for log in logs):
         base = with_instrument(base, acting)
+    plant = model_of(base)
     loops, of_loops = judged_loops(base, acting)
     findings += of_loops
     uncertainty, known = None, None
@@ -383,15 +382,17 @@ def fit_recorded(
             solved = solve(replace(setup, model=forms.friction(inputs.levels, share)))
             solved = with_falls(solved, extras) if extras else solved
         friction = friction_part(solved, inputs.levels, known if "nonlinear" in wanted else None)
+    data = data_part(every, runs, steps, inputs.levels if inputs.stepwise else np.zeros(0))
     return Fit(
         findings=ranked(findings),
         seed=options.seed,
-        data=data_part(every, runs, steps, inputs.levels if inputs.stepwise else np.zeros(0)),
+        data=data,
+        plant_=FittedPlant.of(plant, data) if "nonlinear" in wanted else None,
         converged=base.solver.converged,
         nonlinear=nonlinear_part(base, uncertainty, known, inputs.shown) if "nonlinear" in wanted else None,
         linear=linear,
         friction=friction,
-        release=None if release is None else Release(*release, SHARE if share is None else share),
+        release=None if plant.release is None else Release(*plant.release, SHARE if share is None else share),
         uncertainty=None if uncertainty is None else uncertainty_part(base, uncertainty),
         recorded=Recorded(
             logs=tuple(log_part(base, k, log) for k, log in enumerate(logs)),
@@ -399,7 +400,7 @@ def fit_recorded(
             u_range=(inputs.low, inputs.high),
             falls=of_falls,
             loops=loops,
-            dead_time_s=max(0.0, -min(late_s)),
+            dead_time_s=theta_s,
             engagements=0 if uncertainty is None else uncertainty.scatter.count,
         ),
     )

@@ -28,8 +28,8 @@ from eaid.control.gains import law_of, physical
 from eaid.control.pi import PIGains, pi_step
 from eaid.control.rc import RCGains, rc_step
 from eaid.errors import UsageError
-from eaid.models.parameters import Linear, Nonlinear
-from eaid.replay.plant import PlantParameters, plant_parameters, plant_step
+from eaid.plant.dynamics import Plant, PlantNumbers, plant_numbers, plant_step
+from eaid.plant.linear import Linear
 from eaid.results.gains import Gains
 
 # step(gains, state, reference, reference_rate, torque, dt) → (next state, duty)
@@ -80,7 +80,7 @@ SEARCH_STEPS = 60  # Far more than the search takes (four to six)
 class InverseGains(NamedTuple):
     """The model that is inverted, and the range of the actuator."""
 
-    plant: PlantParameters
+    plant: PlantNumbers
     duty_min: float = 0.0  # [%]
     duty_max: float = 100.0  # [%]
 
@@ -95,7 +95,7 @@ class InverseState(NamedTuple):
 
 
 def duty_for(
-    plant: PlantParameters, x1: float, x2: float, wanted: float, dt: float, guess: float, low: float, high: float
+    plant: PlantNumbers, x1: float, x2: float, wanted: float, dt: float, guess: float, low: float, high: float
 ) -> float:
     """Duty [%] in low…high after which x1 + x2 is `wanted` [N·m] when dt seconds have passed; the nearer limit where
     none is."""
@@ -162,12 +162,12 @@ def feedback(gains: RCGains | PIGains) -> Controller:
 
 
 def controller_of(
-    name: str, plant: Nonlinear, linear: Linear | None, gains: Gains | None, limits_pct: tuple[float, float]
+    name: str, plant: Plant, linear: Linear | None, gains: Gains | None, limits_pct: tuple[float, float]
 ) -> Controller:
     """A controller by its name, from the fitted models, gains, and the range of the actuator [%] for those that have no
     gains of their own; `UsageError` where what it needs is missing."""
     if name == "inverse":
-        inverse = InverseGains(plant_parameters(plant), *limits_pct)
+        inverse = InverseGains(plant_numbers(plant), *limits_pct)
         return Controller("inverse", inverse_step, inverse, InverseState(), looks_ahead=True)
     if name == "open-loop":
         if linear is None:

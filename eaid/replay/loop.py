@@ -13,8 +13,35 @@ import numpy as np
 
 from eaid.arrays import Array, read_only
 from eaid.options import Rig
+from eaid.plant.dynamics import PlantNumbers, plant_step
 from eaid.replay.controllers import Controller, Step
-from eaid.replay.plant import Held, PlantParameters, hold_step
+
+INSTANT = 1e-9  # Two instants nearer than this share of a sample are one
+
+
+class Held(NamedTuple):
+    """Where plant and latch are; at rest, before the first pulse, all is 0."""
+
+    x1: float  # Fast part of the torque [N·m]
+    x2: float  # Slow part [N·m]
+    latched: float  # Duty that acts [%]
+    pulse: int  # The next PWM period to begin, at pulse·period samples
+
+
+def hold_step(plant: PlantNumbers, period: float, dt: float, k: int, duty: float, held: Held) -> tuple[Held, float]:
+    """From sample k to the next with a duty [%], latched once a PWM period [samples; 0: at once]; and the mean duty."""
+    x1, x2, latched, pulse = held
+    if period == 0.0:
+        x1, x2 = plant_step(plant, x1, x2, duty, dt)
+        return Held(x1, x2, duty, pulse), duty
+    wait = pulse * period - k
+    if wait >= 1.0 - INSTANT:
+        x1, x2 = plant_step(plant, x1, x2, latched, dt)
+        return Held(x1, x2, latched, pulse), latched
+    wait = max(wait, 0.0)
+    x1, x2 = plant_step(plant, x1, x2, latched, wait * dt)
+    x1, x2 = plant_step(plant, x1, x2, duty, (1.0 - wait) * dt)
+    return Held(x1, x2, duty, math.ceil((k + 1 - INSTANT) / period)), wait * latched + (1.0 - wait) * duty
 
 
 def rig_numbers(rig: Rig, dt_s: float) -> tuple[int, float]:
@@ -51,7 +78,7 @@ def loop_of(law: Step) -> Callable[..., None]:
     """The control loop around one law."""
 
     def closed_loop(
-        gains: Any, start: Any, plant: PlantParameters, rig: tuple[int, float], dt: float, inputs: Inputs, filled: Any
+        gains: Any, start: Any, plant: PlantNumbers, rig: tuple[int, float], dt: float, inputs: Inputs, filled: Any
     ) -> None:
         """Fill four columns as long as the inputs: true and read torque, the duty given and the mean duty applied."""
         reference, rate, disturbance, factor = inputs
@@ -60,7 +87,7 @@ def loop_of(law: Step) -> Callable[..., None]:
         delay, period = rig
         held = Held(0.0, 0.0, 0.0, 0)
         for k in range(len(reference)):
-            torque[k] = held.x1 + held.x2
+            torque[k] = held.x1 + plant.z * held.x2
             measured[k] = torque[k] * factor[k] + disturbance[k]
             state, duty[k] = law(gains, state, reference[k], rate[k], measured[k], dt)
             late = 0.0 if k < delay else duty[k - delay]
@@ -84,7 +111,7 @@ def reference_rate(reference_nm: Array, dt_s: float, looks_ahead: bool) -> Array
 
 
 def replay(
-    plant: PlantParameters, controller: Controller, reference_nm: Array, rig: Rig, dt_s: float, seed: int = 0
+    plant: PlantNumbers, controller: Controller, reference_nm: Array, rig: Rig, dt_s: float, seed: int = 0
 ) -> dict[str, Array]:
     """What one controller does on one plant, from rest, as `columns_of` has it; reference in N·m at intervals of dt_s
     [s], shape (n,), n ≥ 2."""

@@ -24,17 +24,17 @@ from numba.extending import register_jitable
 
 from eaid.arrays import Array
 from eaid.control import pi, rc
-from eaid.models.parameters import Nonlinear
 from eaid.options import Rig
-from eaid.replay import controllers, loop, plant
+from eaid.plant import dynamics
+from eaid.plant.dynamics import Plant, plant_numbers
+from eaid.replay import controllers, loop
 from eaid.replay.controllers import Controller, Step
 from eaid.replay.loop import rig_numbers
-from eaid.replay.plant import plant_parameters
 from eaid.replay.references import Reference, tracking
 from eaid.results.gains import Tracking
 from eaid.results.replay import Distribution, PlantSpread, Worst
 
-MODULES = (loop, plant, controllers, pi, rc)  # The loop, and where the plant and the laws stand
+MODULES = (loop, dynamics, controllers, pi, rc)  # The loop, and where the plant and the laws stand
 for _module in MODULES:
     for _function in vars(_module).values():
         if isfunction(_function) and _function.__module__ == _module.__name__:
@@ -60,7 +60,7 @@ BAND_INSTANTS = 1000
 
 
 def montecarlo(
-    plants: Sequence[Nonlinear],
+    plants: Sequence[Plant],
     controller: Controller,
     reference: Reference,
     rig: Rig,
@@ -78,7 +78,7 @@ def montecarlo(
     inputs, run = loop.inputs_of(controller, wanted, rig, dt_s, seed), compiled(controller.step)
 
     def single(index: int) -> None:
-        plant, filled = plant_parameters(plants[index]), tuple(np.empty((4, len(wanted))))
+        plant, filled = plant_numbers(plants[index]), tuple(np.empty((4, len(wanted))))
         run(controller.gains, controller.start, plant, rig_numbers(rig, dt_s), dt_s, inputs, filled)
         kept[:, index] = filled[0][shown]
         columns = {"reference_nm": wanted, "torque_nm": filled[0], "duty_pct": filled[2]}

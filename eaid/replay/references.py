@@ -32,7 +32,7 @@ from eaid.arrays import Array, read_only
 from eaid.control.defaults import Scales
 from eaid.errors import DataError, UsageError
 from eaid.findings import Finding, finding
-from eaid.replay.plant import PlantParameters, plant_terms
+from eaid.plant.dynamics import PlantNumbers, plant_terms
 from eaid.results.gains import Tracking
 from eaid.results.replay import Metrics, StepMetrics, ToneMetrics
 
@@ -193,7 +193,7 @@ def reference_of(wanted: str | Signal, dt_s: float, scales: Scales, duration_s: 
     return SCENARIOS[wanted](dt_s, duration_s, scales.top, scales.pace)
 
 
-def reference_beyond(wanted: Reference, plant: PlantParameters, subject: str, unit: str) -> list[Finding]:
+def reference_beyond(wanted: Reference, plant: PlantNumbers, subject: str, unit: str) -> list[Finding]:
     """Whether a reference goes beyond what the plant has."""
     asked, highest = float(wanted.torque_nm.max()), plant_terms(plant, plant.u_high)[2]
     if asked <= highest:

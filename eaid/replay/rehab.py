@@ -21,9 +21,9 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.errors import GainsError, UsageError
 from eaid.options import Rig
+from eaid.plant.dynamics import PlantNumbers, plant_terms
 from eaid.replay.controllers import Controller
-from eaid.replay.loop import coloured, columns_of, noise, rig_numbers
-from eaid.replay.plant import Held, PlantParameters, hold_step, plant_terms
+from eaid.replay.loop import Held, coloured, columns_of, hold_step, noise, rig_numbers
 from eaid.replay.references import samples_of, tracking
 from eaid.results.replay import Box, CycleTest, Exercise, Metrics, ModeMetrics, ModesTest, Record, SampleTest
 
@@ -34,7 +34,7 @@ RESISTED_FROM_DEG = 10.0
 
 
 def rehabilitate(
-    plant: PlantParameters, controller: Controller, exercise: Exercise, rig: Rig, dt_s: float, seed: int = 0
+    plant: PlantNumbers, controller: Controller, exercise: Exercise, rig: Rig, dt_s: float, seed: int = 0
 ) -> Record:
     """The session of one controller on one plant: soft, hard, assisted; GainsError where the limb leaves an elbow's
     range. Reference and torque of the loop have no sign; those of the limb are positive in flexion."""
@@ -56,7 +56,7 @@ def rehabilitate(
 
 
 def _run(
-    plant: PlantParameters, controller: Controller, exercise: Exercise, rig: Rig, n: int, dt: float, seed: int
+    plant: PlantNumbers, controller: Controller, exercise: Exercise, rig: Rig, n: int, dt: float, seed: int
 ) -> Array:
     """The session, sample by sample: reference, torque, measured, duty, applied, target, angle, desired, rendered;
     (9, n)."""
@@ -111,7 +111,7 @@ def _run(
         before = reference
         reference += min(max(wanted - reference, -fastest), fastest)
         # what the clutch gives
-        true = held.x1 + held.x2
+        true = held.x1 + plant.z * held.x2
         seen = true + disturbance
         state, duty = law(gains, state, reference, (reference - before) / dt, seen, dt)
         duties.append(duty)

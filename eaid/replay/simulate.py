@@ -15,11 +15,11 @@ from eaid.estimate.draw import draw, drawable
 from eaid.findings import Finding, finding, ranked
 from eaid.logs.run import Run
 from eaid.options import Rig, SimulateOptions
+from eaid.plant.dynamics import PlantNumbers, plant_numbers
 from eaid.progress import Progress, no_progress
 from eaid.replay.compare import compared
 from eaid.replay.controllers import Controller, controller_of
 from eaid.replay.loop import replay
-from eaid.replay.plant import PlantParameters, plant_parameters
 from eaid.replay.references import Reference, Signal, measure, reference_beyond, reference_of
 from eaid.replay.rehab import MODES, rehabilitate
 from eaid.results.fit import Fit
@@ -72,11 +72,10 @@ def simulate(
     reasons = {"plant": fit.verdict.of(*PLANT).sentence, "gains": (gains.not_usable or "") if gains is not None else ""}
     not_usable = {name: why for name, why in reasons.items() if why}
     findings += [finding("replay-not-usable", name, why=why) for name, why in not_usable.items()]
-    plant, dt_s = plant_parameters(model), 1.0 / rate_hz
+    plant, dt_s = plant_numbers(model), 1.0 / rate_hz
     outcome: Outcome
     if runs is not None:
-        units = fit.data.input_unit, fit.data.output_unit
-        outcome = {run.name: compared(run, plant, units, fit.dead_time_s) for run in runs}, {}, []
+        outcome = {run.name: compared(run, fit, model) for run in runs}, {}, []
     elif what == "rehab":
         if fit.data.output_unit not in ("N·m", "Nm"):
             raise DataError(f"rehab needs a torque, and the fit's output is in {fit.data.output_unit}")
@@ -101,7 +100,7 @@ def simulate(
 
 
 def _tracked(
-    fit: Fit, gains: Gains | None, plant: PlantParameters, controllers: Sequence[Controller], wanted: Reference,
+    fit: Fit, gains: Gains | None, plant: PlantNumbers, controllers: Sequence[Controller], wanted: Reference,
     rig: Rig, options: SimulateOptions, progress: Progress,
 ) -> Outcome:  # fmt: skip
     """Each controller on the reference; and on drawn plants."""
@@ -135,7 +134,7 @@ def _tracked(
     return records, {**head, "plants": count, "band_quantiles": QUANTILES}, findings
 
 
-def _outside_identified(fit: Fit, plant: PlantParameters, records: Mapping[str, Record]) -> list[Finding]:
+def _outside_identified(fit: Fit, plant: PlantNumbers, records: Mapping[str, Record]) -> list[Finding]:
     """Where replays go through what no log showed: duties outside the identified ones, falls between levels."""
     low, high = plant.u_low, plant.u_high
     below = above = falling = 0.0

@@ -12,9 +12,9 @@ from eaid.control.pi import PAPER_PI, PIGains, step_metrics
 from eaid.errors import DataError
 from eaid.findings import finding, ranked
 from eaid.options import Rig, TuneOptions
+from eaid.plant.dynamics import plant_numbers
 from eaid.replay.controllers import Controller, feedback
 from eaid.replay.loop import replay
-from eaid.replay.plant import plant_parameters
 from eaid.replay.references import Signal, reference_beyond, reference_of, tracking
 from eaid.results.fit import Fit
 from eaid.results.gains import PI, AskedPI, Gains, Replayed, Tracking
@@ -68,8 +68,8 @@ def tune(
     if plant is None:
         findings.append(finding("nothing-to-replay-on", "model"))
     else:
-        findings += reference_beyond(wanted, plant_parameters(plant), name, output_unit)
-        by_paper, flat, rig = None, plant_parameters(plant), Rig(delay_samples=timing.delay_samples)
+        findings += reference_beyond(wanted, plant_numbers(plant), name, output_unit)
+        by_paper, flat, rig = None, plant_numbers(plant), Rig(delay_samples=timing.delay_samples)
 
         def errors(controller: Controller) -> Tracking:
             columns = replay(flat, controller, wanted.torque_nm, rig, wanted.dt_s)

@@ -1,6 +1,6 @@
 """What rig a result is of: its units and names, and whether it is the clutch that the paper describes."""
 
-from eaid.models.parameters import SHARE
+from eaid.plant.dynamics import SHARE
 from eaid.results.fit import FittedData
 from eaid.steps.stepset import StepSet
 

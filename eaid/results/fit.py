@@ -7,7 +7,7 @@ Keys are the paper's symbols, polynomials lowest power first, units those of the
 import math
 import statistics
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import msgspec
@@ -19,14 +19,13 @@ from eaid.arrays import Array
 from eaid.errors import DataError, UsageError, in_python
 from eaid.findings import Finding
 from eaid.findings.row import SYMBOLS
-from eaid.models import friction, linear, nonlinear
-from eaid.models.nonlinear import steady_torque, terms, time_constants
-from eaid.models.parameters import TAU_FLOOR_S
-from eaid.models.parameters import Friction as FrictionCurve
-from eaid.models.parameters import Linear as LinearModel
-from eaid.models.parameters import Nonlinear as NonlinearModel
-from eaid.models.trends import evaluate
 from eaid.options import FitGiven, Kind
+from eaid.plant import linear
+from eaid.plant.dynamics import TAU_FLOOR_S, Plant, Step
+from eaid.plant.forms import terms
+from eaid.plant.linear import Linear as LinearModel
+from eaid.plant.respond import from_rest, step_response
+from eaid.plant.trends import evaluate
 from eaid.results import codec
 from eaid.results.common import (
     AbsError,
@@ -44,7 +43,7 @@ from eaid.results.common import (
     Solver,
     Source,
 )
-from eaid.results.recorded import Recorded
+from eaid.results.recorded import LogFit, Recorded
 from eaid.shown import Plotted
 
 if TYPE_CHECKING:
@@ -114,13 +113,13 @@ class FrictionLevel(Scores, frozen=True):
     ci95: LevelIntervals | None = None
 
     @property
-    def curve(self) -> FrictionCurve:
+    def curve(self) -> Step:
         """The curve of Eq. (3)."""
-        return FrictionCurve(self.Ts, self.tau1, self.tau2, self.C)
+        return Step(self.Ts, self.tau1, self.tau2, self.C)
 
     def predict(self, time_s: Array) -> Array:
         """Output at times since the step [s], above the baseline: its start, and behind its dead time Eq. (3)."""
-        return self.start + friction.step_response(self.curve, np.maximum(time_s - self.delay_s, 0.0))
+        return self.start + step_response(self.curve, np.maximum(time_s - self.delay_s, 0.0))
 
 
 class Trend(Result, frozen=True):
@@ -302,9 +301,91 @@ class Nonlinear(Scores, frozen=True):
     """Beside the estimate that is used the paper's joint fit, without intervals."""
 
     @property
-    def parameters(self) -> NonlinearModel:
+    def parameters(self) -> Plant:
         """The model of Eqs. (4)–(7)."""
-        return NonlinearModel(self.tau1, self.tau2, self.Ts, self.u_range, self.C)
+        return Plant(self.tau1, self.tau2, self.Ts, self.u_range, self.C)
+
+
+class PlantIntervals(Intervals, frozen=True):
+    """95 % intervals of what the plant has beside its curves."""
+
+    tau1: Interval = None
+    tau2: Interval = None
+    C: Interval = None
+    omega: Interval = None
+    zeta: Interval = None
+    zero: Interval = None
+    dead_time_s: Interval = None
+
+
+class FittedPlant(Result, frozen=True):
+    """The one plant that every later command reads; inputs and outputs in the rig's units, counted from rest."""
+
+    kind: Literal["lag", "parallel", "overshoot", "series", "ringing"]
+    Ts: Coefficients
+    """T_s(u) of inputs above rest, in powers of the input's size, lowest first."""
+    u_range: tuple[Annotated[float, msgspec.Meta(ge=0, le=1e60)], Positive]
+    """Least and largest identified input, by size."""
+    tau1: Coefficients
+    """τ1(u) [s], of `lag` the only time constant; of `series` and `ringing` 1/ω."""
+    tau2: tuple[Number, ...] = ()
+    """τ2(u) [s], of the kinds that have two in parallel."""
+    C: Number = 0.85
+    """Share of the fast part: 1 of `lag`, above 1 of `overshoot`."""
+    zeta: Number | None = None
+    """Damping of `series` (1 and above) and `ringing`."""
+    zero: Number = 0.0
+    """z of those: y = x + z x'/ω."""
+    Ts_below: tuple[Number, ...] = ()
+    """T_s of inputs below rest; empty: the input has one sign."""
+    dead_time_s: Number = 0.0
+    idle: Number = 0.0
+    """Output at rest."""
+    release: tuple[Positive, Positive] | None = None
+    """τ1, τ2 of falls to rest [s], where they have their own."""
+    falls_as_release: bool = False
+    """Falls between levels have them too."""
+    falls: tuple[Positive, Positive] = (1.0, 1.0)
+    """Factors on τ1 and τ2 of falls between levels."""
+    excess: Number = 0.0
+    """Share by which T_s is larger where a held input was fallen to."""
+    floor_s: Number = TAU_FLOOR_S
+    """Least time constant [s]."""
+    input_unit: str = "%"
+    output_unit: str = "N·m"
+    ci95: PlantIntervals | None = None
+
+    @classmethod
+    def of(cls, p: Plant, data: "FittedData", ci95: PlantIntervals | None = None) -> "FittedPlant":
+        """A plant as the file holds it."""
+        shared = {one.name: getattr(p, one.name) for one in fields(p)}
+        return cls(p.kind, input_unit=data.input_unit, output_unit=data.output_unit, ci95=ci95, **shared)  # type: ignore[arg-type]
+
+    @property
+    def plant(self) -> Plant:
+        """The plant itself."""
+        return Plant(**{one.name: getattr(self, one.name) for one in fields(Plant)})
+
+
+def falls_between(levels: Sequence[FrictionLevel]) -> tuple[FrictionLevel, ...]:
+    """Of fitted steps those that fall from one level to another, not to rest."""
+    return tuple(row for row in levels if row.from_ > row.level > 0)
+
+
+def with_release(plant: Plant, release: Release | None, levels: Sequence[FrictionLevel] = ()) -> Plant:
+    """A plant with the release constants, where falls to rest were fitted.
+
+    Recorded falls between levels get them too where they are nearer the release than the rise, in log τ1 + log τ2.
+    """
+    if release is None:
+        return plant
+    constants = (release.tau1, release.tau2)
+    model = replace(plant, release=constants)
+    nearer = 0.0
+    for row in falls_between(levels):
+        for tau, up, down in zip((row.tau1, row.tau2), model.time_constants(row.level), constants, strict=True):
+            nearer += abs(math.log(tau / max(float(up), TAU_FLOOR_S))) - abs(math.log(tau / down))
+    return replace(model, falls_as_release=nearer > 0)
 
 
 class Noise(Result, frozen=True):
@@ -432,7 +513,7 @@ class FittedData(Result, frozen=True):
 
 
 # Models of steps, the first that was fitted before the others
-CURVES: dict[str, Any] = {"nonlinear": nonlinear, "linear": linear, "friction": friction}
+CURVES: dict[str, Any] = {"nonlinear": from_rest, "linear": linear.step_response, "friction": None}
 
 
 class Fit(Plotted, codec.Saved, Made, frozen=True, dict=True):
@@ -456,6 +537,7 @@ class Fit(Plotted, codec.Saved, Made, frozen=True, dict=True):
     nonlinear: Nonlinear | None = None
     linear: Linear | None = None
     release: Release | None = None
+    plant_: FittedPlant | None = msgspec.field(default=None, name="plant")
     uncertainty: Uncertainty | None = None
     steps: tuple[StepShape, ...] = ()
     """Each change of input between two holds by itself, where a log goes from level to level."""
@@ -514,7 +596,7 @@ class Fit(Plotted, codec.Saved, Made, frozen=True, dict=True):
             inside = "" if p is not None else "the levels "
             raise self._outside("level", level, self.data.levels if p is None else p.u_range, inside)
         else:
-            values = (steady_torque(p.parameters, level), *time_constants(p.parameters, level))
+            values = (p.parameters.steady(level), *p.parameters.time_constants(level))
             found = [self._on_curve(p, *pair, level) for pair in zip(SYMBOLS, map(float, values), strict=True)]
         return pd.DataFrame(found, index=list(SYMBOLS), columns=["value", "low", "high"], dtype=float)
 
@@ -631,7 +713,7 @@ class Fit(Plotted, codec.Saved, Made, frozen=True, dict=True):
     def _curve(self, model: str, duty: float, time_s: Array) -> Array:
         """The output of a model at times since a step from rest."""
         if model != "friction":
-            return np.asarray(CURVES[model].step_response(getattr(self, model).parameters, time_s, duty))
+            return np.asarray(CURVES[model](getattr(self, model).parameters, time_s, duty))
         known = {row.level: row for row in self.friction_levels if row.from_ == 0}
         near = next((level for level in known if math.isclose(level, duty, rel_tol=1e-5)), None)
         if near is None:
@@ -646,27 +728,27 @@ class Fit(Plotted, codec.Saved, Made, frozen=True, dict=True):
         return in_python("\n".join(fit_summary(self)))
 
     @property
-    def plant(self) -> NonlinearModel:
-        """The believed nonlinear model, with the release constants where falls to rest were fitted.
+    def plant(self) -> Plant:
+        """The one plant, which replays, margins, walls, plans and exports read; `DataError` where none was fitted.
 
-        Recorded falls between levels get them too where they are nearer the release than the rise, in log τ1 + log τ2.
+        Of a file that holds none: the nonlinear model, with the release where falls to rest were fitted.
         """
+        if self.plant_ is not None:
+            return self.plant_.plant
         if self.nonlinear is None:
             raise DataError("this fit holds no nonlinear model; fit clutch logs with «model» nonlinear")
-        if self.release is None:
-            return self.nonlinear.parameters
-        release = (self.release.tau1, self.release.tau2)
-        model = replace(self.nonlinear.parameters, release=release)
-        nearer = 0.0
-        for row in self.recorded_falls:
-            for tau, up, down in zip((row.tau1, row.tau2), time_constants(model, row.level), release, strict=True):
-                nearer += abs(math.log(tau / max(float(up), TAU_FLOOR_S))) - abs(math.log(tau / down))
-        return replace(model, falls_as_release=nearer > 0)
+        plant = with_release(self.nonlinear.parameters, self.release, self.friction_levels)
+        return replace(plant, dead_time_s=self.dead_time_s)
+
+    @property
+    def logs(self) -> tuple[LogFit, ...]:
+        """The logs that were fitted as recorded."""
+        return self.recorded.logs if self.recorded is not None else ()
 
     @property
     def recorded_falls(self) -> tuple[FrictionLevel, ...]:
         """The fitted steps that fall from one level to another, not to rest."""
-        return tuple(row for row in self.friction_levels if row.from_ > row.level > 0)
+        return falls_between(self.friction_levels)
 
     @property
     def friction_levels(self) -> tuple[FrictionLevel, ...]:
@@ -675,7 +757,9 @@ class Fit(Plotted, codec.Saved, Made, frozen=True, dict=True):
 
     @property
     def dead_time_s(self) -> float:
-        """Dead time [s]: of logs as recorded, else the median of single steps upwards, 0 where most show none."""
+        """Dead time [s]: the plant's; without one of logs as recorded, or the median of single steps upwards."""
+        if self.plant_ is not None:
+            return self.plant_.dead_time_s
         if self.recorded is not None:
             return self.recorded.dead_time_s
         return statistics.median_low([step.dead_time_s for step in self.steps if step.edge == "up"] or [0.0])

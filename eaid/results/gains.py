@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, ClassVar
 
 from eaid.errors import UsageError
 from eaid.findings import sentences
-from eaid.models.parameters import Linear
 from eaid.options import TuneOptions
+from eaid.plant.linear import Linear
 from eaid.results import codec
 from eaid.results.common import Count, Inputs, Made, Number, Positive, Result
 from eaid.shown import Plotted

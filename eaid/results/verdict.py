@@ -7,26 +7,28 @@ that, or the linear model, open by a factor of a hundred. A run or a level that 
 named; what the data do not determine is a warning.
 """
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
 
+from eaid.arrays import Array
 from eaid.errors import in_python
 from eaid.findings import Finding, finding, ranked, say, stops
-from eaid.models import linear, nonlinear
-from eaid.models.parameters import TAU_FLOOR_S
+from eaid.plant import linear
+from eaid.plant.dynamics import CHECKED_INPUTS, Plant
+from eaid.plant.respond import from_rest
 from eaid.results.common import Interval
 
 if TYPE_CHECKING:
-    from eaid.results.fit import Fit, Nonlinear
+    from eaid.results.fit import Fit
 
 MODELS = ("friction", "nonlinear", "linear", "release")
 PLANT = ("nonlinear", "release")  # Models that a replay's plant is made of
 BEYOND = 10.0  # Steady output over the largest that was reached, from which it is none that the data show
 FACTOR = 100.0  # Ends of an interval so far apart say nothing
 BETWEEN = 10  # Inputs from one at which the constraints of a fit hold to the next
-INPUTS = BETWEEN * (nonlinear.CHECKED_DUTIES - 1) + 1  # Evenly over the identified range
+INPUTS = BETWEEN * (CHECKED_INPUTS - 1) + 1  # Evenly over the identified range
 SLOWEST_S = 1e9
 LARGEST = 1e15  # Steady output of any rig, whatever its units
 NEARLY = 1e-3  # Share of the largest value by which τ2 may lie below τ1, or T_s below 0
@@ -87,15 +89,16 @@ def failures(fit: "Fit") -> list[Finding]:
 
 def _nonlinear(fit: "Fit") -> list[Finding]:
     part = fit.nonlinear
-    if part is None:
+    if part is None and fit.plant_ is None:
         return []
-    found = unphysical(part)
-    p = part.parameters
-    highest = float(np.max(nonlinear.steady_torque(p, np.linspace(*p.u_range, INPUTS))))
+    p = fit.plant
+    found = unphysical(p)
+    highest = float(np.max(p.steady(np.linspace(*p.u_range, INPUTS))))
     found += _beyond(fit, "nonlinear", highest, [
-        float(nonlinear.step_response(p, np.array([end]), u)[0]) for u, end in _records(fit)
+        float(from_rest(p, np.array([end]), u)[0]) for u, end in _records(fit)
     ])  # fmt: skip
-    known = [row for row in part.curves if row.ci95 is not None]
+    curves = part.curves if part is not None else ()
+    known = [row for row in curves if row.ci95 is not None]
     open_at = [row.level for row in known if row.ci95 is not None and _says_nothing(row.ci95.Ts)]
     if 2 * len(open_at) > len(known):
         found.append(finding("steady-output-unknown", "nonlinear", open_at, unit=fit.data.input_unit))
@@ -107,7 +110,7 @@ def _linear(fit: "Fit") -> list[Finding]:
     if part is None or not part.a0 > 0:
         return []
     p = part.parameters
-    tops = [linear.steady_torque(p, u) for u, _ in _records(fit)]
+    tops = [linear.steady(p, u) for u, _ in _records(fit)]
     reached = [float(linear.step_response(p, np.array([end]), u)[0]) for u, end in _records(fit)]
     found = _beyond(fit, "linear", max(tops, default=0.0), reached)
     for name in ("a0", "b0"):
@@ -139,17 +142,22 @@ def _says_nothing(ends: Interval) -> bool:
     return ends is None or not 0 < ends[1] <= FACTOR * ends[0]
 
 
-def unphysical(part: "Nonlinear") -> list[Finding]:
+def unphysical(p: Plant) -> list[Finding]:
     """Curves that, within the identified inputs, are none that a plant has; the first place of each."""
-    p, inputs = part.parameters, np.linspace(*part.u_range, INPUTS)
-    (tau1, tau2), Ts = nonlinear.time_constants(p, inputs), nonlinear.steady_torque(p, inputs)
-    floor = np.where(np.arange(INPUTS) % BETWEEN == 0, TAU_FLOOR_S / 2, -np.inf)  # a fit is held above it there alone
-    found = []
-    for name, values, least, most in (
-        ("tau1", tau1, TAU_FLOOR_S / 2, SLOWEST_S),
+    inputs = np.linspace(*p.u_range, INPUTS)
+    (tau1, tau2), Ts = p.time_constants(inputs), p.steady(inputs)
+    floor = np.where(np.arange(INPUTS) % BETWEEN == 0, p.floor_s / 2, -np.inf)  # a fit is held above it there alone
+    cases: list[tuple[str, Array, Any, float]] = [
+        ("tau1", tau1, p.floor_s / 2, SLOWEST_S),
         ("tau2", tau2, np.maximum(tau1 - NEARLY * np.max(tau2), floor), SLOWEST_S),
         ("Ts", Ts, -NEARLY * np.max(Ts) if np.max(Ts) > 1 / LARGEST else 1 / LARGEST, LARGEST),
-    ):
+    ]
+    if p.kind == "lag":
+        del cases[1]
+    if p.Ts_below:
+        cases[-1] = ("Ts", Ts, -LARGEST, LARGEST)
+    found = []
+    for name, values, least, most in cases:
         wrong = ~((values >= least) & (values <= most))
         if wrong.any():
             k = int(wrong.argmax())

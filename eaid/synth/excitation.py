@@ -17,11 +17,11 @@ from eaid.control.pi import PAPER_PI, PIGains
 from eaid.errors import UsageError
 from eaid.logs.run import Run
 from eaid.options import Excitation, Rig
+from eaid.plant.dynamics import plant_numbers
 from eaid.replay.controllers import Controller, feedback
 from eaid.replay.loop import Inputs, inputs_of, loop_of, rig_numbers
-from eaid.replay.plant import plant_parameters
 from eaid.synth.logs import Columns, Disturbance, digits, mark, noise, played, refuse_too_many, run_of, scatter
-from eaid.synth.plants import Plant, Scatter
+from eaid.synth.plants import Scatter, Specimen
 
 PAPER_REFERENCE_NM = (0.6, 3.6)  # What a closed loop follows on the reference plant
 FREQUENCIES_HZ = (0.05, 5.0)  # Lowest and highest of a chirp, and of the tones upon a loop's reference
@@ -79,7 +79,7 @@ def reference_of(e: Excitation, span: Span, n: int, draw: Draw) -> Array:
     return np.asarray(np.clip(random_steps(e, span, n, draw) + 0.02 * (span[1] - span[0]) * tones, *span))
 
 
-def check_excitation(plant: Plant, e: Excitation) -> None:
+def check_excitation(plant: Specimen, e: Excitation) -> None:
     """Refuse what cannot be recorded."""
     faults = []
     if plant.model is None:
@@ -97,7 +97,7 @@ def check_excitation(plant: Plant, e: Excitation) -> None:
 
 
 def synthesise_excitation(
-    plant: Plant, e: Excitation, disturbance: Disturbance, seed: int, repeats: int = 1
+    plant: Specimen, e: Excitation, disturbance: Disturbance, seed: int, repeats: int = 1
 ) -> list[Run]:
     """Logs of that input."""
     check_excitation(plant, e)
@@ -117,7 +117,7 @@ def synthesise_excitation(
 
 
 def looped(
-    plant: Plant, e: Excitation, factors: Scatter, times: tuple[Array, Array], disturbance: Disturbance, draw: Draw
+    plant: Specimen, e: Excitation, factors: Scatter, times: tuple[Array, Array], disturbance: Disturbance, draw: Draw
 ) -> tuple[Columns, Array]:
     """One log of a loop, and its reference: steps and tones; its PI reads what is logged, above its offset."""
     assert plant.model is not None  # check_excitation
@@ -129,13 +129,13 @@ def looped(
     law, dt_s = paper_pi(plant), 1 / e.rate_hz
     inputs = inputs_of(law, reference, Rig(), dt_s, 0)._replace(disturbance=white[n:], factor=1.0 + share[n:])
     _, read, value, _ = columns = [[0.0] * len(reference) for _ in range(4)]
-    numbers = plant_parameters(factors.on(plant.model)), rig_numbers(Rig(), dt_s)
+    numbers = plant_numbers(factors.on(plant.model)), rig_numbers(Rig(), dt_s)
     loop_of(law.step)(law.gains, law.start, *numbers, dt_s, Inputs(*(one.tolist() for one in inputs)), columns)
     output = digits(np.append(white[:n], read) + disturbance.offset_nm, disturbance)
     return (time_s, np.append(idle, value), output), np.append(idle, reference)
 
 
-def paper_pi(plant: Plant) -> Controller:
+def paper_pi(plant: Specimen) -> Controller:
     """The paper's PI in the rig's units, over the inputs that the rig has."""
     top = 100.0 if plant.is_duty else plant.input_range[1]
     factor = 1.0 if plant.is_duty and plant.in_nm else top / 100 / plant.scale

@@ -1,6 +1,6 @@
 """Logs of a plant, as a rig would have recorded them.
 
-A run idles, holds its level, and is released; its torque is that of the replay's plant (`eaid.replay.plant.driven`).
+A run idles, holds its level, and is released; its torque is that of the replay's plant (`eaid.plant.respond.driven`).
 """
 
 import hashlib
@@ -14,10 +14,10 @@ from eaid.arrays import Array, read_only
 from eaid.errors import UsageError
 from eaid.logs.run import Run
 from eaid.options import KINDS
+from eaid.plant.respond import driven
 from eaid.replay.loop import coloured
-from eaid.replay.plant import driven
 from eaid.replay.references import MOST_SAMPLES
-from eaid.synth.plants import Plant, Scatter
+from eaid.synth.plants import Scatter, Specimen
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def digits(torque_nm: Array, d: Disturbance) -> Array:
     return np.round(torque_nm / d.resolution_nm) * d.resolution_nm if d.resolution_nm > 0 else torque_nm
 
 
-def mark(plant: Plant, disturbance: Disturbance, seed: int) -> str:
+def mark(plant: Specimen, disturbance: Disturbance, seed: int) -> str:
     """What every synthetic log says of itself: of what, disturbed how, with which seed."""
     sizes = asdict(disturbance if disturbance.coloured > 0 else replace(disturbance, coloured_s=0.0))
     disturbances = ", ".join(f"{name} {value:g}" for name, value in sizes.items() if value)
@@ -101,7 +101,7 @@ Input = Sequence[tuple[float, float]]  # A piecewise constant input: (from when 
 Columns = tuple[Array, Array, Array]  # Time [s], input and output of a log, shapes (n,)
 
 
-def synthesise(plant: Plant, protocol: Protocol, disturbance: Disturbance, seed: int) -> list[Run]:
+def synthesise(plant: Specimen, protocol: Protocol, disturbance: Disturbance, seed: int) -> list[Run]:
     """Runs of idle, step, hold and release; the seed, the place of a level and the repeat make a run."""
     check_protocol(plant, protocol)
     p, end_s, runs = protocol, protocol.idle_s + protocol.hold_s, []
@@ -116,7 +116,7 @@ def synthesise(plant: Plant, protocol: Protocol, disturbance: Disturbance, seed:
 
 
 def repeats(
-    plant: Plant, what: str, changes: Input, duration_s: float, protocol: Protocol, disturbance: Disturbance,
+    plant: Specimen, what: str, changes: Input, duration_s: float, protocol: Protocol, disturbance: Disturbance,
     key: tuple[int, ...],
 ) -> Iterator[Run]:  # fmt: skip
     """The runs of one input, each of a rig that was at rest before; key, the seed first, and repeat make its noise."""
@@ -129,18 +129,18 @@ def repeats(
 
 
 def played(
-    plant: Plant, factors: Scatter, steps: tuple[Array, Array], time_s: Array, disturbance: Disturbance,
+    plant: Specimen, factors: Scatter, steps: tuple[Array, Array], time_s: Array, disturbance: Disturbance,
     draw: np.random.Generator,
 ) -> Columns:  # fmt: skip
     """What one run of the rig gives where the input takes some values, each from an instant on: (instants, values)."""
     starts, levels = steps
     value = levels[np.searchsorted(starts, time_s, side="right") - 1]
-    torque = driven(plant.pull(factors), starts, levels, time_s)
+    torque = driven(plant.acting(factors), starts, levels, time_s)
     return time_s, value, measured(torque, time_s, plant.rotor_hz(value), disturbance, draw)
 
 
 def run_of(
-    plant: Plant, columns: Columns, what: str, repeat: int, synthetic: str, reference: Array | None = None
+    plant: Specimen, columns: Columns, what: str, repeat: int, synthetic: str, reference: Array | None = None
 ) -> Run:
     """Columns as a run that says what it is of and what made it; its fingerprint is theirs."""
     time_s, value, output = map(read_only, columns)
@@ -151,7 +151,7 @@ def run_of(
     )  # fmt: skip
 
 
-def check_protocol(plant: Plant, protocol: Protocol) -> None:
+def check_protocol(plant: Specimen, protocol: Protocol) -> None:
     """Refuse what cannot be recorded."""
     faults = []
     if not protocol.levels:

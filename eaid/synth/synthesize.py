@@ -11,7 +11,7 @@ from eaid.results.fit import Fit
 from eaid.synth.excitation import synthesise_excitation
 from eaid.synth.files import read_input
 from eaid.synth.logs import NONE, PROTOCOLS, Disturbance, Protocol, check_protocol, repeats, synthesise
-from eaid.synth.plants import REFERENCE, Plant, of_fit
+from eaid.synth.plants import REFERENCE, Specimen, of_fit
 
 Part = TypeVar("Part", Protocol, Disturbance)
 # Disturbances in the output's unit: their defaults are scaled to the rig
@@ -58,7 +58,7 @@ def said_by(options: SynthOptions, usual: Part) -> Part:
     return replace(usual, **{name: value for name, value in given.items() if value is not None})
 
 
-def disturbance_of(options: SynthOptions, plant: Plant) -> Disturbance:
+def disturbance_of(options: SynthOptions, plant: Specimen) -> Disturbance:
     """What is not the plant: the defaults, in the output's own size where that is no torque in N·m."""
     base = NONE if options.clean else Disturbance()
     if not plant.in_nm:

@@ -6,8 +6,8 @@ import pytest
 import eaid
 from eaid.apparatus import Apparatus
 from eaid.estimate.adequacy import decays, lack_of_fit
-from eaid.models import friction
-from eaid.models.parameters import Friction
+from eaid.plant.dynamics import Step
+from eaid.plant.respond import step_response
 from eaid.steps.stepset import Level, StepSet
 
 T = np.arange(1500) * 0.02
@@ -36,7 +36,7 @@ def codes(found: eaid.Fit) -> set[str]:
 
 
 def usual(duty: float) -> np.ndarray:
-    return friction.step_response(Friction(0.01 * duty + 3e-4 * duty**2, 0.2 + 0.004 * duty, 3 + 0.05 * duty), T)
+    return step_response(Step(0.01 * duty + 3e-4 * duty**2, 0.2 + 0.004 * duty, 3 + 0.05 * duty), T)
 
 
 def test_lack_of_fit_is_what_the_runs_share() -> None:
@@ -57,7 +57,7 @@ def test_the_right_model_is_kept() -> None:
 
 
 def test_another_share_is_recommended() -> None:
-    made = stepset(lambda duty: friction.step_response(Friction(0.04 * duty, 0.3, 4.0, C=0.5), T))
+    made = stepset(lambda duty: step_response(Step(0.04 * duty, 0.3, 4.0, C=0.5), T))
     for models in (None, ("friction",)):
         (one,) = [one for one in eaid.fit(made, model=models).findings if one.code == "runs-reject-the-share"]
         assert one.values["estimate"] == pytest.approx(0.5, abs=1e-3) and one.values["held"] == 0.85
@@ -65,7 +65,7 @@ def test_another_share_is_recommended() -> None:
 
 def test_levels_that_no_polynomial_follows_are_told() -> None:
     def wavy(duty: float) -> np.ndarray:
-        return friction.step_response(Friction(0.04 * duty, 0.5 + 0.25 * np.sin(duty / 12), 4.0), T)
+        return step_response(Step(0.04 * duty, 0.5 + 0.25 * np.sin(duty / 12), 4.0), T)
 
     made = stepset(wavy, gain=0.005)
     found = eaid.fit(made)
@@ -75,7 +75,7 @@ def test_levels_that_no_polynomial_follows_are_told() -> None:
 
 T_LONG = np.arange(1000) * 0.02
 SHAPES = {
-    "two": lambda u: friction.step_response(Friction(0.03 * u, 0.2 + 0.004 * u, 3 + 0.05 * u), T_LONG),
+    "two": lambda u: step_response(Step(0.03 * u, 0.2 + 0.004 * u, 3 + 0.05 * u), T_LONG),
     "stretched": lambda u: 0.03 * u * (1 - np.exp(-((T_LONG / 1.2) ** 0.55))),
     "three-exponentials": lambda u: (
         0.03 * u * (1 - 0.6 * np.exp(-T_LONG / 0.3) - 0.25 * np.exp(-T_LONG / 1.8) - 0.15 * np.exp(-T_LONG / 9))
@@ -123,7 +123,7 @@ def test_a_ripple_that_all_runs_share_is_missed_alike() -> None:
 def test_noise_is_no_decay_under_hold(runs: int, keep: float, lost: int) -> None:
     """Ripple as large as the decay that is looked for: peaks in many levels, and no decay in 95 of 100."""
     random = np.random.default_rng(0)
-    clean = friction.step_response(Friction(1.0, 0.3, 2.0), T_LONG)
+    clean = step_response(Step(1.0, 0.3, 2.0), T_LONG)
     slow = [np.array([coloured(random, len(T_LONG), keep) for _ in range(runs)]) * 0.05 + clean for _ in range(60)]
     levels = [Level(float(i + 1), T_LONG, rows, ("a", "b", "c")[:runs]) for i, rows in enumerate(slow)]
     smooth = [np.convolve(level.mean, np.full(20, 0.05), "valid") for level in levels]

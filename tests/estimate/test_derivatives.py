@@ -12,7 +12,7 @@ from eaid.estimate.forms import nonlinear
 from eaid.estimate.from_steps import StepProblem
 from eaid.estimate.points import Points, compress, level_normal, log_crossed
 from eaid.estimate.solver import EndPoint, Problem, approach, ended, newton_step, polish, slsqp
-from eaid.models.parameters import REFERENCE_PLANT
+from eaid.plant.dynamics import REFERENCE_PLANT
 
 RNG = np.random.default_rng(3)
 TIMES = np.sort(RNG.uniform(0, 10, (1, 40)))

@@ -4,8 +4,7 @@ import pytest
 import eaid
 from eaid.estimate.coefficients import coefficients_of
 from eaid.estimate.draw import draw, drawable
-from eaid.models import nonlinear
-from eaid.models.parameters import REFERENCE_PLANT
+from eaid.plant.dynamics import REFERENCE_PLANT
 from eaid.results import codec
 
 P = REFERENCE_PLANT
@@ -46,10 +45,10 @@ def test_every_plant_keeps_the_constraints(sd: float) -> None:
     plants = draw(fit_json(sd), 50, 3).plants
     assert len({p.tau2 for p in plants}) == 50 or sd > 1  # what is far out ends at the same farthest curves
     for p in plants:
-        tau1, tau2 = nonlinear.time_constants(p, duty)
+        tau1, tau2 = p.time_constants(duty)
         assert tau1.min() >= 1e-3 - 1e-9
         assert (tau2 - tau1).min() >= -1e-9
-        assert nonlinear.steady_torque(p, duty).min() >= -1e-9
+        assert p.steady(duty).min() >= -1e-9
 
 
 def test_a_minimal_fit_gives_the_plant_itself() -> None:

@@ -11,8 +11,10 @@ import pytest
 import eaid
 from eaid.apparatus import Apparatus
 from eaid.errors import DataError, UsageError
-from eaid.models import friction, linear, nonlinear
-from eaid.models.parameters import PAPER_LINEAR, REFERENCE_PLANT, Friction, Linear
+from eaid.plant import linear
+from eaid.plant.dynamics import REFERENCE_PLANT, Step
+from eaid.plant.linear import PAPER_LINEAR, Linear
+from eaid.plant.respond import from_rest, step_response, step_slopes
 from eaid.steps.stepset import Level, StepSet
 
 Maker = Callable[..., StepSet]
@@ -104,11 +106,11 @@ def test_a_level_that_falls_has_no_b_and_one_level_no_offset(clutch_set: Maker) 
 @pytest.mark.parametrize("share", [0.85, "free"])
 @pytest.mark.parametrize(
     "truth",
-    [Friction(1.7, 0.35, 6.0), Friction(0.05, 0.02, 0.9), Friction(300.0, 1.5, 25.0), Friction(2.0, 0.1, 1.2, 0.5)],
+    [Step(1.7, 0.35, 6.0), Step(0.05, 0.02, 0.9), Step(300.0, 1.5, 25.0), Step(2.0, 0.1, 1.2, 0.5)],
 )
-def test_one_level_returns(truth: Friction, share: Any) -> None:
+def test_one_level_returns(truth: Step, share: Any) -> None:
     held = truth.C if share == 0.85 else share
-    found = quick(steps_of((50.0, T, friction.step_response(truth, T))), model=("friction",), share=held).friction
+    found = quick(steps_of((50.0, T, step_response(truth, T))), model=("friction",), share=held).friction
     row = found.levels[0]
     assert (row.Ts, row.tau1, row.tau2, row.C) == pytest.approx((truth.Ts, truth.tau1, truth.tau2, truth.C), rel=1e-6)
 
@@ -129,8 +131,8 @@ def test_a_level_has_the_cost_of_the_best_of_a_fine_grid(seed: int) -> None:
     """T_s solved for at each pair of time constants."""
     rng = np.random.default_rng(seed)
     t = np.arange(500) / 50
-    truth = Friction(rng.uniform(0.1, 4), np.exp(rng.uniform(-2, 0)), np.exp(rng.uniform(0.2, 3.0)))
-    y = friction.step_response(truth, t) + 0.02 * rng.normal(size=len(t))
+    truth = Step(rng.uniform(0.1, 4), np.exp(rng.uniform(-2, 0)), np.exp(rng.uniform(0.2, 3.0)))
+    y = step_response(truth, t) + 0.02 * rng.normal(size=len(t))
     found = quick(steps_of((50.0, t, y)), model=("friction",)).friction.levels[0]
     rises = -np.expm1(-t / np.geomspace(0.02, 300, 80)[:, None])
     pairs = 0.85 * rises[:, None] + 0.15 * rises[None]
@@ -144,7 +146,7 @@ def test_metrics_are_those_of_the_curves(clutch_set: Maker) -> None:
     found = quick(steps, estimator="joint")
     part = found.nonlinear
     assert found.friction and found.linear and not found.release and found.converged
-    left = [nonlinear.step_response(part.parameters, one.time_s, one.level) - one.mean for one in steps.levels]
+    left = [from_rest(part.parameters, one.time_s, one.level) - one.mean for one in steps.levels]
     for row, r, level in zip(part.per_level, left, steps.levels, strict=True):
         about = level.mean - level.mean.mean()
         assert row.sse == pytest.approx(r @ r, rel=1e-9) and row.rmse == pytest.approx(np.sqrt(np.mean(r**2)))
@@ -185,7 +187,7 @@ def test_false_alarms_are_rare_and_so_are_misses() -> None:
     rng, alarms, missed = np.random.default_rng(0), 0, 0
     for k in range(50):
         t = np.arange(2000) * rng.uniform(5, 40) / 2000
-        y = friction.step_response(Friction(1.0, 10 ** rng.uniform(-2.5, 0.3), 10 ** rng.uniform(0, 1.3)), t)
+        y = step_response(Step(1.0, 10 ** rng.uniform(-2.5, 0.3), 10 ** rng.uniform(0, 1.3)), t)
         wave = rng.uniform(0, 0.15) * y * np.sin(2 * np.pi * rng.uniform(0.1, 3) * t + rng.uniform(0, 6))
         drift, noise = rng.uniform(-0.15, 0.05) * t / t[-1] * y, 10 ** rng.uniform(-2.5, -0.3) * rng.normal(size=2000)
         alarms += judged(t, (y + wave + drift + noise) * 10 ** rng.uniform(-3, 3))
@@ -219,7 +221,7 @@ def test_options_that_are_refused(options: dict[str, Any], sentence: str, clutch
 
 def test_what_cannot_be_fitted_is_refused(clutch_set: Maker, friction_set: Maker) -> None:
     with pytest.raises(UsageError, match="friction-force logs can be fitted with friction"):
-        quick(friction_set("friction-force", "N", {17.0: Friction(1, 0.2, 3)}), model=("linear",))
+        quick(friction_set("friction-force", "N", {17.0: Step(1, 0.2, 3)}), model=("linear",))
     with pytest.raises(DataError, match="no rising step was found"):
         quick(replace(clutch_set(rate_hz=10.0), levels=()))
 
@@ -248,9 +250,7 @@ def test_held_out_levels_are_predicted_not_fitted(clutch_set: Maker) -> None:
 
 
 def test_held_out_friction_levels_are_predicted_by_the_trends(friction_set: Maker) -> None:
-    curves = {
-        f: Friction(0.015 * f, 0.1 + 2 * np.exp(-f / 30), 1 + 20 * np.exp(-f / 40)) for f in np.arange(20.0, 180, 20)
-    }
+    curves = {f: Step(0.015 * f, 0.1 + 2 * np.exp(-f / 30), 1 + 20 * np.exp(-f / 40)) for f in np.arange(20.0, 180, 20)}
     found = quick(friction_set("friction-force", "N", curves), hold_out=(100.0,)).friction
     assert found.hold_out.rmse < 1e-3 * curves[100.0].Ts
 
@@ -262,20 +262,20 @@ def test_huber_sees_past_spikes_and_is_at_the_minimum_of_its_own_loss(clutch_set
     steps = replace(steps, levels=(replace(steps.levels[0], runs=y),))
     found = quick(steps, loss="huber", model=("friction",)).friction
     squares = quick(steps, model=("friction",)).friction
-    true = friction.step_response(nonlinear.at_duty(REFERENCE_PLANT, 60.0), t)
-    off = [np.abs(friction.step_response(one.levels[0].curve, t) - true).max() for one in (found, squares)]
+    true = step_response(REFERENCE_PLANT.at(60.0), t)
+    off = [np.abs(step_response(one.levels[0].curve, t) - true).max() for one in (found, squares)]
     assert off[0] < 0.5 * off[1]
     p = found.levels[0].curve
-    missed = friction.step_response(p, t) - y[0]
+    missed = step_response(p, t) - y[0]
     cut = 1.345 * 1.4826 * np.median(np.abs(missed))
     pulls = np.clip(missed, -cut, cut)
-    slopes = friction.gradient(p, t)[:3]
+    slopes = step_slopes(p, t)[:3]
     assert np.abs((slopes @ pulls) / (np.abs(slopes) @ np.abs(pulls))).max() < 1e-5
     assert cut < 0.1 * np.abs(missed).max()
 
 
 def test_trends_need_levels_and_units(friction_set: Maker) -> None:
-    curves = {p: Friction(10.0 + p, 0.1, 1.0) for p in (1.0, 3.0, 5.0, 7.0)}
+    curves = {p: Step(10.0 + p, 0.1, 1.0) for p in (1.0, 3.0, 5.0, 7.0)}
     found = quick(friction_set("friction-force", "bar", curves))
     part = found.friction
     assert part.over == "stress_kpa" and [one.stress_kpa for one in part.levels] == [100.0, 300.0, 500.0, 700.0]
@@ -289,7 +289,7 @@ def test_trends_need_levels_and_units(friction_set: Maker) -> None:
 
 def test_coefficient_of_friction_by_hand(friction_set: Maker) -> None:
     """T_s = 2.459 N·m at 170 N with one surface: C_f = 0.286."""
-    found = quick(friction_set("friction-force", "N", {170.0: Friction(2.459, 0.3, 4.0)})).friction
+    found = quick(friction_set("friction-force", "N", {170.0: Step(2.459, 0.3, 4.0)})).friction
     assert found.levels[0].C_f == pytest.approx(0.2855, abs=5e-4)
 
 
@@ -298,7 +298,7 @@ def test_few_levels_leave_the_high_coefficients_at_zero(levels: list[float], zer
     p = quick(clutch_set(levels=levels, rate_hz=50.0), model=("nonlinear",), estimator="joint").plant
     assert len(p.Ts) == 4 and p.Ts[4 - zeros :] == (0.0,) * zeros and len(p.tau1) == 3
     for u in levels:
-        assert nonlinear.steady_torque(p, u) == pytest.approx(nonlinear.steady_torque(REFERENCE_PLANT, u), rel=1e-6)
+        assert p.steady(u) == pytest.approx(REFERENCE_PLANT.steady(u), rel=1e-6)
 
 
 @pytest.mark.slow
@@ -309,14 +309,14 @@ def test_constraints_hold_between_the_levels_too(fit_quality: Any) -> None:
         rows = ((float(u), case.t_s, y) for u, y in zip(fit_quality.LEVELS, case.y, strict=True))
         found = quick(steps_of(*rows), model=("nonlinear",), estimator="joint")
         u = np.linspace(10, 100, 101)
-        tau1, tau2 = nonlinear.time_constants(found.plant, u)
+        tau1, tau2 = found.plant.time_constants(u)
         assert tau1.min() >= 1e-3 - 1e-9 and (tau2 - tau1).min() >= -1e-9
-        assert nonlinear.steady_torque(found.plant, u).min() >= -1e-9 and found.converged
+        assert found.plant.steady(u).min() >= -1e-9 and found.converged
         held += bool(found.nonlinear.solver.at_bounds)
     assert held
 
 
-HELD_S, RISES = 20.0, {40.0: Friction(0.8, 0.6, 12.0), 80.0: Friction(2.8, 0.55, 17.0)}
+HELD_S, RISES = 20.0, {40.0: Step(0.8, 0.6, 12.0), 80.0: Step(2.8, 0.55, 17.0)}
 
 
 def released(tau1: float, tau2: float, left: float = 0.0) -> StepSet:
@@ -326,7 +326,7 @@ def released(tau1: float, tau2: float, left: float = 0.0) -> StepSet:
         x1, x2 = (share * rise.Ts * -np.expm1(-HELD_S / tau) for share, tau in ((0.85, rise.tau1), (0.15, rise.tau2)))
         y = left * rise.Ts + x1 * np.exp(-T / tau1) + x2 * np.exp(-T / tau2)
         falls.append(Level(u, T, y[None], (f"{u}",)))
-    rows = ((u, T, friction.step_response(rise, T)) for u, rise in RISES.items())
+    rows = ((u, T, step_response(rise, T)) for u, rise in RISES.items())
     return steps_of(*rows, releases=tuple(falls))
 
 

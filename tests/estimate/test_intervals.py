@@ -8,8 +8,8 @@ import eaid
 from eaid.apparatus import Apparatus
 from eaid.estimate.draw import draw
 from eaid.findings import say
-from eaid.models import friction
-from eaid.models.parameters import Friction
+from eaid.plant.dynamics import Step
+from eaid.plant.respond import step_response, step_slopes
 from eaid.steps.stepset import Level, StepSet
 
 
@@ -119,8 +119,8 @@ def test_white_is_the_textbook_and_far_narrower(made: StepSet) -> None:
     own, textbook = (np.diff(rows[4].ci95.Ts)[0] for rows in (body.friction.levels, white.friction.levels))
     assert textbook < own / 4
     level, curve = made.levels[4], body.friction.levels[4].curve
-    J = friction.gradient(curve, level.time_s)[:3].T
-    left = level.mean - friction.step_response(curve, level.time_s)
+    J = step_slopes(curve, level.time_s)[:3].T
+    left = level.mean - step_response(curve, level.time_s)
     covariance = np.linalg.inv(J.T @ J) * (left @ left) / (len(left) - 3)
     assert textbook / 2 == pytest.approx(1.9629 * np.sqrt(covariance[0, 0]), rel=1e-3)
 
@@ -130,21 +130,19 @@ def test_none_gives_no_intervals_but_keeps_the_words(made: StepSet) -> None:
     assert found.nonlinear.ci95 is None and found.linear.ci95 is None
 
 
-def steps(
-    curves: list[Friction], record_s: float, sd: float, runs: int = 1, gain: float = 0.0, seed: int = 0
-) -> StepSet:
+def steps(curves: list[Step], record_s: float, sd: float, runs: int = 1, gain: float = 0.0, seed: int = 0) -> StepSet:
     random = np.random.default_rng(seed)
     t = np.arange(int(record_s * 100)) * 0.01
     levels = []
     for i, curve in enumerate(curves):
-        clean = friction.step_response(curve, t)
+        clean = step_response(curve, t)
         made = clean * (1 + gain * random.standard_normal((runs, 1))) + sd * random.standard_normal((runs, len(t)))
         levels.append(Level(10.0 * (i + 1), t, made, tuple(f"r{r}" for r in range(runs))))
     return StepSet("clutch", "%", "N·m", Apparatus(), tuple(levels))
 
 
 def test_a_short_record_leaves_tau2_open() -> None:
-    short = steps([Friction(1.0 + i, 0.2, 12.0) for i in range(5)], record_s=2.0, sd=0.02, runs=3, gain=0.01)
+    short = steps([Step(1.0 + i, 0.2, 12.0) for i in range(5)], record_s=2.0, sd=0.02, runs=3, gain=0.01)
     sure = eaid.fit(short)
     (reason,) = [
         one
@@ -161,7 +159,7 @@ def test_a_short_record_leaves_tau2_open() -> None:
 
 
 def test_one_level_cannot_tell_b0_from_c0() -> None:
-    one = steps([Friction(1.0, 0.2, 3.0)], record_s=20.0, sd=0.01, runs=3, gain=0.02)
+    one = steps([Step(1.0, 0.2, 3.0)], record_s=20.0, sd=0.01, runs=3, gain=0.02)
     sure = eaid.fit(one)
     assert "one-level-linear" in codes(sure)
     assert sure.linear.ci95.c0 is None
@@ -169,7 +167,7 @@ def test_one_level_cannot_tell_b0_from_c0() -> None:
 
 def test_a_parameter_at_its_constraint_is_not_estimable() -> None:
     """A torque that overshoots wants a slow part that comes before the fast one: τ2 falls on τ1."""
-    made = steps([Friction(1.0 + i, 0.5, 0.5) for i in range(4)], record_s=10.0, sd=0.002, runs=2)
+    made = steps([Step(1.0 + i, 0.5, 0.5) for i in range(4)], record_s=10.0, sd=0.002, runs=2)
     t = made.levels[0].time_s
     bent = tuple(
         replace(one, runs=one.runs + 0.02 * one.level * (np.exp(-t / 1.0) - np.exp(-t / 0.2))) for one in made.levels
@@ -182,7 +180,7 @@ def test_a_parameter_at_its_constraint_is_not_estimable() -> None:
 
 
 def test_overshoot_under_hold_is_named() -> None:
-    made = steps([Friction(1.0 + i, 0.1, 0.5) for i in range(4)], record_s=10.0, sd=0.002, runs=2)
+    made = steps([Step(1.0 + i, 0.1, 0.5) for i in range(4)], record_s=10.0, sd=0.002, runs=2)
     bent = tuple(replace(one, runs=one.runs * (1 - 0.02 * one.time_s)) for one in made.levels)
     sure = eaid.fit(replace(made, levels=bent), model=("friction",))
     (one,) = [one for one in sure.findings if one.code == "output-decays-under-hold"]
@@ -190,14 +188,14 @@ def test_overshoot_under_hold_is_named() -> None:
 
 
 def test_a_free_share_is_told_to_trade_against_tau2() -> None:
-    short = steps([Friction(1.0 + i, 0.2, 6.0) for i in range(4)], record_s=3.0, sd=0.02, runs=3)
+    short = steps([Step(1.0 + i, 0.2, 6.0) for i in range(4)], record_s=3.0, sd=0.02, runs=3)
     sure = eaid.fit(short, share="free", model=("friction",))
     assert "free-share-open" in codes(sure)
 
 
 def test_what_another_share_would_change_is_told() -> None:
     """Against refits with C held 0.002 higher and lower."""
-    made = steps([Friction(1.0 + i, 0.2, 3.0) for i in range(3)], record_s=20.0, sd=0.001, runs=2)
+    made = steps([Step(1.0 + i, 0.2, 3.0) for i in range(3)], record_s=20.0, sd=0.001, runs=2)
     told = eaid.fit(made, model=("friction",)).uncertainty.share.change_per_001_pct
     low, high = (eaid.fit(made, model=("friction",), share=c, ci="none").friction.levels for c in (0.848, 0.852))
     for name in ("Ts", "tau1", "tau2"):
@@ -208,10 +206,10 @@ def test_what_another_share_would_change_is_told() -> None:
 
 
 def test_single_runs_say_what_they_rest_on() -> None:
-    few = steps([Friction(1.0 + i, 0.2, 3.0) for i in range(3)], record_s=20.0, sd=0.01)
+    few = steps([Step(1.0 + i, 0.2, 3.0) for i in range(3)], record_s=20.0, sd=0.01)
     sure = eaid.fit(few)
     assert sure.uncertainty.scatter_from == "within" and "single-runs-few-levels" in codes(sure)
-    many = steps([Friction(1.0 + i, 0.2, 3.0) for i in range(9)], record_s=20.0, sd=0.01)
+    many = steps([Step(1.0 + i, 0.2, 3.0) for i in range(9)], record_s=20.0, sd=0.01)
     assert eaid.fit(many).uncertainty.scatter_from == "curve"
 
 

@@ -7,8 +7,8 @@ import pytest
 
 import eaid
 from eaid.apparatus import Apparatus
-from eaid.models import friction
-from eaid.models.parameters import Friction
+from eaid.plant.dynamics import Step
+from eaid.plant.respond import step_response
 from eaid.steps.stepset import Level, StepSet
 
 TOLD = {"runs-leave-the-share-open", "runs-reject-the-share"}
@@ -40,7 +40,7 @@ def test_short_records_cannot_tell_it() -> None:
     random = np.random.default_rng(0)
     t = np.arange(150) * 0.01
     levels = tuple(
-        Level(10.0 * (i + 1), t, friction.step_response(Friction(1.0 + i, 0.2, 8.0), t)
+        Level(10.0 * (i + 1), t, step_response(Step(1.0 + i, 0.2, 8.0), t)
               + 0.02 * random.standard_normal((3, len(t))), ("a", "b", "c"))
         for i in range(5)
     )  # fmt: skip
@@ -57,7 +57,7 @@ def test_of_single_runs_the_interval_is_as_wide_as_the_noise_makes_it() -> None:
     for seed in range(8):
         noise = np.random.default_rng(seed).normal(0.0, 0.03, (4, len(t)))
         levels = tuple(
-            Level(25.0 * k, t, (friction.step_response(Friction(1.0 * k, 0.3, 4.0), t) + noise[k - 1])[None], (f"{k}",))
+            Level(25.0 * k, t, (step_response(Step(1.0 * k, 0.3, 4.0), t) + noise[k - 1])[None], (f"{k}",))
             for k in (1, 2, 3, 4)
         )
         steps = StepSet("clutch", "%", "N·m", Apparatus(), levels)

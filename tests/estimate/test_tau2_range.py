@@ -4,8 +4,8 @@ import numpy as np
 
 import eaid
 from eaid.apparatus import Apparatus
-from eaid.models import friction
-from eaid.models.parameters import Friction
+from eaid.plant.dynamics import Step
+from eaid.plant.respond import step_response
 from eaid.steps.stepset import Level, StepSet
 
 
@@ -15,7 +15,7 @@ def fitted(record_s: float, tau2_s: float, runs: int = 3) -> eaid.Fit:
     t = np.arange(int(100 * record_s)) * 0.01
     levels = []
     for i in range(6):
-        clean = friction.step_response(Friction(1.0 + i, 0.3, tau2_s), t)
+        clean = step_response(Step(1.0 + i, 0.3, tau2_s), t)
         ripple = 1 + 0.005 * np.sin(2 * np.pi * (t / 6 + random.random((runs, 1))))
         rows = clean * ripple * (1 + 0.02 * random.standard_normal((runs, 1)))
         rows = rows + 0.01 * random.standard_normal((runs, len(t)))

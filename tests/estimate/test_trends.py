@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from eaid.estimate.trends import fit_trend
-from eaid.models.trends import evaluate
+from eaid.plant.trends import evaluate
 
 STRESS = np.array([17, 34, 51, 68, 85, 102, 119, 136, 153, 170]) / 6.283e-3 / 1e3
 SPEED = np.arange(5.0, 41.0, 5.0)

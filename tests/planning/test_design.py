@@ -5,15 +5,13 @@ import pytest
 
 from eaid.estimate.scatter import ASSUMED, unit_variances
 from eaid.estimate.spread import t_quantile
-from eaid.models import parameters
-from eaid.models.nonlinear import at_duty
-from eaid.models.parameters import REFERENCE_PLANT
 from eaid.planning.design import rig_of
+from eaid.plant.dynamics import REFERENCE_PLANT, Step
 from eaid.results.fit import Fit, FittedData, Friction, FrictionLevel, Noise, Nonlinear, Uncertainty
 
 
-def curve_at(duty: float) -> parameters.Friction:
-    return at_duty(REFERENCE_PLANT, duty)
+def curve_at(duty: float) -> Step:
+    return REFERENCE_PLANT.at(duty)
 
 
 def test_widths_of_pure_scatter_by_hand() -> None:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import eaid
-from eaid.models.parameters import REFERENCE_PLANT
 from eaid.options import Limits
 from eaid.planning.sequences import measure, plan_excitation, refuse_scattered
+from eaid.plant.dynamics import REFERENCE_PLANT
 from eaid.results.fit import Noise
 
 NOISE = Noise(1.8e-7, 6e-5, {"Ts": 0.0, "tau1": 0.0, "tau2": 0.0})

@@ -8,9 +8,9 @@ import pytest
 from scipy.signal import lfilter
 
 import eaid
-from eaid.estimate.response import RecordedLog, recorded_log
+from eaid.estimate.recorded_log import RecordedLog, recorded_log
 from eaid.logs.run import Run
-from eaid.models.parameters import REFERENCE_PLANT
+from eaid.plant.dynamics import REFERENCE_PLANT
 from eaid.reading import is_recorded
 from eaid.recorded.fit import fit_recorded
 from eaid.synth.excitation import Excitation, synthesise_excitation

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from eaid.estimate import forms
+from eaid.estimate.copies import Copies
 from eaid.estimate.from_logs import Setup
-from eaid.estimate.response import Copies, Drive, RecordedLog, Tables
-from eaid.models.parameters import REFERENCE_PLANT
-from eaid.replay.plant import plant_parameters, plant_step
+from eaid.estimate.recorded_log import RecordedLog
+from eaid.plant.derivatives import Drive, Tables
+from eaid.plant.dynamics import REFERENCE_PLANT, plant_numbers, plant_step
 
 
 def plainly(drive: Drive, tables: Tables, scalars: Any, start: tuple[Any, Any] = (0.0, 0.0)) -> Any:
@@ -92,7 +93,7 @@ def test_derivatives_are_those_of_complex_steps(kind: str, moving: bool) -> None
 def test_the_model_moves_as_the_replays_plant_does() -> None:
     draw = np.random.default_rng(5)
     log = log_of(draw, moving=True)
-    plant = plant_parameters(REFERENCE_PLANT)._replace(release=(0.4, 6.0))
+    plant = plant_numbers(REFERENCE_PLANT)._replace(release=(0.4, 6.0))
     x1 = x2 = 0.0
     expected = []
     for u, dt in zip(log.input, log.dt_s, strict=True):

@@ -57,7 +57,7 @@ def test_the_models_own_step_is_explained_and_idle_torque_is_taken_off(fit):
     assert found.idle_nm == pytest.approx(0.03) and found.max_abs_difference_nm < 1e-12
     assert (found.R2, found.fit_pct, found.one_step_pct) == pytest.approx((1.0, 100.0, 100.0))
     assert metrics(fit, idle_then_step(rows=10)).idle_nm == pytest.approx(0.03)
-    assert metrics(fit, idle_then_step(rows=9)).idle_nm == 0.0  # nine rows make no idle value
+    assert metrics(fit, idle_then_step(rows=2)).idle_nm == pytest.approx(0.03)
     assert metrics(fit, idle_then_step(edge="falling")).idle_nm == 0.0
     assert metrics(fit, replace(idle_then_step(), baseline=0.02)).idle_nm == 0.02
 

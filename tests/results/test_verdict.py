@@ -50,7 +50,8 @@ def test_a_level_that_does_not_move_is_left_out() -> None:
 
 
 def changed(fit: Any, part: str, **values: Any) -> Any:
-    return msgspec.structs.replace(fit, **{part: msgspec.structs.replace(getattr(fit, part), **values)})
+    """With some numbers of a part changed, and the plant made of it anew."""
+    return msgspec.structs.replace(fit, plant_=None, **{part: msgspec.structs.replace(getattr(fit, part), **values)})
 
 
 def lost(fit: Any) -> Any:

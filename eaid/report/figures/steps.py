@@ -8,7 +8,8 @@ from typing import TypeVar
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.models import linear, nonlinear
+from eaid.plant import linear
+from eaid.plant.respond import from_rest
 from eaid.report import panels as ink
 from eaid.report.panels import Axis, Line, Panel, Sheet, quantity
 from eaid.report.results import Results
@@ -27,7 +28,7 @@ def nonlinear_curves(fit: Fit | None, data: StepSet) -> dict[float, Model]:
     if fit is None or fit.nonlinear is None:
         return {}
     model = fit.nonlinear.parameters
-    return {one.level: partial(nonlinear.step_response, model, duty_pct=one.level) for one in data.levels}
+    return {one.level: partial(from_rest, model, u=one.level) for one in data.levels}
 
 
 def single_curves(fit: Fit | None) -> dict[float, Model]:
@@ -122,7 +123,7 @@ def linear_model(data: StepSet, fit: Fit) -> Sheet | None:
     if fit.linear is None:
         return None
     model = fit.linear.parameters
-    above = [row.level for row in data.levels if linear.steady_torque(model, row.level) > 0]
+    above = [row.level for row in data.levels if linear.steady(model, row.level) > 0]
     curves = {level: partial(linear.step_response, model, duty_pct=level) for level in above}
     return Sheet([steps_panel(data, curves, said="Eq. (8)")], 3.2)
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.models import nonlinear
 from eaid.report import panels as ink
 from eaid.report import rig
 from eaid.report.panels import Axis, Band, Line, Note, Panel, Sheet, over
@@ -59,8 +58,8 @@ def value_panels(fit: Fit) -> list[Panel]:
         model = published = None
         if part is not None:
             u = np.linspace(*part.u_range, 200)
-            tau1, tau2 = nonlinear.time_constants(part.parameters, u)
-            curves = {"Ts": nonlinear.steady_torque(part.parameters, u), "tau1": tau1, "tau2": tau2}
+            tau1, tau2 = part.parameters.time_constants(u)
+            curves = {"Ts": part.parameters.steady(u), "tau1": tau1, "tau2": tau2}
             model = Line(u, ended(curves[name], name), "model")
             if of_the_paper(fit.data) and name != "Ts":  # Table III's T_s gives 0.06 N·m at full duty
                 published = Line(u, np.polynomial.polynomial.polyval(u, rig.TABLE_III[name]))
@@ -143,7 +142,7 @@ def shear_per_field(fit: Fit) -> Sheet | None:
     if fit.nonlinear is None or not of_the_paper(fit.data):
         return None
     rig, model, top = fit.data.apparatus, fit.nonlinear.parameters, fit.nonlinear.u_range[1]
-    field, shear = rig.field_v_per_um, rig.shear_kpa(float(nonlinear.steady_torque(model, top)))
+    field, shear = rig.field_v_per_um, rig.shear_kpa(float(model.steady(top)))
     x, merit = np.array([0.0, 2 * field]), shear / field
     factors, said = (0.5, 1.0, 2.0), f"{shear:.2f} kPa\nat {field:.2f} V/µm"
     lines = [Line(x, factor * merit * x, color=ink.GREY, dash="--", width=0.8) for factor in factors]

@@ -3,7 +3,7 @@
 from operator import itemgetter
 
 from eaid.findings.row import SYMBOLS
-from eaid.models.parameters import PAPER_LINEAR
+from eaid.plant.linear import PAPER_LINEAR
 from eaid.report import rig as published
 from eaid.report.rig import gain, of_the_paper
 from eaid.report.tables import INTERVAL, Cell, Name, Table, level, number, table_of

@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 
 import eaid
-from eaid.models import friction, linear, nonlinear, parameters, trends
+from eaid.plant import trends
+from eaid.plant.dynamics import REFERENCE_PLANT, Step
+from eaid.plant.linear import PAPER_LINEAR
+from eaid.plant.respond import step_response, step_slopes
 
 STEP = 1e-30
-CURVE = parameters.Friction(Ts=2.0, tau1=0.3, tau2=4.0)
-PLANT, PAPER = parameters.REFERENCE_PLANT, parameters.PAPER_LINEAR
+CURVE = Step(Ts=2.0, tau1=0.3, tau2=4.0)
+PLANT, PAPER = REFERENCE_PLANT, PAPER_LINEAR
 TIME = np.linspace(0, 12, 50)
 X = np.linspace(2.7, 27.0, 10)
 TRENDS = {
@@ -22,30 +25,26 @@ TRENDS = {
 
 def test_outside_the_identified_duties() -> None:
     """Below the lowest, torque is a line to zero and the time constants stay; above the highest, all stay."""
-    edge, duties = nonlinear.steady_torque(PLANT, 10.0).item(), np.array([0.0, 5.0, 10.0])
-    assert nonlinear.steady_torque(PLANT, duties) == pytest.approx([0, edge / 2, edge])
-    tau1, tau2 = nonlinear.time_constants(PLANT, duties)
+    edge, duties = PLANT.steady(10.0).item(), np.array([0.0, 5.0, 10.0])
+    assert PLANT.steady(duties) == pytest.approx([0, edge / 2, edge])
+    tau1, tau2 = PLANT.time_constants(duties)
     assert tau1 == pytest.approx([0.22444] * 3) and tau2 == pytest.approx([4.766] * 3)
     upto80 = replace(PLANT, u_range=(10.0, 80.0))
-    assert nonlinear.steady_torque(upto80, 95.0) == nonlinear.steady_torque(upto80, 80.0)
-    assert nonlinear.time_constants(upto80, 95.0) == nonlinear.time_constants(upto80, 80.0)
+    assert upto80.steady(95.0) == upto80.steady(80.0)
+    assert upto80.time_constants(95.0) == upto80.time_constants(80.0)
 
 
-@pytest.mark.parametrize("model", ["friction", "linear", *TRENDS])
+@pytest.mark.parametrize("model", ["friction", *TRENDS])
 def test_derivatives_are_those_of_a_complex_step(model: str) -> None:
     if model == "friction":
-        start, gradient = astuple(CURVE), friction.gradient(CURVE, TIME)
-    elif model == "linear":
-        start, gradient = astuple(PAPER), linear.gradient(PAPER, TIME, 60.0)
+        start, gradient = astuple(CURVE), step_slopes(CURVE, TIME)
     else:
         start, gradient = TRENDS[model], trends.FORMS[model].gradient(np.array(TRENDS[model]), X)
     assert len(gradient) == len(start)
     for k in range(len(start)):
         moved = [value + 1j * STEP * (i == k) for i, value in enumerate(start)]
         if model == "friction":
-            values = friction.step_response(parameters.Friction(*moved), TIME)
-        elif model == "linear":
-            values = linear.step_response(parameters.Linear(*moved), TIME, 60.0)
+            values = step_response(Step(*moved), TIME)
         else:
             values = trends.FORMS[model].curve(np.array(moved), X)
         assert gradient[k] == pytest.approx(values.imag / STEP, rel=1e-12, abs=1e-15)

@@ -1,0 +1,98 @@
+"""A log as the kernel takes it: every sample, and a few thousand rows that cost what the log costs.
+
+Where the input is held the few rows are Gauss nodes of blocks on which the response is a polynomial, and the sum of
+squares is the log's own (`compressed`, as with the step fits); where it moves all the time, samples are averaged over
+equal blocks.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from eaid.estimate.points import nodes_of
+from eaid.estimate.recorded_log import RecordedLog
+from eaid.plant.derivatives import Drive
+
+MOVING_ROWS = 6_000  # Blocks of an input that moves all the time, at most
+
+
+@dataclass(frozen=True, eq=False)
+class Copies:
+    """A log in numbers: every sample, and fewer rows that cost what the log costs; each made when it is asked for."""
+
+    log: RecordedLog
+    dead_time_s: float = 0.0  # Near which a fit's θ lies [s]: the few rows are exact for it and some samples about it
+
+    @cached_property
+    def every(self) -> Drive:
+        """Every row; one whose output is not finite is passed through and not compared."""
+        log, at = self.log, self.log.changes
+        level, lasts, rising = log.input[at], np.diff(np.append(at, len(log.input))), np.ones(len(at), dtype=np.int64)
+        if log.stepwise:
+            rising[1:][(level[1:] < level[:-1]) & (level[1:] > 0)] = -1
+        duty, index = np.unique(level, return_inverse=True)
+        above, known = log.output - (log.baseline or 0.0), np.isfinite(log.output)
+        return Drive(
+            np.array(log.dt_s), np.repeat(index.astype(np.int64), lasts), duty, np.repeat(rising, lasts),
+            np.where(known, above, 0.0), np.where(known, log.weight, 0.0), log.baseline is not None, log.starts_idle,
+        )  # fmt: skip
+
+    @cached_property
+    def small(self) -> Drive:
+        """Some thousand rows that cost what the log costs, exactly where its input is held."""
+        if not self.log.stepwise:
+            return averaged(self.log, self.every)
+        return compressed(self.log, self.every, self.dead_time_s)
+
+
+EARLIER = 4  # Samples before a delayed change from which single ones are kept
+
+
+def compressed(log: RecordedLog, every: Drive, dead_time_s: float = 0.0) -> Drive:
+    """A log whose input is held, in Gauss nodes of blocks that double in length from where each change acts.
+
+    What it costs is what the log costs, as far as the response is a polynomial on each block; the first rows of each
+    hold stay as they are, and so do blocks with an output that is not known.
+    """
+    known, t = every.w > 0, log.time_s
+    acts = log.changes
+    if dead_time_s > 0:
+        later = np.searchsorted(t, t[acts[1:]] + dead_time_s) - EARLIER
+        acts = np.unique(np.clip(np.append(0, later), 0, len(t) - 1))
+    at, y, w = nodes_of(t, every.y, np.append(acts, len(t)), log.even_s, known)
+    w = log.weight * np.where(np.isin(at, t[~known]), 0.0, w)
+    if dead_time_s > 0:  # where the input changes, a row that is not compared says so
+        new = np.setdiff1d(t[log.changes], at)
+        place = np.searchsorted(at, new)
+        at, y, w = (np.insert(one, place, more) for one, more in ((at, new), (y, 0.0), (w, 0.0)))
+    row = np.searchsorted(t, at, side="right") - 1
+    left = log.weight * float(every.y @ every.y) - float(w @ (y * y))
+    dt_s = np.append(np.diff(at), t[-1] - at[-1])
+    return every._replace(dt_s=dt_s, which=every.which[row], rising=every.rising[row], y=y, w=w, left=max(left, 0.0))
+
+
+def averaged(log: RecordedLog, every: Drive) -> Drive:
+    """A log whose input moves all the time, over equal blocks: each the mean output at its middle, the mean input."""
+    n, t = len(log.input), log.time_s
+    if n <= MOVING_ROWS or not every.w.all():
+        return every
+    starts = np.arange(0, n, -(-n // MOVING_ROWS))
+    size = np.diff(np.append(starts, n))
+    span = np.append(np.diff(t[starts]), t[-1] - t[starts[-1]])
+    acted = np.add.reduceat(log.input * log.dt_s, starts)
+    level = np.where(span > 0, acted / np.where(span > 0, span, 1.0), log.input[starts])
+    middle = np.add.reduceat(t, starts) / size
+    alone = size == 1
+    at = np.stack([t[starts], middle], axis=1).ravel()
+    weight = np.stack([np.where(alone, log.weight, 0.0), np.where(alone, 0.0, log.weight * size)], axis=1).ravel()
+    kept = np.stack([np.ones_like(alone), ~alone], axis=1).ravel()
+    duty, index = np.unique(level, return_inverse=True)
+    return every._replace(
+        dt_s=np.append(np.diff(at[kept]), 0.0),
+        which=np.repeat(index, 2)[kept].astype(np.int64),
+        duty=duty,
+        rising=np.ones(int(kept.sum()), dtype=np.int64),
+        y=np.repeat(np.add.reduceat(every.y, starts) / size, 2)[kept],
+        w=weight[kept],
+    )

@@ -1,0 +1,113 @@
+"""A log in numbers, as it was recorded: input counted from rest, output as measured, and what is known of its start."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eaid.arrays import Array, read_only
+from eaid.logs.run import Run
+from eaid.steps.noise import sample_noise
+from eaid.steps.stepset import StepSet
+
+IDLE_ROWS = 10  # Fewest rows at rest before the first other one that make an idle start
+ROUNDED = 1e-8  # Steps of time that differ by less than this part are alike
+QUIET = 5e-3  # An input below rest by this part of its largest, or …
+NOISY = 6.0  # … so many deviations of its noise …
+MOST = 0.05  # … up to this part, is a noisy rest, …
+AROUND = 1.5  # … and what is nearer to rest than so many times that is at rest too
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedLog:
+    """One log as it was recorded; arrays of shape (n,), time strictly rising."""
+
+    name: str
+    time_s: Array
+    input: Array  # Duty (force, speed), counted from rest, ≥ 0; each value held until the next row
+    output: Array  # Torque, or whatever was recorded, as measured
+    reference: Array | None = None  # What a closed loop was to follow, in the output's unit; None: the log has none
+    baseline: float | None = None  # Idle output, where it is known; None: an unknown of the fit
+    # Whether it begins at rest with nothing left in its states; None: judged by its first rows
+    idle_start: bool | None = None
+    weight: float = 1.0  # Weight of each squared residual: R for the mean of R repeats
+    source: str = ""
+    sha256: str = ""
+
+    @cached_property
+    def starts_idle(self) -> bool:
+        """Both states are 0 at the first row."""
+        if self.idle_start is not None:
+            return self.idle_start
+        acting = np.flatnonzero(self.input != 0)
+        return len(acting) > 0 and int(acting[0]) >= min(IDLE_ROWS, len(self.input) - 1)
+
+    @cached_property
+    def even_s(self) -> float | None:
+        """Time from row to row [s] where only rounding tells the steps apart, else None."""
+        steps = np.diff(self.time_s)
+        usual = float(self.time_s[-1] - self.time_s[0]) / len(steps)
+        return usual if max(float(steps.max()) - usual, usual - float(steps.min())) <= ROUNDED * usual else None
+
+    @cached_property
+    def dt_s(self) -> Array:
+        """How long each row's input acts [s]; 0 after the last. Steps that only rounding tells apart are one."""
+        if self.even_s is not None:
+            found = np.full(len(self.time_s), self.even_s)
+            found[-1] = 0.0
+            return read_only(found)
+        steps = np.diff(self.time_s)
+        usual = float(np.median(steps))
+        return read_only(np.append(np.where(np.abs(steps - usual) <= ROUNDED * usual, usual, steps), 0.0))
+
+    @cached_property
+    def changes(self) -> NDArray[np.intp]:
+        """Rows from which another input acts, the first row among them."""
+        return np.append(0, np.flatnonzero(self.input[1:] != self.input[:-1]) + 1)
+
+    @property
+    def stepwise(self) -> bool:
+        """Whether its input is held for eight rows and more on the average."""
+        return 8 * len(self.changes) <= len(self.input)
+
+    @property
+    def saturated(self) -> float:
+        """Part of the acting time that the input stands at its largest value."""
+        top = float(self.input.max())
+        acting = float(self.dt_s[self.input > 0].sum())
+        at_top = float(self.dt_s[self.input >= top * (1 - 1e-9)].sum())
+        return at_top / acting if acting > 0 and at_top > 2 * float(np.median(self.dt_s)) else 0.0
+
+
+def recorded_log(run: Run, rest: float = 0.0) -> RecordedLog:
+    """A run of the reader as a recorded log: input counted from rest, an input that only falls below it turned up."""
+    level = run.input - rest
+    if level.min() < 0 and -level.min() > level.max():
+        level = -level
+    top, below = float(level.max()), -float(level.min())
+    if 0 < below <= min(max(QUIET * top, NOISY * sample_noise(level)), MOST * top):
+        level = np.where(np.abs(level) <= AROUND * below, 0.0, level)
+    return RecordedLog(
+        run.name,
+        run.time_s,
+        read_only(level),
+        run.output,
+        run.reference_nm,
+        run.baseline,
+        source=run.source,
+        sha256=run.sha256,
+    )
+
+
+def logs_of_steps(steps: StepSet) -> list[RecordedLog]:
+    """The mean curves of a step set as logs: from rest, idle output subtracted, each sample of each repeat counted."""
+    logs = []
+    for level in steps.levels:
+        t, y = level.time_s, level.mean
+        if t[0] > 0:  # the input acts from 0 on
+            t, y = np.append(0.0, t), np.append(np.nan, y)
+        name, held = level.names[0] if level.names else f"{level.level:g}", np.full(len(t), level.level)
+        weight = float(len(level.runs))
+        logs.append(RecordedLog(name, t, held, y, baseline=0.0, idle_start=True, weight=weight))
+    return logs

@@ -1,1 +1,0 @@
-"""Pure functions: friction, nonlinear, linear and trend curves and their gradients."""

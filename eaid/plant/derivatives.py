@@ -1,0 +1,216 @@
+"""How what a plant answers to a held input changes with every unknown, exactly.
+
+Between two changes of the input the states go to their ends as in `eaid.plant.dynamics`; with g = 1 − e^(−dt/τ) and
+S = ∂x/∂p a state in parallel, its target w = part · T_s, moves by
+
+    x ← x − g (x − w),   S ← (1 − g) S + g ∂w/∂p − (x − w) ∂g/∂p
+
+and one of two in series, or ringing, by Φ = e^(A dt) in place of 1 − g, with e = (1, 0). The input's changes act θ
+later: each moves the states' rates from x'(old) to x'(new) at one instant, so S_θ grows by x'(old) − x'(new) there.
+Dead times are any number of samples: `delayed` puts the changes between the samples, as rows of weight 0.
+"""
+
+import math
+from typing import NamedTuple, TypeAlias
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from eaid.arrays import Array
+from eaid.plant.dynamics import swing
+
+Integers: TypeAlias = NDArray[np.int64]
+
+
+class Drive(NamedTuple):
+    """What drives a plant, and what it is compared with, as the kernel takes it; shapes (n,) but for `duty`."""
+
+    dt_s: Array  # How long a row's input acts [s]; 0 after the last
+    which: Integers  # Which of `duty` acts
+    duty: Array  # The different inputs, shape (m,)
+    rising: Integers  # −1 while an input is held to which the log fell from a higher one, else 1
+    y: Array
+    w: Array  # Weights; 0: a row that is not compared
+    idle_known: bool
+    starts_idle: bool
+    left: float = 0.0  # Squares that no response of these rows can take away
+
+    @property
+    def samples(self) -> int:
+        """Rows that are compared."""
+        return int(np.count_nonzero(self.w))
+
+
+def delayed(drive: Drive, dead_time_s: float) -> Drive:
+    """The same with every change of the input so much later: rows of weight 0 where it then acts.
+
+    Until the first change acts, and before the log begins, the first row's input does.
+    """
+    if dead_time_s == 0.0:
+        return drive
+    t = np.concatenate([[0.0], np.cumsum(drive.dt_s[:-1])])
+    changed = (np.diff(drive.which) != 0) | (np.diff(drive.rising) != 0)
+    rows = np.flatnonzero(changed) + 1
+    acts = np.maximum(t[rows] + dead_time_s, 0.0)
+    rows, acts = rows[acts < t[-1]], acts[acts < t[-1]]
+    at = np.searchsorted(t, acts, side="right")  # an output at that very instant comes first
+    time = np.insert(t, at, acts)
+    from_row = np.concatenate([[0], rows])[np.searchsorted(np.sort(acts), time, side="right")]
+    sample = np.insert(np.ones(len(t), dtype=bool), at, False)
+    y, w = np.zeros(len(time)), np.zeros(len(time))
+    y[sample], w[sample] = drive.y, drive.w
+    dt_s = np.append(np.diff(time), drive.dt_s[-1])
+    return drive._replace(dt_s=dt_s, which=drive.which[from_row], rising=drive.rising[from_row], y=y, w=w)
+
+
+class Tables(NamedTuple):
+    """T_s, τ1, τ2 (of series and ringing 1/ω and ζ) of the different inputs, (m,), and their derivatives by the
+    coefficients, (m, n)."""
+
+    steady: Array
+    tau1: Array
+    tau2: Array
+    rest: Array  # u/u_low, at most 1: below 1 a fall goes over to the release constants
+    by_steady: Array
+    by_tau1: Array
+    by_tau2: Array
+
+
+# Places of the numbers beside the coefficients: C (z of series and ringing), τ of falls to rest, factors on those of
+# falls, excess, θ, idle output, the two states at the first row
+SHARE, REST, FALL, EXCESS, DEAD, IDLE, START = 0, 1, 3, 5, 6, 7, 8
+SCALARS = 10
+
+
+@numba.njit(cache=True, error_model="numpy")
+def acting_tau(tau: float, off: float, rest: float, at_rest: float, factor: float) -> tuple[float, float, float, float]:
+    """τ of a state that lies `off` above its target, and its derivatives by the τ of rises, `at_rest` and `factor`."""
+    if off > 0.0 and rest >= 1.0:
+        return tau * factor, factor, 0.0, tau
+    if off > 0.0 and at_rest > 0.0:
+        return rest * tau + (1.0 - rest) * at_rest, rest, 1.0 - rest, 0.0
+    return tau, 1.0, 0.0, 0.0
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def derivatives(drive: Drive, tables: Tables, scalars: Array, place: Integers, count: int) -> Array:
+    """√w times the derivatives by `count` unknowns, then √w times the residual, of the rows that count, (N, count + 1).
+
+    One lag, or two in parallel. The coefficients of T_s, τ1 and τ2 come first. `place` has the columns of `scalars`,
+    (10,); what is no unknown has the column −1, the last, which nobody reads.
+    """
+    n_s, weights, share = tables.by_steady.shape[1], drive.w, scalars[SHARE]
+    x, before, g, last_step = scalars[START:].copy(), np.zeros(2), np.zeros(2), 0.0
+    sens, rate = np.zeros((2, count + 1)), np.zeros(2)
+    sens[0, place[START]] = sens[1, place[START + 1]] = 1.0
+    out, row = np.empty((np.count_nonzero(weights), count + 1)), 0
+    for k in range(len(weights)):
+        if weights[k] > 0.0:
+            root = np.sqrt(weights[k])
+            for j in range(count):
+                out[row, j] = root * (sens[0, j] + sens[1, j])
+            if place[IDLE] >= 0:
+                out[row, place[IDLE]] = root
+            out[row, count] = root * (x[0] + x[1] + scalars[IDLE] - drive.y[k])
+            row += 1
+        i, step, fallen = drive.which[k], drive.dt_s[k], drive.rising[k] < 0
+        moved = place[DEAD] >= 0 and k > 0 and (i != drive.which[k - 1] or drive.rising[k] != drive.rising[k - 1])
+        excess = 1.0 + scalars[EXCESS] if fallen else 1.0
+        total, first = tables.steady[i] * excess, n_s
+        for s in range(2):
+            by_curve = tables.by_tau2 if s else tables.by_tau1
+            part, risen = (1.0 - share, tables.tau2[i]) if s else (share, tables.tau1[i])
+            off = x[s] - part * total
+            tau, by_risen, by_rest, by_fall = acting_tau(
+                risen, off, tables.rest[i], scalars[REST + s], scalars[FALL + s]
+            )
+            if moved:  # x'(old) − x'(new)
+                sens[s, place[DEAD]] += rate[s] + off / tau
+            if tau != before[s] or step != last_step:
+                g[s], before[s] = -np.expm1(-step / tau), tau
+            by_tau = off * (1.0 - g[s]) * step / (tau * tau)
+            for j in range(count + 1):
+                sens[s, j] *= 1.0 - g[s]
+            for j in range(n_s):
+                sens[s, j] += g[s] * part * excess * tables.by_steady[i, j]
+            for j in range(by_curve.shape[1]):
+                sens[s, first + j] += by_tau * by_risen * by_curve[i, j]
+            sens[s, place[SHARE]] += -g[s] * total if s else g[s] * total
+            sens[s, place[REST + s]] += by_tau * by_rest
+            sens[s, place[FALL + s]] += by_tau * by_fall
+            if fallen:
+                sens[s, place[EXCESS]] += g[s] * part * tables.steady[i]
+            x[s] -= g[s] * off
+            rate[s] = -(off - g[s] * off) / tau
+            first += by_curve.shape[1]
+        last_step = step
+    return out
+
+
+swung = numba.njit(cache=True, error_model="numpy")(swing)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def by_damping(zeta: float, s: float, c: float, n: float) -> tuple[float, float]:
+    """∂c/∂ζ and ∂n/∂ζ of `swing`: ζ s n − s c, and ζ (s c − n)/(ζ² − 1) − s n."""
+    d = zeta * zeta - 1.0
+    z = d * s * s
+    if abs(z) < 1e-2:
+        e = math.exp(-zeta * s)
+        meets = e * s * s * s * (1.0 / 3.0 + z * (1.0 / 30.0 + z * (1.0 / 840.0 + z / 45360.0)))
+    else:
+        meets = (s * c - n) / d
+    return zeta * s * n - s * c, zeta * meets - s * n
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def swinging(drive: Drive, tables: Tables, scalars: Array, place: Integers, count: int) -> Array:
+    """The same of two lags in series, or ringing: `tables` has 1/ω as τ1 and ζ as τ2, `scalars` z in place of C."""
+    n_s, weights, z = tables.by_steady.shape[1], drive.w, scalars[SHARE]
+    n_t = tables.by_tau1.shape[1]
+    x1, x2 = scalars[START], scalars[START + 1]
+    sens = np.zeros((2, count + 1))
+    sens[0, place[START]] = sens[1, place[START + 1]] = 1.0
+    out, row, rate1, rate2 = np.empty((np.count_nonzero(weights), count + 1)), 0, 0.0, 0.0
+    c, n, c_zeta, n_zeta, last, last_tau, last_zeta = 1.0, 0.0, 0.0, 0.0, -1.0, -1.0, -1.0
+    for k in range(len(weights)):
+        if weights[k] > 0.0:
+            root = np.sqrt(weights[k])
+            for j in range(count):
+                out[row, j] = root * (sens[0, j] + z * sens[1, j])
+            if place[SHARE] >= 0:
+                out[row, place[SHARE]] += root * x2
+            if place[IDLE] >= 0:
+                out[row, place[IDLE]] = root
+            out[row, count] = root * (x1 + z * x2 + scalars[IDLE] - drive.y[k])
+            row += 1
+        i, step = drive.which[k], drive.dt_s[k]
+        tau, zeta, away = tables.tau1[i], tables.tau2[i], x1 - tables.steady[i]
+        if place[DEAD] >= 0 and k > 0 and i != drive.which[k - 1]:
+            sens[0, place[DEAD]] += rate1 - x2 / tau
+            sens[1, place[DEAD]] += rate2 + (away + 2.0 * zeta * x2) / tau
+        if step != last or tau != last_tau or zeta != last_zeta:
+            c, n = swung(zeta, step / tau)
+            c_zeta, n_zeta = by_damping(zeta, step / tau, c, n)
+            last, last_tau, last_zeta = step, tau, zeta
+        f11, f12, f21, f22 = c + zeta * n, n, -n, c - zeta * n
+        to1, to2 = f11 * away + f12 * x2, f21 * away + f22 * x2
+        by_zeta1 = (c_zeta + n + zeta * n_zeta) * away + n_zeta * x2
+        by_zeta2 = -n_zeta * away + (c_zeta - n - zeta * n_zeta) * x2
+        by_tau1, by_tau2 = to2 * (-step / (tau * tau)), (-to1 - 2.0 * zeta * to2) * (-step / (tau * tau))
+        for j in range(count + 1):
+            one, two = sens[0, j], sens[1, j]
+            sens[0, j], sens[1, j] = f11 * one + f12 * two, f21 * one + f22 * two
+        for j in range(n_s):
+            sens[0, j] += (1.0 - f11) * tables.by_steady[i, j]
+            sens[1, j] -= f21 * tables.by_steady[i, j]
+        for j in range(n_t):
+            sens[0, n_s + j] += by_tau1 * tables.by_tau1[i, j]
+            sens[1, n_s + j] += by_tau2 * tables.by_tau1[i, j]
+        for j in range(tables.by_tau2.shape[1]):
+            sens[0, n_s + n_t + j] += by_zeta1 * tables.by_tau2[i, j]
+            sens[1, n_s + n_t + j] += by_zeta2 * tables.by_tau2[i, j]
+        x1, x2 = tables.steady[i] + to1, to2
+        rate1, rate2 = to2 / tau, -(to1 + 2.0 * zeta * to2) / tau
+    return out

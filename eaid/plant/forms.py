@@ -1,0 +1,122 @@
+"""Forms of T_s(u), τ1(u), τ2(u): linear in their coefficients, with one rule for inputs that no log showed.
+
+Below the lowest identified input, u_low, τ1 and τ2 keep their edge value and T_s goes linearly to 0 at rest; above the
+highest, all keep their edge value. Of an input of both signs T_s has a form on each side of rest, over |u|; τ1 and τ2
+have one over |u|.
+"""
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.polynomial import Legendre, Polynomial
+from numpy.polynomial.polynomial import polyval
+
+from eaid.arrays import Array
+
+# Coefficients of the first four Legendre polynomials, lowest power first, one in a row
+LEGENDRE = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [-0.5, 0.0, 1.5, 0.0], [0.0, -1.5, 0.0, 2.5]])
+Range = tuple[float, float]  # Lowest and highest identified input, by size
+
+
+@dataclass(frozen=True)
+class LegendreForm:
+    """A polynomial over the identified inputs, low to high, in Legendre polynomials."""
+
+    degree: int
+    low: float
+    high: float
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients."""
+        return self.degree + 1
+
+    @property
+    def inputs(self) -> Array:
+        """As many inputs as coefficients: values there give the form."""
+        return np.linspace(self.low, self.high, self.size)
+
+    def rows(self, u: Array) -> Array:
+        """∂ value/∂ coefficients at some inputs, (m, size)."""
+        half = 0.5 * (self.high - self.low)
+        scaled = (np.asarray(u) - 0.5 * (self.high + self.low)) / (half or 1.0)
+        return np.asarray(scaled[:, None] ** np.arange(4) @ LEGENDRE.T[:, : self.size])
+
+    def powers(self, c: Array) -> Array:
+        """The same polynomial in powers of u, lowest first, (size,)."""
+        domain = [self.low, self.high] if self.high > self.low else [self.low - 1, self.low + 1]
+        powers = Legendre(c, domain).convert(kind=Polynomial).coef
+        return np.pad(powers, (0, self.size - len(powers)))
+
+
+@dataclass(frozen=True)
+class Sides:
+    """A form on each side of rest: the coefficients of inputs above 0 first, then those of inputs below, over |u|."""
+
+    up: LegendreForm
+    down: LegendreForm
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients."""
+        return self.up.size + self.down.size
+
+    @property
+    def inputs(self) -> Array:
+        """As many inputs as coefficients."""
+        return np.append(self.up.inputs, -self.down.inputs)
+
+    def rows(self, u: Array) -> Array:
+        """∂ value/∂ coefficients at some inputs, (m, size)."""
+        below = np.asarray(u) < 0
+        rows = np.zeros((len(below), self.size))
+        rows[~below, : self.up.size] = self.up.rows(np.asarray(u)[~below])
+        rows[below, self.up.size :] = self.down.rows(-np.asarray(u)[below])
+        return rows
+
+
+@dataclass(frozen=True)
+class PerLevel:
+    """A value at each level; an input between two has the nearer one's."""
+
+    levels: tuple[float, ...]
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients."""
+        return len(self.levels)
+
+    @property
+    def inputs(self) -> Array:
+        """The levels."""
+        return np.array(self.levels)
+
+    def rows(self, u: Array) -> Array:
+        """∂ value/∂ coefficients at some inputs, (m, size)."""
+        edges = 0.5 * (self.inputs[1:] + self.inputs[:-1])
+        return np.asarray(np.eye(self.size)[np.searchsorted(edges, u)])
+
+
+Form: TypeAlias = LegendreForm | Sides | PerLevel
+
+
+def above_rest(u: Array | float, u_range: Range) -> Array:
+    """How far inputs are from rest to u_low, at most 1: what T_s has of its edge value there, shape of `u`."""
+    at = np.asarray(u, dtype=np.float64)
+    return np.clip(at / u_range[0], 0.0, 1.0) if u_range[0] > 0 else np.ones_like(at)
+
+
+def curve(coefficients: tuple[float, ...], u: Array | float, u_range: Range) -> Array:
+    """A polynomial, lowest power first, with its edge values outside the identified range, shape of `u`."""
+    return np.asarray(polyval(np.clip(u, *u_range), coefficients))
+
+
+def terms(u: Array | float, count: int, u_range: Range) -> Array:
+    """∂/∂coefficients of a polynomial of u/100 with so many, (n, count); edge values outside the identified range."""
+    return np.vander(np.atleast_1d(np.clip(u, *u_range)) / 100, count, increasing=True)
+
+
+def scales(count: int) -> Array:
+    """Coefficients of u/100 over those of u, (count,)."""
+    return np.asarray(100.0 ** np.arange(count))

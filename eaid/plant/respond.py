@@ -1,0 +1,123 @@
+"""What a plant answers to a held input, exactly: each state goes to its end as `eaid.plant.dynamics` has it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.plant.dynamics import (
+    Plant,
+    PlantNumbers,
+    Step,
+    plant_numbers,
+    plant_pull,
+    plant_step,
+    plant_terms,
+    swing,
+)
+
+
+def step_response(at: Step, t_s: Array) -> Array:
+    """Output after a step from rest, Eq. (3), shape of `t_s`."""
+    # expm1 keeps precision when t << tau, where 1 - exp(-x) cancels.
+    return -(at.C * np.expm1(-t_s / at.tau1) + (1 - at.C) * np.expm1(-t_s / at.tau2)) * at.Ts
+
+
+def step_slopes(at: Step, t_s: Array) -> Array:
+    """Derivatives of that by T_s, τ1, τ2 and C, shape (4, n), Eq. (3)."""
+    e1, e2 = np.exp(-t_s / at.tau1), np.exp(-t_s / at.tau2)
+    return np.stack(
+        [
+            -(at.C * np.expm1(-t_s / at.tau1) + (1 - at.C) * np.expm1(-t_s / at.tau2)),
+            -at.Ts * at.C * e1 * t_s / at.tau1**2,
+            -at.Ts * (1 - at.C) * e2 * t_s / at.tau2**2,
+            at.Ts * (e2 - e1),
+        ]
+    )
+
+
+FEW_ROWS = 8  # An input held for fewer rows is followed row by row, which then is faster
+# (input, whether it was fallen to) → the plant that acts while it is held
+Acting = Callable[[float, bool], PlantNumbers]
+
+
+def respond(
+    plant: Plant,
+    changes_s: Sequence[float] | Array,
+    inputs: Sequence[float] | Array,
+    time_s: Array,
+    start: tuple[float, float] = (0.0, 0.0),
+    stepwise: bool = True,
+) -> Array:
+    """Output of a plant above idle at the instants `time_s`, shape (n,), its dead time and what falls have included.
+
+    Parameters
+    ----------
+    plant : Plant
+        In the rig's units.
+    changes_s, inputs : shape (m,)
+        The input is `inputs[k]` from `changes_s[k]` on [s]; the first held before, too.
+    time_s : shape (n,)
+        Instants [s], rising, from the first change on.
+    start : tuple of two floats
+        States at the first instant; 0 at rest.
+    stepwise : bool
+        Whether a held input that the log fell to has the plant's `excess`.
+    """
+    begins, values = np.array(changes_s, dtype=np.float64) + plant.dead_time_s, np.asarray(inputs, dtype=np.float64)
+    begins[0] = min(begins[0], time_s[0])
+    numbers = plant_numbers(plant)
+    raised = plant_numbers(replace(plant, Ts=tuple((1 + plant.excess) * c for c in plant.Ts)))
+    return driven(lambda _, fell: raised if fell and stepwise else numbers, begins, values, time_s, start)
+
+
+def driven(
+    acting: Acting, begins: Array, values: Array, time_s: Array, start: tuple[float, float] = (0.0, 0.0)
+) -> Array:
+    """Output at the instants `time_s`, shape (n,), under an input that acts as `values[k]` from `begins[k]` on.
+
+    The instants rise, from the first change on; the states begin at `start`.
+    """
+    first = np.append(0, np.flatnonzero(np.diff(values)) + 1)
+    begins, values = begins[first], values[first]
+    fell = np.append(False, (values[1:] < values[:-1]) & (values[1:] > 0))
+    rows = np.append(np.searchsorted(time_s, begins), len(time_s)).tolist()
+    ends = np.append(begins[1:], max(float(time_s[-1]), float(begins[-1])))
+    output, (x1, x2) = np.empty(len(time_s)), start
+    held = zip(begins.tolist(), ends.tolist(), values.tolist(), fell.tolist(), strict=True)
+    for k, (begin, end, value, fallen) in enumerate(held):
+        plant, part = acting(value, fallen), slice(rows[k], rows[k + 1])
+        since = time_s[part] - begin
+        if rows[k + 1] - rows[k] < FEW_ROWS or plant.zeta >= 0.0:
+            states = [plant_step(plant, x1, x2, value, dt) for dt in since.tolist()]
+            output[part] = [one + plant.z * two for one, two in states]
+        else:
+            fast, slow, tau1, tau2 = plant_pull(plant, x1, x2, value)
+            output[part] = x1 - np.expm1(-since / tau1) * fast + x2 - np.expm1(-since / tau2) * slow
+        x1, x2 = plant_step(plant, x1, x2, value, end - begin)
+    return output
+
+
+def left_of_start(plant: PlantNumbers, u: float, t_s: Array, falls: tuple[bool, bool] = (False, False)) -> Array:
+    """What each state at the start still makes of the output after t seconds of a held input, (2, n).
+
+    `falls`: whether each part lies above its target, and goes down as falls do.
+    """
+    if plant.zeta >= 0.0:
+        flows = np.array([swing(plant.zeta, dt / plant_terms(plant, u)[0]) for dt in t_s.tolist()]).reshape(-1, 2)
+        c, n = flows.T
+        return np.stack([c + plant.zeta * n - plant.z * n, n + plant.z * (c - plant.zeta * n)])
+    above1, above2 = (np.inf if one else -np.inf for one in falls)
+    above = plant_pull(plant, above1, above2, u)[2:]
+    return np.stack([np.exp(-t_s / tau) for tau in above])
+
+
+def from_rest(plant: Plant, t_s: Array, u: float) -> Array:
+    """Output above idle at times since a step from rest to an input [s], behind its dead time, shape of `t_s`."""
+    after = np.maximum(t_s - plant.dead_time_s, 0.0)
+    if plant.zeta is None:
+        return step_response(plant.at(u), after)
+    numbers = plant_numbers(plant)
+    states = np.array([plant_step(numbers, 0.0, 0.0, u, dt) for dt in after.tolist()])
+    return np.asarray(states[:, 0] + numbers.z * states[:, 1])
