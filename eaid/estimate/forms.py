@@ -10,7 +10,7 @@ Below the lowest identified input, u_low, τ1 and τ2 keep their edge value and 
 highest, all keep their edge value. Constraints, specification 3: τ1 ≥ 1 ms, τ2 ≥ τ1, T_s ≥ 0, 0 ≤ C ≤ 1.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -20,7 +20,7 @@ import numpy as np
 from eaid.arrays import Array, read_only
 from eaid.plant.derivatives import Tables
 from eaid.plant.dynamics import CHECKED_INPUTS, TAU_FLOOR_S, Plant
-from eaid.plant.forms import Form, LegendreForm, PerLevel
+from eaid.plant.forms import Form, LegendreForm, PerLevel, Proportional, Sides
 
 RECORDS = 1e6  # τ2 is looked for up to this many record lengths: no data can tell it from endless
 # τ2 is looked for up to this many record lengths where C is free: T_s then grows with τ2, all but straight
@@ -28,6 +28,11 @@ RECORDS_FREE = 100.0
 DEGREES = (3, 2, 2)  # Degrees of T_s, τ1, τ2
 # A τ is kept off zero by this much [s]: between the 101 duties a quadratic may dip below its floor
 LEAST_TAU_S = 0.1 * TAU_FLOOR_S
+# Of one lag, series and ringing: a lag under half a sample imitates what happens between samples, one beyond so many
+# records is none
+FASTEST, SLOWEST = 0.5, 100.0
+LEAST_ZETA, MOST_ZETA = 0.005, 30.0
+MOST_ZERO = 20.0
 
 
 class Limits(NamedTuple):
@@ -66,6 +71,10 @@ class Model:
     low: float
     high: float
     limited: Array  # Inputs at which the constraints hold
+    # parallel | lag | swing: two lags in parallel, one, or two in series and ringing: 1/ω and ζ as τ1 and τ2, z as C
+    kind: str = "parallel"
+    least_s: float = LEAST_TAU_S  # What τ is kept above where it is evaluated [s]
+    signed: bool = False  # Whether the input goes below rest, too
 
     @property
     def free_share(self) -> bool:
@@ -114,6 +123,16 @@ class Model:
             ("tau1-floor", tau1, TAU_FLOOR_S),
             ("tau2-meets-tau1", tau2 - tau1, 0.0),
         ]
+        if self.kind == "swing":
+            parts = [
+                ("tau-fastest", tau1[:1], FASTEST * shortest_s), ("tau-slowest", -tau1[:1], -SLOWEST * longest_s),
+                ("zeta-least", tau2[:1], LEAST_ZETA), ("zeta-most", -tau2[:1], -MOST_ZETA),
+            ]  # fmt: skip
+            free = [("zero-least", C[:1], -MOST_ZERO), ("zero-most", -C[:1], -MOST_ZERO)] if self.free_share else []
+            return self._limits([*parts, *free])
+        if self.kind == "lag":
+            slowest = -tau1[:1], -SLOWEST * longest_s
+            return self._limits([("tau-fastest", tau1[:1], FASTEST * shortest_s), ("tau-slowest", *slowest)])
         if self.tau2 is None:
             parts = [("a0-fastest", tau1[:1], 0.01 * shortest_s), ("a0-slowest", -tau1[:1], -1e3 * longest_s)]
         elif self.Ts is not None:
@@ -122,6 +141,10 @@ class Model:
             parts.append(("tau2-endless", -tau2, -(RECORDS_FREE if self.free_share else RECORDS) * longest_s))
         if self.free_share:
             parts += [("C-zero", C[:1], 0.0), ("C-one", -C[:1], -1.0)]
+        return self._limits(parts)
+
+    def _limits(self, parts: Sequence[tuple[str, Array, float]]) -> Limits:
+        """Constraints by code, rows and least value."""
         A = np.concatenate([part for _, part, _ in parts])
         b = np.concatenate([np.full(len(part), least) for _, part, least in parts])
         at = [self.limited if len(part) == len(self.limited) else np.full(len(part), np.nan) for _, part, _ in parts]
@@ -130,12 +153,27 @@ class Model:
 
     def parameters(self, x: Array) -> Plant:
         """Polynomials in powers of the duty, lowest first, padded with zeros to the paper's degrees."""
-        parts = []
+        parts: list[tuple[float, ...]] = []
+        below: tuple[float, ...] = ()
         for form, part, degree in zip(self.forms, self.slices, DEGREES, strict=True):
-            assert isinstance(form, LegendreForm)
-            parts.append(tuple(np.pad(form.powers(x[part]), (0, degree + 1 - form.size)).tolist()))
-        Ts, tau1, tau2 = parts
-        return Plant(tau1, tau2, Ts, (self.low, self.high), float(x[-1]) if self.share is None else self.share)
+            c = x[part]
+            if isinstance(form, Sides):
+                below = tuple(form.down.powers(c[form.up.size :]).tolist())
+                powers = form.up.powers(c[: form.up.size])
+            else:
+                assert form is None or isinstance(form, LegendreForm | Proportional)
+                powers = np.zeros(0) if form is None else form.powers(c)
+            parts.append(tuple(np.pad(powers, (0, degree + 1 - len(powers))).tolist()))
+        (Ts, tau1, tau2), share = parts, float(x[-1]) if self.share is None else self.share
+        if self.kind == "parallel":
+            return Plant(tau1, tau2, Ts, (self.low, self.high), share)
+        swings = self.kind == "swing"
+        if self.signed and not below:  # one gain for both sides
+            below = (0.0, -Ts[1])
+        return Plant(
+            tau1[:1], tau1[:1], Ts, (self.low, self.high), 1.0, zeta=tau2[0] if swings else None,
+            zero=share if swings else 0.0, Ts_below=below, floor_s=self.least_s,
+        )  # fmt: skip
 
     def unknowns(self, p: Plant) -> Array:
         """x of a model in powers of the duty, by its values at as many inputs as it has coefficients."""
@@ -148,10 +186,13 @@ class Model:
 
     def rows_of(self, u: Array) -> Rows:
         """Rows for any inputs, those beyond the range included."""
-        rest = np.clip(u / self.low, 0.0, 1.0) if self.low > 0 else np.ones_like(u)
-        inside = np.clip(u, self.low, self.high)
+        size = np.abs(u) if self.signed else u
+        rest = np.clip(size / self.low, 0.0, 1.0) if self.low > 0 else np.ones_like(u)
+        inside = np.clip(size, self.low, self.high)
+        steady_at = np.copysign(inside, u) if self.signed else inside
         parts = (
-            np.zeros((len(u), 0)) if form is None else np.ascontiguousarray(form.rows(inside)) for form in self.forms
+            np.zeros((len(u), 0)) if form is None else np.ascontiguousarray(form.rows(at))
+            for form, at in zip(self.forms, (steady_at, inside, inside), strict=True)
         )
         steady, tau1, tau2 = parts
         return Rows(rest, np.ascontiguousarray(steady * rest[:, None]), tau1, tau2)
@@ -159,18 +200,18 @@ class Model:
     def tables(self, rows: Rows, x: Array) -> Tables:
         """T_s, τ1, τ2 at the inputs behind `rows`."""
         Ts, one, two = self.slices
-        tau1, by_tau1 = _floored(rows.tau1, x[one])
-        tau2, by_tau2 = _floored(rows.tau2, x[two])
+        tau1, by_tau1 = _floored(rows.tau1, x[one], self.least_s)
+        tau2, by_tau2 = _floored(rows.tau2, x[two], self.least_s)
         return Tables(rows.steady @ x[Ts], tau1, tau2, rows.rest, rows.steady, by_tau1, by_tau2)
 
 
-def _floored(rows: Array, x: Array) -> tuple[Array, Array]:
+def _floored(rows: Array, x: Array, least_s: float) -> tuple[Array, Array]:
     """τ and its derivatives; 1 s, which no state feels, where a model has no such τ."""
     if rows.shape[1] == 0:
         return np.ones(len(rows)), rows
     tau = rows @ x
-    low = tau < LEAST_TAU_S
-    return (np.where(low, LEAST_TAU_S, tau), np.where(low[:, None], 0.0, rows)) if low.any() else (tau, rows)
+    low = tau < least_s
+    return (np.where(low, least_s, tau), np.where(low[:, None], 0.0, rows)) if low.any() else (tau, rows)
 
 
 def nonlinear(levels: Array, share: float | None) -> Model:
@@ -178,6 +219,17 @@ def nonlinear(levels: Array, share: float | None) -> Model:
     low, high, most = float(levels.min()), float(levels.max()), len(np.unique(levels)) - 1
     Ts, tau1, tau2 = (LegendreForm(min(degree, most), low, high) for degree in DEGREES)
     return Model(Ts, tau1, tau2, share, low, high, np.linspace(low, high, CHECKED_INPUTS if high > low else 1))
+
+
+def of_kind(
+    kind: str, gain: Form, low: float, high: float, shortest_s: float, zero: float | None = 0.0, signed: bool = False
+) -> Model:
+    """One lag, or two in series and ringing, with constant dynamics; `zero` is z, None: an unknown."""
+    constant, lag = LegendreForm(0, low, high), kind == "lag"
+    return Model(
+        gain, constant, None if lag else constant, 1.0 if lag else zero, low, high, np.array([high]), kind,
+        min(TAU_FLOOR_S, 0.1 * shortest_s), signed,
+    )  # fmt: skip
 
 
 def linear(levels: Array) -> Model:

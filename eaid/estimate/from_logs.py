@@ -34,7 +34,7 @@ from eaid.estimate.solver import (
     with_second_derivatives,
 )
 from eaid.estimate.starts import MOST, SHARES, time_constants
-from eaid.plant.derivatives import IDLE, Drive, Tables, delayed, derivatives
+from eaid.plant.derivatives import IDLE, Drive, Tables, delayed, derivatives, swinging
 from eaid.plant.dynamics import TAU_FLOOR_S, Plant
 from eaid.plant.forms import Form, LegendreForm
 from eaid.results.common import Solver
@@ -147,7 +147,8 @@ class Setup:
     def derivatives(self, x: Array, log: int) -> Array:
         """√w ∂f/∂x of a log's own columns, then √w (f − y), for its samples that count, (N, p + 1)."""
         place, drive = self.places[log], delayed(self.drives[log], self.dead_time(x))
-        return np.asarray(derivatives(drive, *self.tables(x, log), place.kernel, len(place.columns)))
+        law = swinging if self.model.kind == "swing" else derivatives
+        return np.asarray(law(drive, *self.tables(x, log), place.kernel, len(place.columns)))
 
     def jacobian(self, x: Array, log: int) -> tuple[Array, Array]:
         """The same apart, (N, p) and (N,)."""

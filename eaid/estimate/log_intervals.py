@@ -236,7 +236,7 @@ def densities(residuals: Sequence[Array], outputs: list[Array], steps: list[floa
     """s0 and s1 of S = s0 + s1 T², from squared sums of the residuals over short stretches."""
     squares, powers = [], []
     for r, T, dt_s in zip(residuals, outputs, steps, strict=True):
-        width = max(1, round(WINDOW_S / dt_s))
+        width = max(1, min(round(WINDOW_S / dt_s), len(r)))
         count = len(r) // width
         squares.append(np.mean(T[: count * width].reshape(count, width) ** 2, axis=1))
         powers.append(r[: count * width].reshape(count, width).sum(axis=1) ** 2 * dt_s / width)
@@ -400,7 +400,7 @@ class CurveSpread:
                 (float(low), float(high)) if half < WIDEST else None
                 for low, high, half in zip(self.low[:, i], self.high[:, i], self.half_width[:, i], strict=True)
             ]
-            Ts, tau1, tau2 = self.values[:, i].tolist()
+            Ts, tau1, tau2 = (None if np.isnan(one) else one for one in self.values[:, i].tolist())
             rows.append(CurveLevel(level, Ts, tau1, tau2, LevelIntervals(*ends)))
         return tuple(rows)
 
@@ -408,7 +408,9 @@ class CurveSpread:
     def findings(self) -> list[Finding]:
         """Inputs at which a curve is all but unknown."""
         found = []
-        for (name, limit), half_width in zip(LIMITS_PCT.items(), self.half_width, strict=True):
+        for k, ((name, limit), half_width) in enumerate(zip(LIMITS_PCT.items(), self.half_width, strict=True)):
+            if np.isnan(self.values[k]).all():  # the plant has none
+                continue
             wide = self.duty[~(100 * half_width <= limit)]
             if len(wide):
                 found.append(finding("input-leaves-tau-open", "nonlinear", wide, parameter=name, limit_pct=limit))

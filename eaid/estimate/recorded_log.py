@@ -83,7 +83,7 @@ class RecordedLog:
 def recorded_log(run: Run, rest: float = 0.0) -> RecordedLog:
     """A run of the reader as a recorded log: input counted from rest, an input that only falls below it turned up."""
     level = run.input - rest
-    if level.min() < 0 and -level.min() > level.max():
+    if level.min() < 0 and level.max() <= MOST * -level.min():
         level = -level
     top, below = float(level.max()), -float(level.min())
     if 0 < below <= min(max(QUIET * top, NOISY * sample_noise(level)), MOST * top):

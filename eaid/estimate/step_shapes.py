@@ -101,6 +101,13 @@ def averaged(time_s: Array, y: Array) -> AveragedRecord:
     return AveragedRecord(np.add.reduceat(time_s, edges) / weight, means, weight, within)
 
 
+def delays_tried(points: AveragedRecord) -> list[float]:
+    """Shares of the time to half of the change [s]."""
+    half = np.flatnonzero(np.abs(points.output) >= 0.5 * np.abs(points.output[-1]))
+    until = float(points.time_s[half[0]]) if len(half) else float(points.time_s[-1]) / 4
+    return [until * (k + 0.5) / DELAYS for k in range(DELAYS)]
+
+
 def starts_of(
     points: AveragedRecord, window: float, delays: Sequence[float], share: float, wanted: Sequence[str]
 ) -> dict[str, list[Array]]:
@@ -226,11 +233,7 @@ def _candidates(
     window = float(step.time_s[-1])
     given = options.held_dead_time_s
     share = options.held_share or SHARE
-    delays = [given or 0.0]
-    if given is None and dead:  # shares of the time to half of the change
-        half = np.flatnonzero(np.abs(points.output) >= 0.5 * np.abs(points.output[-1]))
-        until = float(points.time_s[half[0]]) if len(half) else window / 4
-        delays = [until * (k + 0.5) / DELAYS for k in range(DELAYS)]
+    delays = delays_tried(points) if given is None and dead else [given or 0.0]
     found: list[_Candidate] = []
     for shape, starts in starts_of(points, window, delays, share, wanted).items():
         free = FREE[shape] + ((4,) if dead and given is None else ())

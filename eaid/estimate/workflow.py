@@ -27,6 +27,7 @@ from eaid.estimate.nonlinear import nonlinear_part
 from eaid.estimate.points import residuals
 from eaid.estimate.release import release_fit
 from eaid.estimate.scatter import CURVES, Scatter, common_shifts, noise_of
+from eaid.estimate.step_delay import behind, dead_time_of
 from eaid.estimate.step_shapes import between_rows, of_another_shape, single_steps
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.options import MODELS, FitGiven, FitOptions
@@ -72,12 +73,17 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
     options = options or FitOptions()
     # the products here are small: threads of BLAS would wait for each other, and round otherwise than one does
     with threadpool_limits(1, user_api="blas"):
+        dead_time_s = 0.0
         if stepset.levels or not stepset.level_steps:
+            dead_time_s = dead_time_of(stepset, options)
+            recorded, stepset = stepset, behind(stepset, dead_time_s)
             result = _fit_levels(stepset, options, progress)
             still = next((one for one in result.findings if one.code == "curve-explains-little"), None)
             if still is not None and len(still.levels) < len(stepset.levels) - len(options.hold_out):
                 stepset = stepset.without(still.levels, still)
+                recorded = recorded.without(still.levels, still)
                 result = _fit_levels(stepset, options, progress)
+            stepset = recorded
         else:  # a staircase that never rests: no model of steps from rest
             result = Fit(data=data_part(stepset), uncertainty=Uncertainty("none"))
         shapes = single_steps(stepset, options)
@@ -91,7 +97,7 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
             result = msgspec.structs.replace(
                 result, friction=msgspec.structs.replace(part, levels=(*part.levels, *rows))
             )
-        told = with_plant(msgspec.structs.replace(result, steps=shapes))
+        told = with_plant(msgspec.structs.replace(result, steps=shapes), dead_time_s)
         result = quotable(told)
         beyond_measure = [] if result is told else [finding("numbers-beyond-measure", "data")]
         return judged(
@@ -264,12 +270,17 @@ def odd_repeats(scatter: Scatter) -> list[Finding]:
     return findings
 
 
-def with_plant(result: Fit) -> Fit:
-    """A fit of steps with the plant that every later command reads."""
+def with_plant(result: Fit, dead_time_s: float) -> Fit:
+    """A fit of steps with the plant that every later command reads; curves of levels behind their dead time, too."""
+    if result.friction is not None and dead_time_s:
+        rows = [
+            row if row.from_ else msgspec.structs.replace(row, delay_s=dead_time_s) for row in result.friction_levels
+        ]
+        result = msgspec.structs.replace(result, friction=msgspec.structs.replace(result.friction, levels=tuple(rows)))
     if result.nonlinear is None:
         return result
     plant = with_release(result.nonlinear.parameters, result.release, result.friction_levels)
-    plant = replace(plant, dead_time_s=result.dead_time_s)
+    plant = replace(plant, dead_time_s=dead_time_s)
     return msgspec.structs.replace(result, plant_=FittedPlant.of(plant, result.data))
 
 

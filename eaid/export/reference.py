@@ -176,7 +176,8 @@ def plant_change(c: Any, x1: Number, x2: Number, duty: Number) -> tuple[Number, 
     """By how much the fast and the slow part move in one sample of a held duty."""
     plant = PlantNumbers(
         c.C, (c.tau1_0, c.tau1_1, c.tau1_2), (c.tau2_0, c.tau2_1, c.tau2_2), (c.Ts_0, c.Ts_1, c.Ts_2, c.Ts_3),
-        c.u_low, c.u_high, (c.release1, c.release2), c.u_low, (0.0, 0.0, 0.0, 0.0), (1.0, 1.0), -1.0, 1.0, c.tau_floor, False,
+        c.u_low, c.u_high, (c.release1, c.release2), c.u_low,
+        (0.0, 0.0, 0.0, 0.0), (1.0, 1.0), -1.0, 1.0, c.tau_floor, False,
     )  # fmt: skip
     fast, slow, tau1, tau2 = plant_pull(plant, x1, x2, duty)
     return loss(c.series, c.dt / tau1) * fast, loss(c.series, c.dt / tau2) * slow

@@ -51,11 +51,33 @@ class LegendreForm:
 
 
 @dataclass(frozen=True)
+class Proportional:
+    """One gain for all inputs, of both signs: g u."""
+
+    low: float
+    high: float
+    size: int = 1
+
+    @property
+    def inputs(self) -> Array:
+        """As many inputs as coefficients."""
+        return np.array([self.high])
+
+    def rows(self, u: Array) -> Array:
+        """∂ value/∂ coefficients at some inputs, (m, 1)."""
+        return np.asarray(u, dtype=np.float64)[:, None]
+
+    def powers(self, c: Array) -> Array:
+        """The same in powers of u, lowest first."""
+        return np.array([0.0, c[0]])
+
+
+@dataclass(frozen=True)
 class Sides:
     """A form on each side of rest: the coefficients of inputs above 0 first, then those of inputs below, over |u|."""
 
-    up: LegendreForm
-    down: LegendreForm
+    up: LegendreForm | Proportional
+    down: LegendreForm | Proportional
 
     @property
     def size(self) -> int:
@@ -98,7 +120,7 @@ class PerLevel:
         return np.asarray(np.eye(self.size)[np.searchsorted(edges, u)])
 
 
-Form: TypeAlias = LegendreForm | Sides | PerLevel
+Form: TypeAlias = LegendreForm | Proportional | Sides | PerLevel
 
 
 def above_rest(u: Array | float, u_range: Range) -> Array:

@@ -7,20 +7,19 @@ with them as their mean curves, each sample of each repeat alike.
 
 import statistics
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import msgspec
 import numpy as np
 
-from eaid.arrays import Array, extremes, median
+from eaid.arrays import Array, extremes
 from eaid.errors import DataError, UsageError
 from eaid.estimate import forms, workflow
 from eaid.estimate.coefficients import turned, with_intervals
 from eaid.estimate.data import data_of, errors
-from eaid.estimate.fall_tests import tested, with_falls
-from eaid.estimate.from_logs import Solved, idle_of, model_of, setup_of, solve
+from eaid.estimate.fall_tests import with_falls
+from eaid.estimate.from_logs import Solved, idle_of, model_of, solve
 from eaid.estimate.from_steps import fit_linear
-from eaid.estimate.late import timed
 from eaid.estimate.linear import bounds_of, parameters, single_levels
 from eaid.estimate.log_intervals import FEWEST_ENGAGEMENTS, CurveSpread, Spread, curves, spread
 from eaid.estimate.nonlinear import scored
@@ -31,12 +30,13 @@ from eaid.logs.run import Run
 from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE
 from eaid.plant.respond import from_rest
+from eaid.recorded.choice import about_idle, plant_of_logs, plant_part
 from eaid.recorded.closed_loop import judged_loops, with_instrument
+from eaid.recorded.inputs import FEW_LEVELS, inputs_of
 from eaid.results.common import LevelError, Source
 from eaid.results.fit import (
     Fit,
     FittedData,
-    FittedPlant,
     Friction,
     FrictionLevel,
     Linear,
@@ -45,7 +45,7 @@ from eaid.results.fit import (
     Release,
     Uncertainty,
 )
-from eaid.results.recorded import FallTest, LogCurve, LogFit, Recorded
+from eaid.results.recorded import LogCurve, LogFit, Recorded
 from eaid.results.verdict import judged
 from eaid.steps.levels import wanted_levels
 from eaid.steps.stepset import Level, StepSet
@@ -69,11 +69,6 @@ def refuse(logs: Sequence[RecordedLog]) -> None:
             faults.append(f"{where}: the input is not known at every row; a fit needs it whole")
         elif top == 0.0:
             faults.append(f"{where}: its input never leaves rest; there is nothing to fit")
-        elif (log.input < 0).any():
-            faults.append(
-                f"{where}: its input is both above and below rest; say where rest is («rest»), or log the command, "
-                "if noise alone does that"
-            )
         elif known < LEAST_ROWS:
             faults.append(f"{where}: holds {known} rows with an output; a fit needs {LEAST_ROWS}")
         elif np.ptp(log.output[np.isfinite(log.output)]) == 0:
@@ -113,51 +108,6 @@ def input_findings(logs: Sequence[RecordedLog], levels: Array) -> list[Finding]:
     if len(levels) == 1:
         findings.append(finding("one-input-only", "data", levels))
     return findings
-
-
-ALIKE = 1e-3  # Inputs that differ by less than this part of the largest are one level
-MANY = 60  # Levels beyond which inputs count as moving
-FEW_LEVELS = 20  # Levels that are shown each by itself, at most
-TAIL = 0.01  # Part of the acting time that a moving input may spend below, and above, the identified range
-
-
-@dataclass(frozen=True, eq=False)
-class Inputs:
-    """What the logs excite."""
-
-    levels: Array  # Held levels, or the ends of the range where the inputs move
-    low: float
-    high: float
-    stepwise: bool
-
-    @property
-    def basis(self) -> Array:
-        """Levels over which the models are laid out."""
-        if self.stepwise:
-            return np.unique([*self.levels, self.low, self.high]) if len(self.levels) > 1 else self.levels
-        return np.unique(np.linspace(self.low, self.high, 11))
-
-    @property
-    def shown(self) -> Array:
-        """Inputs at which curves are given: the levels where they are few, else eleven over the range."""
-        few = self.stepwise and 0 < len(self.basis) <= FEW_LEVELS
-        return self.basis if few else np.linspace(self.low, self.high, 11)
-
-
-def inputs_of(logs: Sequence[RecordedLog], wanted: tuple[float, float] | None) -> Inputs:
-    """Levels and range that the logs excite, or the range that was asked for."""
-    levels = np.unique(np.concatenate([log.input[log.changes] for log in logs]))
-    levels = levels[levels > 0]
-    levels = levels[np.append(True, np.diff(levels) > ALIKE * levels[-1])]  # those all but alike are one
-    stepwise = all(log.stepwise for log in logs) and len(levels) <= MANY
-    if wanted is not None:
-        inside = levels[(levels >= wanted[0]) & (levels <= wanted[1])]
-        return Inputs(inside if stepwise else np.array(wanted), *wanted, stepwise)
-    if stepwise:
-        return Inputs(levels, float(levels[0]), float(levels[-1]), True)
-    values, weights = [np.concatenate(part) for part in zip(*((log.input, log.dt_s) for log in logs), strict=True)]
-    low, high = np.quantile(values, [TAIL, 1 - TAIL], weights=weights * (values > 0), method="inverted_cdf").tolist()
-    return Inputs(np.array([low, high]) if high > low else np.array([low]), low, high, False)
 
 
 STRETCHES = 150  # Of a long log, each with the rows of its extremes
@@ -265,7 +215,7 @@ def linear_part(solved: Solved, base: Solved, levels: Array, wanted: str | None)
     pooled = parameters(solved.setup.model, solved.coefficients)
     total = errors(solved.outputs, solved.missed)
     p = replace(model_of(base), dead_time_s=0.0)  # steps from rest of it to each level, behind its dead time
-    slowest = float(np.max(p.time_constants(levels)[1]))
+    slowest = p.slowest_s(levels)
     t = np.linspace(0.0, min(STEP_RECORDS * slowest, LONGEST_STEP_S), STEP_SAMPLES)
     of_model = data_of([Level(u, t, from_rest(p, t, u)[None], (f"{u:g}",)) for u in levels.tolist()])
     rows = single_levels(of_model, [fit_linear(of_model.one(i)) for i in range(len(levels))])
@@ -347,20 +297,10 @@ def fit_recorded(
         findings += [finding("idle-not-seen", log.name) for log in logs]
     wanted = options.model or ("friction", "nonlinear", "linear")
 
-    base = solve(setup_of(forms.nonlinear(inputs.basis, share), every, rests))
-    behind = timed(base, logs, every[len(logs) :], options.held_dead_time_s, dead_time_s)
-    base, acting = behind.solved, behind.logs
+    chosen = plant_of_logs(logs, every[len(logs) :], inputs, options, rests, dead_time_s, falls)
+    base, acting = chosen.solved, chosen.logs
+    findings += chosen.findings
     theta_s = base.fitted.dead_time(base.x)
-    setup = replace(base.fitted, extras=(), dead_time_s=theta_s)
-    for log, count in zip(logs, behind.late, strict=True):
-        if count > 0:
-            findings.append(finding("input-late", log.name, rows=count, ms=1e3 * count * median(log.dt_s)))
-        elif theta_s > 0:
-            findings.append(finding("dead-time", log.name, dead_time_s=theta_s))
-    of_falls: tuple[FallTest, ...] = ()
-    if falls:
-        base, of_falls, more_findings = tested(base, inputs.stepwise)
-        findings += more_findings
     extras = tuple(name for name in base.fitted.extras if name != "dead")
     if any(log.reference is not None for log in logs):
         base = with_instrument(base, acting)
@@ -370,26 +310,33 @@ def fit_recorded(
     uncertainty, known = None, None
     if options.ci != "none":
         uncertainty = spread(base)
-        known = curves(base, uncertainty, inputs.shown)
-        findings += known.findings + uncertainty.scatter.findings
+        findings += uncertainty.scatter.findings
+        if base.setup.model.kind != "swing":
+            known = curves(base, uncertainty, inputs.shown)
+            findings += known.findings
     linear, friction = None, None
+    setup = replace(base.fitted, extras=(), dead_time_s=theta_s)
+    clutch = base.setup.model.kind == "parallel"
     if "linear" in wanted:
-        solved = solve(replace(setup, model=forms.linear(inputs.basis)))
+        setup = setup if clutch else about_idle(base, acting, theta_s)
+        basis = np.array([-inputs.high, inputs.high]) if base.setup.model.signed else inputs.basis
+        solved = solve(replace(setup, model=forms.linear(basis)))
         linear = linear_part(solved, base, inputs.basis, options.bounds_levels)
-    if "friction" in wanted and inputs.stepwise and len(inputs.levels) <= FEW_LEVELS and share is not None:
+    if "friction" in wanted and inputs.stepwise and len(inputs.levels) <= FEW_LEVELS and share is not None and clutch:
         solved = base
         if "nonlinear" not in wanted:
             solved = solve(replace(setup, model=forms.friction(inputs.levels, share)))
             solved = with_falls(solved, extras) if extras else solved
         friction = friction_part(solved, inputs.levels, known if "nonlinear" in wanted else None)
+    shown = "nonlinear" in wanted and base.setup.model.kind != "swing" and not base.setup.model.signed
     data = data_part(every, runs, steps, inputs.levels if inputs.stepwise else np.zeros(0))
     return Fit(
         findings=ranked(findings),
         seed=options.seed,
         data=data,
-        plant_=FittedPlant.of(plant, data) if "nonlinear" in wanted else None,
+        plant_=plant_part(base, data, uncertainty) if "nonlinear" in wanted else None,
         converged=base.solver.converged,
-        nonlinear=nonlinear_part(base, uncertainty, known, inputs.shown) if "nonlinear" in wanted else None,
+        nonlinear=nonlinear_part(base, uncertainty, known, inputs.shown) if shown else None,
         linear=linear,
         friction=friction,
         release=None if plant.release is None else Release(*plant.release, SHARE if share is None else share),
@@ -398,8 +345,9 @@ def fit_recorded(
             logs=tuple(log_part(base, k, log) for k, log in enumerate(logs)),
             steps=len(every) - len(logs),
             u_range=(inputs.low, inputs.high),
-            falls=of_falls,
+            falls=chosen.falls,
             loops=loops,
+            kinds=chosen.kinds,
             dead_time_s=theta_s,
             engagements=0 if uncertainty is None else uncertainty.scatter.count,
         ),

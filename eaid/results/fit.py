@@ -306,15 +306,18 @@ class Nonlinear(Scores, frozen=True):
         return Plant(self.tau1, self.tau2, self.Ts, self.u_range, self.C)
 
 
-class PlantIntervals(Intervals, frozen=True):
+class PlantIntervals(Result, frozen=True):
     """95 % intervals of what the plant has beside its curves."""
 
+    gain: Interval = None
+    """T_s over the input, at the highest."""
+    gain_below: Interval = None
+    """The same below rest."""
     tau1: Interval = None
     tau2: Interval = None
-    C: Interval = None
     omega: Interval = None
+    """ω = 1/τ1 of `ringing` [rad/s]."""
     zeta: Interval = None
-    zero: Interval = None
     dead_time_s: Interval = None
 
 
@@ -713,7 +716,8 @@ class Fit(Plotted, codec.Saved, Made, frozen=True, dict=True):
     def _curve(self, model: str, duty: float, time_s: Array) -> Array:
         """The output of a model at times since a step from rest."""
         if model != "friction":
-            return np.asarray(CURVES[model](getattr(self, model).parameters, time_s, duty))
+            acting_s = np.maximum(time_s - self.dead_time_s, 0.0)
+            return np.asarray(CURVES[model](getattr(self, model).parameters, acting_s, duty))
         known = {row.level: row for row in self.friction_levels if row.from_ == 0}
         near = next((level for level in known if math.isclose(level, duty, rel_tol=1e-5)), None)
         if near is None:

@@ -74,6 +74,19 @@ class Loop(Result, frozen=True):
     method: Literal["direct", "instrument"] = "direct"
 
 
+class KindTried(Result, frozen=True):
+    """One kind of lag beside the others, on the logs that were fitted."""
+
+    kind: str
+    """clutch (two in parallel over the input), lag, series, ringing, zero (two with a zero); `+dead`: a dead time."""
+    gain: str
+    """curve (polynomials of the input), one (for all inputs), sides (one on each side of rest)."""
+    unknowns: Count
+    fit_pct: Number | None
+    score: Number | None
+    """Squares that are left and what noise alone would save, relative to the least: the kind of score 1 is taken."""
+
+
 class Recorded(Result, frozen=True):
     """The part `recorded` of a fit."""
 
@@ -83,6 +96,8 @@ class Recorded(Result, frozen=True):
     u_range: tuple[Number, Number] = (0.0, 0.0)
     falls: tuple[FallTest, ...] = ()
     loops: tuple[Loop, ...] = ()
+    kinds: tuple[KindTried, ...] = ()
+    """The kinds of lag that were tried, the best first; none of a closed loop, which tells none."""
     dead_time_s: Number = 0.0
     """Longest dead time of the logs; the models begin behind it."""
     engagements: Count = 0

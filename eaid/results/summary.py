@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, TypeVar
 from eaid.findings import merged, ranked, say
 from eaid.findings.finding import WORD
 from eaid.findings.row import SYMBOLS
+from eaid.findings.sentences.fitting import kind_in_words
 from eaid.shown import counted, span
 
 if TYPE_CHECKING:
@@ -44,15 +45,58 @@ def runs(fit: "Fit", noun: str) -> str:
 def answer(fit: "Fit") -> list[str]:
     """The lines that answer first: fit %, values with 95 % intervals where they matter, which estimate they are."""
     model = fit.nonlinear
-    lines = [f"fit    {_fit_pct(fit)}", *_lines(fit)]
+    lines = [f"fit    {_fit_pct(fit)}", *plant_line(fit), *_lines(fit)]
     if model is not None and steps_of_other_shapes(fit):
         lines.append("shown  single steps with their dead times; the models have none")
-    elif model is not None:
+    elif model is not None and not of_another_kind(fit):
         used = USED[model.estimator] if fit.recorded is None else "the recorded log as a whole, every input at once"
         parted = any(one.code in ("joint-fit-parts", "joint-fit-asked-for-parts") for one in fit.findings)
         lines.append(f"used   {used}{' (the joint fit disagrees with the single levels)' if parted else ''}")
         lines += _peaks(fit)
     return lines
+
+
+def of_another_kind(fit: "Fit") -> bool:
+    """Whether the plant of recorded logs is another than the clutch's."""
+    return fit.recorded is not None and fit.plant_ is not None and fit.plant_.kind != "parallel"
+
+
+def plant_line(fit: "Fit") -> list[str]:
+    """The plant where it is of another kind than the clutch's: its numbers with intervals."""
+    part = fit.plant_
+    if part is None or fit.recorded is None or not of_another_kind(fit):
+        return []
+    numbers = [f"{name} {value}" for name, value in plant_numbers(fit)]
+    kind = fit.recorded.kinds[0].kind if fit.recorded.kinds else part.kind
+    return [f"plant  {kind_in_words(kind)}: {', '.join(numbers)}"]
+
+
+def plant_numbers(fit: "Fit") -> list[tuple[str, str]]:
+    """Gain, time constants, frequency and damping, dead time of a plant, each with its unit and interval."""
+    part = fit.plant_
+    assert part is not None
+    p, ci = part.plant, part.ci95
+    top, unit = p.u_range[1], _per(part.output_unit, part.input_unit)
+    tau1, tau2 = (float(one) for one in p.time_constants(top))
+    rows: list[tuple[str, float, str, str]] = [("gain", float(p.steady(top)) / top, "gain", unit)]
+    if p.Ts_below:
+        rows.append(("gain below rest", float(p.steady(-top)) / -top, "gain_below", unit))
+    if p.zeta is not None and p.kind == "ringing":
+        rows += [("ω", 1 / tau1, "omega", " rad/s"), ("ζ", p.zeta, "zeta", "")]
+    else:
+        rows.append(("τ" if p.kind == "lag" else "τ1", tau1, "tau1", " s"))
+        rows += [("τ2", tau2, "tau2", " s")] if p.kind != "lag" else []
+    rows += [("dead time", p.dead_time_s, "dead_time_s", " s")] if p.dead_time_s else []
+    found = []
+    for name, value, key, in_unit in rows:
+        ends = None if ci is None else getattr(ci, key)
+        span = "" if ends is None else f" ({ends[0]:.4g} … {ends[1]:.4g})"
+        found.append((name, f"{value:.4g}{span}{in_unit}"))
+    return found
+
+
+def _per(output: str, of: str) -> str:
+    return f" {output}/{of}" if output and of else ""
 
 
 def _peaks(fit: "Fit") -> list[str]:
@@ -90,13 +134,21 @@ def values(fit: "Fit") -> list[list[str]]:
     else:
         heading = [f"level [{data.input_unit}]" if data.input_unit else "level", f"T_s [{out}]", "τ1 [s]", "τ2 [s]"]
         levels: Sequence[CurveLevel | FrictionLevel] = believed_levels(fit)
+        if of_another_kind(fit):  # its line says them
+            levels = (
+                levels
+                if fit.recorded is not None and fit.recorded.kinds[:1] and fit.recorded.kinds[0].gain == "curve"
+                else ()
+            )
         rows = [[f"{row.level:.4g}", *(_value(row, name) for name in SYMBOLS)] for row in _three(levels)]
     return [heading, *rows] if rows else []
 
 
 def steps_of_other_shapes(fit: "Fit") -> "list[StepShape]":
     """The single steps, where no level is fitted, or where most of them ask for a dead time that the models lack."""
-    taken_over = fit.recorded is not None and fit.recorded.dead_time_s > 0
+    if of_another_kind(fit):
+        return []
+    taken_over = fit.plant_ is not None and fit.plant_.dead_time_s > 0
     late = 0 if taken_over else sum(step.dead_time_s > 0 for step in fit.steps)
     return list(fit.steps) if fit.steps and (not believed_levels(fit) or 2 * late > len(fit.steps)) else []
 
@@ -115,7 +167,9 @@ def _lines(fit: "Fit") -> list[str]:
 
 def _fit_pct(fit: "Fit") -> str:
     said = []
-    for name in ("nonlinear", "linear"):
+    if of_another_kind(fit) and fit.recorded is not None and fit.recorded.kinds:
+        said.append(f"plant {fit.recorded.kinds[0].fit_pct or 0.0:.1f} %")
+    for name in ("linear",) if said else ("nonlinear", "linear"):
         part = getattr(fit, name)
         if part is not None and part.fit_pct is not None:
             said.append(f"{name} {part.fit_pct:.1f} %")
@@ -136,7 +190,7 @@ def believed_levels(fit: "Fit") -> "tuple[CurveLevel, ...] | tuple[FrictionLevel
 def _value(row: "CurveLevel | FrictionLevel", name: str) -> str:
     value = getattr(row, name)
     if value is None:
-        return "not known"
+        return "–"
     if row.ci95 is not None and getattr(row.ci95, name) is not None:
         return _with_interval(row, name)
     return "not estimable" if name != "Ts" and value > ENDLESS_S else f"{value:.3g} (not estimable)"

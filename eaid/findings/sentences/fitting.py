@@ -79,6 +79,26 @@ HOLD = {
 }
 
 
+KINDS = {
+    "lag": "one lag", "series": "two lags in series", "ringing": "two states that ring",
+    "zero": "two lags with a zero", "clutch": "the clutch's two lags over the input",
+}  # fmt: skip
+
+
+def kind_in_words(kind: str) -> str:
+    """`lag+dead`: one lag with a dead time."""
+    name, _, dead = kind.partition("+")
+    return KINDS[name] + " with a dead time" * bool(dead)
+
+
+def _kind(v: Values) -> str:
+    said = f"the plant is {kind_in_words(v['kind'])}: {v['fit_pct']:.4g} % of these logs with {v['unknowns']} unknowns"
+    if v["clutch_pct"] is None:
+        return said
+    clutch = f"where {KINDS['clutch']} have {v['clutch_pct']:.4g} % with {v['clutch_unknowns']}"
+    return f"{said}, {clutch}"
+
+
 def _falls(v: Values) -> str:
     return (
         f"falls between levels are not what rises are: their τ1 is {v['tau1_factor']:.3g} times and their τ2 "
@@ -290,6 +310,7 @@ ROWS: dict[str, Row] = {
         "it acted; write what acts from a row on into that row",
         "rows",
     ),
+    "kind-by-evidence": note(_kind, always=True),
     "dead-time": note(
         "{subject}: the output answers after a dead time of {dead_time_s:.3g} s, or its input is noted so early; the "
         "models begin behind it",

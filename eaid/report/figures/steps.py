@@ -27,8 +27,7 @@ def nonlinear_curves(fit: Fit | None, data: StepSet) -> dict[float, Model]:
     """Level → the nonlinear model's step response."""
     if fit is None or fit.nonlinear is None:
         return {}
-    model = fit.nonlinear.parameters
-    return {one.level: partial(from_rest, model, u=one.level) for one in data.levels}
+    return {one.level: partial(from_rest, fit.plant, u=one.level) for one in data.levels}
 
 
 def single_curves(fit: Fit | None) -> dict[float, Model]:
@@ -122,9 +121,13 @@ def linear_model(data: StepSet, fit: Fit) -> Sheet | None:
     """Fig. 8: what was measured, and Eq. (8) of all levels, dashed, but where it ends below zero, as no clutch does."""
     if fit.linear is None:
         return None
-    model = fit.linear.parameters
+    model, dead_s = fit.linear.parameters, fit.dead_time_s
+
+    def response(t_s: Array, level: float) -> Array:
+        return linear.step_response(model, np.maximum(t_s - dead_s, 0.0), level)
+
     above = [row.level for row in data.levels if linear.steady(model, row.level) > 0]
-    curves = {level: partial(linear.step_response, model, duty_pct=level) for level in above}
+    curves = {level: partial(response, level=level) for level in above}
     return Sheet([steps_panel(data, curves, said="Eq. (8)")], 3.2)
 
 

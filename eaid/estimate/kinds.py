@@ -1,0 +1,334 @@
+"""Which kind of lag explains a log, by evidence: one lag, two in series or ringing, with a zero, each with a dead time.
+
+Every kind has one gain and an idle output first; what enters linearly (gain, idle, start states) is solved for on a
+grid of time constants, dampings and dead times (variable projection), and the best places are fitted to their end. The
+best kinds then get more of a gain: quadratic, cubic, one on each side of rest. What counts is
+
+    score = squares (1 + 0.01 p) + 6 p s,    s = squares of the best over the number of independent samples
+
+p unknowns, s what noise alone would save with one of them. The clutch's own form, two lags in parallel over the input,
+stands unless another kind scores less. An output whose rate follows the input is an integrator, and is refused by name.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numba
+import numpy as np
+
+from eaid.arrays import Array, median
+from eaid.estimate.copies import Copies
+from eaid.estimate.forms import SLOWEST, of_kind
+from eaid.estimate.from_logs import Setup, Solved, finished, setup_of
+from eaid.estimate.log_intervals import correlation_s
+from eaid.estimate.recorded_log import RecordedLog
+from eaid.estimate.solver import ROUNDING
+from eaid.plant.derivatives import Drive, delayed, swung
+from eaid.plant.forms import Form, LegendreForm, Proportional, Sides
+
+TAUS, DAMPINGS, DELAYS = 14, (0.03, 0.2, 0.7, 1.3, 4.0), 9  # Of the grid
+LONGEST_DELAY = 0.2  # Part of the longest log that a dead time may take
+PER_UNKNOWN, PRICE = 0.01, 6.0  # Of the score
+BEGUN = 2  # Places of the grid from which each kind is fitted
+GAINS = 3  # Kinds that get more of a gain
+INTEGRATES = 1.03  # Squares of an integrator over those of the best kind, up to which that is what it is
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of lag: its name here, its law, whether z and θ are unknowns."""
+
+    name: str
+    law: str  # lag | swing
+    zero: bool = False
+    late: bool = False
+
+
+KINDS = tuple(
+    Kind(name + ("+dead" if late else ""), law, zero, late)
+    for late in (False, True)
+    for name, law, zero in (("lag", "lag", False), ("series", "swing", False), ("zero", "swing", True))
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """One kind fitted."""
+
+    kind: Kind
+    solved: Solved
+    score: float = math.inf
+
+    @property
+    def name(self) -> str:
+        """Of the kind as it came out: ringing where ζ is below 1."""
+        model = self.solved.setup.model
+        if model.kind != "swing":
+            return self.kind.name
+        zeta = float(self.solved.coefficients[model.slices[2]][0])
+        return self.kind.name.replace("series", "ringing" if zeta < 1 else "series")
+
+    @property
+    def cost(self) -> float:
+        """Sum of the squares that are left."""
+        return self.solved.cost
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def swinging_sums(drive: Drive, gains: Array, tau: float, zeta: float) -> Array:
+    """Σ w s s', (6, 6), of two lags in series or ringing: s the answer to the different `gains` of the inputs, idle
+    output, both states at the first row; of the state's rate the answer; then y."""
+    sums, s = np.zeros((6, 6)), np.zeros(6)
+    x1, x2, f1, f2, g1, g2, last = 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, -1.0
+    c, n = 1.0, 0.0
+    s[1] = 1.0
+    for k in range(len(drive.w)):
+        if drive.w[k] > 0.0:
+            s[0], s[2], s[3], s[4], s[5] = x1, f1, g1, x2, drive.y[k]
+            for i in range(6):
+                for j in range(6):
+                    sums[i, j] += drive.w[k] * s[i] * s[j]
+        step = drive.dt_s[k]
+        if step != last:
+            c, n = swung(zeta, step / tau)
+            last = step
+        f11, f22, w = c + zeta * n, c - zeta * n, gains[drive.which[k]]
+        x1, x2 = w + f11 * (x1 - w) + n * x2, f22 * x2 - n * (x1 - w)
+        f1, f2 = f11 * f1 + n * f2, f22 * f2 - n * f1
+        g1, g2 = f11 * g1 + n * g2, f22 * g2 - n * g1
+    return sums
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """Logs, and what of them is looked at."""
+
+    logs: tuple[RecordedLog, ...]
+    drives: tuple[Drive, ...]
+    low: float
+    high: float
+    signed: bool
+    dead_time_s: float | None = None  # Where it was given
+
+    @property
+    def shortest_s(self) -> float:
+        """Usual time between two rows [s]."""
+        return min(median(log.dt_s) for log in self.logs)
+
+    @property
+    def longest_s(self) -> float:
+        """Length of the longest log [s]."""
+        return max(float(log.time_s[-1] - log.time_s[0]) for log in self.logs)
+
+    def cost(self, theta: float, tau: float, zeta: float, zero: bool) -> float:
+        """Squares left at a place of the grid, all that is linear solved for; by series' law, one lag at ζ = ∞."""
+        total = 0.0
+        parts = []
+        for drive in self.drives:
+            late = delayed(drive, theta)
+            sums = lag_sums(late, late.duty, tau) if math.isinf(zeta) else swinging_sums(late, late.duty, tau, zeta)
+            free = [not drive.idle_known, not drive.starts_idle, not drive.starts_idle and not math.isinf(zeta)]
+            parts.append((drive, sums, [1 + k for k, one in enumerate(free) if one]))
+        shared = [0, 4] if zero and not math.isinf(zeta) else [0]
+        A, b = np.zeros((len(shared), len(shared))), np.zeros(len(shared))
+        for drive, sums, own in parts:  # what a log has for itself goes first
+            back = np.linalg.pinv(sums[np.ix_(own, own)], hermitian=True, rcond=1e-12) if own else np.zeros((0, 0))
+            cross = sums[np.ix_(shared, own)]
+            A += sums[np.ix_(shared, shared)] - cross @ back @ cross.T
+            b += sums[shared, 5] - cross @ back @ sums[own, 5]
+            total += float(sums[5, 5] - sums[own, 5] @ back @ sums[own, 5]) + drive.left
+        return total - float(b @ np.linalg.pinv(A, hermitian=True, rcond=1e-12) @ b)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def lag_sums(drive: Drive, gains: Array, tau: float) -> Array:
+    """The same of one lag; the rows of the second state are 0."""
+    sums, s = np.zeros((6, 6)), np.zeros(6)
+    x, f, g, last = 0.0, 1.0, 0.0, -1.0
+    s[1] = 1.0
+    for k in range(len(drive.w)):
+        if drive.w[k] > 0.0:
+            s[0], s[2], s[5] = x, f, drive.y[k]
+            for i in range(6):
+                for j in range(6):
+                    sums[i, j] += drive.w[k] * s[i] * s[j]
+        step = drive.dt_s[k]
+        if step != last:
+            g, last = -np.expm1(-step / tau), step
+        x += g * (gains[drive.which[k]] - x)
+        f -= g * f
+    return sums
+
+
+def places(search: Search, kind: Kind) -> list[tuple[float, ...]]:
+    """The best places of the grid for a kind, (τ, θ) or (1/ω, ζ, θ), from minima that differ by more than a factor."""
+    span, shortest = search.longest_s, search.shortest_s
+    taus = np.geomspace(0.6 * shortest, 2 * span, TAUS).tolist()
+    late = np.geomspace(0.5 * shortest, LONGEST_DELAY * span, DELAYS).tolist() if kind.late else [0.0]
+    if search.dead_time_s is not None:
+        late = [search.dead_time_s]
+    shapes: list[tuple[float, float]] = [(tau, math.inf) for tau in taus]
+    if kind.law == "swing":
+        ringing = [(1 / w, zeta) for w in peaks(search) for zeta in DAMPINGS[:2]]
+        shapes = [(tau, zeta) for tau in taus for zeta in DAMPINGS] + ringing
+    rows = [(search.cost(theta, tau, zeta, kind.zero), tau, zeta, theta) for tau, zeta in shapes for theta in late]
+    best: list[tuple[float, ...]] = []
+    for _, *place in sorted(rows):
+        if all(abs(math.log(place[0] / one[0])) > 0.7 for one in best):
+            best.append(tuple(place))
+        if len(best) == BEGUN:
+            break
+    return best
+
+
+def peaks(search: Search) -> list[float]:
+    """Frequencies at which the outputs have most, 0 left out [rad/s]."""
+    log = max(search.logs, key=lambda one: len(one.time_s))
+    y, dt_s = np.nan_to_num(log.output - np.nanmean(log.output)), median(log.dt_s)
+    power = np.abs(np.fft.rfft(np.diff(y))) ** 2
+    top = np.argsort(power)[-2:] + 1
+    return [float(2 * np.pi * k / (len(y) * dt_s)) for k in top]
+
+
+def begun(search: Search, kind: Kind, gain: Form, place: Sequence[float], near: Solved | None = None) -> Solved:
+    """A kind fitted from a place of the grid, or with more of a gain from where it ended with less."""
+    tau, zeta, theta = place
+    model = of_kind(
+        kind.law, gain, search.low, search.high, search.shortest_s, None if kind.zero else 0.0, search.signed
+    )
+    setup = replace(setup_of(model, search.logs, True, theta), copies=())
+    x = np.zeros(setup.size)
+    x[model.slices[0]] = 0.0
+    x[model.slices[1]] = tau
+    if kind.law == "swing":
+        x[model.slices[2]] = min(max(zeta, 0.02), 20.0)
+    if near is not None:
+        x = carried(near, setup, gain)
+    if kind.late:
+        x = np.r_[x[: setup.shared], theta, x[setup.shared :]]
+        setup = replace(setup, extras=("dead",))
+    return finished(setup, [gain_solved(setup, x)])
+
+
+def carried(near: Solved, setup: Setup, gain: Form) -> Array:
+    """Unknowns of a richer gain from those of a simpler one, without the dead time."""
+    before, model = near.fitted, setup.model
+    values = before.model.rows(gain.inputs)[0] @ near.x[: before.model.size]
+    x = np.zeros(setup.size)
+    x[model.slices[0]] = np.linalg.lstsq(gain.rows(gain.inputs), values, rcond=None)[0]
+    x[model.slices[0].stop : model.size] = near.x[before.model.slices[0].stop : before.model.size]
+    x[setup.shared :] = near.x[before.shared :]
+    return x
+
+
+def gain_solved(setup: Setup, x: Array) -> Array:
+    """The unknowns with all that enters linearly at its least squares: the gain, idle outputs, start states."""
+    n, free = setup.size, [*range(setup.model.slices[0].stop), *range(setup.shared, setup.size)]
+    H, g = np.zeros((n, n)), np.zeros(n)
+    x = x.copy()
+    x[free] = 0.0
+    for k in range(len(setup.drives)):
+        J, r = setup.jacobian(x, k)
+        at = setup.places[k].columns
+        H[np.ix_(at, at)] += J.T @ J
+        g[at] += J.T @ r
+    A = H[np.ix_(free, free)]
+    size = np.sqrt(np.maximum(np.diag(A), 1e-300))
+    x[free] = -np.linalg.lstsq(A / np.outer(size, size), g[free] / size, rcond=1e-12)[0] / size
+    return x
+
+
+def richer(search: Search, stepwise_levels: int) -> Iterator[Form]:
+    """Gains beyond one for all inputs, of no more coefficients than the inputs tell apart."""
+    low, high = search.low, search.high
+    if search.signed:
+        yield Sides(Proportional(low, high), Proportional(low, high))
+    for degree in (2, 3):
+        if not search.signed and stepwise_levels > degree + 1:
+            yield LegendreForm(degree, low, high)
+
+
+def independent(solved: Solved) -> float:
+    """Independent samples in the residuals of a fit."""
+    count = 0.0
+    for r, drive in zip(solved.missed, solved.setup.drives, strict=True):
+        dt_s = float(drive.dt_s.sum()) / max(len(r), 1)
+        count += len(r) * dt_s / max(2 * correlation_s(r, dt_s), dt_s)
+    return max(count, 1.0)
+
+
+def on_all(search: Search, one: Tried) -> Tried:
+    """The same fitted to every sample, as rivals are already."""
+    if one.kind not in KINDS:
+        return one
+    solved, model = one.solved, one.solved.setup.model
+    theta = solved.setup.dead_time(solved.x)
+    setup = replace(setup_of(model, search.logs, True, theta), extras=solved.setup.extras)
+    return replace(one, solved=finished(setup, [solved.x]))
+
+
+def scored(tried: Sequence[Tried], noise: float) -> list[Tried]:
+    """With their scores, the least first; `noise` is what one more unknown saves of nothing but noise."""
+    rounding = tried[0].solved.setup.problem().floor / ROUNDING * 1e-13
+    rows = []
+    for one in tried:
+        p = one.solved.setup.size
+        rows.append(replace(one, score=(one.cost + rounding) * (1 + PER_UNKNOWN * p) + PRICE * p * noise))
+    return sorted(rows, key=lambda one: one.score)
+
+
+def of_evidence(search: Search, levels: int, rivals: Sequence[Tried] = ()) -> list[Tried]:
+    """Every kind fitted, beside `rivals`, the best first; the best few with more of a gain.
+
+    The best stands fitted to every sample, the others to the rows on which they are looked for.
+    """
+    gain, tried = Proportional(search.low, search.high), []
+    for kind in KINDS:
+        if kind.late and search.dead_time_s is not None:
+            continue
+        ends = [begun(search, kind, gain, place) for place in places(search, kind)]
+        tried.append(Tried(kind, min(ends, key=lambda one: one.cost)))
+    forms = list(richer(search, levels))
+    for one in sorted(tried, key=lambda one: one.cost)[:GAINS]:
+        theta = one.solved.fitted.dead_time(one.solved.x)
+        tried += [Tried(one.kind, begun(search, one.kind, form, (1.0, 1.0, theta), one.solved)) for form in forms]
+    tried = [one for one in tried if resolved(one, search)] or tried
+    most = min([*tried, *rivals], key=lambda one: one.cost)
+    most = on_all(search, most)
+    rows = scored([*tried, *rivals], most.cost / independent(most.solved))
+    return [on_all(search, rows[0]), *rows[1:]]
+
+
+def resolved(one: Tried, search: Search) -> bool:
+    """Whether the logs show both lags: one under half a sample imitates what happens between samples, one that outlasts
+    the logs a drift."""
+    model, x = one.solved.setup.model, one.solved.coefficients
+    if model.kind != "swing":
+        return True
+    tau, zeta = (float(x[part][0]) for part in model.slices[1:])
+    apart = zeta + math.sqrt(max(zeta**2 - 1, 0.0)) if zeta > 1 else 1.0
+    return tau / apart >= 0.5 * search.shortest_s and tau * apart <= search.longest_s
+
+
+def integrates(search: Search, best: Tried) -> bool:
+    """Whether the output's rate follows the input: its slowest lag outlasts the logs, and none at all explains them."""
+    plant = best.solved.setup.model.parameters(best.solved.coefficients)
+    if plant.slowest_s(search.high) < search.longest_s:
+        return False
+    endless = SLOWEST * search.longest_s
+    theta = best.solved.fitted.dead_time(best.solved.x)
+    fast = np.geomspace(0.6 * search.shortest_s, search.longest_s, TAUS)
+    costs = [search.cost(theta, endless, math.inf, False)]
+    costs += [  # τ1 and an endless τ2: 1/ω = √(τ1 τ2), ζ = (τ1 + τ2)/(2 √(τ1 τ2))
+        search.cost(theta, math.sqrt(tau * endless), (tau + endless) / (2 * math.sqrt(tau * endless)), False)
+        for tau in fast.tolist()
+    ]
+    return min(costs) <= INTEGRATES * best.cost
+
+
+def search_of(logs: Sequence[RecordedLog], low: float, high: float, dead_time_s: float | None = None) -> Search:
+    """Logs as they are looked at: where they are long by small copies; a dead time that was given is no unknown."""
+    drives = tuple(Copies(log).small for log in logs)
+    signed = any(float(log.input.min()) < 0 for log in logs)
+    return Search(tuple(logs), drives, low, high, signed, dead_time_s)

@@ -1,0 +1,196 @@
+"""Which plant recorded logs have: the clutch's own form, with its dead time and its falls, or another kind of lag."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from eaid.arrays import Array, median
+from eaid.errors import DataError
+from eaid.estimate import forms
+from eaid.estimate.fall_tests import tested
+from eaid.estimate.from_logs import Setup, Solved, idle_of, model_of, setup_of, solve
+from eaid.estimate.kinds import Kind, Search, Tried, integrates, of_evidence, on_all, search_of
+from eaid.estimate.late import timed
+from eaid.estimate.log_intervals import Spread, curves, spread
+from eaid.estimate.recorded_log import RecordedLog
+from eaid.findings import Finding, finding
+from eaid.options import FitOptions
+from eaid.plant.dynamics import SHARE
+from eaid.plant.forms import Proportional, Sides
+from eaid.recorded.inputs import MANY, Inputs
+from eaid.results.common import Interval
+from eaid.results.fit import FittedData, FittedPlant, PlantIntervals
+from eaid.results.recorded import FallTest, KindTried
+
+WIDE = 2.0  # Half-width, as a part of the number, beyond which an interval says nothing
+OPEN = 0.2  # Relative half-width beyond which T_s is open
+AS_WELL = 4.0  # Squares over those of a clutch whose T_s is open, up to which another kind is taken in its place
+AT_REST = 2.0  # Squares of a start at rest over those of one with unknown states, up to which it is believed
+
+
+@dataclass(frozen=True, eq=False)
+class Chosen:
+    """The plant of logs, and how it was come to."""
+
+    solved: Solved
+    logs: tuple[RecordedLog, ...]  # With what is known of where they begin, and inputs where they acted
+    falls: tuple[FallTest, ...]
+    kinds: tuple[KindTried, ...]
+    findings: list[Finding]
+
+
+def plant_of_logs(
+    logs: Sequence[RecordedLog], others: Sequence[RecordedLog], inputs: Inputs, options: FitOptions, rests: bool,
+    of_steps_s: float, falls: bool,
+) -> Chosen:  # fmt: skip
+    """The clutch's own form behind its dead time, with what falls have of their own; another kind where that explains
+    as much with less, or more. Logs of loops, and those with steps beside them, keep the clutch's."""
+    signed = any(float(log.input.min()) < 0 for log in logs)
+    clutch = None
+    if not signed:
+        clutch = _of_the_clutch(logs, others, inputs, options, rests, of_steps_s, falls)
+    alone = not others and options.share in (SHARE, "auto") and not any(log.reference is not None for log in logs)
+    still = all(np.ptp(log.input) == 0 for log in logs)  # gain and idle output cannot be told apart
+    if clutch is not None and (still or not alone):
+        return clutch
+    search = search_of(at_rest(logs, inputs), inputs.low, inputs.high, options.held_dead_time_s)
+    logs = search.logs
+    rivals = [] if clutch is None else [Tried(Kind("clutch", "parallel"), clutch.solved)]
+    rows = of_evidence(search, len(inputs.levels) if inputs.stepwise else MANY, rivals)
+    if clutch is not None and rows[0].kind.name == "clutch":
+        simple = next(one for one in rows if one.kind.name != "clutch")
+        if simple.cost <= AS_WELL * rows[0].cost and leaves_open(clutch.solved, inputs):
+            rows = [on_all(search, simple), *(one for one in rows if one is not simple)]
+    best, total = rows[0], sum(energy(log) for log in logs)
+    if best.kind.name != "clutch" and integrates(search, best):
+        raise DataError(*(integrator(log) for log in logs))
+    kinds = tuple(kind_row(one, total, best.score) for one in rows)
+    if clutch is not None and best.kind.name == "clutch":
+        return replace(clutch, kinds=kinds)
+    theta_s = best.solved.fitted.dead_time(best.solved.x)
+    mine = next((one for one in kinds if one.kind == "clutch"), None)
+    told = [
+        finding(
+            "kind-by-evidence", "plant", kind=best.name, fit_pct=kinds[0].fit_pct, unknowns=kinds[0].unknowns,
+            clutch_pct=None if mine is None else mine.fit_pct, clutch_unknowns=None if mine is None else mine.unknowns,
+        )
+    ]  # fmt: skip
+    told += [finding("dead-time", log.name, dead_time_s=theta_s) for log in logs if theta_s > 0]
+    return Chosen(best.solved, tuple(logs), (), kinds, told)
+
+
+def at_rest(logs: Sequence[RecordedLog], inputs: Inputs) -> list[RecordedLog]:
+    """The logs, those that begin with some rows at rest known to be at rest where the output does not deny it."""
+    found = []
+    for log in logs:
+        begins = log.idle_start is None and not log.starts_idle and log.input[0] == 0 and bool(log.input.any())
+        if begins:
+            resting = replace(log, idle_start=True)
+            costs = [quick_cost(search_of([one], inputs.low, inputs.high)) for one in (resting, log)]
+            log = resting if costs[0] <= AT_REST * costs[1] else log
+        found.append(log)
+    return found
+
+
+def quick_cost(search: Search) -> float:
+    """Squares that the best of a few lags with dead times leaves."""
+    taus = np.geomspace(search.shortest_s, search.longest_s, 12).tolist()
+    delays = [0.0, *np.geomspace(0.5 * search.shortest_s, 0.2 * search.longest_s, 8).tolist()]
+    return min(search.cost(theta, tau, np.inf, False) for tau in taus for theta in delays)
+
+
+def leaves_open(solved: Solved, inputs: Inputs) -> bool:
+    """Whether the logs leave T_s of a fit open at half of its inputs or more."""
+    known = curves(solved, spread(solved), inputs.shown)
+    return bool(np.mean(known.half_width[0] > OPEN) >= 0.5)
+
+
+def _of_the_clutch(
+    logs: Sequence[RecordedLog], others: Sequence[RecordedLog], inputs: Inputs, options: FitOptions, rests: bool,
+    of_steps_s: float, falls: bool,
+) -> Chosen:  # fmt: skip
+    """Two lags in parallel over the input, behind the dead time of the logs, with what falls have of their own."""
+    base = solve(setup_of(forms.nonlinear(inputs.basis, options.held_share), [*logs, *others], rests))
+    behind = timed(base, logs, others, options.held_dead_time_s, of_steps_s)
+    base, findings = behind.solved, []
+    theta_s = base.fitted.dead_time(base.x)
+    for log, count in zip(logs, behind.late, strict=True):
+        if count > 0:
+            findings.append(finding("input-late", log.name, rows=count, ms=1e3 * count * median(log.dt_s)))
+        elif theta_s > 0:
+            findings.append(finding("dead-time", log.name, dead_time_s=theta_s))
+    of_falls: tuple[FallTest, ...] = ()
+    if falls:
+        base, of_falls, more = tested(base, inputs.stepwise)
+        findings += more
+    return Chosen(base, behind.logs, of_falls, (), findings)
+
+
+def energy(log: RecordedLog) -> float:
+    """Weighted squares of an output about its mean."""
+    return log.weight * float(np.nansum((log.output - np.nanmean(log.output)) ** 2))
+
+
+def kind_row(one: Tried, total: float, least: float) -> KindTried:
+    """A kind as the result tells it."""
+    form = one.solved.setup.model.Ts
+    gain = "one" if isinstance(form, Proportional) else "sides" if isinstance(form, Sides) else "curve"
+    fit_pct = 100 * (1 - float(np.sqrt(max(one.cost, 0.0) / total))) if total > 0 else None
+    score = one.score / least if least > 0 else None
+    return KindTried(one.name, gain, one.solved.setup.size, fit_pct, score)
+
+
+def integrator(log: RecordedLog) -> str:
+    """Why a log whose output's rate follows its input is refused."""
+    return (
+        f"{log.source or log.name}: its output integrates its input (its rate follows the input, and no lag within the "
+        "log brings it to rest), as a position follows a motor's voltage; fit the output's rate, or close a loop and "
+        "fit that"
+    )
+
+
+def about_idle(base: Solved, logs: Sequence[RecordedLog], theta_s: float) -> Setup:
+    """The logs with the idle output that the plant has, for the linear model: it begins where the plant does."""
+    known = [replace(log, baseline=idle_of(base, k) + (log.baseline or 0.0)) for k, log in enumerate(logs)]
+    return setup_of(base.fitted.model, known, True, theta_s)
+
+
+def plant_part(solved: Solved, data: FittedData, uncertainty: Spread | None) -> FittedPlant:
+    """The plant that every later command reads, with 95 % intervals of what is constant over the input."""
+    p, model, x = model_of(solved), solved.setup.model, solved.x
+    if uncertainty is None:
+        return FittedPlant.of(p, data)
+    numbers: dict[str, Callable[[Array], float]] = {}
+    if (dead := solved.setup.at("dead")) >= 0:
+        numbers["dead_time_s"] = lambda x: float(x[dead])
+    if model.kind != "parallel":
+        top = model.rows(np.array([model.high]))[0, 0] / model.high
+        numbers["gain"] = lambda x: float(top @ x[: model.size])
+        if p.kind == "ringing":
+            numbers["omega"] = lambda x: 1 / float(x[model.slices[1]][0])
+            numbers["zeta"] = lambda x: float(x[model.slices[2]][0])
+        else:
+            numbers["tau1"] = lambda x: float(model.parameters(x).time_constants(model.high)[0])
+        if p.kind == "series":
+            numbers["tau2"] = lambda x: float(model.parameters(x).time_constants(model.high)[1])
+        if model.signed:
+            below = model.rows(np.array([-model.high]))[0, 0] / -model.high
+            numbers["gain_below"] = lambda x: float(below @ x[: model.size])
+    return FittedPlant.of(p, data, PlantIntervals(**{
+        name: interval(number, x, uncertainty) for name, number in numbers.items()
+    }))  # fmt: skip
+
+
+def interval(number: Callable[[Array], float], x: Array, uncertainty: Spread) -> Interval:
+    """The 95 % interval of a number of the unknowns; on its logarithm where it is above 0. None: it says nothing."""
+    value, gradient = number(x), np.zeros(len(x))
+    for k in range(len(x)):
+        h = 1e-6 * max(abs(float(x[k])), 1e-9)
+        step = np.zeros(len(x))
+        step[k] = h
+        gradient[k] = (number(x + step) - number(x - step)) / (2 * h)
+    half = uncertainty.of(gradient)
+    if value > 0 and half < WIDE * value:
+        return value * float(np.exp(-half / value)), value * float(np.exp(half / value))
+    return (value - half, value + half) if value <= 0 and half < np.inf else None

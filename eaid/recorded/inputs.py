@@ -1,0 +1,54 @@
+"""What recorded logs excite: held levels, or the range over which their inputs move."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.estimate.recorded_log import RecordedLog
+
+ALIKE = 1e-3  # Inputs that differ by less than this part of the largest are one level
+MANY = 60  # Levels beyond which inputs count as moving
+FEW_LEVELS = 20  # Levels that are shown each by itself, at most
+TAIL = 0.01  # Part of the acting time that a moving input may spend below, and above, the identified range
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """What the logs excite."""
+
+    levels: Array  # Held levels, or the ends of the range where the inputs move
+    low: float
+    high: float
+    stepwise: bool
+
+    @property
+    def basis(self) -> Array:
+        """Levels over which the models are laid out."""
+        if self.stepwise:
+            return np.unique([*self.levels, self.low, self.high]) if len(self.levels) > 1 else self.levels
+        return np.unique(np.linspace(self.low, self.high, 11))
+
+    @property
+    def shown(self) -> Array:
+        """Inputs at which curves are given: the levels where they are few, else eleven over the range."""
+        few = self.stepwise and 0 < len(self.basis) <= FEW_LEVELS
+        return self.basis if few else np.linspace(self.low, self.high, 11)
+
+
+def inputs_of(logs: Sequence[RecordedLog], wanted: tuple[float, float] | None) -> Inputs:
+    """Levels and range that the logs excite, or the range that was asked for."""
+    levels = np.unique(np.abs(np.concatenate([log.input[log.changes] for log in logs])))
+    levels = levels[levels > 0]
+    levels = levels[np.append(True, np.diff(levels) > ALIKE * levels[-1])]  # those all but alike are one
+    stepwise = all(log.stepwise for log in logs) and len(levels) <= MANY
+    if wanted is not None:
+        inside = levels[(levels >= wanted[0]) & (levels <= wanted[1])]
+        return Inputs(inside if stepwise else np.array(wanted), *wanted, stepwise)
+    if stepwise:
+        return Inputs(levels, float(levels[0]), float(levels[-1]), True)
+    sized = ((np.abs(log.input), log.dt_s) for log in logs)
+    values, weights = [np.concatenate(part) for part in zip(*sized, strict=True)]
+    low, high = np.quantile(values, [TAIL, 1 - TAIL], weights=weights * (values > 0), method="inverted_cdf").tolist()
+    return Inputs(np.array([low, high]) if high > low else np.array([low]), low, high, False)
