@@ -100,7 +100,7 @@ def test_row_of_B_hat(fit, start, options):
     found = eaid.tune_rc(fit, **options)
     rc = found.rc
     row = (
-        f"| {start} | {rc.B_hat:.1f} | {rc.alpha:.4f} | {rc.alpha_reached:.4f} | {'yes' if rc.guaranteed else 'no'} "
+        f"| {start} | {rc.B_hat:.1f} | {rc.alpha:.4f} | {rc.alpha_reached:.4f} | {'yes' if rc.rho_covers else 'no'} "
         f"| {rc.ultimate_bound_nm:.3g} N·m | {found.replayed.rc.max_abs_error_nm:.3f} N·m |"
     )
     assert row in TEXT

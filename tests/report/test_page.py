@@ -265,7 +265,8 @@ def test_one_verdict_on_the_guarantee_and_what_to_do_next(
     assert told == grade and said.startswith(f"guarantee {text.partition(' (φ')[0]}")
     assert ("φ allows 17.8 of the 37.5" in said) == (holds[0] is False)
     beyond = holds[1] is False
-    assert ("No gains mend that; what you have: gain margin 16.2 dB, phase 78.1°" in said) == beyond
+    limit = "duty limit" if unit == "%" else "input limit"
+    assert (f"No gains mend the {limit}; what you have: gain margin 16.2 dB, phase 78.1°" in said) == beyond
     assert page.numbers["Controllers"][1:] == [
         ["least gain margin (dB)", "16.2", "42.7", ""], ["least phase margin (°)", "78.1", "31.5", ""]
     ]  # fmt: skip
