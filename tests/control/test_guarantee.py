@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import eaid
 from eaid.control.gains import law_of
 from eaid.control.rc import rc_step
 
-from ..conftest import loaded
+from ..conftest import ROOT, loaded
 
 DT = 1e-3
 LINEAR = {"a0": 3.4, "b0": 0.17, "c0": 0.0, "bounds": {"B_m": 5.6, "B_M": 6.2}}
@@ -141,6 +142,18 @@ def test_the_duty_asked_is_that_of_the_worst_plant_along_the_reference(judged):
     # where K_D is large beside K_P, (c) adds what the error alone may ask at z = 0
     damped = {one.name: one for one in judged(reference, kd=60.0, kp=1.0).guarantee.conditions}
     assert damped["duty-limit"].needed > 20 * 3.5 + 1 + 6.2 * 3 + 1
+
+
+def test_the_docs_say_what_the_two_references_take(judged):
+    text = re.sub(r"\s+", " ", (ROOT / "docs/robust-control.md").read_text(encoding="utf-8"))
+    for reference, words in (
+        (triangle(0.5, 4.95, 8.0), "takes {low} to {high} % and is refused; all 200 plants leave the bound of {bound}"),
+        (triangle(1.5, 3.5, 3.0), "takes {low} to {high} %: yes, and none leaves {bound}"),
+    ):
+        gains = judged(reference)
+        low, high = (one.needed for one in gains.guarantee.conditions[5:3:-1])
+        told = words.format(low=f"{low:.0f}", high=f"{high:.0f}", bound=f"{gains.rc.ultimate_bound_nm:.2f} N·m")
+        assert told.replace("-", "−") in text
 
 
 def test_a_reference_that_is_not_known_leaves_the_verdict_open(tuned):
