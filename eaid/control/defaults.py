@@ -22,7 +22,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from eaid.control.design import Design, robust_of
-from eaid.control.gains import Bounds, rc_law
+from eaid.control.gains import Bounds
+from eaid.control.kinds import rc_law
 from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, Point, enough, margins
 from eaid.control.pi import PIGains, pi_gains
 from eaid.errors import DataError, GainsError, UsageError

@@ -1,5 +1,5 @@
 """A settled design → the robust controller, Eqs. (10)-(16), and what is to be said of it: margins around every level,
-how far η is from η̂ by the data, and the guarantee.
+how far η is from η̂ by the data.
 
     α = (B_M − B_m)/(B_M + B_m)                          by the formula; the same for B as for its inverse
     α_reached = max over b in [1/B_M, 1/B_m] of |1 − b B̂|   really: at one end, since 1 − b B̂ is linear in b
@@ -20,20 +20,16 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.control.gains import Bounds
+from eaid.control.kinds import Law
 from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, Point, enough, margins
-from eaid.control.pi import PIGains
-from eaid.control.rc import RCGains
 from eaid.errors import GainsError
 from eaid.findings import Finding, finding
 from eaid.options import TuneOptions
 from eaid.plant.dynamics import Plant
 from eaid.plant.linear import Linear
-from eaid.results.fit import Fit
 from eaid.results.gains import (
     AskedPI,
-    Condition,
     EqualPI,
-    Guarantee,
     Margin,
     MarginPoint,
     Margins,
@@ -44,11 +40,10 @@ from eaid.results.gains import (
     WorstMargins,
 )
 
-ROUNDING = 1e-9  # By how much ρ may fall short [N·m/s]; share by which the needed may exceed the available
+ROUNDING = 1e-9  # By how much ρ may fall short [N·m/s]
 DUTIES = 19
 INSTANTS = 200
 DIRECTIONS = 7200  # Of the half plane of ξ; V and |z| are even
-SHARP = 5.0  # γε below which the printed switch, Eq. (14), visibly jumps at z = 0
 
 
 @dataclass(frozen=True)
@@ -97,7 +92,7 @@ def robust_of(model: Linear, bounds: Bounds, design: Design) -> Robust:
     steep = rho.constant / design.epsilon
     return Robust(
         K_P=K_P, K_D=K_D, B_hat=B_hat, B_m=B_m, B_M=B_M,
-        alpha=alpha, alpha_reached=reached, guaranteed=covers, phi=phi, phi_honest_pct=term * B_m, Q_M=design.Q_M,
+        alpha=alpha, alpha_reached=reached, rho_covers=covers, phi=phi, phi_honest_pct=term * B_m, Q_M=design.Q_M,
         rho=Rho(constant=rho.constant, slope=rho.slope, convention=options.rho, needed=needed),
         epsilon=design.epsilon, gamma=design.gamma, P=((p, 0.0), (0.0, p)), Q=((Q11, Q12), (Q12, Q22)),
         equal_pi=EqualPI(B_hat * (K_D + steep * Q22), B_hat * (K_P + steep * Q12)),
@@ -168,8 +163,25 @@ def phi_needed(model: Linear, bounds: Bounds, plant: Plant | None) -> float | No
     return most
 
 
+def seen_top_nm(bounds: Bounds, plant: Plant | None) -> float | None:
+    """The highest torque [N·m] of which `phi_needed` tells."""
+    if plant is None:
+        return max((row.gain for row in bounds.rows), default=None)
+    return float(plant.steady(plant.u_range[1]))
+
+
+def least_margins(law: Law, points: Sequence[Point], timing: Timing) -> Margin:
+    """The least of each margin of a loop over all operating points; not stable where it is not around any."""
+    each = [margins(law, point, timing) for point in points]
+    least = [
+        min((margin for one in each if (margin := getattr(one, key)) is not None), default=None)
+        for key in ("gain_db", "phase_deg")
+    ]
+    return Margin(all(one.stable for one in each), *least)
+
+
 def margins_of(
-    loops: Mapping[str, RCGains | PIGains], points: Sequence[Point], timing: Timing, unit: str
+    loops: Mapping[str, Law], points: Sequence[Point], timing: Timing, unit: str
 ) -> tuple[Margins, list[Finding]]:
     """Margins of both loops around every operating point; GainsError where one is unstable around any."""
     every = {name: [margins(gains, point, timing) for point in points] for name, gains in loops.items()}
@@ -181,60 +193,15 @@ def margins_of(
                 f"the {name.upper()} loop is unstable on the fitted model around {', '.join(unstable)} {unit}, "
                 f"{timing.words()}; ask for slower gains"
             )
-        least = [
-            min((margin for one in each if (margin := getattr(one, key)) is not None), default=None)
-            for key in ("gain_db", "phase_deg")
-        ]
-        worst[name] = Margin(True, *least)
+        worst[name] = least_margins(loops[name], points, timing)
         lacking = [point.duty_pct for point, one in zip(points, each, strict=True) if not enough(one)]
         if lacking:
             missed.append(
                 finding("margin-missed", name, lacking, unit=unit, enough_db=ENOUGH_DB, enough_deg=ENOUGH_DEG,
-                        gain_db=least[0], phase_deg=least[1])
+                        gain_db=worst[name].gain_db, phase_deg=worst[name].phase_deg)
             )  # fmt: skip
     rows = [
         MarginPoint(point.duty_pct, point.torque_nm, *each)
         for point, *each in zip(points, *every.values(), strict=True)
     ]
     return Margins(timing, tuple(rows), WorstMargins(**worst)), missed
-
-
-def guarantee_of(
-    rc: Robust, phi: float | None, slope: float | None, limits: tuple[float, float], fit: Fit
-) -> Guarantee:
-    """Everything that the argument needs: it holds where every condition does, and is not known where none fails and
-    one is not known. `phi` is what the data show of |η − η̂| [% duty], `slope` the largest of the reference [N·m/s];
-    None: not known."""
-    unit, per_s = fit.data.input_unit, f"{fit.data.output_unit}/s"
-    needed_rho = None if rc.rho.needed is None else rc.rho.needed.constant
-    conditions = [Condition("rho", rc.guaranteed, needed_rho, rc.rho.constant, per_s)]
-    for name, needed, available, in_unit in (
-        ("phi", phi, rc.phi_honest_pct, unit),
-        ("Q_M", slope, rc.Q_M, per_s),
-        ("duty-limit", rc.B_hat * rc.rho.constant, limits[1] - limits[0], unit),
-    ):
-        holds = None if needed is None or available is None else bool(needed <= available * (1 + ROUNDING))
-        conditions.append(Condition(name, holds, needed, available, in_unit))
-    if fit.dead_time_s > 0:
-        conditions.append(Condition("dead-time", False, 0.0, fit.dead_time_s, "s"))
-    verdicts = [each.holds for each in conditions]
-    return Guarantee(False if False in verdicts else None if None in verdicts else True, tuple(conditions))
-
-
-def warnings_of(rc: Robust, verdict: Guarantee, unit: str, reference: str) -> list[Finding]:
-    """What does not hold, each with its numbers."""
-    findings, sharpness = [], rc.gamma * rc.epsilon
-    phi, steep, duty_limit = verdict.conditions[1:4]
-    if steep.holds is False:
-        findings.append(finding("slope-above-q-max", "rc", slope=steep.needed, Q_M=rc.Q_M, reference=reference))
-    if not rc.guaranteed:
-        findings.append(finding("rho-not-covered", "rc", B_hat=rc.B_hat, reached=rc.alpha_reached, made=rc.alpha))
-    if phi.holds is False:
-        findings.append(finding("phi-exceeded", "rc", allowed=phi.available, needed=phi.needed, unit=unit))
-    if sharpness < SHARP:
-        findings.append(finding("switch-jumps", "rc", sharpness=sharpness, least=SHARP, jump=1 - math.tanh(sharpness)))
-    if duty_limit.holds is False:
-        findings.append(
-            finding("robust-term-beyond-actuator", "rc", asked=duty_limit.needed, span=duty_limit.available, unit=unit)
-        )
-    return findings

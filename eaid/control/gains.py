@@ -4,7 +4,9 @@ B_i of a level is 1/b0_i. One step cannot tell b0 from c0: c0 is 0 (`zero-offset
 """
 
 from dataclasses import dataclass
+from typing import Literal, overload
 
+from eaid.control.kinds import KINDS, Law
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
 from eaid.errors import DataError, GainsError, UsageError
@@ -12,7 +14,7 @@ from eaid.findings import sentences
 from eaid.plant.dynamics import Plant
 from eaid.plant.linear import Linear
 from eaid.results.fit import Fit, LinearLevel
-from eaid.results.gains import Gains, Robust
+from eaid.results.gains import Gains
 from eaid.results.verdict import unphysical
 
 SLOWEST, FASTEST = 1e-6, 1e6  # a0 of anything that is controlled by samples [1/s]
@@ -79,7 +81,6 @@ def bounds_of(fit: Fit) -> Bounds:
 
 
 LARGEST_GAIN = 1e30  # Of any gain, and of the inverse of one that has to be positive, whatever the rig's units
-RC_POSITIVE: tuple[str, ...] = ("K_P", "K_D", "B_hat", "b0", "epsilon", "gamma", "Q22")
 
 
 def refuse_other_units(fit: Fit, gains: Gains | None) -> None:
@@ -91,31 +92,27 @@ def refuse_other_units(fit: Fit, gains: Gains | None) -> None:
         )
 
 
-def law_of(gains: Gains | None, name: str) -> RCGains | PIGains | None:
-    """Gains of `rc` or `pi` as its step takes them; None without any, DataError where no loop runs with them."""
-    held = None if gains is None else gains.laws.get(name)
-    if gains is None or held is None:
+@overload
+def law_of(gains: Gains | None, name: Literal["rc", "pi"]) -> RCGains | PIGains | None: ...
+@overload
+def law_of(gains: Gains | None, name: str) -> Law | None: ...
+def law_of(gains: Gains | None, name: str) -> Law | None:
+    """Gains of a controller of the table as its step takes them; None without any, DataError where no loop runs with
+    them."""
+    held = None if gains is None else gains.controllers_by_name.get(name)
+    if gains is None or held is None or name not in KINDS:
         return None
-    law: RCGains | PIGains
-    if isinstance(held, Robust):
-        law, positive = rc_law(gains.model, held, gains.duty_limits_pct), RC_POSITIVE
-    else:
-        law, positive = PIGains(held.K_P, held.K_I, *gains.duty_limits_pct), ()
+    kind = KINDS[name]
+    try:
+        law = kind.law(gains.model, held, gains.duty_limits_pct)
+    except KeyError as missing:
+        raise DataError(f"gains.json: {name} has no {missing.args[0]}; run tune-rc again") from None
     for key, value in list(law._asdict().items())[:-2]:  # the limits of the duty stand last
-        if key in positive and not value > 0:
+        if key in kind.positive and not value > 0:
             raise DataError(f"gains.json: {name}: {key} is {value:g}, it has to be positive; run tune-rc again")
-        if abs(value) > LARGEST_GAIN or (key in positive and value < 1 / LARGEST_GAIN):
+        if abs(value) > LARGEST_GAIN or (key in kind.positive and value < 1 / LARGEST_GAIN):
             raise DataError(f"gains.json: {name}: {key} is {value:g}, which no loop of a rig has; run tune-rc again")
     return law
-
-
-def rc_law(model: Linear, rc: Robust, limits_pct: tuple[float, float]) -> RCGains:
-    """The robust controller on a model as its step takes it."""
-    Q12, Q22 = rc.Q[1]
-    return RCGains(
-        rc.K_P, rc.K_D, rc.B_hat, model.a0, model.b0, model.c0, rc.rho.constant, rc.rho.slope, rc.epsilon, rc.gamma,
-        Q12, Q22, *limits_pct,
-    )  # fmt: skip
 
 
 def plant_of(fit: Fit) -> Plant | None:

@@ -22,8 +22,10 @@ import numpy as np
 from scipy.optimize import brentq
 
 from eaid.arrays import Array
+from eaid.control.kinds import Law as Gains
+from eaid.control.kinds import kind_of
 from eaid.control.pi import PIGains
-from eaid.control.rc import RCGains, rc_step
+from eaid.control.rc import RCGains
 from eaid.plant import linear
 from eaid.plant.dynamics import Plant
 from eaid.plant.linear import Linear
@@ -75,18 +77,21 @@ class Law(NamedTuple):
     k_q: float
 
 
-def law_around(gains: RCGains | PIGains, torque_nm: float, duty_pct: float) -> tuple[Law, float]:
+def law_around(gains: Gains, torque_nm: float, duty_pct: float) -> tuple[Law, float]:
     """A controller that holds a torque [N·m] with a duty [%], its limits left out, and its integral there [N·m·s].
 
-    The PI is linear as it stands. Of the robust controller, by central differences of `rc_step`: at rest e = 0 and the
-    integral stands where the law gives that duty; far from the layer's middle the slope differs.
+    The PI is linear as it stands. Of any other, by central differences of its step: at rest e = 0 and the integral
+    stands where the law gives that duty; far from the middle of the robust controller's layer the slope differs.
     """
     if isinstance(gains, PIGains):
         return Law(gains.K_P, 0.0, gains.K_P, gains.K_I), duty_pct / gains.K_I if gains.K_I else 0.0
-    free, step = gains._replace(duty_min=-math.inf, duty_max=math.inf), 1e-6 * gains.epsilon / gains.Q22
+    free, step = gains._replace(duty_min=-math.inf, duty_max=math.inf), 1e-6
+    if isinstance(gains, RCGains):
+        step *= gains.epsilon / gains.Q22
+    law = kind_of(gains).step
 
     def given(integral: float, reference_nm: float, read_nm: float) -> float:
-        return rc_step(free, integral, reference_nm, 0.0, read_nm, 0.0)[1]
+        return law(free, integral, reference_nm, 0.0, read_nm, 0.0)[1]
 
     def short(integral: float) -> float:
         return given(integral, torque_nm, torque_nm) - duty_pct
@@ -112,7 +117,7 @@ def enough(margin: Margin) -> bool:
 
 
 @lru_cache(maxsize=100)  # the loop that a design settles on is among those it tried
-def margins(gains: RCGains | PIGains, point: Point, timing: Timing) -> Margin:
+def margins(gains: Gains, point: Point, timing: Timing) -> Margin:
     """Gain and phase margin of a controller around an operating point, the least where there are several. None for a
     margin without end (no factor up to 80 dB makes the loop unstable, its gain stays below 1), and for the gain margin
     of a loop that is unstable."""

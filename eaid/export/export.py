@@ -62,7 +62,9 @@ def _gains(source: Source, gains: Gains, laws: tuple[str, ...], rate_hz: float) 
     yield from stops(gains.findings)
     if "rc" in laws and (rc := gains.rc) is not None:
         rho, phi = Condition("rho", rc.guaranteed), Condition("phi", rc.phi_holds)  # all that some files say of it
-        told = gains.guarantee or Guarantee(rc.guaranteed and rc.phi_holds is not False, (rho, phi))
+        told = gains.guarantee
+        if told is None:
+            told = Guarantee(rc.guaranteed and rc.phi_holds is not False, (rho, phi))
         answer = "unknown" if told.holds is None else "holds" if told.holds else "missing"
         yield finding(f"export-guarantee-{answer}", "rc", missing=", ".join(told.missing) or "unknown")
     if other_rate:

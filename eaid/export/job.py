@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from eaid.control.defaults import control_rate, input_limits
 from eaid.control.gains import law_of, plant_of, refuse_other_units
+from eaid.control.kinds import Law
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
 from eaid.errors import UsageError, in_python
@@ -42,7 +43,7 @@ class Source:
 
     gains: Gains | None
     fit: Fit | None
-    loops: Mapping[str, RCGains | PIGains]
+    loops: Mapping[str, Law]
     plant: Plant | None
     limits: tuple[float, float]
     units: tuple[str, str]
@@ -217,7 +218,7 @@ def constants_of(source: Source, laws: tuple[str, ...], rig: Rig) -> dict[str, E
     """Constants of each law, and of the rate's filter, in the target's precision; UsageError where one is too large."""
     made = {
         name: pi_constants(law, rig) if isinstance(law, PIGains) else rc_constants(law, rig)
-        for name, law in sorted(source.loops.items()) if name in laws
+        for name, law in sorted(source.loops.items()) if name in laws and isinstance(law, PIGains | RCGains)
     }  # fmt: skip
     if source.plant is not None:
         if "inverse" in laws:

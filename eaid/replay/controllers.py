@@ -1,6 +1,6 @@
 """The controllers that a replay knows: what each needs from the user's files, and two laws.
 
-RC and PI, with saturation and what it does to their integrals, stand in `control/rc.py` and `control/pi.py`.
+Those of gains.json, with saturation and what it does to their integrals, stand in the table of `control/kinds.py`.
 
 **Open loop.** The duty that the linear model holds the reference with.
 
@@ -25,8 +25,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from eaid.control.gains import law_of, physical
-from eaid.control.pi import PIGains, pi_step
-from eaid.control.rc import RCGains, rc_step
+from eaid.control.kinds import Law, kind_of
 from eaid.errors import UsageError
 from eaid.plant.dynamics import Plant, PlantNumbers, plant_numbers, plant_step
 from eaid.plant.linear import Linear
@@ -154,11 +153,10 @@ def inverse_step(
     return InverseState(x1 + lack * dt, x2, lack, duty), duty
 
 
-def feedback(gains: RCGains | PIGains) -> Controller:
-    """The robust controller or the PI, whose gains they are, ready to replay."""
-    if isinstance(gains, PIGains):
-        return Controller("pi", pi_step, gains, 0.0)
-    return Controller("rc", rc_step, gains, 0.0)
+def feedback(gains: Law) -> Controller:
+    """A controller of the table, whose gains they are, ready to replay."""
+    kind = kind_of(gains)
+    return Controller(kind.name, kind.step, gains, 0.0)
 
 
 def controller_of(

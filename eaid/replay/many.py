@@ -10,6 +10,7 @@ of all sources: what another version left there is never opened.
 
 import hashlib
 import os
+import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
@@ -23,7 +24,7 @@ import numpy as np
 from numba.extending import register_jitable
 
 from eaid.arrays import Array
-from eaid.control import pi, rc
+from eaid.control.kinds import ROWS
 from eaid.options import Rig
 from eaid.plant import dynamics
 from eaid.plant.dynamics import Plant, plant_numbers
@@ -34,7 +35,9 @@ from eaid.replay.references import Reference, tracking
 from eaid.results.gains import Tracking
 from eaid.results.replay import Distribution, PlantSpread, Worst
 
-MODULES = (loop, dynamics, controllers, pi, rc)  # The loop, and where the plant and the laws stand
+# The loop, and where the plant and the laws stand
+LAWS = sorted({sys.modules[row.step.__module__] for row in ROWS}, key=str)
+MODULES = (loop, dynamics, controllers, *LAWS)
 for _module in MODULES:
     for _function in vars(_module).values():
         if isfunction(_function) and _function.__module__ == _module.__name__:

@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 
 from eaid.arrays import Array, read_only
 from eaid.control.defaults import Scales
+from eaid.control.guarantee import steepest
 from eaid.errors import DataError, UsageError
 from eaid.findings import Finding, finding
 from eaid.plant.dynamics import PlantNumbers, plant_terms
@@ -59,8 +60,8 @@ class Reference:
 
     @property
     def steepest_nm_s(self) -> float:
-        """Largest slope [N·m/s], by central differences."""
-        return float(np.abs(np.gradient(self.torque_nm, self.dt_s)).max())
+        """Largest slope [N·m/s]."""
+        return steepest(self.torque_nm, self.dt_s)
 
 
 def steps(dt_s: float, duration_s: float | None, top: float, pace: float) -> Reference:

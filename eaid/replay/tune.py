@@ -1,23 +1,105 @@
-"""Gains for a fit, and what they do on its plant."""
+"""Gains for a fit, and what they do on its plant: the robust controller beside PIs of its own margins, and the cost of
+what the guarantee lacks."""
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import msgspec
 
-from eaid.control.defaults import design_options, pi_of, quickest_pi, scales_of, timing_of, workable_rc
-from eaid.control.design import guarantee_of, margins_of, phi_needed, robust_of, warnings_of
-from eaid.control.gains import bounds_of, model_of, plant_of, rc_law
-from eaid.control.margins import known, operating_points
+from eaid.control.defaults import (
+    Scales,
+    design_options,
+    input_limits,
+    pi_of,
+    quickest_pi,
+    scales_of,
+    timing_of,
+    workable_rc,
+)
+from eaid.control.design import Design, least_margins, margins_of, phi_needed, robust_of, seen_top_nm
+from eaid.control.gains import Bounds, bounds_of, model_of, plant_of
+from eaid.control.guarantee import Known, guarantee_of, mended_options, to_mend, warnings_of
+from eaid.control.kinds import KINDS, Law, designs, rc_law
+from eaid.control.margins import Point, known, operating_points
 from eaid.control.pi import PAPER_PI, PIGains, step_metrics
 from eaid.errors import DataError
-from eaid.findings import finding, ranked
+from eaid.findings import Finding, finding, ranked
 from eaid.options import Rig, TuneOptions
-from eaid.plant.dynamics import plant_numbers
-from eaid.replay.controllers import Controller, feedback
+from eaid.plant.dynamics import Plant, plant_numbers
+from eaid.plant.linear import Linear
+from eaid.replay.controllers import feedback
 from eaid.replay.loop import replay
-from eaid.replay.references import Signal, reference_beyond, reference_of, tracking
+from eaid.replay.references import Reference, Signal, reference_beyond, reference_of, tracking
 from eaid.results.fit import Fit
-from eaid.results.gains import PI, AskedPI, Gains, Replayed, Tracking
+from eaid.results.gains import PI, AskedPI, Compared, Gains, Guarantee, Mending, Replayed, Robust, Timing, Tracking
+
+
+@dataclass(frozen=True)
+class Task:
+    """What gains are made for: a rig, as its fit has it, and a reference."""
+
+    fit: Fit
+    model: Linear
+    plant: Plant | None
+    bounds: Bounds
+    scales: Scales
+    points: Sequence[Point]  # Where margins are looked at
+    timing: Timing
+    limits: tuple[float, float]
+    wanted: Reference
+    name: str  # Of the reference
+    given: bool  # Whether the user named it
+    phi: float | None  # What the data show of |η − η̂|
+
+    @property
+    def units(self) -> tuple[str, str]:
+        """Of input and output."""
+        return self.fit.data.input_unit, self.fit.data.output_unit
+
+    @property
+    def known(self) -> Known:
+        """What the guarantee is judged by; a slope that nothing follows says nothing."""
+        followed = self.wanted.torque_nm if self.given or self.plant is not None else None
+        top = seen_top_nm(self.bounds, self.plant)
+        return Known(self.model, self.limits, self.timing, self.units, self.phi, top, followed, self.fit.dead_time_s)
+
+    def designed(self, options: TuneOptions) -> Design:
+        """The numbers that nothing was said about, settled."""
+        slope = self.wanted.steepest_nm_s if self.given or not self.scales.paper else None
+        return design_options(self.fit, options, self.scales, slope, self.phi)
+
+    def robust(self, settled: Design, pi: PIGains) -> tuple[Design, Robust]:
+        """The robust controller of a design, with the layer that its loop can have."""
+        tuned = workable_rc(self.model, settled, self.scales, self.bounds, self.points, pi)
+        return tuned, robust_of(self.model, self.bounds, tuned)
+
+    def errors(self, law: Law) -> Tracking:
+        """What a controller does on the plant; nothing where there is none."""
+        if self.plant is None:
+            return Tracking()
+        controller, rig = feedback(law), Rig(delay_samples=self.timing.delay_samples)
+        columns = replay(plant_numbers(self.plant), controller, self.wanted.torque_nm, rig, self.wanted.dt_s)
+        return tracking(columns, controller.limits_pct, slice(self.wanted.begin, None))
+
+    def compared(self, law: Law, slopes: tuple[float | None, float | None]) -> Compared:
+        """A controller with its gains, least margins and errors."""
+        least = least_margins(law, self.points, self.timing)
+        return Compared(
+            **msgspec.structs.asdict(self.errors(law)), K_P=slopes[0], K_I=slopes[1],
+            stable=least.stable, gain_db=least.gain_db, phase_deg=least.phase_deg,
+        )  # fmt: skip
+
+
+def task_of(fit: Fit, options: TuneOptions, reference: str | Signal | None, reference_name: str) -> Task:
+    """What gains are to be made for; DataError or GainsError where the fit does not hold it."""
+    model, plant, bounds = model_of(fit), plant_of(fit), bounds_of(fit)
+    scales, timing, limits = scales_of(fit, plant), timing_of(fit, options), options.duty_limits or input_limits(fit)
+    name = reference_name or (reference if isinstance(reference, str) else "multisine")
+    return Task(
+        fit, model, plant, bounds, scales, operating_points(plant, model, bounds.rows, fit.data.levels, limits),
+        timing, limits, reference_of(reference or "multisine", timing.step_s, scales), name, reference is not None,
+        phi_needed(model, bounds, plant),
+    )  # fmt: skip
 
 
 def tune(
@@ -31,66 +113,99 @@ def tune(
     why = fit.verdict.of("linear").sentence
     if why and not options.anyway:
         raise DataError(f"the fit is NOT USABLE: {why}; «anyway» makes gains of it all the same, marked")
-    model, plant, bounds = model_of(fit), plant_of(fit), bounds_of(fit)
-    scales, unit, output_unit = scales_of(fit, plant), fit.data.input_unit, fit.data.output_unit
-    given, name = reference is not None, reference_name or (reference if isinstance(reference, str) else "multisine")
-    wanted = reference_of(reference or "multisine", timing_of(fit, options).step_s, scales)
-    slope = wanted.steepest_nm_s
-    needed_phi = phi_needed(model, bounds, plant)
-    settled = design_options(fit, options, scales, slope if given or not scales.paper else None, needed_phi)
-    timing, limits = settled.timing, settled.duty_limits_pct
-    points = operating_points(plant, model, bounds.rows, fit.data.levels, limits)
+    task = task_of(fit, options, reference, reference_name)
+    settled = task.designed(options)
     if options.pi_gains is None and options.pi_overshoot is None:
-        settled = replace(settled, pi=quickest_pi(model, points, timing, scales.pace, unit))
-    pi = pi_of(model, settled)
-    tuned = workable_rc(model, settled, scales, bounds, points, pi)
-    rc = robust_of(model, bounds, tuned)
-    law = rc_law(model, rc, limits)
-    judged, findings = margins_of({"rc": law, "pi": pi}, points, timing, unit)
-    # a slope that nothing follows says nothing
-    verdict = guarantee_of(rc, needed_phi, slope if given or plant is not None else None, limits, fit)
-    findings += warnings_of(rc, verdict, unit, "reference" if given else name)
-    if options.b_hat is None and rc.B_hat != 1 / model.b0:
+        asked = quickest_pi(task.model, task.points, task.timing, task.scales.pace, task.units[0])
+        settled = replace(settled, pi=asked)
+    pi = pi_of(task.model, settled)
+    tuned, rc = task.robust(settled, pi)
+    law, others = rc_law(task.model, rc, task.limits), designs(rc)
+    judged, findings = margins_of({"rc": law, "pi": pi}, task.points, task.timing, task.units[0])
+    replayed = compare(task, rc, law, pi, others)
+    verdict = guarantee_of(rc, task.known)
+    own = _least(task, law, (), verdict, None if replayed.rc is None else replayed.rc.max_abs_error_nm)
+    verdict = msgspec.structs.replace(verdict, mendings=mendings(task, settled, pi, verdict))
+    findings += warnings_of(rc, verdict, own, task.units, "reference" if task.given else task.name)
+    findings += _notes(task, settled, tuned, rc, replayed)
+    if why:
+        findings.insert(0, finding("fit-not-usable", "model", why=why))
+    overshoot_pct, settling_s = step_metrics(task.model, pi.K_P, pi.K_I)
+    held = PI(pi.K_P, pi.K_I, overshoot_pct, known(settling_s), None if settled.pi == AskedPI() else settled.pi)
+    phi_holds = next(one.holds for one in verdict.conditions if one.name == "phi")
+    return Gains(
+        model=task.model, rc=msgspec.structs.replace(rc, phi_holds=phi_holds), pi=held, controllers=others,
+        input_unit=task.units[0], output_unit=task.units[1], duty_limits_pct=task.limits, guarantee=verdict,
+        margins=judged, replayed=None if task.plant is None else replayed, options=options,
+        seed=options.seed, not_usable=why or None, findings=ranked(findings),
+    )  # fmt: skip
+
+
+def compare(task: Task, rc: Robust, law: Law, pi: PIGains, others: dict[str, dict[str, float]]) -> Replayed:
+    """The robust controller beside the PI that was designed, the PI of its own slopes, and so of its margins, with and
+    without its feedforward, and the paper's PI where the rig is the paper's; and what else the table has."""
+    alike = rc.equal_pi
+    assert alike is not None and alike.K_P is not None and alike.K_I is not None
+    slopes, limits = (alike.K_P, alike.K_I), task.limits
+    paper = task.scales.paper and (pi.K_P, pi.K_I) != PAPER_PI
+    rows = {
+        name: task.compared(KINDS[name].law(task.model, gains, limits), (gains.get("K_P"), gains.get("K_I")))
+        for name, gains in others.items()
+    }
+    return Replayed(
+        task.name, task.wanted.steepest_nm_s, task.wanted.counted_from_s,
+        rc=task.compared(law, slopes), pi=task.compared(pi, (pi.K_P, pi.K_I)),
+        equal_pi=task.compared(PIGains(*slopes, *limits), slopes),
+        equal_pi_feedforward=rows.pop("pi-feedforward", None),
+        paper_pi=task.compared(PIGains(*PAPER_PI, *limits), PAPER_PI) if paper else None, others=rows,
+    )  # fmt: skip
+
+
+def _least(task: Task, law: Law, met: tuple[str, ...], judged: Guarantee, error: float | None) -> Mending:
+    """Margins and error of a robust controller, with its verdict and the conditions that it was made to meet."""
+    least = least_margins(law, task.points, task.timing)
+    stable = bool(least.stable)
+    return Mending(
+        met, judged.holds, judged.missing, stable, least.gain_db, least.phase_deg, error if stable else None
+    )  # fmt: skip
+
+
+def mendings(task: Task, settled: Design, pi: PIGains, verdict: Guarantee) -> tuple[Mending, ...]:
+    """What the gains would be that meet what these do not: each condition alone, and all at once."""
+    made = []
+    for conditions in to_mend(verdict):
+        options = replace(settled.options, **mended_options(conditions, task.wanted.steepest_nm_s))
+        _, rc = task.robust(replace(task.designed(options), pi=settled.pi), pi)
+        law = rc_law(task.model, rc, task.limits)
+        made.append(_least(task, law, conditions, guarantee_of(rc, task.known), task.errors(law).max_abs_error_nm))
+    return tuple(made)
+
+
+def _notes(task: Task, settled: Design, tuned: Design, rc: Robust, replayed: Replayed) -> list[Finding]:
+    """What else is to be known of gains that were made."""
+    findings, model, unit = [], task.model, task.units
+    if settled.options.b_hat is None and rc.B_hat != 1 / model.b0:
         findings.append(finding("b-hat-between-levels", "rc", pooled=1 / model.b0, B_hat=rc.B_hat, B_m=rc.B_m))
-    if not scales.paper:
+    if not task.scales.paper:
         findings.append(
             finding(
-                "designed-for-rig", "model", input_unit=unit or "no unit", output_unit=output_unit or "no unit",
-                pace=scales.pace, highest=limits[1], overshoot_pct=settled.pi.overshoot_pct or 0.0,
+                "designed-for-rig", "model", input_unit=unit[0] or "no unit", output_unit=unit[1] or "no unit",
+                pace=task.scales.pace, highest=task.limits[1], overshoot_pct=settled.pi.overshoot_pct or 0.0,
                 settling_s=settled.pi.settling_s or 0.0,
             )
         )  # fmt: skip
     elif tuned != settled:
         findings.append(
-            finding("rc-slowed", "rc", epsilon=tuned.epsilon, K_P=tuned.K_P, K_D=tuned.K_D, loop=timing.words())
+            finding("rc-slowed", "rc", epsilon=tuned.epsilon, K_P=tuned.K_P, K_D=tuned.K_D, loop=task.timing.words())
         )
-    replayed = None
-    if plant is None:
+    if task.plant is None:
         findings.append(finding("nothing-to-replay-on", "model"))
-    else:
-        findings += reference_beyond(wanted, plant_numbers(plant), name, output_unit)
-        by_paper, flat, rig = None, plant_numbers(plant), Rig(delay_samples=timing.delay_samples)
-
-        def errors(controller: Controller) -> Tracking:
-            columns = replay(flat, controller, wanted.torque_nm, rig, wanted.dt_s)
-            return tracking(columns, controller.limits_pct, slice(wanted.begin, None))
-
-        if scales.paper and (pi.K_P, pi.K_I) != PAPER_PI:
-            by_paper = errors(feedback(PIGains(*PAPER_PI, *limits)))
-            overshoot_pct, settling_s = step_metrics(model, *PAPER_PI)
-            findings.append(
-                finding("paper-pi", "pi", overshoot_pct=overshoot_pct, settling_s=settling_s, unit=output_unit,
-                        error=by_paper.max_abs_error_nm)
-            )  # fmt: skip
-        by_rc, by_pi = errors(feedback(law)), errors(feedback(pi))
-        replayed = Replayed(name, slope, wanted.counted_from_s, by_rc, by_pi, by_paper)
-    if why:
-        findings.insert(0, finding("fit-not-usable", "model", why=why))
-    overshoot_pct, settling_s = step_metrics(model, pi.K_P, pi.K_I)
-    asked = None if settled.pi == AskedPI() else settled.pi
-    return Gains(
-        model=model, rc=msgspec.structs.replace(rc, phi_holds=verdict.conditions[1].holds),
-        pi=PI(pi.K_P, pi.K_I, overshoot_pct, known(settling_s), asked), input_unit=unit, output_unit=output_unit,
-        duty_limits_pct=limits, guarantee=verdict, margins=judged, replayed=replayed, options=options,
-        seed=options.seed, not_usable=why or None, findings=ranked(findings),
-    )  # fmt: skip
+        return findings
+    findings += reference_beyond(task.wanted, plant_numbers(task.plant), task.name, unit[1])
+    if replayed.paper_pi is not None:
+        overshoot_pct, settling_s = step_metrics(model, *PAPER_PI)
+        findings.append(
+            finding("paper-pi", "pi", overshoot_pct=overshoot_pct, settling_s=settling_s, unit=unit[1],
+                    error=replayed.paper_pi.max_abs_error_nm)
+        )  # fmt: skip
+    return findings

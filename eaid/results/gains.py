@@ -8,6 +8,8 @@ from fractions import Fraction
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
+import msgspec
+
 from eaid.errors import UsageError
 from eaid.findings import sentences
 from eaid.options import TuneOptions
@@ -126,23 +128,51 @@ class Tracking(Result, frozen=True):
     saturated_fraction: Number | None = None
 
 
-class Replayed(Result, frozen=True):
-    """Errors on the standard reference."""
+class Compared(Tracking, frozen=True):
+    """One controller on the reference, with its gains and its least margins."""
 
+    K_P: Number | None = None
+    """[input/output]; of RC its slope inside the layer."""
+    K_I: Number | None = None
+    """[input/(output·s)]"""
+    stable: bool | None = None
+    gain_db: Number | None = None
+    phase_deg: Number | None = None
+
+
+class Replayed(Result, frozen=True):
+    """Controllers on the standard reference, compared at equal margins too."""
+
+    ROWS: ClassVar = ("rc", "equal_pi_feedforward", "equal_pi", "pi", "paper_pi")
+    """In the order in which they are shown."""
     reference: str = ""
     slope_nm_s: Number | None = None
     counted_from_s: Number | None = None
-    rc: Tracking | None = None
-    pi: Tracking | None = None
-    paper_pi: Tracking | None = None
+    rc: Compared | None = None
+    pi: Compared | None = None
+    """The PI that was designed."""
+    equal_pi: Compared | None = None
+    """The PI of RC's slopes inside the layer, and so of its margins."""
+    equal_pi_feedforward: Compared | None = None
+    """The same with RC's feedforward."""
+    paper_pi: Compared | None = None
     """The paper's PI, 21 and 360, where the rig is the paper's and its own PI is another."""
+    others: dict[str, Compared] = {}
+    """Further controllers of the table, by name."""
+
+    @property
+    def rows(self) -> dict[str, Compared]:
+        """All that were compared, by name."""
+        every = {name: getattr(self, name) for name in self.ROWS}
+        return {name: one for name, one in every.items() if one is not None} | self.others
 
 
 class Condition(Result, frozen=True):
     """One thing that the guarantee needs, and what is there."""
 
     name: str
-    """rho, phi, Q_M, duty-limit, or dead-time where the steps show one."""
+    """rho, phi, range (of the torque that φ was seen over), Q_M, duty-limit, duty-floor (where what is needed may not
+    lie below what there is), sampling, or dead-time where the steps show one."""
     holds: bool | None = None
     """None: nothing here can tell."""
     needed: Number | None = None
@@ -150,17 +180,46 @@ class Condition(Result, frozen=True):
     unit: str = ""
 
 
+class Mending(Result, frozen=True):
+    """What other gains, which meet conditions that these do not, would have instead."""
+
+    conditions: tuple[str, ...]
+    """Those that are met by it: rho by the middle B̂, phi by the φ of the data, Q_M by the reference's slope."""
+    holds: bool | None = None
+    """The guarantee with those gains."""
+    missing: tuple[str, ...] = ()
+    stable: bool = True
+    gain_db: Number | None = None
+    phase_deg: Number | None = None
+    max_abs_error_nm: Number | None = None
+    """Replayed as the gains themselves were."""
+
+
 class Guarantee(Result, frozen=True):
     """One verdict: whether the Lyapunov guarantee holds on this rig, with a row for each thing it needs.
 
+    True of it means that it is known to hold.
+
     Examples
     --------
-    >>> Guarantee(False, (Condition("phi", False, 32.0, 18.0, "%"), Condition("rho", True))).missing
-    ('phi',)
+    >>> verdict = Guarantee(False, (Condition("phi", False, 32.0, 18.0, "%"), Condition("rho", True)))
+    >>> verdict.missing, bool(verdict), bool(Guarantee(None)), bool(Guarantee(True))
+    (('phi',), False, False, True)
     """
 
     holds: bool | None = None
+    """None: not known."""
     conditions: tuple[Condition, ...] = ()
+    mendings: tuple[Mending, ...] = ()
+    """Each condition that other gains would meet, and where there are several all of them, with what it would cost."""
+
+    def __bool__(self) -> bool:
+        return self.holds is True
+
+    @property
+    def mended(self) -> "Mending | None":
+        """With all met that gains can meet."""
+        return self.mendings[-1] if self.mendings else None
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -196,7 +255,9 @@ class Robust(Result, frozen=True):
     alpha: Number | None = None
     alpha_reached: Number | None = None
     guaranteed: bool | None = None
-    """ρ meets Eq. (15) with the α reached, φ and Q_M taken as true."""
+    """The verdict of `Gains.guarantee`; there is no other."""
+    rho_covers: bool | None = None
+    """One of its conditions: ρ meets Eq. (15) with the α reached, φ and Q_M taken as true."""
     phi: Number | None = None
     phi_honest_pct: Number | None = None
     """What φ means in the input's unit."""
@@ -205,7 +266,7 @@ class Robust(Result, frozen=True):
     """Bound on the reference's slope."""
     equal_pi: EqualPI | None = None
     ultimate_bound_nm: Number | None = None
-    """Largest error in the end that the argument allows, where the guarantee holds."""
+    """Largest error in the end that the argument allows, where the guarantee holds; from rest to there it is silent."""
 
 
 class AskedPI(Result, frozen=True):
@@ -245,6 +306,8 @@ class Gains(Plotted, codec.Saved, Made, frozen=True):
     model: Linear
     rc: Robust | None = None
     pi: PI | None = None
+    controllers: dict[str, dict[str, Number]] = {}
+    """Gains of the others, by name: what their step takes beyond the model and the limits."""
     inputs: Inputs = {}
     options: TuneOptions | None = None
     input_unit: str = "%"
@@ -261,12 +324,19 @@ class Gains(Plotted, codec.Saved, Made, frozen=True):
         low, high = self.duty_limits_pct
         if not 0 <= low < high:
             raise ValueError(f"duty_limits_pct {low:g} to {high:g}, which has to rise from 0 or above")
+        if self.rc is not None and self.guarantee is not None:  # one verdict, whatever a file says beside it
+            msgspec.structs.force_setattr(self, "rc", msgspec.structs.replace(self.rc, guaranteed=self.guarantee.holds))
 
     @property
     def laws(self) -> dict[str, Robust | PI]:
-        """The controllers by name."""
+        """RC and PI by name."""
         every = {"rc": self.rc, "pi": self.pi}
         return {name: law for name, law in every.items() if law is not None}
+
+    @property
+    def controllers_by_name(self) -> dict[str, "Robust | PI | dict[str, float]"]:
+        """All controllers: RC, PI, and the others."""
+        return {**self.laws, **self.controllers}
 
     def summary(self) -> str:
         """Gains, the one verdict on the guarantee, and the gravest findings."""
@@ -277,7 +347,8 @@ class Gains(Plotted, codec.Saved, Made, frozen=True):
             lines.append(f"pi  K_P {self.pi.K_P:.4g}, K_I {self.pi.K_I:.4g}")
         if self.guarantee is not None:
             missing = ", ".join(self.guarantee.missing)
-            lines.append("guarantee: yes" if self.guarantee.holds else f"guarantee: NO ({missing})")
+            unknown = self.guarantee.holds is None
+            lines.append("guarantee: " + ("yes" if self.guarantee else "not known" if unknown else f"NO ({missing})"))
         return "\n".join([*lines, *sentences(self.findings[:3])])
 
     def to_frame(self) -> "pandas.DataFrame":

@@ -34,14 +34,14 @@ def test_the_paper_s_linear_model_gives_the_paper_s_gains(by_hand, run_eaid):
     assert ran.code == 0 and gains["schema"] == "eaid/gains/1"
     assert gains["inputs"]["fit"]["path"] == "fit.json" and len(gains["inputs"]["fit"]["sha256"]) == 64
     rc, pi = gains["rc"], gains["pi"]
-    contract = "K_P K_D B_hat B_m B_M alpha alpha_reached guaranteed phi_holds Q_M phi rho epsilon gamma P Q"
+    contract = "K_P K_D B_hat B_m B_M alpha alpha_reached guaranteed rho_covers phi_holds Q_M phi rho epsilon gamma P Q"
     assert set(contract.split()) <= set(rc) and {"overshoot_pct", "settling_s"} <= set(pi)
     assert (rc["K_P"], rc["K_D"], rc["B_hat"], rc["B_m"], rc["B_M"]) == (4.5, 3.0, 12.5, 12.4, 42.6)
     assert (rc["epsilon"], rc["gamma"], rc["phi"], rc["Q_M"]) == (0.5, 50.0, 0.05, 5.0)
     assert rc["P"] == [[5.0, 0.0], [0.0, 5.0]] and rc["alpha"] == pytest.approx(0.549091, abs=1e-6)
     assert rc["rho"]["constant"] == pytest.approx(10.8125, abs=1e-4)
     assert (pi["K_P"], pi["K_I"]) == pytest.approx((156.6, 252.9), abs=0.1) and gains["duty_limits_pct"] == [0.0, 100.0]
-    assert ran.out.startswith("guarantee NO: ρ covers 10.8 of the 19.3 N·m/s that the model's error needs; the robust ")
+    assert ran.out.startswith("guarantee NO: ρ covers 10.8 of the 19.3 N·m/s that the model's error needs\n")
     assert len((ran.out + ran.err).splitlines()) <= 15 and "PI          K_P 157, K_I 253 " in ran.out
     ran = run_eaid("tune-rc fit.json -o g.json --force --verbose")
     assert re.search(r"^ρ, constant +10\.81 ", ran.out, re.M) and re.search(r"^ρ, slope +6\.586 ", ran.out, re.M)
@@ -49,11 +49,11 @@ def test_the_paper_s_linear_model_gives_the_paper_s_gains(by_hand, run_eaid):
     assert "published" in ran.out  # on the paper's rig
     assert ran.err.splitlines()[-1] == "g.json: gains of rc and pi; next: eaid simulate fit.json g.json"
     assert codes(gains) == {
-        "rho-not-covered", "robust-term-beyond-actuator", "nothing-to-replay-on",
+        "rho-not-covered", "nothing-to-replay-on",
     }  # fmt: skip
     assert gains["guarantee"]["holds"] is False
     assert {one["name"]: one["holds"] for one in gains["guarantee"]["conditions"]} == {
-        "rho": False, "phi": None, "Q_M": None, "duty-limit": False,
+        "rho": False, "phi": None, "range": None, "Q_M": None, "duty-limit": None, "duty-floor": None, "sampling": True,
     }  # fmt: skip
 
 

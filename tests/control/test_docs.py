@@ -70,6 +70,10 @@ def test_shares_in_words(fit, rows):
     assert f"{100 * (1 - rc / meets):.0f}" == "68" and "RC is 68 % better" in TEXT
     assert f"{100 * (1 - rc / alike):.0f}" == "3" and "RC is 3 % better in both errors" in TEXT
     assert 1.7 < bare / alike < 2.3
+    compared = rows[MEETS][0].replayed
+    assert compared.equal_pi.max_abs_error_nm == pytest.approx(bare)
+    assert compared.equal_pi_feedforward.max_abs_error_nm == pytest.approx(alike, rel=1e-6)
+    assert f"At equal margins a PI leaves {bare / rc:.1f} times RC's largest error" in TEXT
     pi = rows[PAPER][0].pi
     assert f"{pi.overshoot_pct:.1f} % overshoot and {pi.settling_s:.2f} s" in TEXT
 
@@ -100,7 +104,7 @@ def test_row_of_B_hat(fit, start, options):
     found = eaid.tune_rc(fit, **options)
     rc = found.rc
     row = (
-        f"| {start} | {rc.B_hat:.1f} | {rc.alpha:.4f} | {rc.alpha_reached:.4f} | {'yes' if rc.guaranteed else 'no'} "
+        f"| {start} | {rc.B_hat:.1f} | {rc.alpha:.4f} | {rc.alpha_reached:.4f} | {'yes' if rc.rho_covers else 'no'} "
         f"| {rc.ultimate_bound_nm:.3g} N·m | {found.replayed.rc.max_abs_error_nm:.3f} N·m |"
     )
     assert row in TEXT
@@ -128,3 +132,29 @@ def test_what_another_B_hat_leaves(fit, rows):
     assert f"stays at {papers:.4f} N·m" in TEXT
     assert f"`--b-hat 8.16` leaves {done:.4f} N·m, {100 * (1 - done / papers):.0f} % less" in TEXT
     assert f"α reached of {other.rc.alpha_reached:.3f}" in TEXT
+
+
+def test_what_mending_leaves(fit):
+    found = eaid.tune_rc(fit)
+    least, all_met, error = found.margins.worst.rc, found.guarantee.mended, found.replayed.rc.max_abs_error_nm
+    assert all_met.conditions == ("rho", "phi", "Q_M") and all_met.holds is False
+    assert set(found.guarantee.missing) == {"rho", "phi", "Q_M", "duty-limit", "duty-floor"}
+    assert (
+        f"leave {all_met.gain_db:.1f} dB for {least.gain_db:.1f} dB, an error of {all_met.max_abs_error_nm:.3f} for "
+        f"{error:.3f} N·m"
+    ) in TEXT
+
+
+def test_the_readme_compares_what_the_code_prints():
+    """At equal margins, on the logs that its own commands make."""
+    text = re.sub(r"\s+", " ", (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8"))
+    gains = eaid.tune_rc(eaid.fit(eaid.synth(repeats=3), ci="none"))
+    least, done = gains.margins.worst.rc, gains.replayed
+    own, alike, fed = (getattr(done, name).max_abs_error_nm for name in ("rc", "equal_pi", "equal_pi_feedforward"))
+    assert f"{least.gain_db:.0f} dB and {least.phase_deg:.0f}° in hand" in text
+    assert f"a largest error of {own:.2f} N·m on the multisine; a PI of the same margins leaves {alike:.2f}" in text
+    assert f"({alike / own:.1f} ×), with the same feedforward {fed:.3f}: the robust term itself is worth" in text
+    assert f"is worth {100 * (1 - own / fed):.0f} % (" in text
+    walkthrough = (Path(__file__).parents[2] / "docs/walkthrough.md").read_text(encoding="utf-8")
+    for one in (done.rc, done.equal_pi_feedforward, done.equal_pi, done.pi):
+        assert re.search(rf"{one.gain_db:.1f} +{one.phase_deg:.1f} +{one.max_abs_error_nm:#.3g}\n", walkthrough)

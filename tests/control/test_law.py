@@ -120,7 +120,7 @@ def random_plant(random, phi_pct):
 def guaranteed(tuned):
     def guaranteed(**options):
         made = tuned(b_hat="minimax", **options)
-        assert made.rc.guaranteed
+        assert made.rc.rho_covers
         return made.rc, law_of(made, "rc")._replace(duty_min=-math.inf, duty_max=math.inf)
 
     return guaranteed

@@ -46,8 +46,14 @@ def test_the_tail_of_a_step_is_carried() -> None:
 @pytest.mark.parametrize(
     ("one", "expected"),
     [
-        (plant(tau1=2.0, C=1.0, dead_time_s=0.5), [0, 0, 0.22119922, 0.52763345, 0.7134952, 0.60502684, 0.36696733, 0.22257694]),
-        (plant(tau1=1.0, zeta=0.5, dead_time_s=0.25), [0, 0, 0.21267012, 0.73667118, 1.08269417, 0.94919191, 0.36011359, -0.0661774]),
+        (
+            plant(tau1=2.0, C=1.0, dead_time_s=0.5),
+            [0, 0, 0.22119922, 0.52763345, 0.7134952, 0.60502684, 0.36696733, 0.22257694],
+        ),
+        (
+            plant(tau1=1.0, zeta=0.5, dead_time_s=0.25),
+            [0, 0, 0.21267012, 0.73667118, 1.08269417, 0.94919191, 0.36011359, -0.0661774],
+        ),
     ],
 )  # fmt: skip
 def test_dead_times_between_samples(one: Plant, expected: list[float]) -> None:
@@ -131,7 +137,8 @@ RINGING = np.array([1.0, 0.3, 0.3, 0.1, 0.4, 0.9, 0.3, 0.0, 0.0, 1.0, 1.0, 0.0, 
 
 
 @pytest.mark.parametrize(
-    ("law", "x", "free"), [(kernel.derivatives, PARALLEL, range(16)), (kernel.swinging, RINGING, (*range(7), *range(12, 16)))]
+    ("law", "x", "free"),
+    [(kernel.derivatives, PARALLEL, range(16)), (kernel.swinging, RINGING, (*range(7), *range(12, 16)))],
 )  # fmt: skip
 def test_derivatives_are_those_of_differences(law, x, free) -> None:  # type: ignore[no-untyped-def]
     """Of every unknown, the dead time among them; by differences of fourth order."""

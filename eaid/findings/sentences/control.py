@@ -1,5 +1,8 @@
 """Sentences about control."""
 
+import string
+from collections.abc import Callable
+
 from eaid.findings.row import Row, Values, caution, note, stop
 
 
@@ -30,28 +33,78 @@ def _leaves(v: Values) -> str:
     return f"the replay leaves what was recorded: {', '.join(parts)}; treat that as extrapolation"
 
 
+def _cost(v: Values) -> str:
+    """What other gains would have for what these have."""
+    if not v.get("stable", True):
+        return "an unstable loop"
+    parts = []
+    if v.get("now_db") is not None and v.get("then_db") is not None:
+        parts.append(f"{v['then_db']:.3g} dB of gain margin for {v['now_db']:.3g}")
+    if v.get("now_error") is not None and v.get("then_error") is not None:
+        parts.append(f"a largest error of {v['then_error']:.3g} for {v['now_error']:.3g} {v['output_unit']}")
+    return " and ".join(parts)
+
+
+def _mending(said: str, option: str) -> Callable[[Values], str]:
+    """A condition that fails, the option that meets it, and what that costs."""
+
+    def told(v: Values) -> str:
+        cost = _cost(v)
+        return string.Formatter().vformat(f"{said}; {option}", (), v) + (f", at {cost}" if cost else "")
+
+    return told
+
+
+CONDITIONS = {"rho": "ρ", "phi": "φ", "Q_M": "Q_M", "duty-limit": "duty limit", "duty-floor": "duty floor"}
+
+
+def _mended(v: Values) -> str:
+    cost, all_met = _cost(v), " and ".join(CONDITIONS[name] for name in v["conditions"])
+    verdict = {True: "would hold", None: "would not be known"}.get(v["holds"], "would still be NO")
+    missing = f" ({', '.join(CONDITIONS.get(name, name) for name in v['missing'])})" if v["missing"] else ""
+    return f"with {all_met} mended the guarantee {verdict}{missing}" + (f", at {cost}" if cost else "")
+
+
+def _beyond(v: Values) -> str:
+    ends = []
+    if v["most"] is None or v["most"] > v["high"]:
+        ends.append("without end" if v["most"] is None else f"up to {v['most']:.4g}")
+    if v["least"] is None or v["least"] < v["low"]:
+        ends.append("down without end" if v["least"] is None else f"down to {v['least']:.4g}")
+    return (
+        f"along the {v['reference']} a plant that the gains allow for may take {' and '.join(ends)} {v['unit']}, the "
+        f"actuator has {v['low']:g} to {v['high']:g}: there nothing holds the error; a slower reference in the middle "
+        "of the range takes less"
+    )
+
+
 ROWS: dict[str, Row] = {
     # Gains
     "phi-exceeded": caution(
-        "the model's drift term is off by up to {needed:.3g} {unit}, the gains allow for {allowed:.3g} {unit}; "
-        "«phi» data takes φ from the data"
+        _mending(
+            "the model's drift term is off by up to {needed:.3g} {unit}, the gains allow for {allowed:.3g} {unit}",
+            "«phi» data takes φ from the data",
+        )
     ),
     "slope-above-q-max": caution(
-        "the {reference} is steeper ({slope:.3g} per second) than the gains assume ({Q_M:.3g}); add "
-        "«reference» {reference}"
+        _mending(
+            "the {reference} is steeper ({slope:.3g} per second) than the gains assume ({Q_M:.3g})",
+            "«reference» {reference} takes Q_M from it",
+        )
     ),
     "rho-not-covered": caution(
-        "ρ does not cover the uncertainty: with B̂ = {B_hat:.4g} the α really reached is {reached:.4g}, ρ was made with "
-        "{made:.4g}; «b_hat» minimax closes it"
+        _mending(
+            "ρ does not cover the uncertainty: with B̂ = {B_hat:.4g} the α really reached is {reached:.4g}, ρ was made "
+            "with {made:.4g}",
+            "«b_hat» minimax closes it",
+        )
     ),
+    "guarantee-mended": note(_mended),
     "b-hat-between-levels": note(
         "B̂ is {B_hat:.4g}, the middle of what the levels need: 1/b0 of the model of all levels, {pooled:.4g}, is over "
         "twice the least, {B_m:.4g}, where no ρ is enough; «b_hat» pooled takes it all the same"
     ),
-    "robust-term-beyond-actuator": caution(
-        "outside the boundary layer the robust term alone asks for {asked:.4g} {unit}, the actuator spans {span:.4g} "
-        "{unit}: there the Lyapunov argument does not hold on the real clutch"
-    ),
+    "plants-beyond-actuator": caution(_beyond),
     "margin-missed": caution(_margin),
     "paper-pi": note(
         "beside it the paper's PI, 21 and 360: largest error {error:.3g} {unit}; {overshoot_pct:.3g} % overshoot and "
@@ -117,7 +170,7 @@ ROWS: dict[str, Row] = {
         "the fit's falls between levels are as quick as the release, which an exported plant does not know: the "
         "controllers alone are exported"
     ),
-    "export-guarantee-holds": note("RC: ρ covers what the fit knows of the rig, Eq. (15)"),
+    "export-guarantee-holds": note("RC: the Lyapunov guarantee holds, for the reference that the gains were made for"),
     "export-guarantee-missing": caution(
         "RC: the Lyapunov guarantee does not hold on this rig (missing: {missing}); the margins are what speaks for "
         "these gains"

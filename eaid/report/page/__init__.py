@@ -201,7 +201,7 @@ def next_steps(results: Results) -> list[tuple[str, str]]:
         why = "Plan what to record next: inputs, holds and repeats for narrower intervals"
         steps.append((why, f"eaid plan {fit_json}{logs} -o plan.csv"))
     if given is not None and (laws := offered(given.result, fit.result)) != ():
-        without = "" if all(row.holds for row in conditions) else ", without a guarantee"
+        without = "" if given.result.guarantee else ", without a guarantee"
         only = f" --law {','.join(laws)}" if laws else ""
         line = f"eaid export {shlex.quote(given.path)} --as c{only} -o rig"
         steps.append((f"Take these gains to the rig{without}", line))

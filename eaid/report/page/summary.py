@@ -14,9 +14,10 @@ from eaid.report.results import KINDS, Results
 from eaid.report.rig import controller_name, level_text
 from eaid.report.tables import Cell, Table, columns, number
 from eaid.report.tables.data import is_warned
-from eaid.report.tables.gains import guarantee_story
+from eaid.report.tables.gains import comparison, guarantee_story
 from eaid.report.tables.replays import SCENARIO_NAMES, metric
 from eaid.results import summary
+from eaid.results.gains import Replayed
 from eaid.results.replay import Replay
 from eaid.shown import counted, span
 
@@ -62,31 +63,46 @@ def tables(results: Results) -> tuple[Table, ...]:
     return (*found, *_controllers(results))
 
 
+# Beside RC and the designed PI, where they were replayed alike: the PIs of RC's own margins
+ALIKE = {"equal_pi": "PI of RC's margins", "equal_pi_feedforward": "the same with RC's feedforward"}
+
+
 def _controllers(results: Results) -> Iterator[Table]:
-    """Errors in the replay shown, else in the one behind the gains, and least margins: each, and RC against PI."""
+    """Errors in the replay shown, else in the one behind the gains, and least margins: each, and the PIs of RC's own
+    margins beside them."""
     replay, gains = _replay_of(results), results.gains[0].result if results.gains else None
-    behind = gains.replayed if gains is not None and replay is None else None
+    behind = gains.replayed if gains is not None else None
     margins = gains.margins.worst if gains is not None and gains.margins is not None else None
     names, unit, where = ["rc", "pi"], gains.output_unit if gains is not None else "", behind and behind.reference
     if replay is not None:
         names = [name for name in names if name in replay.records] or list(replay.records)[:2]
         unit, where = replay.head.output_unit, replay.head.scenario
     both = names == ["rc", "pi"]
+    alike = list(ALIKE) if both and behind is not None and behind.equal_pi and _same(replay, behind) else []
     rows: list[tuple[Cell, ...]] = []
     for key, said in (("max_abs_error_nm", "largest error"), ("rms_error_nm", "RMS error")):
         each = [metric(replay, name, key) if replay is not None else getattr(getattr(behind, name, None), key, None)
                 for name in names]  # fmt: skip
-        ratio = f"{each[1] / each[0]:.2g}" if both and each[0] and each[1] else ""
+        each += [getattr(getattr(behind, name), key, None) for name in alike]
         said = f"{said} ({unit})" if unit else said
         said = f"{said}, {SCENARIO_NAMES.get(where or '', where)}"
-        rows.append((said, *(f"{one:.3g}" if one is not None else None for one in each), ratio))
+        rows.append((said, *(f"{one:.3g}" if one is not None else None for one in each)))
     for key, said in (("gain_db", "least gain margin (dB)"), ("phase_deg", "least phase margin (°)")):
         each = [getattr(getattr(margins, name, None), key, None) for name in names] if both else []
-        rows.append((said, *(f"{one:.3g}" if one is not None else None for one in each), ""))
-    shown = tuple(row if both else row[:-1] for row in rows if any(row[1:]))
+        each += [getattr(getattr(behind, name), key, None) for name in alike]
+        rows.append((said, *(f"{one:.3g}" if one is not None else None for one in each)))
+    shown = tuple(row for row in rows if any(row[1:]))
     if shown:
-        heads = columns("", *map(controller_name, names), *(["PI/RC"] if both else []))
-        yield Table("Controllers", "", heads, shown)
+        heads = columns("", *map(controller_name, names), *(ALIKE[name] for name in alike))
+        yield Table("Controllers", comparison(gains) if both and gains is not None else "", heads, shown)
+
+
+def _same(replay: Replay | None, behind: Replayed) -> bool:
+    """Whether the replay shown is the one behind the gains, which may be set beside it."""
+    if replay is None or behind.rc is None or behind.rc.max_abs_error_nm is None:
+        return replay is None
+    shown = metric(replay, "rc", "max_abs_error_nm")
+    return shown is not None and abs(shown - behind.rc.max_abs_error_nm) <= 1e-6 * behind.rc.max_abs_error_nm
 
 
 GRADES = {"stop": "bad", "caution": "care", "note": "good"}

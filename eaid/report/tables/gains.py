@@ -6,20 +6,26 @@ from eaid.report import rig
 from eaid.report.rig import controller_name, gain
 from eaid.report.tables import Cell, Table, level, number, table_of
 from eaid.results.coupling import Coupling
-from eaid.results.gains import Condition, Gains, Margin, Margins
+from eaid.results.gains import PI, Condition, Gains, Margin, Margins, Robust
 
 # Condition of the guarantee → how it is called, what it says, and why it does not hold
 CONDITIONS = {
     "rho": ("ρ", "the robust term covers the model's error, inequality (15)",
             "ρ covers {a} of the {n} {unit} that the model's error needs"),
     "phi": ("φ", "bound on the error of the model's drift term", "φ allows {a} of the {n} {unit} needed"),
+    "range": ("range", "φ was seen over all torques that may occur",
+              "torque goes to {n} {unit}, φ was seen up to {a}"),
     "Q_M": ("Q_M", "bound on the slope of the reference",
             "the gains assume a slope of {a}, the reference has {n} {unit}"),
-    "duty-limit": ("duty limit", "the actuator can deliver the robust term",
-                   "the robust term asks for {n} {unit}, the actuator has {a}"),
+    "duty-limit": ("duty limit", "the actuator has the most that a plant may take along the reference",
+                   "a plant may take {n} {unit}, the actuator ends at {a}"),
+    "duty-floor": ("duty floor", "the actuator has the least that a plant may take along the reference",
+                   "a plant may take {n} {unit}, the actuator begins at {a}"),
+    "sampling": ("sampling", "the extreme plants keep 6 dB and 45° under the loop as it is sampled and latched",
+                 "sampled and latched, the extreme plants keep {a} of the {n} {unit} needed"),
     "dead-time": ("dead time", "the plant answers at once, as the proof supposes", "the plant answers {a} {unit} late"),
 }  # fmt: skip
-BEYOND_GAINS = {"duty-limit", "dead-time"}  # Conditions that no gains meet
+BEYOND_GAINS = {"duty-limit", "duty-floor", "dead-time"}  # Conditions that no gains meet
 
 
 def called(condition: Condition) -> str:
@@ -52,25 +58,66 @@ def guarantee_story(gains: Gains) -> str:
     ]
     said = f"guarantee NO: {'; '.join(why)}"
     worst = gains.margins.worst.rc if gains.margins is not None and gains.margins.worst is not None else None
-    if worst is None or worst.phase_deg is None or not any(row.name in BEYOND_GAINS for row in rows):
+    beyond = [called(row) for row in rows if row.name in BEYOND_GAINS]
+    if worst is None or worst.phase_deg is None or not beyond:
         return said
     gain_margin = "" if worst.gain_db is None else f"gain margin {worst.gain_db:.3g} dB, "
-    return f"{said}. No gains mend that; what you have: {gain_margin}phase {worst.phase_deg:.3g}°"
+    have = f"{gain_margin}phase {worst.phase_deg:.3g}°"
+    return f"{said}. No gains mend the {' and the '.join(beyond)}; what you have: {have}"
+
+
+# Row of the comparison → how it is called
+COMPARED = {
+    "rc": "RC", "equal_pi_feedforward": "PI of RC's margins, with RC's feedforward", "equal_pi": "PI of RC's margins",
+    "pi": "PI, designed", "paper_pi": "the paper's PI",
+}  # fmt: skip
+
+
+def comparison(gains: Gains) -> str:
+    """What RC is worth beside a PI of its own margins, and beside that PI with its feedforward; empty where nothing was
+    replayed."""
+    done = gains.replayed
+    errors = {name: one.max_abs_error_nm for name, one in (done.rows if done is not None else {}).items()}
+    own, alike, fed = (errors.get(name) for name in ("rc", "equal_pi", "equal_pi_feedforward"))
+    if not own or not alike or not fed:
+        return ""
+    by_term = 100 * (1 - own / fed)
+    worth = f"is worth {by_term:.0f} %" if by_term >= 0.5 else f"costs {-by_term:.0f} %"
+    return (
+        f"At equal margins a PI leaves {alike / own:.1f} times RC's largest error, with RC's feedforward "
+        f"{fed / own:.2f} times: the robust term itself {worth}."
+    )
+
+
+def _controllers(gains: Gains) -> Table:
+    """Controllers, their gains, least margins and largest errors: all that were compared, else those of the file."""
+    errors, margins = gains.replayed, gains.margins or Margins()
+    on = f" on the {errors.reference}" if errors is not None else ""
+    rows: list[tuple[str, str, tuple[Cell, Cell], Cell]] = []
+    for name, one in (errors.rows if errors is not None else {}).items():
+        held = gains.laws.get(name)
+        slopes = f"K_P {number(one.K_P, 3)}, K_I {number(one.K_I, 3)}"
+        told = Margin(one.stable, one.gain_db, one.phase_deg)
+        rows.append((COMPARED.get(name, name), slopes if held is None else _gains(held), _margin(told),
+                     one.max_abs_error_nm))  # fmt: skip
+    if not rows:
+        rows = [(controller_name(name), _gains(held), _margin(getattr(margins.worst, name, None)), None)
+                for name, held in gains.laws.items()]  # fmt: skip
+    return table_of(
+        "Controllers", f"Margins: the least over the held inputs. {comparison(gains)}".rstrip(), rows,
+        ("controller", itemgetter(0)), ("gains", itemgetter(1)),
+        (("gain margin", "dB", 3), lambda of: of[2][0]), (("phase margin", "°", 3), lambda of: of[2][1]),
+        ((f"largest error{on}", gains.output_unit, 3), itemgetter(3)),
+    )  # fmt: skip
+
+
+def _gains(held: Robust | PI) -> str:
+    return ", ".join(f"{said} {number(getattr(held, key), 3)}" for key, said in held.SHOWN.items())
 
 
 def tables_of(gains: Gains) -> list[Table]:
     """Controllers with their least margins and largest errors, what the guarantee needs, the gains, all margins."""
-    errors, margins = gains.replayed, gains.margins or Margins()
-    on = f" on the {errors.reference}" if errors is not None else ""
-    controllers = table_of(
-        "Controllers", "Margins: the least over the held inputs.", gains.laws.items(),
-        ("controller", lambda of: controller_name(of[0])),
-        ("gains", lambda of: ", ".join(f"{s} {number(getattr(of[1], key), 3)}" for key, s in of[1].SHOWN.items())),
-        (("gain margin", "dB", 3), lambda of: _margin(getattr(margins.worst, of[0], None))[0]),
-        (("phase margin", "°", 3), lambda of: _margin(getattr(margins.worst, of[0], None))[1]),
-        ((f"largest error{on}", gains.output_unit, 3),
-         lambda of: getattr(getattr(errors, of[0], None), "max_abs_error_nm", None)),
-    )  # fmt: skip
+    margins, controllers = gains.margins or Margins(), _controllers(gains)
     checklist = table_of(
         "What the guarantee needs", "The robust controller is proven stable only where every row holds.",
         conditions_of(gains),
@@ -131,9 +178,6 @@ def table_iv(gains: Gains) -> Table:
             ("PI: overshoot", "1", pi.overshoot_pct, "%", said),
             ("PI: settling time", "0.27", pi.settling_s, "s", f"to within 2 %, {said}"),
         ]
-        if gains.replayed is not None and (papers := gains.replayed.paper_pi) is not None:
-            said = f"of 21 and 360, replayed: {gains.replayed.reference}"
-            rows.append(("paper's PI: largest error", None, papers.max_abs_error_nm, out, said))
     caption = "What was chosen, and what follows from it and the linear model."
     return table_of(
         "Table IV" if on_papers_rig else "Gains", caption, rows,

@@ -1,0 +1,206 @@
+"""Whether the Lyapunov guarantee holds: one verdict, False where one thing fails, None where one is not known.
+
+V = ξᵀQξ falls outside its last level where the duty is free (`ultimate_bound_nm`). At a limit, say the highest u_M,
+the anti-windup has q̃˙ = 0 where e ≥ 0 and q̃˙ = e where e < 0. With every plant able to follow the reference itself,
+
+    η̂(T_d) + φ + B Ṫ_d ≤ u_M                         for B of B_m and B_M, all along the reference                  (a)
+    a0/(b0 B_m) ≤ det Q/(Q12 Q22)                                                                                    (b)
+    B̂ Ṫ_d + η̂(T_d) + max(κ, 0) e_z ≤ u_M,            κ = B̂ (K_D − K_P Q22/Q12) − a0/b0                              (c)
+
+V falls there too, in each of four cases:
+
+    e ≥ 0, z > 0:   V̇ = 2 z ė, and ė < 0 by (a), for T ≤ T_d takes no more duty to hold
+    e ≥ 0, z ≤ 0:   the law asks for B̂ Ṫ_d + η̂(T_d) + κ e at most, which (c) keeps below the limit: no such case
+    e < 0, z ≤ 0:   the limit adds b (wanted − u_M) ≥ 0 to ė, and so 2 z b (wanted − u_M) ≤ 0 to V̇
+    e < 0, z > 0:   V̇ = −2 |e| (Q11 q̃ − Q12 |e|) + 2 z ė, and ė ≤ a0/(b0 B_m) |e| by (a): below 0 by (b), z ≤ Q12 q̃
+                    and |e| ≤ Q12 q̃/Q22
+
+The lowest limit is the mirror image. e_z is the largest e at z = 0 on the level of V where the loop starts, from rest,
+or ends. Where (b) fails, (a) has to hold for every torque within the largest error of that level.
+All this is of a loop in continuous time; that sampling and latching leave of it what matters is judged by the margins
+of the extreme plants, Ṫ = b (u − η̂(T)) with b = 1/B_M and 1/B_m.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.control.kinds import rc_law
+from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, Point, margins
+from eaid.findings import Finding, finding
+from eaid.plant.linear import Linear
+from eaid.plant.operating import lag
+from eaid.results.gains import Condition, Guarantee, Mending, Robust, Timing
+
+ROUNDING = 1e-9  # Share by which the needed may exceed the available
+SHARP = 5.0  # γε below which the printed switch, Eq. (14), visibly jumps at z = 0
+
+
+class Known(NamedTuple):
+    """What is known of rig and reference."""
+
+    model: Linear
+    limits: tuple[float, float]  # Of the actuator [% duty]
+    timing: Timing
+    units: tuple[str, str]  # Of input and output
+    phi: float | None = None  # What the data show of |η − η̂| [% duty]
+    top_nm: float | None = None  # Highest torque of which they show it
+    torque_nm: Array | None = None  # The reference at intervals of the control rate; None: not known
+    dead_time_s: float = 0.0
+
+
+def steepest(torque_nm: Array, dt_s: float) -> float:
+    """Largest slope of a reference [N·m/s] by central differences, which the law feeds forward; by those from sample to
+    sample where central ones pass over more than a hundredth of it, as at a jump."""
+    central = float(np.abs(np.gradient(torque_nm, dt_s)).max())
+    forward = float(np.abs(np.diff(torque_nm)).max()) / dt_s
+    return forward if forward > 1.01 * central else central
+
+
+def duties_asked(rc: Robust, known: Known, torque_nm: Array) -> tuple[float, float]:
+    """Least and most duty [%] that (a) and (c) ask of the actuator along a reference that starts from rest, for any
+    plant that the gains allow for."""
+    assert rc.B_m is not None and rc.B_M is not None and rc.phi_honest_pct is not None
+    step_s, model = known.timing.step_s, known.model
+    (Q11, Q12), (_, Q22) = rc.Q
+    det, per_nm = Q11 * Q22 - Q12 * Q12, model.a0 / model.b0
+    forward = np.diff(torque_nm) / step_s
+    torque = np.concatenate([torque_nm, torque_nm[:-1], torque_nm[1:]])
+    rate = np.concatenate([np.gradient(torque_nm, step_s), forward, forward])
+    end = math.inf if rc.ultimate_bound_nm is None else rc.ultimate_bound_nm**2 * det / Q11
+    level = max(end, Q22 * float(torque_nm[0]) ** 2)
+    followed = per_nm * torque - model.c0 / model.b0
+    beyond = rc.phi_honest_pct
+    if per_nm / rc.B_m > det / (Q12 * Q22):
+        beyond += per_nm * math.sqrt(level * Q11 / det)
+    moved = rc.B_m * rate, rc.B_M * rate
+    kappa = rc.B_hat * (rc.K_D - rc.K_P * Q22 / Q12) - per_nm
+    apart = kappa * Q12 * math.sqrt(level / (det * Q22)) if kappa > 0 else 0.0
+    fed = followed + rc.B_hat * rate
+    least = min((followed + np.minimum(*moved)).min() - beyond, fed.min() - apart)
+    return float(least), float(max((followed + np.maximum(*moved)).max() + beyond, fed.max() + apart))
+
+
+def _sampled(rc: Robust, known: Known) -> Condition:
+    """Least margin of the extreme plants, the one that falls short where one does."""
+    assert rc.B_m is not None and rc.B_M is not None
+    model, law = known.model, rc_law(known.model, rc, known.limits)
+    middle = sum(known.limits) / 2
+    gain = model.b0 / model.a0
+    torque = gain * middle + model.c0 / model.a0
+    least_db, least_deg = math.inf, math.inf
+    for B in (rc.B_m, rc.B_M):
+        found = margins(law, Point(middle, torque, lag(gain, B * gain)), known.timing)
+        least_db = min(least_db, math.inf if found.gain_db is None else found.gain_db) if found.stable else -math.inf
+        least_deg = min(least_deg, math.inf if found.phase_deg is None else found.phase_deg)
+    if least_db >= ENOUGH_DB and least_deg < ENOUGH_DEG:
+        return Condition("sampling", False, ENOUGH_DEG, least_deg, "°")
+    shown = least_db if math.isfinite(least_db) else None
+    return Condition("sampling", least_db >= ENOUGH_DB, ENOUGH_DB, shown, "dB")
+
+
+def guarantee_of(rc: Robust, known: Known) -> Guarantee:
+    """Everything that the argument needs: the verdict is True only where every condition is known to hold."""
+    unit, per_s = known.units[0], f"{known.units[1]}/s"
+    needed_rho = None if rc.rho.needed is None else rc.rho.needed.constant
+    reference = known.torque_nm
+    slope = None if reference is None else steepest(reference, known.timing.step_s)
+    reach = None if reference is None else float(reference.max()) + (rc.ultimate_bound_nm or 0.0)
+    least, most = (None, None) if reference is None else duties_asked(rc, known, reference)
+    low, high = known.limits
+    span = ROUNDING * (high - low)
+    conditions = [
+        Condition("rho", rc.rho_covers, needed_rho, rc.rho.constant, per_s),
+        Condition("phi", _within(known.phi, rc.phi_honest_pct), known.phi, rc.phi_honest_pct, unit),
+        Condition("range", _within(reach, known.top_nm) or None, reach, known.top_nm, known.units[1]),
+        Condition("Q_M", _within(slope, rc.Q_M), slope, rc.Q_M, per_s),
+        Condition("duty-limit", None if most is None else most <= high + span, finite(most), high, unit),
+        Condition("duty-floor", None if least is None else least >= low - span, finite(least), low, unit),
+        _sampled(rc, known),
+    ]
+    if known.dead_time_s > 0:
+        conditions.append(Condition("dead-time", False, 0.0, known.dead_time_s, "s"))
+    verdicts = [each.holds for each in conditions]
+    return Guarantee(False if False in verdicts else None if None in verdicts else True, tuple(conditions))
+
+
+def _within(needed: float | None, available: float | None) -> bool | None:
+    return None if needed is None or available is None else bool(needed <= available * (1 + ROUNDING))
+
+
+def finite(value: float | None) -> float | None:
+    """A number that a file can hold."""
+    return value if value is not None and math.isfinite(value) else None
+
+
+MENDABLE = ("rho", "phi", "Q_M")  # Conditions that other gains meet
+
+
+def mended_options(conditions: Sequence[str], slope_nm_s: float) -> dict[str, Any]:
+    """The options of `tune_rc` by which conditions are met, on a reference of that slope."""
+    every: dict[str, dict[str, Any]] = {
+        "rho": {"b_hat": "minimax"},
+        "phi": {"phi": "data"},
+        "Q_M": {"q_max": slope_nm_s},
+    }
+    return {key: value for name in conditions for key, value in every[name].items()}
+
+
+def to_mend(verdict: Guarantee) -> list[tuple[str, ...]]:
+    """The conditions that other gains would meet, one by one and, where there are several, all at once."""
+    each = [name for name in verdict.missing if name in MENDABLE]
+    return [*((name,) for name in each), *([tuple(each)] if len(each) > 1 else [])]
+
+
+def warnings_of(
+    rc: Robust, verdict: Guarantee, least: Mending, units: tuple[str, str], reference: str
+) -> list[Finding]:
+    """What does not hold, each with its numbers and with what it would cost to mend; `least` has margins and error of
+    the gains as they are."""
+    findings, sharpness, unit = [], rc.gamma * rc.epsilon, units[0]
+    rows = {one.name: one for one in verdict.conditions}
+
+    def cost(name: str) -> dict[str, Any]:
+        """Of meeting one condition, with that of meeting all that gains can meet."""
+        then = next((one for one in verdict.mendings if one.conditions == (name,)), None)
+        if then is None:
+            return {}
+        return {
+            "now_db": least.gain_db, "then_db": then.gain_db if then.stable else None, "stable": then.stable,
+            "now_error": least.max_abs_error_nm, "then_error": then.max_abs_error_nm, "output_unit": units[1],
+        }  # fmt: skip
+
+    if rows["Q_M"].holds is False:
+        findings.append(
+            finding("slope-above-q-max", "rc", slope=rows["Q_M"].needed, Q_M=rc.Q_M, reference=reference, **cost("Q_M"))
+        )
+    if not rc.rho_covers:
+        findings.append(
+            finding("rho-not-covered", "rc", B_hat=rc.B_hat, reached=rc.alpha_reached, made=rc.alpha, **cost("rho"))
+        )
+    if rows["phi"].holds is False:
+        needed, allowed = rows["phi"].needed, rows["phi"].available
+        findings.append(finding("phi-exceeded", "rc", allowed=allowed, needed=needed, unit=unit, **cost("phi")))
+    if sharpness < SHARP:
+        findings.append(finding("switch-jumps", "rc", sharpness=sharpness, least=SHARP, jump=1 - math.tanh(sharpness)))
+    low, high = rows["duty-floor"], rows["duty-limit"]
+    if False in (low.holds, high.holds):
+        findings.append(
+            finding("plants-beyond-actuator", "rc", least=low.needed, most=high.needed, low=low.available,
+                    high=high.available, unit=unit, reference=reference)
+        )  # fmt: skip
+    if verdict.mended is not None and len(verdict.mendings) > 1:
+        findings.append(_mended(verdict.mended, least, units[1]))
+    return findings
+
+
+def _mended(all_met: Mending, least: Mending, output_unit: str) -> Finding:
+    """What the gains would be that meet all that gains can meet."""
+    return finding(
+        "guarantee-mended", "rc", conditions=all_met.conditions, holds=all_met.holds, missing=all_met.missing,
+        now_db=least.gain_db, then_db=all_met.gain_db, stable=all_met.stable, now_error=least.max_abs_error_nm,
+        then_error=all_met.max_abs_error_nm, output_unit=output_unit,
+    )  # fmt: skip

@@ -1,0 +1,69 @@
+"""The table of the controllers that a file of gains holds: one row each, with all that the rooms need to know of it.
+
+A new one is a module with its gains as a tuple of floats that ends with the limits of the duty, its `…_step`, `law` and
+`design`, and a row here: replays, Monte-Carlo, margins, tables and gains.json (its `controllers`) have it then.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from eaid.control import pi_feedforward
+from eaid.control.pi import PIGains, pi_step
+from eaid.control.pi_feedforward import PIFeedforwardGains, pi_feedforward_step
+from eaid.control.rc import RCGains, rc_step
+from eaid.plant.linear import Linear
+from eaid.results.gains import PI, Robust
+
+Law = RCGains | PIGains | PIFeedforwardGains
+Limits = tuple[float, float]
+# step(gains, state, reference, reference_rate, torque, dt) → (next state, duty); the state is an integral, 0 at rest
+Step = Callable[[Any, float, float, float, float, float], tuple[float, float]]
+
+
+def rc_law(model: Linear, rc: Robust, limits_pct: Limits) -> RCGains:
+    """The robust controller on a model as its step takes it."""
+    Q12, Q22 = rc.Q[1]
+    return RCGains(
+        rc.K_P, rc.K_D, rc.B_hat, model.a0, model.b0, model.c0, rc.rho.constant, rc.rho.slope, rc.epsilon, rc.gamma,
+        Q12, Q22, *limits_pct,
+    )  # fmt: skip
+
+
+def pi_law(_model: Linear, pi: PI, limits_pct: Limits) -> PIGains:
+    """The PI as its step takes it."""
+    return PIGains(pi.K_P, pi.K_I, *limits_pct)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One controller."""
+
+    name: str  # As commands and files have it
+    gains: type  # What its step takes, floats only, the limits of the duty last
+    step: Step
+    law: Callable[[Linear, Any, Limits], Law]  # Model, what a file holds of it, limits → what its step takes
+    shown: Mapping[str, str] = field(default_factory=dict)  # Its numbers in a table, and how they are written
+    positive: tuple[str, ...] = ()  # Those that no loop runs without
+    # Its gains once the robust controller has its own; None: `tune` designs it, and it has a key of its own
+    design: Callable[[Robust], dict[str, float] | None] | None = None
+
+
+ROWS = (
+    Kind("rc", RCGains, rc_step, rc_law, Robust.SHOWN, ("K_P", "K_D", "B_hat", "b0", "epsilon", "gamma", "Q22")),
+    Kind("pi", PIGains, pi_step, pi_law, PI.SHOWN),
+    Kind("pi-feedforward", PIFeedforwardGains, pi_feedforward_step, pi_feedforward.law,
+         {"K_P": "K_P", "K_I": "K_I", "B_hat": "B̂"}, ("B_hat", "b0"), pi_feedforward.design),
+)  # fmt: skip
+KINDS: dict[str, Kind] = {row.name: row for row in ROWS}
+
+
+def kind_of(gains: Law) -> Kind:
+    """The row of what a step takes."""
+    return next(row for row in ROWS if isinstance(gains, row.gains))
+
+
+def designs(rc: Robust) -> dict[str, dict[str, float]]:
+    """Gains of the controllers that follow from the robust one, by name."""
+    made = {row.name: row.design(rc) for row in ROWS if row.design is not None}
+    return {name: each for name, each in made.items() if each is not None}

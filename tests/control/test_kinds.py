@@ -1,0 +1,90 @@
+"""The table of controllers: each row runs, is saved and has margins, by its row alone; the PI with feedforward."""
+
+import json
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import eaid
+from eaid.control.gains import law_of
+from eaid.control.kinds import KINDS
+from eaid.control.margins import Law, Point, law_around
+from eaid.plant.operating import around
+from eaid.control.pi_feedforward import PIFeedforwardGains, pi_feedforward_step
+from eaid.control.rc import rc_step
+
+from ..conftest import loaded
+
+small = st.floats(-3, 3, allow_subnormal=False)
+
+
+@pytest.fixture(scope="module")
+def gains(tuned):
+    return tuned(nonlinear=True)
+
+
+@given(small, small, st.floats(-10, 10), small)
+def test_the_pi_with_feedforward_is_rc_without_its_robust_term(gains, integral, reference, rate, torque):
+    law, rc = law_of(gains, "pi-feedforward"), law_of(gains, "rc")
+    bare = rc._replace(K_D=law.K_P / rc.B_hat, K_P=law.K_I / rc.B_hat, rho_constant=0.0, rho_slope=0.0)
+    state, duty = pi_feedforward_step(law, integral, reference, rate, torque, 1e-3)
+    same_state, same = rc_step(bare, integral, reference, rate, torque, 1e-3)
+    assert state == same_state and duty == pytest.approx(same, rel=1e-12, abs=1e-9)
+
+
+def test_its_limits_and_its_integral():
+    held = PIFeedforwardGains(10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 10.0, 80.0)
+    # 10·1 + 5·0.3 + 2·4 + (1·2 − 0.2)/0.5
+    assert pi_feedforward_step(held, 0.3, 3.0, 4.0, 2.0, 0.1) == (pytest.approx(0.4), pytest.approx(23.1))
+    assert pi_feedforward_step(held, 0.0, 9.0, 0.0, 0.0, 0.1) == (0.0, 80.0)
+    assert pi_feedforward_step(held, -50.0, 1.0, 0.0, 2.0, 0.1) == (-50.0, 10.0)
+    assert pi_feedforward_step(held, 50.0, 1.0, 0.0, 2.0, 0.1) == (pytest.approx(49.9), 80.0)
+
+
+def test_around_a_point_it_is_its_own_slopes(gains, fit_of):
+    law = law_of(gains, "pi-feedforward")
+    around, _ = law_around(law, 2.0, 66.0)
+    fed_back = law.a0 / law.b0
+    assert around == pytest.approx(Law(law.K_P, law.B_hat, law.K_P - fed_back, law.K_I), rel=1e-6)
+    assert len(around(fit_of(nonlinear=True).plant, 60.0)) == 2 and Point._fields[0] == "duty_pct"
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_every_row_is_saved_and_replayed_plainly_and_in_machine_code(name, gains, fit_of, tmp_path):
+    gains.save(tmp_path / "gains.json")
+    read = eaid.load(tmp_path / "gains.json")
+    assert law_of(read, name) == law_of(gains, name) and isinstance(law_of(read, name), KINDS[name].gains)
+    run = eaid.simulate(fit_of(nonlinear=True), read, "multisine", controller=(name,), duration=2.0, plants=2)
+    alone = run.records[name].metrics
+    assert alone.plants.metrics["max_abs_error_nm"].worst.value == pytest.approx(alone.max_abs_error_nm, rel=1e-9)
+
+
+def test_what_is_compared_is_what_a_replay_has(gains, fit_of):
+    run = eaid.simulate(fit_of(nonlinear=True), gains, "multisine", controller=("rc", "pi", "pi-feedforward"))
+    rows = gains.replayed.rows
+    assert list(rows) == ["rc", "equal_pi_feedforward", "equal_pi", "pi", "paper_pi"]
+    for row, name in (("rc", "rc"), ("pi", "pi"), ("equal_pi_feedforward", "pi-feedforward")):
+        assert rows[row].max_abs_error_nm == run.records[name].metrics.max_abs_error_nm
+    slopes = gains.rc.equal_pi
+    for name in ("rc", "equal_pi", "equal_pi_feedforward"):  # of equal slopes, and so of equal margins
+        assert (rows[name].K_P, rows[name].K_I) == (slopes.K_P, slopes.K_I)
+        assert rows[name].gain_db == pytest.approx(rows["rc"].gain_db, abs=0.5)
+        assert rows[name].phase_deg == pytest.approx(rows["rc"].phase_deg, abs=0.6)
+    assert rows["pi"].gain_db > rows["rc"].gain_db + 5
+    assert (rows["rc"].gain_db, rows["rc"].phase_deg) == (
+        gains.margins.worst.rc.gain_db, gains.margins.worst.rc.phase_deg,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("changes", "said"), [({"B_hat": -1.0}, "B_hat is -1"), ({"K_I": None}, "has no K_I")])
+def test_gains_that_no_loop_runs_with_are_refused(gains, fit_of, tmp_path, changes, said):
+    gains.save(tmp_path / "gains.json")
+    plain = json.loads((tmp_path / "gains.json").read_text(encoding="utf-8"))
+    held = {**plain["controllers"]["pi-feedforward"], **changes}
+    plain["controllers"]["pi-feedforward"] = {key: one for key, one in held.items() if one is not None}
+    changed = loaded({key: part for key, part in plain.items() if key != "digest"})
+    with pytest.raises(eaid.DataError, match=said):
+        eaid.simulate(fit_of(nonlinear=True), changed, "multisine", controller=("pi-feedforward",))
+    assert math.isfinite(law_of(changed, "rc").B_hat)
