@@ -160,6 +160,10 @@ def fit(
     refits = how.draws if how.ci == "bootstrap" else 0
     with progress("bootstrap refits" if refits else "fitting", refits) as advance:
         fitted = fit_steps(steps, how, advance)
+        if not fitted.verdict.of("nonlinear").usable:
+            from eaid.recorded.fit import with_another_kind
+
+            fitted = with_another_kind(fitted, steps, how)
     fitted = msgspec.structs.replace(fitted, parameters=table_of(fitted))
     fitted.__dict__["steps_fitted"] = steps
     return fitted

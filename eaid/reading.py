@@ -38,6 +38,7 @@ from eaid.steps.stepset import StepSet
 QUIET = 0.02  # An input below this part of its largest is at rest
 APART = {"%": 0.02}  # Part of the largest input by which two inputs differ: a commanded duty is exact …
 MEASURED = 0.1  # … and a measured input wanders
+SIGNED = 0.05  # Part of the largest input by which it has to go to either side of rest to have both signs
 AWAY = 0.05  # A stretch under load that spends more than this part of its time away from its own middle is no step
 RETURNS = 4  # So many falls to rest make a recording of its own, where the rests are shorter than the holds
 
@@ -45,8 +46,9 @@ RETURNS = 4  # So many falls to rest make a recording of its own, where the rest
 def is_recorded(run: Run, rest: float = 0.0) -> bool:
     """Whether a log is fitted as it was recorded, for its input does more than step from rest.
 
-    It does where it moves most of the time, where a stretch under load goes through different inputs, or where it falls
-    to rest again and again with short rests. Runs whose level or step instant was given, and cut steps, are steps.
+    It does where it moves most of the time, where a stretch under load goes through different inputs, where it goes to
+    both sides of rest or never comes to it, or where it falls to rest again and again with short rests. Runs whose
+    level or step instant was given, and cut steps, are steps.
     """
     if run.cut or {run.level, run.step_s, run.until_s} != {None} or run.kind not in (None, "clutch"):
         return False
@@ -56,11 +58,14 @@ def is_recorded(run: Run, rest: float = 0.0) -> bool:
     still = stands_still(holds, run.input)
     if run.position is None and not still:
         return True
-    level = np.abs(run.input - rest)
+    signed = run.input - rest
+    level = np.abs(signed)
     top = float(level.max())
     loaded = level > QUIET * top
-    if len(level) < 10 or top == 0.0 or (loaded.all() and np.ptp(level) <= QUIET * top):
+    if len(level) < 10 or top == 0.0 or (loaded.all() and np.ptp(signed) <= QUIET * top):
         return False
+    if min(float(signed.max()), -float(signed.min())) > SIGNED * top or (loaded.all() and still):
+        return True  # of both signs, or from level to level without ever coming to rest
     starts, ends = stretches(loaded)
     apart = APART.get(run.input_unit, MEASURED) * top
     away = sum(

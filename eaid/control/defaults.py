@@ -69,6 +69,9 @@ def input_limits(fit: Fit) -> tuple[float, float]:
     """Range of the actuator: 0…100 % of a duty, of another input 0 to what was identified."""
     if is_duty(fit):
         return 0.0, 100.0
+    if fit.plant_ is not None:  # of both signs where it was recorded so
+        top = fit.plant_.u_range[1]
+        return (-top if fit.plant_.Ts_below else 0.0), top
     highest = fit.nonlinear.u_range[1] if fit.nonlinear is not None else max(fit.data.levels, default=0.0)
     if not highest > 0:
         raise UsageError(f"the fit tells no highest input in {fit.data.input_unit}; give «duty_limits»")

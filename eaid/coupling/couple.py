@@ -235,7 +235,8 @@ def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Prog
     loops = held if options.loops == LOOPS else list(options.loops)
     low, high = (float(plant.steady(u)) for u in plant.u_range)
     spread = (max(share * high, low + 0.01 * (high - low)) for share in (0.2, 0.4, 0.6, 0.8))
-    torques = options.torque or tuple(float(f"{torque:.2g}") for torque in spread)
+    rounded = (float(f"{torque:.2g}") for torque in spread)
+    torques = options.torque or tuple(dict.fromkeys(min(max(torque, low), high) for torque in rounded))
     walls = []
     with progress("walls", len(torques) * len(loops)) as tick:
         for torque, loop in itertools.product(torques, loops):

@@ -12,7 +12,7 @@ import numpy as np
 
 from eaid.estimate.points import nodes_of
 from eaid.estimate.recorded_log import RecordedLog
-from eaid.plant.derivatives import Drive
+from eaid.plant.drive import Drive
 
 MOVING_ROWS = 6_000  # Blocks of an input that moves all the time, at most
 

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from eaid.arrays import Array, read_only
-from eaid.plant.derivatives import Tables
+from eaid.plant.drive import Tables
 from eaid.plant.dynamics import CHECKED_INPUTS, TAU_FLOOR_S, Plant
 from eaid.plant.forms import Form, LegendreForm, PerLevel, Proportional, Sides
 
@@ -33,6 +33,7 @@ LEAST_TAU_S = 0.1 * TAU_FLOOR_S
 FASTEST, SLOWEST = 0.5, 100.0
 LEAST_ZETA, MOST_ZETA = 0.005, 30.0
 MOST_ZERO = 20.0
+MOST_C = 3.0  # Beyond, two nearly equal parts of opposite sign imitate other shapes
 
 
 class Limits(NamedTuple):
@@ -170,6 +171,9 @@ class Model:
         swings = self.kind == "swing"
         if self.signed and not below:  # one gain for both sides
             below = (0.0, -Ts[1])
+        if swings and self.free_share and tau2[0] > 1 and 0 < (C := in_parallel(tau1[0], tau2[0], share)[2]) < MOST_C:
+            one, two, _ = in_parallel(tau1[0], tau2[0], share)
+            return Plant((one,), (two,), Ts, (self.low, self.high), C, Ts_below=below, floor_s=self.least_s)
         return Plant(
             tau1[:1], tau1[:1], Ts, (self.low, self.high), 1.0, zeta=tau2[0] if swings else None,
             zero=share if swings else 0.0, Ts_below=below, floor_s=self.least_s,
@@ -203,6 +207,13 @@ class Model:
         tau1, by_tau1 = _floored(rows.tau1, x[one], self.least_s)
         tau2, by_tau2 = _floored(rows.tau2, x[two], self.least_s)
         return Tables(rows.steady @ x[Ts], tau1, tau2, rows.rest, rows.steady, by_tau1, by_tau2)
+
+
+def in_parallel(tau: float, zeta: float, z: float) -> tuple[float, float, float]:
+    """τ1, τ2 and C of two lags in parallel that are two real lags with a zero: C = (z/ω − τ1)/(τ2 − τ1)."""
+    apart = zeta + np.sqrt(zeta**2 - 1)
+    one, two = tau / apart, tau * apart
+    return float(one), float(two), float((z * tau - one) / (two - one))
 
 
 def _floored(rows: Array, x: Array, least_s: float) -> tuple[Array, Array]:

@@ -34,7 +34,8 @@ from eaid.estimate.solver import (
     with_second_derivatives,
 )
 from eaid.estimate.starts import MOST, SHARES, time_constants
-from eaid.plant.derivatives import IDLE, Drive, Tables, delayed, derivatives, swinging
+from eaid.plant.derivatives import derivatives, swinging
+from eaid.plant.drive import IDLE, Drive, Tables, delayed
 from eaid.plant.dynamics import TAU_FLOOR_S, Plant
 from eaid.plant.forms import Form, LegendreForm
 from eaid.results.common import Solver

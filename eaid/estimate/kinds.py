@@ -19,19 +19,22 @@ import numpy as np
 
 from eaid.arrays import Array, median
 from eaid.estimate.copies import Copies
-from eaid.estimate.forms import SLOWEST, of_kind
+from eaid.estimate.forms import of_kind
 from eaid.estimate.from_logs import Setup, Solved, finished, setup_of
 from eaid.estimate.log_intervals import correlation_s
 from eaid.estimate.recorded_log import RecordedLog
-from eaid.estimate.solver import ROUNDING
-from eaid.plant.derivatives import Drive, delayed, swung
+from eaid.estimate.solver import ROUNDING, approach, judged
+from eaid.plant.derivatives import swung
+from eaid.plant.drive import Drive, delayed
 from eaid.plant.forms import Form, LegendreForm, Proportional, Sides
 
 TAUS, DAMPINGS, DELAYS = 14, (0.03, 0.2, 0.7, 1.3, 4.0), 9  # Of the grid
 LONGEST_DELAY = 0.2  # Part of the longest log that a dead time may take
 PER_UNKNOWN, PRICE = 0.01, 6.0  # Of the score
+NEAR = 1e-6  # Part of the cost that a further step would gain, at which kinds are compared
 BEGUN = 2  # Places of the grid from which each kind is fitted
 GAINS = 3  # Kinds that get more of a gain
+ENDLESS = 1e5  # Time constant of none, in records
 INTEGRATES = 1.03  # Squares of an integrator over those of the best kind, up to which that is what it is
 
 
@@ -208,7 +211,8 @@ def begun(search: Search, kind: Kind, gain: Form, place: Sequence[float], near: 
     if kind.late:
         x = np.r_[x[: setup.shared], theta, x[setup.shared :]]
         setup = replace(setup, extras=("dead",))
-    return finished(setup, [gain_solved(setup, x)])
+    end = approach(setup.problem(), gain_solved(setup, x), near=NEAR)
+    return Solved(setup, end.x, end.cost, judged(0.0, end.evaluations, [end.cost]))
 
 
 def carried(near: Solved, setup: Setup, gain: Form) -> Array:
@@ -316,7 +320,7 @@ def integrates(search: Search, best: Tried) -> bool:
     plant = best.solved.setup.model.parameters(best.solved.coefficients)
     if plant.slowest_s(search.high) < search.longest_s:
         return False
-    endless = SLOWEST * search.longest_s
+    endless = ENDLESS * search.longest_s
     theta = best.solved.fitted.dead_time(best.solved.x)
     fast = np.geomspace(0.6 * search.shortest_s, search.longest_s, TAUS)
     costs = [search.cost(theta, endless, math.inf, False)]

@@ -23,7 +23,7 @@ from eaid.estimate.from_logs import Setup, Solved, finished, setup_of, solve
 from eaid.estimate.recorded_log import IDLE_ROWS, RecordedLog
 from eaid.estimate.solver import EndPoint, approach
 from eaid.estimate.spread import t_quantile
-from eaid.plant.derivatives import Drive
+from eaid.plant.drive import Drive
 
 # Cost of a start at rest, over that of one with unknown states, up to which the steps' dead time is believed
 AT_REST = 2.0

@@ -23,7 +23,7 @@ from eaid.estimate.from_logs import Setup, Solved, idle_of
 from eaid.estimate.solver import approach, newton_step, rounding
 from eaid.estimate.spread import free_inverse, rejected, t_quantile
 from eaid.findings import Finding, finding
-from eaid.plant.derivatives import Drive
+from eaid.plant.drive import Drive
 from eaid.results.common import Interval
 from eaid.results.fit import CurveLevel, LevelIntervals
 

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from eaid.errors import UsageError
 from eaid.estimate.step_shapes import AveragedRecord, averaged, curve, delays_tried, fit_step, starts_of
 from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE
@@ -17,12 +18,19 @@ from eaid.steps.stepset import Level, LevelStep, StepSet
 
 SAVED = 0.1  # Part of the RMSE that a dead time has to save at a level
 MOST_LEVELS = 10  # Levels that are asked
+LONGEST = 0.9  # Part of a record that a dead time may take
 
 
 def dead_time_of(stepset: StepSet, options: FitOptions) -> float:
     """The dead time of a set's steps [s], as it was given or as most levels show it; 0 where they show none."""
-    if options.held_dead_time_s is not None:
-        return options.held_dead_time_s
+    if (given := options.held_dead_time_s) is not None:
+        for level in stepset.levels:
+            if given >= LONGEST * level.time_s[-1]:
+                raise UsageError(
+                    f"«dead_time» {given:g} s: the step of {level.names[0]} is recorded for {level.time_s[-1]:.3g} s; "
+                    "give a shorter one"
+                )
+        return given
     rises = {step.level: step for step in reversed(stepset.level_steps) if step.edge == "up" and step.from_level == 0}
     steps = [rises[level] for level in sorted(rises)]
     steps = steps[:: 1 + (len(steps) - 1) // MOST_LEVELS] if steps else []

@@ -29,7 +29,7 @@ from eaid.estimate.log_intervals import engagements
 from eaid.estimate.scatter import ASSUMED
 from eaid.estimate.spread import t_quantile
 from eaid.options import PlanOptions
-from eaid.plant.derivatives import Drive
+from eaid.plant.drive import Drive
 from eaid.plant.dynamics import SHARE
 from eaid.results.fit import Fit, FrictionLevel, Noise
 from eaid.results.plan import Plan
@@ -304,6 +304,11 @@ def rig_of(fit: Fit) -> FittedRig:
     """The rig that a fit describes; `DataError` where it holds neither a nonlinear nor a friction model."""
     if fit.nonlinear is None and (fit.data.kind == "clutch" or not fit.friction_levels):
         raise DataError("the fit holds neither a nonlinear nor a friction model to plan with; fit again")
+    if fit.plant_ is not None and fit.plant_.kind != "parallel":
+        raise DataError(
+            f"the fit's plant is of the kind {fit.plant_.kind}, and recordings are planned for the clutch's two lags "
+            "only: hold each input for five of the longest time constant, and repeat it"
+        )
     plant = of_fit(fit, "clutch" if fit.nonlinear is not None else fit.data.kind, "a fit")
     levels: Sequence[float] = plant.levels
     if plant.model is not None:

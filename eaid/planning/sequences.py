@@ -24,7 +24,7 @@ from eaid.findings import finding
 from eaid.options import Limits, PlanOptions
 from eaid.planning.design import PARAMETERS, Designer, Widths, rig_of, settled, wanting
 from eaid.planning.recordings import RATE_HZ, disturbance_of
-from eaid.plant.derivatives import Drive
+from eaid.plant.drive import Drive
 from eaid.plant.dynamics import Plant
 from eaid.plant.respond import driven
 from eaid.results.fit import Fit, Noise

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import msgspec
 import numpy as np
 
 from eaid.arrays import Array, median
@@ -26,7 +27,8 @@ from eaid.results.recorded import FallTest, KindTried
 WIDE = 2.0  # Half-width, as a part of the number, beyond which an interval says nothing
 OPEN = 0.2  # Relative half-width beyond which T_s is open
 AS_WELL = 4.0  # Squares over those of a clutch whose T_s is open, up to which another kind is taken in its place
-AT_REST = 2.0  # Squares of a start at rest over those of one with unknown states, up to which it is believed
+ITS_OWN = 1.25  # Squares over those of two lags with another C, up to which the clutch's form stands
+AT_REST = 4.0  # Squares of a start at rest over those of one with unknown states, up to which it is believed
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +53,9 @@ def plant_of_logs(
     if not signed:
         clutch = _of_the_clutch(logs, others, inputs, options, rests, of_steps_s, falls)
     alone = not others and options.share in (SHARE, "auto") and not any(log.reference is not None for log in logs)
-    still = all(np.ptp(log.input) == 0 for log in logs)  # gain and idle output cannot be told apart
+    still = all(
+        np.ptp(log.input) == 0 and not log.starts_idle for log in logs
+    )  # gain and idle output cannot be told apart
     if clutch is not None and (still or not alone):
         return clutch
     search = search_of(at_rest(logs, inputs), inputs.low, inputs.high, options.held_dead_time_s)
@@ -62,8 +66,12 @@ def plant_of_logs(
         simple = next(one for one in rows if one.kind.name != "clutch")
         if simple.cost <= AS_WELL * rows[0].cost and leaves_open(clutch.solved, inputs):
             rows = [on_all(search, simple), *(one for one in rows if one is not simple)]
+    own = next((one for one in rows if one.kind.name == "clutch"), None)
+    found = model_of(rows[0].solved)
+    if own is not None and found.kind == "parallel" and own.cost <= ITS_OWN * rows[0].cost:
+        rows = [own, *(one for one in rows if one is not own)]  # the same form, with another C
     best, total = rows[0], sum(energy(log) for log in logs)
-    if best.kind.name != "clutch" and integrates(search, best):
+    if integrates(search, best):
         raise DataError(*(integrator(log) for log in logs))
     kinds = tuple(kind_row(one, total, best.score) for one in rows)
     if clutch is not None and best.kind.name == "clutch":
@@ -156,30 +164,47 @@ def about_idle(base: Solved, logs: Sequence[RecordedLog], theta_s: float) -> Set
     return setup_of(base.fitted.model, known, True, theta_s)
 
 
-def plant_part(solved: Solved, data: FittedData, uncertainty: Spread | None) -> FittedPlant:
+def plant_part(
+    solved: Solved, data: FittedData, uncertainty: Spread | None, tried: tuple[KindTried, ...] = ()
+) -> FittedPlant:
     """The plant that every later command reads, with 95 % intervals of what is constant over the input."""
     p, model, x = model_of(solved), solved.setup.model, solved.x
     if uncertainty is None:
-        return FittedPlant.of(p, data)
+        return msgspec.structs.replace(FittedPlant.of(p, data), tried=tried)
     numbers: dict[str, Callable[[Array], float]] = {}
     if (dead := solved.setup.at("dead")) >= 0:
         numbers["dead_time_s"] = lambda x: float(x[dead])
     if model.kind != "parallel":
         top = model.rows(np.array([model.high]))[0, 0] / model.high
         numbers["gain"] = lambda x: float(top @ x[: model.size])
+        if p.zeta is None and p.kind != "lag":
+            numbers["C"] = lambda x: model.parameters(x[: model.size]).C
         if p.kind == "ringing":
             numbers["omega"] = lambda x: 1 / float(x[model.slices[1]][0])
             numbers["zeta"] = lambda x: float(x[model.slices[2]][0])
         else:
-            numbers["tau1"] = lambda x: float(model.parameters(x).time_constants(model.high)[0])
-        if p.kind == "series":
-            numbers["tau2"] = lambda x: float(model.parameters(x).time_constants(model.high)[1])
+            numbers["tau1"] = lambda x: float(model.parameters(x[: model.size]).time_constants(model.high)[0])
+        if p.kind not in ("lag", "ringing"):
+            numbers["tau2"] = lambda x: float(model.parameters(x[: model.size]).time_constants(model.high)[1])
         if model.signed:
             below = model.rows(np.array([-model.high]))[0, 0] / -model.high
             numbers["gain_below"] = lambda x: float(below @ x[: model.size])
-    return FittedPlant.of(p, data, PlantIntervals(**{
-        name: interval(number, x, uncertainty) for name, number in numbers.items()
-    }))  # fmt: skip
+    ends = PlantIntervals(**{name: interval(number, x, uncertainty) for name, number in numbers.items()})
+    return msgspec.structs.replace(FittedPlant.of(p, data, ends), tried=tried)
+
+
+def start_of(solved: Solved, log: int) -> tuple[float, float]:
+    """The states at the first row of a log, in the coordinates of the plant that the fit gives."""
+    one, two = (float(solved.x[at]) if at >= 0 else 0.0 for at in solved.setup.places[log].own[1:])
+    model, p = solved.setup.model, model_of(solved)
+    if model.kind != "swing" or p.zeta is not None:
+        return one, two
+    tau, zeta = (float(solved.x[part][0]) for part in model.slices[1:])
+    z = float(solved.coefficients[-1])
+    # two lags in parallel with the same output and the same rate of it
+    rates = np.array([[1.0, 1.0], [-1 / p.tau1[0], -1 / p.tau2[0]]])
+    found = np.linalg.solve(rates, [one + z * two, (two - z * one - 2 * zeta * z * two) / tau])
+    return float(found[0]), float(found[1])
 
 
 def interval(number: Callable[[Array], float], x: Array, uncertainty: Spread) -> Interval:

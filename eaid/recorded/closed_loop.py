@@ -21,7 +21,7 @@ from eaid.estimate.late import follows_output
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.findings import Finding, finding
 from eaid.options import Rig
-from eaid.plant.derivatives import Drive
+from eaid.plant.drive import Drive
 from eaid.plant.dynamics import plant_numbers
 from eaid.replay.controllers import feedback
 from eaid.replay.loop import replay

@@ -30,7 +30,7 @@ from eaid.logs.run import Run
 from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE
 from eaid.plant.respond import from_rest
-from eaid.recorded.choice import about_idle, plant_of_logs, plant_part
+from eaid.recorded.choice import about_idle, plant_of_logs, plant_part, start_of
 from eaid.recorded.closed_loop import judged_loops, with_instrument
 from eaid.recorded.inputs import FEW_LEVELS, inputs_of
 from eaid.results.common import LevelError, Source
@@ -116,7 +116,7 @@ DIGITS = 6  # Of the values that are drawn
 
 def log_part(solved: Solved, k: int, log: RecordedLog) -> LogFit:
     """The result of one log of a fit."""
-    drive, own = solved.setup.drives[k], solved.setup.places[k].own
+    drive = solved.setup.drives[k]
     counted = drive.w > 0
     missed, y = solved.missed[k], solved.outputs[k]
     about = float(np.linalg.norm(y - y.mean()))
@@ -133,7 +133,7 @@ def log_part(solved: Solved, k: int, log: RecordedLog) -> LogFit:
         rate_hz=(len(log.time_s) - 1) / span,
         input_kind="stepwise" if log.stepwise else "moving",
         idle=idle_of(solved, k) + (log.baseline or 0.0),
-        start=tuple(float(solved.x[at]) if at >= 0 else 0.0 for at in own[1:]),  # type: ignore[arg-type]
+        start=start_of(solved, k),
         rmse=float(np.sqrt(np.mean(missed * missed))),
         fit_pct=100 * (1 - float(np.linalg.norm(missed)) / about) if about > 0 else None,
         one_step_pct=100 * (1 - float(np.linalg.norm(np.diff(missed))) / about) if about > 0 else None,
@@ -246,6 +246,34 @@ def friction_part(solved: Solved, levels: Array, known: CurveSpread | None) -> F
     return Friction(C=share, levels=tuple(rows), solver=solved.solver)
 
 
+def with_another_kind(fit: Fit, stepset: StepSet, options: FitOptions) -> Fit:
+    """A fit of steps whose clutch must not be used with the plant of another kind, where that explains the steps."""
+    if fit.verdict.of("nonlinear").usable or not stepset.levels or options.model is not None:
+        return fit
+    logs = [from_rest_on(log) for log in logs_of_steps(stepset)]
+    other = fit_recorded(logs, replace(options, ci="none" if options.ci == "none" else "robust"), falls=False)
+    part = other.plant_
+    if part is None or not part.another or not other.verdict.usable or (part.tried[0].fit_pct or 0.0) < LEAST_PCT:
+        return fit
+    kept = [one for one in fit.findings if not (one.subject in ("nonlinear", "friction") and one.severity != "note")]
+    told = [one for one in other.findings if one.code == "kind-by-evidence"]
+    named = msgspec.structs.replace(part, input_unit=fit.data.input_unit, output_unit=fit.data.output_unit)
+    changed = {"plant_": named, "nonlinear": other.nonlinear, "linear": other.linear}
+    return judged(msgspec.structs.replace(fit, **changed, findings=ranked([*kept, *told])))
+
+
+def from_rest_on(log: RecordedLog) -> RecordedLog:
+    """A step as a log that shows the rest before it in one row, which is not compared: behind it lies a dead time."""
+    before = float(log.time_s[0]) - (float(log.time_s[1]) - float(log.time_s[0]))
+    return replace(
+        log, time_s=np.append(before, log.time_s), input=np.append(0.0, log.input),
+        output=np.append(np.nan, log.output), source="", idle_start=True,
+    )  # fmt: skip
+
+
+LEAST_PCT = 80.0  # Of steps that another kind has to explain before it takes the clutch's place
+
+
 def fit_whole(stepset: StepSet, options: FitOptions) -> Fit:
     """Fit the recorded logs of a set with its steps; raises UsageError for options that only steps have."""
     if options.loss != "squares":
@@ -266,9 +294,8 @@ def fit_whole(stepset: StepSet, options: FitOptions) -> Fit:
         if one.code != "other-shape-fits-better" or one.values["shape"] not in known
     ])  # fmt: skip
     findings = ranked((*stepset.all_findings, *fit.findings, *of_shapes))
-    return judged(
-        msgspec.structs.replace(fit, options=workflow.given(options, stepset), steps=shapes, findings=findings)
-    )
+    told = msgspec.structs.replace(fit, options=workflow.given(options, stepset), steps=shapes, findings=findings)
+    return judged(workflow.quotable(told))
 
 
 def fit_recorded(
@@ -293,12 +320,12 @@ def fit_recorded(
     inputs = inputs_of(every, options.duty)
     findings = input_findings(logs, inputs.levels)
     rests = any(log.starts_idle or bool((log.input == 0).any()) or log.baseline is not None for log in every)
-    if not rests:
-        findings += [finding("idle-not-seen", log.name) for log in logs]
     wanted = options.model or ("friction", "nonlinear", "linear")
 
     chosen = plant_of_logs(logs, every[len(logs) :], inputs, options, rests, dead_time_s, falls)
     base, acting = chosen.solved, chosen.logs
+    if not rests and base.setup.model.kind == "parallel":  # a gain of its own tells the idle output
+        findings += [finding("idle-not-seen", log.name) for log in logs]
     findings += chosen.findings
     theta_s = base.fitted.dead_time(base.x)
     extras = tuple(name for name in base.fitted.extras if name != "dead")
@@ -334,7 +361,7 @@ def fit_recorded(
         findings=ranked(findings),
         seed=options.seed,
         data=data,
-        plant_=plant_part(base, data, uncertainty) if "nonlinear" in wanted else None,
+        plant_=plant_part(base, data, uncertainty, chosen.kinds) if "nonlinear" in wanted else None,
         converged=base.solver.converged,
         nonlinear=nonlinear_part(base, uncertainty, known, inputs.shown) if shown else None,
         linear=linear,
@@ -347,7 +374,6 @@ def fit_recorded(
             u_range=(inputs.low, inputs.high),
             falls=chosen.falls,
             loops=loops,
-            kinds=chosen.kinds,
             dead_time_s=theta_s,
             engagements=0 if uncertainty is None else uncertainty.scatter.count,
         ),

@@ -43,7 +43,7 @@ from eaid.results.common import (
     Solver,
     Source,
 )
-from eaid.results.recorded import LogFit, Recorded
+from eaid.results.recorded import KindTried, LogFit, Recorded
 from eaid.shown import Plotted
 
 if TYPE_CHECKING:
@@ -315,6 +315,7 @@ class PlantIntervals(Result, frozen=True):
     """The same below rest."""
     tau1: Interval = None
     tau2: Interval = None
+    C: Interval = None
     omega: Interval = None
     """ω = 1/τ1 of `ringing` [rad/s]."""
     zeta: Interval = None
@@ -357,6 +358,13 @@ class FittedPlant(Result, frozen=True):
     input_unit: str = "%"
     output_unit: str = "N·m"
     ci95: PlantIntervals | None = None
+    tried: tuple[KindTried, ...] = ()
+    """The kinds of lag that were tried, the best first; none of a closed loop, which tells none, nor of most steps."""
+
+    @property
+    def another(self) -> bool:
+        """Whether evidence asked for another kind than the clutch's two lags over the input."""
+        return bool(self.tried) and self.tried[0].kind != "clutch"
 
     @classmethod
     def of(cls, p: Plant, data: "FittedData", ci95: PlantIntervals | None = None) -> "FittedPlant":

@@ -96,8 +96,6 @@ class Recorded(Result, frozen=True):
     u_range: tuple[Number, Number] = (0.0, 0.0)
     falls: tuple[FallTest, ...] = ()
     loops: tuple[Loop, ...] = ()
-    kinds: tuple[KindTried, ...] = ()
-    """The kinds of lag that were tried, the best first; none of a closed loop, which tells none."""
     dead_time_s: Number = 0.0
     """Longest dead time of the logs; the models begin behind it."""
     engagements: Count = 0

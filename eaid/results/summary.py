@@ -1,5 +1,6 @@
 """A fit in a few lines: how well it follows, T_s, τ1 and τ2 where it matters, which estimate, warnings."""
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, TypeVar
 
@@ -7,6 +8,7 @@ from eaid.findings import merged, ranked, say
 from eaid.findings.finding import WORD
 from eaid.findings.row import SYMBOLS
 from eaid.findings.sentences.fitting import kind_in_words
+from eaid.plant.dynamics import Plant
 from eaid.shown import counted, span
 
 if TYPE_CHECKING:
@@ -57,18 +59,28 @@ def answer(fit: "Fit") -> list[str]:
 
 
 def of_another_kind(fit: "Fit") -> bool:
-    """Whether the plant of recorded logs is another than the clutch's."""
-    return fit.recorded is not None and fit.plant_ is not None and fit.plant_.kind != "parallel"
+    """Whether the plant is of another kind than the clutch's."""
+    return fit.plant_ is not None and fit.plant_.another
 
 
 def plant_line(fit: "Fit") -> list[str]:
     """The plant where it is of another kind than the clutch's: its numbers with intervals."""
     part = fit.plant_
-    if part is None or fit.recorded is None or not of_another_kind(fit):
+    if part is None or not part.another:
         return []
     numbers = [f"{name} {value}" for name, value in plant_numbers(fit)]
-    kind = fit.recorded.kinds[0].kind if fit.recorded.kinds else part.kind
-    return [f"plant  {kind_in_words(kind)}: {', '.join(numbers)}"]
+    return [f"plant  {kind_in_words(part.tried[0].kind)}: {', '.join(numbers)}", *overshoot(part.plant)]
+
+
+def overshoot(p: Plant) -> list[str]:
+    """What a step of an overshooting plant does: its peak over its end, when, and what it loses again."""
+    if p.kind != "overshoot":
+        return []
+    tau1, tau2, C = p.tau1[0], p.tau2[0], p.C
+    at = math.log(C * tau2 / ((C - 1) * tau1)) / (1 / tau1 - 1 / tau2)
+    peak = 1 - C * math.exp(-at / tau1) - (1 - C) * math.exp(-at / tau2)
+    lost = 100 * (1 - 1 / peak)
+    return [f"peaks  a step reaches {peak:.4g} of its end after {at:.3g} s, and loses {lost:.3g} % of that"]
 
 
 def plant_numbers(fit: "Fit") -> list[tuple[str, str]]:
@@ -86,6 +98,7 @@ def plant_numbers(fit: "Fit") -> list[tuple[str, str]]:
     else:
         rows.append(("τ" if p.kind == "lag" else "τ1", tau1, "tau1", " s"))
         rows += [("τ2", tau2, "tau2", " s")] if p.kind != "lag" else []
+        rows += [("C", p.C, "C", "")] if p.kind in ("parallel", "overshoot") else []
     rows += [("dead time", p.dead_time_s, "dead_time_s", " s")] if p.dead_time_s else []
     found = []
     for name, value, key, in_unit in rows:
@@ -135,11 +148,7 @@ def values(fit: "Fit") -> list[list[str]]:
         heading = [f"level [{data.input_unit}]" if data.input_unit else "level", f"T_s [{out}]", "τ1 [s]", "τ2 [s]"]
         levels: Sequence[CurveLevel | FrictionLevel] = believed_levels(fit)
         if of_another_kind(fit):  # its line says them
-            levels = (
-                levels
-                if fit.recorded is not None and fit.recorded.kinds[:1] and fit.recorded.kinds[0].gain == "curve"
-                else ()
-            )
+            levels = levels if fit.plant_ is not None and fit.plant_.tried[0].gain == "curve" else ()
         rows = [[f"{row.level:.4g}", *(_value(row, name) for name in SYMBOLS)] for row in _three(levels)]
     return [heading, *rows] if rows else []
 
@@ -167,8 +176,8 @@ def _lines(fit: "Fit") -> list[str]:
 
 def _fit_pct(fit: "Fit") -> str:
     said = []
-    if of_another_kind(fit) and fit.recorded is not None and fit.recorded.kinds:
-        said.append(f"plant {fit.recorded.kinds[0].fit_pct or 0.0:.1f} %")
+    if fit.plant_ is not None and fit.plant_.another:
+        said.append(f"plant {fit.plant_.tried[0].fit_pct or 0.0:.1f} %")
     for name in ("linear",) if said else ("nonlinear", "linear"):
         part = getattr(fit, name)
         if part is not None and part.fit_pct is not None:

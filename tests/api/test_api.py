@@ -202,7 +202,7 @@ def test_a_sentence_may_be_reworded_without_any_number_changing(
     assert texts and all(text.split(" (and ")[0] in SENTENCES for text in texts)
 
 
-def test_steps_that_ask_for_a_dead_time_are_shown_with_it() -> None:
+def test_steps_that_ask_for_a_dead_time_have_a_plant_with_it() -> None:
     t, random = np.arange(0.0, 20.0, 0.02), np.random.default_rng(1)
     logs = {
         f"u{u}": pd.DataFrame(
@@ -216,10 +216,10 @@ def test_steps_that_ask_for_a_dead_time_are_shown_with_it() -> None:
     }
     fit = eaid.fit(logs)
     assert [step.dead_time_s for step in fit.steps] == pytest.approx([0.5] * 3, abs=0.03)
-    assert "shown  single steps with their dead times" in fit.summary()
-    row = next(line for line in fit.summary().splitlines() if line.startswith("0 → 100"))
-    assert [float(cell) for cell in row.split()[3:5]] == pytest.approx([3.0, 0.4], rel=0.03)
-    assert fit.findings[0].code == "other-shape-fits-better"
+    assert fit.verdict.usable and fit.plant.kind == "lag"
+    assert (fit.plant.dead_time_s, fit.plant.tau1[0]) == (pytest.approx(0.5, abs=0.01), pytest.approx(0.4, rel=0.03))
+    assert fit.predict(100.0, [0.45, 10.0]).to_numpy().ravel() == pytest.approx([0.0, 3.0], abs=0.02)
+    assert "plant  one lag with a dead time" in fit.summary()
 
 
 def fit_rig(folder: Path) -> Any:

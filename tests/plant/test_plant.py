@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import expm
 
 from eaid.plant import derivatives as kernel
-from eaid.plant.derivatives import Drive, Tables, delayed
+from eaid.plant.drive import Drive, Tables, delayed
 from eaid.plant.dynamics import REFERENCE_PLANT, Plant, Step, plant_numbers, plant_step, swing
 from eaid.plant.operating import around
 from eaid.plant.respond import respond, step_response

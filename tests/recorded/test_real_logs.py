@@ -33,11 +33,13 @@ def test_a_lamp_on_a_staircase() -> None:
 
 
 def test_a_heaters_dead_time_is_its_own() -> None:
-    """README of the logs: + 35.4 °C after 13 to 15 s of dead time, RMSE 0.27 with it; the start is at rest then."""
+    """Known: + 35.4 °C behind 13 to 15 s, RMSE 0.27 with one lag and a dead time; two in series leave less still."""
     found = fitted("heater_dead_time.csv", HEATER)
-    assert found.verdict.usable and found.nonlinear is not None and found.dead_time_s == pytest.approx(15, abs=1.5)
-    assert found.nonlinear.rmse == pytest.approx(0.27, abs=0.01)
-    assert found.nonlinear.curves[0].Ts == pytest.approx(35.4, rel=0.03)
+    (log,) = found.logs
+    assert found.verdict.usable and log.rmse is not None and log.rmse < 0.27
+    delayed = next(one for one in found.plant_.tried if one.kind == "lag+dead")  # type: ignore[union-attr]
+    assert delayed.fit_pct == pytest.approx(97.2, abs=0.2)
+    assert found.plant.steady(50.0) == pytest.approx(35.4, rel=0.03)
 
 
 def test_a_heater_is_two_exponentials_and_no_independent_fit_has_less_left() -> None:

@@ -9,7 +9,7 @@ from eaid.estimate import forms
 from eaid.estimate.copies import Copies
 from eaid.estimate.from_logs import Setup
 from eaid.estimate.recorded_log import RecordedLog
-from eaid.plant.derivatives import Drive, Tables
+from eaid.plant.drive import Drive, Tables
 from eaid.plant.dynamics import REFERENCE_PLANT, plant_numbers, plant_step
 
 

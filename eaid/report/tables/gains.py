@@ -82,7 +82,9 @@ def comparison(gains: Gains) -> str:
     if not own or not alike or not fed:
         return ""
     by_term = 100 * (1 - own / fed)
-    worth = f"is worth {by_term:.0f} %" if by_term >= 0.5 else f"costs {-by_term:.0f} %"
+    worth = (
+        "is worth nothing" if abs(by_term) < 0.5 else f"{'is worth' if by_term > 0 else 'costs'} {abs(by_term):.0f} %"
+    )
     return (
         f"At equal margins a PI leaves {alike / own:.1f} times RC's largest error, with RC's feedforward "
         f"{fed / own:.2f} times: the robust term itself {worth}."

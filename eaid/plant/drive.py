@@ -1,0 +1,70 @@
+"""What drives a plant and what it is compared with, in rows; and the plant's numbers for the inputs of those rows."""
+
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eaid.arrays import Array
+
+Integers: TypeAlias = NDArray[np.int64]
+
+
+class Drive(NamedTuple):
+    """What drives a plant, and what it is compared with, as the kernel takes it; shapes (n,) but for `duty`."""
+
+    dt_s: Array  # How long a row's input acts [s]; 0 after the last
+    which: Integers  # Which of `duty` acts
+    duty: Array  # The different inputs, shape (m,)
+    rising: Integers  # −1 while an input is held to which the log fell from a higher one, else 1
+    y: Array
+    w: Array  # Weights; 0: a row that is not compared
+    idle_known: bool
+    starts_idle: bool
+    left: float = 0.0  # Squares that no response of these rows can take away
+
+    @property
+    def samples(self) -> int:
+        """Rows that are compared."""
+        return int(np.count_nonzero(self.w))
+
+
+def delayed(drive: Drive, dead_time_s: float) -> Drive:
+    """The same with every change of the input so much later: rows of weight 0 where it then acts.
+
+    Until the first change acts, and before the log begins, the first row's input does.
+    """
+    if dead_time_s == 0.0:
+        return drive
+    t = np.concatenate([[0.0], np.cumsum(drive.dt_s[:-1])])
+    changed = (np.diff(drive.which) != 0) | (np.diff(drive.rising) != 0)
+    rows = np.flatnonzero(changed) + 1
+    acts = np.maximum(t[rows] + dead_time_s, 0.0)
+    rows, acts = rows[acts < t[-1]], acts[acts < t[-1]]
+    at = np.searchsorted(t, acts, side="right")  # an output at that very instant comes first
+    time = np.insert(t, at, acts)
+    from_row = np.concatenate([[0], rows])[np.searchsorted(np.sort(acts), time, side="right")]
+    sample = np.insert(np.ones(len(t), dtype=bool), at, False)
+    y, w = np.zeros(len(time)), np.zeros(len(time))
+    y[sample], w[sample] = drive.y, drive.w
+    dt_s = np.append(np.diff(time), drive.dt_s[-1])
+    return drive._replace(dt_s=dt_s, which=drive.which[from_row], rising=drive.rising[from_row], y=y, w=w)
+
+
+class Tables(NamedTuple):
+    """T_s, τ1, τ2 (of series and ringing 1/ω and ζ) of the different inputs, (m,), and their derivatives by the
+    coefficients, (m, n)."""
+
+    steady: Array
+    tau1: Array
+    tau2: Array
+    rest: Array  # u/u_low, at most 1: below 1 a fall goes over to the release constants
+    by_steady: Array
+    by_tau1: Array
+    by_tau2: Array
+
+
+# Places of the numbers beside the coefficients: C (z of series and ringing), τ of falls to rest, factors on those of
+# falls, excess, θ, idle output, the two states at the first row
+SHARE, REST, FALL, EXCESS, DEAD, IDLE, START = 0, 1, 3, 5, 6, 7, 8
+SCALARS = 10
