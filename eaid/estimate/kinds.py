@@ -23,7 +23,7 @@ from eaid.estimate.forms import of_kind
 from eaid.estimate.from_logs import Setup, Solved, finished, setup_of
 from eaid.estimate.log_intervals import correlation_s
 from eaid.estimate.recorded_log import RecordedLog
-from eaid.estimate.solver import ROUNDING, approach, judged
+from eaid.estimate.solver import ROUNDING, approach, judged, newton_step
 from eaid.plant.derivatives import swung
 from eaid.plant.drive import Drive, delayed
 from eaid.plant.forms import Form, LegendreForm, Proportional, Sides
@@ -32,6 +32,7 @@ TAUS, DAMPINGS, DELAYS = 14, (0.03, 0.2, 0.7, 1.3, 4.0), 9  # Of the grid
 LONGEST_DELAY = 0.2  # Part of the longest log that a dead time may take
 PER_UNKNOWN, PRICE = 0.01, 6.0  # Of the score
 NEAR = 1e-6  # Part of the cost that a further step would gain, at which kinds are compared
+LAST_STEPS = 4
 BEGUN = 2  # Places of the grid from which each kind is fitted
 GAINS = 3  # Kinds that get more of a gain
 ENDLESS = 1e5  # Time constant of none, in records
@@ -269,7 +270,14 @@ def on_all(search: Search, one: Tried) -> Tried:
     solved, model = one.solved, one.solved.setup.model
     theta = solved.setup.dead_time(solved.x)
     setup = replace(setup_of(model, search.logs, True, theta), extras=solved.setup.extras)
-    return replace(one, solved=finished(setup, [solved.x]))
+    ended = finished(setup, [solved.x])
+    problem = setup.every.problem()
+    if ended.cost <= 1e3 * problem.floor:  # no noise: steps too small to be seen in the cost go to the last digits
+        x = ended.x
+        for _ in range(LAST_STEPS):
+            x = x + newton_step(problem, x, *problem.normal(x)[1:]).d
+        ended = replace(ended, x=x, cost=problem.value(x)[0])
+    return replace(one, solved=ended)
 
 
 def scored(tried: Sequence[Tried], noise: float) -> list[Tried]:

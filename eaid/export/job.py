@@ -52,14 +52,22 @@ class Source:
     @property
     def laws(self) -> tuple[str, ...]:
         """The laws that can be exported."""
-        plant = None if self.quick_falls else self.plant
+        plant = None if self.left_out else self.plant
         held = {**self.loops, "inverse": plant, "plant": plant}
         return tuple(name for name in LAWS if held.get(name) is not None)
 
     @property
-    def quick_falls(self) -> bool:
-        """Whether falls between levels go as the release does, which no exported plant knows."""
-        return self.plant is not None and self.plant.falls_as_release
+    def left_out(self) -> str:
+        """What the plant has that no exported one knows; empty: nothing."""
+        p = self.plant
+        if p is None:
+            return ""
+        if p.zeta is not None:
+            return "two states in series, or ringing"
+        if p.Ts_below:
+            return "an input of both signs"
+        quick = p.falls_as_release or p.falls != (1.0, 1.0)
+        return "falls between levels with time constants of their own" if quick else ""
 
     @property
     def top(self) -> float:
@@ -198,8 +206,8 @@ def laws_of(source: Source, options: ExportOptions) -> tuple[str, ...]:
     """The laws to export, in one order; UsageError where one is asked for that the inputs do not hold."""
     wanted = options.law if options.law is not None else source.laws
     for law in wanted:
-        if law not in source.laws and source.quick_falls:
-            raise UsageError(f"«law» {law}: {say(finding('export-quick-falls', law))}")
+        if law not in source.laws and source.left_out:
+            raise UsageError(f"«law» {law}: {say(finding('export-left-out', law, what=source.left_out))}")
         if law not in source.laws:
             need = "gains.json of eaid tune-rc" if law in ("pi", "rc") else "fit.json with a nonlinear model, «fit»"
             raise UsageError(f"«law» {law} needs what was not given: {need}")

@@ -165,6 +165,11 @@ def controller_of(
     """A controller by its name, from the fitted models, gains, and the range of the actuator [%] for those that have no
     gains of their own; `UsageError` where what it needs is missing."""
     if name == "inverse":
+        if plant.zeta is not None or plant.Ts_below:
+            raise UsageError(
+                f"controller inverse: knows one lag and two in parallel, and the fit's plant is {plant.kind}"
+                f"{' with an input of both signs' * bool(plant.Ts_below)}; take rc or pi"
+            )
         inverse = InverseGains(plant_numbers(plant), *limits_pct)
         return Controller("inverse", inverse_step, inverse, InverseState(), looks_ahead=True)
     if name == "open-loop":

@@ -57,7 +57,8 @@ def simulate(
     if not options.controller and what == "sweep" and linear is not None:
         names += ("open-loop",)
     if not names and what != "log":
-        names = ("open-loop", "inverse") if linear is not None else ("inverse",)
+        invertible = model.zeta is None and not model.Ts_below
+        names = ("open-loop",) * (linear is not None) + ("inverse",) * invertible
         findings.append(finding("no-gains", "controllers"))
     limits = input_limits(fit) if gains is None else gains.duty_limits_pct
     controllers = tuple(controller_of(name, model, linear, gains, limits) for name in names)

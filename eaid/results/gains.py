@@ -322,8 +322,8 @@ class Gains(Plotted, codec.Saved, Made, frozen=True):
 
     def __post_init__(self) -> None:
         low, high = self.duty_limits_pct
-        if not 0 <= low < high:
-            raise ValueError(f"duty_limits_pct {low:g} to {high:g}, which has to rise from 0 or above")
+        if not low < high:
+            raise ValueError(f"duty_limits_pct {low:g} to {high:g}, which has to rise")
         if self.rc is not None and self.guarantee is not None:  # one verdict, whatever a file says beside it
             msgspec.structs.force_setattr(self, "rc", msgspec.structs.replace(self.rc, guaranteed=self.guarantee.holds))
 

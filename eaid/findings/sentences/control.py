@@ -166,9 +166,12 @@ ROWS: dict[str, Row] = {
         "{subject}: the loop is unstable at {rate_hz:g} Hz around {levels} {unit}; ask for slower gains"
     ),
     "export-not-usable": stop("{subject} of a fit that is NOT USABLE: {why}"),
-    "export-quick-falls": caution(
-        "the fit's falls between levels are as quick as the release, which an exported plant does not know: the "
-        "controllers alone are exported"
+    "export-left-out": caution(
+        "the fit's plant has {what}, which an exported plant does not know: the plant and its inverse are left out"
+    ),
+    "export-no-dead-time": caution(
+        "the exported {subject} answers at once: hold its input back by the fit's dead time of {dead_time_s:.3g} s in "
+        "your own loop"
     ),
     "export-guarantee-holds": note("RC: the Lyapunov guarantee holds, for the reference that the gains were made for"),
     "export-guarantee-missing": caution(

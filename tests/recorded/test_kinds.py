@@ -1,0 +1,131 @@
+"""Which plant recorded logs have: each kind is found and given back, and replays its own log as it was fitted."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import eaid
+from eaid.options import ReadOptions
+from eaid.plant.dynamics import Plant
+from eaid.plant.respond import respond
+
+COLUMNS = {"time": "time_s", "input": "input_V", "output": "speed_rpm"}
+OPTIONS = {"columns": COLUMNS}
+
+
+def plant(tau1: float, tau2: float = 1.0, gain: float = 0.04, **more: Any) -> Plant:
+    return Plant((tau1,), (tau2,), (0.0, gain), (0.0, 100.0), floor_s=0.0, **more)
+
+
+KINDS = {
+    "lag": plant(0.4, C=1.0),
+    "lag+dead": plant(0.4, C=1.0, dead_time_s=0.133),
+    "series": plant(0.3, zeta=1.3),
+    "series+dead": plant(0.3, zeta=1.3, dead_time_s=0.217),
+    "ringing": plant(0.15, zeta=0.15),
+    "ringing+dead": plant(0.15, zeta=0.2, dead_time_s=0.303),
+    "zero": plant(0.2, 1.0, C=1.6),
+    "zero+dead": plant(0.2, 1.0, C=1.6, dead_time_s=0.255),
+}
+SIGNED = replace(KINDS["lag+dead"], Ts_below=(0.0, -0.025))
+
+
+def log_of(
+    p: Plant, levels: tuple[float, ...] = (0.0, 30.0, 60.0, 100.0), noise: float = 0.02, n: int = 3000
+) -> pd.DataFrame:
+    random, t = np.random.default_rng(2), np.arange(n) * 0.02
+    u = np.repeat(random.choice(levels, n // 75), 75)
+    u[:75] = 0.0
+    return pd.DataFrame(
+        {"time_s": t, "input_V": u, "speed_rpm": 25.0 + respond(p, t, u, t) + noise * random.normal(size=n)}
+    )
+
+
+def fitted(log: pd.DataFrame, **more: Any) -> eaid.Fit:
+    return eaid.fit(eaid.read(log, logs_as="recorded", **OPTIONS), **more)
+
+
+def both(log: pd.DataFrame, folder: Path) -> tuple[eaid.Fit, float]:
+    """The fit of a log, and what is left of its percentage where its plant is replayed on that log."""
+    file = folder / "log.csv"
+    log.to_csv(file, index=False, float_format="%.17g")
+    fit = eaid.fit(eaid.read(file, logs_as="recorded", **OPTIONS))
+    run = eaid.simulate(fit, log=file, reading=ReadOptions(columns=COLUMNS))
+    return fit, float(next(iter(run.records.values())).metrics.fit_pct)
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_the_kind_is_found_with_its_numbers_and_replays_its_own_log(name: str, tmp_path: Path) -> None:
+    truth = KINDS[name]
+    fit, replayed_pct = both(log_of(truth), tmp_path)
+    found, ends = fit.plant, fit.plant_.ci95  # type: ignore[union-attr]
+    assert fit.verdict.usable and found.kind == truth.kind and fit.plant_.tried[0].gain == "one"  # type: ignore[union-attr]
+    rings, tau1 = truth.kind == "ringing", float(truth.time_constants(1.0)[0])
+    wanted = {"gain": 0.04, "tau1": None if rings else tau1, "zeta": truth.zeta if rings else None}
+    wanted |= {"dead_time_s": truth.dead_time_s or None, "C": truth.C if truth.kind == "overshoot" else None}
+    for key, true in wanted.items():
+        if true is not None:  # within 1.6 of its half-widths
+            low, high = getattr(ends, key)
+            assert abs(true - 0.5 * (low + high)) < 0.8 * (high - low), key
+    (own,) = fit.logs
+    assert replayed_pct == pytest.approx(own.fit_pct, abs=0.01)
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_without_noise_the_truth_comes_back(name: str) -> None:
+    truth = KINDS[name]
+    found = fitted(log_of(truth, noise=0.0), ci="none").plant
+    assert found.kind == truth.kind and found.dead_time_s == pytest.approx(truth.dead_time_s, abs=1e-6)
+    assert found.Ts[1] == pytest.approx(0.04, rel=1e-6) and found.tau1[0] == pytest.approx(truth.tau1[0], rel=1e-6)
+    if truth.zeta is not None:
+        assert found.zeta == pytest.approx(truth.zeta, rel=1e-6)
+    if truth.kind == "overshoot":
+        assert (found.tau2[0], found.C) == pytest.approx((1.0, 1.6), rel=1e-6)
+
+
+def test_an_input_of_both_signs_has_a_gain_on_each_side(tmp_path: Path) -> None:
+    fit, replayed_pct = both(log_of(SIGNED, (-80.0, -40.0, 40.0, 80.0)), tmp_path)
+    assert fit.plant.kind == "lag" and fit.plant.dead_time_s == pytest.approx(0.133, abs=0.01)
+    assert (fit.plant.steady(80.0) / 80, fit.plant.steady(-80.0) / -80) == pytest.approx((0.04, 0.025), rel=0.02)
+    assert replayed_pct == pytest.approx(fit.logs[0].fit_pct, abs=0.01)
+    assert eaid.tune_rc(fit).duty_limits_pct == (-80.0, 80.0)
+    with pytest.raises(eaid.UsageError, match="controller inverse: knows one lag and two in parallel"):
+        eaid.simulate(fit, controller=("inverse",))
+    alike = fitted(log_of(replace(SIGNED, Ts_below=(0.0, -0.04)), (-80.0, -40.0, 40.0, 80.0)))
+    assert alike.plant_.tried[0].gain == "one"  # type: ignore[union-attr]
+
+
+def test_steps_between_levels_that_never_rest_reach_a_controller() -> None:
+    """A heater from 5 to 10 V and back, about an offset of 25."""
+    truth = plant(3.0, C=1.0, dead_time_s=1.1, gain=0.3)
+    t = np.arange(6000) * 0.02
+    u = np.where((t > 20) & (t < 70), 10.0, 5.0)
+    y = 25 + respond(truth, t, u, t, (1.5, 0.0)) + 0.01 * np.random.default_rng(0).normal(size=t.size)
+    fit = eaid.fit(eaid.read(pd.DataFrame({"time_s": t, "input_V": u, "speed_rpm": y}), **OPTIONS))
+    assert fit.plant.kind == "lag" and fit.plant.idle == pytest.approx(25.0, abs=0.1)
+    assert (fit.plant.dead_time_s, fit.plant.tau1[0]) == pytest.approx((1.1, 3.0), rel=0.02)
+    gains = eaid.tune_rc(fit)
+    assert all(point.pi.gain_db >= 6 and point.pi.phase_deg >= 45 for point in gains.margins.points)
+
+
+def test_an_output_that_integrates_its_input_is_refused_by_name() -> None:
+    log = log_of(KINDS["lag"])
+    log["speed_rpm"] = np.append(0.0, np.cumsum(log.input_V)[:-1]) * 0.02 * 0.01 + 0.01 * np.random.default_rng(
+        0
+    ).normal(size=len(log))
+    with pytest.raises(eaid.DataError, match="its output integrates its input"):
+        fitted(log)
+
+
+def test_a_clutch_keeps_its_form_and_what_falls_have_is_replayed(tmp_path: Path) -> None:
+    """Falls between levels twice as quick, T_s 8 % larger after a fall: once 99.6 % in the fit and 89.1 % replayed."""
+    p = Plant((0.2, 4e-3), (2.0, 2e-2), (0.05, 0.02, 2e-4), (20.0, 100.0), falls=(0.5, 0.5), excess=0.08)
+    fit, replayed_pct = both(log_of(p, (20.0, 45.0, 70.0, 100.0), noise=0.01, n=6000), tmp_path)
+    assert fit.nonlinear is not None and fit.plant.kind == "parallel" and fit.plant_.tried[0].kind == "clutch"  # type: ignore[union-attr]
+    assert fit.plant.falls == pytest.approx((0.5, 0.5), rel=0.1) and fit.plant.excess == pytest.approx(0.08, abs=0.01)
+    assert fit.logs[0].fit_pct > 99
+    assert replayed_pct == pytest.approx(fit.logs[0].fit_pct, abs=0.01)
