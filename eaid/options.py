@@ -229,7 +229,7 @@ class TuneOptions(Chance):
         """Refuse options that mean nothing together."""
         if self.duty_limits is not None and not self.duty_limits[0] < self.duty_limits[1]:
             low, high = self.duty_limits
-            raise UsageError(f"«duty_limits» {low:g},{high:g}: must rise from 0 or above")
+            raise UsageError(f"«duty_limits» {low:g},{high:g}: must rise")
         by_frequency = self.natural_frequency is not None or self.damping is not None
         if by_frequency and (self.kp is not None or self.kd is not None):
             raise UsageError("give either «kp» and «kd», or «natural_frequency» and «damping», not both")

@@ -18,7 +18,7 @@ import numba
 import numpy as np
 
 from eaid.arrays import Array, median
-from eaid.estimate.copies import Copies
+from eaid.estimate.copies import MOVING_ROWS, Copies
 from eaid.estimate.forms import of_kind
 from eaid.estimate.from_logs import Setup, Solved, finished, setup_of
 from eaid.estimate.log_intervals import correlation_s
@@ -201,7 +201,9 @@ def begun(search: Search, kind: Kind, gain: Form, place: Sequence[float], near: 
     model = of_kind(
         kind.law, gain, search.low, search.high, search.shortest_s, None if kind.zero else 0.0, search.signed
     )
-    setup = replace(setup_of(model, search.logs, True, theta), copies=())
+    setup = setup_of(model, search.logs, True, theta)
+    few = tuple(few_rows(one) for one in setup.copies)
+    setup = replace(setup, drives=few, copies=())
     x = np.zeros(setup.size)
     x[model.slices[0]] = 0.0
     x[model.slices[1]] = tau
@@ -270,6 +272,8 @@ def on_all(search: Search, one: Tried) -> Tried:
     solved, model = one.solved, one.solved.setup.model
     theta = solved.setup.dead_time(solved.x)
     setup = replace(setup_of(model, search.logs, True, theta), extras=solved.setup.extras)
+    if model.kind == "swing":  # what rings is no polynomial on the blocks of the few rows
+        setup = replace(setup, drives=setup.every.drives)
     ended = finished(setup, [solved.x])
     problem = setup.every.problem()
     if ended.cost <= 1e3 * problem.floor:  # no noise: steps too small to be seen in the cost go to the last digits
@@ -339,8 +343,13 @@ def integrates(search: Search, best: Tried) -> bool:
     return min(costs) <= INTEGRATES * best.cost
 
 
+def few_rows(log: Copies) -> Drive:
+    """Every row of a log that is not long, else a few that cost what it costs."""
+    return log.every if len(log.log.time_s) <= MOVING_ROWS else log.small
+
+
 def search_of(logs: Sequence[RecordedLog], low: float, high: float, dead_time_s: float | None = None) -> Search:
     """Logs as they are looked at: where they are long by small copies; a dead time that was given is no unknown."""
-    drives = tuple(Copies(log).small for log in logs)
+    drives = tuple(few_rows(Copies(log)) for log in logs)
     signed = any(float(log.input.min()) < 0 for log in logs)
     return Search(tuple(logs), drives, low, high, signed, dead_time_s)

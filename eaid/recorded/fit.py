@@ -216,7 +216,8 @@ def linear_part(solved: Solved, base: Solved, levels: Array, wanted: str | None)
     total = errors(solved.outputs, solved.missed)
     p = replace(model_of(base), dead_time_s=0.0)  # steps from rest of it to each level, behind its dead time
     slowest = p.slowest_s(levels)
-    t = np.linspace(0.0, min(STEP_RECORDS * slowest, LONGEST_STEP_S), STEP_SAMPLES)
+    longest = LONGEST_STEP_S if p.kind == "parallel" else np.inf  # a τ2 that no log shows may be endless
+    t = np.linspace(0.0, min(STEP_RECORDS * slowest, longest), STEP_SAMPLES)
     of_model = data_of([Level(u, t, from_rest(p, t, u)[None], (f"{u:g}",)) for u in levels.tolist()])
     rows = single_levels(of_model, [fit_linear(of_model.one(i)) for i in range(len(levels))])
     return Linear(
