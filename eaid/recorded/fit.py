@@ -294,6 +294,8 @@ def fit_whole(stepset: StepSet, options: FitOptions) -> Fit:
         one for shape in shapes for one in shape.findings
         if one.code != "other-shape-fits-better" or one.values["shape"] not in known
     ])  # fmt: skip
+    if fit.plant_ is not None and fit.plant_.another:  # a step by itself has no shape of that kind
+        of_shapes = ()
     findings = ranked((*stepset.all_findings, *fit.findings, *of_shapes))
     told = msgspec.structs.replace(fit, options=workflow.given(options, stepset), steps=shapes, findings=findings)
     return judged(workflow.quotable(told))

@@ -47,7 +47,8 @@ def runs(fit: "Fit", noun: str) -> str:
 def answer(fit: "Fit") -> list[str]:
     """The lines that answer first: fit %, values with 95 % intervals where they matter, which estimate they are."""
     model = fit.nonlinear
-    lines = [f"fit    {_fit_pct(fit)}", *plant_line(fit), *_lines(fit)]
+    told = of_another_kind(fit) and fit.plant_ is not None and fit.plant_.tried[0].gain != "curve"  # by its own line
+    lines = [f"fit    {_fit_pct(fit)}", *plant_line(fit), *([] if told else _lines(fit))]
     if model is not None and steps_of_other_shapes(fit):
         lines.append("shown  single steps with their dead times; the models have none")
     elif model is not None and not of_another_kind(fit):
@@ -147,8 +148,11 @@ def values(fit: "Fit") -> list[list[str]]:
     else:
         heading = [f"level [{data.input_unit}]" if data.input_unit else "level", f"T_s [{out}]", "τ1 [s]", "τ2 [s]"]
         levels: Sequence[CurveLevel | FrictionLevel] = believed_levels(fit)
-        if of_another_kind(fit):  # its line says them
-            levels = levels if fit.plant_ is not None and fit.plant_.tried[0].gain == "curve" else ()
+        if fit.plant_ is not None and fit.plant_.another and fit.plant_.tried[0].gain != "curve":
+            return [
+                [kind_in_words(fit.plant_.tried[0].kind), ""],
+                *([name, value] for name, value in plant_numbers(fit)),
+            ]
         rows = [[f"{row.level:.4g}", *(_value(row, name) for name in SYMBOLS)] for row in _three(levels)]
     return [heading, *rows] if rows else []
 

@@ -3,6 +3,7 @@
 from operator import itemgetter
 
 from eaid.findings.row import SYMBOLS
+from eaid.findings.sentences.fitting import kind_in_words
 from eaid.plant.linear import PAPER_LINEAR
 from eaid.report import rig as published
 from eaid.report.rig import gain, of_the_paper
@@ -193,7 +194,15 @@ def model_tables(fit: Fit) -> list[Table]:
             (("K_I", f"{unit}/({out}·s)", 3), "K_I"), (("PI law explains", "%", 3), "law_fit_pct"),
             (("at a limit", "%", 2), lambda loop: 100 * loop.saturated_fraction), (("RMS error", out, 3), "rms_error"),
         )  # fmt: skip
-        found += [logs, loops]
+        kinds = table_of(
+            "Kinds of lag that were tried",
+            "On the same logs. Score: the squares that are left, and those that noise alone would save with as many "
+            "unknowns, relative to the least.",
+            fit.plant_.tried if fit.plant_ is not None else (),
+            ("kind", lambda one: Name(kind_in_words(one.kind))), ("gain", "gain"), ("unknowns", "unknowns"),
+            (("fit", "%", 4), "fit_pct"), (("score", "", 3), "score"),
+        )  # fmt: skip
+        found += [logs, kinds, loops]
     if fit.friction is not None:
         found += [levels_table(fit), *([trends_table(fit)] if fit.friction.trends else [])]
     found.append(level_steps_table(fit))
