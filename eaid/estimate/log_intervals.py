@@ -275,8 +275,9 @@ class Spread:
         between = max(float(gradient @ self.between @ gradient), 0.0)
         if between == 0.0:
             return within, degrees
-        total = within + between  # degrees of freedom of a sum of variances (Satterthwaite)
-        return total, total**2 / (within**2 / degrees + between**2 / (self.scatter.count - 1))
+        total = within + between  # degrees of freedom of a sum of variances (Satterthwaite), in parts of the whole
+        own, others = within / total, between / total
+        return total, 1 / (own**2 / degrees + others**2 / max(self.scatter.count - 1, 1))
 
     def of(self, gradient: Array) -> float:
         """Half-width of the 95 % interval of a function with that gradient."""

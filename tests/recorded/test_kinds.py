@@ -129,3 +129,12 @@ def test_a_clutch_keeps_its_form_and_what_falls_have_is_replayed(tmp_path: Path)
     assert fit.plant.falls == pytest.approx((0.5, 0.5), rel=0.1) and fit.plant.excess == pytest.approx(0.08, abs=0.01)
     assert fit.logs[0].fit_pct > 99
     assert replayed_pct == pytest.approx(fit.logs[0].fit_pct, abs=0.01)
+
+
+def test_one_engagement_does_not_end_in_a_division_by_zero() -> None:
+    """Twelve to 28 V, never at rest: the scatter of a single engagement has no degree of freedom."""
+    truth, t = plant(0.4, C=1.0, gain=0.3), np.arange(4000) * 0.02
+    u = np.repeat(np.random.default_rng(1).choice([12.0, 17.0, 23.0, 28.0], 80), 50)
+    y = respond(truth, t, u, t) * np.repeat([1.0, 1.03], 2000) + 0.02 * np.random.default_rng(0).normal(size=t.size)
+    fit = fitted(pd.DataFrame({"time_s": t, "input_V": u, "speed_rpm": y}))
+    assert fit.plant.kind == "lag" and fit.plant.tau1[0] == pytest.approx(0.4, rel=0.1)
