@@ -25,6 +25,7 @@ from eaid.results.fit import FittedData, FittedPlant, PlantIntervals
 from eaid.results.recorded import FallTest, KindTried
 
 WIDE = 2.0  # Half-width, as a part of the number, beyond which an interval says nothing
+BEYOND = 3.0  # Times the output that was reached, beyond which no T_s is believed
 OPEN = 0.2  # Relative half-width beyond which T_s is open
 AS_WELL = 4.0  # Squares over those of a clutch whose T_s is open, up to which another kind is taken in its place
 ITS_OWN = 1.25  # Squares over those of two lags with another C, up to which the clutch's form stands
@@ -109,7 +110,10 @@ def quick_cost(search: Search) -> float:
 
 
 def leaves_open(solved: Solved, inputs: Inputs) -> bool:
-    """Whether the logs leave T_s of a fit open at half of its inputs or more."""
+    """Whether the logs leave T_s of a fit open at half of its inputs or more, or never came near it."""
+    reached = max(float(np.abs(y - idle_of(solved, k)).max(initial=0.0)) for k, y in enumerate(solved.outputs))
+    if float(np.abs(solved.curves(inputs.shown).steady).max()) > BEYOND * reached:
+        return True
     known = curves(solved, spread(solved), inputs.shown)
     return bool(np.mean(known.half_width[0] > OPEN) >= 0.5)
 
