@@ -27,6 +27,7 @@ from eaid.results.recorded import FallTest, KindTried
 WIDE = 2.0  # Half-width, as a part of the number, beyond which an interval says nothing
 BEYOND = 3.0  # Times the output that was reached, beyond which no T_s is believed
 OPEN = 0.2  # Relative half-width beyond which T_s is open
+LEFT = 0.04  # Part of the squares about the mean that a kind may leave that takes the place of such a clutch
 AS_WELL = 4.0  # Squares over those of a clutch whose T_s is open, up to which another kind is taken in its place
 ITS_OWN = 1.25  # Squares over those of two lags with another C, up to which the clutch's form stands
 AT_REST = 4.0  # Squares of a start at rest over those of one with unknown states, up to which it is believed
@@ -65,7 +66,9 @@ def plant_of_logs(
     rows = of_evidence(search, len(inputs.levels) if inputs.stepwise else MANY, rivals)
     if clutch is not None and rows[0].kind.name == "clutch":
         simple = next(one for one in rows if one.kind.name != "clutch")
-        if simple.cost <= AS_WELL * rows[0].cost and leaves_open(clutch.solved, inputs):
+        explains = simple.cost <= LEFT * sum(energy(log) for log in logs)
+        well = simple.cost <= AS_WELL * rows[0].cost
+        if (explains and never_near(clutch.solved, inputs)) or (well and leaves_open(clutch.solved, inputs)):
             rows = [on_all(search, simple), *(one for one in rows if one is not simple)]
     own = next((one for one in rows if one.kind.name == "clutch"), None)
     found = model_of(rows[0].solved)
@@ -109,11 +112,14 @@ def quick_cost(search: Search) -> float:
     return min(search.cost(theta, tau, np.inf, False) for tau in taus for theta in delays)
 
 
-def leaves_open(solved: Solved, inputs: Inputs) -> bool:
-    """Whether the logs leave T_s of a fit open at half of its inputs or more, or never came near it."""
+def never_near(solved: Solved, inputs: Inputs) -> bool:
+    """Whether T_s of a fit lies far beyond what the logs have reached."""
     reached = max(float(np.abs(y - idle_of(solved, k)).max(initial=0.0)) for k, y in enumerate(solved.outputs))
-    if float(np.abs(solved.curves(inputs.shown).steady).max()) > BEYOND * reached:
-        return True
+    return float(np.abs(solved.curves(inputs.shown).steady).max()) > BEYOND * reached
+
+
+def leaves_open(solved: Solved, inputs: Inputs) -> bool:
+    """Whether the logs leave T_s of a fit open at half of its inputs or more."""
     known = curves(solved, spread(solved), inputs.shown)
     return bool(np.mean(known.half_width[0] > OPEN) >= 0.5)
 
