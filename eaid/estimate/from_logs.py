@@ -314,6 +314,7 @@ def inner(setup: Setup, x: Array, problem: Problem) -> Array:
 AT_BOUND = 1e-6
 ALIKE = 20.0  # χ² by which two ends must differ to be told apart
 NEAR = 0.05  # An end this part of the cost above the best is no rival
+AT_BEND = 1e-6  # Part of the cost by which holding a dead time may raise it
 LONG_WAY = 1000  # Newton steps along a bent valley, where τ1 and τ2 all but meet
 
 
@@ -386,6 +387,23 @@ def finished(setup: Setup, begin: Sequence[Array], tried: int = 0, costs: Sequen
     evaluations = tried + sum(one.evaluations for one in ends) + end.evaluations
     solver = judged(predicted, evaluations, costs or [one.cost for one in ends], [near.names(i) for i in active])
     return Solved(setup, end.x, end.cost, solver)
+
+
+def with_dead_time(setup: Setup, x: Array) -> Solved:
+    """A fit whose dead time is an unknown, near x, that of `setup` its place in x.
+
+    Where a dead time falls on a sample the cost has a bend, and no derivative there says that it is least: what is left
+    is then solved with the dead time held.
+    """
+    solved, at = finished(setup, [x]), setup.at("dead")
+    if solved.solver.converged:
+        return solved
+    theta = float(solved.x[at])
+    others = tuple(name for name in setup.extras if name != "dead")
+    held = finished(replace(setup, extras=others, dead_time_s=theta), [np.delete(solved.x, at)])
+    if not held.solver.converged or held.cost > solved.cost * (1 + AT_BEND):
+        return solved
+    return replace(solved, x=np.insert(held.x, at, theta), cost=held.cost, solver=held.solver)
 
 
 def least_slow(setup: Setup, ends: Sequence[EndPoint]) -> EndPoint:

@@ -20,7 +20,7 @@ import numpy as np
 from eaid.arrays import Array, median
 from eaid.estimate.copies import MOVING_ROWS, Copies
 from eaid.estimate.forms import of_kind
-from eaid.estimate.from_logs import Setup, Solved, finished, setup_of
+from eaid.estimate.from_logs import Setup, Solved, finished, setup_of, with_dead_time
 from eaid.estimate.log_intervals import correlation_s
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.estimate.solver import ROUNDING, approach, judged, newton_step
@@ -274,7 +274,7 @@ def on_all(search: Search, one: Tried) -> Tried:
     setup = replace(setup_of(model, search.logs, True, theta), extras=solved.setup.extras)
     if model.kind == "swing":  # what rings is no polynomial on the blocks of the few rows
         setup = replace(setup, drives=setup.every.drives)
-    ended = finished(setup, [solved.x])
+    ended = with_dead_time(setup, solved.x) if "dead" in setup.extras else finished(setup, [solved.x])
     problem = setup.every.problem()
     if ended.cost <= 1e3 * problem.floor:  # no noise: steps too small to be seen in the cost go to the last digits
         x = ended.x

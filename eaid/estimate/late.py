@@ -19,7 +19,7 @@ from scipy.signal import lfilter
 
 from eaid.arrays import Array, median, scaled_inverse
 from eaid.estimate.copies import Copies
-from eaid.estimate.from_logs import Setup, Solved, finished, setup_of, solve
+from eaid.estimate.from_logs import Setup, Solved, setup_of, solve, with_dead_time
 from eaid.estimate.recorded_log import IDLE_ROWS, RecordedLog
 from eaid.estimate.solver import EndPoint, approach
 from eaid.estimate.spread import t_quantile
@@ -81,7 +81,7 @@ def timed(
     if dead_s:
         x, setup = base.x, base.fitted
         at = setup.shared
-        base = finished(replace(setup, extras=(*setup.extras, "dead")), [np.r_[x[:at], dead_s, x[at:]]])
+        base = with_dead_time(replace(setup, extras=(*setup.extras, "dead")), np.r_[x[:at], dead_s, x[at:]])
     return Timed(base, acting, late_rows)
 
 

@@ -27,6 +27,7 @@ from eaid.results.recorded import FallTest, KindTried
 WIDE = 2.0  # Half-width, as a part of the number, beyond which an interval says nothing
 BEYOND = 3.0  # Times the output that was reached, beyond which no T_s is believed
 OPEN = 0.2  # Relative half-width beyond which T_s is open
+LITTLE_PCT = 15.0  # Of a log that a kind has to explain
 LEFT = 0.04  # Part of the squares about the mean that a kind may leave that takes the place of such a clutch
 AS_WELL = 4.0  # Squares over those of a clutch whose T_s is open, up to which another kind is taken in its place
 ITS_OWN = 1.25  # Squares over those of two lags with another C, up to which the clutch's form stands
@@ -78,6 +79,9 @@ def plant_of_logs(
     if integrates(search, best):
         raise DataError(*(integrator(log) for log in logs))
     kinds = tuple(kind_row(one, total, best.score) for one in rows)
+    falls_with = float(found_at(best, inputs.high)) < 0 and (kinds[0].fit_pct or 0.0) > LITTLE_PCT
+    if falls_with and not signed:
+        raise DataError(*(turned_round(log) for log in logs))
     if clutch is not None and best.kind.name == "clutch":
         return replace(clutch, kinds=kinds)
     theta_s = best.solved.fitted.dead_time(best.solved.x)
@@ -88,6 +92,8 @@ def plant_of_logs(
             clutch_pct=None if mine is None else mine.fit_pct, clutch_unknowns=None if mine is None else mine.unknowns,
         )
     ]  # fmt: skip
+    if (kinds[0].fit_pct or 0.0) < LITTLE_PCT:
+        told.append(finding("no-kind-explains", "nonlinear", fit_pct=kinds[0].fit_pct))
     told += [finding("dead-time", log.name, dead_time_s=theta_s) for log in logs if theta_s > 0]
     return Chosen(best.solved, tuple(logs), (), kinds, told)
 
@@ -157,6 +163,19 @@ def kind_row(one: Tried, total: float, least: float) -> KindTried:
     fit_pct = 100 * (1 - float(np.sqrt(max(one.cost, 0.0) / total))) if total > 0 else None
     score = one.score / least if least > 0 else None
     return KindTried(one.name, gain, one.solved.setup.size, fit_pct, score)
+
+
+def found_at(one: Tried, u: float) -> Array:
+    """T_s of a kind at an input."""
+    return model_of(one.solved).steady(u)
+
+
+def turned_round(log: RecordedLog) -> str:
+    """Why a log whose output falls where its input rises is refused."""
+    return (
+        f"{log.source or log.name}: its output falls where its input rises, and a controller would be turned round; "
+        "write the output, or the input, with the other sign"
+    )
 
 
 def integrator(log: RecordedLog) -> str:

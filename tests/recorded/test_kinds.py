@@ -138,3 +138,21 @@ def test_one_engagement_does_not_end_in_a_division_by_zero() -> None:
     y = respond(truth, t, u, t) * np.repeat([1.0, 1.03], 2000) + 0.02 * np.random.default_rng(0).normal(size=t.size)
     fit = fitted(pd.DataFrame({"time_s": t, "input_V": u, "speed_rpm": y}))
     assert fit.plant.kind == "lag" and fit.plant.tau1[0] == pytest.approx(0.4, rel=0.1)
+
+
+def test_a_dead_time_that_falls_on_a_sample_has_converged() -> None:
+    """Three samples: the cost has a bend there."""
+    truth, t = plant(0.2, C=1.0, gain=1.5, dead_time_s=0.06), np.arange(1500) * 0.02
+    u = np.repeat([0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 8.0, 6.0, 4.0, 2.0], 150)
+    y = respond(truth, t, u, t) + 0.05 * np.random.default_rng(0).normal(size=t.size)
+    fit = fitted(pd.DataFrame({"time_s": t, "input_V": u, "speed_rpm": y}))
+    assert fit.converged and fit.verdict.usable and fit.plant.dead_time_s == pytest.approx(0.06, abs=0.003)
+
+
+def test_a_gain_below_zero_is_refused_and_noise_alone_is_no_plant() -> None:
+    log = log_of(KINDS["lag+dead"])
+    log["speed_rpm"] = 50.0 - log.speed_rpm
+    with pytest.raises(eaid.DataError, match="its output falls where its input rises"):
+        fitted(log)
+    log["speed_rpm"] = np.random.default_rng(0).normal(size=len(log))
+    assert "no-kind-explains" in [one.code for one in fitted(log).verdict.reasons]

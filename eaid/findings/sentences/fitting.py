@@ -310,6 +310,10 @@ ROWS: dict[str, Row] = {
         "it acted; write what acts from a row on into that row",
         "rows",
     ),
+    "no-kind-explains": stop(
+        "no kind of lag explains these logs, the best {fit_pct:.2g} %: look at the columns, or whether the input drives "
+        "the output at all"
+    ),
     "kind-by-evidence": note(_kind, always=True),
     "dead-time": note(
         "{subject}: the output answers after a dead time of {dead_time_s:.3g} s, or its input is noted so early; the "
