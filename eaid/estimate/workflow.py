@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import stdtrit
 from threadpoolctl import threadpool_limits
 
-from eaid.arrays import Array
+from eaid.arrays import Array, median
 from eaid.declared import forms
 from eaid.errors import DataError, UsageError
 from eaid.estimate.adequacy import adequacy, share_of
@@ -97,7 +97,7 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
             result = msgspec.structs.replace(
                 result, friction=msgspec.structs.replace(part, levels=(*part.levels, *rows))
             )
-        told = with_plant(msgspec.structs.replace(result, steps=shapes), dead_time_s)
+        told = with_plant(msgspec.structs.replace(result, steps=shapes), dead_time_s, idle_of(stepset))
         result = quotable(told)
         beyond_measure = [] if result is told else [finding("numbers-beyond-measure", "data")]
         return judged(
@@ -270,7 +270,13 @@ def odd_repeats(scatter: Scatter) -> list[Finding]:
     return findings
 
 
-def with_plant(result: Fit, dead_time_s: float) -> Fit:
+def idle_of(stepset: StepSet) -> float:
+    """The output before the steps of a set, which was subtracted; of most runs alike."""
+    known = [run.baseline_nm for run in stepset.runs if run.baseline_nm is not None and not run.left_out]
+    return median(known) if known else 0.0
+
+
+def with_plant(result: Fit, dead_time_s: float, idle: float) -> Fit:
     """A fit of steps with the plant that every later command reads; curves of levels behind their dead time, too."""
     if result.friction is not None and dead_time_s:
         rows = [
@@ -280,7 +286,7 @@ def with_plant(result: Fit, dead_time_s: float) -> Fit:
     if result.nonlinear is None:
         return result
     plant = with_release(result.nonlinear.parameters, result.release, result.friction_levels)
-    plant = replace(plant, dead_time_s=dead_time_s)
+    plant = replace(plant, dead_time_s=dead_time_s, idle=idle)
     return msgspec.structs.replace(result, plant_=FittedPlant.of(plant, result.data))
 
 

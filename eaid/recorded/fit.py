@@ -252,7 +252,10 @@ def with_another_kind(fit: Fit, stepset: StepSet, options: FitOptions) -> Fit:
     if fit.verdict.of("nonlinear").usable or not stepset.levels or options.model is not None:
         return fit
     logs = [from_rest_on(log) for log in logs_of_steps(stepset)]
-    other = fit_recorded(logs, replace(options, ci="none" if options.ci == "none" else "robust"), falls=False)
+    try:
+        other = fit_recorded(logs, replace(options, ci="none" if options.ci == "none" else "robust"), falls=False)
+    except DataError:  # what short windows of steps show is no reason to refuse them
+        return fit
     part = other.plant_
     if part is None or not part.another or not other.verdict.usable or (part.tried[0].fit_pct or 0.0) < LEAST_PCT:
         return fit

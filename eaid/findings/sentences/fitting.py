@@ -311,8 +311,8 @@ ROWS: dict[str, Row] = {
         "rows",
     ),
     "no-kind-explains": stop(
-        "no kind of lag explains these logs, the best {fit_pct:.2g} %: look at the columns, or whether the input drives "
-        "the output at all"
+        "no kind of lag explains these logs, the best {fit_pct:.2g} %: look at the columns, or whether the input "
+        "drives the output at all"
     ),
     "kind-by-evidence": note(_kind, always=True),
     "dead-time": note(
