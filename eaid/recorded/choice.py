@@ -65,7 +65,7 @@ def plant_of_logs(
     logs = search.logs
     rivals = [] if clutch is None else [Tried(Kind("clutch", "parallel"), clutch.solved)]
     rows = of_evidence(search, len(inputs.levels) if inputs.stepwise else MANY, rivals)
-    if clutch is not None and rows[0].kind.name == "clutch":
+    if clutch is not None and rows[0].kind.name == "clutch" and options.duty is None:
         simple = next(one for one in rows if one.kind.name != "clutch")
         explains = simple.cost <= LEFT * sum(energy(log) for log in logs)
         well = simple.cost <= AS_WELL * rows[0].cost
@@ -79,8 +79,8 @@ def plant_of_logs(
     if integrates(search, best):
         raise DataError(*(integrator(log) for log in logs))
     kinds = tuple(kind_row(one, total, best.score) for one in rows)
-    falls_with = float(found_at(best, inputs.high)) < 0 and (kinds[0].fit_pct or 0.0) > LITTLE_PCT
-    if falls_with and not signed:
+    explains_by_one = kinds[0].gain == "one" and not signed and (kinds[0].fit_pct or 0.0) > LITTLE_PCT
+    if explains_by_one and float(found_at(best, inputs.high)) < 0:
         raise DataError(*(turned_round(log) for log in logs))
     if clutch is not None and best.kind.name == "clutch":
         return replace(clutch, kinds=kinds)
