@@ -27,6 +27,7 @@ from eaid.findings import Finding, finding
 from eaid.options import TuneOptions
 from eaid.plant.dynamics import Plant
 from eaid.plant.linear import Linear
+from eaid.plant.respond import unit_step
 from eaid.results.gains import (
     AskedPI,
     EqualPI,
@@ -135,8 +136,8 @@ def ultimate_bound_nm(
 def phi_needed(model: Linear, bounds: Bounds, plant: Plant | None) -> float | None:
     """The largest |η − η̂| [% duty] that the data show; None where the fit holds neither a nonlinear model nor levels.
 
-    By the nonlinear model over its steps between identified duties and from rest: u − η̂(T), as far as it lies outside
-    B Ṫ over B in [B_m, B_M].
+    By the plant over its steps between identified duties and from rest: u − η̂(T), as far as it lies outside B Ṫ over B
+    in [B_m, B_M].
     """
     if plant is None:
         # the levels' first-order models from 0 to the highest torque; linear in T, so one end is the worst
@@ -147,15 +148,12 @@ def phi_needed(model: Linear, bounds: Bounds, plant: Plant | None) -> float | No
         )
         return max(map(abs, levels), default=None)
     duties = np.linspace(*plant.u_range, DUTIES)
-    tau1, tau2 = plant.time_constants(duties)
-    steady = plant.steady(duties)
+    steady, starts = plant.steady(duties), np.append(0.0, plant.steady(duties))[:, None]
     most = 0.0
-    for duty, fast, slow, end in zip(duties, tau1, tau2, steady, strict=True):
-        t = np.concatenate([[0.0], np.geomspace(1e-3, 5 * slow, INSTANTS)])
-        first, second = np.exp(-t / fast), np.exp(-t / slow)
-        start = np.concatenate([[0.0], steady])[:, None]
-        torque = end + (start - end) * (plant.C * first + (1 - plant.C) * second)
-        slope = (end - start) * (plant.C / fast * first + (1 - plant.C) / slow * second)
+    for duty, end in zip(duties.tolist(), steady.tolist(), strict=True):
+        longest = 5 * plant.slowest_s(duty)
+        gone, rate = unit_step(plant, np.append(0.0, np.geomspace(min(1e-3, 1e-3 * longest), longest, INSTANTS)), duty)
+        torque, slope = starts + (end - starts) * gone, (end - starts) * rate
         left: Array = duty - (model.a0 * torque - model.c0) / model.b0
         one, other = bounds.B_m * slope, bounds.B_M * slope
         apart = left - np.clip(left, np.minimum(one, other), np.maximum(one, other))

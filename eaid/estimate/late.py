@@ -20,7 +20,7 @@ from scipy.signal import lfilter
 from eaid.arrays import Array, median, scaled_inverse
 from eaid.estimate.copies import Copies
 from eaid.estimate.from_logs import Setup, Solved, setup_of, solve, with_dead_time
-from eaid.estimate.recorded_log import IDLE_ROWS, RecordedLog
+from eaid.estimate.recorded_log import IDLE_ROWS, RecordedLog, shifted
 from eaid.estimate.solver import EndPoint, approach
 from eaid.estimate.spread import t_quantile
 from eaid.plant.drive import Drive
@@ -194,14 +194,6 @@ def whitened(values: Array, r: Array) -> Array:
     rho[0] *= 1 + 1e-9
     coefficients = solve_toeplitz(rho[:-1], rho[1:]) if rho[0] > 0 else np.zeros(ORDER)
     return np.asarray(lfilter(np.append(1.0, -coefficients), [1.0], values, axis=0))
-
-
-def shifted(log: RecordedLog, rows: int) -> RecordedLog:
-    """The log with the input of so many rows later; behind a dead time it may begin at rest."""
-    if rows == 0:
-        return log
-    at = np.clip(np.arange(len(log.input)) + rows, 0, len(log.input) - 1)
-    return replace(log, input=log.input[at], idle_start=log.starts_idle if rows > 0 else log.idle_start)
 
 
 def alone(setup: Setup, drive: Drive) -> Setup:

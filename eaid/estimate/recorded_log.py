@@ -1,6 +1,6 @@
 """A log in numbers, as it was recorded: input counted from rest, output as measured, and what is known of its start."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -111,3 +111,11 @@ def logs_of_steps(steps: StepSet) -> list[RecordedLog]:
         weight = float(len(level.runs))
         logs.append(RecordedLog(name, t, held, y, baseline=0.0, idle_start=True, weight=weight))
     return logs
+
+
+def shifted(log: RecordedLog, rows: int) -> RecordedLog:
+    """The log with the input of so many rows later; behind a dead time it may begin at rest."""
+    if rows == 0:
+        return log
+    at = np.clip(np.arange(len(log.input)) + rows, 0, len(log.input) - 1)
+    return replace(log, input=log.input[at], idle_start=log.starts_idle if rows > 0 else log.idle_start)

@@ -113,11 +113,21 @@ def left_of_start(plant: PlantNumbers, u: float, t_s: Array, falls: tuple[bool, 
     return np.stack([np.exp(-t_s / tau) for tau in above])
 
 
+def unit_step(plant: Plant, t_s: Array, u: float) -> tuple[Array, Array]:
+    """How far a step to an input has gone, 1 in the end, at times since it acts [s], and how fast it goes [1/s]."""
+    if plant.zeta is None:
+        at = plant.at(u)
+        fast, slow = np.exp(-t_s / at.tau1), np.exp(-t_s / at.tau2)
+        return 1 - at.C * fast - (1 - at.C) * slow, at.C / at.tau1 * fast + (1 - at.C) / at.tau2 * slow
+    tau, zeta, z = plant_terms(plant_numbers(plant), u)[0], plant.zeta, plant.zero
+    c, n = np.array([swing(zeta, dt / tau) for dt in np.ravel(t_s).tolist()]).T
+    away = c + zeta * n  # of the first state from its end; n is the second
+    return 1 - away + z * n, (n + z * (away - 2 * zeta * n)) / tau
+
+
 def from_rest(plant: Plant, t_s: Array, u: float) -> Array:
     """Output above idle at times since a step from rest to an input [s], behind its dead time, shape of `t_s`."""
     after = np.maximum(t_s - plant.dead_time_s, 0.0)
     if plant.zeta is None:
         return step_response(plant.at(u), after)
-    numbers = plant_numbers(plant)
-    states = np.array([plant_step(numbers, 0.0, 0.0, u, dt) for dt in after.tolist()])
-    return np.asarray(states[:, 0] + numbers.z * states[:, 1])
+    return np.asarray(plant.steady(u) * unit_step(plant, after, u)[0])

@@ -43,6 +43,7 @@ class Chosen:
     falls: tuple[FallTest, ...]
     kinds: tuple[KindTried, ...]
     findings: list[Finding]
+    late: tuple[int, ...]  # Rows by which the input of each log was noted late
 
 
 def plant_of_logs(
@@ -55,10 +56,9 @@ def plant_of_logs(
     clutch = None
     if not signed:
         clutch = _of_the_clutch(logs, others, inputs, options, rests, of_steps_s, falls)
-    alone = not others and options.share in (SHARE, "auto") and not any(log.reference is not None for log in logs)
-    still = all(
-        np.ptp(log.input) == 0 and not log.starts_idle for log in logs
-    )  # gain and idle output cannot be told apart
+    alone = not others and options.share == SHARE and not any(log.reference is not None for log in logs)
+    # where no input ever changes, gain and idle output cannot be told apart
+    still = all(np.ptp(log.input) == 0 and not log.starts_idle for log in logs)
     if clutch is not None and (still or not alone):
         return clutch
     search = search_of(at_rest(logs, inputs), inputs.low, inputs.high, options.held_dead_time_s)
@@ -95,7 +95,7 @@ def plant_of_logs(
     if (kinds[0].fit_pct or 0.0) < LITTLE_PCT:
         told.append(finding("no-kind-explains", "nonlinear", fit_pct=kinds[0].fit_pct))
     told += [finding("dead-time", log.name, dead_time_s=theta_s) for log in logs if theta_s > 0]
-    return Chosen(best.solved, tuple(logs), (), kinds, told)
+    return Chosen(best.solved, tuple(logs), (), kinds, told, (0,) * len(logs))
 
 
 def at_rest(logs: Sequence[RecordedLog], inputs: Inputs) -> list[RecordedLog]:
@@ -148,7 +148,7 @@ def _of_the_clutch(
     if falls:
         base, of_falls, more = tested(base, inputs.stepwise)
         findings += more
-    return Chosen(base, behind.logs, of_falls, (), findings)
+    return Chosen(base, behind.logs, of_falls, (), findings, behind.late)
 
 
 def energy(log: RecordedLog) -> float:

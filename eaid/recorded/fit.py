@@ -375,7 +375,10 @@ def fit_recorded(
         release=None if plant.release is None else Release(*plant.release, SHARE if share is None else share),
         uncertainty=None if uncertainty is None else uncertainty_part(base, uncertainty),
         recorded=Recorded(
-            logs=tuple(log_part(base, k, log) for k, log in enumerate(logs)),
+            logs=tuple(
+                msgspec.structs.replace(log_part(base, k, log), late_rows=rows)
+                for k, (log, rows) in enumerate(zip(logs, chosen.late, strict=True))
+            ),
             steps=len(every) - len(logs),
             u_range=(inputs.low, inputs.high),
             falls=chosen.falls,

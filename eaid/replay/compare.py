@@ -18,7 +18,7 @@ import numpy as np
 
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
-from eaid.estimate.recorded_log import recorded_log
+from eaid.estimate.recorded_log import recorded_log, shifted
 from eaid.logs.run import Run
 from eaid.plant.dynamics import Plant, plant_numbers, plant_rest, plant_terms
 from eaid.plant.respond import left_of_start, respond
@@ -62,6 +62,8 @@ def compared(run: Run, fit: Fit, plant: Plant) -> Record:
     refuse_other_units(run, fit)
     level = recorded_log(run, float(fit.options.reading.get("rest") or 0.0))
     own = next((log for log in fit.logs if log.sha256 == run.sha256 and log.sha256 and log.name == run.name), None)
+    if own is not None:
+        level = shifted(level, own.late_rows)
     duty, stepwise = level.input, level.stepwise
     idle = idle_of(run, duty, own, plant)
     time_s, torque = read_only(run.time_s - run.time_s[0]), read_only(run.output - idle)

@@ -37,6 +37,8 @@ class LogFit(Result, frozen=True):
     """Idle output, fitted or known."""
     start: tuple[Number, Number] = (0.0, 0.0)
     """Fast and slow state at the first row."""
+    late_rows: Count = 0
+    """Rows by which the input was noted late; it was fitted as it acted."""
     rmse: Number | None = None
     fit_pct: Number | None = None
     """Free run: 100 (1 − ‖y − ŷ‖/‖y − mean y‖), the model driven by the input alone."""

@@ -11,7 +11,7 @@ from eaid.plant import derivatives as kernel
 from eaid.plant.drive import Drive, Tables, delayed
 from eaid.plant.dynamics import REFERENCE_PLANT, Plant, Step, plant_numbers, plant_step, swing
 from eaid.plant.operating import around
-from eaid.plant.respond import respond, step_response
+from eaid.plant.respond import respond, step_response, unit_step
 
 
 def plant(**of: float) -> Plant:
@@ -187,4 +187,14 @@ def test_eq_3_is_the_plant_held() -> None:
     np.testing.assert_allclose(step_response(at, t), respond(REFERENCE_PLANT, [0.0], [60.0], t), rtol=1e-13)
     assert step_response(Step(1.0, 0.5, 8.0), np.array([1.0]))[0] == pytest.approx(
         0.85 * (1 - math.exp(-2)) + 0.15 * (1 - math.exp(-0.125)), rel=1e-14
+    )
+
+
+@pytest.mark.parametrize("one", [plant(), plant(tau1=0.2, tau2=1.0, C=1.6), plant(tau1=0.4, zeta=0.3, zero=0.2)])
+def test_a_unit_step_and_its_rate(one: Plant) -> None:
+    t, h = np.linspace(0.1, 5, 9), 1e-6
+    gone, rate = unit_step(one, t, 0.5)
+    np.testing.assert_allclose(0.5 * gone, respond(one, [-1.0, 0.0], [0.0, 0.5], np.append(0.0, t))[1:], atol=1e-13)
+    np.testing.assert_allclose(
+        rate, (unit_step(one, t + h, 0.5)[0] - unit_step(one, t - h, 0.5)[0]) / (2 * h), atol=1e-8
     )

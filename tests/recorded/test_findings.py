@@ -7,8 +7,7 @@ import pandas as pd
 import pytest
 
 import eaid
-from eaid.estimate.late import shifted
-from eaid.estimate.recorded_log import RecordedLog, recorded_log
+from eaid.estimate.recorded_log import RecordedLog, recorded_log, shifted
 from eaid.plant.dynamics import REFERENCE_PLANT
 from eaid.recorded.closed_loop import law_of
 from eaid.recorded.fit import fit_recorded
