@@ -20,7 +20,7 @@ import numpy as np
 from eaid.arrays import Array, median
 from eaid.estimate.copies import MOVING_ROWS, Copies
 from eaid.estimate.forms import of_kind
-from eaid.estimate.from_logs import Setup, Solved, finished, setup_of, with_dead_time
+from eaid.estimate.from_logs import Setup, Solved, finished, linear_sums, setup_of, with_dead_time
 from eaid.estimate.log_intervals import correlation_s
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.estimate.solver import ROUNDING, approach, judged, newton_step
@@ -131,7 +131,7 @@ class Search:
         parts = []
         for drive in self.drives:
             late = delayed(drive, theta)
-            sums = lag_sums(late, late.duty, tau) if math.isinf(zeta) else swinging_sums(late, late.duty, tau, zeta)
+            sums = lag_sums(late, tau) if math.isinf(zeta) else swinging_sums(late, late.duty, tau, zeta)
             free = [not drive.idle_known, not drive.starts_idle, not drive.starts_idle and not math.isinf(zeta)]
             parts.append((drive, sums, [1 + k for k, one in enumerate(free) if one]))
         shared = [0, 4] if zero and not math.isinf(zeta) else [0]
@@ -145,23 +145,13 @@ class Search:
         return total - float(b @ np.linalg.pinv(A, hermitian=True, rcond=1e-12) @ b)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def lag_sums(drive: Drive, gains: Array, tau: float) -> Array:
-    """The same of one lag; the rows of the second state are 0."""
-    sums, s = np.zeros((6, 6)), np.zeros(6)
-    x, f, g, last = 0.0, 1.0, 0.0, -1.0
-    s[1] = 1.0
-    for k in range(len(drive.w)):
-        if drive.w[k] > 0.0:
-            s[0], s[2], s[5] = x, f, drive.y[k]
-            for i in range(6):
-                for j in range(6):
-                    sums[i, j] += drive.w[k] * s[i] * s[j]
-        step = drive.dt_s[k]
-        if step != last:
-            g, last = -np.expm1(-step / tau), step
-        x += g * (gains[drive.which[k]] - x)
-        f -= g * f
+LAG = np.ix_([0, 1, 2, 3, 5], [0, 1, 2, 3, 5])  # Where sums of two lags in parallel lie among `swinging_sums`
+
+
+def lag_sums(drive: Drive, tau: float) -> Array:
+    """The same of one lag, two in parallel with C = 1; without the rate of the state."""
+    one, sums = np.ones((1, len(drive.duty))), np.zeros((6, 6))
+    sums[LAG] = linear_sums(drive, drive.duty[:, None], tau * one, one, np.ones(1))[0]
     return sums
 
 
