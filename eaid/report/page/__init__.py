@@ -196,7 +196,8 @@ def next_steps(results: Results) -> list[tuple[str, str]]:
         if results.replay("multisine") is None:
             line = f"eaid simulate {fit_json} {shlex.quote(given.path)} --scenario multisine -o multisine.h5"
             steps.append(("Try the controllers on the fitted model", line))
-    if fit.result.nonlinear is not None or fit.result.friction_levels:
+    of_clutch = fit.result.plant_ is None or fit.result.plant_.kind == "parallel"  # others are not planned for
+    if of_clutch and (fit.result.nonlinear is not None or fit.result.friction_levels):
         logs = " --excitation" if fit.result.recorded is not None else ""
         why = "Plan what to record next: inputs, holds and repeats for narrower intervals"
         steps.append((why, f"eaid plan {fit_json}{logs} -o plan.csv"))
