@@ -33,7 +33,8 @@ from eaid.findings import Finding, finding, merged, ranked
 from eaid.options import MODELS, FitGiven, FitOptions
 from eaid.plant.dynamics import SHARE
 from eaid.results.common import Input, Source
-from eaid.results.fit import Fit, FittedData, FittedPlant, Friction, LackOfFit, Uncertainty, with_release
+from eaid.results.fit import Fit, FittedData, Friction, LackOfFit, Uncertainty
+from eaid.results.plant import FittedPlant, with_release
 from eaid.results.verdict import judged
 from eaid.steps.stepset import Level, StepSet
 
@@ -287,7 +288,9 @@ def with_plant(result: Fit, dead_time_s: float, idle: float) -> Fit:
         return result
     plant = with_release(result.nonlinear.parameters, result.release, result.friction_levels)
     plant = replace(plant, dead_time_s=dead_time_s, idle=idle)
-    return msgspec.structs.replace(result, plant_=FittedPlant.of(plant, result.data))
+    return msgspec.structs.replace(
+        result, plant_=FittedPlant.of(plant, (result.data.input_unit, result.data.output_unit))
+    )
 
 
 def converged(result: Fit) -> bool:

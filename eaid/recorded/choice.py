@@ -21,7 +21,8 @@ from eaid.plant.dynamics import SHARE
 from eaid.plant.forms import Proportional, Sides
 from eaid.recorded.inputs import MANY, Inputs
 from eaid.results.common import Interval
-from eaid.results.fit import FittedData, FittedPlant, PlantIntervals
+from eaid.results.fit import FittedData
+from eaid.results.plant import FittedPlant, PlantIntervals
 from eaid.results.recorded import FallTest, KindTried
 
 WIDE = 2.0  # Half-width, as a part of the number, beyond which an interval says nothing
@@ -198,8 +199,9 @@ def plant_part(
 ) -> FittedPlant:
     """The plant that every later command reads, with 95 % intervals of what is constant over the input."""
     p, model, x = model_of(solved), solved.setup.model, solved.x
+    units = data.input_unit, data.output_unit
     if uncertainty is None:
-        return msgspec.structs.replace(FittedPlant.of(p, data), tried=tried)
+        return msgspec.structs.replace(FittedPlant.of(p, units), tried=tried)
     numbers: dict[str, Callable[[Array], float]] = {}
     if (dead := solved.setup.at("dead")) >= 0:
         numbers["dead_time_s"] = lambda x: float(x[dead])
@@ -219,7 +221,7 @@ def plant_part(
             below = model.rows(np.array([-model.high]))[0, 0] / -model.high
             numbers["gain_below"] = lambda x: float(below @ x[: model.size])
     ends = PlantIntervals(**{name: interval(number, x, uncertainty) for name, number in numbers.items()})
-    return msgspec.structs.replace(FittedPlant.of(p, data, ends), tried=tried)
+    return msgspec.structs.replace(FittedPlant.of(p, units, ends), tried=tried)
 
 
 def start_of(solved: Solved, log: int) -> tuple[float, float]:

@@ -34,17 +34,7 @@ from eaid.recorded.choice import about_idle, plant_of_logs, plant_part, start_of
 from eaid.recorded.closed_loop import judged_loops, with_instrument
 from eaid.recorded.inputs import FEW_LEVELS, inputs_of
 from eaid.results.common import LevelError, Source
-from eaid.results.fit import (
-    Fit,
-    FittedData,
-    Friction,
-    FrictionLevel,
-    Linear,
-    Noise,
-    Nonlinear,
-    Release,
-    Uncertainty,
-)
+from eaid.results.fit import Fit, FittedData, Friction, FrictionLevel, Linear, Noise, Nonlinear, Release, Uncertainty
 from eaid.results.recorded import LogCurve, LogFit, Recorded
 from eaid.results.verdict import judged
 from eaid.steps.levels import wanted_levels

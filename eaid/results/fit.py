@@ -7,7 +7,7 @@ Keys are the paper's symbols, polynomials lowest power first, units those of the
 import math
 import statistics
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import msgspec
@@ -21,7 +21,7 @@ from eaid.findings import Finding
 from eaid.findings.row import SYMBOLS
 from eaid.options import FitGiven, Kind
 from eaid.plant import linear
-from eaid.plant.dynamics import TAU_FLOOR_S, Plant, Step
+from eaid.plant.dynamics import Plant, Step
 from eaid.plant.forms import terms
 from eaid.plant.linear import Linear as LinearModel
 from eaid.plant.respond import from_rest, step_response
@@ -43,7 +43,8 @@ from eaid.results.common import (
     Solver,
     Source,
 )
-from eaid.results.recorded import KindTried, LogFit, Recorded
+from eaid.results.plant import Coefficients, FittedPlant, falls_between, with_release
+from eaid.results.recorded import LogFit, Recorded
 from eaid.shown import Plotted
 
 if TYPE_CHECKING:
@@ -246,9 +247,6 @@ class Linear(Scores, frozen=True):
         return control.tf([self.b0], [1.0, self.a0])
 
 
-Coefficients = Annotated[tuple[Number, ...], msgspec.Meta(min_length=1)]
-
-
 class CurveLevel(Result, frozen=True):
     """The nonlinear model's curves at one level."""
 
@@ -304,99 +302,6 @@ class Nonlinear(Scores, frozen=True):
     def parameters(self) -> Plant:
         """The model of Eqs. (4)–(7)."""
         return Plant(self.tau1, self.tau2, self.Ts, self.u_range, self.C)
-
-
-class PlantIntervals(Result, frozen=True):
-    """95 % intervals of what the plant has beside its curves."""
-
-    gain: Interval = None
-    """T_s over the input, at the highest."""
-    gain_below: Interval = None
-    """The same below rest."""
-    tau1: Interval = None
-    tau2: Interval = None
-    C: Interval = None
-    omega: Interval = None
-    """ω = 1/τ1 of `ringing` [rad/s]."""
-    zeta: Interval = None
-    dead_time_s: Interval = None
-
-
-class FittedPlant(Result, frozen=True):
-    """The one plant that every later command reads; inputs and outputs in the rig's units, counted from rest."""
-
-    kind: Literal["lag", "parallel", "overshoot", "series", "ringing"]
-    Ts: Coefficients
-    """T_s(u) of inputs above rest, in powers of the input's size, lowest first."""
-    u_range: tuple[Annotated[float, msgspec.Meta(ge=0, le=1e60)], Positive]
-    """Least and largest identified input, by size."""
-    tau1: Coefficients
-    """τ1(u) [s], of `lag` the only time constant; of `series` and `ringing` 1/ω."""
-    tau2: tuple[Number, ...] = ()
-    """τ2(u) [s], of the kinds that have two in parallel."""
-    C: Number = 0.85
-    """Share of the fast part: 1 of `lag`, above 1 of `overshoot`."""
-    zeta: Number | None = None
-    """Damping of `series` (1 and above) and `ringing`."""
-    zero: Number = 0.0
-    """z of those: y = x + z x'/ω."""
-    Ts_below: tuple[Number, ...] = ()
-    """T_s of inputs below rest; empty: the input has one sign."""
-    dead_time_s: Number = 0.0
-    idle: Number = 0.0
-    """Output at rest."""
-    release: tuple[Positive, Positive] | None = None
-    """τ1, τ2 of falls to rest [s], where they have their own."""
-    falls_as_release: bool = False
-    """Falls between levels have them too."""
-    falls: tuple[Positive, Positive] = (1.0, 1.0)
-    """Factors on τ1 and τ2 of falls between levels."""
-    excess: Number = 0.0
-    """Share by which T_s is larger where a held input was fallen to."""
-    floor_s: Number = TAU_FLOOR_S
-    """Least time constant [s]."""
-    input_unit: str = "%"
-    output_unit: str = "N·m"
-    ci95: PlantIntervals | None = None
-    tried: tuple[KindTried, ...] = ()
-    """The kinds of lag that were tried, the best first; none of a closed loop, which tells none, nor of most steps."""
-
-    @property
-    def another(self) -> bool:
-        """Whether evidence asked for another kind than the clutch's two lags over the input."""
-        return bool(self.tried) and self.tried[0].kind != "clutch"
-
-    @classmethod
-    def of(cls, p: Plant, data: "FittedData", ci95: PlantIntervals | None = None) -> "FittedPlant":
-        """A plant as the file holds it."""
-        shared = {one.name: getattr(p, one.name) for one in fields(p)}
-        return cls(p.kind, input_unit=data.input_unit, output_unit=data.output_unit, ci95=ci95, **shared)  # type: ignore[arg-type]
-
-    @property
-    def plant(self) -> Plant:
-        """The plant itself."""
-        return Plant(**{one.name: getattr(self, one.name) for one in fields(Plant)})
-
-
-def falls_between(levels: Sequence[FrictionLevel]) -> tuple[FrictionLevel, ...]:
-    """Of fitted steps those that fall from one level to another, not to rest."""
-    return tuple(row for row in levels if row.from_ > row.level > 0)
-
-
-def with_release(plant: Plant, release: Release | None, levels: Sequence[FrictionLevel] = ()) -> Plant:
-    """A plant with the release constants, where falls to rest were fitted.
-
-    Recorded falls between levels get them too where they are nearer the release than the rise, in log τ1 + log τ2.
-    """
-    if release is None:
-        return plant
-    constants = (release.tau1, release.tau2)
-    model = replace(plant, release=constants)
-    nearer = 0.0
-    for row in falls_between(levels):
-        for tau, up, down in zip((row.tau1, row.tau2), model.time_constants(row.level), constants, strict=True):
-            nearer += abs(math.log(tau / max(float(up), TAU_FLOOR_S))) - abs(math.log(tau / down))
-    return replace(model, falls_as_release=nearer > 0)
 
 
 class Noise(Result, frozen=True):
