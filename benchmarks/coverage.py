@@ -56,6 +56,8 @@ class Variant:
     share: float = 0.85
     """C of the plant; the fit holds 0.85."""
     record_s: float = 20.0
+    levels_off: float = 0.0
+    """How far the levels' T_s lie off the curve, as a standard deviation of its logarithm."""
 
 
 VARIANTS: dict[str, Variant] = {
@@ -65,6 +67,8 @@ VARIANTS: dict[str, Variant] = {
     "low": Variant("scatter doubled up to 30 % duty", doubled_below=30.0),
     "white": Variant("white noise × 5", white_nm=0.05),
     **{f"{s:g}s": Variant(f"three runs of {s:g} s a level", record_s=s) for s in (5.0, 8.0, 12.0)},
+    "levels off": Variant("three runs a level, levels off the curve by 10 %", levels_off=0.1),
+    **{f"{s:g}s single": Variant(f"one run of {s:g} s a level", runs=1, record_s=s) for s in (5.0, 8.0)},
     "share": Variant("C of the plant 0.88, held at 0.85", share=0.88),
 }
 
@@ -72,6 +76,11 @@ VARIANTS: dict[str, Variant] = {
 def plant(duty_pct: float, variant: Variant) -> Step:
     """The true curve of one level."""
     return replace(REFERENCE_PLANT.at(duty_pct), C=variant.share)
+
+
+def off_curve(seed: int, variant: Variant, levels: Array) -> Array:
+    """Factor of each level's T_s to the curve's, (L,)."""
+    return np.asarray(np.exp(variant.levels_off * np.random.default_rng([seed, 20261]).standard_normal(len(levels))))
 
 
 def coloured(random: np.random.Generator, runs: int, n: int, dt_s: float) -> Array:
@@ -99,10 +108,11 @@ def one_set(
     colour = coloured(random, variant.runs * len(levels), samples, record_s / samples).reshape(
         len(levels), variant.runs, -1
     )
-    made = []
+    made, factors = [], off_curve(seed, variant, levels)
     for i, duty in enumerate(levels):
         size = 2.0 if duty <= variant.doubled_below else 1.0
         true = plant(float(duty), variant)
+        true = replace(true, Ts=true.Ts * factors[i])
         runs = []
         for r in range(variant.runs):
             gain = 1 + 0.03 * (sweep[r] if variant.sweeps else size * random.standard_normal())
@@ -150,13 +160,16 @@ def doubted(interval: Interval) -> bool:
     return interval is None or interval[0] <= 0 or np.log(interval[1] / interval[0]) > 2 * np.log1p(WIDE)
 
 
-def hits(found: Fit, true: dict[str, Any]) -> dict[str, list[float]]:
-    """Which intervals hold the truth: by group and parameter, one entry a level (one alone for the pooled ones)."""
+def hits(found: Fit, true: dict[str, Any], off: Array | float = 1.0) -> dict[str, list[float]]:
+    """Which intervals hold the truth: by group and parameter, one entry a level (one alone for the pooled ones).
+
+    `off` are the factors of the levels' own T_s to the curve's.
+    """
     result: dict[str, list[float]] = {}
     assert found.nonlinear is not None and found.linear is not None and found.uncertainty is not None
     share, linear = found.uncertainty.share, found.linear
     for name in NAMES:
-        values = true[name]
+        values = true[name] * off if name == "Ts" else true[name]
         if found.friction is not None:
             own = [getattr(row.ci95, name) for row in found.friction.levels]
             for label, aim in (("level", values), ("aim", true["aim"][name])):
@@ -164,7 +177,7 @@ def hits(found: Fit, true: dict[str, Any]) -> dict[str, list[float]]:
                 result[f"{label} {name}"] = [np.nan if doubted(ci) else inside(ci, v) for ci, v in pairs]
         label = "joint" if found.nonlinear.estimator == "joint" else "curves"
         rows = [getattr(row.ci95, name) for row in found.nonlinear.curves]
-        result[f"{label} {name}"] = [inside(ci, v) for ci, v in zip(rows, values, strict=True)]
+        result[f"{label} {name}"] = [inside(ci, v) for ci, v in zip(rows, true[name], strict=True)]
     if share is not None and share.rejected is not None:
         result["asked C"] = [inside(share.ci95, true["C"])]
         result["asked rejected"] = [float(share.rejected)]
@@ -208,8 +221,9 @@ def measure(variant: Variant, sets: int, first: int = 0) -> Coverage:
     for seed in range(first, first + sets):
         made = one_set(seed, variant)
         robust, white = eaid.fit(made), eaid.fit(made, ci="white", estimator="joint")
+        off = off_curve(seed, variant, LEVELS)
         joint = hits(eaid.fit(made, model=("nonlinear", "linear"), estimator="joint"), true)
-        ours.append({**hits(robust, true), **{key: held for key, held in joint.items() if key.startswith("joint")}})
+        ours.append({**hits(robust, true, off), **{key: held for key, held in joint.items() if key.startswith("joint")}})
         textbook.append(hits(white, true))
         reach.append(widths(robust))
     return Coverage(

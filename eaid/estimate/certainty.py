@@ -19,10 +19,29 @@ from eaid.arrays import Array
 from eaid.estimate.data import Data
 from eaid.estimate.forms import Model, nonlinear
 from eaid.estimate.from_steps import Solution, fit_levels_first
-from eaid.estimate.points import Normal, log_crossed
-from eaid.estimate.scatter import FEW_DEGREES, Scatter, paule_mandel, run_residuals, window_sums
+from eaid.estimate.mixed import Line, Values, restricted
+from eaid.estimate.points import Normal, level_normal, log_crossed
+from eaid.estimate.scatter import (
+    FEW_DEGREES,
+    RunStatistics,
+    Scatter,
+    bartlett_variance,
+    paule_mandel,
+    pooled_scatter,
+    run_residuals,
+    window_sums,
+)
 from eaid.estimate.solver import Problem, judged, newton_step
-from eaid.estimate.spread import Influence, LevelScatter, corrected, free_inverse, gains_of, rejected, t_quantile
+from eaid.estimate.spread import (
+    Influence,
+    LevelScatter,
+    corrected,
+    free_inverse,
+    gains_of,
+    rejected,
+    satterthwaite,
+    t_quantile,
+)
 from eaid.plant.dynamics import Plant, Step
 from eaid.plant.respond import step_slopes
 from eaid.results.common import Interval, Solver
@@ -33,6 +52,8 @@ LEVELS_TO_SPARE = 2
 USUAL = 0.03  # Scatter of T_s from run to run [part of it] by which levels are weighed where none is seen
 # Probability with which levels that lie on the curve are no further from it than this quantile of F
 BEYOND_CHANCE = 0.999
+SAYS_NOTHING = float(np.log(100.0))  # Logarithm of the factor up or down from which an interval says nothing
+SURE = 1e-4  # Part of T_s below which nothing scatters
 CURVED = 0.25  # Half-width of ln τ2 from which the ends of a level's intervals are found by the score test
 
 
@@ -133,9 +154,9 @@ class Estimate:
         return self.influence_at(self.solved.at)[0]
 
     @cached_property
-    def curve(self) -> "TorqueCurve":
-        """T_s(u) through T_s of the levels."""
-        at, several, Ts = self.solved.at, self.scatter.repeats > 1, self.solved.at.theta[0]
+    def plain(self) -> tuple["TorqueCurve", Array | None, float]:
+        """T_s(u) through T_s of the levels as if only runs scattered; that variance, relative, and its degrees."""
+        several, Ts = self.scatter.repeats > 1, self.solved.at.theta[0]
         relative, known = None, 0.0
         if several.any() and len(self.levels) > self.first:
             every = np.eye(len(self.levels), len(self.levels) + len(self.solved.x))
@@ -143,9 +164,95 @@ class Estimate:
             part = self.size[several] / np.maximum(Ts[several], 1e-3 * max(float(Ts.max()), 1e-300))
             relative = float(np.mean(self.scatter.repeats[several] * variance * part**2)) / self.scatter.repeats
             known = float((self.scatter.repeats - 1).sum())
+        return self._torques(relative, known), relative, known
+
+    def _torques(self, relative: Array | None, known: float) -> "TorqueCurve":
+        at = self.solved.at
         samples = self.solved.steps.data.points.w.sum(axis=1)
         noise = at.cost / samples / np.maximum(at.information[:, 0, 0], 1e-300)
-        return torque_curve(self.model, self.solved.steps.data.u, Ts, relative, noise, known)
+        return torque_curve(self.model, self.solved.steps.data.u, at.theta[0], relative, noise, known)
+
+    @cached_property
+    def about_curve(self) -> Line | None:
+        """T_s of the levels over the curve's: what they scatter about it beyond what their runs explain.
+
+        None where repeats do not part the one from the other, or a curve has as many coefficients as there are levels.
+        """
+        curve, relative, _ = self.plain
+        if relative is None or len(self.levels) - self.first < LEVELS_TO_SPARE or not curve.coefficients.any():
+            return None
+        assert self.model.Ts is not None
+        D, Ts = self.model.Ts.rows(self.solved.steps.data.u), self.solved.at.theta[0]
+        size = np.maximum(D @ curve.coefficients, 1e-3 * float(Ts.max()))
+        W = np.diag(self._gains.expected[:, 0]) + self._of_time_constants() + SURE**2 * np.eye(len(Ts))
+        W = W * np.outer(Ts / size, Ts / size)
+        return restricted(Values(Ts / size, D / size[:, None], W, (np.eye(len(Ts)),)))
+
+    @cached_property
+    def _gains(self) -> LevelScatter:
+        """How ln T_s of the levels' runs scatters where τ1 and τ2 are known."""
+        found = []
+        for level, J in zip(self.levels, self.scatter.jacobians, strict=True):
+            f, square = J[:, 0], float(J[:, 0] @ J[:, 0]) or 1.0
+            off = (level.runs - level.mean) @ f / square
+            left = level.runs - np.outer(1 + off, f)
+            noise = bartlett_variance(level.time_s, (left * f).T / square).max(axis=0)
+            found.append(RunStatistics(off[:, None], np.array([noise.mean()])))
+        return pooled_scatter(found)
+
+    def _of_time_constants(self) -> Array:
+        """Covariance of ln T_s of the levels by what is not known of τ1 and τ2, (L, L).
+
+        T_s answers to τ2 less and less the further off it is: where it is open, by what its ends make of T_s.
+        """
+        at, u, x = self.solved.at, self.solved.steps.data.u, slice(self.first, None)
+        slopes = self.numbers(u, np.append(np.zeros(self.first), self.solved.x))[1][1:, :, x]
+        by_tau = -at.information[:, 0, 1:3] / np.maximum(at.information[:, 0, :1], 1e-300)
+        by_log = by_tau * (at.theta[1:3] / np.maximum(at.theta[0], 1e-300)).T
+        count = len(u)
+        covariance = self.of_levels.of(np.eye(len(self.solved.x), count + len(self.solved.x), count)).covariance()
+        rows = np.einsum("lk,klx->lx", by_log, slopes)
+        straight = rows @ covariance @ rows.T
+        apart = np.sqrt(np.einsum("klx,xy,kly->kl", slopes, covariance, slopes))
+        reached = []
+        for side in (-1.0, 1.0):
+            theta = at.theta.copy()
+            theta[2] = np.maximum(theta[2] * np.exp(side * np.minimum(2 * apart[1], SAYS_NOTHING)), theta[1])
+            moved = level_normal(theta, self.solved.steps.data.points, self.solved.steps._torques).theta[0]
+            reached.append(np.abs(np.log(np.maximum(moved, 1e-300) / np.maximum(at.theta[0], 1e-300))))
+        bent = np.hypot(by_log[:, 0] * np.minimum(apart[0], 1.0), np.max(reached, axis=0) / 2)
+        part = np.minimum(1.0, bent / np.sqrt(np.maximum(np.diag(straight), 1e-300)))
+        return np.asarray(straight * np.outer(part, part))
+
+    @property
+    def level_scatter(self) -> float:
+        """σ_d: how far levels lie off the curve, as a part of T_s; 0 where their runs explain it, or nothing shows it."""
+        return 0.0 if self.about_curve is None else float(np.sqrt(self.about_curve.v[0]))
+
+    @cached_property
+    def curve(self) -> "TorqueCurve":
+        """T_s(u) through T_s of the levels."""
+        plain, relative, known = self.plain
+        if relative is None or self.level_scatter <= SURE:
+            return plain
+        return replace(self._torques(relative + self.level_scatter**2, known), misfit=plain.misfit)
+
+    def own_levels(self) -> tuple[Array, Array, Array]:
+        """ln T_s of the levels, each its own about the curve, half-width of the interval and degrees of freedom, (L,)."""
+        line, u = self.about_curve, self.solved.steps.data.u
+        if line is None or self.level_scatter <= SURE:
+            low, high, degrees = (part[0] for part in self.intervals(u))
+            return self.numbers(u, self.coefficients)[0][0], 0.5 * (high - low), degrees[0]
+        size, rows = self.solved.at.theta[0] / line.values.y, []
+        for x, own in zip(line.values.X, np.eye(len(size)), strict=True):
+            rows.append(line.predict(x, (own,), np.ones(1), known=self.scatter.degrees))
+        mean, variance, degrees = np.array(rows).T
+        mean = np.maximum(mean, SURE)
+        variance = variance / mean**2
+        if (shared := float(self._gains.common[0])) > 0:  # what sweeps shift alike
+            parts, sweeps = (variance, np.full(len(size), shared)), float(self.scatter.repeats.max() - 1)
+            variance, degrees = variance + shared, satterthwaite(parts, (degrees, sweeps))
+        return np.log(mean * size), t_quantile(degrees) * np.sqrt(variance), degrees
 
     @property
     def coefficients(self) -> Array:
@@ -175,11 +282,19 @@ class Estimate:
     def influence(self) -> Influence:
         """How the coefficients answer to the runs, single ones by their scatter about T_s(u)."""
         whole = self.of_levels.of(self.answers)
-        if not ((self.scatter.repeats == 1).all() and self.by_levels):
+        apart, spread = np.zeros((len(self.levels), self.model.size)), self.curve.variance
+        if self.level_scatter > SURE:
+            spread = (self.level_scatter * self.solved.at.theta[0]) ** 2
+        elif not ((self.scatter.repeats == 1).all() and self.by_levels):
             return whole
-        apart = np.zeros((len(self.levels), self.model.size))
-        apart[:, : self.first] = (self.curve.gains * np.sqrt(self.curve.variance)).T
+        apart[:, : self.first] = (self.curve.gains * np.sqrt(spread)).T
         return replace(whole, singles=np.concatenate([whole.singles, apart]))
+
+    def curve_half_width(self) -> Array:
+        """Half-width of ln T_s(u) at the levels, as far as the curve answers to the runs straight, (L,)."""
+        slopes = self.numbers(self.solved.steps.data.u, self.coefficients)[1][0]
+        variance, degrees = self.influence.of(slopes).variance()
+        return np.asarray(t_quantile(degrees) * np.sqrt(variance))
 
     def refit(self, data: Data) -> Array:
         """The coefficients for data that differ little, with the weights of T_s(u) kept, (n,)."""

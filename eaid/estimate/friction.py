@@ -11,7 +11,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.estimate import data as metrics
-from eaid.estimate.certainty import OwnLevels
+from eaid.estimate.certainty import SAYS_NOTHING, OwnLevels
 from eaid.estimate.data import Data
 from eaid.estimate.points import residuals
 from eaid.estimate.scatter import CURVES, MEETING, Mask, Scatter
@@ -25,7 +25,6 @@ from eaid.results.common import HoldOut, Interval
 from eaid.results.fit import Friction, FrictionLevel, LevelIntervals
 from eaid.steps.stepset import Level, StepSet
 
-SAYS_NOTHING = float(np.log(100.0))  # Logarithm of the factor up or down from which an interval is left out
 OPEN = float(np.log(3.0))  # Half-width of the logarithm from which a parameter counts as open at a level
 # Part of a record, and half-width of its logarithm, within which τ2 has to be known at most levels
 KNOWN_TO, WIDEST = 0.25, 0.5

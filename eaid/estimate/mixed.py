@@ -10,11 +10,11 @@ the line by itself, blocks of ones where those of a session depart together. The
 is smallest at the v_k. A further value of the same kind, with the rows x* and the covariances k = Cov(y, y*), is then
 x* β + k' K⁻¹ r, with the variance k** − k' K⁻¹ k + a' (X' K⁻¹ X)⁻¹ a, a = x* − X' K⁻¹ k (Henderson), and as many
 degrees of freedom as the v_k leave it by Satterthwaite: 2 V²/(∇V' H⁻¹ ∇V), H the curvature of −log L over the v_k
-that are not 0.
+that are not 0. Where W is an estimate of ν degrees of freedom, its size is one more: + 2 (W ∂V/∂W)²/ν below.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -23,6 +23,7 @@ from scipy.optimize import minimize
 from eaid.arrays import Array
 
 NOTHING = 1e-6  # Part of the data's own variance below which a component is none
+NUDGE = 1e-4  # Part of a variance by which it is changed to see what goes with it
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +95,11 @@ class Line:
         return 0.5 * float(half + self.residuals @ self.inverse @ self.residuals)
 
     @property
+    def gained(self) -> float:
+        """2 Δ log L over a line without components: χ² of half a degree or more where there are none."""
+        return 2 * (self.values.at(0 * self.v).cost - self.cost)
+
+    @property
     def slope(self) -> Array:
         """Its derivative by each v_k: ½ tr(P G_k) − ½ y'P G_k P y, (k,)."""
         pulled = self.projected @ self.values.y
@@ -107,31 +113,35 @@ class Line:
         second = [[a @ self.projected @ b for b in moved] for a in moved]
         return np.array(second) - 0.5 * np.array([[np.vdot(a.T, b) for b in across] for a in across])
 
-    def predict(self, x: Array, k: Sequence[Array], own: Array, most: float = np.inf) -> tuple[float, float, float]:
-        """A further value: its mean, variance and degrees of freedom, `most` at most.
+    def predict(
+        self, x: Array, k: Sequence[Array], own: Array, most: float = np.inf, known: float = np.inf
+    ) -> tuple[float, float, float]:
+        """A further value: its mean, variance and degrees of freedom, `most` at most; those of W are `known`.
 
         x (p,) is its row, k what it has in common with the values by component, (n,) each, and `own` (components,)
         its own variance by component.
         """
 
-        def of(line: "Line") -> tuple[float, float]:
-            common = sum((v * one for v, one in zip(line.v, k, strict=True)), np.zeros(len(line.values.y)))
+        def of(values: Values, v: Array) -> tuple[float, float]:
+            line = values.at(v)
+            common = sum((one * many for one, many in zip(v, k, strict=True)), np.zeros(len(values.y)))
             back = line.inverse @ common
-            a = x - line.values.X.T @ back
-            variance = float(line.v @ own - common @ back + a @ line.covariance @ a)
-            return float(x @ line.beta + back @ line.residuals), variance
+            a = x - values.X.T @ back
+            return float(x @ line.beta + back @ line.residuals), float(
+                v @ own - common @ back + a @ line.covariance @ a
+            )
 
-        mean, variance = of(self)
-        source = self.found_from or self
-        free = np.flatnonzero(self.v > NOTHING * source.scale)
-        if not len(free):
-            return mean, variance, most
-        slopes = np.zeros(len(free))
-        for row, i in enumerate(free):
-            step = np.zeros(len(self.v))
-            step[i] = 1e-4 * self.v[i]
-            slopes[row] = (of(self.values.at(self.v + step))[1] - of(self.values.at(self.v - step))[1]) / (2 * step[i])
-        spread = float(slopes @ np.linalg.pinv(source.curvature[np.ix_(free, free)], hermitian=True) @ slopes)
+        values, v, source = self.values, self.v, self.found_from or self
+        (mean, variance), spread = of(values, v), 0.0
+        free = np.flatnonzero(v > NOTHING * source.scale)
+        if len(free):
+            ways = NUDGE * np.diag(v)[free]
+            slopes = [(of(values, v + way)[1] - of(values, v - way)[1]) / (2 * way.sum()) for way in ways]
+            inner = np.linalg.pinv(source.curvature[np.ix_(free, free)], hermitian=True)
+            spread = float(np.array(slopes) @ inner @ slopes)
+        if np.isfinite(known):
+            more, less = (of(replace(values, W=(1 + side * NUDGE) * values.W), v)[1] for side in (1, -1))
+            spread += 2 * ((more - less) / (2 * NUDGE)) ** 2 / known
         return mean, variance, min(2 * variance**2 / spread, most) if spread > 0 else most
 
     @property

@@ -30,6 +30,8 @@ from eaid.results import fit as results
 from eaid.results.common import HoldOut, LevelError, Solver
 from eaid.steps.stepset import Level, StepSet
 
+# Twice the logarithm of how much likelier levels with a scatter of their own are, from which it is told: one in 200
+SCATTER_SEEN = 6.6
 # Least and largest ln T_s, ln τ1, ln τ2 of the levels and degrees of freedom, (3, L) each
 Ends = tuple[Array, Array, Array]
 
@@ -103,6 +105,9 @@ def nonlinear_part(
     if options.ci == "white":
         one = white(one, first)
     values = values_of(one, levels, free)
+    own, scattered = values, []
+    if options.estimator != "joint":
+        own, scattered = own_values(one, first, free, options), level_scatter_findings(first, part)
     shown = one.part
     if options.ci != "none":
         curves = [
@@ -121,19 +126,56 @@ def nonlinear_part(
         told.append(finding("held-out-beyond-the-levels", "nonlinear", outside))
     told += missed("nonlinear", data, residuals(model.theta(one.unknowns, M), data.records), one.part)
     seen = first.scatter if options.estimator != "joint" else None
-    told += [*level_findings(values, seen, "nonlinear", stepset), *open_findings(one.part, values), *bent]
+    told += [*level_findings(own, seen, "nonlinear", stepset), *open_findings(one.part, own), *bent, *scattered]
     estimator: Literal["joint", "levels-first"] = "joint" if options.estimator == "joint" else "levels-first"
-    return msgspec.structs.replace(shown, estimator=estimator, joint=papers), values, [*told, *parts]
+    scatter = first.level_scatter if options.estimator != "joint" else None
+    shown = msgspec.structs.replace(shown, estimator=estimator, joint=papers, level_scatter=scatter)
+    return shown, own, [*told, *parts]
+
+
+def own_values(one: Standing, first: Estimate, free: bool, options: FitOptions) -> LevelValues:
+    """T_s, τ1, τ2 of the levels, T_s each level's own about the curve."""
+    theta, (low, high, degrees) = _curves(one.part.parameters, first.levels), (part.copy() for part in one.ends)
+    value, half, known = first.own_levels()
+    curve = np.log(np.maximum(theta[0], 1e-300))
+    if options.ci in ("white", "bootstrap"):  # their widths are those of the curve
+        low[0], high[0] = low[0] + value - curve, high[0] + value - curve
+    elif first.level_scatter > 0:
+        beyond = np.maximum(0.5 * (high[0] - low[0]) - first.curve_half_width(), 0.0)
+        low[0], high[0], degrees[0] = value - half - beyond, value + half + beyond, known
+    theta[0] = np.exp(value)
+    return quoted(first.levels, theta, _all_held(one, theta, first.levels, free), (low, high, degrees))
+
+
+def level_scatter_findings(first: Estimate, part: results.Nonlinear) -> list[Finding]:
+    """Where levels lie off the curve by more than their runs scatter, and levels at which the curve explains nothing."""
+    found = []
+    if (nothing := [row for row in part.per_level if row.fit_pct is not None and row.fit_pct < 0]) and len(nothing) > 0:
+        worst = min(nothing, key=lambda row: row.fit_pct or 0.0)
+        values = {"worst": worst.level, "fit_pct": worst.fit_pct, "of": len(part.per_level)}
+        found.append(finding("curve-misses-levels", "nonlinear", [row.level for row in nothing], **values))
+    if first.about_curve is None or first.about_curve.gained < SCATTER_SEEN:
+        return found
+    value, _, _ = first.own_levels()
+    u = np.array([level.level for level in first.levels])
+    off = value - np.log(np.maximum(first.parameters.steady(u), 1e-300))
+    i = int(np.abs(off).argmax())
+    size = {"scatter_pct": 100 * first.level_scatter, "worst": float(u[i]), "off_pct": 100 * float(np.expm1(off[i]))}
+    return [*found, finding("levels-scatter", "nonlinear", (), **size)]
 
 
 def values_of(one: Standing, levels: Sequence[Level], share_free: bool) -> LevelValues:
     """T_s, τ1, τ2 of the model at the levels."""
     theta = _curves(one.part.parameters, levels)
-    held = [
+    return quoted(levels, theta, _all_held(one, theta, levels, share_free), one.ends)
+
+
+def _all_held(one: Standing, theta: Array, levels: Sequence[Level], share_free: bool) -> list[tuple[str, ...]]:
+    """Parameters that a constraint holds at each level."""
+    return [
         tuple(dict.fromkeys([*_held(one), *held_parameters(Step(*row), float(level.time_s[-1]), share_free)]))
         for row, level in zip(theta.T.tolist(), levels, strict=True)
     ]
-    return quoted(levels, theta, held, one.ends)
 
 
 def _held(one: Standing) -> tuple[str, ...]:

@@ -292,6 +292,8 @@ class Nonlinear(Scores, frozen=True):
     covariance: Covariance | None = None
     misfit: dict[str, Number | None] | None = None
     """χ² of the levels' T_s, τ1, τ2 about their polynomials, over levels − coefficients."""
+    level_scatter: Number | None = None
+    """Standard deviation of the levels' T_s about the curve, beyond what their runs explain, as a share."""
     hold_out: HoldOut | None = None
     estimator: Literal["levels-first", "joint"] = "joint"
     """Which estimate this is: one T_s a level first and T_s(u) through them, or all at once as in the paper."""
@@ -524,6 +526,8 @@ class Fit(Plotted, codec.Saved, Made, frozen=True, dict=True):
         g = terms(level, len(places), p.u_range)[0] / value
         variance = float(g @ np.array(p.covariance.matrix)[np.ix_(places, places)] @ g)
         dof = p.covariance.degrees_of_freedom.get(name)
+        if name == "Ts" and p.level_scatter:  # a level lies off the curve by so much
+            variance += p.level_scatter**2
         reach = float(stdtrit(dof or 1e12, 0.975)) * math.sqrt(variance)
         return value, value * math.exp(-reach), value * math.exp(reach)
 

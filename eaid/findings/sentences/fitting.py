@@ -285,6 +285,16 @@ ROWS: dict[str, Row] = {
             "between the levels it is less sure than its interval says"
         )
     ),
+    "levels-scatter": caution(
+        "levels scatter by {scatter_pct:.2g} % about the curve, more than their runs: {worst:g} lies {off_pct:+.2g} % off; "
+        "were levels recorded on other days, or mounted anew?",
+        rank=1,
+    ),
+    "curve-misses-levels": caution(
+        "{at} the model explains nothing (fit {fit_pct:.2g} % at {worst:g}): do not use it there; the table shows the "
+        "levels' own values",
+        rank=0,
+    ),
     "repeats-miss-alike": note(
         lambda v: (
             f"at {len(v['each'])} of {v['of']} levels all repeats miss the curve "
