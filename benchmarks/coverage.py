@@ -223,7 +223,9 @@ def measure(variant: Variant, sets: int, first: int = 0) -> Coverage:
         robust, white = eaid.fit(made), eaid.fit(made, ci="white", estimator="joint")
         off = off_curve(seed, variant, LEVELS)
         joint = hits(eaid.fit(made, model=("nonlinear", "linear"), estimator="joint"), true)
-        ours.append({**hits(robust, true, off), **{key: held for key, held in joint.items() if key.startswith("joint")}})
+        ours.append(
+            {**hits(robust, true, off), **{key: held for key, held in joint.items() if key.startswith("joint")}}
+        )
         textbook.append(hits(white, true))
         reach.append(widths(robust))
     return Coverage(

@@ -124,7 +124,7 @@ def share_of(near: Estimate | OwnLevels, data: Data) -> tuple[ShareEstimate, lis
         (low, high, _), x, form = near.intervals(data.u), near.solved.x, None
         moved = [fit_levels_first(data, held + side * NUDGE, [x]).at.theta for side in (-1, 1)]
     free = Estimate(levels, fit_levels_first(data, None, [np.append(x, held)], form))
-    influence, holding = free.of_levels, set(free.held)
+    influence, holding = free.of_levels, set(free.solved.held)
     if form is not None:  # levels share nothing but C
         influence = replace(influence, single_degrees=max(len(levels) - 1.0, 1.0))
         holding &= {"C-zero", "C-one"}

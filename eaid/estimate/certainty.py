@@ -31,6 +31,7 @@ from eaid.estimate.scatter import (
     run_residuals,
     window_sums,
 )
+from eaid.estimate.slow_part import SlowPart, slow_part
 from eaid.estimate.solver import Problem, judged, newton_step
 from eaid.estimate.spread import (
     Influence,
@@ -224,9 +225,26 @@ class Estimate:
         part = np.minimum(1.0, bent / np.sqrt(np.maximum(np.diag(straight), 1e-300)))
         return np.asarray(straight * np.outer(part, part))
 
+    @cached_property
+    def slow(self) -> SlowPart:
+        """Which slow time constants the runs leave possible."""
+        return slow_part(self.levels, self.solved.steps, self.solved.x)
+
+    def gain_half_width(self) -> Array:
+        """Half-width of ln T_s of the levels where τ1 and τ2 are known, by how their runs scatter, (L,).
+
+        Of levels of a single run that of the curve through them.
+        """
+        if (self.scatter.repeats > 1).any():
+            return np.asarray(t_quantile(self.scatter.degrees) * np.sqrt(self._gains.expected[:, 0]))
+        assert self.model.Ts is not None
+        follows = self.model.Ts.rows(self.solved.steps.data.u) @ self.curve.gains
+        size = np.maximum(self.solved.at.theta[0], 1e-300)
+        return np.asarray(t_quantile(self.single_degrees) * np.sqrt(follows**2 @ self.curve.variance) / size)
+
     @property
     def level_scatter(self) -> float:
-        """σ_d: how far levels lie off the curve, as a part of T_s; 0 where their runs explain it, or nothing shows it."""
+        """σ_d: how far levels lie off the curve, a part of T_s; 0 where their runs explain it, or nothing shows it."""
         return 0.0 if self.about_curve is None else float(np.sqrt(self.about_curve.v[0]))
 
     @cached_property
@@ -238,7 +256,7 @@ class Estimate:
         return replace(self._torques(relative + self.level_scatter**2, known), misfit=plain.misfit)
 
     def own_levels(self) -> tuple[Array, Array, Array]:
-        """ln T_s of the levels, each its own about the curve, half-width of the interval and degrees of freedom, (L,)."""
+        """ln T_s of the levels, each its own about the curve, half-width of its interval, degrees of freedom, (L,)."""
         line, u = self.about_curve, self.solved.steps.data.u
         if line is None or self.level_scatter <= SURE:
             low, high, degrees = (part[0] for part in self.intervals(u))

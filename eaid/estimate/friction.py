@@ -64,8 +64,6 @@ class LevelValues:
         for k, name in enumerate(CURVES):
             low, high = float(self.low[k, i]), float(self.high[k, i])
             fine = name not in self.held[i] and self.theta[k, i] > 0 and high - low < 2 * SAYS_NOTHING
-            # where a constraint holds τ2 beyond a record, the share of T_s that it delays is not seen
-            fine &= not (name == "Ts" and "tau2" in self.held[i] and self.theta[2, i] > self.levels[i].time_s[-1])
             ends[name] = (float(np.exp(low)), float(np.exp(high))) if fine else None
         degrees = zip(CURVES, self.degrees[:, i].tolist(), strict=True)
         return LevelIntervals(**ends, dof={name: one for name, one in degrees if np.isfinite(one)})
@@ -79,13 +77,26 @@ def quoted(
     T_s and τ1 then rest on a τ2 that the records do not tell, and their intervals are wider by `WIDER`.
     """
     low, high, degrees = ends
+    if tau2_open(levels, theta, (low, high)):
+        both = [wider(low[k], high[k]) for k in range(2)]
+        low, high = (np.vstack([*(ends[side] for ends in both), (low, high)[side][2]]) for side in range(2))
+        high[2] = np.inf
+    return LevelValues(levels, theta, held, low, high, degrees)
+
+
+def tau2_open(levels: Sequence[Level], theta: Array, ends: tuple[Array, Array]) -> bool:
+    """Whether τ2 of most levels lies too far beyond the record to be quoted."""
+    low, high = ends
     record = np.array([level.time_s[-1] for level in levels])
     half = 0.5 * (high - low)[2]
     beyond = (high[2] > np.log(QUOTED_RECORDS * record)) | (half > np.minimum(KNOWN_TO * record / theta[2], WIDEST))
-    if 2 * beyond.sum() > len(levels):
-        middle, half = 0.5 * (low + high)[:2], 0.5 * WIDER * (high - low)[:2]
-        low, high = np.vstack([middle - half, low[2:]]), np.vstack([middle + half, np.full((1, len(levels)), np.inf)])
-    return LevelValues(levels, theta, held, low, high, degrees)
+    return bool(2 * beyond.sum() > len(levels))
+
+
+def wider(low: Array, high: Array) -> tuple[Array, Array]:
+    """Ends of a T_s or τ1 that rests on a τ2 that the records do not tell."""
+    middle, half = 0.5 * (low + high), 0.5 * WIDER * (high - low)
+    return middle - half, middle + half
 
 
 def white_ends(scatter: Scatter) -> tuple[Array, Array, Array]:

@@ -17,7 +17,7 @@ from eaid.estimate.bootstrap import drawn_ends, spread_of
 from eaid.estimate.certainty import BEYOND_CHANCE, Estimate
 from eaid.estimate.coefficients import turned, with_intervals
 from eaid.estimate.data import Data, Errors, each_level, errors, hold_out, missed
-from eaid.estimate.friction import HELD_BY, LevelValues, level_findings, quoted
+from eaid.estimate.friction import HELD_BY, LevelValues, level_findings, quoted, tau2_open, wider
 from eaid.estimate.from_steps import Solution, textbook_covariance
 from eaid.estimate.points import residuals
 from eaid.estimate.scatter import CURVES, held_parameters
@@ -32,6 +32,7 @@ from eaid.steps.stepset import Level, StepSet
 
 # Twice the logarithm of how much likelier levels with a scatter of their own are, from which it is told: one in 200
 SCATTER_SEEN = 6.6
+HOLDING = {"tau2-meets-tau1", "tau2-endless"}  # Constraints that take τ2's freedom, which is T_s's then
 # Least and largest ln T_s, ln τ1, ln τ2 of the levels and degrees of freedom, (3, L) each
 Ends = tuple[Array, Array, Array]
 
@@ -136,21 +137,30 @@ def nonlinear_part(
 def own_values(one: Standing, first: Estimate, free: bool, options: FitOptions) -> LevelValues:
     """T_s, τ1, τ2 of the levels, T_s each level's own about the curve."""
     theta, (low, high, degrees) = _curves(one.part.parameters, first.levels), (part.copy() for part in one.ends)
-    value, half, known = first.own_levels()
+    held, (value, half, known) = _all_held(one, theta, first.levels, free), first.own_levels()
     curve = np.log(np.maximum(theta[0], 1e-300))
-    if options.ci in ("white", "bootstrap"):  # their widths are those of the curve
-        low[0], high[0] = low[0] + value - curve, high[0] + value - curve
-    elif first.level_scatter > 0:
-        beyond = np.maximum(0.5 * (high[0] - low[0]) - first.curve_half_width(), 0.0)
-        low[0], high[0], degrees[0] = value - half - beyond, value + half + beyond, known
     theta[0] = np.exp(value)
-    return quoted(first.levels, theta, _all_held(one, theta, first.levels, free), (low, high, degrees))
+    if options.ci in ("white", "bootstrap", "none"):  # their widths are those of the curve
+        low[0], high[0] = low[0] + value - curve, high[0] + value - curve
+        return quoted(first.levels, theta, held, (low, high, degrees))
+    if free or not (first.slow.endless or tau2_open(first.levels, theta, (low, high)) or HOLDING & {*one.held}):
+        if first.level_scatter > 0:
+            beyond = np.maximum(0.5 * (high[0] - low[0]) - first.curve_half_width(), 0.0)
+            low[0], high[0], degrees[0] = value - half - beyond, value + half + beyond, known
+        return quoted(first.levels, theta, held, (low, high, degrees))
+    # T_s with every slow part that is possible, C being held
+    least, most = np.log(np.maximum([first.slow.Ts_low, first.slow.Ts_high], 1e-300))
+    half = first.gain_half_width()
+    low[0], high[0] = np.minimum(value, least) - half, np.maximum(value, most) + half
+    low[1], high[1] = wider(low[1], high[1])
+    high[2] = np.inf
+    return LevelValues(first.levels, theta, held, low, high, degrees)
 
 
 def level_scatter_findings(first: Estimate, part: results.Nonlinear) -> list[Finding]:
-    """Where levels lie off the curve by more than their runs scatter, and levels at which the curve explains nothing."""
+    """Where levels lie off the curve by more than their runs scatter, or the curve explains nothing."""
     found = []
-    if (nothing := [row for row in part.per_level if row.fit_pct is not None and row.fit_pct < 0]) and len(nothing) > 0:
+    if nothing := [row for row in part.per_level if row.fit_pct is not None and row.fit_pct < 0]:
         worst = min(nothing, key=lambda row: row.fit_pct or 0.0)
         values = {"worst": worst.level, "fit_pct": worst.fit_pct, "of": len(part.per_level)}
         found.append(finding("curve-misses-levels", "nonlinear", [row.level for row in nothing], **values))

@@ -181,7 +181,7 @@ def rejected(at: Callable[[float], tuple[Array, float] | None]) -> Array | None:
     for factor in OUTWARD:
         here = at(factor)
         if here is None:
-            return last
+            return last if before > 0 else None  # a constraint that meets the estimate is no end that data give
         values, ratio = here
         if ratio >= 1:
             return np.asarray(last + (values - last) * (1 - before) / (ratio - before))

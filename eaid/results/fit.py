@@ -677,6 +677,12 @@ class Fit(Plotted, codec.Saved, Made, frozen=True, dict=True):
         return self.friction.levels if self.friction is not None else ()
 
     @property
+    def level_values(self) -> tuple[CurveLevel, ...] | tuple[FrictionLevel, ...]:
+        """T_s, τ1 and τ2 by level: each level's own, or the nonlinear model's where those were not asked for."""
+        own = tuple(row for row in self.friction_levels if row.from_ == 0)
+        return own or (self.nonlinear.curves if self.nonlinear is not None else ())
+
+    @property
     def dead_time_s(self) -> float:
         """Dead time [s]: the plant's; without one of logs as recorded, or the median of single steps upwards."""
         if self.plant_ is not None:

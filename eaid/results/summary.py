@@ -196,8 +196,7 @@ def _fit_pct(fit: "Fit") -> str:
 
 def believed_levels(fit: "Fit") -> "tuple[CurveLevel, ...] | tuple[FrictionLevel, ...]":
     """T_s, τ1 and τ2 by level: each level's own, or the nonlinear model's where those were not asked for."""
-    own = tuple(row for row in fit.friction_levels if row.from_ == 0)
-    return own or (fit.nonlinear.curves if fit.nonlinear is not None else ())
+    return fit.level_values
 
 
 def _value(row: "CurveLevel | FrictionLevel", name: str) -> str:

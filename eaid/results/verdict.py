@@ -97,8 +97,7 @@ def _nonlinear(fit: "Fit") -> list[Finding]:
     found += _beyond(fit, "nonlinear", highest, [
         float(from_rest(p, np.array([end]), u)[0]) for u, end in _records(fit)
     ])  # fmt: skip
-    curves = part.curves if part is not None else ()
-    known = [row for row in curves if row.ci95 is not None]
+    known = [row for row in fit.level_values if row.ci95 is not None]
     open_at = [row.level for row in known if row.ci95 is not None and _says_nothing(row.ci95.Ts)]
     if 2 * len(open_at) > len(known):
         found.append(finding("steady-output-unknown", "nonlinear", open_at, unit=fit.data.input_unit))

@@ -286,8 +286,8 @@ ROWS: dict[str, Row] = {
         )
     ),
     "levels-scatter": caution(
-        "levels scatter by {scatter_pct:.2g} % about the curve, more than their runs: {worst:g} lies {off_pct:+.2g} % off; "
-        "were levels recorded on other days, or mounted anew?",
+        "levels scatter by {scatter_pct:.2g} % about the curve, more than their runs: {worst:g} lies {off_pct:+.2g} % "
+        "off; were levels recorded on other days, or mounted anew?",
         rank=1,
     ),
     "curve-misses-levels": caution(

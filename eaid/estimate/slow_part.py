@@ -1,0 +1,102 @@
+"""Which slow time constants the runs leave possible, and what T_s of each level is with them.
+
+A record that is short beside τ2 shows a plateau that may be T_s, or C T_s with a slow part still to come. Of τ2 = g
+record lengths, one for all levels, Neyman's score test asks whether the runs reject it: with T_s of the levels and
+τ1(u) estimated anew, the slope of the cost by ln τ2, less what T_s and τ1 can follow,
+
+    S = Σ_l mean_r ψ_lr,   Var S = Σ_l Σ_r (ψ_lr − ψ̄_l)²/(R (R − 1)),   or Σ ψ_l² of levels of a single run,
+
+lies within t standard deviations of 0. At a supposed τ2 that test is right however bent the way from the estimate is.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.estimate.forms import LEAST_TAU_S
+from eaid.estimate.from_steps import StepProblem
+from eaid.estimate.points import Normal
+from eaid.estimate.spread import t_quantile
+from eaid.plant.dynamics import Step
+from eaid.plant.respond import step_slopes
+from eaid.steps.stepset import Level
+
+LENGTHS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.5)  # τ2 supposed, in record lengths; the last stands for all beyond
+ROUNDS = 12  # Newton steps in which τ1(u) follows
+SMALL = 1e-6  # Part of τ1 by which the last of them moves it
+
+
+@dataclass(frozen=True, eq=False)
+class SlowPart:
+    """What the runs leave open of the slow part."""
+
+    endless: bool  # Whether a τ2 beyond the records is possible
+    Ts_low: Array  # Least and largest T_s of the levels with any τ2 that is possible, (L,)
+    Ts_high: Array
+
+
+def slow_part(levels: Sequence[Level], steps: StepProblem, x: Array) -> SlowPart:
+    """Of an estimate x of the levels' τ1(u) and τ2(u), T_s solved for."""
+    record_s = float(np.median([level.time_s[-1] for level in levels]))
+    found = [steps.at(x).theta[0]]
+    for length in LENGTHS:
+        supposed = _with_tau2(steps, x, length * record_s)
+        if supposed is not None and not _rejects(levels, steps, supposed):
+            found.append(supposed.theta[0])
+            last = length
+    endless = len(found) > 1 and last == LENGTHS[-1]
+    if endless:
+        beyond = _with_tau2(steps, x, 1e3 * record_s)
+        found += [] if beyond is None else [beyond.theta[0]]
+    return SlowPart(endless, np.min(found, axis=0), np.max(found, axis=0))
+
+
+def _with_tau2(steps: StepProblem, x: Array, tau2_s: float) -> Normal | None:
+    """The levels' curves with one τ2 for all, τ1(u) following; None where τ1 would pass it."""
+    assert steps.model.tau2 is not None
+    _, one, two = steps.model.slices
+    y = x.copy()
+    y[two] = np.linalg.lstsq(steps.model.tau2.rows(steps.data.u), np.full(len(steps.data.u), tau2_s), rcond=None)[0]
+    cost = steps.normal(y)
+    for _ in range(ROUNDS):
+        _, gradient, curvature = cost
+        move = -np.linalg.lstsq(curvature[one, one], gradient[one], rcond=1e-12)[0]
+        for _ in range(ROUNDS):
+            new = y.copy()
+            new[one] += move
+            again = steps.normal(new)
+            if again[0] <= cost[0] and (steps.M[1] @ new > LEAST_TAU_S).all():
+                break
+            move = 0.5 * move
+        else:
+            break
+        done = np.abs(move).max() <= SMALL * np.abs(y[one]).max()
+        y, cost = new, again
+        if done:
+            break
+    at = steps.at(y)
+    return at if (at.theta[1] <= at.theta[2]).all() else None
+
+
+def _rejects(levels: Sequence[Level], steps: StepProblem, at: Normal) -> bool:
+    """Whether the runs reject a τ2, with T_s and τ1(u) at their best beside it."""
+    _, information = steps.reduced(at)
+    to_T = at.information[:, 0, 1:3] / np.maximum(at.information[:, 0, :1], 1e-300)
+    rows, tau2 = steps.M[1][:, steps.model.slices[1]], at.theta[2]
+    own = np.einsum("lp,l,lq->pq", rows, information[:, 0, 0], rows)
+    across = np.einsum("lp,l->p", rows, information[:, 0, 1] * tau2)
+    follows = rows @ np.linalg.lstsq(own, across, rcond=1e-12)[0]
+    total, variance, spread = 0.0, 0.0, 0.0
+    for i, level in enumerate(levels):
+        slopes = step_slopes(Step(*at.theta[:, i].tolist()), level.time_s)
+        score = (level.runs - at.theta[0, i] * slopes[0]) @ slopes[:3].T  # (R, 3)
+        by_tau = score[:, 1:] - np.outer(score[:, 0], to_T[i])
+        psi = steps.weight[i] * (by_tau[:, 1] * tau2[i] - by_tau[:, 0] * follows[i])
+        runs = len(psi)
+        part = float(psi[0] ** 2) if runs == 1 else float(((psi - psi.mean()) ** 2).sum()) / (runs * (runs - 1))
+        total, variance = total + float(psi.mean()), variance + part
+        spread += part**2 / max(runs - 1, 1)
+    degrees = variance**2 / spread if spread > 0 else 0.0
+    return bool(abs(total) > t_quantile(max(degrees, 1.0)) * np.sqrt(variance))
