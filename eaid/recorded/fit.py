@@ -32,6 +32,7 @@ from eaid.plant.dynamics import SHARE
 from eaid.plant.respond import from_rest
 from eaid.recorded.choice import about_idle, plant_of_logs, plant_part, start_of
 from eaid.recorded.closed_loop import judged_loops, with_instrument
+from eaid.recorded.held_out import held_out, held_out_findings
 from eaid.recorded.inputs import FEW_LEVELS, inputs_of
 from eaid.results.common import LevelError, Source
 from eaid.results.fit import Fit, FittedData, Friction, FrictionLevel, Linear, Noise, Nonlinear, Release, Uncertainty
@@ -330,6 +331,8 @@ def fit_recorded(
     plant = model_of(base)
     loops, of_loops = judged_loops(base, acting)
     findings += of_loops
+    unseen = held_out(base, acting, every[len(logs) :])
+    findings += held_out_findings(unseen)
     uncertainty, known = None, None
     if options.ci != "none":
         uncertainty = spread(base)
@@ -375,5 +378,6 @@ def fit_recorded(
             loops=loops,
             dead_time_s=theta_s,
             engagements=0 if uncertainty is None else uncertainty.scatter.count,
+            hold_out=unseen,
         ),
     )

@@ -89,6 +89,16 @@ class KindTried(Result, frozen=True):
     """Squares that are left and what noise alone would save, relative to the least: the kind of score 1 is taken."""
 
 
+class LogsHeldOut(Result, frozen=True):
+    """The model on what a fit without it has not seen, beside what it explains of all that was fitted."""
+
+    of: str
+    """logs (each left out in turn), or last, middle, first third of a single log."""
+    fit_pct: Number | None = None
+    held_pct: Number | None = None
+    """Both 100 (1 − rms residual/rms output about the mean of all)."""
+
+
 class Recorded(Result, frozen=True):
     """The part `recorded` of a fit."""
 
@@ -101,3 +111,4 @@ class Recorded(Result, frozen=True):
     dead_time_s: Number = 0.0
     """Longest dead time of the logs; the models begin behind it."""
     engagements: Count = 0
+    hold_out: LogsHeldOut | None = None

@@ -189,6 +189,9 @@ def _fit_pct(fit: "Fit") -> str:
     percents = [row.fit_pct for row in fit.friction_levels if row.fit_pct is not None]
     if percents:
         said.append(f"levels {' … '.join(f'{one:.1f}' for one in sorted({min(percents), max(percents)}))} %")
+    if fit.recorded is not None and (unseen := fit.recorded.hold_out) is not None and unseen.held_pct is not None:
+        whose = "logs left out in turn" if unseen.of == "logs" else f"the {unseen.of} left out"
+        said.append(f"{unseen.held_pct:.1f} % on {whose}")
     if not said and fit.steps:
         return f"single steps {min(one.fit_pct or 0.0 for one in fit.steps):.1f} % or more"
     return f"{', '.join(said)} (100 % = perfect)" if said else "not known"

@@ -320,6 +320,13 @@ ROWS: dict[str, Row] = {
         "it acted; write what acts from a row on into that row",
         "rows",
     ),
+    "hold-out-fails": stop(
+        lambda v: (
+            f"the model explains {v['fit_pct']:.3g} % of what it was fitted to and {v['held_pct']:.3g} % of the "
+            f"{v['what']} that a fit without them had not seen: it holds for these logs, not for the rig; look at the "
+            "residuals, record more, or ask for a simpler model"
+        )
+    ),
     "no-kind-explains": stop(
         "no kind of lag explains these logs, the best {fit_pct:.2g} %: look at the columns, or whether the input "
         "drives the output at all"

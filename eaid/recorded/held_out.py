@@ -1,0 +1,113 @@
+"""What a fit of recorded logs makes of what it has not seen: one log of several in turn, or a third of a single one.
+
+The same model is fitted without that part, from where the whole fit ended, and run through it, driven by the input
+alone. Of both parts 100 (1 − rms residual/rms output about its mean), the mean of all that was recorded. Nothing is
+said of a part whose inputs lie beyond those of the others: that would be about extrapolation.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eaid.arrays import Array
+from eaid.estimate.from_logs import Setup, Solved, setup_of
+from eaid.estimate.recorded_log import RecordedLog
+from eaid.estimate.solver import approach
+from eaid.findings import Finding, finding
+from eaid.results.recorded import LogsHeldOut
+
+Mask = NDArray[np.bool_]
+THIRDS = ("last", "middle", "first")
+MOST_FOLDS = 4  # Of several logs
+BEYOND = 0.02  # Part of the largest input by which a part left out may reach beyond the others
+NEAR = 1e-6  # Part of the cost that a further step would gain, at which the fit without a part stands
+WORSE = 0.5  # Part of what is left unexplained by which a model may fall where it has not seen …
+FALL_PCT = 10.0  # … and never less than this
+
+
+def held_out(solved: Solved, logs: Sequence[RecordedLog], others: Sequence[RecordedLog]) -> LogsHeldOut | None:
+    """How the model holds on what a fit without it has not seen; None where no part can be left out."""
+    if any(log.reference is not None for log in logs):  # its duty answers the noise: one log's is no other's
+        return None
+    all_logs, squares, count, of = [*logs, *others], 0.0, 0, ""
+    for named, rows in _parts(logs):
+        part = [replace(log, output=np.where(out, np.nan, log.output)) for log, out in zip(logs, rows, strict=True)]
+        missed = _missed(solved, [*part, *others], all_logs)
+        for one, out, log in zip(missed, rows, logs, strict=False):
+            seen = out[np.isfinite(log.output)]
+            squares, count, of = squares + float(one[seen] @ one[seen]), count + int(seen.sum()), named
+    if not count:
+        return None
+    y, left = (np.concatenate(part[: len(logs)]) for part in (solved.outputs, solved.missed))
+    size = float(np.std(y))
+    if not size > 0:
+        return None
+    fit_pct, held_pct = (
+        100 * (1 - float(np.sqrt(rms)) / size) for rms in (float(left @ left) / len(y), squares / count)
+    )
+    return LogsHeldOut(of, fit_pct, held_pct)
+
+
+def _parts(logs: Sequence[RecordedLog]) -> Iterator[tuple[str, list[Mask]]]:
+    """What is left out of each log, one fit after another, and its name."""
+    nothing = [np.zeros(len(log.input), dtype=bool) for log in logs]
+    if len(logs) > 1:
+        folds = min(len(logs), MOST_FOLDS)
+        for fold in range(folds):
+            rows = [none | (k % folds == fold) for k, none in enumerate(nothing)]
+            if _within(logs, rows):
+                yield "logs", rows
+        return
+    (log,) = logs
+    share = (log.time_s - log.time_s[0]) / (log.time_s[-1] - log.time_s[0])
+    for name, low in zip(THIRDS, (2 / 3, 1 / 3, 0.0), strict=True):
+        rows = [(share >= low) & (share <= low + 1 / 3)]
+        if _within(logs, rows):
+            yield f"{name} third", rows
+            return
+
+
+def _within(logs: Sequence[RecordedLog], rows: Sequence[Mask]) -> bool:
+    """Whether the inputs left out lie within the others, which move, too."""
+    out = np.concatenate([log.input[one] for log, one in zip(logs, rows, strict=True)])
+    seen = np.concatenate([log.input[~one] for log, one in zip(logs, rows, strict=True)])
+    if not len(seen) or not len(out) or np.ptp(seen) == 0:
+        return False
+    beyond = BEYOND * float(np.abs(seen).max())
+    return bool(out.min() >= seen.min() - beyond and out.max() <= seen.max() + beyond)
+
+
+def _missed(solved: Solved, part: Sequence[RecordedLog], whole: Sequence[RecordedLog]) -> list[Array]:
+    """Model less recorded at all rows that have an output, by a fit to a part."""
+    fitted = solved.fitted
+    x = approach(_like(fitted, part).problem(), solved.x, near=NEAR).x
+    every = _like(fitted, whole).every
+    missed = []
+    for k, drive in enumerate(every.drives):
+        J, r = every.jacobian(x, k)
+        own = every.places[k].kernel[-3:]
+        own = own[own >= 0]
+        if len(own) and not np.isfinite(part[k].output).any():  # its idle output and start are not the model's
+            r = r - J[:, own] @ np.linalg.lstsq(J[:, own], r, rcond=None)[0]
+        missed.append(r / np.sqrt(drive.w[drive.w > 0]))
+    return missed
+
+
+def _like(fitted: Setup, logs: Sequence[RecordedLog]) -> Setup:
+    """The setup of other logs for the same model."""
+    setup = setup_of(fitted.model, logs, fitted.idle_free, fitted.dead_time_s)
+    return replace(
+        setup, extras=fitted.extras, drives=setup.drives if setup.model.kind != "swing" else setup.every.drives
+    )
+
+
+def held_out_findings(found: LogsHeldOut | None) -> list[Finding]:
+    """Where a model must not be used: it falls too far where it has not seen, or below 0."""
+    if found is None or found.fit_pct is None or found.held_pct is None:
+        return []
+    fall = found.fit_pct - found.held_pct
+    if found.held_pct >= 0 and fall <= max(WORSE * (100 - found.fit_pct), FALL_PCT):
+        return []
+    return [finding("hold-out-fails", "nonlinear", (), fit_pct=found.fit_pct, held_pct=found.held_pct, what=found.of)]
