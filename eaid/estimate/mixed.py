@@ -19,6 +19,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.optimize import minimize
+from scipy.sparse.csgraph import connected_components
 
 from eaid.arrays import Array
 
@@ -37,6 +38,33 @@ class Values:
     def at(self, v: Array) -> "Line":
         """The line through them where the variances are v, (k,)."""
         return Line(self, v)
+
+    @cached_property
+    def blocks(self) -> tuple[Array, Array, Array, Array]:
+        """y (b, m), X (b, m, p), W (b, m, m), G (k, b, m, m) of values that have something in common, block by block;
+        in shorter blocks a value of nothing, with the variance 1, stands for each that is missing."""
+        n, every = len(self.y), np.stack([self.W, *self.G])
+        label = connected_components((every != 0).any(axis=0), directed=False)[1]
+        sizes = np.bincount(label)
+        place = np.full((len(sizes), sizes.max()), n)  # n: missing
+        place[np.arange(sizes.max()) < sizes[:, None]] = np.argsort(label, kind="stable")
+        squares = np.pad(every, ((0, 0), (0, 1), (0, 1)))[:, place[:, :, None], place[:, None, :]]
+        squares[0] += (place == n)[:, :, None] * np.eye(place.shape[1])
+        return np.append(self.y, 0)[place], np.pad(self.X, ((0, 1), (0, 0)))[place], squares[0], squares[1:]
+
+    def likelihood(self, v: Array) -> tuple[float, Array]:
+        """−log L but for a constant, and its derivative by each v_k: ½ tr(P G_k) − ½ y'P G_k P y, (k,)."""
+        y, X, W, G = self.blocks
+        K = W + np.tensordot(v, G, 1)
+        inverse = np.linalg.inv(K)
+        across = inverse @ X
+        information = np.einsum("bmp,bmq->pq", X, across)
+        covariance = np.linalg.inv(information)
+        r = y - X @ (covariance @ np.einsum("bmp,bm->p", across, y))
+        pulled = np.einsum("bmn,bn->bm", inverse, r)
+        P = inverse - across @ covariance @ across.transpose(0, 2, 1) - pulled[:, :, None] * pulled[:, None, :]
+        logs = np.linalg.slogdet(K)[1].sum() + np.linalg.slogdet(information)[1]
+        return 0.5 * float(logs + np.vdot(pulled, r)), 0.5 * np.einsum("kbmn,bmn->k", G, P)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,14 +118,12 @@ class Line:
     @property
     def cost(self) -> float:
         """−log L but for a constant."""
-        half = np.linalg.slogdet(self.K)[1] + np.linalg.slogdet(self.information)[1]
-        return 0.5 * float(half + self.residuals @ self.inverse @ self.residuals)
+        return self.values.likelihood(self.v)[0]
 
     @property
     def slope(self) -> Array:
-        """Its derivative by each v_k: ½ tr(P G_k) − ½ y'P G_k P y, (k,)."""
-        pulled = self.projected @ self.values.y
-        return np.array([0.5 * (np.vdot(self.projected, G) - pulled @ G @ pulled) for G in self.values.G])
+        """Its derivative by each v_k, (k,)."""
+        return self.values.likelihood(self.v)[1]
 
     @cached_property
     def curvature(self) -> Array:
@@ -113,26 +139,36 @@ class Line:
         x (p,) is its row, k what it has in common with the values by component, (n,) each, and `own` (components,)
         its own variance by component.
         """
+        shared, squares = np.reshape(k, (len(k), -1, 1)), np.reshape(own, (-1, 1, 1))
+        mean, variance, degrees = self.predict_all(np.reshape(x, (1, -1)), shared, squares, most)
+        return float(mean[0]), float(variance[0, 0]), float(degrees[0])
 
-        def of(line: "Line") -> tuple[float, float]:
-            common = sum((v * one for v, one in zip(line.v, k, strict=True)), np.zeros(len(line.values.y)))
-            back = line.inverse @ common
-            a = x - line.values.X.T @ back
-            variance = float(line.v @ own - common @ back + a @ line.covariance @ a)
-            return float(x @ line.beta + back @ line.residuals), variance
+    def predict_all(self, x: Array, k: Array, own: Array, most: float = np.inf) -> tuple[Array, Array, Array]:
+        """q further values: their means (q,), covariance (q, q) and degrees of freedom (q,), `most` at most.
 
-        mean, variance = of(self)
-        source = self.found_from or self
+        x (q, p) are their rows, k (components, n, q) what they have in common with the values, `own` (components, q, q)
+        among themselves. As the weights w = K⁻¹ (k + X (X' K⁻¹ X)⁻¹ a) of the values make the variance least, it goes
+        with v_j as own_j − 2 w' k_j + w' G_j w.
+        """
+        common = np.tensordot(self.v, k, 1)
+        back = self.inverse @ common
+        w = back + self.inverse @ self.values.X @ self.covariance @ (x.T - self.values.X.T @ back)
+        across = w.T @ common
+        covariance = np.tensordot(self.v, own, 1) - across - across.T + w.T @ self.K @ w
+        variance, source = np.diag(covariance), self.found_from or self
         free = np.flatnonzero(self.v > NOTHING * source.scale)
         if not len(free):
-            return mean, variance, most
-        slopes = np.zeros(len(free))
-        for row, i in enumerate(free):
-            step = np.zeros(len(self.v))
-            step[i] = 1e-4 * self.v[i]
-            slopes[row] = (of(self.values.at(self.v + step))[1] - of(self.values.at(self.v - step))[1]) / (2 * step[i])
-        spread = float(slopes @ np.linalg.pinv(source.curvature[np.ix_(free, free)], hermitian=True) @ slopes)
-        return mean, variance, min(2 * variance**2 / spread, most) if spread > 0 else most
+            return w.T @ self.values.y, covariance, np.full(len(x), most)
+        each = np.einsum("nq,knm,mq->kq", w, np.array(self.values.G)[free], w, optimize=True)
+        slopes = np.einsum("kqq->kq", own[free]) - 2 * np.einsum("nq,knq->kq", w, k[free]) + each
+        spread = np.einsum("jq,jk,kq->q", slopes, source.certainty(free), slopes)
+        with np.errstate(divide="ignore"):
+            degrees = np.where(spread > 0, 2 * variance**2 / spread, most)
+        return w.T @ self.values.y, covariance, np.minimum(degrees, most)
+
+    def certainty(self, free: Array) -> Array:
+        """Covariance of the variances that are not 0, by the curvature of −log L."""
+        return np.asarray(np.linalg.pinv(self.curvature[np.ix_(free, free)], hermitian=True))
 
     @property
     def scale(self) -> float:
@@ -149,8 +185,8 @@ def restricted(values: Values) -> Line:
     scale = max(values.at(np.zeros(len(values.G))).scale, 1e-300)
 
     def cost(x: Array) -> tuple[float, Array]:
-        line = values.at(scale * x)
-        return line.cost, scale * line.slope
+        found, slope = values.likelihood(scale * x)
+        return found, scale * slope
 
     ends = [
         minimize(
