@@ -75,6 +75,9 @@ COMMANDS = {
     "report": "Result files → one HTML page and figures",
     "synth": "A plant → synthetic logs",
     "couple": "fit.json and gains.json → how stiff a virtual wall, couple.json",
+    "compare": "fit.json of sessions → what moved, must gains be made anew; or a recorded loop",
+    "sessions": "fit.json of three sessions and more → what the next may be, rig.json",
+    "today": "rig.json and a reference step → a fit that holds today",
     "plan": "fit.json → what to record next, plan.csv",
     "demo": "All of the above on the three shipped datasets",
 }

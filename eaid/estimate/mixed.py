@@ -140,35 +140,26 @@ class Line:
         its own variance by component.
         """
         shared, squares = np.reshape(k, (len(k), -1, 1)), np.reshape(own, (-1, 1, 1))
-        mean, variance, degrees = self.predict_all(np.reshape(x, (1, -1)), shared, squares, most)
-        return float(mean[0]), float(variance[0, 0]), float(degrees[0])
+        found = self.further(np.reshape(x, (1, -1)), shared, squares)
+        return float(found.mean[0]), float(found.covariance[0, 0]), min(float(found.degrees(np.ones((1, 1)))[0]), most)
 
-    def predict_all(self, x: Array, k: Array, own: Array, most: float = np.inf) -> tuple[Array, Array, Array]:
-        """q further values: their means (q,), covariance (q, q) and degrees of freedom (q,), `most` at most.
+    def further(self, x: Array, k: Array, own: Array) -> "Further":
+        """q further values: x (q, p) are their rows, k (components, n, q) what they have in common with the values,
+        `own` (components, q, q) among themselves.
 
-        x (q, p) are their rows, k (components, n, q) what they have in common with the values, `own` (components, q, q)
-        among themselves. As the weights w = K⁻¹ (k + X (X' K⁻¹ X)⁻¹ a) of the values make the variance least, it goes
-        with v_j as own_j − 2 w' k_j + w' G_j w.
+        As the weights w = K⁻¹ (k + X (X' K⁻¹ X)⁻¹ a) of the values make the variance least, it goes with v_j as
+        own_j − k_j' w − w' k_j + w' G_j w.
         """
+        source = self.found_from or self
+        free = np.flatnonzero(self.v > NOTHING * source.scale)
         common = np.tensordot(self.v, k, 1)
         back = self.inverse @ common
         w = back + self.inverse @ self.values.X @ self.covariance @ (x.T - self.values.X.T @ back)
-        across = w.T @ common
-        covariance = np.tensordot(self.v, own, 1) - across - across.T + w.T @ self.K @ w
-        variance, source = np.diag(covariance), self.found_from or self
-        free = np.flatnonzero(self.v > NOTHING * source.scale)
-        if not len(free):
-            return w.T @ self.values.y, covariance, np.full(len(x), most)
-        each = np.einsum("nq,knm,mq->kq", w, np.array(self.values.G)[free], w, optimize=True)
-        slopes = np.einsum("kqq->kq", own[free]) - 2 * np.einsum("nq,knq->kq", w, k[free]) + each
-        spread = np.einsum("jq,jk,kq->q", slopes, source.certainty(free), slopes)
-        with np.errstate(divide="ignore"):
-            degrees = np.where(spread > 0, 2 * variance**2 / spread, most)
-        return w.T @ self.values.y, covariance, np.minimum(degrees, most)
-
-    def certainty(self, free: Array) -> Array:
-        """Covariance of the variances that are not 0, by the curvature of −log L."""
-        return np.asarray(np.linalg.pinv(self.curvature[np.ix_(free, free)], hermitian=True))
+        across = w.T @ k
+        slopes = own - across - across.transpose(0, 2, 1) + np.stack([w.T @ (G @ w) for G in self.values.G])
+        covariance = np.tensordot(self.v, slopes, 1) + w.T @ self.values.W @ w
+        certainty = np.linalg.pinv(source.curvature[np.ix_(free, free)], hermitian=True)
+        return Further(w.T @ self.values.y, covariance, slopes[free], certainty)
 
     @property
     def scale(self) -> float:
@@ -177,27 +168,46 @@ class Line:
         return float(left @ left / max(len(left) - self.values.X.shape[1], 1))
 
 
+@dataclass(frozen=True, eq=False)
+class Further:
+    """Further values: their means (q,), covariance (q, q), its derivatives by the variances that are not 0, (k, q, q),
+    and the covariance of those, (k, k)."""
+
+    mean: Array
+    covariance: Array
+    slopes: Array
+    certainty: Array
+
+    def degrees(self, turn: Array) -> Array:
+        """Degrees of freedom of the variances of `turn` (m, q) times the values: infinite where none is estimated."""
+        variance = np.einsum("mq,qr,mr->m", turn, self.covariance, turn)
+        slopes = np.einsum("mq,kqr,mr->km", turn, self.slopes, turn)
+        spread = np.einsum("km,kl,lm->m", slopes, self.certainty, slopes)
+        return np.where(spread > 0, 2 * variance**2 / np.where(spread > 0, spread, 1.0), np.inf)
+
+
 STARTS = (1.0, 0.1, 0.001)  # Parts of the values' scale about a plain line that each component starts from
 
 
-def restricted(values: Values) -> Line:
-    """The line whose variances maximise the restricted likelihood, the best of three starts."""
+def restricted(values: Values, near: Array | None = None) -> Line:
+    """The line whose variances maximise the restricted likelihood: the best of three starts, or the one `near` some."""
     scale = max(values.at(np.zeros(len(values.G))).scale, 1e-300)
 
     def cost(x: Array) -> tuple[float, Array]:
         found, slope = values.likelihood(scale * x)
         return found, scale * slope
 
+    starts = [np.full(len(values.G), one) for one in STARTS] if near is None else [near / scale]
     ends = [
         minimize(
             cost,
-            np.full(len(values.G), start),
+            start,
             jac=True,
             method="L-BFGS-B",
             bounds=[(0, None)] * len(values.G),
             options={"ftol": 1e-14, "gtol": 1e-9},
         )
-        for start in STARTS
+        for start in starts
     ]
     best = min(ends, key=lambda end: float(end.fun))
     return values.at(scale * best.x)

@@ -22,11 +22,15 @@ from eaid.results.coupling import Coupling
 from eaid.results.fit import Fit, FittedData
 from eaid.results.gains import Gains
 from eaid.results.replay import Replay
+from eaid.sessions.compare import Comparison
+from eaid.sessions.rig import Rig
 from eaid.steps.stepset import StepSet
 
 SCENARIOS = ("steps", "multisine", "sweep", "reference", "log", "rehab")  # The order of the paper, and of the page
 NEEDED = ("time_s", "reference_nm", "torque_nm", "duty_pct")
-TYPES: dict[str, Any] = {"fit": Fit, "gains": Gains, "replay": Replay, "data": StepSet, "couple": Coupling}
+TYPES: dict[str, Any] = {
+    "fit": Fit, "gains": Gains, "replay": Replay, "data": StepSet, "couple": Coupling, "rig": Rig, "compare": Comparison,
+}  # fmt: skip
 T = TypeVar("T")
 
 
@@ -48,6 +52,8 @@ class Results:
     replays: tuple[Given[Replay], ...] = ()
     data: tuple[Given[StepSet], ...] = ()
     couplings: tuple[Given[Coupling], ...] = ()
+    rigs: tuple[Given[Rig], ...] = ()
+    comparisons: tuple[Given[Comparison], ...] = ()
 
     @property
     def main_kind(self) -> str | None:
@@ -79,7 +85,8 @@ class Results:
     @property
     def every(self) -> tuple[Given[Any], ...]:
         """All results, whatever their kind."""
-        return (*self.data, *self.fits, *self.gains, *self.replays, *self.couplings)
+        return (*self.data, *self.fits, *self.gains, *self.replays, *self.couplings, *self.rigs,
+                *self.comparisons)  # fmt: skip
 
     @property
     def about(self) -> FittedData | StepSet | None:
@@ -122,7 +129,7 @@ KINDS = {"clutch": "clutch", "friction-force": "friction over force", "friction-
 
 
 def gathered(
-    items: Iterable["Fit | Gains | Replay | StepSet | Coupling | Given[Any]"], progress: Progress = no_progress
+    items: Iterable[Any], progress: Progress = no_progress
 ) -> Results:
     """Results in memory as a report takes them: each gets a name by its kind, replays the order of the paper."""
     sorted_: dict[str, list[Given[Any]]] = {kind: [] for kind in TYPES}
@@ -177,7 +184,7 @@ def read_result(path: Path) -> tuple[Any, tuple[Finding, ...]]:
     if path.is_dir():
         raise UsageError(f"{path}: is a folder; give the files in it that eaid wrote")
     if not path.is_file():
-        raise DataError(f"{path}: no such file; give a fit.json, gains.json, couple.json, replay.h5 or data.h5")
+        raise DataError(f"{path}: no such file; give a fit.json, gains.json, couple.json, rig.json, replay.h5 or data.h5")
     if not h5py.is_hdf5(path):
         kind = codec.kind_of(path)
         if kind not in TYPES:

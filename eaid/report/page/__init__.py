@@ -21,7 +21,7 @@ from eaid.report import live
 from eaid.report.page import summary
 from eaid.report.page.summary import GRADES, MOST, Known, known, sentence
 from eaid.report.results import KINDS, Results
-from eaid.report.tables import Name, Table, data, fits, gains, replays, text
+from eaid.report.tables import Name, Table, data, fits, gains, replays, sessions, text
 from eaid.shown import counted
 from eaid.version import __version__
 
@@ -88,6 +88,7 @@ def parts(results: Results, known: Known, drawn: Figures) -> list[Block]:
     shown = _of(drawn, "fig12_multisine", "own_reference", "fig11_steps", "log_replay")
     again = Block("How to do it again", lines=tuple(commands(results)))
     every = [
+        _sessions(results, known, drawn),
         _data(results, known, drawn),
         _model(results, known, drawn),
         _controller(results, known, drawn),
@@ -122,6 +123,13 @@ def _part(
     shown = [table for table in rows[:1] if len(table.rows) <= OPEN_ROWS]
     more += _block(f"More on the {title.lower()}", figures[open_figures:], rows[len(shown) :])
     return Block(title, tuple(figures[:open_figures]), tuple(shown), findings[:MOST], folds=(*more, *folds))
+
+
+def _sessions(results: Results, known: Known, drawn: Figures) -> Block | None:
+    tables = [sessions.scatter_table(given.result) for given in results.rigs]
+    tables += [sessions.changes_table(given.result) for given in results.comparisons]
+    figures = _of(drawn, "sessions_chart", "sessions_compared")
+    return _part("Sessions", known, figures, tables, open_figures=2) if results.rigs or results.comparisons else None
 
 
 def _data(results: Results, known: Known, drawn: Figures) -> Block | None:
@@ -178,6 +186,14 @@ def next_steps(results: Results) -> list[tuple[str, str]]:
     """At most three things to do, each with the command that does it."""
     clutch = next((fit for fit in results.fits if fit.result.data.kind == "clutch"), None)
     fit = clutch or next(iter(results.fits), None)
+    for one in results.comparisons:
+        if fit is None and one.result.files and (one.result.changed or one.result.retune):
+            return [("Make gains for the session as it is now", f"eaid tune-rc {shlex.quote(one.result.files['A'])}")]
+    for one in results.rigs:
+        if fit is None and one.result.base is not None:
+            at = f"{one.result.main.best_level:.4g} {one.result.input_unit}".rstrip()
+            line = f"eaid today {shlex.quote(one.path)} STEP -o today.json"
+            return [(f"In the next session record one step at {at} first: it is worth most", line)]
     if fit is None:
         return [("Fit the data", f"eaid fit {shlex.quote(one.path)} -o fit.json") for one in results.data[:1]]
     fit_json, usable, linear = shlex.quote(fit.path), fit.result.verdict.usable, fit.result.linear
@@ -215,6 +231,8 @@ def commands(results: Results) -> list[str]:
     made += [("tune-rc", gains.path, gains.result.command) for gains in results.gains]
     made += [("simulate", replay.path, replay.result.head.command) for replay in results.replays]
     made += [("couple", walls.path, walls.result.command) for walls in results.couplings]
+    made += [("sessions", one.path, one.result.command) for one in results.rigs]
+    made += [("compare", one.path, one.result.command) for one in results.comparisons]
     lines = [f"eaid ingest LOGS -o {shlex.quote(data.path)}" for data in results.data]
     for command, path, words in made:
         line = shlex.join(["eaid", command, *words, "-o", path])

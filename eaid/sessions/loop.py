@@ -1,0 +1,113 @@
+"""Does a recorded loop do what its fit and gains promise: error and overshoot against the replay with its interval.
+
+The log's own reference is replayed by the loop that ran, on the fitted plant and on drawn ones (or a replay is given);
+a promise is kept where the recorded number is not above the upper end of what 95 % of the plants do. White noise of
+the sensor, by the scatter from sample to sample, is taken off the recorded error: the replay has none.
+"""
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.errors import DataError, UsageError
+from eaid.logs.run import Run
+from eaid.options import CompareOptions, SimulateOptions
+from eaid.replay.simulate import simulate
+from eaid.results.common import Number, Result
+from eaid.results.fit import Fit
+from eaid.results.gains import Gains
+from eaid.results.replay import Record, Replay
+
+ERRORS = {"rms_error_nm": "RMS error", "max_abs_error_nm": "largest error"}
+PEAK = 3.0  # Times the noise by which a single sample may lie off
+
+
+class Kept(Result, frozen=True):
+    """One number of the loop: as recorded, as promised, with what 95 % of the plants do."""
+
+    name: str
+    recorded: Number
+    promised: Number
+    low: Number | None = None
+    high: Number | None = None
+
+    @property
+    def kept(self) -> bool:
+        """Whether the loop is as good as promised."""
+        return self.recorded <= (self.promised if self.high is None else self.high)
+
+
+class Promise(Result, frozen=True):
+    """A recorded loop against its replay."""
+
+    controller: str
+    log: str
+    unit: str
+    noise: Number = 0.0
+    """Standard deviation of the sensor's white noise in the log."""
+    rows: tuple[Kept, ...] = ()
+
+    @property
+    def kept(self) -> bool:
+        """Whether every number is."""
+        return all(one.kept for one in self.rows)
+
+    def lines(self) -> list[str]:
+        """The verdict, and every number."""
+        said = [f"{'kept   ' if self.kept else 'MISSED '} {self.controller} in {self.log}"]
+        for one in self.rows:
+            ends = "" if one.high is None else f" ({one.low:.3g} … {one.high:.3g})"
+            word = "kept" if one.kept else "worse than promised"
+            said.append(f"        {one.name} {one.recorded:.3g} {self.unit}, promised {one.promised:.3g}{ends}: {word}")
+        return said
+
+
+def promise_of(run: Run, options: CompareOptions, fit: Fit | None, gains: Gains | None, given: Replay | None) -> Promise:
+    """What was promised of a recorded loop, and what it does; DataError for a log without a reference."""
+    if run.reference_nm is None or not run.has_input:
+        raise DataError(f"{run.where}: holds no reference beside input and output; say its column with «columns» reference=NAME")
+    names = list(given.records) if given is not None else list(gains.controllers_by_name) if gains is not None else []
+    name = options.controller or next(iter(names), "")
+    if name not in names and name not in ("open-loop", "inverse"):
+        raise UsageError(f"«controller» {name}: the files hold {', '.join(names) or 'none'}; give the loop that ran")
+    if given is None:
+        if fit is None:
+            raise UsageError("a recorded loop is held against a fit with its gains, or a replay; give the fit too")
+        given = _replayed(run, options, fit, gains, name)
+    for unit, has, wanted in (("an input", run.input_unit, given.head.input_unit),
+                              ("an output", run.output_unit, given.head.output_unit)):  # fmt: skip
+        if has != wanted:
+            raise DataError(f"{run.where}: holds {unit} in {has or 'no unit'}, the promise is in {wanted or 'no unit'}")
+    return _held(run, given.records[name], name)
+
+
+def _replayed(run: Run, options: CompareOptions, fit: Fit, gains: Gains | None, name: str) -> Replay:
+    timing = gains.margins.timing if gains is not None and gains.margins is not None else None
+    rig = {} if timing is None else {"pwm_hz": timing.pwm_hz or 0.0, "delay_samples": timing.delay_samples}
+    how = SimulateOptions(controller=(name,), plants=options.plants, seed=options.seed, **rig)
+    assert run.reference_nm is not None
+    return simulate(fit, gains, how, (run.time_s - run.time_s[0], run.reference_nm))
+
+
+def _held(run: Run, record: Record, name: str) -> Promise:
+    assert run.reference_nm is not None
+    error, reference = np.abs(run.reference_nm - run.output), float(run.reference_nm.max())
+    noise = float(np.median(np.abs(np.diff(run.output, 2)))) / 0.6745 / np.sqrt(6)
+    spread = record.metrics.plants.metrics if record.metrics.plants is not None else {}
+    measured = {
+        "rms_error_nm": float(np.sqrt(max(np.mean(error**2) - noise**2, 0.0))),
+        "max_abs_error_nm": max(float(error.max()) - PEAK * noise, 0.0),
+    }
+    rows = []
+    for key, said in ERRORS.items():
+        one, value = spread.get(key), getattr(record.metrics, key)
+        ends = (None, None) if one is None else (one.low, one.high)
+        rows.append(Kept(said, measured[key], float(value or 0.0), *ends))
+    band = record.tables.get("plants/band_nm")
+
+    def above(torque: Array) -> float:
+        return max(float(np.max(torque)) - reference, 0.0)
+
+    own = float(record.columns["torque_nm"].max()) - float(record.columns["reference_nm"].max())
+    low_high = (None, None) if band is None else (above(band[1]), max(above(band[5]), own))
+    rows.append(Kept("overshoot", max(above(run.output) - PEAK * noise, 0.0), max(own, 0.0), *low_high))
+    return Promise(name, run.where, run.output_unit, noise, tuple(rows))
