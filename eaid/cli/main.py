@@ -107,6 +107,7 @@ def load_command(name: str) -> "TyperCommand":
     return command
 
 
+UNUSABLE = 4  # A result was written, whatever came before: `fit --follow` ends by Ctrl-C
 INTERRUPTED = "interrupted; nothing half-written is left"
 
 
@@ -116,7 +117,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     try:
         with breaking_off() as interrupted, patient_streams():
             code, sentences = _outcome(given or ["--help"])
-            if code and interrupted:  # typer, or a library, may make another failure of a KeyboardInterrupt
+            if code not in (0, UNUSABLE) and interrupted:  # typer, or a library, may make another failure of a KeyboardInterrupt
                 code, sentences = 130, (INTERRUPTED,)
             for sentence in sentences if {"-v", "--verbose"} & set(given) else once_each(sentences):
                 (console.say if sentence.startswith("try: ") else console.fail)(on_command_line(sentence))
@@ -144,6 +145,9 @@ def once_each(sentences: Sequence[str]) -> list[str]:
 def _outcome(arguments: list[str]) -> tuple[int, tuple[str, ...]]:
     """Exit code of one command, and the sentences that say why it failed."""
     name, *rest = arguments
+    for k in [k for k, word in enumerate(rest) if word == "--follow"]:  # its number may be left out
+        if not re.fullmatch(r"[\d.]+", "".join(rest[k + 1 : k + 2])):
+            rest = [*rest[: k + 1], "0", *rest[k + 1 :]]
     known = [module.replace("_", "-") for module in COMMANDS]
     try:
         if "" in arguments:  # pathlib takes it for the current folder
