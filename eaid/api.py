@@ -582,7 +582,7 @@ def load(path: str | os.PathLike[str]) -> "Fit | Gains | Coupling | Replay | Ste
 
 
 def sessions(
-    data: "pandas.DataFrame | Mapping[str, Fit] | Sequence[Fit | str | os.PathLike[str]] | str | os.PathLike[str]",
+    data: "pandas.DataFrame | Mapping[str, Fit] | Sequence[Fit] | Paths",
     options: SessionsOptions | None = None,
     **keywords: Any,
 ) -> "Rig":
@@ -628,13 +628,12 @@ def sessions(
 
     how = chosen(SessionsOptions, options, keywords)
     if hasattr(data, "columns"):
-        return rig_of_table(table_values(data), how)
+        return rig_of_table(table_values(data), how)  # type: ignore[arg-type]
     if isinstance(data, Mapping):
         return rig_of_fits(data, how)
-    given = [data] if isinstance(data, str | os.PathLike) else list(data)
-    if all(isinstance(one, Fit) for one in given):
-        return rig_of_fits({f"session {k}": one for k, one in enumerate(given, 1)}, how)  # type: ignore[misc]
-    fits, values, _ = read_sessions(_paths(given))  # type: ignore[arg-type]
+    if isinstance(data, Sequence) and data and all(isinstance(one, Fit) for one in data):
+        return rig_of_fits({f"session {k}": one for k, one in enumerate(data, 1)}, how)
+    fits, values, _ = read_sessions(_paths(data))  # type: ignore[arg-type]
     return rig_of_table(values, how) if values else rig_of_fits(fits, how)
 
 

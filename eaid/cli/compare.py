@@ -3,13 +3,14 @@
 import shlex
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from eaid.cli import console
 from eaid.cli.form import Common, argument, stamped, takes, tell_result, written
 from eaid.declared import option, part
 from eaid.errors import UsageError
 from eaid.files import refuse_to_overwrite
-from eaid.options import SESSIONS, Columns, CompareOptions
+from eaid.options import SESSIONS, Columns, CompareOptions, ReadOptions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +49,7 @@ def command(args: Arguments) -> None:
         raise UsageError(f"{args.files[0]} alone: give another session's fit.json, or the log of a loop, behind it")
     refuse_to_overwrite(args.output, args.force, [*args.files, *filter(None, [args.gains])])
     gains, warnings = codec.read(args.gains, Gains) if args.gains else (None, ())
-    results = []
+    results: list[Any] = []
     for path in args.files:
         if path.suffix == ".json" or (path == args.files[0]):
             result, more = read_result(path)
@@ -61,7 +62,7 @@ def command(args: Arguments) -> None:
     reading = part(Columns, args)
     found = api.compare(
         results[0], *results[1:], gains=gains, options=part(CompareOptions, args),
-        reading=None if not reading.given() else api.ReadOptions(**reading.given()),
+        reading=None if not reading.given() else ReadOptions(**reading.given()),
     )  # fmt: skip
     if found.files:
         found = msgspec.structs.replace(found, files=dict(zip(found.files, map(str, args.files), strict=False)))
@@ -69,6 +70,7 @@ def command(args: Arguments) -> None:
     found.save(args.output, args.force)
     lines = [*found.lines(), *([shifts_table(found), changes_table(found)] if args.verbose else ())]
     if found.files:
-        lines.append(f"next    eaid {'tune-rc' if found.changed or found.retune else 'report'} {shlex.quote(str(args.files[0]))}")
+        after = "tune-rc" if found.tune_anew else "report"
+        lines.append(f"next    eaid {after} {shlex.quote(str(args.files[0]))}")
     tell_result(args, found, lines, [*warnings, *found.findings])
     console.done(args.output, "the comparison", ("report", args.output))

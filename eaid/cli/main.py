@@ -117,7 +117,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
     try:
         with breaking_off() as interrupted, patient_streams():
             code, sentences = _outcome(given or ["--help"])
-            if code not in (0, UNUSABLE) and interrupted:  # typer, or a library, may make another failure of a KeyboardInterrupt
+            # typer, or a library, may make another failure of a KeyboardInterrupt
+            if code not in (0, UNUSABLE) and interrupted:
                 code, sentences = 130, (INTERRUPTED,)
             for sentence in sentences if {"-v", "--verbose"} & set(given) else once_each(sentences):
                 (console.say if sentence.startswith("try: ") else console.fail)(on_command_line(sentence))

@@ -158,7 +158,7 @@ class Line:
         across = w.T @ k
         slopes = own - across - across.transpose(0, 2, 1) + np.stack([w.T @ (G @ w) for G in self.values.G])
         covariance = np.tensordot(self.v, slopes, 1) + w.T @ self.values.W @ w
-        certainty = np.linalg.pinv(source.curvature[np.ix_(free, free)], hermitian=True)
+        certainty = np.asarray(np.linalg.pinv(source.curvature[np.ix_(free, free)], hermitian=True), dtype=np.float64)
         return Further(w.T @ self.values.y, covariance, slopes[free], certainty)
 
     @property

@@ -35,7 +35,6 @@ from eaid.replay.references import Reference, Signal, reference_beyond, referenc
 from eaid.results.fit import Fit
 from eaid.results.gains import PI, AskedPI, Compared, Gains, Guarantee, Mending, Replayed, Robust, Timing, Tracking
 
-
 PLANTS = 100  # Plants of the next session by which φ is judged
 
 

@@ -29,7 +29,8 @@ from eaid.steps.stepset import StepSet
 SCENARIOS = ("steps", "multisine", "sweep", "reference", "log", "rehab")  # The order of the paper, and of the page
 NEEDED = ("time_s", "reference_nm", "torque_nm", "duty_pct")
 TYPES: dict[str, Any] = {
-    "fit": Fit, "gains": Gains, "replay": Replay, "data": StepSet, "couple": Coupling, "rig": Rig, "compare": Comparison,
+    "fit": Fit, "gains": Gains, "replay": Replay, "data": StepSet, "couple": Coupling, "rig": Rig,
+    "compare": Comparison,
 }  # fmt: skip
 T = TypeVar("T")
 
@@ -128,9 +129,7 @@ class Results:
 KINDS = {"clutch": "clutch", "friction-force": "friction over force", "friction-speed": "friction over speed"}
 
 
-def gathered(
-    items: Iterable[Any], progress: Progress = no_progress
-) -> Results:
+def gathered(items: Iterable[Any], progress: Progress = no_progress) -> Results:
     """Results in memory as a report takes them: each gets a name by its kind, replays the order of the paper."""
     sorted_: dict[str, list[Given[Any]]] = {kind: [] for kind in TYPES}
     for item in items:
@@ -184,7 +183,7 @@ def read_result(path: Path) -> tuple[Any, tuple[Finding, ...]]:
     if path.is_dir():
         raise UsageError(f"{path}: is a folder; give the files in it that eaid wrote")
     if not path.is_file():
-        raise DataError(f"{path}: no such file; give a fit.json, gains.json, couple.json, rig.json, replay.h5 or data.h5")
+        raise DataError(f"{path}: no such file; give a fit.json, gains.json, rig.json, replay.h5 or data.h5")
     if not h5py.is_hdf5(path):
         kind = codec.kind_of(path)
         if kind not in TYPES:

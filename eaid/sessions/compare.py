@@ -9,8 +9,8 @@ numbers and sessions the probabilities are Holm's.
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
-import msgspec
 import numpy as np
+from msgspec.structs import asdict, replace
 from scipy.special import fdtrc, stdtrit
 
 from eaid.control.gains import refuse_other_units
@@ -19,10 +19,10 @@ from eaid.findings import sentences
 from eaid.findings.row import SYMBOLS
 from eaid.options import CompareOptions
 from eaid.results import codec
-from eaid.results.common import Inputs, Interval, Made, Number, Result
+from eaid.results.common import Inputs, Made, Number, Result, ci95_of
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
-from eaid.sessions.gather import Value, snapped, together, values_of
+from eaid.sessions.gather import MANY, Value, snapped, together, values_of
 from eaid.sessions.loop import Promise
 from eaid.sessions.model import two_sided
 from eaid.shown import Plotted
@@ -41,6 +41,10 @@ class Change(Result, frozen=True):
     ratio: Number
     low: Number
     high: Number
+
+
+def _ratio(one: Change) -> float:
+    return one.ratio
 
 
 class Shift(Result, frozen=True):
@@ -78,8 +82,8 @@ class Shift(Result, frozen=True):
             return said
         if self.alike:
             return f"{said}, alike at all levels (p {self.p_alike:.2g})"
-        ends_ = sorted(self.levels, key=lambda one: one.ratio)
-        apart = ", ".join(f"{_pct(one.ratio)} % at {one.level:.4g}" for one in (ends_[0], ends_[-1]))
+        outermost = (min(self.levels, key=_ratio), max(self.levels, key=_ratio))
+        apart = ", ".join(f"{_pct(one.ratio)} % at {one.level:.4g}" for one in outermost)
         return f"{said}, not alike at all levels (p {self.p_alike:.2g}): {apart}"
 
 
@@ -90,9 +94,8 @@ class Retune(Result, frozen=True):
     B_M: Number
     needed: bool | None
     """None: a level's B lies outside, but not its whole interval."""
-    levels: tuple[tuple[Number, Number, Interval], ...] = ()
-    """Level, B and its interval."""
     outside: tuple[Number, ...] = ()
+    """Levels at which it does."""
 
     def words(self) -> str:
         """The answer, and why."""
@@ -113,7 +116,7 @@ class Comparison(Plotted, codec.Saved, Made, frozen=True):
     input_unit: str = ""
     output_unit: str = ""
     files: dict[str, str] = {}
-    """Letter of each session → its file or name."""
+    """Letter of each session → its file."""
     values: dict[str, tuple[Value, ...]] = {}
     """T_s of each session, for the picture."""
     shifts: tuple[Shift, ...] = ()
@@ -124,6 +127,11 @@ class Comparison(Plotted, codec.Saved, Made, frozen=True):
     def changed(self) -> bool:
         """Whether T_s moved, in the mean or at some levels, against any of the others."""
         return any(one.quantity == "Ts" and (one.moved or not one.alike) for one in self.shifts)
+
+    @property
+    def tune_anew(self) -> bool:
+        """Whether gains are to be made for A: its B left their range, or, where none are given, T_s moved."""
+        return bool(self.files) and (self.changed if self.retune is None else self.retune.needed is not False)
 
     def lines(self) -> list[str]:
         """The verdict."""
@@ -145,7 +153,7 @@ class Comparison(Plotted, codec.Saved, Made, frozen=True):
         import pandas as pd
 
         rows = [
-            {"quantity": one.quantity, "against": one.against, **msgspec.structs.asdict(level)}
+            {"quantity": one.quantity, "against": one.against, **asdict(level)}
             for one in self.shifts for level in one.levels
         ]  # fmt: skip
         return pd.DataFrame(rows)
@@ -159,26 +167,21 @@ def _pct(ratio: float) -> str:
 def compare_fits(fits: Mapping[str, Fit], gains: Gains | None, options: CompareOptions) -> Comparison:
     """The first session against each of the others; DataError where they are not of one rig, or share no level."""
     together(fits)
-    names, shifts = dict(zip(LETTERS, fits, strict=False)), list[Shift]()
+    letters, shifts = dict(zip(fits, LETTERS, strict=False)), list[Shift]()
     first, *others = fits
-    for letter, name in list(names.items())[1:]:
-        found = [
-            shift for quantity in ("Ts", "tau1", "tau2")
-            if (shift := _shift(quantity, letter, fits[first], fits[name])) is not None
-        ]  # fmt: skip
+    for name in others:
+        each = (_shift(quantity, letters[name], fits[first], fits[name]) for quantity in ("Ts", "tau1", "tau2"))
+        found = [one for one in each if one is not None]
         if not any(one.quantity == "Ts" for one in found):
             raise DataError(f"{name}: shares no level with {first} at which both know T_s; record one that it holds")
         shifts += found
-    p = holm([one.p for one in shifts])
-    alike = iter(holm([one.p_alike for one in shifts if one.p_alike is not None]))
-    held = tuple(
-        msgspec.structs.replace(one, p=p[k], p_alike=None if one.p_alike is None else next(alike))
-        for k, one in enumerate(shifts)
-    )
+    p, p_alike = holm([one.p for one in shifts]), holm([1.0 if one.p_alike is None else one.p_alike for one in shifts])
+    held = [replace(one, p=p[k], p_alike=None if one.p_alike is None else p_alike[k]) for k, one in enumerate(shifts)]
     data = fits[first].data
     return Comparison(
-        options=options, input_unit=data.input_unit, output_unit=data.output_unit, files=names, shifts=held,
-        values={letter: values_of(fits[name], "Ts", letter) for letter, name in names.items()},
+        options=options, input_unit=data.input_unit, output_unit=data.output_unit, shifts=tuple(held),
+        files={letter: name for name, letter in letters.items()},
+        values={letter: tuple(values_of(fits[name], "Ts", letter)) for name, letter in letters.items()},
         retune=None if gains is None else _retune(fits[first], gains),
     )  # fmt: skip
 
@@ -186,26 +189,24 @@ def compare_fits(fits: Mapping[str, Fit], gains: Gains | None, options: CompareO
 def _shift(quantity: str, letter: str, one: Fit, other: Fit) -> Shift | None:
     """One number against another session's at the levels that both hold; None where they hold none."""
     both = snapped([*values_of(one, quantity, "A"), *values_of(other, quantity, letter)])
-    each = [{value.level: value for value in both if value.session == of} for of in ("A", letter)]
-    levels = sorted(set(each[0]) & set(each[1]))
+    a, b = ({value.level: value for value in both if value.session == of} for of in ("A", letter))
+    levels = sorted(a.keys() & b.keys())
     if not levels:
         return None
-    a, b = ([of[u] for u in levels] for of in each)
-    delta = np.log([x.value / y.value for x, y in zip(a, b, strict=True)])
-    W = np.array([(x.sd_log**2, y.sd_log**2) for x, y in zip(a, b, strict=True)])
-    dof = np.array([(x.dof, y.dof) for x, y in zip(a, b, strict=True)])
+    pairs = [(a[u], b[u]) for u in levels]
+    delta = np.log([x.value / y.value for x, y in pairs])
+    W, dof = np.array([([x.sd_log**2, y.sd_log**2], [x.dof, y.dof]) for x, y in pairs]).transpose(1, 0, 2)
     V = W.sum(axis=1)
-    welch = V**2 / (W**2 / dof).sum(axis=1)
+    welch = np.minimum(V**2 / (W**2 / dof).sum(axis=1), MANY)
     weight = (1 / V) / (1 / V).sum()
-    m, error, degrees = float(weight @ delta), float((1 / V).sum() ** -0.5), float(weight @ np.minimum(welch, 1e9))
+    m, error, degrees = float(weight @ delta), float((1 / V).sum() ** -0.5), float(weight @ welch)
     Q, spare = float(((delta - m) ** 2 / V).sum()), len(levels) - 1
-    reach = stdtrit(np.minimum(welch, 1e12), 0.975) * np.sqrt(V)
+    reach = stdtrit(welch, 0.975) * np.sqrt(V)
     rows = zip(levels, *np.exp([delta, delta - reach, delta + reach]).tolist(), strict=True)
-    ends = np.exp(m + np.array([0.0, -1.0, 1.0]) * stdtrit(min(degrees, 1e12), 0.975) * error).tolist()
-    return Shift(
-        quantity, letter, *ends, two_sided(m / error, degrees),
-        float(fdtrc(spare, degrees, Q / spare)) if spare else None, degrees, tuple(Change(*row) for row in rows),
-    )  # fmt: skip
+    ratio, low, high = np.exp(m + np.array([0.0, -1.0, 1.0]) * stdtrit(degrees, 0.975) * error).tolist()
+    alike = float(fdtrc(spare, degrees, Q / spare)) if spare else None
+    p = two_sided(m / error, degrees)
+    return Shift(quantity, letter, ratio, low, high, p, alike, degrees, tuple(Change(*row) for row in rows))
 
 
 def holm(p: Sequence[float]) -> list[float]:
@@ -226,8 +227,7 @@ def _retune(fit: Fit, gains: Gains) -> Retune:
         raise DataError("the first fit holds no linear model, so no B; fit it with «model» linear too")
     B_m, B_M, kept = gains.rc.B_m, gains.rc.B_M, fit.linear.bounds.levels if fit.linear.bounds is not None else ()
     rows = [row for row in fit.linear.per_level if row.B is not None and (row.level in kept or not kept)]
-    ends = [row.ci95.B if row.ci95 is not None else None for row in rows]
-    out = [row.level for row in rows if not B_m <= (row.B or 0.0) <= B_M]
-    sure = [row.level for row, one in zip(rows, ends, strict=True) if one is not None and (one[1] < B_m or one[0] > B_M)]
-    levels = tuple((row.level, row.B or 0.0, one) for row, one in zip(rows, ends, strict=True))
-    return Retune(B_m, B_M, True if sure else None if out else False, levels, tuple(sure or out))
+    out = tuple(row.level for row in rows if not B_m <= (row.B or 0.0) <= B_M)
+    ends = [(row.level, ci95_of(row, "B")) for row in rows]
+    sure = tuple(level for level, one in ends if one is not None and (one[1] < B_m or one[0] > B_M))
+    return Retune(B_m, B_M, True if sure else None if out else False, sure or out)

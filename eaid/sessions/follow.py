@@ -7,7 +7,7 @@ the next session's T_s given the steps before it that were as expected, widened 
 import csv
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -19,14 +19,15 @@ from eaid.logs.read import read_runs
 from eaid.options import FitOptions, ReadOptions
 from eaid.reading import steps_of
 from eaid.results.fit import Fit
-from eaid.sessions.model import Known, steps_known
+from eaid.sessions.model import steps_known
 from eaid.sessions.rig import Rig
 
 LOOK_S = 0.5  # From one look at the folder to the next [s]
 
 
-def whole_files(paths: Sequence[Path], silence_s: float, sleep: Callable[[float], None] = time.sleep) -> Iterator[Path]:
-    """New files one by one, each once it is whole, again where it grows after all; ends after silence [s] (0: never)."""
+def whole_files(paths: Sequence[Path], silence_s: float) -> Iterator[Path]:
+    """New files one by one, each once it is whole, and again where it grows after all; ends after so much silence [s],
+    0: never."""
     before: dict[Path, tuple[int, float]] = {}
     done: dict[Path, tuple[int, float]] = {}
     quiet_s = 0.0
@@ -44,7 +45,7 @@ def whole_files(paths: Sequence[Path], silence_s: float, sleep: Callable[[float]
         for file in fresh:
             done[file] = now[file]
             yield file
-        sleep(LOOK_S)
+        time.sleep(LOOK_S)
 
 
 def followed(
@@ -67,7 +68,9 @@ def followed(
             yield next_planned(rows, [level for each in shown.values() for level, _ in each], fit.data.input_unit)
 
 
-def _judged(fit: Fit, level: float, value: float, rig: Rig | None, shown: Sequence[tuple[float, float]]) -> tuple[str, bool]:
+def _judged(
+    fit: Fit, level: float, value: float, rig: Rig | None, shown: Sequence[tuple[float, float]]
+) -> tuple[str, bool]:
     """`60 %: T_s 1.58 N·m (expected 1.31 … 1.9) ok`, and whether it is so."""
     data = fit.data
     said = f"{level:.4g} {data.input_unit}".rstrip() + f": T_s {value:.3g} {data.output_unit}".rstrip()
@@ -78,11 +81,8 @@ def _judged(fit: Fit, level: float, value: float, rig: Rig | None, shown: Sequen
             f"the steps are in {data.input_unit or 'no unit'} and {data.output_unit or 'no unit'}, the rig in "
             f"{rig.input_unit or 'no unit'} and {rig.main.unit or 'no unit'}; say the units with «units»"
         )
-    single = rig.main.sd_step
-    known: Known = steps_known(*zip(*shown, strict=True), [single] * len(shown)) if shown else steps_known([], [], [])
-    next_ = rig.foreseen("", np.array([level]), known)
-    reach = float(next_.reach[0] * np.sqrt(1 + single**2 / next_.covariance[0, 0]))
-    low, high = np.exp(next_.mean[0] + reach * np.array([-1.0, 1.0])).tolist()
+    known = steps_known([(*one, rig.main.sd_step) for one in shown])
+    low, high = rig.foreseen(np.array([level]), known).of_a_run(rig.main.sd_step**2)
     fine = low <= value <= high
     return f"{said} (expected {low:.3g} … {high:.3g}) {'ok' if fine else 'outside: record again?'}", fine
 

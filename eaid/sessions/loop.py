@@ -2,12 +2,11 @@
 
 The log's own reference is replayed by the loop that ran, on the fitted plant and on drawn ones (or a replay is given);
 a promise is kept where the recorded number is not above the upper end of what 95 % of the plants do. White noise of
-the sensor, by the scatter from sample to sample, is taken off the recorded error: the replay has none.
+the sensor, by the scatter from sample to sample, is taken off the recorded numbers: the replay has none.
 """
 
 import numpy as np
 
-from eaid.arrays import Array
 from eaid.errors import DataError, UsageError
 from eaid.logs.run import Run
 from eaid.options import CompareOptions, SimulateOptions
@@ -17,7 +16,6 @@ from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.results.replay import Record, Replay
 
-ERRORS = {"rms_error_nm": "RMS error", "max_abs_error_nm": "largest error"}
 PEAK = 3.0  # Times the noise by which a single sample may lie off
 
 
@@ -61,53 +59,49 @@ class Promise(Result, frozen=True):
         return said
 
 
-def promise_of(run: Run, options: CompareOptions, fit: Fit | None, gains: Gains | None, given: Replay | None) -> Promise:
+def promise_of(
+    run: Run, options: CompareOptions, fit: Fit | None, gains: Gains | None, given: Replay | None
+) -> Promise:
     """What was promised of a recorded loop, and what it does; DataError for a log without a reference."""
     if run.reference_nm is None or not run.has_input:
-        raise DataError(f"{run.where}: holds no reference beside input and output; say its column with «columns» reference=NAME")
-    names = list(given.records) if given is not None else list(gains.controllers_by_name) if gains is not None else []
-    name = options.controller or next(iter(names), "")
-    if name not in names and name not in ("open-loop", "inverse"):
-        raise UsageError(f"«controller» {name}: the files hold {', '.join(names) or 'none'}; give the loop that ran")
+        raise DataError(
+            f"{run.where}: holds no reference beside input and output; say its column with «columns» reference=NAME"
+        )
+    held = given.records if given is not None else gains.controllers_by_name if gains is not None else {}
+    name = options.controller or next(iter(held), "")
+    if name not in held and name not in ("open-loop", "inverse"):
+        raise UsageError(f"«controller» {name}: the files hold {', '.join(held) or 'none'}; give the loop that ran")
     if given is None:
         if fit is None:
             raise UsageError("a recorded loop is held against a fit with its gains, or a replay; give the fit too")
-        given = _replayed(run, options, fit, gains, name)
-    for unit, has, wanted in (("an input", run.input_unit, given.head.input_unit),
-                              ("an output", run.output_unit, given.head.output_unit)):  # fmt: skip
-        if has != wanted:
-            raise DataError(f"{run.where}: holds {unit} in {has or 'no unit'}, the promise is in {wanted or 'no unit'}")
-    return _held(run, given.records[name], name)
-
-
-def _replayed(run: Run, options: CompareOptions, fit: Fit, gains: Gains | None, name: str) -> Replay:
-    timing = gains.margins.timing if gains is not None and gains.margins is not None else None
-    rig = {} if timing is None else {"pwm_hz": timing.pwm_hz or 0.0, "delay_samples": timing.delay_samples}
-    how = SimulateOptions(controller=(name,), plants=options.plants, seed=options.seed, **rig)
-    assert run.reference_nm is not None
-    return simulate(fit, gains, how, (run.time_s - run.time_s[0], run.reference_nm))
-
-
-def _held(run: Run, record: Record, name: str) -> Promise:
-    assert run.reference_nm is not None
-    error, reference = np.abs(run.reference_nm - run.output), float(run.reference_nm.max())
+        timing = gains.margins.timing if gains is not None and gains.margins is not None else None
+        how = SimulateOptions(
+            controller=(name,), plants=options.plants, seed=options.seed,
+            pwm_hz=(timing.pwm_hz or 0.0) if timing else 0.0, delay_samples=timing.delay_samples if timing else 0,
+        )  # fmt: skip
+        given = simulate(fit, gains, how, (run.time_s - run.time_s[0], run.reference_nm))
+    units, wanted = (run.input_unit, run.output_unit), (given.head.input_unit, given.head.output_unit)
+    if units != wanted:
+        raise DataError(f"{run.where}: is in {' and '.join(units)}, the promise in {' and '.join(wanted)}; say «units»")
     noise = float(np.median(np.abs(np.diff(run.output, 2)))) / 0.6745 / np.sqrt(6)
+    return Promise(name, run.where, run.output_unit, noise, _rows(run, given.records[name], noise))
+
+
+def _rows(run: Run, record: Record, noise: float) -> tuple[Kept, ...]:
+    """RMS and largest error, and by how much the output peaks above the reference's highest value."""
+    assert run.reference_nm is not None
+    error, top = np.abs(run.reference_nm - run.output), float(run.reference_nm.max())
     spread = record.metrics.plants.metrics if record.metrics.plants is not None else {}
-    measured = {
-        "rms_error_nm": float(np.sqrt(max(np.mean(error**2) - noise**2, 0.0))),
-        "max_abs_error_nm": max(float(error.max()) - PEAK * noise, 0.0),
-    }
     rows = []
-    for key, said in ERRORS.items():
-        one, value = spread.get(key), getattr(record.metrics, key)
+    for key, name, recorded in (
+        ("rms_error_nm", "RMS error", float(np.sqrt(max(np.mean(error**2) - noise**2, 0.0)))),
+        ("max_abs_error_nm", "largest error", max(float(error.max()) - PEAK * noise, 0.0)),
+    ):
+        one = spread.get(key)
         ends = (None, None) if one is None else (one.low, one.high)
-        rows.append(Kept(said, measured[key], float(value or 0.0), *ends))
-    band = record.tables.get("plants/band_nm")
-
-    def above(torque: Array) -> float:
-        return max(float(np.max(torque)) - reference, 0.0)
-
-    own = float(record.columns["torque_nm"].max()) - float(record.columns["reference_nm"].max())
-    low_high = (None, None) if band is None else (above(band[1]), max(above(band[5]), own))
-    rows.append(Kept("overshoot", max(above(run.output) - PEAK * noise, 0.0), max(own, 0.0), *low_high))
-    return Promise(name, run.where, run.output_unit, noise, tuple(rows))
+        rows.append(Kept(name, recorded, getattr(record.metrics, key) or 0.0, *ends))
+    band, own = record.tables.get("plants/band_nm"), record.columns
+    peak = max(float(own["torque_nm"].max() - own["reference_nm"].max()), 0.0)
+    low, high = (None, None) if band is None else (max(float(band[k].max()) - top, 0.0) for k in (1, 5))
+    high = None if high is None else max(high, peak)
+    return *rows, Kept("overshoot", max(float(run.output.max()) - top - PEAK * noise, 0.0), peak, low, high)

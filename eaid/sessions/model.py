@@ -15,10 +15,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.special import stdtrit
+from numpy.typing import NDArray
+from scipy.special import stdtr, stdtrit
 
 from eaid.arrays import Array
 from eaid.estimate.mixed import Further, Line, Values, restricted
+from eaid.sessions.gather import MANY
 
 COMPONENTS = ("gain", "tilt", "level")
 NEW = -1  # The session that is still to come
@@ -50,13 +52,13 @@ class Known:
         return Known(self.session[kept], self.level[kept], self.y[kept], self.W[kept])
 
 
-def steps_known(level: Sequence[float], value: Sequence[float], sd_log: Sequence[float]) -> Known:
-    """What the session to come has shown of itself."""
-    at = np.asarray(level, dtype=np.float64)
-    return Known(np.full(len(at), NEW), at, np.log(np.asarray(value, dtype=np.float64)), np.square(sd_log))
+def steps_known(steps: Sequence[tuple[float, float, float]]) -> Known:
+    """What the session to come has shown of itself: level, value, standard deviation of its logarithm."""
+    level, value, sd_log = np.array(steps, dtype=np.float64).reshape(-1, 3).T
+    return Known(np.full(len(level), NEW), level, np.log(value), sd_log**2)
 
 
-NOTHING = steps_known([], [], [])
+NOTHING = steps_known([])
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +85,12 @@ class Next:
         """Low and high ends of its 95 % intervals, (2, q)."""
         return np.exp([self.mean - self.reach, self.mean + self.reach])
 
+    def of_a_run(self, W: float) -> tuple[float, float]:
+        """Ends of the interval of a single run at the first level, whose ln θ scatters with the variance W."""
+        reach = float(self.reach[0] * np.sqrt(1 + W / self.covariance[0, 0]))
+        low, high = np.exp(self.mean[0] + reach * np.array([-1.0, 1.0])).tolist()
+        return low, high
+
 
 @dataclass(frozen=True, eq=False)
 class Model:
@@ -91,7 +99,7 @@ class Model:
     known: Known
     reference: float
     terms: int
-    v: Array | None = None  # Variances of gain, tilt and level where they are found already
+    variances: Array  # Of gain, tilt and level; 0 of what the sessions cannot show
 
     @cached_property
     def knots(self) -> Array:
@@ -104,7 +112,7 @@ class Model:
         return len(np.unique(self.known.session))
 
     @cached_property
-    def free(self) -> Array:
+    def free(self) -> NDArray[np.intp]:
         """Which components the sessions can show: gain; with several levels in a session tilt and level too."""
         several = len(np.unique(np.c_[self.known.session, self.known.level], axis=0)) > self.count
         return np.flatnonzero([True, several, several])
@@ -123,7 +131,7 @@ class Model:
         """What two sets of values have in common by component, (components, n, m)."""
         same = (one.session[:, None] == other.session).astype(float)
         tilt = same * np.outer(self.x(one.level), self.x(other.level))
-        return np.array([same, tilt, same * (one.level[:, None] == other.level)])[self.free]
+        return np.asarray(np.stack([same, tilt, same * (one.level[:, None] == other.level)])[self.free])
 
     def values(self, known: Known) -> Values:
         """Values as the line through them takes them."""
@@ -132,15 +140,19 @@ class Model:
     @cached_property
     def line(self) -> Line:
         """The line through all sessions."""
-        values = self.values(self.known)
-        return restricted(values) if self.v is None else values.at(self.v[self.free])
+        return self.values(self.known).at(self.variances[self.free])
 
-    @cached_property
-    def variances(self) -> Array:
-        """Of gain, tilt and level; 0 of what the sessions cannot show."""
-        v = np.zeros(3)
-        v[self.free] = self.line.v
-        return v
+    def found(self, known: Known | None = None) -> "Model":
+        """The model with the variances of its values, or of others of its kind, looked for from its own."""
+        other, near, v = replace(self, known=known or self.known), self.variances, np.zeros(3)
+        start = np.maximum(near[other.free], 1e-3) if near.any() else None
+        v[other.free] = restricted(other.values(other.known), start).v
+        return replace(other, variances=v)
+
+    def finer(self, share: float) -> "Model":
+        """The model of values with so much of their own variance."""
+        known = self.known
+        return replace(self, known=Known(known.session, known.level, known.y, share * known.W))
 
     def further(self, level: Array) -> Further:
         """The next session at some levels, nothing known of it."""
@@ -159,15 +171,8 @@ class Model:
         turn = np.hstack([np.eye(n), -c])
         mean = both.mean[:n] + c @ (steps.y - both.mean[n:])
         whole = replace(both, covariance=V + np.diag(np.append(np.zeros(n), steps.W)))
-        most = np.inf if len(steps.y) else self.count - 1.0
+        most = MANY if len(steps.y) else self.count - 1.0
         return Next(level, mean, turn @ whole.covariance @ turn.T, np.minimum(whole.degrees(turn), most))
-
-    def refitted(self, known: Known) -> "Model":
-        """The model of other sessions, its variances looked for from these on."""
-        other = replace(self, known=known, v=None)
-        near = np.zeros(3)
-        near[other.free] = restricted(other.values(known), np.maximum(self.variances[other.free], 1e-3)).v
-        return replace(other, v=near)
 
     def narrowest(self, sd_log: float) -> tuple[float, Next]:
         """The level of the reference step that is worth most, and the next session after one: the least interval at
@@ -175,30 +180,31 @@ class Model:
         n, every, tried = len(self.knots), self.further(self.knots), []
         for k, level in enumerate(self.knots.tolist()):
             at = np.append(np.arange(n), k)
-            pair = Further(every.mean[at], every.covariance[np.ix_(at, at)], every.slopes[:, at][:, :, at], every.certainty)
-            tried.append((level, self.given(self.knots, steps_known([level], [1.0], [sd_log]), pair)))
+            pair = Further(every.mean[at], every.covariance[np.ix_(at, at)], every.slopes[:, at][:, :, at],
+                           every.certainty)  # fmt: skip
+            tried.append((level, self.given(self.knots, steps_known([(level, 1.0, sd_log)]), pair)))
         return min(tried, key=lambda one: float(one[1].reach.max()))
 
     def gains(self) -> tuple[Array, Array, Array]:
         """By how much each session lies above the common line in the mean of its levels, ln θ, with the standard
         error of that: sessions, values, errors."""
-        left, own = self.known.y - self.rows(self.known.level) @ self.line.beta, self.known.W + self.variances[2]
-        weight = 1 / np.maximum(own, 1e-300)
-        sessions = np.unique(self.known.session)
-        inside = (self.known.session == sessions[:, None]) * weight
-        return sessions, inside @ left / inside.sum(axis=1), 1 / np.sqrt(inside.sum(axis=1))
+        sessions, own = np.unique(self.known.session), np.maximum(self.known.W + self.variances[2], 1e-300)
+        inside = (self.known.session == sessions[:, None]) / own
+        whole = inside.sum(axis=1)
+        return sessions, inside @ self.line.residuals / whole, 1 / np.sqrt(whole)
 
     def trend(self) -> tuple[float, float]:
         """Change of ln θ from one session to the next in their order, and the probability of such a one by chance."""
         values = self.values(self.known)
         order = self.known.session - self.known.session.mean()
-        line = restricted(Values(values.y, np.c_[values.X, order], values.W, values.G), self.line.v)
+        X = np.c_[values.X, order]
+        if np.linalg.matrix_rank(X) < X.shape[1] or len(X) <= X.shape[1]:
+            return 0.0, 1.0
+        line = restricted(Values(values.y, X, values.W, values.G), self.line.v)
         slope, error = float(line.beta[-1]), float(np.sqrt(line.covariance[-1, -1]))
         return slope, two_sided(slope / error, self.count - 2)
 
 
 def two_sided(t: float, dof: float) -> float:
     """Probability of a t at least so far from 0."""
-    from scipy.special import stdtr
-
-    return float(2 * stdtr(min(dof, 1e12), -abs(t)))
+    return float(2 * stdtr(dof, -abs(t)))

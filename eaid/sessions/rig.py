@@ -17,16 +17,18 @@ from eaid.options import SessionsOptions
 from eaid.results import codec
 from eaid.results.common import Inputs, Made, Number, Positive, Result
 from eaid.results.fit import Fit
-from eaid.sessions.gather import LEAST, Session, Value, run_scatter, session_of, snapped, together, values_of
+from eaid.sessions.gather import Session, Value, logs_of, run_scatter, snapped, table_values, together, values_of
 from eaid.sessions.model import NOTHING, Known, Model, Next, steps_known
 from eaid.shown import Plotted, counted
 
 if TYPE_CHECKING:
     import pandas
 
-FEW = 5  # Sessions below which their scatter is known to a factor only
+LEAST = 3  # Sessions that tell how much they differ
+FEW = 5  # Sessions below which that is known to a factor only
 CARRIES = 0.5  # Part of its width that the next session's interval keeps where one session carried it
 CHANCE = 0.05
+NUMBERS = ("Ts", "tau1", "tau2", "B", "a0")  # What is known of each session; the first one has to be
 
 
 class Scatter(Result, frozen=True):
@@ -38,8 +40,7 @@ class Scatter(Result, frozen=True):
 
 
 class Foreseen(Result, frozen=True):
-    """The next session at one level, with its 95 % interval; `with_step` where one reference step is known: by what
-    factor the interval then reaches up and down."""
+    """The next session at one level, with its 95 % interval."""
 
     level: Positive
     value: Number
@@ -47,7 +48,9 @@ class Foreseen(Result, frozen=True):
     high: Number
     dof: Number
     factor: Number
+    """high/value."""
     with_step: Number
+    """The same once one reference step is known."""
 
 
 class Quantity(Result, frozen=True):
@@ -77,16 +80,12 @@ class Quantity(Result, frozen=True):
         """The same once one reference step at the best level is known."""
         return max(one.with_step for one in self.next)
 
-    def known(self, names: Sequence[str]) -> Known:
-        """Its values as the model takes them."""
+    def model(self, names: Sequence[str]) -> Model:
+        """Its model over the sessions of these names."""
         session = np.array([names.index(one.session) for one in self.values], dtype=np.float64)
         level, value, sd = np.array([(one.level, one.value, one.sd_log) for one in self.values]).T
-        return Known(session, level, np.log(value), sd**2)
-
-    def model(self, names: Sequence[str]) -> Model:
-        """Its model, with the variances that were found."""
-        v = np.square([self.sd.gain, self.sd.tilt, self.sd.level])
-        return Model(self.known(names), self.reference_level, self.terms, v)
+        known, v = Known(session, level, np.log(value), sd**2), np.square(msgspec.structs.astuple(self.sd))
+        return Model(known, self.reference_level, self.terms, v)
 
 
 class Rig(Plotted, codec.Saved, Made, frozen=True):
@@ -98,14 +97,14 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
     input_unit: str = ""
     sessions: tuple[Session, ...] = ()
     quantities: dict[str, Quantity] = {}
-    """The main one first: Ts, then tau1, tau2, B, a0 where the sessions know them; of a plain table `value`."""
+    """The main one first: Ts, then tau1, tau2, B, a0 where three sessions know them; of a plain table `value`."""
     base: Fit | None = None
     """The fit of the session with the most levels, from which that of today is made; None: a plain table."""
 
     @property
-    def names(self) -> tuple[str, ...]:
+    def names(self) -> list[str]:
         """The sessions in order."""
-        return tuple(one.name for one in self.sessions)
+        return [one.name for one in self.sessions]
 
     @property
     def main(self) -> Quantity:
@@ -118,13 +117,9 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
         name = next(iter(self.quantities))
         return SYMBOLS.get(name, name)
 
-    def model(self, name: str = "") -> Model:
-        """The model of a quantity, of the main one where none is named."""
-        return (self.quantities[name] if name else self.main).model(self.names)
-
-    def foreseen(self, name: str, levels: Array, steps: Known = NOTHING) -> Next:
-        """The next session's values at some levels."""
-        return self.model(name).next(levels, steps)
+    def foreseen(self, levels: Array, steps: Known = NOTHING, quantity: str = "") -> Next:
+        """The next session's values of a quantity, of the main one where none is named."""
+        return (self.quantities[quantity] if quantity else self.main).model(self.names).next(levels, steps)
 
     def next(
         self, levels: "Sequence[float] | None" = None, steps: "pandas.DataFrame | None" = None, quantity: str = ""
@@ -150,40 +145,36 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
 
         if quantity and quantity not in self.quantities:
             raise UsageError(f"«quantity» {quantity}: the sessions know {', '.join(self.quantities)}")
-        of, known = self.quantities[quantity] if quantity else self.main, NOTHING
+        of, rows = self.quantities[quantity] if quantity else self.main, list[Value]()
         if steps is not None:
-            from eaid.sessions.gather import table_values
-
-            given = steps.assign(session="today", **({} if "sd_log" in steps else {"sd_log": of.sd_step}))
-            rows = table_values(given)
-            known = steps_known(*([getattr(one, key) for one in rows] for key in ("level", "value", "sd_log")))
+            rows = table_values(steps.assign(session="", **({} if "sd_log" in steps else {"sd_log": of.sd_step})))
         at = np.array([one.level for one in of.next] if levels is None else levels, dtype=np.float64)
         if not (at > 0).all():
             raise UsageError("«levels»: have to be above 0, as the model is one of logarithms")
-        found = self.foreseen(quantity, at, known)
-        columns = {"value": found.value, "low": found.ends[0], "high": found.ends[1], "dof": found.dof}
+        found = self.foreseen(at, steps_known([(one.level, one.value, one.sd_log) for one in rows]), quantity)
+        low, high = found.ends
+        columns = {"value": found.value, "low": low, "high": high, "dof": found.dof}
         return pd.DataFrame(columns, index=pd.Index(at, name="level"))
 
-    def today(self, step: Any, **keywords: Any) -> Fit:
-        """Reference steps of a new session → a fit with honest intervals for it: `eaid.today(rig, step)`."""
+    def today(self, step: Any) -> Fit:
+        """A fit of today by steps that `eaid.read` returns, or a fit of them; `eaid.today` reads them, too."""
         from eaid.sessions.today import today
 
-        return today(self, step, **keywords)
+        return today(self, step)
 
     def lines(self) -> list[str]:
         """What is known of the next session, and what to record."""
-        one, unit = self.main, self.input_unit
-        at = f"{one.best_level:.4g} {unit}".rstrip()
-        n = len(self.sessions)
-        wide = math.sqrt((1 + 1 / (n + 1)) / (1 + 1 / n)) * float(stdtrit(n, 0.975) / stdtrit(n - 1, 0.975))
-        more = f"a fourth repeat for three leaves ×/÷ {one.more_repeats:.2f}, one more session about "
-        more += f"×/÷ {one.factor**wide:.2f}"
+        one, n = self.main, len(self.sessions)
+        at = f"{one.best_level:.4g} {self.input_unit}".rstrip()
+        narrower = math.sqrt((1 + 1 / (n + 1)) / (1 + 1 / n)) * float(stdtrit(n, 0.975) / stdtrit(n - 1, 0.975))
+        why = "sessions, not repeats: " * (one.more_repeats > 0.95 * one.factor)
         return [
-            f"rig     {counted(len(self.sessions), 'session')}: the next one's {self.symbol} within ×/÷ "
-            f"{one.factor:.2f}; after one reference step ({at}) ×/÷ {one.with_step:.2f}",
+            f"rig     {counted(n, 'session')}: the next one's {self.symbol} within ×/÷ {one.factor:.2f}; after one "
+            f"reference step ({at}) ×/÷ {one.with_step:.2f}",
             f"scatter gain {one.sd.gain:.3g}, tilt {one.sd.tilt:.3g}, session × level {one.sd.level:.3g} (sd of ln "
             f"{self.symbol}); one run {one.sd_step:.3g}",
-            f"advice  {'sessions, not repeats: ' if one.more_repeats > 0.95 * one.factor else ''}{more}",
+            f"advice  {why}a fourth repeat for three leaves ×/÷ {one.more_repeats:.2f}, one more session about ×/÷ "
+            f"{one.factor**narrower:.2f}",
             f"advice  in each new session first a reference step at {at}, which is worth most",
         ]
 
@@ -192,13 +183,11 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
         return "\n".join([*self.lines(), *sentences(self.findings[:3])])
 
     def to_frame(self) -> "pandas.DataFrame":
-        """One row a value: quantity, session, level, value, sd_log."""
+        """One row a value: quantity, session, level, value, sd_log, dof."""
         import pandas as pd
 
-        rows = [
-            {"quantity": name, **msgspec.structs.asdict(one)} for name, of in self.quantities.items() for one in of.values
-        ]
-        return pd.DataFrame(rows)
+        every = [(name, one) for name, of in self.quantities.items() for one in of.values]
+        return pd.DataFrame([{"quantity": name, **msgspec.structs.asdict(one)} for name, one in every])
 
 
 def rig_of_fits(fits: Mapping[str, Fit], options: SessionsOptions) -> Rig:
@@ -209,111 +198,99 @@ def rig_of_fits(fits: Mapping[str, Fit], options: SessionsOptions) -> Rig:
             "what moved between two with eaid compare"
         )
     together(fits)
-    sessions = tuple(session_of(name, fit) for name, fit in fits.items())
-    units = {"Ts": (base := _fullest(fits)).data.output_unit, "tau1": "s", "tau2": "s", "a0": "1/s"}
+    base = max(reversed(list(fits.values())), key=lambda fit: (fit.nonlinear is not None, len(fit.data.levels)))
+    units = {"Ts": base.data.output_unit, "tau1": "s", "tau2": "s", "a0": "1/s"}
     quantities = {}
-    for name in ("Ts", "tau1", "tau2", "B", "a0"):
+    for name in NUMBERS:
         values = snapped([one for key, fit in fits.items() for one in values_of(fit, name, key)])
-        if len({one.session for one in values}) < LEAST:
-            if name == "Ts":
-                without = [key for key in fits if key not in {one.session for one in values}]
-                raise DataError(f"{', '.join(without)}: no level has a T_s with an interval; fit the logs again with «ci»")
-            continue
-        scatter = [one for fit in fits.values() if (one := run_scatter(fit, name)) is not None]
-        sd = float(np.sqrt(np.mean(np.square(scatter)))) if scatter else None
-        quantities[name] = quantity_of(values, list(fits), options, sd, units.get(name, ""))
+        knowing = {one.session for one in values}
+        if len(knowing) >= LEAST:
+            runs = [sd for fit in fits.values() if (sd := run_scatter(fit, name)) is not None]
+            sd_step = math.sqrt(float(np.mean(np.square(runs)))) if runs else None
+            quantities[name] = quantity_of(values, list(fits), options, sd_step, units.get(name, ""))
+        elif name == "Ts":
+            raise DataError(
+                f"{', '.join(key for key in fits if key not in knowing)}: no level has a T_s with an interval; fit the "
+                "logs again, with «ci»"
+            )
+    sessions = tuple(Session(name, logs_of(fit)) for name, fit in fits.items())
+    slim = msgspec.structs.replace(base, steps=(), parameters=(), recorded=None, findings=())
     return _judged(Rig(options=options, input_unit=base.data.input_unit, sessions=sessions, quantities=quantities,
-                       base=_slim(base)))  # fmt: skip
+                       base=slim))  # fmt: skip
 
 
-def rig_of_table(values: Sequence[Value], options: SessionsOptions, unit: str = "") -> Rig:
+def rig_of_table(values: Sequence[Value], options: SessionsOptions) -> Rig:
     """A rig of a plain table."""
     names = list(dict.fromkeys(one.session for one in values))
     if len(names) < LEAST:
-        raise DataError(f"the table holds {counted(len(names), 'session')}; three and more tell what the next one may be")
-    sessions = tuple(map(Session, names))
-    return _judged(Rig(options=options, input_unit=unit, sessions=sessions,
-                       quantities={"value": quantity_of(values, names, options)}))  # fmt: skip
+        held = counted(len(names), "session")
+        raise DataError(f"the table holds {held}; three and more tell what the next one may be")
+    quantities = {"value": quantity_of(values, names, options)}
+    return _judged(Rig(options=options, sessions=tuple(map(Session, names)), quantities=quantities))
 
 
 def quantity_of(
-    values: Sequence[Value], names: Sequence[str], options: SessionsOptions, sd_step: float | None = None, unit: str = ""
-) -> Quantity:
+    values: Sequence[Value], names: Sequence[str], options: SessionsOptions, sd_step: float | None = None,
+    unit: str = "",
+) -> Quantity:  # fmt: skip
     """One number over the sessions: its model found, the next session foreseen."""
     levels = np.unique([one.level for one in values])
     each = [{one.level for one in values if one.session == name} for name in names]
-    shared = all(one == set(levels) for one in each if one)
-    terms = min(3, len(levels), max(1, len(values) - 2))
-    if options.terms is not None:
-        terms = min(options.terms, terms)
-    elif shared and len(levels) > 1:
+    terms = min(options.terms or 3, len(levels), max(1, len(values) - 2))
+    if options.terms is None and len(levels) > 1 and all(one == set(levels) for one in each if one):
         terms = 0
     middle = float(levels[len(levels) // 2])
     sd = float(np.median([one.sd_log for one in values])) if sd_step is None else sd_step
     plain = Quantity(unit, options.reference_level or middle, terms, tuple(values), Scatter(), sd, middle)
-    model = Model(plain.known(names), plain.reference_level, terms)
-    best, after = model.narrowest(sd)
-    now = model.next(model.knots)
-    finer = Known(model.known.session, model.known.level, model.known.y, 0.75 * model.known.W)
-    more = Model(finer, model.reference, terms, model.variances).next(model.knots)
+    model = plain.model(names).found()
+    (best, after), now = model.narrowest(sd), model.next(model.knots)
     rows = zip(now.level, now.value, *now.ends, now.dof, np.exp(now.reach), np.exp(after.reach), strict=True)
     return msgspec.structs.replace(
         plain, sd=Scatter(*np.sqrt(model.variances).tolist()), best_level=best,
-        more_repeats=float(np.exp(more.reach.max())), next=tuple(Foreseen(*map(float, row)) for row in rows),
+        more_repeats=float(np.exp(model.finer(0.75).next(model.knots).reach.max())),
+        next=tuple(Foreseen(*map(float, row)) for row in rows),
     )  # fmt: skip
-
-
-def _fullest(fits: Mapping[str, Fit]) -> Fit:
-    """The last fit of those with the most levels that has a model of its plant, if any has."""
-    return max(
-        reversed(list(fits.values())), key=lambda fit: (fit.plant_ is not None or fit.nonlinear is not None,
-                                                        len(fit.data.levels)),
-    )  # fmt: skip
-
-
-def _slim(fit: Fit) -> Fit:
-    """A fit without what only its own logs are described by."""
-    return msgspec.structs.replace(fit, steps=(), parameters=(), recorded=None, findings=())
 
 
 def _judged(rig: Rig) -> Rig:
-    """The rig with what is to be known of it, by its main quantity; UsageError for more terms than that carries."""
-    one, found, model = rig.main, list[Finding](), rig.model()
+    """The rig with what is to be known of its main quantity; UsageError for more terms than that carries."""
+    one, model, name = rig.main, rig.main.model(rig.names), next(iter(rig.quantities))
+    known, unit, found = model.known, rig.input_unit, list[Finding]()
     if one.terms and rig.options.terms not in (None, one.terms):
-        held = f"{counted(len(one.values), 'value')} at {counted(len(model.knots), 'level')}"
+        held = f"{counted(len(known.y), 'value')} at {counted(len(model.knots), 'level')}"
         raise UsageError(f"«terms» {rig.options.terms}: the sessions hold {held}; give {one.terms} at most")
-    name, names, unit = next(iter(rig.quantities)), np.array(rig.names), rig.input_unit
     if model.count < FEW:
         found.append(finding("few-sessions", "sessions", sessions=model.count))
-    none = [key for key, k in (("gain", 0), ("tilt", 1), ("session × level", 2)) if k in model.free
-            and model.variances[k] <= 1e-6 * model.line.scale]  # fmt: skip
-    if none:
-        found.append(finding("no-scatter-between-sessions", "sessions", parameter=name, components=tuple(none)))
+    words = ("gain", "tilt", "session × level")
+    if none := tuple(words[k] for k in model.free if model.variances[k] <= 1e-6 * model.line.scale):
+        found.append(finding("no-scatter-between-sessions", "sessions", parameter=name, components=none))
     if not model.knots[0] <= one.reference_level <= model.knots[-1]:
         found.append(finding("reference-level-outside", "sessions", model.knots, level=one.reference_level, unit=unit))
-    found += _carried(model, names, name, one.factor)
+    carried = _carried(model, one.factor)
+    if carried is not None:
+        session, factor = rig.names[carried[0]], carried[1]
+        found.append(finding("session-carries-estimate", "sessions", session=session, parameter=name, factor=factor,
+                             whole=one.factor))  # fmt: skip
     slope, p = model.trend()
     if p < CHANCE:
-        pct = 100 * float(np.expm1(slope))
+        pct = 100 * math.expm1(slope)
         found.append(finding("trend-over-sessions", "sessions", parameter=name, pct=pct, p=p))
-    graph = (model.known.session[:, None] == model.known.session) | (model.known.level[:, None] == model.known.level)
-    parts, label = connected_components(graph, directed=False)
+    beside = (known.session[:, None] == known.session) | (known.level[:, None] == known.level)
+    parts, label = connected_components(beside, directed=False)
     if parts > 1:
-        apart = [np.unique(model.known.level[label == k]) for k in range(parts)]
-        found.append(finding("levels-and-sessions-confounded", "sessions", min(apart, key=len), unit=unit, parts=parts))
+        apart = min((np.unique(known.level[label == k]) for k in range(parts)), key=lambda levels: len(levels))
+        found.append(finding("levels-and-sessions-confounded", "sessions", apart, unit=unit))
     return msgspec.structs.replace(rig, findings=ranked(found))
 
 
-def _carried(model: Model, names: Array, parameter: str, whole: float) -> list[Finding]:
-    """The session that lies furthest off, refitted without it: where the next one's interval is then much narrower."""
+def _carried(model: Model, whole: float) -> tuple[int, float] | None:
+    """The session that lies furthest off, where without it the next one's interval is much narrower: by what factor it
+    then reaches."""
     line, known = model.line, model.known
-    off = known.y - line.values.X @ line.beta
-    far = [float((part := off * (known.session == one)) @ line.inverse @ part) for one in range(len(names))]
-    rest = known.without(float(np.argmax(far)))
+    off = np.where(known.session == np.arange(known.session.max() + 1)[:, None], line.residuals, 0.0)
+    far = int(np.argmax(np.einsum("sn,nm,sm->s", off, line.inverse, off)))
+    rest = known.without(far)
     if model.count <= LEAST or len(rest.y) <= line.values.X.shape[1] or set(rest.level) != set(known.level):
-        return []
-    factor = float(np.exp(model.refitted(rest).next(model.knots).reach.max()))
-    if np.log(factor) > CARRIES * np.log(whole):
-        return []
-    session = str(names[int(np.argmax(far))])
-    return [finding("session-carries-estimate", "sessions", session=session, parameter=parameter, factor=factor, whole=whole)]
+        return None
+    factor = float(np.exp(model.found(rest).next(model.knots).reach.max()))
+    return (far, factor) if math.log(factor) < CARRIES * math.log(whole) else None

@@ -7,11 +7,13 @@ idle output that is far beyond how it scatters on either side.
 import os
 import re
 from collections.abc import Sequence
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
+from eaid.arrays import Array
 from eaid.findings import Finding, finding
 from eaid.steps.stepset import RunRecord
 
@@ -45,22 +47,22 @@ def sittings(runs: Sequence[RunRecord], usual: float, unit: str) -> list[Finding
     level = np.array([run.level for group in groups for run in group])
     sitting = np.repeat(np.arange(len(groups)), [len(group) for group in groups])
     apart = connected_components((level[:, None] == level) | (sitting[:, None] == sitting), directed=False)[0] > 1
-    parts = tuple(_words(group, unit) for group in groups)
-    return [finding("several-sessions", "data", sessions=len(groups), by=by, parts=parts, mixed=apart, offer=_offer(groups))]
+    parts, offer = tuple(_words(group, unit) for group in groups), _offer(groups)
+    return [finding("several-sessions", "data", sessions=len(groups), by=by, parts=parts, mixed=apart, offer=offer)]
 
 
 def _moment(run: RunRecord) -> float | None:
     """When a run was recorded [s]; None where neither its name nor its stamps say it."""
     if found := DATE.search(os.path.basename(run.source) or run.name):
-        numbers = [int(one or 0) for one in found.groups()]
+        year, month, day, hour, minute, second = (int(one or 0) for one in found.groups())
         try:
-            return datetime(*numbers, tzinfo=timezone.utc).timestamp()  # type: ignore[arg-type]
+            return datetime(year, month, day, hour, minute, second, tzinfo=UTC).timestamp()
         except ValueError:  # the 31st of a month of 30 days
             return None
     return run.step_s if run.step_s > CALENDAR_S else None
 
 
-def _jump(idle: np.ndarray, usual: float) -> np.ndarray:
+def _jump(idle: Array, usual: float) -> NDArray[np.intp]:
     """Where, in the order of the names, the idle output jumps; nowhere by most sets."""
     best, at = 0.0, 0
     for k in range(LEAST, len(idle) - LEAST + 1):
@@ -70,13 +72,15 @@ def _jump(idle: np.ndarray, usual: float) -> np.ndarray:
         error = np.sqrt(spread * (1 / k + 1 / len(other))) + 1e-12 * usual
         if off > SHARE * usual and off / error > max(best, JUMP):
             best, at = off / error, k
-    return np.array([at] if at else [], dtype=int)
+    return np.array([at] if at else [], dtype=np.intp)
 
 
 def _words(group: Sequence[RunRecord], unit: str) -> str:
     """`2024-10-29 16:18: 250 V`."""
     first = _moment(group[0])
-    when = os.path.basename(group[0].source) + " …" if first is None else f"{datetime.fromtimestamp(first, timezone.utc):%Y-%m-%d %H:%M}"
+    when = f"{os.path.basename(group[0].source)} …"
+    if first is not None:
+        when = f"{datetime.fromtimestamp(first, UTC):%Y-%m-%d %H:%M}"
     levels = ", ".join(f"{one:.4g}" for one in sorted({run.level for run in group}))
     return f"{when}: {levels} {unit}".rstrip()
 
@@ -94,7 +98,7 @@ def _offer(groups: Sequence[Sequence[RunRecord]]) -> str:
 
 
 def _beginning(path: str, others: Sequence[str]) -> str:
-    """The shortest beginning of a path that none of the others has, whole words and numbers; empty where there is none."""
+    """The shortest beginning of a path, in whole words and numbers, that none of the others has; empty: none."""
     name = os.path.basename(path)
     start = len(path) - len(name)
     for end in (start + found.end() for found in re.finditer(r"[A-Za-z]+|\d+", name)):

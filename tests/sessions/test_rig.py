@@ -120,11 +120,11 @@ def test_more_terms_than_levels_are_refused(table):
         eaid.sessions(table[table["level"] < 300], terms=3)
 
 
-def many(gains, tilts=None, levels=(100.0, 200.0, 300.0), scatter=0.02):
+def many(gains, levels=(100.0, 200.0, 300.0), scatter=0.02):
     """A table of sessions with these gains."""
     rng = np.random.default_rng(1)
     rows = [
-        (f"day {s}", u, np.exp(g + (0 if tilts is None else tilts[s]) * np.log(u / 200) + scatter * rng.standard_normal()))
+        (f"day {s}", u, np.exp(g + scatter * rng.standard_normal()))
         for s, g in enumerate(gains) for u in levels
     ]  # fmt: skip
     return pd.DataFrame(rows, columns=["session", "level", "value"]).assign(sd_log=0.02)

@@ -6,19 +6,19 @@ from eaid.report import panels as ink
 from eaid.report.panels import Axis, Band, Line, Panel, Sheet, Span, over
 from eaid.report.results import Results
 from eaid.sessions.compare import Comparison
-from eaid.sessions.model import NOTHING
 from eaid.sessions.rig import Rig
 
 COLOURS = (ink.BLUE, ink.VERMILLION, ink.GREEN, ink.PURPLE, ink.ORANGE, ink.SKY, ink.BLACK)
 MARKERS = "osD^v<>"
+LONGEST = 12  # Letters of a session's name below the chart
 
 
 def control_panel(rig: Rig) -> Panel:
     """Each session's gain over the common one, with what the next one's may be."""
-    model, names = rig.model(), rig.names
+    model, names = rig.main.model(rig.names), rig.names
     sessions, gain, error = model.gains()
     at = [float(one) + 1 for one in sessions]
-    middle = model.next(np.array([rig.main.reference_level]), NOTHING)
+    middle = model.next(np.array([rig.main.reference_level]))
     reach, end = float(np.exp(middle.reach[0])), len(names) + 1.0
     ends = np.exp(gain - 1.96 * error), np.exp(gain + 1.96 * error)
     x = np.array([0.5, end + 0.5])
@@ -28,7 +28,8 @@ def control_panel(rig: Rig) -> Panel:
         Line([end], [1.0], "next, 95 %", ink.VERMILLION, "", marker="D", size=4.5,
              ends=(np.array([1 / reach]), np.array([reach]))),
     ]  # fmt: skip
-    ticks = {one: name if len(name) <= 12 else f"{name[:11]}…" for one, name in zip(at, names, strict=True)} | {end: "next"}
+    shown = [name if len(name) <= LONGEST else f"{name[: LONGEST - 1]}…" for name in names]
+    ticks = {k + 1.0: name for k, name in enumerate(shown)} | {end: "next"}
     axes = Axis("Session", ticks=ticks, limits=(0.5, end + 0.5)), Axis(f"{rig.symbol} over the common one", log=True)
     band = Band(x, np.full(2, 1 / reach), np.full(2, reach), ink.VERMILLION, 0.12)
     return Panel(*axes, lines, [band], legend="above", tight=False)
@@ -39,15 +40,15 @@ def levels_panel(rig: Rig) -> Panel:
     one, unit = rig.main, rig.input_unit
     level = np.array([row.level for row in one.next])
     low, high = (np.array([getattr(row, name) for row in one.next]) for name in ("low", "high"))
-    lines = []
+    lines: list[Line] = []
     for name in rig.names:
         rows = sorted((value.level, value.value) for value in one.values if value.session == name)
         if rows:
-            x, y = zip(*rows, strict=True)
-            lines.append(Line(x, y, "" if lines else "session", ink.BLUE, marker="o", size=2.6, alpha=0.55))
+            at, values = zip(*rows, strict=True)
+            lines.append(Line(at, values, "" if lines else "session", ink.BLUE, marker="o", size=2.6, alpha=0.55))
     lines.append(Line(level, [row.value for row in one.next], "next, 95 %", ink.VERMILLION, "--", width=1.2))
-    y = Axis(rig.symbol, one.unit, log=True)
-    return Panel(over(unit), y, lines, [Band(level, low, high, ink.VERMILLION, 0.15)], legend="above", tight=False)
+    band = Band(level, low, high, ink.VERMILLION, 0.15)
+    return Panel(over(unit), Axis(rig.symbol, one.unit, log=True), lines, [band], legend="above", tight=False)
 
 
 def chart(results: Results) -> Sheet | None:
@@ -65,7 +66,8 @@ def values_panel(found: Comparison) -> Panel:
         x, y, reach = np.array([(one.level, one.value, 1.96 * one.sd_log) for one in values]).reshape(-1, 3).T
         ends, colour = (y * np.exp(-reach), y * np.exp(reach)), COLOURS[k % len(COLOURS)]
         lines.append(Line(x, y, letter, colour, width=1.1, marker=MARKERS[k % len(MARKERS)], ends=ends))
-    return Panel(over(found.input_unit), Axis("T_s", found.output_unit, (0.0, None)), lines, legend="above", tight=False)
+    y_axis = Axis("T_s", found.output_unit, (0.0, None))
+    return Panel(over(found.input_unit), y_axis, lines, legend="above", tight=False)
 
 
 def changes_panel(found: Comparison) -> Panel:

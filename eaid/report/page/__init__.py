@@ -186,14 +186,8 @@ def next_steps(results: Results) -> list[tuple[str, str]]:
     """At most three things to do, each with the command that does it."""
     clutch = next((fit for fit in results.fits if fit.result.data.kind == "clutch"), None)
     fit = clutch or next(iter(results.fits), None)
-    for one in results.comparisons:
-        if fit is None and one.result.files and (one.result.changed or one.result.retune):
-            return [("Make gains for the session as it is now", f"eaid tune-rc {shlex.quote(one.result.files['A'])}")]
-    for one in results.rigs:
-        if fit is None and one.result.base is not None:
-            at = f"{one.result.main.best_level:.4g} {one.result.input_unit}".rstrip()
-            line = f"eaid today {shlex.quote(one.path)} STEP -o today.json"
-            return [(f"In the next session record one step at {at} first: it is worth most", line)]
+    if fit is None and (of_sessions := _next_of_sessions(results)):
+        return of_sessions
     if fit is None:
         return [("Fit the data", f"eaid fit {shlex.quote(one.path)} -o fit.json") for one in results.data[:1]]
     fit_json, usable, linear = shlex.quote(fit.path), fit.result.verdict.usable, fit.result.linear
@@ -223,6 +217,17 @@ def next_steps(results: Results) -> list[tuple[str, str]]:
         line = f"eaid export {shlex.quote(given.path)} --as c{only} -o rig"
         steps.append((f"Take these gains to the rig{without}", line))
     return steps[:3]
+
+
+def _next_of_sessions(results: Results) -> list[tuple[str, str]]:
+    """What to do after a comparison or with a rig."""
+    now, moved = "Make gains for the session as it is now", [one.result for one in results.comparisons]
+    steps = [(now, f"eaid tune-rc {shlex.quote(found.files['A'])}") for found in moved if found.tune_anew]
+    for given in (given for given in results.rigs if given.result.base is not None):
+        at = f"{given.result.main.best_level:.4g} {given.result.input_unit}".rstrip()
+        line = f"eaid today {shlex.quote(given.path)} STEP -o today.json"
+        steps.append((f"In the next session record one step at {at} first: it is worth most", line))
+    return steps
 
 
 def commands(results: Results) -> list[str]:

@@ -15,8 +15,8 @@ from eaid.report.rig import controller_name, level_text
 from eaid.report.tables import Cell, Table, columns, number
 from eaid.report.tables.data import is_warned
 from eaid.report.tables.gains import comparison, guarantee_story
-from eaid.report.tables.sessions import next_table, promise_table, shifts_table
 from eaid.report.tables.replays import SCENARIO_NAMES, metric
+from eaid.report.tables.sessions import next_table, promise_table, shifts_table
 from eaid.results import summary
 from eaid.results.gains import Replayed
 from eaid.results.replay import Replay
@@ -36,7 +36,7 @@ def known(results: Results) -> Known:
         "data": [one for data in results.data for one in data.result.all_findings], "model": [],
         "controller": [one for gains in results.gains for one in gains.result.findings],
         "replay": [one for replay in results.replays for one in replay.result.findings],
-        "sessions": [one for given in (*results.rigs, *results.comparisons) for one in given.result.findings],
+        "sessions": [one for given in results.rigs for one in given.result.findings],
     }  # fmt: skip
     for one in (one for fit in results.fits for one in fit.result.findings):
         of_the_model = one.subject in (*MODELS, "fit") or one.code in ABOUT_THE_CURVE

@@ -34,7 +34,8 @@ def shifts_table(found: Comparison) -> Table:
         "What moved", "A over the other session; p after Holm", found.shifts,
         ("quantity", lambda one: SYMBOLS.get(one.quantity, one.quantity)),
         ("against", "against"),
-        (("ratio", "", 3), "ratio"), (INTERVAL, lambda one: (one.low, one.high)), ("moved", "moved"), (("p", "", 2), "p"),
+        (("ratio", "", 3), "ratio"), (INTERVAL, lambda one: (one.low, one.high)),
+        ("moved", "moved"), (("p", "", 2), "p"),
         ("alike at all levels", "alike"), (("p alike", "", 2), "p_alike"),
     )  # fmt: skip
 
@@ -57,5 +58,5 @@ def promise_table(found: Comparison) -> Table:
     return table_of(
         "Recorded loop against its promise", "95 %: what drawn plants do", one.rows if one is not None else (),
         ("", "name"), (("recorded", unit, 3), "recorded"), (("promised", unit, 3), "promised"),
-        (INTERVAL, lambda row: None if row.high is None else (row.low, row.high)), ("kept", "kept"),
+        (INTERVAL, lambda row: None if row.low is None or row.high is None else (row.low, row.high)), ("kept", "kept"),
     )  # fmt: skip
