@@ -681,6 +681,7 @@ def compare(
     *others: "Fit | Paths",
     gains: Gains | None = None,
     reading: ReadOptions | None = None,
+    names: Sequence[str] = "ABCDEFGHIJKLMNOPQRSTUVWXYZ",
     options: CompareOptions | None = None,
     **keywords: Any,
 ) -> "Comparison":
@@ -696,6 +697,8 @@ def compare(
         Gains: must they be made anew; of a recorded loop those that it ran with.
     reading
         How the log of a loop is read; by itself as the logs of the fit.
+    names
+        What the sessions are called beside their letters A, B, C.
     options
         How a recorded loop is held against its promise.
     **keywords
@@ -728,7 +731,9 @@ def compare(
     if not others:
         raise UsageError("one result alone: give another session's fit, or the log of a loop, to compare it with")
     if isinstance(first, Fit) and all(isinstance(one, Fit) for one in others):
-        named = dict(zip("ABCDEFGHIJKLMNOPQRSTUVWXYZ", (first, *others), strict=False))
+        named = dict(zip(names, (first, *others), strict=False))
+        if len(named) <= len(others):
+            raise UsageError(f"{len(others) + 1} sessions and {len(set(names))} names; give each one of its own")
         return compare_fits(named, gains, how)  # type: ignore[arg-type]
     from eaid.sessions.loop import promise_of
 

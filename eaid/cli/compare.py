@@ -35,8 +35,6 @@ def command(args: Arguments) -> None:
 
     Example: eaid compare today.json last_week.json --gains gains.json
     """
-    import msgspec
-
     from eaid import api
     from eaid.report.results import read_result
     from eaid.report.tables.sessions import changes_table, shifts_table
@@ -61,11 +59,9 @@ def command(args: Arguments) -> None:
             results.append(path)
     reading = part(Columns, args)
     found = api.compare(
-        results[0], *results[1:], gains=gains, options=part(CompareOptions, args),
+        results[0], *results[1:], gains=gains, names=list(map(str, args.files)), options=part(CompareOptions, args),
         reading=None if not reading.given() else ReadOptions(**reading.given()),
     )  # fmt: skip
-    if found.files:
-        found = msgspec.structs.replace(found, files=dict(zip(found.files, map(str, args.files), strict=False)))
     found = stamped(found, args, files=args.files, gains=args.gains)
     found.save(args.output, args.force)
     lines = [*found.lines(), *([shifts_table(found), changes_table(found)] if args.verbose else ())]

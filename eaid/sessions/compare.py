@@ -166,7 +166,7 @@ def _pct(ratio: float) -> str:
 
 def compare_fits(fits: Mapping[str, Fit], gains: Gains | None, options: CompareOptions) -> Comparison:
     """The first session against each of the others; DataError where they are not of one rig, or share no level."""
-    together(fits)
+    told = together(fits)
     letters, shifts = dict(zip(fits, LETTERS, strict=False)), list[Shift]()
     first, *others = fits
     for name in others:
@@ -182,7 +182,7 @@ def compare_fits(fits: Mapping[str, Fit], gains: Gains | None, options: CompareO
         options=options, input_unit=data.input_unit, output_unit=data.output_unit, shifts=tuple(held),
         files={letter: name for name, letter in letters.items()},
         values={letter: tuple(values_of(fits[name], "Ts", letter)) for name, letter in letters.items()},
-        retune=None if gains is None else _retune(fits[first], gains),
+        retune=None if gains is None else _retune(fits[first], gains), findings=tuple(told),
     )  # fmt: skip
 
 

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from scipy.special import stdtrit
 
 from eaid.errors import DataError
-from eaid.findings import Finding
+from eaid.findings import Finding, finding
 from eaid.results import codec
 from eaid.results.common import Input, Number, Positive, Result
 from eaid.results.fit import Fit
@@ -88,8 +88,11 @@ def logs_of(fit: Fit) -> tuple[Input, ...]:
     return tuple(Input(*one) for one in dict.fromkeys((one.path, one.sha256) for one in fit.data.sources))
 
 
-def together(fits: Mapping[str, Fit]) -> None:
-    """DataError where fits are of other units, kind, drive or stand than the first, or have a log in common."""
+def together(fits: Mapping[str, Fit]) -> list[Finding]:
+    """What is to be known of fits that belong together: which must not be used.
+
+    DataError where one is of other units, kind, drive or stand than the first, or has a log of another.
+    """
     faults, (first, *others) = [], list(fits)
     for name in others:
         pairs = zip(_conditions(fits[first]).items(), _conditions(fits[name]).values(), strict=True)
@@ -106,6 +109,8 @@ def together(fits: Mapping[str, Fit]) -> None:
                 faults.append(f"{name}: holds {log.path}, which {before} holds too; a log is of one session")
     if faults:
         raise DataError(*faults)
+    unusable = {name: fit.verdict.sentence for name, fit in fits.items() if not fit.verdict.usable}
+    return [finding("session-not-usable", name, why=why) for name, why in unusable.items()]
 
 
 def _conditions(fit: Fit) -> dict[str, str]:

@@ -23,6 +23,7 @@ from eaid.estimate.mixed import Further, Line, Values, restricted
 from eaid.sessions.gather import MANY
 
 COMPONENTS = ("gain", "tilt", "level")
+FARTHEST = 50.0  # ln θ beyond which an interval reaches no further: it says nothing
 NEW = -1  # The session that is still to come
 
 
@@ -73,7 +74,7 @@ class Next:
     @property
     def reach(self) -> Array:
         """Half-width of the 95 % intervals of ln θ, (q,)."""
-        return np.asarray(stdtrit(self.dof, 0.975) * np.sqrt(np.diag(self.covariance)))
+        return np.minimum(stdtrit(self.dof, 0.975) * np.sqrt(np.diag(self.covariance)), FARTHEST)
 
     @property
     def value(self) -> Array:

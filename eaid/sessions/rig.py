@@ -11,12 +11,13 @@ from scipy.special import stdtrit
 
 from eaid.arrays import Array
 from eaid.errors import DataError, UsageError
-from eaid.findings import Finding, finding, ranked, sentences
+from eaid.findings import finding, ranked, sentences
 from eaid.findings.row import SYMBOLS
 from eaid.options import SessionsOptions
 from eaid.results import codec
 from eaid.results.common import Inputs, Made, Number, Positive, Result
 from eaid.results.fit import Fit
+from eaid.results.verdict import FACTOR
 from eaid.sessions.gather import Session, Value, logs_of, run_scatter, snapped, table_values, together, values_of
 from eaid.sessions.model import NOTHING, Known, Model, Next, steps_known
 from eaid.shown import Plotted, counted
@@ -197,8 +198,9 @@ def rig_of_fits(fits: Mapping[str, Fit], options: SessionsOptions) -> Rig:
             f"{counted(len(fits), 'session')}: three and more tell what the next one may be; record another, or see "
             "what moved between two with eaid compare"
         )
-    together(fits)
-    base = max(reversed(list(fits.values())), key=lambda fit: (fit.nonlinear is not None, len(fit.data.levels)))
+    told = together(fits)
+    sound = [fit for fit in fits.values() if fit.verdict.usable] or list(fits.values())
+    base = max(reversed(sound), key=lambda fit: (fit.nonlinear is not None, len(fit.data.levels)))
     units = {"Ts": base.data.output_unit, "tau1": "s", "tau2": "s", "a0": "1/s"}
     quantities = {}
     for name in NUMBERS:
@@ -207,7 +209,9 @@ def rig_of_fits(fits: Mapping[str, Fit], options: SessionsOptions) -> Rig:
         if len(knowing) >= LEAST:
             runs = [sd for fit in fits.values() if (sd := run_scatter(fit, name)) is not None]
             sd_step = math.sqrt(float(np.mean(np.square(runs)))) if runs else None
-            quantities[name] = quantity_of(values, list(fits), options, sd_step, units.get(name, ""))
+            one = quantity_of(values, list(fits), options, sd_step, units.get(name, ""))
+            if name == "Ts" or one.factor < FACTOR:
+                quantities[name] = one
         elif name == "Ts":
             raise DataError(
                 f"{', '.join(key for key in fits if key not in knowing)}: no level has a T_s with an interval; fit the "
@@ -216,7 +220,7 @@ def rig_of_fits(fits: Mapping[str, Fit], options: SessionsOptions) -> Rig:
     sessions = tuple(Session(name, logs_of(fit)) for name, fit in fits.items())
     slim = msgspec.structs.replace(base, steps=(), parameters=(), recorded=None, findings=())
     return _judged(Rig(options=options, input_unit=base.data.input_unit, sessions=sessions, quantities=quantities,
-                       base=slim))  # fmt: skip
+                       base=slim, findings=tuple(told)))  # fmt: skip
 
 
 def rig_of_table(values: Sequence[Value], options: SessionsOptions) -> Rig:
@@ -255,7 +259,7 @@ def quantity_of(
 def _judged(rig: Rig) -> Rig:
     """The rig with what is to be known of its main quantity; UsageError for more terms than that carries."""
     one, model, name = rig.main, rig.main.model(rig.names), next(iter(rig.quantities))
-    known, unit, found = model.known, rig.input_unit, list[Finding]()
+    known, unit, found = model.known, rig.input_unit, [*rig.findings]
     if one.terms and rig.options.terms not in (None, one.terms):
         held = f"{counted(len(known.y), 'value')} at {counted(len(model.knots), 'level')}"
         raise UsageError(f"«terms» {rig.options.terms}: the sessions hold {held}; give {one.terms} at most")

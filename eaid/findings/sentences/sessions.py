@@ -24,6 +24,9 @@ ROWS: dict[str, Row] = {
     "few-sessions": caution(
         "{sessions} sessions: how much they differ is known to a factor only; record five and more"
     ),
+    "session-not-usable": caution(
+        "session {subject} is of a fit that is NOT USABLE ({why}): its values are taken as they are; fit it again"
+    ),
     "no-scatter-between-sessions": caution(_no_scatter),
     "reference-level-outside": caution(
         "the reference level {level:.4g} {unit} lies outside the levels {levels} of the sessions: what is said there "
