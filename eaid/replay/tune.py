@@ -145,6 +145,8 @@ def tune(
     verdict = msgspec.structs.replace(verdict, mendings=mendings(task, settled, pi, verdict))
     findings += warnings_of(rc, verdict, own, task.units, "reference" if task.given else task.name)
     findings += _notes(task, settled, tuned, rc, replayed)
+    if not of_sessions(fit):
+        findings.append(finding("for-this-mounting", "model"))
     if why:
         findings.insert(0, finding("fit-not-usable", "model", why=why))
     overshoot_pct, settling_s = step_metrics(task.model, pi.K_P, pi.K_I)
@@ -201,8 +203,6 @@ def mendings(task: Task, settled: Design, pi: PIGains, verdict: Guarantee) -> tu
 def _notes(task: Task, settled: Design, tuned: Design, rc: Robust, replayed: Replayed) -> list[Finding]:
     """What else is to be known of gains that were made."""
     findings, model, unit = [], task.model, task.units
-    if not of_sessions(task.fit):
-        findings.append(finding("for-this-mounting", "model"))
     if settled.options.b_hat is None and rc.B_hat != 1 / model.b0:
         findings.append(finding("b-hat-between-levels", "rc", pooled=1 / model.b0, B_hat=rc.B_hat, B_m=rc.B_m))
     if not task.scales.paper:

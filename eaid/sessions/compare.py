@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     import pandas
 
 CHANCE = 0.05
+SQRT2 = 2**0.5
 LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 
 
@@ -228,6 +229,9 @@ def _retune(fit: Fit, gains: Gains) -> Retune:
     B_m, B_M, kept = gains.rc.B_m, gains.rc.B_M, fit.linear.bounds.levels if fit.linear.bounds is not None else ()
     rows = [row for row in fit.linear.per_level if row.B is not None and (row.level in kept or not kept)]
     out = tuple(row.level for row in rows if not B_m <= (row.B or 0.0) <= B_M)
-    ends = [(row.level, ci95_of(row, "B")) for row in rows]
-    sure = tuple(level for level, one in ends if one is not None and (one[1] < B_m or one[0] > B_M))
+    ends = [(row.level, row.B or 0.0, ci95_of(row, "B")) for row in rows]
+    # the range rests on a fit as good, so both ends are as open as this one's interval
+    sure = tuple(
+        u for u, B, one in ends if one and (B * (one[1] / B) ** SQRT2 < B_m or B * (one[0] / B) ** SQRT2 > B_M)
+    )
     return Retune(B_m, B_M, True if sure else None if out else False, sure or out)

@@ -6,8 +6,9 @@ that the session's own fit leaves of ln θ,
     ln θ = X β + g + h x + d + ε,    g, h, d ~ N(0; σ_g², σ_h², σ_d²),    Var ε = W
 
 g and h belong to the session, d to the session at that level. X is 1, x, x², or one term a level, between levels
-straight in x. Variances by REML and the next value with its interval: `eaid.estimate.mixed`. Where nothing is known of
-a session its interval has no more degrees of freedom than there are other sessions beside it.
+straight in x. Variances by REML and the next value with its interval: `eaid.estimate.mixed`. Its degrees of freedom,
+which Satterthwaite's formula overrates where S sessions are few, are S − 1 at most where nothing is known of a session,
+and (S − 1)²/2 for each level of its reference steps: with these the intervals hold (`benchmarks/sessions.py`).
 """
 
 from collections.abc import Sequence
@@ -172,7 +173,8 @@ class Model:
         turn = np.hstack([np.eye(n), -c])
         mean = both.mean[:n] + c @ (steps.y - both.mean[n:])
         whole = replace(both, covariance=V + np.diag(np.append(np.zeros(n), steps.W)))
-        most = MANY if len(steps.y) else self.count - 1.0
+        few = (self.count - 1.0) ** 2 / 2 * len(np.unique(steps.level))
+        most = min(few, MANY) if len(steps.y) else self.count - 1.0
         return Next(level, mean, turn @ whole.covariance @ turn.T, np.minimum(whole.degrees(turn), most))
 
     def narrowest(self, sd_log: float) -> tuple[float, Next]:

@@ -174,7 +174,7 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
             f"reference step ({at}) ×/÷ {one.with_step:.2f}",
             f"scatter gain {one.sd.gain:.3g}, tilt {one.sd.tilt:.3g}, session × level {one.sd.level:.3g} (sd of ln "
             f"{self.symbol}); one run {one.sd_step:.3g}",
-            f"advice  {why}a fourth repeat for three leaves ×/÷ {one.more_repeats:.2f}, one more session about ×/÷ "
+            f"advice  {why}one more repeat to every three leaves ×/÷ {one.more_repeats:.2f}, one more session about ×/÷ "
             f"{one.factor**narrower:.2f}",
             f"advice  in each new session first a reference step at {at}, which is worth most",
         ]

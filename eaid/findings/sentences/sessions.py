@@ -48,7 +48,6 @@ ROWS: dict[str, Row] = {
     "for-this-mounting": note(
         "of one session: gains, guarantee and margins hold for this mounting; fits of three and more, held together by "
         "`eaid sessions`, tell what holds for the next",
-        rank=3,
     ),
     "for-today": note(
         "by {sessions} sessions and {steps:#reference step}: T_s within ×/÷ {factor:.3g} at the worst level, without a "
