@@ -29,7 +29,7 @@ def session(random: np.random.Generator) -> Any:
 
 
 def table(count: int, random: np.random.Generator) -> pd.DataFrame:
-    """What is recorded of so many sessions, each level with its own standard error as told by its runs' known scatter."""
+    """What is recorded of so many sessions, each level with the standard error of its runs."""
     error = RUN / REPEATS**0.5
     rows = [
         (f"s{k}", u, np.exp(y + error * random.standard_normal()), error)

@@ -46,6 +46,7 @@ def command(args: Arguments) -> None:
     one = next(found for found in fit.findings if found.code == "for-today")
     sure = f"today   T_s within ×/÷ {one.values['factor']:.2f}, with nothing known ×/÷ {one.values['without']:.2f}"
     after = f"next    eaid {'tune-rc' if fit.linear is not None else 'report'} {args.output}"
-    shown = [sure, *map(on_command_line, answer(fit)[1:]), after]
+    values = [line for line in answer(fit)[1:] if not line.startswith("used")]
+    shown = [sure, *map(on_command_line, values), after]
     tell_result(args, fit, shown, [*warnings, *(found for found in fit.findings if found is not one)])
     console.say(f"{args.output}: of {len(rig.sessions)} sessions and {one.values['steps']} reference step(s)")

@@ -29,6 +29,7 @@ LEAST = 3  # Sessions that tell how much they differ
 FEW = 5  # Sessions below which that is known to a factor only
 CARRIES = 0.5  # Part of its width that the next session's interval keeps where one session carried it
 CHANCE = 0.05
+CI = "sessions"  # What a fit of today says its intervals are made of
 NUMBERS = ("Ts", "tau1", "tau2", "B", "a0")  # What is known of each session; the first one has to be
 
 
@@ -149,7 +150,7 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
         of, rows = self.quantities[quantity] if quantity else self.main, list[Value]()
         if steps is not None:
             rows = table_values(steps.assign(session="", **({} if "sd_log" in steps else {"sd_log": of.sd_step})))
-        at = np.array([one.level for one in of.next] if levels is None else levels, dtype=np.float64)
+        at = np.atleast_1d(np.array([one.level for one in of.next] if levels is None else levels, dtype=np.float64))
         if not (at > 0).all():
             raise UsageError("«levels»: have to be above 0, as the model is one of logarithms")
         found = self.foreseen(at, steps_known([(one.level, one.value, one.sd_log) for one in rows]), quantity)
@@ -158,7 +159,7 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
         return pd.DataFrame(columns, index=pd.Index(at, name="level"))
 
     def today(self, step: Any) -> Fit:
-        """A fit of today by steps that `eaid.read` returns, or a fit of them; `eaid.today` reads them, too."""
+        """A fit of today by reference steps: `eaid.today(rig, step)`."""
         from eaid.sessions.today import today
 
         return today(self, step)
@@ -174,8 +175,8 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
             f"reference step ({at}) ×/÷ {one.with_step:.2f}",
             f"scatter gain {one.sd.gain:.3g}, tilt {one.sd.tilt:.3g}, session × level {one.sd.level:.3g} (sd of ln "
             f"{self.symbol}); one run {one.sd_step:.3g}",
-            f"advice  {why}one more repeat to every three leaves ×/÷ {one.more_repeats:.2f}, one more session about ×/÷ "
-            f"{one.factor**narrower:.2f}",
+            f"advice  {why}one more repeat to every three leaves ×/÷ {one.more_repeats:.2f}, one more session about "
+            f"×/÷ {one.factor**narrower:.2f}",
             f"advice  in each new session first a reference step at {at}, which is worth most",
         ]
 
@@ -197,6 +198,10 @@ def rig_of_fits(fits: Mapping[str, Fit], options: SessionsOptions) -> Rig:
         raise DataError(
             f"{counted(len(fits), 'session')}: three and more tell what the next one may be; record another, or see "
             "what moved between two with eaid compare"
+        )
+    if foretold := [name for name, fit in fits.items() if fit.uncertainty is not None and fit.uncertainty.ci == CI]:
+        raise DataError(
+            f"{foretold[0]}: is foreseen by reference steps, no session of its own; fit the logs of its session"
         )
     told = together(fits)
     sound = [fit for fit in fits.values() if fit.verdict.usable] or list(fits.values())

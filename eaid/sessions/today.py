@@ -6,8 +6,10 @@ by least squares of the relative error; its coefficients get the covariance by w
 so that drawn plants are those of the next session. B_m and B_M are the outermost ends of the levels' intervals of B.
 """
 
+import os
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from msgspec.structs import replace
@@ -19,17 +21,18 @@ from eaid.errors import DataError
 from eaid.estimate.coefficients import BLOCKS, with_intervals
 from eaid.estimate.workflow import fit_steps
 from eaid.findings import Finding, finding, ranked, stops
+from eaid.logs.frames import runs_from_frames
 from eaid.options import FitOptions, ReadOptions
 from eaid.plant.forms import scales, terms
+from eaid.progress import Progress, no_progress
+from eaid.reading import read_steps, steps_of
 from eaid.results import fit as parts
 from eaid.results.fit import Fit, LevelIntervals
 from eaid.results.parameters import table_of
 from eaid.sessions.gather import MANY, levels_of, logs_of, together, values_of
 from eaid.sessions.model import NOTHING, Known, Next, between, steps_known
-from eaid.sessions.rig import Rig
-
-if TYPE_CHECKING:
-    from eaid.steps.stepset import StepSet
+from eaid.sessions.rig import CI, Rig
+from eaid.steps.stepset import StepSet
 
 INPUTS = 11  # Over the range, beside the levels, through which a curve is put
 Foreseen = Mapping[str, Next]  # What the sessions know, by its name
@@ -42,12 +45,22 @@ def reading_of(rig: Rig, given: ReadOptions | None) -> ReadOptions:
     return chosen(ReadOptions, None, {**kept, **(given.stated() if given is not None else {})})
 
 
-def today(rig: Rig, step: "StepSet | Fit") -> Fit:
-    """A fit of today by steps that were read; DataError for a rig of a plain table, or steps of another rig."""
+def steps_read(step: Any, how: ReadOptions, progress: Progress = no_progress) -> StepSet:
+    """Steps from paths, DataFrames, or as they were read."""
+    if isinstance(step, StepSet):
+        return step
+    if hasattr(step, "columns") or isinstance(step, Mapping):
+        return steps_of(runs_from_frames(step, how), how)[1]
+    paths = [step] if isinstance(step, str | os.PathLike) else step
+    return read_steps([Path(one) for one in paths], how, progress)[1]
+
+
+def today(rig: Rig, step: Any, reading: ReadOptions | None = None, progress: Progress = no_progress) -> Fit:
+    """`eaid.today`: DataError for a rig of a plain table, or steps of another rig or of its own sessions."""
     base = rig.base
     if base is None:
         raise DataError("the rig is of a plain table and holds no plant; its `next(steps=…)` says what today's may be")
-    shown = step if isinstance(step, Fit) else _fitted(base, step)
+    shown = step if isinstance(step, Fit) else _fitted(base, steps_read(step, reading_of(rig, reading), progress))
     names = {one.sha256: session.name for session in rig.sessions for one in session.logs if one.sha256}
     if again := [one for one in logs_of(shown) if one.sha256 in names]:
         was = names[again[0].sha256]
@@ -62,14 +75,14 @@ def today(rig: Rig, step: "StepSet | Fit") -> Fit:
         name: rig.foreseen(np.ones(1) if name == "a0" else levels, steps[name], name) for name in rig.quantities
     }
     made = _with_linear(_with_plant(_with_levels(base, rows, foreseen), rows, foreseen), rows, foreseen)
-    uncertainty = replace(base.uncertainty or parts.Uncertainty(), ci="sessions", share=None, lack_of_fit=())
+    uncertainty = replace(base.uncertainty or parts.Uncertainty(), ci=CI, share=None, lack_of_fit=())
     data = replace(base.data, sources=shown.data.sources, inputs=shown.data.inputs, repeats=(), samples=())
     told = ranked((*_told(rig, steps["Ts"], foreseen), *stops(shown.findings)))
     made = replace(made, data=data, uncertainty=uncertainty, findings=told)
     return replace(made, parameters=table_of(made))
 
 
-def _fitted(base: Fit, steps: "StepSet") -> Fit:
+def _fitted(base: Fit, steps: StepSet) -> Fit:
     models = ("friction", "linear") if steps.kind == "clutch" else ("friction",)
     given = {**part(FitOptions, base.options).given(), "model": models, "hold_out": (), "bounds_levels": None}
     return fit_steps(steps, chosen(FitOptions, None, given))

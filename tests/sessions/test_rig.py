@@ -51,6 +51,15 @@ def test_a_term_a_level_is_the_mean_of_the_sessions_there(table):
     assert middle == pytest.approx(np.exp((means[200] + means[300]) / 2))
 
 
+def test_one_level_and_one_step_may_be_given_alone(table):
+    rig = eaid.sessions(table)
+    assert rig.next(300.0).index.tolist() == [300.0]
+    with pytest.raises(eaid.UsageError, match="levels=: have to be above 0"):
+        rig.next([0.0])
+    with pytest.raises(eaid.UsageError, match="quantity= tau1: the sessions know value"):
+        rig.next(quantity="tau1")
+
+
 def test_the_level_worth_most_leaves_least_open(table):
     rig, widest = eaid.sessions(table), {}
     for level in (150.0, 200.0, 300.0):

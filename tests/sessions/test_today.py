@@ -82,6 +82,18 @@ def test_a_step_at_a_level_beyond_the_sessions_is_said(rig, make):
     assert "reference-level-outside" in {one.code for one in low.findings}
 
 
+def test_the_same_by_a_file_or_a_frame_of_the_step(rig, make, tmp_path):
+    ((name, frame),) = make(70, 0.4, -0.2, levels=(60.0,), repeats=1).items()
+    frame.to_csv(tmp_path / f"{name}.csv", index=False)
+    by_file, by_frame = rig.today(tmp_path / f"{name}.csv"), eaid.today(rig, {name: frame})
+    assert by_file.friction == by_frame.friction
+
+
+def test_a_fit_of_today_is_no_session(fits, today):
+    with pytest.raises(eaid.DataError, match="now: is foreseen by reference steps, no session"):
+        eaid.sessions({"a": fits["s0"], "b": fits["s1"], "now": today})
+
+
 def test_steps_of_another_rig_or_of_its_own_sessions_are_refused(rig, step, table, make):
     with pytest.raises(eaid.DataError, match="is a log of session s0 already"):
         eaid.today(rig, eaid.fit(fits_again(make)))
