@@ -16,6 +16,7 @@ that are not 0.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize
@@ -197,17 +198,10 @@ def restricted(values: Values, near: Array | None = None) -> Line:
         found, slope = values.likelihood(scale * x)
         return found, scale * slope
 
+    def lowest(start: Array) -> Any:
+        options = {"ftol": 1e-14, "gtol": 1e-9}
+        return minimize(cost, start, jac=True, method="L-BFGS-B", bounds=[(0, None)] * len(start), options=options)
+
     starts = [np.full(len(values.G), one) for one in STARTS] if near is None else [near / scale]
-    ends = [
-        minimize(
-            cost,
-            start,
-            jac=True,
-            method="L-BFGS-B",
-            bounds=[(0, None)] * len(values.G),
-            options={"ftol": 1e-14, "gtol": 1e-9},
-        )
-        for start in starts
-    ]
-    best = min(ends, key=lambda end: float(end.fun))
+    best = min(map(lowest, starts), key=lambda end: float(end.fun))
     return values.at(scale * best.x)
