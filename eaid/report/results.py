@@ -183,7 +183,7 @@ def read_result(path: Path) -> tuple[Any, tuple[Finding, ...]]:
     if path.is_dir():
         raise UsageError(f"{path}: is a folder; give the files in it that eaid wrote")
     if not path.is_file():
-        raise DataError(f"{path}: no such file; give a fit.json, gains.json, rig.json, replay.h5 or data.h5")
+        raise DataError(f"{path}: no such file; give a fit.json, gains.json, couple.json, replay.h5 or data.h5")
     if not h5py.is_hdf5(path):
         kind = codec.kind_of(path)
         if kind not in TYPES:

@@ -33,6 +33,12 @@ class Kept(Result, frozen=True):
         """Whether the loop is as good as promised."""
         return self.recorded <= (self.promised if self.high is None else self.high)
 
+    @property
+    def word(self) -> str:
+        """The same in words."""
+        better = self.low is not None and self.recorded < self.low
+        return "better than promised" if better else "kept" if self.kept else "worse than promised"
+
 
 class Promise(Result, frozen=True):
     """A recorded loop against its replay."""
@@ -54,8 +60,8 @@ class Promise(Result, frozen=True):
         said = [f"{'kept   ' if self.kept else 'MISSED '} {self.controller} in {self.log}"]
         for one in self.rows:
             ends = "" if one.high is None else f" ({one.low:.3g} … {one.high:.3g})"
-            word = "kept" if one.kept else "worse than promised"
-            said.append(f"        {one.name} {one.recorded:.3g} {self.unit}, promised {one.promised:.3g}{ends}: {word}")
+            numbers = f"{one.recorded:.3g} {self.unit}, promised {one.promised:.3g}{ends}"
+            said.append(f"        {one.name} {numbers}: {one.word}")
         return said
 
 

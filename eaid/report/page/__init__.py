@@ -129,7 +129,8 @@ def _sessions(results: Results, known: Known, drawn: Figures) -> Block | None:
     tables = [sessions.scatter_table(given.result) for given in results.rigs]
     tables += [sessions.changes_table(given.result) for given in results.comparisons]
     figures = _of(drawn, "sessions_chart", "sessions_compared")
-    return _part("Sessions", known, figures, tables, open_figures=2) if results.rigs or results.comparisons else None
+    found = _part("Sessions", known, figures, tables, open_figures=2)
+    return found if found.figures or found.tables or found.findings else None
 
 
 def _data(results: Results, known: Known, drawn: Figures) -> Block | None:

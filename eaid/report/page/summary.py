@@ -125,7 +125,7 @@ class Light:
 def title(results: Results) -> str:
     """What the page is about."""
     if results.main_kind is None:
-        several = "Sessions compared" if results.comparisons else "Sessions of a rig" if results.rigs else ""
+        several = "Compared" if results.comparisons else "Sessions of a rig" if results.rigs else ""
         return several or ("Replays" if results.replays else "Gains")
     if results.main_kind != "clutch":
         return KINDS[results.main_kind].capitalize()
@@ -170,8 +170,9 @@ def _sessions(results: Results, known: Known) -> Iterator[Light]:
             grade = "good" if found.retune.needed is False else "care"
             yield Light("Make gains anew", grade, found.retune.words(), "sessions")
         if found.promise is not None:
-            said = " ".join(" ".join(found.promise.lines()).split())
-            yield Light("Promise", "good" if found.promise.kept else "care", said, "sessions")
+            said = "; ".join(f"{one.name}: {one.word}" for one in found.promise.rows)
+            where = f"{found.promise.controller} in {found.promise.log}: {said}"
+            yield Light("Recorded loop", "good" if found.promise.kept else "care", where, "summary")
     for rig in (given.result for given in results.rigs):
         said = rig.lines()[0].removeprefix("rig").strip()
         yield Light("Rig", _grade(known["sessions"]), f"{said}; {_counted(known['sessions'])}", "sessions")
