@@ -14,7 +14,7 @@ that are not 0.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -193,6 +193,8 @@ STARTS = (1.0, 0.1, 0.001)  # Parts of the values' scale about a plain line that
 def restricted(values: Values, near: Array | None = None) -> Line:
     """The line whose variances maximise the restricted likelihood: the best of three starts, or the one `near` some."""
     scale = max(values.at(np.zeros(len(values.G))).scale, 1e-300)
+    if not np.diag(values.W).all():  # values known for certain have no K⁻¹ where their components are 0
+        values = replace(values, W=values.W + NOTHING**2 * scale * np.eye(len(values.y)))
 
     def cost(x: Array) -> tuple[float, Array]:
         found, slope = values.likelihood(scale * x)

@@ -24,7 +24,8 @@ from eaid.estimate.mixed import Further, Line, Values, restricted
 from eaid.sessions.gather import MANY
 
 COMPONENTS = ("gain", "tilt", "level")
-FARTHEST = 50.0  # ln θ beyond which an interval reaches no further: it says nothing
+EXACT = 1e-6  # Standard deviation of ln θ below which a value is known for certain
+FARTHEST, MOST = 50.0, 130.0  # Half-width of ln θ, and its size, beyond which nothing is said
 NEW = -1  # The session that is still to come
 
 
@@ -57,7 +58,7 @@ class Known:
 def steps_known(steps: Sequence[tuple[float, float, float]]) -> Known:
     """What the session to come has shown of itself: level, value, standard deviation of its logarithm."""
     level, value, sd_log = np.array(steps, dtype=np.float64).reshape(-1, 3).T
-    return Known(np.full(len(level), NEW), level, np.log(value), sd_log**2)
+    return Known(np.full(len(level), NEW), level, np.log(value), np.maximum(sd_log, EXACT) ** 2)
 
 
 NOTHING = steps_known([])
@@ -80,12 +81,12 @@ class Next:
     @property
     def value(self) -> Array:
         """θ, (q,)."""
-        return np.asarray(np.exp(self.mean))
+        return np.asarray(np.exp(np.clip(self.mean, -MOST, MOST)))
 
     @property
     def ends(self) -> Array:
         """Low and high ends of its 95 % intervals, (2, q)."""
-        return np.exp([self.mean - self.reach, self.mean + self.reach])
+        return np.exp(np.clip([self.mean - self.reach, self.mean + self.reach], -MOST, MOST))
 
     def of_a_run(self, W: float) -> tuple[float, float]:
         """Ends of the interval of a single run at the first level, whose ln θ scatters with the variance W."""
@@ -175,7 +176,7 @@ class Model:
         whole = replace(both, covariance=V + np.diag(np.append(np.zeros(n), steps.W)))
         few = (self.count - 1.0) ** 2 / 2 * len(np.unique(steps.level))
         most = min(few, MANY) if len(steps.y) else self.count - 1.0
-        return Next(level, mean, turn @ whole.covariance @ turn.T, np.minimum(whole.degrees(turn), most))
+        return Next(level, mean, turn @ whole.covariance @ turn.T, np.clip(whole.degrees(turn), 1.0, most))
 
     def narrowest(self, sd_log: float) -> tuple[float, Next]:
         """The level of the reference step that is worth most, and the next session after one: the least interval at

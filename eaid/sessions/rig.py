@@ -19,7 +19,7 @@ from eaid.results.common import Inputs, Made, Number, Positive, Result
 from eaid.results.fit import Fit
 from eaid.results.verdict import FACTOR
 from eaid.sessions.gather import Session, Value, logs_of, run_scatter, snapped, table_values, together, values_of
-from eaid.sessions.model import NOTHING, Known, Model, Next, steps_known
+from eaid.sessions.model import EXACT, NOTHING, Known, Model, Next, steps_known
 from eaid.shown import Plotted, counted
 
 if TYPE_CHECKING:
@@ -86,8 +86,8 @@ class Quantity(Result, frozen=True):
         """Its model over the sessions of these names."""
         session = np.array([names.index(one.session) for one in self.values], dtype=np.float64)
         level, value, sd = np.array([(one.level, one.value, one.sd_log) for one in self.values]).T
-        known, v = Known(session, level, np.log(value), sd**2), np.square(msgspec.structs.astuple(self.sd))
-        return Model(known, self.reference_level, self.terms, v)
+        known = Known(session, level, np.log(value), np.maximum(sd, EXACT) ** 2)
+        return Model(known, self.reference_level, self.terms, np.square(msgspec.structs.astuple(self.sd)))
 
 
 class Rig(Plotted, codec.Saved, Made, frozen=True):
@@ -234,7 +234,7 @@ def rig_of_table(values: Sequence[Value], options: SessionsOptions) -> Rig:
     if len(names) < LEAST:
         held = counted(len(names), "session")
         raise DataError(f"the table holds {held}; three and more tell what the next one may be")
-    quantities = {"value": quantity_of(values, names, options)}
+    quantities = {"value": quantity_of(snapped(values), names, options)}
     return _judged(Rig(options=options, sessions=tuple(map(Session, names)), quantities=quantities))
 
 

@@ -139,6 +139,11 @@ def many(gains, levels=(100.0, 200.0, 300.0), scatter=0.02):
     return pd.DataFrame(rows, columns=["session", "level", "value"]).assign(sd_log=0.02)
 
 
+def test_values_known_for_certain_are_taken(table):
+    exact = eaid.sessions(table.assign(sd_log=0.0))
+    np.testing.assert_allclose(exact.next(), eaid.sessions(table.assign(sd_log=1e-4)).next(), rtol=1e-3)
+
+
 def test_few_sessions_are_warned_of(table):
     assert "few-sessions" not in codes(eaid.sessions(table))
     assert "few-sessions" in codes(eaid.sessions(table[table["session"] != "day 4"]))
