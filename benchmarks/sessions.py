@@ -79,7 +79,8 @@ def second_way() -> str:
     theirs = MixedLM(y, np.ones((40, 1)), group).fit(reml=True)
     same = (group[:, None] == group).astype(float)
     ours = restricted(Values(y, np.ones((40, 1)), np.zeros((40, 40)), (same, np.eye(40)))).v
-    return f"MixedLM: gain {float(np.asarray(theirs.cov_re)[0, 0]):.6f}, run {theirs.scale:.6f}; ours {ours[0]:.6f}, {ours[1]:.6f}"
+    gain = float(np.asarray(theirs.cov_re)[0, 0])
+    return f"MixedLM: gain {gain:.6f}, run {theirs.scale:.6f}; ours {ours[0]:.6f}, {ours[1]:.6f}"
 
 
 def main(sets: int = 500) -> None:

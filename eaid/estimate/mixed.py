@@ -201,8 +201,8 @@ def restricted(values: Values, near: Array | None = None) -> Line:
         return found, scale * slope
 
     def lowest(start: Array) -> Any:
-        options = {"ftol": 1e-14, "gtol": 1e-9}
-        return minimize(cost, start, jac=True, method="L-BFGS-B", bounds=[(0, None)] * len(start), options=options)
+        bounds = [(0, None)] * len(start)
+        return minimize(cost, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"ftol": 1e-14, "gtol": 1e-9})
 
     starts = [np.full(len(values.G), one) for one in STARTS] if near is None else [near / scale]
     best = min(map(lowest, starts), key=lambda end: float(end.fun))

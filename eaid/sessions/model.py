@@ -86,7 +86,7 @@ class Next:
     @property
     def ends(self) -> Array:
         """Low and high ends of its 95 % intervals, (2, q)."""
-        return np.exp(np.clip([self.mean - self.reach, self.mean + self.reach], -MOST, MOST))
+        return np.asarray(np.exp(np.clip([self.mean - self.reach, self.mean + self.reach], -MOST, MOST)))
 
     def of_a_run(self, W: float) -> tuple[float, float]:
         """Ends of the interval of a single run at the first level, whose ln θ scatters with the variance W."""
