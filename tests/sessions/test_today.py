@@ -40,10 +40,12 @@ def test_its_plant_goes_through_its_levels_and_drawn_ones_spread_as_they_do(toda
     assert (inside > 0.8).all() and (inside < 0.995).all()  # less at the step: tails are those of most levels
 
 
-def test_b_reaches_over_the_next_session(today, fits):
+def test_b_reaches_over_the_next_session(rig, today, fits):
     ends = np.array([row.ci95.B for row in today.linear.per_level])
     bounds = today.linear.bounds
     assert (bounds.B_m, bounds.B_M) == pytest.approx((ends[:, 0].min(), ends[:, 1].max()))
+    row = rig.next(quantity="a0").iloc[0]  # of one level a0 is another number than of all: the step tells nothing of it
+    assert (today.linear.a0, *today.linear.ci95.a0) == pytest.approx(tuple(row[["value", "low", "high"]]))
     one = fits["s5"].linear.bounds
     assert bounds.B_M / bounds.B_m > one.B_M / one.B_m
 
