@@ -12,15 +12,31 @@ from typing import TYPE_CHECKING, Any
 from eaid.version import __version__
 
 if TYPE_CHECKING:
-    from eaid.api import couple, export, fit, load, plan, read, report, simulate, synth, tune_rc
+    from eaid.api import (
+        compare,
+        couple,
+        export,
+        fit,
+        load,
+        plan,
+        read,
+        report,
+        sessions,
+        simulate,
+        synth,
+        today,
+        tune_rc,
+    )
     from eaid.errors import DataError, EaidError, GainsError, UsageError
     from eaid.options import (
+        CompareOptions,
         CoupleOptions,
         ExportOptions,
         FitOptions,
         PlanOptions,
         ReadOptions,
         ReportOptions,
+        SessionsOptions,
         SimulateOptions,
         SynthOptions,
         TuneOptions,
@@ -33,10 +49,11 @@ if TYPE_CHECKING:
     from eaid.steps.stepset import StepSet
 
 __all__ = [
-    "CoupleOptions", "Coupling", "DataError", "EaidError", "ExportOptions", "Fit", "FitOptions", "Gains", "GainsError",
-    "Plan", "PlanOptions", "ReadOptions", "Replay", "ReportOptions", "SimulateOptions", "StepSet", "SynthOptions",
-    "TuneOptions", "UsageError", "__version__",
-    "couple", "export", "fit", "load", "plan", "read", "report", "simulate", "synth", "tune_rc",
+    "CompareOptions", "CoupleOptions", "Coupling", "DataError", "EaidError", "ExportOptions", "Fit", "FitOptions",
+    "Gains", "GainsError", "Plan", "PlanOptions", "ReadOptions", "Replay", "ReportOptions", "SessionsOptions",
+    "SimulateOptions", "StepSet", "SynthOptions", "TuneOptions", "UsageError", "__version__",
+    "compare", "couple", "export", "fit", "load", "plan", "read", "report", "sessions", "simulate", "synth", "today",
+    "tune_rc",
 ]  # fmt: skip
 
 

@@ -32,6 +32,7 @@ WHAT, MORE, REHAB, CHANCE = "What is replayed", "More plants", "Rehabilitation",
 LIMB, LOOP = "The limb and the wall", "The loop as it runs"
 LOGS, WHEN, HOW, INPUTS = "What is recorded", "Times", "Disturbances", "Other inputs than steps"
 FIGURES = "Figures"
+SESSIONS = "Sessions"
 
 # Limits of options that are alike
 RATE: dict[str, Any] = {"least": 1e-3, "most": 1e5}
@@ -299,6 +300,30 @@ class CoupleOptions(Options):
     idle_drag_nm: float | None = option(None, "Torque of the idle clutch; by itself the fit's idle.", LIMB)
     rotor_rpm: float = option(10.0, "Speed of the rotor.", LIMB)
     limb_speed_rad_s: float = option(0.41, "Fastest motion of the limb; by itself 25° at 0.15 Hz.", LIMB)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SessionsOptions(Options):
+    """How sessions are held together."""
+
+    reference_level: float | None = option(
+        None, "Level that tilt is counted from; by itself a middle one.", SESSIONS, **POSITIVE
+    )
+    terms: int | None = option(
+        None, "Of the common line in ln level: 1, 2 or 3; by itself one a level where all sessions have the same "
+        "levels, else 3.", SESSIONS, least=1, most=3,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompareOptions(Chance):
+    """How a recorded loop is held against its promise."""
+
+    controller: str | None = option(
+        None, "Which loop ran in the log; by itself the first that the gains or the replay hold.", SESSIONS,
+        words=CONTROLLERS,
+    )  # fmt: skip
+    plants: int = option(60, "Plants that the promise's interval is made of.", SESSIONS, least=10, most=100_000)
 
 
 @dataclass(frozen=True, kw_only=True)

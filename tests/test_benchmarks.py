@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import coverage, fit_quality, fit_speed, processes, reading, replay_speed, stop_findings
+from benchmarks import coverage, fit_quality, fit_speed, processes, reading, replay_speed, sessions, stop_findings
 from benchmarks.table import markdown
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
@@ -39,8 +39,9 @@ def test_rows(module, small, count, monkeypatch: pytest.MonkeyPatch) -> None:
         (lambda: coverage.main(["1", "base", "random", "two"]), "| level Ts |"),
         (lambda: fit_quality.main(2), "2 of 2 within 1e-06"),
         (lambda: stop_findings.main(2), "not-at-rest"),
+        (lambda: sessions.main(2), "| quadratic | 10 |"),
     ],
-    ids=["coverage", "fit_quality", "stop_findings"],
+    ids=["coverage", "fit_quality", "stop_findings", "sessions"],
 )
 def test_tables(call: Callable[[], object], told: str, capfd: pytest.CaptureFixture[str]) -> None:
     call()

@@ -66,10 +66,24 @@ def shown_commands(page: Path) -> list[list[str]]:
 
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
-WITH_COMMANDS = [ROOT / "README.md", ROOT / "docs" / "walkthrough.md"]
+WITH_COMMANDS = [ROOT / "README.md", *(ROOT / "docs" / page for page in ("walkthrough.md", "sessions.md"))]
 
 
-COMMANDS = {"ingest", "fit", "tune-rc", "simulate", "export", "report", "synth", "couple", "plan", "demo"}
+COMMANDS = {
+    "ingest",
+    "fit",
+    "tune-rc",
+    "simulate",
+    "export",
+    "report",
+    "synth",
+    "couple",
+    "plan",
+    "demo",
+    "compare",
+    "sessions",
+    "today",
+}
 
 
 def test_every_command_is_shown_and_has_the_options_it_is_shown_with(run_eaid: Callable[..., Any]) -> None:

@@ -5,12 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from eaid.cli import console
-from eaid.cli.form import Common, argument, takes, tell_result, written
-from eaid.declared import part
+from eaid.cli.form import Common, argument, refuse_idle, takes, tell_result, written
+from eaid.declared import option, part
 from eaid.errors import on_command_line
 from eaid.files import refuse_to_overwrite
 from eaid.options import FitOptions, ReadOptions
 
+FOLLOW = "At the rig"
 NOT_TO_BE_USED = 4  # Exit code of a fit whose verdict is that it must not be used; it is written, marked
 
 
@@ -19,6 +20,14 @@ class Arguments(Common, FitOptions, ReadOptions):
     """What `eaid fit` takes."""
 
     data: list[Path] = argument("DATA…", "A data.h5, log files, or folders of them.")
+    follow: float | None = option(
+        None, "Read each new log of the folder as it comes, until Ctrl-C or so many seconds of silence; then fit.",
+        FOLLOW, shown="[SECONDS]", kept=False,
+    )  # fmt: skip
+    against: Path | None = option(None, "rig.json that following holds each step against.", FOLLOW, shown="FILE",
+                                  kept=False)  # fmt: skip
+    plan: Path | None = option(None, "plan.csv that following tells the next run of.", FOLLOW, shown="FILE",
+                               kept=False)  # fmt: skip
     output: Path = written("fit.json")
 
 
@@ -38,6 +47,10 @@ def command(args: Arguments) -> int:
     from eaid.report.tables.fits import model_tables
     from eaid.results.summary import answer, runs, verdict_line, warned
 
+    if args.follow is None:
+        refuse_idle(args, ("against", "plan"), "without --follow")
+    else:
+        _follow(args, args.follow)
     refuse_to_overwrite(args.output, args.force, files_read(args.data))
     stepset = read_steps(args.data, part(ReadOptions, args), console.progress, console.warn, console.say)[1]
     result = api.fit(stepset, part(FitOptions, args), progress=console.progress)
@@ -56,3 +69,19 @@ def command(args: Arguments) -> int:
         return 0
     console.fail(f"{args.output}: is written and marked; do not use its numbers")
     return NOT_TO_BE_USED
+
+
+def _follow(args: Arguments, silence_s: float) -> None:
+    """Tell of each new log as it comes, until Ctrl-C or silence; the fit follows."""
+    from eaid.results import codec
+    from eaid.sessions.follow import followed
+    from eaid.sessions.rig import Rig
+
+    refuse_to_overwrite(args.output, args.force)
+    rig = codec.read(args.against, Rig)[0] if args.against is not None else None
+    console.say("following; Ctrl-C ends it with the fit")
+    try:
+        for line in followed(args.data, part(ReadOptions, args), silence_s, rig, args.plan):
+            console.say(on_command_line(line))
+    except KeyboardInterrupt:
+        console.say("followed to here; fitting")

@@ -75,6 +75,9 @@ COMMANDS = {
     "report": "Result files → one HTML page and figures",
     "synth": "A plant → synthetic logs",
     "couple": "fit.json and gains.json → how stiff a virtual wall, couple.json",
+    "compare": "fit.json of sessions → what moved, must gains be made anew; or a recorded loop",
+    "sessions": "fit.json of three sessions and more → what the next may be, rig.json",
+    "today": "rig.json and a reference step → a fit that holds today",
     "plan": "fit.json → what to record next, plan.csv",
     "demo": "All of the above on the three shipped datasets",
 }
@@ -104,6 +107,7 @@ def load_command(name: str) -> "TyperCommand":
     return command
 
 
+UNUSABLE = 4  # A result was written, whatever came before: `fit --follow` ends by Ctrl-C
 INTERRUPTED = "interrupted; nothing half-written is left"
 
 
@@ -113,7 +117,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
     try:
         with breaking_off() as interrupted, patient_streams():
             code, sentences = _outcome(given or ["--help"])
-            if code and interrupted:  # typer, or a library, may make another failure of a KeyboardInterrupt
+            # typer, or a library, may make another failure of a KeyboardInterrupt
+            if code not in (0, UNUSABLE) and interrupted:
                 code, sentences = 130, (INTERRUPTED,)
             for sentence in sentences if {"-v", "--verbose"} & set(given) else once_each(sentences):
                 (console.say if sentence.startswith("try: ") else console.fail)(on_command_line(sentence))
@@ -141,6 +146,9 @@ def once_each(sentences: Sequence[str]) -> list[str]:
 def _outcome(arguments: list[str]) -> tuple[int, tuple[str, ...]]:
     """Exit code of one command, and the sentences that say why it failed."""
     name, *rest = arguments
+    for k in [k for k, word in enumerate(rest) if word == "--follow"]:  # its number may be left out
+        if not re.fullmatch(r"[\d.]+", "".join(rest[k + 1 : k + 2])):
+            rest = [*rest[: k + 1], "0", *rest[k + 1 :]]
     known = [module.replace("_", "-") for module in COMMANDS]
     try:
         if "" in arguments:  # pathlib takes it for the current folder

@@ -263,7 +263,7 @@ class Estimate:
             return self.numbers(u, self.coefficients)[0][0], 0.5 * (high - low), degrees[0]
         size, rows = self.solved.at.theta[0] / line.values.y, []
         for x, own in zip(line.values.X, np.eye(len(size)), strict=True):
-            rows.append(line.predict(x, (own,), np.ones(1), known=self.scatter.degrees))
+            rows.append(line.predict(x, own[None], np.ones(1), self.scatter.degrees))
         mean, variance, degrees = np.array(rows).T
         mean = np.maximum(mean, SURE)
         variance = variance / mean**2

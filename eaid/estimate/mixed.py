@@ -10,20 +10,21 @@ the line by itself, blocks of ones where those of a session depart together. The
 is smallest at the v_k. A further value of the same kind, with the rows x* and the covariances k = Cov(y, y*), is then
 x* β + k' K⁻¹ r, with the variance k** − k' K⁻¹ k + a' (X' K⁻¹ X)⁻¹ a, a = x* − X' K⁻¹ k (Henderson), and as many
 degrees of freedom as the v_k leave it by Satterthwaite: 2 V²/(∇V' H⁻¹ ∇V), H the curvature of −log L over the v_k
-that are not 0. Where W is an estimate of ν degrees of freedom, its size is one more: + 2 (W ∂V/∂W)²/ν below.
+that are not 0. Where W is an estimate of ν degrees of freedom, its size is one more: + 2 (w' W w)²/ν below, w the
+weights of the values in the further one.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize
+from scipy.sparse.csgraph import connected_components
 
 from eaid.arrays import Array
 
 NOTHING = 1e-6  # Part of the data's own variance below which a component is none
-NUDGE = 1e-4  # Part of a variance by which it is changed to see what goes with it
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +40,33 @@ class Values:
         """The line through them where the variances are v, (k,)."""
         return Line(self, v)
 
+    @cached_property
+    def blocks(self) -> tuple[Array, Array, Array, Array]:
+        """y (b, m), X (b, m, p), W (b, m, m), G (k, b, m, m) of values that have something in common, block by block;
+        in shorter blocks a value of nothing, with the variance 1, stands for each that is missing."""
+        n, every = len(self.y), np.stack([self.W, *self.G])
+        label = connected_components((every != 0).any(axis=0), directed=False)[1]
+        sizes = np.bincount(label)
+        place = np.full((len(sizes), sizes.max()), n)  # n: missing
+        place[np.arange(sizes.max()) < sizes[:, None]] = np.argsort(label, kind="stable")
+        squares = np.pad(every, ((0, 0), (0, 1), (0, 1)))[:, place[:, :, None], place[:, None, :]]
+        squares[0] += (place == n)[:, :, None] * np.eye(place.shape[1])
+        return np.append(self.y, 0)[place], np.pad(self.X, ((0, 1), (0, 0)))[place], squares[0], squares[1:]
+
+    def likelihood(self, v: Array) -> tuple[float, Array]:
+        """−log L but for a constant, and its derivative by each v_k: ½ tr(P G_k) − ½ y'P G_k P y, (k,)."""
+        y, X, W, G = self.blocks
+        K = W + np.tensordot(v, G, 1)
+        inverse = np.linalg.inv(K)
+        across = inverse @ X
+        information = np.einsum("bmp,bmq->pq", X, across)
+        covariance = np.linalg.inv(information)
+        r = y - X @ (covariance @ np.einsum("bmp,bm->p", across, y))
+        pulled = np.einsum("bmn,bn->bm", inverse, r)
+        P = inverse - across @ covariance @ across.transpose(0, 2, 1) - pulled[:, :, None] * pulled[:, None, :]
+        logs = np.linalg.slogdet(K)[1].sum() + np.linalg.slogdet(information)[1]
+        return 0.5 * float(logs + np.vdot(pulled, r)), 0.5 * np.einsum("kbmn,bmn->k", G, P)
+
 
 @dataclass(frozen=True, eq=False)
 class Line:
@@ -46,11 +74,6 @@ class Line:
 
     values: Values
     v: Array
-    found_from: "Line | None" = None  # the line that the variances were found from, where it is another
-
-    def among(self, values: Values) -> "Line":
-        """The same variances for more values, which have no say in them: those of a new session."""
-        return Line(values, self.v, self)
 
     @cached_property
     def K(self) -> Array:
@@ -91,8 +114,7 @@ class Line:
     @property
     def cost(self) -> float:
         """−log L but for a constant."""
-        half = np.linalg.slogdet(self.K)[1] + np.linalg.slogdet(self.information)[1]
-        return 0.5 * float(half + self.residuals @ self.inverse @ self.residuals)
+        return self.values.likelihood(self.v)[0]
 
     @property
     def gained(self) -> float:
@@ -101,9 +123,8 @@ class Line:
 
     @property
     def slope(self) -> Array:
-        """Its derivative by each v_k: ½ tr(P G_k) − ½ y'P G_k P y, (k,)."""
-        pulled = self.projected @ self.values.y
-        return np.array([0.5 * (np.vdot(self.projected, G) - pulled @ G @ pulled) for G in self.values.G])
+        """Its derivative by each v_k, (k,)."""
+        return self.values.likelihood(self.v)[1]
 
     @cached_property
     def curvature(self) -> Array:
@@ -113,36 +134,32 @@ class Line:
         second = [[a @ self.projected @ b for b in moved] for a in moved]
         return np.array(second) - 0.5 * np.array([[np.vdot(a.T, b) for b in across] for a in across])
 
-    def predict(
-        self, x: Array, k: Sequence[Array], own: Array, most: float = np.inf, known: float = np.inf
-    ) -> tuple[float, float, float]:
-        """A further value: its mean, variance and degrees of freedom, `most` at most; those of W are `known`.
+    def predict(self, x: Array, k: Array, own: Array, known: float = np.inf) -> tuple[float, float, float]:
+        """A further value: its mean, variance and degrees of freedom; those of W are `known`.
 
-        x (p,) is its row, k what it has in common with the values by component, (n,) each, and `own` (components,)
-        its own variance by component.
+        x (p,) is its row, k (components, n) what it has in common with the values, `own` (components,) its own
+        variance by component.
         """
+        found = self.further(x[None], k[:, :, None], own[:, None, None])
+        return float(found.mean[0]), float(found.covariance[0, 0]), float(found.degrees(np.ones((1, 1)), known)[0])
 
-        def of(values: Values, v: Array) -> tuple[float, float]:
-            line = values.at(v)
-            common = sum((one * many for one, many in zip(v, k, strict=True)), np.zeros(len(values.y)))
-            back = line.inverse @ common
-            a = x - values.X.T @ back
-            return float(x @ line.beta + back @ line.residuals), float(
-                v @ own - common @ back + a @ line.covariance @ a
-            )
+    def further(self, x: Array, k: Array, own: Array) -> "Further":
+        """q further values: x (q, p) are their rows, k (components, n, q) what they have in common with the values,
+        `own` (components, q, q) among themselves.
 
-        values, v, source = self.values, self.v, self.found_from or self
-        (mean, variance), spread = of(values, v), 0.0
-        free = np.flatnonzero(v > NOTHING * source.scale)
-        if len(free):
-            ways = NUDGE * np.diag(v)[free]
-            slopes = [(of(values, v + way)[1] - of(values, v - way)[1]) / (2 * way.sum()) for way in ways]
-            inner = np.linalg.pinv(source.curvature[np.ix_(free, free)], hermitian=True)
-            spread = float(np.array(slopes) @ inner @ slopes)
-        if np.isfinite(known):
-            more, less = (of(replace(values, W=(1 + side * NUDGE) * values.W), v)[1] for side in (1, -1))
-            spread += 2 * ((more - less) / (2 * NUDGE)) ** 2 / known
-        return mean, variance, min(2 * variance**2 / spread, most) if spread > 0 else most
+        As the weights w = K⁻¹ (k + X (X' K⁻¹ X)⁻¹ a) of the values make the variance least, it goes with v_j as
+        own_j − k_j' w − w' k_j + w' G_j w.
+        """
+        free = np.flatnonzero(self.v > NOTHING * self.scale)
+        common = np.tensordot(self.v, k, 1)
+        back = self.inverse @ common
+        w = back + self.inverse @ self.values.X @ self.covariance @ (x.T - self.values.X.T @ back)
+        across = w.T @ k
+        slopes = own - across - across.transpose(0, 2, 1) + np.stack([w.T @ (G @ w) for G in self.values.G])
+        measured = w.T @ self.values.W @ w
+        covariance = np.tensordot(self.v, slopes, 1) + measured
+        certainty = np.asarray(np.linalg.pinv(self.curvature[np.ix_(free, free)], hermitian=True), dtype=np.float64)
+        return Further(w.T @ self.values.y, covariance, slopes[free], certainty, measured)
 
     @property
     def scale(self) -> float:
@@ -151,27 +168,44 @@ class Line:
         return float(left @ left / max(len(left) - self.values.X.shape[1], 1))
 
 
+@dataclass(frozen=True, eq=False)
+class Further:
+    """Further values: their means (q,), covariance (q, q), its derivatives by the variances that are not 0, (k, q, q),
+    and the covariance of those, (k, k)."""
+
+    mean: Array
+    covariance: Array
+    slopes: Array
+    certainty: Array
+    measured: Array  # The part of the covariance that W makes, (q, q)
+
+    def degrees(self, turn: Array, known: float = np.inf) -> Array:
+        """Degrees of freedom of the variances of `turn` (m, q) times the values, those of W being `known`: infinite
+        where nothing is estimated."""
+        variance = np.einsum("mq,qr,mr->m", turn, self.covariance, turn)
+        slopes = np.einsum("mq,kqr,mr->km", turn, self.slopes, turn)
+        spread = np.einsum("km,kl,lm->m", slopes, self.certainty, slopes)
+        spread = spread + 2 * np.einsum("mq,qr,mr->m", turn, self.measured, turn) ** 2 / known
+        return np.where(spread > 0, 2 * variance**2 / np.where(spread > 0, spread, 1.0), np.inf)
+
+
 STARTS = (1.0, 0.1, 0.001)  # Parts of the values' scale about a plain line that each component starts from
 
 
-def restricted(values: Values) -> Line:
-    """The line whose variances maximise the restricted likelihood, the best of three starts."""
+def restricted(values: Values, near: Array | None = None) -> Line:
+    """The line whose variances maximise the restricted likelihood: the best of three starts, or the one `near` some."""
     scale = max(values.at(np.zeros(len(values.G))).scale, 1e-300)
+    if not np.diag(values.W).all():  # values known for certain have no K⁻¹ where their components are 0
+        values = replace(values, W=values.W + NOTHING**2 * scale * np.eye(len(values.y)))
 
     def cost(x: Array) -> tuple[float, Array]:
-        line = values.at(scale * x)
-        return line.cost, scale * line.slope
+        found, slope = values.likelihood(scale * x)
+        return found, scale * slope
 
-    ends = [
-        minimize(
-            cost,
-            np.full(len(values.G), start),
-            jac=True,
-            method="L-BFGS-B",
-            bounds=[(0, None)] * len(values.G),
-            options={"ftol": 1e-14, "gtol": 1e-9},
-        )
-        for start in STARTS
-    ]
-    best = min(ends, key=lambda end: float(end.fun))
+    def lowest(start: Array) -> Any:
+        bounds = [(0, None)] * len(start)
+        return minimize(cost, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"ftol": 1e-14, "gtol": 1e-9})
+
+    starts = [np.full(len(values.G), one) for one in STARTS] if near is None else [near / scale]
+    best = min(map(lowest, starts), key=lambda end: float(end.fun))
     return values.at(scale * best.x)

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import msgspec
+import numpy as np
 
 from eaid.control.defaults import (
     Scales,
@@ -23,6 +24,7 @@ from eaid.control.kinds import KINDS, Law, designs, rc_law
 from eaid.control.margins import Point, known, operating_points
 from eaid.control.pi import PAPER_PI, PIGains, step_metrics
 from eaid.errors import DataError
+from eaid.estimate.draw import draw, drawable
 from eaid.findings import Finding, finding, ranked
 from eaid.options import Rig, TuneOptions
 from eaid.plant.dynamics import Plant, plant_numbers
@@ -32,6 +34,8 @@ from eaid.replay.loop import replay
 from eaid.replay.references import Reference, Signal, reference_beyond, reference_of, tracking
 from eaid.results.fit import Fit
 from eaid.results.gains import PI, AskedPI, Compared, Gains, Guarantee, Mending, Replayed, Robust, Timing, Tracking
+
+PLANTS = 100  # Plants of the next session by which φ is judged
 
 
 @dataclass(frozen=True)
@@ -98,8 +102,21 @@ def task_of(fit: Fit, options: TuneOptions, reference: str | Signal | None, refe
     return Task(
         fit, model, plant, bounds, scales, operating_points(plant, model, bounds.rows, fit.data.levels, limits),
         timing, limits, reference_of(reference or "multisine", timing.step_s, scales), name, reference is not None,
-        phi_needed(model, bounds, plant),
+        phi_of(fit, model, bounds, plant),
     )  # fmt: skip
+
+
+def phi_of(fit: Fit, model: Linear, bounds: Bounds, plant: Plant | None) -> float | None:
+    """What the data show of |η − η̂|; of a fit by several sessions what 19 of 20 plants of the next one show."""
+    if not of_sessions(fit) or not drawable(fit):
+        return phi_needed(model, bounds, plant)
+    each = [phi_needed(model, bounds, one) or 0.0 for one in draw(fit, PLANTS, 0).plants]
+    return float(np.quantile(each, 0.95))
+
+
+def of_sessions(fit: Fit) -> bool:
+    """Whether a fit's intervals are those of the next session, not of one mounting."""
+    return fit.uncertainty is not None and fit.uncertainty.ci == "sessions"
 
 
 def tune(
@@ -128,6 +145,8 @@ def tune(
     verdict = msgspec.structs.replace(verdict, mendings=mendings(task, settled, pi, verdict))
     findings += warnings_of(rc, verdict, own, task.units, "reference" if task.given else task.name)
     findings += _notes(task, settled, tuned, rc, replayed)
+    if not of_sessions(fit):
+        findings.append(finding("for-this-mounting", "model"))
     if why:
         findings.insert(0, finding("fit-not-usable", "model", why=why))
     overshoot_pct, settling_s = step_metrics(task.model, pi.K_P, pi.K_I)

@@ -20,12 +20,15 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLoca
 
 from eaid.arrays import Array
 from eaid.report.figures.replays import tracking_panels
+from eaid.report.figures.sessions import control_panel, values_panel
 from eaid.report.figures.steps import fitted_steps
 from eaid.report.figures.values import margins_panel
 from eaid.report.panels import BLACK, VERMILLION, Axis, Line, Panel, Sheet, apart, thinned
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.results.replay import Replay
+from eaid.sessions.compare import Comparison
+from eaid.sessions.rig import Rig
 
 DPI = 300
 SMALLEST_PT = 8.0  # No letter of a figure is smaller at its printed size [pt]
@@ -226,13 +229,18 @@ def saved(figure: Figure, kind: str, dpi: float = DPI) -> bytes:
     return out.getvalue()
 
 
-def plot(result: Fit | Gains | Replay, ax: Axes | None = None) -> Axes:
-    """For notebooks: the step responses of a fit, the margins of gains, or the trace of every controller."""
+def plot(result: Fit | Gains | Replay | Rig | Comparison, ax: Axes | None = None) -> Axes:
+    """For notebooks: the step responses of a fit, the margins of gains, the trace of every controller, the control
+    chart of a rig, or T_s of the sessions compared."""
     from matplotlib import pyplot
 
     ax = ax if ax is not None else pyplot.subplots(layout="constrained")[1]
     if isinstance(result, Fit):
         draw(ax, fitted_steps(result))
+    elif isinstance(result, Rig):
+        draw(ax, control_panel(result))
+    elif isinstance(result, Comparison):
+        draw(ax, values_panel(result))
     else:
         draw(ax, margins_panel(result) if isinstance(result, Gains) else tracking_panels(result)[0])
     return ax

@@ -22,11 +22,16 @@ from eaid.results.coupling import Coupling
 from eaid.results.fit import Fit, FittedData
 from eaid.results.gains import Gains
 from eaid.results.replay import Replay
+from eaid.sessions.compare import Comparison
+from eaid.sessions.rig import Rig
 from eaid.steps.stepset import StepSet
 
 SCENARIOS = ("steps", "multisine", "sweep", "reference", "log", "rehab")  # The order of the paper, and of the page
 NEEDED = ("time_s", "reference_nm", "torque_nm", "duty_pct")
-TYPES: dict[str, Any] = {"fit": Fit, "gains": Gains, "replay": Replay, "data": StepSet, "couple": Coupling}
+TYPES: dict[str, Any] = {
+    "fit": Fit, "gains": Gains, "replay": Replay, "data": StepSet, "couple": Coupling, "rig": Rig,
+    "compare": Comparison,
+}  # fmt: skip
 T = TypeVar("T")
 
 
@@ -48,6 +53,8 @@ class Results:
     replays: tuple[Given[Replay], ...] = ()
     data: tuple[Given[StepSet], ...] = ()
     couplings: tuple[Given[Coupling], ...] = ()
+    rigs: tuple[Given[Rig], ...] = ()
+    comparisons: tuple[Given[Comparison], ...] = ()
 
     @property
     def main_kind(self) -> str | None:
@@ -79,7 +86,8 @@ class Results:
     @property
     def every(self) -> tuple[Given[Any], ...]:
         """All results, whatever their kind."""
-        return (*self.data, *self.fits, *self.gains, *self.replays, *self.couplings)
+        return (*self.data, *self.fits, *self.gains, *self.replays, *self.couplings, *self.rigs,
+                *self.comparisons)  # fmt: skip
 
     @property
     def about(self) -> FittedData | StepSet | None:
@@ -121,9 +129,7 @@ class Results:
 KINDS = {"clutch": "clutch", "friction-force": "friction over force", "friction-speed": "friction over speed"}
 
 
-def gathered(
-    items: Iterable["Fit | Gains | Replay | StepSet | Coupling | Given[Any]"], progress: Progress = no_progress
-) -> Results:
+def gathered(items: Iterable[Any], progress: Progress = no_progress) -> Results:
     """Results in memory as a report takes them: each gets a name by its kind, replays the order of the paper."""
     sorted_: dict[str, list[Given[Any]]] = {kind: [] for kind in TYPES}
     for item in items:

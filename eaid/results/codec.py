@@ -37,6 +37,8 @@ KINDS: dict[str, tuple[str, ...]] = {
     "gains": ("model", "rc", "pi"),
     "couple": (),
     "plan": (),
+    "rig": (),
+    "compare": (),
 }
 """Kind of a JSON result → parts by which a file that names no schema is known."""
 

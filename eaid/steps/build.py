@@ -13,6 +13,7 @@ from eaid.steps.checks import CHECKS, disagreements
 from eaid.steps.cut import level_steps
 from eaid.steps.levels import common, grouped, same_level, wanted_levels
 from eaid.steps.noise import STANDARD_ERRORS, block_error, idle_density
+from eaid.steps.sittings import sittings
 from eaid.steps.step import Step, left_pct, lost_pct, slip_of
 from eaid.steps.stepset import Level, RunRecord, StepSet
 
@@ -128,6 +129,8 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN) -> StepSe
     if stairs := sum(run.from_level != 0 for run in runs):
         findings.append(finding("level-to-level", "data", steps=stairs, of=len(runs)))
     records = [_record(steps[run.name], tuple(of_runs[run.name]), run.name in out) for run in runs]
+    usual = float(np.median([np.abs(level.mean).max() for level in levels])) if levels else 0.0
+    findings += sittings(records, usual, input_unit)
     records.sort(key=lambda record: (record.level, record.repeat, record.edge != "rising", record.name))
     return StepSet(
         kind=kind,

@@ -9,10 +9,24 @@ import eaid
 from eaid import DataError, GainsError, UsageError
 from eaid.cli import main
 
-COMMANDS = ["ingest", "fit", "tune-rc", "simulate", "export", "report", "synth", "couple", "plan", "demo"]
+COMMANDS = [
+    "ingest",
+    "fit",
+    "tune-rc",
+    "simulate",
+    "export",
+    "report",
+    "synth",
+    "couple",
+    "compare",
+    "sessions",
+    "today",
+    "plan",
+    "demo",
+]
 OPTIONS = {
     "fit": "model kind levels share loss hold-out ci baseline estimator columns units name-pattern step-at until rest "
-    "repair logs-as duty bounds-levels dead-time shape",
+    "repair logs-as duty bounds-levels dead-time shape follow against plan",
     "ingest": "columns units name-pattern step-at until baseline rest repair rate-hz kind",
     "tune-rc": "kp kd natural-frequency damping q-max phi epsilon gamma p-scale b-hat rho pi-overshoot "
     "pi-settling pi-gains reference duty-limits pwm-hz anyway",
@@ -23,6 +37,9 @@ OPTIONS = {
     "synth": "plant kind levels repeats duty-file excitation shape noise-nm clean hold idle release rate-hz",
     "couple": "gains loops torque wall limb-inertia limb-damping virtual-damping delay-samples",
     "plan": "want excitation limits idle release longest-hold most-levels",
+    "compare": "gains controller plants columns units",
+    "sessions": "reference-level terms",
+    "today": "columns units name-pattern step-at until rest repair",
     "demo": "",
 }
 """Options that scripts use, besides those of all commands."""
@@ -36,7 +53,7 @@ WORDS = {
     "synth": "reference staircase random chirp closed-loop",
     "couple": "open-loop pi rc-no-rate rc",
 }
-SEEDED = {"fit", "tune-rc", "simulate", "synth", "plan"}
+SEEDED = {"fit", "tune-rc", "simulate", "synth", "plan", "compare"}
 
 
 def test_version(run_eaid):

@@ -49,7 +49,7 @@ def test_the_paper_s_linear_model_gives_the_paper_s_gains(by_hand, run_eaid):
     assert "published" in ran.out  # on the paper's rig
     assert ran.err.splitlines()[-1] == "g.json: gains of rc and pi; next: eaid simulate fit.json g.json"
     assert codes(gains) == {
-        "rho-not-covered", "nothing-to-replay-on",
+        "rho-not-covered", "nothing-to-replay-on", "for-this-mounting",
     }  # fmt: skip
     assert gains["guarantee"]["holds"] is False
     assert {one["name"]: one["holds"] for one in gains["guarantee"]["conditions"]} == {

@@ -1,7 +1,8 @@
 """The one table of sentences: code → severity and template."""
 
-from eaid.findings.sentences import control, fitting, logs
+from eaid.findings.sentences import control, fitting, logs, sessions
 
-SENTENCES = logs.ROWS | fitting.ROWS | control.ROWS
-if len(SENTENCES) < len(logs.ROWS) + len(fitting.ROWS) + len(control.ROWS):
+PARTS = (logs.ROWS, fitting.ROWS, control.ROWS, sessions.ROWS)
+SENTENCES = {code: row for part in PARTS for code, row in part.items()}
+if len(SENTENCES) < sum(map(len, PARTS)):
     raise ValueError("a code of a finding stands in two parts of the table")

@@ -6,7 +6,7 @@ from functools import partial
 from operator import attrgetter, methodcaller
 from typing import Any
 
-from eaid.report.figures import replays, steps, values
+from eaid.report.figures import replays, sessions, steps, values
 from eaid.report.panels import Sheet
 from eaid.report.results import Results
 
@@ -77,6 +77,12 @@ FIGURES: tuple[Row, ...] = (
         "Amplitude of the output against the reference, and the error, at each frequency.",
         (_replay("sweep"),), replays.sweep),
     Row("log_replay", "Recorded input through the model", FREE_RUN, (_replay("log"),), replays.recorded_input),
+    Row("sessions_chart", "Sessions of the rig",
+        "Left: each session's gain over the common one; shaded: where the next one lies in 19 of 20 cases.", (_all,),
+        sessions.chart, of_the_fit=False),
+    Row("sessions_compared", "Sessions compared",
+        "T_s of the sessions on top of each other, and by what factor A lies above the others, with 95 % intervals.",
+        (_all,), sessions.compared, of_the_fit=False),
     Row("fig16_rehab", "Fig. 16 · Elbow rehabilitation", "The ground changes with the mode of the exercise.",
         (_replay("rehab"),), replays.training),
     Row("fig17_rehab_errors", "Fig. 17 · Position error by mode",

@@ -21,7 +21,7 @@ from eaid.report import live
 from eaid.report.page import summary
 from eaid.report.page.summary import GRADES, MOST, Known, known, sentence
 from eaid.report.results import KINDS, Results
-from eaid.report.tables import Name, Table, data, fits, gains, replays, text
+from eaid.report.tables import Name, Table, data, fits, gains, replays, sessions, text
 from eaid.shown import counted
 from eaid.version import __version__
 
@@ -88,6 +88,7 @@ def parts(results: Results, known: Known, drawn: Figures) -> list[Block]:
     shown = _of(drawn, "fig12_multisine", "own_reference", "fig11_steps", "log_replay")
     again = Block("How to do it again", lines=tuple(commands(results)))
     every = [
+        _sessions(results, known, drawn),
         _data(results, known, drawn),
         _model(results, known, drawn),
         _controller(results, known, drawn),
@@ -122,6 +123,14 @@ def _part(
     shown = [table for table in rows[:1] if len(table.rows) <= OPEN_ROWS]
     more += _block(f"More on the {title.lower()}", figures[open_figures:], rows[len(shown) :])
     return Block(title, tuple(figures[:open_figures]), tuple(shown), findings[:MOST], folds=(*more, *folds))
+
+
+def _sessions(results: Results, known: Known, drawn: Figures) -> Block | None:
+    tables = [sessions.scatter_table(given.result) for given in results.rigs]
+    tables += [sessions.changes_table(given.result) for given in results.comparisons]
+    figures = _of(drawn, "sessions_chart", "sessions_compared")
+    found = _part("Sessions", known, figures, tables, open_figures=2)
+    return found if found.figures or found.tables or found.findings else None
 
 
 def _data(results: Results, known: Known, drawn: Figures) -> Block | None:
@@ -178,6 +187,8 @@ def next_steps(results: Results) -> list[tuple[str, str]]:
     """At most three things to do, each with the command that does it."""
     clutch = next((fit for fit in results.fits if fit.result.data.kind == "clutch"), None)
     fit = clutch or next(iter(results.fits), None)
+    if fit is None and (of_sessions := _next_of_sessions(results)):
+        return of_sessions
     if fit is None:
         return [("Fit the data", f"eaid fit {shlex.quote(one.path)} -o fit.json") for one in results.data[:1]]
     fit_json, usable, linear = shlex.quote(fit.path), fit.result.verdict.usable, fit.result.linear
@@ -209,12 +220,25 @@ def next_steps(results: Results) -> list[tuple[str, str]]:
     return steps[:3]
 
 
+def _next_of_sessions(results: Results) -> list[tuple[str, str]]:
+    """What to do after a comparison or with a rig."""
+    now, moved = "Make gains for the session as it is now", [one.result for one in results.comparisons]
+    steps = [(now, f"eaid tune-rc {shlex.quote(found.files['A'])}") for found in moved if found.tune_anew]
+    for given in (given for given in results.rigs if given.result.base is not None):
+        at = f"{given.result.main.best_level:.4g} {given.result.input_unit}".rstrip()
+        line = f"eaid today {shlex.quote(given.path)} STEP -o today.json"
+        steps.append((f"In the next session record one step at {at} first: it is worth most", line))
+    return steps
+
+
 def commands(results: Results) -> list[str]:
     """Command lines that make these files again; a result of the Python API says so."""
     made = [("fit", fit.path, fit.result.command) for fit in results.fits]
     made += [("tune-rc", gains.path, gains.result.command) for gains in results.gains]
     made += [("simulate", replay.path, replay.result.head.command) for replay in results.replays]
     made += [("couple", walls.path, walls.result.command) for walls in results.couplings]
+    made += [("sessions", one.path, one.result.command) for one in results.rigs]
+    made += [("compare", one.path, one.result.command) for one in results.comparisons]
     lines = [f"eaid ingest LOGS -o {shlex.quote(data.path)}" for data in results.data]
     for command, path, words in made:
         line = shlex.join(["eaid", command, *words, "-o", path])

@@ -8,7 +8,7 @@ import numpy as np
 
 from eaid.errors import on_command_line
 from eaid.findings import Finding, merged, ranked, say
-from eaid.report.figures import replays, steps, values
+from eaid.report.figures import replays, sessions, steps, values
 from eaid.report.panels import Axis, Panel, Sheet
 from eaid.report.results import KINDS, Results
 from eaid.report.rig import controller_name, level_text
@@ -16,6 +16,7 @@ from eaid.report.tables import Cell, Table, columns, number
 from eaid.report.tables.data import is_warned
 from eaid.report.tables.gains import comparison, guarantee_story
 from eaid.report.tables.replays import SCENARIO_NAMES, metric
+from eaid.report.tables.sessions import next_table, promise_table, shifts_table
 from eaid.results import summary
 from eaid.results.gains import Replayed
 from eaid.results.replay import Replay
@@ -35,6 +36,7 @@ def known(results: Results) -> Known:
         "data": [one for data in results.data for one in data.result.all_findings], "model": [],
         "controller": [one for gains in results.gains for one in gains.result.findings],
         "replay": [one for replay in results.replays for one in replay.result.findings],
+        "sessions": [one for given in results.rigs for one in given.result.findings],
     }  # fmt: skip
     for one in (one for fit in results.fits for one in fit.result.findings):
         of_the_model = one.subject in (*MODELS, "fit") or one.code in ABOUT_THE_CURVE
@@ -56,7 +58,9 @@ def sentence(one: Finding, of_data: bool = False) -> str:
 
 def tables(results: Results) -> tuple[Table, ...]:
     """The numbers of the first screen: values at three levels as the terminal has them; controllers side by side."""
-    found = []
+    found = [next_table(given.result) for given in results.rigs]
+    found += [shifts_table(given.result) for given in results.comparisons if given.result.shifts]
+    found += [promise_table(given.result) for given in results.comparisons if given.result.promise]
     if results.main_fit is not None and (cells := summary.values(results.main_fit)):
         heads = [head.replace("[", "(").replace("]", ")") for head in cells[0]]
         found.append(Table("Values with 95 % intervals", "", columns(*heads), tuple(map(tuple, cells[1:]))))
@@ -121,7 +125,8 @@ class Light:
 def title(results: Results) -> str:
     """What the page is about."""
     if results.main_kind is None:
-        return "Replays" if results.replays else "Gains"
+        several = "Compared" if results.comparisons else "Sessions of a rig" if results.rigs else ""
+        return several or ("Replays" if results.replays else "Gains")
     if results.main_kind != "clutch":
         return KINDS[results.main_kind].capitalize()
     return "Electroadhesive clutch" if results.of_paper else "Step responses"
@@ -139,14 +144,38 @@ def chips(results: Results) -> tuple[str, ...]:
         texts.append(f"{counted(len(logs), 'log')} as recorded, {sum(log.duration_s for log in logs):.4g} s")
     if levels and about is not None:
         texts.append(span(levels, about.input_unit))
+    texts += [f"{letter}: {name}" for one in results.comparisons for letter, name in one.result.files.items()]
     if len(results.kinds) > 1:
         texts.append("with " + " and ".join(KINDS[kind] for kind in results.kinds[1:]))
     return tuple(texts)
 
 
-def lights(results: Results, known: Known) -> tuple[Light, Light, Light]:
-    """Data, model and controller at a glance; by the severity of what was found, never by its words."""
-    return _data(results, known), _model(results, known), _controller(results, known)
+def lights(results: Results, known: Known) -> tuple[Light, ...]:
+    """Sessions where there are any, data, model and controller at a glance; by the severity of what was found, never by
+    its words."""
+    several = tuple(_sessions(results, known))
+    if several and not (results.fits or results.gains or results.data):
+        return several
+    return *several, _data(results, known), _model(results, known), _controller(results, known)
+
+
+def _sessions(results: Results, known: Known) -> Iterator[Light]:
+    """The verdict of each comparison, and what the next session may be."""
+    for found in (given.result for given in results.comparisons):
+        for one in (one for one in found.shifts if one.quantity == "Ts"):
+            moved = one.moved or not one.alike
+            word = "moved: " if moved else "held: "
+            yield Light(f"A against {one.against}", "care" if moved else "good", word + one.words(), "sessions")
+        if found.retune is not None:
+            grade = "good" if found.retune.needed is False else "care"
+            yield Light("Make gains anew", grade, found.retune.words(), "sessions")
+        if found.promise is not None:
+            said = "; ".join(f"{one.name}: {one.word}" for one in found.promise.rows)
+            where = f"{found.promise.controller} in {found.promise.log}: {said}"
+            yield Light("Recorded loop", "good" if found.promise.kept else "care", where, "summary")
+    for rig in (given.result for given in results.rigs):
+        said = rig.lines()[0].removeprefix("rig").strip()
+        yield Light("Rig", _grade(known["sessions"]), f"{said}; {_counted(known['sessions'])}", "sessions")
 
 
 def _grade(findings: Sequence[Finding]) -> str:
@@ -233,6 +262,10 @@ def pictures(results: Results) -> Iterator[tuple[str, str, Sheet]]:
     The model on its data, controllers, fitted values over the level, or a step with the curve that it asks for.
     """
     data, fit, replay = results.main_data, results.main_fit, _replay_of(results)
+    for rig in (given.result for given in results.rigs):
+        yield "The rig over its sessions", "sessions", _picture([sessions.control_panel(rig)])
+    for one in (given.result for given in results.comparisons if given.result.values):
+        yield "Sessions on top of each other", "sessions", _picture([sessions.values_panel(one)])
     drawn = replays.drawn_logs(fit.recorded.logs) if fit is not None and fit.recorded is not None else []
     if fit is not None and drawn:  # the input, and below it the output and the model driven by that input alone
         units = fit.data.input_unit, fit.data.output_unit

@@ -1,0 +1,61 @@
+"""Sentences about sessions: several mountings of one rig."""
+
+from eaid.findings.row import SYMBOLS, Row, Values, caution, note
+
+
+def _no_scatter(v: Values) -> str:
+    parts = " and ".join(v["components"])
+    return f"the sessions show no scatter of {v['symbol']} in {parts}: few of them may have hidden it"
+
+
+def _one_of_several(v: Values) -> str:
+    parts = "; ".join(v["parts"])
+    offer = f"; part them: {v['offer']}" if v.get("offer") else ""
+    mixed = ", and what differs between their levels may be the sessions" if v["mixed"] else ""
+    return f"the logs hold {v['sessions']} sessions ({v['by']}: {parts}){mixed}{offer}"
+
+
+def _kept(v: Values) -> str:
+    names = " and ".join(SYMBOLS.get(one, one) for one in v["parameters"])
+    return f"fewer than three sessions determine {names}: as in the session with the most levels"
+
+
+ROWS: dict[str, Row] = {
+    "few-sessions": caution(
+        "{sessions} sessions: how much they differ is known to a factor only; record five and more"
+    ),
+    "session-not-usable": caution(
+        "session {subject} is of a fit that is NOT USABLE ({why}): its values are taken as they are; fit it again"
+    ),
+    "no-scatter-between-sessions": caution(_no_scatter),
+    "reference-level-outside": caution(
+        "the reference level {level:.4g} {unit} lies outside the levels {levels} of the sessions: what is said there "
+        "is carried on from them; choose one among them"
+    ),
+    "session-carries-estimate": caution(
+        "session {session} carries the estimate: without it the next one's {symbol} is within ×/÷ {factor:.3g}, with "
+        "it ×/÷ {whole:.3g}; look at what was special about it"
+    ),
+    "trend-over-sessions": caution(
+        "{symbol} changes by {pct:+.2g} % from each session to the next (p {p:.2g}): a trend, as of wear, which the "
+        "next session's interval does not carry on"
+    ),
+    "levels-and-sessions-confounded": caution(
+        "levels and sessions are confounded: the sessions at {levels} {unit} share no level with the others, so what "
+        "differs between levels may be the sessions; record a level of the others in each"
+    ),
+    "several-sessions": caution(_one_of_several, always=True, rank=0),
+    "for-this-mounting": note(
+        "of one session: gains, guarantee and margins hold for this mounting; fits of three and more, held together by "
+        "`eaid sessions`, tell what holds for the next",
+    ),
+    "for-today": note(
+        "by {sessions} sessions and {steps:#reference step}: T_s within ×/÷ {factor:.3g} at the worst level, without a "
+        "step ×/÷ {without:.3g}"
+    ),
+    "kept-from-base": note(_kept),
+    "step-outside": caution(
+        "the reference step shows T_s {value:.3g} {unit} at {levels}, where the sessions foresee {low:.3g} … "
+        "{high:.3g}: record it again, or this mounting is another rig"
+    ),
+}

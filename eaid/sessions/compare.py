@@ -1,0 +1,237 @@
+"""`compare`: what moved between sessions, whether alike at all levels, and whether gains have to be made anew.
+
+Of levels that both sessions hold, δ = ln θ_A − ln θ_B with the variance V = W_A + W_B. The common shift is
+m = Σ (δ/V)/Σ (1/V), held against Student's t; Q = Σ (δ − m)²/V over its L − 1 degrees of freedom against F tells
+whether all levels moved alike. Degrees of freedom are Welch's of each level, averaged as the levels weigh. Of several
+numbers and sessions the probabilities are Holm's.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from msgspec.structs import asdict, replace
+from scipy.special import fdtrc, stdtrit
+
+from eaid.control.gains import refuse_other_units
+from eaid.errors import DataError
+from eaid.findings import sentences
+from eaid.findings.row import SYMBOLS
+from eaid.options import CompareOptions
+from eaid.results import codec
+from eaid.results.common import Inputs, Made, Number, Result, ci95_of
+from eaid.results.fit import Fit
+from eaid.results.gains import Gains
+from eaid.sessions.gather import MANY, Value, snapped, together, values_of
+from eaid.sessions.loop import Promise
+from eaid.sessions.model import two_sided
+from eaid.shown import Plotted
+
+if TYPE_CHECKING:
+    import pandas
+
+CHANCE = 0.05
+SQRT2 = 2**0.5
+LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
+
+
+class Change(Result, frozen=True):
+    """One level: by what factor A lies above the other, with its 95 % interval."""
+
+    level: Number
+    ratio: Number
+    low: Number
+    high: Number
+
+
+def _ratio(one: Change) -> float:
+    return one.ratio
+
+
+class Shift(Result, frozen=True):
+    """One number of A against that of another session."""
+
+    quantity: str
+    against: str
+    """Letter of the other session."""
+    ratio: Number
+    """A over the other, common to all levels, with its 95 % interval."""
+    low: Number
+    high: Number
+    p: Number
+    """Probability of so large a common shift by chance, after Holm."""
+    p_alike: Number | None = None
+    """Probability of levels so unlike by chance, after Holm; None: one level."""
+    dof: Number = 0.0
+    levels: tuple[Change, ...] = ()
+
+    @property
+    def moved(self) -> bool:
+        """Whether the levels moved together."""
+        return self.p < CHANCE
+
+    @property
+    def alike(self) -> bool:
+        """Whether they all moved alike."""
+        return self.p_alike is None or self.p_alike >= CHANCE
+
+    def words(self) -> str:
+        """`T_s −52 % (−57 … −47; p 2e-27), not alike at all levels (p 0.005): …`."""
+        name, ends = SYMBOLS.get(self.quantity, self.quantity), f"{_pct(self.low)} … {_pct(self.high)}"
+        said = f"{name} {_pct(self.ratio)} % ({ends}; p {self.p:.2g})"
+        if self.p_alike is None:
+            return said
+        if self.alike:
+            return f"{said}, alike at all levels (p {self.p_alike:.2g})"
+        outermost = (min(self.levels, key=_ratio), max(self.levels, key=_ratio))
+        apart = ", ".join(f"{_pct(one.ratio)} % at {one.level:.4g}" for one in outermost)
+        return f"{said}, not alike at all levels (p {self.p_alike:.2g}): {apart}"
+
+
+class Retune(Result, frozen=True):
+    """Whether A's B leaves the range that gains were made for."""
+
+    B_m: Number
+    B_M: Number
+    needed: bool | None
+    """None: a level's B lies outside, but not its whole interval."""
+    outside: tuple[Number, ...] = ()
+    """Levels at which it does."""
+
+    def words(self) -> str:
+        """The answer, and why."""
+        made, at = f"{self.B_m:.4g} … {self.B_M:.4g}", ", ".join(f"{u:.4g}" for u in self.outside)
+        if self.needed:
+            return f"yes: A's B leaves the range that the gains were made for ({made}) at {at}"
+        if self.needed is None:
+            return f"perhaps: A's B lies outside {made} at {at}, but not for certain; a reference step more tells"
+        return f"no: A's B stays within the range that the gains were made for ({made})"
+
+
+class Comparison(Plotted, codec.Saved, Made, frozen=True):
+    """A session against others; or a recorded loop against what its fit and gains promise."""
+
+    FILE: ClassVar[str] = "compare"
+    inputs: Inputs = {}
+    options: CompareOptions = CompareOptions()
+    input_unit: str = ""
+    output_unit: str = ""
+    files: dict[str, str] = {}
+    """Letter of each session → its file."""
+    values: dict[str, tuple[Value, ...]] = {}
+    """T_s of each session, for the picture."""
+    shifts: tuple[Shift, ...] = ()
+    retune: Retune | None = None
+    promise: Promise | None = None
+
+    @property
+    def changed(self) -> bool:
+        """Whether T_s moved, in the mean or at some levels, against any of the others."""
+        return any(one.quantity == "Ts" and (one.moved or not one.alike) for one in self.shifts)
+
+    @property
+    def tune_anew(self) -> bool:
+        """Whether gains are to be made for A: its B left their range, or, where none are given, T_s moved."""
+        return bool(self.files) and (self.changed if self.retune is None else self.retune.needed is not False)
+
+    def lines(self) -> list[str]:
+        """The verdict."""
+        said = [f"{letter}       {name}" for letter, name in self.files.items()]
+        for one in self.shifts:
+            if one.quantity == "Ts" or one.moved or not one.alike:
+                word = "moved  " if one.moved or not one.alike else "held   "
+                said.append(f"{word} A against {one.against}: {one.words()}")
+        if self.retune is not None:
+            said.append(f"retune  {self.retune.words()}")
+        return said + (self.promise.lines() if self.promise is not None else [])
+
+    def summary(self) -> str:
+        """The verdict, and the gravest findings."""
+        return "\n".join([*self.lines(), *sentences(self.findings[:3])])
+
+    def to_frame(self) -> "pandas.DataFrame":
+        """One row a number, session and level: ratio with its interval."""
+        import pandas as pd
+
+        rows = [
+            {"quantity": one.quantity, "against": one.against, **asdict(level)}
+            for one in self.shifts for level in one.levels
+        ]  # fmt: skip
+        return pd.DataFrame(rows)
+
+
+def _pct(ratio: float) -> str:
+    pct = 100 * (ratio - 1)
+    return f"{pct:+.{0 if abs(pct) >= 9.95 else 1}f}".replace("-", "−")
+
+
+def compare_fits(fits: Mapping[str, Fit], gains: Gains | None, options: CompareOptions) -> Comparison:
+    """The first session against each of the others; DataError where they are not of one rig, or share no level."""
+    told = together(fits)
+    letters, shifts = dict(zip(fits, LETTERS, strict=False)), list[Shift]()
+    first, *others = fits
+    for name in others:
+        each = (_shift(quantity, letters[name], fits[first], fits[name]) for quantity in ("Ts", "tau1", "tau2"))
+        found = [one for one in each if one is not None]
+        if not any(one.quantity == "Ts" for one in found):
+            raise DataError(f"{name}: shares no level with {first} at which both know T_s; record one that it holds")
+        shifts += found
+    p, p_alike = holm([one.p for one in shifts]), holm([1.0 if one.p_alike is None else one.p_alike for one in shifts])
+    held = [replace(one, p=p[k], p_alike=None if one.p_alike is None else p_alike[k]) for k, one in enumerate(shifts)]
+    data = fits[first].data
+    return Comparison(
+        options=options, input_unit=data.input_unit, output_unit=data.output_unit, shifts=tuple(held),
+        files={letter: name for name, letter in letters.items()},
+        values={letter: tuple(values_of(fits[name], "Ts", letter)) for name, letter in letters.items()},
+        retune=None if gains is None else _retune(fits[first], gains), findings=tuple(told),
+    )  # fmt: skip
+
+
+def _shift(quantity: str, letter: str, one: Fit, other: Fit) -> Shift | None:
+    """One number against another session's at the levels that both hold; None where they hold none."""
+    both = snapped([*values_of(one, quantity, "A"), *values_of(other, quantity, letter)])
+    a, b = ({value.level: value for value in both if value.session == of} for of in ("A", letter))
+    levels = sorted(a.keys() & b.keys())
+    if not levels:
+        return None
+    pairs = [(a[u], b[u]) for u in levels]
+    delta = np.log([x.value / y.value for x, y in pairs])
+    W, dof = np.array([([x.sd_log**2, y.sd_log**2], [x.dof, y.dof]) for x, y in pairs]).transpose(1, 0, 2)
+    V = W.sum(axis=1)
+    welch = np.minimum(V**2 / (W**2 / dof).sum(axis=1), MANY)
+    weight = (1 / V) / (1 / V).sum()
+    m, error, degrees = float(weight @ delta), float((1 / V).sum() ** -0.5), float(weight @ welch)
+    Q, spare = float(((delta - m) ** 2 / V).sum()), len(levels) - 1
+    reach = stdtrit(welch, 0.975) * np.sqrt(V)
+    rows = zip(levels, *np.exp([delta, delta - reach, delta + reach]).tolist(), strict=True)
+    ratio, low, high = np.exp(m + np.array([0.0, -1.0, 1.0]) * stdtrit(degrees, 0.975) * error).tolist()
+    alike = float(fdtrc(spare, degrees, Q / spare)) if spare else None
+    p = two_sided(m / error, degrees)
+    return Shift(quantity, letter, ratio, low, high, p, alike, degrees, tuple(Change(*row) for row in rows))
+
+
+def holm(p: Sequence[float]) -> list[float]:
+    """Holm's probabilities of several tests, each as good as all that are smaller."""
+    held, largest = [0.0] * len(p), 0.0
+    for rank, k in enumerate(sorted(range(len(p)), key=p.__getitem__)):
+        largest = max(largest, min(1.0, (len(p) - rank) * p[k]))
+        held[k] = largest
+    return held
+
+
+def _retune(fit: Fit, gains: Gains) -> Retune:
+    """Whether B of a fit stays within the range of gains; DataError where one of them does not say it."""
+    refuse_other_units(fit, gains)
+    if gains.rc is None or gains.rc.B_m is None or gains.rc.B_M is None:
+        raise DataError("the gains hold no range of B; make them with eaid tune-rc")
+    if fit.linear is None:
+        raise DataError("the first fit holds no linear model, so no B; fit it with «model» linear too")
+    B_m, B_M, kept = gains.rc.B_m, gains.rc.B_M, fit.linear.bounds.levels if fit.linear.bounds is not None else ()
+    rows = [row for row in fit.linear.per_level if row.B is not None and (row.level in kept or not kept)]
+    out = tuple(row.level for row in rows if not B_m <= (row.B or 0.0) <= B_M)
+    ends = [(row.level, row.B or 0.0, ci95_of(row, "B")) for row in rows]
+    # the range rests on a fit as good, so both ends are as open as this one's interval
+    sure = tuple(
+        u for u, B, one in ends if one and (B * (one[1] / B) ** SQRT2 < B_m or B * (one[0] / B) ** SQRT2 > B_M)
+    )
+    return Retune(B_m, B_M, True if sure else None if out else False, sure or out)

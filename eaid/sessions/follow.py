@@ -1,0 +1,106 @@
+"""At the rig: each new log of a folder is read once it is whole, and held against what the rig's sessions foresee.
+
+A file is whole when neither its size nor its time has changed from one look to the next. What is expected of a step is
+the next session's T_s given the steps before it that were as expected, widened by how much single runs scatter.
+"""
+
+import csv
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from eaid.errors import DataError, UsageError
+from eaid.estimate.workflow import fit_steps
+from eaid.logs.folders import files_of
+from eaid.logs.read import read_runs
+from eaid.options import FitOptions, ReadOptions
+from eaid.reading import steps_of
+from eaid.results.fit import Fit
+from eaid.sessions.model import steps_known
+from eaid.sessions.rig import Rig
+
+LOOK_S = 0.5  # From one look at the folder to the next [s]
+
+
+def whole_files(paths: Sequence[Path], silence_s: float) -> Iterator[Path]:
+    """New files one by one, each once it is whole, and again where it grows after all; ends after so much silence [s],
+    0: never."""
+    before: dict[Path, tuple[int, float]] = {}
+    done: dict[Path, tuple[int, float]] = {}
+    quiet_s = 0.0
+    while not silence_s or quiet_s < silence_s:
+        now: dict[Path, tuple[int, float]] = {}
+        for folder in paths:
+            try:
+                found = files_of([folder])
+            except DataError:  # no log yet
+                continue
+            now |= {file: ((of := file.stat()).st_size, of.st_mtime) for file in found}
+        fresh = [file for file, state in now.items() if done.get(file) != state and before.get(file) == state]
+        quiet_s = 0.0 if now != before or fresh else quiet_s + LOOK_S
+        before = now
+        for file in fresh:
+            done[file] = now[file]
+            yield file
+        time.sleep(LOOK_S)
+
+
+def followed(
+    paths: Sequence[Path], reading: ReadOptions, silence_s: float, rig: Rig | None = None, plan: Path | None = None
+) -> Iterator[str]:
+    """A line for each step as it comes, and one for the next by the plan."""
+    rows, shown = planned(plan) if plan is not None else [], dict[Path, list[tuple[float, float]]]()
+    for file in whole_files(paths, silence_s):
+        try:
+            fit = fit_steps(steps_of(read_runs([file], reading), reading)[1], FitOptions(model=("friction",)))
+        except DataError as fault:
+            yield f"{fault.sentences[0]}; record it again?"
+            continue
+        shown[file] = []
+        for row in (one for one in fit.friction_levels if one.from_ == 0):
+            said, fine = _judged(fit, row.level, row.Ts, rig, [one for each in shown.values() for one in each])
+            shown[file] += [(row.level, row.Ts)] if fine else []
+            yield said
+        if rows:
+            yield next_planned(rows, [level for each in shown.values() for level, _ in each], fit.data.input_unit)
+
+
+def _judged(
+    fit: Fit, level: float, value: float, rig: Rig | None, shown: Sequence[tuple[float, float]]
+) -> tuple[str, bool]:
+    """`60 %: T_s 1.58 N·m (expected 1.31 … 1.9) ok`, and whether it is so."""
+    data = fit.data
+    said = f"{level:.4g} {data.input_unit}".rstrip() + f": T_s {value:.3g} {data.output_unit}".rstrip()
+    if rig is None or not value > 0:
+        return said, value > 0
+    if (data.input_unit, data.output_unit) != (rig.input_unit, rig.main.unit):
+        raise DataError(
+            f"the steps are in {data.input_unit or 'no unit'} and {data.output_unit or 'no unit'}, the rig in "
+            f"{rig.input_unit or 'no unit'} and {rig.main.unit or 'no unit'}; say the units with «units»"
+        )
+    known = steps_known([(*one, rig.main.sd_step) for one in shown])
+    low, high = rig.foreseen(np.array([level]), known).of_a_run(rig.main.sd_step**2)
+    fine = low <= value <= high
+    return f"{said} (expected {low:.3g} … {high:.3g}) {'ok' if fine else 'outside: record again?'}", fine
+
+
+def planned(path: Path) -> list[tuple[float, float]]:
+    """Level and hold [s] of each run of a plan.csv, in order."""
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            return [(float(row["level"]), float(row["hold_s"])) for row in csv.DictReader(file)]
+    except (OSError, KeyError, TypeError, ValueError) as fault:
+        raise UsageError(f"«plan» {path}: is no plan.csv of eaid plan ({fault}); give one") from None
+
+
+def next_planned(rows: Sequence[tuple[float, float]], recorded: Sequence[float], unit: str) -> str:
+    """The first run of the plan that is still to be recorded."""
+    left = Counter(f"{level:.3g}" for level in recorded)
+    for level, hold_s in rows:
+        if not left[f"{level:.3g}"]:
+            return f"next by plan: {level:.4g} {unit}".rstrip() + f", {hold_s:.3g} s"
+        left[f"{level:.3g}"] -= 1
+    return "next by plan: nothing, all is recorded"

@@ -1,0 +1,167 @@
+"""Fits, or one plain table, as sessions: what each says of T_s, τ1, τ2, B and a0, and whether they belong together."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from msgspec.structs import replace
+from scipy.special import stdtrit
+
+from eaid.errors import DataError
+from eaid.findings import Finding, finding
+from eaid.results import codec
+from eaid.results.common import Input, Number, Positive, Result
+from eaid.results.fit import Fit
+
+if TYPE_CHECKING:
+    import pandas
+
+ALIKE = 0.005  # Part of a level by which it may differ from session to session and still be the same
+MANY = 1e9  # Degrees of freedom of what is known for certain
+COLUMNS = ("session", "level", "value", "sd_log")
+# What a file name says of drive and stand → how it is called; levels, which change within a session, are no such thing
+NAMED = {"f": "drive frequency", "freq": "drive frequency", "v": "speed", "speed": "speed", "rpm": "speed"}
+DRIVE = {"pwm_hz": "drive frequency", "voltage_v": "drive voltage"}
+
+
+class Value(Result, frozen=True):
+    """One value of a session at a level; what its own fit leaves of the logarithm, as a standard deviation."""
+
+    session: str
+    level: Positive
+    value: Positive
+    sd_log: Number
+    dof: Number = MANY
+
+
+class Session(Result, frozen=True):
+    """One session: its name, and the logs behind it."""
+
+    name: str
+    logs: tuple[Input, ...] = ()
+
+
+def levels_of(fit: Fit) -> list[Any]:
+    """What a fit says of each level that was stepped to from rest, each with its intervals."""
+    rows = [row for row in fit.friction_levels if row.from_ == 0]
+    return [*rows] if rows or fit.nonlinear is None else [*fit.nonlinear.curves]
+
+
+def values_of(fit: Fit, name: str, session: str) -> list[Value]:
+    """A fit's T_s, τ1, τ2, B of its levels, or a0 (as of a level 1), as far as its data determine them."""
+    linear = fit.linear
+    rows: list[tuple[float, Any]] = [] if linear is None else [(1.0, linear)]
+    if name != "a0":
+        levels = levels_of(fit) if name != "B" else linear.per_level if linear is not None else ()
+        rows = [(row.level, row) for row in levels]
+    found = []
+    for level, row in rows:
+        value, ends = getattr(row, name), getattr(row.ci95, name, None)
+        if ends is not None and value and level > 0 and 0 < ends[0] <= value <= ends[1]:
+            dof = min(row.ci95.dof.get(name) or MANY, MANY)
+            sd_log = float(np.log(ends[1] / ends[0]) / 2 / stdtrit(dof, 0.975))
+            found.append(Value(session, level, value, sd_log, dof))
+    return found
+
+
+def run_scatter(fit: Fit, name: str) -> float | None:
+    """Standard deviation of ln θ from run to run, where the fit knows it."""
+    noise = fit.uncertainty.noise if fit.uncertainty is not None else None
+    parts = {"B": ("Ts", "tau1"), "a0": ("tau1",)}.get(name, (name,))
+    known = [noise.scatter[one] for one in parts if noise.scatter.get(one)] if noise is not None else []
+    return float(np.hypot.reduce(known)) if known else None
+
+
+def snapped(values: Sequence[Value]) -> list[Value]:
+    """Levels that are nearly alike made the same."""
+    levels = np.unique([one.level for one in values])
+    group = np.cumsum(np.append(0, np.diff(np.log(levels)) > ALIKE)) if len(levels) else levels
+    same = {float(u): float(np.median(levels[group == g])) for u, g in zip(levels, group, strict=True)}
+    return [one if same[one.level] == one.level else replace(one, level=same[one.level]) for one in values]
+
+
+def logs_of(fit: Fit) -> tuple[Input, ...]:
+    """The logs behind a fit, each once."""
+    return tuple(Input(*one) for one in dict.fromkeys((one.path, one.sha256) for one in fit.data.sources))
+
+
+def together(fits: Mapping[str, Fit]) -> list[Finding]:
+    """What is to be known of fits that belong together: which must not be used.
+
+    DataError where one is of other units, kind, drive or stand than the first, or has a log of another.
+    """
+    faults, (first, *others) = [], list(fits)
+    for name in others:
+        pairs = zip(_conditions(fits[first]).items(), _conditions(fits[name]).values(), strict=True)
+        if differ := [f"{what} {a or 'none'} and {b or 'none'}" for (what, a), b in pairs if a != b]:
+            faults.append(
+                f"{name}: is not of the same rig as {first}: {'; '.join(differ)}; only what the rig does by itself may "
+                "differ from session to session"
+            )
+    seen: dict[str, str] = {}
+    for name, fit in fits.items():
+        for log in logs_of(fit):
+            before = seen.setdefault(log.sha256, name) if log.sha256 else name
+            if before != name:
+                faults.append(f"{name}: holds {log.path}, which {before} holds too; a log is of one session")
+    if faults:
+        raise DataError(*faults)
+    unusable = {name: fit.verdict.sentence for name, fit in fits.items() if not fit.verdict.usable}
+    return [finding("session-not-usable", name, why=why) for name, why in unusable.items()]
+
+
+def _conditions(fit: Fit) -> dict[str, str]:
+    """What has to be the same for all sessions."""
+    data, rig = fit.data, fit.data.apparatus
+    said = {"kind": data.kind, "input unit": data.input_unit, "output unit": data.output_unit}
+    rows = [(DRIVE.get(one.name, one.name), one.name) for one in fields(rig) if one.name != "sample_rate_hz"]
+    named: dict[str, set[str]] = {}
+    for source in data.sources:
+        for key, number in re.findall(r"(?<![A-Za-z])([A-Za-z]+)=(\d+(?:\.\d+)?)", source.run):
+            named.setdefault(key, set()).add(number)
+    in_names = {f"{what} ({key}= in the names)": ", ".join(sorted(named.get(key, ()))) for key, what in NAMED.items()}
+    return {**said, **{what: f"{getattr(rig, name):g}" for what, name in rows}, **in_names}
+
+
+def table_values(frame: "pandas.DataFrame") -> list[Value]:
+    """The values of a plain table with the columns session, level, value, sd_log; DataError for one that is none."""
+    missing = [name for name in COLUMNS if name not in frame.columns]
+    if missing:
+        raise DataError(f"the table has no column {missing[0]}; give {', '.join(COLUMNS)}, a value a row")
+    found, faults = [], []
+    for place, (session, *cells) in enumerate(zip(*(frame[one] for one in COLUMNS), strict=True), 1):
+        try:
+            level, value, sd_log = map(float, cells)
+            if not (0 < level < MANY and 0 < value < MANY and 0 <= sd_log < MANY) or session != session:
+                raise ValueError
+            found.append(Value(str(session), level, value, sd_log))
+        except (TypeError, ValueError):
+            shown = ", ".join(map(str, (session, *cells)))
+            faults.append(
+                f"row {place} of the table ({shown}): level and value have to be above 0 and sd_log 0 or above, as the "
+                "model is one of logarithms; mend or drop it"
+            )
+    if faults:
+        raise DataError(*faults[:5])
+    return found
+
+
+def read_sessions(paths: Sequence[Path]) -> tuple[dict[str, Fit], list[Value], list[Finding]]:
+    """Files of fits by their names, or the values of one table; and what is to be told of the files."""
+    if len(paths) == 1 and paths[0].suffix.lower() in (".csv", ".tsv", ".txt"):
+        import pandas as pd
+
+        try:
+            return {}, table_values(pd.read_csv(paths[0], sep=None, engine="python", comment="#")), []
+        except (DataError, ValueError) as fault:
+            raise DataError(f"{paths[0]}: {str(fault).splitlines()[0]}") from None
+    stems, fits, told = [path.stem for path in paths], list[Fit](), list[Finding]()
+    for path in paths:
+        fit, found = codec.read(path, Fit)
+        fits.append(fit)
+        told += found
+    names = stems if len(set(stems)) == len(stems) else list(map(str, paths))
+    return dict(zip(names, fits, strict=True)), [], told

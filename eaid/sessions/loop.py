@@ -1,0 +1,112 @@
+"""Does a recorded loop do what its fit and gains promise: error and overshoot against the replay with its interval.
+
+The log's own reference is replayed by the loop that ran, on the fitted plant and on drawn ones (or a replay is given);
+a promise is kept where the recorded number is not above the upper end of what 95 % of the plants do. White noise of
+the sensor, by the scatter from sample to sample, is taken off the recorded numbers: the replay has none.
+"""
+
+import numpy as np
+
+from eaid.errors import DataError, UsageError
+from eaid.logs.run import Run
+from eaid.options import CompareOptions, SimulateOptions
+from eaid.replay.simulate import simulate
+from eaid.results.common import Number, Result
+from eaid.results.fit import Fit
+from eaid.results.gains import Gains
+from eaid.results.replay import Record, Replay
+
+
+class Kept(Result, frozen=True):
+    """One number of the loop: as recorded, as promised, with what 95 % of the plants do."""
+
+    name: str
+    recorded: Number
+    promised: Number
+    low: Number | None = None
+    high: Number | None = None
+
+    @property
+    def kept(self) -> bool:
+        """Whether the loop is as good as promised."""
+        return self.recorded <= (self.promised if self.high is None else self.high)
+
+    @property
+    def word(self) -> str:
+        """The same in words."""
+        better = self.low is not None and self.recorded < self.low
+        return "better than promised" if better else "kept" if self.kept else "worse than promised"
+
+
+class Promise(Result, frozen=True):
+    """A recorded loop against its replay."""
+
+    controller: str
+    log: str
+    unit: str
+    noise: Number = 0.0
+    """Standard deviation of the sensor's white noise in the log."""
+    rows: tuple[Kept, ...] = ()
+
+    @property
+    def kept(self) -> bool:
+        """Whether every number is."""
+        return all(one.kept for one in self.rows)
+
+    def lines(self) -> list[str]:
+        """The verdict, and every number."""
+        said = [f"{'kept   ' if self.kept else 'MISSED '} {self.controller} in {self.log}"]
+        for one in self.rows:
+            ends = "" if one.high is None else f" ({one.low:.3g} … {one.high:.3g})"
+            numbers = f"{one.recorded:.3g} {self.unit}, promised {one.promised:.3g}{ends}"
+            said.append(f"        {one.name} {numbers}: {one.word}")
+        return said
+
+
+def promise_of(
+    run: Run, options: CompareOptions, fit: Fit | None, gains: Gains | None, given: Replay | None
+) -> Promise:
+    """What was promised of a recorded loop, and what it does; DataError for a log without a reference."""
+    if run.reference_nm is None or not run.has_input:
+        raise DataError(
+            f"{run.where}: holds no reference beside input and output; say its column with «columns» reference=NAME"
+        )
+    held = given.records if given is not None else gains.controllers_by_name if gains is not None else {}
+    name = options.controller or next(iter(held), "")
+    if name not in held and name not in ("open-loop", "inverse"):
+        raise UsageError(f"«controller» {name}: the files hold {', '.join(held) or 'none'}; give the loop that ran")
+    if given is None:
+        if fit is None:
+            raise UsageError("a recorded loop is held against a fit with its gains, or a replay; give the fit too")
+        timing = gains.margins.timing if gains is not None and gains.margins is not None else None
+        how = SimulateOptions(
+            controller=(name,), plants=options.plants, seed=options.seed,
+            pwm_hz=(timing.pwm_hz or 0.0) if timing else 0.0, delay_samples=timing.delay_samples if timing else 0,
+        )  # fmt: skip
+        given = simulate(fit, gains, how, (run.time_s - run.time_s[0], run.reference_nm))
+    units, wanted = (run.input_unit, run.output_unit), (given.head.input_unit, given.head.output_unit)
+    if units != wanted:
+        raise DataError(f"{run.where}: is in {' and '.join(units)}, the promise in {' and '.join(wanted)}; say «units»")
+    noise = float(np.median(np.abs(np.diff(run.output, 2)))) / 0.6745 / np.sqrt(6)
+    return Promise(name, run.where, run.output_unit, noise, _rows(run, given.records[name], noise))
+
+
+def _rows(run: Run, record: Record, noise: float) -> tuple[Kept, ...]:
+    """RMS and largest error, and by how much the output peaks above the reference's highest value."""
+    assert run.reference_nm is not None
+    error, top = np.abs(run.reference_nm - run.output), float(run.reference_nm.max())
+    spread = record.metrics.plants.metrics if record.metrics.plants is not None else {}
+    peak_of_noise = noise * float(np.sqrt(2 * np.log(len(error))))  # what the largest of so many samples lies off by
+    rows = []
+    for key, name, recorded in (
+        ("rms_error_nm", "RMS error", float(np.sqrt(max(np.mean(error**2) - noise**2, 0.0)))),
+        ("max_abs_error_nm", "largest error", max(float(error.max()) - peak_of_noise, 0.0)),
+    ):
+        one = spread.get(key)
+        ends = (None, None) if one is None else (one.low, one.high)
+        rows.append(Kept(name, recorded, getattr(record.metrics, key) or 0.0, *ends))
+    band, own = record.tables.get("plants/band_nm"), record.columns
+    peak = max(float(own["torque_nm"].max() - own["reference_nm"].max()), 0.0)
+    low, high = (None, None) if band is None else (max(float(band[k].max()) - top, 0.0) for k in (1, 5))
+    high = None if high is None else max(high, peak)
+    return *rows, Kept("overshoot", max(float(run.output.max()) - top - peak_of_noise, 0.0), peak, low, high)

@@ -1,0 +1,215 @@
+"""A number of a rig over its sessions, and what the next session may be.
+
+With θ the number (T_s, a time constant, B) at a level of a session, x = ln(level/reference level) and W the variance
+that the session's own fit leaves of ln θ,
+
+    ln θ = X β + g + h x + d + ε,    g, h, d ~ N(0; σ_g², σ_h², σ_d²),    Var ε = W
+
+g and h belong to the session, d to the session at that level. X is 1, x, x², or one term a level, between levels
+straight in x. Variances by REML and the next value with its interval: `eaid.estimate.mixed`. Its degrees of freedom,
+which Satterthwaite's formula overrates where S sessions are few, are S − 1 at most where nothing is known of a session,
+and (S − 1)²/2 for each level of its reference steps: with these the intervals hold (`benchmarks/sessions.py`).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import stdtr, stdtrit
+
+from eaid.arrays import Array
+from eaid.estimate.mixed import Further, Line, Values, restricted
+from eaid.sessions.gather import MANY
+
+COMPONENTS = ("gain", "tilt", "level")
+EXACT = 1e-6  # Standard deviation of ln θ below which a value is known for certain
+FARTHEST, MOST = 50.0, 130.0  # Half-width of ln θ, and its size, beyond which nothing is said
+NEW = -1  # The session that is still to come
+
+
+def between(knots: Array, level: Array) -> Array:
+    """How a value at a level follows from those at rising knots, straight in ln level, (levels, knots)."""
+    if len(knots) == 1:
+        return np.ones((len(level), 1))
+    x, at = np.log(level), np.log(knots)
+    k = np.clip(np.searchsorted(at, x, side="right") - 1, 0, len(at) - 2)
+    share, rows = (x - at[k]) / (at[k + 1] - at[k]), np.zeros((len(x), len(at)))
+    rows[np.arange(len(x)), k], rows[np.arange(len(x)), k + 1] = 1 - share, share
+    return rows
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """n values of ln θ with their own variance W: in which session, at which level."""
+
+    session: Array
+    level: Array
+    y: Array
+    W: Array
+
+    def without(self, session: float) -> "Known":
+        """Those of the other sessions."""
+        kept = self.session != session
+        return Known(self.session[kept], self.level[kept], self.y[kept], self.W[kept])
+
+
+def steps_known(steps: Sequence[tuple[float, float, float]]) -> Known:
+    """What the session to come has shown of itself: level, value, standard deviation of its logarithm."""
+    level, value, sd_log = np.array(steps, dtype=np.float64).reshape(-1, 3).T
+    return Known(np.full(len(level), NEW), level, np.log(value), np.maximum(sd_log, EXACT) ** 2)
+
+
+NOTHING = steps_known([])
+
+
+@dataclass(frozen=True, eq=False)
+class Next:
+    """The next session at some levels: ln θ (q,), its covariance (q, q), degrees of freedom (q,)."""
+
+    level: Array
+    mean: Array
+    covariance: Array
+    dof: Array
+
+    @property
+    def reach(self) -> Array:
+        """Half-width of the 95 % intervals of ln θ, (q,)."""
+        return np.minimum(stdtrit(self.dof, 0.975) * np.sqrt(np.diag(self.covariance)), FARTHEST)
+
+    @property
+    def value(self) -> Array:
+        """θ, (q,)."""
+        return np.asarray(np.exp(np.clip(self.mean, -MOST, MOST)))
+
+    @property
+    def ends(self) -> Array:
+        """Low and high ends of its 95 % intervals, (2, q)."""
+        return np.asarray(np.exp(np.clip([self.mean - self.reach, self.mean + self.reach], -MOST, MOST)))
+
+    def of_a_run(self, W: float) -> tuple[float, float]:
+        """Ends of the interval of a single run at the first level, whose ln θ scatters with the variance W."""
+        reach = float(self.reach[0] * np.sqrt(1 + W / self.covariance[0, 0]))
+        low, high = np.exp(self.mean[0] + reach * np.array([-1.0, 1.0])).tolist()
+        return low, high
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """The model of one number; `terms` of X, 0: one a level."""
+
+    known: Known
+    reference: float
+    terms: int
+    variances: Array  # Of gain, tilt and level; 0 of what the sessions cannot show
+
+    @cached_property
+    def knots(self) -> Array:
+        """The levels, rising."""
+        return np.unique(self.known.level)
+
+    @property
+    def count(self) -> int:
+        """Sessions."""
+        return len(np.unique(self.known.session))
+
+    @cached_property
+    def free(self) -> NDArray[np.intp]:
+        """Which components the sessions can show: gain; with several levels in a session tilt and level too."""
+        several = len(np.unique(np.c_[self.known.session, self.known.level], axis=0)) > self.count
+        return np.flatnonzero([True, several, several])
+
+    def x(self, level: Array) -> Array:
+        """ln(level/reference)."""
+        return np.asarray(np.log(level / self.reference))
+
+    def rows(self, level: Array) -> Array:
+        """X of some levels, (n, p)."""
+        if self.terms:
+            return np.asarray(self.x(level)[:, None] ** np.arange(self.terms))
+        return between(self.knots, level)
+
+    def common(self, one: Known, other: Known) -> Array:
+        """What two sets of values have in common by component, (components, n, m)."""
+        same = (one.session[:, None] == other.session).astype(float)
+        tilt = same * np.outer(self.x(one.level), self.x(other.level))
+        return np.asarray(np.stack([same, tilt, same * (one.level[:, None] == other.level)])[self.free])
+
+    def values(self, known: Known) -> Values:
+        """Values as the line through them takes them."""
+        return Values(known.y, self.rows(known.level), np.diag(known.W), tuple(self.common(known, known)))
+
+    @cached_property
+    def line(self) -> Line:
+        """The line through all sessions."""
+        return self.values(self.known).at(self.variances[self.free])
+
+    def found(self, known: Known | None = None) -> "Model":
+        """The model with the variances of its values, or of others of its kind, looked for from its own."""
+        other, near, v = replace(self, known=known or self.known), self.variances, np.zeros(3)
+        start = np.maximum(near[other.free], 1e-3) if near.any() else None
+        v[other.free] = restricted(other.values(other.known), start).v
+        return replace(other, variances=v)
+
+    def finer(self, share: float) -> "Model":
+        """The model of values with so much of their own variance."""
+        known = self.known
+        return replace(self, known=Known(known.session, known.level, known.y, share * known.W))
+
+    def further(self, level: Array) -> Further:
+        """The next session at some levels, nothing known of it."""
+        new = Known(np.full(len(level), NEW), level, np.zeros(len(level)), np.zeros(len(level)))
+        return self.line.further(self.rows(level), self.common(self.known, new), self.common(new, new))
+
+    def next(self, level: Array, steps: Known = NOTHING) -> Next:
+        """The next session at some levels, given its reference steps."""
+        return self.given(level, steps, self.further(np.concatenate([level, steps.level])))
+
+    def given(self, level: Array, steps: Known, both: Further) -> Next:
+        """The same from `both`, the session at the levels and at those of the steps, nothing known: c being the share
+        of what the steps show beyond their own means that goes on, its variance is that of (1, −c) and of the steps."""
+        n, V = len(level), both.covariance
+        c = np.linalg.solve(V[n:, n:] + np.diag(steps.W), V[n:, :n]).T if len(steps.y) else np.zeros((n, 0))
+        turn = np.hstack([np.eye(n), -c])
+        mean = both.mean[:n] + c @ (steps.y - both.mean[n:])
+        whole = replace(both, covariance=V + np.diag(np.append(np.zeros(n), steps.W)))
+        few = (self.count - 1.0) ** 2 / 2 * len(np.unique(steps.level))
+        most = min(few, MANY) if len(steps.y) else self.count - 1.0
+        return Next(level, mean, turn @ whole.covariance @ turn.T, np.clip(whole.degrees(turn), 1.0, most))
+
+    def narrowest(self, sd_log: float) -> tuple[float, Next]:
+        """The level of the reference step that is worth most, and the next session after one: the least interval at
+        the worst level. What the step shows does not matter for that."""
+        n, every, tried = len(self.knots), self.further(self.knots), []
+        for k, level in enumerate(self.knots.tolist()):
+            at = np.append(np.arange(n), k)
+            square = np.ix_(at, at)
+            pair = replace(every, mean=every.mean[at], covariance=every.covariance[square],
+                           slopes=every.slopes[:, at][:, :, at], measured=every.measured[square])  # fmt: skip
+            tried.append((level, self.given(self.knots, steps_known([(level, 1.0, sd_log)]), pair)))
+        return min(tried, key=lambda one: float(one[1].reach.max()))
+
+    def gains(self) -> tuple[Array, Array, Array]:
+        """By how much each session lies above the common line in the mean of its levels, ln θ, with the standard
+        error of that: sessions, values, errors."""
+        sessions, own = np.unique(self.known.session), np.maximum(self.known.W + self.variances[2], 1e-300)
+        inside = (self.known.session == sessions[:, None]) / own
+        whole = inside.sum(axis=1)
+        return sessions, inside @ self.line.residuals / whole, 1 / np.sqrt(whole)
+
+    def trend(self) -> tuple[float, float]:
+        """Change of ln θ from one session to the next in their order, and the probability of such a one by chance."""
+        values = self.values(self.known)
+        order = self.known.session - self.known.session.mean()
+        X = np.c_[values.X, order]
+        if np.linalg.matrix_rank(X) < X.shape[1] or len(X) <= X.shape[1]:
+            return 0.0, 1.0
+        line = restricted(Values(values.y, X, values.W, values.G), self.line.v)
+        slope, error = float(line.beta[-1]), float(np.sqrt(line.covariance[-1, -1]))
+        return slope, two_sided(slope / error, self.count - 2)
+
+
+def two_sided(t: float, dof: float) -> float:
+    """Probability of a t at least so far from 0."""
+    return float(2 * stdtr(dof, -abs(t)))

@@ -1,0 +1,305 @@
+"""`sessions`: fits of several mountings of one rig, or a plain table → what the next one may be, rig.json."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import msgspec
+import numpy as np
+from scipy.sparse.csgraph import connected_components
+from scipy.special import stdtrit
+
+from eaid.arrays import Array
+from eaid.errors import DataError, UsageError
+from eaid.findings import finding, ranked, sentences
+from eaid.findings.row import SYMBOLS
+from eaid.options import SessionsOptions
+from eaid.results import codec
+from eaid.results.common import Inputs, Made, Number, Positive, Result
+from eaid.results.fit import Fit
+from eaid.results.verdict import FACTOR
+from eaid.sessions.gather import Session, Value, logs_of, run_scatter, snapped, table_values, together, values_of
+from eaid.sessions.model import EXACT, NOTHING, Known, Model, Next, steps_known
+from eaid.shown import Plotted, counted
+
+if TYPE_CHECKING:
+    import pandas
+
+LEAST = 3  # Sessions that tell how much they differ
+FEW = 5  # Sessions below which that is known to a factor only
+CARRIES = 0.5  # Part of its width that the next session's interval keeps where one session carried it
+CHANCE = 0.05
+CI = "sessions"  # What a fit of today says its intervals are made of
+NUMBERS = ("Ts", "tau1", "tau2", "B", "a0")  # What is known of each session; the first one has to be
+
+
+class Scatter(Result, frozen=True):
+    """Standard deviations of ln θ over the sessions: gain, tilt over ln level, session at a level."""
+
+    gain: Number = 0.0
+    tilt: Number = 0.0
+    level: Number = 0.0
+
+
+class Foreseen(Result, frozen=True):
+    """The next session at one level, with its 95 % interval."""
+
+    level: Positive
+    value: Number
+    low: Number
+    high: Number
+    dof: Number
+    factor: Number
+    """high/value."""
+    with_step: Number
+    """The same once one reference step is known."""
+
+
+class Quantity(Result, frozen=True):
+    """One number of the rig over its sessions."""
+
+    unit: str
+    reference_level: Positive
+    terms: int
+    """Of the common line in ln level; 0: one a level."""
+    values: tuple[Value, ...]
+    sd: Scatter
+    sd_step: Number
+    """Standard deviation of ln θ of a reference step, by how much single runs scatter."""
+    best_level: Positive
+    """Of a single reference step: the one that leaves least of the next session open."""
+    more_repeats: Number = 0.0
+    """Factor at the worst level if every level had one repeat in three more."""
+    next: tuple[Foreseen, ...] = ()
+
+    @property
+    def factor(self) -> float:
+        """By what factor the next session's interval reaches at the worst level."""
+        return max(one.factor for one in self.next)
+
+    @property
+    def with_step(self) -> float:
+        """The same once one reference step at the best level is known."""
+        return max(one.with_step for one in self.next)
+
+    def model(self, names: Sequence[str]) -> Model:
+        """Its model over the sessions of these names."""
+        session = np.array([names.index(one.session) for one in self.values], dtype=np.float64)
+        level, value, sd = np.array([(one.level, one.value, one.sd_log) for one in self.values]).T
+        known = Known(session, level, np.log(value), np.maximum(sd, EXACT) ** 2)
+        return Model(known, self.reference_level, self.terms, np.square(msgspec.structs.astuple(self.sd)))
+
+
+class Rig(Plotted, codec.Saved, Made, frozen=True):
+    """A rig over its sessions: what they have in common, how they differ, what the next one may be."""
+
+    FILE: ClassVar[str] = "rig"
+    inputs: Inputs = {}
+    options: SessionsOptions = SessionsOptions()
+    input_unit: str = ""
+    sessions: tuple[Session, ...] = ()
+    quantities: dict[str, Quantity] = {}
+    """The main one first: Ts, then tau1, tau2, B, a0 where three sessions know them; of a plain table `value`."""
+    base: Fit | None = None
+    """The fit of the session with the most levels, from which that of today is made; None: a plain table."""
+
+    @property
+    def names(self) -> list[str]:
+        """The sessions in order."""
+        return [one.name for one in self.sessions]
+
+    @property
+    def main(self) -> Quantity:
+        """The first of the quantities."""
+        return next(iter(self.quantities.values()))
+
+    @property
+    def symbol(self) -> str:
+        """How it is written."""
+        name = next(iter(self.quantities))
+        return SYMBOLS.get(name, name)
+
+    def foreseen(self, levels: Array, steps: Known = NOTHING, quantity: str = "") -> Next:
+        """The next session's values of a quantity, of the main one where none is named."""
+        return (self.quantities[quantity] if quantity else self.main).model(self.names).next(levels, steps)
+
+    def next(
+        self, levels: "Sequence[float] | None" = None, steps: "pandas.DataFrame | None" = None, quantity: str = ""
+    ) -> "pandas.DataFrame":
+        """What the next session may be.
+
+        Parameters
+        ----------
+        levels : sequence of floats, optional
+            Levels, in the input's unit; by itself those of the sessions.
+        steps : DataFrame, optional
+            Reference steps of that session, columns level and value; sd_log where a step is known better or worse
+            than a single run.
+        quantity : str, optional
+            Which of `quantities`; by itself the main one.
+
+        Returns
+        -------
+        DataFrame
+            Over the level: value, low and high of its 95 % interval, dof.
+        """
+        import pandas as pd
+
+        if quantity and quantity not in self.quantities:
+            raise UsageError(f"«quantity» {quantity}: the sessions know {', '.join(self.quantities)}")
+        of, rows = self.quantities[quantity] if quantity else self.main, list[Value]()
+        if steps is not None:
+            rows = table_values(steps.assign(session="", **({} if "sd_log" in steps else {"sd_log": of.sd_step})))
+        at = np.atleast_1d(np.array([one.level for one in of.next] if levels is None else levels, dtype=np.float64))
+        if not (at > 0).all():
+            raise UsageError("«levels»: have to be above 0, as the model is one of logarithms")
+        found = self.foreseen(at, steps_known([(one.level, one.value, one.sd_log) for one in rows]), quantity)
+        low, high = found.ends
+        columns = {"value": found.value, "low": low, "high": high, "dof": found.dof}
+        return pd.DataFrame(columns, index=pd.Index(at, name="level"))
+
+    def today(self, step: Any) -> Fit:
+        """A fit of today by reference steps: `eaid.today(rig, step)`."""
+        from eaid.sessions.today import today
+
+        return today(self, step)
+
+    def lines(self) -> list[str]:
+        """What is known of the next session, and what to record."""
+        one, n = self.main, len(self.sessions)
+        at = f"{one.best_level:.4g} {self.input_unit}".rstrip()
+        narrower = math.sqrt((1 + 1 / (n + 1)) / (1 + 1 / n)) * float(stdtrit(n, 0.975) / stdtrit(n - 1, 0.975))
+        why = "sessions, not repeats: " * (one.more_repeats > 0.95 * one.factor)
+        return [
+            f"rig     {counted(n, 'session')}: the next one's {self.symbol} within ×/÷ {one.factor:.2f}; after one "
+            f"reference step ({at}) ×/÷ {one.with_step:.2f}",
+            f"scatter gain {one.sd.gain:.3g}, tilt {one.sd.tilt:.3g}, session × level {one.sd.level:.3g} (sd of ln "
+            f"{self.symbol}); one run {one.sd_step:.3g}",
+            f"advice  {why}one more repeat to every three leaves ×/÷ {one.more_repeats:.2f}, one more session about "
+            f"×/÷ {one.factor**narrower:.2f}",
+            f"advice  in each new session first a reference step at {at}, which is worth most",
+        ]
+
+    def summary(self) -> str:
+        """The next session's reach, the scatter, the advice, and the gravest findings."""
+        return "\n".join([*self.lines(), *sentences(self.findings[:3])])
+
+    def to_frame(self) -> "pandas.DataFrame":
+        """One row a value: quantity, session, level, value, sd_log, dof."""
+        import pandas as pd
+
+        every = [(name, one) for name, of in self.quantities.items() for one in of.values]
+        return pd.DataFrame([{"quantity": name, **msgspec.structs.asdict(one)} for name, one in every])
+
+
+def rig_of_fits(fits: Mapping[str, Fit], options: SessionsOptions) -> Rig:
+    """A rig of three fits and more, in their order; DataError where they do not belong together."""
+    if len(fits) < LEAST:
+        raise DataError(
+            f"{counted(len(fits), 'session')}: three and more tell what the next one may be; record another, or see "
+            "what moved between two with eaid compare"
+        )
+    if foretold := [name for name, fit in fits.items() if fit.uncertainty is not None and fit.uncertainty.ci == CI]:
+        raise DataError(
+            f"{foretold[0]}: is foreseen by reference steps, no session of its own; fit the logs of its session"
+        )
+    told = together(fits)
+    sound = [fit for fit in fits.values() if fit.verdict.usable] or list(fits.values())
+    base = max(reversed(sound), key=lambda fit: (fit.nonlinear is not None, len(fit.data.levels)))
+    units = {"Ts": base.data.output_unit, "tau1": "s", "tau2": "s", "a0": "1/s"}
+    quantities = {}
+    for name in NUMBERS:
+        values = snapped([one for key, fit in fits.items() for one in values_of(fit, name, key)])
+        knowing = {one.session for one in values}
+        if len(knowing) >= LEAST:
+            runs = [sd for fit in fits.values() if (sd := run_scatter(fit, name)) is not None]
+            sd_step = math.sqrt(float(np.mean(np.square(runs)))) if runs else None
+            one = quantity_of(values, list(fits), options, sd_step, units.get(name, ""))
+            if name == "Ts" or one.factor < FACTOR:
+                quantities[name] = one
+        elif name == "Ts":
+            raise DataError(
+                f"{', '.join(key for key in fits if key not in knowing)}: no level has a T_s with an interval; fit the "
+                "logs again, with «ci»"
+            )
+    sessions = tuple(Session(name, logs_of(fit)) for name, fit in fits.items())
+    slim = msgspec.structs.replace(base, steps=(), parameters=(), recorded=None, findings=())
+    return _judged(Rig(options=options, input_unit=base.data.input_unit, sessions=sessions, quantities=quantities,
+                       base=slim, findings=tuple(told)))  # fmt: skip
+
+
+def rig_of_table(values: Sequence[Value], options: SessionsOptions) -> Rig:
+    """A rig of a plain table."""
+    names = list(dict.fromkeys(one.session for one in values))
+    if len(names) < LEAST:
+        held = counted(len(names), "session")
+        raise DataError(f"the table holds {held}; three and more tell what the next one may be")
+    quantities = {"value": quantity_of(snapped(values), names, options)}
+    return _judged(Rig(options=options, sessions=tuple(map(Session, names)), quantities=quantities))
+
+
+def quantity_of(
+    values: Sequence[Value], names: Sequence[str], options: SessionsOptions, sd_step: float | None = None,
+    unit: str = "",
+) -> Quantity:  # fmt: skip
+    """One number over the sessions: its model found, the next session foreseen."""
+    levels = np.unique([one.level for one in values])
+    each = [{one.level for one in values if one.session == name} for name in names]
+    terms = min(options.terms or 3, len(levels), max(1, len(values) - 2))
+    if options.terms is None and len(levels) > 1 and all(one == set(levels) for one in each if one):
+        terms = 0
+    middle = float(levels[len(levels) // 2])
+    sd = float(np.median([one.sd_log for one in values])) if sd_step is None else sd_step
+    plain = Quantity(unit, options.reference_level or middle, terms, tuple(values), Scatter(), sd, middle)
+    model = plain.model(names).found()
+    (best, after), now = model.narrowest(sd), model.next(model.knots)
+    rows = zip(now.level, now.value, *now.ends, now.dof, np.exp(now.reach), np.exp(after.reach), strict=True)
+    return msgspec.structs.replace(
+        plain, sd=Scatter(*np.sqrt(model.variances).tolist()), best_level=best,
+        more_repeats=float(np.exp(model.finer(0.75).next(model.knots).reach.max())),
+        next=tuple(Foreseen(*map(float, row)) for row in rows),
+    )  # fmt: skip
+
+
+def _judged(rig: Rig) -> Rig:
+    """The rig with what is to be known of its main quantity; UsageError for more terms than that carries."""
+    one, model, name = rig.main, rig.main.model(rig.names), next(iter(rig.quantities))
+    known, unit, found = model.known, rig.input_unit, [*rig.findings]
+    if one.terms and rig.options.terms not in (None, one.terms):
+        held = f"{counted(len(known.y), 'value')} at {counted(len(model.knots), 'level')}"
+        raise UsageError(f"«terms» {rig.options.terms}: the sessions hold {held}; give {one.terms} at most")
+    if model.count < FEW:
+        found.append(finding("few-sessions", "sessions", sessions=model.count))
+    words = ("gain", "tilt", "session × level")
+    if none := tuple(words[k] for k in model.free if model.variances[k] <= 1e-6 * model.line.scale):
+        found.append(finding("no-scatter-between-sessions", "sessions", parameter=name, components=none))
+    if not model.knots[0] <= one.reference_level <= model.knots[-1]:
+        found.append(finding("reference-level-outside", "sessions", model.knots, level=one.reference_level, unit=unit))
+    carried = _carried(model, one.factor)
+    if carried is not None:
+        session, factor = rig.names[carried[0]], carried[1]
+        found.append(finding("session-carries-estimate", "sessions", session=session, parameter=name, factor=factor,
+                             whole=one.factor))  # fmt: skip
+    slope, p = model.trend()
+    if p < CHANCE:
+        pct = 100 * math.expm1(slope)
+        found.append(finding("trend-over-sessions", "sessions", parameter=name, pct=pct, p=p))
+    beside = (known.session[:, None] == known.session) | (known.level[:, None] == known.level)
+    parts, label = connected_components(beside, directed=False)
+    if parts > 1:
+        apart = min((np.unique(known.level[label == k]) for k in range(parts)), key=lambda levels: len(levels))
+        found.append(finding("levels-and-sessions-confounded", "sessions", apart, unit=unit))
+    return msgspec.structs.replace(rig, findings=ranked(found))
+
+
+def _carried(model: Model, whole: float) -> tuple[int, float] | None:
+    """The session that lies furthest off, where without it the next one's interval is much narrower: by what factor it
+    then reaches."""
+    line, known = model.line, model.known
+    off = np.where(known.session == np.arange(known.session.max() + 1)[:, None], line.residuals, 0.0)
+    far = int(np.argmax(np.einsum("sn,nm,sm->s", off, line.inverse, off)))
+    rest = known.without(far)
+    if model.count <= LEAST or len(rest.y) <= line.values.X.shape[1] or set(rest.level) != set(known.level):
+        return None
+    factor = float(np.exp(model.found(rest).next(model.knots).reach.max()))
+    return (far, factor) if math.log(factor) < CARRIES * math.log(whole) else None

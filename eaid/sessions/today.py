@@ -1,0 +1,203 @@
+"""`today`: one or two reference steps of a new session → a fit whose intervals are those of the next session.
+
+T_s, τ1, τ2 and B are foreseen at the levels of the session with the most of them (`base`), given the steps. Each of its
+curves p(u) is put through p(u) e^d(u), d the logarithm of the foreseen over its own, straight in ln u between levels,
+by least squares of the relative error; its coefficients get the covariance by which the foreseen values go together,
+so that drawn plants are those of the next session. B_m and B_M are the outermost ends of the levels' intervals of B.
+"""
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from msgspec.structs import replace
+from scipy.linalg import block_diag
+
+from eaid.arrays import Array
+from eaid.declared import chosen, part
+from eaid.errors import DataError
+from eaid.estimate.coefficients import BLOCKS, with_intervals
+from eaid.estimate.workflow import fit_steps
+from eaid.findings import Finding, finding, ranked, stops
+from eaid.logs.frames import runs_from_frames
+from eaid.options import FitOptions, ReadOptions
+from eaid.plant.forms import scales, terms
+from eaid.progress import Progress, no_progress
+from eaid.reading import read_steps, steps_of
+from eaid.results import fit as parts
+from eaid.results.fit import Fit, LevelIntervals
+from eaid.results.parameters import table_of
+from eaid.sessions.gather import MANY, levels_of, logs_of, together, values_of
+from eaid.sessions.model import NOTHING, Known, Next, between, steps_known
+from eaid.sessions.rig import CI, Rig
+from eaid.steps.stepset import StepSet
+
+INPUTS = 11  # Over the range, beside the levels, through which a curve is put
+Foreseen = Mapping[str, Next]  # What the sessions know, by its name
+
+
+def reading_of(rig: Rig, given: ReadOptions | None) -> ReadOptions:
+    """How reference steps are read: as the logs of the sessions, but for what is given."""
+    before = rig.base.options.reading if rig.base is not None else {}
+    kept = {name: value for name, value in before.items() if name not in ("levels", "repair")}
+    return chosen(ReadOptions, None, {**kept, **(given.stated() if given is not None else {})})
+
+
+def steps_read(step: Any, how: ReadOptions, progress: Progress = no_progress) -> StepSet:
+    """Steps from paths, DataFrames, or as they were read."""
+    if isinstance(step, StepSet):
+        return step
+    if hasattr(step, "columns") or isinstance(step, Mapping):
+        return steps_of(runs_from_frames(step, how), how)[1]
+    paths = [step] if isinstance(step, str | os.PathLike) else step
+    return read_steps([Path(one) for one in paths], how, progress)[1]
+
+
+def today(rig: Rig, step: Any, reading: ReadOptions | None = None, progress: Progress = no_progress) -> Fit:
+    """`eaid.today`: DataError for a rig of a plain table, or steps of another rig or of its own sessions."""
+    base = rig.base
+    if base is None:
+        raise DataError("the rig is of a plain table and holds no plant; its `next(steps=…)` says what today's may be")
+    shown = step if isinstance(step, Fit) else _fitted(base, steps_read(step, reading_of(rig, reading), progress))
+    names = {one.sha256: session.name for session in rig.sessions for one in session.logs if one.sha256}
+    if again := [one for one in logs_of(shown) if one.sha256 in names]:
+        was = names[again[0].sha256]
+        raise DataError(f"{again[0].path}: is a log of session {was} already; give a step of the new session")
+    together({"the rig": base, "today": shown})
+    steps = {name: _steps(rig, shown, name) for name in rig.quantities}
+    if not len(steps["Ts"].y):
+        raise DataError("no reference step has a T_s above 0; record one whose output rises")
+    rows = levels_of(base)
+    levels = np.array([row.level for row in rows])
+    foreseen = {
+        name: rig.foreseen(np.ones(1) if name == "a0" else levels, steps[name], name) for name in rig.quantities
+    }
+    made = _with_linear(_with_plant(_with_levels(base, rows, foreseen), rows, foreseen), rows, foreseen)
+    uncertainty = replace(base.uncertainty or parts.Uncertainty(), ci=CI, share=None, lack_of_fit=())
+    data = replace(base.data, sources=shown.data.sources, inputs=shown.data.inputs, repeats=(), samples=())
+    told = ranked((*_told(rig, steps["Ts"], foreseen), *stops(shown.findings)))
+    made = replace(made, data=data, uncertainty=uncertainty, findings=told)
+    return replace(made, parameters=table_of(made))
+
+
+def _fitted(base: Fit, steps: StepSet) -> Fit:
+    models = ("friction", "linear") if steps.kind == "clutch" else ("friction",)
+    given = {**part(FitOptions, base.options).given(), "model": models, "hold_out": (), "bounds_levels": None}
+    return fit_steps(steps, chosen(FitOptions, None, given))
+
+
+def _steps(rig: Rig, shown: Fit, name: str) -> Known:
+    """What the reference steps say of a number: known no better than so many runs are, however quiet one is. Of a0 of
+    one level nothing: it is another number than that of all."""
+    if name == "a0":
+        return NOTHING
+    own = {one.level: one for one in values_of(shown, name, "")}
+    repeats = dict(zip(shown.data.levels, shown.data.repeats, strict=False))
+    rows = [(one.level, one.value) for one in own.values()]
+    if name == "Ts":  # of one quiet run there may be no interval
+        rows = [(row.level, row.Ts) for row in levels_of(shown) if row.Ts > 0]
+    single = {level: rig.quantities[name].sd_step / max(repeats.get(level, 1), 1) ** 0.5 for level, _ in rows}
+    known = {level: own[level].sd_log if level in own else 0.0 for level, _ in rows}
+    return steps_known([(level, value, max(single[level], known[level])) for level, value in rows])
+
+
+def _told(rig: Rig, steps: Known, foreseen: Foreseen) -> list[Finding]:
+    """How sure today is, a step beyond what was foreseen, what is taken from the base, a level beyond the sessions'."""
+    one, model, after = rig.main, rig.main.model(rig.names), float(np.exp(foreseen["Ts"].reach.max()))
+    found = [
+        finding("for-today", "sessions", sessions=model.count, steps=len(steps.y), factor=after, without=one.factor)
+    ]
+    for level, y, W in zip(steps.level.tolist(), steps.y, steps.W, strict=True):
+        if not model.knots[0] <= level <= model.knots[-1]:
+            found.append(finding("reference-level-outside", "sessions", model.knots, level=level, unit=rig.input_unit))
+        low, high = model.next(np.array([level])).of_a_run(W)
+        if not low <= np.exp(y) <= high:
+            value = float(np.exp(y))
+            found.append(finding("step-outside", "sessions", [level], value=value, unit=one.unit, low=low, high=high))
+    kept = tuple(name for name in ("tau1", "tau2") if name not in foreseen)
+    return [*found, finding("kept-from-base", "sessions", parameters=kept)] if kept else found
+
+
+def _foreseen_at(foreseen: Foreseen, k: int) -> tuple[dict[str, float], LevelIntervals]:
+    """T_s, τ1 and τ2 at level k, as far as the sessions know them, and their intervals."""
+    known = {name: foreseen[name] for name in BLOCKS if name in foreseen}
+    ends: dict[str, Any] = {name: tuple(one.ends[:, k].tolist()) for name, one in known.items()}
+    dof = {name: float(one.dof[k]) for name, one in known.items()}
+    return {name: float(one.value[k]) for name, one in known.items()}, LevelIntervals(**ends, dof=dof)
+
+
+def _with_levels(base: Fit, rows: Sequence[Any], foreseen: Foreseen) -> Fit:
+    """The fit with the foreseen values as those of its levels."""
+    if base.friction is None:
+        return base
+    levels = []
+    for k, row in enumerate(rows):
+        values, ends = _foreseen_at(foreseen, k)
+        own = {name: values.get(name, getattr(row, name)) for name in BLOCKS}
+        own["tau2"] = max(own["tau1"], own["tau2"])
+        plain = replace(row, **own, ci95=ends, C_f=row.C_f and row.C_f * own["Ts"] / row.Ts, solver=None, samples=None)
+        levels.append(replace(plain, rmse=None, sse=None, fit_pct=None, R2=None))
+    return replace(base, friction=parts.Friction(base.friction.C, base.friction.over, tuple(levels)))
+
+
+def _with_plant(base: Fit, rows: Sequence[Any], foreseen: Foreseen) -> Fit:
+    """The fit with its plant's curves put through the foreseen values, and the covariance of these."""
+    plant, model = base.plant_ or base.nonlinear, base.nonlinear
+    if plant is None:
+        return base
+    levels = np.array([row.level for row in rows])
+    inputs = np.union1d(levels, np.linspace(levels[0], levels[-1], INPUTS))
+    hats, u_range = between(levels, inputs), plant.u_range
+    curves: dict[str, tuple[float, ...]] = {}
+    blocks: dict[str, Array] = {}
+    for name in BLOCKS:
+        count = len(getattr(plant, name))
+        own, blocks[name] = np.array(getattr(plant, name)) * scales(count), np.zeros((count, count))
+        value = terms(inputs, count, u_range) @ own if count else np.zeros(1)
+        if name not in foreseen or not (value > 0).all():
+            continue
+        back = np.linalg.pinv(terms(inputs, count, u_range) / value[:, None])
+        moved = np.exp(hats @ (foreseen[name].mean - np.log(terms(levels, count, u_range) @ own)))
+        curves[name] = tuple((back @ moved / scales(count)).tolist())
+        turn = back @ (moved[:, None] * hats)
+        blocks[name] = turn @ foreseen[name].covariance @ turn.T
+    if base.plant_ is not None:
+        base = replace(base, plant_=replace(base.plant_, ci95=None, **curves))
+    if model is None:
+        return base
+    own_curves = {name: getattr(model, name) for name in BLOCKS} | curves
+    plain = parts.Nonlinear(**own_curves, u_range=u_range, C=model.C, solver=model.solver, estimator=model.estimator)
+    each = [_foreseen_at(foreseen, k) for k in range(len(rows))]
+    shown = [parts.CurveLevel(row.level, **values, ci95=ends) for row, (values, ends) in zip(rows, each, strict=True)]
+    degrees = {name: float(np.median(foreseen[name].dof)) if name in foreseen else MANY for name in BLOCKS}
+    return replace(base, nonlinear=with_intervals(plain, shown, block_diag(*blocks.values()), degrees))
+
+
+def _with_linear(base: Fit, rows: Sequence[Any], foreseen: Foreseen) -> Fit:
+    """The fit with a linear model whose gain follows T_s, and with B of the next session."""
+    old = base.linear
+    if old is None or not foreseen.keys() >= {"B", "a0"}:
+        return base
+    B, a0, before = foreseen["B"], foreseen["a0"], {row.level: row for row in old.per_level}
+    level, moved = [], []
+    for k, row in enumerate(rows):
+        if row.level not in before:
+            continue
+        one, (low, high) = float(B.value[k]), B.ends[:, k].tolist()
+        gain = before[row.level].gain * float(foreseen["Ts"].value[k]) / row.Ts
+        ends = parts.LinearLevelIntervals(B=(low, high), dof={"B": float(B.dof[k])})
+        level.append(parts.LinearLevel(row.level, row.level / (one * gain), gain, 1 / one, 0.0, one, ci95=ends))
+        moved.append(gain - before[row.level].gain)
+    at = [one.level for one in level]
+    slope, offset = np.polyfit(at, moved, 1).tolist() if len(at) > 1 else (moved[0] / at[0], 0.0)
+    kept = old.bounds.levels if old.bounds is not None else tuple(at)
+    inside = [one.ci95.B for one in level if one.level in kept and one.ci95 is not None and one.ci95.B is not None]
+    value, (low, high) = float(a0.value[0]), a0.ends[:, 0].tolist()
+    linear = parts.Linear(
+        value, value * (old.b0 / old.a0 + slope), value * (old.c0 / old.a0 + offset), old.solver,
+        parts.PooledIntervals(a0=(low, high), dof={"a0": float(a0.dof[0])}), tuple(level),
+        parts.Bounds(levels=kept, B_m=min(one[0] for one in inside), B_M=max(one[1] for one in inside)),
+    )  # fmt: skip
+    return replace(base, linear=linear)

@@ -1,0 +1,111 @@
+"""The commands: five questions answered from the terminal alone, the page, logs of several sittings, following."""
+
+import threading
+import time
+
+import pytest
+
+import eaid
+from eaid.sessions import follow
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, fits, make):
+    where = tmp_path_factory.mktemp("rig")
+    for name, fit in fits.items():
+        fit.save(where / f"{name}.json")
+    for name, frame in make(90, 0.5, 0.1, levels=(40.0,), repeats=1).items():
+        frame.round(6).to_csv(where / f"{name}.csv", index=False)
+    eaid.tune_rc(fits["s1"]).save(where / "gains.json")
+    return where
+
+
+@pytest.fixture(autouse=True)
+def _inside(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+
+
+def test_five_questions_are_answered_from_the_terminal(folder, run_eaid):
+    told = run_eaid("compare", "s0.json", "s1.json", "s2.json", "--gains", "gains.json", "--force")
+    assert told.code == 0, told.err
+    assert "moved   A against B: T_s" in told.out and "% at" in told.out  # has it changed, and by how much?
+    assert "retune  yes" in told.out and "next    eaid tune-rc s0.json" in told.out  # must I retune?
+    told = run_eaid("sessions", *(f"s{k}.json" for k in range(6)), "-o", "rig.json", "--force")
+    assert told.code == 0, told.err
+    assert "advice  sessions, not repeats" in told.out and "first a reference step at" in told.out  # what do I record?
+    told = run_eaid("today", "rig.json", "s90_40_0.csv", "-o", "today.json", "--force")
+    assert told.code == 0, told.err
+    assert "today   T_s within ×/÷" in told.out and "next    eaid tune-rc today.json" in told.out  # how sure today?
+
+
+def test_a_page_begins_with_the_verdict_and_shows_the_sessions(folder, run_eaid):
+    run_eaid("sessions", *(f"s{k}.json" for k in range(6)), "-o", "rig.json", "--force")
+    run_eaid("compare", "s0.json", "s1.json", "--force")
+    for file, said, figure in (("rig.json", "6 sessions: the next one", "sessions_chart"),
+                               ("compare.json", "A against B", "sessions_compared")):  # fmt: skip
+        assert run_eaid("report", file, "-o", "page", "--force").code == 0
+        page = (folder / "page" / "report.html").read_text()
+        assert page.index(said) < page.index('class="picture"') and (folder / f"page/figures/{figure}.png").is_file()
+    assert "A: s0.json" in page and "B: s1.json" in page
+
+
+@pytest.mark.parametrize(
+    ("typed", "code", "said"),
+    [
+        (("sessions", "s0.json", "s1.json"), 3, "2 sessions: three and more"),
+        (("sessions", "s0.json", "s1.json", "gains.json"), 3, "gains.json: is no fit of eaid"),
+        (("compare", "s0.json"), 2, "s0.json alone: give another session's fit.json"),
+        (("compare", "s0.json", "gains.json"), 2, "gains go behind --gains"),
+        (("today", "s0.json", "s90_40_0.csv"), 3, "s0.json: is no rig of eaid"),
+        (("fit", "s90_40_0.csv", "--against", "rig.json"), 2, "--against: does nothing without --follow"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_sentence(run_eaid, typed, code, said):
+    told = run_eaid(*typed, "-o", "none.json")
+    assert told.code == code and said in told.err and told.err.count("error:") == 1
+
+
+def test_logs_of_several_sittings_are_said_with_an_offer_to_part_them(run_eaid, make, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "logs").mkdir()
+    for k, (day, levels) in enumerate({"20241029_1618": (40.0,), "20241103_1442": (20.0, 100.0)}.items()):
+        for j, frame in enumerate(make(k, levels=levels, repeats=2).values()):
+            frame.round(6).to_csv(tmp_path / "logs" / f"{day}{j:02d}_run.csv", index=False)
+    told = run_eaid("fit", "logs", "-v")
+    assert "the logs hold 2 sessions (by their dates: 2024-10-29 16:18: 40 %; 2024-11-03 14:42: 20, 100 %)" in told.err
+    assert "what differs between their levels may be the sessions" in told.err
+    assert "eaid fit logs/20241029* -o 1.json; eaid fit logs/20241103* -o 2.json" in told.err
+
+
+def test_a_jump_of_the_idle_tells_sittings_apart_where_names_do_not(make):
+    logs = make(1, levels=(40.0, 80.0), repeats=3)
+    assert "several-sessions" not in {one.code for one in eaid.read(logs).findings}
+    moved = {name: one.assign(torque_nm=one["torque_nm"] + 0.4 * (k > 2)) for k, (name, one) in enumerate(logs.items())}
+    (one,) = [one for one in eaid.read(moved).findings if one.code == "several-sessions"]
+    assert one.values["sessions"] == 2 and "jump of the idle" in one.values["by"]
+
+
+def test_a_folder_is_followed_step_by_step_and_then_fitted(folder, run_eaid, make, tmp_path, monkeypatch):
+    monkeypatch.setattr(follow, "LOOK_S", 0.1)
+    run_eaid("sessions", *(f"s{k}.json" for k in range(6)), "-o", str(tmp_path / "rig.json"))
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "plan.csv").write_text("order,level,repeat,idle_s,hold_s,release_s\n1,60,1,5,66,5\n2,87,1,5,66,5\n")
+    (tmp_path / "live").mkdir()
+
+    def record():
+        frames = {"a": (60.0, 0.1), "b": (60.0, 3.0)}
+        for name, (level, gain) in frames.items():
+            time.sleep(0.4)
+            (frame,) = make(95, gain, levels=(level,), repeats=1).values()
+            frame.round(6).to_csv(tmp_path / "live" / f"{name}.csv", index=False)
+
+    recorder = threading.Thread(target=record)
+    recorder.start()
+    told = run_eaid("fit", "live", "--follow", "1.5", "--against", "rig.json", "--plan", "plan.csv", "-o", "fit.json")
+    recorder.join()
+    lines = [line for line in told.err.splitlines() if line.startswith(("60 %", "next by plan"))]
+    assert len(lines) == 4, told.err
+    assert lines[0].startswith("60 %: T_s") and "(expected" in lines[0] and lines[0].endswith("ok")
+    assert lines[1] == "next by plan: 87 %, 66 s"
+    assert lines[2].endswith("outside: record again?")
+    assert told.code in (0, 4) and (tmp_path / "fit.json").is_file()

@@ -1,0 +1,132 @@
+"""What moved between sessions, whether gains have to be made anew, and whether a recorded loop keeps its promise."""
+
+import msgspec
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+import eaid
+from eaid.sessions.compare import holm
+
+
+@pytest.fixture(scope="module")
+def before(make):
+    return eaid.fit(make(30))
+
+
+def test_a_gain_that_fell_by_half_is_found_alike_at_all_levels(before, make):
+    now = eaid.fit(make(31, np.log(0.5)))
+    (shift, *_) = eaid.compare(now, before).shifts
+    assert shift.low < 0.5 < shift.high and shift.ratio == pytest.approx(0.5, rel=0.08)
+    assert shift.moved and shift.p < 1e-6
+    assert eaid.compare(now, before).changed
+
+
+def test_levels_that_move_apart_are_found_though_their_mean_stays(before, make):
+    now = eaid.fit(make(32, 0.12, 0.5))
+    found = eaid.compare(now, before)
+    shift = found.shifts[0]
+    assert not shift.alike and shift.p_alike < 1e-3 and found.changed
+    assert "not alike at all levels" in found.summary()
+    ratios = [one.ratio for one in shift.levels]
+    assert ratios == sorted(ratios) and ratios[0] < 0.8 and ratios[-1] > 1.2
+
+
+def test_shift_and_test_of_likeness_are_those_of_scipy(fits):
+    """By hand from the two fits' own intervals."""
+    a, b = fits["s0"], fits["s1"]
+    shift = eaid.compare(a, b).shifts[0]
+    rows = list(zip(a.friction.levels, b.friction.levels, strict=True))
+
+    def variance(row):
+        return (np.log(row.ci95.Ts[1] / row.ci95.Ts[0]) / 2 / stats.t.ppf(0.975, row.ci95.dof["Ts"])) ** 2
+
+    delta = np.array([np.log(x.Ts / y.Ts) for x, y in rows])
+    V = np.array([variance(x) + variance(y) for x, y in rows])
+    mean = np.average(delta, weights=1 / V)
+    assert shift.ratio == pytest.approx(np.exp(mean))
+    t = abs(mean) * np.sqrt((1 / V).sum())
+    assert 2 * stats.t.sf(t, shift.dof) <= shift.p * (1 + 1e-9)
+    alone = stats.t.ppf(0.975, shift.dof) / np.sqrt((1 / V).sum())
+    assert (shift.low, shift.high) == pytest.approx((np.exp(mean - alone), np.exp(mean + alone)))
+    Q = ((delta - mean) ** 2 / V).sum() / (len(delta) - 1)
+    assert shift.p_alike >= stats.f.sf(Q, len(delta) - 1, shift.dof) * (1 - 1e-9)
+
+
+def test_of_two_sessions_alike_as_many_differ_as_chance_has_it(make):
+    """Repeats of each session scatter about a level's own value: these stay put."""
+    rng = np.random.default_rng(3)
+    both = {}
+    for k in (40, 41):
+        frames = {}
+        for u in (20.0, 60.0, 100.0):
+            frames |= make(int(rng.integers(1e6)), levels=(u,))
+        both[k] = eaid.fit(frames)
+    assert not eaid.compare(both[40], both[41]).shifts[0].moved
+
+
+def test_holms_probabilities_are_those_of_a_textbook():
+    assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
+
+
+def test_gains_are_to_be_made_anew_where_b_leaves_their_range(before, make):
+    gains = eaid.tune_rc(before)
+    same = eaid.compare(before_again(before), before, gains=gains).retune
+    assert same.needed is False and not same.outside
+    far = eaid.compare(eaid.fit(make(33, np.log(0.4))), before, gains=gains).retune
+    assert far.needed is True and len(far.outside) >= 1
+
+
+def before_again(fit):
+    """The same values by other logs."""
+    sources = tuple(msgspec.structs.replace(one, sha256=f"x{one.sha256}") for one in fit.data.sources)
+    return msgspec.structs.replace(fit, data=msgspec.structs.replace(fit.data, sources=sources))
+
+
+def test_fits_that_share_no_level_are_refused(before, make):
+    with pytest.raises(eaid.DataError, match="B: shares no level with A"):
+        eaid.compare(eaid.fit(make(34, levels=(30.0, 70.0))), before)
+    with pytest.raises(eaid.UsageError, match="one result alone"):
+        eaid.compare(before)
+
+
+@pytest.fixture(scope="module")
+def loop(before):
+    """The fit, its gains, and how the loop that ran is recorded: on the plant of the fit, or one of half its gain."""
+    gains = eaid.tune_rc(before)
+
+    def recorded(factor):
+        rig = before if factor == 1 else scaled(before, factor)
+        run = eaid.simulate(rig, gains, "multisine", duration=8.0, controller=("pi",), rate_hz=1000.0).records["pi"]
+        noise = 0.03 * np.random.default_rng(1).standard_normal(len(run.columns["time_s"]))
+        return pd.DataFrame({
+            "time_s": run.columns["time_s"], "duty_pct": run.columns["duty_pct"],
+            "torque_nm": run.columns["torque_nm"] + noise, "reference_nm": run.columns["reference_nm"],
+        })  # fmt: skip
+
+    return before, gains, recorded
+
+
+def scaled(fit, factor):
+    plant = msgspec.structs.replace(fit.plant_, Ts=tuple(factor * c for c in fit.plant_.Ts))
+    return msgspec.structs.replace(fit, plant_=plant)
+
+
+@pytest.mark.parametrize(("factor", "kept"), [(1, True), (0.5, False)])
+def test_a_recorded_loop_is_held_against_its_replay(loop, tmp_path, factor, kept):
+    fit, gains, recorded = loop
+    recorded(factor).to_csv(tmp_path / "loop.csv", index=False)
+    found = eaid.compare(fit, tmp_path / "loop.csv", gains=gains, controller="pi", plants=10)
+    assert found.promise.kept is kept, found.summary()
+    assert found.promise.noise == pytest.approx(0.03, rel=0.1)
+    rms = found.promise.rows[0]
+    assert factor < 1 or rms.recorded == pytest.approx(rms.promised, rel=3e-3)  # the noise taken off
+    assert {one.name for one in found.promise.rows} == {"RMS error", "largest error", "overshoot"}
+
+
+def test_a_log_without_a_reference_is_refused(loop, tmp_path):
+    fit, gains, recorded = loop
+    recorded(1).drop(columns="reference_nm").to_csv(tmp_path / "loop.csv", index=False)
+    with pytest.raises(eaid.DataError, match="holds no reference beside input and output"):
+        eaid.compare(fit, tmp_path / "loop.csv", gains=gains)

@@ -1,0 +1,113 @@
+"""A fit of today: by reference steps, with the intervals of the next session, taken by every later command."""
+
+import msgspec
+import numpy as np
+import pytest
+
+import eaid
+from eaid.estimate.draw import draw
+
+
+@pytest.fixture(scope="module")
+def step(make):
+    return eaid.read(make(70, 0.4, -0.2, levels=(60.0,), repeats=1))
+
+
+@pytest.fixture(scope="module")
+def today(rig, step):
+    return eaid.today(rig, step)
+
+
+def test_its_levels_are_what_the_rig_foresees_given_the_step(rig, step, today):
+    shown = eaid.fit(step, model=("friction",)).friction.levels[0]
+    import pandas as pd
+
+    steps = pd.DataFrame({"level": [60.0], "value": [shown.Ts]})
+    foreseen = rig.next(steps=steps)
+    held = {row.level: (row.Ts, *row.ci95.Ts) for row in today.friction.levels}
+    for level, row in foreseen.iterrows():
+        np.testing.assert_allclose(held[level], row[["value", "low", "high"]], rtol=1e-6)
+    assert held[60.0][2] / held[60.0][0] < 1.3 < rig.main.factor
+
+
+def test_its_plant_goes_through_its_levels_and_drawn_ones_spread_as_they_do(today):
+    levels = np.array([row.level for row in today.friction.levels])
+    values = np.array([row.Ts for row in today.friction.levels])
+    np.testing.assert_allclose(today.plant.steady(levels), values, rtol=0.1)
+    drawn = np.log([one.steady(levels) for one in draw(today, 400, 0).plants])
+    low, high = np.log([row.ci95.Ts for row in today.friction.levels]).T
+    inside = ((low <= drawn) & (drawn <= high)).mean(axis=0)
+    assert (inside > 0.8).all() and (inside < 0.995).all()  # less at the step: tails are those of most levels
+
+
+def test_b_reaches_over_the_next_session(rig, today, fits):
+    ends = np.array([row.ci95.B for row in today.linear.per_level])
+    bounds = today.linear.bounds
+    assert (bounds.B_m, bounds.B_M) == pytest.approx((ends[:, 0].min(), ends[:, 1].max()))
+    row = rig.next(quantity="a0").iloc[0]  # of one level a0 is another number than of all: the step tells nothing of it
+    assert (today.linear.a0, *today.linear.ci95.a0) == pytest.approx(tuple(row[["value", "low", "high"]]))
+    one = fits["s5"].linear.bounds
+    assert bounds.B_M / bounds.B_m > one.B_M / one.B_m
+
+
+def test_every_later_command_takes_it(today, fits, tmp_path):
+    gains = eaid.tune_rc(today)
+    mounted = {"for-this-mounting"}
+    assert mounted & {one.code for one in eaid.tune_rc(fits["s0"]).findings}
+    assert not mounted & {one.code for one in gains.findings}
+    assert gains.rc.alpha > eaid.tune_rc(fits["s5"]).rc.alpha
+    assert eaid.simulate(today, gains, plants=10).records["rc"].metrics.plants.count == 10
+    assert eaid.couple(today, gains, torque=(1.0,), loops=("pi",), replay=False).walls
+    assert eaid.export(gains, tmp_path / "rig", fit=today, target="yaml").laws
+    assert eaid.report([today, gains], tmp_path / "page").is_file()
+    assert eaid.plan(today, check=False).runs
+    today.save(tmp_path / "today.json")
+    assert eaid.load(tmp_path / "today.json") == today
+
+
+def test_two_steps_leave_less_open_than_one(rig, make, today):
+    two = eaid.today(rig, eaid.read(make(71, 0.4, -0.2, levels=(20.0, 100.0), repeats=1)))
+
+    def worst(fit):
+        return max(np.log(row.ci95.Ts[1] / row.ci95.Ts[0]) for row in fit.friction.levels)
+
+    assert worst(two) < worst(today)
+
+
+def test_a_step_beyond_what_is_foreseen_is_said(rig, make):
+    odd = eaid.today(rig, eaid.read(make(72, 2.5, levels=(60.0,), repeats=1)))
+    assert "step-outside" in {one.code for one in odd.findings}
+
+
+def test_a_step_at_a_level_beyond_the_sessions_is_said(rig, make):
+    low = eaid.today(rig, eaid.read(make(73, levels=(12.0,), repeats=1)))
+    assert "reference-level-outside" in {one.code for one in low.findings}
+
+
+def test_the_same_by_a_file_or_a_frame_of_the_step(rig, make, tmp_path):
+    ((name, frame),) = make(70, 0.4, -0.2, levels=(60.0,), repeats=1).items()
+    frame.to_csv(tmp_path / f"{name}.csv", index=False)
+    by_file, by_frame = rig.today(tmp_path / f"{name}.csv"), eaid.today(rig, {name: frame})
+    assert by_file.friction == by_frame.friction
+
+
+def test_a_fit_of_today_is_no_session(fits, today):
+    with pytest.raises(eaid.DataError, match="now: is foreseen by reference steps, no session"):
+        eaid.sessions({"a": fits["s0"], "b": fits["s1"], "now": today})
+
+
+def test_steps_of_another_rig_or_of_its_own_sessions_are_refused(rig, step, table, make):
+    with pytest.raises(eaid.DataError, match="is a log of session s0 already"):
+        eaid.today(rig, eaid.fit(fits_again(make)))
+    shown = eaid.fit(step)
+    force = msgspec.structs.replace(shown, data=msgspec.structs.replace(shown.data, output_unit="N"))
+    with pytest.raises(eaid.DataError, match="today: is not of the same rig as the rig: output unit N·m and N"):
+        eaid.today(rig, force)
+    with pytest.raises(eaid.DataError, match="of a plain table and holds no plant"):
+        eaid.today(eaid.sessions(table), step)
+
+
+def fits_again(make):
+    """The logs of the first session once more."""
+    rng = np.random.default_rng(11)
+    return make(0, *rng.normal(0, (0.3, 0.3)))
