@@ -69,6 +69,11 @@ class Roles:
     position: int | None = None  # A displacement that goes to and fro, where the user names one
     findings: tuple[Finding, ...] = ()
 
+    @property
+    def taken(self) -> set[int | None]:
+        """The columns that are something."""
+        return {self.time, self.output, self.reference, self.position, *(column for _, column in self.inputs)}
+
 
 def _bare(name: str) -> str:
     return re.sub(r"[^a-z0-9]", "", split_name(name)[0].lower())
@@ -182,6 +187,8 @@ def _time(path: str, table: Table, taken: set[int]) -> int | None:
         if len(clocks) > 1:
             units = {i: split_name(names[i])[1] for i in clocks}  # `T [degC]` is a temperature
             clocks = [i for i in clocks if not units[i] or unit_of(units[i]).quantity == "time"]
+            if all(_quantity_of(table, i) == "time" for i in clocks):
+                clocks = sorted(clocks, key=lambda i: i in table.stamped)[:1]  # they are compared when they are read
         if (time := _only(path, "time", clocks, names)) is not None:
             return time
     timed = [i for i in range(len(names)) if i not in taken and _quantity_of(table, i) == "time"]

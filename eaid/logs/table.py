@@ -64,6 +64,7 @@ class Table:
     units: tuple[str, ...] = ()
     synthetic: str | None = None  # What made the data, where a comment or a property says so
     clock: int | None = None  # Column of the time, where the format itself says which it is
+    stamped: tuple[int, ...] = ()  # Columns of wall-clock stamps, whose unit nobody has to say
     # Columns that hold no numbers (texts, complex numbers, cells), and so cannot be chosen
     dropped: tuple[str, ...] = ()
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.findings import finding
+from eaid.logs.clocks import clock_of, contradicting, contradiction, other_clocks
 from eaid.logs.columns import FEWEST, INPUTS, OUTPUTS, chosen_table, default_unit, the_input
 from eaid.logs.run import INPUT_UNITS, Run
 from eaid.logs.table import Cells, Table, plain
@@ -220,6 +221,12 @@ def run_of(
     factor = by_user or by_column or 1.0
     cells, columns = _loaded(source, table, [roles.output, clock, roles.reference, roles.position, which])
     raw_time = np.arange(len(columns[roles.output])) if clock is None else columns[clock]
+    if clock is not None and clock not in table.stamped:
+        own = clock_of(table.label(clock), raw_time, by_column or 1.0)
+        other = contradicting(own, other_clocks(source, table, roles.taken))
+        if other is not None and by_user is None:
+            raise contradiction(source, own, other)
+        by_column = by_column if other is None else None  # its header is wrong, or the user knows better
     used = [column for column in (which, roles.output, roles.position) if column is not None]
     label = "time" if clock is None else table.label(clock)
     by_label = {label: raw_time} | {table.label(i): columns[i] for i in used}
