@@ -25,6 +25,7 @@ from eaid.steps.noise import (
     stretches,
 )
 from eaid.steps.plateaus import BACK, FEWEST, tolerance, turns
+from eaid.steps.repeats import copied_block
 from eaid.steps.step import Step, left_pct
 from eaid.steps.stepset import Level
 
@@ -144,6 +145,15 @@ def isolated_spikes(step: Step) -> Finding | None:
         "spikes", step.run.name, samples=len(outliers), value=float(step.rise[at]), unit=step.unit,
         at_s=float(step.run.time_s[step.start + at]),
     )  # fmt: skip
+
+
+def copied(step: Step) -> Finding | None:
+    """A block of rows that stands in the record twice."""
+    block, time = copied_block(step.run.output), step.run.time_s
+    if block is None:
+        return None
+    at, again = float(time[block.first]), float(time[block.first + block.later])
+    return finding("block-written-twice", step.run.name, rows=block.rows, at_s=at, again_s=again)
 
 
 FEW = 2 * BLOCKS
@@ -306,9 +316,9 @@ def _several_edges(step: Step) -> Finding | None:
 
 # The checks of one run, by its edge: each gives a finding or nothing
 CHECKS: dict[str, tuple[Callable[[Step], Finding | None], ...]] = {
-    "rising": (_negative, _contradiction, _gap, _gap_at_step, _ramp, _drift, _not_idle, saturated, stuck, coarse,
-               isolated_spikes, _several_edges),
-    "falling": (_negative, _gap, _gap_at_step, _ramp, saturated, stuck, isolated_spikes, _left_after_release),
+    "rising": (_negative, _contradiction, _gap, _gap_at_step, _ramp, _drift, _not_idle, saturated, stuck, copied,
+               coarse, isolated_spikes, _several_edges),
+    "falling": (_negative, _gap, _gap_at_step, _ramp, saturated, stuck, copied, isolated_spikes, _left_after_release),
 }  # fmt: skip
 
 
@@ -324,7 +334,7 @@ class Record(Step):
 
 def of_record(run: Run) -> list[Finding]:
     """What is wrong in a log that is fitted as it was recorded."""
-    return [*filter(None, (check(Record(run)) for check in (_gap, stuck, isolated_spikes)))]
+    return [*filter(None, (check(Record(run)) for check in (_gap, stuck, copied, isolated_spikes)))]
 
 
 def disagreements(level: Level, unit: str) -> list[Finding]:

@@ -139,6 +139,12 @@ ROWS: dict[str, Row] = {
     "sensor-stuck-briefly": caution(
         "the sensor stood still for {for_s:.3g} s at {at_s:.6g} s, at exactly {value:.4g} {unit}", "for_s"
     ),
+    "block-written-twice": stop(
+        "{rows} rows from {at_s:.6g} s on come again at {again_s:.6g} s to the last digit, as noise never does: a block "
+        "was written twice, and what follows may be late by it; save each row once, or end the window before with "
+        "«until»",
+        "rows",
+    ),
     "coarse-output": stop(
         "the output moves in steps of {resolution:.3g} {unit}, {steps:.0f} of them in the whole change: too coarse to "
         "tell time constants; use a finer range of the sensor"
