@@ -3,7 +3,7 @@
 import contextlib
 import shlex
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
@@ -15,7 +15,7 @@ from eaid.apparatus import Apparatus
 from eaid.arrays import median
 from eaid.errors import DataError
 from eaid.files import sha256_of
-from eaid.findings import finding
+from eaid.findings import finding, say
 from eaid.logs.columns import columns_guessed
 from eaid.logs.folders import files_of
 from eaid.logs.manifest import apply, manifest_of
@@ -32,7 +32,7 @@ from eaid.steps.checks import of_record
 from eaid.steps.cut import active_low, cut_runs, onset, settled_steps
 from eaid.steps.levels import counted_once
 from eaid.steps.noise import block_means, stretches
-from eaid.steps.plateaus import plateaus, stands_still
+from eaid.steps.plateaus import plateaus, stands_still, switching
 from eaid.steps.stepset import StepSet
 
 QUIET = 0.02  # An input below this part of its largest is at rest
@@ -40,6 +40,7 @@ APART = {"%": 0.02}  # Part of the largest input by which two inputs differ: a c
 MEASURED = 0.1  # … and a measured input wanders
 SIGNED = 0.05  # Part of the largest input by which it has to go to either side of rest to have both signs
 AWAY = 0.05  # A stretch under load that spends more than this part of its time away from its own middle is no step
+ASKED = {"time-unclear", "time-unit-differs"}  # What is asked before anything else is done
 RETURNS = 4  # So many falls to rest make a recording of its own, where the rests are shorter than the holds
 
 
@@ -86,10 +87,12 @@ def read_steps(
     progress: Progress = no_progress,
     warn: Callable[[str], None] = lambda _: None,
     columns: Callable[[str], None] = lambda _: None,
+    command: str = "fit",
 ) -> tuple[list[Run], StepSet]:
     """The cut runs behind logs, datasets, folders or a manifest, and their step set; DataError tells all faults.
 
-    `columns` hears which columns were taken and which were left, before anything else is done with them.
+    `columns` hears which columns were taken and which were left, before anything else is done with them; `command` is
+    the one that a refusal proposes.
     """
     baseline_rule(options.baseline)  # what is wrong in the options is told before anything is read
     manifest = manifest_of(paths)
@@ -111,16 +114,19 @@ def read_steps(
         runs = [apply(entries[run.source], run) if run.source in entries else run for run in runs]
     for sentence in columns_told(runs):
         columns(sentence)
+    how = replace(options, logs_as="steps") if command == "ingest" else options  # what is not cut is refused there
     try:
-        return steps_of(runs, options, faults, [path for path in paths if path.is_file()])
+        return steps_of(runs, how, faults, [path for path in paths if path.is_file()])
     except DataError as fault:
-        raise DataError(*fault.sentences, *_proposal(paths, files, runs, options, fault.sentences)) from None
+        more = _proposal(files, runs, options, fault.sentences)
+        words = [f"eaid {command}", shlex.join(map(str, paths)), *more]
+        raise DataError(*fault.sentences, *([f"try: {' '.join(words)}"] if more else [])) from None
 
 
 def _proposal(
-    paths: Sequence[Path], files: Sequence[Path], runs: Sequence[Run], options: ReadOptions, faults: Sequence[str]
+    files: Sequence[Path], runs: Sequence[Run], options: ReadOptions, faults: Sequence[str]
 ) -> list[str]:
-    """The command with all that can be guessed of what the logs do not say; nothing where that is nothing."""
+    """The options with all that can be guessed of what the logs do not say; none where that is nothing."""
     given = dict(options.stated())
     columns, units, more = dict(options.columns), dict(options.units), dict[str, str]()
     if len(files) < 2:
@@ -150,8 +156,7 @@ def _proposal(
         return []
     if any("«repair»" in fault for fault in faults):
         given["repair"] = True
-    said = [f"«{name}»" + f" {shlex.quote(str(value))}" * (value is not True) for name, value in (given | more).items()]
-    return [f"try: eaid fit {shlex.join(map(str, paths))} {' '.join(said)}"]
+    return [f"«{name}»" + f" {shlex.quote(str(value))}" * (value is not True) for name, value in (given | more).items()]
 
 
 # An output that falls by this share of its range within so many blocks of all was let go
@@ -163,11 +168,21 @@ def _roundest(value: float) -> str:
     return next(text for k in range(1, 9) if abs(float(text := f"{value:.{k}g}") - value) <= 0.02 * abs(value))
 
 
+def _asked(runs: Sequence[Run], how: str) -> Iterator[str]:
+    """Questions that come before any step is looked for."""
+    for run in (run for run in runs if not run.dataset):
+        yield from (f"{run.where}: {say(one)}" for one in run.findings if one.code in ASKED)
+        if how != "recorded" and not run.cut and run.has_input and (rows := switching(run.input)):
+            yield f"{run.where}: {say(finding('input-switches', run.name, rows=rows))}"
+
+
 def steps_of(
     runs: Sequence[Run], options: ReadOptions, faults: Sequence[str] = (), paths: Sequence[Path] = ()
 ) -> tuple[list[Run], StepSet]:
     """The same from runs that are read already; `faults` of reading are raised with those of finding steps."""
     how = options.logs_as
+    if asked := list(_asked(runs, how)):
+        raise DataError(*faults, *asked)
     uncut = [run for run in runs if how == "recorded" or (how == "auto" and is_recorded(run, options.rest))]
     steps, more = cut_runs([run for run in runs if not any(run is one for one in uncut)], options)
     if faults or more:

@@ -101,6 +101,15 @@ def stands_still(holds: list[Plateau], values: Array) -> bool:
     return still >= len(values) / 2
 
 
+def switching(values: Array) -> float | None:
+    """Rows of a half-wave of an input that goes to and fro as a drive's square wave; None of any other input."""
+    high = values > (float(values.min()) + float(values.max())) / 2
+    each = np.diff(np.flatnonzero(high[1:] != high[:-1]))
+    usual = median(each) if len(each) > 2 * FEWEST else 0.0
+    regular = np.mean(np.abs(each - usual) <= 1) > 0.9 if 0 < usual < FEWEST else False
+    return float(each[np.abs(each - usual) <= 1].mean()) if regular else None
+
+
 def end_of(output: Array, hold: Plateau) -> float:
     """Output at the end of a hold: mean of its last twentieth."""
     return float(output[hold.stop - max(1, hold.count // 20) : hold.stop].mean())

@@ -10,6 +10,20 @@ def _drift(v: Values) -> str:
     return f"drift before the step: {v['drift']:+.3g} {v['unit']} while idle{of}"
 
 
+def _lasts(seconds: float) -> str:
+    """A time as people say it."""
+    long = (f"{seconds / size:.3g} {unit}" for size, unit in ((86400, "days"), (3600, "h"), (60, "min")) if seconds >= 2 * size)
+    return next(long, f"{seconds:.3g} s")
+
+
+def _time_unclear(v: Values) -> str:
+    sign = {"us": "µs"}.get(v["likely"], v["likely"])
+    return (
+        f"{v['column']} rises by {v['usual']:.3g} a row, {v['span']:.4g} in all: {sign}, {_lasts(v['likely_s'])} in all? "
+        f"say «units» time={v['likely']}, or time={v['own']} if it lasts {_lasts(v['own_s'])}"
+    )
+
+
 def _other_shape(v: Values) -> str:
     name = {"one": "one exponential", "two": "two exponentials", "free": "another C", "overshoot": "an overshoot"}
     dead = f" behind a dead time of {v['dead_time_s']:.3g} s" if v["dead_time_s"] > 0 else ""
@@ -40,10 +54,7 @@ ROWS: dict[str, Row] = {
         "«units» {role}=gf or kgf"
     ),
     "time-since-a-day": note("{column} counts {counts}, as its first stamp tells"),
-    "time-unclear": stop(
-        "no unit of time fits {column}: in seconds its stamps lie {usual_s:.3g} s apart and the log takes {span_s:.4g} "
-        "s; say «units» time={likely}, or what it is"
-    ),
+    "time-unclear": stop(_time_unclear),
     "time-doubtful": caution(
         "no unit is given for {column}: in seconds its stamps lie {usual_s:.3g} s apart and the log takes {span_s:.4g} "
         "s; if it counts another unit, say «units» time={likely}, or «rate_hz» if it counts samples"
@@ -76,6 +87,10 @@ ROWS: dict[str, Row] = {
     "cut-at-reversals": note(
         "cut at the {reversals} turns of its position, each a step from the output at the turn; strokes back count as "
         "negative inputs"
+    ),
+    "input-switches": stop(
+        "the input goes to and fro every {rows:.2g} rows, as the square wave of a drive does and no level: say the level "
+        "with «name_pattern» and take another input, or none, with «columns»; or «logs_as» recorded if it is meant so"
     ),
     "input-moves": stop(
         "the input moves most of the time, so it holds no steps; a displacement is said with «columns» position=, "
