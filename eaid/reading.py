@@ -129,12 +129,12 @@ def _proposal(
     """The options with all that can be guessed of what the logs do not say; none where that is nothing."""
     given = dict(options.stated())
     columns, units, more = dict(options.columns), dict(options.units), dict[str, str]()
-    if len(files) < 2:
-        return []
-    if not runs and any("no column is called" in fault for fault in faults):
+    if not runs and any("no column is called" in fault or "columns have" in fault for fault in faults):
         with contextlib.suppress(DataError):
             columns |= columns_guessed(read_text(files[0], str(files[0]))[0], options)
             runs, faults = read_what_can_be(files, replace(options, columns=columns))
+        if not runs:
+            return []  # something is missing that no guess fills
     likely = Counter(str(one.values["likely"]) for run in runs for one in run.findings if "likely" in one.values)
     factor = 1.0
     if likely:
@@ -152,7 +152,7 @@ def _proposal(
             more["until"] = _roundest(fall.argmax() / BLOCKS * factor * median([run.time_s[-1] for run in blind]))
     guessed = {"columns": columns, "units": units}
     more |= {name: in_words(value) for name, value in guessed.items() if value != getattr(options, name)}
-    if len(more) < 2:  # the refusal says it already
+    if len(more) < 2 and "columns" not in more:  # the refusal says it already
         return []
     if any("«repair»" in fault for fault in faults):
         given["repair"] = True

@@ -96,6 +96,11 @@ _SUFFIX = re.compile(r"^(.*?)(?:_|\.|\s*/\s*|\s+in\s+|,\s*|\s+)([^\s_/,.]+)$")
 _CAMEL = re.compile(r"^(.*[a-z])((?:[A-Z][a-z]*)+|%)$")
 
 
+def is_linear_speed(unit: str) -> bool:
+    """Whether a unit is one as mm/s."""
+    return _SPEED.match(unit) is not None
+
+
 @lru_cache(1024)
 def split_name(name: str) -> tuple[str, str]:
     """A column's bare name and the unit its name carries: `Torque (mNm)` → (`Torque`, `mNm`); unit empty where none."""
