@@ -177,7 +177,14 @@ CASES: dict[str, tuple[Any, dict[str, Any]]] = {
     "steps of a fortieth": (output(np.round(RUN.torque_nm / 0.05) * 0.05), {}),
     "one spike under hold, and a larger one": (
         plus(RUN, np.where(np.isin(np.arange(1200), (600, 700)), np.where(T < 6.5, 5.0, 7.0), 0.0)), {
-            "spikes": {"samples": 2, "value": near(9.0, 0.01), "unit": "N·m", "at_s": near(7.0)}, "several-edges": {}}),
+            "spikes": {"samples": 2, "value": near(9.0, 0.01), "unit": "N·m", "at_s": near(7.0)}}),
+    "two rows of glitches at the step": (
+        plus(RUN, np.where(np.isin(np.arange(1200), (400, 401)), 2.6, 0.0)), {
+            "spikes": {"samples": 2, "value": near(2.686), "unit": "N·m", "at_s": near(4.01)}}),
+    "two rows of glitches in the input": (
+        with_input(RUN, np.where((T < 4) | np.isin(np.arange(1200), (700, 701)), 0.0, 50.0)),
+        {"input-glitches": {"rows": 2, "at_s": near(7.0)}}),
+    "one before the step": (with_input(RUN, np.where((T < 4) & (np.arange(1200) != 200), 0.0, 50.0)), {}),
     "a spike of 0.2": (plus(NOISY, np.where(np.arange(1200) == 700, 0.2, 0.0)), {}),
     # the hold and what is left of it
     "a fifth is left behind a release": (

@@ -79,9 +79,12 @@ ROWS: dict[str, Row] = {
     "other-shape-fits-better": caution(_other_shape, "saved_pct", rank=0),
     "step-leaves-open": note("the step to {levels} leaves open: {open}"),
     "several-edges": stop(
-        "the output has {edges} edges, the first at {first_s:.4g} s, the last at {last_s:.4g} s: several steps, or a "
-        "closed loop, and not one step; give the input column, a «columns» position= that reverses, or one edge with "
-        "«step_at» and «until»",
+        lambda v: (
+            f"the output has {v['edges']} edges, the first at {v['first_s']:.4g} s, the last at {v['last_s']:.4g} s: "
+            "several steps, or a closed loop, and not one step; give "
+            + "the input column, " * (not v.get("has_input"))
+            + "a «columns» position= that reverses, or one edge with «step_at» and «until»"
+        ),
         "edges",
     ),
     "cut-at-reversals": note(
@@ -109,8 +112,11 @@ ROWS: dict[str, Row] = {
         "another, say «baseline»"
     ),
     "spikes-before-step": caution("{samples:#spike} before the step left out of its baseline", "samples"),
+    "input-glitches": caution(
+        "the input leaves its level on {rows:#row} from {at_s:.6g} s on and comes back: a glitch, and no step", "rows"
+    ),
     "spikes": stop(
-        "{samples} single samples stand far out of the record, the largest {value:.4g} {unit} at {at_s:.6g} s: no fit "
+        "{samples:#row} stand far out of the record, the largest {value:.4g} {unit} at {at_s:.6g} s: no fit "
         "holds with them; drop those rows",
         "value",
     ),
