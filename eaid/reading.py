@@ -22,7 +22,7 @@ from eaid.logs.manifest import apply, manifest_of
 from eaid.logs.read import columns_told, read_what_can_be
 from eaid.logs.run import Run
 from eaid.logs.text import read_text
-from eaid.logs.to_run import pattern_guessed
+from eaid.logs.to_run import pattern_guessed, unit_beside
 from eaid.logs.units import TIME_FACTORS
 from eaid.options import ReadOptions, in_words
 from eaid.progress import Progress, no_progress
@@ -141,26 +141,45 @@ def _proposal(
         units["time"] = likely.most_common(1)[0][0]
         factor = TIME_FACTORS[units["time"]]
     blind = [run for run in runs if not run.has_input]
-    if options.name_pattern is None and len(blind) > 1:
-        more = {"name_pattern": pattern} if (pattern := pattern_guessed([run.name for run in blind])) else {}
+    if options.name_pattern is None and blind and (pattern := pattern_guessed([run.name for run in blind])):
+        more = {"name_pattern": pattern}
+        if "input" not in units and (unit := unit_beside(pattern)):
+            units["input"] = unit
     starts = [factor * float(run.time_s[at]) for run in blind if (at := onset(run.output))]
     if options.step_at is None and len(starts) > 1 and np.ptp(np.quantile(starts, (0.2, 0.8))) < 0.05 * median(starts):
         more["step_at"] = _roundest(median(starts))
-        moved = np.sum([np.abs(block_means(run.output - run.output[0], BLOCKS)) for run in blind], axis=0)
-        fall = moved[:-LAG] - moved[LAG:]
-        if fall.max() > FALLS * np.ptp(moved):
-            more["until"] = _roundest(fall.argmax() / BLOCKS * factor * median([run.time_s[-1] for run in blind]))
+    if options.until is None and (let_go := let_go_of(blind)):
+        more["until"] = _roundest(factor * let_go[0])
     guessed = {"columns": columns, "units": units}
     more |= {name: in_words(value) for name, value in guessed.items() if value != getattr(options, name)}
-    if len(more) < 2 and "columns" not in more:  # the refusal says it already
+    repair = {"repair": True} if any("«repair»" in fault for fault in faults) else {}
+    if len(more) + len(repair) < 2 and "columns" not in more:  # the refusal says it already
         return []
-    if any("«repair»" in fault for fault in faults):
-        given["repair"] = True
+    given |= repair
     return [f"«{name}»" + f" {shlex.quote(str(value))}" * (value is not True) for name, value in (given | more).items()]
 
 
-# An output that falls by this share of its range within so many blocks of all was let go
-BLOCKS, LAG, FALLS = 400, 4, 0.2
+BLOCKS, LAG = 400, 4  # An output is let go where it falls within so many blocks of all …
+HELD, LEFT = 0.6, 0.25  # … from this share of its peak to that, and stays below for a twentieth of the log
+
+
+def let_go_of(runs: Sequence[Run]) -> tuple[float, int] | None:
+    """When the outputs of logs fall for good, on their own clock, and of how many; None where most do not, alike."""
+    runs = [run for run in runs if run.until_s is None and len(run.output) >= BLOCKS]
+    falls = []
+    for run in runs:
+        means = block_means(run.output, BLOCKS)
+        moved = np.abs(means - median(means[:LAG]))
+        peak = float(np.quantile(moved, 0.95))
+        held = np.flatnonzero(moved >= HELD * peak)
+        last = int(held[-1]) if len(held) else BLOCKS
+        if LAG < last < 0.95 * BLOCKS - LAG and (moved[last + LAG :] < LEFT * peak).mean() > 0.95:
+            edge = run.output[int(last * len(run.output) / BLOCKS) :]
+            at = len(run.output) - len(edge) + len(edge) // (BLOCKS - last)
+            falls.append(run.start_s + float(run.time_s[at]))
+    span = max((float(run.time_s[-1]) for run in runs), default=0.0)
+    alike = [at for at in falls if abs(at - median(np.array(falls))) <= 0.02 * span]
+    return (median(np.array(alike)), len(alike)) if 2 * len(alike) > len(runs) else None
 
 
 def _roundest(value: float) -> str:
@@ -174,6 +193,16 @@ def _asked(runs: Sequence[Run], how: str) -> Iterator[str]:
         yield from (f"{run.where}: {say(one)}" for one in run.findings if one.code in ASKED)
         if how != "recorded" and not run.cut and run.has_input and (rows := switching(run.input)):
             yield f"{run.where}: {say(finding('input-switches', run.name, rows=rows))}"
+    blind = [run for run in runs if not (run.dataset or run.cut or run.has_input) and run.kind in (None, "clutch")]
+    if any(one.code in ASKED for run in blind for one in run.findings):
+        return  # nobody knows yet when that is
+    if blind and (let_go := let_go_of(blind)):
+        n = f"in {let_go[1]} of {len(blind)} logs " * (len(blind) > 1)
+        at = _roundest(let_go[0])
+        yield (
+            f"{blind[0].where}: the output falls at {at} s {n}and stays low: a release, which no column tells; end the "
+            f"window there with «until» {at}, or say where it ends"
+        )
 
 
 def steps_of(

@@ -57,6 +57,9 @@ SETTINGS = {"limit", "limits", "max", "maximum", "min", "minimum", "offset", "bi
 # Words in the names of columns that say where something is or how fast it goes: no input by elimination
 MOTION = {"position", "pos", "encoder", "enc", "angle", "displacement", "distance", "travel", "velocity", "vel", "speed",
           "moving", "velocidad", "geschwindigkeit", "vitesse", "posicion", "weg", "lage", "v", "x"}  # fmt: skip
+# Words in the names of columns that switch something on
+SWITCHES = {"relay", "trigger", "trig", "gate", "enable", "enabled", "switch", "valve", "cmd", "command", "drive", "on",
+            "supply", "hv"}  # fmt: skip
 _REFERENCE = {"reference", "ref", "desired", "des", "target", "setpoint", "command", "cmd", "commanded"}
 
 
@@ -347,6 +350,16 @@ def rises(values: NDArray[Any]) -> bool:
     """Whether a column rises all the way but for 1 % of its rows, as a time does."""
     kept = values[np.isfinite(values)]
     return len(kept) > 2 and bool(np.mean(np.diff(kept) > 0) > 0.99)
+
+
+def leaves_rest(values: NDArray[Any]) -> int | None:
+    """First row on which a column is beyond what its first fiftieth did; None of one that stands still, or is noise."""
+    head = values[: max(FEWEST, len(values) // 50)]
+    if len(values) <= FEWEST or not np.isfinite(values).all():
+        return None
+    away = np.abs(values - np.median(head))
+    beyond = max(1.5 * float(np.ptp(head)), 0.01 * float(away.max()))
+    return int((away > beyond).argmax()) if 0 < 2 * beyond < away.max() else None
 
 
 def steps(values: NDArray[Any]) -> bool:

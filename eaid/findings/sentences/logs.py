@@ -103,6 +103,12 @@ ROWS: dict[str, Row] = {
     "input-negative": note("the input is negative: its size is taken"),
     "short-pieces": note("{pieces:#shorter piece} of fewer than {fewest} samples left out"),
     "step-from-output": note("step instant {step_s:.6g} s found from the output alone: late by a sample or more"),
+    "step-from-command": note("step instant {step_s:.6g} s taken from {column}, which is switched on there"),
+    "moves-with-step": caution(
+        "{column} moves with the step: if that loads the output, the rise and its time constants are those of the "
+        "loading, not of the input",
+        rank=0,
+    ),
     "step-at-first-sample": caution(
         "the output rises from the first sample on, which is taken for the step, and its value there, {start:.4g} "
         "{unit}, for the start; if the step came later, say «step_at»"
