@@ -99,12 +99,18 @@ def read_steps(
     if manifest is None:
         files = files_of(paths, warn)
     else:
-        files, plain = files_of(Path(entry.file) for entry in manifest.log), ReadOptions()
+        out = [entry for entry in manifest.log if entry.exclude is not None]
+        files, plain = files_of(Path(entry.file) for entry in manifest.log if entry not in out), ReadOptions()
+        if out:
+            each = ", ".join(f"{Path(entry.file).name}: {entry.exclude or 'no reason given'}" for entry in out)
+            warn(f"{manifest.path}: {len(out)} of {len(manifest.log)} logs excluded ({each})")
+        if not files:
+            raise DataError(f"{manifest.path}: excludes all its logs; take exclude off one")
         stands = {
             k: v for k, v in msgspec.to_builtins(manifest.options).items() if getattr(options, k) == getattr(plain, k)
         }
         options = replace(options, **cast(Any, stands))
-        listed = {file.resolve() for file in files}
+        listed = {Path(entry.file).resolve() for entry in manifest.log}
         for file in [one for one in files_of([manifest.path.parent]) if one.resolve() not in listed][:5]:
             warn(f"{manifest.path}: does not list {file.name}, which is left out")
     with progress("reading logs", len(files)) as advance:

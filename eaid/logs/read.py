@@ -36,6 +36,17 @@ def read_runs(paths: Sequence[Path], options: ReadOptions = PLAIN) -> list[Run]:
     return runs
 
 
+def read_like(paths: Sequence[Path], options: ReadOptions, rate_hz: float | None) -> list[Run]:
+    """Runs as `read_runs` gives them; `rate_hz`, that of the logs of a fit, is taken where these say no time either."""
+    try:
+        return read_runs(paths, options)
+    except DataError as fault:
+        timeless = any("called time" in one or "columns have" in one for one in fault.sentences)
+        if rate_hz is None or options.rate_hz is not None or not timeless:
+            raise
+    return read_runs(paths, replace(options, rate_hz=rate_hz))
+
+
 def read_what_can_be(
     files: Sequence[Path], options: ReadOptions, advance: Callable[[], None] = lambda: None
 ) -> tuple[list[Run], list[str]]:
