@@ -129,9 +129,7 @@ def read_steps(
         raise DataError(*fault.sentences, *([f"try: {' '.join(words)}"] if more else [])) from None
 
 
-def _proposal(
-    files: Sequence[Path], runs: Sequence[Run], options: ReadOptions, faults: Sequence[str]
-) -> list[str]:
+def _proposal(files: Sequence[Path], runs: Sequence[Run], options: ReadOptions, faults: Sequence[str]) -> list[str]:
     """The options with all that can be guessed of what the logs do not say; none where that is nothing."""
     given = dict(options.stated())
     columns, units, more = dict(options.columns), dict(options.units), dict[str, str]()

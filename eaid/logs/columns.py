@@ -55,11 +55,11 @@ OUTPUTS = (
 SETTINGS = {"limit", "limits", "max", "maximum", "min", "minimum", "offset", "bias", "gain", "threshold", "range",
             "zero", "tare", "rated", "nominal"}  # fmt: skip
 # Words in the names of columns that say where something is or how fast it goes: no input by elimination
-MOTION = {"position", "pos", "encoder", "enc", "angle", "displacement", "distance", "travel", "velocity", "vel", "speed",
-          "moving", "velocidad", "geschwindigkeit", "vitesse", "posicion", "weg", "lage", "v", "x"}  # fmt: skip
+MOTION = {"position", "pos", "encoder", "enc", "angle", "displacement", "distance", "travel", "velocity", "vel",
+          "speed", "moving", "velocidad", "geschwindigkeit", "vitesse", "posicion", "weg", "lage", "v", "x"}  # fmt: skip
 # Words in the names of columns that switch something on
-SWITCHES = {"relay", "trigger", "trig", "gate", "enable", "enabled", "switch", "valve", "cmd", "command", "drive", "on",
-            "supply", "hv"}  # fmt: skip
+SWITCHES = {"relay", "trigger", "trig", "gate", "enable", "enabled", "switch", "valve", "cmd", "command", "drive",
+            "on", "supply", "hv"}  # fmt: skip
 _REFERENCE = {"reference", "ref", "desired", "des", "target", "setpoint", "command", "cmd", "commanded"}
 
 
@@ -341,8 +341,8 @@ def by_place(path: str, table: Table, options: ReadOptions) -> Roles:
     known = ",".join(f"{role}={column}" for role, column in guessed.items())
     of_time = "«units» time=UNIT where it is not in s" if "time" in guessed else "«rate_hz» HZ where none is the time"
     raise DataError(
-        f"{path}: its {count} {names if table.unmatched else 'columns have no names'}; say by number, from 1 to {count}, "
-        f"what they are, as in «columns» {known}, and {of_time}"
+        f"{path}: its {count} {names if table.unmatched else 'columns have no names'}; say by number, from 1 to "
+        f"{count}, what they are, as in «columns» {known}, and {of_time}"
     )
 
 

@@ -315,7 +315,9 @@ def read_text(path: Path, source: str) -> list[Table]:
     dialect = sniff(source, head)
     units = tuple("s" if i in dialect.stamps else unit for i, unit in enumerate(dialect.units))
     load = partial(_load, path, source, zipped, dialect)
-    return [Table("", dialect.columns, load, units, dialect.synthetic, stamped=dialect.stamps, unmatched=dialect.unmatched)]
+    return [
+        Table("", dialect.columns, load, units, dialect.synthetic, stamped=dialect.stamps, unmatched=dialect.unmatched)
+    ]
 
 
 @contextlib.contextmanager

@@ -315,5 +315,8 @@ def _of_seconds(path: str, column: str, gone: Array, usual: float) -> Finding:
 def _unclear(path: str, column: str, usual: float, span: float, likely: str, factor: float = 1.0) -> Finding:
     """The question which unit a clock counts: the one that is likely, or that of its header, in the end seconds."""
     own = next(unit for unit, size in TIME_FACTORS.items() if math.isclose(size, factor))
-    lasts = {"likely_s": span * TIME_FACTORS[likely], "own_s": span * factor}
-    return finding("time-unclear", path, column=column, usual=usual, span=span, likely=likely, own=own, **lasts)
+    likely_s, own_s = span * TIME_FACTORS[likely], span * factor
+    return finding(
+        "time-unclear", path, column=column, usual=usual, span=span, likely=likely, own=own, likely_s=likely_s,
+        own_s=own_s,
+    )  # fmt: skip

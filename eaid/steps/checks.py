@@ -337,9 +337,10 @@ def _several_edges(step: Step) -> Finding | None:
 
 # The checks of one run, by its edge: each gives a finding or nothing
 CHECKS: dict[str, tuple[Callable[[Step], Finding | None], ...]] = {
-    "rising": (_negative, _contradiction, _glitch, _gap, _gap_at_step, _ramp, _drift, _not_idle, saturated, stuck, copied,
-               coarse, isolated_spikes, _several_edges),
-    "falling": (_negative, _glitch, _gap, _gap_at_step, _ramp, saturated, stuck, copied, isolated_spikes, _left_after_release),
+    "rising": (_negative, _contradiction, _glitch, _gap, _gap_at_step, _ramp, _drift, _not_idle, saturated, stuck,
+               copied, coarse, isolated_spikes, _several_edges),
+    "falling": (_negative, _glitch, _gap, _gap_at_step, _ramp, saturated, stuck, copied, isolated_spikes,
+                _left_after_release),
 }  # fmt: skip
 
 

@@ -150,7 +150,7 @@ BAD: dict[str, tuple[Any, ...]] = {
                     "unpacks to more than 200 times its size, as no recorded log does; unpack it yourself"),
     "log.mat.gz": (gzip.compress(b"MATLAB 5.0".ljust(124, b"\0") + b"\x00\x01IM" + bytes(range(256)) * 9),
                    "is gzip around a file that is no text; unpack it and give what is inside"),
-    "array": (b"\x93NUMPY\x01" + bytes(99), f"is {BINARY}"),
+    "array": (b"\x93NUMPY\x01" + bytes(99), "is a damaged NumPy file ("),
     "damaged.h5": (b"\x89HDF\r\n\x1a\n" + b"\0" * 500, "is a damaged HDF5 file ("),
     "two-tables.csv": (csv(["1,2"] * 3, "a,b") + csv(GOOD), "holds two tables, one from row 2 and another from row 6; "
                                                            "save each in a file of its own"),

@@ -49,6 +49,7 @@ class Log:
 
 
 PAIR = "duty_pct,torque_nm"
+DATED = clock("2024-02-{d} {h:02d}:{m:02d}:{s:05.2f}")
 LOGS = {
     "plain": Log(text(HEADER, T, U, Y)),
     "tabs": Log(text(HEADER, T, U, Y, between="\t")), "bars": Log(text(HEADER, T, U, Y, between="|")),
@@ -69,10 +70,10 @@ LOGS = {
         text("x-axis,1,2\nsecond,Volt,Volt", *([f"{x:+.6e}" for x in v] for v in (T, U, Y))),
         {"columns": {"input": "channel 1", "output": "channel 2"}}, units="V V"),
     "ms under [s], a clock beside it, and the unit said": Log(
-        text("Test Time [s],DateTime,duty_pct,torque_nm", 1e3 * T, clock("2024-02-{d} {h:02d}:{m:02d}:{s:05.2f}"), U, Y),
+        text("Test Time [s],DateTime,duty_pct,torque_nm", 1e3 * T, DATED, U, Y),
         {"units": {"time": "ms"}}),
     "ms under [s] and a clock that is named": Log(
-        text("Test Time [s],DateTime,duty_pct,torque_nm", 1e3 * T, clock("2024-02-{d} {h:02d}:{m:02d}:{s:05.2f}"), U, Y),
+        text("Test Time [s],DateTime,duty_pct,torque_nm", 1e3 * T, DATED, U, Y),
         {"columns": {"time": "DateTime"}}),
     "two clocks that agree, one in whole seconds": Log(
         text("Time [s],Clock,duty_pct,torque_nm", T, [x[:8] for x in clock()], U, Y)),

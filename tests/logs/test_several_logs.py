@@ -197,7 +197,9 @@ def test_clocks_of_other_units_among_the_logs(factors, told, read):
     logs = {f"r{k}": frame("time|duty|torque_nm", by * (T + 0.001 * np.sin(9 * T)), U, (1 + k) * Y)
             for k, by in enumerate(factors)}  # fmt: skip
     asked = read.refused(logs) if told else []
-    assert {k for k in range(len(factors)) for one in asked if one.startswith(f"r{k}: ") and "different units" in one} == told
+    assert {
+        k for k in range(len(factors)) for one in asked if one.startswith(f"r{k}: ") and "different units" in one
+    } == told
     read.all(logs, units={"time": "s"})
     named = {name: log.rename(columns={"time": "time_s"}) for name, log in logs.items()}
     read.all(named)
@@ -274,7 +276,9 @@ def test_the_first_try_of_a_bench_names_each_cause_once_and_what_it_proposes_wor
         ran = run_eaid(command, "logs", "-o", "out")
         causes = [line.split(": ", 2)[-1] for line in ran.err.splitlines() if line.startswith("error: ")]
         assert ran.code == 3 and len(causes) == 1
-        assert causes[0].startswith("Time rises by 1e+04 a row, 9.99e+06 in all: µs, 9.99 s in all? say --units time=us, ")
+        assert causes[0].startswith(
+            "Time rises by 1e+04 a row, 9.99e+06 in all: µs, 9.99 s in all? say --units time=us, "
+        )
         proposed = ran.err.splitlines()[-1]
         assert proposed == (
             f"try: eaid {command} logs --name-pattern '_V={{level}}_' --step-at 2 --until 7 --units time=us,input=V"

@@ -160,7 +160,7 @@ ODD: dict[str, tuple[Any, ...]] = {
     "UTF-32": (lambda log: log, {"UTF-32": lambda log, path: path.write_bytes(plain(log).encode("utf-32"))},
                "holds no rows of numbers"),
     "objects": (lambda log: log, {"NumPy objects": lambda log, path: np.lib.format.write_array(
-        path.open("wb"), np.array(log.columns, dtype=object))}, "is a binary file"),
+        path.open("wb"), np.array(log.columns, dtype=object))}, "holds Python objects"),
     "a duty of another length": (lambda log: replace(log, columns=(T, U[::4], log.columns[2])), ("HDF5",),
                                  "is of another length"),
     **{f"{kind} in cells": (lambda log, of=of: replace(log, columns=(T, U, [of(x) for x in log.columns[2].tolist()])),

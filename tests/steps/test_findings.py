@@ -169,7 +169,7 @@ CASES: dict[str, tuple[Any, dict[str, Any]]] = {
         output(np.insert(NOISY.torque_nm.to_numpy(), 800, NOISY.torque_nm[750:800])[:1200]),
         {"block-written-twice": {"rows": 50, "at_s": near(7.5), "again_s": near(8.0)}}),
     "14 rows written twice, as chance may": (
-        output(np.insert(np.round(NOISY.torque_nm.to_numpy(), 2), 800, np.round(NOISY.torque_nm[786:800], 2))[:1200]), {}),
+        output(np.round(np.insert(NOISY.torque_nm.to_numpy(), 800, NOISY.torque_nm[786:800])[:1200], 2)), {}),
     "a sensor of 0.02 in noise of half of it": (output(np.round(NOISY.torque_nm * 50) / 50), {}),
     "for 0.12 s": (at_samples(700, 712, 1.99), {}),
     "steps of an eighth": (output(np.round(RUN.torque_nm / 0.125) * 0.125), {

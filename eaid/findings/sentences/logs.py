@@ -12,15 +12,19 @@ def _drift(v: Values) -> str:
 
 def _lasts(seconds: float) -> str:
     """A time as people say it."""
-    long = (f"{seconds / size:.3g} {unit}" for size, unit in ((86400, "days"), (3600, "h"), (60, "min")) if seconds >= 2 * size)
+    long = (
+        f"{seconds / size:.3g} {unit}"
+        for size, unit in ((86400, "days"), (3600, "h"), (60, "min"))
+        if seconds >= 2 * size
+    )
     return next(long, f"{seconds:.3g} s")
 
 
 def _time_unclear(v: Values) -> str:
     sign = {"us": "µs"}.get(v["likely"], v["likely"])
     return (
-        f"{v['column']} rises by {v['usual']:.3g} a row, {v['span']:.4g} in all: {sign}, {_lasts(v['likely_s'])} in all? "
-        f"say «units» time={v['likely']}, or time={v['own']} if it lasts {_lasts(v['own_s'])}"
+        f"{v['column']} rises by {v['usual']:.3g} a row, {v['span']:.4g} in all: {sign}, {_lasts(v['likely_s'])} in "
+        f"all? say «units» time={v['likely']}, or time={v['own']} if it lasts {_lasts(v['own_s'])}"
     )
 
 
@@ -92,8 +96,9 @@ ROWS: dict[str, Row] = {
         "negative inputs"
     ),
     "input-switches": stop(
-        "the input goes to and fro every {rows:.2g} rows, as the square wave of a drive does and no level: say the level "
-        "with «name_pattern» and take another input, or none, with «columns»; or «logs_as» recorded if it is meant so"
+        "the input goes to and fro every {rows:.2g} rows, as the square wave of a drive does and no level: say the "
+        "level with «name_pattern» and take another input, or none, with «columns»; or «logs_as» recorded if "
+        "that is meant"
     ),
     "input-moves": stop(
         "the input moves most of the time, so it holds no steps; a displacement is said with «columns» position=, "
@@ -167,9 +172,9 @@ ROWS: dict[str, Row] = {
         "the sensor stood still for {for_s:.3g} s at {at_s:.6g} s, at exactly {value:.4g} {unit}", "for_s"
     ),
     "block-written-twice": stop(
-        "{rows} rows from {at_s:.6g} s on come again at {again_s:.6g} s to the last digit, as noise never does: a block "
-        "was written twice, and what follows may be late by it; save each row once, or end the window before with "
-        "«until»",
+        "{rows} rows from {at_s:.6g} s on come again at {again_s:.6g} s to the last digit, as noise never does: a "
+        "block was written twice, and what follows may be late by it; save each row once, or end the window before "
+        "with «until»",
         "rows",
     ),
     "coarse-output": stop(

@@ -130,9 +130,15 @@ def read_mat(path: Path, source: str) -> list[Table]:
 
 def read_numpy(path: Path, source: str) -> list[Table]:
     """Tables of a .npy or .npz; nothing pickled is loaded."""
-    with path.open("rb") as file:
-        content = np.load(file, allow_pickle=False)
-        arrays = {name: content[name] for name in content} if isinstance(content, np.lib.npyio.NpzFile) else {"": content}
+    try:
+        with path.open("rb") as file:
+            content = np.load(file, allow_pickle=False)
+            several = isinstance(content, np.lib.npyio.NpzFile)
+            arrays = {name: content[name] for name in content} if several else {"": content}
+    except ValueError as fault:
+        if "Object arrays" not in str(fault):
+            raise
+        raise DataError(f"{source}: holds Python objects, which can run code; save arrays of plain numbers") from None
     tables: list[Table] = []
     for name, array in list(arrays.items()):
         if array.dtype.names and array.ndim == 1:
