@@ -56,7 +56,7 @@ SETTINGS = {"limit", "limits", "max", "maximum", "min", "minimum", "offset", "bi
             "zero", "tare", "rated", "nominal"}  # fmt: skip
 # Words in the names of columns that say where something is or how fast it goes: no input by elimination
 MOTION = {"position", "pos", "encoder", "enc", "angle", "displacement", "distance", "travel", "velocity", "vel",
-          "speed", "moving", "velocidad", "geschwindigkeit", "vitesse", "posicion", "weg", "lage", "v", "x"}  # fmt: skip
+          "speed", "moving", "velocidad", "geschwindigkeit", "vitesse", "posicion", "weg", "v", "x"}  # fmt: skip
 # Words in the names of columns that switch something on
 SWITCHES = {"relay", "trigger", "trig", "gate", "enable", "enabled", "switch", "valve", "cmd", "command", "drive",
             "on", "supply", "hv"}  # fmt: skip
