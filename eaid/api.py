@@ -381,7 +381,7 @@ def simulate(
     >>> sorted(set(run.to_frame()["name"]))
     ['pi', 'rc']
     """
-    from eaid.logs.read import read_runs
+    from eaid.logs.read import read_like
     from eaid.replay.references import read_reference
     from eaid.replay.simulate import simulate as replayed
 
@@ -394,7 +394,9 @@ def simulate(
     signal = None if reference is None else read_reference(Path(reference))
     if log is not None:
         how.check_for("log")
-    runs = None if log is None else read_runs(_paths(log), reading or ReadOptions())
+    rate = fit.options.reading.get("rate_hz")
+    rate_hz = rate if isinstance(rate, float) else None
+    runs = None if log is None else read_like(_paths(log), reading or ReadOptions(), rate_hz)
     return replayed(fit, gains, how, signal, runs, progress)
 
 

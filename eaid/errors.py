@@ -39,7 +39,8 @@ class EaidError(Exception):
     exit_code = 1
 
     def __init__(self, *sentences: str) -> None:
-        super().__init__(in_python("\n".join(sentences)))
+        typed = (on_command_line(one) if one.startswith("try: ") else in_python(one) for one in sentences)
+        super().__init__("\n".join(typed))
         self.sentences = sentences
 
 

@@ -28,7 +28,7 @@ def sha256_of(path: Path) -> str:
 
 
 # Endings of recordings, besides .txt and .h5, which others have too
-LOGS = (".gz", ".csv", ".tsv", ".dat", ".asc", ".lvm", ".mat", ".tdms")
+LOGS = (".gz", ".csv", ".tsv", ".dat", ".asc", ".lvm", ".mat", ".tdms", ".npy", ".npz")
 
 
 def refuse_to_overwrite(path: Path, force: bool, inputs: Iterable[Path] = ()) -> None:

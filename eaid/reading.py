@@ -3,7 +3,7 @@
 import contextlib
 import shlex
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
@@ -15,14 +15,14 @@ from eaid.apparatus import Apparatus
 from eaid.arrays import median
 from eaid.errors import DataError
 from eaid.files import sha256_of
-from eaid.findings import finding
+from eaid.findings import finding, say
 from eaid.logs.columns import columns_guessed
 from eaid.logs.folders import files_of
 from eaid.logs.manifest import apply, manifest_of
 from eaid.logs.read import columns_told, read_what_can_be
 from eaid.logs.run import Run
 from eaid.logs.text import read_text
-from eaid.logs.to_run import pattern_guessed
+from eaid.logs.to_run import pattern_guessed, unit_beside
 from eaid.logs.units import TIME_FACTORS
 from eaid.options import ReadOptions, in_words
 from eaid.progress import Progress, no_progress
@@ -32,7 +32,7 @@ from eaid.steps.checks import of_record
 from eaid.steps.cut import active_low, cut_runs, onset, settled_steps
 from eaid.steps.levels import counted_once
 from eaid.steps.noise import block_means, stretches
-from eaid.steps.plateaus import plateaus, stands_still
+from eaid.steps.plateaus import plateaus, stands_still, switching
 from eaid.steps.stepset import StepSet
 
 QUIET = 0.02  # An input below this part of its largest is at rest
@@ -40,6 +40,7 @@ APART = {"%": 0.02}  # Part of the largest input by which two inputs differ: a c
 MEASURED = 0.1  # … and a measured input wanders
 SIGNED = 0.05  # Part of the largest input by which it has to go to either side of rest to have both signs
 AWAY = 0.05  # A stretch under load that spends more than this part of its time away from its own middle is no step
+ASKED = {"time-unclear", "time-unit-differs"}  # What is asked before anything else is done
 RETURNS = 4  # So many falls to rest make a recording of its own, where the rests are shorter than the holds
 
 
@@ -86,22 +87,30 @@ def read_steps(
     progress: Progress = no_progress,
     warn: Callable[[str], None] = lambda _: None,
     columns: Callable[[str], None] = lambda _: None,
+    command: str = "fit",
 ) -> tuple[list[Run], StepSet]:
     """The cut runs behind logs, datasets, folders or a manifest, and their step set; DataError tells all faults.
 
-    `columns` hears which columns were taken and which were left, before anything else is done with them.
+    `columns` hears which columns were taken and which were left, before anything else is done with them; `command` is
+    the one that a refusal proposes.
     """
     baseline_rule(options.baseline)  # what is wrong in the options is told before anything is read
     manifest = manifest_of(paths)
     if manifest is None:
         files = files_of(paths, warn)
     else:
-        files, plain = files_of(Path(entry.file) for entry in manifest.log), ReadOptions()
+        out = [entry for entry in manifest.log if entry.exclude is not None]
+        files, plain = files_of(Path(entry.file) for entry in manifest.log if entry not in out), ReadOptions()
+        if out:
+            each = ", ".join(f"{Path(entry.file).name}: {entry.exclude or 'no reason given'}" for entry in out)
+            warn(f"{manifest.path}: {len(out)} of {len(manifest.log)} logs excluded ({each})")
+        if not files:
+            raise DataError(f"{manifest.path}: excludes all its logs; take exclude off one")
         stands = {
             k: v for k, v in msgspec.to_builtins(manifest.options).items() if getattr(options, k) == getattr(plain, k)
         }
         options = replace(options, **cast(Any, stands))
-        listed = {file.resolve() for file in files}
+        listed = {Path(entry.file).resolve() for entry in manifest.log}
         for file in [one for one in files_of([manifest.path.parent]) if one.resolve() not in listed][:5]:
             warn(f"{manifest.path}: does not list {file.name}, which is left out")
     with progress("reading logs", len(files)) as advance:
@@ -111,51 +120,70 @@ def read_steps(
         runs = [apply(entries[run.source], run) if run.source in entries else run for run in runs]
     for sentence in columns_told(runs):
         columns(sentence)
+    how = replace(options, logs_as="steps") if command == "ingest" else options  # what is not cut is refused there
     try:
-        return steps_of(runs, options, faults, [path for path in paths if path.is_file()])
+        return steps_of(runs, how, faults, [path for path in paths if path.is_file()])
     except DataError as fault:
-        raise DataError(*fault.sentences, *_proposal(paths, files, runs, options, fault.sentences)) from None
+        more = _proposal(files, runs, options, fault.sentences)
+        words = [f"eaid {command}", shlex.join(map(str, paths)), *more]
+        raise DataError(*fault.sentences, *([f"try: {' '.join(words)}"] if more else [])) from None
 
 
-def _proposal(
-    paths: Sequence[Path], files: Sequence[Path], runs: Sequence[Run], options: ReadOptions, faults: Sequence[str]
-) -> list[str]:
-    """The command with all that can be guessed of what the logs do not say; nothing where that is nothing."""
+def _proposal(files: Sequence[Path], runs: Sequence[Run], options: ReadOptions, faults: Sequence[str]) -> list[str]:
+    """The options with all that can be guessed of what the logs do not say; none where that is nothing."""
     given = dict(options.stated())
     columns, units, more = dict(options.columns), dict(options.units), dict[str, str]()
-    if len(files) < 2:
-        return []
-    if not runs and any("no column is called" in fault for fault in faults):
+    if not runs and any("no column is called" in fault or "columns have" in fault for fault in faults):
         with contextlib.suppress(DataError):
             columns |= columns_guessed(read_text(files[0], str(files[0]))[0], options)
             runs, faults = read_what_can_be(files, replace(options, columns=columns))
+        if not runs:
+            return []  # something is missing that no guess fills
     likely = Counter(str(one.values["likely"]) for run in runs for one in run.findings if "likely" in one.values)
     factor = 1.0
     if likely:
         units["time"] = likely.most_common(1)[0][0]
         factor = TIME_FACTORS[units["time"]]
     blind = [run for run in runs if not run.has_input]
-    if options.name_pattern is None and len(blind) > 1:
-        more = {"name_pattern": pattern} if (pattern := pattern_guessed([run.name for run in blind])) else {}
+    if options.name_pattern is None and blind and (pattern := pattern_guessed([run.name for run in blind])):
+        more = {"name_pattern": pattern}
+        if "input" not in units and (unit := unit_beside(pattern)):
+            units["input"] = unit
     starts = [factor * float(run.time_s[at]) for run in blind if (at := onset(run.output))]
     if options.step_at is None and len(starts) > 1 and np.ptp(np.quantile(starts, (0.2, 0.8))) < 0.05 * median(starts):
         more["step_at"] = _roundest(median(starts))
-        moved = np.sum([np.abs(block_means(run.output - run.output[0], BLOCKS)) for run in blind], axis=0)
-        fall = moved[:-LAG] - moved[LAG:]
-        if fall.max() > FALLS * np.ptp(moved):
-            more["until"] = _roundest(fall.argmax() / BLOCKS * factor * median([run.time_s[-1] for run in blind]))
+    if options.until is None and (let_go := let_go_of(blind)):
+        more["until"] = _roundest(factor * let_go[0])
     guessed = {"columns": columns, "units": units}
     more |= {name: in_words(value) for name, value in guessed.items() if value != getattr(options, name)}
-    if len(more) < 2:  # the refusal says it already
+    repair = {"repair": True} if any("«repair»" in fault for fault in faults) else {}
+    if len(more) + len(repair) < 2 and "columns" not in more:  # the refusal says it already
         return []
-    if any("«repair»" in fault for fault in faults):
-        given["repair"] = True
-    said = [f"«{name}»" + f" {shlex.quote(str(value))}" * (value is not True) for name, value in (given | more).items()]
-    return [f"try: eaid fit {shlex.join(map(str, paths))} {' '.join(said)}"]
+    given |= repair
+    return [f"«{name}»" + f" {shlex.quote(str(value))}" * (value is not True) for name, value in (given | more).items()]
 
 
-# An output that falls by this share of its range within so many blocks of all was let go
-BLOCKS, LAG, FALLS = 400, 4, 0.2
+BLOCKS, LAG = 400, 4  # An output is let go where it falls within so many blocks of all …
+HELD, LEFT = 0.6, 0.25  # … from this share of its peak to that, and stays below for a twentieth of the log
+
+
+def let_go_of(runs: Sequence[Run]) -> tuple[float, int] | None:
+    """When the outputs of logs fall for good, on their own clock, and of how many; None where most do not, alike."""
+    runs = [run for run in runs if run.until_s is None and len(run.output) >= BLOCKS]
+    falls = []
+    for run in runs:
+        means = block_means(run.output, BLOCKS)
+        moved = np.abs(means - median(means[:LAG]))
+        peak = float(np.quantile(moved, 0.95))
+        held = np.flatnonzero(moved >= HELD * peak)
+        last = int(held[-1]) if len(held) else BLOCKS
+        if LAG < last < 0.95 * BLOCKS - LAG and (moved[last + LAG :] < LEFT * peak).mean() > 0.95:
+            edge = run.output[int(last * len(run.output) / BLOCKS) :]
+            at = len(run.output) - len(edge) + len(edge) // (BLOCKS - last)
+            falls.append(run.start_s + float(run.time_s[at]))
+    span = max((float(run.time_s[-1]) for run in runs), default=0.0)
+    alike = [at for at in falls if abs(at - median(np.array(falls))) <= 0.02 * span]
+    return (median(np.array(alike)), len(alike)) if 2 * len(alike) > len(runs) else None
 
 
 def _roundest(value: float) -> str:
@@ -163,11 +191,31 @@ def _roundest(value: float) -> str:
     return next(text for k in range(1, 9) if abs(float(text := f"{value:.{k}g}") - value) <= 0.02 * abs(value))
 
 
+def _asked(runs: Sequence[Run], how: str) -> Iterator[str]:
+    """Questions that come before any step is looked for."""
+    for run in (run for run in runs if not run.dataset):
+        yield from (f"{run.where}: {say(one)}" for one in run.findings if one.code in ASKED)
+        if how != "recorded" and not run.cut and run.has_input and (rows := switching(run.input)):
+            yield f"{run.where}: {say(finding('input-switches', run.name, rows=rows))}"
+    blind = [run for run in runs if not (run.dataset or run.cut or run.has_input) and run.kind in (None, "clutch")]
+    if any(one.code in ASKED for run in blind for one in run.findings):
+        return  # nobody knows yet when that is
+    if blind and (let_go := let_go_of(blind)):
+        n = f"in {let_go[1]} of {len(blind)} logs " * (len(blind) > 1)
+        at = _roundest(let_go[0])
+        yield (
+            f"{blind[0].where}: the output falls at {at} s {n}and stays low: a release, which no column tells; end the "
+            f"window there with «until» {at}, or say where it ends"
+        )
+
+
 def steps_of(
     runs: Sequence[Run], options: ReadOptions, faults: Sequence[str] = (), paths: Sequence[Path] = ()
 ) -> tuple[list[Run], StepSet]:
     """The same from runs that are read already; `faults` of reading are raised with those of finding steps."""
     how = options.logs_as
+    if asked := list(_asked(runs, how)):
+        raise DataError(*faults, *asked)
     uncut = [run for run in runs if how == "recorded" or (how == "auto" and is_recorded(run, options.rest))]
     steps, more = cut_runs([run for run in runs if not any(run is one for one in uncut)], options)
     if faults or more:

@@ -1,6 +1,6 @@
 """`eaid ingest`: logs → a table of levels, warnings of their runs, and data.h5."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from eaid.cli import console
@@ -35,14 +35,14 @@ def command(args: Arguments) -> None:
     from eaid.logs.manifest import files_read
     from eaid.reading import read_steps
 
-    options = replace(part(ReadOptions, args), logs_as="steps")  # what is not cut into steps is refused here
+    options = part(ReadOptions, args)
     refuse_to_overwrite(args.output, args.force, files_read(args.logs))
-    runs, stepset = read_steps(args.logs, options, console.progress, console.warn, console.say)
+    runs, stepset = read_steps(args.logs, options, console.progress, console.warn, console.say, "ingest")
     if args.write_manifest:
         from eaid.logs.folders import files_of
         from eaid.logs.manifest import write_manifest
 
-        at = write_manifest(files_of(args.logs), runs, {**options.stated(), "kind": stepset.kind}, args.force)
+        at = write_manifest(files_of(args.logs), runs, {**stepset.reading, "kind": stepset.kind}, args.force)
         console.say(f"{at}: written; eaid ingest {at.parent} needs no options now")
     write_dataset(args.output, runs, kind=stepset.kind, apparatus=stepset.apparatus, force=args.force)  # type: ignore[arg-type]
     tell_result(args, ingested(stepset), steps_shown(stepset), (), "ingest")

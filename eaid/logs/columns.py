@@ -13,7 +13,7 @@ from eaid.errors import DataError, UsageError, meant
 from eaid.findings import Finding, finding
 from eaid.logs.run import Kind
 from eaid.logs.table import Table
-from eaid.logs.units import split_name, unit_of, words_of
+from eaid.logs.units import is_linear_speed, split_name, unit_of, words_of
 from eaid.options import ReadOptions
 from eaid.shown import listed
 
@@ -54,6 +54,12 @@ OUTPUTS = (
 # Words in the names of columns that hold a setting, not what was measured or commanded
 SETTINGS = {"limit", "limits", "max", "maximum", "min", "minimum", "offset", "bias", "gain", "threshold", "range",
             "zero", "tare", "rated", "nominal"}  # fmt: skip
+# Words in the names of columns that say where something is or how fast it goes: no input by elimination
+MOTION = {"position", "pos", "encoder", "enc", "angle", "displacement", "distance", "travel", "velocity", "vel",
+          "speed", "moving", "velocidad", "geschwindigkeit", "vitesse", "posicion", "weg", "v", "x"}  # fmt: skip
+# Words in the names of columns that switch something on
+SWITCHES = {"relay", "trigger", "trig", "gate", "enable", "enabled", "switch", "valve", "cmd", "command", "drive",
+            "on", "supply", "hv"}  # fmt: skip
 _REFERENCE = {"reference", "ref", "desired", "des", "target", "setpoint", "command", "cmd", "commanded"}
 
 
@@ -68,6 +74,11 @@ class Roles:
     reference: int | None
     position: int | None = None  # A displacement that goes to and fro, where the user names one
     findings: tuple[Finding, ...] = ()
+
+    @property
+    def taken(self) -> set[int | None]:
+        """The columns that are something."""
+        return {self.time, self.output, self.reference, self.position, *(column for _, column in self.inputs)}
 
 
 def _bare(name: str) -> str:
@@ -165,11 +176,22 @@ def match_columns(path: str, table: Table, options: ReadOptions) -> Roles:
     else:  # at most one a kind
         inputs = []
         for kind, groups in INPUTS.items():
-            which = next((hit for group in groups if (hit := _alike(names, group.names, taken))), [])
+            which = next((hit for group in groups if (hit := _measuring(table, group, taken))), [])
             if options.kind in (None, kind) and (column := _only(path, "input", which, names)) is not None:
                 inputs.append((kind, column))
     taken |= {*(column for _, column in inputs), *([reference] if reference is not None else [])}
     return Roles(time, tuple(inputs), output, reference, named.get("position"))
+
+
+def _measuring(table: Table, group: Group, taken: set[int]) -> list[int]:
+    """Columns of a group by their names whose unit is not that of something else; v may be a voltage or a velocity."""
+    hits = []
+    for i in _alike(table.columns, group.names, taken):
+        unit = table.unit(i) or split_name(table.columns[i])[1]
+        same = unit_of(unit).quantity in ("", "duty", "voltage", "current", unit_of(group.unit).quantity)
+        if (same or not group.unit) and not is_linear_speed(unit) and (table.columns[i].strip() != "v" or unit):
+            hits.append(i)
+    return hits
 
 
 def _time(path: str, table: Table, taken: set[int]) -> int | None:
@@ -182,6 +204,8 @@ def _time(path: str, table: Table, taken: set[int]) -> int | None:
         if len(clocks) > 1:
             units = {i: split_name(names[i])[1] for i in clocks}  # `T [degC]` is a temperature
             clocks = [i for i in clocks if not units[i] or unit_of(units[i]).quantity == "time"]
+            if all(_quantity_of(table, i) == "time" for i in clocks):
+                clocks = sorted(clocks, key=lambda i: i in table.stamped)[:1]  # they are compared when they are read
         if (time := _only(path, "time", clocks, names)) is not None:
             return time
     timed = [i for i in range(len(names)) if i not in taken and _quantity_of(table, i) == "time"]
@@ -215,15 +239,25 @@ def columns_guessed(table: Table, options: ReadOptions) -> dict[str, str]:
     with contextlib.suppress(DataError):
         known.setdefault("output", _output("", table, set(), ()))
     free = [i for i in range(min(len(names), 64)) if i not in known.values()]
-    values = dict(zip(free, table.load(free).values, strict=True))
-    found: dict[str, str] = {}
-    for role, does in (("time", rises), ("input", steps), ("output", lambda one: np.ptp(one[np.isfinite(one)]) > 0)):
-        fits = [] if role in known else [i for i in values if np.isfinite(values[i]).any() and does(values[i])]
-        if role == "time" or len(fits) == 1:
-            found |= {role: names[fits[0]] or str(fits[0] + 1)} if fits else {}
-        for i in fits:
-            values.pop(i)
-    return found
+    numbers: dict[int, NDArray[Any]] = {}
+    for i in free:
+        with contextlib.suppress(DataError):  # a column of words
+            (values,) = table.load([i]).values
+            if len(kept := values[np.isfinite(values)]) > len(values) / 2 and np.ptp(kept) > 0:
+                numbers[i] = kept
+    found: dict[str, int] = {}
+    if "time" not in known and (rising := [i for i in numbers if rises(numbers[i])]):
+        found["time"] = rising[0]
+        numbers = {i: values for i, values in numbers.items() if i not in rising}
+    if "input" not in known:
+        moved = {i for i in numbers if words_of(split_name(names[i])[0]) & MOTION or _quantity_of(table, i) == "speed"}
+        stepping = sorted((jumps(numbers[i]), i) for i in set(numbers) - moved if steps(numbers[i]))
+        if len(stepping) == 1 or (len(stepping) > 1 and 3 * stepping[0][0] < stepping[1][0]):
+            found["input"] = stepping[0][1]
+    rest = [i for i in numbers if i not in found.values()]
+    if "output" not in known and len(rest) == 1:
+        found["output"] = rest[0]
+    return {role: names[i] or str(i + 1) for role, i in found.items()}
 
 
 def kind_of(name: str, unit: str) -> Kind:
@@ -286,18 +320,29 @@ def chosen_table(source: str, tables: Sequence[Table], options: ReadOptions) -> 
 
 
 def by_place(path: str, table: Table, options: ReadOptions) -> Roles:
-    """Columns without names: time, input, output; of two time, output. The first has to rise all the way."""
+    """Columns without names: of two time, output, the first rising all the way; with a rate input, output.
+
+    A matrix of three is time, input, output, as QuaRC writes it; a text of three is asked about as one of four.
+    """
     count, rate = len(table.columns), options.rate_hz is not None
-    places = {(3, False): (0, 1, 2), (2, False): (0, None, 1), (2, True): (None, 0, 1), (1, True): (None, None, 0)}
+    places = {(2, False): (0, None, 1), (2, True): (None, 0, 1), (1, True): (None, None, 0)}
+    if table.name:  # a matrix of a MAT-file
+        places[3, False] = (0, 1, 2)
     if not options.columns and (count, rate) in places and (rate or rises(table.load([0]).values[0])):
         time, input_, output = places[count, rate]
         roles = (("time", time), ("input", input_), ("output", output))
         inputs = () if input_ is None else ((options.kind or "clutch", input_),)
         order = ", ".join(role for role, at in roles if at is not None)
         return Roles(time, inputs, output, None, findings=(finding("columns-by-place", path, order=order),))
+    names = f"columns have {len(table.unmatched)} names, {listed(table.unmatched, 5)}, of which none is taken"
+    guessed = {} if options.columns else columns_guessed(table, options)
+    if "output" not in guessed:
+        guessed = {"time": "1", "input": "2", "output": "3"} if count > 2 else {"time": "1", "output": "2"}
+    known = ",".join(f"{role}={column}" for role, column in guessed.items())
+    of_time = "«units» time=UNIT where it is not in s" if "time" in guessed else "«rate_hz» HZ where none is the time"
     raise DataError(
-        f"{path}: its {count} columns have no names; say by number, from 1 to {count}, what they are, as in «columns» "
-        f"time=1,input=2,output=3, and «units» time=UNIT where it is not in s"
+        f"{path}: its {count} {names if table.unmatched else 'columns have no names'}; say by number, from 1 to "
+        f"{count}, what they are, as in «columns» {known}, and {of_time}"
     )
 
 
@@ -307,17 +352,32 @@ def rises(values: NDArray[Any]) -> bool:
     return len(kept) > 2 and bool(np.mean(np.diff(kept) > 0) > 0.99)
 
 
+def leaves_rest(values: NDArray[Any]) -> int | None:
+    """First row on which a column is beyond what its first fiftieth did; None of one that stands still, or is noise."""
+    head = values[: max(FEWEST, len(values) // 50)]
+    if len(values) <= FEWEST or not np.isfinite(values).all():
+        return None
+    away = np.abs(values - np.median(head))
+    beyond = max(1.5 * float(np.ptp(head)), 0.01 * float(away.max()))
+    return int((away > beyond).argmax()) if 0 < 2 * beyond < away.max() else None
+
+
 def steps(values: NDArray[Any]) -> bool:
     """Whether a column stands still but for a few jumps, each from one sample to the next, as a commanded input."""
     kept = values[np.isfinite(values)].astype(np.float64)
     span = float(np.ptp(kept)) if len(kept) >= FEWEST else 0.0
     if span == 0.0:
         return False
-    jumps = np.abs(np.diff(kept)) > 0.01 * span
-    alone = jumps.copy()
-    alone[1:] &= ~jumps[:-1]
-    alone[:-1] &= ~jumps[1:]
-    return 1 <= int(jumps.sum()) <= max(3, len(kept) // 20) and int(alone.sum()) >= 0.8 * int(jumps.sum())
+    moves = np.abs(np.diff(kept)) > 0.01 * span
+    alone = moves.copy()
+    alone[1:] &= ~moves[:-1]
+    alone[:-1] &= ~moves[1:]
+    return 1 <= int(moves.sum()) <= max(3, len(kept) // 20) and int(alone.sum()) >= 0.8 * int(moves.sum())
+
+
+def jumps(values: NDArray[Any]) -> int:
+    """How often a column without gaps changes."""
+    return int(np.count_nonzero(np.diff(values)))
 
 
 def the_input(path: str, roles: Roles, column: Callable[[int], NDArray[Any]]) -> tuple[Kind | None, int | None]:

@@ -25,8 +25,9 @@ from eaid.logs.foreign.answer import LONGEST_S, Answer, Question, received, send
 from eaid.logs.table import Cells, Table
 
 # First bytes of a file that is not read, what it is, and the remedy; any other binary file is refused as one
+NPY, ZIP = b"\x93NUMPY", b"PK\x03\x04"
 UNREAD: tuple[tuple[bytes, str], ...] = (
-    (b"PK\x03\x04", "a ZIP archive or an Excel workbook; unpack it, or save its sheet as CSV"),
+    (ZIP, "a ZIP archive or an Excel workbook; unpack it, or save its sheet as CSV"),
     (b"\xd0\xcf\x11\xe0", "an old Excel workbook; save its sheet as CSV"),
     *((bytes((0x80, n)), "a Python pickle, which can run code; export the log as CSV or HDF5") for n in (2, 3, 4, 5)),
     *((mark, "packed, but not with gzip; unpack it") for mark in (b"BZh", b"\xfd7zXZ", b"(\xb5/\xfd", b"7z\xbc\xaf")),
@@ -50,9 +51,14 @@ def is_hdf5(head: bytes) -> bool:
     return head.startswith(b"\x89HDF\r\n\x1a\n") or head[512:520] == b"\x89HDF\r\n\x1a\n"
 
 
+def _is_npz(head: bytes) -> bool:
+    """A ZIP archive whose first file is an array of NumPy."""
+    return head.startswith(ZIP) and head[30 : 30 + int.from_bytes(head[26:28], "little")].endswith(b".npy")
+
+
 def unread(head: bytes) -> str | None:
     """What a file is that is not read, and the remedy; None for any other."""
-    return next((what for mark, what in UNREAD if head.startswith(mark)), None)
+    return None if _is_npz(head) else next((what for mark, what in UNREAD if head.startswith(mark)), None)
 
 
 def _is_mat(head: bytes) -> bool:
@@ -74,6 +80,7 @@ FORMATS: tuple[Format, ...] = (
     Format("HDF5", is_hdf5, "arrays.read_hdf5"),
     Format("TDMS", lambda head: head.startswith(b"TDSm"), "tdms.read_tdms", "nptdms"),
     Format("MAT", _is_mat, "arrays.read_mat"),
+    Format("NumPy", lambda head: head.startswith(NPY) or _is_npz(head), "arrays.read_numpy"),
     Format("not read", lambda head: unread(head) is not None),
     Format("text", lambda _: True),
 )

@@ -79,7 +79,11 @@ def _table(name: str, frame: "pd.DataFrame") -> Table:
     declared = tuple(str({**frame.attrs.get("units", {}), **units}.get(label, "")) for label in numbers)
     dropped = tuple(label for label in columns if label not in numbers)
     values = tuple(numbers.values())
-    return Table("", tuple(numbers), lambda wanted: Cells(tuple(values[i] for i in wanted)), declared, dropped=dropped)
+    stamped = tuple(i for i, label in enumerate(numbers) if label in units)
+    return Table(
+        "", tuple(numbers), lambda wanted: Cells(tuple(values[i] for i in wanted)), declared, stamped=stamped,
+        dropped=dropped,
+    )  # fmt: skip
 
 
 def _array(column: "pd.Series[Any]") -> np.ndarray[Any, Any]:

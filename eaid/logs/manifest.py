@@ -46,6 +46,7 @@ class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     repeat: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] | None = None
     step_s: Number | None = None
     until_s: Number | None = None
+    exclude: str | None = None  # Why it is not to be read
 
 
 class Manifest(msgspec.Struct, frozen=True):

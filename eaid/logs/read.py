@@ -36,6 +36,17 @@ def read_runs(paths: Sequence[Path], options: ReadOptions = PLAIN) -> list[Run]:
     return runs
 
 
+def read_like(paths: Sequence[Path], options: ReadOptions, rate_hz: float | None) -> list[Run]:
+    """Runs as `read_runs` gives them; `rate_hz`, that of the logs of a fit, is taken where these say no time either."""
+    try:
+        return read_runs(paths, options)
+    except DataError as fault:
+        timeless = any("called time" in one or "columns have" in one for one in fault.sentences)
+        if rate_hz is None or options.rate_hz is not None or not timeless:
+            raise
+    return read_runs(paths, replace(options, rate_hz=rate_hz))
+
+
 def read_what_can_be(
     files: Sequence[Path], options: ReadOptions, advance: Callable[[], None] = lambda: None
 ) -> tuple[list[Run], list[str]]:
@@ -124,12 +135,19 @@ def together(runs: Sequence[Run], options: ReadOptions) -> list[Run]:
     return [run if run.name == name else replace(run, name=name) for run, name in zip(every, names, strict=True)]
 
 
+def _with_unit(name: str, unit: str) -> str:
+    """A column and the unit that it is turned into, which its own name may say."""
+    if name.endswith((f"[{unit}]", f"({unit})")):
+        return name
+    return f"{name} → {unit}" if name.endswith(("]", ")")) else f"{name} [{unit}]"
+
+
 def columns_told(runs: Sequence[Run]) -> list[str]:
     """Which columns were taken of logs, and which were left, a sentence for all logs that are alike."""
     alike: Counter[tuple[str, str]] = Counter()
     for run in runs:
         if run.taken:
             units = {"time": "s", "input": run.input_unit, "output": run.output_unit, "position": run.position_unit}
-            taken = [f"{role} = {name} [{units.get(role) or '?'}]" for role, name in run.taken]
+            taken = [f"{role} = {_with_unit(name, units.get(role) or '?')}" for role, name in run.taken]
             alike[", ".join(taken), ", ".join(run.left) or "none"] += 1
     return [f"columns of {counted(n, 'log')}: {taken}; left: {left}" for (taken, left), n in alike.items()]

@@ -53,6 +53,7 @@ class Run:
     # (role, column) that were read, in the order time, input, output, reference
     taken: tuple[tuple[str, str], ...] = ()
     left: tuple[str, ...] = ()  # Columns of the log that were not read
+    moves: tuple[tuple[str, float], ...] = ()  # Of a log without an input: which others leave their rest, and when [s]
     cut: bool = False  # True for one step cut out of a log (or stored so); False: steps are still to be cut out of it
 
     @property

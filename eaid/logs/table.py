@@ -64,11 +64,13 @@ class Table:
     units: tuple[str, ...] = ()
     synthetic: str | None = None  # What made the data, where a comment or a property says so
     clock: int | None = None  # Column of the time, where the format itself says which it is
+    stamped: tuple[int, ...] = ()  # Columns of wall-clock stamps, whose unit nobody has to say
+    unmatched: tuple[str, ...] = ()  # Names that the file has and that are not as many as its columns
     # Columns that hold no numbers (texts, complex numbers, cells), and so cannot be chosen
     dropped: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("columns", "units", "dropped"):
+        for name in ("columns", "units", "dropped", "unmatched"):
             object.__setattr__(self, name, tuple(map(plain, getattr(self, name))))
         if self.synthetic is not None:
             object.__setattr__(self, "synthetic", plain(self.synthetic))

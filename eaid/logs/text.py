@@ -57,7 +57,7 @@ class Marks(NamedTuple):
         """
         bare = line.strip("\r\n ")
         if self.delimiter is None:
-            return bare.split()
+            return bare.strip("[]; ").split()  # [1 2 3; as MATLAB writes a matrix
         cells = bare.split(self.delimiter)
         if '"' in bare and len(cells) > 1:
             with contextlib.suppress(csv.Error):  # a return in the middle of a line
@@ -102,6 +102,7 @@ class Dialect:
     first_line: int  # Line of the first row of numbers, from 1
     stamps: tuple[int, ...] = ()  # Columns of wall-clock stamps
     synthetic: str | None = None
+    unmatched: tuple[str, ...] = ()  # Names above the rows that are not as many as the columns
     remarks: bool = False  # True where a row may have a remark behind its cells
 
 
@@ -150,6 +151,8 @@ def sniff(path: str, head: bytes) -> Dialect:
         lines.pop()
     marks, count = _marks(lines)
     start = next((i for i, line in enumerate(lines) if count and marks.is_row(line, count)), None)
+    if start is not None and _is_words(lines[start + 1 :], marks) and not marks.is_good(marks.cells(lines[start])[0]):
+        start = next((i for i in range(start + 1, len(lines)) if marks.is_row(lines[i], count)), None)  # x-axis,1,2
     if start is None:
         raise DataError(f"{path}: holds no rows of numbers; a log is a table with a column of time and one of torque")
     first_cells = marks.cells(lines[start], count)
@@ -165,11 +168,11 @@ def sniff(path: str, head: bytes) -> Dialect:
                 f"{path}: holds two tables, one from row {i - 1} and another from row {start + 1}; "
                 f"save each in a file of its own"
             )
-    names, units = _header(lines[:start], marks, count, ragged)
+    names, units, unmatched = _header(lines[:start], marks, count, ragged)
     stamps = tuple(i for i, cell in enumerate(first_cells) if marks.value(cell) is None and marks.is_good(cell))
     made_by = (re.match(r"[#%/ ]+synthetic\s*[:=]\s*(\S.*)$", line, re.IGNORECASE) for line in lines[:start])
     synthetic = next((match[1].strip() for match in made_by if match), None)
-    return Dialect(encoding, marks, names, units, start + 1, stamps, synthetic)
+    return Dialect(encoding, marks, names, units, start + 1, stamps, synthetic, unmatched)
 
 
 def _of_labview(path: str, encoding: str, lines: list[str]) -> Dialect:
@@ -251,29 +254,49 @@ def _broken_rows(above: list[str], marks: Marks) -> int:
     return count
 
 
-def _header(above: list[str], marks: Marks, count: int, ragged: bool) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names and units of the columns from the lines above the first row; `ragged` rows end with a delimiter."""
+def _is_words(below: list[str], marks: Marks) -> bool:
+    """Whether the next line with cells holds words only."""
+    good, filled = next((found for line in below if (found := marks.count_good(marks.cells(line)))[1]), (1, 1))
+    return good == 0 and filled > 1
+
+
+def _names(line: str, marks: Marks, count: int) -> list[str]:
+    """The cells of a line above the rows; where blanks stand between cells, names of several words have two."""
+    bare = line.strip("\r\n ")
+    if bare.startswith(COMMENT):
+        bare = bare.lstrip("#%/ ")
+    cells = marks.cells(bare, count) if marks.delimiter else re.split(r"\s{2,}|\t", bare)
+    if marks.delimiter is None and len(cells) != count:
+        cells = bare.split()
+    return [cell.strip().strip('"').strip() for cell in cells]
+
+
+def _header(above: list[str], marks: Marks, count: int, ragged: bool) -> tuple[tuple[str, ...], ...]:
+    """Names and units of the columns from the lines above the first row, and names that are not as many as those.
+
+    `ragged` rows end with a delimiter.
+    """
     rows: list[list[str]] = []
+    unmatched: tuple[str, ...] = ()
     for line in reversed(above):
-        bare = line.strip("\r\n ")
-        if bare.startswith(COMMENT):
-            bare = bare.lstrip("#%/ ")
-        cells = [cell.strip().strip('"').strip() for cell in marks.cells(bare, count)]
+        cells = _names(line, marks, count)
         if len(cells) == count + 1 and ragged:
             cells = cells[:-1]  # the name of an empty column
         if len(cells) == count and any(cells) and (count > 1 or not rows):
-            rows.append(cells)
-        elif bare:
+            rows.append([f"channel {cell}" if cell.isdigit() and rows else cell for cell in cells])
+        elif any(cells):
+            if not rows and len(cells) > 2 and marks.delimiter and not marks.count_good(cells)[0]:
+                unmatched = tuple(cells)
             break
         if len(rows) == 2:
             break
     none = ("",) * count
     if not rows:
-        return none, none
+        return none, none, unmatched
     if len(rows) == 2 and _is_units_row(rows[0]) and not _is_units_row(rows[1]):
         units = tuple("" if cell == "-" else cell.strip("[]() ") for cell in rows[0])
-        return tuple(rows[1]), units
-    return tuple(rows[0]), none
+        return tuple(rows[1]), units, ()
+    return tuple(rows[0]), none, ()
 
 
 def _is_units_row(cells: list[str]) -> bool:
@@ -292,7 +315,9 @@ def read_text(path: Path, source: str) -> list[Table]:
     dialect = sniff(source, head)
     units = tuple("s" if i in dialect.stamps else unit for i, unit in enumerate(dialect.units))
     load = partial(_load, path, source, zipped, dialect)
-    return [Table("", dialect.columns, load, units, dialect.synthetic)]
+    return [
+        Table("", dialect.columns, load, units, dialect.synthetic, stamped=dialect.stamps, unmatched=dialect.unmatched)
+    ]
 
 
 @contextlib.contextmanager
@@ -324,7 +349,7 @@ def _load(path: Path, source: str, zipped: bool, dialect: Dialect, columns: Sequ
                     f"unpack it yourself"
                 )
             first, line = line, line + piece.count("\n")
-            if not (body := piece.rstrip("\n \t\0\x1a")):
+            if not (body := piece.rstrip("\n \t\0\x1a];" if dialect.marks.delimiter is None else "\n \t\0\x1a")):
                 continue
             if dialect.marks.decimal == "," and not decimal:
                 quoted = " ".join(re.findall(r'"[^"]*"', body)) if dialect.marks.delimiter == "," else body
@@ -361,7 +386,7 @@ def _by_arrow(body: str, dialect: Dialect, columns: Sequence[int], line: int) ->
 
     marks = dialect.marks
     if marks.delimiter is None:  # cells stand apart by one blank each
-        body = "\n".join(" ".join(row.split()) for row in body.split("\n"))
+        body = "\n".join(" ".join(row.strip("[]; \r").split()) for row in body.split("\n"))
     first = body.partition("\n")[0].split(marks.delimiter or " ")
     names = [str(i) for i in range(max(len(first), len(dialect.columns)))]
     kinds = {}
@@ -402,7 +427,7 @@ def _cell_by_cell(body: str, dialect: Dialect, columns: Sequence[int], line: int
     bad: list[BadCell] = []
     for row, raw in enumerate(body.split("\n"), start=line):
         text = raw.strip(" \0\x1a")
-        if not text or text.startswith(COMMENT):
+        if not text.strip("[];") or text.startswith(COMMENT):
             continue
         if not rows or row - length != rows[-1][1] - rows[-1][0]:
             rows.append((length, row))

@@ -13,7 +13,18 @@ from numpy.typing import NDArray
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.findings import finding
-from eaid.logs.columns import FEWEST, INPUTS, OUTPUTS, chosen_table, default_unit, the_input
+from eaid.logs.clocks import clock_of, contradicting, contradiction, other_clocks
+from eaid.logs.columns import (
+    FEWEST,
+    INPUTS,
+    OUTPUTS,
+    Roles,
+    chosen_table,
+    default_unit,
+    leaves_rest,
+    rises,
+    the_input,
+)
 from eaid.logs.run import INPUT_UNITS, Run
 from eaid.logs.table import Cells, Table, plain
 from eaid.logs.units import LARGEST_NM, Scale, numbers_samples, scale_of, seconds_since_start, split_name, time_unit
@@ -172,10 +183,21 @@ def level_and_repeat(source: str, pattern: str | None, name: str) -> tuple[float
     return float(level.replace(",", ".")), None if repeat is None else int(repeat)
 
 
+# Units of inputs as they stand in names beside a level: V=100, 60pct; lower-case letters stand for much else
+_LEVELS = "V|kV|mV|mA|A|N|kN|bar|kPa|MPa|rpm|RPM|pct|%"
+
+
+def unit_beside(pattern: str) -> str:
+    """The unit that a name pattern holds beside its level; empty where it holds none."""
+    found = re.search(rf"(?:^|[^A-Za-z])({_LEVELS})=?\{{level\}}|\{{level\}}({_LEVELS})(?![A-Za-z])", pattern)
+    return found[1] or found[2] if found else ""
+
+
 def pattern_guessed(names: Sequence[str]) -> str:
     """A name pattern with the number that tells the names apart and has a letter beside it; empty where there is none.
 
-    Of several the one before a unit, or behind an equals sign, whose values come equally often.
+    Of several the one beside a unit, then the one before letters, or behind an equals sign, whose values come equally
+    often. Of one name only a number beside a unit counts.
     """
     pieces = [re.split(r"(\d+(?:\.\d+)?)", name) for name in names]
     patterns = []
@@ -183,13 +205,14 @@ def pattern_guessed(names: Sequence[str]) -> str:
         texts, counts = pieces[0], Counter(one[k] for one in pieces)
         (before,) = re.findall(r"[_\s-]?[^_\s-]*$", texts[k - 1])[:1]
         (after,) = re.findall(r"^[^_\s-]*[_\s-]?", texts[k + 1])
-        if len(counts) < 2 or not re.search("[A-Za-z]", before + after):
+        unit = unit_beside(f"{before}{{level}}{after}")
+        if (len(counts) < 2 and not (unit and len(names) == 1)) or not re.search("[A-Za-z]", before + after):
             continue
         for pattern in (f"{before}{{level}}{after}", f"{texts[k - 3][-3:]}{{repeat}}{texts[k - 1]}{{level}}{after}"):
             with contextlib.suppress(DataError):
                 if all(level_and_repeat("", pattern, name)[0] is not None for name in names):
                     no_unit = not re.match("[A-Za-z%]", after) and not before.endswith("=")
-                    patterns.append((no_unit, max(counts.values()) - min(counts.values()), pattern))
+                    patterns.append((not unit, no_unit, max(counts.values()) - min(counts.values()), pattern))
                     break
     return min(patterns)[-1] if patterns else ""
 
@@ -220,6 +243,12 @@ def run_of(
     factor = by_user or by_column or 1.0
     cells, columns = _loaded(source, table, [roles.output, clock, roles.reference, roles.position, which])
     raw_time = np.arange(len(columns[roles.output])) if clock is None else columns[clock]
+    if clock is not None and clock not in table.stamped:
+        own = clock_of(table.label(clock), raw_time, by_column or 1.0)
+        other = contradicting(own, other_clocks(source, table, roles.taken))
+        if other is not None and by_user is None:
+            raise contradiction(source, own, other)
+        by_column = by_column if other is None else None  # its header is wrong, or the user knows better
     used = [column for column in (which, roles.output, roles.position) if column is not None]
     label = "time" if clock is None else table.label(clock)
     by_label = {label: raw_time} | {table.label(i): columns[i] for i in used}
@@ -256,6 +285,7 @@ def run_of(
     position_unit = units.get("position", "")  # as it is called: nothing is turned into it
     if roles.position is not None and not position_unit:
         position_unit = table.unit(roles.position) or split_name(table.columns[roles.position])[1]
+    moves = _moves(table, roles, time_s, keep) if which is None else ()
     return Run(
         name=name,
         time_s=time_s,
@@ -278,7 +308,24 @@ def run_of(
         start_s=start_s,
         taken=tuple((role, table.label(column)) for role, column in taken.items()),
         left=(*others, *table.dropped),
+        moves=moves,
     )
+
+
+MOST_OTHERS = 8  # Columns that are not read up to which they are looked at, where nothing says the input
+
+
+def _moves(table: Table, roles: Roles, time_s: Array, keep: NDArray[np.intp] | None) -> tuple[tuple[str, float], ...]:
+    """Which of the other columns leave their rest, and when."""
+    others = [column for column in range(len(table.columns)) if column not in roles.taken]
+    found = []
+    for column in others if len(others) <= MOST_OTHERS else ():
+        with contextlib.suppress(DataError):  # what is bad in them is no fault of the log
+            (values,) = table.load([column]).values
+            values = values if keep is None else values[keep]
+            if not rises(values) and (at := leaves_rest(values.astype(np.float64))) is not None:
+                found.append((table.label(column), float(time_s[at])))
+    return tuple(found)
 
 
 def _on_clock(instant_s: float | None, time_s: Array, start_s: float) -> float | None:

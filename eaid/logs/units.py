@@ -96,6 +96,11 @@ _SUFFIX = re.compile(r"^(.*?)(?:_|\.|\s*/\s*|\s+in\s+|,\s*|\s+)([^\s_/,.]+)$")
 _CAMEL = re.compile(r"^(.*[a-z])((?:[A-Z][a-z]*)+|%)$")
 
 
+def is_linear_speed(unit: str) -> bool:
+    """Whether a unit is one as mm/s."""
+    return _SPEED.match(unit) is not None
+
+
 @lru_cache(1024)
 def split_name(name: str) -> tuple[str, str]:
     """A column's bare name and the unit its name carries: `Torque (mNm)` → (`Torque`, `mNm`); unit empty where none."""
@@ -253,7 +258,7 @@ def seconds_since_start(
     days = ((counts, per_s) for counts, per_s, low, high in CLOCKS if low <= float(first) / per_s <= high)
     counts, per_s = next(days, ("", 0.0))
     refuted = bool(counts) and by_column is not None and not math.isclose(by_column * per_s, 1.0)
-    too_fast = by_column is not None and 0 < usual * by_column < 1.0 / 5e6  # no bench samples so fast
+    too_fast = by_column is not None and 0 < usual * by_column < 1.0 / (5e6 if by_column > 1e-6 else 5e9)
     if by_user is not None:
         if by_column is not None and not (refuted or too_fast) and not math.isclose(by_user, by_column):
             raise DataError(
@@ -265,8 +270,7 @@ def seconds_since_start(
             f"say which with «units» time=UNIT"
         )
     elif too_fast:
-        span = float(gone[-1]) * factor
-        findings.append(finding("time-unclear", path, column=column, usual_s=usual * factor, span_s=span, likely="d"))
+        findings.append(_unclear(path, column, usual, float(gone[-1]), "d", factor))
     elif by_column is None:
         if numbers_samples(column) and usual == 1.0:
             raise DataError(
@@ -302,7 +306,17 @@ def _of_seconds(path: str, column: str, gone: Array, usual: float) -> Finding:
     finer = (one for one in ("ms", "us") if max(usual / 0.5, span / LONGEST_S) * TIME_FACTORS[one] <= 1)
     likely = min(("min", "h", "d"), key=off) if brief or too_fast else next(finer, "ns")
     if too_fast or (span > LONGEST_S and (whole or usual > SLOWEST_S)):
-        return finding("time-unclear", path, column=column, usual_s=usual, span_s=span, likely=likely)
+        return _unclear(path, column, usual, span, likely)
     if whole or brief:
         return finding("time-doubtful", path, column=column, usual_s=usual, span_s=span, likely=likely)
     return finding("unit-assumed", path, role="time", column=column, unit="s")
+
+
+def _unclear(path: str, column: str, usual: float, span: float, likely: str, factor: float = 1.0) -> Finding:
+    """The question which unit a clock counts: the one that is likely, or that of its header, in the end seconds."""
+    own = next(unit for unit, size in TIME_FACTORS.items() if math.isclose(size, factor))
+    likely_s, own_s = span * TIME_FACTORS[likely], span * factor
+    return finding(
+        "time-unclear", path, column=column, usual=usual, span=span, likely=likely, own=own, likely_s=likely_s,
+        own_s=own_s,
+    )  # fmt: skip

@@ -19,12 +19,14 @@ from eaid.steps.noise import (
     block_error,
     block_means,
     block_noise,
+    glitch,
     line,
     sample_noise,
     spikes,
     stretches,
 )
-from eaid.steps.plateaus import BACK, FEWEST, tolerance, turns
+from eaid.steps.plateaus import BACK, FEWEST, GLITCH, tolerance, turns
+from eaid.steps.repeats import copied_block
 from eaid.steps.step import Step, left_pct
 from eaid.steps.stepset import Level
 
@@ -135,8 +137,10 @@ def coarse(step: Step) -> Finding | None:
 
 
 def isolated_spikes(step: Step) -> Finding | None:
-    """Single samples that stand far out of the rise."""
+    """Single samples, or two, that stand far out of the rise."""
     outliers = spikes(step.rise, step.swing)
+    if step.run.edge == "rising":  # the first rows of a quick fall stand out of what is left
+        outliers = np.union1d(outliers, glitch(step.rise))
     if not len(outliers):
         return None
     at = int(outliers[np.abs(step.rise[outliers]).argmax()])
@@ -144,6 +148,15 @@ def isolated_spikes(step: Step) -> Finding | None:
         "spikes", step.run.name, samples=len(outliers), value=float(step.rise[at]), unit=step.unit,
         at_s=float(step.run.time_s[step.start + at]),
     )  # fmt: skip
+
+
+def copied(step: Step) -> Finding | None:
+    """A block of rows that stands in the record twice."""
+    block, time = copied_block(step.run.output), step.run.time_s
+    if block is None:
+        return None
+    at, again = float(time[block.first]), float(time[block.first + block.later])
+    return finding("block-written-twice", step.run.name, rows=block.rows, at_s=at, again_s=again)
 
 
 FEW = 2 * BLOCKS
@@ -205,6 +218,20 @@ def _ramp(step: Step) -> Finding | None:
     return finding(code, name, step.levels, ramp_s=ramp_s, moved_pct=100 * moved)
 
 
+def _glitch(step: Step) -> Finding | None:
+    """Rows, at most two in a row, on which the input leaves its level and comes back: no step."""
+    run, level = step.run, step.run.from_level if step.run.edge == "falling" else step.run.level or 0.0
+    if not run.has_input:
+        return None
+    off = np.abs(run.input[step.start :] - level) > max(tolerance(run.input), 0.01 * abs(level))
+    starts, stops = stretches(off)
+    short = (stops - starts <= GLITCH) & (starts > 0) & (stops < len(off))
+    if not short.any():
+        return None
+    at_s = float(run.time_s[step.start + int(starts[short.argmax()])])
+    return finding("input-glitches", run.name, rows=int((stops - starts)[short].sum()), at_s=at_s)
+
+
 def _drift(step: Step) -> Finding | None:
     if len(step.idle) < FEW:
         return None
@@ -246,13 +273,17 @@ RESTS = 0.03  # Share of the range within which a stretch of a twentieth of the 
 CLEAR = 14.0  # Standard errors of a block mean that the range has to exceed: a turn is then half of them
 
 
-def several_edges(name: str, time_s: Array, output: Array, first_s: float = 0.0) -> Finding | None:
+def several_edges(
+    name: str, time_s: Array, output: Array, first_s: float = 0.0, has_input: bool = False
+) -> Finding | None:
     """A finding where an output has more than one edge although its input says nothing of it.
 
-    A turn counts where the way back is `BACK` of the range; between two, a stretch that rests parts edge from edge.
+    A turn counts where the way back is `BACK` of the range; between two, a stretch that rests parts edge from edge. A
+    glitch of one or two rows is none.
     """
     if len(output) < 4 * FEWEST:
         return None
+    output = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(output, 2, "edge"), 5), axis=1)
     # the end of a window given by hand may hold the first samples of the release
     until = len(output) - len(output) // 50
     times, means = (block_means(values[:until], PARTS) for values in (time_s, output))
@@ -272,7 +303,7 @@ def several_edges(name: str, time_s: Array, output: Array, first_s: float = 0.0)
                 at_s.append(begins + first_s)
     if len(at_s) < 2:
         return None
-    return finding("several-edges", name, edges=len(at_s), first_s=at_s[0], last_s=at_s[-1])
+    return finding("several-edges", name, edges=len(at_s), first_s=at_s[0], last_s=at_s[-1], has_input=has_input)
 
 
 def _parts(means: Array, start: int, stop: int, span: float) -> list[tuple[int, int]]:
@@ -301,14 +332,15 @@ def _several_edges(step: Step) -> Finding | None:
     idle = max(1, len(step.rise) // 50)
     before = np.arange(-idle, 0) * step.usual_s
     time, rise = np.concatenate((before, step.time_s)), np.concatenate((np.zeros(idle), step.rise))
-    return several_edges(step.run.name, time, rise, step.run.step_s or 0.0)
+    return several_edges(step.run.name, time, rise, step.run.step_s or 0.0, step.run.has_input)
 
 
 # The checks of one run, by its edge: each gives a finding or nothing
 CHECKS: dict[str, tuple[Callable[[Step], Finding | None], ...]] = {
-    "rising": (_negative, _contradiction, _gap, _gap_at_step, _ramp, _drift, _not_idle, saturated, stuck, coarse,
-               isolated_spikes, _several_edges),
-    "falling": (_negative, _gap, _gap_at_step, _ramp, saturated, stuck, isolated_spikes, _left_after_release),
+    "rising": (_negative, _contradiction, _glitch, _gap, _gap_at_step, _ramp, _drift, _not_idle, saturated, stuck,
+               copied, coarse, isolated_spikes, _several_edges),
+    "falling": (_negative, _glitch, _gap, _gap_at_step, _ramp, saturated, stuck, copied, isolated_spikes,
+                _left_after_release),
 }  # fmt: skip
 
 
@@ -324,7 +356,7 @@ class Record(Step):
 
 def of_record(run: Run) -> list[Finding]:
     """What is wrong in a log that is fitted as it was recorded."""
-    return [*filter(None, (check(Record(run)) for check in (_gap, stuck, isolated_spikes)))]
+    return [*filter(None, (check(Record(run)) for check in (_gap, stuck, copied, isolated_spikes)))]
 
 
 def disagreements(level: Level, unit: str) -> list[Finding]:

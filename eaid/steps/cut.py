@@ -14,7 +14,9 @@ import numpy as np
 from eaid.arrays import Array, median, read_only
 from eaid.errors import DataError
 from eaid.findings import Finding, finding, say, stops
+from eaid.logs.columns import MOTION, SWITCHES
 from eaid.logs.run import Run, numbered
+from eaid.logs.units import words_of
 from eaid.options import ReadOptions
 from eaid.steps.baseline import baseline_rule, first_samples, last_rest
 from eaid.steps.checks import several_edges
@@ -187,6 +189,13 @@ def cut_by_output(run: Run) -> list[Run]:
     if constant is not None and not rig and not from_start:
         raise DataError(f"{run.where}: the input stays at {constant:g} {run.input_unit}: no step; {NO_STEP}")
     at = 0 if rises_at_once(run.output) or (from_start and not rig) else onset(run.output)
+    switched = [(at_s, column) for column, at_s in run.moves if words_of(column) & SWITCHES - MOTION]
+    span = float(run.time_s[-1] - run.time_s[0])
+    switched = [one for one in switched if at is None or abs(one[0] - run.time_s[at]) <= NEAR * span]
+    if switched and level is not None:
+        at_s, column = min(switched)
+        note = finding("step-from-command", run.name, step_s=at_s, column=column)
+        return cut_at(replace(run, level=level, findings=(*run.findings, note)), at_s)
     if level is None or at is None:
         odd = several_edges(run.name, run.time_s, run.output)
         if odd is not None:
@@ -199,6 +208,18 @@ def cut_by_output(run: Run) -> list[Run]:
     else:
         note = finding("step-from-output", run.name, step_s=float(run.time_s[at]))
     return cut_at(replace(run, level=level, findings=(*run.findings, note)), float(run.time_s[at]))
+
+
+NEAR = 0.1  # Share of a log within which its output answers to what switches it
+WITH = 0.01  # Share of a log within which another channel moves with the step
+
+
+def moved_with(run: Run, step_s: float) -> list[Finding]:
+    """The channels, besides what switches the input on, that leave their rest as the step comes."""
+    near = WITH * float(run.time_s[-1] - run.time_s[0])
+    others = [column for column, at_s in run.moves if abs(at_s - step_s) <= near]
+    own = [column for column in others if not words_of(column) & SWITCHES or words_of(column) & MOTION]
+    return [finding("moves-with-step", run.name, column=column) for column in own[:1]]
 
 
 def rises_at_once(output: Array, start: float = 0.0) -> bool:
@@ -327,6 +348,8 @@ def cut(run: Run, baseline: str = "auto", rest: float = 0.0) -> list[Run]:
         steps = cut_by_input(_up_to(run))
     else:
         steps = cut_by_output(_up_to(run) if run.has_input else run)
+    if not run.has_input and steps[0].step_s is not None:
+        steps[0] = replace(steps[0], findings=(*steps[0].findings, *moved_with(run, steps[0].step_s)))
     steps, idle = [_ruled(step, baseline) for step in steps], None
     for k, step in enumerate(steps):
         if step.from_level == 0.0 and step.edge == "rising":

@@ -83,6 +83,18 @@ def spikes(values: Array, least: float) -> NDArray[np.intp]:
     return out[sizes[out] > SPIKE * sample_noise(values)] + 1 if len(out) else out
 
 
+def glitch(values: Array) -> NDArray[np.intp]:
+    """One row or two, one behind the other, beyond all others by a fifth, and back by half of those in one row."""
+    sizes, drop = np.abs(values), 8 * sample_noise(values)
+    far = np.argsort(-sizes, kind="stable")[:3]
+    for rows in (1, 2) if len(far) == 3 else ():
+        at, rest = np.sort(far[:rows]), float(sizes[far[rows]])
+        together = at[-1] - at[0] == rows - 1 and at[-1] + 1 < len(values)
+        if together and sizes[at].min() > 1.2 * rest and sizes[at[-1] + 1] < sizes[at[-1]] - max(0.5 * rest, drop):
+            return at
+    return np.empty(0, dtype=np.intp)
+
+
 def idle_density(time_s: Array, idle: Array) -> float | None:
     """S of an idle record [output²·s], its drift taken out as a straight line; None where it is too short to tell."""
     if len(idle) < 2 * IDLE_BLOCKS or time_s[-1] - time_s[0] < IDLE_BLOCKS * IDLE_BLOCK_S:

@@ -14,6 +14,7 @@ from eaid.steps.noise import sample_noise, stretches
 
 FEWEST = 10  # Samples in the active window below which a step is refused
 OFFSET = 0.05  # Share of its largest value within which a measured input counts as zero
+GLITCH = 2  # Samples up to which an input that leaves its level and comes back has taken no step
 BACK = 0.5  # Share of a range by which values have to come back for a turn
 
 
@@ -38,7 +39,7 @@ def tolerance(values: Array) -> float:
 
 
 def plateaus(values: Array) -> list[Plateau]:
-    """The stretches on which the input stands still, ramps left out; a short one at the very end is kept."""
+    """The stretches on which the input stands still, ramps and glitches left out; a short one at the end is kept."""
     allowed = tolerance(values)
     if allowed == 0.0:
         return [Plateau(0, len(values), float(values[0]))]
@@ -49,6 +50,11 @@ def plateaus(values: Array) -> list[Plateau]:
     for start, stop in itertools.pairwise([0, *jumps, len(values)]):
         parts.extend(_without_slow_ramps(values, start, stop, allowed))
     joined: list[Plateau] = []
+    for i in range(len(parts) - 2, 0, -1):
+        around = parts[i - 1], parts[min(i + 1, len(parts) - 1)]
+        back = abs(around[0].level - around[1].level) <= allowed and min(one.count for one in around) >= FEWEST
+        if parts[i].count <= GLITCH and back:
+            parts[i - 1 : i + 2] = [Plateau(around[0].start, around[1].stop, around[0].level)]
     for i, piece in enumerate(parts):
         on_a_ramp = 0 < i < len(parts) - 1 and (
             (parts[i + 1].level - piece.level) * (piece.level - parts[i - 1].level) > 0
@@ -99,6 +105,15 @@ def stands_still(holds: list[Plateau], values: Array) -> bool:
         if hold.count >= FEWEST and abs(float(part[-quarter:].mean() - part[:quarter].mean())) <= allowed:
             still += hold.count
     return still >= len(values) / 2
+
+
+def switching(values: Array) -> float | None:
+    """Rows of a half-wave of an input that goes to and fro as a drive's square wave; None of any other input."""
+    high = values > (float(values.min()) + float(values.max())) / 2
+    each = np.diff(np.flatnonzero(high[1:] != high[:-1]))
+    usual = median(each) if len(each) > 2 * FEWEST else 0.0
+    regular = np.mean(np.abs(each - usual) <= 1) > 0.9 if 0 < usual < FEWEST else False
+    return float(each[np.abs(each - usual) <= 1].mean()) if regular else None
 
 
 def end_of(output: Array, hold: Plateau) -> float:

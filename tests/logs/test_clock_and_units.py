@@ -24,7 +24,8 @@ def at(times: Any, name: str = "time", torque: str = "torque_nm", **more: Any) -
         (0, 60.5, "time", None, 1, ""), (0, 100.5, "time", None, 1, "time-unclear ms"),
         (0, 1 / 49_999.5, "time", None, 1, "time-doubtful h"), (0, 1 / 50_000.5, "time", None, 1, "time-unclear h"),
         (0, 1 / 5_100_000, "time_s", None, 1, "time-unclear d"), (0, 1 / 5_100_000, "time", "s", 1, ""),
-        (0, 0.1, "time_ns", None, 1e-9, "time-unclear d"), (0, 1, "time", None, 1, "time-doubtful ms"),
+        (0, 0.1, "time_ns", None, 1e-9, "time-unclear d"),
+        (0, 0.01, "Time [us]", None, 1e-6, ""), (0, 1, "time", None, 1, "time-doubtful ms"),
         (0, 62, "time", None, 1, "time-unclear ms"), (0, 501, "time", None, 1, "time-unclear us"),
         (0, 5.1e5, "time", None, 1, "time-unclear ns"), (0.5, 62, "time", None, 1, "time-unclear ms"),
         (1.2e9, 5000, "time", None, 1, "time-unclear us"), (4e9, 74, "time", None, 1, ""),
@@ -42,6 +43,10 @@ def at(times: Any, name: str = "time", torque: str = "torque_nm", **more: Any) -
 )  # fmt: skip
 def test_clocks(first, step, name, said, factor, code, read, codes):
     raw = first + step * np.arange(60)
+    if code.startswith("time-unclear"):  # asked before anything else is done
+        (asked,) = read.refused(at(raw, name), columns={"time": "1"})
+        assert f"say units= time={code.split()[1]}, or time=" in asked.replace("«units»", "units=")
+        return
     run = read(at(raw, name), columns={"time": "1"}, units={"time": said} if said else {})
     np.testing.assert_allclose(run.time_s, (raw - raw[0]) * factor, rtol=1e-12)
     assert run.start_s == pytest.approx(first * factor) and run.time_s[0] == 0
@@ -177,10 +182,10 @@ def test_a_torque_beyond_any_clutch(y, unit, largest, read, codes):
 
 
 @pytest.mark.parametrize(("start", "per_s"), [(0, 10**9), (2**63 - 10**9, 10**9), (10**25, 10**21)])
-def test_a_clock_in_a_finer_unit_is_stopped_without_filling_the_memory(start, per_s, tmp_path, run_eaid):
+def test_a_clock_in_a_finer_unit_is_asked_about_without_filling_the_memory(start, per_s, tmp_path, run_eaid):
     long = np.arange(0.0, 60.0, 0.02)
     on, stamps = long > 40, [str(start + round(a * per_s)) for a in long]
     y = np.where(on, 0.5, 1e-3 * np.sin(1e4 * long))
     (tmp_path / "a.csv").write_text(text("time,duty_pct,torque_nm", stamps, 60 * on, y))
     ran = run_eaid("ingest", tmp_path / "a.csv", "-o", tmp_path / "d.h5")
-    assert ran.code == 0 and "stop" in ran.out and "no unit of time fits time" in ran.out
+    assert ran.code == 3 and "say --units time=ns, or time=s if it lasts" in ran.err

@@ -106,3 +106,18 @@ def test_bad_manifests(content, tmp_path, run_eaid):
     of_option = sentence.startswith("--")
     assert ran.code == (2 if of_option else 3) and len(ran.err.splitlines()) == 1
     assert ran.err.startswith(f"error: {sentence}" if of_option else f"error: {path}: {sentence}")
+
+
+def test_a_log_that_is_excluded_says_why(odd_logs, tmp_path, run_eaid):
+    assert run_eaid("ingest", odd_logs, *SAYS, "-q", "--write-manifest", "-o", tmp_path / "a.h5").code == 0
+    path = odd_logs / "dataset.toml"
+    file = 'file = "x_V=100_n1.csv"'
+    path.write_text(path.read_text().replace(file, f'{file}\nexclude = "belt slipped"'))
+    ran = run_eaid("ingest", odd_logs, "-o", tmp_path / "b.h5")
+    assert f"warning: {path}: 1 of 4 logs excluded (x_V=100_n1.csv: belt slipped)" in ran.err.splitlines()
+    assert [len(level.names) for level in eaid.read(tmp_path / "b.h5").levels] == [1, 2]
+    path.write_text(
+        path.read_text().replace("file =", 'exclude = "x"\nfile =').replace('\nexclude = "belt slipped"', "")
+    )
+    ran = run_eaid("ingest", odd_logs, "-o", tmp_path / "c.h5")
+    assert ran.code == 3 and ran.err.endswith("excludes all its logs; take exclude off one\n")

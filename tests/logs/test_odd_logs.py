@@ -49,6 +49,7 @@ class Log:
 
 
 PAIR = "duty_pct,torque_nm"
+DATED = clock("2024-02-{d} {h:02d}:{m:02d}:{s:05.2f}")
 LOGS = {
     "plain": Log(text(HEADER, T, U, Y)),
     "tabs": Log(text(HEADER, T, U, Y, between="\t")), "bars": Log(text(HEADER, T, U, Y, between="|")),
@@ -61,7 +62,23 @@ LOGS = {
     "Windows-1252 in the rows": Log(text("t [µs],duty,torque_nm,note", 1e6 * T, U, Y, ["größe"] * 300),
                                     encoding="cp1252"),
     "signed and bare points": Log(text(HEADER, [f"+{t:.2f}".replace("+0", "+") for t in T], [f"{u:g}." for u in U], Y)),
-    "no header": Log(text(None, T, U, Y), units="? ?", code="columns-by-place"),
+    "no header": Log(text(None, T, U, Y), {"columns": {"time": "1", "input": "2", "output": "3"}}, units="? ?"),
+    "brackets of a matrix, names of several words": Log(
+        "  Time   Duty (%)   Drive torque (Nm)\n\n[" + text(None, T, U, Y, between="   ", end=";\n  ").rstrip()[:-1]
+        + "];\n"),
+    "channels by number, and a row of units": Log(
+        text("x-axis,1,2\nsecond,Volt,Volt", *([f"{x:+.6e}" for x in v] for v in (T, U, Y))),
+        {"columns": {"input": "channel 1", "output": "channel 2"}}, units="V V"),
+    "ms under [s], a clock beside it, and the unit said": Log(
+        text("Test Time [s],DateTime,duty_pct,torque_nm", 1e3 * T, DATED, U, Y),
+        {"units": {"time": "ms"}}),
+    "ms under [s] and a clock that is named": Log(
+        text("Test Time [s],DateTime,duty_pct,torque_nm", 1e3 * T, DATED, U, Y),
+        {"columns": {"time": "DateTime"}}),
+    "two clocks that agree, one in whole seconds": Log(
+        text("Time [s],Clock,duty_pct,torque_nm", T, [x[:8] for x in clock()], U, Y)),
+    "a countdown and a lap time beside the time": Log(
+        text("time_s,left [s],lap [ms],duty_pct,torque_nm", T, 9 - T, 1e3 * (T % 0.5), U, Y)),
     "blank lines above the header": Log("\n\n" + text(HEADER, T, U, Y)),
     "comments": Log("# rig 3\n% made by hand\n// today\n" + text(HEADER, T, U, Y)),
     "a header in a comment": Log("# note: x\n" + text("# " + HEADER, T, U, Y)),

@@ -102,21 +102,22 @@ def called(stem: str, pattern: str) -> tuple[Callable[[Odd], Odd], dict[str, Any
 
 
 NO_TIME, FACTOR, SAYS = "no column is called time", "which may multiply or divide", "something else"
+DIFFERS = "they count in different units"  # from the other logs of the call
 PART = "may not be the whole level"
 ODD: dict[str, tuple[Any, ...]] = {
     # what is odd: how it is made, the formats, what comes of it: right, a code, or words of the refusal; and options
     "plain": (lambda log: log, ALL, "right"),
-    "time in minutes": (time("time", T / 60), ALL, "time-doubtful"),
-    "time in hours": (time("time", T / 3600), ALL, "time-unclear"),
-    "time in us with fractions": (time("time", 1e6 * T + 0.25 * np.sin(T)), ALL, "time-unclear"),
-    "time in ms with fractions": (time("time", 1e3 * T + 0.25 * np.sin(T)), ALL, "unit-assumed"),
-    "time in whole ms": (time("time", (1e3 * T).round().astype(int)), ALL, "time-doubtful"),
+    "time in minutes": (time("time", T / 60), ALL, DIFFERS),
+    "time in hours": (time("time", T / 3600), ALL, "say «units» time=h"),
+    "time in us with fractions": (time("time", 1e6 * T + 0.25 * np.sin(T)), ALL, "say «units» time=us"),
+    "time in ms with fractions": (time("time", 1e3 * T + 0.25 * np.sin(T)), ALL, DIFFERS),
+    "time in whole ms": (time("time", (1e3 * T).round().astype(int)), ALL, DIFFERS),
     "FILETIME": (time("time", 133_500_000_000_000_000 + (1e7 * T).round().astype(int)), ALL, "time-since-a-day"),
     "ticks of .NET": (time("time", 638_500_000_000_000_000 + (1e7 * T).round().astype(int)), ALL, "time-since-a-day"),
     "FILETIME called ns": (time("time_ns", 133_500_000_000_000_000 + (1e7 * T).round().astype(int)), ALL, "since 1601"),
     "ns since 1970": (time("time", 1_700_000_000_000_000_000 + (1e9 * T).round().astype(int)), ALL, "time-since-a-day"),
     "ms since 1970 called s": (time("time_s", 1_700_000_000_000 + 1e3 * T), ALL, "counts ms since 1970"),
-    "days": (time("time", 45_000 + T / 86400), ALL, "time-unclear"),
+    "days": (time("time", 45_000 + T / 86400), ALL, "say «units» time=d"),
     "times of day as numbers": (time("time", 161858.5 + T + 40 * (T >= 1.5)), ALL, "save it as 16:18:59"),
     "ticks": (time("tick", 84_000 * np.arange(N)), ALL, NO_TIME),
     "d/m over midnight": (time("time", clock("{d:02}/{m:02}/2024")), TEXT, "right"),
@@ -159,7 +160,7 @@ ODD: dict[str, tuple[Any, ...]] = {
     "UTF-32": (lambda log: log, {"UTF-32": lambda log, path: path.write_bytes(plain(log).encode("utf-32"))},
                "holds no rows of numbers"),
     "objects": (lambda log: log, {"NumPy objects": lambda log, path: np.lib.format.write_array(
-        path.open("wb"), np.array(log.columns, dtype=object))}, "is a binary file"),
+        path.open("wb"), np.array(log.columns, dtype=object))}, "holds Python objects"),
     "a duty of another length": (lambda log: replace(log, columns=(T, U[::4], log.columns[2])), ("HDF5",),
                                  "is of another length"),
     **{f"{kind} in cells": (lambda log, of=of: replace(log, columns=(T, U, [of(x) for x in log.columns[2].tolist()])),
@@ -235,19 +236,14 @@ def answers(tmp_path_factory) -> dict[tuple[str, str], Any]:
         rows[f"{k}_{log.stem}" if form == "frame" else str(path)] = (name, form)
     found: dict[tuple[str, str], Any] = defaultdict(list)
     for said, rows, frames in calls.values():
-        logs = frames or [*map(Path, rows)]
-        try:
-            eaid.read(logs, logs_as="recorded", **said)
-        except EaidError as refusal:
-            for sentence in (one for one in refusal.sentences if not one.startswith("try: ")):
-                (where,) = [source for source in rows if sentence.startswith(f"{source}: ")]
-                found[rows[where]].append(sentence)
-            refused = {source for source, row in rows.items() if row in found}
-            logs = {n: one for n, one in frames.items() if n not in refused} or [
-                Path(s) for s in rows if s not in refused
-            ]
-        if logs:
-            found |= {rows[run.source]: run for run in eaid.read(logs, logs_as="recorded", **said).recorded}
+        while logs := [source for source in rows if rows[source] not in found]:
+            given = {source: frames[source] for source in logs} if frames else [*map(Path, logs)]
+            try:
+                found |= {rows[run.source]: run for run in eaid.read(given, logs_as="recorded", **said).recorded}
+            except EaidError as refusal:
+                for sentence in (one for one in refusal.sentences if not one.startswith("try: ")):
+                    (where,) = [source for source in rows if sentence.startswith(f"{source}: ")]
+                    found[rows[where]].append(sentence)
     return found
 
 

@@ -165,13 +165,26 @@ CASES: dict[str, tuple[Any, dict[str, Any]]] = {
     "for 0.6 s of 40": (
         at_samples(1000, 1120, 1.99, log([(0, 4), (50, 40)], noise=0.01, rate_hz=200.0)),
         {"sensor-stuck-briefly": {"for_s": near(0.595), "at_s": near(5.0), "value": 1.99, "unit": "N·m"}}),
+    "half a second written twice, the clock regenerated": (
+        output(np.insert(NOISY.torque_nm.to_numpy(), 800, NOISY.torque_nm[750:800])[:1200]),
+        {"block-written-twice": {"rows": 50, "at_s": near(7.5), "again_s": near(8.0)}}),
+    "14 rows written twice, as chance may": (
+        output(np.round(np.insert(NOISY.torque_nm.to_numpy(), 800, NOISY.torque_nm[786:800])[:1200], 2)), {}),
+    "a sensor of 0.02 in noise of half of it": (output(np.round(NOISY.torque_nm * 50) / 50), {}),
     "for 0.12 s": (at_samples(700, 712, 1.99), {}),
     "steps of an eighth": (output(np.round(RUN.torque_nm / 0.125) * 0.125), {
         "coarse-output": {"resolution": 0.125, "unit": "N·m", "steps": near(16.0)}}),
     "steps of a fortieth": (output(np.round(RUN.torque_nm / 0.05) * 0.05), {}),
     "one spike under hold, and a larger one": (
         plus(RUN, np.where(np.isin(np.arange(1200), (600, 700)), np.where(T < 6.5, 5.0, 7.0), 0.0)), {
-            "spikes": {"samples": 2, "value": near(9.0, 0.01), "unit": "N·m", "at_s": near(7.0)}, "several-edges": {}}),
+            "spikes": {"samples": 2, "value": near(9.0, 0.01), "unit": "N·m", "at_s": near(7.0)}}),
+    "two rows of glitches at the step": (
+        plus(RUN, np.where(np.isin(np.arange(1200), (400, 401)), 2.6, 0.0)), {
+            "spikes": {"samples": 2, "value": near(2.686), "unit": "N·m", "at_s": near(4.01)}}),
+    "two rows of glitches in the input": (
+        with_input(RUN, np.where((T < 4) | np.isin(np.arange(1200), (700, 701)), 0.0, 50.0)),
+        {"input-glitches": {"rows": 2, "at_s": near(7.0)}}),
+    "one before the step": (with_input(RUN, np.where((T < 4) & (np.arange(1200) != 200), 0.0, 50.0)), {}),
     "a spike of 0.2": (plus(NOISY, np.where(np.arange(1200) == 700, 0.2, 0.0)), {}),
     # the hold and what is left of it
     "a fifth is left behind a release": (

@@ -10,6 +10,24 @@ def _drift(v: Values) -> str:
     return f"drift before the step: {v['drift']:+.3g} {v['unit']} while idle{of}"
 
 
+def _lasts(seconds: float) -> str:
+    """A time as people say it."""
+    long = (
+        f"{seconds / size:.3g} {unit}"
+        for size, unit in ((86400, "days"), (3600, "h"), (60, "min"))
+        if seconds >= 2 * size
+    )
+    return next(long, f"{seconds:.3g} s")
+
+
+def _time_unclear(v: Values) -> str:
+    sign = {"us": "µs"}.get(v["likely"], v["likely"])
+    return (
+        f"{v['column']} rises by {v['usual']:.3g} a row, {v['span']:.4g} in all: {sign}, {_lasts(v['likely_s'])} in "
+        f"all? say «units» time={v['likely']}, or time={v['own']} if it lasts {_lasts(v['own_s'])}"
+    )
+
+
 def _other_shape(v: Values) -> str:
     name = {"one": "one exponential", "two": "two exponentials", "free": "another C", "overshoot": "an overshoot"}
     dead = f" behind a dead time of {v['dead_time_s']:.3g} s" if v["dead_time_s"] > 0 else ""
@@ -40,10 +58,7 @@ ROWS: dict[str, Row] = {
         "«units» {role}=gf or kgf"
     ),
     "time-since-a-day": note("{column} counts {counts}, as its first stamp tells"),
-    "time-unclear": stop(
-        "no unit of time fits {column}: in seconds its stamps lie {usual_s:.3g} s apart and the log takes {span_s:.4g} "
-        "s; say «units» time={likely}, or what it is"
-    ),
+    "time-unclear": stop(_time_unclear),
     "time-doubtful": caution(
         "no unit is given for {column}: in seconds its stamps lie {usual_s:.3g} s apart and the log takes {span_s:.4g} "
         "s; if it counts another unit, say «units» time={likely}, or «rate_hz» if it counts samples"
@@ -68,14 +83,22 @@ ROWS: dict[str, Row] = {
     "other-shape-fits-better": caution(_other_shape, "saved_pct", rank=0),
     "step-leaves-open": note("the step to {levels} leaves open: {open}"),
     "several-edges": stop(
-        "the output has {edges} edges, the first at {first_s:.4g} s, the last at {last_s:.4g} s: several steps, or a "
-        "closed loop, and not one step; give the input column, a «columns» position= that reverses, or one edge with "
-        "«step_at» and «until»",
+        lambda v: (
+            f"the output has {v['edges']} edges, the first at {v['first_s']:.4g} s, the last at {v['last_s']:.4g} s: "
+            "several steps, or a closed loop, and not one step; give "
+            + "the input column, " * (not v.get("has_input"))
+            + "a «columns» position= that reverses, or one edge with «step_at» and «until»"
+        ),
         "edges",
     ),
     "cut-at-reversals": note(
         "cut at the {reversals} turns of its position, each a step from the output at the turn; strokes back count as "
         "negative inputs"
+    ),
+    "input-switches": stop(
+        "the input goes to and fro every {rows:.2g} rows, as the square wave of a drive does and no level: say the "
+        "level with «name_pattern» and take another input, or none, with «columns»; or «logs_as» recorded if "
+        "that is meant"
     ),
     "input-moves": stop(
         "the input moves most of the time, so it holds no steps; a displacement is said with «columns» position=, "
@@ -85,6 +108,12 @@ ROWS: dict[str, Row] = {
     "input-negative": note("the input is negative: its size is taken"),
     "short-pieces": note("{pieces:#shorter piece} of fewer than {fewest} samples left out"),
     "step-from-output": note("step instant {step_s:.6g} s found from the output alone: late by a sample or more"),
+    "step-from-command": note("step instant {step_s:.6g} s taken from {column}, which is switched on there"),
+    "moves-with-step": caution(
+        "{column} moves with the step: if that loads the output, the rise and its time constants are those of the "
+        "loading, not of the input",
+        rank=0,
+    ),
     "step-at-first-sample": caution(
         "the output rises from the first sample on, which is taken for the step, and its value there, {start:.4g} "
         "{unit}, for the start; if the step came later, say «step_at»"
@@ -94,8 +123,11 @@ ROWS: dict[str, Row] = {
         "another, say «baseline»"
     ),
     "spikes-before-step": caution("{samples:#spike} before the step left out of its baseline", "samples"),
+    "input-glitches": caution(
+        "the input leaves its level on {rows:#row} from {at_s:.6g} s on and comes back: a glitch, and no step", "rows"
+    ),
     "spikes": stop(
-        "{samples} single samples stand far out of the record, the largest {value:.4g} {unit} at {at_s:.6g} s: no fit "
+        "{samples:#row} stand far out of the record, the largest {value:.4g} {unit} at {at_s:.6g} s: no fit "
         "holds with them; drop those rows",
         "value",
     ),
@@ -138,6 +170,12 @@ ROWS: dict[str, Row] = {
     ),
     "sensor-stuck-briefly": caution(
         "the sensor stood still for {for_s:.3g} s at {at_s:.6g} s, at exactly {value:.4g} {unit}", "for_s"
+    ),
+    "block-written-twice": stop(
+        "{rows} rows from {at_s:.6g} s on come again at {again_s:.6g} s to the last digit, as noise never does: a "
+        "block was written twice, and what follows may be late by it; save each row once, or end the window before "
+        "with «until»",
+        "rows",
     ),
     "coarse-output": stop(
         "the output moves in steps of {resolution:.3g} {unit}, {steps:.0f} of them in the whole change: too coarse to "

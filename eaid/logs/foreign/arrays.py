@@ -1,4 +1,4 @@
-"""Files of named arrays → tables: MAT v4, v5 and v7.3, HDF5.
+"""Files of named arrays → tables: MAT v4, v5 and v7.3, HDF5, NumPy's .npy and .npz.
 
 Vectors of one length that lie in one place (the variables of a MAT-file, a structure, an HDF5 group) are a table, with
 the matrices of that length beside them, column by column. A matrix without vectors beside it is a table by itself
@@ -125,6 +125,30 @@ def read_mat(path: Path, source: str) -> list[Table]:
         raise DataError(
             f"{source}: {OBJECTS}" if opaque else f"{source}: holds no table of numbers; save time and torque as arrays"
         )
+    return tables
+
+
+def read_numpy(path: Path, source: str) -> list[Table]:
+    """Tables of a .npy or .npz; nothing pickled is loaded."""
+    try:
+        with path.open("rb") as file:
+            content = np.load(file, allow_pickle=False)
+            several = isinstance(content, np.lib.npyio.NpzFile)
+            arrays = {name: content[name] for name in content} if several else {"": content}
+    except ValueError as fault:
+        if "Object arrays" not in str(fault):
+            raise
+        raise DataError(f"{source}: holds Python objects, which can run code; save arrays of plain numbers") from None
+    tables: list[Table] = []
+    for name, array in list(arrays.items()):
+        if array.dtype.names and array.ndim == 1:
+            fields = [field for field in array.dtype.names if array.dtype[field].kind in "fiub"]
+            tables.append(_table(name, [Column(field, array, field) for field in fields]))
+            del arrays[name]
+    numbers = {name: value for name, array in arrays.items() if (value := _number(array)) is not None}
+    tables += _tables("", numbers)[0]
+    if not tables:
+        raise DataError(f"{source}: holds no table of numbers; save time and torque as arrays of one length")
     return tables
 
 
