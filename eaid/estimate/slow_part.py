@@ -4,9 +4,10 @@ A record that is short beside τ2 shows a plateau that may be T_s, or C T_s with
 record lengths, one for all levels, Neyman's score test asks whether the runs reject it: with T_s of the levels and
 τ1(u) estimated anew, the slope of the cost by ln τ2, less what T_s and τ1 can follow,
 
-    S = Σ_l mean_r ψ_lr,   Var S = Σ_l Σ_r (ψ_lr − ψ̄_l)²/(R (R − 1)),   or Σ ψ_l² of levels of a single run,
+    S = Σ_l mean_r ψ_lr,   Var S = Σ_l Σ_r (ψ_lr − ψ̄_l)²/(R (R − 1)),
 
-lies within t standard deviations of 0. At a supposed τ2 that test is right however bent the way from the estimate is.
+lies within t standard deviations of 0. Of single runs Var S is what their ψ scatter over the levels, or the noise
+within them where these are few. At a supposed τ2 that test is right however bent the way from the estimate is.
 """
 
 from collections.abc import Sequence
@@ -18,13 +19,15 @@ from eaid.arrays import Array
 from eaid.estimate.forms import LEAST_TAU_S
 from eaid.estimate.from_steps import StepProblem
 from eaid.estimate.points import Normal
-from eaid.estimate.spread import t_quantile
+from eaid.estimate.scatter import FEW_DEGREES, bartlett_variance, run_residuals
+from eaid.estimate.spread import satterthwaite, t_quantile
 from eaid.plant.dynamics import Step
 from eaid.plant.respond import step_slopes
 from eaid.steps.stepset import Level
 
 LENGTHS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.5)  # τ2 supposed, in record lengths; the last stands for all beyond
 ROUNDS = 12  # Newton steps in which τ1(u) follows
+FEWEST_SINGLES = 2  # Levels beyond the unknowns from which single runs show what ψ scatters
 SMALL = 1e-6  # Part of τ1 by which the last of them moves it
 
 
@@ -88,15 +91,22 @@ def _rejects(levels: Sequence[Level], steps: StepProblem, at: Normal) -> bool:
     own = np.einsum("lp,l,lq->pq", rows, information[:, 0, 0], rows)
     across = np.einsum("lp,l->p", rows, information[:, 0, 1] * tau2)
     follows = rows @ np.linalg.lstsq(own, across, rcond=1e-12)[0]
-    total, variance, spread = 0.0, 0.0, 0.0
+    psi, parts, degrees = [], [], []
     for i, level in enumerate(levels):
-        slopes = step_slopes(Step(*at.theta[:, i].tolist()), level.time_s)
-        score = (level.runs - at.theta[0, i] * slopes[0]) @ slopes[:3].T  # (R, 3)
-        by_tau = score[:, 1:] - np.outer(score[:, 0], to_T[i])
-        psi = steps.weight[i] * (by_tau[:, 1] * tau2[i] - by_tau[:, 0] * follows[i])
-        runs = len(psi)
-        part = float(psi[0] ** 2) if runs == 1 else float(((psi - psi.mean()) ** 2).sum()) / (runs * (runs - 1))
-        total, variance = total + float(psi.mean()), variance + part
-        spread += part**2 / max(runs - 1, 1)
-    degrees = variance**2 / spread if spread > 0 else 0.0
-    return bool(abs(total) > t_quantile(max(degrees, 1.0)) * np.sqrt(variance))
+        slopes = step_slopes(Step(*at.theta[:, i].tolist()), level.time_s)[:3]
+        turn = steps.weight[i] * np.array([follows[i] * to_T[i, 0] - tau2[i] * to_T[i, 1], -follows[i], tau2[i]])
+        along = turn @ slopes
+        psi.append((level.runs - at.theta[0, i] * slopes[0]) @ along)
+        if len(level.runs) == 1:
+            off = run_residuals(level.runs, at.theta[0, i] * slopes[0], slopes.T)[0]
+            parts.append(float(bartlett_variance(level.time_s, (along * off)[:, None]).max()))
+            degrees.append(FEW_DEGREES)
+        else:
+            parts.append(float(psi[i].var(ddof=1)) / len(psi[i]))
+            degrees.append(len(psi[i]) - 1.0)
+    means = np.array([one.mean() for one in psi])
+    if all(len(one) == 1 for one in psi) and len(psi) - steps.M.shape[2] >= FEWEST_SINGLES:
+        parts, degrees = [len(psi) * float(means.var(ddof=1))], [float(len(psi) - steps.M.shape[2])]
+    variance = sum(parts)
+    known = float(satterthwaite(parts, degrees)) if variance > 0 else 1.0
+    return bool(abs(means.sum()) > t_quantile(known) * np.sqrt(variance))

@@ -68,7 +68,7 @@ def test_every_row_is_well_formed(code: str) -> None:
 
 
 SAID = {
-    "signs-turned ": ({"runs": 3}, "in 3 runs:"),
+    "signs-turned ": ({"runs": 3}, "in 3 runs: the fit counts it upwards"),
     "coarse-output": ({"resolution": 60.0, "unit": "", "steps": 23.0}, "in steps of 60, 23 of them"),
     "other-shape-fits-better": (
         {"shape": "one", "dead_time_s": 15.6, "rmse": 0.27, "plain_rmse": 0.72},

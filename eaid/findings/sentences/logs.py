@@ -220,5 +220,10 @@ ROWS: dict[str, Row] = {
         rank=1,
     ),
     "levels-left-out": caution("what was recorded {at} is left out of the fit", always=True, rank=1),
-    "signs-turned": note("the output falls at the step in {runs:#run}: recorded inverted, their sign is turned"),
+    "signs-turned": caution(
+        "the output falls at the step in {runs:#run}: the fit counts it upwards, with its sign turned; gains for this "
+        "rig need the output, or the input, with the other sign too",
+        always=True,
+        rank=0,
+    ),
 }
