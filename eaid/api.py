@@ -164,7 +164,7 @@ def fit(
     refits = how.draws if how.ci == "bootstrap" else 0
     with progress("bootstrap refits" if refits else "fitting", refits) as advance:
         fitted = fit_steps(steps, how, advance)
-        if not fitted.verdict.of("nonlinear").usable:
+        if fitted.dead_time_s > 0 or not fitted.verdict.of("nonlinear").usable:
             from eaid.recorded.fit import with_another_kind
 
             fitted = with_another_kind(fitted, steps, how)

@@ -239,8 +239,11 @@ def friction_part(solved: Solved, levels: Array, known: CurveSpread | None) -> F
 
 
 def with_another_kind(fit: Fit, stepset: StepSet, options: FitOptions) -> Fit:
-    """A fit of steps whose clutch must not be used with the plant of another kind, where that explains the steps."""
-    if fit.verdict.of("nonlinear").usable or not stepset.levels or options.model is not None:
+    """A fit of steps whose clutch must not be used with the plant of another kind, where that explains the steps; or
+    whose two lags meet behind a dead time, where one explains as much."""
+    usable = fit.verdict.of("nonlinear").usable
+    met = fit.dead_time_s > 0 and any(one.code in ONE_LAG for one in fit.findings)
+    if (usable and not met) or not stepset.levels or options.model is not None:
         return fit
     logs = [from_rest_on(log) for log in logs_of_steps(stepset)]
     try:
@@ -249,6 +252,9 @@ def with_another_kind(fit: Fit, stepset: StepSet, options: FitOptions) -> Fit:
         return fit
     part = other.plant_
     if part is None or not part.another or not other.verdict.usable or (part.tried[0].fit_pct or 0.0) < LEAST_PCT:
+        return fit
+    explained = 0.0 if fit.nonlinear is None else fit.nonlinear.fit_pct or 0.0
+    if usable and (part.tried[0].fit_pct or 0.0) < explained - AS_WELL_PCT:
         return fit
     kept = [one for one in fit.findings if not (one.subject in ("nonlinear", "friction") and one.severity != "note")]
     told = [one for one in other.findings if one.code == "kind-by-evidence"]
@@ -266,6 +272,8 @@ def from_rest_on(log: RecordedLog) -> RecordedLog:
     )  # fmt: skip
 
 
+ONE_LAG = {"taus-meet", "constraint-holds"}
+AS_WELL_PCT = 1.0  # Of the fit that another kind may lose against two lags that meet
 LEAST_PCT = 80.0  # Of steps that another kind has to explain before it takes the clutch's place
 
 

@@ -82,15 +82,19 @@ def _within(logs: Sequence[RecordedLog], rows: Sequence[Mask]) -> bool:
 def _missed(solved: Solved, part: Sequence[RecordedLog], whole: Sequence[RecordedLog]) -> list[Array]:
     """Model less recorded at all rows that have an output, by a fit to a part."""
     fitted = solved.fitted
-    x = approach(_like(fitted, part).problem(), solved.x, near=NEAR).x
+    kept = [k for k, log in enumerate(part) if np.isfinite(log.output).any()]
+    own = [one.own[one.own >= 0] for one in fitted.places]
+    at = np.concatenate([np.arange(fitted.shared), *(own[k] for k in kept)]).astype(np.intp)
+    x = solved.x.copy()
+    x[at] = approach(_like(fitted, [part[k] for k in kept]).problem(), x[at], near=NEAR).x
     every = _like(fitted, whole).every
     missed = []
     for k, drive in enumerate(every.drives):
         J, r = every.jacobian(x, k)
-        own = every.places[k].kernel[-3:]
-        own = own[own >= 0]
-        if len(own) and not np.isfinite(part[k].output).any():  # its idle output and start are not the model's
-            r = r - J[:, own] @ np.linalg.lstsq(J[:, own], r, rcond=None)[0]
+        its = every.places[k].kernel[-3:]
+        its = its[its >= 0]
+        if len(its) and k not in kept:  # its idle output and start are not the model's
+            r = r - J[:, its] @ np.linalg.lstsq(J[:, its], r, rcond=None)[0]
         missed.append(r / np.sqrt(drive.w[drive.w > 0]))
     return missed
 

@@ -67,9 +67,9 @@ def test_what_fails_in_a_model_and_what_does_not(sound: Any) -> None:
         "linear-parameter-unknown": changed(
             sound, "linear", ci95=msgspec.structs.replace(sound.linear.ci95, b0=(-0.01, 0.2))
         ),
-        "steady-output-unknown": changed(sound, "nonlinear", curves=tuple(
+        "steady-output-unknown": changed(sound, "friction", levels=tuple(
             msgspec.structs.replace(row, ci95=msgspec.structs.replace(row.ci95, Ts=(0.01, 1.1)))
-            for row in sound.nonlinear.curves
+            for row in sound.friction.levels
         )),
     }  # fmt: skip
     for code, fit in wrong.items():
