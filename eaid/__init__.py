@@ -1,42 +1,23 @@
 """eaid: the workbench for electroadhesive clutches.
 
 steps = eaid.read("bench/")          fit = eaid.fit(steps)          gains = eaid.tune_rc(fit)
-run = eaid.simulate(fit, gains)      eaid.report([fit, gains, run], "report/")
+run = eaid.simulate(fit, gains)      eaid.report(fit, gains, run, to="report/")
+
+`__init__.pyi` says the signatures to editors; `make stub` writes it.
 """
 
 import sys
 from importlib import import_module
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from eaid.version import __version__
-
-if TYPE_CHECKING:
-    from eaid.api import couple, export, fit, load, plan, read, report, simulate, synth, tune_rc
-    from eaid.errors import DataError, EaidError, GainsError, UsageError
-    from eaid.options import (
-        CoupleOptions,
-        ExportOptions,
-        FitOptions,
-        PlanOptions,
-        ReadOptions,
-        ReportOptions,
-        SimulateOptions,
-        SynthOptions,
-        TuneOptions,
-    )
-    from eaid.results.coupling import Coupling
-    from eaid.results.fit import Fit
-    from eaid.results.gains import Gains
-    from eaid.results.plan import Plan
-    from eaid.results.replay import Replay
-    from eaid.steps.stepset import StepSet
 
 __all__ = [
     "CoupleOptions", "Coupling", "DataError", "EaidError", "ExportOptions", "Fit", "FitOptions", "Gains", "GainsError",
     "Plan", "PlanOptions", "ReadOptions", "Replay", "ReportOptions", "SimulateOptions", "StepSet", "SynthOptions",
     "TuneOptions", "UsageError", "__version__",
-    "couple", "export", "fit", "load", "plan", "read", "report", "simulate", "synth", "tune_rc",
+    "couple", "export", "fit", "load", "plan", "plot", "read", "report", "simulate", "synth", "tune_rc",
 ]  # fmt: skip
 
 

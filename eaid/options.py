@@ -276,7 +276,7 @@ class SimulateOptions(Chance, Rig):
         if self.rate_hz is not None and what == "log":
             raise UsageError("«rate_hz»: does not go with «log», which has a rate of its own; leave it out")
         if self.duration is not None and what in ("log", "reference"):
-            raise UsageError(f"«duration»: does not go with «{what}»; the file says how long it is")
+            raise UsageError(f"«duration»: does not go with «{what}», which says how long it is")
 
 
 @dataclass(frozen=True, kw_only=True)

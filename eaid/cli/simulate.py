@@ -28,8 +28,8 @@ def command(args: Arguments) -> None:
     """
     from eaid import api
     from eaid.logs.manifest import files_read
-    from eaid.replay.files import as_json, write_replay
     from eaid.report.tables.replays import tables_of
+    from eaid.results.replay_file import as_json, write_replay
 
     if not args.log and any((args.columns, args.units, args.repair, args.variable)):
         raise UsageError("--columns, --units, --repair and --variable belong to --log; leave them out")

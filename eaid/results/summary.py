@@ -9,6 +9,7 @@ from eaid.findings.finding import WORD
 from eaid.findings.row import SYMBOLS
 from eaid.findings.sentences.fitting import kind_in_words
 from eaid.plant.dynamics import Plant
+from eaid.results.verdict import in_short
 from eaid.shown import counted, span
 
 if TYPE_CHECKING:
@@ -128,8 +129,7 @@ def _peaks(fit: "Fit") -> list[str]:
 
 def warned(fit: "Fit") -> tuple[str, ...]:
     """The three gravest findings that are more than notes, by their codes: `repeats disagree`, `τ2 open`."""
-    grave = [one for one in ranked(merged(fit.findings)) if one.severity != "note"][:MOST]
-    return tuple(one.code.replace("-", " ").replace("tau", "τ") for one in grave)
+    return tuple(in_short(one) for one in ranked(merged(fit.findings)) if one.severity != "note")[:MOST]
 
 
 def values(fit: "Fit") -> list[list[str]]:
