@@ -206,6 +206,7 @@ def report(
     options: ReportOptions | None = None,
     force: bool = False,
     figures: Sequence[str] | str = (),
+    tables: str | os.PathLike[str] | None = None,
     format: Sequence[str] | Literal["pdf", "svg", "png"] = (),
 ) -> Path:
     """Write one self-contained page, and the figures, of any results."""

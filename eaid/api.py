@@ -38,6 +38,7 @@ from eaid.results.gains import Gains
 from eaid.results.parameters import table_of
 from eaid.results.plan import Excitation, Plan
 from eaid.results.replay import Replay
+from eaid.results.responses import responses_of
 from eaid.steps.stepset import StepSet
 
 if TYPE_CHECKING:
@@ -185,7 +186,8 @@ def fit(
             from eaid.recorded.fit import with_another_kind
 
             fitted = with_another_kind(fitted, steps, how)
-    fitted = msgspec.structs.replace(fitted, parameters=table_of(fitted))
+    slipping = {u for one in fitted.findings if one.code == "output-decays-under-hold" for u in one.levels}
+    fitted = msgspec.structs.replace(fitted, responses=responses_of(steps, slipping), parameters=table_of(fitted))
     fitted.__dict__["steps_fitted"] = steps
     return fitted
 

@@ -431,4 +431,5 @@ class ReportOptions(Options):
     figures: tuple[str, ...] = option(
         (), "Only these: fig07,fig12 or the beginning of a name.", FIGURES, shown="NAME,…"
     )
+    tables: Path | None = option(None, "All tables as CSV and LaTeX, in this folder.", FIGURES, shown="DIR")
     format: tuple[str, ...] = option((), "Beside PNG, which is always there.", FIGURES, words="pdf|svg|png")

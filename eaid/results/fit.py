@@ -45,6 +45,7 @@ from eaid.results.common import (
 )
 from eaid.results.plant import Coefficients, FittedPlant, falls_between, with_release
 from eaid.results.recorded import LogFit, Recorded
+from eaid.results.responses import LevelResponse
 from eaid.shown import Plotted
 
 if TYPE_CHECKING:
@@ -459,6 +460,8 @@ class Fit(Plotted, codec.Saved, Made, frozen=True, dict=True):
     """Each change of input between two holds by itself, where a log goes from level to level."""
     recorded: Recorded | None = None
     """Of logs that were fitted as they were recorded."""
+    responses: tuple[LevelResponse, ...] = ()
+    """How the output of each level comes, stays and goes, as recorded."""
     parameters: tuple[Parameter, ...] = ()
     """All fitted parameters with their intervals."""
 
