@@ -10,7 +10,7 @@ from eaid.findings.row import SYMBOLS
 from eaid.findings.sentences.fitting import kind_in_words
 from eaid.plant.dynamics import Plant
 from eaid.results.common import ci95_of
-from eaid.results.verdict import in_short
+from eaid.results.verdict import MODELS, in_short
 from eaid.shown import counted, span
 
 if TYPE_CHECKING:
@@ -134,6 +134,13 @@ def _held(fit: "Fit") -> list[str]:
 def warned(fit: "Fit") -> tuple[str, ...]:
     """The three gravest findings that are more than notes, by their codes: `repeats disagree`, `τ2 open`."""
     return tuple(in_short(one) for one in ranked(merged(fit.findings)) if one.severity != "note")[:MOST]
+
+
+def of_fit(fit: "Fit") -> list[str]:
+    """What of a fit's warnings matters to what is made of it: those about its models, in one line; none without."""
+    about = [one for one in fit.verdict.warnings if one.subject in MODELS][:MOST]
+    average = " (T_s is an average)" if any(one.code == "output-decays-under-hold" for one in about) else ""
+    return [f"of a fit that warned: {', '.join(map(in_short, about))}{average}"] if about else []
 
 
 def values(fit: "Fit") -> list[list[str]]:

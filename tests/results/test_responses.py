@@ -67,3 +67,21 @@ def test_it_is_told_kept_and_written_as_tables(fits: Any, tmp_path: Path) -> Non
     with pytest.raises(eaid.UsageError, match="exists already"):
         eaid.report(fit, to=tmp_path / "other", tables=tmp_path / "tables")
     assert not (tmp_path / "other" / "report.html").exists()
+
+
+def test_later_commands_begin_with_what_the_fit_warned_of(
+    fits: Any, tmp_path: Path, run_eaid: Any, monkeypatch: Any
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for slip, said in ((SLIPS, True), (0.0, False)):
+        fits[slip].save(tmp_path / f"{slip:g}.json")
+        for words in ("tune-rc {} -o g.json", "simulate {} g.json -o r.h5", "couple {} g.json -o c.json --no-replay"):
+            ran = run_eaid(*words.format(tmp_path / f"{slip:g}.json").split(), "--force")
+            assert ran.code == 0, ran.err
+            first = ran.out.splitlines()[0]
+            assert ("decays under hold" in first and "T_s is an average" in first) == said, (
+                words,
+                first,
+            )
+        told = run_eaid("export", "g.json", tmp_path / f"{slip:g}.json", "-o", "x", "--force").err.splitlines()[0]
+        assert ("decays under hold" in told) == said
