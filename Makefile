@@ -15,10 +15,10 @@ demo: .venv/.run  ## the main job: three shipped datasets to one report
 test: check  ## all that guards a change, in five minutes on two cores
 	$(BIN)/python -m pytest -n 2 --dist loadgroup -m "not slow"
 
-test-all: check  ## and the slow ones: coverage of intervals, emulators, browsers, kills, hypothesis at length
+test-all: check .venv/.dev  ## and the slow ones: coverage of intervals, emulators, browsers, kills, hypothesis at length
 	$(BIN)/python -m pytest -n 2 --dist loadgroup
 
-check: .venv/.dev
+check: .venv/.test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
@@ -54,10 +54,15 @@ wheel: .venv/.dev
 	$(BIN)/python -m pip install -q -c constraints.txt -e .
 	@touch $@
 
+.venv/.test: pyproject.toml constraints.txt
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install -q -c constraints.txt -e ".[test]"
+	@touch .venv/.run $@
+
 .venv/.dev: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install -q -c constraints.txt -e ".[dev]"
-	@touch .venv/.run $@
+	@touch .venv/.run .venv/.test $@
 
 .venv/.bench: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv

@@ -1,59 +1,24 @@
 """eaid: the workbench for electroadhesive clutches.
 
 steps = eaid.read("bench/")          fit = eaid.fit(steps)          gains = eaid.tune_rc(fit)
-run = eaid.simulate(fit, gains)      eaid.report([fit, gains, run], "report/")
+run = eaid.simulate(fit, gains)      eaid.report(fit, gains, run, to="report/")
+
+`__init__.pyi` says the signatures to editors; `make stub` writes it.
 """
 
 import sys
 from importlib import import_module
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from eaid.version import __version__
-
-if TYPE_CHECKING:
-    from eaid.api import (
-        compare,
-        couple,
-        export,
-        fit,
-        load,
-        plan,
-        read,
-        report,
-        sessions,
-        simulate,
-        synth,
-        today,
-        tune_rc,
-    )
-    from eaid.errors import DataError, EaidError, GainsError, UsageError
-    from eaid.options import (
-        CompareOptions,
-        CoupleOptions,
-        ExportOptions,
-        FitOptions,
-        PlanOptions,
-        ReadOptions,
-        ReportOptions,
-        SessionsOptions,
-        SimulateOptions,
-        SynthOptions,
-        TuneOptions,
-    )
-    from eaid.results.coupling import Coupling
-    from eaid.results.fit import Fit
-    from eaid.results.gains import Gains
-    from eaid.results.plan import Plan
-    from eaid.results.replay import Replay
-    from eaid.steps.stepset import StepSet
 
 __all__ = [
     "CompareOptions", "CoupleOptions", "Coupling", "DataError", "EaidError", "ExportOptions", "Fit", "FitOptions",
     "Gains", "GainsError", "Plan", "PlanOptions", "ReadOptions", "Replay", "ReportOptions", "SessionsOptions",
     "SimulateOptions", "StepSet", "SynthOptions", "TuneOptions", "UsageError", "__version__",
-    "compare", "couple", "export", "fit", "load", "plan", "read", "report", "sessions", "simulate", "synth", "today",
-    "tune_rc",
+    "compare", "couple", "export", "fit", "load", "plan", "plot", "read", "report", "sessions", "simulate", "synth",
+    "today", "tune_rc",
 ]  # fmt: skip
 
 

@@ -1,21 +1,25 @@
 """The public functions: logs → steps → fit → gains → replay → page, each a call with typed options and results.
 
 The commands call the same functions. A function takes its options whole (`eaid.FitOptions(...)`) or one by one as
-keywords; `eaid.options` declares them.
+keywords; `eaid.options` declares them, and signatures and docstrings say them here. Where a result is taken its file is
+taken too.
 """
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import msgspec
+import numpy
 
-from eaid.declared import chosen
-from eaid.errors import UsageError
+from eaid.declared import chosen, forms, taking
+from eaid.errors import DataError, UsageError
 from eaid.estimate.workflow import fit_steps
 from eaid.logs.frames import runs_from_frames
 from eaid.options import (
+    SCENARIOS,
+    TRACKED,
     CompareOptions,
     CoupleOptions,
     ExportOptions,
@@ -36,21 +40,29 @@ from eaid.results.gains import Gains
 from eaid.results.parameters import table_of
 from eaid.results.plan import Excitation, Plan
 from eaid.results.replay import Replay
+from eaid.results.responses import responses_of
 from eaid.steps.stepset import StepSet
 
 if TYPE_CHECKING:
     import pandas
+    from numpy.typing import ArrayLike
 
     from eaid.export.export import ExportFolder
+    from eaid.replay.controllers import OwnLaw
     from eaid.sessions.compare import Comparison
     from eaid.sessions.rig import Rig
 
-Paths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
+T = TypeVar("T")
+Result = Fit | Gains | Replay | StepSet | Coupling
+File = str | os.PathLike[str]
+Paths = File | Iterable[File]
+Tables: TypeAlias = "pandas.DataFrame | Sequence[pandas.DataFrame] | Mapping[str, Any]"
 Column = str | int | None
 
 
+@taking(ReadOptions)
 def read(
-    source: "Paths | pandas.DataFrame | Mapping[str, pandas.DataFrame]",
+    source: "Paths | Tables",
     options: ReadOptions | None = None,
     *,
     time: Column = None,
@@ -64,8 +76,8 @@ def read(
     Parameters
     ----------
     source
-        Files or folders of logs, a data.h5, a DataFrame (with a column `run` where it holds several), or a mapping of
-        run name to DataFrame.
+        Files or folders of logs, a data.h5, a DataFrame (with a column `run` where it holds several), several of them,
+        a mapping of run name to DataFrame, or one of column name to array.
     options
         How the logs are read and cut.
     time, input, output
@@ -73,7 +85,7 @@ def read(
     progress
         `progress(what, how_many)` gives a context with a function to call once a piece.
     **keywords
-        Fields of `ReadOptions`: units, name_pattern, step_at [s], until [s], baseline, rest, repair, kind, logs_as, …
+        Fields of `ReadOptions`, each as above.
 
     Returns
     -------
@@ -103,15 +115,17 @@ def read(
     if columns and "columns" in keywords:
         raise UsageError(f"«columns»: {next(iter(columns))}= says a column too; say all columns in one place")
     how = chosen(ReadOptions, options, {**({"columns": columns} if columns else {}), **keywords})
-    if hasattr(source, "columns") or isinstance(source, Mapping):
-        return steps_of(runs_from_frames(source, how), how)[1]  # type: ignore[arg-type]
+    tables = _tables(source)
+    if tables is not None:
+        return steps_of(runs_from_frames(tables, how), how)[1]
     return read_steps(_paths(source), how, progress)[1]
 
 
+@taking(FitOptions)
 def fit(
-    data: "StepSet | Paths | pandas.DataFrame | Mapping[str, pandas.DataFrame]",
+    data: "StepSet | Paths | Tables | ArrayLike",
+    *arrays: "ArrayLike | FitOptions",
     options: FitOptions | None = None,
-    *,
     progress: Progress = no_progress,
     **keywords: Any,
 ) -> Fit:
@@ -120,18 +134,21 @@ def fit(
     Parameters
     ----------
     data
-        What `read` returns, or anything that `read` takes.
+        What `read` returns, or anything that `read` takes; or the time [s], with input and output behind it as arrays.
+    arrays
+        Input and output of one run, where `data` is its time; the output's unit is then not known.
     options
-        How it is fitted.
+        How it is fitted; also as the second argument.
     progress
         As in `read`.
     **keywords
-        Fields of `FitOptions`: model, share, loss, hold_out, bounds_levels, estimator, ci, duty, …
+        Fields of `FitOptions`, each as above.
 
     Returns
     -------
     Fit
-        With `summary()`, `params`, `conf_int()`, `to_frame()`, `predict()`, `plot()`, `findings`, `save("fit.json")`.
+        With `summary()`, `verdict`, `params`, `conf_int()`, `bse`, `to_frame()`, `at()`, `predict()`, `plot()`,
+        `residuals`, `rsquared`, `aic`, `findings`, `to_dict()`, `save("fit.json")`.
         Time constants in s, T_s in the output's unit, levels in the input's.
 
     Raises
@@ -151,8 +168,13 @@ def fit(
     >>> bool(low < fit.params[("friction", "tau1(100)")] < high)
     True
     """
+    source, options = _measured(data, arrays, options)
+    if of_reading := [name for name in keywords if name in forms(ReadOptions) and name not in forms(FitOptions)]:
+        raise UsageError(
+            f"«{of_reading[0]}»: says how logs are read; give it to eaid.read, and what that returns to fit"
+        )
     how = chosen(FitOptions, options, keywords)
-    steps = data if isinstance(data, StepSet) else read(data, progress=progress)
+    steps = source if isinstance(source, StepSet) else read(source, progress=progress)
     if steps.recorded:
         from eaid.recorded.fit import fit_whole
 
@@ -168,13 +190,15 @@ def fit(
             from eaid.recorded.fit import with_another_kind
 
             fitted = with_another_kind(fitted, steps, how)
-    fitted = msgspec.structs.replace(fitted, parameters=table_of(fitted))
+    slipping = {u for one in fitted.findings if one.code == "output-decays-under-hold" for u in one.levels}
+    fitted = msgspec.structs.replace(fitted, responses=responses_of(steps, slipping), parameters=table_of(fitted))
     fitted.__dict__["steps_fitted"] = steps
     return fitted
 
 
+@taking(PlanOptions)
 def plan(
-    fit: Fit,
+    fit: "Fit | File",
     options: PlanOptions | None = None,
     *,
     excitation: bool = False,
@@ -194,8 +218,7 @@ def plan(
     progress
         As in `read`; called once a simulated recording.
     **keywords
-        Fields of `PlanOptions`: want [%], check, seed; of steps idle_s, release_s, longest_hold_s, most_levels; of a
-        sequence limits.
+        Fields of `PlanOptions`, each as above.
 
     Returns
     -------
@@ -224,13 +247,14 @@ def plan(
     from eaid.planning.recordings import plan_recordings
     from eaid.planning.sequences import shortest_recording
 
-    _of_type("fit", fit, Fit)
+    fit = _result("fit", fit, Fit)
     how = chosen(PlanOptions, options, keywords)
     with progress("simulated recordings", 0) as advance:
         return (shortest_recording if excitation else plan_recordings)(fit, how, advance)
 
 
-def synth(plant: Fit | None = None, options: SynthOptions | None = None, **keywords: Any) -> StepSet:
+@taking(SynthOptions)
+def synth(plant: "Fit | File | None" = None, options: SynthOptions | None = None, **keywords: Any) -> StepSet:
     """Synthetic logs of the reference plant, or of a fitted rig in its own units.
 
     Parameters
@@ -240,9 +264,7 @@ def synth(plant: Fit | None = None, options: SynthOptions | None = None, **keywo
     options
         Levels, times, disturbances, or an input in place of steps.
     **keywords
-        Fields of `SynthOptions`: levels, repeats, idle_s, hold_s, release_s, rate_hz, seed, clean, white_nm, …; in
-        place of steps duty_file or excitation ("random", "staircase", "chirp", "closed-loop")
-        with its shape (duration_s, duty, hold_s, levels, …).
+        Fields of `SynthOptions`, each as above.
 
     Returns
     -------
@@ -270,15 +292,16 @@ def synth(plant: Fit | None = None, options: SynthOptions | None = None, **keywo
     from eaid.synth.synthesize import synthesize
 
     how = chosen(SynthOptions, options, keywords)
-    runs = synthesize(how, plant)
+    runs = synthesize(how, None if plant is None else _result("plant", plant, Fit))
     return steps_of(runs, ReadOptions(logs_as="auto" if how.duty_file or how.excitation else "steps"))[1]
 
 
+@taking(TuneOptions)
 def tune_rc(
-    fit: Fit,
+    fit: "Fit | File",
     options: TuneOptions | None = None,
     *,
-    reference: "str | os.PathLike[str] | None" = None,
+    reference: "File | ArrayLike | pandas.Series[float] | None" = None,
     **keywords: Any,
 ) -> Gains:
     """Gains of the robust controller, Eqs. (11) to (15), and of a PI, with one verdict on the guarantee.
@@ -290,9 +313,10 @@ def tune_rc(
     options
         How the gains are designed.
     reference
-        A scenario (multisine, steps, sweep), or a file `time_s,reference_nm`, which Q_M is judged by.
+        What Q_M is judged by: a scenario (multisine, steps, sweep), a file `time_s,reference_nm`, a Series over time
+        [s], or an array of rows (time, reference) or of one value a control sample.
     **keywords
-        Fields of `TuneOptions`: kp [1/s²], kd [1/s], b_hat, rho, phi, pi_overshoot [%], pi_settling [s], …
+        Fields of `TuneOptions`, each as above.
 
     Returns
     -------
@@ -316,23 +340,26 @@ def tune_rc(
     >>> gains.guarantee.holds, "duty-limit" in gains.guarantee.missing
     (False, True)
     """
-    from eaid.options import TRACKED
-    from eaid.replay.references import read_reference
+    from eaid.control.defaults import control_rate
+    from eaid.replay.references import signal_of
     from eaid.replay.tune import tune
 
-    _of_type("fit", fit, Fit)
-    named = "" if reference is None else str(reference)
-    signal = (named or None) if reference is None or named in TRACKED else read_reference(Path(reference))
-    return tune(fit, chosen(TuneOptions, options, keywords), signal, named)
+    fit, how = _result("fit", fit, Fit), chosen(TuneOptions, options, keywords)
+    if reference is None or (isinstance(reference, str) and reference in TRACKED):
+        return tune(fit, how, reference, reference or "")
+    named = str(reference) if isinstance(reference, str | os.PathLike) else "as given"
+    return tune(fit, how, signal_of(reference, 1 / (how.rate_hz or control_rate(fit))), named)
 
 
+@taking(SimulateOptions)
 def simulate(
-    fit: Fit,
-    gains: Gains | None = None,
+    fit: "Fit | File",
+    gains: "Gains | File | None" = None,
     scenario: str | None = None,
     options: SimulateOptions | None = None,
     *,
-    reference: "str | os.PathLike[str] | None" = None,
+    controller: "str | OwnLaw | Sequence[str | OwnLaw] | None" = None,
+    reference: "File | ArrayLike | pandas.Series[float] | Callable[[float], float] | None" = None,
     log: "Paths | None" = None,
     reading: ReadOptions | None = None,
     progress: Progress = no_progress,
@@ -350,14 +377,18 @@ def simulate(
         What is replayed; by itself multisine.
     options
         Scenario, controllers, rig and limb.
+    controller
+        Names, by themselves rc and pi, or controllers of your own: functions of time [s], reference and measured
+        output that give the input, which is kept within the actuator's range.
     reference
-        A file `time_s,reference_nm` in place of a scenario.
+        In place of a scenario: a file `time_s,reference_nm`, a Series over time [s], an array of rows (time,
+        reference) or of one value a control sample, or a function of time [s], which lasts `duration`, 10 s by itself.
     log, reading
         Logs whose recorded input is replayed and compared, and how they are read.
     progress
         As in `read`.
     **keywords
-        Fields of `SimulateOptions`: noise_nm [N·m], pwm_hz [Hz], delay_samples, plants, …
+        Fields of `SimulateOptions`, each as above.
 
     Returns
     -------
@@ -382,27 +413,31 @@ def simulate(
     ['pi', 'rc']
     """
     from eaid.logs.read import read_like
-    from eaid.replay.references import read_reference
+    from eaid.replay.controllers import own_controllers
     from eaid.replay.simulate import simulate as replayed
 
-    _of_type("fit", fit, Fit)
-    how = chosen(SimulateOptions, options, {**({} if scenario is None else {"scenario": scenario}), **keywords})
+    if isinstance(gains, str) and gains in SCENARIOS:
+        raise UsageError(f"gains: {gains} is a «scenario»; give it by that name, or behind the gains")
+    fit, gains = _result("fit", fit, Fit), None if gains is None else _result("gains", gains, Gains)
+    names, own = own_controllers(controller)
+    given = {"scenario": scenario, "controller": names}
+    how = chosen(SimulateOptions, options, {k: v for k, v in given.items() if v is not None} | keywords)
     if sum(given is not None for given in (how.scenario, reference, log)) > 1:
         raise UsageError("«scenario», «reference» and «log» exclude each other; give one of them")
     if reading is not None and log is None:
         raise UsageError("«reading»: says how a «log» is read; give both or neither")
-    signal = None if reference is None else read_reference(Path(reference))
     if log is not None:
         how.check_for("log")
     rate = fit.options.reading.get("rate_hz")
     rate_hz = rate if isinstance(rate, float) else None
     runs = None if log is None else read_like(_paths(log), reading or ReadOptions(), rate_hz)
-    return replayed(fit, gains, how, signal, runs, progress)
+    return replayed(fit, gains, how, reference, runs, progress, own)
 
 
+@taking(CoupleOptions)
 def couple(
-    fit: Fit,
-    gains: Gains | None = None,
+    fit: "Fit | File",
+    gains: "Gains | File | None" = None,
     options: CoupleOptions | None = None,
     *,
     progress: Progress = no_progress,
@@ -421,7 +456,7 @@ def couple(
     progress
         As in `read`.
     **keywords
-        Fields of `CoupleOptions`: limb_inertia [kg·m²], limb_damping [N·m·s/rad], torque [N·m], pwm_hz, …
+        Fields of `CoupleOptions`, each as above.
 
     Returns
     -------
@@ -446,15 +481,15 @@ def couple(
     """
     from eaid.coupling.couple import couple as walls
 
-    _of_type("fit", fit, Fit)
+    fit, gains = _result("fit", fit, Fit), None if gains is None else _result("gains", gains, Gains)
     return walls(fit, gains, chosen(CoupleOptions, options, keywords), progress)
 
 
+@taking(ReportOptions)
 def report(
-    results: Fit | Gains | Replay | StepSet | Coupling | Sequence[Fit | Gains | Replay | StepSet | Coupling],
-    output_dir: str | os.PathLike[str],
+    *results: "Result | File | Sequence[Result | File]",
+    to: "File | None" = None,
     options: ReportOptions | None = None,
-    *,
     force: bool = False,
     **keywords: Any,
 ) -> Path:
@@ -463,20 +498,20 @@ def report(
     Parameters
     ----------
     results
-        Fits, gains, replays, steps, walls: one or several.
-    output_dir
-        Folder that is made where it is not there; its parent has to be.
+        Fits, gains, replays, steps, walls, or their files: one or several, also as a list.
+    to
+        Folder that is made where it is not there, its parent has to be; without it the last of `results` is that.
     options
         Which figures, and their formats.
     force
         Write over a report.
     **keywords
-        Fields of `ReportOptions`: figures, format.
+        Fields of `ReportOptions`, each as above.
 
     Returns
     -------
     Path
-        The page, `output_dir`/report.html; figures lie in `output_dir`/figures.
+        The page, `to`/report.html; figures lie in `to`/figures.
 
     Raises
     ------
@@ -487,21 +522,27 @@ def report(
     --------
     >>> import eaid, pathlib, tempfile
     >>> fit = eaid.fit(eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1))
-    >>> page = eaid.report([fit], pathlib.Path(tempfile.mkdtemp()) / "report")
+    >>> page = eaid.report(fit, to=pathlib.Path(tempfile.mkdtemp()) / "report")
     >>> page.name
     'report.html'
     """
     from eaid.report.results import gathered
     from eaid.report.write import write_report
 
-    given = gathered(results if isinstance(results, Iterable) else [results])
-    return write_report(given, Path(output_dir), chosen(ReportOptions, options, keywords), force)[0]
+    how = chosen(ReportOptions, options, keywords)
+    each: list[Any] = [one for some in results for one in (some if isinstance(some, list | tuple) else [some])]
+    folder = each.pop() if to is None and each else to
+    if not isinstance(folder, str | os.PathLike):
+        raise UsageError("«to»: name the folder of the page, as report(fit, gains, to='report')")
+    shown = [load(one) if isinstance(one, str | os.PathLike) else one for one in each]
+    return write_report(gathered(shown), Path(folder), how, force)[0]
 
 
+@taking(ExportOptions)
 def export(
-    gains: Gains | None,
-    output_dir: "str | os.PathLike[str]" = "export",
-    fit: Fit | None = None,
+    gains: "Gains | File | None",
+    output_dir: File = "export",
+    fit: "Fit | File | None" = None,
     options: ExportOptions | None = None,
     *,
     force: bool = False,
@@ -522,7 +563,7 @@ def export(
     force
         Replace an earlier export.
     **keywords
-        Fields of `ExportOptions`: target, law, precision, rate_hz [Hz], duty_on_fault, …
+        Fields of `ExportOptions`, each as above.
 
     Returns
     -------
@@ -547,10 +588,12 @@ def export(
     """
     from eaid.export.export import export as exported
 
+    gains = None if gains is None else _result("gains", gains, Gains)
+    fit = None if fit is None else _result("fit", fit, Fit)
     return exported(gains, fit, chosen(ExportOptions, options, keywords), Path(output_dir), force)
 
 
-def load(path: str | os.PathLike[str]) -> "Fit | Gains | Coupling | Replay | StepSet | Rig | Comparison":
+def load(path: File) -> "Result | Rig | Comparison":
     """A result of any kind from its file, by what the file says of itself.
 
     Parameters
@@ -579,10 +622,13 @@ def load(path: str | os.PathLike[str]) -> "Fit | Gains | Coupling | Replay | Ste
     """
     from eaid.report.results import read_result
 
-    result: Fit | Gains | Coupling | Replay | StepSet | Rig | Comparison = read_result(Path(path))[0]
+    if not isinstance(path, str | os.PathLike):
+        raise UsageError(f"path: is a {type(path).__name__}; give the file of a result")
+    result: Result | Rig | Comparison = read_result(Path(path))[0]
     return result
 
 
+@taking(SessionsOptions)
 def sessions(
     data: "pandas.DataFrame | Mapping[str, Fit] | Sequence[Fit] | Paths",
     options: SessionsOptions | None = None,
@@ -635,7 +681,7 @@ def sessions(
         return rig_of_fits(data, how)
     if isinstance(data, Sequence) and data and all(isinstance(one, Fit) for one in data):
         return rig_of_fits({f"session {k}": one for k, one in enumerate(data, 1)}, how)
-    fits, values, _ = read_sessions(_paths(data))  # type: ignore[arg-type]
+    fits, values, _ = read_sessions(_paths(data))
     return rig_of_table(values, how) if values else rig_of_fits(fits, how)
 
 
@@ -675,6 +721,7 @@ def today(
     return fit_today(rig, step, reading, progress)
 
 
+@taking(CompareOptions)
 def compare(
     first: "Fit | Replay",
     *others: "Fit | Paths",
@@ -739,25 +786,102 @@ def compare(
     fit, given = (first, None) if isinstance(first, Fit) else (None, first)
     as_fitted = fit.options.reading if fit is not None else {}
     how_read = reading or chosen(ReadOptions, None, {k: v for k, v in as_fitted.items() if k in ("columns", "units")})
-    runs = read_runs(_paths(others[0]), how_read)  # type: ignore[arg-type]
+    runs = read_runs(_paths(others[0]), how_read)
     if len(runs) != 1 or len(others) != 1:
         raise UsageError("a recorded loop is one log with its own reference; give one")
     promise = promise_of(runs[0], how, fit, gains, given)
     return Comparison(options=how, output_unit=promise.unit, promise=promise)
 
 
-def _paths(source: Paths) -> list[Path]:
+def plot(result: Fit | Gains | Replay, ax: Any = None) -> Any:
+    """A result on matplotlib Axes: the step responses of a fit, margins of gains over the input, traces of a replay.
+
+    Parameters
+    ----------
+    result
+        A fit, gains or a replay.
+    ax
+        Axes that are drawn on; without them new ones.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The Axes, labelled with units.
+
+    Raises
+    ------
+    UsageError
+        Something else in place of a result or of Axes.
+
+    Examples
+    --------
+    >>> import eaid
+    >>> fit = eaid.fit(eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1))
+    >>> eaid.plot(fit).get_xlabel()
+    'Time since the step (s)'
+    """
+    from eaid.report.paper import plot as drawn
+
+    if not isinstance(result, Fit | Gains | Replay):
+        raise UsageError(f"result: is a {type(result).__name__}; give a fit, gains or a replay")
+    if ax is not None and not hasattr(ax, "plot"):
+        raise UsageError(f"«ax» {ax!r:.40}: is no matplotlib Axes; leave it out, or give one of plt.subplots()")
+    return drawn(result, ax)
+
+
+def _tables(source: Any) -> "pandas.DataFrame | Mapping[str, pandas.DataFrame] | None":
+    """DataFrames in memory as `runs_from_frames` takes them; None: paths."""
+    if hasattr(source, "columns"):
+        return source  # type: ignore[no-any-return]
+    if isinstance(source, Mapping):
+        if any(hasattr(one, "columns") or isinstance(one, Mapping) for one in source.values()):
+            return {name: one if hasattr(one, "columns") else _frame(one) for name, one in source.items()}
+        return _frame(source)
+    if isinstance(source, list | tuple) and source and all(hasattr(one, "columns") for one in source):
+        return {f"run {k}": one for k, one in enumerate(source, 1)}
+    return None
+
+
+def _frame(columns: Any) -> "pandas.DataFrame":
+    """Arrays by the names of their columns as one table; DataError where they are none, or of several lengths."""
+    import pandas
+
+    try:
+        return pandas.DataFrame({name: numpy.ravel(one) for name, one in columns.items()})
+    except (AttributeError, ValueError):
+        found = (f"{name} of {numpy.size(one)}" for name, one in columns.items()) if hasattr(columns, "items") else ()
+        said = ", ".join(found) or f"a {type(columns).__name__}"
+        raise DataError(f"arrays by column: {said}; give as many values of time, input and output") from None
+
+
+def _measured(data: Any, arrays: Sequence[Any], options: FitOptions | None) -> tuple[Any, FitOptions | None]:
+    """What `fit` was given by place: data and options, or time, input and output."""
+    if arrays and isinstance(arrays[-1], FitOptions):
+        *arrays, options = arrays
+    if not arrays:
+        return data, options
+    if len(arrays) != 2 or any(isinstance(one, str) for one in (data, *arrays)):
+        raise UsageError("fit takes logs, or time, input and output as arrays; give FitOptions, or keywords")
+    return dict(zip(("time_s", "input", "output"), (data, *arrays), strict=True)), options
+
+
+def _paths(source: Any) -> list[Path]:
     """One path or several as a list."""
     try:
         each = [source] if isinstance(source, str | os.PathLike) else list(source)
-        if any(str(one) == "" for one in each):
+        if any(isinstance(one, str) and one == "" for one in each):
             raise UsageError("an empty path: give a file or a folder")
         return [Path(one) for one in each]
     except TypeError:
-        shown = " ".join(repr(source).split())
-        raise UsageError(f"{shown:.60}: give files or folders of logs, a DataFrame, or DataFrames by name") from None
+        shown = repr(source) if isinstance(source, int | float | None) else f"a {type(source).__name__}"
+        raise UsageError(f"{shown}: give files or folders of logs, a DataFrame, or DataFrames by name") from None
 
 
-def _of_type(name: str, value: object, kind: type) -> None:
-    if not isinstance(value, kind):
-        raise UsageError(f"{name}: is a {type(value).__name__}; give what eaid.{name} returns")
+def _result(name: str, value: Any, kind: type[T]) -> T:
+    """A result of a kind, or what its file holds."""
+    found = load(value) if isinstance(value, str | os.PathLike) else value
+    if not isinstance(found, kind):
+        said = f"{value} holds {type(found).__name__}" if found is not value else f"is a {type(value).__name__}"
+        made = {"Gains": "eaid.tune_rc"}.get(kind.__name__, "eaid.fit")
+        raise UsageError(f"{name}: {said}; give what {made} returns, or its file")
+    return found

@@ -12,21 +12,23 @@ the cause.
 
 import contextlib
 import csv
+import inspect
 import math
 import operator
 import os
 import re
 import types
 import typing
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal, TypeVar, Union
 
-from eaid.errors import FLAGS, UsageError, unknown
+from eaid.errors import FLAGS, UsageError, in_python, unknown
 
 O = TypeVar("O", bound="Options")  # noqa: E741
+F = TypeVar("F", bound=Callable[..., Any])
 
 
 @dataclass(frozen=True)
@@ -103,6 +105,24 @@ class Form:
         union = typing.get_origin(self.hint) in (Union, types.UnionType)
         each = typing.get_args(self.hint) if union else (self.hint,)
         return tuple(str if typing.get_origin(one) is Literal else one for one in each if one is not type(None))
+
+    @property
+    def taken(self) -> str:
+        """The type as Python code may give it: words one by one, any sequence for several, texts as they are typed."""
+        declared, found = self.declared, []
+        words = ", ".join(f'"{word}"' for word in declared.words)
+        word = f"Literal[{words}]" if words and declared.read is None else "str"
+        for part in self.parts:
+            if typing.get_origin(part) is tuple:
+                found += ["Sequence[str]", word] if self.several else ["Sequence[float]", "str"]
+            elif part is Path:
+                found += ["str", "os.PathLike[str]"]
+            elif typing.get_origin(part) is not None:
+                found += ["Mapping[str, Any]", "str"]
+            else:
+                found.append(word if part is str else part.__name__)
+        found += ["Sequence[float]"] * declared.levels + ["None"] * (self.default is None)
+        return " | ".join(dict.fromkeys(found))
 
     @property
     def several(self) -> bool:
@@ -225,6 +245,47 @@ def chosen(kind: type[O], options: O | None, keywords: Mapping[str, Any]) -> O:
             if stated != known[name].default and stated != known[name].settled(value):
                 raise UsageError(f"«{name}» {value}: the options given say {stated}; say it in one place")
     return kind(**keywords) if options is None else replace(options, **keywords)
+
+
+def taking(kind: type[Options]) -> Callable[[F], F]:
+    """Say in a function's signature and docstring which options its `**keywords` are: what editors and `help` show."""
+
+    def told(function: F) -> F:
+        own = inspect.signature(function)
+        *kept, keywords = own.parameters.values()
+        texts = [_Written(one.annotation) if isinstance(one.annotation, str) else one.annotation for one in kept]
+        kept = [one.replace(annotation=text) for one, text in zip(kept, texts, strict=True)]
+        more = keywords_of(kind, own.parameters)
+        function.__signature__ = own.replace(  # type: ignore[attr-defined]
+            parameters=kept + [
+                inspect.Parameter(one.name, inspect.Parameter.KEYWORD_ONLY, default=one.default,
+                                  annotation=_Written(one.taken)) for one in more
+            ]
+        )  # fmt: skip
+        said = "".join(f"    {one.name}\n        {in_python(one.declared.help)}{_words_of(one)}\n" for one in more)
+        marker = f"    **{keywords.name}\n        Fields of `{kind.__name__}`, each as above.\n"
+        function.__doc__ = (function.__doc__ or "").replace(marker, said)
+        return function
+
+    return told
+
+
+def keywords_of(kind: type[Options], own: Iterable[str]) -> list[Form]:
+    """The options of a set that a function takes by keyword beside its own parameters, the seed last."""
+    found = [form for name, form in forms(kind).items() if name not in set(own)]
+    return sorted(found, key=lambda form: form.name == "seed")
+
+
+class _Written(str):
+    """An annotation that stands as a text, shown without its quotes."""
+
+    __slots__ = ()
+    __repr__ = str.__str__
+
+
+def _words_of(form: Form) -> str:
+    unsaid = any(word not in form.declared.help for word in form.declared.words)
+    return f" {'Of' if form.several else 'One of'} {', '.join(form.declared.words)}." if unsaid else ""
 
 
 def part(kind: type[O], options: object) -> O:

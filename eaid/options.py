@@ -277,7 +277,7 @@ class SimulateOptions(Chance, Rig):
         if self.rate_hz is not None and what == "log":
             raise UsageError("«rate_hz»: does not go with «log», which has a rate of its own; leave it out")
         if self.duration is not None and what in ("log", "reference"):
-            raise UsageError(f"«duration»: does not go with «{what}»; the file says how long it is")
+            raise UsageError(f"«duration»: does not go with «{what}», which says how long it is")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -456,4 +456,5 @@ class ReportOptions(Options):
     figures: tuple[str, ...] = option(
         (), "Only these: fig07,fig12 or the beginning of a name.", FIGURES, shown="NAME,…"
     )
+    tables: Path | None = option(None, "All tables as CSV and LaTeX, in this folder.", FIGURES, shown="DIR")
     format: tuple[str, ...] = option((), "Beside PNG, which is always there.", FIGURES, words="pdf|svg|png")

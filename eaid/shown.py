@@ -58,6 +58,6 @@ class Plotted(Shown):
 
     def plot(self, ax: Any = None) -> Any:
         """The result on matplotlib Axes."""
-        from eaid.report.paper import plot
+        import eaid
 
-        return plot(self, ax)  # type: ignore[arg-type]
+        return eaid.plot(self, ax)  # type: ignore[arg-type]

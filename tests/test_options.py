@@ -74,7 +74,7 @@ def test_options_and_keywords_that_disagree_are_refused(small_steps: eaid.StepSe
         eaid.fit(small_steps, shre=0.8)
     with pytest.raises(eaid.UsageError, match="give FitOptions, or keywords"):
         eaid.fit(small_steps, {"share": 0.8})
-    with pytest.raises(eaid.UsageError, match="^fit: is a StepSet; give what eaid.fit returns$"):
+    with pytest.raises(eaid.UsageError, match="^fit: is a StepSet; give what eaid.fit returns, or its file$"):
         eaid.tune_rc(small_steps)
     with pytest.raises(eaid.UsageError, match="give files or folders of logs, a DataFrame, or DataFrames by name"):
         eaid.fit(42)
@@ -84,7 +84,7 @@ def test_options_and_keywords_that_disagree_are_refused(small_steps: eaid.StepSe
     ("make", "sentence"),
     [
         (lambda fit: eaid.simulate(fit, options=LOUD, noise_nm=0.5), "noise_nm= 0.5: the options given say 0.1"),
-        (lambda fit: eaid.simulate(fit, "steps", reading=eaid.ReadOptions()), "reading=: says how a log= is read"),
+        (lambda fit: eaid.simulate(fit, reading=eaid.ReadOptions()), "reading=: says how a log= is read"),
         (lambda fit: eaid.couple(fit, loops=("pi", "open-loop")), "the loop pi needs gains with a PI"),
         (lambda fit: eaid.export(None, "none", fit, law=("plant",), duty_on_fault=3.0), "duty_on_fault=: is of a"),
         (lambda _fit: eaid.synth(clean=True, coloured_s=0.3), "coloured_s=: does nothing without coloured="),

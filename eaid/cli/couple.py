@@ -27,11 +27,12 @@ def command(args: Arguments) -> None:
     """
     from eaid import api
     from eaid.report.tables.gains import walls_table
+    from eaid.results.summary import of_fit
 
     fitted, tuned, warnings = args.read()
     refuse_to_overwrite(args.output, args.force, filter(None, (args.fit, args.gains)))
     coupling = api.couple(fitted, tuned, part(CoupleOptions, args), progress=console.progress)
     coupling = stamped(coupling, args, fit=args.fit, gains=args.gains)
     coupling.save(args.output, args.force)
-    tell_result(args, coupling, [walls_table(coupling)], [*warnings, *coupling.findings])
+    tell_result(args, coupling, [*of_fit(fitted), walls_table(coupling)], [*warnings, *coupling.findings])
     console.done(args.output, f"{len(coupling.walls)} walls", ("report", args.fit, args.gains, args.output))

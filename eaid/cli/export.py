@@ -35,11 +35,14 @@ def command(args: Arguments) -> None:
     """
     from eaid.export.export import export as exported
     from eaid.results.common import Input
+    from eaid.results.summary import of_fit
 
     gains, fit, paths = _read(args.files)
     inputs = tuple(Input.of(path) for path in paths)
     command = shlex.join(["eaid", *sys.argv[1:]]) if sys.argv[1:2] == ["export"] else ""
     made = exported(gains, fit, part(ExportOptions, args), args.output, args.force, command, inputs)
+    for line in of_fit(fit) if fit is not None else ():
+        console.say(line)
     console.tell(made.findings, args.verbose)
     if args.json:
         console.print_json(made)

@@ -8,7 +8,6 @@ import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, cast
 
 from eaid.cli import console
@@ -89,7 +88,7 @@ The workbench for electroadhesive clutches: from recorded step responses to mode
 
 Commands:
 {"".join(f"  {name.replace('_', '-'):<10}{words}{chr(10)}" for name, words in COMMANDS.items())}
-eaid COMMAND --help shows its options; eaid --version the version."""
+eaid COMMAND --help shows its options; eaid --version the version; eaid --install-completion completes in your shell."""
 
 
 def load_command(name: str) -> "TyperCommand":
@@ -100,11 +99,20 @@ def load_command(name: str) -> "TyperCommand":
     alone.command(name, context_settings={"help_option_names": ["-h", "--help"]})(
         importlib.import_module(f"eaid.cli.{name.replace('-', '_')}").command
     )
-    command = cast("TyperCommand", typer.main.get_command(alone))
-    for parameter in command.get_params(typer.Context(command, **command.context_settings)):
-        # what is typed stays as it is: `eaid.declared` reads it, and Typer would load pydantic to
-        parameter._runtime_param = SimpleNamespace(coerce=lambda value, **_: value)  # type: ignore[attr-defined]
-    return command
+    return cast("TyperCommand", typer.main.get_command(alone))
+
+
+COMPLETION = ("--install-completion", "--show-completion")  # Of the shell; Typer's own
+
+
+def complete(arguments: list[str]) -> None:
+    """What Typer does for the shell: install or show its completion, or complete what is typed so far."""
+    import typer
+
+    whole = typer.Typer(name="eaid", rich_markup_mode="markdown")
+    for module in COMMANDS:
+        whole.command(module.replace("_", "-"))(importlib.import_module(f"eaid.cli.{module}").command)
+    typer.main.get_command(whole)(args=arguments, prog_name="eaid", standalone_mode=False)
 
 
 UNUSABLE = 4  # A result was written, whatever came before: `fit --follow` ends by Ctrl-C
@@ -153,6 +161,9 @@ def _outcome(arguments: list[str]) -> tuple[int, tuple[str, ...]]:
     try:
         if "" in arguments:  # pathlib takes it for the current folder
             raise UsageError("an empty word stands among the arguments; give a file or a folder in its place")
+        if name in COMPLETION or "_EAID_COMPLETE" in os.environ:
+            complete(arguments)
+            return 0, ()
         if name in ("-h", "--help", "--version"):
             print(f"eaid {__version__}" if name == "--version" else HELP)
             return 0, ()

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from eaid.cli import console
-from eaid.cli.form import Common, argument, takes, written
-from eaid.declared import part
+from eaid.cli.form import OUTPUT, Common, argument, takes, written
+from eaid.declared import option, part
 from eaid.files import refuse_to_overwrite
 from eaid.options import ReportOptions
 from eaid.shown import counted
@@ -17,6 +17,7 @@ class Arguments(Common, ReportOptions):
 
     files: list[Path] = argument("FILE…", "Any of fit.json, gains.json, replay.h5, data.h5.")
     output: Path = written("report", "Folder that is written.")
+    verbose: bool = option(False, "Tell all findings.", OUTPUT, "-v", "--verbose")  # --tables is a folder here
 
 
 @takes(Arguments)

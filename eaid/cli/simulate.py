@@ -28,8 +28,9 @@ def command(args: Arguments) -> None:
     """
     from eaid import api
     from eaid.logs.manifest import files_read
-    from eaid.replay.files import as_json, write_replay
     from eaid.report.tables.replays import tables_of
+    from eaid.results.replay_file import as_json, write_replay
+    from eaid.results.summary import of_fit
 
     if not args.log and any((args.columns, args.units, args.repair, args.variable)):
         raise UsageError("--columns, --units, --repair and --variable belong to --log; leave them out")
@@ -43,6 +44,6 @@ def command(args: Arguments) -> None:
     )  # fmt: skip
     replay = replace(replay, head=stamped(replay.head, args, **files, log=args.log))
     write_replay(args.output, replay, args.force)
-    tell_result(args, as_json(replay), tables_of(replay), [*replay.findings, *warnings])
+    tell_result(args, as_json(replay), [*of_fit(fitted), *tables_of(replay)], [*replay.findings, *warnings])
     summary = f"{replay.head.scenario} with {', '.join(sorted(replay.records)[:5])}"
     console.done(args.output, summary, ("report", args.fit, args.gains, args.output))

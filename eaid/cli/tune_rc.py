@@ -33,6 +33,7 @@ def command(args: Arguments) -> None:
     from eaid.report.tables import gains as tables
     from eaid.results import codec
     from eaid.results.fit import Fit
+    from eaid.results.summary import of_fit
 
     file = Path(args.reference) if args.reference and args.reference not in TRACKED else None
     fitted, warnings = codec.read(args.fit, Fit)
@@ -41,5 +42,5 @@ def command(args: Arguments) -> None:
     gains = stamped(gains, args, fit=args.fit, reference=file)
     gains.save(args.output, args.force)
     shown = tables.tables_of(gains)[: None if args.verbose else 1]
-    tell_result(args, gains, [tables.guarantee_story(gains), *shown], [*gains.findings, *warnings])
+    tell_result(args, gains, [*of_fit(fitted), tables.guarantee_story(gains), *shown], [*gains.findings, *warnings])
     console.done(args.output, "gains of rc and pi", ("simulate", args.fit, args.output))

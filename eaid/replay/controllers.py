@@ -20,13 +20,14 @@ about as much as a PD of that speed would, not as a deadbeat one; and a wrong pl
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from eaid.control.gains import law_of, physical
 from eaid.control.kinds import Law, kind_of
 from eaid.errors import UsageError
+from eaid.options import CONTROLLERS
 from eaid.plant.dynamics import Plant, PlantNumbers, plant_numbers, plant_step
 from eaid.plant.linear import Linear
 from eaid.results.gains import Gains
@@ -151,6 +152,50 @@ def inverse_step(
     duty = duty_for(plant, x1, x2, wanted, dt, state.duty, gains.duty_min, gains.duty_max)
     x1, x2 = plant_step(plant, x1, x2, duty, dt)
     return InverseState(x1 + lack * dt, x2, lack, duty), duty
+
+
+OwnLaw = Callable[[float, float, float], float]
+"""A user's controller in Python: time [s], reference and measured output → input."""
+
+
+class OwnGains(NamedTuple):
+    """A user's controller, and the range of the actuator [%]."""
+
+    name: str
+    law: OwnLaw
+    duty_min: float
+    duty_max: float
+
+
+def own_step(
+    gains: OwnGains, state: int, reference: float, _reference_rate: float, torque: float, dt: float
+) -> tuple[int, float]:
+    """The duty that a user's controller gives, kept within the range; the state counts samples."""
+    given = gains.law(state * dt, reference, torque)
+    try:
+        duty = float(given)
+    except (TypeError, ValueError):
+        duty = math.nan
+    if not math.isfinite(duty):
+        when = f"{state * dt:g} s"
+        raise UsageError(f"controller {gains.name}: gave {given!r:.40} at {when}, which is no input; give a number")
+    return state + 1, min(max(duty, gains.duty_min), gains.duty_max)
+
+
+def own_controllers(
+    given: "str | OwnLaw | Sequence[str | OwnLaw] | None",
+) -> "tuple[tuple[str, ...] | str | None, dict[str, OwnLaw]]":
+    """Names of controllers, and a user's own by the names of their functions."""
+    if given is None or isinstance(given, str):
+        return given, {}
+    each = [given] if callable(given) else list(given)
+    names, own = tuple(one for one in each if isinstance(one, str)), dict[str, OwnLaw]()
+    for one in (one for one in each if not isinstance(one, str)):
+        if not callable(one):
+            raise UsageError(f"«controller» {one!r:.40}: give names, or functions of time, reference and output")
+        name = getattr(one, "__name__", type(one).__name__).strip("<>")
+        own[f"{name}-{len(own) + 1}" if name in own or name in CONTROLLERS else name] = one
+    return names or None, own
 
 
 def feedback(gains: Law) -> Controller:

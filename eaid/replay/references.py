@@ -19,10 +19,12 @@ least-squares fundamental of the torque (a constant fitted beside it) against th
 import csv
 import itertools
 import math
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -115,6 +117,37 @@ def sampled(time_s: Array, torque_nm: Array, dt_s: float) -> Reference:
     refuse_too_long(f"the reference: lasts {lasts_s:g} s, which is", n, dt_s)
     grid = time_s[0] + np.arange(n) * dt_s
     return Reference(read_only(np.interp(grid, time_s, torque_nm)), dt_s)
+
+
+GIVEN_S = 10.0  # Length of a reference that is a function [s]
+
+
+def signal_of(given: Any, dt_s: float, duration_s: float | None = None) -> Signal:
+    """A reference as a user gives it: a file, a Series over time [s], rows (time, reference), one value a control
+    sample, or a function of time [s]."""
+    if isinstance(given, str | os.PathLike):
+        return read_reference(Path(given))
+    signal: Any
+    try:
+        if callable(given):
+            time_s = np.arange(samples_of(GIVEN_S if duration_s is None else duration_s, dt_s)) * dt_s
+            signal = time_s, np.array([float(given(t)) for t in time_s.tolist()])
+        elif hasattr(given, "index") and hasattr(given, "to_numpy"):
+            signal = np.asarray(given.index, dtype=np.float64), np.asarray(given.to_numpy(), dtype=np.float64)
+        else:
+            rows = np.asarray(given, dtype=np.float64)
+            rows = rows.T if rows.ndim == 2 and rows.shape[1] == 2 else rows
+            signal = (rows[0], rows[1]) if rows.ndim == 2 and len(rows) == 2 else (np.arange(rows.size) * dt_s, rows)
+        time_s, values = signal
+        fine = values.ndim == 1 and len(values) >= 2 and np.isfinite(signal).all() and (np.diff(time_s) > 0).all()
+    except (TypeError, ValueError):
+        fine = False
+    if not fine:
+        raise UsageError(
+            "«reference»: give finite numbers over a time that rises: a Series over seconds, an array of rows (time, "
+            "reference) or of one value a control sample, or a function of time"
+        )
+    return read_only(time_s), read_only(values)
 
 
 def read_rows(

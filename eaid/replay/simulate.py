@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any
 
 import msgspec
@@ -18,9 +19,9 @@ from eaid.options import Rig, SimulateOptions
 from eaid.plant.dynamics import PlantNumbers, plant_numbers
 from eaid.progress import Progress, no_progress
 from eaid.replay.compare import compared
-from eaid.replay.controllers import Controller, controller_of
+from eaid.replay.controllers import Controller, OwnGains, OwnLaw, controller_of, own_step
 from eaid.replay.loop import replay
-from eaid.replay.references import Reference, Signal, measure, reference_beyond, reference_of
+from eaid.replay.references import Reference, measure, reference_beyond, reference_of, signal_of
 from eaid.replay.rehab import MODES, rehabilitate
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
@@ -38,30 +39,34 @@ def simulate(
     fit: Fit,
     gains: Gains | None = None,
     options: SimulateOptions = SimulateOptions(),  # noqa: B008 - frozen
-    reference: Signal | None = None,
+    reference: Any = None,
     runs: Sequence[Run] | None = None,
     progress: Progress = no_progress,
+    own: Mapping[str, OwnLaw] = MappingProxyType({}),
 ) -> Replay:
-    """`eaid.simulate` on what has been read: a reference as time [s] and output, or recorded runs. DataError where the
-    fit holds no plant or a run has other units than the fit, UsageError where options do nothing here or contradict
-    each other."""
+    """`eaid.simulate` on what has been read: a reference as `signal_of` takes it, or recorded runs; a user's `own`
+    controllers. DataError where the fit holds no plant or a run has other units than the fit, UsageError where options
+    do nothing here or contradict each other."""
     what = "log" if runs is not None else "reference" if reference is not None else options.scenario or "multisine"
-    options.check_for(what)
+    options.check_for("function" if callable(reference) else what)
+    if own and (options.plants is not None or what == "log"):
+        raise UsageError("a «controller» of your own does not go with «plants» or «log»; leave one of them out")
     model = plant_of(fit)
     if model is None:
         raise DataError("the fit holds no nonlinear model, which the replay's plant is; fit clutch data with it")
     refuse_other_units(fit, gains)
     findings: list[Finding] = []
     linear = fit.linear.parameters if fit.linear is not None else gains.model if gains is not None else None
-    names = options.controller or tuple(gains.laws if gains is not None else ())
-    if not options.controller and what == "sweep" and linear is not None:
+    names = options.controller or tuple(gains.laws if gains is not None and not own else ())
+    if not options.controller and not own and what == "sweep" and linear is not None:
         names += ("open-loop",)
-    if not names and what != "log":
+    if not names and what != "log" and not own:
         invertible = model.zeta is None and not model.Ts_below
         names = ("open-loop",) * (linear is not None) + ("inverse",) * invertible
         findings.append(finding("no-gains", "controllers"))
     limits = input_limits(fit) if gains is None else gains.duty_limits_pct
     controllers = tuple(controller_of(name, model, linear, gains, limits) for name in names)
+    controllers += tuple(Controller(name, own_step, OwnGains(name, law, *limits), 0) for name, law in own.items())
     rig, scales = part(Rig, options), scales_of(fit, model)
     if runs is not None and (unused := list(rig.given())):
         raise UsageError(f"«{unused[0]}»: does nothing with logs; leave it out")
@@ -88,7 +93,8 @@ def simulate(
         sessions = {each.name: rehabilitate(plant, each, exercise, rig, dt_s, options.seed) for each in controllers}
         outcome = sessions, {"dt_s": dt_s, "counted_from_s": exercise.uncounted_s, "exercise": exercise}, []
     else:
-        wanted = reference_of(what if reference is None else reference, dt_s, scales, options.duration)
+        signal = None if reference is None else signal_of(reference, dt_s, options.duration)
+        wanted = reference_of(what if signal is None else signal, dt_s, scales, options.duration)
         outcome = _tracked(fit, gains, plant, controllers, wanted, rig, options, progress)
     records, head, more = outcome
     return Replay(

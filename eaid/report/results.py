@@ -15,9 +15,8 @@ from eaid.findings import Finding, say
 from eaid.options import CONTROLLERS, ReadOptions
 from eaid.progress import Progress, no_progress
 from eaid.reading import read_steps
-from eaid.replay import files as replay_files
 from eaid.report.rig import of_the_paper
-from eaid.results import codec
+from eaid.results import codec, replay_file
 from eaid.results.coupling import Coupling
 from eaid.results.fit import Fit, FittedData
 from eaid.results.gains import Gains
@@ -192,7 +191,7 @@ def read_result(path: Path) -> tuple[Any, tuple[Finding, ...]]:
     schema = ""
     with contextlib.suppress(OSError, KeyError, RuntimeError), h5py.File(path) as file:  # damaged: its reader says so
         schema = file.attrs.get("schema", "")
-    return replay_files.read(path) if schema == replay_files.SCHEMA else (read_steps([path], ReadOptions())[1], ())
+    return replay_file.read(path) if schema == replay_file.SCHEMA else (read_steps([path], ReadOptions())[1], ())
 
 
 def drawable(replay: Replay, path: Path) -> Replay:

@@ -1,7 +1,8 @@
 """Results → a folder with the page and its figures: the one entry of command line and Python."""
 
 import base64
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
 
@@ -12,10 +13,11 @@ from eaid.progress import Progress, no_progress
 from eaid.report import paper
 from eaid.report.figures import FIGURES
 from eaid.report.live import live_of
-from eaid.report.page import Drawn, page
-from eaid.report.page.summary import mark_of, pictures
+from eaid.report.page import Block, Drawn, page, parts
+from eaid.report.page.summary import known, mark_of, pictures
 from eaid.report.panels import Sheet
 from eaid.report.results import Results
+from eaid.report.tables import Table
 
 FILE, FOLDER = "report.html", "figures"
 
@@ -44,6 +46,8 @@ def write_report(
     for title, section, sheet in islice(pictures(given), 2):
         _files, address, size = _drawn(sheet, mark[0] if mark else "", dpi=200)
         shown.append(Drawn(section, title, f"More of it in the part {section}", address, size))
+    if options.tables is not None:
+        write_tables(options.tables, given, force)
     contents[FILE] = page(given, drawn, shown).encode("utf-8", errors="replace")
     for one in (folder, folder / FOLDER):
         one.mkdir(exist_ok=True)
@@ -55,6 +59,32 @@ def write_report(
         if old not in paths:
             old.unlink()
     return folder / FILE, tuple(one.name for one in drawn)
+
+
+def write_tables(folder: Path, given: Results, force: bool) -> None:
+    """Every table of the page as CSV, numbers whole, and as LaTeX, as the page shows it."""
+    import pandas
+
+    texts: dict[Path, str] = {}
+    for table in tables_in(parts(given, known(given), {})):
+        name = re.sub(r"[^a-z0-9]+", "-", table.heading.lower()).strip("-")
+        again = sum(path.suffix == ".csv" and re.fullmatch(rf"{name}(-\d+)?", path.stem) is not None for path in texts)
+        stem = f"{name}-{again + 1}" if again else name
+        heads, rows = table.plain()
+        texts[folder / f"{stem}.csv"] = pandas.DataFrame(rows, columns=heads).to_csv(index=False, lineterminator="\n")
+        shown = pandas.DataFrame(list(table.texts), columns=list(table.heads))
+        texts[folder / f"{stem}.tex"] = shown.to_latex(index=False, escape=True, caption=table.heading)
+    folder.mkdir(exist_ok=True, parents=True)
+    with written_whole(*texts, force=force) as paths:
+        for path, text in zip(paths, texts.values(), strict=True):
+            path.write_text(text, encoding="utf-8", errors="replace")
+
+
+def tables_in(blocks: Iterable[Block]) -> Iterator[Table]:
+    """The tables of some parts of the page and of what stands folded in them."""
+    for block in blocks:
+        yield from block.tables
+        yield from tables_in(block.folds)
 
 
 def _drawn(

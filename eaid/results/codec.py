@@ -100,6 +100,10 @@ class Saved(Shown):
     FILE: ClassVar[str]
     """fit, gains, couple or plan."""
 
+    def to_dict(self) -> dict[str, Any]:
+        """What the file holds."""
+        return json.loads(dumps(self))  # type: ignore[no-any-return]
+
     def save(self, path: str | os.PathLike[str], force: bool = False) -> None:
         """Write the result's JSON file, whole or not at all; an existing file is left alone unless `force`."""
         with written_whole(Path(path), force=force) as (part,):

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Self
 import msgspec
 
 from eaid.files import sha256_of
-from eaid.findings import Finding
+from eaid.findings import Finding, merged, ranked, sentences
 
 Number = Annotated[float, msgspec.Meta(ge=-1e60, le=1e60)]
 """A finite number of a size that a rig can have; its cube is still a number."""
@@ -52,6 +52,11 @@ class Made(Result, frozen=True, kw_only=True):
     """That of its options."""
     findings: tuple[Finding, ...] = ()
     """What is to be known before the numbers are used, worst first."""
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The findings that are more than notes, as sentences, the worst of each kind."""
+        return tuple(sentences(one for one in ranked(merged(self.findings)) if one.severity != "note"))
 
 
 class Source(Result, frozen=True):

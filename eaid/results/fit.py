@@ -5,9 +5,9 @@ Keys are the paper's symbols, polynomials lowest power first, units those of the
 """
 
 import math
-import statistics
 from collections.abc import Sequence
 from dataclasses import replace
+from statistics import median_low
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import msgspec
@@ -26,7 +26,7 @@ from eaid.plant.forms import terms
 from eaid.plant.linear import Linear as LinearModel
 from eaid.plant.respond import from_rest, step_response
 from eaid.plant.trends import evaluate
-from eaid.results import codec
+from eaid.results import codec, statistics
 from eaid.results.common import (
     AbsError,
     Count,
@@ -45,6 +45,7 @@ from eaid.results.common import (
 )
 from eaid.results.plant import Coefficients, FittedPlant, falls_between, with_release
 from eaid.results.recorded import LogFit, Recorded
+from eaid.results.responses import LevelResponse
 from eaid.shown import Plotted
 
 if TYPE_CHECKING:
@@ -461,6 +462,8 @@ class Fit(Plotted, codec.Saved, Made, frozen=True, dict=True):
     """Each change of input between two holds by itself, where a log goes from level to level."""
     recorded: Recorded | None = None
     """Of logs that were fitted as they were recorded."""
+    responses: tuple[LevelResponse, ...] = ()
+    """How the output of each level comes, stays and goes, as recorded."""
     parameters: tuple[Parameter, ...] = ()
     """All fitted parameters with their intervals."""
 
@@ -470,34 +473,52 @@ class Fit(Plotted, codec.Saved, Made, frozen=True, dict=True):
         import pandas as pd
 
         values = [np.nan if row.value is None else row.value for row in self.parameters]
-        return pd.Series(values, index=self._index, name="value", dtype=float)
+        return pd.Series(values, index=statistics.index_of(self.parameters), name="value", dtype=float)
 
     def conf_int(self, alpha: float = 0.05) -> "pandas.DataFrame":
         """Intervals of `params` that miss with probability `alpha`, columns low and high; NaN where there are none.
 
-        Those of another confidence than 95 % by Student's t: of what is above 0 throughout on its logarithm.
+        Those of another confidence than 95 % by Student's t, on the logarithm where the 95 % interval is even there.
         """
-        import pandas as pd
-
-        if not 0 < alpha < 1:
-            raise UsageError(f"«alpha» {alpha:g}: must lie between 0 and 1")
-        rows = [(row.value, row.low, row.high, row.dof) for row in self.parameters]
-        value, low, high, dof = np.array(rows, dtype=np.float64).reshape(-1, 4).T  # None becomes NaN
-        dof = np.minimum(np.where(np.isnan(dof), np.inf, dof), 1e12)
-        ends = np.array([low, high])
-        if alpha != 0.05:
-            ratio = stdtrit(dof, 1 - alpha / 2) / stdtrit(dof, 0.975)
-            with np.errstate(invalid="ignore", divide="ignore"):
-                by_ratio = (low > 0) & (value > 0)
-                ends = np.where(by_ratio, value * (ends / value) ** ratio, value + ratio * (ends - value))
-        return pd.DataFrame(ends.T, index=self._index, columns=["low", "high"])
+        return statistics.intervals(self.parameters, alpha)
 
     @property
-    def _index(self) -> "pandas.MultiIndex":
-        import pandas as pd
+    def bse(self) -> "pandas.Series[float]":
+        """Standard errors of `params`: half of each 95 % interval over Student's t; NaN where there is none.
 
-        rows = [(row.model, row.name if row.level is None else f"{row.name}({row.level:g})") for row in self.parameters]
-        return pd.MultiIndex.from_tuples(rows, names=["model", "parameter"])
+        Where an interval is even on the logarithm, that of the logarithm times the value.
+        """
+        return statistics.standard_errors(self.parameters)
+
+    def cov_params(self) -> "pandas.DataFrame":
+        """Covariance of the nonlinear model's coefficients, of powers of the input; `DataError` where there is none."""
+        return statistics.covariance(self)
+
+    @property
+    def nobs(self) -> int:
+        """Samples that the first model was fitted to: of each level those of the average of its repeats."""
+        return statistics.sums(self)[2]
+
+    @property
+    def rsquared(self) -> float:
+        """1 − ‖y − ŷ‖²/‖y − mean y‖² of the first model; of friction curves each about its own mean."""
+        sse, about_mean, _ = statistics.sums(self)
+        return 1 - sse / about_mean
+
+    @property
+    def aic(self) -> float:
+        """2 k − 2 log L of the first model, as if samples were independent: for models of the same logs."""
+        return 2 * statistics.free_parameters(self) - 2 * statistics.log_likelihood(self)
+
+    @property
+    def bic(self) -> float:
+        """k log n − 2 log L of the first model, as if samples were independent."""
+        return statistics.free_parameters(self) * math.log(self.nobs) - 2 * statistics.log_likelihood(self)
+
+    @property
+    def levels(self) -> tuple[float, ...]:
+        """The levels that were fitted, in the input's unit."""
+        return self.data.levels
 
     def at(self, level: float) -> "pandas.DataFrame":
         """T_s, τ1 and τ2 at an input, with the ends of their 95 % intervals: columns value, low, high.
@@ -541,35 +562,28 @@ class Fit(Plotted, codec.Saved, Made, frozen=True, dict=True):
 
         `DataError` for a fit that was read from a file: it holds no samples.
         """
-        import pandas as pd
+        both = statistics.residuals(self)
+        return (both["recorded"] - both["fitted"]).rename("residual")
 
-        steps = self.__dict__.get("steps_fitted")
-        if steps is None:
-            raise DataError("this fit was read from a file, or is of logs as recorded, and holds no samples; fit again")
-        parts = {
-            one.level: pd.Series(one.mean - self._curve(self._first, one.level, one.time_s), index=one.time_s)
-            for one in steps.levels
-        }
-        whole: pd.Series[float] = pd.concat(parts, names=["level", "time_s"])
-        return whole.rename("residual")
+    @property
+    def resid(self) -> "pandas.Series[float]":
+        """`residuals`."""
+        return self.residuals
+
+    @property
+    def fittedvalues(self) -> "pandas.Series[float]":
+        """The first model at the samples of `residuals`."""
+        return statistics.residuals(self)["fitted"]
 
     @property
     def rmse(self) -> float:
         """Root mean square residual of the first model that was fitted: nonlinear, linear, friction; NaN if unknown."""
-        if self._first != "friction":
-            known = getattr(self, self._first).rmse
+        if statistics.first_model(self) != "friction":
+            known = getattr(self, statistics.first_model(self)).rmse
             return math.nan if known is None else float(known)
         rows = [(row.sse, row.samples) for row in self.friction_levels if row.sse is not None and row.samples]
         sse, samples = np.array(rows or [(math.nan, 1)]).sum(axis=0).tolist()
         return math.sqrt(sse / samples)
-
-    @property
-    def _first(self) -> str:
-        """The first model that was fitted."""
-        found = next((name for name in CURVES if getattr(self, name) is not None), None)
-        if found is None:
-            raise DataError("the fit holds no model of steps")
-        return found
 
     def to_frame(self) -> "pandas.DataFrame":
         """One row a level, or a step between two: its curve with intervals, and the error of each model."""
@@ -614,7 +628,7 @@ class Fit(Plotted, codec.Saved, Made, frozen=True, dict=True):
         """
         import pandas as pd
 
-        chosen = model or self._first
+        chosen = model or statistics.first_model(self)
         if chosen not in CURVES:
             raise UsageError(f"«model» {chosen}: must be one of {', '.join(CURVES)}")
         if getattr(self, chosen) is None:
@@ -625,12 +639,12 @@ class Fit(Plotted, codec.Saved, Made, frozen=True, dict=True):
             if known and not min(known) <= u <= max(known):
                 raise self._outside("duty", u, known)
         return pd.DataFrame(
-            np.column_stack([self._curve(chosen, u, np.maximum(time_s, 0.0)) for u in inputs]),
+            np.column_stack([self.curve(chosen, u, np.maximum(time_s, 0.0)) for u in inputs]),
             index=pd.Index(time_s, name="time_s"),
             columns=pd.Index(inputs, name=f"{chosen} [{self.data.input_unit}]"),
         )
 
-    def _curve(self, model: str, duty: float, time_s: Array) -> Array:
+    def curve(self, model: str, duty: float, time_s: Array) -> Array:
         """The output of a model at times since a step from rest."""
         if model != "friction":
             acting_s = np.maximum(time_s - self.dead_time_s, 0.0)
@@ -689,7 +703,7 @@ class Fit(Plotted, codec.Saved, Made, frozen=True, dict=True):
             return self.plant_.dead_time_s
         if self.recorded is not None:
             return self.recorded.dead_time_s
-        return statistics.median_low([step.dead_time_s for step in self.steps if step.edge == "up"] or [0.0])
+        return median_low([step.dead_time_s for step in self.steps if step.edge == "up"] or [0.0])
 
     @property
     def verdict(self) -> "Verdict":

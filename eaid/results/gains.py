@@ -328,6 +328,19 @@ class Gains(Plotted, codec.Saved, Made, frozen=True):
             msgspec.structs.force_setattr(self, "rc", msgspec.structs.replace(self.rc, guaranteed=self.guarantee.holds))
 
     @property
+    def params(self) -> "pandas.Series[float]":
+        """All gains, indexed by (law, gain)."""
+        import pandas
+
+        laws = {
+            name: law if isinstance(law, dict) else {key: getattr(law, key) for key in law.SHOWN}
+            for name, law in self.controllers_by_name.items()
+        }
+        known = {(name, key): value for name, law in laws.items() for key, value in law.items() if value is not None}
+        names = pandas.MultiIndex.from_tuples(known, names=["law", "gain"])
+        return pandas.Series(list(known.values()), index=names, name="value", dtype=float)
+
+    @property
     def laws(self) -> dict[str, Robust | PI]:
         """RC and PI by name."""
         every = {"rc": self.rc, "pi": self.pi}

@@ -231,6 +231,17 @@ class Replay(Plotted):
         """What is to be known before the numbers are used."""
         return self.head.findings
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The findings that are more than notes, as sentences."""
+        return self.head.warnings
+
+    def to_dict(self) -> dict[str, object]:
+        """What `simulate --json` prints: all but the columns."""
+        from eaid.results.replay_file import as_json
+
+        return as_json(self)
+
     def metrics(self, role: Role = "controller") -> dict[str, Metrics]:
         """Metrics by name of the groups that play this part."""
         return {name: one.metrics for name, one in self.records.items() if one.role == role}
@@ -255,6 +266,6 @@ class Replay(Plotted):
 
     def save(self, path: str | os.PathLike[str], force: bool = False) -> None:
         """Write replay.h5, whole or not at all."""
-        from eaid.replay.files import write_replay
+        from eaid.results.replay_file import write_replay
 
         write_replay(Path(path), self, force)

@@ -9,10 +9,13 @@ from eaid.findings.finding import WORD
 from eaid.findings.row import SYMBOLS
 from eaid.findings.sentences.fitting import kind_in_words
 from eaid.plant.dynamics import Plant
+from eaid.results.common import ci95_of
+from eaid.results.verdict import MODELS, in_short
 from eaid.shown import counted, span
 
 if TYPE_CHECKING:
     from eaid.results.fit import CurveLevel, Fit, FrictionLevel, StepShape
+    from eaid.results.responses import LevelResponse
 
 T = TypeVar("T")
 
@@ -55,7 +58,7 @@ def answer(fit: "Fit") -> list[str]:
         used = USED[model.estimator] if fit.recorded is None else "the recorded log as a whole, every input at once"
         parted = any(one.code in ("joint-fit-parts", "joint-fit-asked-for-parts") for one in fit.findings)
         lines.append(f"used   {used}{' (the joint fit disagrees with the single levels)' if parted else ''}")
-        lines += _peaks(fit)
+        lines += _held(fit)
     return lines
 
 
@@ -113,23 +116,31 @@ def _per(output: str, of: str) -> str:
     return f" {output}/{of}" if output and of else ""
 
 
-def _peaks(fit: "Fit") -> list[str]:
-    """That steps overshoot, with peak and end of the highest one, where no model of steps from rest can follow."""
-    steps = [one for one in fit.steps if one.peak is not None]
-    if not steps:
+def _held(fit: "Fit") -> list[str]:
+    """How the highest level comes, slips and goes, as recorded; that T_s is an average where it slips."""
+    if not fit.responses:
         return []
-    top = max(steps, key=lambda one: one.level)
-    unit = f" {fit.data.output_unit}" if fit.data.output_unit else ""
-    where = f"{top.from_:.4g} → {top.level:.4g} peaks at {top.peak:.3g}{unit} and falls towards {top.change:.3g}"
-    levels = len(fit.data.levels)
-    of = f"steps to {len(steps)} of {counted(levels, 'level')}" if levels else counted(len(steps), "step")
-    return [f"peaks  {of} overshoot, T_s is an average: {where}"]
+    top, unit = max(fit.responses, key=lambda one: one.level), f" {fit.data.output_unit}".rstrip()
+    said = [f"{_with_interval(top, 'held')}{unit}" if top.held is not None else ""]
+    for name, verb in (("engaged_s", "engaged in"), ("released_s", "released in")):
+        if getattr(top, name) is not None:
+            said.append(f"{verb} {_with_interval(top, name)} s")
+    if top.peak is not None:
+        said.append(f"peaks at {top.peak:.3g}{unit} after {top.peak_s:.3g} s, so T_s is an average")
+    level = f"{top.level:.4g} {fit.data.input_unit}".rstrip()
+    return [f"held   at {level}: {', '.join(filter(None, said))}"]
 
 
 def warned(fit: "Fit") -> tuple[str, ...]:
     """The three gravest findings that are more than notes, by their codes: `repeats disagree`, `τ2 open`."""
-    grave = [one for one in ranked(merged(fit.findings)) if one.severity != "note"][:MOST]
-    return tuple(one.code.replace("-", " ").replace("tau", "τ") for one in grave)
+    return tuple(in_short(one) for one in ranked(merged(fit.findings)) if one.severity != "note")[:MOST]
+
+
+def of_fit(fit: "Fit") -> list[str]:
+    """What of a fit's warnings matters to what is made of it: those about its models, in one line; none without."""
+    about = [one for one in fit.verdict.warnings if one.subject in MODELS][:MOST]
+    average = " (T_s is an average)" if any(one.code == "output-decays-under-hold" for one in about) else ""
+    return [f"of a fit that warned: {', '.join(map(in_short, about))}{average}"] if about else []
 
 
 def values(fit: "Fit") -> list[list[str]]:
@@ -211,9 +222,9 @@ def _value(row: "CurveLevel | FrictionLevel", name: str) -> str:
     return "not estimable" if name != "Ts" and value > ENDLESS_S else f"{value:.3g} (not estimable)"
 
 
-def _with_interval(row: "CurveLevel | FrictionLevel | StepShape", name: str) -> str:
+def _with_interval(row: "CurveLevel | FrictionLevel | StepShape | LevelResponse", name: str) -> str:
     """A value with its interval; a dash where there is none."""
-    value, ends = getattr(row, name), getattr(row.ci95, name)
+    value, ends = getattr(row, name), ci95_of(row, name)
     if value is None:
         return "–"
     return f"{value:.3g}" if ends is None else f"{value:.3g} ({ends[0]:.3g} … {ends[1]:.3g})"

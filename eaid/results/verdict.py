@@ -14,11 +14,12 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.errors import in_python
-from eaid.findings import Finding, finding, ranked, say, stops
+from eaid.findings import Finding, finding, merged, ranked, say, stops
 from eaid.plant import linear
 from eaid.plant.dynamics import CHECKED_INPUTS, Plant
 from eaid.plant.respond import from_rest
 from eaid.results.common import Interval
+from eaid.shown import counted
 
 if TYPE_CHECKING:
     from eaid.results.fit import Fit
@@ -35,9 +36,26 @@ NEARLY = 1e-3  # Share of the largest value by which τ2 may lie below τ1, or T
 
 
 class Verdict(msgspec.Struct, frozen=True):
-    """Whether a fit may be used, and the findings that say why not."""
+    """Whether a fit may be used, and the findings that say why not; true of it means that it may.
+
+    Examples
+    --------
+    >>> Verdict(), Verdict(warnings=(finding("tau2-open", "nonlinear"),))
+    (usable, usable; 1 warning: τ2 open)
+    """
 
     reasons: tuple[Finding, ...] = ()
+    warnings: tuple[Finding, ...] = ()
+    """What is to be known before it is used, the worst of each kind."""
+
+    def __bool__(self) -> bool:
+        return self.usable
+
+    def __repr__(self) -> str:
+        if self.reasons:
+            return f"NOT USABLE: {self.why}"
+        said = f": {', '.join(map(in_short, self.warnings))}" if self.warnings else ""
+        return f"usable; {counted(len(self.warnings), 'warning')}{said}" if said else "usable"
 
     @property
     def usable(self) -> bool:
@@ -56,14 +74,24 @@ class Verdict(msgspec.Struct, frozen=True):
 
     def of(self, *models: str) -> "Verdict":
         """The verdict on some of the models: what speaks against others alone is left out."""
-        return Verdict(tuple(one for one in self.reasons if one.subject in models or one.subject not in MODELS))
+        of_these = (
+            tuple(one for one in some if one.subject in models or one.subject not in MODELS)
+            for some in (self.reasons, self.warnings)
+        )
+        return Verdict(*of_these)
+
+
+def in_short(finding: Finding) -> str:
+    """A finding by its code: `repeats disagree`, `τ2 open`."""
+    return finding.code.replace("-", " ").replace("tau", "τ")
 
 
 def verdict_of(fit: "Fit") -> Verdict:
     """The verdict on a fit, from the findings of severity stop and from its own numbers."""
     told = stops(fit.findings)
     known = {(one.code, one.subject) for one in told}
-    return Verdict((*told, *(one for one in failures(fit) if (one.code, one.subject) not in known)))
+    warnings = tuple(one for one in ranked(merged(fit.findings)) if one.severity == "caution")
+    return Verdict((*told, *(one for one in failures(fit) if (one.code, one.subject) not in known)), warnings)
 
 
 def judged(fit: "Fit") -> "Fit":

@@ -101,7 +101,11 @@ def test_the_table_of_parameters_has_every_interval_and_the_others_follow(
     t = [stats.t.ppf(1 - a / 2, row.dof) for a in (0.05, 0.5)]
     half = fit.conf_int(0.5).loc[("linear", "a0")]
     assert (row.low, row.high) == fit.linear.ci95.a0 == tuple(fit.conf_int().loc[("linear", "a0")])
-    assert half["high"] == pytest.approx(row.value * (row.high / row.value) ** (t[1] / t[0]))
+    assert half["high"] == pytest.approx(row.value + (row.high - row.value) * t[1] / t[0])  # an even interval
+    (row,) = [one for one in fit.parameters if (one.model, one.name, one.level) == ("friction", "tau1", LEVELS[1])]
+    t, ends = [stats.t.ppf(1 - a / 2, row.dof) for a in (0.05, 0.5)], fit.conf_int(0.5)
+    high = row.value * (row.high / row.value) ** (t[1] / t[0])  # one that is even on the logarithm
+    assert ends.loc[("friction", f"tau1({LEVELS[1]:g})"), "high"] == pytest.approx(high)
     with pytest.raises(UsageError):
         fit.conf_int(alpha=2)
     fit.save(tmp_path / "fit.json")
@@ -125,6 +129,7 @@ def test_residuals_and_scores_by_hand(small_steps: Any, options: dict[str, Any],
     np.testing.assert_allclose(left.loc[first.level].to_numpy(), mine, rtol=1e-9, atol=1e-12)
     sse, y = float((left**2).sum()), np.concatenate([level.mean for level in small_steps.levels])
     assert fit.rmse == pytest.approx(np.sqrt(sse / len(y)))
+    assert fit.bic - fit.aic == pytest.approx(free * (np.log(len(y)) - 2))
 
 
 def test_a_fit_of_a_file_has_a_covariance_and_no_residuals(small_fit: Any, tmp_path: Path) -> None:

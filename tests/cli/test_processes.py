@@ -128,3 +128,10 @@ def test_the_threads_of_blas_change_no_byte(rig):
         more = {"OPENBLAS_NUM_THREADS": count, "OMP_NUM_THREADS": count}
         assert ran("fit", "data.h5", "-o", f"{count}.json", "-q", env={**os.environ, **more}).returncode == 0
     assert (rig / "1.json").read_bytes() == (rig / "2.json").read_bytes()
+
+
+def test_the_shell_completes_commands_and_options() -> None:
+    for words, index, wanted in (("eaid tu", 1, "tune-rc"), ("eaid fit --hold", 2, "--hold-out")):
+        typed = {"COMP_WORDS": words, "COMP_CWORD": str(index), "_EAID_COMPLETE": "complete_bash"}
+        ran = subprocess.run([sys.executable, "-m", "eaid"], env=os.environ | typed, capture_output=True, text=True)
+        assert ran.stdout.split() == [wanted]

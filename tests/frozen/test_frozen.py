@@ -44,7 +44,7 @@ SECTION_OF = {
 }
 
 LEFT_OUT = re.compile(
-    r"(^|\.)(schema|eaid|digest|parameters|dof|options|command|seed|inputs|path|sha256|synthetic|source|means|method|message|text"
+    r"(^|\.)(schema|eaid|digest|parameters|responses|dof|options|command|seed|inputs|path|sha256|synthetic|source|means|method|message|text"
     r"|warnings|starts|evaluations|predicted_decrease|solver|conventions|convention|other_weights|weights|level_weights"
     r"|agreement|periodic|ripple\w*|matrix|order|parametrisation|regions|R2|severity|subject|values|unit|apparatus|rig"
     r"|\w+_unit|C_free|nominal|readings|q[13]|whisker_\w+|outliers|n|never|anti_windup|timing|curves\.frequency_hz"

@@ -58,6 +58,22 @@ class Table:
             for column in zip(*self.rows, strict=True)
         )
 
+    def plain(self) -> tuple[list[str], list[list[object]]]:
+        """Heads and rows for a file: numbers whole, an interval as its two ends named after the column before it."""
+        wide = [any(isinstance(row[k], tuple) for row in self.rows) for k in range(len(self.columns))]
+        heads, of = [], ""
+        for head, two in zip(self.heads, wide, strict=True):
+            of = of if head.startswith("95 %") else head
+            heads += [f"{of} low", f"{of} high"] if two else [head]
+        rows: list[list[object]] = []
+        for row in self.rows:
+            cells: list[object] = []
+            for cell, two in zip(row, wide, strict=True):
+                ends = cell if isinstance(cell, tuple) else (cell, cell)
+                cells += ends if two else [cell]
+            rows.append(cells)
+        return heads, rows
+
 
 Head = str | tuple[str, str] | tuple[str, str, int]  # Head, unit and digits of a column
 # A column: its head, and what it shows of an item: an attribute by name, or a function

@@ -37,6 +37,25 @@ def levels_table(fit: Fit) -> Table:
     )  # fmt: skip
 
 
+def responses_table(fit: Fit) -> Table:
+    """How the output of each level comes, stays and goes, as recorded."""
+    out = fit.data.output_unit
+    quantities = (
+        ("engaged", "s", "engaged_s"), ("peak", out, "peak"), ("at", "s", "peak_s"), ("slip", out, "slip"),
+        ("held", out, "held"), ("released", "s", "released_s"),
+    )  # fmt: skip
+    known = [one for one in quantities if any(getattr(row, one[2]) is not None for row in fit.responses)]
+    return table_of(
+        "Engagement and release",
+        "As recorded, no model: from the step to 90 % of the held output, peak and slip from it where there is one, "
+        "mean of the last tenth of the hold, from the release to 10 %. Intervals: Student's t from what runs "
+        "differ.",
+        fit.responses, (("level", fit.data.input_unit), lambda one: level(one.level)), ("runs", "runs"),
+        *(part for head, unit, name in known for part in (
+            ((head, unit, 3), name), (INTERVAL, lambda one, name=name: ci95_of(one, name)))),
+    )  # fmt: skip
+
+
 def formula(trend: Trend, variable: str) -> str:
     """A fitted trend as one line of text, by its form."""
     c = trend.coefficients
@@ -203,6 +222,7 @@ def model_tables(fit: Fit) -> list[Table]:
             (("fit", "%", 4), "fit_pct"), (("score", "", 3), "score"),
         )  # fmt: skip
         found += [logs, kinds, loops]
+    found.append(responses_table(fit))
     if fit.friction is not None:
         found += [levels_table(fit), *([trends_table(fit)] if fit.friction.trends else [])]
     found.append(level_steps_table(fit))

@@ -1,0 +1,150 @@
+"""What a notebook asks a fit for, under the names that statsmodels' users guess; n samples, k free parameters:
+
+    rsquared  1 − SSE/Σ (y − mean y)²        llf  −n/2 (log(2π SSE/n) + 1)
+    aic       2 k − 2 llf                    bic  k log n − 2 llf
+
+All are of the first model that was fitted: nonlinear, linear, friction. Repeats of a level are averaged before a model
+is fitted, so n counts the samples of the averages; noise that remembers makes fewer of them independent than there are,
+so `aic` and `bic` compare models of the same logs and are no absolute measure.
+"""
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import stdtrit
+
+from eaid.arrays import Array
+from eaid.errors import DataError, UsageError
+
+if TYPE_CHECKING:
+    import pandas
+
+    from eaid.results.fit import Fit, Parameter
+
+FIRST = ("nonlinear", "linear", "friction")  # Models of steps, the first that was fitted before the others
+SAME = 1e-6  # Part of an interval by which a value lies off its middle and still is the middle
+
+
+def first_model(fit: "Fit") -> str:
+    """The first model of steps that was fitted."""
+    found = next((name for name in FIRST if getattr(fit, name) is not None), None)
+    if found is None:
+        raise DataError("the fit holds no model of steps")
+    return found
+
+
+def index_of(rows: "tuple[Parameter, ...]") -> "pandas.MultiIndex":
+    """(model, parameter) of each row, the level in brackets."""
+    import pandas as pd
+
+    names = [(row.model, row.name if row.level is None else f"{row.name}({row.level:g})") for row in rows]
+    return pd.MultiIndex.from_tuples(names, names=["model", "parameter"])
+
+
+def _table(rows: "tuple[Parameter, ...]") -> Array:
+    """Value, low, high and degrees of freedom, shape (4, rows); what is not known is NaN, such freedom infinite."""
+    cells = [(row.value, row.low, row.high, row.dof) for row in rows]
+    table = np.array(cells, dtype=np.float64).reshape(-1, 4).T  # None becomes NaN
+    table[3] = np.minimum(np.where(np.isnan(table[3]), np.inf, table[3]), 1e12)
+    return table
+
+
+def _by_ratio(value: Array, low: Array, high: Array) -> NDArray[np.bool_]:
+    """Of which values the interval lies about the logarithm: all that are above 0 and not in the middle."""
+    off = np.abs(low + high - 2 * value) > SAME * (high - low)
+    return (low > 0) & (value > 0) & off
+
+
+def intervals(rows: "tuple[Parameter, ...]", alpha: float) -> "pandas.DataFrame":
+    """`Fit.conf_int`."""
+    import pandas as pd
+
+    if not 0 < alpha < 1:
+        raise UsageError(f"«alpha» {alpha:g}: must lie between 0 and 1")
+    value, low, high, dof = _table(rows)
+    ends = np.array([low, high])
+    if alpha != 0.05:
+        ratio = stdtrit(dof, 1 - alpha / 2) / stdtrit(dof, 0.975)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            scaled = value * (ends / value) ** ratio
+            ends = np.where(_by_ratio(value, low, high), scaled, value + ratio * (ends - value))
+    return pd.DataFrame(ends.T, index=index_of(rows), columns=["low", "high"])
+
+
+def standard_errors(rows: "tuple[Parameter, ...]") -> "pandas.Series[float]":
+    """`Fit.bse`."""
+    import pandas as pd
+
+    value, low, high, dof = _table(rows)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        width = np.where(_by_ratio(value, low, high), value * np.log(high / low), high - low)
+    return pd.Series(width / (2 * stdtrit(dof, 0.975)), index=index_of(rows), name="bse", dtype=float)
+
+
+def covariance(fit: "Fit") -> "pandas.DataFrame":
+    """`Fit.cov_params`."""
+    import pandas as pd
+
+    held = fit.nonlinear.covariance if fit.nonlinear is not None else None
+    if held is None or not held.matrix:
+        raise DataError("the fit holds no covariance; fit steps of several levels with «model» nonlinear, «ci» robust")
+    powers = np.array([int(name.partition("[")[2].rstrip("]") or 0) for name in held.order])
+    per_unit = 100.0**-powers  # kept in powers of u/100, given as those of u
+    names = pd.MultiIndex.from_tuples([("nonlinear", name) for name in held.order], names=["model", "parameter"])
+    return pd.DataFrame(np.array(held.matrix) * np.outer(per_unit, per_unit), index=names, columns=names)
+
+
+def sums(fit: "Fit") -> tuple[float, float, int]:
+    """Sums of squares of the residuals and about the mean, and samples; friction curves each about their own mean."""
+    model = first_model(fit)
+    rows = fit.friction_levels if model == "friction" else (getattr(fit, model),)
+    known = [
+        (one.sse, one.sse / (1 - one.R2), one.sse / one.rmse**2)
+        for one in rows
+        if one.sse and one.rmse and one.R2 is not None and one.R2 < 1
+    ]
+    sse, about_mean, samples = np.array(known or [(math.nan, math.nan, sum(fit.data.samples))]).sum(axis=0).tolist()
+    return sse, about_mean, round(samples)
+
+
+def free_parameters(fit: "Fit") -> int:
+    """k: coefficients that are not held at 0 or another value."""
+    model = first_model(fit)
+    if model == "friction":
+        held = fit.friction is not None and fit.friction.C is not None
+        return (4 - held) * len(fit.friction_levels)
+    if model == "linear":
+        return int(np.count_nonzero([getattr(fit.linear, name) for name in ("a0", "b0", "c0")]))
+    part = fit.nonlinear
+    assert part is not None
+    if fit.plant_ is None or not fit.plant_.another:
+        return int(np.count_nonzero([*part.Ts, *part.tau1, *part.tau2])) + part.C_free
+    plant = fit.plant_  # of another kind: one lag has no τ2 of its own, a ringing one a damping
+    numbers = [*plant.Ts, *plant.Ts_below, *plant.tau1, plant.dead_time_s, plant.zeta or 0.0, plant.zero]
+    parallel = plant.kind in ("parallel", "overshoot")
+    return int(np.count_nonzero([*numbers, *(plant.tau2 if parallel else ())])) + parallel
+
+
+def log_likelihood(fit: "Fit") -> float:
+    """Of residuals as if they were independent and normal, of the variance that is most likely."""
+    sse, _, n = sums(fit)
+    return -n / 2 * (math.log(2 * math.pi * sse / n) + 1)
+
+
+def residuals(fit: "Fit") -> "pandas.DataFrame":
+    """Recorded and fitted output of the mean of each level's repeats, indexed by (level, time_s)."""
+    import pandas as pd
+
+    steps = fit.__dict__.get("steps_fitted")
+    if steps is None:
+        raise DataError("this fit was read from a file, or is of logs as recorded, and holds no samples; fit again")
+    parts = {
+        one.level: pd.DataFrame(
+            {"recorded": one.mean, "fitted": fit.curve(first_model(fit), one.level, one.time_s)}, index=one.time_s
+        )
+        for one in steps.levels
+    }
+    whole: pd.DataFrame = pd.concat(parts, names=["level", "time_s"])
+    return whole

@@ -1,0 +1,87 @@
+"""Engagement, release, peak and slip of each level: the true values of curves made here, on every surface."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import eaid
+
+SLIPS, RATE = 0.3, 500.0
+
+
+def run(u: float, seed: int, slip: float = SLIPS) -> pd.DataFrame:
+    """2 s idle, 6 s at u: rises with 0.1 s, slips back by a share with 1 s; falls with 0.2 s for 3 s."""
+    t, draw = np.arange(0.0, 11.0, 1 / RATE), np.random.default_rng([int(u), seed])
+    on, off = np.maximum(t - 2, 0), np.maximum(t - 8, 0)
+    y = (1 - np.exp(-on / 0.1)) * (1 + slip * np.exp(-on / 1.0)) * np.exp(-off / 0.2)
+    noise = 0.002 * u / 100 * draw.normal(size=t.size)
+    y = u / 100 * (1 + 0.02 * draw.normal()) * y + noise
+    return pd.DataFrame({"time_s": t, "duty_pct": np.where((t >= 2) & (t < 8), u, 0.0), "torque_nm": y})
+
+
+@pytest.fixture(scope="module")
+def fits() -> dict[float, Any]:
+    return {
+        slip: eaid.fit({f"u{u:g}r{k}": run(u, k, slip) for u in (40.0, 70.0, 100.0) for k in range(3)}, ci="none")
+        for slip in (0.0, SLIPS)
+    }
+
+
+@pytest.mark.parametrize("slip", [0.0, SLIPS])
+def test_a_response_is_that_of_the_curve(fits: Any, slip: float) -> None:
+    t = np.arange(0.0, 6.0, 1e-4)
+    curve = (1 - np.exp(-t / 0.1)) * (1 + slip * np.exp(-t))
+    held = curve[-6000:].mean()
+    for one in fits[slip].responses:
+        size = one.level / 100
+        assert one.held == pytest.approx(size * held, rel=0.03) and one.ci95.held[0] < size * held < one.ci95.held[1]
+        assert one.engaged_s == pytest.approx(t[(curve >= 0.9 * held).argmax()], abs=0.01)
+        assert one.released_s == pytest.approx(0.2 * math.log(10), rel=0.05)
+        if slip:
+            assert one.peak == pytest.approx(size * curve.max(), rel=0.04)
+            assert one.peak_s == pytest.approx(t[curve.argmax()], abs=0.1)
+            assert one.slip == pytest.approx(size * (curve.max() - held), rel=0.1)
+        else:
+            assert one.peak is one.peak_s is one.slip is None
+
+
+def test_it_is_told_kept_and_written_as_tables(fits: Any, tmp_path: Path) -> None:
+    fit = fits[SLIPS]
+    fit.save(tmp_path / "fit.json")
+    assert eaid.load(tmp_path / "fit.json").responses == fit.responses
+    assert f"held   at 100 %: {fit.responses[-1].held:.3g}" in fit.summary() and "peaks at" in fit.summary()
+    page = eaid.report(fit, to=tmp_path / "page", figures="fig07", tables=tmp_path / "tables").read_text(
+        encoding="utf-8"
+    )
+    table = pd.read_csv(tmp_path / "tables" / "engagement-and-release.csv")
+    assert table["engaged (s)"].tolist() == [one.engaged_s for one in fit.responses]
+    assert table["held (N·m) low"].tolist() == [one.ci95.held[0] for one in fit.responses]
+    tex = (tmp_path / "tables" / "engagement-and-release.tex").read_text(encoding="utf-8")
+    assert "Engagement and release" in page and r"\begin{tabular}" in tex and "engaged (s)" in tex
+    headings = {path.stem for path in (tmp_path / "tables").glob("*.csv")}
+    assert {"table-iii", "linear-model-eq-8"} <= headings
+    with pytest.raises(eaid.UsageError, match="exists already"):
+        eaid.report(fit, to=tmp_path / "other", tables=tmp_path / "tables")
+    assert not (tmp_path / "other" / "report.html").exists()
+
+
+def test_later_commands_begin_with_what_the_fit_warned_of(
+    fits: Any, tmp_path: Path, run_eaid: Any, monkeypatch: Any
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for slip, said in ((SLIPS, True), (0.0, False)):
+        fits[slip].save(tmp_path / f"{slip:g}.json")
+        for words in ("tune-rc {} -o g.json", "simulate {} g.json -o r.h5", "couple {} g.json -o c.json --no-replay"):
+            ran = run_eaid(*words.format(tmp_path / f"{slip:g}.json").split(), "--force")
+            assert ran.code == 0, ran.err
+            first = ran.out.splitlines()[0]
+            assert ("decays under hold" in first and "T_s is an average" in first) == said, (
+                words,
+                first,
+            )
+        told = run_eaid("export", "g.json", tmp_path / f"{slip:g}.json", "-o", "x", "--force").err.splitlines()[0]
+        assert ("decays under hold" in told) == said
