@@ -1,0 +1,89 @@
+"""T_s of a level is its own: it leans on the curve only as far as its runs leave it open."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import eaid
+from eaid.apparatus import Apparatus
+from eaid.plant.dynamics import REFERENCE_PLANT
+from eaid.plant.respond import step_response
+from eaid.results.fit import Fit
+from eaid.steps.stepset import Level, StepSet
+
+LEVELS = np.arange(10.0, 101.0, 10.0)
+OFF = {50.0: 0.8, 70.0: 1.1}  # T_s over the curve's, of levels that were recorded on another day
+
+
+def fitted(record_s: float, runs: int, levels: np.ndarray = LEVELS, off: dict[float, float] | None = None) -> Fit:
+    """A fit of steps of the reference plant whose gain scatters by 2 % and τ1 by 3 % from run to run."""
+    random, t, made = np.random.default_rng(4), np.arange(0.0, record_s, 0.01), []
+    for u in levels.tolist():
+        true = REFERENCE_PLANT.at(u)
+        each = [
+            replace(
+                true,
+                Ts=true.Ts * (off or {}).get(u, 1.0) * (1 + 0.02 * random.standard_normal()),
+                tau1=true.tau1 * np.exp(0.03 * random.standard_normal()),
+            )
+            for _ in range(runs)
+        ]
+        outputs = np.array([step_response(one, t) + 0.01 * random.standard_normal(len(t)) for one in each])
+        made.append(Level(u, t, outputs, tuple(f"{u:g}-{r}" for r in range(runs))))
+    return eaid.fit(StepSet("clutch", "%", "N·m", Apparatus(), tuple(made)), model=("friction", "nonlinear"))
+
+
+def codes(fit: Fit) -> set[str]:
+    return {one.code for one in fit.findings}
+
+
+def test_a_level_off_the_curve_keeps_its_own_value_everywhere() -> None:
+    fit = fitted(20.0, 3, off=OFF)
+    rows = {row.level: row for row in fit.friction_levels}
+    for u, factor in OFF.items():
+        own, curve = REFERENCE_PLANT.at(u).Ts * factor, float(fit.nonlinear.parameters.steady(u))
+        low, high = rows[u].ci95.Ts
+        assert low < own < high and not low < curve < high
+        assert abs(rows[u].Ts / own - 1) < 0.03 < abs(curve / own - 1)
+        assert fit.at(u).loc["Ts", "value"] == rows[u].Ts  # one number on every surface
+        assert f"{rows[u].Ts:.4g}" == f"{fit.params[('friction', f'Ts({u:g})')]:.4g}"
+    assert fit.nonlinear.level_scatter > 0.03
+    (told,) = [one for one in fit.findings if one.code == "levels-scatter"]
+    assert told.values["worst"] == 50 and told.values["off_pct"] < -10
+
+
+def test_levels_on_the_curve_lean_on_it() -> None:
+    fit = fitted(20.0, 3)
+    assert fit.nonlinear.level_scatter < 0.02 and "levels-scatter" not in codes(fit)
+    for row in fit.friction_levels:
+        assert row.ci95.Ts[0] < REFERENCE_PLANT.at(row.level).Ts < row.ci95.Ts[1]
+        assert np.log(row.ci95.Ts[1] / row.ci95.Ts[0]) < 0.12
+
+
+def test_between_levels_the_band_has_their_scatter_in_it() -> None:
+    wide, narrow = (fitted(20.0, 3, off=off).at(55.0).loc["Ts"] for off in (OFF, None))
+    assert np.log(wide.high / wide.low) > 2 * np.log(narrow.high / narrow.low)
+
+
+@pytest.mark.parametrize(("runs", "levels"), [(3, LEVELS), (1, np.array([40.0, 60.0, 80.0]))])
+def test_a_short_record_leaves_T_s_open_by_its_slow_part_and_no_more(runs: int, levels: np.ndarray) -> None:
+    """Six seconds and C held: T_s lies between the plateau and the plateau over C, a sixth above it."""
+    fit = fitted(6.0, runs, levels)
+    assert fit.verdict.usable
+    for row in fit.friction_levels:
+        low, high = row.ci95.Ts
+        assert low < REFERENCE_PLANT.at(row.level).Ts < high < 1.5 * low
+        assert row.ci95.tau2 is None or row.ci95.tau2[1] > 1.05 * row.ci95.tau2[0]  # none of zero width
+
+
+def test_clean_long_records_know_the_slow_part_of_single_runs() -> None:
+    t = np.arange(0.0, 10.0, 0.01)
+    noise = np.random.default_rng(0).standard_normal((3, len(t)))
+    made = [
+        Level(u, t, (u / 20) * (1 - 0.85 * np.exp(-t / 0.3) - 0.15 * np.exp(-t / 3)) + 0.005 * e[None], (f"{u:g}",))
+        for u, e in zip((20.0, 40.0, 60.0), noise, strict=True)
+    ]
+    fit = eaid.fit(StepSet("clutch", "%", "N·m", Apparatus(), tuple(made)), model=("friction", "nonlinear"))
+    for row in fit.friction_levels:
+        assert row.ci95.tau2[0] < 3 < row.ci95.tau2[1] < 3.4 and np.log(row.ci95.Ts[1] / row.ci95.Ts[0]) < 0.01

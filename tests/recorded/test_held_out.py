@@ -1,0 +1,51 @@
+"""A fit of recorded logs is judged on what a fit without it has not seen."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import eaid
+
+DT_S = 0.02
+
+
+def lag(u: np.ndarray, tau_s: float, gain: float = 0.05) -> np.ndarray:
+    y, keep = np.zeros(len(u)), np.exp(-DT_S / tau_s)
+    for k in range(1, len(u)):
+        y[k] = keep * y[k - 1] + (1 - keep) * gain * u[k - 1]
+    return y
+
+
+def log(seed: int, seconds: float = 60.0, drift: float = 0.0) -> pd.DataFrame:
+    """A lag of 0.5 s under random steps; `drift` is a random walk of the output that the input does not make."""
+    random, n = np.random.default_rng(seed), int(seconds / DT_S)
+    u = np.append(np.zeros(50), np.repeat(random.uniform(10, 100, n // 50), 50))[:n]
+    walk = np.cumsum(random.standard_normal(n)) * drift
+    y = lag(u, 0.5) + walk + 0.02 * random.standard_normal(n)
+    return pd.DataFrame({"time_s": DT_S * np.arange(n), "duty_pct": u, "torque_nm": y})
+
+
+def fit(*logs: pd.DataFrame) -> eaid.Fit:
+    named = {f"log{k}": one for k, one in enumerate(logs)}
+    return eaid.fit(eaid.read(named, logs_as="recorded"), model=("nonlinear",))
+
+
+@pytest.mark.parametrize(("logs", "of"), [((1,), "last third"), ((1, 2, 3), "logs")])
+def test_a_plant_that_is_there_holds_where_it_has_not_seen(logs: tuple[int, ...], of: str) -> None:
+    found = fit(*map(log, logs))
+    unseen = found.recorded.hold_out
+    assert unseen.of == of and abs(unseen.held_pct - unseen.fit_pct) < 1 and unseen.fit_pct > 95
+    assert found.verdict.usable and f"{unseen.held_pct:.1f} % on" in found.summary()
+
+
+def test_a_walk_that_no_input_makes_is_not_usable() -> None:
+    random, n = np.random.default_rng(5), 3000
+    u = np.append(np.zeros(50), np.repeat(random.uniform(10, 100, n // 50), 50))[:n]
+    walk = pd.DataFrame(
+        {"time_s": DT_S * np.arange(n), "duty_pct": u, "torque_nm": np.cumsum(random.standard_normal(n))}
+    )
+    try:
+        found = fit(walk)
+    except eaid.DataError:  # refused by name is as good
+        return
+    assert not found.verdict.usable
