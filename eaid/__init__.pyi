@@ -265,5 +265,5 @@ def compare(
 ) -> Comparison:
     """What moved between sessions; or whether a recorded loop does what its fit and gains promise."""
 
-def plot(result: Fit | Gains | Replay, ax: Any = None) -> Any:
-    """A result on matplotlib Axes: the step responses of a fit, margins of gains over the input, traces of a replay."""
+def plot(result: Fit | Gains | Replay | Rig | Comparison, ax: Any = None) -> Any:
+    """A result on matplotlib Axes: the step responses of a fit, margins of gains over the input, traces of a replay,"""

@@ -793,13 +793,14 @@ def compare(
     return Comparison(options=how, output_unit=promise.unit, promise=promise)
 
 
-def plot(result: Fit | Gains | Replay, ax: Any = None) -> Any:
-    """A result on matplotlib Axes: the step responses of a fit, margins of gains over the input, traces of a replay.
+def plot(result: "Fit | Gains | Replay | Rig | Comparison", ax: Any = None) -> Any:
+    """A result on matplotlib Axes: the step responses of a fit, margins of gains over the input, traces of a replay,
+    the control chart of a rig, T_s of sessions that are compared.
 
     Parameters
     ----------
     result
-        A fit, gains or a replay.
+        A fit, gains, a replay, a rig or a comparison.
     ax
         Axes that are drawn on; without them new ones.
 
@@ -821,8 +822,10 @@ def plot(result: Fit | Gains | Replay, ax: Any = None) -> Any:
     'Time since the step (s)'
     """
     from eaid.report.paper import plot as drawn
+    from eaid.sessions.compare import Comparison
+    from eaid.sessions.rig import Rig
 
-    if not isinstance(result, Fit | Gains | Replay):
+    if not isinstance(result, Fit | Gains | Replay | Rig | Comparison):
         raise UsageError(f"result: is a {type(result).__name__}; give a fit, gains or a replay")
     if ax is not None and not hasattr(ax, "plot"):
         raise UsageError(f"«ax» {ax!r:.40}: is no matplotlib Axes; leave it out, or give one of plt.subplots()")
@@ -834,6 +837,9 @@ def _tables(source: Any) -> "pandas.DataFrame | Mapping[str, pandas.DataFrame] |
     if hasattr(source, "columns"):
         return source  # type: ignore[no-any-return]
     if isinstance(source, Mapping):
+        for name, one in source.items():
+            if one is None or isinstance(one, str):
+                raise DataError(f"{name}: is no DataFrame and no array")
         if any(hasattr(one, "columns") or isinstance(one, Mapping) for one in source.values()):
             return {name: one if hasattr(one, "columns") else _frame(one) for name, one in source.items()}
         return _frame(source)

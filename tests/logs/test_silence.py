@@ -205,9 +205,8 @@ LOG = pd.DataFrame({"time_s": T, "duty_pct": U, "torque_nm": torque(0)})
 
 @pytest.mark.parametrize(
     ("given", "said", "sentence"),
-    [({1: LOG, "1": LOG}, {}, "1: is the name of two runs"), ({"a": {"time_s": [0.0]}}, {}, "a: is no DataFrame"),
-     ({"time_s": [0.0], "torque_nm": [0.0]}, {}, "time_s: is no DataFrame"), ({"a": None}, {}, "a: is no DataFrame"),
-     ([LOG, LOG], {}, "give files or folders of logs"), (LOG, {"baseline": "1e300"}, "baseline= 1e300: write"),
+    [({1: LOG, "1": LOG}, {}, "1: is the name of two runs"), ({"a": None}, {}, "a: is no DataFrame"),
+     ([LOG, None], {}, "give files or folders of logs"), (LOG, {"baseline": "1e300"}, "baseline= 1e300: write"),
      (LOG, {"units": {"input": "/1e308"}}, "from 1e-12 to 1e12"),
      (LOG, {"input": "duty_pct", "columns": {"output": "torque_nm"}}, "say all columns in one place")],
 )  # fmt: skip

@@ -171,7 +171,7 @@ def test_a_set_in_words_and_as_a_table() -> None:
         "left_pct": pytest.approx(0.3, abs=0.05),
     }  # fmt: skip
     turned = read(log([(0, 4), (50, 8)], gain=-0.04))
-    assert len(turned.warnings) == 1 and "their sign is turned" in turned.warnings[0] and not turned.runs[0].warnings
+    assert len(turned.warnings) == 1 and "with its sign turned" in turned.warnings[0] and not turned.runs[0].warnings
 
 
 def test_findings_of_a_set_the_gravest_first_and_each_once() -> None:
