@@ -254,7 +254,8 @@ def with_another_kind(fit: Fit, stepset: StepSet, options: FitOptions) -> Fit:
     if part is None or not part.another or not other.verdict.usable or (part.tried[0].fit_pct or 0.0) < LEAST_PCT:
         return fit
     explained = 0.0 if fit.nonlinear is None else fit.nonlinear.fit_pct or 0.0
-    if usable and (part.tried[0].fit_pct or 0.0) < explained - AS_WELL_PCT:
+    same = part.plant.kind == "lag" and part.dead_time_s > 0
+    if usable and not (same and (part.tried[0].fit_pct or 0.0) >= explained - AS_WELL_PCT):
         return fit
     kept = [one for one in fit.findings if not (one.subject in ("nonlinear", "friction") and one.severity != "note")]
     told = [one for one in other.findings if one.code == "kind-by-evidence"]
