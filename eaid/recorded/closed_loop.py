@@ -80,7 +80,8 @@ def judged_loops(base: Solved, logs: Sequence[RecordedLog]) -> tuple[tuple[Loop,
             if not (follows := follows_output(base, k, log)):
                 continue
             findings.append(finding("duty-follows-output", log.name, correlation=follows))
-        findings.append(finding("loop-instrument" if law and by_instrument else "loop-bias-unknown", log.name))
+        known = "loop-instrument" if by_instrument else "loop-direct"
+        findings.append(finding(known if law else "loop-bias-unknown", log.name))
         off = None if log.reference is None else (log.reference - log.output)[int(np.argmax(log.input > 0)) :]
         found = {} if law is None else {"K_P": law.gains.K_P, "K_I": law.gains.K_I, "law_fit_pct": law.fit_pct}
         loops.append(

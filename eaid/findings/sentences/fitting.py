@@ -391,6 +391,10 @@ ROWS: dict[str, Row] = {
         "{subject}: a closed loop whose law is not known: the bias of the direct fit cannot be told, and the intervals "
         "leave it out; log the reference of a PI loop, or play a duty of your own"
     ),
+    "loop-direct": caution(
+        "{subject}: its law is known, but the loop does not begin at rest, or the fit by its simulated duty does not "
+        "settle: the direct fit stands, whose bias the intervals leave out"
+    ),
     "loop-instrument": note(
         "{subject}: fitted with the simulated duty as an instrument: the noise that the duty carries has no say"
     ),
