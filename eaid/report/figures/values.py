@@ -30,7 +30,7 @@ def value_panel(
     known = [(value, value) if ends is None else ends for value, ends in zip(values, intervals, strict=True)]
     low, high = np.array(known).reshape(-1, 2).T
     ends = np.minimum(low, values), np.maximum(high, values)
-    lines = [Line(levels, values, "each level, 95 %", dash="", marker="o", ends=ends)]
+    lines = [Line(levels, values, "at each level, 95 %", dash="", marker="o", ends=ends)]
     top = float(np.nanmax(np.minimum(ends[1], TALL * np.abs(values)), initial=0.0))
     if model is not None:
         peak = float(np.nanmax(model.y, initial=0.0))
