@@ -39,6 +39,9 @@ from eaid.results.common import Solver
 
 A0_GRID = 16  # Time constants on the starting grid of the linear model
 A0_STARTS = 3  # Starts from it
+ENDLESS = 100.0  # Records from which a τ2 has no end
+MET = 1.01  # τ2 over τ1 where one lag is looked for
+ALIKE = 20.0  # χ² by which two ends must differ to be told apart
 WEIGHED = 10  # Rounds of weights, at most
 UNSEEN = 1e-10  # Directions that the data do not see have this part of the information at most
 SAME_WEIGHT = 1e-10  # Weights that change by less than this part of the largest have settled
@@ -211,13 +214,27 @@ def fit_levels_first(
         return Solution(replace(steps, weight=np.zeros(len(data.u))), begin[0], judged(0.0, 0, (0.0,)))
     steps = steps.weighed(min(begin, key=lambda x: steps.normal(x)[0]))
     ends = ended([approach(steps.problem, x) for x in begin], steps.problem)
-    end = min(ends, key=lambda end: end.cost)
+    end = _without_endless(steps, min(ends, key=lambda end: end.cost))
     for _ in range(WEIGHED):
         before, steps = steps, steps.weighed(end.x)
         if np.abs(steps.weight - before.weight).max() <= SAME_WEIGHT * before.weight.max():
             break
         end = approach(steps.problem, end.x, near=SETTLED)
     return _concluded(steps, [slsqp(steps.problem, end)])
+
+
+def _without_endless(steps: StepProblem, end: EndPoint) -> EndPoint:
+    """The end of a fit; where its τ2 has no end and one lag explains as much, that: what has one time constant is
+    explained as well by a slow part that never comes, and a T_s larger by what it hides."""
+    one, two, model = steps.model.slices[1], steps.model.slices[2], steps.model
+    if model.tau2 is None or (model.tau2.rows(steps.data.u) @ end.x[two]).max() < ENDLESS * steps.data.longest_s:
+        return end
+    met = end.x.copy()
+    met[two] = 0.0
+    met[two][: one.stop - one.start] = MET * met[one]
+    other = approach(steps.problem, bring_in(met, steps.inner, steps.problem))
+    samples = sum(len(record.y) for record in steps.data.records)
+    return other if other.cost <= (1 + ALIKE / samples) * end.cost + steps.problem.floor else end
 
 
 def minimised(steps: StepProblem, starts: Iterable[Array]) -> Solution:

@@ -87,3 +87,15 @@ def test_clean_long_records_know_the_slow_part_of_single_runs() -> None:
     fit = eaid.fit(StepSet("clutch", "%", "N·m", Apparatus(), tuple(made)), model=("friction", "nonlinear"))
     for row in fit.friction_levels:
         assert row.ci95.tau2[0] < 3 < row.ci95.tau2[1] < 3.4 and np.log(row.ci95.Ts[1] / row.ci95.Ts[0]) < 0.01
+
+
+def test_one_lag_is_not_taken_for_a_slow_part_that_never_comes() -> None:
+    """C is held at 0.85: a τ2 without end explains one lag as well, with a T_s larger by 1/0.85."""
+    t, random = np.arange(0.0, 10.0, 0.02), np.random.default_rng(3)
+    made = [
+        Level(u, t, (0.03 * u * (1 - np.exp(-t / 0.4)) + 0.01 * random.standard_normal(len(t)))[None], (f"{u:g}",))
+        for u in (40.0, 60.0, 80.0, 100.0)
+    ]
+    fit = eaid.fit(StepSet("clutch", "%", "N·m", Apparatus(), tuple(made)), model=("friction", "nonlinear"))
+    assert [row.Ts for row in fit.friction_levels] == pytest.approx([1.2, 1.8, 2.4, 3.0], rel=0.01)
+    assert all(row.ci95.Ts[0] < 0.03 * row.level < row.ci95.Ts[1] for row in fit.friction_levels)
