@@ -716,9 +716,12 @@ def today(
     DataError
         A rig of a plain table, steps of another rig or of one of its sessions, or none whose output rises.
     """
+    from eaid.sessions.today import reading_of
     from eaid.sessions.today import today as fit_today
 
-    return fit_today(rig, step, reading, progress)
+    if not isinstance(step, Fit | StepSet):
+        step = read(step, reading_of(rig, reading), progress=progress)
+    return fit_today(rig, step)
 
 
 @taking(CompareOptions)

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 import eaid
+from eaid.cli import main
 
 ROOT = Path(__file__).parents[1]
 FILES = (ROOT / "docs" / "files.md").read_text(encoding="utf-8")
@@ -69,21 +70,7 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").r
 WITH_COMMANDS = [ROOT / "README.md", *(ROOT / "docs" / page for page in ("walkthrough.md", "sessions.md"))]
 
 
-COMMANDS = {
-    "ingest",
-    "fit",
-    "tune-rc",
-    "simulate",
-    "export",
-    "report",
-    "synth",
-    "couple",
-    "plan",
-    "demo",
-    "compare",
-    "sessions",
-    "today",
-}
+COMMANDS = {name.replace("_", "-") for name in main.COMMANDS}
 
 
 def test_every_command_is_shown_and_has_the_options_it_is_shown_with(run_eaid: Callable[..., Any]) -> None:

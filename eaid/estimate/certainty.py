@@ -165,9 +165,9 @@ class Estimate:
             part = self.size[several] / np.maximum(Ts[several], 1e-3 * max(float(Ts.max()), 1e-300))
             relative = float(np.mean(self.scatter.repeats[several] * variance * part**2)) / self.scatter.repeats
             known = float((self.scatter.repeats - 1).sum())
-        return self._torques(relative, known), relative, known
+        return self._through(relative, known), relative, known
 
-    def _torques(self, relative: Array | None, known: float) -> "TorqueCurve":
+    def _through(self, relative: Array | None, known: float) -> "TorqueCurve":
         at = self.solved.at
         samples = self.solved.steps.data.points.w.sum(axis=1)
         noise = at.cost / samples / np.maximum(at.information[:, 0, 0], 1e-300)
@@ -219,7 +219,7 @@ class Estimate:
         for side in (-1.0, 1.0):
             theta = at.theta.copy()
             theta[2] = np.maximum(theta[2] * np.exp(side * np.minimum(2 * apart[1], SAYS_NOTHING)), theta[1])
-            moved = level_normal(theta, self.solved.steps.data.points, self.solved.steps._torques).theta[0]
+            moved = level_normal(theta, self.solved.steps.data.points, self.solved.steps.torques).theta[0]
             reached.append(np.abs(np.log(np.maximum(moved, 1e-300) / np.maximum(at.theta[0], 1e-300))))
         bent = np.hypot(by_log[:, 0] * np.minimum(apart[0], 1.0), np.max(reached, axis=0) / 2)
         part = np.minimum(1.0, bent / np.sqrt(np.maximum(np.diag(straight), 1e-300)))
@@ -253,9 +253,10 @@ class Estimate:
         plain, relative, known = self.plain
         if relative is None or self.level_scatter <= SURE:
             return plain
-        return replace(self._torques(relative + self.level_scatter**2, known), misfit=plain.misfit)
+        return replace(self._through(relative + self.level_scatter**2, known), misfit=plain.misfit)
 
-    def own_levels(self) -> tuple[Array, Array, Array]:
+    @cached_property
+    def own(self) -> tuple[Array, Array, Array]:
         """ln T_s of the levels, each its own about the curve, half-width of its interval, degrees of freedom, (L,)."""
         line, u = self.about_curve, self.solved.steps.data.u
         if line is None or self.level_scatter <= SURE:

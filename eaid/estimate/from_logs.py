@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from eaid.arrays import Array, median
 from eaid.estimate.copies import Copies
 from eaid.estimate.forms import LEAST_TAU_S, Limits, Model, Rows
+from eaid.estimate.from_steps import ALIKE
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.estimate.solver import (
     CONVERGED,
@@ -312,7 +313,6 @@ def inner(setup: Setup, x: Array, problem: Problem) -> Array:
 
 # A constraint a'x ≥ b holds a fit that ends within this part of b: where no cost tells, a solver stops short
 AT_BOUND = 1e-6
-ALIKE = 20.0  # χ² by which two ends must differ to be told apart
 NEAR = 0.05  # An end this part of the cost above the best is no rival
 AT_BEND = 1e-6  # Part of the cost by which holding a dead time may raise it
 LONG_WAY = 1000  # Newton steps along a bent valley, where τ1 and τ2 all but meet

@@ -68,9 +68,10 @@ class StepProblem:
         theta = self.model.theta(x, self.M)
         if self.shares is not None:
             theta[3] = self.shares
-        return level_normal(theta, self.data.points, self._torques if self.model.Ts is None else None)
+        return level_normal(theta, self.data.points, self.torques if self.model.Ts is None else None)
 
-    def _torques(self, square: Array, along: Array) -> Array:
+    def torques(self, square: Array, along: Array) -> Array:
+        """T_s of the levels from Σ w φ² and Σ w φ y of each."""
         if self.design is None:
             return np.maximum(along, 0.0) / np.maximum(square, 1e-300)
         A = (self.design.T * (self.weight * square)) @ self.design

@@ -137,7 +137,7 @@ def nonlinear_part(
 def own_values(one: Standing, first: Estimate, free: bool, options: FitOptions) -> LevelValues:
     """T_s, τ1, τ2 of the levels, T_s each level's own about the curve."""
     theta, (low, high, degrees) = _curves(one.part.parameters, first.levels), (part.copy() for part in one.ends)
-    held, (value, half, known) = _all_held(one, theta, first.levels, free), first.own_levels()
+    held, (value, half, known) = _all_held(one, theta, first.levels, free), first.own
     curve = np.log(np.maximum(theta[0], 1e-300))
     theta[0] = np.exp(value)
     if options.ci in ("white", "bootstrap", "none"):  # their widths are those of the curve
@@ -166,7 +166,7 @@ def level_scatter_findings(first: Estimate, part: results.Nonlinear) -> list[Fin
         found.append(finding("curve-misses-levels", "nonlinear", [row.level for row in nothing], **values))
     if first.about_curve is None or first.about_curve.gained < SCATTER_SEEN:
         return found
-    value, _, _ = first.own_levels()
+    value, _, _ = first.own
     u = np.array([level.level for level in first.levels])
     off = value - np.log(np.maximum(first.parameters.steady(u), 1e-300))
     i = int(np.abs(off).argmax())

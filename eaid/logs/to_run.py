@@ -318,13 +318,15 @@ MOST_OTHERS = 8  # Columns that are not read up to which they are looked at, whe
 def _moves(table: Table, roles: Roles, time_s: Array, keep: NDArray[np.intp] | None) -> tuple[tuple[str, float], ...]:
     """Which of the other columns leave their rest, and when."""
     others = [column for column in range(len(table.columns)) if column not in roles.taken]
-    found = []
-    for column in others if len(others) <= MOST_OTHERS else ():
+    cells: tuple[NDArray[Any], ...] = ()
+    if 0 < len(others) <= MOST_OTHERS:
         with contextlib.suppress(DataError):  # what is bad in them is no fault of the log
-            (values,) = table.load([column]).values
-            values = values if keep is None else values[keep]
-            if not rises(values) and (at := leaves_rest(values.astype(np.float64))) is not None:
-                found.append((table.label(column), float(time_s[at])))
+            cells = table.load(others).values
+    found = []
+    for column, values in zip(others, cells, strict=False):
+        values = values if keep is None else values[keep]
+        if not rises(values) and (at := leaves_rest(values.astype(np.float64))) is not None:
+            found.append((table.label(column), float(time_s[at])))
     return tuple(found)
 
 

@@ -158,7 +158,7 @@ def values(fit: "Fit") -> list[list[str]]:
         ]  # fmt: skip
     else:
         heading = [f"level [{data.input_unit}]" if data.input_unit else "level", f"T_s [{out}]", "τ1 [s]", "τ2 [s]"]
-        levels: Sequence[CurveLevel | FrictionLevel] = believed_levels(fit)
+        levels: Sequence[CurveLevel | FrictionLevel] = fit.level_values
         if fit.plant_ is not None and fit.plant_.another and fit.plant_.tried[0].gain != "curve":
             return [
                 [kind_in_words(fit.plant_.tried[0].kind), ""],
@@ -174,7 +174,7 @@ def steps_of_other_shapes(fit: "Fit") -> "list[StepShape]":
         return []
     taken_over = fit.plant_ is not None and fit.plant_.dead_time_s > 0
     late = 0 if taken_over else sum(step.dead_time_s > 0 for step in fit.steps)
-    return list(fit.steps) if fit.steps and (not believed_levels(fit) or 2 * late > len(fit.steps)) else []
+    return list(fit.steps) if fit.steps and (not fit.level_values or 2 * late > len(fit.steps)) else []
 
 
 def _three(rows: Sequence[T]) -> list[T]:
@@ -206,11 +206,6 @@ def _fit_pct(fit: "Fit") -> str:
     if not said and fit.steps:
         return f"single steps {min(one.fit_pct or 0.0 for one in fit.steps):.1f} % or more"
     return f"{', '.join(said)} (100 % = perfect)" if said else "not known"
-
-
-def believed_levels(fit: "Fit") -> "tuple[CurveLevel, ...] | tuple[FrictionLevel, ...]":
-    """T_s, τ1 and τ2 by level: each level's own, or the nonlinear model's where those were not asked for."""
-    return fit.level_values
 
 
 def _value(row: "CurveLevel | FrictionLevel", name: str) -> str:

@@ -44,18 +44,12 @@ class Session(Result, frozen=True):
     logs: tuple[Input, ...] = ()
 
 
-def levels_of(fit: Fit) -> list[Any]:
-    """What a fit says of each level that was stepped to from rest, each with its intervals."""
-    rows = [row for row in fit.friction_levels if row.from_ == 0]
-    return [*rows] if rows or fit.nonlinear is None else [*fit.nonlinear.curves]
-
-
 def values_of(fit: Fit, name: str, session: str) -> list[Value]:
     """A fit's T_s, τ1, τ2, B of its levels, or a0 (as of a level 1), as far as its data determine them."""
     linear = fit.linear
     rows: list[tuple[float, Any]] = [] if linear is None else [(1.0, linear)]
     if name != "a0":
-        levels = levels_of(fit) if name != "B" else linear.per_level if linear is not None else ()
+        levels = fit.level_values if name != "B" else linear.per_level if linear is not None else ()
         rows = [(row.level, row) for row in levels]
     found = []
     for level, row in rows:

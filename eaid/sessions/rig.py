@@ -160,9 +160,9 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
 
     def today(self, step: Any) -> Fit:
         """A fit of today by reference steps: `eaid.today(rig, step)`."""
-        from eaid.sessions.today import today
+        import eaid
 
-        return today(self, step)
+        return eaid.today(self, step)
 
     def lines(self) -> list[str]:
         """What is known of the next session, and what to record."""

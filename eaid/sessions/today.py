@@ -6,9 +6,7 @@ by least squares of the relative error; its coefficients get the covariance by w
 so that drawn plants are those of the next session. B_m and B_M are the outermost ends of the levels' intervals of B.
 """
 
-import os
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,15 +19,12 @@ from eaid.errors import DataError
 from eaid.estimate.coefficients import BLOCKS, with_intervals
 from eaid.estimate.workflow import fit_steps
 from eaid.findings import Finding, finding, ranked, stops
-from eaid.logs.frames import runs_from_frames
 from eaid.options import FitOptions, ReadOptions
 from eaid.plant.forms import scales, terms
-from eaid.progress import Progress, no_progress
-from eaid.reading import read_steps, steps_of
 from eaid.results import fit as parts
 from eaid.results.fit import Fit, LevelIntervals
 from eaid.results.parameters import table_of
-from eaid.sessions.gather import MANY, levels_of, logs_of, together, values_of
+from eaid.sessions.gather import MANY, logs_of, together, values_of
 from eaid.sessions.model import NOTHING, Known, Next, between, steps_known
 from eaid.sessions.rig import CI, Rig
 from eaid.steps.stepset import StepSet
@@ -45,22 +40,12 @@ def reading_of(rig: Rig, given: ReadOptions | None) -> ReadOptions:
     return chosen(ReadOptions, None, {**kept, **(given.stated() if given is not None else {})})
 
 
-def steps_read(step: Any, how: ReadOptions, progress: Progress = no_progress) -> StepSet:
-    """Steps from paths, DataFrames, or as they were read."""
-    if isinstance(step, StepSet):
-        return step
-    if hasattr(step, "columns") or isinstance(step, Mapping):
-        return steps_of(runs_from_frames(step, how), how)[1]
-    paths = [step] if isinstance(step, str | os.PathLike) else step
-    return read_steps([Path(one) for one in paths], how, progress)[1]
-
-
-def today(rig: Rig, step: Any, reading: ReadOptions | None = None, progress: Progress = no_progress) -> Fit:
+def today(rig: Rig, step: Fit | StepSet) -> Fit:
     """`eaid.today`: DataError for a rig of a plain table, or steps of another rig or of its own sessions."""
     base = rig.base
     if base is None:
         raise DataError("the rig is of a plain table and holds no plant; its `next(steps=…)` says what today's may be")
-    shown = step if isinstance(step, Fit) else _fitted(base, steps_read(step, reading_of(rig, reading), progress))
+    shown = step if isinstance(step, Fit) else _fitted(base, step)
     names = {one.sha256: session.name for session in rig.sessions for one in session.logs if one.sha256}
     if again := [one for one in logs_of(shown) if one.sha256 in names]:
         was = names[again[0].sha256]
@@ -69,7 +54,7 @@ def today(rig: Rig, step: Any, reading: ReadOptions | None = None, progress: Pro
     steps = {name: _steps(rig, shown, name) for name in rig.quantities}
     if not len(steps["Ts"].y):
         raise DataError("no reference step has a T_s above 0; record one whose output rises")
-    rows = levels_of(base)
+    rows = base.level_values
     levels = np.array([row.level for row in rows])
     foreseen = {
         name: rig.foreseen(np.ones(1) if name == "a0" else levels, steps[name], name) for name in rig.quantities
@@ -97,7 +82,7 @@ def _steps(rig: Rig, shown: Fit, name: str) -> Known:
     repeats = dict(zip(shown.data.levels, shown.data.repeats, strict=False))
     rows = [(one.level, one.value) for one in own.values()]
     if name == "Ts":  # of one quiet run there may be no interval
-        rows = [(row.level, row.Ts) for row in levels_of(shown) if row.Ts > 0]
+        rows = [(row.level, row.Ts) for row in shown.level_values if row.Ts is not None and row.Ts > 0]
     single = {level: rig.quantities[name].sd_step / max(repeats.get(level, 1), 1) ** 0.5 for level, _ in rows}
     known = {level: own[level].sd_log if level in own else 0.0 for level, _ in rows}
     return steps_known([(level, value, max(single[level], known[level])) for level, value in rows])

@@ -14,7 +14,7 @@ from eaid.report.rig import of_the_paper
 from eaid.results.common import Interval, ci95_of
 from eaid.results.fit import Fit, Trend
 from eaid.results.gains import Gains
-from eaid.results.summary import ENDLESS_S, believed_levels
+from eaid.results.summary import ENDLESS_S
 
 VALUES = ("Ts", "tau1", "tau2")
 NAMES = {"Ts": "Steady value T_s", "tau1": "Fast constant τ1", "tau2": "Slow constant τ2",
@@ -51,7 +51,7 @@ def ended(values: Array, name: str) -> Array:
 
 def value_panels(fit: Fit) -> list[Panel]:
     """T_s, τ1 and τ2, a panel each: the levels of a fit, its nonlinear model where there is one, and Table III."""
-    rows, part = believed_levels(fit), fit.nonlinear
+    rows, part = fit.level_values, fit.nonlinear
     panels = []
     for name in VALUES:
         values = ended(np.array([getattr(row, name) for row in rows], dtype=float), name)
@@ -71,7 +71,7 @@ def value_panels(fit: Fit) -> list[Panel]:
 
 def polynomials(fit: Fit) -> Sheet | None:
     """T_s, τ1 and τ2 over the level: the model, the single levels with their intervals, and Table III."""
-    if fit.nonlinear is None or len(believed_levels(fit)) == 1:
+    if fit.nonlinear is None or len(fit.level_values) == 1:
         return None
     return Sheet(value_panels(fit), 2.5, columns=3, shared=False)
 

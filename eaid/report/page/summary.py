@@ -292,7 +292,7 @@ def pictures(results: Results) -> Iterator[tuple[str, str, Sheet]]:
         yield "Controllers against the reference, simulated", "replay", _picture(panels, (1.6, 1))
     if fit is None:
         return
-    if len(summary.believed_levels(fit)) > 1:
+    if len(fit.level_values) > 1:
         yield "Fitted values over the level", "model", _picture(values.value_panels(fit), columns=3)
     for recorded in (given.result for given in results.data):
         if recorded.kind == fit.data.kind and steps.paired(recorded, fit.steps):
