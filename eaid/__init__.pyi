@@ -244,7 +244,7 @@ def sessions(
     """Several sessions of one rig, and what its next one may be."""
 
 def today(
-    rig: Rig,
+    rig: Rig | File,
     step: Fit | StepSet | Paths | pandas.DataFrame | Mapping[str, pandas.DataFrame],
     reading: ReadOptions | None = None,
     *,
@@ -253,9 +253,9 @@ def today(
     """One or two reference steps of a new session → a fit whose intervals hold for it."""
 
 def compare(
-    first: Fit | Replay,
+    first: Fit | Replay | File,
     *others: Fit | Paths,
-    gains: Gains | None = None,
+    gains: Gains | File | None = None,
     reading: ReadOptions | None = None,
     names: Sequence[str] = "ABCDEFGHIJKLMNOPQRSTUVWXYZ",
     options: CompareOptions | None = None,

@@ -686,7 +686,7 @@ def sessions(
 
 
 def today(
-    rig: "Rig",
+    rig: "Rig | File",
     step: "Fit | StepSet | Paths | pandas.DataFrame | Mapping[str, pandas.DataFrame]",
     reading: ReadOptions | None = None,
     *,
@@ -697,7 +697,7 @@ def today(
     Parameters
     ----------
     rig
-        What `sessions` returns, of fits.
+        What `sessions` returns, of fits, or its file.
     step
         Steps from rest of today: what `read` takes or returns, or a fit of them.
     reading
@@ -716,9 +716,11 @@ def today(
     DataError
         A rig of a plain table, steps of another rig or of one of its sessions, or none whose output rises.
     """
+    from eaid.sessions.rig import Rig
     from eaid.sessions.today import reading_of
     from eaid.sessions.today import today as fit_today
 
+    rig = _result("rig", rig, Rig)
     if not isinstance(step, Fit | StepSet):
         step = read(step, reading_of(rig, reading), progress=progress)
     return fit_today(rig, step)
@@ -726,9 +728,9 @@ def today(
 
 @taking(CompareOptions)
 def compare(
-    first: "Fit | Replay",
+    first: "Fit | Replay | File",
     *others: "Fit | Paths",
-    gains: Gains | None = None,
+    gains: "Gains | File | None" = None,
     reading: ReadOptions | None = None,
     names: Sequence[str] = "ABCDEFGHIJKLMNOPQRSTUVWXYZ",
     options: CompareOptions | None = None,
@@ -777,6 +779,10 @@ def compare(
     from eaid.sessions.compare import Comparison, compare_fits
 
     how = chosen(CompareOptions, options, keywords)
+    first, gains = _held(first), None if gains is None else _result("gains", gains, Gains)
+    others = tuple(_held(one) if str(one).endswith(".json") else one for one in others)
+    if not isinstance(first, Fit | Replay):
+        raise UsageError(f"first: is a {type(first).__name__}; give a fit or a replay, or its file")
     if not others:
         raise UsageError("one result alone: give another session's fit, or the log of a loop, to compare it with")
     if isinstance(first, Fit) and all(isinstance(one, Fit) for one in others):
@@ -886,11 +892,16 @@ def _paths(source: Any) -> list[Path]:
         raise UsageError(f"{shown}: give files or folders of logs, a DataFrame, or DataFrames by name") from None
 
 
+def _held(value: Any) -> Any:
+    """A result, or what its file holds."""
+    return load(value) if isinstance(value, str | os.PathLike) else value
+
+
 def _result(name: str, value: Any, kind: type[T]) -> T:
     """A result of a kind, or what its file holds."""
-    found = load(value) if isinstance(value, str | os.PathLike) else value
+    found = _held(value)
     if not isinstance(found, kind):
         said = f"{value} holds {type(found).__name__}" if found is not value else f"is a {type(value).__name__}"
-        made = {"Gains": "eaid.tune_rc"}.get(kind.__name__, "eaid.fit")
+        made = {"Gains": "eaid.tune_rc", "Rig": "eaid.sessions"}.get(kind.__name__, "eaid.fit")
         raise UsageError(f"{name}: {said}; give what {made} returns, or its file")
     return found

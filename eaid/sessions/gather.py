@@ -97,10 +97,10 @@ def together(fits: Mapping[str, Fit]) -> list[Finding]:
             )
     seen: dict[str, str] = {}
     for name, fit in fits.items():
-        for log in logs_of(fit):
-            before = seen.setdefault(log.sha256, name) if log.sha256 else name
-            if before != name:
-                faults.append(f"{name}: holds {log.path}, which {before} holds too; a log is of one session")
+        pairs = [(log.path, seen.setdefault(log.sha256, name)) for log in logs_of(fit) if log.sha256]
+        if both := [(path, before) for path, before in pairs if before != name]:
+            (path, before), more = both[0], f" (and {len(both) - 1} more)" if len(both) > 1 else ""
+            faults.append(f"{name}: holds {path}{more}, which {before} holds too; a log is of one session")
     if faults:
         raise DataError(*faults)
     unusable = {name: fit.verdict.sentence for name, fit in fits.items() if not fit.verdict.usable}
@@ -152,6 +152,8 @@ def read_sessions(paths: Sequence[Path]) -> tuple[dict[str, Fit], list[Value], l
             return {}, table_values(pd.read_csv(paths[0], sep=None, engine="python", comment="#")), []
         except (DataError, ValueError) as fault:
             raise DataError(f"{paths[0]}: {str(fault).splitlines()[0]}") from None
+    if twice := next((path for k, path in enumerate(paths) if path in paths[:k]), None):
+        raise DataError(f"{twice}: is given twice; a session is one fit")
     stems, fits, told = [path.stem for path in paths], list[Fit](), list[Finding]()
     for path in paths:
         fit, found = codec.read(path, Fit)

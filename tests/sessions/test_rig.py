@@ -188,3 +188,14 @@ def test_the_control_chart_holds_every_session_and_the_next(table):
     axes = eaid.sessions(table).plot()
     assert [text.get_text() for text in axes.get_xticklabels()] == [*(f"day {k}" for k in range(5)), "next"]
     assert axes.get_yscale() == "log"
+
+
+def test_what_is_no_rig_or_comes_twice_is_named(tmp_path):
+    fit = eaid.fit(eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1))
+    fit.save(tmp_path / "a.json")
+    with pytest.raises(eaid.UsageError, match=r"a\.json holds Fit; give what eaid\.sessions returns"):
+        eaid.today(str(tmp_path / "a.json"), fit)
+    with pytest.raises(eaid.DataError, match=r"a\.json: is given twice"):
+        eaid.sessions([tmp_path / "a.json"] * 3)
+    with pytest.raises(eaid.UsageError, match="first: is a int"):
+        eaid.compare(3, fit)
