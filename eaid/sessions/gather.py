@@ -97,8 +97,8 @@ def together(fits: Mapping[str, Fit]) -> list[Finding]:
             )
     seen: dict[str, str] = {}
     for name, fit in fits.items():
-        pairs = [(log.path, seen.setdefault(log.sha256, name)) for log in logs_of(fit) if log.sha256]
-        if both := [(path, before) for path, before in pairs if before != name]:
+        held = [(log.path, seen.setdefault(log.sha256, name)) for log in logs_of(fit) if log.sha256]
+        if both := [(path, before) for path, before in held if before != name]:
             (path, before), more = both[0], f" (and {len(both) - 1} more)" if len(both) > 1 else ""
             faults.append(f"{name}: holds {path}{more}, which {before} holds too; a log is of one session")
     if faults:
