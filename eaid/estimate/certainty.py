@@ -173,6 +173,16 @@ class Estimate:
         noise = at.cost / samples / np.maximum(at.information[:, 0, 0], 1e-300)
         return torque_curve(self.model, self.solved.steps.data.u, at.theta[0], relative, noise, known)
 
+    def without(self, index: int) -> Plant:
+        """The model by all levels but one, its time constants from where those of all ended."""
+        steps, kept = self.solved.steps, [k for k in range(len(self.levels)) if k != index]
+        solved = fit_levels_first(steps.data.only(kept), steps.model.share, [self.solved.x])
+        other = Estimate([self.levels[k] for k in kept], solved)
+        _, relative, known = self.plain
+        if relative is not None:
+            relative = relative[kept] + self.level_scatter**2
+        return self.model.parameters(np.append(other._through(relative, known).coefficients, solved.x))
+
     @cached_property
     def about_curve(self) -> Line | None:
         """T_s of the levels over the curve's: what they scatter about it beyond what their runs explain.
@@ -494,5 +504,5 @@ def own_levels(levels: Sequence[Level], data: Data, share: float | None, near: O
     each = []
     for i, level in enumerate(levels):
         begin = None if near is None else [near.each[i].solved.x]
-        each.append(Estimate((level,), fit_levels_first(data.one(i), share, begin)))
+        each.append(Estimate((level,), fit_levels_first(data.only([i]), share, begin)))
     return OwnLevels(tuple(levels), tuple(each))

@@ -22,6 +22,7 @@ class Data:
 
     u: Array  # Level of each curve, in the set's input unit, shape (L,)
     records: tuple[Record, ...]
+    compressed: Points | None = None  # Where that is done already
 
     @property
     def longest_s(self) -> float:
@@ -36,14 +37,14 @@ class Data:
     @cached_property
     def points(self) -> Points:
         """The compressed curves."""
-        return compress([r.t_s for r in self.records], [r.y for r in self.records], [r.uniform for r in self.records])
+        return self.compressed or compress(
+            [r.t_s for r in self.records], [r.y for r in self.records], [r.uniform for r in self.records]
+        )
 
-    def one(self, index: int) -> "Data":
-        """One level of it."""
-        row = slice(index, index + 1)
-        alone = Data(self.u[row], self.records[row])
-        alone.__dict__["points"] = self.points.rows(row)
-        return alone
+    def only(self, rows: Sequence[int]) -> "Data":
+        """Some of the levels."""
+        at = list(rows)
+        return Data(self.u[at], tuple(self.records[k] for k in at), self.points.rows(at))
 
 
 def data_of(levels: Sequence[Level]) -> Data:

@@ -119,7 +119,7 @@ def linear_part(
     solved, huber = minimise(data, options.loss, lambda d, _: fit_linear(d), Solution.residuals)
     form, x = unknowns(solved)
     p, left = parameters(form, x), solved.residuals(data)
-    each = [fit_linear(data.one(i)) for i in range(len(data.u))]
+    each = [fit_linear(data.only([i])) for i in range(len(data.u))]
     total = metrics.errors([record.y for record in data.records], left)
     one = Linear(p.a0, p.b0, p.c0, solver=solved.solver, **total.scores)
     rows = single_levels(data, each)

@@ -22,6 +22,7 @@ from eaid.estimate.from_steps import Solution, textbook_covariance
 from eaid.estimate.points import residuals
 from eaid.estimate.scatter import CURVES, held_parameters
 from eaid.estimate.spread import Influence, corrected, gains_of, t_quantile
+from eaid.estimate.unseen import falls_too_far, levels_left_out
 from eaid.findings import Finding, Value, finding
 from eaid.options import FitOptions
 from eaid.plant.dynamics import Plant, Step
@@ -130,7 +131,10 @@ def nonlinear_part(
     told += [*level_findings(own, seen, "nonlinear", stepset), *open_findings(one.part, own), *bent, *scattered]
     estimator: Literal["joint", "levels-first"] = "joint" if options.estimator == "joint" else "levels-first"
     scatter = first.level_scatter if options.estimator != "joint" else None
-    shown = msgspec.structs.replace(shown, estimator=estimator, joint=papers, level_scatter=scatter)
+    unseen = levels_left_out(first) if options.estimator != "joint" else None
+    if unseen is not None:
+        told += falls_too_far(unseen.fit_pct, unseen.held_pct, "levels")
+    shown = msgspec.structs.replace(shown, estimator=estimator, joint=papers, level_scatter=scatter, left_out=unseen)
     return shown, own, [*told, *parts]
 
 

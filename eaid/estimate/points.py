@@ -34,7 +34,7 @@ class Points:
     # Whether curves are compared about their means: an unknown constant is then taken out of each level
     centred: bool = False
 
-    def rows(self, which: slice) -> "Points":
+    def rows(self, which: slice | list[int]) -> "Points":
         """The points of some levels."""
         return Points(self.t_s[which], self.y[which], self.w[which], self.centred)
 

@@ -25,6 +25,7 @@ from eaid.estimate.log_intervals import FEWEST_ENGAGEMENTS, CurveSpread, Spread,
 from eaid.estimate.nonlinear import scored
 from eaid.estimate.recorded_log import RecordedLog, logs_of_steps, recorded_log
 from eaid.estimate.step_shapes import single_steps
+from eaid.estimate.unseen import falls_too_far
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.logs.run import Run
 from eaid.options import FitOptions
@@ -32,7 +33,7 @@ from eaid.plant.dynamics import SHARE
 from eaid.plant.respond import from_rest
 from eaid.recorded.choice import about_idle, plant_of_logs, plant_part, start_of
 from eaid.recorded.closed_loop import judged_loops, with_instrument
-from eaid.recorded.held_out import held_out, held_out_findings
+from eaid.recorded.held_out import held_out
 from eaid.recorded.inputs import FEW_LEVELS, inputs_of
 from eaid.results.common import LevelError, Source
 from eaid.results.fit import Fit, FittedData, Friction, FrictionLevel, Linear, Noise, Nonlinear, Release, Uncertainty
@@ -210,7 +211,7 @@ def linear_part(solved: Solved, base: Solved, levels: Array, wanted: str | None)
     longest = LONGEST_STEP_S if p.kind == "parallel" else np.inf  # a τ2 that no log shows may be endless
     t = np.linspace(0.0, min(STEP_RECORDS * slowest, longest), STEP_SAMPLES)
     of_model = data_of([Level(u, t, from_rest(p, t, u)[None], (f"{u:g}",)) for u in levels.tolist()])
-    rows = single_levels(of_model, [fit_linear(of_model.one(i)) for i in range(len(levels))])
+    rows = single_levels(of_model, [fit_linear(of_model.only([i])) for i in range(len(levels))])
     return Linear(
         a0=pooled.a0,
         b0=pooled.b0,
@@ -341,7 +342,8 @@ def fit_recorded(
     loops, of_loops = judged_loops(base, acting)
     findings += of_loops
     unseen = held_out(base, acting, every[len(logs) :])
-    findings += held_out_findings(unseen)
+    if unseen is not None:
+        findings += falls_too_far(unseen.fit_pct, unseen.held_pct, unseen.of)
     uncertainty, known = None, None
     if options.ci != "none":
         uncertainty = spread(base)

@@ -15,7 +15,6 @@ from eaid.arrays import Array
 from eaid.estimate.from_logs import Setup, Solved, setup_of
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.estimate.solver import approach
-from eaid.findings import Finding, finding
 from eaid.results.recorded import LogsHeldOut
 
 Mask = NDArray[np.bool_]
@@ -23,8 +22,6 @@ THIRDS = ("last", "middle", "first")
 MOST_FOLDS = 4  # Of several logs
 BEYOND = 0.02  # Part of the largest input by which a part left out may reach beyond the others
 NEAR = 1e-6  # Part of the cost that a further step would gain, at which the fit without a part stands
-WORSE = 0.5  # Part of what is left unexplained by which a model may fall where it has not seen …
-FALL_PCT = 10.0  # … and never less than this
 
 
 def held_out(solved: Solved, logs: Sequence[RecordedLog], others: Sequence[RecordedLog]) -> LogsHeldOut | None:
@@ -105,13 +102,3 @@ def _like(fitted: Setup, logs: Sequence[RecordedLog]) -> Setup:
     return replace(
         setup, extras=fitted.extras, drives=setup.drives if setup.model.kind != "swing" else setup.every.drives
     )
-
-
-def held_out_findings(found: LogsHeldOut | None) -> list[Finding]:
-    """Where a model must not be used: it falls too far where it has not seen, or below 0."""
-    if found is None or found.fit_pct is None or found.held_pct is None:
-        return []
-    fall = found.fit_pct - found.held_pct
-    if found.held_pct >= 0 and fall <= max(WORSE * (100 - found.fit_pct), FALL_PCT):
-        return []
-    return [finding("hold-out-fails", "nonlinear", (), fit_pct=found.fit_pct, held_pct=found.held_pct, what=found.of)]

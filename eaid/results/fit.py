@@ -275,6 +275,20 @@ class Covariance(Result, frozen=True):
     degrees_of_freedom: dict[str, Number | None] = {}
 
 
+class LevelsLeftOut(Result, frozen=True):
+    """The model at levels between others, by fits that each of them was left out of in turn."""
+
+    fit_pct: Number | None = None
+    """What the model explains of these levels' curves …"""
+    held_pct: Number | None = None
+    """… and what the fits without them do."""
+    Ts_off_pct: Number | None = None
+    """Distance of T_s to the level's own, of the middle one of the levels."""
+    worst: Number | None = None
+    """Level of the largest distance."""
+    worst_off_pct: Number | None = None
+
+
 class Nonlinear(Scores, frozen=True):
     """The ten coefficients of Eqs. (4)–(7)."""
 
@@ -296,6 +310,7 @@ class Nonlinear(Scores, frozen=True):
     level_scatter: Number | None = None
     """Standard deviation of the levels' T_s about the curve, beyond what their runs explain, as a share."""
     hold_out: HoldOut | None = None
+    left_out: LevelsLeftOut | None = None
     estimator: Literal["levels-first", "joint"] = "joint"
     """Which estimate this is: one T_s a level first and T_s(u) through them, or all at once as in the paper."""
     joint: "Nonlinear | None" = None

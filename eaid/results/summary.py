@@ -51,7 +51,7 @@ def answer(fit: "Fit") -> list[str]:
     """The lines that answer first: fit %, values with 95 % intervals where they matter, which estimate they are."""
     model = fit.nonlinear
     told = of_another_kind(fit) and fit.plant_ is not None and fit.plant_.tried[0].gain != "curve"  # by its own line
-    lines = [f"fit    {_fit_pct(fit)}", *plant_line(fit), *([] if told else _lines(fit))]
+    lines = [f"fit    {_fit_pct(fit)}", *unseen(fit), *plant_line(fit), *([] if told else _lines(fit))]
     if model is not None and steps_of_other_shapes(fit):
         lines.append("shown  single steps with their dead times; the models have none")
     elif model is not None and not of_another_kind(fit):
@@ -65,6 +65,23 @@ def answer(fit: "Fit") -> list[str]:
 def of_another_kind(fit: "Fit") -> bool:
     """Whether the plant is of another kind than the clutch's."""
     return fit.plant_ is not None and fit.plant_.another
+
+
+def unseen(fit: "Fit") -> list[str]:
+    """How the model holds on what fits without it have not seen, beside what it explains of the same as fitted."""
+    if fit.recorded is not None and (logs := fit.recorded.hold_out) is not None and logs.held_pct is not None:
+        whose = "logs left out in turn" if logs.of == "logs" else f"the {logs.of} left out"
+        return [f"unseen {logs.held_pct:.1f} % of {whose} ({_number(logs.fit_pct)} % as fitted)"]
+    left = None if fit.nonlinear is None else fit.nonlinear.left_out
+    if left is None or left.held_pct is None or left.worst is None:
+        return []
+    at = f"{left.worst:.4g} {fit.data.input_unit}".rstrip()
+    off = f"T_s off by {_number(left.Ts_off_pct)} % (median), at worst {_number(left.worst_off_pct)} % at {at}"
+    return [f"unseen {left.held_pct:.1f} % of levels left out in turn ({_number(left.fit_pct)} % as fitted), {off}"]
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:.3g}".replace("-", "−")
 
 
 def plant_line(fit: "Fit") -> list[str]:
@@ -200,9 +217,6 @@ def _fit_pct(fit: "Fit") -> str:
     percents = [row.fit_pct for row in fit.friction_levels if row.fit_pct is not None]
     if percents:
         said.append(f"levels {' … '.join(f'{one:.1f}' for one in sorted({min(percents), max(percents)}))} %")
-    if fit.recorded is not None and (unseen := fit.recorded.hold_out) is not None and unseen.held_pct is not None:
-        whose = "logs left out in turn" if unseen.of == "logs" else f"the {unseen.of} left out"
-        said.append(f"{unseen.held_pct:.1f} % on {whose}")
     if not said and fit.steps:
         return f"single steps {min(one.fit_pct or 0.0 for one in fit.steps):.1f} % or more"
     return f"{', '.join(said)} (100 % = perfect)" if said else "not known"

@@ -1,6 +1,7 @@
 """T_s of a level is its own: it leans on the curve only as far as its runs leave it open."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +17,9 @@ LEVELS = np.arange(10.0, 101.0, 10.0)
 OFF = {50.0: 0.8, 70.0: 1.1}  # T_s over the curve's, of levels that were recorded on another day
 
 
-def fitted(record_s: float, runs: int, levels: np.ndarray = LEVELS, off: dict[float, float] | None = None) -> Fit:
+def fitted(
+    record_s: float, runs: int, levels: np.ndarray = LEVELS, off: dict[float, float] | None = None, **options: Any
+) -> Fit:
     """A fit of steps of the reference plant whose gain scatters by 2 % and τ1 by 3 % from run to run."""
     random, t, made = np.random.default_rng(4), np.arange(0.0, record_s, 0.01), []
     for u in levels.tolist():
@@ -31,7 +34,7 @@ def fitted(record_s: float, runs: int, levels: np.ndarray = LEVELS, off: dict[fl
         ]
         outputs = np.array([step_response(one, t) + 0.01 * random.standard_normal(len(t)) for one in each])
         made.append(Level(u, t, outputs, tuple(f"{u:g}-{r}" for r in range(runs))))
-    return eaid.fit(StepSet("clutch", "%", "N·m", Apparatus(), tuple(made)), model=("friction", "nonlinear"))
+    return eaid.fit(StepSet("clutch", "%", "N·m", Apparatus(), tuple(made)), model=("friction", "nonlinear"), **options)
 
 
 def codes(fit: Fit) -> set[str]:
@@ -99,3 +102,21 @@ def test_one_lag_is_not_taken_for_a_slow_part_that_never_comes() -> None:
     fit = eaid.fit(StepSet("clutch", "%", "N·m", Apparatus(), tuple(made)), model=("friction", "nonlinear"))
     assert [row.Ts for row in fit.friction_levels] == pytest.approx([1.2, 1.8, 2.4, 3.0], rel=0.01)
     assert all(row.ci95.Ts[0] < 0.03 * row.level < row.ci95.Ts[1] for row in fit.friction_levels)
+
+
+def test_a_level_left_out_is_met_from_the_others_as_a_fit_without_it_says() -> None:
+    fit = fitted(20.0, 3, off=OFF)
+    left = fit.nonlinear.left_out
+    assert left.worst == 50 and 18 < left.worst_off_pct < 32  # 1/0.8 - 1, and what it pulled the curve
+    assert left.held_pct < left.fit_pct - 3
+    without = fitted(20.0, 3, off=OFF, hold_out=(50.0,)).nonlinear
+    own = REFERENCE_PLANT.at(50.0).Ts * OFF[50.0]
+    assert float(without.parameters.steady(50.0)) / own - 1 == pytest.approx(left.worst_off_pct / 100, abs=0.02)
+    assert "T_s off by" in fit.summary() and "at 50 %" in fit.summary()
+    even = fitted(20.0, 3).nonlinear.left_out
+    assert abs(even.worst_off_pct) < 5 and even.held_pct > even.fit_pct - 1
+
+
+def test_levels_that_no_curve_through_the_others_meets_stop_the_model() -> None:
+    wild = dict(zip(LEVELS.tolist(), [1.0, 2.5, 0.3] * 3 + [1.0], strict=True))
+    assert "hold-out-fails" in {one.code for one in fitted(20.0, 2, off=wild).verdict.reasons}
