@@ -428,9 +428,7 @@ def simulate(
         raise UsageError("«reading»: says how a «log» is read; give both or neither")
     if log is not None:
         how.check_for("log")
-    rate = fit.options.reading.get("rate_hz")
-    rate_hz = rate if isinstance(rate, float) else None
-    runs = None if log is None else read_like(_paths(log), reading or ReadOptions(), rate_hz)
+    runs = None if log is None else read_like(_paths(log), reading or ReadOptions(), fit.options.reading)
     return replayed(fit, gains, how, reference, runs, progress, own)
 
 
@@ -775,7 +773,7 @@ def compare(
     >>> found.changed, found.retune.needed
     (False, False)
     """
-    from eaid.logs.read import read_runs
+    from eaid.logs.read import read_like
     from eaid.sessions.compare import Comparison, compare_fits
 
     how = chosen(CompareOptions, options, keywords)
@@ -794,8 +792,7 @@ def compare(
 
     fit, given = (first, None) if isinstance(first, Fit) else (None, first)
     as_fitted = fit.options.reading if fit is not None else {}
-    how_read = reading or chosen(ReadOptions, None, {k: v for k, v in as_fitted.items() if k in ("columns", "units")})
-    runs = read_runs(_paths(others[0]), how_read)
+    runs = read_like(_paths(others[0]), reading or ReadOptions(), as_fitted)
     if len(runs) != 1 or len(others) != 1:
         raise UsageError("a recorded loop is one log with its own reference; give one")
     promise = promise_of(runs[0], how, fit, gains, given)

@@ -34,6 +34,7 @@ PER_UNKNOWN, PRICE = 0.01, 6.0  # Of the score
 NEAR = 1e-6  # Part of the cost that a further step would gain, at which kinds are compared
 LAST_STEPS = 4
 BEGUN = 2  # Places of the grid from which each kind is fitted
+FINALISTS = 2  # Kinds that are compared with rivals
 GAINS = 3  # Kinds that get more of a gain
 ENDLESS = 1e5  # Time constant of none, in records
 INTEGRATES = 1.03  # Squares of an integrator over those of the best kind, up to which that is what it is
@@ -63,6 +64,7 @@ class Tried:
     kind: Kind
     solved: Solved
     score: float = math.inf
+    within: float = 0.0  # Squares that the rows on which it was looked for do not show
 
     @property
     def name(self) -> str:
@@ -76,7 +78,7 @@ class Tried:
     @property
     def cost(self) -> float:
         """Sum of the squares that are left."""
-        return self.solved.cost
+        return self.solved.cost + self.within
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -125,24 +127,54 @@ class Search:
         """Length of the longest log [s]."""
         return max(float(log.time_s[-1] - log.time_s[0]) for log in self.logs)
 
-    def cost(self, theta: float, tau: float, zeta: float, zero: bool) -> float:
-        """Squares left at a place of the grid, all that is linear solved for; by series' law, one lag at ζ = ∞."""
-        total = 0.0
-        parts = []
-        for drive in self.drives:
-            late = delayed(drive, theta)
-            sums = lag_sums(late, tau) if math.isinf(zeta) else swinging_sums(late, late.duty, tau, zeta)
-            free = [not drive.idle_known, not drive.starts_idle, not drive.starts_idle and not math.isinf(zeta)]
-            parts.append((drive, sums, [1 + k for k, one in enumerate(free) if one]))
-        shared = [0, 4] if zero and not math.isinf(zeta) else [0]
-        A, b = np.zeros((len(shared), len(shared))), np.zeros(len(shared))
-        for drive, sums, own in parts:  # what a log has for itself goes first
+    def cost(self, theta: float, tau: float, zeta: float) -> float:
+        """Squares left without a zero at a place of the grid."""
+        return self.costs([delayed(drive, theta) for drive in self.drives], tau, zeta)[0]
+
+    def costs(self, late: Sequence[Drive], tau: float, zeta: float) -> tuple[float, float]:
+        """Squares left, all that is linear solved for, without and with a zero; by series' law, one lag at ζ = ∞.
+
+        `late` are the drives behind the dead time of the place.
+        """
+        total, one_lag, parts = 0.0, math.isinf(zeta), []
+        for drive in late:
+            sums = lag_sums(drive, tau) if one_lag else swinging_sums(drive, drive.duty, tau, zeta)
+            free = [not drive.idle_known, not drive.starts_idle, not drive.starts_idle and not one_lag]
+            own = [1 + k for k, is_free in enumerate(free) if is_free]
+            # what a log has for itself goes first
             back = np.linalg.pinv(sums[np.ix_(own, own)], hermitian=True, rcond=1e-12) if own else np.zeros((0, 0))
-            cross = sums[np.ix_(shared, own)]
-            A += sums[np.ix_(shared, shared)] - cross @ back @ cross.T
-            b += sums[shared, 5] - cross @ back @ sums[own, 5]
-            total += float(sums[5, 5] - sums[own, 5] @ back @ sums[own, 5]) + drive.left
-        return total - float(b @ np.linalg.pinv(A, hermitian=True, rcond=1e-12) @ b)
+            cross = sums[np.ix_([0, 4, 5], own)]
+            parts.append(sums[np.ix_([0, 4, 5], [0, 4, 5])] - cross @ back @ cross.T)
+            total += drive.left
+        A = np.sum(parts, axis=0)
+        found = []
+        for shared in ([0], [0] if one_lag else [0, 1]):
+            b, among = A[shared, 2], A[np.ix_(shared, shared)]
+            found.append(total + float(A[2, 2] - b @ np.linalg.pinv(among, hermitian=True, rcond=1e-12) @ b))
+        return found[0], found[1]
+
+    def grid(self) -> list["Place"]:
+        """The squares left at every place of it."""
+        span, shortest = self.longest_s, self.shortest_s
+        taus = np.geomspace(0.6 * shortest, 2 * span, TAUS).tolist()
+        thetas = [0.0, *np.geomspace(0.5 * shortest, LONGEST_DELAY * span, DELAYS).tolist()]
+        shapes = [(tau, zeta) for tau in taus for zeta in (math.inf, *DAMPINGS)]
+        shapes += [(1 / w, zeta) for w in peaks(self) for zeta in DAMPINGS[:2]]
+        found = []
+        for theta in thetas if self.dead_time_s is None else [self.dead_time_s]:
+            late = [delayed(drive, theta) for drive in self.drives]
+            found += [Place(tau, zeta, theta, self.costs(late, tau, zeta)) for tau, zeta in shapes]
+        return found
+
+
+@dataclass(frozen=True)
+class Place:
+    """A place of the grid."""
+
+    tau: float  # Of a lag; of two 1/ω
+    zeta: float  # ∞: one lag
+    theta: float
+    costs: tuple[float, float]  # Squares left without and with a zero
 
 
 LAG = np.ix_([0, 1, 2, 3, 5], [0, 1, 2, 3, 5])  # Where sums of two lags in parallel lie among `swinging_sums`
@@ -155,22 +187,15 @@ def lag_sums(drive: Drive, tau: float) -> Array:
     return sums
 
 
-def places(search: Search, kind: Kind) -> list[tuple[float, ...]]:
-    """The best places of the grid for a kind, (τ, θ) or (1/ω, ζ, θ), from minima that differ by more than a factor."""
-    span, shortest = search.longest_s, search.shortest_s
-    taus = np.geomspace(0.6 * shortest, 2 * span, TAUS).tolist()
-    late = np.geomspace(0.5 * shortest, LONGEST_DELAY * span, DELAYS).tolist() if kind.late else [0.0]
-    if search.dead_time_s is not None:
-        late = [search.dead_time_s]
-    shapes: list[tuple[float, float]] = [(tau, math.inf) for tau in taus]
-    if kind.law == "swing":
-        ringing = [(1 / w, zeta) for w in peaks(search) for zeta in DAMPINGS[:2]]
-        shapes = [(tau, zeta) for tau in taus for zeta in DAMPINGS] + ringing
-    rows = [(search.cost(theta, tau, zeta, kind.zero), tau, zeta, theta) for tau, zeta in shapes for theta in late]
-    best: list[tuple[float, ...]] = []
-    for _, *place in sorted(rows):
-        if all(abs(math.log(place[0] / one[0])) > 0.7 for one in best):
-            best.append(tuple(place))
+def places(search: Search, kind: Kind, grid: Sequence[Place]) -> list[Place]:
+    """The best places of the grid for a kind, from minima that differ by more than a factor."""
+    given = search.dead_time_s is not None
+    of_law = [one for one in grid if math.isinf(one.zeta) == (kind.law == "lag")]
+    rows = [one for one in of_law if given or (one.theta > 0) == kind.late]
+    best: list[Place] = []
+    for place in sorted(rows, key=lambda one: one.costs[kind.zero]):
+        if all(abs(math.log(place.tau / one.tau)) > 0.7 for one in best):
+            best.append(place)
         if len(best) == BEGUN:
             break
     return best
@@ -185,9 +210,16 @@ def peaks(search: Search) -> list[float]:
     return [float(2 * np.pi * k / (len(y) * dt_s)) for k in top]
 
 
-def begun(search: Search, kind: Kind, gain: Form, place: Sequence[float], near: Solved | None = None) -> Solved:
+def begun(
+    search: Search,
+    kind: Kind,
+    gain: Form,
+    theta: float,
+    tau: float = 1.0,
+    zeta: float = 1.0,
+    near: Solved | None = None,
+) -> Solved:
     """A kind fitted from a place of the grid, or with more of a gain from where it ended with less."""
-    tau, zeta, theta = place
     model = of_kind(
         kind.law, gain, search.low, search.high, search.shortest_s, None if kind.zero else 0.0, search.signed
     )
@@ -237,13 +269,15 @@ def gain_solved(setup: Setup, x: Array) -> Array:
 
 
 def richer(search: Search, stepwise_levels: int) -> Iterator[Form]:
-    """Gains beyond one for all inputs, of no more coefficients than the inputs tell apart."""
+    """Gains beyond one for all inputs, of no more coefficients than the inputs tell apart; through rest where none of
+    the logs shows it, for a constant would be the idle output's."""
     low, high = search.low, search.high
     if search.signed:
         yield Sides(Proportional(low, high), Proportional(low, high))
+    rests = any(log.starts_idle or log.baseline is not None or bool((log.input == 0).any()) for log in search.logs)
     for degree in (2, 3):
         if not search.signed and stepwise_levels > degree + 1:
-            yield LegendreForm(degree, low, high)
+            yield LegendreForm(degree, low, high) if rests else Proportional(low, high, degree)
 
 
 def independent(solved: Solved) -> float:
@@ -271,7 +305,7 @@ def on_all(search: Search, one: Tried) -> Tried:
         for _ in range(LAST_STEPS):
             x = x + newton_step(problem, x, *problem.normal(x)[1:]).d
         ended = replace(ended, x=x, cost=problem.value(x)[0])
-    return replace(one, solved=ended)
+    return replace(one, solved=ended, within=0.0)
 
 
 def scored(tried: Sequence[Tried], noise: float) -> list[Tried]:
@@ -287,23 +321,27 @@ def scored(tried: Sequence[Tried], noise: float) -> list[Tried]:
 def of_evidence(search: Search, levels: int, rivals: Sequence[Tried] = ()) -> list[Tried]:
     """Every kind fitted, beside `rivals`, the best first; the best few with more of a gain.
 
-    The best stands fitted to every sample, the others to the rows on which they are looked for.
+    The best stand fitted to every sample, as rivals do; the others to the rows on which they are looked for.
     """
-    gain, tried = Proportional(search.low, search.high), []
+    gain, grid, tried = Proportional(search.low, search.high), search.grid(), []
     for kind in KINDS:
         if kind.late and search.dead_time_s is not None:
             continue
-        ends = [begun(search, kind, gain, place) for place in places(search, kind)]
+        ends = [begun(search, kind, gain, at.theta, at.tau, at.zeta) for at in places(search, kind, grid)]
         tried.append(Tried(kind, min(ends, key=lambda one: one.cost)))
     forms = list(richer(search, levels))
     for one in sorted(tried, key=lambda one: one.cost)[:GAINS]:
         theta = one.solved.fitted.dead_time(one.solved.x)
-        tried += [Tried(one.kind, begun(search, one.kind, form, (1.0, 1.0, theta), one.solved)) for form in forms]
+        tried += [Tried(one.kind, begun(search, one.kind, form, theta, near=one.solved)) for form in forms]
     tried = [one for one in tried if resolved(one, search)] or tried
-    most = min([*tried, *rivals], key=lambda one: one.cost)
-    most = on_all(search, most)
-    rows = scored([*tried, *rivals], most.cost / independent(most.solved))
-    return [on_all(search, rows[0]), *rows[1:]]
+    least = min(tried, key=lambda one: one.cost)
+    rows = scored(tried, least.cost / independent(least.solved))
+    ended = [on_all(search, one) for one in rows[:FINALISTS]]
+    within = max(ended[0].cost - rows[0].cost, 0.0)
+    ended += [*(replace(one, within=within) for one in rows[FINALISTS:]), *rivals]
+    least = min(ended, key=lambda one: one.cost)
+    best, *others = scored(ended, least.cost / independent(least.solved))
+    return [on_all(search, best) if best.within else best, *others]
 
 
 def resolved(one: Tried, search: Search) -> bool:
@@ -325,9 +363,9 @@ def integrates(search: Search, best: Tried) -> bool:
     endless = ENDLESS * search.longest_s
     theta = best.solved.fitted.dead_time(best.solved.x)
     fast = np.geomspace(0.6 * search.shortest_s, search.longest_s, TAUS)
-    costs = [search.cost(theta, endless, math.inf, False)]
+    costs = [search.cost(theta, endless, math.inf)]
     costs += [  # τ1 and an endless τ2: 1/ω = √(τ1 τ2), ζ = (τ1 + τ2)/(2 √(τ1 τ2))
-        search.cost(theta, math.sqrt(tau * endless), (tau + endless) / (2 * math.sqrt(tau * endless)), False)
+        search.cost(theta, math.sqrt(tau * endless), (tau + endless) / (2 * math.sqrt(tau * endless)))
         for tau in fast.tolist()
     ]
     return min(costs) <= INTEGRATES * best.cost

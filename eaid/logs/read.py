@@ -2,14 +2,16 @@
 
 import os
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from eaid.declared import chosen, forms
 from eaid.errors import DataError, UsageError
 from eaid.files import LOGS, is_as_written, sha256_of
 from eaid.findings import Finding, finding
@@ -18,7 +20,7 @@ from eaid.logs.formats import ForeignReader, format_of, unread
 from eaid.logs.run import Run, numbered
 from eaid.logs.text import read_text
 from eaid.logs.to_run import run_of
-from eaid.options import ReadOptions
+from eaid.options import Columns, ReadOptions
 from eaid.shown import counted
 
 PLAIN = ReadOptions()
@@ -36,15 +38,22 @@ def read_runs(paths: Sequence[Path], options: ReadOptions = PLAIN) -> list[Run]:
     return runs
 
 
-def read_like(paths: Sequence[Path], options: ReadOptions, rate_hz: float | None) -> list[Run]:
-    """Runs as `read_runs` gives them; `rate_hz`, that of the logs of a fit, is taken where these say no time either."""
+def read_like(paths: Sequence[Path], options: ReadOptions, before: Mapping[str, Any]) -> list[Run]:
+    """Runs as `read_runs` gives them, read as the logs of a fit were `before` where nothing else is said.
+
+    Columns and units stand; the rate is taken where these logs say no time either.
+    """
+    given = options
+    options = chosen(ReadOptions, None, {k: v for k, v in before.items() if k in forms(Columns)} | given.given())
     try:
         return read_runs(paths, options)
+    except UsageError:  # a dataset says all itself
+        return read_runs(paths, given)
     except DataError as fault:
         timeless = any("called time" in one or "columns have" in one for one in fault.sentences)
-        if rate_hz is None or options.rate_hz is not None or not timeless:
+        if not isinstance(before.get("rate_hz"), float) or options.rate_hz is not None or not timeless:
             raise
-    return read_runs(paths, replace(options, rate_hz=rate_hz))
+    return read_runs(paths, replace(options, rate_hz=before["rate_hz"]))
 
 
 def read_what_can_be(

@@ -52,24 +52,30 @@ class LegendreForm:
 
 @dataclass(frozen=True)
 class Proportional:
-    """One gain for all inputs, of both signs: g u."""
+    """One gain for all inputs, of both signs, g u; of a higher degree a polynomial through rest."""
 
     low: float
     high: float
-    size: int = 1
+    degree: int = 1
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients."""
+        return self.degree
 
     @property
     def inputs(self) -> Array:
         """As many inputs as coefficients."""
-        return np.array([self.high])
+        return self.high * np.arange(1, self.size + 1) / self.size
 
     def rows(self, u: Array) -> Array:
-        """∂ value/∂ coefficients at some inputs, (m, 1)."""
-        return np.asarray(u, dtype=np.float64)[:, None]
+        """∂ value/∂ coefficients at some inputs, (m, size)."""
+        u = np.asarray(u, dtype=np.float64)[:, None]
+        return u * (u / self.high) ** np.arange(self.size)
 
     def powers(self, c: Array) -> Array:
         """The same in powers of u, lowest first."""
-        return np.array([0.0, c[0]])
+        return np.append(0.0, c / self.high ** np.arange(self.size))
 
 
 @dataclass(frozen=True)

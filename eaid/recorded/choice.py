@@ -11,7 +11,7 @@ from eaid.errors import DataError
 from eaid.estimate import forms
 from eaid.estimate.fall_tests import tested
 from eaid.estimate.from_logs import Setup, Solved, idle_of, model_of, setup_of, solve
-from eaid.estimate.kinds import Kind, Search, Tried, integrates, of_evidence, on_all, search_of
+from eaid.estimate.kinds import Kind, Search, Tried, integrates, of_evidence, search_of
 from eaid.estimate.late import timed
 from eaid.estimate.log_intervals import Spread, curves, spread
 from eaid.estimate.recorded_log import RecordedLog
@@ -31,7 +31,6 @@ OPEN = 0.2  # Relative half-width beyond which T_s is open
 LITTLE_PCT = 15.0  # Of a log that a kind has to explain
 LEFT = 0.04  # Part of the squares about the mean that a kind may leave that takes the place of such a clutch
 AS_WELL = 4.0  # Squares over those of a clutch whose T_s is open, up to which another kind is taken in its place
-ITS_OWN = 1.25  # Squares over those of two lags with another C, up to which the clutch's form stands
 AT_REST = 4.0  # Squares of a start at rest over those of one with unknown states, up to which it is believed
 
 
@@ -71,10 +70,10 @@ def plant_of_logs(
         explains = simple.cost <= LEFT * sum(energy(log) for log in logs)
         well = simple.cost <= AS_WELL * rows[0].cost
         if (explains and never_near(clutch.solved, inputs)) or (well and leaves_open(clutch.solved, inputs)):
-            rows = [on_all(search, simple), *(one for one in rows if one is not simple)]
+            rows = [simple, *(one for one in rows if one is not simple)]
     own = next((one for one in rows if one.kind.name == "clutch"), None)
     found = model_of(rows[0].solved)
-    if own is not None and found.kind == "parallel" and own.cost <= ITS_OWN * rows[0].cost:
+    if own is not None and found.kind == "parallel" and own.score <= rows[0].score:
         rows = [own, *(one for one in rows if one is not own)]  # the same form, with another C
     best, total = rows[0], sum(energy(log) for log in logs)
     if integrates(search, best):
@@ -116,7 +115,7 @@ def quick_cost(search: Search) -> float:
     """Squares that the best of a few lags with dead times leaves."""
     taus = np.geomspace(search.shortest_s, search.longest_s, 12).tolist()
     delays = [0.0, *np.geomspace(0.5 * search.shortest_s, 0.2 * search.longest_s, 8).tolist()]
-    return min(search.cost(theta, tau, np.inf, False) for tau in taus for theta in delays)
+    return min(search.cost(theta, tau, np.inf) for tau in taus for theta in delays)
 
 
 def never_near(solved: Solved, inputs: Inputs) -> bool:
@@ -160,7 +159,9 @@ def energy(log: RecordedLog) -> float:
 def kind_row(one: Tried, total: float, least: float) -> KindTried:
     """A kind as the result tells it."""
     form = one.solved.setup.model.Ts
-    gain = "one" if isinstance(form, Proportional) else "sides" if isinstance(form, Sides) else "curve"
+    gain = (
+        "one" if isinstance(form, Proportional) and form.size == 1 else "sides" if isinstance(form, Sides) else "curve"
+    )
     fit_pct = 100 * (1 - float(np.sqrt(max(one.cost, 0.0) / total))) if total > 0 else None
     score = one.score / least if least > 0 else None
     return KindTried(one.name, gain, one.solved.setup.size, fit_pct, score)

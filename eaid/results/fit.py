@@ -446,8 +446,8 @@ class FittedData(Result, frozen=True):
     """What made the data, where no rig did."""
 
 
-# Models of steps, the first that was fitted before the others
-CURVES: dict[str, Any] = {"nonlinear": from_rest, "linear": linear.step_response, "friction": None}
+# What predicts a step from rest
+CURVES: dict[str, Any] = {"nonlinear": from_rest, "linear": linear.step_response, "friction": None, "plant": from_rest}
 
 
 class Fit(Plotted, codec.Saved, Made, frozen=True, dict=True):
@@ -592,13 +592,9 @@ class Fit(Plotted, codec.Saved, Made, frozen=True, dict=True):
 
     @property
     def rmse(self) -> float:
-        """Root mean square residual of the first model that was fitted: nonlinear, linear, friction; NaN if unknown."""
-        if statistics.first_model(self) != "friction":
-            known = getattr(self, statistics.first_model(self)).rmse
-            return math.nan if known is None else float(known)
-        rows = [(row.sse, row.samples) for row in self.friction_levels if row.sse is not None and row.samples]
-        sse, samples = np.array(rows or [(math.nan, 1)]).sum(axis=0).tolist()
-        return math.sqrt(sse / samples)
+        """Root mean square residual of the model that the fit stands for; NaN if unknown."""
+        sse, _, samples = statistics.sums(self)
+        return math.sqrt(sse / max(samples, 1))
 
     def to_frame(self) -> "pandas.DataFrame":
         """One row a level, or a step between two: its curve with intervals, and the error of each model."""
@@ -628,8 +624,9 @@ class Fit(Plotted, codec.Saved, Made, frozen=True, dict=True):
             Inputs, in the input's unit.
         t : sequence of floats, shape (n,)
             Times since the step [s]; before it the output is at rest.
-        model : {"nonlinear", "linear", "friction"}, optional
-            By default the first of these that was fitted. The friction model knows its own levels only.
+        model : {"plant", "nonlinear", "linear", "friction"}, optional
+            By default the plant where it is of another kind than the clutch's, else the first of the others that was
+            fitted. The friction model knows its own levels only.
 
         Returns
         -------
@@ -646,7 +643,7 @@ class Fit(Plotted, codec.Saved, Made, frozen=True, dict=True):
         chosen = model or statistics.first_model(self)
         if chosen not in CURVES:
             raise UsageError(f"«model» {chosen}: must be one of {', '.join(CURVES)}")
-        if getattr(self, chosen) is None:
+        if (self.plant_ if chosen == statistics.PLANT else getattr(self, chosen)) is None:
             raise DataError(f"the fit holds no {chosen} model; fit one, or choose another «model»")
         time_s, inputs = np.asarray(t, dtype=np.float64), np.atleast_1d(np.asarray(duty, dtype=np.float64)).tolist()
         known = self.data.levels if self.recorded is None else self.recorded.u_range
@@ -661,6 +658,8 @@ class Fit(Plotted, codec.Saved, Made, frozen=True, dict=True):
 
     def curve(self, model: str, duty: float, time_s: Array) -> Array:
         """The output of a model at times since a step from rest."""
+        if model == statistics.PLANT:
+            return from_rest(self.plant, time_s, duty)
         if model != "friction":
             acting_s = np.maximum(time_s - self.dead_time_s, 0.0)
             return np.asarray(CURVES[model](getattr(self, model).parameters, acting_s, duty))

@@ -3,13 +3,15 @@
     rsquared  1 − SSE/Σ (y − mean y)²        llf  −n/2 (log(2π SSE/n) + 1)
     aic       2 k − 2 llf                    bic  k log n − 2 llf
 
-All are of the first model that was fitted: nonlinear, linear, friction. Repeats of a level are averaged before a model
+All are of the first model that was fitted: the plant where it is of another kind than the clutch's, else nonlinear,
+linear, friction. Repeats of a level are averaged before a model
 is fitted, so n counts the samples of the averages; noise that remembers makes fewer of them independent than there are,
 so `aic` and `bic` compare models of the same logs and are no absolute measure.
 """
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +26,14 @@ if TYPE_CHECKING:
     from eaid.results.fit import Fit, Parameter
 
 FIRST = ("nonlinear", "linear", "friction")  # Models of steps, the first that was fitted before the others
+PLANT = "plant"  # The one plant, where it is of another kind
 SAME = 1e-6  # Part of an interval by which a value lies off its middle and still is the middle
 
 
 def first_model(fit: "Fit") -> str:
-    """The first model of steps that was fitted."""
+    """The model that a fit stands for: its plant of another kind, or the first model of steps."""
+    if fit.plant_ is not None and fit.plant_.another:
+        return PLANT
     found = next((name for name in FIRST if getattr(fit, name) is not None), None)
     if found is None:
         raise DataError("the fit holds no model of steps")
@@ -99,8 +104,15 @@ def covariance(fit: "Fit") -> "pandas.DataFrame":
 def sums(fit: "Fit") -> tuple[float, float, int]:
     """Sums of squares of the residuals and about the mean, and samples; friction curves each about their own mean."""
     model = first_model(fit)
-    rows = fit.friction_levels if model == "friction" else (getattr(fit, model),)
+    rows: Sequence[Any] = fit.friction_levels if model == "friction" else ()
+    if model in ("nonlinear", "linear"):
+        rows = (getattr(fit, model),)
     known = [
+        (n * one.rmse**2, n * one.rmse**2 / (1 - one.fit_pct / 100) ** 2, n)
+        for one in (fit.logs if model == PLANT else ())
+        if (n := one.samples) and one.rmse and one.fit_pct is not None
+    ]
+    known += [
         (one.sse, one.sse / (1 - one.R2), one.sse / one.rmse**2)
         for one in rows
         if one.sse and one.rmse and one.R2 is not None and one.R2 < 1
@@ -117,11 +129,12 @@ def free_parameters(fit: "Fit") -> int:
         return (4 - held) * len(fit.friction_levels)
     if model == "linear":
         return int(np.count_nonzero([getattr(fit.linear, name) for name in ("a0", "b0", "c0")]))
-    part = fit.nonlinear
-    assert part is not None
-    if fit.plant_ is None or not fit.plant_.another:
+    if model != PLANT:
+        part = fit.nonlinear
+        assert part is not None
         return int(np.count_nonzero([*part.Ts, *part.tau1, *part.tau2])) + part.C_free
-    plant = fit.plant_  # of another kind: one lag has no τ2 of its own, a ringing one a damping
+    plant = fit.plant_
+    assert plant is not None  # of another kind: one lag has no τ2 of its own, a ringing one a damping
     numbers = [*plant.Ts, *plant.Ts_below, *plant.tau1, plant.dead_time_s, plant.zeta or 0.0, plant.zero]
     parallel = plant.kind in ("parallel", "overshoot")
     return int(np.count_nonzero([*numbers, *(plant.tau2 if parallel else ())])) + parallel

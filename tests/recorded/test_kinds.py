@@ -9,7 +9,6 @@ import pandas as pd
 import pytest
 
 import eaid
-from eaid.options import ReadOptions
 from eaid.plant.dynamics import Plant
 from eaid.plant.respond import respond
 
@@ -54,7 +53,7 @@ def both(log: pd.DataFrame, folder: Path) -> tuple[eaid.Fit, float]:
     file = folder / "log.csv"
     log.to_csv(file, index=False, float_format="%.17g")
     fit = eaid.fit(eaid.read(file, logs_as="recorded", **OPTIONS))
-    run = eaid.simulate(fit, log=file, reading=ReadOptions(columns=COLUMNS))
+    run = eaid.simulate(fit, log=file)  # its columns are those that the fit was told
     return fit, float(next(iter(run.records.values())).metrics.fit_pct)
 
 
@@ -78,7 +77,12 @@ def test_the_kind_is_found_with_its_numbers_and_replays_its_own_log(name: str, t
 @pytest.mark.parametrize("name", KINDS)
 def test_without_noise_the_truth_comes_back(name: str) -> None:
     truth = KINDS[name]
-    found = fitted(log_of(truth, noise=0.0), ci="none").plant
+    fit = fitted(log_of(truth, noise=0.0), ci="none")
+    found, t = fit.plant, np.linspace(0.0, 5.0, 251)
+    predicted = fit.predict(60.0, t)  # of the plant, whatever other models were fitted
+    true = respond(truth, np.array([-1.0, 0.0]), np.array([0.0, 60.0]), t)
+    assert predicted.columns.name.startswith("plant") == fit.plant_.another  # type: ignore[union-attr]
+    np.testing.assert_allclose(predicted[60.0], true, atol=1e-5)
     assert found.kind == truth.kind and found.dead_time_s == pytest.approx(truth.dead_time_s, abs=1e-6)
     assert found.Ts[1] == pytest.approx(0.04, rel=1e-6) and found.tau1[0] == pytest.approx(truth.tau1[0], rel=1e-6)
     if truth.zeta is not None:
@@ -164,3 +168,17 @@ def test_a_log_that_was_noted_late_is_replayed_as_it_was_fitted(tmp_path: Path) 
     log["input_V"] = log.input_V.shift(2, fill_value=0.0)
     fit, replayed_pct = both(log, tmp_path)
     assert fit.logs[0].late_rows == 2 and replayed_pct == pytest.approx(fit.logs[0].fit_pct, abs=0.01)
+
+
+def test_steps_that_ring_are_one_step_each_where_their_input_is_told() -> None:
+    random, t, spring = np.random.default_rng(3), np.arange(-0.5, 3.0, 0.005), plant(1 / 12, zeta=0.15)
+    logs = []
+    for u in (25.0, 50.0, 75.0, 100.0):
+        y = respond(spring, np.array([-1.0, 0.0]), np.array([0.0, u]), t) + 0.02 * random.normal(size=len(t))
+        logs.append(
+            pd.DataFrame({"run": f"u{u:g}", "time_s": t + 0.5, "input_V": np.where(t < 0, 0.0, u), "speed_rpm": y})
+        )
+    fit = eaid.fit(eaid.read(pd.concat(logs), **OPTIONS))
+    assert fit.verdict.usable and fit.plant.kind == "ringing" and fit.friction is None
+    assert (fit.plant.tau1[0], fit.plant.zeta) == pytest.approx((1 / 12, 0.15), rel=0.01)
+    assert fit.rmse == pytest.approx(0.02, rel=0.1)
