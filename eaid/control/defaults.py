@@ -21,6 +21,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
+import numpy as np
+
 from eaid.control.design import Design, robust_of
 from eaid.control.gains import Bounds
 from eaid.control.kinds import rc_law
@@ -78,15 +80,22 @@ def input_limits(fit: Fit) -> tuple[float, float]:
     return 0.0, highest
 
 
-SLOW = 0.01  # Pace below which a rig is sampled more slowly than at its 1 kHz, in proportion
+LEAST_SAMPLES = 20  # Samples in the shortest lag of a slow rig, at least
 QUICK_PWM = 20  # Periods of a PWM in a sample from which its latch adds nothing
 
 
 def control_rate(fit: Fit) -> float:
-    """Rate of the controller [Hz] where nothing is said: 1 kHz, whatever the logger's; less on a very slow rig."""
-    pace = scales_of(fit).pace
-    rate = fit.data.apparatus.sample_rate_hz
-    return rate if pace >= SLOW else float(f"{rate * pace / SLOW:.2g}")
+    """Rate of the controller [Hz] where nothing is said: 1 kHz, whatever the logger's; on a rig slower than the paper's
+    in proportion to its pace, with so many samples in its shortest lag."""
+    pace, rate = scales_of(fit).pace, fit.data.apparatus.sample_rate_hz
+    if pace >= 1:
+        return rate
+    least = 0.0
+    if fit.plant_ is not None or fit.nonlinear is not None:
+        plant = fit.plant
+        shortest = plant.time_constants(np.array(plant.u_range))[0].min()
+        least = LEAST_SAMPLES / max(float(shortest), plant.floor_s)
+    return min(rate, float(f"{max(rate * pace, least):.2g}"))
 
 
 def timing_of(fit: Fit, options: TuneOptions) -> Timing:
@@ -96,7 +105,7 @@ def timing_of(fit: Fit, options: TuneOptions) -> Timing:
     if pwm is None:
         latched_hz = fit.data.apparatus.pwm_hz
         pwm = latched_hz if is_duty(fit) and latched_hz < QUICK_PWM * rate else 0.0
-    return Timing(rate, pwm or None, delay_samples=round(fit.dead_time_s * rate))
+    return Timing(rate, pwm or None, delay_samples=fit.dead_time_s * rate)
 
 
 def design_options(

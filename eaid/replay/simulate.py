@@ -73,12 +73,13 @@ def simulate(
     made_for = gains.margins.timing.rate_hz if gains is not None and gains.margins is not None else None
     rate_hz = options.rate_hz or made_for or control_rate(fit)
     if fit.dead_time_s > 0 and rig.delay_samples == 0:
-        rig = replace(rig, delay_samples=round(fit.dead_time_s * rate_hz))
         findings.append(finding("dead-time-replayed", "nonlinear", dead_time_s=fit.dead_time_s))
     reasons = {"plant": fit.verdict.of(*PLANT).sentence, "gains": (gains.not_usable or "") if gains is not None else ""}
     not_usable = {name: why for name, why in reasons.items() if why}
     findings += [finding("replay-not-usable", name, why=why) for name, why in not_usable.items()]
     plant, dt_s = plant_numbers(model), 1.0 / rate_hz
+    if rig.delay_samples:
+        plant = plant._replace(late_s=0.0)
     outcome: Outcome
     if runs is not None:
         outcome = {run.name: compared(run, fit, model) for run in runs}, {}, []

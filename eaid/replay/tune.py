@@ -81,8 +81,8 @@ class Task:
         """What a controller does on the plant; nothing where there is none."""
         if self.plant is None:
             return Tracking()
-        controller, rig = feedback(law), Rig(delay_samples=self.timing.delay_samples)
-        columns = replay(plant_numbers(self.plant), controller, self.wanted.torque_nm, rig, self.wanted.dt_s)
+        controller = feedback(law)
+        columns = replay(plant_numbers(self.plant), controller, self.wanted.torque_nm, Rig(), self.wanted.dt_s)
         return tracking(columns, controller.limits_pct, slice(self.wanted.begin, None))
 
     def compared(self, law: Law, slopes: tuple[float | None, float | None]) -> Compared:

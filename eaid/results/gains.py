@@ -6,7 +6,7 @@ the paper's rig.
 
 from fractions import Fraction
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import msgspec
 
@@ -45,8 +45,8 @@ class Timing(Result, frozen=True, dict=True):
 
     rate_hz: Positive = 1000.0
     pwm_hz: Positive | None = None
-    delay_samples: Count = 0
-    """Dead time that the steps show."""
+    delay_samples: Annotated[float, msgspec.Meta(ge=0, le=1e15)] = 0.0
+    """Dead time of the plant, in samples or parts of one."""
 
     @property
     def step_s(self) -> float:
