@@ -94,7 +94,7 @@ def loop_of(law: Step) -> Callable[..., None]:
     def closed_loop(
         gains: Any, start: Any, plant: PlantNumbers, rig: tuple[int, float], dt: float, inputs: Inputs, filled: Any
     ) -> None:
-        """Fill four columns of zeros as long as the inputs: true and read torque, the duty given and the mean applied."""
+        """Fill four columns of zeros, as long as the inputs: true and read torque, duty given and mean duty applied."""
         reference, rate, disturbance, factor = inputs
         torque, measured, duty, applied = filled
         state = start
@@ -144,7 +144,9 @@ def replay(
     [s], shape (n,), n ≥ 2."""
     inputs = Inputs(*(column.tolist() for column in inputs_of(controller, reference_nm, rig, dt_s, seed)))
     filled = [[0.0] * len(reference_nm) for _ in range(4)]
-    loop_of(controller.step)(controller.gains, controller.start, plant, rig_numbers(rig, dt_s), dt_s, inputs, filled)
+    loop_of(controller.step)(
+        controller.gains, controller.start(dt_s), plant, rig_numbers(rig, dt_s), dt_s, inputs, filled
+    )
     return columns_of(rig, plant, dt_s, reference_nm, filled)
 
 

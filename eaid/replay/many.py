@@ -82,7 +82,7 @@ def montecarlo(
 
     def single(index: int) -> None:
         plant, filled = plant_numbers(plants[index]), tuple(np.zeros((4, len(wanted))))
-        run(controller.gains, controller.start, plant, rig_numbers(rig, dt_s), dt_s, inputs, filled)
+        run(controller.gains, controller.start(dt_s), plant, rig_numbers(rig, dt_s), dt_s, inputs, filled)
         kept[:, index] = filled[0][shown]
         columns = {"reference_nm": wanted, "torque_nm": filled[0], "duty_pct": filled[2]}
         followed = tracking(columns, controller.limits_pct, slice(reference.begin, None))

@@ -75,7 +75,7 @@ def _run(
         *(0.5 * (1 + np.tanh((t - at) / exercise.blend_s)) for at in middle),  # shares of the way to hard, to assisted
     )
     law: Callable[..., tuple[object, float]] = controller.step
-    gains, state = controller.gains, controller.start
+    gains, state = controller.gains, controller.start(dt)
     soft, hard = exercise.soft_nm_rad, exercise.hard_nm_rad
     k_p, k_i = exercise.assist_proportional, exercise.assist_integral
     stiffness, damping, weight = exercise.user_stiffness, exercise.user_damping, exercise.gravity_nm

@@ -1,7 +1,6 @@
 """Controllers on the fitted plant: a scenario, a reference, the rehabilitation, or recorded runs; one function."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
@@ -19,7 +18,7 @@ from eaid.options import Rig, SimulateOptions
 from eaid.plant.dynamics import PlantNumbers, plant_numbers
 from eaid.progress import Progress, no_progress
 from eaid.replay.compare import compared
-from eaid.replay.controllers import Controller, OwnGains, OwnLaw, controller_of, own_step
+from eaid.replay.controllers import Controller, OwnGains, OwnLaw, at_zero, controller_of, own_step
 from eaid.replay.loop import replay
 from eaid.replay.references import Reference, measure, reference_beyond, reference_of, signal_of
 from eaid.replay.rehab import MODES, rehabilitate
@@ -66,7 +65,7 @@ def simulate(
         findings.append(finding("no-gains", "controllers"))
     limits = input_limits(fit) if gains is None else gains.duty_limits_pct
     controllers = tuple(controller_of(name, model, linear, gains, limits) for name in names)
-    controllers += tuple(Controller(name, own_step, OwnGains(name, law, *limits), 0) for name, law in own.items())
+    controllers += tuple(Controller(name, own_step, OwnGains(name, law, *limits), at_zero) for name, law in own.items())
     rig, scales = part(Rig, options), scales_of(fit, model)
     if runs is not None and (unused := list(rig.given())):
         raise UsageError(f"«{unused[0]}»: does nothing with logs; leave it out")
