@@ -87,7 +87,7 @@ def test_a_heaters_dead_time_is_the_rigs_and_its_loops_keep_their_margins() -> N
     assert fit.at(100.0).loc["Ts", "value"] == pytest.approx(35.0, rel=0.02)
     assert "shown  single steps" not in fit.summary()  # its levels, not each step by itself
     gains = eaid.tune_rc(fit, rate_hz=10.0)
-    assert gains.margins.timing.delay_samples == 160
+    assert gains.margins.timing.delay_s == pytest.approx(fit.dead_time_s)
     for point in gains.margins.points:
         assert point.loops["pi"].stable and point.loops["pi"].gain_db >= 6 and point.loops["pi"].phase_deg >= 45
 
