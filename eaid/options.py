@@ -22,7 +22,7 @@ LAWS = ("pi", "rc", "inverse", "plant")
 LOOPS = ("open-loop", "pi", "rc-no-rate", "rc")
 TRACKED = ("multisine", "steps", "sweep")
 SCENARIOS = (*TRACKED, "rehab")
-CONTROLLERS = ("rc", "pi", "pi-feedforward", "open-loop", "inverse")
+CONTROLLERS = ("rc", "pi", "pi-feedforward", "smith", "open-loop", "inverse")
 ROLES = ("time", "input", "output", "reference", "position")
 EXCITATIONS = ("random", "staircase", "chirp", "closed-loop")
 

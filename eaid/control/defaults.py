@@ -17,13 +17,16 @@ has, and where no ε does, K_P and K_D give way to those of half the PI's gains 
 numbers stand wherever the loop is stable.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
+import msgspec
+import numpy as np
+
 from eaid.control.design import Design, robust_of
 from eaid.control.gains import Bounds
-from eaid.control.kinds import rc_law
+from eaid.control.kinds import Law, rc_law
 from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, Point, enough, margins
 from eaid.control.pi import PIGains, pi_gains
 from eaid.errors import DataError, GainsError, UsageError
@@ -78,15 +81,22 @@ def input_limits(fit: Fit) -> tuple[float, float]:
     return 0.0, highest
 
 
-SLOW = 0.01  # Pace below which a rig is sampled more slowly than at its 1 kHz, in proportion
+LEAST_SAMPLES = 20  # Samples in the shortest lag of a slow rig, at least
 QUICK_PWM = 20  # Periods of a PWM in a sample from which its latch adds nothing
 
 
 def control_rate(fit: Fit) -> float:
-    """Rate of the controller [Hz] where nothing is said: 1 kHz, whatever the logger's; less on a very slow rig."""
-    pace = scales_of(fit).pace
-    rate = fit.data.apparatus.sample_rate_hz
-    return rate if pace >= SLOW else float(f"{rate * pace / SLOW:.2g}")
+    """Rate of the controller [Hz] where nothing is said: 1 kHz, whatever the logger's; on a rig slower than the paper's
+    in proportion to its pace, with so many samples in its shortest lag."""
+    pace, rate = scales_of(fit).pace, fit.data.apparatus.sample_rate_hz
+    if pace >= 1:
+        return rate
+    least = 0.0
+    if fit.plant_ is not None or fit.nonlinear is not None:
+        plant = fit.plant
+        shortest = plant.time_constants(np.array(plant.u_range))[0].min()
+        least = LEAST_SAMPLES / max(float(shortest), plant.floor_s)
+    return min(rate, float(f"{max(rate * pace, least):.2g}"))
 
 
 def timing_of(fit: Fit, options: TuneOptions) -> Timing:
@@ -96,7 +106,7 @@ def timing_of(fit: Fit, options: TuneOptions) -> Timing:
     if pwm is None:
         latched_hz = fit.data.apparatus.pwm_hz
         pwm = latched_hz if is_duty(fit) and latched_hz < QUICK_PWM * rate else 0.0
-    return Timing(rate, pwm or None, delay_samples=round(fit.dead_time_s * rate))
+    return Timing(rate, pwm or None, delay_samples=fit.dead_time_s * rate)
 
 
 def design_options(
@@ -138,17 +148,29 @@ def design_options(
     )  # fmt: skip
 
 
-def quickest_pi(model: Linear, points: Sequence[Point], timing: Timing, pace: float, unit: str) -> AskedPI:
-    """The quickest PI that has 6 dB and 45° around every operating point; GainsError where there is none."""
+def quickest(
+    model: Linear, points: Sequence[Point], timing: Timing, pace: float,
+    law: Callable[[float, float], Law] = PIGains, wrong: tuple[float, ...] = (1.0,),
+) -> AskedPI | None:  # fmt: skip
+    """The quickest PI that has, as a law takes it, 6 dB and 45° around every operating point, the dead time times each
+    factor in turn; None where there is none."""
+    timings = [msgspec.structs.replace(timing, delay_samples=each * timing.delay_samples) for each in wrong]
     for overshoot_pct in (OVERSHOOT_PCT, 0.0):
         for k in range(MOST_STEPS):
             settling_s = SETTLING_S / pace * SLOWER**k
             try:
-                pi = PIGains(*pi_gains(model, overshoot_pct, settling_s))
+                pi = law(*pi_gains(model, overshoot_pct, settling_s))
             except GainsError:  # slower than integral control alone
                 break
-            if all(enough(margins(pi, point, timing)) for point in points):
+            if all(enough(margins(pi, point, each)) for each in timings for point in points):
                 return AskedPI(overshoot_pct, settling_s)
+    return None
+
+
+def quickest_pi(model: Linear, points: Sequence[Point], timing: Timing, pace: float, unit: str) -> AskedPI:
+    """The quickest PI; GainsError where there is none."""
+    if (found := quickest(model, points, timing, pace)) is not None:
+        return found
     flat = [point.duty_pct for point in points if point.plant.gain <= 0]
     why = f"the output does not rise with the input around {', '.join(f'{u:.4g}' for u in flat)} {unit}: leave such "
     why += "levels out of the fit («levels»)"

@@ -1,24 +1,28 @@
 """The table of the controllers that a file of gains holds: one row each, with all that the rooms need to know of it.
 
 A new one is a module with its gains as a tuple of floats that ends with the limits of the duty, its `…_step`, `law` and
-`design`, and a row here: replays, Monte-Carlo, margins, tables and gains.json (its `controllers`) have it then.
+`design`, a row here, and its name among the words that commands take (`options.CONTROLLERS`): replays, Monte-Carlo,
+margins, tables and gains.json (its `controllers`) have it then.
 """
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from eaid.control import pi_feedforward
+from eaid.control import pi_feedforward, smith
+from eaid.control.law import Wanted
 from eaid.control.pi import PIGains, pi_step
 from eaid.control.pi_feedforward import PIFeedforwardGains, pi_feedforward_step
 from eaid.control.rc import RCGains, rc_step
+from eaid.control.smith import SmithGains, smith_step
+from eaid.errors import GainsError
 from eaid.plant.linear import Linear
 from eaid.results.gains import PI, Robust
 
-Law = RCGains | PIGains | PIFeedforwardGains
+Law = RCGains | PIGains | PIFeedforwardGains | SmithGains
 Limits = tuple[float, float]
-# step(gains, state, reference, reference_rate, torque, dt) → (next state, duty); the state is an integral, 0 at rest
-Step = Callable[[Any, float, float, float, float, float], tuple[float, float]]
+# step(gains, state, reference, reference_rate, torque, dt) → (next state, duty)
+Step = Callable[[Any, Any, float, float, float, float], tuple[Any, float]]
 
 
 def rc_law(model: Linear, rc: Robust, limits_pct: Limits) -> RCGains:
@@ -28,6 +32,11 @@ def rc_law(model: Linear, rc: Robust, limits_pct: Limits) -> RCGains:
         rc.K_P, rc.K_D, rc.B_hat, model.a0, model.b0, model.c0, rc.rho.constant, rc.rho.slope, rc.epsilon, rc.gamma,
         Q12, Q22, *limits_pct,
     )  # fmt: skip
+
+
+def from_rest(_gains: Any, _dt: float) -> Any:
+    """The state of a controller whose state is an integral, at rest."""
+    return 0.0
 
 
 def pi_law(_model: Linear, pi: PI, limits_pct: Limits) -> PIGains:
@@ -40,20 +49,27 @@ class Kind:
     """One controller."""
 
     name: str  # As commands and files have it
+    title: str  # As readers have it
     gains: type  # What its step takes, floats only, the limits of the duty last
     step: Step
     law: Callable[[Linear, Any, Limits], Law]  # Model, what a file holds of it, limits → what its step takes
     shown: Mapping[str, str] = field(default_factory=dict)  # Its numbers in a table, and how they are written
     positive: tuple[str, ...] = ()  # Those that no loop runs without
-    # Its gains once the robust controller has its own; None: `tune` designs it, and it has a key of its own
-    design: Callable[[Robust], dict[str, float] | None] | None = None
+    # Its gains once the robust controller has its own; GainsError: why it has none, None: it is of no use. Without a
+    # design, `tune` makes it, and it has a key of its own
+    design: Callable[[Wanted], dict[str, float] | None] | None = None
+    start: Callable[[Any, float], Any] = from_rest  # Gains, control interval [s] → the state at rest
+    around: Callable[[Any], Any] | None = None  # Its linear part where its state is more than an integral
 
 
 ROWS = (
-    Kind("rc", RCGains, rc_step, rc_law, Robust.SHOWN, ("K_P", "K_D", "B_hat", "b0", "epsilon", "gamma", "Q22")),
-    Kind("pi", PIGains, pi_step, pi_law, PI.SHOWN),
-    Kind("pi-feedforward", PIFeedforwardGains, pi_feedforward_step, pi_feedforward.law,
+    Kind("rc", "RC", RCGains, rc_step, rc_law, Robust.SHOWN, ("K_P", "K_D", "B_hat", "b0", "epsilon", "gamma", "Q22")),
+    Kind("pi", "PI", PIGains, pi_step, pi_law, PI.SHOWN),
+    Kind("pi-feedforward", "PI with RC's feedforward", PIFeedforwardGains, pi_feedforward_step, pi_feedforward.law,
          {"K_P": "K_P", "K_I": "K_I", "B_hat": "B̂"}, ("B_hat", "b0"), pi_feedforward.design),
+    Kind("smith", "PI with Smith predictor", SmithGains, smith_step, smith.law,
+         {"K_P": "K_P", "K_I": "K_I", "dead_time_s": "dead time"}, ("dead_time_s", "a0", "b0"), smith.design,
+         smith.start, smith.Around),
 )  # fmt: skip
 KINDS: dict[str, Kind] = {row.name: row for row in ROWS}
 
@@ -63,7 +79,15 @@ def kind_of(gains: Law) -> Kind:
     return next(row for row in ROWS if isinstance(gains, row.gains))
 
 
-def designs(rc: Robust) -> dict[str, dict[str, float]]:
-    """Gains of the controllers that follow from the robust one, by name."""
-    made = {row.name: row.design(rc) for row in ROWS if row.design is not None}
-    return {name: each for name, each in made.items() if each is not None}
+def designs(wanted: Wanted) -> tuple[dict[str, dict[str, float]], dict[str, str]]:
+    """Gains of the controllers that follow from the robust one, by name, and why others have none."""
+    made, refused = {}, {}
+    for row in ROWS:
+        try:
+            held = None if row.design is None else row.design(wanted)
+        except GainsError as error:
+            refused[row.name] = str(error)
+            continue
+        if held is not None:
+            made[row.name] = held
+    return made, refused

@@ -16,7 +16,7 @@ import cmath
 import math
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
@@ -24,6 +24,7 @@ from scipy.optimize import brentq
 from eaid.arrays import Array
 from eaid.control.kinds import Law as Gains
 from eaid.control.kinds import kind_of
+from eaid.control.law import Law
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
 from eaid.plant import linear
@@ -68,30 +69,23 @@ def operating_points(
     return [Point(middle, linear.steady(model, middle), lag(model.b0 / model.a0, 1 / model.a0))]
 
 
-class Law(NamedTuple):
-    """A controller around a point: δu = k_r δr + k_v δv − k_T δT + k_q δq; without k_q nothing reads the integral."""
-
-    k_r: float
-    k_v: float
-    k_T: float
-    k_q: float
-
-
-def law_around(gains: Gains, torque_nm: float, duty_pct: float) -> tuple[Law, float]:
+def law_around(gains: Gains, torque_nm: float, duty_pct: float) -> tuple[Any, float]:
     """A controller that holds a torque [N·m] with a duty [%], its limits left out, and its integral there [N·m·s].
 
     The PI is linear as it stands. Of any other, by central differences of its step: at rest e = 0 and the integral
     stands where the law gives that duty; far from the middle of the robust controller's layer the slope differs.
     """
+    kind = kind_of(gains)
+    if kind.around is not None:
+        return kind.around(gains), 0.0
     if isinstance(gains, PIGains):
         return Law(gains.K_P, 0.0, gains.K_P, gains.K_I), duty_pct / gains.K_I if gains.K_I else 0.0
     free, step = gains._replace(duty_min=-math.inf, duty_max=math.inf), 1e-6
     if isinstance(gains, RCGains):
         step *= gains.epsilon / gains.Q22
-    law = kind_of(gains).step
 
     def given(integral: float, reference_nm: float, read_nm: float) -> float:
-        return law(free, integral, reference_nm, 0.0, read_nm, 0.0)[1]
+        return kind.step(free, integral, reference_nm, 0.0, read_nm, 0.0)[1]
 
     def short(integral: float) -> float:
         return given(integral, torque_nm, torque_nm) - duty_pct
@@ -107,7 +101,7 @@ def law_around(gains: Gains, torque_nm: float, duty_pct: float) -> tuple[Law, fl
         )
         return (above - below) / (2 * step)
 
-    return Law(slope(0, 1, 0), gains.B_hat, -slope(0, 0, 1), slope(1, 0, 0)), rest
+    return Law(slope(0, 1, 0), getattr(gains, "B_hat", 0.0), -slope(0, 0, 1), slope(1, 0, 0)), rest
 
 
 def enough(margin: Margin) -> bool:
@@ -133,7 +127,7 @@ def known(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def gain_margin(law: Law, plant: Operating, timing: Timing) -> float:
+def gain_margin(law: Any, plant: Operating, timing: Timing) -> float:
     """The factor on the duty at which the radius reaches 1 [dB]: steps to bracket it, then Brent; else infinite."""
 
     def over(db: float) -> float:
@@ -147,17 +141,19 @@ def gain_margin(law: Law, plant: Operating, timing: Timing) -> float:
     return float(brentq(over, low, high, xtol=1e-9 * high))
 
 
-def spectral_radius(law: Law, plant: Operating, timing: Timing, factor: float = 1.0) -> float:
+def spectral_radius(law: Any, plant: Operating, timing: Timing, factor: float = 1.0) -> float:
     """Spectral radius of the loop's map over one common period of sampling and latching, the duty times `factor`: below
     1 the loop dies out."""
     if timing.delay_s > LATE * timing.hold_s * (1 + 1e-9):
         quick, timing = timing, Timing((LATE + 0.5) / (timing.delay_s + timing.hold_s / 2), None, LATE)
-        law = law._replace(k_T=law.k_T + law.k_q * (timing.step_s - quick.step_s) / 2)
+        if isinstance(law, Law):
+            law = law._replace(k_T=law.k_T + law.k_q * (timing.step_s - quick.step_s) / 2)
     samples, latches = timing.pattern
     h, hold, delay_s = timing.step_s, timing.hold_s, timing.delay_s
     late = int(delay_s / hold + 1e-9)  # whole holds that the delay spans
     rest = max(delay_s - late * hold, 0.0)
-    states = 2, 1 if law.k_q else 0, late + 1
+    A, B, C, D = law.over(h)
+    states = 2, len(B), late + 1
     x, s, duties = np.split(np.eye(sum(states)), np.cumsum(states)[:-1])
     latched = {-1 - k: row for k, row in enumerate(duties)}
     latest, acting = latched[-1], latched[-1 - late]
@@ -172,8 +168,8 @@ def spectral_radius(law: Law, plant: Operating, timing: Timing, factor: float = 
             now = time
         if order == 0:
             torque = plant.c @ x
-            latest = factor * (law.k_q * s.sum(axis=0) - law.k_T * torque)
-            s = s - h * torque
+            latest = factor * (C @ s - D * torque)
+            s = A @ s - np.outer(B, torque)
         elif order == 1:
             latched[index] = latest
         elif order == 2:
@@ -203,9 +199,9 @@ def measured_response(plant: Operating, timing: Timing, omega: Array) -> Complex
     return np.asarray(sampled * latch_response(timing, omega), dtype=np.complex128)
 
 
-def loop_response(law: Law, plant: Operating, timing: Timing, omega: Array) -> Complex:
+def loop_response(law: Any, plant: Operating, timing: Timing, omega: Array) -> Complex:
     """Response of the loop opened at the duty, without its dead time, over angular frequency [rad/s]."""
-    by_torque = law.k_T + integral_response(law, timing, omega)
+    by_torque = law.response(np.exp(1j * omega * timing.step_s), timing.step_s)
     return np.asarray(by_torque * measured_response(plant, timing, omega), dtype=np.complex128)
 
 
@@ -214,7 +210,7 @@ def integral_response(law: Law, timing: Timing, omega: Array) -> Complex:
     return np.asarray(law.k_q * timing.step_s / (np.exp(1j * omega * timing.step_s) - 1), dtype=np.complex128)
 
 
-def crossovers(law: Law, plant: Operating, timing: Timing) -> list[tuple[float, float]]:
+def crossovers(law: Any, plant: Operating, timing: Timing) -> list[tuple[float, float]]:
     """Where the loop's gain is 1: the phase that is left to −1, from −π to π, and the frequency [rad/s]."""
     omega = frequencies(plant, timing, 2000)
 

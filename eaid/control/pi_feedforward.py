@@ -9,8 +9,8 @@ tells what the term itself is worth. Timing and anti-windup are those of `pi_ste
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from eaid.control.law import Wanted
 from eaid.plant.linear import Linear
-from eaid.results.gains import Robust
 
 
 class PIFeedforwardGains(NamedTuple):
@@ -47,9 +47,9 @@ def law(model: Linear, held: Mapping[str, float], limits_pct: tuple[float, float
     return PIFeedforwardGains(held["K_P"], held["K_I"], held["B_hat"], model.a0, model.b0, model.c0, *limits_pct)
 
 
-def design(rc: Robust) -> dict[str, float] | None:
+def design(wanted: Wanted) -> dict[str, float] | None:
     """The slopes of the robust controller inside its layer; None where they are not known."""
-    alike = rc.equal_pi
+    alike = wanted.rc.equal_pi
     if alike is None or alike.K_P is None or alike.K_I is None:
         return None
-    return {"K_P": alike.K_P, "K_I": alike.K_I, "B_hat": rc.B_hat}
+    return {"K_P": alike.K_P, "K_I": alike.K_I, "B_hat": wanted.rc.B_hat}

@@ -29,7 +29,8 @@ from scipy.optimize import brentq
 from eaid.arrays import Array
 from eaid.control import margins
 from eaid.control.gains import law_of, plant_of, refuse_other_units
-from eaid.control.margins import Law, Point, known
+from eaid.control.law import Law
+from eaid.control.margins import Point, known
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
 from eaid.errors import DataError, GainsError, UsageError
@@ -177,7 +178,7 @@ def growth(drive: Channel, options: CoupleOptions, timing: Timing, stiffness: fl
     h, plant, point = timing.step_s, plant_numbers(drive.plant), drive.point
     held = Held(*plant_rest(plant, point.torque_nm), point.duty_pct, 0)
     state, angle, speed, before = drive.start, BESIDE_RAD, 0.0, point.torque_nm
-    waiting = [point.duty_pct] * timing.delay_samples
+    waiting = [point.duty_pct] * round(timing.delay_samples)
     period = timing.rate_hz / timing.pwm_hz if timing.pwm_hz else 0.0
     keep, push, drift, lift = limb_steps(options.limb_inertia, options.limb_damping, h)
     angles = []

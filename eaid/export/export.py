@@ -71,11 +71,11 @@ def _gains(source: Source, gains: Gains, laws: tuple[str, ...], rate_hz: float) 
         yield finding(f"export-guarantee-{answer}", "rc", missing=", ".join(told.missing) or "unknown")
     if other_rate:
         yield finding("export-other-rate", "gains", rate_hz=rate_hz, made_hz=made_hz)
-    worst = gains.margins.worst if gains.margins else None
+    worst = gains.margins.worst if gains.margins else {}
     numbers = {
         f"{law}_{key}": getattr(margin, key)
         for law in laws
-        if (margin := getattr(worst, law, None)) is not None
+        if (margin := worst.get(law)) is not None
         for key in ("gain_db", "phase_deg")
     }
     if numbers:
@@ -95,7 +95,7 @@ def _unstable(
         if law not in laws:
             continue
         bad = {point.duty_pct for point in points if not margins(controller, point, timing).stable}
-        bad |= {point.duty_pct for point in kept if (one := getattr(point, law)) is not None and one.stable is False}
+        bad |= {point.duty_pct for point in kept if (one := point.loops.get(law)) is not None and one.stable is False}
         if bad:
             yield finding("export-unstable", law.upper(), sorted(bad), rate_hz=rate_hz, unit=source.units[0])
 

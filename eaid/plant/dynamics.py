@@ -140,6 +140,7 @@ class PlantNumbers(NamedTuple):
     z: float  # y = x1 + z x2
     floor: float  # Least time constant [s]
     signed: bool  # Whether the input goes below rest, too
+    late_s: float = 0.0  # Dead time [s]
 
 
 def plant_numbers(p: Plant) -> PlantNumbers:
@@ -158,7 +159,7 @@ def plant_numbers(p: Plant) -> PlantNumbers:
     return PlantNumbers(
         float(p.C), tau1, tau2, Ts, low, high, (fast, slow), until, below, (float(p.falls[0]), float(p.falls[1])),
         -1.0 if p.zeta is None else float(p.zeta), 1.0 if parallel else float(p.zero), float(p.floor_s),
-        bool(p.Ts_below),
+        bool(p.Ts_below), float(p.dead_time_s),
     )  # fmt: skip
 
 

@@ -22,6 +22,7 @@ about as much as a PD of that speed would, not as a deadbeat one; and a wrong pl
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 from eaid.control.gains import law_of, physical
@@ -43,7 +44,7 @@ class Controller:
     name: str
     step: Step
     gains: Any
-    start: Any  # State before the first sample
+    start: Callable[[float], Any]  # Control interval [s] → the state before the first sample
     # The rate it is given leads to the next sample of the reference exactly (forward difference), else it is the
     # central one
     looks_ahead: bool = False
@@ -154,6 +155,11 @@ def inverse_step(
     return InverseState(x1 + lack * dt, x2, lack, duty), duty
 
 
+def at_zero(_dt: float) -> int:
+    """The state of a law that counts samples, or has none."""
+    return 0
+
+
 OwnLaw = Callable[[float, float, float], float]
 """A user's controller in Python: time [s], reference and measured output → input."""
 
@@ -201,7 +207,7 @@ def own_controllers(
 def feedback(gains: Law) -> Controller:
     """A controller of the table, whose gains they are, ready to replay."""
     kind = kind_of(gains)
-    return Controller(kind.name, kind.step, gains, 0.0)
+    return Controller(kind.name, kind.step, gains, partial(kind.start, gains))
 
 
 def controller_of(
@@ -216,13 +222,13 @@ def controller_of(
                 f"{' with an input of both signs' * bool(plant.Ts_below)}; take rc or pi"
             )
         inverse = InverseGains(plant_numbers(plant), *limits_pct)
-        return Controller("inverse", inverse_step, inverse, InverseState(), looks_ahead=True)
+        return Controller("inverse", inverse_step, inverse, lambda _dt: InverseState(), looks_ahead=True)
     if name == "open-loop":
         if linear is None:
             raise UsageError("controller open-loop needs a linear model: fit it too, or give «gains», which hold one")
         linear = physical(linear)
         law = OpenLoopGains(linear.a0, linear.b0, linear.c0, *limits_pct)
-        return Controller("open-loop", open_loop_step, law, 0.0)
+        return Controller("open-loop", open_loop_step, law, at_zero)
     held = law_of(gains, name)
     if held is None:
         raise UsageError(f"controller {name} needs gains: give «gains», which eaid tune-rc writes")

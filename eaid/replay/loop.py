@@ -1,8 +1,9 @@
 """The control loop of the rig, sample by sample, exact in time: no solver, no tolerance.
 
-At t_k the controller reads the torque and gives a duty, which acts until t_{k+1}, from rest. The function
-`closed_loop` is written once: plain Python runs it as it stands, and `eaid.replay.many` hands the same function to
-numba. What a rig adds to the model is off unless it is asked for.
+At t_k the controller reads the torque and gives a duty, which acts until t_{k+1}, from rest. Behind a dead time θ the
+torque is what the plant without it had θ before, y(t) = y0(t − θ): between two samples too, each as exactly. The
+function `closed_loop` is written once: plain Python runs it as it stands, and `eaid.replay.many` hands the same
+function to numba. What a rig adds to the model is off unless it is asked for.
 """
 
 import math
@@ -44,6 +45,19 @@ def hold_step(plant: PlantNumbers, period: float, dt: float, k: int, duty: float
     return Held(x1, x2, duty, math.ceil((k + 1 - INSTANT) / period)), wait * latched + (1.0 - wait) * duty
 
 
+def output_within(
+    plant: PlantNumbers, period: float, dt: float, k: int, duty: float, held: Held, share: float
+) -> float:
+    """Torque of `hold_step` a share of a sample after sample k."""
+    x1, x2, latched, pulse = held
+    wait = 0.0
+    if period > 0.0:
+        wait = min(max(pulse * period - k, 0.0), share)
+        x1, x2 = plant_step(plant, x1, x2, latched, wait * dt)
+    x1, x2 = plant_step(plant, x1, x2, duty, (share - wait) * dt)
+    return x1 + plant.z * x2
+
+
 def rig_numbers(rig: Rig, dt_s: float) -> tuple[int, float]:
     """The rig as the loop takes it, at a control interval of dt_s [s]: delay, and PWM period [samples; 0: at once]."""
     return rig.delay_samples, 1.0 / (rig.pwm_hz * dt_s) if rig.pwm_hz > 0 else 0.0
@@ -80,18 +94,31 @@ def loop_of(law: Step) -> Callable[..., None]:
     def closed_loop(
         gains: Any, start: Any, plant: PlantNumbers, rig: tuple[int, float], dt: float, inputs: Inputs, filled: Any
     ) -> None:
-        """Fill four columns as long as the inputs: true and read torque, the duty given and the mean duty applied."""
+        """Fill four columns of zeros, as long as the inputs: true and read torque, duty given and mean duty applied."""
         reference, rate, disturbance, factor = inputs
         torque, measured, duty, applied = filled
         state = start
         delay, period = rig
         held = Held(0.0, 0.0, 0.0, 0)
-        for k in range(len(reference)):
-            torque[k] = held.x1 + plant.z * held.x2
+        late = plant.late_s / dt
+        whole = int(late + INSTANT)
+        part = late - whole  # of a sample, by which the torque is later than whole samples
+        split = part > INSTANT
+        n = len(reference)
+        for k in range(n):
             measured[k] = torque[k] * factor[k] + disturbance[k]
             state, duty[k] = law(gains, state, reference[k], rate[k], measured[k], dt)
-            late = 0.0 if k < delay else duty[k - delay]
-            held, applied[k] = hold_step(plant, period, dt, k, late, held)
+            given = 0.0 if k < delay else duty[k - delay]
+            after = k + whole + 1
+            if split and after < n:
+                torque[after] = output_within(plant, period, dt, k, given, held, 1.0 - part)
+            held, mean = hold_step(plant, period, dt, k, given, held)
+            if after <= n:
+                applied[after - 1] += (1.0 - part) * mean
+            if after < n:
+                applied[after] += part * mean
+                if not split:
+                    torque[after] = held.x1 + plant.z * held.x2
 
     return closed_loop
 
@@ -117,21 +144,23 @@ def replay(
     [s], shape (n,), n ≥ 2."""
     inputs = Inputs(*(column.tolist() for column in inputs_of(controller, reference_nm, rig, dt_s, seed)))
     filled = [[0.0] * len(reference_nm) for _ in range(4)]
-    loop_of(controller.step)(controller.gains, controller.start, plant, rig_numbers(rig, dt_s), dt_s, inputs, filled)
-    return columns_of(rig, dt_s, reference_nm, filled)
+    loop_of(controller.step)(
+        controller.gains, controller.start(dt_s), plant, rig_numbers(rig, dt_s), dt_s, inputs, filled
+    )
+    return columns_of(rig, plant, dt_s, reference_nm, filled)
 
 
 def columns_of(
-    rig: Rig, dt_s: float, reference_nm: Array, filled: Sequence[Sequence[float] | Array]
+    rig: Rig, plant: PlantNumbers, dt_s: float, reference_nm: Array, filled: Sequence[Sequence[float] | Array]
 ) -> dict[str, Array]:
     """What the loop filled, each of shape (n,), read-only: `torque_nm` is the true torque, `duty_pct` what the
     controller gave; with noise `measured_nm`, what it read; where a delay or the PWM makes it another, `applied_pct`,
-    the mean duty until the next sample."""
+    the mean duty that the plant feels until the next sample."""
     torque, measured, duty, applied = filled
     time_s = np.arange(len(reference_nm)) * dt_s
     columns = {"time_s": time_s, "reference_nm": reference_nm, "torque_nm": torque, "duty_pct": duty}
     if rig.noise_nm > 0:
         columns["measured_nm"] = measured
-    if rig.delay_samples > 0 or rig.pwm_hz > 0:
+    if rig.delay_samples > 0 or rig.pwm_hz > 0 or plant.late_s > 0:
         columns["applied_pct"] = applied
     return {name: read_only(column) for name, column in columns.items()}

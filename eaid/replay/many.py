@@ -81,8 +81,8 @@ def montecarlo(
     inputs, run = loop.inputs_of(controller, wanted, rig, dt_s, seed), compiled(controller.step)
 
     def single(index: int) -> None:
-        plant, filled = plant_numbers(plants[index]), tuple(np.empty((4, len(wanted))))
-        run(controller.gains, controller.start, plant, rig_numbers(rig, dt_s), dt_s, inputs, filled)
+        plant, filled = plant_numbers(plants[index]), tuple(np.zeros((4, len(wanted))))
+        run(controller.gains, controller.start(dt_s), plant, rig_numbers(rig, dt_s), dt_s, inputs, filled)
         kept[:, index] = filled[0][shown]
         columns = {"reference_nm": wanted, "torque_nm": filled[0], "duty_pct": filled[2]}
         followed = tracking(columns, controller.limits_pct, slice(reference.begin, None))

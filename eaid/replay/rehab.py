@@ -47,7 +47,7 @@ def rehabilitate(
         raise UsageError(f"rehab: a mode of {exercise.mode_s:g} s is too short for a control interval of {dt_s:g} s")
     reference, *filled, target, angle, desired, rendered = _run(plant, controller, exercise, rig, n, dt_s, seed)
     target, angle = np.degrees(target), np.degrees(angle)
-    columns = columns_of(rig, dt_s, reference, filled) | {
+    columns = columns_of(rig, plant, dt_s, reference, filled) | {
         "target_deg": target, "angle_deg": angle, "position_error_deg": target - angle, "desired_nm": desired,
         "rendered_nm": rendered, "torque_error_nm": desired - rendered,
         "mode": np.minimum(np.arange(n) * dt_s // exercise.mode_s, len(MODES) - 1),
@@ -75,7 +75,7 @@ def _run(
         *(0.5 * (1 + np.tanh((t - at) / exercise.blend_s)) for at in middle),  # shares of the way to hard, to assisted
     )
     law: Callable[..., tuple[object, float]] = controller.step
-    gains, state = controller.gains, controller.start
+    gains, state = controller.gains, controller.start(dt)
     soft, hard = exercise.soft_nm_rad, exercise.hard_nm_rad
     k_p, k_i = exercise.assist_proportional, exercise.assist_integral
     stiffness, damping, weight = exercise.user_stiffness, exercise.user_damping, exercise.gravity_nm
@@ -86,6 +86,7 @@ def _run(
     turn, late = exercise.mode_s * (len(MODES) - 1), round(exercise.user_delay_s / dt)
     keep, push, drift, lift = limb_steps(exercise.inertia_kgm2, exercise.damping_nms, dt)
     delay, period = rig_numbers(rig, dt)
+    delay += round(plant.late_s / dt)
     held = Held(0.0, 0.0, 0.0, 0)
     samples: list[tuple[float, ...]] = []
     angle, speed = float(signals[0][0]), 0.0

@@ -1,7 +1,6 @@
 """Controllers on the fitted plant: a scenario, a reference, the rehabilitation, or recorded runs; one function."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
@@ -19,7 +18,7 @@ from eaid.options import Rig, SimulateOptions
 from eaid.plant.dynamics import PlantNumbers, plant_numbers
 from eaid.progress import Progress, no_progress
 from eaid.replay.compare import compared
-from eaid.replay.controllers import Controller, OwnGains, OwnLaw, controller_of, own_step
+from eaid.replay.controllers import Controller, OwnGains, OwnLaw, at_zero, controller_of, own_step
 from eaid.replay.loop import replay
 from eaid.replay.references import Reference, measure, reference_beyond, reference_of, signal_of
 from eaid.replay.rehab import MODES, rehabilitate
@@ -66,19 +65,20 @@ def simulate(
         findings.append(finding("no-gains", "controllers"))
     limits = input_limits(fit) if gains is None else gains.duty_limits_pct
     controllers = tuple(controller_of(name, model, linear, gains, limits) for name in names)
-    controllers += tuple(Controller(name, own_step, OwnGains(name, law, *limits), 0) for name, law in own.items())
+    controllers += tuple(Controller(name, own_step, OwnGains(name, law, *limits), at_zero) for name, law in own.items())
     rig, scales = part(Rig, options), scales_of(fit, model)
     if runs is not None and (unused := list(rig.given())):
         raise UsageError(f"«{unused[0]}»: does nothing with logs; leave it out")
     made_for = gains.margins.timing.rate_hz if gains is not None and gains.margins is not None else None
     rate_hz = options.rate_hz or made_for or control_rate(fit)
     if fit.dead_time_s > 0 and rig.delay_samples == 0:
-        rig = replace(rig, delay_samples=round(fit.dead_time_s * rate_hz))
         findings.append(finding("dead-time-replayed", "nonlinear", dead_time_s=fit.dead_time_s))
     reasons = {"plant": fit.verdict.of(*PLANT).sentence, "gains": (gains.not_usable or "") if gains is not None else ""}
     not_usable = {name: why for name, why in reasons.items() if why}
     findings += [finding("replay-not-usable", name, why=why) for name, why in not_usable.items()]
     plant, dt_s = plant_numbers(model), 1.0 / rate_hz
+    if rig.delay_samples:
+        plant = plant._replace(late_s=0.0)
     outcome: Outcome
     if runs is not None:
         outcome = {run.name: compared(run, fit, model) for run in runs}, {}, []

@@ -3,6 +3,7 @@ what the guarantee lacks."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import msgspec
 import numpy as np
@@ -12,6 +13,7 @@ from eaid.control.defaults import (
     design_options,
     input_limits,
     pi_of,
+    quickest,
     quickest_pi,
     scales_of,
     timing_of,
@@ -21,6 +23,7 @@ from eaid.control.design import Design, least_margins, margins_of, phi_needed, r
 from eaid.control.gains import Bounds, bounds_of, model_of, plant_of
 from eaid.control.guarantee import Known, guarantee_of, mended_options, to_mend, warnings_of
 from eaid.control.kinds import KINDS, Law, designs, rc_law
+from eaid.control.law import Wanted
 from eaid.control.margins import Point, known, operating_points
 from eaid.control.pi import PAPER_PI, PIGains, step_metrics
 from eaid.errors import DataError
@@ -77,12 +80,19 @@ class Task:
         tuned = workable_rc(self.model, settled, self.scales, self.bounds, self.points, pi)
         return tuned, robust_of(self.model, self.bounds, tuned)
 
+    def wanted_of(self, rc: Robust) -> Wanted:
+        """What the other controllers of the table are designed for."""
+        return Wanted(
+            self.model, rc, self.timing, self.limits,
+            partial(quickest, self.model, self.points, self.timing, self.scales.pace),
+        )  # fmt: skip
+
     def errors(self, law: Law) -> Tracking:
         """What a controller does on the plant; nothing where there is none."""
         if self.plant is None:
             return Tracking()
-        controller, rig = feedback(law), Rig(delay_samples=self.timing.delay_samples)
-        columns = replay(plant_numbers(self.plant), controller, self.wanted.torque_nm, rig, self.wanted.dt_s)
+        controller = feedback(law)
+        columns = replay(plant_numbers(self.plant), controller, self.wanted.torque_nm, Rig(), self.wanted.dt_s)
         return tracking(columns, controller.limits_pct, slice(self.wanted.begin, None))
 
     def compared(self, law: Law, slopes: tuple[float | None, float | None]) -> Compared:
@@ -137,8 +147,11 @@ def tune(
         settled = replace(settled, pi=asked)
     pi = pi_of(task.model, settled)
     tuned, rc = task.robust(settled, pi)
-    law, others = rc_law(task.model, rc, task.limits), designs(rc)
-    judged, findings = margins_of({"rc": law, "pi": pi}, task.points, task.timing, task.units[0])
+    law = rc_law(task.model, rc, task.limits)
+    held, refused = designs(task.wanted_of(rc))
+    others = {name: KINDS[name].law(task.model, gains, task.limits) for name, gains in held.items()}
+    judged, findings = margins_of({"rc": law, "pi": pi, **others}, task.points, task.timing, task.units[0])
+    findings += [finding("controller-refused", name, why=why) for name, why in refused.items()]
     replayed = compare(task, rc, law, pi, others)
     verdict = guarantee_of(rc, task.known)
     own = _least(task, law, (), verdict, None if replayed.rc is None else replayed.rc.max_abs_error_nm)
@@ -150,17 +163,17 @@ def tune(
     if why:
         findings.insert(0, finding("fit-not-usable", "model", why=why))
     overshoot_pct, settling_s = step_metrics(task.model, pi.K_P, pi.K_I)
-    held = PI(pi.K_P, pi.K_I, overshoot_pct, known(settling_s), None if settled.pi == AskedPI() else settled.pi)
+    designed = PI(pi.K_P, pi.K_I, overshoot_pct, known(settling_s), None if settled.pi == AskedPI() else settled.pi)
     phi_holds = next(one.holds for one in verdict.conditions if one.name == "phi")
     return Gains(
-        model=task.model, rc=msgspec.structs.replace(rc, phi_holds=phi_holds), pi=held, controllers=others,
+        model=task.model, rc=msgspec.structs.replace(rc, phi_holds=phi_holds), pi=designed, controllers=held,
         input_unit=task.units[0], output_unit=task.units[1], duty_limits_pct=task.limits, guarantee=verdict,
         margins=judged, replayed=None if task.plant is None else replayed, options=options,
         seed=options.seed, not_usable=why or None, findings=ranked(findings),
     )  # fmt: skip
 
 
-def compare(task: Task, rc: Robust, law: Law, pi: PIGains, others: dict[str, dict[str, float]]) -> Replayed:
+def compare(task: Task, rc: Robust, law: Law, pi: PIGains, others: dict[str, Law]) -> Replayed:
     """The robust controller beside the PI that was designed, the PI of its own slopes, and so of its margins, with and
     without its feedforward, and the paper's PI where the rig is the paper's; and what else the table has."""
     alike = rc.equal_pi
@@ -168,7 +181,7 @@ def compare(task: Task, rc: Robust, law: Law, pi: PIGains, others: dict[str, dic
     slopes, limits = (alike.K_P, alike.K_I), task.limits
     paper = task.scales.paper and (pi.K_P, pi.K_I) != PAPER_PI
     rows = {
-        name: task.compared(KINDS[name].law(task.model, gains, limits), (gains.get("K_P"), gains.get("K_I")))
+        name: task.compared(gains, (getattr(gains, "K_P", None), getattr(gains, "K_I", None)))
         for name, gains in others.items()
     }
     return Replayed(

@@ -6,7 +6,7 @@ the paper's rig.
 
 from fractions import Fraction
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import msgspec
 
@@ -15,7 +15,7 @@ from eaid.findings import sentences
 from eaid.options import TuneOptions
 from eaid.plant.linear import Linear
 from eaid.results import codec
-from eaid.results.common import Count, Inputs, Made, Number, Positive, Result
+from eaid.results.common import Inputs, Made, Number, Positive, Result
 from eaid.shown import Plotted
 
 if TYPE_CHECKING:
@@ -45,8 +45,8 @@ class Timing(Result, frozen=True, dict=True):
 
     rate_hz: Positive = 1000.0
     pwm_hz: Positive | None = None
-    delay_samples: Count = 0
-    """Dead time that the steps show."""
+    delay_samples: Annotated[float, msgspec.Meta(ge=0, le=1e15)] = 0.0
+    """Dead time of the plant, in samples or parts of one."""
 
     @property
     def step_s(self) -> float:
@@ -95,27 +95,21 @@ class Margin(Result, frozen=True):
 
 
 class MarginPoint(Result, frozen=True):
-    """Margins of both loops around one held duty."""
+    """Margins of each loop around one held duty."""
 
     duty_pct: Number
     torque_nm: Number | None = None
-    rc: Margin | None = None
-    pi: Margin | None = None
-
-
-class WorstMargins(Result, frozen=True):
-    """The least of each margin over all points."""
-
-    rc: Margin | None = None
-    pi: Margin | None = None
+    loops: dict[str, Margin] = {}
+    """By the controller's name."""
 
 
 class Margins(Result, frozen=True):
-    """Margins of both loops, sampled and latched as `timing` says."""
+    """Margins of each loop, sampled and latched as `timing` says."""
 
     timing: Timing = Timing()
     points: tuple[MarginPoint, ...] = ()
-    worst: WorstMargins | None = None
+    worst: dict[str, Margin] = {}
+    """The least of each margin over all points, by the controller's name."""
 
 
 class Tracking(Result, frozen=True):

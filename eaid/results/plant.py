@@ -86,7 +86,8 @@ class FittedPlant(Result, frozen=True):
     @property
     def plant(self) -> Plant:
         """The plant itself."""
-        return Plant(**{one.name: getattr(self, one.name) for one in fields(Plant)})
+        held = {one.name: getattr(self, one.name) for one in fields(Plant)}
+        return Plant(**held | {"tau2": self.tau2 or self.tau1})
 
 
 def falls_between(levels: "Sequence[FrictionLevel]") -> "tuple[FrictionLevel, ...]":

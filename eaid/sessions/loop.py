@@ -81,7 +81,7 @@ def promise_of(
         timing = gains.margins.timing if gains is not None and gains.margins is not None else None
         how = SimulateOptions(
             controller=(name,), plants=options.plants, seed=options.seed,
-            pwm_hz=(timing.pwm_hz or 0.0) if timing else 0.0, delay_samples=timing.delay_samples if timing else 0,
+            pwm_hz=(timing.pwm_hz or 0.0) if timing else 0.0,
         )  # fmt: skip
         given = simulate(fit, gains, how, (run.time_s - run.time_s[0], run.reference_nm))
     units, wanted = (run.input_unit, run.output_unit), (given.head.input_unit, given.head.output_unit)

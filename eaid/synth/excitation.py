@@ -130,7 +130,7 @@ def looped(
     inputs = inputs_of(law, reference, Rig(), dt_s, 0)._replace(disturbance=white[n:], factor=1.0 + share[n:])
     _, read, value, _ = columns = [[0.0] * len(reference) for _ in range(4)]
     numbers = plant_numbers(factors.on(plant.model)), rig_numbers(Rig(), dt_s)
-    loop_of(law.step)(law.gains, law.start, *numbers, dt_s, Inputs(*(one.tolist() for one in inputs)), columns)
+    loop_of(law.step)(law.gains, law.start(dt_s), *numbers, dt_s, Inputs(*(one.tolist() for one in inputs)), columns)
     output = digits(np.append(white[:n], read) + disturbance.offset_nm, disturbance)
     return (time_s, np.append(idle, value), output), np.append(idle, reference)
 

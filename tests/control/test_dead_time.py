@@ -63,7 +63,7 @@ def test_a_loop_has_on_the_true_plant_what_it_is_told(dead_s: float, slower: flo
             [float(plant.steady(u)), *map(float, plant.time_constants(u))], rel=0.15
         )
     gains = eaid.tune_rc(fit, pwm_hz=0.0)
-    told = gains.margins.worst.pi
+    told = gains.margins.worst["pi"]
     gain_db, phase_deg = true_margins(plant, gains)
     assert gain_db >= 6 and phase_deg >= 45
     assert (told.gain_db, told.phase_deg) == (pytest.approx(gain_db, abs=0.7), pytest.approx(phase_deg, abs=3))

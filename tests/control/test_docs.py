@@ -48,7 +48,7 @@ def replayed(fit, row, scenario="multisine", **options):
 def test_row_of_the_comparison(fit, rows, name, tmp_path):
     gains, law = rows[name]
     quiet, noisy = replayed(fit, rows[name]).metrics, replayed(fit, rows[name], noise_nm=0.01).metrics
-    least = getattr(gains.margins.worst, law)
+    least = gains.margins.worst[law]
     t = np.arange(15_001) * 1e-3
     wave = np.sin(6 * np.pi * t)
     np.savetxt(tmp_path / "3Hz.csv", np.c_[t, 2 + wave], "%.15g", ",", header="time_s,reference_nm", comments="")
@@ -136,7 +136,7 @@ def test_what_another_B_hat_leaves(fit, rows):
 
 def test_what_mending_leaves(fit):
     found = eaid.tune_rc(fit)
-    least, all_met, error = found.margins.worst.rc, found.guarantee.mended, found.replayed.rc.max_abs_error_nm
+    least, all_met, error = found.margins.worst["rc"], found.guarantee.mended, found.replayed.rc.max_abs_error_nm
     assert all_met.conditions == ("rho", "phi", "Q_M") and all_met.holds is False
     assert set(found.guarantee.missing) == {"rho", "phi", "Q_M", "duty-limit", "duty-floor"}
     assert (
@@ -149,7 +149,7 @@ def test_the_readme_compares_what_the_code_prints():
     """At equal margins, on the logs that its own commands make."""
     text = re.sub(r"\s+", " ", (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8"))
     gains = eaid.tune_rc(eaid.fit(eaid.synth(repeats=3), ci="none"))
-    least, done = gains.margins.worst.rc, gains.replayed
+    least, done = gains.margins.worst["rc"], gains.replayed
     own, alike, fed = (getattr(done, name).max_abs_error_nm for name in ("rc", "equal_pi", "equal_pi_feedforward"))
     assert f"{least.gain_db:.0f} dB and {least.phase_deg:.0f}° in hand" in text
     assert f"a largest error of {own:.2f} N·m on the multisine; a PI of the same margins leaves {alike:.2f}" in text

@@ -215,12 +215,12 @@ def test_what_is_missing_is_told_with_what_it_costs_to_mend(tuned, told):
         made = tuned(nonlinear=True, **way)
         assert not set(one.conditions) & set(made.guarantee.missing) and one.missing == made.guarantee.missing
         assert one.holds is made.guarantee.holds is False
-        least = made.margins.worst.rc
+        least = made.margins.worst["rc"]
         assert (one.gain_db, one.phase_deg) == pytest.approx((least.gain_db, least.phase_deg))
         assert one.max_abs_error_nm == pytest.approx(made.replayed.rc.max_abs_error_nm)
     for code, k in (("rho-not-covered", 0), ("phi-exceeded", 1), ("slope-above-q-max", 2), ("guarantee-mended", 3)):
         assert asked[code]["then_db"] == verdict.mendings[k].gain_db
-        assert asked[code]["now_db"] == found.margins.worst.rc.gain_db
+        assert asked[code]["now_db"] == found.margins.worst["rc"].gain_db
         assert asked[code]["then_error"] == verdict.mendings[k].max_abs_error_nm
     assert asked["plants-beyond-actuator"]["most"] > 100 > 0 > asked["plants-beyond-actuator"]["least"]
     assert tuned(nonlinear=True, **ways[3]).guarantee.mendings == ()

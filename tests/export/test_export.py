@@ -80,7 +80,9 @@ def test_an_unstable_loop_is_refused_with_its_duties_and_exported_anyway_marked(
 
 
 def test_what_the_gains_themselves_call_unstable_is_refused(tmp_path):
-    gains = gains_of(margins={"points": [{"duty_pct": 30.0, "rc": {"stable": True}, "pi": {"stable": False}}]})
+    gains = gains_of(
+        margins={"points": [{"duty_pct": 30.0, "loops": {"rc": {"stable": True}, "pi": {"stable": False}}}]}
+    )
     with pytest.raises(eaid.GainsError, match=r"PI: the loop is unstable at 1000 Hz around 30 %"):
         eaid.export(gains, tmp_path / "rig")
     assert eaid.export(gains, tmp_path / "rig", law=("rc",)).laws == ("rc",)

@@ -113,7 +113,7 @@ def test_steps_between_levels_that_never_rest_reach_a_controller() -> None:
     assert fit.plant.kind == "lag" and fit.plant.idle == pytest.approx(25.0, abs=0.1)
     assert (fit.plant.dead_time_s, fit.plant.tau1[0]) == pytest.approx((1.1, 3.0), rel=0.02)
     gains = eaid.tune_rc(fit)
-    assert all(point.pi.gain_db >= 6 and point.pi.phase_deg >= 45 for point in gains.margins.points)
+    assert all(point.loops["pi"].gain_db >= 6 and point.loops["pi"].phase_deg >= 45 for point in gains.margins.points)
 
 
 def test_an_output_that_integrates_its_input_is_refused_by_name() -> None:

@@ -193,7 +193,7 @@ def test_plot_of_a_fit_has_a_line_a_level_and_of_a_replay_its_reference(files: d
     gains = eaid.load(files["gains.json"])
     drawn = {line.get_label(): line.get_ydata().tolist() for line in gains.plot().lines}
     points = gains.margins.points
-    assert drawn == {name.upper(): [getattr(one, name).gain_db for one in points] for name in ("rc", "pi")}
+    assert drawn == {name.upper(): [one.loops[name].gain_db for one in points] for name in ("rc", "pi")}
     ax = replay.plot()
     *traces, reference = ax.lines
     assert {line.get_label() for line in traces} == {"RC", "PI"} and reference.get_label() == "reference"

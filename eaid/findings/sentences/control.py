@@ -123,6 +123,7 @@ ROWS: dict[str, Row] = {
         "one's pace (a0 {pace:.3g} times the paper's) and range (input up to {highest:.4g}); φ is read off the "
         "data, the PI designed for {overshoot_pct:g} % and {settling_s:.3g} s"
     ),
+    "controller-refused": note("{subject}: {why}"),
     "fit-not-usable": caution("made from a fit that is NOT USABLE: {why}"),
     "nothing-to-replay-on": note("the fit holds no nonlinear model, so no error is replayed"),
     # Replays

@@ -159,10 +159,13 @@ def shear_per_field(fit: Fit) -> Sheet | None:
 
 def margins_panel(gains: Gains) -> Panel:
     """Gain margins of the laws over the held input; none is drawn where the gain has no limit."""
-    points, lines = gains.margins.points if gains.margins is not None else (), []
-    for name in gains.laws:
+    points = gains.margins.points if gains.margins is not None else ()
+    lines: list[Line] = []
+    for name in gains.margins.worst if gains.margins is not None else ():
         x = np.array([point.duty_pct for point in points])
-        y = np.array([getattr(getattr(point, name), "gain_db", None) for point in points], dtype=float)
+        y = np.array([getattr(point.loops.get(name), "gain_db", None) for point in points], dtype=float)
+        if any(np.allclose(y, line.y, rtol=0.03, equal_nan=True) for line in lines):
+            continue  # of RC's own margins
         colour, dash, marker = ink.controller_look(name)
         lines.append(Line(x, y, rig.controller_name(name), colour, dash, marker=marker))
     return Panel(over(gains.input_unit), Axis("Gain margin", "dB", (0.0, None)), lines, legend="above", tight=False)

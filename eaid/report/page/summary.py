@@ -76,7 +76,7 @@ def _controllers(results: Results) -> Iterator[Table]:
     margins beside them."""
     replay, gains = _replay_of(results), results.gains[0].result if results.gains else None
     behind = gains.replayed if gains is not None else None
-    margins = gains.margins.worst if gains is not None and gains.margins is not None else None
+    margins = gains.margins.worst if gains is not None and gains.margins is not None else {}
     names, unit, where = ["rc", "pi"], gains.output_unit if gains is not None else "", behind and behind.reference
     if replay is not None:
         names = [name for name in names if name in replay.records] or list(replay.records)[:2]
@@ -92,7 +92,7 @@ def _controllers(results: Results) -> Iterator[Table]:
         said = f"{said}, {SCENARIO_NAMES.get(where or '', where)}"
         rows.append((said, *(f"{one:.3g}" if one is not None else None for one in each)))
     for key, said in (("gain_db", "least gain margin (dB)"), ("phase_deg", "least phase margin (°)")):
-        each = [getattr(getattr(margins, name, None), key, None) for name in names] if both else []
+        each = [getattr(margins.get(name), key, None) for name in names] if both else []
         each += [getattr(getattr(behind, name), key, None) for name in alike]
         rows.append((said, *(f"{one:.3g}" if one is not None else None for one in each)))
     shown = tuple(row for row in rows if any(row[1:]))

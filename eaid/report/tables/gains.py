@@ -1,7 +1,9 @@
 """Tables of gains: what the guarantee needs and has, Table IV, what follows from it, margins, virtual walls."""
 
+from collections.abc import Mapping
 from operator import itemgetter
 
+from eaid.control.kinds import KINDS
 from eaid.report import rig
 from eaid.report.rig import controller_name, gain
 from eaid.report.tables import Cell, Table, level, number, table_of
@@ -57,7 +59,7 @@ def guarantee_story(gains: Gains) -> str:
         for row in rows
     ]
     said = f"guarantee NO: {'; '.join(why)}"
-    worst = gains.margins.worst.rc if gains.margins is not None and gains.margins.worst is not None else None
+    worst = gains.margins.worst.get("rc") if gains.margins is not None else None
     beyond = [called(row) for row in rows if row.name in BEYOND_GAINS]
     if worst is None or worst.phase_deg is None or not beyond:
         return said
@@ -97,14 +99,14 @@ def _controllers(gains: Gains) -> Table:
     on = f" on the {errors.reference}" if errors is not None else ""
     rows: list[tuple[str, str, tuple[Cell, Cell], Cell]] = []
     for name, one in (errors.rows if errors is not None else {}).items():
-        held = gains.laws.get(name)
+        held = gains.controllers_by_name.get(name)
         slopes = f"K_P {number(one.K_P, 3)}, K_I {number(one.K_I, 3)}"
         told = Margin(one.stable, one.gain_db, one.phase_deg)
-        rows.append((COMPARED.get(name, name), slopes if held is None else _gains(held), _margin(told),
-                     one.max_abs_error_nm))  # fmt: skip
+        title = COMPARED.get(name, controller_name(name))
+        rows.append((title, slopes if held is None else _gains(name, held), _margin(told), one.max_abs_error_nm))
     if not rows:
-        rows = [(controller_name(name), _gains(held), _margin(getattr(margins.worst, name, None)), None)
-                for name, held in gains.laws.items()]  # fmt: skip
+        rows = [(controller_name(name), _gains(name, held), _margin(margins.worst.get(name)), None)
+                for name, held in gains.controllers_by_name.items()]  # fmt: skip
     return table_of(
         "Controllers", f"Margins: the least over the held inputs. {comparison(gains)}".rstrip(), rows,
         ("controller", itemgetter(0)), ("gains", itemgetter(1)),
@@ -113,8 +115,10 @@ def _controllers(gains: Gains) -> Table:
     )  # fmt: skip
 
 
-def _gains(held: Robust | PI) -> str:
-    return ", ".join(f"{said} {number(getattr(held, key), 3)}" for key, said in held.SHOWN.items())
+def _gains(name: str, held: Robust | PI | Mapping[str, float]) -> str:
+    shown = KINDS[name].shown if name in KINDS else {}
+    values = {key: held.get(key) if isinstance(held, Mapping) else getattr(held, key) for key in shown}
+    return ", ".join(f"{shown[key]} {number(value, 3)}" for key, value in values.items())
 
 
 def tables_of(gains: Gains) -> list[Table]:
@@ -127,8 +131,13 @@ def tables_of(gains: Gains) -> list[Table]:
         (("needed", "", 3), "needed"), (("available", "", 3), "available"), ("unit", "unit"),
         ("verdict", lambda one: {True: "holds", False: "does not hold", None: "not known"}[one.holds]),
     )  # fmt: skip
-    rows = [(level(one.duty_pct), one.torque_nm, one.rc, one.pi) for one in margins.points]
-    least = [("least", None, margins.worst.rc, margins.worst.pi)] if margins.worst is not None else []
+    rows = [(level(one.duty_pct), one.torque_nm, one.loops) for one in margins.points]
+    least = [("least", None, margins.worst)] if margins.worst else []
+    loops = [
+        ((f"{controller_name(name)}: gain" if k == 0 else "phase", unit, 3),
+         lambda of, name=name, k=k: _margin(of[2].get(name))[k])
+        for name in margins.worst for k, unit in enumerate(("dB", "°"))
+    ]  # fmt: skip
     timing = margins.timing
     latch = f"the input latched at {timing.pwm_hz:g} Hz" if timing.pwm_hz else "the input not latched"
     every = table_of(
@@ -137,8 +146,7 @@ def tables_of(gains: Gains) -> list[Table]:
         f"sampled at {timing.rate_hz:g} Hz, {latch}. A dash: no limit up to 80 dB.",
         [*rows, *least],
         (("held input", gains.input_unit), lambda of: of[0]), (("output", gains.output_unit, 3), lambda of: of[1]),
-        (("RC: gain", "dB", 3), lambda of: _margin(of[2])[0]), (("phase", "°", 3), lambda of: _margin(of[2])[1]),
-        (("PI: gain", "dB", 3), lambda of: _margin(of[3])[0]), (("phase", "°", 3), lambda of: _margin(of[3])[1]),
+        *loops,
     )  # fmt: skip
     return [controllers, checklist, table_iv(gains), every]
 
