@@ -18,16 +18,16 @@ from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
-from scipy.special import chdtri
 
 from eaid.arrays import Array
 from eaid.errors import DataError, UsageError
 from eaid.estimate.draw import draw
 from eaid.estimate.forms import Model, friction, nonlinear
+from eaid.estimate.certainty import LEVELS_TO_SPARE
 from eaid.estimate.from_logs import Setup
 from eaid.estimate.log_intervals import engagements
-from eaid.estimate.scatter import ASSUMED
-from eaid.estimate.spread import t_quantile
+from eaid.estimate.scatter import ASSUMED, neighbours
+from eaid.estimate.spread import satterthwaite, t_quantile
 from eaid.options import PlanOptions
 from eaid.plant.drive import Drive
 from eaid.plant.dynamics import SHARE
@@ -41,6 +41,8 @@ PARAMETERS = {"Ts": 0, "tau1": 1, "tau2": 2}
 HOLDS = (1.5, 2.0, 3.0, 4.0)
 LEAST_HOLD_S = 5.0
 LEAST_REPEATS, MOST_REPEATS = 3, 20
+KEEPING = 0.8  # Probability with which a session keeps a width that a plan promises
+SESSIONS = 200  # Draws behind that
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,39 +230,45 @@ class FittedRig:
         """Degrees of freedom that the scatter is known by; 0: none are known."""
         return (self.fit.uncertainty.degrees_of_freedom if self.fit.uncertainty is not None else None) or 0.0
 
-    @property
-    def design_noise(self) -> Noise:
-        """What to design with: the scatter that only one rig in five exceeds."""
-        degrees = self.degrees if self.known else 0.0
-        return scattered(self.noise, np.full(3, np.sqrt(degrees / chdtri(degrees, 0.8)) if degrees > 0 else 1.0))
-
     def quickest(self, wanted: Mapping[str, float], session: PlanOptions) -> Plan:
         """The quickest steps from rest for the wanted half-widths [%]; where none reaches them, what comes nearest."""
         best, least = Plan(), inf
-        repeats = np.arange(LEAST_REPEATS, MOST_REPEATS + 1.0)
         several = self.plant.model is not None
         for levels in level_sets(self.levels, session.most_levels) if several else [list(self.levels)]:
             tau2 = np.array([self.plant.at(level).tau2 for level in levels])
             for factor in HOLDS:
                 # whole seconds, within what the rig and the least record allow
                 hold = np.ceil(np.minimum(np.maximum(factor * tau2, LEAST_HOLD_S), session.longest_hold_s))
-                half = self.half_widths(levels, hold, repeats)
-                time_s = repeats * (hold + session.idle_s + session.release_s).sum()
-                over = np.max([half[PARAMETERS[name]] / width for name, width in wanted.items()], axis=0)
+                repeats, half = self.fewest(levels, hold, wanted)
+                time_s = repeats * float((hold + session.idle_s + session.release_s).sum())
+                over = max(half[name] / width for name, width in wanted.items())
                 # an experiment that falls short costs more than any that does not
-                price = np.where(over <= 1, time_s, 1e9 * over + time_s)
-                k = int(price.argmin())
-                if not best.levels or price[k] < least:
-                    least = float(price[k])
+                price = time_s if over <= 1 else 1e9 * over + time_s
+                if not best.levels or price < least:
+                    least = price
                     best = Plan(
-                        met=bool(over[k] <= 1), levels=tuple(levels), hold_s=tuple(hold.tolist()),
-                        repeats=int(repeats[k]), time_on_rig_s=float(time_s[k]), input_unit=self.plant.input_unit,
-                        half_width_pct=dict(zip(PARAMETERS, half[:, k].tolist(), strict=True)),
+                        met=over <= 1, levels=tuple(levels), hold_s=tuple(hold.tolist()), repeats=repeats,
+                        time_on_rig_s=time_s, input_unit=self.plant.input_unit, half_width_pct={**half},
                     )  # fmt: skip
         return best
 
-    def half_widths(self, levels: Sequence[float], hold_s: Array, repeats: Array) -> Array:
-        """Predicted half-widths of steps at the worst level [%], for some numbers of repeats, (3, R)."""
+    def fewest(self, levels: Sequence[float], hold_s: Array, wanted: Mapping[str, float]) -> tuple[int, Widths]:
+        """The fewest repeats for the wanted half-widths [%], or the most there are, and what they give."""
+        within, between = self.contributions(levels, hold_s)
+        low, high = LEAST_REPEATS, MOST_REPEATS + 1
+        half: Widths = {}
+        while low < high:  # of MOST_REPEATS + 1 nothing is asked
+            middle = (low + high) // 2
+            tried = self.kept(within, between, middle)
+            reached = all(tried[name] <= width for name, width in wanted.items())
+            if reached or middle == MOST_REPEATS:
+                high, half = middle, tried
+            else:
+                low = middle + 1
+        return high, half
+
+    def contributions(self, levels: Sequence[float], hold_s: Array) -> tuple[Array, Array]:
+        """What noise and scatter of one run at each level contribute to ln T_s, ln τ1, ln τ2 at each, (3, m, L)."""
         u, curves = np.array(levels), [self.plant.at(level) for level in levels]
         Ts, tau1, tau2 = (np.maximum([getattr(curve, name) for curve in curves], 1e-300) for name in PARAMETERS)
         model, unknowns = friction(u, self.share), np.concatenate([Ts, tau1, tau2])
@@ -271,20 +279,33 @@ class FittedRig:
             unknowns = np.concatenate([Ts, whole.unknowns(self.plant.model)[whole.slices[0].stop :]])
             rows, relative = model.rows(u)[:3], whole.rows(u)[0, :, whole.slices[0]] / Ts[:, None]
             rows[0, :, : len(u)] = Ts[:, None] * relative @ np.linalg.pinv(relative) / Ts
-        within, between = Designer(model, unknowns, rows, self.design_noise).variances(
+        return Designer(model, unknowns, rows, self.noise).variances(
             drive_of_steps(levels, hold_s), np.repeat(1 / Ts**2, INSTANTS)
         )
-        parts = within + between  # of the variance at a level, what the runs of each level contribute
-        variance = parts.sum(axis=2)
-        if self.plant.model is not None and len(levels) > 1:
-            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                several = np.where(variance > 0, np.nan_to_num(variance**2 / (parts**2).sum(axis=2)), 1.0)
-            known = (repeats[:, None, None] - 1) * several
-        else:  # pooled over the levels; scatter that follows a trend over them costs at the ends
-            pooled = (repeats[:, None, None] - 1) * len(levels) / (3.5 if len(levels) > 3 else 1.0)
-            known = np.broadcast_to(np.maximum(1.0, pooled), (len(repeats), *variance.shape))
-        reach = (t_quantile(known) * np.sqrt(variance / repeats[:, None, None])).max(axis=2)
-        return np.asarray(100 * np.expm1(np.minimum(reach, 50.0))).T
+
+    def kept(self, within: Array, between: Array, repeats: int) -> Widths:
+        """Half-widths at the worst level that a session keeps with probability `KEEPING` [%], of `contributions`.
+
+        A session shows the variance Σ_l v_l χ²_l/(R − 1); the scatter is known by the fit's own χ². T_s(u) also has
+        what the levels seem to scatter about it: χ²/ν − 1 of what their runs do, where that is above 0.
+        """
+        random, count = np.random.default_rng(0), within.shape[2]
+        sure = self.degrees if self.known else 0.0
+        factor = sure / random.chisquare(sure, SESSIONS) if sure > 0 else np.ones(SESSIONS)
+        own = np.full(count, repeats - 1)
+        parts = (within + factor[:, None, None, None] * between) @ neighbours(own) / repeats
+        usual = parts.sum(axis=3)
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            degrees = np.nan_to_num((repeats - 1) * usual**2 / (parts**2).sum(axis=3), nan=1.0)
+            seen = (parts * random.chisquare(own, (SESSIONS, 3, 1, count)) / own).sum(axis=3)
+            spare = count - len(self.plant.model.Ts) if self.plant.model is not None else 0
+            if spare >= LEVELS_TO_SPARE:
+                beyond = usual[:, 0] * np.maximum(random.chisquare(spare, (SESSIONS, 1)) / spare - 1, 0.0)
+                degrees[:, 0] = satterthwaite((usual[:, 0], beyond), (degrees[:, 0], spare))
+                seen[:, 0] += beyond
+            worst = np.nan_to_num(t_quantile(degrees) * np.sqrt(seen), nan=np.inf).max(axis=2)
+        half = 100 * np.expm1(np.minimum(np.quantile(worst, KEEPING, axis=0), 50.0))
+        return dict(zip(PARAMETERS, half.tolist(), strict=True))
 
     def drawn(self, n: int, seed: int) -> list[tuple[Specimen, Noise]]:
         """`n` rigs that the data of the fit allow."""

@@ -12,7 +12,7 @@ from eaid.estimate.certainty import levels_first, own_levels
 from eaid.estimate.data import data_of
 from eaid.findings import finding
 from eaid.options import PlanOptions
-from eaid.planning.design import PARAMETERS, Widths, rig_of, settled, wanting
+from eaid.planning.design import KEEPING, PARAMETERS, Widths, rig_of, settled, wanting
 from eaid.plant.respond import step_response
 from eaid.results.fit import Fit, Noise
 from eaid.results.plan import Plan, PlannedRun
@@ -51,8 +51,7 @@ def disturbance_of(noise: Noise) -> Disturbance:
     )
 
 
-# Recordings that are simulated of each plan, and the probability that a recording keeps a stated width
-SETS, KEEPING = 14, 0.8
+SETS = 14  # Recordings that are simulated of each plan
 # Findings of a fit that no plan can be trusted on
 OPEN = ("one-level-nonlinear", "parameter-unknown-at-half-the-levels", "no-level-determines-all")
 NOTICED = 0.01  # Scatter from run to run that is named as what stands in the way of a width
@@ -87,7 +86,7 @@ def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Call
     if any(one.code in OPEN for one in rig.fit.findings):
         findings.append(finding("plan-rests-on-a-guess", "plan"))
     if not plan.met:
-        scatter = 100 * rig.design_noise.scatter[worst]
+        scatter = 100 * rig.noise.scatter[worst]
         findings.append(
             finding(
                 "plan-falls-short", "plan", (), parameter=worst, repeats=plan.repeats,
