@@ -207,9 +207,7 @@ def plant_constants(plant: Plant, rig: Rig) -> Entries:
     if plant.falls_as_release:
         lags += (Entry("release_below", LARGEST[rig.precision], i, "inputs below it, all, have the release's τ"),)
     elif plant.falls != (1.0, 1.0):
-        lags += tuple(
-            Entry(f"falls{k}", p.falls[k - 1], "", f"factor on τ{k} of falls between levels") for k in (1, 2)
-        )
+        lags += tuple(Entry(f"falls{k}", p.falls[k - 1], "", f"factor on τ{k} of falls between levels") for k in (1, 2))
     if plant.zeta is not None:
         lags = (Entry("z", p.z, "", "output = x1 + z x2"), *flows(plant, rig))
     delay, before, after = rig.dead_time(plant)

@@ -1,4 +1,4 @@
-"""Every kind of plant, exported: the C and Octave give the vectors back, and what the replay and python-control give."""
+"""Every kind of plant, exported: C and Octave give the vectors back, and what replay and python-control give."""
 
 import re
 import shutil

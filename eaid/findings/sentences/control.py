@@ -166,9 +166,7 @@ ROWS: dict[str, Row] = {
         "{subject}: the loop is unstable at {rate_hz:g} Hz around {levels} {unit}; ask for slower gains"
     ),
     "export-not-usable": stop("{subject} of a fit that is NOT USABLE: {why}"),
-    "export-left-out": caution(
-        "the fit's plant has {what}, which an exported {subject} does not know: it is left out"
-    ),
+    "export-left-out": caution("the fit's plant has {what}, which an exported {subject} does not know: it is left out"),
     "export-no-dead-time": caution(
         "the exported {subject} answers at once: hold its input back by the fit's dead time of {dead_time_s:.3g} s in "
         "your own loop"
