@@ -283,8 +283,9 @@ def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Prog
     encoder = None if counts is None or drag is None else 2 * drag / (2 * math.pi / counts)
     slip = options.rotor_rpm * 2 * math.pi / 60 - options.limb_speed_rad_s
     impedance = parts.Impedance(drag, left, encoder, slip, 2 * left)
+    used = replace(options, rate_hz=rate_hz, delay_samples=delay)
     return parts.Coupling(
-        options=replace(options, rate_hz=rate_hz, delay_samples=delay), output_unit=unit, walls=tuple(walls), impedance=impedance,
+        options=used, output_unit=unit, walls=tuple(walls), impedance=impedance,
         findings=ranked(_findings(walls, options, impedance, unit)),
     )  # fmt: skip
 
