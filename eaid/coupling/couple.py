@@ -144,7 +144,7 @@ def passive_stiffness(channel: Channel, timing: Timing, options: CoupleOptions) 
     """
     h, B_v, damping_nms = timing.step_s, options.virtual_damping, options.limb_damping
     # From far below the slowest lag to just below the Nyquist frequency
-    omega = np.geomspace(1e-3 / max(1.0, channel.point.plant.slowest_s), 0.999 * np.pi * timing.rate_hz, 1200)
+    omega = np.geomspace(1e-3 / max(1.0, 0.01 * channel.point.plant.slowest_s), 0.999 * np.pi * timing.rate_hz, 1200)
     alias = omega + 2 * np.pi / h * np.arange(-ALIASES, ALIASES + 1)[:, None]
     q = (
         duty_response(channel, timing, omega)
@@ -201,7 +201,7 @@ def growth(drive: Channel, options: CoupleOptions, timing: Timing, stiffness: fl
     return math.log(last / late)
 
 
-TURNS, MOST_SAMPLES = 12, 200_000  # Of a replay: swings, and samples beyond which none is made
+TURNS, MOST_SAMPLES = 20, 200_000  # Of a replay: swings, and samples beyond which none is made
 
 
 def replayed_stiffness(
@@ -209,7 +209,8 @@ def replayed_stiffness(
 ) -> float | None:
     """The stiffness at which the replay neither grows nor dies away [N·m/rad], near what linear theory expects, which
     swings at ω [rad/s]; None where it is not within a factor of two of that, or samples are too many in a swing."""
-    time_s = max(TURNS * 2 * math.pi / omega, 200 * timing.step_s)
+    slower = min(omega, math.sqrt(expected / options.limb_inertia))
+    time_s = max(TURNS * 2 * math.pi / slower, 200 * timing.step_s)
     if time_s > MOST_SAMPLES * timing.step_s:
         return None
 
