@@ -188,7 +188,7 @@ def couple(
     *,
     progress: Progress = ...,
     loops: Sequence[str] | Literal["open-loop", "pi", "rc-no-rate", "rc"] = ("open-loop", "pi", "rc-no-rate", "rc"),
-    rate_hz: float = 1000.0,
+    rate_hz: float | None = None,
     pwm_hz: float = 0.0,
     delay_samples: int = 0,
     replay: bool = True,

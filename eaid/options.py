@@ -285,7 +285,7 @@ class CoupleOptions(Options):
     """The limb, the timing, the torques and the loops."""
 
     loops: tuple[str, ...] = option(LOOPS, "Loops that are judged.", LOOP, words=LOOPS, shown="NAME,…")
-    rate_hz: float = option(1000.0, "Control rate [Hz].", LOOP, **RATE)
+    rate_hz: float | None = option(None, "Control rate [Hz]; by itself the gains', or the rig's.", LOOP, **RATE)
     pwm_hz: float = option(0.0, "Duty latched at [Hz]; 0: at once.", LOOP)
     delay_samples: int = option(
         0, "From reading to duty [samples]; 0: the dead time that the fit shows.", LOOP, least=0, most=100_000

@@ -33,7 +33,7 @@ def command(args: Arguments) -> None:
 
     from eaid import api
     from eaid.cli.printed import cost, plan_shown
-    from eaid.planning.recordings import input_changes
+    from eaid.planning.kinds import input_changes
     from eaid.results import codec
     from eaid.results.common import Input
     from eaid.results.fit import Fit

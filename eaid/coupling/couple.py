@@ -28,6 +28,7 @@ from scipy.optimize import brentq
 
 from eaid.arrays import Array
 from eaid.control import margins
+from eaid.control.defaults import control_rate
 from eaid.control.gains import law_of, plant_of, refuse_other_units
 from eaid.control.law import Law
 from eaid.control.margins import Point, known
@@ -101,12 +102,13 @@ def duty_response(channel: Channel, timing: Timing, omega: Array) -> Complex:
     return np.asarray(closed * margins.latch_response(timing, omega) * late, dtype=np.complex128)
 
 
+NEVER = math.inf, 0.0
 STIFFEST = 1e6  # [N·m/rad]; a wall beyond it is called without limit
 
 
-def stable_stiffness(channel: Channel, timing: Timing, options: CoupleOptions) -> float:
+def stable_stiffness(channel: Channel, timing: Timing, options: CoupleOptions) -> tuple[float, float]:
     """The least K at which the wall with a limb stops being stable [N·m/rad]: infinite beyond `STIFFEST`, 0 where B_v
-    alone is too much."""
+    alone is too much; and the frequency at which it then swings [rad/s]."""
     h, B_v = timing.step_s, options.virtual_damping
     omega = margins.frequencies(channel.point.plant, timing, 4000)
     z = np.exp(1j * omega * h)
@@ -117,19 +119,19 @@ def stable_stiffness(channel: Channel, timing: Timing, options: CoupleOptions) -
     turned = np.linalg.solve(z[:, None, None] * np.eye(4) - flow[:4, :4], flow[:4, 4:])[:, 2, 0]
     stiffness, damper = 1 / (duty_response(channel, timing, omega) * turned), (1 - 1 / z) / h
 
-    def first(curve: Complex) -> float:
+    def first(curve: Complex) -> tuple[float, float]:
         """The least −Re > 0 of a curve where its imaginary part is 0; without a latch that is so at the last too."""
         real, imag = curve.real, curve.imag
         k = np.flatnonzero((imag[:-1] < 0) != (imag[1:] < 0))  # crossed between, by a straight line
         at = -(real[k] + imag[k] / (imag[k] - imag[k + 1]) * (real[k + 1] - real[k]))
         if timing.pwm_hz is None:
-            at = np.append(at, -real[-1])
-        return float(min(at[at > 0], default=math.inf))
+            at, k = np.append(at, -real[-1]), np.append(k, len(omega) - 1)
+        return min(((K, w) for K, w in zip(at.tolist(), omega[k].tolist(), strict=True) if K > 0), default=NEVER)
 
-    if B_v > 0 and first(stiffness / damper) <= B_v:
-        return 0.0
+    if B_v > 0 and first(stiffness / damper)[0] <= B_v:
+        return 0.0, 0.0
     least = first(stiffness + B_v * damper)
-    return least if least < STIFFEST else math.inf
+    return least if least[0] < STIFFEST else NEVER
 
 
 ALIASES = 12  # Aliases on either side: W falls with 1/ω², so the rest weighs less than 1e-5 of the sum
@@ -142,7 +144,8 @@ def passive_stiffness(channel: Channel, timing: Timing, options: CoupleOptions) 
     least eigenvalue of a matrix that is linear in K), so it grows beyond b once.
     """
     h, B_v, damping_nms = timing.step_s, options.virtual_damping, options.limb_damping
-    omega = np.geomspace(1e-3, 0.999 * np.pi * timing.rate_hz, 1200)  # to just below the Nyquist frequency
+    # From far below the slowest lag to just below the Nyquist frequency
+    omega = np.geomspace(1e-3 / max(1.0, 0.01 * channel.point.plant.slowest_s), 0.999 * np.pi * timing.rate_hz, 1200)
     alias = omega + 2 * np.pi / h * np.arange(-ALIASES, ALIASES + 1)[:, None]
     q = (
         duty_response(channel, timing, omega)
@@ -199,11 +202,18 @@ def growth(drive: Channel, options: CoupleOptions, timing: Timing, stiffness: fl
     return math.log(last / late)
 
 
-def replayed_stiffness(drive: Channel, options: CoupleOptions, timing: Timing, expected: float) -> float | None:
-    """The stiffness at which the replay neither grows nor dies away [N·m/rad], near what linear theory expects; None
-    where it is not within a factor of two of that."""
-    turn_s = 2 * math.pi * math.sqrt(options.limb_inertia / expected)
-    time_s = max(20 * turn_s, 200 * timing.step_s)
+TURNS, MOST_SAMPLES = 20, 200_000  # Of a replay: swings, and samples beyond which none is made
+
+
+def replayed_stiffness(
+    drive: Channel, options: CoupleOptions, timing: Timing, expected: float, omega: float
+) -> float | None:
+    """The stiffness at which the replay neither grows nor dies away [N·m/rad], near what linear theory expects, which
+    swings at ω [rad/s]; None where it is not within a factor of two of that, or samples are too many in a swing."""
+    slower = min(omega, math.sqrt(expected / options.limb_inertia))
+    time_s = max(TURNS * 2 * math.pi / slower, 200 * timing.step_s)
+    if time_s > MOST_SAMPLES * timing.step_s:
+        return None
 
     def rate(log_stiffness: float) -> float:
         return min(growth(drive, options, timing, math.exp(log_stiffness), time_s), 20.0)
@@ -221,6 +231,17 @@ def replayed_stiffness(drive: Channel, options: CoupleOptions, timing: Timing, e
     return None
 
 
+PER_LAG = 1000  # Samples in the fastest lag from which a rig is sampled no faster by itself …
+PER_LIMB = 20  # … nor in the limb's time J/b
+
+
+def paced(rate_hz: float, plant: Plant, options: CoupleOptions) -> float:
+    """A control rate, lower where plant and limb are so slow that it serves nothing [Hz]."""
+    fastest = float(np.min(plant.time_constants(np.array(plant.u_range))[0]))
+    enough = max(PER_LAG / fastest, PER_LIMB * options.limb_damping / options.limb_inertia)
+    return rate_hz if rate_hz <= enough else float(f"{enough:.2g}")
+
+
 def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Progress) -> parts.Coupling:
     """`eaid.couple` on what has been read; loops whose gains are not given are left out. DataError where the fit holds
     no nonlinear model, UsageError for a torque that it does not hold, GainsError for a loop that is unstable without
@@ -229,8 +250,10 @@ def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Prog
     plant, unit = plant_of(fit), fit.data.output_unit
     if plant is None:
         raise DataError("the fit holds no nonlinear model, which walls are worked out on; fit clutch logs with it")
-    delay = options.delay_samples or round(fit.dead_time_s * options.rate_hz)
-    timing = Timing(options.rate_hz, options.pwm_hz or None, delay)
+    made_for = gains.margins.timing.rate_hz if gains is not None and gains.margins is not None else None
+    rate_hz = options.rate_hz or made_for or paced(control_rate(fit), plant, options)
+    delay = options.delay_samples or round(fit.dead_time_s * rate_hz)
+    timing = Timing(rate_hz, options.pwm_hz or None, delay)
     laws = {"rc": law_of(gains, "rc"), "rc-no-rate": law_of(gains, "rc"), "pi": law_of(gains, "pi")}
     held = [loop for loop in LOOPS if loop not in laws or laws[loop] is not None]
     loops = held if options.loops == LOOPS else list(options.loops)
@@ -247,20 +270,24 @@ def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Prog
                     f"the loop {loop} is unstable at {torque:g} without any wall, {timing.words()}; "
                     "no stiffness can be rendered on it, choose other gains or timing"
                 )
-            passive, stable = (known(of(channel, timing, options)) for of in (passive_stiffness, stable_stiffness))
-            replayed = replayed_stiffness(channel, options, timing, stable) if options.replay and stable else None
-            walls.append(parts.Wall(loop, torque, channel.point.duty_pct, passive, stable, replayed))
+            passive = passive_stiffness(channel, timing, options)
+            K, omega = stable_stiffness(channel, timing, options)
+            stable = known(K)
+            replayed = replayed_stiffness(channel, options, timing, K, omega) if options.replay and stable else None
+            walls.append(parts.Wall(loop, torque, channel.point.duty_pct, known(passive), stable, replayed))
             tick()
     idle = [abs(run.baseline_nm) for run in fit.data.sources if run.baseline_nm is not None]
     drag = options.idle_drag_nm if options.idle_drag_nm is not None or not idle else float(np.mean(idle))
     highest, counts, flat = max(torques), options.encoder_counts, plant_numbers(plant)
     # half a second after the torque was let go
-    left = sum(plant_step(flat, plant.C * highest, (1 - plant.C) * highest, 0.0, 0.5))
+    x1, x2 = plant_step(flat, *plant_rest(flat, highest), 0.0, 0.5)
+    left = x1 + flat.z * x2
     encoder = None if counts is None or drag is None else 2 * drag / (2 * math.pi / counts)
     slip = options.rotor_rpm * 2 * math.pi / 60 - options.limb_speed_rad_s
     impedance = parts.Impedance(drag, left, encoder, slip, 2 * left)
+    used = replace(options, rate_hz=rate_hz, delay_samples=delay)
     return parts.Coupling(
-        options=replace(options, delay_samples=delay), output_unit=unit, walls=tuple(walls), impedance=impedance,
+        options=used, output_unit=unit, walls=tuple(walls), impedance=impedance,
         findings=ranked(_findings(walls, options, impedance, unit)),
     )  # fmt: skip
 

@@ -2,6 +2,7 @@
 
 PI, RC    the gains as they are; tanh(γε) once, Eq. (14)
 inverse   observer poles at e^(−w dt): correction 1 − e^(−2 w dt), learning (1 − e^(−w dt))²/dt
+plant     Φ − 1 of each part of a sample, of two lags in series and ringing
 rate      r ← m r + (1 − m)/dt (x − x before),  m = e^(−2π f dt)
 """
 
@@ -15,7 +16,8 @@ import numpy as np
 
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
-from eaid.plant.dynamics import Plant, plant_numbers
+from eaid.plant.dynamics import Plant, plant_numbers, plant_terms
+from eaid.plant.operating import around
 from eaid.replay.controllers import DUTY_TOLERANCE_PCT, OBSERVER_PER_S
 
 Precision = Literal["double", "single"]
@@ -74,6 +76,8 @@ def unit_name(text: str) -> str:
     return harmless(re.sub(r"[\"'\\{}<>]", "", text))[:20] or "1"
 
 
+LARGEST: dict[Precision, float] = {"double": 1e60, "single": 1e15}  # Constant: its square is a number still
+WHOLE = 1e-9  # Part of a sample by which a dead time may miss whole ones
 SEARCHES = 16  # Tries of the inverse's search at most: twelve are the most seen
 # The search ends when it moves the duty by no more than that
 TOLERANCE = {"double": DUTY_TOLERANCE_PCT, "single": 1e-4}
@@ -127,6 +131,14 @@ class Rig:
         """Corner of the reference's filtered derivative [Hz]: 25, a tenth of a lower rate."""
         return min(25.0, 0.1 / self.dt_s)
 
+    def dead_time(self, plant: Plant) -> tuple[int, float, float]:
+        """Whole samples until a duty acts, and the parts of a sample [s] before and after it does."""
+        whole, part = divmod(plant.dead_time_s / self.dt_s, 1.0)
+        if part > 1 - WHOLE:
+            whole, part = whole + 1, 0.0
+        part = part if part > WHOLE else 0.0
+        return int(whole), part * self.dt_s, (1 - part) * self.dt_s
+
     def per(self, unit: str) -> str:
         """A unit below a slash, in brackets where it is a compound one."""
         return f"/({unit})" if "·" in unit else f"/{unit}"
@@ -174,23 +186,60 @@ def rc_constants(gains: RCGains, rig: Rig) -> Entries:
 
 
 def plant_constants(plant: Plant, rig: Rig) -> Entries:
-    """Constants of the plant; polynomials of the duty, lowest power first."""
+    """Constants of the plant; polynomials of the duty, lowest power first. What a kind does not have is left out."""
     p, i, o = plant_numbers(plant), rig.input, rig.output
-    equations = {"tau1": ("s", "τ1(u), Eq. (5)"), "tau2": ("s", "τ2(u), Eq. (6)"), "Ts": (o, "T_s(u), Eq. (7)")}
+    equations = {"Ts": (o, "T_s(u), Eq. (7)")}
+    if p.signed:
+        equations["Ts_below"] = (o, "T_s of inputs below rest, over their size")
+    if plant.zeta is None:
+        equations = {"tau1": ("s", "τ1(u), Eq. (5)"), "tau2": ("s", "τ2(u), Eq. (6)"), **equations}
     powers = ("", rig.per(i), f"{rig.per(i)}²", f"{rig.per(i)}³")
-    return (
-        Entry("C", p.C, "", "share of the fast part"),
-        *(
-            Entry(f"{name}_{k}", value, unit + powers[k], "" if k else words)
-            for name, (unit, words) in equations.items()
-            for k, value in enumerate(getattr(p, name))
-        ),
-        Entry("u_low", p.u_low, i, "lowest identified duty"),
-        Entry("u_high", p.u_high, i, "highest identified duty"),
+    curves = (
+        Entry(f"{name}_{k}", value, unit + powers[k], "" if k else words)
+        for name, (unit, words) in equations.items()
+        for k, value in enumerate(getattr(p, name))
+    )
+    lags: tuple[Entry, ...] = (
         Entry("release1", p.release[0], "s", "τ1 of a fall to rest; 0: none was fitted"),
         Entry("release2", p.release[1], "s", "τ2 of a fall to rest; 0: none was fitted"),
         Entry("tau_floor", p.floor, "s", "shortest time constant"),
+    )
+    if plant.falls_as_release:
+        lags += (Entry("release_below", LARGEST[rig.precision], i, "inputs below it, all, have the release's τ"),)
+    elif plant.falls != (1.0, 1.0):
+        lags += tuple(Entry(f"falls{k}", p.falls[k - 1], "", f"factor on τ{k} of falls between levels") for k in (1, 2))
+    if plant.zeta is not None:
+        lags = (Entry("z", p.z, "", "output = x1 + z x2"), *flows(plant, rig))
+    delay, before, after = rig.dead_time(plant)
+    late: tuple[Entry, ...] = ()
+    if plant.dead_time_s > 0:
+        late = (
+            Entry("delay", delay, "", "samples from a duty until it acts"),
+            Entry("dt_before", before, "s", "part of a sample in which the duty before still acts"),
+            Entry("dt_after", after, "s", "what is left of the sample"),
+        )
+    return (
+        *([Entry("C", p.C, "", "share of the fast part")] if plant.zeta is None else []),
+        *curves,
+        Entry("u_low", p.u_low, i, "lowest identified duty"),
+        Entry("u_high", p.u_high, i, "highest identified duty"),
+        *lags,
         Entry("dt", rig.dt_s, "s", "sample time"),
+        *late,
+    )
+
+
+def flows(plant: Plant, rig: Rig) -> Entries:
+    """Φ − 1, by which both states move from where they rest, over each part of a sample."""
+    _, before, after = rig.dead_time(plant)
+    tau = plant_terms(plant_numbers(plant), plant.u_range[1])[0]
+    unit = around(replace(plant, tau1=(tau,)), plant.u_range[1])
+    return tuple(
+        Entry(f"{name}_{row}{column}", float(change[row - 1, column - 1]), "", "Φ − 1" if row == column == 1 else "")
+        for name, dt in (("before", before), ("after", after))
+        for change in (unit.over(dt)[0] - np.eye(2),)
+        for row in (1, 2)
+        for column in (1, 2)
     )
 
 

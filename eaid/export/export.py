@@ -41,18 +41,24 @@ def _findings(source: Source, laws: tuple[str, ...], rate_hz: float, options: Ex
         yield finding(
             "export-fault-outside", "export", duty=options.duty_on_fault, unit=source.units[0], low=low, high=high
         )
-    if source.left_out:
-        yield finding("export-left-out", "plant", what=source.left_out)
+    for law in ("plant", "inverse"):
+        if what := source.left_out(law):
+            yield finding("export-left-out", law, what=what)
     if {"pi", "rc"} & set(laws) and source.gains is not None:
         yield from _gains(source, source.gains, laws, rate_hz)
     if {"inverse", "plant"} & set(laws):
         subject = "plant" if "plant" in laws else "inverse"
         if source.fit is not None and (why := source.fit.verdict.of(*PLANT).sentence):
             yield finding("export-not-usable", subject, why=why)
-        if source.plant is not None and source.plant.dead_time_s > 0:
-            yield finding("export-no-dead-time", subject, dead_time_s=source.plant.dead_time_s)
-        if source.plant is not None and source.plant.release is None:
-            yield finding("export-no-release", subject)
+        if (plant := source.plant) is not None:
+            if "inverse" in laws and plant.dead_time_s > 0:
+                yield finding("export-no-dead-time", "inverse", dead_time_s=plant.dead_time_s)
+            if plant.release is None and plant.zeta is None:
+                yield finding("export-no-release", subject)
+            if plant.excess:
+                yield finding("export-no-hysteresis", subject, excess_pct=100 * plant.excess)
+            if plant.idle:
+                yield finding("export-from-rest", subject, idle=plant.idle, unit=source.units[1])
 
 
 def _gains(source: Source, gains: Gains, laws: tuple[str, ...], rate_hz: float) -> Iterator[Finding]:

@@ -13,8 +13,10 @@ from eaid.control.rc import RCGains
 from eaid.errors import UsageError, in_python
 from eaid.export import reference
 from eaid.export.constants import (
+    LARGEST,
     SERIES,
     Entries,
+    Precision,
     Rig,
     decimal,
     harmless,
@@ -52,22 +54,19 @@ class Source:
     @property
     def laws(self) -> tuple[str, ...]:
         """The laws that can be exported."""
-        plant = None if self.left_out else self.plant
-        held = {**self.loops, "inverse": plant, "plant": plant}
-        return tuple(name for name in LAWS if held.get(name) is not None)
+        held = {**self.loops, "inverse": self.plant, "plant": self.plant}
+        return tuple(name for name in LAWS if held.get(name) is not None and not self.left_out(name))
 
-    @property
-    def left_out(self) -> str:
-        """What the plant has that no exported one knows; empty: nothing."""
+    def left_out(self, law: str) -> str:
+        """What the plant has that an exported plant, or its inverse, does not know; empty: nothing."""
         p = self.plant
-        if p is None:
+        if p is None or law not in ("inverse", "plant"):
             return ""
-        if p.zeta is not None:
-            return "two states in series, or ringing"
-        if p.Ts_below:
-            return "an input of both signs"
-        quick = p.falls_as_release or p.falls != (1.0, 1.0)
-        return "falls between levels with time constants of their own" if quick else ""
+        if p.zeta is not None and any(p.tau1[1:]):
+            return f"a {p.kind} whose time changes with the input"
+        if law == "inverse" and p.zeta is not None:
+            return f"two states, {p.kind}"
+        return "an input of both signs" if law == "inverse" and p.Ts_below else ""
 
     @property
     def top(self) -> float:
@@ -126,7 +125,7 @@ def vectors(constants: Mapping[str, Entries], top: float, rig: Rig) -> Iterator[
         c = namespace(entries, series)
         if law == "plant":
             plant = reference.Plant(c)
-            for case, before, duty in _duties(float(c.u_high)):
+            for case, before, duty in _duties(float(c.u_high), plant.delay):
                 held = rounded(duty, rig.precision)
                 torque = rounded(plant.step(held), rig.precision)
                 yield Vector(law, case, before, held, nothing, nothing, nothing, torque, plant.status)
@@ -179,10 +178,10 @@ def _rows(top: float, dt: float, low: float, high: float) -> Iterator[Row]:
         yield "switch", START if k % (ROWS // 4) == 0 else GO_ON, 0.3 * top, 0.1 * top, 0.29 * top + 1e-3 * k, duty
 
 
-def _duties(high: float) -> Iterator[tuple[str, int, float]]:
+def _duties(high: float, delay: int) -> Iterator[tuple[str, int, float]]:
     for k in range(2 * ROWS):
         yield "steps", RESET if k == 0 else GO_ON, high * (0.0, 1.0, 0.3, 0.05, 0.0, 1.5, -0.2, 0.6)[k * 4 // ROWS]
-    for duty in (math.nan, 0.5 * high, math.inf, 0.5 * high):
+    for duty in (math.nan, 0.5 * high, math.inf, *[0.5 * high] * (delay + 1)):
         yield "bad-input", GO_ON, duty
 
 
@@ -206,8 +205,8 @@ def laws_of(source: Source, options: ExportOptions) -> tuple[str, ...]:
     """The laws to export, in one order; UsageError where one is asked for that the inputs do not hold."""
     wanted = options.law if options.law is not None else source.laws
     for law in wanted:
-        if law not in source.laws and source.left_out:
-            raise UsageError(f"«law» {law}: {say(finding('export-left-out', law, what=source.left_out))}")
+        if law not in source.laws and (what := source.left_out(law)):
+            raise UsageError(f"«law» {law}: {say(finding('export-left-out', law, what=what))}")
         if law not in source.laws:
             need = "gains.json of eaid tune-rc" if law in ("pi", "rc") else "fit.json with a nonlinear model, «fit»"
             raise UsageError(f"«law» {law} needs what was not given: {need}")
@@ -233,6 +232,12 @@ def constants_of(source: Source, laws: tuple[str, ...], rig: Rig) -> dict[str, E
             made["inverse"] = inverse_constants(source.plant, source.limits, rig)
         if "plant" in laws:
             made["plant"] = plant_constants(source.plant, rig)
+            delay = rig.dead_time(source.plant)[0]
+            if delay > LONGEST_DELAY:
+                raise UsageError(
+                    f"«law» plant: its dead time of {source.plant.dead_time_s:.4g} s takes {delay} samples at "
+                    f"{1 / rig.dt_s:.6g} Hz, {LONGEST_DELAY} at most; lower «rate_hz»"
+                )
     if set(laws) - {"plant"}:
         made["rate"] = rate_constants(rig)
     for law, entries in made.items():
@@ -240,14 +245,14 @@ def constants_of(source: Source, laws: tuple[str, ...], rig: Rig) -> dict[str, E
     return {name: rounded(entries, rig.precision) for name, entries in made.items()}
 
 
-MOST = {"double": 1e60, "single": 1e15}  # Largest constant: its square is a number still
+LONGEST_DELAY = 10_000  # Samples of dead time that an exported plant holds
 
 
-def _refuse_what_is_too_large(law: str, entries: Entries, precision: str) -> None:
+def _refuse_what_is_too_large(law: str, entries: Entries, precision: Precision) -> None:
     for entry in entries:
         if isinstance(entry.value, tuple):
             _refuse_what_is_too_large(law, entry.value, precision)
-        elif not abs(entry.value) <= MOST[precision]:
+        elif not abs(entry.value) <= LARGEST[precision]:
             raise UsageError(
                 f"{law}: {entry.name} is {entry.value:g}, which {precision} precision cannot hold safely; export others"
             )

@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable
 from typing import Any, TypeAlias
 
-from eaid.plant.dynamics import PlantNumbers, plant_pull
+from eaid.plant.dynamics import PlantNumbers, plant_pull, plant_terms
 
 Number: TypeAlias = Any  # float or numpy.float32
 
@@ -172,32 +172,62 @@ class RC(Integral):
         self.integral = 0.5 * (low + high)
 
 
-def plant_change(c: Any, x1: Number, x2: Number, duty: Number) -> tuple[Number, Number]:
-    """By how much the fast and the slow part move in one sample of a held duty."""
-    plant = PlantNumbers(
-        c.C, (c.tau1_0, c.tau1_1, c.tau1_2), (c.tau2_0, c.tau2_1, c.tau2_2), (c.Ts_0, c.Ts_1, c.Ts_2, c.Ts_3),
-        c.u_low, c.u_high, (c.release1, c.release2), c.u_low,
-        (0.0, 0.0, 0.0, 0.0), (1.0, 1.0), -1.0, 1.0, c.tau_floor, False,
+def numbers(c: Any) -> PlantNumbers:
+    """The plant as the replay takes it; time constants of 0 where `c` has Φ in their place."""
+
+    def curve(name: str, count: int) -> Any:
+        return tuple(getattr(c, f"{name}_{k}", 0.0) for k in range(count))
+
+    below = curve("Ts_below", 4)
+    return PlantNumbers(
+        getattr(c, "C", 1.0), curve("tau1", 3), curve("tau2", 3), curve("Ts", 4), c.u_low, c.u_high,
+        (getattr(c, "release1", 0.0), getattr(c, "release2", 0.0)), getattr(c, "release_below", c.u_low), below,
+        (getattr(c, "falls1", 1.0), getattr(c, "falls2", 1.0)), -1.0, 1.0, getattr(c, "tau_floor", 0.0),
+        hasattr(c, "Ts_below_0"),
     )  # fmt: skip
-    fast, slow, tau1, tau2 = plant_pull(plant, x1, x2, duty)
-    return loss(c.series, c.dt / tau1) * fast, loss(c.series, c.dt / tau2) * slow
+
+
+def plant_change(c: Any, x1: Number, x2: Number, duty: Number, dt: Number) -> tuple[Number, Number]:
+    """By how much the fast and the slow part move in a time of a held duty."""
+    fast, slow, tau1, tau2 = plant_pull(numbers(c), x1, x2, duty)
+    return loss(c.series, dt / tau1) * fast, loss(c.series, dt / tau2) * slow
+
+
+def swing_change(c: Any, part: str, x1: Number, x2: Number, duty: Number) -> tuple[Number, Number]:
+    """The same of two lags in series or ringing, in a part of a sample, by its Φ − 1."""
+    away = x1 - plant_terms(numbers(c), duty)[2]
+    m11, m12, m21, m22 = (getattr(c, f"{part}_{k}") for k in ("11", "12", "21", "22"))
+    return m11 * away + m12 * x2, m21 * away + m22 * x2
 
 
 class Plant:
-    """The clutch: fast and slow part of the torque, and what rounding left out of them."""
+    """The plant: its two states, what rounding left out of them, and the duties that are on their way."""
 
     def __init__(self, c: Any) -> None:
         self.c = c
         self.x1 = self.x2 = self.carry1 = self.carry2 = 0.0
         self.status = 0
+        self.delay = getattr(c, "delay", 0)
+        self.held = [0.0] * (self.delay + 1)
 
     def step(self, duty: Number) -> Number:
         """The torque after one sample of a held duty; a duty that is no number counts as 0, and is told."""
         self.status = 0 if good(duty) else BAD_INPUT
-        change1, change2 = plant_change(self.c, self.x1, self.x2, duty if good(duty) else 0.0)
+        before = self.held[0]
+        self.held = [*self.held[1:], duty if good(duty) else 0.0]
+        if getattr(self.c, "dt_before", 0.0) > 0.0:
+            self.move("before", before)
+        self.move("after", self.held[0])
+        return self.x1 + self.c.z * self.x2 if hasattr(self.c, "z") else self.x1 + self.x2
+
+    def move(self, part: str, duty: Number) -> None:
+        """Both states over a part of a sample."""
+        if hasattr(self.c, "z"):
+            change1, change2 = swing_change(self.c, part, self.x1, self.x2, duty)
+        else:
+            change1, change2 = plant_change(self.c, self.x1, self.x2, duty, getattr(self.c, f"dt_{part}", self.c.dt))
         self.x1, self.carry1 = added(self.x1, self.carry1, change1)
         self.x2, self.carry2 = added(self.x2, self.carry2, change2)
-        return self.x1 + self.x2
 
 
 class Inverse(Controller):
@@ -228,7 +258,7 @@ class Inverse(Controller):
         self.lack = self.lack + c.learning * innovation
         need = ((reference - self.x1) - self.x2) + (reference_rate - self.lack) * c.dt
         self.duty = self.duty_for(need)
-        change1, change2 = plant_change(c.plant, self.x1, self.x2, self.duty)
+        change1, change2 = plant_change(c.plant, self.x1, self.x2, self.duty, c.dt)
         self.x1, self.carry1 = added(self.x1, self.carry1, change1 + self.lack * c.dt)
         self.x2, self.carry2 = added(self.x2, self.carry2, change2)
         self.status |= (AT_MIN if self.duty <= c.duty_min else 0) | (AT_MAX if self.duty >= c.duty_max else 0)
@@ -240,7 +270,7 @@ class Inverse(Controller):
         c = self.c
 
         def miss_of(duty: Number) -> Number:
-            change1, change2 = plant_change(c.plant, self.x1, self.x2, duty)
+            change1, change2 = plant_change(c.plant, self.x1, self.x2, duty, c.dt)
             return (change1 + change2) - need
 
         a = clamp(self.duty, c.duty_min, c.duty_max)

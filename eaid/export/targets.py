@@ -54,6 +54,8 @@ def context(job: Job) -> Mapping[str, object]:
     single = rig.precision == "single"
     series = rounded(SERIES[rig.precision], rig.precision)
     rate = namespace(job.constants["rate"], series) if "rate" in job.constants else None
+    models = [job.constants["plant"]] if "plant" in names else []
+    models += [e.value for e in job.constants.get("inverse", ()) if e.name == "plant"]
     return {
         "job": job,
         "rig": rig,
@@ -64,6 +66,7 @@ def context(job: Job) -> Mapping[str, object]:
         "controllers": [name for name in names if name != "plant"],
         "series": series,
         "rate": rate,
+        "plant": {e.name: e.value for model in models[:1] for e in model},
         "single": single,
         "timing": {name: rounded(getattr(rig, name), rig.precision) for name in ("dt_s", "duty_on_fault")},
         "dt_text": decimal(rig.dt_s),

@@ -18,17 +18,18 @@ from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
-from scipy.special import chdtri
 
 from eaid.arrays import Array
 from eaid.errors import DataError, UsageError
+from eaid.estimate.certainty import LEVELS_TO_SPARE
 from eaid.estimate.draw import draw
 from eaid.estimate.forms import Model, friction, nonlinear
 from eaid.estimate.from_logs import Setup
 from eaid.estimate.log_intervals import engagements
-from eaid.estimate.scatter import ASSUMED
-from eaid.estimate.spread import t_quantile
+from eaid.estimate.scatter import ASSUMED, neighbours
+from eaid.estimate.spread import satterthwaite, t_quantile
 from eaid.options import PlanOptions
+from eaid.planning.kinds import NUMBERS, is_clutch, refuse_unplanned, steps_of
 from eaid.plant.drive import Drive
 from eaid.plant.dynamics import SHARE
 from eaid.results.fit import Fit, FrictionLevel, Noise
@@ -41,6 +42,13 @@ PARAMETERS = {"Ts": 0, "tau1": 1, "tau2": 2}
 HOLDS = (1.5, 2.0, 3.0, 4.0)
 LEAST_HOLD_S = 5.0
 LEAST_REPEATS, MOST_REPEATS = 3, 20
+KEEPING = 0.8  # Probability with which a session keeps a width that a plan promises
+SESSIONS = 200  # Draws behind that
+
+
+def relative_rows(rows: Array, unknowns: Array) -> Array:
+    """Slopes of the logarithms of numbers that are linear in the unknowns."""
+    return np.asarray(rows / (rows @ unknowns)[:, :, None])
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,19 +56,20 @@ class Designer:
     """What an experiment would tell of a model."""
 
     model: Model
-    unknowns: Array  # Those of the model, (n,)
-    rows: Array  # How T_s, τ1, τ2 at the inputs at which widths are wanted go with them, (3, m, n)
+    unknowns: Array  # Those of the model, a dead time last, (n,)
+    # How the logarithms of T_s, τ1, τ2 at the inputs at which widths are wanted go with them, (3, m, n)
+    slopes: Array
     noise: Noise
+    late: bool = False  # Whether a dead time is among them
 
     def variances(self, drive: Drive, weight: Array | float = 1.0) -> tuple[Array, Array]:
-        """Variance of log T_s, log τ1, log τ2 by noise and scatter of each engagement, (3, m, E); `weight` of rows."""
+        """Variance of these logarithms by noise and scatter of each engagement, (3, m, E); `weight` of rows."""
         x = np.append(self.unknowns, 0.0)[: len(self.unknowns) + (not drive.idle_known)]
-        slopes = np.pad(self.rows, ((0, 0), (0, 0), (0, len(x) - self.model.size)))
-        slopes = slopes / (slopes @ x)[:, :, None]
+        slopes = np.pad(self.slopes, ((0, 0), (0, 0), (0, len(x) - len(self.unknowns))))
         scattered = np.zeros((len(x), 3))  # one standard deviation of an engagement's T_s, τ1 and τ2
         for (name, k), part in zip(PARAMETERS.items(), self.model.slices, strict=True):
             scattered[part, k] = self.noise.scatter[name] * x[part]
-        J, r = Setup(self.model, (drive,)).jacobian(x, 0)
+        J, r = Setup(self.model, (drive,), ("dead",) * self.late).jacobian(x, 0)
         counted = drive.w > 0
         T2 = r * r / np.maximum(drive.w[counted], 1e-300)
         density = (self.noise.sensor_nm2_s + self.noise.ripple_s * T2) * weight
@@ -79,24 +88,43 @@ class Designer:
 
 
 INSTANTS = 60  # Of each hold, at which the sensitivities are taken
+PER_TURN, MOST_INSTANTS = 40, 2000  # Of what rings, in a turn of its frequency and at most
 ENDLESS_S = 1e9  # A rest that leaves nothing in the states [s]
 
 
-def drive_of_steps(levels: Sequence[float], hold_s: Array) -> Drive:
-    """A step from rest to each level, in a few instants of its hold that stand for the time about them."""
+def drive_of_steps(
+    levels: Sequence[float], hold_s: Array, rests_s: tuple[float, float] | None = None, turn_s: float = inf
+) -> Drive:
+    """A step from rest to each level, in a few instants of its hold that stand for the time about them.
+
+    Where `rests_s` are recorded, the idle before a step and its release count too, and the idle output is not known.
+    What rings has a turn's time.
+    """
     duty, index = np.unique([0.0, *levels], return_inverse=True)
-    rows, weights = [], []
-    for hold in hold_s.tolist():
-        edges = np.concatenate([[0.0], np.geomspace(1e-4 * hold, hold, INSTANTS)])
-        at = np.concatenate([[0.0], 0.5 * (edges[1:] + edges[:-1]), [hold]])  # the step, the instants, the rest
-        rows.append(np.append(np.diff(at), ENDLESS_S))
-        weights.append(np.concatenate([[0.0], np.diff(edges), [0.0]]))
-    which = np.repeat(index[1:, None], INSTANTS + 2, axis=1)
-    which[:, -1] = 0
-    ones = np.ones(which.size, dtype=np.int64)
-    return Drive(
-        np.concatenate(rows), which.ravel(), duty, ones, np.zeros(which.size), np.concatenate(weights), True, True
-    )
+    rows, weights, which = [], [], []
+    idle_s, release_s = rests_s or (0.0, 0.0)
+    for k, hold in enumerate(hold_s.tolist()):
+        pieces = [(index[k + 1], *instants(hold, turn_s)), *([(0, *instants(release_s, turn_s))] if release_s else [])]
+        for at, dt_s, weight in [
+            (0, np.array([1.0]), np.array([idle_s])),
+            *pieces,
+            (0, np.array([ENDLESS_S]), np.zeros(1)),
+        ]:
+            rows.append(dt_s)
+            weights.append(weight)
+            which.append(np.full(len(dt_s), at))
+    acts = np.concatenate(which).astype(np.int64)
+    nothing, up = np.zeros(len(acts)), np.ones(len(acts), dtype=np.int64)
+    return Drive(np.concatenate(rows), acts, duty, up, nothing, np.concatenate(weights), rests_s is None, True)
+
+
+def instants(time_s: float, turn_s: float) -> tuple[Array, Array]:
+    """Times between the instants of a stretch, from its begin to its end, and the time that each stands for [s]."""
+    edges = np.concatenate([[0.0], np.geomspace(1e-4 * time_s, time_s, INSTANTS)])
+    if turn_s < inf:
+        edges = np.linspace(0.0, time_s, int(np.clip(PER_TURN * time_s / turn_s, INSTANTS, MOST_INSTANTS)) + 1)
+    at = np.concatenate([[0.0], 0.5 * (edges[1:] + edges[:-1]), [time_s]])
+    return np.diff(at), np.append(0.0, np.diff(edges))
 
 
 def level_sets(known: Sequence[float], most: int) -> list[list[float]]:
@@ -200,14 +228,15 @@ def finite(widths: Mapping[str, float]) -> dict[str, float | None]:
 
 
 def wanting(options: PlanOptions | None, widths: Mapping[str, float]) -> PlanOptions:
-    """The options, with these half-widths [%] where none are wanted; `UsageError` for widths that mean nothing."""
+    """The options, with these half-widths [%] where none are wanted; `UsageError` for widths that mean nothing, which
+    are those of other parameters, too."""
     options = options or PlanOptions()
     options = replace(options, want=options.want or widths)
-    wrong = [name for name, width in options.want.items() if name not in PARAMETERS or not 0 < width < 100]
+    wrong = [name for name, width in options.want.items() if name not in widths or not 0 < width < 100]
     if wrong:
         raise UsageError(
-            f"«want» {', '.join(wrong)}: give a parameter of {', '.join(PARAMETERS)} and a half-width in percent, "
-            "above 0 and below 100, as in tau2=10,Ts=2"
+            f"«want» {', '.join(wrong)}: give a parameter of {', '.join(widths)} and a half-width in percent, "
+            f"above 0 and below 100, as in {','.join(f'{name}={width:g}' for name, width in widths.items())}"
         )
     return options
 
@@ -224,67 +253,109 @@ class FittedRig:
     known: bool  # Whether the fit says how noisy the rig is; else the noise is assumed
 
     @property
+    def numbers(self) -> tuple[str, ...]:
+        """What widths are told of."""
+        p = self.plant.model
+        return tuple(PARAMETERS) if p is None or is_clutch(p) else NUMBERS.get(p.kind, tuple(PARAMETERS))
+
+    @property
     def degrees(self) -> float:
         """Degrees of freedom that the scatter is known by; 0: none are known."""
         return (self.fit.uncertainty.degrees_of_freedom if self.fit.uncertainty is not None else None) or 0.0
 
-    @property
-    def design_noise(self) -> Noise:
-        """What to design with: the scatter that only one rig in five exceeds."""
-        degrees = self.degrees if self.known else 0.0
-        return scattered(self.noise, np.full(3, np.sqrt(degrees / chdtri(degrees, 0.8)) if degrees > 0 else 1.0))
-
     def quickest(self, wanted: Mapping[str, float], session: PlanOptions) -> Plan:
         """The quickest steps from rest for the wanted half-widths [%]; where none reaches them, what comes nearest."""
         best, least = Plan(), inf
-        repeats = np.arange(LEAST_REPEATS, MOST_REPEATS + 1.0)
         several = self.plant.model is not None
         for levels in level_sets(self.levels, session.most_levels) if several else [list(self.levels)]:
-            tau2 = np.array([self.plant.at(level).tau2 for level in levels])
             for factor in HOLDS:
-                # whole seconds, within what the rig and the least record allow
-                hold = np.ceil(np.minimum(np.maximum(factor * tau2, LEAST_HOLD_S), session.longest_hold_s))
-                half = self.half_widths(levels, hold, repeats)
-                time_s = repeats * (hold + session.idle_s + session.release_s).sum()
-                over = np.max([half[PARAMETERS[name]] / width for name, width in wanted.items()], axis=0)
+                hold = self.holds(levels, factor, session.longest_hold_s)
+                repeats, half = self.fewest(levels, hold, wanted, session)
+                time_s = repeats * float((hold + session.idle_s + session.release_s).sum())
+                over = max(half[name] / width for name, width in wanted.items())
                 # an experiment that falls short costs more than any that does not
-                price = np.where(over <= 1, time_s, 1e9 * over + time_s)
-                k = int(price.argmin())
-                if not best.levels or price[k] < least:
-                    least = float(price[k])
+                price = time_s if over <= 1 else 1e9 * over + time_s
+                if not best.levels or price < least:
+                    least = price
                     best = Plan(
-                        met=bool(over[k] <= 1), levels=tuple(levels), hold_s=tuple(hold.tolist()),
-                        repeats=int(repeats[k]), time_on_rig_s=float(time_s[k]), input_unit=self.plant.input_unit,
-                        half_width_pct=dict(zip(PARAMETERS, half[:, k].tolist(), strict=True)),
+                        met=over <= 1, levels=tuple(levels), hold_s=tuple(hold.tolist()), repeats=repeats,
+                        time_on_rig_s=time_s, input_unit=self.plant.input_unit, half_width_pct={**half},
                     )  # fmt: skip
         return best
 
-    def half_widths(self, levels: Sequence[float], hold_s: Array, repeats: Array) -> Array:
-        """Predicted half-widths of steps at the worst level [%], for some numbers of repeats, (3, R)."""
-        u, curves = np.array(levels), [self.plant.at(level) for level in levels]
+    def holds(self, levels: Sequence[float], factor: float, longest_s: float) -> Array:
+        """Hold of each level [s], so many of the longest time constants behind a dead time; of a clutch in whole
+        seconds, five at least."""
+        if (p := self.plant.model) is None or is_clutch(p):
+            slowest = np.array([self.plant.at(level).tau2 for level in levels])
+            late = 0.0 if p is None else p.dead_time_s
+            return np.ceil(np.minimum(np.maximum(factor * slowest, LEAST_HOLD_S) + late, longest_s))
+        hold = p.dead_time_s + 2 * factor * p.slowest_s(np.array(levels))
+        digit = 10.0 ** np.floor(np.log10(hold) - 1)
+        return np.full(len(levels), min(round(float(np.ceil(hold / digit) * digit), 9), longest_s))
+
+    def fewest(
+        self, levels: Sequence[float], hold_s: Array, wanted: Mapping[str, float], session: PlanOptions
+    ) -> tuple[int, Widths]:
+        """The fewest repeats for the wanted half-widths [%], or the most there are, and what they give."""
+        within, between = self.contributions(levels, hold_s, session)
+        low, high = LEAST_REPEATS, MOST_REPEATS + 1
+        half: Widths = {}
+        while low < high:  # of MOST_REPEATS + 1 nothing is asked
+            middle = (low + high) // 2
+            tried = self.kept(within, between, middle)
+            reached = all(tried[name] <= width for name, width in wanted.items())
+            if reached or middle == MOST_REPEATS:
+                high, half = middle, tried
+            else:
+                low = middle + 1
+        return high, half
+
+    def contributions(self, levels: Sequence[float], hold_s: Array, session: PlanOptions) -> tuple[Array, Array]:
+        """What noise and scatter of one run at each level contribute to the logarithms at each, (3, m, L)."""
+        u, p = np.array(levels), self.plant.model
+        if p is not None and not is_clutch(p):
+            steps, turn_s = steps_of(p, u), inf if p.zeta is None else 2 * np.pi * p.tau1[0]
+            designer = Designer(steps.model, steps.unknowns, steps.slopes, self.noise, steps.late)
+            return designer.variances(drive_of_steps(levels, hold_s, (session.idle_s, session.release_s), turn_s))
+        curves = [self.plant.at(level) for level in levels]
         Ts, tau1, tau2 = (np.maximum([getattr(curve, name) for curve in curves], 1e-300) for name in PARAMETERS)
         model, unknowns = friction(u, self.share), np.concatenate([Ts, tau1, tau2])
         rows = model.rows(u)[:3]
-        if self.plant.model is not None:  # levels first: τ1(u), τ2(u), T_s of each level, and T_s(u) through them
+        if p is not None:  # levels first: τ1(u), τ2(u), T_s of each level, and T_s(u) through them
             whole = nonlinear(u, self.share)
             model = replace(whole, Ts=model.Ts)
-            unknowns = np.concatenate([Ts, whole.unknowns(self.plant.model)[whole.slices[0].stop :]])
+            unknowns = np.concatenate([Ts, whole.unknowns(p)[whole.slices[0].stop :]])
             rows, relative = model.rows(u)[:3], whole.rows(u)[0, :, whole.slices[0]] / Ts[:, None]
             rows[0, :, : len(u)] = Ts[:, None] * relative @ np.linalg.pinv(relative) / Ts
-        within, between = Designer(model, unknowns, rows, self.design_noise).variances(
-            drive_of_steps(levels, hold_s), np.repeat(1 / Ts**2, INSTANTS)
-        )
-        parts = within + between  # of the variance at a level, what the runs of each level contribute
-        variance = parts.sum(axis=2)
-        if self.plant.model is not None and len(levels) > 1:
-            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                several = np.where(variance > 0, np.nan_to_num(variance**2 / (parts**2).sum(axis=2)), 1.0)
-            known = (repeats[:, None, None] - 1) * several
-        else:  # pooled over the levels; scatter that follows a trend over them costs at the ends
-            pooled = (repeats[:, None, None] - 1) * len(levels) / (3.5 if len(levels) > 3 else 1.0)
-            known = np.broadcast_to(np.maximum(1.0, pooled), (len(repeats), *variance.shape))
-        reach = (t_quantile(known) * np.sqrt(variance / repeats[:, None, None])).max(axis=2)
-        return np.asarray(100 * np.expm1(np.minimum(reach, 50.0))).T
+        drive = drive_of_steps(levels, hold_s - (0.0 if p is None else p.dead_time_s))
+        designer = Designer(model, unknowns, relative_rows(rows, unknowns), self.noise)
+        return designer.variances(drive, np.repeat(1 / Ts**2, INSTANTS))
+
+    def kept(self, within: Array, between: Array, repeats: int) -> Widths:
+        """Half-widths at the worst level that a session keeps with probability `KEEPING` [%], of `contributions`.
+
+        A session shows the variance Σ_l v_l χ²_l/(R − 1); the scatter is known by the fit's own χ². T_s(u) also has
+        what the levels seem to scatter about it: χ²/ν − 1 of what their runs do, where that is above 0.
+        """
+        random, count = np.random.default_rng(0), within.shape[2]
+        sure = self.degrees if self.known else 0.0
+        factor = sure / random.chisquare(sure, SESSIONS) if sure > 0 else np.ones(SESSIONS)
+        own = np.full(count, repeats - 1)
+        parts = (within + factor[:, None, None, None] * between) @ neighbours(own) / repeats
+        usual = parts.sum(axis=3)
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            degrees = np.nan_to_num((repeats - 1) * usual**2 / (parts**2).sum(axis=3), nan=1.0)
+            seen = (parts * random.chisquare(own, (SESSIONS, len(within), 1, count)) / own).sum(axis=3)
+            p = self.plant.model
+            spare = count - len(p.Ts) if p is not None and is_clutch(p) else 0
+            if spare >= LEVELS_TO_SPARE:
+                beyond = usual[:, 0] * np.maximum(random.chisquare(spare, (SESSIONS, 1)) / spare - 1, 0.0)
+                degrees[:, 0] = satterthwaite((usual[:, 0], beyond), (degrees[:, 0], spare))
+                seen[:, 0] += beyond
+            worst = np.nan_to_num(t_quantile(degrees) * np.sqrt(seen), nan=np.inf).max(axis=2)
+        half = 100 * np.expm1(np.minimum(np.quantile(worst, KEEPING, axis=0), 50.0))
+        return dict(zip(self.numbers, half.tolist(), strict=True))
 
     def drawn(self, n: int, seed: int) -> list[tuple[Specimen, Noise]]:
         """`n` rigs that the data of the fit allow."""
@@ -302,16 +373,12 @@ class FittedRig:
 
 def rig_of(fit: Fit) -> FittedRig:
     """The rig that a fit describes; `DataError` where it holds neither a nonlinear nor a friction model."""
-    if fit.nonlinear is None and (fit.data.kind == "clutch" or not fit.friction_levels):
+    if fit.nonlinear is None and fit.plant_ is None and (fit.data.kind == "clutch" or not fit.friction_levels):
         raise DataError("the fit holds neither a nonlinear nor a friction model to plan with; fit again")
-    if fit.plant_ is not None and fit.plant_.kind != "parallel":
-        raise DataError(
-            f"the fit's plant is of the kind {fit.plant_.kind}, and recordings are planned for the clutch's two lags "
-            "only: hold each input for five of the longest time constant, and repeat it"
-        )
-    plant = of_fit(fit, "clutch" if fit.nonlinear is not None else fit.data.kind, "a fit")
+    plant = of_fit(fit, fit.data.kind if fit.nonlinear is None and fit.plant_ is None else "clutch", "a fit")
     levels: Sequence[float] = plant.levels
     if plant.model is not None:
+        refuse_unplanned(plant.model)
         levels, share = plant.model.u_range, plant.model.C
     else:
         share = (fit.friction.C if fit.friction is not None else None) or SHARE

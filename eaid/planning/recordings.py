@@ -1,6 +1,6 @@
 """A fit and the interval widths that are wanted → the session to record: levels, holds, repeats, order."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from math import inf, sqrt
@@ -12,7 +12,9 @@ from eaid.estimate.certainty import levels_first, own_levels
 from eaid.estimate.data import data_of
 from eaid.findings import finding
 from eaid.options import PlanOptions
-from eaid.planning.design import PARAMETERS, Widths, rig_of, settled, wanting
+from eaid.planning.design import KEEPING, PARAMETERS, Widths, rig_of, settled, wanting
+from eaid.planning.kinds import is_clutch
+from eaid.planning.kinds import measure as measure_kind
 from eaid.plant.respond import step_response
 from eaid.results.fit import Fit, Noise
 from eaid.results.plan import Plan, PlannedRun
@@ -51,8 +53,7 @@ def disturbance_of(noise: Noise) -> Disturbance:
     )
 
 
-# Recordings that are simulated of each plan, and the probability that a recording keeps a stated width
-SETS, KEEPING = 14, 0.8
+SETS, FEW_SETS = 14, 4  # Recordings that are simulated of each plan; of other kinds, whose widths hardly scatter
 # Findings of a fit that no plan can be trusted on
 OPEN = ("one-level-nonlinear", "parameter-unknown-at-half-the-levels", "no-level-determines-all")
 NOTICED = 0.01  # Scatter from run to run that is named as what stands in the way of a width
@@ -63,12 +64,17 @@ def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Call
 
     `UsageError` for a width of no parameter or a limit that no rig has; `DataError` for a fit without a model of steps.
     """
-    options = wanting(options, {"Ts": 3.0, "tau1": 5.0, "tau2": 10.0})
     rig = rig_of(fit)
-    rigs = rig.drawn(SETS, options.seed) if options.check else []
+    options = wanting(options, dict(zip(rig.numbers, (3.0, 5.0, 10.0), strict=False)))
+    other = rig.plant.model if rig.plant.model is not None and not is_clutch(rig.plant.model) else None
+    sets = SETS if other is None else FEW_SETS
+    rigs = rig.drawn(sets, options.seed) if options.check and other is None else []
 
     def measure(plan: Plan, k: int) -> Widths:
         """Half-widths of one recording's own intervals at the worst level [%]."""
+        if other is not None:
+            found = measure_kind(other, rig.noise, run_order(plan, options), k, options.seed)
+            return dict(zip(rig.numbers, (100 * np.expm1(np.minimum(found, 50.0))).tolist(), strict=True))
         plant, noise = rigs[k]
         levels = experiment(plan, plant, noise, options.seed + 100_000 * k)
         data = data_of(levels)
@@ -80,14 +86,18 @@ def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Call
         return {name: float(100 * np.expm1(reach[i])) for name, i in PARAMETERS.items()}
 
     make = partial(rig.quickest, session=options)
-    plan, worst, width = settled(make, measure, options, SETS, KEEPING, progress)
+    plan, worst, width = settled(make, measure, options, sets, KEEPING, progress)
+    if (
+        other is not None and plan.measured_half_width_pct is not None
+    ):  # its intervals are not those of information alone
+        plan = msgspec.structs.replace(plan, half_width_pct=plan.measured_half_width_pct)
     findings = [] if rig.known else [finding("plan-assumes-noise", "plan")]
     decays = [each for each in rig.fit.findings if each.code == "output-decays-under-hold"]
     findings += [finding("plan-of-decaying-output", "plan", each.levels) for each in decays]
     if any(one.code in OPEN for one in rig.fit.findings):
         findings.append(finding("plan-rests-on-a-guess", "plan"))
     if not plan.met:
-        scatter = 100 * rig.design_noise.scatter[worst]
+        scatter = 100 * rig.noise.scatter.get(worst, 0.0)
         findings.append(
             finding(
                 "plan-falls-short", "plan", (), parameter=worst, repeats=plan.repeats,
@@ -108,13 +118,3 @@ def run_order(plan: Plan, session: PlanOptions) -> tuple[PlannedRun, ...]:
             hold_s = plan.hold_s[i]
             runs.append(PlannedRun(len(runs) + 1, plan.levels[i], repeat, session.idle_s, hold_s, session.release_s))
     return tuple(runs)
-
-
-def input_changes(runs: Sequence[PlannedRun]) -> list[tuple[float, float]]:
-    """The whole session as (from when [s], input), held until the next; the last entry ends it."""
-    changes, now = [(0.0, 0.0)], 0.0
-    for run in runs:
-        step_s, end_s = now + run.idle_s, now + run.idle_s + run.hold_s
-        changes += [(step_s, run.level), (end_s, 0.0)]
-        now = end_s + run.release_s
-    return [*changes, (now, 0.0)]

@@ -22,7 +22,8 @@ from eaid.estimate.recorded_log import RecordedLog
 from eaid.estimate.spread import t_quantile
 from eaid.findings import finding
 from eaid.options import Limits, PlanOptions
-from eaid.planning.design import PARAMETERS, Designer, Widths, rig_of, settled, wanting
+from eaid.planning.design import PARAMETERS, Designer, Widths, relative_rows, rig_of, settled, wanting
+from eaid.planning.kinds import is_clutch
 from eaid.planning.recordings import RATE_HZ, disturbance_of
 from eaid.plant.drive import Drive
 from eaid.plant.dynamics import Plant
@@ -188,7 +189,8 @@ class Judge:
         """Weighs them by the nonlinear model over the duties that the limits allow."""
         model = nonlinear(np.linspace(*self.limits.duty, 11), self.p.C)
         rows = model.rows(np.linspace(*self.limits.duty, DUTIES))[:3]
-        return Designer(model, model.unknowns(self.p), rows, self.noise)
+        unknowns = model.unknowns(self.p)
+        return Designer(model, unknowns, relative_rows(rows, unknowns), self.noise)
 
     def ratios(self, sequence: Array) -> Array:
         """Widths over the wanted ones, of those that are wanted, flat."""
@@ -269,9 +271,14 @@ def shortest_recording(
     if fit.nonlinear is None:
         raise DataError("the fit holds no nonlinear model, which a sequence is planned with; fit clutch logs with it")
     rig = rig_of(fit)
+    if not is_clutch(plant := fit.plant):
+        raise DataError(
+            f"a sequence is planned for the clutch's two lags, and the fit's plant is of the kind {plant.kind}"
+            f"{' with a dead time' * (plant.dead_time_s > 0)}; plan steps, without «excitation»"
+        )
     refuse_scattered(rig.noise, options.want)
     limits = limits_of(options, fit.plant.u_range, rig.plant.input_unit)
-    plant, noise = fit.plant, rig.noise
+    noise = rig.noise
     plan, worst, width = settled(  # longer until 19 of 20 recordings keep what is wanted
         partial(plan_excitation, plant, noise, limits=limits, seed=options.seed),
         lambda plan, k: measure(plan, plant, noise, k, options.seed), options, SETS, KEEPING, progress,

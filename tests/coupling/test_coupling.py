@@ -129,3 +129,11 @@ def test_walls_do_not_depend_on_the_unit_of_the_input():
     for wall, same in zip(couple(**options).walls, stretched.walls, strict=True):
         assert same.duty == pytest.approx(3 * wall.duty)
         assert (same.K_passive, same.K_stable) == pytest.approx((wall.K_passive, wall.K_stable), rel=1e-5)
+
+
+def test_a_slow_rig_is_sampled_at_its_own_pace_and_its_replay_swings_as_theory_says():
+    slow = {**PLANT, **{name: [100 * c for c in PLANT[name]] for name in ("tau1", "tau2")}}
+    found = couple(slow, torque=(2.0,), loops=("open-loop",), replay=True)
+    assert found.options.rate_hz == 160.0  # twenty samples in J/b = 0.125 s
+    assert found.walls[0].K_replayed == pytest.approx(found.walls[0].K_stable, rel=0.01)
+    assert couple(slow, {**GAINS, "margins": {"timing": {"rate_hz": 500.0}}}, loops=("pi",)).options.rate_hz == 500.0

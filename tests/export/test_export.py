@@ -156,13 +156,6 @@ def test_what_contradicts_or_is_not_given_is_refused(tmp_path, gains, options, s
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_plant_whose_falls_are_all_as_quick_as_its_release_is_not_exported_as_another(tmp_path):
-    falls = [{"level": 50.0, "from": 80.0, "Ts": -1.0, "tau1": 0.21, "tau2": 5.0}]
-    quick = fit_of(release={"tau1": 0.2, "tau2": 4.8}, friction={"levels": falls})
-    with pytest.raises(eaid.UsageError, match="falls between levels with time constants of their own"):
-        eaid.export(None, tmp_path / "rig", quick, law=("plant",))
-
-
 def test_force_replaces_what_an_export_wrote_and_leaves_the_user_s_files(tmp_path, monkeypatch, run_eaid):
     monkeypatch.chdir(tmp_path)
     Path("gains.json").write_text(json.dumps(PAPER))

@@ -96,7 +96,7 @@ def test_a_takeover_of_the_inverse_begins_at_the_torque_that_is_there_and_one_on
     control.start(1.2, 0.0, 1.2, 45.0)
     x1, x2 = control.x1, control.x2
     assert x1 + x2 == pytest.approx(1.2) and control.duty == 45.0
-    held = made.law.plant_change(made.constants["plant"], x1, x2, control.step(1.2, 0.0, 1.2))
+    held = made.law.plant_change(made.constants["plant"], x1, x2, control.step(1.2, 0.0, 1.2), DT)
     assert sum(held) == pytest.approx(0.0, abs=1e-12)
     for name in LAWS:
         control = made.init(name)

@@ -1,13 +1,18 @@
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
-from eaid.estimate.scatter import ASSUMED, unit_variances
+from eaid.estimate.scatter import unit_variances
 from eaid.estimate.spread import t_quantile
+from eaid.options import PlanOptions
 from eaid.planning.design import rig_of
-from eaid.plant.dynamics import REFERENCE_PLANT, Step
-from eaid.results.fit import Fit, FittedData, Friction, FrictionLevel, Noise, Nonlinear, Uncertainty
+from eaid.plant.dynamics import REFERENCE_PLANT, Plant, Step
+from eaid.plant.respond import respond
+from eaid.results.fit import Fit, FittedData, Friction, FrictionLevel, Noise, Uncertainty
+from eaid.results.plant import FittedPlant
 
 
 def curve_at(duty: float) -> Step:
@@ -15,18 +20,21 @@ def curve_at(duty: float) -> Step:
 
 
 def test_widths_of_pure_scatter_by_hand() -> None:
-    """No noise within a run: t σ/√R at a level, exp(·) − 1 in percent; three levels make a parabola, each its place."""
+    """No noise within a run: four of five sessions show less than t σ/√R √(χ²/ν) at their worst of three levels."""
     levels, spread = [20.0, 50.0, 80.0], np.array([0.03, 0.05, 0.1])
     rows = tuple(
         FrictionLevel(u, **{name: getattr(curve_at(u), name) for name in ("Ts", "tau1", "tau2")}) for u in levels
     )
-    model = Nonlinear(**{name: getattr(REFERENCE_PLANT, name) for name in ("tau1", "tau2", "Ts")}, u_range=(20.0, 80.0))
-    for part, degrees in ({"friction": Friction(levels=rows)}, 9), ({"nonlinear": model}, 3):
-        kind = "clutch" if "nonlinear" in part else "friction-speed"
-        noise = Noise(0.0, 0.0, dict(zip(("Ts", "tau1", "tau2"), spread.tolist(), strict=True)))
-        rig = replace(rig_of(Fit(data=FittedData(kind=kind), **part)), noise=noise, known=False)
-        found = rig.half_widths(levels, np.full(3, 30.0), np.array([4.0]))
-        np.testing.assert_allclose(found[:, 0], 100 * np.expm1(t_quantile(degrees) * spread / 2), rtol=1e-6)
+    noise = Noise(0.0, 0.0, dict(zip(("Ts", "tau1", "tau2"), spread.tolist(), strict=True)))
+    fit = Fit(data=FittedData(kind="friction-speed"), friction=Friction(levels=rows))
+    rig = replace(rig_of(fit), noise=noise, known=False)
+    found = rig.kept(*rig.contributions(levels, np.full(3, 30.0), PlanOptions()), 9)
+    one = chi2(8).ppf(0.8 ** (1 / 3)) / 8  # each level by itself, nine runs; the worst of three
+    expected = 100 * np.expm1(t_quantile(8) * spread * np.sqrt(one) / 3)
+    np.testing.assert_allclose(list(found.values()), expected, rtol=0.05)
+    sure = replace(rig, known=True, fit=msgspec.structs.replace(fit, uncertainty=Uncertainty(degrees_of_freedom=20.0)))
+    wider = sure.kept(*sure.contributions(levels, np.full(3, 30.0), PlanOptions()), 9)
+    assert all(1.02 < wider[name] / found[name] < 1.25 for name in found)  # the scatter itself is known by 20
 
 
 def test_information_is_the_sum_over_samples() -> None:
@@ -41,15 +49,42 @@ def test_information_is_the_sum_over_samples() -> None:
     assert found[:, 1] == pytest.approx((scores**2).sum(axis=1), rel=1e-2)
 
 
-def test_scatter_that_is_known_from_few_runs_is_taken_larger() -> None:
-    """√(ν/χ²) at 20 %: 1.17 for 20 degrees of freedom, by hand from χ²₀.₂(20) = 14.578."""
-    levels = (FrictionLevel(50.0, 1.0, 0.2, 2.0),)
+KINDS = {
+    "lag": Plant((0.5,), (0.5,), (0.0, 0.02), (10.0, 100.0), 1.0),
+    "lag, late": Plant((0.5,), (0.5,), (0.0, 0.02), (10.0, 100.0), 1.0, dead_time_s=0.2),
+    "overshoot": Plant((0.2,), (1.5,), (0.0, 0.02), (10.0, 100.0), 1.6),
+    "series": Plant((0.4,), (0.4,), (0.0, 0.02), (10.0, 100.0), 1.0, zeta=1.6),
+    "ringing": Plant((0.1,), (0.1,), (0.0, 0.02), (10.0, 100.0), 1.0, zeta=0.3),
+}
 
-    def taken(degrees: float) -> Noise:
-        known = Uncertainty(degrees_of_freedom=degrees, noise=ASSUMED)
-        return rig_of(
-            Fit(data=FittedData("friction-speed"), friction=Friction(levels=levels), uncertainty=known)
-        ).design_noise
 
-    assert taken(20.0).scatter["Ts"] == pytest.approx(0.03 * np.sqrt(20 / 14.578), rel=1e-4)
-    assert taken(0.0) == ASSUMED
+@pytest.mark.parametrize("kind", KINDS)
+def test_information_of_every_kind_is_that_of_finite_differences(kind: str) -> None:
+    """Variances by white noise of two steps, their idle and release, by differences of `respond`."""
+    plant, noise = KINDS[kind], Noise(1e-4, 0.0, {"Ts": 0.0, "tau1": 0.0, "tau2": 0.0})
+    fit = Fit(data=FittedData(levels=(50.0, 100.0)), plant_=FittedPlant.of(plant, ("%", "N·m")))
+    rig = replace(rig_of(fit), noise=noise, known=False)
+    within, _ = rig.contributions([50.0, 100.0], np.full(2, 6.0), PlanOptions(idle_s=2.0, release_s=5.0))
+    t = np.arange(0.0, 26.0, 1e-3)
+
+    def output(logs: np.ndarray) -> np.ndarray:
+        gain, one, *more = np.exp(logs[:-1]).tolist()
+        own = replace(plant, Ts=(0.0, 0.02 * gain), tau1=(one,))
+        if plant.kind == "overshoot":
+            own = replace(own, tau2=(more[0],), C=0.6 + more[1])
+        if plant.kind == "series":
+            own = replace(own, tau1=((one * more[0]) ** 0.5,), zeta=(one + more[0]) / (2 * (one * more[0]) ** 0.5))
+        if plant.kind == "ringing":
+            own = replace(own, tau1=(1 / one,), zeta=more[0])
+        if plant.dead_time_s:
+            own = replace(own, dead_time_s=more[0])
+        return respond(own, [0.0, 2.0, 8.0, 15.0, 21.0], [0.0, 50.0, 0.0, 100.0, 0.0], t) + logs[-1]
+
+    one, two = (float(tau) for tau in plant.time_constants(50.0))
+    more = {"lag": [], "overshoot": [two, 1.0], "series": [two], "ringing": [plant.zeta]}[plant.kind]
+    first = 1 / plant.tau1[0] if plant.kind == "ringing" else one
+    late = [plant.dead_time_s] * bool(plant.dead_time_s)
+    x = np.append(np.log([1.0, first, *more, *late]), 0.0)
+    J = np.array([(output(x + step) - output(x - step)) / 2e-5 for step in 1e-5 * np.eye(len(x))]).T
+    expected = 1e-4 * np.diag(np.linalg.inv(J.T @ J * 1e-3))[: within.shape[0]]
+    np.testing.assert_allclose(within.sum(axis=2)[:, 1], expected, rtol=0.1)

@@ -84,5 +84,5 @@ def test_rigs_of_a_fit_without_intervals_are_the_fitted_one(fitted: Any) -> None
     )
     rig = rig_of(bare)
     found = rig.drawn(3, 1)
-    assert not rig.known and rig.design_noise == ASSUMED
+    assert not rig.known and rig.noise == ASSUMED
     assert all(one.at(50.0) == rig_of(fitted).plant.at(50.0) and noise == ASSUMED for one, noise in found)

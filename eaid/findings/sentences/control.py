@@ -167,9 +167,7 @@ ROWS: dict[str, Row] = {
         "{subject}: the loop is unstable at {rate_hz:g} Hz around {levels} {unit}; ask for slower gains"
     ),
     "export-not-usable": stop("{subject} of a fit that is NOT USABLE: {why}"),
-    "export-left-out": caution(
-        "the fit's plant has {what}, which an exported plant does not know: the plant and its inverse are left out"
-    ),
+    "export-left-out": caution("the fit's plant has {what}, which an exported {subject} does not know: it is left out"),
     "export-no-dead-time": caution(
         "the exported {subject} answers at once: hold its input back by the fit's dead time of {dead_time_s:.3g} s in "
         "your own loop"
@@ -184,6 +182,8 @@ ROWS: dict[str, Row] = {
     "export-other-rate": caution(
         "exported for {rate_hz:g} Hz, the gains were made for {made_hz:g} Hz: their margins are not these"
     ),
+    "export-no-hysteresis": caution("the exported {subject} has no hysteresis, and the fit's is {excess_pct:.2g} %"),
+    "export-from-rest": note("the {subject} counts its output from rest, where the rig's is {idle:.4g} {unit}"),
     "export-no-release": caution(
         "no release was fitted: how the output falls to rest is an assumption of the {subject}"
     ),

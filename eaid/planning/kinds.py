@@ -1,0 +1,119 @@
+"""What steps tell of another kind of plant than the clutch's two lags over the input: its unknowns, and their worth.
+
+One lag has T_s and τ1; two that overshoot, and two in series, T_s, τ1 and τ2; ringing T_s, ω and ζ. In series
+ln τ1,2 = ln(1/ω) + ln(ζ ∓ √(ζ² − 1)). A C above 1, z and a dead time are unknowns beside them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.errors import DataError
+from eaid.estimate.forms import Model, of_kind
+from eaid.estimate.from_logs import setup_of, with_dead_time
+from eaid.estimate.log_intervals import spread
+from eaid.estimate.recorded_log import RecordedLog
+from eaid.plant.dynamics import Plant
+from eaid.plant.forms import LegendreForm, Proportional
+from eaid.plant.respond import respond
+from eaid.results.fit import Noise
+from eaid.results.plan import PlannedRun
+
+# Kind → the numbers that widths are told of, in the order of T_s, τ1, τ2
+NUMBERS = {
+    "lag": ("Ts", "tau1"), "overshoot": ("Ts", "tau1", "tau2"), "series": ("Ts", "tau1", "tau2"),
+    "ringing": ("Ts", "omega", "zeta"),
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Steps:
+    """A model of steps from rest, and how the logarithms of its numbers go with its unknowns."""
+
+    model: Model
+    unknowns: Array  # (n,); a dead time last
+    slopes: Array  # At the levels, (numbers, L, n)
+    late: bool = False  # Whether a dead time is among the unknowns
+
+
+def is_clutch(p: Plant) -> bool:
+    """Whether a plant is the clutch's: two lags in parallel, C held; a dead time is then taken as known."""
+    return p.kind == "parallel"
+
+
+def steps_of(p: Plant, levels: Array) -> Steps:
+    """The model of a plant that is not the clutch's."""
+    low, high = p.u_range
+    degree = max((k for k, c in enumerate(p.Ts) if c), default=0)
+    straight = degree == 1 and p.Ts[0] == 0
+    gain = Proportional(low, high) if straight else LegendreForm(degree, low, high)
+    model = of_kind("lag" if p.kind == "lag" else "swing", gain, low, high, 1.0, None if p.zero else 0.0)
+    steady = np.maximum(p.steady(levels), 1e-300)
+    lags: list[float] = [p.tau1[0]]
+    by_lags = np.array([[1 / p.tau1[0]]])
+    if p.zeta is not None:
+        root = np.sqrt(max(p.zeta**2 - 1, 1e-12))
+        by_zeta = (-1 / root, 1 / root) if p.kind == "series" else (0.0, 1 / p.zeta)
+        lags += [p.zeta, *([p.zero] if p.zero else [])]
+        by_lags = np.array([[1 / p.tau1[0], by_zeta[0]], [1 / p.tau1[0] * (p.kind == "series"), by_zeta[1]]])
+    elif p.kind != "lag":
+        model = replace(model, tau2=model.tau1, share=None, kind="parallel")
+        lags += [p.tau2[0], p.C]
+        by_lags = np.diag([1 / p.tau1[0], 1 / p.tau2[0]])
+    lags += [p.dead_time_s] * (p.dead_time_s > 0)
+    unknowns = np.append(np.linalg.solve(gain.rows(gain.inputs), p.steady(gain.inputs)), lags)
+    slopes = np.zeros((1 + len(by_lags), len(levels), len(unknowns)))
+    slopes[0, :, : gain.size] = gain.rows(levels) / steady[:, None]
+    slopes[1:, :, gain.size : gain.size + by_lags.shape[1]] = by_lags[:, None]
+    return Steps(model, unknowns, slopes, p.dead_time_s > 0)
+
+
+def refuse_unplanned(p: Plant) -> None:
+    """Refuse a plant whose steps no information is computed of."""
+    varying = not is_clutch(p) and any((*p.tau1[1:], *(p.tau2[1:] if p.kind == "overshoot" else ())))
+    if p.Ts_below:
+        raise DataError(
+            f"the fit's plant ({p.kind}) has an input of both signs, and sessions are planned of steps to one side of "
+            "rest; hold each input for five of the longest time constant, and repeat it"
+        )
+    if varying:
+        raise DataError(f"the fit's plant ({p.kind}) has time constants over the input, which no plan is made for")
+
+
+def input_changes(runs: Sequence[PlannedRun]) -> list[tuple[float, float]]:
+    """The whole session as (from when [s], input), held until the next; the last entry ends it."""
+    changes, now = [(0.0, 0.0)], 0.0
+    for run in runs:
+        step_s, end_s = now + run.idle_s, now + run.idle_s + run.hold_s
+        changes += [(step_s, run.level), (end_s, 0.0)]
+        now = end_s + run.release_s
+    return [*changes, (now, 0.0)]
+
+
+PER_LAG, FEWEST_SAMPLES = 10, 20  # Samples of a simulated log in its fastest time constant, and in a hold at least
+
+
+def measure(p: Plant, noise: Noise, runs: Sequence[PlannedRun], k: int, seed: int) -> Array:
+    """Half-widths of the logarithms at the worst level, as the `k`-th recorded session tells them, (numbers,)."""
+    random = np.random.default_rng([seed, k])
+    at, inputs = np.array(input_changes(runs)).T
+    levels = np.unique(inputs[inputs > 0])
+    fastest = float(np.min(p.time_constants(levels)[0]))
+    step_s = min(fastest / PER_LAG, min(run.hold_s for run in runs) / FEWEST_SAMPLES)
+    time_s = np.arange(round(at[-1] / step_s)) * step_s
+    place = np.searchsorted(at, time_s, side="right") - 1
+    gains = 1 + noise.scatter["Ts"] * random.standard_normal(len(runs) + 1)
+    output = respond(p, at, inputs, time_s) * gains[np.cumsum(inputs > 0)[place]]
+    white, share = random.standard_normal((2, len(time_s)))
+    output += np.sqrt(noise.sensor_nm2_s / step_s) * white + np.sqrt(noise.ripple_s / step_s) * share * output
+    steps = steps_of(p, levels)
+    x = steps.unknowns[: steps.model.size]
+    setup = setup_of(steps.model, [RecordedLog("planned", time_s, inputs[place], output)], True, p.dead_time_s)
+    setup = replace(setup, drives=setup.every.drives, copies=())
+    if steps.late:
+        x, setup = steps.unknowns, replace(setup, extras=("dead",))
+    solved = with_dead_time(setup, np.append(x, np.zeros(setup.size - len(x))))
+    slopes = np.pad(steps.slopes, ((0, 0), (0, 0), (0, setup.size - steps.slopes.shape[2])))
+    return np.asarray(np.apply_along_axis(spread(solved).of, 2, slopes).max(axis=1))
