@@ -21,6 +21,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
+from eaid.apparatus import Apparatus
 from eaid.control.design import Design, robust_of
 from eaid.control.gains import Bounds
 from eaid.control.kinds import rc_law
@@ -85,7 +86,7 @@ QUICK_PWM = 20  # Periods of a PWM in a sample from which its latch adds nothing
 def control_rate(fit: Fit) -> float:
     """Rate of the controller [Hz] where nothing is said: 1 kHz, whatever the logger's; less on a very slow rig."""
     pace = scales_of(fit).pace
-    rate = fit.data.apparatus.sample_rate_hz
+    rate = (fit.data.apparatus or Apparatus()).sample_rate_hz
     return rate if pace >= SLOW else float(f"{rate * pace / SLOW:.2g}")
 
 
@@ -94,7 +95,7 @@ def timing_of(fit: Fit, options: TuneOptions) -> Timing:
     dead time as delay."""
     rate, pwm = options.rate_hz or control_rate(fit), options.pwm_hz
     if pwm is None:
-        latched_hz = fit.data.apparatus.pwm_hz
+        latched_hz = (fit.data.apparatus or Apparatus()).pwm_hz
         pwm = latched_hz if is_duty(fit) and latched_hz < QUICK_PWM * rate else 0.0
     return Timing(rate, pwm or None, delay_samples=round(fit.dead_time_s * rate))
 

@@ -63,14 +63,17 @@ class _Facts(msgspec.Struct):
     rest_moved: float = 0.0
 
 
-def write_dataset(path: Path, runs: Sequence[Run], *, kind: Kind, apparatus: Apparatus, force: bool = False) -> None:
+def write_dataset(
+    path: Path, runs: Sequence[Run], *, kind: Kind, apparatus: Apparatus | None, force: bool = False
+) -> None:
     """Write runs as data.h5, whole or not at all: steps, or logs as they were recorded, without a level."""
     made_by = sorted({run.synthetic for run in runs if run.synthetic})
     input_unit = min((run.input_unit for run in runs), default=INPUT_UNITS[kind])
     output_unit = min((run.output_unit for run in runs), default="N·m")
     root = _Root(SCHEMA, __version__, kind, input_unit, output_unit, "; ".join(made_by) or None)
     with hdf5_written_whole(path, force) as file:
-        for name, value in (msgspec.structs.asdict(root) | dataclasses.asdict(apparatus)).items():
+        rig = dataclasses.asdict(apparatus) if apparatus is not None else {}
+        for name, value in (msgspec.structs.asdict(root) | rig).items():
             if value is not None:
                 file.attrs[name] = value
         folder = file.create_group("runs")

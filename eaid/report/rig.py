@@ -1,11 +1,10 @@
 """What rig a result is of: its units and names, and whether it is the clutch that the paper describes."""
 
+from eaid.apparatus import PAPER
 from eaid.plant.dynamics import SHARE
 from eaid.results.fit import FittedData
 from eaid.steps.stepset import StepSet
 
-# Kind → the units in which the paper's own rig was recorded
-PAPER = {"clutch": ("%", "N·m"), "friction-force": ("N", "N·m"), "friction-speed": ("RPM", "N·m")}
 CONTROLLER_NAMES = {
     "rc": "RC", "pi": "PI", "open-loop": "open loop", "inverse": "model inverse",
     "rc-no-rate": "RC without rate",

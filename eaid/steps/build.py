@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from eaid.apparatus import Apparatus
+from eaid.apparatus import rig_of
 from eaid.errors import DataError
 from eaid.findings import Finding, finding, stops
 from eaid.logs.run import Kind, Run
@@ -136,7 +136,7 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN) -> StepSe
         kind=kind,
         input_unit=input_unit,
         output_unit=output_unit,
-        apparatus=options.apparatus or next(iter(rigs), Apparatus(surfaces=2 if kind == "clutch" else 1)),
+        apparatus=options.apparatus or next(iter(rigs), None) or rig_of(kind, input_unit, output_unit),
         levels=tuple(levels),
         releases=tuple(_averaged(falling, steps, out)),
         runs=tuple(records),

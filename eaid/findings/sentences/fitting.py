@@ -158,6 +158,9 @@ ROWS: dict[str, Row] = {
         "stress; say so with «units» input=N"
     ),
     "output-is-no-torque": caution("C_f was not computed: Eq. (1) takes a torque in N·m, and the output is in {unit}"),
+    "rig-unknown": caution(
+        "C_f was not computed: Eq. (1) takes the rig's radii and friction surfaces; say them with «apparatus»"
+    ),
     "trend-needs-levels": note(
         "no trend of {symbol} over {over}: a {form} trend needs at least {least} levels, there are {count}"
     ),

@@ -20,7 +20,6 @@ def unit_of(fit: Fit, name: str) -> str:
 def levels_table(fit: Fit) -> Table:
     """The friction curve of each level."""
     rows, out = fit.friction.levels if fit.friction else (), fit.data.output_unit
-    rig, force = fit.data.apparatus, fit.data.kind == "friction-force" and of_the_paper(fit.data)
     whose = (
         "One curve for each level by itself." if fit.nonlinear is None else "The nonlinear model's curve at each level."
     )
@@ -29,7 +28,7 @@ def levels_table(fit: Fit) -> Table:
         "Single levels, Eq. (3)", f"{whose}{how}", rows,
         (("level", fit.data.input_unit),
          lambda one: Name(level(one.level) if not one.from_ else f"{level(one.from_)} → {level(one.level)}")),
-        (("stress", "kPa", 3), lambda one: rig.stress_kpa(one.level)) if force else None,
+        (("stress", "kPa", 3), "stress_kpa") if any(one.stress_kpa is not None for one in rows) else None,
         *(part for name in ("Ts", "tau1", "tau2") for part in (
             ((SYMBOLS[name], unit_of(fit, name)), name), (INTERVAL, lambda one, name=name: ci95_of(one, name)))),
         (("RMSE", out, 3), "rmse"),

@@ -2,6 +2,7 @@
 
 from operator import itemgetter
 
+from eaid.apparatus import PAPER
 from eaid.report import rig
 from eaid.report.rig import controller_name, gain
 from eaid.report.tables import Cell, Table, level, number, table_of
@@ -146,7 +147,7 @@ def tables_of(gains: Gains) -> list[Table]:
 def table_iv(gains: Gains) -> Table:
     """What was chosen for the robust controller, what follows from it and the linear model, and the PI."""
     rc, pi = gains.rc, gains.pi
-    on_papers_rig = (gains.input_unit, gains.output_unit) == rig.PAPER["clutch"]
+    on_papers_rig = (gains.input_unit, gains.output_unit) == PAPER["clutch"]
     unit, out = gains.input_unit or "input", gains.output_unit
     per = gain(unit, out)
     rows: list[tuple[str, str | None, Cell, str, str]] = []
