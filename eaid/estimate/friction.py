@@ -168,9 +168,9 @@ def _coefficients(stepset: StepSet, over: str, x: Array, Ts: Array) -> tuple[lis
     if stepset.kind != "friction-force":
         return [], none
     if stepset.output_unit not in TORQUE_UNITS:
-        return [finding("output-is-no-torque", "friction", unit=stepset.output_unit or "no known unit")], none
+        return [finding("output-is-no-torque", "friction", unit=stepset.output_unit)], none
     if over != "stress_kpa":
-        return [finding("level-is-no-stress", "friction", unit=stepset.input_unit or "no unit")], none
+        return [finding("level-is-no-stress", "friction", unit=stepset.input_unit)], none
     if (rig := stepset.apparatus) is None:
         return [finding("rig-unknown", "friction")], none
     return [], [
@@ -186,7 +186,7 @@ def trend_axis(stepset: StepSet, levels: Array) -> tuple[str, Array]:
         return "stress_kpa", np.array([rig.stress_kpa(force) for force in levels])
     if stepset.kind == "friction-force" and stepset.input_unit in PRESSURE_KPA:
         return "stress_kpa", levels * PRESSURE_KPA[stepset.input_unit]
-    return f"level_{stepset.input_unit or 'number'}".replace("%", "pct"), levels
+    return f"level_{stepset.input_unit}".replace("%", "pct"), levels
 
 
 def friction_hold_out(part: Friction, stepset: StepSet, held_out: Sequence[Level]) -> HoldOut | None:

@@ -15,6 +15,7 @@ import numpy as np
 
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
+from eaid.logs.units import UNKNOWN
 from eaid.plant.dynamics import Plant, plant_numbers
 from eaid.replay.controllers import DUTY_TOLERANCE_PCT, OBSERVER_PER_S
 
@@ -71,7 +72,7 @@ def harmless(text: str) -> str:
 
 def unit_name(text: str) -> str:
     """A unit as any language may hold it: one short word, no quotes."""
-    return harmless(re.sub(r"[\"'\\{}<>]", "", text))[:20] or "1"
+    return harmless(re.sub(r"[\"'\\{}<>]", "", text))[:20] or UNKNOWN
 
 
 SEARCHES = 16  # Tries of the inverse's search at most: twelve are the most seen

@@ -111,7 +111,7 @@ def read_dataset(path: Path, source: str, sha256: str, repair: bool) -> tuple[li
         except msgspec.ValidationError:
             raise DataError(f"{source}: its apparatus holds what is no number; {AGAIN}") from None
         none = np.empty(0)
-        input_unit = INPUT_UNITS[root.kind] if root.input_unit is None else root.input_unit  # an empty one is unknown
+        input_unit = INPUT_UNITS[root.kind] if root.input_unit is None else root.input_unit
         made_by = None if root.synthetic is None else plain(root.synthetic)
         shared = Run(
             "", none, none, none, plain(input_unit), plain(root.output_unit), source, sha256,

@@ -28,7 +28,7 @@ def level_text(level: float, unit: str) -> str:
 
 def gain(input_unit: str, output_unit: str) -> str:
     """Unit of B = 1/b0."""
-    return f"{input_unit or 'input'}·s/({output_unit or 'output'})"
+    return f"{input_unit}·s/({output_unit})"
 
 
 # Parameter → formula as printed (σ in kPa), coefficients, RMSE of the trend

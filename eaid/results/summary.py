@@ -147,7 +147,7 @@ def values(fit: "Fit") -> list[list[str]]:
     """Heading and rows: T_s, τ1 and τ2 at the lowest, the middle and the highest level; where single steps stand for
     the levels their changes, with dead times where there are any. No rows, no heading."""
     data, steps = fit.data, steps_of_other_shapes(fit)
-    out = data.output_unit or "unit unknown"
+    out = data.output_unit
     if steps:
         late = any(one.dead_time_s for one in steps)
         heading = ["step", f"change [{out}]", "τ1 [s]", "τ2 [s]", *(["dead [s]"] if late else [])]
@@ -157,7 +157,7 @@ def values(fit: "Fit") -> list[list[str]]:
             for one in _three(steps)
         ]  # fmt: skip
     else:
-        heading = [f"level [{data.input_unit}]" if data.input_unit else "level", f"T_s [{out}]", "τ1 [s]", "τ2 [s]"]
+        heading = [f"level [{data.input_unit}]", f"T_s [{out}]", "τ1 [s]", "τ2 [s]"]
         levels: Sequence[CurveLevel | FrictionLevel] = fit.level_values
         if fit.plant_ is not None and fit.plant_.another and fit.plant_.tried[0].gain != "curve":
             return [

@@ -75,7 +75,7 @@ def test_every_option_reaches_the_gains(tuned):
         ({"a0": 0.0}, "the fit's a0 is 0 "),
         ({"bounds": {"B_m": 0.0, "B_M": 42.6}}, "the range of B touches 0"),
         ({"a0": 1e-59}, "a0 is 1e-59 1/s"),
-        ({"b0": 0.0}, "b0 is 0; more duty has to give more torque"),
+        ({"b0": 0.0}, "b0 is 0; more input has to give more output"),
         ({"b0": 1e-300}, "b0 is 1e-300 and its c0 -2.42, which no rig has"),
         ({"c0": -1e50}, "c0 -1e+50, which no rig has"),
     ],

@@ -45,7 +45,7 @@ def more(of_row: Callable[[int], object], header: str) -> bytes:
 
 
 CELL, SORT = (f"; {how}, or drop such rows with --repair" for how in ("mend the cell", "sort the rows"))
-PROSE = "holds no rows of numbers; a log is a table with a column of time and one of torque"
+PROSE = "holds no rows of numbers; a log is a table with a column of time and one of what was measured"
 BEYOND = "; if it is not in %, say its unit with --units input=UNIT"
 NO_TIME = "; name it with --columns time=NAME, or give --rate-hz HZ where the log has none"
 NO_STEP = ": no step; record the idle time before the step too, or give the step instant with --step-at"
@@ -111,7 +111,7 @@ BAD: dict[str, tuple[Any, ...]] = {
                     "no column is called time (columns: tick, duty_pct, torque_nm)" + NO_TIME),
     "one-column.csv": (csv([f"{i}.5" for i in range(99)], "torque_nm"),
                        "no column is called time (columns: torque_nm)" + NO_TIME),
-    "no-torque.csv": (csv(GOOD, "time_s,duty_pct,temperature"), "no column is called torque (columns: time_s, "
+    "no-torque.csv": (csv(GOOD, "time_s,duty_pct,temperature"), "no column is called torque, force … (columns: time_s, "
                       "duty_pct, temperature); name what was measured with --columns output=NAME"),
     "two-torques.csv": (more(lambda i: 0, f"{HEADER},torque_nm"), "several columns may be the output (torque_nm, "
                         'torque_nm); say which with --columns output="3"'),

@@ -137,7 +137,7 @@ def chips(results: Results) -> tuple[str, ...]:
     texts = ["synthetic data"] if results.synthetic else []
     fit, data, about = results.main_fit, results.main_data, results.about
     if about is not None:
-        texts.append(f"{about.input_unit or 'level'} → {about.output_unit or 'output'}")
+        texts.append(f"{about.input_unit} → {about.output_unit}")
     levels = sorted(row.level for row in data.levels) if data is not None else sorted(fit.data.levels) if fit else []
     if fit is not None and fit.recorded is not None and fit.recorded.logs:
         logs = fit.recorded.logs

@@ -8,14 +8,15 @@ from eaid.report.rig import controller_name, gain
 from eaid.report.tables import Cell, Table, level, number, table_of
 from eaid.results.coupling import Coupling
 from eaid.results.gains import PI, Condition, Gains, Margin, Margins, Robust
+from eaid.shown import output_word
 
 # Condition of the guarantee → how it is called, what it says, and why it does not hold
 CONDITIONS = {
     "rho": ("ρ", "the robust term covers the model's error, inequality (15)",
             "ρ covers {a} of the {n} {unit} that the model's error needs"),
     "phi": ("φ", "bound on the error of the model's drift term", "φ allows {a} of the {n} {unit} needed"),
-    "range": ("range", "φ was seen over all torques that may occur",
-              "torque goes to {n} {unit}, φ was seen up to {a}"),
+    "range": ("range", "φ was seen over all outputs that may occur",
+              "the output goes to {n} {unit}, φ was seen up to {a}"),
     "Q_M": ("Q_M", "bound on the slope of the reference",
             "the gains assume a slope of {a}, the reference has {n} {unit}"),
     "duty-limit": ("duty limit", "the actuator has the most that a plant may take along the reference",
@@ -50,9 +51,7 @@ def guarantee_story(gains: Gains) -> str:
     if not rows:
         return "guarantee yes" if conditions_of(gains) else "guarantee not judged in this file"
     why = [
-        CONDITIONS[row.name][2].format(
-            n=number(row.needed, 3), a=number(row.available, 3), unit=row.unit or "of the input"
-        )
+        CONDITIONS[row.name][2].format(n=number(row.needed, 3), a=number(row.available, 3), unit=row.unit)
         if row.name in CONDITIONS and None not in (row.needed, row.available)
         else f"no {called(row)} is enough"
         for row in rows
@@ -148,7 +147,7 @@ def table_iv(gains: Gains) -> Table:
     """What was chosen for the robust controller, what follows from it and the linear model, and the PI."""
     rc, pi = gains.rc, gains.pi
     on_papers_rig = (gains.input_unit, gains.output_unit) == PAPER["clutch"]
-    unit, out = gains.input_unit or "input", gains.output_unit
+    unit, out = gains.input_unit, gains.output_unit
     per = gain(unit, out)
     rows: list[tuple[str, str | None, Cell, str, str]] = []
     if rc is not None:
@@ -204,7 +203,8 @@ def walls_table(coupling: Coupling) -> Table:
     )
     return table_of(
         "How stiff a virtual wall may be", caption, coupling.walls,
-        ("loop", lambda one: controller_name(one.loop)), (("torque", coupling.output_unit, 3), "torque_nm"),
+        ("loop", lambda one: controller_name(one.loop)),
+        ((output_word(coupling.output_unit), coupling.output_unit, 3), "torque_nm"),
         (("passive", "N·m/rad", 3), "K_passive"),
         (("stable", "N·m/rad", 3), "K_stable"), (("replayed", "N·m/rad", 3), "K_replayed"),
     )  # fmt: skip
