@@ -228,7 +228,7 @@ def _controller(results: Results, known: Known) -> Light:
     grade = _grade(known["controller"])
     if grade == "good" and gains.guarantee is not None and gains.guarantee.holds is False:
         grade = "care"
-    return Light("Controller", grade, guarantee_story(gains), "controller")
+    return Light("Controller", grade, ". ".join(guarantee_story(gains)), "controller")
 
 
 MARK = "Fit NOT USABLE: do not quote"
