@@ -16,6 +16,7 @@ from eaid.estimate.spread import t_quantile
 from eaid.findings import Finding, finding
 from eaid.results.fit import LackOfFit, ShareEstimate
 from eaid.steps.noise import line
+from eaid.steps.step import hold_of
 from eaid.steps.stepset import Level
 
 OVERSHOOT = 0.05  # Output lost under hold beyond which no monotone curve is right
@@ -34,7 +35,7 @@ def _smooth(values: Array) -> Array:
 
 
 def decays(levels: Sequence[Level]) -> list[tuple[float, float]]:
-    """(level, share of the peak lost) where the output falls under hold by more than `OVERSHOOT` and than chance.
+    """(level, percent of the peak lost) where the output falls under hold by more than `OVERSHOOT` and than chance.
 
     The peak of a run is looked for in the other runs, so that noise does not make one. The falls of the runs of a level
     are then compared with what they scatter, pooled over the levels (t test, one in a hundred); the fall of a single
@@ -55,7 +56,7 @@ def decays(levels: Sequence[Level]) -> list[tuple[float, float]]:
             error, degrees, chance = np.sqrt(2 * (left @ left) / (len(left) - 2)) / peak, SINGLE_DEGREES, SINGLE_CHANCE
         lost = (peak - float(smooth[-1])) / peak
         if lost > OVERSHOOT and fall.mean() > t_quantile(degrees, 1 - 2 * chance) * error:
-            falling.append((level.level, lost))
+            falling.append((level.level, hold_of(level.runs).lost_pct))
     return falling
 
 
@@ -96,7 +97,7 @@ def adequacy(scatter: Scatter, unit: str) -> tuple[tuple[LackOfFit, ...], list[F
     falling, findings = decays(scatter.levels), []
     if falling:
         worst, lost = max(falling, key=lambda pair: pair[1])
-        values = {"worst": worst, "lost_pct": 100 * lost, "of": len(scatter.levels)}
+        values = {"worst": worst, "lost_pct": lost, "of": len(scatter.levels)}
         findings.append(finding("output-decays-under-hold", "friction", [u for u, _ in falling], unit=unit, **values))
     beyond = [row for row in rows if row.beyond]
     told = len(beyond) >= min(FEW, len(rows)) and 3 * len(beyond) > len(rows)

@@ -32,6 +32,7 @@ def _constraint(values: Values) -> str:
 CAUSES = {
     "one-exponential": "one exponential is all that most of them show",
     "short-record": "hold each level longer than {record_s:.3g} s",
+    "decays": "the output decays under hold there, which no longer hold mends",
     "records": "the records do not show it",
 }
 
