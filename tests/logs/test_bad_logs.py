@@ -52,7 +52,7 @@ NO_STEP = ": no step; record the idle time before the step too, or give the step
 NAMELESS = column(1, lambda i, u: u, "time_s,ignored,torque_nm")
 BINARY = "a binary file of no format that eaid knows; export it as CSV, MAT or HDF5"
 UNREAD = {
-    b"PK\x03\x04": "a ZIP archive or an Excel workbook; unpack it, or save its sheet as CSV",
+    b"PK\x03\x04": "a ZIP archive; unpack it",
     b"\xd0\xcf\x11\xe0": "an old Excel workbook; save its sheet as CSV",
     **{bytes((0x80, n)): "a Python pickle, which can run code; export the log as CSV or HDF5" for n in (2, 3, 4, 5)},
     **dict.fromkeys((b"BZh91AY", b"\xfd7zXZ", b"(\xb5/\xfd", b"7z\xbc\xaf"), "packed, but not with gzip; unpack it"),

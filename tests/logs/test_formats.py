@@ -3,6 +3,7 @@
 All files of one set of options are read in one call, as they share the process that reads them.
 """
 
+import datetime
 import os
 import struct
 from collections import defaultdict
@@ -328,8 +329,34 @@ def test_what_is_not_there(tmp_path):
         eaid.read(tmp_path / "a.mat", variable="c")
 
 
-def test_a_missing_library_is_named_with_its_pip_line(read, monkeypatch):
+@pytest.mark.parametrize(("head", "said"), [
+    (b"TDSm", 'is a file of TDMS, which takes nptdms to read; pip install "eaid[tdms]"'),
+    (b"PK\3\4" + bytes(22) + b"\x13\0\0\0[Content_Types].xml",
+     'is a file of Excel, which takes openpyxl to read; pip install "eaid[excel]"'),
+])  # fmt: skip
+def test_a_missing_library_is_named_with_its_pip_line(head, said, read, monkeypatch):
     monkeypatch.setattr(formats, "find_spec", lambda name: None)
-    assert read.refused(b"TDSm" + bytes(100)) == [
-        'is a TDMS file, which takes nptdms to read; pip install "eaid[tdms]"'
+    assert read.refused(head + bytes(100)) == [said]
+
+
+def test_a_workbook(tmp_path):
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.create_sheet("notes").append(["recorded", "on a bench"])
+    sheet = book.active
+    rows = [["run of May"], [], ["when", "Voltage", "Load cell", "remark"], [None, "V", "mN"]]
+    start = datetime.datetime(2024, 10, 29, 16, 18, 17)
+    rows += [
+        [start + datetime.timedelta(seconds=0.01 * k), u, 1000 * y] for k, (u, y) in enumerate(zip(U, Y, strict=True))
     ]
+    for row in rows:
+        sheet.append([cell.item() if hasattr(cell, "item") else cell for cell in row])
+    book.save(tmp_path / "bench.xlsx")
+    (run,) = eaid.read(tmp_path / "bench.xlsx", logs_as="recorded").recorded
+    assert (run.input_unit, run.output_unit) == ("V", "N")
+    np.testing.assert_allclose(run.output, Y, rtol=1e-12)
+    np.testing.assert_allclose(run.time_s, 0.01 * np.arange(len(Y)), atol=1e-6)
+    sheet["C40"] = "lost"
+    book.save(tmp_path / "bench.xlsx")
+    with pytest.raises(DataError, match="row 40, column Load cell, holds 'lost', which is no number"):
+        eaid.read(tmp_path / "bench.xlsx", logs_as="recorded")
