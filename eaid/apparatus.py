@@ -7,6 +7,8 @@ from typing import Annotated
 import msgspec
 
 Size = Annotated[float, msgspec.Meta(gt=0, le=1e60)]
+# Kind → the units in which the paper's own rig was recorded
+PAPER = {"clutch": ("%", "N·m"), "friction-force": ("N", "N·m"), "friction-speed": ("RPM", "N·m")}
 
 
 @dataclass(frozen=True)
@@ -55,3 +57,9 @@ class Apparatus:
     def friction_coefficient(self, torque_nm: float, stress_kpa: float) -> float:
         """Coefficient of friction [1], C_f = T_s / (σ · 2π (r2³ − r1³) n / 3)."""
         return torque_nm / (stress_kpa * 1e3 * self.torque_per_shear_m3)
+
+
+def rig_of(kind: str, input_unit: str, output_unit: str) -> Apparatus | None:
+    """The paper's rig where kind and units are its own; None of another, whose sizes nobody knows."""
+    paper = (input_unit, output_unit) == PAPER[kind]
+    return Apparatus(surfaces=2 if kind == "clutch" else 1) if paper else None

@@ -11,7 +11,7 @@ from typing import Any, cast
 import msgspec
 import numpy as np
 
-from eaid.apparatus import Apparatus
+from eaid.apparatus import rig_of
 from eaid.arrays import median
 from eaid.errors import DataError
 from eaid.files import sha256_of
@@ -227,10 +227,10 @@ def steps_of(
     uncut, steps = counted_once(uncut), counted_once(steps)
     if uncut and not steps:
         first = uncut[0]
-        rig = options.apparatus or first.apparatus or Apparatus()
         small = first.input_unit == "%" and all(float(np.abs(run.input).max()) <= 1 for run in uncut)
         told = (finding("duty-may-be-fraction", "data"),) if small else ()
         kind = options.kind or first.kind or "clutch"
+        rig = options.apparatus or first.apparatus or rig_of(kind, first.input_unit, first.output_unit)
         stepset = StepSet(kind, first.input_unit, first.output_unit, rig, (), findings=told)
     else:
         stepset = stepset_of(steps, options)

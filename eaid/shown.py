@@ -27,6 +27,20 @@ def span(levels: Sequence[float], unit: str) -> str:
     return f"{counted(len(levels), 'level')}, {ends} {unit}".rstrip()
 
 
+QUANTITIES = {"N·m": "torque", "N": "force", "RPM": "speed", "kPa": "stress", "°C": "temperature"}
+INPUTS = {"%": "duty", "N": "force", "RPM": "speed", "V": "voltage", "bar": "pressure", "A": "current"}
+
+
+def output_word(unit: str) -> str:
+    """What an output in this unit is called: only one in N·m is a torque."""
+    return QUANTITIES.get(unit, "output")
+
+
+def input_word(unit: str) -> str:
+    """What levels of an input in this unit are called: only one in % is a duty."""
+    return INPUTS.get(unit, "level")
+
+
 class Shown:
     """What every public result inherits; it has a `summary()` and a `to_frame()`."""
 

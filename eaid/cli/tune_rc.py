@@ -42,5 +42,5 @@ def command(args: Arguments) -> None:
     gains = stamped(gains, args, fit=args.fit, reference=file)
     gains.save(args.output, args.force)
     shown = tables.tables_of(gains)[: None if args.verbose else 1]
-    tell_result(args, gains, [*of_fit(fitted), tables.guarantee_story(gains), *shown], [*gains.findings, *warnings])
+    tell_result(args, gains, [*of_fit(fitted), *tables.guarantee_story(gains), *shown], [*gains.findings, *warnings])
     console.done(args.output, "gains of rc and pi", ("simulate", args.fit, args.output))

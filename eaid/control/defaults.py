@@ -24,6 +24,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
+from eaid.apparatus import Apparatus
 from eaid.control.design import Design, robust_of
 from eaid.control.gains import Bounds
 from eaid.control.kinds import Law, rc_law
@@ -88,7 +89,7 @@ QUICK_PWM = 20  # Periods of a PWM in a sample from which its latch adds nothing
 def control_rate(fit: Fit) -> float:
     """Rate of the controller [Hz] where nothing is said: 1 kHz, whatever the logger's; on a rig slower than the paper's
     in proportion to its pace, with so many samples in its shortest lag."""
-    pace, rate = scales_of(fit).pace, fit.data.apparatus.sample_rate_hz
+    pace, rate = scales_of(fit).pace, (fit.data.apparatus or Apparatus()).sample_rate_hz
     if pace >= 1:
         return rate
     least = 0.0
@@ -104,7 +105,7 @@ def timing_of(fit: Fit, options: TuneOptions) -> Timing:
     dead time as delay."""
     rate, pwm = options.rate_hz or control_rate(fit), options.pwm_hz
     if pwm is None:
-        latched_hz = fit.data.apparatus.pwm_hz
+        latched_hz = (fit.data.apparatus or Apparatus()).pwm_hz
         pwm = latched_hz if is_duty(fit) and latched_hz < QUICK_PWM * rate else 0.0
     return Timing(rate, pwm or None, delay_samples=fit.dead_time_s * rate)
 

@@ -42,10 +42,10 @@ def physical(linear: Linear) -> Linear:
     a0, b0, c0 = linear.a0, linear.b0, linear.c0
     if not a0 > 0:
         raise GainsError(
-            f"the fit's a0 is {a0:.4g} 1/s; a clutch whose torque does not settle by itself is not physical"
+            f"the fit's a0 is {a0:.4g} 1/s; a plant whose output does not settle by itself is not physical"
         )
     if not b0 > 0:
-        raise GainsError(f"the fit's b0 is {b0:.4g}; more duty has to give more torque, check the sign of the data")
+        raise GainsError(f"the fit's b0 is {b0:.4g}; more input has to give more output, check the sign of the data")
     if not (SLOWEST <= a0 <= FASTEST and max(b0, 1 / b0, abs(c0)) <= LARGEST):
         raise GainsError(
             f"the fit's a0 is {a0:.4g} 1/s, its b0 is {b0:.4g} and its c0 {c0:.4g}, which no rig has that samples "

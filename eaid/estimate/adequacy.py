@@ -16,6 +16,7 @@ from eaid.estimate.spread import t_quantile
 from eaid.findings import Finding, finding
 from eaid.results.fit import LackOfFit, ShareEstimate
 from eaid.steps.noise import line
+from eaid.steps.step import hold_of, moving_means
 from eaid.steps.stepset import Level
 
 OVERSHOOT = 0.05  # Output lost under hold beyond which no monotone curve is right
@@ -24,6 +25,7 @@ SINGLE_CHANCE = 0.001  # The same for a single run, whose peak the same noise ha
 SINGLE_DEGREES = 4.0  # Degrees of freedom given to the scatter of a single smoothed run
 # Levels that all repeats have to miss alike, where there are so many: ripple of a rotor does it at one by chance
 FEW = 3
+FEWEST, NEAR_0 = 4, 0.5  # Levels that tell an exponent; the largest one that is rather 0 than 1
 
 
 def _smooth(values: Array) -> Array:
@@ -34,7 +36,7 @@ def _smooth(values: Array) -> Array:
 
 
 def decays(levels: Sequence[Level]) -> list[tuple[float, float]]:
-    """(level, share of the peak lost) where the output falls under hold by more than `OVERSHOOT` and than chance.
+    """(level, percent of the peak lost) where the output falls under hold by more than `OVERSHOOT` and than chance.
 
     The peak of a run is looked for in the other runs, so that noise does not make one. The falls of the runs of a level
     are then compared with what they scatter, pooled over the levels (t test, one in a hundred); the fall of a single
@@ -55,7 +57,7 @@ def decays(levels: Sequence[Level]) -> list[tuple[float, float]]:
             error, degrees, chance = np.sqrt(2 * (left @ left) / (len(left) - 2)) / peak, SINGLE_DEGREES, SINGLE_CHANCE
         lost = (peak - float(smooth[-1])) / peak
         if lost > OVERSHOOT and fall.mean() > t_quantile(degrees, 1 - 2 * chance) * error:
-            falling.append((level.level, lost))
+            falling.append((level.level, hold_of(level.runs).lost_pct))
     return falling
 
 
@@ -89,14 +91,47 @@ def lack_of_fit(level: Level, noise: Array) -> LackOfFit | None:
     return LackOfFit(level.level, ratio, chance, bool(ratio > chance), systematic)
 
 
+def rise_of_the_rig(levels: Sequence[Level]) -> list[Finding]:
+    """Whether the levels rise at one rate, as a stand loads its output, and not at T_s/τ, as a plant does.
+
+    log slope = a + e log T_s over the levels, the slope of the rise from 10 to 50 % of the peak: e is 1 where τ is a
+    constant of the plant, and 0 where the stand moves at its own rate. Told where the interval of e leaves out 1 by
+    half and e is near 0.
+    """
+    if len(levels) < FEWEST:
+        return []
+    held = np.array([float(hold_of(level.runs).held.mean()) for level in levels])
+    slopes = np.array([np.mean([_slope(level.time_s, run) for run in level.runs]) for level in levels])
+    if not (held > 0).all() or not (slopes > 0).all() or held.max() < 2 * held.min():
+        return []
+    x, y = np.log(held), np.log(slopes)
+    found = line(x, y)
+    sd = np.sqrt(float(found.left @ found.left) / (len(x) - 2) / float(((x - x.mean()) ** 2).sum()))
+    reach = float(t_quantile(len(x) - 2.0) * sd)
+    e, low, high = found.slope, found.slope - reach, found.slope + reach
+    if abs(e) > NEAR_0 or high > NEAR_0:
+        return []
+    times = float(held.max() / held.min())
+    return [finding("rise-of-the-rig", "friction", [one.level for one in levels], e=e, low=low, high=high, times=times)]
+
+
+def _slope(time_s: Array, run: Array) -> float:
+    """Slope of a run from 10 to 50 % of its peak."""
+    smooth = moving_means(run[None], max(1, len(run) // 200))[0]
+    top = smooth.max()
+    low = int(np.argmax(smooth >= 0.1 * top))
+    high = max(int(np.argmax(smooth >= 0.5 * top)), low + 1)
+    return line(time_s[low : high + 1], smooth[low : high + 1]).slope
+
+
 def adequacy(scatter: Scatter, unit: str) -> tuple[tuple[LackOfFit, ...], list[Finding]]:
     """Judge the shape of the levels' curves."""
     pairs = zip(scatter.levels, scatter.noise, strict=True)
     rows = [row for row in (lack_of_fit(level, noise) for level, noise in pairs) if row]
-    falling, findings = decays(scatter.levels), []
+    falling, findings = decays(scatter.levels), rise_of_the_rig(scatter.levels)
     if falling:
         worst, lost = max(falling, key=lambda pair: pair[1])
-        values = {"worst": worst, "lost_pct": 100 * lost, "of": len(scatter.levels)}
+        values = {"worst": worst, "lost_pct": lost, "of": len(scatter.levels)}
         findings.append(finding("output-decays-under-hold", "friction", [u for u, _ in falling], unit=unit, **values))
     beyond = [row for row in rows if row.beyond]
     told = len(beyond) >= min(FEW, len(rows)) and 3 * len(beyond) > len(rows)

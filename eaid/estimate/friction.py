@@ -167,11 +167,12 @@ def _coefficients(stepset: StepSet, over: str, x: Array, Ts: Array) -> tuple[lis
     none: list[float | None] = [None] * len(x)
     if stepset.kind != "friction-force":
         return [], none
-    if over != "stress_kpa":
-        return [finding("level-is-no-stress", "friction", unit=stepset.input_unit or "no unit")], none
     if stepset.output_unit not in TORQUE_UNITS:
         return [finding("output-is-no-torque", "friction", unit=stepset.output_unit)], none
-    rig = stepset.apparatus
+    if over != "stress_kpa":
+        return [finding("level-is-no-stress", "friction", unit=stepset.input_unit)], none
+    if (rig := stepset.apparatus) is None:
+        return [finding("rig-unknown", "friction")], none
     return [], [
         rig.friction_coefficient(one, at) if at > 0 else None for one, at in zip(Ts.tolist(), x.tolist(), strict=True)
     ]
@@ -181,11 +182,11 @@ def trend_axis(stepset: StepSet, levels: Array) -> tuple[str, Array]:
     """What the trends run over, and the levels in it: stress [kPa], speed [RPM], or the level's own unit."""
     if stepset.kind == "friction-speed":
         return "speed_rpm", levels
-    if stepset.kind == "friction-force" and stepset.input_unit == "N":
-        return "stress_kpa", np.array([stepset.apparatus.stress_kpa(force) for force in levels])
+    if stepset.kind == "friction-force" and stepset.input_unit == "N" and (rig := stepset.apparatus) is not None:
+        return "stress_kpa", np.array([rig.stress_kpa(force) for force in levels])
     if stepset.kind == "friction-force" and stepset.input_unit in PRESSURE_KPA:
         return "stress_kpa", levels * PRESSURE_KPA[stepset.input_unit]
-    return f"level_{stepset.input_unit or 'number'}".replace("%", "pct"), levels
+    return f"level_{stepset.input_unit}".replace("%", "pct"), levels
 
 
 def friction_hold_out(part: Friction, stepset: StepSet, held_out: Sequence[Level]) -> HoldOut | None:

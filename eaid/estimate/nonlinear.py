@@ -13,6 +13,7 @@ import numpy as np
 from scipy.special import fdtri
 
 from eaid.arrays import Array
+from eaid.estimate.adequacy import decays
 from eaid.estimate.bootstrap import drawn_ends, spread_of
 from eaid.estimate.certainty import BEYOND_CHANCE, Estimate
 from eaid.estimate.coefficients import turned, with_intervals
@@ -277,11 +278,13 @@ def open_findings(part: results.Nonlinear, values: LevelValues) -> list[Finding]
         found.append(finding("few-levels-for-polynomials", "nonlinear", count=count))
     met = values.theta[2] <= values.theta[1] * (1 + 1e-4)
     longest = max(float(level.time_s[-1]) for level in values.levels)
+    decaying = {u for u, _ in decays(values.levels)}
     for open_there, name in zip(values.open, CURVES, strict=True):
         if 2 * open_there.sum() > count:
             one = 2 * (met & open_there).sum() > open_there.sum()
-            cause = "one-exponential" if one else "short-record" if name == "tau2" else "records"
             at = [level.level for level, there in zip(values.levels, open_there, strict=True) if there]
+            late = "decays" if 2 * len(decaying.intersection(at)) > len(at) else "short-record"
+            cause = "one-exponential" if one else late if name == "tau2" else "records"
             said: dict[str, Value] = {"parameter": name, "count": len(at), "of": count, "cause": cause}
             found.append(finding("parameter-unknown-at-half-the-levels", "nonlinear", at, **said, record_s=longest))
     if part.C_free:

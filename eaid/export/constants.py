@@ -16,6 +16,7 @@ import numpy as np
 
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
+from eaid.logs.units import UNKNOWN
 from eaid.plant.dynamics import Plant, plant_numbers, plant_terms
 from eaid.plant.operating import around
 from eaid.replay.controllers import DUTY_TOLERANCE_PCT, OBSERVER_PER_S
@@ -73,7 +74,7 @@ def harmless(text: str) -> str:
 
 def unit_name(text: str) -> str:
     """A unit as any language may hold it: one short word, no quotes."""
-    return harmless(re.sub(r"[\"'\\{}<>]", "", text))[:20] or "1"
+    return harmless(re.sub(r"[\"'\\{}<>]", "", text))[:20] or UNKNOWN
 
 
 LARGEST: dict[Precision, float] = {"double": 1e60, "single": 1e15}  # Constant: its square is a number still

@@ -36,6 +36,7 @@ from eaid.results.codec import content_of, digest_of
 from eaid.results.common import Input
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains, Timing
+from eaid.shown import input_word, output_word
 from eaid.version import __version__
 
 
@@ -273,7 +274,8 @@ def head_of(
         *(f"from {origin}" for origin in origins),
         *([f"by {command}"] if command else []),
         f"sample time {decimal(rig.dt_s)} s, {rig.precision} precision;"
-        f" duty in {source.units[0]}, torque in {source.units[1]}",
+        f" duty: the {input_word(source.units[0])} in {source.units[0]}, torque: the {output_word(source.units[1])} in "
+        f"{source.units[1]}",
         *(f"{one.severity}: {in_python(say(one))}" for one in findings),
     ]
     return tuple(harmless(line) for line in lines)

@@ -19,8 +19,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from eaid.export.constants import SERIES, commented, decimal, hexadecimal, namespace, rounded
 from eaid.export.job import Job
+from eaid.shown import input_word, output_word
 from eaid.synth.files import input_column
-from eaid.synth.plants import UNKNOWN
 
 
 @cache
@@ -75,9 +75,8 @@ def context(job: Job) -> Mapping[str, object]:
     }  # fmt: skip
 
 
-def log_header(*units: str) -> str:
+def log_header(into: str, out: str) -> str:
     """Columns of a log, as `eaid` finds them by name, with the units of input and output."""
-    into, out = (UNKNOWN if unit == "1" else unit for unit in units)
     torque, reference = ("torque_nm", "reference_nm") if out == "N·m" else (f"output ({out})", f"reference ({out})")
     return f"time_s,{input_column('clutch', into)},{torque},{reference}"
 
@@ -137,7 +136,12 @@ def _common(job: Job) -> Files:
         numbers = ",".join(decimal(x) for x in (v.reference, v.rate, v.torque, v.duty, v.expected))
         lines.append(f"{v.law},{v.case},{v.before},{numbers},{v.status}")
     yield "vectors.csv", "\n".join(lines) + "\n"
-    yield "README.md", rendered(job, "README.md.j2", target=job.target)
+    yield (
+        "README.md",
+        rendered(
+            job, "README.md.j2", target=job.target, words=(input_word(job.rig.input), output_word(job.rig.output))
+        ),
+    )
 
 
 def _c(job: Job) -> Files:

@@ -224,8 +224,8 @@ def _output(path: str, table: Table, taken: set[int], references: Sequence[int])
     if (output := _only(path, "output", turned, names)) is not None:
         return output
     raise DataError(
-        f"{path}: no column is called torque (columns: {shown(names)}{_dropped(table)}); name what was measured with "
-        f"«columns» output=NAME"
+        f"{path}: no column is called torque, force … (columns: {shown(names)}{_dropped(table)}); name what "
+        f"was measured with «columns» output=NAME"
     )
 
 
@@ -298,7 +298,7 @@ def chosen_table(source: str, tables: Sequence[Table], options: ReadOptions) -> 
             f"{table.name or 'table'}: {', '.join(c or '?' for c in table.columns[:8])}" for table in tables[:6]
         )
         raise DataError(
-            f"{source}: no table in it has columns of time and torque ({contents}); "
+            f"{source}: no table in it has columns of time and output ({contents}); "
             "choose with «variable» and «columns»"
         )
     full = [pair for pair in good if pair[1].inputs]

@@ -63,14 +63,17 @@ class _Facts(msgspec.Struct):
     rest_moved: float = 0.0
 
 
-def write_dataset(path: Path, runs: Sequence[Run], *, kind: Kind, apparatus: Apparatus, force: bool = False) -> None:
+def write_dataset(
+    path: Path, runs: Sequence[Run], *, kind: Kind, apparatus: Apparatus | None, force: bool = False
+) -> None:
     """Write runs as data.h5, whole or not at all: steps, or logs as they were recorded, without a level."""
     made_by = sorted({run.synthetic for run in runs if run.synthetic})
     input_unit = min((run.input_unit for run in runs), default=INPUT_UNITS[kind])
     output_unit = min((run.output_unit for run in runs), default="N·m")
     root = _Root(SCHEMA, __version__, kind, input_unit, output_unit, "; ".join(made_by) or None)
     with hdf5_written_whole(path, force) as file:
-        for name, value in (msgspec.structs.asdict(root) | dataclasses.asdict(apparatus)).items():
+        rig = dataclasses.asdict(apparatus) if apparatus is not None else {}
+        for name, value in (msgspec.structs.asdict(root) | rig).items():
             if value is not None:
                 file.attrs[name] = value
         folder = file.create_group("runs")
@@ -108,7 +111,7 @@ def read_dataset(path: Path, source: str, sha256: str, repair: bool) -> tuple[li
         except msgspec.ValidationError:
             raise DataError(f"{source}: its apparatus holds what is no number; {AGAIN}") from None
         none = np.empty(0)
-        input_unit = INPUT_UNITS[root.kind] if root.input_unit is None else root.input_unit  # an empty one is unknown
+        input_unit = INPUT_UNITS[root.kind] if root.input_unit is None else root.input_unit
         made_by = None if root.synthetic is None else plain(root.synthetic)
         shared = Run(
             "", none, none, none, plain(input_unit), plain(root.output_unit), source, sha256,

@@ -27,7 +27,7 @@ from eaid.logs.table import Cells, Table
 # First bytes of a file that is not read, what it is, and the remedy; any other binary file is refused as one
 NPY, ZIP = b"\x93NUMPY", b"PK\x03\x04"
 UNREAD: tuple[tuple[bytes, str], ...] = (
-    (ZIP, "a ZIP archive or an Excel workbook; unpack it, or save its sheet as CSV"),
+    (ZIP, "a ZIP archive; unpack it"),
     (b"\xd0\xcf\x11\xe0", "an old Excel workbook; save its sheet as CSV"),
     *((bytes((0x80, n)), "a Python pickle, which can run code; export the log as CSV or HDF5") for n in (2, 3, 4, 5)),
     *((mark, "packed, but not with gzip; unpack it") for mark in (b"BZh", b"\xfd7zXZ", b"(\xb5/\xfd", b"7z\xbc\xaf")),
@@ -51,14 +51,28 @@ def is_hdf5(head: bytes) -> bool:
     return head.startswith(b"\x89HDF\r\n\x1a\n") or head[512:520] == b"\x89HDF\r\n\x1a\n"
 
 
+def _first_zipped(head: bytes) -> bytes:
+    """The name of the first file of a ZIP archive; empty for what is none."""
+    return head[30 : 30 + int.from_bytes(head[26:28], "little")] if head.startswith(ZIP) else b""
+
+
 def _is_npz(head: bytes) -> bool:
     """A ZIP archive whose first file is an array of NumPy."""
-    return head.startswith(ZIP) and head[30 : 30 + int.from_bytes(head[26:28], "little")].endswith(b".npy")
+    return _first_zipped(head).endswith(b".npy")
+
+
+def _is_excel(head: bytes) -> bool:
+    """A ZIP archive that begins as documents of Office do."""
+    return _first_zipped(head).startswith((b"[Content_Types].xml", b"_rels/", b"docProps/", b"xl/"))
 
 
 def unread(head: bytes) -> str | None:
     """What a file is that is not read, and the remedy; None for any other."""
-    return None if _is_npz(head) else next((what for mark, what in UNREAD if head.startswith(mark)), None)
+    return (
+        None
+        if _is_npz(head) or _is_excel(head)
+        else next((what for mark, what in UNREAD if head.startswith(mark)), None)
+    )
 
 
 def _is_mat(head: bytes) -> bool:
@@ -81,6 +95,7 @@ FORMATS: tuple[Format, ...] = (
     Format("TDMS", lambda head: head.startswith(b"TDSm"), "tdms.read_tdms", "nptdms"),
     Format("MAT", _is_mat, "arrays.read_mat"),
     Format("NumPy", lambda head: head.startswith(NPY) or _is_npz(head), "arrays.read_numpy"),
+    Format("Excel", _is_excel, "excel.read_excel", "openpyxl"),
     Format("not read", lambda head: unread(head) is not None),
     Format("text", lambda _: True),
 )
@@ -107,7 +122,7 @@ class ForeignReader:
         """Tables of a file of a format."""
         if form.library and find_spec(form.library) is None:
             raise DataError(
-                f"{source}: is a {form.name} file, which takes {form.library} to read; "
+                f"{source}: is a file of {form.name}, which takes {form.library} to read; "
                 f'pip install "eaid[{form.name.lower()}]"'
             )
         question = Question(form.reader, str(path), source, form.name)

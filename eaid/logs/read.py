@@ -102,7 +102,7 @@ def read_file(path: Path, options: ReadOptions, foreign: ForeignReader) -> tuple
     form = format_of(head)
     sha256 = sha256_of(path)
     name = path.name
-    for ending in (*LOGS, ".txt", ".h5", ".hdf5"):
+    for ending in (*LOGS, ".txt", ".h5", ".hdf5", ".xlsx"):
         name = name[: -len(ending)] if name.lower().endswith(ending) else name
     if not form.reader:
         return [run_of(name or path.name, source, sha256, read_text(path, source), options, path.name)], []

@@ -154,7 +154,9 @@ def sniff(path: str, head: bytes) -> Dialect:
     if start is not None and _is_words(lines[start + 1 :], marks) and not marks.is_good(marks.cells(lines[start])[0]):
         start = next((i for i in range(start + 1, len(lines)) if marks.is_row(lines[i], count)), None)  # x-axis,1,2
     if start is None:
-        raise DataError(f"{path}: holds no rows of numbers; a log is a table with a column of time and one of torque")
+        raise DataError(
+            f"{path}: holds no rows of numbers; a log is a table with a column of time and one of what was measured"
+        )
     first_cells = marks.cells(lines[start], count)
     ragged = marks.delimiter is not None and lines[start].count(marks.delimiter) == count == len(first_cells)
     start -= _broken_rows(lines[:start], marks)

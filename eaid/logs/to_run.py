@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
-from eaid.findings import finding
+from eaid.findings import Finding, finding
 from eaid.logs.clocks import clock_of, contradicting, contradiction, other_clocks
 from eaid.logs.columns import (
     FEWEST,
@@ -27,7 +27,16 @@ from eaid.logs.columns import (
 )
 from eaid.logs.run import INPUT_UNITS, Run
 from eaid.logs.table import Cells, Table, plain
-from eaid.logs.units import LARGEST_NM, Scale, numbers_samples, scale_of, seconds_since_start, split_name, time_unit
+from eaid.logs.units import (
+    LARGEST_NM,
+    UNKNOWN,
+    Scale,
+    numbers_samples,
+    scale_of,
+    seconds_since_start,
+    split_name,
+    time_unit,
+)
 from eaid.options import ReadOptions
 
 # Beyond it, or all below its inverse, numbers are none that a sensor gives, and their squares may be none at all
@@ -265,10 +274,10 @@ def run_of(
         plain_input = default_unit(table.columns[which], INPUTS[kind])
         scale = scale_of(source, "input", units.get("input"), table, which, plain_input)
         input_ = scale.of(kept[which])
-    else:  # a name says a level and no unit
-        scale = Scale(units.get("input", "") if kind is None else INPUT_UNITS[kind], 1.0)
+    else:
+        scale = Scale(INPUT_UNITS[kind], 1.0) if kind else _of_names(source, options)
         input_ = np.broadcast_to(np.float64(np.nan), len(kept_time))  # takes no memory
-    told = [*roles.findings, *of_time, *into.findings, *scale.findings]
+    told = [*roles.findings, *of_time, *_asked_once([*scale.findings, *into.findings])]
     if keep is not None:
         total = len(raw_time)
         told.append(finding("rows-dropped", source, dropped=total - len(keep), count=total))
@@ -310,6 +319,25 @@ def run_of(
         left=(*others, *table.dropped),
         moves=moves,
     )
+
+
+def _of_names(source: str, options: ReadOptions) -> Scale:
+    """The unit of levels that names tell, which hold none but beside the level."""
+    if unit := options.units.get("input"):
+        return Scale(unit, 1.0)
+    likely = unit_beside(options.name_pattern or "") or "UNIT"
+    asked = finding("unit-unknown", source, column="the levels of names", ask=f"input={likely}")
+    return Scale(UNKNOWN, 1.0, (asked,) if options.name_pattern else ())
+
+
+def _asked_once(findings: Sequence[Finding]) -> list[Finding]:
+    """Unknown units of one log as one question."""
+    open_ = [one for one in findings if one.code == "unit-unknown"]
+    if len(open_) < 2:
+        return list(findings)
+    column, ask = (sep.join(str(one.values[key]) for one in open_) for key, sep in (("column", " and "), ("ask", ",")))
+    one = finding("unit-unknown", open_[0].subject, column=column, ask=ask)
+    return [one, *(other for other in findings if other not in open_)]
 
 
 MOST_OTHERS = 8  # Columns that are not read up to which they are looked at, where nothing says the input

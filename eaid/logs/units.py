@@ -18,6 +18,7 @@ from eaid.errors import DataError, UsageError
 from eaid.findings import Finding, finding
 from eaid.logs.table import Table
 
+UNKNOWN = "a.u."  # The unit, arbitrary, of an input or output of which nobody says one
 LARGEST_NM = 1000.0  # Torque beyond any clutch that a bench holds [N·m]: a column of counts, or of another unit
 
 
@@ -182,12 +183,17 @@ def scale_of(path: str, role: str, given: str | None, table: Table, column: int,
     full = divisor(role, given) if given is not None and given.startswith("/") else 0.0
     text = declared_unit(path, role, given, table, column)
     if full:  # /255: so many counts are the full scale
-        return Scale("%", 100.0 / full) if role == "input" else Scale("", 1.0 / full)
+        return Scale("%", 100.0 / full) if role == "input" else Scale("FS", 1.0 / full)
     text = given or text
     known = unit_of(text)
     if not text or known.quantity == "time":
-        code = "unit-assumed" if default else "unit-unknown"
-        return Scale(default, 1.0, (finding(code, path, role=role, column=label, unit=default),))
+        if default:
+            return Scale(default, 1.0, (finding("unit-assumed", path, role=role, column=label, unit=default),))
+        return Scale(
+            UNKNOWN,
+            1.0,
+            (finding("unit-unknown", path, column=f"{role} {label}" if label != role else role, ask=f"{role}=UNIT"),),
+        )
     if not known.quantity:
         return Scale(text, 1.0)  # one that eaid does not know stays as it is
     if text.strip("[]() ").lower() in ("g", "kg"):

@@ -221,7 +221,7 @@ def _notes(task: Task, settled: Design, tuned: Design, rc: Robust, replayed: Rep
     if not task.scales.paper:
         findings.append(
             finding(
-                "designed-for-rig", "model", input_unit=unit[0] or "no unit", output_unit=unit[1] or "no unit",
+                "designed-for-rig", "model", input_unit=unit[0], output_unit=unit[1],
                 pace=task.scales.pace, highest=task.limits[1], overshoot_pct=settled.pi.overshoot_pct or 0.0,
                 settling_s=settled.pi.settling_s or 0.0,
             )

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from eaid.arrays import Array, extremes
+from eaid.shown import input_word, output_word
 
 COLUMN_IN, PAGE_IN = 3.5, 7.16  # Widths of a figure of one and of both columns of a journal [in]
 
@@ -34,19 +35,17 @@ class Axis:
         return f"{self.name} ({self.unit})" if self.unit else self.name
 
 
-QUANTITIES = {"N·m": "Torque", "N": "Force", "RPM": "Speed", "kPa": "Stress", "°C": "Temperature"}
-INPUTS = {"%": "Duty", "N": "Force", "RPM": "Speed", "V": "Voltage", "bar": "Pressure", "A": "Current"}
 TIME, OF_STEP, OF_LOG = Axis("Time", "s"), Axis("Time since the step", "s"), Axis("Time of the log", "s")
 
 
 def quantity(unit: str, *limits: float | None) -> Axis:
     """The axis of an output, by its unit."""
-    return Axis(QUANTITIES.get(unit, "Output"), unit, limits or (None, None))  # type: ignore[arg-type]
+    return Axis(output_word(unit).capitalize(), unit, limits or (None, None))  # type: ignore[arg-type]
 
 
 def over(unit: str) -> Axis:
     """The axis that levels run along."""
-    return Axis(INPUTS.get(unit, "Level"), unit)
+    return Axis(input_word(unit).capitalize(), unit)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,12 +1,11 @@
 """What rig a result is of: its units and names, and whether it is the clutch that the paper describes."""
 
+from eaid.apparatus import PAPER
 from eaid.control.kinds import KINDS
 from eaid.plant.dynamics import SHARE
 from eaid.results.fit import FittedData
 from eaid.steps.stepset import StepSet
 
-# Kind → the units in which the paper's own rig was recorded
-PAPER = {"clutch": ("%", "N·m"), "friction-force": ("N", "N·m"), "friction-speed": ("RPM", "N·m")}
 CONTROLLER_NAMES = {name: row.title for name, row in KINDS.items()} | {
     "open-loop": "open loop", "inverse": "model inverse", "rc-no-rate": "RC without rate",
 }  # fmt: skip
@@ -29,7 +28,7 @@ def level_text(level: float, unit: str) -> str:
 
 def gain(input_unit: str, output_unit: str) -> str:
     """Unit of B = 1/b0."""
-    return f"{input_unit or 'input'}·s/({output_unit or 'output'})"
+    return f"{input_unit}·s/({output_unit})"
 
 
 # Parameter → formula as printed (σ in kPa), coefficients, RMSE of the trend

@@ -439,7 +439,8 @@ class FittedData(Result, frozen=True):
     record_s: tuple[Number, ...] = ()
     """Length of each level's record [s]."""
     sample_rate_hz: Positive | None = None
-    apparatus: Apparatus = Apparatus()
+    apparatus: Apparatus | None = None
+    """None: the sizes of the rig are not known."""
     sources: tuple[Source, ...] = ()
     inputs: tuple[Input, ...] = ()
     synthetic: str | None = None

@@ -20,11 +20,11 @@ from scipy.special import stdtrit
 
 from eaid.arrays import Array
 from eaid.results.common import Count, Interval, Number, Result
+from eaid.steps.step import PEAK_PART, hold_of, moving_means
 from eaid.steps.stepset import Level, StepSet
 
 ENGAGED, RELEASED = 0.9, 0.1  # Shares of the held output
 NOISE = 0.01  # Share of the held output that noise may be of means
-PEAK_PART = 50  # A peak is looked for on means over this part of the record
 OF_SLIPS, TIMES = ("peak", "peak_s", "slip"), ("engaged_s", "peak_s", "released_s")
 NAMES = ("held", "engaged_s", "peak", "peak_s", "slip", "released_s")
 
@@ -98,13 +98,12 @@ def _measured(level: Level, release: Level | None) -> dict[str, Array]:
     """Every quantity of every run; NaN where it is not reached."""
     sign = -1.0 if level.mean[-max(1, len(level.mean) // 10) :].mean() < 0 else 1.0
     runs, time = sign * level.runs, level.time_s
-    held = runs[:, -max(1, runs.shape[1] // 10) :].mean(axis=1)
-    smooth = _means(runs, max(1, runs.shape[1] // PEAK_PART))
-    top = int(smooth.mean(axis=0).argmax())
+    _, peak, held = hold_of(runs)
+    tops = moving_means(runs, max(1, runs.shape[1] // PEAK_PART)).argmax(axis=1)
     found = {
         "sign": np.array([sign]), "held": np.where(held > 0, held, np.nan),
         "engaged_s": np.array([_below(time, run, ENGAGED * end, end) for run, end in zip(runs, held, strict=True)]),
-        "peak": smooth[:, top], "peak_s": time[smooth.argmax(axis=1)], "slip": smooth[:, top] - held,
+        "peak": peak, "peak_s": time[tops], "slip": peak - held,
         "released_s": np.empty(0),
     }  # fmt: skip
     if release is not None:
@@ -122,16 +121,7 @@ def _below(time: Array, output: Array, wanted: float, held: float) -> float:
     noise = float(tail.std()) / math.sqrt(2) if len(tail) > 1 else 0.0
     width = min(max(1, math.ceil((noise / (NOISE * held)) ** 2)), max(1, len(output) // 20))
     lasts = np.diff(time, append=2 * time[-1] - time[-2])
-    return float(lasts[_means(output[None], width)[0] < wanted].sum())
-
-
-def _means(runs: Array, width: int) -> Array:
-    """Centred moving means over so many samples, fewer at the ends, shape of `runs`."""
-    n = runs.shape[1]
-    sums = np.cumsum(np.concatenate([np.zeros((len(runs), 1)), runs], axis=1), axis=1)
-    first = np.maximum(np.arange(n) - (width - 1) // 2, 0)
-    last = np.minimum(np.arange(n) + width // 2 + 1, n)
-    return np.asarray((sums[:, last] - sums[:, first]) / (last - first))
+    return float(lasts[moving_means(output[None], width)[0] < wanted].sum())
 
 
 def _spread(measured: list[dict[str, Array]], name: str) -> tuple[float, float]:

@@ -21,6 +21,12 @@ T = TypeVar("T")
 
 MOST = 3  # Findings that are told with the answer
 ENDLESS_S = 1e4  # A time constant above this [s] that no interval bounds is no number worth showing
+# What of a fit's warnings means for all that is made of it
+MEANT = {
+    "output-decays-under-hold": " (T_s is an average)", "rise-of-the-rig": " (τ1 and τ2 are the stand's loading)",
+    "moves-with-step": " (its τ may be the loading's)", "several-sessions": " (levels of several days)",
+    "signs-turned": " (the output counts with its sign turned)", "input-late": "", "runs-left-out": "",
+}  # fmt: skip
 # Estimates that stand as the nonlinear model
 USED = {"levels-first": "levels first, then the curves", "joint": "all levels at once, as in the paper, as you asked"}
 
@@ -154,17 +160,18 @@ def warned(fit: "Fit") -> tuple[str, ...]:
 
 
 def of_fit(fit: "Fit") -> list[str]:
-    """What of a fit's warnings matters to what is made of it: those about its models, in one line; none without."""
-    about = [one for one in fit.verdict.warnings if one.subject in MODELS][:MOST]
-    average = " (T_s is an average)" if any(one.code == "output-decays-under-hold" for one in about) else ""
-    return [f"of a fit that warned: {', '.join(map(in_short, about))}{average}"] if about else []
+    """What of a fit's warnings matters to what is made of it, and what it means, in one line; none without."""
+    about = [one for one in fit.verdict.warnings if one.subject in MODELS or one.code in MEANT]
+    about = sorted(about, key=lambda one: one.code not in MEANT)[: MOST + 1]
+    said = (f"{in_short(one)}{MEANT.get(one.code, '')}" for one in about)
+    return [f"of a fit that warned: {', '.join(said)}"] if about else []
 
 
 def values(fit: "Fit") -> list[list[str]]:
     """Heading and rows: T_s, τ1 and τ2 at the lowest, the middle and the highest level; where single steps stand for
     the levels their changes, with dead times where there are any. No rows, no heading."""
     data, steps = fit.data, steps_of_other_shapes(fit)
-    out = data.output_unit or "unit unknown"
+    out = data.output_unit
     if steps:
         late = any(one.dead_time_s for one in steps)
         heading = ["step", f"change [{out}]", "τ1 [s]", "τ2 [s]", *(["dead [s]"] if late else [])]
@@ -174,7 +181,7 @@ def values(fit: "Fit") -> list[list[str]]:
             for one in _three(steps)
         ]  # fmt: skip
     else:
-        heading = [f"level [{data.input_unit}]" if data.input_unit else "level", f"T_s [{out}]", "τ1 [s]", "τ2 [s]"]
+        heading = [f"level [{data.input_unit}]", f"T_s [{out}]", "τ1 [s]", "τ2 [s]"]
         levels: Sequence[CurveLevel | FrictionLevel] = fit.level_values
         if fit.plant_ is not None and fit.plant_.another and fit.plant_.tried[0].gain != "curve":
             return [

@@ -78,8 +78,8 @@ def _judged(
         return said, value > 0
     if (data.input_unit, data.output_unit) != (rig.input_unit, rig.main.unit):
         raise DataError(
-            f"the steps are in {data.input_unit or 'no unit'} and {data.output_unit or 'no unit'}, the rig in "
-            f"{rig.input_unit or 'no unit'} and {rig.main.unit or 'no unit'}; say the units with «units»"
+            f"the steps are in {data.input_unit} and {data.output_unit}, the rig in {rig.input_unit} and "
+            f"{rig.main.unit}; say the units with «units»"
         )
     known = steps_known([(*one, rig.main.sd_step) for one in shown])
     low, high = rig.foreseen(np.array([level]), known).of_a_run(rig.main.sd_step**2)

@@ -10,6 +10,7 @@ import numpy as np
 from msgspec.structs import replace
 from scipy.special import stdtrit
 
+from eaid.apparatus import Apparatus
 from eaid.errors import DataError
 from eaid.findings import Finding, finding
 from eaid.results import codec
@@ -90,7 +91,8 @@ def together(fits: Mapping[str, Fit]) -> list[Finding]:
     faults, (first, *others) = [], list(fits)
     for name in others:
         pairs = zip(_conditions(fits[first]).items(), _conditions(fits[name]).values(), strict=True)
-        if differ := [f"{what} {a or 'none'} and {b or 'none'}" for (what, a), b in pairs if a != b]:
+        known = [(what, a, b) for (what, a), b in pairs if None not in (a, b)]
+        if differ := [f"{what} {a or 'none'} and {b or 'none'}" for what, a, b in known if a != b]:
             faults.append(
                 f"{name}: is not of the same rig as {first}: {'; '.join(differ)}; only what the rig does by itself may "
                 "differ from session to session"
@@ -107,17 +109,17 @@ def together(fits: Mapping[str, Fit]) -> list[Finding]:
     return [finding("session-not-usable", name, why=why) for name, why in unusable.items()]
 
 
-def _conditions(fit: Fit) -> dict[str, str]:
-    """What has to be the same for all sessions."""
+def _conditions(fit: Fit) -> dict[str, str | None]:
+    """What has to be the same for all sessions; None of what is not known."""
     data, rig = fit.data, fit.data.apparatus
     said = {"kind": data.kind, "input unit": data.input_unit, "output unit": data.output_unit}
-    rows = [(DRIVE.get(one.name, one.name), one.name) for one in fields(rig) if one.name != "sample_rate_hz"]
+    rows = [(DRIVE.get(one.name, one.name), one.name) for one in fields(Apparatus) if one.name != "sample_rate_hz"]
     named: dict[str, set[str]] = {}
     for source in data.sources:
         for key, number in re.findall(r"(?<![A-Za-z])([A-Za-z]+)=(\d+(?:\.\d+)?)", source.run):
             named.setdefault(key, set()).add(number)
     in_names = {f"{what} ({key}= in the names)": ", ".join(sorted(named.get(key, ()))) for key, what in NAMED.items()}
-    return {**said, **{what: f"{getattr(rig, name):g}" for what, name in rows}, **in_names}
+    return {**said, **{what: None if rig is None else f"{getattr(rig, name):g}" for what, name in rows}, **in_names}
 
 
 def table_values(frame: "pandas.DataFrame") -> list[Value]:

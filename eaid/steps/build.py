@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from eaid.apparatus import Apparatus
+from eaid.apparatus import rig_of
 from eaid.errors import DataError
 from eaid.findings import Finding, finding, stops
 from eaid.logs.run import Kind, Run
@@ -14,7 +14,7 @@ from eaid.steps.cut import level_steps
 from eaid.steps.levels import common, grouped, same_level, wanted_levels
 from eaid.steps.noise import STANDARD_ERRORS, block_error, idle_density
 from eaid.steps.sittings import sittings
-from eaid.steps.step import Step, left_pct, lost_pct, slip_of
+from eaid.steps.step import Step, hold_of, left_pct, slip_of
 from eaid.steps.stepset import Level, RunRecord, StepSet
 
 SMALL = 0.2  # Share of the usual change below which a sign of its own is not held against a step
@@ -71,7 +71,7 @@ def _record(step: Step, findings: tuple[Finding, ...], left_out: bool) -> RunRec
         rate_hz=1.0 / step.usual_s,
         edge=run.edge,
         findings=findings,
-        lost_pct=lost_pct(step) if run.edge == "rising" else None,
+        lost_pct=hold_of(step.rise[None]).lost_pct if run.edge == "rising" else None,
         left_pct=left_pct(step) if run.edge == "falling" else None,
         from_level=run.from_level,
         idle_density=idle_density(run.time_s[: step.start], step.idle) if from_rest else None,
@@ -136,7 +136,7 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN) -> StepSe
         kind=kind,
         input_unit=input_unit,
         output_unit=output_unit,
-        apparatus=options.apparatus or next(iter(rigs), Apparatus(surfaces=2 if kind == "clutch" else 1)),
+        apparatus=options.apparatus or next(iter(rigs), None) or rig_of(kind, input_unit, output_unit),
         levels=tuple(levels),
         releases=tuple(_averaged(falling, steps, out)),
         runs=tuple(records),

@@ -7,6 +7,7 @@ recorded, both are given over the displacement.
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -95,11 +96,37 @@ class Step:
         return self.run.output_unit
 
 
-def lost_pct(step: Step) -> float:
-    """Torque lost while the input is held, peak to end [% of the peak], by block means."""
-    means = block_means(step.rise)
-    peak = float(means.max())
-    return max(0.0, 100.0 * (peak - float(means[-1])) / peak) if peak > 0 else 0.0
+PEAK_PART = 50  # A peak is looked for on means over this part of the record
+
+
+class Hold(NamedTuple):
+    """Peak and end of the runs of one level."""
+
+    at: int  # The sample where the mean of the runs has its peak
+    peak: Array  # There, means over a fiftieth of the record, shape (R,)
+    held: Array  # Means of the last tenth, shape (R,)
+
+    @property
+    def lost_pct(self) -> float:
+        """Output lost while the input is held, peak to held [% of the peak], mean of the runs."""
+        shares = 1 - self.held[self.peak > 0] / self.peak[self.peak > 0]
+        return max(0.0, 100.0 * float(shares.mean())) if len(shares) else 0.0
+
+
+def hold_of(runs: Array) -> Hold:
+    """Peak and end of runs on one clock, shape (R, n), that rise."""
+    smooth = moving_means(runs, max(1, runs.shape[1] // PEAK_PART))
+    at = int(smooth.mean(axis=0).argmax())
+    return Hold(at, smooth[:, at], runs[:, -max(1, runs.shape[1] // 10) :].mean(axis=1))
+
+
+def moving_means(runs: Array, width: int) -> Array:
+    """Centred moving means over so many samples, fewer at the ends, shape of `runs`."""
+    n = runs.shape[1]
+    sums = np.cumsum(np.concatenate([np.zeros((len(runs), 1)), runs], axis=1), axis=1)
+    first = np.maximum(np.arange(n) - (width - 1) // 2, 0)
+    last = np.minimum(np.arange(n) + width // 2 + 1, n)
+    return np.asarray((sums[:, last] - sums[:, first]) / (last - first))
 
 
 def left_pct(step: Step) -> float:

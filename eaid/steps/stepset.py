@@ -159,7 +159,7 @@ class StepSet(Shown):
     """clutch, friction-force or friction-speed."""
     input_unit: str
     output_unit: str
-    apparatus: Apparatus
+    apparatus: Apparatus | None
     levels: tuple[Level, ...]
     """Rising steps from rest, by level."""
     releases: tuple[Level, ...] = ()

@@ -22,8 +22,6 @@ from eaid.plant.dynamics import REFERENCE_PLANT, SHARE, Plant, PlantNumbers, Ste
 from eaid.plant.respond import Acting
 from eaid.results.fit import Fit
 
-UNKNOWN = "a.u."  # Unit of an input or output whose fit says none: arbitrary units
-
 
 @dataclass(frozen=True)
 class Scatter:
@@ -144,7 +142,7 @@ REFERENCE: dict[str, Specimen] = {
 def of_fit(fit: Fit, kind: Kind, named: str) -> Specimen:
     """The plant that a fit found, in its units; of friction only the fitted levels can be recorded."""
     data = fit.data
-    input_unit, output_unit = data.input_unit or UNKNOWN, data.output_unit or UNKNOWN
+    input_unit, output_unit = data.input_unit, data.output_unit
     if kind == "clutch":
         model = plant_of(fit)
         if model is None:

@@ -75,7 +75,7 @@ def test_a_bench_without_an_input_column(bench, run_eaid):
     result = json.loads(ran.out)
     assert [(level["level"], level["repeats"]) for level in result["levels"]] == [(u, 3) for u in (100, 200, 300)]
     assert [level["repeats"] for level in result["releases"]] == [3, 3, 3]
-    assert (result["output_unit"], result["input_unit"]) == ("N", "")
+    assert (result["output_unit"], result["input_unit"]) == ("N", "a.u.")
     assert "rows-dropped" in [
         one["code"] for row in result["runs"] if "V=200_1" in row["name"] for one in row["findings"]
     ]

@@ -1,5 +1,6 @@
 """Commands as processes: what they import, signals, pipes that close, full disks, two at a time."""
 
+import itertools
 import json
 import os
 import random
@@ -107,11 +108,19 @@ def test_a_reader_that_goes_away_is_no_failure(line, stream, tmp_path):
 
 @pytest.mark.slow
 def test_streams_that_are_closed_full_or_know_few_letters(tmp_path):
-    for redirect in (">&-", "2>&-", ">&- 2>&-"):
-        words = f"exec {sys.executable} -m eaid {' '.join(SHORT)} {tmp_path / 'd.h5'} {redirect}"
-        assert subprocess.run(["sh", "-c", words], capture_output=True, check=False).returncode == 0
+    data = tmp_path / "d.h5"
+    lines = {
+        f"{' '.join(SHORT)} {data}": 0,
+        f"fit {data} -o {tmp_path / 'f.json'} --force --ci none": 0,
+        "fit no.csv": 3,
+    }
+    for (line, code), redirect in itertools.product(lines.items(), (">&-", "2>&-", ">&- 2>&-")):
+        words = f"exec {sys.executable} -m eaid {line} {redirect}"
+        assert subprocess.run(["sh", "-c", words], capture_output=True, check=False).returncode == code
     for encoding in ("ascii", "cp1252"):
-        few = {**os.environ, "PYTHONIOENCODING": encoding, "PYTHONUTF8": "0"}
+        few = {**os.environ, "PYTHONIOENCODING": encoding, "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "LC_ALL": "C"}
+        for line, code in lines.items():
+            assert subprocess.run([*EAID, *line.split()], env=few, capture_output=True, check=False).returncode == code
         helped = subprocess.run([*EAID, "--help"], env=few, capture_output=True, check=False)
         assert helped.returncode == 0 and "fit.json" in helped.stdout.decode(encoding)
     if Path("/dev/full").exists():

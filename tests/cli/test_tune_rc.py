@@ -41,7 +41,8 @@ def test_the_paper_s_linear_model_gives_the_paper_s_gains(by_hand, run_eaid):
     assert rc["P"] == [[5.0, 0.0], [0.0, 5.0]] and rc["alpha"] == pytest.approx(0.549091, abs=1e-6)
     assert rc["rho"]["constant"] == pytest.approx(10.8125, abs=1e-4)
     assert (pi["K_P"], pi["K_I"]) == pytest.approx((156.6, 252.9), abs=0.1) and gains["duty_limits_pct"] == [0.0, 100.0]
-    assert ran.out.startswith("guarantee NO: ρ covers 10.8 of the 19.3 N·m/s that the model's error needs\n")
+    story = "guarantee NO: the robust term ρ covers 10.8 of the 19.3 N·m/s that the model's error needs\n"
+    assert ran.out.startswith(story)
     assert len((ran.out + ran.err).splitlines()) <= 15 and re.search(r"^PI +K_P 157, K_I 253 ", ran.out, re.M)
     ran = run_eaid("tune-rc fit.json -o g.json --force --verbose")
     assert re.search(r"^ρ, constant +10\.81 ", ran.out, re.M) and re.search(r"^ρ, slope +6\.586 ", ran.out, re.M)
@@ -75,7 +76,7 @@ def test_every_option_reaches_the_gains(tuned):
         ({"a0": 0.0}, "the fit's a0 is 0 "),
         ({"bounds": {"B_m": 0.0, "B_M": 42.6}}, "the range of B touches 0"),
         ({"a0": 1e-59}, "a0 is 1e-59 1/s"),
-        ({"b0": 0.0}, "b0 is 0; more duty has to give more torque"),
+        ({"b0": 0.0}, "b0 is 0; more input has to give more output"),
         ({"b0": 1e-300}, "b0 is 1e-300 and its c0 -2.42, which no rig has"),
         ({"c0": -1e50}, "c0 -1e+50, which no rig has"),
     ],

@@ -53,7 +53,16 @@ def test_lack_of_fit_is_what_the_runs_share() -> None:
 
 def test_the_right_model_is_kept() -> None:
     found = eaid.fit(stepset(usual))
-    assert not {"repeats-miss-alike", "polynomials-too-low", "runs-reject-the-share"} & codes(found)
+    assert not {"rise-of-the-rig", "repeats-miss-alike", "polynomials-too-low", "runs-reject-the-share"} & codes(found)
+
+
+def test_a_stand_that_loads_at_its_own_rate_is_told() -> None:
+    """Every level rises at 1 N·m/s: the slope goes with T_s to the power 0, where a constant τ makes it 1."""
+    found = eaid.fit(stepset(lambda duty: 0.04 * duty * (1 - np.exp(-T / (0.04 * duty)))), model=("friction",))
+    (told,) = [one for one in found.findings if one.code == "rise-of-the-rig"]
+    assert told.values["low"] < 0 < told.values["high"] < 0.2 and told.values["times"] == pytest.approx(10, rel=0.05)
+    constant = eaid.fit(stepset(lambda duty: 0.04 * duty * (1 - np.exp(-T / 1.0))), model=("friction",))
+    assert "rise-of-the-rig" not in codes(constant)
 
 
 def test_another_share_is_recommended() -> None:

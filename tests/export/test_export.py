@@ -122,12 +122,17 @@ def test_the_rigs_own_units_stand_everywhere(tmp_path):
     data = {"input_unit": "V", "output_unit": "N", "levels": [100.0, 300.0], "sample_rate_hz": 2000.0}
     assert eaid.export(None, tmp_path / "rig", fit_of(nonlinear=model, data=data)).dt_s == 0.001  # not the logger's
     text = (tmp_path / "rig" / "eaid_control.h").read_text()
-    assert "[N/V]" in text and "duty in V, torque in N" in text and "N·m" not in text and "%" not in text
+    assert (
+        "[N/V]" in text
+        and "duty: the voltage in V, torque: the force in N" in text
+        and "N·m" not in text
+        and "%" not in text
+    )
     assert "0x1.2c00000000000p+8, /* duty_max = 300.0 V */" in (tmp_path / "rig" / "eaid_control.c").read_text()
 
 
 @pytest.mark.parametrize(
-    ("units", "read"), [(("V", "N"), ("V", "N")), (("%", "N·m"), ("%", "N·m")), (("1", "1"), ("a.u.", "a.u."))]
+    ("units", "read"), [(("V", "N"), ("V", "N")), (("%", "N·m"), ("%", "N·m")), (("", ""), ("a.u.", "a.u."))]
 )
 def test_the_rigs_log_is_read_in_its_units(units, read, tmp_path):
     """A log of 90 V was taken for one in %, and one of 300 V refused."""

@@ -45,14 +45,14 @@ def more(of_row: Callable[[int], object], header: str) -> bytes:
 
 
 CELL, SORT = (f"; {how}, or drop such rows with --repair" for how in ("mend the cell", "sort the rows"))
-PROSE = "holds no rows of numbers; a log is a table with a column of time and one of torque"
+PROSE = "holds no rows of numbers; a log is a table with a column of time and one of what was measured"
 BEYOND = "; if it is not in %, say its unit with --units input=UNIT"
 NO_TIME = "; name it with --columns time=NAME, or give --rate-hz HZ where the log has none"
 NO_STEP = ": no step; record the idle time before the step too, or give the step instant with --step-at"
 NAMELESS = column(1, lambda i, u: u, "time_s,ignored,torque_nm")
 BINARY = "a binary file of no format that eaid knows; export it as CSV, MAT or HDF5"
 UNREAD = {
-    b"PK\x03\x04": "a ZIP archive or an Excel workbook; unpack it, or save its sheet as CSV",
+    b"PK\x03\x04": "a ZIP archive; unpack it",
     b"\xd0\xcf\x11\xe0": "an old Excel workbook; save its sheet as CSV",
     **{bytes((0x80, n)): "a Python pickle, which can run code; export the log as CSV or HDF5" for n in (2, 3, 4, 5)},
     **dict.fromkeys((b"BZh91AY", b"\xfd7zXZ", b"(\xb5/\xfd", b"7z\xbc\xaf"), "packed, but not with gzip; unpack it"),
@@ -111,7 +111,7 @@ BAD: dict[str, tuple[Any, ...]] = {
                     "no column is called time (columns: tick, duty_pct, torque_nm)" + NO_TIME),
     "one-column.csv": (csv([f"{i}.5" for i in range(99)], "torque_nm"),
                        "no column is called time (columns: torque_nm)" + NO_TIME),
-    "no-torque.csv": (csv(GOOD, "time_s,duty_pct,temperature"), "no column is called torque (columns: time_s, "
+    "no-torque.csv": (csv(GOOD, "time_s,duty_pct,temperature"), "no column is called torque, force … (columns: time_s, "
                       "duty_pct, temperature); name what was measured with --columns output=NAME"),
     "two-torques.csv": (more(lambda i: 0, f"{HEADER},torque_nm"), "several columns may be the output (torque_nm, "
                         'torque_nm); say which with --columns output="3"'),

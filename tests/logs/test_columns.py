@@ -103,8 +103,8 @@ SAY = "say which with «columns» "
     [
         ("a [ms]|>b [ms]|duty|torque", {}, "no column is called time (columns: a [ms], b [ms], duty, torque); name it"),
         ("time|duty|M [Nm]|N [Nm]", {}, f'several columns may be the output (M [Nm], N [Nm]); {SAY}output="M [Nm]"'),
-        ("time|u [V]|x", {}, "no column is called torque (columns: time, u [V], x); name what was measured with "
-                             "«columns» output=NAME"),
+        ("time|u [V]|x", {}, "no column is called torque, force … (columns: time, u [V], x); name what "
+                             "was measured with «columns» output=NAME"),
         ("time|duty|torque", {"output": "4"}, "has no column 4 for «columns» output=4; its columns are time, duty, "),
         ("time|duty|torque", {"output": "u[3]"}, "has no column u[3] for"),
         ("Time|>TIME|duty|torque", {"time": "time"}, "has no column time for «columns» time=time; its columns are Ti"),
@@ -193,7 +193,7 @@ def test_bad_frames_are_told_all_at_once(read):
         eaid.read(frames)
     assert [said.split("; ")[0] for said in caught.value.sentences] == [
         "x: row 8, column torque_nm, is empty or not a number", "x: row 9, column torque_nm, is infinite",
-        "y: no column is called torque (columns: time_s, duty_pct)", "e: the DataFrame is empty",
+        "y: no column is called torque, force … (columns: time_s, duty_pct)", "e: the DataFrame is empty",
         "d: several columns have one name", "n: row 6, column time_s, is empty or not a number",
     ]  # fmt: skip
     with pytest.raises(

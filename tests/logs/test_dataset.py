@@ -87,7 +87,7 @@ def test_findings_and_unknown_units_survive(tmp_path):
     again = eaid.read(tmp_path / "d.h5")
     assert again.runs[0].findings == steps.runs[0].findings
     assert {"rows-dropped", "unit-unknown"} <= {one.code for one in again.runs[0].findings}
-    assert (again.input_unit, again.output_unit) == ("", "")
+    assert (again.input_unit, again.output_unit) == ("a.u.", "a.u.")
 
 
 def by_hand(

@@ -3,6 +3,7 @@
 All files of one set of options are read in one call, as they share the process that reads them.
 """
 
+import datetime
 import os
 import struct
 from collections import defaultdict
@@ -195,7 +196,7 @@ def test_a_file(name, good, codes):
     np.testing.assert_allclose(run.input, U if file.input is None else file.input, **near)
     assert file.within or run.output.tolist() == Y.tolist()
     told = [code for code in codes(run) if code != "unit-unknown"]
-    units = f"{run.input_unit or '?'} {run.output_unit or '?'}"
+    units = f"{run.input_unit} {run.output_unit}".replace("a.u.", "?")
     assert (units, ", ".join(run.left), ", ".join(told)) == (file.units, file.left, file.codes)
 
 
@@ -239,17 +240,17 @@ def raw(content: bytes) -> Callable[[Path], Any]:
 
 OBJECTS = "holds MATLAB objects (a Simulink Dataset or timeseries) only; in MATLAB, save it as plain arrays: t = S.Time"
 LENGTH = "is a damaged HDF5 file (a chunk of it has a wrong length); copy or save it again"
-NO_TABLE = "no table in it has columns of time and torque ("
+NO_TABLE = "no table in it has columns of time and output ("
 NO_HEAD = "is a LabVIEW file without one column of times for all channels; export it as TDMS, or as CSV"
 ZIPPED = (("u", U), ("y", Y))
 NEVER = {"_FillValue": 1.0, "missing_value": [2.0, 3.0]}
 BAD: dict[str, tuple[Callable[[Path], Any], str]] = {
     "v7.3 dataset": (opaque(b"Simulink.SimulationData.Dataset"), OBJECTS),
-    "v7.3 words": (hdf5({"a": (np.ones((1, 6)), LETTERS)}, 512), "holds no table of numbers; save time and torque as"),
+    "v7.3 words": (hdf5({"a": (np.ones((1, 6)), LETTERS)}, 512), "holds no table of numbers; save time and output as"),
     "HDF5 link": (elsewhere(h5py.ExternalLink("/etc/passwd", "/x")), "torque is a link to another file; copy the data"),
     "HDF5 outside": (elsewhere(shape=(300,), external=[(os.devnull, 0, 2400)]), "torque keeps its data in another fil"),
     "HDF5 absurd size": (elsewhere(shape=(10**13,), chunks=(1024,)), NO_TABLE + "time: time; torque: torque); choose"),
-    "HDF5 words": (hdf5({"note": np.bytes_(b"x")}), "holds no table of numbers; save time and torque as arrays of one"),
+    "HDF5 words": (hdf5({"note": np.bytes_(b"x")}), "holds no table of numbers; save time and output as arrays of one"),
     "HDF5 lengths": (hdf5({"time_s": T, "torque_nm": Y[:-1]}), NO_TABLE),
     "HDF5 never written": (hdf5(VECTORS | {"torque_nm": (np.r_[1, 2, 3, Y[3:]], NEVER)}),
                            "row 1, column torque_nm, is empty or not a number; mend the cell, or drop such rows"),
@@ -263,7 +264,7 @@ BAD: dict[str, tuple[Callable[[Path], Any], str]] = {
     "MAT none": (mat({"a": np.stack([T, U, Y, Y]), "b": np.ones((4, 90))}), NO_TABLE),
     "MAT falling": (mat({"a": np.stack([-T, U])}), "its 2 columns have no names; say by number, from 1 to 2, what"),
     "MAT complex": (mat({"time": T, "torque": Y * 1j}),
-                    "no column is called torque (columns: time; without numbers: torque)"),
+                    "no column is called torque, force … (columns: time; without numbers: torque)"),
     "no MAT v4": (raw(struct.pack("<5i", 7, 1, 1, 9, 4) + b"abc\0" + bytes(99)), "is a binary file of no format"),
     "MAT damaged": (raw(b"MATLAB 5.0 MAT-file".ljust(124) + b"\0\1IM\x0e\0\0\0\x40\0\0\0" + b"\xff" * 64),
                     "is a damaged MAT file ("),
@@ -328,8 +329,34 @@ def test_what_is_not_there(tmp_path):
         eaid.read(tmp_path / "a.mat", variable="c")
 
 
-def test_a_missing_library_is_named_with_its_pip_line(read, monkeypatch):
+@pytest.mark.parametrize(("head", "said"), [
+    (b"TDSm", 'is a file of TDMS, which takes nptdms to read; pip install "eaid[tdms]"'),
+    (b"PK\3\4" + bytes(22) + b"\x13\0\0\0[Content_Types].xml",
+     'is a file of Excel, which takes openpyxl to read; pip install "eaid[excel]"'),
+])  # fmt: skip
+def test_a_missing_library_is_named_with_its_pip_line(head, said, read, monkeypatch):
     monkeypatch.setattr(formats, "find_spec", lambda name: None)
-    assert read.refused(b"TDSm" + bytes(100)) == [
-        'is a TDMS file, which takes nptdms to read; pip install "eaid[tdms]"'
+    assert read.refused(head + bytes(100)) == [said]
+
+
+def test_a_workbook(tmp_path):
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.create_sheet("notes").append(["recorded", "on a bench"])
+    sheet = book.active
+    rows = [["run of May"], [], ["when", "Voltage", "Load cell", "remark"], [None, "V", "mN"]]
+    start = datetime.datetime(2024, 10, 29, 16, 18, 17)
+    rows += [
+        [start + datetime.timedelta(seconds=0.01 * k), u, 1000 * y] for k, (u, y) in enumerate(zip(U, Y, strict=True))
     ]
+    for row in rows:
+        sheet.append([cell.item() if hasattr(cell, "item") else cell for cell in row])
+    book.save(tmp_path / "bench.xlsx")
+    (run,) = eaid.read(tmp_path / "bench.xlsx", logs_as="recorded").recorded
+    assert (run.input_unit, run.output_unit) == ("V", "N")
+    np.testing.assert_allclose(run.output, Y, rtol=1e-12)
+    np.testing.assert_allclose(run.time_s, 0.01 * np.arange(len(Y)), atol=1e-6)
+    sheet["C40"] = "lost"
+    book.save(tmp_path / "bench.xlsx")
+    with pytest.raises(DataError, match="row 40, column Load cell, holds 'lost', which is no number"):
+        eaid.read(tmp_path / "bench.xlsx", logs_as="recorded")

@@ -130,7 +130,8 @@ def test_columns_taken_and_left_are_told_before_anything_else(tmp_path, run_eaid
     like = "columns of {}: time = time (ms) → s, input = duty_pct [%], output = Torque_mNm [N·m]; left: {}"
     assert [line for line in ran.err.splitlines() if line.startswith("columns")] == [
         like.format("3 logs", "T1"), like.format("1 log", "T2"),
-        "columns of 1 log: time = t [s], input = voltage [V], output = y [?], reference = torque_ref [?]; left: x [mm]",
+        "columns of 1 log: time = t [s], input = voltage [V], output = y [a.u.], reference = torque_ref [?]; "
+        "left: x [mm]",
     ]  # fmt: skip
     ran = run_eaid("ingest", tmp_path / "b.csv", "--columns", "position=5", "--force", "-o", tmp_path / "d.h5")
     assert "reference = torque_ref [?], position = x [mm]; left: none\n" in ran.err

@@ -145,7 +145,7 @@ ODD: dict[str, tuple[Any, ...]] = {
     "a limit beside what has its unit": (lambda log: replace(
         log, names="time_s,duty_pct,torque_limit,T_clutch (Nm)", columns=(T, U, 5 + 0 * T, log.columns[2])),
         ALL, "right"),
-    "a limit and no torque": (output("torque_limit"), ALL, "no column is called torque"),
+    "a limit and no torque": (output("torque_limit"), ALL, "no column is called torque, force …"),
     "every tenth row": (lambda log: replace(log, columns=(
         T, U, [x if k % 10 == 0 else "" for k, x in enumerate(log.columns[2])])), ("CSV", "gzip", "tabs, UTF-16"),
         "holds a number in 30 of 300 rows only"),

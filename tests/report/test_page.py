@@ -265,10 +265,10 @@ def test_one_verdict_on_the_guarantee_and_what_to_do_next(
     page = report_of({"schema": "eaid/fit/2", "converged": True, "linear": LINEAR}, gains)
     told, said = page.lights[2]
     assert told == grade and said.startswith(f"guarantee {text.partition(' (φ')[0]}")
-    assert ("φ allows 17.8 of the 37.5" in said) == (holds[0] is False)
+    assert ("φ allows the model's drift term 17.8 of the 37.5" in said) == (holds[0] is False)
     beyond = holds[1] is False
     limit = "duty limit" if unit == "%" else "input limit"
-    assert (f"No gains mend the {limit}; what you have: gain margin 16.2 dB, phase 78.1°" in said) == beyond
+    assert (f"No gains mend the {limit}; what you have: gain margin 16.2 dB, phase margin 78.1°" in said) == beyond
     assert page.numbers["Controllers"][1:] == [
         ["least gain margin (dB)", "16.2", "42.7"], ["least phase margin (°)", "78.1", "31.5"]
     ]  # fmt: skip

@@ -233,7 +233,8 @@ def test_what_options_bring_up() -> None:
     named = {"name_pattern": "u{level}", "step_at": 4.0}
     steps = read({"u50": without_input(RUN)[400:]}, **named)
     assert only(steps, "no-rest-before-step") == {"start": 0.0, "unit": "N·m"}
-    assert told(read({"u50": without_input(RUN)}, **named)) == []
+    assert told(read({"u50": without_input(RUN)}, **named)) == ["unit-unknown"]
+    assert told(read({"u50": without_input(RUN)}, units={"input": "%"}, **named)) == []
     assert "not-at-rest" in told(read({"u50": without_input(RUN)}, **named | {"step_at": 4.3}))
     steps = read(with_input(RUN, RUN.duty_pct + 5), rest=5.0)
     assert told(steps) == [] and steps.levels[0].level == 50.0

@@ -192,11 +192,16 @@ def test_findings_of_a_set_the_gravest_first_and_each_once() -> None:
     assert [(one.code, one.severity) for one in alone.all_findings] == [("spikes", "stop")] and len(alone.levels) == 1
 
 
-@pytest.mark.parametrize(("unit", "kind", "surfaces"), [("%", "clutch", 2), ("N", "friction-force", 1)])
-def test_a_clutch_has_two_surfaces_and_a_friction_rig_one(unit: str, kind: str, surfaces: int) -> None:
+@pytest.mark.parametrize(
+    ("unit", "kind", "surfaces"), [("%", "clutch", 2), ("N", "friction-force", 1), ("V", "clutch", None)]
+)
+def test_a_clutch_has_two_surfaces_a_friction_rig_one_and_of_another_rig_nothing_is_known(
+    unit: str, kind: str, surfaces: int | None
+) -> None:
     steps = read(log(PLAN, unit))
     assert (steps.kind, steps.input_unit, steps.output_unit) == (kind, unit, "N·m")
-    assert steps.apparatus.surfaces == surfaces
+    assert (steps.apparatus and steps.apparatus.surfaces) == surfaces
+    assert (eaid.fit(steps).data.apparatus is None) is (surfaces is None)
     assert read(log(PLAN, unit), apparatus="surfaces=4").apparatus.surfaces == 4
 
 

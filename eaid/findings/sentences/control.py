@@ -65,19 +65,6 @@ def _mended(v: Values) -> str:
     return f"with {all_met} mended the guarantee {verdict}{missing}" + (f", at {cost}" if cost else "")
 
 
-def _beyond(v: Values) -> str:
-    ends = []
-    if v["most"] is None or v["most"] > v["high"]:
-        ends.append("without end" if v["most"] is None else f"up to {v['most']:.4g}")
-    if v["least"] is None or v["least"] < v["low"]:
-        ends.append("down without end" if v["least"] is None else f"down to {v['least']:.4g}")
-    return (
-        f"along the {v['reference']} a plant that the gains allow for may take {' and '.join(ends)} {v['unit']}, the "
-        f"actuator has {v['low']:g} to {v['high']:g}: there nothing holds the error; a slower reference in the middle "
-        "of the range takes less"
-    )
-
-
 ROWS: dict[str, Row] = {
     # Gains
     "phi-exceeded": caution(
@@ -104,7 +91,10 @@ ROWS: dict[str, Row] = {
         "B̂ is {B_hat:.4g}, the middle of what the levels need: 1/b0 of the model of all levels, {pooled:.4g}, is over "
         "twice the least, {B_m:.4g}, where no ρ is enough; «b_hat» pooled takes it all the same"
     ),
-    "plants-beyond-actuator": caution(_beyond),
+    "plants-beyond-actuator": caution(
+        "along the {reference} a plant that the gains allow for may take more or less than the actuator has: there "
+        "nothing holds the error; a slower reference in the middle of the range takes less"
+    ),
     "margin-missed": caution(_margin),
     "paper-pi": note(
         "beside it the paper's PI, 21 and 360: largest error {error:.3g} {unit}; {overshoot_pct:.3g} % overshoot and "

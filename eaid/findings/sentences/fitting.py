@@ -32,6 +32,7 @@ def _constraint(values: Values) -> str:
 CAUSES = {
     "one-exponential": "one exponential is all that most of them show",
     "short-record": "hold each level longer than {record_s:.3g} s",
+    "decays": "the output decays under hold there, which no longer hold mends",
     "records": "the records do not show it",
 }
 
@@ -158,6 +159,9 @@ ROWS: dict[str, Row] = {
         "stress; say so with «units» input=N"
     ),
     "output-is-no-torque": caution("C_f was not computed: Eq. (1) takes a torque in N·m, and the output is in {unit}"),
+    "rig-unknown": caution(
+        "C_f was not computed: Eq. (1) takes the rig's radii and friction surfaces; say them with «apparatus»"
+    ),
     "trend-needs-levels": note(
         "no trend of {symbol} over {over}: a {form} trend needs at least {least} levels, there are {count}"
     ),
@@ -279,6 +283,13 @@ ROWS: dict[str, Row] = {
         lambda v: f"{_parted(v)}: scatter of single runs' gain leads the joint fit astray; leave out «estimator» joint"
     ),
     "output-decays-under-hold": caution(_decays, rank=0),
+    "rise-of-the-rig": caution(
+        "the rise is the rig's: T_s differs by a factor of {times:.2g} between levels, the slope of the rise goes with "
+        "T_s to the power {e:.2f} ({low:.2f} … {high:.2f}), where a τ of the plant's own makes it 1: τ1 and τ2 here "
+        "are the loading of the stand; step the input on a stand that moves already",
+        rank=0,
+        covers=("moves-with-step",),
+    ),
     "polynomials-too-low": note(
         lambda v: (
             f"the levels lie further from the polynomial of {_joined(v['parameters'])} than their runs scatter: "

@@ -51,7 +51,9 @@ ROWS: dict[str, Row] = {
         )
     ),
     "unit-unknown": caution(
-        "no unit is given for {role} {column}: its numbers stay as they are; say it with «units» {role}=UNIT", rank=1
+        "no unit is given for {column}: the numbers stay as they are, in a.u. (arbitrary units); say it with «units» "
+        "{ask}",
+        rank=1,
     ),
     "unit-g-unclear": caution(
         "{role} {column} is in {unit}, an acceleration or a weight: its numbers stay as they are; a weight is said by "

@@ -123,7 +123,7 @@ def read_mat(path: Path, source: str) -> list[Table]:
             type(value).__name__ in ("MatlabOpaque", "MatlabFunction") for value in content.values()
         )
         raise DataError(
-            f"{source}: {OBJECTS}" if opaque else f"{source}: holds no table of numbers; save time and torque as arrays"
+            f"{source}: {OBJECTS}" if opaque else f"{source}: holds no table of numbers; save time and output as arrays"
         )
     return tables
 
@@ -148,7 +148,7 @@ def read_numpy(path: Path, source: str) -> list[Table]:
     numbers = {name: value for name, array in arrays.items() if (value := _number(array)) is not None}
     tables += _tables("", numbers)[0]
     if not tables:
-        raise DataError(f"{source}: holds no table of numbers; save time and torque as arrays of one length")
+        raise DataError(f"{source}: holds no table of numbers; save time and output as arrays of one length")
     return tables
 
 
@@ -250,7 +250,7 @@ def read_hdf5(path: Path, source: str) -> list[Table]:
         raise DataError(
             f"{source}: {OBJECTS}"
             if matlab and opaque
-            else f"{source}: holds no table of numbers; save time and torque as arrays of one length"
+            else f"{source}: holds no table of numbers; save time and output as arrays of one length"
         )
     return _with_dropped(every, dropped)
 

@@ -136,7 +136,7 @@ def log_panels(
     measured = Line(t, np.array(curve.measured), "measured", ink.SKY, width=1.8)
     model = ink.model_line(t, np.array(curve.model), "model")
     residual = Line(t, np.array(curve.residual), "residual", ink.VERMILLION, width=0.6)
-    axes = (over(unit), quantity(out), Axis("Residual", out or "output")) if first else (Axis(),) * 3
+    axes = (over(unit), quantity(out), Axis("Residual", out)) if first else (Axis(),) * 3
     return [
         Panel(ink.OF_LOG, axes[0], [held], title=heads[0]),
         Panel(ink.OF_LOG, axes[1], [measured, model], legend="over" if first else "", columns=6, title=heads[1]),

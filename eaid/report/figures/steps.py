@@ -15,6 +15,7 @@ from eaid.report.panels import Axis, Line, Panel, Sheet, quantity
 from eaid.report.results import Results
 from eaid.report.rig import level_text
 from eaid.results.fit import Fit, StepShape
+from eaid.steps.step import hold_of
 from eaid.steps.stepset import LevelStep, StepSet
 
 Model = Callable[[Array], Array]
@@ -164,7 +165,7 @@ def level_steps_panel(data: StepSet, shapes: Sequence[StepShape]) -> Panel:
         (step.time_s, step.output - shape.start, None, called(shape), "", partial(change, shape))
         for step, shape in some_of(paired(data, shapes), MOST)
     ]
-    return curves_panel(curves, Axis("Change of output", data.output_unit or "1"), "fitted")
+    return curves_panel(curves, Axis("Change of output", data.output_unit), "fitted")
 
 
 def hold_and_release(data: StepSet) -> Sheet | None:
@@ -175,8 +176,8 @@ def hold_and_release(data: StepSet) -> Sheet | None:
         return None
     lines, ends = [], []
     for (step, release), (colour, dash) in zip(some_of(pairs, 3)[::-1], HELD_LOOKS, strict=False):
-        runs = [run for run in data.runs if run.name in (*step.names, *release.names)]
-        lost = float(np.mean([run.lost_pct for run in runs if run.lost_pct is not None]))
+        runs = [run for run in data.runs if run.name in release.names]
+        lost = hold_of(step.runs).lost_pct
         left = float(np.mean([run.left_pct for run in runs if run.left_pct is not None]))
         ends.append(float(2 * step.time_s[-1] - step.time_s[-2]))
         label = f"{level_text(step.level, data.input_unit)}: lost {lost:.1f} %, left {left:.1f} %".replace("-", "−")

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from eaid.apparatus import Apparatus
 from eaid.arrays import Array
 from eaid.report import panels as ink
 from eaid.report import rig
@@ -81,7 +82,8 @@ def trends(fit: Fit) -> Sheet | None:
     part, stress = fit.friction, fit.friction is not None and fit.friction.over_stress
     if part is None or len(part.levels) < 2:
         return None
-    names = ("Ts", "tau1", "C_f", "tau2") if stress and fit.data.output_unit == "N·m" else VALUES
+    sizes = fit.data.apparatus if stress and fit.data.output_unit == "N·m" else None
+    names = ("Ts", "tau1", "C_f", "tau2") if sizes is not None else VALUES
     paper = rig.TABLE_I
     if fit.data.kind == "friction-speed":
         # Table II's tau2 is two equal rates of opposite weight: at the printed digits no curve is left to draw.
@@ -93,7 +95,7 @@ def trends(fit: Fit) -> Sheet | None:
     for name in names:
         key = "Ts" if name == "C_f" else name
         # Eq. (1): C_f is T_s by what a coefficient of 1 would give
-        per = [fit.data.apparatus.friction_coefficient(1.0, one) for one in x] if name == "C_f" else [1.0] * len(x)
+        per = [sizes.friction_coefficient(1.0, one) if sizes and name == "C_f" else 1.0 for one in x]
         values = np.array(per) * [getattr(row, key) for row in part.levels]
         ends = [ci95_of(row, key) for row in part.levels]
         scaled = [end and (k * end[0], k * end[1]) for k, end in zip(per, ends, strict=True)]
@@ -117,7 +119,7 @@ def pwm_period(results: Results) -> Sheet | None:
     about = fit.data if fit is not None else data
     if about is None or not of_the_paper(about):
         return None
-    rig = about.apparatus
+    rig = about.apparatus or Apparatus()
     duty_pct, v = 60.0, rig.voltage_v
     period_ms = 1e3 / rig.pwm_hz
     active_ms, half = period_ms * duty_pct / 200, period_ms / 2
@@ -141,7 +143,7 @@ def shear_per_field(fit: Fit) -> Sheet | None:
     """Fig. 9, Eq. (1): shear stress over the field of this clutch at its highest level, with lines of equal merit."""
     if fit.nonlinear is None or not of_the_paper(fit.data):
         return None
-    rig, model, top = fit.data.apparatus, fit.nonlinear.parameters, fit.nonlinear.u_range[1]
+    rig, model, top = fit.data.apparatus or Apparatus(), fit.nonlinear.parameters, fit.nonlinear.u_range[1]
     field, shear = rig.field_v_per_um, rig.shear_kpa(float(model.steady(top)))
     x, merit = np.array([0.0, 2 * field]), shear / field
     factors, said = (0.5, 1.0, 2.0), f"{shear:.2f} kPa\nat {field:.2f} V/µm"

@@ -137,7 +137,7 @@ def chips(results: Results) -> tuple[str, ...]:
     texts = ["synthetic data"] if results.synthetic else []
     fit, data, about = results.main_fit, results.main_data, results.about
     if about is not None:
-        texts.append(f"{about.input_unit or 'level'} → {about.output_unit or 'output'}")
+        texts.append(f"{about.input_unit} → {about.output_unit}")
     levels = sorted(row.level for row in data.levels) if data is not None else sorted(fit.data.levels) if fit else []
     if fit is not None and fit.recorded is not None and fit.recorded.logs:
         logs = fit.recorded.logs
@@ -228,7 +228,7 @@ def _controller(results: Results, known: Known) -> Light:
     grade = _grade(known["controller"])
     if grade == "good" and gains.guarantee is not None and gains.guarantee.holds is False:
         grade = "care"
-    return Light("Controller", grade, guarantee_story(gains), "controller")
+    return Light("Controller", grade, ". ".join(guarantee_story(gains)), "controller")
 
 
 MARK = "Fit NOT USABLE: do not quote"

@@ -3,10 +3,9 @@
 from collections import Counter
 from collections.abc import Iterable
 
-import numpy as np
-
 from eaid.report.results import KINDS, Results
 from eaid.report.tables import Cell, Name, Table, columns, level, table_of
+from eaid.steps.step import hold_of
 from eaid.steps.stepset import Level, LevelStep, RunRecord, StepSet
 
 
@@ -29,19 +28,18 @@ def levels_recorded(data: StepSet) -> Table:
     """One row a level: runs, the output before the step and in the end, what is lost while the input is held."""
     falls = Counter({release.level: len(release.names) for release in data.releases})
     runs = {one.level: [run for run in data.runs if run.name in one.names] for one in data.levels}
-    warned = Counter(run.level for run in data.runs if is_warned(run))
 
     def before(one: Level) -> Cell:
         idle = [run.baseline_nm for run in runs[one.level]]
         return idle[0] if len(idle) == 1 else (min(idle), max(idle)) if idle else None
 
     return table_of(
-        "Levels", "Rise: mean of the repeats in the end. Lost: from the peak to there, mean of the runs.", data.levels,
+        "Levels", "Held: the rise in the last tenth. Lost: from the peak to there. Means of the runs.", data.levels,
         (("level", data.input_unit), lambda one: level(one.level)), ("runs", lambda one: len(one.names)),
-        ("warned", lambda one: warned[one.level]), (("before", data.output_unit, 3), before),
-        (("rise", data.output_unit), lambda one: float(one.mean[-max(1, len(one.mean) // 10) :].mean())),
-        (("lost", "%"), lambda one: round(np.mean([run.lost_pct or 0.0 for run in runs[one.level]] or [0.0]))),
-        (("held", "s"), lambda one: float(one.time_s[-1])), ("falls", lambda one: falls[one.level]),
+        ("warned", lambda one: sum(map(is_warned, runs[one.level]))), (("before", data.output_unit, 3), before),
+        (("held", data.output_unit), lambda one: float(hold_of(one.runs).held.mean())),
+        (("lost", "%"), lambda one: round(hold_of(one.runs).lost_pct)),
+        (("for", "s"), lambda one: float(one.time_s[-1])), ("falls", lambda one: falls[one.level]),
     )  # fmt: skip
 
 

@@ -20,7 +20,6 @@ def unit_of(fit: Fit, name: str) -> str:
 def levels_table(fit: Fit) -> Table:
     """The friction curve of each level."""
     rows, out = fit.friction.levels if fit.friction else (), fit.data.output_unit
-    rig, force = fit.data.apparatus, fit.data.kind == "friction-force" and of_the_paper(fit.data)
     whose = (
         "One curve for each level by itself." if fit.nonlinear is None else "The nonlinear model's curve at each level."
     )
@@ -29,7 +28,7 @@ def levels_table(fit: Fit) -> Table:
         "Single levels, Eq. (3)", f"{whose}{how}", rows,
         (("level", fit.data.input_unit),
          lambda one: Name(level(one.level) if not one.from_ else f"{level(one.from_)} → {level(one.level)}")),
-        (("stress", "kPa", 3), lambda one: rig.stress_kpa(one.level)) if force else None,
+        (("stress", "kPa", 3), "stress_kpa") if any(one.stress_kpa is not None for one in rows) else None,
         *(part for name in ("Ts", "tau1", "tau2") for part in (
             ((SYMBOLS[name], unit_of(fit, name)), name), (INTERVAL, lambda one, name=name: ci95_of(one, name)))),
         (("RMSE", out, 3), "rmse"),
@@ -77,7 +76,7 @@ def trends_table(fit: Fit) -> Table:
     trends, of_paper = fit.friction.trends if fit.friction else {}, of_the_paper(fit.data)
     heading = f"Table {'I' if force else 'II'}" if of_paper else "Trends over the level"
     stress = fit.friction is not None and fit.friction.over_stress
-    caption = f"{variable} is the level in {fit.data.input_unit or 'the unit of its file'}."
+    caption = f"{variable} is the level in {fit.data.input_unit}."
     if of_paper and not force:
         caption = "Over the rotation speed Ω in RPM, at constant force. The published τ2 is two equal rates with huge "
         caption += "opposite weights: at its printed digits only 100 e^(−0.0507 Ω) is left."
@@ -105,7 +104,7 @@ def table_iii(fit: Fit) -> Table:
     joint = None if part.estimator == "joint" else part.joint
     rows: list[tuple[Cell, ...]] = []
     for letter, name in (("a", "tau1"), ("b", "tau2"), ("c", "Ts")):
-        unit, per = unit_of(fit, name), fit.data.input_unit or "input"
+        unit, per = unit_of(fit, name), fit.data.input_unit
         printed, ends = published.TABLE_III[name], ci95_of(part, name) or ()
         for power, value in enumerate(getattr(part, name)):
             of = f"{SYMBOLS[name]}, u^{power}" if power else SYMBOLS[name]
@@ -131,7 +130,7 @@ def linear_table(fit: Fit) -> Table:
     """Eq. (8): a0, b0, c0."""
     part, out = fit.linear, fit.data.output_unit
     assert part is not None
-    units = {"a0": "1/s", "b0": f"{out}/(s·{fit.data.input_unit or 'input'})", "c0": f"{out}/s", "rmse": out}
+    units = {"a0": "1/s", "b0": f"{out}/(s·{fit.data.input_unit})", "c0": f"{out}/s", "rmse": out}
     return table_of(
         "Linear model, Eq. (8)", "dT/dt = −a0 T + b0 u + c0, fitted to all levels at once.", units,
         ("symbol", lambda name: "RMSE" if name == "rmse" else name),
@@ -172,7 +171,7 @@ def level_steps_table(fit: Fit) -> Table:
         fit.steps,
         (("step", unit), lambda one: Name(f"{level(one.from_)} → {level(one.level)}")), (("start", out), "start"),
         (("change", out), "change"), (("peak", out), "peak"),
-        (("gain", f"{out or 'output'}/{unit or 'input'}"), "gain"),
+        (("gain", f"{out}/{unit}"), "gain"),
         ("shape", lambda one: SHAPES.get(one.shape, one.shape)), (("τ1", "s"), "tau1"), (("τ2", "s"), "tau2"),
         (("C", "", 3), "C"), (("dead time", "s", 3), "dead_time_s"), (("RMSE", out, 3), "rmse"),
         (("fit", "%", 3), "fit_pct"),

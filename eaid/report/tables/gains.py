@@ -3,38 +3,41 @@
 from collections.abc import Mapping
 from operator import itemgetter
 
+from eaid.apparatus import PAPER
 from eaid.control.kinds import KINDS
 from eaid.report import rig
 from eaid.report.rig import controller_name, gain
 from eaid.report.tables import Cell, Table, level, number, table_of
 from eaid.results.coupling import Coupling
 from eaid.results.gains import PI, Condition, Gains, Margin, Margins, Robust
+from eaid.shown import output_word
 
 # Condition of the guarantee → how it is called, what it says, and why it does not hold
 CONDITIONS = {
     "rho": ("ρ", "the robust term covers the model's error, inequality (15)",
-            "ρ covers {a} of the {n} {unit} that the model's error needs"),
-    "phi": ("φ", "bound on the error of the model's drift term", "φ allows {a} of the {n} {unit} needed"),
-    "range": ("range", "φ was seen over all torques that may occur",
-              "torque goes to {n} {unit}, φ was seen up to {a}"),
+            "the robust term ρ covers {a} of the {n} {unit} that the model's error needs"),
+    "phi": ("φ", "bound on the error of the model's drift term",
+            "φ allows the model's drift term {a} of the {n} {unit} needed"),
+    "range": ("range", "φ was seen over all outputs that may occur",
+              "the output goes to {n} {unit}, φ was seen up to {a}"),
     "Q_M": ("Q_M", "bound on the slope of the reference",
             "the gains assume a slope of {a}, the reference has {n} {unit}"),
     "duty-limit": ("duty limit", "the actuator has the most that a plant may take along the reference",
-                   "a plant may take {n} {unit}, the actuator ends at {a}"),
+                   "the actuator ends at {a}, a plant within the fit's bounds may take {n} {unit}"),
     "duty-floor": ("duty floor", "the actuator has the least that a plant may take along the reference",
-                   "a plant may take {n} {unit}, the actuator begins at {a}"),
+                   "the actuator begins at {a}, a plant within the fit's bounds may take {n} {unit}"),
     "sampling": ("sampling", "the extreme plants keep 6 dB and 45° under the loop as it is sampled and latched",
-                 "sampled and latched, the extreme plants keep {a} of the {n} {unit} needed"),
-    "dead-time": ("dead time", "the plant answers at once, as the proof supposes", "the plant answers {a} {unit} late"),
+                 "as it is sampled and latched, the extreme plants keep {a} of the {n} {unit} needed"),
+    "dead-time": ("dead time", "the plant answers at once, as the proof supposes",
+                  "the proof knows no dead time, the plant has {a} {unit}"),
 }  # fmt: skip
 BEYOND_GAINS = {"duty-limit", "duty-floor", "dead-time"}  # Conditions that no gains meet
 
 
 def called(condition: Condition) -> str:
     """How a condition is called; only the paper's input is a duty."""
-    if condition.name == "duty-limit" and condition.unit not in ("%", ""):
-        return "input limit"
-    return CONDITIONS.get(condition.name, (condition.name,))[0]
+    name = CONDITIONS.get(condition.name, (condition.name,))[0]
+    return name if condition.unit in ("%", "") else name.replace("duty", "input")
 
 
 def conditions_of(gains: Gains) -> tuple[Condition, ...]:
@@ -42,30 +45,36 @@ def conditions_of(gains: Gains) -> tuple[Condition, ...]:
     return gains.guarantee.conditions if gains.guarantee is not None else ()
 
 
-def guarantee_story(gains: Gains) -> str:
-    """The one verdict on the guarantee with its reasons in words and, where no gains can have it, what these have."""
-    rows = [row for row in conditions_of(gains) if row.holds is False]
+def guarantee_story(gains: Gains) -> list[str]:
+    """The one verdict on the guarantee: which conditions fail and by how much; what these gains have instead."""
+    rows = {row.name: row for row in conditions_of(gains) if row.holds is False}
     unknown = [called(row) for row in conditions_of(gains) if row.holds is None]
     if not rows and unknown:
-        return f"guarantee not known ({', '.join(unknown)})"
+        return [f"guarantee not known ({', '.join(unknown)})"]
     if not rows:
-        return "guarantee yes" if conditions_of(gains) else "guarantee not judged in this file"
-    why = [
-        CONDITIONS[row.name][2].format(
-            n=number(row.needed, 3), a=number(row.available, 3), unit=row.unit or "of the input"
-        )
-        if row.name in CONDITIONS and None not in (row.needed, row.available)
-        else f"no {called(row)} is enough"
-        for row in rows
-    ]
+        return ["guarantee yes" if conditions_of(gains) else "guarantee not judged in this file"]
+    high, low = rows.get("duty-limit"), rows.get("duty-floor")
+    both = None not in (high, low) and None not in (high.needed, low.needed)  # type: ignore[union-attr]
+    why = []
+    for name, row in rows.items():
+        n, a = number(row.needed, 3), number(row.available, 3)
+        if both and name == "duty-floor":
+            continue
+        if both and name == "duty-limit":
+            n, a = f"{number(low.needed, 3)} … {n}", f"{number(low.available, 3)} … {a}"  # type: ignore[union-attr]
+            why.append(f"the actuator has {a}, a plant within the fit's bounds may take {n} {row.unit}")
+        elif name in CONDITIONS and None not in (row.needed, row.available):
+            why.append(CONDITIONS[name][2].format(n=n, a=a, unit=row.unit))
+        else:
+            why.append(f"no {called(row)} is enough")
     said = f"guarantee NO: {'; '.join(why)}"
     worst = gains.margins.worst.get("rc") if gains.margins is not None else None
-    beyond = [called(row) for row in rows if row.name in BEYOND_GAINS]
+    beyond = [called(row) for name, row in rows.items() if name in BEYOND_GAINS]
     if worst is None or worst.phase_deg is None or not beyond:
-        return said
+        return [said]
     gain_margin = "" if worst.gain_db is None else f"gain margin {worst.gain_db:.3g} dB, "
-    have = f"{gain_margin}phase {worst.phase_deg:.3g}°"
-    return f"{said}. No gains mend the {' and the '.join(beyond)}; what you have: {have}"
+    have = f"{gain_margin}phase margin {worst.phase_deg:.3g}°"
+    return [said, f"No gains mend the {' and the '.join(beyond)}; what you have: {have}"]
 
 
 # Row of the comparison → how it is called
@@ -154,8 +163,8 @@ def tables_of(gains: Gains) -> list[Table]:
 def table_iv(gains: Gains) -> Table:
     """What was chosen for the robust controller, what follows from it and the linear model, and the PI."""
     rc, pi = gains.rc, gains.pi
-    on_papers_rig = (gains.input_unit, gains.output_unit) == rig.PAPER["clutch"]
-    unit, out = gains.input_unit or "input", gains.output_unit
+    on_papers_rig = (gains.input_unit, gains.output_unit) == PAPER["clutch"]
+    unit, out = gains.input_unit, gains.output_unit
     per = gain(unit, out)
     rows: list[tuple[str, str | None, Cell, str, str]] = []
     if rc is not None:
@@ -211,7 +220,8 @@ def walls_table(coupling: Coupling) -> Table:
     )
     return table_of(
         "How stiff a virtual wall may be", caption, coupling.walls,
-        ("loop", lambda one: controller_name(one.loop)), (("torque", coupling.output_unit, 3), "torque_nm"),
+        ("loop", lambda one: controller_name(one.loop)),
+        ((output_word(coupling.output_unit), coupling.output_unit, 3), "torque_nm"),
         (("passive", "N·m/rad", 3), "K_passive"),
         (("stable", "N·m/rad", 3), "K_stable"), (("replayed", "N·m/rad", 3), "K_replayed"),
     )  # fmt: skip

@@ -1,0 +1,71 @@
+"""Excel workbooks (`.xlsx`) → tables: the block of numbers of each sheet under the row of names above it."""
+
+from collections.abc import Sequence
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from eaid.errors import DataError
+from eaid.logs.table import BadCell, Cells, Table, seconds
+from eaid.logs.units import unit_of
+
+Row = Sequence[Any]
+
+
+def read_excel(path: Path, source: str) -> list[Table]:
+    """One table a sheet that holds numbers: its values as last computed, not its formulas."""
+    import openpyxl
+
+    book = openpyxl.load_workbook(path, read_only=True, data_only=True)
+    sheets = ((sheet.title, list(sheet.iter_rows(values_only=True))) for sheet in book.worksheets)
+    tables = [table for name, rows in sheets if (table := _table(str(name), rows)) is not None]
+    if not tables:
+        raise DataError(f"{source}: no sheet of it holds rows of numbers; a log is a table, one row a sample")
+    return tables
+
+
+def _is_number(cell: Any) -> bool:
+    return isinstance(cell, int | float | date) and not isinstance(cell, bool)
+
+
+def _table(name: str, rows: Sequence[Row]) -> Table | None:
+    """The rows from the first one with as many numbers as any; None without two of two columns."""
+    counts = [sum(map(_is_number, row)) for row in rows]
+    most = max(counts, default=0)
+    if most < 2 or counts.count(most) < 2:
+        return None
+    start = counts.index(most)
+    while rows and not any(cell is not None for cell in rows[-1]):
+        rows = rows[:-1]
+    places = [i for i, cell in enumerate(rows[start]) if _is_number(cell)]
+    words = [[_word(row, i) for i in places] for row in reversed(rows[:start]) if any(map(bool, row))]
+    told = [unit_of(word).quantity for word in (words[0] if words else ()) if word]
+    units = words.pop(0) if len(words) > 1 and told and all(told) else [""] * len(places)
+    stamped = tuple(k for k, i in enumerate(places) if isinstance(rows[start][i], date))
+    units = ["s" if k in stamped else unit for k, unit in enumerate(units)]
+
+    def load(wanted: Sequence[int]) -> Cells:
+        values, bad = [], []
+        for k in wanted:
+            cells = [row[places[k]] if places[k] < len(row) else None for row in rows[start:]]
+            if k in stamped:
+                stamps = [np.datetime64(cell) if isinstance(cell, date) else np.datetime64("NaT") for cell in cells]
+                column = seconds(np.array(stamps, dtype="datetime64[us]"))
+            else:
+                column = np.array([cell if _is_number(cell) else np.nan for cell in cells], dtype=np.float64)
+            bad += [
+                BadCell(row, k, "" if cells[row] is None else str(cells[row])[:40])
+                for row in np.flatnonzero(~np.isfinite(column)).tolist()
+            ]
+            values.append(column)
+        return Cells(tuple(values), tuple(bad), ((0, start + 1),))
+
+    labels = tuple(words[0]) if words else ("",) * len(places)
+    return Table(name, labels, load, tuple(units), stamped=stamped)
+
+
+def _word(row: Row, place: int) -> str:
+    cell = row[place] if place < len(row) else None
+    return "" if cell is None else str(cell).strip()
