@@ -808,11 +808,12 @@ def plot(result: "Fit | Gains | Replay | Rig | Comparison", ax: Any = None) -> A
     result
         A fit, gains, a replay, a rig or a comparison.
     ax
-        Axes that are drawn on; without them new ones.
+        Axes that are drawn on; without them new ones. Or `"residuals"`, of a fit: what it leaves over time, with itself
+        a lag later, and against the input, on three new Axes.
 
     Returns
     -------
-    matplotlib.axes.Axes
+    matplotlib.axes.Axes or array of them
         The Axes, labelled with units.
 
     Raises
@@ -828,11 +829,14 @@ def plot(result: "Fit | Gains | Replay | Rig | Comparison", ax: Any = None) -> A
     'Time since the step (s)'
     """
     from eaid.report.paper import plot as drawn
+    from eaid.report.paper import plot_residuals
     from eaid.sessions.compare import Comparison
     from eaid.sessions.rig import Rig
 
     if not isinstance(result, Fit | Gains | Replay | Rig | Comparison):
         raise UsageError(f"result: is a {type(result).__name__}; give a fit, gains or a replay")
+    if isinstance(result, Fit) and isinstance(ax, str) and ax == "residuals":
+        return plot_residuals(result)
     if ax is not None and not hasattr(ax, "plot"):
         raise UsageError(f"«ax» {ax!r:.40}: is no matplotlib Axes; leave it out, or give one of plt.subplots()")
     return drawn(result, ax)

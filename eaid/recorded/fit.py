@@ -12,7 +12,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 
-from eaid.arrays import Array, extremes
+from eaid.arrays import Array, extremes, median
 from eaid.errors import DataError, UsageError
 from eaid.estimate import forms, workflow
 from eaid.estimate.coefficients import turned, with_intervals
@@ -38,6 +38,7 @@ from eaid.recorded.inputs import FEW_LEVELS, inputs_of
 from eaid.results.common import LevelError, Source
 from eaid.results.fit import Fit, FittedData, Friction, FrictionLevel, Linear, Noise, Nonlinear, Release, Uncertainty
 from eaid.results.recorded import LogCurve, LogFit, Recorded
+from eaid.results.residuals import correlation_of
 from eaid.results.verdict import judged
 from eaid.steps.levels import wanted_levels
 from eaid.steps.stepset import Level, StepSet
@@ -130,6 +131,7 @@ def log_part(solved: Solved, k: int, log: RecordedLog) -> LogFit:
         fit_pct=100 * (1 - float(np.linalg.norm(missed)) / about) if about > 0 else None,
         one_step_pct=100 * (1 - float(np.linalg.norm(np.diff(missed))) / about) if about > 0 else None,
         curve=LogCurve(*(tuple(float(f"{x:.{DIGITS}g}") for x in column[at]) for column in columns)),
+        correlation=correlation_of([-missed], median(log.dt_s), level),
     )
 
 

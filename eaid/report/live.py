@@ -103,6 +103,7 @@ def _line(p: Any, line: Line) -> tuple[Any, Any]:
     source = ColumnDataSource({"x": x.astype(np.float32), "y": y.astype(np.float32)}, name=plain(line.name))
     dash = DASHES[line.dash] if isinstance(line.dash, str) else [2 * length for length in line.dash[1]]
     look = Stroke(x="x", y="y", line_color=line.color, line_width=1.7 * line.width, line_dash=dash)
+    look.line_alpha = line.alpha
     # A pointer hits a line only within half its width: a broad one that nobody sees catches it.
     broad = Stroke(x="x", y="y", line_width=14, line_alpha=0)
     return p.add_glyph(source, look), p.add_glyph(source, broad, name=plain(line.name))

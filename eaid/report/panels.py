@@ -68,7 +68,7 @@ class Line:
 
 def model_line(x: Array, y: Array, name: str) -> Line:
     """A thin dark dashed line over the broader, paler one of what was measured: both stay to be seen."""
-    return Line(x, y, name, BLACK, (0, (4, 2)), 0.8)
+    return Line(x, y, name, BLACK, (0, (4, 2)), 1.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
 from eaid.arrays import Array
+from eaid.errors import DataError
 from eaid.report.figures.replays import tracking_panels
+from eaid.report.figures.residuals import residuals
 from eaid.report.figures.sessions import control_panel, values_panel
 from eaid.report.figures.steps import fitted_steps
 from eaid.report.figures.values import margins_panel
@@ -227,6 +229,19 @@ def saved(figure: Figure, kind: str, dpi: float = DPI) -> bytes:
     few = drawn.quantize(128, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
     few.save(out, format="PNG", dpi=(dpi, dpi), compress_level=7)
     return out.getvalue()
+
+
+def plot_residuals(fit: Fit) -> Any:
+    """For notebooks: the residuals of a fit over time, with themselves a lag later, and against the input."""
+    from matplotlib import pyplot
+
+    sheet = residuals(fit)
+    if sheet is None:
+        raise DataError("this fit was read from a file and holds no samples; fit again, or make a report")
+    axes = pyplot.subplots(1, len(sheet.panels), figsize=(3 * len(sheet.panels), 3), layout="constrained")[1]
+    for one, panel in zip(axes, sheet.panels, strict=True):
+        draw(one, panel)
+    return axes
 
 
 def plot(result: Fit | Gains | Replay | Rig | Comparison, ax: Axes | None = None) -> Axes:

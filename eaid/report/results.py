@@ -63,7 +63,10 @@ class Results:
     @property
     def main(self) -> "Results":
         """The same without fits and data of other kinds."""
-        kind = self.main_kind
+        return self.of_kind(self.main_kind)
+
+    def of_kind(self, kind: str | None) -> "Results":
+        """The same with fits and data of one kind alone."""
         fits = tuple(one for one in self.fits if one.result.data.kind == kind)
         return replace(self, fits=fits, data=tuple(one for one in self.data if one.result.kind == kind))
 

@@ -14,7 +14,7 @@ from eaid.report import paper
 from eaid.report.figures import FIGURES
 from eaid.report.live import live_of
 from eaid.report.page import Block, Drawn, page, parts
-from eaid.report.page.summary import known, mark_of, pictures
+from eaid.report.page.summary import mark_of, pictures
 from eaid.report.panels import Sheet
 from eaid.report.results import Results
 from eaid.report.tables import Table
@@ -66,7 +66,7 @@ def write_tables(folder: Path, given: Results, force: bool) -> None:
     import pandas
 
     texts: dict[Path, str] = {}
-    for table in tables_in(parts(given, known(given), {})):
+    for table in tables_in(parts(given, {})):
         name = re.sub(r"[^a-z0-9]+", "-", table.heading.lower()).strip("-")
         again = sum(path.suffix == ".csv" and re.fullmatch(rf"{name}(-\d+)?", path.stem) is not None for path in texts)
         stem = f"{name}-{again + 1}" if again else name

@@ -3,6 +3,7 @@
 from typing import Literal
 
 from eaid.results.common import Count, Interval, Number, Result
+from eaid.results.residuals import Correlation
 
 
 class LogCurve(Result, frozen=True):
@@ -45,6 +46,8 @@ class LogFit(Result, frozen=True):
     one_step_pct: Number | None = None
     """The same for the prediction y_k + (ŷ_k+1 − ŷ_k) of row k + 1."""
     curve: LogCurve = LogCurve()
+    correlation: Correlation = Correlation()
+    """Of its residuals, of all rows."""
 
 
 class FallTest(Result, frozen=True):

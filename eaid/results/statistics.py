@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     import pandas
 
     from eaid.results.fit import Fit, Parameter
+    from eaid.steps.stepset import StepSet
 
 FIRST = ("nonlinear", "linear", "friction")  # Models of steps, the first that was fitted before the others
 PLANT = "plant"  # The one plant, where it is of another kind
@@ -146,11 +147,12 @@ def log_likelihood(fit: "Fit") -> float:
     return -n / 2 * (math.log(2 * math.pi * sse / n) + 1)
 
 
-def residuals(fit: "Fit") -> "pandas.DataFrame":
-    """Recorded and fitted output of the mean of each level's repeats, indexed by (level, time_s)."""
+def residuals(fit: "Fit", steps: "StepSet | None" = None) -> "pandas.DataFrame":
+    """Recorded and fitted output of the mean of each level's repeats, indexed by (level, time_s); `steps`: those of a
+    fit that was read from a file."""
     import pandas as pd
 
-    steps = fit.__dict__.get("steps_fitted")
+    steps = fit.__dict__.get("steps_fitted", steps)
     if steps is None:
         raise DataError("this fit was read from a file, or is of logs as recorded, and holds no samples; fit again")
     parts = {

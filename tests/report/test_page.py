@@ -179,8 +179,8 @@ def test_another_rig_has_its_own_units_and_no_published_values(report_of: Callab
     (_heads, lowest, highest) = page.numbers["Values with 95 % intervals"]
     assert lowest[:2] == ["100", "1 (0.95 … 1.05)"] and highest[:2] == ["300", "2 (1.9 … 2.1)"]
     assert highest[3] == "not estimable" and lowest[2] == "0.1 (not estimable)"
-    assert page.rows("Single levels, Eq. (3)")[1][6] == "–"  # an interval that says nothing
-    assert page.tables["Linear model, Eq. (8)"][0] == ["symbol", "ours", "95 % interval", "unit"]
+    assert page.rows("Single levels, Eq. (3)")[1][6] == "not known"  # never one without width
+    assert page.tables["Linear model, Eq. (8)"][0] == ["symbol", "ours", "unit"]
     assert [row[-1] for row in page.rows("Linear model, Eq. (8)")][:3] == ["1/s", "N/(s·V)", "N/s"]
     assert "B (V·s/(N))" in page.tables["Input gain of each level"][0]
     assert not any("published" in head for rows in page.tables.values() for head in rows[0])

@@ -6,7 +6,7 @@ from functools import partial
 from operator import attrgetter, methodcaller
 from typing import Any
 
-from eaid.report.figures import replays, sessions, steps, values
+from eaid.report.figures import replays, residuals, sessions, steps, values
 from eaid.report.panels import Sheet
 from eaid.report.results import Results
 
@@ -54,8 +54,13 @@ FIGURES: tuple[Row, ...] = (
     Row("fig07_nonlinear_model", "Fig. 7 · Nonlinear model",
         "Broad: mean of the repeats, shaded ± one standard deviation (sd); dashed, where fitted: Eq. (4).",
         (_data("clutch"), _all), steps.nonlinear_model),
+    Row("residuals", "Residuals",
+        "What the model leaves: over time; with itself a lag later, shaded where white noise lies in 19 of 20 lags; "
+        "against the input.", (attrgetter("main_fit"), _all),
+        lambda fit, results: residuals.residuals(fit, results.main_data)),
     Row("model_over_duty", "Parameters over the level",
-        "The model over the level, with its 95 % intervals at some levels.", (_CLUTCH,), values.polynomials),
+        "Line: the model's curve. Dots: the values of the levels with their 95 % intervals.", (_CLUTCH,),
+        values.polynomials),
     Row("level_steps", "Steps from level to level", "Each step from its own start; dashed: the fitted curve.",
         (_all,), steps.level_steps, of_the_fit=False),
     Row("fig08_linear_model", "Fig. 8 · Linear model",

@@ -21,6 +21,7 @@ from eaid.steps.stepset import LevelStep, StepSet
 Model = Callable[[Array], Array]
 T = TypeVar("T")
 LABELLED = 14  # Most levels that are named at the ends of their curves, spread over all
+PALER = 0.5  # Of what was measured, however many rows of it: the models stay to be seen above
 DRAWN = 24  # Most levels that are drawn: more hide each other
 
 
@@ -56,19 +57,19 @@ Curve = tuple[Array, Array, Array | None, str, str, Model | None]
 def curves_panel(curves: Sequence[Curve], y: Axis, said: str) -> Panel:
     """Each level's curve, its band and its model (`said` in the legend)."""
     colours, named = ink.level_colours(len(curves)), {one[3] for one in some_of(curves, LABELLED)}
-    bands, lines = [], []
+    bands, lines, models = [], list[Line](), list[Line]()
     for (t, mean, sd, text, rmse, model), colour in zip(curves, colours, strict=True):
         if sd is not None:
             bands.append(ink.Band(t, mean - sd, mean + sd, colour, 0.2))
         end = (f"{text}: {rmse}" if rmse else text) if text in named else ""
-        lines.append(Line(t, mean, f"{text}, measured", colour, width=1.5, alpha=0.75, end=end))
+        lines.append(Line(t, mean, f"{text}, measured", colour, width=1.5, alpha=PALER, end=end))
         if model is not None:
             fine = fine_times(float(t[-1]))
-            lines.append(ink.model_line(fine, model(fine), f"{text}, model{', RMSE ' if rmse else ''}{rmse}"))
-    keys = [Line((), (), "measured" + " ± sd" * bool(bands), colours[len(colours) // 2], width=1.5, alpha=0.75)]
+            models.append(ink.model_line(fine, model(fine), f"{text}, model{', RMSE ' if rmse else ''}{rmse}"))
+    keys = [Line((), (), "measured" + " ± sd" * bool(bands), colours[len(colours) // 2], width=1.5, alpha=PALER)]
     if any(model is not None for *_, model in curves):
         keys.append(ink.model_line(np.empty(0), np.empty(0), said))
-    return Panel(ink.OF_STEP, y, lines, bands, legend="above", columns=2, keys=keys)
+    return Panel(ink.OF_STEP, y, [*lines, *models], bands, legend="above", columns=2, keys=keys)
 
 
 def steps_panel(

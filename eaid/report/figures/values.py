@@ -28,11 +28,15 @@ def value_panel(
     model: Line | None, published: Line | None, legend: bool,
 ) -> Panel:  # fmt: skip
     """A fitted value over the level: its model, the single levels with their intervals, what was published."""
-    known = [(value, value) if ends is None else ends for value, ends in zip(values, intervals, strict=True)]
-    low, high = np.array(known).reshape(-1, 2).T
-    ends = np.minimum(low, values), np.maximum(high, values)
-    lines = [Line(levels, values, "at each level, 95 %", dash="", marker="o", ends=ends)]
-    top = float(np.nanmax(np.minimum(ends[1], TALL * np.abs(values)), initial=0.0))
+    low, high = np.array([(np.nan, np.nan) if ends is None else ends for ends in intervals]).reshape(-1, 2).T
+    ends = np.minimum(low, values), np.maximum(high, values)  # nan: not known, and no whisker
+    known, at = np.isfinite(low), np.asarray(levels)
+    whiskers = ends[0][known], ends[1][known]
+    lines = [Line(at[known], values[known], "at each level, 95 %", dash="", marker="o", ends=whiskers)]
+    if not known.all():
+        lines.append(Line(at[~known], values[~known], "interval not known", dash="", marker="o", fill="white"))
+    size = np.abs(values)
+    top = float(np.nanmax(np.where(known, np.minimum(ends[1], TALL * size), size), initial=0.0))
     if model is not None:
         peak = float(np.nanmax(model.y, initial=0.0))
         top = top if top and peak > 3 * top and name in ("tau1", "tau2") else max(top, peak)
@@ -53,8 +57,8 @@ def ended(values: Array, name: str) -> Array:
 def value_panels(fit: Fit) -> list[Panel]:
     """T_s, τ1 and τ2, a panel each: the levels of a fit, its nonlinear model where there is one, and Table III."""
     rows, part = fit.level_values, fit.nonlinear
-    panels = []
-    for name in VALUES:
+    panels, one_lag = [], fit.plant_ is not None and fit.plant_.kind == "lag"
+    for name in VALUES[: 2 if one_lag else 3]:
         values = ended(np.array([getattr(row, name) for row in rows], dtype=float), name)
         model = published = None
         if part is not None:
@@ -74,7 +78,8 @@ def polynomials(fit: Fit) -> Sheet | None:
     """T_s, τ1 and τ2 over the level: the model, the single levels with their intervals, and Table III."""
     if fit.nonlinear is None or len(fit.level_values) == 1:
         return None
-    return Sheet(value_panels(fit), 2.5, columns=3, shared=False)
+    panels = value_panels(fit)
+    return Sheet(panels, 2.5, columns=len(panels), shared=False)
 
 
 def trends(fit: Fit) -> Sheet | None:

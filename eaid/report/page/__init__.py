@@ -6,31 +6,35 @@ escaped.
 
 import base64
 import hashlib
+import itertools
 import re
 import shlex
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import resources
+from pathlib import Path
+from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from eaid.export.export import offered
+from eaid.findings import Finding
 from eaid.findings.finding import WORD, listed
 from eaid.report import live
 from eaid.report.page import summary
-from eaid.report.page.summary import GRADES, MOST, Known, known, sentence
-from eaid.report.results import KINDS, Results
-from eaid.report.tables import Name, Table, data, fits, gains, replays, sessions, text
+from eaid.report.page.summary import GRADES, MOST, Known, sentence
+from eaid.report.results import KINDS, Given, Results
+from eaid.report.tables import Name, Table, data, fits, gains, replays, sessions, shown
 from eaid.shown import counted
 from eaid.version import __version__
 
 OPEN_ROWS = 24  # Most rows of a table that stands open
 KIND_FIGURES = {
     "clutch": ("recorded_logs", "fig07_nonlinear_model", "level_steps", "model_over_duty",
-               "fig08_linear_model", "fig09_shear_per_field"),
-    "friction-force": ("fig03_friction_steps", "level_steps", "fig04_friction_over_stress"),
-    "friction-speed": ("fig03_friction_steps", "level_steps", "fig05_friction_over_speed"),
+               "residuals", "fig08_linear_model", "fig09_shear_per_field"),
+    "friction-force": ("fig03_friction_steps", "level_steps", "fig04_friction_over_stress", "residuals"),
+    "friction-speed": ("fig03_friction_steps", "level_steps", "fig05_friction_over_speed", "residuals"),
 }  # fmt: skip
 
 
@@ -78,12 +82,16 @@ class Block:
         return listed([*figures, *(table.heading for table in self.tables)])
 
 
-def parts(results: Results, known: Known, drawn: Figures) -> list[Block]:
+def parts(results: Results, drawn: Figures) -> list[Block]:
     """The parts that have anything to show, in the order of the page."""
+    known = summary.known(results.main)
     rehab = results.replay("rehab")
     others = [given.result for given in results.replays if given.result.head.scenario != "rehab"]
     tracked = [replay for replay in others if replay.head.scenario != "log"]
-    replayed = [*([replays.errors_table(tracked)] if tracked else []), *map(replays.log_table, others)]
+    replayed = [
+        *([replays.errors_table(tracked)] if tracked else []),
+        *(replays.log_table(one, [fit.result for fit in results.fits]) for one in others),
+    ]
     replayed += [table for replay in tracked for table in replays.further_tables(replay)]
     shown = _of(drawn, "fig12_multisine", "own_reference", "fig11_steps", "log_replay")
     again = Block("How to do it again", lines=tuple(commands(results)))
@@ -101,15 +109,45 @@ def parts(results: Results, known: Known, drawn: Figures) -> list[Block]:
     return [part for part in every if part is not None]
 
 
+def numbered(blocks: Iterable[Block], of_paper: bool) -> list[Block]:
+    """The parts with their figures counted from 1 in the order of the page; those of the paper's rig have its
+    numbers."""
+    if of_paper:
+        return list(blocks)
+    numbers = itertools.count(1)
+
+    def of(block: Block) -> Block:
+        order = sorted(block.figures, key=lambda one: one.narrow)  # narrow ones stand below the others, in pairs
+        titled = tuple(replace(one, title=f"Figure {next(numbers)} · {one.title}") for one in order)
+        return replace(block, figures=titled, folds=tuple(map(of, block.folds)))
+
+    return [of(block) for block in blocks]
+
+
 def _of(drawn: Figures, *names: str) -> tuple[Drawn, ...]:
     """Figures by name, but for those that a part before has shown."""
     return tuple(drawn.pop(name) for name in names if name in drawn)
 
 
-def _block(title: str, figures: Sequence[Drawn], tables: Iterable[Table]) -> list[Block]:
-    """Figures and tables that have rows under one title; none where there are neither."""
-    block = Block(title, tuple(figures), tuple(table for table in tables if table.rows))
-    return [block] if block.figures or block.tables else []
+def _block(
+    title: str, figures: Sequence[Drawn], tables: Iterable[Table], findings: Sequence[tuple[str, str]] = ()
+) -> list[Block]:
+    """Figures, tables that have rows and findings under one title; none where there is nothing."""
+    block = Block(title, tuple(figures), tuple(table for table in tables if table.rows), tuple(findings))
+    return [block] if block.count else []
+
+
+def _told(findings: Iterable[Finding], of_data: bool) -> tuple[tuple[str, str], ...]:
+    """Severity and sentence of each."""
+    return tuple((found.severity, sentence(found, of_data)) for found in findings)
+
+
+def _of_another_kind(results: Results, kind: str) -> tuple[tuple[str, str], ...]:
+    """What was found of a kind that the page is not about: it stands in that kind's own fold."""
+    if kind == results.main_kind:
+        return ()
+    known = summary.known(results.of_kind(kind))
+    return _told(known["data"], True) + _told(known["model"], False)
 
 
 def _part(
@@ -117,7 +155,7 @@ def _part(
     open_figures: int = 1,
 ) -> Block:  # fmt: skip
     """A part with its first figures, its gravest findings and its first table; what else there is stands folded."""
-    findings = tuple((found.severity, sentence(found, title == "Data")) for found in known.get(title.lower(), ()))
+    findings = _told(known.get(title.lower(), ()), title == "Data")
     more = [Block("More to know", findings=findings[MOST:])] if len(findings) > MOST else []
     rows = [table for table in tables if table.rows]
     shown = [table for table in rows[:1] if len(table.rows) <= OPEN_ROWS]
@@ -145,7 +183,8 @@ def _data(results: Results, known: Known, drawn: Figures) -> Block | None:
         if steps is main:
             tables = every
         else:
-            folds += _block(f"{KINDS[steps.kind].capitalize()}: every run", (), every)
+            found = _of_another_kind(results, steps.kind) if results.fit(steps.kind) is None else ()
+            folds += _block(f"{KINDS[steps.kind].capitalize()}: every run", (), every, found)
     alone = () if results.fits else ("fig07_nonlinear_model", "fig03_friction_steps")
     figures = _of(drawn, *alone, "fig06_hold_and_release", "fig02_pwm")
     return _part("Data", known, figures, tables, folds, max(1, len(figures) - 1))
@@ -162,9 +201,10 @@ def _model(results: Results, known: Known, drawn: Figures) -> Block | None:
         if given.result is not main:
             of = given.result.data.kind
             title = KINDS[of].capitalize() + (f", {given.path}" if kinds.count(of) > 1 else "")
-            folds += _block(title, _of(drawn, *KIND_FIGURES[of]), fits.model_tables(given.result))
+            found = _of_another_kind(results, of) if given.result is results.fit(of) else ()
+            folds += _block(title, _of(drawn, *KIND_FIGURES[of]), fits.model_tables(given.result), found)
     tables = fits.model_tables(main) if main is not None else []
-    return _part("Model", known, figures, tables, folds, 3)
+    return _part("Model", known, figures, tables, folds, 4)
 
 
 def _controller(results: Results, known: Known, drawn: Figures) -> Block | None:
@@ -184,49 +224,74 @@ MENDED = {"rho": "--b-hat minimax", "phi": "--phi data", "Q_M": "--reference mul
 
 
 def next_steps(results: Results) -> list[tuple[str, str]]:
-    """At most three things to do, each with the command that does it."""
+    """At most three things to do, each with the command that does it, wherever it is pasted."""
     clutch = next((fit for fit in results.fits if fit.result.data.kind == "clutch"), None)
     fit = clutch or next(iter(results.fits), None)
     if fit is None and (of_sessions := _next_of_sessions(results)):
         return of_sessions
     if fit is None:
-        return [("Fit the data", f"eaid fit {shlex.quote(one.path)} -o fit.json") for one in results.data[:1]]
-    fit_json, usable, linear = shlex.quote(fit.path), fit.result.verdict.usable, fit.result.linear
+        return [("Fit the data", _line("fit", one, "-o", _unused(one, "fit.json"))) for one in results.data[:1]]
+    usable, linear = fit.result.verdict.usable, fit.result.linear
     steps: list[tuple[str, str]] = []
     if linear is not None and not results.gains and usable and linear.a0 > 0 and linear.b0 > 0:
-        steps.append(("Design the controllers", f"eaid tune-rc {fit_json} -o gains.json"))
+        steps.append(("Design the controllers", _line("tune-rc", fit, "-o", _unused(fit, "gains.json"))))
     given = next(iter(results.gains), None) if usable else None
     conditions = gains.conditions_of(given.result) if given is not None else ()
     if given is not None:
         missing = [row for row in conditions if row.holds is False]
-        options = " ".join(MENDED[row.name] for row in missing if row.name in MENDED)
+        options = " ".join(MENDED[row.name] for row in missing if row.name in MENDED).split()
         if options and not any(row.name in gains.BEYOND_GAINS for row in missing):
             why = f"Ask for gains whose guarantee holds ({', '.join(map(gains.called, missing))})"
-            typed = shlex.join(given.result.command) or fit_json  # what was asked for stays
-            steps.append((why, f"eaid tune-rc {typed} {options} -o {shlex.quote(given.path)} --force"))
+            asked: list[Any] = [_whole(word) if Path(word).is_file() else word for word in given.result.command]
+            steps.append(
+                (why, _line("tune-rc", *(asked or [fit]), *options, "-o", given, "--force"))
+            )  # what was asked for stays
         if results.replay("multisine") is None:
-            line = f"eaid simulate {fit_json} {shlex.quote(given.path)} --scenario multisine -o multisine.h5"
+            line = _line("simulate", fit, given, "--scenario", "multisine", "-o", _unused(fit, "multisine.h5"))
             steps.append(("Try the controllers on the fitted model", line))
     of_clutch = fit.result.plant_ is None or fit.result.plant_.kind == "parallel"  # others are not planned for
     if of_clutch and (fit.result.nonlinear is not None or fit.result.friction_levels):
-        logs = " --excitation" if fit.result.recorded is not None else ""
+        logs = ["--excitation"] if fit.result.recorded is not None else []
         why = "Plan what to record next: inputs, holds and repeats for narrower intervals"
-        steps.append((why, f"eaid plan {fit_json}{logs} -o plan.csv"))
+        steps.append((why, _line("plan", fit, *logs, "-o", _unused(fit, "plan.csv"))))
     if given is not None and (laws := offered(given.result, fit.result)) != ():
         without = "" if given.result.guarantee else ", without a guarantee"
-        only = f" --law {','.join(laws)}" if laws else ""
-        line = f"eaid export {shlex.quote(given.path)} --as c{only} -o rig"
+        only = ["--law", ",".join(laws)] if laws else []
+        line = _line("export", given, "--as", "c", *only, "-o", _unused(given, "rig"))
         steps.append((f"Take these gains to the rig{without}", line))
-    return steps[:3]
+    unsaved = [f'{one.path}.save("{one.path}.json")' for one in (fit, given) if one is not None and not one.sha256]
+    first = f" (first {', '.join(unsaved)})" if unsaved else ""
+    return [(why + first, line) for why, line in steps[:3]]
+
+
+def _whole(name: str | Path) -> str:
+    """A file by its whole path, so that a command finds it from any folder."""
+    return str(Path(name).absolute())
+
+
+def _unused(beside: Given[Any], name: str) -> str:
+    """A new file or folder beside a given one: plan.csv, where there is one plan-2.csv."""
+    first = Path(beside.path).absolute().with_name(name)
+    others = (first.with_stem(f"{first.stem}-{k}") for k in itertools.count(2))
+    return str(next(one for one in itertools.chain([first], others) if not one.exists()))
+
+
+def _line(command: str, *words: str | Given[Any]) -> str:
+    """A command line; a result that is in memory stands as the file that it is to be saved as."""
+    return shlex.join(["eaid", command, *(word if isinstance(word, str) else _whole(_file(word)) for word in words)])
+
+
+def _file(one: Given[Any]) -> str:
+    return one.path if one.sha256 else f"{one.path}.json"
 
 
 def _next_of_sessions(results: Results) -> list[tuple[str, str]]:
     """What to do after a comparison or with a rig."""
     now, moved = "Make gains for the session as it is now", [one.result for one in results.comparisons]
-    steps = [(now, f"eaid tune-rc {shlex.quote(found.files['A'])}") for found in moved if found.tune_anew]
+    steps = [(now, _line("tune-rc", _whole(found.files["A"]))) for found in moved if found.tune_anew]
     for given in (given for given in results.rigs if given.result.base is not None):
         at = f"{given.result.main.best_level:.4g} {given.result.input_unit}".rstrip()
-        line = f"eaid today {shlex.quote(given.path)} STEP -o today.json"
+        line = _line("today", given, "STEP", "-o", _unused(given, "today.json"))
         steps.append((f"In the next session record one step at {at} first: it is worth most", line))
     return steps
 
@@ -259,17 +324,17 @@ def page(results: Results, drawn: Sequence[Drawn], pictures: Sequence[Drawn]) ->
     )  # fmt: skip
     made.filters["sign"] = signs
     return made.get_template("report.html.j2").render(
-        words=WORDS, grades=GRADES, called=WORD, text=text,
+        words=WORDS, grades=GRADES, called=WORD, shown=shown,
         title=summary.title(results),
         synthetic=results.synthetic,
         chips=summary.chips(results),
         mark=summary.mark_of(results),
         version=__version__,
-        lights=summary.lights(results, known(results.main)),
+        lights=summary.lights(results),
         pictures=pictures,
         numbers=summary.tables(results),
         next_steps=next_steps(results),
-        parts=parts(results, known(results), {one.name: one for one in drawn}),
+        parts=numbered(parts(results, {one.name: one for one in drawn}), results.of_paper),
         style=Markup(_asset("page.css")),
         # Our own scripts only, told by their hash: nothing else on the page can run, whatever a file name says.
         allowed=" ".join(
@@ -282,10 +347,12 @@ def page(results: Results, drawn: Sequence[Drawn], pictures: Sequence[Drawn]) ->
 
 
 def signs(said: str) -> Markup:
-    """Our own formulas as HTML: T_s, u^2 and e^(…) get their sub- and superscripts; names that users chose do not."""
+    """Our own texts as HTML: T_s, u^2 and e^(…) get their sub- and superscripts, numbers a true minus sign, the ends of
+    an interval stay on one line; names that users chose stand as they are."""
     safe = str(escape(str(said)))
     if isinstance(said, Name):
         return Markup(safe)
+    safe = re.sub(r"(?<![^\s(\[])-(?=\.?\d)|(?<=\de)-(?=\d)", "−", safe).replace(" … ", "\u00a0…\u00a0")
     safe = re.sub(r"\^\(([^()]*)\)", r"<sup>\1</sup>", safe)
     safe = re.sub(r"(?<=[u%A-Za-z])\^(\d)", r"<sup>\1</sup>", safe)
     return Markup(re.sub(r"\b([TCBKQabc])_([A-Za-z0-9])\b", r"\1<sub>\2</sub>", safe))

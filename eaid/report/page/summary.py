@@ -9,17 +9,20 @@ import numpy as np
 from eaid.errors import on_command_line
 from eaid.findings import Finding, merged, ranked, say
 from eaid.report.figures import replays, sessions, steps, values
+from eaid.report.figures.residuals import residuals
 from eaid.report.panels import Axis, Panel, Sheet
 from eaid.report.results import KINDS, Results
 from eaid.report.rig import controller_name, level_text
 from eaid.report.tables import Cell, Table, columns, number
-from eaid.report.tables.data import is_warned
+from eaid.report.tables.data import distinct, is_warned
 from eaid.report.tables.gains import comparison, guarantee_story
 from eaid.report.tables.replays import SCENARIO_NAMES, metric
 from eaid.report.tables.sessions import next_table, promise_table, shifts_table
 from eaid.results import summary
+from eaid.results.fit import Fit
 from eaid.results.gains import Replayed
 from eaid.results.replay import Replay
+from eaid.results.verdict import in_short
 from eaid.shown import counted, span
 
 MODELS = {"friction": "friction curves", "nonlinear": "nonlinear model", "linear": "linear model", "release": "release"}
@@ -31,7 +34,7 @@ Known = Mapping[str, tuple[Finding, ...]]  # Part of the page → its findings, 
 
 
 def known(results: Results) -> Known:
-    """All findings of the results, sorted; those of one code as one, but for runs."""
+    """All findings of the results, sorted; those of one code as one."""
     found: dict[str, list[Finding]] = {
         "data": [one for data in results.data for one in data.result.all_findings], "model": [],
         "controller": [one for gains in results.gains for one in gains.result.findings],
@@ -39,11 +42,11 @@ def known(results: Results) -> Known:
         "sessions": [one for given in results.rigs for one in given.result.findings],
     }  # fmt: skip
     for one in (one for fit in results.fits for one in fit.result.findings):
-        of_the_model = one.subject in (*MODELS, "fit") or one.code in ABOUT_THE_CURVE
+        of_the_model = one.subject in (*MODELS, "fit", "plant") or one.code in ABOUT_THE_CURVE
         found["model" if of_the_model else "data"].append(one)
     for part, group in found.items():  # each once: a fit repeats what its data already said
         found[part] = list({(one.code, one.subject, one.levels): one for one in group}.values())
-    return {part: ranked(group if part == "data" else merged(ranked(group))) for part, group in found.items()}
+    return {part: ranked(merged(ranked(group))) for part, group in found.items()}
 
 
 def sentence(one: Finding, of_data: bool = False) -> str:
@@ -53,7 +56,8 @@ def sentence(one: Finding, of_data: bool = False) -> str:
     if of_data and one.subject != "data" and one.subject not in said:
         return f"{one.subject}: {said}."  # a run, by its name
     text = f"{about}{said}"
-    return f"{text[:1].upper() if text[:1] not in 'τφρα' else text[:1]}{text[1:]}."
+    as_is = text[:1] in "τφρα" or (not about and text.startswith(one.subject))  # a log's name keeps its letters
+    return f"{text[:1] if as_is else text[:1].upper()}{text[1:]}."
 
 
 def tables(results: Results) -> tuple[Table, ...]:
@@ -150,13 +154,14 @@ def chips(results: Results) -> tuple[str, ...]:
     return tuple(texts)
 
 
-def lights(results: Results, known: Known) -> tuple[Light, ...]:
+def lights(results: Results) -> tuple[Light, ...]:
     """Sessions where there are any, data, model and controller at a glance; by the severity of what was found, never by
     its words."""
-    several = tuple(_sessions(results, known))
+    found = known(results.main)
+    several = tuple(_sessions(results, found))
     if several and not (results.fits or results.gains or results.data):
         return several
-    return *several, _data(results, known), _model(results, known), _controller(results, known)
+    return *several, _data(results, found), _model(results, found), _controller(results, found)
 
 
 def _sessions(results: Results, known: Known) -> Iterator[Light]:
@@ -191,18 +196,20 @@ def _counted(findings: Sequence[Finding], unit: str = "") -> str:
     names = []
     for one in grave[:MOST]:
         at = f" at {level_text(one.levels[0], unit)}" if len(one.levels) == 1 else ""
-        names.append(one.code.replace("-", " ").replace("tau", "τ") + at)
+        suspected = one.code == "several-sessions"
+        names.append(f"{one.values['sessions']} sessions suspected" if suspected else in_short(one) + at)
     return f"{said}: {', '.join(dict.fromkeys(names))}{', …' * (len(grave) > MOST)}" if grave else "no warning"
 
 
 def _data(results: Results, known: Known) -> Light:
-    data, fit, findings = results.main_data, results.main_fit, merged(known["data"])
+    data, fit, findings = results.main_data, results.main_fit, known["data"]
     about = data if data is not None else fit.data if fit is not None and fit.data.sources else None
     if about is None:
         return Light("Data", "none", "no data given", "appendix")
-    runs = data.runs if data is not None else [one for one in fit.data.sources if one.edge != "falling"] if fit else ()
-    warned, grade = sum(map(is_warned, data.runs)) if data is not None else 0, _grade(findings)
-    text = f"{warned} of {counted(len(runs), 'run')} warned; " if warned else f"{counted(len(runs), 'run')}; "
+    of_fit = [one for one in fit.data.sources if one.edge != "falling"] if fit else []
+    runs = len(of_fit) if data is None else len(distinct(data.runs))
+    warned, grade = 0 if data is None else len(distinct(filter(is_warned, data.runs))), _grade(findings)
+    text = f"{warned} of {counted(runs, 'run')} warned; " if warned else f"{counted(runs, 'run')}; "
     grade = "care" if warned and grade == "good" else grade
     return Light("Data", grade, text + _counted(findings, about.input_unit), "data")
 
@@ -217,8 +224,16 @@ def _model(results: Results, known: Known) -> Light:
     percent = float(np.mean(percents)) if percents else None
     if fit.nonlinear is not None and fit.nonlinear.fit_pct is not None:  # of all its data
         percent = fit.nonlinear.fit_pct
-    lead = "usable; " if percent is None else f"usable, fits {number(percent, 3)} % (100 % = perfect); "
+    if fit.plant_ is not None and fit.plant_.another:
+        percent = fit.plant_.tried[0].fit_pct
+    lead = "usable; " if percent is None else f"usable, fits {number(percent, 3)} %{_unseen(fit)} (100 % = perfect); "
     return Light("Model", _grade(findings), lead + _counted(findings, fit.data.input_unit), "model")
+
+
+def _unseen(fit: Fit) -> str:
+    """What it explains of what a fit without it has not seen."""
+    held = fit.recorded.hold_out if fit.recorded is not None else None
+    return "" if held is None or held.held_pct is None else f", {number(held.held_pct, 3)} % of what was left out"
 
 
 def _controller(results: Results, known: Known) -> Light:
@@ -293,8 +308,11 @@ def pictures(results: Results) -> Iterator[tuple[str, str, Sheet]]:
     if fit is None:
         return
     if len(fit.level_values) > 1:
-        yield "Fitted values over the level", "model", _picture(values.value_panels(fit), columns=3)
+        panels = values.value_panels(fit)
+        yield "Fitted values over the level", "model", _picture(panels, columns=len(panels))
     for recorded in (given.result for given in results.data):
         if recorded.kind == fit.data.kind and steps.paired(recorded, fit.steps):
             panel = steps.level_steps_panel(recorded, fit.steps)
             yield "Steps, each by its own curve", "model", _picture([panel])
+    if (left := residuals(fit, data)) is not None:
+        yield "What the model leaves", "model", _picture(left.panels[:2], columns=2)

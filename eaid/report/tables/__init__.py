@@ -7,6 +7,8 @@ from functools import cached_property
 from operator import attrgetter
 from typing import TypeVar
 
+from eaid.results.residuals import LAGS, Correlation
+
 T = TypeVar("T")
 
 
@@ -46,8 +48,7 @@ class Table:
     def texts(self) -> tuple[tuple[str, ...], ...]:
         """The rows as texts."""
         return tuple(
-            tuple(text(cell, column.digits) for cell, column in zip(row, self.columns, strict=True))
-            for row in self.rows
+            tuple(shown(cell, column) for cell, column in zip(row, self.columns, strict=True)) for row in self.rows
         )
 
     @cached_property
@@ -69,7 +70,7 @@ class Table:
         for row in self.rows:
             cells: list[object] = []
             for cell, two in zip(row, wide, strict=True):
-                ends = cell if isinstance(cell, tuple) else (cell, cell)
+                ends = cell if isinstance(cell, tuple) else (None, None) if isinstance(cell, str) else (cell, cell)
                 cells += ends if two else [cell]
             rows.append(cells)
         return heads, rows
@@ -79,6 +80,7 @@ Head = str | tuple[str, str] | tuple[str, str, int]  # Head, unit and digits of 
 # A column: its head, and what it shows of an item: an attribute by name, or a function
 Part = tuple[Head, str | Callable[[T], Cell]]
 INTERVAL: Head = ("95 % interval", "", 3)
+NOT_KNOWN = "not known"
 
 
 def columns(*heads: Head) -> tuple[Column, ...]:
@@ -88,16 +90,38 @@ def columns(*heads: Head) -> tuple[Column, ...]:
 
 def table_of(heading: str, caption: str, items: Iterable[T], *parts: Part[T] | None) -> Table:
     """A table of one row an item and one column a part; a part that is None is left out."""
-    shown = [part for part in parts if part is not None]
-    shows = [attrgetter(show) if isinstance(show, str) else show for _head, show in shown]
-    rows = tuple(tuple(show(one) for show in shows) for one in items)
-    return Table(heading, caption, columns(*(head for head, _show in shown)), rows)
+    heads, shows = zip(*(part for part in parts if part is not None), strict=True)
+    calls = [attrgetter(show) if isinstance(show, str) else show for show in shows]
+    rows = [[call(one) for call in calls] for one in items]
+    asked = any(isinstance(row[k], tuple) for row in rows for k, head in enumerate(heads) if head == INTERVAL)
+    keep = [k for k, head in enumerate(heads) if asked or head != INTERVAL]
+    cells = tuple(tuple(row[k] for k in keep) for row in rows)
+    return Table(heading, caption, columns(*(heads[k] for k in keep)), cells)
+
+
+# Residuals against their own past and against the input
+OUTSIDE = (
+    f"Lags outside: of {LAGS}, those at which the residual goes with its own past, or the input, beyond the 95 % band; "
+    "one in twenty does by chance."
+)
+
+
+def outside(of: Callable[[T], Correlation]) -> tuple[Part[T], Part[T]]:
+    """Columns: lags at which residuals go with their own past, and with the input."""
+    own: Part[T] = ("lags outside: own past", lambda one: of(one).outside()[0])
+    return own, ("lags outside: input", lambda one: of(one).outside()[1])
+
+
+def shown(cell: Cell, column: Column) -> str:
+    """A cell of a column as text; an interval that the data do not tell is not known."""
+    return NOT_KNOWN if cell is None and column.head == INTERVAL[0] else text(cell, column.digits)
 
 
 def text(cell: Cell, digits: int = 4) -> str:
     """A cell as text."""
-    if isinstance(cell, tuple):
-        return " … ".join(number(end, min(digits, 3)) for end in cell)
+    if isinstance(cell, tuple):  # as many digits as its ends need to differ; an interval without width is none
+        ends = ([number(end, places) for end in cell] for places in range(min(digits, 3), 7))
+        return next((" … ".join(pair) for pair in ends if pair[0] != pair[1]), NOT_KNOWN)
     return cell if isinstance(cell, str) else number(cell, digits)
 
 

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterable
 
 from eaid.report.results import KINDS, Results
-from eaid.report.tables import Cell, Name, Table, columns, level, table_of
+from eaid.report.tables import Cell, Name, Table, columns, level, number, table_of
 from eaid.steps.step import hold_of
 from eaid.steps.stepset import Level, LevelStep, RunRecord, StepSet
 
@@ -12,6 +12,11 @@ from eaid.steps.stepset import Level, LevelStep, RunRecord, StepSet
 def is_warned(run: RunRecord) -> bool:
     """Whether a run has warnings; notes are none."""
     return any(found.severity != "note" for found in run.findings)
+
+
+def distinct(runs: Iterable[RunRecord]) -> set[tuple[str, float, int]]:
+    """Runs, a rise and its release as the one run that they are."""
+    return {(run.source, run.level, run.repeat) for run in runs}
 
 
 def runs_table(data: StepSet) -> Table:
@@ -28,15 +33,19 @@ def levels_recorded(data: StepSet) -> Table:
     """One row a level: runs, the output before the step and in the end, what is lost while the input is held."""
     falls = Counter({release.level: len(release.names) for release in data.releases})
     runs = {one.level: [run for run in data.runs if run.name in one.names] for one in data.levels}
+    warned = Counter(of for _source, of, _repeat in distinct(filter(is_warned, data.runs)))
 
     def before(one: Level) -> Cell:
         idle = [run.baseline_nm for run in runs[one.level]]
-        return idle[0] if len(idle) == 1 else (min(idle), max(idle)) if idle else None
+        if not idle:
+            return None
+        low, high = min(idle), max(idle)
+        return low if number(low, 3) == number(high, 3) else (low, high)
 
     return table_of(
         "Levels", "Held: the rise in the last tenth. Lost: from the peak to there. Means of the runs.", data.levels,
         (("level", data.input_unit), lambda one: level(one.level)), ("runs", lambda one: len(one.names)),
-        ("warned", lambda one: sum(map(is_warned, runs[one.level]))), (("before", data.output_unit, 3), before),
+        ("warned", lambda one: warned[one.level]), (("before", data.output_unit, 3), before),
         (("held", data.output_unit), lambda one: float(hold_of(one.runs).held.mean())),
         (("lost", "%"), lambda one: round(hold_of(one.runs).lost_pct)),
         (("for", "s"), lambda one: float(one.time_s[-1])), ("falls", lambda one: falls[one.level]),

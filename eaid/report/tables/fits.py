@@ -7,9 +7,11 @@ from eaid.findings.sentences.fitting import kind_in_words
 from eaid.plant.linear import PAPER_LINEAR
 from eaid.report import rig as published
 from eaid.report.rig import gain, of_the_paper
-from eaid.report.tables import INTERVAL, Cell, Name, Table, level, number, table_of
+from eaid.report.tables import INTERVAL, OUTSIDE, Cell, Name, Table, level, number, outside, table_of
 from eaid.results.common import ci95_of
 from eaid.results.fit import Fit, Trend
+from eaid.results.recorded import LogFit
+from eaid.results.residuals import Correlation
 
 
 def unit_of(fit: Fit, name: str) -> str:
@@ -51,7 +53,8 @@ def responses_table(fit: Fit) -> Table:
         "differ.",
         fit.responses, (("level", fit.data.input_unit), lambda one: level(one.level)), ("runs", "runs"),
         *(part for head, unit, name in known for part in (
-            ((head, unit, 3), name), (INTERVAL, lambda one, name=name: ci95_of(one, name)))),
+            ((head, unit, 3), name),
+            (INTERVAL, lambda one, name=name: "–" if getattr(one, name) is None else ci95_of(one, name)))),
     )  # fmt: skip
 
 
@@ -112,7 +115,8 @@ def table_iii(fit: Fit) -> Table:
             beside = getattr(joint, name)[power] if joint is not None else None
             each = f"{unit}/{per}^{power}" if power > 1 else f"{unit}/{per}" if power else unit
             rows.append((f"{letter}_{power}", of, paper, value, ends[power] if ends else None, beside, each))
-    share = number(part.C, 2), ci95_of(part, "C"), number(joint.C, 2) if joint is not None else None
+    share = (number(part.C, 2), ci95_of(part, "C") if part.C_free else "held",
+             number(joint.C, 2) if joint is not None else None)  # fmt: skip
     rows.append(("C", "share of the fast part", number(published.TABLE_III["C"][0], 2), *share, "1"))
     of_paper = of_the_paper(fit.data)
     caption = "The nonlinear model: τ1(u), τ2(u) and T_s(u) as polynomials of the input u."
@@ -121,7 +125,7 @@ def table_iii(fit: Fit) -> Table:
     return table_of(
         "Table III" if of_paper else "Nonlinear model", caption, rows,
         ("symbol", itemgetter(0)), ("belongs to", itemgetter(1)), ("published", itemgetter(2)) if of_paper else None,
-        (f"ours, {part.estimator}", itemgetter(3)), ("95 % interval", itemgetter(4)),
+        (f"ours, {part.estimator}", itemgetter(3)), (INTERVAL, itemgetter(4)),
         ("joint", itemgetter(5)) if joint is not None else None, ("unit", itemgetter(6)),
     )  # fmt: skip
 
@@ -136,7 +140,7 @@ def linear_table(fit: Fit) -> Table:
         ("symbol", lambda name: "RMSE" if name == "rmse" else name),
         ("published", lambda name: number(getattr(PAPER_LINEAR, name, None), 3)) if of_the_paper(fit.data) else None,
         ("ours", lambda name: getattr(part, name)),
-        ("95 % interval", lambda name: ci95_of(part, name) if name != "rmse" else None),
+        (INTERVAL, lambda name: ci95_of(part, name) if name != "rmse" else "–"),
         ("unit", lambda name: units[name]),
     )  # fmt: skip
 
@@ -178,6 +182,24 @@ def level_steps_table(fit: Fit) -> Table:
     )  # fmt: skip
 
 
+def shapes_table(fit: Fit) -> Table:
+    """The shapes that were tried for each step."""
+    names = list(dict.fromkeys(name for one in fit.steps for name in one.evidence))
+    return table_of(
+        "Shapes tried for each step",
+        "AICc less that of the best shape: the larger, the less it explains for what it takes. RMSE and fit: as taken.",
+        fit.steps if names else (),
+        (("step", fit.data.input_unit), lambda one: Name(f"{level(one.from_)} → {level(one.level)}")),
+        *(((_shape_in_words(name), "", 3), lambda one, name=name: one.evidence.get(name)) for name in names),
+        (("RMSE", fit.data.output_unit, 3), "rmse"), (("fit", "%", 3), "fit_pct"),
+    )  # fmt: skip
+
+
+def _shape_in_words(name: str) -> str:
+    shape, _, dead = name.partition("+")
+    return SHAPES.get(shape, shape) + ", dead time" * bool(dead)
+
+
 def held_out_table(fit: Fit) -> Table:
     """Errors on levels that were not fitted; no rows where none was held out."""
     parts = (("friction", fit.friction), ("nonlinear", fit.nonlinear), ("linear", fit.linear))
@@ -197,14 +219,19 @@ def model_tables(fit: Fit) -> list[Table]:
     """Values of each model, logs as recorded and single levels first."""
     found: list[Table] = []
     unit, out = fit.data.input_unit, fit.data.output_unit
+
+    def left(log: LogFit) -> Correlation:
+        return log.correlation
+
     if (part := fit.recorded) is not None:
         logs = table_of(
             "Logs fitted as recorded",
-            "Free run: the model driven by the input alone. One step: from each measured sample to the next.",
+            f"Free run: driven by the input alone. One step: from each measured sample to the next. {OUTSIDE}",
             part.logs,
             ("log", lambda log: Name(log.name)), ("input", "input_kind"), (("length", "s", 3), "duration_s"),
             (("rate", "Hz", 3), "rate_hz"), (("idle", out, 3), "idle"), (("RMSE", out, 3), "rmse"),
             (("free-run fit", "%", 3), "fit_pct"), (("one-step fit", "%", 3), "one_step_pct"),
+            *outside(left),
         )  # fmt: skip
         loops = table_of(
             "Closed loops as recorded", "Error: reference minus output.", part.loops,
@@ -220,11 +247,17 @@ def model_tables(fit: Fit) -> list[Table]:
             ("kind", lambda one: Name(kind_in_words(one.kind))), ("gain", "gain"), ("unknowns", "unknowns"),
             (("fit", "%", 4), "fit_pct"), (("score", "", 3), "score"),
         )  # fmt: skip
-        found += [logs, kinds, loops]
+        unseen = table_of(
+            "Held out", "The model fitted without a part, on that part: 100 % is perfect, 0 % no better than the mean.",
+            [part.hold_out] if part.hold_out is not None else [],
+            ("left out", lambda one: {"logs": "each log in turn"}.get(one.of, f"the {one.of}")),
+            (("fit of all that was fitted", "%", 3), "fit_pct"), (("fit of what was left out", "%", 3), "held_pct"),
+        )  # fmt: skip
+        found += [logs, kinds, unseen, loops]
     found.append(responses_table(fit))
     if fit.friction is not None:
         found += [levels_table(fit), *([trends_table(fit)] if fit.friction.trends else [])]
-    found.append(level_steps_table(fit))
+    found += [level_steps_table(fit), shapes_table(fit)]
     if fit.nonlinear is not None:
         found.append(table_iii(fit))
     if fit.linear is not None:

@@ -2,10 +2,16 @@
 
 from collections.abc import Sequence
 
-from eaid.report.rig import controller_name
-from eaid.report.tables import Name, Table, level, number, table_of
-from eaid.results.replay import Replay
+import numpy as np
 
+from eaid.arrays import median
+from eaid.report.rig import controller_name
+from eaid.report.tables import OUTSIDE, Name, Table, level, number, outside, table_of
+from eaid.results.fit import Fit
+from eaid.results.replay import Metrics, Replay
+from eaid.results.residuals import Correlation, correlation_of
+
+COLUMNS = ("time_s", "reference_nm", "torque_nm", "duty_pct")
 METRICS = {
     "max_abs_error_nm": ("largest |error|", "out"),
     "rms_error_nm": ("RMS error", "out"),
@@ -87,17 +93,28 @@ def errors_table(replays: Sequence[Replay]) -> Table:
     )  # fmt: skip
 
 
-def log_table(replay: Replay) -> Table:
-    """How far the model is from each recorded run when it gets the recorded input."""
+def log_table(replay: Replay, fits: Sequence[Fit] = ()) -> Table:
+    """How far the model is from each recorded run when it gets the recorded input; another log than those of the fits
+    that made the model is called so."""
     out = replay.head.output_unit
+
+    def left(of: tuple[str, Metrics]) -> Correlation:
+        t, recorded, model, u = (replay.records[of[0]].columns[key] for key in COLUMNS)
+        return correlation_of([recorded - model], median(np.diff(t)), u)
+
+    given = replay.head.inputs.get("log", ())
+    logs = {one.sha256 for one in (given if isinstance(given, tuple) else (given,))}
+    fitted = {one.sha256 for fit in fits for one in fit.data.inputs}
     return table_of(
-        "Recorded input through the model",
-        "Each log's own input drives the model: free run, and from each measured sample to the next.",
+        "Another log, which the model has not seen" if fits and logs.isdisjoint(fitted)
+        else "Recorded input through the model",
+        f"Each log's own input drives the model: free run, and from each measured sample to the next. {OUTSIDE}",
         replay.metrics("recorded-input").items(),
-        ("run", lambda of: Name(of[0])), (("RMS difference", out, 3), lambda of: of[1].rms_difference_nm),
+        ("run", lambda of: Name(of[0])), (("RMSE", out, 3), lambda of: of[1].rms_difference_nm),
         (("largest", out, 3), lambda of: of[1].max_abs_difference_nm),
         (("mean, recorded − model", out, 3), lambda of: of[1].mean_difference_nm), ("R²", lambda of: of[1].R2),
         (("free-run fit", "%", 3), lambda of: of[1].fit_pct), (("one-step fit", "%", 3), lambda of: of[1].one_step_pct),
+        *outside(left),
     )  # fmt: skip
 
 
