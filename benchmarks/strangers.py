@@ -43,8 +43,8 @@ class Made:
 
     logs: dict[str, pd.DataFrame]
     truth: tuple[float, Array, Array] | None = None
-    words: str = "nothing"
-    """What a caution that names the trouble says."""
+    words: str = ""
+    """What a caution that names the trouble says; empty: there is none."""
     columns: str = ""
     """What a newcomer answers where columns are asked for and no command is proposed."""
     csv: dict[str, str] = field(default_factory=dict)
@@ -362,7 +362,7 @@ def judged(made: Made, code: int, text: str, out: Path) -> tuple[str, str]:
             error = float(np.sqrt(np.mean((found - y) ** 2)) / abs(y[-1]))
         except EaidError as refused:
             why = f"{refused}; {why}"
-    told = any(one["severity"] != "note" and re.search(made.words, one["text"]) for one in findings)
+    told = made.words and any(one["severity"] != "note" and re.search(made.words, one["text"]) for one in findings)
     if code == 4:
         return "told", f"stop; off {100 * error:.1f} %; {why}"
     return ("right" if error < 0.05 else "told" if told else "WRONG"), f"off {100 * error:.1f} %; {why}"
