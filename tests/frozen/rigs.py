@@ -42,7 +42,7 @@ def clutch(folder: Path, random: np.random.Generator) -> None:
 
 
 def heater(folder: Path, random: np.random.Generator) -> None:
-    """50 % from the first row on; 0 → 50 % after one row of rest, still for 15 s, the instant of the step written twice."""
+    """50 % from the first row on; after one row of rest, still for 15 s, the instant of the step written twice."""
     t = np.arange(0, 700.0, 1.0)
     warm = 20.6 + step(t, (28.0, 170.0), (3.0, 20.0), dead=14.0)
     table = {"Time": t, "T1": np.round(warm + noise(random, t.size, 0.15, 0.6), 2), "Q1": 50.0 + 0 * t}

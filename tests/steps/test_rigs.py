@@ -55,8 +55,8 @@ def test_seals(fitted: Command) -> None:
 
 def test_strokes_to_and_fro(fitted: Command) -> None:
     """Each turn of the position is a step of friction, from the force at the turn."""
-    words = "--columns time=1,position=2,input=3,output=4 --units time=ms,position=mm,input=bar,output=N".split()
-    fit = fitted("to_and_fro.tsv", *words)
+    columns, units = "time=1,position=2,input=3,output=4", "time=ms,position=mm,input=bar,output=N"
+    fit = fitted("to_and_fro.tsv", "--columns", columns, "--units", units)
     rows = fit["data"]["sources"]
     assert [row["step_s"] for row in rows] == pytest.approx([1.5 + 3 * k for k in range(len(rows))], abs=0.06)
     assert [row["Ts"] for row in fit["friction"]["levels"]] == pytest.approx([34.0], rel=0.15)
