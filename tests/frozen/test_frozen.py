@@ -2,7 +2,7 @@
 
 shipped.json and rigs.json (its logs are made by rigs.py) hold chains of command lines, each with what it answered: the
 leaves of the JSON that it writes (rows of a table as columns), a dozen samples of each replayed signal, every fiftieth
-row of exported test vectors. A line reads what those before it in its chain wrote. A new one is added with {} behind it.
+row of exported test vectors. A line reads what those before it in its chain wrote. A new one is added with {} behind.
 
 `python tests/frozen/test_frozen.py` runs all chains and writes their numbers anew (`… shipped`, `… rigs`: those of one
 file); the commit says which numbers moved, and why. `… loosen`, on another processor (or OPENBLAS_CORETYPE=Nehalem
