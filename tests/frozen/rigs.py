@@ -81,8 +81,8 @@ def seals(folder: Path, random: np.random.Generator) -> None:
     turn = np.floor(t / 3 + 0.5)
     since = t - np.maximum(3 * (turn - 0.5), 0)
     force = (-1) ** turn * (16 * (1 - 2 * np.exp(-since / 0.12)) + 2 * (1 - np.exp(-since / 0.8)))
-    table = np.column_stack([t * 1e3, position, 1.0 + 0 * t, force + noise(random, t.size, 0.2, 0.5)])
-    np.savetxt(folder / "to_and_fro.tsv", table, fmt="%.5g", delimiter="\t")
+    rows = np.column_stack([t * 1e3, position, 1.0 + 0 * t, force + noise(random, t.size, 0.2, 0.5)])
+    np.savetxt(folder / "to_and_fro.tsv", rows, fmt="%.5g", delimiter="\t")
 
 
 def write(folder: Path) -> Path:
