@@ -38,7 +38,7 @@ def log(folder: Path, name: str, data: Any) -> Path:
 
 
 def outside(train: Any, test: Any) -> str:
-    """Root mean square error of one log's model on another, behind the samples that the benchmark leaves for the state."""
+    """Root mean square error of one log's model on another, behind the samples left for the state."""
     reading = eaid.ReadOptions(columns=COLUMNS, logs_as="recorded")
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made)
@@ -83,12 +83,13 @@ def dyestuff() -> str:
 SITE = "[nonlinearbenchmark.org](https://www.nonlinearbenchmark.org)"
 RELAN = "Relan et al. 2017, as [quoted](https://doi.org/10.1155/2021/6613425)"
 ROWS: tuple[tuple[str, str, str, Callable[[], str]], ...] = (
-    ("cascaded tanks, RMSE on the second log", "0.18 V, a grey box that knows of the overflow; black boxes 0.33 to 0.40 V",
-     SITE, lambda: fetched("Cascaded_Tanks")),
+    ("cascaded tanks, RMSE on the second log",
+     "0.18 V, a grey box that knows of the overflow; black boxes 0.33 to 0.40 V", SITE, lambda: fetched("Cascaded_Tanks")),
     ("the same", "0.34 V, nonlinear state space; 0.76 V, the best linear model", RELAN, lambda: "as above"),
     ("coupled drives, RMSE on the last 200 samples", "0.10 V", SITE, lambda: fetched("CED", 0)),
     ("EMPS, position of a drive", "an integrator: identified in closed loop", SITE, lambda: fetched("EMPS")),
-    ("NIST StRD BoxBOD: b1, b2", "213.809409, 0.54723749, certified", "[NIST](https://www.itl.nist.gov/div898/strd)", boxbod),
+    ("NIST StRD BoxBOD: b1, b2", "213.809409, 0.54723749, certified",
+     "[NIST](https://www.itl.nist.gov/div898/strd)", boxbod),
     ("Dyestuff: variance between batches, within", "1764.05, 2451.25", "lme4, Bates et al. 2015", dyestuff),
 )  # fmt: skip
 
