@@ -84,7 +84,8 @@ SITE = "[nonlinearbenchmark.org](https://www.nonlinearbenchmark.org)"
 RELAN = "Relan et al. 2017, as [quoted](https://doi.org/10.1155/2021/6613425)"
 ROWS: tuple[tuple[str, str, str, Callable[[], str]], ...] = (
     ("cascaded tanks, RMSE on the second log",
-     "0.18 V, a grey box that knows of the overflow; black boxes 0.33 to 0.40 V", SITE, lambda: fetched("Cascaded_Tanks")),
+     "0.18 V, a grey box that knows of the overflow; black boxes 0.33 to 0.40 V", SITE,
+     lambda: fetched("Cascaded_Tanks")),
     ("the same", "0.34 V, nonlinear state space; 0.76 V, the best linear model", RELAN, lambda: "as above"),
     ("coupled drives, RMSE on the last 200 samples", "0.10 V", SITE, lambda: fetched("CED", 0)),
     ("EMPS, position of a drive", "an integrator: identified in closed loop", SITE, lambda: fetched("EMPS")),
