@@ -3,6 +3,7 @@
 import importlib.util
 import json
 import os
+import runpy
 import signal
 import sys
 import tempfile
@@ -85,12 +86,10 @@ def run_eaid(capsys: pytest.CaptureFixture[str]) -> Callable[..., Ran]:
 
 
 @pytest.fixture(scope="session")
-def realdata() -> Path:
-    """Logs measured by others, which are not part of the repository."""
-    folder = ROOT.parent / "shared" / "realdata"
-    if not folder.is_dir():
-        pytest.skip("the folder with logs of other rigs is not here")
-    return folder
+def rigs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Logs as other rigs record them."""
+    made: Path = runpy.run_path(str(ROOT / "tests/frozen/rigs.py"))["write"](tmp_path_factory.mktemp("rigs"))
+    return made
 
 
 @pytest.fixture(scope="session")

@@ -1,18 +1,31 @@
 """Every benchmark runs, at its smallest size, in this process; its times say nothing here."""
 
+import re
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from benchmarks import coverage, fit_quality, fit_speed, processes, reading, replay_speed, sessions, stop_findings
+from benchmarks import (
+    coverage,
+    fit_quality,
+    fit_speed,
+    processes,
+    reading,
+    replay_speed,
+    sessions,
+    stop_findings,
+    strangers,
+)
 from benchmarks.table import markdown
 
-pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
+pytestmark = pytest.mark.filterwarnings("ignore")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("module", "small", "count"),
     [
@@ -33,6 +46,7 @@ def test_rows(module, small, count, monkeypatch: pytest.MonkeyPatch) -> None:
         assert all(float(row.accuracy.split()[0]) < 1e-12 for row in rows if "N·m" in row.accuracy)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("call", "told"),
     [
@@ -48,8 +62,25 @@ def test_tables(call: Callable[[], object], told: str, capfd: pytest.CaptureFixt
     assert told in capfd.readouterr().out
 
 
+@pytest.mark.slow
 def test_mutants_are_made_in_a_process_that_has_not_loaded_eaid() -> None:
     words = "-m benchmarks.mutants steps -n 1 --only checks.py --tests tests/steps/test_slips.py"
     root = Path(__file__).parents[1]
     run = subprocess.run([sys.executable, *words.split()], cwd=root, capture_output=True, text=True, check=False)
     assert run.returncode == 0 and "| steps | 1 |" in run.stdout, run.stdout + run.stderr
+
+
+@pytest.mark.parametrize(
+    ("name", "word"), [("level_tau", "right"), ("sensor_limit", "told"), ("second_input", "refused")]
+)
+def test_a_stranger(name: str, word: str, tmp_path: Path) -> None:
+    """`tests` of other rooms hold the answers; this that the benchmark judges them."""
+    made = strangers.RIGS[name]()
+    log, out = strangers.write(made, tmp_path / name), tmp_path / "fit.json"
+    code, text, _ = strangers.attempt(log, "", out)
+    judged, why = strangers.judged(made, code, text, out)
+    assert judged == word, why
+    if word == "right":
+        u, t, y = made.truth
+        assert strangers.judged(replace(made, truth=(u, t, 1.1 * y)), code, text, out)[0] == "WRONG"
+        assert re.search("tune-rc 0, simulate --log 0 9[0-9].* %", strangers.downstream(log, out))

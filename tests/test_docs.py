@@ -131,6 +131,12 @@ def test_every_room_stands_in_the_list_of_rooms_in_the_order_of_the_layers() -> 
     assert packages == [layer for layer in layers if layer in packages]
 
 
+def test_the_certified_rows_of_the_benchmarks_are_what_their_script_makes() -> None:
+    made = runpy.run_path(str(ROOT / "docs" / "benchmarks_table.py"))
+    page = (ROOT / "docs" / "benchmarks.md").read_text(encoding="utf-8")
+    assert f"| {made['boxbod']()} |" in page and f"| {made['dyestuff']()} |" in page
+
+
 @pytest.mark.slow
 def test_the_table_of_the_paper_is_what_its_script_makes() -> None:
     """In words; another processor may round a number's last digit otherwise."""

@@ -9,9 +9,9 @@ import pytest
 
 import eaid
 from eaid import options
-from eaid.declared import forms
+from eaid.declared import Options, forms
 
-TYPES = [kind for kind in vars(options).values() if inspect.isclass(kind) and issubclass(kind, options.Options)]
+TYPES = [kind for kind in vars(options).values() if inspect.isclass(kind) and issubclass(kind, Options)]
 TYPES = [kind for kind in TYPES if dataclasses.is_dataclass(kind) and forms(kind)]
 NUMBERS = [(kind, name, form) for kind in TYPES for name, form in forms(kind).items() if {int, float} & set(form.parts)]
 
@@ -71,7 +71,7 @@ def test_options_and_keywords_that_disagree_are_refused(small_steps: eaid.StepSe
     with pytest.raises(eaid.UsageError, match=r"^share= 0.8: the options given say 0.9; say it in one place$"):
         eaid.fit(small_steps, whole, share=0.8)
     with pytest.raises(eaid.UsageError, match="^no such option shre: must be one of .*; did you mean share"):
-        eaid.fit(small_steps, shre=0.8)
+        eaid.fit(small_steps, **{"shre": 0.8})
     with pytest.raises(eaid.UsageError, match="give FitOptions, or keywords"):
         eaid.fit(small_steps, {"share": 0.8})
     with pytest.raises(eaid.UsageError, match="^fit: is a StepSet; give what eaid.fit returns, or its file$"):
@@ -108,7 +108,7 @@ def test_keywords_of_a_rig_are_joined_with_the_options_and_none_is_dropped(small
     assert (rig.noise_nm, rig.pwm_hz) == (0.1, 50.0)
 
 
-LOUD = eaid.SimulateOptions(noise_nm=0.1)
+LOUD: eaid.SimulateOptions = eaid.SimulateOptions(noise_nm=0.1)
 
 
 def test_lists_words_and_numpy_numbers_are_taken(small_steps: eaid.StepSet) -> None:

@@ -18,50 +18,70 @@ OF_ITSELF = {
 """Codes of findings that say by themselves which parameters have none."""
 
 
+Named = tuple[str, str, str, float | None, Interval, dict[str, Any]]
+"""Model, symbol, place, value, interval, and the further fields of a row."""
+
+
 def table_of(fit: Fit) -> tuple[Parameter, ...]:
     """The rows of a fit: nonlinear, linear, friction, release."""
-
-    def row(model: str, symbol: str, place: str, value: float | None, ends: Interval, **more: Any) -> Parameter:
+    rows = []
+    for model, symbol, place, value, ends, more in (*_nonlinear(fit), *_linear(fit), *_levels(fit)):
         low, high = ends or (None, None)
         why = "" if ends else _why(fit, model, symbol, more.get("level"))
-        return Parameter(model, symbol + place, value=value, low=low, high=high, why=why, **more)
+        rows.append(Parameter(model, symbol + place, value=value, low=low, high=high, why=why, **more))
+    return tuple(rows)
 
-    def of(model: str, part: Any, *names: str, level: float | None = None, place: str = "") -> Iterator[Parameter]:
-        """Values of a part that holds their intervals as `ci95`."""
-        known = getattr(part.ci95, "dof", {})
-        for name in names:
-            yield row(model, name, place, getattr(part, name), ci95_of(part, name), level=level, dof=known.get(name))
 
-    def powers(model: str, symbol: str, values: Sequence[float], ends: Sequence[Interval], **more: Any) -> None:
-        for i, value in enumerate(values):
-            rows.append(row(model, symbol, f"[{i}]", value, ends[i] if i < len(ends) else None, **more))
+def _nonlinear(fit: Fit) -> Iterator[Named]:
+    """Curves over the input, and the share."""
+    if (p := fit.nonlinear) is None:
+        return
+    known = {} if p.covariance is None else p.covariance.degrees_of_freedom
+    for name in ("tau1", "tau2", "Ts"):
+        ends = () if p.ci95 is None else getattr(p.ci95, name)
+        yield from _powers("nonlinear", name, getattr(p, name), ends, dof=known.get(name))
+    yield "nonlinear", "C", "", p.C, ci95_of(p, "C"), {}
 
-    rows: list[Parameter] = []
-    if (p := fit.nonlinear) is not None:
-        known = {} if p.covariance is None else p.covariance.degrees_of_freedom
-        for name in ("tau1", "tau2", "Ts"):
-            ends = () if p.ci95 is None else getattr(p.ci95, name)
-            powers("nonlinear", name, getattr(p, name), ends, dof=known.get(name))
-        rows.append(row("nonlinear", "C", "", p.C, ci95_of(p, "C")))
-    if (q := fit.linear) is not None:
-        rows += of("linear", q, "a0", "b0", "c0")
-        for level in q.per_level:
-            rows += of("linear", level, "a0", "gain", "B", level=level.level)
-        if q.bounds is not None:
-            rows += of("linear", q.bounds, "B_m", "B_M")
+
+def _linear(fit: Fit) -> Iterator[Named]:
+    """The mean, the levels, the bounds of B."""
+    if (q := fit.linear) is None:
+        return
+    yield from _of("linear", q, "a0", "b0", "c0")
+    for level in q.per_level:
+        yield from _of("linear", level, "a0", "gain", "B", level=level.level)
+    if q.bounds is not None:
+        yield from _of("linear", q.bounds, "B_m", "B_M")
+
+
+def _levels(fit: Fit) -> Iterator[Named]:
+    """Levels and trends of friction, or the levels of the nonlinear model; the release."""
     if fit.friction is not None:
         for one in fit.friction.levels:
             names = (*SYMBOLS, *(["C_f"] if one.C_f is not None else []))
             between = f"[from {one.from_:g}]" if one.from_ else ""
-            rows += of("friction", one, *names, level=one.level, place=between)
+            yield from _of("friction", one, *names, level=one.level, place=between)
         for name, trend in fit.friction.trends.items():
-            powers("friction", name, trend.coefficients, trend.ci95 or ())
-    elif p is not None:
-        for curve in p.curves:
-            rows += of("nonlinear", curve, *SYMBOLS, level=curve.level)
+            yield from _powers("friction", name, trend.coefficients, trend.ci95 or ())
+    elif fit.nonlinear is not None:
+        for curve in fit.nonlinear.curves:
+            yield from _of("nonlinear", curve, *SYMBOLS, level=curve.level)
     if fit.release is not None:
-        rows += [row("release", name, "", getattr(fit.release, name), None) for name in ("tau1", "tau2")]
-    return tuple(rows)
+        for name in ("tau1", "tau2"):
+            yield "release", name, "", getattr(fit.release, name), None, {}
+
+
+def _of(model: str, part: Any, *names: str, level: float | None = None, place: str = "") -> Iterator[Named]:
+    """Values of a part that holds their intervals as `ci95`."""
+    known = getattr(part.ci95, "dof", {})
+    for name in names:
+        yield model, name, place, getattr(part, name), ci95_of(part, name), {"level": level, "dof": known.get(name)}
+
+
+def _powers(model: str, symbol: str, values: Sequence[float], ends: Sequence[Interval], **more: Any) -> Iterator[Named]:
+    """Coefficients, lowest power first."""
+    for i, value in enumerate(values):
+        yield model, symbol, f"[{i}]", value, ends[i] if i < len(ends) else None, more
 
 
 def _why(fit: Fit, model: str, symbol: str, level: float | None) -> str:

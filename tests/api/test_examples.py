@@ -39,7 +39,8 @@ def test_every_public_function_and_result_has_an_example() -> None:
 def value_of(source: str, names: dict[str, Any]) -> Any:
     """What a notebook would show below the cell: the value of its last expression."""
     tree = ast.parse(re.sub(r"^%.*$", "", source, flags=re.MULTILINE))
-    last = ast.Expression(tree.body.pop().value) if isinstance(tree.body[-1], ast.Expr) else None
+    end = tree.body[-1]
+    last = ast.Expression(end.value) if isinstance(end, ast.Expr) and tree.body.pop() else None
     exec(compile(tree, "tutorial", "exec"), names)
     return None if last is None else eval(compile(last, "tutorial", "eval"), names)
 

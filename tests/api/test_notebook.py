@@ -197,8 +197,9 @@ def test_a_notebook_gets(call: str, rig: Any) -> None:
 
 
 WRONG: dict[str, tuple[Callable[[Any], Any], type[Exception], str]] = {
-    "a misspelt option": (lambda r: eaid.fit(r.steps, shares=0.8), UsageError, "did you mean share?"),
-    "an option of read": (lambda r: eaid.fit(r.frames, units="time=ms"), UsageError, "units=: says how logs are read"),
+    "a misspelt option": (lambda r: eaid.fit(r.steps, **{"shares": 0.8}), UsageError, "did you mean share?"),
+    "an option of read": (
+        lambda r: eaid.fit(r.frames, **{"units": "time=ms"}), UsageError, "units=: says how logs are read"),
     "two arrays": (lambda r: eaid.fit(*arrays(r)[:2]), UsageError, "time, input and output as arrays"),
     "a model by place": (lambda r: eaid.fit(r.steps, "linear"), UsageError, "give FitOptions, or keywords"),
     "a scenario for gains": (lambda r: eaid.simulate(r.fit, "steps"), UsageError, "steps is a scenario="),

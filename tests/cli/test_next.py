@@ -16,14 +16,12 @@ FIRST = {
     "speed": [f"synth --kind friction-speed {FRICTION} -o 'my logs'"],
 }
 """What each chain begins with; everything else is as it was printed."""
-REAL = {
-    "real clutch": (
-        "fit REAL/ea-clutch --columns 'time=Time,output=\"Load Cell\"' --units time=us,output=N "
+OTHERS = {
+    "another clutch": (
+        "fit RIGS/clutch --columns 'time=Time,output=\"Load Cell\"' --units time=us,output=N "
         "--name-pattern '_V={level}_' --step-at 2 --until 5 --repair -o fit.json"
     ),
-    "real staircase": (
-        "fit REAL/rigs/light_staircase.csv --columns time=2,input=3,output=1 --units time=us,output=mV -o fit.json"
-    ),
+    "a lamp": ("fit RIGS/lamp.csv --columns time=2,input=3,output=1 --units time=us,output=mV -o fit.json"),
 }
 
 
@@ -69,7 +67,7 @@ def test_options_of_a_design_stay_in_what_mends_it(by_hand, run_eaid):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", REAL)
-def test_what_is_printed_of_recorded_logs_runs(name, run_eaid, realdata, tmp_path, monkeypatch):
+@pytest.mark.parametrize("name", OTHERS)
+def test_what_is_printed_of_recorded_logs_runs(name, run_eaid, rigs, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    run_chain([REAL[name].replace("REAL", str(realdata))], run_eaid, "fit tune-rc simulate report plan")
+    run_chain([OTHERS[name].replace("RIGS", str(rigs))], run_eaid, "fit tune-rc simulate report plan")

@@ -42,8 +42,8 @@ def test_every_parameter_of_the_contract_has_its_interval(made: StepSet, body: e
     for name in ("a0", "b0", "c0"):
         low, high = getattr(body.linear.ci95, name)
         assert low < getattr(body.linear, name) < high
-    for row in body.linear.per_level:
-        assert row.ci95.B[0] < row.B < row.ci95.B[1]
+    for level in body.linear.per_level:
+        assert level.ci95.B[0] < level.B < level.ci95.B[1]
     for name in ("B_m", "B_M"):
         low, high = getattr(body.linear.bounds.ci95, name)
         assert low < getattr(body.linear.bounds, name) < high

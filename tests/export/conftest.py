@@ -6,7 +6,6 @@ import subprocess
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -134,7 +133,7 @@ def laws() -> Callable[[str], Laws]:
     return lambda precision="double": laws_of(gains_of(), fit_of(), precision)
 
 
-def ran(*command: Any, cwd: Path, **further: Any) -> SimpleNamespace:
+def ran(*command: Any, cwd: Path, **further: Any) -> subprocess.CompletedProcess[str]:
     """A program's end: returncode, stdout, stderr."""
     return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False, **further)
 

@@ -1,11 +1,11 @@
-"""What the commands answer to the shipped data sets and to recorded logs of other rigs, number by number, as kept.
+"""What the commands answer to the shipped data sets and to logs as other rigs record them, number by number, as kept.
 
-shipped.json and realdata.json hold chains of command lines, each with what it answered: the leaves of the JSON that it
-writes (rows of a table as columns), a dozen samples of each replayed signal, every fiftieth row of exported test
-vectors. A line reads what those before it in its chain wrote. A new line is added there with {} behind it.
+shipped.json and rigs.json (its logs are made by rigs.py) hold chains of command lines, each with what it answered: the
+leaves of the JSON that it writes (rows of a table as columns), a dozen samples of each replayed signal, every fiftieth
+row of exported test vectors. A line reads what those before it in its chain wrote. A new one is added with {} behind.
 
-`python tests/frozen/test_frozen.py` runs all chains and writes their numbers anew (`… shipped`, `… realdata`: those of
-one file); the commit says which numbers moved, and why. `… loosen`, on another processor (or OPENBLAS_CORETYPE=Nehalem
+`python tests/frozen/test_frozen.py` runs all chains and writes their numbers anew (`… shipped`, `… rigs`: those of one
+file); the commit says which numbers moved, and why. `… loosen`, on another processor (or OPENBLAS_CORETYPE=Nehalem
 and NPY_DISABLE_CPU_FEATURES set), leaves the numbers and moves those that differ there to a section that allows it.
 """
 
@@ -13,6 +13,7 @@ import json
 import math
 import os
 import re
+import runpy
 import shlex
 import sys
 from collections.abc import Callable, Iterator
@@ -32,7 +33,6 @@ from eaid.cli import main  # noqa: E402
 
 HERE = Path(__file__).parent
 DATASETS = HERE.parents[1] / "datasets"
-REALDATA = HERE.parents[2] / "shared" / "realdata"
 Leaves = dict[str, list[Any]]
 
 SECTIONS = {"numbers": 1e-9, "intervals": 1e-6, "rounding": 1e-6, "searches": 1e-3, "unsteady": math.inf}
@@ -194,9 +194,9 @@ def test_shipped(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     check("shipped", name, tmp_path, capsys, data=DATASETS)
 
 
-@pytest.mark.parametrize("name", chains("realdata"))
-def test_real(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], realdata: Path) -> None:
-    check("realdata", name, tmp_path, capsys, logs=realdata)
+@pytest.mark.parametrize("name", chains("rigs"))
+def test_rigs(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], rigs: Path) -> None:
+    check("rigs", name, tmp_path, capsys, logs=rigs)
 
 
 def sorted_in(now: Leaves, kept: dict[str, Leaves]) -> dict[str, Leaves]:
@@ -226,15 +226,16 @@ def keep(group: str, how: Callable[[Leaves, dict[str, Leaves]], dict[str, Leaves
     """Run the commands of a group and write their answers."""
     kept = kept_of(group)
     for chain in kept.values():
-        with TemporaryDirectory() as folder, redirect_stdout(StringIO()) as held:
+        with TemporaryDirectory() as folder, TemporaryDirectory() as logs, redirect_stdout(StringIO()) as held:
 
             def printed(held: StringIO = held) -> str:
                 text = held.getvalue()
                 held.seek(0), held.truncate()
                 return text
 
+            runpy.run_path(str(HERE / "rigs.py"))["write"](Path(logs))
             for line, sections in chain.items():
-                chain[line] = how(answer(line, Path(folder), printed, data=DATASETS, logs=REALDATA), sections)
+                chain[line] = how(answer(line, Path(folder), printed, data=DATASETS, logs=Path(logs)), sections)
     (HERE / f"{group}.json").write_text(written(kept) + "\n", encoding="utf-8")
 
 
@@ -247,5 +248,5 @@ def written(value: Any) -> str:
 
 
 if __name__ == "__main__":
-    for _group in {"shipped", "realdata"}.intersection(sys.argv) or ("shipped", "realdata"):
+    for _group in {"shipped", "rigs"}.intersection(sys.argv) or ("shipped", "rigs"):
         keep(_group, loosened if "loosen" in sys.argv else sorted_in)

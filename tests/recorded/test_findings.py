@@ -8,10 +8,11 @@ import pytest
 
 import eaid
 from eaid.estimate.recorded_log import RecordedLog, recorded_log, shifted
+from eaid.options import Excitation
 from eaid.plant.dynamics import REFERENCE_PLANT
 from eaid.recorded.closed_loop import law_of
 from eaid.recorded.fit import fit_recorded
-from eaid.synth.excitation import Excitation, synthesise_excitation
+from eaid.synth.excitation import synthesise_excitation
 from eaid.synth.logs import NONE
 from eaid.synth.plants import clutch
 

@@ -28,7 +28,7 @@ def test_ten_coefficients_of_the_reference_plant(duration_s: float, rate_hz: flo
     t = np.arange(round((duration_s + 2) * rate_hz)) / rate_hz
     rows = {float(u): [np.polynomial.Polynomial(c)(u) for c in (TS, TAU1, TAU2)] for u in range(10, 101, 10)}
     logs = {
-        f"u{u}": pd.DataFrame({"time_s": t, "duty_pct": u * (t >= 2), "torque_nm": curve(t - 2, *row, share)})
+        f"u{u}": pd.DataFrame({"time_s": t, "duty_pct": u * (t >= 2), "torque_nm": curve(t - 2, *row, share=share)})
         for u, row in rows.items()
     }
     for estimator in ("auto", "joint"):

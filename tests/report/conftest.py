@@ -154,7 +154,7 @@ def whole(page: Path) -> Page:
 def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Name → file: data, fits, gains and replays of small synthetic sets."""
     folder = tmp_path_factory.mktemp("results")
-    made = {}
+    made: dict[str, Path] = {}
     sets = {
         "clutch": ("20,40,60,80,100", "20", "50", "4"),
         "friction-force": ("17,51,85,119,153,170", "30", "50", "0"),

@@ -32,7 +32,8 @@ def shaky(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     gains = eaid.tune_rc(fit, anyway=True)
     replay = eaid.simulate(fit, gains, "steps", duration=9.0)
     inverse = eaid.simulate(fit, None, "steps", controller=("inverse",), duration=9.0)
-    for name, result in zip(made, (steps, fit, gains, replay, inverse), strict=True):
+    results: tuple[Any, ...] = (steps, fit, gains, replay, inverse)
+    for name, result in zip(made, results, strict=True):
         result.save(made[name])
     return made
 

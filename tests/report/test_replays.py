@@ -56,9 +56,9 @@ def test_tables_say_what_the_replays_hold(whole: Any, files: dict[str, Path]):
         [one["gain_db"] for one in tones], rel=0.01, abs=1e-3
     )
     modes = metrics("rehab")["modes"]
-    rows = {row[1]: row for row in whole.rows("Errors by mode") if row[0] == "RC"}
+    by_mode = {row[1]: row for row in whole.rows("Errors by mode") if row[0] == "RC"}
     for name, one in modes.items():
-        assert float(rows[name][2]) == pytest.approx(one["abs_position_error_deg"]["median"], rel=0.01)
+        assert float(by_mode[name][2]) == pytest.approx(one["abs_position_error_deg"]["median"], rel=0.01)
     x, y = whole.lines("fig12_multisine")["RC"]
     trace = columns("multisine")
     assert np.interp(x, trace["time_s"], trace["duty_pct"]) == pytest.approx(y, abs=1e-2)  # the last panel's
