@@ -81,7 +81,7 @@ def test_without_noise_the_truth_comes_back(name: str) -> None:
     found, t = fit.plant, np.linspace(0.0, 5.0, 251)
     predicted = fit.predict(60.0, t)  # of the plant, whatever other models were fitted
     true = respond(truth, np.array([-1.0, 0.0]), np.array([0.0, 60.0]), t)
-    assert predicted.columns.name.startswith("plant") == fit.plant_.another  # type: ignore[union-attr]
+    assert str(predicted.columns.name).startswith("plant") == fit.plant_.another  # type: ignore[union-attr]
     np.testing.assert_allclose(predicted[60.0], true, atol=1e-5)
     assert found.kind == truth.kind and found.dead_time_s == pytest.approx(truth.dead_time_s, abs=1e-6)
     assert found.Ts[1] == pytest.approx(0.04, rel=1e-6) and found.tau1[0] == pytest.approx(truth.tau1[0], rel=1e-6)
