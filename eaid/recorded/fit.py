@@ -35,6 +35,7 @@ from eaid.recorded.choice import about_idle, plant_of_logs, plant_part, start_of
 from eaid.recorded.closed_loop import judged_loops, with_instrument
 from eaid.recorded.held_out import held_out
 from eaid.recorded.inputs import FEW_LEVELS, inputs_of
+from eaid.recorded.left_over import left_over_findings
 from eaid.results.common import LevelError, Source
 from eaid.results.fit import Fit, FittedData, Friction, FrictionLevel, Linear, Noise, Nonlinear, Release, Uncertainty
 from eaid.results.recorded import LogCurve, LogFit, Recorded
@@ -349,6 +350,7 @@ def fit_recorded(
     unseen = held_out(base, acting, every[len(logs) :])
     if unseen is not None:
         findings += falls_too_far(unseen.fit_pct, unseen.held_pct, unseen.of)
+    findings += left_over_findings(base, acting)
     uncertainty, known = None, None
     if options.ci != "none":
         uncertainty = spread(base)

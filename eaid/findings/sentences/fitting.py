@@ -338,6 +338,17 @@ ROWS: dict[str, Row] = {
             "residuals, record more, or ask for a simpler model"
         )
     ),
+    "residuals-follow-input": caution(
+        lambda v: (
+            f"what the model leaves is no noise: {v['share_pct']:.2g} % of it follows "
+            + (
+                "which way the input last moved, as play, dry friction or hysteresis make it, which no model here has"
+                if v["by"] == "direction"
+                else "the input, in a form that no model here has"
+            )
+            + "; gains and intervals hold for small changes at most"
+        )
+    ),
     "no-kind-explains": stop(
         "no kind of lag explains these logs, the best {fit_pct:.2g} %: look at the columns, or whether the input "
         "drives the output at all"

@@ -1,0 +1,68 @@
+"""Whether what a model leaves of its logs follows their input: then it is no noise, and the rig has what the model
+has not, as a play, dry friction, hysteresis or a curve of another form.
+
+The residuals are regressed on functions of the input as it acts, raw and behind the plant's fast lag: u, u |u|, u³ for
+curves, the sign of its last change, that times |u|, for what goes by its direction. What they explain of the residuals,
+less what they would of noise with as many independent samples, is told where it is much, and seen in the output.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.signal import lfilter
+
+from eaid.arrays import Array, median
+from eaid.estimate.from_logs import Solved, model_of
+from eaid.estimate.log_intervals import correlation_s
+from eaid.estimate.recorded_log import RecordedLog
+from eaid.findings import Finding, finding
+
+MUCH = 0.15  # Part of the residuals' squares, beyond chance
+SEEN = 0.03  # Part of the output's standard deviation that the part explained has at least
+
+
+def left_over_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Finding]:
+    """Said where what a model leaves follows the input; nothing of loops, whose input follows what is left."""
+    if any(log.reference is not None for log in logs):
+        return []
+    rows, left, size, independent = [], [], [], 0.0
+    plant, theta_s = model_of(solved), solved.fitted.dead_time(solved.x)
+    tau_s = float(np.mean(plant.time_constants(max(plant.u_range))[0]))
+    for log, r in zip(logs, solved.missed, strict=False):
+        known, dt_s = np.isfinite(log.output), median(log.dt_s)
+        features = functions_of(log, theta_s, tau_s, dt_s)[known]
+        rows.append(features - features.mean(axis=0))
+        left.append(r - r.mean())
+        size.append(log.output[known] - log.output[known].mean())
+        independent += len(r) * dt_s / max(2 * correlation_s(r, dt_s), dt_s)
+    X, r, y = np.concatenate(rows), np.concatenate(left), np.concatenate(size)
+    scale = np.sqrt((X**2).sum(axis=0))
+    X = X[:, scale > 0] / scale[scale > 0]
+    total = float(r @ r)
+    if not total > 0 or independent <= 2 * X.shape[1]:
+        return []
+
+    def share(columns: Array) -> float:  # beyond what noise would give
+        follows = columns @ np.linalg.lstsq(columns, r, rcond=1e-8)[0]
+        return float(follows @ follows / total - columns.shape[1] / independent)
+
+    explained, of_direction = share(X), share(X[:, np.flatnonzero(scale > 0) % FUNCTIONS >= CURVES])
+    if explained < MUCH or np.sqrt(explained * total) < SEEN * np.sqrt(float(y @ y)):
+        return []
+    by = "direction" if of_direction > 0.5 * explained else "size"
+    return [finding("residuals-follow-input", "nonlinear", (), share_pct=100 * explained, by=by)]
+
+
+FUNCTIONS, CURVES = 5, 3  # Of the input, and those of its size among them
+
+
+def functions_of(log: RecordedLog, theta_s: float, tau_s: float, dt_s: float) -> Array:
+    """The functions of the input of a log as it acts, raw and behind a lag, (n, 2 FUNCTIONS)."""
+    t, at = log.time_s, np.searchsorted(log.time_s, log.time_s - theta_s, side="right") - 1
+    u = log.input[np.clip(at, 0, len(t) - 1)]
+    change = np.sign(np.diff(u, prepend=u[0]))
+    last = np.maximum.accumulate(np.where(change != 0, np.arange(len(u)), 0))
+    moved = change[last]
+    raw = np.stack([u, u * np.abs(u), u**3, moved, moved * np.abs(u)], axis=1)
+    decay = np.exp(-dt_s / max(tau_s, 1e-3 * dt_s))
+    return np.hstack([raw, lfilter([1 - decay], [1, -decay], raw, axis=0, zi=decay * raw[:1])[0]])
