@@ -259,7 +259,7 @@ def compare(
     reading: ReadOptions | None = None,
     names: Sequence[str] = "ABCDEFGHIJKLMNOPQRSTUVWXYZ",
     options: CompareOptions | None = None,
-    controller: Literal["rc", "pi", "pi-feedforward", "open-loop", "inverse"] | None = None,
+    controller: Literal["rc", "pi", "pi-feedforward", "smith", "open-loop", "inverse"] | None = None,
     plants: int = 60,
     seed: int = 0,
 ) -> Comparison:
