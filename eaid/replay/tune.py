@@ -24,7 +24,7 @@ from eaid.control.gains import Bounds, bounds_of, model_of, plant_of
 from eaid.control.guarantee import Known, guarantee_of, mended_options, to_mend, warnings_of
 from eaid.control.kinds import KINDS, Law, designs, rc_law
 from eaid.control.law import Wanted
-from eaid.control.margins import Point, known, operating_points
+from eaid.control.margins import Point, as_stepped, known, operating_points
 from eaid.control.pi import PAPER_PI, PIGains, step_metrics
 from eaid.errors import DataError
 from eaid.estimate.draw import draw, drawable
@@ -38,6 +38,7 @@ from eaid.replay.references import Reference, Signal, reference_beyond, referenc
 from eaid.results.fit import Fit
 from eaid.results.gains import PI, AskedPI, Compared, Gains, Guarantee, Mending, Replayed, Robust, Timing, Tracking
 
+UNKNOWN_TO_PLANT = {"output-decays-under-hold"}  # Findings of a fit that every use of its plant repeats
 PLANTS = 100  # Plants of the next session by which φ is judged
 
 
@@ -110,7 +111,7 @@ def task_of(fit: Fit, options: TuneOptions, reference: str | Signal | None, refe
     scales, timing, limits = scales_of(fit, plant), timing_of(fit, options), options.duty_limits or input_limits(fit)
     name = reference_name or (reference if isinstance(reference, str) else "multisine")
     return Task(
-        fit, model, plant, bounds, scales, operating_points(plant, model, bounds.rows, fit.data.levels, limits),
+        fit, model, plant, bounds, scales, as_stepped(operating_points(plant, model, bounds.rows, fit.data.levels, limits), fit.steps),
         timing, limits, reference_of(reference or "multisine", timing.step_s, scales), name, reference is not None,
         phi_of(fit, model, bounds, plant),
     )  # fmt: skip
@@ -160,6 +161,7 @@ def tune(
     findings += _notes(task, settled, tuned, rc, replayed)
     if not of_sessions(fit):
         findings.append(finding("for-this-mounting", "model"))
+    findings += [one for one in fit.findings if one.code in UNKNOWN_TO_PLANT]
     if why:
         findings.insert(0, finding("fit-not-usable", "model", why=why))
     overshoot_pct, settling_s = step_metrics(task.model, pi.K_P, pi.K_I)
