@@ -65,10 +65,8 @@ def operating_points(
         low, high = plant.u_range
         duties = [u for u in levels if low <= u <= high] or np.linspace(low, high, POINTS).tolist()
         down = falling(plant)
-        ways = [(plant, False)] + ([(down, True)] if down is not None else [])
-        return [
-            Point(duty, float(plant.steady(duty)), around(way, duty), down) for way, down in ways for duty in duties
-        ]
+        ways = [(False, plant)] + ([(True, down)] if down is not None else [])
+        return [Point(u, float(plant.steady(u)), around(way, u), falls) for falls, way in ways for u in duties]
     if rows:
         return [Point(row.level, row.gain, lag(row.gain / row.level, 1 / row.a0)) for row in rows]
     middle = sum(limits) / 2

@@ -20,7 +20,7 @@ def fit_of(dead_s, tau, gain, top):
 
 
 def margins_by_python_control(gains, fit, name, dead_s, rate_hz):
-    """Gain [dB] and phase margin [°] of the loop opened at the duty: one lag behind a dead time, by the block diagram."""
+    """Gain [dB] and phase margin [°] of the loop opened at the duty: one lag and a dead time, by blocks."""
     import control
 
     h, held, plant = 1 / rate_hz, gains.controllers_by_name[name], fit.plant
