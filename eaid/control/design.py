@@ -198,7 +198,7 @@ def margins_of(
                         gain_db=worst[name].gain_db, phase_deg=worst[name].phase_deg)
             )  # fmt: skip
     rows = [
-        MarginPoint(point.duty_pct, point.torque_nm, dict(zip(every, each, strict=True)))
+        MarginPoint(point.duty_pct, point.torque_nm, dict(zip(every, each, strict=True)), point.falling)
         for point, *each in zip(points, *every.values(), strict=True)
     ]
     return Margins(timing, tuple(rows), worst), missed

@@ -15,6 +15,7 @@ holds a duty for a twentieth of it, duty and integral as late on the mean.
 import cmath
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -31,7 +32,7 @@ from eaid.plant import linear
 from eaid.plant.dynamics import Plant
 from eaid.plant.linear import Linear
 from eaid.plant.operating import Complex, Operating, around, lag
-from eaid.results.fit import LinearLevel
+from eaid.results.fit import LinearLevel, StepShape
 from eaid.results.gains import Margin, Timing
 
 LATE = 20  # Holds of dead time that the map of a loop spans at most
@@ -45,6 +46,7 @@ class Point(NamedTuple):
     duty_pct: float
     torque_nm: float
     plant: Operating  # Around that input
+    falling: bool = False  # With the time constants of an output that falls
 
 
 POINTS = 10  # Operating points of the margins where the fit names no levels
@@ -62,11 +64,40 @@ def operating_points(
     if plant is not None and any(plant.Ts[1:]):
         low, high = plant.u_range
         duties = [u for u in levels if low <= u <= high] or np.linspace(low, high, POINTS).tolist()
-        return [Point(duty, float(plant.steady(duty)), around(plant, duty)) for duty in duties]
+        down = falling(plant)
+        ways = [(False, plant)] + ([(True, down)] if down is not None else [])
+        return [Point(u, float(plant.steady(u)), around(way, u), falls) for falls, way in ways for u in duties]
     if rows:
         return [Point(row.level, row.gain, lag(row.gain / row.level, 1 / row.a0)) for row in rows]
     middle = sum(limits) / 2
     return [Point(middle, linear.steady(model, middle), lag(model.b0 / model.a0, 1 / model.a0))]
+
+
+def falling(plant: Plant) -> Plant | None:
+    """A plant whose output always falls, where falls between levels have time constants of their own; else None."""
+    if plant.zeta is not None:
+        return None
+    if plant.falls_as_release and plant.release is not None:
+        fast, slow = plant.release
+        return replace(plant, tau1=(fast,), tau2=(slow,))
+    if plant.falls == (1.0, 1.0):
+        return None
+    tau1, tau2 = (tuple(f * c for c in tau) for f, tau in zip(plant.falls, (plant.tau1, plant.tau2), strict=True))
+    return replace(plant, tau1=tau1, tau2=tau2)
+
+
+def as_stepped(points: Sequence[Point], steps: Sequence[StepShape]) -> list[Point]:
+    """Points with the lags of the single steps from rest to that input, where most of those overshoot: the curves of
+    all levels, whose C is at most 1, show no overshoot."""
+    found = []
+    for point in points:
+        own = [one for one in steps if one.edge == "up" and one.from_ == 0 and one.level == point.duty_pct]
+        over = [one for one in own if one.C > 1 and one.tau2 is not None]
+        if 2 * len(over) > len(own) and point.plant.zeta is None:
+            tau1, tau2, C = (float(np.median([getattr(one, key) for one in over])) for key in ("tau1", "tau2", "C"))
+            point = point._replace(plant=replace(point.plant, tau1=tau1, tau2=tau2, C=C))
+        found.append(point)
+    return found
 
 
 def law_around(gains: Gains, torque_nm: float, duty_pct: float) -> tuple[Any, float]:

@@ -42,6 +42,7 @@ def pi_step(
 
 PAPER_PI = (21.0, 360.0)  # K_P and K_I of §V-B
 BAND = 0.02  # Settling band, share of the step
+BEYOND = BAND * (1 + 1e-9)  # A lobe that touches the band is within it: rounding must not tell
 MOST_OVERSHOOT_PCT = 95.0  # Beyond it a loop swings for hundreds of periods
 NONE = 1e-9  # An overshoot below this share of the step is none
 CLOSE = 1e-15  # Share of itself to which a root is found
@@ -82,7 +83,7 @@ class Loop(NamedTuple):
         turns = [float((np.log1p(d * x) / d).real)]
         if turns[0] <= 0:
             turns[0] += spacing
-        while abs(self.error(turns[-1])) > BAND:
+        while abs(self.error(turns[-1])) > BEYOND:
             turns.append(turns[-1] + spacing)
         return turns
 
@@ -93,13 +94,14 @@ class Loop(NamedTuple):
     def settling_s(self) -> float:
         """The last time at which the torque leaves the band."""
         turns = self.turns()
-        start = max((t for t in turns if abs(self.error(t)) > BAND), default=0.0)
+        start = max((t for t in turns if abs(self.error(t)) > BEYOND), default=0.0)
         end = min((t for t in turns if t > start), default=math.inf)
         if math.isinf(end):
             end = start + 1 / -(self.s1 + self.s2).real
             while abs(self.error(end)) > BAND:
                 end = start + 2 * (end - start)
-        return float(brentq(lambda t: abs(self.error(t)) - BAND, start, end, xtol=CLOSE * end))
+        side = math.copysign(1.0, self.error(start))
+        return float(brentq(lambda t: side * self.error(t) - BAND, start, end, xtol=CLOSE * end))
 
 
 def step_metrics(model: Linear, K_P: float, K_I: float) -> tuple[float, float]:

@@ -34,7 +34,7 @@ from eaid.options import MODELS, FitGiven, FitOptions
 from eaid.plant.dynamics import SHARE
 from eaid.results.common import Input, Source
 from eaid.results.fit import Fit, FittedData, Friction, LackOfFit, Uncertainty
-from eaid.results.plant import FittedPlant, with_release
+from eaid.results.plant import FittedPlant, with_overshoot, with_release
 from eaid.results.verdict import judged
 from eaid.steps.stepset import Level, StepSet
 
@@ -287,7 +287,7 @@ def with_plant(result: Fit, dead_time_s: float, idle: float) -> Fit:
     if result.nonlinear is None:
         return result
     plant = with_release(result.nonlinear.parameters, result.release, result.friction_levels)
-    plant = replace(plant, dead_time_s=dead_time_s, idle=idle)
+    plant = with_overshoot(replace(plant, dead_time_s=dead_time_s, idle=idle), result.data.levels, result.steps)
     return msgspec.structs.replace(
         result, plant_=FittedPlant.of(plant, (result.data.input_unit, result.data.output_unit))
     )

@@ -22,6 +22,7 @@ from eaid.replay.controllers import Controller, OwnGains, OwnLaw, at_zero, contr
 from eaid.replay.loop import replay
 from eaid.replay.references import Reference, measure, reference_beyond, reference_of, signal_of
 from eaid.replay.rehab import MODES, rehabilitate
+from eaid.replay.tune import unknown_to_plant
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.results.replay import Exercise, Head, Record, Replay
@@ -76,6 +77,7 @@ def simulate(
     reasons = {"plant": fit.verdict.of(*PLANT).sentence, "gains": (gains.not_usable or "") if gains is not None else ""}
     not_usable = {name: why for name, why in reasons.items() if why}
     findings += [finding("replay-not-usable", name, why=why) for name, why in not_usable.items()]
+    findings += unknown_to_plant(fit)
     plant, dt_s = plant_numbers(model), 1.0 / rate_hz
     if rig.delay_samples:
         plant = plant._replace(late_s=0.0)

@@ -24,7 +24,7 @@ from eaid.control.gains import Bounds, bounds_of, model_of, plant_of
 from eaid.control.guarantee import Known, guarantee_of, mended_options, to_mend, warnings_of
 from eaid.control.kinds import KINDS, Law, designs, rc_law
 from eaid.control.law import Wanted
-from eaid.control.margins import Point, known, operating_points
+from eaid.control.margins import Point, as_stepped, known, operating_points
 from eaid.control.pi import PAPER_PI, PIGains, step_metrics
 from eaid.errors import DataError
 from eaid.estimate.draw import draw, drawable
@@ -109,8 +109,9 @@ def task_of(fit: Fit, options: TuneOptions, reference: str | Signal | None, refe
     model, plant, bounds = model_of(fit), plant_of(fit), bounds_of(fit)
     scales, timing, limits = scales_of(fit, plant), timing_of(fit, options), options.duty_limits or input_limits(fit)
     name = reference_name or (reference if isinstance(reference, str) else "multisine")
+    points = as_stepped(operating_points(plant, model, bounds.rows, fit.data.levels, limits), fit.steps)
     return Task(
-        fit, model, plant, bounds, scales, operating_points(plant, model, bounds.rows, fit.data.levels, limits),
+        fit, model, plant, bounds, scales, points,
         timing, limits, reference_of(reference or "multisine", timing.step_s, scales), name, reference is not None,
         phi_of(fit, model, bounds, plant),
     )  # fmt: skip
@@ -122,6 +123,13 @@ def phi_of(fit: Fit, model: Linear, bounds: Bounds, plant: Plant | None) -> floa
         return phi_needed(model, bounds, plant)
     each = [phi_needed(model, bounds, one) or 0.0 for one in draw(fit, PLANTS, 0).plants]
     return float(np.quantile(each, 0.95))
+
+
+def unknown_to_plant(fit: Fit) -> list[Finding]:
+    """What a fit says of its steps that its plant does not show, for every use of it to repeat."""
+    if fit.plant_ is not None and fit.plant_.kind == "overshoot":
+        return []
+    return [one for one in fit.findings if one.code == "output-decays-under-hold"]
 
 
 def of_sessions(fit: Fit) -> bool:
@@ -160,6 +168,7 @@ def tune(
     findings += _notes(task, settled, tuned, rc, replayed)
     if not of_sessions(fit):
         findings.append(finding("for-this-mounting", "model"))
+    findings += unknown_to_plant(fit)
     if why:
         findings.insert(0, finding("fit-not-usable", "model", why=why))
     overshoot_pct, settling_s = step_metrics(task.model, pi.K_P, pi.K_I)

@@ -101,6 +101,8 @@ class MarginPoint(Result, frozen=True):
     torque_nm: Number | None = None
     loops: dict[str, Margin] = {}
     """By the controller's name."""
+    falling: bool = False
+    """With the time constants of falls between levels, where those have their own."""
 
 
 class Margins(Result, frozen=True):

@@ -56,6 +56,8 @@ def test_check_values_and_the_first_order_loop(tuned):
 @settings(max_examples=15, deadline=None, phases=(Phase.explicit, Phase.generate))
 @given(st.floats(0.0, 60.0, allow_subnormal=False), st.floats(0.05, 0.7), st.floats(0.3, 5.0), st.floats(0.01, 1.0))
 @example(31.876777872693925, 0.27239660221813167, 4.651323593216634, 0.3200085481200855)  # the time jumps at the gain
+@example(2.0, 0.671422276728012, 2.0, 0.5)  # a lobe that touches the band: rounding once made it 0.93 s
+@example(1.99999999999999, 0.6751688762038743, 0.33245572043992144, 1.0)
 def test_gains_give_what_was_asked(tuned, overshoot, settling, a0, b0):
     linear = {"a0": a0, "b0": b0, "c0": 0.0, "bounds": {"B_m": 1 / b0, "B_M": 1 / b0}}
     try:

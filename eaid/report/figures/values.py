@@ -166,7 +166,7 @@ def shear_per_field(fit: Fit) -> Sheet | None:
 
 def margins_panel(gains: Gains) -> Panel:
     """Gain margins of the laws over the held input; none is drawn where the gain has no limit."""
-    points = gains.margins.points if gains.margins is not None else ()
+    points = [one for one in gains.margins.points if not one.falling] if gains.margins is not None else []
     lines: list[Line] = []
     for name in gains.margins.worst if gains.margins is not None else ():
         x = np.array([point.duty_pct for point in points])

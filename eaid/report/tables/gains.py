@@ -140,7 +140,7 @@ def tables_of(gains: Gains) -> list[Table]:
         (("needed", "", 3), "needed"), (("available", "", 3), "available"), ("unit", "unit"),
         ("verdict", lambda one: {True: "holds", False: "does not hold", None: "not known"}[one.holds]),
     )  # fmt: skip
-    rows = [(level(one.duty_pct), one.torque_nm, one.loops) for one in margins.points]
+    rows = [(level(one.duty_pct) + ", falling" * one.falling, one.torque_nm, one.loops) for one in margins.points]
     least = [("least", None, margins.worst)] if margins.worst else []
     loops = [
         ((f"{controller_name(name)}: gain" if k == 0 else "phase", unit, 3),
