@@ -15,8 +15,8 @@ from eaid.apparatus import Apparatus
 from eaid.declared import Options, option, pairs
 from eaid.errors import UsageError, unknown
 
-Kind = Literal["clutch", "friction-force", "friction-speed"]
-KINDS: tuple[Kind, ...] = ("clutch", "friction-force", "friction-speed")
+ExperimentKind = Literal["clutch", "friction-force", "friction-speed"]
+EXPERIMENTS: tuple[ExperimentKind, ...] = ("clutch", "friction-force", "friction-speed")
 MODELS = ("friction", "nonlinear", "linear")
 LAWS = ("pi", "rc", "inverse", "plant")
 LOOPS = ("open-loop", "pi", "rc-no-rate", "rc")
@@ -93,7 +93,7 @@ class ReadOptions(Columns):
         shown="PATTERN",
     )  # fmt: skip
     rate_hz: float | None = option(None, "Samples a second of logs without a time column [Hz].", READING, above=True)
-    kind: Kind | None = option(None, "Experiment; by itself from the columns.", STEPS, words=KINDS)
+    kind: ExperimentKind | None = option(None, "Experiment; by itself from the columns.", STEPS, words=EXPERIMENTS)
     levels: str | None = option(None, "Levels to keep: 30:100 or 30,40,90.", STEPS, levels=True)
     baseline: str = option(
         "auto", "Value before each step: its last rest, the first samples, none, a value, or a window in s to it.",
@@ -138,7 +138,7 @@ def apparatus_from(text: str | Apparatus | None, kind: str | None) -> Apparatus 
         if name not in known:
             raise UsageError(unknown("«apparatus»", name, known))
     try:
-        return msgspec.convert({"surfaces": 1 if kind in KINDS[1:] else 2, **given}, Apparatus, strict=False)
+        return msgspec.convert({"surfaces": 1 if kind in EXPERIMENTS[1:] else 2, **given}, Apparatus, strict=False)
     except msgspec.ValidationError as fault:
         why = str(fault).replace("`", "").replace(" - at $.", ": ")
         raise UsageError(f"«apparatus» {text}: {why}") from None
@@ -410,7 +410,7 @@ class Excitation(Options):
 class SynthOptions(Chance):
     """What is recorded synthetically; None: as the kind of rig has it."""
 
-    kind: Kind | None = option(None, "By itself clutch; of a fit.json, its own.", LOGS, words=KINDS)
+    kind: ExperimentKind | None = option(None, "By itself clutch; of a fit.json, its own.", LOGS, words=EXPERIMENTS)
     levels: tuple[float, ...] | None = option(
         None, "30,40,90 or from:to:step.", LOGS, read=spaced, levels=True, above=True
     )

@@ -52,6 +52,7 @@ def command(args: Arguments) -> None:
 
 def _read(paths: list[Path]) -> "tuple[Gains | None, Fit | None, list[Path]]":
     """Gains, a fit, or both; the fit that the gains name is taken where it lies beside them, unchanged."""
+    from eaid.control.gains import plant_of
     from eaid.export.export import fit_beside
     from eaid.results import codec
     from eaid.results.fit import Fit
@@ -70,9 +71,7 @@ def _read(paths: list[Path]) -> "tuple[Gains | None, Fit | None, list[Path]]":
         files["fit"] = beside
         console.say(f"with {beside}, which the gains were made from")
     fit, more = codec.read(files["fit"], Fit) if "fit" in files else (None, ())
-    if fit is not None and fit.nonlinear is None:
-        raise DataError(
-            f"{files['fit']}: holds no nonlinear model, which plant and inverse are; fit clutch data with it"
-        )
+    if fit is not None and plant_of(fit) is None:
+        raise DataError(f"{files['fit']}: holds no plant; fit clutch logs with a nonlinear model, or logs as recorded")
     console.tell((*warnings, *more))
     return gains, fit, list(files.values())

@@ -20,7 +20,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.control.gains import Bounds
-from eaid.control.kinds import KINDS, Law
+from eaid.control.kinds import LAW_KINDS, Law
 from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, Point, enough, margins
 from eaid.errors import GainsError
 from eaid.findings import Finding, finding
@@ -192,7 +192,7 @@ def margins_of(
             )
         worst[name] = least_margins(loops[name], points, timing)
         lacking = [point.duty_pct for point, one in zip(points, each, strict=True) if not enough(one)]
-        if lacking and KINDS[name].design is None:  # others have enough, or RC's own
+        if lacking and LAW_KINDS[name].design is None:  # others have enough, or RC's own
             missed.append(
                 finding("margin-missed", name, lacking, unit=unit, enough_db=ENOUGH_DB, enough_deg=ENOUGH_DEG,
                         gain_db=worst[name].gain_db, phase_deg=worst[name].phase_deg)

@@ -6,7 +6,7 @@ B_i of a level is 1/b0_i. One step cannot tell b0 from c0: c0 is 0 (`zero-offset
 from dataclasses import dataclass
 from typing import Literal, overload
 
-from eaid.control.kinds import KINDS, Law
+from eaid.control.kinds import LAW_KINDS, Law
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
 from eaid.errors import DataError, GainsError, UsageError
@@ -100,9 +100,9 @@ def law_of(gains: Gains | None, name: str) -> Law | None:
     """Gains of a controller of the table as its step takes them; None without any, DataError where no loop runs with
     them."""
     held = None if gains is None else gains.controllers_by_name.get(name)
-    if gains is None or held is None or name not in KINDS:
+    if gains is None or held is None or name not in LAW_KINDS:
         return None
-    kind = KINDS[name]
+    kind = LAW_KINDS[name]
     try:
         law = kind.law(gains.model, held, gains.duty_limits_pct)
     except KeyError as missing:

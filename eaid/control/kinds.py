@@ -45,7 +45,7 @@ def pi_law(_model: Linear, pi: PI, limits_pct: Limits) -> PIGains:
 
 
 @dataclass(frozen=True)
-class Kind:
+class LawKind:
     """One controller."""
 
     name: str  # As commands and files have it
@@ -63,18 +63,19 @@ class Kind:
 
 
 ROWS = (
-    Kind("rc", "RC", RCGains, rc_step, rc_law, Robust.SHOWN, ("K_P", "K_D", "B_hat", "b0", "epsilon", "gamma", "Q22")),
-    Kind("pi", "PI", PIGains, pi_step, pi_law, PI.SHOWN),
-    Kind("pi-feedforward", "PI with RC's feedforward", PIFeedforwardGains, pi_feedforward_step, pi_feedforward.law,
+    LawKind("rc", "RC", RCGains, rc_step, rc_law, Robust.SHOWN,
+            ("K_P", "K_D", "B_hat", "b0", "epsilon", "gamma", "Q22")),
+    LawKind("pi", "PI", PIGains, pi_step, pi_law, PI.SHOWN),
+    LawKind("pi-feedforward", "PI with RC's feedforward", PIFeedforwardGains, pi_feedforward_step, pi_feedforward.law,
          {"K_P": "K_P", "K_I": "K_I", "B_hat": "B̂"}, ("B_hat", "b0"), pi_feedforward.design),
-    Kind("smith", "PI with Smith predictor", SmithGains, smith_step, smith.law,
+    LawKind("smith", "PI with Smith predictor", SmithGains, smith_step, smith.law,
          {"K_P": "K_P", "K_I": "K_I", "dead_time_s": "dead time"}, ("dead_time_s", "a0", "b0"), smith.design,
          smith.start, smith.Around),
 )  # fmt: skip
-KINDS: dict[str, Kind] = {row.name: row for row in ROWS}
+LAW_KINDS: dict[str, LawKind] = {row.name: row for row in ROWS}
 
 
-def kind_of(gains: Law) -> Kind:
+def kind_of(gains: Law) -> LawKind:
     """The row of what a step takes."""
     return next(row for row in ROWS if isinstance(gains, row.gains))
 

@@ -41,7 +41,7 @@ INTEGRATES = 1.03  # Squares of an integrator over those of the best kind, up to
 
 
 @dataclass(frozen=True)
-class Kind:
+class LagKind:
     """A kind of lag: its name here, its law, whether z and θ are unknowns."""
 
     name: str
@@ -50,8 +50,8 @@ class Kind:
     late: bool = False
 
 
-KINDS = tuple(
-    Kind(name + ("+dead" if late else ""), law, zero, late)
+LAG_KINDS = tuple(
+    LagKind(name + ("+dead" if late else ""), law, zero, late)
     for late in (False, True)
     for name, law, zero in (("lag", "lag", False), ("series", "swing", False), ("zero", "swing", True))
 )
@@ -61,7 +61,7 @@ KINDS = tuple(
 class Tried:
     """One kind fitted."""
 
-    kind: Kind
+    kind: LagKind
     solved: Solved
     score: float = math.inf
     within: float = 0.0  # Squares that the rows on which it was looked for do not show
@@ -187,7 +187,7 @@ def lag_sums(drive: Drive, tau: float) -> Array:
     return sums
 
 
-def places(search: Search, kind: Kind, grid: Sequence[Place]) -> list[Place]:
+def places(search: Search, kind: LagKind, grid: Sequence[Place]) -> list[Place]:
     """The best places of the grid for a kind, from minima that differ by more than a factor."""
     given = search.dead_time_s is not None
     of_law = [one for one in grid if math.isinf(one.zeta) == (kind.law == "lag")]
@@ -212,7 +212,7 @@ def peaks(search: Search) -> list[float]:
 
 def begun(
     search: Search,
-    kind: Kind,
+    kind: LagKind,
     gain: Form,
     theta: float,
     tau: float = 1.0,
@@ -291,7 +291,7 @@ def independent(solved: Solved) -> float:
 
 def on_all(search: Search, one: Tried) -> Tried:
     """The same fitted to every sample, as rivals are already."""
-    if one.kind not in KINDS:
+    if one.kind not in LAG_KINDS:
         return one
     solved, model = one.solved, one.solved.setup.model
     theta = solved.setup.dead_time(solved.x)
@@ -324,7 +324,7 @@ def of_evidence(search: Search, levels: int, rivals: Sequence[Tried] = ()) -> li
     The best stand fitted to every sample, as rivals do; the others to the rows on which they are looked for.
     """
     gain, grid, tried = Proportional(search.low, search.high), search.grid(), []
-    for kind in KINDS:
+    for kind in LAG_KINDS:
         if kind.late and search.dead_time_s is not None:
             continue
         ends = [begun(search, kind, gain, at.theta, at.tau, at.zeta) for at in places(search, kind, grid)]

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from eaid.control.gains import plant_of
 from eaid.control.margins import margins, operating_points
 from eaid.errors import EaidError, GainsError
 from eaid.export.job import Job, Source, constants_of, head_of, laws_of, rig_of, source_of, vectors
@@ -35,6 +36,9 @@ def offered(gains: Gains, fit: Fit) -> tuple[str, ...] | None:
     return () if not {"pi", "rc"} & set(laws) else None if laws == source.laws else laws
 
 
+NOTICED = 0.01  # Idle output of which is told, as a part of the largest
+
+
 def _findings(source: Source, laws: tuple[str, ...], rate_hz: float, options: ExportOptions) -> Iterator[Finding]:
     low, high = source.limits
     if not low <= options.duty_on_fault <= high:
@@ -42,7 +46,7 @@ def _findings(source: Source, laws: tuple[str, ...], rate_hz: float, options: Ex
             "export-fault-outside", "export", duty=options.duty_on_fault, unit=source.units[0], low=low, high=high
         )
     for law in ("plant", "inverse"):
-        if what := source.left_out(law):
+        if options.law is None and (what := source.left_out(law)):
             yield finding("export-left-out", law, what=what)
     if {"pi", "rc"} & set(laws) and source.gains is not None:
         yield from _gains(source, source.gains, laws, rate_hz)
@@ -53,11 +57,11 @@ def _findings(source: Source, laws: tuple[str, ...], rate_hz: float, options: Ex
         if (plant := source.plant) is not None:
             if "inverse" in laws and plant.dead_time_s > 0:
                 yield finding("export-no-dead-time", "inverse", dead_time_s=plant.dead_time_s)
-            if plant.release is None and plant.zeta is None:
+            if plant.release is None and plant.kind == "parallel":
                 yield finding("export-no-release", subject)
             if plant.excess:
                 yield finding("export-no-hysteresis", subject, excess_pct=100 * plant.excess)
-            if plant.idle:
+            if abs(plant.idle) > NOTICED * source.top:
                 yield finding("export-from-rest", subject, idle=plant.idle, unit=source.units[1])
 
 
@@ -166,5 +170,5 @@ def fit_beside(gains: Gains, path: Path) -> Path | None:
         return None
     for candidate in (path.parent / named.path, path.parent / Path(named.path).name, Path(named.path)):
         if candidate.is_file() and sha256_of(candidate) == named.sha256:
-            return candidate if codec.read(candidate, Fit)[0].nonlinear is not None else None
+            return candidate if plant_of(codec.read(candidate, Fit)[0]) is not None else None
     return None

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from eaid.errors import DataError, UsageError, meant
 from eaid.findings import Finding, finding
-from eaid.logs.run import Kind
 from eaid.logs.table import Table
 from eaid.logs.units import is_linear_speed, split_name, unit_of, words_of
-from eaid.options import ReadOptions
+from eaid.options import ExperimentKind, ReadOptions
 from eaid.shown import listed
 
 
@@ -30,7 +29,7 @@ TIME = (
     Group("s", ("timestamp", "seconds", "sec", "secs", "s", "ms", "us", "millis", "micros", "minutes", "hours", "days",
                 "clock", "datetime", "posixtime", "unixtime", "epoch")),
 )  # fmt: skip
-INPUTS: dict[Kind, tuple[Group, ...]] = {
+INPUTS: dict[ExperimentKind, tuple[Group, ...]] = {
     "clutch": (
         Group("%", ("duty", "dutycycle", "pwm", "throttle", "tastgrad")),
         Group("", ("control", "controlsignal", "command", "cmd", "input", "u")),
@@ -69,7 +68,7 @@ class Roles:
 
     time: int | None
     # What may be the input by its name, most likely first; the data decide where there are several
-    inputs: tuple[tuple[Kind, int], ...]
+    inputs: tuple[tuple[ExperimentKind, int], ...]
     output: int
     reference: int | None
     position: int | None = None  # A displacement that goes to and fro, where the user names one
@@ -260,12 +259,16 @@ def columns_guessed(table: Table, options: ReadOptions) -> dict[str, str]:
     return {role: names[i] or str(i + 1) for role, i in found.items()}
 
 
-def kind_of(name: str, unit: str) -> Kind:
+def kind_of(name: str, unit: str) -> ExperimentKind:
     """Experiment that a user's own choice of input column means."""
     for kind, groups in INPUTS.items():
         if any(_alike([name], group.names, set()) for group in groups):
             return kind
-    kinds: dict[str, Kind] = {"force": "friction-force", "pressure": "friction-force", "speed": "friction-speed"}
+    kinds: dict[str, ExperimentKind] = {
+        "force": "friction-force",
+        "pressure": "friction-force",
+        "speed": "friction-speed",
+    }
     return kinds.get(unit_of(unit or split_name(name)[1]).quantity, "clutch")
 
 
@@ -380,7 +383,9 @@ def jumps(values: NDArray[Any]) -> int:
     return int(np.count_nonzero(np.diff(values)))
 
 
-def the_input(path: str, roles: Roles, column: Callable[[int], NDArray[Any]]) -> tuple[Kind | None, int | None]:
+def the_input(
+    path: str, roles: Roles, column: Callable[[int], NDArray[Any]]
+) -> tuple[ExperimentKind | None, int | None]:
     """The input among the columns that may be it: the one that moves, where the names leave a choice."""
     if not roles.inputs:
         return None, None

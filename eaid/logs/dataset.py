@@ -21,9 +21,10 @@ from eaid.errors import DataError
 from eaid.files import hdf5_written_whole
 from eaid.findings import Finding, finding
 from eaid.logs.hdf import attributes, open_hdf5
-from eaid.logs.run import INPUT_UNITS, Kind, Run
+from eaid.logs.run import INPUT_UNITS, Run
 from eaid.logs.table import plain
 from eaid.logs.to_run import checked
+from eaid.options import ExperimentKind
 from eaid.version import __version__
 
 SCHEMA = "eaid/data/1"
@@ -64,7 +65,7 @@ class _Facts(msgspec.Struct):
 
 
 def write_dataset(
-    path: Path, runs: Sequence[Run], *, kind: Kind, apparatus: Apparatus | None, force: bool = False
+    path: Path, runs: Sequence[Run], *, kind: ExperimentKind, apparatus: Apparatus | None, force: bool = False
 ) -> None:
     """Write runs as data.h5, whole or not at all: steps, or logs as they were recorded, without a level."""
     made_by = sorted({run.synthetic for run in runs if run.synthetic})

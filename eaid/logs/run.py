@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from eaid.apparatus import Apparatus
 from eaid.arrays import Array, read_only
 from eaid.findings import Finding
+from eaid.options import ExperimentKind
 
-Kind = Literal["clutch", "friction-force", "friction-speed"]
 INPUT_UNITS: dict[str, str] = {"clutch": "%", "friction-force": "N", "friction-speed": "RPM"}
 
 
@@ -41,7 +41,7 @@ class Run:
     position: Array | None = None
     position_unit: str = ""
     findings: tuple[Finding, ...] = ()  # What reading it and finding its step brought up
-    kind: Kind | None = None  # Experiment, as its columns or its dataset say; None: nothing says it
+    kind: ExperimentKind | None = None  # Experiment, as its columns or its dataset say; None: nothing says it
     apparatus: Apparatus | None = None  # Rig, where the file says it
     synthetic: str | None = None  # What made the data, where they are not recorded; None: a rig
     # Input before the step, in `input_unit`: 0 is a step from rest (of a falling edge, where it falls to)

@@ -268,7 +268,7 @@ def shortest_recording(
     nothing; `DataError` for a fit without a nonlinear model.
     """
     options = wanting(options, {"Ts": 1.0, "tau1": 4.0, "tau2": 13.0})
-    if fit.nonlinear is None:
+    if fit.nonlinear is None and fit.plant_ is None:
         raise DataError("the fit holds no nonlinear model, which a sequence is planned with; fit clutch logs with it")
     rig = rig_of(fit)
     if not is_clutch(plant := fit.plant):

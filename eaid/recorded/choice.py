@@ -11,7 +11,7 @@ from eaid.errors import DataError
 from eaid.estimate import forms
 from eaid.estimate.fall_tests import tested
 from eaid.estimate.from_logs import Setup, Solved, idle_of, model_of, setup_of, solve
-from eaid.estimate.kinds import Kind, Search, Tried, integrates, of_evidence, search_of
+from eaid.estimate.kinds import LagKind, Search, Tried, integrates, of_evidence, search_of
 from eaid.estimate.late import timed
 from eaid.estimate.log_intervals import Spread, curves, spread
 from eaid.estimate.recorded_log import RecordedLog
@@ -63,7 +63,7 @@ def plant_of_logs(
         return clutch
     search = search_of(at_rest(logs, inputs), inputs.low, inputs.high, options.held_dead_time_s)
     logs = search.logs
-    rivals = [] if clutch is None else [Tried(Kind("clutch", "parallel"), clutch.solved)]
+    rivals = [] if clutch is None else [Tried(LagKind("clutch", "parallel"), clutch.solved)]
     rows = of_evidence(search, len(inputs.levels) if inputs.stepwise else MANY, rivals)
     if clutch is not None and rows[0].kind.name == "clutch" and options.duty is None:
         simple = next(one for one in rows if one.kind.name != "clutch")

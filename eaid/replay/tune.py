@@ -22,7 +22,7 @@ from eaid.control.defaults import (
 from eaid.control.design import Design, least_margins, margins_of, phi_needed, robust_of, seen_top_nm
 from eaid.control.gains import Bounds, bounds_of, model_of, plant_of
 from eaid.control.guarantee import Known, guarantee_of, mended_options, to_mend, warnings_of
-from eaid.control.kinds import KINDS, Law, designs, rc_law
+from eaid.control.kinds import LAW_KINDS, Law, designs, rc_law
 from eaid.control.law import Wanted
 from eaid.control.margins import Point, as_stepped, known, operating_points
 from eaid.control.pi import PAPER_PI, PIGains, step_metrics
@@ -157,7 +157,7 @@ def tune(
     tuned, rc = task.robust(settled, pi)
     law = rc_law(task.model, rc, task.limits)
     held, refused = designs(task.wanted_of(rc))
-    others = {name: KINDS[name].law(task.model, gains, task.limits) for name, gains in held.items()}
+    others = {name: LAW_KINDS[name].law(task.model, gains, task.limits) for name, gains in held.items()}
     judged, findings = margins_of({"rc": law, "pi": pi, **others}, task.points, task.timing, task.units[0])
     findings += [finding("controller-refused", name, why=why) for name, why in refused.items()]
     replayed = compare(task, rc, law, pi, others)

@@ -117,7 +117,7 @@ class Results:
     def kinds(self) -> tuple[str, ...]:
         """Kinds of experiment that fits or datasets show, the clutch first."""
         found = {one.result.data.kind for one in self.fits} | {one.result.kind for one in self.data}
-        return tuple(kind for kind in KINDS if kind in found)
+        return tuple(kind for kind in EXPERIMENT_NAMES if kind in found)
 
     @property
     def synthetic(self) -> str | None:
@@ -128,7 +128,11 @@ class Results:
 
 
 # Kind of experiment → how it is called
-KINDS = {"clutch": "clutch", "friction-force": "friction over force", "friction-speed": "friction over speed"}
+EXPERIMENT_NAMES = {
+    "clutch": "clutch",
+    "friction-force": "friction over force",
+    "friction-speed": "friction over speed",
+}
 
 
 def gathered(items: Iterable[Any], progress: Progress = no_progress) -> Results:

@@ -1,12 +1,12 @@
 """What rig a result is of: its units and names, and whether it is the clutch that the paper describes."""
 
 from eaid.apparatus import PAPER
-from eaid.control.kinds import KINDS
+from eaid.control.kinds import LAW_KINDS
 from eaid.plant.dynamics import SHARE
 from eaid.results.fit import FittedData
 from eaid.steps.stepset import StepSet
 
-CONTROLLER_NAMES = {name: row.title for name, row in KINDS.items()} | {
+CONTROLLER_NAMES = {name: row.title for name, row in LAW_KINDS.items()} | {
     "open-loop": "open loop", "inverse": "model inverse", "rc-no-rate": "RC without rate",
 }  # fmt: skip
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 R = TypeVar("R", bound=msgspec.Struct)
 VERSIONS = {"fit": 2}  # Schema versions above the first; a file of an older one is refused by name
-KINDS: dict[str, tuple[str, ...]] = {
+RESULT_KINDS: dict[str, tuple[str, ...]] = {
     "fit": ("data", "friction", "nonlinear", "linear", "release"),
     "gains": ("model", "rc", "pi"),
     "couple": (),
@@ -76,7 +76,7 @@ def content_of(result: object, kind: str) -> dict[str, Any]:
     """The content of a result file: schema, version, the result, and the older `warnings` as texts."""
     content: dict[str, Any] = {"schema": schema_of(kind), "eaid": __version__, **to_plain(result)}
     found: tuple[Finding, ...] = getattr(result, "findings", ())
-    parts = [name for name in KINDS[kind] if isinstance(content.get(name), dict)] if kind == "fit" else []
+    parts = [name for name in RESULT_KINDS[kind] if isinstance(content.get(name), dict)] if kind == "fit" else []
     for name in parts:
         content[name]["warnings"] = sentences(one for one in found if one.subject == name)
     content["warnings"] = sentences(one for one in found if one.subject not in parts)
@@ -127,7 +127,7 @@ def _content(path: Path, wanted: str) -> tuple[str, Any]:
 
 def _kind(path: Path, content: Any) -> str:
     schema = content.get("schema") if isinstance(content, dict) else ""
-    for kind, parts in KINDS.items():
+    for kind, parts in RESULT_KINDS.items():
         if schema == schema_of(kind) or (schema is None and any(part in content for part in parts)):
             return kind
         if isinstance(schema, str) and schema.startswith(f"eaid/{kind}/"):

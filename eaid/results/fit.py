@@ -19,7 +19,7 @@ from eaid.arrays import Array
 from eaid.errors import DataError, UsageError, in_python
 from eaid.findings import Finding
 from eaid.findings.row import SYMBOLS
-from eaid.options import FitGiven, Kind
+from eaid.options import ExperimentKind, FitGiven
 from eaid.plant import linear
 from eaid.plant.dynamics import Plant, Step
 from eaid.plant.forms import terms
@@ -430,7 +430,7 @@ class StepShape(Result, frozen=True):
 class FittedData(Result, frozen=True):
     """What was fitted."""
 
-    kind: Kind = "clutch"
+    kind: ExperimentKind = "clutch"
     input_unit: str = "%"
     output_unit: str = "N·m"
     levels: tuple[Number, ...] = ()

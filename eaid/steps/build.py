@@ -7,8 +7,8 @@ import numpy as np
 from eaid.apparatus import rig_of
 from eaid.errors import DataError
 from eaid.findings import Finding, finding, stops
-from eaid.logs.run import Kind, Run
-from eaid.options import ReadOptions
+from eaid.logs.run import Run
+from eaid.options import ExperimentKind, ReadOptions
 from eaid.steps.checks import CHECKS, disagreements
 from eaid.steps.cut import level_steps
 from eaid.steps.levels import common, grouped, same_level, wanted_levels
@@ -90,10 +90,10 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN) -> StepSe
     """Step set of runs that are cut already (`cut_runs`)."""
     if not cut_steps:
         raise DataError("no log holds a step; give logs with one")
-    kinds: set[Kind] = {run.kind for run in cut_steps if run.kind is not None}
+    kinds: set[ExperimentKind] = {run.kind for run in cut_steps if run.kind is not None}
     if options.kind is None and len(kinds) > 1:
         raise DataError(f"the logs are of different experiments ({', '.join(sorted(kinds))}); give one, or say «kind»")
-    kind: Kind = options.kind or next(iter(kinds), None) or "clutch"
+    kind: ExperimentKind = options.kind or next(iter(kinds), None) or "clutch"
     input_unit = _single({run.input_unit for run in cut_steps}, "input units", "say one with «units» input=UNIT")
     output_unit = _single({run.output_unit for run in cut_steps}, "output units", "say one with «units» output=UNIT")
     rigs = {run.apparatus for run in cut_steps if run.apparatus is not None}

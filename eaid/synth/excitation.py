@@ -67,7 +67,7 @@ def chirp(e: Excitation, span: Span, n: int, _draw: Draw) -> Array:
 
 
 # Name → (excitation, lowest and highest input, samples, generator) → input of each sample
-KINDS: dict[str, Callable[[Excitation, Span, int, Draw], Array]] = {
+SEQUENCES: dict[str, Callable[[Excitation, Span, int, Draw], Array]] = {
     "staircase": staircase, "random": random_steps, "chirp": chirp,
 }  # fmt: skip
 
@@ -110,7 +110,7 @@ def synthesise_excitation(
         if e.kind == "closed-loop":
             columns, reference = looped(plant, e, factors, (time_s, idle), disturbance, draw)
         else:
-            moved = KINDS[e.kind](e, e.duty or plant.input_range, len(time_s) - len(idle), draw)
+            moved = SEQUENCES[e.kind](e, e.duty or plant.input_range, len(time_s) - len(idle), draw)
             columns = played(plant, factors, (time_s, np.append(idle, moved)), time_s, disturbance, draw)
         runs.append(run_of(plant, columns, e.kind, repeat, mark(plant, disturbance, seed), reference))
     return runs

@@ -13,7 +13,7 @@ import numpy as np
 from eaid.arrays import Array, read_only
 from eaid.errors import UsageError
 from eaid.logs.run import Run
-from eaid.options import KINDS
+from eaid.options import EXPERIMENTS
 from eaid.plant.respond import driven
 from eaid.replay.loop import coloured
 from eaid.replay.references import MOST_SAMPLES
@@ -109,7 +109,7 @@ def synthesise(plant: Specimen, protocol: Protocol, disturbance: Disturbance, se
         changes = [(0.0, 0.0)] * (p.idle_s > 0) + [(p.idle_s, level), (end_s, 0.0)]
         wide = f"{level:05.1f}"  # so that names sort, where a tenth tells the level exactly
         name = wide if float(wide) == level else f"{level:.9g}"
-        key = seed, KINDS.index(plant.kind), place
+        key = seed, EXPERIMENTS.index(plant.kind), place
         made = repeats(plant, name, changes, end_s + p.release_s, p, disturbance, key)
         runs += [replace(run, level=level, step_s=p.idle_s) for run in made]
     return runs

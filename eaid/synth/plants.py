@@ -17,7 +17,7 @@ from eaid.arrays import Array
 from eaid.control.defaults import PAPER_TOP
 from eaid.control.gains import plant_of
 from eaid.errors import DataError, UsageError
-from eaid.logs.run import Kind
+from eaid.options import ExperimentKind
 from eaid.plant.dynamics import REFERENCE_PLANT, SHARE, Plant, PlantNumbers, Step, plant_numbers, plant_terms
 from eaid.plant.respond import Acting
 from eaid.results.fit import Fit
@@ -49,7 +49,7 @@ class Scatter:
 class Specimen:
     """A thing to be recorded."""
 
-    kind: Kind
+    kind: ExperimentKind
     at: Callable[[float], Step]  # What an input leads to, held for ever
     rotor_rpm: float | None  # Rotor speed [RPM] (§III, §IV-A); None: the input is the speed [RPM]
     levels: tuple[float, ...]  # Inputs that are recorded unless the user names others, in the input's unit
@@ -139,7 +139,7 @@ REFERENCE: dict[str, Specimen] = {
 }  # fmt: skip
 
 
-def of_fit(fit: Fit, kind: Kind, named: str) -> Specimen:
+def of_fit(fit: Fit, kind: ExperimentKind, named: str) -> Specimen:
     """The plant that a fit found, in its units; of friction only the fitted levels can be recorded."""
     data = fit.data
     input_unit, output_unit = data.input_unit, data.output_unit

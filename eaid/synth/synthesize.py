@@ -6,7 +6,7 @@ from typing import TypeVar
 from eaid.declared import keyed
 from eaid.errors import UsageError
 from eaid.logs.run import Run
-from eaid.options import KINDS, Excitation, SynthOptions
+from eaid.options import EXPERIMENTS, Excitation, SynthOptions
 from eaid.results.fit import Fit
 from eaid.synth.excitation import synthesise_excitation
 from eaid.synth.files import read_input
@@ -44,7 +44,7 @@ def synthesize(options: SynthOptions, fit: Fit | None = None, named: str = "a fi
         changes, duration_s = read_input(options.duty_file, plant.kind, plant.input_unit)
         timing = replace(protocol, idle_s=0.0, hold_s=duration_s, release_s=0.0)
         check_protocol(plant, timing)
-        return list(repeats(plant, "input", changes, duration_s, timing, disturbance, (options.seed, len(KINDS))))
+        return list(repeats(plant, "input", changes, duration_s, timing, disturbance, (options.seed, len(EXPERIMENTS))))
     if options.excitation is not None:
         rate = {} if options.rate_hz is None else {"rate_hz": options.rate_hz}
         shape = keyed(Excitation, "«shape»", options.shape, {"kind": options.excitation, **rate})

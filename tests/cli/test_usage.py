@@ -81,7 +81,7 @@ TABLE = r"""
 3 | export nowhere.json | nowhere.json: no such file; give the gains.json that eaid wrote
 3 | export text.json | text.json: is not a JSON file (Expecting value: line 1 column 1 (char 0)); give a resu…
 3 | export plan.json | plan.json: is neither gains.json nor fit.json; give what eaid tune-rc or eaid fit wrote
-3 | export force.json | force.json: holds no nonlinear model, which plant and inverse are; fit clutch data with it
+3 | export force.json | force.json: holds no plant; fit clutch logs with a nonlinear model, or logs as recorded
 2 | export gains.json gains.json | gains.json: a second gains.json; give one gains.json and one fit.json at most
 2 | export gains.json --law pid | --law pid: must be one of pi, rc, inverse, plant; did you mean pi?
 2 | export gains.json -o no/where | no/where: the folder …

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 import eaid
 from eaid.control.gains import law_of
-from eaid.control.kinds import KINDS, Law
+from eaid.control.kinds import LAW_KINDS
+from eaid.control.law import Law
 from eaid.control.margins import Point, law_around
 from eaid.control.pi_feedforward import PIFeedforwardGains, pi_feedforward_step
 from eaid.control.rc import rc_step
@@ -62,11 +63,11 @@ def late_gains(late):
     return eaid.tune_rc(late)
 
 
-@pytest.mark.parametrize("name", KINDS)
+@pytest.mark.parametrize("name", LAW_KINDS)
 def test_every_row_is_saved_and_replayed_plainly_and_in_machine_code(name, late, late_gains, tmp_path):
     late_gains.save(tmp_path / "gains.json")
     read = eaid.load(tmp_path / "gains.json")
-    assert law_of(read, name) == law_of(late_gains, name) and isinstance(law_of(read, name), KINDS[name].gains)
+    assert law_of(read, name) == law_of(late_gains, name) and isinstance(law_of(read, name), LAW_KINDS[name].gains)
     assert all(point.loops[name].stable for point in read.margins.points) and name in read.params.index
     assert name in {*read.replayed.rows, "pi-feedforward"} and name in CONTROLLERS
     run = eaid.simulate(late, read, "multisine", controller=(name,), duration=2.0, plants=2)

@@ -33,7 +33,7 @@ KINDS = {
 
 
 def fit_with(plant: Plant) -> eaid.Fit:
-    return fit_of(release=None, plant=to_plain(FittedPlant.of(plant, ("%", "N·m"))))
+    return fit_of(release=None, nonlinear=None, plant=to_plain(FittedPlant.of(plant, ("%", "N·m"))))
 
 
 DRIVE = """

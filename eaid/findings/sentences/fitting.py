@@ -80,7 +80,7 @@ HOLD = {
 }
 
 
-KINDS = {
+LAGS_IN_WORDS = {
     "lag": "one lag", "series": "two lags in series", "ringing": "two states that ring",
     "zero": "two lags with a zero", "clutch": "the clutch's two lags over the input",
 }  # fmt: skip
@@ -89,14 +89,14 @@ KINDS = {
 def kind_in_words(kind: str) -> str:
     """`lag+dead`: one lag with a dead time."""
     name, _, dead = kind.partition("+")
-    return KINDS[name] + " with a dead time" * bool(dead)
+    return LAGS_IN_WORDS[name] + " with a dead time" * bool(dead)
 
 
 def _kind(v: Values) -> str:
     said = f"the plant is {kind_in_words(v['kind'])}: {v['fit_pct']:.4g} % of these logs with {v['unknowns']} unknowns"
     if v["clutch_pct"] is None:
         return said
-    clutch = f"where {KINDS['clutch']} have {v['clutch_pct']:.4g} % with {v['clutch_unknowns']}"
+    clutch = f"where {LAGS_IN_WORDS['clutch']} have {v['clutch_pct']:.4g} % with {v['clutch_unknowns']}"
     return f"{said}, {clutch}"
 
 

@@ -24,7 +24,7 @@ from eaid.findings.finding import WORD, listed
 from eaid.report import live
 from eaid.report.page import summary
 from eaid.report.page.summary import GRADES, MOST, Known, sentence
-from eaid.report.results import KINDS, Given, Results
+from eaid.report.results import EXPERIMENT_NAMES, Given, Results
 from eaid.report.tables import Name, Table, data, fits, gains, replays, sessions, shown
 from eaid.shown import counted
 from eaid.version import __version__
@@ -184,7 +184,7 @@ def _data(results: Results, known: Known, drawn: Figures) -> Block | None:
             tables = every
         else:
             found = _of_another_kind(results, steps.kind) if results.fit(steps.kind) is None else ()
-            folds += _block(f"{KINDS[steps.kind].capitalize()}: every run", (), every, found)
+            folds += _block(f"{EXPERIMENT_NAMES[steps.kind].capitalize()}: every run", (), every, found)
     alone = () if results.fits else ("fig07_nonlinear_model", "fig03_friction_steps")
     figures = _of(drawn, *alone, "fig06_hold_and_release", "fig02_pwm")
     return _part("Data", known, figures, tables, folds, max(1, len(figures) - 1))
@@ -197,10 +197,10 @@ def _model(results: Results, known: Known, drawn: Figures) -> Block | None:
     main, kinds = results.fit(kind), [given.result.data.kind for given in results.fits]
     figures = _of(drawn, *KIND_FIGURES[kind])
     folds: list[Block] = []
-    for given in sorted(results.fits, key=lambda given: [*KINDS].index(given.result.data.kind)):
+    for given in sorted(results.fits, key=lambda given: [*EXPERIMENT_NAMES].index(given.result.data.kind)):
         if given.result is not main:
             of = given.result.data.kind
-            title = KINDS[of].capitalize() + (f", {given.path}" if kinds.count(of) > 1 else "")
+            title = EXPERIMENT_NAMES[of].capitalize() + (f", {given.path}" if kinds.count(of) > 1 else "")
             found = _of_another_kind(results, of) if given.result is results.fit(of) else ()
             folds += _block(title, _of(drawn, *KIND_FIGURES[of]), fits.model_tables(given.result), found)
     tables = fits.model_tables(main) if main is not None else []

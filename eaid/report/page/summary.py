@@ -11,7 +11,7 @@ from eaid.findings import Finding, merged, ranked, say
 from eaid.report.figures import replays, sessions, steps, values
 from eaid.report.figures.residuals import residuals
 from eaid.report.panels import Axis, Panel, Sheet
-from eaid.report.results import KINDS, Results
+from eaid.report.results import EXPERIMENT_NAMES, Results
 from eaid.report.rig import controller_name, level_text
 from eaid.report.tables import Cell, Table, columns, number
 from eaid.report.tables.data import distinct, is_warned
@@ -132,7 +132,7 @@ def title(results: Results) -> str:
         several = "Compared" if results.comparisons else "Sessions of a rig" if results.rigs else ""
         return several or ("Replays" if results.replays else "Gains")
     if results.main_kind != "clutch":
-        return KINDS[results.main_kind].capitalize()
+        return EXPERIMENT_NAMES[results.main_kind].capitalize()
     return "Electroadhesive clutch" if results.of_paper else "Step responses"
 
 
@@ -150,7 +150,7 @@ def chips(results: Results) -> tuple[str, ...]:
         texts.append(span(levels, about.input_unit))
     texts += [f"{letter}: {name}" for one in results.comparisons for letter, name in one.result.files.items()]
     if len(results.kinds) > 1:
-        texts.append("with " + " and ".join(KINDS[kind] for kind in results.kinds[1:]))
+        texts.append("with " + " and ".join(EXPERIMENT_NAMES[kind] for kind in results.kinds[1:]))
     return tuple(texts)
 
 

@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Iterable
 
-from eaid.report.results import KINDS, Results
+from eaid.report.results import EXPERIMENT_NAMES, Results
 from eaid.report.tables import Cell, Name, Table, columns, level, number, table_of
 from eaid.steps.step import hold_of
 from eaid.steps.stepset import Level, LevelStep, RunRecord, StepSet
@@ -82,8 +82,8 @@ def slips_table(data: StepSet) -> Table:
 def files_table(results: Results) -> Table:
     """The files given to the report."""
     rows: list[tuple[Cell, ...]] = [
-        *((Name(data.path), f"data, {KINDS[data.result.kind]}", Name(data.sha256)) for data in results.data),
-        *((Name(fit.path), f"fit, {KINDS[fit.result.data.kind]}", Name(fit.sha256)) for fit in results.fits),
+        *((Name(data.path), f"data, {EXPERIMENT_NAMES[data.result.kind]}", Name(data.sha256)) for data in results.data),
+        *((Name(fit.path), f"fit, {EXPERIMENT_NAMES[fit.result.data.kind]}", Name(fit.sha256)) for fit in results.fits),
         *((Name(gains.path), "gains", Name(gains.sha256)) for gains in results.gains),
         *((Name(one.path), Name(f"replay, {one.result.head.scenario}"), Name(one.sha256)) for one in results.replays),
         *((Name(walls.path), "virtual walls", Name(walls.sha256)) for walls in results.couplings),

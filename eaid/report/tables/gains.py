@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from operator import itemgetter
 
 from eaid.apparatus import PAPER
-from eaid.control.kinds import KINDS
+from eaid.control.kinds import LAW_KINDS
 from eaid.report import rig
 from eaid.report.rig import controller_name, gain
 from eaid.report.tables import Cell, Table, level, number, table_of
@@ -125,7 +125,7 @@ def _controllers(gains: Gains) -> Table:
 
 
 def _gains(name: str, held: Robust | PI | Mapping[str, float]) -> str:
-    shown = KINDS[name].shown if name in KINDS else {}
+    shown = LAW_KINDS[name].shown if name in LAW_KINDS else {}
     values = {key: held.get(key) if isinstance(held, Mapping) else getattr(held, key) for key in shown}
     return ", ".join(f"{shown[key]} {number(value, 3)}" for key, value in values.items())
 
