@@ -147,7 +147,11 @@ def _proposal(files: Sequence[Path], runs: Sequence[Run], options: ReadOptions, 
         units["time"] = likely.most_common(1)[0][0]
         factor = TIME_FACTORS[units["time"]]
     blind = [run for run in runs if not run.has_input]
-    if options.name_pattern is None and blind and (pattern := pattern_guessed([run.name for run in blind])):
+    pattern = pattern_guessed([run.name for run in blind]) if options.name_pattern is None and blind else ""
+    lone = {run.left for run in blind if len(run.left) == 1} if "input" not in columns else set()
+    if len(lone) == 1 and not unit_beside(pattern):  # the one column that is left, and no level in the names
+        columns["input"], pattern, blind = lone.pop()[0], "", []
+    if pattern:
         more = {"name_pattern": pattern}
         if "input" not in units and (unit := unit_beside(pattern)):
             units["input"] = unit
