@@ -56,6 +56,7 @@ def read(
     variable: str | None = None,
     repair: bool = False,
     name_pattern: str | None = None,
+    where: Mapping[str, Any] | str = {},
     rate_hz: float | None = None,
     kind: Literal["clutch", "friction-force", "friction-speed"] | None = None,
     levels: str | Sequence[float] | None = None,

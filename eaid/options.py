@@ -92,6 +92,10 @@ class ReadOptions(Columns):
         None, "Level and repeat from file names, anywhere in them: '_V={level}_', 'run{repeat}'.", READING,
         shown="PATTERN",
     )  # fmt: skip
+    where: Mapping[str, str] = option(
+        {}, "Only logs whose names say so: f=1000 takes _f=1000_; more than once, all of them.", READING,
+        shown="KEY=VALUE,…",
+    )  # fmt: skip
     rate_hz: float | None = option(None, "Samples a second of logs without a time column [Hz].", READING, above=True)
     kind: ExperimentKind | None = option(None, "Experiment; by itself from the columns.", STEPS, words=EXPERIMENTS)
     levels: str | None = option(None, "Levels to keep: 30:100 or 30,40,90.", STEPS, levels=True)

@@ -17,6 +17,7 @@ from eaid.errors import DataError
 from eaid.files import sha256_of
 from eaid.findings import finding, say
 from eaid.logs.columns import columns_guessed
+from eaid.logs.factors import agreeing, chosen, several_factors
 from eaid.logs.folders import files_of
 from eaid.logs.manifest import apply, manifest_of
 from eaid.logs.read import columns_told, read_what_can_be
@@ -113,6 +114,7 @@ def read_steps(
         listed = {Path(entry.file).resolve() for entry in manifest.log}
         for file in [one for one in files_of([manifest.path.parent]) if one.resolve() not in listed][:5]:
             warn(f"{manifest.path}: does not list {file.name}, which is left out")
+    files = agreeing(files, options.where)
     with progress("reading logs", len(files)) as advance:
         runs, faults = read_what_can_be(files, options, advance)
     if manifest is not None:
@@ -145,7 +147,11 @@ def _proposal(files: Sequence[Path], runs: Sequence[Run], options: ReadOptions, 
         units["time"] = likely.most_common(1)[0][0]
         factor = TIME_FACTORS[units["time"]]
     blind = [run for run in runs if not run.has_input]
-    if options.name_pattern is None and blind and (pattern := pattern_guessed([run.name for run in blind])):
+    pattern = pattern_guessed([run.name for run in blind]) if options.name_pattern is None and blind else ""
+    lone = {run.left for run in blind if len(run.left) == 1} if "input" not in columns else set()
+    if len(lone) == 1 and not unit_beside(pattern):  # the one column that is left, and no level in the names
+        columns["input"], pattern, blind = lone.pop()[0], "", []
+    if pattern:
         more = {"name_pattern": pattern}
         if "input" not in units and (unit := unit_beside(pattern)):
             units["input"] = unit
@@ -213,7 +219,7 @@ def steps_of(
     runs: Sequence[Run], options: ReadOptions, faults: Sequence[str] = (), paths: Sequence[Path] = ()
 ) -> tuple[list[Run], StepSet]:
     """The same from runs that are read already; `faults` of reading are raised with those of finding steps."""
-    how = options.logs_as
+    how, runs = options.logs_as, chosen([(run, run.name) for run in runs], options.where)
     if asked := list(_asked(runs, how)):
         raise DataError(*faults, *asked)
     uncut = [run for run in runs if how == "recorded" or (how == "auto" and is_recorded(run, options.rest))]
@@ -235,7 +241,8 @@ def steps_of(
     else:
         stepset = stepset_of(steps, options)
     each = (*stepset.level_steps, *settled_steps(uncut, options))
-    stepset = replace(stepset, recorded=tuple(uncut), level_steps=each)
+    about = (*stepset.findings, *several_factors([*steps, *uncut]))
+    stepset = replace(stepset, recorded=tuple(uncut), level_steps=each, findings=about)
     if options.levels is not None:
         kept = {run.name for run in stepset.runs}
         steps = [step for step in steps if step.name in kept]

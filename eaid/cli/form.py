@@ -84,6 +84,8 @@ def takes(arguments: type[A]) -> Callable[[Callable[[A], int | None]], Callable[
             for form in shown:
                 if form.parts[0] in (Path, list[Path]) and (value := typed[form.name]):
                     typed[form.name] = Path(value) if form.parts[0] is Path else list(map(Path, value))
+                elif form.parts[0] == Mapping[str, str]:  # once with commas, or again and again
+                    typed[form.name] = ",".join(typed[form.name] or ()) or None
             if placed := typed.get("gains_placed"):
                 if typed["gains"] is not None:
                     raise UsageError("GAINS and --gains: give one of them")
@@ -132,7 +134,7 @@ def _parameter(form: Form) -> inspect.Parameter:
         default, *flags, help=re.sub(r"([_*<`])", r"\\\1", help), metavar=behind,  # in the Markdown that Typer shows
         show_default=default is not None and default is not False, rich_help_panel=None if placed else declared.group,
     )  # fmt: skip
-    hint = form.parts[0] if form.parts[0] in WHOLE else str
+    hint = form.parts[0] if form.parts[0] in WHOLE else list[str] if form.parts[0] == Mapping[str, str] else str
     return inspect.Parameter(
         form.name, inspect.Parameter.KEYWORD_ONLY, default=info, annotation=hint if default is not None else hint | None
     )

@@ -1,8 +1,13 @@
-"""The dead time of steps from rest: one of all levels, behind which every model of them begins.
+"""The dead time of steps from rest: one of all levels, behind which every model of them begins; below 0 where their
+input was noted late.
 
 Looked for on the first rise to each level, on a grid with the sizes solved for; where it saves a good part of what is
 left at most levels, each of these steps is fitted with a dead time of its own (`step_shapes`), and the plant's is their
 mean, each weighed by how sharply its output leaves rest: (change/(τ1 · RMSE))².
+
+Where none is found so, the rises are extrapolated to their start: of every run y = A (1 − e^(−(t − θ)/τ)) is fitted to
+the rows between 10 and 60 % of its held output, and θ is the mean of all, weighed by (A/(τ · RMSE))². One of half a row
+and a hundredth of τ or more that the runs' scatter does not explain is taken.
 """
 
 from collections.abc import Sequence
@@ -10,19 +15,27 @@ from dataclasses import replace
 
 import numpy as np
 
+from eaid.arrays import Array, median
 from eaid.errors import UsageError
+from eaid.estimate.spread import t_quantile
 from eaid.estimate.step_shapes import AveragedRecord, averaged, curve, delays_tried, fit_step, starts_of
+from eaid.findings import Finding, finding
 from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE
+from eaid.steps.step import moving_means, usual_step
 from eaid.steps.stepset import Level, LevelStep, StepSet
 
 SAVED = 0.1  # Part of the RMSE that a dead time has to save at a level
 MOST_LEVELS = 10  # Levels that are asked
 LONGEST = 0.9  # Part of a record that a dead time may take
+LEAST_ROWS, LEAST_PART = 0.5, 0.01  # Rows, and part of the time constant of the rise, from which a start is told
+CHANCE = 0.01  # By which the runs' scatter may explain it
+PART = (0.1, 0.6)  # Of the held output: the rise in between leads to its start
+FEWEST_ROWS, TAUS = 6, 30
 
 
-def dead_time_of(stepset: StepSet, options: FitOptions) -> float:
-    """The dead time of a set's steps [s], as it was given or as most levels show it; 0 where they show none."""
+def dead_time_of(stepset: StepSet, options: FitOptions) -> tuple[float, list[Finding]]:
+    """The dead time of a set's steps [s], as given or as most levels show it, 0 where they show none; what is said."""
     if (given := options.held_dead_time_s) is not None:
         for level in stepset.levels:
             if given >= LONGEST * level.time_s[-1]:
@@ -30,20 +43,62 @@ def dead_time_of(stepset: StepSet, options: FitOptions) -> float:
                     f"«dead_time» {given:g} s: the step of {level.names[0]} is recorded for {level.time_s[-1]:.3g} s; "
                     "give a shorter one"
                 )
-        return given
+        return given, []
     rises = {step.level: step for step in reversed(stepset.level_steps) if step.edge == "up" and step.from_level == 0}
     steps = [rises[level] for level in sorted(rises)]
     steps = steps[:: 1 + (len(steps) - 1) // MOST_LEVELS] if steps else []
     share = options.held_share or SHARE
     late = [step for step in steps if starts_late(step, share)]
     if 2 * len(late) <= len(steps):
-        return 0.0
+        return extrapolated(stepset)
     shapes = [fit_step(step, replace(options, shape="auto")) for step in late]
     if 2 * sum(one.dead_time_s > 0 for one in shapes) <= len(steps):
-        return 0.0
+        return 0.0, []
     shapes = [one for one in shapes if one.dead_time_s > 0]
     weights = [(one.change / (one.tau1 * max(one.rmse, 1e-12 * abs(one.change)))) ** 2 for one in shapes]
-    return float(np.average([one.dead_time_s for one in shapes], weights=weights))
+    found = float(np.average([one.dead_time_s for one in shapes], weights=weights))
+    return found, [finding("dead-time", "steps", dead_time_s=found)]
+
+
+def extrapolated(stepset: StepSet) -> tuple[float, list[Finding]]:
+    """How late the rises begin, by the curves that lead to them; below 0: before their input is noted."""
+    starts = [(level.time_s, run) for level in stepset.levels for run in level.runs]
+    found = np.array([one for time_s, run in starts if (one := _start_of(time_s, run)) is not None])
+    if len(found) < max(2, len(starts) / 2):
+        return 0.0, []
+    theta, weight, tau = found.T
+    mean, total = float(np.average(theta, weights=weight)), float(weight.sum())
+    sd = float(np.sqrt(((weight * (theta - mean)) ** 2).sum())) / total
+    reach = float(t_quantile(len(theta) - 1.0, 1 - CHANCE)) * sd
+    row_s = median(np.array([usual_step(level.time_s) for level in stepset.levels]))
+    if abs(mean) < max(LEAST_ROWS * row_s, LEAST_PART * median(tau), reach):
+        return 0.0, []
+    low, high = mean - reach, mean + reach
+    if mean > 0:
+        return mean, [finding("dead-time", "steps", dead_time_s=mean, low=low, high=high)]
+    rows, ms = max(1, round(-mean / row_s)), -1e3 * mean
+    return mean, [finding("input-late", "steps", rows=rows, ms=ms, low=-1e3 * high, high=-1e3 * low)]
+
+
+def _start_of(time_s: Array, run: Array) -> tuple[float, float, float] | None:
+    """Where a rise begins by an exponential through its first part, its weight and its τ [s]; None: too short."""
+    held = float(run[-max(1, len(run) // 10) :].mean())
+    over = np.flatnonzero(moving_means(run[None], max(1, len(run) // 500))[0] >= PART[1] * held)
+    last = int(over[0]) if held > 0 and len(over) else 0
+    rows = np.flatnonzero(run[:last] < PART[0] * held)
+    first = int(rows[-1]) + 1 if len(rows) else 0
+    if last - first < FEWEST_ROWS:
+        return None
+    t, y = time_s[first:last], run[first:last]
+    best = (np.inf, 0.0, 1.0, 0.0)
+    for tau in (t[-1] - t[0]) * np.geomspace(0.3, 30, TAUS):
+        X = np.stack((np.ones_like(t), np.exp(-(t - t[0]) / tau)), axis=1)
+        (a, b), *_ = np.linalg.lstsq(X, y, rcond=None)
+        left = y - X @ (a, b)
+        if a > 0 > b and (square := float(left @ left)) < best[0]:
+            best = square, t[0] + tau * float(np.log(-b / a)), (tau / a) ** 2, tau
+    square, theta, per, tau = best
+    return (theta, len(t) / max(square * per, 1e-300), tau) if np.isfinite(square) else None
 
 
 def starts_late(step: LevelStep, share: float) -> bool:
@@ -63,7 +118,7 @@ def _left(points: AveragedRecord, delays: Sequence[float], share: float) -> floa
 
 def behind(stepset: StepSet, dead_time_s: float) -> StepSet:
     """The set as it is seen from where its inputs act: each level and release from its dead time on."""
-    if dead_time_s <= 0:
+    if dead_time_s == 0:
         return stepset
     levels, releases = (tuple(_later(one, dead_time_s) for one in part) for part in (stepset.levels, stepset.releases))
     return replace(stepset, levels=levels, releases=releases)

@@ -74,9 +74,9 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
     options = options or FitOptions()
     # the products here are small: threads of BLAS would wait for each other, and round otherwise than one does
     with threadpool_limits(1, user_api="blas"):
-        dead_time_s = 0.0
+        dead_time_s, of_start = 0.0, list[Finding]()
         if stepset.levels or not stepset.level_steps:
-            dead_time_s = dead_time_of(stepset, options)
+            dead_time_s, of_start = dead_time_of(stepset, options)
             recorded, stepset = stepset, behind(stepset, dead_time_s)
             result = _fit_levels(stepset, options, progress)
             still = next((one for one in result.findings if one.code == "curve-explains-little"), None)
@@ -108,7 +108,7 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
                 options=given(options, stepset),
                 seed=options.seed,
                 converged=converged(result),
-                findings=ranked((*stepset.all_findings, *result.findings, *of_shapes, *beyond_measure)),
+                findings=ranked((*stepset.all_findings, *result.findings, *of_start, *of_shapes, *beyond_measure)),
             )
         )
 
@@ -287,7 +287,8 @@ def with_plant(result: Fit, dead_time_s: float, idle: float) -> Fit:
     if result.nonlinear is None:
         return result
     plant = with_release(result.nonlinear.parameters, result.release, result.friction_levels)
-    plant = with_overshoot(replace(plant, dead_time_s=dead_time_s, idle=idle), result.data.levels, result.steps)
+    timed = replace(plant, dead_time_s=max(dead_time_s, 0.0), idle=idle)
+    plant = with_overshoot(timed, result.data.levels, result.steps)
     return msgspec.structs.replace(
         result, plant_=FittedPlant.of(plant, (result.data.input_unit, result.data.output_unit))
     )

@@ -46,10 +46,12 @@ def left_over_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Find
         follows = columns @ np.linalg.lstsq(columns, r, rcond=1e-8)[0]
         return float(follows @ follows / total - columns.shape[1] / independent)
 
-    explained, of_direction = share(X), share(X[:, np.flatnonzero(scale > 0) % FUNCTIONS >= CURVES])
+    of_direction = np.flatnonzero(scale > 0) % FUNCTIONS >= CURVES
+    by_direction, by_size, by_both = share(X[:, of_direction]), share(X[:, ~of_direction]), share(X)
+    explained = max(by_direction, by_size, by_both)
     if explained < MUCH or np.sqrt(explained * total) < SEEN * np.sqrt(float(y @ y)):
         return []
-    by = "direction" if of_direction > 0.5 * explained else "size"
+    by = "direction" if by_direction > 0.5 * explained else "size"
     return [finding("residuals-follow-input", "nonlinear", (), share_pct=100 * explained, by=by)]
 
 

@@ -1,6 +1,5 @@
 """Fits, or one plain table, as sessions: what each says of T_s, τ1, τ2, B and a0, and whether they belong together."""
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -13,6 +12,7 @@ from scipy.special import stdtrit
 from eaid.apparatus import Apparatus
 from eaid.errors import DataError
 from eaid.findings import Finding, finding
+from eaid.logs.factors import factors_of
 from eaid.results import codec
 from eaid.results.common import Input, Number, Positive, Result
 from eaid.results.fit import Fit
@@ -116,7 +116,7 @@ def _conditions(fit: Fit) -> dict[str, str | None]:
     rows = [(DRIVE.get(one.name, one.name), one.name) for one in fields(Apparatus) if one.name != "sample_rate_hz"]
     named: dict[str, set[str]] = {}
     for source in data.sources:
-        for key, number in re.findall(r"(?<![A-Za-z])([A-Za-z]+)=(\d+(?:\.\d+)?)", source.run):
+        for key, number in factors_of(source.run).items():
             named.setdefault(key, set()).add(number)
     in_names = {f"{what} ({key}= in the names)": ", ".join(sorted(named.get(key, ()))) for key, what in NAMED.items()}
     return {**said, **{what: None if rig is None else f"{getattr(rig, name):g}" for what, name in rows}, **in_names}

@@ -1,6 +1,7 @@
 """Logs of one call: what a folder holds, what their names say, copies, fractions."""
 
 import gzip
+import itertools
 import os
 import shlex
 import shutil
@@ -297,3 +298,28 @@ def test_the_first_try_of_a_bench_names_each_cause_once_and_what_it_proposes_wor
     (one,) = sorted((tmp_path / "logs").iterdir())[:1]
     ran = run_eaid("fit", one, "--columns", "input=Relay Output", "--units", "time=us", "-o", "one.json")
     assert ran.code == 3 and "the input goes to and fro every 2 rows" in ran.err
+
+
+def test_factors_of_names_are_told_and_choose(tmp_path, run_eaid):
+    time = np.arange(0, 8, 0.02)
+    for level, hz in itertools.product((100, 200), (500, 1000)):
+        force = np.where(time < 2, 0, level * hz / 1e5 * (1 - np.exp(-(time - 2) / 0.5)))
+        rows = "".join(f"{t:.2f},{y:.5f}\n" for t, y in zip(time, force, strict=True))
+        (tmp_path / f"rep=1_V={level}_f={hz}_glue=old.csv").write_text("time_s,force_n\n" + rows)
+    words = ("--name-pattern", "V={level}", "--units", "input=V", "--step-at", "2")
+    ran = run_eaid("ingest", tmp_path, *words, "-o", tmp_path / "all.h5")
+    told = "the names of the logs differ in f too, 1000, 500: all are taken together; choose with --where f=1000"
+    assert told in ran.out and "in glue" not in ran.out and "in rep" not in ran.out
+    for source in (tmp_path / "all.h5", tmp_path):
+        more = words if source.is_dir() else ()
+        ran = run_eaid(
+            "fit", source, *more, "--where", "f=500", "--where", "glue=old", "-o", tmp_path / "f.json", "--force"
+        )
+        fit = eaid.load(tmp_path / "f.json")
+        assert ran.code == 0 and [one.Ts for one in fit.friction.levels] == pytest.approx([0.5, 1.0], rel=0.02)
+        assert fit.options.reading["where"] == "f=500,glue=old"
+    (tmp_path / "all.h5").unlink()
+    ran = run_eaid("ingest", tmp_path, *words, "--where", "f=50")
+    assert (ran.code, ran.err.splitlines()[-1]) == (
+        2, "error: --where f=50: no name says so; they say V=100, V=200, f=1000, f=500, glue=old, rep=1"
+    )  # fmt: skip

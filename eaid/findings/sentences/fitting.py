@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from eaid.findings.row import SYMBOLS, Row, Values, caution, note, stop
-from eaid.shown import listed
+from eaid.shown import counted, listed
 
 # What each constraint of `Solver.at_bounds` says
 CONSTRAINTS = {
@@ -297,8 +297,11 @@ ROWS: dict[str, Row] = {
         )
     ),
     "levels-scatter": caution(
-        "levels scatter by {scatter_pct:.2g} % about the curve, more than their runs: {worst:g} lies {off_pct:+.2g} % "
-        "off; were levels recorded on other days, or mounted anew?",
+        lambda v: (
+            f"levels scatter by {v['scatter_pct']:.2g} % about the curve, more than their runs: {v['worst']:g} lies "
+            + ("far" if v["off_pct"] is None else f"{v['off_pct']:+.2g} %")
+            + " off; were levels recorded on other days, or mounted anew?"
+        ),
         rank=1,
     ),
     "curve-misses-levels": caution(
@@ -327,8 +330,12 @@ ROWS: dict[str, Row] = {
         "its steady value are one curve; record the step that leads there, from rest"
     ),
     "input-late": caution(
-        "{subject}: the output answers {rows:#row} ({ms:.3g} ms) before the input is noted: the fit takes the input as "
-        "it acted; write what acts from a row on into that row",
+        lambda v: (
+            f"{v['subject']}: the output moves {counted(v['rows'], 'row')} ({v['ms']:.3g} ms"
+            + (f", {v['low']:.3g} … {v['high']:.3g}" if "low" in v else "")
+            + ") before the input: the input was noted late, and the fit takes it as it acted; write what acts from a "
+            "row on into that row"
+        ),
         "rows",
     ),
     "hold-out-fails": stop(
@@ -355,8 +362,11 @@ ROWS: dict[str, Row] = {
     ),
     "kind-by-evidence": note(_kind, always=True),
     "dead-time": note(
-        "{subject}: the output answers after a dead time of {dead_time_s:.3g} s, or its input is noted so early; the "
-        "models begin behind it",
+        lambda v: (
+            f"{v['subject']}: the output answers after a dead time of {v['dead_time_s']:.3g} s"
+            + (f" ({v['low']:.3g} … {v['high']:.3g})" if "low" in v else "")
+            + ", or its input is noted so early; the models begin behind it"
+        ),
         "dead_time_s",
     ),
     "input-saturates": caution(

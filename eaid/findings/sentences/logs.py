@@ -221,6 +221,14 @@ ROWS: dict[str, Row] = {
         always=True,
         rank=1,
     ),
+    "several-factors": caution(
+        lambda v: (
+            f"the names of the logs differ in {v['key']} too, {listed(v['values'], 6)}: all are taken together; choose "
+            f"with «where» {v['key']}={v['first']}"
+        ),
+        always=True,
+        rank=0,
+    ),
     "levels-left-out": caution("what was recorded {at} is left out of the fit", always=True, rank=1),
     "signs-turned": caution(
         "the output falls at the step in {runs:#run}: the fit counts it upwards, with its sign turned; gains for this "
