@@ -49,14 +49,14 @@ def _sheet(
     fit: Fit, left: Left, known: list[tuple[str, Correlation]], colours: list[str], against: list[Line]
 ) -> Sheet:
     y, zero = Axis("Residual", fit.data.output_unit), Span(0.0, 0.0, ink.BLACK, "y", 0.5)
-    at = [Line(t, e, name, colour, width=0.6, alpha=0.8) for (name, t, e), colour in zip(left, colours, strict=False)]
+    at = [Line(t, e, name, colour, width=0.8, alpha=0.7) for (name, t, e), colour in zip(left, colours, strict=False)]
     own = [
         Line(one.lag_s, one.own, name, colour, width=1.1)
         for (name, one), colour in zip(known, colours if len(known) > 1 else [ink.BLUE], strict=False) if one.own
     ]  # fmt: skip
     band = max((one.band for _, one in known), default=0.0)
     time = ink.OF_LOG if fit.logs else ink.OF_STEP
-    panels = [Panel(time, y, at, spans=[zero], legend="over" if len(at) > 1 else "", columns=SHOWN)]
+    panels = [Panel(time, y, at[::-1], spans=[zero], legend="over" if len(at) > 1 else "", columns=SHOWN)]
     if own:
         white = Span(-band, band, ink.PALE, "y")
         panels.append(Panel(Axis("Lag", "s"), Axis("Autocorrelation", limits=(None, 1.0)), own, spans=[white, zero]))
