@@ -165,7 +165,7 @@ def level_steps_panel(data: StepSet, shapes: Sequence[StepShape]) -> Panel:
         (step.time_s, step.output - shape.start, None, called(shape), "", partial(change, shape))
         for step, shape in some_of(paired(data, shapes), MOST)
     ]
-    return curves_panel(curves, Axis("Change of output", data.output_unit or "1"), "fitted")
+    return curves_panel(curves, Axis("Change of output", data.output_unit), "fitted")
 
 
 def hold_and_release(data: StepSet) -> Sheet | None:

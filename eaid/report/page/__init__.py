@@ -228,9 +228,8 @@ def next_steps(results: Results) -> list[tuple[str, str]]:
         if options and not any(row.name in gains.BEYOND_GAINS for row in missing):
             why = f"Ask for gains whose guarantee holds ({', '.join(map(gains.called, missing))})"
             asked: list[Any] = [_whole(word) if Path(word).is_file() else word for word in given.result.command]
-            steps.append(
-                (why, _line("tune-rc", *(asked or [fit]), *options, "-o", given, "--force"))
-            )  # what was asked for stays
+            line = _line("tune-rc", *(asked or [fit]), *options, "-o", given, "--force")
+            steps.append((why, line))  # what was asked for stays
         if results.replay("multisine") is None:
             line = _line("simulate", fit, given, "--scenario", "multisine", "-o", _unused(fit, "multisine.h5"))
             steps.append(("Try the controllers on the fitted model", line))
