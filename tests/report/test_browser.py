@@ -62,8 +62,10 @@ def test_every_figure_is_drawn_without_error_or_request(browser: Any, page: Path
     assert min(painted.values()) > 20, painted
     assert tab.evaluate("[...document.images].every(image => image.complete && image.naturalWidth > 0)")
     assert tab.evaluate("document.documentElement.scrollWidth <= window.innerWidth")  # nothing hangs over the edge
-    picture = Image.open(io.BytesIO(tab.locator("#fig12_multisine-live").screenshot())).convert("L")
-    assert (np.argmax(picture.histogram()) > 128) == (scheme == "light")  # the ground of the plot
+    assert tab.evaluate("(bar => bar.scrollWidth <= bar.clientWidth)(document.querySelector('nav ul'))")
+    for drawn in ("#fig12_multisine-live", "#residuals img", ".picture img >> nth=0"):
+        picture = Image.open(io.BytesIO(tab.locator(drawn).screenshot())).convert("L")
+        assert (np.argmax(picture.histogram()) > 128) == (scheme == "light"), drawn  # its ground
     tab.context.close()
 
 

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import re
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,8 @@ import numpy as np
 import pytest
 
 import eaid
-from eaid.report.tables import number
+from eaid.report.page import signs
+from eaid.report.tables import Name, number, text
 
 from ..conftest import PLANT, loaded
 
@@ -99,6 +101,40 @@ def test_the_summary_and_the_tables_say_what_the_files_say(whole: Any, files: di
         assert row[2] == " … ".join(number(end, 3) for end in one["ci95"]["Ts"])
     steps = [command.split()[1] for _why, command in whole.steps]
     assert steps == ["plan", "export"]  # no gains mend the duty limit: none are offered
+
+
+def test_what_to_do_next_works_in_any_folder_and_overwrites_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, report: Callable[..., Any]
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my fit.json").write_text(json.dumps({"schema": "eaid/fit/2", **OTHER_RIG}), encoding="utf-8")
+    for name, others in (("plan.csv", ()), ("plan-2.csv", ("plan.csv",)), ("plan-3.csv", ("plan.csv", "plan-2.csv"))):
+        for other in others:
+            (tmp_path / other).touch()
+        (command,) = [line for _why, line in report("my fit.json").steps if line.startswith("eaid plan")]
+        assert shlex.split(command) == ["eaid", "plan", f"{tmp_path}/my fit.json", "-o", f"{tmp_path}/{name}"]
+
+
+def test_a_warning_is_counted_once_and_where_it_is_shown(whole: Any):
+    for name, light in zip(("data", "model"), whole.lights, strict=False):
+        part = whole.html.split(f'<section id="{name}">')[1].split("</section>")[0]
+        own = re.sub(r"<details[^>]*>\s*<summary><b>Friction.*?</details>", "", part, flags=re.DOTALL)
+        told = re.search(r"(\d+) warnings?:", light[1])
+        assert int(told[1] if told else 0) == own.count('<li class="care">'), name
+    assert "of 10 runs" in whole.lights[0][1] or whole.lights[0][1].startswith("10 runs")  # a release is no run more
+
+
+def test_figures_of_another_rig_are_counted_from_one(others: dict[str, list[Path]], report: Callable[..., Any]):
+    page = report(*others["long"])
+    titles = [caption.split(" · ")[0] for caption in page.captions.values()]
+    assert titles == [f"Figure {k}" for k in range(1, len(titles) + 1)] and len(titles) > 3
+    assert not any("Fig. " in caption for caption in page.captions.values())
+
+
+def test_one_minus_sign_and_no_interval_without_width():
+    assert signs("drift -0.5 N (-3e-05 … 2) in log -x a-1") == "drift −0.5 N (−3e−05\u00a0…\u00a02) in log -x a-1"
+    assert signs(Name("run -1")) == "run -1"
+    assert text((0.181, 0.181)) == "not known" and text((6.4791, 6.4799)) == "6.479 … 6.480"
 
 
 def test_tables_one_to_four_stand_beside_the_published_values(whole: Any, files: dict[str, Path]):

@@ -10,7 +10,7 @@ import itertools
 import re
 import shlex
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -107,21 +107,6 @@ def parts(results: Results, drawn: Figures) -> list[Block]:
         Block("Appendix", folds=(again, Block("Files", tables=(data.files_table(results),)))),
     ]
     return [part for part in every if part is not None]
-
-
-def numbered(blocks: Iterable[Block], of_paper: bool) -> list[Block]:
-    """The parts with their figures counted from 1 in the order of the page; those of the paper's rig have its
-    numbers."""
-    if of_paper:
-        return list(blocks)
-    numbers = itertools.count(1)
-
-    def of(block: Block) -> Block:
-        order = sorted(block.figures, key=lambda one: one.narrow)  # narrow ones stand below the others, in pairs
-        titled = tuple(replace(one, title=f"Figure {next(numbers)} · {one.title}") for one in order)
-        return replace(block, figures=titled, folds=tuple(map(of, block.folds)))
-
-    return [of(block) for block in blocks]
 
 
 def _of(drawn: Figures, *names: str) -> tuple[Drawn, ...]:
@@ -243,9 +228,8 @@ def next_steps(results: Results) -> list[tuple[str, str]]:
         if options and not any(row.name in gains.BEYOND_GAINS for row in missing):
             why = f"Ask for gains whose guarantee holds ({', '.join(map(gains.called, missing))})"
             asked: list[Any] = [_whole(word) if Path(word).is_file() else word for word in given.result.command]
-            steps.append(
-                (why, _line("tune-rc", *(asked or [fit]), *options, "-o", given, "--force"))
-            )  # what was asked for stays
+            line = _line("tune-rc", *(asked or [fit]), *options, "-o", given, "--force")
+            steps.append((why, line))  # what was asked for stays
         if results.replay("multisine") is None:
             line = _line("simulate", fit, given, "--scenario", "multisine", "-o", _unused(fit, "multisine.h5"))
             steps.append(("Try the controllers on the fitted model", line))
@@ -334,7 +318,9 @@ def page(results: Results, drawn: Sequence[Drawn], pictures: Sequence[Drawn]) ->
         pictures=pictures,
         numbers=summary.tables(results),
         next_steps=next_steps(results),
-        parts=numbered(parts(results, {one.name: one for one in drawn}), results.of_paper),
+        parts=parts(results, {one.name: one for one in drawn}),
+        # counted from 1 down the page; those of the paper's rig have its numbers
+        counter=None if results.of_paper else itertools.count(1),
         style=Markup(_asset("page.css")),
         # Our own scripts only, told by their hash: nothing else on the page can run, whatever a file name says.
         allowed=" ".join(

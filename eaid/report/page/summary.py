@@ -67,7 +67,9 @@ def tables(results: Results) -> tuple[Table, ...]:
     found += [promise_table(given.result) for given in results.comparisons if given.result.promise]
     if results.main_fit is not None and (cells := summary.values(results.main_fit)):
         heads = [head.replace("[", "(").replace("]", ")") for head in cells[0]]
-        found.append(Table("Values with 95 % intervals", "", columns(*heads), tuple(map(tuple, cells[1:]))))
+        own = results.main_fit.nonlinear is not None and len(results.main_fit.friction_levels) > 1
+        whose = "Each level's own; the model's one curve may pass beside them." if own else ""
+        found.append(Table("Values with 95 % intervals", whose, columns(*heads), tuple(map(tuple, cells[1:]))))
     return (*found, *_controllers(results))
 
 

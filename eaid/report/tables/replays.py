@@ -94,8 +94,8 @@ def errors_table(replays: Sequence[Replay]) -> Table:
 
 
 def log_table(replay: Replay, fits: Sequence[Fit] = ()) -> Table:
-    """How far the model is from each recorded run when it gets the recorded input; another log than those of the fits
-    that made the model is called so."""
+    """How far the model is from each recorded run when it gets the recorded input; logs that share neither fingerprint
+    nor name with those of the fits are told as such."""
     out = replay.head.output_unit
 
     def left(of: tuple[str, Metrics]) -> Correlation:
@@ -103,8 +103,9 @@ def log_table(replay: Replay, fits: Sequence[Fit] = ()) -> Table:
         return correlation_of([recorded - model], median(np.diff(t)), u)
 
     given = replay.head.inputs.get("log", ())
-    logs = {one.sha256 for one in (given if isinstance(given, tuple) else (given,))}
+    logs = {one.sha256 for one in (given if isinstance(given, tuple) else (given,))} | set(replay.records)
     fitted = {one.sha256 for fit in fits for one in fit.data.inputs}
+    fitted |= {known for fit in fits for one in fit.data.sources for known in (one.sha256, one.run)}
     return table_of(
         "Another log, which the model has not seen" if fits and logs.isdisjoint(fitted)
         else "Recorded input through the model",
