@@ -1,16 +1,13 @@
 """Fixtures that several rooms' tests share: the command line in this process, data sets and results made once."""
 
-import importlib.util
 import json
 import os
 import runpy
 import signal
-import sys
 import tempfile
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 # Short kernels: several BLAS threads fight over them and over the machine.
@@ -165,14 +162,3 @@ def clutch_set() -> Callable[..., StepSet]:
 def friction_set() -> Callable[..., StepSet]:
     """Noise-free friction steps, one curve a level."""
     return _friction_set
-
-
-@pytest.fixture(scope="session")
-def fit_quality() -> ModuleType:
-    """`benchmarks/fit_quality.py`: random plants, and an independent least-squares multi-start to judge against."""
-    spec = importlib.util.spec_from_file_location("fit_quality", ROOT / "benchmarks" / "fit_quality.py")
-    assert spec and spec.loader
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["fit_quality"] = module
-    spec.loader.exec_module(module)
-    return module

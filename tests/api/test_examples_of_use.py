@@ -58,16 +58,6 @@ def test_a_level_whose_tau2_is_open_keeps_its_torque_and_all_that_follows_goes_o
     assert len(eaid.plan(fit, want="Ts=5,tau1=10", check=False).levels) >= 4
 
 
-def test_zeros_in_a_release_stop_that_run_and_nothing_else() -> None:
-    logs = {f"u{u:g}r{k}": step(u, k, release_s=4.0) for u in (20.0, 40.0, 60.0, 80.0, 100.0) for k in range(2)}
-    sound = eaid.fit(logs, ci="none")
-    logs["u60r1"].loc[520:550, "torque_nm"] = 0.0
-    fit = eaid.fit(logs, ci="none")
-    assert codes(fit)["runs-left-out"].values["runs"] == ("u60r1-release",) and fit.verdict.usable
-    assert len(fit.data.sources) == len(sound.data.sources) - 1 == 19
-    assert fit.nonlinear.Ts == sound.nonlinear.Ts and fit.nonlinear.tau1 == sound.nonlinear.tau1
-
-
 def test_a_good_log_of_several_levels_is_stopped_by_no_step_that_its_noise_hides() -> None:
     t, u, y = held((0.0, 40.0, 90.0, 60.0, 62.0, 20.0), 3.0, 20.0, 0.0, TAU1, TAU2, steady)
     noise = lfilter([0.43], [1, -0.9], np.random.default_rng(2).normal(size=t.size))  # remembers 0.5 s
@@ -75,21 +65,6 @@ def test_a_good_log_of_several_levels_is_stopped_by_no_step_that_its_noise_hides
     assert fit.recorded is not None and fit.nonlinear.fit_pct > 95
     assert codes(fit)["shape-explains-little"].levels == (62.0,) and min(one.R2 for one in fit.steps) < 0.3
     assert fit.verdict.usable and "NOT USABLE" not in fit.summary() and eaid.tune_rc(fit).not_usable is None
-
-
-def test_a_heaters_dead_time_is_the_rigs_and_its_loops_keep_their_margins() -> None:
-    """Once "an input noted early, do not use", while the single steps had it right."""
-    t, u, y = held((0.0, 40.0, 80.0, 20.0, 100.0), 350.0, 0.25, 16.0, 40.0, 200.0, lambda u: 0.35 * u)
-    fit = eaid.fit(frame(t, u, y + 0.03 * np.random.default_rng(0).normal(size=t.size), "output (K)"), ci="none")
-    assert fit.recorded is not None and fit.verdict.usable
-    assert fit.dead_time_s == pytest.approx(16.0, abs=0.05) and codes(fit)["dead-time"].severity == "note"
-    assert "input-late" not in codes(fit) and [one.dead_time_s for one in fit.steps] == pytest.approx([16.0] * 4, abs=1)
-    assert fit.at(100.0).loc["Ts", "value"] == pytest.approx(35.0, rel=0.02)
-    assert "shown  single steps" not in fit.summary()  # its levels, not each step by itself
-    gains = eaid.tune_rc(fit, rate_hz=10.0)
-    assert gains.margins.timing.delay_samples == 160
-    for point in gains.margins.points:
-        assert point.pi.stable and point.pi.gain_db >= 6 and point.pi.phase_deg >= 45
 
 
 def test_small_commands_of_a_closed_loop_are_commands(small_fit: Any, tmp_path: Path) -> None:

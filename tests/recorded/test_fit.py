@@ -135,17 +135,6 @@ def test_two_holds_are_a_step_whatever_their_size_and_give_a_plant() -> None:
         assert fit.plant.kind == "lag" and fit.plant_.plant.Ts[1] == pytest.approx(0.2, rel=0.05)
 
 
-def test_small_commands_of_a_loop_are_commands() -> None:
-    """A ramp from 0 on: what acts below half a percent is no noise of a measured input, which goes both ways."""
-    t = np.arange(3000) / 100
-    ramp = np.minimum(np.maximum(t - 1, 0) * 0.5, 100.0) + np.where(t > 20, 60.0, 0.0)
-    log = recorded_log(Run("log", t, ramp, t, "%", "N·m", "a.csv", ""))
-    assert np.array_equal(log.input, ramp)
-    noise = 0.03 * np.random.default_rng(0).standard_normal(3000)
-    held = recorded_log(Run("log", t, np.where(t < 5, noise, 60.0 + noise), t, "V", "N·m", "a.csv", ""))
-    assert (held.input[:400] == 0).all() and held.starts_idle
-
-
 def test_a_linear_rig_gives_its_three_numbers_and_no_second_time_constant() -> None:
     rng = np.random.default_rng(4)
     duty = np.concatenate(
