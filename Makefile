@@ -7,12 +7,15 @@ BIN := .venv/bin
 endif
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: demo test test-all check bench mutants docs screenshot reports datasets wheel clean
+.PHONY: demo test quick test-all check bench mutants docs screenshot reports datasets wheel clean
 
 demo: .venv/.run  ## the main job: three shipped datasets to one report
 	$(BIN)/eaid demo -o demo --force
 
-test: check  ## all that guards a change, in five minutes on two cores
+test: .venv/.test  ## all that guards a change, in five minutes on two cores
+	$(MAKE) --no-print-directory -j 2 quick check
+
+quick: .venv/.test
 	$(BIN)/python -m pytest -n 2 --dist loadgroup -m "not slow"
 
 test-all: check .venv/.dev  ## and the slow ones: coverage of intervals, emulators, browsers, kills, hypothesis at length

@@ -1,16 +1,13 @@
 """Fixtures that several rooms' tests share: the command line in this process, data sets and results made once."""
 
-import importlib.util
 import json
 import os
 import runpy
 import signal
-import sys
 import tempfile
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 # Short kernels: several BLAS threads fight over them and over the machine.
@@ -23,6 +20,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 import numpy as np  # noqa: E402
 import pytest  # noqa: E402
+from hypothesis import HealthCheck, settings  # noqa: E402
 
 import eaid  # noqa: E402
 from eaid.apparatus import Apparatus  # noqa: E402
@@ -32,6 +30,8 @@ from eaid.plant.respond import from_rest, step_response  # noqa: E402
 from eaid.steps.stepset import Level, StepSet  # noqa: E402
 
 ROOT = Path(__file__).parents[1]
+settings.register_profile("loaded", suppress_health_check=[HealthCheck.too_slow], deadline=None)
+settings.load_profile("loaded")  # another program on the machine is no failure
 PLANT: dict[str, Any] = {
     "C": 0.85, "tau1": [6.74e-3, 2.39e-2, -2.13e-4], "tau2": [0.93, 0.41, -2.64e-3],
     "Ts": [0.032, 9.2e-3, 2.1e-4, 1.32e-6], "u_range": [10.0, 100.0],
@@ -162,14 +162,3 @@ def clutch_set() -> Callable[..., StepSet]:
 def friction_set() -> Callable[..., StepSet]:
     """Noise-free friction steps, one curve a level."""
     return _friction_set
-
-
-@pytest.fixture(scope="session")
-def fit_quality() -> ModuleType:
-    """`benchmarks/fit_quality.py`: random plants, and an independent least-squares multi-start to judge against."""
-    spec = importlib.util.spec_from_file_location("fit_quality", ROOT / "benchmarks" / "fit_quality.py")
-    assert spec and spec.loader
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["fit_quality"] = module
-    spec.loader.exec_module(module)
-    return module

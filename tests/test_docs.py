@@ -70,6 +70,26 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").r
 WITH_COMMANDS = [ROOT / "README.md", *(ROOT / "docs" / page for page in ("walkthrough.md", "sessions.md"))]
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("page", WITH_COMMANDS[:2], ids=["README", "walkthrough"])
+def test_commands_print_what_is_shown(
+    page: Path, run_eaid: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Line by line, … for any rest, until the logs of others; blanks count once."""
+    monkeypatch.chdir(tmp_path)
+    text = page.read_text(encoding="utf-8").split("\n## Your own logs")[0].split("\n## Logs of a real rig")[0]
+    for block in re.findall(r"^```\n(\$ eaid .*?)^```", text, re.MULTILINE | re.DOTALL):
+        for part in block.split("$ eaid ")[1:]:
+            line, *shown = part.splitlines()
+            if line.startswith("demo"):
+                continue
+            ran = run_eaid(*shlex.split(line))
+            printed = [" ".join(one.split()) for one in (ran.out + "\n" + ran.err).splitlines()]
+            for one in filter(None, shown):
+                wanted = re.compile(re.escape(" ".join(one.split())).replace("…", ".*"))
+                assert any(wanted.fullmatch(row) for row in printed), (line, one, printed)
+
+
 COMMANDS = {name.replace("_", "-") for name in main.COMMANDS}
 
 

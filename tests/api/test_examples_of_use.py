@@ -58,16 +58,6 @@ def test_a_level_whose_tau2_is_open_keeps_its_torque_and_all_that_follows_goes_o
     assert len(eaid.plan(fit, want="Ts=5,tau1=10", check=False).levels) >= 4
 
 
-def test_zeros_in_a_release_stop_that_run_and_nothing_else() -> None:
-    logs = {f"u{u:g}r{k}": step(u, k, release_s=4.0) for u in (20.0, 40.0, 60.0, 80.0, 100.0) for k in range(2)}
-    sound = eaid.fit(logs, ci="none")
-    logs["u60r1"].loc[520:550, "torque_nm"] = 0.0
-    fit = eaid.fit(logs, ci="none")
-    assert codes(fit)["runs-left-out"].values["runs"] == ("u60r1-release",) and fit.verdict.usable
-    assert len(fit.data.sources) == len(sound.data.sources) - 1 == 19
-    assert fit.nonlinear.Ts == sound.nonlinear.Ts and fit.nonlinear.tau1 == sound.nonlinear.tau1
-
-
 def test_a_good_log_of_several_levels_is_stopped_by_no_step_that_its_noise_hides() -> None:
     t, u, y = held((0.0, 40.0, 90.0, 60.0, 62.0, 20.0), 3.0, 20.0, 0.0, TAU1, TAU2, steady)
     noise = lfilter([0.43], [1, -0.9], np.random.default_rng(2).normal(size=t.size))  # remembers 0.5 s

@@ -82,26 +82,6 @@ def test_the_tables_hold_the_numbers_of_the_file(rig, run_eaid):
     assert held[1] == "60" and float(held[2]) == pytest.approx(part["hold_out"]["levels"][0]["rmse"], rel=0.01)
 
 
-def test_huber_sees_past_a_drop_out(rig, run_eaid):
-    """A quarter less for half a second in one run of one level."""
-    made = "synth --levels 20,40,60,80,100 --repeats 3 --hold 8 --idle 1 --rate-hz 50 -q -o huber"
-    assert run_eaid(made).code == 0
-    assert run_eaid("fit huber --ci none -o f.json").code == 0
-    whole = result()["friction"]["levels"][2]
-    (log,) = Path("huber").glob("*060*r2*.csv")
-    lines = []
-    for line in log.read_text().splitlines():
-        cells = line.split(",")
-        fallen = cells[0][:1].isdigit() and 5.0 < float(cells[0]) < 5.5
-        lines.append(",".join([*cells[:-1], str(0.75 * float(cells[-1]))]) if fallen else line)
-    log.write_text("\n".join(lines) + "\n")
-    off = []
-    for loss in ("huber", "squares"):
-        assert run_eaid(f"fit huber --loss {loss} --ci none -o f.json --force").code == 0
-        off.append([abs(result()["friction"]["levels"][2][name] / whole[name] - 1) for name in ("Ts", "tau1", "tau2")])
-    assert all(held < moved for held, moved in zip(*off, strict=True)), off
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_the_tracking_error_of_a_noisy_fit_is_that_of_its_plant(seed, tmp_path, monkeypatch, run_eaid):

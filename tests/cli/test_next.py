@@ -21,6 +21,7 @@ FIRST = {
     "overshoot": ["fit slips"],
 }
 """What each chain begins with; everything else is as it was printed."""
+QUICK = ("in % and N·m", "force")
 OTHERS = {
     "another clutch": (
         "fit RIGS/clutch --columns 'time=Time,output=\"Load Cell\"' --units time=us,output=N "
@@ -89,7 +90,9 @@ def run_chain(lines, run_eaid, least):
     return done
 
 
-@pytest.mark.parametrize("name", FIRST)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[] if name in QUICK else [pytest.mark.slow]) for name in FIRST]
+)
 def test_what_is_printed_runs(name, run_eaid, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     make(name)

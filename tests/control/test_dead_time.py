@@ -48,8 +48,7 @@ def true_margins(plant: Plant, gains: eaid.Gains) -> tuple[float, float]:
 RIGS = [(0.05, 0.6), (0.08, 0.7), (0.1, 0.8), (0.12, 0.9), (0.15, 1.0), (0.2, 1.1), (0.25, 1.2), (0.3, 1.3)]
 
 
-QUICK = (RIGS[0], RIGS[7])
-MARKED = [pytest.param(*one, marks=[] if one in QUICK else [pytest.mark.slow]) for one in RIGS]
+MARKED = [pytest.param(*one, marks=[pytest.mark.slow] if one != RIGS[0] else []) for one in RIGS]
 
 
 @pytest.mark.parametrize(("dead_s", "slower"), MARKED)

@@ -63,6 +63,7 @@ def test_row_of_the_comparison(fit, rows, name, tmp_path):
     assert row.replace("-", "−") in TEXT.replace("-", "−")
 
 
+@pytest.mark.slow
 def test_shares_in_words(fit, rows):
     rc, paper, meets, alike, bare = (replayed(fit, row).metrics.max_abs_error_nm for row in rows.values())
     assert (f"{rc:.3f}", f"{paper:.3f}") == ("0.116", "0.797")  # specification 6
@@ -123,6 +124,7 @@ def test_readings_mismatch_and_slope(fit, fit_of, tuned):
     assert f"{published.replayed.slope_nm_s:.2f} N·m/s" in TEXT
 
 
+@pytest.mark.slow
 def test_what_another_B_hat_leaves(fit, rows):
     """The error with less duty for a slope, and the α that the guarantee would need."""
     other = eaid.tune_rc(fit, b_hat=8.16)
@@ -134,6 +136,7 @@ def test_what_another_B_hat_leaves(fit, rows):
     assert f"α reached of {other.rc.alpha_reached:.3f}" in TEXT
 
 
+@pytest.mark.slow
 def test_what_mending_leaves(fit):
     found = eaid.tune_rc(fit)
     least, all_met, error = found.margins.worst["rc"], found.guarantee.mended, found.replayed.rc.max_abs_error_nm
@@ -145,6 +148,7 @@ def test_what_mending_leaves(fit):
     ) in TEXT
 
 
+@pytest.mark.slow
 def test_the_readme_compares_what_the_code_prints():
     """At equal margins, on the logs that its own commands make."""
     text = re.sub(r"\s+", " ", (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8"))

@@ -90,7 +90,13 @@ CASES = {  # range [N·m], slope [N·m/s]: the verdict, and what must fail
 
 
 @pytest.mark.parametrize("count", [4, pytest.param(200, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    "case",
+    [
+        pytest.param(case, marks=[pytest.mark.slow] if case in ("low down", "over the whole range") else [])
+        for case in CASES
+    ],
+)
 def test_where_it_says_yes_no_plant_leaves_the_bound(judged, case, count):
     (low, high, slope), holds = CASES[case]
     reference = triangle(low, high, slope)

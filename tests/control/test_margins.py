@@ -38,7 +38,7 @@ def point(tuned):
     return point
 
 
-@pytest.mark.parametrize("pi", [PI, (156.6, 252.9), (299.5, 210.4)])
+@pytest.mark.parametrize("pi", [PI, pytest.param((156.6, 252.9), marks=pytest.mark.slow)])
 def test_phase_margin_agrees_with_python_control(point, pi):
     import control
 

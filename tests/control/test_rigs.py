@@ -155,6 +155,7 @@ def test_a_level_at_which_the_output_falls_leaves_no_pi(fit_of):
         eaid.tune_rc(fit_of(nonlinear=own, data=data))
 
 
+@pytest.mark.slow
 def test_a_rig_a_thousand_times_slower_than_the_paper_s(tuned):
     """An oven, one level known: T_s has no slope there, so its single level says how the loop turns about it."""
     part = {"C": 0.85, "Ts": [121.0, 0, 0, 0], "tau1": [599.0, 0, 0], "tau2": [600.0, 0, 0], "u_range": [1.0, 1.0]}

@@ -45,26 +45,6 @@ def test_welch_of_levels_by_hand() -> None:
     assert replace(found, gain=0 * found.gain).variance() == (0.0, 3.0)
 
 
-def test_neighbours_show_the_scatter_of_a_level() -> None:
-    """Half by itself, half by the other: what both show counts, with the degrees of freedom of both."""
-    both = np.full((1, 2, 2), 0.5)
-    seen = replace(alone([9.0, 9.0], [2.0, 1.0], [2.0, 2.0]), mixed=both)
-    found = Influence(np.array([[[1.0]], [[0.0]]]), seen, np.zeros((0, 1)), 0.0)
-    assert found.variance()[0] == pytest.approx(9 * 1.5) and found.variance()[1] == pytest.approx(4.0)
-    assert found.covariance() == pytest.approx(9 * 1.5)
-
-
-def test_levels_of_a_sweep_move_together() -> None:
-    """Two levels of two runs that lie 1 off: apart 1 + 1, as two sweeps (1 + 1)², with one degree more."""
-    gain = np.ones((2, 1, 1))
-    apart = Influence(gain, alone([1.0, 1.0], [1.0, 1.0], [1.0, 1.0]), np.zeros((0, 1)), 0.0)
-    shifts = (np.array([[1.0], [-1.0]]),) * 2
-    swept = replace(apart, levels=replace(apart.levels, shifts=shifts))
-    assert apart.variance()[0] == pytest.approx(2.0) and swept.variance()[0] == pytest.approx(4.0)
-    assert swept.covariance() == pytest.approx(4.0)
-    assert swept.variance()[1] == pytest.approx(4**2 / (2**2 / 2 + 2**2))
-
-
 def runs_of(shifts: np.ndarray) -> list[RunStatistics]:
     """Levels whose runs would move one parameter so, shape (L, R), with hardly any noise within a run."""
     return [RunStatistics(row[:, None] - row.mean(), np.full(1, 1e-12)) for row in shifts]

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import eaid
+from benchmarks import fit_quality
 from eaid.apparatus import Apparatus
 from eaid.errors import DataError, UsageError
 from eaid.plant import linear
@@ -302,7 +303,7 @@ def test_few_levels_leave_the_high_coefficients_at_zero(levels: list[float], zer
 
 
 @pytest.mark.slow
-def test_constraints_hold_between_the_levels_too(fit_quality: Any) -> None:
+def test_constraints_hold_between_the_levels_too() -> None:
     held = 0
     for seed in (3, 7, 15):
         case = fit_quality.make(seed)

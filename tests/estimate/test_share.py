@@ -14,22 +14,6 @@ from eaid.steps.stepset import Level, StepSet
 TOLD = {"runs-leave-the-share-open", "runs-reject-the-share"}
 
 
-@pytest.fixture(scope="module")
-def other(sets: Any) -> StepSet:
-    """A plant with C = 0.88, ten levels of three runs, the rig's usual noise."""
-    found: StepSet = sets.one_set(3, sets.VARIANTS["share"])
-    return found
-
-
-@pytest.mark.slow
-def test_it_is_told_in_one_sentence_with_numbers(other: StepSet) -> None:
-    sure = eaid.fit(other, model=("friction",))
-    said = sure.uncertainty.share
-    assert said.rejected and said.matters and said.ci95[0] < 0.88 < said.ci95[1]
-    (one,) = [one for one in sure.findings if one.code == "runs-reject-the-share"]
-    assert one.severity == "caution" and one.values["held"] == 0.85 and one.values["estimate"] == said.estimate
-
-
 def test_a_share_that_agrees_needs_no_warning(sets: Any) -> None:
     made = sets.one_set(3, sets.VARIANTS["base"])
     sure = eaid.fit(made, model=("friction",))

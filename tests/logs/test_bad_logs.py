@@ -187,7 +187,9 @@ def test_a_bad_log(name, tmp_path, run_eaid):
     path, output = tmp_path / name.replace("/", ""), tmp_path / "data.h5"
     path.write_bytes(content)
     ran = run_eaid("ingest", path, "-o", output, *options)
-    first, *others = [line for line in ran.err.splitlines() if not line.startswith(("columns of ", "try: "))]
+    first, *others = [
+        line for line in ran.err.splitlines() if not line.startswith(("columns of ", "try: ", "reading logs: "))
+    ]
     wanted = f"error: {path}: {sentence}"
     assert first == wanted or (first.startswith(wanted) and wanted.endswith("("))
     assert ran.code == 3 and len(others) == OTHERS.get(name, 0)

@@ -44,18 +44,6 @@ def test_a_plan_is_not_taken_for_its_luck() -> None:
     assert np.mean(kept) == pytest.approx(0.8, abs=0.02)
 
 
-def test_a_second_plan_without_any_interval_is_the_last() -> None:
-    """τ2 that nothing determines: no larger plan is simulated, though each is predicted to reach its width."""
-    measured = []
-
-    def measure(plan: Asked) -> list[design.Widths]:
-        measured.append(plan.width)
-        return [{"Ts": 0.5, "tau2": np.inf}] * 20
-
-    _, widths = design.enlarged(lambda wanted: Asked(wanted["tau2"]), measure, {"Ts": 1.0, "tau2": 10.0}, 0.9)
-    assert len(measured) == 2 and widths == {"Ts": 0.5, "tau2": np.inf}
-
-
 @pytest.fixture(scope="module")
 def fitted(sets: Any) -> Any:
     made = sets.one_set(7, sets.VARIANTS["base"])

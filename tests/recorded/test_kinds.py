@@ -30,6 +30,9 @@ KINDS = {
     "zero": plant(0.2, 1.0, C=1.6),
     "zero+dead": plant(0.2, 1.0, C=1.6, dead_time_s=0.255),
 }
+QUICK = ("ringing", "series+dead", "zero")
+SOME = [pytest.param(name, marks=[] if name in QUICK else [pytest.mark.slow]) for name in KINDS]
+OTHERS = [pytest.param(name, marks=[pytest.mark.slow] if name != "lag+dead" else []) for name in KINDS]
 SIGNED = replace(KINDS["lag+dead"], Ts_below=(0.0, -0.025))
 
 
@@ -57,7 +60,7 @@ def both(log: pd.DataFrame, folder: Path) -> tuple[eaid.Fit, float]:
     return fit, float(next(iter(run.records.values())).metrics.fit_pct)
 
 
-@pytest.mark.parametrize("name", KINDS)
+@pytest.mark.parametrize("name", SOME)
 def test_the_kind_is_found_with_its_numbers_and_replays_its_own_log(name: str, tmp_path: Path) -> None:
     truth = KINDS[name]
     fit, replayed_pct = both(log_of(truth), tmp_path)
@@ -74,7 +77,7 @@ def test_the_kind_is_found_with_its_numbers_and_replays_its_own_log(name: str, t
     assert replayed_pct == pytest.approx(own.fit_pct, abs=0.01)
 
 
-@pytest.mark.parametrize("name", KINDS)
+@pytest.mark.parametrize("name", OTHERS)
 def test_without_noise_the_truth_comes_back(name: str) -> None:
     truth = KINDS[name]
     fit = fitted(log_of(truth, noise=0.0), ci="none")

@@ -1,7 +1,6 @@
 """Make data, fit, and the truth returns: noise-free, from other plants, under noise, and whatever the units."""
 
 from collections.abc import Callable
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -9,6 +8,7 @@ import pandas as pd
 import pytest
 
 import eaid
+from benchmarks import fit_quality
 
 Maker = Callable[..., Any]
 TAU1, TAU2, TS = (6.74e-3, 2.39e-2, -2.13e-4), (0.93, 0.41, -2.64e-3), (0.032, 9.2e-3, 2.1e-4, 1.32e-6)
@@ -38,7 +38,7 @@ def test_ten_coefficients_of_the_reference_plant(duration_s: float, rate_hz: flo
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_other_plants_return(seed: int, fit_quality: ModuleType) -> None:
+def test_other_plants_return(seed: int) -> None:
     truth = fit_quality.random_plant(np.random.default_rng(seed))
     t = np.arange(2200) / 100
     torque = np.hstack([np.zeros((10, 200)), fit_quality.curves(t[:2000], fit_quality.levels_of(truth))])
@@ -52,7 +52,7 @@ def test_other_plants_return(seed: int, fit_quality: ModuleType) -> None:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_the_cost_is_that_of_the_best_of_an_independent_multi_start(seed: int, fit_quality: ModuleType) -> None:
+def test_the_cost_is_that_of_the_best_of_an_independent_multi_start(seed: int) -> None:
     case = fit_quality.make(seed)
     mine, converged = fit_quality.ours(case)
     assert converged
