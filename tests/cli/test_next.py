@@ -1,6 +1,8 @@
 """Every command that the terminal or the page names as the next one runs as it is printed."""
 
+import contextlib
 import html
+import os
 import re
 import shlex
 from pathlib import Path
@@ -70,7 +72,8 @@ def printed(ran):
 
 
 def run_chain(lines, run_eaid, least):
-    """Run all lines, and those that they print, each command at most three times; a page at the end, and its own."""
+    """Run all lines, and those that they print, each command at most three times; a page at the end, and its own, which
+    are to run from anywhere."""
     done, waiting, count = [], list(lines), {}
     while waiting:
         words = shlex.split(waiting.pop(0).removeprefix("eaid "))
@@ -79,8 +82,11 @@ def run_chain(lines, run_eaid, least):
             continue
         done.append(words)
         quick = ["--no-check"] if words[0] == "plan" else []
-        ran = run_eaid(*words, *quick, "--force")
-        asks = ran.code == 3 and "\ntry: eaid " in ran.err
+        anywhere = "-o" in words and os.path.isabs(words[words.index("-o") + 1])
+        with contextlib.chdir("/" if anywhere else "."):
+            ran = run_eaid(*words, *quick, "--force")
+        asks = ran.code == 3 and "
+try: eaid " in ran.err
         assert ran.code == 0 or asks, (words, ran.err)
         waiting += printed(ran)
         if words[0] == "report":
