@@ -6,7 +6,7 @@ left at most levels, each of these steps is fitted with a dead time of its own (
 mean, each weighed by how sharply its output leaves rest: (change/(τ1 · RMSE))².
 
 Where none is found so, the rises are extrapolated to their start: of every run y = A (1 − e^(−(t − θ)/τ)) is fitted to
-the rows between 10 and 60 % of its held output, and θ is the mean of all, weighed by (A/(τ · RMSE))². One of half a row
+the rows between 10 and 40 % of its held output, and θ is the mean of all, weighed by (A/(τ · RMSE))². One of half a row
 and a hundredth of τ or more that the runs' scatter does not explain is taken.
 """
 
@@ -30,7 +30,8 @@ MOST_LEVELS = 10  # Levels that are asked
 LONGEST = 0.9  # Part of a record that a dead time may take
 LEAST_ROWS, LEAST_PART = 0.5, 0.01  # Rows, and part of the time constant of the rise, from which a start is told
 CHANCE = 0.01  # By which the runs' scatter may explain it
-PART = (0.1, 0.6)  # Of the held output: the rise in between leads to its start
+SURE_ROWS = 0.2  # Rows that the form of the curve leaves open
+PART = (0.1, 0.4)  # Of the held output: the rise in between leads to its start
 FEWEST_ROWS, TAUS = 6, 30
 
 
@@ -69,8 +70,8 @@ def extrapolated(stepset: StepSet) -> tuple[float, list[Finding]]:
     theta, weight, tau = found.T
     mean, total = float(np.average(theta, weights=weight)), float(weight.sum())
     sd = float(np.sqrt(((weight * (theta - mean)) ** 2).sum())) / total
-    reach = float(t_quantile(len(theta) - 1.0, 1 - CHANCE)) * sd
     row_s = median(np.array([usual_step(level.time_s) for level in stepset.levels]))
+    reach = float(np.hypot(t_quantile(len(theta) - 1.0, 1 - CHANCE) * sd, SURE_ROWS * row_s))
     if abs(mean) < max(LEAST_ROWS * row_s, LEAST_PART * median(tau), reach):
         return 0.0, []
     low, high = mean - reach, mean + reach

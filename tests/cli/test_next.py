@@ -85,8 +85,7 @@ def run_chain(lines, run_eaid, least):
         anywhere = "-o" in words and os.path.isabs(words[words.index("-o") + 1])
         with contextlib.chdir("/" if anywhere else "."):
             ran = run_eaid(*words, *quick, "--force")
-        asks = ran.code == 3 and "
-try: eaid " in ran.err
+        asks = ran.code == 3 and "\ntry: eaid " in ran.err
         assert ran.code == 0 or asks, (words, ran.err)
         waiting += printed(ran)
         if words[0] == "report":

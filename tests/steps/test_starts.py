@@ -1,10 +1,13 @@
 """The value from which a step starts: rests that are flat, wander, slope or are missing, and what `baseline` says."""
 
+import itertools
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
+import eaid
 from eaid.errors import DataError, UsageError
 
 from .make import log, plus, read, told, white, with_input
@@ -104,3 +107,26 @@ def test_windows_that_hold_nothing() -> None:
         DataError, match="baseline= -20:-10 holds no sample of a, which runs from -4 to 3.99 s relative"
     ):
         read(STEP, baseline="-20:-10")
+
+
+@pytest.mark.parametrize(("rows", "code"), [(-2, "input-late"), (0, ""), (2, "dead-time"), (3, "dead-time")])
+def test_an_input_noted_early_or_late_is_told_and_biases_nothing(rows: int, code: str) -> None:
+    """Rows of 10 ms by which the output begins late: two of them once made τ1 5 and τ2 8 % wrong in silence."""
+    time = np.arange(0, 17, 0.01)
+    logs = {}
+    for level, repeat in itertools.product((20, 40, 60, 80), (1, 2)):
+        since = np.maximum(time - 2 - 0.01 * rows, 0)
+        rise = 0.05 * level * (1 - 0.85 * np.exp(-since / 0.3) - 0.15 * np.exp(-since / 4))
+        noise = 0.004 * np.random.default_rng(10 * level + repeat).standard_normal(len(time))
+        duty = np.where(time >= 2 - 1e-9, level, 0)
+        logs[f"{level}-{repeat}"] = pd.DataFrame({"time_s": time, "duty_pct": duty, "torque_nm": rise + noise})
+    fit = eaid.fit(logs, model=("friction", "nonlinear"))
+    told = {one.code: one.values for one in fit.findings if one.code in ("input-late", "dead-time")}
+    assert set(told) == {code} - {""}
+    for row in fit.friction.levels:
+        assert (row.tau1, row.tau2) == pytest.approx((0.3, 4.0), rel=0.02)
+    if rows < 0:
+        assert told[code]["low"] < -10 * rows < told[code]["high"] and told[code]["rows"] == -rows
+        assert fit.dead_time_s == 0
+    elif rows:
+        assert told[code]["low"] < 0.01 * rows < told[code]["high"] and fit.dead_time_s == told[code]["dead_time_s"]
