@@ -46,6 +46,6 @@ def residuals(fit: Fit, steps: StepSet | None = None) -> Sheet | None:
     white = [Span(-band, band, ink.PALE, "y"), zero]
     time, legend = ink.OF_LOG if fit.logs else ink.OF_STEP, "over" if len(over_time) > 1 else ""
     panels = [Panel(time, y, over_time, spans=[zero], legend=legend, columns=SHOWN)]
-    panels += [Panel(Axis("Lag", "s"), Axis("Autocorrelation", "", (None, 1.0)), lags, spans=white)] if lags else []
+    panels += [Panel(Axis("Lag", "s"), Axis("Autocorrelation", "1", (None, 1.0)), lags, spans=white)] if lags else []
     panels.append(Panel(over(fit.data.input_unit), y, against, spans=[zero], tight=False))
     return Sheet(panels, 2.5, columns=len(panels), shared=False)
