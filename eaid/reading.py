@@ -23,7 +23,7 @@ from eaid.logs.manifest import apply, manifest_of
 from eaid.logs.read import columns_told, read_what_can_be
 from eaid.logs.run import Run
 from eaid.logs.text import read_text
-from eaid.logs.to_run import pattern_guessed, unit_beside
+from eaid.logs.to_run import level_and_repeat, pattern_guessed, unit_beside
 from eaid.logs.units import TIME_FACTORS
 from eaid.options import ReadOptions, in_words
 from eaid.progress import Progress, no_progress
@@ -149,7 +149,9 @@ def _proposal(files: Sequence[Path], runs: Sequence[Run], options: ReadOptions, 
     blind = [run for run in runs if not run.has_input]
     pattern = pattern_guessed([run.name for run in blind]) if options.name_pattern is None and blind else ""
     lone = {run.left for run in blind if len(run.left) == 1} if "input" not in columns else set()
-    if len(lone) == 1 and not unit_beside(pattern):  # the one column that is left, and no level in the names
+    levels = [level_and_repeat("", pattern, run.name)[0] for run in blind] if pattern else []
+    named = bool(unit_beside(pattern)) or len(set(levels)) < len(levels)  # a level has a unit, or several runs
+    if len(lone) == 1 and not named:  # the one column that is left, and no level in the names
         columns["input"], pattern, blind = lone.pop()[0], "", []
     if pattern:
         more = {"name_pattern": pattern}

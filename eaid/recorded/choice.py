@@ -11,7 +11,7 @@ from eaid.errors import DataError
 from eaid.estimate import forms
 from eaid.estimate.fall_tests import tested
 from eaid.estimate.from_logs import Setup, Solved, idle_of, model_of, setup_of, solve
-from eaid.estimate.kinds import LagKind, Search, Tried, integrates, of_evidence, search_of
+from eaid.estimate.kinds import PRICE, LagKind, Search, Tried, independent, integrates, of_evidence, search_of
 from eaid.estimate.late import timed
 from eaid.estimate.log_intervals import Spread, curves, spread
 from eaid.estimate.recorded_log import RecordedLog
@@ -31,6 +31,7 @@ OPEN = 0.2  # Relative half-width beyond which T_s is open
 LITTLE_PCT = 15.0  # Of a log that a kind has to explain
 LEFT = 0.04  # Part of the squares about the mean that a kind may leave that takes the place of such a clutch
 AS_WELL = 4.0  # Squares over those of a clutch whose T_s is open, up to which another kind is taken in its place
+AS_MUCH = 2.0  # Unknowns' worth of noise by which the clutch's form may leave more than the same with another C
 AT_REST = 4.0  # Squares of a start at rest over those of one with unknown states, up to which it is believed
 
 
@@ -73,7 +74,8 @@ def plant_of_logs(
             rows = [simple, *(one for one in rows if one is not simple)]
     own = next((one for one in rows if one.kind.name == "clutch"), None)
     found = model_of(rows[0].solved)
-    if own is not None and found.kind == "parallel" and own.score <= rows[0].score:
+    noise = rows[0].cost / independent(rows[0].solved)
+    if own is not None and found.kind == "parallel" and own.cost <= rows[0].cost + AS_MUCH * PRICE * noise:
         rows = [own, *(one for one in rows if one is not own)]  # the same form, with another C
     best, total = rows[0], sum(energy(log) for log in logs)
     if integrates(search, best):

@@ -262,12 +262,11 @@ def with_another_kind(fit: Fit, stepset: StepSet, options: FitOptions) -> Fit:
     if usable and not (same and (part.tried[0].fit_pct or 0.0) >= explained - AS_WELL_PCT):
         return fit
     kept = [one for one in fit.findings if not (one.subject in ("nonlinear", "friction") and one.severity != "note")]
-    if rings := part.plant.kind == "ringing":  # its turns are the edges that were seen
+    if part.plant.kind == "ringing":  # its turns are the edges that were seen
         kept = [one for one in kept if not (one.code == "several-edges" and one.values.get("has_input"))]
     told = [one for one in other.findings if one.code == "kind-by-evidence"]
     named = msgspec.structs.replace(part, input_unit=fit.data.input_unit, output_unit=fit.data.output_unit)
-    friction = None if rings else fit.friction
-    changed = {"plant_": named, "nonlinear": other.nonlinear, "linear": other.linear, "friction": friction}
+    changed = {"plant_": named, "nonlinear": other.nonlinear, "linear": other.linear, "friction": None}
     return judged(msgspec.structs.replace(fit, **changed, findings=ranked([*kept, *told])))
 
 

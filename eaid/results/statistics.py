@@ -108,6 +108,10 @@ def sums(fit: "Fit") -> tuple[float, float, int]:
     rows: Sequence[Any] = fit.friction_levels if model == "friction" else ()
     if model in ("nonlinear", "linear"):
         rows = (getattr(fit, model),)
+    if model == PLANT and not fit.logs and fit.__dict__.get("steps_fitted") is not None:
+        both = residuals(fit)
+        left, about = (both["recorded"] - value for value in (both["fitted"], both["recorded"].mean()))
+        return float((left**2).sum()), float((about**2).sum()), len(left)
     known = [
         (n * one.rmse**2, n * one.rmse**2 / (1 - one.fit_pct / 100) ** 2, n)
         for one in (fit.logs if model == PLANT else ())

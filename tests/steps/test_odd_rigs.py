@@ -143,7 +143,7 @@ def slow(y: Any, tau_s: float, rate_hz: float = 100.0) -> Any:
 REPEATS: dict[str, tuple[Callable[..., Any], int | None, str]] = {
     # (level, repeat, time since the step) → time and output; in which repeat; what is told
     "all alike": (lambda u, s: (s, u * rise(s)), None, ""),
-    "late by a row in all": (lambda u, s: (s, u * rise(s - 0.01)), None, "other-shape-fits-better"),
+    "late by a row in all": (lambda u, s: (s, u * rise(s - 0.01)), None, "dead-time"),
     "late by 3 rows in one": (lambda u, s: (s, u * rise(s - 0.03)), 1, "repeat-is-off"),
     "filtered in one": (lambda u, s: (s, slow(u * rise(s), 0.05)), 1, "repeat-is-off"),
     "another rate in one": (lambda u, s: (1.1 * s, u * rise(s)), 1, "repeat-is-off"),
