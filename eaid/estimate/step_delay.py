@@ -7,7 +7,8 @@ mean, each weighed by how sharply its output leaves rest: (change/(τ1 · RMSE))
 
 Where none is found so, the rises are extrapolated to their start: of every run y = A (1 − e^(−(t − θ)/τ)) is fitted to
 the rows between 10 and 40 % of its held output, and θ is the mean of all, weighed by (A/(τ · RMSE))². One of half a row
-and a hundredth of τ or more that the runs' scatter does not explain is taken.
+and a hundredth of τ or more that the runs' scatter does not explain is taken where most steps are explained as well
+behind it.
 """
 
 from collections.abc import Sequence
@@ -51,7 +52,9 @@ def dead_time_of(stepset: StepSet, options: FitOptions) -> tuple[float, list[Fin
     share = options.held_share or SHARE
     late = [step for step in steps if starts_late(step, share)]
     if 2 * len(late) <= len(steps):
-        return extrapolated(stepset)
+        found, told = extrapolated(stepset)
+        better = sum(explained_as_well(step, found, options) for step in steps) if found else 0
+        return (found, told) if not steps or 2 * better > len(steps) else (0.0, [])
     shapes = [fit_step(step, replace(options, shape="auto")) for step in late]
     if 2 * sum(one.dead_time_s > 0 for one in shapes) <= len(steps):
         return 0.0, []
@@ -107,6 +110,13 @@ def starts_late(step: LevelStep, share: float) -> bool:
     points = averaged(step.time_s, step.output - step.start)
     left = [_left(points, delays, share) for delays in ([0.0], delays_tried(points))]
     return left[1] < (1 - SAVED) ** 2 * left[0]
+
+
+def explained_as_well(step: LevelStep, theta_s: float, options: FitOptions) -> bool:
+    """Whether two exponentials from a dead time on leave no more of a step, in the mean, than from its own start."""
+    plain, kept = replace(options, shape="two", dead_time=0.0), step.time_s >= theta_s
+    later = replace(step, time_s=step.time_s[kept] - theta_s, output=step.output[kept])
+    return fit_step(later, plain).rmse <= fit_step(step, plain).rmse
 
 
 def _left(points: AveragedRecord, delays: Sequence[float], share: float) -> float:
