@@ -201,7 +201,9 @@ def _one_round(
     # x − x0 = L'^(-1) z √cost: cost/cost(x0) then has curvature 1 in z, which is what SLSQP assumes at first
     back = np.linalg.inv(whiten(curvature)).T * np.sqrt(cost)
     rows, slack = problem.A[held] @ back, problem.A[held] @ x - problem.b[held]
-    size = np.maximum(np.linalg.norm(rows, axis=1), 1e-300)
+    longest = np.maximum(np.abs(rows).max(axis=1, initial=0.0), 1e-300)  # a way that the data do not see is very long
+    size = longest * np.linalg.norm(rows / longest[:, None], axis=1)
+    size = np.where(size > 0, size, 1e-300)
 
     def scaled(z: Array) -> tuple[float, Array]:
         value, slope = problem.value(x + back @ z)

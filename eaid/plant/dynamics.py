@@ -63,11 +63,11 @@ class Plant:
         return "lag" if self.C == 1 else "overshoot" if self.C > 1 else "parallel"
 
     def steady(self, u: Array | float) -> Array:
-        """T_s(u), shape of `u`: a line to 0 below the identified inputs, constant above."""
+        """T_s(u), shape of `u`: a line to 0 below the identified inputs, constant above; of one sign 0 at least."""
         size = self.size(u)
         found = curve(self.Ts, size, self.u_range) * above_rest(size, self.u_range)
         if not self.Ts_below:
-            return np.asarray(found)
+            return np.maximum(found, 0.0)
         below = curve(self.Ts_below, size, self.u_range) * above_rest(size, self.u_range)
         return np.where(np.asarray(u) < 0, below, found)
 

@@ -17,6 +17,7 @@ from eaid.errors import in_python
 from eaid.findings import Finding, finding, merged, ranked, say, stops
 from eaid.plant import linear
 from eaid.plant.dynamics import CHECKED_INPUTS, Plant
+from eaid.plant.forms import curve
 from eaid.plant.respond import from_rest
 from eaid.results.common import Interval
 from eaid.shown import counted
@@ -32,7 +33,8 @@ BETWEEN = 10  # Inputs from one at which the constraints of a fit hold to the ne
 INPUTS = BETWEEN * (CHECKED_INPUTS - 1) + 1  # Evenly over the identified range
 SLOWEST_S = 1e9
 LARGEST = 1e15  # Steady output of any rig, whatever its units
-NEARLY = 1e-3  # Share of the largest value by which τ2 may lie below τ1, or T_s below 0
+NEARLY = 1e-3  # Share of the largest value by which τ2 may lie below τ1
+DEAD_ZONE = 0.02  # Part of the largest T_s by which a polynomial may fall below 0: the plant stays at 0 there
 
 
 class Verdict(msgspec.Struct, frozen=True):
@@ -172,12 +174,12 @@ def _says_nothing(ends: Interval) -> bool:
 def unphysical(p: Plant) -> list[Finding]:
     """Curves that, within the identified inputs, are none that a plant has; the first place of each."""
     inputs = np.linspace(*p.u_range, INPUTS)
-    (tau1, tau2), Ts = p.time_constants(inputs), p.steady(inputs)
+    (tau1, tau2), Ts = p.time_constants(inputs), curve(p.Ts, inputs, p.u_range)
     floor = np.where(np.arange(INPUTS) % BETWEEN == 0, p.floor_s / 2, -np.inf)  # a fit is held above it there alone
     cases: list[tuple[str, Array, Any, float]] = [
         ("tau1", tau1, p.floor_s / 2, SLOWEST_S),
         ("tau2", tau2, np.maximum(tau1 - NEARLY * np.max(tau2), floor), SLOWEST_S),
-        ("Ts", Ts, -NEARLY * np.max(Ts) if np.max(Ts) > 1 / LARGEST else 1 / LARGEST, LARGEST),
+        ("Ts", Ts, -DEAD_ZONE * np.max(Ts) if np.max(Ts) > 1 / LARGEST else 1 / LARGEST, LARGEST),
     ]
     if p.kind == "lag":
         del cases[1]

@@ -1,0 +1,53 @@
+"""What a model leaves of its logs: told where it follows the input, in silence where it is noise."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.signal import lfilter
+
+import eaid
+
+T = np.arange(0.0, 80.0, 0.02)
+
+
+def lagged(u: np.ndarray, gain: float = 5.0, tau: float = 0.3) -> np.ndarray:
+    """One lag under an input that is held, by another hand than the package's."""
+    decay = np.exp(-0.02 / tau)
+    return np.asarray(lfilter([0.0, gain * (1 - decay)], [1.0, -decay], u))
+
+
+def with_play(u: np.ndarray, width: float = 2.0) -> np.ndarray:
+    """Backlash: the output follows when the input has crossed the gap."""
+    at, found = 0.0, []
+    for value in u.tolist():
+        at = min(max(at, value - width / 2), value + width / 2)
+        found.append(at)
+    return np.array(found)
+
+
+def friction(u: np.ndarray) -> np.ndarray:
+    """Dry friction takes 0.6 of the input, up to all of it."""
+    return np.sign(u) * np.maximum(np.abs(u) - 0.6, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("rig", "memory", "told"),
+    [(with_play, 0.0, "direction"), (friction, 0.0, "size"), (np.asarray, 0.0, None), (np.asarray, 0.9, None)],
+)
+def test_what_is_left_is_told_where_it_follows_the_input(rig, memory: float, told: str | None) -> None:
+    random = np.random.default_rng(5)
+    u = np.repeat(random.choice((-3.0, -1.5, 0.0, 1.5, 3.0), len(T) // 75 + 1), 75)[: len(T)]
+    noise = lfilter([1.0], [1.0, -memory], 0.1 * random.normal(size=len(T)))
+    log = pd.DataFrame({"time_s": T, "input_V": u, "speed_rpm": lagged(rig(u)) + noise})
+    fit = eaid.fit(eaid.read(log, columns={"input": "input_V", "output": "speed_rpm"}), ci="none")
+    values = [one.values["by"] for one in fit.findings if one.code == "residuals-follow-input"]
+    assert values == ([] if told is None else [told])
+
+
+def test_a_dead_zone_is_no_reason_to_refuse_a_plant() -> None:
+    random = np.random.default_rng(1)
+    u = np.repeat(random.choice((0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0), len(T) // 75 + 1), 75)[: len(T)]
+    y = lagged(np.maximum(u - 1.0, 0.0), 100.0, 0.25) + 3 * random.normal(size=len(T))
+    fit = eaid.fit(eaid.read(pd.DataFrame({"time_s": T, "pwm_V": u, "speed_rpm": y}), columns={"output": "speed_rpm"}))
+    assert fit.verdict.usable and fit.plant.steady(5.0) == pytest.approx(400.0, rel=0.03)
+    assert 0 <= fit.plant.steady(1.0) < 10
