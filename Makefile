@@ -39,12 +39,13 @@ docs: .venv/.docs  ## the site: site/index.html; a warning or a dead link is an 
 	$(BIN)/python -m mkdocs build --strict
 
 CHROMIUM ?= chromium
-screenshot: demo  ## docs/figures/page.png, the first screen of the demo's page
+screenshot: reports  ## docs/figures/page.png, the first screen of the demo's page
 	$(CHROMIUM) --headless --no-sandbox --hide-scrollbars --window-size=1280,830 --virtual-time-budget=8000 \
-		--screenshot=docs/figures/page.png "file://$(CURDIR)/demo/report.html"
+		--screenshot=docs/figures/page.png "file://$(CURDIR)/reports/demo/report.html"
 
 reports: demo  ## reports/demo: the demo's answers, page and figures, without its recordings
 	rm -rf reports/demo && cp -r demo reports/demo && rm reports/demo/*.h5
+	sed -i.bak "s|$(CURDIR)/||g" reports/demo/report.html && rm reports/demo/report.html.bak
 
 datasets: .venv/.run  ## the shipped synthetic logs again, byte for byte
 	$(BIN)/python datasets/make.py
