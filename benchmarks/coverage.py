@@ -24,7 +24,7 @@ import eaid
 from benchmarks.stop_findings import log, rise, wander
 from eaid.apparatus import Apparatus
 from eaid.arrays import Array
-from eaid.estimate.step_shapes import single_steps
+from eaid.estimate.single_steps import single_steps
 from eaid.plant.dynamics import REFERENCE_PLANT, Step
 from eaid.plant.respond import step_response
 from eaid.results.common import Interval

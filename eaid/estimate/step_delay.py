@@ -19,7 +19,8 @@ import numpy as np
 from eaid.arrays import Array, median
 from eaid.errors import UsageError
 from eaid.estimate.spread import t_quantile
-from eaid.estimate.step_shapes import AveragedRecord, averaged, curve, delays_tried, fit_step, starts_of
+from eaid.estimate.step_curves import AveragedRecord, averaged, curve, delays_tried, starts_of
+from eaid.estimate.step_shapes import fit_step
 from eaid.findings import Finding, finding
 from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE

@@ -27,8 +27,8 @@ from eaid.estimate.nonlinear import nonlinear_part
 from eaid.estimate.points import residuals
 from eaid.estimate.release import release_fit
 from eaid.estimate.scatter import CURVES, Scatter, common_shifts, noise_of
+from eaid.estimate.single_steps import between_rows, of_another_shape, single_steps
 from eaid.estimate.step_delay import behind, dead_time_of
-from eaid.estimate.step_shapes import between_rows, of_another_shape, single_steps
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.options import MODELS, FitGiven, FitOptions
 from eaid.plant.dynamics import SHARE

@@ -24,7 +24,7 @@ from eaid.estimate.linear import bounds_of, parameters, single_levels
 from eaid.estimate.log_intervals import FEWEST_ENGAGEMENTS, CurveSpread, Spread, curves, spread
 from eaid.estimate.nonlinear import scored
 from eaid.estimate.recorded_log import RecordedLog, logs_of_steps, recorded_log
-from eaid.estimate.step_shapes import single_steps
+from eaid.estimate.single_steps import single_steps
 from eaid.estimate.unseen import falls_too_far
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.logs.run import Run
