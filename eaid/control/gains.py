@@ -13,8 +13,9 @@ from eaid.errors import DataError, GainsError, UsageError
 from eaid.findings import sentences
 from eaid.plant.dynamics import Plant
 from eaid.plant.linear import Linear
-from eaid.results.fit import Fit, LinearLevel
+from eaid.results.fit import Fit
 from eaid.results.gains import Gains
+from eaid.results.models import LinearLevel
 from eaid.results.verdict import unphysical
 
 SLOWEST, FASTEST = 1e-6, 1e6  # a0 of anything that is controlled by samples [1/s]

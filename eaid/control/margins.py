@@ -32,8 +32,8 @@ from eaid.plant import linear
 from eaid.plant.dynamics import Plant
 from eaid.plant.linear import Linear
 from eaid.plant.operating import Complex, Operating, around, lag
-from eaid.results.fit import LinearLevel, StepShape
 from eaid.results.gains import Margin, Timing
+from eaid.results.models import LinearLevel, StepShape
 
 LATE = 20  # Holds of dead time that the map of a loop spans at most
 MOST_DB, STEP_DB = 80.0, 2.0  # Gain margins are sought up to here, in such steps

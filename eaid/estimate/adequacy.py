@@ -14,7 +14,7 @@ from eaid.estimate.from_steps import fit_levels_first
 from eaid.estimate.scatter import CURVES, Scatter
 from eaid.estimate.spread import t_quantile
 from eaid.findings import Finding, finding
-from eaid.results.fit import LackOfFit, ShareEstimate
+from eaid.results.models import LackOfFit, ShareEstimate
 from eaid.steps.noise import line
 from eaid.steps.step import hold_of, moving_means
 from eaid.steps.stepset import Level

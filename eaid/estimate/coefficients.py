@@ -14,9 +14,9 @@ from eaid.estimate.forms import Model, nonlinear
 from eaid.estimate.spread import t_quantile
 from eaid.plant.dynamics import CHECKED_INPUTS, Plant
 from eaid.plant.forms import scales
-from eaid.results import fit as results
+from eaid.results import models as results
 from eaid.results.common import Interval
-from eaid.results.fit import CoefficientIntervals, Covariance, CurveLevel
+from eaid.results.models import CoefficientIntervals, Covariance, CurveLevel
 
 BLOCKS = ("tau1", "tau2", "Ts")  # Order of the coefficients in every covariance; C last where it was free
 

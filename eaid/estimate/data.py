@@ -11,7 +11,7 @@ from eaid.arrays import Array
 from eaid.estimate.points import Points, Record, compress
 from eaid.findings import Finding, finding
 from eaid.results.common import AbsError, HoldOut, LevelError
-from eaid.results.fit import Linear, Nonlinear
+from eaid.results.models import Linear, Nonlinear
 from eaid.steps.noise import block_means
 from eaid.steps.stepset import Level
 

@@ -22,7 +22,7 @@ from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE, TAU_FLOOR_S, Step
 from eaid.plant.respond import step_response
 from eaid.results.common import HoldOut, Interval
-from eaid.results.fit import Friction, FrictionLevel, LevelIntervals
+from eaid.results.models import Friction, FrictionLevel, LevelIntervals
 from eaid.steps.stepset import Level, StepSet
 
 OPEN = float(np.log(3.0))  # Half-width of the logarithm from which a parameter counts as open at a level

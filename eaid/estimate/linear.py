@@ -23,7 +23,7 @@ from eaid.findings import Finding, finding
 from eaid.options import FitOptions
 from eaid.plant import linear
 from eaid.plant.linear import Linear as LinearModel
-from eaid.results.fit import Bounds, BoundsIntervals, Linear, LinearLevel, LinearLevelIntervals, PooledIntervals
+from eaid.results.models import Bounds, BoundsIntervals, Linear, LinearLevel, LinearLevelIntervals, PooledIntervals
 from eaid.steps.levels import wanted_levels
 from eaid.steps.stepset import Level
 

@@ -25,7 +25,7 @@ from eaid.estimate.spread import free_inverse, rejected, t_quantile
 from eaid.findings import Finding, finding
 from eaid.plant.drive import Drive
 from eaid.results.common import Interval
-from eaid.results.fit import CurveLevel, LevelIntervals
+from eaid.results.models import CurveLevel, LevelIntervals
 
 BINS = 16_384  # Derivatives and residuals are first added up over so many short bins of a log, at most
 SMOOTH = 0.25  # Half-width over which the noise's spectrum is smoothed, as a part of its corner frequency …

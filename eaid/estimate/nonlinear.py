@@ -28,7 +28,7 @@ from eaid.findings import Finding, Value, finding
 from eaid.options import FitOptions
 from eaid.plant.dynamics import Plant, Step
 from eaid.plant.respond import from_rest
-from eaid.results import fit as results
+from eaid.results import models as results
 from eaid.results.common import HoldOut, LevelError, Solver
 from eaid.steps.stepset import Level, StepSet
 

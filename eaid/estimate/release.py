@@ -18,7 +18,7 @@ from eaid.estimate.solver import bring_in
 from eaid.estimate.starts import form_starts
 from eaid.findings import Finding, finding
 from eaid.plant.dynamics import SHARE, Step
-from eaid.results.fit import Release
+from eaid.results.models import Release
 from eaid.steps.stepset import Level
 
 MOST = 3  # Starts of the solve

@@ -25,7 +25,7 @@ from eaid.estimate.forms import RECORDS, RECORDS_FREE
 from eaid.estimate.spread import LevelScatter
 from eaid.plant.dynamics import TAU_FLOOR_S, Step
 from eaid.plant.respond import step_slopes
-from eaid.results.fit import Noise
+from eaid.results.models import Noise
 from eaid.steps.stepset import Level, RunRecord
 
 Mask: TypeAlias = NDArray[np.bool_]

@@ -10,7 +10,7 @@ import numpy as np
 from eaid.estimate.step_intervals import WIDEST, Tail, mean_before, with_interval
 from eaid.estimate.step_shapes import fit_step
 from eaid.options import FitOptions
-from eaid.results.fit import FrictionLevel, LevelIntervals, StepShape
+from eaid.results.models import FrictionLevel, LevelIntervals, StepShape
 from eaid.steps.stepset import StepSet
 
 LEAST_TAIL = 1e-6  # Part of a step's change below which what it has left is nothing

@@ -16,7 +16,7 @@ from eaid.estimate.step_shapes import independent
 from eaid.findings import finding
 from eaid.options import FitOptions
 from eaid.results.common import Interval
-from eaid.results.fit import StepIntervals, StepShape
+from eaid.results.models import StepIntervals, StepShape
 from eaid.steps.stepset import LevelStep
 
 # What the steps before a step have left to go, Σ a e^(−t/τ): a, τ, and the half-width of the 95 % interval of a

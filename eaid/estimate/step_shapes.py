@@ -28,7 +28,7 @@ from eaid.estimate.step_curves import (
 from eaid.findings import Finding, finding
 from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE
-from eaid.results.fit import StepShape
+from eaid.results.models import StepShape
 from eaid.steps.noise import block_means, block_noise
 from eaid.steps.stepset import LevelStep
 

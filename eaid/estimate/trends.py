@@ -15,7 +15,7 @@ from eaid.estimate.spread import t_quantile
 from eaid.findings import Finding, Value, finding
 from eaid.plant.trends import FORMS
 from eaid.results.common import Interval
-from eaid.results.fit import Trend
+from eaid.results.models import Trend
 
 # Rates are looked for up to this many e-folds over the range of x; steeper ones live between two points
 STEEPEST = 40.0

@@ -13,7 +13,7 @@ from eaid.estimate.certainty import Estimate
 from eaid.estimate.data import quality
 from eaid.findings import Finding, finding
 from eaid.plant.respond import from_rest
-from eaid.results.fit import LevelsLeftOut
+from eaid.results.models import LevelsLeftOut
 
 MOST_LEFT_OUT = 12  # Levels that are left out in turn, spread over all
 TO_SPARE = 1  # Levels beyond the coefficients of T_s(u) that a fit without one must have

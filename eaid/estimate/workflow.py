@@ -33,7 +33,8 @@ from eaid.findings import Finding, finding, merged, ranked
 from eaid.options import MODELS, FitGiven, FitOptions
 from eaid.plant.dynamics import SHARE
 from eaid.results.common import Input, Source
-from eaid.results.fit import Fit, FittedData, Friction, LackOfFit, Uncertainty
+from eaid.results.fit import Fit
+from eaid.results.models import FittedData, Friction, LackOfFit, Uncertainty
 from eaid.results.plant import FittedPlant, with_overshoot, with_release
 from eaid.results.verdict import judged
 from eaid.steps.stepset import Level, StepSet

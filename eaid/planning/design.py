@@ -32,7 +32,8 @@ from eaid.options import PlanOptions
 from eaid.planning.kinds import NUMBERS, is_clutch, refuse_unplanned, steps_of
 from eaid.plant.drive import Drive
 from eaid.plant.dynamics import SHARE
-from eaid.results.fit import Fit, FrictionLevel, Noise
+from eaid.results.fit import Fit
+from eaid.results.models import FrictionLevel, Noise
 from eaid.results.plan import Plan
 from eaid.synth.plants import Specimen, clutch, of_fit
 

@@ -18,7 +18,7 @@ from eaid.estimate.recorded_log import RecordedLog
 from eaid.plant.dynamics import Plant
 from eaid.plant.forms import LegendreForm, Proportional
 from eaid.plant.respond import respond
-from eaid.results.fit import Noise
+from eaid.results.models import Noise
 from eaid.results.plan import PlannedRun
 
 # Kind → the numbers that widths are told of, in the order of T_s, τ1, τ2

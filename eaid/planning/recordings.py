@@ -16,7 +16,8 @@ from eaid.planning.design import KEEPING, PARAMETERS, Widths, rig_of, settled, w
 from eaid.planning.kinds import is_clutch
 from eaid.planning.kinds import measure as measure_kind
 from eaid.plant.respond import step_response
-from eaid.results.fit import Fit, Noise
+from eaid.results.fit import Fit
+from eaid.results.models import Noise
 from eaid.results.plan import Plan, PlannedRun
 from eaid.steps.stepset import Level
 from eaid.synth.logs import NONE, Disturbance, measured, scatter

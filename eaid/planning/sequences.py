@@ -28,7 +28,8 @@ from eaid.planning.recordings import RATE_HZ, disturbance_of
 from eaid.plant.drive import Drive
 from eaid.plant.dynamics import Plant
 from eaid.plant.respond import driven
-from eaid.results.fit import Fit, Noise
+from eaid.results.fit import Fit
+from eaid.results.models import Noise
 from eaid.results.plan import Excitation
 from eaid.synth.logs import measured, scatter
 from eaid.synth.plants import clutch

@@ -21,7 +21,7 @@ from eaid.plant.dynamics import SHARE
 from eaid.plant.forms import Proportional, Sides
 from eaid.recorded.inputs import MANY, Inputs
 from eaid.results.common import Interval
-from eaid.results.fit import FittedData
+from eaid.results.models import FittedData
 from eaid.results.plant import FittedPlant, PlantIntervals
 from eaid.results.recorded import FallTest, KindTried
 
@@ -82,7 +82,10 @@ def plant_of_logs(
         raise DataError(*(integrator(log) for log in logs))
     kinds = tuple(kind_row(one, total, best.score) for one in rows)
     explains_by_one = kinds[0].gain == "one" and not signed and (kinds[0].fit_pct or 0.0) > LITTLE_PCT
-    if explains_by_one and float(found_at(best, inputs.high)) < 0:
+    if (
+        explains_by_one
+        and float(best.solved.setup.model.rows(np.array([inputs.high]))[0, 0] @ best.solved.coefficients) < 0
+    ):
         raise DataError(*(turned_round(log) for log in logs))
     if clutch is not None and best.kind.name == "clutch":
         return replace(clutch, kinds=kinds)
@@ -167,11 +170,6 @@ def kind_row(one: Tried, total: float, least: float) -> KindTried:
     fit_pct = 100 * (1 - float(np.sqrt(max(one.cost, 0.0) / total))) if total > 0 else None
     score = one.score / least if least > 0 else None
     return KindTried(one.name, gain, one.solved.setup.size, fit_pct, score)
-
-
-def found_at(one: Tried, u: float) -> Array:
-    """T_s of a kind at an input."""
-    return model_of(one.solved).steady(u)
 
 
 def turned_round(log: RecordedLog) -> str:

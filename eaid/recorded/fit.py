@@ -37,7 +37,8 @@ from eaid.recorded.held_out import held_out
 from eaid.recorded.inputs import FEW_LEVELS, inputs_of
 from eaid.recorded.left_over import left_over_findings
 from eaid.results.common import LevelError, Source
-from eaid.results.fit import Fit, FittedData, Friction, FrictionLevel, Linear, Noise, Nonlinear, Release, Uncertainty
+from eaid.results.fit import Fit
+from eaid.results.models import FittedData, Friction, FrictionLevel, Linear, Noise, Nonlinear, Release, Uncertainty
 from eaid.results.recorded import LogCurve, LogFit, Recorded
 from eaid.results.residuals import correlation_of
 from eaid.results.verdict import judged

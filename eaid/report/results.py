@@ -18,8 +18,9 @@ from eaid.reading import read_steps
 from eaid.report.rig import of_the_paper
 from eaid.results import codec, replay_file
 from eaid.results.coupling import Coupling
-from eaid.results.fit import Fit, FittedData
+from eaid.results.fit import Fit
 from eaid.results.gains import Gains
+from eaid.results.models import FittedData
 from eaid.results.replay import Replay
 from eaid.sessions.compare import Comparison
 from eaid.sessions.rig import Rig

@@ -3,7 +3,7 @@
 from eaid.apparatus import PAPER
 from eaid.control.kinds import LAW_KINDS
 from eaid.plant.dynamics import SHARE
-from eaid.results.fit import FittedData
+from eaid.results.models import FittedData
 from eaid.steps.stepset import StepSet
 
 CONTROLLER_NAMES = {name: row.title for name, row in LAW_KINDS.items()} | {

@@ -14,7 +14,7 @@ from eaid.results.common import Interval, Number, Positive, Result
 from eaid.results.recorded import KindTried
 
 if TYPE_CHECKING:
-    from eaid.results.fit import FrictionLevel, Release, StepShape
+    from eaid.results.models import FrictionLevel, Release, StepShape
 
 Coefficients = Annotated[tuple[Number, ...], msgspec.Meta(min_length=1)]
 

@@ -14,7 +14,8 @@ from eaid.results.verdict import MODELS, in_short
 from eaid.shown import counted, span
 
 if TYPE_CHECKING:
-    from eaid.results.fit import CurveLevel, Fit, FrictionLevel, StepShape
+    from eaid.results.fit import Fit
+    from eaid.results.models import CurveLevel, FrictionLevel, StepShape
     from eaid.results.responses import LevelResponse
 
 T = TypeVar("T")

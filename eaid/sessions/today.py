@@ -21,8 +21,9 @@ from eaid.estimate.workflow import fit_steps
 from eaid.findings import Finding, finding, ranked, stops
 from eaid.options import FitOptions, ReadOptions
 from eaid.plant.forms import scales, terms
-from eaid.results import fit as parts
-from eaid.results.fit import Fit, LevelIntervals
+from eaid.results import models as parts
+from eaid.results.fit import Fit
+from eaid.results.models import LevelIntervals
 from eaid.results.parameters import table_of
 from eaid.sessions.gather import MANY, logs_of, together, values_of
 from eaid.sessions.model import NOTHING, Known, Next, between, steps_known

@@ -11,7 +11,8 @@ from eaid.options import PlanOptions
 from eaid.planning.design import rig_of
 from eaid.plant.dynamics import REFERENCE_PLANT, Plant, Step
 from eaid.plant.respond import respond
-from eaid.results.fit import Fit, FittedData, Friction, FrictionLevel, Noise, Uncertainty
+from eaid.results.fit import Fit
+from eaid.results.models import FittedData, Friction, FrictionLevel, Noise, Uncertainty
 from eaid.results.plant import FittedPlant
 
 

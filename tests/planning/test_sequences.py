@@ -9,7 +9,7 @@ import eaid
 from eaid.options import Limits
 from eaid.planning.sequences import measure, plan_excitation, refuse_scattered
 from eaid.plant.dynamics import REFERENCE_PLANT
-from eaid.results.fit import Noise
+from eaid.results.models import Noise
 
 NOISE = Noise(1.8e-7, 6e-5, {"Ts": 0.0, "tau1": 0.0, "tau2": 0.0})
 WANT = {"tau1": 8.0, "tau2": 25.0, "Ts": 3.0}

@@ -14,7 +14,8 @@ from eaid.report import panels as ink
 from eaid.report.panels import Axis, Line, Panel, Sheet, quantity
 from eaid.report.results import Results
 from eaid.report.rig import level_text
-from eaid.results.fit import Fit, StepShape
+from eaid.results.fit import Fit
+from eaid.results.models import StepShape
 from eaid.steps.step import hold_of
 from eaid.steps.stepset import LevelStep, StepSet
 

@@ -13,8 +13,9 @@ from eaid.report.panels import Axis, Band, Line, Note, Panel, Sheet, over
 from eaid.report.results import Results
 from eaid.report.rig import of_the_paper
 from eaid.results.common import Interval, ci95_of
-from eaid.results.fit import Fit, Trend
+from eaid.results.fit import Fit
 from eaid.results.gains import Gains
+from eaid.results.models import Trend
 from eaid.results.summary import ENDLESS_S
 
 VALUES = ("Ts", "tau1", "tau2")
