@@ -170,7 +170,9 @@ def match_columns(path: str, table: Table, options: ReadOptions) -> Roles:
         reference = alike[0]
     taken |= set(alike)
     if "input" in named:
-        kind = options.kind or kind_of(names[named["input"]], options.units.get("input", ""))
+        of_input = kind_of(names[named["input"]], options.units.get("input", ""))
+        unit = options.units.get("output", "") or split_name(names[output])[1]
+        kind = options.kind or (of_input if slips(names[output], unit) else "clutch")
         inputs = [(kind, named["input"])]
     else:  # at most one a kind
         inputs = []
@@ -257,6 +259,13 @@ def columns_guessed(table: Table, options: ReadOptions) -> dict[str, str]:
     if "output" not in known and len(rest) == 1:
         found["output"] = rest[0]
     return {role: names[i] or str(i + 1) for role, i in found.items()}
+
+
+def slips(name: str, unit: str) -> bool:
+    """Whether an output can be that of a friction rig: a torque or force by its unit or name, or nothing says what."""
+    quantity = unit_of(unit).quantity
+    named = any(_alike([name], group.names, set()) for group in OUTPUTS)
+    return quantity in ("torque", "force") or (not quantity and (named or not re.search("[A-Za-z]", name)))
 
 
 def kind_of(name: str, unit: str) -> ExperimentKind:

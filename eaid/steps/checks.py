@@ -27,7 +27,7 @@ from eaid.steps.noise import (
 )
 from eaid.steps.plateaus import BACK, FEWEST, GLITCH, tolerance, turns
 from eaid.steps.repeats import copied_block
-from eaid.steps.step import Step, left_pct
+from eaid.steps.step import Step, left_pct, usual_step
 from eaid.steps.stepset import Level
 
 BRIEF = 0.02  # Share of a window up to which a stuck sensor is told, and the numbers stand
@@ -350,13 +350,27 @@ class Record(Step):
     @cached_property
     def swing(self) -> float:
         """Range of the output but for its rarest samples."""
-        low, high = np.quantile(self.run.output, (0.01, 0.99)).tolist()
+        low, high = np.quantile(self.run.output, (0.03, 0.97)).tolist()
         return float(high - low)
+
+
+RENEWED = 0.8  # Share of the changes of an output that come equally often, from which a sensor renews it so
+
+
+def renewed(step: Step) -> Finding | None:
+    """An output that stays to the last digit for the same few rows each time: its sensor is slower than the log."""
+    apart = np.diff(np.flatnonzero(np.diff(step.run.output)))
+    if len(apart) < FEW:
+        return None
+    rows = int(np.median(apart))
+    if rows < 3 or np.mean(apart == rows) < RENEWED:
+        return None
+    return finding("output-renewed", step.run.name, rows=rows, every_s=rows * usual_step(step.run.time_s))
 
 
 def of_record(run: Run) -> list[Finding]:
     """What is wrong in a log that is fitted as it was recorded."""
-    return [*filter(None, (check(Record(run)) for check in (_gap, stuck, copied, isolated_spikes)))]
+    return [*filter(None, (check(Record(run)) for check in (_gap, stuck, renewed, copied, isolated_spikes)))]
 
 
 def disagreements(level: Level, unit: str) -> list[Finding]:

@@ -51,3 +51,26 @@ def test_a_dead_zone_is_no_reason_to_refuse_a_plant() -> None:
     fit = eaid.fit(eaid.read(pd.DataFrame({"time_s": T, "pwm_V": u, "speed_rpm": y}), columns={"output": "speed_rpm"}))
     assert fit.verdict.usable and fit.plant.steady(5.0) == pytest.approx(400.0, rel=0.03)
     assert 0 <= fit.plant.steady(1.0) < 10
+
+
+def random_steps(seed: int, levels: tuple[float, ...]) -> np.ndarray:
+    """Holds of 1.5 s."""
+    return np.repeat(np.random.default_rng(seed).choice(levels, len(T) // 75 + 1), 75)[: len(T)]
+
+
+@pytest.mark.parametrize(("code", "severity"), [("spikes", "stop"), ("output-renewed", "caution")])
+def test_rows_that_drop_out_and_a_sensor_slower_than_the_log_are_told(code: str, severity: str) -> None:
+    random, u = np.random.default_rng(2), random_steps(2, (1.0, 2.0, 3.0))
+    y = 5 + lagged(u, 2.0, 0.4) + 0.03 * random.normal(size=len(T))
+    made = {"spikes": np.where(random.random(len(T)) < 0.01, 0.0, y), "output-renewed": np.repeat(y[::8], 8)[: len(T)]}
+    fit = eaid.fit(eaid.read(pd.DataFrame({"time_s": T, "u_V": u, "force_N": made[code]})), ci="none")
+    assert [one.severity for one in fit.findings if one.code == code] == [severity]
+    assert fit.verdict.usable == (severity != "stop")
+
+
+def test_a_force_that_drives_a_displacement_makes_no_friction_rig() -> None:
+    u = random_steps(3, (-1.0, 0.0, 1.0))
+    y = lagged(u, 2.0, 0.2) + 0.02 * np.random.default_rng(3).normal(size=len(T))
+    log = pd.DataFrame({"t": T, "force_N": u, "x_mm": y})
+    fit = eaid.fit(eaid.read(log, columns={"input": "force_N", "output": "x_mm"}), ci="none")
+    assert fit.data.kind == "clutch" and fit.plant.steady(1.0) == pytest.approx(2.0, rel=0.02)

@@ -128,6 +128,11 @@ ROWS: dict[str, Row] = {
     "input-glitches": caution(
         "the input leaves its level on {rows:#row} from {at_s:.6g} s on and comes back: a glitch, and no step", "rows"
     ),
+    "output-renewed": caution(
+        "the output is renewed every {rows:#row} only ({every_s:.3g} s): time constants and dead times up to that are "
+        "the sensor's; log at its rate",
+        "every_s",
+    ),
     "spikes": stop(
         "{samples:#row} stand far out of the record, the largest {value:.4g} {unit} at {at_s:.6g} s: no fit "
         "holds with them; drop those rows",
