@@ -239,8 +239,8 @@ def start_of(solved: Solved, log: int) -> tuple[float, float]:
     return float(found[0]), float(found[1])
 
 
-def interval(number: Callable[[Array], float], x: Array, uncertainty: Spread) -> Interval:
-    """The 95 % interval of a number of the unknowns; on its logarithm where it is above 0. None: it says nothing."""
+def interval(number: Callable[[Array], float], x: Array, uncertainty: Spread, size: bool = True) -> Interval:
+    """The 95 % interval of a number of the unknowns; of a `size` above 0 on its logarithm. None: it says nothing."""
     value, gradient = number(x), np.zeros(len(x))
     for k in range(len(x)):
         h = 1e-6 * max(abs(float(x[k])), 1e-9)
@@ -248,6 +248,6 @@ def interval(number: Callable[[Array], float], x: Array, uncertainty: Spread) ->
         step[k] = h
         gradient[k] = (number(x + step) - number(x - step)) / (2 * h)
     half = uncertainty.of(gradient)
-    if value > 0 and half < WIDE * value:
+    if size and value > 0 and half < WIDE * value:
         return value * float(np.exp(-half / value)), value * float(np.exp(half / value))
-    return (value - half, value + half) if value <= 0 and half < np.inf else None
+    return (value - half, value + half) if (value <= 0 or not size) and half < np.inf else None

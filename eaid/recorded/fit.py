@@ -8,6 +8,7 @@ with them as their mean curves, each sample of each repeat alike.
 import statistics
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import msgspec
 import numpy as np
@@ -31,14 +32,24 @@ from eaid.logs.run import Run
 from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE
 from eaid.plant.respond import from_rest
-from eaid.recorded.choice import about_idle, plant_of_logs, plant_part, start_of
+from eaid.recorded.choice import about_idle, interval, plant_of_logs, plant_part, start_of
 from eaid.recorded.closed_loop import judged_loops, with_instrument
 from eaid.recorded.held_out import held_out
 from eaid.recorded.inputs import FEW_LEVELS, inputs_of
 from eaid.recorded.left_over import left_over_findings
 from eaid.results.common import LevelError, Source
 from eaid.results.fit import Fit
-from eaid.results.models import FittedData, Friction, FrictionLevel, Linear, Noise, Nonlinear, Release, Uncertainty
+from eaid.results.models import (
+    FittedData,
+    Friction,
+    FrictionLevel,
+    Linear,
+    Noise,
+    Nonlinear,
+    PooledIntervals,
+    Release,
+    Uncertainty,
+)
 from eaid.results.recorded import LogCurve, LogFit, Recorded
 from eaid.results.residuals import correlation_of
 from eaid.results.verdict import judged
@@ -206,9 +217,20 @@ def uncertainty_part(solved: Solved, uncertainty: Spread) -> Uncertainty:
     )
 
 
-def linear_part(solved: Solved, base: Solved, levels: Array, wanted: str | None) -> Linear:
-    """Eq. (8) of the logs, and of each level by itself: of steps of the fitted nonlinear model."""
-    pooled = parameters(solved.setup.model, solved.coefficients)
+def _linear_number(name: str, model: forms.Model, x: Array) -> float:
+    return float(getattr(parameters(model, x[: model.size]), name))
+
+
+def linear_part(solved: Solved, base: Solved, levels: Array, options: FitOptions) -> Linear:
+    """Eq. (8) of the logs, with what they leave open; and of each level by itself: of steps of the fitted model."""
+    model, wanted = solved.setup.model, options.bounds_levels
+    pooled, ends = parameters(model, solved.coefficients), None
+    if options.ci != "none":
+        known = spread(solved)
+        a0, b0, c0 = (partial(_linear_number, name, model) for name in ("a0", "b0", "c0"))
+        ends = PooledIntervals(
+            a0=interval(a0, solved.x, known), b0=interval(b0, solved.x, known), c0=interval(c0, solved.x, known, False)
+        )
     total = errors(solved.outputs, solved.missed)
     p = replace(model_of(base), dead_time_s=0.0)  # steps from rest of it to each level, behind its dead time
     slowest = p.slowest_s(levels)
@@ -221,6 +243,7 @@ def linear_part(solved: Solved, base: Solved, levels: Array, wanted: str | None)
         b0=pooled.b0,
         c0=pooled.c0,
         solver=solved.solver,
+        ci95=ends,
         per_level=rows,
         bounds=bounds_of(rows, None if wanted is None else wanted_levels(wanted, levels.tolist(), "bounds_levels")),
         **total.scores,
@@ -365,7 +388,7 @@ def fit_recorded(
         setup = setup if clutch else about_idle(base, acting, theta_s)
         basis = np.array([-inputs.high, inputs.high]) if base.setup.model.signed else inputs.basis
         solved = solve(replace(setup, model=forms.linear(basis)))
-        linear = linear_part(solved, base, inputs.basis, options.bounds_levels)
+        linear = linear_part(solved, base, inputs.basis, options)
     if "friction" in wanted and inputs.stepwise and len(inputs.levels) <= FEW_LEVELS and share is not None and clutch:
         solved = base
         if "nonlinear" not in wanted:

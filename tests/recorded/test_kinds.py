@@ -73,6 +73,9 @@ def test_the_kind_is_found_with_its_numbers_and_replays_its_own_log(name: str, t
         if true is not None:  # within 1.6 of its half-widths
             low, high = getattr(ends, key)
             assert abs(true - 0.5 * (low + high)) < 0.8 * (high - low), key
+    if truth.kind == "lag" and not truth.dead_time_s:
+        low, high = fit.linear.ci95.a0
+        assert low < 2.5 < high < 1.05 * low and fit.linear.ci95.c0[0] < 0 < fit.linear.ci95.c0[1]
     (own,) = fit.logs
     assert replayed_pct == pytest.approx(own.fit_pct, abs=0.01)
 
