@@ -1,5 +1,6 @@
 """How a result shows itself: one line at a prompt, its summary when printed, summary and table in a notebook."""
 
+import math
 from collections.abc import Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any
@@ -17,6 +18,25 @@ def counted(count: int, noun: str) -> str:
 def listed(names: Sequence[str], most: int) -> str:
     """The first names: `a, b, c and 4 more`."""
     return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
+
+
+def number(value: object, digits: int = 4) -> str:
+    """A number with so many significant digits and a true minus sign; what is no finite number becomes a dash."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int):
+        return str(value).replace("-", "−")
+    if not isinstance(value, float) or not math.isfinite(value):
+        return "–"
+    if value == 0:
+        return "0"
+    if 1e-3 <= abs(value) < 1e5:
+        decimals = max(0, digits - 1 - math.floor(math.log10(abs(value))))
+        said = f"{value:.{decimals}f}"
+    else:
+        mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+        said = f"{mantissa}e{int(exponent)}"
+    return said.replace("-", "−")
 
 
 def span(levels: Sequence[float], unit: str) -> str:

@@ -21,6 +21,7 @@ from eaid.arrays import Array
 from eaid.control.law import Wanted
 from eaid.control.pi import pi_gains
 from eaid.errors import GainsError
+from eaid.plant.dynamics import in_samples
 from eaid.plant.linear import Linear
 from eaid.plant.operating import Complex
 
@@ -49,15 +50,9 @@ class SmithState(NamedTuple):
     at: int
 
 
-def late(dead_time_s: float, dt: float) -> tuple[int, float]:
-    """A dead time as whole samples and the part of one that is left."""
-    whole = int(dead_time_s / dt + 1e-9)
-    return whole, max(dead_time_s / dt - whole, 0.0)
-
-
 def start(gains: SmithGains, dt: float) -> SmithState:
     """At rest."""
-    return SmithState(0.0, 0.0, np.zeros(late(gains.dead_time_s, dt)[0] + 2), 0)
+    return SmithState(0.0, 0.0, np.zeros(in_samples(gains.dead_time_s, dt)[0] + 2), 0)
 
 
 def smith_step(
@@ -66,7 +61,7 @@ def smith_step(
     """One sample: the next state, and the duty [%] until the next sample; reference and torque in N·m, dt in s."""
     integral, model, line, at = state
     line[at] = model
-    whole, part = late(gains.dead_time_s, dt)
+    whole, part = in_samples(gains.dead_time_s, dt)
     size = whole + 2
     before = (1.0 - part) * float(line[(at - whole) % size]) + part * float(line[(at - whole - 1) % size])
     error = reference - torque - model + before
@@ -86,7 +81,7 @@ class Around:
 
     def over(self, h: float) -> tuple[Array, Array, Array, float]:
         """A, B, C and D of s ← A s − B T, u = C s − D T, a sample being h; s is the integral, the model, the ring."""
-        g, (whole, part) = self.gains, late(self.gains.dead_time_s, h)
+        g, (whole, part) = self.gains, in_samples(self.gains.dead_time_s, h)
         told = np.zeros(whole + 3)  # e = told s − T
         told[1] = -1.0
         told[1 + whole] += 1.0 - part

@@ -17,7 +17,7 @@ import numpy as np
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
 from eaid.logs.units import UNKNOWN
-from eaid.plant.dynamics import Plant, plant_numbers, plant_terms
+from eaid.plant.dynamics import Plant, in_samples, plant_numbers, plant_terms
 from eaid.plant.operating import around
 from eaid.replay.controllers import DUTY_TOLERANCE_PCT, OBSERVER_PER_S
 
@@ -134,11 +134,9 @@ class Rig:
 
     def dead_time(self, plant: Plant) -> tuple[int, float, float]:
         """Whole samples until a duty acts, and the parts of a sample [s] before and after it does."""
-        whole, part = divmod(plant.dead_time_s / self.dt_s, 1.0)
-        if part > 1 - WHOLE:
-            whole, part = whole + 1, 0.0
+        whole, part = in_samples(plant.dead_time_s, self.dt_s)
         part = part if part > WHOLE else 0.0
-        return int(whole), part * self.dt_s, (1 - part) * self.dt_s
+        return whole, part * self.dt_s, (1 - part) * self.dt_s
 
     def per(self, unit: str) -> str:
         """A unit below a slash, in brackets where it is a compound one."""

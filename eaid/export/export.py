@@ -100,7 +100,7 @@ def _unstable(
     levels = [point.duty_pct for point in kept]
     points = operating_points(source.plant, gains.model, (), levels, source.limits)
     made = source.made_for
-    timing = Timing(rate_hz, made.pwm_hz, round(made.delay_samples / made.rate_hz * rate_hz))
+    timing = Timing(rate_hz, made.pwm_hz, made.delay_samples / made.rate_hz * rate_hz)
     for law, controller in sorted(source.loops.items()):
         if law not in laws:
             continue

@@ -123,6 +123,12 @@ REFERENCE_PLANT = Plant(
 )
 
 
+def in_samples(time_s: float, step_s: float) -> tuple[int, float]:
+    """A dead time as whole samples and the part of one that is left."""
+    whole = int(time_s / step_s + 1e-9)
+    return whole, max(time_s / step_s - whole, 0.0)
+
+
 class PlantNumbers(NamedTuple):
     """A `Plant` as the loops take it, floats throughout; polynomials of the input's size, lowest power first."""
 

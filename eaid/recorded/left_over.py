@@ -9,6 +9,7 @@ less what they would of noise with as many independent samples, is told where it
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from eaid.arrays import Array, median
@@ -17,6 +18,8 @@ from eaid.estimate.log_intervals import correlation_s
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.findings import Finding, finding
 
+Mask = NDArray[np.bool_]
+FUNCTIONS, CURVES = 5, 3  # Of the input, and those of its size among them
 MUCH = 0.15  # Part of the residuals' squares, beyond chance
 SEEN = 0.03  # Part of the output's standard deviation that the part explained has at least
 
@@ -25,37 +28,34 @@ def left_over_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Find
     """Said where what a model leaves follows the input; nothing of loops, whose input follows what is left."""
     if any(log.reference is not None for log in logs):
         return []
-    rows, left, size, independent = [], [], [], 0.0
     plant, theta_s = model_of(solved), solved.fitted.dead_time(solved.x)
     tau_s = float(np.mean(plant.time_constants(max(plant.u_range))[0]))
+    size, independent, sums = 0.0, 0.0, np.zeros((2 * FUNCTIONS + 1, 2 * FUNCTIONS + 1))
     for log, r in zip(logs, solved.missed, strict=False):
         known, dt_s = np.isfinite(log.output), median(log.dt_s)
-        features = functions_of(log, theta_s, tau_s, dt_s)[known]
-        rows.append(features - features.mean(axis=0))
-        left.append(r - r.mean())
-        size.append(log.output[known] - log.output[known].mean())
+        columns = np.column_stack([functions_of(log, theta_s, tau_s, dt_s)[known], r])
+        columns -= columns.mean(axis=0)
+        sums += columns.T @ columns
+        size += float(np.var(log.output[known])) * len(r)
         independent += len(r) * dt_s / max(2 * correlation_s(r, dt_s), dt_s)
-    X, r, y = np.concatenate(rows), np.concatenate(left), np.concatenate(size)
-    scale = np.sqrt((X**2).sum(axis=0))
-    X = X[:, scale > 0] / scale[scale > 0]
-    total = float(r @ r)
-    if not total > 0 or independent <= 2 * X.shape[1]:
+    scale, total = np.sqrt(np.diag(sums)[:-1]), float(sums[-1, -1])
+    moves = np.flatnonzero(scale > 0)
+    if not total > 0 or independent <= 2 * len(moves):
         return []
+    alike = sums[np.ix_(moves, moves)] / np.outer(scale[moves], scale[moves])
+    along = sums[moves, -1] / scale[moves]
 
-    def share(columns: Array) -> float:  # beyond what noise would give
-        follows = columns @ np.linalg.lstsq(columns, r, rcond=1e-8)[0]
-        return float(follows @ follows / total - columns.shape[1] / independent)
+    def share(of: Mask) -> float:  # beyond what noise would give
+        back = np.linalg.pinv(alike[np.ix_(of, of)], hermitian=True, rcond=1e-10)
+        return float(along[of] @ back @ along[of] / total - of.sum() / independent)
 
-    of_direction = np.flatnonzero(scale > 0) % FUNCTIONS >= CURVES
-    by_direction, by_size, by_both = share(X[:, of_direction]), share(X[:, ~of_direction]), share(X)
-    explained = max(by_direction, by_size, by_both)
-    if explained < MUCH or np.sqrt(explained * total) < SEEN * np.sqrt(float(y @ y)):
+    of_direction = moves % FUNCTIONS >= CURVES
+    by_direction, by_size = share(of_direction), share(~of_direction)
+    explained = max(by_direction, by_size, share(of_direction | ~of_direction))
+    if explained < MUCH or explained * total < SEEN**2 * size:
         return []
     by = "direction" if by_direction > 0.5 * explained else "size"
     return [finding("residuals-follow-input", "nonlinear", (), share_pct=100 * explained, by=by)]
-
-
-FUNCTIONS, CURVES = 5, 3  # Of the input, and those of its size among them
 
 
 def functions_of(log: RecordedLog, theta_s: float, tau_s: float, dt_s: float) -> Array:

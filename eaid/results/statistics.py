@@ -4,9 +4,9 @@
     aic       2 k − 2 llf                    bic  k log n − 2 llf
 
 All are of the first model that was fitted: the plant where it is of another kind than the clutch's, else nonlinear,
-linear, friction. Repeats of a level are averaged before a model
-is fitted, so n counts the samples of the averages; noise that remembers makes fewer of them independent than there are,
-so `aic` and `bic` compare models of the same logs and are no absolute measure.
+linear, friction. Repeats of a level are averaged before a model is fitted, so n counts the samples of the averages;
+noise that remembers makes fewer of them independent than there are, so `aic` and `bic` compare models of the same logs
+and are no absolute measure.
 """
 
 import math

@@ -11,7 +11,7 @@ from eaid.findings.sentences.fitting import kind_in_words
 from eaid.plant.dynamics import Plant
 from eaid.results.common import ci95_of
 from eaid.results.verdict import MODELS, in_short
-from eaid.shown import counted, span
+from eaid.shown import counted, number, span
 
 if TYPE_CHECKING:
     from eaid.results.fit import Fit
@@ -78,17 +78,13 @@ def unseen(fit: "Fit") -> list[str]:
     """How the model holds on what fits without it have not seen, beside what it explains of the same as fitted."""
     if fit.recorded is not None and (logs := fit.recorded.hold_out) is not None and logs.held_pct is not None:
         whose = "logs left out in turn" if logs.of == "logs" else f"the {logs.of} left out"
-        return [f"unseen {logs.held_pct:.1f} % of {whose} ({_number(logs.fit_pct)} % as fitted)"]
+        return [f"unseen {logs.held_pct:.1f} % of {whose} ({number(logs.fit_pct, 3)} % as fitted)"]
     left = None if fit.nonlinear is None else fit.nonlinear.left_out
     if left is None or left.held_pct is None or left.worst is None:
         return []
     at = f"{left.worst:.4g} {fit.data.input_unit}".rstrip()
-    off = f"T_s off by {_number(left.Ts_off_pct)} % (median), at worst {_number(left.worst_off_pct)} % at {at}"
-    return [f"unseen {left.held_pct:.1f} % of levels left out in turn ({_number(left.fit_pct)} % as fitted), {off}"]
-
-
-def _number(value: float | None) -> str:
-    return "–" if value is None else f"{value:.3g}".replace("-", "−")
+    off = f"T_s off by {number(left.Ts_off_pct, 3)} % (median), at worst {number(left.worst_off_pct, 3)} % at {at}"
+    return [f"unseen {left.held_pct:.1f} % of levels left out in turn ({number(left.fit_pct, 3)} % as fitted), {off}"]
 
 
 def plant_line(fit: "Fit") -> list[str]:

@@ -14,7 +14,8 @@ import pytest
 
 import eaid
 from eaid.report.page import signs
-from eaid.report.tables import Name, number, text
+from eaid.report.tables import Name, text
+from eaid.shown import number
 
 from ..conftest import PLANT, loaded
 

@@ -13,7 +13,7 @@ from eaid.report.figures.residuals import residuals
 from eaid.report.panels import Axis, Panel, Sheet
 from eaid.report.results import EXPERIMENT_NAMES, Results
 from eaid.report.rig import controller_name, level_text
-from eaid.report.tables import Cell, Table, columns, number
+from eaid.report.tables import Cell, Table, columns
 from eaid.report.tables.data import distinct, is_warned
 from eaid.report.tables.gains import comparison, guarantee_story
 from eaid.report.tables.replays import SCENARIO_NAMES, metric
@@ -23,7 +23,7 @@ from eaid.results.fit import Fit
 from eaid.results.gains import Replayed
 from eaid.results.replay import Replay
 from eaid.results.verdict import in_short
-from eaid.shown import counted, span
+from eaid.shown import counted, number, span
 
 MODELS = {"friction": "friction curves", "nonlinear": "nonlinear model", "linear": "linear model", "release": "release"}
 # Findings of single runs that say how far the model is from them

@@ -1,6 +1,5 @@
 """Tables of results; the one type of a table: typed cells, as text for the terminal and as HTML for the page."""
 
-import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -8,6 +7,7 @@ from operator import attrgetter
 from typing import TypeVar
 
 from eaid.results.residuals import LAGS, Correlation
+from eaid.shown import number
 
 T = TypeVar("T")
 
@@ -123,25 +123,6 @@ def text(cell: Cell, digits: int = 4) -> str:
         ends = ([number(end, places) for end in cell] for places in range(min(digits, 3), 7))
         return next((" … ".join(pair) for pair in ends if pair[0] != pair[1]), NOT_KNOWN)
     return cell if isinstance(cell, str) else number(cell, digits)
-
-
-def number(value: object, digits: int = 4) -> str:
-    """A number with so many significant digits and a true minus sign; what is no finite number becomes a dash."""
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, int):
-        return str(value).replace("-", "−")
-    if not isinstance(value, float) or not math.isfinite(value):
-        return "–"
-    if value == 0:
-        return "0"
-    if 1e-3 <= abs(value) < 1e5:
-        decimals = max(0, digits - 1 - math.floor(math.log10(abs(value))))
-        said = f"{value:.{decimals}f}"
-    else:
-        mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
-        said = f"{mantissa}e{int(exponent)}"
-    return said.replace("-", "−")
 
 
 def level(value: float | None) -> str:

@@ -4,7 +4,8 @@ from collections import Counter
 from collections.abc import Iterable
 
 from eaid.report.results import EXPERIMENT_NAMES, Results
-from eaid.report.tables import Cell, Name, Table, columns, level, number, table_of
+from eaid.report.tables import Cell, Name, Table, columns, level, table_of
+from eaid.shown import number
 from eaid.steps.step import hold_of
 from eaid.steps.stepset import Level, LevelStep, RunRecord, StepSet
 

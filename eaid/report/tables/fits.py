@@ -7,12 +7,13 @@ from eaid.findings.sentences.fitting import kind_in_words
 from eaid.plant.linear import PAPER_LINEAR
 from eaid.report import rig as published
 from eaid.report.rig import gain, of_the_paper
-from eaid.report.tables import INTERVAL, OUTSIDE, Cell, Name, Table, level, number, outside, table_of
+from eaid.report.tables import INTERVAL, OUTSIDE, Cell, Name, Table, level, outside, table_of
 from eaid.results.common import ci95_of
 from eaid.results.fit import Fit
 from eaid.results.models import Trend
 from eaid.results.recorded import LogFit
 from eaid.results.residuals import Correlation
+from eaid.shown import number
 
 
 def unit_of(fit: Fit, name: str) -> str:

@@ -7,10 +7,10 @@ from eaid.apparatus import PAPER
 from eaid.control.kinds import LAW_KINDS
 from eaid.report import rig
 from eaid.report.rig import controller_name, gain
-from eaid.report.tables import Cell, Table, level, number, table_of
+from eaid.report.tables import Cell, Table, level, table_of
 from eaid.results.coupling import Coupling
 from eaid.results.gains import PI, Condition, Gains, Margin, Margins, Robust
-from eaid.shown import output_word
+from eaid.shown import number, output_word
 
 # Condition of the guarantee → how it is called, what it says, and why it does not hold
 CONDITIONS = {

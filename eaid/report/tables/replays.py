@@ -6,10 +6,11 @@ import numpy as np
 
 from eaid.arrays import median
 from eaid.report.rig import controller_name
-from eaid.report.tables import OUTSIDE, Name, Table, level, number, outside, table_of
+from eaid.report.tables import OUTSIDE, Name, Table, level, outside, table_of
 from eaid.results.fit import Fit
 from eaid.results.replay import Metrics, Replay
 from eaid.results.residuals import Correlation, correlation_of
+from eaid.shown import number
 
 COLUMNS = ("time_s", "reference_nm", "torque_nm", "duty_pct")
 METRICS = {
