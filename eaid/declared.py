@@ -324,6 +324,10 @@ def factors(flag: str, text: str) -> dict[str, float]:
         raise UsageError(f"{flag} {text}: write numbers by their names, as Ts=0.9,tau1=1.2") from None
 
 
+# Option → what its pairs look like
+PAIRS = {"«columns»": "time=Time,input=Volts", "«units»": "time=us,output=g", "«where»": "f=1000,w=2"}
+
+
 def pairs(flag: str, text: str | Mapping[str, Any] | None) -> dict[str, str]:
     """`time=Time,output="Load Cell"` as a dictionary; raises UsageError where it is written otherwise."""
     if not text or isinstance(text, Mapping):
@@ -338,7 +342,8 @@ def pairs(flag: str, text: str | Mapping[str, Any] | None) -> dict[str, str]:
     for cell in cells:
         name, equals, value = (piece.strip() for piece in cell.partition("="))
         if not equals or not name or not value:
-            raise UsageError(f"{flag} {text}: write name=value pairs with commas between them, as Ts=4,tau1=9")
+            example = PAIRS.get(flag, "Ts=4,tau1=9")
+            raise UsageError(f"{flag} {text}: write name=value pairs with commas between them, as {example}")
         if name in values:
             raise UsageError(f"{flag} {text}: says {name} twice")
         values[name] = value

@@ -61,7 +61,7 @@ FIGURES: tuple[Row, ...] = (
     Row("model_over_duty", "Parameters over the level",
         "Line: the model's curve. Dots: the values of the levels with their 95 % intervals.", (_CLUTCH,),
         values.polynomials),
-    Row("level_steps", "Steps from level to level", "Each step from its own start; dashed: the fitted curve.",
+    Row("level_steps", "Single steps", "Each step from its own start; dashed: the fitted curve.",
         (_all,), steps.level_steps, of_the_fit=False),
     Row("fig08_linear_model", "Fig. 8 · Linear model",
         "Broad: mean of the repeats; dashed: one model of all levels, left out where it ends below zero.",

@@ -172,7 +172,7 @@ def level_steps_table(fit: Fit) -> Table:
     """Each change of input between two holds: start, change, gain and the shape that the evidence asked for."""
     unit, out = fit.data.input_unit, fit.data.output_unit
     return table_of(
-        "Steps from level to level",
+        "Single steps",
         "Each change of input between two holds, from its own start; the shape is what the evidence asks for.",
         fit.steps,
         (("step", unit), lambda one: Name(f"{level(one.from_)} → {level(one.level)}")), (("start", out), "start"),
