@@ -55,9 +55,7 @@ def release_fit(
         if u in rises and u in held_s and rises[u].Ts > 0:
             fast, slow = -np.expm1(-held_s[u] / np.array([rises[u].tau1, rises[u].tau2])) * [rises[u].C, 1 - rises[u].C]
             shares[i] = fast / (fast + slow)
-    falling = replace(data)
-    falling.__dict__["points"] = data.points.of_falls
-    pooled = solve(falling, shares)
+    pooled = solve(replace(data, compressed=data.points.of_falls), shares)
     parts = sizes(pooled, data)
     total = float(parts[:, 2].sum())
     rmse = float(np.sqrt(total / sum(len(record.y) for record in data.records)))
