@@ -34,6 +34,7 @@ from eaid.options import (
 )
 from eaid.progress import Progress, no_progress
 from eaid.reading import read_steps, steps_of
+from eaid.replay.compare import of_own_logs
 from eaid.results.common import Samples
 from eaid.results.coupling import Coupling
 from eaid.results.fit import Fit
@@ -192,6 +193,8 @@ def fit(
 
             fitted = with_another_kind(fitted, steps, how)
     slipping = {u for one in fitted.findings if one.code == "output-decays-under-hold" for u in one.levels}
+    replayed = msgspec.structs.replace(fitted.data, replayed=of_own_logs(fitted, steps.logs))
+    fitted = msgspec.structs.replace(fitted, data=replayed)
     found = {"responses": responses_of(steps, slipping), "parameters": table_of(fitted), "samples": Samples(steps)}
     return msgspec.structs.replace(fitted, **found)
 

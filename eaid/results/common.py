@@ -94,6 +94,15 @@ class Source(Result, frozen=True):
     edge: str = "rising"
 
 
+class LogReplayed(Result, frozen=True):
+    """A log behind a fit of steps, played again through the plant: what `simulate` with that log gives."""
+
+    run: str
+    path: str = ""
+    fit_pct: Number | None = None
+    rmse: Number | None = None
+
+
 class StartCost(Result, frozen=True):
     """One start of the solver: the cost at which it ended."""
 

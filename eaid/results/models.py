@@ -20,6 +20,7 @@ from eaid.results.common import (
     Input,
     Interval,
     LevelError,
+    LogReplayed,
     Number,
     Positive,
     Result,
@@ -401,6 +402,8 @@ class FittedData(Result, frozen=True):
     apparatus: Apparatus | None = None
     """None: the sizes of the rig are not known."""
     sources: tuple[Source, ...] = ()
+    replayed: tuple[LogReplayed, ...] = ()
+    """Of logs whose input was recorded and is held."""
     inputs: tuple[Input, ...] = ()
     synthetic: str | None = None
     """What made the data, where no rig did."""

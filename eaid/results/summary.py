@@ -58,7 +58,7 @@ def answer(fit: "Fit") -> list[str]:
     """The lines that answer first: fit %, values with 95 % intervals where they matter, which estimate they are."""
     model = fit.nonlinear
     told = of_another_kind(fit) and fit.plant_ is not None and fit.plant_.tried[0].gain != "curve"  # by its own line
-    lines = [f"fit    {_fit_pct(fit)}", *unseen(fit), *plant_line(fit), *([] if told else _lines(fit))]
+    lines = [f"fit    {_fit_pct(fit)}", *replayed(fit), *unseen(fit), *plant_line(fit), *([] if told else _lines(fit))]
     if model is not None and steps_of_other_shapes(fit):
         lines.append("shown  single steps with their dead times; the models have none")
     elif model is not None and not of_another_kind(fit):
@@ -72,6 +72,17 @@ def answer(fit: "Fit") -> list[str]:
 def of_another_kind(fit: "Fit") -> bool:
     """Whether the plant is of another kind than the clutch's."""
     return fit.plant_ is not None and fit.plant_.another
+
+
+def replayed(fit: "Fit") -> list[str]:
+    """What `simulate` gives for the logs of steps that were fitted: each by itself, not the mean of repeats."""
+    known = sorted(one.fit_pct for one in fit.data.replayed if one.fit_pct is not None)
+    if not known:
+        return []
+    spread = f"{known[0]:.1f} … {known[-1]:.1f} %, median " if len(known) > 1 else ""
+    return [
+        f"logs   {spread}{known[len(known) // 2]:.1f} % of {counted(len(known), 'log')} played again through the plant"
+    ]
 
 
 def unseen(fit: "Fit") -> list[str]:
