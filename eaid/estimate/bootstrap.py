@@ -16,7 +16,7 @@ from eaid.estimate.points import Points, compress
 from eaid.estimate.spread import t_quantile
 from eaid.options import FitOptions
 from eaid.plant.dynamics import Step
-from eaid.plant.respond import step_response
+from eaid.plant.steps import step_response
 from eaid.steps.stepset import Level
 
 BLOCK_S = 2.0  # Blocks of a single run [s]: the longest memory that the Bartlett windows allow for

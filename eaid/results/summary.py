@@ -1,6 +1,5 @@
 """A fit in a few lines: how well it follows, T_s, τ1 and τ2 where it matters, which estimate, warnings."""
 
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, TypeVar
 
@@ -8,7 +7,8 @@ from eaid.findings import merged, ranked, say
 from eaid.findings.finding import WORD
 from eaid.findings.row import SYMBOLS
 from eaid.findings.sentences.fitting import kind_in_words
-from eaid.plant.dynamics import Plant
+from eaid.plant.dynamics import Plant, Step
+from eaid.plant.steps import peak_of
 from eaid.results.common import ci95_of
 from eaid.results.verdict import MODELS, in_short
 from eaid.shown import counted, number, span
@@ -111,9 +111,7 @@ def overshoot(p: Plant) -> list[str]:
     """What a step of an overshooting plant does: its peak over its end, when, and what it loses again."""
     if p.kind != "overshoot":
         return []
-    tau1, tau2, C = p.tau1[0], p.tau2[0], p.C
-    at = math.log(C * tau2 / ((C - 1) * tau1)) / (1 / tau1 - 1 / tau2)
-    peak = 1 - C * math.exp(-at / tau1) - (1 - C) * math.exp(-at / tau2)
+    at, peak = peak_of(Step(1.0, p.tau1[0], p.tau2[0], p.C))
     lost = 100 * (1 - 1 / peak)
     return [f"peaks  a step reaches {peak:.4g} of its end after {at:.3g} s, and loses {lost:.3g} % of that"]
 
