@@ -12,7 +12,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -41,14 +41,13 @@ class Case:
 
     plant: Plant
     levels: tuple[float, ...] = (0.0, 0.3, 0.6, 1.0)
-    options: FitOptions = FitOptions(model=("nonlinear",))
+    share: float | Literal["free"] = 0.85
     idle_known: bool = False
     form: str = ""
     """What has to win the trial, where the plant's kind does not say it."""
 
 
 LAG, CLUTCH, ZERO = plant(0.8, C=1.0), plant(0.3, 2.0, C=0.85), plant(0.3, 2.0, C=0.6)
-FREE = FitOptions(model=("nonlinear",), share="free")
 SIGNED, MANY = (-1.0, -0.5, 0.0, 0.5, 1.0), (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 WITHOUT = {
     "lag": Case(LAG),
@@ -62,7 +61,7 @@ WITHOUT = {
     "overshoot": Case(plant(0.4, 2.0, C=1.6)),
     "parallel, C 0.6": Case(ZERO),
     "clutch": Case(CLUTCH, MANY),
-    "clutch, C free": Case(ZERO, MANY, FREE),
+    "clutch, C free": Case(ZERO, MANY, "free"),
     "clutch, falls": Case(replace(CLUTCH, falls=(0.5, 0.5), excess=0.05), MANY),
 }
 KINDS = {name + late: replace(case, plant=replace(case.plant, dead_time_s=0.253 if late else 0.0))
@@ -116,7 +115,7 @@ def tried(name: str, seed: int) -> Row:
     """One log fitted: what was chosen, and whether each interval holds its truth."""
     case, row = KINDS[name], {"kind": name, "seed": seed, "chosen": "refused", "held": []}
     try:
-        fit = fit_recorded([log_of(case, seed)], case.options)
+        fit = fit_recorded([log_of(case, seed)], FitOptions(model=("nonlinear",), share=case.share))
     except EaidError as refusal:
         return row | {"why": str(refusal)}
     told = fit.plant_
