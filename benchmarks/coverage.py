@@ -26,7 +26,7 @@ from eaid.apparatus import Apparatus
 from eaid.arrays import Array
 from eaid.estimate.single_steps import single_steps
 from eaid.plant.dynamics import REFERENCE_PLANT, Step
-from eaid.plant.respond import step_response
+from eaid.plant.steps import step_response
 from eaid.results.common import Interval
 from eaid.results.fit import Fit
 from eaid.steps.build import stepset_of

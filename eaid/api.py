@@ -34,6 +34,8 @@ from eaid.options import (
 )
 from eaid.progress import Progress, no_progress
 from eaid.reading import read_steps, steps_of
+from eaid.replay.compare import of_own_logs
+from eaid.results.common import Samples
 from eaid.results.coupling import Coupling
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
@@ -191,9 +193,10 @@ def fit(
 
             fitted = with_another_kind(fitted, steps, how)
     slipping = {u for one in fitted.findings if one.code == "output-decays-under-hold" for u in one.levels}
-    fitted = msgspec.structs.replace(fitted, responses=responses_of(steps, slipping), parameters=table_of(fitted))
-    fitted.__dict__["steps_fitted"] = steps
-    return fitted
+    replayed = msgspec.structs.replace(fitted.data, replayed=of_own_logs(fitted, steps.logs))
+    fitted = msgspec.structs.replace(fitted, data=replayed)
+    found = {"responses": responses_of(steps, slipping), "parameters": table_of(fitted), "samples": Samples(steps)}
+    return msgspec.structs.replace(fitted, **found)
 
 
 @taking(PlanOptions)

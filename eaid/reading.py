@@ -225,7 +225,8 @@ def steps_of(
     if asked := list(_asked(runs, how)):
         raise DataError(*faults, *asked)
     uncut = [run for run in runs if how == "recorded" or (how == "auto" and is_recorded(run, options.rest))]
-    steps, more = cut_runs([run for run in runs if not any(run is one for one in uncut)], options)
+    whole = [run for run in runs if not any(run is one for one in uncut)]
+    steps, more = cut_runs(whole, options)
     if faults or more:
         raise DataError(*faults, *more)
     for k, run in enumerate(uncut):
@@ -249,4 +250,4 @@ def steps_of(
         kept = {run.name for run in stepset.runs}
         steps = [step for step in steps if step.name in kept]
     inputs = tuple((str(path), sha256_of(path)) for path in paths)
-    return steps, replace(stepset, inputs=inputs, reading=options.stated(), steps=tuple(steps))
+    return steps, replace(stepset, inputs=inputs, reading=options.stated(), logs=tuple(whole), steps=tuple(steps))

@@ -26,7 +26,8 @@ import eaid  # noqa: E402
 from eaid.apparatus import Apparatus  # noqa: E402
 from eaid.cli import console, main  # noqa: E402
 from eaid.plant.dynamics import REFERENCE_PLANT, Plant, Step  # noqa: E402
-from eaid.plant.respond import from_rest, step_response  # noqa: E402
+from eaid.plant.respond import from_rest  # noqa: E402
+from eaid.plant.steps import step_response  # noqa: E402
 from eaid.steps.stepset import Level, StepSet  # noqa: E402
 
 ROOT = Path(__file__).parents[1]

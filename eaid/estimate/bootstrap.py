@@ -16,7 +16,7 @@ from eaid.estimate.points import Points, compress
 from eaid.estimate.spread import t_quantile
 from eaid.options import FitOptions
 from eaid.plant.dynamics import Step
-from eaid.plant.respond import step_response
+from eaid.plant.steps import step_response
 from eaid.steps.stepset import Level
 
 BLOCK_S = 2.0  # Blocks of a single run [s]: the longest memory that the Bartlett windows allow for
@@ -34,11 +34,9 @@ def bootstrap(
     runs = [_compressed(level, data.points.y.shape[1]) for level in levels]
     rows = []
     for i in range(options.draws):
-        again = replace(data)
         # the means as they were fitted keep their times; only their compressed values change
         random = np.random.default_rng([options.seed, i])
-        again.__dict__["points"] = _resampled(data.points, levels, curves, runs, random)
-        rows.append(refit(again))
+        rows.append(refit(replace(data, compressed=_resampled(data.points, levels, curves, runs, random))))
         if advance:
             advance()
     return np.array(rows)

@@ -44,7 +44,7 @@ from eaid.estimate.spread import (
     t_quantile,
 )
 from eaid.plant.dynamics import Plant, Step
-from eaid.plant.respond import step_slopes
+from eaid.plant.steps import step_slopes
 from eaid.results.common import Interval, Solver
 from eaid.steps.stepset import Level
 

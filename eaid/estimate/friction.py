@@ -20,7 +20,7 @@ from eaid.estimate.trends import fitted_trends
 from eaid.findings import Finding, finding
 from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE, TAU_FLOOR_S, Step
-from eaid.plant.respond import step_response
+from eaid.plant.steps import step_response
 from eaid.results.common import HoldOut, Interval
 from eaid.results.models import Friction, FrictionLevel, LevelIntervals
 from eaid.steps.stepset import Level, StepSet

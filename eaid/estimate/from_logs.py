@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -39,6 +38,7 @@ from eaid.plant.derivatives import derivatives, swinging
 from eaid.plant.drive import IDLE, Drive, Tables, delayed
 from eaid.plant.dynamics import TAU_FLOOR_S, Plant
 from eaid.plant.forms import Form, LegendreForm
+from eaid.plant.sums import linear_sums
 from eaid.results.common import Solver
 
 # What a model can have besides its coefficients, with the values that do nothing
@@ -217,33 +217,6 @@ def linear_parts(setup: Setup, shapes: Sequence[Array] | Array) -> tuple[Array, 
     z = np.linalg.solve(A + 1e-10 * np.eye(size), v[:, :, None])[:, :, 0]
     x[:, free] = z / scale
     return sums[:, size, size] + np.einsum("kij,ki,kj->k", A, z, z) - 2 * (v * z).sum(axis=1), x
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def linear_sums(drive: Drive, by_steady: Array, tau1: Array, tau2: Array, share: Array) -> Array:
-    """Σ w s s' of K shapes, (K, n + 4, n + 4), for τ1 and τ2 of every input, (K, m), and C, (K,).
-
-    s are the derivatives by the n coefficients of T_s, idle output, x1 and x2 at the first row; then y.
-    """
-    n, rows = by_steady.shape[1], len(drive.w)
-    sums, columns = np.empty((len(share), n + 4, n + 4)), np.empty((rows, n + 4))
-    for k in range(len(share)):
-        fast, slow = np.zeros(n), np.zeros(n)
-        start1 = start2 = 1.0
-        for row in range(rows):
-            root, i = np.sqrt(drive.w[row]), drive.which[row]
-            for j in range(n):
-                columns[row, j] = root * (fast[j] + slow[j])
-            columns[row, n], columns[row, n + 1] = root, root * start1
-            columns[row, n + 2], columns[row, n + 3] = root * start2, root * drive.y[row]
-            g1, g2 = -np.expm1(-drive.dt_s[row] / tau1[k, i]), -np.expm1(-drive.dt_s[row] / tau2[k, i])
-            for j in range(n):
-                fast[j] += g1 * (share[k] * by_steady[i, j] - fast[j])
-                slow[j] += g2 * ((1.0 - share[k]) * by_steady[i, j] - slow[j])
-            start1 -= g1 * start1
-            start2 -= g2 * start2
-        sums[k] = columns.T @ columns
-    return sums
 
 
 GRID = 17  # Values of τ on the grid, from half a sample to the longest log

@@ -14,19 +14,18 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-import numba
 import numpy as np
 
 from eaid.arrays import Array, median
 from eaid.estimate.copies import MOVING_ROWS, Copies
 from eaid.estimate.forms import of_kind
-from eaid.estimate.from_logs import Setup, Solved, finished, linear_sums, setup_of, with_dead_time
+from eaid.estimate.from_logs import Setup, Solved, finished, setup_of, with_dead_time
 from eaid.estimate.log_intervals import correlation_s
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.estimate.solver import ROUNDING, approach, judged, newton_step
-from eaid.plant.derivatives import swung
 from eaid.plant.drive import Drive, delayed
 from eaid.plant.forms import Form, LegendreForm, Proportional, Sides
+from eaid.plant.sums import lag_sums, swinging_sums
 
 TAUS, DAMPINGS, DELAYS = 14, (0.03, 0.2, 0.7, 1.3, 4.0), 9  # Of the grid
 LONGEST_DELAY = 0.2  # Part of the longest log that a dead time may take
@@ -79,31 +78,6 @@ class Tried:
     def cost(self) -> float:
         """Sum of the squares that are left."""
         return self.solved.cost + self.within
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def swinging_sums(drive: Drive, gains: Array, tau: float, zeta: float) -> Array:
-    """Σ w s s', (6, 6), of two lags in series or ringing: s the answer to the different `gains` of the inputs, idle
-    output, both states at the first row; of the state's rate the answer; then y."""
-    sums, s = np.zeros((6, 6)), np.zeros(6)
-    x1, x2, f1, f2, g1, g2, last = 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, -1.0
-    c, n = 1.0, 0.0
-    s[1] = 1.0
-    for k in range(len(drive.w)):
-        if drive.w[k] > 0.0:
-            s[0], s[2], s[3], s[4], s[5] = x1, f1, g1, x2, drive.y[k]
-            for i in range(6):
-                for j in range(6):
-                    sums[i, j] += drive.w[k] * s[i] * s[j]
-        step = drive.dt_s[k]
-        if step != last:
-            c, n = swung(zeta, step / tau)
-            last = step
-        f11, f22, w = c + zeta * n, c - zeta * n, gains[drive.which[k]]
-        x1, x2 = w + f11 * (x1 - w) + n * x2, f22 * x2 - n * (x1 - w)
-        f1, f2 = f11 * f1 + n * f2, f22 * f2 - n * f1
-        g1, g2 = f11 * g1 + n * g2, f22 * g2 - n * g1
-    return sums
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,16 +149,6 @@ class Place:
     zeta: float  # ∞: one lag
     theta: float
     costs: tuple[float, float]  # Squares left without and with a zero
-
-
-LAG = np.ix_([0, 1, 2, 3, 5], [0, 1, 2, 3, 5])  # Where sums of two lags in parallel lie among `swinging_sums`
-
-
-def lag_sums(drive: Drive, tau: float) -> Array:
-    """The same of one lag, two in parallel with C = 1; without the rate of the state."""
-    one, sums = np.ones((1, len(drive.duty))), np.zeros((6, 6))
-    sums[LAG] = linear_sums(drive, drive.duty[:, None], tau * one, one, np.ones(1))[0]
-    return sums
 
 
 def places(search: Search, kind: LagKind, grid: Sequence[Place]) -> list[Place]:

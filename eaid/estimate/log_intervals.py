@@ -24,6 +24,7 @@ from eaid.estimate.solver import approach, newton_step, rounding
 from eaid.estimate.spread import free_inverse, rejected, t_quantile
 from eaid.findings import Finding, finding
 from eaid.plant.drive import Drive
+from eaid.plant.steps import decay
 from eaid.results.common import Interval
 from eaid.results.models import CurveLevel, LevelIntervals
 
@@ -442,7 +443,7 @@ def curves(solved: Solved, uncertainty: Spread, duty: Array) -> CurveSpread:
     unseen = np.where(np.isinf(off[:, 2]).any(axis=0) & (values[2] > setup.longest_hold_s), 1 - share, 0.0)
     # a slow part that no hold shows may as well be none: T_s is then what the holds have reached
     off[0, 0] = np.maximum(
-        off[0, 0], -np.log1p(-unseen * np.exp(-setup.longest_hold_s / np.maximum(values[2], 1e-300)))
+        off[0, 0], -np.log1p(-unseen * decay(np.array(setup.longest_hold_s), np.maximum(values[2], 1e-300)))
     )
     values = np.where(slopes.any(axis=2), values, np.nan)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):

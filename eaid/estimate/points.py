@@ -17,6 +17,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from eaid.arrays import Array
+from eaid.plant.dynamics import Step
+from eaid.plant.steps import slope_shapes, slope_sizes, step_response
 
 POINTS_PER_BLOCK = 8
 HEAD = 16  # First samples, kept as they are: the fast rise may be over within them. A block is never shorter.
@@ -42,6 +44,13 @@ class Points:
         """Values at the points, (L, …, P), less their weighted mean."""
         w = self.w if values.ndim == 2 else self.w[:, None]
         return np.asarray(values - (values * w).sum(axis=-1, keepdims=True) / w.sum(axis=-1, keepdims=True))
+
+    def slopes(self, theta: Array) -> Array:
+        """`slope_shapes` of curves at the points, and room for the residual, (L, 5, P)."""
+        s = slope_shapes(theta, self.t_s)
+        if self.centred:
+            s[:, :4] = self.about_mean(s[:, :4])
+        return s
 
     @property
     def of_falls(self) -> "Points":
@@ -151,13 +160,13 @@ class Normal(NamedTuple):
 
 def level_normal(theta: Array, points: Points, torques: Callable[[Array, Array], Array] | None = None) -> Normal:
     """Sums of the curves T_s φ of Eq. (3); `torques` gives T_s from Σ w φ² and Σ w φ y where it is to be solved for."""
-    s = _slopes(theta, points)
+    s = points.slopes(theta)
     if torques is not None:
         weighed = s[:, 0] * points.w
         theta = np.array([torques((weighed * s[:, 0]).sum(axis=1), (weighed * points.y).sum(axis=1)), *theta[1:]])
     np.subtract(theta[0, :, None] * s[:, 0], points.y, out=s[:, 4])
     product = (s * points.w[:, None, :]) @ s.transpose(0, 2, 1)
-    scale = _scale(theta)
+    scale = slope_sizes(theta)
     product *= scale[:, :, None] * scale[:, None, :]
     return Normal(theta, product[:, 4, 4], product[:, :4, 4], product[:, :4, :4])
 
@@ -165,33 +174,10 @@ def level_normal(theta: Array, points: Points, torques: Callable[[Array, Array],
 def log_crossed(theta: Array, other: Array, points: Points, share_free: bool) -> Array:
     """Σ w s s' of each level, s the slopes of its curve θ by ln T_s, ln τ1, ln τ2, and a free logit C, and those of
     another curve by T_s, τ1, τ2, C, (L, k, 4)."""
-    one, two = _slopes(theta, points)[:, :4], _slopes(other, points)[:, :4]
-    product = (one * points.w[:, None, :]) @ two.transpose(0, 2, 1) * _scale(other)[:, None, :4]
-    by_log = np.array([*theta[:3], theta[3] * (1 - theta[3])]).T * _scale(theta)[:, :4]
+    one, two = points.slopes(theta)[:, :4], points.slopes(other)[:, :4]
+    product = (one * points.w[:, None, :]) @ two.transpose(0, 2, 1) * slope_sizes(other)[:, None, :4]
+    by_log = np.array([*theta[:3], theta[3] * (1 - theta[3])]).T * slope_sizes(theta)[:, :4]
     return np.asarray(by_log[:, :, None] * product)[:, : 4 if share_free else 3]
-
-
-def _slopes(theta: Array, points: Points) -> Array:
-    """∂f/∂(T_s, τ1, τ2, C), yet to be scaled by `_scale`, and room for the residual, (L, 5, P)."""
-    t, share = points.t_s, theta[3][:, None]
-    decay = np.exp(t * (-1.0 / theta[1:3])[:, :, None])
-    s = np.empty((len(points.y), 5, points.y.shape[1]))
-    s[:, 0] = 1.0 - share * decay[0] - (1.0 - share) * decay[1]
-    np.multiply(t, decay[0], out=s[:, 1])
-    np.multiply(t, decay[1], out=s[:, 2])
-    np.subtract(decay[1], decay[0], out=s[:, 3])
-    if points.centred:
-        s[:, :4] = points.about_mean(s[:, :4])
-    return s
-
-
-def _scale(theta: Array) -> Array:
-    """Factors of those slopes, and of the residual, (L, 5)."""
-    scale = np.ones((theta.shape[1], 5))
-    scale[:, 1] = -theta[0] * theta[3] / theta[1] ** 2
-    scale[:, 2] = theta[0] * (theta[3] - 1.0) / theta[2] ** 2
-    scale[:, 3] = theta[0]
-    return scale
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,11 +191,5 @@ class Record:
 
 def residuals(theta: Array, records: Sequence[Record]) -> list[Array]:
     """f − y at every sample of each level, shapes (n_l,)."""
-    left = []
-    for (Ts, tau1, tau2, share), record in zip(theta.T, records, strict=True):
-        r = (-Ts * share) * np.exp(record.t_s / -tau1)
-        r -= (Ts * (1.0 - share)) * np.exp(record.t_s / -tau2)
-        r += Ts
-        r -= record.y
-        left.append(r)
-    return left
+    curves = (Step(*one) for one in theta.T.tolist())
+    return [step_response(curve, record.t_s) - record.y for curve, record in zip(curves, records, strict=True)]

@@ -18,6 +18,7 @@ from eaid.estimate.solver import bring_in
 from eaid.estimate.starts import form_starts
 from eaid.findings import Finding, finding
 from eaid.plant.dynamics import SHARE, Step
+from eaid.plant.steps import rise, step_response
 from eaid.results.models import Release
 from eaid.steps.stepset import Level
 
@@ -37,7 +38,7 @@ def sizes(solved: Solution, data: Data) -> Array:
     tau1, tau2 = solved.x
     parts = []
     for share, record in zip(solved.at.theta[3], data.records, strict=True):
-        shape = share * np.exp(record.t_s / -tau1) + (1 - share) * np.exp(record.t_s / -tau2)
+        shape = 1 - step_response(Step(1.0, tau1, tau2, share), record.t_s)
         off = shape - shape.mean()
         amplitude = max(float(off @ record.y) / max(float(off @ off), 1e-300), 0.0)
         residual = float(record.y.mean()) - amplitude * float(shape.mean())
@@ -53,11 +54,10 @@ def release_fit(
     data, shares = data_of(releases), np.full(len(releases), share)
     for i, u in enumerate(data.u.tolist()):
         if u in rises and u in held_s and rises[u].Ts > 0:
-            fast, slow = -np.expm1(-held_s[u] / np.array([rises[u].tau1, rises[u].tau2])) * [rises[u].C, 1 - rises[u].C]
+            rose = rises[u]
+            fast, slow = rise(np.array(held_s[u]), np.array([rose.tau1, rose.tau2])) * [rose.C, 1 - rose.C]
             shares[i] = fast / (fast + slow)
-    falling = replace(data)
-    falling.__dict__["points"] = data.points.of_falls
-    pooled = solve(falling, shares)
+    pooled = solve(replace(data, compressed=data.points.of_falls), shares)
     parts = sizes(pooled, data)
     total = float(parts[:, 2].sum())
     rmse = float(np.sqrt(total / sum(len(record.y) for record in data.records)))

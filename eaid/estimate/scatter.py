@@ -24,7 +24,7 @@ from eaid.arrays import Array, inverse, median
 from eaid.estimate.forms import RECORDS, RECORDS_FREE
 from eaid.estimate.spread import LevelScatter
 from eaid.plant.dynamics import TAU_FLOOR_S, Step
-from eaid.plant.respond import step_slopes
+from eaid.plant.steps import step_slopes
 from eaid.results.models import Noise
 from eaid.steps.stepset import Level, RunRecord
 

@@ -10,6 +10,7 @@ import numpy as np
 from eaid.estimate.step_intervals import WIDEST, Tail, mean_before, with_interval
 from eaid.estimate.step_shapes import fit_step
 from eaid.options import FitOptions
+from eaid.plant.steps import decay, rise
 from eaid.results.models import FrictionLevel, LevelIntervals, StepShape
 from eaid.steps.stepset import StepSet
 
@@ -38,9 +39,9 @@ def single_steps(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]
         tail = tail_of(found[before], tail, lasted) if follows else ()
         rest_s, output, start, moved = step.rest_s or 0.0, step.output, step.start, step.rest_moved
         for size, tau, _ in tail:  # as it would have been behind a hold that had settled
-            output = output - size * np.exp(-step.time_s / tau)
+            output = output - size * decay(step.time_s, tau)
             start -= size * mean_before(rest_s, tau)
-            moved -= abs(size) * abs(mean_before(rest_s / 2, tau) * (math.exp(rest_s / 2 / tau) - 1))
+            moved -= abs(size * mean_before(rest_s / 2, tau) * float(rise(np.array(-rest_s / 2), tau)))
         alone = replace(step, output=output, start=start, rest_moved=max(moved, 0.0)) if tail else step
         shape = with_interval(alone, fit_step(alone, options), options, tail)
         found[k] = msgspec.structs.replace(shape, tail=tuple((size, tau) for size, tau, _ in tail))
@@ -50,7 +51,8 @@ def single_steps(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]
 
 def tail_of(shape: StepShape, before: Tail, lasted_s: float) -> Tail:
     """What a fitted step, and the tail before it, have left to go after a hold."""
-    parts = [(size * math.exp(-lasted_s / tau), tau, half * math.exp(-lasted_s / tau)) for size, tau, half in before]
+    left = [(part, float(decay(np.array(lasted_s), part[1]))) for part in before]
+    parts = [(size * of, tau, half * of) for (size, tau, half), of in left]
     if any(one.code == "shape-explains-little" for one in shape.findings):
         return tuple(parts)
     after, ci = max(lasted_s - shape.dead_time_s, 0.0), shape.ci95
@@ -60,7 +62,7 @@ def tail_of(shape: StepShape, before: Tail, lasted_s: float) -> Tail:
     moved = abs(float(shape.predict(np.array([lasted_s]))[0]) - shape.start)
     for share, tau, ends in ((shape.C, shape.tau1, ci.tau1), (1 - shape.C, shape.tau2, ci.tau2)):
         if tau is not None and share != 0:
-            size = -shape.change * share * math.exp(-after / tau)
+            size = -shape.change * share * float(decay(np.array(after), tau))
             of_tau = 0.5 * math.log(ends[1] / ends[0]) if ends is not None else math.log(WIDEST)
             half = abs(size) * math.hypot(of_change, of_share / share, after / tau * of_tau)
             # a part that outlasts the hold is no more known than what the output has done in it

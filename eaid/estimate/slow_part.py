@@ -22,7 +22,7 @@ from eaid.estimate.points import Normal
 from eaid.estimate.scatter import FEW_DEGREES, bartlett_variance, run_residuals
 from eaid.estimate.spread import satterthwaite, t_quantile
 from eaid.plant.dynamics import Step
-from eaid.plant.respond import step_slopes
+from eaid.plant.steps import step_slopes
 from eaid.steps.stepset import Level
 
 LENGTHS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.5)  # τ2 supposed, in record lengths; the last stands for all beyond

@@ -16,6 +16,7 @@ from eaid.estimate.data import Data
 from eaid.estimate.forms import Model
 from eaid.estimate.points import Points, level_normal
 from eaid.plant.dynamics import TAU_FLOOR_S
+from eaid.plant.steps import rise
 
 SHARES = (0.3, 0.5, 0.7, 0.85, 0.95)  # Where a free C starts from
 GRID = 140  # Time constants of the table
@@ -49,7 +50,7 @@ def table_of(points: Points, share: float) -> Table:
     """The table of levels on their compressed points."""
     times = np.where((points.w > 0) & (points.t_s > 0), points.t_s, np.nan)
     grid = np.geomspace(0.3 * np.nanmin(times), LONGEST * np.nanmax(times), GRID)
-    s = -np.expm1(-points.t_s[:, None] / grid[:, None])
+    s = rise(points.t_s[:, None], grid[:, None])
     s = points.about_mean(s) if points.centred else s
     weighed = s * points.w[:, None]
     gram = weighed @ s.transpose(0, 2, 1)

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from eaid.arrays import Array
+from eaid.plant.dynamics import Step
+from eaid.plant.steps import rise, step_rate, step_response, step_slopes
 
 SHAPES = ("one", "two", "free", "overshoot")
 MOST = 3.0  # Largest C of an overshoot: beyond, two nearly equal parts of opposite sign imitate other shapes
@@ -18,32 +20,23 @@ APART = 2.0  # Least τ2/τ1 of an overshoot
 SEEN = 0.02  # Share of its peak by which an overshoot has to come down within the record
 
 
+def step_of(p: Array) -> Step:
+    """The step from rest of p = (change, ln τ1, ln(τ2/τ1), C, θ), without its dead time."""
+    return Step(p[0], np.exp(p[1]), np.exp(p[1] + p[2]), p[3])
+
+
 def curve(p: Array, time_s: Array) -> Array:
-    """change · s(t) of p = (change, ln τ1, ln(τ2/τ1), C, θ), shape (n,)."""
-    after = np.maximum(time_s - p[4], 0.0)
-    fast = np.exp(-after / np.exp(p[1]))
-    slow = np.exp(-after / np.exp(p[1] + p[2])) if p[3] != 1.0 else 0.0
-    return np.asarray(p[0] * (1.0 - p[3] * fast - (1.0 - p[3]) * slow))
+    """change · s(t) of p, shape (n,)."""
+    return step_response(step_of(p), np.maximum(time_s - p[4], 0.0))
 
 
 def slopes(p: Array, time_s: Array) -> Array:
     """∂ curve / ∂p, shape (n, 5); where p is complex, its real part decides which samples lie behind the dead time."""
-    behind = np.real(time_s - p[4]) > 0
+    behind, at = np.real(time_s - p[4]) > 0, step_of(p)
     after = np.where(behind, time_s - p[4], 0.0)
-    tau1, tau2 = np.exp(p[1]), np.exp(p[1] + p[2])
-    fast, slow = np.exp(-after / tau1), np.exp(-after / tau2)
-    by_fast, by_slow = p[3] * fast * after / tau1, (1 - p[3]) * slow * after / tau2
-    by_time = np.where(behind, p[3] * fast / tau1 + (1 - p[3]) * slow / tau2, 0.0)
-    return np.stack(
-        (
-            1.0 - p[3] * fast - (1 - p[3]) * slow,
-            -p[0] * (by_fast + by_slow),
-            -p[0] * by_slow,
-            p[0] * (slow - fast),
-            -p[0] * by_time,
-        ),
-        axis=1,
-    )
+    by_size, by_tau1, by_tau2, by_share = step_slopes(at, after)
+    by_slow = by_tau2 * at.tau2
+    return np.stack((by_size, by_tau1 * at.tau1 + by_slow, by_slow, by_share, -step_rate(at, after) * behind), axis=1)
 
 
 def overshoots(p: Array, window: float) -> bool:
@@ -103,7 +96,7 @@ def starts_of(
     pairs, total = np.triu_indices(GRID, 1), float(w @ y**2)
     places: dict[str, list[list[tuple[float, Array]]]] = {shape: [] for shape in wanted}
     for delay in delays:
-        rises = -np.expm1(-np.maximum(t - delay, 0.0) / tau[:, np.newaxis])
+        rises = rise(np.maximum(t - delay, 0.0), tau[:, np.newaxis])
         gram, right = (rises * w) @ rises.T, rises @ (w * y)
         one = np.diag(gram)
         for shape, rows in places.items():

@@ -24,6 +24,7 @@ from eaid.estimate.step_shapes import fit_step
 from eaid.findings import Finding, finding
 from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE
+from eaid.plant.steps import decay
 from eaid.steps.step import moving_means, usual_step
 from eaid.steps.stepset import Level, LevelStep, StepSet
 
@@ -97,7 +98,7 @@ def _start_of(time_s: Array, run: Array) -> tuple[float, float, float] | None:
     t, y = time_s[first:last], run[first:last]
     best = (np.inf, 0.0, 1.0, 0.0)
     for tau in (t[-1] - t[0]) * np.geomspace(0.3, 30, TAUS):
-        X = np.stack((np.ones_like(t), np.exp(-(t - t[0]) / tau)), axis=1)
+        X = np.stack((np.ones_like(t), decay(t - t[0], tau)), axis=1)
         (a, b), *_ = np.linalg.lstsq(X, y, rcond=None)
         left = y - X @ (a, b)
         if a > 0 > b and (square := float(left @ left)) < best[0]:

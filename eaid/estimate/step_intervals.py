@@ -15,6 +15,7 @@ from eaid.estimate.step_curves import slopes
 from eaid.estimate.step_shapes import independent
 from eaid.findings import finding
 from eaid.options import FitOptions
+from eaid.plant.steps import decay, rise
 from eaid.results.common import Interval
 from eaid.results.models import StepIntervals, StepShape
 from eaid.steps.stepset import LevelStep
@@ -25,7 +26,7 @@ Tail: TypeAlias = tuple[tuple[float, float, float], ...]
 
 def mean_before(rest_s: float, tau: float) -> float:
     """Mean of e^(−t/τ) over the rest that ends at t = 0."""
-    return math.expm1(rest_s / tau) * tau / rest_s if rest_s > 0 else 1.0
+    return -float(rise(np.array(-rest_s), tau)) * tau / rest_s if rest_s > 0 else 1.0
 
 
 NAMES = ("change", "tau1", "tau2", "C", "dead_time_s")
@@ -104,8 +105,7 @@ def _errors(step: LevelStep, shape: StepShape, free: Sequence[bool], ci: str, ta
     halves = t_quantile(degrees) ** 2 * (variance + moved**2 * start)
     for _, tau, half in tail:
         halves = (
-            halves
-            + (half * unit @ jacobian.T @ (mean_before(step.rest_s or 0.0, tau) - np.exp(-step.time_s / tau))) ** 2
+            halves + (half * unit @ jacobian.T @ (mean_before(step.rest_s or 0.0, tau) - decay(step.time_s, tau))) ** 2
         )
     return np.asarray(np.sqrt(halves))
 

@@ -5,14 +5,14 @@ By AICc with the number of independent samples; the paper's form stands unless a
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from eaid.arrays import Array
 from eaid.errors import UsageError
 from eaid.estimate.data import quality
-from eaid.estimate.solver import Problem, approach, polish, slsqp
+from eaid.estimate.solver import Problem, approach, polish
 from eaid.estimate.step_curves import (
     APART,
     MOST,
@@ -24,10 +24,12 @@ from eaid.estimate.step_curves import (
     overshoots,
     slopes,
     starts_of,
+    step_of,
 )
 from eaid.findings import Finding, finding
 from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE
+from eaid.plant.steps import peak_of, step_response
 from eaid.results.models import StepShape
 from eaid.steps.noise import block_means, block_noise
 from eaid.steps.stepset import LevelStep
@@ -39,8 +41,8 @@ LEAST_SAVED = {"one": 0.05, "two": 0.05, "free": 0.15, "overshoot": 0.05}
 FREE: dict[str, tuple[int, ...]] = {"one": (0, 1), "two": (0, 1, 2), "free": (0, 1, 2, 3), "overshoot": (0, 1, 2, 3)}
 MISSED = 0.1  # Share of the change by which the best shape may miss the mean of a sixtieth of the record
 LITTLE = 0.5  # R² below which a curve explains little
-# Part of the cost by which no further step lowers it: of all starts, of the best of each shape
-COARSE, SETTLED = 1e-4, 1e-12
+# Part of the cost by which no further step lowers it: of all starts, of the best of each shape, of the one chosen
+COARSE, COMPARED, SETTLED = 1e-4, 1e-7, 1e-12
 LOOKED_AT = 300_000  # Half of the values of the curve that are worked out to find a dead time, at most
 ROUNDS = 20  # Pairs of samples between which a dead time is fitted, at most
 ROUNDING = 1e-16  # Of a sum of squares, as a part of that of the output
@@ -91,7 +93,7 @@ def fit_step(step: LevelStep, options: FitOptions | None = None) -> StepShape:
         scores[one.name] = aicc
     chosen = _chosen(tried, scores)
     every = AveragedRecord(step.time_s, y, np.ones(len(y)))
-    p, _ = _polished(every, chosen.p, chosen.shape, chosen.free)
+    p, _ = _polished(every, chosen.p, chosen.shape, chosen.free, SETTLED)
     plain = [one.sse for one in tried if one.shape in ("one", "two") and not one.dead]
     others = None if chosen.shape in ("one", "two") and p[4] == 0 else min(plain, default=None)
     return _result(step, chosen.shape, p, scores, y, None if others is None else math.sqrt(others / len(y)))
@@ -121,7 +123,7 @@ def _candidates(
             fits = [one for one in fits if overshoots(one[0], window)]
         if fits:
             near = min(fits, key=lambda one: one[1])
-            p, sse = min(near, _polished(points, near[0], shape, free), key=lambda one: one[1])
+            p, sse = min(near, _polished(points, near[0], shape, free, COMPARED), key=lambda one: one[1])
             found.append(_Candidate(shape, dead, p, sse + points.within, free))
     return found
 
@@ -136,13 +138,15 @@ def _within(one: _Candidate, shape: str, share: float) -> Array | None:
     return p if shape != "free" or LEAST_SHARE <= p[3] <= 1 - LEAST_SHARE else None
 
 
-def _polished(points: AveragedRecord, start: Array, shape: str, free: tuple[int, ...]) -> tuple[Array, float]:
+def _polished(
+    points: AveragedRecord, start: Array, shape: str, free: tuple[int, ...], settled: float
+) -> tuple[Array, float]:
     """The least squares next to one start: the unknowns p and the weighted sum of squares.
 
     A dead time bends the curve at every sample that it passes, so it is fitted between two samples, those between
     which the other unknowns as they are leave least, until no other two leave less.
     """
-    p, sse = _least(points, start, shape, free, SETTLED)
+    p, sse = _least(points, start, shape, free, settled)
     middle, reach = 0.5 * (points.time_s[1:] + points.time_s[:-1]), max(2, LOOKED_AT // len(points.time_s))
     middle = middle[middle < 0.9 * points.time_s[-1]]
     for _ in range(ROUNDS):
@@ -151,11 +155,11 @@ def _polished(points: AveragedRecord, start: Array, shape: str, free: tuple[int,
             at = int(np.searchsorted(middle, p[4]))
             near = middle[max(at - reach, 0) : at + reach]  # of a long record, those near the dead time so far
             after = np.maximum(points.time_s - near[:, np.newaxis], 0.0)
-            s = 1 - p[3] * np.exp(-after / np.exp(p[1])) - (1 - p[3]) * np.exp(-after / np.exp(p[1] + p[2]))
+            s = step_response(replace(step_of(p), Ts=1.0), after)
             along, square = s @ (points.weight * points.output), (s**2) @ points.weight
             moved[4] = near[np.argmax(along**2 / np.maximum(square, 1e-300))]
-        q, less = _least(points, moved, shape, free, SETTLED)
-        if not less < (1 - SETTLED) * sse:
+        q, less = _least(points, moved, shape, free, settled)
+        if not less < (1 - settled) * sse:
             break
         p, sse = q, less
     return p, sse
@@ -198,8 +202,8 @@ def _least(
     b = np.concatenate([low[chosen], -high[chosen]])
     problem = Problem(normal, np.concatenate([ways, -ways]), b, str, floor=ROUNDING * float(points.weight.sum()))
     end = approach(problem, np.clip(begin, low, high)[chosen], near=settled)
-    if settled < COARSE:
-        end = polish(problem, slsqp(problem, end), finished=settled)[0]
+    if settled < COMPARED:
+        end = polish(problem, end, finished=settled)[0]
     return whole(end.x), end.cost * size**2
 
 
@@ -257,10 +261,8 @@ def _result(
         said = {"dead_time_s": float(p[4]), "rmse": rmse, "plain_rmse": plain_rmse}
         saved = 100 * (1 - rmse / plain_rmse)
         found.append(finding("other-shape-fits-better", step.name, (step.level,), shape=shape, saved_pct=saved, **said))
-    tau1, tau2, peak = float(np.exp(p[1])), float(np.exp(p[1] + p[2])), None
-    if p[3] > 1:  # where ds/dt = 0: C/τ1 e^(−t/τ1) = (C − 1)/τ2 e^(−t/τ2)
-        at = p[4] + np.log(p[3] * tau2 / ((p[3] - 1) * tau1)) / (1 / tau1 - 1 / tau2)
-        peak = float(curve(p, np.array([at]))[0])
+    at = step_of(p)
+    tau1, tau2, peak = float(at.tau1), float(at.tau2), peak_of(at)[1] if at.C > 1 else None
     best, single = min(scores.values()), shape == "one"
     return StepShape(
         run=step.name,

@@ -15,7 +15,7 @@ from eaid.options import PlanOptions
 from eaid.planning.design import KEEPING, PARAMETERS, Widths, rig_of, settled, wanting
 from eaid.planning.kinds import is_clutch
 from eaid.planning.kinds import measure as measure_kind
-from eaid.plant.respond import step_response
+from eaid.plant.steps import step_response
 from eaid.results.fit import Fit
 from eaid.results.models import Noise
 from eaid.results.plan import Plan, PlannedRun

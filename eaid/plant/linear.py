@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import msgspec
-import numpy as np
 
 from eaid.arrays import Array
+from eaid.plant.steps import rise
 
 Stored = Annotated[float, msgspec.Meta(ge=-1e60, le=1e60)]  # A number as files of results may hold it
 
@@ -25,7 +25,7 @@ PAPER_LINEAR = Linear(a0=1.36, b0=0.08, c0=-2.42)  # Eq. (8) as published
 
 def step_response(p: Linear, t_s: Array, duty_pct: float) -> Array:
     """Output after a step from rest, Eq. (8): T(t) = (b0 u + c0)/a0 · (1 − e^(−a0 t))."""
-    return (p.b0 * duty_pct + p.c0) / p.a0 * -np.expm1(-p.a0 * t_s)
+    return (p.b0 * duty_pct + p.c0) / p.a0 * rise(t_s, 1 / p.a0)
 
 
 def steady(p: Linear, duty_pct: float) -> float:

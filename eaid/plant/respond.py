@@ -9,33 +9,13 @@ from eaid.arrays import Array
 from eaid.plant.dynamics import (
     Plant,
     PlantNumbers,
-    Step,
     plant_numbers,
     plant_pull,
     plant_step,
     plant_terms,
     swing,
 )
-
-
-def step_response(at: Step, t_s: Array) -> Array:
-    """Output after a step from rest, Eq. (3), shape of `t_s`."""
-    # expm1 keeps precision when t << tau, where 1 - exp(-x) cancels.
-    return -(at.C * np.expm1(-t_s / at.tau1) + (1 - at.C) * np.expm1(-t_s / at.tau2)) * at.Ts
-
-
-def step_slopes(at: Step, t_s: Array) -> Array:
-    """Derivatives of that by T_s, τ1, τ2 and C, shape (4, n), Eq. (3)."""
-    e1, e2 = np.exp(-t_s / at.tau1), np.exp(-t_s / at.tau2)
-    return np.stack(
-        [
-            -(at.C * np.expm1(-t_s / at.tau1) + (1 - at.C) * np.expm1(-t_s / at.tau2)),
-            -at.Ts * at.C * e1 * t_s / at.tau1**2,
-            -at.Ts * (1 - at.C) * e2 * t_s / at.tau2**2,
-            at.Ts * (e2 - e1),
-        ]
-    )
-
+from eaid.plant.steps import decay, rise, step_rate, step_response
 
 FEW_ROWS = 8  # An input held for fewer rows is followed row by row, which then is faster
 # (input, whether it was fallen to) → the plant that acts while it is held
@@ -94,7 +74,7 @@ def driven(
             output[part] = [one + plant.z * two for one, two in states]
         else:
             fast, slow, tau1, tau2 = plant_pull(plant, x1, x2, value)
-            output[part] = x1 - np.expm1(-since / tau1) * fast + x2 - np.expm1(-since / tau2) * slow
+            output[part] = x1 + rise(since, tau1) * fast + x2 + rise(since, tau2) * slow
         x1, x2 = plant_step(plant, x1, x2, value, end - begin)
     return output
 
@@ -110,15 +90,14 @@ def left_of_start(plant: PlantNumbers, u: float, t_s: Array, falls: tuple[bool, 
         return np.stack([c + plant.zeta * n - plant.z * n, n + plant.z * (c - plant.zeta * n)])
     above1, above2 = (np.inf if one else -np.inf for one in falls)
     above = plant_pull(plant, above1, above2, u)[2:]
-    return np.stack([np.exp(-t_s / tau) for tau in above])
+    return np.stack([decay(t_s, tau) for tau in above])
 
 
 def unit_step(plant: Plant, t_s: Array, u: float) -> tuple[Array, Array]:
     """How far a step to an input has gone, 1 in the end, at times since it acts [s], and how fast it goes [1/s]."""
     if plant.zeta is None:
-        at = plant.at(u)
-        fast, slow = np.exp(-t_s / at.tau1), np.exp(-t_s / at.tau2)
-        return 1 - at.C * fast - (1 - at.C) * slow, at.C / at.tau1 * fast + (1 - at.C) / at.tau2 * slow
+        at = replace(plant.at(u), Ts=1.0)
+        return step_response(at, t_s), step_rate(at, t_s)
     tau, zeta, z = plant_terms(plant_numbers(plant), u)[0], plant.zeta, plant.zero
     c, n = np.array([swing(zeta, dt / tau) for dt in np.ravel(t_s).tolist()]).T
     away = c + zeta * n  # of the first state from its end; n is the second

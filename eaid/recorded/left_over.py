@@ -17,6 +17,7 @@ from eaid.estimate.from_logs import Solved, model_of
 from eaid.estimate.log_intervals import correlation_s
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.findings import Finding, finding
+from eaid.plant.steps import decay
 
 Mask = NDArray[np.bool_]
 FUNCTIONS, CURVES = 5, 3  # Of the input, and those of its size among them
@@ -66,5 +67,5 @@ def functions_of(log: RecordedLog, theta_s: float, tau_s: float, dt_s: float) ->
     last = np.maximum.accumulate(np.where(change != 0, np.arange(len(u)), 0))
     moved = change[last]
     raw = np.stack([u, u * np.abs(u), u**3, moved, moved * np.abs(u)], axis=1)
-    decay = np.exp(-dt_s / max(tau_s, 1e-3 * dt_s))
-    return np.hstack([raw, lfilter([1 - decay], [1, -decay], raw, axis=0, zi=decay * raw[:1])[0]])
+    left = float(decay(np.array(dt_s), max(tau_s, 1e-3 * dt_s)))
+    return np.hstack([raw, lfilter([1 - left], [1, -left], raw, axis=0, zi=left * raw[:1])[0]])

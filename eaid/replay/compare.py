@@ -12,6 +12,7 @@ else the mean over its leading rows at rest, else the plant's.
 
 import itertools
 import math
+from collections.abc import Sequence
 
 import msgspec
 import numpy as np
@@ -22,6 +23,7 @@ from eaid.estimate.recorded_log import recorded_log, shifted
 from eaid.logs.run import Run
 from eaid.plant.dynamics import Plant, plant_numbers, plant_rest, plant_terms
 from eaid.plant.respond import left_of_start, respond
+from eaid.results.common import LogReplayed
 from eaid.results.fit import Fit
 from eaid.results.recorded import LogFit
 from eaid.results.replay import Metrics, Record
@@ -78,6 +80,16 @@ def compared(run: Run, fit: Fit, plant: Plant) -> Record:
         apart(torque, model, idle, start[0] + start[1] * plant_numbers(plant).z),
         role="recorded-input",
     )
+
+
+def of_own_logs(fit: Fit, logs: Sequence[Run]) -> tuple[LogReplayed, ...]:
+    """The logs behind a fit of steps through its plant, where their input was recorded and is held."""
+    rest, found = float(fit.options.reading.get("rest") or 0.0), []
+    for run in logs if fit.plant_ is not None else ():
+        if run.has_input and run.edge == "rising" and recorded_log(run, rest).stepwise:
+            metrics = compared(run, fit, fit.plant).metrics
+            found.append(LogReplayed(run.name, run.source, metrics.fit_pct, metrics.rms_difference_nm))
+    return tuple(found)
 
 
 def apart(torque: Array, model: Array, idle: float, start: float) -> Metrics:

@@ -4,7 +4,7 @@ import contextlib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Generic, TypeVar, cast
+from typing import Any, Generic, TypeVar
 
 import h5py
 
@@ -157,8 +157,8 @@ def gathered(items: Iterable[Any], progress: Progress = no_progress) -> Results:
 
 def logs_of(fit: Fit, progress: Progress) -> StepSet | None:
     """The steps behind a fit: those in memory, else read again where its logs still are what they were; None: gone."""
-    if "steps_fitted" in fit.__dict__:
-        return cast(StepSet, fit.__dict__["steps_fitted"])
+    if fit.samples.steps is not None:
+        return fit.samples.steps
     logs = {Path(one.path): one.sha256 for one in fit.data.inputs or fit.data.sources}
     unchanged = all(path.is_file() and sha256_of(path) == sha256 for path, sha256 in logs.items())
     if logs and fit.data.repeats and unchanged:

@@ -24,6 +24,7 @@ import msgspec
 from eaid.errors import DataError, UsageError
 from eaid.files import written_whole
 from eaid.findings import Finding, finding, sentences
+from eaid.results.common import Samples
 from eaid.shown import Shown
 from eaid.version import __version__
 
@@ -56,7 +57,7 @@ def to_plain(value: Any) -> Any:
         kept = {}
         for name, key in zip(value.__struct_fields__, value.__struct_encode_fields__, strict=True):
             item = getattr(value, name)
-            if item is not None or name not in parts_of(type(value)):
+            if not isinstance(item, Samples) and (item is not None or name not in parts_of(type(value))):
                 kept[key] = to_plain(item)
         return kept
     if isinstance(value, Mapping):

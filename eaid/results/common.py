@@ -2,12 +2,15 @@
 
 import math
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import msgspec
 
 from eaid.files import sha256_of
 from eaid.findings import Finding, merged, ranked, sentences
+
+if TYPE_CHECKING:
+    from eaid.steps.stepset import StepSet
 
 Number = Annotated[float, msgspec.Meta(ge=-1e60, le=1e60)]
 """A finite number of a size that a rig can have; its cube is still a number."""
@@ -25,6 +28,21 @@ class Result(msgspec.Struct, frozen=True):
 def ci95_of(item: Any, name: str) -> Interval:
     """The 95 % interval of one value of a result that holds its intervals as `ci95`; None where it has none."""
     return getattr(item.ci95, name) if item.ci95 is not None else None
+
+
+class Samples:
+    """The steps behind a fit, while it is in memory: no file holds them, and no comparison of fits asks for them."""
+
+    __slots__ = ("steps",)
+
+    def __init__(self, steps: "StepSet | None" = None) -> None:
+        self.steps = steps
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Samples)
+
+    def __hash__(self) -> int:
+        return 0
 
 
 class Input(Result, frozen=True):
@@ -74,6 +92,15 @@ class Source(Result, frozen=True):
     """Step instant on the log's own clock [s]."""
     samples: Count | None = None
     edge: str = "rising"
+
+
+class LogReplayed(Result, frozen=True):
+    """A log behind a fit of steps, played again through the plant: what `simulate` with that log gives."""
+
+    run: str
+    path: str = ""
+    fit_pct: Number | None = None
+    rmse: Number | None = None
 
 
 class StartCost(Result, frozen=True):

@@ -27,6 +27,7 @@ from eaid.results.common import (
     Made,
     Number,
     Result,
+    Samples,
 )
 from eaid.results.models import (
     CurveLevel,
@@ -72,7 +73,7 @@ class Parameter(Result, frozen=True):
 CURVES: dict[str, Any] = {"nonlinear": from_rest, "linear": linear.step_response, "friction": None, "plant": from_rest}
 
 
-class Fit(Plotted, codec.Saved, Made, frozen=True, dict=True):
+class Fit(Plotted, codec.Saved, Made, frozen=True):
     """All that one call fitted; what its kind does not allow is None.
 
     Examples
@@ -103,6 +104,8 @@ class Fit(Plotted, codec.Saved, Made, frozen=True, dict=True):
     """How the output of each level comes, stays and goes, as recorded."""
     parameters: tuple[Parameter, ...] = ()
     """All fitted parameters with their intervals."""
+    samples: Samples = Samples()
+    """The steps that it was fitted to; none where it was read from a file."""
 
     @property
     def params(self) -> "pandas.Series[float]":

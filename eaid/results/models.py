@@ -11,7 +11,7 @@ from eaid.findings import Finding
 from eaid.options import ExperimentKind
 from eaid.plant.dynamics import Plant, Step
 from eaid.plant.linear import Linear as LinearModel
-from eaid.plant.respond import step_response
+from eaid.plant.steps import decay, step_response
 from eaid.plant.trends import evaluate
 from eaid.results.common import (
     AbsError,
@@ -20,6 +20,7 @@ from eaid.results.common import (
     Input,
     Interval,
     LevelError,
+    LogReplayed,
     Number,
     Positive,
     Result,
@@ -380,10 +381,9 @@ class StepShape(Result, frozen=True):
 
     def predict(self, time_s: Array) -> Array:
         """Output at times since the step [s]."""
-        after = np.maximum(time_s - self.dead_time_s, 0.0)
-        slow = 0.0 if self.tau2 is None else (1 - self.C) * np.exp(-after / self.tau2)
-        left = sum((size * np.exp(-time_s / tau) for size, tau in self.tail), np.zeros_like(after))
-        return np.asarray(self.start + left + self.change * (1 - self.C * np.exp(-after / self.tau1) - slow))
+        at = Step(self.change, self.tau1, self.tau1 if self.tau2 is None else self.tau2, self.C)
+        left = sum((size * decay(time_s, tau) for size, tau in self.tail), np.zeros_like(time_s))
+        return np.asarray(self.start + left + step_response(at, np.maximum(time_s - self.dead_time_s, 0.0)))
 
 
 class FittedData(Result, frozen=True):
@@ -401,6 +401,8 @@ class FittedData(Result, frozen=True):
     apparatus: Apparatus | None = None
     """None: the sizes of the rig are not known."""
     sources: tuple[Source, ...] = ()
+    replayed: tuple[LogReplayed, ...] = ()
+    """Of logs whose input was recorded and is held."""
     inputs: tuple[Input, ...] = ()
     synthetic: str | None = None
     """What made the data, where no rig did."""

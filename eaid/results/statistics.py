@@ -108,7 +108,7 @@ def sums(fit: "Fit") -> tuple[float, float, int]:
     rows: Sequence[Any] = fit.friction_levels if model == "friction" else ()
     if model in ("nonlinear", "linear"):
         rows = (getattr(fit, model),)
-    if model == PLANT and not fit.logs and fit.__dict__.get("steps_fitted") is not None:
+    if model == PLANT and not fit.logs and fit.samples.steps is not None:
         both = residuals(fit)
         left, about = (both["recorded"] - value for value in (both["fitted"], both["recorded"].mean()))
         return float((left**2).sum()), float((about**2).sum()), len(left)
@@ -156,7 +156,7 @@ def residuals(fit: "Fit", steps: "StepSet | None" = None) -> "pandas.DataFrame":
     fit that was read from a file."""
     import pandas as pd
 
-    steps = fit.__dict__.get("steps_fitted", steps)
+    steps = fit.samples.steps or steps
     if steps is None:
         raise DataError("this fit was read from a file, or is of logs as recorded, and holds no samples; fit again")
     parts = {

@@ -1,6 +1,5 @@
 """A fit in a few lines: how well it follows, T_s, τ1 and τ2 where it matters, which estimate, warnings."""
 
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, TypeVar
 
@@ -8,7 +7,8 @@ from eaid.findings import merged, ranked, say
 from eaid.findings.finding import WORD
 from eaid.findings.row import SYMBOLS
 from eaid.findings.sentences.fitting import kind_in_words
-from eaid.plant.dynamics import Plant
+from eaid.plant.dynamics import Plant, Step
+from eaid.plant.steps import peak_of
 from eaid.results.common import ci95_of
 from eaid.results.verdict import MODELS, in_short
 from eaid.shown import counted, number, span
@@ -58,7 +58,7 @@ def answer(fit: "Fit") -> list[str]:
     """The lines that answer first: fit %, values with 95 % intervals where they matter, which estimate they are."""
     model = fit.nonlinear
     told = of_another_kind(fit) and fit.plant_ is not None and fit.plant_.tried[0].gain != "curve"  # by its own line
-    lines = [f"fit    {_fit_pct(fit)}", *unseen(fit), *plant_line(fit), *([] if told else _lines(fit))]
+    lines = [f"fit    {_fit_pct(fit)}", *replayed(fit), *unseen(fit), *plant_line(fit), *([] if told else _lines(fit))]
     if model is not None and steps_of_other_shapes(fit):
         lines.append("shown  single steps with their dead times; the models have none")
     elif model is not None and not of_another_kind(fit):
@@ -72,6 +72,17 @@ def answer(fit: "Fit") -> list[str]:
 def of_another_kind(fit: "Fit") -> bool:
     """Whether the plant is of another kind than the clutch's."""
     return fit.plant_ is not None and fit.plant_.another
+
+
+def replayed(fit: "Fit") -> list[str]:
+    """What `simulate` gives for the logs of steps that were fitted: each by itself, not the mean of repeats."""
+    known = sorted(one.fit_pct for one in fit.data.replayed if one.fit_pct is not None)
+    if not known:
+        return []
+    spread = f"{known[0]:.1f} … {known[-1]:.1f} %, median " if len(known) > 1 else ""
+    return [
+        f"logs   {spread}{known[len(known) // 2]:.1f} % of {counted(len(known), 'log')} played again through the plant"
+    ]
 
 
 def unseen(fit: "Fit") -> list[str]:
@@ -100,9 +111,7 @@ def overshoot(p: Plant) -> list[str]:
     """What a step of an overshooting plant does: its peak over its end, when, and what it loses again."""
     if p.kind != "overshoot":
         return []
-    tau1, tau2, C = p.tau1[0], p.tau2[0], p.C
-    at = math.log(C * tau2 / ((C - 1) * tau1)) / (1 / tau1 - 1 / tau2)
-    peak = 1 - C * math.exp(-at / tau1) - (1 - C) * math.exp(-at / tau2)
+    at, peak = peak_of(Step(1.0, p.tau1[0], p.tau2[0], p.C))
     lost = 100 * (1 - 1 / peak)
     return [f"peaks  a step reaches {peak:.4g} of its end after {at:.3g} s, and loses {lost:.3g} % of that"]
 

@@ -175,6 +175,8 @@ class StepSet(Shown):
     """(path, SHA-256) of the files that the user named."""
     reading: Mapping[str, str | float | bool] = field(default_factory=dict)
     """The options with which the logs were read, so that it can be done again."""
+    logs: tuple[Run, ...] = ()
+    """The logs behind the levels as they were read, before they were cut."""
     steps: tuple[Run, ...] = ()
     """The recorded runs behind the levels, cut at their steps, where the set was read from logs."""
     level_steps: tuple[LevelStep, ...] = ()

@@ -7,7 +7,7 @@ import eaid
 from eaid.apparatus import Apparatus
 from eaid.estimate.adequacy import decays, lack_of_fit
 from eaid.plant.dynamics import Step
-from eaid.plant.respond import step_response
+from eaid.plant.steps import step_response
 from eaid.steps.stepset import Level, StepSet
 
 T = np.arange(1500) * 0.02

@@ -15,7 +15,8 @@ from eaid.errors import DataError, UsageError
 from eaid.plant import linear
 from eaid.plant.dynamics import REFERENCE_PLANT, Step
 from eaid.plant.linear import PAPER_LINEAR, Linear
-from eaid.plant.respond import from_rest, step_response, step_slopes
+from eaid.plant.respond import from_rest
+from eaid.plant.steps import step_response, step_slopes
 from eaid.steps.stepset import Level, StepSet
 
 Maker = Callable[..., StepSet]

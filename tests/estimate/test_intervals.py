@@ -9,7 +9,7 @@ from eaid.apparatus import Apparatus
 from eaid.estimate.draw import draw
 from eaid.findings import say
 from eaid.plant.dynamics import Step
-from eaid.plant.respond import step_response, step_slopes
+from eaid.plant.steps import step_response, step_slopes
 from eaid.steps.stepset import Level, StepSet
 
 

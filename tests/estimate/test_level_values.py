@@ -9,7 +9,7 @@ import pytest
 import eaid
 from eaid.apparatus import Apparatus
 from eaid.plant.dynamics import REFERENCE_PLANT
-from eaid.plant.respond import step_response
+from eaid.plant.steps import step_response
 from eaid.results.fit import Fit
 from eaid.steps.stepset import Level, StepSet
 

@@ -8,7 +8,7 @@ import pytest
 import eaid
 from eaid.apparatus import Apparatus
 from eaid.plant.dynamics import Step
-from eaid.plant.respond import step_response
+from eaid.plant.steps import step_response
 from eaid.steps.stepset import Level, StepSet
 
 TOLD = {"runs-leave-the-share-open", "runs-reject-the-share"}

@@ -9,7 +9,7 @@ import eaid
 from eaid.plant import trends
 from eaid.plant.dynamics import REFERENCE_PLANT, Step
 from eaid.plant.linear import PAPER_LINEAR
-from eaid.plant.respond import step_response, step_slopes
+from eaid.plant.steps import step_response, step_slopes
 
 STEP = 1e-30
 CURVE = Step(Ts=2.0, tau1=0.3, tau2=4.0)

@@ -13,7 +13,8 @@ from eaid.plant import derivatives as kernel
 from eaid.plant.drive import Drive, Tables, delayed
 from eaid.plant.dynamics import REFERENCE_PLANT, Plant, Step, plant_numbers, plant_step, swing
 from eaid.plant.operating import around
-from eaid.plant.respond import respond, step_response, unit_step
+from eaid.plant.respond import respond, unit_step
+from eaid.plant.steps import step_response
 
 
 def plant(**of: float) -> Plant:

@@ -24,15 +24,15 @@ def residuals(fit: Fit, steps: StepSet | None = None) -> Sheet | None:
         over_time.append(Line(t, e, log.name, colour, width=0.8, alpha=0.7))
         against.append(Line(u, e, "", colour, "", marker="o", size=1.5, alpha=0.5))
         own.append((log.correlation, colour))
-    steps = fit.__dict__.get("steps_fitted", steps)
+    steps = fit.samples.steps or steps
     ours = steps is not None and steps.levels and {one.level for one in steps.levels} <= set(fit.levels)
     if not over_time and steps is not None and ours and any((fit.nonlinear, fit.linear, fit.friction)):
         both = statistics.residuals(fit, steps)
         off = both["recorded"] - both["fitted"]
         parts = [(one.level, one.time_s, off.loc[one.level].to_numpy()) for one in steps.levels]
         shown = some_of(parts, SHOWN)[::-1]  # the highest, whose noise is largest, below the others
-        for (u, t, e), colour in zip(shown, ink.level_colours(len(shown))[::-1], strict=True):
-            over_time.append(Line(t, e, level_text(u, fit.data.input_unit), colour, width=0.8, alpha=0.7))
+        for (level, at_s, left), colour in zip(shown, ink.level_colours(len(shown))[::-1], strict=True):
+            over_time.append(Line(at_s, left, level_text(level, fit.data.input_unit), colour, width=0.8, alpha=0.7))
         low, middle, high = np.array([np.quantile(e, (0.025, 0.5, 0.975)) for _, _, e in parts]).T
         at = [u for u, _, _ in parts]
         against.append(Line(at, middle, "", ink.BLUE, "", marker="o", ends=(low, high)))

@@ -1,0 +1,73 @@
+"""What enters an output linearly (gain, idle output, start states) in sums of products over a log.
+
+They are all that is needed to solve for it at given time constants (variable projection), one pass over the log.
+"""
+
+import numba
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.plant.derivatives import swung
+from eaid.plant.drive import Drive
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def linear_sums(drive: Drive, by_steady: Array, tau1: Array, tau2: Array, share: Array) -> Array:
+    """Σ w s s' of K shapes, (K, n + 4, n + 4), for τ1 and τ2 of every input, (K, m), and C, (K,).
+
+    s are the derivatives by the n coefficients of T_s, idle output, x1 and x2 at the first row; then y.
+    """
+    n, rows = by_steady.shape[1], len(drive.w)
+    sums, columns = np.empty((len(share), n + 4, n + 4)), np.empty((rows, n + 4))
+    for k in range(len(share)):
+        fast, slow = np.zeros(n), np.zeros(n)
+        start1 = start2 = 1.0
+        for row in range(rows):
+            root, i = np.sqrt(drive.w[row]), drive.which[row]
+            for j in range(n):
+                columns[row, j] = root * (fast[j] + slow[j])
+            columns[row, n], columns[row, n + 1] = root, root * start1
+            columns[row, n + 2], columns[row, n + 3] = root * start2, root * drive.y[row]
+            g1, g2 = -np.expm1(-drive.dt_s[row] / tau1[k, i]), -np.expm1(-drive.dt_s[row] / tau2[k, i])
+            for j in range(n):
+                fast[j] += g1 * (share[k] * by_steady[i, j] - fast[j])
+                slow[j] += g2 * ((1.0 - share[k]) * by_steady[i, j] - slow[j])
+            start1 -= g1 * start1
+            start2 -= g2 * start2
+        sums[k] = columns.T @ columns
+    return sums
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def swinging_sums(drive: Drive, gains: Array, tau: float, zeta: float) -> Array:
+    """Σ w s s', (6, 6), of two lags in series or ringing: s the answer to the different `gains` of the inputs, idle
+    output, both states at the first row; of the state's rate the answer; then y."""
+    sums, s = np.zeros((6, 6)), np.zeros(6)
+    x1, x2, f1, f2, g1, g2, last = 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, -1.0
+    c, n = 1.0, 0.0
+    s[1] = 1.0
+    for k in range(len(drive.w)):
+        if drive.w[k] > 0.0:
+            s[0], s[2], s[3], s[4], s[5] = x1, f1, g1, x2, drive.y[k]
+            for i in range(6):
+                for j in range(6):
+                    sums[i, j] += drive.w[k] * s[i] * s[j]
+        step = drive.dt_s[k]
+        if step != last:
+            c, n = swung(zeta, step / tau)
+            last = step
+        f11, f22, w = c + zeta * n, c - zeta * n, gains[drive.which[k]]
+        x1, x2 = w + f11 * (x1 - w) + n * x2, f22 * x2 - n * (x1 - w)
+        f1, f2 = f11 * f1 + n * f2, f22 * f2 - n * f1
+        g1, g2 = f11 * g1 + n * g2, f22 * g2 - n * g1
+    return sums
+
+
+LAG = np.ix_([0, 1, 2, 3, 5], [0, 1, 2, 3, 5])  # Where sums of two lags in parallel lie among `swinging_sums`
+
+
+def lag_sums(drive: Drive, tau: float) -> Array:
+    """The same of one lag, two in parallel with C = 1; without the rate of the state."""
+    one, sums = np.ones((1, len(drive.duty))), np.zeros((6, 6))
+    sums[LAG] = linear_sums(drive, drive.duty[:, None], tau * one, one, np.ones(1))[0]
+    return sums

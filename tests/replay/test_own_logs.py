@@ -1,0 +1,79 @@
+"""A fit replayed on its own logs gives the percentage that it told: steps and recordings, of every kind of plant."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import eaid
+from eaid.plant.dynamics import Plant
+from eaid.plant.respond import respond
+
+RANDOM = np.random.default_rng(8)
+
+
+def plant(tau1, tau2=1.0, Ts=(0.0, 1.0), u_range=(0.2, 1.0), **more):
+    return Plant((tau1,), (tau2,), Ts, u_range, floor_s=0.0, **more)
+
+
+PLANTS = {
+    "lag": plant(0.8, C=1.0),
+    "lag behind a dead time": plant(0.8, C=1.0, dead_time_s=0.253),
+    "parallel": plant(0.3, 4.0),
+    "parallel with its own falls": plant(0.3, 4.0, falls=(1.6, 1.3)),
+    "parallel with hysteresis": plant(0.3, 4.0, excess=0.08),
+    "parallel behind a dead time": plant(0.3, 4.0, dead_time_s=0.147),
+    "series": plant(0.6, zeta=1.4),
+    "ringing behind a dead time": plant(0.3, zeta=0.2, dead_time_s=0.253),
+    "overshoot": plant(0.4, 2.0, C=1.6),
+    "signed": plant(0.5, C=1.0, Ts_below=(0.0, -1.4)),
+}
+
+
+def logged(one, t, u):
+    """A log of a plant, with noise and an idle output."""
+    output = 3.0 + respond(one, t, u, t) + 0.005 * RANDOM.normal(size=len(t))
+    return pd.DataFrame({"time_s": t, "input": u, "output": output})
+
+
+def staircase(name):
+    t, signs = np.arange(4000) * 0.02, (-1, 1) if name == "signed" else (1,)
+    levels = RANDOM.choice([0.0, 0.3, 0.6, 1.0], 40) * RANDOM.choice(signs, 40)
+    return t, np.r_[np.zeros(50), np.repeat(levels, 99)[:3950]][:4000]
+
+
+def steps(folder, one):
+    for k, level in enumerate((0.25, 0.5, 0.75, 1.0) * 2):
+        t = np.arange(1200) * 0.02
+        logged(one, t, np.where(t < 2, 0.0, level)).to_csv(folder / f"{k}.csv", index=False)
+
+
+def held_against(path, **reading):
+    fit = eaid.fit(eaid.read(path, **reading))
+    told = {one.run: one.fit_pct for one in fit.data.replayed} | {one.name: one.fit_pct for one in fit.logs}
+    again = eaid.simulate(fit, log=path).records
+    assert told and told.keys() <= again.keys()
+    for name, pct in told.items():
+        assert again[name].metrics.fit_pct == pytest.approx(pct, abs=0.01), name
+    return told
+
+
+UNITS = {"columns": {"input": "input", "output": "output"}, "units": {"input": "V", "output": "N"}}
+
+
+@pytest.mark.parametrize("name", PLANTS)
+def test_a_recording(name, tmp_path):
+    logged(PLANTS[name], *staircase(name)).to_csv(tmp_path / "log.csv", index=False)
+    (pct,) = held_against(tmp_path / "log.csv", logs_as="recorded", **UNITS).values()
+    assert pct > 95
+
+
+@pytest.mark.parametrize(
+    "name", [name for name, one in PLANTS.items() if not (one.Ts_below or one.excess or one.falls[0] != 1)]
+)
+def test_steps_from_rest(name, tmp_path):
+    steps(tmp_path, PLANTS[name])
+    assert min(held_against(tmp_path, logs_as="steps", **UNITS).values()) > 85
+
+
+def test_the_clutch_that_is_shipped():
+    assert len(held_against("datasets/clutch.h5")) == 30
