@@ -253,8 +253,8 @@ def independent(solved: Solved) -> float:
     return max(count, 1.0)
 
 
-def on_all(search: Search, one: Tried) -> Tried:
-    """The same fitted to every sample, as rivals are already."""
+def on_all(search: Search, one: Tried, last: bool = False) -> Tried:
+    """The same fitted to every sample, as rivals are already; near enough to be compared, or to its very end."""
     if one.kind not in LAG_KINDS:
         return one
     solved, model = one.solved, one.solved.setup.model
@@ -262,6 +262,9 @@ def on_all(search: Search, one: Tried) -> Tried:
     setup = replace(setup_of(model, search.logs, True, theta), extras=solved.setup.extras)
     if model.kind == "swing":  # what rings is no polynomial on the blocks of the few rows
         setup = replace(setup, drives=setup.every.drives)
+    if not last:
+        end = approach(setup.problem(), solved.x, near=NEAR)
+        return replace(one, solved=replace(solved, fitted=setup, x=end.x, cost=end.cost), within=0.0)
     ended = with_dead_time(setup, solved.x) if "dead" in setup.extras else finished(setup, [solved.x])
     problem = setup.every.problem()
     if ended.cost <= 1e3 * problem.floor:  # no noise: steps too small to be seen in the cost go to the last digits
@@ -305,7 +308,7 @@ def of_evidence(search: Search, levels: int, rivals: Sequence[Tried] = ()) -> li
     ended += [*(replace(one, within=within) for one in rows[FINALISTS:]), *rivals]
     least = min(ended, key=lambda one: one.cost)
     best, *others = scored(ended, least.cost / independent(least.solved))
-    return [on_all(search, best) if best.within else best, *others]
+    return [on_all(search, best, last=True), *others]
 
 
 def resolved(one: Tried, search: Search) -> bool:
