@@ -14,6 +14,7 @@ from eaid.arrays import Array
 from eaid.steps.noise import stretches
 
 SHORTEST = 8  # Rows of the shortest stretches that are compared
+MIXES = np.uint64(0x9E3779B97F4A7C15)  # An odd number without pattern (2⁶⁴ over the golden ratio)
 ROUGH = 1 / 3  # Share of its rows at which a block turns, at least: noise turns at two of three, a smooth curve at none
 
 
@@ -28,10 +29,11 @@ class Copy(NamedTuple):
 def copied_block(values: Array) -> Copy | None:
     """The longest block of rows that stands in a record twice, more than chance makes; None of one without."""
     count, width = len(values), 1
-    kinds = np.unique(values, return_inverse=True)[1].astype(np.int64)  # equal numbers: equal stretches of `width`
+    # numbers of 64 bits that stretches of `width` rows share where they are equal, and by chance hardly ever else
+    kinds = (np.asarray(values, dtype=np.float64) + 0.0).view(np.uint64)
     moves = np.concatenate(([0], np.cumsum(np.diff(values) != 0)))
     while len(kinds) > 2 * width:
-        kinds = np.unique(kinds[:-width] * count + kinds[width:], return_inverse=True)[1]
+        kinds = kinds[:-width] * MIXES + (kinds[width:] ^ (kinds[width:] >> np.uint64(29)))
         width *= 2
         if width < SHORTEST:
             continue
