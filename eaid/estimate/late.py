@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import solve_toeplitz
-from scipy.signal import lfilter
 
 from eaid.arrays import Array, median, scaled_inverse
 from eaid.estimate.copies import Copies
@@ -193,7 +192,10 @@ def whitened(values: Array, r: Array) -> Array:
     rho = np.fft.irfft(np.abs(np.fft.rfft(r, n)) ** 2)[: ORDER + 1]
     rho[0] *= 1 + 1e-9
     coefficients = solve_toeplitz(rho[:-1], rho[1:]) if rho[0] > 0 else np.zeros(ORDER)
-    return np.asarray(lfilter(np.append(1.0, -coefficients), [1.0], values, axis=0))
+    whole = values.copy()
+    for k, one in enumerate(coefficients.tolist(), 1):
+        whole[k:] -= one * values[:-k]
+    return whole
 
 
 def alone(setup: Setup, drive: Drive) -> Setup:

@@ -71,3 +71,13 @@ def lag_sums(drive: Drive, tau: float) -> Array:
     one, sums = np.ones((1, len(drive.duty))), np.zeros((6, 6))
     sums[LAG] = linear_sums(drive, drive.duty[:, None], tau * one, one, np.ones(1))[0]
     return sums
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def lagged(values: Array, dt_s: float, tau: float) -> Array:
+    """Columns of values at equal steps, (n, k), behind one lag that has settled at the first row."""
+    gone, found = -np.expm1(-dt_s / tau), values.copy()
+    for row in range(1, len(values)):
+        for j in range(values.shape[1]):
+            found[row, j] = found[row - 1, j] + gone * (values[row, j] - found[row - 1, j])
+    return found

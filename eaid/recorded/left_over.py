@@ -10,14 +10,13 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from eaid.arrays import Array, median
 from eaid.estimate.from_logs import Solved, model_of
 from eaid.estimate.log_intervals import correlation_s
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.findings import Finding, finding
-from eaid.plant.steps import decay
+from eaid.plant.sums import lagged
 
 Mask = NDArray[np.bool_]
 FUNCTIONS, CURVES = 5, 3  # Of the input, and those of its size among them
@@ -67,5 +66,4 @@ def functions_of(log: RecordedLog, theta_s: float, tau_s: float, dt_s: float) ->
     last = np.maximum.accumulate(np.where(change != 0, np.arange(len(u)), 0))
     moved = change[last]
     raw = np.stack([u, u * np.abs(u), u**3, moved, moved * np.abs(u)], axis=1)
-    left = float(decay(np.array(dt_s), max(tau_s, 1e-3 * dt_s)))
-    return np.hstack([raw, lfilter([1 - left], [1, -left], raw, axis=0, zi=left * raw[:1])[0]])
+    return np.hstack([raw, lagged(raw, dt_s, max(tau_s, 1e-3 * dt_s))])
