@@ -1,8 +1,8 @@
 """Which kind of lag explains a log, by evidence: one lag, two in series or ringing, with a zero, each with a dead time.
 
 Every kind has one gain and an idle output first; what enters linearly (gain, idle, start states) is solved for on a
-grid of time constants, dampings and dead times (variable projection), and the best places are fitted to their end. The
-best kinds then get more of a gain: quadratic, cubic, one on each side of rest. What counts is
+grid of time constants, dampings and dead times (variable projection), and the best places are fitted to their end. Then
+all get more of a gain: quadratic, cubic, one on each side of rest. What counts is
 
     score = squares (1 + 0.01 p) + 6 p s,    s = squares of the best over the number of independent samples
 
@@ -34,7 +34,6 @@ NEAR = 1e-6  # Part of the cost that a further step would gain, at which kinds a
 LAST_STEPS = 4
 BEGUN = 2  # Places of the grid from which each kind is fitted
 FINALISTS = 2  # Kinds that are compared with rivals
-GAINS = 3  # Kinds that get more of a gain
 ENDLESS = 1e5  # Time constant of none, in records
 INTEGRATES = 1.03  # Squares of an integrator over those of the best kind, up to which that is what it is
 
@@ -253,8 +252,8 @@ def independent(solved: Solved) -> float:
     return max(count, 1.0)
 
 
-def on_all(search: Search, one: Tried) -> Tried:
-    """The same fitted to every sample, as rivals are already."""
+def on_all(search: Search, one: Tried, last: bool = False) -> Tried:
+    """The same fitted to every sample, as rivals are already; near enough to be compared, or to its very end."""
     if one.kind not in LAG_KINDS:
         return one
     solved, model = one.solved, one.solved.setup.model
@@ -262,6 +261,9 @@ def on_all(search: Search, one: Tried) -> Tried:
     setup = replace(setup_of(model, search.logs, True, theta), extras=solved.setup.extras)
     if model.kind == "swing":  # what rings is no polynomial on the blocks of the few rows
         setup = replace(setup, drives=setup.every.drives)
+    if not last:
+        end = approach(setup.problem(), solved.x, near=NEAR)
+        return replace(one, solved=replace(solved, fitted=setup, x=end.x, cost=end.cost), within=0.0)
     ended = with_dead_time(setup, solved.x) if "dead" in setup.extras else finished(setup, [solved.x])
     problem = setup.every.problem()
     if ended.cost <= 1e3 * problem.floor:  # no noise: steps too small to be seen in the cost go to the last digits
@@ -294,7 +296,7 @@ def of_evidence(search: Search, levels: int, rivals: Sequence[Tried] = ()) -> li
         ends = [begun(search, kind, gain, at.theta, at.tau, at.zeta) for at in places(search, kind, grid)]
         tried.append(Tried(kind, min(ends, key=lambda one: one.cost)))
     forms = list(richer(search, levels))
-    for one in sorted(tried, key=lambda one: one.cost)[:GAINS]:
+    for one in tuple(tried):  # what a gain lacks another lag or a dead time imitates: none is left out for its cost
         theta = one.solved.fitted.dead_time(one.solved.x)
         tried += [Tried(one.kind, begun(search, one.kind, form, theta, near=one.solved)) for form in forms]
     tried = [one for one in tried if resolved(one, search)] or tried
@@ -305,13 +307,15 @@ def of_evidence(search: Search, levels: int, rivals: Sequence[Tried] = ()) -> li
     ended += [*(replace(one, within=within) for one in rows[FINALISTS:]), *rivals]
     least = min(ended, key=lambda one: one.cost)
     best, *others = scored(ended, least.cost / independent(least.solved))
-    return [on_all(search, best) if best.within else best, *others]
+    return [on_all(search, best, last=True), *others]
 
 
 def resolved(one: Tried, search: Search) -> bool:
     """Whether the logs show both lags: one under half a sample imitates what happens between samples, one that outlasts
-    the logs a drift."""
+    the logs a drift; and a dead time, where the kind has one."""
     model, x = one.solved.setup.model, one.solved.coefficients
+    if one.kind.late and one.solved.fitted.dead_time(one.solved.x) <= 1e-6 * search.shortest_s:
+        return False
     if model.kind != "swing":
         return True
     tau, zeta = (float(x[part][0]) for part in model.slices[1:])

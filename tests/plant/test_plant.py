@@ -1,7 +1,9 @@
-"""The one plant against closed forms worked by hand, python-control, SciPy's matrix exponential, and differences."""
+"""The one plant against closed forms worked by hand, python-control, SciPy's matrix exponential, and differences in
+sixty digits."""
 
 import math
 from dataclasses import replace
+from decimal import Decimal, localcontext
 
 import numpy as np
 import pytest
@@ -113,6 +115,7 @@ def test_the_plant_around_an_input_is_that_of_python_control(one: Plant) -> None
 
 
 LEVELS = np.array([0.0, 0.4, 1.0])
+REST_SHARES = np.array([0.3, 1.0, 1.0])
 
 
 def drive_of(rows: int = 40) -> Drive:
@@ -128,32 +131,98 @@ def tables_of(x: np.ndarray) -> Tables:
     """T_s = x0 u + x1 u², τ1 = x2 + x3 u, τ2 = x4 + x5 u."""
     by_steady = np.column_stack([LEVELS, LEVELS**2])
     by_tau = np.column_stack([np.ones(3), LEVELS])
-    rest = np.array([0.0, 1.0, 1.0])
-    return Tables(by_steady @ x[:2], by_tau @ x[2:4], by_tau @ x[4:6], rest, by_steady, by_tau, by_tau)
+    return Tables(by_steady @ x[:2], by_tau @ x[2:4], by_tau @ x[4:6], REST_SHARES, by_steady, by_tau, by_tau)
+
+
+def flow(A: list[list[Decimal]], dt: Decimal) -> list[list[Decimal]]:
+    """e^(A dt), (2, 2), by its series at a 2^−12th of the time, squared twelve times."""
+
+    def times(P: list[list[Decimal]], Q: list[list[Decimal]]) -> list[list[Decimal]]:
+        return [[P[i][0] * Q[0][j] + P[i][1] * Q[1][j] for j in (0, 1)] for i in (0, 1)]
+
+    small = [[one * dt / 4096 for one in row] for row in A]
+    one, zero = Decimal(1), Decimal(0)
+    total, term = [[one, zero], [zero, one]], [[one, zero], [zero, one]]
+    for k in range(1, 25):
+        term = [[each / k for each in row] for row in times(term, small)]
+        total = [[total[i][j] + term[i][j] for j in (0, 1)] for i in (0, 1)]
+    for _ in range(12):
+        total = times(total, total)
+    return total
+
+
+def in_sixty_digits(drive: Drive, swings: bool, x: list[Decimal]) -> list[Decimal]:
+    """The response of a drive by the equations of `eaid.plant.dynamics`, of T_s, τ1, τ2 as `tables_of` has them."""
+    C, rests, falls, excess, theta, idle = x[6], x[7:9], x[9:11], x[11], x[12], x[13]
+    time, state, now, output = Decimal(0), x[14:16], Decimal(0), []
+    events: list[tuple[Decimal, int]] = []
+    for k, dt in enumerate(drive.dt_s.tolist()):
+        events.append((time, -1))
+        if k and (drive.which[k], drive.rising[k]) != (drive.which[k - 1], drive.rising[k - 1]):
+            events.append((time + theta, k))
+        time += Decimal(dt)
+    row = 0
+    for at, k in sorted(events):
+        u, dt = Decimal(float(LEVELS[drive.which[row]])), at - now
+        steady, tau1, tau2 = x[0] * u + x[1] * u * u, x[2] + x[3] * u, x[4] + x[5] * u
+        fell, near = drive.rising[row] < 0, Decimal(float(REST_SHARES[drive.which[row]]))
+        if swings:
+            E = flow([[Decimal(0), 1 / tau1], [-1 / tau1, -2 * tau2 / tau1]], dt)
+            off = [state[0] - steady, state[1]]
+            state = [steady + E[0][0] * off[0] + E[0][1] * off[1], E[1][0] * off[0] + E[1][1] * off[1]]
+        else:
+            steady *= 1 + excess if fell else 1
+            for s, (part, tau) in enumerate(((C, tau1), (1 - C, tau2))):
+                off1 = state[s] - part * steady
+                if off1 > 0 and near >= 1:
+                    tau *= falls[s]
+                elif off1 > 0 and rests[s] > 0:
+                    tau = near * tau + (1 - near) * rests[s]
+                state = [*state[:s], part * steady + (-dt / tau).exp() * off1, *state[s + 1 :]]
+        now = at
+        if k < 0:
+            output.append(idle + state[0] + (C if swings else 1) * state[1])
+        else:
+            row = k
+    return output
 
 
 PLACES = np.arange(6, 16)
-PARALLEL = np.array([1.0, 0.3, 0.3, 0.1, 1.5, 0.4, 0.8, 0.5, 2.5, 0.8, 1.3, 0.1, 0.13, 0.05, 0.2, -0.1])
-RINGING = np.array([1.0, 0.3, 0.3, 0.1, 0.4, 0.9, 0.3, 0.0, 0.0, 1.0, 1.0, 0.0, 0.13, 0.05, 0.2, -0.1])
+# T_s, τ1, τ2 (of those that swing 1/ω, ζ) over the input; C (z); τ of falls to rest, factors of others; excess; θ;
+# idle; both states at the start
+PARALLEL = (1.0, 0.3, 0.3, 0.1, 1.5, 0.4, 0.8, 0.5, 2.5, 0.8, 1.3, 0.1, 0.13, 0.05, 0.2, -0.1)
+SWINGS = (1.0, 0.3, 0.3, 0.1, 0.4, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.13, 0.05, 0.2, -0.1)
+KINDS = {
+    "two in parallel": (kernel.derivatives, PARALLEL),
+    "overshoot": (kernel.derivatives, (*PARALLEL[:6], 1.6, *PARALLEL[7:])),
+    "one lag": (kernel.derivatives, (*PARALLEL[:6], 1.0, *PARALLEL[7:])),
+    "late by more than a hold": (kernel.derivatives, (*PARALLEL[:12], 1.37, *PARALLEL[13:])),
+    "with a zero": (kernel.swinging, (*SWINGS[:4], 0.4, 0.9, 0.3, *SWINGS[7:])),
+    **{
+        f"two, ζ {zeta!r}": (kernel.swinging, (*SWINGS[:4], zeta, *SWINGS[5:]))
+        for zeta in (0.02, 0.4, 0.995, 1.0, 1.0 + 1e-9, 1.0 + 1e-7, 1.01, 1.6, 40.0)
+    },
+}
 
 
-@pytest.mark.parametrize(
-    ("law", "x", "free"),
-    [(kernel.derivatives, PARALLEL, range(16)), (kernel.swinging, RINGING, (*range(7), *range(12, 16)))],
-)  # fmt: skip
-def test_derivatives_are_those_of_differences(law, x, free) -> None:  # type: ignore[no-untyped-def]
-    """Of every unknown, the dead time among them; by differences of fourth order."""
-    drive = drive_of()
-
-    def at(x: np.ndarray) -> np.ndarray:
-        return np.asarray(law(delayed(drive, x[12]), tables_of(x), x[6:], PLACES, 16))
-
-    exact, h = at(x), 1e-3
-    for k in free:
-        e = np.zeros(16)
-        e[k] = h
-        slope = (8 * (at(x + e) - at(x - e)) - (at(x + 2 * e) - at(x - 2 * e)))[:, 16] / (12 * h)
-        np.testing.assert_allclose(exact[:, k], slope, atol=3e-9)
+@pytest.mark.parametrize("kind", KINDS)
+def test_derivatives_are_those_of_differences_in_sixty_digits(kind: str) -> None:
+    """Of every unknown, the dead time among them: central differences of a response that shares no line with ours."""
+    drive, (law, x) = drive_of(), KINDS[kind]
+    swings = law is kernel.swinging
+    tables, late = tables_of(np.array(x)), delayed(drive, x[12])
+    found = law(late, tables, np.array(x[6:]), PLACES, 16) / np.sqrt(drive.w)[:, None]
+    with localcontext() as context:
+        context.prec = 60
+        exact, h = [Decimal(one) for one in x], Decimal("1e-18")
+        y = [float(one) for one in in_sixty_digits(drive, swings, exact)]
+        np.testing.assert_allclose(found[:, 16] + drive.y, y, rtol=0, atol=1e-12)
+        unknowns = (*range(7), *range(12, 16)) if swings else range(16)
+        for k in unknowns:
+            above, below = (in_sixty_digits(drive, swings, [*exact[:k], exact[k] + s * h, *exact[k + 1 :]])
+                            for s in (1, -1))  # fmt: skip
+            slope = [float((a - b) / (2 * h)) for a, b in zip(above, below, strict=True)]
+            np.testing.assert_allclose(found[:, k], slope, rtol=0, atol=1e-10, err_msg=str(k))
 
 
 def test_the_kernel_responds_as_the_plant_does() -> None:

@@ -32,7 +32,6 @@ KINDS = {
 }
 QUICK = ("ringing", "series+dead", "zero")
 SOME = [pytest.param(name, marks=[] if name in QUICK else [pytest.mark.slow]) for name in KINDS]
-OTHERS = [pytest.param(name, marks=[pytest.mark.slow] if name != "lag+dead" else []) for name in KINDS]
 SIGNED = replace(KINDS["lag+dead"], Ts_below=(0.0, -0.025))
 
 
@@ -78,23 +77,6 @@ def test_the_kind_is_found_with_its_numbers_and_replays_its_own_log(name: str, t
         assert low < 2.5 < high < 1.05 * low and fit.linear.ci95.c0[0] < 0 < fit.linear.ci95.c0[1]
     (own,) = fit.logs
     assert replayed_pct == pytest.approx(own.fit_pct, abs=0.01)
-
-
-@pytest.mark.parametrize("name", OTHERS)
-def test_without_noise_the_truth_comes_back(name: str) -> None:
-    truth = KINDS[name]
-    fit = fitted(log_of(truth, noise=0.0), ci="none")
-    found, t = fit.plant, np.linspace(0.0, 5.0, 251)
-    predicted = fit.predict(60.0, t)  # of the plant, whatever other models were fitted
-    true = respond(truth, np.array([-1.0, 0.0]), np.array([0.0, 60.0]), t)
-    assert str(predicted.columns.name).startswith("plant") == fit.plant_.another  # type: ignore[union-attr]
-    np.testing.assert_allclose(predicted[60.0], true, atol=1e-5)
-    assert found.kind == truth.kind and found.dead_time_s == pytest.approx(truth.dead_time_s, abs=1e-6)
-    assert found.Ts[1] == pytest.approx(0.04, rel=1e-6) and found.tau1[0] == pytest.approx(truth.tau1[0], rel=1e-6)
-    if truth.zeta is not None:
-        assert found.zeta == pytest.approx(truth.zeta, rel=1e-6)
-    if truth.kind == "overshoot":
-        assert (found.tau2[0], found.C) == pytest.approx((1.0, 1.6), rel=1e-6)
 
 
 def test_an_input_of_both_signs_has_a_gain_on_each_side(tmp_path: Path) -> None:
