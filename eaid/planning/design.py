@@ -21,17 +21,17 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.errors import DataError, UsageError
-from eaid.estimate.certainty import LEVELS_TO_SPARE
 from eaid.estimate.draw import draw
 from eaid.estimate.forms import Model, friction, nonlinear
-from eaid.estimate.from_logs import Setup
-from eaid.estimate.log_intervals import engagements
 from eaid.estimate.scatter import ASSUMED, neighbours
 from eaid.estimate.spread import satterthwaite, t_quantile
+from eaid.levels.certainty import LEVELS_TO_SPARE
 from eaid.options import PlanOptions
 from eaid.planning.kinds import NUMBERS, is_clutch, refuse_unplanned, steps_of
 from eaid.plant.drive import Drive
 from eaid.plant.dynamics import SHARE
+from eaid.recorded.from_logs import Setup
+from eaid.recorded.log_intervals import engagements
 from eaid.results.fit import Fit
 from eaid.results.models import FrictionLevel, Noise
 from eaid.results.plan import Plan
