@@ -71,14 +71,14 @@ def second_way() -> str:
         from statsmodels.regression.mixed_linear_model import MixedLM
     except ImportError:
         return "statsmodels is not installed: no second way"
-    from eaid.estimate.mixed import Values, restricted
+    from eaid.estimate.mixed import MixedValues, restricted
 
     random = np.random.default_rng(0)
     group = np.repeat(np.arange(8), 5)
     y = 1.0 + 0.3 * random.standard_normal(8)[group] + 0.1 * random.standard_normal(40)
     theirs = MixedLM(y, np.ones((40, 1)), group).fit(reml=True)
     same = (group[:, None] == group).astype(float)
-    ours = restricted(Values(y, np.ones((40, 1)), np.zeros((40, 40)), (same, np.eye(40)))).v
+    ours = restricted(MixedValues(y, np.ones((40, 1)), np.zeros((40, 40)), (same, np.eye(40)))).v
     gain = float(np.asarray(theirs.cov_re)[0, 0])
     return f"MixedLM: gain {gain:.6f}, run {theirs.scale:.6f}; ours {ours[0]:.6f}, {ours[1]:.6f}"
 

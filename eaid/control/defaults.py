@@ -33,7 +33,7 @@ from eaid.control.pi import PIGains, pi_gains
 from eaid.errors import DataError, GainsError, UsageError
 from eaid.options import TuneOptions
 from eaid.plant.dynamics import Plant
-from eaid.plant.linear import PAPER_LINEAR, Linear
+from eaid.plant.linear import PAPER_LINEAR, LinearPlant
 from eaid.results.fit import Fit
 from eaid.results.gains import AskedPI, Timing
 
@@ -150,7 +150,7 @@ def design_options(
 
 
 def quickest(
-    model: Linear, points: Sequence[Point], timing: Timing, pace: float,
+    model: LinearPlant, points: Sequence[Point], timing: Timing, pace: float,
     law: Callable[[float, float], Law] = PIGains, wrong: tuple[float, ...] = (1.0,),
 ) -> AskedPI | None:  # fmt: skip
     """The quickest PI that has, as a law takes it, 6 dB and 45° around every operating point, the dead time times each
@@ -168,7 +168,7 @@ def quickest(
     return None
 
 
-def quickest_pi(model: Linear, points: Sequence[Point], timing: Timing, pace: float, unit: str) -> AskedPI:
+def quickest_pi(model: LinearPlant, points: Sequence[Point], timing: Timing, pace: float, unit: str) -> AskedPI:
     """The quickest PI; GainsError where there is none."""
     if (found := quickest(model, points, timing, pace)) is not None:
         return found
@@ -182,7 +182,7 @@ def quickest_pi(model: Linear, points: Sequence[Point], timing: Timing, pace: fl
 
 
 def workable_rc(
-    model: Linear, design: Design, scales: Scales, bounds: Bounds, points: Sequence[Point], pi: PIGains
+    model: LinearPlant, design: Design, scales: Scales, bounds: Bounds, points: Sequence[Point], pi: PIGains
 ) -> Design:
     """The design with a boundary layer, and if need be K_P and K_D, that the loop can have; as it is where none is."""
     options, timing = design.options, design.timing
@@ -203,7 +203,7 @@ def workable_rc(
     return design
 
 
-def pi_of(model: Linear, settled: Design) -> PIGains:
+def pi_of(model: LinearPlant, settled: Design) -> PIGains:
     """The PI that was asked for or settled on; GainsError where it is out of reach."""
     given = settled.options.pi_gains
     if given is None:

@@ -24,11 +24,11 @@ from scipy.sparse.csgraph import connected_components
 
 from eaid.arrays import Array
 
-NOTHING = 1e-6  # Part of the data's own variance below which a component is none
+NO_VARIANCE = 1e-6  # Part of the data's own variance below which a component is none
 
 
 @dataclass(frozen=True, eq=False)
-class Values:
+class MixedValues:
     """n values: y (n,), their rows X (n, p), their own variance W (n, n), what they have in common G, (n, n) each."""
 
     y: Array
@@ -36,9 +36,9 @@ class Values:
     W: Array
     G: tuple[Array, ...]
 
-    def at(self, v: Array) -> "Line":
+    def at(self, v: Array) -> "MixedLine":
         """The line through them where the variances are v, (k,)."""
-        return Line(self, v)
+        return MixedLine(self, v)
 
     @cached_property
     def blocks(self) -> tuple[Array, Array, Array, Array]:
@@ -69,10 +69,10 @@ class Values:
 
 
 @dataclass(frozen=True, eq=False)
-class Line:
+class MixedLine:
     """The line through values whose components have the variances v."""
 
-    values: Values
+    values: MixedValues
     v: Array
 
     @cached_property
@@ -150,7 +150,7 @@ class Line:
         As the weights w = K⁻¹ (k + X (X' K⁻¹ X)⁻¹ a) of the values make the variance least, it goes with v_j as
         own_j − k_j' w − w' k_j + w' G_j w.
         """
-        free = np.flatnonzero(self.v > NOTHING * self.scale)
+        free = np.flatnonzero(self.v > NO_VARIANCE * self.scale)
         common = np.tensordot(self.v, k, 1)
         back = self.inverse @ common
         w = back + self.inverse @ self.values.X @ self.covariance @ (x.T - self.values.X.T @ back)
@@ -189,14 +189,14 @@ class Further:
         return np.where(spread > 0, 2 * variance**2 / np.where(spread > 0, spread, 1.0), np.inf)
 
 
-STARTS = (1.0, 0.1, 0.001)  # Parts of the values' scale about a plain line that each component starts from
+REML_STARTS = (1.0, 0.1, 0.001)  # Parts of the values' scale about a plain line that each component starts from
 
 
-def restricted(values: Values, near: Array | None = None) -> Line:
+def restricted(values: MixedValues, near: Array | None = None) -> MixedLine:
     """The line whose variances maximise the restricted likelihood: the best of three starts, or the one `near` some."""
     scale = max(values.at(np.zeros(len(values.G))).scale, 1e-300)
     if not np.diag(values.W).all():  # values known for certain have no K⁻¹ where their components are 0
-        values = replace(values, W=values.W + NOTHING**2 * scale * np.eye(len(values.y)))
+        values = replace(values, W=values.W + NO_VARIANCE**2 * scale * np.eye(len(values.y)))
 
     def cost(x: Array) -> tuple[float, Array]:
         found, slope = values.likelihood(scale * x)
@@ -206,6 +206,6 @@ def restricted(values: Values, near: Array | None = None) -> Line:
         bounds = [(0, None)] * len(start)
         return minimize(cost, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"ftol": 1e-14, "gtol": 1e-9})
 
-    starts = [np.full(len(values.G), one) for one in STARTS] if near is None else [near / scale]
+    starts = [np.full(len(values.G), one) for one in REML_STARTS] if near is None else [near / scale]
     best = min(map(lowest, starts), key=lambda end: float(end.fun))
     return values.at(scale * best.x)

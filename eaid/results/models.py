@@ -10,7 +10,7 @@ from eaid.arrays import Array
 from eaid.findings import Finding
 from eaid.options import ExperimentKind
 from eaid.plant.dynamics import Plant, Step
-from eaid.plant.linear import Linear as LinearModel
+from eaid.plant.linear import LinearPlant as LinearModel
 from eaid.plant.steps import decay, step_response
 from eaid.plant.trends import evaluate
 from eaid.results.common import (

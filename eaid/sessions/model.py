@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.special import stdtr, stdtrit
 
 from eaid.arrays import Array
-from eaid.estimate.mixed import Further, Line, Values, restricted
+from eaid.estimate.mixed import Further, MixedLine, MixedValues, restricted
 from eaid.sessions.gather import MANY
 
 COMPONENTS = ("gain", "tilt", "level")
@@ -136,12 +136,12 @@ class Model:
         tilt = same * np.outer(self.x(one.level), self.x(other.level))
         return np.asarray(np.stack([same, tilt, same * (one.level[:, None] == other.level)])[self.free])
 
-    def values(self, known: Known) -> Values:
+    def values(self, known: Known) -> MixedValues:
         """Values as the line through them takes them."""
-        return Values(known.y, self.rows(known.level), np.diag(known.W), tuple(self.common(known, known)))
+        return MixedValues(known.y, self.rows(known.level), np.diag(known.W), tuple(self.common(known, known)))
 
     @cached_property
-    def line(self) -> Line:
+    def line(self) -> MixedLine:
         """The line through all sessions."""
         return self.values(self.known).at(self.variances[self.free])
 
@@ -205,7 +205,7 @@ class Model:
         X = np.c_[values.X, order]
         if np.linalg.matrix_rank(X) < X.shape[1] or len(X) <= X.shape[1]:
             return 0.0, 1.0
-        line = restricted(Values(values.y, X, values.W, values.G), self.line.v)
+        line = restricted(MixedValues(values.y, X, values.W, values.G), self.line.v)
         slope, error = float(line.beta[-1]), float(np.sqrt(line.covariance[-1, -1]))
         return slope, two_sided(slope / error, self.count - 2)
 

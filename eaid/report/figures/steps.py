@@ -127,7 +127,7 @@ def linear_model(data: StepSet, fit: Fit) -> Sheet | None:
     model, dead_s = fit.linear.parameters, fit.dead_time_s
 
     def response(t_s: Array, level: float) -> Array:
-        return linear.step_response(model, np.maximum(t_s - dead_s, 0.0), level)
+        return linear.linear_response(model, np.maximum(t_s - dead_s, 0.0), level)
 
     above = [row.level for row in data.levels if linear.steady(model, row.level) > 0]
     curves = {level: partial(response, level=level) for level in above}
