@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import msgspec
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 LEAST = 3  # Sessions that tell how much they differ
 FEW = 5  # Sessions below which that is known to a factor only
+MANY_SESSIONS = 8  # From which they tell at which level gain and tilt are apart
 CARRIES = 0.5  # Part of its width that the next session's interval keeps where one session carried it
 CHANCE = 0.05
 CI = "sessions"  # What a fit of today says its intervals are made of
@@ -251,12 +253,16 @@ def quantity_of(
     middle = float(levels[len(levels) // 2])
     sd = float(np.median([one.sd_log for one in values])) if sd_step is None else sd_step
     plain = Quantity(unit, options.reference_level or middle, terms, tuple(values), Scatter(), sd, middle)
-    model = plain.model(names).found()
-    (best, after), now = model.narrowest(sd), model.next(model.knots)
+    model = plain.model(names)
+    model = model.having(model.likeliest.v)
+    if options.reference_level is None and model.count >= MANY_SESSIONS:
+        model = model.placed()
+    (best, after), now, known = model.narrowest(sd), model.next(model.knots), model.known
+    finer = replace(model, known=replace(known, W=0.75 * known.W))
     rows = zip(now.level, now.value, *now.ends, now.dof, np.exp(now.reach), np.exp(after.reach), strict=True)
     return msgspec.structs.replace(
-        plain, sd=Scatter(*np.sqrt(model.variances).tolist()), best_level=best,
-        more_repeats=float(np.exp(model.finer(0.75).next(model.knots).reach.max())),
+        plain, reference_level=model.reference, sd=Scatter(*np.sqrt(model.variances).tolist()), best_level=best,
+        more_repeats=float(np.exp(finer.next(model.knots).reach.max())),
         next=tuple(Foreseen(*map(float, row)) for row in rows),
     )  # fmt: skip
 
@@ -298,8 +304,8 @@ def _carried(model: Model, whole: float) -> tuple[int, float] | None:
     line, known = model.line, model.known
     off = np.where(known.session == np.arange(known.session.max() + 1)[:, None], line.residuals, 0.0)
     far = int(np.argmax(np.einsum("sn,nm,sm->s", off, line.inverse, off)))
-    rest = known.without(far)
-    if model.count <= LEAST or len(rest.y) <= line.values.X.shape[1] or set(rest.level) != set(known.level):
+    rest = replace(model, known=known.without(far))
+    if model.count <= LEAST or len(rest.known.y) <= line.values.X.shape[1] or len(rest.knots) < len(model.knots):
         return None
-    factor = float(np.exp(model.found(rest).next(model.knots).reach.max()))
+    factor = float(np.exp(rest.having(rest.likeliest.v).next(model.knots).reach.max()))
     return (far, factor) if math.log(factor) < CARRIES * math.log(whole) else None

@@ -18,7 +18,7 @@ def control_panel(rig: Rig) -> Panel:
     model, names = rig.main.model(rig.names), rig.names
     sessions, gain, error = model.gains()
     at = [float(one) + 1 for one in sessions]
-    middle = model.next(np.array([rig.main.reference_level]))
+    middle = model.next(model.knots[[len(model.knots) // 2]])
     reach, end = float(np.exp(middle.reach[0])), len(names) + 1.0
     ends = np.exp(gain - 1.96 * error), np.exp(gain + 1.96 * error)
     x = np.array([0.5, end + 0.5])
