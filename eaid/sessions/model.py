@@ -160,8 +160,8 @@ class Model:
         return replace(self, variances=variances)
 
     def placed(self) -> "Model":
-        """The model with the likeliest of its levels as reference, from its own neighbour by neighbour: sessions that lie
-        high often rise more steeply too, and gain and tilt are then apart only where the sessions meet."""
+        """The model with the likeliest of its levels as reference, from its own neighbour by neighbour: where sessions
+        that lie high rise more steeply too, gain and tilt are apart only where the sessions meet."""
         best, least, levels = self, self.line.cost, self.knots.tolist()
         at = levels.index(self.reference)
         for way in (levels[at + 1 :], levels[:at][::-1]):

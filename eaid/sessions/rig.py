@@ -19,7 +19,7 @@ from eaid.results import codec
 from eaid.results.common import Inputs, Made, Number, Positive, Result
 from eaid.results.fit import Fit
 from eaid.results.verdict import FACTOR
-from eaid.sessions.gather import Session, Value, logs_of, run_scatter, snapped, table_values, together, values_of
+from eaid.sessions.gather import CI, Session, Value, logs_of, run_scatter, snapped, table_values, together, values_of
 from eaid.sessions.model import EXACT, NOTHING, Known, Model, Next, steps_known
 from eaid.shown import Plotted, counted
 
@@ -31,7 +31,6 @@ FEW = 5  # Sessions below which that is known to a factor only
 MANY_SESSIONS = 8  # From which they tell at which level gain and tilt are apart
 CARRIES = 0.5  # Part of its width that the next session's interval keeps where one session carried it
 CHANCE = 0.05
-CI = "sessions"  # What a fit of today says its intervals are made of
 NUMBERS = ("Ts", "tau1", "tau2", "B", "a0")  # What is known of each session; the first one has to be
 
 
@@ -174,7 +173,7 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
         why = "sessions, not repeats: " * (one.more_repeats > 0.95 * one.factor)
         return [
             f"rig     {counted(n, 'session')}: the next one's {self.symbol} within ×/÷ {one.factor:.2f}; after one "
-            f"reference step ({at}) ×/÷ {one.with_step:.2f}",
+            f"reference step ({at}) ×/÷ {one.with_step:.2f}, at the worst level",
             f"scatter gain {one.sd.gain:.3g}, tilt {one.sd.tilt:.3g}, session × level {one.sd.level:.3g} (sd of ln "
             f"{self.symbol}); one run {one.sd_step:.3g}",
             f"advice  {why}one more repeat to every three leaves ×/÷ {one.more_repeats:.2f}, one more session about "
@@ -225,7 +224,7 @@ def rig_of_fits(fits: Mapping[str, Fit], options: SessionsOptions) -> Rig:
                 "logs again, with «ci»"
             )
     sessions = tuple(Session(name, logs_of(fit)) for name, fit in fits.items())
-    slim = msgspec.structs.replace(base, steps=(), parameters=(), recorded=None, findings=())
+    slim = msgspec.structs.replace(base, steps=(), responses=(), parameters=(), recorded=None, findings=())
     return _judged(Rig(options=options, input_unit=base.data.input_unit, sessions=sessions, quantities=quantities,
                        base=slim, findings=tuple(told)))  # fmt: skip
 
