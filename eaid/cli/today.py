@@ -53,5 +53,4 @@ def command(args: Arguments) -> None:
     values = [line for line in answer(fit)[1:] if not line.startswith("used")]
     shown = [sure, *map(on_command_line, values), after]
     tell_result(args, fit, shown, [*warnings, *(found for found in fit.findings if found is not one)])
-    by = f"{counted(len(rig.sessions), 'session')} and {counted(one.values['steps'], 'reference step')}"
-    console.say(f"{args.output}: of {by}")
+    console.say(f"{args.output}: of {counted(len(rig.sessions), 'session')} and {counted(len(args.steps), 'log')} of today")

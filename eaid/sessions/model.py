@@ -26,6 +26,7 @@ from eaid.sessions.gather import MANY
 COMPONENTS = ("gain", "tilt", "level")
 EXACT = 1e-6  # Standard deviation of ln θ below which a value is known for certain
 FARTHEST, MOST = 50.0, 130.0  # Half-width of ln θ, and its size, beyond which nothing is said
+TOLD = 1.92  # In log L: more than chance gives one parameter in 19 of 20 cases
 NEW = -1  # The session that is still to come
 
 
@@ -160,8 +161,8 @@ class Model:
         return replace(self, variances=variances)
 
     def placed(self) -> "Model":
-        """The model with the likeliest of its levels as reference, from its own neighbour by neighbour: where sessions
-        that lie high rise more steeply too, gain and tilt are apart only where the sessions meet."""
+        """The model with the likeliest of its levels as reference, from its own neighbour by neighbour, where that is
+        no chance: where sessions that lie high rise more steeply too, gain and tilt are apart only where they meet."""
         best, least, levels = self, self.line.cost, self.knots.tolist()
         at = levels.index(self.reference)
         for way in (levels[at + 1 :], levels[:at][::-1]):
@@ -171,7 +172,7 @@ class Model:
                 if line.cost >= least:
                     break
                 best, least = one.having(line.v), line.cost
-        return best
+        return best if self.line.cost - least > TOLD else self
 
     def further(self, level: Array) -> Further:
         """The next session at some levels, nothing known of it."""
