@@ -53,4 +53,4 @@ def command(args: Arguments) -> None:
     values = [line for line in answer(fit)[1:] if not line.startswith("used")]
     shown = [sure, *map(on_command_line, values), after]
     tell_result(args, fit, shown, [*warnings, *(found for found in fit.findings if found is not one)])
-    console.say(f"{args.output}: of {counted(len(rig.sessions), 'session')} and {counted(len(args.steps), 'log')} of today")
+    console.say(f"{args.output}: a fit for today, by {counted(len(rig.sessions), 'session')} and its steps")
