@@ -16,10 +16,8 @@ weights of the values in the further one.
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize
 from scipy.sparse.csgraph import connected_components
 
 from eaid.arrays import Array
@@ -53,8 +51,9 @@ class MixedValues:
         squares[0] += (place == n)[:, :, None] * np.eye(place.shape[1])
         return np.append(self.y, 0)[place], np.pad(self.X, ((0, 1), (0, 0)))[place], squares[0], squares[1:]
 
-    def likelihood(self, v: Array) -> tuple[float, Array]:
-        """−log L but for a constant, and its derivative by each v_k: ½ tr(P G_k) − ½ y'P G_k P y, (k,)."""
+    def likelihood(self, v: Array) -> tuple[float, Array, Array]:
+        """−log L but for a constant, its derivative by each v_k, ½ tr(P G_k) − ½ y'P G_k P y, (k,), and what its second
+        is expected to be, ½ tr(P G_j P G_k), (k, k)."""
         y, X, W, G = self.blocks
         K = W + np.tensordot(v, G, 1)
         inverse = np.linalg.inv(K)
@@ -63,9 +62,15 @@ class MixedValues:
         covariance = np.linalg.inv(information)
         r = y - X @ (covariance @ np.einsum("bmp,bm->p", across, y))
         pulled = np.einsum("bmn,bn->bm", inverse, r)
-        P = inverse - across @ covariance @ across.transpose(0, 2, 1) - pulled[:, :, None] * pulled[:, None, :]
         logs = np.linalg.slogdet(K)[1].sum() + np.linalg.slogdet(information)[1]
-        return 0.5 * float(logs + np.vdot(pulled, r)), 0.5 * np.einsum("kbmn,bmn->k", G, P)
+        own, line = inverse @ G, G @ across  # by component
+        within = np.tensordot(line, across, ((1, 2), (0, 1))) @ covariance
+        slope = np.einsum("kbmm->k", own) - np.einsum("kpp->k", within) - np.einsum("kbmn,bm,bn->k", G, pulled, pulled)
+        tied = np.tensordot(inverse @ line, line, ((1, 2), (1, 2)))  # (k, p, k, p)
+        expected = np.tensordot(own, own.swapaxes(2, 3), ((1, 2, 3),) * 2)
+        expected += np.tensordot(within, within.swapaxes(1, 2), ((1, 2),) * 2)
+        expected -= 2 * np.tensordot(tied, covariance, ((1, 3), (0, 1)))
+        return 0.5 * float(logs + np.vdot(pulled, r)), 0.5 * slope, 0.5 * expected
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,6 +195,11 @@ class Further:
 
 
 REML_STARTS = (1.0, 0.1, 0.001)  # Parts of the values' scale about a plain line that each component starts from
+MOST_STEPS, SHORTEST_STEP, NO_GAIN = (
+    60,
+    2.0**-20,
+    1e-12,
+)  # Of Fisher's scoring: steps, least share of one, gain that is none
 
 
 def restricted(values: MixedValues, near: Array | None = None) -> MixedLine:
@@ -197,15 +207,24 @@ def restricted(values: MixedValues, near: Array | None = None) -> MixedLine:
     scale = max(values.at(np.zeros(len(values.G))).scale, 1e-300)
     if not np.diag(values.W).all():  # values known for certain have no K⁻¹ where their components are 0
         values = replace(values, W=values.W + NO_VARIANCE**2 * scale * np.eye(len(values.y)))
+    starts = [np.full(len(values.G), one * scale) for one in REML_STARTS] if near is None else [near]
+    return values.at(min((_scored(values, one) for one in starts), key=lambda end: end[0])[1])
 
-    def cost(x: Array) -> tuple[float, Array]:
-        found, slope = values.likelihood(scale * x)
-        return found, scale * slope
 
-    def lowest(start: Array) -> Any:
-        bounds = [(0, None)] * len(start)
-        return minimize(cost, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"ftol": 1e-14, "gtol": 1e-9})
-
-    starts = [np.full(len(values.G), one) for one in REML_STARTS] if near is None else [near / scale]
-    best = min(map(lowest, starts), key=lambda end: float(end.fun))
-    return values.at(scale * best.x)
+def _scored(values: MixedValues, v: Array) -> tuple[float, Array]:
+    """The least −log L by Fisher's scoring from v, components that would fall below 0 held there; and where it is."""
+    cost, slope, expected = values.likelihood(v)
+    for _ in range(MOST_STEPS):
+        free = (v > 0) | (slope < 0)
+        step, share = np.zeros(len(v)), 1.0
+        step[free] = -np.linalg.pinv(expected[np.ix_(free, free)], hermitian=True) @ slope[free]
+        if slope @ (np.maximum(v + step, 0.0) - v) > -NO_GAIN:
+            break
+        while (found := values.likelihood(tried := np.maximum(v + share * step, 0.0)))[
+            0
+        ] >= cost and share > SHORTEST_STEP:
+            share /= 2
+        if found[0] >= cost:
+            break
+        v, (cost, slope, expected) = tried, found
+    return cost, v

@@ -25,9 +25,9 @@ from eaid.results import models as parts
 from eaid.results.fit import Fit
 from eaid.results.models import LevelIntervals
 from eaid.results.parameters import table_of
-from eaid.sessions.gather import MANY, logs_of, together, values_of
+from eaid.sessions.gather import CI, MANY, logs_of, together, values_of
 from eaid.sessions.model import NOTHING, Known, Next, between, steps_known
-from eaid.sessions.rig import CI, Rig
+from eaid.sessions.rig import Rig
 from eaid.steps.stepset import StepSet
 
 INPUTS = 11  # Over the range, beside the levels, through which a curve is put

@@ -1,5 +1,7 @@
 """Values that scatter about a line: certified variance components, and the next value of a set of sessions."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.special import stdtrit
@@ -53,6 +55,14 @@ def sessions() -> MixedValues:
 @pytest.fixture(scope="module")
 def line() -> MixedLine:
     return restricted(sessions())
+
+
+def test_the_variances_are_those_of_statsmodels_mixedlm():
+    """statsmodels 0.15: `y ~ x`, groups of sessions, re_formula 1, vc_formula 0 + x, REML; no variance known."""
+    plain = replace(sessions(), W=np.zeros((15, 15)))
+    found = restricted(plain)
+    np.testing.assert_allclose(found.v, [0.0553075, 0.1906696, 0.01213644], rtol=1e-6)
+    np.testing.assert_allclose(np.sqrt(np.diag(found.covariance)), [0.1090230, 0.2194123], rtol=1e-6)
 
 
 def test_sessions_scatter_in_gain_tilt_and_level(line):
