@@ -252,6 +252,7 @@ class FittedRig:
     share: float  # C
     noise: Noise
     known: bool  # Whether the fit says how noisy the rig is; else the noise is assumed
+    most: int = MOST_REPEATS
 
     @property
     def numbers(self) -> tuple[str, ...]:
@@ -300,13 +301,13 @@ class FittedRig:
     ) -> tuple[int, Widths]:
         """The fewest repeats for the wanted half-widths [%], or the most there are, and what they give."""
         within, between = self.contributions(levels, hold_s, session)
-        low, high = LEAST_REPEATS, MOST_REPEATS + 1
+        low, high = LEAST_REPEATS, self.most + 1
         half: Widths = {}
-        while low < high:  # of MOST_REPEATS + 1 nothing is asked
+        while low < high:  # of most + 1 nothing is asked
             middle = (low + high) // 2
             tried = self.kept(within, between, middle)
             reached = all(tried[name] <= width for name, width in wanted.items())
-            if reached or middle == MOST_REPEATS:
+            if reached or middle == self.most:
                 high, half = middle, tried
             else:
                 low = middle + 1

@@ -36,7 +36,7 @@ def test_table_json_and_file(run_eaid):
     assert ran.err.splitlines() == [
         "reading logs: 2 to do",
         "columns of 2 logs: time = time_s [s], input = duty_pct [%], output = torque_nm [N·m]; left: none",
-        "data.h5: 2 runs, 2 levels; next: eaid fit data.h5",
+        "data.h5: 2 levels, 2 runs; next: eaid fit data.h5",
     ]
     with h5py.File("data.h5") as file:
         assert list(file["runs"]) == ["u30", "u60"]
@@ -71,7 +71,8 @@ def test_a_bench_without_an_input_column(bench, run_eaid):
     ran = run_eaid("ingest", bench, *EA_CLUTCH)
     (told,) = (line for line in ran.err.splitlines() if line.startswith("error: "))
     assert ran.code == 3 and "2024_V=200_1.csv" in told and "time falls at row 702 (0 s after 6.99 s)" in told
-    ran = run_eaid("ingest", bench, *EA_CLUTCH, "--repair", "-q", "--json")
+    ran = run_eaid("ingest", bench, *EA_CLUTCH, "--repair", "--json")
+    assert "data.h5: 3 levels, 9 runs; next" in ran.err  # a rise and its release are one
     result = json.loads(ran.out)
     assert [(level["level"], level["repeats"]) for level in result["levels"]] == [(u, 3) for u in (100, 200, 300)]
     assert [level["repeats"] for level in result["releases"]] == [3, 3, 3]

@@ -56,7 +56,7 @@ def _tau2_open(v: Values) -> str:
 
 
 def _parted(v: Values) -> str:
-    ends = f" [{v['low']:.3g}, {v['high']:.3g}]" if v["low"] is not None else ", not well known there"
+    ends = f" ({v['low']:.3g} … {v['high']:.3g})" if v["low"] is not None else ", not well known there"
     return f"{v['symbol']} at {v['worst']:g}: joint {v['joint']:.3g}, else {v['other']:.3g}{ends}"
 
 
@@ -440,7 +440,7 @@ ROWS: dict[str, Row] = {
         "and 0.03 N·m of sensor noise at 1 kHz; fit again to use the rig's own"
     ),
     "plan-of-decaying-output": caution(
-        "the output decays under hold at {levels}: a plan for rising exponentials cannot mend that"
+        "the output decays under hold at {levels}, which no plan mends: τ2 means nothing there, and more repeats only average"
     ),
     "plan-rests-on-a-guess": caution(
         "the fit itself is not identifiable: the plan rests on a guess; record a few levels by it, fit, and plan again"
