@@ -309,9 +309,7 @@ def _findings(walls: list[parts.Wall], options: CoupleOptions, impedance: parts.
         if wall.loop == "rc" and slower is not None and stable is not None and stable > 3 * slower:
             findings.append(at("wall-by-rate", "rc", without=slower))
         if limit is not None and (stable is None or stable > limit):
-            findings.append(
-                finding("wall-beyond-encoder", wall.loop, encoder=limit, per=per, drag=impedance.idle_drag_nm, unit=unit)
-            )
+            findings.append(at("wall-beyond-encoder", wall.loop, encoder=limit, drag=impedance.idle_drag_nm))
     short = -(impedance.slip_margin_rad_s or 0.0)
     if short > 0:
         needed = options.limb_speed_rad_s * 60 / (2 * math.pi)

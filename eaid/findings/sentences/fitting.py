@@ -440,7 +440,7 @@ ROWS: dict[str, Row] = {
         "and 0.03 N·m of sensor noise at 1 kHz; fit again to use the rig's own"
     ),
     "plan-of-decaying-output": caution(
-        "the output decays under hold at {levels}, which no plan mends: τ2 means nothing there, and more repeats only average"
+        "the output decays under hold at {levels}, which no plan mends: τ2 means nothing there, repeats only average"
     ),
     "plan-rests-on-a-guess": caution(
         "the fit itself is not identifiable: the plan rests on a guess; record a few levels by it, fit, and plan again"

@@ -69,7 +69,7 @@ FIGURES: tuple[Row, ...] = (
     Row("fig09_shear_per_field", "Fig. 9 · Shear stress over the electric field",
         "The square is this clutch at its highest level; the lines are half, equal and twice its stress per field.",
         (_CLUTCH,), values.shear_per_field),
-    Row("fig03_friction_steps", "Fig. 3 · Friction steps", "Broad: mean of the repeats; dashed: the model, where fitted.",
+    Row("fig03_friction_steps", "Fig. 3 · Friction steps", "Broad: mean of the repeats; dashed: the model, if any.",
         (_all,), steps.friction_steps, of_the_fit=False),
     Row("fig04_friction_over_stress", "Fig. 4 · Friction over the load", TRENDS, (_fit("friction-force"),),
         values.trends, of_the_fit=False),
