@@ -282,12 +282,12 @@ ROWS: dict[str, Row] = {
     "joint-fit-asked-for-parts": caution(
         lambda v: f"{_parted(v)}: scatter of single runs' gain leads the joint fit astray; leave out «estimator» joint"
     ),
-    "output-decays-under-hold": caution(_decays, rank=0),
+    "output-decays-under-hold": caution(_decays, rank=-1),
     "rise-of-the-rig": caution(
         "the rise is the rig's: T_s differs by a factor of {times:.2g} between levels, the slope of the rise goes with "
         "T_s to the power {e:.2f} ({low:.2f} … {high:.2f}), where a τ of the plant's own makes it 1: τ1 and τ2 here "
         "are the loading of the stand; step the input on a stand that moves already",
-        rank=0,
+        rank=-1,
         covers=("moves-with-step",),
     ),
     "polynomials-too-low": note(
