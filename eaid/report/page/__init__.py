@@ -248,8 +248,11 @@ def next_steps(results: Results) -> list[tuple[str, str]]:
         if results.replay("multisine") is None:
             line = _line("simulate", fit, given, "--scenario", "multisine", "-o", _unused(fit, "multisine.h5"))
             steps.append(("Try the controllers on the fitted model", line))
-    of_clutch = fit.result.plant_ is None or fit.result.plant_.kind == "parallel"  # others are not planned for
-    if of_clutch and (fit.result.nonlinear is not None or fit.result.friction_levels):
+    # of other kinds nothing is planned, and what decays under hold no plan mends
+    planned = (fit.result.plant_ is None or fit.result.plant_.kind == "parallel") and not any(
+        one.code == "output-decays-under-hold" for one in fit.result.findings
+    )
+    if planned and (fit.result.nonlinear is not None or fit.result.friction_levels):
         logs = ["--excitation"] if fit.result.recorded is not None else []
         why = "Plan what to record next: inputs, holds and repeats for narrower intervals"
         steps.append((why, _line("plan", fit, *logs, "-o", _unused(fit, "plan.csv"))))
