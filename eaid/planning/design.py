@@ -45,6 +45,7 @@ LEAST_HOLD_S = 5.0
 LEAST_REPEATS, MOST_REPEATS = 3, 20
 KEEPING = 0.8  # Probability with which a session keeps a width that a plan promises
 SESSIONS = 200  # Draws behind that
+UNTOLD = 1e6  # A half-width above which nothing is told [%]
 
 
 def relative_rows(rows: Array, unknowns: Array) -> Array:
@@ -344,9 +345,9 @@ class FittedRig:
         sure = self.degrees if self.known else 0.0
         factor = sure / random.chisquare(sure, SESSIONS) if sure > 0 else np.ones(SESSIONS)
         own = np.full(count, repeats - 1)
-        parts = (within + factor[:, None, None, None] * between) @ neighbours(own) / repeats
-        usual = parts.sum(axis=3)
-        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):  # what nothing tells is infinite
+            parts = (within + factor[:, None, None, None] * between) @ neighbours(own) / repeats
+            usual = parts.sum(axis=3)
             degrees = np.nan_to_num((repeats - 1) * usual**2 / (parts**2).sum(axis=3), nan=1.0)
             seen = (parts * random.chisquare(own, (SESSIONS, len(within), 1, count)) / own).sum(axis=3)
             p = self.plant.model
@@ -356,8 +357,8 @@ class FittedRig:
                 degrees[:, 0] = satterthwaite((usual[:, 0], beyond), (degrees[:, 0], spare))
                 seen[:, 0] += beyond
             worst = np.nan_to_num(t_quantile(degrees) * np.sqrt(seen), nan=np.inf).max(axis=2)
-        half = 100 * np.expm1(np.minimum(np.quantile(worst, KEEPING, axis=0), 50.0))
-        return dict(zip(self.numbers, half.tolist(), strict=True))
+            half = 100 * np.expm1(np.quantile(worst, KEEPING, axis=0))
+        return dict(zip(self.numbers, np.where(half < UNTOLD, half, inf).tolist(), strict=True))
 
     def drawn(self, n: int, seed: int) -> list[tuple[Specimen, Noise]]:
         """`n` rigs that the data of the fit allow."""
