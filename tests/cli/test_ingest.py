@@ -1,6 +1,8 @@
 """`eaid ingest`: its table and JSON, bad and damaged logs, logs as benches leave them."""
 
 import json
+import shlex
+import shutil
 from pathlib import Path
 
 import h5py
@@ -86,3 +88,17 @@ def test_a_bench_without_an_input_column(bench, run_eaid):
     for row in fit["friction"]["levels"]:
         assert row["tau1"] == pytest.approx(0.2, rel=0.1) and row["Ts"] == pytest.approx(0.02 * row["level"], rel=0.05)
     assert fit["release"]["tau1"] == pytest.approx(0.1, rel=0.2)
+
+
+def test_the_readmes_own_logs_are_read_as_it_says(bench, run_eaid):
+    shutil.copytree(bench, "bench")
+    page = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    block = page.split("## Your own logs")[1].split("```")[1].replace("\\\n", " ")
+    lines = [shlex.split(line.removeprefix("$ eaid ")) for line in block.splitlines() if line.startswith("$ ")]
+    assert [words[0] for words in lines] == ["ingest", "fit"]
+    first, second = (run_eaid(words) for words in lines)
+    assert first.code == second.code == 0 and "bench/dataset.toml: written; eaid ingest bench needs no" in first.err
+    fit = json.loads(Path("bench.json").read_text(encoding="utf-8"))
+    assert [(row["level"], row["Ts"]) for row in fit["friction"]["levels"]] == [
+        (level, pytest.approx(0.02 * level, rel=0.05)) for level in (100, 200, 300)
+    ]
