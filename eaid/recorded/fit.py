@@ -29,12 +29,12 @@ from eaid.logs.run import Run
 from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE
 from eaid.plant.respond import from_rest
-from eaid.recorded.choice import about_idle, interval, plant_of_logs, plant_part, start_states
+from eaid.recorded.choice import Chosen, about_idle, interval, plant_of_logs, plant_part, start_states
 from eaid.recorded.closed_loop import judged_loops, with_instrument
 from eaid.recorded.fall_tests import with_falls
 from eaid.recorded.from_logs import Solved, fit_setup, idle_found, plant_found
 from eaid.recorded.held_out import held_out
-from eaid.recorded.inputs import FEW_LEVELS, excited_by
+from eaid.recorded.inputs import FEW_LEVELS, Excited, excited_by
 from eaid.recorded.left_over import left_over_findings
 from eaid.recorded.log_intervals import FEWEST_ENGAGEMENTS, CurveSpread, Spread, curves, spread
 from eaid.results.common import LevelError, Source
@@ -350,54 +350,31 @@ def fit_recorded(
     rises; `dead_time_s` of single steps is taken over where the logs are fitted better with it.
     """
     options = options or FitOptions()
-    share = options.held_share
     logs = [run if isinstance(run, RecordedLog) else recorded_log(run, rest) for run in runs]
     refuse(logs)
-    every = [*logs, *(logs_of_steps(steps) if steps is not None else [])]
-    inputs = excited_by(every, options.duty)
+    others = logs_of_steps(steps) if steps is not None else []
+    inputs = excited_by([*logs, *others], options.duty)
     findings = input_findings(logs, inputs.levels)
-    rests = any(log.starts_idle or bool((log.input == 0).any()) or log.baseline is not None for log in every)
-    wanted = options.model or ("friction", "nonlinear", "linear")
-
-    chosen = plant_of_logs(logs, every[len(logs) :], inputs, options, rests, dead_time_s, falls)
-    base, acting = chosen.solved, chosen.logs
+    rests = any(log.starts_idle or bool((log.input == 0).any()) or log.baseline is not None for log in (*logs, *others))
+    chosen = plant_of_logs(logs, others, inputs, options, rests, dead_time_s, falls)
+    base, wanted = chosen.solved, options.model or ("friction", "nonlinear", "linear")
     if not rests and base.setup.model.kind == "parallel":  # a gain of its own tells the idle output
         findings += [finding("idle-not-seen", log.name) for log in logs]
-    findings += chosen.findings
-    theta_s = base.fitted.dead_time(base.x)
-    extras = tuple(name for name in base.fitted.extras if name != "dead")
     if any(log.reference is not None for log in logs):
-        base = with_instrument(base, acting)
-    plant = plant_found(base)
-    loops, of_loops = judged_loops(base, acting)
-    findings += of_loops
-    unseen = held_out(base, acting, every[len(logs) :])
-    if unseen is not None:
-        findings += falls_too_far(unseen.fit_pct, unseen.held_pct, unseen.of)
-    findings += left_over_findings(base, acting)
-    uncertainty, known = None, None
-    if options.ci != "none":
-        uncertainty = spread(base)
-        findings += uncertainty.scatter.findings
-        if base.setup.model.kind != "swing":
-            known = curves(base, uncertainty, inputs.shown)
-            findings += known.findings
-    linear, friction = None, None
-    setup = replace(base.fitted, extras=(), dead_time_s=theta_s)
-    clutch = base.setup.model.kind == "parallel"
-    if "linear" in wanted:
-        setup = setup if clutch else about_idle(base, acting, theta_s)
-        basis = np.array([-inputs.high, inputs.high]) if base.setup.model.signed else inputs.basis
-        solved = fit_setup(replace(setup, model=forms.linear(basis)))
-        linear = linear_of_logs(solved, base, inputs.basis, options)
-    if "friction" in wanted and inputs.stepwise and len(inputs.levels) <= FEW_LEVELS and share is not None and clutch:
-        solved = base
-        if "nonlinear" not in wanted:
-            solved = fit_setup(replace(setup, model=forms.friction(inputs.levels, share)))
-            solved = with_falls(solved, extras) if extras else solved
-        friction = friction_of_logs(solved, inputs.levels, known if "nonlinear" in wanted else None)
+        base = with_instrument(base, chosen.logs)
+    uncertainty = None if options.ci == "none" else spread(base)
+    known = None
+    if uncertainty is not None and base.setup.model.kind != "swing":
+        known = curves(base, uncertainty, inputs.shown)
+    recorded, told = judged_on_logs(base, chosen, logs, others)
+    findings += [*chosen.findings, *told]
+    findings += [] if uncertainty is None else uncertainty.scatter.findings
+    findings += [] if known is None else known.findings
+    data = data_of_logs([*logs, *others], runs, steps, inputs.levels if inputs.stepwise else np.zeros(0))
+    linear = linear_beside(base, chosen, inputs, options) if "linear" in wanted else None
+    friction = friction_beside(base, inputs, options, known, "nonlinear" in wanted) if "friction" in wanted else None
     shown = "nonlinear" in wanted and base.setup.model.kind != "swing" and not base.setup.model.signed
-    data = data_of_logs(every, runs, steps, inputs.levels if inputs.stepwise else np.zeros(0))
+    release = plant_found(base).release
     return Fit(
         findings=ranked(findings),
         seed=options.seed,
@@ -407,19 +384,58 @@ def fit_recorded(
         nonlinear=nonlinear_of_logs(base, uncertainty, known, inputs.shown) if shown else None,
         linear=linear,
         friction=friction,
-        release=None if plant.release is None else Release(*plant.release, SHARE if share is None else share),
+        release=None if release is None else Release(*release, options.held_share or SHARE),
         uncertainty=None if uncertainty is None else uncertainty_part(base, uncertainty),
-        recorded=Recorded(
-            logs=tuple(
-                msgspec.structs.replace(log_part(base, k, log), late_rows=rows)
-                for k, (log, rows) in enumerate(zip(logs, chosen.late, strict=True))
-            ),
-            steps=len(every) - len(logs),
+        recorded=msgspec.structs.replace(
+            recorded,
             u_range=(inputs.low, inputs.high),
-            falls=chosen.falls,
-            loops=loops,
-            dead_time_s=theta_s,
             engagements=0 if uncertainty is None else uncertainty.scatter.count,
-            hold_out=unseen,
         ),
     )
+
+
+def judged_on_logs(
+    base: Solved, chosen: Chosen, logs: Sequence[RecordedLog], others: Sequence[RecordedLog]
+) -> tuple[Recorded, list[Finding]]:
+    """Each log, its loop and what the model makes of what it has not seen; findings of loops, unseen, and left."""
+    loops, findings = judged_loops(base, chosen.logs)
+    unseen = held_out(base, chosen.logs, others)
+    if unseen is not None:
+        findings += falls_too_far(unseen.fit_pct, unseen.held_pct, unseen.of)
+    findings += left_over_findings(base, chosen.logs)
+    rows = zip(logs, chosen.late, strict=True)
+    return Recorded(
+        logs=tuple(
+            msgspec.structs.replace(log_part(base, k, log), late_rows=late) for k, (log, late) in enumerate(rows)
+        ),
+        steps=len(others),
+        falls=chosen.falls,
+        loops=loops,
+        dead_time_s=base.fitted.dead_time(base.x),
+        hold_out=unseen,
+    ), findings
+
+
+def linear_beside(base: Solved, chosen: Chosen, inputs: Excited, options: FitOptions) -> Linear:
+    """The linear model of the same logs, behind the plant's dead time."""
+    theta_s, model = base.fitted.dead_time(base.x), base.setup.model
+    setup = replace(base.fitted, extras=(), dead_time_s=theta_s)
+    if model.kind != "parallel":
+        setup = about_idle(base, chosen.logs, theta_s)
+    basis = np.array([-inputs.high, inputs.high]) if model.signed else inputs.basis
+    return linear_of_logs(fit_setup(replace(setup, model=forms.linear(basis))), base, inputs.basis, options)
+
+
+def friction_beside(
+    base: Solved, inputs: Excited, options: FitOptions, known: CurveSpread | None, of_model: bool
+) -> Friction | None:
+    """The curves of the levels, those `of_model` or each level's own; None where inputs move, or C is free."""
+    share, few = options.held_share, inputs.stepwise and len(inputs.levels) <= FEW_LEVELS
+    if not few or share is None or base.setup.model.kind != "parallel":
+        return None
+    if of_model:
+        return friction_of_logs(base, inputs.levels, known)
+    extras = tuple(name for name in base.fitted.extras if name != "dead")
+    setup = replace(base.fitted, extras=(), dead_time_s=base.fitted.dead_time(base.x))
+    solved = fit_setup(replace(setup, model=forms.friction(inputs.levels, share)))
+    return friction_of_logs(with_falls(solved, extras) if extras else solved, inputs.levels, None)
