@@ -23,9 +23,8 @@ from eaid.arrays import Array
 from eaid.estimate.mixed import Further, Line, Values, restricted
 from eaid.sessions.gather import MANY
 
-COMPONENTS = ("gain", "tilt", "level")
 EXACT = 1e-6  # Standard deviation of ln θ below which a value is known for certain
-FARTHEST, MOST = 50.0, 130.0  # Half-width of ln θ, and its size, beyond which nothing is said
+FARTHEST = 50.0  # Half-width of ln θ beyond which nothing is said
 TOLD = 1.92  # In log L: more than chance gives one parameter in 19 of 20 cases
 NEW = -1  # The session that is still to come
 
@@ -49,11 +48,6 @@ class Known:
     level: Array
     y: Array
     W: Array
-
-    def without(self, session: float) -> "Known":
-        """Those of the other sessions."""
-        kept = self.session != session
-        return Known(self.session[kept], self.level[kept], self.y[kept], self.W[kept])
 
 
 def steps_known(steps: Sequence[tuple[float, float, float]]) -> Known:
@@ -82,12 +76,12 @@ class Next:
     @property
     def value(self) -> Array:
         """θ, (q,)."""
-        return np.asarray(np.exp(np.clip(self.mean, -MOST, MOST)))
+        return np.asarray(np.exp(self.mean))
 
     @property
     def ends(self) -> Array:
         """Low and high ends of its 95 % intervals, (2, q)."""
-        return np.asarray(np.exp(np.clip([self.mean - self.reach, self.mean + self.reach], -MOST, MOST)))
+        return np.exp([self.mean - self.reach, self.mean + self.reach])
 
     def of_a_run(self, W: float) -> tuple[float, float]:
         """Ends of the interval of a single run at the first level, whose ln θ scatters with the variance W."""
@@ -156,7 +150,7 @@ class Model:
 
     def having(self, v: Array) -> "Model":
         """The model with these variances of what its sessions can show."""
-        variances = np.zeros(len(COMPONENTS))
+        variances = np.zeros_like(self.variances)
         variances[self.free] = v
         return replace(self, variances=variances)
 
