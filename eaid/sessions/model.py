@@ -8,7 +8,8 @@ that the session's own fit leaves of ln θ,
 g and h belong to the session, d to the session at that level. X is 1, x, x², or one term a level, between levels
 straight in x. Variances by REML and the next value with its interval: `eaid.estimate.mixed`. Its degrees of freedom,
 which Satterthwaite's formula overrates where S sessions are few, are S − 1 at most where nothing is known of a session,
-and (S − 1)²/2.2 for each level of its reference steps: with these the intervals hold (`benchmarks/sessions.py`).
+and (S − 1)²/2.2 for each level of its reference steps where that is more; so the intervals hold
+(`benchmarks/sessions.py`).
 """
 
 from collections.abc import Sequence
@@ -186,7 +187,7 @@ class Model:
         mean = both.mean[:n] + c @ (steps.y - both.mean[n:])
         whole = replace(both, covariance=V + np.diag(np.append(np.zeros(n), steps.W)))
         few = (self.count - 1.0) ** 2 / 2.2 * len(np.unique(steps.level))
-        most = min(few, MANY) if len(steps.y) else self.count - 1.0
+        most = np.clip(few, self.count - 1.0, MANY)
         return Next(level, mean, turn @ whole.covariance @ turn.T, np.clip(whole.degrees(turn), 1.0, most))
 
     def narrowest(self, sd_log: float) -> tuple[float, Next]:
