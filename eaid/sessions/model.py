@@ -126,11 +126,11 @@ class Model:
             return np.asarray(self.x(level)[:, None] ** np.arange(self.terms))
         return between(self.knots, level)
 
-    def common(self, one: Known, other: Known) -> Array:
-        """What two sets of values have in common by component, (components, n, m)."""
+    def common(self, one: Known, other: Known) -> list[Array]:
+        """What two sets of values have in common, by component, (n, m) each."""
         same = (one.session[:, None] == other.session).astype(float)
         tilt, level = np.outer(self.x(one.level), self.x(other.level)), one.level[:, None] == other.level
-        return np.stack([same * (1.0, tilt, level)[k] for k in self.free])
+        return [same * (1.0, tilt, level)[k] for k in self.free]
 
     @cached_property
     def values(self) -> Values:
@@ -172,7 +172,8 @@ class Model:
     def further(self, level: Array) -> Further:
         """The next session at some levels, nothing known of it."""
         new = Known(np.full(len(level), NEW), level, np.zeros(len(level)), np.zeros(len(level)))
-        return self.line.further(self.rows(level), self.common(self.known, new), self.common(new, new))
+        of_line, own = np.stack(self.common(self.known, new)), np.stack(self.common(new, new))
+        return self.line.further(self.rows(level), of_line, own)
 
     def next(self, level: Array, steps: Known = NOTHING) -> Next:
         """The next session at some levels, given its reference steps."""
