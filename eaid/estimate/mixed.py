@@ -126,11 +126,6 @@ class MixedLine:
         """2 Δ log L over a line without components: χ² of half a degree or more where there are none."""
         return 2 * (self.values.at(0 * self.v).cost - self.cost)
 
-    @property
-    def slope(self) -> Array:
-        """Its derivative by each v_k, (k,)."""
-        return self.values.likelihood(self.v)[1]
-
     @cached_property
     def curvature(self) -> Array:
         """Its second derivatives: y'P G_j P G_k P y − ½ tr(P G_j P G_k), (k, k)."""

@@ -7,6 +7,7 @@ numbers and sessions the probabilities are Holm's.
 """
 
 from collections.abc import Mapping, Sequence
+from string import ascii_uppercase
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -31,8 +32,6 @@ if TYPE_CHECKING:
     import pandas
 
 CHANCE = 0.05
-SQRT2 = 2**0.5
-LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 
 
 class Change(Result, frozen=True):
@@ -42,10 +41,6 @@ class Change(Result, frozen=True):
     ratio: Number
     low: Number
     high: Number
-
-
-def _ratio(one: Change) -> float:
-    return one.ratio
 
 
 class Shift(Result, frozen=True):
@@ -83,8 +78,8 @@ class Shift(Result, frozen=True):
             return f"{said}, seen at {self.levels[0].level:.4g} only"
         if self.alike:
             return f"{said}, alike at all levels (p {self.p_alike:.2g})"
-        outermost = (min(self.levels, key=_ratio), max(self.levels, key=_ratio))
-        apart = ", ".join(f"{_pct(one.ratio)} % at {one.level:.4g}" for one in outermost)
+        rising = sorted(self.levels, key=lambda one: one.ratio)
+        apart = ", ".join(f"{_pct(one.ratio)} % at {one.level:.4g}" for one in (rising[0], rising[-1]))
         return f"{said}, not alike at all levels (p {self.p_alike:.2g}): {apart}"
 
 
@@ -168,7 +163,7 @@ def _pct(ratio: float) -> str:
 def compare_fits(fits: Mapping[str, Fit], gains: Gains | None, options: CompareOptions) -> Comparison:
     """The first session against each of the others; DataError where they are not of one rig, or share no level."""
     told = together(fits)
-    letters, shifts = dict(zip(fits, LETTERS, strict=False)), list[Shift]()
+    letters, shifts = dict(zip(fits, ascii_uppercase, strict=False)), list[Shift]()
     first, *others = fits
     for name in others:
         each = (_shift(quantity, letters[name], fits[first], fits[name]) for quantity in ("Ts", "tau1", "tau2"))
@@ -239,6 +234,6 @@ def _retune(fit: Fit, gains: Gains) -> Retune:
     ends = [(row.level, row.B or 0.0, ci95_of(row, "B")) for row in rows]
     # the range rests on a fit as good, so both ends are as open as this one's interval
     sure = tuple(
-        u for u, B, one in ends if one and (B * (one[1] / B) ** SQRT2 < B_m or B * (one[0] / B) ** SQRT2 > B_M)
+        u for u, B, one in ends if one and (B * (one[1] / B) ** 2**0.5 < B_m or B * (one[0] / B) ** 2**0.5 > B_M)
     )
     return Retune(B_m, B_M, True if sure else None if out else False, sure or out)

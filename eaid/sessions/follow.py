@@ -8,6 +8,7 @@ import csv
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -28,23 +29,17 @@ LOOK_S = 0.5  # From one look at the folder to the next [s]
 def whole_files(paths: Sequence[Path], silence_s: float) -> Iterator[Path]:
     """New files one by one, each once it is whole, and again where it grows after all; ends after so much silence [s],
     0: never."""
-    before: dict[Path, tuple[int, float]] = {}
-    done: dict[Path, tuple[int, float]] = {}
-    quiet_s = 0.0
+    before, done, quiet_s = dict[Path, tuple[int, float]](), dict[Path, tuple[int, float]](), 0.0
     while not silence_s or quiet_s < silence_s:
-        now: dict[Path, tuple[int, float]] = {}
+        now = dict[Path, tuple[int, float]]()
         for folder in paths:
-            try:
-                found = files_of([folder])
-            except DataError:  # no log yet
-                continue
-            now |= {file: ((of := file.stat()).st_size, of.st_mtime) for file in found}
+            with suppress(DataError):  # no log yet
+                now |= {file: (of.st_size, of.st_mtime) for file in files_of([folder]) for of in (file.stat(),)}
         fresh = [file for file, state in now.items() if done.get(file) != state and before.get(file) == state]
         quiet_s = 0.0 if now != before or fresh else quiet_s + LOOK_S
         before = now
-        for file in fresh:
-            done[file] = now[file]
-            yield file
+        done |= {file: now[file] for file in fresh}
+        yield from fresh
         time.sleep(LOOK_S)
 
 
@@ -52,7 +47,7 @@ def followed(
     paths: Sequence[Path], reading: ReadOptions, silence_s: float, rig: Rig | None = None, plan: Path | None = None
 ) -> Iterator[str]:
     """A line for each step as it comes, and one for the next by the plan."""
-    rows, shown = planned(plan) if plan is not None else [], dict[Path, list[tuple[float, float]]]()
+    rows, shown = planned(plan) if plan else [], dict[Path, list[tuple[float, float]]]()
     for file in whole_files(paths, silence_s):
         try:
             fit = fit_steps(steps_of(read_runs([file], reading), reading)[1], FitOptions(model=("friction",)))

@@ -8,7 +8,8 @@ that the session's own fit leaves of ln θ,
 g and h belong to the session, d to the session at that level. X is 1, x, x², or one term a level, between levels
 straight in x. Variances by REML and the next value with its interval: `eaid.estimate.mixed`. Its degrees of freedom,
 which Satterthwaite's formula overrates where S sessions are few, are S − 1 at most where nothing is known of a session,
-and (S − 1)²/2.2 for each level of its reference steps: with these the intervals hold (`benchmarks/sessions.py`).
+and (S − 1)²/2.2 for each level of its reference steps where that is more; so the intervals hold
+(`benchmarks/sessions.py`).
 """
 
 from collections.abc import Sequence
@@ -23,9 +24,8 @@ from eaid.arrays import Array
 from eaid.estimate.mixed import Further, MixedLine, MixedValues, restricted
 from eaid.sessions.gather import MANY
 
-COMPONENTS = ("gain", "tilt", "level")
 EXACT = 1e-6  # Standard deviation of ln θ below which a value is known for certain
-FARTHEST, MOST = 50.0, 130.0  # Half-width of ln θ, and its size, beyond which nothing is said
+FARTHEST = 50.0  # Half-width of ln θ beyond which nothing is said
 TOLD = 1.92  # In log L: more than chance gives one parameter in 19 of 20 cases
 NEW = -1  # The session that is still to come
 
@@ -49,11 +49,6 @@ class Known:
     level: Array
     y: Array
     W: Array
-
-    def without(self, session: float) -> "Known":
-        """Those of the other sessions."""
-        kept = self.session != session
-        return Known(self.session[kept], self.level[kept], self.y[kept], self.W[kept])
 
 
 def steps_known(steps: Sequence[tuple[float, float, float]]) -> Known:
@@ -82,12 +77,12 @@ class Next:
     @property
     def value(self) -> Array:
         """θ, (q,)."""
-        return np.asarray(np.exp(np.clip(self.mean, -MOST, MOST)))
+        return np.asarray(np.exp(self.mean))
 
     @property
     def ends(self) -> Array:
         """Low and high ends of its 95 % intervals, (2, q)."""
-        return np.asarray(np.exp(np.clip([self.mean - self.reach, self.mean + self.reach], -MOST, MOST)))
+        return np.exp([self.mean - self.reach, self.mean + self.reach])
 
     def of_a_run(self, W: float) -> tuple[float, float]:
         """Ends of the interval of a single run at the first level, whose ln θ scatters with the variance W."""
@@ -131,11 +126,11 @@ class Model:
             return np.asarray(self.x(level)[:, None] ** np.arange(self.terms))
         return between(self.knots, level)
 
-    def common(self, one: Known, other: Known) -> Array:
-        """What two sets of values have in common by component, (components, n, m)."""
+    def common(self, one: Known, other: Known) -> list[Array]:
+        """What two sets of values have in common, by component, (n, m) each."""
         same = (one.session[:, None] == other.session).astype(float)
         tilt, level = np.outer(self.x(one.level), self.x(other.level)), one.level[:, None] == other.level
-        return np.stack([same * (1.0, tilt, level)[k] for k in self.free])
+        return [same * (1.0, tilt, level)[k] for k in self.free]
 
     @cached_property
     def values(self) -> MixedValues:
@@ -156,7 +151,7 @@ class Model:
 
     def having(self, v: Array) -> "Model":
         """The model with these variances of what its sessions can show."""
-        variances = np.zeros(len(COMPONENTS))
+        variances = np.zeros_like(self.variances)
         variances[self.free] = v
         return replace(self, variances=variances)
 
@@ -177,7 +172,8 @@ class Model:
     def further(self, level: Array) -> Further:
         """The next session at some levels, nothing known of it."""
         new = Known(np.full(len(level), NEW), level, np.zeros(len(level)), np.zeros(len(level)))
-        return self.line.further(self.rows(level), self.common(self.known, new), self.common(new, new))
+        of_line, own = np.stack(self.common(self.known, new)), np.stack(self.common(new, new))
+        return self.line.further(self.rows(level), of_line, own)
 
     def next(self, level: Array, steps: Known = NOTHING) -> Next:
         """The next session at some levels, given its reference steps."""
@@ -192,7 +188,7 @@ class Model:
         mean = both.mean[:n] + c @ (steps.y - both.mean[n:])
         whole = replace(both, covariance=V + np.diag(np.append(np.zeros(n), steps.W)))
         few = (self.count - 1.0) ** 2 / 2.2 * len(np.unique(steps.level))
-        most = min(few, MANY) if len(steps.y) else self.count - 1.0
+        most = np.clip(few, self.count - 1.0, MANY)
         return Next(level, mean, turn @ whole.covariance @ turn.T, np.clip(whole.degrees(turn), 1.0, most))
 
     def narrowest(self, sd_log: float) -> tuple[float, Next]:

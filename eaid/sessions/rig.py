@@ -303,7 +303,8 @@ def _carried(model: Model, whole: float) -> tuple[int, float] | None:
     line, known = model.line, model.known
     off = np.where(known.session == np.arange(known.session.max() + 1)[:, None], line.residuals, 0.0)
     far = int(np.argmax(np.einsum("sn,nm,sm->s", off, line.inverse, off)))
-    rest = replace(model, known=known.without(far))
+    kept = known.session != far
+    rest = replace(model, known=Known(known.session[kept], known.level[kept], known.y[kept], known.W[kept]))
     if model.count <= LEAST or len(rest.known.y) <= line.values.X.shape[1] or len(rest.knots) < len(model.knots):
         return None
     factor = float(np.exp(rest.having(rest.likeliest.v).next(model.knots).reach.max()))

@@ -30,6 +30,7 @@ from eaid.sessions.model import NOTHING, Known, Next, between, steps_known
 from eaid.sessions.rig import Rig
 from eaid.steps.stepset import StepSet
 
+NOT_FITTED = dict.fromkeys(("solver", "samples", "rmse", "sse", "fit_pct", "R2"))
 INPUTS = 11  # Over the range, beside the levels, through which a curve is put
 Foreseen = Mapping[str, Next]  # What the sessions know, by its name
 
@@ -123,8 +124,8 @@ def _with_levels(base: Fit, rows: Sequence[Any], foreseen: Foreseen) -> Fit:
         values, ends = _foreseen_at(foreseen, k)
         own = {name: values.get(name, getattr(row, name)) for name in CURVES_ORDER}
         own["tau2"] = max(own["tau1"], own["tau2"])
-        plain = replace(row, **own, ci95=ends, C_f=row.C_f and row.C_f * own["Ts"] / row.Ts, solver=None, samples=None)
-        levels.append(replace(plain, rmse=None, sse=None, fit_pct=None, R2=None))
+        C_f = row.C_f and row.C_f * own["Ts"] / row.Ts
+        levels.append(replace(row, **own, ci95=ends, C_f=C_f, **NOT_FITTED))
     return replace(base, friction=parts.Friction(base.friction.C, base.friction.over, tuple(levels)))
 
 

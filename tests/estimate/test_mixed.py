@@ -77,8 +77,8 @@ def test_slope_and_curvature_are_those_of_the_likelihood(line):
     values = line.values
     ways = step * np.eye(3)
     slope = [(values.at(v + d).cost - values.at(v - d).cost) / (2 * step) for d in ways]
-    curvature = [(values.at(v + d).slope - values.at(v - d).slope) / (2 * step) for d in ways]
-    np.testing.assert_allclose(values.at(v).slope, slope, rtol=1e-6)
+    curvature = [(values.likelihood(v + d)[1] - values.likelihood(v - d)[1]) / (2 * step) for d in ways]
+    np.testing.assert_allclose(values.likelihood(v)[1], slope, rtol=1e-6)
     np.testing.assert_allclose(values.at(v).curvature, curvature, rtol=1e-5)
 
 

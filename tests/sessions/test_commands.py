@@ -85,6 +85,14 @@ def test_a_jump_of_the_idle_tells_sittings_apart_where_names_do_not(make):
     assert one.values["sessions"] == 2 and "jump of the idle" in one.values["by"]
 
 
+def test_a_long_pause_of_the_stamps_tells_sittings_apart(make):
+    logs = make(1, levels=(40.0, 80.0), repeats=2)
+    after_s = {name: 1.73e9 + 60 * k + 7200 * (k > 1) for k, name in enumerate(logs)}
+    stamped = {name: one.assign(time_s=one["time_s"] + after_s[name]) for name, one in logs.items()}
+    (found,) = [one for one in eaid.read(stamped).findings if one.code == "several-sessions"]
+    assert found.values["sessions"] == 2 and found.values["mixed"] and "dates" in found.values["by"]
+
+
 def test_a_folder_is_followed_step_by_step_and_then_fitted(folder, run_eaid, make, tmp_path, monkeypatch):
     monkeypatch.setattr(follow, "LOOK_S", 0.1)
     run_eaid("sessions", *(f"s{k}.json" for k in range(6)), "-o", str(tmp_path / "rig.json"))

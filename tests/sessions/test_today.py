@@ -66,6 +66,8 @@ def test_every_later_command_takes_it(today, fits, tmp_path):
     assert mounted & {one.code for one in eaid.tune_rc(fits["s0"]).findings}
     assert not mounted & {one.code for one in gains.findings}
     assert gains.rc.alpha > eaid.tune_rc(fits["s5"]).rc.alpha
+    alone = msgspec.structs.replace(today, uncertainty=msgspec.structs.replace(today.uncertainty, ci="robust"))
+    assert eaid.tune_rc(today, phi="data").rc.phi > 1.1 * eaid.tune_rc(alone, phi="data").rc.phi  # of drawn plants
     assert eaid.simulate(today, gains, plants=10).records["rc"].metrics.plants.count == 10
     assert eaid.couple(today, gains, torque=(1.0,), loops=("pi",), replay=False).walls
     assert eaid.export(gains, tmp_path / "rig", fit=today, target="yaml").laws

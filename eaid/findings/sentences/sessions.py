@@ -50,8 +50,8 @@ ROWS: dict[str, Row] = {
         "`eaid sessions`, tell what holds for the next",
     ),
     "for-today": note(
-        "by {sessions} sessions and {steps:#reference step}: T_s within ×/÷ {factor:.3g} at the worst level, without a "
-        "step ×/÷ {without:.3g}"
+        "T_s within ×/÷ {factor:.3g} at the worst level, with nothing known ×/÷ {without:.3g} (by {sessions} sessions "
+        "and {steps:#reference step})"
     ),
     "kept-from-base": note(_kept),
     "step-outside": caution(

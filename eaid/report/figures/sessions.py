@@ -18,9 +18,8 @@ def control_panel(rig: Rig) -> Panel:
     """Each session's gain over the common one, with what the next one's may be."""
     model, names = rig.main.model(rig.names), rig.names
     sessions, gain, error = model.gains()
-    at = [float(one) + 1 for one in sessions]
-    middle = model.next(model.knots[[len(model.knots) // 2]])
-    reach, end = float(np.exp(middle.reach[0])), len(names) + 1.0
+    at, end = sessions + 1, len(names) + 1.0
+    reach = float(np.exp(model.next(model.knots[[len(model.knots) // 2]]).reach[0]))
     ends = np.exp(gain - 1.96 * error), np.exp(gain + 1.96 * error)
     x = np.array([0.5, end + 0.5])
     lines = [
@@ -29,16 +28,13 @@ def control_panel(rig: Rig) -> Panel:
         Line([end], [1.0], "next, 95 %", ink.VERMILLION, "", marker="D", size=4.5,
              ends=(np.array([1 / reach]), np.array([reach]))),
     ]  # fmt: skip
-    shown = [name if len(name) <= LONGEST else f"{name[: LONGEST - 1]}…" for name in names]
-    ticks = {k + 1.0: name for k, name in enumerate(shown)} | {end: "next"}
+    shown = [*(name if len(name) <= LONGEST else f"{name[: LONGEST - 1]}…" for name in names), "next"]
     marks = [one for one in FACTORS if one < max(reach, *ends[1], *(1 / ends[0]))][-3:]
     factors = {1.0: "1"} | {one: f"×{one:g}" for one in marks} | {1 / one: f"÷{one:g}" for one in marks}
-    axes = (
-        Axis("Session", ticks=ticks, limits=(0.5, end + 0.5)),
-        Axis(f"{rig.symbol} over the common one", log=True, ticks=factors),
-    )
+    x_axis = Axis("Session", ticks=dict(enumerate(shown, 1)), limits=(0.5, end + 0.5))
+    y_axis = Axis(f"{rig.symbol} over the common one", log=True, ticks=factors)
     band = Band(x, np.full(2, 1 / reach), np.full(2, reach), ink.VERMILLION, 0.12)
-    return Panel(*axes, lines, [band], legend="above", tight=False)
+    return Panel(x_axis, y_axis, lines, [band], legend="above", tight=False)
 
 
 def levels_panel(rig: Rig) -> Panel:
