@@ -71,6 +71,7 @@ def test_the_readmes_notebook_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.chdir(tmp_path)
     eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1).save("logs")
     block = (ROOT / "README.md").read_text(encoding="utf-8").split("```python\n")[1].split("```")[0]
-    exec(block, names := {})
+    names: dict[str, Any] = {}
+    exec(block, names)
     assert names["fit"].verdict.usable and set(names["run"].to_frame()["name"]) == {"rc", "pi"}
     assert (tmp_path / "notebook-report" / "report.html").is_file()
