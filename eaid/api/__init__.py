@@ -7,8 +7,7 @@ taken too.
 
 from eaid.api.loops import couple, export, simulate, tune_rc
 from eaid.api.models import fit, plan, read, synth
-from eaid.api.pages import load, plot, report
-from eaid.api.rigs import compare, sessions, today
+from eaid.api.shown import compare, load, plot, report, sessions, today
 
 __all__ = [
     "compare", "couple", "export", "fit", "load", "plan", "plot", "read", "report", "sessions", "simulate", "synth",

@@ -8,15 +8,7 @@ from typing import TYPE_CHECKING, Any
 from eaid.api.given import File, Paths, paths_in, result_of
 from eaid.declared import chosen, taking
 from eaid.errors import UsageError
-from eaid.options import (
-    SCENARIOS,
-    TRACKED,
-    CoupleOptions,
-    ExportOptions,
-    ReadOptions,
-    SimulateOptions,
-    TuneOptions,
-)
+from eaid.options import SCENARIOS, TRACKED, CoupleOptions, ExportOptions, ReadOptions, SimulateOptions, TuneOptions
 from eaid.progress import Progress, no_progress
 from eaid.results.coupling import Coupling
 from eaid.results.fit import Fit

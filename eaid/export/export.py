@@ -78,7 +78,7 @@ def _gains(source: Source, gains: Gains, laws: tuple[str, ...], rate_hz: float) 
         if told is None:
             told = Guarantee(rc.guaranteed and rc.phi_holds is not False, (rho, phi))
         answer = "unknown" if told.holds is None else "holds" if told.holds else "missing"
-        yield finding(f"export-guarantee-{answer}", "rc", missing=", ".join(told.missing) or "unknown")
+        yield finding(f"export-guarantee-{answer}", "rc", missing=told.missing or ("unknown",))
     if other_rate:
         yield finding("export-other-rate", "gains", rate_hz=rate_hz, made_hz=made_hz)
     worst = gains.margins.worst if gains.margins else {}

@@ -14,17 +14,7 @@ from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.findings import Finding, finding
 from eaid.logs.clocks import clock_of, contradicting, contradiction, other_clocks
-from eaid.logs.columns import (
-    FEWEST,
-    INPUTS,
-    OUTPUTS,
-    Roles,
-    chosen_table,
-    default_unit,
-    leaves_rest,
-    rises,
-    the_input,
-)
+from eaid.logs.columns import FEWEST, INPUTS, OUTPUTS, Roles, chosen_table, default_unit, leaves_rest, rises, the_input
 from eaid.logs.run import INPUT_UNITS, Run
 from eaid.logs.table import Cells, Table, plain
 from eaid.logs.units import (

@@ -19,7 +19,7 @@ def _margins(v: Values) -> str:
         units = (("gain_db", "dB"), ("phase_deg", "° of phase"))
         parts = [f"{v[f'{law}_{key}']:.3g} {unit}" for key, unit in units if v.get(f"{law}_{key}") is not None]
         told += [f"{law.upper()} {', '.join(parts)}"] if parts else []
-    return f"least margins around the fitted duties: {'; '.join(told)}"
+    return f"least margins around the held inputs: {'; '.join(told)}"
 
 
 def _leaves(v: Values) -> str:
@@ -55,7 +55,7 @@ def _mending(said: str, option: str) -> Callable[[Values], str]:
     return told
 
 
-CONDITIONS = {"rho": "ρ", "phi": "φ", "Q_M": "Q_M", "duty-limit": "duty limit", "duty-floor": "duty floor"}
+CONDITIONS = {"rho": "ρ", "phi": "φ", "Q_M": "Q_M", "duty-limit": "input limit", "duty-floor": "input floor"}
 
 
 def _mended(v: Values) -> str:
@@ -130,7 +130,7 @@ ROWS: dict[str, Row] = {
         "«ci» robust to carry the uncertainty on"
     ),
     "dead-time-replayed": note(
-        "the duty acts {dead_time_s:.3g} s late, the dead time that the steps show; «delay_samples» says another"
+        "the input acts {dead_time_s:.3g} s late, the dead time that the steps show; «delay_samples» says another"
     ),
     "no-gains": note("no «gains», so rc and pi are left out; the controllers that need none are replayed"),
     "replay-leaves-identified": note(_leaves),
@@ -164,8 +164,11 @@ ROWS: dict[str, Row] = {
     ),
     "export-guarantee-holds": note("RC: the Lyapunov guarantee holds, for the reference that the gains were made for"),
     "export-guarantee-missing": caution(
-        "RC: the Lyapunov guarantee does not hold on this rig (missing: {missing}); the margins are what speaks for "
-        "these gains"
+        lambda v: (
+            "RC: the Lyapunov guarantee does not hold on this rig (missing: "
+            f"{', '.join(CONDITIONS.get(name, name) for name in v['missing'])}); the margins are what speaks for these "
+            "gains"
+        )
     ),
     "export-margins": note(_margins),
     "export-guarantee-unknown": caution("RC: these gains do not say whether the guarantee holds"),
@@ -178,7 +181,7 @@ ROWS: dict[str, Row] = {
         "no release was fitted: how the output falls to rest is an assumption of the {subject}"
     ),
     "export-fault-outside": caution(
-        "the duty on fault, {duty:g} {unit}, lies outside the duty limits {low:g} to {high:g} {unit}"
+        "the input on fault, {duty:g} {unit}, lies outside the limits {low:g} to {high:g} {unit}"
     ),
     "export-anyway": caution("EXPORTED ANYWAY: a finding of severity stop stands; do not run it on a person"),
     # Files

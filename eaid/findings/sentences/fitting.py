@@ -211,7 +211,7 @@ ROWS: dict[str, Row] = {
         "{at} the free C is anywhere between {low:.2f} and {high:.2f}: C and τ2 trade against each other; hold C"
     ),
     "one-level-nonlinear": caution(
-        "one level only: nothing says how T_s, τ1 and τ2 change with the duty; record more levels",
+        "one level only: nothing says how T_s, τ1 and τ2 change with the input; record more levels",
         rank=1,
         covers=("one-level-linear",),
     ),
@@ -421,14 +421,14 @@ ROWS: dict[str, Row] = {
     ),
     "loop-bias-unknown": caution(
         "{subject}: a closed loop whose law is not known: the bias of the direct fit cannot be told, and the intervals "
-        "leave it out; log the reference of a PI loop, or play a duty of your own"
+        "leave it out; log the reference of a PI loop, or play an input of your own"
     ),
     "loop-direct": caution(
-        "{subject}: its law is known, but the loop does not begin at rest, or the fit by its simulated duty does not "
+        "{subject}: its law is known, but the loop does not begin at rest, or the fit by its simulated input does not "
         "settle: the direct fit stands, whose bias the intervals leave out"
     ),
     "loop-instrument": note(
-        "{subject}: fitted with the simulated duty as an instrument: the noise that the duty carries has no say"
+        "{subject}: fitted with the simulated input as an instrument: the noise that the input carries has no say"
     ),
     "excitation-short": caution(
         "no sequence of {most_s:g} s within the limits reaches the widths: {parameter} comes to ± {width_pct:.3g} %, "

@@ -47,7 +47,7 @@ ROWS: dict[str, Row] = {
     "several-sessions": caution(_one_of_several, always=True, rank=1),
     "for-this-mounting": note(
         "of one session: gains, guarantee and margins hold for this mounting; fits of three and more, held together by "
-        "`eaid sessions`, tell what holds for the next",
+        "`eaid sessions`, tell what holds for the next"
     ),
     "for-today": note(
         "T_s within ×/÷ {factor:.3g} at the worst level, with nothing known ×/÷ {without:.3g} (by {sessions} sessions "

@@ -300,16 +300,15 @@ def _next_of_sessions(results: Results) -> list[tuple[str, str]]:
 
 def commands(results: Results) -> list[str]:
     """Command lines that make these files again; a result of the Python API says so."""
-    made = [("fit", fit.path, fit.result.command) for fit in results.fits]
-    made += [("tune-rc", gains.path, gains.result.command) for gains in results.gains]
-    made += [("simulate", replay.path, replay.result.head.command) for replay in results.replays]
-    made += [("couple", walls.path, walls.result.command) for walls in results.couplings]
-    made += [("sessions", one.path, one.result.command) for one in results.rigs]
-    made += [("compare", one.path, one.result.command) for one in results.comparisons]
+    made: dict[str, tuple[Given[Any], ...]] = {
+        "fit": results.fits, "tune-rc": results.gains, "simulate": results.replays, "couple": results.couplings,
+        "sessions": results.rigs, "compare": results.comparisons,
+    }  # fmt: skip
     lines = [f"eaid ingest LOGS -o {shlex.quote(data.path)}" for data in results.data]
-    for command, path, words in made:
-        line = shlex.join(["eaid", command, *words, "-o", path])
-        lines.append(line if words else f"{path}: made in Python by eaid.{command.replace('-', '_')}")
+    for command, one in ((command, one) for command, some in made.items() for one in some):
+        words = (one.result.head if command == "simulate" else one.result).command
+        line = shlex.join(["eaid", command, *words, "-o", one.path])
+        lines.append(line if words else f"{one.path}: made in Python by eaid.{command.replace('-', '_')}")
     return [*lines, shlex.join(["eaid", "report", *(given.path for given in results.every), "-o", "report"])]
 
 
