@@ -24,11 +24,11 @@ import eaid
 from benchmarks.stop_findings import log, rise, wander
 from eaid.apparatus import Apparatus
 from eaid.arrays import Array
-from eaid.estimate.single_steps import single_steps
 from eaid.plant.dynamics import REFERENCE_PLANT, Step
 from eaid.plant.steps import step_response
 from eaid.results.common import Interval
 from eaid.results.fit import Fit
+from eaid.shapes.each_step import single_steps
 from eaid.steps.build import stepset_of
 from eaid.steps.cut import cut
 from eaid.steps.stepset import Level, StepSet

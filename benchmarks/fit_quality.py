@@ -15,8 +15,8 @@ from scipy.optimize import least_squares
 
 from eaid.arrays import Array
 from eaid.estimate.data import Data
-from eaid.estimate.from_steps import fit_nonlinear
 from eaid.estimate.points import Record
+from eaid.levels.from_steps import fit_nonlinear
 
 BAR, SHARE = 1e-6, 0.85
 LEVELS = np.arange(10.0, 101.0, 10.0)

@@ -17,10 +17,10 @@ from scipy.optimize import curve_fit, least_squares
 
 from benchmarks.table import Row
 from eaid.arrays import Array
-from eaid.estimate.certainty import own_levels
 from eaid.estimate.data import data_of
-from eaid.estimate.from_steps import fit_nonlinear
-from eaid.estimate.linear import fit_linear, parameters, unknowns
+from eaid.levels.certainty import own_levels
+from eaid.levels.from_steps import fit_nonlinear
+from eaid.levels.linear import fit_linear, parameters, unknowns
 from eaid.plant.dynamics import REFERENCE_PLANT
 from eaid.plant.respond import from_rest
 from eaid.steps.stepset import Level

@@ -14,10 +14,10 @@ import numpy as np
 
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
-from eaid.estimate.step_shapes import fit_step
 from eaid.findings.sentences import SENTENCES
 from eaid.logs.run import Run
 from eaid.options import ReadOptions
+from eaid.shapes.shape import fit_step
 from eaid.steps.build import stepset_of
 from eaid.steps.cut import cut_runs
 

@@ -15,7 +15,7 @@ import numpy
 
 from eaid.declared import chosen, forms, taking
 from eaid.errors import DataError, UsageError
-from eaid.estimate.workflow import fit_steps
+from eaid.levels.workflow import fit_steps
 from eaid.logs.frames import runs_from_frames
 from eaid.options import (
     SCENARIOS,

@@ -12,12 +12,12 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.errors import DataError
 from eaid.estimate.forms import Model, of_kind
-from eaid.estimate.from_logs import setup_of, with_dead_time
-from eaid.estimate.log_intervals import spread
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.plant.dynamics import Plant
 from eaid.plant.forms import LegendreForm, Proportional
 from eaid.plant.respond import respond
+from eaid.recorded.from_logs import setup_of, with_dead_time
+from eaid.recorded.log_intervals import spread
 from eaid.results.models import Noise
 from eaid.results.plan import PlannedRun
 

@@ -16,8 +16,6 @@ from eaid.arrays import Array
 from eaid.declared import keyed, pairs
 from eaid.errors import DataError, UsageError
 from eaid.estimate.forms import nonlinear
-from eaid.estimate.from_logs import finished, setup_of
-from eaid.estimate.log_intervals import held, spread
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.estimate.spread import t_quantile
 from eaid.findings import finding
@@ -28,6 +26,8 @@ from eaid.planning.recordings import RATE_HZ, disturbance_of
 from eaid.plant.drive import Drive
 from eaid.plant.dynamics import Plant
 from eaid.plant.respond import driven
+from eaid.recorded.from_logs import finished, setup_of
+from eaid.recorded.log_intervals import held, spread
 from eaid.results.fit import Fit
 from eaid.results.models import Noise
 from eaid.results.plan import Excitation

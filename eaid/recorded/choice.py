@@ -9,17 +9,17 @@ import numpy as np
 from eaid.arrays import Array, median
 from eaid.errors import DataError
 from eaid.estimate import forms
-from eaid.estimate.fall_tests import tested
-from eaid.estimate.from_logs import Setup, Solved, idle_of, model_of, setup_of, solve
-from eaid.estimate.kinds import PRICE, LagKind, Search, Tried, independent, integrates, of_evidence, search_of
-from eaid.estimate.late import timed
-from eaid.estimate.log_intervals import Spread, curves, spread
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.findings import Finding, finding
 from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE
 from eaid.plant.forms import Proportional, Sides
+from eaid.recorded.fall_tests import tested
+from eaid.recorded.from_logs import Setup, Solved, idle_of, model_of, setup_of, solve
 from eaid.recorded.inputs import MANY, Inputs
+from eaid.recorded.kinds import PRICE, LagKind, Search, Tried, independent, integrates, of_evidence, search_of
+from eaid.recorded.late import timed
+from eaid.recorded.log_intervals import Spread, curves, spread
 from eaid.results.common import Interval
 from eaid.results.models import FittedData
 from eaid.results.plant import FittedPlant, PlantIntervals

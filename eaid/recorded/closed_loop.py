@@ -15,14 +15,14 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.control.pi import PIGains
-from eaid.estimate.copies import Copies
-from eaid.estimate.from_logs import Solved, idle_of, model_of
-from eaid.estimate.late import follows_output
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.findings import Finding, finding
 from eaid.options import Rig
 from eaid.plant.drive import Drive
 from eaid.plant.dynamics import plant_numbers
+from eaid.recorded.copies import Copies
+from eaid.recorded.from_logs import Solved, idle_of, model_of
+from eaid.recorded.late import follows_output
 from eaid.replay.controllers import feedback
 from eaid.replay.loop import replay
 from eaid.results.recorded import Loop

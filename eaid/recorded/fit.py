@@ -15,28 +15,28 @@ import numpy as np
 
 from eaid.arrays import Array, extremes, median
 from eaid.errors import DataError, UsageError
-from eaid.estimate import forms, workflow
+from eaid.estimate import forms
 from eaid.estimate.coefficients import turned, with_intervals
 from eaid.estimate.data import data_of, errors
-from eaid.estimate.fall_tests import with_falls
-from eaid.estimate.from_logs import Solved, idle_of, model_of, solve
-from eaid.estimate.from_steps import fit_linear
-from eaid.estimate.linear import bounds_of, parameters, single_levels
-from eaid.estimate.log_intervals import FEWEST_ENGAGEMENTS, CurveSpread, Spread, curves, spread
-from eaid.estimate.nonlinear import scored
 from eaid.estimate.recorded_log import RecordedLog, logs_of_steps, recorded_log
-from eaid.estimate.single_steps import single_steps
-from eaid.estimate.unseen import falls_too_far
 from eaid.findings import Finding, finding, merged, ranked
+from eaid.levels import workflow
+from eaid.levels.from_steps import fit_linear
+from eaid.levels.linear import bounds_of, parameters, single_levels
+from eaid.levels.nonlinear import scored
+from eaid.levels.unseen import falls_too_far
 from eaid.logs.run import Run
 from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE
 from eaid.plant.respond import from_rest
 from eaid.recorded.choice import about_idle, interval, plant_of_logs, plant_part, start_of
 from eaid.recorded.closed_loop import judged_loops, with_instrument
+from eaid.recorded.fall_tests import with_falls
+from eaid.recorded.from_logs import Solved, idle_of, model_of, solve
 from eaid.recorded.held_out import held_out
 from eaid.recorded.inputs import FEW_LEVELS, inputs_of
 from eaid.recorded.left_over import left_over_findings
+from eaid.recorded.log_intervals import FEWEST_ENGAGEMENTS, CurveSpread, Spread, curves, spread
 from eaid.results.common import LevelError, Source
 from eaid.results.fit import Fit
 from eaid.results.models import (
@@ -53,6 +53,7 @@ from eaid.results.models import (
 from eaid.results.recorded import LogCurve, LogFit, Recorded
 from eaid.results.residuals import correlation_of
 from eaid.results.verdict import judged
+from eaid.shapes.each_step import single_steps
 from eaid.steps.levels import wanted_levels
 from eaid.steps.stepset import Level, StepSet
 

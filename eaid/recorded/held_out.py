@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eaid.arrays import Array
-from eaid.estimate.from_logs import Setup, Solved, setup_of
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.estimate.solver import approach
+from eaid.recorded.from_logs import Setup, Solved, setup_of
 from eaid.results.recorded import LogsHeldOut
 
 Mask = NDArray[np.bool_]

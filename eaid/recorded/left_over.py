@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eaid.arrays import Array, median
-from eaid.estimate.from_logs import Solved, model_of
-from eaid.estimate.log_intervals import correlation_s
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.findings import Finding, finding
 from eaid.plant.sums import lagged
+from eaid.recorded.from_logs import Solved, model_of
+from eaid.recorded.log_intervals import correlation_s
 
 Mask = NDArray[np.bool_]
 FUNCTIONS, CURVES = 5, 3  # Of the input, and those of its size among them

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from eaid.errors import DataError, UsageError
-from eaid.estimate.workflow import fit_steps
+from eaid.levels.workflow import fit_steps
 from eaid.logs.folders import files_of
 from eaid.logs.read import read_runs
 from eaid.options import FitOptions, ReadOptions

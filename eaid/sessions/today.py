@@ -17,8 +17,8 @@ from eaid.arrays import Array
 from eaid.declared import chosen, part
 from eaid.errors import DataError
 from eaid.estimate.coefficients import BLOCKS, with_intervals
-from eaid.estimate.workflow import fit_steps
 from eaid.findings import Finding, finding, ranked, stops
+from eaid.levels.workflow import fit_steps
 from eaid.options import FitOptions, ReadOptions
 from eaid.plant.forms import scales, terms
 from eaid.results import models as parts

@@ -9,9 +9,9 @@ import pytest
 
 from eaid.estimate.data import data_of
 from eaid.estimate.forms import nonlinear
-from eaid.estimate.from_steps import StepProblem
 from eaid.estimate.points import Points, compress, level_normal, log_crossed
 from eaid.estimate.solver import EndPoint, Problem, approach, ended, newton_step, polish, slsqp
+from eaid.levels.from_steps import StepProblem
 from eaid.plant.dynamics import REFERENCE_PLANT
 
 RNG = np.random.default_rng(3)

@@ -231,7 +231,7 @@ def test_what_cannot_be_fitted_is_refused(clutch_set: Maker, friction_set: Maker
 def test_a_solver_that_ends_away_from_the_minimum_is_exit_four(
     monkeypatch: pytest.MonkeyPatch, run_eaid: Any, tmp_path: Path, small_steps: StepSet
 ) -> None:
-    monkeypatch.setattr("eaid.estimate.from_steps.polish", lambda _problem, end, *_, **__: (end, 1e-3, ()))
+    monkeypatch.setattr("eaid.levels.from_steps.polish", lambda _problem, end, *_, **__: (end, 1e-3, ()))
     small_steps.save(tmp_path / "data.h5")
     ran = run_eaid("fit", tmp_path / "data.h5", "-o", tmp_path / "fit.json", "--estimator", "joint", "--ci", "none")
     assert ran.code == 4 and not eaid.load(tmp_path / "fit.json").converged

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from eaid.estimate.certainty import levels_first
 from eaid.estimate.data import data_of
+from eaid.levels.certainty import levels_first
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ import pytest
 import eaid
 from eaid.apparatus import Apparatus
 from eaid.errors import UsageError
-from eaid.estimate.step_curves import curve, slopes
+from eaid.shapes.curves import curve, slopes
 from eaid.steps.stepset import LevelStep, StepSet
 
 T = np.arange(2000) / 100.0

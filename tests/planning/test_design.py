@@ -8,7 +8,7 @@ from scipy.stats import chi2
 from eaid.estimate.scatter import unit_variances
 from eaid.estimate.spread import t_quantile
 from eaid.options import PlanOptions
-from eaid.planning.design import rig_of
+from eaid.planning.design import SHARES, rig_of
 from eaid.plant.dynamics import REFERENCE_PLANT, Plant, Step
 from eaid.plant.respond import respond
 from eaid.results.fit import Fit
@@ -21,7 +21,7 @@ def curve_at(duty: float) -> Step:
 
 
 def test_widths_of_pure_scatter_by_hand() -> None:
-    """No noise within a run: four of five sessions show less than t σ/√R √(χ²/ν) at their worst of three levels."""
+    """No noise within a run: that share of sessions shows less than t σ/√R √(χ²/ν) at their worst of three levels."""
     levels, spread = [20.0, 50.0, 80.0], np.array([0.03, 0.05, 0.1])
     rows = tuple(
         FrictionLevel(u, **{name: getattr(curve_at(u), name) for name in ("Ts", "tau1", "tau2")}) for u in levels
@@ -29,12 +29,12 @@ def test_widths_of_pure_scatter_by_hand() -> None:
     noise = Noise(0.0, 0.0, dict(zip(("Ts", "tau1", "tau2"), spread.tolist(), strict=True)))
     fit = Fit(data=FittedData(kind="friction-speed"), friction=Friction(levels=rows))
     rig = replace(rig_of(fit), noise=noise, known=False)
-    found = rig.kept(*rig.contributions(levels, np.full(3, 30.0), PlanOptions()), 9)
-    one = chi2(8).ppf(0.8 ** (1 / 3)) / 8  # each level by itself, nine runs; the worst of three
+    found = rig.kept(*rig.contributions(levels, np.full(3, 30.0), PlanOptions()), 9, levels)
+    one = chi2(8).ppf(np.array(SHARES) ** (1 / 3)) / 8  # each level by itself, nine runs; the worst of three
     expected = 100 * np.expm1(t_quantile(8) * spread * np.sqrt(one) / 3)
     np.testing.assert_allclose(list(found.values()), expected, rtol=0.05)
     sure = replace(rig, known=True, fit=msgspec.structs.replace(fit, uncertainty=Uncertainty(degrees_of_freedom=20.0)))
-    wider = sure.kept(*sure.contributions(levels, np.full(3, 30.0), PlanOptions()), 9)
+    wider = sure.kept(*sure.contributions(levels, np.full(3, 30.0), PlanOptions()), 9, levels)
     assert all(1.02 < wider[name] / found[name] < 1.25 for name in found)  # the scatter itself is known by 20
 
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from eaid.estimate import forms
-from eaid.estimate.copies import Copies
-from eaid.estimate.from_logs import Setup
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.plant.drive import Drive, Tables
 from eaid.plant.dynamics import REFERENCE_PLANT, plant_numbers, plant_step
+from eaid.recorded.copies import Copies
+from eaid.recorded.from_logs import Setup
 
 
 def plainly(drive: Drive, tables: Tables, scalars: Any, start: tuple[Any, Any] = (0.0, 0.0)) -> Any:

@@ -13,10 +13,10 @@ import numpy as np
 from scipy.special import fdtrc
 
 from eaid.arrays import Array
-from eaid.estimate.from_logs import NOTHING, Solved, finished
-from eaid.estimate.log_intervals import Spread, spread
 from eaid.findings import Finding, finding
 from eaid.plant.drive import Drive
+from eaid.recorded.from_logs import NOTHING, Solved, finished
+from eaid.recorded.log_intervals import Spread, spread
 from eaid.results.recorded import FallTest
 
 CHANCE = 1e-3  # A difference is taken over where chance makes one as large more rarely than this …

@@ -17,12 +17,12 @@ import numpy as np
 from scipy.linalg import solve_toeplitz
 
 from eaid.arrays import Array, median, scaled_inverse
-from eaid.estimate.copies import Copies
-from eaid.estimate.from_logs import Setup, Solved, setup_of, solve, with_dead_time
 from eaid.estimate.recorded_log import IDLE_ROWS, RecordedLog, shifted
 from eaid.estimate.solver import EndPoint, approach
 from eaid.estimate.spread import t_quantile
 from eaid.plant.drive import Drive
+from eaid.recorded.copies import Copies
+from eaid.recorded.from_logs import Setup, Solved, setup_of, solve, with_dead_time
 
 # Cost of a start at rest, over that of one with unknown states, up to which the steps' dead time is believed
 AT_REST = 2.0

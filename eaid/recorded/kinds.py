@@ -17,15 +17,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eaid.arrays import Array, median
-from eaid.estimate.copies import MOVING_ROWS, Copies
 from eaid.estimate.forms import of_kind
-from eaid.estimate.from_logs import Setup, Solved, finished, setup_of, with_dead_time
-from eaid.estimate.log_intervals import correlation_s
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.estimate.solver import ROUNDING, approach, judged, newton_step
 from eaid.plant.drive import Drive, delayed
 from eaid.plant.forms import Form, LegendreForm, Proportional, Sides
 from eaid.plant.sums import lag_sums, swinging_sums
+from eaid.recorded.copies import MOVING_ROWS, Copies
+from eaid.recorded.from_logs import Setup, Solved, finished, setup_of, with_dead_time
+from eaid.recorded.log_intervals import correlation_s
 
 TAUS, DAMPINGS, DELAYS = 14, (0.03, 0.2, 0.7, 1.3, 4.0), 9  # Of the grid
 LONGEST_DELAY = 0.2  # Part of the longest log that a dead time may take

@@ -18,13 +18,13 @@ from scipy.special import chdtrc
 
 from eaid.arrays import Array
 from eaid.estimate.forms import RECORDS_FREE
-from eaid.estimate.friction import HELD_BY
-from eaid.estimate.from_logs import Setup, Solved, idle_of
 from eaid.estimate.solver import approach, newton_step, rounding
 from eaid.estimate.spread import free_inverse, rejected, t_quantile
 from eaid.findings import Finding, finding
+from eaid.levels.friction import HELD_BY
 from eaid.plant.drive import Drive
 from eaid.plant.steps import decay
+from eaid.recorded.from_logs import Setup, Solved, idle_of
 from eaid.results.common import Interval
 from eaid.results.models import CurveLevel, LevelIntervals
 

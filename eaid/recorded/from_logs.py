@@ -14,9 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eaid.arrays import Array, median
-from eaid.estimate.copies import Copies
 from eaid.estimate.forms import LEAST_TAU_S, Limits, Model, Rows
-from eaid.estimate.from_steps import ALIKE
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.estimate.solver import (
     CONVERGED,
@@ -34,11 +32,13 @@ from eaid.estimate.solver import (
     with_second_derivatives,
 )
 from eaid.estimate.starts import MOST, SHARES, time_constants
+from eaid.levels.from_steps import ALIKE
 from eaid.plant.derivatives import derivatives, swinging
 from eaid.plant.drive import IDLE, Drive, Tables, delayed
 from eaid.plant.dynamics import TAU_FLOOR_S, Plant
 from eaid.plant.forms import Form, LegendreForm
 from eaid.plant.sums import linear_sums
+from eaid.recorded.copies import Copies
 from eaid.results.common import Solver
 
 # What a model can have besides its coefficients, with the values that do nothing

@@ -13,7 +13,12 @@ from eaid.arrays import Array
 from eaid.errors import UsageError
 from eaid.estimate.data import quality
 from eaid.estimate.solver import Problem, approach, polish
-from eaid.estimate.step_curves import (
+from eaid.findings import Finding, finding
+from eaid.options import FitOptions
+from eaid.plant.dynamics import SHARE
+from eaid.plant.steps import peak_of, step_response
+from eaid.results.models import StepShape
+from eaid.shapes.curves import (
     APART,
     MOST,
     SHAPES,
@@ -26,11 +31,6 @@ from eaid.estimate.step_curves import (
     starts_of,
     step_of,
 )
-from eaid.findings import Finding, finding
-from eaid.options import FitOptions
-from eaid.plant.dynamics import SHARE
-from eaid.plant.steps import peak_of, step_response
-from eaid.results.models import StepShape
 from eaid.steps.noise import block_means, block_noise
 from eaid.steps.stepset import LevelStep
 

@@ -7,11 +7,11 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 
-from eaid.estimate.step_intervals import WIDEST, Tail, mean_before, with_interval
-from eaid.estimate.step_shapes import fit_step
 from eaid.options import FitOptions
 from eaid.plant.steps import decay, rise
 from eaid.results.models import FrictionLevel, LevelIntervals, StepShape
+from eaid.shapes.intervals import WIDEST, Tail, mean_before, with_interval
+from eaid.shapes.shape import fit_step
 from eaid.steps.stepset import StepSet
 
 LEAST_TAIL = 1e-6  # Part of a step's change below which what it has left is nothing

@@ -13,18 +13,18 @@ import numpy as np
 from scipy.special import fdtri
 
 from eaid.arrays import Array
-from eaid.estimate.adequacy import decays
-from eaid.estimate.bootstrap import drawn_ends, spread_of
-from eaid.estimate.certainty import BEYOND_CHANCE, Estimate
 from eaid.estimate.coefficients import turned, with_intervals
 from eaid.estimate.data import Data, Errors, each_level, errors, hold_out, missed
-from eaid.estimate.friction import HELD_BY, LevelValues, level_findings, quoted, tau2_open, wider
-from eaid.estimate.from_steps import Solution, textbook_covariance
 from eaid.estimate.points import residuals
 from eaid.estimate.scatter import CURVES, held_parameters
 from eaid.estimate.spread import Influence, corrected, gains_of, t_quantile
-from eaid.estimate.unseen import falls_too_far, levels_left_out
 from eaid.findings import Finding, Value, finding
+from eaid.levels.adequacy import decays
+from eaid.levels.bootstrap import drawn_ends, spread_of
+from eaid.levels.certainty import BEYOND_CHANCE, Estimate
+from eaid.levels.friction import HELD_BY, LevelValues, level_findings, quoted, tau2_open, wider
+from eaid.levels.from_steps import Solution, textbook_covariance
+from eaid.levels.unseen import falls_too_far, levels_left_out
 from eaid.options import FitOptions
 from eaid.plant.dynamics import Plant, Step
 from eaid.plant.respond import from_rest

@@ -19,12 +19,12 @@ import numpy as np
 from eaid.arrays import Array, median
 from eaid.errors import UsageError
 from eaid.estimate.spread import t_quantile
-from eaid.estimate.step_curves import AveragedRecord, averaged, curve, delays_tried, starts_of
-from eaid.estimate.step_shapes import fit_step
 from eaid.findings import Finding, finding
 from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE
 from eaid.plant.steps import decay
+from eaid.shapes.curves import AveragedRecord, averaged, curve, delays_tried, starts_of
+from eaid.shapes.shape import fit_step
 from eaid.steps.step import moving_means, usual_step
 from eaid.steps.stepset import Level, LevelStep, StepSet
 

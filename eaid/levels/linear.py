@@ -14,12 +14,12 @@ from eaid.estimate import data as metrics
 from eaid.estimate.data import Data, missed
 from eaid.estimate.forms import Model
 from eaid.estimate.forms import linear as line
-from eaid.estimate.from_steps import UNSEEN, Solution, StepProblem, fit_linear, textbook_covariance
-from eaid.estimate.huber import huber_findings, minimise
 from eaid.estimate.points import log_crossed
 from eaid.estimate.scatter import Scatter
 from eaid.estimate.spread import Influence, LevelScatter, interval_of, log_interval_of
 from eaid.findings import Finding, finding
+from eaid.levels.from_steps import UNSEEN, Solution, StepProblem, fit_linear, textbook_covariance
+from eaid.levels.huber import huber_findings, minimise
 from eaid.options import FitOptions
 from eaid.plant import linear
 from eaid.plant.linear import Linear as LinearModel

@@ -15,21 +15,19 @@ from threadpoolctl import threadpool_limits
 from eaid.arrays import Array, median
 from eaid.declared import forms
 from eaid.errors import DataError, UsageError
-from eaid.estimate.adequacy import adequacy, share_of
-from eaid.estimate.bootstrap import bootstrap, drawn_ends
-from eaid.estimate.certainty import Estimate, OwnLevels, levels_first, own_levels
 from eaid.estimate.data import Data, data_of, explains_little
-from eaid.estimate.friction import friction_part, quoted, white_ends
-from eaid.estimate.from_steps import Solution, fit_nonlinear, refit_nonlinear
-from eaid.estimate.huber import huber_findings, minimise
-from eaid.estimate.linear import linear_part
-from eaid.estimate.nonlinear import nonlinear_part
 from eaid.estimate.points import residuals
-from eaid.estimate.release import release_fit
 from eaid.estimate.scatter import CURVES, Scatter, common_shifts, noise_of
-from eaid.estimate.single_steps import between_rows, of_another_shape, single_steps
-from eaid.estimate.step_delay import behind, dead_time_of
 from eaid.findings import Finding, finding, merged, ranked
+from eaid.levels.adequacy import adequacy, share_of
+from eaid.levels.bootstrap import bootstrap, drawn_ends
+from eaid.levels.certainty import Estimate, OwnLevels, levels_first, own_levels
+from eaid.levels.friction import friction_part, quoted, white_ends
+from eaid.levels.from_steps import Solution, fit_nonlinear, refit_nonlinear
+from eaid.levels.huber import huber_findings, minimise
+from eaid.levels.linear import linear_part
+from eaid.levels.nonlinear import nonlinear_part
+from eaid.levels.release import release_fit
 from eaid.options import MODELS, FitGiven, FitOptions
 from eaid.plant.dynamics import SHARE
 from eaid.results.common import Input, Source
@@ -37,6 +35,8 @@ from eaid.results.fit import Fit
 from eaid.results.models import FittedData, Friction, LackOfFit, Uncertainty
 from eaid.results.plant import FittedPlant, with_overshoot, with_release
 from eaid.results.verdict import judged
+from eaid.shapes.delay import behind, dead_time_of
+from eaid.shapes.each_step import between_rows, of_another_shape, single_steps
 from eaid.steps.stepset import Level, StepSet
 
 MOST = 1e60  # Largest size of a number that a result may hold; its cube is still a number

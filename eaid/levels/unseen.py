@@ -9,9 +9,9 @@ left out: that would be about extrapolation.
 import numpy as np
 
 from eaid.arrays import median
-from eaid.estimate.certainty import Estimate
 from eaid.estimate.data import quality
 from eaid.findings import Finding, finding
+from eaid.levels.certainty import Estimate
 from eaid.plant.respond import from_rest
 from eaid.results.models import LevelsLeftOut
 

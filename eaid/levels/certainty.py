@@ -18,7 +18,6 @@ from scipy.special import fdtri
 from eaid.arrays import Array
 from eaid.estimate.data import Data
 from eaid.estimate.forms import Model, nonlinear
-from eaid.estimate.from_steps import Solution, fit_levels_first
 from eaid.estimate.mixed import Line, Values, restricted
 from eaid.estimate.points import Normal, level_normal, log_crossed
 from eaid.estimate.scatter import (
@@ -31,7 +30,6 @@ from eaid.estimate.scatter import (
     run_residuals,
     window_sums,
 )
-from eaid.estimate.slow_part import SlowPart, slow_part
 from eaid.estimate.solver import Problem, judged, newton_step
 from eaid.estimate.spread import (
     Influence,
@@ -43,6 +41,8 @@ from eaid.estimate.spread import (
     satterthwaite,
     t_quantile,
 )
+from eaid.levels.from_steps import Solution, fit_levels_first
+from eaid.levels.slow_part import SlowPart, slow_part
 from eaid.plant.dynamics import Plant, Step
 from eaid.plant.steps import step_slopes
 from eaid.results.common import Interval, Solver

@@ -13,10 +13,10 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.estimate.data import Data, data_of
 from eaid.estimate.forms import nonlinear
-from eaid.estimate.from_steps import Solution, StepProblem, minimised
 from eaid.estimate.solver import bring_in
 from eaid.estimate.starts import form_starts
 from eaid.findings import Finding, finding
+from eaid.levels.from_steps import Solution, StepProblem, minimised
 from eaid.plant.dynamics import SHARE, Step
 from eaid.plant.steps import rise, step_response
 from eaid.results.models import Release

@@ -7,13 +7,13 @@ import numpy as np
 from scipy.special import fdtri
 
 from eaid.arrays import Array, median
-from eaid.estimate.certainty import Estimate, OwnLevels, own_levels
 from eaid.estimate.data import Data
 from eaid.estimate.forms import Model, friction
-from eaid.estimate.from_steps import fit_levels_first
 from eaid.estimate.scatter import CURVES, Scatter
 from eaid.estimate.spread import t_quantile
 from eaid.findings import Finding, finding
+from eaid.levels.certainty import Estimate, OwnLevels, own_levels
+from eaid.levels.from_steps import fit_levels_first
 from eaid.results.models import LackOfFit, ShareEstimate
 from eaid.steps.noise import line
 from eaid.steps.step import hold_of, moving_means

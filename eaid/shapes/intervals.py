@@ -11,13 +11,13 @@ import numpy as np
 from eaid.arrays import Array, inverse
 from eaid.estimate.scatter import bartlett_variance
 from eaid.estimate.spread import t_quantile
-from eaid.estimate.step_curves import slopes
-from eaid.estimate.step_shapes import independent
 from eaid.findings import finding
 from eaid.options import FitOptions
 from eaid.plant.steps import decay, rise
 from eaid.results.common import Interval
 from eaid.results.models import StepIntervals, StepShape
+from eaid.shapes.curves import slopes
+from eaid.shapes.shape import independent
 from eaid.steps.stepset import LevelStep
 
 # What the steps before a step have left to go, Σ a e^(−t/τ): a, τ, and the half-width of the 95 % interval of a

@@ -11,13 +11,13 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.estimate import data as metrics
-from eaid.estimate.certainty import SAYS_NOTHING, OwnLevels
 from eaid.estimate.data import Data
 from eaid.estimate.points import residuals
 from eaid.estimate.scatter import CURVES, MEETING, Mask, Scatter
 from eaid.estimate.spread import Influence, t_quantile, textbook
 from eaid.estimate.trends import fitted_trends
 from eaid.findings import Finding, finding
+from eaid.levels.certainty import SAYS_NOTHING, OwnLevels
 from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE, TAU_FLOOR_S, Step
 from eaid.plant.steps import step_response
