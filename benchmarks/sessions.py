@@ -4,7 +4,7 @@ Sets of S sessions at five levels: ln T_s goes as ln level and its square, each 
 its own at each level, each level three runs. A further session is drawn alike, and shows nothing of itself, one run at
 the level that the rig calls worth most, or two runs at the outermost levels; its T_s at the other levels is held
 against `rig.next`. Printed as Markdown: coverage [%] (of the least covered level) and the median factor of the
-interval. Where statsmodels is installed, its MixedLM finds the variances of plain values in a second way.
+interval.
 """
 
 import sys
@@ -65,24 +65,6 @@ def covered(count: int, sets: int, terms: int | None = None) -> dict[str, tuple[
     return results
 
 
-def second_way() -> str:
-    """Variances of a balanced set by statsmodels' MixedLM (gain and run), beside ours; nothing where it is missing."""
-    try:
-        from statsmodels.regression.mixed_linear_model import MixedLM
-    except ImportError:
-        return "statsmodels is not installed: no second way"
-    from eaid.estimate.mixed import Values, restricted
-
-    random = np.random.default_rng(0)
-    group = np.repeat(np.arange(8), 5)
-    y = 1.0 + 0.3 * random.standard_normal(8)[group] + 0.1 * random.standard_normal(40)
-    theirs = MixedLM(y, np.ones((40, 1)), group).fit(reml=True)
-    same = (group[:, None] == group).astype(float)
-    ours = restricted(Values(y, np.ones((40, 1)), np.zeros((40, 40)), (same, np.eye(40)))).v
-    gain = float(np.asarray(theirs.cov_re)[0, 0])
-    return f"MixedLM: gain {gain:.6f}, run {theirs.scale:.6f}; ours {ours[0]:.6f}, {ours[1]:.6f}"
-
-
 def main(sets: int = 500) -> None:
     print("| line | sessions | " + " | ".join(f"{name}: holds (least level); ×/÷" for name in KNOWN) + " |")
     print("|---|---|" + "---|" * len(KNOWN))
@@ -91,7 +73,6 @@ def main(sets: int = 500) -> None:
             rows = covered(count, sets, terms)
             cells = [f"{mean:.1f} ({least:.1f}); {factor:.2f}" for mean, least, factor in rows.values()]
             print(f"| {said} | {count} | " + " | ".join(cells) + " |", flush=True)
-    print(second_way())
 
 
 if __name__ == "__main__":

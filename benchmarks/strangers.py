@@ -214,7 +214,7 @@ def coulomb() -> Made:
             after = w + dt / 0.02 * (drive - (np.sign(w) * 0.6 if abs(w) > 1e-3 else np.clip(drive, -0.6, 0.6)))
             w = 0.0 if w * after < 0 and abs(u[k]) <= 0.6 else after
     said = frame("time_s,motor_V,speed_rad_s", t, u, y + noise(t.size, 0.2))
-    return Made({"log.csv": said}, truth(lag(0.2, 10), 3, 2.4, 0, 1), "curve|dead zone|friction|level")
+    return Made({"log.csv": said}, truth(lag(0.2, 10), 3, 2.4, 0, 1), "curve|dead zone|friction|follows the input")
 
 
 def dropping(t: Array, y: Array) -> Array:

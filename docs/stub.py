@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 '''
 FROM = {
     "eaid.apparatus": ["Apparatus"],
-    "eaid.api": ["Column", "File", "Paths", "Result", "Tables"],
+    "eaid.api.given": ["Column", "File", "Paths", "Result", "Tables"],
     "eaid.export.export": ["ExportFolder"],
     "eaid.options": ["Limits"],
     "eaid.progress": ["Progress"],
@@ -38,8 +38,9 @@ FROM = {
 
 def stub() -> str:
     """The whole file, as ruff formats it."""
-    tree = ast.parse((ROOT / "eaid" / "api.py").read_text(encoding="utf-8"))
-    functions = [one for one in tree.body if isinstance(one, ast.FunctionDef) and one.name in eaid.__all__]
+    trees = [ast.parse(file.read_text(encoding="utf-8")) for file in sorted((ROOT / "eaid" / "api").glob("*.py"))]
+    each = [one for tree in trees for one in tree.body if isinstance(one, ast.FunctionDef)]
+    functions = [one for one in each if one.name in eaid.__all__]
     types: dict[str, list[str]] = {}
     for name in set(eaid.__all__) - {one.name for one in functions} - {"__version__"}:
         types.setdefault(getattr(eaid, name).__module__, []).append(f"{name} as {name}")

@@ -25,7 +25,8 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     """The public names, whose libraries are loaded when one is first asked for: `eaid --help` needs none."""
     if name in __all__:
-        for module in map(import_module, ("eaid.errors", "eaid.options", "eaid.api")):  # the quick ones first
+        for place in ("errors", "options", "api", "api.given", "api.models"):  # the quick ones first
+            module = import_module(f"eaid.{place}")
             if hasattr(module, name):
                 return getattr(module, name)
     raise AttributeError(f"module 'eaid' has no attribute {name!r}")

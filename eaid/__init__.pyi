@@ -7,11 +7,11 @@ from typing import Any, Literal
 
 import pandas
 from numpy.typing import ArrayLike
-from eaid.api import Column
-from eaid.api import File
-from eaid.api import Paths
-from eaid.api import Result
-from eaid.api import Tables
+from eaid.api.given import Column
+from eaid.api.given import File
+from eaid.api.given import Paths
+from eaid.api.given import Result
+from eaid.api.given import Tables
 from eaid.apparatus import Apparatus
 from eaid.errors import DataError as DataError
 from eaid.errors import EaidError as EaidError
@@ -42,6 +42,94 @@ from eaid.sessions.compare import Comparison
 from eaid.sessions.rig import Rig
 from eaid.steps.stepset import StepSet as StepSet
 from eaid.version import __version__ as __version__
+
+def tune_rc(
+    fit: Fit | File,
+    options: TuneOptions | None = None,
+    *,
+    reference: File | ArrayLike | pandas.Series[float] | None = None,
+    kp: float | None = None,
+    kd: float | None = None,
+    natural_frequency: float | None = None,
+    damping: float | None = None,
+    b_hat: Literal["pooled", "minimax"] | float | None = None,
+    q_max: float | None = None,
+    phi: Literal["data"] | float | None = None,
+    pi_gains: Sequence[float] | str | None = None,
+    pi_overshoot: float | None = None,
+    pi_settling: float | None = None,
+    duty_limits: Sequence[float] | str | None = None,
+    rate_hz: float | None = None,
+    pwm_hz: float | None = None,
+    epsilon: float | None = None,
+    gamma: float | None = None,
+    p_scale: float = 5.0,
+    rho: Literal["paper", "textbook"] = "paper",
+    anyway: bool = False,
+    seed: int = 0,
+) -> Gains:
+    """Gains of the robust controller, Eqs. (11) to (15), and of a PI, with one verdict on the guarantee."""
+
+def simulate(
+    fit: Fit | File,
+    gains: Gains | File | None = None,
+    scenario: str | None = None,
+    options: SimulateOptions | None = None,
+    *,
+    controller: str | OwnLaw | Sequence[str | OwnLaw] | None = None,
+    reference: File | ArrayLike | pandas.Series[float] | Callable[[float], float] | None = None,
+    log: Paths | None = None,
+    reading: ReadOptions | None = None,
+    progress: Progress = ...,
+    noise_nm: float = 0.0,
+    delay_samples: int = 0,
+    pwm_hz: float = 0.0,
+    duration: float | None = None,
+    rate_hz: float | None = None,
+    plants: int | None = None,
+    limb_damping: float | None = None,
+    seed: int = 0,
+) -> Replay:
+    """Replay controllers on the fitted plant from rest, or a log's own input."""
+
+def couple(
+    fit: Fit | File,
+    gains: Gains | File | None = None,
+    options: CoupleOptions | None = None,
+    *,
+    progress: Progress = ...,
+    loops: Sequence[str] | Literal["open-loop", "pi", "rc-no-rate", "rc"] = ("open-loop", "pi", "rc-no-rate", "rc"),
+    rate_hz: float | None = None,
+    pwm_hz: float = 0.0,
+    delay_samples: int = 0,
+    replay: bool = True,
+    torque: Sequence[float] | str = (),
+    wall: float | None = None,
+    virtual_damping: float = 0.0,
+    limb_inertia: float = 0.1,
+    limb_damping: float = 0.8,
+    encoder_counts: int | None = None,
+    idle_drag_nm: float | None = None,
+    rotor_rpm: float = 10.0,
+    limb_speed_rad_s: float = 0.41,
+) -> Coupling:
+    """How stiff a virtual wall each loop may render on a limb (Colgate and Schenkel 1997 for the sampled loop)."""
+
+def export(
+    gains: Gains | File | None,
+    output_dir: File = "export",
+    fit: Fit | File | None = None,
+    options: ExportOptions | None = None,
+    *,
+    force: bool = False,
+    target: Literal["c", "arduino", "matlab", "fmu", "yaml"] = "c",
+    law: Sequence[str] | Literal["pi", "rc", "inverse", "plant"] | None = None,
+    precision: Literal["double", "single"] = "double",
+    rate_hz: float | None = None,
+    duty_on_fault: float = 0.0,
+    anyway: bool = False,
+) -> ExportFolder:
+    """Controllers and plant as source for a rig, with test vectors and a check program."""
 
 def read(
     source: Paths | Tables,
@@ -133,77 +221,8 @@ def synth(
 ) -> StepSet:
     """Synthetic logs of the reference plant, or of a fitted rig in its own units."""
 
-def tune_rc(
-    fit: Fit | File,
-    options: TuneOptions | None = None,
-    *,
-    reference: File | ArrayLike | pandas.Series[float] | None = None,
-    kp: float | None = None,
-    kd: float | None = None,
-    natural_frequency: float | None = None,
-    damping: float | None = None,
-    b_hat: Literal["pooled", "minimax"] | float | None = None,
-    q_max: float | None = None,
-    phi: Literal["data"] | float | None = None,
-    pi_gains: Sequence[float] | str | None = None,
-    pi_overshoot: float | None = None,
-    pi_settling: float | None = None,
-    duty_limits: Sequence[float] | str | None = None,
-    rate_hz: float | None = None,
-    pwm_hz: float | None = None,
-    epsilon: float | None = None,
-    gamma: float | None = None,
-    p_scale: float = 5.0,
-    rho: Literal["paper", "textbook"] = "paper",
-    anyway: bool = False,
-    seed: int = 0,
-) -> Gains:
-    """Gains of the robust controller, Eqs. (11) to (15), and of a PI, with one verdict on the guarantee."""
-
-def simulate(
-    fit: Fit | File,
-    gains: Gains | File | None = None,
-    scenario: str | None = None,
-    options: SimulateOptions | None = None,
-    *,
-    controller: str | OwnLaw | Sequence[str | OwnLaw] | None = None,
-    reference: File | ArrayLike | pandas.Series[float] | Callable[[float], float] | None = None,
-    log: Paths | None = None,
-    reading: ReadOptions | None = None,
-    progress: Progress = ...,
-    noise_nm: float = 0.0,
-    delay_samples: int = 0,
-    pwm_hz: float = 0.0,
-    duration: float | None = None,
-    rate_hz: float | None = None,
-    plants: int | None = None,
-    limb_damping: float | None = None,
-    seed: int = 0,
-) -> Replay:
-    """Replay controllers on the fitted plant from rest, or a log's own input."""
-
-def couple(
-    fit: Fit | File,
-    gains: Gains | File | None = None,
-    options: CoupleOptions | None = None,
-    *,
-    progress: Progress = ...,
-    loops: Sequence[str] | Literal["open-loop", "pi", "rc-no-rate", "rc"] = ("open-loop", "pi", "rc-no-rate", "rc"),
-    rate_hz: float | None = None,
-    pwm_hz: float = 0.0,
-    delay_samples: int = 0,
-    replay: bool = True,
-    torque: Sequence[float] | str = (),
-    wall: float | None = None,
-    virtual_damping: float = 0.0,
-    limb_inertia: float = 0.1,
-    limb_damping: float = 0.8,
-    encoder_counts: int | None = None,
-    idle_drag_nm: float | None = None,
-    rotor_rpm: float = 10.0,
-    limb_speed_rad_s: float = 0.41,
-) -> Coupling:
-    """How stiff a virtual wall each loop may render on a limb (Colgate and Schenkel 1997 for the sampled loop)."""
+def load(path: File) -> Result | Rig | Comparison:
+    """A result of any kind from its file, by what the file says of itself."""
 
 def report(
     *results: Result | File | Sequence[Result | File],
@@ -216,24 +235,8 @@ def report(
 ) -> Path:
     """Write one self-contained page, and the figures, of any results."""
 
-def export(
-    gains: Gains | File | None,
-    output_dir: File = "export",
-    fit: Fit | File | None = None,
-    options: ExportOptions | None = None,
-    *,
-    force: bool = False,
-    target: Literal["c", "arduino", "matlab", "fmu", "yaml"] = "c",
-    law: Sequence[str] | Literal["pi", "rc", "inverse", "plant"] | None = None,
-    precision: Literal["double", "single"] = "double",
-    rate_hz: float | None = None,
-    duty_on_fault: float = 0.0,
-    anyway: bool = False,
-) -> ExportFolder:
-    """Controllers and plant as source for a rig, with test vectors and a check program."""
-
-def load(path: File) -> Result | Rig | Comparison:
-    """A result of any kind from its file, by what the file says of itself."""
+def plot(result: Fit | Gains | Replay | Rig | Comparison, ax: Any = None) -> Any:
+    """A result on matplotlib Axes: the step responses of a fit, margins of gains over the input, traces of a replay,"""
 
 def sessions(
     data: pandas.DataFrame | Mapping[str, Fit] | Sequence[Fit] | Paths,
@@ -265,6 +268,3 @@ def compare(
     seed: int = 0,
 ) -> Comparison:
     """What moved between sessions; or whether a recorded loop does what its fit and gains promise."""
-
-def plot(result: Fit | Gains | Replay | Rig | Comparison, ax: Any = None) -> Any:
-    """A result on matplotlib Axes: the step responses of a fit, margins of gains over the input, traces of a replay,"""

@@ -311,7 +311,10 @@ class SessionsOptions(Options):
     """How sessions are held together."""
 
     reference_level: float | None = option(
-        None, "Level that tilt is counted from; by itself a middle one.", SESSIONS, **POSITIVE
+        None,
+        "Level that tilt is counted from; by itself a middle one, of eight sessions and more the likeliest.",
+        SESSIONS,
+        **POSITIVE,
     )
     terms: int | None = option(
         None, "Of the common line in ln level: 1, 2 or 3; by itself one a level where all sessions have the same "

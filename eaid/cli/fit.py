@@ -57,7 +57,8 @@ def command(args: Arguments) -> int:
     result = msgspec.structs.replace(result, command=args.typed)
     result.save(args.output, args.force)
     usable = result.verdict.usable
-    warnings = ("warned " if usable else "stop   ") + (", ".join(warned(result)) or "none")
+    said = ", ".join(warned(result))
+    warnings = f"usable yes, {'warned: ' + said if said else 'no warnings'}" if usable else f"stop   {said}"
     after = shlex.join(("eaid", "tune-rc" if result.linear is not None and usable else "report", str(args.output)))
     lines = *verdict_line(result), *answer(result), warnings, f"next   {after}"
     shown = [*map(on_command_line, lines), *(model_tables(result) if args.verbose else ())]

@@ -8,7 +8,6 @@ from eaid.cli.form import OUTPUT, Common, argument, takes, tell_result, written
 from eaid.declared import option, part
 from eaid.files import refuse_to_overwrite
 from eaid.options import ReadOptions
-from eaid.shown import counted
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +29,7 @@ def command(args: Arguments) -> None:
 
     Example: eaid ingest bench/ --columns input=Volts --units output=mNm -o data.h5
     """
-    from eaid.cli.printed import ingested, steps_shown
+    from eaid.cli.printed import counts, ingested, steps_shown
     from eaid.logs.dataset import write_dataset
     from eaid.logs.manifest import files_read
     from eaid.reading import read_steps
@@ -46,5 +45,4 @@ def command(args: Arguments) -> None:
         console.say(f"{at}: written; eaid ingest {at.parent} needs no options now")
     write_dataset(args.output, runs, kind=stepset.kind, apparatus=stepset.apparatus, force=args.force)  # type: ignore[arg-type]
     tell_result(args, ingested(stepset), steps_shown(stepset), (), "ingest")
-    summary = f"{counted(len(runs), 'run')}, {counted(len(stepset.levels), 'level')}"
-    console.done(args.output, summary, ("fit", args.output))
+    console.done(args.output, counts(stepset), ("fit", args.output))

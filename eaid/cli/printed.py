@@ -7,7 +7,7 @@ from eaid.errors import on_command_line
 from eaid.findings import say
 from eaid.findings.finding import WORD
 from eaid.report.tables import Name, Table, table_of
-from eaid.report.tables.data import between_levels, levels_recorded, slips_table
+from eaid.report.tables.data import between_levels, distinct, levels_recorded, slips_table
 from eaid.results.plan import Excitation, Plan
 from eaid.shown import counted
 from eaid.steps.stepset import Level, StepSet
@@ -20,8 +20,7 @@ def steps_shown(data: StepSet) -> Iterator[str | Table]:
     made = f", synthetic: {data.synthetic}" if data.synthetic else ""
     rates = sorted(run.rate_hz for run in data.runs) or [0.0]
     rate = " to ".join(dict.fromkeys(f"{one:.5g}" for one in (rates[0], rates[-1])))
-    what = f"{counted(len(data.levels), 'level')}, {counted(len(data.runs), 'run')}"
-    yield f"{data.kind}: {what}, {rate} Hz{made}"
+    yield f"{data.kind}: {counts(data)}, {rate} Hz{made}"
     between = [step for step in data.level_steps if step.from_level != 0.0 and step.level != 0.0]
     yield levels_recorded(data)
     yield between_levels(between[:MOST], data)
@@ -33,6 +32,11 @@ def steps_shown(data: StepSet) -> Iterator[str | Table]:
         ("", lambda one: WORD[one.severity]), ("run", lambda one: Name(one.subject)),
         ("what", lambda one: Name(on_command_line(say(one)))),
     )  # fmt: skip
+
+
+def counts(data: StepSet) -> str:
+    """How many levels and runs, a rise and its release as one."""
+    return f"{counted(len(data.levels), 'level')}, {counted(len(distinct(data.runs)), 'run')}"
 
 
 def ingested(data: StepSet) -> dict[str, Any]:

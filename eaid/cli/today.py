@@ -9,6 +9,7 @@ from eaid.declared import part
 from eaid.errors import on_command_line
 from eaid.files import refuse_to_overwrite
 from eaid.options import ReadOptions
+from eaid.shown import counted
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,9 +45,12 @@ def command(args: Arguments) -> None:
     fit = msgspec.structs.replace(today(rig, steps), command=args.typed)
     fit.save(args.output, args.force)
     one = next(found for found in fit.findings if found.code == "for-today")
-    sure = f"today   T_s within ×/÷ {one.values['factor']:.2f}, with nothing known ×/÷ {one.values['without']:.2f}"
+    sure = (
+        f"today   T_s within ×/÷ {one.values['factor']:.2f} at the worst level, with nothing known ×/÷ "
+        f"{one.values['without']:.2f}"
+    )
     after = f"next    eaid {'tune-rc' if fit.linear is not None else 'report'} {args.output}"
     values = [line for line in answer(fit)[1:] if not line.startswith("used")]
     shown = [sure, *map(on_command_line, values), after]
     tell_result(args, fit, shown, [*warnings, *(found for found in fit.findings if found is not one)])
-    console.say(f"{args.output}: of {len(rig.sessions)} sessions and {one.values['steps']} reference step(s)")
+    console.say(f"{args.output}: a fit for today, by {counted(len(rig.sessions), 'session')} and its steps")

@@ -33,7 +33,7 @@ from eaid.control.pi import PIGains, pi_gains
 from eaid.errors import DataError, GainsError, UsageError
 from eaid.options import TuneOptions
 from eaid.plant.dynamics import Plant
-from eaid.plant.linear import PAPER_LINEAR, Linear
+from eaid.plant.linear import PAPER_LINEAR, LinearPlant
 from eaid.results.fit import Fit
 from eaid.results.gains import AskedPI, Timing
 
@@ -151,7 +151,7 @@ def design_options(
 
 
 def quickest(
-    model: Linear, points: Sequence[Point], timing: Timing, pace: float,
+    model: LinearPlant, points: Sequence[Point], timing: Timing, pace: float,
     law: Callable[[float, float], Law] = PIGains, wrong: tuple[float, ...] = (1.0,),
 ) -> AskedPI | None:  # fmt: skip
     """The quickest PI that has, as a law takes it, 6 dB and 45° around every operating point, the dead time times each
@@ -169,7 +169,7 @@ def quickest(
     return None
 
 
-def quickest_pi(model: Linear, points: Sequence[Point], timing: Timing, pace: float, unit: str) -> AskedPI:
+def quickest_pi(model: LinearPlant, points: Sequence[Point], timing: Timing, pace: float, unit: str) -> AskedPI:
     """The quickest PI; GainsError where there is none."""
     if (found := quickest(model, points, timing, pace)) is not None:
         return found
@@ -182,7 +182,7 @@ def quickest_pi(model: Linear, points: Sequence[Point], timing: Timing, pace: fl
     )
 
 
-def beyond_rc(model: Linear, timing: Timing, options: TuneOptions) -> str | None:
+def beyond_rc(model: LinearPlant, timing: Timing, options: TuneOptions) -> str | None:
     """Why there is no robust controller; None where there is one, or where its layer or poles are given."""
     given = (options.kp, options.kd, options.natural_frequency, options.epsilon, options.gamma)
     if timing.delay_s * model.a0 <= LONG or any(one is not None for one in given):
@@ -194,7 +194,7 @@ def beyond_rc(model: Linear, timing: Timing, options: TuneOptions) -> str | None
 
 
 def workable_rc(
-    model: Linear, design: Design, scales: Scales, bounds: Bounds, points: Sequence[Point], pi: PIGains
+    model: LinearPlant, design: Design, scales: Scales, bounds: Bounds, points: Sequence[Point], pi: PIGains
 ) -> Design:
     """The design with a boundary layer, and if need be K_P and K_D, that the loop can have; as it is where none is."""
     options, timing = design.options, design.timing
@@ -215,7 +215,7 @@ def workable_rc(
     return design
 
 
-def pi_of(model: Linear, settled: Design) -> PIGains:
+def pi_of(model: LinearPlant, settled: Design) -> PIGains:
     """The PI that was asked for or settled on; GainsError where it is out of reach."""
     given = settled.options.pi_gains
     if given is None:

@@ -12,7 +12,7 @@ from eaid.control.rc import RCGains
 from eaid.errors import DataError, GainsError, UsageError
 from eaid.findings import sentences
 from eaid.plant.dynamics import Plant
-from eaid.plant.linear import Linear
+from eaid.plant.linear import LinearPlant
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.results.models import LinearLevel
@@ -31,14 +31,14 @@ class Bounds:
     rows: tuple[LinearLevel, ...]  # The levels kept; empty where the fit holds none
 
 
-def model_of(fit: Fit) -> Linear:
+def model_of(fit: Fit) -> LinearPlant:
     """The pooled linear model; DataError where it is missing, GainsError where it is not physical."""
     if fit.linear is None:
         raise DataError("the fit holds no linear model; fit clutch data with «model» linear (or all models)")
     return physical(fit.linear.parameters)
 
 
-def physical(linear: Linear) -> Linear:
+def physical(linear: LinearPlant) -> LinearPlant:
     """The model itself; GainsError where it is none of a rig."""
     a0, b0, c0 = linear.a0, linear.b0, linear.c0
     if not a0 > 0:

@@ -31,7 +31,7 @@ from eaid.arrays import Array
 from eaid.control.kinds import rc_law
 from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, Point, margins
 from eaid.findings import Finding, finding
-from eaid.plant.linear import Linear
+from eaid.plant.linear import LinearPlant
 from eaid.plant.operating import lag
 from eaid.results.gains import Condition, Guarantee, Mending, Robust, Timing
 
@@ -42,7 +42,7 @@ SHARP = 5.0  # γε below which the printed switch, Eq. (14), visibly jumps at z
 class Known(NamedTuple):
     """What is known of rig and reference."""
 
-    model: Linear
+    model: LinearPlant
     limits: tuple[float, float]  # Of the actuator [% duty]
     timing: Timing
     units: tuple[str, str]  # Of input and output

@@ -16,7 +16,7 @@ from eaid.control.pi_feedforward import PIFeedforwardGains, pi_feedforward_step
 from eaid.control.rc import RCGains, rc_step
 from eaid.control.smith import SmithGains, smith_step
 from eaid.errors import GainsError
-from eaid.plant.linear import Linear
+from eaid.plant.linear import LinearPlant
 from eaid.results.gains import PI, Robust
 
 Law = RCGains | PIGains | PIFeedforwardGains | SmithGains
@@ -25,7 +25,7 @@ Limits = tuple[float, float]
 Step = Callable[[Any, Any, float, float, float, float], tuple[Any, float]]
 
 
-def rc_law(model: Linear, rc: Robust, limits_pct: Limits) -> RCGains:
+def rc_law(model: LinearPlant, rc: Robust, limits_pct: Limits) -> RCGains:
     """The robust controller on a model as its step takes it."""
     Q12, Q22 = rc.Q[1]
     return RCGains(
@@ -39,7 +39,7 @@ def from_rest(_gains: Any, _dt: float) -> Any:
     return 0.0
 
 
-def pi_law(_model: Linear, pi: PI, limits_pct: Limits) -> PIGains:
+def pi_law(_model: LinearPlant, pi: PI, limits_pct: Limits) -> PIGains:
     """The PI as its step takes it."""
     return PIGains(pi.K_P, pi.K_I, *limits_pct)
 
@@ -52,7 +52,7 @@ class LawKind:
     title: str  # As readers have it
     gains: type  # What its step takes, floats only, the limits of the duty last
     step: Step
-    law: Callable[[Linear, Any, Limits], Law]  # Model, what a file holds of it, limits → what its step takes
+    law: Callable[[LinearPlant, Any, Limits], Law]  # Model, what a file holds of it, limits → what its step takes
     shown: Mapping[str, str] = field(default_factory=dict)  # Its numbers in a table, and how they are written
     positive: tuple[str, ...] = ()  # Those that no loop runs without
     # Its gains once the robust controller has its own; GainsError: why it has none, None: it is of no use. Without a

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.plant.linear import Linear
+from eaid.plant.linear import LinearPlant
 from eaid.plant.operating import Complex
 from eaid.results.gains import AskedPI, Robust, Timing
 
@@ -33,7 +33,7 @@ class Law(NamedTuple):
 class Wanted(NamedTuple):
     """What a controller of the table is designed for, once the robust controller and the PI have their gains."""
 
-    model: Linear
+    model: LinearPlant
     rc: Robust | None  # None: refused
     timing: Timing
     limits: tuple[float, float]

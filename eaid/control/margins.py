@@ -30,7 +30,7 @@ from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
 from eaid.plant import linear
 from eaid.plant.dynamics import Plant
-from eaid.plant.linear import Linear
+from eaid.plant.linear import LinearPlant
 from eaid.plant.operating import Complex, Operating, around, lag
 from eaid.results.gains import Margin, Timing
 from eaid.results.models import LinearLevel, StepShape
@@ -54,7 +54,7 @@ POINTS = 10  # Operating points of the margins where the fit names no levels
 
 def operating_points(
     plant: Plant | None,
-    model: Linear,
+    model: LinearPlant,
     rows: Sequence[LinearLevel],
     levels: Sequence[float],
     limits: tuple[float, float],

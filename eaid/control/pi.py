@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from eaid.errors import GainsError
-from eaid.plant.linear import Linear
+from eaid.plant.linear import LinearPlant
 
 
 class PIGains(NamedTuple):
@@ -104,7 +104,7 @@ class Loop(NamedTuple):
         return float(brentq(lambda t: side * self.error(t) - BAND, start, end, xtol=CLOSE * end))
 
 
-def step_metrics(model: Linear, K_P: float, K_I: float) -> tuple[float, float]:
+def step_metrics(model: LinearPlant, K_P: float, K_I: float) -> tuple[float, float]:
     """Overshoot [%] and 2 % settling time [s] of the closed loop on the linear model without c0; infinite where it does
     not settle."""
     p, q = model.a0 + model.b0 * K_P, model.b0 * K_I
@@ -133,7 +133,7 @@ def _q_of_overshoot(a0: float, p: float, overshoot: float) -> float:
     return float(brentq(above, low, high, xtol=CLOSE * high))
 
 
-def pi_gains(model: Linear, overshoot_pct: float, settling_s: float) -> tuple[float, float]:
+def pi_gains(model: LinearPlant, overshoot_pct: float, settling_s: float) -> tuple[float, float]:
     """The least PI gains (K_P, K_I) with this overshoot [%] that settle within this time [s] (2 % band).
 
     Refused (GainsError) where no non-negative K_P does it: overshoot outside 0…95 %, or a settling time longer than

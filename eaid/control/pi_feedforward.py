@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from eaid.control.law import Wanted
-from eaid.plant.linear import Linear
+from eaid.plant.linear import LinearPlant
 
 
 class PIFeedforwardGains(NamedTuple):
@@ -42,7 +42,7 @@ def pi_feedforward_step(
     return integral + dt * error, duty
 
 
-def law(model: Linear, held: Mapping[str, float], limits_pct: tuple[float, float]) -> PIFeedforwardGains:
+def law(model: LinearPlant, held: Mapping[str, float], limits_pct: tuple[float, float]) -> PIFeedforwardGains:
     """The gains of a file on a model as the step takes them."""
     return PIFeedforwardGains(held["K_P"], held["K_I"], held["B_hat"], model.a0, model.b0, model.c0, *limits_pct)
 

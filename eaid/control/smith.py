@@ -22,7 +22,7 @@ from eaid.control.law import Wanted
 from eaid.control.pi import pi_gains
 from eaid.errors import GainsError
 from eaid.plant.dynamics import in_samples
-from eaid.plant.linear import Linear
+from eaid.plant.linear import LinearPlant
 from eaid.plant.operating import Complex
 
 WRONG = (0.8, 1.0, 1.2)  # Factors on the dead time under which the loop has its margins
@@ -104,7 +104,7 @@ class Around:
         return np.asarray(pi / (1 + pi * model * (1 - np.exp(-np.log(z) * g.dead_time_s / h))))
 
 
-def law(model: Linear, held: Any, limits: tuple[float, float]) -> SmithGains:
+def law(model: LinearPlant, held: Any, limits: tuple[float, float]) -> SmithGains:
     """The gains of a file on a model as the step takes them."""
     return SmithGains(held["K_P"], held["K_I"], held["dead_time_s"], model.a0, model.b0, *limits)
 

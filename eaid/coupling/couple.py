@@ -250,6 +250,12 @@ def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Prog
     plant, unit = plant_of(fit), fit.data.output_unit
     if plant is None:
         raise DataError("the fit holds no nonlinear model, which walls are worked out on; fit clutch logs with it")
+    if unit not in parts.UNITS:
+        said = f"in {unit}" if unit else "without a unit"
+        raise DataError(f"a wall is made of a torque in N·m or a force in N, and the fit's output is {said}")
+    turns = unit == "N·m"
+    if options.encoder_counts is not None and not turns:
+        raise UsageError("«encoder_counts»: are those of a turn, and a force in N acts along a line; leave it out")
     made_for = gains.margins.timing.rate_hz if gains is not None and gains.margins is not None else None
     rate_hz = options.rate_hz or made_for or paced(control_rate(fit), plant, options)
     delay = options.delay_samples or round(fit.dead_time_s * rate_hz)
@@ -283,7 +289,7 @@ def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Prog
     x1, x2 = plant_step(flat, *plant_rest(flat, highest), 0.0, 0.5)
     left = x1 + flat.z * x2
     encoder = None if counts is None or drag is None else 2 * drag / (2 * math.pi / counts)
-    slip = options.rotor_rpm * 2 * math.pi / 60 - options.limb_speed_rad_s
+    slip = options.rotor_rpm * 2 * math.pi / 60 - options.limb_speed_rad_s if turns else None
     impedance = parts.Impedance(drag, left, encoder, slip, 2 * left)
     used = replace(options, rate_hz=rate_hz, delay_samples=delay)
     return parts.Coupling(
@@ -294,18 +300,16 @@ def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Prog
 
 def _findings(walls: list[parts.Wall], options: CoupleOptions, impedance: parts.Impedance, unit: str) -> list[Finding]:
     findings: list[Finding] = []
-    without = {wall.torque_nm: wall.K_stable for wall in walls if wall.loop == "rc-no-rate"}
+    per, without = parts.UNITS[unit][0], {wall.torque_nm: wall.K_stable for wall in walls if wall.loop == "rc-no-rate"}
     for wall in walls:
         stable, slower, limit = wall.K_stable, without.get(wall.torque_nm), impedance.encoder_K
-        at = partial(finding, torque_nm=wall.torque_nm, unit=unit, stable=stable)
+        at = partial(finding, torque_nm=wall.torque_nm, unit=unit, per=per, stable=stable)
         if options.wall is not None and stable is not None and stable < options.wall:
             findings.append(at("wall-beyond-stable", wall.loop, wanted=options.wall))
         if wall.loop == "rc" and slower is not None and stable is not None and stable > 3 * slower:
             findings.append(at("wall-by-rate", "rc", without=slower))
         if limit is not None and (stable is None or stable > limit):
-            findings.append(
-                finding("wall-beyond-encoder", wall.loop, encoder=limit, drag=impedance.idle_drag_nm, unit=unit)
-            )
+            findings.append(at("wall-beyond-encoder", wall.loop, encoder=limit, drag=impedance.idle_drag_nm))
     short = -(impedance.slip_margin_rad_s or 0.0)
     if short > 0:
         needed = options.limb_speed_rad_s * 60 / (2 * math.pi)

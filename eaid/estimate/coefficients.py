@@ -18,12 +18,12 @@ from eaid.results import models as results
 from eaid.results.common import Interval
 from eaid.results.models import CoefficientIntervals, Covariance, CurveLevel
 
-BLOCKS = ("tau1", "tau2", "Ts")  # Order of the coefficients in every covariance; C last where it was free
+CURVES_ORDER = ("tau1", "tau2", "Ts")  # Order of the coefficients in every covariance; C last where it was free
 
 
 @dataclass(frozen=True, eq=False)
 class Coefficients:
-    """Coefficients of (u/100)^k in the order of `BLOCKS`, C last where free."""
+    """Coefficients of (u/100)^k in the order of `CURVES_ORDER`, C last where free."""
 
     values: Array
     counts: tuple[int, int, int]
@@ -33,12 +33,12 @@ class Coefficients:
 
     def block(self, name: str) -> slice:
         """Where the coefficients of τ1, τ2 or T_s stand."""
-        k = BLOCKS.index(name)
+        k = CURVES_ORDER.index(name)
         return slice(sum(self.counts[:k]), sum(self.counts[: k + 1]))
 
     def plant(self) -> Plant:
         """The model in powers of the input itself."""
-        parts = [self.values[self.block(name)] / scales(n) for name, n in zip(BLOCKS, self.counts, strict=True)]
+        parts = [self.values[self.block(name)] / scales(n) for name, n in zip(CURVES_ORDER, self.counts, strict=True)]
         tau1, tau2, Ts = (tuple(part.tolist()) for part in parts)
         return Plant(tau1, tau2, Ts, self.u_range, self.share)
 
@@ -57,7 +57,7 @@ def turned(model: Model) -> Array:
     return np.array(rows).T
 
 
-def limits_of(c: Coefficients) -> tuple[Array, Array]:
+def coefficient_limits(c: Coefficients) -> tuple[Array, Array]:
     """A and b of A c ≥ b: the constraints of a fit but for how long its records are."""
     model = nonlinear(np.linspace(*c.u_range, CHECKED_INPUTS), None if c.share_free else c.share)
     limits = model.limits(np.inf)
@@ -75,7 +75,7 @@ def with_intervals(
     c, sd = coefficients_of(part.parameters, part.C_free), np.sqrt(np.maximum(np.diag(covariance), 0))
     intervals: dict[str, tuple[Interval, ...]] = {}
     order: list[str] = []
-    for name, count in zip(BLOCKS, c.counts, strict=True):
+    for name, count in zip(CURVES_ORDER, c.counts, strict=True):
         order += [f"{name}[{i}]" for i in range(count)]
         block = c.block(name)
         scale = scales(count)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.estimate.points import Points, Record, compress
+from eaid.estimate.points import LevelRecord, Points, compress
 from eaid.findings import Finding, finding
 from eaid.results.common import AbsError, HoldOut, LevelError
 from eaid.results.models import Linear, Nonlinear
@@ -21,7 +21,7 @@ class Data:
     """The mean curves of L levels. Fitting the mean is exact: Σ_r |y_r − f|² = Σ_r |y_r − ȳ|² + R |ȳ − f|²."""
 
     u: Array  # Level of each curve, in the set's input unit, shape (L,)
-    records: tuple[Record, ...]
+    records: tuple[LevelRecord, ...]
     compressed: Points | None = None  # Where that is done already
 
     @property
@@ -49,14 +49,14 @@ class Data:
 
 def data_of(levels: Sequence[Level]) -> Data:
     """The mean curves of some levels."""
-    records = tuple(Record(level.time_s, level.mean, level.uniform) for level in levels)
+    records = tuple(LevelRecord(level.time_s, level.mean, level.uniform) for level in levels)
     return Data(np.array([level.level for level in levels], dtype=np.float64), records)
 
 
-BLOCKS = 50  # Block means of a record that noise is averaged out in, before a model is said to miss the curve
-LITTLE = 0.5  # R² of the block means below which a model explains little
+MEANS_TAKEN = 50  # Block means of a record that noise is averaged out in, before a model is said to miss the curve
+LITTLE_R2 = 0.5  # R² of the block means below which a model explains little
 # Part of the output's size (rms of the block means) that the model must miss as well: a flat curve has no R²
-FAR = 0.25
+MISSED_FAR = 0.25
 
 
 @dataclass(frozen=True)
@@ -106,9 +106,9 @@ def each_level(levels: Sequence[float], outputs: Sequence[Array], residuals: Seq
 
 def explains_little(outputs: Sequence[Array], residuals: Sequence[Array]) -> bool:
     """Whether a model misses the curves themselves, whatever the noise on them."""
-    y, r = (np.concatenate([block_means(one, BLOCKS) for one in values]) for values in (outputs, residuals))
+    y, r = (np.concatenate([block_means(one, MEANS_TAKEN) for one in values]) for values in (outputs, residuals))
     missed, spread = float(r @ r), float(((y - y.mean()) ** 2).sum())
-    return missed > (1 - LITTLE) * spread and missed > FAR**2 * float(y @ y)
+    return missed > (1 - LITTLE_R2) * spread and missed > MISSED_FAR**2 * float(y @ y)
 
 
 def missed(subject: str, data: Data, residuals: Sequence[Array], model: Nonlinear | Linear) -> list[Finding]:

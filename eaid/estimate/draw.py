@@ -16,15 +16,15 @@ from scipy.special import chdtri
 
 from eaid.arrays import Array
 from eaid.errors import DataError
-from eaid.estimate.coefficients import BLOCKS, coefficients_of, limits_of
+from eaid.estimate.coefficients import CURVES_ORDER, coefficient_limits, coefficients_of
 from eaid.findings import Finding, finding
 from eaid.plant.dynamics import Plant
 from eaid.plant.forms import terms
 from eaid.results.fit import Fit
 
-TRIES = 200
-INPUTS = 11  # Inputs over the identified range at which a curve is drawn
-FARTHEST = 4.0  # Logarithm beyond which no draw goes: a factor of 55
+MOST_REFUSED = 200
+DRAWN_INPUTS = 11  # Inputs over the identified range at which a curve is drawn
+FARTHEST_DRAW = 4.0  # Logarithm beyond which no draw goes: a factor of 55
 MANY_REJECTED = 0.05  # Share of rejected draws from which the reader has to know of it
 
 
@@ -71,7 +71,7 @@ def draw(fit: Fit, n: int, seed: int) -> Drawn:
         raise DataError(
             f"nonlinear.covariance.matrix: shape {matrix.shape}, expected {count} x {count} finite numbers; fit again"
         )
-    parts = [(at_centre.block(name), name) for name in BLOCKS]
+    parts = [(at_centre.block(name), name) for name in CURVES_ORDER]
     blocks = [_Block(own, mean[own], stored.degrees_of_freedom.get(name), centre.u_range) for own, name in parts]
     # a root of the covariance, in scaled form: its condition is that of the correlations
     sd = np.sqrt(np.maximum(np.diag(matrix), 0.0))
@@ -80,7 +80,7 @@ def draw(fit: Fit, n: int, seed: int) -> Drawn:
     # a sign of its own for each vector, so that the same file gives the same plants on every machine
     vectors = vectors * np.where(vectors[np.abs(vectors).argmax(axis=0), np.arange(count)] < 0, -1.0, 1.0)
     root = unit[:, None] * vectors * np.sqrt(np.maximum(size, 0.0))
-    slack, offset = limits_of(at_centre)
+    slack, offset = coefficient_limits(at_centre)
     at_fit = slack @ mean - offset
     allowed = np.minimum(at_fit, 0.0) - 1e-12  # every constraint, as far as the fit itself keeps it
     random = np.random.default_rng(seed)
@@ -99,7 +99,7 @@ class _Block:
 
     def __init__(self, own: slice, values: Array, degrees: float | None, u_range: tuple[float, float]) -> None:
         self.own, self.values, self.degrees = own, values, degrees or np.inf
-        design = terms(np.linspace(*u_range, INPUTS), len(values), u_range)
+        design = terms(np.linspace(*u_range, DRAWN_INPUTS), len(values), u_range)
         curve = design @ values
         self.usable = bool((curve > 0).all())
         self.slopes = design / np.where(curve > 0, curve, 1.0)[:, None]
@@ -110,7 +110,7 @@ class _Block:
         if not self.usable:
             return step
         factor = np.sqrt(self.degrees / chdtri(self.degrees, at)) if np.isfinite(self.degrees) else 1.0
-        moved = np.clip(self.slopes @ step * factor, -FARTHEST, FARTHEST)
+        moved = np.clip(self.slopes @ step * factor, -FARTHEST_DRAW, FARTHEST_DRAW)
         return np.asarray(self.back @ np.exp(moved) - self.values)
 
 
@@ -119,7 +119,7 @@ def _feasible(
 ) -> tuple[Array, int]:
     """One deviation whose slack, `at_fit` at the fit, is nowhere below what is allowed; and how many were refused."""
     step = np.zeros(len(root))
-    for refused in range(TRIES):
+    for refused in range(MOST_REFUSED):
         step = root @ random.standard_normal(len(root))
         for block, at in zip(blocks, random.random(len(blocks)), strict=True):
             step[block.own] = block.with_tails(step[block.own], at)
@@ -128,4 +128,4 @@ def _feasible(
     change = slack @ step
     falling = change < 0
     reach = float(np.min((allowed[falling] - at_fit[falling]) / change[falling]))
-    return np.asarray(0.999 * max(0.0, min(1.0, reach)) * step), TRIES
+    return np.asarray(0.999 * max(0.0, min(1.0, reach)) * step), MOST_REFUSED

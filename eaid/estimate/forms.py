@@ -25,18 +25,18 @@ from eaid.plant.forms import Form, LegendreForm, PerLevel, Proportional, Sides
 RECORDS = 1e6  # τ2 is looked for up to this many record lengths: no data can tell it from endless
 # τ2 is looked for up to this many record lengths where C is free: T_s then grows with τ2, all but straight
 RECORDS_FREE = 100.0
-DEGREES = (3, 2, 2)  # Degrees of T_s, τ1, τ2
+PAPER_DEGREES = (3, 2, 2)  # Degrees of T_s, τ1, τ2
 # A τ is kept off zero by this much [s]: between the 101 duties a quadratic may dip below its floor
 LEAST_TAU_S = 0.1 * TAU_FLOOR_S
 # Of one lag, series and ringing: a lag under half a sample imitates what happens between samples, one beyond so many
 # records is none
-FASTEST, SLOWEST = 0.5, 100.0
+FASTEST_TAU, SLOWEST_TAU = 0.5, 100.0
 LEAST_ZETA, MOST_ZETA = 0.005, 30.0
 MOST_ZERO = 20.0
 MOST_C = 3.0  # Beyond, two nearly equal parts of opposite sign imitate other shapes
 
 
-class Limits(NamedTuple):
+class Constraints(NamedTuple):
     """A x ≥ b, and for each row the code of its constraint and the input at which it holds (NaN: everywhere)."""
 
     A: Array
@@ -117,7 +117,7 @@ class Model:
         np.maximum(theta[1:3], LEAST_TAU_S, out=theta[1:3])
         return theta
 
-    def limits(self, longest_s: float, shortest_s: float = 0.0) -> Limits:
+    def limits(self, longest_s: float, shortest_s: float = 0.0) -> Constraints:
         """The constraints; times are the longest record and the shortest between two samples [s]."""
         Ts, tau1, tau2, C = self.rows(self.limited)
         parts: list[tuple[str, Array, float]] = [
@@ -126,14 +126,15 @@ class Model:
         ]
         if self.kind == "swing":
             parts = [
-                ("tau-fastest", tau1[:1], FASTEST * shortest_s), ("tau-slowest", -tau1[:1], -SLOWEST * longest_s),
+                ("tau-fastest", tau1[:1], FASTEST_TAU * shortest_s),
+                ("tau-slowest", -tau1[:1], -SLOWEST_TAU * longest_s),
                 ("zeta-least", tau2[:1], LEAST_ZETA), ("zeta-most", -tau2[:1], -MOST_ZETA),
             ]  # fmt: skip
             free = [("zero-least", C[:1], -MOST_ZERO), ("zero-most", -C[:1], -MOST_ZERO)] if self.free_share else []
             return self._limits([*parts, *free])
         if self.kind == "lag":
-            slowest = -tau1[:1], -SLOWEST * longest_s
-            return self._limits([("tau-fastest", tau1[:1], FASTEST * shortest_s), ("tau-slowest", *slowest)])
+            slowest = -tau1[:1], -SLOWEST_TAU * longest_s
+            return self._limits([("tau-fastest", tau1[:1], FASTEST_TAU * shortest_s), ("tau-slowest", *slowest)])
         if self.tau2 is None:
             parts = [("a0-fastest", tau1[:1], 0.01 * shortest_s), ("a0-slowest", -tau1[:1], -1e3 * longest_s)]
         elif self.Ts is not None:
@@ -144,19 +145,19 @@ class Model:
             parts += [("C-zero", C[:1], 0.0), ("C-one", -C[:1], -1.0)]
         return self._limits(parts)
 
-    def _limits(self, parts: Sequence[tuple[str, Array, float]]) -> Limits:
+    def _limits(self, parts: Sequence[tuple[str, Array, float]]) -> Constraints:
         """Constraints by code, rows and least value."""
         A = np.concatenate([part for _, part, _ in parts])
         b = np.concatenate([np.full(len(part), least) for _, part, least in parts])
         at = [self.limited if len(part) == len(self.limited) else np.full(len(part), np.nan) for _, part, _ in parts]
         codes = tuple(code for code, part, _ in parts for _ in part)
-        return Limits(read_only(A), read_only(b), codes, np.concatenate(at))
+        return Constraints(read_only(A), read_only(b), codes, np.concatenate(at))
 
     def parameters(self, x: Array) -> Plant:
         """Polynomials in powers of the duty, lowest first, padded with zeros to the paper's degrees."""
         parts: list[tuple[float, ...]] = []
         below: tuple[float, ...] = ()
-        for form, part, degree in zip(self.forms, self.slices, DEGREES, strict=True):
+        for form, part, degree in zip(self.forms, self.slices, PAPER_DEGREES, strict=True):
             c = x[part]
             if isinstance(form, Sides):
                 below = tuple(form.down.powers(c[form.up.size :]).tolist())
@@ -228,7 +229,7 @@ def _floored(rows: Array, x: Array, least_s: float) -> tuple[Array, Array]:
 def nonlinear(levels: Array, share: float | None) -> Model:
     """Eqs. (4)–(7) over the range of some levels: a polynomial has at most as many coefficients as there are."""
     low, high, most = float(levels.min()), float(levels.max()), len(np.unique(levels)) - 1
-    Ts, tau1, tau2 = (LegendreForm(min(degree, most), low, high) for degree in DEGREES)
+    Ts, tau1, tau2 = (LegendreForm(min(degree, most), low, high) for degree in PAPER_DEGREES)
     return Model(Ts, tau1, tau2, share, low, high, np.linspace(low, high, CHECKED_INPUTS if high > low else 1))
 
 

@@ -16,19 +16,17 @@ weights of the values in the further one.
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize
 from scipy.sparse.csgraph import connected_components
 
 from eaid.arrays import Array
 
-NOTHING = 1e-6  # Part of the data's own variance below which a component is none
+NO_VARIANCE = 1e-6  # Part of the data's own variance below which a component is none
 
 
 @dataclass(frozen=True, eq=False)
-class Values:
+class MixedValues:
     """n values: y (n,), their rows X (n, p), their own variance W (n, n), what they have in common G, (n, n) each."""
 
     y: Array
@@ -36,9 +34,9 @@ class Values:
     W: Array
     G: tuple[Array, ...]
 
-    def at(self, v: Array) -> "Line":
+    def at(self, v: Array) -> "MixedLine":
         """The line through them where the variances are v, (k,)."""
-        return Line(self, v)
+        return MixedLine(self, v)
 
     @cached_property
     def blocks(self) -> tuple[Array, Array, Array, Array]:
@@ -53,8 +51,9 @@ class Values:
         squares[0] += (place == n)[:, :, None] * np.eye(place.shape[1])
         return np.append(self.y, 0)[place], np.pad(self.X, ((0, 1), (0, 0)))[place], squares[0], squares[1:]
 
-    def likelihood(self, v: Array) -> tuple[float, Array]:
-        """−log L but for a constant, and its derivative by each v_k: ½ tr(P G_k) − ½ y'P G_k P y, (k,)."""
+    def likelihood(self, v: Array) -> tuple[float, Array, Array]:
+        """−log L but for a constant, its derivative by each v_k, ½ tr(P G_k) − ½ y'P G_k P y, (k,), and what its second
+        is expected to be, ½ tr(P G_j P G_k), (k, k)."""
         y, X, W, G = self.blocks
         K = W + np.tensordot(v, G, 1)
         inverse = np.linalg.inv(K)
@@ -63,16 +62,22 @@ class Values:
         covariance = np.linalg.inv(information)
         r = y - X @ (covariance @ np.einsum("bmp,bm->p", across, y))
         pulled = np.einsum("bmn,bn->bm", inverse, r)
-        P = inverse - across @ covariance @ across.transpose(0, 2, 1) - pulled[:, :, None] * pulled[:, None, :]
         logs = np.linalg.slogdet(K)[1].sum() + np.linalg.slogdet(information)[1]
-        return 0.5 * float(logs + np.vdot(pulled, r)), 0.5 * np.einsum("kbmn,bmn->k", G, P)
+        own, line = inverse @ G, G @ across  # by component
+        within = np.tensordot(line, across, ((1, 2), (0, 1))) @ covariance
+        slope = np.einsum("kbmm->k", own) - np.einsum("kpp->k", within) - np.einsum("kbmn,bm,bn->k", G, pulled, pulled)
+        tied = np.tensordot(inverse @ line, line, ((1, 2), (1, 2)))  # (k, p, k, p)
+        expected = np.tensordot(own, own.swapaxes(2, 3), ((1, 2, 3),) * 2)
+        expected += np.tensordot(within, within.swapaxes(1, 2), ((1, 2),) * 2)
+        expected -= 2 * np.tensordot(tied, covariance, ((1, 3), (0, 1)))
+        return 0.5 * float(logs + np.vdot(pulled, r)), 0.5 * slope, 0.5 * expected
 
 
 @dataclass(frozen=True, eq=False)
-class Line:
+class MixedLine:
     """The line through values whose components have the variances v."""
 
-    values: Values
+    values: MixedValues
     v: Array
 
     @cached_property
@@ -150,7 +155,7 @@ class Line:
         As the weights w = K⁻¹ (k + X (X' K⁻¹ X)⁻¹ a) of the values make the variance least, it goes with v_j as
         own_j − k_j' w − w' k_j + w' G_j w.
         """
-        free = np.flatnonzero(self.v > NOTHING * self.scale)
+        free = np.flatnonzero(self.v > NO_VARIANCE * self.scale)
         common = np.tensordot(self.v, k, 1)
         back = self.inverse @ common
         w = back + self.inverse @ self.values.X @ self.covariance @ (x.T - self.values.X.T @ back)
@@ -189,23 +194,37 @@ class Further:
         return np.where(spread > 0, 2 * variance**2 / np.where(spread > 0, spread, 1.0), np.inf)
 
 
-STARTS = (1.0, 0.1, 0.001)  # Parts of the values' scale about a plain line that each component starts from
+REML_STARTS = (1.0, 0.1, 0.001)  # Parts of the values' scale about a plain line that each component starts from
+MOST_STEPS, SHORTEST_STEP, NO_GAIN = (
+    60,
+    2.0**-20,
+    1e-12,
+)  # Of Fisher's scoring: steps, least share of one, gain that is none
 
 
-def restricted(values: Values, near: Array | None = None) -> Line:
+def restricted(values: MixedValues, near: Array | None = None) -> MixedLine:
     """The line whose variances maximise the restricted likelihood: the best of three starts, or the one `near` some."""
     scale = max(values.at(np.zeros(len(values.G))).scale, 1e-300)
     if not np.diag(values.W).all():  # values known for certain have no K⁻¹ where their components are 0
-        values = replace(values, W=values.W + NOTHING**2 * scale * np.eye(len(values.y)))
+        values = replace(values, W=values.W + NO_VARIANCE**2 * scale * np.eye(len(values.y)))
+    starts = [np.full(len(values.G), one * scale) for one in REML_STARTS] if near is None else [near]
+    return values.at(min((_scored(values, one) for one in starts), key=lambda end: end[0])[1])
 
-    def cost(x: Array) -> tuple[float, Array]:
-        found, slope = values.likelihood(scale * x)
-        return found, scale * slope
 
-    def lowest(start: Array) -> Any:
-        bounds = [(0, None)] * len(start)
-        return minimize(cost, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"ftol": 1e-14, "gtol": 1e-9})
-
-    starts = [np.full(len(values.G), one) for one in STARTS] if near is None else [near / scale]
-    best = min(map(lowest, starts), key=lambda end: float(end.fun))
-    return values.at(scale * best.x)
+def _scored(values: MixedValues, v: Array) -> tuple[float, Array]:
+    """The least −log L by Fisher's scoring from v, components that would fall below 0 held there; and where it is."""
+    cost, slope, expected = values.likelihood(v)
+    for _ in range(MOST_STEPS):
+        free = (v > 0) | (slope < 0)
+        step, share = np.zeros(len(v)), 1.0
+        step[free] = -np.linalg.pinv(expected[np.ix_(free, free)], hermitian=True) @ slope[free]
+        if slope @ (np.maximum(v + step, 0.0) - v) > -NO_GAIN:
+            break
+        while (found := values.likelihood(tried := np.maximum(v + share * step, 0.0)))[
+            0
+        ] >= cost and share > SHORTEST_STEP:
+            share /= 2
+        if found[0] >= cost:
+            break
+        v, (cost, slope, expected) = tried, found
+    return cost, v

@@ -21,9 +21,9 @@ from eaid.plant.dynamics import Step
 from eaid.plant.steps import slope_shapes, slope_sizes, step_response
 
 POINTS_PER_BLOCK = 8
-HEAD = 16  # First samples, kept as they are: the fast rise may be over within them. A block is never shorter.
+SINGLE_ROWS = 16  # First samples, kept as they are: the fast rise may be over within them. A block is never shorter.
 LONGEST_BLOCK = 16384
-SMALL = 256  # Records up to this length keep every sample: nothing would be gained
+FEW_SAMPLES = 256  # Records up to this length keep every sample: nothing would be gained
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,11 +82,11 @@ def orthonormal(x: Array, m: int) -> tuple[Array, Array, Array]:
 @lru_cache(maxsize=4096)
 def block_sizes(n: int) -> NDArray[np.int64]:
     """How a record of n samples is cut: 16 single ones, then blocks of 16, 32, 64 … 16384, then equal ones."""
-    sizes, length = [1] * min(n, HEAD), HEAD
-    if n - HEAD < HEAD:
+    sizes, length = [1] * min(n, SINGLE_ROWS), SINGLE_ROWS
+    if n - SINGLE_ROWS < SINGLE_ROWS:
         sizes = [1] * n
     while (left := n - sum(sizes)) > 0:
-        sizes.append(length if left - length >= HEAD else left)
+        sizes.append(length if left - length >= SINGLE_ROWS else left)
         length = min(2 * length, LONGEST_BLOCK)
     return np.array(sizes, dtype=np.int64)
 
@@ -138,7 +138,7 @@ def compress(times_s: Sequence[Array], outputs: Sequence[Array], uniform: Sequen
     parts = []
     for t_s, out, even in zip(times_s, outputs, known, strict=True):
         n = len(t_s)
-        if n <= SMALL:
+        if n <= FEW_SAMPLES:
             parts.append((t_s, out, np.ones(n)))
             continue
         dt = (t_s[-1] - t_s[0]) / (n - 1)
@@ -181,7 +181,7 @@ def log_crossed(theta: Array, other: Array, points: Points, share_free: bool) ->
 
 
 @dataclass(frozen=True, eq=False)
-class Record:
+class LevelRecord:
     """Every sample of one level."""
 
     t_s: Array
@@ -189,7 +189,7 @@ class Record:
     uniform: bool
 
 
-def residuals(theta: Array, records: Sequence[Record]) -> list[Array]:
+def level_residuals(theta: Array, records: Sequence[LevelRecord]) -> list[Array]:
     """f − y at every sample of each level, shapes (n_l,)."""
     curves = (Step(*one) for one in theta.T.tolist())
     return [step_response(curve, record.t_s) - record.y for curve, record in zip(curves, records, strict=True)]

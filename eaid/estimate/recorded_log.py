@@ -13,9 +13,9 @@ from eaid.steps.stepset import StepSet
 
 IDLE_ROWS = 10  # Fewest rows at rest before the first other one that make an idle start
 ROUNDED = 1e-8  # Steps of time that differ by less than this part are alike
-QUIET = 5e-3  # An input below rest by this part of its largest, or …
+NOISY_REST = 5e-3  # An input below rest by this part of its largest, or …
 NOISY = 6.0  # … so many deviations of its noise …
-MOST = 0.05  # … up to this part, is a noisy rest, …
+NOISY_REST_MOST = 0.05  # … up to this part, is a noisy rest, …
 AROUND = 1.5  # … and what is nearer to rest than so many times that is at rest too
 
 
@@ -83,10 +83,10 @@ class RecordedLog:
 def recorded_log(run: Run, rest: float = 0.0) -> RecordedLog:
     """A run of the reader as a recorded log: input counted from rest, an input that only falls below it turned up."""
     level = run.input - rest
-    if level.min() < 0 and level.max() <= MOST * -level.min():
+    if level.min() < 0 and level.max() <= NOISY_REST_MOST * -level.min():
         level = -level
     top, below = float(level.max()), -float(level.min())
-    if 0 < below <= min(max(QUIET * top, NOISY * sample_noise(level)), MOST * top):
+    if 0 < below <= min(max(NOISY_REST * top, NOISY * sample_noise(level)), NOISY_REST_MOST * top):
         level = np.where(np.abs(level) <= AROUND * below, 0.0, level)
     return RecordedLog(
         run.name,

@@ -30,8 +30,8 @@ from eaid.steps.stepset import Level, RunRecord
 
 Mask: TypeAlias = NDArray[np.bool_]
 # Parameters of one level, in the order of every array here; C only where it was free
-NAMES = ("Ts", "tau1", "tau2", "C")
-CURVES = NAMES[:3]
+LEVEL_NAMES = ("Ts", "tau1", "tau2", "C")
+CURVES = LEVEL_NAMES[:3]
 MEETING = 1e-4  # A limit this close holds a parameter; τ1 and τ2 this close are one
 UNDETERMINED = 3.0  # Factor up or down from which a parameter counts as not determined
 WINDOWS_S = (0.1, 0.3, 1.0, 2.0)  # Bartlett windows [s]: from the friction ripple's memory to a third of a rotor turn
@@ -42,7 +42,7 @@ SPARE_LEVELS = 4  # Levels beyond the terms of a curve that are needed to see th
 FEW_DEGREES = 4.0  # Degrees of freedom given to the noise within single runs, where nothing else is known
 # Degrees of freedom that a level's scatter takes from its neighbourhood: itself and both neighbours where R = 3
 NEIGHBOURS = 4.5
-CHANCE = 0.01  # Probability at which independent repeats would be taken for sweeps
+SWEEPS_CHANCE = 0.01  # Probability at which independent repeats would be taken for sweeps
 SWEPT_LEVELS = 3  # Levels at least that show sweeps
 
 
@@ -175,7 +175,7 @@ def common_shifts(levels: Sequence[RunStatistics], k: int) -> Array | None:
     together = count * float(mean @ mean) / (repeats - 1)
     apart = float(((d - mean) ** 2).sum()) / ((count - 1) * (repeats - 1))
     chance = fdtrc(repeats - 1, (count - 1) * (repeats - 1), together / apart) if apart > 0 else 1.0
-    return mean if chance < CHANCE else None
+    return mean if chance < SWEEPS_CHANCE else None
 
 
 def neighbours(own: Array) -> Array:
@@ -251,7 +251,7 @@ class Scatter:
     @cached_property
     def usable(self) -> Mask:
         """Which parameters of which levels show the scatter: held by no constraint, and determined by their record."""
-        names = NAMES[: 4 if self.share_free else 3]
+        names = LEVEL_NAMES[: 4 if self.share_free else 3]
         free = np.array([[name not in held for name in names] for held in self.held])
         within = np.array([runs.within for runs in self.runs])
         return np.asarray(free & (np.sqrt(within / self.repeats[:, None]) < np.log(UNDETERMINED)))

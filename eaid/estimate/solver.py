@@ -13,10 +13,10 @@ from scipy.optimize import minimize, nnls
 from eaid.arrays import Array
 from eaid.results.common import Solver, StartCost
 
-NEAR = 1e-9  # Slack of a row of A at which it counts as active, beside those that hold the Newton step
+ACTIVE_SLACK = 1e-9  # Slack of a row of A at which it counts as active, beside those that hold the Newton step
 # Curvature below which nothing determines an unknown: its square root can still be squared and divided by
 TINY = 1e-280
-MOST = 1e100  # Size of a whitened step beyond which there is none: only rounding determines it
+FARTHEST_STEP = 1e100  # Size of a whitened step beyond which there is none: only rounding determines it
 # A predicted is judged against at least this part of the sum of squared data: beneath it lies rounding
 ROUNDING = 1e-15
 
@@ -87,7 +87,7 @@ def inside(problem: Problem, feasible: Array, x: Array) -> Array:
 
 def rounding(problem: Problem) -> Array:
     """How far outside each row of A a point counts as on it."""
-    return np.asarray(NEAR * (1.0 + np.abs(problem.b)))
+    return np.asarray(ACTIVE_SLACK * (1.0 + np.abs(problem.b)))
 
 
 def draw_in(x: Array, inner: Array, problem: Problem) -> Array:
@@ -124,7 +124,7 @@ def newton_step(problem: Problem, x: Array, gradient: Array, curvature: Array) -
     r = E @ multipliers - f
     held = np.flatnonzero(multipliers > 0)
     z = -r[:-1] / r[-1] * size - q if r[-1] else np.full(len(x), np.inf)
-    if not np.isfinite(z).all() or np.abs(z).max() > MOST:
+    if not np.isfinite(z).all() or np.abs(z).max() > FARTHEST_STEP:
         return NewtonStep(np.zeros_like(x), 0.0, tuple(held.tolist()))
     d = z @ back
     off, little = slack + problem.A @ d, rounding(problem)
@@ -151,10 +151,10 @@ SETTLED = 1e-12  # A solve has ended where the Newton step predicts less than th
 FTOL = 1e-13  # SLSQP's own stopping rule, relative to the cost at the start of the round
 # Where a Newton step predicts less than a little of the cost, SLSQP stops at a step that gains no more than that
 ENDS, LITTLE = 1.5, 1e-5
-ROUNDS, TRIES = 8, 12  # How often SLSQP is begun anew at most, and a round with more rows of A
+SLSQP_ROUNDS, SLSQP_TRIES = 8, 12  # How often SLSQP is begun anew at most, and a round with more rows of A
 NEAR_END = 1e-7  # A start has come near enough to its end where a Newton step predicts less than this part of the cost
 RIVAL = 1e-2  # An end this part of the cost above the best is no rival: SLSQP does not go on from it
-SAME = 1e-6  # Ends whose costs differ by less than this part have found the same minimum
+SAME_COST = 1e-6  # Ends whose costs differ by less than this part have found the same minimum
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,14 +173,14 @@ def slsqp(problem: Problem, near: EndPoint) -> EndPoint:
     hundreds, which the solver's own least squares would go through every time.
     """
     held: set[int] = set()
-    for _ in range(ROUNDS):
+    for _ in range(SLSQP_ROUNDS):
         x, (cost, gradient, curvature) = near.x, problem.normal(near.x)
         step = newton_step(problem, x, gradient, curvature)
         if step.decrease <= SETTLED * cost:
             break
         held |= set(step.active)
         ftol = ENDS * step.decrease / cost if step.decrease <= LITTLE * cost else FTOL
-        for _ in range(TRIES):
+        for _ in range(SLSQP_TRIES):
             reached, used = _one_round(problem, x, cost, curvature, sorted(held), ftol)
             left = set(np.flatnonzero(problem.A @ reached - problem.b < -rounding(problem)).tolist()) - held
             held |= left
@@ -241,13 +241,13 @@ def approach(problem: Problem, start: Array, steps: int = 40, near: float = NEAR
     return EndPoint(x, cost, evaluations)
 
 
-def ended(ends: Sequence[EndPoint], problem: Problem) -> list[EndPoint]:
+def ends_solved(ends: Sequence[EndPoint], problem: Problem) -> list[EndPoint]:
     """The ends, best first, SLSQP having gone on from each that may be the best: once where several are the same."""
     order = sorted(ends, key=lambda end: end.cost)
     polished: list[EndPoint] = []
     last, solved = -np.inf, order[0]
     for end in order:
-        if end.cost - last <= SAME * end.cost + problem.floor:
+        if end.cost - last <= SAME_COST * end.cost + problem.floor:
             end = EndPoint(solved.x, solved.cost, end.evaluations)
         elif end.cost <= (1 + RIVAL) * order[0].cost:
             last = end.cost
@@ -274,7 +274,7 @@ def with_second_derivatives(problem: Problem) -> Problem:
 
 FINISHED = 1e-15  # Polishing ends where the Newton step predicts less than this part of the cost
 # The last step, too small to be seen in the cost, is taken where it changes no unknown by more than this part
-UNSEEN = 1e-4
+LAST_STEP_PART = 1e-4
 CONVERGED = 1e-9  # A fit has converged where the Newton step would lower the cost by less than this part of it
 
 
@@ -302,13 +302,13 @@ def polish(
         x, cost, gradient = reached, lower, slope
         step = newton_step(problem, x, gradient, problem.curvature(x))
     predicted = step.decrease / max(cost, problem.floor) if step.decrease > 0 else 0.0
-    if step.decrease <= SETTLED * cost and (np.abs(step.d) <= UNSEEN * np.abs(x)).all():
+    if step.decrease <= SETTLED * cost and (np.abs(step.d) <= LAST_STEP_PART * np.abs(x)).all():
         x = inside(problem, x, x + step.d)  # the cost shows no difference any more, the unknowns do
     near = np.flatnonzero(problem.A @ x - problem.b < rounding(problem))
     return EndPoint(x, cost, evaluations), predicted, tuple(sorted({*step.active, *near.tolist()}))
 
 
-def judged(predicted: float, evaluations: int, costs: Sequence[float], at_bounds: Iterable[str] = ()) -> Solver:
+def solver_verdict(predicted: float, evaluations: int, costs: Sequence[float], at_bounds: Iterable[str] = ()) -> Solver:
     """Our verdict on a fit, from the decrease that a further step predicts, relative to the cost."""
     converged = predicted <= CONVERGED
     gain = f"a further constrained Newton step would lower the cost by {predicted:.0e} of it"

@@ -18,7 +18,7 @@ from eaid.arrays import Array
 from eaid.results.common import Interval
 
 NOMINAL = 0.95  # Coverage that every interval of eaid claims
-FARTHEST = 50.0  # Logarithm beyond which an end is none
+FARTHEST_END = 50.0  # Logarithm beyond which an end is none
 
 
 def t_quantile(degrees: float | Array, nominal: float = NOMINAL) -> Any:
@@ -39,7 +39,7 @@ def log_interval_of(value: float | None, variance: float, degrees: float) -> Int
     if value is None or value <= 0:
         return None
     reach = t_quantile(degrees) * float(np.sqrt(variance))
-    return (value * float(np.exp(-reach)), value * float(np.exp(reach))) if reach < FARTHEST else None
+    return (value * float(np.exp(-reach)), value * float(np.exp(reach))) if reach < FARTHEST_END else None
 
 
 def satterthwaite(parts: Sequence[Array | float], degrees: Sequence[Array | float]) -> Array:

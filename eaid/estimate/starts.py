@@ -19,18 +19,25 @@ from eaid.plant.dynamics import TAU_FLOOR_S
 from eaid.plant.steps import rise
 
 SHARES = (0.3, 0.5, 0.7, 0.85, 0.95)  # Where a free C starts from
-GRID = 140  # Time constants of the table
-LONGEST = 30.0  # The longest, in records
-TRIED = 5  # Values tried at each input
-BANDS = (0.0, 0.1, 0.35, 1.0, 3.0, LONGEST)  # Ends of the ranges of τ2, in records, each of which a search begins in
+TABLE_SIZE = 140  # Time constants of the table
+LONGEST_RECORDS = 30.0  # The longest, in records
+TRIED_VALUES = 5  # Values tried at each input
+BANDS = (
+    0.0,
+    0.1,
+    0.35,
+    1.0,
+    3.0,
+    LONGEST_RECORDS,
+)  # Ends of the ranges of τ2, in records, each of which a search begins in
 REACH = (10.0, 4.0, 1.5)  # How far up and down from the value before, in each round
-MOST = 6  # Starts handed on
+MOST_STARTS = 6  # Starts handed on
 TOUCHED = 20  # Levels that τ2(u) is let touch τ1 at, at every second where there are as many
 MOST_LEVELS = 30  # Levels that are looked at
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class GainTable:
     """What the cost of L levels falls by at pairs of time constants."""
 
     grid: Array  # Time constants [s], (K,)
@@ -46,10 +53,10 @@ class Table:
         return np.asarray((1 - p) * near + p * far)
 
 
-def table_of(points: Points, share: float) -> Table:
+def gain_table(points: Points, share: float) -> GainTable:
     """The table of levels on their compressed points."""
     times = np.where((points.w > 0) & (points.t_s > 0), points.t_s, np.nan)
-    grid = np.geomspace(0.3 * np.nanmin(times), LONGEST * np.nanmax(times), GRID)
+    grid = np.geomspace(0.3 * np.nanmin(times), LONGEST_RECORDS * np.nanmax(times), TABLE_SIZE)
     s = rise(points.t_s[:, None], grid[:, None])
     s = points.about_mean(s) if points.centred else s
     weighed = s * points.w[:, None]
@@ -58,7 +65,7 @@ def table_of(points: Points, share: float) -> Table:
     along = (weighed @ points.y[:, :, None])[:, :, 0]
     square = share**2 * squares[:, :, None] + (1 - share) ** 2 * squares[:, None] + 2 * share * (1 - share) * gram
     inner = np.maximum(share * along[:, :, None] + (1 - share) * along[:, None], 0.0)
-    return Table(grid, inner**2 / np.maximum(square, 1e-300))
+    return GainTable(grid, inner**2 / np.maximum(square, 1e-300))
 
 
 def time_constants(
@@ -67,7 +74,7 @@ def time_constants(
     grid: Array,
     sizes: tuple[int, int],
     longest_s: float,
-    tried: int = TRIED,
+    tried: int = TRIED_VALUES,
 ) -> list[tuple[Array, Array]]:
     """Values of τ1 and of τ2 that fit best, at as many inputs as their forms have coefficients; the best first.
 
@@ -99,7 +106,7 @@ def time_constants(
         values = [np.full(sizes[0], grid[i]), np.full(sizes[1], grid[j])]
         keep(values.copy(), max(better(values, 0, reach) for reach in REACH))
         keep(values, max(better(values, k, reach) for reach in REACH for k in (1, 0)))
-    return [(tau1, tau2) for _, tau1, tau2 in sorted(ends.values(), key=lambda row: -row[0])][:MOST]
+    return [(tau1, tau2) for _, tau1, tau2 in sorted(ends.values(), key=lambda row: -row[0])][:MOST_STARTS]
 
 
 def form_starts(model: Model, data: Data, weight: Array) -> list[Array]:
@@ -109,10 +116,10 @@ def form_starts(model: Model, data: Data, weight: Array) -> list[Array]:
     one, two = (model.tau1.rows(data.u[some]) @ inverse for inverse in back)
     starts = []
     for share in SHARES if model.share is None else (model.share,):
-        table = table_of(data.points, share)
-        coarse = Table(table.grid, table.gain[some])
+        table = gain_table(data.points, share)
+        coarse = GainTable(table.grid, table.gain[some])
 
-        def gain(first: Array, second: Array, coarse: Table = coarse) -> Array:
+        def gain(first: Array, second: Array, coarse: GainTable = coarse) -> Array:
             tau1, tau2 = first @ one.T, second @ two.T
             sound = (tau1 >= TAU_FLOOR_S).all(axis=1) & (tau2 >= tau1).all(axis=1)
             return np.where(sound, coarse.at(tau1, tau2) @ weight[some], -1.0)
@@ -137,7 +144,7 @@ def touching_starts(x: Array, model: Model, data: Data, weight: Array) -> list[A
     typical = max(float(np.median(model.rows(data.u)[1] @ x)), TAU_FLOOR_S)
     half = 0.5 * (model.high - model.low)
     back, tops = np.linalg.inv(form.rows(form.inputs)), np.unique(data.u)[:: 1 + len(data.u) // TOUCHED]
-    sizes = LONGEST * data.longest_s * np.array([0.1, 10.0, 1e3])
+    sizes = LONGEST_RECORDS * data.longest_s * np.array([0.1, 10.0, 1e3])
     tried = np.tile(x, (len(tops), len(sizes), 1))
     bends = ((form.inputs - tops[:, None]) / half) ** 2
     tried[:, :, part] = (3 * typical + sizes[:, None] * bends[:, None]) @ back.T

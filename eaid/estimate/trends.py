@@ -21,12 +21,12 @@ from eaid.results.models import Trend
 STEEPEST = 40.0
 # Rates to try on x scaled to 0…1, falling, denser about zero
 RATES = np.sinh(np.linspace(np.arcsinh(15.0), -np.arcsinh(STEEPEST), 61))
-Form: TypeAlias = Literal["linear", "double-exponential", "merged-exponential"]
-APART = 0.05
+TrendForm: TypeAlias = Literal["linear", "double-exponential", "merged-exponential"]
+RATES_APART = 0.05
 CANCEL = 100.0
-LEAST = {"linear": 3, "double-exponential": 5}  # Levels that a form needs: one more than its coefficients
+LEVELS_NEEDED = {"linear": 3, "double-exponential": 5}  # Levels that a form needs: one more than its coefficients
 # Which value has which trend in which experiment, Tables I and II
-FORMS_OVER: dict[str, dict[str, Form]] = {
+FORMS_OVER: dict[str, dict[str, TrendForm]] = {
     "friction-force": {
         "Ts": "linear",
         "tau1": "double-exponential",
@@ -37,8 +37,8 @@ FORMS_OVER: dict[str, dict[str, Form]] = {
 }
 
 
-def fit_trend(x: Array, y: Array, over: str, form: Form) -> Trend:
-    """The least-squares trend; `form` is linear or double-exponential, shapes (n,), n as `LEAST` says."""
+def fit_trend(x: Array, y: Array, over: str, form: TrendForm) -> Trend:
+    """The least-squares trend; `form` is linear or double-exponential, shapes (n,), n as `LEVELS_NEEDED` says."""
     origin, range_, size = float(x.min()), float(np.ptp(x)), float(np.abs(y).max()) or 1.0
     s, converged = (x - origin) / range_, True
     held: tuple[str, ...] = ()
@@ -63,7 +63,7 @@ def fit_trend(x: Array, y: Array, over: str, form: Form) -> Trend:
 def _fit(form: str, s: Array, y: Array, starts: list[Array]) -> tuple[Array, bool, tuple[str, ...]]:
     """Coefficients on x scaled to 0…1. The weights are solved for; SLSQP sees the one or two rates alone."""
     if form == "double-exponential":
-        A, b = np.array([[1.0, -1.0], [-1.0, 0], [0, 1.0]]), np.array([APART, -STEEPEST, -1.5 * STEEPEST])
+        A, b = np.array([[1.0, -1.0], [-1.0, 0], [0, 1.0]]), np.array([RATES_APART, -STEEPEST, -1.5 * STEEPEST])
         names: tuple[str, ...] = ("rates-meet", "r1-steepest", "r2-steepest")
         order = [0, 2, 1, 3]
     else:
@@ -125,8 +125,8 @@ def fitted_trends(
     for name, form in FORMS_OVER.get(kind, {}).items():
         if any(value is None for value in of[name]):
             continue
-        if len(x) < LEAST[form]:
-            facts: dict[str, Value] = {"over": over, "form": form, "least": LEAST[form], "count": len(x)}
+        if len(x) < LEVELS_NEEDED[form]:
+            facts: dict[str, Value] = {"over": over, "form": form, "least": LEVELS_NEEDED[form], "count": len(x)}
             findings.append(finding("trend-needs-levels", "friction", (), parameter=name, **facts))
             continue
         y = np.array(of[name], dtype=np.float64)

@@ -23,8 +23,8 @@ class Row:
     template: str | Callable[[Values], str]
     size: str = ""  # The value by which the worst of several findings of this code is known; empty: the first of them
     always: bool = False  # Told even where only the gravest few are: data were changed
-    # Its place among those of one severity: 0 the data ask for another model, 1 a model is not identifiable or a unit
-    # is unknown, 3 what follows from others
+    # Its place among those of one severity: -1 a value is not what its name says, 0 the data ask for another model, 1 a
+    # model is not identifiable or a unit is unknown, 3 what follows from others
     rank: int = 2
     covers: tuple[str, ...] = ()  # Codes that say less of the same thing: they are not told beside this one
 

@@ -20,12 +20,12 @@ from eaid.steps.step import hold_of, moving_means
 from eaid.steps.stepset import Level
 
 OVERSHOOT = 0.05  # Output lost under hold beyond which no monotone curve is right
-CHANCE = 0.01  # Probability at which noise alone would be told to be a decay under hold
+DECAY_CHANCE = 0.01  # Probability at which noise alone would be told to be a decay under hold
 SINGLE_CHANCE = 0.001  # The same for a single run, whose peak the same noise has chosen
 SINGLE_DEGREES = 4.0  # Degrees of freedom given to the scatter of a single smoothed run
 # Levels that all repeats have to miss alike, where there are so many: ripple of a rotor does it at one by chance
-FEW = 3
-FEWEST, NEAR_0 = 4, 0.5  # Levels that tell an exponent; the largest one that is rather 0 than 1
+FEWEST_MISSED = 3
+FEWEST_LEVELS, NEAR_0 = 4, 0.5  # Levels that tell an exponent; the largest one that is rather 0 than 1
 
 
 def _smooth(values: Array) -> Array:
@@ -50,7 +50,7 @@ def decays(levels: Sequence[Level]) -> list[tuple[float, float]]:
         smooth = _smooth(level.mean)
         if (peak := float(smooth.max())) <= 0:
             continue
-        error, degrees, chance = np.sqrt(pooled / len(fall)), float(spare), CHANCE
+        error, degrees, chance = np.sqrt(pooled / len(fall)), float(spare), DECAY_CHANCE
         if len(fall) == 1:
             after = smooth[int(smooth.argmax()) :: max(1, len(level.mean) // 50)]
             left = line(np.arange(len(after)), after).left if len(after) >= 4 else np.full(4, np.inf)
@@ -98,7 +98,7 @@ def rise_of_the_rig(levels: Sequence[Level]) -> list[Finding]:
     constant of the plant, and 0 where the stand moves at its own rate. Told where the interval of e leaves out 1 by
     half and e is near 0.
     """
-    if len(levels) < FEWEST:
+    if len(levels) < FEWEST_LEVELS:
         return []
     held = np.array([float(hold_of(level.runs).held.mean()) for level in levels])
     slopes = np.array([np.mean([_slope(level.time_s, run) for run in level.runs]) for level in levels])
@@ -134,7 +134,7 @@ def adequacy(scatter: Scatter, unit: str) -> tuple[tuple[LackOfFit, ...], list[F
         values = {"worst": worst, "lost_pct": lost, "of": len(scatter.levels)}
         findings.append(finding("output-decays-under-hold", "friction", [u for u, _ in falling], unit=unit, **values))
     beyond = [row for row in rows if row.beyond]
-    told = len(beyond) >= min(FEW, len(rows)) and 3 * len(beyond) > len(rows)
+    told = len(beyond) >= min(FEWEST_MISSED, len(rows)) and 3 * len(beyond) > len(rows)
     if told and 2 * len(falling) <= len(scatter.levels):
         most = max(beyond, key=lambda row: row.systematic_nm or 0.0)
         size = {"systematic": most.systematic_nm, "worst": most.level, "of": len(rows)}

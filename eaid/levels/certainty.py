@@ -18,7 +18,7 @@ from scipy.special import fdtri
 from eaid.arrays import Array
 from eaid.estimate.data import Data
 from eaid.estimate.forms import Model, nonlinear
-from eaid.estimate.mixed import Line, Values, restricted
+from eaid.estimate.mixed import MixedLine, MixedValues, restricted
 from eaid.estimate.points import Normal, level_normal, log_crossed
 from eaid.estimate.scatter import (
     FEW_DEGREES,
@@ -30,7 +30,7 @@ from eaid.estimate.scatter import (
     run_residuals,
     window_sums,
 )
-from eaid.estimate.solver import Problem, judged, newton_step
+from eaid.estimate.solver import Problem, newton_step, solver_verdict
 from eaid.estimate.spread import (
     Influence,
     LevelScatter,
@@ -184,7 +184,7 @@ class Estimate:
         return self.model.parameters(np.append(other._through(relative, known).coefficients, solved.x))
 
     @cached_property
-    def about_curve(self) -> Line | None:
+    def about_curve(self) -> MixedLine | None:
         """T_s of the levels over the curve's: what they scatter about it beyond what their runs explain.
 
         None where repeats do not part the one from the other, or a curve has as many coefficients as there are levels.
@@ -197,7 +197,7 @@ class Estimate:
         size = np.maximum(D @ curve.coefficients, 1e-3 * float(Ts.max()))
         W = np.diag(self._gains.expected[:, 0]) + self._of_time_constants() + SURE**2 * np.eye(len(Ts))
         W = W * np.outer(Ts / size, Ts / size)
-        return restricted(Values(Ts / size, D / size[:, None], W, (np.eye(len(Ts)),)))
+        return restricted(MixedValues(Ts / size, D / size[:, None], W, (np.eye(len(Ts)),)))
 
     @cached_property
     def _gains(self) -> LevelScatter:
@@ -471,7 +471,7 @@ class OwnLevels:
         held = [code for one in solvers for code in one.at_bounds]
         worst = max(one.predicted_decrease or 0.0 for one in solvers)
         said = f"not converged at level {', '.join(failed)}" if failed else "converged at every level"
-        whole = judged(worst, sum(one.evaluations for one in solvers), costs, held)
+        whole = solver_verdict(worst, sum(one.evaluations for one in solvers), costs, held)
         return msgspec.structs.replace(whole, converged=not failed, message=said)
 
     @cached_property

@@ -12,7 +12,7 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.estimate import data as metrics
 from eaid.estimate.data import Data
-from eaid.estimate.points import residuals
+from eaid.estimate.points import level_residuals
 from eaid.estimate.scatter import CURVES, MEETING, Mask, Scatter
 from eaid.estimate.spread import Influence, t_quantile, textbook
 from eaid.estimate.trends import fitted_trends
@@ -25,9 +25,9 @@ from eaid.results.common import HoldOut, Interval
 from eaid.results.models import Friction, FrictionLevel, LevelIntervals
 from eaid.steps.stepset import Level, StepSet
 
-OPEN = float(np.log(3.0))  # Half-width of the logarithm from which a parameter counts as open at a level
+OPEN_HALF_WIDTH = float(np.log(3.0))  # Half-width of the logarithm from which a parameter counts as open at a level
 # Part of a record, and half-width of its logarithm, within which τ2 has to be known at most levels
-KNOWN_TO, WIDEST = 0.25, 0.5
+KNOWN_TO, WIDEST_TAU2 = 0.25, 0.5
 # By so much T_s and τ1 are less sure where the records do not tell τ2: simulated sets of 5 s for a τ2 of 5 to 17 s
 WIDER = 1.4
 # Record lengths that the interval of τ2 may reach to: where most levels' reach further, none is quoted, for what is
@@ -35,7 +35,7 @@ WIDER = 1.4
 QUOTED_RECORDS = 2.0
 # Parameters that a constraint holds: not estimable
 HELD_BY = {"tau1-floor": ("tau1",), "tau2-meets-tau1": ("tau1", "tau2"), "Ts-zero": ("Ts",), "tau2-endless": ("tau2",)}
-TAUS = {"tau1", "tau2"}
+TIME_CONSTANTS = {"tau1", "tau2"}
 # Units of an input that is a stress already
 PRESSURE_KPA: dict[str, float] = {"Pa": 1e-3, "kPa": 1.0, "MPa": 1e3, "bar": 100.0, "mbar": 0.1}
 TORQUE_UNITS = ("N·m", "Nm", "N.m", "N*m")
@@ -56,7 +56,7 @@ class LevelValues:
     def open(self) -> Mask:
         """Where the data do not determine a parameter, (3, L)."""
         constrained = np.array([[name in held for held in self.held] for name in CURVES])
-        return np.asarray(~(0.5 * (self.high - self.low) <= OPEN) | constrained)
+        return np.asarray(~(0.5 * (self.high - self.low) <= OPEN_HALF_WIDTH) | constrained)
 
     def ci95(self, i: int) -> LevelIntervals:
         """95 % intervals of one level, of what the data tell."""
@@ -89,7 +89,9 @@ def tau2_open(levels: Sequence[Level], theta: Array, ends: tuple[Array, Array]) 
     low, high = ends
     record = np.array([level.time_s[-1] for level in levels])
     half = 0.5 * (high - low)[2]
-    beyond = (high[2] > np.log(QUOTED_RECORDS * record)) | (half > np.minimum(KNOWN_TO * record / theta[2], WIDEST))
+    beyond = (high[2] > np.log(QUOTED_RECORDS * record)) | (
+        half > np.minimum(KNOWN_TO * record / theta[2], WIDEST_TAU2)
+    )
     return bool(2 * beyond.sum() > len(levels))
 
 
@@ -122,7 +124,7 @@ def friction_part(
     """The friction model: rows of all levels, trends, and their warnings; `own` where each was fitted by itself."""
     over, x = trend_axis(stepset, data.u)
     findings, coefficient = _coefficients(stepset, over, x, values.theta[0])
-    left = residuals(values.theta, data.records)
+    left = level_residuals(values.theta, data.records)
     shown = options.ci != "none"
     rows = []
     for i, (level, record, r) in enumerate(zip(values.levels, data.records, left, strict=True)):
@@ -225,7 +227,7 @@ def level_findings(values: LevelValues, seen: Scatter | None, subject: str, step
     cases = {"fast-rise-not-resolved": tau1 <= TAU_FLOOR_S * (1 + MEETING), "output-does-not-rise": Ts <= 0}
     findings += [finding(code, subject, where(holds), unit=unit) for code, holds in cases.items() if holds.any()]
     for name in CURVES:
-        holds = np.array([name in held for held in values.held]) & ~(met & (name in TAUS))
+        holds = np.array([name in held for held in values.held]) & ~(met & (name in TIME_CONSTANTS))
         if holds.any():
             findings.append(finding("parameter-constrained", subject, where(holds), parameter=name, unit=unit))
     records = [float(level.time_s[-1]) for level in values.levels]

@@ -17,8 +17,8 @@ import numpy as np
 
 from eaid.arrays import Array, scaled_inverse
 from eaid.estimate.data import Data
-from eaid.estimate.forms import Limits, Model, linear, nonlinear
-from eaid.estimate.points import Normal, level_normal, residuals
+from eaid.estimate.forms import Constraints, Model, linear, nonlinear
+from eaid.estimate.points import Normal, level_normal, level_residuals
 from eaid.estimate.solver import (
     ROUNDING,
     SETTLED,
@@ -26,10 +26,10 @@ from eaid.estimate.solver import (
     Problem,
     approach,
     bring_in,
-    ended,
-    judged,
+    ends_solved,
     polish,
     slsqp,
+    solver_verdict,
     with_second_derivatives,
 )
 from eaid.estimate.spread import textbook
@@ -39,11 +39,11 @@ from eaid.results.common import Solver
 
 A0_GRID = 16  # Time constants on the starting grid of the linear model
 A0_STARTS = 3  # Starts from it
-ENDLESS = 100.0  # Records from which a τ2 has no end
+ENDLESS_RECORDS = 100.0  # Records from which a τ2 has no end
 MET = 1.01  # τ2 over τ1 where one lag is looked for
-ALIKE = 20.0  # χ² by which two ends must differ to be told apart
+CHI2_APART = 20.0  # χ² by which two ends must differ to be told apart
 WEIGHED = 10  # Rounds of weights, at most
-UNSEEN = 1e-10  # Directions that the data do not see have this part of the information at most
+UNSEEN_PART = 1e-10  # Directions that the data do not see have this part of the information at most
 SAME_WEIGHT = 1e-10  # Weights that change by less than this part of the largest have settled
 
 
@@ -104,7 +104,7 @@ class StepProblem:
         return self.weight[:, None] * at.score[:, 1:], self.weight[:, None, None] * inner
 
     @cached_property
-    def limits(self) -> Limits:
+    def limits(self) -> Constraints:
         """Its constraints."""
         return self.model.limits(self.data.longest_s, self.data.shortest_s)
 
@@ -161,7 +161,7 @@ class Solution:
 
     def residuals(self, data: Data) -> list[Array]:
         """f − y at every sample of each level, shapes (n_l,)."""
-        return residuals(self.at.theta, data.records)
+        return level_residuals(self.at.theta, data.records)
 
 
 def fit_nonlinear(data: Data, share: float | None) -> Solution:
@@ -185,9 +185,9 @@ def textbook_covariance(data: Data, model: Model, x: Array) -> tuple[Array, floa
     """s² (J'J)⁻¹ of a model's unknowns, as if every sample's error were its own, and N − P."""
     M = model.rows(data.u)
     theta = model.theta(x, M)
-    noise, spare = textbook(residuals(theta, data.records), len(x))
+    noise, spare = textbook(level_residuals(theta, data.records), len(x))
     curvature = np.einsum("kln,lkj,jlm->nm", M, level_normal(theta, data.points).information, M)
-    return scaled_inverse(curvature, UNSEEN) * noise, spare
+    return scaled_inverse(curvature, UNSEEN_PART) * noise, spare
 
 
 def fit_linear(data: Data) -> Solution:
@@ -212,9 +212,9 @@ def fit_levels_first(
         starts = form_starts(model, data, steps.weight)
     begin = [bring_in(x, steps.inner, steps.problem) for x in starts]
     if not data.points.y.any():
-        return Solution(replace(steps, weight=np.zeros(len(data.u))), begin[0], judged(0.0, 0, (0.0,)))
+        return Solution(replace(steps, weight=np.zeros(len(data.u))), begin[0], solver_verdict(0.0, 0, (0.0,)))
     steps = steps.weighed(min(begin, key=lambda x: steps.normal(x)[0]))
-    ends = ended([approach(steps.problem, x) for x in begin], steps.problem)
+    ends = ends_solved([approach(steps.problem, x) for x in begin], steps.problem)
     end = _without_endless(steps, min(ends, key=lambda end: end.cost))
     for _ in range(WEIGHED):
         before, steps = steps, steps.weighed(end.x)
@@ -228,19 +228,22 @@ def _without_endless(steps: StepProblem, end: EndPoint) -> EndPoint:
     """The end of a fit; where its τ2 has no end and one lag explains as much, that: what has one time constant is
     explained as well by a slow part that never comes, and a T_s larger by what it hides."""
     one, two, model = steps.model.slices[1], steps.model.slices[2], steps.model
-    if model.tau2 is None or (model.tau2.rows(steps.data.u) @ end.x[two]).max() < ENDLESS * steps.data.longest_s:
+    if (
+        model.tau2 is None
+        or (model.tau2.rows(steps.data.u) @ end.x[two]).max() < ENDLESS_RECORDS * steps.data.longest_s
+    ):
         return end
     met = end.x.copy()
     met[two] = 0.0
     met[two][: one.stop - one.start] = MET * met[one]
     other = approach(steps.problem, bring_in(met, steps.inner, steps.problem))
     samples = sum(len(record.y) for record in steps.data.records)
-    return other if other.cost <= (1 + ALIKE / samples) * end.cost + steps.problem.floor else end
+    return other if other.cost <= (1 + CHI2_APART / samples) * end.cost + steps.problem.floor else end
 
 
 def minimised(steps: StepProblem, starts: Iterable[Array]) -> Solution:
     """The least of what feasible starts lead to."""
-    return _concluded(steps, ended([approach(steps.problem, x) for x in starts], steps.problem))
+    return _concluded(steps, ends_solved([approach(steps.problem, x) for x in starts], steps.problem))
 
 
 def _concluded(steps: StepProblem, ends: Sequence[EndPoint]) -> Solution:
@@ -249,4 +252,6 @@ def _concluded(steps: StepProblem, ends: Sequence[EndPoint]) -> Solution:
     end, predicted, active = polish(steps.problem, best)
     evaluations = sum(one.evaluations for one in ends) + end.evaluations - best.evaluations
     costs = [end.cost if one is best else one.cost for one in ends]
-    return Solution(steps, end.x, judged(predicted, evaluations, costs, map(steps.problem.names, active)), active)
+    return Solution(
+        steps, end.x, solver_verdict(predicted, evaluations, costs, map(steps.problem.names, active)), active
+    )

@@ -12,21 +12,23 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.estimate.data import Data
-from eaid.estimate.points import Record
+from eaid.estimate.points import LevelRecord
 from eaid.findings import Finding, finding
 
 K = 1.345  # Huber's constant: 95 % efficient on normal noise
-SETTLED = 1e-9  # The iteration ends where the residuals move by less than this part of σ
-WIDE = 0.4  # Share of a level's samples held back from which it is told; 18 % are where the noise is normal and alike
-Solved = TypeVar("Solved")
+RESIDUALS_SETTLED = 1e-9  # The iteration ends where the residuals move by less than this part of σ
+HELD_BACK_MUCH = (
+    0.4  # Share of a level's samples held back from which it is told; 18 % are where the noise is normal and alike
+)
+SolutionT = TypeVar("SolutionT")
 
 
 def minimise(
     data: Data,
     loss: str,
-    solve: Callable[[Data, Solved | None], Solved],
-    residuals: Callable[[Solved, Data], list[Array]],
-) -> tuple[Solved, list[float]]:
+    solve: Callable[[Data, SolutionT | None], SolutionT],
+    residuals: Callable[[SolutionT, Data], list[Array]],
+) -> tuple[SolutionT, list[float]]:
     """The solution, and levels of which Huber's loss holds back much; `solve` may go on from an earlier solution."""
     solved = solve(data, None)
     if loss == "squares":
@@ -39,19 +41,19 @@ def minimise(
         cut = K * sigma
         # y* = f − clip(f − y) with r = f − y
         records = tuple(
-            Record(record.t_s, record.y + one - np.clip(one, -cut, cut), record.uniform)
+            LevelRecord(record.t_s, record.y + one - np.clip(one, -cut, cut), record.uniform)
             for record, one in zip(data.records, r, strict=True)
         )
         solved = solve(replace(data, records=records), solved)
         after = residuals(solved, data)
         moved = max(float(np.abs(a - b).max()) for a, b in zip(after, r, strict=True)) / sigma
         r = after
-        if moved <= SETTLED:
+        if moved <= RESIDUALS_SETTLED:
             break
     held_back = [0.0 if sigma == 0.0 else float(np.mean(np.abs(one) > K * sigma)) for one in r]
-    return solved, [u for u, share in zip(data.u.tolist(), held_back, strict=True) if share > WIDE]
+    return solved, [u for u, share in zip(data.u.tolist(), held_back, strict=True) if share > HELD_BACK_MUCH]
 
 
 def huber_findings(subject: str, wide: list[float]) -> list[Finding]:
     """Levels of which Huber's loss holds back so much that it cannot be spikes."""
-    return [finding("huber-holds-back-much", subject, wide, most_pct=100 * WIDE)] if wide else []
+    return [finding("huber-holds-back-much", subject, wide, most_pct=100 * HELD_BACK_MUCH)] if wide else []

@@ -18,11 +18,11 @@ from eaid.estimate.points import log_crossed
 from eaid.estimate.scatter import Scatter
 from eaid.estimate.spread import Influence, LevelScatter, interval_of, log_interval_of
 from eaid.findings import Finding, finding
-from eaid.levels.from_steps import UNSEEN, Solution, StepProblem, fit_linear, textbook_covariance
+from eaid.levels.from_steps import UNSEEN_PART, Solution, StepProblem, fit_linear, textbook_covariance
 from eaid.levels.huber import huber_findings, minimise
 from eaid.options import FitOptions
 from eaid.plant import linear
-from eaid.plant.linear import Linear as LinearModel
+from eaid.plant.linear import LinearPlant as LinearModel
 from eaid.results.models import Bounds, BoundsIntervals, Linear, LinearLevel, LinearLevelIntervals, PooledIntervals
 from eaid.steps.levels import wanted_levels
 from eaid.steps.stepset import Level
@@ -74,7 +74,7 @@ def variances(
     steps = StepProblem(data, form, np.ones(len(data.u)))
     along = log_crossed(own, form.theta(x, steps.M), data.points, scatter.expected.shape[1] == 4)
     assert steps.problem.exact is not None
-    gain = along @ steps.M.transpose(1, 0, 2) @ scaled_inverse(0.5 * steps.problem.exact(x), UNSEEN)
+    gain = along @ steps.M.transpose(1, 0, 2) @ scaled_inverse(0.5 * steps.problem.exact(x), UNSEEN_PART)
     variance, degrees = Influence(gain, scatter, np.zeros((0, len(x))), 0.0).of(turn).variance()
     return variance.tolist(), degrees.tolist()
 
@@ -146,7 +146,7 @@ def linear_part(
         bounds = msgspec.structs.replace(bounds, ci95=of_bounds)
         one = msgspec.structs.replace(one, ci95=pooled)
     beyond = metrics.hold_out(
-        held_out, lambda level: linear.step_response(p, level.time_s, level.level), total.scores["rmse"]
+        held_out, lambda level: linear.linear_response(p, level.time_s, level.level), total.scores["rmse"]
     )
     part = msgspec.structs.replace(one, per_level=rows, bounds=bounds, hold_out=beyond)
     return part, findings

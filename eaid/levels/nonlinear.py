@@ -15,7 +15,7 @@ from scipy.special import fdtri
 from eaid.arrays import Array
 from eaid.estimate.coefficients import turned, with_intervals
 from eaid.estimate.data import Data, Errors, each_level, errors, hold_out, missed
-from eaid.estimate.points import residuals
+from eaid.estimate.points import level_residuals
 from eaid.estimate.scatter import CURVES, held_parameters
 from eaid.estimate.spread import Influence, corrected, gains_of, t_quantile
 from eaid.findings import Finding, Value, finding
@@ -39,7 +39,7 @@ HOLDING = {"tau2-meets-tau1", "tau2-endless"}  # Constraints that take τ2's fre
 Ends = tuple[Array, Array, Array]
 
 
-def scored(
+def with_errors(
     p: Plant, free: bool, total: Errors, rows: Sequence[LevelError], solver: Solver, held: HoldOut | None = None
 ) -> results.Nonlinear:
     """Ten coefficients with their errors over all, per level, and on held-out levels."""
@@ -66,7 +66,7 @@ def of_steps(
     total, rows = errors(outputs, left), each_level(data.u.tolist(), outputs, left)
     rmse = total.scores["rmse"]
     beyond = hold_out(held_out, lambda level: from_rest(p, level.time_s, level.level), rmse)
-    return scored(p, free, total, rows, solver, beyond)
+    return with_errors(p, free, total, rows, solver, beyond)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,7 @@ def nonlinear_part(
     """The model, its values at the levels, findings; `draws` are its refits to resampled runs, (draws, n)."""
     levels, model, solver = first.levels, first.model, first.solved.solver
     M, free = model.rows(data.u), model.free_share
-    left = residuals(model.theta(first.coefficients, M), data.records)
+    left = level_residuals(model.theta(first.coefficients, M), data.records)
     part = of_steps(first.parameters, free, data, left, solver, held_out)
     papers = of_steps(joint.parameters, free, data, joint.residuals(data), joint.solver, held_out)
     misfit, bent = misfits(first)
@@ -127,7 +127,7 @@ def nonlinear_part(
     low, high = one.part.u_range
     if outside := [level.level for level in held_out if not low <= level.level <= high]:
         told.append(finding("held-out-beyond-the-levels", "nonlinear", outside))
-    told += missed("nonlinear", data, residuals(model.theta(one.unknowns, M), data.records), one.part)
+    told += missed("nonlinear", data, level_residuals(model.theta(one.unknowns, M), data.records), one.part)
     seen = first.scatter if options.estimator != "joint" else None
     told += [*level_findings(own, seen, "nonlinear", stepset), *open_findings(one.part, own), *bent, *scattered]
     estimator: Literal["joint", "levels-first"] = "joint" if options.estimator == "joint" else "levels-first"

@@ -22,15 +22,15 @@ from eaid.plant.steps import rise, step_response
 from eaid.results.models import Release
 from eaid.steps.stepset import Level
 
-MOST = 3  # Starts of the solve
+FALL_STARTS = 3  # Starts of the solve
 
 
-def solve(data: Data, shares: Array) -> Solution:
-    """One τ1 and τ2 for all levels of `data`, from the `MOST` best starts of a search."""
+def fit_falls(data: Data, shares: Array) -> Solution:
+    """One τ1 and τ2 for all levels of `data`, from the `FALL_STARTS` best starts of a search."""
     model, alike = replace(nonlinear(data.u[:1], float(shares[0])), Ts=None), np.ones(len(shares))
     steps = StepProblem(data, model, alike, shares=shares)
     starts = [bring_in(x, steps.inner, steps.problem) for x in form_starts(model, data, alike)]
-    return minimised(steps, sorted(starts, key=lambda x: steps.normal(x)[0])[:MOST])
+    return minimised(steps, sorted(starts, key=lambda x: steps.normal(x)[0])[:FALL_STARTS])
 
 
 def sizes(solved: Solution, data: Data) -> Array:
@@ -57,7 +57,7 @@ def release_fit(
             rose = rises[u]
             fast, slow = rise(np.array(held_s[u]), np.array([rose.tau1, rose.tau2])) * [rose.C, 1 - rose.C]
             shares[i] = fast / (fast + slow)
-    pooled = solve(replace(data, compressed=data.points.of_falls), shares)
+    pooled = fit_falls(replace(data, compressed=data.points.of_falls), shares)
     parts = sizes(pooled, data)
     total = float(parts[:, 2].sum())
     rmse = float(np.sqrt(total / sum(len(record.y) for record in data.records)))

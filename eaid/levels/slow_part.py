@@ -26,9 +26,9 @@ from eaid.plant.steps import step_slopes
 from eaid.steps.stepset import Level
 
 LENGTHS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.5)  # τ2 supposed, in record lengths; the last stands for all beyond
-ROUNDS = 12  # Newton steps in which τ1(u) follows
+TAU1_STEPS = 12  # Newton steps in which τ1(u) follows
 FEWEST_SINGLES = 2  # Levels beyond the unknowns from which single runs show what ψ scatters
-SMALL = 1e-6  # Part of τ1 by which the last of them moves it
+TAU1_SETTLED = 1e-6  # Part of τ1 by which the last of them moves it
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,10 +63,10 @@ def _with_tau2(steps: StepProblem, x: Array, tau2_s: float) -> Normal | None:
     y = x.copy()
     y[two] = np.linalg.lstsq(steps.model.tau2.rows(steps.data.u), np.full(len(steps.data.u), tau2_s), rcond=None)[0]
     cost = steps.normal(y)
-    for _ in range(ROUNDS):
+    for _ in range(TAU1_STEPS):
         _, gradient, curvature = cost
         move = -np.linalg.lstsq(curvature[one, one], gradient[one], rcond=1e-12)[0]
-        for _ in range(ROUNDS):
+        for _ in range(TAU1_STEPS):
             new = y.copy()
             new[one] += move
             again = steps.normal(new)
@@ -75,7 +75,7 @@ def _with_tau2(steps: StepProblem, x: Array, tau2_s: float) -> Normal | None:
             move = 0.5 * move
         else:
             break
-        done = np.abs(move).max() <= SMALL * np.abs(y[one]).max()
+        done = np.abs(move).max() <= TAU1_SETTLED * np.abs(y[one]).max()
         y, cost = new, again
         if done:
             break

@@ -16,7 +16,7 @@ from eaid.arrays import Array, median
 from eaid.declared import forms
 from eaid.errors import DataError, UsageError
 from eaid.estimate.data import Data, data_of, explains_little
-from eaid.estimate.points import residuals
+from eaid.estimate.points import level_residuals
 from eaid.estimate.scatter import CURVES, Scatter, common_shifts, noise_of
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.levels.adequacy import adequacy, share_of
@@ -35,13 +35,13 @@ from eaid.results.fit import Fit
 from eaid.results.models import FittedData, Friction, LackOfFit, Uncertainty
 from eaid.results.plant import FittedPlant, with_overshoot, with_release
 from eaid.results.verdict import judged
-from eaid.shapes.delay import behind, dead_time_of
+from eaid.shapes.delay import dead_time_of, set_behind
 from eaid.shapes.each_step import between_rows, of_another_shape, single_steps
 from eaid.steps.stepset import Level, StepSet
 
-MOST = 1e60  # Largest size of a number that a result may hold; its cube is still a number
+LARGEST_NUMBER = 1e60  # Largest size of a number that a result may hold; its cube is still a number
 ODD = 0.01  # Probability at which a good repeat would be said to lie off the others
-APART = 3.0  # Times the distance between the other sweeps that one of them is off
+SWEEPS_APART = 3.0  # Times the distance between the other sweeps that one of them is off
 LEAST_OFF = 0.05  # Distance in ln τ below which nothing is said of a repeat
 
 
@@ -63,7 +63,7 @@ def quotable(value: Any) -> Any:
 
 
 def _known(value: float) -> bool:
-    return -MOST <= value <= MOST
+    return -LARGEST_NUMBER <= value <= LARGEST_NUMBER
 
 
 def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Callable[[], None] | None = None) -> Fit:
@@ -78,7 +78,7 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
         dead_time_s, of_start = 0.0, list[Finding]()
         if stepset.levels or not stepset.level_steps:
             dead_time_s, of_start = dead_time_of(stepset, options)
-            recorded, stepset = stepset, behind(stepset, dead_time_s)
+            recorded, stepset = stepset, set_behind(stepset, dead_time_s)
             result = _fit_levels(stepset, options, progress)
             still = next((one for one in result.findings if one.code == "curve-explains-little"), None)
             if still is not None and len(still.levels) < len(stepset.levels) - len(options.hold_out):
@@ -87,7 +87,7 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
                 result = _fit_levels(stepset, options, progress)
             stepset = recorded
         else:  # a staircase that never rests: no model of steps from rest
-            result = Fit(data=data_part(stepset), uncertainty=Uncertainty("none"))
+            result = Fit(data=data_of_steps(stepset), uncertainty=Uncertainty("none"))
         shapes = single_steps(stepset, options)
         of_shapes = tuple(warning for shape in shapes for warning in shape.findings)
         if not shapes and any(one.code in OTHER_SHAPES for one in (*result.findings, *stepset.all_findings)):
@@ -99,7 +99,7 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
             result = msgspec.structs.replace(
                 result, friction=msgspec.structs.replace(part, levels=(*part.levels, *rows))
             )
-        told = with_plant(msgspec.structs.replace(result, steps=shapes), dead_time_s, idle_of(stepset))
+        told = with_plant(msgspec.structs.replace(result, steps=shapes), dead_time_s, usual_idle(stepset))
         result = quotable(told)
         beyond_measure = [] if result is told else [finding("numbers-beyond-measure", "data")]
         return judged(
@@ -118,7 +118,7 @@ def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], No
     """The models of steps from rest, with intervals; curves of τ near 0 or far beyond a record overflow on the way."""
     if not stepset.levels:
         raise DataError("no rising step was found in the logs; give «step_at», or check the input column")
-    models = chosen(stepset.kind, options.model)
+    models = models_chosen(stepset.kind, options.model)
     kept, held_out = split(stepset.levels, options.hold_out)
     data, whole = data_of(kept), stepset
     stepset = replace(stepset, levels=kept)
@@ -150,7 +150,7 @@ def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], No
         share=share,
         lack_of_fit=misfits,
     )
-    result = msgspec.structs.replace(result, data=data_part(whole), uncertainty=summary)
+    result = msgspec.structs.replace(result, data=data_of_steps(whole), uncertainty=summary)
     if stepset.releases:
         held_s = {level.level: float(level.time_s[-1]) for level in kept}
         rises = dict(zip(data.u.tolist(), scatter.curves, strict=True))
@@ -192,7 +192,7 @@ def _of_the_model(
 
 def _missed(one: Estimate | OwnLevels, data: Data) -> list[Array]:
     """f − y of the levels' curves at every sample."""
-    return residuals(one.scatter.theta, data.records)
+    return level_residuals(one.scatter.theta, data.records)
 
 
 def _of_each_level(
@@ -246,7 +246,7 @@ def odd_repeats(scatter: Scatter) -> list[Finding]:
     """One repeat of three or more whose τ1 or τ2 lies off the others', at one level, or in sweeps at all of them.
 
     Its distance to the others' mean against the scatter of all runs but it, a t test at `ODD` in all; in sweeps against
-    what is left of the levels, and `APART` times what the other sweeps lie apart.
+    what is left of the levels, and `SWEEPS_APART` times what the other sweeps lie apart.
     """
     findings = []
     for k, name in ((1, "tau1"), (2, "tau2")):
@@ -264,7 +264,7 @@ def odd_repeats(scatter: Scatter) -> list[Finding]:
             off = float(d[r] - others.mean())
             left = squares - (off / scale) ** 2 * len(others) / len(d) if sweeps is None else squares
             error = scale * np.sqrt(max(left, 0.0) / max(degrees, 1) * len(d) / len(others))
-            apart = 0.0 if sweeps is None else APART * float(np.ptp(others))
+            apart = 0.0 if sweeps is None else SWEEPS_APART * float(np.ptp(others))
             if abs(off) > max(limit * error, apart, LEAST_OFF):
                 runs, levels = (tuple(getattr(scatter.levels[i], what) for i in at) for what in ("names", "level"))
                 pct, names = float(100 * np.expm1(off)), tuple(one[r] for one in runs)
@@ -272,7 +272,7 @@ def odd_repeats(scatter: Scatter) -> list[Finding]:
     return findings
 
 
-def idle_of(stepset: StepSet) -> float:
+def usual_idle(stepset: StepSet) -> float:
     """The output before the steps of a set, which was subtracted; of most runs alike."""
     known = [run.baseline_nm for run in stepset.runs if run.baseline_nm is not None and not run.left_out]
     return median(known) if known else 0.0
@@ -301,7 +301,7 @@ def converged(result: Fit) -> bool:
     return all(part.solver is None or part.solver.converged for part in parts if part is not None)
 
 
-def chosen(kind: str, wanted: Sequence[str] | None) -> tuple[str, ...]:
+def models_chosen(kind: str, wanted: Sequence[str] | None) -> tuple[str, ...]:
     """The models to fit; raises UsageError for one that the kind does not allow."""
     allowed = MODELS if kind == "clutch" else ("friction",)
     for name in wanted or ():
@@ -323,7 +323,7 @@ def split(levels: Sequence[Level], hold_out: Sequence[float]) -> tuple[tuple[Lev
     return kept, held
 
 
-def data_part(stepset: StepSet) -> FittedData:
+def data_of_steps(stepset: StepSet) -> FittedData:
     """What a fit is made from: kind, units, levels, the rig and the runs."""
     rates = [run.rate_hz for run in stepset.runs if not run.left_out]
     if not rates:

@@ -61,13 +61,13 @@ def _sorted_out(folder: Path) -> tuple[list[Path], list[str]]:
         for item in sorted(folder.iterdir())
         if item.is_file() and item.name[0] != "." and item.suffix.lower() not in SKIPPED and item.name != "Thumbs.db"
     }
-    # a dataset beside logs was most likely made from them, and a log counts once
-    wanted = "log" if "log" in kinds.values() else "data"
+    # a dataset beside logs was most likely made from them, a workbook holds their results; a log counts once
+    wanted = next((kind for kind in ("log", "Excel") if kind in kinds.values()), "data")
     return [item for item in kinds if kinds[item] == wanted], [item.name for item in kinds if kinds[item] != wanted]
 
 
 def _kind(path: Path) -> str:
-    """log, data or replay of a file in a folder, by its ending, its first bytes, or rows of numbers in a text."""
+    """log, Excel, data or replay of a file in a folder, by its ending, first bytes, or rows of numbers in a text."""
     ending = path.suffix.lower()
     if ending in LOGS:
         return "log"
@@ -82,5 +82,7 @@ def _kind(path: Path) -> str:
     except OSError:
         return "log"  # refused by its name
     form = format_of(head[:4096]).name
+    if form == "Excel":
+        return form
     rows = has_table(lines_of(head)) if form == "text" else form != "not read"
     return "log" if rows or ending in (".h5", ".hdf5") else ""

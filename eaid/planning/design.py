@@ -46,8 +46,9 @@ LEAST_REPEATS, MOST_REPEATS = 3, 20
 KEEPING = 0.8  # Probability with which a session keeps a width that a plan promises
 # Share of the draws that must keep a promised T_s, τ1, τ2 for that: what sessions have beyond the draws (ends by score
 # tests, scatter of levels) was measured (`benchmarks.plans`)
-SHARES = (0.9, 0.8, 0.86)
+SHARES = (0.9, 0.8, 0.84)
 SESSIONS = 200  # Draws behind that
+UNTOLD = 1e6  # A half-width above which nothing is told [%]
 
 
 def relative_rows(rows: Array, unknowns: Array) -> Array:
@@ -255,6 +256,7 @@ class FittedRig:
     share: float  # C
     noise: Noise
     known: bool  # Whether the fit says how noisy the rig is; else the noise is assumed
+    most: int = MOST_REPEATS
 
     @property
     def numbers(self) -> tuple[str, ...]:
@@ -303,13 +305,13 @@ class FittedRig:
     ) -> tuple[int, Widths]:
         """The fewest repeats for the wanted half-widths [%], or the most there are, and what they give."""
         within, between = self.contributions(levels, hold_s, session)
-        low, high = LEAST_REPEATS, MOST_REPEATS + 1
+        low, high = LEAST_REPEATS, self.most + 1
         half: Widths = {}
-        while low < high:  # of MOST_REPEATS + 1 nothing is asked
+        while low < high:  # of most + 1 nothing is asked
             middle = (low + high) // 2
             tried = self.kept(within, between, middle, levels)
             reached = all(tried[name] <= width for name, width in wanted.items())
-            if reached or middle == MOST_REPEATS:
+            if reached or middle == self.most:
                 high, half = middle, tried
             else:
                 low = middle + 1
@@ -347,9 +349,9 @@ class FittedRig:
         sure = self.degrees if self.known else 0.0
         factor = sure / random.chisquare(sure, SESSIONS) if sure > 0 else np.ones(SESSIONS)
         own = np.full(count, repeats - 1)
-        parts = (within + factor[:, None, None, None] * between) @ neighbours(own) / repeats
-        usual = parts.sum(axis=3)
-        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):  # what nothing tells is infinite
+            parts = (within + factor[:, None, None, None] * between) @ neighbours(own) / repeats
+            usual = parts.sum(axis=3)
             degrees = np.nan_to_num((repeats - 1) * usual**2 / (parts**2).sum(axis=3), nan=1.0)
             seen = (parts * random.chisquare(own, (SESSIONS, len(within), 1, count)) / own).sum(axis=3)
             p = self.plant.model
@@ -362,9 +364,9 @@ class FittedRig:
                 degrees[:, 0] = satterthwaite((usual[:, 0], beyond), (degrees[:, 0], spare))
                 seen[:, 0] += beyond
             worst = np.nan_to_num(t_quantile(degrees) * np.sqrt(seen), nan=np.inf).max(axis=2)
-        quantiles = [np.quantile(each, share) for each, share in zip(worst.T, SHARES, strict=True)]
-        half = 100 * np.expm1(np.minimum(quantiles, 50.0))
-        return dict(zip(self.numbers, half.tolist(), strict=True))
+            quantiles = [np.quantile(each, share) for each, share in zip(worst.T, SHARES, strict=True)]
+            half = 100 * np.expm1(quantiles)
+        return dict(zip(self.numbers, np.where(half < UNTOLD, half, inf).tolist(), strict=True))
 
     def drawn(self, n: int, seed: int) -> list[tuple[Specimen, Noise]]:
         """`n` rigs that the data of the fit allow."""

@@ -57,6 +57,7 @@ def disturbance_of(noise: Noise) -> Disturbance:
 SETS, FEW_SETS = 14, 4  # Recordings that are simulated of each plan; of other kinds, whose widths hardly scatter
 # Findings of a fit that no plan can be trusted on
 OPEN = ("one-level-nonlinear", "parameter-unknown-at-half-the-levels", "no-level-determines-all")
+FIRST_REPEATS = 5  # … so that the next session asks for so many repeats at the most, and the next fit knows more
 NOTICED = 0.01  # Scatter from run to run that is named as what stands in the way of a width
 
 
@@ -66,6 +67,9 @@ def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Call
     `UsageError` for a width of no parameter or a limit that no rig has; `DataError` for a fit without a model of steps.
     """
     rig = rig_of(fit)
+    guessed = any(one.code in OPEN for one in fit.findings)
+    decays = [each for each in fit.findings if each.code == "output-decays-under-hold"]
+    rig = replace(rig, most=FIRST_REPEATS) if guessed or decays else rig
     options = wanting(options, dict(zip(rig.numbers, (3.0, 5.0, 10.0), strict=False)))
     other = rig.plant.model if rig.plant.model is not None and not is_clutch(rig.plant.model) else None
     sets = SETS if other is None else FEW_SETS
@@ -93,9 +97,8 @@ def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Call
     ):  # its intervals are not those of information alone
         plan = msgspec.structs.replace(plan, half_width_pct=plan.measured_half_width_pct)
     findings = [] if rig.known else [finding("plan-assumes-noise", "plan")]
-    decays = [each for each in rig.fit.findings if each.code == "output-decays-under-hold"]
     findings += [finding("plan-of-decaying-output", "plan", each.levels) for each in decays]
-    if any(one.code in OPEN for one in rig.fit.findings):
+    if guessed:
         findings.append(finding("plan-rests-on-a-guess", "plan"))
     if not plan.met:
         scatter = 100 * rig.noise.scatter.get(worst, 0.0)

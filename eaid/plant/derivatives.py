@@ -17,7 +17,7 @@ import numba
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.plant.drive import DEAD, EXCESS, FALL, IDLE, REST, SHARE, START, Drive, Integers, Tables
+from eaid.plant.drive import AT_DEAD, AT_EXCESS, AT_FALL, AT_IDLE, AT_REST, AT_SHARE, AT_START, Drive, Integers, Tables
 from eaid.plant.dynamics import swing
 
 
@@ -38,33 +38,33 @@ def derivatives(drive: Drive, tables: Tables, scalars: Array, place: Integers, c
     One lag, or two in parallel. The coefficients of T_s, τ1 and τ2 come first. `place` has the columns of `scalars`,
     (10,); what is no unknown has the column −1, the last, which nobody reads.
     """
-    n_s, weights, share = tables.by_steady.shape[1], drive.w, scalars[SHARE]
-    x, before, g, last_step = scalars[START:].copy(), np.zeros(2), np.zeros(2), 0.0
+    n_s, weights, share = tables.by_steady.shape[1], drive.w, scalars[AT_SHARE]
+    x, before, g, last_step = scalars[AT_START:].copy(), np.zeros(2), np.zeros(2), 0.0
     sens, rate = np.zeros((2, count + 1)), np.zeros(2)
-    sens[0, place[START]] = sens[1, place[START + 1]] = 1.0
+    sens[0, place[AT_START]] = sens[1, place[AT_START + 1]] = 1.0
     out, row = np.empty((np.count_nonzero(weights), count + 1)), 0
     for k in range(len(weights)):
         if weights[k] > 0.0:
             root = np.sqrt(weights[k])
             for j in range(count):
                 out[row, j] = root * (sens[0, j] + sens[1, j])
-            if place[IDLE] >= 0:
-                out[row, place[IDLE]] = root
-            out[row, count] = root * (x[0] + x[1] + scalars[IDLE] - drive.y[k])
+            if place[AT_IDLE] >= 0:
+                out[row, place[AT_IDLE]] = root
+            out[row, count] = root * (x[0] + x[1] + scalars[AT_IDLE] - drive.y[k])
             row += 1
         i, step, fallen = drive.which[k], drive.dt_s[k], drive.rising[k] < 0
-        moved = place[DEAD] >= 0 and k > 0 and (i != drive.which[k - 1] or drive.rising[k] != drive.rising[k - 1])
-        excess = 1.0 + scalars[EXCESS] if fallen else 1.0
+        moved = place[AT_DEAD] >= 0 and k > 0 and (i != drive.which[k - 1] or drive.rising[k] != drive.rising[k - 1])
+        excess = 1.0 + scalars[AT_EXCESS] if fallen else 1.0
         total, first = tables.steady[i] * excess, n_s
         for s in range(2):
             by_curve = tables.by_tau2 if s else tables.by_tau1
             part, risen = (1.0 - share, tables.tau2[i]) if s else (share, tables.tau1[i])
             off = x[s] - part * total
             tau, by_risen, by_rest, by_fall = acting_tau(
-                risen, off, tables.rest[i], scalars[REST + s], scalars[FALL + s]
+                risen, off, tables.rest[i], scalars[AT_REST + s], scalars[AT_FALL + s]
             )
             if moved:  # x'(old) − x'(new)
-                sens[s, place[DEAD]] += rate[s] + off / tau
+                sens[s, place[AT_DEAD]] += rate[s] + off / tau
             if tau != before[s] or step != last_step:
                 g[s], before[s] = -np.expm1(-step / tau), tau
             by_tau = off * (1.0 - g[s]) * step / (tau * tau)
@@ -74,11 +74,11 @@ def derivatives(drive: Drive, tables: Tables, scalars: Array, place: Integers, c
                 sens[s, j] += g[s] * part * excess * tables.by_steady[i, j]
             for j in range(by_curve.shape[1]):
                 sens[s, first + j] += by_tau * by_risen * by_curve[i, j]
-            sens[s, place[SHARE]] += -g[s] * total if s else g[s] * total
-            sens[s, place[REST + s]] += by_tau * by_rest
-            sens[s, place[FALL + s]] += by_tau * by_fall
+            sens[s, place[AT_SHARE]] += -g[s] * total if s else g[s] * total
+            sens[s, place[AT_REST + s]] += by_tau * by_rest
+            sens[s, place[AT_FALL + s]] += by_tau * by_fall
             if fallen:
-                sens[s, place[EXCESS]] += g[s] * part * tables.steady[i]
+                sens[s, place[AT_EXCESS]] += g[s] * part * tables.steady[i]
             x[s] -= g[s] * off
             rate[s] = -(off - g[s] * off) / tau
             first += by_curve.shape[1]
@@ -105,11 +105,11 @@ def by_damping(zeta: float, s: float, c: float, n: float) -> tuple[float, float]
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def swinging(drive: Drive, tables: Tables, scalars: Array, place: Integers, count: int) -> Array:
     """The same of two lags in series, or ringing: `tables` has 1/ω as τ1 and ζ as τ2, `scalars` z in place of C."""
-    n_s, weights, z = tables.by_steady.shape[1], drive.w, scalars[SHARE]
+    n_s, weights, z = tables.by_steady.shape[1], drive.w, scalars[AT_SHARE]
     n_t = tables.by_tau1.shape[1]
-    x1, x2 = scalars[START], scalars[START + 1]
+    x1, x2 = scalars[AT_START], scalars[AT_START + 1]
     sens = np.zeros((2, count + 1))
-    sens[0, place[START]] = sens[1, place[START + 1]] = 1.0
+    sens[0, place[AT_START]] = sens[1, place[AT_START + 1]] = 1.0
     out, row, rate1, rate2 = np.empty((np.count_nonzero(weights), count + 1)), 0, 0.0, 0.0
     c, n, c_zeta, n_zeta, last, last_tau, last_zeta = 1.0, 0.0, 0.0, 0.0, -1.0, -1.0, -1.0
     for k in range(len(weights)):
@@ -117,17 +117,17 @@ def swinging(drive: Drive, tables: Tables, scalars: Array, place: Integers, coun
             root = np.sqrt(weights[k])
             for j in range(count):
                 out[row, j] = root * (sens[0, j] + z * sens[1, j])
-            if place[SHARE] >= 0:
-                out[row, place[SHARE]] += root * x2
-            if place[IDLE] >= 0:
-                out[row, place[IDLE]] = root
-            out[row, count] = root * (x1 + z * x2 + scalars[IDLE] - drive.y[k])
+            if place[AT_SHARE] >= 0:
+                out[row, place[AT_SHARE]] += root * x2
+            if place[AT_IDLE] >= 0:
+                out[row, place[AT_IDLE]] = root
+            out[row, count] = root * (x1 + z * x2 + scalars[AT_IDLE] - drive.y[k])
             row += 1
         i, step = drive.which[k], drive.dt_s[k]
         tau, zeta, away = tables.tau1[i], tables.tau2[i], x1 - tables.steady[i]
-        if place[DEAD] >= 0 and k > 0 and i != drive.which[k - 1]:
-            sens[0, place[DEAD]] += rate1 - x2 / tau
-            sens[1, place[DEAD]] += rate2 + (away + 2.0 * zeta * x2) / tau
+        if place[AT_DEAD] >= 0 and k > 0 and i != drive.which[k - 1]:
+            sens[0, place[AT_DEAD]] += rate1 - x2 / tau
+            sens[1, place[AT_DEAD]] += rate2 + (away + 2.0 * zeta * x2) / tau
         if step != last or tau != last_tau or zeta != last_zeta:
             c, n = swung(zeta, step / tau)
             c_zeta, n_zeta = by_damping(zeta, step / tau, c, n)

@@ -17,7 +17,7 @@ from eaid.plant.dynamics import (
 )
 from eaid.plant.steps import decay, rise, step_rate, step_response
 
-FEW_ROWS = 8  # An input held for fewer rows is followed row by row, which then is faster
+FEW_ROWS_HELD = 8  # An input held for fewer rows is followed row by row, which then is faster
 # (input, whether it was fallen to) → the plant that acts while it is held
 Acting = Callable[[float, bool], PlantNumbers]
 
@@ -69,7 +69,7 @@ def driven(
     for k, (begin, end, value, fallen) in enumerate(held):
         plant, part = acting(value, fallen), slice(rows[k], rows[k + 1])
         since = time_s[part] - begin
-        if rows[k + 1] - rows[k] < FEW_ROWS or plant.zeta >= 0.0:
+        if rows[k + 1] - rows[k] < FEW_ROWS_HELD or plant.zeta >= 0.0:
             states = [plant_step(plant, x1, x2, value, dt) for dt in since.tolist()]
             output[part] = [one + plant.z * two for one, two in states]
         else:

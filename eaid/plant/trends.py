@@ -13,7 +13,7 @@ import numpy as np
 from eaid.arrays import Array
 
 
-def line(c: Array, x: Array) -> Array:
+def straight_line(c: Array, x: Array) -> Array:
     """slope·x + offset, `c` = [slope, offset], shape of `x`."""
     return np.asarray(c[0] * x + c[1])
 
@@ -34,7 +34,7 @@ def double_gradient(c: Array, x: Array) -> Array:
     return np.stack([e1, c[0] * x * e1, e2, c[2] * x * e2])
 
 
-def merged(c: Array, x: Array) -> Array:
+def merged_exponential(c: Array, x: Array) -> Array:
     """(p + q x) e^(r x), `c` = [p, q, r], shape of `x`."""
     return np.asarray((c[0] + c[1] * x) * np.exp(c[2] * x))
 
@@ -46,7 +46,7 @@ def merged_gradient(c: Array, x: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Form:
+class TrendCurve:
     """One form of trend: its curve, and its derivatives."""
 
     curve: Callable[[Array, Array], Array]
@@ -54,10 +54,10 @@ class Form:
     coefficients: tuple[str, ...]
 
 
-FORMS: dict[str, Form] = {
-    "linear": Form(line, line_gradient, ("slope", "offset")),
-    "double-exponential": Form(double, double_gradient, ("p", "r1", "q", "r2")),
-    "merged-exponential": Form(merged, merged_gradient, ("p", "q", "r")),
+FORMS: dict[str, TrendCurve] = {
+    "linear": TrendCurve(straight_line, line_gradient, ("slope", "offset")),
+    "double-exponential": TrendCurve(double, double_gradient, ("p", "r1", "q", "r2")),
+    "merged-exponential": TrendCurve(merged_exponential, merged_gradient, ("p", "q", "r")),
 }
 
 

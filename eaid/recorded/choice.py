@@ -15,9 +15,9 @@ from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE
 from eaid.plant.forms import Proportional, Sides
 from eaid.recorded.fall_tests import tested
-from eaid.recorded.from_logs import Setup, Solved, idle_of, model_of, setup_of, solve
-from eaid.recorded.inputs import MANY, Inputs
-from eaid.recorded.kinds import PRICE, LagKind, Search, Tried, independent, integrates, of_evidence, search_of
+from eaid.recorded.from_logs import Setup, Solved, fit_setup, idle_found, plant_found, setup_of
+from eaid.recorded.inputs import MANY_LEVELS, Excited
+from eaid.recorded.kinds import PRICE, LagKind, Search, Tried, independent_of, integrates, of_evidence, search_of
 from eaid.recorded.late import timed
 from eaid.recorded.log_intervals import Spread, curves, spread
 from eaid.results.common import Interval
@@ -25,14 +25,14 @@ from eaid.results.models import FittedData
 from eaid.results.plant import FittedPlant, PlantIntervals
 from eaid.results.recorded import FallTest, KindTried
 
-WIDE = 2.0  # Half-width, as a part of the number, beyond which an interval says nothing
-BEYOND = 3.0  # Times the output that was reached, beyond which no T_s is believed
-OPEN = 0.2  # Relative half-width beyond which T_s is open
+WIDE_INTERVAL = 2.0  # Half-width, as a part of the number, beyond which an interval says nothing
+BEYOND_REACHED = 3.0  # Times the output that was reached, beyond which no T_s is believed
+OPEN_TS = 0.2  # Relative half-width beyond which T_s is open
 LITTLE_PCT = 15.0  # Of a log that a kind has to explain
 LEFT = 0.04  # Part of the squares about the mean that a kind may leave that takes the place of such a clutch
 AS_WELL = 4.0  # Squares over those of a clutch whose T_s is open, up to which another kind is taken in its place
 AS_MUCH = 2.0  # Unknowns' worth of noise by which the clutch's form may leave more than the same with another C
-AT_REST = 4.0  # Squares of a start at rest over those of one with unknown states, up to which it is believed
+REST_BELIEVED = 4.0  # Squares of a start at rest over those of one with unknown states, up to which it is believed
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ class Chosen:
 
 
 def plant_of_logs(
-    logs: Sequence[RecordedLog], others: Sequence[RecordedLog], inputs: Inputs, options: FitOptions, rests: bool,
+    logs: Sequence[RecordedLog], others: Sequence[RecordedLog], inputs: Excited, options: FitOptions, rests: bool,
     of_steps_s: float, falls: bool,
 ) -> Chosen:  # fmt: skip
     """The clutch's own form behind its dead time, with what falls have of their own; another kind where that explains
@@ -65,7 +65,7 @@ def plant_of_logs(
     search = search_of(at_rest(logs, inputs), inputs.low, inputs.high, options.held_dead_time_s)
     logs = search.logs
     rivals = [] if clutch is None else [Tried(LagKind("clutch", "parallel"), clutch.solved)]
-    rows = of_evidence(search, len(inputs.levels) if inputs.stepwise else MANY, rivals)
+    rows = of_evidence(search, len(inputs.levels) if inputs.stepwise else MANY_LEVELS, rivals)
     if clutch is not None and rows[0].kind.name == "clutch" and options.duty is None:
         simple = next(one for one in rows if one.kind.name != "clutch")
         explains = simple.cost <= LEFT * sum(energy(log) for log in logs)
@@ -73,8 +73,8 @@ def plant_of_logs(
         if (explains and never_near(clutch.solved, inputs)) or (well and leaves_open(clutch.solved, inputs)):
             rows = [simple, *(one for one in rows if one is not simple)]
     own = next((one for one in rows if one.kind.name == "clutch"), None)
-    found = model_of(rows[0].solved)
-    noise = rows[0].cost / independent(rows[0].solved)
+    found = plant_found(rows[0].solved)
+    noise = rows[0].cost / independent_of(rows[0].solved)
     if own is not None and found.kind == "parallel" and own.cost <= rows[0].cost + AS_MUCH * PRICE * noise:
         rows = [own, *(one for one in rows if one is not own)]  # the same form, with another C
     best, total = rows[0], sum(energy(log) for log in logs)
@@ -103,7 +103,7 @@ def plant_of_logs(
     return Chosen(best.solved, tuple(logs), (), kinds, told, (0,) * len(logs))
 
 
-def at_rest(logs: Sequence[RecordedLog], inputs: Inputs) -> list[RecordedLog]:
+def at_rest(logs: Sequence[RecordedLog], inputs: Excited) -> list[RecordedLog]:
     """The logs, those that begin with some rows at rest known to be at rest where the output does not deny it."""
     found = []
     for log in logs:
@@ -111,7 +111,7 @@ def at_rest(logs: Sequence[RecordedLog], inputs: Inputs) -> list[RecordedLog]:
         if begins:
             resting = replace(log, idle_start=True)
             costs = [quick_cost(search_of([one], inputs.low, inputs.high)) for one in (resting, log)]
-            log = resting if costs[0] <= AT_REST * costs[1] else log
+            log = resting if costs[0] <= REST_BELIEVED * costs[1] else log
         found.append(log)
     return found
 
@@ -123,24 +123,24 @@ def quick_cost(search: Search) -> float:
     return min(search.cost(theta, tau, np.inf) for tau in taus for theta in delays)
 
 
-def never_near(solved: Solved, inputs: Inputs) -> bool:
+def never_near(solved: Solved, inputs: Excited) -> bool:
     """Whether T_s of a fit lies far beyond what the logs have reached."""
-    reached = max(float(np.abs(y - idle_of(solved, k)).max(initial=0.0)) for k, y in enumerate(solved.outputs))
-    return float(np.abs(solved.curves(inputs.shown).steady).max()) > BEYOND * reached
+    reached = max(float(np.abs(y - idle_found(solved, k)).max(initial=0.0)) for k, y in enumerate(solved.outputs))
+    return float(np.abs(solved.curves(inputs.shown).steady).max()) > BEYOND_REACHED * reached
 
 
-def leaves_open(solved: Solved, inputs: Inputs) -> bool:
+def leaves_open(solved: Solved, inputs: Excited) -> bool:
     """Whether the logs leave T_s of a fit open at half of its inputs or more."""
     known = curves(solved, spread(solved), inputs.shown)
-    return bool(np.mean(known.half_width[0] > OPEN) >= 0.5)
+    return bool(np.mean(known.half_width[0] > OPEN_TS) >= 0.5)
 
 
 def _of_the_clutch(
-    logs: Sequence[RecordedLog], others: Sequence[RecordedLog], inputs: Inputs, options: FitOptions, rests: bool,
+    logs: Sequence[RecordedLog], others: Sequence[RecordedLog], inputs: Excited, options: FitOptions, rests: bool,
     of_steps_s: float, falls: bool,
 ) -> Chosen:  # fmt: skip
     """Two lags in parallel over the input, behind the dead time of the logs, with what falls have of their own."""
-    base = solve(setup_of(forms.nonlinear(inputs.basis, options.held_share), [*logs, *others], rests))
+    base = fit_setup(setup_of(forms.nonlinear(inputs.basis, options.held_share), [*logs, *others], rests))
     behind = timed(base, logs, others, options.held_dead_time_s, of_steps_s)
     base, findings = behind.solved, []
     theta_s = base.fitted.dead_time(base.x)
@@ -191,7 +191,7 @@ def integrator(log: RecordedLog) -> str:
 
 def about_idle(base: Solved, logs: Sequence[RecordedLog], theta_s: float) -> Setup:
     """The logs with the idle output that the plant has, for the linear model: it begins where the plant does."""
-    known = [replace(log, baseline=idle_of(base, k) + (log.baseline or 0.0)) for k, log in enumerate(logs)]
+    known = [replace(log, baseline=idle_found(base, k) + (log.baseline or 0.0)) for k, log in enumerate(logs)]
     return setup_of(base.fitted.model, known, True, theta_s)
 
 
@@ -199,7 +199,7 @@ def plant_part(
     solved: Solved, data: FittedData, uncertainty: Spread | None, tried: tuple[KindTried, ...] = ()
 ) -> FittedPlant:
     """The plant that every later command reads, with 95 % intervals of what is constant over the input."""
-    p, model, x = model_of(solved), solved.setup.model, solved.x
+    p, model, x = plant_found(solved), solved.setup.model, solved.x
     units = data.input_unit, data.output_unit
     if uncertainty is None:
         return msgspec.structs.replace(FittedPlant.of(p, units), tried=tried)
@@ -225,10 +225,10 @@ def plant_part(
     return msgspec.structs.replace(FittedPlant.of(p, units, ends), tried=tried)
 
 
-def start_of(solved: Solved, log: int) -> tuple[float, float]:
+def start_states(solved: Solved, log: int) -> tuple[float, float]:
     """The states at the first row of a log, in the coordinates of the plant that the fit gives."""
     one, two = (float(solved.x[at]) if at >= 0 else 0.0 for at in solved.setup.places[log].own[1:])
-    model, p = solved.setup.model, model_of(solved)
+    model, p = solved.setup.model, plant_found(solved)
     if model.kind != "swing" or p.zeta is not None:
         return one, two
     tau, zeta = (float(solved.x[part][0]) for part in model.slices[1:])
@@ -248,6 +248,6 @@ def interval(number: Callable[[Array], float], x: Array, uncertainty: Spread, si
         step[k] = h
         gradient[k] = (number(x + step) - number(x - step)) / (2 * h)
     half = uncertainty.of(gradient)
-    if size and value > 0 and half < WIDE * value:
+    if size and value > 0 and half < WIDE_INTERVAL * value:
         return value * float(np.exp(-half / value)), value * float(np.exp(half / value))
     return (value - half, value + half) if (value <= 0 or not size) and half < np.inf else None

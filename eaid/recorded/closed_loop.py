@@ -21,7 +21,7 @@ from eaid.options import Rig
 from eaid.plant.drive import Drive
 from eaid.plant.dynamics import plant_numbers
 from eaid.recorded.copies import Copies
-from eaid.recorded.from_logs import Solved, idle_of, model_of
+from eaid.recorded.from_logs import Solved, idle_found, plant_found
 from eaid.recorded.late import follows_output
 from eaid.replay.controllers import feedback
 from eaid.replay.loop import replay
@@ -32,14 +32,14 @@ LEAST_ROWS = 50  # Rows off the limits that a law is told by
 
 
 @dataclass(frozen=True, eq=False)
-class Law:
+class LawFound:
     """A PI that explains a recorded duty."""
 
     gains: PIGains
     fit_pct: float
 
 
-def law_of(log: RecordedLog) -> Law | None:
+def law_behind(log: RecordedLog) -> LawFound | None:
     """The PI law behind a log with a reference; None where none explains its duty."""
     if log.reference is None:
         return None
@@ -55,16 +55,16 @@ def law_of(log: RecordedLog) -> Law | None:
     fit_pct = 100 * (1 - float(np.linalg.norm(wanted - design @ gains)) / size) if size > 0 else 0.0
     if not (fit_pct >= LAW_PCT and K_P > 0 and K_I > 0):
         return None
-    return Law(PIGains(float(K_P), float(K_I), 0.0, float(u.max())), fit_pct)
+    return LawFound(PIGains(float(K_P), float(K_I), 0.0, float(u.max())), fit_pct)
 
 
-def simulated(solved: Solved, index: int, log: RecordedLog, law: Law) -> RecordedLog:
+def simulated(solved: Solved, index: int, log: RecordedLog, law: LawFound) -> RecordedLog:
     """The log that the loop of a law gives on the fitted model, without noise."""
     assert log.reference is not None
     dt_s = float(log.time_s[-1] - log.time_s[0]) / (len(log.input) - 1)
-    idle, before = idle_of(solved, index) + (log.baseline or 0.0), np.zeros(int(np.argmax(log.input > 0)))
+    idle, before = idle_found(solved, index) + (log.baseline or 0.0), np.zeros(int(np.argmax(log.input > 0)))
     wanted = log.reference[len(before) :] - idle  # the law acts on its distance from what is read
-    loop = replay(plant_numbers(model_of(solved)), feedback(law.gains), wanted, Rig(), dt_s)
+    loop = replay(plant_numbers(plant_found(solved)), feedback(law.gains), wanted, Rig(), dt_s)
     duty, torque = (np.append(before, loop[name]) for name in ("duty_pct", "torque_nm"))
     return replace(log, input=duty, output=torque + idle, idle_start=log.starts_idle)
 
@@ -75,7 +75,7 @@ def judged_loops(base: Solved, logs: Sequence[RecordedLog]) -> tuple[tuple[Loop,
     findings: list[Finding] = []
     by_instrument = base.instruments is not None
     for k, log in enumerate(logs):
-        law = law_of(log)
+        law = law_behind(log)
         if log.reference is None:
             if not (follows := follows_output(base, k, log)):
                 continue
@@ -96,17 +96,17 @@ def judged_loops(base: Solved, logs: Sequence[RecordedLog]) -> tuple[tuple[Loop,
     return tuple(loops), findings
 
 
-ROUNDS = 20
-RENEWED = 2  # Instruments one after another
+INSTRUMENT_STEPS = 20
+INSTRUMENTS_TRIED = 2  # Instruments one after another
 
 
 def with_instrument(base: Solved, logs: Sequence[RecordedLog]) -> Solved:
     """The fit by instruments, begun at the direct one; the direct one where no law is known or it does not settle."""
-    laws = [law_of(log) for log in logs]
+    laws = [law_behind(log) for log in logs]
     if not any(law is not None and log.starts_idle for law, log in zip(laws, logs, strict=True)):
         return base
     x, drives = base.x.copy(), list(base.setup.drives)
-    for _ in range(RENEWED):  # any duty without noise serves; the second is that of a better model
+    for _ in range(INSTRUMENTS_TRIED):  # any duty without noise serves; the second is that of a better model
         now = replace(base, x=x)
         for k, (log, law) in enumerate(zip(logs, laws, strict=True)):
             if law is not None and log.starts_idle:
@@ -125,7 +125,7 @@ def _solved(base: Solved, x: Array, drives: tuple[Drive, ...]) -> Array | None:
     """Where Σ Z' r is 0, by Newton's steps from x; None where they do not settle."""
     clean = replace(base.setup, drives=drives)
     slopes = [clean.jacobian(x, k)[0] for k in range(len(drives))]
-    for _ in range(ROUNDS):
+    for _ in range(INSTRUMENT_STEPS):
         A, score = np.zeros((len(x), len(x))), np.zeros(len(x))
         for k in range(len(drives)):
             J, r = base.setup.jacobian(x, k)

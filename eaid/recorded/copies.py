@@ -42,7 +42,7 @@ class Copies:
     def small(self) -> Drive:
         """Some thousand rows that cost what the log costs, exactly where its input is held."""
         if not self.log.stepwise:
-            return averaged(self.log, self.every)
+            return averaged_blocks(self.log, self.every)
         return compressed(self.log, self.every, self.dead_time_s)
 
 
@@ -72,7 +72,7 @@ def compressed(log: RecordedLog, every: Drive, dead_time_s: float = 0.0) -> Driv
     return every._replace(dt_s=dt_s, which=every.which[row], rising=every.rising[row], y=y, w=w, left=max(left, 0.0))
 
 
-def averaged(log: RecordedLog, every: Drive) -> Drive:
+def averaged_blocks(log: RecordedLog, every: Drive) -> Drive:
     """A log whose input moves all the time, over equal blocks: each the mean output at its middle, the mean input."""
     n, t = len(log.input), log.time_s
     if n <= MOVING_ROWS or not every.w.all():

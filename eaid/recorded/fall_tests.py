@@ -15,15 +15,19 @@ from scipy.special import fdtrc
 from eaid.arrays import Array
 from eaid.findings import Finding, finding
 from eaid.plant.drive import Drive
-from eaid.recorded.from_logs import NOTHING, Solved, finished
+from eaid.recorded.from_logs import NO_EXTRAS, Solved, finished
 from eaid.recorded.log_intervals import Spread, spread
 from eaid.results.recorded import FallTest
 
-CHANCE = 1e-3  # A difference is taken over where chance makes one as large more rarely than this …
-LEAST = {"rest": 0.1, "fall": 0.05, "excess": 0.003}  # … and it is larger than this part
+FALL_CHANCE = 1e-3  # A difference is taken over where chance makes one as large more rarely than this …
+LEAST_DIFFERENCE = {"rest": 0.1, "fall": 0.05, "excess": 0.003}  # … and it is larger than this part
 # The numbers of each as results name them
-NAMES = {"rest": ("release_tau1", "release_tau2"), "fall": ("fall_tau1", "fall_tau2"), "excess": ("hysteresis_pct",)}
-WIDEST = 1e6  # Half-width beyond which there is no interval
+FALL_NAMES = {
+    "rest": ("release_tau1", "release_tau2"),
+    "fall": ("fall_tau1", "fall_tau2"),
+    "excess": ("hysteresis_pct",),
+}
+WIDEST_HALF = 1e6  # Half-width beyond which there is no interval
 
 
 def seen(drives: tuple[Drive, ...], low: float, stepwise: bool) -> tuple[str, ...]:
@@ -49,11 +53,11 @@ def tested(base: Solved, stepwise: bool) -> tuple[Solved, tuple[FallTest, ...], 
             if differing != names:
                 judgements |= _judged(base, differing)
     rows = []
-    for extra, numbers in NAMES.items():
+    for extra, numbers in FALL_NAMES.items():
         for k, name in enumerate(numbers if extra in judgements else ()):
             one, scale = judgements[extra], 100.0 if extra == "excess" else 1.0
             value, half = scale * float(one.values[k]), scale * float(one.half[k])
-            ends = (value - half, value + half) if half < WIDEST and extra != "rest" else None
+            ends = (value - half, value + half) if half < WIDEST_HALF and extra != "rest" else None
             rows.append(FallTest(name, value, ends, one.chance, extra in base.setup.extras))
     return base, tuple(rows), _findings(base, judgements)
 
@@ -76,7 +80,7 @@ def edges(solved: Solved) -> Array:
 
 def as_rises(solved: Solved, name: str) -> Array:
     """Values of an extra with which falls go as rises do."""
-    return edges(solved) if name == "rest" else np.array(NOTHING[name])
+    return edges(solved) if name == "rest" else np.array(NO_EXTRAS[name])
 
 
 def with_falls(base: Solved, names: tuple[str, ...]) -> Solved:
@@ -91,7 +95,7 @@ def with_falls(base: Solved, names: tuple[str, ...]) -> Solved:
 def _judged(solved: Solved, names: tuple[str, ...]) -> dict[str, Judged]:
     judgements, model, uncertainty = {}, solved.setup.model, spread(solved)
     for name in names:
-        at, count = solved.setup.at(name), len(NOTHING[name])
+        at, count = solved.setup.at(name), len(NO_EXTRAS[name])
         G = np.zeros((count, solved.setup.size))
         G[:, at : at + count] = np.eye(count)
         values = solved.x[at : at + count]
@@ -102,7 +106,7 @@ def _judged(solved: Solved, names: tuple[str, ...]) -> dict[str, Judged]:
         chance = _chance(off, G, uncertainty)
         half = np.array([uncertainty.of(np.eye(solved.setup.size)[at + k]) for k in range(count)])
         scale = against if name == "rest" else 1.0
-        differs = chance < CHANCE and bool((np.abs(off / scale) > LEAST[name]).any())
+        differs = chance < FALL_CHANCE and bool((np.abs(off / scale) > LEAST_DIFFERENCE[name]).any())
         judgements[name] = Judged(values, half, chance, differs)
     return judgements
 

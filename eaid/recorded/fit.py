@@ -23,18 +23,18 @@ from eaid.findings import Finding, finding, merged, ranked
 from eaid.levels import workflow
 from eaid.levels.from_steps import fit_linear
 from eaid.levels.linear import bounds_of, parameters, single_levels
-from eaid.levels.nonlinear import scored
+from eaid.levels.nonlinear import with_errors
 from eaid.levels.unseen import falls_too_far
 from eaid.logs.run import Run
 from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE
 from eaid.plant.respond import from_rest
-from eaid.recorded.choice import about_idle, interval, plant_of_logs, plant_part, start_of
+from eaid.recorded.choice import about_idle, interval, plant_of_logs, plant_part, start_states
 from eaid.recorded.closed_loop import judged_loops, with_instrument
 from eaid.recorded.fall_tests import with_falls
-from eaid.recorded.from_logs import Solved, idle_of, model_of, solve
+from eaid.recorded.from_logs import Solved, fit_setup, idle_found, plant_found
 from eaid.recorded.held_out import held_out
-from eaid.recorded.inputs import FEW_LEVELS, inputs_of
+from eaid.recorded.inputs import FEW_LEVELS, excited_by
 from eaid.recorded.left_over import left_over_findings
 from eaid.recorded.log_intervals import FEWEST_ENGAGEMENTS, CurveSpread, Spread, curves, spread
 from eaid.results.common import LevelError, Source
@@ -57,9 +57,9 @@ from eaid.shapes.each_step import single_steps
 from eaid.steps.levels import wanted_levels
 from eaid.steps.stepset import Level, StepSet
 
-LEAST_ROWS = 10
+LEAST_OUTPUTS = 10
 FEW_VALUES = 5  # Different outputs up to which an input that moves all the time is taken for the output
-JUMP = 0.1  # A jump, as a part of the largest input
+INPUT_JUMP = 0.1  # A jump, as a part of the largest input
 FAST_PCT = 20.0
 SATURATED_PCT = 20.0
 CLIPPED_PCT = 5.0
@@ -76,8 +76,8 @@ def refuse(logs: Sequence[RecordedLog]) -> None:
             faults.append(f"{where}: the input is not known at every row; a fit needs it whole")
         elif top == 0.0:
             faults.append(f"{where}: its input never leaves rest; there is nothing to fit")
-        elif known < LEAST_ROWS:
-            faults.append(f"{where}: holds {known} rows with an output; a fit needs {LEAST_ROWS}")
+        elif known < LEAST_OUTPUTS:
+            faults.append(f"{where}: holds {known} rows with an output; a fit needs {LEAST_OUTPUTS}")
         elif np.ptp(log.output[np.isfinite(log.output)]) == 0:
             faults.append(f"{where}: its output never changes; look at the sensor")
         elif len(np.unique(log.output[np.isfinite(log.output)])) <= FEW_VALUES and not log.stepwise:
@@ -94,7 +94,7 @@ def input_findings(logs: Sequence[RecordedLog], levels: Array) -> list[Finding]:
     findings = []
     for log in logs:
         known, top = np.isfinite(log.output), float(log.input.max())
-        step = np.abs(np.diff(log.input)) > JUMP * top
+        step = np.abs(np.diff(log.input)) > INPUT_JUMP * top
         alone = int((step[1:] & step[:-1]).sum())  # rows that differ much from both neighbours
         share = 100.0 * alone / max(int((log.input > 0).sum()), 1)
         if share > FAST_PCT:
@@ -105,7 +105,7 @@ def input_findings(logs: Sequence[RecordedLog], levels: Array) -> list[Finding]:
         # an output at its largest value while different inputs act, and never near it otherwise
         y, limit = log.output[known], float(log.output[known].max())
         share = 100.0 * float((y == limit).mean())
-        if share > CLIPPED_PCT and len(np.unique(y)) >= 20 and np.ptp(log.input[known][y == limit]) > JUMP * top:
+        if share > CLIPPED_PCT and len(np.unique(y)) >= 20 and np.ptp(log.input[known][y == limit]) > INPUT_JUMP * top:
             findings.append(finding("output-saturates", log.name, share_pct=share, limit=limit))
     findings += [
         finding("input-never-moves", log.name, level=float(log.input[0]))
@@ -117,7 +117,7 @@ def input_findings(logs: Sequence[RecordedLog], levels: Array) -> list[Finding]:
     return findings
 
 
-STRETCHES = 150  # Of a long log, each with the rows of its extremes
+DRAWN_STRETCHES = 150  # Of a long log, each with the rows of its extremes
 DIGITS = 6  # Of the values that are drawn
 
 
@@ -130,7 +130,7 @@ def log_part(solved: Solved, k: int, log: RecordedLog) -> LogFit:
     span = float(log.time_s[-1] - log.time_s[0])
     time_s, level, measured = (column[counted] for column in (log.time_s, log.input, log.output))
     columns = (time_s, level, measured, measured + missed, -missed)
-    at = extremes(np.stack([level, measured, -missed]), STRETCHES)  # rows to be drawn
+    at = extremes(np.stack([level, measured, -missed]), DRAWN_STRETCHES)  # rows to be drawn
     return LogFit(
         name=log.name,
         path=log.source,
@@ -139,8 +139,8 @@ def log_part(solved: Solved, k: int, log: RecordedLog) -> LogFit:
         duration_s=span,
         rate_hz=(len(log.time_s) - 1) / span,
         input_kind="stepwise" if log.stepwise else "moving",
-        idle=idle_of(solved, k) + (log.baseline or 0.0),
-        start=start_of(solved, k),
+        idle=idle_found(solved, k) + (log.baseline or 0.0),
+        start=start_states(solved, k),
         rmse=float(np.sqrt(np.mean(missed * missed))),
         fit_pct=100 * (1 - float(np.linalg.norm(missed)) / about) if about > 0 else None,
         one_step_pct=100 * (1 - float(np.linalg.norm(np.diff(missed))) / about) if about > 0 else None,
@@ -154,11 +154,11 @@ LONGEST_STEP_S = 60.0  # … and no longer than this
 STEP_SAMPLES = 2000
 
 
-def data_part(
+def data_of_logs(
     logs: Sequence[RecordedLog], runs: Sequence[RecordedLog | Run], steps: StepSet | None, levels: Array
 ) -> FittedData:
     """What was fitted: the logs, before the steps that were fitted with them."""
-    told = FittedData() if steps is None else workflow.data_part(steps)
+    told = FittedData() if steps is None else workflow.data_of_steps(steps)
     made = [run.synthetic for run in runs if isinstance(run, Run) and run.synthetic]
     sources = [
         Source(log.source, log.sha256, log.name, baseline_nm=log.baseline, samples=len(log.time_s), edge="recorded")
@@ -177,10 +177,10 @@ def data_part(
     )
 
 
-def nonlinear_part(solved: Solved, uncertainty: Spread | None, known: CurveSpread | None, shown: Array) -> Nonlinear:
+def nonlinear_of_logs(solved: Solved, uncertainty: Spread | None, known: CurveSpread | None, shown: Array) -> Nonlinear:
     """The ten coefficients, with errors by level and intervals."""
     total, model = errors(solved.outputs, solved.missed), solved.setup.model
-    part = scored(model_of(solved), model.free_share, total, _level_errors(solved, shown), solved.solver)
+    part = with_errors(plant_found(solved), model.free_share, total, _level_errors(solved, shown), solved.solver)
     if uncertainty is None or known is None:
         return part
     turn = turned(model)
@@ -222,7 +222,7 @@ def _linear_number(name: str, model: forms.Model, x: Array) -> float:
     return float(getattr(parameters(model, x[: model.size]), name))
 
 
-def linear_part(solved: Solved, base: Solved, levels: Array, options: FitOptions) -> Linear:
+def linear_of_logs(solved: Solved, base: Solved, levels: Array, options: FitOptions) -> Linear:
     """Eq. (8) of the logs, with what they leave open; and of each level by itself: of steps of the fitted model."""
     model, wanted = solved.setup.model, options.bounds_levels
     pooled, ends = parameters(model, solved.coefficients), None
@@ -233,7 +233,7 @@ def linear_part(solved: Solved, base: Solved, levels: Array, options: FitOptions
             a0=interval(a0, solved.x, known), b0=interval(b0, solved.x, known), c0=interval(c0, solved.x, known, False)
         )
     total = errors(solved.outputs, solved.missed)
-    p = replace(model_of(base), dead_time_s=0.0)  # steps from rest of it to each level, behind its dead time
+    p = replace(plant_found(base), dead_time_s=0.0)  # steps from rest of it to each level, behind its dead time
     slowest = p.slowest_s(levels)
     longest = LONGEST_STEP_S if p.kind == "parallel" else np.inf  # a τ2 that no log shows may be endless
     t = np.linspace(0.0, min(STEP_RECORDS * slowest, longest), STEP_SAMPLES)
@@ -251,7 +251,7 @@ def linear_part(solved: Solved, base: Solved, levels: Array, options: FitOptions
     )
 
 
-def friction_part(solved: Solved, levels: Array, known: CurveSpread | None) -> Friction:
+def friction_of_logs(solved: Solved, levels: Array, known: CurveSpread | None) -> Friction:
     """T_s, τ1, τ2 of the levels: those of the nonlinear model with their intervals, or each level's by itself."""
     share, tables = solved.setup.model.share, solved.curves(levels)
     assert share is not None
@@ -354,7 +354,7 @@ def fit_recorded(
     logs = [run if isinstance(run, RecordedLog) else recorded_log(run, rest) for run in runs]
     refuse(logs)
     every = [*logs, *(logs_of_steps(steps) if steps is not None else [])]
-    inputs = inputs_of(every, options.duty)
+    inputs = excited_by(every, options.duty)
     findings = input_findings(logs, inputs.levels)
     rests = any(log.starts_idle or bool((log.input == 0).any()) or log.baseline is not None for log in every)
     wanted = options.model or ("friction", "nonlinear", "linear")
@@ -368,7 +368,7 @@ def fit_recorded(
     extras = tuple(name for name in base.fitted.extras if name != "dead")
     if any(log.reference is not None for log in logs):
         base = with_instrument(base, acting)
-    plant = model_of(base)
+    plant = plant_found(base)
     loops, of_loops = judged_loops(base, acting)
     findings += of_loops
     unseen = held_out(base, acting, every[len(logs) :])
@@ -388,23 +388,23 @@ def fit_recorded(
     if "linear" in wanted:
         setup = setup if clutch else about_idle(base, acting, theta_s)
         basis = np.array([-inputs.high, inputs.high]) if base.setup.model.signed else inputs.basis
-        solved = solve(replace(setup, model=forms.linear(basis)))
-        linear = linear_part(solved, base, inputs.basis, options)
+        solved = fit_setup(replace(setup, model=forms.linear(basis)))
+        linear = linear_of_logs(solved, base, inputs.basis, options)
     if "friction" in wanted and inputs.stepwise and len(inputs.levels) <= FEW_LEVELS and share is not None and clutch:
         solved = base
         if "nonlinear" not in wanted:
-            solved = solve(replace(setup, model=forms.friction(inputs.levels, share)))
+            solved = fit_setup(replace(setup, model=forms.friction(inputs.levels, share)))
             solved = with_falls(solved, extras) if extras else solved
-        friction = friction_part(solved, inputs.levels, known if "nonlinear" in wanted else None)
+        friction = friction_of_logs(solved, inputs.levels, known if "nonlinear" in wanted else None)
     shown = "nonlinear" in wanted and base.setup.model.kind != "swing" and not base.setup.model.signed
-    data = data_part(every, runs, steps, inputs.levels if inputs.stepwise else np.zeros(0))
+    data = data_of_logs(every, runs, steps, inputs.levels if inputs.stepwise else np.zeros(0))
     return Fit(
         findings=ranked(findings),
         seed=options.seed,
         data=data,
         plant_=plant_part(base, data, uncertainty, chosen.kinds) if "nonlinear" in wanted else None,
         converged=base.solver.converged,
-        nonlinear=nonlinear_part(base, uncertainty, known, inputs.shown) if shown else None,
+        nonlinear=nonlinear_of_logs(base, uncertainty, known, inputs.shown) if shown else None,
         linear=linear,
         friction=friction,
         release=None if plant.release is None else Release(*plant.release, SHARE if share is None else share),

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eaid.arrays import Array, median
-from eaid.estimate.forms import LEAST_TAU_S, Limits, Model, Rows
+from eaid.estimate.forms import LEAST_TAU_S, Constraints, Model, Rows
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.estimate.solver import (
     CONVERGED,
@@ -25,16 +25,16 @@ from eaid.estimate.solver import (
     approach,
     bring_in,
     draw_in,
-    ended,
-    judged,
+    ends_solved,
     polish,
     slsqp,
+    solver_verdict,
     with_second_derivatives,
 )
-from eaid.estimate.starts import MOST, SHARES, time_constants
-from eaid.levels.from_steps import ALIKE
+from eaid.estimate.starts import MOST_STARTS, SHARES, time_constants
+from eaid.levels.from_steps import CHI2_APART
 from eaid.plant.derivatives import derivatives, swinging
-from eaid.plant.drive import IDLE, Drive, Tables, delayed
+from eaid.plant.drive import AT_IDLE, Drive, Tables, delayed
 from eaid.plant.dynamics import TAU_FLOOR_S, Plant
 from eaid.plant.forms import Form, LegendreForm
 from eaid.plant.sums import linear_sums
@@ -42,23 +42,23 @@ from eaid.recorded.copies import Copies
 from eaid.results.common import Solver
 
 # What a model can have besides its coefficients, with the values that do nothing
-NOTHING = {"rest": (0.0, 0.0), "fall": (1.0, 1.0), "excess": (0.0,), "dead": (0.0,)}
+NO_EXTRAS = {"rest": (0.0, 0.0), "fall": (1.0, 1.0), "excess": (0.0,), "dead": (0.0,)}
 # Their constraints a'x ≥ b: code, a, b
-LIMITS: dict[str, tuple[tuple[str, tuple[float, ...], float], ...]] = {
+EXTRA_LIMITS: dict[str, tuple[tuple[str, tuple[float, ...], float], ...]] = {
     "rest": (("release-tau1-floor", (1.0, 0.0), TAU_FLOOR_S), ("release-tau2-meets-tau1", (-1.0, 1.0), 0.0)),
     "fall": (
         ("fall-tau1-least", (1.0, 0.0), 0.02),
         ("fall-tau2-least", (0.0, 1.0), 0.02),
         ("fall-tau1-most", (-1.0, 0.0), -50.0),
         ("fall-tau2-most", (0.0, -1.0), -50.0),
-    ),  # fmt: skip
+    ),
     "excess": (("hysteresis-least", (1.0,), -0.8),),
     "dead": (("dead-time-none", (1.0,), 0.0),),
 }
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class UnknownsOfLog:
     """Where the unknowns of a log lie, beside the coefficients of T_s, τ1 and τ2."""
 
     # In x: C, the extras, idle output, x1 and x2 at its first row; −1 where one is no unknown, (10,)
@@ -69,7 +69,7 @@ class Place:
     @property
     def own(self) -> NDArray[np.intp]:
         """Idle output and start states in x, (3,)."""
-        return self.x[IDLE:]
+        return self.x[AT_IDLE:]
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +87,7 @@ class Setup:
     dead_time_s: float = 0.0  # θ where it is no unknown [s]
 
     @cached_property
-    def limits(self) -> Limits:
+    def limits(self) -> Constraints:
         """Constraints of the model."""
         return self.model.limits(self.longest_s, self.shortest_s)
 
@@ -109,13 +109,13 @@ class Setup:
     @cached_property
     def shared(self) -> int:
         """Unknowns that all logs share."""
-        return self.model.size + sum(len(NOTHING[name]) for name in self.extras)
+        return self.model.size + sum(len(NO_EXTRAS[name]) for name in self.extras)
 
     @cached_property
-    def places(self) -> tuple[Place, ...]:
+    def places(self) -> tuple[UnknownsOfLog, ...]:
         """Where the unknowns of each log lie."""
         shared = [self.model.size - 1 if self.model.share is None else -1]
-        for name, none in NOTHING.items():
+        for name, none in NO_EXTRAS.items():
             at = self.at(name)
             shared += [at + k if at >= 0 else -1 for k in range(len(none))]
         found, before = [], self.shared
@@ -125,7 +125,7 @@ class Setup:
             order = np.cumsum(free) - 1
             own, local = (np.where(free, first + order, -1) for first in (before, self.shared))
             columns = np.concatenate([np.arange(self.shared), own[free]])
-            found.append(Place(np.append(shared, own), columns, np.append(shared, local)))
+            found.append(UnknownsOfLog(np.append(shared, own), columns, np.append(shared, local)))
             before += int(free.sum())
         return tuple(found)
 
@@ -139,11 +139,11 @@ class Setup:
         if name not in self.extras:
             return -1
         before = self.extras[: self.extras.index(name)]
-        return self.model.size + sum(len(NOTHING[one]) for one in before)
+        return self.model.size + sum(len(NO_EXTRAS[one]) for one in before)
 
     def tables(self, x: Array, log: int) -> tuple[Tables, Array]:
         """T_s, τ1, τ2 of a log's inputs, and the numbers beside them."""
-        at, given = self.places[log].x, (self.model.share or 0.0, *itertools.chain(*NOTHING.values()), 0.0, 0.0, 0.0)
+        at, given = self.places[log].x, (self.model.share or 0.0, *itertools.chain(*NO_EXTRAS.values()), 0.0, 0.0, 0.0)
         return self.model.tables(self.maps[log], x), np.where(at >= 0, x[at], given)
 
     def dead_time(self, x: Array) -> float:
@@ -175,7 +175,7 @@ class Setup:
 
     def problem(self) -> Problem:
         """For the solver: constraints of the model, and of the extras."""
-        limits, more = self.limits, [(self.at(name), *one) for name in self.extras for one in LIMITS[name]]
+        limits, more = self.limits, [(self.at(name), *one) for name in self.extras for one in EXTRA_LIMITS[name]]
         A = np.zeros((len(limits.A) + len(more), self.size))
         A[: len(limits.A), : self.model.size] = limits.A
         for row, (at, _, along, _) in zip(A[len(limits.A) :], more, strict=True):
@@ -224,15 +224,15 @@ def linear_parts(setup: Setup, shapes: Sequence[Array] | Array) -> tuple[Array, 
     return sums[:, size, size] + np.einsum("kij,ki,kj->k", A, z, z) - 2 * (v * z).sum(axis=1), x
 
 
-GRID = 17  # Values of τ on the grid, from half a sample to the longest log
-TRIED = 3  # Values tried at each input
+TAUS_TRIED = 17  # Values of τ on the grid, from half a sample to the longest log
+VALUES_TRIED = 3  # Values tried at each input
 
 
 def starts(setup: Setup, problem: Problem) -> list[Array]:
     """Feasible starts, the most promising first, and a plain one with constant τ last."""
     model = setup.model
     dt_s = np.concatenate([drive.dt_s[drive.dt_s > 0] for drive in setup.drives])
-    grid = np.geomspace(max(0.5 * float(np.median(dt_s)), 2 * TAU_FLOOR_S), setup.longest_s, GRID)
+    grid = np.geomspace(max(0.5 * float(np.median(dt_s)), 2 * TAU_FLOOR_S), setup.longest_s, TAUS_TRIED)
     turns = [_turn(form) for form in (model.tau1, model.tau2) if form is not None]
     M, found = model.rows(model.limited), []
     for share in SHARES if model.share is None else (model.share,):
@@ -253,18 +253,18 @@ def starts(setup: Setup, problem: Problem) -> list[Array]:
             return np.where(sound, -linear_parts(setup, x)[0], -np.inf)
 
         if model.tau2 is None:
-            found += [placed(grid[[k], None])[0] for k in np.argsort(-gain(grid[:, None]))[:MOST]]
+            found += [placed(grid[[k], None])[0] for k in np.argsort(-gain(grid[:, None]))[:MOST_STARTS]]
             continue
-        i, j = np.triu_indices(GRID, 1)
-        pairs = np.full((GRID, GRID), -np.inf)
+        i, j = np.triu_indices(TAUS_TRIED, 1)
+        pairs = np.full((TAUS_TRIED, TAUS_TRIED), -np.inf)
         pairs[i, j] = gain(*(np.tile(grid[at, None], turn.shape[1]) for at, turn in zip((i, j), turns, strict=True)))
         sizes = turns[0].shape[1], turns[1].shape[1]
         found += [placed(one[None], two[None])[0] for one, two in
-                  time_constants(gain, pairs, grid, sizes, setup.longest_hold_s, TRIED)]  # fmt: skip
+                  time_constants(gain, pairs, grid, sizes, setup.longest_hold_s, VALUES_TRIED)]  # fmt: skip
     cost, places = linear_parts(setup, np.array(found))
     order = np.argsort(cost)
     flat = inner(setup, places[order[0]], problem)
-    return [bring_in(places[k], flat, problem) for k in order[:MOST]] + [flat]
+    return [bring_in(places[k], flat, problem) for k in order[:MOST_STARTS]] + [flat]
 
 
 def _turn(form: Form) -> Array:
@@ -291,7 +291,7 @@ def inner(setup: Setup, x: Array, problem: Problem) -> Array:
 
 # A constraint a'x ≥ b holds a fit that ends within this part of b: where no cost tells, a solver stops short
 AT_BOUND = 1e-6
-NEAR = 0.05  # An end this part of the cost above the best is no rival
+RIVAL_COST = 0.05  # An end this part of the cost above the best is no rival
 AT_BEND = 1e-6  # Part of the cost by which holding a dead time may raise it
 LONG_WAY = 1000  # Newton steps along a bent valley, where τ1 and τ2 all but meet
 
@@ -339,11 +339,11 @@ class Solved:
         return self.setup.model.tables(self.setup.model.rows_of(duty), self.coefficients)
 
 
-def solve(setup: Setup) -> Solved:
+def fit_setup(setup: Setup) -> Solved:
     """The least-squares unknowns, from our own starts."""
     near = setup.problem()
     ends = sorted((approach(near, x) for x in starts(setup, near)), key=lambda end: end.cost)
-    reach = NEAR if all(one.log.stepwise for one in setup.copies) else np.inf  # averages have errors of their own
+    reach = RIVAL_COST if all(one.log.stepwise for one in setup.copies) else np.inf  # averages have errors of their own
     rivals = [end for end in ends if end.cost <= (1 + reach) * ends[0].cost + near.floor]
     kept = {f"{end.cost:.5g}": end.x for end in reversed(rivals)}  # one of each cost
     return finished(setup, [*kept.values()], sum(end.evaluations for end in ends), [end.cost for end in ends])
@@ -354,7 +354,7 @@ def finished(setup: Setup, begin: Sequence[Array], tried: int = 0, costs: Sequen
     near, held = setup.problem(), all(one.log.stepwise for one in setup.copies)
     ends = [approach(near, x) for x in begin]
     if min(end.cost for end in ends) > near.floor:  # beneath it lies rounding, in which a line search finds no way
-        ends = ended(ends, near)
+        ends = ends_solved(ends, near)
     if not held:  # copies are averages, and their ends near ones
         near = setup.every.problem()
         ends = [approach(near, end.x) for end in ends]
@@ -363,7 +363,9 @@ def finished(setup: Setup, begin: Sequence[Array], tried: int = 0, costs: Sequen
         near = with_second_derivatives(near)
         end, predicted, active = polish(near, slsqp(near, end), steps=LONG_WAY, finished=SETTLED)
     evaluations = tried + sum(one.evaluations for one in ends) + end.evaluations
-    solver = judged(predicted, evaluations, costs or [one.cost for one in ends], [near.names(i) for i in active])
+    solver = solver_verdict(
+        predicted, evaluations, costs or [one.cost for one in ends], [near.names(i) for i in active]
+    )
     return Solved(setup, end.x, end.cost, solver)
 
 
@@ -391,14 +393,14 @@ def least_slow(setup: Setup, ends: Sequence[EndPoint]) -> EndPoint:
     """
     best, part = min(ends, key=lambda end: end.cost), setup.model.slices[2]
     samples = sum(drive.samples for drive in setup.every.drives)
-    alike = [end for end in ends if end.cost <= (1 + ALIKE / samples) * best.cost]
+    alike = [end for end in ends if end.cost <= (1 + CHI2_APART / samples) * best.cost]
     if setup.model.tau2 is None or len(alike) < 2:
         return best
     rows = setup.model.tau2.rows(setup.model.limited)
     return min(alike, key=lambda end: float((rows @ end.x[part]).max()))
 
 
-def model_of(solved: Solved) -> Plant:
+def plant_found(solved: Solved) -> Plant:
     """The fitted plant, with its dead time, and with what falls have of their own where that was fitted."""
     setup, x = solved.setup, solved.x
     found: dict[str, Any] = {"dead_time_s": setup.dead_time(x)}
@@ -407,12 +409,12 @@ def model_of(solved: Solved) -> Plant:
             found[name] = (float(x[at]), float(x[at + 1]))
     if (at := setup.at("excess")) >= 0:
         found["excess"] = float(x[at])
-    idles = [idle_of(solved, k) + (one.log.baseline or 0.0) for k, one in enumerate(setup.copies)]
+    idles = [idle_found(solved, k) + (one.log.baseline or 0.0) for k, one in enumerate(setup.copies)]
     found["idle"] = median(idles) if idles else 0.0
     return replace(setup.model.parameters(solved.coefficients), **found)
 
 
-def idle_of(solved: Solved, log: int) -> float:
+def idle_found(solved: Solved, log: int) -> float:
     """Idle output of a log, fitted or known to be 0 after its baseline."""
     at = int(solved.setup.places[log].own[0])
     return float(solved.x[at]) if at >= 0 else 0.0

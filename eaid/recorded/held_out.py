@@ -20,8 +20,8 @@ from eaid.results.recorded import LogsHeldOut
 Mask = NDArray[np.bool_]
 THIRDS = ("last", "middle", "first")
 MOST_FOLDS = 4  # Of several logs
-BEYOND = 0.02  # Part of the largest input by which a part left out may reach beyond the others
-NEAR = 1e-6  # Part of the cost that a further step would gain, at which the fit without a part stands
+BEYOND_INPUTS = 0.02  # Part of the largest input by which a part left out may reach beyond the others
+PART_SETTLED = 1e-6  # Part of the cost that a further step would gain, at which the fit without a part stands
 
 
 def held_out(solved: Solved, logs: Sequence[RecordedLog], others: Sequence[RecordedLog]) -> LogsHeldOut | None:
@@ -72,7 +72,7 @@ def _within(logs: Sequence[RecordedLog], rows: Sequence[Mask]) -> bool:
     seen = np.concatenate([log.input[~one] for log, one in zip(logs, rows, strict=True)])
     if not len(seen) or not len(out) or np.ptp(seen) == 0:
         return False
-    beyond = BEYOND * float(np.abs(seen).max())
+    beyond = BEYOND_INPUTS * float(np.abs(seen).max())
     return bool(out.min() >= seen.min() - beyond and out.max() <= seen.max() + beyond)
 
 
@@ -83,7 +83,7 @@ def _missed(solved: Solved, part: Sequence[RecordedLog], whole: Sequence[Recorde
     own = [one.own[one.own >= 0] for one in fitted.places]
     at = np.concatenate([np.arange(fitted.shared), *(own[k] for k in kept)]).astype(np.intp)
     x = solved.x.copy()
-    x[at] = approach(_like(fitted, [part[k] for k in kept]).problem(), x[at], near=NEAR).x
+    x[at] = approach(_like(fitted, [part[k] for k in kept]).problem(), x[at], near=PART_SETTLED).x
     every = _like(fitted, whole).every
     missed = []
     for k, drive in enumerate(every.drives):

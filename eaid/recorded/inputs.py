@@ -8,14 +8,14 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.estimate.recorded_log import RecordedLog
 
-ALIKE = 1e-3  # Inputs that differ by less than this part of the largest are one level
-MANY = 60  # Levels beyond which inputs count as moving
+LEVELS_ALIKE = 1e-3  # Inputs that differ by less than this part of the largest are one level
+MANY_LEVELS = 60  # Levels beyond which inputs count as moving
 FEW_LEVELS = 20  # Levels that are shown each by itself, at most
 TAIL = 0.01  # Part of the acting time that a moving input may spend below, and above, the identified range
 
 
 @dataclass(frozen=True, eq=False)
-class Inputs:
+class Excited:
     """What the logs excite."""
 
     levels: Array  # Held levels, or the ends of the range where the inputs move
@@ -37,18 +37,18 @@ class Inputs:
         return self.basis if few else np.linspace(self.low, self.high, 11)
 
 
-def inputs_of(logs: Sequence[RecordedLog], wanted: tuple[float, float] | None) -> Inputs:
+def excited_by(logs: Sequence[RecordedLog], wanted: tuple[float, float] | None) -> Excited:
     """Levels and range that the logs excite, or the range that was asked for."""
     levels = np.unique(np.abs(np.concatenate([log.input[log.changes] for log in logs])))
     levels = levels[levels > 0]
-    levels = levels[np.append(True, np.diff(levels) > ALIKE * levels[-1])]  # those all but alike are one
-    stepwise = all(log.stepwise for log in logs) and len(levels) <= MANY
+    levels = levels[np.append(True, np.diff(levels) > LEVELS_ALIKE * levels[-1])]  # those all but alike are one
+    stepwise = all(log.stepwise for log in logs) and len(levels) <= MANY_LEVELS
     if wanted is not None:
         inside = levels[(levels >= wanted[0]) & (levels <= wanted[1])]
-        return Inputs(inside if stepwise else np.array(wanted), *wanted, stepwise)
+        return Excited(inside if stepwise else np.array(wanted), *wanted, stepwise)
     if stepwise:
-        return Inputs(levels, float(levels[0]), float(levels[-1]), True)
+        return Excited(levels, float(levels[0]), float(levels[-1]), True)
     sized = ((np.abs(log.input), log.dt_s) for log in logs)
     values, weights = [np.concatenate(part) for part in zip(*sized, strict=True)]
     low, high = np.quantile(values, [TAIL, 1 - TAIL], weights=weights * (values > 0), method="inverted_cdf").tolist()
-    return Inputs(np.array([low, high]) if high > low else np.array([low]), low, high, False)
+    return Excited(np.array([low, high]) if high > low else np.array([low]), low, high, False)

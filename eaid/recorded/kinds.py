@@ -19,7 +19,7 @@ import numpy as np
 from eaid.arrays import Array, median
 from eaid.estimate.forms import of_kind
 from eaid.estimate.recorded_log import RecordedLog
-from eaid.estimate.solver import ROUNDING, approach, judged, newton_step
+from eaid.estimate.solver import ROUNDING, approach, newton_step, solver_verdict
 from eaid.plant.drive import Drive, delayed
 from eaid.plant.forms import Form, LegendreForm, Proportional, Sides
 from eaid.plant.sums import lag_sums, swinging_sums
@@ -27,14 +27,14 @@ from eaid.recorded.copies import MOVING_ROWS, Copies
 from eaid.recorded.from_logs import Setup, Solved, finished, setup_of, with_dead_time
 from eaid.recorded.log_intervals import correlation_s
 
-TAUS, DAMPINGS, DELAYS = 14, (0.03, 0.2, 0.7, 1.3, 4.0), 9  # Of the grid
-LONGEST_DELAY = 0.2  # Part of the longest log that a dead time may take
+GRID_TAUS, GRID_DAMPINGS, GRID_DELAYS = 14, (0.03, 0.2, 0.7, 1.3, 4.0), 9  # Of the grid
+LONGEST_DEAD_TIME = 0.2  # Part of the longest log that a dead time may take
 PER_UNKNOWN, PRICE = 0.01, 6.0  # Of the score
-NEAR = 1e-6  # Part of the cost that a further step would gain, at which kinds are compared
+KINDS_SETTLED = 1e-6  # Part of the cost that a further step would gain, at which kinds are compared
 LAST_STEPS = 4
 BEGUN = 2  # Places of the grid from which each kind is fitted
 FINALISTS = 2  # Kinds that are compared with rivals
-ENDLESS = 1e5  # Time constant of none, in records
+ENDLESS_TAU = 1e5  # Time constant of none, in records
 INTEGRATES = 1.03  # Squares of an integrator over those of the best kind, up to which that is what it is
 
 
@@ -126,22 +126,22 @@ class Search:
             found.append(total + float(A[2, 2] - b @ np.linalg.pinv(among, hermitian=True, rcond=1e-12) @ b))
         return found[0], found[1]
 
-    def grid(self) -> list["Place"]:
+    def grid(self) -> list["GridPlace"]:
         """The squares left at every place of it."""
         span, shortest = self.longest_s, self.shortest_s
-        taus = np.geomspace(0.6 * shortest, 2 * span, TAUS).tolist()
-        thetas = [0.0, *np.geomspace(0.5 * shortest, LONGEST_DELAY * span, DELAYS).tolist()]
-        shapes = [(tau, zeta) for tau in taus for zeta in (math.inf, *DAMPINGS)]
-        shapes += [(1 / w, zeta) for w in peaks(self) for zeta in DAMPINGS[:2]]
+        taus = np.geomspace(0.6 * shortest, 2 * span, GRID_TAUS).tolist()
+        thetas = [0.0, *np.geomspace(0.5 * shortest, LONGEST_DEAD_TIME * span, GRID_DELAYS).tolist()]
+        shapes = [(tau, zeta) for tau in taus for zeta in (math.inf, *GRID_DAMPINGS)]
+        shapes += [(1 / w, zeta) for w in peaks(self) for zeta in GRID_DAMPINGS[:2]]
         found = []
         for theta in thetas if self.dead_time_s is None else [self.dead_time_s]:
             late = [delayed(drive, theta) for drive in self.drives]
-            found += [Place(tau, zeta, theta, self.costs(late, tau, zeta)) for tau, zeta in shapes]
+            found += [GridPlace(tau, zeta, theta, self.costs(late, tau, zeta)) for tau, zeta in shapes]
         return found
 
 
 @dataclass(frozen=True)
-class Place:
+class GridPlace:
     """A place of the grid."""
 
     tau: float  # Of a lag; of two 1/ω
@@ -150,12 +150,12 @@ class Place:
     costs: tuple[float, float]  # Squares left without and with a zero
 
 
-def places(search: Search, kind: LagKind, grid: Sequence[Place]) -> list[Place]:
+def places(search: Search, kind: LagKind, grid: Sequence[GridPlace]) -> list[GridPlace]:
     """The best places of the grid for a kind, from minima that differ by more than a factor."""
     given = search.dead_time_s is not None
     of_law = [one for one in grid if math.isinf(one.zeta) == (kind.law == "lag")]
     rows = [one for one in of_law if given or (one.theta > 0) == kind.late]
-    best: list[Place] = []
+    best: list[GridPlace] = []
     for place in sorted(rows, key=lambda one: one.costs[kind.zero]):
         if all(abs(math.log(place.tau / one.tau)) > 0.7 for one in best):
             best.append(place)
@@ -199,8 +199,8 @@ def begun(
     if kind.late:
         x = np.r_[x[: setup.shared], theta, x[setup.shared :]]
         setup = replace(setup, extras=("dead",))
-    end = approach(setup.problem(), gain_solved(setup, x), near=NEAR)
-    return Solved(setup, end.x, end.cost, judged(0.0, end.evaluations, [end.cost]))
+    end = approach(setup.problem(), gain_solved(setup, x), near=KINDS_SETTLED)
+    return Solved(setup, end.x, end.cost, solver_verdict(0.0, end.evaluations, [end.cost]))
 
 
 def carried(near: Solved, setup: Setup, gain: Form) -> Array:
@@ -243,7 +243,7 @@ def richer(search: Search, stepwise_levels: int) -> Iterator[Form]:
             yield LegendreForm(degree, low, high) if rests else Proportional(low, high, degree)
 
 
-def independent(solved: Solved) -> float:
+def independent_of(solved: Solved) -> float:
     """Independent samples in the residuals of a fit."""
     count = 0.0
     for r, drive in zip(solved.missed, solved.setup.drives, strict=True):
@@ -262,7 +262,7 @@ def on_all(search: Search, one: Tried, last: bool = False) -> Tried:
     if model.kind == "swing":  # what rings is no polynomial on the blocks of the few rows
         setup = replace(setup, drives=setup.every.drives)
     if not last:
-        end = approach(setup.problem(), solved.x, near=NEAR)
+        end = approach(setup.problem(), solved.x, near=KINDS_SETTLED)
         return replace(one, solved=replace(solved, fitted=setup, x=end.x, cost=end.cost), within=0.0)
     ended = with_dead_time(setup, solved.x) if "dead" in setup.extras else finished(setup, [solved.x])
     problem = setup.every.problem()
@@ -274,7 +274,7 @@ def on_all(search: Search, one: Tried, last: bool = False) -> Tried:
     return replace(one, solved=ended, within=0.0)
 
 
-def scored(tried: Sequence[Tried], noise: float) -> list[Tried]:
+def with_scores(tried: Sequence[Tried], noise: float) -> list[Tried]:
     """With their scores, the least first; `noise` is what one more unknown saves of nothing but noise."""
     rounding = tried[0].solved.setup.problem().floor / ROUNDING * 1e-13
     rows = []
@@ -301,12 +301,12 @@ def of_evidence(search: Search, levels: int, rivals: Sequence[Tried] = ()) -> li
         tried += [Tried(one.kind, begun(search, one.kind, form, theta, near=one.solved)) for form in forms]
     tried = [one for one in tried if resolved(one, search)] or tried
     least = min(tried, key=lambda one: one.cost)
-    rows = scored(tried, least.cost / independent(least.solved))
+    rows = with_scores(tried, least.cost / independent_of(least.solved))
     ended = [on_all(search, one) for one in rows[:FINALISTS]]
     within = max(ended[0].cost - rows[0].cost, 0.0)
     ended += [*(replace(one, within=within) for one in rows[FINALISTS:]), *rivals]
     least = min(ended, key=lambda one: one.cost)
-    best, *others = scored(ended, least.cost / independent(least.solved))
+    best, *others = with_scores(ended, least.cost / independent_of(least.solved))
     return [on_all(search, best, last=True), *others]
 
 
@@ -328,9 +328,9 @@ def integrates(search: Search, best: Tried) -> bool:
     plant = best.solved.setup.model.parameters(best.solved.coefficients)
     if plant.slowest_s(search.high) < search.longest_s:
         return False
-    endless = ENDLESS * search.longest_s
+    endless = ENDLESS_TAU * search.longest_s
     theta = best.solved.fitted.dead_time(best.solved.x)
-    fast = np.geomspace(0.6 * search.shortest_s, search.longest_s, TAUS)
+    fast = np.geomspace(0.6 * search.shortest_s, search.longest_s, GRID_TAUS)
     costs = [search.cost(theta, endless, math.inf)]
     costs += [  # τ1 and an endless τ2: 1/ω = √(τ1 τ2), ζ = (τ1 + τ2)/(2 √(τ1 τ2))
         search.cost(theta, math.sqrt(tau * endless), (tau + endless) / (2 * math.sqrt(tau * endless)))

@@ -22,21 +22,21 @@ from eaid.estimate.solver import EndPoint, approach
 from eaid.estimate.spread import t_quantile
 from eaid.plant.drive import Drive
 from eaid.recorded.copies import Copies
-from eaid.recorded.from_logs import Setup, Solved, setup_of, solve, with_dead_time
+from eaid.recorded.from_logs import Setup, Solved, fit_setup, setup_of, with_dead_time
 
 # Cost of a start at rest, over that of one with unknown states, up to which the steps' dead time is believed
-AT_REST = 2.0
-MOST = 3  # Rows that are looked for one by one
-FAR = 4  # Rows at which a cost that is lower by `LOWER` of it speaks of a delay of many rows …
+REST_COST = 2.0
+NEAR_ROWS = 3  # Rows that are looked for one by one
+FAR_ROWS = 4  # Rows at which a cost that is lower by `LOWER` of it speaks of a delay of many rows …
 LOWER = 0.02
-FARTHEST = 500  # … and this many are looked for
+FARTHEST_ROWS = 500  # … and this many are looked for
 # Rows from which a delay is told, by whether the input is held; one that moves is read half a row off by itself
-LEAST_ROWS = {True: 0.5, False: 0.75}
+LATE_ROWS = {True: 0.5, False: 0.75}
 ORDER = 8  # Of the autoregression
-STRETCHES = 40
-CHANCE = 0.01  # Of a delay as large by noise alone, at most
+NOISE_STRETCHES = 40
+LATE_CHANCE = 0.01  # Of a delay as large by noise alone, at most
 LEAST_CHANGES = 4
-JUMP = 5.0
+CHANGE_JUMP = 5.0
 EXPLAINS = 0.8  # Part of the cost below which a delay leaves it where the input seems to answer the output
 FOLLOWS = 0.1  # Correlation of the duty's changes with the residual's from which a log counts as a loop
 
@@ -61,10 +61,10 @@ def timed(
     model, rests = base.fitted.model, base.fitted.idle_free
     dead_s, acting = 0.0, tuple(logs)
     if tried := of_steps_s if given_s is None else given_s:
-        moved = tuple(behind(log, tried) for log in logs)
-        late = solve(setup_of(model, [*moved, *steps], rests, tried))
+        moved = tuple(log_behind(log, tried) for log in logs)
+        late = fit_setup(setup_of(model, [*moved, *steps], rests, tried))
         at_rest = late.setup.size < base.setup.size  # the log begins at rest behind it, and T_s is told apart
-        if given_s is not None or late.cost < (AT_REST if at_rest else 1 - LOWER) * base.cost:
+        if given_s is not None or late.cost < (REST_COST if at_rest else 1 - LOWER) * base.cost:
             base, dead_s, acting = late, tried, moved
     if given_s is not None:
         return Timed(base, acting, (0,) * len(logs))
@@ -74,9 +74,9 @@ def timed(
     late_rows = tuple(max(0, round(-one / median(log.dt_s))) for one, log in zip(shown, logs, strict=True))
     if not any(rows) and not dead_s:
         return Timed(base, acting, late_rows)
-    acting = tuple(behind(shifted(log, count), dead_s) for log, count in zip(logs, late_rows, strict=True))
+    acting = tuple(log_behind(shifted(log, count), dead_s) for log, count in zip(logs, late_rows, strict=True))
     if any(rows):
-        base = solve(setup_of(model, [*acting, *steps], rests, dead_s))
+        base = fit_setup(setup_of(model, [*acting, *steps], rests, dead_s))
     if dead_s:
         x, setup = base.x, base.fitted
         at = setup.shared
@@ -84,7 +84,7 @@ def timed(
     return Timed(base, acting, late_rows)
 
 
-def behind(log: RecordedLog, dead_s: float) -> RecordedLog:
+def log_behind(log: RecordedLog, dead_s: float) -> RecordedLog:
     """The log, known to begin at rest where it rests for long enough with its dead time."""
     acting = np.flatnonzero(log.input != 0)
     if dead_s == 0 or log.idle_start is not None or not len(acting) or not acting[0]:
@@ -105,7 +105,7 @@ def delays(base: Solved, logs: Sequence[RecordedLog]) -> list[int]:
             rows = delay_of(base, k, log)
             if rows and follows_output(base, k, log):
                 x = base.x[base.setup.places[k].columns]
-                plain, moved = (aligned(base.fitted, x, shifted(log, late)).cost for late in (0, rows))
+                plain, moved = (aligned_log(base.fitted, x, shifted(log, late)).cost for late in (0, rows))
                 rows = rows if moved < EXPLAINS * plain else 0
         found.append(rows)
     return found
@@ -115,7 +115,7 @@ def follows_output(base: Solved, index: int, log: RecordedLog) -> float:
     """Correlation of what is new in an input that moves with what is new in the residual; 0 where it is a free input.
 
     New is what neither shows before: a delay bends the residual slowly, and a loop answers its noise at once. Jumps of
-    the reference count as `JUMP` of the usual changes.
+    the reference count as `CHANGE_JUMP` of the usual changes.
     """
     r = base.missed[index]
     if log.stepwise or len(r) != len(log.input):
@@ -125,7 +125,7 @@ def follows_output(base: Solved, index: int, log: RecordedLog) -> float:
     if len(rows) < 100:
         return 0.0
     u, y = (whitened(one, one)[rows] for one in (np.diff(log.input), -np.diff(r)))
-    limit = JUMP * float(np.abs(u).mean())
+    limit = CHANGE_JUMP * float(np.abs(u).mean())
     u = np.clip(u, -limit, limit)
     size = float(np.linalg.norm(u) * np.linalg.norm(y))
     follows = float(u @ y) / size if size > 0 else 0.0
@@ -137,29 +137,29 @@ def delay_of(base: Solved, index: int, log: RecordedLog) -> int:
     rows, x = far_delay(base.fitted, base.x[base.setup.places[index].columns], log)
     first, moved = rows, shifted(log, rows)
     step, sd = one_step(base.fitted, x, moved)
-    while abs(step) >= 0.5 and abs(rows - first) < MOST:
+    while abs(step) >= 0.5 and abs(rows - first) < NEAR_ROWS:
         further = rows + int(np.sign(step))
         moved = shifted(log, further)
-        x = aligned(base.fitted, x, moved).x
+        x = aligned_log(base.fitted, x, moved).x
         further_step = one_step(base.fitted, x, moved)
         if further_step[0] * step < 0 and abs(further_step[0]) >= abs(step):
             break
         rows, (step, sd) = further, further_step
-    least = max(LEAST_ROWS[log.stepwise], t_quantile(STRETCHES - 1.0, 1 - CHANCE) * sd)
+    least = max(LATE_ROWS[log.stepwise], t_quantile(NOISE_STRETCHES - 1.0, 1 - LATE_CHANCE) * sd)
     return rows if abs(rows + step) >= least else 0
 
 
 def far_delay(setup: Setup, x: Array, log: RecordedLog) -> tuple[int, Array]:
     """Rows by which the input is late where many make the cost lower, else 0, and the fit there, (p,)."""
-    ends = {rows: aligned(setup, x, shifted(log, rows)) for rows in (-FAR, 0, FAR)}
+    ends = {rows: aligned_log(setup, x, shifted(log, rows)) for rows in (-FAR_ROWS, 0, FAR_ROWS)}
     best = min(ends, key=lambda rows: ends[rows].cost)
     if ends[best].cost > (1 - LOWER) * ends[0].cost:
         return 0, x
     step = best
     while step:
         further = best + step
-        if further not in ends and abs(further) <= FARTHEST:
-            ends[further] = aligned(setup, ends[best].x, shifted(log, further))
+        if further not in ends and abs(further) <= FARTHEST_ROWS:
+            ends[further] = aligned_log(setup, ends[best].x, shifted(log, further))
         if further in ends and ends[further].cost < ends[best].cost:
             best, step = further, 2 * step
         else:
@@ -167,7 +167,7 @@ def far_delay(setup: Setup, x: Array, log: RecordedLog) -> tuple[int, Array]:
     return best, ends[best].x
 
 
-def aligned(setup: Setup, x: Array, log: RecordedLog) -> EndPoint:
+def aligned_log(setup: Setup, x: Array, log: RecordedLog) -> EndPoint:
     """The fit of one log by itself, begun at x."""
     return approach(alone(setup, Copies(log, setup.dead_time_s).small).problem(), x)
 
@@ -181,7 +181,7 @@ def one_step(setup: Setup, x: Array, log: RecordedLog) -> tuple[float, float]:
     D = D - J @ (scaled_inverse(J.T @ J) @ (J.T @ D))
     size = max(float(D @ D), 1e-300)
     rows = -float(D @ r) / size
-    starts = np.linspace(0, len(r), STRETCHES, endpoint=False).astype(int)
+    starts = np.linspace(0, len(r), NOISE_STRETCHES, endpoint=False).astype(int)
     scores = np.add.reduceat(D * (r + rows * D), starts)
     return rows, float(np.sqrt(scores @ scores)) / size
 

@@ -15,20 +15,20 @@ from eaid.arrays import Array, median
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.findings import Finding, finding
 from eaid.plant.sums import lagged
-from eaid.recorded.from_logs import Solved, model_of
+from eaid.recorded.from_logs import Solved, plant_found
 from eaid.recorded.log_intervals import correlation_s
 
 Mask = NDArray[np.bool_]
-FUNCTIONS, CURVES = 5, 3  # Of the input, and those of its size among them
+FUNCTIONS, OF_SIZE = 5, 3  # Of the input, and those of its size among them
 MUCH = 0.15  # Part of the residuals' squares, beyond chance
-SEEN = 0.03  # Part of the output's standard deviation that the part explained has at least
+LEFT_SEEN = 0.03  # Part of the output's standard deviation that the part explained has at least
 
 
 def left_over_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Finding]:
     """Said where what a model leaves follows the input; nothing of loops, whose input follows what is left."""
     if any(log.reference is not None for log in logs):
         return []
-    plant, theta_s = model_of(solved), solved.fitted.dead_time(solved.x)
+    plant, theta_s = plant_found(solved), solved.fitted.dead_time(solved.x)
     tau_s = float(np.mean(plant.time_constants(max(plant.u_range))[0]))
     size, independent, sums = 0.0, 0.0, np.zeros((2 * FUNCTIONS + 1, 2 * FUNCTIONS + 1))
     for log, r in zip(logs, solved.missed, strict=False):
@@ -49,10 +49,10 @@ def left_over_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Find
         back = np.linalg.pinv(alike[np.ix_(of, of)], hermitian=True, rcond=1e-10)
         return float(along[of] @ back @ along[of] / total - of.sum() / independent)
 
-    of_direction = moves % FUNCTIONS >= CURVES
+    of_direction = moves % FUNCTIONS >= OF_SIZE
     by_direction, by_size = share(of_direction), share(~of_direction)
     explained = max(by_direction, by_size, share(of_direction | ~of_direction))
-    if explained < MUCH or explained * total < SEEN**2 * size:
+    if explained < MUCH or explained * total < LEFT_SEEN**2 * size:
         return []
     by = "direction" if by_direction > 0.5 * explained else "size"
     return [finding("residuals-follow-input", "nonlinear", (), share_pct=100 * explained, by=by)]

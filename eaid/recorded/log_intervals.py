@@ -24,15 +24,15 @@ from eaid.findings import Finding, finding
 from eaid.levels.friction import HELD_BY
 from eaid.plant.drive import Drive
 from eaid.plant.steps import decay
-from eaid.recorded.from_logs import Setup, Solved, idle_of
+from eaid.recorded.from_logs import Setup, Solved, idle_found
 from eaid.results.common import Interval
 from eaid.results.models import CurveLevel, LevelIntervals
 
 BINS = 16_384  # Derivatives and residuals are first added up over so many short bins of a log, at most
-SMOOTH = 0.25  # Half-width over which the noise's spectrum is smoothed, as a part of its corner frequency …
+SMOOTH_PART = 0.25  # Half-width over which the noise's spectrum is smoothed, as a part of its corner frequency …
 LEAST_LEFT = 0.25  # A line keeps at least this part of its power
-SMALL = 9.0  # An output is small or large beside its mean square over this
-FEWEST = 8  # … and at least so many lines
+SMALL_OUTPUT = 9.0  # An output is small or large beside its mean square over this
+FEWEST_LINES = 8  # … and at least so many lines
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,12 +119,15 @@ def by_spectrum(piece: Piece, pull: Array) -> Lines:
     n = len(piece.r)
     size = 2 ** int(np.ceil(np.log2(2 * n)))
     half = int(
-        max(SMOOTH * size * piece.bin_s / (2 * np.pi * max(piece.memory_s, 0.5 * piece.bin_s)), FEWEST * size / n)
+        max(
+            SMOOTH_PART * size * piece.bin_s / (2 * np.pi * max(piece.memory_s, 0.5 * piece.bin_s)),
+            FEWEST_LINES * size / n,
+        )
     )
     half = min(half, size // 2)
     T2 = piece.size**2
     middle = max(float(T2.mean()), 1e-300)
-    windows = np.stack([1 / (1 + SMALL * T2 / middle), np.sqrt(T2 * middle) / (middle / SMALL + T2)])
+    windows = np.stack([1 / (1 + SMALL_OUTPUT * T2 / middle), np.sqrt(T2 * middle) / (middle / SMALL_OUTPUT + T2)])
     power, lefts = np.empty((2, size // 2 + 1)), np.empty((2, size // 2 + 1))
     for k, w in enumerate(windows):
         F = np.fft.rfft(w[:, None] * piece.plain, size, axis=0)
@@ -181,12 +184,12 @@ def engagements(drive: Drive) -> NDArray[np.intp]:
 
 WINDOW_S = 2.0  # Stretch over which the density of the noise is taken [s]
 FEWEST_ENGAGEMENTS = 4  # Fewest engagements whose scatter counts
-CHANCE = 1e-3  # Gains that noise makes so different more rarely than this are told
+GAINS_CHANCE = 1e-3  # Gains that noise makes so different more rarely than this are told
 LEAST_LOAD = 0.02  # An engagement with less than this part of the mean ∫ T² tells no gain
 
 
 @dataclass(frozen=True, eq=False)
-class Scatter:
+class EngagementScatter:
     """Noise and scatter of a fit's residuals."""
 
     sensor_nm2_s: float
@@ -201,17 +204,17 @@ class Scatter:
         """Whether the output differs between engagements, where there are enough to see it."""
         if self.count < FEWEST_ENGAGEMENTS:
             return [finding("engagements-few", "data", count=self.count)]
-        if self.chance < CHANCE and self.gain > 0:
+        if self.chance < GAINS_CHANCE and self.gain > 0:
             return [finding("engagements-scatter", "data", scatter_pct=100 * self.gain, count=self.count)]
         return []
 
 
-def scatter_of(solved: Solved) -> Scatter:
+def scatter_of(solved: Solved) -> EngagementScatter:
     """Gains of all engagements, and the noise about them."""
     gains, squares, fourths, cleaned, outputs, steps = [], [], [], [], [], []
     for k, drive in enumerate(solved.setup.drives):
         r = solved.missed[k]
-        T = solved.outputs[k] - idle_of(solved, k) + r
+        T = solved.outputs[k] - idle_found(solved, k) + r
         which = engagements(drive)[drive.w > 0]
         square = np.bincount(which, T**2)
         loaded = square > LEAST_LOAD * square.mean()
@@ -224,13 +227,13 @@ def scatter_of(solved: Solved) -> Scatter:
         outputs.append(T)
     gamma, T2, T4 = np.concatenate(gains), np.concatenate(squares), np.concatenate(fourths)
     if len(gamma) < FEWEST_ENGAGEMENTS:
-        return Scatter(*densities(solved.missed, outputs, steps), 0.0, len(gamma), 1.0, solved.missed)
+        return EngagementScatter(*densities(solved.missed, outputs, steps), 0.0, len(gamma), 1.0, solved.missed)
     s0, s1 = densities(cleaned, outputs, steps)
     own = np.maximum((s0 * T2 + s1 * T4) / T2**2, 1e-300)
     mean = float((gamma / own).sum() / (1 / own).sum())
     chance = float(chdtrc(len(gamma) - 1, float(((gamma - mean) ** 2 / own).sum())))
     gain = max(float(gamma.var(ddof=1)) - float(own.mean()), 0.0) ** 0.5
-    return Scatter(s0, s1, gain, len(gamma), chance, tuple(cleaned))
+    return EngagementScatter(s0, s1, gain, len(gamma), chance, tuple(cleaned))
 
 
 def densities(residuals: Sequence[Array], outputs: list[Array], steps: list[float]) -> tuple[float, float]:
@@ -252,7 +255,7 @@ def densities(residuals: Sequence[Array], outputs: list[Array], steps: list[floa
     return s0, s1
 
 
-SEEN = 2e-3  # Gains of engagements that noise makes so different more rarely than this scatter
+GAINS_SEEN = 2e-3  # Gains of engagements that noise makes so different more rarely than this scatter
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,7 +265,7 @@ class Spread:
     noise: Array  # Covariance of the unknowns by the noise
     lines: tuple[Lines, ...]  # What it rests on, log by log
     between: Array  # Covariance by scatter between engagements
-    scatter: Scatter
+    scatter: EngagementScatter
     pull: Array  # H⁻¹ where the constraints leave it free
 
     @np.errstate(over="ignore", invalid="ignore")  # what nothing determines has no bound
@@ -300,17 +303,17 @@ def spread(solved: Solved) -> Spread:
     H = np.zeros((n, n))
     pieces = []
     scatter = scatter_of(solved)
-    residuals = scatter.residuals if scatter.chance <= SEEN else solved.missed
+    residuals = scatter.residuals if scatter.chance <= GAINS_SEEN else solved.missed
     for log, drive in enumerate(setup.drives):
         J, r = setup.jacobian(x, log)[0], residuals[log] * np.sqrt(drive.w[drive.w > 0])
         Z = J if solved.instruments is None else clean.jacobian(x, log)[0]
         at = setup.places[log].columns
         H[np.ix_(at, at)] += Z.T @ J
-        pieces.append(piece_of(Z, r, at, n, drive, idle_of(solved, log)))
+        pieces.append(piece_of(Z, r, at, n, drive, idle_found(solved, log)))
     pull = free_inverse(H, solved.setup.problem().A[solved.active])
     lines = tuple(by_spectrum(one, pull) for one in pieces)
     noise = pull @ sum((one.total for one in lines), np.zeros((n, n))) @ pull.T
-    between = _between(pieces, pull) * scatter.gain**2 * (scatter.chance <= SEEN)
+    between = _between(pieces, pull) * scatter.gain**2 * (scatter.chance <= GAINS_SEEN)
     return Spread(noise, lines, between, scatter, pull)
 
 
@@ -321,11 +324,11 @@ def _between(pieces: Sequence[Piece], pull: Array) -> Array:
     return np.asarray(S.T @ S)
 
 
-FARTHEST = np.log(20.0)  # An end farther off than this in log q is none
+FARTHEST_SCORE = np.log(20.0)  # An end farther off than this in log q is none
 DAMPING = 1e-6  # Part of the curvature added to it, so that next to collinear unknowns do not run away
 
 
-def score_end(solved: Solved, noise: Scatter, x: Array, covariance: Array, g: Array, reach: float) -> float:
+def score_end(solved: Solved, noise: EngagementScatter, x: Array, covariance: Array, g: Array, reach: float) -> float:
     """How far the end of log g'x lies where it is moved outward until the residuals reject it; ∞: they never do.
 
     On the copies on which the fit was looked for, x being its end there and `covariance` that of `newton`, with all
@@ -352,7 +355,7 @@ def score_end(solved: Solved, noise: Scatter, x: Array, covariance: Array, g: Ar
     return np.inf if end is None else abs(float(end[0]) - float(np.log(value)))
 
 
-def newton(setup: Setup, noise: Scatter, x: Array) -> tuple[Array, Array]:
+def newton(setup: Setup, noise: EngagementScatter, x: Array) -> tuple[Array, Array]:
     """How far the residuals at x are from where they lead, (n,), and its covariance by the noise's density, (n, n).
 
     In the directions that the constraints on which x lies leave free.
@@ -372,7 +375,7 @@ def newton(setup: Setup, noise: Scatter, x: Array) -> tuple[Array, Array]:
 
 
 LIMITS_PCT = {"Ts": 10.0, "tau1": 30.0, "tau2": 50.0}  # Half-widths beyond which the logs do not fix an input
-WIDEST = 10.0  # An interval wider than this factor says nothing
+WIDEST_ENDS = 10.0  # An interval wider than this factor says nothing
 PARABOLA = 0.05  # Half-width in the logarithm up to which a parabola is a picture of the cost
 
 
@@ -399,7 +402,7 @@ class CurveSpread:
         rows = []
         for i, level in enumerate(self.duty.tolist()):
             ends: list[Interval] = [
-                (float(low), float(high)) if half < WIDEST else None
+                (float(low), float(high)) if half < WIDEST_ENDS else None
                 for low, high, half in zip(self.low[:, i], self.high[:, i], self.half_width[:, i], strict=True)
             ]
             Ts, tau1, tau2 = (None if np.isnan(one) else one for one in self.values[:, i].tolist())
@@ -434,10 +437,10 @@ def curves(solved: Solved, uncertainty: Spread, duty: Array) -> CurveSpread:
         if names[k] in constrained or (k and values[k, i] > RECORDS_FREE * solved.setup.longest_s):
             continue  # no log tells it
         off[:, k, i] = half / values[k, i]
-        if direct and PARABOLA < half / values[k, i] < FARTHEST:
+        if direct and PARABOLA < half / values[k, i] < FARTHEST_SCORE:
             reach = half / values[k, i]
             off[:, k, i] = [score_end(solved, noise, x, covariance, slopes[k, i], side * reach) for side in (-1, 1)]
-    off[off > FARTHEST] = np.inf
+    off[off > FARTHEST_SCORE] = np.inf
     setup = solved.setup
     share = float(solved.x[setup.model.size - 1]) if setup.model.share is None else setup.model.share
     unseen = np.where(np.isinf(off[:, 2]).any(axis=0) & (values[2] > setup.longest_hold_s), 1 - share, 0.0)

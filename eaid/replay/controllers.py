@@ -30,7 +30,7 @@ from eaid.control.kinds import Law, kind_of
 from eaid.errors import UsageError
 from eaid.options import CONTROLLERS
 from eaid.plant.dynamics import Plant, PlantNumbers, plant_numbers, plant_step
-from eaid.plant.linear import Linear
+from eaid.plant.linear import LinearPlant
 from eaid.results.gains import Gains
 
 # step(gains, state, reference, reference_rate, torque, dt) → (next state, duty)
@@ -211,7 +211,7 @@ def feedback(gains: Law) -> Controller:
 
 
 def controller_of(
-    name: str, plant: Plant, linear: Linear | None, gains: Gains | None, limits_pct: tuple[float, float]
+    name: str, plant: Plant, linear: LinearPlant | None, gains: Gains | None, limits_pct: tuple[float, float]
 ) -> Controller:
     """A controller by its name, from the fitted models, gains, and the range of the actuator [%] for those that have no
     gains of their own; `UsageError` where what it needs is missing."""

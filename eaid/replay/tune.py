@@ -32,7 +32,7 @@ from eaid.estimate.draw import draw, drawable
 from eaid.findings import Finding, finding, ranked
 from eaid.options import Rig, TuneOptions
 from eaid.plant.dynamics import Plant, plant_numbers
-from eaid.plant.linear import Linear
+from eaid.plant.linear import LinearPlant
 from eaid.replay.controllers import feedback
 from eaid.replay.loop import replay
 from eaid.replay.references import Reference, Signal, reference_beyond, reference_of, tracking
@@ -47,7 +47,7 @@ class Task:
     """What gains are made for: a rig, as its fit has it, and a reference."""
 
     fit: Fit
-    model: Linear
+    model: LinearPlant
     plant: Plant | None
     bounds: Bounds
     scales: Scales
@@ -118,7 +118,7 @@ def task_of(fit: Fit, options: TuneOptions, reference: str | Signal | None, refe
     )  # fmt: skip
 
 
-def phi_of(fit: Fit, model: Linear, bounds: Bounds, plant: Plant | None) -> float | None:
+def phi_of(fit: Fit, model: LinearPlant, bounds: Bounds, plant: Plant | None) -> float | None:
     """What the data show of |η − η̂|; of a fit by several sessions what 19 of 20 plants of the next one show."""
     if not of_sessions(fit) or not drawable(fit):
         return phi_needed(model, bounds, plant)

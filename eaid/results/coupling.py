@@ -11,17 +11,24 @@ if TYPE_CHECKING:
     import pandas
 
 
+# Unit of the output → units of stiffness, damping and inertia: about an axis, or along a line, where θ is a way in m
+UNITS = {"N·m": ("N·m/rad", "N·m·s/rad", "kg·m²"), "N": ("N/m", "N·s/m", "kg")}
+
+
 class Wall(Result, frozen=True):
-    """The stiffest wall of one loop around one held torque; None: no limit below 1e6 N·m/rad."""
+    """The stiffest wall of one loop around one held torque; None: no limit below 1e6.
+
+    In N·m/rad, of a force in N/m.
+    """
 
     loop: str
     torque_nm: Number
     duty: Number | None = None
     """Input that holds the torque."""
     K_passive: Number | None = None
-    """Passive against any passive limb of this damping [N·m/rad]."""
+    """Passive against any passive limb of this damping."""
     K_stable: Number | None = None
-    """Stable with this limb, linear and sampled [N·m/rad]."""
+    """Stable with this limb, linear and sampled."""
     K_replayed: Number | None = None
     """The same by bisected replay of the nonlinear plant; None also where the replay shows no edge nearby."""
 
@@ -58,13 +65,18 @@ class Coupling(codec.Saved, Made, frozen=True):
     walls: tuple[Wall, ...] = ()
     impedance: Impedance = Impedance()
 
+    @property
+    def units(self) -> tuple[str, str, str]:
+        """Of stiffness, damping and inertia."""
+        return UNITS[self.output_unit]
+
     def summary(self) -> str:
         """The stiffest passive and stable wall of each loop at each torque, and the gravest findings."""
         rows = [
             f"{wall.loop} at {wall.torque_nm:g} {self.output_unit}: passive {wall.K_passive:.4g}, stable "
-            f"{wall.K_stable:.4g} N·m/rad"
+            f"{wall.K_stable:.4g} {self.units[0]}"
             if wall.K_passive is not None and wall.K_stable is not None
-            else f"{wall.loop} at {wall.torque_nm:g} {self.output_unit}: no limit below 1e6 N·m/rad"
+            else f"{wall.loop} at {wall.torque_nm:g} {self.output_unit}: no limit below 1e6 {self.units[0]}"
             for wall in self.walls
         ]
         return "\n".join([*rows, *sentences(self.findings[:3])])

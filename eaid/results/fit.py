@@ -70,7 +70,12 @@ class Parameter(Result, frozen=True):
 
 
 # What predicts a step from rest
-CURVES: dict[str, Any] = {"nonlinear": from_rest, "linear": linear.step_response, "friction": None, "plant": from_rest}
+CURVES: dict[str, Any] = {
+    "nonlinear": from_rest,
+    "linear": linear.linear_response,
+    "friction": None,
+    "plant": from_rest,
+}
 
 
 class Fit(Plotted, codec.Saved, Made, frozen=True):

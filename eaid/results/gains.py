@@ -13,7 +13,7 @@ import msgspec
 from eaid.errors import UsageError
 from eaid.findings import sentences
 from eaid.options import TuneOptions
-from eaid.plant.linear import Linear
+from eaid.plant.linear import LinearPlant
 from eaid.results import codec
 from eaid.results.common import Inputs, Made, Number, Positive, Result
 from eaid.shown import Plotted
@@ -299,7 +299,7 @@ class Gains(Plotted, codec.Saved, Made, frozen=True):
     """
 
     FILE: ClassVar[str] = "gains"
-    model: Linear
+    model: LinearPlant
     rc: Robust | None = None
     pi: PI | None = None
     controllers: dict[str, dict[str, Number]] = {}

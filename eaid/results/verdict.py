@@ -140,7 +140,7 @@ def _linear(fit: "Fit") -> list[Finding]:
         return []
     p = part.parameters
     tops = [linear.steady(p, u) for u, _ in _records(fit)]
-    reached = [float(linear.step_response(p, np.array([end]), u)[0]) for u, end in _records(fit)]
+    reached = [float(linear.linear_response(p, np.array([end]), u)[0]) for u, end in _records(fit)]
     found = _beyond(fit, "linear", max(tops, default=0.0), reached)
     for name in ("a0", "b0"):
         ends = None if part.ci95 is None else getattr(part.ci95, name)

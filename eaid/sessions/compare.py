@@ -22,7 +22,7 @@ from eaid.results import codec
 from eaid.results.common import Inputs, Made, Number, Result, ci95_of
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
-from eaid.sessions.gather import MANY, Value, snapped, together, values_of
+from eaid.sessions.gather import CI, MANY, Value, snapped, together, values_of
 from eaid.sessions.loop import Promise
 from eaid.sessions.model import two_sided
 from eaid.shown import Plotted
@@ -80,7 +80,7 @@ class Shift(Result, frozen=True):
         name, ends = SYMBOLS.get(self.quantity, self.quantity), f"{_pct(self.low)} … {_pct(self.high)}"
         said = f"{name} {_pct(self.ratio)} % ({ends}; p {self.p:.2g})"
         if self.p_alike is None:
-            return said
+            return f"{said}, seen at {self.levels[0].level:.4g} only"
         if self.alike:
             return f"{said}, alike at all levels (p {self.p_alike:.2g})"
         outermost = (min(self.levels, key=_ratio), max(self.levels, key=_ratio))
@@ -189,7 +189,7 @@ def compare_fits(fits: Mapping[str, Fit], gains: Gains | None, options: CompareO
 
 def _shift(quantity: str, letter: str, one: Fit, other: Fit) -> Shift | None:
     """One number against another session's at the levels that both hold; None where they hold none."""
-    both = snapped([*values_of(one, quantity, "A"), *values_of(other, quantity, letter)])
+    both = snapped([*_seen(one, quantity, "A"), *_seen(other, quantity, letter)])
     a, b = ({value.level: value for value in both if value.session == of} for of in ("A", letter))
     levels = sorted(a.keys() & b.keys())
     if not levels:
@@ -208,6 +208,13 @@ def _shift(quantity: str, letter: str, one: Fit, other: Fit) -> Shift | None:
     alike = float(fdtrc(spare, degrees, Q / spare)) if spare else None
     p = two_sided(m / error, degrees)
     return Shift(quantity, letter, ratio, low, high, p, alike, degrees, tuple(Change(*row) for row in rows))
+
+
+def _seen(fit: Fit, quantity: str, letter: str) -> list[Value]:
+    """What a session has shown of a number: of one known by reference steps, at their levels only."""
+    values, steps = values_of(fit, quantity, letter), {source.level for source in fit.data.sources}
+    foreseen = fit.uncertainty is not None and fit.uncertainty.ci == CI
+    return [one for one in values if one.level in steps] if foreseen else values
 
 
 def holm(p: Sequence[float]) -> list[float]:

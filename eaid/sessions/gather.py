@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 ALIKE = 0.005  # Part of a level by which it may differ from session to session and still be the same
 MANY = 1e9  # Degrees of freedom of what is known for certain
+CI = "sessions"  # What a fit of today says its intervals are made of
 COLUMNS = ("session", "level", "value", "sd_log")
 # What a file name says of drive and stand → how it is called; levels, which change within a session, are no such thing
 NAMED = {"f": "drive frequency", "freq": "drive frequency", "v": "speed", "speed": "speed", "rpm": "speed"}

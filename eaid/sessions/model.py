@@ -8,7 +8,7 @@ that the session's own fit leaves of ln θ,
 g and h belong to the session, d to the session at that level. X is 1, x, x², or one term a level, between levels
 straight in x. Variances by REML and the next value with its interval: `eaid.estimate.mixed`. Its degrees of freedom,
 which Satterthwaite's formula overrates where S sessions are few, are S − 1 at most where nothing is known of a session,
-and (S − 1)²/2 for each level of its reference steps: with these the intervals hold (`benchmarks/sessions.py`).
+and (S − 1)²/2.2 for each level of its reference steps: with these the intervals hold (`benchmarks/sessions.py`).
 """
 
 from collections.abc import Sequence
@@ -20,12 +20,13 @@ from numpy.typing import NDArray
 from scipy.special import stdtr, stdtrit
 
 from eaid.arrays import Array
-from eaid.estimate.mixed import Further, Line, Values, restricted
+from eaid.estimate.mixed import Further, MixedLine, MixedValues, restricted
 from eaid.sessions.gather import MANY
 
 COMPONENTS = ("gain", "tilt", "level")
 EXACT = 1e-6  # Standard deviation of ln θ below which a value is known for certain
 FARTHEST, MOST = 50.0, 130.0  # Half-width of ln θ, and its size, beyond which nothing is said
+TOLD = 1.92  # In log L: more than chance gives one parameter in 19 of 20 cases
 NEW = -1  # The session that is still to come
 
 
@@ -133,29 +134,45 @@ class Model:
     def common(self, one: Known, other: Known) -> Array:
         """What two sets of values have in common by component, (components, n, m)."""
         same = (one.session[:, None] == other.session).astype(float)
-        tilt = same * np.outer(self.x(one.level), self.x(other.level))
-        return np.asarray(np.stack([same, tilt, same * (one.level[:, None] == other.level)])[self.free])
-
-    def values(self, known: Known) -> Values:
-        """Values as the line through them takes them."""
-        return Values(known.y, self.rows(known.level), np.diag(known.W), tuple(self.common(known, known)))
+        tilt, level = np.outer(self.x(one.level), self.x(other.level)), one.level[:, None] == other.level
+        return np.stack([same * (1.0, tilt, level)[k] for k in self.free])
 
     @cached_property
-    def line(self) -> Line:
-        """The line through all sessions."""
-        return self.values(self.known).at(self.variances[self.free])
-
-    def found(self, known: Known | None = None) -> "Model":
-        """The model with the variances of its values, or of others of its kind, looked for from its own."""
-        other, near, v = replace(self, known=known or self.known), self.variances, np.zeros(3)
-        start = np.maximum(near[other.free], 1e-3) if near.any() else None
-        v[other.free] = restricted(other.values(other.known), start).v
-        return replace(other, variances=v)
-
-    def finer(self, share: float) -> "Model":
-        """The model of values with so much of their own variance."""
+    def values(self) -> MixedValues:
+        """Its values as the line through them takes them."""
         known = self.known
-        return replace(self, known=Known(known.session, known.level, known.y, share * known.W))
+        return MixedValues(known.y, self.rows(known.level), np.diag(known.W), tuple(self.common(known, known)))
+
+    @cached_property
+    def line(self) -> MixedLine:
+        """The line through all sessions."""
+        return self.values.at(self.variances[self.free])
+
+    @property
+    def likeliest(self) -> MixedLine:
+        """The same with the variances that its values make likeliest, looked for from its own."""
+        near = self.variances[self.free]
+        return restricted(self.values, np.maximum(near, 1e-3) if near.any() else None)
+
+    def having(self, v: Array) -> "Model":
+        """The model with these variances of what its sessions can show."""
+        variances = np.zeros(len(COMPONENTS))
+        variances[self.free] = v
+        return replace(self, variances=variances)
+
+    def placed(self) -> "Model":
+        """The model with the likeliest of its levels as reference, from its own neighbour by neighbour, where that is
+        no chance: where sessions that lie high rise more steeply too, gain and tilt are apart only where they meet."""
+        best, least, levels = self, self.line.cost, self.knots.tolist()
+        at = levels.index(self.reference)
+        for way in (levels[at + 1 :], levels[:at][::-1]):
+            for level in way:
+                one = replace(best, reference=level)
+                line = one.likeliest
+                if line.cost >= least:
+                    break
+                best, least = one.having(line.v), line.cost
+        return best if self.line.cost - least > TOLD else self
 
     def further(self, level: Array) -> Further:
         """The next session at some levels, nothing known of it."""
@@ -174,7 +191,7 @@ class Model:
         turn = np.hstack([np.eye(n), -c])
         mean = both.mean[:n] + c @ (steps.y - both.mean[n:])
         whole = replace(both, covariance=V + np.diag(np.append(np.zeros(n), steps.W)))
-        few = (self.count - 1.0) ** 2 / 2 * len(np.unique(steps.level))
+        few = (self.count - 1.0) ** 2 / 2.2 * len(np.unique(steps.level))
         most = min(few, MANY) if len(steps.y) else self.count - 1.0
         return Next(level, mean, turn @ whole.covariance @ turn.T, np.clip(whole.degrees(turn), 1.0, most))
 
@@ -200,14 +217,11 @@ class Model:
 
     def trend(self) -> tuple[float, float]:
         """Change of ln θ from one session to the next in their order, and the probability of such a one by chance."""
-        values = self.values(self.known)
-        order = self.known.session - self.known.session.mean()
-        X = np.c_[values.X, order]
-        if np.linalg.matrix_rank(X) < X.shape[1] or len(X) <= X.shape[1]:
-            return 0.0, 1.0
-        line = restricted(Values(values.y, X, values.W, values.G), self.line.v)
-        slope, error = float(line.beta[-1]), float(np.sqrt(line.covariance[-1, -1]))
-        return slope, two_sided(slope / error, self.count - 2)
+        sessions, gain, _ = self.gains()
+        order = sessions - sessions.mean()
+        slope = float(order @ gain / (order @ order))
+        error = float(np.linalg.norm(gain - gain.mean() - slope * order) / np.sqrt((self.count - 2) * (order @ order)))
+        return slope, two_sided(slope / error, self.count - 2) if error > EXACT else 1.0
 
 
 def two_sided(t: float, dof: float) -> float:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import msgspec
@@ -18,7 +19,7 @@ from eaid.results import codec
 from eaid.results.common import Inputs, Made, Number, Positive, Result
 from eaid.results.fit import Fit
 from eaid.results.verdict import FACTOR
-from eaid.sessions.gather import Session, Value, logs_of, run_scatter, snapped, table_values, together, values_of
+from eaid.sessions.gather import CI, Session, Value, logs_of, run_scatter, snapped, table_values, together, values_of
 from eaid.sessions.model import EXACT, NOTHING, Known, Model, Next, steps_known
 from eaid.shown import Plotted, counted
 
@@ -27,9 +28,9 @@ if TYPE_CHECKING:
 
 LEAST = 3  # Sessions that tell how much they differ
 FEW = 5  # Sessions below which that is known to a factor only
+MANY_SESSIONS = 8  # From which they tell at which level gain and tilt are apart
 CARRIES = 0.5  # Part of its width that the next session's interval keeps where one session carried it
 CHANCE = 0.05
-CI = "sessions"  # What a fit of today says its intervals are made of
 NUMBERS = ("Ts", "tau1", "tau2", "B", "a0")  # What is known of each session; the first one has to be
 
 
@@ -172,7 +173,7 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
         why = "sessions, not repeats: " * (one.more_repeats > 0.95 * one.factor)
         return [
             f"rig     {counted(n, 'session')}: the next one's {self.symbol} within ×/÷ {one.factor:.2f}; after one "
-            f"reference step ({at}) ×/÷ {one.with_step:.2f}",
+            f"reference step ({at}) ×/÷ {one.with_step:.2f}, at the worst level",
             f"scatter gain {one.sd.gain:.3g}, tilt {one.sd.tilt:.3g}, session × level {one.sd.level:.3g} (sd of ln "
             f"{self.symbol}); one run {one.sd_step:.3g}",
             f"advice  {why}one more repeat to every three leaves ×/÷ {one.more_repeats:.2f}, one more session about "
@@ -223,7 +224,7 @@ def rig_of_fits(fits: Mapping[str, Fit], options: SessionsOptions) -> Rig:
                 "logs again, with «ci»"
             )
     sessions = tuple(Session(name, logs_of(fit)) for name, fit in fits.items())
-    slim = msgspec.structs.replace(base, steps=(), parameters=(), recorded=None, findings=())
+    slim = msgspec.structs.replace(base, steps=(), responses=(), parameters=(), recorded=None, findings=())
     return _judged(Rig(options=options, input_unit=base.data.input_unit, sessions=sessions, quantities=quantities,
                        base=slim, findings=tuple(told)))  # fmt: skip
 
@@ -251,12 +252,16 @@ def quantity_of(
     middle = float(levels[len(levels) // 2])
     sd = float(np.median([one.sd_log for one in values])) if sd_step is None else sd_step
     plain = Quantity(unit, options.reference_level or middle, terms, tuple(values), Scatter(), sd, middle)
-    model = plain.model(names).found()
-    (best, after), now = model.narrowest(sd), model.next(model.knots)
+    model = plain.model(names)
+    model = model.having(model.likeliest.v)
+    if options.reference_level is None and model.count >= MANY_SESSIONS:
+        model = model.placed()
+    (best, after), now, known = model.narrowest(sd), model.next(model.knots), model.known
+    finer = replace(model, known=replace(known, W=0.75 * known.W))
     rows = zip(now.level, now.value, *now.ends, now.dof, np.exp(now.reach), np.exp(after.reach), strict=True)
     return msgspec.structs.replace(
-        plain, sd=Scatter(*np.sqrt(model.variances).tolist()), best_level=best,
-        more_repeats=float(np.exp(model.finer(0.75).next(model.knots).reach.max())),
+        plain, reference_level=model.reference, sd=Scatter(*np.sqrt(model.variances).tolist()), best_level=best,
+        more_repeats=float(np.exp(finer.next(model.knots).reach.max())),
         next=tuple(Foreseen(*map(float, row)) for row in rows),
     )  # fmt: skip
 
@@ -298,8 +303,8 @@ def _carried(model: Model, whole: float) -> tuple[int, float] | None:
     line, known = model.line, model.known
     off = np.where(known.session == np.arange(known.session.max() + 1)[:, None], line.residuals, 0.0)
     far = int(np.argmax(np.einsum("sn,nm,sm->s", off, line.inverse, off)))
-    rest = known.without(far)
-    if model.count <= LEAST or len(rest.y) <= line.values.X.shape[1] or set(rest.level) != set(known.level):
+    rest = replace(model, known=known.without(far))
+    if model.count <= LEAST or len(rest.known.y) <= line.values.X.shape[1] or len(rest.knots) < len(model.knots):
         return None
-    factor = float(np.exp(model.found(rest).next(model.knots).reach.max()))
+    factor = float(np.exp(rest.having(rest.likeliest.v).next(model.knots).reach.max()))
     return (far, factor) if math.log(factor) < CARRIES * math.log(whole) else None

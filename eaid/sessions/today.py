@@ -16,7 +16,7 @@ from scipy.linalg import block_diag
 from eaid.arrays import Array
 from eaid.declared import chosen, part
 from eaid.errors import DataError
-from eaid.estimate.coefficients import BLOCKS, with_intervals
+from eaid.estimate.coefficients import CURVES_ORDER, with_intervals
 from eaid.findings import Finding, finding, ranked, stops
 from eaid.levels.workflow import fit_steps
 from eaid.options import FitOptions, ReadOptions
@@ -25,9 +25,9 @@ from eaid.results import models as parts
 from eaid.results.fit import Fit
 from eaid.results.models import LevelIntervals
 from eaid.results.parameters import table_of
-from eaid.sessions.gather import MANY, logs_of, together, values_of
+from eaid.sessions.gather import CI, MANY, logs_of, together, values_of
 from eaid.sessions.model import NOTHING, Known, Next, between, steps_known
-from eaid.sessions.rig import CI, Rig
+from eaid.sessions.rig import Rig
 from eaid.steps.stepset import StepSet
 
 INPUTS = 11  # Over the range, beside the levels, through which a curve is put
@@ -108,7 +108,7 @@ def _told(rig: Rig, steps: Known, foreseen: Foreseen) -> list[Finding]:
 
 def _foreseen_at(foreseen: Foreseen, k: int) -> tuple[dict[str, float], LevelIntervals]:
     """T_s, τ1 and τ2 at level k, as far as the sessions know them, and their intervals."""
-    known = {name: foreseen[name] for name in BLOCKS if name in foreseen}
+    known = {name: foreseen[name] for name in CURVES_ORDER if name in foreseen}
     ends: dict[str, Any] = {name: tuple(one.ends[:, k].tolist()) for name, one in known.items()}
     dof = {name: float(one.dof[k]) for name, one in known.items()}
     return {name: float(one.value[k]) for name, one in known.items()}, LevelIntervals(**ends, dof=dof)
@@ -121,7 +121,7 @@ def _with_levels(base: Fit, rows: Sequence[Any], foreseen: Foreseen) -> Fit:
     levels = []
     for k, row in enumerate(rows):
         values, ends = _foreseen_at(foreseen, k)
-        own = {name: values.get(name, getattr(row, name)) for name in BLOCKS}
+        own = {name: values.get(name, getattr(row, name)) for name in CURVES_ORDER}
         own["tau2"] = max(own["tau1"], own["tau2"])
         plain = replace(row, **own, ci95=ends, C_f=row.C_f and row.C_f * own["Ts"] / row.Ts, solver=None, samples=None)
         levels.append(replace(plain, rmse=None, sse=None, fit_pct=None, R2=None))
@@ -138,7 +138,7 @@ def _with_plant(base: Fit, rows: Sequence[Any], foreseen: Foreseen) -> Fit:
     hats, u_range = between(levels, inputs), plant.u_range
     curves: dict[str, tuple[float, ...]] = {}
     blocks: dict[str, Array] = {}
-    for name in BLOCKS:
+    for name in CURVES_ORDER:
         count = len(getattr(plant, name))
         own, blocks[name] = np.array(getattr(plant, name)) * scales(count), np.zeros((count, count))
         value = terms(inputs, count, u_range) @ own if count else np.zeros(1)
@@ -153,11 +153,11 @@ def _with_plant(base: Fit, rows: Sequence[Any], foreseen: Foreseen) -> Fit:
         base = replace(base, plant_=replace(base.plant_, ci95=None, **curves))
     if model is None:
         return base
-    own_curves = {name: getattr(model, name) for name in BLOCKS} | curves
+    own_curves = {name: getattr(model, name) for name in CURVES_ORDER} | curves
     plain = parts.Nonlinear(**own_curves, u_range=u_range, C=model.C, solver=model.solver, estimator=model.estimator)
     each = [_foreseen_at(foreseen, k) for k in range(len(rows))]
     shown = [parts.CurveLevel(row.level, **values, ci95=ends) for row, (values, ends) in zip(rows, each, strict=True)]
-    degrees = {name: float(np.median(foreseen[name].dof)) if name in foreseen else MANY for name in BLOCKS}
+    degrees = {name: float(np.median(foreseen[name].dof)) if name in foreseen else MANY for name in CURVES_ORDER}
     return replace(base, nonlinear=with_intervals(plain, shown, block_diag(*blocks.values()), degrees))
 
 

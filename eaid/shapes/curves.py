@@ -15,9 +15,9 @@ from eaid.plant.dynamics import Step
 from eaid.plant.steps import rise, step_rate, step_response, step_slopes
 
 SHAPES = ("one", "two", "free", "overshoot")
-MOST = 3.0  # Largest C of an overshoot: beyond, two nearly equal parts of opposite sign imitate other shapes
-APART = 2.0  # Least τ2/τ1 of an overshoot
-SEEN = 0.02  # Share of its peak by which an overshoot has to come down within the record
+LARGEST_C = 3.0  # Largest C of an overshoot: beyond, two nearly equal parts of opposite sign imitate other shapes
+TAUS_APART = 2.0  # Least τ2/τ1 of an overshoot
+OVERSHOOT_SEEN = 0.02  # Share of its peak by which an overshoot has to come down within the record
 
 
 def step_of(p: Array) -> Step:
@@ -25,7 +25,7 @@ def step_of(p: Array) -> Step:
     return Step(p[0], np.exp(p[1]), np.exp(p[1] + p[2]), p[3])
 
 
-def curve(p: Array, time_s: Array) -> Array:
+def step_curve(p: Array, time_s: Array) -> Array:
     """change · s(t) of p, shape (n,)."""
     return step_response(step_of(p), np.maximum(time_s - p[4], 0.0))
 
@@ -40,17 +40,19 @@ def slopes(p: Array, time_s: Array) -> Array:
 
 
 def overshoots(p: Array, window: float) -> bool:
-    """True where a curve passes its peak within the window, and is `SEEN` of its peak below it at the end."""
+    """True where a curve passes its peak within the window, and is `OVERSHOOT_SEEN` of its peak below it at the end."""
     at = np.linspace(p[4], window, 400)
-    s = curve(np.array([1.0, *p[1:]]), at)
-    return bool(s.max() - s[-1] > SEEN * s.max())
+    s = step_curve(np.array([1.0, *p[1:]]), at)
+    return bool(s.max() - s[-1] > OVERSHOOT_SEEN * s.max())
 
 
-FEW = 800  # Points to which a record is averaged for the choice of a shape; the chosen one is fitted to all samples
-GRID = 28
-STARTS = 3
-DELAYS = 20
-FAR = 1.0  # Distance in ln τ2 from which a start is another
+MOST_POINTS = (
+    800  # Points to which a record is averaged for the choice of a shape; the chosen one is fitted to all samples
+)
+TAU_GRID = 28
+STARTS_KEPT = 3
+DELAYS_TRIED = 20
+FAR_START = 1.0  # Distance in ln τ2 from which a start is another
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,13 +65,13 @@ class AveragedRecord:
     within: float = 0.0  # Sum of squares of the samples about the means that stand for them: no shape takes it away
 
 
-def averaged(time_s: Array, y: Array) -> AveragedRecord:
+def averaged_record(time_s: Array, y: Array) -> AveragedRecord:
     """A record as at most FEW means and what they leave out."""
     count = len(y)
-    if count <= FEW:
+    if count <= MOST_POINTS:
         return AveragedRecord(time_s, y, np.ones(count))
-    edges = np.unique(np.round(np.geomspace(1, count, FEW)).astype(np.intp)) - 1
-    fine = np.linspace(0, count, FEW // 2).astype(np.intp)
+    edges = np.unique(np.round(np.geomspace(1, count, MOST_POINTS)).astype(np.intp)) - 1
+    fine = np.linspace(0, count, MOST_POINTS // 2).astype(np.intp)
     edges = np.unique(np.concatenate((edges, fine[:-1], [0])))
     edges = edges[edges < count]
     weight = np.diff(np.append(edges, count)).astype(np.float64)
@@ -82,7 +84,7 @@ def delays_tried(points: AveragedRecord) -> list[float]:
     """Shares of the time to half of the change [s]."""
     half = np.flatnonzero(np.abs(points.output) >= 0.5 * np.abs(points.output[-1]))
     until = float(points.time_s[half[0]]) if len(half) else float(points.time_s[-1]) / 4
-    return [until * (k + 0.5) / DELAYS for k in range(DELAYS)]
+    return [until * (k + 0.5) / DELAYS_TRIED for k in range(DELAYS_TRIED)]
 
 
 def starts_of(
@@ -92,8 +94,8 @@ def starts_of(
     stride = max(1, len(points.time_s) // 300)
     t, y, w = points.time_s[::stride], points.output[::stride], points.weight[::stride]
     shortest = max(window / 3000, float(np.diff(points.time_s[: max(2, len(t))]).min()) / 3)
-    tau, each = np.geomspace(shortest, 5 * window, GRID), np.arange(GRID)
-    pairs, total = np.triu_indices(GRID, 1), float(w @ y**2)
+    tau, each = np.geomspace(shortest, 5 * window, TAU_GRID), np.arange(TAU_GRID)
+    pairs, total = np.triu_indices(TAU_GRID, 1), float(w @ y**2)
     places: dict[str, list[list[tuple[float, Array]]]] = {shape: [] for shape in wanted}
     for delay in delays:
         rises = rise(np.maximum(t - delay, 0.0), tau[:, np.newaxis])
@@ -114,7 +116,9 @@ def starts_of(
                 change = a + b
                 C = a / np.where(change == 0, 1.0, change)
                 cost = total - a * right[i] - b * right[j]
-                inside = (C > 0) & (C < 1) if shape == "free" else (C > 1) & (C < MOST) & (tau[j] > APART * tau[i])
+                inside = (
+                    (C > 0) & (C < 1) if shape == "free" else (C > 1) & (C < LARGEST_C) & (tau[j] > TAUS_APART * tau[i])
+                )
                 cost = np.where(inside, cost, np.inf)
             best = _apart(cost, np.log(tau[j]))[: 1 if shape == "one" else None]
             p = np.stack([change, np.log(tau[i]), np.log(tau[j] / tau[i]), C, np.full(len(i), delay)], axis=1)
@@ -123,12 +127,14 @@ def starts_of(
     for shape, rows in places.items():  # of those delays whose neighbours have none as good
         least = [min((cost for cost, _ in row), default=np.inf) for row in rows]
         lower = [row for k, row in enumerate(rows) if least[k] <= min(least[max(k - 1, 0) : k + 2])]
-        found[shape] = [p for _, p in sorted((one for row in lower for one in row), key=lambda one: one[0])[:STARTS]]
+        found[shape] = [
+            p for _, p in sorted((one for row in lower for one in row), key=lambda one: one[0])[:STARTS_KEPT]
+        ]
     return found
 
 
 def _apart(cost: Array, slow: Array) -> list[int]:
     """The best place, and the best of those whose ln τ2 is far from it, on either side: a grid is coarse for τ1."""
     best = int(cost.argmin())
-    far = [np.where(side * (slow - slow[best]) > FAR, cost, np.inf) for side in (1, -1)]
+    far = [np.where(side * (slow - slow[best]) > FAR_START, cost, np.inf) for side in (1, -1)]
     return [best, *(int(one.argmin()) for one in far if np.isfinite(one.min(initial=np.inf)))]

@@ -23,26 +23,26 @@ from eaid.findings import Finding, finding
 from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE
 from eaid.plant.steps import decay
-from eaid.shapes.curves import AveragedRecord, averaged, curve, delays_tried, starts_of
+from eaid.shapes.curves import AveragedRecord, averaged_record, delays_tried, starts_of, step_curve
 from eaid.shapes.shape import fit_step
 from eaid.steps.step import moving_means, usual_step
 from eaid.steps.stepset import Level, LevelStep, StepSet
 
 SAVED = 0.1  # Part of the RMSE that a dead time has to save at a level
-MOST_LEVELS = 10  # Levels that are asked
-LONGEST = 0.9  # Part of a record that a dead time may take
-LEAST_ROWS, LEAST_PART = 0.5, 0.01  # Rows, and part of the time constant of the rise, from which a start is told
-CHANCE = 0.01  # By which the runs' scatter may explain it
+LEVELS_ASKED = 10  # Levels that are asked
+LONGEST_DELAY_PART = 0.9  # Part of a record that a dead time may take
+START_ROWS, LEAST_PART = 0.5, 0.01  # Rows, and part of the time constant of the rise, from which a start is told
+START_CHANCE = 0.01  # By which the runs' scatter may explain it
 SURE_ROWS = 0.2  # Rows that the form of the curve leaves open
-PART = (0.1, 0.4)  # Of the held output: the rise in between leads to its start
-FEWEST_ROWS, TAUS = 6, 30
+RISE_PART = (0.1, 0.4)  # Of the held output: the rise in between leads to its start
+FEWEST_ROWS, RISE_TAUS = 6, 30
 
 
 def dead_time_of(stepset: StepSet, options: FitOptions) -> tuple[float, list[Finding]]:
     """The dead time of a set's steps [s], as given or as most levels show it, 0 where they show none; what is said."""
     if (given := options.held_dead_time_s) is not None:
         for level in stepset.levels:
-            if given >= LONGEST * level.time_s[-1]:
+            if given >= LONGEST_DELAY_PART * level.time_s[-1]:
                 raise UsageError(
                     f"«dead_time» {given:g} s: the step of {level.names[0]} is recorded for {level.time_s[-1]:.3g} s; "
                     "give a shorter one"
@@ -50,7 +50,7 @@ def dead_time_of(stepset: StepSet, options: FitOptions) -> tuple[float, list[Fin
         return given, []
     rises = {step.level: step for step in reversed(stepset.level_steps) if step.edge == "up" and step.from_level == 0}
     steps = [rises[level] for level in sorted(rises)]
-    steps = steps[:: 1 + (len(steps) - 1) // MOST_LEVELS] if steps else []
+    steps = steps[:: 1 + (len(steps) - 1) // LEVELS_ASKED] if steps else []
     share = options.held_share or SHARE
     late = [step for step in steps if starts_late(step, share)]
     if 2 * len(late) <= len(steps):
@@ -76,8 +76,8 @@ def extrapolated(stepset: StepSet) -> tuple[float, list[Finding]]:
     mean, total = float(np.average(theta, weights=weight)), float(weight.sum())
     sd = float(np.sqrt(((weight * (theta - mean)) ** 2).sum())) / total
     row_s = median(np.array([usual_step(level.time_s) for level in stepset.levels]))
-    reach = float(np.hypot(t_quantile(len(theta) - 1.0, 1 - CHANCE) * sd, SURE_ROWS * row_s))
-    if abs(mean) < max(LEAST_ROWS * row_s, LEAST_PART * median(tau), reach):
+    reach = float(np.hypot(t_quantile(len(theta) - 1.0, 1 - START_CHANCE) * sd, SURE_ROWS * row_s))
+    if abs(mean) < max(START_ROWS * row_s, LEAST_PART * median(tau), reach):
         return 0.0, []
     low, high = mean - reach, mean + reach
     if mean > 0:
@@ -89,15 +89,15 @@ def extrapolated(stepset: StepSet) -> tuple[float, list[Finding]]:
 def _start_of(time_s: Array, run: Array) -> tuple[float, float, float] | None:
     """Where a rise begins by an exponential through its first part, its weight and its τ [s]; None: too short."""
     held = float(run[-max(1, len(run) // 10) :].mean())
-    over = np.flatnonzero(moving_means(run[None], max(1, len(run) // 500))[0] >= PART[1] * held)
+    over = np.flatnonzero(moving_means(run[None], max(1, len(run) // 500))[0] >= RISE_PART[1] * held)
     last = int(over[0]) if held > 0 and len(over) else 0
-    rows = np.flatnonzero(run[:last] < PART[0] * held)
+    rows = np.flatnonzero(run[:last] < RISE_PART[0] * held)
     first = int(rows[-1]) + 1 if len(rows) else 0
     if last - first < FEWEST_ROWS:
         return None
     t, y = time_s[first:last], run[first:last]
     best = (np.inf, 0.0, 1.0, 0.0)
-    for tau in (t[-1] - t[0]) * np.geomspace(0.3, 30, TAUS):
+    for tau in (t[-1] - t[0]) * np.geomspace(0.3, 30, RISE_TAUS):
         X = np.stack((np.ones_like(t), decay(t - t[0], tau)), axis=1)
         (a, b), *_ = np.linalg.lstsq(X, y, rcond=None)
         left = y - X @ (a, b)
@@ -109,7 +109,7 @@ def _start_of(time_s: Array, run: Array) -> tuple[float, float, float] | None:
 
 def starts_late(step: LevelStep, share: float) -> bool:
     """Whether a dead time saves a good part of what a step's best curve without one leaves."""
-    points = averaged(step.time_s, step.output - step.start)
+    points = averaged_record(step.time_s, step.output - step.start)
     left = [_left(points, delays, share) for delays in ([0.0], delays_tried(points))]
     return left[1] < (1 - SAVED) ** 2 * left[0]
 
@@ -125,11 +125,11 @@ def _left(points: AveragedRecord, delays: Sequence[float], share: float) -> floa
     """Least squares of one or two exponentials on a grid."""
     found = starts_of(points, float(points.time_s[-1]), delays, share, ("one", "two"))
     places = [p for starts in found.values() for p in starts]
-    sums = [float(points.weight @ (points.output - curve(p, points.time_s)) ** 2) for p in places]
+    sums = [float(points.weight @ (points.output - step_curve(p, points.time_s)) ** 2) for p in places]
     return min(sums, default=np.inf) + points.within
 
 
-def behind(stepset: StepSet, dead_time_s: float) -> StepSet:
+def set_behind(stepset: StepSet, dead_time_s: float) -> StepSet:
     """The set as it is seen from where its inputs act: each level and release from its dead time on."""
     if dead_time_s == 0:
         return stepset

@@ -10,7 +10,7 @@ import numpy as np
 from eaid.options import FitOptions
 from eaid.plant.steps import decay, rise
 from eaid.results.models import FrictionLevel, LevelIntervals, StepShape
-from eaid.shapes.intervals import WIDEST, Tail, mean_before, with_interval
+from eaid.shapes.intervals import WIDEST_FACTOR, Tail, mean_before, with_interval
 from eaid.shapes.shape import fit_step
 from eaid.steps.stepset import StepSet
 
@@ -63,7 +63,7 @@ def tail_of(shape: StepShape, before: Tail, lasted_s: float) -> Tail:
     for share, tau, ends in ((shape.C, shape.tau1, ci.tau1), (1 - shape.C, shape.tau2, ci.tau2)):
         if tau is not None and share != 0:
             size = -shape.change * share * float(decay(np.array(after), tau))
-            of_tau = 0.5 * math.log(ends[1] / ends[0]) if ends is not None else math.log(WIDEST)
+            of_tau = 0.5 * math.log(ends[1] / ends[0]) if ends is not None else math.log(WIDEST_FACTOR)
             half = abs(size) * math.hypot(of_change, of_share / share, after / tau * of_tau)
             # a part that outlasts the hold is no more known than what the output has done in it
             parts.append((size, tau, half) if tau <= lasted_s else (0.0, tau, moved))

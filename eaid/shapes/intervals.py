@@ -17,7 +17,7 @@ from eaid.plant.steps import decay, rise
 from eaid.results.common import Interval
 from eaid.results.models import StepIntervals, StepShape
 from eaid.shapes.curves import slopes
-from eaid.shapes.shape import independent
+from eaid.shapes.shape import independent_samples
 from eaid.steps.stepset import LevelStep
 
 # What the steps before a step have left to go, Σ a e^(−t/τ): a, τ, and the half-width of the 95 % interval of a
@@ -29,13 +29,13 @@ def mean_before(rest_s: float, tau: float) -> float:
     return -float(rise(np.array(-rest_s), tau)) * tau / rest_s if rest_s > 0 else 1.0
 
 
-NAMES = ("change", "tau1", "tau2", "C", "dead_time_s")
-LAGS = 16  # Part of the record up to which noise may remember
-LONGEST = 1.0  # Record lengths beyond which the slow time constant is not quoted, nor the change that rests on it
+STEP_NAMES = ("change", "tau1", "tau2", "C", "dead_time_s")
+NOISE_LAGS = 16  # Part of the record up to which noise may remember
+LONGEST_TAU2 = 1.0  # Record lengths beyond which the slow time constant is not quoted, nor the change that rests on it
 # Record lengths beyond which a slow time constant makes all intervals twice as wide: the tail before is not known
-SHORT = 0.5
-NEARLY = 4.0  # Difference of AICc from which two exponentials are nearly chosen
-WIDEST = 3.0  # Factor by which an interval of a time constant may reach to either side before it says nothing
+SHORT_RECORD = 0.5
+NEARLY_TWO = 4.0  # Difference of AICc from which two exponentials are nearly chosen
+WIDEST_FACTOR = 3.0  # Factor by which an interval of a time constant may reach to either side before it says nothing
 
 
 def with_interval(step: LevelStep, shape: StepShape, options: FitOptions, tail: Tail = ()) -> StepShape:
@@ -46,19 +46,19 @@ def with_interval(step: LevelStep, shape: StepShape, options: FitOptions, tail: 
     two = shape.tau2 is not None
     free = [True, True, two, shape.shape in ("free", "overshoot")]
     free.append(options.held_dead_time_s is None and shape.dead_time_s > 0)
-    names = [name for name, is_free in zip(NAMES, free, strict=True) if is_free]
+    names = [name for name, is_free in zip(STEP_NAMES, free, strict=True) if is_free]
     refused = any(one.severity == "stop" for one in shape.findings)
     error = {} if refused else dict(zip(names, _errors(step, shape, free, options.ci, tail).tolist(), strict=True))
     if not all(map(math.isfinite, error.values())):
         error = {}
-    if shape.tau2 is not None and shape.tau2 > SHORT * window:
+    if shape.tau2 is not None and shape.tau2 > SHORT_RECORD * window:
         error = {name: 2.0 * half for name, half in error.items()}
-    most = {"tau1": math.log(WIDEST), "tau2": math.log(WIDEST), "C": 1.0}
+    most = {"tau1": math.log(WIDEST_FACTOR), "tau2": math.log(WIDEST_FACTOR), "C": 1.0}
     wide = {name for name, half in most.items() if error.get(name, 0.0) > half}
-    if shape.tau2 is not None and shape.tau2 > LONGEST * window:
+    if shape.tau2 is not None and shape.tau2 > LONGEST_TAU2 * window:
         wide |= {"tau2", "change"}
     one, more = (shape.evidence.get(name + "+dead" * (shape.dead_time_s > 0)) for name in ("one", "two"))
-    if shape.shape == "one" and one is not None and more is not None and more < one - NEARLY:  # a mixture
+    if shape.shape == "one" and one is not None and more is not None and more < one - NEARLY_TWO:  # a mixture
         wide |= {"tau1", "change"}
     ends: dict[str, Interval] = {}
     for name in error.keys() - wide:
@@ -91,7 +91,9 @@ def _errors(step: LevelStep, shape: StepShape, free: Sequence[bool], ci: str, ta
         variance = per_sample * np.diag(unit)
     else:
         directions = np.concatenate((jacobian @ unit, np.ones((count, 1))), axis=1)
-        seen = min(independent(left, fewest=k + 1.0), LAGS)  # what the noise remembers is seen in so many stretches
+        seen = min(
+            independent_samples(left, fewest=k + 1.0), NOISE_LAGS
+        )  # what the noise remembers is seen in so many stretches
         degrees = seen - k
         own = bartlett_variance(step.time_s, directions * left[:, None]).max(axis=0)
         # the fit has taken k parameters' worth of the slow noise out of the residuals
@@ -118,7 +120,7 @@ def stationary_variance(left: Array, directions: Array) -> Array:
     """
     count = len(left)
     size = 1 << (2 * count - 1).bit_length()
-    lags = max(1, count // LAGS)
+    lags = max(1, count // NOISE_LAGS)
 
     def correlations(columns: Array) -> Array:
         power = np.abs(np.fft.rfft(columns, size, axis=0)) ** 2

@@ -19,16 +19,16 @@ from eaid.plant.dynamics import SHARE
 from eaid.plant.steps import peak_of, step_response
 from eaid.results.models import StepShape
 from eaid.shapes.curves import (
-    APART,
-    MOST,
+    LARGEST_C,
     SHAPES,
+    TAUS_APART,
     AveragedRecord,
-    averaged,
-    curve,
+    averaged_record,
     delays_tried,
     overshoots,
     slopes,
     starts_of,
+    step_curve,
     step_of,
 )
 from eaid.steps.noise import block_means, block_noise
@@ -40,12 +40,12 @@ LEAST_SAVED = {"one": 0.05, "two": 0.05, "free": 0.15, "overshoot": 0.05}
 # Which of (change, ln τ1, ln(τ2/τ1), C) a shape leaves free
 FREE: dict[str, tuple[int, ...]] = {"one": (0, 1), "two": (0, 1, 2), "free": (0, 1, 2, 3), "overshoot": (0, 1, 2, 3)}
 MISSED = 0.1  # Share of the change by which the best shape may miss the mean of a sixtieth of the record
-LITTLE = 0.5  # R² below which a curve explains little
+LITTLE_EXPLAINED = 0.5  # R² below which a curve explains little
 # Part of the cost by which no further step lowers it: of all starts, of the best of each shape, of the one chosen
-COARSE, COMPARED, SETTLED = 1e-4, 1e-7, 1e-12
+STARTS_SETTLED, SHAPES_SETTLED, STEP_SETTLED = 1e-4, 1e-7, 1e-12
 LOOKED_AT = 300_000  # Half of the values of the curve that are worked out to find a dead time, at most
-ROUNDS = 20  # Pairs of samples between which a dead time is fitted, at most
-ROUNDING = 1e-16  # Of a sum of squares, as a part of that of the output
+DELAY_ROUNDS = 20  # Pairs of samples between which a dead time is fitted, at most
+STEP_ROUNDING = 1e-16  # Of a sum of squares, as a part of that of the output
 LEAST_SHARE = 0.01  # Least C of a free shape, and least 1 − C
 
 
@@ -78,14 +78,14 @@ def fit_step(step: LevelStep, options: FitOptions | None = None) -> StepShape:
             f"{step.time_s[-1]:.3g} s; give a shorter one"
         )
     y = step.output - step.start
-    points = averaged(step.time_s, y)
+    points = averaged_record(step.time_s, y)
     wanted = SHAPES if options.shape == "auto" else (options.shape,)
     tried: list[_Candidate] = []
     for dead in (False, True) if options.held_dead_time_s is None else (options.held_dead_time_s > 0,):
         tried += _candidates(points, step, options, wanted, dead, tried)
     best = min(tried, key=lambda one: (one.sse, one.unknowns))
-    rounding = ROUNDING * float(y @ y)
-    count = independent(y - curve(best.p, step.time_s), rounding)
+    rounding = STEP_ROUNDING * float(y @ y)
+    count = independent_samples(y - step_curve(best.p, step.time_s), rounding)
     scores = {}
     for one in tried:
         k = one.unknowns
@@ -93,7 +93,7 @@ def fit_step(step: LevelStep, options: FitOptions | None = None) -> StepShape:
         scores[one.name] = aicc
     chosen = _chosen(tried, scores)
     every = AveragedRecord(step.time_s, y, np.ones(len(y)))
-    p, _ = _polished(every, chosen.p, chosen.shape, chosen.free, SETTLED)
+    p, _ = _polished(every, chosen.p, chosen.shape, chosen.free, STEP_SETTLED)
     plain = [one.sse for one in tried if one.shape in ("one", "two") and not one.dead]
     others = None if chosen.shape in ("one", "two") and p[4] == 0 else min(plain, default=None)
     return _result(step, chosen.shape, p, scores, y, None if others is None else math.sqrt(others / len(y)))
@@ -115,7 +115,7 @@ def _candidates(
     found: list[_Candidate] = []
     for shape, starts in starts_of(points, window, delays, share, wanted).items():
         free = FREE[shape] + ((4,) if dead and given is None else ())
-        fits = [_least(points, start, shape, free, COARSE) for start in starts]
+        fits = [_least(points, start, shape, free, STARTS_SETTLED) for start in starts]
         fits += [
             (p, one.sse - points.within) for one in (*simpler, *found) if (p := _within(one, shape, share)) is not None
         ]
@@ -123,7 +123,7 @@ def _candidates(
             fits = [one for one in fits if overshoots(one[0], window)]
         if fits:
             near = min(fits, key=lambda one: one[1])
-            p, sse = min(near, _polished(points, near[0], shape, free, COMPARED), key=lambda one: one[1])
+            p, sse = min(near, _polished(points, near[0], shape, free, SHAPES_SETTLED), key=lambda one: one[1])
             found.append(_Candidate(shape, dead, p, sse + points.within, free))
     return found
 
@@ -149,7 +149,7 @@ def _polished(
     p, sse = _least(points, start, shape, free, settled)
     middle, reach = 0.5 * (points.time_s[1:] + points.time_s[:-1]), max(2, LOOKED_AT // len(points.time_s))
     middle = middle[middle < 0.9 * points.time_s[-1]]
-    for _ in range(ROUNDS):
+    for _ in range(DELAY_ROUNDS):
         moved = p.copy()
         if 4 in free:
             at = int(np.searchsorted(middle, p[4]))
@@ -174,8 +174,8 @@ def _least(
     """
     root, window, chosen = np.sqrt(points.weight)[:, None], float(points.time_s[-1]), [*free]
     size = float(np.abs(points.output).max()) or 1.0
-    share = {"free": (LEAST_SHARE, 1 - LEAST_SHARE), "overshoot": (1.0 + 1e-6, MOST)}.get(shape, (-1.0, 2.0))
-    apart, slowest = (APART, window) if shape == "overshoot" else (1.0, 50 * window)
+    share = {"free": (LEAST_SHARE, 1 - LEAST_SHARE), "overshoot": (1.0 + 1e-6, LARGEST_C)}.get(shape, (-1.0, 2.0))
+    apart, slowest = (TAUS_APART, window) if shape == "overshoot" else (1.0, 50 * window)
     k = min(int(np.searchsorted(points.time_s, start[4], side="right")), len(points.time_s) - 1)
     between = (float(points.time_s[k - 1]) if k else 0.0, float(points.time_s[k]))
     low = np.array([-100 * size, math.log(window * 1e-6), math.log(apart), share[0], between[0]])
@@ -200,14 +200,14 @@ def _least(
 
     ways = np.eye(5)[chosen][:, chosen]
     b = np.concatenate([low[chosen], -high[chosen]])
-    problem = Problem(normal, np.concatenate([ways, -ways]), b, str, floor=ROUNDING * float(points.weight.sum()))
+    problem = Problem(normal, np.concatenate([ways, -ways]), b, str, floor=STEP_ROUNDING * float(points.weight.sum()))
     end = approach(problem, np.clip(begin, low, high)[chosen], near=settled)
-    if settled < COMPARED:
+    if settled < SHAPES_SETTLED:
         end = polish(problem, end, finished=settled)[0]
     return whole(end.x), end.cost * size**2
 
 
-def independent(left: Array, rounding: float = 0.0, fewest: float = 12.0) -> float:
+def independent_samples(left: Array, rounding: float = 0.0, fewest: float = 12.0) -> float:
     """Number of independent samples in residuals: fewer than all where means of blocks scatter more than white noise's.
 
     The larger of two inflations counts: of neighbours (autocorrelation at lag 1) and of fifty blocks. A sum of squares
@@ -244,12 +244,12 @@ def _result(
     step: LevelStep, shape: str, p: Array, scores: dict[str, float], y: Array, plain_rmse: float | None
 ) -> StepShape:
     """The result; `plain_rmse` is that of the paper's form, or of one exponential, where another was chosen."""
-    left = y - curve(p, step.time_s)
+    left = y - step_curve(p, step.time_s)
     sse = float(left @ left)
     rmse, change = math.sqrt(sse / len(left)), float(p[0])
     fit_pct, r2 = quality(sse, [y])
     found: list[Finding] = []
-    if r2 is not None and r2 < LITTLE and independent(left) < len(left) / 4:
+    if r2 is not None and r2 < LITTLE_EXPLAINED and independent_samples(left) < len(left) / 4:
         found.append(finding("shape-explains-little", step.name, (step.level,), R2=r2, shape=shape))
     elif len(left) >= 240:  # block means that stand far out of their noise: the response has another form
         means = block_means(left, 60)

@@ -11,7 +11,6 @@ from datetime import UTC, datetime
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import connected_components
 
 from eaid.arrays import Array
 from eaid.findings import Finding, finding
@@ -46,6 +45,8 @@ def sittings(runs: Sequence[RunRecord], usual: float, unit: str) -> list[Finding
               for part in sources]  # fmt: skip
     level = np.array([run.level for group in groups for run in group])
     sitting = np.repeat(np.arange(len(groups)), [len(group) for group in groups])
+    from scipy.sparse.csgraph import connected_components  # a quarter of a second to load
+
     apart = connected_components((level[:, None] == level) | (sitting[:, None] == sitting), directed=False)[0] > 1
     parts, offer = tuple(_words(group, unit) for group in groups), _offer(groups)
     return [finding("several-sessions", "data", sessions=len(groups), by=by, parts=parts, mixed=apart, offer=offer)]

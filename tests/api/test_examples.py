@@ -65,3 +65,13 @@ def test_the_tutorial_shows_what_its_code_gives(tmp_path: Path, monkeypatch: pyt
     truth = names["fit"].to_frame()
     assert truth["tau1"].to_numpy() == pytest.approx(np.full(5, 0.4), rel=0.02)
     assert (folder := names["folder"]).is_dir() and (folder / "report" / "report.html").is_file()
+
+
+def test_the_readmes_notebook_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1).save("logs")
+    block = (ROOT / "README.md").read_text(encoding="utf-8").split("```python\n")[1].split("```")[0]
+    names: dict[str, Any] = {}
+    exec(block, names)
+    assert names["fit"].verdict.usable and set(names["run"].to_frame()["name"]) == {"rc", "pi"}
+    assert (tmp_path / "notebook-report" / "report.html").is_file()

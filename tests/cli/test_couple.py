@@ -20,6 +20,18 @@ def test_the_table_and_the_file_agree(rig, run_eaid):
     assert run_eaid(f"{words} gains.json").code == 2
 
 
+def test_a_force_makes_walls_along_a_line_and_a_temperature_none(by_hand, run_eaid):
+    data = {"kind": "clutch", "input_unit": "V", "levels": [30.0, 300.0], "sample_rate_hz": 1000.0}
+    by_hand({"data": {**data, "output_unit": "N"}, "linear": None}, k=3)
+    words = "couple fit.json --loops open-loop --torque 1 --no-replay --force"
+    ran = run_eaid(words)
+    assert ran.code == 0 and "stable (N/m)" in ran.out and "0.8 N·s/m" in ran.out and "rad" not in ran.out + ran.err
+    assert run_eaid(f"{words} --encoder-counts 4096").code == 2
+    by_hand({"data": {**data, "output_unit": "°C"}, "linear": None}, k=3)
+    ran = run_eaid(words)
+    assert ran.code == 3 and "a torque in N·m or a force in N, and the fit's output is in °C" in ran.err
+
+
 def test_how_many_draws_the_constraints_cut_away_is_told(by_hand, run_eaid):
     model = json.loads(Path("fit.json").read_text())["nonlinear"]
     # the covariance is that of coefficients over the input in hundreds

@@ -1,6 +1,8 @@
 """`eaid ingest`: its table and JSON, bad and damaged logs, logs as benches leave them."""
 
 import json
+import shlex
+import shutil
 from pathlib import Path
 
 import h5py
@@ -36,7 +38,7 @@ def test_table_json_and_file(run_eaid):
     assert ran.err.splitlines() == [
         "reading logs: 2 to do",
         "columns of 2 logs: time = time_s [s], input = duty_pct [%], output = torque_nm [N·m]; left: none",
-        "data.h5: 2 runs, 2 levels; next: eaid fit data.h5",
+        "data.h5: 2 levels, 2 runs; next: eaid fit data.h5",
     ]
     with h5py.File("data.h5") as file:
         assert list(file["runs"]) == ["u30", "u60"]
@@ -71,7 +73,8 @@ def test_a_bench_without_an_input_column(bench, run_eaid):
     ran = run_eaid("ingest", bench, *EA_CLUTCH)
     (told,) = (line for line in ran.err.splitlines() if line.startswith("error: "))
     assert ran.code == 3 and "2024_V=200_1.csv" in told and "time falls at row 702 (0 s after 6.99 s)" in told
-    ran = run_eaid("ingest", bench, *EA_CLUTCH, "--repair", "-q", "--json")
+    ran = run_eaid("ingest", bench, *EA_CLUTCH, "--repair", "--json")
+    assert "data.h5: 3 levels, 9 runs; next" in ran.err  # a rise and its release are one
     result = json.loads(ran.out)
     assert [(level["level"], level["repeats"]) for level in result["levels"]] == [(u, 3) for u in (100, 200, 300)]
     assert [level["repeats"] for level in result["releases"]] == [3, 3, 3]
@@ -85,3 +88,17 @@ def test_a_bench_without_an_input_column(bench, run_eaid):
     for row in fit["friction"]["levels"]:
         assert row["tau1"] == pytest.approx(0.2, rel=0.1) and row["Ts"] == pytest.approx(0.02 * row["level"], rel=0.05)
     assert fit["release"]["tau1"] == pytest.approx(0.1, rel=0.2)
+
+
+def test_the_readmes_own_logs_are_read_as_it_says(bench, run_eaid):
+    shutil.copytree(bench, "bench")
+    page = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    block = page.split("## Your own logs")[1].split("```")[1].replace("\\\n", " ")
+    lines = [shlex.split(line.removeprefix("$ eaid ")) for line in block.splitlines() if line.startswith("$ ")]
+    assert [words[0] for words in lines] == ["ingest", "fit"]
+    first, second = (run_eaid(words) for words in lines)
+    assert first.code == second.code == 0 and "bench/dataset.toml: written; eaid ingest bench needs no" in first.err
+    fit = json.loads(Path("bench.json").read_text(encoding="utf-8"))
+    assert [(row["level"], row["Ts"]) for row in fit["friction"]["levels"]] == [
+        (level, pytest.approx(0.02 * level, rel=0.05)) for level in (100, 200, 300)
+    ]

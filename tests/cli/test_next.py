@@ -118,4 +118,5 @@ def test_options_of_a_design_stay_in_what_mends_it(by_hand, run_eaid):
 @pytest.mark.parametrize("name", OTHERS)
 def test_what_is_printed_of_recorded_logs_runs(name, run_eaid, rigs, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    run_chain([OTHERS[name].replace("RIGS", str(rigs))], run_eaid, "fit tune-rc simulate report plan")
+    least = "fit tune-rc simulate report" + " plan" * (name == "a lamp")  # no plan mends a clutch that slips
+    run_chain([OTHERS[name].replace("RIGS", str(rigs))], run_eaid, least)

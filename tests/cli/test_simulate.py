@@ -55,6 +55,20 @@ def test_a_recorded_duty_through_the_plant(run_eaid):
         assert set(file) == {"closed"}
 
 
+def test_the_rate_that_a_fit_was_told_is_that_of_a_log_without_a_clock(run_eaid):
+    assert run_eaid("synth --levels 20,60,100 --repeats 1 --rate-hz 20 --hold 20 -o made -q").code == 0
+    Path("logs").mkdir()
+    for log in Path("made").iterdir():
+        rows = log.read_text(encoding="utf-8").splitlines()[1:]
+        Path("logs", log.name).write_text("\n".join(row.partition(",")[2] for row in rows) + "\n")
+    assert run_eaid("fit logs --rate-hz 20 --ci none -o own.json -q").code == 0
+    one = min(Path("logs").iterdir())
+    ran = run_eaid(["simulate", "own.json", "--log", one, "-o", "log.h5", "--json"])
+    ((log,),) = (json.loads(ran.out)["log"].values(),)
+    assert ran.code == 0 and log["fit_pct"] > 80
+    assert run_eaid(["simulate", "fit.json", "--log", one, "-o", "log.h5", "--force"]).code == 3
+
+
 def test_in_volts_steps_go_over_the_whole_range(by_hand, run_eaid, volts):
     by_hand({"data": volts}, k=3, y=0.5)
     ran = run_eaid("simulate fit.json --controller inverse --scenario steps --duration 9 --force")

@@ -80,6 +80,7 @@ def test_small_inputs_have_files_of_their_own_and_no_unit_is_an_arbitrary_one(ri
     names = [f"synthetic-clutch-{level}-r1.csv" for level in ("0.00201", "0.002011", "0.012")]
     assert sorted(file.name for file in Path("small").iterdir()) == names
     rig_of(3.0, "")
+    assert eaid.load("fit.json").data.input_unit == "a.u." and "300 a.u.;" in eaid.load("fit.json").summary()
     words = "synth --plant fit.json --levels 60,150,300 --repeats 1 --hold 30 --rate-hz 50 --clean -o logs -q"
     assert run_eaid(words).code == 0
     assert run_eaid("fit logs -o again.json -q --ci none").code in (0, 4)

@@ -99,6 +99,17 @@ def test_a_wall_that_cannot_be_held_is_told():
     assert told == {("pi", 1.0), ("pi", 2.0)}
 
 
+def test_what_else_limits_a_wall_by_hand():
+    found = couple(torque=(1.0, 2.0), loops=("open-loop",), encoder_counts=4096, idle_drag_nm=0.02, rotor_rpm=6.0,
+                   limb_speed_rad_s=0.7)  # fmt: skip
+    limits, (low, high) = found.impedance, found.walls
+    assert limits.encoder_K == pytest.approx(2 * 0.02 / (2 * np.pi / 4096))
+    assert limits.slip_margin_rad_s == pytest.approx(6 * 2 * np.pi / 60 - 0.7)
+    assert 0 < limits.residual_nm < high.torque_nm and limits.turn_step_nm == pytest.approx(2 * limits.residual_nm)
+    chatter = next(one for one in found.findings if one.code == "clutch-cannot-turn")
+    assert chatter.values["needed_rpm"] == pytest.approx(0.7 * 60 / (2 * np.pi)) and low.K_stable < limits.encoder_K
+
+
 def test_an_unstable_loop_is_refused():
     gains = {**GAINS, "pi": {**GAINS["pi"], "K_P": 1e6, "K_I": 1e6}}
     with pytest.raises(eaid.GainsError, match="unstable at 2 without any wall"):

@@ -14,7 +14,7 @@ from eaid.apparatus import Apparatus
 from eaid.errors import DataError, UsageError
 from eaid.plant import linear
 from eaid.plant.dynamics import REFERENCE_PLANT, Step
-from eaid.plant.linear import PAPER_LINEAR, Linear
+from eaid.plant.linear import PAPER_LINEAR, LinearPlant
 from eaid.plant.respond import from_rest
 from eaid.plant.steps import step_response, step_slopes
 from eaid.steps.stepset import Level, StepSet
@@ -86,9 +86,11 @@ def test_linear_model_of_the_reference_plant(
         assert [row.B for row in found.per_level] == pytest.approx(each, abs=5e-4)
 
 
-@pytest.mark.parametrize(("p", "levels"), [(PAPER_LINEAR, (40.0, 70.0, 100.0)), (Linear(0.5, 3, 0.4), (0.2, 0.5, 0.8))])
-def test_a_linear_plant_returns_and_each_level_has_its_offset_in_b0(p: Linear, levels: tuple[float, ...]) -> None:
-    steps = steps_of(*((u, T, linear.step_response(p, T, u)) for u in levels))
+@pytest.mark.parametrize(
+    ("p", "levels"), [(PAPER_LINEAR, (40.0, 70.0, 100.0)), (LinearPlant(0.5, 3, 0.4), (0.2, 0.5, 0.8))]
+)
+def test_a_linear_plant_returns_and_each_level_has_its_offset_in_b0(p: LinearPlant, levels: tuple[float, ...]) -> None:
+    steps = steps_of(*((u, T, linear.linear_response(p, T, u)) for u in levels))
     found = quick(steps, model=("linear",), bounds_levels=f"{levels[1]},{levels[2]}").linear
     assert (found.a0, found.b0, found.c0) == pytest.approx((p.a0, p.b0, p.c0), rel=1e-8)
     assert [row.b0 for row in found.per_level] == pytest.approx([p.b0 + p.c0 / u for u in levels], rel=1e-8)

@@ -1,10 +1,12 @@
 """Values that scatter about a line: certified variance components, and the next value of a set of sessions."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.special import stdtrit
 
-from eaid.estimate.mixed import Line, Values, restricted
+from eaid.estimate.mixed import MixedLine, MixedValues, restricted
 
 DYESTUFF = np.array(  # Davies (1947), as in lme4: six batches of five yields [g]
     [
@@ -30,29 +32,37 @@ RUN = 0.11**2  # variance of a single run's logarithm
 def test_dyestuff_as_lme4_has_it():
     batch = np.repeat(np.arange(6), 5)
     same = (batch[:, None] == batch).astype(float)
-    line = restricted(Values(DYESTUFF.ravel(), np.ones((30, 1)), np.zeros((30, 30)), (same, np.eye(30))))
+    line = restricted(MixedValues(DYESTUFF.ravel(), np.ones((30, 1)), np.zeros((30, 30)), (same, np.eye(30))))
     np.testing.assert_allclose(line.v, [1764.0504, 2451.25], rtol=1e-5)
     np.testing.assert_allclose([line.beta[0], line.covariance[0, 0]], [1527.5, 375.7167], rtol=1e-5)
 
 
 def test_the_next_batch_has_the_interval_of_a_further_mean():
-    line = restricted(Values(DYESTUFF.mean(axis=1), np.ones((6, 1)), np.zeros((6, 6)), (np.eye(6),)))
+    line = restricted(MixedValues(DYESTUFF.mean(axis=1), np.ones((6, 1)), np.zeros((6, 6)), (np.eye(6),)))
     mean, variance, degrees = line.predict(np.ones(1), np.zeros((1, 6)), np.ones(1))
     assert (mean, degrees) == pytest.approx((1527.5, 5.0), rel=1e-5)
     assert stdtrit(degrees, 0.975) * np.sqrt(variance) == pytest.approx(131.829, rel=1e-5)
 
 
-def sessions() -> Values:
+def sessions() -> MixedValues:
     """Five sessions at 150, 200 and 300 V."""
     x, session = np.tile(np.log(np.array([150, 200, 300]) / 200), 5), np.repeat(np.arange(5), 3)
     same = (session[:, None] == session).astype(float)
     G = (same, same * np.outer(x, x), np.eye(15))
-    return Values(np.log(np.ravel(T_S)), np.c_[np.ones(15), x], RUN / 5 * np.eye(15), G)
+    return MixedValues(np.log(np.ravel(T_S)), np.c_[np.ones(15), x], RUN / 5 * np.eye(15), G)
 
 
 @pytest.fixture(scope="module")
-def line() -> Line:
+def line() -> MixedLine:
     return restricted(sessions())
+
+
+def test_the_variances_are_those_of_statsmodels_mixedlm():
+    """statsmodels 0.15: `y ~ x`, groups of sessions, re_formula 1, vc_formula 0 + x, REML; no variance known."""
+    plain = replace(sessions(), W=np.zeros((15, 15)))
+    found = restricted(plain)
+    np.testing.assert_allclose(found.v, [0.0553075, 0.1906696, 0.01213644], rtol=1e-6)
+    np.testing.assert_allclose(np.sqrt(np.diag(found.covariance)), [0.1090230, 0.2194123], rtol=1e-6)
 
 
 def test_sessions_scatter_in_gain_tilt_and_level(line):
@@ -75,6 +85,6 @@ def test_slope_and_curvature_are_those_of_the_likelihood(line):
 def test_values_that_scatter_less_than_they_are_known_have_no_component():
     x = np.linspace(0, 1, 8)
     off = 0.1 * np.array([1, -1, -1, 1, 1, -1, -1, 1])  # neither shifts nor tilts a line
-    line = restricted(Values(2 + x + off, np.c_[np.ones(8), x], np.eye(8), (np.eye(8),)))
+    line = restricted(MixedValues(2 + x + off, np.c_[np.ones(8), x], np.eye(8), (np.eye(8),)))
     assert line.v[0] == 0
     assert line.predict(np.array([1, 0.5]), np.zeros((1, 8)), np.ones(1), 6.0) == pytest.approx((2.5, 0.125, 6.0))

@@ -15,7 +15,7 @@ import pytest
 import eaid
 from eaid.apparatus import Apparatus
 from eaid.errors import UsageError
-from eaid.shapes.curves import curve, slopes
+from eaid.shapes.curves import slopes, step_curve
 from eaid.steps.stepset import LevelStep, StepSet
 
 T = np.arange(2000) / 100.0
@@ -46,7 +46,7 @@ def fitted(*steps: LevelStep, **options: Any) -> eaid.Fit:
 def test_slopes_by_complex_steps(name: str, dead: float) -> None:
     change, tau1, tau2, share = TRUTHS[name]
     p, t = np.array([change, math.log(tau1), math.log(tau2 / tau1), share, dead]), T[::37] + 1e-3
-    assert curve(p, t) == pytest.approx(response(t, change, tau1, tau2, share, dead), rel=1e-12)
+    assert step_curve(p, t) == pytest.approx(response(t, change, tau1, tau2, share, dead), rel=1e-12)
     for k in range(5):
         c, a, b, s, d = p + 1e-30j * np.eye(5)[k]
         exact = response(t, c, np.exp(a), np.exp(a + b), s, d).imag / 1e-30

@@ -308,6 +308,8 @@ def test_factors_of_names_are_told_and_choose(tmp_path, run_eaid):
         (tmp_path / f"rep=1_V={level}_f={hz}_glue=old.csv").write_text("time_s,force_n\n" + rows)
     words = ("--name-pattern", "V={level}", "--units", "input=V", "--step-at", "2")
     ran = run_eaid("ingest", tmp_path, *words, "-o", tmp_path / "all.h5")
+    two = tmp_path / "rep=1_V=200_f=1000_glue=old.csv"
+    two.rename(two.with_name(two.name.replace("f=1000", "f=1000.0")))  # the same number
     told = "the names of the logs differ in f too, 1000, 500: all are taken together; choose with --where f=1000"
     assert told in ran.out and "in glue" not in ran.out and "in rep" not in ran.out
     for source in (tmp_path / "all.h5", tmp_path):
@@ -315,6 +317,8 @@ def test_factors_of_names_are_told_and_choose(tmp_path, run_eaid):
         ran = run_eaid(
             "fit", source, *more, "--where", "f=500", "--where", "glue=old", "-o", tmp_path / "f.json", "--force"
         )
+        many = eaid.read(source, where={"f": "1e3"}, **({"name_pattern": "V={level}", "step_at": 2.0} if more else {}))
+        assert [run.level for run in many.runs] == [100.0, 200.0]
         fit = eaid.load(tmp_path / "f.json")
         assert ran.code == 0 and [one.Ts for one in fit.friction.levels] == pytest.approx([0.5, 1.0], rel=0.02)
         assert fit.options.reading["where"] == "f=500,glue=old"

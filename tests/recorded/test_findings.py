@@ -10,7 +10,7 @@ import eaid
 from eaid.estimate.recorded_log import RecordedLog, recorded_log, shifted
 from eaid.options import Excitation
 from eaid.plant.dynamics import REFERENCE_PLANT
-from eaid.recorded.closed_loop import law_of
+from eaid.recorded.closed_loop import law_behind
 from eaid.recorded.fit import fit_recorded
 from eaid.synth.excitation import synthesise_excitation
 from eaid.synth.logs import NONE
@@ -158,7 +158,7 @@ LOOP = Excitation(kind="closed-loop", duration_s=120.0, rate_hz=200.0, hold_s=(0
 @pytest.mark.slow
 def test_a_loops_law_is_found() -> None:
     run = synthesise_excitation(clutch(), LOOP, NOISE, 3)[0]
-    law = law_of(recorded_log(run))
+    law = law_behind(recorded_log(run))
     assert law is not None
     assert (pytest.approx(21.0, rel=1e-6), pytest.approx(360.0, rel=1e-6)) == (law.gains.K_P, law.gains.K_I)
     fit = fit_recorded([run], replace(PLAIN, duty=(10.0, 100.0)))

@@ -88,6 +88,12 @@ def test_a_pointer_zooms_reads_a_value_off_and_copies_and_a_finger_scrolls(brows
         if "time" in (shown := tab.evaluate(TOOLTIP)):
             break
     assert re.search(r"(RC|PI|reference)", shown) and re.search(r"\d\.\d{3} s", shown) and "N·m" in shown, shown
+    values = set()
+    for step in range(60):  # through the errors, which go below zero
+        tab.mouse.move(box["x"] + box["width"] * (0.2 + 0.01 * step), box["y"] + box["height"] * (0.6 + 0.005 * step))
+        tab.wait_for_timeout(20)
+        values |= set(re.findall(r"value: (\S+)", tab.evaluate(TOOLTIP)))
+    assert any(value.startswith("−0.") for value in values) and not any("-" in value for value in values)
     tab.context.close()
     tab, faults, _requests = opened(
         browser, page, viewport={"width": 380, "height": 800}, has_touch=True, is_mobile=True

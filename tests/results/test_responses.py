@@ -63,7 +63,7 @@ def test_it_is_told_kept_and_written_as_tables(fits: Any, tmp_path: Path) -> Non
     tex = (tmp_path / "tables" / "engagement-and-release.tex").read_text(encoding="utf-8")
     assert "Engagement and release" in page and r"\begin{tabular}" in tex and "engaged (s)" in tex
     headings = {path.stem for path in (tmp_path / "tables").glob("*.csv")}
-    assert {"table-iii", "linear-model-eq-8"} <= headings
+    assert {"table-iii", "linear-model"} <= headings
     with pytest.raises(eaid.UsageError, match="exists already"):
         eaid.report(fit, to=tmp_path / "other", tables=tmp_path / "tables")
     assert not (tmp_path / "other" / "report.html").exists()

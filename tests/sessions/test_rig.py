@@ -60,6 +60,24 @@ def test_one_level_and_one_step_may_be_given_alone(table):
         rig.next(quantity="tau1")
 
 
+def together(count, rng, tilt=0.46, levels=(100.0, 150.0, 200.0, 250.0, 300.0)):
+    """Sessions that lie high rise more steeply: they meet at 100."""
+    x = np.log(np.array(levels) / 100)
+    rows = [
+        (f"day {s}", u, np.exp(y)) for s in range(count)
+        for u, y in zip(levels, 2 * x + tilt * rng.standard_normal() * x + 0.08 * rng.standard_normal(5), strict=True)
+    ]  # fmt: skip
+    return pd.DataFrame(rows, columns=["session", "level", "value"]).assign(sd_log=0.05)
+
+
+def test_many_sessions_tell_where_gain_and_tilt_are_apart():
+    frame = together(9, np.random.default_rng(2))
+    by_itself, middle = eaid.sessions(frame), eaid.sessions(frame, reference_level=200.0)
+    assert by_itself.main.reference_level < 200 and by_itself.main.with_step < 0.85 * middle.main.with_step
+    few = frame[frame["session"] < "day 7"]
+    assert eaid.sessions(few).main.reference_level == 200.0
+
+
 def test_the_level_worth_most_leaves_least_open(table):
     rig, widest = eaid.sessions(table), {}
     for level in (150.0, 200.0, 300.0):
@@ -188,6 +206,7 @@ def test_the_control_chart_holds_every_session_and_the_next(table):
     axes = eaid.sessions(table).plot()
     assert [text.get_text() for text in axes.get_xticklabels()] == [*(f"day {k}" for k in range(5)), "next"]
     assert axes.get_yscale() == "log"
+    assert {"×2", "1", "÷2"} <= {text.get_text() for text in axes.get_yticklabels()}
 
 
 def test_what_is_no_rig_or_comes_twice_is_named(tmp_path):

@@ -30,6 +30,16 @@ def test_its_levels_are_what_the_rig_foresees_given_the_step(rig, step, today):
     assert held[60.0][2] / held[60.0][0] < 1.3 < rig.main.factor
 
 
+def test_nothing_recorded_in_another_session_is_told_as_todays(today):
+    assert not today.responses and "held" not in today.summary()
+
+
+def test_what_is_foreseen_is_not_compared_as_if_it_had_been_seen(today, fits):
+    (shift, *_) = eaid.compare(today, fits["s0"]).shifts
+    assert [one.level for one in shift.levels] == [60.0] and shift.p_alike is None
+    assert shift.dof < 1e3 and "seen at 60 only" in shift.words()
+
+
 def test_its_plant_goes_through_its_levels_and_drawn_ones_spread_as_they_do(today):
     levels = np.array([row.level for row in today.friction.levels])
     values = np.array([row.Ts for row in today.friction.levels])

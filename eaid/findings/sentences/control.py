@@ -136,12 +136,12 @@ ROWS: dict[str, Row] = {
     "replay-leaves-identified": note(_leaves),
     # Walls
     "wall-beyond-stable": caution(
-        "{subject}: a wall of {wanted:.3g} N·m/rad is beyond what stays stable at {torque_nm:.3g} {unit} on this limb "
-        "({stable:.3g} N·m/rad); render a softer one, or with another loop",
+        "{subject}: a wall of {wanted:.3g} {per} is beyond what stays stable at {torque_nm:.3g} {unit} on this limb "
+        "({stable:.3g} {per}); render a softer one, or with another loop",
         size="wanted",
     ),
     "wall-by-rate": note(
-        "rc with its reference rate: {stable:.4g} N·m/rad at {torque_nm:.3g} {unit} rests on fractions of a sample; "
+        "rc with its reference rate: {stable:.4g} {per} at {torque_nm:.3g} {unit} rests on fractions of a sample; "
         "without the rate it is {without:.3g}",
         size="stable",
     ),
@@ -150,7 +150,7 @@ ROWS: dict[str, Row] = {
         "of {needed_rpm:.3g} RPM does not let it"
     ),
     "wall-beyond-encoder": caution(
-        "{subject}: walls above {encoder:.3g} N·m/rad chatter on the encoder's steps, idle drag {drag:.3g} {unit}"
+        "{subject}: walls above {encoder:.3g} {per} chatter on the encoder's steps, idle drag {drag:.3g} {unit}"
     ),
     # Exports
     "export-unstable": stop(

@@ -58,7 +58,7 @@ def _tau2_open(v: Values) -> str:
 
 
 def _parted(v: Values) -> str:
-    ends = f" [{v['low']:.3g}, {v['high']:.3g}]" if v["low"] is not None else ", not well known there"
+    ends = f" ({v['low']:.3g} … {v['high']:.3g})" if v["low"] is not None else ", not well known there"
     return f"{v['symbol']} at {v['worst']:g}: joint {v['joint']:.3g}, else {v['other']:.3g}{ends}"
 
 
@@ -284,12 +284,12 @@ ROWS: dict[str, Row] = {
     "joint-fit-asked-for-parts": caution(
         lambda v: f"{_parted(v)}: scatter of single runs' gain leads the joint fit astray; leave out «estimator» joint"
     ),
-    "output-decays-under-hold": caution(_decays, rank=0),
+    "output-decays-under-hold": caution(_decays, rank=-1),
     "rise-of-the-rig": caution(
         "the rise is the rig's: T_s differs by a factor of {times:.2g} between levels, the slope of the rise goes with "
         "T_s to the power {e:.2f} ({low:.2f} … {high:.2f}), where a τ of the plant's own makes it 1: τ1 and τ2 here "
         "are the loading of the stand; step the input on a stand that moves already",
-        rank=0,
+        rank=-1,
         covers=("moves-with-step",),
     ),
     "polynomials-too-low": note(
@@ -442,7 +442,7 @@ ROWS: dict[str, Row] = {
         "and 0.03 N·m of sensor noise at 1 kHz; fit again to use the rig's own"
     ),
     "plan-of-decaying-output": caution(
-        "the output decays under hold at {levels}: a plan for rising exponentials cannot mend that"
+        "the output decays under hold at {levels}, which no plan mends: τ2 means nothing there, repeats only average"
     ),
     "plan-rests-on-a-guess": caution(
         "the fit itself is not identifiable: the plan rests on a guess; record a few levels by it, fit, and plan again"

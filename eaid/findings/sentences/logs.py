@@ -154,7 +154,7 @@ ROWS: dict[str, Row] = {
         "no step shows its time constants; fit the log as it was recorded («logs_as» recorded), or log the command",
         "moved_pct",
     ),
-    "idle-drifts": caution(_drift, "share_pct", rank=0),
+    "idle-drifts": caution(_drift, "share_pct", rank=1),
     "not-at-rest": stop(
         "not at rest when the step begins: {off:+.3g} {unit} off the idle output, {share_pct:.0f} % of the step; let "
         "it rest before the step, mend «step_at» where the input was logged late, or say what it starts from with "

@@ -52,7 +52,7 @@ FIGURES: tuple[Row, ...] = (
         (attrgetter("main_data"),), steps.hold_and_release, of_the_fit=False),
     Row("recorded_logs", "Logs as recorded", FREE_RUN, (attrgetter("recorded"),), replays.recorded_logs),
     Row("fig07_nonlinear_model", "Fig. 7 · Nonlinear model",
-        "Broad: mean of the repeats, shaded ± one standard deviation (sd); dashed, where fitted: Eq. (4).",
+        "Broad: mean of the repeats, shaded ± one standard deviation (sd); dashed: the model, where one was fitted.",
         (_data("clutch"), _all), steps.nonlinear_model),
     Row("residuals", "Residuals",
         "What the model leaves: over time; with itself a lag later, shaded where white noise lies in 19 of 20 lags; "
@@ -69,7 +69,7 @@ FIGURES: tuple[Row, ...] = (
     Row("fig09_shear_per_field", "Fig. 9 · Shear stress over the electric field",
         "The square is this clutch at its highest level; the lines are half, equal and twice its stress per field.",
         (_CLUTCH,), values.shear_per_field),
-    Row("fig03_friction_steps", "Fig. 3 · Friction steps", "Broad: mean of the repeats; dashed, where fitted: Eq. (3).",
+    Row("fig03_friction_steps", "Fig. 3 · Friction steps", "Broad: mean of the repeats; dashed: the model, if any.",
         (_all,), steps.friction_steps, of_the_fit=False),
     Row("fig04_friction_over_stress", "Fig. 4 · Friction over the load", TRENDS, (_fit("friction-force"),),
         values.trends, of_the_fit=False),

@@ -11,6 +11,7 @@ from eaid.sessions.rig import Rig
 COLOURS = (ink.BLUE, ink.VERMILLION, ink.GREEN, ink.PURPLE, ink.ORANGE, ink.SKY, ink.BLACK)
 MARKERS = "osD^v<>"
 LONGEST = 12  # Letters of a session's name below the chart
+FACTORS = (1.1, 1.2, 1.5, 2.0, 3.0, 5.0, 10.0, 30.0, 100.0)  # Of which an axis shows the three largest that it holds
 
 
 def control_panel(rig: Rig) -> Panel:
@@ -18,7 +19,7 @@ def control_panel(rig: Rig) -> Panel:
     model, names = rig.main.model(rig.names), rig.names
     sessions, gain, error = model.gains()
     at = [float(one) + 1 for one in sessions]
-    middle = model.next(np.array([rig.main.reference_level]))
+    middle = model.next(model.knots[[len(model.knots) // 2]])
     reach, end = float(np.exp(middle.reach[0])), len(names) + 1.0
     ends = np.exp(gain - 1.96 * error), np.exp(gain + 1.96 * error)
     x = np.array([0.5, end + 0.5])
@@ -30,7 +31,12 @@ def control_panel(rig: Rig) -> Panel:
     ]  # fmt: skip
     shown = [name if len(name) <= LONGEST else f"{name[: LONGEST - 1]}…" for name in names]
     ticks = {k + 1.0: name for k, name in enumerate(shown)} | {end: "next"}
-    axes = Axis("Session", ticks=ticks, limits=(0.5, end + 0.5)), Axis(f"{rig.symbol} over the common one", log=True)
+    marks = [one for one in FACTORS if one < max(reach, *ends[1], *(1 / ends[0]))][-3:]
+    factors = {1.0: "1"} | {one: f"×{one:g}" for one in marks} | {1 / one: f"÷{one:g}" for one in marks}
+    axes = (
+        Axis("Session", ticks=ticks, limits=(0.5, end + 0.5)),
+        Axis(f"{rig.symbol} over the common one", log=True, ticks=factors),
+    )
     band = Band(x, np.full(2, 1 / reach), np.full(2, reach), ink.VERMILLION, 0.12)
     return Panel(*axes, lines, [band], legend="above", tight=False)
 

@@ -55,8 +55,8 @@ def fine_times(t_end: float, points: int = 150) -> Array:
 Curve = tuple[Array, Array, Array | None, str, str, Model | None]
 
 
-def curves_panel(curves: Sequence[Curve], y: Axis, said: str) -> Panel:
-    """Each level's curve, its band and its model (`said` in the legend)."""
+def curves_panel(curves: Sequence[Curve], y: Axis) -> Panel:
+    """Each level's curve, its band and its model."""
     colours, named = ink.level_colours(len(curves)), {one[3] for one in some_of(curves, LABELLED)}
     bands, lines, models = [], list[Line](), list[Line]()
     for (t, mean, sd, text, rmse, model), colour in zip(curves, colours, strict=True):
@@ -69,7 +69,8 @@ def curves_panel(curves: Sequence[Curve], y: Axis, said: str) -> Panel:
             models.append(ink.model_line(fine, model(fine), f"{text}, model{', RMSE ' if rmse else ''}{rmse}"))
     keys = [Line((), (), "measured" + " ± sd" * bool(bands), colours[len(colours) // 2], width=1.5, alpha=PALER)]
     if any(model is not None for *_, model in curves):
-        keys.append(ink.model_line(np.empty(0), np.empty(0), said))
+        said = f"RMSE ({y.unit})" if any(rmse for *_, rmse, _ in curves) else ""
+        keys.append(ink.model_line(np.empty(0), np.empty(0), f"model, {said}".rstrip(", ")))
     return Panel(ink.OF_STEP, y, [*lines, *models], bands, legend="above", columns=2, keys=keys)
 
 
@@ -78,7 +79,6 @@ def steps_panel(
     fitted: Mapping[float, Model],
     notes: Mapping[float, str] = MappingProxyType({}),
     spread: bool = False,
-    said: str = "model",
 ) -> Panel:
     """Each level's mean, its model, and on request the band of ± one sd; `notes` follow its name."""
     curves = [
@@ -86,7 +86,7 @@ def steps_panel(
          level_text(one.level, data.input_unit), notes.get(one.level, ""), fitted.get(one.level))
         for one in some_of(data.levels)
     ]  # fmt: skip
-    return curves_panel(curves, quantity(data.output_unit), said)
+    return curves_panel(curves, quantity(data.output_unit))
 
 
 def fitted_steps(fit: Fit) -> Panel:
@@ -107,7 +107,7 @@ def nonlinear_model(data: StepSet, results: Results) -> Sheet:
     models = nonlinear_curves(fit, data)
     rows = fit.nonlinear.per_level if fit is not None and fit.nonlinear is not None else ()
     notes = {row.level: f"{row.rmse:.3f}" for row in rows if row.rmse is not None}
-    panel = steps_panel(data, models, notes, spread=True, said=f"Eq. (4), RMSE ({data.output_unit})")
+    panel = steps_panel(data, models, notes, spread=True)
     return Sheet([panel], 3.6, live=True)
 
 
@@ -117,7 +117,7 @@ def friction_steps(results: Results) -> Sheet | None:
     data, fit = results.data_of(kind), results.fit(kind)
     if data is None:
         return None
-    return Sheet([steps_panel(data, single_curves(fit), said="Eq. (3)")], 2.9, ink.COLUMN_IN, live=True)
+    return Sheet([steps_panel(data, single_curves(fit))], 2.9, ink.COLUMN_IN, live=True)
 
 
 def linear_model(data: StepSet, fit: Fit) -> Sheet | None:
@@ -127,11 +127,11 @@ def linear_model(data: StepSet, fit: Fit) -> Sheet | None:
     model, dead_s = fit.linear.parameters, fit.dead_time_s
 
     def response(t_s: Array, level: float) -> Array:
-        return linear.step_response(model, np.maximum(t_s - dead_s, 0.0), level)
+        return linear.linear_response(model, np.maximum(t_s - dead_s, 0.0), level)
 
     above = [row.level for row in data.levels if linear.steady(model, row.level) > 0]
     curves = {level: partial(response, level=level) for level in above}
-    return Sheet([steps_panel(data, curves, said="Eq. (8)")], 3.2)
+    return Sheet([steps_panel(data, curves)], 3.2)
 
 
 MOST = 12  # Most steps from level to level that are drawn
@@ -167,7 +167,7 @@ def level_steps_panel(data: StepSet, shapes: Sequence[StepShape]) -> Panel:
         (step.time_s, step.output - shape.start, None, called(shape), "", partial(change, shape))
         for step, shape in some_of(paired(data, shapes), MOST)
     ]
-    return curves_panel(curves, Axis("Change of output", data.output_unit), "fitted")
+    return curves_panel(curves, Axis("Change of output", data.output_unit))
 
 
 def hold_and_release(data: StepSet) -> Sheet | None:

@@ -9,7 +9,7 @@ import hashlib
 import itertools
 import re
 import shlex
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -25,7 +25,7 @@ from eaid.report import live
 from eaid.report.page import summary
 from eaid.report.page.summary import GRADES, MOST, Known, sentence
 from eaid.report.results import EXPERIMENT_NAMES, Given, Results
-from eaid.report.tables import Name, Table, data, fits, gains, replays, sessions, shown
+from eaid.report.tables import Name, Table, data, fits, gains, replays, sessions, shown, table_of
 from eaid.shown import counted
 from eaid.version import __version__
 
@@ -104,9 +104,24 @@ def parts(results: Results, drawn: Figures) -> list[Block]:
         _part("Rehabilitation", {}, _of(drawn, "fig16_rehab", "fig17_rehab_errors"), [replays.modes_table(rehab)])
         if rehab is not None
         else None,
-        Block("Appendix", folds=(again, Block("Files", tables=(data.files_table(results),)))),
+        Block("Appendix", folds=(again, Block("Files", tables=(_files(results),)))),
     ]
     return [part for part in every if part is not None]
+
+
+def _files(results: Results) -> Table:
+    """The files given to the report."""
+    each: list[tuple[Sequence[Given[Any]], Callable[[Any], str]]] = [
+        (results.data, lambda one: f"data, {EXPERIMENT_NAMES[one.kind]}"),
+        (results.fits, lambda one: f"fit, {EXPERIMENT_NAMES[one.data.kind]}"), (results.gains, lambda _: "gains"),
+        (results.replays, lambda one: f"replay, {one.head.scenario}"), (results.couplings, lambda _: "virtual walls"),
+    ]  # fmt: skip
+    files = [(given, said(given.result)) for some, said in each for given in some]
+    return table_of(
+        "Files", "The fingerprint (SHA-256) tells one version of a file from another.", files,
+        ("file", lambda one: Name(one[0].path)), ("what it is", lambda one: Name(one[1])),
+        ("fingerprint", lambda one: Name(one[0].sha256)),
+    )  # fmt: skip
 
 
 def _of(drawn: Figures, *names: str) -> tuple[Drawn, ...]:
@@ -233,8 +248,11 @@ def next_steps(results: Results) -> list[tuple[str, str]]:
         if results.replay("multisine") is None:
             line = _line("simulate", fit, given, "--scenario", "multisine", "-o", _unused(fit, "multisine.h5"))
             steps.append(("Try the controllers on the fitted model", line))
-    of_clutch = fit.result.plant_ is None or fit.result.plant_.kind == "parallel"  # others are not planned for
-    if of_clutch and (fit.result.nonlinear is not None or fit.result.friction_levels):
+    # of other kinds nothing is planned, and what decays under hold no plan mends
+    planned = (fit.result.plant_ is None or fit.result.plant_.kind == "parallel") and not any(
+        one.code == "output-decays-under-hold" for one in fit.result.findings
+    )
+    if planned and (fit.result.nonlinear is not None or fit.result.friction_levels):
         logs = ["--excitation"] if fit.result.recorded is not None else []
         why = "Plan what to record next: inputs, holds and repeats for narrower intervals"
         steps.append((why, _line("plan", fit, *logs, "-o", _unused(fit, "plan.csv"))))

@@ -1,10 +1,9 @@
-"""Tables of what was recorded: runs, levels, steps from level to level, slips, edges; of the files of a report."""
+"""Tables of what was recorded: runs, levels, steps from level to level, slips, edges."""
 
 from collections import Counter
 from collections.abc import Iterable
 
-from eaid.report.results import EXPERIMENT_NAMES, Results
-from eaid.report.tables import Cell, Name, Table, columns, level, table_of
+from eaid.report.tables import Cell, Name, Table, level, table_of
 from eaid.shown import number
 from eaid.steps.step import hold_of
 from eaid.steps.stepset import Level, LevelStep, RunRecord, StepSet
@@ -78,16 +77,3 @@ def slips_table(data: StepSet) -> Table:
         (("at", way, 3), "slip.moved") if way else None, (("after", out, 3), "slip.after"),
         (("loading", f"{out}/{way or 's'}", 3), "slip.stiffness" if way else "slip.stiffness_per_s"),
     )  # fmt: skip
-
-
-def files_table(results: Results) -> Table:
-    """The files given to the report."""
-    rows: list[tuple[Cell, ...]] = [
-        *((Name(data.path), f"data, {EXPERIMENT_NAMES[data.result.kind]}", Name(data.sha256)) for data in results.data),
-        *((Name(fit.path), f"fit, {EXPERIMENT_NAMES[fit.result.data.kind]}", Name(fit.sha256)) for fit in results.fits),
-        *((Name(gains.path), "gains", Name(gains.sha256)) for gains in results.gains),
-        *((Name(one.path), Name(f"replay, {one.result.head.scenario}"), Name(one.sha256)) for one in results.replays),
-        *((Name(walls.path), "virtual walls", Name(walls.sha256)) for walls in results.couplings),
-    ]
-    caption = "The fingerprint (SHA-256) tells one version of a file from another."
-    return Table("Files", caption, columns("file", "what it is", "fingerprint"), tuple(rows))

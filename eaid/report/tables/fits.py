@@ -29,7 +29,7 @@ def levels_table(fit: Fit) -> Table:
     )
     how = f" Intervals: {fit.uncertainty.ci}." if fit.uncertainty and fit.uncertainty.ci != "none" else ""
     return table_of(
-        "Single levels, Eq. (3)", f"{whose}{how}", rows,
+        "Single levels", f"{whose}{how}", rows,
         (("level", fit.data.input_unit),
          lambda one: Name(level(one.level) if not one.from_ else f"{level(one.from_)} → {level(one.level)}")),
         (("stress", "kPa", 3), "stress_kpa") if any(one.stress_kpa is not None for one in rows) else None,
@@ -138,7 +138,7 @@ def linear_table(fit: Fit) -> Table:
     assert part is not None
     units = {"a0": "1/s", "b0": f"{out}/(s·{fit.data.input_unit})", "c0": f"{out}/s", "rmse": out}
     return table_of(
-        "Linear model, Eq. (8)", "dT/dt = −a0 T + b0 u + c0, fitted to all levels at once.", units,
+        "Linear model", "dT/dt = −a0 T + b0 u + c0, fitted to all levels at once.", units,
         ("symbol", lambda name: "RMSE" if name == "rmse" else name),
         ("published", lambda name: number(getattr(PAPER_LINEAR, name, None), 3)) if of_the_paper(fit.data) else None,
         ("ours", lambda name: getattr(part, name)),

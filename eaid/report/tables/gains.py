@@ -213,15 +213,15 @@ def _margin(one: Margin | None) -> tuple[Cell, Cell]:
 
 def walls_table(coupling: Coupling) -> Table:
     """How stiff a wall each loop may render at each torque."""
-    options = coupling.options
+    options, (stiffness, damping, inertia) = coupling.options, coupling.units
     caption = (
-        f"Passive: on any passive limb of {options.limb_damping:g} N·m·s/rad. Stable: on this limb, "
-        f"{options.limb_inertia:g} kg·m², linear and sampled. Replayed: the nonlinear plant. A dash: no limit."
+        f"Passive: on any passive limb of {options.limb_damping:g} {damping}. Stable: on this limb, "
+        f"{options.limb_inertia:g} {inertia}, linear and sampled. Replayed: the nonlinear plant. A dash: no limit."
     )
     return table_of(
         "How stiff a virtual wall may be", caption, coupling.walls,
         ("loop", lambda one: controller_name(one.loop)),
         ((output_word(coupling.output_unit), coupling.output_unit, 3), "torque_nm"),
-        (("passive", "N·m/rad", 3), "K_passive"),
-        (("stable", "N·m/rad", 3), "K_stable"), (("replayed", "N·m/rad", 3), "K_replayed"),
+        (("passive", stiffness, 3), "K_passive"),
+        (("stable", stiffness, 3), "K_stable"), (("replayed", stiffness, 3), "K_replayed"),
     )  # fmt: skip

@@ -7,6 +7,11 @@
     for (const panel of root.children || [root])
       for (const tool of panel.toolbar.tools) if (["PanTool", "BoxZoomTool"].includes(tool.type)) tool.active = false;
   }
+  function oneMinus() {
+    // Tooltips write a negative number as axes and tables do.
+    const forms = Bokeh.require("core/util/templating").DEFAULT_FORMATTERS, written = forms.numeral;
+    forms.numeral = function (value, form) { return written(value, form).replace("-", "−"); };
+  }
   async function draw(holder) {
     if (holder.dataset.begun) return;
     holder.dataset.begun = "true";
@@ -55,6 +60,7 @@
   }
   for (const fold of document.querySelectorAll("details")) fold.addEventListener("toggle", function () { if (fold.open) within(fold); });
   window.addEventListener("hashchange", unfold);
+  if (window.Bokeh) oneMinus();
   copying();
   unfold();
   within(document).then(function () { document.documentElement.dataset.ready = "true"; });

@@ -1,0 +1,263 @@
+"""Logs → steps → fit, and what to record next."""
+
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from eaid.api.given import Column, File, Paths, Tables, measured, paths_in, result_of, tables_in
+from eaid.declared import chosen, forms, taking
+from eaid.errors import UsageError
+from eaid.options import FitOptions, PlanOptions, ReadOptions, SynthOptions
+from eaid.progress import Progress, no_progress
+from eaid.reading import read_steps, steps_of
+from eaid.results.fit import Fit
+from eaid.results.plan import Excitation, Plan
+from eaid.steps.stepset import StepSet
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+
+@taking(ReadOptions)
+def read(
+    source: "Paths | Tables",
+    options: ReadOptions | None = None,
+    *,
+    time: Column = None,
+    input: Column = None,
+    output: Column = None,
+    progress: Progress = no_progress,
+    **keywords: Any,
+) -> StepSet:
+    """Read recorded logs and find their steps, levels and repeats.
+
+    Parameters
+    ----------
+    source
+        Files or folders of logs, a data.h5, a DataFrame (with a column `run` where it holds several), several of them,
+        a mapping of run name to DataFrame, or one of column name to array.
+    options
+        How the logs are read and cut.
+    time, input, output
+        Columns by name or number from 1, where they are not found by themselves.
+    progress
+        `progress(what, how_many)` gives a context with a function to call once a piece.
+    **keywords
+        Fields of `ReadOptions`, each as above.
+
+    Returns
+    -------
+    StepSet
+        With `levels`, `runs`, `to_frame()`, `findings` and `save("data.h5")`; torque in N·m where the logs hold a
+        torque, else in the unit of the logs.
+
+    Raises
+    ------
+    DataError
+        With one sentence for every fault of every log.
+    UsageError
+        An option that means nothing.
+
+    Examples
+    --------
+    >>> import eaid, numpy, pandas
+    >>> time = numpy.arange(0.0, 25.0, 0.02)
+    >>> torque = 2.0 * (1.0 - numpy.exp(-(time - 5.0).clip(0.0) / 0.3))
+    >>> frame = pandas.DataFrame({"time_s": time, "duty_pct": 60.0 * (time >= 5.0), "torque_nm": torque})
+    >>> steps = eaid.read({"first": frame})
+    >>> [level.level for level in steps.levels]
+    [60.0]
+    """
+    given = {"time": time, "input": input, "output": output}
+    columns = {role: str(name) for role, name in given.items() if name is not None}
+    if columns and "columns" in keywords:
+        raise UsageError(f"«columns»: {next(iter(columns))}= says a column too; say all columns in one place")
+    how = chosen(ReadOptions, options, {**({"columns": columns} if columns else {}), **keywords})
+    tables = tables_in(source)
+    if tables is not None:
+        from eaid.logs.frames import runs_from_frames
+
+        return steps_of(runs_from_frames(tables, how), how)[1]
+    return read_steps(paths_in(source), how, progress)[1]
+
+
+@taking(FitOptions)
+def fit(
+    data: "StepSet | Paths | Tables | ArrayLike",
+    *arrays: "ArrayLike | FitOptions",
+    options: FitOptions | None = None,
+    progress: Progress = no_progress,
+    **keywords: Any,
+) -> Fit:
+    """Fit the models of the paper to recorded steps, Eqs. (3) to (8), with intervals and a verdict.
+
+    Parameters
+    ----------
+    data
+        What `read` returns, or anything that `read` takes; or the time [s], with input and output behind it as arrays.
+    arrays
+        Input and output of one run, where `data` is its time; the output's unit is then not known.
+    options
+        How it is fitted; also as the second argument.
+    progress
+        As in `read`.
+    **keywords
+        Fields of `FitOptions`, each as above.
+
+    Returns
+    -------
+    Fit
+        With `summary()`, `verdict`, `params`, `conf_int()`, `bse`, `to_frame()`, `at()`, `predict()`, `plot()`,
+        `residuals`, `rsquared`, `aic`, `findings`, `to_dict()`, `save("fit.json")`.
+        Time constants in s, T_s in the output's unit, levels in the input's.
+
+    Raises
+    ------
+    DataError
+        No step, or nothing that a model can be fitted to.
+    UsageError
+        An option that means nothing, or a model that the kind of experiment does not allow.
+
+    Examples
+    --------
+    >>> import eaid
+    >>> fit = eaid.fit(eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1))
+    >>> fit.to_frame()["Ts"].round(1).tolist()
+    [0.3, 1.6, 4.1]
+    >>> low, high = fit.conf_int().loc[("friction", "tau1(100)")]
+    >>> bool(low < fit.params[("friction", "tau1(100)")] < high)
+    True
+    """
+    source, options = measured(data, arrays, options)
+    if of_reading := [name for name in keywords if name in forms(ReadOptions) and name not in forms(FitOptions)]:
+        raise UsageError(
+            f"«{of_reading[0]}»: says how logs are read; give it to eaid.read, and what that returns to fit"
+        )
+    how = chosen(FitOptions, options, keywords)
+    steps = source if isinstance(source, StepSet) else read(source, progress=progress)
+    from eaid.levels.workflow import fit_steps
+    from eaid.replay.compare import of_own_logs
+    from eaid.results.common import Samples
+    from eaid.results.parameters import table_of
+    from eaid.results.responses import responses_of
+
+    if steps.recorded:
+        from eaid.recorded.fit import fit_whole
+
+        with progress("fitting the recorded log", 0):
+            fitted = fit_whole(steps, how)
+        return msgspec.structs.replace(fitted, parameters=table_of(fitted))
+    if how.duty is not None:
+        raise UsageError("«duty»: belongs to logs that are fitted as recorded, and these are steps; leave it out")
+    refits = how.draws if how.ci == "bootstrap" else 0
+    with progress("bootstrap refits" if refits else "fitting", refits) as advance:
+        fitted = fit_steps(steps, how, advance)
+        if fitted.dead_time_s > 0 or not fitted.verdict.of("nonlinear").usable:
+            from eaid.recorded.fit import with_another_kind
+
+            fitted = with_another_kind(fitted, steps, how)
+    slipping = {u for one in fitted.findings if one.code == "output-decays-under-hold" for u in one.levels}
+    replayed = msgspec.structs.replace(fitted.data, replayed=of_own_logs(fitted, steps.logs))
+    fitted = msgspec.structs.replace(fitted, data=replayed)
+    found = {"responses": responses_of(steps, slipping), "parameters": table_of(fitted), "samples": Samples(steps)}
+    return msgspec.structs.replace(fitted, **found)
+
+
+@taking(PlanOptions)
+def plan(
+    fit: "Fit | File",
+    options: PlanOptions | None = None,
+    *,
+    excitation: bool = False,
+    progress: Progress = no_progress,
+    **keywords: Any,
+) -> Plan | Excitation:
+    """What to record next, for intervals of wanted widths, in the rig's own input unit.
+
+    Parameters
+    ----------
+    fit
+        What is known of the rig: its model, noise and scatter.
+    options
+        Wanted widths, and what the rig allows.
+    excitation
+        The shortest sequence of inputs for one recording, in place of steps; it needs a nonlinear model.
+    progress
+        As in `read`; called once a simulated recording.
+    **keywords
+        Fields of `PlanOptions`, each as above.
+
+    Returns
+    -------
+    Plan or Excitation
+        With the widths it gives and `findings`; of steps `runs` and `to_frame()`, of a sequence `duty` (from when [s],
+        input) and what steps would take.
+
+    Raises
+    ------
+    DataError
+        A fit without the model that is planned with.
+    UsageError
+        A width of no parameter, or a limit that no rig has.
+
+    Examples
+    --------
+    >>> import eaid
+    >>> fit = eaid.fit(eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1))
+    >>> session = eaid.plan(fit, want={"Ts": 10.0}, check=False)
+    >>> len(session.runs) == len(session.to_frame())
+    True
+    >>> sequence = eaid.plan(fit, want={"Ts": 20.0}, check=False, excitation=True)
+    >>> sequence.duty[0], sequence.input_unit
+    ((0.0, 0.0), '%')
+    """
+    from eaid.planning.recordings import plan_recordings
+    from eaid.planning.sequences import shortest_recording
+
+    fit = result_of("fit", fit, Fit)
+    how = chosen(PlanOptions, options, keywords)
+    with progress("simulated recordings", 0) as advance:
+        return (shortest_recording if excitation else plan_recordings)(fit, how, advance)
+
+
+@taking(SynthOptions)
+def synth(plant: "Fit | File | None" = None, options: SynthOptions | None = None, **keywords: Any) -> StepSet:
+    """Synthetic logs of the reference plant, or of a fitted rig in its own units.
+
+    Parameters
+    ----------
+    plant
+        A fit; without one the paper's clutch, or the friction rig of `kind`.
+    options
+        Levels, times, disturbances, or an input in place of steps.
+    **keywords
+        Fields of `SynthOptions`, each as above.
+
+    Returns
+    -------
+    StepSet
+        The steps; logs of an excitation stand uncut in `recorded`.
+
+    Raises
+    ------
+    UsageError
+        What is asked for cannot be recorded.
+    DataError
+        The fit holds no plant, or a file is no such table.
+
+    Examples
+    --------
+    >>> import eaid
+    >>> logs = eaid.synth(levels=(20.0, 60.0), repeats=2, rate_hz=50.0, seed=1)
+    >>> [level.level for level in logs.levels]
+    [20.0, 60.0]
+    >>> shape = {"duration_s": 60.0, "hold_s": (0.5, 8.0), "duty": (20.0, 80.0)}
+    >>> logs = eaid.synth(excitation="random", shape=shape, rate_hz=100.0)
+    >>> float(logs.recorded[0].input.max())
+    80.0
+    """
+    from eaid.synth.synthesize import synthesize
+
+    how = chosen(SynthOptions, options, keywords)
+    runs = synthesize(how, None if plant is None else result_of("plant", plant, Fit))
+    return steps_of(runs, ReadOptions(logs_as="auto" if how.duty_file or how.excitation else "steps"))[1]
