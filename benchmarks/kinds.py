@@ -17,7 +17,6 @@ from typing import Any, Literal
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.errors import EaidError
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.options import FitOptions
 from eaid.plant.dynamics import Plant
@@ -116,8 +115,8 @@ def tried(name: str, seed: int) -> Row:
     case, row = KINDS[name], {"kind": name, "seed": seed, "chosen": "refused", "held": []}
     try:
         fit = fit_recorded([log_of(case, seed)], FitOptions(model=("nonlinear",), share=case.share))
-    except EaidError as refusal:
-        return row | {"why": str(refusal)}
+    except Exception as refusal:  # a refusal, or a fault: both are no fit
+        return row | {"why": f"{type(refusal).__name__}: {refusal}"}
     told = fit.plant_
     assert told is not None
     gain = told.tried[0].gain if told.tried else "curve"

@@ -43,4 +43,4 @@ def command(args: Arguments) -> None:
     gains.save(args.output, args.force)
     shown = tables.tables_of(gains)[: None if args.verbose else 1]
     tell_result(args, gains, [*of_fit(fitted), *tables.guarantee_story(gains), *shown], [*gains.findings, *warnings])
-    console.done(args.output, "gains of rc and pi", ("simulate", args.fit, args.output))
+    console.done(args.output, f"gains of {' and '.join(gains.laws)}", ("simulate", args.fit, args.output))

@@ -42,6 +42,7 @@ LAYER = 0.11  # Half width of the paper's boundary layer over the torque at 100 
 OVERSHOOT_PCT, SETTLING_S = 1.0, 0.27  # What the paper's PI was meant to reach (§V-B)
 SLOWER = 1.5  # Factor on a settling time, or on ε, that the sampled loop cannot have
 MOST_STEPS = 30
+LONG = 1.0  # Dead time over 1/a0 beyond which there is no robust controller
 
 
 class Scales(NamedTuple):
@@ -178,6 +179,17 @@ def quickest_pi(model: LinearPlant, points: Sequence[Point], timing: Timing, pac
     raise GainsError(
         f"no PI has {ENOUGH_DB:g} dB and {ENOUGH_DEG:g}° around every level, {timing.words()}; "
         + (why if flat else "record more levels, or give «pi_gains»")
+    )
+
+
+def beyond_rc(model: LinearPlant, timing: Timing, options: TuneOptions) -> str | None:
+    """Why there is no robust controller; None where there is one, or where its layer or poles are given."""
+    given = (options.kp, options.kd, options.natural_frequency, options.epsilon, options.gamma)
+    if timing.delay_s * model.a0 <= LONG or any(one is not None for one in given):
+        return None
+    return (
+        f"none behind a dead time of {timing.delay_s:.3g} s, longer than 1/a0, {1 / model.a0:.3g} s: it would hold the "
+        "output that was, in a layer wider than any error; take pi or smith, or give «epsilon»"
     )
 
 

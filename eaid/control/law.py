@@ -34,7 +34,7 @@ class Wanted(NamedTuple):
     """What a controller of the table is designed for, once the robust controller and the PI have their gains."""
 
     model: LinearPlant
-    rc: Robust
+    rc: Robust | None  # None: refused
     timing: Timing
     limits: tuple[float, float]
     # (K_P, K_I) → what a step takes, factors on the dead time → the quickest PI that has 6 dB and 45° around every held

@@ -49,7 +49,7 @@ def law(model: LinearPlant, held: Mapping[str, float], limits_pct: tuple[float, 
 
 def design(wanted: Wanted) -> dict[str, float] | None:
     """The slopes of the robust controller inside its layer; None where they are not known."""
-    alike = wanted.rc.equal_pi
-    if alike is None or alike.K_P is None or alike.K_I is None:
+    alike = None if wanted.rc is None else wanted.rc.equal_pi
+    if wanted.rc is None or alike is None or alike.K_P is None or alike.K_I is None:
         return None
     return {"K_P": alike.K_P, "K_I": alike.K_I, "B_hat": wanted.rc.B_hat}

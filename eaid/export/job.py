@@ -208,6 +208,8 @@ def laws_of(source: Source, options: ExportOptions) -> tuple[str, ...]:
     for law in wanted:
         if law not in source.laws and (what := source.left_out(law)):
             raise UsageError(f"«law» {law}: {say(finding('export-left-out', law, what=what))}")
+        if source.gains is not None and law in source.gains.refused:
+            raise UsageError(f"«law» {law}: {source.gains.refused[law]}")
         if law not in source.laws:
             need = "gains.json of eaid tune-rc" if law in ("pi", "rc") else "fit.json with a nonlinear model, «fit»"
             raise UsageError(f"«law» {law} needs what was not given: {need}")

@@ -46,7 +46,12 @@ NO_EXTRAS = {"rest": (0.0, 0.0), "fall": (1.0, 1.0), "excess": (0.0,), "dead": (
 # Their constraints a'x ≥ b: code, a, b
 EXTRA_LIMITS: dict[str, tuple[tuple[str, tuple[float, ...], float], ...]] = {
     "rest": (("release-tau1-floor", (1.0, 0.0), TAU_FLOOR_S), ("release-tau2-meets-tau1", (-1.0, 1.0), 0.0)),
-    "fall": (("fall-tau1-least", (1.0, 0.0), 0.02), ("fall-tau2-least", (0.0, 1.0), 0.02)),
+    "fall": (
+        ("fall-tau1-least", (1.0, 0.0), 0.02),
+        ("fall-tau2-least", (0.0, 1.0), 0.02),
+        ("fall-tau1-most", (-1.0, 0.0), -50.0),
+        ("fall-tau2-most", (0.0, -1.0), -50.0),
+    ),
     "excess": (("hysteresis-least", (1.0,), -0.8),),
     "dead": (("dead-time-none", (1.0,), 0.0),),
 }

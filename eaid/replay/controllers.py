@@ -230,6 +230,8 @@ def controller_of(
         law = OpenLoopGains(linear.a0, linear.b0, linear.c0, *limits_pct)
         return Controller("open-loop", open_loop_step, law, at_zero)
     held = law_of(gains, name)
+    if held is None and gains is not None and name in gains.refused:
+        raise UsageError(f"controller {name}: {gains.refused[name]}")
     if held is None:
         raise UsageError(f"controller {name} needs gains: give «gains», which eaid tune-rc writes")
     return feedback(held)

@@ -10,6 +10,7 @@ import numpy as np
 
 from eaid.control.defaults import (
     Scales,
+    beyond_rc,
     design_options,
     input_limits,
     pi_of,
@@ -80,7 +81,7 @@ class Task:
         tuned = workable_rc(self.model, settled, self.scales, self.bounds, self.points, pi)
         return tuned, robust_of(self.model, self.bounds, tuned)
 
-    def wanted_of(self, rc: Robust) -> Wanted:
+    def wanted_of(self, rc: Robust | None) -> Wanted:
         """What the other controllers of the table are designed for."""
         return Wanted(
             self.model, rc, self.timing, self.limits,
@@ -154,17 +155,19 @@ def tune(
         asked = quickest_pi(task.model, task.points, task.timing, task.scales.pace, task.units[0])
         settled = replace(settled, pi=asked)
     pi = pi_of(task.model, settled)
-    tuned, rc = task.robust(settled, pi)
-    law = rc_law(task.model, rc, task.limits)
+    no_rc = beyond_rc(task.model, task.timing, options)
+    tuned, rc = (settled, None) if no_rc else task.robust(settled, pi)
     held, refused = designs(task.wanted_of(rc))
-    others = {name: LAW_KINDS[name].law(task.model, gains, task.limits) for name, gains in held.items()}
-    judged, findings = margins_of({"rc": law, "pi": pi, **others}, task.points, task.timing, task.units[0])
+    laws: dict[str, Law] = {} if rc is None else {"rc": rc_law(task.model, rc, task.limits)}
+    laws |= {"pi": pi, **{name: LAW_KINDS[name].law(task.model, gains, task.limits) for name, gains in held.items()}}
+    judged, findings = margins_of(laws, task.points, task.timing, task.units[0])
+    refused |= {"rc": no_rc} if no_rc else {}
     findings += [finding("controller-refused", name, why=why) for name, why in refused.items()]
-    replayed = compare(task, rc, law, pi, others)
-    verdict = guarantee_of(rc, task.known)
-    own = _least(task, law, (), verdict, None if replayed.rc is None else replayed.rc.max_abs_error_nm)
-    verdict = msgspec.structs.replace(verdict, mendings=mendings(task, settled, pi, verdict))
-    findings += warnings_of(rc, verdict, own, task.units, "reference" if task.given else task.name)
+    replayed = compare(task, rc, laws)
+    verdict = None
+    if rc is not None:
+        verdict, rc, more = judged_rc(task, settled, rc, pi, replayed)
+        findings += more
     findings += _notes(task, settled, tuned, rc, replayed)
     if not of_sessions(fit):
         findings.append(finding("for-this-mounting", "model"))
@@ -173,32 +176,44 @@ def tune(
         findings.insert(0, finding("fit-not-usable", "model", why=why))
     overshoot_pct, settling_s = step_metrics(task.model, pi.K_P, pi.K_I)
     designed = PI(pi.K_P, pi.K_I, overshoot_pct, known(settling_s), None if settled.pi == AskedPI() else settled.pi)
-    phi_holds = next(one.holds for one in verdict.conditions if one.name == "phi")
     return Gains(
-        model=task.model, rc=msgspec.structs.replace(rc, phi_holds=phi_holds), pi=designed, controllers=held,
+        model=task.model, rc=rc, pi=designed, controllers=held,
         input_unit=task.units[0], output_unit=task.units[1], duty_limits_pct=task.limits, guarantee=verdict,
         margins=judged, replayed=None if task.plant is None else replayed, options=options,
         seed=options.seed, not_usable=why or None, findings=ranked(findings),
     )  # fmt: skip
 
 
-def compare(task: Task, rc: Robust, law: Law, pi: PIGains, others: dict[str, Law]) -> Replayed:
+def judged_rc(
+    task: Task, settled: Design, rc: Robust, pi: PIGains, replayed: Replayed
+) -> tuple[Guarantee, Robust, list[Finding]]:
+    """The verdict on the guarantee, the robust controller that knows whether its φ holds, and what is to be said."""
+    verdict, error = guarantee_of(rc, task.known), None if replayed.rc is None else replayed.rc.max_abs_error_nm
+    own = _least(task, rc_law(task.model, rc, task.limits), (), verdict, error)
+    verdict = msgspec.structs.replace(verdict, mendings=mendings(task, settled, pi, verdict))
+    phi_holds = next(one.holds for one in verdict.conditions if one.name == "phi")
+    told = warnings_of(rc, verdict, own, task.units, "reference" if task.given else task.name)
+    return verdict, msgspec.structs.replace(rc, phi_holds=phi_holds), told
+
+
+def compare(task: Task, rc: Robust | None, laws: dict[str, Law]) -> Replayed:
     """The robust controller beside the PI that was designed, the PI of its own slopes, and so of its margins, with and
     without its feedforward, and the paper's PI where the rig is the paper's; and what else the table has."""
-    alike = rc.equal_pi
-    assert alike is not None and alike.K_P is not None and alike.K_I is not None
-    slopes, limits = (alike.K_P, alike.K_I), task.limits
-    paper = task.scales.paper and (pi.K_P, pi.K_I) != PAPER_PI
-    rows = {
-        name: task.compared(gains, (getattr(gains, "K_P", None), getattr(gains, "K_I", None)))
-        for name, gains in others.items()
+    limits, pi = task.limits, laws["pi"]
+    slopes: dict[str, tuple[float | None, float | None]] = {
+        name: (getattr(law, "K_P", None), getattr(law, "K_I", None)) for name, law in laws.items()
     }
+    if rc is not None and (alike := rc.equal_pi) is not None and alike.K_P is not None and alike.K_I is not None:
+        slopes["rc"] = slopes["equal_pi"] = alike.K_P, alike.K_I
+        laws = {**laws, "equal_pi": PIGains(alike.K_P, alike.K_I, *limits)}
+    if task.scales.paper and pi[:2] != PAPER_PI:
+        slopes["paper_pi"], laws = PAPER_PI, {**laws, "paper_pi": PIGains(*PAPER_PI, *limits)}
+    rows = {name: task.compared(law, slopes[name]) for name, law in laws.items()}
+    if (fed := rows.pop("pi-feedforward", None)) is not None:
+        rows["equal_pi_feedforward"] = fed
+    named = {name: rows.pop(name) for name in Replayed.ROWS if name in rows}
     return Replayed(
-        task.name, task.wanted.steepest_nm_s, task.wanted.counted_from_s,
-        rc=task.compared(law, slopes), pi=task.compared(pi, (pi.K_P, pi.K_I)),
-        equal_pi=task.compared(PIGains(*slopes, *limits), slopes),
-        equal_pi_feedforward=rows.pop("pi-feedforward", None),
-        paper_pi=task.compared(PIGains(*PAPER_PI, *limits), PAPER_PI) if paper else None, others=rows,
+        task.name, task.wanted.steepest_nm_s, task.wanted.counted_from_s, **named, others=rows,
     )  # fmt: skip
 
 
@@ -222,10 +237,10 @@ def mendings(task: Task, settled: Design, pi: PIGains, verdict: Guarantee) -> tu
     return tuple(made)
 
 
-def _notes(task: Task, settled: Design, tuned: Design, rc: Robust, replayed: Replayed) -> list[Finding]:
+def _notes(task: Task, settled: Design, tuned: Design, rc: Robust | None, replayed: Replayed) -> list[Finding]:
     """What else is to be known of gains that were made."""
     findings, model, unit = [], task.model, task.units
-    if settled.options.b_hat is None and rc.B_hat != 1 / model.b0:
+    if rc is not None and settled.options.b_hat is None and rc.B_hat != 1 / model.b0:
         findings.append(finding("b-hat-between-levels", "rc", pooled=1 / model.b0, B_hat=rc.B_hat, B_m=rc.B_m))
     if not task.scales.paper:
         findings.append(
@@ -235,7 +250,7 @@ def _notes(task: Task, settled: Design, tuned: Design, rc: Robust, replayed: Rep
                 settling_s=settled.pi.settling_s or 0.0,
             )
         )  # fmt: skip
-    elif tuned != settled:
+    elif rc is not None and tuned != settled:
         findings.append(
             finding("rc-slowed", "rc", epsilon=tuned.epsilon, K_P=tuned.K_P, K_D=tuned.K_D, loop=task.timing.words())
         )

@@ -124,7 +124,7 @@ class Solver(Result, frozen=True):
     at_bounds: tuple[str, ...] = ()
     """The constraints that hold the end point: tau1-floor, tau2-meets-tau1, Ts-zero, tau2-endless, C-zero, C-one,
     a0-fastest, a0-slowest; of recorded logs release-tau1-floor, release-tau2-meets-tau1, fall-tau1-least,
-    fall-tau2-least, hysteresis-least."""
+    fall-tau2-least, fall-tau1-most, fall-tau2-most, hysteresis-least."""
 
     @property
     def costs(self) -> tuple[float, ...]:

@@ -347,6 +347,11 @@ class Gains(Plotted, codec.Saved, Made, frozen=True):
         """All controllers: RC, PI, and the others."""
         return {**self.laws, **self.controllers}
 
+    @property
+    def refused(self) -> dict[str, str]:
+        """Why a controller has no gains, by name."""
+        return {one.subject: str(one.values["why"]) for one in self.findings if one.code == "controller-refused"}
+
     def summary(self) -> str:
         """Gains, the one verdict on the guarantee, and the gravest findings."""
         lines = []

@@ -142,8 +142,12 @@ def test_behind_a_dead_time_both_loops_keep_six_decibels_and_45_degrees_at_every
         turn = np.flatnonzero(phase > -np.pi)[-1] if phase[-1] > -np.pi else np.flatnonzero(phase <= -np.pi)[0]
         assert 45 <= point.loops["pi"].phase_deg == pytest.approx(180 + np.degrees(phase[last]), abs=0.7)
         assert 6 <= point.loops["pi"].gain_db == pytest.approx(-20 * np.log10(size[turn]), abs=0.1)
-        assert point.loops["rc"].phase_deg >= 45 and point.loops["rc"].gain_db >= 6
-    assert gains.guarantee.holds is False and not [one for one in gains.findings if one.code == "margin-missed"]
+        assert gains.rc is None or (point.loops["rc"].phase_deg >= 45 and point.loops["rc"].gain_db >= 6)
+    assert (gains.rc is None) is (fit.dead_time_s * fit.linear.a0 > 1) is ("rc" in gains.refused)
+    assert gains.rc is None or gains.guarantee.holds is False
+    assert not [one for one in gains.findings if one.code == "margin-missed"]
+    if gains.rc is None:  # nothing follows a multisine of the rig's own pace so late
+        return
     run = eaid.simulate(fit, gains, controller=("pi",)).records["pi"]  # … and on the replayed plant it runs
     assert run.metrics.max_abs_error_nm < 0.7 * run.columns["reference_nm"].max()
 

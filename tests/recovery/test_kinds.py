@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 
 import eaid
+from benchmarks import kinds
 from eaid.plant.dynamics import Plant
 from eaid.plant.respond import respond
 
@@ -74,3 +75,8 @@ def test_without_noise_the_truth_comes_back(name: str, late: str) -> None:
     true = respond(truth, np.array([-1.0, 0.0]), np.array([0.0, 60.0]), since)
     assert str(predicted.columns.name).startswith("plant") == fit.plant_.another  # type: ignore[union-attr]
     np.testing.assert_allclose(predicted[60.0], true, atol=1e-5)
+
+
+def test_falls_that_nothing_determines_are_bounded() -> None:
+    """A log that rings, to which the clutch's form is fitted, too: of its endless τ2 a factor went to 1e28."""
+    assert kinds.tried("ringing + dead time", 10)["right"]

@@ -19,6 +19,8 @@ CONSTRAINTS = {
     "release-tau2-meets-tau1": "τ2 of the release has fallen to its τ1",
     "fall-tau1-least": "τ1 of falls is a fiftieth of that of rises",
     "fall-tau2-least": "τ2 of falls is a fiftieth of that of rises",
+    "fall-tau1-most": "τ1 of falls is fifty times that of rises",
+    "fall-tau2-most": "τ2 of falls is fifty times that of rises",
     "hysteresis-least": "T_s after a fall is a fifth of that after a rise",
 }
 
