@@ -105,7 +105,12 @@ def bring_in(x: Array, inner: Array, problem: Problem) -> Array:
 
 
 def newton_step(problem: Problem, x: Array, gradient: Array, curvature: Array) -> NewtonStep:
-    """The step d that minimises g'd + d'Hd/2 with A (x + d) ≥ b, by least distance programming (Lawson and Hanson)."""
+    """The step d that minimises g'd + d'Hd/2 with A (x + d) ≥ b, by least distance programming (Lawson and Hanson).
+
+    Where the model overflows there is none: it is 0, and what it would gain has no end, so that nothing has converged.
+    """
+    if not (np.isfinite(gradient).all() and np.isfinite(curvature).all()):
+        return NewtonStep(np.zeros_like(x), np.inf, ())
     lower = whiten(curvature)
     back = np.linalg.inv(lower)
     q = back @ gradient
@@ -176,7 +181,7 @@ def slsqp(problem: Problem, near: EndPoint) -> EndPoint:
     for _ in range(SLSQP_ROUNDS):
         x, (cost, gradient, curvature) = near.x, problem.normal(near.x)
         step = newton_step(problem, x, gradient, curvature)
-        if step.decrease <= SETTLED * cost:
+        if step.decrease <= SETTLED * cost or not np.isfinite(step.decrease):
             break
         held |= set(step.active)
         ftol = ENDS * step.decrease / cost if step.decrease <= LITTLE * cost else FTOL

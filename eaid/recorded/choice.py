@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import msgspec
 import numpy as np
+from scipy.special import chdtri
 
 from eaid.arrays import Array, median
 from eaid.errors import DataError
@@ -32,6 +33,9 @@ LITTLE_PCT = 15.0  # Of a log that a kind has to explain
 LEFT = 0.04  # Part of the squares about the mean that a kind may leave that takes the place of such a clutch
 AS_WELL = 4.0  # Squares over those of a clutch whose T_s is open, up to which another kind is taken in its place
 AS_MUCH = 2.0  # Unknowns' worth of noise by which the clutch's form may leave more than the same with another C
+# What the clutch's form, which is the default, has to save of another kind's squares: this part of them, and more than
+# noise saves with its further unknowns (χ²) in so many cases
+DEFAULT_SAVES, DEFAULT_CHANCE = 0.01, 0.1
 REST_BELIEVED = 4.0  # Squares of a start at rest over those of one with unknown states, up to which it is believed
 
 
@@ -75,8 +79,13 @@ def plant_of_logs(
     own = next((one for one in rows if one.kind.name == "clutch"), None)
     found = plant_found(rows[0].solved)
     noise = rows[0].cost / independent_of(rows[0].solved)
-    if own is not None and found.kind == "parallel" and own.cost <= rows[0].cost + AS_MUCH * PRICE * noise:
-        rows = [own, *(one for one in rows if one is not own)]  # the same form, with another C
+    if own is not None and own is not rows[0]:
+        more = own.solved.setup.size - rows[0].solved.setup.size
+        same_form = found.kind == "parallel" and own.cost <= rows[0].cost + AS_MUCH * PRICE * noise  # with another C
+        by_noise = float(chdtri(more, DEFAULT_CHANCE)) * noise if more > 0 else 0.0
+        better = own.cost < rows[0].cost - max(DEFAULT_SAVES * rows[0].cost, by_noise)
+        if same_form or (better and not leaves_open(own.solved, inputs)):
+            rows = [own, *(one for one in rows if one is not own)]
     best, total = rows[0], sum(energy(log) for log in logs)
     if integrates(search, best):
         raise DataError(*(integrator(log) for log in logs))

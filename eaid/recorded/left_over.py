@@ -4,6 +4,10 @@ has not, as a play, dry friction, hysteresis or a curve of another form.
 The residuals are regressed on functions of the input as it acts, raw and behind the plant's fast lag: u, u |u|, u³ for
 curves, the sign of its last change, that times |u|, for what goes by its direction. What they explain of the residuals,
 less what they would of noise with as many independent samples, is told where it is much, and seen in the output.
+
+And whether the input is seen in the output at all: what wanders by itself is explained to 70 % by a slow lag of any
+input. Output and model are freed of what an autoregression of the output foresees, so that what is left of a drift
+knows no input, and the one is regressed on the other: the slope of a rig whose input acts is many of its errors off 0.
 """
 
 from collections.abc import Sequence
@@ -16,11 +20,15 @@ from eaid.estimate.recorded_log import RecordedLog
 from eaid.findings import Finding, finding
 from eaid.plant.sums import lagged
 from eaid.recorded.from_logs import Solved, plant_found
+from eaid.recorded.late import ORDER, whitened
 from eaid.recorded.log_intervals import correlation_s
 
 Mask = NDArray[np.bool_]
 FUNCTIONS, OF_SIZE = 5, 3  # Of the input, and those of its size among them
 MUCH = 0.15  # Part of the residuals' squares, beyond chance
+SURE = 5.0  # Errors of the slope: of random walks, with models fitted to them, 4.3 at most (40), of rigs 8 at least
+PARTS = (0.0, 0.05, 0.2, 0.5)  # Of the slowest lag, over which both are averaged before; that counts which shows most
+FEWEST_MEANS, MOST_MEANS = 100, 20_000
 LEFT_SEEN = 0.03  # Part of the output's standard deviation that the part explained has at least
 
 
@@ -56,6 +64,28 @@ def left_over_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Find
         return []
     by = "direction" if by_direction > 0.5 * explained else "size"
     return [finding("residuals-follow-input", "nonlinear", (), share_pct=100 * explained, by=by)]
+
+
+def drift_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Finding]:
+    """Said where a drift explains the output as well as the input does; nothing of loops."""
+    if any(log.reference is not None for log in logs) or not any(map(np.any, solved.missed)):
+        return []
+    plant, found = plant_found(solved), 0.0
+    tau_s = plant.slowest_s(max(plant.u_range))
+    for part in PARTS:
+        along = square = total = 0.0
+        count = 0
+        for log, y, r in zip(logs, solved.outputs, solved.missed, strict=False):
+            rows = max(1, len(y) // MOST_MEANS, min(round(part * tau_s / median(log.dt_s)), len(y) // FEWEST_MEANS))
+            means = np.stack([y, y + r])[:, : len(y) // rows * rows].reshape(2, -1, rows).mean(axis=2)
+            means -= means.mean(axis=1, keepdims=True)
+            one, model = (whitened(row, means[0])[ORDER:] for row in means)
+            along, square = along + float(one @ model), square + float(model @ model)
+            total += float(one @ one)
+            count += len(one)
+        left = max(total - along**2 / max(square, 1e-300), 1e-300)
+        found = max(found, float(along / np.sqrt(max(square, 1e-300) * left / max(count, 1))))
+    return [] if found > SURE else [finding("drift-explains-as-much", "nonlinear", errors=found)]
 
 
 def functions_of(log: RecordedLog, theta_s: float, tau_s: float, dt_s: float) -> Array:

@@ -347,11 +347,14 @@ def score_end(solved: Solved, noise: EngagementScatter, x: Array, covariance: Ar
             return None
         damped = curvature + DAMPING * np.diag(np.diagonal(curvature))
         place = approach(bound, moved + newton_step(bound, moved, gradient, damped).d).x
+        if not np.isfinite(problem.normal(place)[2]).all():
+            return None
         step, there = newton(solved.fitted, noise, place)
         wider = max(float(g @ there @ g) / usual, 1e-300) ** 0.5
         return np.log([float(g @ place)]), side * float(g @ step) / (abs(reach) * value * wider)
 
-    end = rejected(at)
+    with np.errstate(over="ignore", invalid="ignore"):  # far out no plant is left
+        end = rejected(at)
     return np.inf if end is None else abs(float(end[0]) - float(np.log(value)))
 
 

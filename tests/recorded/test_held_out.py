@@ -40,12 +40,16 @@ def test_a_plant_that_is_there_holds_where_it_has_not_seen(logs: tuple[int, ...]
     assert found.verdict.usable and f"unseen {unseen.held_pct:.1f} % of" in found.summary()
 
 
-def test_a_walk_that_no_input_makes_is_not_usable() -> None:
-    random, n = np.random.default_rng(5), 3000
+@pytest.mark.parametrize("seed", [5, 6, 7, 22])
+def test_a_walk_that_no_input_makes_is_not_usable(seed: int) -> None:
+    random, n = np.random.default_rng(seed), 3000
     u = np.append(np.zeros(50), np.repeat(random.uniform(10, 100, n // 50), 50))[:n]
     walk = pd.DataFrame(
         {"time_s": DT_S * np.arange(n), "duty_pct": u, "torque_nm": np.cumsum(random.standard_normal(n))}
     )
     found = fit(walk)
-    assert found.recorded.hold_out.fit_pct > 70  # a percentage of what was fitted proves nothing
-    assert "hold-out-fails" in {one.code for one in found.verdict.reasons}
+    assert found.recorded.hold_out.fit_pct > 60  # a percentage of what was fitted proves nothing
+    assert "drift-explains-as-much" in {one.code for one in found.verdict.reasons}
+    made = lag(u, 0.5)
+    drifts = walk.assign(torque_nm=made + 0.02 * walk["torque_nm"])
+    assert "drift-explains-as-much" not in {one.code for one in fit(drifts).findings}

@@ -347,6 +347,11 @@ ROWS: dict[str, Row] = {
             "residuals, record more, or ask for a simpler model"
         )
     ),
+    "drift-explains-as-much": stop(
+        "what moves the output may be a drift: of what its own past does not foresee the input explains no more than "
+        "chance does ({errors:.2g} errors off 0), whatever the fit's per cent; look at the columns, or move the input "
+        "more, and faster than the output wanders"
+    ),
     "residuals-follow-input": caution(
         lambda v: (
             f"what the model leaves is no noise: {v['share_pct']:.2g} % of it follows "
