@@ -29,6 +29,14 @@ class Drive(NamedTuple):
         return int(np.count_nonzero(self.w))
 
 
+def beginning(drive: Drive, rows: int) -> Drive:
+    """The first rows of a drive; itself where it has no more."""
+    if len(drive.w) <= rows:
+        return drive
+    parts = {name: getattr(drive, name)[:rows] for name in ("dt_s", "which", "rising", "y", "w")}
+    return drive._replace(**parts, left=0.0)
+
+
 def delayed(drive: Drive, dead_time_s: float) -> Drive:
     """The same with every change of the input so much later: rows of weight 0 where it then acts.
 

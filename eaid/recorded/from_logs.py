@@ -34,7 +34,7 @@ from eaid.estimate.solver import (
 from eaid.estimate.starts import MOST_STARTS, SHARES, time_constants
 from eaid.levels.from_steps import CHI2_APART
 from eaid.plant.derivatives import derivatives, swinging
-from eaid.plant.drive import AT_IDLE, Drive, Tables, delayed
+from eaid.plant.drive import AT_IDLE, Drive, Tables, beginning, delayed
 from eaid.plant.dynamics import TAU_FLOOR_S, Plant
 from eaid.plant.forms import Form, LegendreForm
 from eaid.plant.sums import linear_sums
@@ -225,6 +225,7 @@ def linear_parts(setup: Setup, shapes: Sequence[Array] | Array) -> tuple[Array, 
 
 
 TAUS_TRIED = 17  # Values of τ on the grid, from half a sample to the longest log
+GRID_ROWS = 8_000  # Of a log, from its first on, by which places of a grid are compared
 VALUES_TRIED = 3  # Values tried at each input
 
 
@@ -235,6 +236,7 @@ def starts(setup: Setup, problem: Problem) -> list[Array]:
     grid = np.geomspace(max(0.5 * float(np.median(dt_s)), 2 * TAU_FLOOR_S), setup.longest_s, TAUS_TRIED)
     turns = [_turn(form) for form in (model.tau1, model.tau2) if form is not None]
     M, found = model.rows(model.limited), []
+    some = replace(setup, drives=tuple(beginning(drive, GRID_ROWS) for drive in setup.drives))
     for share in SHARES if model.share is None else (model.share,):
 
         def placed(*values: Array, share: float = share) -> Array:
@@ -250,7 +252,7 @@ def starts(setup: Setup, problem: Problem) -> list[Array]:
             x = placed(*values)
             tau1, tau2 = (x[:, : model.size] @ row.T for row in M[1:3])
             sound = (tau1 >= TAU_FLOOR_S).all(axis=1) & ((tau2 >= tau1).all(axis=1) | (model.tau2 is None))
-            return np.where(sound, -linear_parts(setup, x)[0], -np.inf)
+            return np.where(sound, -linear_parts(some, x)[0], -np.inf)
 
         if model.tau2 is None:
             found += [placed(grid[[k], None])[0] for k in np.argsort(-gain(grid[:, None]))[:MOST_STARTS]]

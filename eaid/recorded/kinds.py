@@ -20,11 +20,11 @@ from eaid.arrays import Array, median
 from eaid.estimate.forms import of_kind
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.estimate.solver import ROUNDING, approach, newton_step, solver_verdict
-from eaid.plant.drive import Drive, delayed
+from eaid.plant.drive import Drive, beginning, delayed
 from eaid.plant.forms import Form, LegendreForm, Proportional, Sides
 from eaid.plant.sums import lag_sums, swinging_sums
 from eaid.recorded.copies import MOVING_ROWS, Copies
-from eaid.recorded.from_logs import Setup, Solved, finished, setup_of, with_dead_time
+from eaid.recorded.from_logs import GRID_ROWS, Setup, Solved, finished, setup_of, with_dead_time
 from eaid.recorded.log_intervals import correlation_s
 
 GRID_TAUS, GRID_DAMPINGS, GRID_DELAYS = 14, (0.03, 0.2, 0.7, 1.3, 4.0), 9  # Of the grid
@@ -135,7 +135,7 @@ class Search:
         shapes += [(1 / w, zeta) for w in peaks(self) for zeta in GRID_DAMPINGS[:2]]
         found = []
         for theta in thetas if self.dead_time_s is None else [self.dead_time_s]:
-            late = [delayed(drive, theta) for drive in self.drives]
+            late = [delayed(beginning(drive, GRID_ROWS), theta) for drive in self.drives]
             found += [GridPlace(tau, zeta, theta, self.costs(late, tau, zeta)) for tau, zeta in shapes]
         return found
 
