@@ -36,8 +36,8 @@ from eaid.steps.noise import block_means, stretches
 from eaid.steps.plateaus import plateaus, stands_still, switching
 from eaid.steps.stepset import StepSet
 
-QUIET = 0.02  # An input below this part of its largest is at rest
-APART = {"%": 0.02}  # Part of the largest input by which two inputs differ: a commanded duty is exact …
+AT_REST_BELOW = 0.02  # An input below this part of its largest is at rest
+INPUTS_APART = {"%": 0.02}  # Part of the largest input by which two inputs differ: a commanded duty is exact …
 MEASURED = 0.1  # … and a measured input wanders
 SIGNED = 0.05  # Part of the largest input by which it has to go to either side of rest to have both signs
 AWAY = 0.05  # A stretch under load that spends more than this part of its time away from its own middle is no step
@@ -63,13 +63,13 @@ def is_recorded(run: Run, rest: float = 0.0) -> bool:
     signed = run.input - rest
     level = np.abs(signed)
     top = float(level.max())
-    loaded = level > QUIET * top
-    if len(level) < 10 or top == 0.0 or (loaded.all() and np.ptp(signed) <= QUIET * top):
+    loaded = level > AT_REST_BELOW * top
+    if len(level) < 10 or top == 0.0 or (loaded.all() and np.ptp(signed) <= AT_REST_BELOW * top):
         return False
     if min(float(signed.max()), -float(signed.min())) > SIGNED * top or (loaded.all() and still):
         return True  # of both signs, or from level to level without ever coming to rest
     starts, ends = stretches(loaded)
-    apart = APART.get(run.input_unit, MEASURED) * top
+    apart = INPUTS_APART.get(run.input_unit, MEASURED) * top
     away = sum(
         int((np.abs(level[a:b] - np.median(level[a:b])) > apart).sum()) for a, b in zip(starts, ends, strict=True)
     )
@@ -171,23 +171,26 @@ def _proposal(files: Sequence[Path], runs: Sequence[Run], options: ReadOptions, 
     return [f"«{name}»" + f" {shlex.quote(str(value))}" * (value is not True) for name, value in (given | more).items()]
 
 
-BLOCKS, LAG = 400, 4  # An output is let go where it falls within so many blocks of all …
+OUTPUT_BLOCKS, BLOCKS_LATE = 400, 4  # An output is let go where it falls within so many blocks of all …
 HELD, LEFT = 0.6, 0.25  # … from this share of its peak to that, and stays below for a twentieth of the log
 
 
 def let_go_of(runs: Sequence[Run]) -> tuple[float, int] | None:
     """When the outputs of logs fall for good, on their own clock, and of how many; None where most do not, alike."""
-    runs = [run for run in runs if run.until_s is None and len(run.output) >= BLOCKS]
+    runs = [run for run in runs if run.until_s is None and len(run.output) >= OUTPUT_BLOCKS]
     falls = []
     for run in runs:
-        means = block_means(run.output, BLOCKS)
-        moved = np.abs(means - median(means[:LAG]))
+        means = block_means(run.output, OUTPUT_BLOCKS)
+        moved = np.abs(means - median(means[:BLOCKS_LATE]))
         peak = float(np.quantile(moved, 0.95))
         held = np.flatnonzero(moved >= HELD * peak)
-        last = int(held[-1]) if len(held) else BLOCKS
-        if LAG < last < 0.95 * BLOCKS - LAG and (moved[last + LAG :] < LEFT * peak).mean() > 0.95:
-            edge = run.output[int(last * len(run.output) / BLOCKS) :]
-            at = len(run.output) - len(edge) + len(edge) // (BLOCKS - last)
+        last = int(held[-1]) if len(held) else OUTPUT_BLOCKS
+        if (
+            BLOCKS_LATE < last < 0.95 * OUTPUT_BLOCKS - BLOCKS_LATE
+            and (moved[last + BLOCKS_LATE :] < LEFT * peak).mean() > 0.95
+        ):
+            edge = run.output[int(last * len(run.output) / OUTPUT_BLOCKS) :]
+            at = len(run.output) - len(edge) + len(edge) // (OUTPUT_BLOCKS - last)
             falls.append(run.start_s + float(run.time_s[at]))
     span = max((float(run.time_s[-1]) for run in runs), default=0.0)
     alike = [at for at in falls if abs(at - median(np.array(falls))) <= 0.02 * span]

@@ -48,7 +48,7 @@ def span(levels: Sequence[float], unit: str) -> str:
 
 
 QUANTITIES = {"N·m": "torque", "N": "force", "RPM": "speed", "kPa": "stress", "°C": "temperature"}
-INPUTS = {"%": "duty", "N": "force", "RPM": "speed", "V": "voltage", "bar": "pressure", "A": "current"}
+INPUT_WORDS = {"%": "duty", "N": "force", "RPM": "speed", "V": "voltage", "bar": "pressure", "A": "current"}
 
 
 def output_word(unit: str) -> str:
@@ -58,7 +58,7 @@ def output_word(unit: str) -> str:
 
 def input_word(unit: str) -> str:
     """What levels of an input in this unit are called: only one in % is a duty."""
-    return INPUTS.get(unit, "level")
+    return INPUT_WORDS.get(unit, "level")
 
 
 class Shown:

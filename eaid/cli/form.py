@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 A = TypeVar("A", bound="Common")
 R = TypeVar("R")
 OUTPUT, PLACE = "Output", "Arguments"
-SHORT = 20  # Letters of a list of words that stand behind an option; longer ones stand in its help
+SHORT_LIST = 20  # Letters of a list of words that stand behind an option; longer ones stand in its help
 
 
 def argument(shown: str, help: str, default: Any = MISSING) -> Any:
@@ -112,12 +112,12 @@ def refuse_idle(args: Options, names: Sequence[str], because: str) -> None:
         raise UsageError(f"{idle[0]}: does nothing {because}; leave it out")
 
 
-WHOLE = (bool, Path, list[Path])  # Types that Typer hands over; all else it hands over as a text
+PLAIN_TYPES = (bool, Path, list[Path])  # Types that Typer hands over; all else it hands over as a text
 
 
 def _default(form: Form) -> Any:
     """A default as Typer hands it over."""
-    return form.default if form.parts[0] in WHOLE else as_typed(form.default)
+    return form.default if form.parts[0] in PLAIN_TYPES else as_typed(form.default)
 
 
 def _parameter(form: Form) -> inspect.Parameter:
@@ -134,7 +134,7 @@ def _parameter(form: Form) -> inspect.Parameter:
         default, *flags, help=re.sub(r"([_*<`])", r"\\\1", help), metavar=behind,  # in the Markdown that Typer shows
         show_default=default is not None and default is not False, rich_help_panel=None if placed else declared.group,
     )  # fmt: skip
-    hint = form.parts[0] if form.parts[0] in WHOLE else list[str] if form.parts[0] == Mapping[str, str] else str
+    hint = form.parts[0] if form.parts[0] in PLAIN_TYPES else list[str] if form.parts[0] == Mapping[str, str] else str
     return inspect.Parameter(
         form.name, inspect.Parameter.KEYWORD_ONLY, default=info, annotation=hint if default is not None else hint | None
     )
@@ -149,7 +149,7 @@ def _metavar(form: Form) -> str:
         plain = {bool: "", list[Path]: "FILE", Path: "PATH", str: "TEXT", tuple[float, ...]: "NUMBER,…"}
         return declared.shown or plain.get(kind, "NUMBER")
     words = "|".join(declared.words) + (",…" if form.several else "|NUMBER" if number else "")
-    return words if len(words) <= SHORT else "WORD,…" if form.several else "WORD|NUMBER" if number else "WORD"
+    return words if len(words) <= SHORT_LIST else "WORD,…" if form.several else "WORD|NUMBER" if number else "WORD"
 
 
 def _typed_words(shown: Sequence[Form], typed: Mapping[str, Any]) -> tuple[str, ...]:

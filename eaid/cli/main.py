@@ -136,18 +136,18 @@ def run(arguments: Sequence[str] | None = None) -> int:
     return code
 
 
-ALIKE = 3  # So many files with the same fault are one sentence and a count
+FAULTS_ALIKE = 3  # So many files with the same fault are one sentence and a count
 
 
 def once_each(sentences: Sequence[str]) -> list[str]:
-    """Each cause once: of sentences alike but for numbers, of `ALIKE` files or more, the first and a count."""
+    """Each cause once: of sentences alike but for numbers, of `FAULTS_ALIKE` files or more, the first and a count."""
     causes: dict[str, list[str]] = {}
     for sentence in sentences:
         causes.setdefault(re.sub(r"\d+(\.\d+)?", "", sentence.partition(": ")[2]), []).append(sentence)
     shown = []
     for alike in causes.values():
         files = {sentence.partition(": ")[0] for sentence in alike}
-        shown += alike if len(files) < ALIKE else [f"{alike[0]} ({len(alike) - 1} more alike: --verbose)"]
+        shown += alike if len(files) < FAULTS_ALIKE else [f"{alike[0]} ({len(alike) - 1} more alike: --verbose)"]
     return shown
 
 

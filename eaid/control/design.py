@@ -40,9 +40,9 @@ from eaid.results.gains import (
     Timing,
 )
 
-ROUNDING = 1e-9  # By how much ρ may fall short [N·m/s]
-DUTIES = 19
-INSTANTS = 200
+RHO_ROUNDING = 1e-9  # By how much ρ may fall short [N·m/s]
+DESIGN_INPUTS = 19
+DESIGN_INSTANTS = 200
 DIRECTIONS = 7200  # Of the half plane of ξ; V and |z| are even
 
 
@@ -83,7 +83,7 @@ def robust_of(model: LinearPlant, bounds: Bounds, design: Design) -> Robust:
     term = B_M * phi if as_printed else phi / B_m
     rho, needed = line(alpha, term), line(reached, term) if reached < 1 else None
     covers = needed is not None and (
-        rho.constant >= needed.constant - ROUNDING and rho.slope >= needed.slope - ROUNDING
+        rho.constant >= needed.constant - RHO_ROUNDING and rho.slope >= needed.slope - RHO_ROUNDING
     )
     Q12 = p / (2 * K_P)
     Q22 = (p + 2 * Q12) / (2 * K_D)
@@ -146,12 +146,14 @@ def phi_needed(model: LinearPlant, bounds: Bounds, plant: Plant | None) -> float
             for row, torque in itertools.product(bounds.rows, ends)
         )
         return max(map(abs, levels), default=None)
-    duties = np.linspace(*plant.u_range, DUTIES)
+    duties = np.linspace(*plant.u_range, DESIGN_INPUTS)
     steady, starts = plant.steady(duties), np.append(0.0, plant.steady(duties))[:, None]
     most = 0.0
     for duty, end in zip(duties.tolist(), steady.tolist(), strict=True):
         longest = 5 * plant.slowest_s(duty)
-        gone, rate = unit_step(plant, np.append(0.0, np.geomspace(min(1e-3, 1e-3 * longest), longest, INSTANTS)), duty)
+        gone, rate = unit_step(
+            plant, np.append(0.0, np.geomspace(min(1e-3, 1e-3 * longest), longest, DESIGN_INSTANTS)), duty
+        )
         torque, slope = starts + (end - starts) * gone, (end - starts) * rate
         left: Array = duty - (model.a0 * torque - model.c0) / model.b0
         one, other = bounds.B_m * slope, bounds.B_M * slope

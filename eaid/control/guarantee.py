@@ -35,7 +35,7 @@ from eaid.plant.linear import LinearPlant
 from eaid.plant.operating import lag
 from eaid.results.gains import Condition, Guarantee, Mending, Robust, Timing
 
-ROUNDING = 1e-9  # Share by which the needed may exceed the available
+NEED_ROUNDING = 1e-9  # Share by which the needed may exceed the available
 SHARP = 5.0  # γε below which the printed switch, Eq. (14), visibly jumps at z = 0
 
 
@@ -111,7 +111,7 @@ def guarantee_of(rc: Robust, known: Known) -> Guarantee:
     reach = None if reference is None else float(reference.max()) + (rc.ultimate_bound_nm or 0.0)
     least, most = (None, None) if reference is None else duties_asked(rc, known, reference)
     low, high = known.limits
-    span = ROUNDING * (high - low)
+    span = NEED_ROUNDING * (high - low)
     conditions = [
         Condition("rho", rc.rho_covers, needed_rho, rc.rho.constant, per_s),
         Condition("phi", _within(known.phi, rc.phi_honest_pct), known.phi, rc.phi_honest_pct, unit),
@@ -128,7 +128,7 @@ def guarantee_of(rc: Robust, known: Known) -> Guarantee:
 
 
 def _within(needed: float | None, available: float | None) -> bool | None:
-    return None if needed is None or available is None else bool(needed <= available * (1 + ROUNDING))
+    return None if needed is None or available is None else bool(needed <= available * (1 + NEED_ROUNDING))
 
 
 def finite(value: float | None) -> float | None:

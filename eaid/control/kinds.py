@@ -62,7 +62,7 @@ class LawKind:
     around: Callable[[Any], Any] | None = None  # Its linear part where its state is more than an integral
 
 
-ROWS = (
+CONTROLLER_ROWS = (
     LawKind("rc", "RC", RCGains, rc_step, rc_law, Robust.SHOWN,
             ("K_P", "K_D", "B_hat", "b0", "epsilon", "gamma", "Q22")),
     LawKind("pi", "PI", PIGains, pi_step, pi_law, PI.SHOWN),
@@ -72,18 +72,18 @@ ROWS = (
          {"K_P": "K_P", "K_I": "K_I", "dead_time_s": "dead time"}, ("dead_time_s", "a0", "b0"), smith.design,
          smith.start, smith.Around),
 )  # fmt: skip
-LAW_KINDS: dict[str, LawKind] = {row.name: row for row in ROWS}
+LAW_KINDS: dict[str, LawKind] = {row.name: row for row in CONTROLLER_ROWS}
 
 
 def kind_of(gains: Law) -> LawKind:
     """The row of what a step takes."""
-    return next(row for row in ROWS if isinstance(gains, row.gains))
+    return next(row for row in CONTROLLER_ROWS if isinstance(gains, row.gains))
 
 
 def designs(wanted: Wanted) -> tuple[dict[str, dict[str, float]], dict[str, str]]:
     """Gains of the controllers that follow from the robust one, by name, and why others have none."""
     made, refused = {}, {}
-    for row in ROWS:
+    for row in CONTROLLER_ROWS:
         try:
             held = None if row.design is None else row.design(wanted)
         except GainsError as error:

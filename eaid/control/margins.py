@@ -49,7 +49,7 @@ class Point(NamedTuple):
     falling: bool = False  # With the time constants of an output that falls
 
 
-POINTS = 10  # Operating points of the margins where the fit names no levels
+MARGIN_POINTS = 10  # Operating points of the margins where the fit names no levels
 
 
 def operating_points(
@@ -63,7 +63,7 @@ def operating_points(
     first-order models of the levels, else the pooled one in the middle of the actuator's range."""
     if plant is not None and any(plant.Ts[1:]):
         low, high = plant.u_range
-        duties = [u for u in levels if low <= u <= high] or np.linspace(low, high, POINTS).tolist()
+        duties = [u for u in levels if low <= u <= high] or np.linspace(low, high, MARGIN_POINTS).tolist()
         down = falling(plant)
         ways = [(False, plant)] + ([(True, down)] if down is not None else [])
         return [Point(u, float(plant.steady(u)), around(way, u), falls) for falls, way in ways for u in duties]

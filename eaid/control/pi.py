@@ -42,10 +42,10 @@ def pi_step(
 
 PAPER_PI = (21.0, 360.0)  # K_P and K_I of §V-B
 BAND = 0.02  # Settling band, share of the step
-BEYOND = BAND * (1 + 1e-9)  # A lobe that touches the band is within it: rounding must not tell
+BEYOND_BAND = BAND * (1 + 1e-9)  # A lobe that touches the band is within it: rounding must not tell
 MOST_OVERSHOOT_PCT = 95.0  # Beyond it a loop swings for hundreds of periods
-NONE = 1e-9  # An overshoot below this share of the step is none
-CLOSE = 1e-15  # Share of itself to which a root is found
+NO_OVERSHOOT = 1e-9  # An overshoot below this share of the step is none
+ROOT_CLOSE = 1e-15  # Share of itself to which a root is found
 INWARD = 1e-12  # By what share of itself p is drawn inward: where the settling time jumps, rounding must not undo it
 
 
@@ -83,7 +83,7 @@ class Loop(NamedTuple):
         turns = [float((np.log1p(d * x) / d).real)]
         if turns[0] <= 0:
             turns[0] += spacing
-        while abs(self.error(turns[-1])) > BEYOND:
+        while abs(self.error(turns[-1])) > BEYOND_BAND:
             turns.append(turns[-1] + spacing)
         return turns
 
@@ -94,14 +94,14 @@ class Loop(NamedTuple):
     def settling_s(self) -> float:
         """The last time at which the torque leaves the band."""
         turns = self.turns()
-        start = max((t for t in turns if abs(self.error(t)) > BEYOND), default=0.0)
+        start = max((t for t in turns if abs(self.error(t)) > BEYOND_BAND), default=0.0)
         end = min((t for t in turns if t > start), default=math.inf)
         if math.isinf(end):
             end = start + 1 / -(self.s1 + self.s2).real
             while abs(self.error(end)) > BAND:
                 end = start + 2 * (end - start)
         side = math.copysign(1.0, self.error(start))
-        return float(brentq(lambda t: side * self.error(t) - BAND, start, end, xtol=CLOSE * end))
+        return float(brentq(lambda t: side * self.error(t) - BAND, start, end, xtol=ROOT_CLOSE * end))
 
 
 def step_metrics(model: LinearPlant, K_P: float, K_I: float) -> tuple[float, float]:
@@ -121,7 +121,7 @@ def step_metrics(model: LinearPlant, K_P: float, K_I: float) -> tuple[float, flo
 def _q_of_overshoot(a0: float, p: float, overshoot: float) -> float:
     """q that gives an overshoot (share of the step) at a given p; overshoot rises with q from q = a0 (p − a0)."""
     low = a0 * (p - a0)  # there zero and pole cancel: first order, no overshoot
-    if overshoot <= NONE and low > 0:
+    if overshoot <= NO_OVERSHOOT and low > 0:
         return low
 
     def above(q: float) -> float:
@@ -130,7 +130,7 @@ def _q_of_overshoot(a0: float, p: float, overshoot: float) -> float:
     high = max(low, p * p, a0 * a0)
     while above(high) < 0:
         high *= 2
-    return float(brentq(above, low, high, xtol=CLOSE * high))
+    return float(brentq(above, low, high, xtol=ROOT_CLOSE * high))
 
 
 def pi_gains(model: LinearPlant, overshoot_pct: float, settling_s: float) -> tuple[float, float]:
@@ -160,6 +160,6 @@ def pi_gains(model: LinearPlant, overshoot_pct: float, settling_s: float) -> tup
     high = low
     while settles(high) > settling_s:
         low, high = high, high * 1.05
-    high = float(brentq(lambda p: settles(p) - settling_s, low, high, xtol=CLOSE * high))
+    high = float(brentq(lambda p: settles(p) - settling_s, low, high, xtol=ROOT_CLOSE * high))
     high *= 1 + INWARD
     return (high - a0) / model.b0, _q_of_overshoot(a0, high, share) / model.b0

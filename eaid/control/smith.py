@@ -26,7 +26,7 @@ from eaid.plant.linear import LinearPlant
 from eaid.plant.operating import Complex
 
 WRONG = (0.8, 1.0, 1.2)  # Factors on the dead time under which the loop has its margins
-SHORT = 0.1  # Share of 1/a0 below which a dead time is not worth a predictor
+SHORT_DEAD_TIME = 0.1  # Share of 1/a0 below which a dead time is not worth a predictor
 
 
 class SmithGains(NamedTuple):
@@ -112,7 +112,7 @@ def law(model: LinearPlant, held: Any, limits: tuple[float, float]) -> SmithGain
 def design(wanted: Wanted) -> dict[str, float] | None:
     """The quickest gains that bear a wrong dead time; None where it is short, GainsError where there are none."""
     model, late_s = wanted.model, wanted.timing.delay_s
-    if late_s * model.a0 < SHORT:
+    if late_s * model.a0 < SHORT_DEAD_TIME:
         return None
 
     def made(K_P: float, K_I: float) -> SmithGains:

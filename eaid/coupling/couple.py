@@ -231,14 +231,14 @@ def replayed_stiffness(
     return None
 
 
-PER_LAG = 1000  # Samples in the fastest lag from which a rig is sampled no faster by itself …
+WALL_PER_LAG = 1000  # Samples in the fastest lag from which a rig is sampled no faster by itself …
 PER_LIMB = 20  # … nor in the limb's time J/b
 
 
 def paced(rate_hz: float, plant: Plant, options: CoupleOptions) -> float:
     """A control rate, lower where plant and limb are so slow that it serves nothing [Hz]."""
     fastest = float(np.min(plant.time_constants(np.array(plant.u_range))[0]))
-    enough = max(PER_LAG / fastest, PER_LIMB * options.limb_damping / options.limb_inertia)
+    enough = max(WALL_PER_LAG / fastest, PER_LIMB * options.limb_damping / options.limb_inertia)
     return rate_hz if rate_hz <= enough else float(f"{enough:.2g}")
 
 

@@ -77,8 +77,8 @@ def unit_name(text: str) -> str:
     return harmless(re.sub(r"[\"'\\{}<>]", "", text))[:20] or UNKNOWN
 
 
-LARGEST: dict[Precision, float] = {"double": 1e60, "single": 1e15}  # Constant: its square is a number still
-WHOLE = 1e-9  # Part of a sample by which a dead time may miss whole ones
+LARGEST_CONSTANT: dict[Precision, float] = {"double": 1e60, "single": 1e15}  # Constant: its square is a number still
+WHOLE_SAMPLES = 1e-9  # Part of a sample by which a dead time may miss whole ones
 SEARCHES = 16  # Tries of the inverse's search at most: twelve are the most seen
 # The search ends when it moves the duty by no more than that
 TOLERANCE = {"double": DUTY_TOLERANCE_PCT, "single": 1e-4}
@@ -135,7 +135,7 @@ class Rig:
     def dead_time(self, plant: Plant) -> tuple[int, float, float]:
         """Whole samples until a duty acts, and the parts of a sample [s] before and after it does."""
         whole, part = in_samples(plant.dead_time_s, self.dt_s)
-        part = part if part > WHOLE else 0.0
+        part = part if part > WHOLE_SAMPLES else 0.0
         return whole, part * self.dt_s, (1 - part) * self.dt_s
 
     def per(self, unit: str) -> str:
@@ -204,7 +204,9 @@ def plant_constants(plant: Plant, rig: Rig) -> Entries:
         Entry("tau_floor", p.floor, "s", "shortest time constant"),
     )
     if plant.falls_as_release:
-        lags += (Entry("release_below", LARGEST[rig.precision], i, "inputs below it, all, have the release's τ"),)
+        lags += (
+            Entry("release_below", LARGEST_CONSTANT[rig.precision], i, "inputs below it, all, have the release's τ"),
+        )
     elif plant.falls != (1.0, 1.0):
         lags += tuple(Entry(f"falls{k}", p.falls[k - 1], "", f"factor on τ{k} of falls between levels") for k in (1, 2))
     if plant.zeta is not None:

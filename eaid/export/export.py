@@ -17,7 +17,7 @@ from eaid.results import codec
 from eaid.results.common import Input
 from eaid.results.fit import Fit
 from eaid.results.gains import Condition, Gains, Guarantee, Timing
-from eaid.results.verdict import PLANT
+from eaid.results.verdict import PLANT_MODELS
 
 
 def offered(gains: Gains, fit: Fit) -> tuple[str, ...] | None:
@@ -36,7 +36,7 @@ def offered(gains: Gains, fit: Fit) -> tuple[str, ...] | None:
     return () if not {"pi", "rc"} & set(laws) else None if laws == source.laws else laws
 
 
-NOTICED = 0.01  # Idle output of which is told, as a part of the largest
+NOTICED_IDLE = 0.01  # Idle output of which is told, as a part of the largest
 
 
 def _findings(source: Source, laws: tuple[str, ...], rate_hz: float, options: ExportOptions) -> Iterator[Finding]:
@@ -52,7 +52,7 @@ def _findings(source: Source, laws: tuple[str, ...], rate_hz: float, options: Ex
         yield from _gains(source, source.gains, laws, rate_hz)
     if {"inverse", "plant"} & set(laws):
         subject = "plant" if "plant" in laws else "inverse"
-        if source.fit is not None and (why := source.fit.verdict.of(*PLANT).sentence):
+        if source.fit is not None and (why := source.fit.verdict.of(*PLANT_MODELS).sentence):
             yield finding("export-not-usable", subject, why=why)
         if (plant := source.plant) is not None:
             if "inverse" in laws and plant.dead_time_s > 0:
@@ -61,7 +61,7 @@ def _findings(source: Source, laws: tuple[str, ...], rate_hz: float, options: Ex
                 yield finding("export-no-release", subject)
             if plant.excess:
                 yield finding("export-no-hysteresis", subject, excess_pct=100 * plant.excess)
-            if abs(plant.idle) > NOTICED * source.top:
+            if abs(plant.idle) > NOTICED_IDLE * source.top:
                 yield finding("export-from-rest", subject, idle=plant.idle, unit=source.units[1])
 
 

@@ -13,7 +13,7 @@ from eaid.control.rc import RCGains
 from eaid.errors import UsageError, in_python
 from eaid.export import reference
 from eaid.export.constants import (
-    LARGEST,
+    LARGEST_CONSTANT,
     SERIES,
     Entries,
     Precision,
@@ -95,8 +95,8 @@ def source_of(gains: Gains | None, fit: Fit | None) -> Source:
     return Source(None, fit, {}, plant, input_limits(fit), units, Timing(control_rate(fit)))
 
 
-GO_ON, RESET, START = 0, 1, 2  # What comes before a row's step: nothing, a reset, a bumpless start
-ROWS = 60  # Rows of the longest case
+GO_ON, RESET, BUMPLESS = 0, 1, 2  # What comes before a row's step: nothing, a reset, a bumpless start
+CASE_ROWS = 60  # Rows of the longest case
 
 
 class Vector(NamedTuple):
@@ -113,7 +113,7 @@ class Vector(NamedTuple):
     status: int
 
 
-CONTROLLERS: dict[str, Any] = {"pi": reference.PI, "rc": reference.RC, "inverse": reference.Inverse}
+REFERENCES: dict[str, Any] = {"pi": reference.PI, "rc": reference.RC, "inverse": reference.Inverse}
 
 Row = tuple[str, int, float, float, float, float]
 
@@ -132,19 +132,19 @@ def vectors(constants: Mapping[str, Entries], top: float, rig: Rig) -> Iterator[
                 yield Vector(law, case, before, held, nothing, nothing, nothing, torque, plant.status)
         elif law == "rate":
             rate = reference.Rate(c)
-            for k in range(ROWS):
+            for k in range(CASE_ROWS):
                 number = top * (0.2 + 0.1 * math.sin(0.3 * k)) + (0.5 if k >= 45 else 0.0)
-                wanted = rounded(math.nan if k == ROWS // 2 else number, rig.precision)
+                wanted = rounded(math.nan if k == CASE_ROWS // 2 else number, rig.precision)
                 slope = rounded(rate.step(wanted), rig.precision)
                 before = RESET if k == 0 else GO_ON
                 yield Vector(law, "rate", before, wanted, nothing, nothing, nothing, slope, 0)
         else:
-            controller = CONTROLLERS[law](c)
+            controller = REFERENCES[law](c)
             for case, before, *numbers in _rows(top, float(c.dt), float(c.duty_min), float(c.duty_max)):
                 wanted, slope, torque, duty = (rounded(number, rig.precision) for number in numbers)
                 if before == RESET:
                     controller.reset()
-                elif before == START:
+                elif before == BUMPLESS:
                     controller.start(wanted, slope, torque, duty)
                 given = controller.step(wanted, slope, torque)
                 yield Vector(law, case, before, wanted, slope, torque, duty, given, controller.status)
@@ -152,11 +152,11 @@ def vectors(constants: Mapping[str, Entries], top: float, rig: Rig) -> Iterator[
 
 def _rows(top: float, dt: float, low: float, high: float) -> Iterator[Row]:
     torque = 0.0
-    for k in range(ROWS):
-        wanted = top * (0.1, 0.4, 0.2)[k * 3 // ROWS]
+    for k in range(CASE_ROWS):
+        wanted = top * (0.1, 0.4, 0.2)[k * 3 // CASE_ROWS]
         yield "steps", RESET if k == 0 else GO_ON, wanted, 0.0, torque, 0.0
         torque += 0.05 * (wanted - torque)
-    for k in range(ROWS):
+    for k in range(CASE_ROWS):
         angles = [2 * math.pi * f * 8 * k * dt + 1.7 * i * i for i, f in enumerate((0.2, 0.5, 1.0, 2.0, 4.0))]
         wanted = top * (0.4 + 0.05 * sum(math.sin(a) for a in angles))
         slope = (
@@ -164,8 +164,8 @@ def _rows(top: float, dt: float, low: float, high: float) -> Iterator[Row]:
         )
         yield "multisine", RESET if k == 0 else GO_ON, wanted, slope, torque, 0.0
         torque += 0.2 * (wanted - torque)
-    for k in range(ROWS // 2):
-        wanted = top * (3.0 if k < ROWS // 4 else -1.0)
+    for k in range(CASE_ROWS // 2):
+        wanted = top * (3.0 if k < CASE_ROWS // 4 else -1.0)
         yield "saturation", RESET if k == 0 else GO_ON, wanted, 0.0, torque, 0.0
         torque += 0.02 * (wanted - torque)
     bad = (math.nan, math.inf, -math.inf, 1e12)
@@ -174,14 +174,21 @@ def _rows(top: float, dt: float, low: float, high: float) -> Iterator[Row]:
         row[place] = value
         yield "bad-input", RESET if k == 0 else GO_ON, row[0], row[1], row[2], 0.0
         yield "bad-input", GO_ON, 0.3 * top, 0.0, torque, 0.0
-    for k in range(ROWS // 2):
-        duty = low + (high - low) * (0.25 if k < ROWS // 4 else 0.7)
-        yield "switch", START if k % (ROWS // 4) == 0 else GO_ON, 0.3 * top, 0.1 * top, 0.29 * top + 1e-3 * k, duty
+    for k in range(CASE_ROWS // 2):
+        duty = low + (high - low) * (0.25 if k < CASE_ROWS // 4 else 0.7)
+        yield (
+            "switch",
+            BUMPLESS if k % (CASE_ROWS // 4) == 0 else GO_ON,
+            0.3 * top,
+            0.1 * top,
+            0.29 * top + 1e-3 * k,
+            duty,
+        )
 
 
 def _duties(high: float, delay: int) -> Iterator[tuple[str, int, float]]:
-    for k in range(2 * ROWS):
-        yield "steps", RESET if k == 0 else GO_ON, high * (0.0, 1.0, 0.3, 0.05, 0.0, 1.5, -0.2, 0.6)[k * 4 // ROWS]
+    for k in range(2 * CASE_ROWS):
+        yield "steps", RESET if k == 0 else GO_ON, high * (0.0, 1.0, 0.3, 0.05, 0.0, 1.5, -0.2, 0.6)[k * 4 // CASE_ROWS]
     for duty in (math.nan, 0.5 * high, math.inf, *[0.5 * high] * (delay + 1)):
         yield "bad-input", GO_ON, duty
 
@@ -255,7 +262,7 @@ def _refuse_what_is_too_large(law: str, entries: Entries, precision: Precision) 
     for entry in entries:
         if isinstance(entry.value, tuple):
             _refuse_what_is_too_large(law, entry.value, precision)
-        elif not abs(entry.value) <= LARGEST[precision]:
+        elif not abs(entry.value) <= LARGEST_CONSTANT[precision]:
             raise UsageError(
                 f"{law}: {entry.name} is {entry.value:g}, which {precision} precision cannot hold safely; export others"
             )

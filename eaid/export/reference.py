@@ -19,7 +19,7 @@ Number: TypeAlias = Any  # float or numpy.float32
 
 BAD_INPUT, AT_MIN, AT_MAX = 2, 4, 8  # Bits of the status; the sample time is here always the right one
 HUGE = 1e9  # Inputs beyond it are as bad as NaN
-TANH_IS_ONE = 19.1
+TANH_ONE = 19.1
 SPANS, HALVINGS = 40, 60  # Doublings and halvings in which a bumpless start finds its integral
 
 
@@ -139,11 +139,11 @@ class RC(Integral):
         rho = c.rho_constant + c.rho_slope * type(squares)(math.sqrt(squares))
         signed = -rho if z < 0.0 else rho
         distance = c.gamma * (abs(z) - c.epsilon)
-        if distance > TANH_IS_ONE:
+        if distance > TANH_ONE:
             omega = signed
         else:
             omega = rho * z / c.epsilon
-            if distance >= -TANH_IS_ONE:
+            if distance >= -TANH_ONE:
                 share = (tanh(c.series, distance) + c.at_zero) / (1.0 + c.at_zero)
                 omega = share * signed + (1.0 - share) * omega
         y = reference_rate + c.K_D * error + c.K_P * integral + omega

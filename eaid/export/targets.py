@@ -83,7 +83,7 @@ def log_header(into: str, out: str) -> str:
 
 # Every file of an export bears it near its beginning, an FMU at its end, vectors.csv its columns instead
 MARK = b", made by eaid "
-FLAGS = ("-O2", "-std=c99", "-fPIC", "-shared", "-ffp-contract=off", "-fvisibility=hidden")
+COMPILER_FLAGS = ("-O2", "-std=c99", "-fPIC", "-shared", "-ffp-contract=off", "-fvisibility=hidden")
 
 
 def _zipped(name: str, description: str, sources: Mapping[str, str]) -> bytes:
@@ -118,7 +118,7 @@ def binary(name: str, sources: Mapping[str, str]) -> tuple[str, bytes] | None:
             (Path(folder) / path).write_text(text, encoding="utf-8")
         out = f"{name}{platform_of[1]}"
         done = subprocess.run(
-            [compiler, *FLAGS, "-o", out, *(path for path in sources if path.endswith(".c")), "-lm"],
+            [compiler, *COMPILER_FLAGS, "-o", out, *(path for path in sources if path.endswith(".c")), "-lm"],
             cwd=folder, capture_output=True, check=False,
         )  # fmt: skip
         if done.returncode != 0:

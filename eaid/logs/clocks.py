@@ -1,7 +1,8 @@
 """Several columns of time in one log: whether they tell the same time.
 
-Both are taken at the ends of `BLOCKS` equal parts of the log. They contradict each other where, in most parts, what one
-says to have passed differs from what the other says by more than `OFF` of the longer, and by more than both resolve.
+Both are taken at the ends of `CLOCK_BLOCKS` equal parts of the log. They contradict each other where, in most parts,
+what one says to have passed differs from what the other says by more than `OFF` of the longer, and by more than both
+resolve.
 """
 
 import contextlib
@@ -18,7 +19,7 @@ from eaid.logs.table import Table
 from eaid.logs.units import TIME_FACTORS, time_unit
 
 OFF = 0.05  # Share by which two clocks may differ: no clock drifts so far, and units differ by 24 and more
-BLOCKS = 20
+CLOCK_BLOCKS = 20
 
 
 class Clock(NamedTuple):
@@ -52,7 +53,7 @@ def contradicting(time: Clock, others: Sequence[Clock]) -> Clock | None:
 
 def _agree(one: Clock, other: Clock) -> bool:
     whole = np.flatnonzero(np.isfinite(one.time_s) & np.isfinite(other.time_s))
-    if len(whole) < BLOCKS:
+    if len(whole) < CLOCK_BLOCKS:
         return True
     finest = 0.0
     for steps in (np.diff(clock.time_s[whole]) for clock in (one, other)):
@@ -60,7 +61,7 @@ def _agree(one: Clock, other: Clock) -> bool:
         if len(rises) < 3 or (steps < 0).any():
             return True  # it stands, or starts anew: no clock of the whole log
         finest = max(finest, median(rises) if len(rises) < len(steps) else 0.0)
-    at = whole[np.linspace(0, len(whole) - 1, BLOCKS).astype(np.intp)]
+    at = whole[np.linspace(0, len(whole) - 1, CLOCK_BLOCKS).astype(np.intp)]
     a, b = np.diff(one.time_s[at]), np.diff(other.time_s[at])
     return bool(median(np.abs(a - b) - OFF * np.maximum(a, b)) <= 2 * finest)
 

@@ -29,7 +29,7 @@ TIME = (
     Group("s", ("timestamp", "seconds", "sec", "secs", "s", "ms", "us", "millis", "micros", "minutes", "hours", "days",
                 "clock", "datetime", "posixtime", "unixtime", "epoch")),
 )  # fmt: skip
-INPUTS: dict[ExperimentKind, tuple[Group, ...]] = {
+INPUT_GROUPS: dict[ExperimentKind, tuple[Group, ...]] = {
     "clutch": (
         Group("%", ("duty", "dutycycle", "pwm", "throttle", "tastgrad")),
         Group("", ("control", "controlsignal", "command", "cmd", "input", "u")),
@@ -176,7 +176,7 @@ def match_columns(path: str, table: Table, options: ReadOptions) -> Roles:
         inputs = [(kind, named["input"])]
     else:  # at most one a kind
         inputs = []
-        for kind, groups in INPUTS.items():
+        for kind, groups in INPUT_GROUPS.items():
             which = next((hit for group in groups if (hit := _measuring(table, group, taken))), [])
             if options.kind in (None, kind) and (column := _only(path, "input", which, names)) is not None:
                 inputs.append((kind, column))
@@ -270,7 +270,7 @@ def slips(name: str, unit: str) -> bool:
 
 def kind_of(name: str, unit: str) -> ExperimentKind:
     """Experiment that a user's own choice of input column means."""
-    for kind, groups in INPUTS.items():
+    for kind, groups in INPUT_GROUPS.items():
         if any(_alike([name], group.names, set()) for group in groups):
             return kind
     kinds: dict[str, ExperimentKind] = {
@@ -286,7 +286,7 @@ def default_unit(column: str, groups: Sequence[Group]) -> str:
     return next((group.unit for group in groups if _alike([column], group.names, set())), "")
 
 
-FEWEST = 20  # Samples below which a column is too short to step
+FEWEST_IN_COLUMN = 20  # Samples below which a column is too short to step
 
 
 def chosen_table(source: str, tables: Sequence[Table], options: ReadOptions) -> tuple[Table, Roles]:
@@ -315,7 +315,7 @@ def chosen_table(source: str, tables: Sequence[Table], options: ReadOptions) -> 
         )
     full = [pair for pair in good if pair[1].inputs]
     if not full and {options.variable, options.name_pattern} == {None} and "input" not in options.columns:
-        words = {word for group in INPUTS["clutch"] for word in group.names}
+        words = {word for group in INPUT_GROUPS["clutch"] for word in group.names}
         beside = [name for table in tables if all(table is not one for one, _ in good) for name in table.columns]
         if called := [beside[i] for i in _alike(beside, words, set())]:
             raise DataError(
@@ -366,8 +366,8 @@ def rises(values: NDArray[Any]) -> bool:
 
 def leaves_rest(values: NDArray[Any]) -> int | None:
     """First row on which a column is beyond what its first fiftieth did; None of one that stands still, or is noise."""
-    head = values[: max(FEWEST, len(values) // 50)]
-    if len(values) <= FEWEST or not np.isfinite(values).all():
+    head = values[: max(FEWEST_IN_COLUMN, len(values) // 50)]
+    if len(values) <= FEWEST_IN_COLUMN or not np.isfinite(values).all():
         return None
     away = np.abs(values - np.median(head))
     beyond = max(1.5 * float(np.ptp(head)), 0.01 * float(away.max()))
@@ -377,7 +377,7 @@ def leaves_rest(values: NDArray[Any]) -> int | None:
 def steps(values: NDArray[Any]) -> bool:
     """Whether a column stands still but for a few jumps, each from one sample to the next, as a commanded input."""
     kept = values[np.isfinite(values)].astype(np.float64)
-    span = float(np.ptp(kept)) if len(kept) >= FEWEST else 0.0
+    span = float(np.ptp(kept)) if len(kept) >= FEWEST_IN_COLUMN else 0.0
     if span == 0.0:
         return False
     moves = np.abs(np.diff(kept)) > 0.01 * span

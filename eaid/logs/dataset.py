@@ -29,9 +29,9 @@ from eaid.version import __version__
 
 SCHEMA = "eaid/data/1"
 # Each dataset's name and the field of `Run`; the columns that every run has, and those that some have
-COLUMNS = {"time_s": "time_s", "input": "input", "torque_nm": "output"}
+DATASET_COLUMNS = {"time_s": "time_s", "input": "input", "torque_nm": "output"}
 MORE = {"reference_nm": "reference_nm", "position": "position"}
-AGAIN = "ingest the logs again"
+INGEST_AGAIN = "ingest the logs again"
 
 
 class _Root(msgspec.Struct, omit_defaults=True):
@@ -80,7 +80,7 @@ def write_dataset(
         folder = file.create_group("runs")
         for run in runs:
             group = folder.create_group(run.name.replace("/", "_"))
-            for name, field in (COLUMNS | MORE).items():
+            for name, field in (DATASET_COLUMNS | MORE).items():
                 if (values := getattr(run, field)) is not None:
                     group.create_dataset(
                         name, data=np.asarray(values, dtype=np.float64), chunks=(min(len(values), 1 << 17),),
@@ -100,17 +100,17 @@ def read_dataset(path: Path, source: str, sha256: str, repair: bool) -> tuple[li
         stored = attributes(file)
         root = msgspec.convert(stored, _Root, strict=False)
         if root.schema != SCHEMA:
-            raise DataError(f"{source}: its schema is {root.schema!r}, and this eaid reads {SCHEMA!r}; {AGAIN}")
+            raise DataError(f"{source}: its schema is {root.schema!r}, and this eaid reads {SCHEMA!r}; {INGEST_AGAIN}")
         if root.kind not in INPUT_UNITS:
             raise DataError(f"{source}: its kind is {root.kind!r}; it must be one of {', '.join(INPUT_UNITS)}")
         names = sorted(file["runs"]) if isinstance(file.get("runs"), h5py.Group) else []
         if not names:
-            raise DataError(f"{source}: holds no runs; {AGAIN}")
+            raise DataError(f"{source}: holds no runs; {INGEST_AGAIN}")
         rig = {field.name: stored[field.name] for field in dataclasses.fields(Apparatus) if field.name in stored}
         try:
             apparatus = msgspec.convert(rig, Apparatus, strict=False) if rig else None
         except msgspec.ValidationError:
-            raise DataError(f"{source}: its apparatus holds what is no number; {AGAIN}") from None
+            raise DataError(f"{source}: its apparatus holds what is no number; {INGEST_AGAIN}") from None
         none = np.empty(0)
         input_unit = INPUT_UNITS[root.kind] if root.input_unit is None else root.input_unit
         made_by = None if root.synthetic is None else plain(root.synthetic)
@@ -140,15 +140,17 @@ def _plain(value: Any) -> Any:
 def _read_run(group: h5py.Group, shared: Run, repair: bool) -> Run:
     where = shared.where
     try:
-        columns = {field: read_only(group[name][()]) for name, field in (COLUMNS | MORE).items() if name in group}
+        columns = {
+            field: read_only(group[name][()]) for name, field in (DATASET_COLUMNS | MORE).items() if name in group
+        }
         stored = attributes(group)
     except (OSError, RuntimeError, ValueError, TypeError):
-        raise DataError(f"{where} is damaged and cannot be read; {AGAIN}") from None
-    missing = [name for name, field in COLUMNS.items() if field not in columns]
+        raise DataError(f"{where} is damaged and cannot be read; {INGEST_AGAIN}") from None
+    missing = [name for name, field in DATASET_COLUMNS.items() if field not in columns]
     if missing:
-        raise DataError(f"{where} has no {' and no '.join(missing)}; {AGAIN}")
+        raise DataError(f"{where} has no {' and no '.join(missing)}; {INGEST_AGAIN}")
     if len({values.shape for values in columns.values()}) > 1 or columns["time_s"].ndim != 1:
-        raise DataError(f"{where} has columns of different shape; {AGAIN}")
+        raise DataError(f"{where} has columns of different shape; {INGEST_AGAIN}")
     try:
         facts = msgspec.structs.asdict(msgspec.convert(stored, _Facts))
         written = msgspec.json.decode(str(stored.get("findings", "[]")))
@@ -156,7 +158,7 @@ def _read_run(group: h5py.Group, shared: Run, repair: bool) -> Run:
     except msgspec.MsgspecError as fault:
         match = re.search(r"`\$\.(\w+)`$", str(fault))
         what = f"its {match[1]} is no number" if match else "its findings cannot be read"
-        raise DataError(f"{where}: {what}; {AGAIN}") from None
+        raise DataError(f"{where}: {what}; {INGEST_AGAIN}") from None
     fields = {name: plain(value) if isinstance(value, str) else value for name, value in facts.items()
             if value not in (None, "")}  # fmt: skip
     fields = {name: value for name, value in fields.items() if not isinstance(value, float) or math.isfinite(value)}

@@ -20,7 +20,7 @@ SKIPPED = (
     ".md", ".txt~", ".part", ".json", ".png", ".jpg", ".jpeg", ".pdf", ".svg", ".html", ".toml", ".py", ".m", ".slx",
     ".mdl", ".yaml", ".yml", ".docx", ".pptx", ".ini",
 )  # fmt: skip
-HEAD = 1 << 16  # Bytes of a text by which it is judged
+HEAD_BYTES = 1 << 16  # Bytes of a text by which it is judged
 
 
 def files_of(paths: Iterable[Path], tell: Callable[[str], None] = lambda _: None) -> list[Path]:
@@ -78,7 +78,7 @@ def _kind(path: Path) -> str:
             with h5py.File(path, "r", locking=False) as file:
                 return str(file.attrs["schema"]).split("/")[1]
         with path.open("rb") as raw:
-            head = raw.read(HEAD)
+            head = raw.read(HEAD_BYTES)
     except OSError:
         return "log"  # refused by its name
     form = format_of(head[:4096]).name

@@ -24,7 +24,7 @@ from eaid.options import ReadOptions
 
 NAME = "dataset.toml"
 SCHEMA = "eaid/manifest/1"
-AGAIN = "write it again with «write_manifest» of eaid ingest"
+WRITE_AGAIN = "write it again with «write_manifest» of eaid ingest"
 Value = str | float | bool
 Number = Annotated[float, msgspec.Meta(ge=-1e12, le=1e12)]
 
@@ -80,15 +80,17 @@ def manifest_of(paths: Sequence[Path]) -> Manifest | None:
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except (ValueError, RecursionError) as fault:  # no TOML, no UTF-8, nested too deep, a number of thousands of digits
-        raise DataError(f"{path}: is no TOML ({fault}); {AGAIN}") from None
+        raise DataError(f"{path}: is no TOML ({fault}); {WRITE_AGAIN}") from None
     if content.get("schema") != SCHEMA:
-        raise DataError(f"{path}: its schema is {content.get('schema')!r}, and this eaid reads {SCHEMA!r}; {AGAIN}")
+        raise DataError(
+            f"{path}: its schema is {content.get('schema')!r}, and this eaid reads {SCHEMA!r}; {WRITE_AGAIN}"
+        )
     try:
         manifest = msgspec.convert(content, Manifest)
     except msgspec.ValidationError as fault:
-        raise DataError(f"{path}: {str(fault).replace('$.', '')}; mend it, or {AGAIN}") from None
+        raise DataError(f"{path}: {str(fault).replace('$.', '')}; mend it, or {WRITE_AGAIN}") from None
     if not manifest.log:
-        raise DataError(f"{path}: lists no logs; {AGAIN}")
+        raise DataError(f"{path}: lists no logs; {WRITE_AGAIN}")
     logs = tuple(msgspec.structs.replace(entry, file=str(path.parent / entry.file)) for entry in manifest.log)
     outside = next((entry.file for entry in manifest.log if Path(entry.file).name != entry.file), None)
     if outside is not None:

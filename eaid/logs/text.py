@@ -36,7 +36,7 @@ _CLOCK = re.compile(
 _DATES = ("%Y-%m-%d", "%Y/%m/%d", "%Y.%m.%d", "%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y")
 # A comma that is a decimal mark and cannot be one between thousands
 _DECIMAL = re.compile(r"(?<![\d.,])0+,\d|\d,\d{1,2}(?!\d)|\d,\d{4}")
-ROWS = 3  # Rows of numbers, one below the other, that make a table
+TABLE_ROWS = 3  # Rows of numbers, one below the other, that make a table
 HEAD_BYTES = 1 << 15
 PIECE = 1 << 22  # Characters that are read at once
 # A gzip that unpacks to more than this many times its size is taken for a bomb (recorded logs: about 10)
@@ -132,10 +132,10 @@ def lines_of(head: bytes) -> list[str]:
 
 
 def has_table(lines: list[str]) -> bool:
-    """Whether some `ROWS` lines, one below the other, are rows of one table of numbers."""
+    """Whether some `TABLE_ROWS` lines, one below the other, are rows of one table of numbers."""
     marks, count = _marks(lines)
     rows = "".join("+" if count and marks.is_row(line, count) else "-" for line in lines)
-    return "+" * ROWS in rows
+    return "+" * TABLE_ROWS in rows
 
 
 def sniff(path: str, head: bytes) -> Dialect:
@@ -165,7 +165,7 @@ def sniff(path: str, head: bytes) -> Dialect:
         cells = marks.cells(line, len(line))
         numbers = sum(marks.value(cell) is not None for cell in cells)
         rows = rows + 1 if numbers > 1 and 2 * numbers > len(cells) and not line.lstrip().startswith(COMMENT) else 0
-        if rows == ROWS:
+        if rows == TABLE_ROWS:
             raise DataError(
                 f"{path}: holds two tables, one from row {i - 1} and another from row {start + 1}; "
                 f"save each in a file of its own"

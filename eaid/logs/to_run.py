@@ -14,7 +14,17 @@ from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.findings import Finding, finding
 from eaid.logs.clocks import clock_of, contradicting, contradiction, other_clocks
-from eaid.logs.columns import FEWEST, INPUTS, OUTPUTS, Roles, chosen_table, default_unit, leaves_rest, rises, the_input
+from eaid.logs.columns import (
+    FEWEST_IN_COLUMN,
+    INPUT_GROUPS,
+    OUTPUTS,
+    Roles,
+    chosen_table,
+    default_unit,
+    leaves_rest,
+    rises,
+    the_input,
+)
 from eaid.logs.run import INPUT_UNITS, Run
 from eaid.logs.table import Cells, Table, plain
 from eaid.logs.units import (
@@ -30,8 +40,8 @@ from eaid.logs.units import (
 from eaid.options import ReadOptions
 
 # Beyond it, or all below its inverse, numbers are none that a sensor gives, and their squares may be none at all
-LARGEST = 1e100
-SHOWN = 5  # Bad rows of a kind up to which each is told; of more, the first and a count
+LARGEST_READING = 1e100
+SHOWN_FAULTS = 5  # Bad rows of a kind up to which each is told; of more, the first and a count
 
 
 def checked(
@@ -63,7 +73,7 @@ def checked(
                 f"{source}: column {label} holds no number in any row, but words such as {words[0]!r}; write what they "
                 f"stand for in numbers, or name another column with «columns»"
             )
-        if count >= FEWEST and 0.2 * count < gone < count:
+        if count >= FEWEST_IN_COLUMN and 0.2 * count < gone < count:
             raise DataError(
                 f"{source}: column {label} holds a number in {count - gone} of {count} rows only; save the rows in "
                 f"which it was sampled, or all columns at one rate"
@@ -122,7 +132,7 @@ def checked(
 
 
 def _listed(source: str, faults: Sequence[str], remedy: str) -> list[str]:
-    if len(faults) > SHOWN:
+    if len(faults) > SHOWN_FAULTS:
         faults = [f"{faults[0]}, and {len(faults) - 1} more such rows"]
     return [f"{source}: {what}; {remedy}" for what in faults]
 
@@ -138,7 +148,7 @@ def _loaded(source: str, table: Table, wanted: Sequence[int | None]) -> tuple[Ce
         if values.dtype.kind != "i":
             values = np.asarray(values, dtype=np.float64)
             size = np.abs(values[np.isfinite(values)]).max(initial=0)
-            if size != 0 and not 1 / LARGEST <= size <= LARGEST:
+            if size != 0 and not 1 / LARGEST_READING <= size <= LARGEST_READING:
                 raise DataError(f"{source}: column {table.label(column)} goes to {size:g}, as no sensor does; mend it")
         sane[column] = values
     return cells, sane
@@ -261,7 +271,7 @@ def run_of(
     into = scale_of(source, "output", units.get("output"), table, roles.output, plain_output)
     output = into.of(kept[roles.output])
     if which is not None and kind is not None:
-        plain_input = default_unit(table.columns[which], INPUTS[kind])
+        plain_input = default_unit(table.columns[which], INPUT_GROUPS[kind])
         scale = scale_of(source, "input", units.get("input"), table, which, plain_input)
         input_ = scale.of(kept[which])
     else:

@@ -221,7 +221,7 @@ CLOCKS = (
     ("100 ns since the year 1 (.NET)", 1e7, 6.31e10, 6.61e10),
 )
 # Sample time beyond which a clock without a unit counts not from a fixed day, but in a finer unit from power-up
-SLOWEST_S = 90.0
+SLOWEST_CLOCK_S = 90.0
 FASTEST_HZ = 50_000.0  # Sample rate beyond which a clock whose unit nobody gave is warned of
 BRIEF_S, QUICK_HZ = 2.0, 2000.0  # Span and sample rate of a log that may be one of minutes, if nobody gave the unit
 # Span beyond which a clock whose unit nobody gave counts no seconds, if it counts whole numbers, or seldom
@@ -290,7 +290,7 @@ def seconds_since_start(
                 f"{path}: column {column} holds times of day as numbers, {raw[late[0]]:.10g} and then "
                 f"{raw[late[0] + 1]:.10g}; save it as 16:18:59.9, or in seconds"
             )
-        if counts and usual / per_s <= SLOWEST_S:
+        if counts and usual / per_s <= SLOWEST_CLOCK_S:
             factor = 1.0 / per_s
             if per_s != 1:
                 findings.append(finding("time-since-a-day", path, column=column, counts=counts))
@@ -311,7 +311,7 @@ def _of_seconds(path: str, column: str, gone: Array, usual: float) -> Finding:
     # if it counts no seconds: the coarsest unit with half a second a sample, and an hour in all, at most
     finer = (one for one in ("ms", "us") if max(usual / 0.5, span / LONGEST_S) * TIME_FACTORS[one] <= 1)
     likely = min(("min", "h", "d"), key=off) if brief or too_fast else next(finer, "ns")
-    if too_fast or (span > LONGEST_S and (whole or usual > SLOWEST_S)):
+    if too_fast or (span > LONGEST_S and (whole or usual > SLOWEST_CLOCK_S)):
         return _unclear(path, column, usual, span, likely)
     if whole or brief:
         return finding("time-doubtful", path, column=column, usual_s=usual, span_s=span, likely=likely)

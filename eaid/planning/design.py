@@ -27,7 +27,7 @@ from eaid.estimate.scatter import ASSUMED, neighbours
 from eaid.estimate.spread import satterthwaite, t_quantile
 from eaid.levels.certainty import LEVELS_TO_SPARE
 from eaid.options import PlanOptions
-from eaid.planning.kinds import NUMBERS, is_clutch, refuse_unplanned, steps_of
+from eaid.planning.kinds import NUMBERS_OF_KIND, is_clutch, refuse_unplanned, steps_of
 from eaid.plant.drive import Drive
 from eaid.plant.dynamics import SHARE
 from eaid.recorded.from_logs import Setup
@@ -40,14 +40,14 @@ from eaid.synth.plants import Specimen, clutch, of_fit
 # What a width can be wanted of: the curve over the duty, at its worst level
 PARAMETERS = {"Ts": 0, "tau1": 1, "tau2": 2}
 # Hold times tried, in units of each level's τ2: a record of about τ2 or less does not determine it
-HOLDS = (1.5, 2.0, 3.0, 4.0)
+HOLD_FACTORS = (1.5, 2.0, 3.0, 4.0)
 LEAST_HOLD_S = 5.0
 LEAST_REPEATS, MOST_REPEATS = 3, 20
 KEEPING = 0.8  # Probability with which a session keeps a width that a plan promises
 # Share of the draws that must keep a promised T_s, τ1, τ2 for that: what sessions have beyond the draws (ends by score
 # tests, scatter of levels) was measured (`benchmarks.plans`)
 SHARES = (0.9, 0.8, 0.84)
-SESSIONS = 200  # Draws behind that
+SESSION_DRAWS = 200  # Draws behind that
 UNTOLD = 1e6  # A half-width above which nothing is told [%]
 
 
@@ -92,9 +92,9 @@ class Designer:
         return np.maximum(within, 0.0), (np.einsum("kmi,eij->kmej", g, H @ scattered) ** 2).sum(axis=3)
 
 
-INSTANTS = 60  # Of each hold, at which the sensitivities are taken
+STEP_INSTANTS = 60  # Of each hold, at which the sensitivities are taken
 PER_TURN, MOST_INSTANTS = 40, 2000  # Of what rings, in a turn of its frequency and at most
-ENDLESS_S = 1e9  # A rest that leaves nothing in the states [s]
+ENDLESS_REST_S = 1e9  # A rest that leaves nothing in the states [s]
 
 
 def drive_of_steps(
@@ -113,7 +113,7 @@ def drive_of_steps(
         for at, dt_s, weight in [
             (0, np.array([1.0]), np.array([idle_s])),
             *pieces,
-            (0, np.array([ENDLESS_S]), np.zeros(1)),
+            (0, np.array([ENDLESS_REST_S]), np.zeros(1)),
         ]:
             rows.append(dt_s)
             weights.append(weight)
@@ -125,9 +125,9 @@ def drive_of_steps(
 
 def instants(time_s: float, turn_s: float) -> tuple[Array, Array]:
     """Times between the instants of a stretch, from its begin to its end, and the time that each stands for [s]."""
-    edges = np.concatenate([[0.0], np.geomspace(1e-4 * time_s, time_s, INSTANTS)])
+    edges = np.concatenate([[0.0], np.geomspace(1e-4 * time_s, time_s, STEP_INSTANTS)])
     if turn_s < inf:
-        edges = np.linspace(0.0, time_s, int(np.clip(PER_TURN * time_s / turn_s, INSTANTS, MOST_INSTANTS)) + 1)
+        edges = np.linspace(0.0, time_s, int(np.clip(PER_TURN * time_s / turn_s, STEP_INSTANTS, MOST_INSTANTS)) + 1)
     at = np.concatenate([[0.0], 0.5 * (edges[1:] + edges[:-1]), [time_s]])
     return np.diff(at), np.append(0.0, np.diff(edges))
 
@@ -148,10 +148,12 @@ def level_sets(known: Sequence[float], most: int) -> list[list[float]]:
     return sets
 
 
-POWER = 0.7  # Power of the excess by which a plan is asked for narrower: widths fall faster than their prediction
+NARROWER_POWER = (
+    0.7  # Power of the excess by which a plan is asked for narrower: widths fall faster than their prediction
+)
 # Least factor by which a width that was not kept is asked for narrower, and the excess that counts at most
-LEAST, MOST = 1.03, 3.0
-ROUNDS = 6  # Times that a plan is made larger
+LEAST_NARROWER, MOST = 1.03, 3.0
+PLAN_ROUNDS = 6  # Times that a plan is made larger
 
 # Half-width of the 95 % interval at the worst input [%], by parameter; infinite where there is none
 Widths = dict[str, float]
@@ -178,7 +180,7 @@ def enlarged(
     plan = make(widths)
     rows = measure(plan)
     endless = 0
-    for _ in range(ROUNDS):
+    for _ in range(PLAN_ROUNDS):
         kept = kept_widths(rows, keeping)
         endless += any(min(row[name] for row in rows) == inf for name in wanted)
         excess = {name: kept[name] / width for name, width in wanted.items()}
@@ -186,7 +188,7 @@ def enlarged(
             break
         for name, ratio in excess.items():
             if ratio > 1:
-                widths[name] /= max(LEAST, min(ratio, MOST) ** POWER)
+                widths[name] /= max(LEAST_NARROWER, min(ratio, MOST) ** NARROWER_POWER)
         larger = make(widths)
         if larger != plan:
             known = {name: width for name, width in plan.half_width_pct.items() if 0 < width < inf}
@@ -262,7 +264,7 @@ class FittedRig:
     def numbers(self) -> tuple[str, ...]:
         """What widths are told of."""
         p = self.plant.model
-        return tuple(PARAMETERS) if p is None or is_clutch(p) else NUMBERS.get(p.kind, tuple(PARAMETERS))
+        return tuple(PARAMETERS) if p is None or is_clutch(p) else NUMBERS_OF_KIND.get(p.kind, tuple(PARAMETERS))
 
     @property
     def degrees(self) -> float:
@@ -274,7 +276,7 @@ class FittedRig:
         best, least = Plan(), inf
         several = self.plant.model is not None
         for levels in level_sets(self.levels, session.most_levels) if several else [list(self.levels)]:
-            for factor in HOLDS:
+            for factor in HOLD_FACTORS:
                 hold = self.holds(levels, factor, session.longest_hold_s)
                 repeats, half = self.fewest(levels, hold, wanted, session)
                 time_s = repeats * float((hold + session.idle_s + session.release_s).sum())
@@ -336,7 +338,7 @@ class FittedRig:
             rows[0, :, : len(u)] = Ts[:, None] * relative @ np.linalg.pinv(relative) / Ts
         drive = drive_of_steps(levels, hold_s - (0.0 if p is None else p.dead_time_s))
         designer = Designer(model, unknowns, relative_rows(rows, unknowns), self.noise)
-        return designer.variances(drive, np.repeat(1 / Ts**2, INSTANTS))
+        return designer.variances(drive, np.repeat(1 / Ts**2, STEP_INSTANTS))
 
     def kept(self, within: Array, between: Array, repeats: int, levels: Sequence[float]) -> Widths:
         """Half-widths at the worst level that four of five sessions keep [%], of `contributions`.
@@ -347,19 +349,19 @@ class FittedRig:
         """
         random, count = np.random.default_rng(0), within.shape[2]
         sure = self.degrees if self.known else 0.0
-        factor = sure / random.chisquare(sure, SESSIONS) if sure > 0 else np.ones(SESSIONS)
+        factor = sure / random.chisquare(sure, SESSION_DRAWS) if sure > 0 else np.ones(SESSION_DRAWS)
         own = np.full(count, repeats - 1)
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):  # what nothing tells is infinite
             parts = (within + factor[:, None, None, None] * between) @ neighbours(own) / repeats
             usual = parts.sum(axis=3)
             degrees = np.nan_to_num((repeats - 1) * usual**2 / (parts**2).sum(axis=3), nan=1.0)
-            seen = (parts * random.chisquare(own, (SESSIONS, len(within), 1, count)) / own).sum(axis=3)
+            seen = (parts * random.chisquare(own, (SESSION_DRAWS, len(within), 1, count)) / own).sum(axis=3)
             p = self.plant.model
             spare = count - len(p.Ts) if p is not None and is_clutch(p) else 0
             if p is not None and spare >= LEVELS_TO_SPARE:
                 u = np.array(levels)
                 D = nonlinear(u, self.share).rows(u)[0, :, : len(p.Ts)] / p.steady(u)[:, None]
-                excess = np.maximum(random.chisquare(spare, (SESSIONS, 1)) / spare - 1, 0.0)
+                excess = np.maximum(random.chisquare(spare, (SESSION_DRAWS, 1)) / spare - 1, 0.0)
                 beyond = usual[:, 0] / np.diagonal(D @ np.linalg.pinv(D)) * excess / (1 + excess)
                 degrees[:, 0] = satterthwaite((usual[:, 0], beyond), (degrees[:, 0], spare))
                 seen[:, 0] += beyond

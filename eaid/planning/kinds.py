@@ -22,7 +22,7 @@ from eaid.results.models import Noise
 from eaid.results.plan import PlannedRun
 
 # Kind → the numbers that widths are told of, in the order of T_s, τ1, τ2
-NUMBERS = {
+NUMBERS_OF_KIND = {
     "lag": ("Ts", "tau1"), "overshoot": ("Ts", "tau1", "tau2"), "series": ("Ts", "tau1", "tau2"),
     "ringing": ("Ts", "omega", "zeta"),
 }  # fmt: skip

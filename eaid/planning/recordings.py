@@ -54,11 +54,11 @@ def disturbance_of(noise: Noise) -> Disturbance:
     )
 
 
-SETS, FEW_SETS = 14, 4  # Recordings that are simulated of each plan; of other kinds, whose widths hardly scatter
+PLAN_SETS, FEW_SETS = 14, 4  # Recordings that are simulated of each plan; of other kinds, whose widths hardly scatter
 # Findings of a fit that no plan can be trusted on
-OPEN = ("one-level-nonlinear", "parameter-unknown-at-half-the-levels", "no-level-determines-all")
+OPEN_FINDINGS = ("one-level-nonlinear", "parameter-unknown-at-half-the-levels", "no-level-determines-all")
 FIRST_REPEATS = 5  # … so that the next session asks for so many repeats at the most, and the next fit knows more
-NOTICED = 0.01  # Scatter from run to run that is named as what stands in the way of a width
+NOTICED_SCATTER = 0.01  # Scatter from run to run that is named as what stands in the way of a width
 
 
 def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Callable[[], None] = lambda: None) -> Plan:
@@ -67,12 +67,12 @@ def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Call
     `UsageError` for a width of no parameter or a limit that no rig has; `DataError` for a fit without a model of steps.
     """
     rig = rig_of(fit)
-    guessed = any(one.code in OPEN for one in fit.findings)
+    guessed = any(one.code in OPEN_FINDINGS for one in fit.findings)
     decays = [each for each in fit.findings if each.code == "output-decays-under-hold"]
     rig = replace(rig, most=FIRST_REPEATS) if guessed or decays else rig
     options = wanting(options, dict(zip(rig.numbers, (3.0, 5.0, 10.0), strict=False)))
     other = rig.plant.model if rig.plant.model is not None and not is_clutch(rig.plant.model) else None
-    sets = SETS if other is None else FEW_SETS
+    sets = PLAN_SETS if other is None else FEW_SETS
     rigs = rig.drawn(sets, options.seed) if options.check and other is None else []
 
     def measure(plan: Plan, k: int) -> Widths:
@@ -106,7 +106,7 @@ def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Call
             finding(
                 "plan-falls-short", "plan", (), parameter=worst, repeats=plan.repeats,
                 width_pct=width if width < inf else None, wanted_pct=options.want[worst],
-                scatter_pct=scatter if scatter > 100 * NOTICED else None,
+                scatter_pct=scatter if scatter > 100 * NOTICED_SCATTER else None,
             )
         )  # fmt: skip
     session: Plan = msgspec.structs.replace(plan, runs=run_order(plan, options), findings=tuple(findings))

@@ -35,7 +35,7 @@ from eaid.synth.logs import measured, scatter
 from eaid.synth.plants import clutch
 
 MOST_ENGAGEMENTS = 60
-BLOCKS = 12  # Instants of each hold at which the sensitivities are taken
+HOLD_INSTANTS = 12  # Instants of each hold at which the sensitivities are taken
 FULL_DUTY = 100.0  # Highest input of a rig in %
 
 
@@ -61,13 +61,13 @@ def drive_of_sequence(whole: Array) -> Drive:
     """A sequence for the kernel: some instants of each hold, each with the time that it stands for as its weight."""
     changes = breaks_of(whole)
     starts, level = np.array(changes[:-1]).T
-    edges = (np.arange(BLOCKS + 1) / BLOCKS) ** 2 * np.diff(np.append(starts, changes[-1][0]))[:, None]
+    edges = (np.arange(HOLD_INSTANTS + 1) / HOLD_INSTANTS) ** 2 * np.diff(np.append(starts, changes[-1][0]))[:, None]
     nothing = np.zeros((len(starts), 1))
     t = (starts[:, None] + np.hstack([nothing, 0.5 * (edges[:, 1:] + edges[:, :-1])])).ravel()
     duty, at = np.unique(level, return_inverse=True)
     return Drive(
-        np.append(np.diff(t), 0.0), np.repeat(at.astype(np.int64), BLOCKS + 1), duty, np.ones(len(t), dtype=np.int64),
-        np.zeros(len(t)), np.hstack([nothing, np.diff(edges)]).ravel(), False, True,
+        np.append(np.diff(t), 0.0), np.repeat(at.astype(np.int64), HOLD_INSTANTS + 1), duty,
+        np.ones(len(t), dtype=np.int64), np.zeros(len(t)), np.hstack([nothing, np.diff(edges)]).ravel(), False, True,
     )  # fmt: skip
 
 
@@ -82,13 +82,13 @@ def breaks_of(whole: Array) -> tuple[tuple[float, float], ...]:
     return (*breaks, (now, 0.0))
 
 
-DUTIES = 10  # Duties at which the widths are wanted, from the lowest to the highest
+WIDTH_INPUTS = 10  # Duties at which the widths are wanted, from the lowest to the highest
 LEVELS = 13  # Levels that a sequence chooses from
-HOLDS = 9  # Holds that it chooses from, log-spaced
-POWER = 8  # Of the mean that stands for the worst ratio while levels and holds are exchanged
-DEGREES = 20.0  # Degrees of freedom that a recording's intervals are taken to have
+HOLDS_TRIED = 9  # Holds that it chooses from, log-spaced
+MEAN_POWER = 8  # Of the mean that stands for the worst ratio while levels and holds are exchanged
+PLANNED_DEGREES = 20.0  # Degrees of freedom that a recording's intervals are taken to have
 SWEEPS = 2
-ROUNDS = 5
+EXCHANGE_ROUNDS = 5
 MARGIN = 0.9  # Widths are planned to this part of the wanted ones: those of a recording scatter about the planned
 # Segments whose sensitivities are worked out for one improved sequence, at most: a long one is improved in part
 EFFORT = 150_000
@@ -104,7 +104,7 @@ def plan_excitation(
     draw = np.random.default_rng(seed)
     judge = Judge(p, noise, dict(wanted), limits)
     segments, best = 16, None
-    for _ in range(ROUNDS):
+    for _ in range(EXCHANGE_ROUNDS):
         sequence = judge.improved(judge.random(segments, draw))
         ratio, time_s = float(judge.ratios(sequence).max()), judge.time_s(sequence)
         met = ratio <= MARGIN
@@ -180,7 +180,7 @@ class Judge:
     def half_widths(self, sequence: Array) -> Array:
         """Half-widths of log T_s, log τ1, log τ2 at the duties [%], (3, DUTIES); infinite where nothing is known."""
         within, between = self.designer.variances(drive_of_sequence(self.whole(sequence)))
-        half = t_quantile(DEGREES) * np.sqrt(within.sum(axis=2))
+        half = t_quantile(PLANNED_DEGREES) * np.sqrt(within.sum(axis=2))
         if any(self.noise.scatter.values()):
             half = np.hypot(half, t_quantile(max(between.shape[2] - 1, 1)) * np.sqrt(between.sum(axis=2)))
         return np.asarray(100 * np.expm1(np.minimum(half, 50.0)))
@@ -189,7 +189,7 @@ class Judge:
     def designer(self) -> Designer:
         """Weighs them by the nonlinear model over the duties that the limits allow."""
         model = nonlinear(np.linspace(*self.limits.duty, 11), self.p.C)
-        rows = model.rows(np.linspace(*self.limits.duty, DUTIES))[:3]
+        rows = model.rows(np.linspace(*self.limits.duty, WIDTH_INPUTS))[:3]
         unknowns = model.unknowns(self.p)
         return Designer(model, unknowns, relative_rows(rows, unknowns), self.noise)
 
@@ -201,14 +201,14 @@ class Judge:
     def price(self, sequence: Array) -> float:
         """T φ²: the time that would do, if the sequence were repeated."""
         ratios = np.minimum(self.ratios(sequence), 1e6)
-        phi = float(np.mean(ratios**POWER)) ** (1 / POWER)
+        phi = float(np.mean(ratios**MEAN_POWER)) ** (1 / MEAN_POWER)
         return float(self.time_s(sequence) * phi**2)
 
     def improved(self, sequence: Array) -> Array:
         """Levels and holds exchanged one after another while that lowers the price, and `EFFORT` lasts."""
         n = sequence.shape[1]
         levels = np.linspace(*self.limits.duty, LEVELS)[:: 2 if n > 40 else 1]
-        holds = np.geomspace(*self.limits.hold_s, HOLDS)
+        holds = np.geomspace(*self.limits.hold_s, HOLDS_TRIED)
         price, left = self.price(sequence), EFFORT // n
         for _ in range(SWEEPS):
             before = price
@@ -245,7 +245,7 @@ def measure(plan: Excitation, p: Plant, noise: Noise, k: int, seed: int = 0) -> 
         part = engagement == number
         torque[part] = driven(plant.acting(scatter(disturbance, draw)), start, duty, time_s)[part]
     output = measured(torque, time_s, np.zeros_like(time_s), disturbance, draw)
-    duties = np.linspace(*p.u_range, DUTIES)
+    duties = np.linspace(*p.u_range, WIDTH_INPUTS)
     model = nonlinear(duties, p.C)
     setup = setup_of(model, [RecordedLog("planned", time_s, duty[place], output)])
     solved = finished(setup, [np.append(model.unknowns(p), np.zeros(setup.size - model.size))])
@@ -257,7 +257,7 @@ def measure(plan: Excitation, p: Plant, noise: Noise, k: int, seed: int = 0) -> 
 
 
 # Recordings that are simulated of each sequence, and the probability that a recording keeps a width: 19 of 20 do
-SETS, KEEPING = 20, 19 / 21
+SEQUENCE_SETS, SEQUENCE_KEEPING = 20, 19 / 21
 
 
 def shortest_recording(
@@ -282,7 +282,8 @@ def shortest_recording(
     noise = rig.noise
     plan, worst, width = settled(  # longer until 19 of 20 recordings keep what is wanted
         partial(plan_excitation, plant, noise, limits=limits, seed=options.seed),
-        lambda plan, k: measure(plan, plant, noise, k, options.seed), options, SETS, KEEPING, progress,
+        lambda plan, k: measure(plan, plant, noise, k, options.seed), options, SEQUENCE_SETS, SEQUENCE_KEEPING,
+        progress,
     )  # fmt: skip
     findings = [] if rig.known else [finding("plan-assumes-noise", "plan")]
     if not plan.met:

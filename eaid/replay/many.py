@@ -24,7 +24,7 @@ import numpy as np
 from numba.extending import register_jitable
 
 from eaid.arrays import Array
-from eaid.control.kinds import ROWS
+from eaid.control.kinds import CONTROLLER_ROWS
 from eaid.options import Rig
 from eaid.plant import dynamics
 from eaid.plant.dynamics import Plant, plant_numbers
@@ -36,8 +36,8 @@ from eaid.results.gains import Tracking
 from eaid.results.replay import Distribution, PlantSpread, Worst
 
 # The loop, and where the plant and the laws stand
-LAWS = sorted({sys.modules[row.step.__module__] for row in ROWS}, key=str)
-MODULES = (loop, dynamics, controllers, *LAWS)
+LAW_MODULES = sorted({sys.modules[row.step.__module__] for row in CONTROLLER_ROWS}, key=str)
+MODULES = (loop, dynamics, controllers, *LAW_MODULES)
 for _module in MODULES:
     for _function in vars(_module).values():
         if isfunction(_function) and _function.__module__ == _module.__name__:

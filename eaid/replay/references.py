@@ -217,14 +217,14 @@ def refuse_too_long(said: str, n: int, dt_s: float) -> None:
 
 # Name → its reference at an interval and of a length [s], with factors on the paper's torque and frequencies; its times
 # are divided by the latter
-SCENARIOS = {"steps": steps, "multisine": multisine, "sweep": sweep}
+SCENARIO_SIGNALS = {"steps": steps, "multisine": multisine, "sweep": sweep}
 
 
 def reference_of(wanted: str | Signal, dt_s: float, scales: Scales, duration_s: float | None = None) -> Reference:
     """A scenario at the rig's own scale, or a signal of the user's own."""
     if not isinstance(wanted, str):
         return sampled(*wanted, dt_s)
-    return SCENARIOS[wanted](dt_s, duration_s, scales.top, scales.pace)
+    return SCENARIO_SIGNALS[wanted](dt_s, duration_s, scales.top, scales.pace)
 
 
 def reference_beyond(wanted: Reference, plant: PlantNumbers, subject: str, unit: str) -> list[Finding]:

@@ -26,9 +26,9 @@ from eaid.replay.tune import unknown_to_plant
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.results.replay import Exercise, Head, Record, Replay
-from eaid.results.verdict import PLANT
+from eaid.results.verdict import PLANT_MODELS
 
-UNSEEN = 0.01  # Share of the samples that may lie outside what was identified without a word
+UNSEEN_SHARE = 0.01  # Share of the samples that may lie outside what was identified without a word
 
 
 # Records by name, what the head says of them, and findings
@@ -74,7 +74,10 @@ def simulate(
     rate_hz = options.rate_hz or made_for or control_rate(fit)
     if fit.dead_time_s > 0 and rig.delay_samples == 0:
         findings.append(finding("dead-time-replayed", "nonlinear", dead_time_s=fit.dead_time_s))
-    reasons = {"plant": fit.verdict.of(*PLANT).sentence, "gains": (gains.not_usable or "") if gains is not None else ""}
+    reasons = {
+        "plant": fit.verdict.of(*PLANT_MODELS).sentence,
+        "gains": (gains.not_usable or "") if gains is not None else "",
+    }
     not_usable = {name: why for name, why in reasons.items() if why}
     findings += [finding("replay-not-usable", name, why=why) for name, why in not_usable.items()]
     findings += unknown_to_plant(fit)
@@ -154,7 +157,7 @@ def _outside_identified(fit: Fit, plant: PlantNumbers, records: Mapping[str, Rec
         above = max(above, float((duty > high).mean()))
         falling = max(falling, float(falls.mean()))
     falls_known = bool(fit.recorded_falls)
-    if max(below, above, 0.0 if falls_known else falling) <= UNSEEN:
+    if max(below, above, 0.0 if falls_known else falling) <= UNSEEN_SHARE:
         return []
     return [
         finding(

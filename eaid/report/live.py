@@ -24,8 +24,8 @@ from markupsafe import Markup
 
 from eaid.report.panels import Line, Panel, Sheet, apart, thinned
 
-POINTS = 800  # Points of one line; extremes survive
-BAND_POINTS = 300
+LIVE_POINTS = 800  # Points of one line; extremes survive
+LIVE_BAND_POINTS = 300
 DASHES = {"-": "solid", "--": "dashed", "-.": "dashdot", ":": "dotted"}
 
 
@@ -41,7 +41,7 @@ def live_of(sheet: Sheet) -> Markup:
         hits: list[Any] = []
         items: list[LegendItem] = []
         for band in panel.bands:
-            some = slice(None, None, max(1, len(band.x) // BAND_POINTS))
+            some = slice(None, None, max(1, len(band.x) // LIVE_BAND_POINTS))
             held = {name: getattr(band, name)[some].astype(np.float32) for name in ("x", "low", "high")}
             shade = VArea(x="x", y1="low", y2="high", fill_color=band.color, fill_alpha=band.alpha)
             p.add_glyph(ColumnDataSource(held), shade, level="underlay")
@@ -99,7 +99,7 @@ def _axes(panel: Panel, height: int, shared: Any, last: bool) -> Any:
 def _line(p: Any, line: Line) -> tuple[Any, Any]:
     """A curve, thinned; and what catches the pointer, by the line's name."""
     # Text once for the whole line: a column of names would weigh more than the numbers.
-    x, y = thinned(np.asarray(line.x), np.asarray(line.y), POINTS)
+    x, y = thinned(np.asarray(line.x), np.asarray(line.y), LIVE_POINTS)
     source = ColumnDataSource({"x": x.astype(np.float32), "y": y.astype(np.float32)}, name=plain(line.name))
     dash = DASHES[line.dash] if isinstance(line.dash, str) else [2 * length for length in line.dash[1]]
     look = Stroke(x="x", y="y", line_color=line.color, line_width=1.7 * line.width, line_dash=dash)

@@ -149,7 +149,7 @@ def level_colours(n: int) -> list[str]:
 
 
 # Colour, line and marker of a controller, the same in every figure
-CONTROLLERS: dict[str, tuple[str, Dash, str]] = {
+CONTROLLER_STYLES: dict[str, tuple[str, Dash, str]] = {
     "rc": (BLUE, "-", "o"),
     "pi": (VERMILLION, "--", "s"),
     "open-loop": (GREEN, "-.", "^"),
@@ -161,7 +161,7 @@ CONTROLLERS: dict[str, tuple[str, Dash, str]] = {
 
 def controller_look(name: str) -> tuple[str, Dash, str]:
     """Colour, line and marker of a controller; of a name that this version does not know, black dots."""
-    return CONTROLLERS.get(name, (BLACK, ":", "*"))
+    return CONTROLLER_STYLES.get(name, (BLACK, ":", "*"))
 
 
 def apart(values: Sequence[float], gap: float) -> list[float]:

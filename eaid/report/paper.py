@@ -35,7 +35,7 @@ from eaid.sessions.rig import Rig
 DPI = 300
 SMALLEST_PT = 8.0  # No letter of a figure is smaller at its printed size [pt]
 INDEXED_PT = 8.6  # Letters of a text with an index, which matplotlib sets at 0.7 of them
-POINTS, BAND_POINTS = 2500, 400  # Most points of a curve; extremes survive; and of a band
+CURVE_POINTS, BAND_POINTS = 2500, 400  # Most points of a curve; extremes survive; and of a band
 _LOOK = threading.Lock()
 
 
@@ -174,7 +174,7 @@ def _line(axes: Axes, line: Line, named: bool) -> None:
         y = np.asarray(line.y)
         axes.errorbar(line.x, y, yerr=[y - line.ends[0], line.ends[1] - y], capsize=1.6, elinewidth=0.7, **look)
     else:
-        axes.plot(*thinned(np.asarray(line.x), np.asarray(line.y), POINTS), **look)
+        axes.plot(*thinned(np.asarray(line.x), np.asarray(line.y), CURVE_POINTS), **look)
 
 
 def _axis(axes: Axes, name: str, axis: Axis, labelled: bool) -> None:

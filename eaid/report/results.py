@@ -26,7 +26,7 @@ from eaid.sessions.compare import Comparison
 from eaid.sessions.rig import Rig
 from eaid.steps.stepset import StepSet
 
-SCENARIOS = ("steps", "multisine", "sweep", "reference", "log", "rehab")  # The order of the paper, and of the page
+SCENARIO_ORDER = ("steps", "multisine", "sweep", "reference", "log", "rehab")  # The order of the paper, and of the page
 NEEDED = ("time_s", "reference_nm", "torque_nm", "duty_pct")
 TYPES: dict[str, Any] = {
     "fit": Fit, "gains": Gains, "replay": Replay, "data": StepSet, "couple": Coupling, "rig": Rig,
@@ -146,7 +146,7 @@ def gathered(items: Iterable[Any], progress: Progress = no_progress) -> Results:
             raise UsageError(f"a {type(result).__name__} is no result that a report can show")
         name = f"{kind} {len(sorted_[kind]) + 1}" if sorted_[kind] else kind
         sorted_[kind].append(item if isinstance(item, Given) else Given(result, name))
-    sorted_["replay"].sort(key=lambda one: [*SCENARIOS, one.result.head.scenario].index(one.result.head.scenario))
+    sorted_["replay"].sort(key=lambda one: [*SCENARIO_ORDER, one.result.head.scenario].index(one.result.head.scenario))
     given = {one.result.kind for one in sorted_["data"]}
     for one in sorted_["fit"]:
         if one.result.data.kind not in given and (steps := logs_of(one.result, progress)) is not None:

@@ -70,7 +70,7 @@ class Parameter(Result, frozen=True):
 
 
 # What predicts a step from rest
-CURVES: dict[str, Any] = {
+MODEL_CURVES: dict[str, Any] = {
     "nonlinear": from_rest,
     "linear": linear.linear_response,
     "friction": None,
@@ -271,8 +271,8 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         import pandas as pd
 
         chosen = model or statistics.first_model(self)
-        if chosen not in CURVES:
-            raise UsageError(f"«model» {chosen}: must be one of {', '.join(CURVES)}")
+        if chosen not in MODEL_CURVES:
+            raise UsageError(f"«model» {chosen}: must be one of {', '.join(MODEL_CURVES)}")
         if (self.plant_ if chosen == statistics.PLANT else getattr(self, chosen)) is None:
             raise DataError(f"the fit holds no {chosen} model; fit one, or choose another «model»")
         time_s, inputs = np.asarray(t, dtype=np.float64), np.atleast_1d(np.asarray(duty, dtype=np.float64)).tolist()
@@ -292,7 +292,7 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
             return from_rest(self.plant, time_s, duty)
         if model != "friction":
             acting_s = np.maximum(time_s - self.dead_time_s, 0.0)
-            return np.asarray(CURVES[model](getattr(self, model).parameters, acting_s, duty))
+            return np.asarray(MODEL_CURVES[model](getattr(self, model).parameters, acting_s, duty))
         known = {row.level: row for row in self.friction_levels if row.from_ == 0}
         near = next((level for level in known if math.isclose(level, duty, rel_tol=1e-5)), None)
         if near is None:

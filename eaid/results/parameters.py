@@ -7,7 +7,7 @@ from eaid.findings.row import SYMBOLS
 from eaid.results.common import Interval, ci95_of
 from eaid.results.fit import Fit, Parameter
 
-OPEN = ("parameter-constrained", "parameter-unknown-at-half-the-levels", "constraint-holds")
+OPEN_CODES = ("parameter-constrained", "parameter-unknown-at-half-the-levels", "constraint-holds")
 """Codes of findings that name the parameter that has no interval."""
 OF_ITSELF = {
     "taus-meet": ("tau1", "tau2"),
@@ -87,7 +87,7 @@ def _powers(model: str, symbol: str, values: Sequence[float], ends: Sequence[Int
 def _why(fit: Fit, model: str, symbol: str, level: float | None) -> str:
     """Code of the finding that says why a parameter has no interval; empty where intervals were not asked for."""
     for one in fit.findings:
-        named = one.code in OPEN and one.values.get("parameter") in (symbol, None)
+        named = one.code in OPEN_CODES and one.values.get("parameter") in (symbol, None)
         about = named or symbol in OF_ITSELF.get(one.code, ())
         if about and one.subject == model and (level is None or not one.levels or level in one.levels):
             return one.code

@@ -23,8 +23,8 @@ from eaid.results.replay import Head, Metrics, Record, Replay
 from eaid.version import __version__
 
 SCHEMA = "eaid/replay/1"
-LARGEST = 1e30  # Size from which no value of a column is believed: figures are drawn in single precision
-AGAIN = "make it again with eaid simulate"
+LARGEST_DRAWN = 1e30  # Size from which no value of a column is believed: figures are drawn in single precision
+SIMULATE_AGAIN = "make it again with eaid simulate"
 
 
 def plain_head(head: Head) -> dict[str, object]:
@@ -81,7 +81,7 @@ def read(path: Path) -> tuple[Replay, tuple[Finding, ...]]:
     left_out: list[Finding] = []
     with open_hdf5(path, str(path)) as file:
         if file.attrs.get("schema") != SCHEMA:
-            raise DataError(f"{path}: is no {SCHEMA} file; {AGAIN}")
+            raise DataError(f"{path}: is no {SCHEMA} file; {SIMULATE_AGAIN}")
         content = {key: _plain(value, path, key) for key, value in file.attrs.items()}
         records = {}
         for name, group in file.items():
@@ -101,13 +101,13 @@ def _columns(arrays: Mapping[str, Any], where: str) -> dict[str, Array]:
     """The arrays that are as long as the time, as numbers; raises DataError where they are none."""
     time = arrays["time_s"] if "time_s" in arrays else np.empty(0)
     if time.ndim != 1 or len(time) < 2:
-        raise DataError(f"{where}: its time_s is no column of two samples or more; {AGAIN}")
+        raise DataError(f"{where}: its time_s is no column of two samples or more; {SIMULATE_AGAIN}")
     columns = {}
     for key, array in arrays.items():
         if array.shape != time.shape or "/" in key:
             continue
-        if array.dtype.kind not in "fiub" or not (np.abs(array.astype(np.float64)) < LARGEST).all():
-            raise DataError(f"{where}: its {key} holds what is no number; {AGAIN}")
+        if array.dtype.kind not in "fiub" or not (np.abs(array.astype(np.float64)) < LARGEST_DRAWN).all():
+            raise DataError(f"{where}: its {key} holds what is no number; {SIMULATE_AGAIN}")
         columns[key] = read_only(array)
     return columns
 
@@ -120,5 +120,5 @@ def _plain(value: Any, path: Path, name: str) -> Any:
         try:
             return msgspec.json.decode(value)
         except (msgspec.DecodeError, RecursionError):
-            raise DataError(f"{path}: its {name} is no JSON; {AGAIN}") from None
+            raise DataError(f"{path}: its {name} is no JSON; {SIMULATE_AGAIN}") from None
     return value.tolist() if hasattr(value, "tolist") else value

@@ -14,7 +14,7 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.results.common import Number, Result
 
-LAGS, PART = 40, 10  # So many lags, the longest this part of the record
+CORRELATION_LAGS, PART_OF_RECORD = 40, 10  # So many lags, the longest this part of the record
 
 
 class Correlation(Result, frozen=True):
@@ -38,8 +38,10 @@ class Correlation(Result, frozen=True):
 def correlation_of(parts: Sequence[Array], dt_s: float, u: Array | None = None) -> Correlation:
     """Correlation of residuals, of several records each with itself; with an input where there is one record."""
     n, squares = sum(map(len, parts)), sum(float(e @ e) for e in parts)
-    lags = np.unique(np.linspace(1, max(min(map(len, parts)) // PART, 1), LAGS).round().astype(int))
-    if not squares > 0 or n <= 2 * LAGS:
+    lags = np.unique(
+        np.linspace(1, max(min(map(len, parts)) // PART_OF_RECORD, 1), CORRELATION_LAGS).round().astype(int)
+    )
+    if not squares > 0 or n <= 2 * CORRELATION_LAGS:
         return Correlation()
     own = [sum(float(e[:-k] @ e[k:]) for e in parts) / squares for k in lags]
     found = Correlation(_short(lags * dt_s), _short(own), 1.96 / n**0.5)

@@ -26,16 +26,16 @@ if TYPE_CHECKING:
     from eaid.results.fit import Fit, Parameter
     from eaid.steps.stepset import StepSet
 
-FIRST = ("nonlinear", "linear", "friction")  # Models of steps, the first that was fitted before the others
+FIRST_MODELS = ("nonlinear", "linear", "friction")  # Models of steps, the first that was fitted before the others
 PLANT = "plant"  # The one plant, where it is of another kind
-SAME = 1e-6  # Part of an interval by which a value lies off its middle and still is the middle
+SAME_MIDDLE = 1e-6  # Part of an interval by which a value lies off its middle and still is the middle
 
 
 def first_model(fit: "Fit") -> str:
     """The model that a fit stands for: its plant of another kind, or the first model of steps."""
     if fit.plant_ is not None and fit.plant_.another:
         return PLANT
-    found = next((name for name in FIRST if getattr(fit, name) is not None), None)
+    found = next((name for name in FIRST_MODELS if getattr(fit, name) is not None), None)
     if found is None:
         raise DataError("the fit holds no model of steps")
     return found
@@ -59,7 +59,7 @@ def _table(rows: "tuple[Parameter, ...]") -> Array:
 
 def _by_ratio(value: Array, low: Array, high: Array) -> NDArray[np.bool_]:
     """Of which values the interval lies about the logarithm: all that are above 0 and not in the middle."""
-    off = np.abs(low + high - 2 * value) > SAME * (high - low)
+    off = np.abs(low + high - 2 * value) > SAME_MIDDLE * (high - low)
     return (low > 0) & (value > 0) & off
 
 

@@ -26,14 +26,14 @@ if TYPE_CHECKING:
     from eaid.results.fit import Fit
 
 MODELS = ("friction", "nonlinear", "linear", "release")
-PLANT = ("nonlinear", "release")  # Models that a replay's plant is made of
-BEYOND = 10.0  # Steady output over the largest that was reached, from which it is none that the data show
+PLANT_MODELS = ("nonlinear", "release")  # Models that a replay's plant is made of
+TIMES_REACHED = 10.0  # Steady output over the largest that was reached, from which it is none that the data show
 FACTOR = 100.0  # Ends of an interval so far apart say nothing
 BETWEEN = 10  # Inputs from one at which the constraints of a fit hold to the next
-INPUTS = BETWEEN * (CHECKED_INPUTS - 1) + 1  # Evenly over the identified range
-SLOWEST_S = 1e9
-LARGEST = 1e15  # Steady output of any rig, whatever its units
-NEARLY = 1e-3  # Share of the largest value by which τ2 may lie below τ1
+INPUTS_CHECKED = BETWEEN * (CHECKED_INPUTS - 1) + 1  # Evenly over the identified range
+SLOWEST_TAU_S = 1e9
+LARGEST_OUTPUT = 1e15  # Steady output of any rig, whatever its units
+NEARLY_MEET = 1e-3  # Share of the largest value by which τ2 may lie below τ1
 DEAD_ZONE = 0.02  # Part of the largest T_s by which a polynomial may fall below 0: the plant stays at 0 there
 
 
@@ -123,7 +123,7 @@ def _nonlinear(fit: "Fit") -> list[Finding]:
         return []
     p = fit.plant
     found = unphysical(p)
-    highest = float(np.max(p.steady(np.linspace(*p.u_range, INPUTS))))
+    highest = float(np.max(p.steady(np.linspace(*p.u_range, INPUTS_CHECKED))))
     found += _beyond(fit, "nonlinear", highest, [
         float(from_rest(p, np.array([end]), u)[0]) for u, end in _records(fit)
     ])  # fmt: skip
@@ -160,7 +160,7 @@ def _beyond(fit: "Fit", model: str, steady: float, reached: list[float]) -> list
     logs = fit.recorded.logs if fit.recorded is not None else ()
     reached = [*map(abs, reached), *(abs(y - (log.idle or 0.0)) for log in logs for y in log.curve.measured)]
     largest = max(reached, default=0.0)
-    if not largest > 0 or abs(steady) <= BEYOND * largest:
+    if not largest > 0 or abs(steady) <= TIMES_REACHED * largest:
         return []
     unit = fit.data.output_unit
     return [finding("steady-beyond-output", model, steady=steady, reached=largest, unit=unit)]
@@ -173,18 +173,20 @@ def _says_nothing(ends: Interval) -> bool:
 
 def unphysical(p: Plant) -> list[Finding]:
     """Curves that, within the identified inputs, are none that a plant has; the first place of each."""
-    inputs = np.linspace(*p.u_range, INPUTS)
+    inputs = np.linspace(*p.u_range, INPUTS_CHECKED)
     (tau1, tau2), Ts = p.time_constants(inputs), curve(p.Ts, inputs, p.u_range)
-    floor = np.where(np.arange(INPUTS) % BETWEEN == 0, p.floor_s / 2, -np.inf)  # a fit is held above it there alone
+    floor = np.where(
+        np.arange(INPUTS_CHECKED) % BETWEEN == 0, p.floor_s / 2, -np.inf
+    )  # a fit is held above it there alone
     cases: list[tuple[str, Array, Any, float]] = [
-        ("tau1", tau1, p.floor_s / 2, SLOWEST_S),
-        ("tau2", tau2, np.maximum(tau1 - NEARLY * np.max(tau2), floor), SLOWEST_S),
-        ("Ts", Ts, -DEAD_ZONE * np.max(Ts) if np.max(Ts) > 1 / LARGEST else 1 / LARGEST, LARGEST),
+        ("tau1", tau1, p.floor_s / 2, SLOWEST_TAU_S),
+        ("tau2", tau2, np.maximum(tau1 - NEARLY_MEET * np.max(tau2), floor), SLOWEST_TAU_S),
+        ("Ts", Ts, -DEAD_ZONE * np.max(Ts) if np.max(Ts) > 1 / LARGEST_OUTPUT else 1 / LARGEST_OUTPUT, LARGEST_OUTPUT),
     ]
     if p.kind == "lag":
         del cases[1]
     if p.Ts_below:
-        cases[-1] = ("Ts", Ts, -LARGEST, LARGEST)
+        cases[-1] = ("Ts", Ts, -LARGEST_OUTPUT, LARGEST_OUTPUT)
     found = []
     for name, values, least, most in cases:
         wrong = ~((values >= least) & (values <= most))

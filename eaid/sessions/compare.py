@@ -31,7 +31,7 @@ from eaid.shown import Plotted
 if TYPE_CHECKING:
     import pandas
 
-CHANCE = 0.05
+MOVED_CHANCE = 0.05
 
 
 class Change(Result, frozen=True):
@@ -63,12 +63,12 @@ class Shift(Result, frozen=True):
     @property
     def moved(self) -> bool:
         """Whether the levels moved together."""
-        return self.p < CHANCE
+        return self.p < MOVED_CHANCE
 
     @property
     def alike(self) -> bool:
         """Whether they all moved alike."""
-        return self.p_alike is None or self.p_alike >= CHANCE
+        return self.p_alike is None or self.p_alike >= MOVED_CHANCE
 
     def words(self) -> str:
         """`T_s −52 % (−57 … −47; p 2e-27), not alike at all levels (p 0.005): …`."""

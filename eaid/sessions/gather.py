@@ -20,10 +20,10 @@ from eaid.results.fit import Fit
 if TYPE_CHECKING:
     import pandas
 
-ALIKE = 0.005  # Part of a level by which it may differ from session to session and still be the same
+LEVELS_SAME = 0.005  # Part of a level by which it may differ from session to session and still be the same
 MANY = 1e9  # Degrees of freedom of what is known for certain
 CI = "sessions"  # What a fit of today says its intervals are made of
-COLUMNS = ("session", "level", "value", "sd_log")
+PLAIN_COLUMNS = ("session", "level", "value", "sd_log")
 # What a file name says of drive and stand → how it is called; levels, which change within a session, are no such thing
 NAMED = {"f": "drive frequency", "freq": "drive frequency", "v": "speed", "speed": "speed", "rpm": "speed"}
 DRIVE = {"pwm_hz": "drive frequency", "voltage_v": "drive voltage"}
@@ -74,7 +74,7 @@ def run_scatter(fit: Fit, name: str) -> float | None:
 def snapped(values: Sequence[Value]) -> list[Value]:
     """Levels that are nearly alike made the same."""
     levels = np.unique([one.level for one in values])
-    group = np.cumsum(np.append(0, np.diff(np.log(levels)) > ALIKE)) if len(levels) else levels
+    group = np.cumsum(np.append(0, np.diff(np.log(levels)) > LEVELS_SAME)) if len(levels) else levels
     same = {float(u): float(np.median(levels[group == g])) for u, g in zip(levels, group, strict=True)}
     return [one if same[one.level] == one.level else replace(one, level=same[one.level]) for one in values]
 
@@ -125,11 +125,11 @@ def _conditions(fit: Fit) -> dict[str, str | None]:
 
 def table_values(frame: "pandas.DataFrame") -> list[Value]:
     """The values of a plain table with the columns session, level, value, sd_log; DataError for one that is none."""
-    missing = [name for name in COLUMNS if name not in frame.columns]
+    missing = [name for name in PLAIN_COLUMNS if name not in frame.columns]
     if missing:
-        raise DataError(f"the table has no column {missing[0]}; give {', '.join(COLUMNS)}, a value a row")
+        raise DataError(f"the table has no column {missing[0]}; give {', '.join(PLAIN_COLUMNS)}, a value a row")
     found, faults = [], []
-    for place, (session, *cells) in enumerate(zip(*(frame[one] for one in COLUMNS), strict=True), 1):
+    for place, (session, *cells) in enumerate(zip(*(frame[one] for one in PLAIN_COLUMNS), strict=True), 1):
         try:
             level, value, sd_log = map(float, cells)
             if not (0 < level < MANY and 0 < value < MANY and 0 <= sd_log < MANY) or session != session:

@@ -57,7 +57,7 @@ def steps_known(steps: Sequence[tuple[float, float, float]]) -> Known:
     return Known(np.full(len(level), NEW), level, np.log(value), np.maximum(sd_log, EXACT) ** 2)
 
 
-NOTHING = steps_known([])
+NO_STEPS = steps_known([])
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +175,7 @@ class Model:
         of_line, own = np.stack(self.common(self.known, new)), np.stack(self.common(new, new))
         return self.line.further(self.rows(level), of_line, own)
 
-    def next(self, level: Array, steps: Known = NOTHING) -> Next:
+    def next(self, level: Array, steps: Known = NO_STEPS) -> Next:
         """The next session at some levels, given its reference steps."""
         return self.given(level, steps, self.further(np.concatenate([level, steps.level])))
 

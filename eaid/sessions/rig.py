@@ -20,18 +20,18 @@ from eaid.results.common import Inputs, Made, Number, Positive, Result
 from eaid.results.fit import Fit
 from eaid.results.verdict import FACTOR
 from eaid.sessions.gather import CI, Session, Value, logs_of, run_scatter, snapped, table_values, together, values_of
-from eaid.sessions.model import EXACT, NOTHING, Known, Model, Next, steps_known
+from eaid.sessions.model import EXACT, NO_STEPS, Known, Model, Next, steps_known
 from eaid.shown import Plotted, counted
 
 if TYPE_CHECKING:
     import pandas
 
-LEAST = 3  # Sessions that tell how much they differ
-FEW = 5  # Sessions below which that is known to a factor only
+LEAST_SESSIONS = 3  # Sessions that tell how much they differ
+FEW_SESSIONS = 5  # Sessions below which that is known to a factor only
 MANY_SESSIONS = 8  # From which they tell at which level gain and tilt are apart
 CARRIES = 0.5  # Part of its width that the next session's interval keeps where one session carried it
-CHANCE = 0.05
-NUMBERS = ("Ts", "tau1", "tau2", "B", "a0")  # What is known of each session; the first one has to be
+TREND_CHANCE = 0.05
+SESSION_NUMBERS = ("Ts", "tau1", "tau2", "B", "a0")  # What is known of each session; the first one has to be
 
 
 class Scatter(Result, frozen=True):
@@ -120,7 +120,7 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
         name = next(iter(self.quantities))
         return SYMBOLS.get(name, name)
 
-    def foreseen(self, levels: Array, steps: Known = NOTHING, quantity: str = "") -> Next:
+    def foreseen(self, levels: Array, steps: Known = NO_STEPS, quantity: str = "") -> Next:
         """The next session's values of a quantity, of the main one where none is named."""
         return (self.quantities[quantity] if quantity else self.main).model(self.names).next(levels, steps)
 
@@ -195,7 +195,7 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
 
 def rig_of_fits(fits: Mapping[str, Fit], options: SessionsOptions) -> Rig:
     """A rig of three fits and more, in their order; DataError where they do not belong together."""
-    if len(fits) < LEAST:
+    if len(fits) < LEAST_SESSIONS:
         raise DataError(
             f"{counted(len(fits), 'session')}: three and more tell what the next one may be; record another, or see "
             "what moved between two with eaid compare"
@@ -209,10 +209,10 @@ def rig_of_fits(fits: Mapping[str, Fit], options: SessionsOptions) -> Rig:
     base = max(reversed(sound), key=lambda fit: (fit.nonlinear is not None, len(fit.data.levels)))
     units = {"Ts": base.data.output_unit, "tau1": "s", "tau2": "s", "a0": "1/s"}
     quantities = {}
-    for name in NUMBERS:
+    for name in SESSION_NUMBERS:
         values = snapped([one for key, fit in fits.items() for one in values_of(fit, name, key)])
         knowing = {one.session for one in values}
-        if len(knowing) >= LEAST:
+        if len(knowing) >= LEAST_SESSIONS:
             runs = [sd for fit in fits.values() if (sd := run_scatter(fit, name)) is not None]
             sd_step = math.sqrt(float(np.mean(np.square(runs)))) if runs else None
             one = quantity_of(values, list(fits), options, sd_step, units.get(name, ""))
@@ -232,7 +232,7 @@ def rig_of_fits(fits: Mapping[str, Fit], options: SessionsOptions) -> Rig:
 def rig_of_table(values: Sequence[Value], options: SessionsOptions) -> Rig:
     """A rig of a plain table."""
     names = list(dict.fromkeys(one.session for one in values))
-    if len(names) < LEAST:
+    if len(names) < LEAST_SESSIONS:
         held = counted(len(names), "session")
         raise DataError(f"the table holds {held}; three and more tell what the next one may be")
     quantities = {"value": quantity_of(snapped(values), names, options)}
@@ -273,7 +273,7 @@ def _judged(rig: Rig) -> Rig:
     if one.terms and rig.options.terms not in (None, one.terms):
         held = f"{counted(len(known.y), 'value')} at {counted(len(model.knots), 'level')}"
         raise UsageError(f"«terms» {rig.options.terms}: the sessions hold {held}; give {one.terms} at most")
-    if model.count < FEW:
+    if model.count < FEW_SESSIONS:
         found.append(finding("few-sessions", "sessions", sessions=model.count))
     words = ("gain", "tilt", "session × level")
     if none := tuple(words[k] for k in model.free if model.variances[k] <= 1e-6 * model.line.scale):
@@ -286,7 +286,7 @@ def _judged(rig: Rig) -> Rig:
         found.append(finding("session-carries-estimate", "sessions", session=session, parameter=name, factor=factor,
                              whole=one.factor))  # fmt: skip
     slope, p = model.trend()
-    if p < CHANCE:
+    if p < TREND_CHANCE:
         pct = 100 * math.expm1(slope)
         found.append(finding("trend-over-sessions", "sessions", parameter=name, pct=pct, p=p))
     beside = (known.session[:, None] == known.session) | (known.level[:, None] == known.level)
@@ -305,7 +305,11 @@ def _carried(model: Model, whole: float) -> tuple[int, float] | None:
     far = int(np.argmax(np.einsum("sn,nm,sm->s", off, line.inverse, off)))
     kept = known.session != far
     rest = replace(model, known=Known(known.session[kept], known.level[kept], known.y[kept], known.W[kept]))
-    if model.count <= LEAST or len(rest.known.y) <= line.values.X.shape[1] or len(rest.knots) < len(model.knots):
+    if (
+        model.count <= LEAST_SESSIONS
+        or len(rest.known.y) <= line.values.X.shape[1]
+        or len(rest.knots) < len(model.knots)
+    ):
         return None
     factor = float(np.exp(rest.having(rest.likeliest.v).next(model.knots).reach.max()))
     return (far, factor) if math.log(factor) < CARRIES * math.log(whole) else None

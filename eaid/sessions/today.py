@@ -26,12 +26,12 @@ from eaid.results.fit import Fit
 from eaid.results.models import LevelIntervals
 from eaid.results.parameters import table_of
 from eaid.sessions.gather import CI, MANY, logs_of, together, values_of
-from eaid.sessions.model import NOTHING, Known, Next, between, steps_known
+from eaid.sessions.model import NO_STEPS, Known, Next, between, steps_known
 from eaid.sessions.rig import Rig
 from eaid.steps.stepset import StepSet
 
 NOT_FITTED = dict.fromkeys(("solver", "samples", "rmse", "sse", "fit_pct", "R2"))
-INPUTS = 11  # Over the range, beside the levels, through which a curve is put
+INPUTS_DRAWN = 11  # Over the range, beside the levels, through which a curve is put
 Foreseen = Mapping[str, Next]  # What the sessions know, by its name
 
 
@@ -79,7 +79,7 @@ def _steps(rig: Rig, shown: Fit, name: str) -> Known:
     """What the reference steps say of a number: known no better than so many runs are, however quiet one is. Of a0 of
     one level nothing: it is another number than that of all."""
     if name == "a0":
-        return NOTHING
+        return NO_STEPS
     own = {one.level: one for one in values_of(shown, name, "")}
     repeats = dict(zip(shown.data.levels, shown.data.repeats, strict=False))
     rows = [(one.level, one.value) for one in own.values()]
@@ -135,7 +135,7 @@ def _with_plant(base: Fit, rows: Sequence[Any], foreseen: Foreseen) -> Fit:
     if plant is None:
         return base
     levels = np.array([row.level for row in rows])
-    inputs = np.union1d(levels, np.linspace(levels[0], levels[-1], INPUTS))
+    inputs = np.union1d(levels, np.linspace(levels[0], levels[-1], INPUTS_DRAWN))
     hats, u_range = between(levels, inputs), plant.u_range
     curves: dict[str, tuple[float, ...]] = {}
     blocks: dict[str, Array] = {}

@@ -13,14 +13,14 @@ import numpy as np
 from eaid.arrays import Array, median
 from eaid.errors import UsageError
 from eaid.steps.noise import block_means, block_noise, line, sample_noise, spikes
-from eaid.steps.plateaus import FEWEST
+from eaid.steps.plateaus import FEWEST_HELD
 
 STEADY = 0.01  # Share of a step's change by which the last quarter of a rest may differ from the whole of it
-STANDARD_ERRORS = 4.0  # Standard errors beyond which a rest counts as moving
+REST_ERRORS = 4.0  # Standard errors beyond which a rest counts as moving
 # Share of a step's change by which a start may be off its rest: τ1 then shifts by about 2 %, no more than the interval
 # that a good record gives it, and a coarse sensor moves in such steps anyway
-FLOOR = 0.02
-CHANCE = 1e-5  # Probability at which a rest that lasts until its step counts as left before it
+NOISE_FLOOR = 0.02
+RELEASED_CHANCE = 1e-5  # Probability at which a rest that lasts until its step counts as left before it
 GROUPS = 6  # Groups of samples, at least, that tell how far means of so many samples lie apart
 BURST = 1.2  # The last group of samples is off where it lies this many times as far out as the farthest of the others
 SIZES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 512, 1024)
@@ -63,27 +63,27 @@ def _rests(part: Array, change: float) -> bool:
     off = float(part[-(len(part) // 4) :].mean() - part.mean())
     means = block_means(part, 80)
     error = block_noise(means) * math.sqrt(3 / len(means))
-    return abs(off) <= max(STEADY * abs(change), STANDARD_ERRORS * error)
+    return abs(off) <= max(STEADY * abs(change), REST_ERRORS * error)
 
 
 def last_rest(hold: Array, change: float) -> Rest:
     """The last rest of a hold that a step ends, from its output, shape (n,), n ≥ 1, and the change that follows."""
     hold, left_out = without_spikes(hold, change)
     count = len(hold)
-    if count < FEWEST:
+    if count < FEWEST_HELD:
         return _from(hold, hold, change, left_out)
     size, lead = count, 2
-    while size >= max(FEWEST, count // 8):
+    while size >= max(FEWEST_HELD, count // 8):
         part = hold[-size:]
         if _rests(part, change):
             return _from(part, part, change, left_out)
         size //= 2
-    while count - lead >= max(2 * FEWEST, count // 2):
+    while count - lead >= max(2 * FEWEST_HELD, count // 2):
         part = hold[: count - lead]
         if _rests(part, change):
             return _from(hold, part, change, left_out)
         lead *= 2
-    tail = hold[-max(FEWEST, count // 8) :]
+    tail = hold[-max(FEWEST_HELD, count // 8) :]
     start = float(tail.mean() + line(np.arange(len(tail)), tail).slope * (len(tail) / 2))
     return Rest(start, start, False, 0, left_out)
 
@@ -103,7 +103,7 @@ def left_early(hold: Array, rest: Array, change: float) -> int:
     """Samples at the end of a hold that lie off its rest, by more than as many samples anywhere in it do; 0: none.
 
     The mean of the last k samples is held against the means of groups of k before them: their spread honours whatever
-    autocorrelation the noise has. A t test for each k, at `CHANCE` in all.
+    autocorrelation the noise has. A t test for each k, at `RELEASED_CHANCE` in all.
     """
     from scipy.special import stdtrit  # only where a step is looked for: reading a dataset needs none of it
 
@@ -113,13 +113,13 @@ def left_early(hold: Array, rest: Array, change: float) -> int:
         before = rest[: len(hold) - 2 * k]
         before = before[len(before) % k :]
         off = abs(float(hold[-k:].mean() - before.mean()))
-        if off <= most * FLOOR * abs(change):
+        if off <= most * NOISE_FLOOR * abs(change):
             continue
         groups = before.reshape(-1, k).mean(axis=1)
         error = float(groups.std(ddof=1)) * math.sqrt(1 + 1 / len(groups))
-        limit = error * float(stdtrit(len(groups) - 1, 1 - CHANCE / 2 / len(sizes)))
+        limit = error * float(stdtrit(len(groups) - 1, 1 - RELEASED_CHANCE / 2 / len(sizes)))
         # bursts as far off as this are no chance of a normal distribution
-        limit = max(limit, BURST * float(np.abs(groups - groups.mean()).max()), FLOOR * abs(change))
+        limit = max(limit, BURST * float(np.abs(groups - groups.mean()).max()), NOISE_FLOOR * abs(change))
         if off > most * limit:
             lead, most = k, off / limit if limit > 0 else math.inf
     if not lead:
@@ -127,7 +127,7 @@ def left_early(hold: Array, rest: Array, change: float) -> int:
     # from where the output is last within its noise, where that is longer ago
     middle = median(rest)
     noise = 1.4826 * median(np.abs(rest - middle))
-    inside = np.flatnonzero(np.abs(hold - middle) <= max(STANDARD_ERRORS * noise, FLOOR * abs(change)))
+    inside = np.flatnonzero(np.abs(hold - middle) <= max(REST_ERRORS * noise, NOISE_FLOOR * abs(change)))
     return max(lead, len(hold) - 1 - int(inside[-1]) if len(inside) else 0)
 
 

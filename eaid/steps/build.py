@@ -17,7 +17,7 @@ from eaid.steps.sittings import sittings
 from eaid.steps.step import Step, hold_of, left_pct, slip_of
 from eaid.steps.stepset import Level, RunRecord, StepSet
 
-SMALL = 0.2  # Share of the usual change below which a sign of its own is not held against a step
+SMALL_STEP = 0.2  # Share of the usual change below which a sign of its own is not held against a step
 
 
 def signs_of(runs: Sequence[Run]) -> tuple[dict[str, float], list[Finding]]:
@@ -38,9 +38,9 @@ def signs_of(runs: Sequence[Run]) -> tuple[dict[str, float], list[Finding]]:
         sizes = np.array([change for _, change in clear])
         usual = float(np.median(np.abs(sizes)))
         # a vote a run: one run in another unit does not outweigh all others; a tie goes to the larger changes
-        votes = np.sign(sizes[np.abs(sizes) > SMALL * usual]).sum() or sizes.sum()
+        votes = np.sign(sizes[np.abs(sizes) > SMALL_STEP * usual]).sum() or sizes.sum()
         sign = -1.0 if votes < 0 else 1.0
-        odd = [run for run, change in clear if change * sign < -SMALL * usual]
+        odd = [run for run, change in clear if change * sign < -SMALL_STEP * usual]
         others = len(clear) - len(odd)
         findings += [finding("sign-differs", run.name, (abs(run.level or 0.0),), siblings=others) for run in odd]
         if sign < 0:

@@ -12,7 +12,7 @@ import numpy as np
 from eaid.arrays import Array, median
 from eaid.findings import Finding, finding
 from eaid.logs.run import Run
-from eaid.steps.baseline import FLOOR, last_rest, without_spikes
+from eaid.steps.baseline import NOISE_FLOOR, last_rest, without_spikes
 from eaid.steps.noise import (
     BLOCKS,
     STANDARD_ERRORS,
@@ -25,17 +25,17 @@ from eaid.steps.noise import (
     spikes,
     stretches,
 )
-from eaid.steps.plateaus import BACK, FEWEST, GLITCH, tolerance, turns
+from eaid.steps.plateaus import BACK, FEWEST_HELD, GLITCH, tolerance, turns
 from eaid.steps.repeats import copied_block
 from eaid.steps.step import Step, left_pct, usual_step
 from eaid.steps.stepset import Level
 
 BRIEF = 0.02  # Share of a window up to which a stuck sensor is told, and the numbers stand
-COARSE = 25  # Steps of the sensor's resolution in a change below which its shape cannot be told
+COARSE_STEPS = 25  # Steps of the sensor's resolution in a change below which its shape cannot be told
 FLAT = 0.4  # Sharpness from which a rise is cut off and not settling
 CREEP = 0.002  # Share of its top by which a flat one may still creep over its last quarter
-SMOOTH = 400
-FEW_ROWS = 100
+SMOOTH_BLOCKS = 400
+FEW_ROWS_CHECKED = 100
 
 
 def saturated(step: Step) -> Finding | None:
@@ -85,18 +85,18 @@ def sharpness(step: Step, ceiling: float) -> float:
     """
     count = len(step.rise)
     while True:
-        means = block_means(step.rise[:count], SMOOTH)
+        means = block_means(step.rise[:count], SMOOTH_BLOCKS)
         near = np.flatnonzero(means >= 0.95 * ceiling)
         wanted = int(count * 4 * int(near[0] + 1) / len(means)) if len(near) else count
-        if wanted >= count or count <= SMOOTH:
+        if wanted >= count or count <= SMOOTH_BLOCKS:
             break
-        count = max(wanted, FEW_ROWS)
+        count = max(wanted, FEW_ROWS_CHECKED)
     if not len(near) or near[0] < 5:
         return 0.0
     at, few = int(near[0]), max(2, int(near[0]) // 5)
     noise = max(sample_noise(step.rise) / np.sqrt(count / len(means)), block_noise(means[::3]))
     error = noise * at / ceiling / np.sqrt(few * (few + 1) * (few + 2) / 12)
-    times, near_top = block_means(step.time_s[:count], SMOOTH), slice(at - few, at + 1)
+    times, near_top = block_means(step.time_s[:count], SMOOTH_BLOCKS), slice(at - few, at + 1)
     return line(times[near_top], means[near_top]).slope * float(times[at]) / ceiling - float(error)
 
 
@@ -131,7 +131,7 @@ def coarse(step: Step) -> Finding | None:
         return None
     finest = float(moved.min())
     whole = np.abs(moved / finest - np.round(moved / finest)).max() < 1e-3
-    if not whole or step.swing / finest >= COARSE or len(moved) > 0.2 * len(moves):
+    if not whole or step.swing / finest >= COARSE_STEPS or len(moved) > 0.2 * len(moves):
         return None
     return finding("coarse-output", step.run.name, resolution=finest, unit=step.unit, steps=step.swing / finest)
 
@@ -159,9 +159,9 @@ def copied(step: Step) -> Finding | None:
     return finding("block-written-twice", step.run.name, rows=block.rows, at_s=at, again_s=again)
 
 
-FEW = 2 * BLOCKS
+FEW_SAMPLES_CHECKED = 2 * BLOCKS
 MOVED = 0.05  # Share of the swing by which the output may have moved behind a gap or a ramp that the step falls into
-FAR = 0.2  # Share of the swing from which what it moved during a ramp leaves no time constants to be told
+MOVED_FAR = 0.2  # Share of the swing from which what it moved during a ramp leaves no time constants to be told
 DISAGREE = 0.10  # Repeats whose torque at the end differs by more than this share are told
 
 
@@ -214,7 +214,7 @@ def _ramp(step: Step) -> Finding | None:
     if last == step.start - 1 or moved <= MOVED or moved * step.swing <= STANDARD_ERRORS * sample_noise(step.rise):
         return None
     ramp_s = float(run.time_s[step.start] - run.time_s[max(last, 0)])
-    code = "input-ramps-on" if moved > FAR else "input-ramps"
+    code = "input-ramps-on" if moved > MOVED_FAR else "input-ramps"
     return finding(code, name, step.levels, ramp_s=ramp_s, moved_pct=100 * moved)
 
 
@@ -233,7 +233,7 @@ def _glitch(step: Step) -> Finding | None:
 
 
 def _drift(step: Step) -> Finding | None:
-    if len(step.idle) < FEW:
+    if len(step.idle) < FEW_SAMPLES_CHECKED:
         return None
     means = block_means(without_spikes(step.idle, step.swing)[0])
     slope, error, _ = line(np.arange(len(means)) / len(means), means)
@@ -249,7 +249,7 @@ def _not_idle(step: Step) -> Finding | None:
     if before is None or step.run.from_level != 0 or not step.swing > 0:
         return None
     off = abs(before)
-    if off <= FLOOR * step.swing or (len(step.idle) >= FEWEST and last_rest(step.idle, step.swing).rests):
+    if off <= NOISE_FLOOR * step.swing or (len(step.idle) >= FEWEST_HELD and last_rest(step.idle, step.swing).rests):
         return None
     # within a sample and a half: the instant is known to one
     if off <= 0.75 * abs(float(step.rise[:3].mean()) - before):
@@ -261,12 +261,17 @@ def _not_idle(step: Step) -> Finding | None:
 def _left_after_release(step: Step) -> Finding | None:
     left = left_pct(step)
     off = left / 100 * step.swing
-    if step.run.from_level != 0 or len(step.rise) < FEW or left <= 5 or off <= STANDARD_ERRORS * block_error(step.rise):
+    if (
+        step.run.from_level != 0
+        or len(step.rise) < FEW_SAMPLES_CHECKED
+        or left <= 5
+        or off <= STANDARD_ERRORS * block_error(step.rise)
+    ):
         return None
     return finding("left-after-release", step.run.name, step.levels, left_pct=left, after_s=float(step.time_s[-1]))
 
 
-PARTS = 400  # An output is averaged to so many blocks, and followed from turn to turn
+TURN_BLOCKS = 400  # An output is averaged to so many blocks, and followed from turn to turn
 QUICK = 0.2  # Share of the record that an edge behind the first may take: what comes back slower is drift
 MOVES = 0.15  # Share of the range that an edge moves within a fiftieth of the record
 RESTS = 0.03  # Share of the range within which a stretch of a twentieth of the record rests
@@ -281,12 +286,12 @@ def several_edges(
     A turn counts where the way back is `BACK` of the range; between two, a stretch that rests parts edge from edge. A
     glitch of one or two rows is none.
     """
-    if len(output) < 4 * FEWEST:
+    if len(output) < 4 * FEWEST_HELD:
         return None
     output = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(output, 2, "edge"), 5), axis=1)
     # the end of a window given by hand may hold the first samples of the release
     until = len(output) - len(output) // 50
-    times, means = (block_means(values[:until], PARTS) for values in (time_s, output))
+    times, means = (block_means(values[:until], TURN_BLOCKS) for values in (time_s, output))
     low, high = np.quantile(means, (0.01, 0.99)).tolist()
     span = high - low
     # neighbours three apart: hum and rotor ripple last for longer than a block
@@ -354,16 +359,16 @@ class Record(Step):
         return float(high - low)
 
 
-RENEWED = 0.8  # Share of the changes of an output that come equally often, from which a sensor renews it so
+RENEWED_SHARE = 0.8  # Share of the changes of an output that come equally often, from which a sensor renews it so
 
 
 def renewed(step: Step) -> Finding | None:
     """An output that stays to the last digit for the same few rows each time: its sensor is slower than the log."""
     apart = np.diff(np.flatnonzero(np.diff(step.run.output)))
-    if len(apart) < FEW:
+    if len(apart) < FEW_SAMPLES_CHECKED:
         return None
     rows = int(np.median(apart))
-    if rows < 3 or np.mean(apart == rows) < RENEWED:
+    if rows < 3 or np.mean(apart == rows) < RENEWED_SHARE:
         return None
     return finding("output-renewed", step.run.name, rows=rows, every_s=rows * usual_step(step.run.time_s))
 

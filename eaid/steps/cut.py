@@ -21,7 +21,7 @@ from eaid.options import ReadOptions
 from eaid.steps.baseline import baseline_rule, first_samples, last_rest
 from eaid.steps.checks import several_edges
 from eaid.steps.noise import STANDARD_ERRORS, block_means, block_noise, sample_noise
-from eaid.steps.plateaus import BACK, FEWEST, Plateau, end_of, plateaus, stands_still, tolerance, turns, zero_of
+from eaid.steps.plateaus import BACK, FEWEST_HELD, Plateau, end_of, plateaus, stands_still, tolerance, turns, zero_of
 from eaid.steps.step import Step, sample_at
 from eaid.steps.stepset import LevelStep
 
@@ -56,7 +56,7 @@ def cut_by_input(run: Run) -> list[Run]:
 
 def active_low(run: Run, holds: Sequence[Plateau]) -> tuple[Finding, ...]:
     """What is told of a log whose input only falls from where it begins, while the size of its output rises."""
-    holds = [hold for hold in holds if hold.count >= FEWEST]
+    holds = [hold for hold in holds if hold.count >= FEWEST_HELD]
     if len(holds) < 2 or any(abs(hold.level) >= 0.99 * abs(holds[0].level) for hold in holds[1:]):
         return ()
     before, after = (abs(median(run.output[hold.start : hold.stop])) for hold in (holds[0], holds[1]))
@@ -114,7 +114,7 @@ def cut_at(run: Run, at_s: float) -> list[Run]:
     until, level = _window(run, at_s)
     start = sample_at(run, at_s)
     now, zero, known = Plateau(start, until, level), zero_of(run), run.has_input
-    earlier = [p for p in plateaus(run.input[:start]) if p.count >= FEWEST] if known and start else []
+    earlier = [p for p in plateaus(run.input[:start]) if p.count >= FEWEST_HELD] if known and start else []
     if start:
         loaded = bool(earlier) and abs(earlier[-1].level) > zero
         step = edge_between(run, earlier[-1] if loaded else Plateau(0, start, 0.0), now, zero)
@@ -127,7 +127,7 @@ def cut_at(run: Run, at_s: float) -> list[Run]:
     steps = [step.part(slice(until), step_s=float(run.time_s[start]), until_s=None, cut=True)]
     left = float(median(run.input[until:])) if known and until < len(run.time_s) else 0.0
     falls = abs(left) < abs(level) if known else run.until_s is not None and _falls(run, now)
-    if len(run.time_s) - until >= FEWEST and step.edge == "rising" and falls:
+    if len(run.time_s) - until >= FEWEST_HELD and step.edge == "rising" and falls:
         release = replace(run, level=level, edge="falling", findings=(), baseline=step.baseline)
         steps.append(
             release.part(
@@ -160,7 +160,7 @@ def _window(run: Run, step: float) -> tuple[int, float]:
     if run.has_input:
         window = run.input[start:until]
         if level is None:
-            holds = [plateau for plateau in plateaus(window) if plateau.count >= FEWEST]
+            holds = [plateau for plateau in plateaus(window) if plateau.count >= FEWEST_HELD]
             level = holds[0].level if holds else median(window)
         near = np.abs(window - level) <= max(tolerance(run.input), 0.01 * abs(level))
         if near.any():  # the window ends where the input leaves its level, once it has reached it
@@ -191,7 +191,7 @@ def cut_by_output(run: Run) -> list[Run]:
     at = 0 if rises_at_once(run.output) or (from_start and not rig) else onset(run.output)
     switched = [(at_s, column) for column, at_s in run.moves if words_of(column) & SWITCHES - MOTION]
     span = float(run.time_s[-1] - run.time_s[0])
-    switched = [one for one in switched if at is None or abs(one[0] - run.time_s[at]) <= NEAR * span]
+    switched = [one for one in switched if at is None or abs(one[0] - run.time_s[at]) <= NEAR_EDGE * span]
     if switched and level is not None:
         at_s, column = min(switched)
         note = finding("step-from-command", run.name, step_s=at_s, column=column)
@@ -210,7 +210,7 @@ def cut_by_output(run: Run) -> list[Run]:
     return cut_at(replace(run, level=level, findings=(*run.findings, note)), float(run.time_s[at]))
 
 
-NEAR = 0.1  # Share of a log within which its output answers to what switches it
+NEAR_EDGE = 0.1  # Share of a log within which its output answers to what switches it
 WITH = 0.01  # Share of a log within which another channel moves with the step
 
 
@@ -225,7 +225,7 @@ def moved_with(run: Run, step_s: float) -> list[Finding]:
 def rises_at_once(output: Array, start: float = 0.0) -> bool:
     """True where the output begins at `start` and leaves it from its first sample on, without an idle stretch."""
     count = len(output)
-    if count < 2 * FEWEST:
+    if count < 2 * FEWEST_HELD:
         return False
     rise = output - start
     end = median(rise[-(count // 10) :])
@@ -245,8 +245,8 @@ def onset(output: Array) -> int | None:
     The idle band is the median of the first samples ± 4 standard deviations, at least 1 % of the rise.
     """
     count = len(output)
-    head = max(FEWEST, count // 50)
-    if count < 2 * FEWEST:
+    head = max(FEWEST_HELD, count // 50)
+    if count < 2 * FEWEST_HELD:
         return None
     start = None
     for _ in range(3):
@@ -263,18 +263,18 @@ def onset(output: Array) -> int | None:
         leaves = int(inside[-1]) + 1
         if leaves == start:
             break
-        start, head = leaves, max(FEWEST, leaves * 9 // 10)
+        start, head = leaves, max(FEWEST_HELD, leaves * 9 // 10)
     return start
 
 
-BLOCKS = 4000
+CUT_BLOCKS = 4000
 SLOWS = 0.8  # Share of its usual speed below which a stroke slows down
 
 
 def cut_reversals(run: Run) -> list[Run]:
     """The strokes of a log with a position, each from its turn to the next; its level is the input's."""
     assert run.position is not None
-    means = block_means(run.position, BLOCKS)
+    means = block_means(run.position, CUT_BLOCKS)
     span, width = float(np.ptp(means)), len(run.position) / len(means)
     at: list[int] = []  # the extremes between which it goes by `BACK` of its range; none of mere noise
     for before, k in itertools.pairwise(turns(means, BACK * span)[:-1] if span > 20 * block_noise(means) else []):
@@ -293,7 +293,7 @@ def cut_reversals(run: Run) -> list[Run]:
         speed = np.abs(run.position[a + lag : b] - run.position[a : b - lag])
         if len(speed):  # until it slows down for the next turn, for the friction then changes with the speed
             b = a + lag + int(np.flatnonzero(speed >= SLOWS * median(speed))[-1])
-        strokes += [(a, b)] if b - a >= FEWEST else []
+        strokes += [(a, b)] if b - a >= FEWEST_HELD else []
     steps = []
     for k, (start, stop) in enumerate(strokes):
         way = 1.0 if float(run.position[stop - 1]) > float(run.position[start]) else -1.0
@@ -316,8 +316,10 @@ def cut(run: Run, baseline: str = "auto", rest: float = 0.0) -> list[Run]:
     Raises DataError where the log has no step, or a level that cannot be told.
     """
     count = len(run.time_s)
-    if count < FEWEST:
-        raise DataError(f"{run.where}: holds {count} samples, and a step takes at least {FEWEST}; record it longer")
+    if count < FEWEST_HELD:
+        raise DataError(
+            f"{run.where}: holds {count} samples, and a step takes at least {FEWEST_HELD}; record it longer"
+        )
     if run.cut and run.step_s is not None:
         return [_ruled(run, baseline)]
     if run.output.min() == run.output.max():
@@ -364,7 +366,7 @@ def _up_to(run: Run) -> Run:
     if run.until_s is None:
         return run
     stop = sample_at(run, run.until_s)
-    if stop < FEWEST:
+    if stop < FEWEST_HELD:
         raise DataError(f"{run.where}: the window ends at {run.until_s:g} s, before the log has begun; mend «until»")
     return run.part(slice(stop), until_s=None)
 
@@ -401,14 +403,16 @@ def cut_runs(runs: Sequence[Run], options: ReadOptions) -> tuple[list[Run], list
         except DataError as fault:
             faults.extend(fault.sentences)
             continue
-        good = [step for step in of_log if _samples(step) >= FEWEST]
-        short = [step for step in of_log if _samples(step) < FEWEST]
+        good = [step for step in of_log if _samples(step) >= FEWEST_HELD]
+        short = [step for step in of_log if _samples(step) < FEWEST_HELD]
         alone = [step for step in short if run.cut or step.edge == "rising"]
         if alone and (run.cut or not any(step.edge == "rising" for step in good)):
             few = _samples(alone[0])
-            faults.append(f"{run.where}: {few} samples in its window, at least {FEWEST} are needed; record it longer")
+            faults.append(
+                f"{run.where}: {few} samples in its window, at least {FEWEST_HELD} are needed; record it longer"
+            )
         elif short and good:  # a short one beside good ones is left out and told
-            note = finding("short-pieces", good[0].name, pieces=len(short), fewest=FEWEST)
+            note = finding("short-pieces", good[0].name, pieces=len(short), fewest=FEWEST_HELD)
             good[0] = replace(good[0], findings=(*good[0].findings, note))
         steps += good
     return _counted(steps), faults
@@ -422,7 +426,7 @@ def settled_steps(runs: Sequence[Run], options: ReadOptions) -> tuple[LevelStep,
             steps += cut(run, options.baseline, options.rest)
         except DataError:
             continue
-    settled = [step for step in steps if _samples(step) >= FEWEST and not stops(step.findings)]
+    settled = [step for step in steps if _samples(step) >= FEWEST_HELD and not stops(step.findings)]
     return level_steps(settled, {}) if len(settled) <= MOST_SETTLED else ()
 
 

@@ -20,7 +20,7 @@ from eaid.steps.noise import block_noise, sample_noise
 from eaid.steps.step import Step, uniform_step, usual_step
 from eaid.steps.stepset import Level
 
-CLOSE = 1e-3  # Share within which commanded inputs are one level: rounding of what was written
+COMMANDS_CLOSE = 1e-3  # Share within which commanded inputs are one level: rounding of what was written
 WITHIN = 1e-2  # Share within which measured inputs may be one level, where their noise does not tell them apart
 TOLD_APART = 10.0  # Standard deviations of the input's noise beyond which two holds are two levels
 
@@ -28,7 +28,7 @@ TOLD_APART = 10.0  # Standard deviations of the input's noise beyond which two h
 def same_level(a: float, b: float, noise: float = math.inf) -> bool:
     """True where two inputs are one level: within 1 % of the larger, and closer than their noise tells apart."""
     size = max(abs(a), abs(b))
-    return abs(a - b) <= max(min(WITHIN * size, TOLD_APART * noise), CLOSE * size, 1e-12)
+    return abs(a - b) <= max(min(WITHIN * size, TOLD_APART * noise), COMMANDS_CLOSE * size, 1e-12)
 
 
 def grouped(runs: Sequence[Run]) -> list[tuple[float, list[Run]]]:
@@ -91,12 +91,12 @@ def common(members: Sequence[Step]) -> Level:
     return Level(level, read_only(axis), read_only(runs), tuple(member.run.name for member in members))
 
 
-NEAR = 60  # Runs of a level that each is compared with: those next to it by their means
+NEIGHBOURS_COMPARED = 60  # Runs of a level that each is compared with: those next to it by their means
 # Samples before and behind a step that are compared: long logs take no more time and memory than that
 BEFORE, BEHIND = 2_000, 20_000
-SHORTEST = 20  # Samples in common below which nothing is compared
+LEAST_COMMON = 20  # Samples in common below which nothing is compared
 SINGLE = 1e-6  # Rounding of a single-precision float
-ALIKE = 0.5  # Standard deviations of the noise within which no two recordings agree in all of their samples
+COPIES_ALIKE = 0.5  # Standard deviations of the noise within which no two recordings agree in all of their samples
 
 
 class _Output(NamedTuple):
@@ -120,7 +120,7 @@ def _output(run: Run) -> _Output:
     digit = float(gaps.min()) if len(gaps) else 0.0  # the least by which two of its values differ
     rounding = 0.505 * digit + SINGLE * float(np.abs(values).max(initial=0.0))
     usual_s = usual_step(run.time_s) if len(run.time_s) > 1 else 1.0
-    return _Output(run, values, at - begin, usual_s, max(rounding, ALIKE * block_noise(values)))
+    return _Output(run, values, at - begin, usual_s, max(rounding, COPIES_ALIKE * block_noise(values)))
 
 
 def counted_once(runs: Sequence[Run]) -> list[Run]:
@@ -132,7 +132,7 @@ def counted_once(runs: Sequence[Run]) -> list[Run]:
     for _, members in (level for group in groups.values() for level in grouped(group)):
         alone: list[_Output] = []
         for one in sorted(map(_output, members), key=lambda one: float(one.values.mean())):
-            for k, other in list(enumerate(alone))[-NEAR:]:
+            for k, other in list(enumerate(alone))[-NEIGHBOURS_COMPARED:]:
                 same_log = (one.run.dataset, one.run.source) == (other.run.dataset, other.run.source)
                 if same_log or not _copied(one, other):
                     continue
@@ -152,12 +152,12 @@ def _copied(one: _Output, other: _Output) -> bool:
     """Whether one run's values are those of another, or every so many of them, but for rounding and an offset."""
     fine, coarse = (one, other) if one.usual_s <= other.usual_s else (other, one)
     slower = round(coarse.usual_s / fine.usual_s)
-    for stride in {1, slower if slower * SHORTEST < len(fine.values) else 1}:
+    for stride in {1, slower if slower * LEAST_COMMON < len(fine.values) else 1}:
         for shift in range(-stride, stride + 1):
             at, first = divmod(fine.at + shift, stride)
             of_fine = fine.values[first::stride]
             before, behind = min(at, coarse.at), min(len(of_fine) - at, len(coarse.values) - coarse.at)
-            if before < 0 or before + behind < SHORTEST:
+            if before < 0 or before + behind < LEAST_COMMON:
                 continue
             a = of_fine[at - before : at + behind]
             off = a - coarse.values[coarse.at - before : coarse.at + behind]

@@ -12,7 +12,7 @@ from eaid.arrays import Array, median
 from eaid.logs.run import Run
 from eaid.steps.noise import sample_noise, stretches
 
-FEWEST = 10  # Samples in the active window below which a step is refused
+FEWEST_HELD = 10  # Samples in the active window below which a step is refused
 OFFSET = 0.05  # Share of its largest value within which a measured input counts as zero
 GLITCH = 2  # Samples up to which an input that leaves its level and comes back has taken no step
 BACK = 0.5  # Share of a range by which values have to come back for a turn
@@ -44,7 +44,7 @@ def plateaus(values: Array) -> list[Plateau]:
     if allowed == 0.0:
         return [Plateau(0, len(values), float(values[0]))]
     jumps = (np.flatnonzero(np.abs(np.diff(values)) > allowed) + 1).tolist()
-    if len(jumps) > max(1000, len(values) // (2 * FEWEST)):
+    if len(jumps) > max(1000, len(values) // (2 * FEWEST_HELD)):
         return []  # it never stands still
     parts: list[Plateau] = []
     for start, stop in itertools.pairwise([0, *jumps, len(values)]):
@@ -52,14 +52,14 @@ def plateaus(values: Array) -> list[Plateau]:
     joined: list[Plateau] = []
     for i in range(len(parts) - 2, 0, -1):
         around = parts[i - 1], parts[min(i + 1, len(parts) - 1)]
-        back = abs(around[0].level - around[1].level) <= allowed and min(one.count for one in around) >= FEWEST
+        back = abs(around[0].level - around[1].level) <= allowed and min(one.count for one in around) >= FEWEST_HELD
         if parts[i].count <= GLITCH and back:
             parts[i - 1 : i + 2] = [Plateau(around[0].start, around[1].stop, around[0].level)]
     for i, piece in enumerate(parts):
         on_a_ramp = 0 < i < len(parts) - 1 and (
             (parts[i + 1].level - piece.level) * (piece.level - parts[i - 1].level) > 0
         )
-        if piece.count < FEWEST and on_a_ramp:
+        if piece.count < FEWEST_HELD and on_a_ramp:
             continue
         if joined and abs(joined[-1].level - piece.level) <= allowed and joined[-1].stop == piece.start:
             joined[-1] = Plateau(joined[-1].start, piece.stop, joined[-1].level)
@@ -71,9 +71,9 @@ def plateaus(values: Array) -> list[Plateau]:
 def _without_slow_ramps(values: Array, start: int, stop: int, allowed: float) -> list[Plateau]:
     """A stretch without jumps as plateaus: one where it stands still, the parts between ramps where it does not."""
     part = values[start:stop]
-    if np.ptp(part) <= 4 * allowed or len(part) < 4 * FEWEST:
+    if np.ptp(part) <= 4 * allowed or len(part) < 4 * FEWEST_HELD:
         return [Plateau(start, stop, median(part))]
-    lag = FEWEST
+    lag = FEWEST_HELD
     moves = np.abs(part[lag:] - part[:-lag]) > allowed
     while not moves.any() and 2 * lag < len(part) // 2:
         lag *= 2
@@ -84,7 +84,7 @@ def _without_slow_ramps(values: Array, start: int, stop: int, allowed: float) ->
     moving = sums[np.minimum(at + 1, len(moves))] - sums[np.clip(at - lag, 0, len(moves))] > 0
     still = []
     for a, b in np.column_stack(stretches(~moving)).tolist():
-        if b - a < FEWEST:
+        if b - a < FEWEST_HELD:
             continue
         level = median(part[a:b])
         near = np.abs(part - level) <= allowed
@@ -102,7 +102,7 @@ def stands_still(holds: list[Plateau], values: Array) -> bool:
     for hold in holds:
         part = values[hold.start : hold.stop]
         quarter = max(1, len(part) // 4)
-        if hold.count >= FEWEST and abs(float(part[-quarter:].mean() - part[:quarter].mean())) <= allowed:
+        if hold.count >= FEWEST_HELD and abs(float(part[-quarter:].mean() - part[:quarter].mean())) <= allowed:
             still += hold.count
     return still >= len(values) / 2
 
@@ -111,8 +111,8 @@ def switching(values: Array) -> float | None:
     """Rows of a half-wave of an input that goes to and fro as a drive's square wave; None of any other input."""
     high = values > (float(values.min()) + float(values.max())) / 2
     each = np.diff(np.flatnonzero(high[1:] != high[:-1]))
-    usual = median(each) if len(each) > 2 * FEWEST else 0.0
-    regular = np.mean(np.abs(each - usual) <= 1) > 0.9 if 0 < usual < FEWEST else False
+    usual = median(each) if len(each) > 2 * FEWEST_HELD else 0.0
+    regular = np.mean(np.abs(each - usual) <= 1) > 0.9 if 0 < usual < FEWEST_HELD else False
     return float(each[np.abs(each - usual) <= 1].mean()) if regular else None
 
 

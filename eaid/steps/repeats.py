@@ -13,7 +13,7 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.steps.noise import stretches
 
-SHORTEST = 8  # Rows of the shortest stretches that are compared
+SHORTEST_STRETCH = 8  # Rows of the shortest stretches that are compared
 MIXES = np.uint64(0x9E3779B97F4A7C15)  # An odd number without pattern (2⁶⁴ over the golden ratio)
 ROUGH = 1 / 3  # Share of its rows at which a block turns, at least: noise turns at two of three, a smooth curve at none
 
@@ -35,7 +35,7 @@ def copied_block(values: Array) -> Copy | None:
     while len(kinds) > 2 * width:
         kinds = kinds[:-width] * MIXES + (kinds[width:] ^ (kinds[width:] >> np.uint64(29)))
         width *= 2
-        if width < SHORTEST:
+        if width < SHORTEST_STRETCH:
             continue
         moving = np.flatnonzero(moves[width - 1 :] > moves[: len(kinds)])
         places = moving[np.argsort(kinds[moving], kind="stable")]

@@ -18,8 +18,8 @@ from eaid.steps.stepset import RunRecord
 
 PAUSE_S = 3600.0  # A pause from which a rig may have been mounted anew
 CALENDAR_S = 1e8  # Stamps from here on are seconds of a calendar, not of a log
-JUMP, SHARE = 8.0, 0.05  # A jump of the idle: standard errors, and part of the usual output
-LEAST, MOST_PREFIXES = 2, 3
+IDLE_JUMP, JUMP_SHARE = 8.0, 0.05  # A jump of the idle: standard errors, and part of the usual output
+LEAST_SITTINGS, MOST_PREFIXES = 2, 3
 DATE = re.compile(
     r"(?<!\d)(20\d\d)[-_.]?(0[1-9]|1[0-2])[-_.]?(0[1-9]|[12]\d|3[01])"
     r"(?:[-_T .]*([01]\d|2[0-3])[-_:.h]?([0-5]\d)(?:[-_:.m]?([0-5]\d))?)?(?!\d)"
@@ -66,12 +66,12 @@ def _moment(run: RunRecord) -> float | None:
 def _jump(idle: Array, usual: float) -> NDArray[np.intp]:
     """Where, in the order of the names, the idle output jumps; nowhere by most sets."""
     best, at = 0.0, 0
-    for k in range(LEAST, len(idle) - LEAST + 1):
+    for k in range(LEAST_SITTINGS, len(idle) - LEAST_SITTINGS + 1):
         one, other = idle[:k], idle[k:]
         off = abs(float(one.mean() - other.mean()))
         spread = float(((one - one.mean()) ** 2).sum() + ((other - other.mean()) ** 2).sum()) / max(len(idle) - 2, 1)
         error = np.sqrt(spread * (1 / k + 1 / len(other))) + 1e-12 * usual
-        if off > SHARE * usual and off / error > max(best, JUMP):
+        if off > JUMP_SHARE * usual and off / error > max(best, IDLE_JUMP):
             best, at = off / error, k
     return np.array([at] if at else [], dtype=np.intp)
 

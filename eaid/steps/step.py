@@ -15,7 +15,9 @@ from eaid.arrays import Array, median, read_only
 from eaid.logs.run import Run
 from eaid.steps.noise import STANDARD_ERRORS, block_error, block_means, line
 
-SAME = 2e-3  # Share of the sample time within which sample instants count as equal: the rounding of written times
+SAME_INSTANT = (
+    2e-3  # Share of the sample time within which sample instants count as equal: the rounding of written times
+)
 OVER = 0.05  # Share by which a peak has to exceed the level after it to be a slip
 
 
@@ -24,7 +26,7 @@ def usual_step(time_s: Array) -> float:
     return median(np.diff(time_s))
 
 
-def uniform_step(time_s: Array, within: float = SAME) -> float | None:
+def uniform_step(time_s: Array, within: float = SAME_INSTANT) -> float | None:
     """Sample time [s] of an axis that is t_0 + k·dt to that share of dt; None where it is not."""
     count = len(time_s)
     if count < 2:
@@ -33,7 +35,7 @@ def uniform_step(time_s: Array, within: float = SAME) -> float | None:
     if np.abs(time_s - (time_s[0] + np.arange(count) * dt)).max() > within * dt:
         return None
     tidy = float(f"{dt:.6g}")
-    return tidy if abs(tidy - dt) * count <= SAME * dt else dt
+    return tidy if abs(tidy - dt) * count <= SAME_INSTANT * dt else dt
 
 
 def sample_at(run: Run, at_s: float) -> int:

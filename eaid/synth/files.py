@@ -11,15 +11,15 @@ from eaid.replay.references import read_rows
 from eaid.synth.logs import Input
 
 # Input of a plain eaid CSV, by kind,
-PLAIN = {"clutch": "duty_pct", "friction-force": "force_n", "friction-speed": "speed_rpm"}
+PLAIN_INPUTS = {"clutch": "duty_pct", "friction-force": "force_n", "friction-speed": "speed_rpm"}
 NAMES = {"clutch": "input", "friction-force": "force", "friction-speed": "speed"}  # and its name in another unit
 
-FIRST = "# synthetic: "  # Only files that begin so are ever replaced or removed
+FIRST_LINE = "# synthetic: "  # Only files that begin so are ever replaced or removed
 
 
 def is_synthetic(_path: Path, ends: bytes) -> bool:
     """Whether a file, by its first bytes, is a synthetic log."""
-    return ends.startswith(FIRST.encode())
+    return ends.startswith(FIRST_LINE.encode())
 
 
 def write_folder(folder: Path, runs: Sequence[Run], force: bool) -> None:
@@ -34,14 +34,14 @@ def write_folder(folder: Path, runs: Sequence[Run], force: bool) -> None:
             if run.reference_nm is not None:
                 columns["reference_nm"] = run.reference_nm
             rows = zip(*(each.tolist() for each in columns.values()), strict=True)
-            lines = [f"{FIRST}{run.synthetic}", ",".join(columns), *(",".join(map(repr, row)) for row in rows), ""]
+            lines = [f"{FIRST_LINE}{run.synthetic}", ",".join(columns), *(",".join(map(repr, row)) for row in rows), ""]
             (part / f"{run.name}.csv").write_text("\n".join(lines), encoding="utf-8", newline="\n")
         refuse_folder(folder, force, is_synthetic, "eaid synth")
 
 
 def input_column(kind: str, unit: str) -> str:
     """Name of the input's column: `duty_pct`, `force_n`, `speed_rpm`, or one with another unit, `input (V)`."""
-    return PLAIN[kind] if unit == INPUT_UNITS[kind] else f"{NAMES[kind]} ({unit})"
+    return PLAIN_INPUTS[kind] if unit == INPUT_UNITS[kind] else f"{NAMES[kind]} ({unit})"
 
 
 def read_input(path: Path, kind: str = "clutch", unit: str = "%") -> tuple[Input, float]:

@@ -10,7 +10,7 @@ import pytest
 from scipy.signal import lfilter
 
 import eaid
-from eaid.results.residuals import LAGS, correlation_of
+from eaid.results.residuals import CORRELATION_LAGS, correlation_of
 
 from .conftest import call
 
@@ -28,7 +28,7 @@ def test_correlations_by_hand_and_their_bands():
         white, held = rng.normal(size=n), np.repeat(rng.normal(size=n // 20), 20)
         coloured = lfilter([1], [1, -0.9], rng.normal(size=n))
         counts += correlation_of([white], 0.01).outside()[0], correlation_of([coloured], 0.01, held).outside()[1]
-    assert counts / (60 * LAGS) == pytest.approx(0.05, abs=0.025)
+    assert counts / (60 * CORRELATION_LAGS) == pytest.approx(0.05, abs=0.025)
     assert correlation_of([e + 0.3 * np.roll(u, 200)], 0.01, u).outside()[1] > 2  # the input, late, is left in them
 
 

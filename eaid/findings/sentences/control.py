@@ -55,13 +55,13 @@ def _mending(said: str, option: str) -> Callable[[Values], str]:
     return told
 
 
-CONDITIONS = {"rho": "ρ", "phi": "φ", "Q_M": "Q_M", "duty-limit": "input limit", "duty-floor": "input floor"}
+CONDITION_WORDS = {"rho": "ρ", "phi": "φ", "Q_M": "Q_M", "duty-limit": "input limit", "duty-floor": "input floor"}
 
 
 def _mended(v: Values) -> str:
-    cost, all_met = _cost(v), " and ".join(CONDITIONS[name] for name in v["conditions"])
+    cost, all_met = _cost(v), " and ".join(CONDITION_WORDS[name] for name in v["conditions"])
     verdict = {True: "would hold", None: "would not be known"}.get(v["holds"], "would still be NO")
-    missing = f" ({', '.join(CONDITIONS.get(name, name) for name in v['missing'])})" if v["missing"] else ""
+    missing = f" ({', '.join(CONDITION_WORDS.get(name, name) for name in v['missing'])})" if v["missing"] else ""
     return f"with {all_met} mended the guarantee {verdict}{missing}" + (f", at {cost}" if cost else "")
 
 
@@ -166,8 +166,8 @@ ROWS: dict[str, Row] = {
     "export-guarantee-missing": caution(
         lambda v: (
             "RC: the Lyapunov guarantee does not hold on this rig (missing: "
-            f"{', '.join(CONDITIONS.get(name, name) for name in v['missing'])}); the margins are what speaks for these "
-            "gains"
+            f"{', '.join(CONDITION_WORDS.get(name, name) for name in v['missing'])}); the margins are what speaks for "
+            "these gains"
         )
     ),
     "export-margins": note(_margins),

@@ -18,7 +18,7 @@ from eaid.errors import DataError
 from eaid.logs.table import Cells, Table
 
 LONGEST_S = 60.0  # Time for any file; a second for every megabyte comes on top [s]
-FLOOR = 512 << 20  # Memory for any file [bytes], beyond what the process holds before it
+MEMORY_FLOOR = 512 << 20  # Memory for any file [bytes], beyond what the process holds before it
 MOST_RATIO = 40  # Memory for a file, as a multiple of its size (what is recorded packs by about 10)
 
 
@@ -84,7 +84,7 @@ def _bound(size: int) -> None:
         # twice what the command waits for, in case that it is gone
         limit(resource.RLIMIT_CPU, int(time.process_time() + 2 * (LONGEST_S + size / 1e6)))
         words = Path("/proc/self/status").read_text(encoding="ascii", errors="replace").partition("VmData:")[2].split()
-        limit(resource.RLIMIT_DATA, (int(words[0]) << 10) + FLOOR + MOST_RATIO * size)
+        limit(resource.RLIMIT_DATA, (int(words[0]) << 10) + MEMORY_FLOOR + MOST_RATIO * size)
     except (ImportError, OSError, IndexError, ValueError):
         return
 

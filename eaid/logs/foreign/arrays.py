@@ -25,7 +25,7 @@ from eaid.logs.hdf import nodes, text
 from eaid.logs.run import numbered
 from eaid.logs.table import Cells, Table
 
-FEWEST = 10  # Rows below which a matrix is no record, but gains and other settings
+FEWEST_IN_MATRIX = 10  # Rows below which a matrix is no record, but gains and other settings
 OBJECTS = (
     "holds MATLAB objects (a Simulink Dataset or timeseries) only; in MATLAB, save it as plain arrays: t = S.Time; "
     "y = squeeze(S.Data); save('log.mat', 't', 'y', '-v7') for each signal S of the Dataset"
@@ -91,7 +91,7 @@ def _tables(name: str, arrays: Mapping[str, Any], between: str = ".") -> tuple[l
             dropped.extend([inside(leaf)] if array.size > 1 else [])
         elif len(long) == 1 and array.size:
             vectors.setdefault(array.size, []).append(Column(leaf, array))
-        elif len(long) == array.ndim == 2 and max(long) >= FEWEST:
+        elif len(long) == array.ndim == 2 and max(long) >= FEWEST_IN_MATRIX:
             matrices.append((leaf, array))
     tables: list[Table] = []
     for leaf, array in matrices:

@@ -40,7 +40,7 @@ _CLUTCH = _fit("clutch")
 
 TRENDS = "The values of each level, their 95 % intervals and their trend."
 FREE_RUN = "The model is driven by the recorded input alone (free run); of many logs three are drawn."
-TRACKED = "Errors are reference minus output; a shaded band holds 95 % of drawn plants, where there are any."
+TRACKED_CAPTION = "Errors are reference minus output; a shaded band holds 95 % of drawn plants, where there are any."
 
 # In the order of the page
 FIGURES: tuple[Row, ...] = (
@@ -75,9 +75,9 @@ FIGURES: tuple[Row, ...] = (
         values.trends, of_the_fit=False),
     Row("fig05_friction_over_speed", "Fig. 5 · Friction over the rotation speed", TRENDS, (_fit("friction-speed"),),
         values.trends, of_the_fit=False),
-    Row("fig12_multisine", "Fig. 12 · Sum of sines", TRACKED, (_replay("multisine"),), replays.tracking),
-    Row("own_reference", "Your own reference", TRACKED, (_replay("reference"),), replays.tracking),
-    Row("fig11_steps", "Fig. 11 · Steps", TRACKED, (_replay("steps"),), replays.tracking),
+    Row("fig12_multisine", "Fig. 12 · Sum of sines", TRACKED_CAPTION, (_replay("multisine"),), replays.tracking),
+    Row("own_reference", "Your own reference", TRACKED_CAPTION, (_replay("reference"),), replays.tracking),
+    Row("fig11_steps", "Fig. 11 · Steps", TRACKED_CAPTION, (_replay("steps"),), replays.tracking),
     Row("fig13_sweep", "Fig. 13 · Sines of rising frequency",
         "Amplitude of the output against the reference, and the error, at each frequency.",
         (_replay("sweep"),), replays.sweep),

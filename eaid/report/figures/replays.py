@@ -16,7 +16,7 @@ from eaid.results.fit import Fit
 from eaid.results.recorded import LogCurve, LogFit
 from eaid.results.replay import Replay
 
-COLUMNS = ("time_s", "duty_pct", "reference_nm", "torque_nm")
+DRAWN_COLUMNS = ("time_s", "duty_pct", "reference_nm", "torque_nm")
 
 
 def bands(replay: Replay) -> list[ink.Band]:
@@ -50,7 +50,7 @@ def tracking_panels(replay: Replay, until_s: float | None = None) -> list[Panel]
     for name, one in replay.records.items():
         t, said, (colour, dash, _marker) = one.columns["time_s"], controller_name(name), ink.controller_look(name)
         some = slice(None) if until_s is None else (t >= from_s) & (t <= until_s)
-        t, duty, reference, true = (one.columns[key][some] for key in COLUMNS)
+        t, duty, reference, true = (one.columns[key][some] for key in DRAWN_COLUMNS)
         for lines, values in ((output, true), (error, reference - true), (acting, duty)):
             lines.append(Line(t, values, said, colour, dash))
         asked.append(Line(t, reference, "reference", ink.BLACK, ":"))
@@ -96,7 +96,7 @@ def recorded_input(replay: Replay) -> Sheet | None:
     logs = []
     for name, one in replay.records.items():
         if one.role == "recorded-input":
-            t, duty, recorded, model = (one.columns[key] for key in COLUMNS)
+            t, duty, recorded, model = (one.columns[key] for key in DRAWN_COLUMNS)
             curve = LogCurve(*(tuple(column.tolist()) for column in (t, duty, recorded, model, recorded - model)))
             logs.append(LogFit(name, fit_pct=one.metrics.fit_pct, curve=curve))
     return logs_sheet(logs, (replay.head.input_unit, replay.head.output_unit))

@@ -12,14 +12,14 @@ from eaid.results.fit import Fit
 from eaid.results.residuals import Correlation, correlation_of
 from eaid.steps.stepset import StepSet
 
-SHOWN = 6  # Levels whose residuals are drawn
-COLOURS = (ink.BLUE, ink.VERMILLION, ink.GREEN)  # Of logs
+SHOWN_LEVELS = 6  # Levels whose residuals are drawn
+LOG_COLOURS = (ink.BLUE, ink.VERMILLION, ink.GREEN)  # Of logs
 
 
 def residuals(fit: Fit, steps: StepSet | None = None) -> Sheet | None:
     """The three panels; None where no samples are at hand. `steps`: those of a fit that was read from a file."""
     over_time, own, against = list[Line](), list[tuple[Correlation, str]](), list[Line]()
-    for log, colour in zip(drawn_logs(fit.logs), COLOURS, strict=False):
+    for log, colour in zip(drawn_logs(fit.logs), LOG_COLOURS, strict=False):
         t, u, e = (np.array(column) for column in (log.curve.time_s, log.curve.input, log.curve.residual))
         over_time.append(Line(t, e, log.name, colour, width=0.8, alpha=0.7))
         against.append(Line(u, e, "", colour, "", marker="o", size=1.5, alpha=0.5))
@@ -30,7 +30,7 @@ def residuals(fit: Fit, steps: StepSet | None = None) -> Sheet | None:
         both = statistics.residuals(fit, steps)
         off = both["recorded"] - both["fitted"]
         parts = [(one.level, one.time_s, off.loc[one.level].to_numpy()) for one in steps.levels]
-        shown = some_of(parts, SHOWN)[::-1]  # the highest, whose noise is largest, below the others
+        shown = some_of(parts, SHOWN_LEVELS)[::-1]  # the highest, whose noise is largest, below the others
         for (level, at_s, left), colour in zip(shown, ink.level_colours(len(shown))[::-1], strict=True):
             over_time.append(Line(at_s, left, level_text(level, fit.data.input_unit), colour, width=0.8, alpha=0.7))
         low, middle, high = np.array([np.quantile(e, (0.025, 0.5, 0.975)) for _, _, e in parts]).T
@@ -45,7 +45,7 @@ def residuals(fit: Fit, steps: StepSet | None = None) -> Sheet | None:
     band = max(one.band for one, _ in own)
     white = [Span(-band, band, ink.PALE, "y"), zero]
     time, legend = ink.OF_LOG if fit.logs else ink.OF_STEP, "over" if len(over_time) > 1 else ""
-    panels = [Panel(time, y, over_time, spans=[zero], legend=legend, columns=SHOWN)]
+    panels = [Panel(time, y, over_time, spans=[zero], legend=legend, columns=SHOWN_LEVELS)]
     panels += [Panel(Axis("Lag", "s"), Axis("Autocorrelation", "1", (None, 1.0)), lags, spans=white)] if lags else []
     panels.append(Panel(over(fit.data.input_unit), y, against, spans=[zero], tight=False))
     return Sheet(panels, 2.5, columns=len(panels), shared=False)

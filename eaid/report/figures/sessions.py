@@ -8,7 +8,7 @@ from eaid.report.results import Results
 from eaid.sessions.compare import Comparison
 from eaid.sessions.rig import Rig
 
-COLOURS = (ink.BLUE, ink.VERMILLION, ink.GREEN, ink.PURPLE, ink.ORANGE, ink.SKY, ink.BLACK)
+SESSION_COLOURS = (ink.BLUE, ink.VERMILLION, ink.GREEN, ink.PURPLE, ink.ORANGE, ink.SKY, ink.BLACK)
 MARKERS = "osD^v<>"
 LONGEST = 12  # Letters of a session's name below the chart
 FACTORS = (1.1, 1.2, 1.5, 2.0, 3.0, 5.0, 10.0, 30.0, 100.0)  # Of which an axis shows the three largest that it holds
@@ -66,7 +66,7 @@ def values_panel(found: Comparison) -> Panel:
     lines = []
     for k, (letter, values) in enumerate(found.values.items()):
         x, y, reach = np.array([(one.level, one.value, 1.96 * one.sd_log) for one in values]).reshape(-1, 3).T
-        ends, colour = (y * np.exp(-reach), y * np.exp(reach)), COLOURS[k % len(COLOURS)]
+        ends, colour = (y * np.exp(-reach), y * np.exp(reach)), SESSION_COLOURS[k % len(SESSION_COLOURS)]
         lines.append(Line(x, y, letter, colour, width=1.1, marker=MARKERS[k % len(MARKERS)], ends=ends))
     y_axis = Axis("T_s", found.output_unit, (0.0, None))
     return Panel(over(found.input_unit), y_axis, lines, legend="above", tight=False)
@@ -77,7 +77,7 @@ def changes_panel(found: Comparison) -> Panel:
     lines = []
     for k, one in enumerate(shift for shift in found.shifts if shift.quantity == "Ts"):
         x, y, low, high = np.array([(c.level, c.ratio, c.low, c.high) for c in one.levels]).T
-        colour, marker = COLOURS[(k + 1) % len(COLOURS)], MARKERS[(k + 1) % len(MARKERS)]
+        colour, marker = SESSION_COLOURS[(k + 1) % len(SESSION_COLOURS)], MARKERS[(k + 1) % len(MARKERS)]
         lines.append(Line(x, y, f"A over {one.against}", colour, "", marker=marker, ends=(low, high)))
     spans = [Span(1.0, 1.0, ink.GREY, "y", 0.8)]
     return Panel(over(found.input_unit), Axis("Ratio of T_s"), lines, spans=spans, legend="above", tight=False)

@@ -74,7 +74,7 @@ def tables(results: Results) -> tuple[Table, ...]:
 
 
 # Beside RC and the designed PI, where they were replayed alike: the PIs of RC's own margins
-ALIKE = {"equal_pi": "PI of RC's margins", "equal_pi_feedforward": "the same with RC's feedforward"}
+EQUAL_PIS = {"equal_pi": "PI of RC's margins", "equal_pi_feedforward": "the same with RC's feedforward"}
 
 
 def _controllers(results: Results) -> Iterator[Table]:
@@ -88,7 +88,7 @@ def _controllers(results: Results) -> Iterator[Table]:
         names = [name for name in names if name in replay.records] or list(replay.records)[:2]
         unit, where = replay.head.output_unit, replay.head.scenario
     both = names == ["rc", "pi"]
-    alike = list(ALIKE) if both and behind is not None and behind.equal_pi and _same(replay, behind) else []
+    alike = list(EQUAL_PIS) if both and behind is not None and behind.equal_pi and _same(replay, behind) else []
     rows: list[tuple[Cell, ...]] = []
     for key, said in (("max_abs_error_nm", "largest error"), ("rms_error_nm", "RMS error")):
         each = [metric(replay, name, key) if replay is not None else getattr(getattr(behind, name, None), key, None)
@@ -103,7 +103,7 @@ def _controllers(results: Results) -> Iterator[Table]:
         rows.append((said, *(f"{one:.3g}" if one is not None else None for one in each)))
     shown = tuple(row for row in rows if any(row[1:]))
     if shown:
-        heads = columns("", *map(controller_name, names), *(ALIKE[name] for name in alike))
+        heads = columns("", *map(controller_name, names), *(EQUAL_PIS[name] for name in alike))
         yield Table("Controllers", comparison(gains) if both and gains is not None else "", heads, shown)
 
 
@@ -260,13 +260,13 @@ def mark_of(results: Results) -> tuple[str, list[str]] | None:
     return (MARK, told) if told else None
 
 
-SCENARIOS = ("multisine", "reference", "steps")  # Replays that are shown, the best first
+SHOWN_SCENARIOS = ("multisine", "reference", "steps")  # Replays that are shown, the best first
 SHOWN_S = 20.0  # Most of a replay that is shown [s]
 
 
 def _replay_of(results: Results) -> Replay | None:
     """The replay that is shown."""
-    return next(filter(None, map(results.replay, SCENARIOS)), None)
+    return next(filter(None, map(results.replay, SHOWN_SCENARIOS)), None)
 
 
 def _picture(panels: Sequence[Panel], ratios: tuple[float, ...] = (), columns: int = 1) -> Sheet:

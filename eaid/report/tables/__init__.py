@@ -6,7 +6,7 @@ from functools import cached_property
 from operator import attrgetter
 from typing import TypeVar
 
-from eaid.results.residuals import LAGS, Correlation
+from eaid.results.residuals import CORRELATION_LAGS, Correlation
 from eaid.shown import number
 
 T = TypeVar("T")
@@ -101,8 +101,8 @@ def table_of(heading: str, caption: str, items: Iterable[T], *parts: Part[T] | N
 
 # Residuals against their own past and against the input
 OUTSIDE = (
-    f"Lags outside: of {LAGS}, those at which the residual goes with its own past, or the input, beyond the 95 % band; "
-    "one in twenty does by chance."
+    f"Lags outside: of {CORRELATION_LAGS}, those at which the residual goes with its own past, or the input, beyond "
+    "the 95 % band; one in twenty does by chance."
 )
 
 

@@ -165,7 +165,7 @@ def input_gain_table(fit: Fit) -> Table:
     )  # fmt: skip
 
 
-SHAPES = {"one": "one exponential", "two": "two exponentials", "free": "two, C free", "overshoot": "overshoot"}
+SHAPE_WORDS = {"one": "one exponential", "two": "two exponentials", "free": "two, C free", "overshoot": "overshoot"}
 
 
 def level_steps_table(fit: Fit) -> Table:
@@ -178,7 +178,7 @@ def level_steps_table(fit: Fit) -> Table:
         (("step", unit), lambda one: Name(f"{level(one.from_)} → {level(one.level)}")), (("start", out), "start"),
         (("change", out), "change"), (("peak", out), "peak"),
         (("gain", f"{out}/{unit}"), "gain"),
-        ("shape", lambda one: SHAPES.get(one.shape, one.shape)), (("τ1", "s"), "tau1"), (("τ2", "s"), "tau2"),
+        ("shape", lambda one: SHAPE_WORDS.get(one.shape, one.shape)), (("τ1", "s"), "tau1"), (("τ2", "s"), "tau2"),
         (("C", "", 3), "C"), (("dead time", "s", 3), "dead_time_s"), (("RMSE", out, 3), "rmse"),
         (("fit", "%", 3), "fit_pct"),
     )  # fmt: skip
@@ -199,7 +199,7 @@ def shapes_table(fit: Fit) -> Table:
 
 def _shape_in_words(name: str) -> str:
     shape, _, dead = name.partition("+")
-    return SHAPES.get(shape, shape) + ", dead time" * bool(dead)
+    return SHAPE_WORDS.get(shape, shape) + ", dead time" * bool(dead)
 
 
 def held_out_table(fit: Fit) -> Table:

@@ -13,7 +13,7 @@ from eaid.results.gains import PI, Condition, Gains, Margin, Margins, Robust
 from eaid.shown import number, output_word
 
 # Condition of the guarantee → how it is called, what it says, and why it does not hold
-CONDITIONS = {
+CONDITION_ROWS = {
     "rho": ("ρ", "the robust term covers the model's error, inequality (15)",
             "the robust term ρ covers {a} of the {n} {unit} that the model's error needs"),
     "phi": ("φ", "bound on the error of the model's drift term",
@@ -36,7 +36,7 @@ BEYOND_GAINS = {"duty-limit", "duty-floor", "dead-time"}  # Conditions that no g
 
 def called(condition: Condition) -> str:
     """How a condition is called; only the paper's input is a duty."""
-    name = CONDITIONS.get(condition.name, (condition.name,))[0]
+    name = CONDITION_ROWS.get(condition.name, (condition.name,))[0]
     return name if condition.unit in ("%", "") else name.replace("duty", "input")
 
 
@@ -63,8 +63,8 @@ def guarantee_story(gains: Gains) -> list[str]:
         if both and name == "duty-limit":
             n, a = f"{number(low.needed, 3)} … {n}", f"{number(low.available, 3)} … {a}"  # type: ignore[union-attr]
             why.append(f"the actuator has {a}, a plant within the fit's bounds may take {n} {row.unit}")
-        elif name in CONDITIONS and None not in (row.needed, row.available):
-            why.append(CONDITIONS[name][2].format(n=n, a=a, unit=row.unit))
+        elif name in CONDITION_ROWS and None not in (row.needed, row.available):
+            why.append(CONDITION_ROWS[name][2].format(n=n, a=a, unit=row.unit))
         else:
             why.append(f"no {called(row)} is enough")
     said = f"guarantee NO: {'; '.join(why)}"
@@ -78,7 +78,7 @@ def guarantee_story(gains: Gains) -> list[str]:
 
 
 # Row of the comparison → how it is called
-COMPARED = {
+COMPARED_ROWS = {
     "rc": "RC", "equal_pi_feedforward": "PI of RC's margins, with RC's feedforward", "equal_pi": "PI of RC's margins",
     "pi": "PI, designed", "paper_pi": "the paper's PI",
 }  # fmt: skip
@@ -111,7 +111,7 @@ def _controllers(gains: Gains) -> Table:
         held = gains.controllers_by_name.get(name)
         slopes = f"K_P {number(one.K_P, 3)}, K_I {number(one.K_I, 3)}"
         told = Margin(one.stable, one.gain_db, one.phase_deg)
-        title = COMPARED.get(name, controller_name(name))
+        title = COMPARED_ROWS.get(name, controller_name(name))
         rows.append((title, slopes if held is None else _gains(name, held), _margin(told), one.max_abs_error_nm))
     if not rows:
         rows = [(controller_name(name), _gains(name, held), _margin(margins.worst.get(name)), None)
@@ -136,7 +136,7 @@ def tables_of(gains: Gains) -> list[Table]:
     checklist = table_of(
         "What the guarantee needs", "The robust controller is proven stable only where every row holds.",
         conditions_of(gains),
-        ("condition", called), ("what it says", lambda one: CONDITIONS.get(one.name, ("", one.name))[1]),
+        ("condition", called), ("what it says", lambda one: CONDITION_ROWS.get(one.name, ("", one.name))[1]),
         (("needed", "", 3), "needed"), (("available", "", 3), "available"), ("unit", "unit"),
         ("verdict", lambda one: {True: "holds", False: "does not hold", None: "not known"}[one.holds]),
     )  # fmt: skip

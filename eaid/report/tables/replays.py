@@ -12,7 +12,7 @@ from eaid.results.replay import Metrics, Replay
 from eaid.results.residuals import Correlation, correlation_of
 from eaid.shown import number
 
-COLUMNS = ("time_s", "reference_nm", "torque_nm", "duty_pct")
+TABLE_COLUMNS = ("time_s", "reference_nm", "torque_nm", "duty_pct")
 METRICS = {
     "max_abs_error_nm": ("largest |error|", "out"),
     "rms_error_nm": ("RMS error", "out"),
@@ -100,7 +100,7 @@ def log_table(replay: Replay, fits: Sequence[Fit] = ()) -> Table:
     out = replay.head.output_unit
 
     def left(of: tuple[str, Metrics]) -> Correlation:
-        t, recorded, model, u = (replay.records[of[0]].columns[key] for key in COLUMNS)
+        t, recorded, model, u = (replay.records[of[0]].columns[key] for key in TABLE_COLUMNS)
         return correlation_of([recorded - model], median(np.diff(t)), u)
 
     given = replay.head.inputs.get("log", ())
