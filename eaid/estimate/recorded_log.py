@@ -34,6 +34,7 @@ class RecordedLog:
     weight: float = 1.0  # Weight of each squared residual: R for the mean of R repeats
     source: str = ""
     sha256: str = ""
+    others: tuple[tuple[str, Array], ...] = ()  # Columns beside it that move, and were not read
 
     @cached_property
     def starts_idle(self) -> bool:
@@ -97,6 +98,7 @@ def recorded_log(run: Run, rest: float = 0.0) -> RecordedLog:
         run.baseline,
         source=run.source,
         sha256=run.sha256,
+        others=run.others,
     )
 
 

@@ -17,7 +17,7 @@ ACTIVE_SLACK = 1e-9  # Slack of a row of A at which it counts as active, beside 
 # Curvature below which nothing determines an unknown: its square root can still be squared and divided by
 TINY = 1e-280
 FARTHEST_STEP = 1e100  # Size of a whitened step beyond which there is none: only rounding determines it
-# A predicted is judged against at least this part of the sum of squared data: beneath it lies rounding
+# A predicted decrease is judged against at least this part of the sum of squared data: beneath it lies rounding
 ROUNDING = 1e-15
 
 

@@ -53,6 +53,7 @@ class Run:
     # (role, column) that were read, in the order time, input, output, reference
     taken: tuple[tuple[str, str], ...] = ()
     left: tuple[str, ...] = ()  # Columns of the log that were not read
+    others: tuple[tuple[str, Array], ...] = ()  # Those among them that move, shape (n,) each; none of cut runs
     moves: tuple[tuple[str, float], ...] = ()  # Of a log without an input: which others leave their rest, and when [s]
     cut: bool = False  # True for one step cut out of a log (or stored so); False: steps are still to be cut out of it
 
@@ -70,7 +71,7 @@ class Run:
         """Some of its samples as a run of their own, with other changes."""
         columns = {name: getattr(self, name) for name in ("time_s", "input", "output", "reference_nm", "position")}
         parts = {name: read_only(values[samples]) for name, values in columns.items() if values is not None}
-        return replace(self, **{**parts, **changes})
+        return replace(self, **{"others": (), **parts, **changes})
 
 
 def numbered(names: Iterable[str], before: str = "-") -> list[str]:

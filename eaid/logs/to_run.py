@@ -294,7 +294,8 @@ def run_of(
     position_unit = units.get("position", "")  # as it is called: nothing is turned into it
     if roles.position is not None and not position_unit:
         position_unit = table.unit(roles.position) or split_name(table.columns[roles.position])[1]
-    moves = _moves(table, roles, time_s, keep) if which is None else ()
+    beside = _beside(table, roles, keep) if which is None or len(time_s) <= MOST_ROWS_BESIDE else ()
+    moves = _moves(beside, time_s) if which is None else ()
     return Run(
         name=name,
         time_s=time_s,
@@ -318,6 +319,7 @@ def run_of(
         taken=tuple((role, table.label(column)) for role, column in taken.items()),
         left=(*others, *table.dropped),
         moves=moves,
+        others=beside,
     )
 
 
@@ -340,11 +342,11 @@ def _asked_once(findings: Sequence[Finding]) -> list[Finding]:
     return [one, *(other for other in findings if other not in open_)]
 
 
-MOST_OTHERS = 8  # Columns that are not read up to which they are looked at, where nothing says the input
+MOST_OTHERS, MOST_ROWS_BESIDE = 8, 300_000  # Columns that are not read, and rows, up to which they are looked at
 
 
-def _moves(table: Table, roles: Roles, time_s: Array, keep: NDArray[np.intp] | None) -> tuple[tuple[str, float], ...]:
-    """Which of the other columns leave their rest, and when."""
+def _beside(table: Table, roles: Roles, keep: NDArray[np.intp] | None) -> tuple[tuple[str, Array], ...]:
+    """The few columns that are not read, where they are numbers that move and no clock."""
     others = [column for column in range(len(table.columns)) if column not in roles.taken]
     cells: tuple[NDArray[Any], ...] = ()
     if 0 < len(others) <= MOST_OTHERS:
@@ -353,9 +355,15 @@ def _moves(table: Table, roles: Roles, time_s: Array, keep: NDArray[np.intp] | N
     found = []
     for column, values in zip(others, cells, strict=False):
         values = values if keep is None else values[keep]
-        if not rises(values) and (at := leaves_rest(values.astype(np.float64))) is not None:
-            found.append((table.label(column), float(time_s[at])))
+        if not rises(values) and np.isfinite(values).all() and np.ptp(values):
+            found.append((table.label(column), read_only(values.astype(np.float64))))
     return tuple(found)
+
+
+def _moves(beside: Sequence[tuple[str, Array]], time_s: Array) -> tuple[tuple[str, float], ...]:
+    """Which of the other columns leave their rest, and when."""
+    instants = ((label, leaves_rest(values)) for label, values in beside)
+    return tuple((label, float(time_s[at])) for label, at in instants if at is not None)
 
 
 def _on_clock(instant_s: float | None, time_s: Array, start_s: float) -> float | None:

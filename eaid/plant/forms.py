@@ -2,7 +2,7 @@
 
 Below the lowest identified input, u_low, τ1 and τ2 keep their edge value and T_s goes linearly to 0 at rest; above the
 highest, all keep their edge value. Of an input of both signs T_s has a form on each side of rest, over |u|; τ1 and τ2
-have one over |u|.
+have one over |u|. In fits of steps the first coefficient of a form is its constant: their feasible points rest on it.
 """
 
 from dataclasses import dataclass
@@ -141,7 +141,8 @@ def curve(coefficients: tuple[float, ...], u: Array | float, u_range: Range) -> 
 
 
 def terms(u: Array | float, count: int, u_range: Range) -> Array:
-    """∂/∂coefficients of a polynomial of u/100 with so many, (n, count); edge values outside the identified range."""
+    """Derivatives of a polynomial by its coefficients of u/100, which covariances are of, (n, count); those of u follow
+    by `scales`. Edge values outside the identified range."""
     return np.vander(np.atleast_1d(np.clip(u, *u_range)) / 100, count, increasing=True)
 
 

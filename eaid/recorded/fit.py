@@ -35,7 +35,7 @@ from eaid.recorded.fall_tests import with_falls
 from eaid.recorded.from_logs import Solved, fit_setup, idle_found, plant_found
 from eaid.recorded.held_out import held_out
 from eaid.recorded.inputs import FEW_LEVELS, Excited, excited_by
-from eaid.recorded.left_over import drift_findings, left_over_findings
+from eaid.recorded.left_over import column_findings, drift_findings, left_over_findings
 from eaid.recorded.log_intervals import FEWEST_ENGAGEMENTS, CurveSpread, Spread, curves, spread
 from eaid.results.common import LevelError, Source
 from eaid.results.fit import Fit
@@ -402,7 +402,8 @@ def judged_on_logs(
     unseen = held_out(base, chosen.logs, others)
     if unseen is not None:
         findings += falls_too_far(unseen.fit_pct, unseen.held_pct, unseen.of)
-    findings += [*drift_findings(base, chosen.logs), *left_over_findings(base, chosen.logs)]
+    findings += drift_findings(base, chosen.logs)
+    findings += [*left_over_findings(base, chosen.logs), *column_findings(base, chosen.logs)]
     rows = zip(logs, chosen.late, strict=True)
     return Recorded(
         logs=tuple(

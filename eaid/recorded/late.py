@@ -1,4 +1,6 @@
-"""Dead time of a recorded log: by how many rows the output answers late, or early, where the input is noted late.
+"""Dead time of a recorded log under the clutch's form (other kinds find theirs in `kinds`).
+
+By how many rows the output answers late, or early, where the input is noted late.
 
 With f_s the response to the input of s rows later (what acted, if the log shows a change s rows late), D = (f₁ − f₋₁)/2
 is the derivative by that delay. In residuals r whitened by an autoregression, J and D with them,

@@ -66,6 +66,33 @@ def left_over_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Find
     return [finding("residuals-follow-input", "nonlinear", (), share_pct=100 * explained, by=by)]
 
 
+def column_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Finding]:
+    """Said where what a model leaves follows a column that was not read, raw or behind the plant's fast lag."""
+    plant = plant_found(solved)
+    tau_s, found = (
+        float(np.mean(plant.time_constants(max(plant.u_range))[0])),
+        dict[str, list[tuple[float, float, float]]](),
+    )
+    for log, y, r in zip(logs, solved.outputs, solved.missed, strict=False):
+        known, dt_s = np.isfinite(log.output), median(log.dt_s)
+        chance = 2 * max(2 * correlation_s(r, dt_s), dt_s) / (len(r) * dt_s)
+        left, size = r - r.mean(), float(np.sum((y - y.mean()) ** 2))
+        for label, values in log.others:
+            design = np.hstack([values[:, None], lagged(values[:, None], dt_s, max(tau_s, 1e-3 * dt_s))])[known]
+            design = design - design.mean(axis=0)
+            explained = left @ design @ np.linalg.lstsq(design, left, rcond=1e-10)[0] - chance * (left @ left)
+            found.setdefault(label, []).append((float(explained), float(left @ left), size))
+    told = []
+    for label, rows in found.items():
+        explained, total, size = np.sum(rows, axis=0).tolist()
+        if explained > max(MUCH * total, LEFT_SEEN**2 * size):
+            told.append((explained / total, label))
+    if not told:
+        return []
+    share, label = max(told)
+    return [finding("residuals-follow-column", "nonlinear", (), share_pct=100 * share, column=label)]
+
+
 def drift_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Finding]:
     """Said where a drift explains the output as well as the input does; nothing of loops."""
     if any(log.reference is not None for log in logs) or not any(map(np.any, solved.missed)):

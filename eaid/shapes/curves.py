@@ -66,7 +66,7 @@ class AveragedRecord:
 
 
 def averaged_record(time_s: Array, y: Array) -> AveragedRecord:
-    """A record as at most FEW means and what they leave out."""
+    """A record as some `MOST_POINTS` means and what they leave out."""
     count = len(y)
     if count <= MOST_POINTS:
         return AveragedRecord(time_s, y, np.ones(count))

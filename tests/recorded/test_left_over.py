@@ -74,3 +74,15 @@ def test_a_force_that_drives_a_displacement_makes_no_friction_rig() -> None:
     log = pd.DataFrame({"t": T, "force_N": u, "x_mm": y})
     fit = eaid.fit(eaid.read(log, columns={"input": "force_N", "output": "x_mm"}), ci="none")
     assert fit.data.kind == "clutch" and fit.plant.steady(1.0) == pytest.approx(2.0, rel=0.02)
+
+
+@pytest.mark.parametrize("acts", [True, False])
+def test_a_second_input_that_was_logged_is_named(acts: bool) -> None:
+    random = np.random.default_rng(4)
+    one, two = (np.repeat(random.choice([0.0, 1.0, 2.0], 60), held)[: T.size] for held in (75, 105))
+    one, two = (np.pad(u, (50, T.size))[: T.size] for u in (one, two))
+    force = lagged(one, 2.0, 0.4) + acts * lagged(two, 1.0, 0.8) + 0.03 * random.normal(size=T.size)
+    log = pd.DataFrame({"time_s": T, "u1_V": one, "u2_V": two, "force_N": force})
+    fit = eaid.fit(eaid.read(log, columns={"input": "u1_V"}, logs_as="recorded"), model=("nonlinear",))
+    told = [one.values["column"] for one in fit.findings if one.code == "residuals-follow-column"]
+    assert told == (["u2_V"] if acts else [])

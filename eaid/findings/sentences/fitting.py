@@ -352,6 +352,10 @@ ROWS: dict[str, Row] = {
         "chance does ({errors:.2g} errors off 0), whatever the fit's per cent; look at the columns, or move the input "
         "more, and faster than the output wanders"
     ),
+    "residuals-follow-column": caution(
+        "{share_pct:.2g} % of what the model leaves follows the column {column}, which was not read: a second input, "
+        "which no model here has, or another reading of the output; record with it held still"
+    ),
     "residuals-follow-input": caution(
         lambda v: (
             f"what the model leaves is no noise: {v['share_pct']:.2g} % of it follows "
