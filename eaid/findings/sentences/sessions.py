@@ -10,7 +10,7 @@ def _no_scatter(v: Values) -> str:
 
 def _one_of_several(v: Values) -> str:
     parts = "; ".join(v["parts"])
-    offer = f"; part them: {v['offer']}" if v.get("offer") else ""
+    offer = f"; part them, each with the options of this call: {v['offer']}" if v.get("offer") else ""
     mixed = ", and what differs between their levels may be the sessions" if v["mixed"] else ""
     return f"the logs hold {v['sessions']} sessions ({v['by']}: {parts}){mixed}{offer}"
 
