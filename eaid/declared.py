@@ -25,7 +25,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Literal, TypeVar, Union
 
-from eaid.errors import FLAGS, UsageError, in_python, unknown
+from eaid.errors import UsageError, in_python, unknown
 
 O = TypeVar("O", bound="Options")  # noqa: E741
 F = TypeVar("F", bound=Callable[..., Any])
@@ -223,9 +223,7 @@ def _forms(kind: type) -> dict[str, Form]:
     hints, made = typing.get_type_hints(kind), {}
     for one in (one for one in fields(kind) if "option" in one.metadata):
         default = one.default if one.default_factory is MISSING else one.default_factory()
-        form = made[one.name] = Form(one.name, hints[one.name], default, one.metadata["option"])
-        if form.flag != "--" + one.name.replace("_", "-"):
-            FLAGS[one.name] = form.flag
+        made[one.name] = Form(one.name, hints[one.name], default, one.metadata["option"])
     return made
 
 

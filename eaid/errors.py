@@ -8,7 +8,11 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 
 _OPTION = re.compile("«([^»]+)»")
-FLAGS: dict[str, str] = {}  # Options whose flag is another word than their name: `eaid.declared` fills it in
+# Options whose flag is another word than their name; a test holds them against the declarations
+FLAGS = {
+    "target": "--as", "idle_s": "--idle", "release_s": "--release", "longest_hold_s": "--longest-hold",
+    "hold_s": "--hold", "white_nm": "--noise-nm",
+}  # fmt: skip
 
 
 def in_python(sentence: str) -> str:

@@ -10,6 +10,7 @@ import pytest
 import eaid
 from eaid import options
 from eaid.declared import Options, forms
+from eaid.errors import on_command_line
 
 TYPES = [kind for kind in vars(options).values() if inspect.isclass(kind) and issubclass(kind, Options)]
 TYPES = [kind for kind in TYPES if dataclasses.is_dataclass(kind) and forms(kind)]
@@ -26,6 +27,11 @@ def test_a_number_beyond_its_limits_is_refused_by_name(kind, name, form) -> None
             kind(**{name: value})
     with pytest.raises(eaid.UsageError, match=f"{name}="):
         kind(**{name: [1.0]})
+
+
+def test_a_sentence_names_an_option_by_its_own_flag() -> None:
+    flags = {name: form.flag for kind in TYPES for name, form in forms(kind).items()}
+    assert len(flags) > 80 and {name: on_command_line(f"«{name}»") for name in flags} == flags
 
 
 def test_a_default_lies_within_its_limits() -> None:
