@@ -81,3 +81,13 @@ def lagged(values: Array, dt_s: float, tau: float) -> Array:
         for j in range(values.shape[1]):
             found[row, j] = found[row - 1, j] + gone * (values[row, j] - found[row - 1, j])
     return found
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def played(values: Array, width: float) -> Array:
+    """What follows values through a play of a width, (n,): it moves where they have crossed the gap."""
+    found, at = values.copy(), values[0]
+    for row in range(len(values)):
+        at = min(max(at, values[row] - 0.5 * width), values[row] + 0.5 * width)
+        found[row] = at
+    return found

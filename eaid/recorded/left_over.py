@@ -2,8 +2,9 @@
 has not, as a play, dry friction, hysteresis or a curve of another form.
 
 The residuals are regressed on functions of the input as it acts, raw and behind the plant's fast lag: u, u |u|, u³ for
-curves, the sign of its last change, that times |u|, for what goes by its direction. What they explain of the residuals,
-less what they would of noise with as many independent samples, is told where it is much, and seen in the output.
+curves, the sign of its last change, that times |u|, and u through plays, for what goes by its direction. What they
+explain of the residuals, less what they would of noise with as many independent samples as what they leave has, is told
+where it is much, and seen in the output.
 
 And whether the input is seen in the output at all: what wanders by itself is explained to 70 % by a slow lag of any
 input. Output and model are freed of what an autoregression of the output foresees, so that what is left of a drift
@@ -18,13 +19,14 @@ from numpy.typing import NDArray
 from eaid.arrays import Array, median
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.findings import Finding, finding
-from eaid.plant.sums import lagged
+from eaid.plant.sums import lagged, played
 from eaid.recorded.from_logs import Solved, plant_found
 from eaid.recorded.late import ORDER, whitened
 from eaid.recorded.log_intervals import correlation_s
 
 Mask = NDArray[np.bool_]
-FUNCTIONS, OF_SIZE = 5, 3  # Of the input, and those of its size among them
+PLAYS = (0.1, 0.3, 0.6)  # Widths, in parts of the input's range
+FUNCTIONS, OF_SIZE = 5 + len(PLAYS), 3  # Of the input, and those of its size among them
 MUCH = 0.15  # Part of the residuals' squares, beyond chance
 SURE = 5.0  # Errors of the slope: of random walks, with models fitted to them, 4.3 at most (40), of rigs 8 at least
 PARTS = (0.0, 0.05, 0.2, 0.5)  # Of the slowest lag, over which both are averaged before; that counts which shows most
@@ -38,31 +40,38 @@ def left_over_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Find
         return []
     plant, theta_s = plant_found(solved), solved.fitted.dead_time(solved.x)
     tau_s = float(np.mean(plant.time_constants(max(plant.u_range))[0]))
-    size, independent, sums = 0.0, 0.0, np.zeros((2 * FUNCTIONS + 1, 2 * FUNCTIONS + 1))
+    size, parts, sums = 0.0, [], np.zeros((2 * FUNCTIONS + 1, 2 * FUNCTIONS + 1))
     for log, r in zip(logs, solved.missed, strict=False):
         known, dt_s = np.isfinite(log.output), median(log.dt_s)
         columns = np.column_stack([functions_of(log, theta_s, tau_s, dt_s)[known], r])
         columns -= columns.mean(axis=0)
+        parts.append((columns, dt_s))
         sums += columns.T @ columns
         size += float(np.var(log.output[known])) * len(r)
-        independent += len(r) * dt_s / max(2 * correlation_s(r, dt_s), dt_s)
     scale, total = np.sqrt(np.diag(sums)[:-1]), float(sums[-1, -1])
     moves = np.flatnonzero(scale > 0)
-    if not total > 0 or independent <= 2 * len(moves):
+    if not total > 0:
         return []
     alike = sums[np.ix_(moves, moves)] / np.outer(scale[moves], scale[moves])
     along = sums[moves, -1] / scale[moves]
+    follows = np.linalg.pinv(alike, hermitian=True, rcond=1e-10) @ along / scale[moves]
+    independent = 0.0
+    for columns, dt_s in parts:
+        left = columns[:, -1] - columns[:, moves] @ follows
+        independent += len(left) * dt_s / max(2 * correlation_s(left, dt_s), dt_s)
+    if independent <= 2 * len(moves):
+        return []
 
     def share(of: Mask) -> float:  # beyond what noise would give
         back = np.linalg.pinv(alike[np.ix_(of, of)], hermitian=True, rcond=1e-10)
         return float(along[of] @ back @ along[of] / total - of.sum() / independent)
 
     of_direction = moves % FUNCTIONS >= OF_SIZE
-    by_direction, by_size = share(of_direction), share(~of_direction)
-    explained = max(by_direction, by_size, share(of_direction | ~of_direction))
+    by_size = share(~of_direction)
+    explained = max(share(of_direction), by_size, share(of_direction | ~of_direction))
     if explained < MUCH or explained * total < LEFT_SEEN**2 * size:
         return []
-    by = "direction" if by_direction > 0.5 * explained else "size"
+    by = "size" if by_size > 0.5 * explained else "direction"
     return [finding("residuals-follow-input", "nonlinear", (), share_pct=100 * explained, by=by)]
 
 
@@ -122,5 +131,6 @@ def functions_of(log: RecordedLog, theta_s: float, tau_s: float, dt_s: float) ->
     change = np.sign(np.diff(u, prepend=u[0]))
     last = np.maximum.accumulate(np.where(change != 0, np.arange(len(u)), 0))
     moved = change[last]
-    raw = np.stack([u, u * np.abs(u), u**3, moved, moved * np.abs(u)], axis=1)
+    plays = [played(u, width * float(np.ptp(u))) for width in PLAYS]
+    raw = np.stack([u, u * np.abs(u), u**3, moved, moved * np.abs(u), *plays], axis=1)
     return np.hstack([raw, lagged(raw, dt_s, max(tau_s, 1e-3 * dt_s))])
