@@ -59,16 +59,17 @@ def left_over_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Find
     for columns, dt_s in parts:
         left = columns[:, -1] - columns[:, moves] @ follows
         independent += len(left) * dt_s / max(2 * correlation_s(left, dt_s), dt_s)
-    if independent <= 2 * len(moves):
-        return []
 
     def share(of: Mask) -> float:  # beyond what noise would give
+        if independent <= 2 * of.sum():
+            return -np.inf
         back = np.linalg.pinv(alike[np.ix_(of, of)], hermitian=True, rcond=1e-10)
         return float(along[of] @ back @ along[of] / total - of.sum() / independent)
 
-    of_direction = moves % FUNCTIONS >= OF_SIZE
-    by_size = share(~of_direction)
-    explained = max(share(of_direction), by_size, share(of_direction | ~of_direction))
+    which = moves % FUNCTIONS
+    of_size, of_sign = which < OF_SIZE, (which >= OF_SIZE) & (which < FUNCTIONS - len(PLAYS))
+    by_size = share(of_size)
+    explained = max(by_size, share(of_sign), share(of_size | of_sign), share(which >= 0))
     if explained < MUCH or explained * total < LEFT_SEEN**2 * size:
         return []
     by = "size" if by_size > 0.5 * explained else "direction"
