@@ -1,5 +1,6 @@
 """A log in numbers, as it was recorded: input counted from rest, output as measured, and what is known of its start."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -7,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eaid.arrays import Array, read_only
-from eaid.logs.run import Run
+from eaid.logs.run import Beside, Run
 from eaid.steps.noise import sample_noise
 from eaid.steps.stepset import StepSet
 
@@ -34,7 +35,7 @@ class RecordedLog:
     weight: float = 1.0  # Weight of each squared residual: R for the mean of R repeats
     source: str = ""
     sha256: str = ""
-    others: tuple[tuple[str, Array], ...] = ()  # Columns beside it that move, and were not read
+    others: Callable[[], Beside] = tuple  # Reads the columns beside it that move
 
     @cached_property
     def starts_idle(self) -> bool:

@@ -1,9 +1,9 @@
 """A run: one recorded step, as read from a file, in the units that `logs/units.py` turns into."""
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from eaid.arrays import Array, read_only
 from eaid.findings import Finding
 from eaid.options import ExperimentKind
 
+Beside: TypeAlias = tuple[tuple[str, Array], ...]  # Columns by their name in the log
 INPUT_UNITS: dict[str, str] = {"clutch": "%", "friction-force": "N", "friction-speed": "RPM"}
 
 
@@ -53,7 +54,7 @@ class Run:
     # (role, column) that were read, in the order time, input, output, reference
     taken: tuple[tuple[str, str], ...] = ()
     left: tuple[str, ...] = ()  # Columns of the log that were not read
-    others: tuple[tuple[str, Array], ...] = ()  # Those among them that move, shape (n,) each; none of cut runs
+    others: Callable[[], Beside] = tuple  # Reads those among them that move, shape (n,) each; none of cut runs
     moves: tuple[tuple[str, float], ...] = ()  # Of a log without an input: which others leave their rest, and when [s]
     cut: bool = False  # True for one step cut out of a log (or stored so); False: steps are still to be cut out of it
 
@@ -71,7 +72,7 @@ class Run:
         """Some of its samples as a run of their own, with other changes."""
         columns = {name: getattr(self, name) for name in ("time_s", "input", "output", "reference_nm", "position")}
         parts = {name: read_only(values[samples]) for name, values in columns.items() if values is not None}
-        return replace(self, **{"others": (), **parts, **changes})
+        return replace(self, **{"others": tuple, **parts, **changes})
 
 
 def numbered(names: Iterable[str], before: str = "-") -> list[str]:

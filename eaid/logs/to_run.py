@@ -4,6 +4,7 @@ import contextlib
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import msgspec
@@ -25,7 +26,7 @@ from eaid.logs.columns import (
     rises,
     the_input,
 )
-from eaid.logs.run import INPUT_UNITS, Run
+from eaid.logs.run import INPUT_UNITS, Beside, Run
 from eaid.logs.table import Cells, Table, plain
 from eaid.logs.units import (
     LARGEST_NM,
@@ -294,8 +295,7 @@ def run_of(
     position_unit = units.get("position", "")  # as it is called: nothing is turned into it
     if roles.position is not None and not position_unit:
         position_unit = table.unit(roles.position) or split_name(table.columns[roles.position])[1]
-    beside = _beside(table, roles, keep) if which is None or len(time_s) <= MOST_ROWS_BESIDE else ()
-    moves = _moves(beside, time_s) if which is None else ()
+    beside = partial(_beside, table, roles, keep)
     return Run(
         name=name,
         time_s=time_s,
@@ -318,7 +318,7 @@ def run_of(
         start_s=start_s,
         taken=tuple((role, table.label(column)) for role, column in taken.items()),
         left=(*others, *table.dropped),
-        moves=moves,
+        moves=_moves(beside(), time_s) if which is None else (),
         others=beside,
     )
 
@@ -342,15 +342,15 @@ def _asked_once(findings: Sequence[Finding]) -> list[Finding]:
     return [one, *(other for other in findings if other not in open_)]
 
 
-MOST_OTHERS, MOST_ROWS_BESIDE = 8, 300_000  # Columns that are not read, and rows, up to which they are looked at
+MOST_OTHERS = 8  # Columns that are not read up to which they are looked at
 
 
-def _beside(table: Table, roles: Roles, keep: NDArray[np.intp] | None) -> tuple[tuple[str, Array], ...]:
+def _beside(table: Table, roles: Roles, keep: NDArray[np.intp] | None) -> Beside:
     """The few columns that are not read, where they are numbers that move and no clock."""
     others = [column for column in range(len(table.columns)) if column not in roles.taken]
     cells: tuple[NDArray[Any], ...] = ()
     if 0 < len(others) <= MOST_OTHERS:
-        with contextlib.suppress(DataError):  # what is bad in them is no fault of the log
+        with contextlib.suppress(DataError, OSError):  # what is bad in them is no fault of the log
             cells = table.load(others).values
     found = []
     for column, values in zip(others, cells, strict=False):
@@ -360,7 +360,7 @@ def _beside(table: Table, roles: Roles, keep: NDArray[np.intp] | None) -> tuple[
     return tuple(found)
 
 
-def _moves(beside: Sequence[tuple[str, Array]], time_s: Array) -> tuple[tuple[str, float], ...]:
+def _moves(beside: Beside, time_s: Array) -> tuple[tuple[str, float], ...]:
     """Which of the other columns leave their rest, and when."""
     instants = ((label, leaves_rest(values)) for label, values in beside)
     return tuple((label, float(time_s[at])) for label, at in instants if at is not None)

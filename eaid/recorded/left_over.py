@@ -77,17 +77,17 @@ def left_over_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Find
 
 
 def column_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Finding]:
-    """Said where what a model leaves follows a column that was not read, raw or behind the plant's fast lag."""
-    plant = plant_found(solved)
-    tau_s, found = (
-        float(np.mean(plant.time_constants(max(plant.u_range))[0])),
-        dict[str, list[tuple[float, float, float]]](),
-    )
+    """Said where what a model leaves follows a column that was not read, raw or behind the plant's fast lag; such
+    columns are read only where something is left, and nothing is said of loops."""
+    if any(log.reference is not None for log in logs):
+        return []
+    plant, found = plant_found(solved), dict[str, list[tuple[float, float, float]]]()
+    tau_s = float(np.mean(plant.time_constants(max(plant.u_range))[0]))
     for log, y, r in zip(logs, solved.outputs, solved.missed, strict=False):
         known, dt_s = np.isfinite(log.output), median(log.dt_s)
         chance = 2 * max(2 * correlation_s(r, dt_s), dt_s) / (len(r) * dt_s)
         left, size = r - r.mean(), float(np.sum((y - y.mean()) ** 2))
-        for label, values in log.others:
+        for label, values in log.others() if left @ left > LEFT_SEEN**2 * size else ():
             design = np.hstack([values[:, None], lagged(values[:, None], dt_s, max(tau_s, 1e-3 * dt_s))])[known]
             design = design - design.mean(axis=0)
             explained = left @ design @ np.linalg.lstsq(design, left, rcond=1e-10)[0] - chance * (left @ left)

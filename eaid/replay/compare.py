@@ -13,6 +13,7 @@ else the mean over its leading rows at rest, else the plant's.
 import itertools
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import msgspec
 import numpy as np
@@ -62,6 +63,8 @@ def compared(run: Run, fit: Fit, plant: Plant) -> Record:
     """The plant's output for a run's input, on its own clock from 0, and how far it is from the recorded one, its
     reference; DataError where its input or output is in another unit than the fit's."""
     refuse_other_units(run, fit)
+    if any(one.code == "signs-turned" for one in fit.findings):  # as the fit took it
+        run = replace(run, output=-run.output, baseline=None if run.baseline is None else -run.baseline)
     level = recorded_log(run, float(fit.options.reading.get("rest") or 0.0))
     own = next((log for log in fit.logs if log.sha256 == run.sha256 and log.sha256 and log.name == run.name), None)
     if own is not None:
@@ -86,7 +89,7 @@ def of_own_logs(fit: Fit, logs: Sequence[Run]) -> tuple[LogReplayed, ...]:
     """The logs behind a fit of steps through its plant, where their input was recorded and is held."""
     rest, found = float(fit.options.reading.get("rest") or 0.0), []
     for run in logs if fit.plant_ is not None else ():
-        if run.has_input and run.edge == "rising" and recorded_log(run, rest).stepwise:
+        if np.isfinite(run.input).all() and run.edge == "rising" and recorded_log(run, rest).stepwise:
             metrics = compared(run, fit, fit.plant).metrics
             found.append(LogReplayed(run.name, run.source, metrics.fit_pct, metrics.rms_difference_nm))
     return tuple(found)

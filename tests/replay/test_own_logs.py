@@ -75,5 +75,13 @@ def test_steps_from_rest(name, tmp_path):
     assert min(held_against(tmp_path, logs_as="steps", **UNITS).values()) > 85
 
 
+def test_an_output_that_counts_with_its_sign_turned(tmp_path):
+    t = np.arange(600) * 0.02
+    for k, level in enumerate((0.25, 0.5, 0.75, 1.0) * 2):
+        log = logged(PLANTS["lag"], t, np.where(t < 2, 0.0, level))
+        log.assign(output=3.0 - log["output"]).to_csv(tmp_path / f"{k}.csv", index=False)
+    assert min(held_against(tmp_path, logs_as="steps", **UNITS).values()) > 85
+
+
 def test_the_clutch_that_is_shipped():
     assert len(held_against("datasets/clutch.h5")) == 30
