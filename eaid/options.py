@@ -167,6 +167,9 @@ class FitOptions(Chance):
         0.85, "C, share of the fast part, held or free.", MODEL, words="free", least=0, most=0.999, above=True
     )
     estimator: str = option("auto", "By the evidence, or all at once as in the paper.", MODEL, words="auto|joint")
+    curve: str = option(
+        "cubic", "T_s of the input: the paper's cubic, or through the value of each level.", MODEL, words="cubic|levels"
+    )
     ci: str = option("robust", "How 95 % intervals are found.", MODEL, words="robust|bootstrap|white|none")
     draws: int = option(300, "Refits of the bootstrap.", MODEL, least=1, most=100_000)
     hold_out: tuple[float, ...] = option((), "Left out, to measure the error: 40,70.", MODEL, levels=True)

@@ -42,6 +42,7 @@ def command(args: Arguments) -> int:
     import msgspec
 
     from eaid import api
+    from eaid.findings import listed
     from eaid.logs.manifest import files_read
     from eaid.reading import read_steps
     from eaid.report.tables.fits import model_tables
@@ -58,7 +59,9 @@ def command(args: Arguments) -> int:
     result.save(args.output, args.force)
     usable = result.verdict.usable
     said = ", ".join(warned(result))
-    warnings = f"usable yes, {'warned: ' + said if said else 'no warnings'}" if usable else f"stop   {said}"
+    left = result.verdict.not_at
+    but = f", not at {listed(left, result.data.input_unit)}" if left else ""
+    warnings = f"usable yes{but}, {'warned: ' + said if said else 'no warnings'}" if usable else f"stop   {said}"
     after = shlex.join(("eaid", "tune-rc" if result.linear is not None and usable else "report", str(args.output)))
     lines = *verdict_line(result), *answer(result), warnings, f"next   {after}"
     shown = [*map(on_command_line, lines), *(model_tables(result) if args.verbose else ())]

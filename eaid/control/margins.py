@@ -61,7 +61,7 @@ def operating_points(
 ) -> list[Point]:
     """Held duties over the identified range; without a nonlinear model, or where one level gave T_s no slope, the
     first-order models of the levels, else the pooled one in the middle of the actuator's range."""
-    if plant is not None and any(plant.Ts[1:]):
+    if plant is not None and plant.sloped:
         low, high = plant.u_range
         duties = [u for u in levels if low <= u <= high] or np.linspace(low, high, MARGIN_POINTS).tolist()
         down = falling(plant)

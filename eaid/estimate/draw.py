@@ -90,7 +90,7 @@ def draw(fit: Fit, n: int, seed: int) -> Drawn:
         rejected += refused
         p = replace(at_centre, values=mean + step).plant()
         C = min(max(float(mean[-1] + step[-1]), 0.0), 1.0) if free else centre.C
-        plants.append(replace(centre, tau1=p.tau1, tau2=p.tau2, Ts=p.Ts, C=C))
+        plants.append(centre.moved(p.tau1, p.tau2, p.Ts, C))
     return Drawn(tuple(plants), rejected)
 
 

@@ -187,16 +187,21 @@ def rc_constants(gains: RCGains, rig: Rig) -> Entries:
 def plant_constants(plant: Plant, rig: Rig) -> Entries:
     """Constants of the plant; polynomials of the duty, lowest power first. What a kind does not have is left out."""
     p, i, o = plant_numbers(plant), rig.input, rig.output
-    equations = {"Ts": (o, "T_s(u), Eq. (7)")}
+    rows = [("", p.Ts[0], "T_s(u), Eq. (7)")]
+    if plant.Ts_through:
+        rows = [(str(k or ""), piece, f"T_s from {piece[0]:g} on, of what is above") for k, piece in enumerate(p.Ts)]
+    equations: list[tuple[str, tuple[float, ...], str, str]]
+    equations = [(f"Ts{k}", piece[1:], o, words) for k, piece, words in rows]
+    begins = [Entry(f"Ts{k}_from", piece[0], i) for k, piece, _ in rows if plant.Ts_through]
     if p.signed:
-        equations["Ts_below"] = (o, "T_s of inputs below rest, over their size")
+        equations.append(("Ts_below", p.Ts_below[0][1:], o, "T_s of inputs below rest, over their size"))
     if plant.zeta is None:
-        equations = {"tau1": ("s", "τ1(u), Eq. (5)"), "tau2": ("s", "τ2(u), Eq. (6)"), **equations}
+        equations = [("tau1", p.tau1, "s", "τ1(u), Eq. (5)"), ("tau2", p.tau2, "s", "τ2(u), Eq. (6)"), *equations]
     powers = ("", rig.per(i), f"{rig.per(i)}²", f"{rig.per(i)}³")
     curves = (
         Entry(f"{name}_{k}", value, unit + powers[k], "" if k else words)
-        for name, (unit, words) in equations.items()
-        for k, value in enumerate(getattr(p, name))
+        for name, numbers, unit, words in equations
+        for k, value in enumerate(numbers)
     )
     lags: tuple[Entry, ...] = (
         Entry("release1", p.release[0], "s", "τ1 of a fall to rest; 0: none was fitted"),
@@ -222,6 +227,7 @@ def plant_constants(plant: Plant, rig: Rig) -> Entries:
     return (
         *([Entry("C", p.C, "", "share of the fast part")] if plant.zeta is None else []),
         *curves,
+        *begins,
         Entry("u_low", p.u_low, i, "lowest identified duty"),
         Entry("u_high", p.u_high, i, "highest identified duty"),
         *lags,

@@ -67,7 +67,7 @@ class Source:
             return f"a {p.kind} whose time changes with the input"
         if law == "inverse" and p.zeta is not None:
             return f"two states, {p.kind}"
-        return "an input of both signs" if law == "inverse" and p.Ts_below else ""
+        return "an input of both signs" if law == "inverse" and p.signed else ""
 
     @property
     def top(self) -> float:

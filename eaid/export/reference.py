@@ -20,6 +20,7 @@ Number: TypeAlias = Any  # float or numpy.float32
 BAD_INPUT, AT_MIN, AT_MAX = 2, 4, 8  # Bits of the status; the sample time is here always the right one
 HUGE = 1e9  # Inputs beyond it are as bad as NaN
 TANH_ONE = 19.1
+MOST_PIECES = 1000  # Of T_s(u)
 SPANS, HALVINGS = 40, 60  # Doublings and halvings in which a bumpless start finds its integral
 
 
@@ -178,9 +179,11 @@ def numbers(c: Any) -> PlantNumbers:
     def curve(name: str, count: int) -> Any:
         return tuple(getattr(c, f"{name}_{k}", 0.0) for k in range(count))
 
-    below = curve("Ts_below", 4)
+    below = ((0.0, *curve("Ts_below", 4)),)
+    names = ["Ts", *(f"Ts{k}" for k in range(1, MOST_PIECES) if hasattr(c, f"Ts{k}_0"))]
+    steady = tuple((getattr(c, f"{name}_from", 0.0), *curve(name, 4)) for name in names)
     return PlantNumbers(
-        getattr(c, "C", 1.0), curve("tau1", 3), curve("tau2", 3), curve("Ts", 4), c.u_low, c.u_high,
+        getattr(c, "C", 1.0), curve("tau1", 3), curve("tau2", 3), steady, c.u_low, c.u_high,
         (getattr(c, "release1", 0.0), getattr(c, "release2", 0.0)), getattr(c, "release_below", c.u_low), below,
         (getattr(c, "falls1", 1.0), getattr(c, "falls2", 1.0)), -1.0, 1.0, getattr(c, "tau_floor", 0.0),
         hasattr(c, "Ts_below_0"),

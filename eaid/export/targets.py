@@ -67,6 +67,7 @@ def context(job: Job) -> Mapping[str, object]:
         "series": series,
         "rate": rate,
         "plant": {e.name: e.value for model in models[:1] for e in model},
+        "pieces": [e.name[:-5] for model in models[:1] for e in model if e.name.endswith("_from")],
         "single": single,
         "timing": {name: rounded(getattr(rig, name), rig.precision) for name in ("dt_s", "duty_on_fault")},
         "dt_text": decimal(rig.dt_s),

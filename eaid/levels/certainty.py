@@ -44,6 +44,7 @@ from eaid.estimate.spread import (
 from eaid.levels.from_steps import Solution, fit_levels_first
 from eaid.levels.slow_part import SlowPart, slow_part
 from eaid.plant.dynamics import Plant, Step
+from eaid.plant.forms import Points
 from eaid.plant.steps import step_slopes
 from eaid.results.common import Interval, Solver
 from eaid.steps.stepset import Level
@@ -173,15 +174,17 @@ class Estimate:
         noise = at.cost / samples / np.maximum(at.information[:, 0, 0], 1e-300)
         return torque_curve(self.model, self.solved.steps.data.u, at.theta[0], relative, noise, known)
 
-    def without(self, index: int) -> Plant:
-        """The model by all levels but one, its time constants from where those of all ended."""
+    def without(self, index: int, through: bool = False) -> Plant:
+        """The model by all levels but one, its time constants from where those of all ended; T_s `through` the levels,
+        or a polynomial."""
         steps, kept = self.solved.steps, [k for k in range(len(self.levels)) if k != index]
         solved = fit_levels_first(steps.data.only(kept), steps.model.share, [self.solved.x])
         other = Estimate([self.levels[k] for k in kept], solved)
         _, relative, known = self.plain
         if relative is not None:
             relative = relative[kept] + self.level_scatter**2
-        return self.model.parameters(np.append(other._through(relative, known).coefficients, solved.x))
+        found = self.model.parameters(np.append(other._through(relative, known).coefficients, solved.x))
+        return replace(found, Ts_through=tuple(self.points[k] for k in kept)) if through else found
 
     @cached_property
     def about_curve(self) -> MixedLine | None:
@@ -292,6 +295,16 @@ class Estimate:
     def parameters(self) -> Plant:
         """The model of Eqs. (4)–(7)."""
         return self.model.parameters(self.coefficients)
+
+    @property
+    def through_levels(self) -> Plant:
+        """The same with a T_s(u) through each level's own."""
+        return replace(self.parameters, Ts_through=self.points)
+
+    @property
+    def points(self) -> Points:
+        """The levels, and T_s of each, its own."""
+        return tuple(zip(self.solved.steps.data.u.tolist(), np.exp(self.own[0]).tolist(), strict=True))
 
     @cached_property
     def held(self) -> dict[str, tuple[float, ...]]:

@@ -47,6 +47,7 @@ def with_errors(
         tau1=p.tau1,
         tau2=p.tau2,
         Ts=p.Ts,
+        Ts_through=p.Ts_through,
         u_range=p.u_range,
         C=p.C,
         C_free=free,
@@ -91,11 +92,11 @@ def nonlinear_part(
 ) -> tuple[results.Nonlinear, LevelValues, list[Finding]]:
     """The model, its values at the levels, findings; `draws` are its refits to resampled runs, (draws, n)."""
     levels, model, solver = first.levels, first.model, first.solved.solver
-    M, free = model.rows(data.u), model.free_share
-    left = level_residuals(model.theta(first.coefficients, M), data.records)
-    part = of_steps(first.parameters, free, data, left, solver, held_out)
+    free, through = model.free_share, options.curve == "levels"
+    p = first.through_levels if through else first.parameters
+    part = of_steps(p, free, data, level_residuals(_curves(p, levels), data.records), solver, held_out)
     papers = of_steps(joint.parameters, free, data, joint.residuals(data), joint.solver, held_out)
-    misfit, bent = misfits(first)
+    misfit, bent = misfits(first, through)
     part = msgspec.structs.replace(part, misfit=misfit or None)
     turn, u = turned(model), data.u
     covariance = turn @ first.influence.covariance() @ turn.T
@@ -111,7 +112,7 @@ def nonlinear_part(
     own, scattered = values, []
     if options.estimator != "joint":
         own, scattered = own_values(one, first, free, options), level_scatter_findings(first, part)
-    shown = one.part
+    values, shown = own if through else values, one.part
     if options.ci != "none":
         curves = [
             results.CurveLevel(level.level, Ts, tau1, tau2, values.ci95(i))
@@ -127,14 +128,15 @@ def nonlinear_part(
     low, high = one.part.u_range
     if outside := [level.level for level in held_out if not low <= level.level <= high]:
         told.append(finding("held-out-beyond-the-levels", "nonlinear", outside))
-    told += missed("nonlinear", data, level_residuals(model.theta(one.unknowns, M), data.records), one.part)
+    told += missed("nonlinear", data, level_residuals(_curves(one.part.parameters, levels), data.records), one.part)
     seen = first.scatter if options.estimator != "joint" else None
     told += [*level_findings(own, seen, "nonlinear", stepset), *open_findings(one.part, own), *bent, *scattered]
     estimator: Literal["joint", "levels-first"] = "joint" if options.estimator == "joint" else "levels-first"
     scatter = first.level_scatter if options.estimator != "joint" else None
-    unseen = levels_left_out(first) if options.estimator != "joint" else None
+    unseen = levels_left_out(first, through) if options.estimator != "joint" else None
     if unseen is not None:
-        told += falls_too_far(unseen.fit_pct, unseen.held_pct, "levels")
+        # a curve through the levels fits each of them by itself: that it falls between them is no fault
+        told += falls_too_far(unseen.held_pct if through else unseen.fit_pct, unseen.held_pct, "levels")
     shown = msgspec.structs.replace(shown, estimator=estimator, joint=papers, level_scatter=scatter, left_out=unseen)
     return shown, own, [*told, *parts]
 
@@ -169,7 +171,7 @@ def level_scatter_findings(first: Estimate, part: results.Nonlinear) -> list[Fin
         worst = min(nothing, key=lambda row: row.fit_pct or 0.0)
         values = {"worst": worst.level, "fit_pct": worst.fit_pct, "of": len(part.per_level)}
         found.append(finding("curve-misses-levels", "nonlinear", [row.level for row in nothing], **values))
-    if first.about_curve is None or first.about_curve.gained < SCATTER_SEEN:
+    if part.Ts_through or first.about_curve is None or first.about_curve.gained < SCATTER_SEEN:
         return found
     value, _, _ = first.own
     u = np.array([level.level for level in first.levels])
@@ -249,11 +251,12 @@ def from_draws(one: Standing, first: Estimate, u: Array, draws: Array) -> Standi
     return replace(one, covariance=covariance, ends=drawn_ends(first.numbers(u, one.unknowns)[0], near, one.ends[2]))
 
 
-def misfits(first: Estimate) -> tuple[dict[str, float], list[Finding]]:
-    """χ² of the levels about each polynomial over its degrees of freedom, and where that is beyond chance."""
+def misfits(first: Estimate, through: bool) -> tuple[dict[str, float], list[Finding]]:
+    """χ² of the levels about each polynomial over its degrees of freedom, and where that is beyond chance; T_s may go
+    `through` the levels."""
     seen = first.scatter
     found = {} if first.curve.misfit is None else {"Ts": first.curve.misfit}
-    beyond = ["Ts"] if first.curve.widened > 1 else []
+    beyond = ["Ts"] if first.curve.widened > 1 and not through else []
     _, slopes = first.numbers(seen.duty, first.coefficients)
     for k, name in enumerate(CURVES[1:], 1):
         known = seen.usable[:, k] & (seen.repeats > 1)

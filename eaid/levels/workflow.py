@@ -119,6 +119,8 @@ def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], No
     if not stepset.levels:
         raise DataError("no rising step was found in the logs; give «step_at», or check the input column")
     models = models_chosen(stepset.kind, options.model)
+    if options.curve == "levels":
+        refuse_through(stepset, options)
     kept, held_out = split(stepset.levels, options.hold_out)
     data, whole = data_of(kept), stepset
     stepset = replace(stepset, levels=kept)
@@ -308,6 +310,14 @@ def models_chosen(kind: str, wanted: Sequence[str] | None) -> tuple[str, ...]:
         if name not in allowed:
             raise UsageError(f"«model» {name}: {kind} logs can be fitted with {', '.join(allowed)}")
     return tuple(name for name in allowed if wanted is None or name in wanted)
+
+
+def refuse_through(stepset: StepSet, options: FitOptions) -> None:
+    """Refuse a T_s(u) through the levels where no level has a value of its own."""
+    if options.estimator == "joint":
+        raise UsageError("«curve» levels: the joint fit has no value of a level by itself; leave «estimator» joint out")
+    if all(len(level.runs) == 1 for level in stepset.levels):
+        raise UsageError("«curve» levels: needs repeats, for a single run does not tell its level from itself")
 
 
 def split(levels: Sequence[Level], hold_out: Sequence[float]) -> tuple[tuple[Level, ...], tuple[Level, ...]]:

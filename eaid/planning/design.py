@@ -357,10 +357,11 @@ class FittedRig:
             degrees = np.nan_to_num((repeats - 1) * usual**2 / (parts**2).sum(axis=3), nan=1.0)
             seen = (parts * random.chisquare(own, (SESSION_DRAWS, len(within), 1, count)) / own).sum(axis=3)
             p = self.plant.model
-            spare = count - len(p.Ts) if p is not None and is_clutch(p) else 0
-            if p is not None and spare >= LEVELS_TO_SPARE:
-                u = np.array(levels)
-                D = nonlinear(u, self.share).rows(u)[0, :, : len(p.Ts)] / p.steady(u)[:, None]
+            u = np.array(levels)
+            form = nonlinear(u, self.share).Ts if p is not None and is_clutch(p) else None
+            spare = count - form.size if form is not None else 0
+            if p is not None and form is not None and spare >= LEVELS_TO_SPARE:
+                D = form.rows(u) / p.steady(u)[:, None]
                 excess = np.maximum(random.chisquare(spare, (SESSION_DRAWS, 1)) / spare - 1, 0.0)
                 beyond = usual[:, 0] / np.diagonal(D @ np.linalg.pinv(D)) * excess / (1 + excess)
                 degrees[:, 0] = satterthwaite((usual[:, 0], beyond), (degrees[:, 0], spare))

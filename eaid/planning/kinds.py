@@ -14,7 +14,6 @@ from eaid.errors import DataError
 from eaid.estimate.forms import Model, of_kind
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.plant.dynamics import Plant
-from eaid.plant.forms import LegendreForm, Proportional
 from eaid.plant.respond import respond
 from eaid.recorded.from_logs import setup_of, with_dead_time
 from eaid.recorded.log_intervals import spread
@@ -45,11 +44,8 @@ def is_clutch(p: Plant) -> bool:
 
 def steps_of(p: Plant, levels: Array) -> Steps:
     """The model of a plant that is not the clutch's."""
-    low, high = p.u_range
-    degree = max((k for k, c in enumerate(p.Ts) if c), default=0)
-    straight = degree == 1 and p.Ts[0] == 0
-    gain = Proportional(low, high) if straight else LegendreForm(degree, low, high)
-    model = of_kind("lag" if p.kind == "lag" else "swing", gain, low, high, 1.0, None if p.zero else 0.0)
+    gain, zero = p.gain, None if p.zero else 0.0
+    model = of_kind("lag" if p.kind == "lag" else "swing", gain, *p.u_range, shortest_s=1.0, zero=zero)
     steady = np.maximum(p.steady(levels), 1e-300)
     lags: list[float] = [p.tau1[0]]
     by_lags = np.array([[1 / p.tau1[0]]])
@@ -73,7 +69,7 @@ def steps_of(p: Plant, levels: Array) -> Steps:
 def refuse_unplanned(p: Plant) -> None:
     """Refuse a plant whose steps no information is computed of."""
     varying = not is_clutch(p) and any((*p.tau1[1:], *(p.tau2[1:] if p.kind == "overshoot" else ())))
-    if p.Ts_below:
+    if p.signed:
         raise DataError(
             f"the fit's plant ({p.kind}) has an input of both signs, and sessions are planned of steps to one side of "
             "rest; hold each input for five of the longest time constant, and repeat it"

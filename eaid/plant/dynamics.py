@@ -21,15 +21,28 @@ Floats and `math` only below `PlantNumbers`: numba compiles those functions as t
 """
 
 import math
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
 from eaid.arrays import Array
 from eaid.errors import DataError
-from eaid.plant.forms import Range, above_rest, curve
+from eaid.plant.forms import (
+    LegendreForm,
+    Pieces,
+    Points,
+    Proportional,
+    Range,
+    above_rest,
+    cubic,
+    curve,
+    pieces_through,
+    piecewise,
+)
 
+Powers = tuple[float, ...]  # A polynomial of the input, lowest power first
 SHARE = 0.85  # C: share of the fast part, held at the paper's value unless the user sets or frees it
 TAU_FLOOR_S = 1e-3  # Least τ1 of a fit and of a replay [s], specification 3
 CHECKED_INPUTS = 101  # Equally spaced inputs, over the identified range, at which the constraints of a fit hold
@@ -39,9 +52,9 @@ CHECKED_INPUTS = 101  # Equally spaced inputs, over the identified range, at whi
 class Plant:
     """A clutch, or any rig with two states; inputs and outputs in the rig's own units, counted from rest."""
 
-    tau1: tuple[float, ...]  # τ1(u) [s], polynomial of |u|, lowest power first; of series and ringing 1/ω
-    tau2: tuple[float, ...]  # τ2(u) [s]; of one lag anything: nothing feels it
-    Ts: tuple[float, ...]  # T_s(u), polynomial of u above rest
+    tau1: Powers  # τ1(u) [s], polynomial of |u|, lowest power first; of series and ringing 1/ω
+    tau2: Powers  # τ2(u) [s]; of one lag anything: nothing feels it
+    Ts: Powers  # T_s(u), polynomial of u above rest
     u_range: Range  # Lowest and highest identified input, by size
     C: float = SHARE  # Share of the fast part: 1 of one lag, above 1 of an overshoot
     release: tuple[float, float] | None = None  # (τ1, τ2) of falls to rest [s], where those were fitted
@@ -50,7 +63,8 @@ class Plant:
     excess: float = 0.0  # Share by which T_s is larger where the input last fell
     zeta: float | None = None  # ζ; None: one lag, or two in parallel
     zero: float = 0.0  # z of series and ringing
-    Ts_below: tuple[float, ...] = ()  # T_s of an input below rest, polynomial of |u|; empty: the input has one sign
+    Ts_below: Powers = ()  # T_s of an input below rest, polynomial of |u|; empty: the input has one sign
+    Ts_through: Points = ()  # Values that T_s(u) goes through, in place of its polynomial
     dead_time_s: float = 0.0  # θ [s]
     idle: float = 0.0  # Output at rest
     floor_s: float = TAU_FLOOR_S  # Least time constant [s]: 1 ms, less where the logs are sampled faster
@@ -64,16 +78,78 @@ class Plant:
 
     def steady(self, u: Array | float) -> Array:
         """T_s(u), shape of `u`: a line to 0 below the identified inputs, constant above; of one sign 0 at least."""
+        part = above_rest(self.size(u), self.u_range)
+        found = self.curve(u) * part
+        return found if self.signed else np.maximum(found, 0.0)
+
+    def curve(self, u: Array | float, order: int = 0) -> Array:
+        """T_s(u) as its form has it over the identified inputs, or its derivative by the input's size, shape of `u`."""
         size = self.size(u)
-        found = curve(self.Ts, size, self.u_range) * above_rest(size, self.u_range)
-        if not self.Ts_below:
-            return np.maximum(found, 0.0)
-        below = curve(self.Ts_below, size, self.u_range) * above_rest(size, self.u_range)
-        return np.where(np.asarray(u) < 0, below, found)
+        found = piecewise(self.pieces, size, self.u_range, order)
+        if not self.signed:
+            return found
+        return np.where(np.asarray(u) < 0, piecewise(self.pieces_below, size, self.u_range, order), found)
+
+    def slope(self, u: float) -> float:
+        """dT_s/du where an input is held: that of the line to rest below the identified ones, beyond them as at the
+        largest."""
+        side, size = (-1.0 if self.signed and u < 0 else 1.0), float(self.size(u))
+        if size < self.u_range[0]:
+            return side * float(self.curve(side * self.u_range[0])) / self.u_range[0]
+        return side * float(self.curve(u, 1))
+
+    @cached_property
+    def pieces(self) -> Pieces:
+        """T_s(u) of inputs above rest."""
+        return pieces_through(self.Ts_through) if self.Ts_through else (cubic("Ts", self.Ts),)
+
+    @cached_property
+    def pieces_below(self) -> Pieces:
+        """T_s(u) of inputs below rest, over their size."""
+        return (cubic("Ts_below", self.Ts_below),)
+
+    @property
+    def signed(self) -> bool:
+        """Whether the input goes below rest, too."""
+        return bool(self.Ts_below)
+
+    @property
+    def gain(self) -> Proportional | LegendreForm:
+        """The form of a polynomial T_s(u), linear in its coefficients."""
+        degree = max((k for k, c in enumerate(self.Ts) if c), default=0)
+        straight = degree == 1 and self.Ts[0] == 0
+        return Proportional(*self.u_range) if straight else LegendreForm(degree, *self.u_range)
+
+    @property
+    def sloped(self) -> bool:
+        """Whether T_s goes with the input: a single level tells no slope."""
+        return any(any(piece[2:]) for piece in self.pieces)
+
+    @property
+    def steady_numbers(self) -> Powers:
+        """The numbers that T_s(u) of inputs above rest rests on: coefficients, or values that it goes through."""
+        return tuple(value for _, value in self.Ts_through) or self.Ts
+
+    def moved(self, tau1: Powers, tau2: Powers, Ts: Powers, C: float) -> Self:
+        """The same with other polynomials; a T_s that goes through values goes with its polynomial."""
+        found = replace(self, tau1=tau1, tau2=tau2, Ts=Ts, C=C)
+        if not self.Ts_through:
+            return found
+        u, values = np.array(self.Ts_through).T
+        before, after = (curve(one.Ts, u, self.u_range) for one in (self, found))
+        ratio = np.divide(after, before, out=np.ones_like(u), where=before > 0)
+        return replace(found, Ts_through=tuple(zip(u.tolist(), (values * ratio).tolist(), strict=True)))
+
+    def scaled(self, gain: float) -> Self:
+        """The same with a T_s so many times larger."""
+        return replace(
+            self, Ts=tuple(gain * c for c in self.Ts), Ts_below=tuple(gain * c for c in self.Ts_below),
+            Ts_through=tuple((u, gain * value) for u, value in self.Ts_through),
+        )  # fmt: skip
 
     def size(self, u: Array | float) -> Array | float:
         """What the curves run over: the input, or its size where it goes below rest, too."""
-        return np.abs(u) if self.Ts_below else u
+        return np.abs(u) if self.signed else u
 
     def time_constants(self, u: Array | float) -> tuple[Array, Array]:
         """τ1 and τ2 [s] as a rising output has them, shape of `u`; of ringing both are 1/ω."""
@@ -135,12 +211,12 @@ class PlantNumbers(NamedTuple):
     C: float
     tau1: tuple[float, float, float]
     tau2: tuple[float, float, float]
-    Ts: tuple[float, float, float, float]
+    Ts: Pieces
     u_low: float  # Lowest identified input, by size
     u_high: float  # Highest
     release: tuple[float, float]  # (τ1, τ2) of a fall to rest [s]; 0: no release was fitted
     release_below: float  # Input below which a fall goes over to them; infinite: every fall has them
-    Ts_below: tuple[float, float, float, float]  # T_s of inputs below rest
+    Ts_below: Pieces  # T_s of inputs below rest
     falls: tuple[float, float]  # Factors on τ1 and τ2 of falls between identified inputs
     zeta: float  # Below 0: one lag, or two in parallel
     z: float  # y = x1 + z x2
@@ -152,32 +228,41 @@ class PlantNumbers(NamedTuple):
 def plant_numbers(p: Plant) -> PlantNumbers:
     """The form of a plant that loops take, polynomials filled up with zeros; DataError where one has more coefficients
     than Eqs. (5)-(7)."""
-    filled: list[Any] = []  # tuples of so many
-    for name, most in (("tau1", 3), ("tau2", 3), ("Ts", 4), ("Ts_below", 4)):
+    filled: list[Any] = []  # tuples of three
+    for name in ("tau1", "tau2"):
         polynomial = getattr(p, name)
-        if len(polynomial) > most or not (polynomial or name == "Ts_below"):
-            raise DataError(f"nonlinear.{name} has {len(polynomial)} coefficients; the replay takes 1 to {most}")
-        filled.append((*map(float, polynomial), 0.0, 0.0, 0.0, 0.0)[:most])
-    tau1, tau2, Ts, below = filled
+        if not 1 <= len(polynomial) <= 3:
+            raise DataError(f"nonlinear.{name} has {len(polynomial)} coefficients; the replay takes 1 to 3")
+        filled.append((*map(float, polynomial), 0.0, 0.0)[:3])
+    tau1, tau2 = filled
     low, high = map(float, p.u_range)
     fast, slow = map(float, p.release or (0.0, 0.0))
     until, parallel = math.inf if p.falls_as_release else low, p.zeta is None
     return PlantNumbers(
-        float(p.C), tau1, tau2, Ts, low, high, (fast, slow), until, below, (float(p.falls[0]), float(p.falls[1])),
+        float(p.C), tau1, tau2, p.pieces, low, high, (fast, slow), until, p.pieces_below,
+        (float(p.falls[0]), float(p.falls[1])),
         -1.0 if p.zeta is None else float(p.zeta), 1.0 if parallel else float(p.zero), float(p.floor_s),
-        bool(p.Ts_below), float(p.dead_time_s),
+        p.signed, float(p.dead_time_s),
     )  # fmt: skip
+
+
+def steady_piece(pieces: Pieces, u: float) -> float:
+    """A row of cubics at an input."""
+    k = 0
+    while k + 1 < len(pieces) and u >= pieces[k + 1][0]:
+        k += 1
+    begin, c0, c1, c2, c3 = pieces[k]
+    v = u - begin
+    return c0 + v * (c1 + v * (c2 + v * c3))
 
 
 def plant_terms(plant: PlantNumbers, u: float) -> tuple[float, float, float]:
     """τ1 [s], τ2 [s] and T_s at an input, as a rising output has them."""
     a0, a1, a2 = plant.tau1
     b0, b1, b2 = plant.tau2
-    c0, c1, c2, c3 = plant.Ts
     low, high = plant.u_low, plant.u_high
     below = plant.signed and u < 0.0
     if below:
-        c0, c1, c2, c3 = plant.Ts_below
         u = -u
     share = 1.0
     if u < low:
@@ -187,7 +272,7 @@ def plant_terms(plant: PlantNumbers, u: float) -> tuple[float, float, float]:
         u = high
     tau1 = a0 + u * (a1 + u * a2)
     tau2 = b0 + u * (b1 + u * b2)
-    steady = share * (c0 + u * (c1 + u * (c2 + u * c3)))
+    steady = share * (steady_piece(plant.Ts_below, u) if below else steady_piece(plant.Ts, u))
     if tau1 < plant.floor:
         tau1 = plant.floor
     if tau2 < tau1:

@@ -3,6 +3,9 @@
 Below the lowest identified input, u_low, τ1 and τ2 keep their edge value and T_s goes linearly to 0 at rest; above the
 highest, all keep their edge value. Of an input of both signs T_s has a form on each side of rest, over |u|; τ1 and τ2
 have one over |u|. In fits of steps the first coefficient of a form is its constant: their feasible points rest on it.
+
+Once solved T_s is a row of cubics, each from its own input on (`Pieces`): a polynomial is one of them, a curve through
+the levels has one between each two. Replays, margins and exports take any such row.
 """
 
 from dataclasses import dataclass
@@ -10,13 +13,18 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.polynomial import Legendre, Polynomial
-from numpy.polynomial.polynomial import polyval
+from numpy.polynomial.polynomial import polyder, polyval
 
 from eaid.arrays import Array
+from eaid.errors import DataError
 
 # Coefficients of the first four Legendre polynomials, lowest power first, one in a row
 LEGENDRE = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [-0.5, 0.0, 1.5, 0.0], [0.0, -1.5, 0.0, 2.5]])
 Range = tuple[float, float]  # Lowest and highest identified input, by size
+# From which input on, and the cubic that holds from there, of the input above it, lowest power first
+Piece = tuple[float, float, float, float, float]
+Pieces = tuple[Piece, ...]
+Points = tuple[tuple[float, float], ...]  # Inputs, rising, and a value at each
 
 
 @dataclass(frozen=True)
@@ -138,6 +146,30 @@ def above_rest(u: Array | float, u_range: Range) -> Array:
 def curve(coefficients: tuple[float, ...], u: Array | float, u_range: Range) -> Array:
     """A polynomial, lowest power first, with its edge values outside the identified range, shape of `u`."""
     return np.asarray(polyval(np.clip(u, *u_range), coefficients))
+
+
+def cubic(name: str, coefficients: tuple[float, ...]) -> Piece:
+    """A polynomial as the piece that holds from 0 on; DataError where it has more coefficients than Eq. (7)."""
+    if len(coefficients) > 4:
+        raise DataError(f"nonlinear.{name} has {len(coefficients)} coefficients; a plant takes 1 to 4")
+    c0, c1, c2, c3 = [*map(float, coefficients), 0.0, 0.0, 0.0, 0.0][:4]
+    return 0.0, c0, c1, c2, c3
+
+
+def pieces_through(points: Points) -> Pieces:
+    """Cubics through some values with a slope that does not jump, and no overshoot between two (Fritsch, Carlson)."""
+    from scipy.interpolate import PchipInterpolator
+
+    found = PchipInterpolator(*np.array(points).T)
+    rows = zip(found.x[:-1].tolist(), found.c[::-1].T.tolist(), strict=True)
+    return tuple((at, c0, c1, c2, c3) for at, (c0, c1, c2, c3) in rows)
+
+
+def piecewise(pieces: Pieces, u: Array | float, u_range: Range, order: int = 0) -> Array:
+    """A row of cubics, or its derivative, with edge values outside the identified range, shape of `u`."""
+    table, inside = np.array(pieces).T, np.clip(u, *u_range)
+    k = np.maximum(np.searchsorted(table[0], inside, side="right") - 1, 0)
+    return np.asarray(polyval(inside - table[0, k], polyder(table[1:], order)[:, k], tensor=False))
 
 
 def terms(u: Array | float, count: int, u_range: Range) -> Array:

@@ -9,11 +9,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.polynomial.polynomial import polyder, polyval
 from numpy.typing import NDArray
 
 from eaid.arrays import Array
-from eaid.plant.dynamics import Plant, swing
+from eaid.plant.dynamics import Plant, plant_numbers, plant_terms, swing
 
 Complex = NDArray[np.complex128]
 
@@ -98,11 +97,10 @@ def lag(gain: float, tau: float, dead_time_s: float = 0.0) -> Operating:
 
 
 def around(plant: Plant, u: float) -> Operating:
-    """The plant around an input that has been held for long; beyond the identified inputs its own polynomials."""
-    below = u < 0 and bool(plant.Ts_below)
-    slope = float(polyval(abs(u), polyder(plant.Ts_below if below else plant.Ts))) * (-1.0 if below else 1.0)
+    """The plant around an input that has been held for long."""
+    slope = plant.slope(u)
     if plant.zeta is not None:
-        tau = float(polyval(np.clip(abs(u), *plant.u_range), plant.tau1))
+        tau = plant_terms(plant_numbers(plant), u)[0]
         return Operating(slope, tau, tau, 1.0, plant.zeta, plant.zero, plant.dead_time_s)
     tau1, tau2 = map(float, plant.time_constants(u))
     return Operating(slope, tau1, tau2 if plant.C != 1 else tau1, plant.C, dead_time_s=plant.dead_time_s)

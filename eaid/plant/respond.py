@@ -48,7 +48,7 @@ def respond(
     begins, values = np.array(changes_s, dtype=np.float64) + plant.dead_time_s, np.asarray(inputs, dtype=np.float64)
     begins[0] = min(begins[0], time_s[0])
     numbers = plant_numbers(plant)
-    raised = plant_numbers(replace(plant, Ts=tuple((1 + plant.excess) * c for c in plant.Ts)))
+    raised = plant_numbers(plant.scaled(1 + plant.excess))
     return driven(lambda _, fell: raised if fell and stepwise else numbers, begins, values, time_s, start)
 
 

@@ -216,10 +216,10 @@ def controller_of(
     """A controller by its name, from the fitted models, gains, and the range of the actuator [%] for those that have no
     gains of their own; `UsageError` where what it needs is missing."""
     if name == "inverse":
-        if plant.zeta is not None or plant.Ts_below:
+        if plant.zeta is not None or plant.signed:
             raise UsageError(
                 f"controller inverse: knows one lag and two in parallel, and the fit's plant is {plant.kind}"
-                f"{' with an input of both signs' * bool(plant.Ts_below)}; take rc or pi"
+                f"{' with an input of both signs' * plant.signed}; take rc or pi"
             )
         inverse = InverseGains(plant_numbers(plant), *limits_pct)
         return Controller("inverse", inverse_step, inverse, lambda _dt: InverseState(), looks_ahead=True)

@@ -61,7 +61,7 @@ def simulate(
     if not options.controller and not own and what == "sweep" and linear is not None:
         names += ("open-loop",)
     if not names and what != "log" and not own:
-        invertible = model.zeta is None and not model.Ts_below
+        invertible = model.zeta is None and not model.signed
         names = ("open-loop",) * (linear is not None) + ("inverse",) * invertible
         findings.append(finding("no-gains", "controllers"))
     limits = input_limits(fit) if gains is None else gains.duty_limits_pct

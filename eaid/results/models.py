@@ -260,6 +260,8 @@ class Nonlinear(Scores, frozen=True):
     """Lowest and highest identified input."""
     C: Share = 0.85
     C_free: bool = False
+    Ts_through: tuple[tuple[Number, Number], ...] = ()
+    """Levels and values that T_s(u) goes through in place of `Ts`; empty: it is the polynomial."""
     abs_error: AbsError | None = None
     per_level: tuple[LevelError, ...] = ()
     solver: Solver | None = None
@@ -280,7 +282,7 @@ class Nonlinear(Scores, frozen=True):
     @property
     def parameters(self) -> Plant:
         """The model of Eqs. (4)–(7)."""
-        return Plant(self.tau1, self.tau2, self.Ts, self.u_range, self.C)
+        return Plant(self.tau1, self.tau2, self.Ts, self.u_range, self.C, Ts_through=self.Ts_through)
 
 
 class Noise(Result, frozen=True):

@@ -37,7 +37,7 @@ def _nonlinear(fit: Fit) -> Iterator[Named]:
     if (p := fit.nonlinear) is None:
         return
     known = {} if p.covariance is None else p.covariance.degrees_of_freedom
-    for name in ("tau1", "tau2", "Ts"):
+    for name in ("tau1", "tau2") if p.Ts_through else ("tau1", "tau2", "Ts"):  # the levels' own are the levels' rows
         ends = () if p.ci95 is None else getattr(p.ci95, name)
         yield from _powers("nonlinear", name, getattr(p, name), ends, dof=known.get(name))
     yield "nonlinear", "C", "", p.C, ci95_of(p, "C"), {}

@@ -55,6 +55,8 @@ class FittedPlant(Result, frozen=True):
     """z of those: y = x + z x'/ω."""
     Ts_below: tuple[Number, ...] = ()
     """T_s of inputs below rest; empty: the input has one sign."""
+    Ts_through: tuple[tuple[Number, Number], ...] = ()
+    """Inputs and values that T_s(u) goes through in place of `Ts` (`--curve levels`); empty: it is the polynomial."""
     dead_time_s: Number = 0.0
     idle: Number = 0.0
     """Output at rest."""
@@ -106,7 +108,7 @@ def with_overshoot(plant: Plant, levels: Sequence[float], steps: "Sequence[StepS
         return plant
     tau1, tau2, C = (float(np.median([getattr(one, key) for one in over])) for key in ("tau1", "tau2", "C"))
     ends = polyfit([one.level for one in over], [one.change for one in over], min(3, len(levels) - 1))
-    return replace(plant, tau1=(tau1,), tau2=(tau2,), C=C, Ts=tuple(ends.tolist()))
+    return replace(plant, tau1=(tau1,), tau2=(tau2,), C=C, Ts=tuple(ends.tolist()), Ts_through=())
 
 
 def falls_between(levels: "Sequence[FrictionLevel]") -> "tuple[FrictionLevel, ...]":

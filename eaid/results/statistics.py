@@ -137,10 +137,17 @@ def free_parameters(fit: "Fit") -> int:
     if model != PLANT:
         part = fit.nonlinear
         assert part is not None
-        return int(np.count_nonzero([*part.Ts, *part.tau1, *part.tau2])) + part.C_free
+        return int(np.count_nonzero([*part.parameters.steady_numbers, *part.tau1, *part.tau2])) + part.C_free
     plant = fit.plant_
     assert plant is not None  # of another kind: one lag has no τ2 of its own, a ringing one a damping
-    numbers = [*plant.Ts, *plant.Ts_below, *plant.tau1, plant.dead_time_s, plant.zeta or 0.0, plant.zero]
+    numbers = [
+        *plant.plant.steady_numbers,
+        *plant.Ts_below,
+        *plant.tau1,
+        plant.dead_time_s,
+        plant.zeta or 0.0,
+        plant.zero,
+    ]
     parallel = plant.kind in ("parallel", "overshoot")
     return int(np.count_nonzero([*numbers, *(plant.tau2 if parallel else ())])) + parallel
 

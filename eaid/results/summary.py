@@ -26,6 +26,7 @@ ENDLESS_S = 1e4  # A time constant above this [s] that no interval bounds is no 
 MEANT = {
     "output-decays-under-hold": " (T_s is an average)", "rise-of-the-rig": " (τ1 and τ2 are the stand's loading)",
     "moves-with-step": " (its τ may be the loading's)", "several-sessions": " (levels of several days)",
+    "curve-misses-levels": " (it explains nothing there)",
     "signs-turned": " (the output counts with its sign turned)", "input-late": "", "runs-left-out": "",
 }  # fmt: skip
 # Estimates that stand as the nonlinear model
@@ -124,7 +125,7 @@ def plant_numbers(fit: "Fit") -> list[tuple[str, str]]:
     top, unit = p.u_range[1], _per(part.output_unit, part.input_unit)
     tau1, tau2 = (float(one) for one in p.time_constants(top))
     rows: list[tuple[str, float, str, str]] = [("gain", float(p.steady(top)) / top, "gain", unit)]
-    if p.Ts_below:
+    if p.signed:
         rows.append(("gain below rest", float(p.steady(-top)) / -top, "gain_below", unit))
     if p.zeta is not None and p.kind == "ringing":
         rows += [("ω", 1 / tau1, "omega", " rad/s"), ("ζ", p.zeta, "zeta", "")]

@@ -14,10 +14,9 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.errors import in_python
-from eaid.findings import Finding, finding, merged, ranked, say, stops
+from eaid.findings import Finding, finding, listed, merged, ranked, say, stops
 from eaid.plant import linear
 from eaid.plant.dynamics import CHECKED_INPUTS, Plant
-from eaid.plant.forms import curve
 from eaid.plant.respond import from_rest
 from eaid.results.common import Interval
 from eaid.shown import counted
@@ -57,7 +56,13 @@ class Verdict(msgspec.Struct, frozen=True):
         if self.reasons:
             return f"NOT USABLE: {self.why}"
         said = f": {', '.join(map(in_short, self.warnings))}" if self.warnings else ""
-        return f"usable; {counted(len(self.warnings), 'warning')}{said}" if said else "usable"
+        usable = f"usable{f', not at {listed(self.not_at)}' if self.not_at else ''}"
+        return f"{usable}; {counted(len(self.warnings), 'warning')}{said}" if said else usable
+
+    @property
+    def not_at(self) -> tuple[float, ...]:
+        """Levels of a usable fit at which its plant explains nothing: it must not be used there."""
+        return tuple(u for one in self.warnings if one.code == "curve-misses-levels" for u in one.levels)
 
     @property
     def usable(self) -> bool:
@@ -174,7 +179,7 @@ def _says_nothing(ends: Interval) -> bool:
 def unphysical(p: Plant) -> list[Finding]:
     """Curves that, within the identified inputs, are none that a plant has; the first place of each."""
     inputs = np.linspace(*p.u_range, INPUTS_CHECKED)
-    (tau1, tau2), Ts = p.time_constants(inputs), curve(p.Ts, inputs, p.u_range)
+    (tau1, tau2), Ts = p.time_constants(inputs), p.curve(inputs)
     floor = np.where(
         np.arange(INPUTS_CHECKED) % BETWEEN == 0, p.floor_s / 2, -np.inf
     )  # a fit is held above it there alone
@@ -185,7 +190,7 @@ def unphysical(p: Plant) -> list[Finding]:
     ]
     if p.kind == "lag":
         del cases[1]
-    if p.Ts_below:
+    if p.signed:
         cases[-1] = ("Ts", Ts, -LARGEST_OUTPUT, LARGEST_OUTPUT)
     found = []
     for name, values, least, most in cases:

@@ -39,8 +39,8 @@ class Scatter:
         """The model as this run has it."""
         tau1, tau2 = self.tau1, self.tau2
         return replace(
-            model, tau1=tuple(tau1 * c for c in model.tau1), tau2=tuple(tau2 * c for c in model.tau2),
-            Ts=tuple(self.gain * c for c in model.Ts),
+            model.scaled(self.gain),
+            tau1=tuple(tau1 * c for c in model.tau1), tau2=tuple(tau2 * c for c in model.tau2),
             release=model.release and (tau1 * model.release[0], tau2 * model.release[1]),
         )  # fmt: skip
 

@@ -120,3 +120,12 @@ def test_a_level_left_out_is_met_from_the_others_as_a_fit_without_it_says() -> N
 def test_levels_that_no_curve_through_the_others_meets_stop_the_model() -> None:
     wild = dict(zip(LEVELS.tolist(), [1.0, 2.5, 0.3] * 3 + [1.0], strict=True))
     assert "hold-out-fails" in {one.code for one in fitted(20.0, 2, off=wild).verdict.reasons}
+
+
+def test_a_usable_fit_says_at_which_levels_it_is_not() -> None:
+    """A level a quarter below the curve: its own value stands, the plant explains nothing there."""
+    fit = fitted(20.0, 3, off={50.0: 0.75})
+    (row,) = [one for one in fit.nonlinear.per_level if one.level == 50]
+    assert row.fit_pct < 0 and fit.verdict.usable and fit.verdict.not_at == (50,)
+    assert repr(fit.verdict).startswith("usable, not at 50; ")
+    assert fitted(20.0, 3, off={50.0: 0.75}, curve="levels").verdict.not_at == fitted(20.0, 3).verdict.not_at == ()

@@ -25,6 +25,10 @@ KINDS = {
     "parallel": replace(CLUTCH, release=(0.05, 0.9)),
     "falls as the release": replace(CLUTCH, release=(0.05, 0.9), falls_as_release=True, dead_time_s=0.004),
     "falls": replace(CLUTCH, falls=(0.5, 1.7), release=(0.05, 0.9)),
+    "through values": replace(
+        CLUTCH, Ts_through=((10.0, 0.1), (40.0, 0.2), (55.0, 1.7), (100.0, 1.9)), release=(0.05, 0.9)
+    ),
+    "ringing through values": replace(LAG, zeta=0.2, Ts_through=((5.0, 0.1), (60.0, 1.7), (100.0, 1.9))),
     "overshoot": replace(CLUTCH, C=1.6, dead_time_s=0.125),
     "series": replace(LAG, zeta=1.4, C=1.0, dead_time_s=0.02),
     "ringing": replace(LAG, tau1=(0.05,), zeta=0.2, Ts_below=(0.0, -0.01)),

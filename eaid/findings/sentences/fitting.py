@@ -296,6 +296,8 @@ ROWS: dict[str, Row] = {
         lambda v: (
             f"the levels lie further from the polynomial of {_joined(v['parameters'])} than their runs scatter: "
             "between the levels it is less sure than its interval says"
+            + "; «curve» levels takes T_s through each of them"
+            * ("Ts" in v["parameters"])
         )
     ),
     "levels-scatter": caution(
@@ -308,7 +310,7 @@ ROWS: dict[str, Row] = {
     ),
     "curve-misses-levels": caution(
         "{at} the model explains nothing (fit {fit_pct:.2g} % at {worst:g}): do not use it there; the table shows the "
-        "levels' own values",
+        "levels' own values, and «curve» levels takes T_s through them",
         rank=0,
     ),
     "repeats-miss-alike": note(

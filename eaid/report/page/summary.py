@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eaid.errors import on_command_line
-from eaid.findings import Finding, merged, ranked, say
+from eaid.findings import Finding, listed, merged, ranked, say
 from eaid.report.figures import replays, sessions, steps, values
 from eaid.report.figures.residuals import residuals
 from eaid.report.panels import Axis, Panel, Sheet
@@ -228,7 +228,10 @@ def _model(results: Results, known: Known) -> Light:
         percent = fit.nonlinear.fit_pct
     if fit.plant_ is not None and fit.plant_.another:
         percent = fit.plant_.tried[0].fit_pct
-    lead = "usable; " if percent is None else f"usable, fits {number(percent, 3)} %{_unseen(fit)} (100 % = perfect); "
+    left = fit.verdict.not_at
+    usable = f"usable{f', not at {listed(left, fit.data.input_unit)}' if left else ''}"
+    explains = "" if percent is None else f", fits {number(percent, 3)} %{_unseen(fit)} (100 % = perfect)"
+    lead = f"{usable}{explains}; "
     return Light("Model", _grade(findings), lead + _counted(findings, fit.data.input_unit), "model")
 
 

@@ -108,7 +108,8 @@ def table_iii(fit: Fit) -> Table:
     assert part is not None
     joint = None if part.estimator == "joint" else part.joint
     rows: list[tuple[Cell, ...]] = []
-    for letter, name in (("a", "tau1"), ("b", "tau2"), ("c", "Ts")):
+    names = (("a", "tau1"), ("b", "tau2"), ("c", "Ts"))
+    for letter, name in names[:2] if part.Ts_through else names:
         unit, per = unit_of(fit, name), fit.data.input_unit
         printed, ends = published.TABLE_III[name], ci95_of(part, name) or ()
         for power, value in enumerate(getattr(part, name)):
@@ -121,7 +122,9 @@ def table_iii(fit: Fit) -> Table:
              number(joint.C, 2) if joint is not None else None)  # fmt: skip
     rows.append(("C", "share of the fast part", number(published.TABLE_III["C"][0], 2), *share, "1"))
     of_paper = of_the_paper(fit.data)
-    caption = "The nonlinear model: τ1(u), τ2(u) and T_s(u) as polynomials of the input u."
+    curves = "τ1(u), τ2(u)" if part.Ts_through else "τ1(u), τ2(u) and T_s(u)"
+    caption = f"The nonlinear model: {curves} as polynomials of the input u."
+    caption += " T_s(u) goes through the values of the levels." * bool(part.Ts_through)
     if of_paper:
         caption += " The published T_s gives 0.057 N·m at full duty, where the paper's own figures show about 4 N·m."
     return table_of(
