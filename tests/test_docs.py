@@ -67,9 +67,7 @@ def results() -> dict[str, Any]:
         ("couple.json", "couple.json"),
     ],
 )  # fmt: skip
-def test_every_key_of_a_result_is_explained(
-    results: dict[str, Any], name: str, section: str, tmp_path: Path
-) -> None:
+def test_every_key_of_a_result_is_explained(results: dict[str, Any], name: str, section: str, tmp_path: Path) -> None:
     results[name].save(tmp_path / name)
     known = explained(section)
     found = dict.fromkeys(keys(json.loads((tmp_path / name).read_text(encoding="utf-8"))))
