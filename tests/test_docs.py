@@ -123,6 +123,28 @@ def test_every_command_is_shown_and_has_the_options_it_is_shown_with(run_eaid: C
                 assert re.search(rf"(?<![\w-]){re.escape(option)}(?![\w-])", told.out), (command, option)
 
 
+READING = "--columns --units --name-pattern --where --step-at --until --baseline --rest --repair --kind --levels"
+PROMISED = {
+    "ingest": READING,
+    "fit": f"{READING} --model --share --loss --hold-out --estimator --ci --logs-as --duty --follow --against --plan",
+    "tune-rc": "--kp --kd --natural-frequency --damping --q-max --phi --epsilon --gamma --p-scale --b-hat --rho "
+    "--pi-overshoot --pi-settling --pi-gains --anyway",
+    "simulate": "--controller --gains --scenario --reference --log --noise-nm --pwm-hz --plants --columns --units --repair",
+    "synth": "--excitation --shape",
+    "plan": "--want --excitation --limits",
+    "export": "--as --law --precision --rate-hz --anyway",
+}
+
+
+def test_the_options_that_scripts_use_are_those_of_their_commands(run_eaid: Callable[..., Any]) -> None:
+    page = (ROOT / "docs" / "contract.md").read_text(encoding="utf-8").split("Options that scripts use:")[1]
+    promised = " ".join(PROMISED.values()).split()
+    assert set(promised) == set(re.findall(r"--[a-z][a-z-]+", page.split("\n\nOn a rig")[0]))
+    for name, options in PROMISED.items():
+        told = set(re.findall(r"--[a-z][a-z-]+", run_eaid(name, "--help").out))
+        assert set(options.split()) - told == set(), name
+
+
 def test_the_readme_is_short() -> None:
     assert len((ROOT / "README.md").read_text(encoding="utf-8").split()) <= 700
 
