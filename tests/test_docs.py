@@ -129,7 +129,8 @@ PROMISED = {
     "fit": f"{READING} --model --share --loss --hold-out --estimator --ci --logs-as --duty --follow --against --plan",
     "tune-rc": "--kp --kd --natural-frequency --damping --q-max --phi --epsilon --gamma --p-scale --b-hat --rho "
     "--pi-overshoot --pi-settling --pi-gains --anyway",
-    "simulate": "--controller --gains --scenario --reference --log --noise-nm --pwm-hz --plants --columns --units --repair",
+    "simulate": "--controller --gains --scenario --reference --log --noise-nm --pwm-hz --plants "
+    "--columns --units --repair",
     "synth": "--excitation --shape",
     "plan": "--want --excitation --limits",
     "export": "--as --law --precision --rate-hz --anyway",
