@@ -199,7 +199,8 @@ def let_go_of(runs: Sequence[Run]) -> tuple[float, int] | None:
 
 def _roundest(value: float) -> str:
     """The shortest number within 2 % of a value."""
-    return next(text for k in range(1, 9) if abs(float(text := f"{value:.{k}g}") - value) <= 0.02 * abs(value))
+    rounded = (float(f"{value:.{k}g}") for k in range(1, 9))
+    return next(f"{one:.8g}" for one in rounded if abs(one - value) <= 0.02 * abs(value))
 
 
 def _asked(runs: Sequence[Run], how: str) -> Iterator[str]:

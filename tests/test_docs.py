@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pytest
 
 import eaid
@@ -16,7 +17,10 @@ from eaid.cli import main
 ROOT = Path(__file__).parents[1]
 FILES = (ROOT / "docs" / "files.md").read_text(encoding="utf-8")
 CONTRIBUTING = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
-ALWAYS = ("schema", "eaid", "digest", "seed", "command", "inputs…", "data.inputs…", "options…")
+ALWAYS = (
+    "schema", "eaid", "digest", "seed", "command", "inputs…", "data.inputs…", "options…", "findings[]…", "warnings",
+    "input_unit", "output_unit",
+)  # fmt: skip
 
 
 def keys(value: Any, at: str = "") -> Iterator[str]:
@@ -42,17 +46,32 @@ def explained(section: str) -> list[re.Pattern[str]]:
 @pytest.fixture(scope="module")
 def results() -> dict[str, Any]:
     """Small results of every kind."""
-    clutch, force = (eaid.synth(rate_hz=100.0, repeats=2, kind=kind) for kind in ("clutch", "friction-force"))
+    clutch, force = (eaid.synth(rate_hz=50.0, repeats=2, kind=kind) for kind in ("clutch", "friction-force"))
     fit = eaid.fit(clutch, hold_out=(40.0,))
-    return {"fit.json": fit, "force.json": eaid.fit(force), "gains.json": eaid.tune_rc(fit)}
+    gains = eaid.tune_rc(fit)
+    random = eaid.synth(excitation="random", rate_hz=20.0, shape={"duration_s": 40.0})
+    days = [(f"s{k}", u, u * (1 + 0.1 * k), 0.01) for k in range(4) for u in (20.0, 60.0, 100.0)]
+    return {
+        "fit.json": fit, "force.json": eaid.fit(force), "recorded.json": eaid.fit(random), "gains.json": gains,
+        "rig.json": eaid.sessions(pd.DataFrame(days, columns=["session", "level", "value", "sd_log"])),
+        "compare.json": eaid.compare(fit, eaid.fit(eaid.synth(rate_hz=50.0, repeats=2, seed=1)), gains=gains),
+        "couple.json": eaid.couple(fit, gains, torque=(1.0,), loops=("pi",), replay=False),
+    }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", ["fit.json", "force.json", "gains.json"])
-def test_every_key_of_a_result_is_explained(results: dict[str, Any], name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "section"),
+    [
+        ("fit.json", "fit.json"), ("force.json", "fit.json"), ("recorded.json", "fit.json"),
+        ("gains.json", "gains.json"), ("rig.json", "rig.json"), ("compare.json", "rig.json"),
+        ("couple.json", "couple.json"),
+    ],
+)  # fmt: skip
+def test_every_key_of_a_result_is_explained(results: dict[str, Any], name: str, section: str, tmp_path: Path) -> None:
     results[name].save(tmp_path / name)
-    known = explained("gains.json" if name == "gains.json" else "fit.json")
+    known = explained(section)
     found = dict.fromkeys(keys(json.loads((tmp_path / name).read_text(encoding="utf-8"))))
-    assert len(found) > 50
+    assert len(found) > 20
     assert [key for key in found if not any(p.fullmatch(key) or p.fullmatch(f"{key}[]") for p in known)] == []
 
 
@@ -102,6 +121,29 @@ def test_every_command_is_shown_and_has_the_options_it_is_shown_with(run_eaid: C
         for command in (command for command in commands if command[1] == name):
             for option in (word.split("=")[0] for word in command[2:] if word.startswith("-")):
                 assert re.search(rf"(?<![\w-]){re.escape(option)}(?![\w-])", told.out), (command, option)
+
+
+READING = "--columns --units --name-pattern --where --step-at --until --baseline --rest --repair --kind --levels"
+PROMISED = {
+    "ingest": READING,
+    "fit": f"{READING} --model --share --loss --hold-out --estimator --ci --logs-as --duty --follow --against --plan",
+    "tune-rc": "--kp --kd --natural-frequency --damping --q-max --phi --epsilon --gamma --p-scale --b-hat --rho "
+    "--pi-overshoot --pi-settling --pi-gains --anyway",
+    "simulate": "--controller --gains --scenario --reference --log --noise-nm --pwm-hz --plants "
+    "--columns --units --repair",
+    "synth": "--excitation --shape",
+    "plan": "--want --excitation --limits",
+    "export": "--as --law --precision --rate-hz --anyway",
+}
+
+
+def test_the_options_that_scripts_use_are_those_of_their_commands(run_eaid: Callable[..., Any]) -> None:
+    page = (ROOT / "docs" / "contract.md").read_text(encoding="utf-8").split("Options that scripts use:")[1]
+    promised = " ".join(PROMISED.values()).split()
+    assert set(promised) == set(re.findall(r"--[a-z][a-z-]+", page.split("\n\nOn a rig")[0]))
+    for name, options in PROMISED.items():
+        told = set(re.findall(r"--[a-z][a-z-]+", run_eaid(name, "--help").out))
+        assert set(options.split()) - told == set(), name
 
 
 def test_the_readme_is_short() -> None:

@@ -327,3 +327,10 @@ def test_factors_of_names_are_told_and_choose(tmp_path, run_eaid):
     assert (ran.code, ran.err.splitlines()[-1]) == (
         2, "error: --where f=50: no name says so; they say V=100, V=200, f=1000, f=500, glue=old, rep=1"
     )  # fmt: skip
+
+
+def test_an_instant_that_is_proposed_is_written_in_full():
+    t = np.arange(0.0, 40.0, 0.02)
+    log = frame("time_s|torque_nm", t, ((t >= 5) & (t < 30)) + 1e-3 * np.sin(1e3 * t))
+    with pytest.raises(DataError, match="the output falls at 30 s and stays low"):
+        eaid.fit(log)

@@ -1,7 +1,10 @@
 """The commands: five questions answered from the terminal alone, the page, logs of several sittings, following."""
 
+import re
+import shlex
 import threading
 import time
+from pathlib import Path
 
 import pytest
 
@@ -36,6 +39,22 @@ def test_five_questions_are_answered_from_the_terminal(folder, run_eaid):
     told = run_eaid("today", "rig.json", "s90_40_0.csv", "-o", "today.json", "--force")
     assert told.code == 0, told.err
     assert "today   T_s within ×/÷" in told.out and "next    eaid tune-rc today.json" in told.out  # how sure today?
+
+
+def test_the_docs_show_what_is_printed(folder, run_eaid, fits):
+    """docs/sessions.md: six sessions by the days of their fits; … for any rest, blanks count once."""
+    for day, (name, fit) in zip(("mon", "tue", "wed", "thu", "fri", "sat"), fits.items(), strict=True):
+        (folder / f"{day}.json").write_bytes((folder / f"{name}.json").read_bytes())
+        if day == "fri":
+            eaid.tune_rc(fit).save(folder / "gains-fri.json")
+    page = (Path(__file__).parents[2] / "docs/sessions.md").read_text(encoding="utf-8")
+    for block in re.findall(r"^```\n\$ eaid (.*?)^```", page, re.MULTILINE | re.DOTALL):
+        line, *shown = block.replace("gains.json", "gains-fri.json").replace("step_40", "s90_40_0").splitlines()
+        ran = run_eaid(*shlex.split(line), "--force")
+        printed = [" ".join(one.split()) for one in ran.out.splitlines()]
+        for one in filter(None, shown):
+            wanted = re.compile(re.escape(" ".join(one.split())).replace("…", ".*"))
+            assert any(wanted.fullmatch(row) for row in printed), (one, printed)
 
 
 def test_a_page_begins_with_the_verdict_and_shows_the_sessions(folder, run_eaid):
