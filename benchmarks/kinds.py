@@ -43,7 +43,7 @@ class Case:
     share: float | Literal["free"] = 0.85
     idle_known: bool = False
     form: str = ""
-    """What has to win the trial, where the plant's kind does not say it."""
+    """The gain that has to win the trial, where the plant's kind does not say it."""
 
 
 LAG, CLUTCH, ZERO = plant(0.8, C=1.0), plant(0.3, 2.0, C=0.85), plant(0.3, 2.0, C=0.6)
@@ -58,7 +58,7 @@ WITHOUT = {
     "ringing": Case(plant(0.3, zeta=0.2)),
     "ringing, signed": Case(plant(0.3, zeta=0.2, Ts_below=(0.0, -1.0)), SIGNED),
     "overshoot": Case(plant(0.4, 2.0, C=1.6)),
-    "parallel, C 0.6": Case(ZERO),
+    "parallel, C 0.6": Case(ZERO, form="one"),
     "clutch": Case(CLUTCH, MANY),
     "clutch, C free": Case(ZERO, MANY, "free"),
     "clutch, falls": Case(replace(CLUTCH, falls=(0.5, 0.5), excess=0.05), MANY),
@@ -123,6 +123,8 @@ def tried(name: str, seed: int) -> Row:
     late = " + dead time" if told.dead_time_s else ""
     right = told.kind == case.plant.kind and bool(told.dead_time_s) == bool(case.plant.dead_time_s)
     right = right and (gain == case.form or not case.form)
+    p = told.plant  # what falls have of their own is part of the kind
+    right = right and (p.falls != (1.0, 1.0), p.excess != 0) == (case.plant.falls != (1.0, 1.0), case.plant.excess != 0)
     held = [(key, bool(ends[0] <= value <= ends[1]), ends) for key, value, ends in quoted(case, fit)]
     return row | {"chosen": f"{told.kind}, {gain}{late}", "right": right, "held": held}
 
