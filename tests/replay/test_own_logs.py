@@ -76,9 +76,9 @@ def test_steps_from_rest(name, tmp_path):
 
 
 def test_an_overshoot_falls_as_it_rises(tmp_path):
-    """Its release undershoots: 95 % with the one lag that a release has behind two rising lags."""
+    """Its release undershoots: 88 % with the one lag that a release has behind two rising lags."""
     steps(tmp_path, PLANTS["overshoot"], until_s=13.0)
-    assert min(held_against(tmp_path, logs_as="steps", **UNITS).values()) > 98
+    assert min(held_against(tmp_path, logs_as="steps", **UNITS).values()) > 96
 
 
 def test_an_output_that_counts_with_its_sign_turned(tmp_path):
