@@ -197,15 +197,18 @@ def judged_rc(
 
 
 def compare(task: Task, rc: Robust | None, laws: dict[str, Law]) -> Replayed:
-    """The robust controller beside the PI that was designed, the PI of its own slopes, and so of its margins, with and
-    without its feedforward, and the paper's PI where the rig is the paper's; and what else the table has."""
+    """The robust controller beside the PI that was designed, the PI of its own margins, with and without its
+    feedforward, and the paper's PI where the rig is the paper's; and what else the table has.
+
+    RC's feedforward a0 T/b0 is of the output that is read, so its loop has the slope K_P − a0/b0 by the error."""
     limits, pi = task.limits, laws["pi"]
     slopes: dict[str, tuple[float | None, float | None]] = {
         name: (getattr(law, "K_P", None), getattr(law, "K_I", None)) for name, law in laws.items()
     }
     if rc is not None and (alike := rc.equal_pi) is not None and alike.K_P is not None and alike.K_I is not None:
-        slopes["rc"] = slopes["equal_pi"] = alike.K_P, alike.K_I
-        laws = {**laws, "equal_pi": PIGains(alike.K_P, alike.K_I, *limits)}
+        slopes["rc"] = alike.K_P, alike.K_I
+        if (K_P := alike.K_P - task.model.a0 / task.model.b0) > 0:
+            slopes["equal_pi"], laws = (K_P, alike.K_I), {**laws, "equal_pi": PIGains(K_P, alike.K_I, *limits)}
     if task.scales.paper and pi[:2] != PAPER_PI:
         slopes["paper_pi"], laws = PAPER_PI, {**laws, "paper_pi": PIGains(*PAPER_PI, *limits)}
     rows = {name: task.compared(law, slopes[name]) for name, law in laws.items()}

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.optimize import brentq
 
@@ -231,3 +232,16 @@ def test_behind_a_dead_time_the_map_of_the_state_and_the_response_say_the_same(f
     for name in ("gain_db", "phase_deg"):
         first, second, third, fourth = (getattr(one, name) for one in found)
         assert third - second == pytest.approx(0.5 * (second - first + fourth - third), rel=0.03)
+
+
+def test_the_pi_that_rc_is_compared_with_has_its_margins() -> None:
+    """Its feedforward, of the output that is read, takes a0/b0 from them."""
+    t, logs = np.arange(0.0, 60.0, 0.05), {}
+    for level in (20.0, 40.0, 60.0, 80.0):
+        output = 0.05 * level * (1 - np.exp(-np.maximum(t - 5, 0) / 8.0))
+        logs[f"{level:g}"] = pd.DataFrame({"time_s": t, "duty_pct": np.where(t < 5, 0.0, level), "torque_Nm": output})
+    gains = eaid.tune_rc(eaid.fit(logs))
+    done, model = gains.replayed, gains.model
+    assert done.equal_pi.gain_db == pytest.approx(done.equal_pi_feedforward.gain_db, abs=1e-6)
+    assert done.equal_pi.phase_deg == pytest.approx(done.equal_pi_feedforward.phase_deg, abs=1e-6)
+    assert done.equal_pi.K_P == pytest.approx(done.equal_pi_feedforward.K_P - model.a0 / model.b0)
