@@ -156,10 +156,13 @@ def fit(
             from eaid.recorded.fit import with_another_kind
 
             fitted = with_another_kind(fitted, steps, how)
-    slipping = {u for one in fitted.findings if one.code == "output-decays-under-hold" for u in one.levels}
     replayed = msgspec.structs.replace(fitted.data, replayed=of_own_logs(fitted, steps.logs))
     fitted = msgspec.structs.replace(fitted, data=replayed)
-    found = {"responses": responses_of(steps, slipping), "parameters": table_of(fitted), "samples": Samples(steps)}
+    found = {
+        "responses": responses_of(steps, fitted.findings),
+        "parameters": table_of(fitted),
+        "samples": Samples(steps),
+    }
     return msgspec.structs.replace(fitted, **found)
 
 

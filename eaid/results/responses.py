@@ -13,12 +13,13 @@ held the noiseless value in 93 to 95 % (held), 87 to 93 % (engaged) and 95 to 99
 """
 
 import math
-from collections.abc import Collection
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.special import stdtrit
 
 from eaid.arrays import Array
+from eaid.findings import Finding
 from eaid.results.common import Count, Interval, Number, Result
 from eaid.steps.step import PEAK_PART, hold_of, moving_means
 from eaid.steps.stepset import Level, StepSet
@@ -59,8 +60,9 @@ class LevelResponse(Result, frozen=True):
     ci95: ResponseIntervals | None = None
 
 
-def responses_of(steps: StepSet, slipping: Collection[float]) -> tuple[LevelResponse, ...]:
+def responses_of(steps: StepSet, findings: Sequence[Finding]) -> tuple[LevelResponse, ...]:
     """The response of each level; a peak only at those levels whose output was found to decay under hold."""
+    slipping = {u for one in findings if one.code == "output-decays-under-hold" for u in one.levels}
     falls = {one.level: one for one in steps.releases}
     measured = [_measured(one, falls.get(one.level)) for one in steps.levels]
     spreads = {name: _spread(measured, name) for name in NAMES}

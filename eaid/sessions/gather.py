@@ -1,4 +1,5 @@
-"""Fits, or one plain table, as sessions: what each says of T_s, τ1, τ2, B and a0, and whether they belong together."""
+"""Fits, or one plain table, as sessions: what each says of T_s, τ1, τ2, B, a0 and of what was held, and whether they
+belong together."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     import pandas
 
 LEVELS_SAME = 0.005  # Part of a level by which it may differ from session to session and still be the same
+RESPONSES = ("held", "peak")  # Of those that were measured of a level, what sessions may differ in
 MANY = 1e9  # Degrees of freedom of what is known for certain
 CI = "sessions"  # What a fit of today says its intervals are made of
 PLAIN_COLUMNS = ("session", "level", "value", "sd_log")
@@ -47,17 +49,20 @@ class Session(Result, frozen=True):
 
 
 def values_of(fit: Fit, name: str, session: str) -> list[Value]:
-    """A fit's T_s, τ1, τ2, B of its levels, or a0 (as of a level 1), as far as its data determine them."""
-    linear = fit.linear
+    """A fit's T_s, τ1, τ2, B of its levels, what they held and their peaks, or a0 (as of a level 1), as far as its data
+    determine them."""
+    linear, pooled = fit.linear, sum(one.runs - 1 for one in fit.responses)
     rows: list[tuple[float, Any]] = [] if linear is None else [(1.0, linear)]
-    if name != "a0":
+    if name in RESPONSES:
+        rows = [(row.level, row) for row in fit.responses]
+    elif name != "a0":
         levels = fit.level_values if name != "B" else linear.per_level if linear is not None else ()
         rows = [(row.level, row) for row in levels]
     found = []
     for level, row in rows:
         value, ends = getattr(row, name), getattr(row.ci95, name, None)
         if ends is not None and value and level > 0 and 0 < ends[0] <= value <= ends[1]:
-            dof = min(row.ci95.dof.get(name) or MANY, MANY)
+            dof = min(getattr(row.ci95, "dof", {name: pooled}).get(name) or MANY, MANY)
             sd_log = float(np.log(ends[1] / ends[0]) / 2 / stdtrit(dof, 0.975))
             found.append(Value(session, level, value, sd_log, dof))
     return found
@@ -65,6 +70,10 @@ def values_of(fit: Fit, name: str, session: str) -> list[Value]:
 
 def run_scatter(fit: Fit, name: str) -> float | None:
     """Standard deviation of ln θ from run to run, where the fit knows it."""
+    if name in RESPONSES:
+        runs = {row.level: row.runs for row in fit.responses}
+        each = [one.sd_log**2 * runs[one.level] for one in values_of(fit, name, "")]
+        return float(np.sqrt(np.mean(each))) if each else None
     noise = fit.uncertainty.noise if fit.uncertainty is not None else None
     parts = {"B": ("Ts", "tau1"), "a0": ("tau1",)}.get(name, (name,))
     known = [noise.scatter[one] for one in parts if noise.scatter.get(one)] if noise is not None else []

@@ -19,7 +19,18 @@ from eaid.results import codec
 from eaid.results.common import Inputs, Made, Number, Positive, Result
 from eaid.results.fit import Fit
 from eaid.results.verdict import FACTOR
-from eaid.sessions.gather import CI, Session, Value, logs_of, run_scatter, snapped, table_values, together, values_of
+from eaid.sessions.gather import (
+    CI,
+    RESPONSES,
+    Session,
+    Value,
+    logs_of,
+    run_scatter,
+    snapped,
+    table_values,
+    together,
+    values_of,
+)
 from eaid.sessions.model import EXACT, NO_STEPS, Known, Model, Next, steps_known
 from eaid.shown import Plotted, counted
 
@@ -31,7 +42,14 @@ FEW_SESSIONS = 5  # Sessions below which that is known to a factor only
 MANY_SESSIONS = 8  # From which they tell at which level gain and tilt are apart
 CARRIES = 0.5  # Part of its width that the next session's interval keeps where one session carried it
 TREND_CHANCE = 0.05
-SESSION_NUMBERS = ("Ts", "tau1", "tau2", "B", "a0")  # What is known of each session; the first one has to be
+SESSION_NUMBERS = (
+    "Ts",
+    "tau1",
+    "tau2",
+    "B",
+    "a0",
+    *RESPONSES,
+)  # What is known of each session; the first one has to be
 
 
 class Scatter(Result, frozen=True):
@@ -100,7 +118,7 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
     input_unit: str = ""
     sessions: tuple[Session, ...] = ()
     quantities: dict[str, Quantity] = {}
-    """The main one first: Ts, then tau1, tau2, B, a0 where three sessions know them; of a plain table `value`."""
+    """The main one first: Ts, then tau1, tau2, B, a0, held, peak where three sessions know them; of a table `value`."""
     base: Fit | None = None
     """The fit of the session with the most levels, from which that of today is made; None: a plain table."""
 
@@ -170,10 +188,15 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
         one, n = self.main, len(self.sessions)
         at = f"{one.best_level:.4g} {self.input_unit}".rstrip()
         narrower = math.sqrt((1 + 1 / (n + 1)) / (1 + 1 / n)) * float(stdtrit(n, 0.975) / stdtrit(n - 1, 0.975))
+        also = [
+            f"{name} ×/÷ {each.factor:.2f}, after one step ×/÷ {each.with_step:.2f}"
+            for name, each in self.quantities.items() if name in RESPONSES
+        ]  # fmt: skip
         why = "sessions, not repeats: " * (one.more_repeats > 0.95 * one.factor)
         return [
             f"rig     {counted(n, 'session')}: the next one's {self.symbol} within ×/÷ {one.factor:.2f}; after one "
             f"reference step ({at}) ×/÷ {one.with_step:.2f}, at the worst level",
+            *([f"also    {'; '.join(also)}"] if also else []),
             f"scatter gain {one.sd.gain:.3g}, tilt {one.sd.tilt:.3g}, session × level {one.sd.level:.3g} (sd of ln "
             f"{self.symbol}); one run {one.sd_step:.3g}",
             f"advice  {why}one more repeat to every three leaves ×/÷ {one.more_repeats:.2f}, one more session about "
@@ -207,7 +230,7 @@ def rig_of_fits(fits: Mapping[str, Fit], options: SessionsOptions) -> Rig:
     told = together(fits)
     sound = [fit for fit in fits.values() if fit.verdict.usable] or list(fits.values())
     base = max(reversed(sound), key=lambda fit: (fit.nonlinear is not None, len(fit.data.levels)))
-    units = {"Ts": base.data.output_unit, "tau1": "s", "tau2": "s", "a0": "1/s"}
+    units = {"tau1": "s", "tau2": "s", "a0": "1/s", **dict.fromkeys(("Ts", *RESPONSES), base.data.output_unit)}
     quantities = {}
     for name in SESSION_NUMBERS:
         values = snapped([one for key, fit in fits.items() for one in values_of(fit, name, key)])

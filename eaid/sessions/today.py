@@ -25,7 +25,8 @@ from eaid.results import models as parts
 from eaid.results.fit import Fit
 from eaid.results.models import LevelIntervals
 from eaid.results.parameters import table_of
-from eaid.sessions.gather import CI, MANY, logs_of, together, values_of
+from eaid.results.responses import LevelResponse, ResponseIntervals, responses_of
+from eaid.sessions.gather import CI, MANY, RESPONSES, logs_of, together, values_of
 from eaid.sessions.model import NO_STEPS, Known, Next, between, steps_known
 from eaid.sessions.rig import Rig
 from eaid.steps.stepset import StepSet
@@ -64,15 +65,17 @@ def today(rig: Rig, step: Fit | StepSet) -> Fit:
     made = _with_linear(_with_plant(_with_levels(base, rows, foreseen), rows, foreseen), rows, foreseen)
     uncertainty = replace(base.uncertainty or parts.Uncertainty(), ci=CI, share=None, lack_of_fit=())
     data = replace(base.data, sources=shown.data.sources, inputs=shown.data.inputs, repeats=(), samples=())
+    held = [_response(u, k, foreseen) for k, u in enumerate(levels.tolist())] if "held" in foreseen else []
     told = ranked((*_told(rig, steps["Ts"], foreseen), *stops(shown.findings)))
-    made = replace(made, data=data, uncertainty=uncertainty, findings=told)
+    made = replace(made, data=data, uncertainty=uncertainty, findings=told, responses=tuple(held))
     return replace(made, parameters=table_of(made))
 
 
 def _fitted(base: Fit, steps: StepSet) -> Fit:
     models = ("friction", "linear") if steps.kind == "clutch" else ("friction",)
     given = {**part(FitOptions, base.options).given(), "model": models, "hold_out": (), "bounds_levels": None}
-    return fit_steps(steps, chosen(FitOptions, None, given))
+    fitted = fit_steps(steps, chosen(FitOptions, None, given))
+    return replace(fitted, responses=responses_of(steps, fitted.findings))
 
 
 def _steps(rig: Rig, shown: Fit, name: str) -> Known:
@@ -83,8 +86,9 @@ def _steps(rig: Rig, shown: Fit, name: str) -> Known:
     own = {one.level: one for one in values_of(shown, name, "")}
     repeats = dict(zip(shown.data.levels, shown.data.repeats, strict=False))
     rows = [(one.level, one.value) for one in own.values()]
-    if name == "Ts":  # of one quiet run there may be no interval
-        rows = [(row.level, row.Ts) for row in shown.level_values if row.Ts is not None and row.Ts > 0]
+    if name in ("Ts", *RESPONSES):  # of one run there may be no interval
+        seen = shown.responses if name in RESPONSES else shown.level_values
+        rows = [(row.level, value) for row in seen if (value := getattr(row, name)) is not None and value > 0]
     single = {level: rig.quantities[name].sd_step / max(repeats.get(level, 1), 1) ** 0.5 for level, _ in rows}
     known = {level: own[level].sd_log if level in own else 0.0 for level, _ in rows}
     return steps_known([(level, value, max(single[level], known[level])) for level, value in rows])
@@ -113,6 +117,14 @@ def _foreseen_at(foreseen: Foreseen, k: int) -> tuple[dict[str, float], LevelInt
     ends: dict[str, Any] = {name: tuple(one.ends[:, k].tolist()) for name, one in known.items()}
     dof = {name: float(one.dof[k]) for name, one in known.items()}
     return {name: float(one.value[k]) for name, one in known.items()}, LevelIntervals(**ends, dof=dof)
+
+
+def _response(level: float, k: int, foreseen: Foreseen) -> LevelResponse:
+    """What level k is to hold, and its peak, as far as the sessions know them; no run has shown it."""
+    known = {name: foreseen[name] for name in RESPONSES if name in foreseen}
+    ends: dict[str, Any] = {name: tuple(one.ends[:, k].tolist()) for name, one in known.items()}
+    values = {name: float(one.value[k]) for name, one in known.items()}
+    return LevelResponse(level, 0, **values, ci95=ResponseIntervals(**ends))
 
 
 def _with_levels(base: Fit, rows: Sequence[Any], foreseen: Foreseen) -> Fit:
@@ -150,12 +162,14 @@ def _with_plant(base: Fit, rows: Sequence[Any], foreseen: Foreseen) -> Fit:
         curves[name] = tuple((back @ moved / scales(count)).tolist())
         turn = back @ (moved[:, None] * hats)
         blocks[name] = turn @ foreseen[name].covariance @ turn.T
+    through = tuple(zip(levels.tolist(), foreseen["Ts"].value.tolist(), strict=True)) if plant.Ts_through else ()
     if base.plant_ is not None:
-        base = replace(base, plant_=replace(base.plant_, ci95=None, **curves))
+        base = replace(base, plant_=replace(base.plant_, ci95=None, Ts_through=through, **curves))
     if model is None:
         return base
     own_curves = {name: getattr(model, name) for name in CURVES_ORDER} | curves
-    plain = parts.Nonlinear(**own_curves, u_range=u_range, C=model.C, solver=model.solver, estimator=model.estimator)
+    kept = {name: getattr(model, name) for name in ("C", "solver", "estimator")}
+    plain = parts.Nonlinear(**own_curves, **kept, u_range=u_range, Ts_through=through)
     each = [_foreseen_at(foreseen, k) for k in range(len(rows))]
     shown = [parts.CurveLevel(row.level, **values, ci95=ends) for row, (values, ends) in zip(rows, each, strict=True)]
     degrees = {name: float(np.median(foreseen[name].dof)) if name in foreseen else MANY for name in CURVES_ORDER}

@@ -88,7 +88,7 @@ def test_the_level_worth_most_leaves_least_open(table):
 
 
 def test_fits_hold_together_as_their_values_do(fits, rig):
-    assert list(rig.quantities) == ["Ts", "tau1", "tau2", "B", "a0"]
+    assert list(rig.quantities) == ["Ts", "tau1", "tau2", "B", "a0", "held"]
     rows = [
         (name, row.level, row.Ts, np.log(row.ci95.Ts[1] / row.ci95.Ts[0]) / 2)
         for name, fit in fits.items() for row in fit.friction_levels
@@ -218,3 +218,27 @@ def test_what_is_no_rig_or_comes_twice_is_named(tmp_path):
         eaid.sessions([tmp_path / "a.json"] * 3)
     with pytest.raises(eaid.UsageError, match="first: is a int"):
         eaid.compare(3, fit)
+
+
+def test_held_and_peak_are_foreseen_as_measured():
+    """A clutch that slips back: 1.2 at its peak, 0.9 held; what is measured needs no model."""
+    t, rng, fits = np.arange(0.0, 14.0, 0.02), np.random.default_rng(3), {}
+    for s in range(4):
+        gain, logs = np.exp(0.4 * rng.standard_normal()), {}
+        for u in (20.0, 60.0, 100.0):
+            for k in range(3):
+                own, since = gain * np.exp(0.03 * rng.standard_normal()), np.maximum(t - 2, 0)
+                y = 0.05 * u * own * (1.5 * (1 - np.exp(-since / 0.2)) - 0.6 * (1 - np.exp(-since / 2.0)))
+                y += 0.002 * rng.standard_normal(len(t))
+                columns = {"time_s": t, "duty_pct": np.where(t < 2, 0.0, u), "torque_nm": y}
+                logs[f"s{s}_{u:g}_{k}"] = pd.DataFrame(columns)
+        fits[f"s{s}"] = eaid.fit(logs)
+    rig = eaid.sessions(fits)
+    assert {"held", "peak"} <= rig.quantities.keys()
+    for name in ("held", "peak"):
+        values = {one.session: one.value for one in rig.quantities[name].values if one.level == 100}
+        assert values == {key: getattr(fit.responses[-1], name) for key, fit in fits.items()}
+        foreseen = rig.next(quantity=name)
+        assert (foreseen["low"] < min(values.values())).iloc[-1] and (foreseen["high"] > max(values.values())).iloc[-1]
+    (also,) = [line for line in rig.lines() if line.startswith("also")]
+    assert "held ×/÷" in also and "peak ×/÷" in also

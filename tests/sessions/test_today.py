@@ -2,6 +2,7 @@
 
 import msgspec
 import numpy as np
+import pandas as pd
 import pytest
 
 import eaid
@@ -20,8 +21,6 @@ def today(rig, step):
 
 def test_its_levels_are_what_the_rig_foresees_given_the_step(rig, step, today):
     shown = eaid.fit(step, model=("friction",)).friction.levels[0]
-    import pandas as pd
-
     steps = pd.DataFrame({"level": [60.0], "value": [shown.Ts]})
     foreseen = rig.next(steps=steps)
     held = {row.level: (row.Ts, *row.ci95.Ts) for row in today.friction.levels}
@@ -30,8 +29,13 @@ def test_its_levels_are_what_the_rig_foresees_given_the_step(rig, step, today):
     assert held[60.0][2] / held[60.0][0] < 1.3 < rig.main.factor
 
 
-def test_nothing_recorded_in_another_session_is_told_as_todays(today):
-    assert not today.responses and "held" not in today.summary()
+def test_what_is_to_be_held_is_foreseen_and_nothing_of_another_session_is_told_as_todays(rig, step, today):
+    (shown,) = eaid.fit(step).responses
+    foreseen = rig.next(steps=pd.DataFrame({"level": [60.0], "value": [shown.held]}), quantity="held")
+    for row in today.responses:
+        held = row.held, *row.ci95.held
+        np.testing.assert_allclose(held, foreseen.loc[row.level, ["value", "low", "high"]].astype(float), rtol=1e-6)
+        assert row.runs == 0 and row.engaged_s is row.released_s is None
 
 
 def test_what_is_foreseen_is_not_compared_as_if_it_had_been_seen(today, fits):
