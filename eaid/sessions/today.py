@@ -64,7 +64,8 @@ def today(rig: Rig, step: Fit | StepSet) -> Fit:
     }
     made = _with_linear(_with_plant(_with_levels(base, rows, foreseen), rows, foreseen), rows, foreseen)
     uncertainty = replace(base.uncertainty or parts.Uncertainty(), ci=CI, share=None, lack_of_fit=())
-    data = replace(base.data, sources=shown.data.sources, inputs=shown.data.inputs, repeats=(), samples=())
+    own = {"sources": shown.data.sources, "inputs": shown.data.inputs}
+    data = replace(base.data, **own, repeats=(), samples=(), replayed=())
     held = [_response(u, k, foreseen) for k, u in enumerate(levels.tolist())] if "held" in foreseen else []
     told = ranked((*_told(rig, steps["Ts"], foreseen), *stops(shown.findings)))
     made = replace(made, data=data, uncertainty=uncertainty, findings=told, responses=tuple(held))

@@ -36,6 +36,7 @@ def test_what_is_to_be_held_is_foreseen_and_nothing_of_another_session_is_told_a
         held = row.held, *row.ci95.held
         np.testing.assert_allclose(held, foreseen.loc[row.level, ["value", "low", "high"]].astype(float), rtol=1e-6)
         assert row.runs == 0 and row.engaged_s is row.released_s is None
+    assert not today.data.replayed
 
 
 def test_what_is_foreseen_is_not_compared_as_if_it_had_been_seen(today, fits):
