@@ -232,6 +232,8 @@ def controller_of(
     held = law_of(gains, name)
     if held is None and gains is not None and name in gains.refused:
         raise UsageError(f"controller {name}: {gains.refused[name]}")
+    if held is None and gains is not None:
+        raise UsageError(f"controller {name}: the gains hold only {', '.join(gains.controllers_by_name)}")
     if held is None:
         raise UsageError(f"controller {name} needs gains: give «gains», which eaid tune-rc writes")
     return feedback(held)

@@ -29,7 +29,9 @@ CHECKED = {
 
 
 def test_walls_are_those_of_an_independent_analysis_and_one_sample_late_costs_the_reference_rate_a_quarter():
-    walls = {(wall.loop, wall.torque_nm): wall for wall in couple(torque=(1.0, 2.0, 3.0)).walls}
+    found = couple(torque=(1.0, 2.0, 3.0))
+    walls = {(wall.loop, wall.torque_nm): wall for wall in found.walls}
+    assert "wall-by-rate" in {one.code for one in found.findings}
     for loop, (passive, stable) in CHECKED.items():
         for torque, expected in enumerate(passive, 1):
             assert walls[loop, torque].K_passive == pytest.approx(expected, rel=0.02)
