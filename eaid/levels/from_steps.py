@@ -234,7 +234,7 @@ def _without_endless(steps: StepProblem, end: EndPoint, records: float = ENDLESS
     met[two] = 0.0
     met[two][: one.stop - one.start] = MET * met[one]
     other = approach(steps.problem, bring_in(met, steps.inner, steps.problem))
-    samples = sum(len(record.y) for record in steps.data.records)
+    samples = steps.weight @ [len(record.y) for record in steps.data.records] / steps.weight.max()  # of equal weight
     return other if other.cost <= (1 + CHI2_APART / samples) * end.cost + steps.problem.floor else end
 
 
