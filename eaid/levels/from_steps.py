@@ -234,8 +234,8 @@ def _without_endless(steps: StepProblem, end: EndPoint, records: float = ENDLESS
     met[two] = 0.0
     met[two][: one.stop - one.start] = MET * met[one]
     other = approach(steps.problem, bring_in(met, steps.inner, steps.problem))
-    samples = steps.weight @ [len(record.y) for record in steps.data.records] / steps.weight.max()  # of equal weight
-    return other if other.cost <= (1 + CHI2_APART / samples) * end.cost + steps.problem.floor else end
+    points = steps.weight @ (steps.data.points.w > 0).sum(axis=1) / steps.weight.max()  # as many of equal weight
+    return other if other.cost <= (1 + CHI2_APART / points) * end.cost + steps.problem.floor else end
 
 
 def minimised(steps: StepProblem, starts: Iterable[Array], records: float = np.inf) -> Solution:

@@ -269,9 +269,10 @@ def friction_of_logs(solved: Solved, levels: Array, known: CurveSpread | None) -
 
 def with_another_kind(fit: Fit, stepset: StepSet, options: FitOptions) -> Fit:
     """A fit of steps whose clutch must not be used with the plant of another kind, where that explains the steps; or
-    whose two lags meet behind a dead time, where one explains as much, or another kind far more."""
+    whose two lags meet behind a dead time or a peak, where one explains as much, or another kind far more."""
     usable = fit.verdict.of("nonlinear").usable
-    met = fit.dead_time_s > 0 and any(one.code in ONE_LAG for one in fit.findings)
+    codes = {one.code for one in fit.findings}
+    met = (fit.dead_time_s > 0 and codes & ONE_LAG) or codes >= {"taus-meet", "output-decays-under-hold"}
     if (usable and not met) or not stepset.levels or options.model is not None:
         return fit
     logs = [from_rest_on(log) for log in logs_of_steps(stepset)]
