@@ -138,8 +138,8 @@ class Form:
     def settled(self, value: Any) -> Any:
         """A value as the type has it; a text is read as it is typed on the command line."""
         kind = self.parts[0]
-        if hasattr(value, "dtype") and getattr(value, "ndim", 1) == 0:
-            value = value.item()
+        if hasattr(value, "tolist"):  # a number or an array of NumPy, a Series
+            value = value.tolist()
         if isinstance(value, str):
             return self._read(value)
         if kind == Mapping[str, str]:

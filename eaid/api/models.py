@@ -136,6 +136,7 @@ def fit(
     how = chosen(FitOptions, options, keywords)
     steps = source if isinstance(source, StepSet) else read(source, progress=progress)
     from eaid.levels.workflow import fit_steps
+    from eaid.recorded.fit import with_another_kind
     from eaid.replay.compare import of_own_logs
     from eaid.results.common import Samples
     from eaid.results.parameters import table_of
@@ -152,10 +153,7 @@ def fit(
     refits = how.draws if how.ci == "bootstrap" else 0
     with progress("bootstrap refits" if refits else "fitting", refits) as advance:
         fitted = fit_steps(steps, how, advance)
-        if fitted.dead_time_s > 0 or not fitted.verdict.of("nonlinear").usable:
-            from eaid.recorded.fit import with_another_kind
-
-            fitted = with_another_kind(fitted, steps, how)
+        fitted = with_another_kind(fitted, steps, how)
     replayed = msgspec.structs.replace(fitted.data, replayed=of_own_logs(fitted, steps.logs))
     fitted = msgspec.structs.replace(fitted, data=replayed)
     found = {

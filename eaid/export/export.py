@@ -57,7 +57,7 @@ def _findings(source: Source, laws: tuple[str, ...], rate_hz: float, options: Ex
         if (plant := source.plant) is not None:
             if "inverse" in laws and plant.dead_time_s > 0:
                 yield finding("export-no-dead-time", "inverse", dead_time_s=plant.dead_time_s)
-            if plant.release is None and plant.kind == "parallel":
+            if plant.release is None and plant.kind == "parallel" and not (source.fit and source.fit.logs):
                 yield finding("export-no-release", subject)
             if plant.excess:
                 yield finding("export-no-hysteresis", subject, excess_pct=100 * plant.excess)

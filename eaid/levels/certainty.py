@@ -227,7 +227,7 @@ class Estimate:
         covariance = self.of_levels.of(np.eye(len(self.solved.x), count + len(self.solved.x), count)).covariance()
         rows = np.einsum("lk,klx->lx", by_log, slopes)
         straight = rows @ covariance @ rows.T
-        apart = np.sqrt(np.einsum("klx,xy,kly->kl", slopes, covariance, slopes))
+        apart = np.sqrt(np.maximum(np.einsum("klx,xy,kly->kl", slopes, covariance, slopes), 0.0))
         reached = []
         for side in (-1.0, 1.0):
             theta = at.theta.copy()

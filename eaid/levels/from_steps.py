@@ -224,26 +224,24 @@ def fit_levels_first(
     return _concluded(steps, [slsqp(steps.problem, end)])
 
 
-def _without_endless(steps: StepProblem, end: EndPoint) -> EndPoint:
-    """The end of a fit; where its τ2 has no end and one lag explains as much, that: what has one time constant is
-    explained as well by a slow part that never comes, and a T_s larger by what it hides."""
+def _without_endless(steps: StepProblem, end: EndPoint, records: float = ENDLESS_RECORDS) -> EndPoint:
+    """The end of a fit; where its τ2 lies `records` beyond the longest and one lag explains as much, that: what has one
+    time constant is explained as well by a slow part that never comes, and a T_s larger by what it hides."""
     one, two, model = steps.model.slices[1], steps.model.slices[2], steps.model
-    if (
-        model.tau2 is None
-        or (model.tau2.rows(steps.data.u) @ end.x[two]).max() < ENDLESS_RECORDS * steps.data.longest_s
-    ):
+    if model.tau2 is None or (model.tau2.rows(steps.data.u) @ end.x[two]).max() < records * steps.data.longest_s:
         return end
     met = end.x.copy()
     met[two] = 0.0
     met[two][: one.stop - one.start] = MET * met[one]
     other = approach(steps.problem, bring_in(met, steps.inner, steps.problem))
-    samples = sum(len(record.y) for record in steps.data.records)
-    return other if other.cost <= (1 + CHI2_APART / samples) * end.cost + steps.problem.floor else end
+    points = steps.weight @ (steps.data.points.w > 0).sum(axis=1) / steps.weight.max()  # as many of equal weight
+    return other if other.cost <= (1 + CHI2_APART / points) * end.cost + steps.problem.floor else end
 
 
-def minimised(steps: StepProblem, starts: Iterable[Array]) -> Solution:
-    """The least of what feasible starts lead to."""
-    return _concluded(steps, ends_solved([approach(steps.problem, x) for x in starts], steps.problem))
+def minimised(steps: StepProblem, starts: Iterable[Array], records: float = np.inf) -> Solution:
+    """The least of what feasible starts lead to; a τ2 beyond so many records has to explain more than one lag does."""
+    ends = ends_solved([approach(steps.problem, x) for x in starts], steps.problem)
+    return _concluded(steps, [_without_endless(steps, end, records) for end in ends])
 
 
 def _concluded(steps: StepProblem, ends: Sequence[EndPoint]) -> Solution:

@@ -30,7 +30,7 @@ def fit_falls(data: Data, shares: Array) -> Solution:
     model, alike = replace(nonlinear(data.u[:1], float(shares[0])), Ts=None), np.ones(len(shares))
     steps = StepProblem(data, model, alike, shares=shares)
     starts = [bring_in(x, steps.inner, steps.problem) for x in form_starts(model, data, alike)]
-    return minimised(steps, sorted(starts, key=lambda x: steps.normal(x)[0])[:FALL_STARTS])
+    return minimised(steps, sorted(starts, key=lambda x: steps.normal(x)[0])[:FALL_STARTS], records=1.0)
 
 
 def sizes(solved: Solution, data: Data) -> Array:

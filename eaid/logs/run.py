@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -57,6 +58,10 @@ class Run:
     others: Callable[[], Beside] = tuple  # Reads those among them that move, shape (n,) each; none of cut runs
     moves: tuple[tuple[str, float], ...] = ()  # Of a log without an input: which others leave their rest, and when [s]
     cut: bool = False  # True for one step cut out of a log (or stored so); False: steps are still to be cut out of it
+
+    def __getstate__(self) -> dict[str, Any]:
+        """To be pickled: what is read later, by functions that hold open files, is read now."""
+        return vars(self) | {"others": partial(tuple, self.others())}
 
     @property
     def where(self) -> str:

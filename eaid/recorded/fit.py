@@ -269,9 +269,10 @@ def friction_of_logs(solved: Solved, levels: Array, known: CurveSpread | None) -
 
 def with_another_kind(fit: Fit, stepset: StepSet, options: FitOptions) -> Fit:
     """A fit of steps whose clutch must not be used with the plant of another kind, where that explains the steps; or
-    whose two lags meet behind a dead time, where one explains as much."""
+    whose two lags meet behind a dead time or a peak, where one explains as much, or another kind far more."""
     usable = fit.verdict.of("nonlinear").usable
-    met = fit.dead_time_s > 0 and any(one.code in ONE_LAG for one in fit.findings)
+    codes = {one.code for one in fit.findings}
+    met = (fit.dead_time_s > 0 and codes & ONE_LAG) or codes >= {"taus-meet", "output-decays-under-hold"}
     if (usable and not met) or not stepset.levels or options.model is not None:
         return fit
     logs = [from_rest_on(log) for log in logs_of_steps(stepset)]
@@ -283,15 +284,18 @@ def with_another_kind(fit: Fit, stepset: StepSet, options: FitOptions) -> Fit:
     if part is None or not part.another or not other.verdict.usable or (part.tried[0].fit_pct or 0.0) < LEAST_PCT:
         return fit
     explained = 0.0 if fit.nonlinear is None else fit.nonlinear.fit_pct or 0.0
-    same = part.plant.kind == "lag" and part.dead_time_s > 0
-    if usable and not (same and (part.tried[0].fit_pct or 0.0) >= explained - AS_WELL_PCT):
+    found = part.tried[0].fit_pct or 0.0
+    as_well = part.plant.kind == "lag" and part.dead_time_s > 0 and found >= explained - AS_WELL_PCT
+    if usable and not as_well and 100 - found > FAR_BETTER * (100 - explained):
         return fit
-    kept = [one for one in fit.findings if not (one.subject in ("nonlinear", "friction") and one.severity != "note")]
+    of_shapes = {one.code for step in fit.steps for one in step.findings} | {"dead-time"}  # no step has its shape
+    gone = ("nonlinear", "friction", "release")
+    kept = [one for one in fit.findings if one.code not in of_shapes and one.subject not in gone]
     if part.plant.kind == "ringing":  # its turns are the edges that were seen
         kept = [one for one in kept if not (one.code == "several-edges" and one.values.get("has_input"))]
-    told = [one for one in other.findings if one.code == "kind-by-evidence"]
+    told = [one for one in other.findings if one.code in ("kind-by-evidence", "dead-time")]
     named = msgspec.structs.replace(part, input_unit=fit.data.input_unit, output_unit=fit.data.output_unit)
-    changed = {"plant_": named, "nonlinear": other.nonlinear, "linear": other.linear, "friction": None}
+    changed = {"plant_": named, "nonlinear": other.nonlinear, "linear": other.linear, "friction": None, "release": None}
     return judged(msgspec.structs.replace(fit, **changed, findings=ranked([*kept, *told])))
 
 
@@ -305,6 +309,7 @@ def from_rest_on(log: RecordedLog) -> RecordedLog:
 
 
 ONE_LAG = {"taus-meet", "constraint-holds"}
+FAR_BETTER = 0.7  # Of what the clutch leaves, another kind leaves this much at most to be taken: half of the squares
 AS_WELL_PCT = 1.0  # Of the fit that another kind may lose against two lags that meet
 LEAST_PCT = 80.0  # Of steps that another kind has to explain before it takes the clutch's place
 

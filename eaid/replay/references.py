@@ -35,9 +35,11 @@ from eaid.control.defaults import Scales
 from eaid.control.guarantee import steepest
 from eaid.errors import DataError, UsageError
 from eaid.findings import Finding, finding
+from eaid.logs.table import seconds
 from eaid.plant.dynamics import PlantNumbers, plant_terms
 from eaid.results.gains import Tracking
 from eaid.results.replay import Metrics, StepMetrics, ToneMetrics
+from eaid.results.verdict import LARGEST_OUTPUT
 
 Signal = tuple[Array, Array]  # Time [s] and output, shapes (n,) each
 
@@ -133,13 +135,19 @@ def signal_of(given: Any, dt_s: float, duration_s: float | None = None) -> Signa
             time_s = np.arange(samples_of(GIVEN_S if duration_s is None else duration_s, dt_s)) * dt_s
             signal = time_s, np.array([float(given(t)) for t in time_s.tolist()])
         elif hasattr(given, "index") and hasattr(given, "to_numpy"):
-            signal = np.asarray(given.index, dtype=np.float64), np.asarray(given.to_numpy(), dtype=np.float64)
+            at = np.asarray(given.index)
+            signal = seconds(at) if at.dtype.kind in "mM" else np.asarray(at, np.float64), np.asarray(given, np.float64)
         else:
             rows = np.asarray(given, dtype=np.float64)
             rows = rows.T if rows.ndim == 2 and rows.shape[1] == 2 else rows
             signal = (rows[0], rows[1]) if rows.ndim == 2 and len(rows) == 2 else (np.arange(rows.size) * dt_s, rows)
         time_s, values = signal
-        fine = values.ndim == 1 and len(values) >= 2 and np.isfinite(signal).all() and (np.diff(time_s) > 0).all()
+        fine = (
+            values.ndim == 1
+            and len(values) >= 2
+            and (np.abs(signal) <= LARGEST_OUTPUT).all()
+            and (np.diff(time_s) > 0).all()
+        )
     except (TypeError, ValueError):
         fine = False
     if not fine:

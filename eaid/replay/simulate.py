@@ -152,11 +152,12 @@ def _outside_identified(fit: Fit, plant: PlantNumbers, records: Mapping[str, Rec
     below = above = falling = 0.0
     for replayed in records.values():
         duty, torque = replayed.columns["duty_pct"], replayed.columns["torque_nm"]
-        falls = (np.diff(torque) < 0) & (duty[:-1] >= low)
-        below = max(below, float(((duty > 0) & (duty < low)).mean()))
-        above = max(above, float((duty > high).mean()))
+        size = np.abs(duty)
+        falls = (np.diff(np.abs(torque)) < 0) & (size[:-1] >= low)
+        below = max(below, float(((size > 0) & (size < low)).mean()))
+        above = max(above, float((size > high).mean()))
         falling = max(falling, float(falls.mean()))
-    falls_known = bool(fit.recorded_falls)
+    falls_known = fit.falls_recorded
     if max(below, above, 0.0 if falls_known else falling) <= UNSEEN_SHARE:
         return []
     return [

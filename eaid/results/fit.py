@@ -172,6 +172,7 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         """
         import pandas as pd
 
+        level = float(statistics.numbers("level", level, 0))
         rows = {row.name: row for row in self.parameters if row.level is not None and math.isclose(row.level, level)}
         p = self.nonlinear
         if rows.keys() >= SYMBOLS.keys():
@@ -275,7 +276,10 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
             raise UsageError(f"«model» {chosen}: must be one of {', '.join(MODEL_CURVES)}")
         if (self.plant_ if chosen == statistics.PLANT else getattr(self, chosen)) is None:
             raise DataError(f"the fit holds no {chosen} model; fit one, or choose another «model»")
-        time_s, inputs = np.asarray(t, dtype=np.float64), np.atleast_1d(np.asarray(duty, dtype=np.float64)).tolist()
+        time_s, inputs = (
+            np.atleast_1d(statistics.numbers("t", t)),
+            np.atleast_1d(statistics.numbers("duty", duty)).tolist(),
+        )
         known = self.data.levels if self.recorded is None else self.recorded.u_range
         for u in inputs:
             if known and not min(known) <= u <= max(known):
@@ -325,9 +329,11 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         return self.recorded.logs if self.recorded is not None else ()
 
     @property
-    def recorded_falls(self) -> tuple[FrictionLevel, ...]:
-        """The fitted steps that fall from one level to another, not to rest."""
-        return falls_between(self.friction_levels)
+    def falls_recorded(self) -> bool:
+        """Whether falls from one identified input to another were fitted, as steps or in a log as recorded."""
+        sizes = [np.abs(log.curve.input) for log in self.logs]
+        fell = any(((u[1:] < u[:-1]) & (u[1:] >= self.plant.u_range[0])).any() for u in sizes)
+        return fell or bool(falls_between(self.friction_levels))
 
     @property
     def friction_levels(self) -> tuple[FrictionLevel, ...]:

@@ -9,6 +9,7 @@ noise that remembers makes fewer of them independent than there are, so `aic` an
 and are no absolute measure.
 """
 
+import contextlib
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -63,11 +64,20 @@ def _by_ratio(value: Array, low: Array, high: Array) -> NDArray[np.bool_]:
     return (low > 0) & (value > 0) & off
 
 
+def numbers(name: str, given: Any, most: int = 1) -> Array:
+    """An argument as numbers, of so many dimensions at most; `UsageError` where it is none."""
+    with contextlib.suppress(TypeError, ValueError):
+        found = np.asarray(given, dtype=np.float64)
+        if found.ndim <= most:
+            return found
+    raise UsageError(f"«{name}» {given!r}: give {'numbers' if most else 'a number'}")
+
+
 def intervals(rows: "tuple[Parameter, ...]", alpha: float) -> "pandas.DataFrame":
     """`Fit.conf_int`."""
     import pandas as pd
 
-    if not 0 < alpha < 1:
+    if not 0 < numbers("alpha", alpha, 0) < 1:
         raise UsageError(f"«alpha» {alpha:g}: must lie between 0 and 1")
     value, low, high, dof = _table(rows)
     ends = np.array([low, high])

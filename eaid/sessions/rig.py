@@ -103,6 +103,8 @@ class Quantity(Result, frozen=True):
 
     def model(self, names: Sequence[str]) -> Model:
         """Its model over the sessions of these names."""
+        if strange := {one.session for one in self.values}.difference(names):
+            raise DataError(f"a value of the rig is of {min(strange)}, which is none of its sessions; make it again")
         session = np.array([names.index(one.session) for one in self.values], dtype=np.float64)
         level, value, sd = np.array([(one.level, one.value, one.sd_log) for one in self.values]).T
         known = Known(session, level, np.log(value), np.maximum(sd, EXACT) ** 2)

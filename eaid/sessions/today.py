@@ -21,6 +21,7 @@ from eaid.findings import Finding, finding, ranked, stops
 from eaid.levels.workflow import fit_steps
 from eaid.options import FitOptions, ReadOptions
 from eaid.plant.forms import scales, terms
+from eaid.replay.compare import of_own_logs
 from eaid.results import models as parts
 from eaid.results.fit import Fit
 from eaid.results.models import LevelIntervals
@@ -48,6 +49,8 @@ def today(rig: Rig, step: Fit | StepSet) -> Fit:
     base = rig.base
     if base is None:
         raise DataError("the rig is of a plain table and holds no plant; its `next(steps=…)` says what today's may be")
+    if "Ts" not in rig.quantities:
+        raise DataError("the rig holds no T_s of its sessions; make it again with eaid sessions")
     shown = step if isinstance(step, Fit) else _fitted(base, step)
     names = {one.sha256: session.name for session in rig.sessions for one in session.logs if one.sha256}
     if again := [one for one in logs_of(shown) if one.sha256 in names]:
@@ -69,7 +72,8 @@ def today(rig: Rig, step: Fit | StepSet) -> Fit:
     held = [_response(u, k, foreseen) for k, u in enumerate(levels.tolist())] if "held" in foreseen else []
     told = ranked((*_told(rig, steps["Ts"], foreseen), *stops(shown.findings)))
     made = replace(made, data=data, uncertainty=uncertainty, findings=told, responses=tuple(held))
-    return replace(made, parameters=table_of(made))
+    replayed = () if isinstance(step, Fit) else of_own_logs(made, step.logs)
+    return replace(made, parameters=table_of(made), data=replace(data, replayed=replayed))
 
 
 def _fitted(base: Fit, steps: StepSet) -> Fit:
@@ -180,7 +184,7 @@ def _with_plant(base: Fit, rows: Sequence[Any], foreseen: Foreseen) -> Fit:
 def _with_linear(base: Fit, rows: Sequence[Any], foreseen: Foreseen) -> Fit:
     """The fit with a linear model whose gain follows T_s, and with B of the next session."""
     old = base.linear
-    if old is None or not foreseen.keys() >= {"B", "a0"}:
+    if old is None or not old.a0 > 0 or not foreseen.keys() >= {"B", "a0"}:
         return base
     B, a0, before = foreseen["B"], foreseen["a0"], {row.level: row for row in old.per_level}
     level, moved = [], []

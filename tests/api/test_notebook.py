@@ -3,6 +3,7 @@
 import importlib.util
 import inspect
 import math
+import pickle
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -179,6 +180,14 @@ GIVES: Calls = {
     "one's own beside eaid's": (
         lambda r: list(eaid.simulate(r.fit, r.gains, "steps", controller=["rc", proportional], duration=9.0).records),
         lambda _: ["rc", "proportional"]),
+    "a reference over timedeltas": (
+        lambda r: errors(eaid.simulate(r.fit, r.gains, reference=pd.Series([0.0, 2.0], pd.to_timedelta([0, 4], "s")))),
+        lambda r: errors(eaid.simulate(r.fit, r.gains, reference=pd.Series([0.0, 2.0], index=[0.0, 4.0])))),
+    "an option as an array": (
+        lambda r: eaid.tune_rc(r.fit, pi_gains=np.array([21.0, 360.0])).pi.K_I, lambda _: 360.0),
+    "frames pickled with their fit": (
+        lambda r: pickle.loads(pickle.dumps(eaid.fit(r.frames, ci="none"))).resid.to_numpy(),
+        lambda r: eaid.fit(r.frames, ci="none").resid.to_numpy()),
     "report to a folder": (
         lambda r: eaid.report(r.fit, r.gains, r.run, to=r.folder / "page").name, lambda _: "report.html"),
     "report of files": (
@@ -215,6 +224,11 @@ WRONG: dict[str, tuple[Callable[[Any], Any], type[Exception], str]] = {
     "a text for axes": (lambda r: r.fit.plot("duty"), UsageError, "ax= 'duty': is no matplotlib Axes"),
     "a frame to plot": (lambda r: eaid.plot(r.frames[0]), UsageError, "result: is a DataFrame"),
     "no folder": (lambda r: eaid.report(r.fit, r.gains), UsageError, "to=: name the folder of the page"),
+    "a level in words": (lambda r: r.fit.at("high"), UsageError, "level= 'high': give a number"),
+    "two alphas": (lambda r: r.fit.conf_int([0.1, 0.2]), UsageError, "alpha= [0.1, 0.2]: give a number"),
+    "times in rows": (lambda r: r.fit.predict(60, [[0.0, 1.0]]), UsageError, "t= [[0.0, 1.0]]: give numbers"),
+    "a reference beyond any rig": (
+        lambda r: eaid.simulate(r.fit, reference=[1e300, 1e300]), UsageError, "give finite numbers"),
     "a falling reference": (
         lambda r: eaid.simulate(r.fit, reference=pd.Series([0.0, 1.0], index=[1.0, 0.0])), UsageError,
         "time that rises"),

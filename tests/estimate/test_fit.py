@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import eaid
@@ -337,6 +338,28 @@ def released(tau1: float, tau2: float, left: float = 0.0) -> StepSet:
 def test_release_constants_return() -> None:
     found = quick(released(0.25, 5.0)).release
     assert (found.tau1, found.tau2) == pytest.approx((0.25, 5.0), rel=1e-3)
+
+
+def test_a_release_of_one_lag_has_one_time_constant() -> None:
+    """A slow part that never comes, and an output that falls below rest by it, explain noise as well."""
+    falls = [
+        replace(one, runs=one.runs + 0.005 * np.random.default_rng(seed).standard_normal(one.runs.shape))
+        for seed, one in enumerate(released(0.4, 0.4).releases, 2)
+    ]
+    found = quick(replace(released(0.4, 0.4), releases=tuple(falls)))
+    assert (found.release.tau1, found.release.tau2) == pytest.approx((0.4, 0.4), rel=0.1)
+
+
+def test_a_slow_part_that_never_comes_is_weighed_as_the_levels_are() -> None:
+    """One lag behind a dead time that is known to a part of a sample: T_s is not what an endless τ2 makes of it."""
+    t, random = np.arange(0.0, 14.0, 0.01), np.random.default_rng(1)
+    logs: dict[str, pd.DataFrame] = {}
+    for u in (2.0, 4.0, 6.0, 8.0, 10.0) * 3:
+        y = 3 * u * -np.expm1(-np.maximum(t - 1.15, 0) / 0.4) * (1 + 0.01 * random.standard_normal())
+        noisy = y + 0.15 * random.standard_normal(len(t))
+        logs[f"r{len(logs)}"] = pd.DataFrame({"time_s": t, "input_V": np.where(t >= 1, u, 0.0), "force_N": noisy})
+    found = quick(eaid.read(logs, input="input_V", output="force_N"))
+    assert found.plant.steady(np.array([2.0, 10.0])) == pytest.approx([6.0, 30.0], rel=0.03)
 
 
 def test_output_that_is_left_and_a_release_beyond_its_record_are_told() -> None:

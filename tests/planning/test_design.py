@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+import eaid
 from eaid.estimate.scatter import unit_variances
 from eaid.estimate.spread import t_quantile
 from eaid.options import PlanOptions
@@ -57,6 +58,13 @@ KINDS = {
     "series": Plant((0.4,), (0.4,), (0.0, 0.02), (10.0, 100.0), 1.0, zeta=1.6),
     "ringing": Plant((0.1,), (0.1,), (0.0, 0.02), (10.0, 100.0), 1.0, zeta=0.3),
 }
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_session_is_planned_of_every_kind(kind: str) -> None:
+    fit = Fit(data=FittedData(levels=(10.0, 100.0)), plant_=FittedPlant.of(KINDS[kind], ("%", "N·m")))
+    session = eaid.plan(fit, check=False)
+    assert session.met and tuple(session.half_width_pct) == rig_of(fit).numbers
 
 
 @pytest.mark.parametrize("kind", KINDS)

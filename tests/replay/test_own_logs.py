@@ -81,6 +81,18 @@ def test_an_overshoot_falls_as_it_rises(tmp_path):
     assert min(held_against(tmp_path, logs_as="steps", **UNITS).values()) > 96
 
 
+def test_steps_that_ring_are_no_lag_behind_a_dead_time():
+    t, random = np.arange(0.0, 22.0, 0.01), np.random.default_rng(3)
+    logs = {}
+    for k, level in enumerate((0.2, 0.4, 0.6, 0.8, 1.0) * 2):
+        log = logged(plant(0.25, zeta=0.3), t, np.where((t >= 1) & (t < 13), level, 0.0))
+        logs[f"r{k}"] = log.assign(output=3 + (log["output"] - 3) * (1 + 0.01 * random.normal()))
+    fit = eaid.fit(eaid.read(logs, **UNITS))
+    assert fit.plant.zeta == pytest.approx(0.3, abs=0.01) and fit.dead_time_s == 0
+    assert min(one.fit_pct for one in fit.data.replayed) > 90
+    assert not {"dead-time", "other-shape-fits-better"} & {one.code for one in fit.findings}
+
+
 def test_an_output_that_counts_with_its_sign_turned(tmp_path):
     t = np.arange(600) * 0.02
     for k, level in enumerate((0.25, 0.5, 0.75, 1.0) * 2):

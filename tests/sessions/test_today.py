@@ -39,6 +39,24 @@ def test_what_is_to_be_held_is_foreseen_and_nothing_of_another_session_is_told_a
     assert not today.data.replayed
 
 
+def test_the_logs_that_it_tells_are_todays(today, step):
+    assert [one.run for one in today.data.replayed] == [one.name for one in step.logs]
+
+
+@pytest.mark.parametrize(
+    ("broken", "said"),
+    [
+        (lambda q: {name: one for name, one in q.items() if name != "Ts"}, "holds no T_s"),
+        (lambda q: q | {"tau2": msgspec.structs.replace(
+            q["tau2"], values=(msgspec.structs.replace(q["tau2"].values[0], session="s9"), *q["tau2"].values[1:])
+        )}, "is of s9, which is none"),
+    ],
+)  # fmt: skip
+def test_a_rig_that_was_cut_is_refused(rig, step, broken, said):
+    with pytest.raises(eaid.DataError, match=said):
+        eaid.today(msgspec.structs.replace(rig, quantities=broken(rig.quantities)), step)
+
+
 def test_what_is_foreseen_is_not_compared_as_if_it_had_been_seen(today, fits):
     (shift, *_) = eaid.compare(today, fits["s0"]).shifts
     assert [one.level for one in shift.levels] == [60.0] and shift.p_alike is None

@@ -29,7 +29,7 @@ def _leaves(v: Values) -> str:
     if v["above_pct"] > 1:
         parts.append(f"{v['above_pct']:.0f} % above {v['high']:.4g} {v['unit']}")
     if v["falling_pct"] is not None and v["falling_pct"] > 1:
-        parts.append(f"{v['falling_pct']:.0f} % of it is falling output, where only rises were recorded")
+        parts.append(f"{v['falling_pct']:.0f} % of it is output that falls between inputs, which was not recorded")
     return f"the replay leaves what was recorded: {', '.join(parts)}; treat that as extrapolation"
 
 

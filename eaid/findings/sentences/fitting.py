@@ -106,7 +106,7 @@ def _falls(v: Values) -> str:
     return (
         f"falls between levels are not what rises are: their τ1 is {v['tau1_factor']:.3g} times and their τ2 "
         f"{v['tau2_factor']:.3g} times that of rises to the same input (chance {v['chance']:.2g}); τ1 and τ2 here are "
-        "those of rises, and the replay takes them for falls too"
+        "those of rises, and the plant has falls of its own"
     )
 
 
