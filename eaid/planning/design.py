@@ -366,7 +366,7 @@ class FittedRig:
                 degrees[:, 0] = satterthwaite((usual[:, 0], beyond), (degrees[:, 0], spare))
                 seen[:, 0] += beyond
             worst = np.nan_to_num(t_quantile(degrees) * np.sqrt(seen), nan=np.inf).max(axis=2)
-            quantiles = [np.quantile(each, share) for each, share in zip(worst.T, SHARES, strict=True)]
+            quantiles = [np.quantile(each, share) for each, share in zip(worst.T, SHARES, strict=False)]
             half = 100 * np.expm1(quantiles)
         return dict(zip(self.numbers, np.where(half < UNTOLD, half, inf).tolist(), strict=True))
 
