@@ -29,11 +29,12 @@ from eaid.options import ReadOptions, in_words
 from eaid.progress import Progress, no_progress
 from eaid.steps.baseline import baseline_rule
 from eaid.steps.build import stepset_of
-from eaid.steps.checks import of_record
+from eaid.steps.checks import Record, bridged, of_record
 from eaid.steps.cut import active_low, cut_runs, onset, settled_steps
 from eaid.steps.levels import counted_once
 from eaid.steps.noise import block_means, stretches
 from eaid.steps.plateaus import plateaus, stands_still, switching
+from eaid.steps.step import Step
 from eaid.steps.stepset import StepSet
 
 AT_REST_BELOW = 0.02  # An input below this part of its largest is at rest
@@ -112,7 +113,8 @@ def read_steps(
         }
         options = replace(options, **cast(Any, stands))
         listed = {Path(entry.file).resolve() for entry in manifest.log}
-        for file in [one for one in files_of([manifest.path.parent]) if one.resolve() not in listed][:5]:
+        whole = files_of([manifest.path.parent]) if paths[0] in (manifest.path, manifest.path.parent) else ()
+        for file in [one for one in whole if one.resolve() not in listed][:5]:
             warn(f"{manifest.path}: does not list {file.name}, which is left out")
     files = agreeing(files, options.where)
     with progress("reading logs", len(files)) as advance:
@@ -232,6 +234,8 @@ def steps_of(
     steps, more = cut_runs(whole, options)
     if faults or more:
         raise DataError(*faults, *more)
+    if options.repair:
+        uncut, steps = [bridged(Record(run)) for run in uncut], [bridged(Step(run)) for run in steps]
     for k, run in enumerate(uncut):
         if run.has_input:
             found = (*run.findings, *active_low(run, plateaus(run.input)), *of_record(run))
