@@ -90,6 +90,7 @@ ROWS: dict[str, Row] = {
             "several steps, or a closed loop, and not one step; give "
             + "the input column, " * (not v.get("has_input"))
             + "a «columns» position= that reverses, or one edge with «step_at» and «until»"
+            + ", and its level with «name_pattern»" * (not v.get("has_input"))
         ),
         "edges",
     ),
