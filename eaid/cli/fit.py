@@ -45,7 +45,7 @@ def command(args: Arguments) -> int:
     from eaid.logs.manifest import files_read
     from eaid.reading import read_steps
     from eaid.report.tables.fits import model_tables
-    from eaid.results.summary import answer, runs, verdict_line, warned
+    from eaid.results.summary import answer, runs, usable_line, verdict_line
 
     if args.follow is None:
         refuse_idle(args, ("against", "plan"), "without --follow")
@@ -57,10 +57,8 @@ def command(args: Arguments) -> int:
     result = msgspec.structs.replace(result, command=args.typed)
     result.save(args.output, args.force)
     usable = result.verdict.usable
-    said = ", ".join(warned(result))
-    warnings = f"usable yes, {'warned: ' + said if said else 'no warnings'}" if usable else f"stop   {said}"
     after = shlex.join(("eaid", "tune-rc" if result.linear is not None and usable else "report", str(args.output)))
-    lines = *verdict_line(result), *answer(result), warnings, f"next   {after}"
+    lines = *verdict_line(result), *answer(result), usable_line(result), f"next   {after}"
     shown = [*map(on_command_line, lines), *(model_tables(result) if args.verbose else ())]
     tell_result(args, result, shown, result.findings)
     models = ("friction", "nonlinear", "linear", "release", "steps")

@@ -244,7 +244,7 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         return pd.DataFrame(list(rows.values()), index=pd.Index([u for _, u in rows], name="level", dtype=float))
 
     def predict(
-        self, duty: float | Sequence[float], t: Sequence[float], model: str | None = None
+        self, duty: float | Sequence[float], t: float | Sequence[float], model: str | None = None
     ) -> "pandas.DataFrame":
         """The output after a step from rest to each input.
 
@@ -252,7 +252,7 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         ----------
         duty : float or sequence of floats
             Inputs, in the input's unit.
-        t : sequence of floats, shape (n,)
+        t : float or sequence of floats, shape (n,)
             Times since the step [s]; before it the output is at rest.
         model : {"plant", "nonlinear", "linear", "friction"}, optional
             By default the plant where it is of another kind than the clutch's, else the first of the others that was
@@ -275,7 +275,10 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
             raise UsageError(f"«model» {chosen}: must be one of {', '.join(MODEL_CURVES)}")
         if (self.plant_ if chosen == statistics.PLANT else getattr(self, chosen)) is None:
             raise DataError(f"the fit holds no {chosen} model; fit one, or choose another «model»")
-        time_s, inputs = np.asarray(t, dtype=np.float64), np.atleast_1d(np.asarray(duty, dtype=np.float64)).tolist()
+        time_s, inputs = (
+            np.atleast_1d(np.asarray(t, dtype=np.float64)),
+            np.atleast_1d(np.asarray(duty, dtype=np.float64)).tolist(),
+        )
         known = self.data.levels if self.recorded is None else self.recorded.u_range
         for u in inputs:
             if known and not min(known) <= u <= max(known):

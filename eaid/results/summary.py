@@ -38,6 +38,7 @@ def fit_summary(fit: "Fit") -> list[str]:
         *verdict_line(fit),
         f"{fit.data.kind}: {span(fit.data.levels, fit.data.input_unit)}; {runs(fit, 'run')}",
         *answer(fit),
+        usable_line(fit),
         *(f"{WORD[one.severity]}: {say(one)}" for one in ranked(merged(fit.findings))[:MOST]),
     ]
 
@@ -163,6 +164,12 @@ def _held(fit: "Fit") -> list[str]:
 def warned(fit: "Fit") -> tuple[str, ...]:
     """The three gravest findings that are more than notes, by their codes: `repeats disagree`, `τ2 open`."""
     return tuple(in_short(one) for one in ranked(merged(fit.findings)) if one.severity != "note")[:MOST]
+
+
+def usable_line(fit: "Fit") -> str:
+    """Whether it may be used, and its gravest warnings: the last line of its answer."""
+    said = ", ".join(warned(fit))
+    return f"usable yes, {f'warned: {said}' if said else 'no warnings'}" if fit.verdict.usable else f"stop   {said}"
 
 
 def of_fit(fit: "Fit") -> list[str]:

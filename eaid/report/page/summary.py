@@ -245,7 +245,7 @@ def _controller(results: Results, known: Known) -> Light:
     grade = _grade(known["controller"])
     if grade == "good" and gains.guarantee is not None and gains.guarantee.holds is False:
         grade = "care"
-    return Light("Controller", grade, ". ".join(guarantee_story(gains)), "controller")
+    return Light("Controller", grade, ". ".join(said.rstrip(".") for said in guarantee_story(gains)), "controller")
 
 
 MARK = "Fit NOT USABLE: do not quote"
@@ -261,7 +261,7 @@ def mark_of(results: Results) -> tuple[str, list[str]] | None:
 
 
 SHOWN_SCENARIOS = ("multisine", "reference", "steps")  # Replays that are shown, the best first
-SHOWN_S = 20.0  # Most of a replay that is shown [s]
+SHOWN_S = 20.0  # So much of a replay is shown [s], of a long one a quarter
 
 
 def _replay_of(results: Results) -> Replay | None:
@@ -298,13 +298,15 @@ def pictures(results: Results) -> Iterator[tuple[str, str, Sheet]]:
         if alone and worst is not None:  # the level that the model follows least, on a scale of its own
             panel = steps.steps_panel(replace(data, levels=alone), models)
             bare = [replace(line, end="") for line in panel.lines]
-            title = f"worst: {level_text(worst[1], data.input_unit)}, fit {number(worst[0], 3)} %"
+            title = f"worst: {level_text(worst[1], data.input_unit)}, {worst[0]:.0f} %"
             panels.append(replace(panel, y=Axis(), lines=bare, legend="", title=title))
         said, part = ("Measured against model", "model") if models else ("Measured", "data")
         widths = (1.6, 1) if len(panels) > 1 else ()
         yield said, part, replace(_picture(panels, columns=len(panels)), widths=widths, shared=False)
     if replay is not None:
-        until = replays.counted_from(replay) + SHOWN_S
+        from_s = replays.counted_from(replay)
+        end_s = max(float(one.columns["time_s"][-1]) for one in replay.records.values())
+        until = from_s + max(SHOWN_S, (end_s - from_s) / 4)
         panels = replays.tracking_panels(replay, until)[:2]
         yield "Controllers against the reference, simulated", "replay", _picture(panels, (1.6, 1))
     if fit is None:
