@@ -81,7 +81,7 @@ class Columns(Options):
     variable: str | None = option(
         None, "Table of a file with several: a MAT variable, an HDF5 path, a TDMS group.", READING, shown="NAME"
     )
-    repair: bool = option(False, "Drop bad rows, up to 1 % of a log, and say how many.", READING)
+    repair: bool = option(False, "Drop bad rows and spikes, up to 1 % of a log, and say how many.", READING)
 
 
 @dataclass(frozen=True, kw_only=True)

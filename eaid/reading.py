@@ -29,11 +29,12 @@ from eaid.options import ReadOptions, in_words
 from eaid.progress import Progress, no_progress
 from eaid.steps.baseline import baseline_rule
 from eaid.steps.build import stepset_of
-from eaid.steps.checks import of_record
+from eaid.steps.checks import Record, bridged, of_record
 from eaid.steps.cut import active_low, cut_runs, onset, settled_steps
 from eaid.steps.levels import counted_once
 from eaid.steps.noise import block_means, stretches
 from eaid.steps.plateaus import plateaus, stands_still, switching
+from eaid.steps.step import Step
 from eaid.steps.stepset import StepSet
 
 AT_REST_BELOW = 0.02  # An input below this part of its largest is at rest
@@ -112,7 +113,8 @@ def read_steps(
         }
         options = replace(options, **cast(Any, stands))
         listed = {Path(entry.file).resolve() for entry in manifest.log}
-        for file in [one for one in files_of([manifest.path.parent]) if one.resolve() not in listed][:5]:
+        whole = files_of([manifest.path.parent]) if paths[0] in (manifest.path, manifest.path.parent) else ()
+        for file in [one for one in whole if one.resolve() not in listed][:5]:
             warn(f"{manifest.path}: does not list {file.name}, which is left out")
     files = agreeing(files, options.where)
     with progress("reading logs", len(files)) as advance:
@@ -136,9 +138,13 @@ def _proposal(files: Sequence[Path], runs: Sequence[Run], options: ReadOptions, 
     given = dict(options.stated())
     columns, units, more = dict(options.columns), dict(options.units), dict[str, str]()
     if not runs and any("no column is called" in fault or "columns have" in fault for fault in faults):
-        with contextlib.suppress(DataError):
-            columns |= columns_guessed(read_text(files[0], str(files[0]))[0], options)
-            runs, faults = read_what_can_be(files, replace(options, columns=columns))
+        columns |= _columns_of(files[0], options)
+        if "time" not in columns and any("«rate_hz» HZ" in fault for fault in faults):
+            more["rate_hz"] = "HZ"  # the user's to fill in
+        how = replace(options, columns=columns, rate_hz=1.0 if more else options.rate_hz)
+        runs, faults = read_what_can_be(files, how)
+        if all("«repair»" in fault for fault in faults):
+            runs = read_what_can_be(files, replace(how, repair=True))[0]
         if not runs:
             return []  # something is missing that no guess fills
     likely = Counter(str(one.values["likely"]) for run in runs for one in run.findings if "likely" in one.values)
@@ -148,13 +154,17 @@ def _proposal(files: Sequence[Path], runs: Sequence[Run], options: ReadOptions, 
         factor = TIME_FACTORS[units["time"]]
     blind = [run for run in runs if not run.has_input]
     pattern = pattern_guessed([run.name for run in blind]) if options.name_pattern is None and blind else ""
-    lone = {run.left for run in blind if len(run.left) == 1} if "input" not in columns else set()
+    lone = {run.left for run in blind if len(run.left) == 1}
     levels = [level_and_repeat("", pattern, run.name)[0] for run in blind] if pattern else []
     named = bool(unit_beside(pattern)) or len(set(levels)) < len(levels)  # a level has a unit, or several runs
-    if len(lone) == 1 and not named:  # the one column that is left, and no level in the names
-        columns["input"], pattern, blind = lone.pop()[0], "", []
+    if blind and not named and not columns.keys() & {"input", "position"}:
+        if len(lone) == 1:  # the one column that is left
+            columns["input"] = lone.pop()[0]
+        elif not pattern:
+            columns |= _columns_of(files[0], options)
+        pattern, blind = ("", []) if "input" in columns else (pattern, blind)
     if pattern:
-        more = {"name_pattern": pattern}
+        more["name_pattern"] = pattern
         if "input" not in units and (unit := unit_beside(pattern)):
             units["input"] = unit
     starts = [factor * float(run.time_s[at]) for run in blind if (at := onset(run.output))]
@@ -169,6 +179,13 @@ def _proposal(files: Sequence[Path], runs: Sequence[Run], options: ReadOptions, 
         return []
     given |= repair
     return [f"«{name}»" + f" {shlex.quote(str(value))}" * (value is not True) for name, value in (given | more).items()]
+
+
+def _columns_of(file: Path, options: ReadOptions) -> dict[str, str]:
+    """Columns guessed of a text; none of a file of another format."""
+    with contextlib.suppress(DataError):
+        return columns_guessed(read_text(file, str(file))[0], options)
+    return {}
 
 
 OUTPUT_BLOCKS, BLOCKS_LATE = 400, 4  # An output is let go where it falls within so many blocks of all …
@@ -233,6 +250,8 @@ def steps_of(
     steps, more = cut_runs(whole, options)
     if faults or more:
         raise DataError(*faults, *more)
+    if options.repair:
+        uncut, steps = [bridged(Record(run)) for run in uncut], [bridged(Step(run)) for run in steps]
     for k, run in enumerate(uncut):
         if run.has_input:
             found = (*run.findings, *active_low(run, plateaus(run.input)), *of_record(run))

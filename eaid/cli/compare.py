@@ -65,8 +65,9 @@ def command(args: Arguments) -> None:
     found = stamped(found, args, files=args.files, gains=args.gains)
     found.save(args.output, args.force)
     lines = [*found.lines(), *([shifts_table(found), changes_table(found)] if args.verbose else ())]
-    if found.files:
-        after = "tune-rc" if found.tune_anew else "report"
-        lines.append(f"next    eaid {after} {shlex.quote(str(args.files[0]))}")
+    if found.files and found.retune is None and not found.tune_anew:
+        lines.append("retune  no sign of it in T_s; --gains gains.json holds the gains against this session")
+    after = ["tune-rc", str(args.files[0])] if found.tune_anew else ["report", str(args.output)]
+    lines.append(f"next    eaid {shlex.join(after)}")
     tell_result(args, found, lines, [*warnings, *found.findings])
-    console.done(args.output, "the comparison", ("report", args.output))
+    console.say(f"{args.output}: the comparison")

@@ -42,11 +42,10 @@ def command(args: Arguments) -> int:
     import msgspec
 
     from eaid import api
-    from eaid.findings import listed
     from eaid.logs.manifest import files_read
     from eaid.reading import read_steps
     from eaid.report.tables.fits import model_tables
-    from eaid.results.summary import answer, runs, verdict_line, warned
+    from eaid.results.summary import answer, runs, usable_line, verdict_line
 
     if args.follow is None:
         refuse_idle(args, ("against", "plan"), "without --follow")
@@ -58,12 +57,8 @@ def command(args: Arguments) -> int:
     result = msgspec.structs.replace(result, command=args.typed)
     result.save(args.output, args.force)
     usable = result.verdict.usable
-    said = ", ".join(warned(result))
-    left = result.verdict.not_at
-    but = f", not at {listed(left, result.data.input_unit)}" if left else ""
-    warnings = f"usable yes{but}, {'warned: ' + said if said else 'no warnings'}" if usable else f"stop   {said}"
     after = shlex.join(("eaid", "tune-rc" if result.linear is not None and usable else "report", str(args.output)))
-    lines = *verdict_line(result), *answer(result), warnings, f"next   {after}"
+    lines = *verdict_line(result), *answer(result), usable_line(result), f"next   {after}"
     shown = [*map(on_command_line, lines), *(model_tables(result) if args.verbose else ())]
     tell_result(args, result, shown, result.findings)
     models = ("friction", "nonlinear", "linear", "release", "steps")

@@ -6,7 +6,7 @@ from typing import Any
 from eaid.errors import on_command_line
 from eaid.findings import say
 from eaid.findings.finding import WORD
-from eaid.report.tables import Name, Table, table_of
+from eaid.report.tables import Table, table_of
 from eaid.report.tables.data import between_levels, distinct, levels_recorded, slips_table
 from eaid.results.plan import Excitation, Plan
 from eaid.shown import counted
@@ -27,11 +27,8 @@ def steps_shown(data: StepSet) -> Iterator[str | Table]:
     if len(between) > MOST:
         yield f"and {len(between) - MOST} more"
     yield slips_table(data)
-    yield table_of(
-        "Warnings", "", data.all_findings,
-        ("", lambda one: WORD[one.severity]), ("run", lambda one: Name(one.subject)),
-        ("what", lambda one: Name(on_command_line(say(one)))),
-    )  # fmt: skip
+    for one in data.all_findings:
+        yield f"{WORD[one.severity]}: {'' if one.subject == 'data' else f'{one.subject}: '}{on_command_line(say(one))}"
 
 
 def counts(data: StepSet) -> str:

@@ -46,7 +46,7 @@ def command(args: Arguments) -> None:
     fit.save(args.output, args.force)
     one = next(found for found in fit.findings if found.code == "for-today")
     after = f"next    eaid {'tune-rc' if fit.linear is not None else 'report'} {args.output}"
-    values = [line for line in answer(fit)[1:] if not line.startswith("used")]
+    values = [line for line in answer(fit)[1:] if not line.startswith(("used", "logs"))]
     shown = [f"today   {say(one)}", *map(on_command_line, values), after]
     tell_result(args, fit, shown, [*warnings, *(found for found in fit.findings if found is not one)])
     console.say(f"{args.output}: a fit for today")

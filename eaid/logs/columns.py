@@ -247,17 +247,26 @@ def columns_guessed(table: Table, options: ReadOptions) -> dict[str, str]:
             if len(kept := values[np.isfinite(values)]) > len(values) / 2 and np.ptp(kept) > 0:
                 numbers[i] = kept
     found: dict[str, int] = {}
-    if "time" not in known and (rising := [i for i in numbers if rises(numbers[i])]):
+    rising = [i for i in numbers if rises(numbers[i])]
+    if "time" not in known and rising:
         found["time"] = rising[0]
-        numbers = {i: values for i, values in numbers.items() if i not in rising}
-    if "input" not in known:
-        moved = {i for i in numbers if words_of(split_name(names[i])[0]) & MOTION or _quantity_of(table, i) == "speed"}
-        stepping = sorted((jumps(numbers[i]), i) for i in set(numbers) - moved if steps(numbers[i]))
-        if len(stepping) == 1 or (len(stepping) > 1 and 3 * stepping[0][0] < stepping[1][0]):
-            found["input"] = stepping[0][1]
-    rest = [i for i in numbers if i not in found.values()]
-    if "output" not in known and len(rest) == 1:
-        found["output"] = rest[0]
+    # neither: beside a known time, what counts rows; what has the name of an input or a reference
+    out = {i for i in rising if "time" in found or np.ptp(np.diff(numbers[i])) == 0}
+    out |= {i for i in numbers if words_of(split_name(names[i])[0]) & _REFERENCE}
+    out |= {i for group in INPUT_GROUPS["clutch"] for i in _alike(names, group.names, set())}
+    moved = {i for i in numbers if words_of(split_name(names[i])[0]) & MOTION or _quantity_of(table, i) == "speed"}
+    stepping: dict[bytes, list[int]] = {}  # When → the columns that step then
+    for i in numbers:
+        if i not in out | moved and steps(numbers[i]):
+            stepping.setdefault(np.flatnonzero(np.diff(numbers[i])).tobytes(), []).append(i)
+    few = sorted(stepping, key=len)
+    if "input" not in known and few and (len(few) == 1 or 3 * len(few[0]) < len(few[1])):
+        found["input"] = max(stepping[few[0]], key=lambda i: bool(_quantity_of(table, i)))  # one with a unit first
+        out |= {*stepping[few[0]]}
+    span = sorted((float(np.ptp(values)), i) for i, values in numbers.items() if i not in out)
+    clear = len(span) == 1 or (len(span) > 1 and "input" in known | found and span[-1][0] > 2 * span[-2][0])
+    if "output" not in known and clear:
+        found["output"] = span[-1][1]
     return {role: names[i] or str(i + 1) for role, i in found.items()}
 
 
@@ -385,11 +394,6 @@ def steps(values: NDArray[Any]) -> bool:
     alone[1:] &= ~moves[:-1]
     alone[:-1] &= ~moves[1:]
     return 1 <= int(moves.sum()) <= max(3, len(kept) // 20) and int(alone.sum()) >= 0.8 * int(moves.sum())
-
-
-def jumps(values: NDArray[Any]) -> int:
-    """How often a column without gaps changes."""
-    return int(np.count_nonzero(np.diff(values)))
 
 
 def the_input(

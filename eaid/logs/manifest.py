@@ -4,6 +4,7 @@ The options of `eaid ingest --write-manifest`, and for each log its fingerprint,
 say it itself, its level. Options that are typed win.
 """
 
+import contextlib
 import json
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
@@ -66,14 +67,15 @@ def files_read(paths: Sequence[Path]) -> Iterator[Path]:
 
 
 def manifest_of(paths: Sequence[Path]) -> Manifest | None:
-    """The manifest that is meant: given itself, or lying in the one folder that is given; None where there is none.
+    """The manifest that is meant: given itself, or lying in the one folder that is given, or beside logs that are given
+    and that it lists, then of those alone; None where there is none.
 
     Raises DataError where it is not written as this eaid writes it.
     """
     manifests = [path / NAME for path in paths if (path / NAME).is_file()]
     manifests += [path for path in paths if path.suffix == ".toml" and path.is_file()]
     if not manifests:
-        return None
+        return _beside(paths)
     if len(paths) > 1:
         raise UsageError(f"{manifests[0]}: says all about its own logs; give it, or its folder, alone")
     path = manifests[0]
@@ -103,6 +105,18 @@ def manifest_of(paths: Sequence[Path]) -> Manifest | None:
     if missing:
         raise DataError(*missing)
     return msgspec.structs.replace(manifest, path=path, log=logs)
+
+
+def _beside(paths: Sequence[Path]) -> Manifest | None:
+    """The manifest beside logs of one folder, with those alone; None where it is bad, or does not list all of them."""
+    folders = {path.parent for path in paths}
+    if len(folders) == 1 and ((folder := folders.pop()) / NAME).is_file():
+        with contextlib.suppress(DataError, KeyError):
+            manifest = manifest_of([folder])
+            assert manifest is not None
+            listed = {Path(entry.file): entry for entry in manifest.log}
+            return msgspec.structs.replace(manifest, log=tuple(listed[path] for path in paths))
+    return None
 
 
 def apply(entry: Entry, run: Run) -> Run:

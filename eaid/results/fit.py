@@ -245,7 +245,7 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         return pd.DataFrame(list(rows.values()), index=pd.Index([u for _, u in rows], name="level", dtype=float))
 
     def predict(
-        self, duty: float | Sequence[float], t: Sequence[float], model: str | None = None
+        self, duty: float | Sequence[float], t: float | Sequence[float], model: str | None = None
     ) -> "pandas.DataFrame":
         """The output after a step from rest to each input.
 
@@ -253,7 +253,7 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         ----------
         duty : float or sequence of floats
             Inputs, in the input's unit.
-        t : sequence of floats, shape (n,)
+        t : float or sequence of floats, shape (n,)
             Times since the step [s]; before it the output is at rest.
         model : {"plant", "nonlinear", "linear", "friction"}, optional
             By default the plant where it is of another kind than the clutch's, else the first of the others that was

@@ -354,11 +354,13 @@ class Gains(Plotted, codec.Saved, Made, frozen=True):
 
     def summary(self) -> str:
         """Gains, the one verdict on the guarantee, and the gravest findings."""
-        lines = []
+        lines, least = [], self.margins.worst if self.margins is not None else {}
         if self.rc is not None:
             lines.append(f"rc  K_P {self.rc.K_P:g}, K_D {self.rc.K_D:g}, B̂ {self.rc.B_hat:.4g}")
         if self.pi is not None:
             lines.append(f"pi  K_P {self.pi.K_P:.4g}, K_I {self.pi.K_I:.4g}")
+        for name, one in ((name, one) for name, one in least.items() if None not in (one.gain_db, one.phase_deg)):
+            lines.append(f"least margins of {name}: {one.gain_db:.3g} dB, {one.phase_deg:.3g}°")
         if self.guarantee is not None:
             missing = ", ".join(self.guarantee.missing)
             unknown = self.guarantee.holds is None

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, TypeVar
 
-from eaid.findings import merged, ranked, say
+from eaid.findings import listed, merged, ranked, say
 from eaid.findings.finding import WORD
 from eaid.findings.row import SYMBOLS
 from eaid.findings.sentences.fitting import kind_in_words
@@ -39,6 +39,7 @@ def fit_summary(fit: "Fit") -> list[str]:
         *verdict_line(fit),
         f"{fit.data.kind}: {span(fit.data.levels, fit.data.input_unit)}; {runs(fit, 'run')}",
         *answer(fit),
+        usable_line(fit),
         *(f"{WORD[one.severity]}: {say(one)}" for one in ranked(merged(fit.findings))[:MOST]),
     ]
 
@@ -164,6 +165,15 @@ def _held(fit: "Fit") -> list[str]:
 def warned(fit: "Fit") -> tuple[str, ...]:
     """The three gravest findings that are more than notes, by their codes: `repeats disagree`, `τ2 open`."""
     return tuple(in_short(one) for one in ranked(merged(fit.findings)) if one.severity != "note")[:MOST]
+
+
+def usable_line(fit: "Fit") -> str:
+    """Whether it may be used, and its gravest warnings: the last line of its answer."""
+    said, left = ", ".join(warned(fit)), fit.verdict.not_at
+    but = f", not at {listed(left, fit.data.input_unit)}" if left else ""
+    return (
+        f"usable yes{but}, {f'warned: {said}' if said else 'no warnings'}" if fit.verdict.usable else f"stop   {said}"
+    )
 
 
 def of_fit(fit: "Fit") -> list[str]:

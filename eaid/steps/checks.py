@@ -5,11 +5,13 @@ Levels of torque are compared by means of blocks, so that noise and rotor ripple
 
 import itertools
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
-from eaid.arrays import Array, median
+from eaid.arrays import Array, median, read_only
 from eaid.findings import Finding, finding
 from eaid.logs.run import Run
 from eaid.steps.baseline import NOISE_FLOOR, last_rest, without_spikes
@@ -36,6 +38,7 @@ FLAT = 0.4  # Sharpness from which a rise is cut off and not settling
 CREEP = 0.002  # Share of its top by which a flat one may still creep over its last quarter
 SMOOTH_BLOCKS = 400
 FEW_ROWS_CHECKED = 100
+MOST_BRIDGED = 0.01  # Share of a run that «repair» bridges
 
 
 def saturated(step: Step) -> Finding | None:
@@ -136,11 +139,36 @@ def coarse(step: Step) -> Finding | None:
     return finding("coarse-output", step.run.name, resolution=finest, unit=step.unit, steps=step.swing / finest)
 
 
-def isolated_spikes(step: Step) -> Finding | None:
-    """Single samples, or two, that stand far out of the rise."""
+def far_out(step: Step) -> NDArray[np.intp]:
+    """The single samples, or two, that stand far out of the rise, by their place in it."""
     outliers = spikes(step.rise, step.swing)
     if step.run.edge == "rising":  # the first rows of a quick fall stand out of what is left
         outliers = np.union1d(outliers, glitch(step.rise))
+    return outliers
+
+
+def bridged(step: Step) -> Run:
+    """Its run with a straight line over the samples that stand far out, where they are 1 % of it at the most.
+
+    No row is taken out: the first behind a step would take its instant away.
+    """
+    run, output, most = step.run, step.run.output, MOST_BRIDGED * len(step.run.output)
+    rows = out = np.empty(0, dtype=np.intp)
+    while out is rows or (len(out) and len(rows) <= most):  # behind the largest there may be smaller ones
+        now = type(step)(replace(run, output=output))
+        out = now.start + far_out(now if now.rise.mean() >= 0 else replace(now, sign=-1.0))
+        rows = np.union1d(rows, out)
+        keep = np.delete(np.arange(len(output)), rows)
+        output = read_only(np.interp(run.time_s, run.time_s[keep], run.output[keep]))
+    if not 0 < len(rows) <= most:
+        return run
+    told = finding("rows-dropped", run.name, dropped=len(rows), count=len(output))
+    return replace(run, output=output, findings=(*run.findings, told))
+
+
+def isolated_spikes(step: Step) -> Finding | None:
+    """Rows that stand far out of a step, and stop its fit."""
+    outliers = far_out(step)
     if not len(outliers):
         return None
     at = int(outliers[np.abs(step.rise[outliers]).argmax()])

@@ -333,7 +333,7 @@ def cut(run: Run, baseline: str = "auto", rest: float = 0.0) -> list[Run]:
                 first = int(wrong.argmax())
                 raise DataError(
                     f"{run.where}: the input is {run.input[first]:g} % at {run.time_s[first]:.6g} s, {how}; "
-                    f"if it is not in %, say its unit with «units» input=UNIT"
+                    f"if it is not in %, say its unit with «units» input=UNIT, or input=/255 of counts up to 255"
                 )
         if rest != 0.0 and not run.cut:
             run = replace(run, input=read_only(run.input - rest))

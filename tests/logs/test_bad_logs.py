@@ -46,7 +46,7 @@ def more(of_row: Callable[[int], object], header: str) -> bytes:
 
 CELL, SORT = (f"; {how}, or drop such rows with --repair" for how in ("mend the cell", "sort the rows"))
 PROSE = "holds no rows of numbers; a log is a table with a column of time and one of what was measured"
-BEYOND = "; if it is not in %, say its unit with --units input=UNIT"
+BEYOND = "; if it is not in %, say its unit with --units input=UNIT, or input=/255 of counts up to 255"
 NO_TIME = "; name it with --columns time=NAME, or give --rate-hz HZ where the log has none"
 NO_STEP = ": no step; record the idle time before the step too, or give the step instant with --step-at"
 NAMELESS = column(1, lambda i, u: u, "time_s,ignored,torque_nm")

@@ -46,6 +46,12 @@ def test_the_next_call_needs_no_options(odd_logs, tmp_path, run_eaid):
     steps = eaid.read(odd_logs)
     assert [one.level for one in (*steps.levels, *steps.releases)] == [100.0, 200.0] * 2
     assert (steps.input_unit, steps.output_unit, steps.apparatus.surfaces) == ("V", "N", 1)
+    # so are some of its logs, by name; one that it does not list stands for itself
+    some = [odd_logs / "x_V=200_n1.csv", odd_logs / "x_V=200_n2.csv"]
+    assert [(one.level, len(one.names)) for one in eaid.read(some).levels] == [(200.0, 2)]
+    with pytest.raises(eaid.DataError, match="several steps"):
+        eaid.read([*some, odd_log(odd_logs / "other.csv", 300)])
+    (odd_logs / "other.csv").unlink()
     # options that are typed win; what came later, or was changed since, is told
     odd_log(odd_logs / "later_V=400_n1.csv", 400)
     odd_log(odd_logs / "x_V=100_n1.csv", 100, 0.01)

@@ -258,6 +258,35 @@ def test_what_is_missing_in_a_folder_is_guessed_together_and_the_command_works(n
     assert [one.level for one in eaid.read("data.h5").levels] == [20.0, 40.0, 60.0]
 
 
+STEP = np.where(T >= 2, 9.0, 0.0)
+SPEED = 11 * -np.expm1(-np.maximum(T - 2, 0) / 0.4)
+UNNAMED = {  # one log each: its columns, what is said already, and what is then proposed
+    "a motor": ("Tiempo (s),PWM,Voltaje (V),Velocidad (rad/s)", (T, 28 * STEP, STEP, SPEED), "",
+                "--columns 'input=\"Voltaje (V)\",output=\"Velocidad (rad/s)\"'"),
+    "a row index, two sensors": ("n,Time,T1,T2,Q1", (np.arange(len(T)), T, 20 + SPEED, 20 + 0.1 * SPEED, STEP), "",
+                                 "--columns input=Q1,output=T1"),
+    "two sensors alike": ("Time,T1,T2,Q1", (T, 20 + SPEED, 20 + 0.9 * SPEED, STEP), "", None),
+    "a sensor said": ("Time,T1,T2,Q1", (T, 20 + SPEED, 20 + 0.9 * SPEED, STEP), "--columns output=T1",
+                      "--columns output=T1,input=Q1"),
+    "no names, no time": (None, (STEP, 20 + SPEED), "", "--rate-hz HZ --columns input=1,output=2"),
+    "a reference, no input": ("Time,Commanded Pos,Control Effort", (T, SPEED, SPEED), "", None),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", UNNAMED)
+def test_columns_without_a_name_that_says_it_are_proposed(name, run_eaid, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    header, columns, said, proposed = UNNAMED[name]
+    (tmp_path / "log.csv").write_text(text(header or "", *columns).lstrip("\n"))
+    ran = run_eaid("fit", "log.csv", *shlex.split(said), "-o", "fit.json")
+    tries = [line.removeprefix("try: eaid fit log.csv ") for line in ran.err.splitlines() if line.startswith("try: ")]
+    assert ran.code == 3 and tries == [proposed] * (proposed is not None)
+    if proposed is not None:
+        words = shlex.split(proposed.replace("HZ", "100"))
+        assert run_eaid("ingest", "log.csv", *words, "-o", "data.h5").code == 0
+        assert [one.level for one in eaid.read("data.h5").levels] == [9.0]
+
+
 def bench(folder, levels=(40, 60, 80), until_s=7.0):
     """Logs without an input: a relay that the drive switches to and fro from 2 s on, a stage that starts with it."""
     rng = np.random.default_rng(5)

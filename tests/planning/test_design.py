@@ -97,3 +97,14 @@ def test_information_of_every_kind_is_that_of_finite_differences(kind: str) -> N
     J = np.array([(output(x + step) - output(x - step)) / 2e-5 for step in 1e-5 * np.eye(len(x))]).T
     expected = 1e-4 * np.diag(np.linalg.inv(J.T @ J * 1e-3))[: within.shape[0]]
     np.testing.assert_allclose(within.sum(axis=2)[:, 1], expected, rtol=0.1)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_is_planned(kind: str) -> None:
+    noise = Noise(1e-4, 1e-5, {"Ts": 0.02, "tau1": 0.0, "tau2": 0.0})
+    fit = Fit(data=FittedData(levels=(50.0, 100.0)), plant_=FittedPlant.of(KINDS[kind], ("%", "N·m")))
+    rig = replace(rig_of(fit), noise=noise, known=True)
+    plan = rig.quickest(dict.fromkeys(rig.numbers, 20.0), PlanOptions())
+    assert list(plan.half_width_pct) == list(rig.numbers)
+    assert plan.met
+    assert min(plan.half_width_pct.values()) > 0

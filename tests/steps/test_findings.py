@@ -240,6 +240,24 @@ def test_what_options_bring_up() -> None:
     assert told(steps) == [] and steps.levels[0].level == 50.0
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+def test_repair_bridges_rows_that_stand_far_out_up_to_one_in_a_hundred(sign: int) -> None:
+    """Two rows at the step itself and one in the hold; the fit is then that of the record without them."""
+    plain = RUN.assign(torque_nm=sign * RUN.torque_nm)
+
+    def spiked(rows: Any, size: float = 5.0) -> Any:
+        return plus(plain, sign * size * np.isin(np.arange(1200), rows))
+
+    steps = read(spiked((400, 401, 700)), repair=True)
+    assert only(steps, "rows-dropped") == {"dropped": 3, "count": 1200} and told(steps).count("spikes") == 0
+    rise = steps.levels[0].mean
+    assert np.abs(rise - read(plain).levels[0].mean).max() < 0.03 * SWING
+    assert rise[:2] == pytest.approx([0.333 * rise[2], 0.667 * rise[2]], rel=0.01)
+    (whole,) = eaid.read({"a": spiked((700,))}, logs_as="recorded", repair=True).recorded
+    assert [one.code for one in whole.findings] == ["rows-dropped"] and abs(whole.output).max() < 1.01 * SWING
+    assert "spikes" in told(read(spiked(range(410, 810, 20)), repair=True))  # too many
+
+
 # a start off its rest: a test by a second way
 
 SIZES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 512, 1024)

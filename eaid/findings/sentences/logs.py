@@ -90,6 +90,7 @@ ROWS: dict[str, Row] = {
             "several steps, or a closed loop, and not one step; give "
             + "the input column, " * (not v.get("has_input"))
             + "a «columns» position= that reverses, or one edge with «step_at» and «until»"
+            + ", and its level with «name_pattern»" * (not v.get("has_input"))
         ),
         "edges",
     ),
@@ -135,7 +136,7 @@ ROWS: dict[str, Row] = {
     ),
     "spikes": stop(
         "{samples:#row} stand far out of the record, the largest {value:.4g} {unit} at {at_s:.6g} s: no fit "
-        "holds with them; drop those rows",
+        "holds with them; «repair» drops such rows, up to 1 % of a log",
         "value",
     ),
     "gap": caution("gap of {gap_s:.4g} s in the record at {at_s:.6g} s (usual sample time {sample_s:.4g} s)", "gap_s"),

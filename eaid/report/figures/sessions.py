@@ -11,7 +11,8 @@ from eaid.sessions.rig import Rig
 SESSION_COLOURS = (ink.BLUE, ink.VERMILLION, ink.GREEN, ink.PURPLE, ink.ORANGE, ink.SKY, ink.BLACK)
 MARKERS = "osD^v<>"
 LONGEST = 12  # Letters of a session's name below the chart
-FACTORS = (1.1, 1.2, 1.5, 2.0, 3.0, 5.0, 10.0, 30.0, 100.0)  # Of which an axis shows the three largest that it holds
+# Of which an axis shows the three largest that it holds
+FACTORS = (1.01, 1.02, 1.05, 1.1, 1.2, 1.5, 2.0, 3.0, 5.0, 10.0, 30.0, 100.0)
 
 
 def control_panel(rig: Rig) -> Panel:

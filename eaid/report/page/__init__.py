@@ -219,6 +219,11 @@ def _controller(results: Results, known: Known, drawn: Figures) -> Block | None:
     return _part("Controller", known, figures, tables, folds) if results.gains or figures or tables else None
 
 
+# Finding → what to do about it, which no command does
+BY_HAND = {
+    "rise-of-the-rig": "Record steps on a stand that moves already: τ1 and τ2 are its loading here",
+    "output-decays-under-hold": "Take peak, slip and held output as recorded (below): no plan mends what decays",
+}
 # Condition of the guarantee → the option by which tune-rc meets it
 MENDED = {"rho": "--b-hat minimax", "phi": "--phi data", "Q_M": "--reference multisine"}
 
@@ -231,8 +236,11 @@ def next_steps(results: Results) -> list[tuple[str, str]]:
         return of_sessions
     if fit is None:
         return [("Fit the data", _line("fit", one, "-o", _unused(one, "fit.json"))) for one in results.data[:1]]
-    usable, linear = fit.result.verdict.usable, fit.result.linear
-    steps: list[tuple[str, str]] = []
+    usable, linear, told = fit.result.verdict.usable, fit.result.linear, {one.code for one in fit.result.findings}
+    steps = [(why, "") for code, why in BY_HAND.items() if code in told]
+    if "spikes" in told and fit.result.command and "--repair" not in fit.result.command:
+        words = [_whole(word) if Path(word).exists() else word for word in fit.result.command]
+        steps.append(("Fit without rows that stand far out", _line("fit", *words, "--repair", "-o", fit, "--force")))
     if linear is not None and not results.gains and usable and linear.a0 > 0 and linear.b0 > 0:
         steps.append(("Design the controllers", _line("tune-rc", fit, "-o", _unused(fit, "gains.json"))))
     given = next(iter(results.gains), None) if usable else None
@@ -249,14 +257,12 @@ def next_steps(results: Results) -> list[tuple[str, str]]:
             line = _line("simulate", fit, given, "--scenario", "multisine", "-o", _unused(fit, "multisine.h5"))
             steps.append(("Try the controllers on the fitted model", line))
     # of other kinds nothing is planned, and what decays under hold no plan mends
-    planned = (fit.result.plant_ is None or fit.result.plant_.kind == "parallel") and not any(
-        one.code == "output-decays-under-hold" for one in fit.result.findings
-    )
+    planned = (fit.result.plant_ is None or fit.result.plant_.kind == "parallel") and not told & {*BY_HAND, "spikes"}
     if planned and (fit.result.nonlinear is not None or fit.result.friction_levels):
         logs = ["--excitation"] if fit.result.recorded is not None else []
         why = "Plan what to record next: inputs, holds and repeats for narrower intervals"
         steps.append((why, _line("plan", fit, *logs, "-o", _unused(fit, "plan.csv"))))
-    if given is not None and (laws := offered(given.result, fit.result)) != ():
+    if given is not None and "rise-of-the-rig" not in told and (laws := offered(given.result, fit.result)) != ():
         without = "" if given.result.guarantee else ", without a guarantee"
         only = ["--law", ",".join(laws)] if laws else []
         line = _line("export", given, "--as", "c", *only, "-o", _unused(given, "rig"))

@@ -73,13 +73,13 @@ def tables(results: Results) -> tuple[Table, ...]:
     return (*found, *_controllers(results))
 
 
-# Beside RC and the designed PI, where they were replayed alike: the PIs of RC's own margins
-EQUAL_PIS = {"equal_pi": "PI of RC's margins", "equal_pi_feedforward": "the same with RC's feedforward"}
+# Beside RC and the designed PI, where they were replayed alike: the PIs of RC's own slopes
+EQUAL_PIS = {"equal_pi": "PI of RC's slopes", "equal_pi_feedforward": "the same with RC's feedforward"}
 
 
 def _controllers(results: Results) -> Iterator[Table]:
     """Errors in the replay shown, else in the one behind the gains, and least margins: each, and the PIs of RC's own
-    margins beside them."""
+    slopes beside them."""
     replay, gains = _replay_of(results), results.gains[0].result if results.gains else None
     behind = gains.replayed if gains is not None else None
     margins = gains.margins.worst if gains is not None and gains.margins is not None else {}
@@ -248,7 +248,7 @@ def _controller(results: Results, known: Known) -> Light:
     grade = _grade(known["controller"])
     if grade == "good" and gains.guarantee is not None and gains.guarantee.holds is False:
         grade = "care"
-    return Light("Controller", grade, ". ".join(guarantee_story(gains)), "controller")
+    return Light("Controller", grade, ". ".join(said.rstrip(".") for said in guarantee_story(gains)), "controller")
 
 
 MARK = "Fit NOT USABLE: do not quote"
@@ -264,7 +264,7 @@ def mark_of(results: Results) -> tuple[str, list[str]] | None:
 
 
 SHOWN_SCENARIOS = ("multisine", "reference", "steps")  # Replays that are shown, the best first
-SHOWN_S = 20.0  # Most of a replay that is shown [s]
+SHOWN_S = 20.0  # So much of a replay is shown [s], of a long one a quarter
 
 
 def _replay_of(results: Results) -> Replay | None:
@@ -301,13 +301,15 @@ def pictures(results: Results) -> Iterator[tuple[str, str, Sheet]]:
         if alone and worst is not None:  # the level that the model follows least, on a scale of its own
             panel = steps.steps_panel(replace(data, levels=alone), models)
             bare = [replace(line, end="") for line in panel.lines]
-            title = f"worst: {level_text(worst[1], data.input_unit)}, fit {number(worst[0], 3)} %"
+            title = f"worst: {level_text(worst[1], data.input_unit)}, {worst[0]:.0f} %"
             panels.append(replace(panel, y=Axis(), lines=bare, legend="", title=title))
         said, part = ("Measured against model", "model") if models else ("Measured", "data")
         widths = (1.6, 1) if len(panels) > 1 else ()
         yield said, part, replace(_picture(panels, columns=len(panels)), widths=widths, shared=False)
     if replay is not None:
-        until = replays.counted_from(replay) + SHOWN_S
+        from_s = replays.counted_from(replay)
+        end_s = max(float(one.columns["time_s"][-1]) for one in replay.records.values())
+        until = from_s + max(SHOWN_S, (end_s - from_s) / 4)
         panels = replays.tracking_panels(replay, until)[:2]
         yield "Controllers against the reference, simulated", "replay", _picture(panels, (1.6, 1))
     if fit is None:
