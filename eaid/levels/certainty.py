@@ -3,17 +3,13 @@
 Unknowns are T_s of the L levels and the coefficients x of τ1(u), τ2(u), C. Levels with repeats contribute their runs.
 Levels of a single run contribute their own distance to the estimate, as clusters with scores corrected for their own
 say (CR3), and to T_s(u) by the spread of the levels about it; where there are too few levels, the noise within the run.
-
-Of every level by itself, Eq. (3), T_s, τ1 and τ2 answer to its own runs; how much these scatter is pooled over levels.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 
-import msgspec
 import numpy as np
-from scipy.special import fdtri
 
 from eaid.arrays import Array
 from eaid.estimate.data import Data
@@ -25,12 +21,10 @@ from eaid.estimate.scatter import (
     RunStatistics,
     Scatter,
     bartlett_variance,
-    paule_mandel,
     pooled_scatter,
     run_residuals,
     window_sums,
 )
-from eaid.estimate.solver import Problem, newton_step, solver_verdict
 from eaid.estimate.spread import (
     Influence,
     LevelScatter,
@@ -43,17 +37,14 @@ from eaid.estimate.spread import (
 )
 from eaid.levels.from_steps import Solution, fit_levels_first
 from eaid.levels.slow_part import SlowPart, slow_part
+from eaid.levels.torque_curve import TorqueCurve, torque_curve
 from eaid.plant.dynamics import Plant, Step
 from eaid.plant.forms import Points
 from eaid.plant.steps import step_slopes
-from eaid.results.common import Interval, Solver
 from eaid.steps.stepset import Level
 
 # Levels beyond the coefficients of T_s(u) from which single runs show their scatter in the levels' distance to it
 LEVELS_TO_SPARE = 2
-USUAL = 0.03  # Scatter of T_s from run to run [part of it] by which levels are weighed where none is seen
-# Probability with which levels that lie on the curve are no further from it than this quantile of F
-BEYOND_CHANCE = 0.999
 SAYS_NOTHING = float(np.log(100.0))  # Logarithm of the factor up or down from which an interval says nothing
 SURE = 1e-4  # Part of T_s below which nothing scatters
 CURVED = 0.25  # Half-width of ln τ2 from which the ends of a level's intervals are found by the score test
@@ -156,7 +147,7 @@ class Estimate:
         return self.influence_at(self.solved.at)[0]
 
     @cached_property
-    def plain(self) -> tuple["TorqueCurve", Array | None, float]:
+    def curve_by_runs(self) -> tuple[TorqueCurve, Array | None, float]:
         """T_s(u) through T_s of the levels as if only runs scattered; that variance, relative, and its degrees."""
         several, Ts = self.scatter.repeats > 1, self.solved.at.theta[0]
         relative, known = None, 0.0
@@ -166,9 +157,9 @@ class Estimate:
             part = self.size[several] / np.maximum(Ts[several], 1e-3 * max(float(Ts.max()), 1e-300))
             relative = float(np.mean(self.scatter.repeats[several] * variance * part**2)) / self.scatter.repeats
             known = float((self.scatter.repeats - 1).sum())
-        return self._through(relative, known), relative, known
+        return self._curve_through(relative, known), relative, known
 
-    def _through(self, relative: Array | None, known: float) -> "TorqueCurve":
+    def _curve_through(self, relative: Array | None, known: float) -> TorqueCurve:
         at = self.solved.at
         samples = self.solved.steps.data.points.w.sum(axis=1)
         noise = at.cost / samples / np.maximum(at.information[:, 0, 0], 1e-300)
@@ -180,30 +171,30 @@ class Estimate:
         steps, kept = self.solved.steps, [k for k in range(len(self.levels)) if k != index]
         solved = fit_levels_first(steps.data.only(kept), steps.model.share, [self.solved.x])
         other = Estimate([self.levels[k] for k in kept], solved)
-        _, relative, known = self.plain
+        _, relative, known = self.curve_by_runs
         if relative is not None:
             relative = relative[kept] + self.level_scatter**2
-        found = self.model.parameters(np.append(other._through(relative, known).coefficients, solved.x))
-        return replace(found, Ts_through=tuple(self.points[k] for k in kept)) if through else found
+        found = self.model.parameters(np.append(other._curve_through(relative, known).coefficients, solved.x))
+        return replace(found, Ts_through=tuple(self.level_points[k] for k in kept)) if through else found
 
     @cached_property
-    def about_curve(self) -> MixedLine | None:
+    def levels_about_curve(self) -> MixedLine | None:
         """T_s of the levels over the curve's: what they scatter about it beyond what their runs explain.
 
         None where repeats do not part the one from the other, or a curve has as many coefficients as there are levels.
         """
-        curve, relative, _ = self.plain
+        curve, relative, _ = self.curve_by_runs
         if relative is None or len(self.levels) - self.first < LEVELS_TO_SPARE or not curve.coefficients.any():
             return None
         assert self.model.Ts is not None
         D, Ts = self.model.Ts.rows(self.solved.steps.data.u), self.solved.at.theta[0]
         size = np.maximum(D @ curve.coefficients, 1e-3 * float(Ts.max()))
-        W = np.diag(self._gains.expected[:, 0]) + self._of_time_constants() + SURE**2 * np.eye(len(Ts))
+        W = np.diag(self.gain_scatter.expected[:, 0]) + self._of_time_constants() + SURE**2 * np.eye(len(Ts))
         W = W * np.outer(Ts / size, Ts / size)
         return restricted(MixedValues(Ts / size, D / size[:, None], W, (np.eye(len(Ts)),)))
 
     @cached_property
-    def _gains(self) -> LevelScatter:
+    def gain_scatter(self) -> LevelScatter:
         """How ln T_s of the levels' runs scatters where τ1 and τ2 are known."""
         found = []
         for level, J in zip(self.levels, self.scatter.jacobians, strict=True):
@@ -249,7 +240,7 @@ class Estimate:
         Of levels of a single run that of the curve through them.
         """
         if (self.scatter.repeats > 1).any():
-            return np.asarray(t_quantile(self.scatter.degrees) * np.sqrt(self._gains.expected[:, 0]))
+            return np.asarray(t_quantile(self.scatter.degrees) * np.sqrt(self.gain_scatter.expected[:, 0]))
         assert self.model.Ts is not None
         follows = self.model.Ts.rows(self.solved.steps.data.u) @ self.curve.gains
         size = np.maximum(self.solved.at.theta[0], 1e-300)
@@ -258,20 +249,20 @@ class Estimate:
     @property
     def level_scatter(self) -> float:
         """σ_d: how far levels lie off the curve, a part of T_s; 0 where their runs explain it, or nothing shows it."""
-        return 0.0 if self.about_curve is None else float(np.sqrt(self.about_curve.v[0]))
+        return 0.0 if self.levels_about_curve is None else float(np.sqrt(self.levels_about_curve.v[0]))
 
     @cached_property
-    def curve(self) -> "TorqueCurve":
+    def curve(self) -> TorqueCurve:
         """T_s(u) through T_s of the levels."""
-        plain, relative, known = self.plain
+        plain, relative, known = self.curve_by_runs
         if relative is None or self.level_scatter <= SURE:
             return plain
-        return replace(self._through(relative + self.level_scatter**2, known), misfit=plain.misfit)
+        return replace(self._curve_through(relative + self.level_scatter**2, known), misfit=plain.misfit)
 
     @cached_property
-    def own(self) -> tuple[Array, Array, Array]:
+    def own_Ts(self) -> tuple[Array, Array, Array]:
         """ln T_s of the levels, each its own about the curve, half-width of its interval, degrees of freedom, (L,)."""
-        line, u = self.about_curve, self.solved.steps.data.u
+        line, u = self.levels_about_curve, self.solved.steps.data.u
         if line is None or self.level_scatter <= SURE:
             low, high, degrees = (part[0] for part in self.intervals(u))
             return self.numbers(u, self.coefficients)[0][0], 0.5 * (high - low), degrees[0]
@@ -281,7 +272,7 @@ class Estimate:
         mean, variance, degrees = np.array(rows).T
         mean = np.maximum(mean, SURE)
         variance = variance / mean**2
-        if (shared := float(self._gains.common[0])) > 0:  # what sweeps shift alike
+        if (shared := float(self.gain_scatter.common[0])) > 0:  # what sweeps shift alike
             parts, sweeps = (variance, np.full(len(size), shared)), float(self.scatter.repeats.max() - 1)
             variance, degrees = variance + shared, satterthwaite(parts, (degrees, sweeps))
         return np.log(mean * size), t_quantile(degrees) * np.sqrt(variance), degrees
@@ -299,12 +290,12 @@ class Estimate:
     @property
     def through_levels(self) -> Plant:
         """The same with a T_s(u) through each level's own."""
-        return replace(self.parameters, Ts_through=self.points)
+        return replace(self.parameters, Ts_through=self.level_points)
 
     @property
-    def points(self) -> Points:
+    def level_points(self) -> Points:
         """The levels, and T_s of each, its own."""
-        return tuple(zip(self.solved.steps.data.u.tolist(), np.exp(self.own[0]).tolist(), strict=True))
+        return tuple(zip(self.solved.steps.data.u.tolist(), np.exp(self.own_Ts[0]).tolist(), strict=True))
 
     @cached_property
     def held(self) -> dict[str, tuple[float, ...]]:
@@ -400,122 +391,6 @@ class Estimate:
         return rejected(at)
 
 
-@dataclass(frozen=True, eq=False)
-class TorqueCurve:
-    """T_s(u) through T_s of the levels."""
-
-    coefficients: Array
-    gains: Array  # How the coefficients answer to T_s of the levels, (p, L)
-    variance: Array  # Of the levels' T_s, (L,)
-    misfit: float | None  # χ² of the levels about the curve over its degrees of freedom; None where there are none
-    # Factor by which variances are larger where the levels are further from the curve than chance lets them be
-    widened: float
-    active: tuple[int, ...]  # Rows of the constraints that hold it, among those of T_s ≥ 0
-
-
-def torque_curve(
-    model: Model, u: Array, Ts: Array, relative: Array | None, noise: Array, degrees: float
-) -> TorqueCurve:
-    """T_s(u) ≥ 0 through the levels' T_s by least squares, with the variance `relative` T_s(u)² + `noise`, (L,) each.
-
-    `relative` is known by so many degrees of freedom; None: it is found from the levels' distance to the curve. Where
-    that is more than chance lets it be, it counts in place of the variance.
-    """
-    assert model.Ts is not None
-    first, D, duties = model.Ts.size, model.Ts.rows(u), model.Ts.rows(model.limited)
-    spare, largest = len(Ts) - first, float(Ts.max())
-    if largest <= 0:
-        nothing = np.zeros((first, len(Ts)))
-        return TorqueCurve(nothing[:, 0], nothing, np.zeros(len(Ts)), None, 1.0, tuple(range(len(duties))))
-
-    def through(variance: Array) -> tuple[Array, tuple[int, ...], float]:
-        weighed = D / variance[:, None]
-        inner = np.zeros(first)
-        inner[0] = largest
-        problem = Problem(lambda x: (0.0, x, x), duties, np.zeros(len(duties)), str)
-        step = newton_step(problem, inner, 2 * weighed.T @ (D @ inner - Ts), 2 * weighed.T @ D)
-        left = Ts - D @ (inner + step.d)
-        return inner + step.d, step.active, float((left**2 / variance).sum())
-
-    def variance_of(at: Array, scatter: Array | float) -> Array:
-        return np.maximum(scatter * at**2 + noise, (1e-9 * largest) ** 2)
-
-    at, scatter, shrunk = np.maximum(Ts, 1e-3 * largest), USUAL**2 if relative is None else relative, 1.0
-    for _ in range(4):
-        c, active, chi_square = through(variance_of(at, scatter))
-        at = np.maximum(D @ c, 1e-3 * largest)
-        if relative is None and spare > 0:
-            total = partial(lambda at, a: through(variance_of(at, a))[2], at)
-            scatter, shrunk = paule_mandel(total, float(spare), USUAL**2)
-    variance = variance_of(at, scatter) * np.sqrt(shrunk)
-    misfit = chi_square / spare if spare > 0 else None
-    gains = free_inverse((D / variance[:, None]).T @ D, duties[list(active)]) @ (D / variance[:, None]).T
-    widened = 1.0
-    if relative is not None and misfit is not None and misfit > fdtri(spare, max(degrees / 2, 1.0), BEYOND_CHANCE):
-        widened = misfit
-    return TorqueCurve(c, gains, variance * widened, misfit, widened, active)
-
-
 def levels_first(levels: Sequence[Level], data: Data, share: float | None, near: Estimate | None = None) -> Estimate:
     """The estimate from the runs of L levels, `data` being their means; `near` is that of data that differ little."""
     return Estimate(levels, fit_levels_first(data, share, None if near is None else [near.solved.x]))
-
-
-@dataclass(frozen=True, eq=False)
-class OwnLevels:
-    """The levels' own estimates."""
-
-    levels: tuple[Level, ...]
-    each: tuple[Estimate, ...]
-
-    @cached_property
-    def scatter(self) -> Scatter:
-        """What the runs say of their curves."""
-        theta = np.concatenate([one.solved.at.theta for one in self.each], axis=1)
-        return Scatter(self.levels, theta, self.each[0].model.free_share)
-
-    @cached_property
-    def solver(self) -> Solver:
-        """One verdict for all levels: the worst of theirs."""
-        solvers = [one.solved.solver for one in self.each]
-        failed = [f"{level.level:g}" for level, one in zip(self.levels, solvers, strict=True) if not one.converged]
-        fewest = min(len(one.starts) for one in solvers)
-        costs = np.sum([one.costs[:fewest] for one in solvers], axis=0)
-        held = [code for one in solvers for code in one.at_bounds]
-        worst = max(one.predicted_decrease or 0.0 for one in solvers)
-        said = f"not converged at level {', '.join(failed)}" if failed else "converged at every level"
-        whole = solver_verdict(worst, sum(one.evaluations for one in solvers), costs, held)
-        return msgspec.structs.replace(whole, converged=not failed, message=said)
-
-    @cached_property
-    def intervals(self) -> tuple[Array, Array, Array]:
-        """Least and largest ln T_s, ln τ1, ln τ2 of the levels and their degrees of freedom, (3, L) each."""
-        rows = []
-        for i, (level, one) in enumerate(zip(self.levels, self.each, strict=True)):
-            rows.append(one.intervals(np.array([level.level]), self.scatter.of_levels.alone(i)))
-        low, high, degrees = (np.concatenate(part, axis=1) for part in zip(*rows, strict=True))
-        return low, high, degrees
-
-    def share_interval(self, i: int) -> Interval:
-        """95 % interval of a free C of one level; None where it was held."""
-        if not self.scatter.share_free:
-            return None
-        share = self.scatter.theta[3, i]
-        logit = np.log(share / (1 - share)) if 0 < share < 1 else np.inf
-        seen = self.scatter.of_levels.alone(i)
-        own = Influence(np.eye(1, 4, 3)[:, :, None], seen, np.zeros((0, 1)), 0.0)
-        variance, degrees = (float(one[0]) for one in own.variance())
-        reach = t_quantile(degrees) * float(np.sqrt(variance))
-        if not np.isfinite(logit + reach):
-            return None
-        low, high = (float(1 / (1 + np.exp(-np.clip(logit + side * reach, -700, 700)))) for side in (-1, 1))
-        return low, high
-
-
-def own_levels(levels: Sequence[Level], data: Data, share: float | None, near: OwnLevels | None = None) -> OwnLevels:
-    """Every level by itself, C held at `share` or free; `near` are those of data that differ little."""
-    each = []
-    for i, level in enumerate(levels):
-        begin = None if near is None else [near.each[i].solved.x]
-        each.append(Estimate((level,), fit_levels_first(data.only([i]), share, begin)))
-    return OwnLevels(tuple(levels), tuple(each))

@@ -21,9 +21,10 @@ from eaid.estimate.spread import Influence, corrected, gains_of, t_quantile
 from eaid.findings import Finding, Value, finding
 from eaid.levels.adequacy import decays
 from eaid.levels.bootstrap import drawn_ends, spread_of
-from eaid.levels.certainty import BEYOND_CHANCE, Estimate
+from eaid.levels.certainty import Estimate
 from eaid.levels.friction import HELD_BY, LevelValues, level_findings, quoted, tau2_open, wider
 from eaid.levels.from_steps import Solution, textbook_covariance
+from eaid.levels.torque_curve import BEYOND_CHANCE
 from eaid.levels.unseen import falls_too_far, levels_left_out
 from eaid.options import FitOptions
 from eaid.plant.dynamics import Plant, Step
@@ -144,7 +145,7 @@ def nonlinear_part(
 def own_values(one: Standing, first: Estimate, free: bool, options: FitOptions) -> LevelValues:
     """T_s, τ1, τ2 of the levels, T_s each level's own about the curve."""
     theta, (low, high, degrees) = _curves(one.part.parameters, first.levels), (part.copy() for part in one.ends)
-    held, (value, half, known) = _all_held(one, theta, first.levels, free), first.own
+    held, (value, half, known) = _all_held(one, theta, first.levels, free), first.own_Ts
     curve = np.log(np.maximum(theta[0], 1e-300))
     theta[0] = np.exp(value)
     if options.ci in ("white", "bootstrap", "none"):  # their widths are those of the curve
@@ -171,9 +172,9 @@ def level_scatter_findings(first: Estimate, part: results.Nonlinear) -> list[Fin
         worst = min(nothing, key=lambda row: row.fit_pct or 0.0)
         values = {"worst": worst.level, "fit_pct": worst.fit_pct, "of": len(part.per_level)}
         found.append(finding("curve-misses-levels", "nonlinear", [row.level for row in nothing], **values))
-    if part.Ts_through or first.about_curve is None or first.about_curve.gained < SCATTER_SEEN:
+    if part.Ts_through or first.levels_about_curve is None or first.levels_about_curve.gained < SCATTER_SEEN:
         return found
-    value, _, _ = first.own
+    value, _, _ = first.own_Ts
     u = np.array([level.level for level in first.levels])
     off = value - np.log(np.maximum(first.parameters.steady(u), 1e-300))
     i = int(np.abs(off).argmax())

@@ -1,0 +1,78 @@
+"""Every level by itself, Eq. (3): T_s, τ1 and τ2 answer to its own runs; how these scatter is pooled over levels."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import msgspec
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.estimate.data import Data
+from eaid.estimate.scatter import Scatter
+from eaid.estimate.solver import solver_verdict
+from eaid.estimate.spread import Influence, t_quantile
+from eaid.levels.certainty import Estimate
+from eaid.levels.from_steps import fit_levels_first
+from eaid.results.common import Interval, Solver
+from eaid.steps.stepset import Level
+
+
+@dataclass(frozen=True, eq=False)
+class OwnLevels:
+    """The levels' own estimates."""
+
+    levels: tuple[Level, ...]
+    each: tuple[Estimate, ...]
+
+    @cached_property
+    def scatter(self) -> Scatter:
+        """What the runs say of their curves."""
+        theta = np.concatenate([one.solved.at.theta for one in self.each], axis=1)
+        return Scatter(self.levels, theta, self.each[0].model.free_share)
+
+    @cached_property
+    def solver(self) -> Solver:
+        """One verdict for all levels: the worst of theirs."""
+        solvers = [one.solved.solver for one in self.each]
+        failed = [f"{level.level:g}" for level, one in zip(self.levels, solvers, strict=True) if not one.converged]
+        fewest = min(len(one.starts) for one in solvers)
+        costs = np.sum([one.costs[:fewest] for one in solvers], axis=0)
+        held = [code for one in solvers for code in one.at_bounds]
+        worst = max(one.predicted_decrease or 0.0 for one in solvers)
+        said = f"not converged at level {', '.join(failed)}" if failed else "converged at every level"
+        whole = solver_verdict(worst, sum(one.evaluations for one in solvers), costs, held)
+        return msgspec.structs.replace(whole, converged=not failed, message=said)
+
+    @cached_property
+    def intervals(self) -> tuple[Array, Array, Array]:
+        """Least and largest ln T_s, ln τ1, ln τ2 of the levels and their degrees of freedom, (3, L) each."""
+        rows = []
+        for i, (level, one) in enumerate(zip(self.levels, self.each, strict=True)):
+            rows.append(one.intervals(np.array([level.level]), self.scatter.of_levels.alone(i)))
+        low, high, degrees = (np.concatenate(part, axis=1) for part in zip(*rows, strict=True))
+        return low, high, degrees
+
+    def share_interval(self, i: int) -> Interval:
+        """95 % interval of a free C of one level; None where it was held."""
+        if not self.scatter.share_free:
+            return None
+        share = self.scatter.theta[3, i]
+        logit = np.log(share / (1 - share)) if 0 < share < 1 else np.inf
+        seen = self.scatter.of_levels.alone(i)
+        own = Influence(np.eye(1, 4, 3)[:, :, None], seen, np.zeros((0, 1)), 0.0)
+        variance, degrees = (float(one[0]) for one in own.variance())
+        reach = t_quantile(degrees) * float(np.sqrt(variance))
+        if not np.isfinite(logit + reach):
+            return None
+        low, high = (float(1 / (1 + np.exp(-np.clip(logit + side * reach, -700, 700)))) for side in (-1, 1))
+        return low, high
+
+
+def own_levels(levels: Sequence[Level], data: Data, share: float | None, near: OwnLevels | None = None) -> OwnLevels:
+    """Every level by itself, C held at `share` or free; `near` are those of data that differ little."""
+    each = []
+    for i, level in enumerate(levels):
+        begin = None if near is None else [near.each[i].solved.x]
+        each.append(Estimate((level,), fit_levels_first(data.only([i]), share, begin)))
+    return OwnLevels(tuple(levels), tuple(each))
