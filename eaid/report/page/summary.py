@@ -73,13 +73,13 @@ def tables(results: Results) -> tuple[Table, ...]:
     return (*found, *_controllers(results))
 
 
-# Beside RC and the designed PI, where they were replayed alike: the PIs of RC's own slopes
-EQUAL_PIS = {"equal_pi": "PI of RC's slopes", "equal_pi_feedforward": "the same with RC's feedforward"}
+# Beside RC and the designed PI, where they were replayed alike: the PIs of RC's own margins
+EQUAL_PIS = {"equal_pi": "PI of RC's margins", "equal_pi_feedforward": "the same with RC's feedforward"}
 
 
 def _controllers(results: Results) -> Iterator[Table]:
     """Errors in the replay shown, else in the one behind the gains, and least margins: each, and the PIs of RC's own
-    slopes beside them."""
+    margins beside them."""
     replay, gains = _replay_of(results), results.gains[0].result if results.gains else None
     behind = gains.replayed if gains is not None else None
     margins = gains.margins.worst if gains is not None and gains.margins is not None else {}

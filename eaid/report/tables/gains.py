@@ -79,31 +79,25 @@ def guarantee_story(gains: Gains) -> list[str]:
 
 # Row of the comparison → how it is called
 COMPARED_ROWS = {
-    "rc": "RC", "equal_pi_feedforward": "PI of RC's slopes, with RC's feedforward", "equal_pi": "PI of RC's slopes",
+    "rc": "RC", "equal_pi_feedforward": "PI of RC's margins, with RC's feedforward", "equal_pi": "PI of RC's margins",
     "pi": "PI, designed", "paper_pi": "the paper's PI",
 }  # fmt: skip
 
 
-ROWS_COMPARED = "rc", "equal_pi", "equal_pi_feedforward"
-EQUAL = {"gain_db": 1.0, "phase_deg": 5.0}  # Margins that differ by less are equal
-
-
 def comparison(gains: Gains) -> str:
-    """What RC is worth beside a PI of its own slopes, and beside that PI with its feedforward; empty where nothing was
-    replayed. Of a plant with a dead time their margins part."""
-    rows = gains.replayed.rows if gains.replayed is not None else {}
-    of_rc, of_pi = rows.get("rc"), rows.get("equal_pi")
-    own, alike, fed = (getattr(rows.get(name), "max_abs_error_nm", None) for name in ROWS_COMPARED)
-    if of_rc is None or of_pi is None or not own or not alike or not fed:
+    """What RC is worth beside a PI of its own margins, and beside that PI with its feedforward; empty where nothing was
+    replayed."""
+    done = gains.replayed
+    errors = {name: one.max_abs_error_nm for name, one in (done.rows if done is not None else {}).items()}
+    own, alike, fed = (errors.get(name) for name in ("rc", "equal_pi", "equal_pi_feedforward"))
+    if not own or not alike or not fed:
         return ""
-    alike_pi = all(abs((getattr(of_rc, key) or 0) - (getattr(of_pi, key) or 0)) < most for key, most in EQUAL.items())
-    who = "At equal margins a PI" if alike_pi else "At other margins a PI of RC's slopes"
     by_term = 100 * (1 - own / fed)
     worth = (
         "is worth nothing" if abs(by_term) < 0.5 else f"{'is worth' if by_term > 0 else 'costs'} {abs(by_term):.0f} %"
     )
     return (
-        f"{who} leaves {alike / own:.1f} times RC's largest error, with RC's feedforward "
+        f"At equal margins a PI leaves {alike / own:.1f} times RC's largest error, with RC's feedforward "
         f"{fed / own:.2f} times: the robust term itself {worth}."
     )
 
