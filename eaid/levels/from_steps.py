@@ -39,7 +39,7 @@ from eaid.results.common import Solver
 
 A0_GRID = 16  # Time constants on the starting grid of the linear model
 A0_STARTS = 3  # Starts from it
-ENDLESS_RECORDS = 100.0  # Records from which a τ2 has no end
+ENDLESS_RECORDS = 10.0  # Records from which a τ2 may as well have no end
 MET = 1.01  # τ2 over τ1 where one lag is looked for
 CHI2_APART = 20.0  # χ² by which two ends must differ to be told apart
 WEIGHED = 10  # Rounds of weights, at most

@@ -148,7 +148,7 @@ class Replayed(Result, frozen=True):
     pi: Compared | None = None
     """The PI that was designed."""
     equal_pi: Compared | None = None
-    """The PI of RC's slopes inside the layer, and so of its margins."""
+    """The PI whose loop is RC's inside the layer: its slopes, less what the feedforward takes."""
     equal_pi_feedforward: Compared | None = None
     """The same with RC's feedforward."""
     paper_pi: Compared | None = None

@@ -4,6 +4,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import eaid
@@ -129,3 +130,13 @@ def test_a_usable_fit_says_at_which_levels_it_is_not() -> None:
     assert row.fit_pct < 0 and fit.verdict.usable and fit.verdict.not_at == (50,)
     assert repr(fit.verdict).startswith("usable, not at 50; ")
     assert fitted(20.0, 3, off={50.0: 0.75}, curve="levels").verdict.not_at == fitted(20.0, 3).verdict.not_at == ()
+
+
+@pytest.mark.parametrize("drift", [0.0, 0.5, 1.0])
+def test_one_lag_hides_no_slow_part_that_never_comes(drift: float) -> None:
+    """A heater held for five of its one time constant, in a room that warms: T_s is what it reaches, not that over C."""
+    t, random = np.arange(0.0, 580.0), np.random.default_rng(2)
+    since = np.maximum(t - 23, 0.0)
+    output = 57.0 * (1 - np.exp(-since / 110)) + drift * since / 580 + 0.15 * random.standard_normal(len(t))
+    log = pd.DataFrame({"time_s": t, "duty_pct": np.where(t < 10, 0.0, 80.0), "torque_Nm": 27 + output})
+    assert eaid.fit({"heater": log}).plant.steady(80.0) == pytest.approx(57.0 + drift, rel=0.01)

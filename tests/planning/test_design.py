@@ -107,4 +107,4 @@ def test_every_kind_is_planned(kind: str) -> None:
     plan = rig.quickest(dict.fromkeys(rig.numbers, 20.0), PlanOptions())
     assert list(plan.half_width_pct) == list(rig.numbers)
     assert plan.met
-    assert 0 < min(plan.half_width_pct.values())
+    assert min(plan.half_width_pct.values()) > 0
