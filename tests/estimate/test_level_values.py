@@ -134,7 +134,7 @@ def test_a_usable_fit_says_at_which_levels_it_is_not() -> None:
 
 @pytest.mark.parametrize("drift", [0.0, 0.5, 1.0])
 def test_one_lag_hides_no_slow_part_that_never_comes(drift: float) -> None:
-    """A heater held for five of its one time constant, in a room that warms: T_s is what it reaches, not that over C."""
+    """A heater in a room that warms, held for five of its one time constant: T_s is what it reaches."""
     t, random = np.arange(0.0, 580.0), np.random.default_rng(2)
     since = np.maximum(t - 23, 0.0)
     output = 57.0 * (1 - np.exp(-since / 110)) + drift * since / 580 + 0.15 * random.standard_normal(len(t))
