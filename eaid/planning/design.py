@@ -92,6 +92,12 @@ class Designer:
         return np.maximum(within, 0.0), (np.einsum("kmi,eij->kmej", g, H @ scattered) ** 2).sum(axis=3)
 
 
+def percent(half: Array) -> Array:
+    """Half-widths of logarithms in percent; infinite above `UNTOLD`."""
+    found = 100 * np.expm1(np.minimum(half, 50.0))
+    return np.where(found < UNTOLD, found, inf)
+
+
 STEP_INSTANTS = 60  # Of each hold, at which the sensitivities are taken
 PER_TURN, MOST_INSTANTS = 40, 2000  # Of what rings, in a turn of its frequency and at most
 ENDLESS_REST_S = 1e9  # A rest that leaves nothing in the states [s]
@@ -368,8 +374,7 @@ class FittedRig:
                 seen[:, 0] += beyond
             worst = np.nan_to_num(t_quantile(degrees) * np.sqrt(seen), nan=np.inf).max(axis=2)
             quantiles = [np.quantile(each, share) for each, share in zip(worst.T, SHARES, strict=False)]
-            half = 100 * np.expm1(quantiles)
-        return dict(zip(self.numbers, np.where(half < UNTOLD, half, inf).tolist(), strict=True))
+        return dict(zip(self.numbers, percent(np.array(quantiles)).tolist(), strict=True))
 
     def drawn(self, n: int, seed: int) -> list[tuple[Specimen, Noise]]:
         """`n` rigs that the data of the fit allow."""

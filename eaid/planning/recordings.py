@@ -13,7 +13,7 @@ from eaid.findings import finding
 from eaid.levels.certainty import levels_first
 from eaid.levels.own_levels import own_levels
 from eaid.options import PlanOptions
-from eaid.planning.design import KEEPING, PARAMETERS, Widths, rig_of, settled, wanting
+from eaid.planning.design import KEEPING, PARAMETERS, Widths, percent, rig_of, settled, wanting
 from eaid.planning.kinds import is_clutch
 from eaid.planning.kinds import measure as measure_kind
 from eaid.plant.steps import step_response
@@ -80,7 +80,7 @@ def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Call
         """Half-widths of one recording's own intervals at the worst level [%]."""
         if other is not None:
             found = measure_kind(other, rig.noise, run_order(plan, options), k, options.seed)
-            return dict(zip(rig.numbers, (100 * np.expm1(np.minimum(found, 50.0))).tolist(), strict=True))
+            return dict(zip(rig.numbers, percent(found).tolist(), strict=True))
         plant, noise = rigs[k]
         levels = experiment(plan, plant, noise, options.seed + 100_000 * k)
         data = data_of(levels)
@@ -88,8 +88,7 @@ def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Call
             low, high, _ = levels_first(levels, data, rig.share).intervals(data.u)
         else:
             low, high, _ = own_levels(levels, data, rig.share).intervals
-        reach = np.minimum(0.5 * (high - low).max(axis=1), 50.0)
-        return {name: float(100 * np.expm1(reach[i])) for name, i in PARAMETERS.items()}
+        return dict(zip(PARAMETERS, percent(0.5 * (high - low).max(axis=1)).tolist(), strict=True))
 
     make = partial(rig.quickest, session=options)
     plan, worst, width = settled(make, measure, options, sets, KEEPING, progress)

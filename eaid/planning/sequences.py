@@ -20,7 +20,17 @@ from eaid.estimate.recorded_log import RecordedLog
 from eaid.estimate.spread import t_quantile
 from eaid.findings import finding
 from eaid.options import Limits, PlanOptions
-from eaid.planning.design import PARAMETERS, Designer, Widths, relative_rows, rig_of, settled, wanting
+from eaid.planning.design import (
+    PARAMETERS,
+    Designer,
+    Widths,
+    finite,
+    percent,
+    relative_rows,
+    rig_of,
+    settled,
+    wanting,
+)
 from eaid.planning.kinds import is_clutch
 from eaid.planning.recordings import RATE_HZ, disturbance_of
 from eaid.plant.drive import Drive
@@ -252,8 +262,7 @@ def measure(plan: Excitation, p: Plant, noise: Noise, k: int, seed: int = 0) -> 
     known, slopes = spread(solved), setup.slopes(duties)
     half = np.apply_along_axis(known.of, 2, slopes) / (slopes @ solved.x)
     unknown = [name in held(solved) for name in PARAMETERS]
-    worst = np.where(unknown, np.inf, np.expm1(np.minimum(half.max(axis=1), 50.0)))
-    return dict(zip(PARAMETERS, (100 * worst).tolist(), strict=True))
+    return dict(zip(PARAMETERS, percent(np.where(unknown, np.inf, half.max(axis=1))).tolist(), strict=True))
 
 
 # Recordings that are simulated of each sequence, and the probability that a recording keeps a width: 19 of 20 do
@@ -290,7 +299,8 @@ def shortest_recording(
         findings.append(
             finding(
                 "excitation-short", "plan",
-                most_s=plan.time_on_rig_s, parameter=worst, width_pct=width, wanted_pct=options.want[worst],
+                most_s=plan.time_on_rig_s, parameter=worst, width_pct=finite({worst: width})[worst],
+                wanted_pct=options.want[worst],
             )
         )  # fmt: skip
     steps = replace(rig, levels=limits.duty).quickest(options.want, PlanOptions())

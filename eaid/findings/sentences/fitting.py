@@ -444,8 +444,11 @@ ROWS: dict[str, Row] = {
         "{subject}: fitted with the simulated input as an instrument: the noise that the input carries has no say"
     ),
     "excitation-short": caution(
-        "no sequence of {most_s:g} s within the limits reaches the widths: {parameter} comes to ± {width_pct:.3g} %, "
-        "not {wanted_pct:g} %"
+        lambda v: (
+            f"no sequence of {v['most_s']:g} s within the limits reaches the widths: {v['parameter']} "
+            + ("stays undetermined" if v["width_pct"] is None else f"comes to ± {v['width_pct']:.3g} %")
+            + f", not {v['wanted_pct']:g} %"
+        )
     ),
     # Plans
     "plan-assumes-noise": caution(
