@@ -202,7 +202,7 @@ def values(fit: "Fit") -> list[list[str]]:
                 [kind_in_words(fit.plant_.tried[0].kind), ""],
                 *([name, value] for name, value in plant_numbers(fit)),
             ]
-        asked = fit.uncertainty is not None and fit.uncertainty.ci != "none"
+        asked = any(row.ci95 is not None for row in levels)
         rows = [[f"{row.level:.4g}", *(_value(row, name, asked) for name in SYMBOLS)] for row in _three(levels)]
     return [heading, *rows] if rows else []
 
