@@ -34,7 +34,7 @@ def _letters(text: str) -> int:
 def aligned(rows: Sequence[Sequence[str]], numeric: Sequence[bool], width: int | None) -> list[str]:
     """The lines of a table, its first row the heading; None: as wide as it is.
 
-    On a narrower terminal cells are broken between words, and where no words are left each row becomes a list.
+    On a narrower terminal cells are broken between words, and where no words are left each row becomes a sentence.
     """
     columns = list(zip(*rows, strict=True))
     widths = [max(map(_letters, column)) for column in columns]
@@ -42,8 +42,8 @@ def aligned(rows: Sequence[Sequence[str]], numeric: Sequence[bool], width: int |
     over = 0 if width is None else sum(widths) + 2 * (len(widths) - 1) - width
     if over > sum(widths) - sum(least):
         heads, *others = rows
-        lines = [line for row in others for line in ("", *map("  ".join, zip(heads, row, strict=True)))]
-        return [part for line in lines for part in textwrap.wrap(line, width or 0, subsequent_indent="  ") or [""]]
+        pairs = ([" ".join(pair).strip() for pair in zip(heads, row, strict=True) if pair[1] != "–"] for row in others)
+        return [part for row in pairs for part in textwrap.wrap(" · ".join(row), width or 0, subsequent_indent="  ")]
     for _ in range(over):
         widest = max((k for k in range(len(widths)) if widths[k] > least[k]), key=lambda k: widths[k])
         widths[widest] -= 1
@@ -150,9 +150,9 @@ def progress(label: str, total: int) -> Iterator[Callable[[], None]]:
             yield advance
     else:
         from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-        columns = (TextColumn(label, markup=False), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+        columns = TextColumn(label, markup=False), BarColumn(), MofNCompleteColumn() if total else TimeElapsedColumn()
         with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
             task = bar.add_task(label, total=total or None)
             yield lambda: bar.advance(task)

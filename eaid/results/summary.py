@@ -163,8 +163,9 @@ def _held(fit: "Fit") -> list[str]:
 
 
 def warned(fit: "Fit") -> tuple[str, ...]:
-    """The three gravest findings that are more than notes, by their codes: `repeats disagree`, `τ2 open`."""
-    return tuple(in_short(one) for one in ranked(merged(fit.findings)) if one.severity != "note")[:MOST]
+    """The three gravest findings that are more than notes, by their codes, and what they mean for all else."""
+    grave = [one for one in ranked(merged(fit.findings)) if one.severity != "note"]
+    return tuple(in_short(one) + MEANT.get(one.code, "") for one in grave[:MOST])
 
 
 def usable_line(fit: "Fit") -> str:
@@ -205,7 +206,8 @@ def values(fit: "Fit") -> list[list[str]]:
                 [kind_in_words(fit.plant_.tried[0].kind), ""],
                 *([name, value] for name, value in plant_numbers(fit)),
             ]
-        rows = [[f"{row.level:.4g}", *(_value(row, name) for name in SYMBOLS)] for row in _three(levels)]
+        asked = any(row.ci95 is not None for row in levels)
+        rows = [[f"{row.level:.4g}", *(_value(row, name, asked) for name in SYMBOLS)] for row in _three(levels)]
     return [heading, *rows] if rows else []
 
 
@@ -246,13 +248,13 @@ def _fit_pct(fit: "Fit") -> str:
     return f"{', '.join(said)} (100 % = perfect)" if said else "not known"
 
 
-def _value(row: "CurveLevel | FrictionLevel", name: str) -> str:
+def _value(row: "CurveLevel | FrictionLevel", name: str, asked: bool) -> str:
     value = getattr(row, name)
     if value is None:
         return "–"
     if row.ci95 is not None and getattr(row.ci95, name) is not None:
         return _with_interval(row, name)
-    return "not estimable" if name != "Ts" and value > ENDLESS_S else f"{value:.3g} (not estimable)"
+    return "not estimable" if name != "Ts" and value > ENDLESS_S else f"{value:.3g}" + " (not estimable)" * asked
 
 
 def _with_interval(row: "CurveLevel | FrictionLevel | StepShape | LevelResponse", name: str) -> str:

@@ -71,6 +71,9 @@ def test_a_fit_offers_pandas(small_fit: Any) -> None:
     assert shown.iloc[0, 0] == 0
     assert shown.iloc[2, 0] == pytest.approx(fit.predict([40, 60], [5]).loc[5, 60.0])
     assert (fit.predict(60, [-1.0, 0.0]) == 0).all(axis=None)
+    assert "usable yes, warned: " in fit.summary()
+    assert "not estimable" not in eaid.fit(fit.samples.steps, ci="none").summary()
+    assert fit.predict(60, 5.0).equals(fit.predict(60, [5]))
     assert len(fit.summary().splitlines()) <= 11  # eight lines and three findings
     assert "<table" in fit._repr_html_()
 

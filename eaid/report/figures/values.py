@@ -70,8 +70,7 @@ def value_panels(fit: Fit) -> list[Panel]:
             if of_the_paper(fit.data) and name != "Ts":  # Table III's T_s gives 0.06 N·m at full duty
                 published = Line(u, np.polynomial.polynomial.polyval(u, rig.TABLE_III[name]))
         levels, intervals = [row.level for row in rows], [ci95_of(row, name) for row in rows]
-        low, high = min(levels), max(levels)
-        x = over(fit.data.input_unit)
+        x, low, high = over(fit.data.input_unit), min(levels, default=0.0), max(levels, default=0.0)
         if low < high:  # alike in all panels, also where one level alone has a value
             x = replace(x, limits=(low - 0.05 * (high - low), high + 0.05 * (high - low)))
         panels.append(value_panel(x, fit, name, levels, values, intervals, model, published, name == "tau1"))

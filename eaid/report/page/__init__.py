@@ -239,8 +239,8 @@ def next_steps(results: Results) -> list[tuple[str, str]]:
     usable, linear, told = fit.result.verdict.usable, fit.result.linear, {one.code for one in fit.result.findings}
     steps = [(why, "") for code, why in BY_HAND.items() if code in told]
     if "spikes" in told and fit.result.command and "--repair" not in fit.result.command:
-        words = [_whole(word) if Path(word).exists() else word for word in fit.result.command]
-        steps.append(("Fit without rows that stand far out", _line("fit", *words, "--repair", "-o", fit, "--force")))
+        line = _line("fit", *_typed(fit), "--repair", "-o", fit, "--force")
+        steps.append(("Fit without the rows that stand far out", line))
     if linear is not None and not results.gains and usable and linear.a0 > 0 and linear.b0 > 0:
         steps.append(("Design the controllers", _line("tune-rc", fit, "-o", _unused(fit, "gains.json"))))
     given = next(iter(results.gains), None) if usable else None
@@ -250,8 +250,7 @@ def next_steps(results: Results) -> list[tuple[str, str]]:
         options = " ".join(MENDED[row.name] for row in missing if row.name in MENDED).split()
         if options and not any(row.name in gains.BEYOND_GAINS for row in missing):
             why = f"Ask for gains whose guarantee holds ({', '.join(map(gains.called, missing))})"
-            asked: list[Any] = [_whole(word) if Path(word).is_file() else word for word in given.result.command]
-            line = _line("tune-rc", *(asked or [fit]), *options, "-o", given, "--force")
+            line = _line("tune-rc", *(_typed(given) or [fit]), *options, "-o", given, "--force")
             steps.append((why, line))  # what was asked for stays
         if results.replay("multisine") is None:
             line = _line("simulate", fit, given, "--scenario", "multisine", "-o", _unused(fit, "multisine.h5"))
@@ -277,6 +276,11 @@ def _whole(name: str | Path) -> str:
     return str(Path(name).absolute())
 
 
+def _typed(one: Given[Any]) -> list[Any]:
+    """The words that a result was asked for with, its files by their whole paths."""
+    return [_whole(word) if Path(word).exists() else word for word in one.result.command]
+
+
 def _unused(beside: Given[Any], name: str) -> str:
     """A new file or folder beside a given one: plan.csv, where there is one plan-2.csv."""
     first = Path(beside.path).absolute().with_name(name)
@@ -286,11 +290,8 @@ def _unused(beside: Given[Any], name: str) -> str:
 
 def _line(command: str, *words: str | Given[Any]) -> str:
     """A command line; a result that is in memory stands as the file that it is to be saved as."""
-    return shlex.join(["eaid", command, *(word if isinstance(word, str) else _whole(_file(word)) for word in words)])
-
-
-def _file(one: Given[Any]) -> str:
-    return one.path if one.sha256 else f"{one.path}.json"
+    named = (word if isinstance(word, str) else _whole(word.path + ".json" * (not word.sha256)) for word in words)
+    return shlex.join(["eaid", command, *named])
 
 
 def _next_of_sessions(results: Results) -> list[tuple[str, str]]:
