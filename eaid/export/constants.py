@@ -187,14 +187,14 @@ def rc_constants(gains: RCGains, rig: Rig) -> Entries:
 def plant_constants(plant: Plant, rig: Rig) -> Entries:
     """Constants of the plant; polynomials of the duty, lowest power first. What a kind does not have is left out."""
     p, i, o = plant_numbers(plant), rig.input, rig.output
-    rows = [("", p.Ts[0], "T_s(u), Eq. (7)")]
-    if plant.Ts_through:
-        rows = [(str(k or ""), piece, f"T_s from {piece[0]:g} on, of what is above") for k, piece in enumerate(p.Ts)]
+    rows = [("", p.pieces[0], "T_s(u), Eq. (7)")]
+    if p.through:
+        rows = [(str(k or ""), one, f"T_s from {one[0]:g} on, of what is above") for k, one in enumerate(p.pieces)]
     equations: list[tuple[str, tuple[float, ...], str, str]]
     equations = [(f"Ts{k}", piece[1:], o, words) for k, piece, words in rows]
-    begins = [Entry(f"Ts{k}_from", piece[0], i) for k, piece, _ in rows if plant.Ts_through]
+    begins = [Entry(f"Ts{k}_from", piece[0], i) for k, piece, _ in rows if p.through]
     if p.signed:
-        equations.append(("Ts_below", p.Ts_below[0][1:], o, "T_s of inputs below rest, over their size"))
+        equations.append(("Ts_below", p.Ts_below, o, "T_s of inputs below rest, over their size"))
     if plant.zeta is None:
         equations = [("tau1", p.tau1, "s", "τ1(u), Eq. (5)"), ("tau2", p.tau2, "s", "τ2(u), Eq. (6)"), *equations]
     powers = ("", rig.per(i), f"{rig.per(i)}²", f"{rig.per(i)}³")

@@ -179,14 +179,13 @@ def numbers(c: Any) -> PlantNumbers:
     def curve(name: str, count: int) -> Any:
         return tuple(getattr(c, f"{name}_{k}", 0.0) for k in range(count))
 
-    below = ((0.0, *curve("Ts_below", 4)),)
     names = ["Ts", *(f"Ts{k}" for k in range(1, MOST_PIECES) if hasattr(c, f"Ts{k}_0"))]
-    steady = tuple((getattr(c, f"{name}_from", 0.0), *curve(name, 4)) for name in names)
+    pieces = tuple((getattr(c, f"{name}_from", 0.0), *curve(name, 4)) for name in names)
     return PlantNumbers(
-        getattr(c, "C", 1.0), curve("tau1", 3), curve("tau2", 3), steady, c.u_low, c.u_high,
-        (getattr(c, "release1", 0.0), getattr(c, "release2", 0.0)), getattr(c, "release_below", c.u_low), below,
-        (getattr(c, "falls1", 1.0), getattr(c, "falls2", 1.0)), -1.0, 1.0, getattr(c, "tau_floor", 0.0),
-        hasattr(c, "Ts_below_0"),
+        getattr(c, "C", 1.0), curve("tau1", 3), curve("tau2", 3), curve("Ts", 4), c.u_low, c.u_high,
+        (getattr(c, "release1", 0.0), getattr(c, "release2", 0.0)), getattr(c, "release_below", c.u_low),
+        curve("Ts_below", 4), (getattr(c, "falls1", 1.0), getattr(c, "falls2", 1.0)), -1.0, 1.0,
+        getattr(c, "tau_floor", 0.0), hasattr(c, "Ts_below_0"), through=hasattr(c, "Ts_from"), pieces=pieces,
     )  # fmt: skip
 
 

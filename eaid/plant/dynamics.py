@@ -211,18 +211,20 @@ class PlantNumbers(NamedTuple):
     C: float
     tau1: tuple[float, float, float]
     tau2: tuple[float, float, float]
-    Ts: Pieces
+    Ts: tuple[float, float, float, float]
     u_low: float  # Lowest identified input, by size
     u_high: float  # Highest
     release: tuple[float, float]  # (τ1, τ2) of a fall to rest [s]; 0: no release was fitted
     release_below: float  # Input below which a fall goes over to them; infinite: every fall has them
-    Ts_below: Pieces  # T_s of inputs below rest
+    Ts_below: tuple[float, float, float, float]  # T_s of inputs below rest
     falls: tuple[float, float]  # Factors on τ1 and τ2 of falls between identified inputs
     zeta: float  # Below 0: one lag, or two in parallel
     z: float  # y = x1 + z x2
     floor: float  # Least time constant [s]
     signed: bool  # Whether the input goes below rest, too
     late_s: float = 0.0  # Dead time [s]
+    through: bool = False  # Whether T_s of inputs above rest is a row of cubics, and not one
+    pieces: Pieces = ((0.0, 0.0, 0.0, 0.0, 0.0),)
 
 
 def plant_numbers(p: Plant) -> PlantNumbers:
@@ -239,19 +241,19 @@ def plant_numbers(p: Plant) -> PlantNumbers:
     fast, slow = map(float, p.release or (0.0, 0.0))
     until, parallel = math.inf if p.falls_as_release else low, p.zeta is None
     return PlantNumbers(
-        float(p.C), tau1, tau2, p.pieces, low, high, (fast, slow), until, p.pieces_below,
+        float(p.C), tau1, tau2, p.pieces[0][1:], low, high, (fast, slow), until, p.pieces_below[0][1:],
         (float(p.falls[0]), float(p.falls[1])),
         -1.0 if p.zeta is None else float(p.zeta), 1.0 if parallel else float(p.zero), float(p.floor_s),
-        p.signed, float(p.dead_time_s),
+        p.signed, float(p.dead_time_s), bool(p.Ts_through), p.pieces,
     )  # fmt: skip
 
 
 def steady_piece(pieces: Pieces, u: float) -> float:
     """A row of cubics at an input."""
-    k = 0
-    while k + 1 < len(pieces) and u >= pieces[k + 1][0]:
-        k += 1
-    begin, c0, c1, c2, c3 = pieces[k]
+    begin, c0, c1, c2, c3 = pieces[0]
+    for k in range(1, len(pieces)):
+        if u >= pieces[k][0]:
+            begin, c0, c1, c2, c3 = pieces[k]
     v = u - begin
     return c0 + v * (c1 + v * (c2 + v * c3))
 
@@ -260,9 +262,11 @@ def plant_terms(plant: PlantNumbers, u: float) -> tuple[float, float, float]:
     """τ1 [s], τ2 [s] and T_s at an input, as a rising output has them."""
     a0, a1, a2 = plant.tau1
     b0, b1, b2 = plant.tau2
+    c0, c1, c2, c3 = plant.Ts
     low, high = plant.u_low, plant.u_high
     below = plant.signed and u < 0.0
     if below:
+        c0, c1, c2, c3 = plant.Ts_below
         u = -u
     share = 1.0
     if u < low:
@@ -272,7 +276,10 @@ def plant_terms(plant: PlantNumbers, u: float) -> tuple[float, float, float]:
         u = high
     tau1 = a0 + u * (a1 + u * a2)
     tau2 = b0 + u * (b1 + u * b2)
-    steady = share * (steady_piece(plant.Ts_below, u) if below else steady_piece(plant.Ts, u))
+    if plant.through and not below:
+        steady = share * steady_piece(plant.pieces, u)
+    else:
+        steady = share * (c0 + u * (c1 + u * (c2 + u * c3)))
     if tau1 < plant.floor:
         tau1 = plant.floor
     if tau2 < tau1:
