@@ -67,8 +67,10 @@ def tables(results: Results) -> tuple[Table, ...]:
     found += [promise_table(given.result) for given in results.comparisons if given.result.promise]
     if results.main_fit is not None and (cells := summary.values(results.main_fit)):
         heads = [head.replace("[", "(").replace("]", ")") for head in cells[0]]
-        own = results.main_fit.nonlinear is not None and len(results.main_fit.friction_levels) > 1
-        whose = "Each level's own; the model's one curve may pass beside them." if own else ""
+        part = results.main_fit.nonlinear
+        curve = "T_s(u) goes through them" if part and part.Ts_through else "the model's one curve may pass beside them"
+        own = part is not None and len(results.main_fit.friction_levels) > 1
+        whose = f"Each level's own; {curve}." if own else ""
         found.append(Table("Values with 95 % intervals", whose, columns(*heads), tuple(map(tuple, cells[1:]))))
     return (*found, *_controllers(results))
 
