@@ -68,10 +68,14 @@ def held_parameters(curve: Step, record_s: float, share_free: bool) -> tuple[str
     return tuple(dict.fromkeys(names))
 
 
+def pace(record_s: float, like_s: tuple[float, float]) -> float:
+    """By what windows in seconds are stretched for a record: 1 within `like_s`, in proportion beyond."""
+    return record_s / min(max(record_s, like_s[0]), like_s[1])
+
+
 def windows_of(time_s: Array) -> list[float]:
     """The Bartlett windows of a record, the shortest first [s]."""
-    pace = (time_s[-1] - time_s[0]) / np.clip(time_s[-1] - time_s[0], *LIKE_S)
-    return [float(pace * window_s) for window_s in WINDOWS_S]
+    return [pace(float(time_s[-1] - time_s[0]), LIKE_S) * window_s for window_s in WINDOWS_S]
 
 
 def window_sums(time_s: Array, scores: Array) -> Iterator[tuple[tuple[Array, ...], int]]:
