@@ -135,7 +135,8 @@ def design_options(
     if options.duty_limits is not None and is_duty(fit) and options.duty_limits[1] > 100:
         low, high = options.duty_limits
         raise UsageError(f"«duty_limits» {low:g},{high:g}: a duty ends at 100 %")
-    Q22 = (options.p_scale + options.p_scale / K_P) / (2 * K_D)
+    P = (options.p_scale * scales.pace**2, options.p_scale)
+    Q22 = (P[1] + P[0] / K_P) / (2 * K_D)
     layer = 0.5 if scales.paper else LAYER * PAPER_TOP * scales.top * Q22
     epsilon = layer if options.epsilon is None else options.epsilon
     return Design(
@@ -143,7 +144,7 @@ def design_options(
         Q_M=options.q_max if options.q_max is not None else 5.0 if slope is None else slope,
         phi=0.05 if options.phi is None or options.phi == "data" else float(options.phi),
         phi_honest_pct=phi_shown if by_data else None,
-        epsilon=epsilon,
+        epsilon=epsilon, P=P,
         gamma=options.gamma if options.gamma is not None else 50.0 if scales.paper else 25.0 / epsilon,
         pi=AskedPI(options.pi_overshoot, options.pi_settling),
         duty_limits_pct=options.duty_limits or input_limits(fit), timing=timing_of(fit, options),

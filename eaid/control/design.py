@@ -8,7 +8,8 @@ how far η is from η̂ by the data.
 Two readings of Φ [N·m/s]: as printed, Φ = B_M φ; as the textbook derives it, Φ = φ/B_m, with φ in % duty. So the
 printed φ means φ B_m B_M in % duty. B̂ of 2 B_m B_M/(B_m + B_M), minimax, makes α_reached least, α of the formula.
 
-Q of AᵀQ + QA = −p·I, its entries one after another: 2 K_P Q12 = p, 2 (Q12 − K_D Q22) = −p, Q11 = K_D Q12 + K_P Q22.
+Q of AᵀQ + QA = −P, P = p·diag(π², 1) with π the rig's pace (1 on the paper's), so that no unit of time matters; its
+entries one after another: 2 K_P Q12 = p π², 2 (Q12 − K_D Q22) = −p, Q11 = K_D Q12 + K_P Q22.
 """
 
 import itertools
@@ -58,6 +59,7 @@ class Design:
     phi_honest_pct: float | None  # Bound on |η − η̂|; where given, φ is worked out from it
     epsilon: float
     gamma: float
+    P: tuple[float, float]  # Diagonal of P
     pi: AskedPI  # What the PI is designed for; nothing where its gains are given, or the paper's
     duty_limits_pct: tuple[float, float]
     timing: Timing
@@ -71,7 +73,7 @@ def robust_of(model: LinearPlant, bounds: Bounds, design: Design) -> Robust:
         wanted = "pooled" if pooled < 2 * B_m else "minimax"
     B_hat = pooled if wanted == "pooled" else minimax if wanted == "minimax" else float(wanted)
     alpha, reached = (B_M - B_m) / (B_M + B_m), max(abs(1 - B_hat / B_M), abs(1 - B_hat / B_m))
-    norm_K, p = math.hypot(K_P, K_D), options.p_scale
+    norm_K, (p1, p2) = math.hypot(K_P, K_D), design.P
 
     def line(a: float, term: float) -> RhoLine:
         """Eq. (15) with equality."""
@@ -85,8 +87,8 @@ def robust_of(model: LinearPlant, bounds: Bounds, design: Design) -> Robust:
     covers = needed is not None and (
         rho.constant >= needed.constant - RHO_ROUNDING and rho.slope >= needed.slope - RHO_ROUNDING
     )
-    Q12 = p / (2 * K_P)
-    Q22 = (p + 2 * Q12) / (2 * K_D)
+    Q12 = p1 / (2 * K_P)
+    Q22 = (p2 + 2 * Q12) / (2 * K_D)
     Q11 = K_D * Q12 + K_P * Q22
     # near ξ = 0 there is ω = ρ(0) z/ε, so u = B̂ ((K_D + ρ(0) Q22/ε) e + (K_P + ρ(0) Q12/ε) q̃) + feedforward
     steep = rho.constant / design.epsilon
@@ -94,16 +96,21 @@ def robust_of(model: LinearPlant, bounds: Bounds, design: Design) -> Robust:
         K_P=K_P, K_D=K_D, B_hat=B_hat, B_m=B_m, B_M=B_M,
         alpha=alpha, alpha_reached=reached, rho_covers=covers, phi=phi, phi_honest_pct=term * B_m, Q_M=design.Q_M,
         rho=Rho(constant=rho.constant, slope=rho.slope, convention=options.rho, needed=needed),
-        epsilon=design.epsilon, gamma=design.gamma, P=((p, 0.0), (0.0, p)), Q=((Q11, Q12), (Q12, Q22)),
+        epsilon=design.epsilon, gamma=design.gamma, P=((p1, 0.0), (0.0, p2)), Q=((Q11, Q12), (Q12, Q22)),
         equal_pi=EqualPI(B_hat * (K_D + steep * Q22), B_hat * (K_P + steep * Q12)),
         ultimate_bound_nm=ultimate_bound_nm(
-            reached, (reached * design.Q_M + term, reached * norm_K), rho, design.epsilon, p, (Q11, Q12, Q22)
+            reached, (reached * design.Q_M + term, reached * norm_K), rho, design.epsilon, design.P, (Q11, Q12, Q22)
         ),
     )  # fmt: skip
 
 
 def ultimate_bound_nm(
-    alpha: float, n: tuple[float, float], rho: RhoLine, epsilon: float, p: float, Q: tuple[float, float, float]
+    alpha: float,
+    n: tuple[float, float],
+    rho: RhoLine,
+    epsilon: float,
+    P: tuple[float, float],
+    Q: tuple[float, float, float],
 ) -> float | None:
     """Largest |e| [N·m] in the end; None where the bound on V̇ gives none.
 
@@ -113,6 +120,7 @@ def ultimate_bound_nm(
     (n0, n1), (Q11, Q12, Q22), keep = n, Q, 1 - alpha
     angle = np.linspace(0.0, math.pi, DIRECTIONS, endpoint=False)
     c, s = np.cos(angle), np.sin(angle)
+    p = P[0] * c * c + P[1] * s * s
     zd = np.abs(Q12 * c + Q22 * s)
     with np.errstate(divide="ignore", invalid="ignore"):
         edge = np.where(zd > 0, epsilon / zd, np.inf)

@@ -4,7 +4,8 @@ With J = ∂f/∂(ln T_s, ln τ1, ln τ2[, logit C]) on the n samples of a level
 
     shift of a run      d_r = A⁻¹ J' (y_r − ȳ),      of the level   δ = A⁻¹ J' (ȳ − f)
     noise within a run  h = mean over runs of diag(A⁻¹ Ω A⁻¹), Ω the Bartlett sum over J e_r, e_r the run's residual
-                        about its own curve; the largest over windows of 0.1, 0.3, 1 and 2 s
+                        about its own curve; the largest over windows of 0.1, 0.3, 1 and 2 s (in proportion for
+                        records shorter than 5 s or longer than 60 s, so that no unit of time matters)
     scatter             Σ d_r²/(R − 1) is expected to be a + h; a by Paule and Mandel, over all levels
 
 Levels of a single run show a in their distance to a polynomial through the levels, where there are enough of them.
@@ -35,6 +36,7 @@ CURVES = LEVEL_NAMES[:3]
 MEETING = 1e-4  # A limit this close holds a parameter; τ1 and τ2 this close are one
 UNDETERMINED = 3.0  # Factor up or down from which a parameter counts as not determined
 WINDOWS_S = (0.1, 0.3, 1.0, 2.0)  # Bartlett windows [s]: from the friction ripple's memory to a third of a rotor turn
+LIKE_S = (5.0, 60.0)  # Length of the records that these windows are for [s]
 # Scores are summed over a tenth of the shortest window before the Bartlett sum; no memory is that short
 BINS_PER_WINDOW = 10
 TERMS = {"Ts": 4, "tau1": 3, "tau2": 3}  # Terms of the paper's polynomials, Eqs. (5)–(7)
@@ -66,10 +68,20 @@ def held_parameters(curve: Step, record_s: float, share_free: bool) -> tuple[str
     return tuple(dict.fromkeys(names))
 
 
+def pace(record_s: float, like_s: tuple[float, float]) -> float:
+    """By what windows in seconds are stretched for a record: 1 within `like_s`, in proportion beyond."""
+    return record_s / min(max(record_s, like_s[0]), like_s[1])
+
+
+def windows_of(time_s: Array) -> list[float]:
+    """The Bartlett windows of a record, the shortest first [s]."""
+    return [pace(float(time_s[-1] - time_s[0]), LIKE_S) * window_s for window_s in WINDOWS_S]
+
+
 def window_sums(time_s: Array, scores: Array) -> Iterator[tuple[tuple[Array, ...], int]]:
     """Of each window, half a record at most: sums of scores (n, k) over m bins, before, inside, after; and m."""
-    duration_s = float(time_s[-1] - time_s[0])
-    bin_s = min(WINDOWS_S) / BINS_PER_WINDOW
+    duration_s, windows_s = float(time_s[-1] - time_s[0]), windows_of(time_s)
+    bin_s = min(windows_s) / BINS_PER_WINDOW
     if duration_s > 4 * len(time_s) * bin_s:  # a slow clock, or one in another unit: no more bins than data
         bin_s = duration_s / len(time_s)
     bins = np.floor((time_s - time_s[0]) / bin_s + 1e-6).astype(np.int64)
@@ -78,7 +90,7 @@ def window_sums(time_s: Array, scores: Array) -> Iterator[tuple[tuple[Array, ...
     sums[:, bins[starts]] = scores.T if len(starts) == len(bins) else np.add.reduceat(scores.T, starts, axis=1)
     running = np.cumsum(sums, axis=1)
     inside, last = np.empty_like(running), running[:, -1:]
-    for window_s in WINDOWS_S:
+    for window_s in windows_s:
         m = max(1, min(round(window_s / bin_s), round(duration_s / 2 / bin_s)))
         between = np.subtract(running[:, m:], running[:, :-m], out=inside[:, m:])
         yield (running[:, :m], between, last - running[:, -m:-1]), m

@@ -1,4 +1,5 @@
-"""Second opinion: refits to resampled data. Whole runs within a level, or blocks of 2 s where a level has one run.
+"""Second opinion: refits to resampled data. Whole runs within a level, or blocks where a level has one run, as long as
+the longest memory that the Bartlett windows allow for.
 
 Resampling R runs with replacement shows (R − 1)/R of their variance; the deviations from the mean are drawn out by
 √(R/(R − 1)) to make up for it. A refit starts at the fit itself and finds the same minimum, moved. Each has a seed of
@@ -13,13 +14,12 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.estimate.data import Data
 from eaid.estimate.points import Points, compress
+from eaid.estimate.scatter import windows_of
 from eaid.estimate.spread import t_quantile
 from eaid.options import FitOptions
 from eaid.plant.dynamics import Step
 from eaid.plant.steps import step_response
 from eaid.steps.stepset import Level
-
-BLOCK_S = 2.0  # Blocks of a single run [s]: the longest memory that the Bartlett windows allow for
 
 
 def bootstrap(
@@ -76,7 +76,8 @@ def _resampled(
             y[k] = mean + np.sqrt(count / (count - 1)) * (rows[taken].mean(axis=0) - mean)
         else:
             fitted, n = step_response(curve, level.time_s), len(level.time_s)
-            length = int(np.clip(np.searchsorted(level.time_s - level.time_s[0], BLOCK_S), 1, max(1, n // 2)))
+            block = int(np.searchsorted(level.time_s - level.time_s[0], windows_of(level.time_s)[-1]))
+            length = min(max(block, 1), max(1, n // 2))
             starts = random.integers(0, n, -(-n // length))
             blocks = (level.mean - fitted)[((starts[:, None] + np.arange(length)) % n).ravel()[:n]]
             y[k] = _compressed(replace(level, runs=(fitted + blocks)[None]), len(y[k]))[0]

@@ -18,6 +18,7 @@ from scipy.special import chdtrc
 
 from eaid.arrays import Array
 from eaid.estimate.forms import RECORDS_FREE
+from eaid.estimate.scatter import pace
 from eaid.estimate.solver import approach, newton_step, rounding
 from eaid.estimate.spread import free_inverse, rejected, t_quantile
 from eaid.findings import Finding, finding
@@ -182,7 +183,8 @@ def engagements(drive: Drive) -> NDArray[np.intp]:
     return np.asarray(np.maximum(np.cumsum(begins) - 1, 0))
 
 
-WINDOW_S = 2.0  # Stretch over which the density of the noise is taken [s]
+WINDOW_S = 2.0  # Stretch over which the density of the noise is taken [s] …
+LOGS_S = (10.0, 600.0)  # … of logs of such lengths, of shorter and longer ones in proportion [s]
 FEWEST_ENGAGEMENTS = 4  # Fewest engagements whose scatter counts
 GAINS_CHANCE = 1e-3  # Gains that noise makes so different more rarely than this are told
 LEAST_LOAD = 0.02  # An engagement with less than this part of the mean ∫ T² tells no gain
@@ -240,7 +242,7 @@ def densities(residuals: Sequence[Array], outputs: list[Array], steps: list[floa
     """s0 and s1 of S = s0 + s1 T², from squared sums of the residuals over short stretches."""
     squares, powers = [], []
     for r, T, dt_s in zip(residuals, outputs, steps, strict=True):
-        width = max(1, min(round(WINDOW_S / dt_s), len(r)))
+        width = max(1, min(round(WINDOW_S * pace(dt_s * len(r), LOGS_S) / dt_s), len(r)))
         count = len(r) // width
         squares.append(np.mean(T[: count * width].reshape(count, width) ** 2, axis=1))
         powers.append(r[: count * width].reshape(count, width).sum(axis=1) ** 2 * dt_s / width)

@@ -34,11 +34,11 @@ def test_the_paper_s_numbers_stand_in_percent_and_newton_metres_alone(tuned, tol
 
 
 def test_another_rig_is_designed_for_its_own_pace_and_output(tuned, told):
-    """Twice the paper's pace: K_P·4, K_D·2, ε = 0.11 y Q22, γε = 25, a PI for 1 % in 0.135 s, 0 to the highest."""
+    """Twice the paper's pace: K_P·4, K_D·2, P11·4, ε = 0.11 y Q22, γε = 25, a PI for 1 % in 0.135 s, to the highest."""
     row = {"level": 5.0, "a0": 2.72, "gain": 8.744, "b0": 4.757, "c0": 0.0, "B": 5 / (2.72 * 8.744)}
     linear = {"a0": 2.72, "b0": 1.6, "c0": -2.42, "bounds": {"B_m": 0.4, "B_M": 1.3}, "per_level": [row]}
     found = tuned(linear=linear, data=VOLTS)
-    Q22 = (5 + 5 / 18) / 12
+    Q22 = (5 + 20 / 18) / 12
     assert (found.rc.K_P, found.rc.K_D, found.duty_limits_pct) == (18.0, 6.0, (0.0, 5.0))
     assert found.rc.epsilon == pytest.approx(0.11 * 8.744 * Q22) and found.rc.gamma * found.rc.epsilon == 25.0
     assert found.rc.phi_honest_pct == pytest.approx(found.guarantee.conditions[1].needed) and found.rc.phi_holds
@@ -55,6 +55,17 @@ def test_another_rig_is_designed_for_its_own_pace_and_output(tuned, told):
         assert (pi.K_P, pi.K_I) == (3.0, 4.0) if "pi_gains" in asked else pi.asked.settling_s == 1.0
     with pytest.raises(eaid.UsageError, match="tells no highest input in V"):
         tuned(linear=linear, data={**VOLTS, "levels": []})
+
+
+def test_a_rig_in_another_unit_of_time_has_the_same_loop(tuned):
+    linear = {"a0": 2.72, "b0": 1.6, "c0": -2.42, "bounds": {"B_m": 0.4, "B_M": 1.3}}
+    slow = {"a0": 0.0272, "b0": 0.016, "c0": -0.0242, "bounds": {"B_m": 40.0, "B_M": 130.0}}
+    fast = tuned(linear=linear, data=VOLTS, rate_hz=1000.0, phi=0.2, q_max=3.0).rc
+    found = tuned(linear=slow, data=VOLTS, rate_hz=10.0, phi=0.2e-4, q_max=0.03).rc
+    assert found.epsilon == pytest.approx(100 * fast.epsilon)
+    assert np.ravel(found.Q) == pytest.approx(np.ravel(fast.Q) * [0.01, 1, 1, 100])
+    wanted = fast.equal_pi.K_P, fast.equal_pi.K_I / 100
+    assert (found.equal_pi.K_P, found.equal_pi.K_I) == pytest.approx(wanted)
 
 
 def test_a_plant_says_how_high_its_output_and_its_input_go(tuned):

@@ -3,6 +3,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import eaid
 from eaid.apparatus import Apparatus
@@ -211,6 +212,19 @@ def test_single_runs_say_what_they_rest_on() -> None:
     assert sure.uncertainty.scatter_from == "within" and "single-runs-few-levels" in codes(sure)
     many = steps([Step(1.0 + i, 0.2, 3.0) for i in range(9)], record_s=20.0, sd=0.01)
     assert eaid.fit(many).uncertainty.scatter_from == "curve"
+
+
+@pytest.mark.parametrize("pace", [0.01, 100.0])
+def test_single_runs_are_known_as_well_in_another_unit_of_time(pace: float) -> None:
+    """Noise that remembers, in milliseconds or minutes: the windows over it go with the record."""
+    t, random, half = np.arange(0.0, 15.0, 0.02), np.random.default_rng(0), []
+    noise = 0.15 * lfilter([0.28], [1, -0.96], random.standard_normal((3, len(t))))
+    curves = [3 * u * (1 - 0.85 * np.exp(-t / 0.3) - 0.15 * np.exp(-t / 3)) for u in (3.0, 6.0, 10.0)] + noise
+    for factor in (1.0, pace):
+        levels = [Level(u, t * factor, y[None], ("a",)) for u, y in zip((3.0, 6.0, 10.0), curves, strict=True)]
+        found = eaid.fit(StepSet("clutch", "V", "N", Apparatus(), tuple(levels)))
+        half += [np.median([np.log(row.ci95.tau1[1] / row.ci95.tau1[0]) for row in found.friction.levels])]
+    assert half[1] == pytest.approx(half[0], rel=0.3)
 
 
 def test_where_there_is_no_slow_part_its_time_constant_has_no_interval() -> None:
