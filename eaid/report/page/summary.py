@@ -19,7 +19,6 @@ from eaid.report.tables.gains import comparison, guarantee_story
 from eaid.report.tables.replays import SCENARIO_NAMES, metric
 from eaid.report.tables.sessions import next_table, promise_table, shifts_table
 from eaid.results import summary
-from eaid.results.fit import Fit
 from eaid.results.gains import Replayed
 from eaid.results.replay import Replay
 from eaid.results.verdict import in_short
@@ -228,14 +227,10 @@ def _model(results: Results, known: Known) -> Light:
         percent = fit.nonlinear.fit_pct
     if fit.plant_ is not None and fit.plant_.another:
         percent = fit.plant_.tried[0].fit_pct
-    lead = "usable; " if percent is None else f"usable, fits {number(percent, 3)} %{_unseen(fit)} (100 % = perfect); "
+    held = getattr(fit.recorded and fit.recorded.hold_out, "held_pct", None)
+    unseen = "" if held is None else f", {number(held, 3)} % of what was left out"
+    lead = "usable; " if percent is None else f"usable, fits {number(percent, 3)} %{unseen} (100 % = perfect); "
     return Light("Model", _grade(findings), lead + _counted(findings, fit.data.input_unit), "model")
-
-
-def _unseen(fit: Fit) -> str:
-    """What it explains of what a fit without it has not seen."""
-    held = fit.recorded.hold_out if fit.recorded is not None else None
-    return "" if held is None or held.held_pct is None else f", {number(held.held_pct, 3)} % of what was left out"
 
 
 def _controller(results: Results, known: Known) -> Light:
