@@ -28,7 +28,8 @@ def steps_shown(data: StepSet) -> Iterator[str | Table]:
         yield f"and {len(between) - MOST} more"
     yield slips_table(data)
     for one in data.all_findings:
-        yield f"{WORD[one.severity]}: {'' if one.subject == 'data' else f'{one.subject}: '}{on_command_line(say(one))}"
+        said = on_command_line(say(one))
+        yield f"{WORD[one.severity]}: {f'{one.subject}: ' * (one.subject != 'data' and one.subject not in said)}{said}"
 
 
 def counts(data: StepSet) -> str:

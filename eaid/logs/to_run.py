@@ -203,11 +203,14 @@ def unit_beside(pattern: str) -> str:
     return found[1] or found[2] if found else ""
 
 
+_COUNTS_RUNS = re.compile(r"(?<![A-Za-z])(r|n|no|nr|run|rep|repeat|trial|test|take)[_-]?$", re.IGNORECASE)
+
+
 def pattern_guessed(names: Sequence[str]) -> str:
     """A name pattern with the number that tells the names apart and has a letter beside it; empty where there is none.
 
     Of several the one beside a unit, then the one before letters, or behind an equals sign, whose values come equally
-    often. Of one name only a number beside a unit counts.
+    often. A number that all names share counts only beside a unit, and where no other does.
     """
     pieces = [re.split(r"(\d+(?:\.\d+)?)", name) for name in names]
     patterns = []
@@ -216,13 +219,14 @@ def pattern_guessed(names: Sequence[str]) -> str:
         (before,) = re.findall(r"[_\s-]?[^_\s-]*$", texts[k - 1])[:1]
         (after,) = re.findall(r"^[^_\s-]*[_\s-]?", texts[k + 1])
         unit = unit_beside(f"{before}{{level}}{after}")
-        if (len(counts) < 2 and not (unit and len(names) == 1)) or not re.search("[A-Za-z]", before + after):
+        if (len(counts) < 2 and not unit) or _COUNTS_RUNS.search(before) or not re.search("[A-Za-z]", before + after):
             continue
         for pattern in (f"{before}{{level}}{after}", f"{texts[k - 3][-3:]}{{repeat}}{texts[k - 1]}{{level}}{after}"):
             with contextlib.suppress(DataError):
                 if all(level_and_repeat("", pattern, name)[0] is not None for name in names):
                     no_unit = not re.match("[A-Za-z%]", after) and not before.endswith("=")
-                    patterns.append((not unit, no_unit, max(counts.values()) - min(counts.values()), pattern))
+                    uneven = max(counts.values()) - min(counts.values())
+                    patterns.append((len(counts) < 2, not unit, no_unit, uneven, pattern))
                     break
     return min(patterns)[-1] if patterns else ""
 

@@ -221,7 +221,7 @@ def settled(
     def simulated(plan: P) -> list[Widths]:
         rows = []
         for k in range(sets):
-            rows.append(measure(plan, k))
+            rows.append({name: width if width < UNTOLD else inf for name, width in measure(plan, k).items()})
             progress()
         return rows
 

@@ -13,6 +13,7 @@ from logs_written import frame, text
 
 import eaid
 from eaid import DataError, UsageError
+from eaid.logs.to_run import pattern_guessed
 
 T = np.arange(1000) / 100.0
 U = np.where((T >= 2) & (T < 7), 50.0, 0.0)
@@ -285,6 +286,17 @@ def test_columns_without_a_name_that_says_it_are_proposed(name, run_eaid, tmp_pa
         words = shlex.split(proposed.replace("HZ", "100"))
         assert run_eaid("ingest", "log.csv", *words, "-o", "data.h5").code == 0
         assert [one.level for one in eaid.read("data.h5").levels] == [9.0]
+
+
+@pytest.mark.parametrize(
+    ("names", "pattern"),
+    [
+        (["16_18_17_V=250", "16_19_01_V=250"], "_V={level}"), (["V=250_r1", "V=250_r2"], "V={level}_"),
+        (["5V_u20", "5V_u40"], "_u{level}"), (["u250_run1", "u250_run2"], ""), (["a_5", "a_6"], ""),
+    ],
+)  # fmt: skip
+def test_a_level_that_all_names_share_is_proposed_beside_a_unit_and_the_number_of_a_run_never(names, pattern):
+    assert pattern_guessed(names) == pattern
 
 
 def bench(folder, levels=(40, 60, 80), until_s=7.0):

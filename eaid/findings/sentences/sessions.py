@@ -50,7 +50,7 @@ ROWS: dict[str, Row] = {
         "`eaid sessions`, tell what holds for the next"
     ),
     "for-today": note(
-        "T_s within ×/÷ {factor:.3g} at the worst level, with nothing known ×/÷ {without:.3g} (by {sessions} sessions "
+        "T_s within ×/÷ {factor:.3g} at the worst level, without the steps ×/÷ {without:.3g} (by {sessions} sessions "
         "and {steps:#reference step})"
     ),
     "kept-from-base": note(_kept),

@@ -19,7 +19,6 @@ from eaid.report.tables.gains import comparison, guarantee_story
 from eaid.report.tables.replays import SCENARIO_NAMES, metric
 from eaid.report.tables.sessions import next_table, promise_table, shifts_table
 from eaid.results import summary
-from eaid.results.fit import Fit
 from eaid.results.gains import Replayed
 from eaid.results.replay import Replay
 from eaid.results.verdict import in_short
@@ -230,17 +229,12 @@ def _model(results: Results, known: Known) -> Light:
         percent = fit.nonlinear.fit_pct
     if fit.plant_ is not None and fit.plant_.another:
         percent = fit.plant_.tried[0].fit_pct
-    left = fit.verdict.not_at
+    left, held = fit.verdict.not_at, getattr(fit.recorded and fit.recorded.hold_out, "held_pct", None)
+    unseen = "" if held is None else f", {number(held, 3)} % of what was left out"
     usable = f"usable{f', not at {listed(left, fit.data.input_unit)}' if left else ''}"
-    explains = "" if percent is None else f", fits {number(percent, 3)} %{_unseen(fit)} (100 % = perfect)"
+    explains = "" if percent is None else f", fits {number(percent, 3)} %{unseen} (100 % = perfect)"
     lead = f"{usable}{explains}; "
     return Light("Model", _grade(findings), lead + _counted(findings, fit.data.input_unit), "model")
-
-
-def _unseen(fit: Fit) -> str:
-    """What it explains of what a fit without it has not seen."""
-    held = fit.recorded.hold_out if fit.recorded is not None else None
-    return "" if held is None or held.held_pct is None else f", {number(held.held_pct, 3)} % of what was left out"
 
 
 def _controller(results: Results, known: Known) -> Light:
