@@ -75,7 +75,12 @@ def manifest_of(paths: Sequence[Path]) -> Manifest | None:
     manifests = [path / NAME for path in paths if (path / NAME).is_file()]
     manifests += [path for path in paths if path.suffix == ".toml" and path.is_file()]
     if not manifests:
-        return _beside(paths)
+        beside = {path.parent / NAME for path in paths}
+        with contextlib.suppress(DataError, KeyError):  # a bad one, or one that does not list them all
+            if len(beside) == 1 and (one := beside.pop()).is_file() and (whole := manifest_of([one])) is not None:
+                listed = {entry.file: entry for entry in whole.log}
+                return msgspec.structs.replace(whole, log=tuple(listed[str(path)] for path in paths))
+        return None
     if len(paths) > 1:
         raise UsageError(f"{manifests[0]}: says all about its own logs; give it, or its folder, alone")
     path = manifests[0]
@@ -105,18 +110,6 @@ def manifest_of(paths: Sequence[Path]) -> Manifest | None:
     if missing:
         raise DataError(*missing)
     return msgspec.structs.replace(manifest, path=path, log=logs)
-
-
-def _beside(paths: Sequence[Path]) -> Manifest | None:
-    """The manifest beside logs of one folder, with those alone; None where it is bad, or does not list all of them."""
-    folders = {path.parent for path in paths}
-    if len(folders) == 1 and ((folder := folders.pop()) / NAME).is_file():
-        with contextlib.suppress(DataError, KeyError):
-            manifest = manifest_of([folder])
-            assert manifest is not None
-            listed = {Path(entry.file): entry for entry in manifest.log}
-            return msgspec.structs.replace(manifest, log=tuple(listed[path] for path in paths))
-    return None
 
 
 def apply(entry: Entry, run: Run) -> Run:

@@ -250,12 +250,6 @@ def plot(result: Fit | Gains | Replay | Rig | Comparison, ax: Axes | None = None
     from matplotlib import pyplot
 
     ax = ax if ax is not None else pyplot.subplots(layout="constrained")[1]
-    if isinstance(result, Fit):
-        draw(ax, fitted_steps(result))
-    elif isinstance(result, Rig):
-        draw(ax, control_panel(result))
-    elif isinstance(result, Comparison):
-        draw(ax, values_panel(result))
-    else:
-        draw(ax, margins_panel(result) if isinstance(result, Gains) else tracking_panels(result)[0])
+    panels: dict[type, Any] = {Fit: fitted_steps, Rig: control_panel, Comparison: values_panel, Gains: margins_panel}
+    draw(ax, panels[type(result)](result) if type(result) in panels else tracking_panels(result)[0])  # type: ignore[arg-type]
     return ax

@@ -262,7 +262,7 @@ def test_what_is_missing_in_a_folder_is_guessed_together_and_the_command_works(n
 STEP = np.where(T >= 2, 9.0, 0.0)
 SPEED = 11 * -np.expm1(-np.maximum(T - 2, 0) / 0.4)
 UNNAMED = {  # one log each: its columns, what is said already, and what is then proposed
-    "a motor": ("Tiempo (s),PWM,Voltaje (V),Velocidad (rad/s)", (T, 28 * STEP, STEP, SPEED), "",
+    "a motor": ("Tiempo (s),Orden,Voltaje (V),Velocidad (rad/s)", (T, 28 * STEP, STEP, SPEED), "",
                 "--columns 'input=\"Voltaje (V)\",output=\"Velocidad (rad/s)\"'"),
     "a row index, two sensors": ("n,Time,T1,T2,Q1", (np.arange(len(T)), T, 20 + SPEED, 20 + 0.1 * SPEED, STEP), "",
                                  "--columns input=Q1,output=T1"),

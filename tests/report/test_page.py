@@ -336,6 +336,27 @@ def test_no_command_is_offered_that_would_be_refused(wrong: dict[str, Any], repo
     assert [command.split()[1] for _why, command in page.steps] == ([] if wrong else ["tune-rc"])
 
 
+def test_what_no_command_mends_is_said_in_its_place(report_of: Callable[..., Any], tmp_path: Path):
+    fit: dict[str, Any] = {"schema": "eaid/fit/2", "converged": True, "linear": LINEAR, "nonlinear": PLANT}
+    eaid.tune_rc(loaded(fit)).save(tmp_path / "gains.json")
+    gains = json.loads((tmp_path / "gains.json").read_text(encoding="utf-8"))
+    (tmp_path / "a.csv").touch()
+    values = {"times": 9.0, "e": 0.0, "low": -0.3, "high": 0.3, "worst": 50.0, "of": 1, "lost_pct": 25.0,
+              "samples": 2, "value": 9.0, "at_s": 2.0, "unit": "%"}  # fmt: skip
+    found = {code: {"code": code, "subject": "data", "severity": severity, "values": values} for code, severity in
+             (("rise-of-the-rig", "caution"), ("output-decays-under-hold", "caution"), ("spikes", "stop"))}  # fmt: skip
+    for code, one in found.items():
+        page = report_of({**fit, "command": [str(tmp_path / "a.csv")], "findings": [one]}, gains)
+        said, offered = page.text, [command.split()[1] for _why, command in page.steps]
+        assert ("Record steps on a stand" in said) == (code == "rise-of-the-rig") and "plan" not in offered
+        assert ("Take peak, slip and held output" in said) == (code == "output-decays-under-hold")
+        assert ("export" in offered) == (code == "output-decays-under-hold")
+        mended = [command for _why, command in page.steps if "--repair" in command]
+        assert [line.split()[1:4] for line in mended] == (
+            [["fit", str(tmp_path / "a.csv"), "--repair"]] * (code == "spikes")
+        )
+
+
 @pytest.mark.parametrize(("short", "laws"), [("", None), ("rc", "pi,inverse,plant"), ("pi", "rc,inverse,plant")])
 def test_gains_short_of_margin_are_not_sent_to_the_rig(short: str, laws: str | None, report_of: Any, tmp_path: Path):
     """None at all where neither controller has 6 dB and 45°."""

@@ -33,6 +33,7 @@ def test_five_questions_are_answered_from_the_terminal(folder, run_eaid):
     assert told.code == 0, told.err
     assert "moved   A against B: T_s" in told.out and "% at" in told.out  # has it changed, and by how much?
     assert "retune  yes" in told.out and "next    eaid tune-rc s0.json" in told.out  # must I retune?
+    assert (told.out + told.err).count("next") == 1
     told = run_eaid("sessions", *(f"s{k}.json" for k in range(6)), "-o", "rig.json", "--force")
     assert told.code == 0, told.err
     assert "advice  sessions, not repeats" in told.out and "first a reference step at" in told.out  # what do I record?
