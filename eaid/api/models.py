@@ -152,12 +152,12 @@ def fit(
         raise UsageError("«duty»: belongs to logs that are fitted as recorded, and these are steps; leave it out")
     refits = how.draws if how.ci == "bootstrap" else 0
     with progress("bootstrap refits" if refits else "fitting", refits) as advance:
-        fitted = fit_steps(steps, how, advance)
-        fitted = with_another_kind(fitted, steps, how)
+        as_clutch = fit_steps(steps, how, advance)
+        fitted = with_another_kind(as_clutch, steps, how)
     replayed = msgspec.structs.replace(fitted.data, replayed=of_own_logs(fitted, steps.logs))
     fitted = msgspec.structs.replace(fitted, data=replayed)
     found = {
-        "responses": responses_of(steps, fitted.findings),
+        "responses": responses_of(steps, as_clutch.findings),
         "parameters": table_of(fitted),
         "samples": Samples(steps),
     }

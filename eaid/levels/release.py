@@ -8,6 +8,7 @@ s = C (1 − e^(−H/τ1↑)) / (C (1 − e^(−H/τ1↑)) + (1 − C)(1 − e^(
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 
 from eaid.arrays import Array
@@ -17,10 +18,10 @@ from eaid.estimate.solver import bring_in
 from eaid.estimate.starts import form_starts
 from eaid.findings import Finding, finding
 from eaid.levels.from_steps import Solution, StepProblem, minimised
-from eaid.plant.dynamics import SHARE, Step
+from eaid.plant.dynamics import SHARE, Plant, Step
 from eaid.plant.steps import rise, step_response
 from eaid.results.models import Release
-from eaid.steps.stepset import Level
+from eaid.steps.stepset import Level, StepSet
 
 FALL_STARTS = 3  # Starts of the solve
 
@@ -64,6 +65,17 @@ def release_fit(
     tau1, tau2 = pooled.x.tolist()
     part = Release(tau1, tau2, share, rmse, total, solver=pooled.solver)
     return part, _findings(data, pooled, parts)
+
+
+def release_of(plant: Plant, stepset: StepSet) -> Release | None:
+    """The release of a plant whose states are other than the clutch's, from where its rises have ended; None where none
+    was recorded, or the states do not fall each by itself."""
+    if plant.zeta is not None or not stepset.releases:
+        return None
+    rises = {level.level: plant.at(level.level) for level in stepset.levels}
+    held_s = {level.level: float(level.time_s[-1]) for level in stepset.levels}
+    found = release_fit(stepset.releases, rises, held_s, plant.C)[0]
+    return found if plant.C != 1 else msgspec.structs.replace(found, tau2=found.tau1)
 
 
 def _findings(data: Data, pooled: Solution, parts: Array) -> list[Finding]:

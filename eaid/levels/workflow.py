@@ -28,7 +28,7 @@ from eaid.levels.huber import huber_findings, minimise
 from eaid.levels.linear import linear_part
 from eaid.levels.nonlinear import nonlinear_part
 from eaid.levels.own_levels import OwnLevels, own_levels
-from eaid.levels.release import release_fit
+from eaid.levels.release import release_fit, release_of
 from eaid.options import MODELS, FitGiven, FitOptions
 from eaid.plant.dynamics import SHARE
 from eaid.results.common import Input, Source
@@ -100,7 +100,7 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
             result = msgspec.structs.replace(
                 result, friction=msgspec.structs.replace(part, levels=(*part.levels, *rows))
             )
-        told = with_plant(msgspec.structs.replace(result, steps=shapes), dead_time_s, usual_idle(stepset))
+        told = with_plant(msgspec.structs.replace(result, steps=shapes), stepset, dead_time_s)
         result = quotable(told)
         beyond_measure = [] if result is told else [finding("numbers-beyond-measure", "data")]
         return judged(
@@ -281,7 +281,7 @@ def usual_idle(stepset: StepSet) -> float:
     return median(known) if known else 0.0
 
 
-def with_plant(result: Fit, dead_time_s: float, idle: float) -> Fit:
+def with_plant(result: Fit, stepset: StepSet, dead_time_s: float) -> Fit:
     """A fit of steps with the plant that every later command reads; curves of levels behind their dead time, too."""
     if result.friction is not None and dead_time_s:
         rows = [
@@ -291,8 +291,10 @@ def with_plant(result: Fit, dead_time_s: float, idle: float) -> Fit:
     if result.nonlinear is None:
         return result
     plant = with_release(result.nonlinear.parameters, result.release, result.friction_levels)
-    timed = replace(plant, dead_time_s=max(dead_time_s, 0.0), idle=idle)
+    timed = replace(plant, dead_time_s=max(dead_time_s, 0.0), idle=usual_idle(stepset))
     plant = with_overshoot(timed, result.data.levels, result.steps)
+    if plant.C > 1 and (release := release_of(plant, set_behind(stepset, dead_time_s))) is not None:
+        plant, result = with_release(plant, release), msgspec.structs.replace(result, release=release)
     return msgspec.structs.replace(
         result, plant_=FittedPlant.of(plant, (result.data.input_unit, result.data.output_unit))
     )

@@ -9,6 +9,7 @@ import statistics
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -24,6 +25,7 @@ from eaid.levels import workflow
 from eaid.levels.from_steps import fit_linear
 from eaid.levels.linear import bounds_of, parameters, single_levels
 from eaid.levels.nonlinear import with_errors
+from eaid.levels.release import release_of
 from eaid.levels.unseen import falls_too_far
 from eaid.logs.run import Run
 from eaid.options import FitOptions
@@ -43,6 +45,7 @@ from eaid.results.models import (
     FittedData,
     Friction,
     FrictionLevel,
+    LevelIntervals,
     Linear,
     Noise,
     Nonlinear,
@@ -50,9 +53,11 @@ from eaid.results.models import (
     Release,
     Uncertainty,
 )
+from eaid.results.plant import FittedPlant
 from eaid.results.recorded import LogCurve, LogFit, Recorded
 from eaid.results.residuals import correlation_of
 from eaid.results.verdict import judged
+from eaid.shapes.delay import set_behind
 from eaid.shapes.each_step import single_steps
 from eaid.steps.levels import wanted_levels
 from eaid.steps.stepset import Level, StepSet
@@ -294,9 +299,28 @@ def with_another_kind(fit: Fit, stepset: StepSet, options: FitOptions) -> Fit:
     if part.plant.kind == "ringing":  # its turns are the edges that were seen
         kept = [one for one in kept if not (one.code == "several-edges" and one.values.get("has_input"))]
     told = [one for one in other.findings if one.code in ("kind-by-evidence", "dead-time")]
-    named = msgspec.structs.replace(part, input_unit=fit.data.input_unit, output_unit=fit.data.output_unit)
-    changed = {"plant_": named, "nonlinear": other.nonlinear, "linear": other.linear, "friction": None, "release": None}
-    return judged(msgspec.structs.replace(fit, **changed, findings=ranked([*kept, *told])))
+    idle = workflow.usual_idle(stepset)  # which the steps were cut from
+    named = msgspec.structs.replace(part, input_unit=fit.data.input_unit, output_unit=fit.data.output_unit, idle=idle)
+    if (release := release_of(part.plant, set_behind(stepset, part.dead_time_s))) is not None:
+        named = msgspec.structs.replace(named, release=(release.tau1, release.tau2))
+    changed: dict[str, Any] = {"nonlinear": other.nonlinear, "linear": other.linear, "release": release}
+    changed["friction"] = levels_of_plant(named, fit.data.levels)
+    return judged(msgspec.structs.replace(fit, plant_=named, **changed, findings=ranked([*kept, *told])))
+
+
+def levels_of_plant(part: FittedPlant, levels: Sequence[float]) -> Friction | None:
+    """T_s, τ1 and τ2 of some levels as a plant of one lag, or two in parallel, has them; None of other kinds."""
+    p, ci95 = part.plant, part.ci95
+    if p.zeta is not None:
+        return None
+    rows = []
+    for u in levels:
+        at, ends = p.at(u), None
+        if ci95 is not None and ci95.gain is not None and part.tried[0].gain == "one":
+            low, high = ci95.gain
+            ends = LevelIntervals((low * u, high * u), ci95.tau1, ci95.tau2 or ci95.tau1, ci95.C)
+        rows.append(FrictionLevel(u, at.Ts, at.tau1, at.tau2, at.C, ci95=ends))
+    return Friction(p.C, levels=tuple(rows))
 
 
 def from_rest_on(log: RecordedLog) -> RecordedLog:

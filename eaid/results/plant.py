@@ -9,15 +9,13 @@ import msgspec
 import numpy as np
 from numpy.polynomial.polynomial import polyfit
 
-from eaid.plant.dynamics import TAU_FLOOR_S, Plant, Step
-from eaid.plant.steps import step_rate
+from eaid.plant.dynamics import TAU_FLOOR_S, Plant
 from eaid.results.common import Interval, Number, Positive, Result
 from eaid.results.recorded import KindTried
 
 if TYPE_CHECKING:
     from eaid.results.models import FrictionLevel, Release, StepShape
 
-ALIKE = math.log(2.0)  # A release that begins as an overshoot rises, by this factor, goes on as that does, too
 Coefficients = Annotated[tuple[Number, ...], msgspec.Meta(min_length=1)]
 
 
@@ -98,9 +96,7 @@ class FittedPlant(Result, frozen=True):
 
 def with_overshoot(plant: Plant, levels: Sequence[float], steps: "Sequence[StepShape]") -> Plant:
     """A plant as its single steps from rest show it, where most of them overshoot at every level: C above 1, the median
-    of all, as the time constants are; T_s goes through the levels' own ends. Else the plant itself.
-
-    A release that is alike falls as the plant rises, with an undershoot; a faster or slower one of its own stays."""
+    of all, as the time constants are; T_s goes through the levels' own ends. Else the plant itself."""
     over: list[StepShape] = []
     for u in levels:
         own = [one for one in steps if one.edge == "up" and one.from_ == 0 and one.level == u]
@@ -111,12 +107,8 @@ def with_overshoot(plant: Plant, levels: Sequence[float], steps: "Sequence[StepS
     if not over:
         return plant
     tau1, tau2, C = (float(np.median([getattr(one, key) for one in over])) for key in ("tau1", "tau2", "C"))
-    release = plant.release
-    first_s = 1 / float(step_rate(Step(1.0, tau1, tau2, C), np.zeros(1))[0])  # one lag that begins as the plant falls
-    if release is not None and abs(math.log(release[0] / first_s)) < ALIKE:
-        release = None
     ends = polyfit([one.level for one in over], [one.change for one in over], min(3, len(levels) - 1))
-    return replace(plant, tau1=(tau1,), tau2=(tau2,), C=C, Ts=tuple(ends.tolist()), Ts_through=(), release=release)
+    return replace(plant, tau1=(tau1,), tau2=(tau2,), C=C, Ts=tuple(ends.tolist()), Ts_through=())
 
 
 def falls_between(levels: "Sequence[FrictionLevel]") -> "tuple[FrictionLevel, ...]":

@@ -67,8 +67,7 @@ def answer(fit: "Fit") -> list[str]:
         used = USED[model.estimator] if fit.recorded is None else "the recorded log as a whole, every input at once"
         parted = any(one.code in ("joint-fit-parts", "joint-fit-asked-for-parts") for one in fit.findings)
         lines.append(f"used   {used}{' (the joint fit disagrees with the single levels)' if parted else ''}")
-        lines += _held(fit)
-    return lines
+    return [*lines, *_held(fit)]
 
 
 def of_another_kind(fit: "Fit") -> bool:
@@ -157,7 +156,8 @@ def _held(fit: "Fit") -> list[str]:
         if getattr(top, name) is not None:
             said.append(f"{verb} {_with_interval(top, name)} s")
     if top.peak is not None:
-        said.append(f"peaks at {top.peak:.3g}{unit} after {top.peak_s:.3g} s, so T_s is an average")
+        shown = fit.plant_ is not None and fit.plant_.kind == "overshoot"
+        said.append(f"peaks at {top.peak:.3g}{unit} after {top.peak_s:.3g} s{', so T_s is an average' * (not shown)}")
     level = f"{top.level:.4g} {fit.data.input_unit}".rstrip()
     return [f"held   at {level}: {', '.join(filter(None, said))}"]
 
