@@ -288,6 +288,8 @@ def with_another_kind(fit: Fit, stepset: StepSet, options: FitOptions) -> Fit:
     part = other.plant_
     if part is None or not part.another or not other.verdict.usable or (part.tried[0].fit_pct or 0.0) < LEAST_PCT:
         return fit
+    if part.zeta is not None and part.zeta <= 2 * forms.LEAST_ZETA:  # what swings on and on is an output of its own
+        return fit
     explained = 0.0 if fit.nonlinear is None else fit.nonlinear.fit_pct or 0.0
     found = part.tried[0].fit_pct or 0.0
     as_well = part.plant.kind == "lag" and part.dead_time_s > 0 and found >= explained - AS_WELL_PCT
