@@ -135,7 +135,8 @@ def design_options(
     if options.duty_limits is not None and is_duty(fit) and options.duty_limits[1] > 100:
         low, high = options.duty_limits
         raise UsageError(f"«duty_limits» {low:g},{high:g}: a duty ends at 100 %")
-    P = (options.p_scale * scales.pace**2, options.p_scale)
+    own = options.kp is None and options.natural_frequency is None  # else P is p·I
+    P = (options.p_scale * (scales.pace**2 if own else 1.0), options.p_scale)
     Q22 = (P[1] + P[0] / K_P) / (2 * K_D)
     layer = 0.5 if scales.paper else LAYER * PAPER_TOP * scales.top * Q22
     epsilon = layer if options.epsilon is None else options.epsilon

@@ -105,12 +105,7 @@ def robust_of(model: LinearPlant, bounds: Bounds, design: Design) -> Robust:
 
 
 def ultimate_bound_nm(
-    alpha: float,
-    n: tuple[float, float],
-    rho: RhoLine,
-    epsilon: float,
-    P: tuple[float, float],
-    Q: tuple[float, float, float],
+    alpha: float, n: tuple[float, float], rho: RhoLine, epsilon: float, P: tuple[float, float], Q: tuple[float, ...]
 ) -> float | None:
     """Largest |e| [N·m] in the end; None where the bound on V̇ gives none.
 

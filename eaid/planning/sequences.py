@@ -20,17 +20,7 @@ from eaid.estimate.recorded_log import RecordedLog
 from eaid.estimate.spread import t_quantile
 from eaid.findings import finding
 from eaid.options import Limits, PlanOptions
-from eaid.planning.design import (
-    PARAMETERS,
-    Designer,
-    Widths,
-    finite,
-    percent,
-    relative_rows,
-    rig_of,
-    settled,
-    wanting,
-)
+from eaid.planning.design import PARAMETERS, Designer, Widths, percent, relative_rows, rig_of, settled, wanting
 from eaid.planning.kinds import is_clutch
 from eaid.planning.recordings import RATE_HZ, disturbance_of
 from eaid.plant.drive import Drive
@@ -299,7 +289,7 @@ def shortest_recording(
         findings.append(
             finding(
                 "excitation-short", "plan",
-                most_s=plan.time_on_rig_s, parameter=worst, width_pct=finite({worst: width})[worst],
+                most_s=plan.time_on_rig_s, parameter=worst, width_pct=width if width < np.inf else None,
                 wanted_pct=options.want[worst],
             )
         )  # fmt: skip

@@ -293,11 +293,11 @@ def with_another_kind(fit: Fit, stepset: StepSet, options: FitOptions) -> Fit:
     explained = 0.0 if fit.nonlinear is None else fit.nonlinear.fit_pct or 0.0
     found = part.tried[0].fit_pct or 0.0
     as_well = part.plant.kind == "lag" and part.dead_time_s > 0 and found >= explained - AS_WELL_PCT
-    if usable and not as_well and 100 - found > FAR_BETTER * (100 - explained):
+    swings = part.plant.kind in ("ringing", "series")  # what slips back keeps the clutch and its release
+    if usable and not as_well and not (swings and 100 - found <= FAR_BETTER * (100 - explained)):
         return fit
-    of_shapes = {one.code for step in fit.steps for one in step.findings} | {"dead-time"}  # no step has its shape
     gone = ("nonlinear", "friction", "release")
-    kept = [one for one in fit.findings if one.code not in of_shapes and one.subject not in gone]
+    kept = [one for one in fit.findings if one.code not in OF_SHAPES and one.subject not in gone]
     if part.plant.kind == "ringing":  # its turns are the edges that were seen
         kept = [one for one in kept if not (one.code == "several-edges" and one.values.get("has_input"))]
     told = [one for one in other.findings if one.code in ("kind-by-evidence", "dead-time")]
@@ -334,6 +334,7 @@ def from_rest_on(log: RecordedLog) -> RecordedLog:
     )  # fmt: skip
 
 
+OF_SHAPES = {"dead-time", "other-shape-fits-better", "shape-misses", "step-leaves-open"}  # No step has its shape
 ONE_LAG = {"taus-meet", "constraint-holds"}
 FAR_BETTER = 0.7  # Of what the clutch leaves, another kind leaves this much at most to be taken: half of the squares
 AS_WELL_PCT = 1.0  # Of the fit that another kind may lose against two lags that meet

@@ -281,8 +281,9 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
             np.atleast_1d(statistics.numbers("duty", duty)).tolist(),
         )
         known = self.data.levels if self.recorded is None else self.recorded.u_range
+        signed = chosen == statistics.PLANT and bool(self.plant.Ts_below)
         for u in inputs:
-            if known and not min(known) <= u <= max(known):
+            if known and not min(known) <= (abs(u) if signed else u) <= max(known):
                 raise self._outside("duty", u, known)
         return pd.DataFrame(
             np.column_stack([self.curve(chosen, u, np.maximum(time_s, 0.0)) for u in inputs]),

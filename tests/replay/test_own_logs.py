@@ -67,6 +67,14 @@ def test_a_recording(name, tmp_path):
     assert pct > 95
 
 
+def test_a_plant_of_both_signs_foretells_both():
+    fit = eaid.fit(eaid.read(pd.DataFrame(logged(PLANTS["signed"], *staircase("signed"))), logs_as="recorded", **UNITS))
+    both = fit.predict([0.8, -0.8], [0.0, 9.0]).to_numpy()
+    np.testing.assert_allclose(both, [[0.0, 0.0], [0.8, -1.4 * 0.8]], atol=0.01)
+    with pytest.raises(eaid.UsageError, match="duty= -1.2"):
+        fit.predict(-1.2, [1.0])
+
+
 @pytest.mark.parametrize(
     "name", [name for name, one in PLANTS.items() if not (one.Ts_below or one.excess or one.falls[0] != 1)]
 )
