@@ -51,7 +51,9 @@ class Drawn:
 def drawable(fit: Fit) -> bool:
     """Whether a fit holds the covariance that plants are drawn with; without it all of them are the fitted plant."""
     model = fit.nonlinear
-    return model is not None and model.covariance is not None and bool(model.covariance.matrix)
+    if model is None or model.covariance is None or (fit.plant_ is not None and fit.plant_.kind != "parallel"):
+        return False
+    return bool(model.covariance.matrix)
 
 
 def draw(fit: Fit, n: int, seed: int) -> Drawn:

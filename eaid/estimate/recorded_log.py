@@ -76,9 +76,9 @@ class RecordedLog:
     @property
     def saturated(self) -> float:
         """Part of the acting time that the input stands at its largest value."""
-        top = float(self.input.max())
-        acting = float(self.dt_s[self.input > 0].sum())
-        at_top = float(self.dt_s[self.input >= top * (1 - 1e-9)].sum())
+        size = np.abs(self.input)
+        acting = float(self.dt_s[size > 0].sum())
+        at_top = float(self.dt_s[size >= size.max() * (1 - 1e-9)].sum())
         return at_top / acting if acting > 0 and at_top > 2 * float(np.median(self.dt_s)) else 0.0
 
 

@@ -120,6 +120,8 @@ def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], No
     if not stepset.levels:
         raise DataError("no rising step was found in the logs; give «step_at», or check the input column")
     models = models_chosen(stepset.kind, options.model)
+    if options.loss == "huber" and options.ci == "bootstrap":
+        raise UsageError("«ci» bootstrap: refits by squares, not by «loss» huber; take robust")
     if options.curve == "levels":
         refuse_through(stepset, options)
     kept, held_out = split(stepset.levels, options.hold_out)

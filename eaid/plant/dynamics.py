@@ -117,8 +117,8 @@ class Plant:
     def gain(self) -> Proportional | LegendreForm:
         """The form of a polynomial T_s(u), linear in its coefficients."""
         degree = max((k for k, c in enumerate(self.Ts) if c), default=0)
-        straight = degree == 1 and self.Ts[0] == 0
-        return Proportional(*self.u_range) if straight else LegendreForm(degree, *self.u_range)
+        through_rest = degree > 0 and self.Ts[0] == 0
+        return Proportional(*self.u_range, degree) if through_rest else LegendreForm(degree, *self.u_range)
 
     @property
     def sloped(self) -> bool:

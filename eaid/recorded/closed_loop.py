@@ -45,6 +45,7 @@ def law_behind(log: RecordedLog) -> LawFound | None:
         return None
     u, e = log.input, log.reference - log.output
     off = (u > 0) & (u < float(u.max()) * (1 - 1e-9))
+    off &= np.isfinite(e)
     rows = np.flatnonzero(off[1:] & off[:-1]) + 1
     if len(rows) < LEAST_ROWS:
         return None

@@ -98,10 +98,10 @@ def input_findings(logs: Sequence[RecordedLog], levels: Array) -> list[Finding]:
     """Warnings in the inputs, log by log and together."""
     findings = []
     for log in logs:
-        known, top = np.isfinite(log.output), float(log.input.max())
+        known, top = np.isfinite(log.output), float(np.abs(log.input).max())
         step = np.abs(np.diff(log.input)) > INPUT_JUMP * top
         alone = int((step[1:] & step[:-1]).sum())  # rows that differ much from both neighbours
-        share = 100.0 * alone / max(int((log.input > 0).sum()), 1)
+        share = 100.0 * alone / max(int((log.input != 0).sum()), 1)
         if share > FAST_PCT:
             findings.append(finding("input-faster-than-sampled", log.name, share_pct=share))
         share = 100.0 * log.saturated
@@ -363,8 +363,10 @@ def fit_whole(stepset: StepSet, options: FitOptions) -> Fit:
     if fit.plant_ is not None and fit.plant_.another:  # a step by itself has no shape of that kind
         of_shapes = ()
     findings = ranked((*stepset.all_findings, *fit.findings, *of_shapes))
-    told = msgspec.structs.replace(fit, options=workflow.given(options, stepset), steps=shapes, findings=findings)
-    return judged(workflow.quotable(told))
+    told = msgspec.structs.replace(fit, options=workflow.given(options, stepset), steps=shapes)
+    known = workflow.quotable(told)
+    beyond = [] if known is told else [finding("numbers-beyond-measure", "data")]
+    return judged(msgspec.structs.replace(known, findings=ranked((*findings, *beyond))))
 
 
 def fit_recorded(

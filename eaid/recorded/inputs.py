@@ -6,8 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from eaid.arrays import Array
+from eaid.errors import UsageError
 from eaid.estimate.recorded_log import RecordedLog
 
+WIDEST_LEVEL = 10.0  # Of inputs that are one level the last is not further from the first than this many such parts
 LEVELS_ALIKE = 1e-3  # Inputs that differ by less than this part of the largest are one level
 MANY_LEVELS = 60  # Levels beyond which inputs count as moving
 FEW_LEVELS = 20  # Levels that are shown each by itself, at most
@@ -41,10 +43,16 @@ def excited_by(logs: Sequence[RecordedLog], wanted: tuple[float, float] | None) 
     """Levels and range that the logs excite, or the range that was asked for."""
     levels = np.unique(np.abs(np.concatenate([log.input[log.changes] for log in logs])))
     levels = levels[levels > 0]
-    levels = levels[np.append(True, np.diff(levels) > LEVELS_ALIKE * levels[-1])]  # those all but alike are one
-    stepwise = all(log.stepwise for log in logs) and len(levels) <= MANY_LEVELS
+    alike = LEVELS_ALIKE * levels[-1]
+    begins = np.append(True, np.diff(levels) > alike)  # those all but alike are one
+    width = float((levels - levels[begins][np.cumsum(begins) - 1]).max())  # but not a row of many, as a ramp has them
+    levels = levels[begins]
+    stepwise = all(log.stepwise for log in logs) and len(levels) <= MANY_LEVELS and width <= WIDEST_LEVEL * alike
     if wanted is not None:
         inside = levels[(levels >= wanted[0]) & (levels <= wanted[1])]
+        if stepwise and not len(inside):
+            held = ", ".join(f"{level:g}" for level in levels)
+            raise UsageError(f"«duty» {wanted[0]:g}:{wanted[1]:g}: no level of the logs lies in it; they hold {held}")
         return Excited(inside if stepwise else np.array(wanted), *wanted, stepwise)
     if stepwise:
         return Excited(levels, float(levels[0]), float(levels[-1]), True)

@@ -169,8 +169,8 @@ def peaks(search: Search) -> list[float]:
     log = max(search.logs, key=lambda one: len(one.time_s))
     y, dt_s = np.nan_to_num(log.output - np.nanmean(log.output)), median(log.dt_s)
     power = np.abs(np.fft.rfft(np.diff(y))) ** 2
-    top = np.argsort(power)[-2:] + 1
-    return [float(2 * np.pi * k / (len(y) * dt_s)) for k in top]
+    top = np.argsort(power[1:])[-2:] + 1
+    return [float(2 * np.pi * k / ((len(y) - 1) * dt_s)) for k in top]
 
 
 def begun(

@@ -73,7 +73,10 @@ def timed(
     rows = delays(base, acting)
     shown = [dead_s - count * median(log.dt_s) for log, count in zip(logs, rows, strict=True)]
     dead_s = max(median([one for one in shown if one > 0] or [0.0]), 0.0)
-    late_rows = tuple(max(0, round(-one / median(log.dt_s))) for one, log in zip(shown, logs, strict=True))
+    # the input of a log that answers early is moved behind the dead time that all of them have
+    late_rows = tuple(
+        round((dead_s - one) / median(log.dt_s)) if one < 0 else 0 for one, log in zip(shown, logs, strict=True)
+    )
     if not any(rows) and not dead_s:
         return Timed(base, acting, late_rows)
     acting = tuple(log_behind(shifted(log, count), dead_s) for log, count in zip(logs, late_rows, strict=True))

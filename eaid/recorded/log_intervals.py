@@ -178,7 +178,7 @@ def correlation_s(r: Array, dt_s: float) -> float:
 
 def engagements(drive: Drive) -> NDArray[np.intp]:
     """Number of the engagement that a row belongs to, (n,): each begins where the input leaves rest."""
-    loaded = drive.duty[drive.which] > 0
+    loaded = drive.duty[drive.which] != 0
     begins = np.append(loaded[0], loaded[1:] & ~loaded[:-1])
     return np.asarray(np.maximum(np.cumsum(begins) - 1, 0))
 

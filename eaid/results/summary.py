@@ -156,7 +156,7 @@ def _held(fit: "Fit") -> list[str]:
         if getattr(top, name) is not None:
             said.append(f"{verb} {_with_interval(top, name)} s")
     if top.peak is not None:
-        shown = fit.plant_ is not None and fit.plant_.kind == "overshoot"
+        shown = of_another_kind(fit)
         said.append(f"peaks at {top.peak:.3g}{unit} after {top.peak_s:.3g} s{', so T_s is an average' * (not shown)}")
     level = f"{top.level:.4g} {fit.data.input_unit}".rstrip()
     return [f"held   at {level}: {', '.join(filter(None, said))}"]

@@ -1,0 +1,80 @@
+"""Inputs of recorded logs that look like others: ramps in small steps, both signs, ranges without a level."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import eaid
+from eaid.estimate.draw import draw, drawable
+from eaid.estimate.recorded_log import RecordedLog
+from eaid.options import FitOptions
+from eaid.plant.dynamics import Plant
+from eaid.plant.respond import respond
+from eaid.recorded.fit import fit_recorded
+from eaid.recorded.inputs import excited_by
+from eaid.recorded.log_intervals import engagements
+
+LAG = Plant((0.5,), (0.5,), (0.0, 0.02), (1.0, 100.0), C=1.0)
+
+
+def log(t, u, plant=LAG, noise=0.005, name="log"):
+    output = respond(plant, t, u, t) + noise * np.random.default_rng(1).standard_normal(len(t))
+    return RecordedLog(name, t, u, output)
+
+
+def test_a_ramp_that_is_held_for_ten_rows_a_value_is_no_staircase():
+    t = np.arange(40_000) * 1e-3
+    ramp = np.repeat(np.linspace(0, 100, 4000), 10)
+    assert log(t, ramp).stepwise
+    found = excited_by([log(t, ramp)], None)
+    assert not found.stepwise and found.low < 5 and found.high > 95
+    told = fit_recorded([log(t[::10], ramp[::10])], FitOptions(model=("nonlinear",)))
+    assert told.plant.steady(50.0) == pytest.approx(1.0, rel=0.02)
+
+
+def test_levels_that_are_all_but_alike_are_one():
+    t = np.arange(4000) * 0.01
+    u = np.repeat([0.0, 20.0, 20.004, 60.0, 19.998, 60.003, 100.0, 0.0], 500)
+    assert excited_by([log(t, u)], None).levels == pytest.approx([20, 60, 100], abs=0.01)
+
+
+def test_a_range_without_a_level_is_refused_by_its_levels():
+    t = np.arange(6000) * 0.01
+    columns = {"time_s": t, "duty_pct": np.repeat([0.0, 20.0, 60.0, 80.0, 20.0, 60.0], 1000)}
+    columns["torque_Nm"] = respond(LAG, t, columns["duty_pct"], t)
+    with pytest.raises(eaid.UsageError, match=r"40:50: no level of the logs lies in it; they hold 20, 60, 80"):
+        eaid.fit(eaid.read(pd.DataFrame(columns), logs_as="recorded"), duty=(40, 50))
+
+
+def test_an_input_of_both_signs_that_never_rests_is_one_engagement():
+    from eaid.estimate import forms
+    from eaid.recorded.from_logs import setup_of
+
+    t, random = np.arange(4000) * 0.01, np.random.default_rng(2)
+    u = np.repeat(random.choice([-1.0, 1.0], 100), 40)
+    (drive,) = setup_of(forms.nonlinear(np.array([0.5, 1.0]), 0.85), [log(t, u)], True).every.drives
+    assert not engagements(drive).any()
+
+
+def test_plants_of_another_kind_are_not_drawn_by_the_clutchs_covariance():
+    t, random = np.arange(3000) * 0.02, np.random.default_rng(3)
+    u = np.repeat(random.choice([0.0, 30.0, 60.0, 100.0], 60), 50)
+    fit = fit_recorded([log(t, u)], FitOptions())
+    assert fit.plant.kind == "lag" and not drawable(fit)
+    assert draw(fit, 3, 0).plants == (fit.plant,) * 3
+
+
+def test_a_loop_with_a_missing_output_still_tells_its_law():
+    from eaid.recorded.closed_loop import law_behind
+
+    t = np.arange(4000) * 0.01
+    wanted = 1 + 0.5 * np.sin(0.7 * t)
+    y, integral, u = np.zeros(len(t)), 0.0, np.zeros(len(t))
+    for k in range(len(t) - 1):
+        u[k] = 20 * (wanted[k] - y[k]) + 30 * integral
+        integral += 0.01 * (wanted[k] - y[k])
+        y[k + 1] = y[k] + (0.02 * u[k] - y[k]) * (1 - np.exp(-0.01 / 0.5))
+    u[-1] = u[-2]
+    y[500] = np.nan
+    law = law_behind(RecordedLog("loop", t, u, y, reference=wanted))
+    assert law is not None and law.gains[:2] == pytest.approx((20, 30), rel=1e-3)
