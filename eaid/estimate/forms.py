@@ -10,7 +10,7 @@ Below the lowest identified input, u_low, τ1 and τ2 keep their edge value and 
 highest, all keep their edge value. Constraints, specification 3: τ1 ≥ 1 ms, τ2 ≥ τ1, T_s ≥ 0, 0 ≤ C ≤ 1.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -121,32 +121,19 @@ class Model:
         """The constraints; times are the longest record and the shortest between two samples [s]."""
         Ts, tau1, tau2, C = self.rows(self.limited)
         parts: list[tuple[str, Array, float]] = [
-            ("tau1-floor", tau1, TAU_FLOOR_S),
-            ("tau2-meets-tau1", tau2 - tau1, 0.0),
-        ]
+            ("tau-fastest", tau1[:1], FASTEST_TAU * shortest_s), ("tau-slowest", -tau1[:1], -SLOWEST_TAU * longest_s),
+        ]  # fmt: skip
+        share = [("C-zero", C[:1], 0.0), ("C-one", -C[:1], -1.0)]
         if self.kind == "swing":
-            parts = [
-                ("tau-fastest", tau1[:1], FASTEST_TAU * shortest_s),
-                ("tau-slowest", -tau1[:1], -SLOWEST_TAU * longest_s),
-                ("zeta-least", tau2[:1], LEAST_ZETA), ("zeta-most", -tau2[:1], -MOST_ZETA),
-            ]  # fmt: skip
-            free = [("zero-least", C[:1], -MOST_ZERO), ("zero-most", -C[:1], -MOST_ZERO)] if self.free_share else []
-            return self._limits([*parts, *free])
-        if self.kind == "lag":
-            slowest = -tau1[:1], -SLOWEST_TAU * longest_s
-            return self._limits([("tau-fastest", tau1[:1], FASTEST_TAU * shortest_s), ("tau-slowest", *slowest)])
-        if self.tau2 is None:
+            parts += [("zeta-least", tau2[:1], LEAST_ZETA), ("zeta-most", -tau2[:1], -MOST_ZETA)]
+            share = [("zero-least", C[:1], -MOST_ZERO), ("zero-most", -C[:1], -MOST_ZERO)]
+        elif self.kind == "parallel" and self.tau2 is None:
             parts = [("a0-fastest", tau1[:1], 0.01 * shortest_s), ("a0-slowest", -tau1[:1], -1e3 * longest_s)]
-        elif self.Ts is not None:
-            parts.append(("Ts-zero", Ts, 0.0))
-        if self.tau2 is not None:
+        elif self.kind == "parallel":
+            parts = [("tau1-floor", tau1, TAU_FLOOR_S), ("tau2-meets-tau1", tau2 - tau1, 0.0)]
+            parts += [("Ts-zero", Ts, 0.0)] * (self.Ts is not None)
             parts.append(("tau2-endless", -tau2, -(RECORDS_FREE if self.free_share else RECORDS) * longest_s))
-        if self.free_share:
-            parts += [("C-zero", C[:1], 0.0), ("C-one", -C[:1], -1.0)]
-        return self._limits(parts)
-
-    def _limits(self, parts: Sequence[tuple[str, Array, float]]) -> Constraints:
-        """Constraints by code, rows and least value."""
+        parts += share * self.free_share
         A = np.concatenate([part for _, part, _ in parts])
         b = np.concatenate([np.full(len(part), least) for _, part, least in parts])
         at = [self.limited if len(part) == len(self.limited) else np.full(len(part), np.nan) for _, part, _ in parts]

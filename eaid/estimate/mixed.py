@@ -81,24 +81,15 @@ class MixedLine:
     v: Array
 
     @cached_property
-    def K(self) -> Array:
-        """Covariance of the values, (n, n)."""
-        return np.asarray(self.values.W + sum(v * G for v, G in zip(self.v, self.values.G, strict=True)))
-
-    @cached_property
     def inverse(self) -> Array:
-        """K⁻¹."""
-        return np.asarray(np.linalg.inv(self.K))
-
-    @cached_property
-    def information(self) -> Array:
-        """X' K⁻¹ X, (p, p)."""
-        return np.asarray(self.values.X.T @ self.inverse @ self.values.X)
+        """K⁻¹ of the covariance of the values, (n, n)."""
+        K = self.values.W + sum(v * G for v, G in zip(self.v, self.values.G, strict=True))
+        return np.asarray(np.linalg.inv(K))
 
     @cached_property
     def covariance(self) -> Array:
-        """Covariance of β, (p, p)."""
-        return np.asarray(np.linalg.inv(self.information))
+        """Covariance of β, (X' K⁻¹ X)⁻¹, (p, p)."""
+        return np.asarray(np.linalg.inv(self.values.X.T @ self.inverse @ self.values.X))
 
     @cached_property
     def beta(self) -> Array:
@@ -134,15 +125,6 @@ class MixedLine:
         second = [[a @ self.projected @ b for b in moved] for a in moved]
         return np.array(second) - 0.5 * np.array([[np.vdot(a.T, b) for b in across] for a in across])
 
-    def predict(self, x: Array, k: Array, own: Array, known: float = np.inf) -> tuple[float, float, float]:
-        """A further value: its mean, variance and degrees of freedom; those of W are `known`.
-
-        x (p,) is its row, k (components, n) what it has in common with the values, `own` (components,) its own
-        variance by component.
-        """
-        found = self.further(x[None], k[:, :, None], own[:, None, None])
-        return float(found.mean[0]), float(found.covariance[0, 0]), float(found.degrees(np.ones((1, 1)), known)[0])
-
     def further(self, x: Array, k: Array, own: Array) -> "Further":
         """q further values: x (q, p) are their rows, k (components, n, q) what they have in common with the values,
         `own` (components, q, q) among themselves.
@@ -158,8 +140,8 @@ class MixedLine:
         slopes = own - across - across.transpose(0, 2, 1) + np.stack([w.T @ (G @ w) for G in self.values.G])
         measured = w.T @ self.values.W @ w
         covariance = np.tensordot(self.v, slopes, 1) + measured
-        certainty = np.asarray(np.linalg.pinv(self.curvature[np.ix_(free, free)], hermitian=True), dtype=np.float64)
-        return Further(w.T @ self.values.y, covariance, slopes[free], certainty, measured)
+        of_variances = np.linalg.pinv(self.curvature[np.ix_(free, free)], hermitian=True)
+        return Further(w.T @ self.values.y, covariance, slopes[free], np.asarray(of_variances), measured)
 
     @property
     def scale(self) -> float:
@@ -176,7 +158,7 @@ class Further:
     mean: Array
     covariance: Array
     slopes: Array
-    certainty: Array
+    variances_covariance: Array
     measured: Array  # The part of the covariance that W makes, (q, q)
 
     def degrees(self, turn: Array, known: float = np.inf) -> Array:
@@ -184,7 +166,7 @@ class Further:
         where nothing is estimated."""
         variance = np.einsum("mq,qr,mr->m", turn, self.covariance, turn)
         slopes = np.einsum("mq,kqr,mr->km", turn, self.slopes, turn)
-        spread = np.einsum("km,kl,lm->m", slopes, self.certainty, slopes)
+        spread = np.einsum("km,kl,lm->m", slopes, self.variances_covariance, slopes)
         spread = spread + 2 * np.einsum("mq,qr,mr->m", turn, self.measured, turn) ** 2 / known
         return np.where(spread > 0, 2 * variance**2 / np.where(spread > 0, spread, 1.0), np.inf)
 

@@ -169,7 +169,7 @@ def free_inverse(curvature: Array, held: Array) -> Array:
 OUTWARD = (0.5, 0.8, 1.2, 1.8, 2.7, 4.0, 6.0)  # How far out the score test looks for an end, in half-widths
 
 
-def rejected(at: Callable[[float], tuple[Array, float] | None]) -> Array | None:
+def score_test_end(at: Callable[[float], tuple[Array, float] | None]) -> Array | None:
     """Values where a number has been moved outward until the data reject it; None: they never do.
 
     Neyman's score test: from a supposed place the Newton step leads back by more than t standard deviations there.

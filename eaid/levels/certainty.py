@@ -31,8 +31,8 @@ from eaid.estimate.spread import (
     corrected,
     free_inverse,
     gains_of,
-    rejected,
     satterthwaite,
+    score_test_end,
     t_quantile,
 )
 from eaid.levels.from_steps import Solution, fit_levels_first
@@ -63,7 +63,7 @@ class Estimate:
         return nonlinear(self.solved.steps.data.u, self.solved.steps.model.share)
 
     @property
-    def first(self) -> int:
+    def Ts_terms(self) -> int:
         """Coefficients of T_s(u)."""
         return int(self.model.slices[0].stop)
 
@@ -87,12 +87,12 @@ class Estimate:
     @property
     def by_levels(self) -> bool:
         """Whether levels of a single run show their scatter in their distance to the estimate."""
-        return len(self.levels) - self.first >= LEVELS_TO_SPARE
+        return len(self.levels) - self.Ts_terms >= LEVELS_TO_SPARE
 
     @property
     def single_degrees(self) -> float:
         """Degrees of freedom of what levels of a single run show."""
-        return float(len(self.levels) - self.first) if self.by_levels else FEW_DEGREES
+        return float(len(self.levels) - self.Ts_terms) if self.by_levels else FEW_DEGREES
 
     def along(self, theta: Array) -> Array:
         """How the curves θ go with the levels' own estimates, (L, k, 4)."""
@@ -151,7 +151,7 @@ class Estimate:
         """T_s(u) through T_s of the levels as if only runs scattered; that variance, relative, and its degrees."""
         several, Ts = self.scatter.repeats > 1, self.solved.at.theta[0]
         relative, known = None, 0.0
-        if several.any() and len(self.levels) > self.first:
+        if several.any() and len(self.levels) > self.Ts_terms:
             every = np.eye(len(self.levels), len(self.levels) + len(self.solved.x))
             variance = self.of_levels.of(every[several]).variance()[0]
             part = self.size[several] / np.maximum(Ts[several], 1e-3 * max(float(Ts.max()), 1e-300))
@@ -184,7 +184,7 @@ class Estimate:
         None where repeats do not part the one from the other, or a curve has as many coefficients as there are levels.
         """
         curve, relative, _ = self.curve_by_runs
-        if relative is None or len(self.levels) - self.first < LEVELS_TO_SPARE or not curve.coefficients.any():
+        if relative is None or len(self.levels) - self.Ts_terms < LEVELS_TO_SPARE or not curve.coefficients.any():
             return None
         assert self.model.Ts is not None
         D, Ts = self.model.Ts.rows(self.solved.steps.data.u), self.solved.at.theta[0]
@@ -210,8 +210,8 @@ class Estimate:
 
         T_s answers to τ2 less and less the further off it is: where it is open, by what its ends make of T_s.
         """
-        at, u, x = self.solved.at, self.solved.steps.data.u, slice(self.first, None)
-        slopes = self.numbers(u, np.append(np.zeros(self.first), self.solved.x))[1][1:, :, x]
+        at, u, x = self.solved.at, self.solved.steps.data.u, slice(self.Ts_terms, None)
+        slopes = self.numbers(u, np.append(np.zeros(self.Ts_terms), self.solved.x))[1][1:, :, x]
         by_tau = -at.information[:, 0, 1:3] / np.maximum(at.information[:, 0, :1], 1e-300)
         by_log = by_tau * (at.theta[1:3] / np.maximum(at.theta[0], 1e-300)).T
         count = len(u)
@@ -266,12 +266,10 @@ class Estimate:
         if line is None or self.level_scatter <= SURE:
             low, high, degrees = (part[0] for part in self.intervals(u))
             return self.numbers(u, self.coefficients)[0][0], 0.5 * (high - low), degrees[0]
-        size, rows = self.solved.at.theta[0] / line.values.y, []
-        for x, own in zip(line.values.X, np.eye(len(size)), strict=True):
-            rows.append(line.predict(x, own[None], np.ones(1), self.scatter.degrees))
-        mean, variance, degrees = np.array(rows).T
-        mean = np.maximum(mean, SURE)
-        variance = variance / mean**2
+        size, each = self.solved.at.theta[0] / line.values.y, np.eye(len(u))
+        ahead = line.further(line.values.X, each[None], each[None])
+        mean, degrees = np.maximum(ahead.mean, SURE), ahead.degrees(each, self.scatter.degrees)
+        variance = np.diagonal(ahead.covariance) / mean**2
         if (shared := float(self.gain_scatter.common[0])) > 0:  # what sweeps shift alike
             parts, sweeps = (variance, np.full(len(size), shared)), float(self.scatter.repeats.max() - 1)
             variance, degrees = variance + shared, satterthwaite(parts, (degrees, sweeps))
@@ -306,7 +304,7 @@ class Estimate:
     @cached_property
     def answers(self) -> Array:
         """How the coefficients follow from T_s/size of the levels and x, (n, L + p)."""
-        first, rows = self.first, np.zeros((self.model.size, len(self.levels) + len(self.solved.x)))
+        first, rows = self.Ts_terms, np.zeros((self.model.size, len(self.levels) + len(self.solved.x)))
         rows[:first, : len(self.levels)] = self.curve.gains * self.size * np.sqrt(self.curve.widened)
         rows[first:, len(self.levels) :] = np.eye(len(self.solved.x))
         return rows
@@ -320,7 +318,7 @@ class Estimate:
             spread = (self.level_scatter * self.solved.at.theta[0]) ** 2
         elif not ((self.scatter.repeats == 1).all() and self.by_levels):
             return whole
-        apart[:, : self.first] = (self.curve.gains * np.sqrt(spread)).T
+        apart[:, : self.Ts_terms] = (self.curve.gains * np.sqrt(spread)).T
         return replace(whole, singles=np.concatenate([whole.singles, apart]))
 
     def curve_half_width(self) -> Array:
@@ -377,7 +375,7 @@ class Estimate:
         limits = self.solved.steps.limits
 
         def at(factor: float) -> tuple[Array, float] | None:
-            x = self.solved.x + np.expm1(factor * reach) * way[self.first :]
+            x = self.solved.x + np.expm1(factor * reach) * way[self.Ts_terms :]
             if not np.isfinite(x).all() or (limits.A @ x < limits.b - 1e-9).any():
                 return None
             there = self.solved.steps.at(x)
@@ -388,7 +386,7 @@ class Estimate:
             back = -float(slopes[2, 0] @ self.answers @ step) * np.sign(reach)
             return value[:, 0], back / float(t_quantile(degrees)[0] * np.sqrt(variance[0]))
 
-        return rejected(at)
+        return score_test_end(at)
 
 
 def levels_first(levels: Sequence[Level], data: Data, share: float | None, near: Estimate | None = None) -> Estimate:

@@ -25,7 +25,7 @@ from eaid.levels.certainty import Estimate
 from eaid.levels.friction import HELD_BY, LevelValues, level_findings, quoted, tau2_open, wider
 from eaid.levels.from_steps import Solution, textbook_covariance
 from eaid.levels.torque_curve import BEYOND_CHANCE
-from eaid.levels.unseen import falls_too_far, levels_left_out
+from eaid.levels.unseen import levels_left_out, worse_unseen
 from eaid.options import FitOptions
 from eaid.plant.dynamics import Plant, Step
 from eaid.plant.respond import from_rest
@@ -85,34 +85,34 @@ class Standing:
 def nonlinear_part(
     stepset: StepSet,
     data: Data,
-    first: Estimate,
+    estimate: Estimate,
     joint: Solution,
     options: FitOptions,
     held_out: Sequence[Level],
     draws: Array | None,
 ) -> tuple[results.Nonlinear, LevelValues, list[Finding]]:
     """The model, its values at the levels, findings; `draws` are its refits to resampled runs, (draws, n)."""
-    levels, model, solver = first.levels, first.model, first.solved.solver
+    levels, model, solver = estimate.levels, estimate.model, estimate.solved.solver
     free, through = model.free_share, options.curve == "levels"
-    p = first.through_levels if through else first.parameters
+    p = estimate.through_levels if through else estimate.parameters
     part = of_steps(p, free, data, level_residuals(_curves(p, levels), data.records), solver, held_out)
     papers = of_steps(joint.parameters, free, data, joint.residuals(data), joint.solver, held_out)
-    misfit, bent = misfits(first, through)
+    misfit, bent = misfits(estimate, through)
     part = msgspec.structs.replace(part, misfit=misfit or None)
     turn, u = turned(model), data.u
-    covariance = turn @ first.influence.covariance() @ turn.T
-    one = Standing(part, first.coefficients, first.held, covariance, first.intervals(u))
+    covariance = turn @ estimate.influence.covariance() @ turn.T
+    one = Standing(part, estimate.coefficients, estimate.held, covariance, estimate.intervals(u))
     parts = joint_findings(papers, one, levels, options.estimator)
     if options.estimator == "joint":
-        one, solver = of_joint(papers, joint, first), joint.solver
+        one, solver = of_joint(papers, joint, estimate), joint.solver
     if draws is not None:
-        one = from_draws(one, first, u, draws)
+        one = from_draws(one, estimate, u, draws)
     if options.ci == "white":
-        one = white(one, first)
+        one = white(one, estimate)
     values = values_of(one, levels, free)
     own, scattered = values, []
     if options.estimator != "joint":
-        own, scattered = own_values(one, first, free, options), level_scatter_findings(first, part)
+        own, scattered = own_values(one, estimate, free, options), level_scatter_findings(estimate, part)
     values, shown = own if through else values, one.part
     if options.ci != "none":
         curves = [
@@ -130,55 +130,55 @@ def nonlinear_part(
     if outside := [level.level for level in held_out if not low <= level.level <= high]:
         told.append(finding("held-out-beyond-the-levels", "nonlinear", outside))
     told += missed("nonlinear", data, level_residuals(_curves(one.part.parameters, levels), data.records), one.part)
-    seen = first.scatter if options.estimator != "joint" else None
+    seen = estimate.scatter if options.estimator != "joint" else None
     told += [*level_findings(own, seen, "nonlinear", stepset), *open_findings(one.part, own), *bent, *scattered]
     estimator: Literal["joint", "levels-first"] = "joint" if options.estimator == "joint" else "levels-first"
-    scatter = first.level_scatter if options.estimator != "joint" else None
-    unseen = levels_left_out(first, through) if options.estimator != "joint" else None
+    scatter = estimate.level_scatter if options.estimator != "joint" else None
+    unseen = levels_left_out(estimate, through) if options.estimator != "joint" else None
     if unseen is not None:
         # a curve through the levels fits each of them by itself: that it falls between them is no fault
-        told += falls_too_far(unseen.held_pct if through else unseen.fit_pct, unseen.held_pct, "levels")
+        told += worse_unseen(unseen.held_pct if through else unseen.fit_pct, unseen.held_pct, "levels")
     shown = msgspec.structs.replace(shown, estimator=estimator, joint=papers, level_scatter=scatter, left_out=unseen)
     return shown, own, [*told, *parts]
 
 
-def own_values(one: Standing, first: Estimate, free: bool, options: FitOptions) -> LevelValues:
+def own_values(one: Standing, estimate: Estimate, free: bool, options: FitOptions) -> LevelValues:
     """T_s, τ1, τ2 of the levels, T_s each level's own about the curve."""
-    theta, (low, high, degrees) = _curves(one.part.parameters, first.levels), (part.copy() for part in one.ends)
-    held, (value, half, known) = _all_held(one, theta, first.levels, free), first.own_Ts
+    theta, (low, high, degrees) = _curves(one.part.parameters, estimate.levels), (part.copy() for part in one.ends)
+    held, (value, half, known) = _all_held(one, theta, estimate.levels, free), estimate.own_Ts
     curve = np.log(np.maximum(theta[0], 1e-300))
     theta[0] = np.exp(value)
     if options.ci in ("white", "bootstrap", "none"):  # their widths are those of the curve
         low[0], high[0] = low[0] + value - curve, high[0] + value - curve
-        return quoted(first.levels, theta, held, (low, high, degrees))
-    if free or not (first.slow.endless or tau2_open(first.levels, theta, (low, high)) or HOLDING & {*one.held}):
-        if first.level_scatter > 0:
-            beyond = np.maximum(0.5 * (high[0] - low[0]) - first.curve_half_width(), 0.0)
+        return quoted(estimate.levels, theta, held, (low, high, degrees))
+    if free or not (estimate.slow.endless or tau2_open(estimate.levels, theta, (low, high)) or HOLDING & {*one.held}):
+        if estimate.level_scatter > 0:
+            beyond = np.maximum(0.5 * (high[0] - low[0]) - estimate.curve_half_width(), 0.0)
             low[0], high[0], degrees[0] = value - half - beyond, value + half + beyond, known
-        return quoted(first.levels, theta, held, (low, high, degrees))
+        return quoted(estimate.levels, theta, held, (low, high, degrees))
     # T_s with every slow part that is possible, C being held
-    least, most = np.log(np.maximum([first.slow.Ts_low, first.slow.Ts_high], 1e-300))
-    half = first.gain_half_width()
+    least, most = np.log(np.maximum([estimate.slow.Ts_low, estimate.slow.Ts_high], 1e-300))
+    half = estimate.gain_half_width()
     low[0], high[0] = np.minimum(value, least) - half, np.maximum(value, most) + half
     low[1], high[1] = wider(low[1], high[1])
     high[2] = np.inf
-    return LevelValues(first.levels, theta, held, low, high, degrees)
+    return LevelValues(estimate.levels, theta, held, low, high, degrees)
 
 
-def level_scatter_findings(first: Estimate, part: results.Nonlinear) -> list[Finding]:
+def level_scatter_findings(estimate: Estimate, part: results.Nonlinear) -> list[Finding]:
     """Where levels lie off the curve by more than their runs scatter, or the curve explains nothing."""
     found = []
     if nothing := [row for row in part.per_level if row.fit_pct is not None and row.fit_pct < 0]:
         worst = min(nothing, key=lambda row: row.fit_pct or 0.0)
         values = {"worst": worst.level, "fit_pct": worst.fit_pct, "of": len(part.per_level)}
         found.append(finding("curve-misses-levels", "nonlinear", [row.level for row in nothing], **values))
-    if part.Ts_through or first.levels_about_curve is None or first.levels_about_curve.gained < SCATTER_SEEN:
+    if part.Ts_through or estimate.levels_about_curve is None or estimate.levels_about_curve.gained < SCATTER_SEEN:
         return found
-    value, _, _ = first.own_Ts
-    u = np.array([level.level for level in first.levels])
-    off = value - np.log(np.maximum(first.parameters.steady(u), 1e-300))
+    value, _, _ = estimate.own_Ts
+    u = np.array([level.level for level in estimate.levels])
+    off = value - np.log(np.maximum(estimate.parameters.steady(u), 1e-300))
     i = int(np.abs(off).argmax())
-    size = {"scatter_pct": 100 * first.level_scatter, "worst": float(u[i]), "off_pct": 100 * float(np.expm1(off[i]))}
+    size = {"scatter_pct": 100 * estimate.level_scatter, "worst": float(u[i]), "off_pct": 100 * float(np.expm1(off[i]))}
     return [*found, finding("levels-scatter", "nonlinear", (), **size)]
 
 
@@ -201,11 +201,11 @@ def _held(one: Standing) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for code in one.held for name in HELD_BY.get(code, ())))
 
 
-def white(one: Standing, first: Estimate) -> Standing:
+def white(one: Standing, estimate: Estimate) -> Standing:
     """The textbook: covariance s² (J'J)⁻¹ with N − P degrees of freedom."""
-    data, turn = first.solved.steps.data, turned(first.model)
-    covariance, spare = textbook_covariance(data, first.model, one.unknowns)
-    value, D = first.numbers(data.u, one.unknowns)
+    data, turn = estimate.solved.steps.data, turned(estimate.model)
+    covariance, spare = textbook_covariance(data, estimate.model, one.unknowns)
+    value, D = estimate.numbers(data.u, one.unknowns)
     reach = t_quantile(spare) * np.sqrt(np.maximum(np.einsum("klp,pq,klq->kl", D, covariance, D), 0.0))
     ends = value - reach, value + reach, np.full(reach.shape, spare)
     return replace(one, covariance=turn @ covariance @ turn.T, ends=ends)
@@ -217,54 +217,54 @@ def _curves(p: Plant, levels: Sequence[Level]) -> Array:
     return np.array([p.steady(u), *p.time_constants(u), np.full(len(u), p.C)])
 
 
-def of_joint(part: results.Nonlinear, joint: Solution, first: Estimate) -> Standing:
+def of_joint(part: results.Nonlinear, joint: Solution, estimate: Estimate) -> Standing:
     """The paper's joint fit as the model, by how its unknowns answer to the runs."""
-    at, x, model = joint.at, joint.x, first.model
+    at, x, model = joint.at, joint.x, estimate.model
     take = joint.steps.M.transpose(1, 0, 2)
-    gain, back = gains_of(at.information, first.along(at.theta), take, joint.steps.limits.A[list(joint.active)])
+    gain, back = gains_of(at.information, estimate.along(at.theta), take, joint.steps.limits.A[list(joint.active)])
     alone = [np.zeros((0, model.size))]
-    if (first.scatter.repeats == 1).all():
+    if (estimate.scatter.repeats == 1).all():
         gain = 0 * gain
-        for i in range(len(first.levels)):
+        for i in range(len(estimate.levels)):
             own = take[i].T @ at.information[i] @ take[i]
             alone.append(corrected(own, back, -take[i].T @ at.score[i])[None])
-    influence = Influence(gain, first.scatter.of_levels, np.concatenate(alone) @ back, first.single_degrees)
+    influence = Influence(gain, estimate.scatter.of_levels, np.concatenate(alone) @ back, estimate.single_degrees)
     u = joint.steps.data.u
-    value, slopes = first.numbers(u, x)
-    other = first.numbers(u, first.coefficients)[0]
+    value, slopes = estimate.numbers(u, x)
+    other = estimate.numbers(u, estimate.coefficients)[0]
     variance, degrees = (v.reshape(3, -1) for v in influence.of(slopes.reshape(-1, model.size)).variance())
     reach = t_quantile(degrees) * np.hypot(np.sqrt(variance), value - other)
     turn = turned(model)
-    apart = turn @ (x - first.coefficients)
+    apart = turn @ (x - estimate.coefficients)
     covariance = turn @ influence.covariance() @ turn.T + np.outer(apart, apart)
     return Standing(part, x, joint.held, covariance, (value - reach, value + reach, degrees))
 
 
-def from_draws(one: Standing, first: Estimate, u: Array, draws: Array) -> Standing:
+def from_draws(one: Standing, estimate: Estimate, u: Array, draws: Array) -> Standing:
     """The same with intervals from refits to resampled runs; those that run away (a lost τ2) count by rank."""
-    near = np.array([first.numbers(u, x)[0] for x in draws])
-    c = draws @ turned(first.model).T
+    near = np.array([estimate.numbers(u, x)[0] for x in draws])
+    c = draws @ turned(estimate.model).T
     size, middle = spread_of(c), np.median(c, axis=0)
     tame = np.clip(c, middle - 3 * size, middle + 3 * size)
     sd = tame.std(axis=0)
     factor = size / np.where(sd > 0, sd, 1.0)
     covariance = np.cov(tame, rowvar=False) * np.outer(factor, factor)
-    return replace(one, covariance=covariance, ends=drawn_ends(first.numbers(u, one.unknowns)[0], near, one.ends[2]))
+    return replace(one, covariance=covariance, ends=drawn_ends(estimate.numbers(u, one.unknowns)[0], near, one.ends[2]))
 
 
-def misfits(first: Estimate, through: bool) -> tuple[dict[str, float], list[Finding]]:
+def misfits(estimate: Estimate, through: bool) -> tuple[dict[str, float], list[Finding]]:
     """χ² of the levels about each polynomial over its degrees of freedom, and where that is beyond chance; T_s may go
     `through` the levels."""
-    seen = first.scatter
-    found = {} if first.curve.misfit is None else {"Ts": first.curve.misfit}
-    beyond = ["Ts"] if first.curve.widened > 1 and not through else []
-    _, slopes = first.numbers(seen.duty, first.coefficients)
+    seen = estimate.scatter
+    found = {} if estimate.curve.misfit is None else {"Ts": estimate.curve.misfit}
+    beyond = ["Ts"] if estimate.curve.widened > 1 and not through else []
+    _, slopes = estimate.numbers(seen.duty, estimate.coefficients)
     for k, name in enumerate(CURVES[1:], 1):
         known = seen.usable[:, k] & (seen.repeats > 1)
-        part = first.model.slices[k]
+        part = estimate.model.slices[k]
         spare = int(known.sum()) - (part.stop - part.start)
         if spare > 0:
-            of_curve = first.influence.of(slopes[k, known]).variance()[0]
+            of_curve = estimate.influence.of(slopes[k, known]).variance()[0]
             off = seen.shift[known, k] ** 2 / (seen.pooled.expected[known, k] + of_curve)
             found[name] = float(off.sum()) / spare
             if found[name] > fdtri(spare, max(seen.degrees / 2, 1.0), BEYOND_CHANCE):

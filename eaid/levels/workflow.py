@@ -24,7 +24,7 @@ from eaid.levels.bootstrap import bootstrap, drawn_ends
 from eaid.levels.certainty import Estimate, levels_first
 from eaid.levels.friction import friction_part, quoted, white_ends
 from eaid.levels.from_steps import Solution, fit_nonlinear, refit_nonlinear
-from eaid.levels.huber import huber_findings, minimise
+from eaid.levels.huber import huber_findings, with_loss
 from eaid.levels.linear import linear_part
 from eaid.levels.nonlinear import nonlinear_part
 from eaid.levels.own_levels import OwnLevels, own_levels
@@ -174,8 +174,8 @@ def _of_the_model(
 ) -> tuple[Fit, Estimate | OwnLevels]:
     """The nonlinear model, and the friction curves that it gives at the levels; the estimate behind them."""
     levels, share = stepset.levels, options.held_share
-    first, huber = minimise(data, options.loss, lambda d, near: levels_first(levels, d, share, near), _missed)
-    joint, of_joint = minimise(
+    first, huber = with_loss(data, options.loss, lambda d, near: levels_first(levels, d, share, near), _missed)
+    joint, of_joint = with_loss(
         data,
         options.loss,
         lambda d, near: fit_nonlinear(d, share) if near is None else refit_nonlinear(d, near),
@@ -210,7 +210,7 @@ def _of_each_level(
 ) -> tuple[Fit, Estimate | OwnLevels]:
     """Every level by itself, with trends over the levels; their estimates."""
     levels, share = stepset.levels, options.held_share
-    own, huber = minimise(data, options.loss, lambda d, near: own_levels(levels, d, share, near), _missed)
+    own, huber = with_loss(data, options.loss, lambda d, near: own_levels(levels, d, share, near), _missed)
     if "friction" not in models:
         return Fit(), own
     ends = own.intervals

@@ -75,4 +75,3 @@ class Tables(NamedTuple):
 # Places of the numbers beside the coefficients: C (z of series and ringing), τ of falls to rest, factors on those of
 # falls, excess, θ, idle output, the two states at the first row
 AT_SHARE, AT_REST, AT_FALL, AT_EXCESS, AT_DEAD, AT_IDLE, AT_START = 0, 1, 3, 5, 6, 7, 8
-SCALARS = 10

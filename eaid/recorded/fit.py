@@ -26,7 +26,7 @@ from eaid.levels.from_steps import fit_linear
 from eaid.levels.linear import bounds_of, parameters, single_levels
 from eaid.levels.nonlinear import with_errors
 from eaid.levels.release import release_of
-from eaid.levels.unseen import falls_too_far
+from eaid.levels.unseen import worse_unseen
 from eaid.logs.run import Run
 from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE
@@ -320,7 +320,7 @@ def levels_of_plant(part: FittedPlant, levels: Sequence[float]) -> Friction | No
         at, ends = p.at(u), None
         if ci95 is not None and ci95.gain is not None and part.tried[0].gain == "one":
             low, high = ci95.gain
-            ends = LevelIntervals((low * u, high * u), ci95.tau1, ci95.tau2 or ci95.tau1, ci95.C)
+            ends = LevelIntervals((low * u, high * u), ci95.tau1, ci95.tau2, ci95.C)
         rows.append(FrictionLevel(u, at.Ts, at.tau1, at.tau2, at.C, ci95=ends))
     return Friction(p.C, levels=tuple(rows))
 
@@ -435,7 +435,7 @@ def judged_on_logs(
     loops, findings = judged_loops(base, chosen.logs)
     unseen = held_out(base, chosen.logs, others)
     if unseen is not None:
-        findings += falls_too_far(unseen.fit_pct, unseen.held_pct, unseen.of)
+        findings += worse_unseen(unseen.fit_pct, unseen.held_pct, unseen.of)
     findings += drift_findings(base, chosen.logs)
     findings += [*left_over_findings(base, chosen.logs), *column_findings(base, chosen.logs)]
     rows = zip(logs, chosen.late, strict=True)

@@ -20,7 +20,7 @@ from eaid.arrays import Array
 from eaid.estimate.forms import RECORDS_FREE
 from eaid.estimate.scatter import pace
 from eaid.estimate.solver import approach, newton_step, rounding
-from eaid.estimate.spread import free_inverse, rejected, t_quantile
+from eaid.estimate.spread import free_inverse, score_test_end, t_quantile
 from eaid.findings import Finding, finding
 from eaid.levels.friction import HELD_BY
 from eaid.plant.drive import Drive
@@ -315,15 +315,11 @@ def spread(solved: Solved) -> Spread:
     pull = free_inverse(H, solved.setup.problem().A[solved.active])
     lines = tuple(by_spectrum(one, pull) for one in pieces)
     noise = pull @ sum((one.total for one in lines), np.zeros((n, n))) @ pull.T
-    between = _between(pieces, pull) * scatter.gain**2 * (scatter.chance <= GAINS_SEEN)
-    return Spread(noise, lines, between, scatter, pull)
-
-
-def _between(pieces: Sequence[Piece], pull: Array) -> Array:
-    """What gains of standard deviation 1 do, one an engagement: H⁻¹ Σ_e s s' H⁻¹, s = Σ Z T of an engagement."""
+    # what gains of standard deviation 1 do, one an engagement: H⁻¹ Σ_e s s' H⁻¹, s = Σ Z T of an engagement
     ends = [np.flatnonzero(np.append(True, np.diff(one.engaged) != 0)) for one in pieces]
     S = np.vstack([np.add.reduceat(one.scaled, at) for one, at in zip(pieces, ends, strict=True)]) @ pull.T
-    return np.asarray(S.T @ S)
+    between = S.T @ S * scatter.gain**2 * (scatter.chance <= GAINS_SEEN)
+    return Spread(noise, lines, between, scatter, pull)
 
 
 FARTHEST_SCORE = np.log(20.0)  # An end farther off than this in log q is none
@@ -356,7 +352,7 @@ def score_end(solved: Solved, noise: EngagementScatter, x: Array, covariance: Ar
         return np.log([float(g @ place)]), side * float(g @ step) / (abs(reach) * value * wider)
 
     with np.errstate(over="ignore", invalid="ignore"):  # far out no plant is left
-        end = rejected(at)
+        end = score_test_end(at)
     return np.inf if end is None else abs(float(end[0]) - float(np.log(value)))
 
 

@@ -29,6 +29,12 @@ T_S = [
 RUN = 0.11**2  # variance of a single run's logarithm
 
 
+def ahead(line: MixedLine, x: np.ndarray, known: float = np.inf) -> tuple[float, float, float]:
+    """Mean, variance and degrees of freedom of a further value that has nothing in common with the others."""
+    found = line.further(x[None], np.zeros((1, len(line.values.y), 1)), np.ones((1, 1, 1)))
+    return found.mean.item(), found.covariance.item(), found.degrees(np.ones((1, 1)), known).item()
+
+
 def test_dyestuff_as_lme4_has_it():
     batch = np.repeat(np.arange(6), 5)
     same = (batch[:, None] == batch).astype(float)
@@ -39,7 +45,7 @@ def test_dyestuff_as_lme4_has_it():
 
 def test_the_next_batch_has_the_interval_of_a_further_mean():
     line = restricted(MixedValues(DYESTUFF.mean(axis=1), np.ones((6, 1)), np.zeros((6, 6)), (np.eye(6),)))
-    mean, variance, degrees = line.predict(np.ones(1), np.zeros((1, 6)), np.ones(1))
+    mean, variance, degrees = ahead(line, np.ones(1))
     assert (mean, degrees) == pytest.approx((1527.5, 5.0), rel=1e-5)
     assert stdtrit(degrees, 0.975) * np.sqrt(variance) == pytest.approx(131.829, rel=1e-5)
 
@@ -87,4 +93,4 @@ def test_values_that_scatter_less_than_they_are_known_have_no_component():
     off = 0.1 * np.array([1, -1, -1, 1, 1, -1, -1, 1])  # neither shifts nor tilts a line
     line = restricted(MixedValues(2 + x + off, np.c_[np.ones(8), x], np.eye(8), (np.eye(8),)))
     assert line.v[0] == 0
-    assert line.predict(np.array([1, 0.5]), np.zeros((1, 8)), np.ones(1), 6.0) == pytest.approx((2.5, 0.125, 6.0))
+    assert ahead(line, np.array([1, 0.5]), 6.0) == pytest.approx((2.5, 0.125, 6.0))
