@@ -238,4 +238,4 @@ def test_where_there_is_no_slow_part_its_time_constant_has_no_interval() -> None
         0.8, rel=0.01
     )
     for row in found.friction.levels:
-        assert row.ci95.tau2 is None and row.ci95.Ts[0] < 0.6 * row.level < row.ci95.Ts[1]
+        assert row.ci95.tau2 is None and row.Ts == pytest.approx(0.6 * row.level, rel=1e-3)
