@@ -23,11 +23,6 @@ class Drive(NamedTuple):
     starts_idle: bool
     left: float = 0.0  # Squares that no response of these rows can take away
 
-    @property
-    def samples(self) -> int:
-        """Rows that are compared."""
-        return int(np.count_nonzero(self.w))
-
 
 def beginning(drive: Drive, rows: int) -> Drive:
     """The first rows of a drive; itself where it has no more."""

@@ -394,7 +394,7 @@ def least_slow(setup: Setup, ends: Sequence[EndPoint]) -> EndPoint:
     What has one time constant is explained as well by a slow part that never comes, and a T_s larger by what it hides.
     """
     best, part = min(ends, key=lambda end: end.cost), setup.model.slices[2]
-    samples = sum(drive.samples for drive in setup.every.drives)
+    samples = sum(np.count_nonzero(drive.w) for drive in setup.every.drives)
     alike = [end for end in ends if end.cost <= (1 + CHI2_APART / samples) * best.cost]
     if setup.model.tau2 is None or len(alike) < 2:
         return best
