@@ -83,10 +83,12 @@ class RecordedLog:
 
 
 def recorded_log(run: Run, rest: float = 0.0) -> RecordedLog:
-    """A run of the reader as a recorded log: input counted from rest, an input that only falls below it turned up."""
+    """A run of the reader as a recorded log: input counted from rest; one that only falls below it is turned up, unless
+    the output falls with it."""
     level = run.input - rest
     if level.min() < 0 and level.max() <= NOISY_REST_MOST * -level.min():
-        level = -level
+        falls = float(np.nansum((level - level.mean()) * (run.output - np.nanmean(run.output)))) > 0
+        level = level if falls else -level
     top, below = float(level.max()), -float(level.min())
     if 0 < below <= min(max(NOISY_REST * top, NOISY * sample_noise(level)), NOISY_REST_MOST * top):
         level = np.where(np.abs(level) <= AROUND * below, 0.0, level)
