@@ -53,10 +53,10 @@ class Chosen:
 
 def plant_of_logs(
     logs: Sequence[RecordedLog], others: Sequence[RecordedLog], inputs: Excited, options: FitOptions, rests: bool,
-    of_steps_s: float, falls: bool,
+    of_steps_s: float, falls: bool, wanted: str = "",
 ) -> Chosen:  # fmt: skip
     """The clutch's own form behind its dead time, with what falls have of their own; another kind where that explains
-    as much with less, or more. Logs of loops, and those with steps beside them, keep the clutch's."""
+    as much with less, or more, or is `wanted`. Logs of loops, and those with steps beside them, keep the clutch's."""
     signed = any(float(log.input.min()) < 0 for log in logs)
     clutch = None
     if not signed:
@@ -86,6 +86,7 @@ def plant_of_logs(
         better = own.cost < rows[0].cost - max(DEFAULT_SAVES * rows[0].cost, by_noise)
         if same_form or (better and not leaves_open(own.solved, inputs)):
             rows = [own, *(one for one in rows if one is not own)]
+    rows = sorted(rows, key=lambda one: one.kind.name != wanted)  # the others as they stand
     best, total = rows[0], sum(energy(log) for log in logs)
     if integrates(search, best):
         raise DataError(*(integrator(log) for log in logs))

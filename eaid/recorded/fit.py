@@ -281,21 +281,37 @@ def with_another_kind(fit: Fit, stepset: StepSet, options: FitOptions) -> Fit:
     if (usable and not met) or not stepset.levels or options.model is not None:
         return fit
     logs = [from_rest_on(log) for log in logs_of_steps(stepset)]
-    try:
-        other = fit_recorded(logs, replace(options, ci="none" if options.ci == "none" else "robust"), falls=False)
-    except DataError:  # what short windows of steps show is no reason to refuse them
-        return fit
+    how = replace(options, ci="none" if options.ci == "none" else "robust")
+    late = fit.dead_time_s > 0 and codes & ONE_LAG
+    for kind in ("", "lag+dead") if late else ("",):  # by evidence; then the one lag that the two have become
+        try:
+            other = fit_recorded(logs, how, falls=False, kind=kind)
+        except DataError:  # what short windows of steps show is no reason to refuse them
+            return fit
+        if takes_its_place(other, fit, usable):
+            return in_its_place(other, fit, stepset)
+    return fit
+
+
+def takes_its_place(other: Fit, fit: Fit, usable: bool) -> bool:
+    """Whether the plant of another kind explains the steps of a fit, which is `usable` itself, so much better, or as
+    well by less."""
     part = other.plant_
     if part is None or not part.another or not other.verdict.usable or (part.tried[0].fit_pct or 0.0) < LEAST_PCT:
-        return fit
+        return False
     if part.zeta is not None and part.zeta <= 2 * forms.LEAST_ZETA:  # what swings on and on is an output of its own
-        return fit
+        return False
     explained = 0.0 if fit.nonlinear is None else fit.nonlinear.fit_pct or 0.0
     found = part.tried[0].fit_pct or 0.0
     as_well = part.plant.kind == "lag" and part.dead_time_s > 0 and found >= explained - AS_WELL_PCT
     swings = part.plant.kind in ("ringing", "series")  # what slips back keeps the clutch and its release
-    if usable and not as_well and not (swings and 100 - found <= FAR_BETTER * (100 - explained)):
-        return fit
+    return not usable or as_well or (swings and 100 - found <= FAR_BETTER * (100 - explained))
+
+
+def in_its_place(other: Fit, fit: Fit, stepset: StepSet) -> Fit:
+    """A fit of steps with the plant of another fit of them."""
+    part = other.plant_
+    assert part is not None
     gone = ("nonlinear", "friction", "release")
     kept = [one for one in fit.findings if one.code not in OF_SHAPES and one.subject not in gone]
     if part.plant.kind == "ringing":  # its turns are the edges that were seen
@@ -376,12 +392,14 @@ def fit_recorded(
     rest: float = 0.0,
     *,
     falls: bool = True,
+    kind: str = "",
     dead_time_s: float = 0.0,
 ) -> Fit:
     """Fit recorded logs, with or without step logs of the same clutch.
 
     The input of a `Run` is counted from `rest`. With `falls`, falls get unknowns of their own where they differ from
-    rises; `dead_time_s` of single steps is taken over where the logs are fitted better with it.
+    rises; `dead_time_s` of single steps is taken over where the logs are fitted better with it. A `kind` of lag that is
+    named takes the place of the one that evidence chooses.
     """
     options = options or FitOptions()
     logs = [run if isinstance(run, RecordedLog) else recorded_log(run, rest) for run in runs]
@@ -390,7 +408,7 @@ def fit_recorded(
     inputs = excited_by([*logs, *others], options.duty)
     findings = input_findings(logs, inputs.levels)
     rests = any(log.starts_idle or bool((log.input == 0).any()) or log.baseline is not None for log in (*logs, *others))
-    chosen = plant_of_logs(logs, others, inputs, options, rests, dead_time_s, falls)
+    chosen = plant_of_logs(logs, others, inputs, options, rests, dead_time_s, falls, kind)
     base, wanted = chosen.solved, options.model or ("friction", "nonlinear", "linear")
     if not rests and base.setup.model.kind == "parallel":  # a gain of its own tells the idle output
         findings += [finding("idle-not-seen", log.name) for log in logs]

@@ -140,3 +140,16 @@ def test_one_lag_hides_no_slow_part_that_never_comes(drift: float) -> None:
     output = 57.0 * (1 - np.exp(-since / 110)) + drift * since / 580 + 0.15 * random.standard_normal(len(t))
     log = pd.DataFrame({"time_s": t, "duty_pct": np.where(t < 10, 0.0, 80.0), "torque_Nm": 27 + output})
     assert eaid.fit({"heater": log}).plant.steady(80.0) == pytest.approx(57.0 + drift, rel=0.01)
+
+
+def test_two_lags_that_meet_behind_a_dead_time_are_one_lag_with_it() -> None:
+    """A heater whose sensor lags by 8 s: its two time constants in parallel would be none that are estimable."""
+    t, random = np.arange(0.0, 580.0), np.random.default_rng(1)
+    since = np.maximum(t - 13, 0.0)
+    output = 57 * (1 - (107 * np.exp(-since / 107) - 8 * np.exp(-since / 8)) / 99) + 0.15 * random.standard_normal(580)
+    log = pd.DataFrame({"time_s": t, "duty_pct": np.where(t < 10, 0.0, 80.0), "torque_Nm": 27 + output})
+    fit = eaid.fit({"heater": log})
+    plant, ends = fit.plant, fit.plant_.ci95
+    assert plant.kind == "lag" and plant.steady(80.0) == pytest.approx(57.0, rel=0.01)
+    assert plant.tau1[0] == pytest.approx(108, rel=0.03) and plant.dead_time_s == pytest.approx(10.5, abs=1)
+    assert ends.tau1[1] < 1.3 * ends.tau1[0] and fit.dead_time_s == plant.dead_time_s
