@@ -135,8 +135,7 @@ def fit(
         )
     how = chosen(FitOptions, options, keywords)
     steps = source if isinstance(source, StepSet) else read(source, progress=progress)
-    from eaid.levels.workflow import fit_steps
-    from eaid.recorded.fit import with_another_kind
+    from eaid.levels.workflow import asks_for_another_kind, fit_steps
     from eaid.replay.compare import of_own_logs
     from eaid.results.common import Samples
     from eaid.results.parameters import table_of
@@ -152,8 +151,11 @@ def fit(
         raise UsageError("«duty»: belongs to logs that are fitted as recorded, and these are steps; leave it out")
     refits = how.draws if how.ci == "bootstrap" else 0
     with progress("bootstrap refits" if refits else "fitting", refits) as advance:
-        as_clutch = fit_steps(steps, how, advance)
-        fitted = with_another_kind(as_clutch, steps, how)
+        fitted = as_clutch = fit_steps(steps, how, advance)
+        if asks_for_another_kind(as_clutch):
+            from eaid.recorded.fit import with_another_kind
+
+            fitted = with_another_kind(as_clutch, steps, how)
     replayed = msgspec.structs.replace(fitted.data, replayed=of_own_logs(fitted, steps.logs))
     fitted = msgspec.structs.replace(fitted, data=replayed)
     found = {

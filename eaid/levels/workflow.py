@@ -302,6 +302,17 @@ def with_plant(result: Fit, stepset: StepSet, dead_time_s: float) -> Fit:
     )
 
 
+def one_lag_behind_a_dead_time(result: Fit) -> bool:
+    """Whether the two lags of the model have met, or a constraint holds them, behind a dead time."""
+    return result.dead_time_s > 0 and bool({one.code for one in result.findings} & {"taus-meet", "constraint-holds"})
+
+
+def asks_for_another_kind(result: Fit) -> bool:
+    """Whether the clutch's model fails, or its two lags meet behind a dead time or a peak."""
+    peaks = {one.code for one in result.findings} >= {"taus-meet", "output-decays-under-hold"}
+    return not result.verdict.of("nonlinear").usable or peaks or one_lag_behind_a_dead_time(result)
+
+
 def converged(result: Fit) -> bool:
     """Whether every model that was fitted passed our verdict."""
     parts = (result.friction, result.nonlinear, result.linear, result.release)

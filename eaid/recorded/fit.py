@@ -275,15 +275,13 @@ def friction_of_logs(solved: Solved, levels: Array, known: CurveSpread | None) -
 def with_another_kind(fit: Fit, stepset: StepSet, options: FitOptions) -> Fit:
     """A fit of steps whose clutch must not be used with the plant of another kind, where that explains the steps; or
     whose two lags meet behind a dead time or a peak, where one explains as much, or another kind far more."""
-    usable = fit.verdict.of("nonlinear").usable
-    codes = {one.code for one in fit.findings}
-    met = (fit.dead_time_s > 0 and codes & ONE_LAG) or codes >= {"taus-meet", "output-decays-under-hold"}
-    if (usable and not met) or not stepset.levels or options.model is not None:
+    if not stepset.levels or options.model is not None:
         return fit
+    usable = fit.verdict.of("nonlinear").usable
     logs = [from_rest_on(log) for log in logs_of_steps(stepset)]
     how = replace(options, ci="none" if options.ci == "none" else "robust")
-    late = fit.dead_time_s > 0 and codes & ONE_LAG
-    for kind in ("", "lag+dead") if late else ("",):  # by evidence; then the one lag that the two have become
+    met = workflow.one_lag_behind_a_dead_time(fit)
+    for kind in ("", "lag+dead") if met else ("",):  # by evidence; then the one lag that the two have become
         try:
             other = fit_recorded(logs, how, falls=False, kind=kind)
         except DataError:  # what short windows of steps show is no reason to refuse them
@@ -351,7 +349,6 @@ def from_rest_on(log: RecordedLog) -> RecordedLog:
 
 
 OF_SHAPES = {"dead-time", "other-shape-fits-better", "shape-misses", "step-leaves-open"}  # No step has its shape
-ONE_LAG = {"taus-meet", "constraint-holds"}
 FAR_BETTER = 0.7  # Of what the clutch leaves, another kind leaves this much at most to be taken: half of the squares
 AS_WELL_PCT = 1.0  # Of the fit that another kind may lose against two lags that meet
 LEAST_PCT = 80.0  # Of steps that another kind has to explain before it takes the clutch's place

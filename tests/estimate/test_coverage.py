@@ -54,7 +54,7 @@ def test_half_widths_are_those_of_the_scatter(base: Any) -> None:
     t, root = t_quantile(16 / 3), np.sqrt(3)
     for name, width in {"Ts": t * 3 / root * np.sqrt(0.4), "tau1": t * 5 / root * np.sqrt(0.3)}.items():
         assert base.widths[f"curves {name}"] == pytest.approx(width, rel=0.25), name
-        assert base.widths[f"level {name}"] == base.widths[f"curves {name}"]  # one value a level
+        assert base.widths[f"level {name}"] >= base.widths[f"curves {name}"]  # a level may lie off the curve
 
 
 @pytest.mark.slow
