@@ -53,7 +53,7 @@ def test_its_margins_are_python_controls_with_the_dead_time_a_fifth_off_too(heat
         assert gain_db >= 5.9 and phase_deg >= 44.5  # the map of a long dead time is of 20 holds: 0.1 dB
 
 
-@pytest.mark.parametrize(("heater", "quicker"), zip(HEATERS, (2.0, 1.3), strict=True))
+@pytest.mark.parametrize(("heater", "quicker"), list(zip(HEATERS, (2.0, 1.3), strict=True)))
 def test_on_the_heaters_it_settles_sooner_than_the_pi_with_more_margin(heater, quicker):
     """Once the dead time is as long as the lag, half the time and no overshoot for a fifth."""
     fit = fit_of(*heater)
