@@ -47,12 +47,13 @@ def command(args: Arguments) -> int:
     from eaid.report.tables.fits import model_tables
     from eaid.results.summary import answer, runs, usable_line, verdict_line
 
+    data = args.data
     if args.follow is None:
         refuse_idle(args, ("against", "plan"), "without --follow")
     else:
-        _follow(args, args.follow)
-    refuse_to_overwrite(args.output, args.force, files_read(args.data))
-    stepset = read_steps(args.data, part(ReadOptions, args), console.progress, console.warn, console.say)[1]
+        data = _follow(args, args.follow)
+    refuse_to_overwrite(args.output, args.force, files_read(data))
+    stepset = read_steps(data, part(ReadOptions, args), console.progress, console.warn, console.say)[1]
     result = api.fit(stepset, part(FitOptions, args), progress=console.progress)
     result = msgspec.structs.replace(result, command=args.typed)
     result.save(args.output, args.force)
@@ -70,8 +71,9 @@ def command(args: Arguments) -> int:
     return NOT_TO_BE_USED
 
 
-def _follow(args: Arguments, silence_s: float) -> None:
-    """Tell of each new log as it comes, until Ctrl-C or silence; the fit follows."""
+def _follow(args: Arguments, silence_s: float) -> list[Path]:
+    """Tell of each new log as it comes, until Ctrl-C or silence; the logs that the fit is to be made of."""
+    from eaid.logs.folders import files_of
     from eaid.results import codec
     from eaid.sessions.follow import followed
     from eaid.sessions.rig import Rig
@@ -79,8 +81,13 @@ def _follow(args: Arguments, silence_s: float) -> None:
     refuse_to_overwrite(args.output, args.force)
     rig = codec.read(args.against, Rig)[0] if args.against is not None else None
     console.say("following; Ctrl-C ends it with the fit")
+    unread = set[Path]()
     try:
-        for line in followed(args.data, part(ReadOptions, args), silence_s, rig, args.plan):
+        for line in followed(args.data, part(ReadOptions, args), silence_s, unread, rig, args.plan):
             console.say(on_command_line(line))
     except KeyboardInterrupt:
         console.say("followed to here; fitting")
+    if not unread:
+        return args.data
+    console.say(f"left out: {', '.join(sorted(file.name for file in unread))}")
+    return [file for file in files_of(args.data) if file not in unread]

@@ -44,16 +44,19 @@ def whole_files(paths: Sequence[Path], silence_s: float) -> Iterator[Path]:
 
 
 def followed(
-    paths: Sequence[Path], reading: ReadOptions, silence_s: float, rig: Rig | None = None, plan: Path | None = None
-) -> Iterator[str]:
-    """A line for each step as it comes, and one for the next by the plan."""
+    paths: Sequence[Path], reading: ReadOptions, silence_s: float, unread: set[Path], rig: Rig | None = None,
+    plan: Path | None = None,
+) -> Iterator[str]:  # fmt: skip
+    """A line for each step as it comes, and one for the next by the plan; `unread` takes the files that are no logs."""
     rows, shown = planned(plan) if plan else [], dict[Path, list[tuple[float, float]]]()
     for file in whole_files(paths, silence_s):
         try:
             fit = fit_steps(steps_of(read_runs([file], reading), reading)[1], FitOptions(model=("friction",)))
         except DataError as fault:
+            unread.add(file)
             yield f"{fault.sentences[0]}; record it again?"
             continue
+        unread.discard(file)
         shown[file] = []
         for row in (one for one in fit.friction_levels if one.from_ == 0):
             said, fine = _judged(fit, row.level, row.Ts, rig, [one for each in shown.values() for one in each])

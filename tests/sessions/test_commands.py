@@ -119,6 +119,7 @@ def test_a_folder_is_followed_step_by_step_and_then_fitted(folder, run_eaid, mak
     monkeypatch.chdir(tmp_path)
     (tmp_path / "plan.csv").write_text("order,level,repeat,idle_s,hold_s,release_s\n1,60,1,5,66,5\n2,87,1,5,66,5\n")
     (tmp_path / "live").mkdir()
+    (tmp_path / "live" / "notes.csv").write_text("what,when\nthe belt slipped,noon\n")  # no log: told, and left out
 
     def record():
         frames = {"a": (60.0, 0.1), "b": (60.0, 3.0)}
@@ -136,4 +137,4 @@ def test_a_folder_is_followed_step_by_step_and_then_fitted(folder, run_eaid, mak
     assert lines[0].startswith("60 %: T_s") and "(expected" in lines[0] and lines[0].endswith("ok")
     assert lines[1] == "next by plan: 87 %, 66 s"
     assert lines[2].endswith("outside: record again?")
-    assert told.code in (0, 4) and (tmp_path / "fit.json").is_file()
+    assert told.code in (0, 4) and (tmp_path / "fit.json").is_file() and "left out: notes.csv" in told.err
