@@ -123,7 +123,7 @@ def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], No
     if options.loss == "huber" and options.ci == "bootstrap":
         raise UsageError("«ci» bootstrap: refits by squares, not by «loss» huber; take robust")
     if options.curve == "levels":
-        refuse_through(stepset, options)
+        refuse_through(stepset, options, models)
     kept, held_out = split(stepset.levels, options.hold_out)
     data, whole = data_of(kept), stepset
     stepset = replace(stepset, levels=kept)
@@ -328,8 +328,10 @@ def models_chosen(kind: str, wanted: Sequence[str] | None) -> tuple[str, ...]:
     return tuple(name for name in allowed if wanted is None or name in wanted)
 
 
-def refuse_through(stepset: StepSet, options: FitOptions) -> None:
-    """Refuse a T_s(u) through the levels where no level has a value of its own."""
+def refuse_through(stepset: StepSet, options: FitOptions, models: Sequence[str]) -> None:
+    """Refuse a T_s(u) through the levels where no level has a value of its own, or no curve is fitted."""
+    if "nonlinear" not in models:
+        raise UsageError("«curve» levels: belongs to the nonlinear model, which is not fitted here; leave it out")
     if options.estimator == "joint":
         raise UsageError("«curve» levels: the joint fit has no value of a level by itself; leave «estimator» joint out")
     if all(len(level.runs) == 1 for level in stepset.levels):

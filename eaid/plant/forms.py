@@ -8,6 +8,7 @@ Once solved T_s is a row of cubics, each from its own input on (`Pieces`): a pol
 the levels has one between each two. Replays, margins and exports take any such row.
 """
 
+import itertools
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -157,12 +158,22 @@ def cubic(name: str, coefficients: tuple[float, ...]) -> Piece:
 
 
 def pieces_through(points: Points) -> Pieces:
-    """Cubics through some values with a slope that does not jump, and no overshoot between two (Fritsch, Carlson)."""
+    """Cubics through some values with a slope that does not jump, and no overshoot between two (Fritsch, Carlson); a
+    constant through one."""
+    inputs, values = np.array(points).T
+    if len(inputs) == 1:
+        return (cubic("Ts_through", (float(values[0]),)),)
     from scipy.interpolate import PchipInterpolator
 
-    found = PchipInterpolator(*np.array(points).T)
+    found = PchipInterpolator(inputs, values)
     rows = zip(found.x[:-1].tolist(), found.c[::-1].T.tolist(), strict=True)
     return tuple((at, c0, c1, c2, c3) for at, (c0, c1, c2, c3) in rows)
+
+
+def refuse_unordered(points: Points) -> None:
+    """`ValueError` where the inputs of some values do not rise."""
+    if any(a >= b for (a, _), (b, _) in itertools.pairwise(points)):
+        raise ValueError("the inputs of Ts_through have to rise")
 
 
 def piecewise(pieces: Pieces, u: Array | float, u_range: Range, order: int = 0) -> Array:

@@ -275,7 +275,7 @@ def friction_of_logs(solved: Solved, levels: Array, known: CurveSpread | None) -
 def with_another_kind(fit: Fit, stepset: StepSet, options: FitOptions) -> Fit:
     """A fit of steps whose clutch must not be used with the plant of another kind, where that explains the steps; or
     whose two lags meet behind a dead time or a peak, where one explains as much, or another kind far more."""
-    if not stepset.levels or options.model is not None:
+    if not stepset.levels or options.model is not None or options.curve == "levels":
         return fit
     usable = fit.verdict.of("nonlinear").usable
     logs = [from_rest_on(log) for log in logs_of_steps(stepset)]
@@ -360,6 +360,8 @@ def fit_whole(stepset: StepSet, options: FitOptions) -> Fit:
         raise UsageError(f"«loss» {options.loss}: logs fitted as recorded take squares; or say «logs_as» steps")
     if options.hold_out:
         raise UsageError("«hold_out»: logs fitted as recorded hold no single levels; or say «logs_as» steps")
+    if options.curve == "levels":
+        raise UsageError("«curve» levels: logs fitted as recorded have no runs of a level; or say «logs_as» steps")
     if options.ci not in ("robust", "none"):
         raise UsageError(f"«ci» {options.ci}: logs fitted as recorded take robust or none; or say «logs_as» steps")
     rest = float(stepset.reading.get("rest", 0.0))

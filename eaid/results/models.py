@@ -11,6 +11,7 @@ from eaid.findings import Finding
 from eaid.logs.units import UNKNOWN
 from eaid.options import ExperimentKind
 from eaid.plant.dynamics import Plant, Step
+from eaid.plant.forms import refuse_unordered
 from eaid.plant.linear import LinearPlant as LinearModel
 from eaid.plant.steps import decay, step_response
 from eaid.plant.trends import evaluate
@@ -278,6 +279,9 @@ class Nonlinear(Scores, frozen=True):
     """Which estimate this is: one T_s a level first and T_s(u) through them, or all at once as in the paper."""
     joint: "Nonlinear | None" = None
     """Beside the estimate that is used the paper's joint fit, without intervals."""
+
+    def __post_init__(self) -> None:
+        refuse_unordered(self.Ts_through)
 
     @property
     def parameters(self) -> Plant:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.polynomial.polynomial import polyfit
 
 from eaid.plant.dynamics import TAU_FLOOR_S, Plant
+from eaid.plant.forms import refuse_unordered
 from eaid.results.common import Interval, Number, Positive, Result
 from eaid.results.recorded import KindTried
 
@@ -75,6 +76,9 @@ class FittedPlant(Result, frozen=True):
     ci95: PlantIntervals | None = None
     tried: tuple[KindTried, ...] = ()
     """The kinds of lag that were tried, the best first; none of a closed loop, which tells none, nor of most steps."""
+
+    def __post_init__(self) -> None:
+        refuse_unordered(self.Ts_through)
 
     @property
     def another(self) -> bool:

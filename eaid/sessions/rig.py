@@ -42,14 +42,8 @@ FEW_SESSIONS = 5  # Sessions below which that is known to a factor only
 MANY_SESSIONS = 8  # From which they tell at which level gain and tilt are apart
 CARRIES = 0.5  # Part of its width that the next session's interval keeps where one session carried it
 TREND_CHANCE = 0.05
-SESSION_NUMBERS = (
-    "Ts",
-    "tau1",
-    "tau2",
-    "B",
-    "a0",
-    *RESPONSES,
-)  # What is known of each session; the first one has to be
+# What is known of each session; the first one has to be
+SESSION_NUMBERS = ("Ts", "tau1", "tau2", "B", "a0", *RESPONSES)
 
 
 class Scatter(Result, frozen=True):

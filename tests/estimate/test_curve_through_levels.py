@@ -2,7 +2,9 @@
 
 import json
 
+import msgspec
 import numpy as np
+import pandas as pd
 import pytest
 
 import eaid
@@ -60,6 +62,24 @@ def test_drawn_plants_go_about_it() -> None:
     centre = np.array([float(fit.plant.steady(u)) for u in (30.0, 50.0, 70.0)])
     assert np.abs(np.median(drawn, axis=0) / centre - 1).max() < 0.02
     assert (drawn.std(axis=0) / centre > 0.005).all()
+
+
+def test_one_level_is_its_value_and_inputs_have_to_rise() -> None:
+    fit = fitted(8.0, 3, levels=np.array([60.0]), curve="levels")
+    assert fit.plant.steady(60.0) == pytest.approx(fit.friction_levels[0].Ts) and not fit.plant.sloped
+    fit = fitted(8.0, 3, off=OFF, curve="levels")
+    with pytest.raises(ValueError, match="have to rise"):
+        msgspec.structs.replace(fit.plant_, Ts_through=POINTS[::-1])
+
+
+def test_it_is_refused_where_no_curve_of_levels_is_fitted() -> None:
+    t = np.arange(3000) * 0.02
+    u = np.repeat(np.random.default_rng(1).choice([0.0, 30.0, 60.0, 100.0], 60), 50)
+    log = pd.DataFrame({"time_s": t, "duty_pct": u, "torque_Nm": respond(BENT, t, u, t)})
+    with pytest.raises(UsageError, match="no runs of a level"):
+        eaid.fit(eaid.read(log, logs_as="recorded"), curve="levels")
+    with pytest.raises(UsageError, match="nonlinear model, which is not fitted"):
+        eaid.fit("datasets/friction-force.h5", curve="levels")
 
 
 @pytest.mark.parametrize(("runs", "options", "said"), [(1, {}, "needs repeats"), (3, {"estimator": "joint"}, "joint")])
