@@ -297,7 +297,7 @@ def pictures(results: Results) -> Iterator[tuple[str, str, Sheet]]:
         if alone and worst is not None:  # the level that the model follows least, on a scale of its own
             panel = steps.steps_panel(replace(data, levels=alone), models)
             bare = [replace(line, end="") for line in panel.lines]
-            title = f"worst: {level_text(worst[1], data.input_unit)}, {worst[0]:.0f} %"
+            title = f"worst: {level_text(worst[1], data.input_unit)}, {worst[0]:.0f} %".replace("-", "−")
             panels.append(replace(panel, y=Axis(), lines=bare, legend="", title=title))
         said, part = ("Measured against model", "model") if models else ("Measured", "data")
         widths = (1.6, 1) if len(panels) > 1 else ()
