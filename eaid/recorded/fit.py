@@ -19,7 +19,7 @@ from eaid.errors import DataError, UsageError
 from eaid.estimate import forms
 from eaid.estimate.coefficients import turned, with_intervals
 from eaid.estimate.data import data_of, errors
-from eaid.estimate.recorded_log import RecordedLog, logs_of_steps, recorded_log
+from eaid.estimate.recorded_log import RecordedLog, logs_of_runs, logs_of_steps, recorded_log
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.levels import workflow
 from eaid.levels.from_steps import fit_linear
@@ -29,12 +29,12 @@ from eaid.levels.release import release_of
 from eaid.levels.unseen import worse_unseen
 from eaid.logs.run import Run
 from eaid.options import FitOptions
-from eaid.plant.dynamics import SHARE
+from eaid.plant.dynamics import SHARE, Plant
 from eaid.plant.respond import from_rest
 from eaid.recorded.choice import Chosen, about_idle, interval, plant_of_logs, plant_part, start_states
 from eaid.recorded.closed_loop import judged_loops, with_instrument
 from eaid.recorded.fall_tests import with_falls
-from eaid.recorded.from_logs import Solved, fit_setup, idle_found, plant_found
+from eaid.recorded.from_logs import Solved, fit_setup, idle_found, on_logs, plant_found
 from eaid.recorded.held_out import held_out
 from eaid.recorded.inputs import FEW_LEVELS, Excited, excited_by
 from eaid.recorded.left_over import column_findings, drift_findings, left_over_findings
@@ -277,33 +277,45 @@ def with_another_kind(fit: Fit, stepset: StepSet, options: FitOptions) -> Fit:
     whose two lags meet behind a dead time or a peak, where one explains as much, or another kind far more."""
     if not stepset.levels or options.model is not None or options.curve == "levels":
         return fit
-    usable = fit.verdict.of("nonlinear").usable
-    logs = [from_rest_on(log) for log in logs_of_steps(stepset)]
+    logs, runs = ([from_rest_on(log) for log in of(stepset)] for of in (logs_of_steps, logs_of_runs))
     how = replace(options, ci="none" if options.ci == "none" else "robust")
     met = workflow.one_lag_behind_a_dead_time(fit)
     for kind in ("", "lag+dead") if met else ("",):  # by evidence; then the one lag that the two have become
         try:
-            other = fit_recorded(logs, how, falls=False, kind=kind)
+            other = fit_recorded(logs, how, falls=False, kind=kind, repeats=runs)
         except DataError:  # what short windows of steps show is no reason to refuse them
             return fit
-        if takes_its_place(other, fit, usable):
+        if takes_its_place(other, fit, logs):
             return in_its_place(other, fit, stepset)
     return fit
 
 
-def takes_its_place(other: Fit, fit: Fit, usable: bool) -> bool:
-    """Whether the plant of another kind explains the steps of a fit, which is `usable` itself, so much better, or as
-    well by less."""
+def takes_its_place(other: Fit, fit: Fit, logs: Sequence[RecordedLog]) -> bool:
+    """Whether the plant of another kind explains the steps of a fit so much better, or as well by less; or explains
+    them where the fit must not be used."""
     part = other.plant_
-    if part is None or not part.another or not other.verdict.usable or (part.tried[0].fit_pct or 0.0) < LEAST_PCT:
+    if part is None or not part.another or not other.verdict.usable:
         return False
     if part.zeta is not None and part.zeta <= 2 * forms.LEAST_ZETA:  # what swings on and on is an output of its own
         return False
-    explained = 0.0 if fit.nonlinear is None else fit.nonlinear.fit_pct or 0.0
-    found = part.tried[0].fit_pct or 0.0
-    as_well = part.plant.kind == "lag" and part.dead_time_s > 0 and found >= explained - AS_WELL_PCT
+    whole, shapes = ([explained_pct(one, logs, own_gains) for one in (part, fit.plant_)] for own_gains in (False, True))
+    as_well = part.plant.kind == "lag" and part.dead_time_s > 0 and whole[0] >= whole[1] - AS_WELL_PCT
     swings = part.plant.kind in ("ringing", "series")  # what slips back keeps the clutch and its release
-    return not usable or as_well or (swings and 100 - found <= FAR_BETTER * (100 - explained))
+    far_better = swings and 100 - shapes[0] <= FAR_BETTER * (100 - shapes[1])
+    return whole[0] >= LEAST_PCT and (as_well or far_better or not fit.verdict.of("nonlinear").usable)
+
+
+def explained_pct(part: FittedPlant | None, logs: Sequence[RecordedLog], own_gains: bool) -> float:
+    """What a plant explains of steps from rest, each about its own mean [%]; with `own_gains` of their shapes alone."""
+    left = total = 0.0
+    if part is None:
+        return 0.0
+    for log in logs:
+        known = np.isfinite(log.output)
+        y, f = log.output[known], from_rest(part.plant, log.time_s[known], float(log.input[-1]))
+        r = y - f * (float(f @ y) / max(float(f @ f), 1e-300) if own_gains else 1.0)
+        left, total = left + log.weight * float(r @ r), total + log.weight * float(((y - y.mean()) ** 2).sum())
+    return 100 * (1 - float(np.sqrt(left / total))) if total > 0 else 0.0
 
 
 def in_its_place(other: Fit, fit: Fit, stepset: StepSet) -> Fit:
@@ -393,12 +405,14 @@ def fit_recorded(
     falls: bool = True,
     kind: str = "",
     dead_time_s: float = 0.0,
+    repeats: Sequence[RecordedLog] = (),
 ) -> Fit:
     """Fit recorded logs, with or without step logs of the same clutch.
 
     The input of a `Run` is counted from `rest`. With `falls`, falls get unknowns of their own where they differ from
     rises; `dead_time_s` of single steps is taken over where the logs are fitted better with it. A `kind` of lag that is
-    named takes the place of the one that evidence chooses.
+    named takes the place of the one that evidence chooses. Of logs that are means of `repeats` it is these that tell
+    how they scatter.
     """
     options = options or FitOptions()
     logs = [run if isinstance(run, RecordedLog) else recorded_log(run, rest) for run in runs]
@@ -413,7 +427,7 @@ def fit_recorded(
         findings += [finding("idle-not-seen", log.name) for log in logs]
     if any(log.reference is not None for log in logs):
         base = with_instrument(base, chosen.logs)
-    uncertainty = None if options.ci == "none" else spread(base)
+    uncertainty = None if options.ci == "none" else spread(on_logs(base, repeats) if repeats else base)
     known = None
     if uncertainty is not None and base.setup.model.kind != "swing":
         known = curves(base, uncertainty, inputs.shown)

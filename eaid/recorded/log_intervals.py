@@ -40,22 +40,29 @@ FEWEST_LINES = 8  # … and at least so many lines
 class Piece:
     """One log in bins, (n, …)."""
 
-    r: Array  # Mean residual
+    starts: NDArray[np.intp]  # First row of each bin
     size: Array  # Mean output above idle
     plain: Array  # Σ Z, (n, p)
     scaled: Array  # Σ Z T, (n, p)
+    squares: Array  # Σ T²
     rows: int  # Samples of a bin
     bin_s: float
-    memory_s: float  # Integrated correlation time of the residuals [s]
     engaged: NDArray[np.intp]
 
+    def means(self, r: Array) -> Array:
+        """Of a value of every sample, (n,)."""
+        return np.asarray(np.add.reduceat(r, self.starts) / np.diff(np.append(self.starts, len(r))))
 
-def piece_of(Z: Array, r: Array, at: NDArray[np.intp], n: int, drive: Drive, idle: float) -> Piece:
+    def of_engagements(self, values: Array) -> Array:
+        """Sums over each engagement of a value of every bin, (n, …) → (engagements, …)."""
+        return np.asarray(np.add.reduceat(values, np.flatnonzero(np.diff(self.engaged, prepend=-1) != 0)))
+
+
+def piece_of(Z: Array, at: NDArray[np.intp], n: int, drive: Drive, idle: float) -> Piece:
     """A log whose derivatives by the unknowns `at`, of n in all, are Z."""
-    dt_s = float(drive.dt_s.sum()) / max(len(r), 1)
-    step = -(-len(r) // BINS)
-    starts = np.arange(0, len(r), step)
-    count = np.diff(np.append(starts, len(r)))
+    dt_s = float(drive.dt_s.sum()) / max(len(Z), 1)
+    step = -(-len(Z) // BINS)
+    starts = np.arange(0, len(Z), step)
     output = drive.y[drive.w > 0] - idle
 
     def binned(values: Array) -> Array:
@@ -63,15 +70,14 @@ def piece_of(Z: Array, r: Array, at: NDArray[np.intp], n: int, drive: Drive, idl
         bins[:, at] = np.add.reduceat(values, starts)
         return bins
 
-    mean = np.add.reduceat(r, starts) / count
     return Piece(
-        mean,
-        np.add.reduceat(output, starts) / count,
+        starts,
+        np.add.reduceat(output, starts) / np.diff(np.append(starts, len(Z))),
         binned(Z),
         binned(Z * output[:, None]),
+        np.add.reduceat(output**2, starts),
         step,
         step * dt_s,
-        correlation_s(mean, step * dt_s),
         engagements(drive)[drive.w > 0][starts],
     )
 
@@ -109,19 +115,19 @@ class Lines:
         return total, max(2 / spread, 1.0)
 
 
-def by_spectrum(piece: Piece, pull: Array) -> Lines:
-    """The variance of Σ Z r for noise S0(f) + T² S1(f); `pull` is H⁻¹.
+def by_spectrum(piece: Piece, r: Array, pull: Array) -> Lines:
+    """The variance of Σ Z r for noise S0(f) + T² S1(f); `pull` is H⁻¹, r the mean residuals of the bins.
 
     The residuals are looked at through two windows w, one that is wide where T is small and one that is 1/T where T is
     large, so that noise that goes with T counts alike there; the power of each is S0 Σ w² + S1 Σ w² T², two equations
     for two spectra. The fit takes power out of the residuals where its unknowns act, mostly at low frequencies: of each
     line Σ w² − F(w Z)* H⁻¹ F(w Z) of Σ w² is left.
     """
-    n = len(piece.r)
+    n, memory_s = len(r), correlation_s(r, piece.bin_s)
     size = 2 ** int(np.ceil(np.log2(2 * n)))
     half = int(
         max(
-            SMOOTH_PART * size * piece.bin_s / (2 * np.pi * max(piece.memory_s, 0.5 * piece.bin_s)),
+            SMOOTH_PART * size * piece.bin_s / (2 * np.pi * max(memory_s, 0.5 * piece.bin_s)),
             FEWEST_LINES * size / n,
         )
     )
@@ -134,7 +140,7 @@ def by_spectrum(piece: Piece, pull: Array) -> Lines:
         F = np.fft.rfft(w[:, None] * piece.plain, size, axis=0)
         taken = ((F.conj() @ pull) * F).sum(axis=1).real / piece.rows / float(w @ w)
         lefts[k] = np.maximum(1 - _smoothed(taken, half), LEAST_LEFT)
-        power[k] = _smoothed(np.abs(np.fft.rfft(w * piece.r, size)) ** 2, half) / lefts[k]
+        power[k] = _smoothed(np.abs(np.fft.rfft(w * r, size)) ** 2, half) / lefts[k]
     A = np.array([[float((w * w).sum()), float((w * w * T2).sum())] for w in windows])
     if abs(np.linalg.det(A)) < 1e-3 * A[0, 0] * A[1, 1]:  # the output hardly changes: one spectrum
         spectra = np.stack([power.sum(axis=0) / A[:, 0].sum(), np.zeros(power.shape[1])])
@@ -198,6 +204,7 @@ class EngagementScatter:
     ripple_s: float
     gain: float  # Standard deviation of the gain between engagements beyond what noise makes of it
     count: int
+    spare: float  # Of the engagements, what the fit does not follow: the degrees of freedom of that scatter
     chance: float  # That noise alone makes gains so different
     residuals: tuple[Array, ...]  # Model less recorded, without what the gains explain, of each log
 
@@ -211,8 +218,8 @@ class EngagementScatter:
         return []
 
 
-def scatter_of(solved: Solved) -> EngagementScatter:
-    """Gains of all engagements, and the noise about them."""
+def scatter_of(solved: Solved, followed: float) -> EngagementScatter:
+    """Gains of all engagements, and the noise about them; the fit has `followed` so many of them."""
     gains, squares, fourths, cleaned, outputs, steps = [], [], [], [], [], []
     for k, drive in enumerate(solved.setup.drives):
         r = solved.missed[k]
@@ -229,13 +236,14 @@ def scatter_of(solved: Solved) -> EngagementScatter:
         outputs.append(T)
     gamma, T2, T4 = np.concatenate(gains), np.concatenate(squares), np.concatenate(fourths)
     if len(gamma) < FEWEST_ENGAGEMENTS:
-        return EngagementScatter(*densities(solved.missed, outputs, steps), 0.0, len(gamma), 1.0, solved.missed)
+        return EngagementScatter(*densities(solved.missed, outputs, steps), 0.0, len(gamma), 1.0, 1.0, solved.missed)
     s0, s1 = densities(cleaned, outputs, steps)
     own = np.maximum((s0 * T2 + s1 * T4) / T2**2, 1e-300)
     mean = float((gamma / own).sum() / (1 / own).sum())
-    chance = float(chdtrc(len(gamma) - 1, float(((gamma - mean) ** 2 / own).sum())))
-    gain = max(float(gamma.var(ddof=1)) - float(own.mean()), 0.0) ** 0.5
-    return EngagementScatter(s0, s1, gain, len(gamma), chance, tuple(cleaned))
+    spare = max(len(gamma) - max(followed, 1.0), 1.0)
+    chance = float(chdtrc(spare, float(((gamma - mean) ** 2 / own).sum())))
+    gain = max(float(((gamma - gamma.mean()) ** 2).sum()) / spare - float(own.mean()), 0.0) ** 0.5
+    return EngagementScatter(s0, s1, gain, len(gamma), spare, chance, tuple(cleaned))
 
 
 def densities(residuals: Sequence[Array], outputs: list[Array], steps: list[float]) -> tuple[float, float]:
@@ -283,7 +291,7 @@ class Spread:
             return within, degrees
         total = within + between  # degrees of freedom of a sum of variances (Satterthwaite), in parts of the whole
         own, others = within / total, between / total
-        return total, 1 / (own**2 / degrees + others**2 / max(self.scatter.count - 1, 1))
+        return total, 1 / (own**2 / degrees + others**2 / self.scatter.spare)
 
     def of(self, gradient: Array) -> float:
         """Half-width of the 95 % interval of a function with that gradient."""
@@ -304,22 +312,25 @@ def spread(solved: Solved) -> Spread:
     n = setup.size
     H = np.zeros((n, n))
     pieces = []
-    scatter = scatter_of(solved)
-    residuals = scatter.residuals if scatter.chance <= GAINS_SEEN else solved.missed
     for log, drive in enumerate(setup.drives):
-        J, r = setup.jacobian(x, log)[0], residuals[log] * np.sqrt(drive.w[drive.w > 0])
+        J = setup.jacobian(x, log)[0]
         Z = J if solved.instruments is None else clean.jacobian(x, log)[0]
         at = setup.places[log].columns
         H[np.ix_(at, at)] += Z.T @ J
-        pieces.append(piece_of(Z, r, at, n, drive, idle_found(solved, log)))
+        pieces.append(piece_of(Z, at, n, drive, idle_found(solved, log)))
     pull = free_inverse(H, solved.setup.problem().A[solved.active])
-    lines = tuple(by_spectrum(one, pull) for one in pieces)
+    # what gains of 1 do, one an engagement: H⁻¹ Σ_e s s' H⁻¹, s = Σ Z T of an engagement
+    S = np.vstack([one.of_engagements(one.scaled) for one in pieces])
+    squares = np.concatenate([one.of_engagements(one.squares) for one in pieces])
+    scatter = scatter_of(solved, float((((S @ pull) * S).sum(axis=1) / np.maximum(squares, 1e-300)).sum()))
+    residuals = scatter.residuals if scatter.chance <= GAINS_SEEN else solved.missed
+    lines = []
+    for one, r, drive in zip(pieces, residuals, setup.drives, strict=True):
+        lines.append(by_spectrum(one, one.means(r * np.sqrt(drive.w[drive.w > 0])), pull))
     noise = pull @ sum((one.total for one in lines), np.zeros((n, n))) @ pull.T
-    # what gains of standard deviation 1 do, one an engagement: H⁻¹ Σ_e s s' H⁻¹, s = Σ Z T of an engagement
-    ends = [np.flatnonzero(np.append(True, np.diff(one.engaged) != 0)) for one in pieces]
-    S = np.vstack([np.add.reduceat(one.scaled, at) for one, at in zip(pieces, ends, strict=True)]) @ pull.T
+    S = S @ pull.T
     between = S.T @ S * scatter.gain**2 * (scatter.chance <= GAINS_SEEN)
-    return Spread(noise, lines, between, scatter, pull)
+    return Spread(noise, tuple(lines), between, scatter, pull)
 
 
 FARTHEST_SCORE = np.log(20.0)  # An end farther off than this in log q is none
