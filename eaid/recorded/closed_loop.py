@@ -12,8 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import null_space
 
-from eaid.arrays import Array
+from eaid.arrays import Array, median
 from eaid.control.pi import PIGains
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.findings import Finding, finding
@@ -23,6 +24,7 @@ from eaid.plant.dynamics import plant_numbers
 from eaid.recorded.copies import Copies
 from eaid.recorded.from_logs import Solved, idle_found, plant_found
 from eaid.recorded.late import follows_output
+from eaid.recorded.log_intervals import spread
 from eaid.replay.controllers import feedback
 from eaid.replay.loop import replay
 from eaid.results.recorded import Loop
@@ -98,44 +100,73 @@ def judged_loops(base: Solved, logs: Sequence[RecordedLog]) -> tuple[tuple[Loop,
 
 
 INSTRUMENT_STEPS = 20
+DAMPED = (1.0, 0.5, 0.2, 0.05)  # Parts of a step that are tried
+LOST = 1e-10  # Part of the largest direction's say below which one has none
 INSTRUMENTS_TRIED = 2  # Instruments one after another
+SHOWN = 1.5  # Half-widths of its interval that a dead time has to be long
 
 
 def with_instrument(base: Solved, logs: Sequence[RecordedLog]) -> Solved:
-    """The fit by instruments, begun at the direct one; the direct one where no law is known or it does not settle."""
+    """The fit by instruments, begun at the direct one, behind a dead time where they show one; the direct one where no
+    law is known or it does not settle."""
     laws = [law_behind(log) for log in logs]
-    if not any(law is not None and log.starts_idle for law, log in zip(laws, logs, strict=True)):
-        return base
+    found = _by_instruments(base, logs, laws) if any(laws) else None
+    if found is None or base.fitted.dead_time_s or "dead" in base.fitted.extras:
+        return found or base
+    at, dt_s = base.fitted.shared, median([median(log.dt_s) for log in logs])
+    with_dead = replace(base.fitted, extras=(*base.fitted.extras, "dead"))
+    late = _by_instruments(replace(found, fitted=with_dead, x=np.insert(found.x, at, dt_s)), logs, laws)
+    if late is None or late.x[at] < SHOWN * spread(late).of(np.eye(len(late.x))[at]):
+        return found
+    return late
+
+
+def _by_instruments(base: Solved, logs: Sequence[RecordedLog], laws: Sequence[LawFound | None]) -> Solved | None:
+    """The fit by instruments, begun at another; None where it does not settle within the constraints."""
     x, drives = base.x.copy(), list(base.setup.drives)
     for _ in range(INSTRUMENTS_TRIED):  # any duty without noise serves; the second is that of a better model
         now = replace(base, x=x)
         for k, (log, law) in enumerate(zip(logs, laws, strict=True)):
-            if law is not None and log.starts_idle:
+            if law is not None:
                 drives[k] = Copies(simulated(now, k, log, law)).every
         settled = _solved(base, x, tuple(drives))
         if settled is None:
-            return base
+            return None
         x = settled
     problem = base.setup.problem()
     if (problem.A @ x - problem.b < -1e-9).any():
-        return base
+        return None
     return replace(base, x=x, instruments=tuple(drives))
 
 
 def _solved(base: Solved, x: Array, drives: tuple[Drive, ...]) -> Array | None:
-    """Where Σ Z' r is 0, by Newton's steps from x; None where they do not settle."""
+    """Where Σ Z' r is 0 in the directions that no constraint holds, by damped Newton steps from x; None where they do
+    not settle."""
     clean = replace(base.setup, drives=drives)
     slopes = [clean.jacobian(x, k)[0] for k in range(len(drives))]
-    for _ in range(INSTRUMENT_STEPS):
+    free = null_space(base.setup.problem().A[base.active]) if len(base.active) else np.eye(len(x))
+
+    def scores(x: Array) -> tuple[Array, Array]:
         A, score = np.zeros((len(x), len(x))), np.zeros(len(x))
-        for k in range(len(drives)):
+        for k, Z in enumerate(slopes):
             J, r = base.setup.jacobian(x, k)
-            Z, at = slopes[k], base.setup.places[k].columns
+            at = base.setup.places[k].columns
             A[np.ix_(at, at)] += Z.T @ J
             score[at] += Z.T @ r
-        scale = np.sqrt(np.maximum(np.abs(np.diagonal(A)), 1e-300))
-        move = -np.linalg.solve(A / np.outer(scale, scale), score / scale) / scale
-        x = x + move
-        if float(np.abs(move * scale).max()) < 1e-7 * np.sqrt(base.cost):
+        return free.T @ A @ free, free.T @ score
+
+    A, score = scores(x)
+    scale = np.sqrt(np.maximum(np.abs(np.diagonal(A)), 1e-300))
+    for _ in range(INSTRUMENT_STEPS):
+        move = -np.linalg.lstsq(A / np.outer(scale, scale), score / scale, rcond=LOST)[0]
+        if float(np.abs(move).max()) < 1e-7 * np.sqrt(base.cost):
             return x
+        for length in DAMPED:
+            further = x + free @ (length * move / scale)
+            A, after = scores(further)
+            if np.linalg.norm(after / scale) < np.linalg.norm(score / scale):
+                break
+        else:
+            return None
+        x, score = further, after
     return None

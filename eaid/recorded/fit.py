@@ -29,7 +29,7 @@ from eaid.levels.release import release_of
 from eaid.levels.unseen import worse_unseen
 from eaid.logs.run import Run
 from eaid.options import FitOptions
-from eaid.plant.dynamics import SHARE, Plant
+from eaid.plant.dynamics import SHARE
 from eaid.plant.respond import from_rest
 from eaid.recorded.choice import Chosen, about_idle, interval, plant_of_logs, plant_part, start_states
 from eaid.recorded.closed_loop import judged_loops, with_instrument
@@ -426,7 +426,9 @@ def fit_recorded(
     if not rests and base.setup.model.kind == "parallel":  # a gain of its own tells the idle output
         findings += [finding("idle-not-seen", log.name) for log in logs]
     if any(log.reference is not None for log in logs):
-        base = with_instrument(base, chosen.logs)
+        base, before_s = with_instrument(base, chosen.logs), base.fitted.dead_time(base.x)
+        if (theta_s := base.fitted.dead_time(base.x)) > before_s:
+            findings += [finding("dead-time", log.name, dead_time_s=theta_s) for log in logs]
     uncertainty = None if options.ci == "none" else spread(on_logs(base, repeats) if repeats else base)
     known = None
     if uncertainty is not None and base.setup.model.kind != "swing":

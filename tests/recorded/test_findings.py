@@ -173,6 +173,44 @@ def test_a_loops_law_is_found() -> None:
     assert "duty-follows-output" not in codes(fit_recorded(free, PLAIN))
 
 
+@pytest.mark.parametrize("dead_rows", [0, 3])
+def test_a_loop_that_answers_noise_at_rest_is_fitted_by_instruments_behind_its_dead_time(dead_rows: int) -> None:
+    """A PI that is on from the first row: its duty is never 0, and what it does answers the noise."""
+    random, n, dt = np.random.default_rng(5), 8000, 0.02
+    wanted = np.repeat(random.uniform(0.5, 3.5, n // 200), 200) * (np.arange(n) >= 150)
+    duty, read, (x1, x2, integral) = np.zeros(n), np.zeros(n), (0.0, 0.0, 0.0)
+    for k in range(n):
+        read[k] = x1 + x2 + 0.02 * random.standard_normal()
+        error = wanted[k] - read[k]
+        duty[k] = min(max(10.0 * error + 20.0 * integral, 0.0), 100.0)
+        integral += dt * error
+        steady = 0.04 * (duty[k - dead_rows] if k >= dead_rows else 0.0)
+        x1 += (0.85 * steady - x1) * (1 - np.exp(-dt / 0.4))
+        x2 += (0.15 * steady - x2) * (1 - np.exp(-dt / 4.0))
+    log = RecordedLog("loop", dt * np.arange(n), duty, read, reference=wanted)
+    fit = fit_recorded([log], replace(PLAIN, duty=(10.0, 90.0)))
+    assert fit.recorded.loops[0].method == "instrument" and fit.dead_time_s == pytest.approx(dt * dead_rows, abs=2e-3)
+    assert ("dead-time" in codes(fit)) == (dead_rows > 0)
+    held = [row.ci95.Ts[0] <= 0.04 * row.level <= row.ci95.Ts[1] for row in fit.nonlinear.curves if row.ci95.Ts]
+    held += [row.ci95.tau1[0] <= 0.4 <= row.ci95.tau1[1] for row in fit.nonlinear.curves if row.ci95.tau1]
+    assert len(held) == 22 and sum(held) >= 20
+
+
+def test_a_loop_around_one_lag_does_not_end_in_a_singular_matrix() -> None:
+    """The clutch's two lags leave it directions that nothing determines."""
+    random, n, dt = np.random.default_rng(3), 4000, 0.02
+    wanted, noise = np.repeat(random.uniform(0.5, 3.5, n // 200), 200), np.zeros(n)
+    duty, read, (x, integral) = np.zeros(n), np.zeros(n), (0.0, 0.0)
+    for k in range(n):
+        noise[k] = 0.93 * noise[k - 1] + 0.007 * random.standard_normal()
+        read[k] = x + noise[k]
+        duty[k] = min(max(15.0 * (wanted[k] - read[k]) + 60.0 * integral, 0.0), 100.0)
+        integral += dt * (wanted[k] - read[k])
+        x += (0.04 * duty[k] - x) * (1 - np.exp(-dt / 0.6))
+    fit = fit_recorded([RecordedLog("loop", dt * np.arange(n), duty, read, reference=wanted)], PLAIN)
+    assert fit.recorded.loops[0].K_P == pytest.approx(15.0) and fit.plant.steady(60.0) == pytest.approx(2.4, rel=0.03)
+
+
 @pytest.mark.slow
 def test_the_noise_in_a_loops_duty_biases_nothing() -> None:
     """Three times the noise: the mean error of τ1 over some logs, as a loop and as if the duty were free."""
