@@ -220,19 +220,8 @@ def test_what_is_no_rig_or_comes_twice_is_named(tmp_path):
         eaid.compare(3, fit)
 
 
-def test_held_and_peak_are_foreseen_as_measured():
-    """A clutch that slips back: 1.2 at its peak, 0.9 held; what is measured needs no model."""
-    t, rng, fits = np.arange(0.0, 14.0, 0.02), np.random.default_rng(3), {}
-    for s in range(4):
-        gain, logs = np.exp(0.4 * rng.standard_normal()), {}
-        for u in (20.0, 60.0, 100.0):
-            for k in range(3):
-                own, since = gain * np.exp(0.03 * rng.standard_normal()), np.maximum(t - 2, 0)
-                y = 0.05 * u * own * (1.5 * (1 - np.exp(-since / 0.2)) - 0.6 * (1 - np.exp(-since / 2.0)))
-                y += 0.002 * rng.standard_normal(len(t))
-                columns = {"time_s": t, "duty_pct": np.where(t < 2, 0.0, u), "torque_nm": y}
-                logs[f"s{s}_{u:g}_{k}"] = pd.DataFrame(columns)
-        fits[f"s{s}"] = eaid.fit(logs)
+def test_held_and_peak_are_foreseen_as_measured(slipping):
+    fits, _ = slipping
     rig = eaid.sessions(fits)
     assert {"held", "peak"} <= rig.quantities.keys()
     for name in ("held", "peak"):
