@@ -240,9 +240,9 @@ def plot(result: Fit | Gains | Replay | Rig | Comparison, ax: Any = None) -> Any
     """A result on matplotlib Axes: the step responses of a fit, margins of gains over the input, traces of a replay,"""
 
 def sessions(
-    data: pandas.DataFrame | Mapping[str, Fit] | Sequence[Fit] | Paths,
+    data: pandas.DataFrame | Mapping[str, Fit] | Sequence[Fit] | Fit | Paths,
+    *more: Fit | File,
     options: SessionsOptions | None = None,
-    *,
     reference_level: float | None = None,
     terms: int | None = None,
 ) -> Rig:

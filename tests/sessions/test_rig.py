@@ -209,6 +209,19 @@ def test_the_control_chart_holds_every_session_and_the_next(table):
     assert {"×2", "1", "÷2"} <= {text.get_text() for text in axes.get_yticklabels()}
 
 
+def test_fits_are_taken_one_by_one_as_compare_takes_them(fits, tmp_path):
+    first, second, third, *_ = fits.values()
+    second.save(tmp_path / "b.json")
+    of_list, *others = (eaid.sessions([first, second, third]), eaid.sessions(first, second, third),
+                        eaid.sessions(first, tmp_path / "b.json", third))  # fmt: skip
+    for rig in others:
+        pd.testing.assert_frame_equal(rig.next(), of_list.next())
+    with pytest.raises(eaid.DataError, match="1 session: three and more"):
+        eaid.sessions(first)
+    with pytest.raises(eaid.UsageError, match="session 3: is a int; give what eaid.fit returns"):
+        eaid.sessions(first, second, 3)
+
+
 def test_what_is_no_rig_or_comes_twice_is_named(tmp_path):
     fit = eaid.fit(eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1))
     fit.save(tmp_path / "a.json")
