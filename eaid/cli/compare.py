@@ -64,8 +64,8 @@ def command(args: Arguments) -> None:
     )  # fmt: skip
     found = stamped(found, args, files=args.files, gains=args.gains)
     found.save(args.output, args.force)
-    lines = [*map(on_command_line, found.lines()), *([shifts_table(found), changes_table(found)] if args.verbose else ())]
     after = ["tune-rc", str(args.files[0])] if found.tune_anew else ["report", str(args.output)]
-    lines.append(f"next    eaid {shlex.join(after)}")
-    tell_result(args, found, lines, [*warnings, *found.findings])
+    lines = [*map(on_command_line, found.lines()), f"next    eaid {shlex.join(after)}"]
+    tables = (shifts_table(found), changes_table(found)) if args.verbose else ()
+    tell_result(args, found, [*lines, *tables], [*warnings, *found.findings])
     console.say(f"{args.output}: the comparison")

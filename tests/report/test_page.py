@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 
 import eaid
+from eaid.plant.linear import LinearPlant
 from eaid.report.page import signs
 from eaid.report.tables import Name, text
 from eaid.report.tables.gains import comparison
-from eaid.results.gains import Compared, Gains, LinearPlant, Replayed
+from eaid.results.gains import Compared, Gains, Replayed
 from eaid.shown import number
 
 from ..conftest import PLANT, loaded
