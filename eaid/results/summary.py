@@ -29,6 +29,8 @@ MEANT = {
     "curve-misses-levels": " (it explains nothing there)",
     "signs-turned": " (the output counts with its sign turned)", "input-late": "", "runs-left-out": "",
 }  # fmt: skip
+# Numbers of a plant → how they are called
+CALLED = {**SYMBOLS, "gain_below": "gain below rest", "omega": "ω", "zeta": "ζ", "dead_time_s": "dead time"}
 # Estimates that stand as the nonlinear model
 USED = {"levels-first": "levels first, then the curves", "joint": "all levels at once, as in the paper, as you asked"}
 
@@ -119,26 +121,14 @@ def overshoot(p: Plant) -> list[str]:
 
 def plant_numbers(fit: "Fit") -> list[tuple[str, str]]:
     """Gain, time constants, frequency and damping, dead time of a plant, each with its unit and interval."""
-    part = fit.plant_
+    part, found = fit.plant_, []
     assert part is not None
-    p, ci = part.plant, part.ci95
-    top, unit = p.u_range[1], _per(part.output_unit, part.input_unit)
-    tau1, tau2 = (float(one) for one in p.time_constants(top))
-    rows: list[tuple[str, float, str, str]] = [("gain", float(p.steady(top)) / top, "gain", unit)]
-    if p.signed:
-        rows.append(("gain below rest", float(p.steady(-top)) / -top, "gain_below", unit))
-    if p.zeta is not None and p.kind == "ringing":
-        rows += [("ω", 1 / tau1, "omega", " rad/s"), ("ζ", p.zeta, "zeta", "")]
-    else:
-        rows.append(("τ" if p.kind == "lag" else "τ1", tau1, "tau1", " s"))
-        rows += [("τ2", tau2, "tau2", " s")] if p.kind != "lag" else []
-        rows += [("C", p.C, "C", "")] if p.kind in ("parallel", "overshoot") else []
-    rows += [("dead time", p.dead_time_s, "dead_time_s", " s")] if p.dead_time_s else []
-    found = []
-    for name, value, key, in_unit in rows:
-        ends = None if ci is None else getattr(ci, key)
+    per = _per(part.output_unit, part.input_unit)
+    units = {"gain": per, "gain_below": per, "omega": " rad/s", "zeta": "", "C": ""}
+    for key, (value, ends) in part.numbers.items():
+        name = "τ" if key == "tau1" and part.kind == "lag" else CALLED.get(key, key)
         span = "" if ends is None else f" ({ends[0]:.4g} … {ends[1]:.4g})"
-        found.append((name, f"{value:.4g}{span}{in_unit}"))
+        found.append((name, f"{value:.4g}{span}{units.get(key, ' s')}"))
     return found
 
 

@@ -308,10 +308,7 @@ def _next_of_sessions(results: Results) -> list[tuple[str, str]]:
 def _after(found: Comparison) -> tuple[str, str]:
     """What to do after one comparison."""
     if found.promise is not None:
-        kept, missed = (
-            "Keep these gains: the loop does what was promised",
-            "Record and fit steps of the rig as it is now",
-        )
+        kept, missed = "Keep the gains: the loop does what was promised", "Record and fit steps of the rig as it is now"
         return kept if found.promise.kept else missed, ""
     if found.tune_anew:
         return "Make gains for the session as it is now", _line("tune-rc", _whole(found.files["A"]))
