@@ -89,16 +89,16 @@ def replayed(fit: "Fit") -> list[str]:
 
 
 def unseen(fit: "Fit") -> list[str]:
-    """How the model holds on what fits without it have not seen, beside what it explains of the same as fitted."""
+    """How the model holds on what fits without it have not seen, beside what it explains of the same when it has."""
     if fit.recorded is not None and (logs := fit.recorded.hold_out) is not None and logs.held_pct is not None:
-        whose = "logs left out in turn" if logs.of == "logs" else f"the {logs.of} left out"
-        return [f"unseen {logs.held_pct:.1f} % of {whose} ({number(logs.fit_pct, 3)} % as fitted)"]
+        whose, they = ("logs left out in turn", "them") if logs.of == "logs" else (f"the {logs.of} left out", "it")
+        return [f"unseen {logs.held_pct:.1f} % of {whose} ({number(logs.fit_pct, 3)} % with {they})"]
     left = None if fit.nonlinear is None else fit.nonlinear.left_out
     if left is None or left.held_pct is None or left.worst is None:
         return []
     at = f"{left.worst:.4g} {fit.data.input_unit}".rstrip()
     off = f"T_s off by {number(left.Ts_off_pct, 3)} % (median), at worst {number(left.worst_off_pct, 3)} % at {at}"
-    return [f"unseen {left.held_pct:.1f} % of levels left out in turn ({number(left.fit_pct, 3)} % as fitted), {off}"]
+    return [f"unseen {left.held_pct:.1f} % of levels left out in turn ({number(left.fit_pct, 3)} % with them), {off}"]
 
 
 def plant_line(fit: "Fit") -> list[str]:
