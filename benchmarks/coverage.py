@@ -22,6 +22,7 @@ import numpy as np
 
 import eaid
 from benchmarks.stop_findings import log, rise, wander
+from benchmarks.table import asked
 from eaid.apparatus import Apparatus
 from eaid.arrays import Array
 from eaid.plant.dynamics import REFERENCE_PLANT, Step
@@ -351,8 +352,9 @@ def lines(name: str, sets: int) -> Iterator[str]:
 
 
 def main(words: list[str]) -> None:
-    for name in words[1:] or (*VARIANTS, *RECORDED, *STAIRCASES):
-        for line in lines(name, int(words[0]) if words else 500):
+    sets, names = asked(words, 500, (*VARIANTS, *RECORDED, *STAIRCASES))
+    for name in names:
+        for line in lines(name, sets):
             print(line, flush=True)
 
 

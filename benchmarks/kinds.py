@@ -16,6 +16,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from benchmarks.table import asked
 from eaid.arrays import Array
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.options import FitOptions
@@ -158,7 +159,7 @@ def percent(held: list[bool]) -> str:
 
 def main(words: list[str]) -> None:
     """Do what is not done, then print the table."""
-    count, names = int(words[0]) if words else 100, words[1:] or list(KINDS)
+    count, names = asked(words, 100, list(KINDS))
     rows = [json.loads(line) for line in RESULTS.read_text().splitlines()] if RESULTS.exists() else []
     done = {(row["kind"], row["seed"]) for row in rows}
     with RESULTS.open("a") as file:

@@ -29,6 +29,7 @@ import pandas as pd
 from scipy import signal
 
 import eaid
+from benchmarks.table import asked
 from eaid.arrays import Array
 from eaid.errors import EaidError
 
@@ -371,7 +372,7 @@ def judged(made: Made, code: int, text: str, out: Path) -> tuple[str, str]:
 def main(names: list[str], root: Path) -> Counter[str]:
     """Two lines a rig, then the counts."""
     counts: Counter[str] = Counter()
-    for name in names or RIGS:
+    for name in asked(names, 0, list(RIGS))[1]:
         made = RIGS[name]()
         log, out = write(made, root / name), root / f"{name}.json"
         before = resource.getrusage(resource.RUSAGE_CHILDREN)

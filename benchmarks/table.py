@@ -10,6 +10,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 
+def asked(words: Sequence[str], count: int, known: Sequence[str]) -> tuple[int, Sequence[str]]:
+    """How many sets of which rows a benchmark was asked for, as `30 base`; all rows by itself, ends where one is
+    unknown."""
+    sets, names = (words[0], words[1:]) if words and words[0] not in known else (str(count), words)
+    if unknown := [name for name in ([] if sets.isdigit() else [sets]) + list(names) if name not in known]:
+        raise SystemExit(f"{', '.join(unknown)}: no such row; give a number and names of {', '.join(known)}")
+    return int(sets), names or known
+
+
 @dataclass(frozen=True)
 class Row:
     """One comparison: both times from the same run of the benchmark, the claimed ratio, and what was reached."""

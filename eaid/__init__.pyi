@@ -187,8 +187,8 @@ def plan(
     want: Mapping[str, Any] | str = {},
     check: bool = True,
     idle_s: float = 10.0,
-    release_s: float = 10.0,
-    longest_hold_s: float = 120.0,
+    release_s: float | None = None,
+    longest_hold_s: float | None = None,
     most_levels: int = 12,
     limits: str | Mapping[str, Any] | Limits | None = None,
     seed: int = 0,
@@ -240,9 +240,9 @@ def plot(result: Fit | Gains | Replay | Rig | Comparison, ax: Any = None) -> Any
     """A result on matplotlib Axes: the step responses of a fit, margins of gains over the input, traces of a replay,"""
 
 def sessions(
-    data: pandas.DataFrame | Mapping[str, Fit] | Sequence[Fit] | Paths,
+    data: pandas.DataFrame | Mapping[str, Fit] | Sequence[Fit] | Fit | Paths,
+    *more: Fit | File,
     options: SessionsOptions | None = None,
-    *,
     reference_level: float | None = None,
     terms: int | None = None,
 ) -> Rig:

@@ -251,11 +251,10 @@ def taking(kind: type[Options]) -> Callable[[F], F]:
     def told(function: F) -> F:
         own = inspect.signature(function)
         *kept, keywords = own.parameters.values()
-        texts = [_Written(one.annotation) if isinstance(one.annotation, str) else one.annotation for one in kept]
-        kept = [one.replace(annotation=text) for one, text in zip(kept, texts, strict=True)]
+        kept = [one.replace(annotation=_plain(one.annotation)) for one in kept]
         more = keywords_of(kind, own.parameters)
         function.__signature__ = own.replace(  # type: ignore[attr-defined]
-            parameters=kept + [
+            return_annotation=_plain(own.return_annotation), parameters=kept + [
                 inspect.Parameter(one.name, inspect.Parameter.KEYWORD_ONLY, default=one.default,
                                   annotation=_Written(one.taken)) for one in more
             ]
@@ -279,6 +278,10 @@ class _Written(str):
 
     __slots__ = ()
     __repr__ = str.__str__
+
+
+def _plain(annotation: Any) -> Any:
+    return _Written(annotation) if isinstance(annotation, str) else annotation
 
 
 def _words_of(form: Form) -> str:

@@ -372,8 +372,13 @@ class PlanOptions(Chance):
     )  # fmt: skip
     check: bool = option(True, "Simulate the experiment and measure the widths it gives.", LOGS)
     idle_s: float = option(10.0, "Input 0 before each step [s].", RIG, "--idle")
-    release_s: float = option(10.0, "Input 0 after each step, recorded [s].", RIG, "--release")
-    longest_hold_s: float = option(120.0, "Longest hold [s].", RIG, "--longest-hold", least=5, most=1e6)
+    release_s: float | None = option(
+        None, "Input 0 after each step, recorded [s]; by itself 10, of slower rigs until they rest.", RIG, "--release"
+    )
+    longest_hold_s: float | None = option(
+        None, "Longest hold [s]; by itself 120, of slower rigs more.", RIG, "--longest-hold", least=5,
+        most=1e6,
+    )  # fmt: skip
     most_levels: int = option(12, "Most levels to record.", RIG, least=4, most=100)
     limits: str | Mapping[str, Any] | Limits | None = option(
         None, "Of the excitation: duty=10:100,hold_s=0.3:30,rest_s=5,work_s=60,engagements=4, in "

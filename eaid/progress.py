@@ -7,6 +7,14 @@ from contextlib import AbstractContextManager, nullcontext
 Progress = Callable[[str, int], AbstractContextManager[Callable[[], None]]]
 
 
-def no_progress(_what: str, _count: int) -> AbstractContextManager[Callable[[], None]]:
-    """Nothing is told."""
-    return nullcontext(lambda: None)
+class _Silence:
+    """Nothing is told; `help` shows its name."""
+
+    def __call__(self, _what: str, _count: int) -> AbstractContextManager[Callable[[], None]]:
+        return nullcontext(lambda: None)
+
+    def __repr__(self) -> str:
+        return "no_progress"
+
+
+no_progress: Progress = _Silence()

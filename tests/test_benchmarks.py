@@ -19,6 +19,7 @@ from benchmarks import (
     sessions,
     stop_findings,
     strangers,
+    table,
 )
 from benchmarks.table import markdown
 
@@ -84,3 +85,12 @@ def test_a_stranger(name: str, word: str, tmp_path: Path) -> None:
         u, t, y = made.truth
         assert strangers.judged(replace(made, truth=(u, t, 1.1 * y)), code, text, out)[0] == "WRONG"
         assert re.search("tune-rc 0, simulate --log 0 9[0-9].* %", strangers.downstream(log, out))
+
+
+def test_an_unknown_row_is_named_and_a_number_may_be_left_out() -> None:
+    assert table.asked(["30", "base"], 500, ("base", "noisy")) == (30, ["base"])
+    assert table.asked(["noisy"], 500, ("base", "noisy")) == (500, ["noisy"])
+    assert table.asked([], 500, ("base", "noisy")) == (500, ("base", "noisy"))
+    for module in (coverage, strangers):
+        with pytest.raises(SystemExit, match="bsae: no such row; give a number and names of "):
+            module.main(["3", "bsae"], *([Path()] if module is strangers else []))

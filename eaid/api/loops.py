@@ -89,7 +89,7 @@ def simulate(
     reference: "File | ArrayLike | pandas.Series[float] | Callable[[float], float] | None" = None,
     log: "Paths | None" = None,
     reading: ReadOptions | None = None,
-    progress: Progress = no_progress,
+    progress: "Progress" = no_progress,
     **keywords: Any,
 ) -> Replay:
     """Replay controllers on the fitted plant from rest, or a log's own input.
@@ -165,7 +165,7 @@ def couple(
     gains: "Gains | File | None" = None,
     options: CoupleOptions | None = None,
     *,
-    progress: Progress = no_progress,
+    progress: "Progress" = no_progress,
     **keywords: Any,
 ) -> Coupling:
     """How stiff a virtual wall each loop may render on a limb (Colgate and Schenkel 1997 for the sampled loop).

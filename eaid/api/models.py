@@ -26,7 +26,7 @@ def read(
     time: Column = None,
     input: Column = None,
     output: Column = None,
-    progress: Progress = no_progress,
+    progress: "Progress" = no_progress,
     **keywords: Any,
 ) -> StepSet:
     """Read recorded logs and find their steps, levels and repeats.
@@ -86,7 +86,7 @@ def fit(
     data: "StepSet | Paths | Tables | ArrayLike",
     *arrays: "ArrayLike | FitOptions",
     options: FitOptions | None = None,
-    progress: Progress = no_progress,
+    progress: "Progress" = no_progress,
     **keywords: Any,
 ) -> Fit:
     """Fit the models of the paper to recorded steps, Eqs. (3) to (8), with intervals and a verdict.
@@ -172,7 +172,7 @@ def plan(
     options: PlanOptions | None = None,
     *,
     excitation: bool = False,
-    progress: Progress = no_progress,
+    progress: "Progress" = no_progress,
     **keywords: Any,
 ) -> Plan | Excitation:
     """What to record next, for intervals of wanted widths, in the rig's own input unit.

@@ -153,7 +153,8 @@ def plot(result: "Fit | Gains | Replay | Rig | Comparison", ax: Any = None) -> A
 
 @taking(SessionsOptions)
 def sessions(
-    data: "pandas.DataFrame | Mapping[str, Fit] | Sequence[Fit] | Paths",
+    data: "pandas.DataFrame | Mapping[str, Fit] | Sequence[Fit] | Fit | Paths",
+    *more: "Fit | File",
     options: SessionsOptions | None = None,
     **keywords: Any,
 ) -> "Rig":
@@ -164,6 +165,8 @@ def sessions(
     data
         Three fits and more, in their order (by name, in a list, or as files); or a table, or a file of one, with the
         columns session, level, value and sd_log, the standard deviation of the value's logarithm.
+    *more
+        The other fits, where `data` is the first of them.
     options
         How they are held together.
     **keywords
@@ -202,9 +205,11 @@ def sessions(
         return rig_of_table(table_values(data), how)  # type: ignore[arg-type]
     if isinstance(data, Mapping):
         return rig_of_fits(data, how)
-    if isinstance(data, Sequence) and data and all(isinstance(one, Fit) for one in data):
-        return rig_of_fits({f"session {k}": one for k, one in enumerate(data, 1)}, how)
-    fits, values, _ = read_sessions(paths_in(data))
+    each = [data, *more] if more or isinstance(data, Fit) else data
+    if isinstance(each, Sequence) and any(isinstance(one, Fit) for one in each):
+        named = {f"session {k}": one for k, one in enumerate(each, 1)}
+        return rig_of_fits({name: result_of(name, one, Fit) for name, one in named.items()}, how)
+    fits, values, _ = read_sessions(paths_in(each))
     return rig_of_table(values, how) if values else rig_of_fits(fits, how)
 
 
@@ -213,7 +218,7 @@ def today(
     step: "Fit | StepSet | Paths | pandas.DataFrame | Mapping[str, pandas.DataFrame]",
     reading: ReadOptions | None = None,
     *,
-    progress: Progress = no_progress,
+    progress: "Progress" = no_progress,
 ) -> Fit:
     """One or two reference steps of a new session → a fit whose intervals hold for it.
 

@@ -8,7 +8,7 @@ from typing import Any
 from eaid.cli import console
 from eaid.cli.form import Common, argument, stamped, takes, tell_result, written
 from eaid.declared import option, part
-from eaid.errors import UsageError
+from eaid.errors import UsageError, on_command_line
 from eaid.files import refuse_to_overwrite
 from eaid.options import SESSIONS, Columns, CompareOptions, ReadOptions
 
@@ -64,10 +64,8 @@ def command(args: Arguments) -> None:
     )  # fmt: skip
     found = stamped(found, args, files=args.files, gains=args.gains)
     found.save(args.output, args.force)
-    lines = [*found.lines(), *([shifts_table(found), changes_table(found)] if args.verbose else ())]
-    if found.files and found.retune is None and not found.tune_anew:
-        lines.append("retune  no sign of it in T_s; --gains gains.json holds the gains against this session")
     after = ["tune-rc", str(args.files[0])] if found.tune_anew else ["report", str(args.output)]
-    lines.append(f"next    eaid {shlex.join(after)}")
-    tell_result(args, found, lines, [*warnings, *found.findings])
+    lines = [*map(on_command_line, found.lines()), f"next    eaid {shlex.join(after)}"]
+    tables = (shifts_table(found), changes_table(found)) if args.verbose else ()
+    tell_result(args, found, [*lines, *tables], [*warnings, *found.findings])
     console.say(f"{args.output}: the comparison")

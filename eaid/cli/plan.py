@@ -59,5 +59,5 @@ def command(args: Arguments) -> None:
     with written_whole(*files, force=args.force) as parts:
         for file, lines in zip(parts, contents, strict=True):
             file.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    tell_result(args, plan, plan_shown(plan, args.idle_s, args.release_s), (*warnings, *plan.findings))
+    tell_result(args, plan, plan_shown(plan), (*warnings, *plan.findings))
     console.say(f"{', '.join(map(str, files))}: {cost(plan)}")

@@ -55,13 +55,14 @@ def ingested(data: StepSet) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def plan_shown(plan: Plan | Excitation, idle_s: float, release_s: float) -> Iterator[Table]:
+def plan_shown(plan: Plan | Excitation) -> Iterator[Table]:
     """The plan for people."""
     if isinstance(plan, Plan):
         yield table_of(
             "What to record",
-            f"{plan.repeats} repeats of each level, in the order of the run table; each run idles for {idle_s:g} s "
-            f"before its step and is recorded for {release_s:g} s after its release",
+            f"{plan.repeats} repeats of each level, in the order of the run table; each run idles for "
+            f"{plan.runs[0].idle_s:g} s before its step and is recorded for {plan.runs[0].release_s:g} s after its "
+            "release",
             zip(plan.levels, plan.hold_s, strict=True),
             (("level", plan.input_unit), lambda of: f"{of[0]:g}"), (("hold", "s", 3), lambda of: of[1]),
         )  # fmt: skip

@@ -104,6 +104,7 @@ class Dialect:
     synthetic: str | None = None
     unmatched: tuple[str, ...] = ()  # Names above the rows that are not as many as the columns
     remarks: bool = False  # True where a row may have a remark behind its cells
+    clock: tuple[float, float] | None = None  # Start and step of the time [s], of which the first column is then empty
 
 
 def encoding_of(head: bytes) -> str:
@@ -178,7 +179,8 @@ def sniff(path: str, head: bytes) -> Dialect:
 
 
 def _of_labview(path: str, encoding: str, lines: list[str]) -> Dialect:
-    """Dialect of a LabVIEW measurement file, as its header says it; without times, its first column is empty."""
+    """Dialect of a LabVIEW measurement file, as its header says it; without times its first column is empty, and all
+    channels have a step from row to row."""
     separator = "," if any(line.startswith("Separator,") for line in lines) else "\t"
     rows = [line.rstrip().split(separator) for line in lines]
     at = next((i for i, row in enumerate(rows) if row[0] == "X_Value"), 0)
@@ -190,9 +192,13 @@ def _of_labview(path: str, encoding: str, lines: list[str]) -> Dialect:
         )
     marks = Marks(separator, *header.get("Decimal_Separator", "."))
     units = ["s", *header.get("Y_Unit_Label", ()), *[""] * len(names)][: len(names)]
-    if header.get("X_Columns") == ["No"]:
-        names[0], units[0] = "", ""
-    return Dialect(encoding, marks, tuple(names), tuple(units), at + 2, remarks="Comment" in rows[at])
+    dialect = Dialect(encoding, marks, tuple(names), tuple(units), at + 2, remarks="Comment" in rows[at])
+    if header.get("X_Columns") != ["No"]:
+        return dialect
+    clocks = {*zip(*(map(marks.value, header.get(key, ())) for key in ("X0", "Delta_X")), strict=False)}
+    if len(clocks) == 1 and None not in (clock := clocks.pop()) and clock[1] > 0:
+        return replace(dialect, clock=clock)
+    return replace(dialect, columns=("", *names[1:]), units=("", *units[1:]))
 
 
 def _marks(lines: list[str]) -> tuple[Marks, int]:
@@ -316,7 +322,7 @@ def read_text(path: Path, source: str) -> list[Table]:
         raise DataError(f"{source}: is gzip around a file that is no text; unpack it and give what is inside")
     dialect = sniff(source, head)
     units = tuple("s" if i in dialect.stamps else unit for i, unit in enumerate(dialect.units))
-    load = partial(_load, path, source, zipped, dialect)
+    load = partial(_load if dialect.clock is None else _load_timed, path, source, zipped, dialect)
     return [
         Table("", dialect.columns, load, units, dialect.synthetic, stamped=dialect.stamps, unmatched=dialect.unmatched)
     ]
@@ -377,6 +383,16 @@ def _load(path: Path, source: str, zipped: bool, dialect: Dialect, columns: Sequ
             f"every one; save it with decimal points"
         )
     return Cells(tuple(whole), tuple(bad), tuple(rows))
+
+
+def _load_timed(path: Path, source: str, zipped: bool, dialect: Dialect, columns: Sequence[int]) -> Cells:
+    """The same of a file whose header says the time of its rows."""
+    assert dialect.clock is not None
+    start_s, step_s = dialect.clock
+    cells = _load(path, source, zipped, dialect, [column for column in columns if column] or [1])
+    time_s = start_s + step_s * np.arange(len(cells.values[0]))
+    values = iter(cells.values)
+    return replace(cells, values=tuple(next(values) if column else time_s for column in columns))
 
 
 def _by_arrow(body: str, dialect: Dialect, columns: Sequence[int], line: int) -> Cells | None:

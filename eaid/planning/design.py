@@ -42,6 +42,7 @@ PARAMETERS = {"Ts": 0, "tau1": 1, "tau2": 2}
 # Hold times tried, in units of each level's τ2: a record of about τ2 or less does not determine it
 HOLD_FACTORS = (1.5, 2.0, 3.0, 4.0)
 LEAST_HOLD_S = 5.0
+RELEASE_S, LONGEST_HOLD_S, RESTS_AFTER = 10.0, 120.0, 5  # By themselves; time constants until rest
 LEAST_REPEATS, MOST_REPEATS = 3, 20
 KEEPING = 0.8  # Probability with which a session keeps a width that a plan promises
 # Share of the draws that must keep a promised T_s, τ1, τ2 for that: what sessions have beyond the draws (ends by score
@@ -277,15 +278,39 @@ class FittedRig:
         """Degrees of freedom that the scatter is known by; 0: none are known."""
         return (self.fit.uncertainty.degrees_of_freedom if self.fit.uncertainty is not None else None) or 0.0
 
+    @property
+    def settles_s(self) -> float:
+        """When a step has settled [s]: of a clutch its fast part, as the slow one may be without end."""
+        p = self.plant.model
+        if p is None or is_clutch(p):
+            slowest = max(self.plant.at(level).tau1 for level in self.levels)
+        else:
+            slowest = p.slowest_s(np.array(self.levels))
+        return RESTS_AFTER * slowest + (0.0 if p is None else p.dead_time_s)
+
+    def rests(self, session: PlanOptions) -> tuple[float, float]:
+        """How long a run idles before its step and is recorded after its release [s]."""
+        by_itself = max(RELEASE_S, ceil(self.settles_s))
+        return session.idle_s, by_itself if session.release_s is None else session.release_s
+
+    def longest_s(self, session: PlanOptions) -> float:
+        """The longest hold [s]; UsageError for one that ends before the output answers."""
+        late = 0.0 if self.plant.model is None else self.plant.model.dead_time_s
+        if session.longest_hold_s is None:
+            return max(LONGEST_HOLD_S, ceil(self.settles_s))
+        if session.longest_hold_s <= late:
+            raise UsageError(f"«longest_hold_s» {session.longest_hold_s:g}: the output answers after {late:.4g} s")
+        return session.longest_hold_s
+
     def quickest(self, wanted: Mapping[str, float], session: PlanOptions) -> Plan:
         """The quickest steps from rest for the wanted half-widths [%]; where none reaches them, what comes nearest."""
         best, least = Plan(), inf
-        several = self.plant.model is not None
+        several, longest_s, resting_s = self.plant.model is not None, self.longest_s(session), sum(self.rests(session))
         for levels in level_sets(self.levels, session.most_levels) if several else [list(self.levels)]:
             for factor in HOLD_FACTORS:
-                hold = self.holds(levels, factor, session.longest_hold_s)
+                hold = self.holds(levels, factor, longest_s)
                 repeats, half = self.fewest(levels, hold, wanted, session)
-                time_s = repeats * float((hold + session.idle_s + session.release_s).sum())
+                time_s = repeats * float((hold + resting_s).sum())
                 over = max(half[name] / width for name, width in wanted.items())
                 # an experiment that falls short costs more than any that does not
                 price = time_s if over <= 1 else 1e9 * over + time_s
@@ -331,7 +356,7 @@ class FittedRig:
         if p is not None and not is_clutch(p):
             steps, turn_s = steps_of(p, u), inf if p.zeta is None else 2 * np.pi * p.tau1[0]
             designer = Designer(steps.model, steps.unknowns, steps.slopes, self.noise, steps.late)
-            return designer.variances(drive_of_steps(levels, hold_s, (session.idle_s, session.release_s), turn_s))
+            return designer.variances(drive_of_steps(levels, hold_s, self.rests(session), turn_s))
         curves = [self.plant.at(level) for level in levels]
         Ts, tau1, tau2 = (np.maximum([getattr(curve, name) for curve in curves], 1e-300) for name in PARAMETERS)
         model, unknowns = friction(u, self.share), np.concatenate([Ts, tau1, tau2])

@@ -72,6 +72,7 @@ def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Call
     decays = [each for each in fit.findings if each.code == "output-decays-under-hold"]
     rig = replace(rig, most=FIRST_REPEATS) if guessed or decays else rig
     options = wanting(options, dict(zip(rig.numbers, (3.0, 5.0, 10.0), strict=False)))
+    order = partial(run_order, rests_s=rig.rests(options), seed=options.seed)
     other = rig.plant.model if rig.plant.model is not None and not is_clutch(rig.plant.model) else None
     sets = PLAN_SETS if other is None else FEW_SETS
     rigs = rig.drawn(sets, options.seed) if options.check and other is None else []
@@ -79,7 +80,7 @@ def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Call
     def measure(plan: Plan, k: int) -> Widths:
         """Half-widths of one recording's own intervals at the worst level [%]."""
         if other is not None:
-            found = measure_kind(other, rig.noise, run_order(plan, options), k, options.seed)
+            found = measure_kind(other, rig.noise, order(plan), k, options.seed)
             return dict(zip(rig.numbers, percent(found).tolist(), strict=True))
         plant, noise = rigs[k]
         levels = experiment(plan, plant, noise, options.seed + 100_000 * k)
@@ -109,16 +110,16 @@ def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Call
                 scatter_pct=scatter if scatter > 100 * NOTICED_SCATTER else None,
             )
         )  # fmt: skip
-    session: Plan = msgspec.structs.replace(plan, runs=run_order(plan, options), findings=tuple(findings))
+    session: Plan = msgspec.structs.replace(plan, runs=order(plan), findings=tuple(findings))
     return session
 
 
-def run_order(plan: Plan, session: PlanOptions) -> tuple[PlannedRun, ...]:
+def run_order(plan: Plan, rests_s: tuple[float, float], seed: int) -> tuple[PlannedRun, ...]:
     """One block a repeat, each with all levels in an order of its own: no drift or sweep hides in the levels."""
-    random = np.random.default_rng(session.seed)
-    runs: list[PlannedRun] = []
+    random = np.random.default_rng(seed)
+    (idle_s, release_s), runs = rests_s, list[PlannedRun]()
     for repeat in range(1, plan.repeats + 1):
         for i in random.permutation(len(plan.levels)).tolist():
             hold_s = plan.hold_s[i]
-            runs.append(PlannedRun(len(runs) + 1, plan.levels[i], repeat, session.idle_s, hold_s, session.release_s))
+            runs.append(PlannedRun(len(runs) + 1, plan.levels[i], repeat, idle_s, hold_s, release_s))
     return tuple(runs)

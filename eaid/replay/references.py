@@ -235,6 +235,18 @@ def reference_of(wanted: str | Signal, dt_s: float, scales: Scales, duration_s: 
     return SCENARIO_SIGNALS[wanted](dt_s, duration_s, scales.top, scales.pace)
 
 
+LIMITED, OFF = 0.4, 0.02  # Share of the time at a limit of the input; errors that count, of the highest reference
+
+
+def at_limit(name: str, columns: Mapping[str, Array], limits: tuple[float, float]) -> list[Finding]:
+    """Whether a controller's input lay at a limit so long, away from the reference, that its errors say little of its
+    gains."""
+    duty, wanted = columns["duty_pct"], columns["reference_nm"]
+    off = np.abs(wanted - columns["torque_nm"]) > OFF * np.abs(wanted).max()
+    share = float((((duty <= limits[0]) | (duty >= limits[1])) & off).mean())
+    return [finding("controller-at-limit", name, share_pct=100 * share)] if share >= LIMITED else []
+
+
 def reference_beyond(wanted: Reference, plant: PlantNumbers, subject: str, unit: str) -> list[Finding]:
     """Whether a reference goes beyond what the plant has."""
     asked, highest = float(wanted.torque_nm.max()), plant_terms(plant, plant.u_high)[2]

@@ -20,7 +20,7 @@ from eaid.progress import Progress, no_progress
 from eaid.replay.compare import compared
 from eaid.replay.controllers import Controller, OwnGains, OwnLaw, at_zero, controller_of, own_step
 from eaid.replay.loop import replay
-from eaid.replay.references import Reference, measure, reference_beyond, reference_of, signal_of
+from eaid.replay.references import Reference, at_limit, measure, reference_beyond, reference_of, signal_of
 from eaid.replay.rehab import MODES, rehabilitate
 from eaid.replay.tune import unknown_to_plant
 from eaid.results.fit import Fit
@@ -124,6 +124,7 @@ def _tracked(
     for controller in controllers:
         columns = replay(plant, controller, wanted.torque_nm, rig, wanted.dt_s, seed)
         records[controller.name] = Record(columns, measure(columns, controller.limits_pct, wanted))
+        findings += at_limit(controller.name, columns, controller.limits_pct)
     findings += _outside_identified(fit, plant, records)
     head: dict[str, Any] = {"dt_s": wanted.dt_s, "counted_from_s": wanted.counted_from_s}
     if (count := options.plants) is None:

@@ -166,7 +166,8 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         return self.data.levels
 
     def at(self, level: float) -> "pandas.DataFrame":
-        """T_s, τ1 and τ2 at an input, with the ends of their 95 % intervals: columns value, low, high.
+        """T_s, τ1 and τ2 at an input, with the ends of their 95 % intervals: columns value, low, high; of a plant of
+        another kind its end there and what it is known by.
 
         `UsageError` outside the identified range; between levels the nonlinear model's curves.
         """
@@ -174,7 +175,9 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
 
         level = float(statistics.numbers("level", level, 0))
         rows = {row.name: row for row in self.parameters if row.level is not None and math.isclose(row.level, level)}
-        p = self.nonlinear
+        p, other = self.nonlinear, self._of_another_plant(level)
+        if other:
+            return pd.DataFrame.from_dict(other, orient="index", columns=["value", "low", "high"], dtype=float)
         if rows.keys() >= SYMBOLS.keys():
             found = [(rows[name].value, rows[name].low, rows[name].high) for name in SYMBOLS]
         elif p is None or not p.u_range[0] <= level <= p.u_range[1]:
@@ -184,6 +187,19 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
             values = (p.parameters.steady(level), *p.parameters.time_constants(level))
             found = [self._on_curve(p, *pair, level) for pair in zip(SYMBOLS, map(float, values), strict=True)]
         return pd.DataFrame(found, index=list(SYMBOLS), columns=["value", "low", "high"], dtype=float)
+
+    def _of_another_plant(self, level: float) -> dict[str, tuple[float | None, ...]]:
+        """T_s at an input and what a plant of another kind is known by there; none of a clutch."""
+        known = {row.name: (row.value, row.low, row.high) for row in self.parameters if row.model == "plant"}
+        part, gain = self.plant_, known.pop("gain", None)
+        if part is None or gain is None:
+            return {}
+        if not part.u_range[0] <= level <= part.u_range[1]:
+            raise self._outside("level", level, part.u_range)
+        known.pop("gain_below", None)
+        end, straight = float(part.plant.steady(level)), part.tried[0].gain == "one"
+        ends = [level * one if straight and one is not None else None for one in gain[1:]]
+        return {"Ts": (end, *ends), **known}
 
     def _on_curve(self, p: Nonlinear, name: str, value: float, level: float) -> tuple[float, float, float]:
         """A value of a polynomial and its 95 % interval, on its logarithm, by the covariance of the coefficients."""

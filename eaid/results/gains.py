@@ -175,6 +175,12 @@ class Condition(Result, frozen=True):
     available: Number | None = None
     unit: str = ""
 
+    @property
+    def lack(self) -> str:
+        """` 18 of 32 %`; empty where it has no numbers."""
+        known = self.needed is not None and self.available is not None
+        return f" {self.available:.3g} of {self.needed:.3g} {self.unit}".rstrip() if known else ""
+
 
 class Mending(Result, frozen=True):
     """What other gains, which meet conditions that these do not, would have instead."""
@@ -201,6 +207,8 @@ class Guarantee(Result, frozen=True):
     >>> verdict = Guarantee(False, (Condition("phi", False, 32.0, 18.0, "%"), Condition("rho", True)))
     >>> verdict.missing, bool(verdict), bool(Guarantee(None)), bool(Guarantee(True))
     (('phi',), False, False, True)
+    >>> verdict, Guarantee(True)
+    (NO: phi 18 of 32 %, yes)
     """
 
     holds: bool | None = None
@@ -211,6 +219,13 @@ class Guarantee(Result, frozen=True):
 
     def __bool__(self) -> bool:
         return self.holds is True
+
+    def __repr__(self) -> str:
+        """`NO: rho 6.15 of 20.3 N/s; …`: of each condition that fails what there is and what it takes."""
+        if self.holds is not False:
+            return "yes" if self.holds else "not known"
+        rows = [one for one in self.conditions if one.holds is False]
+        return f"NO: {'; '.join(f'{one.name}{one.lack}' for one in rows)}"
 
     @property
     def mended(self) -> "Mending | None":
@@ -362,9 +377,7 @@ class Gains(Plotted, codec.Saved, Made, frozen=True):
         for name, one in ((name, one) for name, one in least.items() if None not in (one.gain_db, one.phase_deg)):
             lines.append(f"least margins of {name}: {one.gain_db:.3g} dB, {one.phase_deg:.3g}°")
         if self.guarantee is not None:
-            missing = ", ".join(self.guarantee.missing)
-            unknown = self.guarantee.holds is None
-            lines.append("guarantee: " + ("yes" if self.guarantee else "not known" if unknown else f"NO ({missing})"))
+            lines.append(f"guarantee: {self.guarantee}")
         return "\n".join([*lines, *sentences(self.findings[:3])])
 
     def to_frame(self) -> "pandas.DataFrame":

@@ -23,13 +23,20 @@ Named = tuple[str, str, str, float | None, Interval, dict[str, Any]]
 
 
 def table_of(fit: Fit) -> tuple[Parameter, ...]:
-    """The rows of a fit: nonlinear, linear, friction, release."""
+    """The rows of a fit: its plant where that is no nonlinear model, nonlinear, linear, friction, release."""
     rows = []
-    for model, symbol, place, value, ends, more in (*_nonlinear(fit), *_linear(fit), *_levels(fit)):
+    for model, symbol, place, value, ends, more in (*_plant(fit), *_nonlinear(fit), *_linear(fit), *_levels(fit)):
         low, high = ends or (None, None)
         why = "" if ends else _why(fit, model, symbol, more.get("level"))
         rows.append(Parameter(model, symbol + place, value=value, low=low, high=high, why=why, **more))
     return tuple(rows)
+
+
+def _plant(fit: Fit) -> Iterator[Named]:
+    """What a plant of another kind is known by."""
+    if fit.nonlinear is None and fit.plant_ is not None and fit.plant_.another:
+        for name, (value, ends) in fit.plant_.numbers.items():
+            yield "plant", name, "", value, ends, {}
 
 
 def _nonlinear(fit: Fit) -> Iterator[Named]:

@@ -85,6 +85,23 @@ class FittedPlant(Result, frozen=True):
         """Whether evidence asked for another kind than the clutch's two lags over the input."""
         return bool(self.tried) and self.tried[0].kind != "clutch"
 
+    @property
+    def numbers(self) -> dict[str, tuple[float, Interval]]:
+        """What it is known by, by the names of `ci95`, each with its interval: gain and time constants at the highest
+        input."""
+        p, top = self.plant, self.u_range[1]
+        tau1, tau2 = (float(one) for one in p.time_constants(top))
+        found = {"gain": float(p.steady(top)) / top}
+        if p.signed:
+            found["gain_below"] = float(p.steady(-top)) / -top
+        if p.zeta is not None and p.kind == "ringing":
+            found |= {"omega": 1 / tau1, "zeta": p.zeta}
+        else:
+            found |= {"tau1": tau1} | ({"tau2": tau2} if p.kind != "lag" else {})
+            found |= {"C": p.C} if p.kind in ("parallel", "overshoot") else {}
+        found |= {"dead_time_s": p.dead_time_s} if p.dead_time_s else {}
+        return {key: (value, getattr(self.ci95, key, None)) for key, value in found.items()}
+
     @classmethod
     def of(cls, p: Plant, units: tuple[str, str], ci95: PlantIntervals | None = None) -> "FittedPlant":
         """A plant as the file holds it; `units` of input and output."""

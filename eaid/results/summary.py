@@ -29,6 +29,8 @@ MEANT = {
     "curve-misses-levels": " (it explains nothing there)",
     "signs-turned": " (the output counts with its sign turned)", "input-late": "", "runs-left-out": "",
 }  # fmt: skip
+# Numbers of a plant → how they are called
+CALLED = {**SYMBOLS, "gain_below": "gain below rest", "omega": "ω", "zeta": "ζ", "dead_time_s": "dead time"}
 # Estimates that stand as the nonlinear model
 USED = {"levels-first": "levels first, then the curves", "joint": "all levels at once, as in the paper, as you asked"}
 
@@ -87,16 +89,16 @@ def replayed(fit: "Fit") -> list[str]:
 
 
 def unseen(fit: "Fit") -> list[str]:
-    """How the model holds on what fits without it have not seen, beside what it explains of the same as fitted."""
+    """How the model holds on what fits without it have not seen, beside what it explains of the same when it has."""
     if fit.recorded is not None and (logs := fit.recorded.hold_out) is not None and logs.held_pct is not None:
-        whose = "logs left out in turn" if logs.of == "logs" else f"the {logs.of} left out"
-        return [f"unseen {logs.held_pct:.1f} % of {whose} ({number(logs.fit_pct, 3)} % as fitted)"]
+        whose, they = ("logs left out in turn", "them") if logs.of == "logs" else (f"the {logs.of} left out", "it")
+        return [f"unseen {logs.held_pct:.1f} % of {whose} ({number(logs.fit_pct, 3)} % with {they})"]
     left = None if fit.nonlinear is None else fit.nonlinear.left_out
     if left is None or left.held_pct is None or left.worst is None:
         return []
     at = f"{left.worst:.4g} {fit.data.input_unit}".rstrip()
     off = f"T_s off by {number(left.Ts_off_pct, 3)} % (median), at worst {number(left.worst_off_pct, 3)} % at {at}"
-    return [f"unseen {left.held_pct:.1f} % of levels left out in turn ({number(left.fit_pct, 3)} % as fitted), {off}"]
+    return [f"unseen {left.held_pct:.1f} % of levels left out in turn ({number(left.fit_pct, 3)} % with them), {off}"]
 
 
 def plant_line(fit: "Fit") -> list[str]:
@@ -119,26 +121,14 @@ def overshoot(p: Plant) -> list[str]:
 
 def plant_numbers(fit: "Fit") -> list[tuple[str, str]]:
     """Gain, time constants, frequency and damping, dead time of a plant, each with its unit and interval."""
-    part = fit.plant_
+    part, found = fit.plant_, []
     assert part is not None
-    p, ci = part.plant, part.ci95
-    top, unit = p.u_range[1], _per(part.output_unit, part.input_unit)
-    tau1, tau2 = (float(one) for one in p.time_constants(top))
-    rows: list[tuple[str, float, str, str]] = [("gain", float(p.steady(top)) / top, "gain", unit)]
-    if p.signed:
-        rows.append(("gain below rest", float(p.steady(-top)) / -top, "gain_below", unit))
-    if p.zeta is not None and p.kind == "ringing":
-        rows += [("ω", 1 / tau1, "omega", " rad/s"), ("ζ", p.zeta, "zeta", "")]
-    else:
-        rows.append(("τ" if p.kind == "lag" else "τ1", tau1, "tau1", " s"))
-        rows += [("τ2", tau2, "tau2", " s")] if p.kind != "lag" else []
-        rows += [("C", p.C, "C", "")] if p.kind in ("parallel", "overshoot") else []
-    rows += [("dead time", p.dead_time_s, "dead_time_s", " s")] if p.dead_time_s else []
-    found = []
-    for name, value, key, in_unit in rows:
-        ends = None if ci is None else getattr(ci, key)
+    per = _per(part.output_unit, part.input_unit)
+    units = {"gain": per, "gain_below": per, "omega": " rad/s", "zeta": "", "C": ""}
+    for key, (value, ends) in part.numbers.items():
+        name = "τ" if key == "tau1" and part.kind == "lag" else CALLED.get(key, key)
         span = "" if ends is None else f" ({ends[0]:.4g} … {ends[1]:.4g})"
-        found.append((name, f"{value:.4g}{span}{in_unit}"))
+        found.append((name, f"{value:.4g}{span}{units.get(key, ' s')}"))
     return found
 
 

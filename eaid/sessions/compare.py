@@ -15,7 +15,7 @@ from msgspec.structs import asdict, replace
 from scipy.special import fdtrc, stdtrit
 
 from eaid.control.gains import refuse_other_units
-from eaid.errors import DataError
+from eaid.errors import DataError, in_python
 from eaid.findings import sentences
 from eaid.findings.row import SYMBOLS
 from eaid.options import CompareOptions
@@ -23,7 +23,7 @@ from eaid.results import codec
 from eaid.results.common import Inputs, Made, Number, Result, ci95_of
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
-from eaid.sessions.gather import CI, MANY, Value, snapped, together, values_of
+from eaid.sessions.gather import CI, MANY, RESPONSES, Value, snapped, together, values_of
 from eaid.sessions.loop import Promise
 from eaid.sessions.model import two_sided
 from eaid.shown import Plotted
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     import pandas
 
 MOVED_CHANCE = 0.05
+CLAIMED = ("Ts", *RESPONSES)  # What a session is asked for, told whether it moved or not
+CALLED = SYMBOLS | {"held": "held output", "peak": "peak"}
 
 
 class Change(Result, frozen=True):
@@ -70,10 +72,15 @@ class Shift(Result, frozen=True):
         """Whether they all moved alike."""
         return self.p_alike is None or self.p_alike >= MOVED_CHANCE
 
+    @property
+    def changed(self) -> bool:
+        """Whether the levels moved, together or apart."""
+        return self.moved or not self.alike
+
     def words(self) -> str:
         """`T_s −52 % (−57 … −47; p 2e-27), not alike at all levels (p 0.005): …`."""
-        name, ends = SYMBOLS.get(self.quantity, self.quantity), f"{_pct(self.low)} … {_pct(self.high)}"
-        said = f"{name} {_pct(self.ratio)} % ({ends}; p {self.p:.2g})"
+        ends = f"{_pct(self.low)} … {_pct(self.high)}"
+        said = f"{CALLED[self.quantity]} {_pct(self.ratio)} % ({ends}; p {self.p:.2g})"
         if self.p_alike is None:
             return f"{said}, seen at {self.levels[0].level:.4g} only"
         if self.alike:
@@ -121,28 +128,35 @@ class Comparison(Plotted, codec.Saved, Made, frozen=True):
 
     @property
     def changed(self) -> bool:
-        """Whether T_s moved, in the mean or at some levels, against any of the others."""
-        return any(one.quantity == "Ts" and (one.moved or not one.alike) for one in self.shifts)
+        """Whether T_s, the held output or the peak moved, in the mean or at some levels, against any of the others."""
+        return any(one.quantity in CLAIMED and one.changed for one in self.shifts)
 
     @property
     def tune_anew(self) -> bool:
-        """Whether gains are to be made for A: its B left their range, or, where none are given, T_s moved."""
+        """Whether gains are to be made for A: its B left their range, or, where none are given, what is claimed
+        moved."""
         return bool(self.files) and (self.changed if self.retune is None else self.retune.needed is not False)
+
+    @property
+    def retuning(self) -> str:
+        """Whether to make gains anew, in words; empty of a recorded loop."""
+        if self.retune is not None or not self.files:
+            return self.retune.words() if self.retune is not None else ""
+        said = "likely, as A moved" if self.changed else "no sign of it"
+        return f"{said}; «gains» gains.json holds the range of the gains against A"
 
     def lines(self) -> list[str]:
         """The verdict."""
         said = [f"{letter}       {name}" for letter, name in self.files.items()]
-        for one in self.shifts:
-            if one.quantity == "Ts" or one.moved or not one.alike:
-                word = "moved  " if one.moved or not one.alike else "held   "
-                said.append(f"{word} A against {one.against}: {one.words()}")
-        if self.retune is not None:
-            said.append(f"retune  {self.retune.words()}")
+        told = (one for one in self.shifts if one.quantity in CLAIMED or one.changed)
+        said += [f"{'moved  ' if one.changed else 'same   '} A against {one.against}: {one.words()}" for one in told]
+        if self.files:
+            said.append(f"retune  {self.retuning}")
         return said + (self.promise.lines() if self.promise is not None else [])
 
     def summary(self) -> str:
         """The verdict, and the gravest findings."""
-        return "\n".join([*self.lines(), *sentences(self.findings[:3])])
+        return in_python("\n".join([*self.lines(), *sentences(self.findings[:3])]))
 
     def to_frame(self) -> "pandas.DataFrame":
         """One row a number, session and level: ratio with its interval."""
@@ -166,7 +180,7 @@ def compare_fits(fits: Mapping[str, Fit], gains: Gains | None, options: CompareO
     letters, shifts = dict(zip(fits, ascii_uppercase, strict=False)), list[Shift]()
     first, *others = fits
     for name in others:
-        each = (_shift(quantity, letters[name], fits[first], fits[name]) for quantity in ("Ts", "tau1", "tau2"))
+        each = (_shift(quantity, letters[name], fits[first], fits[name]) for quantity in CALLED)
         found = [one for one in each if one is not None]
         if not any(one.quantity == "Ts" for one in found):
             raise DataError(f"{name}: shares no level with {first} at which both know T_s; record one that it holds")

@@ -105,7 +105,7 @@ class Model:
         """The levels, rising."""
         return np.unique(self.known.level)
 
-    @property
+    @cached_property
     def count(self) -> int:
         """Sessions."""
         return len(np.unique(self.known.session))
@@ -113,7 +113,7 @@ class Model:
     @cached_property
     def free(self) -> NDArray[np.intp]:
         """Which components the sessions can show: gain; with several levels in a session tilt and level too."""
-        several = len(np.unique(np.c_[self.known.session, self.known.level], axis=0)) > self.count
+        several = len(np.unique(self.known.session + 1j * self.known.level)) > self.count
         return np.flatnonzero([True, several, several])
 
     def x(self, level: Array) -> Array:
@@ -191,9 +191,9 @@ class Model:
         most = np.clip(few, self.count - 1.0, MANY)
         return Next(level, mean, turn @ whole.covariance @ turn.T, np.clip(whole.degrees(turn), 1.0, most))
 
-    def narrowest(self, sd_log: float) -> tuple[float, Next]:
-        """The level of the reference step that is worth most, and the next session after one: the least interval at
-        the worst level. What the step shows does not matter for that."""
+    def narrowest(self, sd_log: float) -> tuple[Next, float, Next]:
+        """The next session; the level of the reference step that is worth most, and the session after one: the least
+        interval at the worst level. What the step shows does not matter for that."""
         n, every, tried = len(self.knots), self.further(self.knots), []
         for k, level in enumerate(self.knots.tolist()):
             at = np.append(np.arange(n), k)
@@ -201,7 +201,7 @@ class Model:
             pair = replace(every, mean=every.mean[at], covariance=every.covariance[square],
                            slopes=every.slopes[:, at][:, :, at], measured=every.measured[square])  # fmt: skip
             tried.append((level, self.given(self.knots, steps_known([(level, 1.0, sd_log)]), pair)))
-        return min(tried, key=lambda one: float(one[1].reach.max()))
+        return self.given(self.knots, NO_STEPS, every), *min(tried, key=lambda one: float(one[1].reach.max()))
 
     def gains(self) -> tuple[Array, Array, Array]:
         """By how much each session lies above the common line in the mean of its levels, ln θ, with the standard

@@ -275,7 +275,7 @@ def quantity_of(
     model = model.having(model.likeliest.v)
     if options.reference_level is None and model.count >= MANY_SESSIONS:
         model = model.placed()
-    (best, after), now, known = model.narrowest(sd), model.next(model.knots), model.known
+    (now, best, after), known = model.narrowest(sd), model.known
     finer = replace(model, known=replace(known, W=0.75 * known.W))
     rows = zip(now.level, now.value, *now.ends, now.dof, np.exp(now.reach), np.exp(after.reach), strict=True)
     return msgspec.structs.replace(

@@ -35,6 +35,11 @@ def test_every_option_stands_in_the_signature_with_its_default_and_in_the_help(n
     assert "keywords" not in shown and "**keywords" not in function.__doc__
 
 
+def test_help_shows_names_where_python_would_show_objects() -> None:
+    for function in (getattr(eaid, name) for name in (*OPTIONS, "sessions", "compare", "today")):
+        assert not re.search(r"<function|object at 0x|-> '", str(inspect.signature(function)))
+
+
 def test_editors_read_the_same_signatures() -> None:
     path = Path(__file__).parents[2] / "docs" / "stub.py"
     spec = importlib.util.spec_from_file_location("stub", path)

@@ -84,7 +84,6 @@ def of(path: Path, write: Callable[..., Any], **how: Any) -> None:
 
 tdms = later(written.tdms_of)
 HEAD = ["Channels|2", "Samples|3|3", "Y_Unit_Label|%|Nm", "X_Dimension|Time|Time", "X0|25|25", "Delta_X|0.01|0.01"]
-NO_START = [line.replace("|25", "|0") for line in HEAD]
 NAMES = "X_Value|Duty|Torque|Comment"
 END = "***End_of_Header***"
 CELLS = [f"{t:.2f}|{u:g}|{y:.6f}" for t, u, y in zip(T, U, Y, strict=True)]
@@ -152,8 +151,9 @@ GOOD: dict[str, File] = {
     "npz packed": File(lambda path: np.savez_compressed(path.open("wb"), **VECTORS)),
     "npy records": File(lambda path: np.save(path.open("wb"), table(VECTORS))),
     "LVM a column of times": File(lvm((HEAD, NAMES, [f"{CELLS[0]}|hello", *CELLS[1:]]))),
-    "LVM without times, decimal comma": File(lvm((NO_START, NAMES, BARE), own="No", mark=","), {"rate_hz": 100.0},
-                                             start=0, within=1e-12, left="column 1"),
+    "LVM without times, decimal comma": File(lvm((HEAD, NAMES, BARE), own="No", mark=","), within=1e-12),
+    "LVM of two rates": File(lvm(([*HEAD[:-1], "Delta_X|0.01|0.02"], NAMES, BARE), own="No"), {"rate_hz": 100.0},
+                             start=0, within=1e-12, left="column 1"),
     "LVM commas, a special block": File(lvm((HEAD, NAMES, CELLS), separator=",",
                                             top="***Start_Special***\nanything, at all\n***End_Special***")),
     "TDMS waveforms": File(of(written.tdms), within=1e-12),
@@ -273,7 +273,7 @@ BAD: dict[str, tuple[Callable[[Path], Any], str]] = {
     "LVM nothing": (lvm(), NO_HEAD), "LVM no channels": (lvm((HEAD, "X_Value|Comment", ["0"])), NO_HEAD),
     "LVM no rows": (lvm((HEAD, NAMES, [])), "has a header but no rows; record the log again"),
     "LVM spectrum": (lvm((["Channels|1", "X_Dimension|Frequency"], "X_Value|A", ["0|1"])), NO_HEAD),
-    "LVM no times": (lvm((NO_START, NAMES, BARE), own="No"), "no column is called time (columns: column 1, Duty, Tor"),
+    "LVM no times": (lvm((HEAD[:-1], NAMES, BARE), own="No"), "no column is called time (columns: column 1, Duty, Tor"),
     "LVM segments": (lvm((HEAD, NAMES, CELLS[:99]), (HEAD, NAMES, CELLS[99:])), "row 116 has 2 cells, unlike the oth"),
     "LVM times": (lvm((HEAD, "X_Value|A|X_Value|B", ["0|1|0|2", "1|3|1.5|4"]), own="Multi"), NO_HEAD),
     "LVM word": (row46("25.3|0|x"), "row 46, column Torque, holds 'x', which is no number; mend the cell"),

@@ -170,6 +170,15 @@ def test_the_rate_is_the_controllers_and_not_the_loggers(fit_of, data, dt_s):
         data.get("input_unit", "%"), data.get("output_unit", "N·m"))  # fmt: skip
 
 
+def test_a_controller_at_a_limit_is_told_but_not_one_at_rest(played, codes, gains):
+    """Half above what the plant reaches; half at rest, where 0 is what the reference wants."""
+    beyond, resting = np.where(np.arange(len(T)) % 100 < 50, 5.0, 1.0), np.where(T < 1.2, 0.0, 1.0)
+    told = codes(played(beyond, 0.05, gains=gains, controller=("pi",)))["controller-at-limit"]
+    assert 40 <= told["share_pct"] <= 100
+    run = played(resting, 0.05, gains=gains, controller=("pi",))
+    assert run.records["pi"].metrics.saturated_fraction > 0.5 and "controller-at-limit" not in codes(run)
+
+
 def test_what_a_replay_says_of_its_reference(played, codes, fit):
     assert codes(played(5.0 + 0 * T, **OPEN))["reference-above-plant"]["highest"] == pytest.approx(4.372, abs=1e-3)
     assert "reference-above-plant" not in codes(played(4.3 + 0 * T, **OPEN))

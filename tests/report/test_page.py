@@ -13,8 +13,11 @@ import numpy as np
 import pytest
 
 import eaid
+from eaid.plant.linear import LinearPlant
 from eaid.report.page import signs
 from eaid.report.tables import Name, text
+from eaid.report.tables.gains import comparison
+from eaid.results.gains import Compared, Gains, Replayed
 from eaid.shown import number
 
 from ..conftest import PLANT, loaded
@@ -130,6 +133,24 @@ def test_figures_of_another_rig_are_counted_from_one(others: dict[str, list[Path
     titles = [caption.split(" · ")[0] for caption in page.captions.values()]
     assert titles == [f"Figure {k}" for k in range(1, len(titles) + 1)] and len(titles) > 3
     assert not any("Fig. " in caption for caption in page.captions.values())
+
+
+@pytest.mark.parametrize(
+    ("designed", "said"),
+    [
+        ((9.0, 60.0, 0.8), "At margins no smaller the designed PI leaves 0.8 times RC's"),
+        ((None, 60.0, 0.8), "At margins no smaller the designed PI leaves 0.8 times RC's"),  # no limit to its gain
+        ((7.0, 60.0, 0.8), "At equal margins a PI leaves 1.5 times RC's"),  # better, but nearer to the edge
+        ((9.0, 60.0, 2.0), "At equal margins a PI leaves 1.5 times RC's"),
+    ],
+)  # fmt: skip
+def test_rc_is_held_against_the_best_pi_that_is_as_safe(designed: tuple[float | None, float, float], said: str):
+    rows = {"rc": (8.0, 50.0, 1.0), "equal_pi": (8.0, 50.0, 1.5), "equal_pi_feedforward": (8.0, 50.0, 1.0)}
+    made = {
+        name: Compared(gain_db=gain_db, phase_deg=phase_deg, max_abs_error_nm=error, stable=True)
+        for name, (gain_db, phase_deg, error) in {**rows, "pi": designed}.items()
+    }
+    assert comparison(Gains(LinearPlant(1.0, 1.0, 0.0), replayed=Replayed(**made))).startswith(said)
 
 
 def test_one_minus_sign_and_no_interval_without_width():

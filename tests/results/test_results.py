@@ -6,7 +6,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pandas as pd
 import pytest
+from scipy.signal import lsim
 
 import eaid
 from eaid.errors import DataError
@@ -105,3 +108,23 @@ def test_what_a_script_needs_to_write(tmp_path: Path) -> None:
     assert (found.C, found.tau1, found.Ts, found.u_range) == (0.85, (0.1, 0, 0), (0, 0.04, 0, 0), (10, 100))
     torque = [0.0, 2 * (1 - 0.85 * 0.36787944 - 0.15 * 0.97530991), 2.0]  # e^-1, e^-0.025
     assert fit.predict(50.0, [0.0, 0.1, 1e3]).iloc[:, 0].tolist() == pytest.approx(torque)
+
+
+def test_a_plant_of_another_kind_is_known_by_its_own_numbers() -> None:
+    """A mass on a spring by SciPy, 3/(s² + 0.6 s + 1): gain 3, ω 1, ζ 0.3, at every input."""
+    t, logs, rng = np.arange(0.0, 30.0, 0.02), {}, np.random.default_rng(5)
+    for u in (2.0, 5.0, 8.0):
+        for k in range(2):
+            held = (t >= 2) * u
+            y = lsim(([3.0], [1.0, 0.6, 1.0]), held, t, interp=False)[1] + 0.01 * rng.standard_normal(len(t))
+            logs[f"u{u:g}_{k}"] = pd.DataFrame({"time_s": t, "duty_pct": held, "torque_nm": y})
+    fit = eaid.fit(logs)
+    wanted = {"gain": 3.0, "omega": 1.0, "zeta": 0.3}
+    assert dict(fit.params.xs("plant")) == pytest.approx(wanted, rel=0.01)
+    assert (fit.conf_int().loc["plant"].T > 0).all().all()
+    for level in (5.0, 6.0):  # recorded, and between two
+        at = fit.at(level)
+        assert at["value"].to_dict() == pytest.approx({"Ts": 3 * level, "omega": 1.0, "zeta": 0.3}, rel=0.01)
+        assert (at["low"] < at["value"]).all() and (at["value"] < at["high"]).all()
+    with pytest.raises(eaid.UsageError, match="level= 9: the fit knows 2 … 8 % only"):
+        fit.at(9)

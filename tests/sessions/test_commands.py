@@ -60,13 +60,14 @@ def test_the_docs_show_what_is_printed(folder, run_eaid, fits):
 
 def test_a_page_begins_with_the_verdict_and_shows_the_sessions(folder, run_eaid):
     run_eaid("sessions", *(f"s{k}.json" for k in range(6)), "-o", "rig.json", "--force")
-    run_eaid("compare", "s0.json", "s1.json", "--force")
+    told = run_eaid("compare", "s0.json", "s1.json", "--force")
+    (retune,) = [line.removeprefix("retune  ") for line in told.out.splitlines() if line.startswith("retune")]
     for file, said, figure in (("rig.json", "6 sessions: the next one", "sessions_chart"),
                                ("compare.json", "A against B", "sessions_compared")):  # fmt: skip
         assert run_eaid("report", file, "-o", "page", "--force").code == 0
         page = (folder / "page" / "report.html").read_text()
         assert page.index(said) < page.index('class="picture"') and (folder / f"page/figures/{figure}.png").is_file()
-    assert "A: s0.json" in page and "B: s1.json" in page
+    assert "A: s0.json" in page and "B: s1.json" in page and retune in page and "Do next" in page
 
 
 @pytest.mark.parametrize(

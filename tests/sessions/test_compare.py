@@ -33,6 +33,17 @@ def test_levels_that_move_apart_are_found_though_their_mean_stays(before, make):
     assert ratios == sorted(ratios) and ratios[0] < 0.8 and ratios[-1] > 1.2
 
 
+def test_held_output_and_peak_are_claimed_as_t_s_is_and_what_to_do_of_the_gains_is_said(slipping):
+    (a, b, *_), gains = slipping[0].values(), slipping[1]
+    found = eaid.compare(a, b)
+    for name in ("held", "peak"):
+        (shift,) = [one for one in found.shifts if one.quantity == name]
+        assert shift.moved and shift.ratio == pytest.approx(gains[0] / gains[1], rel=0.05)
+        assert sum(f"{name}" in line and line.startswith("moved   A against B") for line in found.lines()) == 1
+    assert msgspec.structs.replace(found, shifts=tuple(one for one in found.shifts if one.quantity == "peak")).changed
+    assert "retune  likely, as A moved; gains= gains.json" in found.summary()
+
+
 def test_shift_and_test_of_likeness_are_those_of_scipy(fits):
     """By hand from the two fits' own intervals."""
     a, b = fits["s0"], fits["s1"]

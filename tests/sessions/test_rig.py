@@ -209,6 +209,19 @@ def test_the_control_chart_holds_every_session_and_the_next(table):
     assert {"×2", "1", "÷2"} <= {text.get_text() for text in axes.get_yticklabels()}
 
 
+def test_fits_are_taken_one_by_one_as_compare_takes_them(fits, tmp_path):
+    first, second, third, *_ = fits.values()
+    second.save(tmp_path / "b.json")
+    of_list, *others = (eaid.sessions([first, second, third]), eaid.sessions(first, second, third),
+                        eaid.sessions(first, tmp_path / "b.json", third))  # fmt: skip
+    for rig in others:
+        pd.testing.assert_frame_equal(rig.next(), of_list.next())
+    with pytest.raises(eaid.DataError, match="1 session: three and more"):
+        eaid.sessions(first)
+    with pytest.raises(eaid.UsageError, match="session 3: is a int; give what eaid.fit returns"):
+        eaid.sessions(first, second, 3)
+
+
 def test_what_is_no_rig_or_comes_twice_is_named(tmp_path):
     fit = eaid.fit(eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1))
     fit.save(tmp_path / "a.json")
@@ -220,19 +233,8 @@ def test_what_is_no_rig_or_comes_twice_is_named(tmp_path):
         eaid.compare(3, fit)
 
 
-def test_held_and_peak_are_foreseen_as_measured():
-    """A clutch that slips back: 1.2 at its peak, 0.9 held; what is measured needs no model."""
-    t, rng, fits = np.arange(0.0, 14.0, 0.02), np.random.default_rng(3), {}
-    for s in range(4):
-        gain, logs = np.exp(0.4 * rng.standard_normal()), {}
-        for u in (20.0, 60.0, 100.0):
-            for k in range(3):
-                own, since = gain * np.exp(0.03 * rng.standard_normal()), np.maximum(t - 2, 0)
-                y = 0.05 * u * own * (1.5 * (1 - np.exp(-since / 0.2)) - 0.6 * (1 - np.exp(-since / 2.0)))
-                y += 0.002 * rng.standard_normal(len(t))
-                columns = {"time_s": t, "duty_pct": np.where(t < 2, 0.0, u), "torque_nm": y}
-                logs[f"s{s}_{u:g}_{k}"] = pd.DataFrame(columns)
-        fits[f"s{s}"] = eaid.fit(logs)
+def test_held_and_peak_are_foreseen_as_measured(slipping):
+    fits, _ = slipping
     rig = eaid.sessions(fits)
     assert {"held", "peak"} <= rig.quantities.keys()
     for name in ("held", "peak"):

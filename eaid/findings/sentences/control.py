@@ -122,6 +122,11 @@ ROWS: dict[str, Row] = {
         "the {subject} goes to {asked:.3g} {unit}, the fitted plant at its highest input to {highest:.3g} {unit}: its "
         "errors say nothing about the gains; give a «reference» within reach"
     ),
+    "controller-at-limit": caution(
+        "{subject}: its input lies at a limit {share_pct:.0f} % of the time, so its errors are the actuator's; try a "
+        "slower or smaller «reference», or gentler gains",
+        size="share_pct",
+    ),
     "reference-above-q-max": caution(
         "the reference is as steep as {slope:.3g} per second; the gains were made for Q_M = {Q_M:g}"
     ),

@@ -26,6 +26,7 @@ from eaid.report.page import summary
 from eaid.report.page.summary import GRADES, MOST, Known, sentence
 from eaid.report.results import EXPERIMENT_NAMES, Given, Results
 from eaid.report.tables import Name, Table, data, fits, gains, replays, sessions, shown, table_of
+from eaid.sessions.compare import Comparison
 from eaid.shown import counted
 from eaid.version import __version__
 
@@ -296,13 +297,22 @@ def _line(command: str, *words: str | Given[Any]) -> str:
 
 def _next_of_sessions(results: Results) -> list[tuple[str, str]]:
     """What to do after a comparison or with a rig."""
-    now, moved = "Make gains for the session as it is now", [one.result for one in results.comparisons]
-    steps = [(now, _line("tune-rc", _whole(found.files["A"]))) for found in moved if found.tune_anew]
+    steps = [_after(given.result) for given in results.comparisons]
     for given in (given for given in results.rigs if given.result.base is not None):
         at = f"{given.result.main.best_level:.4g} {given.result.input_unit}".rstrip()
         line = _line("today", given, "STEP", "-o", _unused(given, "today.json"))
         steps.append((f"In the next session record one step at {at} first: it is worth most", line))
     return steps
+
+
+def _after(found: Comparison) -> tuple[str, str]:
+    """What to do after one comparison."""
+    if found.promise is not None:
+        kept, missed = "Keep the gains: the loop does what was promised", "Record and fit steps of the rig as it is now"
+        return kept if found.promise.kept else missed, ""
+    if found.tune_anew:
+        return "Make gains for the session as it is now", _line("tune-rc", _whole(found.files["A"]))
+    return "Keep the gains; one reference step at the start of each session tells whether they still fit", ""
 
 
 def commands(results: Results) -> list[str]:

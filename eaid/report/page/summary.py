@@ -22,6 +22,7 @@ from eaid.results import summary
 from eaid.results.gains import Replayed
 from eaid.results.replay import Replay
 from eaid.results.verdict import in_short
+from eaid.sessions.compare import CLAIMED
 from eaid.shown import counted, number, span
 
 MODELS = {"friction": "friction curves", "nonlinear": "nonlinear model", "linear": "linear model", "release": "release"}
@@ -170,13 +171,12 @@ def lights(results: Results) -> tuple[Light, ...]:
 def _sessions(results: Results, known: Known) -> Iterator[Light]:
     """The verdict of each comparison, and what the next session may be."""
     for found in (given.result for given in results.comparisons):
-        for one in (one for one in found.shifts if one.quantity == "Ts"):
-            moved = one.moved or not one.alike
-            word = "moved: " if moved else "held: "
-            yield Light(f"A against {one.against}", "care" if moved else "good", word + one.words(), "sessions")
-        if found.retune is not None:
-            grade = "good" if found.retune.needed is False else "care"
-            yield Light("Make gains anew", grade, found.retune.words(), "sessions")
+        for one in (one for one in found.shifts if one.quantity in CLAIMED):
+            word = "moved: " if one.changed else "same: "
+            yield Light(f"A against {one.against}", "care" if one.changed else "good", word + one.words(), "sessions")
+        if found.files:
+            said = on_command_line(found.retuning)
+            yield Light("Make gains anew", "care" if found.tune_anew else "good", said, "sessions")
         if found.promise is not None:
             said = "; ".join(f"{one.name}: {one.word}" for one in found.promise.rows)
             where = f"{found.promise.controller} in {found.promise.log}: {said}"

@@ -9,7 +9,7 @@ from eaid.report import rig
 from eaid.report.rig import controller_name, gain
 from eaid.report.tables import Cell, Table, level, table_of
 from eaid.results.coupling import Coupling
-from eaid.results.gains import PI, Condition, Gains, Margin, Margins, Robust
+from eaid.results.gains import PI, Compared, Condition, Gains, Margin, Margins, Robust
 from eaid.shown import number, output_word
 
 # Condition of the guarantee → how it is called, what it says, and why it does not hold
@@ -84,22 +84,37 @@ COMPARED_ROWS = {
 }  # fmt: skip
 
 
+# Which PI RC is held against
+AGAINST = {
+    "equal_pi": "At equal margins a PI", "pi": "At margins no smaller the designed PI",
+    "paper_pi": "At margins no smaller the paper's PI",
+}  # fmt: skip
+
+
 def comparison(gains: Gains) -> str:
-    """What RC is worth beside a PI of its own margins, and beside that PI with its feedforward; empty where nothing was
-    replayed."""
-    done = gains.replayed
-    errors = {name: one.max_abs_error_nm for name, one in (done.rows if done is not None else {}).items()}
+    """What RC is worth beside the best PI of its margins or larger ones, and beside the one of its own with its
+    feedforward; empty where nothing was replayed."""
+    rows = gains.replayed.rows if gains.replayed is not None else {}
+    errors = {name: one.max_abs_error_nm for name, one in rows.items() if one.max_abs_error_nm}
     own, alike, fed = (errors.get(name) for name in ("rc", "equal_pi", "equal_pi_feedforward"))
     if not own or not alike or not fed:
         return ""
+    least = {name: errors[name] for name in AGAINST if name in errors and _as_safe(rows[name], rows["rc"])}
+    best = min({"equal_pi": alike, **least}.items(), key=itemgetter(1))
     by_term = 100 * (1 - own / fed)
     worth = (
         "is worth nothing" if abs(by_term) < 0.5 else f"{'is worth' if by_term > 0 else 'costs'} {abs(by_term):.0f} %"
     )
     return (
-        f"At equal margins a PI leaves {alike / own:.1f} times RC's largest error, with RC's feedforward "
-        f"{fed / own:.2f} times: the robust term itself {worth}."
+        f"{AGAINST[best[0]]} leaves {best[1] / own:.1f} times RC's largest error, a PI of RC's margins with its "
+        f"feedforward {fed / own:.2f} times: the robust term itself {worth}."
     )
+
+
+def _as_safe(one: Compared, other: Compared) -> bool:
+    """Whether one loop has both margins of another, or more; None: no limit."""
+    pairs = ((one.gain_db, other.gain_db), (one.phase_deg, other.phase_deg))
+    return one.stable is not False and all(a is None or (b is not None and a >= b) for a, b in pairs)
 
 
 def _controllers(gains: Gains) -> Table:

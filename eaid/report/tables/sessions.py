@@ -2,7 +2,7 @@
 
 from eaid.findings.row import SYMBOLS
 from eaid.report.tables import INTERVAL, Table, level, table_of
-from eaid.sessions.compare import Comparison
+from eaid.sessions.compare import CALLED, Comparison
 from eaid.sessions.rig import Rig
 
 
@@ -32,7 +32,7 @@ def shifts_table(found: Comparison) -> Table:
     """What moved: the shift that all levels share, and whether they do."""
     return table_of(
         "What moved", "A over the other session; p after Holm", found.shifts,
-        ("quantity", lambda one: SYMBOLS.get(one.quantity, one.quantity)),
+        ("quantity", lambda one: CALLED[one.quantity]),
         ("against", "against"),
         (("ratio", "", 3), "ratio"), (INTERVAL, lambda one: (one.low, one.high)),
         ("moved", "moved"), (("p", "", 2), "p"),
@@ -45,7 +45,7 @@ def changes_table(found: Comparison) -> Table:
     rows = [(shift, one) for shift in found.shifts for one in shift.levels]
     return table_of(
         "Changes by level", "A over the other session", rows,
-        ("quantity", lambda of: SYMBOLS.get(of[0].quantity, of[0].quantity)), ("against", lambda of: of[0].against),
+        ("quantity", lambda of: CALLED[of[0].quantity]), ("against", lambda of: of[0].against),
         (("level", found.input_unit), lambda of: level(of[1].level)), (("ratio", "", 3), lambda of: of[1].ratio),
         (INTERVAL, lambda of: (of[1].low, of[1].high)),
     )  # fmt: skip
