@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from eaid.arrays import Array
@@ -42,14 +43,15 @@ class MixedValues:
     def blocks(self) -> tuple[Array, Array, Array, Array]:
         """y (b, m), X (b, m, p), W (b, m, m), G (k, b, m, m) of values that have something in common, block by block;
         in shorter blocks a value of nothing, with the variance 1, stands for each that is missing."""
-        n, every = len(self.y), np.stack([self.W, *self.G])
-        label = connected_components((every != 0).any(axis=0), directed=False)[1]
+        n, every = len(self.y), np.zeros((1 + len(self.G), len(self.y) + 1, len(self.y) + 1))
+        every[:, :n, :n] = self.W, *self.G
+        label = connected_components(csr_array((every[:, :n, :n] != 0).any(axis=0)), directed=False)[1]
         sizes = np.bincount(label)
         place = np.full((len(sizes), sizes.max()), n)  # n: missing
         place[np.arange(sizes.max()) < sizes[:, None]] = np.argsort(label, kind="stable")
-        squares = np.pad(every, ((0, 0), (0, 1), (0, 1)))[:, place[:, :, None], place[:, None, :]]
+        squares = every[:, place[:, :, None], place[:, None, :]]
         squares[0] += (place == n)[:, :, None] * np.eye(place.shape[1])
-        return np.append(self.y, 0)[place], np.pad(self.X, ((0, 1), (0, 0)))[place], squares[0], squares[1:]
+        return np.append(self.y, 0)[place], np.vstack([self.X, 0 * self.X[:1]])[place], squares[0], squares[1:]
 
     def likelihood(self, v: Array) -> tuple[float, Array, Array]:
         """−log L but for a constant, its derivative by each v_k, ½ tr(P G_k) − ½ y'P G_k P y, (k,), and what its second
@@ -120,10 +122,8 @@ class MixedLine:
     @cached_property
     def curvature(self) -> Array:
         """Its second derivatives: y'P G_j P G_k P y − ½ tr(P G_j P G_k), (k, k)."""
-        pulled, across = self.projected @ self.values.y, [self.projected @ G for G in self.values.G]
-        moved = [G @ pulled for G in self.values.G]
-        second = [[a @ self.projected @ b for b in moved] for a in moved]
-        return np.array(second) - 0.5 * np.array([[np.vdot(a.T, b) for b in across] for a in across])
+        moved = np.stack([G @ (self.projected @ self.values.y) for G in self.values.G])
+        return np.asarray(moved @ self.projected @ moved.T - self.values.likelihood(self.v)[2])
 
     def further(self, x: Array, k: Array, own: Array) -> "Further":
         """q further values: x (q, p) are their rows, k (components, n, q) what they have in common with the values,
