@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from eaid.arrays import Array, read_only
 from eaid.logs.run import Beside, Run
 from eaid.steps.noise import sample_noise
-from eaid.steps.stepset import Level, StepSet
+from eaid.steps.stepset import StepSet
 
 IDLE_ROWS = 10  # Fewest rows at rest before the first other one that make an idle start
 ROUNDED = 1e-8  # Steps of time that differ by less than this part are alike
@@ -107,23 +107,15 @@ def recorded_log(run: Run, rest: float = 0.0) -> RecordedLog:
 
 def logs_of_steps(steps: StepSet) -> list[RecordedLog]:
     """The mean curves of a step set as logs: from rest, idle output subtracted, each sample of each repeat counted."""
-    return [
-        log_of_step(level, level.mean, level.names[0] if level.names else f"{level.level:g}", float(len(level.runs)))
-        for level in steps.levels
-    ]
-
-
-def logs_of_runs(steps: StepSet) -> list[RecordedLog]:
-    """The runs behind these means: what they leave of a model scatters as they do, and costs as much but a constant."""
-    return [log_of_step(level, y, f"{level.level:g}") for level in steps.levels for y in level.runs]
-
-
-def log_of_step(level: Level, output: Array, name: str, weight: float = 1.0) -> RecordedLog:
-    """An output over the time of a level as a log of a step from rest."""
-    t, y = level.time_s, output
-    if t[0] > 0:  # the input acts from 0 on
-        t, y = np.append(0.0, t), np.append(np.nan, y)
-    return RecordedLog(name, t, np.full(len(t), level.level), y, baseline=0.0, idle_start=True, weight=weight)
+    logs = []
+    for level in steps.levels:
+        t, y = level.time_s, level.mean
+        if t[0] > 0:  # the input acts from 0 on
+            t, y = np.append(0.0, t), np.append(np.nan, y)
+        name, held = level.names[0] if level.names else f"{level.level:g}", np.full(len(t), level.level)
+        weight = float(len(level.runs))
+        logs.append(RecordedLog(name, t, held, y, baseline=0.0, idle_start=True, weight=weight))
+    return logs
 
 
 def shifted(log: RecordedLog, rows: int) -> RecordedLog:

@@ -121,6 +121,27 @@ class RunStatistics:
     within: Array  # Variance h of a single run's numbers by its own noise, shape (k,)
 
 
+def run_statistics(level: Level, noise: Array, jacobian: Array) -> RunStatistics:
+    """Of one level whose curve goes with k numbers as `jacobian` (n, k), `noise` (R, n) being what its runs leave."""
+    directions = jacobian @ inverse(jacobian.T @ jacobian)  # how the level's numbers answer to its samples
+    scores = (noise[:, None] * np.ascontiguousarray(directions.T)).reshape(-1, len(level.time_s)).T
+    variances = bartlett_variance(level.time_s, scores).reshape(len(WINDOWS_S), len(noise), -1)
+    # sorted: the order of the runs changes no rounding
+    within = np.asarray(np.sort(variances, axis=1).mean(axis=1).max(axis=0))
+    return RunStatistics((level.runs - level.mean) @ directions, within)
+
+
+def alike_by_noise(runs: Sequence[RunStatistics], jacobians: Sequence[Array], pooled: LevelScatter) -> Array:
+    """Correlations of the levels' numbers, (L, k, k): what noise within runs makes of them goes together."""
+    noise = np.array([one.within / len(one.shift) for one in runs])
+    part = np.sqrt(np.clip(noise / np.maximum(pooled.expected, 1e-300), 0.0, 1.0))
+    white = np.array([inverse(J.T @ J) for J in jacobians])
+    size = np.sqrt(np.maximum(np.einsum("lkk->lk", white), 1e-300))
+    alike = white / (size[:, :, None] * size[:, None, :]) * part[:, :, None] * part[:, None, :]
+    np.einsum("lkk->lk", alike)[:] = 1.0
+    return np.asarray(alike)
+
+
 def paule_mandel(total: Callable[[float], float], wanted: float, scale: float) -> tuple[float, float]:
     """The a ≥ 0 at which the falling function `total` meets `wanted`, and q (1, or below it where a = 0)."""
     at_zero = total(0.0)
@@ -228,21 +249,13 @@ class Scatter:
     @cached_property
     def noise(self) -> tuple[Array, ...]:
         """Residuals of the runs about their own curves, (R, n) of each level."""
-        rows = zip(self.levels, self.jacobians, strict=True)
-        return tuple(run_residuals(level.runs, J[:, 0], J) for level, J in rows)  # ∂f/∂ln T_s is f itself
+        return tuple(run_residuals(one.runs, J[:, 0], J) for one, J in zip(self.levels, self.jacobians, strict=True))
 
     @cached_property
     def runs(self) -> tuple[RunStatistics, ...]:
         """Shifts and noise of each level's runs."""
-        found = []
-        for level, noise, J in zip(self.levels, self.noise, self.jacobians, strict=True):
-            directions = J @ inverse(J.T @ J)  # how the level's numbers answer to its samples, (n, k)
-            scores = (noise[:, None] * np.ascontiguousarray(directions.T)).reshape(-1, len(level.time_s)).T
-            variances = bartlett_variance(level.time_s, scores).reshape(len(WINDOWS_S), len(noise), -1)
-            # sorted: the order of the runs changes no rounding
-            within = np.asarray(np.sort(variances, axis=1).mean(axis=1).max(axis=0))
-            found.append(RunStatistics((level.runs - level.mean) @ directions, within))
-        return tuple(found)
+        rows = zip(self.levels, self.noise, self.jacobians, strict=True)
+        return tuple(run_statistics(level, noise, J) for level, noise, J in rows)
 
     @property
     def repeats(self) -> NDArray[np.int64]:
@@ -304,15 +317,8 @@ class Scatter:
     @cached_property
     def of_levels(self) -> LevelScatter:
         """The same as intervals take it: what noise within runs makes of a level's parameters goes together."""
-        pooled = self.pooled
-        noise = np.array([runs.within for runs in self.runs]) / self.repeats[:, None]
-        part = np.sqrt(np.clip(noise / np.maximum(pooled.expected, 1e-300), 0.0, 1.0))
-        white = np.array([inverse(J.T @ J) for J in self.jacobians])
-        size = np.sqrt(np.maximum(np.einsum("lkk->lk", white), 1e-300))
-        alike = white / (size[:, :, None] * size[:, None, :]) * part[:, :, None] * part[:, None, :]
-        np.einsum("lkk->lk", alike)[:] = 1.0
         shifts = tuple(runs.shift for runs in self.runs) if self.swept else ()
-        return replace(pooled, alike=alike, shifts=shifts)
+        return replace(self.pooled, alike=alike_by_noise(self.runs, self.jacobians, self.pooled), shifts=shifts)
 
     @property
     def swept(self) -> bool:

@@ -28,13 +28,13 @@ from eaid.levels.huber import huber_findings, with_loss
 from eaid.levels.linear import linear_part
 from eaid.levels.nonlinear import nonlinear_part
 from eaid.levels.own_levels import OwnLevels, own_levels
-from eaid.levels.release import release_fit, release_of
+from eaid.levels.release import release_fit
 from eaid.options import MODELS, FitGiven, FitOptions
 from eaid.plant.dynamics import SHARE
 from eaid.results.common import Input, Source
 from eaid.results.fit import Fit
 from eaid.results.models import FittedData, Friction, LackOfFit, Uncertainty
-from eaid.results.plant import FittedPlant, with_overshoot, with_release
+from eaid.results.plant import FittedPlant, with_release
 from eaid.results.verdict import judged
 from eaid.shapes.delay import dead_time_of, set_behind
 from eaid.shapes.each_step import between_rows, of_another_shape, single_steps
@@ -294,11 +294,8 @@ def with_plant(result: Fit, stepset: StepSet, dead_time_s: float) -> Fit:
         return result
     plant = with_release(result.nonlinear.parameters, result.release, result.friction_levels)
     timed = replace(plant, dead_time_s=max(dead_time_s, 0.0), idle=usual_idle(stepset))
-    plant = with_overshoot(timed, result.data.levels, result.steps)
-    if plant.C > 1 and (release := release_of(plant, set_behind(stepset, dead_time_s))) is not None:
-        plant, result = with_release(plant, release), msgspec.structs.replace(result, release=release)
     return msgspec.structs.replace(
-        result, plant_=FittedPlant.of(plant, (result.data.input_unit, result.data.output_unit))
+        result, plant_=FittedPlant.of(timed, (result.data.input_unit, result.data.output_unit))
     )
 
 
@@ -308,9 +305,14 @@ def one_lag_behind_a_dead_time(result: Fit) -> bool:
 
 
 def asks_for_another_kind(result: Fit) -> bool:
-    """Whether the clutch's model fails, or its two lags meet behind a dead time or a peak."""
-    peaks = {one.code for one in result.findings} >= {"taus-meet", "output-decays-under-hold"}
-    return not result.verdict.of("nonlinear").usable or peaks or one_lag_behind_a_dead_time(result)
+    """Whether the clutch's model fails, its two lags meet behind a dead time, every level overshoots, or the model
+    explains little of any."""
+    decaying = {u for one in result.findings if one.code == "output-decays-under-hold" for u in one.levels}
+    part = result.nonlinear
+    fits = [] if part is None else [row.fit_pct for row in part.per_level if row.fit_pct is not None]
+    little = bool(fits) and max(fits) < LITTLE_PCT
+    overshoots = decaying >= set(result.data.levels)
+    return not result.verdict.of("nonlinear").usable or little or overshoots or one_lag_behind_a_dead_time(result)
 
 
 def converged(result: Fit) -> bool:
@@ -386,6 +388,7 @@ def data_of_steps(stepset: StepSet) -> FittedData:
     )
 
 
+LITTLE_PCT = 50.0  # Of every level by its own curve, below which another kind of plant is asked for
 OTHER_SHAPES = {"repeats-miss-alike", "output-decays-under-hold"}  # Findings that ask what shape single steps have
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import msgspec
 import numpy as np
@@ -206,9 +207,10 @@ def about_idle(base: Solved, logs: Sequence[RecordedLog], theta_s: float) -> Set
 
 
 def plant_part(
-    solved: Solved, data: FittedData, uncertainty: Spread | None, tried: tuple[KindTried, ...] = ()
+    solved: Solved, data: FittedData, uncertainty: Spread | None, tried: tuple[KindTried, ...], levels: Array
 ) -> FittedPlant:
-    """The plant that every later command reads, with 95 % intervals of what is constant over the input."""
+    """The plant that every later command reads, with 95 % intervals of what is constant over the input, and of T_s at
+    the levels."""
     p, model, x = plant_found(solved), solved.setup.model, solved.x
     units = data.input_unit, data.output_unit
     if uncertainty is None:
@@ -231,8 +233,19 @@ def plant_part(
         if model.signed:
             below = model.rows(np.array([-model.high]))[0, 0] / -model.high
             numbers["gain_below"] = lambda x: float(below @ x[: model.size])
-    ends = PlantIntervals(**{name: interval(number, x, uncertainty) for name, number in numbers.items()})
+    steady = []
+    for u, row in zip(levels.tolist(), model.rows(levels)[0] if "gain" in numbers else (), strict=False):
+        found = interval(partial(_steady, row), x, uncertainty)
+        steady += [(u, *found)] if found is not None else []
+    ends = PlantIntervals(
+        Ts=tuple(steady), **{name: interval(number, x, uncertainty) for name, number in numbers.items()}
+    )
     return msgspec.structs.replace(FittedPlant.of(p, units, ends), tried=tried)
+
+
+def _steady(row: Array, x: Array) -> float:
+    """T_s at the input of a row of the form, by the unknowns."""
+    return float(row @ x[: len(row)])
 
 
 def start_states(solved: Solved, log: int) -> tuple[float, float]:

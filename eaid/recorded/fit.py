@@ -19,7 +19,7 @@ from eaid.errors import DataError, UsageError
 from eaid.estimate import forms
 from eaid.estimate.coefficients import turned, with_intervals
 from eaid.estimate.data import data_of, errors
-from eaid.estimate.recorded_log import RecordedLog, logs_of_runs, logs_of_steps, recorded_log
+from eaid.estimate.recorded_log import RecordedLog, logs_of_steps, recorded_log
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.levels import workflow
 from eaid.levels.from_steps import fit_linear
@@ -34,11 +34,12 @@ from eaid.plant.respond import from_rest
 from eaid.recorded.choice import Chosen, about_idle, interval, plant_of_logs, plant_part, start_states
 from eaid.recorded.closed_loop import judged_loops, with_instrument
 from eaid.recorded.fall_tests import with_falls
-from eaid.recorded.from_logs import Solved, fit_setup, idle_found, on_logs, plant_found
+from eaid.recorded.from_logs import Solved, fit_setup, idle_found, plant_found
 from eaid.recorded.held_out import held_out
 from eaid.recorded.inputs import FEW_LEVELS, Excited, excited_by
 from eaid.recorded.left_over import column_findings, drift_findings, left_over_findings
 from eaid.recorded.log_intervals import FEWEST_ENGAGEMENTS, CurveSpread, Spread, curves, spread
+from eaid.recorded.run_intervals import with_runs
 from eaid.results.common import LevelError, Source
 from eaid.results.fit import Fit
 from eaid.results.models import (
@@ -277,12 +278,12 @@ def with_another_kind(fit: Fit, stepset: StepSet, options: FitOptions) -> Fit:
     whose two lags meet behind a dead time or a peak, where one explains as much, or another kind far more."""
     if not stepset.levels or options.model is not None or options.curve == "levels":
         return fit
-    logs, runs = ([from_rest_on(log) for log in of(stepset)] for of in (logs_of_steps, logs_of_runs))
+    logs = [from_rest_on(log) for log in logs_of_steps(stepset)]
     how = replace(options, ci="none" if options.ci == "none" else "robust")
     met = workflow.one_lag_behind_a_dead_time(fit)
     for kind in ("", "lag+dead") if met else ("",):  # by evidence; then the one lag that the two have become
         try:
-            other = fit_recorded(logs, how, falls=False, kind=kind, repeats=runs)
+            other = fit_recorded(logs, how, falls=False, kind=kind, repeats=stepset.levels)
         except DataError:  # what short windows of steps show is no reason to refuse them
             return fit
         if takes_its_place(other, fit, logs):
@@ -294,13 +295,14 @@ def takes_its_place(other: Fit, fit: Fit, logs: Sequence[RecordedLog]) -> bool:
     """Whether the plant of another kind explains the steps of a fit so much better, or as well by less; or explains
     them where the fit must not be used."""
     part = other.plant_
-    if part is None or not part.another or not other.verdict.usable:
+    # that a fit without some levels is worse, it shares with the clutch's
+    if part is None or not part.another or any(one.code != "hold-out-fails" for one in other.verdict.reasons):
         return False
     if part.zeta is not None and part.zeta <= 2 * forms.LEAST_ZETA:  # what swings on and on is an output of its own
         return False
     whole, shapes = ([explained_pct(one, logs, own_gains) for one in (part, fit.plant_)] for own_gains in (False, True))
     as_well = part.plant.kind == "lag" and part.dead_time_s > 0 and whole[0] >= whole[1] - AS_WELL_PCT
-    swings = part.plant.kind in ("ringing", "series")  # what slips back keeps the clutch and its release
+    swings = part.plant.kind in ("ringing", "series", "overshoot")
     far_better = swings and 100 - shapes[0] <= FAR_BETTER * (100 - shapes[1])
     return whole[0] >= LEAST_PCT and (as_well or far_better or not fit.verdict.of("nonlinear").usable)
 
@@ -341,12 +343,10 @@ def levels_of_plant(part: FittedPlant, levels: Sequence[float]) -> Friction | No
     p, ci95 = part.plant, part.ci95
     if p.zeta is not None:
         return None
-    rows = []
+    rows, steady = [], {} if ci95 is None else {u: (low, high) for u, low, high in ci95.Ts}
     for u in levels:
-        at, ends = p.at(u), None
-        if ci95 is not None and ci95.gain is not None and part.tried[0].gain == "one":
-            low, high = ci95.gain
-            ends = LevelIntervals((low * u, high * u), ci95.tau1, ci95.tau2, ci95.C)
+        at = p.at(u)
+        ends = None if ci95 is None else LevelIntervals(steady.get(u), ci95.tau1, ci95.tau2, ci95.C)
         rows.append(FrictionLevel(u, at.Ts, at.tau1, at.tau2, at.C, ci95=ends))
     return Friction(p.C, levels=tuple(rows))
 
@@ -405,14 +405,14 @@ def fit_recorded(
     falls: bool = True,
     kind: str = "",
     dead_time_s: float = 0.0,
-    repeats: Sequence[RecordedLog] = (),
+    repeats: Sequence[Level] = (),
 ) -> Fit:
     """Fit recorded logs, with or without step logs of the same clutch.
 
     The input of a `Run` is counted from `rest`. With `falls`, falls get unknowns of their own where they differ from
     rises; `dead_time_s` of single steps is taken over where the logs are fitted better with it. A `kind` of lag that is
-    named takes the place of the one that evidence chooses. Of logs that are means of `repeats` it is these that tell
-    how they scatter.
+    named takes the place of the one that evidence chooses. Of logs that are the means of levels (`repeats`) it is
+    the runs of these that tell how they scatter.
     """
     options = options or FitOptions()
     logs = [run if isinstance(run, RecordedLog) else recorded_log(run, rest) for run in runs]
@@ -429,7 +429,9 @@ def fit_recorded(
         base, before_s = with_instrument(base, chosen.logs), base.fitted.dead_time(base.x)
         if (theta_s := base.fitted.dead_time(base.x)) > before_s:
             findings += [finding("dead-time", log.name, dead_time_s=theta_s) for log in logs]
-    uncertainty = None if options.ci == "none" else spread(on_logs(base, repeats) if repeats else base)
+    uncertainty = None if options.ci == "none" else spread(base)
+    if uncertainty is not None and repeats:
+        uncertainty = with_runs(uncertainty, base, repeats)
     known = None
     if uncertainty is not None and base.setup.model.kind != "swing":
         known = curves(base, uncertainty, inputs.shown)
@@ -446,7 +448,9 @@ def fit_recorded(
         findings=ranked(findings),
         seed=options.seed,
         data=data,
-        plant_=plant_part(base, data, uncertainty, chosen.kinds) if "nonlinear" in wanted else None,
+        plant_=plant_part(base, data, uncertainty, chosen.kinds, inputs.levels if inputs.stepwise else np.zeros(0))
+        if "nonlinear" in wanted
+        else None,
         converged=base.solver.converged,
         nonlinear=nonlinear_of_logs(base, uncertainty, known, inputs.shown) if shown else None,
         linear=linear,

@@ -371,12 +371,6 @@ def finished(setup: Setup, begin: Sequence[Array], tried: int = 0, costs: Sequen
     return Solved(setup, end.x, end.cost, solver)
 
 
-def on_logs(solved: Solved, logs: Sequence[RecordedLog]) -> Solved:
-    """The same unknowns on other logs, none of which has any of its own."""
-    setup = setup_of(solved.fitted.model, logs, solved.fitted.idle_free, solved.fitted.dead_time_s)
-    return replace(solved, fitted=replace(setup, extras=solved.fitted.extras))
-
-
 def with_dead_time(setup: Setup, x: Array) -> Solved:
     """A fit whose dead time is an unknown, near x, that of `setup` its place in x.
 

@@ -20,7 +20,7 @@ from eaid.arrays import Array
 from eaid.estimate.forms import RECORDS_FREE
 from eaid.estimate.scatter import pace
 from eaid.estimate.solver import approach, newton_step, rounding
-from eaid.estimate.spread import free_inverse, score_test_end, t_quantile
+from eaid.estimate.spread import Influence, free_inverse, score_test_end, t_quantile
 from eaid.findings import Finding, finding
 from eaid.levels.friction import HELD_BY
 from eaid.plant.drive import Drive
@@ -277,10 +277,14 @@ class Spread:
     between: Array  # Covariance by scatter between engagements
     scatter: EngagementScatter
     pull: Array  # H⁻¹ where the constraints leave it free
+    runs: Influence | None = None  # How the unknowns answer to the runs whose means were fitted, in place of all that
 
     @np.errstate(over="ignore", invalid="ignore")  # what nothing determines has no bound
     def variance(self, gradient: Array) -> tuple[float, float]:
         """Variance of a function with that gradient, and its degrees of freedom."""
+        if self.runs is not None:
+            of_runs, known = self.runs.of(gradient[None]).variance()
+            return float(of_runs[0]), float(known[0])
         along = self.pull.T @ gradient
         within = max(float(gradient @ self.noise @ gradient), 0.0)
         parts = np.array([one.degrees(along) for one in self.lines])  # variance and degrees of freedom of each log
@@ -301,7 +305,7 @@ class Spread:
     @property
     def covariance(self) -> Array:
         """One covariance for drawing."""
-        return np.asarray(self.noise + self.between)
+        return np.asarray(self.noise + self.between) if self.runs is None else self.runs.covariance()
 
 
 @np.errstate(over="ignore", invalid="ignore")  # what nothing determines has no bound

@@ -199,6 +199,8 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         known.pop("gain_below", None)
         end, straight = float(part.plant.steady(level)), part.tried[0].gain == "one"
         ends = [level * one if straight and one is not None else None for one in gain[1:]]
+        at_levels = () if part.ci95 is None else part.ci95.Ts
+        ends = next(([low, high] for u, low, high in at_levels if math.isclose(u, level)), ends)
         return {"Ts": (end, *ends), **known}
 
     def _on_curve(self, p: Nonlinear, name: str, value: float, level: float) -> tuple[float, float, float]:

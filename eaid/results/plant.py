@@ -6,8 +6,6 @@ from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import msgspec
-import numpy as np
-from numpy.polynomial.polynomial import polyfit
 
 from eaid.plant.dynamics import TAU_FLOOR_S, Plant
 from eaid.plant.forms import refuse_unordered
@@ -15,7 +13,7 @@ from eaid.results.common import Interval, Number, Positive, Result
 from eaid.results.recorded import KindTried
 
 if TYPE_CHECKING:
-    from eaid.results.models import FrictionLevel, Release, StepShape
+    from eaid.results.models import FrictionLevel, Release
 
 Coefficients = Annotated[tuple[Number, ...], msgspec.Meta(min_length=1)]
 
@@ -25,6 +23,8 @@ class PlantIntervals(Result, frozen=True):
 
     gain: Interval = None
     """T_s over the input, at the highest."""
+    Ts: tuple[tuple[Number, Number, Number], ...] = ()
+    """Levels, and the ends of T_s at each; empty where the input moves."""
     gain_below: Interval = None
     """The same below rest."""
     tau1: Interval = None
@@ -113,23 +113,6 @@ class FittedPlant(Result, frozen=True):
         """The plant itself."""
         held = {one.name: getattr(self, one.name) for one in fields(Plant)}
         return Plant(**held | {"tau2": self.tau2 or self.tau1})
-
-
-def with_overshoot(plant: Plant, levels: Sequence[float], steps: "Sequence[StepShape]") -> Plant:
-    """A plant as its single steps from rest show it, where most of them overshoot at every level: C above 1, the median
-    of all, as the time constants are; T_s goes through the levels' own ends. Else the plant itself."""
-    over: list[StepShape] = []
-    for u in levels:
-        own = [one for one in steps if one.edge == "up" and one.from_ == 0 and one.level == u]
-        kept = [one for one in own if one.C > 1 and one.tau2 is not None]
-        if 2 * len(kept) <= len(own):
-            return plant
-        over += kept
-    if not over:
-        return plant
-    tau1, tau2, C = (float(np.median([getattr(one, key) for one in over])) for key in ("tau1", "tau2", "C"))
-    ends = polyfit([one.level for one in over], [one.change for one in over], min(3, len(levels) - 1))
-    return replace(plant, tau1=(tau1,), tau2=(tau2,), C=C, Ts=tuple(ends.tolist()), Ts_through=())
 
 
 def falls_between(levels: "Sequence[FrictionLevel]") -> "tuple[FrictionLevel, ...]":
