@@ -15,7 +15,8 @@ import re
 import typing
 from collections.abc import Iterable, Mapping
 from dataclasses import fields, is_dataclass
-from functools import cache
+from functools import cache, reduce
+from operator import getitem
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
@@ -189,8 +190,7 @@ def _left_out(content: Any, where: str, fault: str) -> bool:
     keys = _keys(where.partition("[...]")[0])  # entries of a mapping are left out with it
     lacks = fault.startswith("Object missing")
     try:
-        for key in keys[:-1]:
-            content = content[key]
+        content = reduce(getitem, keys[:-1], content)
         value = content[keys[-1]]
         empty = value is None or (value in ("", [], {}) and re.match("Expected `(object|array)", fault) is not None)
         if not (lacks or (empty and isinstance(content, dict))):
@@ -223,8 +223,7 @@ def _sentence(what: str, where: str, content: Any) -> str:
     """What is wrong with a value, by the name of its key."""
     reason = what.replace("`", "")
     try:
-        for key in _keys(where):
-            content = content[key]
+        content = reduce(getitem, _keys(where), content)
     except (KeyError, IndexError, TypeError):
         return f"its {where} is wrong ({reason})"
     text = json.dumps(content, ensure_ascii=False)

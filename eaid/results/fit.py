@@ -22,24 +22,8 @@ from eaid.plant import linear
 from eaid.plant.dynamics import Plant
 from eaid.plant.forms import terms
 from eaid.plant.respond import from_rest
-from eaid.results import codec, statistics
-from eaid.results.common import (
-    Made,
-    Number,
-    Result,
-    Samples,
-)
-from eaid.results.models import (
-    CurveLevel,
-    FittedData,
-    Friction,
-    FrictionLevel,
-    Linear,
-    Nonlinear,
-    Release,
-    StepShape,
-    Uncertainty,
-)
+from eaid.results import codec, models, statistics
+from eaid.results.common import Made, Number, Result, Samples
 from eaid.results.plant import FittedPlant, falls_between, with_release
 from eaid.results.recorded import LogFit, Recorded
 from eaid.results.responses import LevelResponse
@@ -71,11 +55,8 @@ class Parameter(Result, frozen=True):
 
 # What predicts a step from rest
 MODEL_CURVES: dict[str, Any] = {
-    "nonlinear": from_rest,
-    "linear": linear.linear_response,
-    "friction": None,
-    "plant": from_rest,
-}
+    "nonlinear": from_rest, "linear": linear.linear_response, "friction": None, "plant": from_rest,
+}  # fmt: skip
 
 
 class Fit(Plotted, codec.Saved, Made, frozen=True):
@@ -93,15 +74,15 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
 
     FILE: ClassVar[str] = "fit"
     options: FitGiven = FitGiven()
-    data: FittedData = FittedData()
+    data: models.FittedData = models.FittedData()
     converged: bool | None = None
-    friction: Friction | None = None
-    nonlinear: Nonlinear | None = None
-    linear: Linear | None = None
-    release: Release | None = None
+    friction: models.Friction | None = None
+    nonlinear: models.Nonlinear | None = None
+    linear: models.Linear | None = None
+    release: models.Release | None = None
     plant_: FittedPlant | None = msgspec.field(default=None, name="plant")
-    uncertainty: Uncertainty | None = None
-    steps: tuple[StepShape, ...] = ()
+    uncertainty: models.Uncertainty | None = None
+    steps: tuple[models.StepShape, ...] = ()
     """Each change of input between two holds by itself, where a log goes from level to level."""
     recorded: Recorded | None = None
     """Of logs that were fitted as they were recorded."""
@@ -185,7 +166,7 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
             found = [self._on_curve(p, *pair, level) for pair in zip(SYMBOLS, map(float, values), strict=True)]
         return pd.DataFrame(found, index=list(SYMBOLS), columns=["value", "low", "high"], dtype=float)
 
-    def _on_curve(self, p: Nonlinear, name: str, value: float, level: float) -> tuple[float, float, float]:
+    def _on_curve(self, p: models.Nonlinear, name: str, value: float, level: float) -> tuple[float, float, float]:
         """A value of a polynomial and its 95 % interval, on its logarithm, by the covariance of the coefficients."""
         if p.covariance is None or not p.covariance.matrix or not value > 0:
             return value, math.nan, math.nan
@@ -276,10 +257,8 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
             raise UsageError(f"«model» {chosen}: must be one of {', '.join(MODEL_CURVES)}")
         if (self.plant_ if chosen == statistics.PLANT else getattr(self, chosen)) is None:
             raise DataError(f"the fit holds no {chosen} model; fit one, or choose another «model»")
-        time_s, inputs = (
-            np.atleast_1d(statistics.numbers("t", t)),
-            np.atleast_1d(statistics.numbers("duty", duty)).tolist(),
-        )
+        time_s = np.atleast_1d(statistics.numbers("t", t))
+        inputs = np.atleast_1d(statistics.numbers("duty", duty)).tolist()
         known = self.data.levels if self.recorded is None else self.recorded.u_range
         signed = chosen == statistics.PLANT and bool(self.plant.Ts_below)
         for u in inputs:
@@ -337,12 +316,12 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         return fell or bool(falls_between(self.friction_levels))
 
     @property
-    def friction_levels(self) -> tuple[FrictionLevel, ...]:
+    def friction_levels(self) -> tuple[models.FrictionLevel, ...]:
         """The friction curves of levels, and of steps between them; none where they were not fitted."""
         return self.friction.levels if self.friction is not None else ()
 
     @property
-    def level_values(self) -> tuple[CurveLevel, ...] | tuple[FrictionLevel, ...]:
+    def level_values(self) -> tuple[models.CurveLevel, ...] | tuple[models.FrictionLevel, ...]:
         """T_s, τ1 and τ2 by level: each level's own, or the nonlinear model's where those were not asked for."""
         own = tuple(row for row in self.friction_levels if row.from_ == 0)
         return own or (self.nonlinear.curves if self.nonlinear is not None else ())

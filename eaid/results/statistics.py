@@ -150,14 +150,8 @@ def free_parameters(fit: "Fit") -> int:
         return int(np.count_nonzero([*part.parameters.steady_numbers, *part.tau1, *part.tau2])) + part.C_free
     plant = fit.plant_
     assert plant is not None  # of another kind: one lag has no τ2 of its own, a ringing one a damping
-    numbers = [
-        *plant.plant.steady_numbers,
-        *plant.Ts_below,
-        *plant.tau1,
-        plant.dead_time_s,
-        plant.zeta or 0.0,
-        plant.zero,
-    ]
+    numbers = [*plant.plant.steady_numbers, *plant.Ts_below, *plant.tau1]
+    numbers += [plant.dead_time_s, plant.zeta or 0.0, plant.zero]
     parallel = plant.kind in ("parallel", "overshoot")
     return int(np.count_nonzero([*numbers, *(plant.tau2 if parallel else ())])) + parallel
 
