@@ -2,13 +2,11 @@
 
 import shlex
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eaid.cli import console
 from eaid.cli.form import Common, argument, takes, written
-from eaid.declared import part
 from eaid.errors import DataError, UsageError
 from eaid.options import ExportOptions
 
@@ -17,16 +15,12 @@ if TYPE_CHECKING:
     from eaid.results.gains import Gains
 
 
-@dataclass(frozen=True, kw_only=True)
-class Arguments(Common, ExportOptions):
-    """What `eaid export` takes."""
-
-    files: list[Path] = argument("GAINS [FIT]", "gains.json, and fit.json for inverse and plant.")
-    output: Path = written("export", "Folder that is written.")
-
-
-@takes(Arguments)
-def command(args: Arguments) -> None:
+@takes
+def command(
+    args: Common, how: ExportOptions,
+    files: list[Path] = argument("GAINS [FIT]", "gains.json, and fit.json for inverse and plant."),
+    output: Path = written("export", "Folder that is written."),
+) -> None:  # fmt: skip
     """Controllers and plant as source for a rig: a folder with test vectors, a check program and a page how to begin.
 
     Exit code 5: a loop is unstable at the rate, or a result marked stop is behind it; --anyway exports it, marked.
@@ -37,10 +31,10 @@ def command(args: Arguments) -> None:
     from eaid.results.common import Input
     from eaid.results.summary import of_fit
 
-    gains, fit, paths = _read(args.files)
+    gains, fit, paths = _read(files)
     inputs = tuple(Input.of(path) for path in paths)
     command = shlex.join(["eaid", *sys.argv[1:]]) if sys.argv[1:2] == ["export"] else ""
-    made = exported(gains, fit, part(ExportOptions, args), args.output, args.force, command, inputs)
+    made = exported(gains, fit, how, output, args.force, command, inputs)
     for line in of_fit(fit) if fit is not None else ():
         console.say(line)
     console.tell(made.findings, args.verbose)

@@ -1,26 +1,21 @@
 """`eaid plan`: what to record next, for intervals of a wanted width."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from eaid.cli import console
 from eaid.cli.form import Common, argument, refuse_idle, takes, tell_result, written
-from eaid.declared import option, part
+from eaid.declared import option
 from eaid.files import refuse_to_overwrite, written_whole
 from eaid.options import LOGS, PlanOptions
 
 
-@dataclass(frozen=True, kw_only=True)
-class Arguments(Common, PlanOptions):
-    """What `eaid plan` takes."""
-
-    fit: Path = argument("FIT", "A fit.json.")
-    excitation: bool = option(False, "One sequence of duties for one recording, in place of steps.", LOGS)
-    output: Path = written("plan.csv")
-
-
-@takes(Arguments)
-def command(args: Arguments) -> None:
+@takes
+def command(
+    args: Common, how: PlanOptions,
+    fit: Path = argument("FIT", "A fit.json."),
+    excitation: bool = option(False, "One sequence of duties for one recording, in place of steps.", LOGS),
+    output: Path = written("plan.csv"),
+) -> None:  # fmt: skip
     """Which levels, hold times, repeats and order to record next, for wanted interval widths.
 
     Writes the run table (plan.csv) and, beside it, the whole session as an input file for the rig
@@ -40,24 +35,24 @@ def command(args: Arguments) -> None:
     from eaid.results.plan import Excitation, PlannedRun
     from eaid.synth.files import input_file
 
-    files = [args.output] if args.excitation else [args.output, args.output.with_suffix(".duty.csv")]
-    if args.excitation:
+    files = [output] if excitation else [output, output.with_suffix(".duty.csv")]
+    if excitation:
         refuse_idle(args, ("idle_s", "release_s", "longest_hold_s", "most_levels"), "with --excitation")
     else:
         refuse_idle(args, ("limits",), "without --excitation")
-    fit, warnings = codec.read(args.fit, Fit)
+    fitted, warnings = codec.read(fit, Fit)
     for path in files:
-        refuse_to_overwrite(path, args.force, (args.fit,))
-    plan = api.plan(fit, part(PlanOptions, args), excitation=args.excitation, progress=console.progress)
-    plan = msgspec.structs.replace(plan, inputs=(Input.of(args.fit),), command=args.typed)
+        refuse_to_overwrite(path, args.force, (fit,))
+    plan = api.plan(fitted, how, excitation=excitation, progress=console.progress)
+    plan = msgspec.structs.replace(plan, inputs=(Input.of(fit),), command=args.typed)
     if isinstance(plan, Excitation):
         contents = [input_file(plan.duty, "clutch", plan.input_unit)]
     else:
         rows = [f"{r.order},{r.level:.9g},{r.repeat},{r.idle_s:g},{r.hold_s:g},{r.release_s:g}" for r in plan.runs]
-        changes = input_file(input_changes(plan.runs), fit.data.kind, plan.input_unit)
+        changes = input_file(input_changes(plan.runs), fitted.data.kind, plan.input_unit)
         contents = [[",".join(PlannedRun.__struct_fields__), *rows], changes]
     with written_whole(*files, force=args.force) as parts:
         for file, lines in zip(parts, contents, strict=True):
             file.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    tell_result(args, plan, plan_shown(plan, args.idle_s, args.release_s), (*warnings, *plan.findings))
+    tell_result(args, plan, plan_shown(plan, how.idle_s, how.release_s), (*warnings, *plan.findings))
     console.say(f"{', '.join(map(str, files))}: {cost(plan)}")
