@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     import pandas
 
 
+# The columns that every group has, beside what a scenario adds
+COLUMNS = ("time_s", "reference_nm", "torque_nm", "duty_pct")
+
+
 class StepMetrics(Result, frozen=True):
     """One step of the reference, watched until the next; None: never reached."""
 
