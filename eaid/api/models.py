@@ -156,10 +156,10 @@ def fit(
             from eaid.recorded.fit import with_another_kind
 
             fitted = with_another_kind(as_clutch, steps, how)
-    data = msgspec.structs.replace(fitted.data, replayed=of_own_logs(fitted, steps.logs))
+    of_data = msgspec.structs.replace(fitted.data, replayed=of_own_logs(fitted, steps.logs))
     responses = responses_of(steps, as_clutch.findings)
     return msgspec.structs.replace(
-        fitted, data=data, responses=responses, parameters=table_of(fitted), samples=Samples(steps)
+        fitted, data=of_data, responses=responses, parameters=table_of(fitted), samples=Samples(steps)
     )
 
 

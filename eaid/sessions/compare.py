@@ -70,6 +70,11 @@ class Shift(Result, frozen=True):
         """Whether they all moved alike."""
         return self.p_alike is None or self.p_alike >= MOVED_CHANCE
 
+    @property
+    def verdict(self) -> str:
+        """Whether the levels, or some of them, moved."""
+        return "moved" if self.moved or not self.alike else "held"
+
     def words(self) -> str:
         """`T_s −52 % (−57 … −47; p 2e-27), not alike at all levels (p 0.005): …`."""
         name, ends = SYMBOLS.get(self.quantity, self.quantity), f"{_pct(self.low)} … {_pct(self.high)}"
@@ -122,7 +127,7 @@ class Comparison(Plotted, codec.Saved, Made, frozen=True):
     @property
     def changed(self) -> bool:
         """Whether T_s moved, in the mean or at some levels, against any of the others."""
-        return any(one.quantity == "Ts" and (one.moved or not one.alike) for one in self.shifts)
+        return any(one.quantity == "Ts" and one.verdict == "moved" for one in self.shifts)
 
     @property
     def tune_anew(self) -> bool:
@@ -132,10 +137,8 @@ class Comparison(Plotted, codec.Saved, Made, frozen=True):
     def lines(self) -> list[str]:
         """The verdict."""
         said = [f"{letter}       {name}" for letter, name in self.files.items()]
-        for one in self.shifts:
-            if one.quantity == "Ts" or one.moved or not one.alike:
-                word = "moved  " if one.moved or not one.alike else "held   "
-                said.append(f"{word} A against {one.against}: {one.words()}")
+        told = (one for one in self.shifts if one.quantity == "Ts" or one.verdict == "moved")
+        said += [f"{one.verdict:<7} A against {one.against}: {one.words()}" for one in told]
         if self.retune is not None:
             said.append(f"retune  {self.retune.words()}")
         return said + (self.promise.lines() if self.promise is not None else [])
@@ -214,11 +217,9 @@ def _seen(fit: Fit, quantity: str, letter: str) -> list[Value]:
 
 def holm(p: Sequence[float]) -> list[float]:
     """Holm's probabilities of several tests, each as good as all that are smaller."""
-    held, largest = [0.0] * len(p), 0.0
-    for rank, k in enumerate(sorted(range(len(p)), key=p.__getitem__)):
-        largest = max(largest, min(1.0, (len(p) - rank) * p[k]))
-        held[k] = largest
-    return held
+    order = np.argsort(p, kind="stable")
+    rising = np.maximum.accumulate(np.minimum(1.0, np.arange(len(p), 0, -1) * np.array(p)[order]))
+    return rising[np.argsort(order)].tolist()  # type: ignore[no-any-return]
 
 
 def _retune(fit: Fit, gains: Gains) -> Retune:

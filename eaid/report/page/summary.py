@@ -171,9 +171,8 @@ def _sessions(results: Results, known: Known) -> Iterator[Light]:
     """The verdict of each comparison, and what the next session may be."""
     for found in (given.result for given in results.comparisons):
         for one in (one for one in found.shifts if one.quantity == "Ts"):
-            moved = one.moved or not one.alike
-            word = "moved: " if moved else "held: "
-            yield Light(f"A against {one.against}", "care" if moved else "good", word + one.words(), "sessions")
+            grade = "care" if one.verdict == "moved" else "good"
+            yield Light(f"A against {one.against}", grade, f"{one.verdict}: {one.words()}", "sessions")
         if found.retune is not None:
             grade = "good" if found.retune.needed is False else "care"
             yield Light("Make gains anew", grade, found.retune.words(), "sessions")
