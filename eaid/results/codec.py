@@ -18,7 +18,7 @@ from dataclasses import fields, is_dataclass
 from functools import cache, reduce
 from operator import getitem
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import msgspec
 
@@ -26,11 +26,8 @@ from eaid.errors import DataError, UsageError
 from eaid.files import written_whole
 from eaid.findings import Finding, finding, sentences
 from eaid.results.common import Samples
-from eaid.shown import Shown
+from eaid.shown import Shown, pandas
 from eaid.version import __version__
-
-if TYPE_CHECKING:
-    import pandas
 
 R = TypeVar("R", bound=msgspec.Struct)
 VERSIONS = {"fit": 2}  # Schema versions above the first; a file of an older one is refused by name
@@ -254,6 +251,4 @@ def cells_of(item: msgspec.Struct) -> dict[str, Any]:
 
 def frame_of(items: Iterable[msgspec.Struct]) -> "pandas.DataFrame":
     """One row a result, one column a field."""
-    import pandas
-
     return pandas.DataFrame([cells_of(item) for item in items])

@@ -27,11 +27,9 @@ from eaid.results.common import Made, Number, Result, Samples
 from eaid.results.plant import FittedPlant, falls_between, with_release
 from eaid.results.recorded import LogFit, Recorded
 from eaid.results.responses import LevelResponse
-from eaid.shown import Plotted
+from eaid.shown import Plotted, pandas
 
 if TYPE_CHECKING:
-    import pandas
-
     from eaid.results.verdict import Verdict
 
 
@@ -96,10 +94,8 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
     @property
     def params(self) -> "pandas.Series[float]":
         """All fitted parameters, indexed by (model, parameter)."""
-        import pandas as pd
-
         values = [np.nan if row.value is None else row.value for row in self.parameters]
-        return pd.Series(values, index=statistics.index_of(self.parameters), name="value", dtype=float)
+        return pandas.Series(values, index=statistics.index_of(self.parameters), name="value", dtype=float)
 
     def conf_int(self, alpha: float = 0.05) -> "pandas.DataFrame":
         """Intervals of `params` that miss with probability `alpha`, columns low and high; NaN where there are none.
@@ -151,8 +147,6 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
 
         `UsageError` outside the identified range; between levels the nonlinear model's curves.
         """
-        import pandas as pd
-
         level = float(statistics.numbers("level", level, 0))
         rows = {row.name: row for row in self.parameters if row.level is not None and math.isclose(row.level, level)}
         p = self.nonlinear
@@ -164,7 +158,7 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         else:
             values = (p.parameters.steady(level), *p.parameters.time_constants(level))
             found = [self._on_curve(p, *pair, level) for pair in zip(SYMBOLS, map(float, values), strict=True)]
-        return pd.DataFrame(found, index=list(SYMBOLS), columns=["value", "low", "high"], dtype=float)
+        return pandas.DataFrame(found, index=list(SYMBOLS), columns=["value", "low", "high"], dtype=float)
 
     def _on_curve(self, p: models.Nonlinear, name: str, value: float, level: float) -> tuple[float, float, float]:
         """A value of a polynomial and its 95 % interval, on its logarithm, by the covariance of the coefficients."""
@@ -210,8 +204,6 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
 
     def to_frame(self) -> "pandas.DataFrame":
         """One row a level, or a step between two: its curve with intervals, and the error of each model."""
-        import pandas as pd
-
         rows: dict[tuple[float, float], dict[str, Any]] = {}
         for one in self.friction_levels:
             rows[one.from_, one.level] = {key: cell for key, cell in codec.cells_of(one).items() if key != "level"}
@@ -223,7 +215,9 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
                     cells |= {"a0": error.a0, "gain": error.gain, "B": error.B}
                 level_row = rows.setdefault((0.0, error.level), {})
                 level_row |= {key: np.nan if value is None else value for key, value in cells.items()}
-        return pd.DataFrame(list(rows.values()), index=pd.Index([u for _, u in rows], name="level", dtype=float))
+        return pandas.DataFrame(
+            list(rows.values()), index=pandas.Index([u for _, u in rows], name="level", dtype=float)
+        )
 
     def predict(
         self, duty: float | Sequence[float], t: float | Sequence[float], model: str | None = None
@@ -250,8 +244,6 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         UsageError
             An input outside the fitted range, of which the data say nothing.
         """
-        import pandas as pd
-
         chosen = model or statistics.first_model(self)
         if chosen not in MODEL_CURVES:
             raise UsageError(f"«model» {chosen}: must be one of {', '.join(MODEL_CURVES)}")
@@ -264,10 +256,10 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         for u in inputs:
             if known and not min(known) <= (abs(u) if signed else u) <= max(known):
                 raise self._outside("duty", u, known)
-        return pd.DataFrame(
+        return pandas.DataFrame(
             np.column_stack([self.curve(chosen, u, np.maximum(time_s, 0.0)) for u in inputs]),
-            index=pd.Index(time_s, name="time_s"),
-            columns=pd.Index(inputs, name=f"{chosen} [{self.data.input_unit}]"),
+            index=pandas.Index(time_s, name="time_s"),
+            columns=pandas.Index(inputs, name=f"{chosen} [{self.data.input_unit}]"),
         )
 
     def curve(self, model: str, duty: float, time_s: Array) -> Array:

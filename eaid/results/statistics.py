@@ -20,10 +20,9 @@ from scipy.special import stdtrit
 
 from eaid.arrays import Array
 from eaid.errors import DataError, UsageError
+from eaid.shown import pandas
 
 if TYPE_CHECKING:
-    import pandas
-
     from eaid.results.fit import Fit, Parameter
     from eaid.steps.stepset import StepSet
 
@@ -44,10 +43,8 @@ def first_model(fit: "Fit") -> str:
 
 def index_of(rows: "tuple[Parameter, ...]") -> "pandas.MultiIndex":
     """(model, parameter) of each row, the level in brackets."""
-    import pandas as pd
-
     names = [(row.model, row.name if row.level is None else f"{row.name}({row.level:g})") for row in rows]
-    return pd.MultiIndex.from_tuples(names, names=["model", "parameter"])
+    return pandas.MultiIndex.from_tuples(names, names=["model", "parameter"])
 
 
 def _table(rows: "tuple[Parameter, ...]") -> Array:
@@ -75,8 +72,6 @@ def numbers(name: str, given: Any, most: int = 1) -> Array:
 
 def intervals(rows: "tuple[Parameter, ...]", alpha: float) -> "pandas.DataFrame":
     """`Fit.conf_int`."""
-    import pandas as pd
-
     if not 0 < numbers("alpha", alpha, 0) < 1:
         raise UsageError(f"«alpha» {alpha:g}: must lie between 0 and 1")
     value, low, high, dof = _table(rows)
@@ -86,30 +81,26 @@ def intervals(rows: "tuple[Parameter, ...]", alpha: float) -> "pandas.DataFrame"
         with np.errstate(invalid="ignore", divide="ignore"):
             scaled = value * (ends / value) ** ratio
             ends = np.where(_by_ratio(value, low, high), scaled, value + ratio * (ends - value))
-    return pd.DataFrame(ends.T, index=index_of(rows), columns=["low", "high"])
+    return pandas.DataFrame(ends.T, index=index_of(rows), columns=["low", "high"])
 
 
 def standard_errors(rows: "tuple[Parameter, ...]") -> "pandas.Series[float]":
     """`Fit.bse`."""
-    import pandas as pd
-
     value, low, high, dof = _table(rows)
     with np.errstate(invalid="ignore", divide="ignore"):
         width = np.where(_by_ratio(value, low, high), value * np.log(high / low), high - low)
-    return pd.Series(width / (2 * stdtrit(dof, 0.975)), index=index_of(rows), name="bse", dtype=float)
+    return pandas.Series(width / (2 * stdtrit(dof, 0.975)), index=index_of(rows), name="bse", dtype=float)
 
 
 def covariance(fit: "Fit") -> "pandas.DataFrame":
     """`Fit.cov_params`."""
-    import pandas as pd
-
     held = fit.nonlinear.covariance if fit.nonlinear is not None else None
     if held is None or not held.matrix:
         raise DataError("the fit holds no covariance; fit steps of several levels with «model» nonlinear, «ci» robust")
     powers = np.array([int(name.partition("[")[2].rstrip("]") or 0) for name in held.order])
     per_unit = 100.0**-powers  # kept in powers of u/100, given as those of u
-    names = pd.MultiIndex.from_tuples([("nonlinear", name) for name in held.order], names=["model", "parameter"])
-    return pd.DataFrame(np.array(held.matrix) * np.outer(per_unit, per_unit), index=names, columns=names)
+    names = pandas.MultiIndex.from_tuples([("nonlinear", name) for name in held.order], names=["model", "parameter"])
+    return pandas.DataFrame(np.array(held.matrix) * np.outer(per_unit, per_unit), index=names, columns=names)
 
 
 def sums(fit: "Fit") -> tuple[float, float, int]:
@@ -165,16 +156,14 @@ def log_likelihood(fit: "Fit") -> float:
 def residuals(fit: "Fit", steps: "StepSet | None" = None) -> "pandas.DataFrame":
     """Recorded and fitted output of the mean of each level's repeats, indexed by (level, time_s); `steps`: those of a
     fit that was read from a file."""
-    import pandas as pd
-
     steps = fit.samples.steps or steps
     if steps is None:
         raise DataError("this fit was read from a file, or is of logs as recorded, and holds no samples; fit again")
     parts = {
-        one.level: pd.DataFrame(
+        one.level: pandas.DataFrame(
             {"recorded": one.mean, "fitted": fit.curve(first_model(fit), one.level, one.time_s)}, index=one.time_s
         )
         for one in steps.levels
     }
-    whole: pd.DataFrame = pd.concat(parts, names=["level", "time_s"])
+    whole: pandas.DataFrame = pandas.concat(parts, names=["level", "time_s"])
     return whole

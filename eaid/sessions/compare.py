@@ -8,7 +8,7 @@ numbers and sessions the probabilities are Holm's.
 
 from collections.abc import Mapping, Sequence
 from string import ascii_uppercase
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from msgspec.structs import asdict, replace
@@ -26,10 +26,7 @@ from eaid.results.gains import Gains
 from eaid.sessions.gather import CI, MANY, Value, snapped, together, values_of
 from eaid.sessions.loop import Promise
 from eaid.sessions.model import two_sided
-from eaid.shown import Plotted
-
-if TYPE_CHECKING:
-    import pandas
+from eaid.shown import Plotted, pandas
 
 MOVED_CHANCE = 0.05
 
@@ -149,13 +146,11 @@ class Comparison(Plotted, codec.Saved, Made, frozen=True):
 
     def to_frame(self) -> "pandas.DataFrame":
         """One row a number, session and level: ratio with its interval."""
-        import pandas as pd
-
         rows = [
             {"quantity": one.quantity, "against": one.against, **asdict(level)}
             for one in self.shifts for level in one.levels
         ]  # fmt: skip
-        return pd.DataFrame(rows)
+        return pandas.DataFrame(rows)
 
 
 def _pct(ratio: float) -> str:

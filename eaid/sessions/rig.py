@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import msgspec
 import numpy as np
@@ -32,10 +32,7 @@ from eaid.sessions.gather import (
     values_of,
 )
 from eaid.sessions.model import EXACT, NO_STEPS, Known, Model, Next, steps_known
-from eaid.shown import Plotted, counted
-
-if TYPE_CHECKING:
-    import pandas
+from eaid.shown import Plotted, counted, pandas
 
 LEAST_SESSIONS = 3  # Sessions that tell how much they differ
 FEW_SESSIONS = 5  # Sessions below which that is known to a factor only
@@ -158,8 +155,6 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
         DataFrame
             Over the level: value, low and high of its 95 % interval, dof.
         """
-        import pandas as pd
-
         if quantity and quantity not in self.quantities:
             raise UsageError(f"«quantity» {quantity}: the sessions know {', '.join(self.quantities)}")
         of, rows = self.quantities[quantity] if quantity else self.main, list[Value]()
@@ -171,7 +166,7 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
         found = self.foreseen(at, steps_known([(one.level, one.value, one.sd_log) for one in rows]), quantity)
         low, high = found.ends
         columns = {"value": found.value, "low": low, "high": high, "dof": found.dof}
-        return pd.DataFrame(columns, index=pd.Index(at, name="level"))
+        return pandas.DataFrame(columns, index=pandas.Index(at, name="level"))
 
     def today(self, step: Any) -> Fit:
         """A fit of today by reference steps: `eaid.today(rig, step)`."""
@@ -206,10 +201,8 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
 
     def to_frame(self) -> "pandas.DataFrame":
         """One row a value: quantity, session, level, value, sd_log, dof."""
-        import pandas as pd
-
         every = [(name, one) for name, of in self.quantities.items() for one in of.values]
-        return pd.DataFrame([{"quantity": name, **msgspec.structs.asdict(one)} for name, one in every])
+        return pandas.DataFrame([{"quantity": name, **msgspec.structs.asdict(one)} for name, one in every])
 
 
 def rig_of_fits(fits: Mapping[str, Fit], options: SessionsOptions) -> Rig:
