@@ -4,6 +4,7 @@ import shlex
 from pathlib import Path
 from typing import Any
 
+import eaid
 from eaid.cli import console
 from eaid.cli.form import Common, argument, stamped, takes, tell_result, written
 from eaid.declared import option
@@ -30,30 +31,26 @@ def command(
 
     Example: eaid compare today.json last_week.json --gains gains.json
     """
-    from eaid import api
     from eaid.report.results import read_result
     from eaid.report.tables.sessions import changes_table, shifts_table
     from eaid.results import codec
-    from eaid.results.fit import Fit
-    from eaid.results.gains import Gains
-    from eaid.results.replay import Replay
 
     if len(files) < 2:
         raise UsageError(f"{files[0]} alone: give another session's fit.json, or the log of a loop, behind it")
     refuse_to_overwrite(output, args.force, [*files, *filter(None, [gains])])
-    tuned, warnings = codec.read(gains, Gains) if gains else (None, ())
+    tuned, warnings = codec.read(gains, eaid.Gains) if gains else (None, ())
     results: list[Any] = []
     for path in files:
         if path.suffix == ".json" or path == files[0]:
             result, more = read_result(path)
-            if not isinstance(result, Fit | Replay):
+            if not isinstance(result, eaid.Fit | eaid.Replay):
                 raise UsageError(f"{path}: is neither a fit.json nor a replay.h5; gains go behind --gains")
             results.append(result)
             warnings = (*warnings, *more)
         else:
             results.append(path)
     as_said = ReadOptions(**reading.given()) if reading.given() else None
-    found = api.compare(*results, gains=tuned, names=list(map(str, files)), options=how, reading=as_said)
+    found = eaid.compare(*results, gains=tuned, names=list(map(str, files)), options=how, reading=as_said)
     found = stamped(found, args, files=files, gains=gains)
     found.save(output, args.force)
     lines = [*found.lines(), *([shifts_table(found), changes_table(found)] if args.verbose else ())]

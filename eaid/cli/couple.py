@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import eaid
 from eaid.cli import console
 from eaid.cli.form import FitAndGains, stamped, takes, tell_result, written
 from eaid.files import refuse_to_overwrite
@@ -16,13 +17,12 @@ def command(how: CoupleOptions, args: FitAndGains, output: Path = written("coupl
 
     Example: eaid couple fit.json --gains gains.json --torque 1,2,3 --wall 3
     """
-    from eaid import api
     from eaid.report.tables.gains import walls_table
     from eaid.results.summary import of_fit
 
     fitted, tuned, warnings = args.read()
     refuse_to_overwrite(output, args.force, filter(None, (args.fit, args.gains)))
-    coupling = api.couple(fitted, tuned, how, progress=console.progress)
+    coupling = eaid.couple(fitted, tuned, how, progress=console.progress)
     coupling = stamped(coupling, args, fit=args.fit, gains=args.gains)
     coupling.save(output, args.force)
     tell_result(args, coupling, [*of_fit(fitted), walls_table(coupling)], [*warnings, *coupling.findings])

@@ -3,16 +3,12 @@
 import shlex
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import eaid
 from eaid.cli import console
 from eaid.cli.form import Common, argument, takes, written
 from eaid.errors import DataError, UsageError
 from eaid.options import ExportOptions
-
-if TYPE_CHECKING:
-    from eaid.results.fit import Fit
-    from eaid.results.gains import Gains
 
 
 @takes
@@ -44,13 +40,11 @@ def command(
     console.done(made.path, summary, f"read {made.path / 'README.md'}")
 
 
-def _read(paths: list[Path]) -> "tuple[Gains | None, Fit | None, list[Path]]":
+def _read(paths: list[Path]) -> "tuple[eaid.Gains | None, eaid.Fit | None, list[Path]]":
     """Gains, a fit, or both; the fit that the gains name is taken where it lies beside them, unchanged."""
     from eaid.control.gains import plant_of
     from eaid.export.export import fit_beside
     from eaid.results import codec
-    from eaid.results.fit import Fit
-    from eaid.results.gains import Gains
 
     files: dict[str, Path] = {}
     for path in paths:
@@ -60,11 +54,11 @@ def _read(paths: list[Path]) -> "tuple[Gains | None, Fit | None, list[Path]]":
         if kind in files:
             raise UsageError(f"{path}: a second {kind}.json; give one gains.json and one fit.json at most")
         files[kind] = path
-    gains, warnings = codec.read(files["gains"], Gains) if "gains" in files else (None, ())
+    gains, warnings = codec.read(files["gains"], eaid.Gains) if "gains" in files else (None, ())
     if gains is not None and "fit" not in files and (beside := fit_beside(gains, files["gains"])) is not None:
         files["fit"] = beside
         console.say(f"with {beside}, which the gains were made from")
-    fit, more = codec.read(files["fit"], Fit) if "fit" in files else (None, ())
+    fit, more = codec.read(files["fit"], eaid.Fit) if "fit" in files else (None, ())
     if fit is not None and plant_of(fit) is None:
         raise DataError(f"{files['fit']}: holds no plant; fit clutch logs with a nonlinear model, or logs as recorded")
     console.tell((*warnings, *more))

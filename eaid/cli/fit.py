@@ -3,6 +3,7 @@
 import shlex
 from pathlib import Path
 
+import eaid
 from eaid.cli import console
 from eaid.cli.form import Common, argument, refuse_idle, takes, tell_result, written
 from eaid.declared import option
@@ -36,7 +37,6 @@ def command(
     """
     import msgspec
 
-    from eaid import api
     from eaid.logs.manifest import files_read
     from eaid.reading import read_steps
     from eaid.report.tables.fits import model_tables
@@ -49,7 +49,7 @@ def command(
         data = _follow(data, reading, follow, against, plan)
     refuse_to_overwrite(output, args.force, files_read(data))
     stepset = read_steps(data, reading, console.progress, console.warn, console.say)[1]
-    result = api.fit(stepset, how, progress=console.progress)
+    result = eaid.fit(stepset, how, progress=console.progress)
     result = msgspec.structs.replace(result, command=args.typed)
     result.save(output, args.force)
     usable = result.verdict.usable

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import typer
 
+import eaid
 from eaid.cli import console
 from eaid.declared import Declaration, Form, Options, as_typed, forms, option, part
 from eaid.errors import UsageError
@@ -21,8 +22,6 @@ from eaid.options import CHANCE, WHAT
 if TYPE_CHECKING:
     from eaid.findings import Finding
     from eaid.report.tables import Table
-    from eaid.results.fit import Fit
-    from eaid.results.gains import Gains
 
 R = TypeVar("R")
 OUTPUT, PLACE = "Output", "Arguments"
@@ -58,14 +57,12 @@ class FitAndGains(Common):
     gains_placed: Path | None = argument("GAINS", "The same as --gains.", None)
     gains: Path | None = option(None, "gains.json of eaid tune-rc; closed loops need it.", WHAT, shown="FILE")
 
-    def read(self) -> "tuple[Fit, Gains | None, tuple[Finding, ...]]":
+    def read(self) -> "tuple[eaid.Fit, eaid.Gains | None, tuple[Finding, ...]]":
         """Both, and what is to be told of their files."""
         from eaid.results import codec
-        from eaid.results.fit import Fit
-        from eaid.results.gains import Gains
 
-        fit, warnings = codec.read(self.fit, Fit)
-        gains, more = codec.read(self.gains, Gains) if self.gains else (None, ())
+        fit, warnings = codec.read(self.fit, eaid.Fit)
+        gains, more = codec.read(self.gains, eaid.Gains) if self.gains else (None, ())
         return fit, gains, (*warnings, *more)
 
 

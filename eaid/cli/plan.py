@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import eaid
 from eaid.cli import console
 from eaid.cli.form import Common, argument, refuse_idle, takes, tell_result, written
 from eaid.declared import option
@@ -26,12 +27,10 @@ def command(
     """
     import msgspec
 
-    from eaid import api
     from eaid.cli.printed import cost, plan_shown
     from eaid.planning.kinds import input_changes
     from eaid.results import codec
     from eaid.results.common import Input
-    from eaid.results.fit import Fit
     from eaid.results.plan import Excitation, PlannedRun
     from eaid.synth.files import input_file
 
@@ -40,10 +39,10 @@ def command(
         refuse_idle(args, ("idle_s", "release_s", "longest_hold_s", "most_levels"), "with --excitation")
     else:
         refuse_idle(args, ("limits",), "without --excitation")
-    fitted, warnings = codec.read(fit, Fit)
+    fitted, warnings = codec.read(fit, eaid.Fit)
     for path in files:
         refuse_to_overwrite(path, args.force, (fit,))
-    plan = api.plan(fitted, how, excitation=excitation, progress=console.progress)
+    plan = eaid.plan(fitted, how, excitation=excitation, progress=console.progress)
     plan = msgspec.structs.replace(plan, inputs=(Input.of(fit),), command=args.typed)
     if isinstance(plan, Excitation):
         contents = [input_file(plan.duty, "clutch", plan.input_unit)]

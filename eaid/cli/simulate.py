@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import eaid
 from eaid.cli import console
 from eaid.cli.form import FitAndGains, stamped, takes, tell_result, written
 from eaid.declared import option
@@ -22,7 +23,6 @@ def command(
 
     Example: eaid simulate fit.json --gains gains.json --scenario sweep --noise-nm 0.01
     """
-    from eaid import api
     from eaid.logs.manifest import files_read
     from eaid.report.tables.replays import tables_of
     from eaid.results.replay_file import as_json, write_replay
@@ -34,7 +34,7 @@ def command(
     files = {"fit": args.fit, "gains": args.gains, "reference": reference}
     refuse_to_overwrite(output, args.force, [*filter(None, files.values()), *files_read(log or [])])
     reading = ReadOptions(**columns.given()) if log else None
-    replay = api.simulate(
+    replay = eaid.simulate(
         fitted, tuned, options=how, reference=reference, log=log, reading=reading, progress=console.progress
     )
     replay = replace(replay, head=stamped(replay.head, args, **files, log=log))

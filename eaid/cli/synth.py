@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import eaid
 from eaid.cli import console
 from eaid.cli.form import Common, takes, written
 from eaid.declared import option
@@ -23,7 +24,6 @@ def command(
     """
     from eaid.results import codec
     from eaid.results.common import Input
-    from eaid.results.fit import Fit
     from eaid.synth.datasets import write
     from eaid.synth.files import is_synthetic, write_folder
     from eaid.synth.synthesize import synthesize
@@ -37,7 +37,7 @@ def command(
         refuse_to_overwrite(output, args.force, inputs)
     else:
         refuse_folder(output, args.force, is_synthetic, "eaid synth", inputs)
-    fit, warnings = codec.read(fit_file, Fit) if fit_file is not None else (None, ())
+    fit, warnings = codec.read(fit_file, eaid.Fit) if fit_file is not None else (None, ())
     named = "" if fit_file is None else f"{fit_file} (sha256 {Input.of(fit_file).sha256[:12]})"
     runs = synthesize(how, fit, named)
     (write if is_dataset else write_folder)(output, runs, args.force)

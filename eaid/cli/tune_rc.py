@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import eaid
 from eaid.cli import console
 from eaid.cli.form import Common, argument, stamped, takes, tell_result, written
 from eaid.declared import option
@@ -24,16 +25,14 @@ def command(
 
     Example: eaid tune-rc fit.json --b-hat minimax --phi data -o gains.json
     """
-    from eaid import api
     from eaid.report.tables import gains as tables
     from eaid.results import codec
-    from eaid.results.fit import Fit
     from eaid.results.summary import of_fit
 
     file = Path(reference) if reference and reference not in TRACKED else None
-    fitted, warnings = codec.read(fit, Fit)
+    fitted, warnings = codec.read(fit, eaid.Fit)
     refuse_to_overwrite(output, args.force, filter(None, (fit, file)))
-    gains = stamped(api.tune_rc(fitted, how, reference=reference), args, fit=fit, reference=file)
+    gains = stamped(eaid.tune_rc(fitted, how, reference=reference), args, fit=fit, reference=file)
     gains.save(output, args.force)
     shown = tables.tables_of(gains)[: None if args.verbose else 1]
     tell_result(args, gains, [*of_fit(fitted), *tables.guarantee_story(gains), *shown], [*gains.findings, *warnings])
