@@ -102,7 +102,16 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
 
         Those of another confidence than 95 % by Student's t, on the logarithm where the 95 % interval is even there.
         """
-        return statistics.intervals(self.parameters, alpha)
+        if not 0 < statistics.numbers("alpha", alpha, 0) < 1:
+            raise UsageError(f"«alpha» {alpha:g}: must lie between 0 and 1")
+        value, low, high, dof = statistics.table_of(self.parameters)
+        ends = np.array([low, high])
+        if alpha != 0.05:
+            ratio = stdtrit(dof, 1 - alpha / 2) / stdtrit(dof, 0.975)
+            with np.errstate(invalid="ignore", divide="ignore"):
+                scaled = value * (ends / value) ** ratio
+                ends = np.where(statistics.by_ratio(value, low, high), scaled, value + ratio * (ends - value))
+        return pandas.DataFrame(ends.T, index=statistics.index_of(self.parameters), columns=["low", "high"])
 
     @property
     def bse(self) -> "pandas.Series[float]":
@@ -110,7 +119,11 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
 
         Where an interval is even on the logarithm, that of the logarithm times the value.
         """
-        return statistics.standard_errors(self.parameters)
+        value, low, high, dof = statistics.table_of(self.parameters)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            width = np.where(statistics.by_ratio(value, low, high), value * np.log(high / low), high - low)
+        index = statistics.index_of(self.parameters)
+        return pandas.Series(width / (2 * stdtrit(dof, 0.975)), index=index, name="bse", dtype=float)
 
     def cov_params(self) -> "pandas.DataFrame":
         """Covariance of the nonlinear model's coefficients, of powers of the input; `DataError` where there is none."""
@@ -186,10 +199,7 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         both = statistics.residuals(self)
         return (both["recorded"] - both["fitted"]).rename("residual")
 
-    @property
-    def resid(self) -> "pandas.Series[float]":
-        """`residuals`."""
-        return self.residuals
+    resid = residuals
 
     @property
     def fittedvalues(self) -> "pandas.Series[float]":

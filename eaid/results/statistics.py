@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 from eaid.arrays import Array
 from eaid.errors import DataError, UsageError
@@ -47,7 +46,7 @@ def index_of(rows: "tuple[Parameter, ...]") -> "pandas.MultiIndex":
     return pandas.MultiIndex.from_tuples(names, names=["model", "parameter"])
 
 
-def _table(rows: "tuple[Parameter, ...]") -> Array:
+def table_of(rows: "tuple[Parameter, ...]") -> Array:
     """Value, low, high and degrees of freedom, shape (4, rows); what is not known is NaN, such freedom infinite."""
     cells = [(row.value, row.low, row.high, row.dof) for row in rows]
     table = np.array(cells, dtype=np.float64).reshape(-1, 4).T  # None becomes NaN
@@ -55,7 +54,7 @@ def _table(rows: "tuple[Parameter, ...]") -> Array:
     return table
 
 
-def _by_ratio(value: Array, low: Array, high: Array) -> NDArray[np.bool_]:
+def by_ratio(value: Array, low: Array, high: Array) -> NDArray[np.bool_]:
     """Of which values the interval lies about the logarithm: all that are above 0 and not in the middle."""
     off = np.abs(low + high - 2 * value) > SAME_MIDDLE * (high - low)
     return (low > 0) & (value > 0) & off
@@ -68,28 +67,6 @@ def numbers(name: str, given: Any, most: int = 1) -> Array:
         if found.ndim <= most:
             return found
     raise UsageError(f"«{name}» {given!r}: give {'numbers' if most else 'a number'}")
-
-
-def intervals(rows: "tuple[Parameter, ...]", alpha: float) -> "pandas.DataFrame":
-    """`Fit.conf_int`."""
-    if not 0 < numbers("alpha", alpha, 0) < 1:
-        raise UsageError(f"«alpha» {alpha:g}: must lie between 0 and 1")
-    value, low, high, dof = _table(rows)
-    ends = np.array([low, high])
-    if alpha != 0.05:
-        ratio = stdtrit(dof, 1 - alpha / 2) / stdtrit(dof, 0.975)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            scaled = value * (ends / value) ** ratio
-            ends = np.where(_by_ratio(value, low, high), scaled, value + ratio * (ends - value))
-    return pandas.DataFrame(ends.T, index=index_of(rows), columns=["low", "high"])
-
-
-def standard_errors(rows: "tuple[Parameter, ...]") -> "pandas.Series[float]":
-    """`Fit.bse`."""
-    value, low, high, dof = _table(rows)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        width = np.where(_by_ratio(value, low, high), value * np.log(high / low), high - low)
-    return pandas.Series(width / (2 * stdtrit(dof, 0.975)), index=index_of(rows), name="bse", dtype=float)
 
 
 def covariance(fit: "Fit") -> "pandas.DataFrame":
