@@ -118,7 +118,7 @@ def plant_numbers(fit: "Fit") -> list[tuple[str, str]]:
     """Gain, time constants, frequency and damping, dead time of a plant, each with its unit and interval."""
     part = fit.plant_
     assert part is not None
-    p, ci = part.plant, part.ci95
+    p = part.plant
     top, units = p.u_range[1], (part.output_unit, part.input_unit)
     unit = f" {'/'.join(units)}" if all(units) else ""
     tau1, tau2 = (float(one) for one in p.time_constants(top))
@@ -134,7 +134,7 @@ def plant_numbers(fit: "Fit") -> list[tuple[str, str]]:
     rows += [("dead time", p.dead_time_s, "dead_time_s", " s")] if p.dead_time_s else []
     found = []
     for name, value, key, in_unit in rows:
-        ends = None if ci is None else getattr(ci, key)
+        ends = ci95_of(part, key)
         span = "" if ends is None else f" ({ends[0]:.4g} … {ends[1]:.4g})"
         found.append((name, f"{value:.4g}{span}{in_unit}"))
     return found
