@@ -19,18 +19,8 @@ from eaid.results import codec
 from eaid.results.common import Inputs, Made, Number, Positive, Result
 from eaid.results.fit import Fit
 from eaid.results.verdict import FACTOR
-from eaid.sessions.gather import (
-    CI,
-    RESPONSES,
-    Session,
-    Value,
-    logs_of,
-    run_scatter,
-    snapped,
-    table_values,
-    together,
-    values_of,
-)
+from eaid.sessions import gather
+from eaid.sessions.gather import CI, RESPONSES, Session, Value
 from eaid.sessions.model import EXACT, NO_STEPS, Known, Model, Next, steps_known
 from eaid.shown import Plotted, counted, pandas
 
@@ -159,7 +149,9 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
             raise UsageError(f"«quantity» {quantity}: the sessions know {', '.join(self.quantities)}")
         of, rows = self.quantities[quantity] if quantity else self.main, list[Value]()
         if steps is not None:
-            rows = table_values(steps.assign(session="", **({} if "sd_log" in steps else {"sd_log": of.sd_step})))
+            rows = gather.table_values(
+                steps.assign(session="", **({} if "sd_log" in steps else {"sd_log": of.sd_step}))
+            )
         at = np.atleast_1d(np.array([one.level for one in of.next] if levels is None else levels, dtype=np.float64))
         if not (at > 0).all():
             raise UsageError("«levels»: have to be above 0, as the model is one of logarithms")
@@ -216,16 +208,16 @@ def rig_of_fits(fits: Mapping[str, Fit], options: SessionsOptions) -> Rig:
         raise DataError(
             f"{foretold[0]}: is foreseen by reference steps, no session of its own; fit the logs of its session"
         )
-    told = together(fits)
+    told = gather.together(fits)
     sound = [fit for fit in fits.values() if fit.verdict.usable] or list(fits.values())
     base = max(reversed(sound), key=lambda fit: (fit.nonlinear is not None, len(fit.data.levels)))
     units = {"tau1": "s", "tau2": "s", "a0": "1/s", **dict.fromkeys(("Ts", *RESPONSES), base.data.output_unit)}
     quantities = {}
     for name in SESSION_NUMBERS:
-        values = snapped([one for key, fit in fits.items() for one in values_of(fit, name, key)])
+        values = gather.snapped([one for key, fit in fits.items() for one in gather.values_of(fit, name, key)])
         knowing = {one.session for one in values}
         if len(knowing) >= LEAST_SESSIONS:
-            runs = [sd for fit in fits.values() if (sd := run_scatter(fit, name)) is not None]
+            runs = [sd for fit in fits.values() if (sd := gather.run_scatter(fit, name)) is not None]
             sd_step = math.sqrt(float(np.mean(np.square(runs)))) if runs else None
             one = quantity_of(values, list(fits), options, sd_step, units.get(name, ""))
             if name == "Ts" or one.factor < FACTOR:
@@ -235,7 +227,7 @@ def rig_of_fits(fits: Mapping[str, Fit], options: SessionsOptions) -> Rig:
                 f"{', '.join(key for key in fits if key not in knowing)}: no level has a T_s with an interval; fit the "
                 "logs again, with «ci»"
             )
-    sessions = tuple(Session(name, logs_of(fit)) for name, fit in fits.items())
+    sessions = tuple(Session(name, gather.logs_of(fit)) for name, fit in fits.items())
     slim = msgspec.structs.replace(base, steps=(), responses=(), parameters=(), recorded=None, findings=())
     return _judged(Rig(options=options, input_unit=base.data.input_unit, sessions=sessions, quantities=quantities,
                        base=slim, findings=tuple(told)))  # fmt: skip
@@ -247,7 +239,7 @@ def rig_of_table(values: Sequence[Value], options: SessionsOptions) -> Rig:
     if len(names) < LEAST_SESSIONS:
         held = counted(len(names), "session")
         raise DataError(f"the table holds {held}; three and more tell what the next one may be")
-    quantities = {"value": quantity_of(snapped(values), names, options)}
+    quantities = {"value": quantity_of(gather.snapped(values), names, options)}
     return _judged(Rig(options=options, sessions=tuple(map(Session, names)), quantities=quantities))
 
 
