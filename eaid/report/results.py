@@ -80,17 +80,6 @@ class Results:
         return self.data_of(self.main_kind or "")
 
     @property
-    def recorded(self) -> Fit | None:
-        """The first fit of logs as they were recorded."""
-        return next((one.result for one in self.fits if one.result.recorded is not None), None)
-
-    @property
-    def every(self) -> tuple[Given[Any], ...]:
-        """All results, whatever their kind."""
-        return (*self.data, *self.fits, *self.gains, *self.replays, *self.couplings, *self.rigs,
-                *self.comparisons)  # fmt: skip
-
-    @property
     def about(self) -> FittedData | StepSet | None:
         """What says of the page's own kind how it was recorded."""
         return self.main_fit.data if self.main_fit is not None else self.main_data

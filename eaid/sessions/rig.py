@@ -149,9 +149,8 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
             raise UsageError(f"«quantity» {quantity}: the sessions know {', '.join(self.quantities)}")
         of, rows = self.quantities[quantity] if quantity else self.main, list[Value]()
         if steps is not None:
-            rows = gather.table_values(
-                steps.assign(session="", **({} if "sd_log" in steps else {"sd_log": of.sd_step}))
-            )
+            of_a_run = {} if "sd_log" in steps else {"sd_log": of.sd_step}
+            rows = gather.table_values(steps.assign(session="", **of_a_run))
         at = np.atleast_1d(np.array([one.level for one in of.next] if levels is None else levels, dtype=np.float64))
         if not (at > 0).all():
             raise UsageError("«levels»: have to be above 0, as the model is one of logarithms")
