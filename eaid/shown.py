@@ -3,10 +3,20 @@
 import math
 from collections.abc import Sequence
 from html import escape
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    import pandas
+    import pandas as pandas  # which others take from here
+else:
+
+    class _WhenAsked:
+        """pandas, loaded when it is first asked for something: a command that makes no table goes without."""
+
+        def __getattr__(self, name: str) -> Any:
+            return getattr(import_module("pandas"), name)
+
+    pandas = _WhenAsked()
 
 
 def counted(count: int, noun: str) -> str:

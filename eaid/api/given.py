@@ -3,7 +3,7 @@
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import numpy
 
@@ -13,10 +13,8 @@ from eaid.results.coupling import Coupling
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.results.replay import Replay
+from eaid.shown import pandas
 from eaid.steps.stepset import StepSet
-
-if TYPE_CHECKING:
-    import pandas
 
 T = TypeVar("T")
 Result = Fit | Gains | Replay | StepSet | Coupling
@@ -44,8 +42,6 @@ def tables_in(source: Any) -> "pandas.DataFrame | Mapping[str, pandas.DataFrame]
 
 def table_of_arrays(columns: Any) -> "pandas.DataFrame":
     """Arrays by the names of their columns as one table; DataError where they are none, or of several lengths."""
-    import pandas
-
     try:
         return pandas.DataFrame({name: numpy.ravel(one) for name, one in columns.items()})
     except (AttributeError, ValueError):

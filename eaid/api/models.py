@@ -156,14 +156,11 @@ def fit(
             from eaid.recorded.fit import with_another_kind
 
             fitted = with_another_kind(as_clutch, steps, how)
-    replayed = msgspec.structs.replace(fitted.data, replayed=of_own_logs(fitted, steps.logs))
-    fitted = msgspec.structs.replace(fitted, data=replayed)
-    found = {
-        "responses": responses_of(steps, as_clutch.findings),
-        "parameters": table_of(fitted),
-        "samples": Samples(steps),
-    }
-    return msgspec.structs.replace(fitted, **found)
+    of_data = msgspec.structs.replace(fitted.data, replayed=of_own_logs(fitted, steps.logs))
+    responses = responses_of(steps, as_clutch.findings)
+    return msgspec.structs.replace(
+        fitted, data=of_data, responses=responses, parameters=table_of(fitted), samples=Samples(steps)
+    )
 
 
 @taking(PlanOptions)

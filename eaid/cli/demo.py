@@ -2,7 +2,6 @@
 
 import contextlib
 import io
-from dataclasses import dataclass
 from pathlib import Path
 
 from eaid.cli import console
@@ -10,38 +9,30 @@ from eaid.cli.form import Common, takes, written
 from eaid.errors import EaidError, UsageError
 
 
-@dataclass(frozen=True, kw_only=True)
-class Arguments(Common):
-    """What `eaid demo` is told."""
-
-    output: Path = written("demo", "Folder that the demo fills.")
-
-
-@takes(Arguments)
-def command(args: Arguments) -> None:
+@takes
+def command(args: Common, output: Path = written("demo", "Folder that the demo fills.")) -> None:
     """Ingest, fit, tune, simulate and report the three datasets that ship with eaid, into one folder.
 
     Needs no network and no rig. The data are synthetic; the page says so.
 
     Example: eaid demo -o demo
     """
-    folder = args.output
-    if folder.exists() and not folder.is_dir():
-        raise UsageError(f"{folder}: is a file; give the demo a folder with -o")
-    if not args.force and folder.is_dir() and any(folder.iterdir()):
-        raise UsageError(f"{folder}: is not empty; give --force to write over it, or another -o")
+    if output.exists() and not output.is_dir():
+        raise UsageError(f"{output}: is a file; give the demo a folder with -o")
+    if not args.force and output.is_dir() and any(output.iterdir()):
+        raise UsageError(f"{output}: is not empty; give --force to write over it, or another -o")
     from eaid.synth.datasets import shipped
 
     data = {kind: str(path.resolve()) for kind, path in shipped().items()}
-    folder.mkdir(parents=True, exist_ok=True)
+    output.mkdir(parents=True, exist_ok=True)
     with console.progress("eaid demo", len(LINES)) as done:
         for line in LINES:
-            run_line(tuple(data[word[1:-1]] if word[:1] == "{" else word for word in line), folder)
+            run_line(tuple(data[word[1:-1]] if word[:1] == "{" else word for word in line), output)
             done()
     console.be_quiet(args.quiet)
-    page = folder / "report.html"
+    page = output / "report.html"
     if args.json:
-        files = sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+        files = sorted(str(path.relative_to(output)) for path in output.rglob("*") if path.is_file())
         console.print_json({"page": page, "files": files})
     console.done(page, f"{len(LINES)} commands", "open it in a browser")
 

@@ -2,31 +2,21 @@
 
 import shlex
 import sys
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import eaid
 from eaid.cli import console
 from eaid.cli.form import Common, argument, takes, written
-from eaid.declared import part
 from eaid.errors import DataError, UsageError
 from eaid.options import ExportOptions
 
-if TYPE_CHECKING:
-    from eaid.results.fit import Fit
-    from eaid.results.gains import Gains
 
-
-@dataclass(frozen=True, kw_only=True)
-class Arguments(Common, ExportOptions):
-    """What `eaid export` takes."""
-
-    files: list[Path] = argument("GAINS [FIT]", "gains.json, and fit.json for inverse and plant.")
-    output: Path = written("export", "Folder that is written.")
-
-
-@takes(Arguments)
-def command(args: Arguments) -> None:
+@takes
+def command(
+    args: Common, how: ExportOptions,
+    files: list[Path] = argument("GAINS [FIT]", "gains.json, and fit.json for inverse and plant."),
+    output: Path = written("export", "Folder that is written."),
+) -> None:  # fmt: skip
     """Controllers and plant as source for a rig: a folder with test vectors, a check program and a page how to begin.
 
     Exit code 5: a loop is unstable at the rate, or a result marked stop is behind it; --anyway exports it, marked.
@@ -37,10 +27,10 @@ def command(args: Arguments) -> None:
     from eaid.results.common import Input
     from eaid.results.summary import of_fit
 
-    gains, fit, paths = _read(args.files)
+    gains, fit, paths = _read(files)
     inputs = tuple(Input.of(path) for path in paths)
     command = shlex.join(["eaid", *sys.argv[1:]]) if sys.argv[1:2] == ["export"] else ""
-    made = exported(gains, fit, part(ExportOptions, args), args.output, args.force, command, inputs)
+    made = exported(gains, fit, how, output, args.force, command, inputs)
     for line in of_fit(fit) if fit is not None else ():
         console.say(line)
     console.tell(made.findings, args.verbose)
@@ -50,13 +40,11 @@ def command(args: Arguments) -> None:
     console.done(made.path, summary, f"read {made.path / 'README.md'}")
 
 
-def _read(paths: list[Path]) -> "tuple[Gains | None, Fit | None, list[Path]]":
+def _read(paths: list[Path]) -> "tuple[eaid.Gains | None, eaid.Fit | None, list[Path]]":
     """Gains, a fit, or both; the fit that the gains name is taken where it lies beside them, unchanged."""
     from eaid.control.gains import plant_of
     from eaid.export.export import fit_beside
     from eaid.results import codec
-    from eaid.results.fit import Fit
-    from eaid.results.gains import Gains
 
     files: dict[str, Path] = {}
     for path in paths:
@@ -66,11 +54,11 @@ def _read(paths: list[Path]) -> "tuple[Gains | None, Fit | None, list[Path]]":
         if kind in files:
             raise UsageError(f"{path}: a second {kind}.json; give one gains.json and one fit.json at most")
         files[kind] = path
-    gains, warnings = codec.read(files["gains"], Gains) if "gains" in files else (None, ())
+    gains, warnings = codec.read(files["gains"], eaid.Gains) if "gains" in files else (None, ())
     if gains is not None and "fit" not in files and (beside := fit_beside(gains, files["gains"])) is not None:
         files["fit"] = beside
         console.say(f"with {beside}, which the gains were made from")
-    fit, more = codec.read(files["fit"], Fit) if "fit" in files else (None, ())
+    fit, more = codec.read(files["fit"], eaid.Fit) if "fit" in files else (None, ())
     if fit is not None and plant_of(fit) is None:
         raise DataError(f"{files['fit']}: holds no plant; fit clutch logs with a nonlinear model, or logs as recorded")
     console.tell((*warnings, *more))

@@ -1,34 +1,28 @@
 """A command's options, those of `eaid.options` and its own: parameters that Typer takes, and what is typed as values.
 
-@dataclass(frozen=True, kw_only=True)
-class Arguments(Common, TuneOptions):
-    fit: Path = argument("FIT", "A fit.json.")
-
-@takes(Arguments)
-def command(args: Arguments) -> int: ...
+@takes
+def command(args: Common, how: TuneOptions, fit: Path = argument("FIT", "A fit.json.")) -> None: ...
 """
 
 import inspect
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import MISSING, dataclass, field
+from dataclasses import MISSING, dataclass, field, make_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import typer
 
+import eaid
 from eaid.cli import console
-from eaid.declared import Declaration, Form, Options, as_typed, forms, option
+from eaid.declared import Declaration, Form, Options, as_typed, forms, option, part
 from eaid.errors import UsageError
 from eaid.options import CHANCE, WHAT
 
 if TYPE_CHECKING:
     from eaid.findings import Finding
     from eaid.report.tables import Table
-    from eaid.results.fit import Fit
-    from eaid.results.gains import Gains
 
-A = TypeVar("A", bound="Common")
 R = TypeVar("R")
 OUTPUT, PLACE = "Output", "Arguments"
 SHORT_LIST = 20  # Letters of a list of words that stand behind an option; longer ones stand in its help
@@ -63,44 +57,46 @@ class FitAndGains(Common):
     gains_placed: Path | None = argument("GAINS", "The same as --gains.", None)
     gains: Path | None = option(None, "gains.json of eaid tune-rc; closed loops need it.", WHAT, shown="FILE")
 
-    def read(self) -> "tuple[Fit, Gains | None, tuple[Finding, ...]]":
+    def read(self) -> "tuple[eaid.Fit, eaid.Gains | None, tuple[Finding, ...]]":
         """Both, and what is to be told of their files."""
         from eaid.results import codec
-        from eaid.results.fit import Fit
-        from eaid.results.gains import Gains
 
-        fit, warnings = codec.read(self.fit, Fit)
-        gains, more = codec.read(self.gains, Gains) if self.gains else (None, ())
+        fit, warnings = codec.read(self.fit, eaid.Fit)
+        gains, more = codec.read(self.gains, eaid.Gains) if self.gains else (None, ())
         return fit, gains, (*warnings, *more)
 
 
-def takes(arguments: type[A]) -> Callable[[Callable[[A], int | None]], Callable[..., int | None]]:
-    """Make of a function of `arguments` one that Typer takes as a command."""
+def takes(body: Callable[..., int | None]) -> Callable[..., int | None]:
+    """Make a command for Typer of a function. A parameter of an options type stands for all options of that type (of
+    `Common`: for all that was typed), any other is an option of the command's own."""
+    parameters = inspect.signature(body).parameters.values()
+    sets = {one.name: one.annotation for one in parameters if one.default is inspect.Parameter.empty}
+    own = [(one.name, one.annotation, one.default) for one in parameters if one.name not in sets]
+    arguments = make_dataclass("Arguments", own, bases=tuple(sets.values()), frozen=True, kw_only=True)
     shown = sorted(forms(arguments).values(), key=lambda form: form.declared.group in (CHANCE, OUTPUT))
 
-    def made(body: Callable[[A], int | None]) -> Callable[..., int | None]:
-        def command(**typed: Any) -> int | None:
-            console.be_quiet(typed["quiet"])
-            for form in shown:
-                if form.parts[0] in (Path, list[Path]) and (value := typed[form.name]):
-                    typed[form.name] = Path(value) if form.parts[0] is Path else list(map(Path, value))
-                elif form.parts[0] == Mapping[str, str]:  # once with commas, or again and again
-                    typed[form.name] = ",".join(typed[form.name] or ()) or None
-            if placed := typed.get("gains_placed"):
-                if typed["gains"] is not None:
-                    raise UsageError("GAINS and --gains: give one of them")
-                typed |= {"gains": placed, "gains_placed": None}
-            given = {form.name: typed[form.name] for form in shown if typed[form.name] not in (None, _default(form))}
-            for text in given.values():
-                if isinstance(text, str) and text.encode(errors="replace").decode() != text:
-                    raise UsageError(f"{text!r}: is not UTF-8; type it in a terminal that writes UTF-8")
-            return body(arguments(**given, typed=_typed_words(shown, typed)))
+    def command(**typed: Any) -> int | None:
+        console.be_quiet(typed["quiet"])
+        for form in shown:
+            if form.parts[0] in (Path, list[Path]) and (value := typed[form.name]):
+                typed[form.name] = Path(value) if form.parts[0] is Path else list(map(Path, value))
+            elif form.parts[0] == Mapping[str, str]:  # once with commas, or again and again
+                typed[form.name] = ",".join(typed[form.name] or ()) or None
+        if placed := typed.get("gains_placed"):
+            if typed["gains"] is not None:
+                raise UsageError("GAINS and --gains: give one of them")
+            typed |= {"gains": placed, "gains_placed": None}
+        given = {form.name: typed[form.name] for form in shown if typed[form.name] not in (None, _default(form))}
+        for text in given.values():
+            if isinstance(text, str) and text.encode(errors="replace").decode() != text:
+                raise UsageError(f"{text!r}: is not UTF-8; type it in a terminal that writes UTF-8")
+        args = arguments(**given, typed=_typed_words(shown, typed))
+        each = {name: args if issubclass(kind, Common) else part(kind, args) for name, kind in sets.items()}
+        return body(**each, **{name: getattr(args, name) for name, _kind, _default in own})
 
-        command.__doc__ = body.__doc__
-        command.__signature__ = inspect.Signature([_parameter(form) for form in shown])  # type: ignore[attr-defined]
-        return command
-
-    return made
+    command.__doc__ = body.__doc__
+    command.__signature__ = inspect.Signature([_parameter(form) for form in shown])  # type: ignore[attr-defined]
+    return command
 
 
 def refuse_idle(args: Options, names: Sequence[str], because: str) -> None:

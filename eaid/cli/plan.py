@@ -1,26 +1,22 @@
 """`eaid plan`: what to record next, for intervals of a wanted width."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
+import eaid
 from eaid.cli import console
 from eaid.cli.form import Common, argument, refuse_idle, takes, tell_result, written
-from eaid.declared import option, part
+from eaid.declared import option
 from eaid.files import refuse_to_overwrite, written_whole
 from eaid.options import LOGS, PlanOptions
 
 
-@dataclass(frozen=True, kw_only=True)
-class Arguments(Common, PlanOptions):
-    """What `eaid plan` takes."""
-
-    fit: Path = argument("FIT", "A fit.json.")
-    excitation: bool = option(False, "One sequence of duties for one recording, in place of steps.", LOGS)
-    output: Path = written("plan.csv")
-
-
-@takes(Arguments)
-def command(args: Arguments) -> None:
+@takes
+def command(
+    args: Common, how: PlanOptions,
+    fit: Path = argument("FIT", "A fit.json."),
+    excitation: bool = option(False, "One sequence of duties for one recording, in place of steps.", LOGS),
+    output: Path = written("plan.csv"),
+) -> None:  # fmt: skip
     """Which levels, hold times, repeats and order to record next, for wanted interval widths.
 
     Writes the run table (plan.csv) and, beside it, the whole session as an input file for the rig
@@ -31,30 +27,28 @@ def command(args: Arguments) -> None:
     """
     import msgspec
 
-    from eaid import api
     from eaid.cli.printed import cost, plan_shown
     from eaid.planning.kinds import input_changes
     from eaid.results import codec
     from eaid.results.common import Input
-    from eaid.results.fit import Fit
     from eaid.results.plan import Excitation, PlannedRun
     from eaid.synth.files import input_file
 
-    files = [args.output] if args.excitation else [args.output, args.output.with_suffix(".duty.csv")]
-    if args.excitation:
+    files = [output] if excitation else [output, output.with_suffix(".duty.csv")]
+    if excitation:
         refuse_idle(args, ("idle_s", "release_s", "longest_hold_s", "most_levels"), "with --excitation")
     else:
         refuse_idle(args, ("limits",), "without --excitation")
-    fit, warnings = codec.read(args.fit, Fit)
+    fitted, warnings = codec.read(fit, eaid.Fit)
     for path in files:
-        refuse_to_overwrite(path, args.force, (args.fit,))
-    plan = api.plan(fit, part(PlanOptions, args), excitation=args.excitation, progress=console.progress)
-    plan = msgspec.structs.replace(plan, inputs=(Input.of(args.fit),), command=args.typed)
+        refuse_to_overwrite(path, args.force, (fit,))
+    plan = eaid.plan(fitted, how, excitation=excitation, progress=console.progress)
+    plan = msgspec.structs.replace(plan, inputs=(Input.of(fit),), command=args.typed)
     if isinstance(plan, Excitation):
         contents = [input_file(plan.duty, "clutch", plan.input_unit)]
     else:
         rows = [f"{r.order},{r.level:.9g},{r.repeat},{r.idle_s:g},{r.hold_s:g},{r.release_s:g}" for r in plan.runs]
-        changes = input_file(input_changes(plan.runs), fit.data.kind, plan.input_unit)
+        changes = input_file(input_changes(plan.runs), fitted.data.kind, plan.input_unit)
         contents = [[",".join(PlannedRun.__struct_fields__), *rows], changes]
     with written_whole(*files, force=args.force) as parts:
         for file, lines in zip(parts, contents, strict=True):

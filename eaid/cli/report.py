@@ -5,23 +5,25 @@ from pathlib import Path
 
 from eaid.cli import console
 from eaid.cli.form import OUTPUT, Common, argument, takes, written
-from eaid.declared import option, part
+from eaid.declared import option
 from eaid.files import refuse_to_overwrite
 from eaid.options import ReportOptions
 from eaid.shown import counted
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arguments(Common, ReportOptions):
-    """What `eaid report` takes."""
+class Shared(Common):
+    """Options of every command, but that `--tables` is a folder here."""
 
-    files: list[Path] = argument("FILE…", "Any of fit.json, gains.json, replay.h5, data.h5.")
-    output: Path = written("report", "Folder that is written.")
-    verbose: bool = option(False, "Tell all findings.", OUTPUT, "-v", "--verbose")  # --tables is a folder here
+    verbose: bool = option(False, "Tell all findings.", OUTPUT, "-v", "--verbose")
 
 
-@takes(Arguments)
-def command(args: Arguments) -> None:
+@takes
+def command(
+    args: Shared, how: ReportOptions,
+    files: list[Path] = argument("FILE…", "Any of fit.json, gains.json, replay.h5, data.h5."),
+    output: Path = written("report", "Folder that is written."),
+) -> None:  # fmt: skip
     """Make one self-contained HTML page and its figures out of result files.
 
     Writes DIR/report.html, which opens without a network, and DIR/figures/*.png at 300 dpi, 3.5 or 7.16 inches wide.
@@ -32,12 +34,12 @@ def command(args: Arguments) -> None:
     from eaid.report.results import read_results
     from eaid.report.write import FILE, refuse_to_overwrite_report, write_report
 
-    refuse_to_overwrite_report(args.output, args.force)
-    if args.output.is_dir():
-        refuse_to_overwrite(args.output / FILE, True, args.files)
-    args.output.parent.mkdir(parents=True, exist_ok=True)
-    results = read_results(args.files, console.warn, console.progress)
-    page, figures = write_report(results, args.output, part(ReportOptions, args), args.force, console.progress)
+    refuse_to_overwrite_report(output, args.force)
+    if output.is_dir():
+        refuse_to_overwrite(output / FILE, True, files)
+    output.parent.mkdir(parents=True, exist_ok=True)
+    results = read_results(files, console.warn, console.progress)
+    page, figures = write_report(results, output, how, args.force, console.progress)
     console.done(page, counted(len(figures), "figure"), "open it in a browser")
     if args.json:
         console.print_json({"page": page, "figures": figures})

@@ -1,27 +1,21 @@
 """`eaid today`: reference steps of a new session → a fit whose intervals hold for it."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from eaid.cli import console
 from eaid.cli.form import Common, argument, takes, tell_result, written
-from eaid.declared import part
 from eaid.errors import on_command_line
 from eaid.files import refuse_to_overwrite
 from eaid.options import ReadOptions
 
 
-@dataclass(frozen=True, kw_only=True)
-class Arguments(Common, ReadOptions):
-    """What `eaid today` takes."""
-
-    rig: Path = argument("RIG", "rig.json of eaid sessions.")
-    steps: list[Path] = argument("STEP…", "Logs of one or two steps from rest, recorded in this session.")
-    output: Path = written("today.json")
-
-
-@takes(Arguments)
-def command(args: Arguments) -> None:
+@takes
+def command(
+    args: Common, reading: ReadOptions,
+    rig: Path = argument("RIG", "rig.json of eaid sessions."),
+    steps: list[Path] = argument("STEP…", "Logs of one or two steps from rest, recorded in this session."),
+    output: Path = written("today.json"),
+) -> None:  # fmt: skip
     """One or two reference steps of today → a fit with intervals that hold for today, by what is known of the rig.
 
     tune-rc, simulate, couple, export and report take it as any other fit. Logs are read as those of the sessions were.
@@ -38,15 +32,14 @@ def command(args: Arguments) -> None:
     from eaid.sessions.rig import Rig
     from eaid.sessions.today import reading_of, today
 
-    rig, warnings = codec.read(args.rig, Rig)
-    refuse_to_overwrite(args.output, args.force, [args.rig, *files_read(args.steps)])
-    reading = reading_of(rig, part(ReadOptions, args))
-    steps = read_steps(args.steps, reading, console.progress, console.warn, console.say)[1]
-    fit = msgspec.structs.replace(today(rig, steps), command=args.typed)
-    fit.save(args.output, args.force)
+    known, warnings = codec.read(rig, Rig)
+    refuse_to_overwrite(output, args.force, [rig, *files_read(steps)])
+    data = read_steps(steps, reading_of(known, reading), console.progress, console.warn, console.say)[1]
+    fit = msgspec.structs.replace(today(known, data), command=args.typed)
+    fit.save(output, args.force)
     one = next(found for found in fit.findings if found.code == "for-today")
-    after = f"next    eaid {'tune-rc' if fit.linear is not None else 'report'} {args.output}"
+    after = f"next    eaid {'tune-rc' if fit.linear is not None else 'report'} {output}"
     values = [line for line in answer(fit)[1:] if not line.startswith(("used", "logs"))]
     shown = [f"today   {say(one)}", *map(on_command_line, values), after]
     tell_result(args, fit, shown, [*warnings, *(found for found in fit.findings if found is not one)])
-    console.say(f"{args.output}: a fit for today")
+    console.say(f"{output}: a fit for today")

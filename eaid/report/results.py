@@ -15,19 +15,17 @@ from eaid.findings import Finding, say
 from eaid.options import CONTROLLERS, ReadOptions
 from eaid.progress import Progress, no_progress
 from eaid.reading import read_steps
-from eaid.report.rig import of_the_paper
+from eaid.report.rig import SCENARIO_NAMES, of_the_paper
 from eaid.results import codec, replay_file
 from eaid.results.coupling import Coupling
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.results.models import FittedData
-from eaid.results.replay import Replay
+from eaid.results.replay import COLUMNS, Replay
 from eaid.sessions.compare import Comparison
 from eaid.sessions.rig import Rig
 from eaid.steps.stepset import StepSet
 
-SCENARIO_ORDER = ("steps", "multisine", "sweep", "reference", "log", "rehab")  # The order of the paper, and of the page
-NEEDED = ("time_s", "reference_nm", "torque_nm", "duty_pct")
 TYPES: dict[str, Any] = {
     "fit": Fit, "gains": Gains, "replay": Replay, "data": StepSet, "couple": Coupling, "rig": Rig,
     "compare": Comparison,
@@ -82,17 +80,6 @@ class Results:
         return self.data_of(self.main_kind or "")
 
     @property
-    def recorded(self) -> Fit | None:
-        """The first fit of logs as they were recorded."""
-        return next((one.result for one in self.fits if one.result.recorded is not None), None)
-
-    @property
-    def every(self) -> tuple[Given[Any], ...]:
-        """All results, whatever their kind."""
-        return (*self.data, *self.fits, *self.gains, *self.replays, *self.couplings, *self.rigs,
-                *self.comparisons)  # fmt: skip
-
-    @property
     def about(self) -> FittedData | StepSet | None:
         """What says of the page's own kind how it was recorded."""
         return self.main_fit.data if self.main_fit is not None else self.main_data
@@ -130,10 +117,8 @@ class Results:
 
 # Kind of experiment → how it is called
 EXPERIMENT_NAMES = {
-    "clutch": "clutch",
-    "friction-force": "friction over force",
-    "friction-speed": "friction over speed",
-}
+    "clutch": "clutch", "friction-force": "friction over force", "friction-speed": "friction over speed",
+}  # fmt: skip
 
 
 def gathered(items: Iterable[Any], progress: Progress = no_progress) -> Results:
@@ -146,7 +131,7 @@ def gathered(items: Iterable[Any], progress: Progress = no_progress) -> Results:
             raise UsageError(f"a {type(result).__name__} is no result that a report can show")
         name = f"{kind} {len(sorted_[kind]) + 1}" if sorted_[kind] else kind
         sorted_[kind].append(item if isinstance(item, Given) else Given(result, name))
-    sorted_["replay"].sort(key=lambda one: [*SCENARIO_ORDER, one.result.head.scenario].index(one.result.head.scenario))
+    sorted_["replay"].sort(key=lambda one: [*SCENARIO_NAMES, one.result.head.scenario].index(one.result.head.scenario))
     given = {one.result.kind for one in sorted_["data"]}
     for one in sorted_["fit"]:
         if one.result.data.kind not in given and (steps := logs_of(one.result, progress)) is not None:
@@ -204,11 +189,11 @@ def read_result(path: Path) -> tuple[Any, tuple[Finding, ...]]:
 
 def drawable(replay: Replay, path: Path) -> Replay:
     """The groups of a replay.h5 that can be drawn; without its columns, or with a falling time, it is refused."""
-    drawn = {name: one for name, one in replay.records.items() if set(NEEDED) & set(one.columns) != {"time_s"}}
+    drawn = {name: one for name, one in replay.records.items() if set(COLUMNS) & set(one.columns) != {"time_s"}}
     faults = []
     for name, one in drawn.items():
         t = one.columns["time_s"]
-        if missing := [key for key in NEEDED if key not in one.columns]:
+        if missing := [key for key in COLUMNS if key not in one.columns]:
             faults.append(f"{path}: controller {name!r} has no {', '.join(missing)}; make the replay again")
         elif not (t[1:] > t[:-1]).all():
             faults.append(f"{path}: {name}: its time_s does not rise from sample to sample; make the replay again")

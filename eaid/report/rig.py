@@ -10,6 +10,12 @@ CONTROLLER_NAMES = {name: row.title for name, row in LAW_KINDS.items()} | {
     "open-loop": "open loop", "inverse": "model inverse", "rc-no-rate": "RC without rate",
 }  # fmt: skip
 
+# Scenario → how it is called, in the order of the paper and of the page
+SCENARIO_NAMES = {
+    "steps": "steps", "multisine": "sum of sines", "sweep": "sines of rising frequency",
+    "reference": "own reference", "log": "recorded input", "rehab": "rehabilitation",
+}  # fmt: skip
+
 
 def controller_name(name: str) -> str:
     """A controller's name as a reader knows it."""

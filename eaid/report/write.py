@@ -18,6 +18,7 @@ from eaid.report.page.summary import mark_of, pictures
 from eaid.report.panels import Sheet
 from eaid.report.results import Results
 from eaid.report.tables import Table
+from eaid.shown import pandas
 
 FILE, FOLDER = "report.html", "figures"
 
@@ -63,8 +64,6 @@ def write_report(
 
 def write_tables(folder: Path, given: Results, force: bool) -> None:
     """Every table of the page as CSV, numbers whole, and as LaTeX, as the page shows it."""
-    import pandas
-
     texts: dict[Path, str] = {}
     for table in tables_in(parts(given, {})):
         name = re.sub(r"[^a-z0-9]+", "-", table.heading.lower()).strip("-")

@@ -15,9 +15,10 @@ import re
 import typing
 from collections.abc import Iterable, Mapping
 from dataclasses import fields, is_dataclass
-from functools import cache
+from functools import cache, reduce
+from operator import getitem
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import msgspec
 
@@ -25,11 +26,8 @@ from eaid.errors import DataError, UsageError
 from eaid.files import written_whole
 from eaid.findings import Finding, finding, sentences
 from eaid.results.common import Samples
-from eaid.shown import Shown
+from eaid.shown import Shown, pandas
 from eaid.version import __version__
-
-if TYPE_CHECKING:
-    import pandas
 
 R = TypeVar("R", bound=msgspec.Struct)
 VERSIONS = {"fit": 2}  # Schema versions above the first; a file of an older one is refused by name
@@ -189,8 +187,7 @@ def _left_out(content: Any, where: str, fault: str) -> bool:
     keys = _keys(where.partition("[...]")[0])  # entries of a mapping are left out with it
     lacks = fault.startswith("Object missing")
     try:
-        for key in keys[:-1]:
-            content = content[key]
+        content = reduce(getitem, keys[:-1], content)
         value = content[keys[-1]]
         empty = value is None or (value in ("", [], {}) and re.match("Expected `(object|array)", fault) is not None)
         if not (lacks or (empty and isinstance(content, dict))):
@@ -223,8 +220,7 @@ def _sentence(what: str, where: str, content: Any) -> str:
     """What is wrong with a value, by the name of its key."""
     reason = what.replace("`", "")
     try:
-        for key in _keys(where):
-            content = content[key]
+        content = reduce(getitem, _keys(where), content)
     except (KeyError, IndexError, TypeError):
         return f"its {where} is wrong ({reason})"
     text = json.dumps(content, ensure_ascii=False)
@@ -255,6 +251,4 @@ def cells_of(item: msgspec.Struct) -> dict[str, Any]:
 
 def frame_of(items: Iterable[msgspec.Struct]) -> "pandas.DataFrame":
     """One row a result, one column a field."""
-    import pandas
-
     return pandas.DataFrame([cells_of(item) for item in items])

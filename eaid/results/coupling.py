@@ -1,15 +1,12 @@
 """couple.json as types: how stiff a wall each loop may render at each torque."""
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from eaid.findings import sentences
 from eaid.options import CoupleOptions
 from eaid.results import codec
 from eaid.results.common import Inputs, Made, Number, Result
-
-if TYPE_CHECKING:
-    import pandas
-
+from eaid.shown import pandas
 
 # Unit of the output → units of stiffness, damping and inertia: about an axis, or along a line, where θ is a way in m
 UNITS = {"N·m": ("N·m/rad", "N·m·s/rad", "kg·m²"), "N": ("N/m", "N·s/m", "kg")}

@@ -22,32 +22,14 @@ from eaid.plant import linear
 from eaid.plant.dynamics import Plant
 from eaid.plant.forms import terms
 from eaid.plant.respond import from_rest
-from eaid.results import codec, statistics
-from eaid.results.common import (
-    Made,
-    Number,
-    Result,
-    Samples,
-)
-from eaid.results.models import (
-    CurveLevel,
-    FittedData,
-    Friction,
-    FrictionLevel,
-    Linear,
-    Nonlinear,
-    Release,
-    StepShape,
-    Uncertainty,
-)
+from eaid.results import codec, models, statistics
+from eaid.results.common import Made, Number, Result, Samples
 from eaid.results.plant import FittedPlant, falls_between, with_release
 from eaid.results.recorded import LogFit, Recorded
 from eaid.results.responses import LevelResponse
-from eaid.shown import Plotted
+from eaid.shown import Plotted, pandas
 
 if TYPE_CHECKING:
-    import pandas
-
     from eaid.results.verdict import Verdict
 
 
@@ -71,11 +53,8 @@ class Parameter(Result, frozen=True):
 
 # What predicts a step from rest
 MODEL_CURVES: dict[str, Any] = {
-    "nonlinear": from_rest,
-    "linear": linear.linear_response,
-    "friction": None,
-    "plant": from_rest,
-}
+    "nonlinear": from_rest, "linear": linear.linear_response, "friction": None, "plant": from_rest,
+}  # fmt: skip
 
 
 class Fit(Plotted, codec.Saved, Made, frozen=True):
@@ -93,15 +72,15 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
 
     FILE: ClassVar[str] = "fit"
     options: FitGiven = FitGiven()
-    data: FittedData = FittedData()
+    data: models.FittedData = models.FittedData()
     converged: bool | None = None
-    friction: Friction | None = None
-    nonlinear: Nonlinear | None = None
-    linear: Linear | None = None
-    release: Release | None = None
+    friction: models.Friction | None = None
+    nonlinear: models.Nonlinear | None = None
+    linear: models.Linear | None = None
+    release: models.Release | None = None
     plant_: FittedPlant | None = msgspec.field(default=None, name="plant")
-    uncertainty: Uncertainty | None = None
-    steps: tuple[StepShape, ...] = ()
+    uncertainty: models.Uncertainty | None = None
+    steps: tuple[models.StepShape, ...] = ()
     """Each change of input between two holds by itself, where a log goes from level to level."""
     recorded: Recorded | None = None
     """Of logs that were fitted as they were recorded."""
@@ -115,17 +94,24 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
     @property
     def params(self) -> "pandas.Series[float]":
         """All fitted parameters, indexed by (model, parameter)."""
-        import pandas as pd
-
         values = [np.nan if row.value is None else row.value for row in self.parameters]
-        return pd.Series(values, index=statistics.index_of(self.parameters), name="value", dtype=float)
+        return pandas.Series(values, index=statistics.index_of(self.parameters), name="value", dtype=float)
 
     def conf_int(self, alpha: float = 0.05) -> "pandas.DataFrame":
         """Intervals of `params` that miss with probability `alpha`, columns low and high; NaN where there are none.
 
         Those of another confidence than 95 % by Student's t, on the logarithm where the 95 % interval is even there.
         """
-        return statistics.intervals(self.parameters, alpha)
+        if not 0 < statistics.numbers("alpha", alpha, 0) < 1:
+            raise UsageError(f"«alpha» {alpha:g}: must lie between 0 and 1")
+        value, low, high, dof = statistics.table_of(self.parameters)
+        ends = np.array([low, high])
+        if alpha != 0.05:
+            ratio = stdtrit(dof, 1 - alpha / 2) / stdtrit(dof, 0.975)
+            with np.errstate(invalid="ignore", divide="ignore"):
+                scaled = value * (ends / value) ** ratio
+                ends = np.where(statistics.by_ratio(value, low, high), scaled, value + ratio * (ends - value))
+        return pandas.DataFrame(ends.T, index=statistics.index_of(self.parameters), columns=["low", "high"])
 
     @property
     def bse(self) -> "pandas.Series[float]":
@@ -133,7 +119,11 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
 
         Where an interval is even on the logarithm, that of the logarithm times the value.
         """
-        return statistics.standard_errors(self.parameters)
+        value, low, high, dof = statistics.table_of(self.parameters)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            width = np.where(statistics.by_ratio(value, low, high), value * np.log(high / low), high - low)
+        index = statistics.index_of(self.parameters)
+        return pandas.Series(width / (2 * stdtrit(dof, 0.975)), index=index, name="bse", dtype=float)
 
     def cov_params(self) -> "pandas.DataFrame":
         """Covariance of the nonlinear model's coefficients, of powers of the input; `DataError` where there is none."""
@@ -171,13 +161,11 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
 
         `UsageError` outside the identified range; between levels the nonlinear model's curves.
         """
-        import pandas as pd
-
         level = float(statistics.numbers("level", level, 0))
         rows = {row.name: row for row in self.parameters if row.level is not None and math.isclose(row.level, level)}
         p, other = self.nonlinear, self._of_another_plant(level)
         if other:
-            return pd.DataFrame.from_dict(other, orient="index", columns=["value", "low", "high"], dtype=float)
+            return pandas.DataFrame.from_dict(other, orient="index", columns=["value", "low", "high"], dtype=float)
         if rows.keys() >= SYMBOLS.keys():
             found = [(rows[name].value, rows[name].low, rows[name].high) for name in SYMBOLS]
         elif p is None or not p.u_range[0] <= level <= p.u_range[1]:
@@ -186,7 +174,7 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         else:
             values = (p.parameters.steady(level), *p.parameters.time_constants(level))
             found = [self._on_curve(p, *pair, level) for pair in zip(SYMBOLS, map(float, values), strict=True)]
-        return pd.DataFrame(found, index=list(SYMBOLS), columns=["value", "low", "high"], dtype=float)
+        return pandas.DataFrame(found, index=list(SYMBOLS), columns=["value", "low", "high"], dtype=float)
 
     def _of_another_plant(self, level: float) -> dict[str, tuple[float | None, ...]]:
         """T_s at an input and what a plant of another kind is known by there; none of a clutch."""
@@ -203,7 +191,7 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         ends = next(([low, high] for u, low, high in at_levels if math.isclose(u, level)), ends)
         return {"Ts": (end, *ends), **known}
 
-    def _on_curve(self, p: Nonlinear, name: str, value: float, level: float) -> tuple[float, float, float]:
+    def _on_curve(self, p: models.Nonlinear, name: str, value: float, level: float) -> tuple[float, float, float]:
         """A value of a polynomial and its 95 % interval, on its logarithm, by the covariance of the coefficients."""
         if p.covariance is None or not p.covariance.matrix or not value > 0:
             return value, math.nan, math.nan
@@ -229,10 +217,7 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         both = statistics.residuals(self)
         return (both["recorded"] - both["fitted"]).rename("residual")
 
-    @property
-    def resid(self) -> "pandas.Series[float]":
-        """`residuals`."""
-        return self.residuals
+    resid = residuals
 
     @property
     def fittedvalues(self) -> "pandas.Series[float]":
@@ -247,8 +232,6 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
 
     def to_frame(self) -> "pandas.DataFrame":
         """One row a level, or a step between two: its curve with intervals, and the error of each model."""
-        import pandas as pd
-
         rows: dict[tuple[float, float], dict[str, Any]] = {}
         for one in self.friction_levels:
             rows[one.from_, one.level] = {key: cell for key, cell in codec.cells_of(one).items() if key != "level"}
@@ -260,7 +243,9 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
                     cells |= {"a0": error.a0, "gain": error.gain, "B": error.B}
                 level_row = rows.setdefault((0.0, error.level), {})
                 level_row |= {key: np.nan if value is None else value for key, value in cells.items()}
-        return pd.DataFrame(list(rows.values()), index=pd.Index([u for _, u in rows], name="level", dtype=float))
+        return pandas.DataFrame(
+            list(rows.values()), index=pandas.Index([u for _, u in rows], name="level", dtype=float)
+        )
 
     def predict(
         self, duty: float | Sequence[float], t: float | Sequence[float], model: str | None = None
@@ -287,26 +272,22 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         UsageError
             An input outside the fitted range, of which the data say nothing.
         """
-        import pandas as pd
-
         chosen = model or statistics.first_model(self)
         if chosen not in MODEL_CURVES:
             raise UsageError(f"«model» {chosen}: must be one of {', '.join(MODEL_CURVES)}")
         if (self.plant_ if chosen == statistics.PLANT else getattr(self, chosen)) is None:
             raise DataError(f"the fit holds no {chosen} model; fit one, or choose another «model»")
-        time_s, inputs = (
-            np.atleast_1d(statistics.numbers("t", t)),
-            np.atleast_1d(statistics.numbers("duty", duty)).tolist(),
-        )
+        time_s = np.atleast_1d(statistics.numbers("t", t))
+        inputs = np.atleast_1d(statistics.numbers("duty", duty)).tolist()
         known = self.data.levels if self.recorded is None else self.recorded.u_range
         signed = chosen == statistics.PLANT and bool(self.plant.Ts_below)
         for u in inputs:
             if known and not min(known) <= (abs(u) if signed else u) <= max(known):
                 raise self._outside("duty", u, known)
-        return pd.DataFrame(
+        return pandas.DataFrame(
             np.column_stack([self.curve(chosen, u, np.maximum(time_s, 0.0)) for u in inputs]),
-            index=pd.Index(time_s, name="time_s"),
-            columns=pd.Index(inputs, name=f"{chosen} [{self.data.input_unit}]"),
+            index=pandas.Index(time_s, name="time_s"),
+            columns=pandas.Index(inputs, name=f"{chosen} [{self.data.input_unit}]"),
         )
 
     def curve(self, model: str, duty: float, time_s: Array) -> Array:
@@ -355,12 +336,12 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         return fell or bool(falls_between(self.friction_levels))
 
     @property
-    def friction_levels(self) -> tuple[FrictionLevel, ...]:
+    def friction_levels(self) -> tuple[models.FrictionLevel, ...]:
         """The friction curves of levels, and of steps between them; none where they were not fitted."""
         return self.friction.levels if self.friction is not None else ()
 
     @property
-    def level_values(self) -> tuple[CurveLevel, ...] | tuple[FrictionLevel, ...]:
+    def level_values(self) -> tuple[models.CurveLevel, ...] | tuple[models.FrictionLevel, ...]:
         """T_s, τ1 and τ2 by level: each level's own, or the nonlinear model's where those were not asked for."""
         own = tuple(row for row in self.friction_levels if row.from_ == 0)
         return own or (self.nonlinear.curves if self.nonlinear is not None else ())

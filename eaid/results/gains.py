@@ -6,7 +6,7 @@ the paper's rig.
 
 from fractions import Fraction
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import Annotated, ClassVar
 
 import msgspec
 
@@ -16,10 +16,7 @@ from eaid.options import TuneOptions
 from eaid.plant.linear import LinearPlant
 from eaid.results import codec
 from eaid.results.common import Inputs, Made, Number, Positive, Result
-from eaid.shown import Plotted
-
-if TYPE_CHECKING:
-    import pandas
+from eaid.shown import Plotted, pandas
 
 
 class RhoLine(Result, frozen=True):
@@ -341,8 +338,6 @@ class Gains(Plotted, codec.Saved, Made, frozen=True):
     @property
     def params(self) -> "pandas.Series[float]":
         """All gains, indexed by (law, gain)."""
-        import pandas
-
         laws = {
             name: law if isinstance(law, dict) else {key: getattr(law, key) for key in law.SHOWN}
             for name, law in self.controllers_by_name.items()
@@ -382,8 +377,6 @@ class Gains(Plotted, codec.Saved, Made, frozen=True):
 
     def to_frame(self) -> "pandas.DataFrame":
         """One row a law: its gains, in input per output."""
-        import pandas
-
         keys = ("K_P", "K_D", "K_I")
         rows = {name: {key: getattr(law, key, None) for key in keys} for name, law in self.laws.items()}
         return pandas.DataFrame.from_dict(rows, orient="index", dtype=float)

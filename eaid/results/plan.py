@@ -1,14 +1,11 @@
 """plan.json as a type: what to record next, and the interval widths that it is simulated to give."""
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from eaid.findings import ranked, sentences
 from eaid.results import codec
 from eaid.results.common import Count, Input, Made, Number, Result
-from eaid.shown import Shown, counted, span
-
-if TYPE_CHECKING:
-    import pandas
+from eaid.shown import Shown, counted, pandas, span
 
 
 class PlannedRun(Result, frozen=True):

@@ -8,7 +8,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, Self
+from typing import Literal, Self
 
 import msgspec
 
@@ -17,10 +17,10 @@ from eaid.findings import Finding, sentences
 from eaid.options import Rig
 from eaid.results.common import Count, Inputs, Made, Number, Positive, Result
 from eaid.results.gains import Tracking
-from eaid.shown import Plotted
+from eaid.shown import Plotted, pandas
 
-if TYPE_CHECKING:
-    import pandas
+# The columns that every group has, beside what a scenario adds
+COLUMNS = ("time_s", "reference_nm", "torque_nm", "duty_pct")
 
 
 class StepMetrics(Result, frozen=True):
@@ -259,8 +259,6 @@ class Replay(Plotted):
 
     def to_frame(self) -> "pandas.DataFrame":
         """All columns as one table, the group's name in `name`."""
-        import pandas
-
         frames = [pandas.DataFrame({"name": name, **one.columns}) for name, one in self.records.items()]
         return pandas.concat(frames, ignore_index=True) if frames else pandas.DataFrame({"name": []})
 

@@ -72,16 +72,10 @@ def write_replay(path: Path, replay: Replay, force: bool = False) -> None:
 
 
 def read(path: Path) -> tuple[Replay, tuple[Finding, ...]]:
-    """A replay.h5, groups in the file's order, and findings about what was left out; DataError where it is no
-    replay.h5, or a value has another type than its key."""
-    if not path.is_file():
-        raise DataError(f"{path}: no such file; give the replay.h5 that eaid simulate wrote")
-    if not h5py.is_hdf5(path):
-        raise DataError(f"{path}: is no HDF5 file; give the replay.h5 that eaid simulate wrote")
+    """A file of `SCHEMA`, groups in the file's order, and findings about what was left out; DataError where a value has
+    another type than its key."""
     left_out: list[Finding] = []
     with open_hdf5(path, str(path)) as file:
-        if file.attrs.get("schema") != SCHEMA:
-            raise DataError(f"{path}: is no {SCHEMA} file; {SIMULATE_AGAIN}")
         content = {key: _plain(value, path, key) for key, value in file.attrs.items()}
         records = {}
         for name, group in file.items():

@@ -16,14 +16,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 from eaid.arrays import Array
 from eaid.errors import DataError, UsageError
+from eaid.shown import pandas
 
 if TYPE_CHECKING:
-    import pandas
-
     from eaid.results.fit import Fit, Parameter
     from eaid.steps.stepset import StepSet
 
@@ -44,13 +42,11 @@ def first_model(fit: "Fit") -> str:
 
 def index_of(rows: "tuple[Parameter, ...]") -> "pandas.MultiIndex":
     """(model, parameter) of each row, the level in brackets."""
-    import pandas as pd
-
     names = [(row.model, row.name if row.level is None else f"{row.name}({row.level:g})") for row in rows]
-    return pd.MultiIndex.from_tuples(names, names=["model", "parameter"])
+    return pandas.MultiIndex.from_tuples(names, names=["model", "parameter"])
 
 
-def _table(rows: "tuple[Parameter, ...]") -> Array:
+def table_of(rows: "tuple[Parameter, ...]") -> Array:
     """Value, low, high and degrees of freedom, shape (4, rows); what is not known is NaN, such freedom infinite."""
     cells = [(row.value, row.low, row.high, row.dof) for row in rows]
     table = np.array(cells, dtype=np.float64).reshape(-1, 4).T  # None becomes NaN
@@ -58,7 +54,7 @@ def _table(rows: "tuple[Parameter, ...]") -> Array:
     return table
 
 
-def _by_ratio(value: Array, low: Array, high: Array) -> NDArray[np.bool_]:
+def by_ratio(value: Array, low: Array, high: Array) -> NDArray[np.bool_]:
     """Of which values the interval lies about the logarithm: all that are above 0 and not in the middle."""
     off = np.abs(low + high - 2 * value) > SAME_MIDDLE * (high - low)
     return (low > 0) & (value > 0) & off
@@ -73,43 +69,15 @@ def numbers(name: str, given: Any, most: int = 1) -> Array:
     raise UsageError(f"«{name}» {given!r}: give {'numbers' if most else 'a number'}")
 
 
-def intervals(rows: "tuple[Parameter, ...]", alpha: float) -> "pandas.DataFrame":
-    """`Fit.conf_int`."""
-    import pandas as pd
-
-    if not 0 < numbers("alpha", alpha, 0) < 1:
-        raise UsageError(f"«alpha» {alpha:g}: must lie between 0 and 1")
-    value, low, high, dof = _table(rows)
-    ends = np.array([low, high])
-    if alpha != 0.05:
-        ratio = stdtrit(dof, 1 - alpha / 2) / stdtrit(dof, 0.975)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            scaled = value * (ends / value) ** ratio
-            ends = np.where(_by_ratio(value, low, high), scaled, value + ratio * (ends - value))
-    return pd.DataFrame(ends.T, index=index_of(rows), columns=["low", "high"])
-
-
-def standard_errors(rows: "tuple[Parameter, ...]") -> "pandas.Series[float]":
-    """`Fit.bse`."""
-    import pandas as pd
-
-    value, low, high, dof = _table(rows)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        width = np.where(_by_ratio(value, low, high), value * np.log(high / low), high - low)
-    return pd.Series(width / (2 * stdtrit(dof, 0.975)), index=index_of(rows), name="bse", dtype=float)
-
-
 def covariance(fit: "Fit") -> "pandas.DataFrame":
     """`Fit.cov_params`."""
-    import pandas as pd
-
     held = fit.nonlinear.covariance if fit.nonlinear is not None else None
     if held is None or not held.matrix:
         raise DataError("the fit holds no covariance; fit steps of several levels with «model» nonlinear, «ci» robust")
     powers = np.array([int(name.partition("[")[2].rstrip("]") or 0) for name in held.order])
     per_unit = 100.0**-powers  # kept in powers of u/100, given as those of u
-    names = pd.MultiIndex.from_tuples([("nonlinear", name) for name in held.order], names=["model", "parameter"])
-    return pd.DataFrame(np.array(held.matrix) * np.outer(per_unit, per_unit), index=names, columns=names)
+    names = pandas.MultiIndex.from_tuples([("nonlinear", name) for name in held.order], names=["model", "parameter"])
+    return pandas.DataFrame(np.array(held.matrix) * np.outer(per_unit, per_unit), index=names, columns=names)
 
 
 def sums(fit: "Fit") -> tuple[float, float, int]:
@@ -150,14 +118,8 @@ def free_parameters(fit: "Fit") -> int:
         return int(np.count_nonzero([*part.parameters.steady_numbers, *part.tau1, *part.tau2])) + part.C_free
     plant = fit.plant_
     assert plant is not None  # of another kind: one lag has no τ2 of its own, a ringing one a damping
-    numbers = [
-        *plant.plant.steady_numbers,
-        *plant.Ts_below,
-        *plant.tau1,
-        plant.dead_time_s,
-        plant.zeta or 0.0,
-        plant.zero,
-    ]
+    numbers = [*plant.plant.steady_numbers, *plant.Ts_below, *plant.tau1]
+    numbers += [plant.dead_time_s, plant.zeta or 0.0, plant.zero]
     parallel = plant.kind in ("parallel", "overshoot")
     return int(np.count_nonzero([*numbers, *(plant.tau2 if parallel else ())])) + parallel
 
@@ -171,16 +133,14 @@ def log_likelihood(fit: "Fit") -> float:
 def residuals(fit: "Fit", steps: "StepSet | None" = None) -> "pandas.DataFrame":
     """Recorded and fitted output of the mean of each level's repeats, indexed by (level, time_s); `steps`: those of a
     fit that was read from a file."""
-    import pandas as pd
-
     steps = fit.samples.steps or steps
     if steps is None:
         raise DataError("this fit was read from a file, or is of logs as recorded, and holds no samples; fit again")
     parts = {
-        one.level: pd.DataFrame(
+        one.level: pandas.DataFrame(
             {"recorded": one.mean, "fitted": fit.curve(first_model(fit), one.level, one.time_s)}, index=one.time_s
         )
         for one in steps.levels
     }
-    whole: pd.DataFrame = pd.concat(parts, names=["level", "time_s"])
+    whole: pandas.DataFrame = pandas.concat(parts, names=["level", "time_s"])
     return whole

@@ -7,7 +7,7 @@ from eaid.findings import listed, merged, ranked, say
 from eaid.findings.finding import WORD
 from eaid.findings.row import SYMBOLS
 from eaid.findings.sentences.fitting import kind_in_words
-from eaid.plant.dynamics import Plant, Step
+from eaid.plant.dynamics import Step
 from eaid.plant.steps import peak_of
 from eaid.results.common import ci95_of
 from eaid.results.verdict import MODELS, in_short
@@ -62,7 +62,7 @@ def answer(fit: "Fit") -> list[str]:
     """The lines that answer first: fit %, values with 95 % intervals where they matter, which estimate they are."""
     model = fit.nonlinear
     told = of_another_kind(fit) and fit.plant_ is not None and fit.plant_.tried[0].gain != "curve"  # by its own line
-    lines = [f"fit    {_fit_pct(fit)}", *replayed(fit), *unseen(fit), *plant_line(fit), *([] if told else _lines(fit))]
+    lines = [f"fit    {_fit_pct(fit)}", *replayed(fit), *unseen(fit), *plant_lines(fit), *([] if told else _lines(fit))]
     if model is not None and steps_of_other_shapes(fit):
         lines.append("shown  single steps with their dead times; the models have none")
     elif model is not None and not of_another_kind(fit):
@@ -101,39 +101,33 @@ def unseen(fit: "Fit") -> list[str]:
     return [f"unseen {left.held_pct:.1f} % of levels left out in turn ({number(left.fit_pct, 3)} % with them), {off}"]
 
 
-def plant_line(fit: "Fit") -> list[str]:
-    """The plant where it is of another kind than the clutch's: its numbers with intervals."""
+def plant_lines(fit: "Fit") -> list[str]:
+    """The plant where it is of another kind than the clutch's: its numbers with intervals; of one that overshoots the
+    peak of a step over its end, when, and what it loses again."""
     part = fit.plant_
     if part is None or not part.another:
         return []
     numbers = [f"{name} {value}" for name, value in plant_numbers(fit)]
-    return [f"plant  {kind_in_words(part.tried[0].kind)}: {', '.join(numbers)}", *overshoot(part.plant)]
-
-
-def overshoot(p: Plant) -> list[str]:
-    """What a step of an overshooting plant does: its peak over its end, when, and what it loses again."""
-    if p.kind != "overshoot":
-        return []
-    at, peak = peak_of(Step(1.0, p.tau1[0], p.tau2[0], p.C))
-    lost = 100 * (1 - 1 / peak)
-    return [f"peaks  a step reaches {peak:.4g} of its end after {at:.3g} s, and loses {lost:.3g} % of that"]
+    said = [f"plant  {kind_in_words(part.tried[0].kind)}: {', '.join(numbers)}"]
+    if part.kind == "overshoot":
+        at, peak = peak_of(Step(1.0, part.tau1[0], part.tau2[0], part.C))
+        lost = 100 * (1 - 1 / peak)
+        said.append(f"peaks  a step reaches {peak:.4g} of its end after {at:.3g} s, and loses {lost:.3g} % of that")
+    return said
 
 
 def plant_numbers(fit: "Fit") -> list[tuple[str, str]]:
     """Gain, time constants, frequency and damping, dead time of a plant, each with its unit and interval."""
     part, found = fit.plant_, []
     assert part is not None
-    per = _per(part.output_unit, part.input_unit)
+    both = part.output_unit, part.input_unit
+    per = f" {'/'.join(both)}" if all(both) else ""
     units = {"gain": per, "gain_below": per, "omega": " rad/s", "zeta": "", "C": ""}
     for key, (value, ends) in part.numbers.items():
         name = "τ" if key == "tau1" and part.kind == "lag" else CALLED.get(key, key)
         span = "" if ends is None else f" ({ends[0]:.4g} … {ends[1]:.4g})"
         found.append((name, f"{value:.4g}{span}{units.get(key, ' s')}"))
     return found
-
-
-def _per(output: str, of: str) -> str:
-    return f" {output}/{of}" if output and of else ""
 
 
 def _held(fit: "Fit") -> list[str]:
@@ -162,9 +156,9 @@ def usable_line(fit: "Fit") -> str:
     """Whether it may be used, and its gravest warnings: the last line of its answer."""
     said, left = ", ".join(warned(fit)), fit.verdict.not_at
     but = f", not at {listed(left, fit.data.input_unit)}" if left else ""
-    return (
-        f"usable yes{but}, {f'warned: {said}' if said else 'no warnings'}" if fit.verdict.usable else f"stop   {said}"
-    )
+    if not fit.verdict.usable:
+        return f"stop   {said}"
+    return f"usable yes{but}, {f'warned: {said}' if said else 'no warnings'}"
 
 
 def of_fit(fit: "Fit") -> list[str]:
@@ -178,8 +172,10 @@ def of_fit(fit: "Fit") -> list[str]:
 def values(fit: "Fit") -> list[list[str]]:
     """Heading and rows: T_s, τ1 and τ2 at the lowest, the middle and the highest level; where single steps stand for
     the levels their changes, with dead times where there are any. No rows, no heading."""
-    data, steps = fit.data, steps_of_other_shapes(fit)
+    data, steps, plant = fit.data, steps_of_other_shapes(fit), fit.plant_
     out = data.output_unit
+    if plant is not None and plant.another and plant.tried[0].gain != "curve":
+        return [[kind_in_words(plant.tried[0].kind), ""], *map(list, plant_numbers(fit))]
     if steps:
         late = any(one.dead_time_s for one in steps)
         heading = ["step", f"change [{out}]", "τ1 [s]", "τ2 [s]", *(["dead [s]"] if late else [])]
@@ -191,11 +187,6 @@ def values(fit: "Fit") -> list[list[str]]:
     else:
         heading = [f"level [{data.input_unit}]", f"T_s [{out}]", "τ1 [s]", "τ2 [s]"]
         levels: Sequence[CurveLevel | FrictionLevel] = fit.level_values
-        if fit.plant_ is not None and fit.plant_.another and fit.plant_.tried[0].gain != "curve":
-            return [
-                [kind_in_words(fit.plant_.tried[0].kind), ""],
-                *([name, value] for name, value in plant_numbers(fit)),
-            ]
         asked = any(row.ci95 is not None for row in levels)
         rows = [[f"{row.level:.4g}", *(_value(row, name, asked) for name in SYMBOLS)] for row in _three(levels)]
     return [heading, *rows] if rows else []

@@ -18,7 +18,7 @@ from eaid.findings import Finding, finding, listed, merged, ranked, say, stops
 from eaid.plant import linear
 from eaid.plant.dynamics import CHECKED_INPUTS, Plant
 from eaid.plant.respond import from_rest
-from eaid.results.common import Interval
+from eaid.results.common import Interval, ci95_of
 from eaid.shown import counted
 
 if TYPE_CHECKING:
@@ -81,11 +81,9 @@ class Verdict(msgspec.Struct, frozen=True):
 
     def of(self, *models: str) -> "Verdict":
         """The verdict on some of the models: what speaks against others alone is left out."""
-        of_these = (
-            tuple(one for one in some if one.subject in models or one.subject not in MODELS)
-            for some in (self.reasons, self.warnings)
-        )
-        return Verdict(*of_these)
+        others = set(MODELS).difference(models)
+        both = (tuple(one for one in some if one.subject not in others) for some in (self.reasons, self.warnings))
+        return Verdict(*both)
 
 
 def in_short(finding: Finding) -> str:
@@ -129,11 +127,10 @@ def _nonlinear(fit: "Fit") -> list[Finding]:
     p = fit.plant
     found = unphysical(p)
     highest = float(np.max(p.steady(np.linspace(*p.u_range, INPUTS_CHECKED))))
-    found += _beyond(fit, "nonlinear", highest, [
-        float(from_rest(p, np.array([end]), u)[0]) for u, end in _records(fit)
-    ])  # fmt: skip
+    reached = [float(from_rest(p, np.array([end]), u)[0]) for u, end in _records(fit)]
+    found += _beyond(fit, "nonlinear", highest, reached)
     known = [row for row in fit.level_values if row.ci95 is not None]
-    open_at = [row.level for row in known if row.ci95 is not None and _says_nothing(row.ci95.Ts)]
+    open_at = [row.level for row in known if _says_nothing(ci95_of(row, "Ts"))]
     if 2 * len(open_at) > len(known):
         found.append(finding("steady-output-unknown", "nonlinear", open_at, unit=fit.data.input_unit))
     return found
@@ -148,7 +145,7 @@ def _linear(fit: "Fit") -> list[Finding]:
     reached = [float(linear.linear_response(p, np.array([end]), u)[0]) for u, end in _records(fit)]
     found = _beyond(fit, "linear", max(tops, default=0.0), reached)
     for name in ("a0", "b0"):
-        ends = None if part.ci95 is None else getattr(part.ci95, name)
+        ends = ci95_of(part, name)
         if ends is not None and _says_nothing(ends):
             found.append(finding("linear-parameter-unknown", "linear", parameter=name, low=ends[0], high=ends[1]))
     return found
@@ -180,9 +177,8 @@ def unphysical(p: Plant) -> list[Finding]:
     """Curves that, within the identified inputs, are none that a plant has; the first place of each."""
     inputs = np.linspace(*p.u_range, INPUTS_CHECKED)
     (tau1, tau2), Ts = p.time_constants(inputs), p.curve(inputs)
-    floor = np.where(
-        np.arange(INPUTS_CHECKED) % BETWEEN == 0, p.floor_s / 2, -np.inf
-    )  # a fit is held above it there alone
+    held_above = np.arange(INPUTS_CHECKED) % BETWEEN == 0  # there alone
+    floor = np.where(held_above, p.floor_s / 2, -np.inf)
     cases: list[tuple[str, Array, Any, float]] = [
         ("tau1", tau1, p.floor_s / 2, SLOWEST_TAU_S),
         ("tau2", tau2, np.maximum(tau1 - NEARLY_MEET * np.max(tau2), floor), SLOWEST_TAU_S),

@@ -8,7 +8,7 @@ numbers and sessions the probabilities are Holm's.
 
 from collections.abc import Mapping, Sequence
 from string import ascii_uppercase
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from msgspec.structs import asdict, replace
@@ -26,10 +26,7 @@ from eaid.results.gains import Gains
 from eaid.sessions.gather import CI, MANY, RESPONSES, Value, snapped, together, values_of
 from eaid.sessions.loop import Promise
 from eaid.sessions.model import two_sided
-from eaid.shown import Plotted
-
-if TYPE_CHECKING:
-    import pandas
+from eaid.shown import Plotted, pandas
 
 MOVED_CHANCE = 0.05
 CLAIMED = ("Ts", *RESPONSES)  # What a session is asked for, told whether it moved or not
@@ -160,13 +157,11 @@ class Comparison(Plotted, codec.Saved, Made, frozen=True):
 
     def to_frame(self) -> "pandas.DataFrame":
         """One row a number, session and level: ratio with its interval."""
-        import pandas as pd
-
         rows = [
             {"quantity": one.quantity, "against": one.against, **asdict(level)}
             for one in self.shifts for level in one.levels
         ]  # fmt: skip
-        return pd.DataFrame(rows)
+        return pandas.DataFrame(rows)
 
 
 def _pct(ratio: float) -> str:
@@ -228,11 +223,9 @@ def _seen(fit: Fit, quantity: str, letter: str) -> list[Value]:
 
 def holm(p: Sequence[float]) -> list[float]:
     """Holm's probabilities of several tests, each as good as all that are smaller."""
-    held, largest = [0.0] * len(p), 0.0
-    for rank, k in enumerate(sorted(range(len(p)), key=p.__getitem__)):
-        largest = max(largest, min(1.0, (len(p) - rank) * p[k]))
-        held[k] = largest
-    return held
+    order = np.argsort(p, kind="stable")
+    rising = np.maximum.accumulate(np.minimum(1.0, np.arange(len(p), 0, -1) * np.array(p)[order]))
+    return rising[np.argsort(order)].tolist()  # type: ignore[no-any-return]
 
 
 def _retune(fit: Fit, gains: Gains) -> Retune:

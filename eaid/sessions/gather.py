@@ -4,7 +4,7 @@ belong together."""
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from msgspec.structs import replace
@@ -17,9 +17,7 @@ from eaid.logs.factors import factors_of
 from eaid.results import codec
 from eaid.results.common import Input, Number, Positive, Result
 from eaid.results.fit import Fit
-
-if TYPE_CHECKING:
-    import pandas
+from eaid.shown import pandas
 
 LEVELS_SAME = 0.005  # Part of a level by which it may differ from session to session and still be the same
 RESPONSES = ("held", "peak")  # Of those that were measured of a level, what sessions may differ in
@@ -158,10 +156,8 @@ def table_values(frame: "pandas.DataFrame") -> list[Value]:
 def read_sessions(paths: Sequence[Path]) -> tuple[dict[str, Fit], list[Value], list[Finding]]:
     """Files of fits by their names, or the values of one table; and what is to be told of the files."""
     if len(paths) == 1 and paths[0].suffix.lower() in (".csv", ".tsv", ".txt"):
-        import pandas as pd
-
         try:
-            return {}, table_values(pd.read_csv(paths[0], sep=None, engine="python", comment="#")), []
+            return {}, table_values(pandas.read_csv(paths[0], sep=None, engine="python", comment="#")), []
         except (DataError, ValueError) as fault:
             raise DataError(f"{paths[0]}: {str(fault).splitlines()[0]}") from None
     if twice := next((path for k, path in enumerate(paths) if path in paths[:k]), None):

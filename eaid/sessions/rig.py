@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import msgspec
 import numpy as np
@@ -19,23 +19,10 @@ from eaid.results import codec
 from eaid.results.common import Inputs, Made, Number, Positive, Result
 from eaid.results.fit import Fit
 from eaid.results.verdict import FACTOR
-from eaid.sessions.gather import (
-    CI,
-    RESPONSES,
-    Session,
-    Value,
-    logs_of,
-    run_scatter,
-    snapped,
-    table_values,
-    together,
-    values_of,
-)
+from eaid.sessions import gather
+from eaid.sessions.gather import CI, RESPONSES, Session, Value
 from eaid.sessions.model import EXACT, NO_STEPS, Known, Model, Next, steps_known
-from eaid.shown import Plotted, counted
-
-if TYPE_CHECKING:
-    import pandas
+from eaid.shown import Plotted, counted, pandas
 
 LEAST_SESSIONS = 3  # Sessions that tell how much they differ
 FEW_SESSIONS = 5  # Sessions below which that is known to a factor only
@@ -158,20 +145,19 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
         DataFrame
             Over the level: value, low and high of its 95 % interval, dof.
         """
-        import pandas as pd
-
         if quantity and quantity not in self.quantities:
             raise UsageError(f"«quantity» {quantity}: the sessions know {', '.join(self.quantities)}")
         of, rows = self.quantities[quantity] if quantity else self.main, list[Value]()
         if steps is not None:
-            rows = table_values(steps.assign(session="", **({} if "sd_log" in steps else {"sd_log": of.sd_step})))
+            of_a_run = {} if "sd_log" in steps else {"sd_log": of.sd_step}
+            rows = gather.table_values(steps.assign(session="", **of_a_run))
         at = np.atleast_1d(np.array([one.level for one in of.next] if levels is None else levels, dtype=np.float64))
         if not (at > 0).all():
             raise UsageError("«levels»: have to be above 0, as the model is one of logarithms")
         found = self.foreseen(at, steps_known([(one.level, one.value, one.sd_log) for one in rows]), quantity)
         low, high = found.ends
         columns = {"value": found.value, "low": low, "high": high, "dof": found.dof}
-        return pd.DataFrame(columns, index=pd.Index(at, name="level"))
+        return pandas.DataFrame(columns, index=pandas.Index(at, name="level"))
 
     def today(self, step: Any) -> Fit:
         """A fit of today by reference steps: `eaid.today(rig, step)`."""
@@ -206,10 +192,8 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
 
     def to_frame(self) -> "pandas.DataFrame":
         """One row a value: quantity, session, level, value, sd_log, dof."""
-        import pandas as pd
-
         every = [(name, one) for name, of in self.quantities.items() for one in of.values]
-        return pd.DataFrame([{"quantity": name, **msgspec.structs.asdict(one)} for name, one in every])
+        return pandas.DataFrame([{"quantity": name, **msgspec.structs.asdict(one)} for name, one in every])
 
 
 def rig_of_fits(fits: Mapping[str, Fit], options: SessionsOptions) -> Rig:
@@ -223,16 +207,16 @@ def rig_of_fits(fits: Mapping[str, Fit], options: SessionsOptions) -> Rig:
         raise DataError(
             f"{foretold[0]}: is foreseen by reference steps, no session of its own; fit the logs of its session"
         )
-    told = together(fits)
+    told = gather.together(fits)
     sound = [fit for fit in fits.values() if fit.verdict.usable] or list(fits.values())
     base = max(reversed(sound), key=lambda fit: (fit.nonlinear is not None, len(fit.data.levels)))
     units = {"tau1": "s", "tau2": "s", "a0": "1/s", **dict.fromkeys(("Ts", *RESPONSES), base.data.output_unit)}
     quantities = {}
     for name in SESSION_NUMBERS:
-        values = snapped([one for key, fit in fits.items() for one in values_of(fit, name, key)])
+        values = gather.snapped([one for key, fit in fits.items() for one in gather.values_of(fit, name, key)])
         knowing = {one.session for one in values}
         if len(knowing) >= LEAST_SESSIONS:
-            runs = [sd for fit in fits.values() if (sd := run_scatter(fit, name)) is not None]
+            runs = [sd for fit in fits.values() if (sd := gather.run_scatter(fit, name)) is not None]
             sd_step = math.sqrt(float(np.mean(np.square(runs)))) if runs else None
             one = quantity_of(values, list(fits), options, sd_step, units.get(name, ""))
             if name == "Ts" or one.factor < FACTOR:
@@ -242,7 +226,7 @@ def rig_of_fits(fits: Mapping[str, Fit], options: SessionsOptions) -> Rig:
                 f"{', '.join(key for key in fits if key not in knowing)}: no level has a T_s with an interval; fit the "
                 "logs again, with «ci»"
             )
-    sessions = tuple(Session(name, logs_of(fit)) for name, fit in fits.items())
+    sessions = tuple(Session(name, gather.logs_of(fit)) for name, fit in fits.items())
     slim = msgspec.structs.replace(base, steps=(), responses=(), parameters=(), recorded=None, findings=())
     return _judged(Rig(options=options, input_unit=base.data.input_unit, sessions=sessions, quantities=quantities,
                        base=slim, findings=tuple(told)))  # fmt: skip
@@ -254,7 +238,7 @@ def rig_of_table(values: Sequence[Value], options: SessionsOptions) -> Rig:
     if len(names) < LEAST_SESSIONS:
         held = counted(len(names), "session")
         raise DataError(f"the table holds {held}; three and more tell what the next one may be")
-    quantities = {"value": quantity_of(snapped(values), names, options)}
+    quantities = {"value": quantity_of(gather.snapped(values), names, options)}
     return _judged(Rig(options=options, sessions=tuple(map(Session, names)), quantities=quantities))
 
 

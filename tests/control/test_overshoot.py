@@ -45,7 +45,7 @@ def test_where_every_level_overshoots_the_plant_does():
 
 @pytest.mark.parametrize("true", [PEAKED, RINGING, replace(RINGING, dead_time_s=0.12)])
 def test_single_runs_show_it_as_well_and_the_table_has_the_plants_numbers(true):
-    """No repeat that misses alike, no scatter that a fall would stand out of: the fit of the levels is reason enough."""
+    """No repeat that misses alike, no scatter that a fall would stand out of: the levels' fit is reason enough."""
     fit = fitted(true, true, true, runs=1, ci="robust")
     assert fit.plant.kind == true.kind and fit.dead_time_s == pytest.approx(true.dead_time_s, abs=0.002)
     assert fit.plant.steady(60.0) == pytest.approx(2.4, rel=0.01) and fit.data.replayed[1].fit_pct > 97

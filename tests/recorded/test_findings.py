@@ -208,7 +208,7 @@ def test_a_loop_around_one_lag_does_not_end_in_a_singular_matrix() -> None:
         integral += dt * (wanted[k] - read[k])
         x += (0.04 * duty[k] - x) * (1 - np.exp(-dt / 0.6))
     fit = fit_recorded([RecordedLog("loop", dt * np.arange(n), duty, read, reference=wanted)], PLAIN)
-    assert fit.recorded.loops[0].K_P == pytest.approx(15.0) and fit.plant.steady(60.0) == pytest.approx(2.4, rel=0.03)
+    assert pytest.approx(15.0) == fit.recorded.loops[0].K_P and fit.plant.steady(60.0) == pytest.approx(2.4, rel=0.03)
 
 
 @pytest.mark.slow

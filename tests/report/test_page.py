@@ -15,7 +15,7 @@ import pytest
 import eaid
 from eaid.plant.linear import LinearPlant
 from eaid.report.page import signs
-from eaid.report.tables import Name, text
+from eaid.report.tables import Column, Name, Table
 from eaid.report.tables.gains import comparison
 from eaid.results.gains import Compared, Gains, Replayed
 from eaid.shown import number
@@ -156,7 +156,8 @@ def test_rc_is_held_against_the_best_pi_that_is_as_safe(designed: tuple[float | 
 def test_one_minus_sign_and_no_interval_without_width():
     assert signs("drift -0.5 N (-3e-05 … 2) in log -x a-1") == "drift −0.5 N (−3e−05\u00a0…\u00a02) in log -x a-1"
     assert signs(Name("run -1")) == "run -1"
-    assert text((0.181, 0.181)) == "not known" and text((6.4791, 6.4799)) == "6.479 … 6.480"
+    both = Table("", "", (Column("ends"),), (((0.181, 0.181),), ((6.4791, 6.4799),)))
+    assert both.texts == (("not known",), ("6.479 … 6.480",))
 
 
 def test_tables_one_to_four_stand_beside_the_published_values(whole: Any, files: dict[str, Path]):

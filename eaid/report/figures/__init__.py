@@ -9,6 +9,7 @@ from typing import Any
 from eaid.report.figures import replays, residuals, sessions, steps, values
 from eaid.report.panels import Sheet
 from eaid.report.results import Results
+from eaid.results.fit import Fit
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,10 @@ def _all(results: Results) -> Results:
     return results
 
 
+def _recorded(results: Results) -> Fit | None:
+    return next((one.result for one in results.fits if one.result.recorded is not None), None)
+
+
 _fit, _data, _replay = (partial(methodcaller, name) for name in ("fit", "data_of", "replay"))
 _CLUTCH = _fit("clutch")
 
@@ -50,7 +55,7 @@ FIGURES: tuple[Row, ...] = (
     Row("fig06_hold_and_release", "Fig. 6 · Output while held and after release",
         "Lost: from the peak to the end of the hold. Left: at the end of the record.",
         (attrgetter("main_data"),), steps.hold_and_release, of_the_fit=False),
-    Row("recorded_logs", "Logs as recorded", FREE_RUN, (attrgetter("recorded"),), replays.recorded_logs),
+    Row("recorded_logs", "Logs as recorded", FREE_RUN, (_recorded,), replays.recorded_logs),
     Row("fig07_nonlinear_model", "Fig. 7 · Nonlinear model",
         "Broad: mean of the repeats, shaded ± one standard deviation (sd); dashed: the model, where one was fitted.",
         (_data("clutch"), _all), steps.nonlinear_model),

@@ -14,9 +14,7 @@ from eaid.report.panels import Axis, Line, Panel, Sheet, Span, over, quantity
 from eaid.report.rig import controller_name
 from eaid.results.fit import Fit
 from eaid.results.recorded import LogCurve, LogFit
-from eaid.results.replay import Replay
-
-DRAWN_COLUMNS = ("time_s", "duty_pct", "reference_nm", "torque_nm")
+from eaid.results.replay import COLUMNS, Replay
 
 
 def bands(replay: Replay) -> list[ink.Band]:
@@ -50,7 +48,7 @@ def tracking_panels(replay: Replay, until_s: float | None = None) -> list[Panel]
     for name, one in replay.records.items():
         t, said, (colour, dash, _marker) = one.columns["time_s"], controller_name(name), ink.controller_look(name)
         some = slice(None) if until_s is None else (t >= from_s) & (t <= until_s)
-        t, duty, reference, true = (one.columns[key][some] for key in DRAWN_COLUMNS)
+        t, reference, true, duty = (one.columns[key][some] for key in COLUMNS)
         for lines, values in ((output, true), (error, reference - true), (acting, duty)):
             lines.append(Line(t, values, said, colour, dash))
         asked.append(Line(t, reference, "reference", ink.BLACK, ":"))
@@ -96,7 +94,7 @@ def recorded_input(replay: Replay) -> Sheet | None:
     logs = []
     for name, one in replay.records.items():
         if one.role == "recorded-input":
-            t, duty, recorded, model = (one.columns[key] for key in DRAWN_COLUMNS)
+            t, recorded, model, duty = (one.columns[key] for key in COLUMNS)
             curve = LogCurve(*(tuple(column.tolist()) for column in (t, duty, recorded, model, recorded - model)))
             logs.append(LogFit(name, fit_pct=one.metrics.fit_pct, curve=curve))
     return logs_sheet(logs, (replay.head.input_unit, replay.head.output_unit))

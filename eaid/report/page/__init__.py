@@ -322,11 +322,12 @@ def commands(results: Results) -> list[str]:
         "sessions": results.rigs, "compare": results.comparisons,
     }  # fmt: skip
     lines = [f"eaid ingest LOGS -o {shlex.quote(data.path)}" for data in results.data]
+    paths = [one.path for some in (results.data, *made.values()) for one in some]
     for command, one in ((command, one) for command, some in made.items() for one in some):
         words = (one.result.head if command == "simulate" else one.result).command
         line = shlex.join(["eaid", command, *words, "-o", one.path])
         lines.append(line if words else f"{one.path}: made in Python by eaid.{command.replace('-', '_')}")
-    return [*lines, shlex.join(["eaid", "report", *(given.path for given in results.every), "-o", "report"])]
+    return [*lines, shlex.join(["eaid", "report", *paths, "-o", "report"])]
 
 
 WORDS = {"good": "Good", "care": "Warning", "bad": "Stop", "none": "–"}

@@ -12,11 +12,11 @@ from eaid.report.figures import replays, sessions, steps, values
 from eaid.report.figures.residuals import residuals
 from eaid.report.panels import Axis, Panel, Sheet
 from eaid.report.results import EXPERIMENT_NAMES, Results
-from eaid.report.rig import controller_name, level_text
+from eaid.report.rig import SCENARIO_NAMES, controller_name, level_text
 from eaid.report.tables import Cell, Table, columns
 from eaid.report.tables.data import distinct, is_warned
 from eaid.report.tables.gains import comparison, guarantee_story
-from eaid.report.tables.replays import SCENARIO_NAMES, metric
+from eaid.report.tables.replays import metric
 from eaid.report.tables.sessions import next_table, promise_table, shifts_table
 from eaid.results import summary
 from eaid.results.gains import Replayed

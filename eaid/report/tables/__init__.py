@@ -113,16 +113,13 @@ def outside(of: Callable[[T], Correlation]) -> tuple[Part[T], Part[T]]:
 
 
 def shown(cell: Cell, column: Column) -> str:
-    """A cell of a column as text; an interval that the data do not tell is not known."""
-    return NOT_KNOWN if cell is None and column.head == INTERVAL[0] else text(cell, column.digits)
-
-
-def text(cell: Cell, digits: int = 4) -> str:
-    """A cell as text."""
-    if isinstance(cell, tuple):  # as many digits as its ends need to differ; an interval without width is none
-        ends = ([number(end, places) for end in cell] for places in range(min(digits, 3), 7))
+    """A cell of a column as text; an interval that the data do not tell, or one without width, is not known."""
+    if cell is None and column.head == INTERVAL[0]:
+        return NOT_KNOWN
+    if isinstance(cell, tuple):  # as many digits as its ends need to differ
+        ends = ([number(end, places) for end in cell] for places in range(min(column.digits, 3), 7))
         return next((" … ".join(pair) for pair in ends if pair[0] != pair[1]), NOT_KNOWN)
-    return cell if isinstance(cell, str) else number(cell, digits)
+    return cell if isinstance(cell, str) else number(cell, column.digits)
 
 
 def level(value: float | None) -> str:

@@ -1,6 +1,6 @@
 """Tables of one fit: the single levels, Tables I–III, the linear model, release, held-out levels."""
 
-from operator import itemgetter
+from operator import attrgetter, itemgetter
 
 from eaid.findings.row import SYMBOLS
 from eaid.findings.sentences.fitting import kind_in_words
@@ -11,8 +11,6 @@ from eaid.report.tables import INTERVAL, OUTSIDE, Cell, Name, Table, level, outs
 from eaid.results.common import ci95_of
 from eaid.results.fit import Fit
 from eaid.results.models import Trend
-from eaid.results.recorded import LogFit
-from eaid.results.residuals import Correlation
 from eaid.shown import number
 
 
@@ -169,6 +167,7 @@ def input_gain_table(fit: Fit) -> Table:
 
 
 SHAPE_WORDS = {"one": "one exponential", "two": "two exponentials", "free": "two, C free", "overshoot": "overshoot"}
+SHAPE_WORDS |= {f"{shape}+dead": f"{words}, dead time" for shape, words in SHAPE_WORDS.items()}
 
 
 def level_steps_table(fit: Fit) -> Table:
@@ -195,14 +194,9 @@ def shapes_table(fit: Fit) -> Table:
         "AICc less that of the best shape: the larger, the less it explains for what it takes. RMSE and fit: as taken.",
         fit.steps if names else (),
         (("step", fit.data.input_unit), lambda one: Name(f"{level(one.from_)} → {level(one.level)}")),
-        *(((_shape_in_words(name), "", 3), lambda one, name=name: one.evidence.get(name)) for name in names),
+        *(((SHAPE_WORDS.get(name, name), "", 3), lambda one, name=name: one.evidence.get(name)) for name in names),
         (("RMSE", fit.data.output_unit, 3), "rmse"), (("fit", "%", 3), "fit_pct"),
     )  # fmt: skip
-
-
-def _shape_in_words(name: str) -> str:
-    shape, _, dead = name.partition("+")
-    return SHAPE_WORDS.get(shape, shape) + ", dead time" * bool(dead)
 
 
 def held_out_table(fit: Fit) -> Table:
@@ -224,10 +218,6 @@ def model_tables(fit: Fit) -> list[Table]:
     """Values of each model, logs as recorded and single levels first."""
     found: list[Table] = []
     unit, out = fit.data.input_unit, fit.data.output_unit
-
-    def left(log: LogFit) -> Correlation:
-        return log.correlation
-
     if (part := fit.recorded) is not None:
         logs = table_of(
             "Logs fitted as recorded",
@@ -236,7 +226,7 @@ def model_tables(fit: Fit) -> list[Table]:
             ("log", lambda log: Name(log.name)), ("input", "input_kind"), (("length", "s", 3), "duration_s"),
             (("rate", "Hz", 3), "rate_hz"), (("idle", out, 3), "idle"), (("RMSE", out, 3), "rmse"),
             (("free-run fit", "%", 3), "fit_pct"), (("one-step fit", "%", 3), "one_step_pct"),
-            *outside(left),
+            *outside(attrgetter("correlation")),
         )  # fmt: skip
         loops = table_of(
             "Closed loops as recorded", "Error: reference minus output.", part.loops,

@@ -5,14 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from eaid.arrays import median
-from eaid.report.rig import controller_name
+from eaid.report.rig import SCENARIO_NAMES, controller_name
 from eaid.report.tables import OUTSIDE, Name, Table, level, outside, table_of
 from eaid.results.fit import Fit
-from eaid.results.replay import Metrics, Replay
+from eaid.results.replay import COLUMNS, Metrics, Replay
 from eaid.results.residuals import Correlation, correlation_of
 from eaid.shown import number
 
-TABLE_COLUMNS = ("time_s", "reference_nm", "torque_nm", "duty_pct")
 METRICS = {
     "max_abs_error_nm": ("largest |error|", "out"),
     "rms_error_nm": ("RMS error", "out"),
@@ -20,10 +19,6 @@ METRICS = {
     "mean_abs_duty_step_pct": ("mean input step", "in"),
     "saturated_fraction": ("share at a limit", ""),
 }
-SCENARIO_NAMES = {
-    "steps": "steps", "multisine": "sum of sines", "sweep": "sines of rising frequency",
-    "reference": "own reference", "log": "recorded input", "rehab": "rehabilitation",
-}  # fmt: skip
 
 
 def _units(replay: Replay) -> dict[str, str]:
@@ -100,7 +95,7 @@ def log_table(replay: Replay, fits: Sequence[Fit] = ()) -> Table:
     out = replay.head.output_unit
 
     def left(of: tuple[str, Metrics]) -> Correlation:
-        t, recorded, model, u = (replay.records[of[0]].columns[key] for key in TABLE_COLUMNS)
+        t, recorded, model, u = (replay.records[of[0]].columns[key] for key in COLUMNS)
         return correlation_of([recorded - model], median(np.diff(t)), u)
 
     given = replay.head.inputs.get("log", ())
