@@ -20,8 +20,8 @@ from eaid.estimate.recorded_log import RecordedLog
 from eaid.estimate.spread import t_quantile
 from eaid.findings import finding
 from eaid.options import Limits, PlanOptions
-from eaid.planning.design import PARAMETERS, Designer, Widths, percent, relative_rows, rig_of, settled, wanting
-from eaid.planning.kinds import is_clutch
+from eaid.planning.design import Widths, percent, relative_rows, rig_of, settled, wanting
+from eaid.planning.kinds import PARAMETERS, Known, is_clutch
 from eaid.planning.recordings import RATE_HZ, disturbance_of
 from eaid.plant.drive import Drive
 from eaid.plant.dynamics import Plant
@@ -179,19 +179,19 @@ class Judge:
 
     def half_widths(self, sequence: Array) -> Array:
         """Half-widths of log T_s, log τ1, log τ2 at the duties [%], (3, DUTIES); infinite where nothing is known."""
-        within, between = self.designer.variances(drive_of_sequence(self.whole(sequence)))
+        within, between = self.known.variances(self.noise, drive_of_sequence(self.whole(sequence)))
         half = t_quantile(PLANNED_DEGREES) * np.sqrt(within.sum(axis=2))
         if any(self.noise.scatter.values()):
             half = np.hypot(half, t_quantile(max(between.shape[2] - 1, 1)) * np.sqrt(between.sum(axis=2)))
         return np.asarray(100 * np.expm1(np.minimum(half, 50.0)))
 
     @cached_property
-    def designer(self) -> Designer:
-        """Weighs them by the nonlinear model over the duties that the limits allow."""
+    def known(self) -> Known:
+        """The nonlinear model over the duties that the limits allow."""
         model = nonlinear(np.linspace(*self.limits.duty, 11), self.p.C)
         rows = model.rows(np.linspace(*self.limits.duty, WIDTH_INPUTS))[:3]
         unknowns = model.unknowns(self.p)
-        return Designer(model, unknowns, relative_rows(rows, unknowns), self.noise)
+        return Known(model, unknowns, relative_rows(rows, unknowns))
 
     def ratios(self, sequence: Array) -> Array:
         """Widths over the wanted ones, of those that are wanted, flat."""
