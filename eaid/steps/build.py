@@ -60,24 +60,14 @@ def _record(step: Step, findings: tuple[Finding, ...], left_out: bool) -> RunRec
     run = step.run
     from_rest = run.edge == "rising" and run.from_level == 0
     return RunRecord(
-        name=run.name,
-        source=run.source,
-        sha256=run.sha256,
-        level=abs(run.level or 0.0),
-        repeat=run.repeat or 1,
-        baseline_nm=run.baseline or 0.0,
-        step_s=run.start_s + (run.step_s or 0.0),
-        samples=len(step.time_s),
-        rate_hz=1.0 / step.usual_s,
-        edge=run.edge,
-        findings=findings,
+        name=run.name, source=run.source, sha256=run.sha256, level=abs(run.level or 0.0), repeat=run.repeat or 1,
+        baseline_nm=run.baseline or 0.0, step_s=run.start_s + (run.step_s or 0.0), samples=len(step.time_s),
+        rate_hz=1.0 / step.usual_s, edge=run.edge, findings=findings, from_level=run.from_level,
         lost_pct=hold_of(step.rise[None]).lost_pct if run.edge == "rising" else None,
         left_pct=left_pct(step) if run.edge == "falling" else None,
-        from_level=run.from_level,
         idle_density=idle_density(run.time_s[: step.start], step.idle) if from_rest else None,
-        slip=slip_of(step),
-        left_out=left_out,
-    )
+        slip=slip_of(step), left_out=left_out,
+    )  # fmt: skip
 
 
 def _single(values: set[str], what: str, remedy: str) -> str:
