@@ -290,8 +290,10 @@ def kind_of(name: str, unit: str) -> ExperimentKind:
     return kinds.get(unit_of(unit or split_name(name)[1]).quantity, "clutch")
 
 
-def default_unit(column: str, groups: Sequence[Group]) -> str:
-    """Unit of a column whose name carries none; empty where its name does not say the quantity."""
+def default_unit(column: str, kind: ExperimentKind | None = None) -> str:
+    """Unit of an output, or of the input of an experiment, whose name carries none; empty where its name does not say
+    the quantity."""
+    groups = OUTPUTS if kind is None else INPUT_GROUPS[kind]
     return next((group.unit for group in groups if _alike([column], group.names, set())), "")
 
 
@@ -415,5 +417,4 @@ def the_input(
 
 def _moves(values: NDArray[Any]) -> bool:
     kept = values[np.isfinite(values)]
-    low, high = (float(kept.min()), float(kept.max())) if len(kept) else (0.0, 0.0)
-    return high - low > 0.2 * max(abs(low), abs(high))
+    return bool(len(kept)) and bool(np.ptp(kept) > 0.2 * np.abs(kept).max())

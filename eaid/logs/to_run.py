@@ -15,33 +15,15 @@ from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.findings import Finding, finding
 from eaid.logs.clocks import clock_of, contradicting, contradiction, other_clocks
-from eaid.logs.columns import (
-    FEWEST_IN_COLUMN,
-    INPUT_GROUPS,
-    OUTPUTS,
-    Roles,
-    chosen_table,
-    default_unit,
-    leaves_rest,
-    rises,
-    the_input,
-)
+from eaid.logs.columns import FEWEST_IN_COLUMN, Roles, chosen_table, default_unit, leaves_rest, rises, the_input
 from eaid.logs.run import INPUT_UNITS, Beside, Run
 from eaid.logs.table import Cells, Table, plain
-from eaid.logs.units import (
-    LARGEST_NM,
-    UNKNOWN,
-    Scale,
-    numbers_samples,
-    scale_of,
-    seconds_since_start,
-    split_name,
-    time_unit,
-)
+from eaid.logs.units import UNKNOWN, Scale, numbers_samples, scale_of, seconds_since_start, split_name, time_unit
 from eaid.options import ReadOptions
 
 # Beyond it, or all below its inverse, numbers are none that a sensor gives, and their squares may be none at all
 LARGEST_READING = 1e100
+LARGEST_NM = 1000.0  # Torque beyond any clutch that a bench holds [N·m]: a column of counts, or of another unit
 SHOWN_FAULTS = 5  # Bad rows of a kind up to which each is told; of more, the first and a count
 
 
@@ -272,11 +254,11 @@ def run_of(
     kept_time = raw_time if keep is None else raw_time[keep]
     kept = {column: values if keep is None else values[keep] for column, values in columns.items()}
     time_s, start_s, of_time = seconds_since_start(source, label, kept_time, by_user, by_column)
-    plain_output = default_unit(table.columns[roles.output], OUTPUTS)
-    into = scale_of(source, "output", units.get("output"), table, roles.output, plain_output)
+    named = table.columns[roles.output]
+    into = scale_of(source, "output", units.get("output"), table, roles.output, default_unit(named))
     output = into.of(kept[roles.output])
     if which is not None and kind is not None:
-        plain_input = default_unit(table.columns[which], INPUT_GROUPS[kind])
+        plain_input = default_unit(table.columns[which], kind)
         scale = scale_of(source, "input", units.get("input"), table, which, plain_input)
         input_ = scale.of(kept[which])
     else:
@@ -292,39 +274,24 @@ def run_of(
     if level is not None and which is not None and not (np.abs(np.abs(input_) - abs(level)) <= 0.02 * abs(level)).any():
         most = float(input_[np.abs(input_).argmax()])
         told.append(finding("level-contradicted", source, level=level, found=most, unit=scale.unit))
-    named = {"time": clock, "input": which, "output": roles.output,
-             "reference": roles.reference, "position": roles.position}  # fmt: skip
-    taken = {role: column for role, column in named.items() if column is not None}
+    of_role = {"time": clock, "input": which, "output": roles.output, "reference": roles.reference,
+               "position": roles.position}  # fmt: skip
+    taken = {role: column for role, column in of_role.items() if column is not None}
     others = [table.label(column) for column in range(len(table.columns)) if column not in taken.values()]
     position_unit = units.get("position", "")  # as it is called: nothing is turned into it
     if roles.position is not None and not position_unit:
         position_unit = table.unit(roles.position) or split_name(table.columns[roles.position])[1]
     beside = partial(_beside, table, roles, keep)
+    reference, position = (None if one is None else read_only(kept[one]) for one in (roles.reference, roles.position))
     return Run(
-        name=name,
-        time_s=time_s,
-        input=read_only(input_),
-        output=output,
-        input_unit=scale.unit,
-        output_unit=into.unit,
-        source=source,
-        sha256=sha256,
-        level=level if which is None else None,
-        repeat=repeat,
-        step_s=_on_clock(options.step_at, time_s, start_s),
-        until_s=_on_clock(options.until, time_s, start_s),
-        reference_nm=None if roles.reference is None else read_only(kept[roles.reference]),
-        position=None if roles.position is None else read_only(kept[roles.position]),
-        position_unit=position_unit,
+        name, time_s, read_only(input_), output, scale.unit, into.unit, source, sha256,
+        level=level if which is None else None, repeat=repeat, start_s=start_s, synthetic=table.synthetic,
+        step_s=_on_clock(options.step_at, time_s, start_s), until_s=_on_clock(options.until, time_s, start_s),
+        reference_nm=reference, position=position, position_unit=position_unit, kind=options.kind or kind,
         findings=tuple(msgspec.structs.replace(one, subject=name) for one in told),
-        kind=options.kind or kind,
-        synthetic=table.synthetic,
-        start_s=start_s,
-        taken=tuple((role, table.label(column)) for role, column in taken.items()),
-        left=(*others, *table.dropped),
-        moves=_moves(beside(), time_s) if which is None else (),
-        others=beside,
-    )
+        taken=tuple((role, table.label(column)) for role, column in taken.items()), left=(*others, *table.dropped),
+        moves=_moves(beside(), time_s) if which is None else (), others=beside,
+    )  # fmt: skip
 
 
 def _of_names(source: str, options: ReadOptions) -> Scale:

@@ -19,7 +19,6 @@ from eaid.findings import Finding, finding
 from eaid.logs.table import Table
 
 UNKNOWN = "a.u."  # The unit, arbitrary, of an input or output of which nobody says one
-LARGEST_NM = 1000.0  # Torque beyond any clutch that a bench holds [N·m]: a column of counts, or of another unit
 
 
 class Unit(NamedTuple):
@@ -189,11 +188,8 @@ def scale_of(path: str, role: str, given: str | None, table: Table, column: int,
     if not text or known.quantity == "time":
         if default:
             return Scale(default, 1.0, (finding("unit-assumed", path, role=role, column=label, unit=default),))
-        return Scale(
-            UNKNOWN,
-            1.0,
-            (finding("unit-unknown", path, column=f"{role} {label}" if label != role else role, ask=f"{role}=UNIT"),),
-        )
+        column_said = role if label == role else f"{role} {label}"
+        return Scale(UNKNOWN, 1.0, (finding("unit-unknown", path, column=column_said, ask=f"{role}=UNIT"),))
     if not known.quantity:
         return Scale(text, 1.0)  # one that eaid does not know stays as it is
     if text.strip("[]() ").lower() in ("g", "kg"):
