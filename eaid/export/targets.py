@@ -137,12 +137,8 @@ def _common(job: Job) -> Files:
         numbers = ",".join(decimal(x) for x in (v.reference, v.rate, v.torque, v.duty, v.expected))
         lines.append(f"{v.law},{v.case},{v.before},{numbers},{v.status}")
     yield "vectors.csv", "\n".join(lines) + "\n"
-    yield (
-        "README.md",
-        rendered(
-            job, "README.md.j2", target=job.target, words=(input_word(job.rig.input), output_word(job.rig.output))
-        ),
-    )
+    words = input_word(job.rig.input), output_word(job.rig.output)
+    yield "README.md", rendered(job, "README.md.j2", target=job.target, words=words)
 
 
 def _c(job: Job) -> Files:
