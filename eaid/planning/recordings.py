@@ -13,8 +13,8 @@ from eaid.findings import finding
 from eaid.levels.certainty import levels_first
 from eaid.levels.own_levels import own_levels
 from eaid.options import PlanOptions
-from eaid.planning.design import KEEPING, PARAMETERS, Widths, percent, rig_of, settled, wanting
-from eaid.planning.kinds import is_clutch
+from eaid.planning.design import KEEPING, Widths, percent, rig_of, settled, wanting
+from eaid.planning.kinds import PARAMETERS, is_clutch
 from eaid.planning.kinds import measure as measure_kind
 from eaid.plant.steps import step_response
 from eaid.results.fit import Fit
