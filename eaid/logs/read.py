@@ -97,9 +97,9 @@ def read_file(path: Path, options: ReadOptions, foreign: ForeignReader) -> tuple
         head = file.read(4096)
     if not head:
         raise DataError(f"{source}: is empty; record the log again")
-    if (remedy := unread(head)) is not None:
-        raise DataError(f"{source}: is {remedy}")
     form = format_of(head)
+    if form.name == "not read":
+        raise DataError(f"{source}: is {unread(head)}")
     sha256 = sha256_of(path)
     name = path.name
     for ending in (*LOGS, ".txt", ".h5", ".hdf5", ".xlsx"):
