@@ -71,10 +71,8 @@ def is_recorded(run: Run, rest: float = 0.0) -> bool:
         return True  # of both signs, or from level to level without ever coming to rest
     starts, ends = stretches(loaded)
     apart = INPUTS_APART.get(run.input_unit, MEASURED) * top
-    away = sum(
-        int((np.abs(level[a:b] - np.median(level[a:b])) > apart).sum()) for a, b in zip(starts, ends, strict=True)
-    )
-    if away > AWAY * int(loaded.sum()):
+    held = [level[a:b] for a, b in zip(starts, ends, strict=True)]
+    if sum(int((np.abs(one - np.median(one)) > apart).sum()) for one in held) > AWAY * int(loaded.sum()):
         return not (len(holds) == 2 and still)  # two holds are a step
     if len(starts) <= RETURNS:
         return False
@@ -202,10 +200,8 @@ def let_go_of(runs: Sequence[Run]) -> tuple[float, int] | None:
         peak = float(np.quantile(moved, 0.95))
         held = np.flatnonzero(moved >= HELD * peak)
         last = int(held[-1]) if len(held) else OUTPUT_BLOCKS
-        if (
-            BLOCKS_LATE < last < 0.95 * OUTPUT_BLOCKS - BLOCKS_LATE
-            and (moved[last + BLOCKS_LATE :] < LEFT * peak).mean() > 0.95
-        ):
+        within = BLOCKS_LATE < last < 0.95 * OUTPUT_BLOCKS - BLOCKS_LATE
+        if within and (moved[last + BLOCKS_LATE :] < LEFT * peak).mean() > 0.95:
             edge = run.output[int(last * len(run.output) / OUTPUT_BLOCKS) :]
             at = len(run.output) - len(edge) + len(edge) // (OUTPUT_BLOCKS - last)
             falls.append(run.start_s + float(run.time_s[at]))

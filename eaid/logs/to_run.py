@@ -61,14 +61,11 @@ def checked(
                 f"{source}: column {label} holds a number in {count - gone} of {count} rows only; save the rows in "
                 f"which it was sampled, or all columns at one rate"
             )
-    whole = {
-        sample: f"{word} {row_of(sample)} has {text} cells, unlike the others"
-        for sample, label, text in unread
-        if not label
-    }
-    faults_of = {sample: [fault] for sample, fault in whole.items()}
+    torn = {sample: text for sample, label, text in unread if not label}
+    faults_of = {sample: [f"{word} {row_of(sample)} has {text} cells, unlike the others"]
+                 for sample, text in torn.items()}  # fmt: skip
     for label, values in columns.items():
-        for sample in sorted({*np.flatnonzero(~np.isfinite(values)).tolist()} - whole.keys()):
+        for sample in sorted({*np.flatnonzero(~np.isfinite(values)).tolist()} - torn.keys()):
             found = texts.get((sample, label))
             what = "is infinite" if np.isinf(values[sample]) else "is empty or not a number"
             if found is not None:
@@ -76,8 +73,6 @@ def checked(
                 what = f"holds {found!r}, which is {'not finite' if number else 'no number'}" if found else "is empty"
             faults_of.setdefault(sample, []).append(f"{word} {row_of(sample)}, column {label}, {what}")
     bad = np.isin(np.arange(count), list(faults_of))
-    cells = [fault for sample in sorted(faults_of) for fault in faults_of[sample]]
-    falls: list[str] = []
     fine = np.flatnonzero(~bad)
     rising = time[fine]
     # a row is bad where its time is not above all times before it: dropping those leaves a rising time
@@ -92,6 +87,7 @@ def checked(
         )
     jumps = np.flatnonzero(np.diff(rising) <= 0) + 1
     set_back = len(late) > 5 * len(jumps)  # the clock was set back, and went on
+    cells, falls = [fault for sample in sorted(faults_of) for fault in faults_of[sample]], list[str]()
     for k in (jumps if set_back else late).tolist():
         now, before = float(rising[k]) * time_factor, float(highest[k - 1]) * time_factor
         how = "is repeated" if rising[k] == highest[k - 1] else "falls"

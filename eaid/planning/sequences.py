@@ -286,18 +286,13 @@ def shortest_recording(
     )  # fmt: skip
     findings = [] if rig.known else [finding("plan-assumes-noise", "plan")]
     if not plan.met:
-        findings.append(
-            finding(
-                "excitation-short", "plan",
-                most_s=plan.time_on_rig_s, parameter=worst, width_pct=width if width < np.inf else None,
-                wanted_pct=options.want[worst],
-            )
-        )  # fmt: skip
+        findings.append(finding(
+            "excitation-short", "plan", most_s=plan.time_on_rig_s, parameter=worst,
+            width_pct=width if width < np.inf else None, wanted_pct=options.want[worst],
+        ))  # fmt: skip
     steps = replace(rig, levels=limits.duty).quickest(options.want, PlanOptions())
-    classic_s = steps.time_on_rig_s if steps.met else None
-    sequence: Excitation = msgspec.structs.replace(
-        plan, classic_time_on_rig_s=classic_s, input_unit=rig.plant.input_unit, findings=tuple(findings)
-    )
+    more = {"classic_time_on_rig_s": steps.time_on_rig_s if steps.met else None, "findings": tuple(findings)}
+    sequence: Excitation = msgspec.structs.replace(plan, input_unit=rig.plant.input_unit, **more)
     return sequence
 
 

@@ -26,13 +26,11 @@ def signs_of(runs: Sequence[Run]) -> tuple[dict[str, float], list[Finding]]:
     turned = {False: 1.0, True: 1.0}
     for negative in turned:
         rising = [r for r in runs if r.edge == "rising" and r.from_level == 0 and ((r.level or 0.0) < 0) is negative]
-        rises = [Step(run).rise for run in rising]
-        # those whose mean stands out of the noise
-        clear = [
-            (run, float(rise.mean()))
-            for run, rise in zip(rising, rises, strict=True)
-            if abs(rise.mean()) > STANDARD_ERRORS * block_error(rise) / np.sqrt(20)
-        ]
+        clear = []  # those whose mean stands out of the noise
+        for run in rising:
+            change = float((rise := Step(run).rise).mean())
+            if abs(change) > STANDARD_ERRORS * block_error(rise) / np.sqrt(20):
+                clear.append((run, change))
         if not clear:
             continue
         sizes = np.array([change for _, change in clear])

@@ -407,10 +407,8 @@ def cut_runs(runs: Sequence[Run], options: ReadOptions) -> tuple[list[Run], list
         short = [step for step in of_log if _samples(step) < FEWEST_HELD]
         alone = [step for step in short if run.cut or step.edge == "rising"]
         if alone and (run.cut or not any(step.edge == "rising" for step in good)):
-            few = _samples(alone[0])
-            faults.append(
-                f"{run.where}: {few} samples in its window, at least {FEWEST_HELD} are needed; record it longer"
-            )
+            few = f"{_samples(alone[0])} samples in its window, at least {FEWEST_HELD} are needed"
+            faults.append(f"{run.where}: {few}; record it longer")
         elif short and good:  # a short one beside good ones is left out and told
             note = finding("short-pieces", good[0].name, pieces=len(short), fewest=FEWEST_HELD)
             good[0] = replace(good[0], findings=(*good[0].findings, note))
