@@ -176,7 +176,6 @@ def match_columns(path: str, table: Table, options: ReadOptions) -> Roles:
             which = next((hit for group in groups if (hit := _measuring(table, group, taken))), [])
             if options.kind in (None, kind) and (column := _only(path, "input", which, names)) is not None:
                 inputs.append((kind, column))
-    taken |= {*(column for _, column in inputs), *([reference] if reference is not None else [])}
     return Roles(time, tuple(inputs), output, reference, named.get("position"))
 
 

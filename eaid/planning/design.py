@@ -192,10 +192,9 @@ def finite(widths: Mapping[str, float]) -> dict[str, float | None]:
     return {name: width if width < inf else None for name, width in widths.items()}
 
 
-def wanting(options: PlanOptions | None, widths: Mapping[str, float]) -> PlanOptions:
+def wanting(options: PlanOptions, widths: Mapping[str, float]) -> PlanOptions:
     """The options, with these half-widths [%] where none are wanted; `UsageError` for widths that mean nothing, which
     are those of other parameters, too."""
-    options = options or PlanOptions()
     options = replace(options, want=options.want or widths)
     wrong = [name for name, width in options.want.items() if name not in widths or not 0 < width < 100]
     if wrong:

@@ -59,7 +59,7 @@ FIRST_REPEATS = 5  # … so that the next session asks for so many repeats at th
 NOTICED_SCATTER = 0.01  # Scatter from run to run that is named as what stands in the way of a width
 
 
-def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Callable[[], None] = lambda: None) -> Plan:
+def plan_recordings(fit: Fit, options: PlanOptions, progress: Callable[[], None]) -> Plan:
     """The quickest session on the rig whose intervals are as narrow as is wanted: what `eaid.plan` calls.
 
     `UsageError` for a width of no parameter or a limit that no rig has; `DataError` for a fit without a model of steps.

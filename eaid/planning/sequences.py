@@ -259,9 +259,7 @@ def measure(plan: Excitation, p: Plant, noise: Noise, k: int, seed: int = 0) -> 
 SEQUENCE_SETS, SEQUENCE_KEEPING = 20, 19 / 21
 
 
-def shortest_recording(
-    fit: Fit, options: PlanOptions | None = None, progress: Callable[[], None] = lambda: None
-) -> Excitation:
+def shortest_recording(fit: Fit, options: PlanOptions, progress: Callable[[], None]) -> Excitation:
     """The shortest sequence that identifies a fit's plant to the wanted widths: `eaid.plan(fit, excitation=True)`.
 
     `UsageError` for a width of no parameter or one that the scatter keeps out of reach, and for limits that leave
@@ -277,12 +275,10 @@ def shortest_recording(
             f"{' with a dead time' * (plant.dead_time_s > 0)}; plan steps, without «excitation»"
         )
     refuse_scattered(rig.noise, options.want)
-    limits = limits_of(options, fit.plant.u_range, rig.plant.input_unit)
-    noise = rig.noise
+    limits, noise, seed = limits_of(options, fit.plant.u_range, rig.plant.input_unit), rig.noise, options.seed
     plan, worst, width = settled(  # longer until 19 of 20 recordings keep what is wanted
-        partial(plan_excitation, plant, noise, limits=limits, seed=options.seed),
-        lambda plan, k: measure(plan, plant, noise, k, options.seed), options, SEQUENCE_SETS, SEQUENCE_KEEPING,
-        progress,
+        partial(plan_excitation, plant, noise, limits=limits, seed=seed),
+        lambda plan, k: measure(plan, plant, noise, k, seed), options, SEQUENCE_SETS, SEQUENCE_KEEPING, progress,
     )  # fmt: skip
     findings = [] if rig.known else [finding("plan-assumes-noise", "plan")]
     if not plan.met:

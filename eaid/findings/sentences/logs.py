@@ -36,9 +36,7 @@ def _other_shape(v: Values) -> str:
 
 
 STOOD_STILL = "the sensor stood still for {for_s:.3g} s at {at_s:.6g} s, at exactly {value:.4g} {unit}"
-RAMPS = (
-    "the input takes {ramp_s:.3g} s to its new level, and {moved_pct:.0f} % of the change come before it is there: "
-)
+RAMPS = "the input takes {ramp_s:.3g} s to its new level, and {moved_pct:.0f} % of the change come before it is there: "
 
 ROWS: dict[str, Row] = {
     # Reading
