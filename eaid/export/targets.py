@@ -26,14 +26,10 @@ from eaid.synth.files import input_column
 @cache
 def environment() -> Environment:
     """The templates and their filters."""
-    made = Environment(
-        loader=PackageLoader("eaid.export"),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-        autoescape=False,  # sources, no markup; XML is escaped by its own filter
-    )
+    made = Environment(  # autoescape: sources are no markup; XML is escaped by its own filter
+        loader=PackageLoader("eaid.export"), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+        keep_trailing_newline=True, autoescape=False,
+    )  # fmt: skip
     made.filters |= {
         "lit": hexadecimal,
         "dec": decimal,

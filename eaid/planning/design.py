@@ -5,6 +5,7 @@ numbers of levels and repeats, the experiment that takes the least time on the r
 those of the runs that make a curve there (Satterthwaite).
 """
 
+from bisect import bisect_left
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import ceil, inf
@@ -66,21 +67,16 @@ def drive_of_steps(
     What rings has a turn's time.
     """
     duty, index = np.unique([0.0, *levels], return_inverse=True)
-    rows, weights, which = [], [], []
     idle_s, release_s = rests_s or (0.0, 0.0)
+    pieces: list[tuple[int, Array, Array]] = []  # Place of the input, times between instants, time each stands for
     for k, hold in enumerate(hold_s.tolist()):
-        pieces = [(index[k + 1], *instants(hold, turn_s)), *([(0, *instants(release_s, turn_s))] if release_s else [])]
-        for at, dt_s, weight in [
-            (0, np.array([1.0]), np.array([idle_s])),
-            *pieces,
-            (0, np.array([ENDLESS_REST_S]), np.zeros(1)),
-        ]:
-            rows.append(dt_s)
-            weights.append(weight)
-            which.append(np.full(len(dt_s), at))
-    acts = np.concatenate(which).astype(np.int64)
+        pieces += [(0, np.ones(1), np.array([idle_s])), (index[k + 1], *instants(hold, turn_s))]
+        pieces += [(0, *instants(release_s, turn_s))] if release_s else []
+        pieces.append((0, np.array([ENDLESS_REST_S]), np.zeros(1)))
+    places, dt_s, weights = zip(*pieces, strict=True)
+    acts = np.repeat(np.array(places, dtype=np.int64), [len(one) for one in dt_s])
     nothing, up = np.zeros(len(acts)), np.ones(len(acts), dtype=np.int64)
-    return Drive(np.concatenate(rows), acts, duty, up, nothing, np.concatenate(weights), rests_s is None, True)
+    return Drive(np.concatenate(dt_s), acts, duty, up, nothing, np.concatenate(weights), rests_s is None, True)
 
 
 def instants(time_s: float, turn_s: float) -> tuple[Array, Array]:
@@ -264,17 +260,15 @@ class FittedRig:
     ) -> tuple[int, Widths]:
         """The fewest repeats for the wanted half-widths [%], or the most there are, and what they give."""
         within, between = self.contributions(levels, hold_s, session)
-        low, high = LEAST_REPEATS, self.most + 1
-        half: Widths = {}
-        while low < high:  # of most + 1 nothing is asked
-            middle = (low + high) // 2
-            tried = self.kept(within, between, middle, levels)
-            reached = all(tried[name] <= width for name, width in wanted.items())
-            if reached or middle == self.most:
-                high, half = middle, tried
-            else:
-                low = middle + 1
-        return high, half
+        half: dict[int, Widths] = {}
+
+        def enough(repeats: int) -> bool:
+            half[repeats] = self.kept(within, between, repeats, levels)
+            return repeats == self.most or all(half[repeats][name] <= width for name, width in wanted.items())
+
+        counts = range(LEAST_REPEATS, self.most + 1)
+        fewest = counts[bisect_left(counts, True, key=enough)]
+        return fewest, half[fewest]
 
     def contributions(self, levels: Sequence[float], hold_s: Array, session: PlanOptions) -> tuple[Array, Array]:
         """What noise and scatter of one run at each level contribute to the logarithms at each, (3, m, L)."""

@@ -120,18 +120,12 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN) -> StepSe
     usual = float(np.median([np.abs(level.mean).max() for level in levels])) if levels else 0.0
     findings += sittings(records, usual, input_unit)
     records.sort(key=lambda record: (record.level, record.repeat, record.edge != "rising", record.name))
+    apparatus = options.apparatus or next(iter(rigs), None) or rig_of(kind, input_unit, output_unit)
     return StepSet(
-        kind=kind,
-        input_unit=input_unit,
-        output_unit=output_unit,
-        apparatus=options.apparatus or next(iter(rigs), None) or rig_of(kind, input_unit, output_unit),
-        levels=tuple(levels),
-        releases=tuple(_averaged(falling, steps, out)),
-        runs=tuple(records),
-        findings=tuple(findings),
-        synthetic="; ".join(sorted({run.synthetic for run in runs if run.synthetic})) or None,
+        kind, input_unit, output_unit, apparatus, tuple(levels), tuple(_averaged(falling, steps, out)), tuple(records),
+        tuple(findings), synthetic="; ".join(sorted({run.synthetic for run in runs if run.synthetic})) or None,
         level_steps=level_steps([run for run in runs if run.name not in out], of_runs),
-    )
+    )  # fmt: skip
 
 
 def _of_subject(findings: Sequence[Finding], subject: str) -> list[Finding]:

@@ -92,16 +92,11 @@ def edge_between(run: Run, before: Plateau, now: Plateau, zero: float, idle: flo
             share = 100 * off / max(abs(change), 1e-3 * off)
             findings.append(finding("unsettled-before-step", run.name, (before.level, now.level), share_pct=share))
     return replace(
-        run,
-        level=level,
-        from_level=0.0 if abs(other) <= zero else other,
-        edge="falling" if down else "rising",
+        run, level=level, from_level=0.0 if abs(other) <= zero else other, edge="falling" if down else "rising",
         held=rest.start if from_rest else end_of(run.output, before),
-        baseline=baseline if run.baseline is None else run.baseline,
+        baseline=baseline if run.baseline is None else run.baseline, rest_moved=rest.moved, findings=tuple(findings),
         rest_s=rests * (float(run.time_s[-1] - run.time_s[0]) / (len(run.time_s) - 1)),
-        rest_moved=rest.moved,
-        findings=tuple(findings),
-    )
+    )  # fmt: skip
 
 
 def no_level(run: Run) -> DataError:
