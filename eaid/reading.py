@@ -17,13 +17,12 @@ from eaid.errors import DataError
 from eaid.files import sha256_of
 from eaid.findings import finding, say
 from eaid.logs.columns import columns_guessed
-from eaid.logs.factors import agreeing, chosen, several_factors
 from eaid.logs.folders import files_of
 from eaid.logs.manifest import apply, manifest_of
+from eaid.logs.names import agreeing, chosen, level_and_repeat, pattern_guessed, several_factors, unit_beside
 from eaid.logs.read import columns_told, read_what_can_be
 from eaid.logs.run import Run
 from eaid.logs.text import read_text
-from eaid.logs.to_run import level_and_repeat, pattern_guessed, unit_beside
 from eaid.logs.units import TIME_FACTORS
 from eaid.options import ReadOptions, in_words
 from eaid.progress import Progress, no_progress
@@ -31,9 +30,9 @@ from eaid.steps.baseline import baseline_rule
 from eaid.steps.build import stepset_of
 from eaid.steps.checks import Record, bridged, of_record
 from eaid.steps.cut import active_low, cut_runs, onset, settled_steps
-from eaid.steps.levels import counted_once
 from eaid.steps.noise import block_means, stretches
 from eaid.steps.plateaus import plateaus, stands_still, switching
+from eaid.steps.repeats import counted_once
 from eaid.steps.step import Step
 from eaid.steps.stepset import StepSet
 

@@ -21,9 +21,9 @@ from eaid.errors import DataError
 from eaid.files import hdf5_written_whole
 from eaid.findings import Finding, finding
 from eaid.logs.hdf import attributes, open_hdf5
+from eaid.logs.rows import checked
 from eaid.logs.run import INPUT_UNITS, Run
 from eaid.logs.table import plain
-from eaid.logs.to_run import checked
 from eaid.options import ExperimentKind
 from eaid.version import __version__
 
@@ -165,7 +165,7 @@ def _read_run(group: h5py.Group, shared: Run, repair: bool) -> Run:
     rows = {"time": run.time_s, "input": run.input, "output": run.output}
     if np.isnan(run.input).all():
         del rows["input"]
-    keep = checked(where, rows, (), lambda i: i + 1, "sample", repair)
+    keep = checked(where, rows, (), lambda i: f"sample {i + 1}", repair)
     if keep is not None:
         dropped = finding("rows-dropped", run.name, dropped=len(run.time_s) - len(keep), count=len(run.time_s))
         run = run.part(keep, findings=(*run.findings, dropped))
