@@ -11,7 +11,6 @@ from typing import Any, cast
 import msgspec
 import numpy as np
 
-from eaid.apparatus import rig_of
 from eaid.arrays import median
 from eaid.errors import DataError
 from eaid.files import sha256_of
@@ -247,25 +246,17 @@ def steps_of(
         raise DataError(*faults, *more)
     if options.repair:
         uncut, steps = [bridged(Record(run)) for run in uncut], [bridged(Step(run)) for run in steps]
-    for k, run in enumerate(uncut):
-        if run.has_input:
-            found = (*run.findings, *active_low(run, plateaus(run.input)), *of_record(run))
-            uncut[k] = replace(run, findings=found)
-    uncut, steps = counted_once(uncut), counted_once(steps)
-    if uncut and not steps:
-        first = uncut[0]
-        small = first.input_unit == "%" and all(float(np.abs(run.input).max()) <= 1 for run in uncut)
-        told = (finding("duty-may-be-fraction", "data"),) if small else ()
-        kind = options.kind or first.kind or "clutch"
-        rig = options.apparatus or first.apparatus or rig_of(kind, first.input_unit, first.output_unit)
-        stepset = StepSet(kind, first.input_unit, first.output_unit, rig, (), findings=told)
-    else:
-        stepset = stepset_of(steps, options)
+    found = [[*active_low(run, plateaus(run.input)), *of_record(run)] if run.has_input else [] for run in uncut]
+    told = [replace(run, findings=(*run.findings, *more)) for run, more in zip(uncut, found, strict=True)]
+    uncut, steps = counted_once(told), counted_once(steps)
+    stepset = stepset_of(steps, options, uncut)
     each = (*stepset.level_steps, *settled_steps(uncut, options))
     about = (*stepset.findings, *several_factors([*steps, *uncut]))
-    stepset = replace(stepset, recorded=tuple(uncut), level_steps=each, findings=about)
     if options.levels is not None:
         kept = {run.name for run in stepset.runs}
         steps = [step for step in steps if step.name in kept]
     inputs = tuple((str(path), sha256_of(path)) for path in paths)
-    return steps, replace(stepset, inputs=inputs, reading=options.stated(), logs=tuple(whole), steps=tuple(steps))
+    return steps, replace(
+        stepset, recorded=tuple(uncut), level_steps=each, findings=about, inputs=inputs, reading=options.stated(),
+        logs=tuple(whole), steps=tuple(steps),
+    )  # fmt: skip

@@ -81,6 +81,7 @@ def unit_name(text: str) -> str:
 
 
 LARGEST_CONSTANT: dict[Precision, float] = {"double": 1e60, "single": 1e15}  # Constant: its square is a number still
+LONGEST_DELAY = 10_000  # Samples of dead time that an exported plant holds
 WHOLE_SAMPLES = 1e-9  # Part of a sample by which a dead time may miss whole ones
 SEARCHES = 16  # Tries of the inverse's search at most: twelve are the most seen
 # The search ends when it moves the duty by no more than that
@@ -296,18 +297,11 @@ def constants_of(
     if set(laws) - {"plant"}:
         made["rate"] = rate_constants(rig)
     for law, entries in made.items():
-        _refuse_what_is_too_large(law, entries, rig.precision)
+        inner = [one for entry in entries if isinstance(entry.value, tuple) for one in entry.value]
+        for entry in (one for one in (*entries, *inner) if not isinstance(one.value, tuple)):
+            if not abs(entry.value) <= LARGEST_CONSTANT[rig.precision]:
+                raise UsageError(
+                    f"{law}: {entry.name} is {entry.value:g}, which {rig.precision} precision cannot hold safely; "
+                    "export others"
+                )
     return {name: rounded(entries, rig.precision) for name, entries in made.items()}
-
-
-LONGEST_DELAY = 10_000  # Samples of dead time that an exported plant holds
-
-
-def _refuse_what_is_too_large(law: str, entries: Entries, precision: Precision) -> None:
-    for entry in entries:
-        if isinstance(entry.value, tuple):
-            _refuse_what_is_too_large(law, entry.value, precision)
-        elif not abs(entry.value) <= LARGEST_CONSTANT[precision]:
-            raise UsageError(
-                f"{law}: {entry.name} is {entry.value:g}, which {precision} precision cannot hold safely; export others"
-            )

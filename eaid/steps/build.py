@@ -74,19 +74,25 @@ def _single(values: set[str], what: str, remedy: str) -> str:
     return next(iter(values))
 
 
-def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN) -> StepSet:
-    """Step set of runs that are cut already (`cut_runs`)."""
-    if not cut_steps:
+def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN, recorded: Sequence[Run] = ()) -> StepSet:
+    """Step set of runs that are cut already (`cut_runs`); without any, that of logs which are fitted as recorded."""
+    every = cut_steps or recorded[:1]
+    if not every:
         raise DataError("no log holds a step; give logs with one")
-    kinds: set[ExperimentKind] = {run.kind for run in cut_steps if run.kind is not None}
+    kinds: set[ExperimentKind] = {run.kind for run in every if run.kind is not None}
     if options.kind is None and len(kinds) > 1:
         raise DataError(f"the logs are of different experiments ({', '.join(sorted(kinds))}); give one, or say «kind»")
     kind: ExperimentKind = options.kind or next(iter(kinds), None) or "clutch"
-    input_unit = _single({run.input_unit for run in cut_steps}, "input units", "say one with «units» input=UNIT")
-    output_unit = _single({run.output_unit for run in cut_steps}, "output units", "say one with «units» output=UNIT")
-    rigs = {run.apparatus for run in cut_steps if run.apparatus is not None}
+    input_unit = _single({run.input_unit for run in every}, "input units", "say one with «units» input=UNIT")
+    output_unit = _single({run.output_unit for run in every}, "output units", "say one with «units» output=UNIT")
+    rigs = {run.apparatus for run in every if run.apparatus is not None}
     if options.apparatus is None and len(rigs) > 1:
         raise DataError("the datasets are of different rigs; fit them apart")
+    apparatus = options.apparatus or next(iter(rigs), None) or rig_of(kind, input_unit, output_unit)
+    fraction = (finding("duty-may-be-fraction", "data"),) if input_unit == "%" else ()
+    if not cut_steps:
+        small = all(float(np.abs(run.input).max()) <= 1 for run in recorded)
+        return StepSet(kind, input_unit, output_unit, apparatus, (), findings=fraction if small else ())
 
     runs = sorted(cut_steps, key=lambda run: (abs(run.level or 0.0), run.repeat or 0, run.name))
     rising = grouped([run for run in runs if run.edge == "rising" and run.from_level == 0])
@@ -112,15 +118,13 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN) -> StepSe
         for one in disagreements(level, input_unit):
             of_runs[one.subject].append(one)
     findings = _of_subject(of_signs, "data")
-    if input_unit == "%" and levels and levels[-1].level <= 1:
-        findings.append(finding("duty-may-be-fraction", "data"))
+    findings += fraction if levels and levels[-1].level <= 1 else ()
     if stairs := sum(run.from_level != 0 for run in runs):
         findings.append(finding("level-to-level", "data", steps=stairs, of=len(runs)))
     records = [_record(steps[run.name], tuple(of_runs[run.name]), run.name in out) for run in runs]
     usual = float(np.median([np.abs(level.mean).max() for level in levels])) if levels else 0.0
     findings += sittings(records, usual, input_unit)
     records.sort(key=lambda record: (record.level, record.repeat, record.edge != "rising", record.name))
-    apparatus = options.apparatus or next(iter(rigs), None) or rig_of(kind, input_unit, output_unit)
     return StepSet(
         kind, input_unit, output_unit, apparatus, tuple(levels), tuple(_averaged(falling, steps, out)), tuple(records),
         tuple(findings), synthetic="; ".join(sorted({run.synthetic for run in runs if run.synthetic})) or None,
