@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.findings import Finding, finding
-from eaid.logs.clocks import clock_of, contradicting, contradiction, other_clocks
+from eaid.logs.clocks import seconds_since_start, unit_of_time
 from eaid.logs.columns import Roles, chosen_table, default_unit, leaves_rest, rises, the_input
 from eaid.logs.names import level_and_repeat, unit_beside
 from eaid.logs.rows import checked
 from eaid.logs.run import INPUT_UNITS, Beside, Run
 from eaid.logs.table import Cells, Table, plain
-from eaid.logs.units import UNKNOWN, Scale, numbers_samples, scale_of, seconds_since_start, split_name, time_unit
+from eaid.logs.units import UNKNOWN, Scale, numbers_samples, scale_of, split_name
 from eaid.options import ReadOptions
 
 # Beyond it, or all below its inverse, numbers are none that a sensor gives, and their squares may be none at all
@@ -63,7 +63,7 @@ def run_of(
 
     cells, columns = _loaded(source, table, [roles.output, clock, roles.reference, roles.position, which])
     raw_time = np.arange(len(columns[roles.output])) if clock is None else columns[clock]
-    by_user, by_column = _unit_of_time(source, table, roles, clock, raw_time, options)
+    by_user, by_column = unit_of_time(source, table, roles, clock, raw_time, options)
     used = [column for column in (which, roles.output, roles.position) if column is not None]
     label = "time" if clock is None else table.label(clock)
     by_label = {label: raw_time} | {table.label(i): columns[i] for i in used}
@@ -111,23 +111,6 @@ def run_of(
         taken=tuple((role, table.label(column)) for role, column in taken.items()), left=(*others, *table.dropped),
         moves=_moves(beside(), time_s) if which is None else (), others=beside,
     )  # fmt: skip
-
-
-def _unit_of_time(
-    source: str, table: Table, roles: Roles, clock: int | None, raw: NDArray[Any], options: ReadOptions
-) -> tuple[float | None, float | None]:
-    """Seconds in one unit of the time, as the user says, and as its column does; DataError where another contradicts
-    it and the user says nothing."""
-    if clock is None:
-        return None if options.rate_hz is None else 1.0 / options.rate_hz, None
-    by_user, by_column = time_unit(source, options.units.get("time"), table, clock)
-    if clock not in table.stamped:
-        own = clock_of(table.label(clock), raw, by_column or 1.0)
-        other = contradicting(own, other_clocks(source, table, roles.taken))
-        if other is not None and by_user is None:
-            raise contradiction(source, own, other)
-        by_column = by_column if other is None else None  # its header is wrong, or the user knows better
-    return by_user, by_column
 
 
 def _of_names(source: str, options: ReadOptions) -> Scale:
