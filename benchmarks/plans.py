@@ -13,7 +13,7 @@ import numpy as np
 
 import eaid
 from benchmarks.coverage import VARIANTS, one_set, stepset
-from eaid.planning.design import PARAMETERS
+from eaid.planning.kinds import PARAMETERS
 from eaid.results.fit import Fit
 from eaid.results.plan import Plan
 

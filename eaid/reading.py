@@ -11,19 +11,17 @@ from typing import Any, cast
 import msgspec
 import numpy as np
 
-from eaid.apparatus import rig_of
 from eaid.arrays import median
 from eaid.errors import DataError
 from eaid.files import sha256_of
 from eaid.findings import finding, say
 from eaid.logs.columns import columns_guessed
-from eaid.logs.factors import agreeing, chosen, several_factors
 from eaid.logs.folders import files_of
 from eaid.logs.manifest import apply, manifest_of
+from eaid.logs.names import agreeing, chosen, level_and_repeat, pattern_guessed, several_factors, unit_beside
 from eaid.logs.read import columns_told, read_what_can_be
 from eaid.logs.run import Run
 from eaid.logs.text import read_text
-from eaid.logs.to_run import level_and_repeat, pattern_guessed, unit_beside
 from eaid.logs.units import TIME_FACTORS
 from eaid.options import ReadOptions, in_words
 from eaid.progress import Progress, no_progress
@@ -31,9 +29,9 @@ from eaid.steps.baseline import baseline_rule
 from eaid.steps.build import stepset_of
 from eaid.steps.checks import Record, bridged, of_record
 from eaid.steps.cut import active_low, cut_runs, onset, settled_steps
-from eaid.steps.levels import counted_once
 from eaid.steps.noise import block_means, stretches
 from eaid.steps.plateaus import plateaus, stands_still, switching
+from eaid.steps.repeats import counted_once
 from eaid.steps.step import Step
 from eaid.steps.stepset import StepSet
 
@@ -71,10 +69,8 @@ def is_recorded(run: Run, rest: float = 0.0) -> bool:
         return True  # of both signs, or from level to level without ever coming to rest
     starts, ends = stretches(loaded)
     apart = INPUTS_APART.get(run.input_unit, MEASURED) * top
-    away = sum(
-        int((np.abs(level[a:b] - np.median(level[a:b])) > apart).sum()) for a, b in zip(starts, ends, strict=True)
-    )
-    if away > AWAY * int(loaded.sum()):
+    held = [level[a:b] for a, b in zip(starts, ends, strict=True)]
+    if sum(int((np.abs(one - np.median(one)) > apart).sum()) for one in held) > AWAY * int(loaded.sum()):
         return not (len(holds) == 2 and still)  # two holds are a step
     if len(starts) <= RETURNS:
         return False
@@ -202,10 +198,8 @@ def let_go_of(runs: Sequence[Run]) -> tuple[float, int] | None:
         peak = float(np.quantile(moved, 0.95))
         held = np.flatnonzero(moved >= HELD * peak)
         last = int(held[-1]) if len(held) else OUTPUT_BLOCKS
-        if (
-            BLOCKS_LATE < last < 0.95 * OUTPUT_BLOCKS - BLOCKS_LATE
-            and (moved[last + BLOCKS_LATE :] < LEFT * peak).mean() > 0.95
-        ):
+        within = BLOCKS_LATE < last < 0.95 * OUTPUT_BLOCKS - BLOCKS_LATE
+        if within and (moved[last + BLOCKS_LATE :] < LEFT * peak).mean() > 0.95:
             edge = run.output[int(last * len(run.output) / OUTPUT_BLOCKS) :]
             at = len(run.output) - len(edge) + len(edge) // (OUTPUT_BLOCKS - last)
             falls.append(run.start_s + float(run.time_s[at]))
@@ -252,25 +246,17 @@ def steps_of(
         raise DataError(*faults, *more)
     if options.repair:
         uncut, steps = [bridged(Record(run)) for run in uncut], [bridged(Step(run)) for run in steps]
-    for k, run in enumerate(uncut):
-        if run.has_input:
-            found = (*run.findings, *active_low(run, plateaus(run.input)), *of_record(run))
-            uncut[k] = replace(run, findings=found)
-    uncut, steps = counted_once(uncut), counted_once(steps)
-    if uncut and not steps:
-        first = uncut[0]
-        small = first.input_unit == "%" and all(float(np.abs(run.input).max()) <= 1 for run in uncut)
-        told = (finding("duty-may-be-fraction", "data"),) if small else ()
-        kind = options.kind or first.kind or "clutch"
-        rig = options.apparatus or first.apparatus or rig_of(kind, first.input_unit, first.output_unit)
-        stepset = StepSet(kind, first.input_unit, first.output_unit, rig, (), findings=told)
-    else:
-        stepset = stepset_of(steps, options)
+    found = [[*active_low(run, plateaus(run.input)), *of_record(run)] if run.has_input else [] for run in uncut]
+    told = [replace(run, findings=(*run.findings, *more)) for run, more in zip(uncut, found, strict=True)]
+    uncut, steps = counted_once(told), counted_once(steps)
+    stepset = stepset_of(steps, options, uncut)
     each = (*stepset.level_steps, *settled_steps(uncut, options))
     about = (*stepset.findings, *several_factors([*steps, *uncut]))
-    stepset = replace(stepset, recorded=tuple(uncut), level_steps=each, findings=about)
     if options.levels is not None:
         kept = {run.name for run in stepset.runs}
         steps = [step for step in steps if step.name in kept]
     inputs = tuple((str(path), sha256_of(path)) for path in paths)
-    return steps, replace(stepset, inputs=inputs, reading=options.stated(), logs=tuple(whole), steps=tuple(steps))
+    return steps, replace(
+        stepset, recorded=tuple(uncut), level_steps=each, findings=about, inputs=inputs, reading=options.stated(),
+        logs=tuple(whole), steps=tuple(steps),
+    )  # fmt: skip

@@ -147,11 +147,8 @@ def passive_stiffness(channel: Channel, timing: Timing, options: CoupleOptions) 
     # From far below the slowest lag to just below the Nyquist frequency
     omega = np.geomspace(1e-3 / max(1.0, 0.01 * channel.point.plant.slowest_s), 0.999 * np.pi * timing.rate_hz, 1200)
     alias = omega + 2 * np.pi / h * np.arange(-ALIASES, ALIASES + 1)[:, None]
-    q = (
-        duty_response(channel, timing, omega)
-        * channel.point.plant.response(1j * alias)
-        * margins.hold_response(alias, h)
-    )  # D W/h for K = 1
+    D = duty_response(channel, timing, omega)  # For K = 1
+    q = D * channel.point.plant.response(1j * alias) * margins.hold_response(alias, h)  # D W/h
     # ‖p‖ in closed form: Σ 1/ω_n² = (h/2)²/sin²(ωh/2)
     size = 0.5 * h / np.sin(0.5 * omega * h) * np.linalg.norm(q, axis=0)
     product = np.sum(q / (1j * alias), axis=0)

@@ -8,14 +8,17 @@ rate      r ← m r + (1 − m)/dt (x − x before),  m = e^(−2π f dt)
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, Literal
 
 import numpy as np
 
+from eaid.control.kinds import Law
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
+from eaid.errors import UsageError
 from eaid.logs.units import UNKNOWN
 from eaid.plant.dynamics import Plant, in_samples, plant_numbers, plant_terms
 from eaid.plant.operating import around
@@ -78,6 +81,7 @@ def unit_name(text: str) -> str:
 
 
 LARGEST_CONSTANT: dict[Precision, float] = {"double": 1e60, "single": 1e15}  # Constant: its square is a number still
+LONGEST_DELAY = 10_000  # Samples of dead time that an exported plant holds
 WHOLE_SAMPLES = 1e-9  # Part of a sample by which a dead time may miss whole ones
 SEARCHES = 16  # Tries of the inverse's search at most: twelve are the most seen
 # The search ends when it moves the duty by no more than that
@@ -269,3 +273,35 @@ def rate_constants(rig: Rig) -> Entries:
     """Constants of the filtered derivative."""
     memory = math.exp(-2 * math.pi * rig.rate_filter_hz * rig.dt_s)
     return Entry("memory", memory), Entry("gain", (1.0 - memory) / rig.dt_s, "1/s")
+
+
+def constants_of(
+    loops: Mapping[str, Law], plant: Plant | None, limits: tuple[float, float], laws: tuple[str, ...], rig: Rig
+) -> dict[str, Entries]:
+    """Constants of each law, and of the rate's filter, in the target's precision; UsageError where one is too large."""
+    made = {
+        name: pi_constants(law, rig) if isinstance(law, PIGains) else rc_constants(law, rig)
+        for name, law in sorted(loops.items()) if name in laws and isinstance(law, PIGains | RCGains)
+    }  # fmt: skip
+    if plant is not None:
+        if "inverse" in laws:
+            made["inverse"] = inverse_constants(plant, limits, rig)
+        if "plant" in laws:
+            made["plant"] = plant_constants(plant, rig)
+            delay = rig.dead_time(plant)[0]
+            if delay > LONGEST_DELAY:
+                raise UsageError(
+                    f"«law» plant: its dead time of {plant.dead_time_s:.4g} s takes {delay} samples at "
+                    f"{1 / rig.dt_s:.6g} Hz, {LONGEST_DELAY} at most; lower «rate_hz»"
+                )
+    if set(laws) - {"plant"}:
+        made["rate"] = rate_constants(rig)
+    for law, entries in made.items():
+        inner = [one for entry in entries if isinstance(entry.value, tuple) for one in entry.value]
+        for entry in (one for one in (*entries, *inner) if not isinstance(one.value, tuple)):
+            if not abs(entry.value) <= LARGEST_CONSTANT[rig.precision]:
+                raise UsageError(
+                    f"{law}: {entry.name} is {entry.value:g}, which {rig.precision} precision cannot hold safely; "
+                    "export others"
+                )
+    return {name: rounded(entries, rig.precision) for name, entries in made.items()}

@@ -8,7 +8,8 @@ from pathlib import Path
 from eaid.control.gains import plant_of
 from eaid.control.margins import margins, operating_points
 from eaid.errors import EaidError, GainsError
-from eaid.export.job import Job, Source, constants_of, head_of, laws_of, rig_of, source_of, vectors
+from eaid.export.constants import constants_of
+from eaid.export.job import Job, Source, head_of, laws_of, rig_of, source_of, vectors
 from eaid.export.targets import MARK, TARGETS, VECTOR_COLUMNS
 from eaid.files import folder_written_whole, refuse_folder, sha256_of
 from eaid.findings import Finding, finding, ranked, say, stops
@@ -142,7 +143,7 @@ def export(
     source = source_of(gains, fit)
     laws = laws_of(source, options)
     rig = rig_of(source, options)
-    constants = constants_of(source, laws, rig)
+    constants = constants_of(source.loops, source.plant, source.limits, laws, rig)
     findings = ranked(_findings(source, laws, 1.0 / rig.dt_s, options))
     if grave := stops(findings):
         if not options.anyway:

@@ -8,27 +8,9 @@ from typing import Any, NamedTuple
 from eaid.control.defaults import control_rate, input_limits
 from eaid.control.gains import law_of, plant_of, refuse_other_units
 from eaid.control.kinds import Law
-from eaid.control.pi import PIGains
-from eaid.control.rc import RCGains
 from eaid.errors import UsageError, in_python
 from eaid.export import reference
-from eaid.export.constants import (
-    LARGEST_CONSTANT,
-    SERIES,
-    Entries,
-    Precision,
-    Rig,
-    decimal,
-    harmless,
-    inverse_constants,
-    namespace,
-    pi_constants,
-    plant_constants,
-    rate_constants,
-    rc_constants,
-    rounded,
-    unit_name,
-)
+from eaid.export.constants import SERIES, Entries, Rig, decimal, harmless, namespace, rounded, unit_name
 from eaid.findings import Finding, finding, say
 from eaid.options import LAWS, ExportOptions
 from eaid.plant.dynamics import Plant, plant_numbers, plant_terms
@@ -97,6 +79,7 @@ def source_of(gains: Gains | None, fit: Fit | None) -> Source:
 
 GO_ON, RESET, BUMPLESS = 0, 1, 2  # What comes before a row's step: nothing, a reset, a bumpless start
 CASE_ROWS = 60  # Rows of the longest case
+TONES_HZ = (0.2, 0.5, 1.0, 2.0, 4.0)  # Of its multisine
 
 
 class Vector(NamedTuple):
@@ -157,12 +140,10 @@ def _rows(top: float, dt: float, low: float, high: float) -> Iterator[Row]:
         yield "steps", RESET if k == 0 else GO_ON, wanted, 0.0, torque, 0.0
         torque += 0.05 * (wanted - torque)
     for k in range(CASE_ROWS):
-        angles = [2 * math.pi * f * 8 * k * dt + 1.7 * i * i for i, f in enumerate((0.2, 0.5, 1.0, 2.0, 4.0))]
+        angles = [2 * math.pi * f * 8 * k * dt + 1.7 * i * i for i, f in enumerate(TONES_HZ)]
         wanted = top * (0.4 + 0.05 * sum(math.sin(a) for a in angles))
-        slope = (
-            top * 0.05 * sum(2 * math.pi * f * math.cos(a) for f, a in zip((0.2, 0.5, 1, 2, 4), angles, strict=True))
-        )
-        yield "multisine", RESET if k == 0 else GO_ON, wanted, slope, torque, 0.0
+        slopes = (2 * math.pi * f * math.cos(a) for f, a in zip(TONES_HZ, angles, strict=True))
+        yield "multisine", RESET if k == 0 else GO_ON, wanted, top * 0.05 * sum(slopes), torque, 0.0
         torque += 0.2 * (wanted - torque)
     for k in range(CASE_ROWS // 2):
         wanted = top * (3.0 if k < CASE_ROWS // 4 else -1.0)
@@ -176,14 +157,8 @@ def _rows(top: float, dt: float, low: float, high: float) -> Iterator[Row]:
         yield "bad-input", GO_ON, 0.3 * top, 0.0, torque, 0.0
     for k in range(CASE_ROWS // 2):
         duty = low + (high - low) * (0.25 if k < CASE_ROWS // 4 else 0.7)
-        yield (
-            "switch",
-            BUMPLESS if k % (CASE_ROWS // 4) == 0 else GO_ON,
-            0.3 * top,
-            0.1 * top,
-            0.29 * top + 1e-3 * k,
-            duty,
-        )
+        before = BUMPLESS if k % (CASE_ROWS // 4) == 0 else GO_ON
+        yield "switch", before, 0.3 * top, 0.1 * top, 0.29 * top + 1e-3 * k, duty
 
 
 def _duties(high: float, delay: int) -> Iterator[tuple[str, int, float]]:
@@ -229,43 +204,6 @@ def rig_of(source: Source, options: ExportOptions) -> Rig:
     """Sample time, precision and units."""
     rate = options.rate_hz or float(f"{source.made_for.rate_hz:.9g}")  # of a log's stamps, which round
     return Rig(1.0 / rate, options.precision, float(options.duty_on_fault), *map(unit_name, source.units))
-
-
-def constants_of(source: Source, laws: tuple[str, ...], rig: Rig) -> dict[str, Entries]:
-    """Constants of each law, and of the rate's filter, in the target's precision; UsageError where one is too large."""
-    made = {
-        name: pi_constants(law, rig) if isinstance(law, PIGains) else rc_constants(law, rig)
-        for name, law in sorted(source.loops.items()) if name in laws and isinstance(law, PIGains | RCGains)
-    }  # fmt: skip
-    if source.plant is not None:
-        if "inverse" in laws:
-            made["inverse"] = inverse_constants(source.plant, source.limits, rig)
-        if "plant" in laws:
-            made["plant"] = plant_constants(source.plant, rig)
-            delay = rig.dead_time(source.plant)[0]
-            if delay > LONGEST_DELAY:
-                raise UsageError(
-                    f"«law» plant: its dead time of {source.plant.dead_time_s:.4g} s takes {delay} samples at "
-                    f"{1 / rig.dt_s:.6g} Hz, {LONGEST_DELAY} at most; lower «rate_hz»"
-                )
-    if set(laws) - {"plant"}:
-        made["rate"] = rate_constants(rig)
-    for law, entries in made.items():
-        _refuse_what_is_too_large(law, entries, rig.precision)
-    return {name: rounded(entries, rig.precision) for name, entries in made.items()}
-
-
-LONGEST_DELAY = 10_000  # Samples of dead time that an exported plant holds
-
-
-def _refuse_what_is_too_large(law: str, entries: Entries, precision: Precision) -> None:
-    for entry in entries:
-        if isinstance(entry.value, tuple):
-            _refuse_what_is_too_large(law, entry.value, precision)
-        elif not abs(entry.value) <= LARGEST_CONSTANT[precision]:
-            raise UsageError(
-                f"{law}: {entry.name} is {entry.value:g}, which {precision} precision cannot hold safely; export others"
-            )
 
 
 def head_of(

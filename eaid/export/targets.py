@@ -26,14 +26,10 @@ from eaid.synth.files import input_column
 @cache
 def environment() -> Environment:
     """The templates and their filters."""
-    made = Environment(
-        loader=PackageLoader("eaid.export"),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-        autoescape=False,  # sources, no markup; XML is escaped by its own filter
-    )
+    made = Environment(  # autoescape: sources are no markup; XML is escaped by its own filter
+        loader=PackageLoader("eaid.export"), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+        keep_trailing_newline=True, autoescape=False,
+    )  # fmt: skip
     made.filters |= {
         "lit": hexadecimal,
         "dec": decimal,
@@ -137,12 +133,8 @@ def _common(job: Job) -> Files:
         numbers = ",".join(decimal(x) for x in (v.reference, v.rate, v.torque, v.duty, v.expected))
         lines.append(f"{v.law},{v.case},{v.before},{numbers},{v.status}")
     yield "vectors.csv", "\n".join(lines) + "\n"
-    yield (
-        "README.md",
-        rendered(
-            job, "README.md.j2", target=job.target, words=(input_word(job.rig.input), output_word(job.rig.output))
-        ),
-    )
+    words = input_word(job.rig.input), output_word(job.rig.output)
+    yield "README.md", rendered(job, "README.md.j2", target=job.target, words=words)
 
 
 def _c(job: Job) -> Files:

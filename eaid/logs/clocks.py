@@ -1,22 +1,25 @@
-"""Several columns of time in one log: whether they tell the same time.
+"""Columns of time: their unit, as the user, the header or the numbers say it, and time from the start of a log.
 
-Both are taken at the ends of `CLOCK_BLOCKS` equal parts of the log. They contradict each other where, in most parts,
-what one says to have passed differs from what the other says by more than `OFF` of the longer, and by more than both
-resolve.
+Where several columns tell a time, both are taken at the ends of `CLOCK_BLOCKS` equal parts of the log. They contradict
+each other where, in most parts, what one says to have passed differs from what the other says by more than `OFF` of the
+longer, and by more than both resolve.
 """
 
 import contextlib
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from eaid.arrays import Array, median
-from eaid.errors import DataError
+from eaid.arrays import Array, median, read_only
+from eaid.errors import DataError, UsageError
+from eaid.findings import Finding, finding
+from eaid.logs.columns import Roles
 from eaid.logs.table import Table
-from eaid.logs.units import TIME_FACTORS, time_unit
+from eaid.logs.units import TIME_FACTORS, TIME_UNITS, declared_unit, divisor, numbers_samples, split_name, unit_of
+from eaid.options import ReadOptions
 
 OFF = 0.05  # Share by which two clocks may differ: no clock drifts so far, and units differ by 24 and more
 CLOCK_BLOCKS = 20
@@ -30,25 +33,38 @@ class Clock(NamedTuple):
     factor: float  # Seconds in one unit of it
 
 
-def clock_of(column: str, raw: NDArray[Any], factor: float) -> Clock:
+def _clock_of(column: str, raw: NDArray[Any], factor: float) -> Clock:
     """A column of time by its numbers."""
     return Clock(column, (raw - raw[0]) * factor if len(raw) else raw, factor)
 
 
-def other_clocks(path: str, table: Table, taken: Collection[int | None]) -> list[Clock]:
+def _other_clocks(path: str, table: Table, taken: Collection[int | None]) -> list[Clock]:
     """The columns, besides those that are taken, that say a time and its unit."""
     clocks = []
     for column, name in enumerate(table.columns):
         if column not in taken and len(name) != 1:  # s may be a stroke, h a height
             with contextlib.suppress(DataError):
-                if factor := time_unit(path, None, table, column)[1]:
-                    clocks.append(clock_of(table.label(column), table.load([column]).values[0], factor))
+                if factor := _time_unit(path, None, table, column)[1]:
+                    clocks.append(_clock_of(table.label(column), table.load([column]).values[0], factor))
     return clocks
 
 
-def contradicting(time: Clock, others: Sequence[Clock]) -> Clock | None:
-    """The first of the others, of as many rows, that tells another time."""
-    return next((one for one in others if len(one.time_s) == len(time.time_s) and not _agree(time, one)), None)
+def unit_of_time(
+    source: str, table: Table, roles: Roles, clock: int | None, raw: NDArray[Any], options: ReadOptions
+) -> tuple[float | None, float | None]:
+    """Seconds in one unit of the time, as the user says, and as its column does; DataError where another contradicts
+    it and the user says nothing."""
+    if clock is None:
+        return None if options.rate_hz is None else 1.0 / options.rate_hz, None
+    by_user, by_column = _time_unit(source, options.units.get("time"), table, clock)
+    if clock in table.stamped:
+        return by_user, by_column
+    own = _clock_of(table.label(clock), raw, by_column or 1.0)
+    others = [one for one in _other_clocks(source, table, roles.taken) if len(one.time_s) == len(raw)]
+    other = next((one for one in others if not _agree(own, one)), None)
+    if other is not None and by_user is None:
+        raise _contradiction(source, own, other)
+    return by_user, by_column if other is None else None  # its header is wrong, or the user knows better
 
 
 def _agree(one: Clock, other: Clock) -> bool:
@@ -66,7 +82,7 @@ def _agree(one: Clock, other: Clock) -> bool:
     return bool(median(np.abs(a - b) - OFF * np.maximum(a, b)) <= 2 * finest)
 
 
-def contradiction(path: str, time: Clock, other: Clock) -> DataError:
+def _contradiction(path: str, time: Clock, other: Clock) -> DataError:
     """That two columns of time contradict each other, and what to do."""
     a, b = (float(np.nanmax(one.time_s)) for one in (time, other))
     counts = time.factor * b / a  # seconds in one unit of the first, if the second is right
@@ -77,3 +93,117 @@ def contradiction(path: str, time: Clock, other: Clock) -> DataError:
         f"{path}: two columns of time contradict each other: by {time.column} the log takes {a:.4g} s, by "
         f"{other.column} {b:.4g} s; say {other_right} if the second is right, «units» time={own} if the first is"
     )
+
+
+# What a clock counts that began at a fixed day, how many of it a second, and its first stamps of our time [s]
+CLOCKS = (
+    *((f"{unit} since 1970", per_s, 1e9, 4e9) for unit, per_s in (("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9))),
+    ("100 ns since 1601 (FILETIME)", 1e7, 1.26e10, 1.56e10),
+    ("100 ns since the year 1 (.NET)", 1e7, 6.31e10, 6.61e10),
+)
+# Sample time beyond which a clock without a unit counts not from a fixed day, but in a finer unit from power-up
+SLOWEST_CLOCK_S = 90.0
+FASTEST_HZ = 50_000.0  # Sample rate beyond which a clock whose unit nobody gave is warned of
+BRIEF_S, QUICK_HZ = 2.0, 2000.0  # Span and sample rate of a log that may be one of minutes, if nobody gave the unit
+# Span beyond which a clock whose unit nobody gave counts no seconds, if it counts whole numbers, or seldom
+LONGEST_S = 3600.0
+
+
+def _time_unit(path: str, given: str | None, table: Table, column: int) -> tuple[float | None, float | None]:
+    """Seconds in one unit of a time column, as the user says, and as its file or its name does; None where not."""
+    by_user = None
+    if given is not None:
+        known = unit_of(given)
+        if not given.startswith("/") and known.quantity != "time":
+            raise UsageError(f"«units» time={given}: is no unit of time; use {TIME_UNITS}")
+        by_user = known.factor if known.quantity else 1.0 / divisor("time", given)
+    name = table.columns[column]
+    bare = split_name(name)[0]
+    text = declared_unit(path, "time", given, table, column)
+    known = unit_of(text or (bare if len(bare) > 1 or bare == "s" else ""))
+    if known.quantity == "time":
+        return by_user, known.factor
+    if text and by_user is None:
+        raise DataError(
+            f"{path}: column {name} is in {text}, which is no unit of time that eaid knows; "
+            f"say it with «units» time=UNIT ({TIME_UNITS})"
+        )
+    return by_user, None
+
+
+def seconds_since_start(
+    path: str, column: str, raw: NDArray[Any], by_user: float | None, by_column: float | None
+) -> tuple[Array, float, tuple[Finding, ...]]:
+    """Time since the first sample [s], shape (n,), the clock there [s], and its warnings.
+
+    `raw` rises; `by_user`, `by_column`: seconds in one unit of it, as far as somebody says.
+    """
+    first = raw[0]
+    gone = read_only(raw - first)
+    usual = float(np.median(np.diff(gone[:10_000]))) if len(gone) > 1 else 0.0
+    factor, findings = by_user or by_column or 1.0, list[Finding]()
+    days = ((counts, per_s) for counts, per_s, low, high in CLOCKS if low <= float(first) / per_s <= high)
+    counts, per_s = next(days, ("", 0.0))
+    refuted = bool(counts) and by_column is not None and not math.isclose(by_column * per_s, 1.0)
+    too_fast = by_column is not None and 0 < usual * by_column < 1.0 / (5e6 if by_column > 1e-6 else 5e9)
+    if by_user is not None:
+        if by_column is not None and not (refuted or too_fast) and not math.isclose(by_user, by_column):
+            raise DataError(
+                f"{path}: column {column} says its unit, «units» time=UNIT another; leave it out, or mend the name"
+            )
+    elif refuted:
+        raise DataError(
+            f"{path}: column {column} says its unit, but its first stamp, {float(first):.10g}, counts {counts}; "
+            f"say which with «units» time=UNIT"
+        )
+    elif too_fast:
+        findings.append(_unclear(path, column, usual, float(gone[-1]), "d", factor))
+    elif by_column is None:
+        if numbers_samples(column) and usual == 1.0:
+            raise DataError(
+                f"{path}: column {column} numbers the samples and is no time; give their rate with «rate_hz» HZ and "
+                f"name no time column, or say «units» time=/1000 for 1000 samples a second"
+            )
+        late = np.flatnonzero(np.diff(raw) >= 40)  # times of day as numbers, 161859.9 and then 161900.0
+        ends, begins = raw[late] % 100, raw[late + 1] % 100
+        if len(late) and float(raw[-1]) < 240_000 and bool(((ends >= 59) & (ends < 60) & (begins < 1)).all()):
+            raise DataError(
+                f"{path}: column {column} holds times of day as numbers, {raw[late[0]]:.10g} and then "
+                f"{raw[late[0] + 1]:.10g}; save it as 16:18:59.9, or in seconds"
+            )
+        if counts and usual / per_s <= SLOWEST_CLOCK_S:
+            factor = 1.0 / per_s
+            if per_s != 1:
+                findings.append(finding("time-since-a-day", path, column=column, counts=counts))
+        else:
+            findings.append(_of_seconds(path, column, gone, usual))
+    return read_only(gone if factor == 1.0 else gone * factor), float(first) * factor, tuple(findings)
+
+
+def _of_seconds(path: str, column: str, gone: Array, usual: float) -> Finding:
+    """That seconds are assumed of a clock whose unit nobody gave, and what speaks against them."""
+    span, too_fast = float(gone[-1]), 0 < usual < 1.0 / FASTEST_HZ
+    whole = usual >= 1.0 and bool(np.all(gone[:100_000] == np.floor(gone[:100_000])))
+    brief = 0 < usual < 1.0 / QUICK_HZ and span < BRIEF_S
+
+    def off(unit: str) -> float:  # from a hundred samples a second, and from a minute in all
+        return sum(abs(math.log(size * TIME_FACTORS[unit])) for size in (usual / 0.01, span / 60))
+
+    # if it counts no seconds: the coarsest unit with half a second a sample, and an hour in all, at most
+    finer = (one for one in ("ms", "us") if max(usual / 0.5, span / LONGEST_S) * TIME_FACTORS[one] <= 1)
+    likely = min(("min", "h", "d"), key=off) if brief or too_fast else next(finer, "ns")
+    if too_fast or (span > LONGEST_S and (whole or usual > SLOWEST_CLOCK_S)):
+        return _unclear(path, column, usual, span, likely)
+    if whole or brief:
+        return finding("time-doubtful", path, column=column, usual_s=usual, span_s=span, likely=likely)
+    return finding("unit-assumed", path, role="time", column=column, unit="s")
+
+
+def _unclear(path: str, column: str, usual: float, span: float, likely: str, factor: float = 1.0) -> Finding:
+    """The question which unit a clock counts: the one that is likely, or that of its header, in the end seconds."""
+    own = next(unit for unit, size in TIME_FACTORS.items() if math.isclose(size, factor))
+    likely_s, own_s = span * TIME_FACTORS[likely], span * factor
+    return finding(
+        "time-unclear", path, column=column, usual=usual, span=span, likely=likely, own=own, likely_s=likely_s,
+        own_s=own_s,
+    )  # fmt: skip

@@ -114,15 +114,11 @@ def _named_column(path: str, role: str, given: str, table: Table) -> int:
 
     `u[2]` is the second column of the matrix u.
     """
-    names = table.columns
-    for same in (
-        lambda name: name == given,
-        lambda name: name.lower() == given.lower(),
-        lambda name: split_name(name)[0].lower() == given.lower(),
-    ):
-        hits = [i for i, name in enumerate(names) if same(name)]
-        if len(hits) == 1:
-            return hits[0]
+    names, low = table.columns, given.lower()
+    without_units = [split_name(name)[0].lower() for name in names]
+    for spelled, wanted in ((names, given), ([name.lower() for name in names], low), (without_units, low)):
+        if spelled.count(wanted) == 1:
+            return spelled.index(wanted)
     place = re.fullmatch(r"(?:(.+)\[)?(\d+)\]?", given)
     if place and place[1] in (None, table.name) and 1 <= int(place[2]) <= len(names):
         return int(place[2]) - 1
@@ -180,7 +176,6 @@ def match_columns(path: str, table: Table, options: ReadOptions) -> Roles:
             which = next((hit for group in groups if (hit := _measuring(table, group, taken))), [])
             if options.kind in (None, kind) and (column := _only(path, "input", which, names)) is not None:
                 inputs.append((kind, column))
-    taken |= {*(column for _, column in inputs), *([reference] if reference is not None else [])}
     return Roles(time, tuple(inputs), output, reference, named.get("position"))
 
 
@@ -282,16 +277,16 @@ def kind_of(name: str, unit: str) -> ExperimentKind:
     for kind, groups in INPUT_GROUPS.items():
         if any(_alike([name], group.names, set()) for group in groups):
             return kind
-    kinds: dict[str, ExperimentKind] = {
-        "force": "friction-force",
-        "pressure": "friction-force",
-        "speed": "friction-speed",
-    }
-    return kinds.get(unit_of(unit or split_name(name)[1]).quantity, "clutch")
+    quantity = unit_of(unit or split_name(name)[1]).quantity
+    if quantity == "speed":
+        return "friction-speed"
+    return "friction-force" if quantity in ("force", "pressure") else "clutch"
 
 
-def default_unit(column: str, groups: Sequence[Group]) -> str:
-    """Unit of a column whose name carries none; empty where its name does not say the quantity."""
+def default_unit(column: str, kind: ExperimentKind | None = None) -> str:
+    """Unit of an output, or of the input of an experiment, whose name carries none; empty where its name does not say
+    the quantity."""
+    groups = OUTPUTS if kind is None else INPUT_GROUPS[kind]
     return next((group.unit for group in groups if _alike([column], group.names, set())), "")
 
 
@@ -315,12 +310,10 @@ def chosen_table(source: str, tables: Sequence[Table], options: ReadOptions) -> 
     if not good:
         if len(faults) == 1:
             raise faults[0]
-        contents = "; ".join(
-            f"{table.name or 'table'}: {', '.join(c or '?' for c in table.columns[:8])}" for table in tables[:6]
-        )
+        held = [f"{one.name or 'table'}: {', '.join(c or '?' for c in one.columns[:8])}" for one in tables[:6]]
         raise DataError(
-            f"{source}: no table in it has columns of time and output ({contents}); "
-            "choose with «variable» and «columns»"
+            f"{source}: no table in it has columns of time and output ({'; '.join(held)}); choose with «variable» and "
+            "«columns»"
         )
     full = [pair for pair in good if pair[1].inputs]
     if not full and {options.variable, options.name_pattern} == {None} and "input" not in options.columns:
@@ -415,5 +408,4 @@ def the_input(
 
 def _moves(values: NDArray[Any]) -> bool:
     kept = values[np.isfinite(values)]
-    low, high = (float(kept.min()), float(kept.max())) if len(kept) else (0.0, 0.0)
-    return high - low > 0.2 * max(abs(low), abs(high))
+    return bool(len(kept)) and bool(np.ptp(kept) > 0.2 * np.abs(kept).max())

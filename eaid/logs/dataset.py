@@ -21,9 +21,9 @@ from eaid.errors import DataError
 from eaid.files import hdf5_written_whole
 from eaid.findings import Finding, finding
 from eaid.logs.hdf import attributes, open_hdf5
+from eaid.logs.rows import checked
 from eaid.logs.run import INPUT_UNITS, Run
 from eaid.logs.table import plain
-from eaid.logs.to_run import checked
 from eaid.options import ExperimentKind
 from eaid.version import __version__
 
@@ -113,10 +113,9 @@ def read_dataset(path: Path, source: str, sha256: str, repair: bool) -> tuple[li
             raise DataError(f"{source}: its apparatus holds what is no number; {INGEST_AGAIN}") from None
         none = np.empty(0)
         input_unit = INPUT_UNITS[root.kind] if root.input_unit is None else root.input_unit
-        made_by = None if root.synthetic is None else plain(root.synthetic)
         shared = Run(
             "", none, none, none, plain(input_unit), plain(root.output_unit), source, sha256,
-            kind=root.kind, apparatus=apparatus, synthetic=made_by, dataset=source,  # type: ignore[arg-type]
+            kind=root.kind, apparatus=apparatus, synthetic=_plain(root.synthetic), dataset=source,  # type: ignore[arg-type]
         )  # fmt: skip
         runs: list[Run] = []
         faults: list[str] = []
@@ -159,15 +158,14 @@ def _read_run(group: h5py.Group, shared: Run, repair: bool) -> Run:
         match = re.search(r"`\$\.(\w+)`$", str(fault))
         what = f"its {match[1]} is no number" if match else "its findings cannot be read"
         raise DataError(f"{where}: {what}; {INGEST_AGAIN}") from None
-    fields = {name: plain(value) if isinstance(value, str) else value for name, value in facts.items()
-            if value not in (None, "")}  # fmt: skip
-    fields = {name: value for name, value in fields.items() if not isinstance(value, float) or math.isfinite(value)}
+    endless = {name for name, value in facts.items() if isinstance(value, float) and not math.isfinite(value)}
+    fields = {name: _plain(value) for name, value in facts.items() if value not in (None, "") and name not in endless}
     fields |= {"edge": "falling" if facts["edge"] == "falling" else "rising", "cut": facts["edge"] is not None}
     run = dataclasses.replace(shared, **columns, **fields, findings=findings)  # type: ignore[arg-type]  # by field
     rows = {"time": run.time_s, "input": run.input, "output": run.output}
     if np.isnan(run.input).all():
         del rows["input"]
-    keep = checked(where, rows, (), lambda i: i + 1, "sample", repair)
+    keep = checked(where, rows, (), lambda i: f"sample {i + 1}", repair)
     if keep is not None:
         dropped = finding("rows-dropped", run.name, dropped=len(run.time_s) - len(keep), count=len(run.time_s))
         run = run.part(keep, findings=(*run.findings, dropped))

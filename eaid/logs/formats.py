@@ -24,8 +24,9 @@ from eaid.errors import DataError
 from eaid.logs.foreign.answer import LONGEST_S, Answer, Question, received, send
 from eaid.logs.table import Cells, Table
 
+NPY, ZIP, HDF5 = b"\x93NUMPY", b"PK\x03\x04", b"\x89HDF\r\n\x1a\n"
+OFFICE = (b"[Content_Types].xml", b"_rels/", b"docProps/", b"xl/")  # As the archives of its documents begin
 # First bytes of a file that is not read, what it is, and the remedy; any other binary file is refused as one
-NPY, ZIP = b"\x93NUMPY", b"PK\x03\x04"
 UNREAD: tuple[tuple[bytes, str], ...] = (
     (ZIP, "a ZIP archive; unpack it"),
     (b"\xd0\xcf\x11\xe0", "an old Excel workbook; save its sheet as CSV"),
@@ -46,33 +47,14 @@ class Format(NamedTuple):
     library: str = ""  # Library that it takes, where eaid itself does not need it
 
 
-def is_hdf5(head: bytes) -> bool:
-    """True for the first bytes of an HDF5 file, a MAT v7.3 file among them."""
-    return head.startswith(b"\x89HDF\r\n\x1a\n") or head[512:520] == b"\x89HDF\r\n\x1a\n"
-
-
 def _first_zipped(head: bytes) -> bytes:
     """The name of the first file of a ZIP archive; empty for what is none."""
     return head[30 : 30 + int.from_bytes(head[26:28], "little")] if head.startswith(ZIP) else b""
 
 
-def _is_npz(head: bytes) -> bool:
-    """A ZIP archive whose first file is an array of NumPy."""
-    return _first_zipped(head).endswith(b".npy")
-
-
-def _is_excel(head: bytes) -> bool:
-    """A ZIP archive that begins as documents of Office do."""
-    return _first_zipped(head).startswith((b"[Content_Types].xml", b"_rels/", b"docProps/", b"xl/"))
-
-
 def unread(head: bytes) -> str | None:
-    """What a file is that is not read, and the remedy; None for any other."""
-    return (
-        None
-        if _is_npz(head) or _is_excel(head)
-        else next((what for mark, what in UNREAD if head.startswith(mark)), None)
-    )
+    """What a file of none of the formats that are read is, and the remedy; None for a text."""
+    return next((what for mark, what in UNREAD if head.startswith(mark)), None)
 
 
 def _is_mat(head: bytes) -> bool:
@@ -91,16 +73,17 @@ def _is_mat(head: bytes) -> bool:
 
 
 FORMATS: tuple[Format, ...] = (
-    Format("HDF5", is_hdf5, "arrays.read_hdf5"),
+    # a MAT-file v7.3 among them
+    Format("HDF5", lambda head: HDF5 in (head[: len(HDF5)], head[512 : 512 + len(HDF5)]), "arrays.read_hdf5"),
     Format("TDMS", lambda head: head.startswith(b"TDSm"), "tdms.read_tdms", "nptdms"),
     Format("MAT", _is_mat, "arrays.read_mat"),
-    Format("NumPy", lambda head: head.startswith(NPY) or _is_npz(head), "arrays.read_numpy"),
-    Format("Excel", _is_excel, "excel.read_excel", "openpyxl"),
+    Format("NumPy", lambda head: head.startswith(NPY) or _first_zipped(head).endswith(b".npy"), "arrays.read_numpy"),
+    Format("Excel", lambda head: _first_zipped(head).startswith(OFFICE), "excel.read_excel", "openpyxl"),
     Format("not read", lambda head: unread(head) is not None),
     Format("text", lambda _: True),
 )
 # An HDF5 file read to its end, so that what breaks the HDF5 library does not break this process
-CHECKED = Format("HDF5", is_hdf5, "arrays.read_through")
+CHECKED = FORMATS[0]._replace(reader="arrays.read_through")
 
 
 def format_of(head: bytes) -> Format:

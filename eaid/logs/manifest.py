@@ -102,13 +102,8 @@ def manifest_of(paths: Sequence[Path]) -> Manifest | None:
     outside = next((entry.file for entry in manifest.log if Path(entry.file).name != entry.file), None)
     if outside is not None:
         raise DataError(f"{path}: its log {plain(outside)} lies outside its folder; put it there")
-    missing = [
-        f"{path}: its log {plain(Path(entry.file).name)} is not there; put it back or take it off"
-        for entry in logs
-        if not Path(entry.file).is_file()
-    ]
-    if missing:
-        raise DataError(*missing)
+    if missing := [plain(Path(entry.file).name) for entry in logs if not Path(entry.file).is_file()]:
+        raise DataError(*(f"{path}: its log {name} is not there; put it back or take it off" for name in missing))
     return msgspec.structs.replace(manifest, path=path, log=logs)
 
 

@@ -97,9 +97,9 @@ def read_file(path: Path, options: ReadOptions, foreign: ForeignReader) -> tuple
         head = file.read(4096)
     if not head:
         raise DataError(f"{source}: is empty; record the log again")
-    if (remedy := unread(head)) is not None:
-        raise DataError(f"{source}: is {remedy}")
     form = format_of(head)
+    if form.name == "not read":
+        raise DataError(f"{source}: is {unread(head)}")
     sha256 = sha256_of(path)
     name = path.name
     for ending in (*LOGS, ".txt", ".h5", ".hdf5", ".xlsx"):
@@ -120,10 +120,8 @@ def together(runs: Sequence[Run], options: ReadOptions) -> list[Run]:
     """Runs of one call, with names of their own, each told where it lies as far from the others as units do."""
     told: dict[int, Finding] = {}
     if "input" not in options.units:  # those of datasets were compared when they were ingested
-        in_pct = [run.input_unit == "%" and not run.dataset for run in runs]
-        largest = [
-            float(np.abs(run.input).max(initial=0)) if pct else 0.0 for run, pct in zip(runs, in_pct, strict=True)
-        ]
+        in_pct = [run.input if run.input_unit == "%" and not run.dataset else np.zeros(1) for run in runs]
+        largest = [float(np.abs(values).max(initial=0)) for values in in_pct]
         most, whole = max(largest, default=0.0), any(round(top, 3) == 100.0 for top in largest)
         for i, top in enumerate(largest):  # where some go to 100 %, one that stays within 1 is most likely a fraction
             if most > 1.5 and (0 < top < 1 or (top == 1 and whole)):

@@ -1,4 +1,4 @@
-"""Units of logs: how they are spelled, what they measure, their factor to the unit that eaid computes in, and clocks.
+"""Units of logs: how they are spelled, what they measure, and their factor to the unit that eaid computes in.
 
 Torque becomes N·m, force N, speed RPM, duty %, pressure bar, voltage V, time s; any other unit stays as it is. What
 nobody says is unknown: a torque without a unit is not taken for N·m.
@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-import numpy as np
 from numpy.typing import NDArray
 
 from eaid.arrays import Array, read_only
@@ -19,7 +18,6 @@ from eaid.findings import Finding, finding
 from eaid.logs.table import Table
 
 UNKNOWN = "a.u."  # The unit, arbitrary, of an input or output of which nobody says one
-LARGEST_NM = 1000.0  # Torque beyond any clutch that a bench holds [N·m]: a column of counts, or of another unit
 
 
 class Unit(NamedTuple):
@@ -189,11 +187,8 @@ def scale_of(path: str, role: str, given: str | None, table: Table, column: int,
     if not text or known.quantity == "time":
         if default:
             return Scale(default, 1.0, (finding("unit-assumed", path, role=role, column=label, unit=default),))
-        return Scale(
-            UNKNOWN,
-            1.0,
-            (finding("unit-unknown", path, column=f"{role} {label}" if label != role else role, ask=f"{role}=UNIT"),),
-        )
+        column_said = role if label == role else f"{role} {label}"
+        return Scale(UNKNOWN, 1.0, (finding("unit-unknown", path, column=column_said, ask=f"{role}=UNIT"),))
     if not known.quantity:
         return Scale(text, 1.0)  # one that eaid does not know stays as it is
     if text.strip("[]() ").lower() in ("g", "kg"):
@@ -212,117 +207,3 @@ def divisor(role: str, given: str) -> float:
     if not 1e-12 <= counts <= 1e12:
         raise UsageError(f"«units» {role}={given}: write a number from 1e-12 to 1e12 behind the stroke, as in /255")
     return counts
-
-
-# What a clock counts that began at a fixed day, how many of it a second, and its first stamps of our time [s]
-CLOCKS = (
-    *((f"{unit} since 1970", per_s, 1e9, 4e9) for unit, per_s in (("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9))),
-    ("100 ns since 1601 (FILETIME)", 1e7, 1.26e10, 1.56e10),
-    ("100 ns since the year 1 (.NET)", 1e7, 6.31e10, 6.61e10),
-)
-# Sample time beyond which a clock without a unit counts not from a fixed day, but in a finer unit from power-up
-SLOWEST_CLOCK_S = 90.0
-FASTEST_HZ = 50_000.0  # Sample rate beyond which a clock whose unit nobody gave is warned of
-BRIEF_S, QUICK_HZ = 2.0, 2000.0  # Span and sample rate of a log that may be one of minutes, if nobody gave the unit
-# Span beyond which a clock whose unit nobody gave counts no seconds, if it counts whole numbers, or seldom
-LONGEST_S = 3600.0
-
-
-def time_unit(path: str, given: str | None, table: Table, column: int) -> tuple[float | None, float | None]:
-    """Seconds in one unit of a time column, as the user says, and as its file or its name does; None where not."""
-    by_user = None
-    if given is not None:
-        known = unit_of(given)
-        if not given.startswith("/") and known.quantity != "time":
-            raise UsageError(f"«units» time={given}: is no unit of time; use {TIME_UNITS}")
-        by_user = known.factor if known.quantity else 1.0 / divisor("time", given)
-    name = table.columns[column]
-    bare = split_name(name)[0]
-    text = declared_unit(path, "time", given, table, column)
-    known = unit_of(text or (bare if len(bare) > 1 or bare == "s" else ""))
-    if known.quantity == "time":
-        return by_user, known.factor
-    if text and by_user is None:
-        raise DataError(
-            f"{path}: column {name} is in {text}, which is no unit of time that eaid knows; "
-            f"say it with «units» time=UNIT ({TIME_UNITS})"
-        )
-    return by_user, None
-
-
-def seconds_since_start(
-    path: str, column: str, raw: NDArray[Any], by_user: float | None, by_column: float | None
-) -> tuple[Array, float, tuple[Finding, ...]]:
-    """Time since the first sample [s], shape (n,), the clock there [s], and its warnings.
-
-    `raw` rises; `by_user`, `by_column`: seconds in one unit of it, as far as somebody says.
-    """
-    first = raw[0]
-    gone = read_only(raw - first)
-    usual = float(np.median(np.diff(gone[:10_000]))) if len(gone) > 1 else 0.0
-    factor, findings = by_user or by_column or 1.0, list[Finding]()
-    days = ((counts, per_s) for counts, per_s, low, high in CLOCKS if low <= float(first) / per_s <= high)
-    counts, per_s = next(days, ("", 0.0))
-    refuted = bool(counts) and by_column is not None and not math.isclose(by_column * per_s, 1.0)
-    too_fast = by_column is not None and 0 < usual * by_column < 1.0 / (5e6 if by_column > 1e-6 else 5e9)
-    if by_user is not None:
-        if by_column is not None and not (refuted or too_fast) and not math.isclose(by_user, by_column):
-            raise DataError(
-                f"{path}: column {column} says its unit, «units» time=UNIT another; leave it out, or mend the name"
-            )
-    elif refuted:
-        raise DataError(
-            f"{path}: column {column} says its unit, but its first stamp, {float(first):.10g}, counts {counts}; "
-            f"say which with «units» time=UNIT"
-        )
-    elif too_fast:
-        findings.append(_unclear(path, column, usual, float(gone[-1]), "d", factor))
-    elif by_column is None:
-        if numbers_samples(column) and usual == 1.0:
-            raise DataError(
-                f"{path}: column {column} numbers the samples and is no time; give their rate with «rate_hz» HZ and "
-                f"name no time column, or say «units» time=/1000 for 1000 samples a second"
-            )
-        late = np.flatnonzero(np.diff(raw) >= 40)  # times of day as numbers, 161859.9 and then 161900.0
-        ends, begins = raw[late] % 100, raw[late + 1] % 100
-        if len(late) and float(raw[-1]) < 240_000 and bool(((ends >= 59) & (ends < 60) & (begins < 1)).all()):
-            raise DataError(
-                f"{path}: column {column} holds times of day as numbers, {raw[late[0]]:.10g} and then "
-                f"{raw[late[0] + 1]:.10g}; save it as 16:18:59.9, or in seconds"
-            )
-        if counts and usual / per_s <= SLOWEST_CLOCK_S:
-            factor = 1.0 / per_s
-            if per_s != 1:
-                findings.append(finding("time-since-a-day", path, column=column, counts=counts))
-        else:
-            findings.append(_of_seconds(path, column, gone, usual))
-    return read_only(gone if factor == 1.0 else gone * factor), float(first) * factor, tuple(findings)
-
-
-def _of_seconds(path: str, column: str, gone: Array, usual: float) -> Finding:
-    """That seconds are assumed of a clock whose unit nobody gave, and what speaks against them."""
-    span, too_fast = float(gone[-1]), 0 < usual < 1.0 / FASTEST_HZ
-    whole = usual >= 1.0 and bool(np.all(gone[:100_000] == np.floor(gone[:100_000])))
-    brief = 0 < usual < 1.0 / QUICK_HZ and span < BRIEF_S
-
-    def off(unit: str) -> float:  # from a hundred samples a second, and from a minute in all
-        return sum(abs(math.log(size * TIME_FACTORS[unit])) for size in (usual / 0.01, span / 60))
-
-    # if it counts no seconds: the coarsest unit with half a second a sample, and an hour in all, at most
-    finer = (one for one in ("ms", "us") if max(usual / 0.5, span / LONGEST_S) * TIME_FACTORS[one] <= 1)
-    likely = min(("min", "h", "d"), key=off) if brief or too_fast else next(finer, "ns")
-    if too_fast or (span > LONGEST_S and (whole or usual > SLOWEST_CLOCK_S)):
-        return _unclear(path, column, usual, span, likely)
-    if whole or brief:
-        return finding("time-doubtful", path, column=column, usual_s=usual, span_s=span, likely=likely)
-    return finding("unit-assumed", path, role="time", column=column, unit="s")
-
-
-def _unclear(path: str, column: str, usual: float, span: float, likely: str, factor: float = 1.0) -> Finding:
-    """The question which unit a clock counts: the one that is likely, or that of its header, in the end seconds."""
-    own = next(unit for unit, size in TIME_FACTORS.items() if math.isclose(size, factor))
-    likely_s, own_s = span * TIME_FACTORS[likely], span * factor
-    return finding(
-        "time-unclear", path, column=column, usual=usual, span=span, likely=likely, own=own, likely_s=likely_s,
-        own_s=own_s,
-    )  # fmt: skip

@@ -1,16 +1,11 @@
 """What recordings of a rig would tell, and the quickest steps from rest that tell what is wanted.
 
-Steps from rest and sequences of one recording are weighed alike. With J from the sensitivities of the model, its rows
-gathered by engagement e (a stretch under load between two rests), an experiment knows its unknowns by
-
-    H_e = ∫ J J' dt,   Ω_e = ∫ J J' S(T) dt,   H = Σ H_e,   S(T) = s0 + s1 T² the density of the noise
-
-A number with the gradient g then varies by the noise, Σ_e g'H⁻¹ Ω_e H⁻¹g, and by the scatter between engagements,
-Σ_e (g'H⁻¹ H_e d)², d its standard deviation in the unknowns: an engagement that sees few levels bends the curves.
-Of steps, on a grid of hold times, numbers of levels and repeats, the experiment that takes the least time on the rig is
-taken; its degrees of freedom are those of the runs that make a curve there (Satterthwaite).
+Steps from rest and sequences of one recording are weighed alike (`kinds.Known`). Of steps, on a grid of hold times,
+numbers of levels and repeats, the experiment that takes the least time on the rig is taken; its degrees of freedom are
+those of the runs that make a curve there (Satterthwaite).
 """
 
+from bisect import bisect_left
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import ceil, inf
@@ -22,23 +17,19 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.errors import DataError, UsageError
 from eaid.estimate.draw import draw
-from eaid.estimate.forms import Model, friction, nonlinear
+from eaid.estimate.forms import friction, nonlinear
 from eaid.estimate.scatter import ASSUMED, neighbours
 from eaid.estimate.spread import satterthwaite, t_quantile
 from eaid.levels.certainty import LEVELS_TO_SPARE
 from eaid.options import PlanOptions
-from eaid.planning.kinds import NUMBERS_OF_KIND, is_clutch, refuse_unplanned, steps_of
+from eaid.planning.kinds import NUMBERS_OF_KIND, PARAMETERS, Known, is_clutch, refuse_unplanned, steps_of
 from eaid.plant.drive import Drive
 from eaid.plant.dynamics import SHARE
-from eaid.recorded.from_logs import Setup
-from eaid.recorded.log_intervals import engagements
 from eaid.results.fit import Fit
 from eaid.results.models import FrictionLevel, Noise
 from eaid.results.plan import Plan
 from eaid.synth.plants import Specimen, clutch, of_fit
 
-# What a width can be wanted of: the curve over the duty, at its worst level
-PARAMETERS = {"Ts": 0, "tau1": 1, "tau2": 2}
 # Hold times tried, in units of each level's τ2: a record of about τ2 or less does not determine it
 HOLD_FACTORS = (1.5, 2.0, 3.0, 4.0)
 LEAST_HOLD_S = 5.0
@@ -55,42 +46,6 @@ UNTOLD = 1e6  # A half-width above which nothing is told [%]
 def relative_rows(rows: Array, unknowns: Array) -> Array:
     """Slopes of the logarithms of numbers that are linear in the unknowns."""
     return np.asarray(rows / (rows @ unknowns)[:, :, None])
-
-
-@dataclass(frozen=True, eq=False)
-class Designer:
-    """What an experiment would tell of a model."""
-
-    model: Model
-    unknowns: Array  # Those of the model, a dead time last, (n,)
-    # How the logarithms of T_s, τ1, τ2 at the inputs at which widths are wanted go with them, (3, m, n)
-    slopes: Array
-    noise: Noise
-    late: bool = False  # Whether a dead time is among them
-
-    def variances(self, drive: Drive, weight: Array | float = 1.0) -> tuple[Array, Array]:
-        """Variance of these logarithms by noise and scatter of each engagement, (3, m, E); `weight` of rows."""
-        x = np.append(self.unknowns, 0.0)[: len(self.unknowns) + (not drive.idle_known)]
-        slopes = np.pad(self.slopes, ((0, 0), (0, 0), (0, len(x) - len(self.unknowns))))
-        scattered = np.zeros((len(x), 3))  # one standard deviation of an engagement's T_s, τ1 and τ2
-        for (name, k), part in zip(PARAMETERS.items(), self.model.slices, strict=True):
-            scattered[part, k] = self.noise.scatter[name] * x[part]
-        J, r = Setup(self.model, (drive,), ("dead",) * self.late).jacobian(x, 0)
-        counted = drive.w > 0
-        T2 = r * r / np.maximum(drive.w[counted], 1e-300)
-        density = (self.noise.sensor_nm2_s + self.noise.ripple_s * T2) * weight
-        J = J * np.sqrt(np.broadcast_to(weight, len(J)))[:, None]
-        starts = np.flatnonzero(np.diff(engagements(drive)[counted])) + 1
-        H = np.array([part.T @ part for part in np.split(J, starts)])
-        omega = np.array([part.T @ part for part in np.split(J * np.sqrt(density)[:, None], starts)])
-        size = np.sqrt(np.maximum(np.diagonal(H.sum(axis=0)), 1e-300))
-        try:
-            back = np.linalg.inv(H.sum(axis=0) / np.outer(size, size)) / np.outer(size, size)
-        except np.linalg.LinAlgError:
-            return np.full((*slopes.shape[:2], len(H)), np.inf), np.zeros((*slopes.shape[:2], len(H)))
-        g = slopes @ back
-        within = np.einsum("kmi,eij,kmj->kme", g, omega, g, optimize=True)
-        return np.maximum(within, 0.0), (np.einsum("kmi,eij->kmej", g, H @ scattered) ** 2).sum(axis=3)
 
 
 def percent(half: Array) -> Array:
@@ -113,21 +68,16 @@ def drive_of_steps(
     What rings has a turn's time.
     """
     duty, index = np.unique([0.0, *levels], return_inverse=True)
-    rows, weights, which = [], [], []
     idle_s, release_s = rests_s or (0.0, 0.0)
+    pieces: list[tuple[int, Array, Array]] = []  # Place of the input, times between instants, time each stands for
     for k, hold in enumerate(hold_s.tolist()):
-        pieces = [(index[k + 1], *instants(hold, turn_s)), *([(0, *instants(release_s, turn_s))] if release_s else [])]
-        for at, dt_s, weight in [
-            (0, np.array([1.0]), np.array([idle_s])),
-            *pieces,
-            (0, np.array([ENDLESS_REST_S]), np.zeros(1)),
-        ]:
-            rows.append(dt_s)
-            weights.append(weight)
-            which.append(np.full(len(dt_s), at))
-    acts = np.concatenate(which).astype(np.int64)
+        pieces += [(0, np.ones(1), np.array([idle_s])), (index[k + 1], *instants(hold, turn_s))]
+        pieces += [(0, *instants(release_s, turn_s))] if release_s else []
+        pieces.append((0, np.array([ENDLESS_REST_S]), np.zeros(1)))
+    places, dt_s, weights = zip(*pieces, strict=True)
+    acts = np.repeat(np.array(places, dtype=np.int64), [len(one) for one in dt_s])
     nothing, up = np.zeros(len(acts)), np.ones(len(acts), dtype=np.int64)
-    return Drive(np.concatenate(rows), acts, duty, up, nothing, np.concatenate(weights), rests_s is None, True)
+    return Drive(np.concatenate(dt_s), acts, duty, up, nothing, np.concatenate(weights), rests_s is None, True)
 
 
 def instants(time_s: float, turn_s: float) -> tuple[Array, Array]:
@@ -155,9 +105,7 @@ def level_sets(known: Sequence[float], most: int) -> list[list[float]]:
     return sets
 
 
-NARROWER_POWER = (
-    0.7  # Power of the excess by which a plan is asked for narrower: widths fall faster than their prediction
-)
+NARROWER_POWER = 0.7  # Power of the excess by which a plan is asked for narrower: widths fall faster than predicted
 # Least factor by which a width that was not kept is asked for narrower, and the excess that counts at most
 LEAST_NARROWER, MOST = 1.03, 3.0
 PLAN_ROUNDS = 6  # Times that a plan is made larger
@@ -241,10 +189,9 @@ def finite(widths: Mapping[str, float]) -> dict[str, float | None]:
     return {name: width if width < inf else None for name, width in widths.items()}
 
 
-def wanting(options: PlanOptions | None, widths: Mapping[str, float]) -> PlanOptions:
+def wanting(options: PlanOptions, widths: Mapping[str, float]) -> PlanOptions:
     """The options, with these half-widths [%] where none are wanted; `UsageError` for widths that mean nothing, which
     are those of other parameters, too."""
-    options = options or PlanOptions()
     options = replace(options, want=options.want or widths)
     wrong = [name for name, width in options.want.items() if name not in widths or not 0 < width < 100]
     if wrong:
@@ -338,25 +285,22 @@ class FittedRig:
     ) -> tuple[int, Widths]:
         """The fewest repeats for the wanted half-widths [%], or the most there are, and what they give."""
         within, between = self.contributions(levels, hold_s, session)
-        low, high = LEAST_REPEATS, self.most + 1
-        half: Widths = {}
-        while low < high:  # of most + 1 nothing is asked
-            middle = (low + high) // 2
-            tried = self.kept(within, between, middle, levels)
-            reached = all(tried[name] <= width for name, width in wanted.items())
-            if reached or middle == self.most:
-                high, half = middle, tried
-            else:
-                low = middle + 1
-        return high, half
+        half: dict[int, Widths] = {}
+
+        def enough(repeats: int) -> bool:
+            half[repeats] = self.kept(within, between, repeats, levels)
+            return repeats == self.most or all(half[repeats][name] <= width for name, width in wanted.items())
+
+        counts = range(LEAST_REPEATS, self.most + 1)
+        fewest = counts[bisect_left(counts, True, key=enough)]
+        return fewest, half[fewest]
 
     def contributions(self, levels: Sequence[float], hold_s: Array, session: PlanOptions) -> tuple[Array, Array]:
         """What noise and scatter of one run at each level contribute to the logarithms at each, (3, m, L)."""
         u, p = np.array(levels), self.plant.model
         if p is not None and not is_clutch(p):
-            steps, turn_s = steps_of(p, u), inf if p.zeta is None else 2 * np.pi * p.tau1[0]
-            designer = Designer(steps.model, steps.unknowns, steps.slopes, self.noise, steps.late)
-            return designer.variances(drive_of_steps(levels, hold_s, self.rests(session), turn_s))
+            turn_s = inf if p.zeta is None else 2 * np.pi * p.tau1[0]
+            return steps_of(p, u).variances(self.noise, drive_of_steps(levels, hold_s, self.rests(session), turn_s))
         curves = [self.plant.at(level) for level in levels]
         Ts, tau1, tau2 = (np.maximum([getattr(curve, name) for curve in curves], 1e-300) for name in PARAMETERS)
         model, unknowns = friction(u, self.share), np.concatenate([Ts, tau1, tau2])
@@ -368,8 +312,8 @@ class FittedRig:
             rows, relative = model.rows(u)[:3], whole.rows(u)[0, :, whole.slices[0]] / Ts[:, None]
             rows[0, :, : len(u)] = Ts[:, None] * relative @ np.linalg.pinv(relative) / Ts
         drive = drive_of_steps(levels, hold_s - (0.0 if p is None else p.dead_time_s))
-        designer = Designer(model, unknowns, relative_rows(rows, unknowns), self.noise)
-        return designer.variances(drive, np.repeat(1 / Ts**2, STEP_INSTANTS))
+        known = Known(model, unknowns, relative_rows(rows, unknowns))
+        return known.variances(self.noise, drive, np.repeat(1 / Ts**2, STEP_INSTANTS))
 
     def kept(self, within: Array, between: Array, repeats: int, levels: Sequence[float]) -> Widths:
         """Half-widths at the worst level that four of five sessions keep [%], of `contributions`.

@@ -1,4 +1,12 @@
-"""What steps tell of another kind of plant than the clutch's two lags over the input: its unknowns, and their worth.
+"""What recordings tell of a model; and of steps of another kind of plant than the clutch's two lags over the input.
+
+With J from the sensitivities of the model, its rows gathered by engagement e (a stretch under load between two rests),
+an experiment knows its unknowns by
+
+    H_e = ∫ J J' dt,   Ω_e = ∫ J J' S(T) dt,   H = Σ H_e,   S(T) = s0 + s1 T² the density of the noise
+
+A number with the gradient g then varies by the noise, Σ_e g'H⁻¹ Ω_e H⁻¹g, and by the scatter between engagements,
+Σ_e (g'H⁻¹ H_e d)², d its standard deviation in the unknowns: an engagement that sees few levels bends the curves.
 
 One lag has T_s and τ1; two that overshoot, and two in series, T_s, τ1 and τ2; ringing T_s, ω and ζ. In series
 ln τ1,2 = ln(1/ω) + ln(ζ ∓ √(ζ² − 1)). A C above 1, z and a dead time are unknowns beside them.
@@ -13,10 +21,11 @@ from eaid.arrays import Array
 from eaid.errors import DataError
 from eaid.estimate.forms import Model, of_kind
 from eaid.estimate.recorded_log import RecordedLog
+from eaid.plant.drive import Drive
 from eaid.plant.dynamics import Plant
 from eaid.plant.respond import respond
-from eaid.recorded.from_logs import setup_of, with_dead_time
-from eaid.recorded.log_intervals import spread
+from eaid.recorded.from_logs import Setup, setup_of, with_dead_time
+from eaid.recorded.log_intervals import engagements, spread
 from eaid.results.models import Noise
 from eaid.results.plan import PlannedRun
 
@@ -25,16 +34,42 @@ NUMBERS_OF_KIND = {
     "lag": ("Ts", "tau1"), "overshoot": ("Ts", "tau1", "tau2"), "series": ("Ts", "tau1", "tau2"),
     "ringing": ("Ts", "omega", "zeta"),
 }  # fmt: skip
+# What a width can be wanted of: the curve over the duty, at its worst level
+PARAMETERS = {"Ts": 0, "tau1": 1, "tau2": 2}
 
 
 @dataclass(frozen=True, eq=False)
-class Steps:
-    """A model of steps from rest, and how the logarithms of its numbers go with its unknowns."""
+class Known:
+    """A model, and how the logarithms of its numbers go with its unknowns."""
 
     model: Model
     unknowns: Array  # (n,); a dead time last
-    slopes: Array  # At the levels, (numbers, L, n)
+    slopes: Array  # At the inputs at which widths are wanted, (numbers, m, n)
     late: bool = False  # Whether a dead time is among the unknowns
+
+    def variances(self, noise: Noise, drive: Drive, weight: Array | float = 1.0) -> tuple[Array, Array]:
+        """Variance of these logarithms by noise and scatter of each engagement, (3, m, E); `weight` of rows."""
+        x = np.append(self.unknowns, 0.0)[: len(self.unknowns) + (not drive.idle_known)]
+        slopes = np.pad(self.slopes, ((0, 0), (0, 0), (0, len(x) - len(self.unknowns))))
+        scattered = np.zeros((len(x), 3))  # one standard deviation of an engagement's T_s, τ1 and τ2
+        for (name, k), part in zip(PARAMETERS.items(), self.model.slices, strict=True):
+            scattered[part, k] = noise.scatter[name] * x[part]
+        J, r = Setup(self.model, (drive,), ("dead",) * self.late).jacobian(x, 0)
+        counted = drive.w > 0
+        T2 = r * r / np.maximum(drive.w[counted], 1e-300)
+        density = (noise.sensor_nm2_s + noise.ripple_s * T2) * weight
+        J = J * np.sqrt(np.broadcast_to(weight, len(J)))[:, None]
+        starts = np.flatnonzero(np.diff(engagements(drive)[counted])) + 1
+        H = np.array([part.T @ part for part in np.split(J, starts)])
+        omega = np.array([part.T @ part for part in np.split(J * np.sqrt(density)[:, None], starts)])
+        size = np.sqrt(np.maximum(np.diagonal(H.sum(axis=0)), 1e-300))
+        try:
+            back = np.linalg.inv(H.sum(axis=0) / np.outer(size, size)) / np.outer(size, size)
+        except np.linalg.LinAlgError:
+            return np.full((*slopes.shape[:2], len(H)), np.inf), np.zeros((*slopes.shape[:2], len(H)))
+        g = slopes @ back
+        within = np.einsum("kmi,eij,kmj->kme", g, omega, g, optimize=True)
+        return np.maximum(within, 0.0), (np.einsum("kmi,eij->kmej", g, H @ scattered) ** 2).sum(axis=3)
 
 
 def is_clutch(p: Plant) -> bool:
@@ -42,7 +77,7 @@ def is_clutch(p: Plant) -> bool:
     return p.kind == "parallel"
 
 
-def steps_of(p: Plant, levels: Array) -> Steps:
+def steps_of(p: Plant, levels: Array) -> Known:
     """The model of a plant that is not the clutch's."""
     gain, zero = p.gain, None if p.zero else 0.0
     model = of_kind("lag" if p.kind == "lag" else "swing", gain, *p.u_range, shortest_s=1.0, zero=zero)
@@ -63,7 +98,7 @@ def steps_of(p: Plant, levels: Array) -> Steps:
     slopes = np.zeros((1 + len(by_lags), len(levels), len(unknowns)))
     slopes[0, :, : gain.size] = gain.rows(levels) / steady[:, None]
     slopes[1:, :, gain.size : gain.size + by_lags.shape[1]] = by_lags[:, None]
-    return Steps(model, unknowns, slopes, p.dead_time_s > 0)
+    return Known(model, unknowns, slopes, p.dead_time_s > 0)
 
 
 def refuse_unplanned(p: Plant) -> None:

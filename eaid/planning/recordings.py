@@ -13,8 +13,8 @@ from eaid.findings import finding
 from eaid.levels.certainty import levels_first
 from eaid.levels.own_levels import own_levels
 from eaid.options import PlanOptions
-from eaid.planning.design import KEEPING, PARAMETERS, Widths, percent, rig_of, settled, wanting
-from eaid.planning.kinds import is_clutch
+from eaid.planning.design import KEEPING, Widths, percent, rig_of, settled, wanting
+from eaid.planning.kinds import PARAMETERS, is_clutch
 from eaid.planning.kinds import measure as measure_kind
 from eaid.plant.steps import step_response
 from eaid.results.fit import Fit
@@ -44,15 +44,12 @@ def experiment(plan: Plan, plant: Specimen, noise: Noise, seed: int) -> tuple[Le
 
 def disturbance_of(noise: Noise) -> Disturbance:
     """The noise and the scatter of a fit as a simulated recording has them."""
+    scatter_of = {f"{name}_scatter": noise.scatter[name] for name in ("tau1", "tau2")}
+    coloured = sqrt(noise.ripple_s / (2 * MEMORY_S))
     return replace(
-        NONE,
-        white_nm=sqrt(noise.sensor_nm2_s * RATE_HZ),
-        coloured=sqrt(noise.ripple_s / (2 * MEMORY_S)),
-        coloured_s=MEMORY_S,
-        gain_scatter=min(noise.scatter["Ts"], 0.3),
-        tau1_scatter=noise.scatter["tau1"],
-        tau2_scatter=noise.scatter["tau2"],
-    )
+        NONE, white_nm=sqrt(noise.sensor_nm2_s * RATE_HZ), coloured=coloured, coloured_s=MEMORY_S,
+        gain_scatter=min(noise.scatter["Ts"], 0.3), **scatter_of,
+    )  # fmt: skip
 
 
 PLAN_SETS, FEW_SETS = 14, 4  # Recordings that are simulated of each plan; of other kinds, whose widths hardly scatter
@@ -62,7 +59,7 @@ FIRST_REPEATS = 5  # … so that the next session asks for so many repeats at th
 NOTICED_SCATTER = 0.01  # Scatter from run to run that is named as what stands in the way of a width
 
 
-def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Callable[[], None] = lambda: None) -> Plan:
+def plan_recordings(fit: Fit, options: PlanOptions, progress: Callable[[], None]) -> Plan:
     """The quickest session on the rig whose intervals are as narrow as is wanted: what `eaid.plan` calls.
 
     `UsageError` for a width of no parameter or a limit that no rig has; `DataError` for a fit without a model of steps.
@@ -93,23 +90,19 @@ def plan_recordings(fit: Fit, options: PlanOptions | None = None, progress: Call
 
     make = partial(rig.quickest, session=options)
     plan, worst, width = settled(make, measure, options, sets, KEEPING, progress)
-    if (
-        other is not None and plan.measured_half_width_pct is not None
-    ):  # its intervals are not those of information alone
-        plan = msgspec.structs.replace(plan, half_width_pct=plan.measured_half_width_pct)
+    if other is not None and (by_simulation := plan.measured_half_width_pct) is not None:
+        plan = msgspec.structs.replace(plan, half_width_pct=by_simulation)  # not those of information alone
     findings = [] if rig.known else [finding("plan-assumes-noise", "plan")]
     findings += [finding("plan-of-decaying-output", "plan", each.levels) for each in decays]
     if guessed:
         findings.append(finding("plan-rests-on-a-guess", "plan"))
     if not plan.met:
         scatter = 100 * rig.noise.scatter.get(worst, 0.0)
-        findings.append(
-            finding(
-                "plan-falls-short", "plan", (), parameter=worst, repeats=plan.repeats,
-                width_pct=width if width < inf else None, wanted_pct=options.want[worst],
-                scatter_pct=scatter if scatter > 100 * NOTICED_SCATTER else None,
-            )
-        )  # fmt: skip
+        findings.append(finding(
+            "plan-falls-short", "plan", parameter=worst, repeats=plan.repeats,
+            width_pct=width if width < inf else None, wanted_pct=options.want[worst],
+            scatter_pct=scatter if scatter > 100 * NOTICED_SCATTER else None,
+        ))  # fmt: skip
     session: Plan = msgspec.structs.replace(plan, runs=order(plan), findings=tuple(findings))
     return session
 

@@ -20,8 +20,8 @@ from eaid.estimate.recorded_log import RecordedLog
 from eaid.estimate.spread import t_quantile
 from eaid.findings import finding
 from eaid.options import Limits, PlanOptions
-from eaid.planning.design import PARAMETERS, Designer, Widths, percent, relative_rows, rig_of, settled, wanting
-from eaid.planning.kinds import is_clutch
+from eaid.planning.design import Widths, percent, relative_rows, rig_of, settled, wanting
+from eaid.planning.kinds import PARAMETERS, Known, is_clutch
 from eaid.planning.recordings import RATE_HZ, disturbance_of
 from eaid.plant.drive import Drive
 from eaid.plant.dynamics import Plant
@@ -179,19 +179,19 @@ class Judge:
 
     def half_widths(self, sequence: Array) -> Array:
         """Half-widths of log T_s, log τ1, log τ2 at the duties [%], (3, DUTIES); infinite where nothing is known."""
-        within, between = self.designer.variances(drive_of_sequence(self.whole(sequence)))
+        within, between = self.known.variances(self.noise, drive_of_sequence(self.whole(sequence)))
         half = t_quantile(PLANNED_DEGREES) * np.sqrt(within.sum(axis=2))
         if any(self.noise.scatter.values()):
             half = np.hypot(half, t_quantile(max(between.shape[2] - 1, 1)) * np.sqrt(between.sum(axis=2)))
         return np.asarray(100 * np.expm1(np.minimum(half, 50.0)))
 
     @cached_property
-    def designer(self) -> Designer:
-        """Weighs them by the nonlinear model over the duties that the limits allow."""
+    def known(self) -> Known:
+        """The nonlinear model over the duties that the limits allow."""
         model = nonlinear(np.linspace(*self.limits.duty, 11), self.p.C)
         rows = model.rows(np.linspace(*self.limits.duty, WIDTH_INPUTS))[:3]
         unknowns = model.unknowns(self.p)
-        return Designer(model, unknowns, relative_rows(rows, unknowns), self.noise)
+        return Known(model, unknowns, relative_rows(rows, unknowns))
 
     def ratios(self, sequence: Array) -> Array:
         """Widths over the wanted ones, of those that are wanted, flat."""
@@ -259,9 +259,7 @@ def measure(plan: Excitation, p: Plant, noise: Noise, k: int, seed: int = 0) -> 
 SEQUENCE_SETS, SEQUENCE_KEEPING = 20, 19 / 21
 
 
-def shortest_recording(
-    fit: Fit, options: PlanOptions | None = None, progress: Callable[[], None] = lambda: None
-) -> Excitation:
+def shortest_recording(fit: Fit, options: PlanOptions, progress: Callable[[], None]) -> Excitation:
     """The shortest sequence that identifies a fit's plant to the wanted widths: `eaid.plan(fit, excitation=True)`.
 
     `UsageError` for a width of no parameter or one that the scatter keeps out of reach, and for limits that leave
@@ -277,27 +275,20 @@ def shortest_recording(
             f"{' with a dead time' * (plant.dead_time_s > 0)}; plan steps, without «excitation»"
         )
     refuse_scattered(rig.noise, options.want)
-    limits = limits_of(options, fit.plant.u_range, rig.plant.input_unit)
-    noise = rig.noise
+    limits, noise, seed = limits_of(options, fit.plant.u_range, rig.plant.input_unit), rig.noise, options.seed
     plan, worst, width = settled(  # longer until 19 of 20 recordings keep what is wanted
-        partial(plan_excitation, plant, noise, limits=limits, seed=options.seed),
-        lambda plan, k: measure(plan, plant, noise, k, options.seed), options, SEQUENCE_SETS, SEQUENCE_KEEPING,
-        progress,
+        partial(plan_excitation, plant, noise, limits=limits, seed=seed),
+        lambda plan, k: measure(plan, plant, noise, k, seed), options, SEQUENCE_SETS, SEQUENCE_KEEPING, progress,
     )  # fmt: skip
     findings = [] if rig.known else [finding("plan-assumes-noise", "plan")]
     if not plan.met:
-        findings.append(
-            finding(
-                "excitation-short", "plan",
-                most_s=plan.time_on_rig_s, parameter=worst, width_pct=width if width < np.inf else None,
-                wanted_pct=options.want[worst],
-            )
-        )  # fmt: skip
+        findings.append(finding(
+            "excitation-short", "plan", most_s=plan.time_on_rig_s, parameter=worst,
+            width_pct=width if width < np.inf else None, wanted_pct=options.want[worst],
+        ))  # fmt: skip
     steps = replace(rig, levels=limits.duty).quickest(options.want, PlanOptions())
-    classic_s = steps.time_on_rig_s if steps.met else None
-    sequence: Excitation = msgspec.structs.replace(
-        plan, classic_time_on_rig_s=classic_s, input_unit=rig.plant.input_unit, findings=tuple(findings)
-    )
+    more = {"classic_time_on_rig_s": steps.time_on_rig_s if steps.met else None, "findings": tuple(findings)}
+    sequence: Excitation = msgspec.structs.replace(plan, input_unit=rig.plant.input_unit, **more)
     return sequence
 
 

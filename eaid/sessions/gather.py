@@ -13,7 +13,7 @@ from scipy.special import stdtrit
 from eaid.apparatus import Apparatus
 from eaid.errors import DataError
 from eaid.findings import Finding, finding
-from eaid.logs.factors import factors_of
+from eaid.logs.names import factors_of
 from eaid.results import codec
 from eaid.results.common import Input, Number, Positive, Result
 from eaid.results.fit import Fit

@@ -26,13 +26,11 @@ def signs_of(runs: Sequence[Run]) -> tuple[dict[str, float], list[Finding]]:
     turned = {False: 1.0, True: 1.0}
     for negative in turned:
         rising = [r for r in runs if r.edge == "rising" and r.from_level == 0 and ((r.level or 0.0) < 0) is negative]
-        rises = [Step(run).rise for run in rising]
-        # those whose mean stands out of the noise
-        clear = [
-            (run, float(rise.mean()))
-            for run, rise in zip(rising, rises, strict=True)
-            if abs(rise.mean()) > STANDARD_ERRORS * block_error(rise) / np.sqrt(20)
-        ]
+        clear = []  # those whose mean stands out of the noise
+        for run in rising:
+            change = float((rise := Step(run).rise).mean())
+            if abs(change) > STANDARD_ERRORS * block_error(rise) / np.sqrt(20):
+                clear.append((run, change))
         if not clear:
             continue
         sizes = np.array([change for _, change in clear])
@@ -60,24 +58,14 @@ def _record(step: Step, findings: tuple[Finding, ...], left_out: bool) -> RunRec
     run = step.run
     from_rest = run.edge == "rising" and run.from_level == 0
     return RunRecord(
-        name=run.name,
-        source=run.source,
-        sha256=run.sha256,
-        level=abs(run.level or 0.0),
-        repeat=run.repeat or 1,
-        baseline_nm=run.baseline or 0.0,
-        step_s=run.start_s + (run.step_s or 0.0),
-        samples=len(step.time_s),
-        rate_hz=1.0 / step.usual_s,
-        edge=run.edge,
-        findings=findings,
+        name=run.name, source=run.source, sha256=run.sha256, level=abs(run.level or 0.0), repeat=run.repeat or 1,
+        baseline_nm=run.baseline or 0.0, step_s=run.start_s + (run.step_s or 0.0), samples=len(step.time_s),
+        rate_hz=1.0 / step.usual_s, edge=run.edge, findings=findings, from_level=run.from_level,
         lost_pct=hold_of(step.rise[None]).lost_pct if run.edge == "rising" else None,
         left_pct=left_pct(step) if run.edge == "falling" else None,
-        from_level=run.from_level,
         idle_density=idle_density(run.time_s[: step.start], step.idle) if from_rest else None,
-        slip=slip_of(step),
-        left_out=left_out,
-    )
+        slip=slip_of(step), left_out=left_out,
+    )  # fmt: skip
 
 
 def _single(values: set[str], what: str, remedy: str) -> str:
@@ -86,19 +74,25 @@ def _single(values: set[str], what: str, remedy: str) -> str:
     return next(iter(values))
 
 
-def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN) -> StepSet:
-    """Step set of runs that are cut already (`cut_runs`)."""
-    if not cut_steps:
+def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN, recorded: Sequence[Run] = ()) -> StepSet:
+    """Step set of runs that are cut already (`cut_runs`); without any, that of logs which are fitted as recorded."""
+    every = cut_steps or recorded[:1]
+    if not every:
         raise DataError("no log holds a step; give logs with one")
-    kinds: set[ExperimentKind] = {run.kind for run in cut_steps if run.kind is not None}
+    kinds: set[ExperimentKind] = {run.kind for run in every if run.kind is not None}
     if options.kind is None and len(kinds) > 1:
         raise DataError(f"the logs are of different experiments ({', '.join(sorted(kinds))}); give one, or say «kind»")
     kind: ExperimentKind = options.kind or next(iter(kinds), None) or "clutch"
-    input_unit = _single({run.input_unit for run in cut_steps}, "input units", "say one with «units» input=UNIT")
-    output_unit = _single({run.output_unit for run in cut_steps}, "output units", "say one with «units» output=UNIT")
-    rigs = {run.apparatus for run in cut_steps if run.apparatus is not None}
+    input_unit = _single({run.input_unit for run in every}, "input units", "say one with «units» input=UNIT")
+    output_unit = _single({run.output_unit for run in every}, "output units", "say one with «units» output=UNIT")
+    rigs = {run.apparatus for run in every if run.apparatus is not None}
     if options.apparatus is None and len(rigs) > 1:
         raise DataError("the datasets are of different rigs; fit them apart")
+    apparatus = options.apparatus or next(iter(rigs), None) or rig_of(kind, input_unit, output_unit)
+    fraction = (finding("duty-may-be-fraction", "data"),) if input_unit == "%" else ()
+    if not cut_steps:
+        small = all(float(np.abs(run.input).max()) <= 1 for run in recorded)
+        return StepSet(kind, input_unit, output_unit, apparatus, (), findings=fraction if small else ())
 
     runs = sorted(cut_steps, key=lambda run: (abs(run.level or 0.0), run.repeat or 0, run.name))
     rising = grouped([run for run in runs if run.edge == "rising" and run.from_level == 0])
@@ -124,8 +118,7 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN) -> StepSe
         for one in disagreements(level, input_unit):
             of_runs[one.subject].append(one)
     findings = _of_subject(of_signs, "data")
-    if input_unit == "%" and levels and levels[-1].level <= 1:
-        findings.append(finding("duty-may-be-fraction", "data"))
+    findings += fraction if levels and levels[-1].level <= 1 else ()
     if stairs := sum(run.from_level != 0 for run in runs):
         findings.append(finding("level-to-level", "data", steps=stairs, of=len(runs)))
     records = [_record(steps[run.name], tuple(of_runs[run.name]), run.name in out) for run in runs]
@@ -133,17 +126,10 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN) -> StepSe
     findings += sittings(records, usual, input_unit)
     records.sort(key=lambda record: (record.level, record.repeat, record.edge != "rising", record.name))
     return StepSet(
-        kind=kind,
-        input_unit=input_unit,
-        output_unit=output_unit,
-        apparatus=options.apparatus or next(iter(rigs), None) or rig_of(kind, input_unit, output_unit),
-        levels=tuple(levels),
-        releases=tuple(_averaged(falling, steps, out)),
-        runs=tuple(records),
-        findings=tuple(findings),
-        synthetic="; ".join(sorted({run.synthetic for run in runs if run.synthetic})) or None,
+        kind, input_unit, output_unit, apparatus, tuple(levels), tuple(_averaged(falling, steps, out)), tuple(records),
+        tuple(findings), synthetic="; ".join(sorted({run.synthetic for run in runs if run.synthetic})) or None,
         level_steps=level_steps([run for run in runs if run.name not in out], of_runs),
-    )
+    )  # fmt: skip
 
 
 def _of_subject(findings: Sequence[Finding], subject: str) -> list[Finding]:

@@ -288,13 +288,9 @@ def _not_idle(step: Step) -> Finding | None:
 
 def _left_after_release(step: Step) -> Finding | None:
     left = left_pct(step)
-    off = left / 100 * step.swing
-    if (
-        step.run.from_level != 0
-        or len(step.rise) < FEW_SAMPLES_CHECKED
-        or left <= 5
-        or off <= STANDARD_ERRORS * block_error(step.rise)
-    ):
+    if step.run.from_level != 0 or len(step.rise) < FEW_SAMPLES_CHECKED or left <= 5:
+        return None
+    if left / 100 * step.swing <= STANDARD_ERRORS * block_error(step.rise):
         return None
     return finding("left-after-release", step.run.name, step.levels, left_pct=left, after_s=float(step.time_s[-1]))
 

@@ -92,16 +92,11 @@ def edge_between(run: Run, before: Plateau, now: Plateau, zero: float, idle: flo
             share = 100 * off / max(abs(change), 1e-3 * off)
             findings.append(finding("unsettled-before-step", run.name, (before.level, now.level), share_pct=share))
     return replace(
-        run,
-        level=level,
-        from_level=0.0 if abs(other) <= zero else other,
-        edge="falling" if down else "rising",
+        run, level=level, from_level=0.0 if abs(other) <= zero else other, edge="falling" if down else "rising",
         held=rest.start if from_rest else end_of(run.output, before),
-        baseline=baseline if run.baseline is None else run.baseline,
+        baseline=baseline if run.baseline is None else run.baseline, rest_moved=rest.moved, findings=tuple(findings),
         rest_s=rests * (float(run.time_s[-1] - run.time_s[0]) / (len(run.time_s) - 1)),
-        rest_moved=rest.moved,
-        findings=tuple(findings),
-    )
+    )  # fmt: skip
 
 
 def no_level(run: Run) -> DataError:
@@ -407,10 +402,8 @@ def cut_runs(runs: Sequence[Run], options: ReadOptions) -> tuple[list[Run], list
         short = [step for step in of_log if _samples(step) < FEWEST_HELD]
         alone = [step for step in short if run.cut or step.edge == "rising"]
         if alone and (run.cut or not any(step.edge == "rising" for step in good)):
-            few = _samples(alone[0])
-            faults.append(
-                f"{run.where}: {few} samples in its window, at least {FEWEST_HELD} are needed; record it longer"
-            )
+            few = f"{_samples(alone[0])} samples in its window, at least {FEWEST_HELD} are needed"
+            faults.append(f"{run.where}: {few}; record it longer")
         elif short and good:  # a short one beside good ones is left out and told
             note = finding("short-pieces", good[0].name, pieces=len(short), fewest=FEWEST_HELD)
             good[0] = replace(good[0], findings=(*good[0].findings, note))
@@ -420,13 +413,7 @@ def cut_runs(runs: Sequence[Run], options: ReadOptions) -> tuple[list[Run], list
 
 def settled_steps(runs: Sequence[Run], options: ReadOptions) -> tuple[LevelStep, ...]:
     """The changes of input between settled holds in logs that are not cut otherwise; none of a log without steps."""
-    steps: list[Run] = []
-    for run in runs:
-        try:
-            steps += cut(run, options.baseline, options.rest)
-        except DataError:
-            continue
-    settled = [step for step in steps if _samples(step) >= FEWEST_HELD and not stops(step.findings)]
+    settled = [step for step in cut_runs(runs, options)[0] if not stops(step.findings)]
     return level_steps(settled, {}) if len(settled) <= MOST_SETTLED else ()
 
 
@@ -453,23 +440,13 @@ def level_steps(runs: Sequence[Run], findings: Mapping[str, Sequence[Finding]]) 
     """The changes of input of cut runs, with the findings of each name: upwards first, by the level they go to."""
     steps = []
     for run in (run for run in runs if _samples(run)):
-        falls, at, level = run.edge == "falling", Step(run).start, run.level or 0.0
-        active = run.part(slice(at, None))
-        held = run.held if falls and run.from_level == 0.0 else None
-        steps.append(
-            LevelStep(
-                name=run.name,
-                source=run.source,
-                from_level=level if falls else run.from_level,
-                level=run.from_level if falls else level,
-                start=(run.baseline or 0.0) if held is None else held,
-                time_s=Step(run).time_s,
-                output=active.output,
-                input=active.input,
-                rest_s=run.rest_s,
-                rest_moved=run.rest_moved,
-                at_s=run.start_s + (run.step_s or 0.0),
-                findings=tuple(findings.get(run.name, ())),
-            )
-        )
+        step, ends = Step(run), (run.from_level, run.level or 0.0)
+        before, after = ends[::-1] if run.edge == "falling" else ends
+        held = run.held if run.edge == "falling" and run.from_level == 0.0 else None
+        start = (run.baseline or 0.0) if held is None else held
+        active = run.part(slice(step.start, None))
+        steps.append(LevelStep(
+            run.name, run.source, before, after, start, step.time_s, active.output, active.input, run.rest_s,
+            run.rest_moved, run.start_s + (run.step_s or 0.0), tuple(findings.get(run.name, ())),
+        ))  # fmt: skip
     return tuple(sorted(steps, key=lambda one: (one.edge != "up", one.level, one.from_level, one.name)))

@@ -1,22 +1,17 @@
-"""Which steps are of one level, as closely as the input column tells them apart; their average; and which are one run.
+"""Which steps are of one level, as closely as the input column tells them apart, and their average.
 
-Repeats are averaged sample by sample where they share a time axis, else interpolated to the finest. Runs are one run
-where their values agree to their digits, or closer than noise allows, whatever their clocks, decimals, rates, offsets
-and lengths are.
+Repeats are averaged sample by sample where they share a time axis, else interpolated to the finest.
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
-from eaid.arrays import Array, median, read_only
+from eaid.arrays import read_only
 from eaid.errors import DataError, UsageError
-from eaid.findings import finding
 from eaid.logs.run import Run
-from eaid.steps.noise import block_noise, sample_noise
+from eaid.steps.noise import sample_noise
 from eaid.steps.step import Step, uniform_step, usual_step
 from eaid.steps.stepset import Level
 
@@ -89,79 +84,3 @@ def common(members: Sequence[Step]) -> Level:
         outputs = [np.interp(axis, time, output) for time, output in zip(times, outputs, strict=True)]
     runs = np.stack([output[: len(axis)] for output in outputs])
     return Level(level, read_only(axis), read_only(runs), tuple(member.run.name for member in members))
-
-
-NEIGHBOURS_COMPARED = 60  # Runs of a level that each is compared with: those next to it by their means
-# Samples before and behind a step that are compared: long logs take no more time and memory than that
-BEFORE, BEHIND = 2_000, 20_000
-LEAST_COMMON = 20  # Samples in common below which nothing is compared
-SINGLE = 1e-6  # Rounding of a single-precision float
-COPIES_ALIKE = 0.5  # Standard deviations of the noise within which no two recordings agree in all of their samples
-
-
-class _Output(NamedTuple):
-    """A run's output around its step."""
-
-    run: Run
-    values: Array
-    at: int  # Sample at which its input steps
-    usual_s: float  # Median sample time [s]
-    slack: float  # What a copy may be off: half the unit of the last digit, or a part of the noise
-
-
-def _output(run: Run) -> _Output:
-    if run.step_s is not None:
-        at = int(np.searchsorted(run.time_s, run.step_s - 1e-9))
-    else:
-        at = int((np.abs(run.input - run.input[:1]) > 0.1 * np.ptp(run.input)).argmax()) if len(run.input) else 0
-    begin = max(0, at - BEFORE)
-    values = run.output[begin : at + BEHIND]
-    gaps = np.diff(np.unique(values))
-    digit = float(gaps.min()) if len(gaps) else 0.0  # the least by which two of its values differ
-    rounding = 0.505 * digit + SINGLE * float(np.abs(values).max(initial=0.0))
-    usual_s = usual_step(run.time_s) if len(run.time_s) > 1 else 1.0
-    return _Output(run, values, at - begin, usual_s, max(rounding, COPIES_ALIKE * block_noise(values)))
-
-
-def counted_once(runs: Sequence[Run]) -> list[Run]:
-    """Runs without copies of a run of another log, their steps laid on each other; the longer one stays and says so."""
-    kept = {id(run): run for run in runs}
-    groups: dict[tuple[str, str, str, str], list[Run]] = {}
-    for run in runs:
-        groups.setdefault((run.edge, run.kind or "", run.input_unit, run.output_unit), []).append(run)
-    for _, members in (level for group in groups.values() for level in grouped(group)):
-        alone: list[_Output] = []
-        for one in sorted(map(_output, members), key=lambda one: float(one.values.mean())):
-            for k, other in list(enumerate(alone))[-NEIGHBOURS_COMPARED:]:
-                same_log = (one.run.dataset, one.run.source) == (other.run.dataset, other.run.source)
-                if same_log or not _copied(one, other):
-                    continue
-                longer, shorter = (one, other) if len(one.run.output) > len(other.run.output) else (other, one)
-                told = kept[id(longer.run)]
-                note = finding("run-given-twice", told.name, (told.level or 0.0,), other=shorter.run.where)
-                kept[id(longer.run)] = replace(told, findings=(*told.findings, note))
-                del kept[id(shorter.run)]
-                alone[k] = longer
-                break
-            else:
-                alone.append(one)
-    return list(kept.values())
-
-
-def _copied(one: _Output, other: _Output) -> bool:
-    """Whether one run's values are those of another, or every so many of them, but for rounding and an offset."""
-    fine, coarse = (one, other) if one.usual_s <= other.usual_s else (other, one)
-    slower = round(coarse.usual_s / fine.usual_s)
-    for stride in {1, slower if slower * LEAST_COMMON < len(fine.values) else 1}:
-        for shift in range(-stride, stride + 1):
-            at, first = divmod(fine.at + shift, stride)
-            of_fine = fine.values[first::stride]
-            before, behind = min(at, coarse.at), min(len(of_fine) - at, len(coarse.values) - coarse.at)
-            if before < 0 or before + behind < LEAST_COMMON:
-                continue
-            a = of_fine[at - before : at + behind]
-            off = a - coarse.values[coarse.at - before : coarse.at + behind]
-            slack = max(one.slack, other.slack)
-            if np.ptp(off) <= 2 * slack and np.ptp(a) > 0 and np.abs(off - median(off)).max() <= slack:
-                return True
-    return False

@@ -47,13 +47,13 @@ def block_means(values: Array, blocks: int = BLOCKS) -> Array:
     return np.asarray(np.add.reduceat(values, edges[:-1], axis=-1) / np.diff(edges))
 
 
-def block_error(values: Array, blocks: int = BLOCKS) -> float:
-    """Standard error of the mean of one of `blocks` parts, from how far neighbouring means of a fine division differ.
+def block_error(values: Array) -> float:
+    """Standard error of the mean of one of `BLOCKS` parts, from how far neighbouring means of a fine division differ.
 
     0 of fewer than 8 samples.
     """
-    means = block_means(values, 4 * blocks)
-    return block_noise(means) * float(np.sqrt(blocks / len(means))) if len(means) >= 8 else 0.0
+    means = block_means(values, 4 * BLOCKS)
+    return block_noise(means) * float(np.sqrt(BLOCKS / len(means))) if len(means) >= 8 else 0.0
 
 
 def block_noise(means: Array) -> float:

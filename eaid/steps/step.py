@@ -15,9 +15,7 @@ from eaid.arrays import Array, median, read_only
 from eaid.logs.run import Run
 from eaid.steps.noise import STANDARD_ERRORS, block_error, block_means, line
 
-SAME_INSTANT = (
-    2e-3  # Share of the sample time within which sample instants count as equal: the rounding of written times
-)
+SAME_INSTANT = 2e-3  # Share of the sample time within which instants count as equal: the rounding of written times
 OVER = 0.05  # Share by which a peak has to exceed the level after it to be a slip
 
 

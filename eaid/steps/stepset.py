@@ -201,27 +201,20 @@ class StepSet(Shown):
             for one in stops(run.findings) if run.left_out else ():
                 if one.code not in stopped:
                     reasons.setdefault(one.code, []).append((run.name, one))
-        findings = [
-            finding(
-                "runs-left-out", "data", runs=tuple(name for name, _ in group), of=len(self.runs), why=say(group[0][1])
-            )
-            for group in reasons.values()
-        ]
-        return ranked((*merged((*self.findings, *kept)), *findings))
+        out = [(tuple(name for name, _ in group), say(group[0][1])) for group in reasons.values()]
+        told = [finding("runs-left-out", "data", runs=names, of=len(self.runs), why=why) for names, why in out]
+        return ranked((*merged((*self.findings, *kept)), *told))
 
     def without(self, levels: Sequence[float], why: Finding) -> "StepSet":
         """The set without some of its levels and their releases, with `why` as a warning."""
         parts = [[one for one in group if one.level not in levels] for group in (self.levels, self.releases)]
         names = {name for level in parts[0] + parts[1] for name in level.names}
-        runs = tuple(
-            replace(run, left_out=run.left_out or (run.from_level == 0 and run.name not in names)) for run in self.runs
-        )
-        told = (
-            msgspec.structs.replace(why, severity="caution"),
-            finding("levels-left-out", "data", levels, unit=self.input_unit),
-        )
-        findings = (*(one for one in self.findings if one is not why), *told)
-        return replace(self, levels=tuple(parts[0]), releases=tuple(parts[1]), runs=runs, findings=findings)
+        out = [run.left_out or (run.from_level == 0 and run.name not in names) for run in self.runs]
+        runs = tuple(replace(run, left_out=left) for run, left in zip(self.runs, out, strict=True))
+        told = finding("levels-left-out", "data", levels, unit=self.input_unit)
+        findings = [one for one in self.findings if one is not why]
+        findings += [msgspec.structs.replace(why, severity="caution"), told]
+        return replace(self, levels=tuple(parts[0]), releases=tuple(parts[1]), runs=runs, findings=tuple(findings))
 
     def to_frame(self) -> "pandas.DataFrame":
         """One row a run: level, repeat, edge, step instant, baseline, samples, and the codes of its findings."""

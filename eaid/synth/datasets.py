@@ -6,7 +6,6 @@ sensor's 1/1024 N·m, so the numbers themselves do not depend on the last digit 
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
@@ -14,11 +13,9 @@ from eaid.apparatus import Apparatus
 from eaid.errors import UsageError
 from eaid.logs.dataset import write_dataset
 from eaid.logs.run import Run
+from eaid.options import EXPERIMENTS, SynthOptions
 from eaid.steps.cut import cut
-from eaid.synth.logs import PROTOCOLS, Disturbance, synthesise
-from eaid.synth.plants import REFERENCE
-
-NAMES = tuple(REFERENCE)  # clutch, friction-force, friction-speed
+from eaid.synth.synthesize import synthesize
 
 
 def write(path: Path, runs: Sequence[Run], force: bool = False) -> None:
@@ -31,11 +28,10 @@ def write(path: Path, runs: Sequence[Run], force: bool = False) -> None:
 
 def make(folder: Path, force: bool = False) -> dict[str, Path]:
     """Write all three into a folder; by kind, where."""
-    paths = {kind: folder / f"{kind}.h5" for kind in NAMES}
-    for kind, path in paths.items():
-        plant = REFERENCE[kind]
-        protocol = replace(PROTOCOLS[kind], levels=plant.levels)
-        write(path, synthesise(plant, protocol, Disturbance(), seed=0), force)
+    paths: dict[str, Path] = {}
+    for kind in EXPERIMENTS:
+        paths[kind] = folder / f"{kind}.h5"
+        write(paths[kind], synthesize(SynthOptions(kind=kind)), force)
     return paths
 
 
@@ -44,7 +40,7 @@ def shipped() -> dict[str, Path]:
     inside = Path(str(resources.files("eaid"))) / "datasets"
     checkout = Path(__file__).parents[2] / "datasets"
     for folder in (inside, checkout):
-        paths = {kind: folder / f"{kind}.h5" for kind in NAMES}
+        paths: dict[str, Path] = {kind: folder / f"{kind}.h5" for kind in EXPERIMENTS}
         if all(path.is_file() for path in paths.values()):
             return paths
     raise UsageError(f"{inside}: the shipped datasets are missing; install eaid again, or run datasets/make.py")

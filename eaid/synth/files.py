@@ -50,13 +50,9 @@ def read_input(path: Path, kind: str = "clutch", unit: str = "%") -> tuple[Input
     rows = read_rows(path, ("time_s", column), {"input": column})
     duty = column == "duty_pct"
     most, range_said = (100.0, "0 to 100 %") if duty else (math.inf, "0 and above")
-    faults = [
-        f"{path}: row {number} holds {column} {value:g}, outside {range_said}; mend it"
-        for number, (_, value) in rows
-        if not 0 <= value <= most
-    ]
-    if faults:
-        raise DataError(*faults[:20])
+    if wrong := [(number, value) for number, (_, value) in rows if not 0 <= value <= most]:
+        said = (f"row {number} holds {column} {value:g}, outside {range_said}" for number, value in wrong[:20])
+        raise DataError(*(f"{path}: {one}; mend it" for one in said))
     changes = [(time_s - rows[0][1][0], value) for _, (time_s, value) in rows]
     return changes[:-1], changes[-1][0]
 

@@ -1,10 +1,7 @@
-"""Logs of a plant, as a rig would have recorded them.
-
-A run idles, holds its level, and is released; its torque is that of the replay's plant (`eaid.plant.respond.driven`).
-"""
+"""One run of a rig: the plant's torque (`eaid.plant.respond.driven`), and what is not the plant: noise and scatter."""
 
 import hashlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from math import exp
 
@@ -13,7 +10,6 @@ import numpy as np
 from eaid.arrays import Array, read_only
 from eaid.errors import UsageError
 from eaid.logs.run import Run
-from eaid.options import EXPERIMENTS
 from eaid.plant.respond import driven
 from eaid.replay.loop import coloured
 from eaid.replay.references import MOST_SAMPLES
@@ -77,55 +73,8 @@ def mark(plant: Specimen, disturbance: Disturbance, seed: int) -> str:
     return f"eaid synth of {plant.made_of}; {disturbances or 'undisturbed'}; seed {seed}; recorded on no rig"
 
 
-@dataclass(frozen=True)
-class Protocol:
-    """How an experiment is recorded, as the options of the same names; each level [%, N or RPM] is a run of its own,
-    and without a release the log ends with the input held."""
-
-    levels: tuple[float, ...]
-    repeats: int = 3
-    idle_s: float = 10.0
-    hold_s: float = 20.0
-    release_s: float = 10.0
-    rate_hz: float = 1000.0
-
-
-# Defaults of each kind; the levels are the plant's
-PROTOCOLS: dict[str, Protocol] = {
-    "clutch": Protocol(levels=()),
-    "friction-force": Protocol(levels=(), repeats=2, idle_s=2.0, hold_s=60.0, release_s=0.0),
-    "friction-speed": Protocol(levels=(), repeats=2, idle_s=2.0, hold_s=60.0, release_s=0.0),
-}
-
 Input = Sequence[tuple[float, float]]  # A piecewise constant input: (from when [s], value), the first at 0
 Columns = tuple[Array, Array, Array]  # Time [s], input and output of a log, shapes (n,)
-
-
-def synthesise(plant: Specimen, protocol: Protocol, disturbance: Disturbance, seed: int) -> list[Run]:
-    """Runs of idle, step, hold and release; the seed, the place of a level and the repeat make a run."""
-    check_protocol(plant, protocol)
-    p, end_s, runs = protocol, protocol.idle_s + protocol.hold_s, []
-    for place, level in enumerate(map(float, p.levels)):
-        changes = [(0.0, 0.0)] * (p.idle_s > 0) + [(p.idle_s, level), (end_s, 0.0)]
-        wide = f"{level:05.1f}"  # so that names sort, where a tenth tells the level exactly
-        name = wide if float(wide) == level else f"{level:.9g}"
-        key = seed, EXPERIMENTS.index(plant.kind), place
-        made = repeats(plant, name, changes, end_s + p.release_s, p, disturbance, key)
-        runs += [replace(run, level=level, step_s=p.idle_s) for run in made]
-    return runs
-
-
-def repeats(
-    plant: Specimen, what: str, changes: Input, duration_s: float, protocol: Protocol, disturbance: Disturbance,
-    key: tuple[int, ...],
-) -> Iterator[Run]:  # fmt: skip
-    """The runs of one input, each of a rig that was at rest before; key, the seed first, and repeat make its noise."""
-    starts, levels = np.array(changes).T
-    time_s = np.arange(round(duration_s * protocol.rate_hz)) / protocol.rate_hz
-    for repeat in range(1, protocol.repeats + 1):
-        draw = np.random.default_rng([*key, repeat])
-        columns = played(plant, scatter(disturbance, draw), (starts, levels), time_s, disturbance, draw)
-        yield run_of(plant, columns, what, repeat, mark(plant, disturbance, key[0]))
 
 
 def played(
@@ -149,28 +98,6 @@ def run_of(
         source="eaid synth", sha256=hashlib.sha256(np.stack(columns).tobytes()).hexdigest(), repeat=repeat,
         kind=plant.kind, synthetic=synthetic, reference_nm=None if reference is None else read_only(reference),
     )  # fmt: skip
-
-
-def check_protocol(plant: Specimen, protocol: Protocol) -> None:
-    """Refuse what cannot be recorded."""
-    faults = []
-    if not protocol.levels:
-        faults.append("«levels»: give at least one level")
-    if len(set(protocol.levels)) < len(protocol.levels):
-        faults.append("«levels»: a level stands there twice; give each once and raise «repeats»")
-    if plant.is_duty:
-        faults += [f"«levels» {level:g}: a duty is at most 100 %" for level in protocol.levels if level > 100]
-    if plant.kind != "clutch" and protocol.release_s > 0:
-        faults.append("«release_s»: nobody has published how friction falls when weights are lifted; leave it at 0")
-    if faults:
-        raise UsageError(*faults)
-    samples = (protocol.idle_s + protocol.hold_s + protocol.release_s) * protocol.rate_hz
-    if protocol.hold_s * protocol.rate_hz < 10:
-        raise UsageError(
-            f"«hold_s» {protocol.hold_s:g}: fewer than 10 samples at {protocol.rate_hz:g} Hz; hold longer or raise "
-            "«rate_hz»"
-        )
-    refuse_too_many(samples * protocol.repeats * len(protocol.levels))
 
 
 def refuse_too_many(samples: float) -> None:

@@ -1,7 +1,13 @@
-"""Synthetic logs of a plant, from options alone: protocol, given input or excitation; one function."""
+"""Synthetic logs of a plant, from options alone: steps, a given input or an excitation; one function.
 
-from dataclasses import fields, replace
+A run of a step idles, holds its level, and is released.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
 from typing import TypeVar
+
+import numpy as np
 
 from eaid.declared import keyed
 from eaid.errors import UsageError
@@ -10,36 +16,44 @@ from eaid.options import EXPERIMENTS, Excitation, SynthOptions
 from eaid.results.fit import Fit
 from eaid.synth.excitation import synthesise_excitation
 from eaid.synth.files import read_input
-from eaid.synth.logs import NONE, PROTOCOLS, Disturbance, Protocol, check_protocol, repeats, synthesise
+from eaid.synth.logs import NONE, Disturbance, Input, mark, played, refuse_too_many, run_of, scatter
 from eaid.synth.plants import REFERENCE, Specimen, of_fit
 
-Part = TypeVar("Part", Protocol, Disturbance)
 # Disturbances in the output's unit: their defaults are scaled to the rig
 ABSOLUTE = ("white_nm", "offset_nm", "resolution_nm")
 
 
+@dataclass(frozen=True)
+class Protocol:
+    """How an experiment is recorded, as the options of the same names; each level [%, N or RPM] is a run of its own,
+    and without a release the log ends with the input held."""
+
+    levels: tuple[float, ...]
+    repeats: int = 3
+    idle_s: float = 10.0
+    hold_s: float = 20.0
+    release_s: float = 10.0
+    rate_hz: float = 1000.0
+
+
+def usual_protocol(plant: Specimen) -> Protocol:
+    """How a kind of experiment is recorded by itself: all of the plant's levels."""
+    if plant.kind == "clutch":
+        return Protocol(plant.levels)
+    return Protocol(plant.levels, repeats=2, idle_s=2.0, hold_s=60.0, release_s=0.0)
+
+
+Part = TypeVar("Part", Protocol, Disturbance)
+
+
 def synthesize(options: SynthOptions, fit: Fit | None = None, named: str = "a fit") -> list[Run]:
-    """Logs of a plant, as a rig would have recorded them.
+    """What `eaid.synth` calls: runs as a rig would have recorded them; a fit is called `named` in them.
 
-    Parameters
-    ----------
-    options
-        Levels, times, disturbances, or an input of the user's own.
-    fit
-        The plant; None: the reference plant of the kind (docs/synthetic.md).
-    named
-        What the logs call the fit.
-
-    Raises
-    ------
-    UsageError
-        What is asked for cannot be recorded.
-    DataError
-        The fit holds no plant, or a file is no such table.
+    UsageError for what cannot be recorded; DataError where the fit holds no plant, or a file is no such table.
     """
     plant = REFERENCE[options.kind or "clutch"] if fit is None else of_fit(fit, options.kind or fit.data.kind, named)
     disturbance = disturbance_of(options, plant)
-    protocol = said_by(options, replace(PROTOCOLS[plant.kind], levels=plant.levels))
+    protocol = said_by(options, usual_protocol(plant))
     if options.duty_file is not None:
         changes, duration_s = read_input(options.duty_file, plant.kind, plant.input_unit)
         timing = replace(protocol, idle_s=0.0, hold_s=duration_s, release_s=0.0)
@@ -49,7 +63,56 @@ def synthesize(options: SynthOptions, fit: Fit | None = None, named: str = "a fi
         rate = {} if options.rate_hz is None else {"rate_hz": options.rate_hz}
         shape = keyed(Excitation, "«shape»", options.shape, {"kind": options.excitation, **rate})
         return synthesise_excitation(plant, shape, disturbance, options.seed, options.repeats or 1)
-    return synthesise(plant, protocol, disturbance, options.seed)
+    return stepped(plant, protocol, disturbance, options.seed)
+
+
+def stepped(plant: Specimen, protocol: Protocol, disturbance: Disturbance, seed: int) -> list[Run]:
+    """Runs of idle, step, hold and release; the seed, the place of a level and the repeat make a run."""
+    check_protocol(plant, protocol)
+    p, end_s, runs = protocol, protocol.idle_s + protocol.hold_s, []
+    for place, level in enumerate(map(float, p.levels)):
+        changes = [(0.0, 0.0)] * (p.idle_s > 0) + [(p.idle_s, level), (end_s, 0.0)]
+        wide = f"{level:05.1f}"  # so that names sort, where a tenth tells the level exactly
+        name = wide if float(wide) == level else f"{level:.9g}"
+        key = seed, EXPERIMENTS.index(plant.kind), place
+        made = repeats(plant, name, changes, end_s + p.release_s, p, disturbance, key)
+        runs += [replace(run, level=level, step_s=p.idle_s) for run in made]
+    return runs
+
+
+def repeats(
+    plant: Specimen, what: str, changes: Input, duration_s: float, protocol: Protocol, disturbance: Disturbance,
+    key: tuple[int, ...],
+) -> Iterator[Run]:  # fmt: skip
+    """The runs of one input, each of a rig that was at rest before; key, the seed first, and repeat make its noise."""
+    starts, levels = np.array(changes).T
+    time_s = np.arange(round(duration_s * protocol.rate_hz)) / protocol.rate_hz
+    for repeat in range(1, protocol.repeats + 1):
+        draw = np.random.default_rng([*key, repeat])
+        columns = played(plant, scatter(disturbance, draw), (starts, levels), time_s, disturbance, draw)
+        yield run_of(plant, columns, what, repeat, mark(plant, disturbance, key[0]))
+
+
+def check_protocol(plant: Specimen, protocol: Protocol) -> None:
+    """Refuse what cannot be recorded."""
+    faults = []
+    if not protocol.levels:
+        faults.append("«levels»: give at least one level")
+    if len(set(protocol.levels)) < len(protocol.levels):
+        faults.append("«levels»: a level stands there twice; give each once and raise «repeats»")
+    if plant.is_duty:
+        faults += [f"«levels» {level:g}: a duty is at most 100 %" for level in protocol.levels if level > 100]
+    if plant.kind != "clutch" and protocol.release_s > 0:
+        faults.append("«release_s»: nobody has published how friction falls when weights are lifted; leave it at 0")
+    if faults:
+        raise UsageError(*faults)
+    samples = (protocol.idle_s + protocol.hold_s + protocol.release_s) * protocol.rate_hz
+    if protocol.hold_s * protocol.rate_hz < 10:
+        raise UsageError(
+            f"«hold_s» {protocol.hold_s:g}: fewer than 10 samples at {protocol.rate_hz:g} Hz; hold longer or raise "
+            "«rate_hz»"
+        )
+    refuse_too_many(samples * protocol.repeats * len(protocol.levels))
 
 
 def said_by(options: SynthOptions, usual: Part) -> Part:

@@ -121,7 +121,8 @@ class Laws:
 def laws_of(gains: Any, fit: Any, precision: str = "double", **options: Any) -> Laws:
     """What an export holds, in the plain Python that its other languages repeat."""
     source, how = job.source_of(gains, fit), eaid.ExportOptions(precision=precision, **options)
-    held = job.constants_of(source, job.laws_of(source, how), job.rig_of(source, how))
+    laws, rig = job.laws_of(source, how), job.rig_of(source, how)
+    held = constants.constants_of(source.loops, source.plant, source.limits, laws, rig)
     series = constants.rounded(constants.SERIES[precision], precision)
     number = np.float32 if precision == "single" else float
     return Laws(plain_python, {name: constants.namespace(each, series) for name, each in held.items()}, number)

@@ -13,7 +13,7 @@ from logs_written import frame, text
 
 import eaid
 from eaid import DataError, UsageError
-from eaid.logs.to_run import pattern_guessed
+from eaid.logs.names import pattern_guessed
 
 T = np.arange(1000) / 100.0
 U = np.where((T >= 2) & (T < 7), 50.0, 0.0)

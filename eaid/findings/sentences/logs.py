@@ -12,12 +12,10 @@ def _drift(v: Values) -> str:
 
 def _lasts(seconds: float) -> str:
     """A time as people say it."""
-    long = (
-        f"{seconds / size:.3g} {unit}"
-        for size, unit in ((86400, "days"), (3600, "h"), (60, "min"))
-        if seconds >= 2 * size
-    )
-    return next(long, f"{seconds:.3g} s")
+    for size, unit in ((86400, "days"), (3600, "h"), (60, "min")):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds:.3g} s"
 
 
 def _time_unclear(v: Values) -> str:
@@ -36,6 +34,9 @@ def _other_shape(v: Values) -> str:
         f"{v['plain_rmse']:.3g}"
     )
 
+
+STOOD_STILL = "the sensor stood still for {for_s:.3g} s at {at_s:.6g} s, at exactly {value:.4g} {unit}"
+RAMPS = "the input takes {ramp_s:.3g} s to its new level, and {moved_pct:.0f} % of the change come before it is there: "
 
 ROWS: dict[str, Row] = {
     # Reading
@@ -146,13 +147,11 @@ ROWS: dict[str, Row] = {
         "moved_pct",
     ),
     "input-ramps": caution(
-        "the input takes {ramp_s:.3g} s to its new level, and {moved_pct:.0f} % of the change come before it is there: "
-        "its time constants are those of the rest; log the command, or a faster input",
-        "moved_pct",
+        RAMPS + "its time constants are those of the rest; log the command, or a faster input", "moved_pct"
     ),
     "input-ramps-on": stop(
-        "the input takes {ramp_s:.3g} s to its new level, and {moved_pct:.0f} % of the change come before it is there: "
-        "no step shows its time constants; fit the log as it was recorded («logs_as» recorded), or log the command",
+        RAMPS + "no step shows its time constants; fit the log as it was recorded («logs_as» recorded), or log the "
+        "command",
         "moved_pct",
     ),
     "idle-drifts": caution(_drift, "share_pct", rank=1),
@@ -172,13 +171,8 @@ ROWS: dict[str, Row] = {
         "the output stops at {limit:.4g} {unit} at full slope and stays there: a saturated sensor, or a contact that "
         "slips; either way its time constants are those of the loading"
     ),
-    "sensor-stuck": stop(
-        "the sensor stood still for {for_s:.3g} s at {at_s:.6g} s, at exactly {value:.4g} {unit}; record it again",
-        "for_s",
-    ),
-    "sensor-stuck-briefly": caution(
-        "the sensor stood still for {for_s:.3g} s at {at_s:.6g} s, at exactly {value:.4g} {unit}", "for_s"
-    ),
+    "sensor-stuck": stop(STOOD_STILL + "; record it again", "for_s"),
+    "sensor-stuck-briefly": caution(STOOD_STILL, "for_s"),
     "block-written-twice": stop(
         "{rows} rows from {at_s:.6g} s on come again at {again_s:.6g} s to the last digit, as noise never does: a "
         "block was written twice, and what follows may be late by it; save each row once, or end the window before "

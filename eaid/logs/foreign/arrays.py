@@ -57,9 +57,8 @@ class Column(NamedTuple):
         empty = np.zeros(len(stored), dtype=bool)
         for name in ("_FillValue", "missing_value"):
             empty |= np.isin(stored, np.atleast_1d(self.attribute(name, ())))
-        scale, offset = (
-            np.float64(np.ravel(self.attribute(*one))[0]) for one in (("scale_factor", 1.0), ("add_offset", 0.0))
-        )
+        usual = {"scale_factor": 1.0, "add_offset": 0.0}
+        scale, offset = (np.float64(np.ravel(self.attribute(name, one))[0]) for name, one in usual.items())
         if (scale, offset) != (1.0, 0.0):
             stored = stored * scale + offset
         return np.where(empty, np.nan, stored) if empty.any() else stored

@@ -55,10 +55,8 @@ def _table(name: str, rows: Sequence[Row]) -> Table | None:
                 column = seconds(np.array(stamps, dtype="datetime64[us]"))
             else:
                 column = np.array([cell if _is_number(cell) else np.nan for cell in cells], dtype=np.float64)
-            bad += [
-                BadCell(row, k, "" if cells[row] is None else str(cells[row])[:40])
-                for row in np.flatnonzero(~np.isfinite(column)).tolist()
-            ]
+            wrong = {row: cells[row] for row in np.flatnonzero(~np.isfinite(column)).tolist()}
+            bad += [BadCell(row, k, "" if cell is None else str(cell)[:40]) for row, cell in wrong.items()]
             values.append(column)
         return Cells(tuple(values), tuple(bad), ((0, start + 1),))
 
