@@ -92,3 +92,18 @@ def test_an_input_below_rest_has_the_gain_that_its_log_shows(sign):
     fit = eaid.fit(eaid.read(logs, columns=columns, units={"input": "V", "output": "N"}, logs_as="recorded"))
     assert fit.plant.steady(-5.0 if sign > 0 else 5.0) == pytest.approx(-100.0 * sign, rel=0.01)
     assert fit.logs[0].fit_pct > 98
+
+
+def test_counts_in_a_column_of_percent_are_refused_and_a_coarse_sensor_may_stand_still_at_rest():
+    t, random = np.arange(3000) * 0.02, np.random.default_rng(2)
+    u = np.repeat(np.append([0.0, 0.0], random.uniform(10, 100, 28)), 100)
+    output = np.round(respond(LAG, t, u, t) / 0.02) * 0.02
+    told = eaid.read(pd.DataFrame({"time_s": t, "duty_pct": u, "torque_nm": output}))
+    assert told.recorded and "sensor-stuck" not in {one.code for one in told.recorded[0].findings}
+    stays = np.where(t < 12, 0.5, output + 0.02 * random.integers(-3, 4, len(t)))  # long after the input moves
+    stuck = eaid.read(pd.DataFrame({"time_s": t, "duty_pct": u, "torque_nm": stays}))
+    assert "sensor-stuck" in {one.code for one in stuck.recorded[0].findings}
+    with pytest.raises(eaid.DataError, match="beyond 100; if it is not in %, say its unit .* input=/255"):
+        eaid.read(pd.DataFrame({"time_s": t, "PWM": 2.55 * u, "torque_nm": output}))
+    both = eaid.read(pd.DataFrame({"time_s": t, "duty_pct": u - 50, "torque_nm": output}))
+    assert both.recorded[0].input.min() < 0  # of a bridge
