@@ -97,10 +97,11 @@ def test_an_input_below_rest_has_the_gain_that_its_log_shows(sign):
 def test_counts_in_a_column_of_percent_are_refused_and_a_coarse_sensor_may_stand_still_at_rest():
     t, random = np.arange(3000) * 0.02, np.random.default_rng(2)
     u = np.repeat(np.append([0.0, 0.0], random.uniform(10, 100, 28)), 100)
-    output = np.round(respond(LAG, t, u, t) / 0.02) * 0.02
+    trembling = 0.02 * random.integers(-3, 4, len(t)) * (t >= 4.1)  # under load only
+    output = np.round(respond(LAG, t, u, t) / 0.02) * 0.02 + trembling
     told = eaid.read(pd.DataFrame({"time_s": t, "duty_pct": u, "torque_nm": output}))
     assert told.recorded and "sensor-stuck" not in {one.code for one in told.recorded[0].findings}
-    stays = np.where(t < 12, 0.5, output + 0.02 * random.integers(-3, 4, len(t)))  # long after the input moves
+    stays = np.where(t < 12, 0.5, output)  # long after the input moves
     stuck = eaid.read(pd.DataFrame({"time_s": t, "duty_pct": u, "torque_nm": stays}))
     assert "sensor-stuck" in {one.code for one in stuck.recorded[0].findings}
     with pytest.raises(eaid.DataError, match="beyond 100; if it is not in %, say its unit .* input=/255"):
