@@ -1,5 +1,7 @@
 """Inputs of recorded logs that look like others: ramps in small steps, both signs, ranges without a level."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -99,12 +101,12 @@ def test_counts_in_a_column_of_percent_are_refused_and_a_coarse_sensor_may_stand
     u = np.repeat(np.append([0.0, 0.0], random.uniform(10, 100, 28)), 100)
     trembling = 0.02 * random.integers(-3, 4, len(t)) * (t >= 4.1)  # under load only
     output = np.round(respond(LAG, t, u, t) / 0.02) * 0.02 + trembling
-    told = eaid.read(pd.DataFrame({"time_s": t, "duty_pct": u, "torque_nm": output}))
-    assert told.recorded and "sensor-stuck" not in {one.code for one in told.recorded[0].findings}
+    bridge = np.where(u > 0, u - 50, 0.0)
+    both = np.round(respond(replace(LAG, Ts_below=LAG.Ts), t, bridge, t) / 0.02) * 0.02 + trembling
+    (told,) = eaid.read(pd.DataFrame({"time_s": t, "duty_pct": bridge, "torque_nm": both})).recorded
+    assert told.input.min() < 0 and "sensor-stuck" not in {one.code for one in told.findings}
     stays = np.where(t < 12, 0.5, output)  # long after the input moves
     stuck = eaid.read(pd.DataFrame({"time_s": t, "duty_pct": u, "torque_nm": stays}))
     assert "sensor-stuck" in {one.code for one in stuck.recorded[0].findings}
     with pytest.raises(eaid.DataError, match="beyond 100; if it is not in %, say its unit .* input=/255"):
         eaid.read(pd.DataFrame({"time_s": t, "PWM": 2.55 * u, "torque_nm": output}))
-    both = eaid.read(pd.DataFrame({"time_s": t, "duty_pct": u - 50, "torque_nm": output}))
-    assert both.recorded[0].input.min() < 0  # of a bridge
