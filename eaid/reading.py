@@ -28,7 +28,7 @@ from eaid.progress import Progress, no_progress
 from eaid.steps.baseline import baseline_rule
 from eaid.steps.build import stepset_of
 from eaid.steps.checks import Record, bridged, of_record
-from eaid.steps.cut import active_low, cut_runs, onset, settled_steps
+from eaid.steps.cut import active_low, cut_runs, onset, refuse_percent, settled_steps
 from eaid.steps.noise import block_means, stretches
 from eaid.steps.plateaus import plateaus, stands_still, switching
 from eaid.steps.repeats import counted_once
@@ -246,9 +246,12 @@ def steps_of(
         raise DataError(*faults, *more)
     if options.repair:
         uncut, steps = [bridged(Record(run)) for run in uncut], [bridged(Step(run)) for run in steps]
-    found = [[*active_low(run, plateaus(run.input)), *of_record(run)] if run.has_input else [] for run in uncut]
-    told = [replace(run, findings=(*run.findings, *more)) for run, more in zip(uncut, found, strict=True)]
-    uncut, steps = counted_once(told), counted_once(steps)
+    for k, run in enumerate(uncut):
+        if run.has_input:
+            refuse_percent(run, (np.abs(run.input) > 100 + 1e-9, "beyond 100"))
+            found = (*run.findings, *active_low(run, plateaus(run.input)), *of_record(run))
+            uncut[k] = replace(run, findings=found)
+    uncut, steps = counted_once(uncut), counted_once(steps)
     stepset = stepset_of(steps, options, uncut)
     each = (*stepset.level_steps, *settled_steps(uncut, options))
     about = (*stepset.findings, *several_factors([*steps, *uncut]))

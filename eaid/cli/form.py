@@ -6,6 +6,7 @@ def command(args: Common, how: TuneOptions, fit: Path = argument("FIT", "A fit.j
 
 import inspect
 import re
+import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, make_dataclass
 from pathlib import Path
@@ -16,8 +17,8 @@ import typer
 import eaid
 from eaid.cli import console
 from eaid.declared import Declaration, Form, Options, as_typed, forms, option, part
-from eaid.errors import UsageError
-from eaid.options import CHANCE, WHAT
+from eaid.errors import DataError, UsageError
+from eaid.options import CHANCE, WHAT, ReadOptions
 
 if TYPE_CHECKING:
     from eaid.findings import Finding
@@ -92,7 +93,13 @@ def takes(body: Callable[..., int | None]) -> Callable[..., int | None]:
                 raise UsageError(f"{text!r}: is not UTF-8; type it in a terminal that writes UTF-8")
         args = arguments(**given, typed=_typed_words(shown, typed))
         each = {name: args if issubclass(kind, Common) else part(kind, args) for name, kind in sets.items()}
-        return body(**each, **{name: getattr(args, name) for name, _kind, _default in own})
+        try:
+            return body(**each, **{name: getattr(args, name) for name, _kind, _default in own})
+        except DataError as fault:  # what reading proposes keeps what else was asked for
+            more = [form for form in shown if form.declared.group != PLACE and form.name not in forms(ReadOptions)]
+            rest = shlex.join(word for form in more for word in _named(form, typed[form.name]))
+            told = [f"{one} {rest}".rstrip() if one.startswith("try: ") else one for one in fault.sentences]
+            raise DataError(*told) from None
 
     command.__doc__ = body.__doc__
     command.__signature__ = inspect.Signature([_parameter(form) for form in shown])  # type: ignore[attr-defined]
@@ -150,20 +157,22 @@ def _metavar(form: Form) -> str:
 
 def _typed_words(shown: Sequence[Form], typed: Mapping[str, Any]) -> tuple[str, ...]:
     """The arguments and options as they were typed, those left at their defaults not."""
-    placed: list[str] = []
-    named: list[str] = []
-    for form in shown:
-        value = typed[form.name]
-        if form.declared.group == OUTPUT or not form.declared.kept or value in (None, [], _default(form)):
-            continue
-        each = value if isinstance(value, list) else [value]
-        if form.declared.group == PLACE:
-            placed += map(str, each)
-        elif isinstance(value, bool):
-            named.append(form.flag if value else f"--no-{form.flag[2:]}")
-        else:
-            named += [word for part in each for word in (form.flag, str(part))]
-    return *placed, *named
+    kept = [form for form in shown if form.declared.group != OUTPUT and form.declared.kept]
+    placed = [str(one) for form in kept if form.declared.group == PLACE for one in _values(typed[form.name])]
+    return *placed, *(word for form in kept if form.declared.group != PLACE for word in _named(form, typed[form.name]))
+
+
+def _values(value: Any) -> list[Any]:
+    return value if isinstance(value, list) else [] if value is None else [value]
+
+
+def _named(form: Form, value: Any) -> list[str]:
+    """An option as it was typed; nothing of one that was left at its default."""
+    if value in (None, [], _default(form)):
+        return []
+    if isinstance(value, bool):
+        return [form.flag if value else f"--no-{form.flag[2:]}"]
+    return [word for part in _values(value) for word in (form.flag, str(part))]
 
 
 def tell_result(

@@ -49,7 +49,7 @@ class Session(Result, frozen=True):
 def values_of(fit: Fit, name: str, session: str) -> list[Value]:
     """A fit's T_s, τ1, τ2, B of its levels, what they held and their peaks, or a0 (as of a level 1), as far as its data
     determine them."""
-    linear, pooled = fit.linear, sum(one.runs - 1 for one in fit.responses)
+    linear, pooled = fit.linear, sum(max(one.runs - 1, 0) for one in fit.responses)
     rows: list[tuple[float, Any]] = [] if linear is None else [(1.0, linear)]
     if name in RESPONSES:
         rows = [(row.level, row) for row in fit.responses]

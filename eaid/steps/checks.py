@@ -104,14 +104,16 @@ def sharpness(step: Step, ceiling: float) -> float:
 
 
 def stuck(step: Step) -> Finding | None:
-    """One value for longer than chance allows, where the samples around it differ from their neighbours."""
-    output = step.run.output
+    """One value for longer than chance allows, where the samples around it differ from their neighbours; before the
+    input first moves a coarse sensor may stand still."""
+    output, rest = step.run.output, int((step.run.input != step.run.input[0]).argmax()) if step.run.has_input else 0
     same = np.diff(output) == 0
     starts, stops = stretches(same)
     for i in np.argsort(starts - stops)[:3].tolist():
-        start, stop = int(starts[i]), int(stops[i])
+        first, stop = int(starts[i]), int(stops[i])
+        start = first or min(stop, rest)
         count = stop - start
-        around = np.concatenate((same[max(0, start - count) : start], same[stop : stop + count]))
+        around = np.concatenate((same[max(0, start - count) : first], same[stop : stop + count]))
         limit = not 0 < start < stop < step.start and output[start] in (output.max(), output.min())
         if count < 20 or len(around) < 20 or limit:
             continue

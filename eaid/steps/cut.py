@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eaid.arrays import Array, median, read_only
 from eaid.errors import DataError
@@ -302,6 +303,17 @@ def cut_reversals(run: Run) -> list[Run]:
     return [replace(steps[0], findings=(*run.findings, note)), *(replace(one, findings=()) for one in steps[1:])]
 
 
+def refuse_percent(run: Run, *wrong: tuple[NDArray[np.bool_], str]) -> None:
+    """Refuse an input in % in rows where it is none."""
+    for rows, how in wrong if run.input_unit == "%" else ():
+        if rows.any():
+            first = int(rows.argmax())
+            raise DataError(
+                f"{run.where}: the input is {run.input[first]:g} % at {run.time_s[first]:.6g} s, {how}; "
+                f"if it is not in %, say its unit with «units» input=UNIT, or input=/255 of counts up to 255"
+            )
+
+
 WANDERS = 0.15  # Range of a measured input, as a share of its median, up to which it is one load that wanders
 
 
@@ -323,13 +335,7 @@ def cut(run: Run, baseline: str = "auto", rest: float = 0.0) -> list[Run]:
         )
     moves = False
     if run.has_input:
-        for wrong, how in ((run.input > 100 + 1e-9, "above 100"), (run.input < -1e-9, "below 0")):
-            if run.input_unit == "%" and wrong.any():
-                first = int(wrong.argmax())
-                raise DataError(
-                    f"{run.where}: the input is {run.input[first]:g} % at {run.time_s[first]:.6g} s, {how}; "
-                    f"if it is not in %, say its unit with «units» input=UNIT, or input=/255 of counts up to 255"
-                )
+        refuse_percent(run, (run.input > 100 + 1e-9, "above 100"), (run.input < -1e-9, "below 0"))
         if rest != 0.0 and not run.cut:
             run = replace(run, input=read_only(run.input - rest))
         # a commanded input is held exactly; a measured one may wander a little

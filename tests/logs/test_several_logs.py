@@ -248,15 +248,15 @@ def test_what_is_missing_in_a_folder_is_guessed_together_and_the_command_works(n
         y = u * np.where(T < 2, 0.0, np.where(T < 7, -np.expm1(-(T - 2) / 0.5), np.exp(-(T - 7) / 0.1)))
         table = text("stamp,load,bench", 1e6 * T, y, 21 + 0.01 * np.sin(T))
         (tmp_path / "logs" / f"{name.format(u=u, k=k)}.csv").write_text(table + "x,1,1\n" * (k == 5))
-    ran = run_eaid("fit", "logs", "-o", "fit.json")
+    ran = run_eaid("fit", "logs", "-o", "mine.json", "--ci", "none")
     pattern = NAMES[name]
     assert ran.code == 3 and ran.err.splitlines()[-1] == (
         f"try: eaid fit logs --repair --name-pattern '{pattern}' --step-at 2 --until 7 --columns time=stamp "
-        f"--units time=us{',input=V' * ('V' in name)}"
+        f"--units time=us{',input=V' * ('V' in name)} --ci none --output mine.json"
     )
-    words = shlex.split(ran.err.splitlines()[-1].removeprefix("try: eaid fit"))
-    assert run_eaid("ingest", *words, "-o", "data.h5").code == 0
-    assert [one.level for one in eaid.read("data.h5").levels] == [20.0, 40.0, 60.0]
+    assert run_eaid(*shlex.split(ran.err.splitlines()[-1].removeprefix("try: eaid "))).code == 0
+    made = eaid.load("mine.json")  # with all that was asked for
+    assert made.levels == (20.0, 40.0, 60.0) and made.options.ci == "none"
 
 
 STEP = np.where(T >= 2, 9.0, 0.0)
@@ -279,9 +279,9 @@ def test_columns_without_a_name_that_says_it_are_proposed(name, run_eaid, tmp_pa
     monkeypatch.chdir(tmp_path)
     header, columns, said, proposed = UNNAMED[name]
     (tmp_path / "log.csv").write_text(text(header or "", *columns).lstrip("\n"))
-    ran = run_eaid("fit", "log.csv", *shlex.split(said), "-o", "fit.json")
+    ran = run_eaid("fit", "log.csv", *shlex.split(said), "-o", "mine.json")
     tries = [line.removeprefix("try: eaid fit log.csv ") for line in ran.err.splitlines() if line.startswith("try: ")]
-    assert ran.code == 3 and tries == [proposed] * (proposed is not None)
+    assert ran.code == 3 and tries == [f"{proposed} --output mine.json"] * (proposed is not None)
     if proposed is not None:
         words = shlex.split(proposed.replace("HZ", "100"))
         assert run_eaid("ingest", "log.csv", *words, "-o", "data.h5").code == 0
@@ -325,6 +325,7 @@ def test_the_first_try_of_a_bench_names_each_cause_once_and_what_it_proposes_wor
         proposed = ran.err.splitlines()[-1]
         assert proposed == (
             f"try: eaid {command} logs --name-pattern '_V={{level}}_' --step-at 2 --until 7 --units time=us,input=V"
+            " --output out"
         )
     words = shlex.split(proposed.removeprefix("try: eaid "))
     ran = run_eaid(*words, "-o", "fit.json", "--ci", "none", "-v")

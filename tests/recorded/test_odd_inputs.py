@@ -1,5 +1,7 @@
 """Inputs of recorded logs that look like others: ramps in small steps, both signs, ranges without a level."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -92,3 +94,19 @@ def test_an_input_below_rest_has_the_gain_that_its_log_shows(sign):
     fit = eaid.fit(eaid.read(logs, columns=columns, units={"input": "V", "output": "N"}, logs_as="recorded"))
     assert fit.plant.steady(-5.0 if sign > 0 else 5.0) == pytest.approx(-100.0 * sign, rel=0.01)
     assert fit.logs[0].fit_pct > 98
+
+
+def test_counts_in_a_column_of_percent_are_refused_and_a_coarse_sensor_may_stand_still_at_rest():
+    t, random = np.arange(3000) * 0.02, np.random.default_rng(2)
+    u = np.repeat(np.append([0.0, 0.0], random.uniform(10, 100, 28)), 100)
+    trembling = 0.02 * random.integers(-3, 4, len(t)) * (t >= 4.1)  # under load only
+    output = np.round(respond(LAG, t, u, t) / 0.02) * 0.02 + trembling
+    bridge = np.where(u > 0, u - 50, 0.0)
+    both = np.round(respond(replace(LAG, Ts_below=LAG.Ts), t, bridge, t) / 0.02) * 0.02 + trembling
+    (told,) = eaid.read(pd.DataFrame({"time_s": t, "duty_pct": bridge, "torque_nm": both})).recorded
+    assert told.input.min() < 0 and "sensor-stuck" not in {one.code for one in told.findings}
+    stays = np.where(t < 12, 0.5, output)  # long after the input moves
+    stuck = eaid.read(pd.DataFrame({"time_s": t, "duty_pct": u, "torque_nm": stays}))
+    assert "sensor-stuck" in {one.code for one in stuck.recorded[0].findings}
+    with pytest.raises(eaid.DataError, match="beyond 100; if it is not in %, say its unit .* input=/255"):
+        eaid.read(pd.DataFrame({"time_s": t, "PWM": 2.55 * u, "torque_nm": output}))

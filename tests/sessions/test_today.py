@@ -58,7 +58,9 @@ def test_a_rig_that_was_cut_is_refused(rig, step, broken, said):
 
 
 def test_what_is_foreseen_is_not_compared_as_if_it_had_been_seen(today, fits):
-    (shift, *_) = eaid.compare(today, fits["s0"]).shifts
+    found = {one.quantity: one for one in eaid.compare(today, fits["s0"]).shifts}
+    shift, held = found["Ts"], found["held"]
+    assert held.low < held.ratio < held.high and held.ratio == pytest.approx(shift.ratio, rel=0.1)
     assert [one.level for one in shift.levels] == [60.0] and shift.p_alike is None
     assert shift.dof < 1e3 and "seen at 60 only" in shift.words()
 
