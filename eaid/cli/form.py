@@ -92,7 +92,7 @@ def takes(body: Callable[..., int | None]) -> Callable[..., int | None]:
                 raise UsageError(f"{text!r}: is not UTF-8; type it in a terminal that writes UTF-8")
         args = arguments(**given, typed=_typed_words(shown, typed))
         each = {name: args if issubclass(kind, Common) else part(kind, args) for name, kind in sets.items()}
-        return body(**each, **{name: getattr(args, name) for name, _kind, _default in own})
+        return body(**each, **{name: getattr(args, name) for name, *_ in own})
 
     command.__doc__ = body.__doc__
     command.__signature__ = inspect.Signature([_parameter(form) for form in shown])  # type: ignore[attr-defined]
