@@ -69,15 +69,14 @@ class Plan(Shown, Planned, frozen=True):
     def summary(self) -> str:
         """Levels, runs and time on the rig, the widths that it gives, and the gravest findings."""
         runs = f"{counted(len(self.runs), 'run')}, {self.time_on_rig_s / 60:.0f} min"
+        head = f"{span(self.levels, self.input_unit)}; {runs}"
         given = self.measured_half_width_pct or self.half_width_pct
         rows = [
             f"{name}: ± {'undetermined' if width is None else f'{width:.3g} %'}"
             + (f", wanted ± {self.wanted[name]:g} %" if name in self.wanted else "")
             for name, width in given.items()
         ]
-        return "\n".join(
-            [f"{span(self.levels, self.input_unit)}; {runs}", *rows, *sentences(ranked(self.findings)[:3])]
-        )
+        return "\n".join([head, *rows, *sentences(ranked(self.findings)[:3])])
 
     def to_frame(self) -> "pandas.DataFrame":
         """One row a run, in the order of recording."""
