@@ -94,7 +94,7 @@ def takes(body: Callable[..., int | None]) -> Callable[..., int | None]:
         args = arguments(**given, typed=_typed_words(shown, typed))
         each = {name: args if issubclass(kind, Common) else part(kind, args) for name, kind in sets.items()}
         try:
-            return body(**each, **{name: getattr(args, name) for name, _kind, _default in own})
+            return body(**each, **{name: getattr(args, name) for name, *_ in own})
         except DataError as fault:  # what reading proposes keeps what else was asked for
             more = [form for form in shown if form.declared.group != PLACE and form.name not in forms(ReadOptions)]
             rest = shlex.join(word for form in more for word in _named(form, typed[form.name]))

@@ -32,11 +32,9 @@ def breaking_off() -> Iterator[list[float]]:
         timers.append(threading.Timer(AGAIN_S, _thread.interrupt_main))
         timers[-1].start()
 
-    numbers = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
-    if threading.current_thread() is not threading.main_thread():
-        numbers = []
-    before = {number: signal.getsignal(number) for number in numbers}
-    before = {number: handler for number, handler in before.items() if handler not in (None, signal.SIG_IGN)}
+    taken = threading.current_thread() is threading.main_thread()  # no other thread may take signals
+    numbers = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if taken and hasattr(signal, name)]
+    before = {n: held for n in numbers if (held := signal.getsignal(n)) not in (None, signal.SIG_IGN)}
     for number in before:
         signal.signal(number, interrupt)
     unraisable, sys.unraisablehook = sys.unraisablehook, swallowed

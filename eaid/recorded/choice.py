@@ -67,7 +67,8 @@ def plant_of_logs(
     still = all(np.ptp(log.input) == 0 and not log.starts_idle for log in logs)
     if clutch is not None and (still or not alone):
         return clutch
-    search = search_of(at_rest(logs, inputs), inputs.low, inputs.high, options.held_dead_time_s)
+    # gains of these kinds extrapolate nothing: they hold for all that the logs hold, or their own play would be cut off
+    search = search_of(at_rest(logs, inputs), *inputs.ends, options.held_dead_time_s)
     logs = search.logs
     rivals = [] if clutch is None else [Tried(LagKind("clutch", "parallel"), clutch.solved)]
     rows = of_evidence(search, len(inputs.levels) if inputs.stepwise else MANY_LEVELS, rivals)

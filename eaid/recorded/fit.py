@@ -36,7 +36,7 @@ from eaid.recorded.closed_loop import judged_loops, with_instrument
 from eaid.recorded.fall_tests import with_falls
 from eaid.recorded.from_logs import Solved, fit_setup, idle_found, plant_found
 from eaid.recorded.held_out import held_out
-from eaid.recorded.inputs import FEW_LEVELS, Excited, excited_by
+from eaid.recorded.inputs import FEW_LEVELS, Excited, excited_by, over
 from eaid.recorded.left_over import column_findings, drift_findings, left_over_findings
 from eaid.recorded.log_intervals import FEWEST_ENGAGEMENTS, CurveSpread, Spread, curves, spread
 from eaid.recorded.run_intervals import with_runs
@@ -423,6 +423,7 @@ def fit_recorded(
     rests = any(log.starts_idle or bool((log.input == 0).any()) or log.baseline is not None for log in (*logs, *others))
     chosen = plant_of_logs(logs, others, inputs, options, rests, dead_time_s, falls, kind)
     base, wanted = chosen.solved, options.model or ("friction", "nonlinear", "linear")
+    inputs = over(inputs, base.setup.model.low, base.setup.model.high)
     if not rests and base.setup.model.kind == "parallel":  # a gain of its own tells the idle output
         findings += [finding("idle-not-seen", log.name) for log in logs]
     if any(log.reference is not None for log in logs):

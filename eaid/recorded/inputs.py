@@ -1,7 +1,7 @@
 """What recorded logs excite: held levels, or the range over which their inputs move."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,6 +24,7 @@ class Excited:
     low: float
     high: float
     stepwise: bool
+    ends: tuple[float, float]  # Least and largest input by size, where one acts: those of moving inputs lie beyond
 
     @property
     def basis(self) -> Array:
@@ -39,11 +40,16 @@ class Excited:
         return self.basis if few else np.linspace(self.low, self.high, 11)
 
 
+def over(inputs: Excited, low: float, high: float) -> Excited:
+    """The same over another range."""
+    return replace(inputs, low=low, high=high, levels=inputs.levels if inputs.stepwise else np.array([low, high]))
+
+
 def excited_by(logs: Sequence[RecordedLog], wanted: tuple[float, float] | None) -> Excited:
     """Levels and range that the logs excite, or the range that was asked for."""
     levels = np.unique(np.abs(np.concatenate([log.input[log.changes] for log in logs])))
     levels = levels[levels > 0]
-    alike = LEVELS_ALIKE * levels[-1]
+    ends, alike = (float(levels[0]), float(levels[-1])), LEVELS_ALIKE * levels[-1]
     begins = np.append(True, np.diff(levels) > alike)  # those all but alike are one
     width = float((levels - levels[begins][np.cumsum(begins) - 1]).max())  # but not a row of many, as a ramp has them
     levels = levels[begins]
@@ -53,10 +59,10 @@ def excited_by(logs: Sequence[RecordedLog], wanted: tuple[float, float] | None) 
         if stepwise and not len(inside):
             held = ", ".join(f"{level:g}" for level in levels)
             raise UsageError(f"«duty» {wanted[0]:g}:{wanted[1]:g}: no level of the logs lies in it; they hold {held}")
-        return Excited(inside if stepwise else np.array(wanted), *wanted, stepwise)
+        return Excited(inside if stepwise else np.array(wanted), *wanted, stepwise, wanted)
     if stepwise:
-        return Excited(levels, float(levels[0]), float(levels[-1]), True)
+        return Excited(levels, float(levels[0]), float(levels[-1]), True, (float(levels[0]), float(levels[-1])))
     sized = ((np.abs(log.input), log.dt_s) for log in logs)
     values, weights = [np.concatenate(part) for part in zip(*sized, strict=True)]
     low, high = np.quantile(values, [TAIL, 1 - TAIL], weights=weights * (values > 0), method="inverted_cdf").tolist()
-    return Excited(np.array([low, high]) if high > low else np.array([low]), low, high, False)
+    return Excited(np.array([low, high]) if high > low else np.array([low]), low, high, False, ends)

@@ -104,7 +104,7 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         """
         if not 0 < statistics.numbers("alpha", alpha, 0) < 1:
             raise UsageError(f"«alpha» {alpha:g}: must lie between 0 and 1")
-        value, low, high, dof = statistics.table_of(self.parameters)
+        value, low, high, dof = statistics.columns_of(self.parameters)
         ends = np.array([low, high])
         if alpha != 0.05:
             ratio = stdtrit(dof, 1 - alpha / 2) / stdtrit(dof, 0.975)
@@ -119,7 +119,7 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
 
         Where an interval is even on the logarithm, that of the logarithm times the value.
         """
-        value, low, high, dof = statistics.table_of(self.parameters)
+        value, low, high, dof = statistics.columns_of(self.parameters)
         with np.errstate(invalid="ignore", divide="ignore"):
             width = np.where(statistics.by_ratio(value, low, high), value * np.log(high / low), high - low)
         index = statistics.index_of(self.parameters)
@@ -127,7 +127,16 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
 
     def cov_params(self) -> "pandas.DataFrame":
         """Covariance of the nonlinear model's coefficients, of powers of the input; `DataError` where there is none."""
-        return statistics.covariance(self)
+        held = self.nonlinear.covariance if self.nonlinear is not None else None
+        if held is None or not held.matrix:
+            raise DataError(
+                "the fit holds no covariance; fit steps of several levels with «model» nonlinear, «ci» robust"
+            )
+        powers = np.array([int(name.partition("[")[2].rstrip("]") or 0) for name in held.order])
+        per_unit = 100.0**-powers  # kept in powers of u/100, given as those of u
+        rows = [("nonlinear", name) for name in held.order]
+        names = pandas.MultiIndex.from_tuples(rows, names=["model", "parameter"])
+        return pandas.DataFrame(np.array(held.matrix) * np.outer(per_unit, per_unit), index=names, columns=names)
 
     @property
     def nobs(self) -> int:

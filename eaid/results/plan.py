@@ -68,9 +68,8 @@ class Plan(Shown, Planned, frozen=True):
 
     def summary(self) -> str:
         """Levels, runs and time on the rig, the widths that it gives, and the gravest findings."""
-        head = (
-            f"{span(self.levels, self.input_unit)}; {counted(len(self.runs), 'run')}, {self.time_on_rig_s / 60:.0f} min"
-        )
+        runs = f"{counted(len(self.runs), 'run')}, {self.time_on_rig_s / 60:.0f} min"
+        head = f"{span(self.levels, self.input_unit)}; {runs}"
         given = self.measured_half_width_pct or self.half_width_pct
         rows = [
             f"{name}: ± {'undetermined' if width is None else f'{width:.3g} %'}"

@@ -46,7 +46,7 @@ def index_of(rows: "tuple[Parameter, ...]") -> "pandas.MultiIndex":
     return pandas.MultiIndex.from_tuples(names, names=["model", "parameter"])
 
 
-def table_of(rows: "tuple[Parameter, ...]") -> Array:
+def columns_of(rows: "tuple[Parameter, ...]") -> Array:
     """Value, low, high and degrees of freedom, shape (4, rows); what is not known is NaN, such freedom infinite."""
     cells = [(row.value, row.low, row.high, row.dof) for row in rows]
     table = np.array(cells, dtype=np.float64).reshape(-1, 4).T  # None becomes NaN
@@ -67,17 +67,6 @@ def numbers(name: str, given: Any, most: int = 1) -> Array:
         if found.ndim <= most:
             return found
     raise UsageError(f"«{name}» {given!r}: give {'numbers' if most else 'a number'}")
-
-
-def covariance(fit: "Fit") -> "pandas.DataFrame":
-    """`Fit.cov_params`."""
-    held = fit.nonlinear.covariance if fit.nonlinear is not None else None
-    if held is None or not held.matrix:
-        raise DataError("the fit holds no covariance; fit steps of several levels with «model» nonlinear, «ci» robust")
-    powers = np.array([int(name.partition("[")[2].rstrip("]") or 0) for name in held.order])
-    per_unit = 100.0**-powers  # kept in powers of u/100, given as those of u
-    names = pandas.MultiIndex.from_tuples([("nonlinear", name) for name in held.order], names=["model", "parameter"])
-    return pandas.DataFrame(np.array(held.matrix) * np.outer(per_unit, per_unit), index=names, columns=names)
 
 
 def sums(fit: "Fit") -> tuple[float, float, int]:
