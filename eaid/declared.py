@@ -348,12 +348,7 @@ def pairs(flag: str, text: str | Mapping[str, Any] | None) -> dict[str, str]:
     return values
 
 
-def keyed(
-    kind: type[O],
-    flag: str,
-    text: str | Mapping[str, Any] | None,
-    given: Mapping[str, Any] = types.MappingProxyType({}),
-) -> O:
+def keyed(kind: type[O], flag: str, text: str | Mapping[str, Any] | None, /, **given: Any) -> O:
     """`duration_s=240,hold_s=0.5:20`, or a mapping, as a set of options; `given` says some of them already."""
     known, values = forms(kind), dict(given)
     try:

@@ -80,13 +80,9 @@ def is_recorded(run: Run, rest: float = 0.0) -> bool:
 
 
 def read_steps(
-    paths: Sequence[Path],
-    options: ReadOptions,
-    progress: Progress = no_progress,
-    warn: Callable[[str], None] = lambda _: None,
-    columns: Callable[[str], None] = lambda _: None,
-    command: str = "fit",
-) -> tuple[list[Run], StepSet]:
+    paths: Sequence[Path], options: ReadOptions, progress: Progress = no_progress,
+    warn: Callable[[str], None] = lambda _: None, columns: Callable[[str], None] = lambda _: None, command: str = "fit",
+) -> tuple[list[Run], StepSet]:  # fmt: skip
     """The cut runs behind logs, datasets, folders or a manifest, and their step set; DataError tells all faults.
 
     `columns` hears which columns were taken and which were left, before anything else is done with them; `command` is
@@ -104,9 +100,8 @@ def read_steps(
             warn(f"{manifest.path}: {len(out)} of {len(manifest.log)} logs excluded ({each})")
         if not files:
             raise DataError(f"{manifest.path}: excludes all its logs; take exclude off one")
-        stands = {
-            k: v for k, v in msgspec.to_builtins(manifest.options).items() if getattr(options, k) == getattr(plain, k)
-        }
+        of_folder = msgspec.to_builtins(manifest.options).items()
+        stands = {name: value for name, value in of_folder if getattr(options, name) == getattr(plain, name)}
         options = replace(options, **cast(Any, stands))
         listed = {Path(entry.file).resolve() for entry in manifest.log}
         whole = files_of([manifest.path.parent]) if paths[0] in (manifest.path, manifest.path.parent) else ()

@@ -118,11 +118,9 @@ P = TypeVar("P", bound=Any)
 
 
 def enlarged(
-    make: Callable[[Mapping[str, float]], P],
-    measure: Callable[[P], list[Widths]],
-    wanted: Mapping[str, float],
+    make: Callable[[Mapping[str, float]], P], measure: Callable[[P], list[Widths]], wanted: Mapping[str, float],
     keeping: float,
-) -> tuple[P, Widths]:
+) -> tuple[P, Widths]:  # fmt: skip
     """The plan that `make` gives for the wanted widths [%], larger until each is kept with probability `keeping`.
 
     A width measured too wide is asked for narrower in the next round. A plan that falls short even by its prediction is
