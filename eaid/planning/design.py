@@ -167,7 +167,7 @@ def settled(
     def simulated(plan: P) -> list[Widths]:
         rows = []
         for k in range(sets):
-            rows.append({name: width if width < UNTOLD else inf for name, width in measure(plan, k).items()})
+            rows.append(measure(plan, k))
             progress()
         return rows
 
@@ -215,7 +215,7 @@ class FittedRig:
     def numbers(self) -> tuple[str, ...]:
         """What widths are told of."""
         p = self.plant.model
-        return tuple(PARAMETERS) if p is None or is_clutch(p) else NUMBERS_OF_KIND.get(p.kind, tuple(PARAMETERS))
+        return PARAMETERS if p is None else NUMBERS_OF_KIND.get(p.kind, PARAMETERS)
 
     @property
     def degrees(self) -> float:
@@ -351,7 +351,7 @@ def rig_of(fit: Fit) -> FittedRig:
 
 def scattered(noise: Noise, factors: Array) -> Noise:
     """The same noise with other scatter of T_s, τ1, τ2, by factors of shape (3,)."""
-    scatter = {name: noise.scatter[name] * float(factors[k]) for name, k in PARAMETERS.items()}
+    scatter = {name: noise.scatter[name] * float(factor) for name, factor in zip(PARAMETERS, factors, strict=True)}
     return msgspec.structs.replace(noise, scatter=scatter)
 
 
