@@ -55,12 +55,11 @@ def plateaus(values: Array) -> list[Plateau]:
         back = abs(around[0].level - around[1].level) <= allowed and min(one.count for one in around) >= FEWEST_HELD
         if parts[i].count <= GLITCH and back:
             parts[i - 1 : i + 2] = [Plateau(around[0].start, around[1].stop, around[0].level)]
+    levels = [piece.level for piece in parts]
     for i, piece in enumerate(parts):
-        on_a_ramp = 0 < i < len(parts) - 1 and (
-            (parts[i + 1].level - piece.level) * (piece.level - parts[i - 1].level) > 0
-        )
-        if piece.count < FEWEST_HELD and on_a_ramp:
-            continue
+        short = piece.count < FEWEST_HELD and 0 < i < len(parts) - 1
+        if short and (levels[i + 1] - piece.level) * (piece.level - levels[i - 1]) > 0:
+            continue  # on a ramp
         if joined and abs(joined[-1].level - piece.level) <= allowed and joined[-1].stop == piece.start:
             joined[-1] = Plateau(joined[-1].start, piece.stop, joined[-1].level)
         else:
