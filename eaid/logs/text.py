@@ -13,7 +13,7 @@ import math
 import re
 import zlib
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import partial
@@ -97,13 +97,13 @@ class Dialect:
 
     encoding: str
     marks: Marks
-    columns: tuple[str, ...]
-    units: tuple[str, ...]
+    count: int  # Columns
     first_line: int  # Line of the first row of numbers, from 1
     stamps: tuple[int, ...] = ()  # Columns of wall-clock stamps
-    synthetic: str | None = None
-    unmatched: tuple[str, ...] = ()  # Names above the rows that are not as many as the columns
     remarks: bool = False  # True where a row may have a remark behind its cells
+
+
+Reading = Callable[[Dialect, Sequence[int]], Cells]  # Reads some columns of a text in its dialect
 
 
 def encoding_of(head: bytes) -> str:
@@ -138,15 +138,15 @@ def has_table(lines: list[str]) -> bool:
     return "+" * TABLE_ROWS in rows
 
 
-def sniff(path: str, head: bytes) -> Dialect:
-    """Dialect of a text log by its first bytes; raises DataError where there is no table of numbers in them."""
+def sniff(path: str, head: bytes, read: Reading) -> Table:
+    """The table of a text log by its first bytes; raises DataError where there is no table of numbers in them."""
     encoding, lines = encoding_of(head), lines_of(head)
     if not encoding:
         raise DataError(f"{path}: is a binary file of no format that eaid knows; export it as CSV, MAT or HDF5")
     if not any(line.strip() for line in lines):
         raise DataError(f"{path}: is empty; record the log again")
     if b"LabVIEW Measurement" in head[:64]:
-        return _of_labview(path, encoding, lines)
+        return _of_labview(path, encoding, lines, read)
     if len(head) == HEAD_BYTES and len(lines) > 1:
         lines.pop()
     marks, count = _marks(lines)
@@ -174,11 +174,13 @@ def sniff(path: str, head: bytes) -> Dialect:
     stamps = tuple(i for i, cell in enumerate(first_cells) if marks.value(cell) is None and marks.is_good(cell))
     made_by = (re.match(r"[#%/ ]+synthetic\s*[:=]\s*(\S.*)$", line, re.IGNORECASE) for line in lines[:start])
     synthetic = next((match[1].strip() for match in made_by if match), None)
-    return Dialect(encoding, marks, names, units, start + 1, stamps, synthetic, unmatched)
+    units = tuple("s" if i in stamps else unit for i, unit in enumerate(units))
+    load = partial(read, Dialect(encoding, marks, count, start + 1, stamps))
+    return Table("", names, load, units, synthetic, stamped=stamps, unmatched=unmatched)
 
 
-def _of_labview(path: str, encoding: str, lines: list[str]) -> Dialect:
-    """Dialect of a LabVIEW measurement file, as its header says it; without times, its first column is empty."""
+def _of_labview(path: str, encoding: str, lines: list[str], read: Reading) -> Table:
+    """The table of a LabVIEW measurement file, as its header says it; without times, its first column is empty."""
     separator = "," if any(line.startswith("Separator,") for line in lines) else "\t"
     rows = [line.rstrip().split(separator) for line in lines]
     at = next((i for i, row in enumerate(rows) if row[0] == "X_Value"), 0)
@@ -192,7 +194,8 @@ def _of_labview(path: str, encoding: str, lines: list[str]) -> Dialect:
     units = ["s", *header.get("Y_Unit_Label", ()), *[""] * len(names)][: len(names)]
     if header.get("X_Columns") == ["No"]:
         names[0], units[0] = "", ""
-    return Dialect(encoding, marks, tuple(names), tuple(units), at + 2, remarks="Comment" in rows[at])
+    dialect = Dialect(encoding, marks, len(names), at + 2, remarks="Comment" in rows[at])
+    return Table("", tuple(names), partial(read, dialect), tuple(units))
 
 
 def _marks(lines: list[str]) -> tuple[Marks, int]:
@@ -314,12 +317,7 @@ def read_text(path: Path, source: str) -> list[Table]:
         head = file.read(HEAD_BYTES)
     if zipped and not encoding_of(head):
         raise DataError(f"{source}: is gzip around a file that is no text; unpack it and give what is inside")
-    dialect = sniff(source, head)
-    units = tuple("s" if i in dialect.stamps else unit for i, unit in enumerate(dialect.units))
-    load = partial(_load, path, source, zipped, dialect)
-    return [
-        Table("", dialect.columns, load, units, dialect.synthetic, stamped=dialect.stamps, unmatched=dialect.unmatched)
-    ]
+    return [sniff(source, head, partial(_load, path, source, zipped))]
 
 
 @contextlib.contextmanager
@@ -390,7 +388,7 @@ def _by_arrow(body: str, dialect: Dialect, columns: Sequence[int], line: int) ->
     if marks.delimiter is None:  # cells stand apart by one blank each
         body = "\n".join(" ".join(row.strip("[]; \r").split()) for row in body.split("\n"))
     first = body.partition("\n")[0].split(marks.delimiter or " ")
-    names = [str(i) for i in range(max(len(first), len(dialect.columns)))]
+    names = [str(i) for i in range(max(len(first), dialect.count))]
     kinds = {}
     for column in columns:
         digits = first[min(column, len(first) - 1)]
@@ -423,7 +421,7 @@ def _cell_by_cell(body: str, dialect: Dialect, columns: Sequence[int], line: int
 
     Stamps stay texts: what they mean depends on those before them.
     """
-    count, length = len(dialect.columns), 0
+    count, length = dialect.count, 0
     values: list[list[Any]] = [[] for _ in columns]
     rows: list[tuple[int, int]] = []
     bad: list[BadCell] = []
