@@ -29,6 +29,10 @@ from eaid.errors import UsageError, in_python, unknown
 
 O = TypeVar("O", bound="Options")  # noqa: E741
 F = TypeVar("F", bound=Callable[..., Any])
+ORDERS = {"<": operator.lt, "<=": operator.le}
+NUMERIC = {int, float, tuple[float, ...], tuple[float, float], Mapping[str, float]}
+# Option → what its pairs look like
+PAIRS = {"«columns»": "time=Time,input=Volts", "«units»": "time=us,output=g", "«where»": "f=1000,w=2"}
 
 
 @dataclass(frozen=True)
@@ -84,10 +88,6 @@ class Options:
         return {
             name: getattr(self, name) for name, form in forms(type(self)).items() if getattr(self, name) != form.default
         }
-
-
-ORDERS = {"<": operator.lt, "<=": operator.le}
-NUMERIC = {int, float, tuple[float, ...], tuple[float, float], Mapping[str, float]}
 
 
 @dataclass(frozen=True)
@@ -320,10 +320,6 @@ def factors(flag: str, text: str) -> dict[str, float]:
         return {name: float(value.removesuffix("%")) for name, value in pairs(flag, text).items()}
     except ValueError:
         raise UsageError(f"{flag} {text}: write numbers by their names, as Ts=0.9,tau1=1.2") from None
-
-
-# Option → what its pairs look like
-PAIRS = {"«columns»": "time=Time,input=Volts", "«units»": "time=us,output=g", "«where»": "f=1000,w=2"}
 
 
 def pairs(flag: str, text: str | Mapping[str, Any] | None) -> dict[str, str]:

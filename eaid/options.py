@@ -38,6 +38,11 @@ SESSIONS = "Sessions"
 RATE: dict[str, Any] = {"least": 1e-3, "most": 1e5}
 ANY: dict[str, Any] = {"least": -1e12, "most": 1e12}
 POSITIVE: dict[str, Any] = {"least": 1e-15, "most": 1e15}
+# What of a shape only some inputs have
+USED_BY = {
+    "duty": ("random", "staircase", "chirp"), "levels": ("random", "staircase", "closed-loop"), "rest_s": ("random",),
+    "hold_s": ("random", "staircase", "closed-loop"),
+}  # fmt: skip
 
 
 def any_text(_name: str, text: str) -> str:
@@ -379,13 +384,6 @@ class PlanOptions(Chance):
         None, "Of the excitation: duty=10:100,hold_s=0.3:30,rest_s=5,work_s=60,engagements=4, in "
         "the input's unit; by itself the duty's range is that of the fit.", RIG, shown="NAME=VALUE,…",
     )  # fmt: skip
-
-
-# What of a shape only some inputs have
-USED_BY = {
-    "duty": ("random", "staircase", "chirp"), "levels": ("random", "staircase", "closed-loop"), "rest_s": ("random",),
-    "hold_s": ("random", "staircase", "closed-loop"),
-}  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)

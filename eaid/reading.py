@@ -42,6 +42,8 @@ SIGNED = 0.05  # Part of the largest input by which it has to go to either side 
 AWAY = 0.05  # A stretch under load that spends more than this part of its time away from its own middle is no step
 ASKED = {"time-unclear", "time-unit-differs"}  # What is asked before anything else is done
 RETURNS = 4  # So many falls to rest make a recording of its own, where the rests are shorter than the holds
+OUTPUT_BLOCKS, BLOCKS_LATE = 400, 4  # An output is let go where it falls within so many blocks of all …
+HELD, LEFT = 0.6, 0.25  # … from this share of its peak to that, and stays below for a twentieth of the log
 
 
 def is_recorded(run: Run, rest: float = 0.0) -> bool:
@@ -177,10 +179,6 @@ def _columns_of(file: Path, options: ReadOptions) -> dict[str, str]:
     with contextlib.suppress(DataError):
         return columns_guessed(read_text(file, str(file))[0], options)
     return {}
-
-
-OUTPUT_BLOCKS, BLOCKS_LATE = 400, 4  # An output is let go where it falls within so many blocks of all …
-HELD, LEFT = 0.6, 0.25  # … from this share of its peak to that, and stays below for a twentieth of the log
 
 
 def let_go_of(runs: Sequence[Run]) -> tuple[float, int] | None:

@@ -36,6 +36,7 @@ UNREAD: tuple[tuple[bytes, str], ...] = (
     *((mark, "an MDF measurement file; export it as CSV or HDF5") for mark in (b"MDF     ", b"UnFinMF ")),
     *((mark, "a ROS bag; export its topics as CSV or HDF5") for mark in (b"#ROSBAG V", b"\x89MCAP0\r\n")),
 )
+READER: tuple[str, ...] = (sys.executable, "-P", "-m", "eaid.logs.foreign.answer")
 
 
 class Format(NamedTuple):
@@ -89,9 +90,6 @@ CHECKED = FORMATS[0]._replace(reader="arrays.read_through")
 def format_of(head: bytes) -> Format:
     """The first format that recognises the bytes; text is the last."""
     return next(form for form in FORMATS if form.is_it(head))
-
-
-READER: tuple[str, ...] = (sys.executable, "-P", "-m", "eaid.logs.foreign.answer")
 
 
 class ForeignReader:

@@ -24,6 +24,7 @@ from eaid.options import ReadOptions
 # Beyond it, or all below its inverse, numbers are none that a sensor gives, and their squares may be none at all
 LARGEST_READING = 1e100
 LARGEST_NM = 1000.0  # Torque beyond any clutch that a bench holds [N·m]: a column of counts, or of another unit
+MOST_OTHERS = 8  # Columns that are not read up to which they are looked at
 
 
 def _loaded(source: str, table: Table, wanted: Sequence[int | None]) -> tuple[Cells, dict[int, NDArray[Any]]]:
@@ -130,9 +131,6 @@ def _asked_once(findings: Sequence[Finding]) -> list[Finding]:
     column, ask = (sep.join(str(one.values[key]) for one in open_) for key, sep in (("column", " and "), ("ask", ",")))
     one = finding("unit-unknown", open_[0].subject, column=column, ask=ask)
     return [one, *(other for other in findings if other not in open_)]
-
-
-MOST_OTHERS = 8  # Columns that are not read up to which they are looked at
 
 
 def _beside(table: Table, roles: Roles, rows: slice | NDArray[np.intp]) -> Beside:

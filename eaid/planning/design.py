@@ -40,6 +40,17 @@ KEEPING = 0.8  # Probability with which a session keeps a width that a plan prom
 SHARES = (0.9, 0.8, 0.84)
 SESSION_DRAWS = 200  # Draws behind that
 UNTOLD = 1e6  # A half-width above which nothing is told [%]
+STEP_INSTANTS = 60  # Of each hold, at which the sensitivities are taken
+PER_TURN, MOST_INSTANTS = 40, 2000  # Of what rings, in a turn of its frequency and at most
+ENDLESS_REST_S = 1e9  # A rest that leaves nothing in the states [s]
+NARROWER_POWER = 0.7  # Power of the excess by which a plan is asked for narrower: widths fall faster than predicted
+# Least factor by which a width that was not kept is asked for narrower, and the excess that counts at most
+LEAST_NARROWER, MOST = 1.03, 3.0
+PLAN_ROUNDS = 6  # Times that a plan is made larger
+# Half-width of the 95 % interval at the worst input [%], by parameter; infinite where there is none
+Widths = dict[str, float]
+# A plan, of steps or of one recording: `met` says whether its predicted widths, `half_width_pct`, are those wanted
+P = TypeVar("P", bound=Any)
 
 
 def relative_rows(rows: Array, unknowns: Array) -> Array:
@@ -51,11 +62,6 @@ def percent(half: Array) -> Array:
     """Half-widths of logarithms in percent; infinite above `UNTOLD`."""
     found = 100 * np.expm1(np.minimum(half, 50.0))
     return np.where(found < UNTOLD, found, inf)
-
-
-STEP_INSTANTS = 60  # Of each hold, at which the sensitivities are taken
-PER_TURN, MOST_INSTANTS = 40, 2000  # Of what rings, in a turn of its frequency and at most
-ENDLESS_REST_S = 1e9  # A rest that leaves nothing in the states [s]
 
 
 def drive_of_steps(
@@ -102,19 +108,6 @@ def level_sets(known: Sequence[float], most: int) -> list[list[float]]:
         inner = [round(level, digits) for level in np.linspace(low, high, count).tolist()]
         sets.append(sorted({min(max(level, low), high) for level in inner}))
     return sets
-
-
-NARROWER_POWER = 0.7  # Power of the excess by which a plan is asked for narrower: widths fall faster than predicted
-# Least factor by which a width that was not kept is asked for narrower, and the excess that counts at most
-LEAST_NARROWER, MOST = 1.03, 3.0
-PLAN_ROUNDS = 6  # Times that a plan is made larger
-
-# Half-width of the 95 % interval at the worst input [%], by parameter; infinite where there is none
-Widths = dict[str, float]
-
-
-# A plan, of steps or of one recording: `met` says whether its predicted widths, `half_width_pct`, are those wanted
-P = TypeVar("P", bound=Any)
 
 
 def enlarged(

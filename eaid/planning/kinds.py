@@ -32,6 +32,7 @@ from eaid.results.plan import PlannedRun
 # What a width can be wanted of: the curve over the duty, at its worst level; and that of kinds with other numbers
 PARAMETERS: tuple[str, ...] = ("Ts", "tau1", "tau2")
 NUMBERS_OF_KIND = {"lag": ("Ts", "tau1"), "ringing": ("Ts", "omega", "zeta")}
+PER_LAG, FEWEST_SAMPLES = 10, 20  # Samples of a simulated log in its fastest time constant, and in a hold at least
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,9 +118,6 @@ def input_changes(runs: Sequence[PlannedRun]) -> list[tuple[float, float]]:
         changes += [(step_s, run.level), (end_s, 0.0)]
         now = end_s + run.release_s
     return [*changes, (now, 0.0)]
-
-
-PER_LAG, FEWEST_SAMPLES = 10, 20  # Samples of a simulated log in its fastest time constant, and in a hold at least
 
 
 def measure(p: Plant, noise: Noise, runs: Sequence[PlannedRun], k: int, seed: int) -> Array:
