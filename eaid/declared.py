@@ -42,7 +42,7 @@ class Declaration:
     help: str
     group: str
     flags: tuple[str, ...] = ()  # Empty: the name with dashes
-    words: tuple[str, ...] = ()
+    words: tuple[str, ...] = ()  # Empty: those of a `Literal` in its type
     least: float = 0  # Of a number, or of each of several
     most: float = 1e9
     above: bool = False  # The least value itself is left out
@@ -223,7 +223,10 @@ def _forms(kind: type) -> dict[str, Form]:
     hints, made = typing.get_type_hints(kind), {}
     for one in (one for one in fields(kind) if "option" in one.metadata):
         default = one.default if one.default_factory is MISSING else one.default_factory()
-        made[one.name] = Form(one.name, hints[one.name], default, one.metadata["option"])
+        hint, declared = hints[one.name], one.metadata["option"]
+        literal = [each for each in (hint, *typing.get_args(hint)) if typing.get_origin(each) is Literal]
+        words = declared.words or tuple(word for each in literal for word in typing.get_args(each))
+        made[one.name] = Form(one.name, hint, default, replace(declared, words=words))
     return made
 
 
