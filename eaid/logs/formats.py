@@ -111,7 +111,12 @@ class ForeignReader:
         return [replace(table, load=partial(self._load, question, k)) for k, table in enumerate(tables)]
 
     def _load(self, question: Question, table: int, wanted: Sequence[int]) -> Cells:
-        return self._answer(msgspec.structs.replace(question, table=table, wanted=tuple(wanted))).cells
+        with self.alone:
+            later = self._process is None  # behind the call that read the file: no process may stay
+            cells = self._answer(msgspec.structs.replace(question, table=table, wanted=tuple(wanted))).cells
+            if later:
+                self.close()
+        return cells
 
     def _answer(self, question: Question) -> Answer:
         with self.alone:
