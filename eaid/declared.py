@@ -29,6 +29,10 @@ from eaid.errors import UsageError, in_python, unknown
 
 O = TypeVar("O", bound="Options")  # noqa: E741
 F = TypeVar("F", bound=Callable[..., Any])
+ORDERS = {"<": operator.lt, "<=": operator.le}
+NUMERIC = {int, float, tuple[float, ...], tuple[float, float], Mapping[str, float]}
+# Option → what its pairs look like
+PAIRS = {"«columns»": "time=Time,input=Volts", "«units»": "time=us,output=g", "«where»": "f=1000,w=2"}
 
 
 @dataclass(frozen=True)
@@ -38,7 +42,7 @@ class Declaration:
     help: str
     group: str
     flags: tuple[str, ...] = ()  # Empty: the name with dashes
-    words: tuple[str, ...] = ()
+    words: tuple[str, ...] = ()  # Empty: those of a `Literal` in its type
     least: float = 0  # Of a number, or of each of several
     most: float = 1e9
     above: bool = False  # The least value itself is left out
@@ -84,10 +88,6 @@ class Options:
         return {
             name: getattr(self, name) for name, form in forms(type(self)).items() if getattr(self, name) != form.default
         }
-
-
-ORDERS = {"<": operator.lt, "<=": operator.le}
-NUMERIC = {int, float, tuple[float, ...], tuple[float, float], Mapping[str, float]}
 
 
 @dataclass(frozen=True)
@@ -223,7 +223,10 @@ def _forms(kind: type) -> dict[str, Form]:
     hints, made = typing.get_type_hints(kind), {}
     for one in (one for one in fields(kind) if "option" in one.metadata):
         default = one.default if one.default_factory is MISSING else one.default_factory()
-        made[one.name] = Form(one.name, hints[one.name], default, one.metadata["option"])
+        hint, declared = hints[one.name], one.metadata["option"]
+        literal = [each for each in (hint, *typing.get_args(hint)) if typing.get_origin(each) is Literal]
+        words = declared.words or tuple(word for each in literal for word in typing.get_args(each))
+        made[one.name] = Form(one.name, hint, default, replace(declared, words=words))
     return made
 
 
@@ -325,10 +328,6 @@ def factors(flag: str, text: str) -> dict[str, float]:
         raise UsageError(f"{flag} {text}: write numbers by their names, as Ts=0.9,tau1=1.2") from None
 
 
-# Option → what its pairs look like
-PAIRS = {"«columns»": "time=Time,input=Volts", "«units»": "time=us,output=g", "«where»": "f=1000,w=2"}
-
-
 def pairs(flag: str, text: str | Mapping[str, Any] | None) -> dict[str, str]:
     """`time=Time,output="Load Cell"` as a dictionary; raises UsageError where it is written otherwise."""
     if not text or isinstance(text, Mapping):
@@ -351,12 +350,7 @@ def pairs(flag: str, text: str | Mapping[str, Any] | None) -> dict[str, str]:
     return values
 
 
-def keyed(
-    kind: type[O],
-    flag: str,
-    text: str | Mapping[str, Any] | None,
-    given: Mapping[str, Any] = types.MappingProxyType({}),
-) -> O:
+def keyed(kind: type[O], flag: str, text: str | Mapping[str, Any] | None, /, **given: Any) -> O:
     """`duration_s=240,hold_s=0.5:20`, or a mapping, as a set of options; `given` says some of them already."""
     known, values = forms(kind), dict(given)
     try:

@@ -19,16 +19,17 @@ from eaid.errors import UsageError
 
 # Failures of writing that more room, or another disk, mends
 _NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
+# Endings of recordings, besides .txt and .h5, which others have too
+LOGS = (".gz", ".csv", ".tsv", ".dat", ".asc", ".lvm", ".mat", ".tdms", ".npy", ".npz")
+Ours = Callable[[Path, bytes], bool]  # (file, its first and last 4 kB) → whether a command made it
+KILLED_S = 3600  # Age from which what stands beside an output was left there by a writer that is gone
+SEAL = b"eaid-sha256:"
 
 
 def sha256_of(path: Path) -> str:
     """SHA-256 of a file's bytes, in hex."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-# Endings of recordings, besides .txt and .h5, which others have too
-LOGS = (".gz", ".csv", ".tsv", ".dat", ".asc", ".lvm", ".mat", ".tdms", ".npy", ".npz")
 
 
 def refuse_to_overwrite(path: Path, force: bool, inputs: Iterable[Path] = ()) -> None:
@@ -47,9 +48,6 @@ def refuse_to_overwrite(path: Path, force: bool, inputs: Iterable[Path] = ()) ->
     for given in inputs:
         if path.samefile(given):
             raise UsageError(f"{path}: is what the command reads, and is never overwritten; give another «output»")
-
-
-Ours = Callable[[Path, bytes], bool]  # (file, its first and last 4 kB) → whether a command made it
 
 
 def strangers(folder: Path, ours: Ours) -> list[Path]:
@@ -124,9 +122,6 @@ def _to_disk(path: Path) -> None:
         os.fsync(file.fileno())
 
 
-KILLED_S = 3600  # Age from which what stands beside an output was left there by a writer that is gone
-
-
 def _part_of(path: Path, folder: bool = False) -> Path:
     """A new file or folder beside `path` with a name that nothing has; what killed writers of `path` left goes."""
     start = f".{os.fsencode(path.name)[:120].decode(errors='ignore')}."
@@ -180,9 +175,6 @@ def _exchanged(one: Path, other: Path) -> bool:
         return False
     here, exchange = -100, 2  # AT_FDCWD, RENAME_EXCHANGE
     return bool(swap(here, os.fsencode(one), here, os.fsencode(other), exchange) == 0)
-
-
-SEAL = b"eaid-sha256:"
 
 
 def is_as_written(path: Path) -> bool | None:

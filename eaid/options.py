@@ -38,6 +38,11 @@ SESSIONS = "Sessions"
 RATE: dict[str, Any] = {"least": 1e-3, "most": 1e5}
 ANY: dict[str, Any] = {"least": -1e12, "most": 1e12}
 POSITIVE: dict[str, Any] = {"least": 1e-15, "most": 1e15}
+# What of a shape only some inputs have
+USED_BY = {
+    "duty": ("random", "staircase", "chirp"), "levels": ("random", "staircase", "closed-loop"), "rest_s": ("random",),
+    "hold_s": ("random", "staircase", "closed-loop"),
+}  # fmt: skip
 
 
 def any_text(_name: str, text: str) -> str:
@@ -97,7 +102,7 @@ class ReadOptions(Columns):
         shown="KEY=VALUE,…",
     )  # fmt: skip
     rate_hz: float | None = option(None, "Samples a second of logs without a time column [Hz].", READING, above=True)
-    kind: ExperimentKind | None = option(None, "Experiment; by itself from the columns.", STEPS, words=EXPERIMENTS)
+    kind: ExperimentKind | None = option(None, "Experiment; by itself from the columns.", STEPS)
     levels: str | None = option(None, "Levels to keep: 30:100 or 30,40,90.", STEPS, levels=True)
     baseline: str = option(
         "auto", "Value before each step: its last rest, the first samples, none, a value, or a window in s to it.",
@@ -164,7 +169,7 @@ class FitOptions(Chance):
 
     model: tuple[str, ...] | None = option(None, "By itself all that the kind allows.", MODEL, words=MODELS)
     share: float | Literal["free"] = option(
-        0.85, "C, share of the fast part, held or free.", MODEL, words="free", least=0, most=0.999, above=True
+        0.85, "C, share of the fast part, held or free.", MODEL, least=0, most=0.999, above=True
     )
     estimator: str = option("auto", "By the evidence, or all at once as in the paper.", MODEL, words="auto|joint")
     curve: str = option(
@@ -182,7 +187,7 @@ class FitOptions(Chance):
         "auto", "Of steps between levels; auto: by the evidence.", ADVANCED, words="auto|one|two|free|overshoot"
     )
     dead_time: float | Literal["auto"] = option(
-        "auto", "Of each single step [s]; auto: by the evidence.", ADVANCED, words="auto", least=0, most=1e4
+        "auto", "Of each single step [s]; auto: by the evidence.", ADVANCED, least=0, most=1e4
     )
 
     @property
@@ -212,11 +217,10 @@ class TuneOptions(Chance):
     natural_frequency: float | None = option(None, "ω_n [rad/s], in place of K_P and K_D.", ROBUST, **POSITIVE)
     damping: float | None = option(None, "Damping ratio, with the natural frequency.", ROBUST, **POSITIVE)
     b_hat: Literal["pooled", "minimax"] | float | None = option(
-        None, "1/b0, the middle of B_m, B_M (by itself where 1/b0 > 2 B_m), or a value.", ROBUST,
-        words="pooled|minimax", **ANY,
-    )  # fmt: skip
+        None, "1/b0, the middle of B_m, B_M (by itself where 1/b0 > 2 B_m), or a value.", ROBUST, **ANY
+    )
     q_max: float | None = option(None, "Q_M, largest slope of the reference; by itself 5 N·m/s.", ROBUST)
-    phi: Literal["data"] | float | None = option(None, "By itself 0.05; data: by the model.", ROBUST, words="data")
+    phi: Literal["data"] | float | None = option(None, "By itself 0.05; data: by the model.", ROBUST)
     pi_gains: tuple[float, float] | None = option(
         None, "Its gains; by itself designed from the fit, the paper's are 21,360.", PI, shown="K_P,K_I", **ANY
     )
@@ -228,9 +232,7 @@ class TuneOptions(Chance):
     epsilon: float | None = option(None, "ε, half width of the boundary layer; by itself 0.5.", ADVANCED, **POSITIVE)
     gamma: float | None = option(None, "γ, sharpness of the soft switch; by itself 50.", ADVANCED, **POSITIVE)
     p_scale: float = option(5.0, "p of P = p·I in the Lyapunov equation.", ADVANCED, **POSITIVE)
-    rho: Literal["paper", "textbook"] = option(
-        "paper", "Eq. (15) read as B_M φ, or as φ/B_m.", ADVANCED, words="paper|textbook"
-    )
+    rho: Literal["paper", "textbook"] = option("paper", "Eq. (15) read as B_M φ, or as φ/B_m.", ADVANCED)
     anyway: bool = option(False, "Make gains of a fit that must not be used; they are marked.", ADVANCED)
 
     def agree(self) -> None:
@@ -339,7 +341,7 @@ class ExportOptions(Options):
 
     target: str = option("c", "Language or format.", LOGS, "--as", words="c|arduino|matlab|fmu|yaml")
     law: tuple[str, ...] | None = option(None, "By itself all that the files hold.", LOGS, words=LAWS)
-    precision: Literal["double", "single"] = option("double", "Of the numbers.", LOGS, words="double|single")
+    precision: Literal["double", "single"] = option("double", "Of the numbers.", LOGS)
     rate_hz: float | None = option(None, "Control rate, baked in [Hz]; by itself the gains'.", RIG, **RATE)
     duty_on_fault: float = option(0.0, "Duty while an input is no number.", RIG, least=-1e9, most=1e9)
     anyway: bool = option(False, "Export what would be refused; its files are marked.", ADVANCED)
@@ -386,13 +388,6 @@ class PlanOptions(Chance):
     )  # fmt: skip
 
 
-# What of a shape only some inputs have
-USED_BY = {
-    "duty": ("random", "staircase", "chirp"), "levels": ("random", "staircase", "closed-loop"), "rest_s": ("random",),
-    "hold_s": ("random", "staircase", "closed-loop"),
-}  # fmt: skip
-
-
 @dataclass(frozen=True, kw_only=True)
 class Excitation(Options):
     """How the input of one log is made where it does more than step from rest, in the rig's own units."""
@@ -422,7 +417,7 @@ class Excitation(Options):
 class SynthOptions(Chance):
     """What is recorded synthetically; None: as the kind of rig has it."""
 
-    kind: ExperimentKind | None = option(None, "By itself clutch; of a fit.json, its own.", LOGS, words=EXPERIMENTS)
+    kind: ExperimentKind | None = option(None, "By itself clutch; of a fit.json, its own.", LOGS)
     levels: tuple[float, ...] | None = option(
         None, "30,40,90 or from:to:step.", LOGS, read=spaced, levels=True, above=True
     )

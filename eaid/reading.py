@@ -29,64 +29,21 @@ from eaid.steps.baseline import baseline_rule
 from eaid.steps.build import stepset_of
 from eaid.steps.checks import Record, bridged, of_record
 from eaid.steps.cut import active_low, cut_runs, onset, refuse_percent, settled_steps
-from eaid.steps.noise import block_means, stretches
-from eaid.steps.plateaus import plateaus, stands_still, switching
+from eaid.steps.noise import block_means
+from eaid.steps.plateaus import is_recorded, plateaus, switching
 from eaid.steps.repeats import counted_once
 from eaid.steps.step import Step
 from eaid.steps.stepset import StepSet
 
-AT_REST_BELOW = 0.02  # An input below this part of its largest is at rest
-INPUTS_APART = {"%": 0.02}  # Part of the largest input by which two inputs differ: a commanded duty is exact …
-MEASURED = 0.1  # … and a measured input wanders
-SIGNED = 0.05  # Part of the largest input by which it has to go to either side of rest to have both signs
-AWAY = 0.05  # A stretch under load that spends more than this part of its time away from its own middle is no step
 ASKED = {"time-unclear", "time-unit-differs"}  # What is asked before anything else is done
-RETURNS = 4  # So many falls to rest make a recording of its own, where the rests are shorter than the holds
-
-
-def is_recorded(run: Run, rest: float = 0.0) -> bool:
-    """Whether a log is fitted as it was recorded, for its input does more than step from rest.
-
-    It does where it moves most of the time, where a stretch under load goes through different inputs, where it goes to
-    both sides of rest or never comes to it, or where it falls to rest again and again with short rests. Runs whose
-    level or step instant was given, and cut steps, are steps.
-    """
-    if run.cut or {run.level, run.step_s, run.until_s} != {None} or run.kind not in (None, "clutch"):
-        return False
-    if not run.has_input:
-        return False
-    holds = plateaus(run.input)
-    still = stands_still(holds, run.input)
-    if run.position is None and not still:
-        return True
-    signed = run.input - rest
-    level = np.abs(signed)
-    top = float(level.max())
-    loaded = level > AT_REST_BELOW * top
-    if len(level) < 10 or top == 0.0 or (loaded.all() and np.ptp(signed) <= AT_REST_BELOW * top):
-        return False
-    if min(float(signed.max()), -float(signed.min())) > SIGNED * top or (loaded.all() and still):
-        return True  # of both signs, or from level to level without ever coming to rest
-    starts, ends = stretches(loaded)
-    apart = INPUTS_APART.get(run.input_unit, MEASURED) * top
-    held = [level[a:b] for a, b in zip(starts, ends, strict=True)]
-    if sum(int((np.abs(one - np.median(one)) > apart).sum()) for one in held) > AWAY * int(loaded.sum()):
-        return not (len(holds) == 2 and still)  # two holds are a step
-    if len(starts) <= RETURNS:
-        return False
-    lasts, rests = ends - starts, starts[1:] - ends[:-1]
-    quick = np.median(rests) < np.median(lasts) or 3 * rests.min() < lasts.max()
-    return bool(quick and np.median(lasts) >= 5)
+OUTPUT_BLOCKS, BLOCKS_LATE = 400, 4  # An output is let go where it falls within so many blocks of all …
+HELD, LEFT = 0.6, 0.25  # … from this share of its peak to that, and stays below for a twentieth of the log
 
 
 def read_steps(
-    paths: Sequence[Path],
-    options: ReadOptions,
-    progress: Progress = no_progress,
-    warn: Callable[[str], None] = lambda _: None,
-    columns: Callable[[str], None] = lambda _: None,
-    command: str = "fit",
-) -> tuple[list[Run], StepSet]:
+    paths: Sequence[Path], options: ReadOptions, progress: Progress = no_progress,
+    warn: Callable[[str], None] = lambda _: None, columns: Callable[[str], None] = lambda _: None, command: str = "fit",
+) -> tuple[list[Run], StepSet]:  # fmt: skip
     """The cut runs behind logs, datasets, folders or a manifest, and their step set; DataError tells all faults.
 
     `columns` hears which columns were taken and which were left, before anything else is done with them; `command` is
@@ -104,9 +61,8 @@ def read_steps(
             warn(f"{manifest.path}: {len(out)} of {len(manifest.log)} logs excluded ({each})")
         if not files:
             raise DataError(f"{manifest.path}: excludes all its logs; take exclude off one")
-        stands = {
-            k: v for k, v in msgspec.to_builtins(manifest.options).items() if getattr(options, k) == getattr(plain, k)
-        }
+        of_folder = msgspec.to_builtins(manifest.options).items()
+        stands = {name: value for name, value in of_folder if getattr(options, name) == getattr(plain, name)}
         options = replace(options, **cast(Any, stands))
         listed = {Path(entry.file).resolve() for entry in manifest.log}
         whole = files_of([manifest.path.parent]) if paths[0] in (manifest.path, manifest.path.parent) else ()
@@ -182,10 +138,6 @@ def _columns_of(file: Path, options: ReadOptions) -> dict[str, str]:
     with contextlib.suppress(DataError):
         return columns_guessed(read_text(file, str(file))[0], options)
     return {}
-
-
-OUTPUT_BLOCKS, BLOCKS_LATE = 400, 4  # An output is let go where it falls within so many blocks of all …
-HELD, LEFT = 0.6, 0.25  # … from this share of its peak to that, and stays below for a twentieth of the log
 
 
 def let_go_of(runs: Sequence[Run]) -> tuple[float, int] | None:

@@ -18,6 +18,9 @@ else:
 
     pandas = _WhenAsked()
 
+QUANTITIES = {"N·m": "torque", "N": "force", "RPM": "speed", "kPa": "stress", "°C": "temperature"}
+INPUT_WORDS = {"%": "duty", "N": "force", "RPM": "speed", "V": "voltage", "bar": "pressure", "A": "current"}
+
 
 def counted(count: int, noun: str) -> str:
     """`1 run`, `27 runs`, `2 stretches`."""
@@ -55,10 +58,6 @@ def span(levels: Sequence[float], unit: str) -> str:
         return "no levels"
     ends = " … ".join(f"{one:.4g}" for one in dict.fromkeys((levels[0], levels[-1])))
     return f"{counted(len(levels), 'level')}, {ends} {unit}".rstrip()
-
-
-QUANTITIES = {"N·m": "torque", "N": "force", "RPM": "speed", "kPa": "stress", "°C": "temperature"}
-INPUT_WORDS = {"%": "duty", "N": "force", "RPM": "speed", "V": "voltage", "bar": "pressure", "A": "current"}
 
 
 def output_word(unit: str) -> str:

@@ -47,6 +47,14 @@ from eaid.results import coupling as parts
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains, Timing
 
+NEVER = math.inf, 0.0
+STIFFEST = 1e6  # [N·m/rad]; a wall beyond it is called without limit
+ALIASES = 12  # Aliases on either side: W falls with 1/ω², so the rest weighs less than 1e-5 of the sum
+BESIDE_RAD = 1e-4  # Where the limb is let go
+TURNS, MOST_SAMPLES = 20, 200_000  # Of a replay: swings, and samples beyond which none is made
+WALL_PER_LAG = 1000  # Samples in the fastest lag from which a rig is sampled no faster by itself …
+PER_LIMB = 20  # … nor in the limb's time J/b
+
 
 @dataclass(frozen=True, eq=False)
 class Channel:
@@ -102,10 +110,6 @@ def duty_response(channel: Channel, timing: Timing, omega: Array) -> Complex:
     return np.asarray(closed * margins.latch_response(timing, omega) * late, dtype=np.complex128)
 
 
-NEVER = math.inf, 0.0
-STIFFEST = 1e6  # [N·m/rad]; a wall beyond it is called without limit
-
-
 def stable_stiffness(channel: Channel, timing: Timing, options: CoupleOptions) -> tuple[float, float]:
     """The least K at which the wall with a limb stops being stable [N·m/rad]: infinite beyond `STIFFEST`, 0 where B_v
     alone is too much; and the frequency at which it then swings [rad/s]."""
@@ -132,9 +136,6 @@ def stable_stiffness(channel: Channel, timing: Timing, options: CoupleOptions) -
         return 0.0, 0.0
     least = first(stiffness + B_v * damper)
     return least if least[0] < STIFFEST else NEVER
-
-
-ALIASES = 12  # Aliases on either side: W falls with 1/ω², so the rest weighs less than 1e-5 of the sum
 
 
 def passive_stiffness(channel: Channel, timing: Timing, options: CoupleOptions) -> float:
@@ -169,9 +170,6 @@ def passive_stiffness(channel: Channel, timing: Timing, options: CoupleOptions) 
     return float(brentq(lambda K: needed(K) - damping_nms, 1e-3, STIFFEST, rtol=1e-9))
 
 
-BESIDE_RAD = 1e-4  # Where the limb is let go
-
-
 def growth(drive: Channel, options: CoupleOptions, timing: Timing, stiffness: float, time_s: float) -> float:
     """Log of how much the limb's swing, let go at `BESIDE_RAD` with the torque held at T_0, grows from the third to the
     last quarter of the time; below 0 it dies away."""
@@ -199,9 +197,6 @@ def growth(drive: Channel, options: CoupleOptions, timing: Timing, stiffness: fl
     return math.log(last / late)
 
 
-TURNS, MOST_SAMPLES = 20, 200_000  # Of a replay: swings, and samples beyond which none is made
-
-
 def replayed_stiffness(
     drive: Channel, options: CoupleOptions, timing: Timing, expected: float, omega: float
 ) -> float | None:
@@ -226,10 +221,6 @@ def replayed_stiffness(
             low, below, high, above = (middle, at, high, above) if at < 0 else (low, below, middle, at)
         return math.exp(low - below * (high - low) / (above - below))
     return None
-
-
-WALL_PER_LAG = 1000  # Samples in the fastest lag from which a rig is sampled no faster by itself …
-PER_LIMB = 20  # … nor in the limb's time J/b
 
 
 def paced(rate_hz: float, plant: Plant, options: CoupleOptions) -> float:

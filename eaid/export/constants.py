@@ -38,6 +38,12 @@ SERIES: dict[Precision, tuple[float, ...]] = {
         -0.001301107315188573, 0.00012918686680724904,
     ),
 }  # fmt: skip
+LARGEST_CONSTANT: dict[Precision, float] = {"double": 1e60, "single": 1e15}  # Constant: its square is a number still
+LONGEST_DELAY = 10_000  # Samples of dead time that an exported plant holds
+WHOLE_SAMPLES = 1e-9  # Part of a sample by which a dead time may miss whole ones
+SEARCHES = 16  # Tries of the inverse's search at most: twelve are the most seen
+# The search ends when it moves the duty by no more than that
+TOLERANCE = {"double": DUTY_TOLERANCE_PCT, "single": 1e-4}
 
 
 def hexadecimal(value: Any) -> str:
@@ -78,14 +84,6 @@ def harmless(text: str) -> str:
 def unit_name(text: str) -> str:
     """A unit as any language may hold it: one short word, no quotes."""
     return harmless(re.sub(r"[\"'\\{}<>]", "", text))[:20] or UNKNOWN
-
-
-LARGEST_CONSTANT: dict[Precision, float] = {"double": 1e60, "single": 1e15}  # Constant: its square is a number still
-LONGEST_DELAY = 10_000  # Samples of dead time that an exported plant holds
-WHOLE_SAMPLES = 1e-9  # Part of a sample by which a dead time may miss whole ones
-SEARCHES = 16  # Tries of the inverse's search at most: twelve are the most seen
-# The search ends when it moves the duty by no more than that
-TOLERANCE = {"double": DUTY_TOLERANCE_PCT, "single": 1e-4}
 
 
 @dataclass(frozen=True)

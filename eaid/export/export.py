@@ -20,6 +20,10 @@ from eaid.results.fit import Fit
 from eaid.results.gains import Condition, Gains, Guarantee, Timing
 from eaid.results.verdict import PLANT_MODELS
 
+NOTICED_IDLE = 0.01  # Idle output of which is told, as a part of the largest
+# Files of an export, beside the sketch that is named as its folder
+NAMES = re.compile(r"eaid_\w+\.\w+|(vectors|check|parameters)\.\w+|Makefile|README\.md")
+
 
 def offered(gains: Gains, fit: Fit) -> tuple[str, ...] | None:
     """The laws that one may take to a rig, neither refused nor short of margin: None for all that these files hold,
@@ -35,9 +39,6 @@ def offered(gains: Gains, fit: Fit) -> tuple[str, ...] | None:
         if law not in short and not stops(_findings(source, (law,), source.made_for.rate_hz, plain))
     )  # fmt: skip
     return () if not {"pi", "rc"} & set(laws) else None if laws == source.laws else laws
-
-
-NOTICED_IDLE = 0.01  # Idle output of which is told, as a part of the largest
 
 
 def _findings(source: Source, laws: tuple[str, ...], rate_hz: float, options: ExportOptions) -> Iterator[Finding]:
@@ -109,10 +110,6 @@ def _unstable(
         bad |= {point.duty_pct for point in kept if (one := point.loops.get(law)) is not None and one.stable is False}
         if bad:
             yield finding("export-unstable", law.upper(), sorted(bad), rate_hz=rate_hz, unit=source.units[0])
-
-
-# Files of an export, beside the sketch that is named as its folder
-NAMES = re.compile(r"eaid_\w+\.\w+|(vectors|check|parameters)\.\w+|Makefile|README\.md")
 
 
 def is_export(path: Path, ends: bytes) -> bool:

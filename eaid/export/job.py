@@ -21,6 +21,12 @@ from eaid.results.gains import Gains, Timing
 from eaid.shown import input_word, output_word
 from eaid.version import __version__
 
+GO_ON, RESET, BUMPLESS = 0, 1, 2  # What comes before a row's step: nothing, a reset, a bumpless start
+CASE_ROWS = 60  # Rows of the longest case
+TONES_HZ = (0.2, 0.5, 1.0, 2.0, 4.0)  # Of the multisine
+REFERENCES: dict[str, Any] = {"pi": reference.PI, "rc": reference.RC, "inverse": reference.Inverse}
+Row = tuple[str, int, float, float, float, float]
+
 
 @dataclass(frozen=True)
 class Source:
@@ -77,11 +83,6 @@ def source_of(gains: Gains | None, fit: Fit | None) -> Source:
     return Source(None, fit, {}, plant, input_limits(fit), units, Timing(control_rate(fit)))
 
 
-GO_ON, RESET, BUMPLESS = 0, 1, 2  # What comes before a row's step: nothing, a reset, a bumpless start
-CASE_ROWS = 60  # Rows of the longest case
-TONES_HZ = (0.2, 0.5, 1.0, 2.0, 4.0)  # Of its multisine
-
-
 class Vector(NamedTuple):
     """One row; for the plant `reference` is the duty and `expected` the torque, for the rate `expected` is the rate."""
 
@@ -94,11 +95,6 @@ class Vector(NamedTuple):
     duty: Any  # Where a bumpless start begins
     expected: Any
     status: int
-
-
-REFERENCES: dict[str, Any] = {"pi": reference.PI, "rc": reference.RC, "inverse": reference.Inverse}
-
-Row = tuple[str, int, float, float, float, float]
 
 
 def vectors(constants: Mapping[str, Entries], top: float, rig: Rig) -> Iterator[Vector]:

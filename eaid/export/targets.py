@@ -22,6 +22,12 @@ from eaid.export.job import Job
 from eaid.shown import input_word, output_word
 from eaid.synth.files import input_column
 
+# Every file of an export bears it near its beginning, an FMU at its end, vectors.csv its columns instead
+MARK = b", made by eaid "
+COMPILER_FLAGS = ("-O2", "-std=c99", "-fPIC", "-shared", "-ffp-contract=off", "-fvisibility=hidden")
+Files = Iterator[tuple[str, str | bytes]]
+VECTOR_COLUMNS = "law,case,before,reference,reference_rate,torque,from_duty,expected,status"
+
 
 @cache
 def environment() -> Environment:
@@ -78,11 +84,6 @@ def log_header(into: str, out: str) -> str:
     return f"time_s,{input_column('clutch', into)},{torque},{reference}"
 
 
-# Every file of an export bears it near its beginning, an FMU at its end, vectors.csv its columns instead
-MARK = b", made by eaid "
-COMPILER_FLAGS = ("-O2", "-std=c99", "-fPIC", "-shared", "-ffp-contract=off", "-fvisibility=hidden")
-
-
 def _zipped(name: str, description: str, sources: Mapping[str, str]) -> bytes:
     whole = io.BytesIO()
     with zipfile.ZipFile(whole, "w", zipfile.ZIP_DEFLATED) as file:
@@ -121,10 +122,6 @@ def binary(name: str, sources: Mapping[str, str]) -> tuple[str, bytes] | None:
         if done.returncode != 0:
             return None
         return f"binaries/{platform_of[0]}/{out}", (Path(folder) / out).read_bytes()
-
-
-Files = Iterator[tuple[str, str | bytes]]
-VECTOR_COLUMNS = "law,case,before,reference,reference_rate,torque,from_duty,expected,status"
 
 
 def _common(job: Job) -> Files:

@@ -15,6 +15,7 @@ from eaid.shown import counted
 Value = float | int | str | bool | None | tuple[float | str, ...]
 GRAVITY: dict[str, int] = {"stop": 0, "caution": 1, "note": 2}
 WORD = {"stop": "stop", "caution": "warning", "note": "note"}  # How a severity is called wherever people read it
+MOST_LISTED = 6  # Numbers that a sentence lists one by one
 
 
 class Finding(msgspec.Struct, frozen=True):
@@ -80,9 +81,6 @@ class Words(string.Formatter):
         if value is None or value != value:
             return "unknown"
         return counted(value, spec[1:]) if spec.startswith("#") else super().format_field(value, spec)
-
-
-MOST_LISTED = 6  # Numbers that a sentence lists one by one
 
 
 def say(finding: Finding) -> str:

@@ -23,6 +23,18 @@ from eaid.options import ReadOptions
 
 OFF = 0.05  # Share by which two clocks may differ: no clock drifts so far, and units differ by 24 and more
 CLOCK_BLOCKS = 20
+# What a clock counts that began at a fixed day, how many of it a second, and its first stamps of our time [s]
+CLOCKS = (
+    *((f"{unit} since 1970", per_s, 1e9, 4e9) for unit, per_s in (("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9))),
+    ("100 ns since 1601 (FILETIME)", 1e7, 1.26e10, 1.56e10),
+    ("100 ns since the year 1 (.NET)", 1e7, 6.31e10, 6.61e10),
+)
+# Sample time beyond which a clock without a unit counts not from a fixed day, but in a finer unit from power-up
+SLOWEST_CLOCK_S = 90.0
+FASTEST_HZ = 50_000.0  # Sample rate beyond which a clock whose unit nobody gave is warned of
+BRIEF_S, QUICK_HZ = 2.0, 2000.0  # Span and sample rate of a log that may be one of minutes, if nobody gave the unit
+# Span beyond which a clock whose unit nobody gave counts no seconds, if it counts whole numbers, or seldom
+LONGEST_S = 3600.0
 
 
 class Clock(NamedTuple):
@@ -93,20 +105,6 @@ def _contradiction(path: str, time: Clock, other: Clock) -> DataError:
         f"{path}: two columns of time contradict each other: by {time.column} the log takes {a:.4g} s, by "
         f"{other.column} {b:.4g} s; say {other_right} if the second is right, «units» time={own} if the first is"
     )
-
-
-# What a clock counts that began at a fixed day, how many of it a second, and its first stamps of our time [s]
-CLOCKS = (
-    *((f"{unit} since 1970", per_s, 1e9, 4e9) for unit, per_s in (("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9))),
-    ("100 ns since 1601 (FILETIME)", 1e7, 1.26e10, 1.56e10),
-    ("100 ns since the year 1 (.NET)", 1e7, 6.31e10, 6.61e10),
-)
-# Sample time beyond which a clock without a unit counts not from a fixed day, but in a finer unit from power-up
-SLOWEST_CLOCK_S = 90.0
-FASTEST_HZ = 50_000.0  # Sample rate beyond which a clock whose unit nobody gave is warned of
-BRIEF_S, QUICK_HZ = 2.0, 2000.0  # Span and sample rate of a log that may be one of minutes, if nobody gave the unit
-# Span beyond which a clock whose unit nobody gave counts no seconds, if it counts whole numbers, or seldom
-LONGEST_S = 3600.0
 
 
 def _time_unit(path: str, given: str | None, table: Table, column: int) -> tuple[float | None, float | None]:

@@ -59,6 +59,7 @@ MOTION = {"position", "pos", "encoder", "enc", "angle", "displacement", "distanc
 # Words in the names of columns that switch something on
 SWITCHES = {"relay", "trigger", "trig", "gate", "enable", "enabled", "switch", "valve", "cmd", "command", "drive",
             "on", "supply", "hv"}  # fmt: skip
+FEWEST_IN_COLUMN = 20  # Samples below which a column is too short to step
 _REFERENCE = {"reference", "ref", "desired", "des", "target", "setpoint", "command", "cmd", "commanded"}
 
 
@@ -288,9 +289,6 @@ def default_unit(column: str, kind: ExperimentKind | None = None) -> str:
     the quantity."""
     groups = OUTPUTS if kind is None else INPUT_GROUPS[kind]
     return next((group.unit for group in groups if _alike([column], group.names, set())), "")
-
-
-FEWEST_IN_COLUMN = 20  # Samples below which a column is too short to step
 
 
 def chosen_table(source: str, tables: Sequence[Table], options: ReadOptions) -> tuple[Table, Roles]:

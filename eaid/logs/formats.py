@@ -36,6 +36,7 @@ UNREAD: tuple[tuple[bytes, str], ...] = (
     *((mark, "an MDF measurement file; export it as CSV or HDF5") for mark in (b"MDF     ", b"UnFinMF ")),
     *((mark, "a ROS bag; export its topics as CSV or HDF5") for mark in (b"#ROSBAG V", b"\x89MCAP0\r\n")),
 )
+READER: tuple[str, ...] = (sys.executable, "-P", "-m", "eaid.logs.foreign.answer")
 
 
 class Format(NamedTuple):
@@ -91,9 +92,6 @@ def format_of(head: bytes) -> Format:
     return next(form for form in FORMATS if form.is_it(head))
 
 
-READER: tuple[str, ...] = (sys.executable, "-P", "-m", "eaid.logs.foreign.answer")
-
-
 class ForeignReader:
     """The process, started when the first such file comes, until it is closed."""
 
@@ -113,7 +111,12 @@ class ForeignReader:
         return [replace(table, load=partial(self._load, question, k)) for k, table in enumerate(tables)]
 
     def _load(self, question: Question, table: int, wanted: Sequence[int]) -> Cells:
-        return self._answer(msgspec.structs.replace(question, table=table, wanted=tuple(wanted))).cells
+        with self.alone:
+            later = self._process is None  # behind the call that read the file: no process may stay
+            cells = self._answer(msgspec.structs.replace(question, table=table, wanted=tuple(wanted))).cells
+            if later:
+                self.close()
+        return cells
 
     def _answer(self, question: Question) -> Answer:
         with self.alone:

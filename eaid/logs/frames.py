@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eaid.errors import DataError
-from eaid.logs.read import PLAIN, together
+from eaid.logs.read import together
 from eaid.logs.run import Run
 from eaid.logs.table import Cells, Table, seconds
 from eaid.logs.to_run import run_of
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 RUN = "run"  # Column of a DataFrame with several runs that tells them apart
 
 
-def runs_from_frames(frames: "pd.DataFrame | Mapping[str, pd.DataFrame]", options: ReadOptions = PLAIN) -> list[Run]:
+def runs_from_frames(frames: "pd.DataFrame | Mapping[str, pd.DataFrame]", options: ReadOptions) -> list[Run]:
     """Runs of a DataFrame with a column `run` (without one: a single run), or of {name: DataFrame}.
 
     Columns go by name, as in logs; stamps count as times; `frame.attrs["units"]`, a mapping of column to unit, says

@@ -23,6 +23,13 @@ _NUMBER = r"[+-]?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?"
 _FACTOR = re.compile(rf"(?<![A-Za-z])([A-Za-z]+)=({_NUMBER}[A-Za-zµ%]*|[A-Za-z]+)")
 REPEATS = COUNTERS | {"rep", "repeat", "run", "trial", "test", "date", "time"}
 MOST_VALUES = 6  # Different values beyond which a factor counts the logs, and is none of the rig
+_BEFORE = re.compile(r"\d[.,ep_-]?$", re.IGNORECASE)
+# What stands beside a number that may be a part of a longer one: 2-5V, 2p5V, 1e2V, 2_5V, 1,000V
+_AFTER = re.compile(r"[.,]?\d|[ep-][+-]?\d|_\d{1,3}(?!\d)", re.IGNORECASE)
+_DATED = re.compile(r"(\d{4}([-_.]?)\d\d\2\d\d|\d\d[-_.]\d\d[-_.]\d{4})[-_]$")
+# Units of inputs as they stand in names beside a level: V=100, 60pct; lower-case letters stand for much else
+_LEVELS = "V|kV|mV|mA|A|N|kN|bar|kPa|MPa|rpm|RPM|pct|%"
+_COUNTS_RUNS = re.compile(r"(?<![A-Za-z])(r|n|no|nr|run|rep|repeat|trial|test|take)[_-]?$", re.IGNORECASE)
 
 
 def factors_of(name: str) -> dict[str, str]:
@@ -66,12 +73,6 @@ def several_factors(runs: Sequence[Run]) -> list[Finding]:
     return found
 
 
-_BEFORE = re.compile(r"\d[.,ep_-]?$", re.IGNORECASE)
-# What stands beside a number that may be a part of a longer one: 2-5V, 2p5V, 1e2V, 2_5V, 1,000V
-_AFTER = re.compile(r"[.,]?\d|[ep-][+-]?\d|_\d{1,3}(?!\d)", re.IGNORECASE)
-_DATED = re.compile(r"(\d{4}([-_.]?)\d\d\2\d\d|\d\d[-_.]\d\d[-_.]\d{4})[-_]$")
-
-
 def level_and_repeat(source: str, pattern: str | None, name: str) -> tuple[float | None, int | None]:
     """Level and repeat that the name of a log tells, the pattern being found anywhere in it.
 
@@ -104,17 +105,10 @@ def level_and_repeat(source: str, pattern: str | None, name: str) -> tuple[float
     return float(level.replace(",", ".")), None if repeat is None else int(repeat)
 
 
-# Units of inputs as they stand in names beside a level: V=100, 60pct; lower-case letters stand for much else
-_LEVELS = "V|kV|mV|mA|A|N|kN|bar|kPa|MPa|rpm|RPM|pct|%"
-
-
 def unit_beside(pattern: str) -> str:
     """The unit that a name pattern holds beside its level; empty where it holds none."""
     found = re.search(rf"(?:^|[^A-Za-z])({_LEVELS})=?\{{level\}}|\{{level\}}({_LEVELS})(?![A-Za-z])", pattern)
     return found[1] or found[2] if found else ""
-
-
-_COUNTS_RUNS = re.compile(r"(?<![A-Za-z])(r|n|no|nr|run|rep|repeat|trial|test|take)[_-]?$", re.IGNORECASE)
 
 
 def pattern_guessed(names: Sequence[str]) -> str:

@@ -13,7 +13,7 @@ import math
 import re
 import zlib
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import partial
@@ -97,14 +97,13 @@ class Dialect:
 
     encoding: str
     marks: Marks
-    columns: tuple[str, ...]
-    units: tuple[str, ...]
+    count: int  # Columns
     first_line: int  # Line of the first row of numbers, from 1
     stamps: tuple[int, ...] = ()  # Columns of wall-clock stamps
-    synthetic: str | None = None
-    unmatched: tuple[str, ...] = ()  # Names above the rows that are not as many as the columns
     remarks: bool = False  # True where a row may have a remark behind its cells
-    clock: tuple[float, float] | None = None  # Start and step of the time [s], of which the first column is then empty
+
+
+Reading = Callable[[Dialect, Sequence[int]], Cells]  # Reads some columns of a text in its dialect
 
 
 def encoding_of(head: bytes) -> str:
@@ -139,15 +138,15 @@ def has_table(lines: list[str]) -> bool:
     return "+" * TABLE_ROWS in rows
 
 
-def sniff(path: str, head: bytes) -> Dialect:
-    """Dialect of a text log by its first bytes; raises DataError where there is no table of numbers in them."""
+def sniff(path: str, head: bytes, read: Reading) -> Table:
+    """The table of a text log by its first bytes; raises DataError where there is no table of numbers in them."""
     encoding, lines = encoding_of(head), lines_of(head)
     if not encoding:
         raise DataError(f"{path}: is a binary file of no format that eaid knows; export it as CSV, MAT or HDF5")
     if not any(line.strip() for line in lines):
         raise DataError(f"{path}: is empty; record the log again")
     if b"LabVIEW Measurement" in head[:64]:
-        return _of_labview(path, encoding, lines)
+        return _of_labview(path, encoding, lines, read)
     if len(head) == HEAD_BYTES and len(lines) > 1:
         lines.pop()
     marks, count = _marks(lines)
@@ -175,11 +174,13 @@ def sniff(path: str, head: bytes) -> Dialect:
     stamps = tuple(i for i, cell in enumerate(first_cells) if marks.value(cell) is None and marks.is_good(cell))
     made_by = (re.match(r"[#%/ ]+synthetic\s*[:=]\s*(\S.*)$", line, re.IGNORECASE) for line in lines[:start])
     synthetic = next((match[1].strip() for match in made_by if match), None)
-    return Dialect(encoding, marks, names, units, start + 1, stamps, synthetic, unmatched)
+    units = tuple("s" if i in stamps else unit for i, unit in enumerate(units))
+    load = partial(read, Dialect(encoding, marks, count, start + 1, stamps))
+    return Table("", names, load, units, synthetic, stamped=stamps, unmatched=unmatched)
 
 
-def _of_labview(path: str, encoding: str, lines: list[str]) -> Dialect:
-    """Dialect of a LabVIEW measurement file, as its header says it; without times its first column is empty, and all
+def _of_labview(path: str, encoding: str, lines: list[str], read: Reading) -> Table:
+    """The table of a LabVIEW measurement file, as its header says it; without times its first column is empty, and all
     channels have a step from row to row."""
     separator = "," if any(line.startswith("Separator,") for line in lines) else "\t"
     rows = [line.rstrip().split(separator) for line in lines]
@@ -192,13 +193,15 @@ def _of_labview(path: str, encoding: str, lines: list[str]) -> Dialect:
         )
     marks = Marks(separator, *header.get("Decimal_Separator", "."))
     units = ["s", *header.get("Y_Unit_Label", ()), *[""] * len(names)][: len(names)]
-    dialect = Dialect(encoding, marks, tuple(names), tuple(units), at + 2, remarks="Comment" in rows[at])
-    if header.get("X_Columns") != ["No"]:
-        return dialect
-    clocks = {*zip(*(map(marks.value, header.get(key, ())) for key in ("X0", "Delta_X")), strict=False)}
-    if len(clocks) == 1 and None not in (clock := clocks.pop()) and clock[1] > 0:
-        return replace(dialect, clock=clock)
-    return replace(dialect, columns=("", *names[1:]), units=("", *units[1:]))
+    dialect = Dialect(encoding, marks, len(names), at + 2, remarks="Comment" in rows[at])
+    load = partial(read, dialect)
+    if header.get("X_Columns") == ["No"]:
+        clocks = {*zip(*(map(marks.value, header.get(key, ())) for key in ("X0", "Delta_X")), strict=False)}
+        if len(clocks) == 1 and None not in (clock := clocks.pop()) and clock[1] > 0:
+            load = partial(_timed, load, *clock)
+        else:
+            names[0], units[0] = "", ""
+    return Table("", tuple(names), load, tuple(units))
 
 
 def _marks(lines: list[str]) -> tuple[Marks, int]:
@@ -320,12 +323,7 @@ def read_text(path: Path, source: str) -> list[Table]:
         head = file.read(HEAD_BYTES)
     if zipped and not encoding_of(head):
         raise DataError(f"{source}: is gzip around a file that is no text; unpack it and give what is inside")
-    dialect = sniff(source, head)
-    units = tuple("s" if i in dialect.stamps else unit for i, unit in enumerate(dialect.units))
-    load = partial(_load if dialect.clock is None else _load_timed, path, source, zipped, dialect)
-    return [
-        Table("", dialect.columns, load, units, dialect.synthetic, stamped=dialect.stamps, unmatched=dialect.unmatched)
-    ]
+    return [sniff(source, head, partial(_load, path, source, zipped))]
 
 
 @contextlib.contextmanager
@@ -385,11 +383,9 @@ def _load(path: Path, source: str, zipped: bool, dialect: Dialect, columns: Sequ
     return Cells(tuple(whole), tuple(bad), tuple(rows))
 
 
-def _load_timed(path: Path, source: str, zipped: bool, dialect: Dialect, columns: Sequence[int]) -> Cells:
-    """The same of a file whose header says the time of its rows."""
-    assert dialect.clock is not None
-    start_s, step_s = dialect.clock
-    cells = _load(path, source, zipped, dialect, [column for column in columns if column] or [1])
+def _timed(load: Callable[[Sequence[int]], Cells], start_s: float, step_s: float, columns: Sequence[int]) -> Cells:
+    """Columns of a file whose header says the time of its rows; its first column is empty."""
+    cells = load([column for column in columns if column] or [1])
     time_s = start_s + step_s * np.arange(len(cells.values[0]))
     values = iter(cells.values)
     return replace(cells, values=tuple(next(values) if column else time_s for column in columns))
@@ -406,7 +402,7 @@ def _by_arrow(body: str, dialect: Dialect, columns: Sequence[int], line: int) ->
     if marks.delimiter is None:  # cells stand apart by one blank each
         body = "\n".join(" ".join(row.strip("[]; \r").split()) for row in body.split("\n"))
     first = body.partition("\n")[0].split(marks.delimiter or " ")
-    names = [str(i) for i in range(max(len(first), len(dialect.columns)))]
+    names = [str(i) for i in range(max(len(first), dialect.count))]
     kinds = {}
     for column in columns:
         digits = first[min(column, len(first) - 1)]
@@ -439,7 +435,7 @@ def _cell_by_cell(body: str, dialect: Dialect, columns: Sequence[int], line: int
 
     Stamps stay texts: what they mean depends on those before them.
     """
-    count, length = len(dialect.columns), 0
+    count, length = dialect.count, 0
     values: list[list[Any]] = [[] for _ in columns]
     rows: list[tuple[int, int]] = []
     bad: list[BadCell] = []

@@ -24,6 +24,7 @@ from eaid.options import ReadOptions
 # Beyond it, or all below its inverse, numbers are none that a sensor gives, and their squares may be none at all
 LARGEST_READING = 1e100
 LARGEST_NM = 1000.0  # Torque beyond any clutch that a bench holds [N·m]: a column of counts, or of another unit
+MOST_OTHERS = 8  # Columns that are not read up to which they are looked at
 
 
 def _loaded(source: str, table: Table, wanted: Sequence[int | None]) -> tuple[Cells, dict[int, NDArray[Any]]]:
@@ -49,13 +50,7 @@ def run_of(
     """The run behind the tables of one log; the name pattern is looked for in `file`, or in the name."""
     name = plain(name)
     table, roles = chosen_table(source, tables, options)
-    clock, units = roles.time, options.units
-    if clock is not None and options.rate_hz is not None:
-        if not numbers_samples(table.columns[clock]):
-            raise DataError(
-                f"{source}: has a time column, {table.label(clock)}, so «rate_hz» does nothing; leave it out"
-            )
-        clock = None
+    clock, units = _clock(source, table, roles, options), options.units
     level, repeat = level_and_repeat(source, options.name_pattern, file or name)
     kind, which = the_input(source, roles, lambda one: _loaded(source, table, [one])[1][one])
     if which is None and options.name_pattern is not None and level is None:
@@ -87,9 +82,8 @@ def run_of(
     told = [*roles.findings, *of_time, *_asked_once([*scale.findings, *into.findings])]
     if keep is not None:
         told.append(finding("rows-dropped", source, dropped=len(raw_time) - len(keep), count=len(raw_time)))
-    largest = float(np.abs(output).max())
-    if into.unit == "N·m" and "output" not in units and largest > LARGEST_NM:
-        told.append(finding("torque-too-large", source, largest=largest))
+    if into.unit == "N·m" and "output" not in units and np.abs(output).max() > LARGEST_NM:
+        told.append(finding("torque-too-large", source, largest=float(np.abs(output).max())))
     if level is not None and which is not None and not (np.abs(np.abs(input_) - abs(level)) <= 0.02 * abs(level)).any():
         most = float(input_[np.abs(input_).argmax()])
         told.append(finding("level-contradicted", source, level=level, found=most, unit=scale.unit))
@@ -97,20 +91,34 @@ def run_of(
                "position": roles.position}  # fmt: skip
     taken = {role: column for role, column in of_role.items() if column is not None}
     others = [table.label(column) for column in range(len(table.columns)) if column not in taken.values()]
-    position_unit = units.get("position", "")  # as it is called: nothing is turned into it
-    if roles.position is not None and not position_unit:
-        position_unit = table.unit(roles.position) or split_name(table.columns[roles.position])[1]
     beside = partial(_beside, table, roles, rows)
     reference, position = (None if one is None else read_only(kept[one]) for one in (roles.reference, roles.position))
     return Run(
         name, time_s, read_only(input_), output, scale.unit, into.unit, source, sha256,
         level=level if which is None else None, repeat=repeat, start_s=start_s, synthetic=table.synthetic,
         step_s=_on_clock(options.step_at, time_s, start_s), until_s=_on_clock(options.until, time_s, start_s),
-        reference_nm=reference, position=position, position_unit=position_unit, kind=options.kind or kind,
+        reference_nm=reference, position=position, position_unit=_position_unit(table, roles, options),
+        kind=options.kind or kind,
         findings=tuple(msgspec.structs.replace(one, subject=name) for one in told),
         taken=tuple((role, table.label(column)) for role, column in taken.items()), left=(*others, *table.dropped),
         moves=_moves(beside(), time_s) if which is None else (), others=beside,
     )  # fmt: skip
+
+
+def _clock(source: str, table: Table, roles: Roles, options: ReadOptions) -> int | None:
+    """The column of the time; None where the user gives the rate of rows that nothing but numbers them."""
+    if roles.time is None or options.rate_hz is None:
+        return roles.time
+    if numbers_samples(table.columns[roles.time]):
+        return None
+    raise DataError(f"{source}: has a time column, {table.label(roles.time)}, so «rate_hz» does nothing; leave it out")
+
+
+def _position_unit(table: Table, roles: Roles, options: ReadOptions) -> str:
+    """The unit of a position as it is called: nothing is turned into it."""
+    if roles.position is None or options.units.get("position"):
+        return options.units.get("position", "")
+    return table.unit(roles.position) or split_name(table.columns[roles.position])[1]
 
 
 def _of_names(source: str, options: ReadOptions) -> Scale:
@@ -130,9 +138,6 @@ def _asked_once(findings: Sequence[Finding]) -> list[Finding]:
     column, ask = (sep.join(str(one.values[key]) for one in open_) for key, sep in (("column", " and "), ("ask", ",")))
     one = finding("unit-unknown", open_[0].subject, column=column, ask=ask)
     return [one, *(other for other in findings if other not in open_)]
-
-
-MOST_OTHERS = 8  # Columns that are not read up to which they are looked at
 
 
 def _beside(table: Table, roles: Roles, rows: slice | NDArray[np.intp]) -> Beside:

@@ -70,6 +70,18 @@ _CASE_SENSITIVE = {"MPa": "mpa", "mPa": "", "MNm": "", "MN·m": ""}  # prefixes 
 _WEIGHED = {"force", "load", "loadcell", "weight", "weighing", "scale", "friction", "tension", "pull", "push", "shear",
             "kraft", "kracht", "fuerza", "last", "cell", "fn", "ft", "thrust"}  # fmt: skip
 _SHAKEN = {"acc", "accel", "acceleration", "accelerometer", "vibration", "vib", "imu", "shock", "ax", "ay", "az"}
+# Names of columns that number the samples
+COUNTERS = {"sample", "samples", "index", "idx", "count", "counter", "frame", "row", "tick", "ticks", "nr", "no", "n"}
+_BRACKETED = re.compile(r"^(.*?)\s*[\[({]\s*([^\])}]*?)\s*[\])}]\s*$")
+_RATE = re.compile(r"^(.*?)(?:_|\.|\s+in\s+|,\s*|\s+)([^\s_/,.]+/[^\s_/,.]+)$")
+_SPEED = re.compile(r"^(um|µm|mm|cm|m|in|ft)/(s|sec|min|h)$")
+_SUFFIX = re.compile(r"^(.*?)(?:_|\.|\s*/\s*|\s+in\s+|,\s*|\s+)([^\s_/,.]+)$")
+_CAMEL = re.compile(r"^(.*[a-z])((?:[A-Z][a-z]*)+|%)$")
+_TIMES_A_NUMBER = re.compile(
+    r"[*×]\s*[\d.]|\d\s*[*×]|/\s*\d|%\s*of\b|(?:^|[\s_()\[\]])[xX]\s*(?:10+|\d*\.\d+|\d+e[-+]?\d+)[\s)\]]*$|10\^[-+]?\d",
+    re.IGNORECASE,
+)
+_NUMBER_OF_UNITS = re.compile(r"\d[\d.]*(?:e[-+]?\d+)?\s*[a-zA-Zµμ%]")
 
 
 def unit_of(text: str) -> Unit:
@@ -84,15 +96,6 @@ def words_of(name: str) -> frozenset[str]:
     """The words of a column's name, in lower case: `shearForce_N` → shear, force, n."""
     spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
     return frozenset(re.findall(r"[a-z0-9]+", spaced.lower()))
-
-
-# Names of columns that number the samples
-COUNTERS = {"sample", "samples", "index", "idx", "count", "counter", "frame", "row", "tick", "ticks", "nr", "no", "n"}
-_BRACKETED = re.compile(r"^(.*?)\s*[\[({]\s*([^\])}]*?)\s*[\])}]\s*$")
-_RATE = re.compile(r"^(.*?)(?:_|\.|\s+in\s+|,\s*|\s+)([^\s_/,.]+/[^\s_/,.]+)$")
-_SPEED = re.compile(r"^(um|µm|mm|cm|m|in|ft)/(s|sec|min|h)$")
-_SUFFIX = re.compile(r"^(.*?)(?:_|\.|\s*/\s*|\s+in\s+|,\s*|\s+)([^\s_/,.]+)$")
-_CAMEL = re.compile(r"^(.*[a-z])((?:[A-Z][a-z]*)+|%)$")
 
 
 def is_linear_speed(unit: str) -> bool:
@@ -124,13 +127,6 @@ def split_name(name: str) -> tuple[str, str]:
 def numbers_samples(column: str) -> bool:
     """Whether a column counts the samples, by its name."""
     return bool(words_of(split_name(column)[0]) & COUNTERS)
-
-
-_TIMES_A_NUMBER = re.compile(
-    r"[*×]\s*[\d.]|\d\s*[*×]|/\s*\d|%\s*of\b|(?:^|[\s_()\[\]])[xX]\s*(?:10+|\d*\.\d+|\d+e[-+]?\d+)[\s)\]]*$|10\^[-+]?\d",
-    re.IGNORECASE,
-)
-_NUMBER_OF_UNITS = re.compile(r"\d[\d.]*(?:e[-+]?\d+)?\s*[a-zA-Zµμ%]")
 
 
 @dataclass(frozen=True)

@@ -41,6 +41,17 @@ KEEPING = 0.8  # Probability with which a session keeps a width that a plan prom
 SHARES = (0.9, 0.8, 0.84)
 SESSION_DRAWS = 200  # Draws behind that
 UNTOLD = 1e6  # A half-width above which nothing is told [%]
+STEP_INSTANTS = 60  # Of each hold, at which the sensitivities are taken
+PER_TURN, MOST_INSTANTS = 40, 2000  # Of what rings, in a turn of its frequency and at most
+ENDLESS_REST_S = 1e9  # A rest that leaves nothing in the states [s]
+NARROWER_POWER = 0.7  # Power of the excess by which a plan is asked for narrower: widths fall faster than predicted
+# Least factor by which a width that was not kept is asked for narrower, and the excess that counts at most
+LEAST_NARROWER, MOST = 1.03, 3.0
+PLAN_ROUNDS = 6  # Times that a plan is made larger
+# Half-width of the 95 % interval at the worst input [%], by parameter; infinite where there is none
+Widths = dict[str, float]
+# A plan, of steps or of one recording: `met` says whether its predicted widths, `half_width_pct`, are those wanted
+P = TypeVar("P", bound=Any)
 
 
 def relative_rows(rows: Array, unknowns: Array) -> Array:
@@ -52,11 +63,6 @@ def percent(half: Array) -> Array:
     """Half-widths of logarithms in percent; infinite above `UNTOLD`."""
     found = 100 * np.expm1(np.minimum(half, 50.0))
     return np.where(found < UNTOLD, found, inf)
-
-
-STEP_INSTANTS = 60  # Of each hold, at which the sensitivities are taken
-PER_TURN, MOST_INSTANTS = 40, 2000  # Of what rings, in a turn of its frequency and at most
-ENDLESS_REST_S = 1e9  # A rest that leaves nothing in the states [s]
 
 
 def drive_of_steps(
@@ -105,25 +111,10 @@ def level_sets(known: Sequence[float], most: int) -> list[list[float]]:
     return sets
 
 
-NARROWER_POWER = 0.7  # Power of the excess by which a plan is asked for narrower: widths fall faster than predicted
-# Least factor by which a width that was not kept is asked for narrower, and the excess that counts at most
-LEAST_NARROWER, MOST = 1.03, 3.0
-PLAN_ROUNDS = 6  # Times that a plan is made larger
-
-# Half-width of the 95 % interval at the worst input [%], by parameter; infinite where there is none
-Widths = dict[str, float]
-
-
-# A plan, of steps or of one recording: `met` says whether its predicted widths, `half_width_pct`, are those wanted
-P = TypeVar("P", bound=Any)
-
-
 def enlarged(
-    make: Callable[[Mapping[str, float]], P],
-    measure: Callable[[P], list[Widths]],
-    wanted: Mapping[str, float],
+    make: Callable[[Mapping[str, float]], P], measure: Callable[[P], list[Widths]], wanted: Mapping[str, float],
     keeping: float,
-) -> tuple[P, Widths]:
+) -> tuple[P, Widths]:  # fmt: skip
     """The plan that `make` gives for the wanted widths [%], larger until each is kept with probability `keeping`.
 
     A width measured too wide is asked for narrower in the next round. A plan that falls short even by its prediction is
@@ -170,7 +161,7 @@ def settled(
     def simulated(plan: P) -> list[Widths]:
         rows = []
         for k in range(sets):
-            rows.append({name: width if width < UNTOLD else inf for name, width in measure(plan, k).items()})
+            rows.append(measure(plan, k))
             progress()
         return rows
 
@@ -218,7 +209,7 @@ class FittedRig:
     def numbers(self) -> tuple[str, ...]:
         """What widths are told of."""
         p = self.plant.model
-        return tuple(PARAMETERS) if p is None or is_clutch(p) else NUMBERS_OF_KIND.get(p.kind, tuple(PARAMETERS))
+        return PARAMETERS if p is None else NUMBERS_OF_KIND.get(p.kind, PARAMETERS)
 
     @property
     def degrees(self) -> float:
@@ -377,7 +368,7 @@ def rig_of(fit: Fit) -> FittedRig:
 
 def scattered(noise: Noise, factors: Array) -> Noise:
     """The same noise with other scatter of T_s, τ1, τ2, by factors of shape (3,)."""
-    scatter = {name: noise.scatter[name] * float(factors[k]) for name, k in PARAMETERS.items()}
+    scatter = {name: noise.scatter[name] * float(factor) for name, factor in zip(PARAMETERS, factors, strict=True)}
     return msgspec.structs.replace(noise, scatter=scatter)
 
 

@@ -29,13 +29,10 @@ from eaid.recorded.log_intervals import engagements, spread
 from eaid.results.models import Noise
 from eaid.results.plan import PlannedRun
 
-# Kind → the numbers that widths are told of, in the order of T_s, τ1, τ2
-NUMBERS_OF_KIND = {
-    "lag": ("Ts", "tau1"), "overshoot": ("Ts", "tau1", "tau2"), "series": ("Ts", "tau1", "tau2"),
-    "ringing": ("Ts", "omega", "zeta"),
-}  # fmt: skip
-# What a width can be wanted of: the curve over the duty, at its worst level
-PARAMETERS = {"Ts": 0, "tau1": 1, "tau2": 2}
+# What a width can be wanted of: the curve over the duty, at its worst level; and that of kinds with other numbers
+PARAMETERS: tuple[str, ...] = ("Ts", "tau1", "tau2")
+NUMBERS_OF_KIND = {"lag": ("Ts", "tau1"), "ringing": ("Ts", "omega", "zeta")}
+PER_LAG, FEWEST_SAMPLES = 10, 20  # Samples of a simulated log in its fastest time constant, and in a hold at least
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +49,7 @@ class Known:
         x = np.append(self.unknowns, 0.0)[: len(self.unknowns) + (not drive.idle_known)]
         slopes = np.pad(self.slopes, ((0, 0), (0, 0), (0, len(x) - len(self.unknowns))))
         scattered = np.zeros((len(x), 3))  # one standard deviation of an engagement's T_s, τ1 and τ2
-        for (name, k), part in zip(PARAMETERS.items(), self.model.slices, strict=True):
+        for k, (name, part) in enumerate(zip(PARAMETERS, self.model.slices, strict=True)):
             scattered[part, k] = noise.scatter[name] * x[part]
         J, r = Setup(self.model, (drive,), ("dead",) * self.late).jacobian(x, 0)
         counted = drive.w > 0
@@ -121,9 +118,6 @@ def input_changes(runs: Sequence[PlannedRun]) -> list[tuple[float, float]]:
         changes += [(step_s, run.level), (end_s, 0.0)]
         now = end_s + run.release_s
     return [*changes, (now, 0.0)]
-
-
-PER_LAG, FEWEST_SAMPLES = 10, 20  # Samples of a simulated log in its fastest time constant, and in a hold at least
 
 
 def measure(p: Plant, noise: Noise, runs: Sequence[PlannedRun], k: int, seed: int) -> Array:

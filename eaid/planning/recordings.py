@@ -26,6 +26,11 @@ from eaid.synth.plants import Specimen
 
 RATE_HZ = 100.0  # Samples a second of a simulated recording
 MEMORY_S = 0.05  # Time constant of its coloured noise [s]
+PLAN_SETS, FEW_SETS = 14, 4  # Recordings that are simulated of each plan; of other kinds, whose widths hardly scatter
+# Findings of a fit that no plan can be trusted on
+OPEN_FINDINGS = ("one-level-nonlinear", "parameter-unknown-at-half-the-levels", "no-level-determines-all")
+FIRST_REPEATS = 5  # … so that the next session asks for so many repeats at the most, and the next fit knows more
+NOTICED_SCATTER = 0.01  # Scatter from run to run that is named as what stands in the way of a width
 
 
 def experiment(plan: Plan, plant: Specimen, noise: Noise, seed: int) -> tuple[Level, ...]:
@@ -50,13 +55,6 @@ def disturbance_of(noise: Noise) -> Disturbance:
         NONE, white_nm=sqrt(noise.sensor_nm2_s * RATE_HZ), coloured=coloured, coloured_s=MEMORY_S,
         gain_scatter=min(noise.scatter["Ts"], 0.3), **scatter_of,
     )  # fmt: skip
-
-
-PLAN_SETS, FEW_SETS = 14, 4  # Recordings that are simulated of each plan; of other kinds, whose widths hardly scatter
-# Findings of a fit that no plan can be trusted on
-OPEN_FINDINGS = ("one-level-nonlinear", "parameter-unknown-at-half-the-levels", "no-level-determines-all")
-FIRST_REPEATS = 5  # … so that the next session asks for so many repeats at the most, and the next fit knows more
-NOTICED_SCATTER = 0.01  # Scatter from run to run that is named as what stands in the way of a width
 
 
 def plan_recordings(fit: Fit, options: PlanOptions, progress: Callable[[], None]) -> Plan:

@@ -37,6 +37,18 @@ from eaid.synth.plants import clutch
 MOST_ENGAGEMENTS = 60
 HOLD_INSTANTS = 12  # Instants of each hold at which the sensitivities are taken
 FULL_DUTY = 100.0  # Highest input of a rig in %
+WIDTH_INPUTS = 10  # Duties at which the widths are wanted, from the lowest to the highest
+LEVELS = 13  # Levels that a sequence chooses from
+HOLDS_TRIED = 9  # Holds that it chooses from, log-spaced
+MEAN_POWER = 8  # Of the mean that stands for the worst ratio while levels and holds are exchanged
+PLANNED_DEGREES = 20.0  # Degrees of freedom that a recording's intervals are taken to have
+SWEEPS = 2  # Times that all levels and holds of a sequence are exchanged
+EXCHANGE_ROUNDS = 5  # Lengths of a sequence that are tried
+MARGIN = 0.9  # Widths are planned to this part of the wanted ones: those of a recording scatter about the planned
+# Segments whose sensitivities are worked out for one improved sequence, at most: a long one is improved in part
+EFFORT = 150_000
+# Recordings that are simulated of each sequence, and the probability that a recording keeps a width: 19 of 20 do
+SEQUENCE_SETS, SEQUENCE_KEEPING = 20, 19 / 21
 
 
 def refuse_scattered(noise: Noise, wanted: Mapping[str, float]) -> None:
@@ -80,18 +92,6 @@ def breaks_of(whole: Array) -> tuple[tuple[float, float], ...]:
             breaks.append((now, level))
         now = round(now + max(hold, 1e-3), 3)
     return (*breaks, (now, 0.0))
-
-
-WIDTH_INPUTS = 10  # Duties at which the widths are wanted, from the lowest to the highest
-LEVELS = 13  # Levels that a sequence chooses from
-HOLDS_TRIED = 9  # Holds that it chooses from, log-spaced
-MEAN_POWER = 8  # Of the mean that stands for the worst ratio while levels and holds are exchanged
-PLANNED_DEGREES = 20.0  # Degrees of freedom that a recording's intervals are taken to have
-SWEEPS = 2
-EXCHANGE_ROUNDS = 5
-MARGIN = 0.9  # Widths are planned to this part of the wanted ones: those of a recording scatter about the planned
-# Segments whose sensitivities are worked out for one improved sequence, at most: a long one is improved in part
-EFFORT = 150_000
 
 
 def plan_excitation(
@@ -253,10 +253,6 @@ def measure(plan: Excitation, p: Plant, noise: Noise, k: int, seed: int = 0) -> 
     half = np.apply_along_axis(known.of, 2, slopes) / (slopes @ solved.x)
     unknown = [name in held(solved) for name in PARAMETERS]
     return dict(zip(PARAMETERS, percent(np.where(unknown, np.inf, half.max(axis=1))).tolist(), strict=True))
-
-
-# Recordings that are simulated of each sequence, and the probability that a recording keeps a width: 19 of 20 do
-SEQUENCE_SETS, SEQUENCE_KEEPING = 20, 19 / 21
 
 
 def shortest_recording(fit: Fit, options: PlanOptions, progress: Callable[[], None]) -> Excitation:

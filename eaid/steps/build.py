@@ -18,6 +18,7 @@ from eaid.steps.step import Step, hold_of, left_pct, slip_of
 from eaid.steps.stepset import Level, RunRecord, StepSet
 
 SMALL_STEP = 0.2  # Share of the usual change below which a sign of its own is not held against a step
+PLAIN = ReadOptions()
 
 
 def signs_of(runs: Sequence[Run]) -> tuple[dict[str, float], list[Finding]]:
@@ -49,9 +50,6 @@ def signs_of(runs: Sequence[Run]) -> tuple[dict[str, float], list[Finding]]:
         if run.from_level != 0.0:
             signs[run.name] = -1.0 if float(Step(run).rise.mean()) < 0 else 1.0
     return signs, findings
-
-
-PLAIN = ReadOptions()
 
 
 def _record(step: Step, findings: tuple[Finding, ...], left_out: bool) -> RunRecord:

@@ -39,6 +39,16 @@ CREEP = 0.002  # Share of its top by which a flat one may still creep over its l
 SMOOTH_BLOCKS = 400
 FEW_ROWS_CHECKED = 100
 MOST_BRIDGED = 0.01  # Share of a run that «repair» bridges
+FEW_SAMPLES_CHECKED = 2 * BLOCKS  # Below which neither drift nor what is left is told
+MOVED = 0.05  # Share of the swing by which the output may have moved behind a gap or a ramp that the step falls into
+MOVED_FAR = 0.2  # Share of the swing from which what it moved during a ramp leaves no time constants to be told
+DISAGREE = 0.10  # Repeats whose torque at the end differs by more than this share are told
+TURN_BLOCKS = 400  # An output is averaged to so many blocks, and followed from turn to turn
+QUICK = 0.2  # Share of the record that an edge behind the first may take: what comes back slower is drift
+MOVES = 0.15  # Share of the range that an edge moves within a fiftieth of the record
+RESTS = 0.03  # Share of the range within which a stretch of a twentieth of the record rests
+CLEAR = 14.0  # Standard errors of a block mean that the range has to exceed: a turn is then half of them
+RENEWED_SHARE = 0.8  # Share of the changes of an output that come equally often, from which a sensor renews it so
 
 
 def saturated(step: Step) -> Finding | None:
@@ -189,12 +199,6 @@ def copied(step: Step) -> Finding | None:
     return finding("block-written-twice", step.run.name, rows=block.rows, at_s=at, again_s=again)
 
 
-FEW_SAMPLES_CHECKED = 2 * BLOCKS
-MOVED = 0.05  # Share of the swing by which the output may have moved behind a gap or a ramp that the step falls into
-MOVED_FAR = 0.2  # Share of the swing from which what it moved during a ramp leaves no time constants to be told
-DISAGREE = 0.10  # Repeats whose torque at the end differs by more than this share are told
-
-
 def _negative(step: Step) -> Finding | None:
     negative = (step.run.level or 0.0) < 0 and step.run.position is None
     return finding("input-negative", step.run.name) if negative else None
@@ -297,13 +301,6 @@ def _left_after_release(step: Step) -> Finding | None:
     return finding("left-after-release", step.run.name, step.levels, left_pct=left, after_s=float(step.time_s[-1]))
 
 
-TURN_BLOCKS = 400  # An output is averaged to so many blocks, and followed from turn to turn
-QUICK = 0.2  # Share of the record that an edge behind the first may take: what comes back slower is drift
-MOVES = 0.15  # Share of the range that an edge moves within a fiftieth of the record
-RESTS = 0.03  # Share of the range within which a stretch of a twentieth of the record rests
-CLEAR = 14.0  # Standard errors of a block mean that the range has to exceed: a turn is then half of them
-
-
 def several_edges(
     name: str, time_s: Array, output: Array, first_s: float = 0.0, has_input: bool = False
 ) -> Finding | None:
@@ -383,9 +380,6 @@ class Record(Step):
         """Range of the output but for its rarest samples."""
         low, high = np.quantile(self.run.output, (0.03, 0.97)).tolist()
         return float(high - low)
-
-
-RENEWED_SHARE = 0.8  # Share of the changes of an output that come equally often, from which a sensor renews it so
 
 
 def renewed(step: Step) -> Finding | None:

@@ -28,6 +28,12 @@ from eaid.steps.stepset import LevelStep
 
 UNSETTLED = 0.05  # Share of a step's change by which the output may still move before a step from level to level
 NO_STEP = "record the idle time before the step too, or give the step instant with «step_at»"
+NEAR_EDGE = 0.1  # Share of a log within which its output answers to what switches it
+WITH = 0.01  # Share of a log within which another channel moves with the step
+CUT_BLOCKS = 4000  # Means of a position, between which its turns are looked for
+SLOWS = 0.8  # Share of its usual speed below which a stroke slows down
+WANDERS = 0.15  # Range of a measured input, as a share of its median, up to which it is one load that wanders
+MOST_SETTLED = 60  # Steps up to which a log that is fitted as it was recorded has each step fitted by itself, too
 
 
 def cut_by_input(run: Run) -> list[Run]:
@@ -206,10 +212,6 @@ def cut_by_output(run: Run) -> list[Run]:
     return cut_at(replace(run, level=level, findings=(*run.findings, note)), float(run.time_s[at]))
 
 
-NEAR_EDGE = 0.1  # Share of a log within which its output answers to what switches it
-WITH = 0.01  # Share of a log within which another channel moves with the step
-
-
 def moved_with(run: Run, step_s: float) -> list[Finding]:
     """The channels, besides what switches the input on, that leave their rest as the step comes."""
     near = WITH * float(run.time_s[-1] - run.time_s[0])
@@ -263,10 +265,6 @@ def onset(output: Array) -> int | None:
     return start
 
 
-CUT_BLOCKS = 4000
-SLOWS = 0.8  # Share of its usual speed below which a stroke slows down
-
-
 def cut_reversals(run: Run) -> list[Run]:
     """The strokes of a log with a position, each from its turn to the next; its level is the input's."""
     assert run.position is not None
@@ -312,9 +310,6 @@ def refuse_percent(run: Run, *wrong: tuple[NDArray[np.bool_], str]) -> None:
                 f"{run.where}: the input is {run.input[first]:g} % at {run.time_s[first]:.6g} s, {how}; "
                 f"if it is not in %, say its unit with «units» input=UNIT, or input=/255 of counts up to 255"
             )
-
-
-WANDERS = 0.15  # Range of a measured input, as a share of its median, up to which it is one load that wanders
 
 
 def cut(run: Run, baseline: str = "auto", rest: float = 0.0) -> list[Run]:
@@ -389,9 +384,6 @@ def _ruled(step: Run, baseline: str) -> Run:
             f"{step.time_s[0] - at:.4g} to {step.time_s[-1] - at:.4g} s relative to its step"
         )
     return replace(step, baseline=float(step.output[inside].mean()))
-
-
-MOST_SETTLED = 60  # Steps up to which a log that is fitted as it was recorded has each step fitted by itself, too
 
 
 def cut_runs(runs: Sequence[Run], options: ReadOptions) -> tuple[list[Run], list[str]]:

@@ -1,4 +1,4 @@
-"""What an input does: where it stands still, ramps between left out; or moves.
+"""What an input does: where it stands still, ramps between left out; or moves; or more than step from rest.
 
 A plateau is a stretch in which the input stays within `tolerance`, 1 % of its range or six times its noise.
 """
@@ -16,6 +16,12 @@ FEWEST_HELD = 10  # Samples in the active window below which a step is refused
 OFFSET = 0.05  # Share of its largest value within which a measured input counts as zero
 GLITCH = 2  # Samples up to which an input that leaves its level and comes back has taken no step
 BACK = 0.5  # Share of a range by which values have to come back for a turn
+AT_REST_BELOW = 0.02  # An input below this part of its largest is at rest
+INPUTS_APART = {"%": 0.02}  # Part of the largest input by which two inputs differ: a commanded duty is exact …
+MEASURED = 0.1  # … and a measured input wanders
+SIGNED = 0.05  # Part of the largest input by which it has to go to either side of rest to have both signs
+AWAY = 0.05  # A stretch under load that spends more than this part of its time away from its own middle is no step
+RETURNS = 4  # So many falls to rest make a recording of its own, where the rests are shorter than the holds
 
 
 @dataclass(frozen=True)
@@ -55,12 +61,11 @@ def plateaus(values: Array) -> list[Plateau]:
         back = abs(around[0].level - around[1].level) <= allowed and min(one.count for one in around) >= FEWEST_HELD
         if parts[i].count <= GLITCH and back:
             parts[i - 1 : i + 2] = [Plateau(around[0].start, around[1].stop, around[0].level)]
+    levels = [piece.level for piece in parts]
     for i, piece in enumerate(parts):
-        on_a_ramp = 0 < i < len(parts) - 1 and (
-            (parts[i + 1].level - piece.level) * (piece.level - parts[i - 1].level) > 0
-        )
-        if piece.count < FEWEST_HELD and on_a_ramp:
-            continue
+        short = piece.count < FEWEST_HELD and 0 < i < len(parts) - 1
+        if short and (levels[i + 1] - piece.level) * (piece.level - levels[i - 1]) > 0:
+            continue  # on a ramp
         if joined and abs(joined[-1].level - piece.level) <= allowed and joined[-1].stop == piece.start:
             joined[-1] = Plateau(joined[-1].start, piece.stop, joined[-1].level)
         else:
@@ -114,6 +119,41 @@ def switching(values: Array) -> float | None:
     usual = median(each) if len(each) > 2 * FEWEST_HELD else 0.0
     regular = np.mean(np.abs(each - usual) <= 1) > 0.9 if 0 < usual < FEWEST_HELD else False
     return float(each[np.abs(each - usual) <= 1].mean()) if regular else None
+
+
+def is_recorded(run: Run, rest: float = 0.0) -> bool:
+    """Whether a log is fitted as it was recorded, for its input does more than step from rest.
+
+    It does where it moves most of the time, where a stretch under load goes through different inputs, where it goes to
+    both sides of rest or never comes to it, or where it falls to rest again and again with short rests. Runs whose
+    level or step instant was given, and cut steps, are steps.
+    """
+    if run.cut or {run.level, run.step_s, run.until_s} != {None} or run.kind not in (None, "clutch"):
+        return False
+    if not run.has_input:
+        return False
+    holds = plateaus(run.input)
+    still = stands_still(holds, run.input)
+    if run.position is None and not still:
+        return True
+    signed = run.input - rest
+    level = np.abs(signed)
+    top = float(level.max())
+    loaded = level > AT_REST_BELOW * top
+    if len(level) < 10 or top == 0.0 or (loaded.all() and np.ptp(signed) <= AT_REST_BELOW * top):
+        return False
+    if min(float(signed.max()), -float(signed.min())) > SIGNED * top or (loaded.all() and still):
+        return True  # of both signs, or from level to level without ever coming to rest
+    starts, ends = stretches(loaded)
+    apart = INPUTS_APART.get(run.input_unit, MEASURED) * top
+    held = [level[a:b] for a, b in zip(starts, ends, strict=True)]
+    if sum(int((np.abs(one - np.median(one)) > apart).sum()) for one in held) > AWAY * int(loaded.sum()):
+        return not (len(holds) == 2 and still)  # two holds are a step
+    if len(starts) <= RETURNS:
+        return False
+    lasts, rests = ends - starts, starts[1:] - ends[:-1]
+    quick = np.median(rests) < np.median(lasts) or 3 * rests.min() < lasts.max()
+    return bool(quick and np.median(lasts) >= 5)
 
 
 def end_of(output: Array, hold: Plateau) -> float:

@@ -25,6 +25,12 @@ from eaid.steps.step import sample_at, usual_step
 SHORTEST_STRETCH = 8  # Rows of the shortest stretches that are compared
 MIXES = np.uint64(0x9E3779B97F4A7C15)  # An odd number without pattern (2⁶⁴ over the golden ratio)
 ROUGH = 1 / 3  # Share of its rows at which a block turns, at least: noise turns at two of three, a smooth curve at none
+NEIGHBOURS_COMPARED = 60  # Runs of a level that each is compared with: those next to it by their means
+# Samples before and behind a step that are compared: long logs take no more time and memory than that
+BEFORE, BEHIND = 2_000, 20_000
+LEAST_COMMON = 20  # Samples in common below which nothing is compared
+SINGLE = 1e-6  # Rounding of a single-precision float
+COPIES_ALIKE = 0.5  # Standard deviations of the noise within which no two recordings agree in all of their samples
 
 
 class Copy(NamedTuple):
@@ -63,14 +69,6 @@ def copied_block(values: Array) -> Copy | None:
         turns = np.count_nonzero(steps[1:] * steps[:-1] < 0)
         return Copy(at, rows, int(apart[0])) if rows >= 2 * width and turns >= ROUGH * rows else None
     return None
-
-
-NEIGHBOURS_COMPARED = 60  # Runs of a level that each is compared with: those next to it by their means
-# Samples before and behind a step that are compared: long logs take no more time and memory than that
-BEFORE, BEHIND = 2_000, 20_000
-LEAST_COMMON = 20  # Samples in common below which nothing is compared
-SINGLE = 1e-6  # Rounding of a single-precision float
-COPIES_ALIKE = 0.5  # Standard deviations of the noise within which no two recordings agree in all of their samples
 
 
 class _Output(NamedTuple):

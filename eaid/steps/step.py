@@ -17,6 +17,7 @@ from eaid.steps.noise import STANDARD_ERRORS, block_error, block_means, line
 
 SAME_INSTANT = 2e-3  # Share of the sample time within which instants count as equal: the rounding of written times
 OVER = 0.05  # Share by which a peak has to exceed the level after it to be a slip
+PEAK_PART = 50  # A peak is looked for on means over this part of the record
 
 
 def usual_step(time_s: Array) -> float:
@@ -94,9 +95,6 @@ class Step:
     def unit(self) -> str:
         """Unit of the output."""
         return self.run.output_unit
-
-
-PEAK_PART = 50  # A peak is looked for on means over this part of the record
 
 
 class Hold(NamedTuple):

@@ -15,6 +15,9 @@ from eaid.replay.loop import coloured
 from eaid.replay.references import MOST_SAMPLES
 from eaid.synth.plants import Scatter, Specimen
 
+Input = Sequence[tuple[float, float]]  # A piecewise constant input: (from when [s], value), the first at 0
+Columns = tuple[Array, Array, Array]  # Time [s], input and output of a log, shapes (n,)
+
 
 @dataclass(frozen=True)
 class Disturbance:
@@ -71,10 +74,6 @@ def mark(plant: Specimen, disturbance: Disturbance, seed: int) -> str:
     sizes = asdict(disturbance if disturbance.coloured > 0 else replace(disturbance, coloured_s=0.0))
     disturbances = ", ".join(f"{name} {value:g}" for name, value in sizes.items() if value)
     return f"eaid synth of {plant.made_of}; {disturbances or 'undisturbed'}; seed {seed}; recorded on no rig"
-
-
-Input = Sequence[tuple[float, float]]  # A piecewise constant input: (from when [s], value), the first at 0
-Columns = tuple[Array, Array, Array]  # Time [s], input and output of a log, shapes (n,)
 
 
 def played(

@@ -61,7 +61,7 @@ def synthesize(options: SynthOptions, fit: Fit | None = None, named: str = "a fi
         return list(repeats(plant, "input", changes, duration_s, timing, disturbance, (options.seed, len(EXPERIMENTS))))
     if options.excitation is not None:
         rate = {} if options.rate_hz is None else {"rate_hz": options.rate_hz}
-        shape = keyed(Excitation, "«shape»", options.shape, {"kind": options.excitation, **rate})
+        shape = keyed(Excitation, "«shape»", options.shape, kind=options.excitation, **rate)
         return synthesise_excitation(plant, shape, disturbance, options.seed, options.repeats or 1)
     return stepped(plant, protocol, disturbance, options.seed)
 

@@ -153,3 +153,15 @@ def test_names_in_a_dataset_are_names_only(tmp_path, monkeypatch, run_eaid):
             group.attrs.update(level=60.0, repeat=i, step_s=1.0, baseline_nm=0.0, source="../../evil", sha256="")
     assert run_eaid("ingest", "d.h5", "-o", "out.h5", "-q").code == 0
     assert sorted(item.name for item in tmp_path.rglob("*")) == ["d.h5", "inside", "out.h5"]
+
+
+def test_a_column_that_is_read_later_leaves_no_process(tmp_path, monkeypatch):
+    """What is beside the columns of a log is read when somebody asks, by a process that ends with the answer."""
+    started: list[Any] = []
+    popen = formats.subprocess.Popen
+    monkeypatch.setattr(formats.subprocess, "Popen", lambda *a, **k: started.append(popen(*a, **k)) or started[-1])
+    duty = np.repeat([0.0, 30.0, 60.0, 20.0, 80.0, 0.0], 100)
+    np.savez(tmp_path / "log.npz", time=np.arange(600) / 50, duty_pct=duty, torque_nm=duty / 20, temp=np.sin(duty))
+    (run,) = eaid.read(tmp_path / "log.npz", logs_as="recorded").recorded
+    assert [name for name, _ in run.others()] == ["temp"]
+    assert len(started) == 2 and all(one.poll() is not None for one in started)

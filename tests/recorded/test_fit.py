@@ -12,8 +12,8 @@ from eaid.estimate.recorded_log import RecordedLog, recorded_log
 from eaid.logs.run import Run
 from eaid.options import Excitation
 from eaid.plant.dynamics import REFERENCE_PLANT
-from eaid.reading import is_recorded
 from eaid.recorded.fit import fit_recorded
+from eaid.steps.plateaus import is_recorded
 from eaid.synth.excitation import synthesise_excitation
 from eaid.synth.logs import NONE
 from eaid.synth.plants import clutch

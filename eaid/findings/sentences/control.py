@@ -5,6 +5,8 @@ from collections.abc import Callable
 
 from eaid.findings.row import Row, Values, caution, note, stop
 
+CONDITION_WORDS = {"rho": "ρ", "phi": "φ", "Q_M": "Q_M", "duty-limit": "input limit", "duty-floor": "input floor"}
+
 
 def _margin(v: Values) -> str:
     known = [f"{v[key]:.3g}{unit}" for key, unit in (("gain_db", " dB"), ("phase_deg", "°")) if v[key] is not None]
@@ -53,9 +55,6 @@ def _mending(said: str, option: str) -> Callable[[Values], str]:
         return string.Formatter().vformat(f"{said}; {option}", (), v) + (f", at {cost}" if cost else "")
 
     return told
-
-
-CONDITION_WORDS = {"rho": "ρ", "phi": "φ", "Q_M": "Q_M", "duty-limit": "input limit", "duty-floor": "input floor"}
 
 
 def _mended(v: Values) -> str:

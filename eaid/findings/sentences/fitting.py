@@ -23,20 +23,28 @@ CONSTRAINTS = {
     "fall-tau2-most": "τ2 of falls is fifty times that of rises",
     "hysteresis-least": "T_s after a fall is a fifth of that after a rise",
 }
-
-
-def _constraint(values: Values) -> str:
-    where = f" (from {' to '.join(f'{u:.4g}' for u in values['each'])})" if values["each"] else ""
-    said = CONSTRAINTS.get(values["constraint"], values["constraint"])
-    return f"a constraint holds the fit: {said}{where}; what it holds is not estimated there"
-
-
 CAUSES = {
     "one-exponential": "one exponential is all that most of them show",
     "short-record": "hold each level longer than {record_s:.3g} s",
     "decays": "the output decays under hold there, which no longer hold mends",
     "records": "the records do not show it",
 }
+# Parameter → how inputs have to be held to ask about it
+HOLD = {
+    "Ts": "for longer than τ2",
+    "tau1": "more often, coming from a lower input",
+    "tau2": "for longer than τ2, coming from a lower input",
+}
+LAGS_IN_WORDS = {
+    "lag": "one lag", "series": "two lags in series", "ringing": "two states that ring",
+    "zero": "two lags with a zero", "clutch": "the clutch's two lags over the input",
+}  # fmt: skip
+
+
+def _constraint(values: Values) -> str:
+    where = f" (from {' to '.join(f'{u:.4g}' for u in values['each'])})" if values["each"] else ""
+    said = CONSTRAINTS.get(values["constraint"], values["constraint"])
+    return f"a constraint holds the fit: {said}{where}; what it holds is not estimated there"
 
 
 def _joined(names: Sequence[str]) -> str:
@@ -72,20 +80,6 @@ def _decays(v: Values) -> str:
         f"the output overshoots and decays under hold: {v['lost_pct']:.0f} % of its peak is lost by the end at {where}"
         f"{more}; no sum of rising exponentials shows that, so T_s is an average and τ2 means nothing there{done}"
     )
-
-
-# Parameter → how inputs have to be held to ask about it
-HOLD = {
-    "Ts": "for longer than τ2",
-    "tau1": "more often, coming from a lower input",
-    "tau2": "for longer than τ2, coming from a lower input",
-}
-
-
-LAGS_IN_WORDS = {
-    "lag": "one lag", "series": "two lags in series", "ringing": "two states that ring",
-    "zero": "two lags with a zero", "clutch": "the clutch's two lags over the input",
-}  # fmt: skip
 
 
 def kind_in_words(kind: str) -> str:

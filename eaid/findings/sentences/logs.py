@@ -3,6 +3,9 @@
 from eaid.findings.row import Row, Values, caution, note, stop
 from eaid.shown import listed
 
+STOOD_STILL = "the sensor stood still for {for_s:.3g} s at {at_s:.6g} s, at exactly {value:.4g} {unit}"
+RAMPS = "the input takes {ramp_s:.3g} s to its new level, and {moved_pct:.0f} % of the change come before it is there: "
+
 
 def _drift(v: Values) -> str:
     share = v.get("share_pct")
@@ -34,9 +37,6 @@ def _other_shape(v: Values) -> str:
         f"{v['plain_rmse']:.3g}"
     )
 
-
-STOOD_STILL = "the sensor stood still for {for_s:.3g} s at {at_s:.6g} s, at exactly {value:.4g} {unit}"
-RAMPS = "the input takes {ramp_s:.3g} s to its new level, and {moved_pct:.0f} % of the change come before it is there: "
 
 ROWS: dict[str, Row] = {
     # Reading

@@ -79,6 +79,7 @@ def _tables(name: str, arrays: Mapping[str, Any], between: str = ".") -> tuple[l
     """
     vectors: dict[int, list[Column]] = {}
     matrices: list[tuple[str, Any]] = []
+    tables: list[Table] = []
     dropped: list[str] = []
 
     def inside(leaf: str) -> str:
@@ -86,13 +87,15 @@ def _tables(name: str, arrays: Mapping[str, Any], between: str = ".") -> tuple[l
 
     for leaf, array in arrays.items():
         long = [n for n in array.shape if n != 1]
-        if array.dtype.kind not in "fiub":
+        if array.dtype.names and array.ndim == 1:
+            fields = [field for field in array.dtype.names if array.dtype[field].kind in "fiub"]
+            tables.append(_table(inside(leaf), [Column(field, array, field) for field in fields]))
+        elif array.dtype.kind not in "fiub":
             dropped.extend([inside(leaf)] if array.size > 1 else [])
         elif len(long) == 1 and array.size:
             vectors.setdefault(array.size, []).append(Column(leaf, array))
         elif len(long) == array.ndim == 2 and max(long) >= FEWEST_IN_MATRIX:
             matrices.append((leaf, array))
-    tables: list[Table] = []
     for leaf, array in matrices:
         count, beside = min(array.shape), vectors.get(max(array.shape))
         columns = [Column(f"{leaf}[{k + 1}]" if beside else "", array, k) for k in range(count)]
@@ -138,14 +141,8 @@ def read_numpy(path: Path, source: str) -> list[Table]:
         if "Object arrays" not in str(fault):
             raise
         raise DataError(f"{source}: holds Python objects, which can run code; save arrays of plain numbers") from None
-    tables: list[Table] = []
-    for name, array in list(arrays.items()):
-        if array.dtype.names and array.ndim == 1:
-            fields = [field for field in array.dtype.names if array.dtype[field].kind in "fiub"]
-            tables.append(_table(name, [Column(field, array, field) for field in fields]))
-            del arrays[name]
-    numbers = {name: value for name, array in arrays.items() if (value := _number(array)) is not None}
-    tables += _tables("", numbers)[0]
+    kept = {name: array if array.dtype.names else _number(array) for name, array in arrays.items()}
+    tables, _ = _tables("", {name: array for name, array in kept.items() if array is not None})
     if not tables:
         raise DataError(f"{source}: holds no table of numbers; save time and output as arrays of one length")
     return tables
@@ -236,8 +233,7 @@ def read_hdf5(path: Path, source: str) -> list[Table]:
                 opaque = opaque or kind not in ("char", "cell", "struct")
                 dropped.append(name)
             elif node.dtype.names and node.ndim == 1:
-                fields = [field for field in node.dtype.names if node.dtype[field].kind in "fiub"]
-                every.append(_table(name, [Column(field, node, field) for field in fields]))
+                every += _tables("", {name: node})[0]
             else:
                 place, _, leaf = name.rpartition("/")
                 places.setdefault(place, {})[leaf] = node
