@@ -60,7 +60,12 @@ def held_against(path, **reading):
 UNITS = {"columns": {"input": "input", "output": "output"}, "units": {"input": "V", "output": "N"}}
 
 
-@pytest.mark.parametrize("name", PLANTS)
+# of the others recorded/test_kinds holds the same, with their intervals
+ALSO_THERE = {"series", "ringing behind a dead time", "overshoot"}
+RECORDED = [pytest.param(name, marks=[pytest.mark.slow] if name in ALSO_THERE else []) for name in PLANTS]
+
+
+@pytest.mark.parametrize("name", RECORDED)
 def test_a_recording(name, tmp_path):
     logged(PLANTS[name], *staircase(name)).to_csv(tmp_path / "log.csv", index=False)
     (pct,) = held_against(tmp_path / "log.csv", logs_as="recorded", **UNITS).values()
