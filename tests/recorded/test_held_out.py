@@ -27,7 +27,7 @@ def log(seed: int, seconds: float = 60.0, drift: float = 0.0) -> pd.DataFrame:
 
 def fit(*logs: pd.DataFrame) -> eaid.Fit:
     named = {f"log{k}": one for k, one in enumerate(logs)}
-    return eaid.fit(eaid.read(named, logs_as="recorded"), model=("nonlinear",))
+    return eaid.fit(eaid.read(named, logs_as="recorded"), model=("nonlinear",), ci="none")
 
 
 @pytest.mark.parametrize(
@@ -40,7 +40,7 @@ def test_a_plant_that_is_there_holds_where_it_has_not_seen(logs: tuple[int, ...]
     assert found.verdict.usable and f"unseen {unseen.held_pct:.1f} % of" in found.summary()
 
 
-@pytest.mark.parametrize("seed", [5, 6, 7, 22])
+@pytest.mark.parametrize("seed", [5, 22, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (6, 7))])
 def test_a_walk_that_no_input_makes_is_not_usable(seed: int) -> None:
     random, n = np.random.default_rng(seed), 3000
     u = np.append(np.zeros(50), np.repeat(random.uniform(10, 100, n // 50), 50))[:n]
@@ -50,6 +50,6 @@ def test_a_walk_that_no_input_makes_is_not_usable(seed: int) -> None:
     found = fit(walk)
     assert found.recorded.hold_out.fit_pct > 60  # a percentage of what was fitted proves nothing
     assert "drift-explains-as-much" in {one.code for one in found.verdict.reasons}
-    made = lag(u, 0.5)
-    drifts = walk.assign(torque_nm=made + 0.02 * walk["torque_nm"])
-    assert "drift-explains-as-much" not in {one.code for one in fit(drifts).findings}
+    if seed == 5:
+        drifts = walk.assign(torque_nm=lag(u, 0.5) + 0.02 * walk["torque_nm"])
+        assert "drift-explains-as-much" not in {one.code for one in fit(drifts).findings}

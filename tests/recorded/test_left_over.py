@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 
 import eaid
 
-T = np.arange(0.0, 80.0, 0.02)
+T = np.arange(0.0, 40.0, 0.02)
 
 
 def lagged(u: np.ndarray, gain: float = 5.0, tau: float = 0.3) -> np.ndarray:

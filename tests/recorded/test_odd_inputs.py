@@ -85,13 +85,13 @@ def test_a_loop_with_a_missing_output_still_tells_its_law():
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_an_input_below_rest_has_the_gain_that_its_log_shows(sign):
     """A motor turned backwards, and a brake whose voltage is logged negative."""
-    t, random = np.arange(6000) * 0.01, np.random.default_rng(1)
-    u = -np.repeat(np.append([0.0, 0.0], random.choice([0.0, 2.0, 3.5, 5.0], 58)), 100)
+    t, random = np.arange(3000) * 0.01, np.random.default_rng(1)
+    u = -np.repeat(np.append([0.0, 0.0], random.choice([0.0, 2.0, 3.5, 5.0], 28)), 100)
     signed = Plant((0.3,), (0.3,), (0.0, 20.0), (1.0, 5.0), C=1.0, Ts_below=(0.0, -20.0))
     y = sign * respond(signed, t, u, t) + 0.3 * random.standard_normal(len(t))
     columns = {"input": "volts", "output": "speed"}
     logs = pd.DataFrame({"time_s": t, "volts": u, "speed": y})
-    fit = eaid.fit(eaid.read(logs, columns=columns, units={"input": "V", "output": "N"}, logs_as="recorded"))
+    fit = eaid.fit(eaid.read(logs, columns=columns, units={"input": "V", "output": "N"}, logs_as="recorded"), ci="none")
     assert fit.plant.steady(-5.0 if sign > 0 else 5.0) == pytest.approx(-100.0 * sign, rel=0.01)
     assert fit.logs[0].fit_pct > 98
 
