@@ -32,6 +32,7 @@ from eaid.steps.repeats import copied_block
 from eaid.steps.step import Step, left_pct, usual_step
 from eaid.steps.stepset import Level
 
+SETTLING_ROWS = 20  # Rows before one value, and after it, that tell whether an output came to rest there
 BRIEF = 0.02  # Share of a window up to which a stuck sensor is told, and the numbers stand
 COARSE_STEPS = 25  # Steps of the sensor's resolution in a change below which its shape cannot be told
 FLAT = 0.4  # Sharpness from which a rise is cut off and not settling
@@ -125,7 +126,7 @@ def stuck(step: Step) -> Finding | None:
         count = stop - start
         around = np.concatenate((same[max(0, start - count) : first], same[stop : stop + count]))
         limit = not 0 < start < stop < step.start and output[start] in (output.max(), output.min())
-        if count < 20 or len(around) < 20 or limit:
+        if count < 20 or len(around) < 20 or limit or came_to_rest(np.abs(np.diff(output)), first, stop):
             continue
         chance = (around.sum() + 1) / (len(around) + 2)
         if chance < 0.7 and -count * np.log(chance) > 20 + np.log(len(output)):
@@ -135,6 +136,16 @@ def stuck(step: Step) -> Finding | None:
             lasted, value = float(time[stop] - time[start]), float(output[start])
             return finding(code, step.run.name, for_s=lasted, at_s=float(time[start]), value=value, unit=step.unit)
     return None
+
+
+def came_to_rest(moves: NDArray[np.float64], first: int, stop: int) -> bool:
+    """Whether an output that stands still from row `first` to `stop` had come down to single steps of its sensor, and
+    leaves as it goes on: it has settled, and the sensor is coarser than its noise. `moves` are those from row to row."""
+    before, after = moves[max(0, first - SETTLING_ROWS) : first], moves[stop : stop + SETTLING_ROWS]
+    before = before[before > 0]
+    if not len(before) or before.max() > 2.01 * before.min():
+        return False
+    return len(after) < 2 or bool(after[0] <= max(2.01 * before.min(), 3 * after[1:].max()))
 
 
 def coarse(step: Step) -> Finding | None:
