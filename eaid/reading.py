@@ -200,7 +200,7 @@ def steps_of(
         uncut, steps = [bridged(Record(run)) for run in uncut], [bridged(Step(run)) for run in steps]
     for k, run in enumerate(uncut):
         if run.has_input:
-            refuse_percent(run, (np.abs(run.input) > 100 + 1e-9, "beyond 100"))
+            refuse_percent(run, (np.abs(run.input) > 110, "beyond 100 by more than noise"))
             found = (*run.findings, *active_low(run, plateaus(run.input)), *of_record(run))
             uncut[k] = replace(run, findings=found)
     uncut, steps = counted_once(uncut), counted_once(steps)

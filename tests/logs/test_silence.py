@@ -141,7 +141,7 @@ ODD: dict[str, tuple[Any, ...]] = {
     "a command in V": (input_("command", U / 5), ALL, "unit-unknown"),
     "a duty without a unit": (input_("duty"), ALL, "unit-assumed"),
     "a share": (input_("duty", U / 100), ALL, "unit-assumed"),
-    "counts of 255": (input_("pwm", 2.55 * U), ALL, "unit-assumed"),
+    "counts of 255": (input_("pwm", 2.55 * U), ALL, "beyond 100 by more than noise; if it is not in %"),
     "a limit beside what has its unit": (lambda log: replace(
         log, names="time_s,duty_pct,torque_limit,T_clutch (Nm)", columns=(T, U, 5 + 0 * T, log.columns[2])),
         ALL, "right"),

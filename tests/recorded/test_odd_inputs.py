@@ -108,5 +108,7 @@ def test_counts_in_a_column_of_percent_are_refused_and_a_coarse_sensor_may_stand
     stays = np.where(t < 12, 0.5, output)  # long after the input moves
     stuck = eaid.read(pd.DataFrame({"time_s": t, "duty_pct": u, "torque_nm": stays}))
     assert "sensor-stuck" in {one.code for one in stuck.recorded[0].findings}
-    with pytest.raises(eaid.DataError, match="beyond 100; if it is not in %, say its unit .* input=/255"):
+    with pytest.raises(eaid.DataError, match="beyond 100 by more than noise; .* input=/255"):
         eaid.read(pd.DataFrame({"time_s": t, "PWM": 2.55 * u, "torque_nm": output}))
+    noisy = eaid.read(pd.DataFrame({"time_s": t, "duty_pct": 1.05 * u, "torque_nm": output})).recorded[0]
+    assert noisy.input.max() > 100  # as a measured one may be
