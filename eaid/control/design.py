@@ -41,6 +41,7 @@ from eaid.results.gains import (
     Timing,
 )
 
+SAME_ALPHA = 1e-5  # Two fits of one level end no nearer to each other
 RHO_ROUNDING = 1e-9  # By how much ρ may fall short [N·m/s]
 DESIGN_INPUTS = 19
 DESIGN_INSTANTS = 200
@@ -73,6 +74,7 @@ def robust_of(model: LinearPlant, bounds: Bounds, design: Design) -> Robust:
         wanted = "pooled" if pooled < 2 * B_m else "minimax"
     B_hat = pooled if wanted == "pooled" else minimax if wanted == "minimax" else float(wanted)
     alpha, reached = (B_M - B_m) / (B_M + B_m), max(abs(1 - B_hat / B_M), abs(1 - B_hat / B_m))
+    reached = alpha if abs(reached - alpha) <= SAME_ALPHA else reached
     norm_K, (p1, p2) = math.hypot(K_P, K_D), design.P
 
     def line(a: float, term: float) -> RhoLine:

@@ -68,8 +68,10 @@ class Task:
     def known(self) -> Known:
         """What the guarantee is judged by; a slope that nothing follows says nothing."""
         followed = self.wanted.torque_nm if self.given or self.plant is not None else None
-        top = seen_top_nm(self.bounds, self.plant)
-        return Known(self.model, self.limits, self.timing, self.units, self.phi, top, followed, self.fit.dead_time_s)
+        phi, top = self.phi, seen_top_nm(self.bounds, self.plant)
+        if len(self.fit.data.levels) == 1:  # nothing tells the input of any other output
+            phi = top = None
+        return Known(self.model, self.limits, self.timing, self.units, phi, top, followed, self.fit.dead_time_s)
 
     def designed(self, options: TuneOptions) -> Design:
         """The numbers that nothing was said about, settled."""

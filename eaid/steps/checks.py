@@ -140,7 +140,7 @@ def stuck(step: Step) -> Finding | None:
 
 def came_to_rest(moves: NDArray[np.float64], first: int, stop: int) -> bool:
     """Whether an output that stands still from row `first` to `stop` had come down to single steps of its sensor, and
-    leaves as it goes on: it has settled, and the sensor is coarser than its noise. `moves` are those from row to row."""
+    leaves as it goes on: it has settled, and the sensor is coarser than its noise. `moves`: from row to row."""
     before, after = moves[max(0, first - SETTLING_ROWS) : first], moves[stop : stop + SETTLING_ROWS]
     before = before[before > 0]
     if not len(before) or before.max() > 2.01 * before.min():

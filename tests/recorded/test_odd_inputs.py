@@ -96,6 +96,16 @@ def test_an_input_below_rest_has_the_gain_that_its_log_shows(sign):
     assert fit.logs[0].fit_pct > 98
 
 
+@pytest.mark.parametrize("step", [0.01, 0.05])
+def test_an_output_that_has_settled_on_a_coarse_sensor_is_no_stuck_one(step):
+    t, random = np.arange(4000) * 0.02, np.random.default_rng(3)
+    u = np.repeat(np.append([0.0, 0.0], random.choice([0.0, 40.0, 80.0, 100.0], 14)), 250)
+    ringing = Plant((0.25,), (0.25,), (0.0, 0.04), (20.0, 100.0), C=1.0, zeta=0.3)
+    y = np.round((3.0 + respond(ringing, t, u, t) + 0.001 * random.standard_normal(len(t))) / step) * step
+    fit = eaid.fit(t, u, y)
+    assert fit.verdict.usable and fit.plant.kind == "ringing"
+
+
 def test_counts_in_a_column_of_percent_are_refused_and_a_coarse_sensor_may_stand_still_at_rest():
     t, random = np.arange(3000) * 0.02, np.random.default_rng(2)
     u = np.repeat(np.append([0.0, 0.0], random.uniform(10, 100, 28)), 100)
