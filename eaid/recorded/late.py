@@ -110,10 +110,15 @@ def delays(base: Solved, logs: Sequence[RecordedLog]) -> list[int]:
             rows = delay_of(base, k, log)
             if rows and follows_output(base, k, log):
                 x = base.x[base.setup.places[k].columns]
-                plain, moved = (aligned_log(base.fitted, x, shifted(log, late)).cost for late in (0, rows))
+                plain, moved = (aligned_log(base.fitted, x, _moved(log, late)).cost for late in (0, rows))
                 rows = rows if moved < EXPLAINS * plain else 0
         found.append(rows)
     return found
+
+
+def _moved(log: RecordedLog, rows: int) -> RecordedLog:
+    """The log with its input so many rows later, and the unknowns that it has."""
+    return replace(shifted(log, rows), idle_start=log.starts_idle)
 
 
 def follows_output(base: Solved, index: int, log: RecordedLog) -> float:
@@ -140,11 +145,11 @@ def follows_output(base: Solved, index: int, log: RecordedLog) -> float:
 def delay_of(base: Solved, index: int, log: RecordedLog) -> int:
     """The delay of one log: the input is moved by whole rows while half a row or more is left; 0 where noise has it."""
     rows, x = far_delay(base.fitted, base.x[base.setup.places[index].columns], log)
-    first, moved = rows, shifted(log, rows)
+    first, moved = rows, _moved(log, rows)
     step, sd = one_step(base.fitted, x, moved)
     while abs(step) >= 0.5 and abs(rows - first) < NEAR_ROWS:
         further = rows + int(np.sign(step))
-        moved = shifted(log, further)
+        moved = _moved(log, further)
         x = aligned_log(base.fitted, x, moved).x
         further_step = one_step(base.fitted, x, moved)
         if further_step[0] * step < 0 and abs(further_step[0]) >= abs(step):
@@ -156,7 +161,7 @@ def delay_of(base: Solved, index: int, log: RecordedLog) -> int:
 
 def far_delay(setup: Setup, x: Array, log: RecordedLog) -> tuple[int, Array]:
     """Rows by which the input is late where many make the cost lower, else 0, and the fit there, (p,)."""
-    ends = {rows: aligned_log(setup, x, shifted(log, rows)) for rows in (-FAR_ROWS, 0, FAR_ROWS)}
+    ends = {rows: aligned_log(setup, x, _moved(log, rows)) for rows in (-FAR_ROWS, 0, FAR_ROWS)}
     best = min(ends, key=lambda rows: ends[rows].cost)
     if ends[best].cost > (1 - LOWER) * ends[0].cost:
         return 0, x
@@ -164,7 +169,7 @@ def far_delay(setup: Setup, x: Array, log: RecordedLog) -> tuple[int, Array]:
     while step:
         further = best + step
         if further not in ends and abs(further) <= FARTHEST_ROWS:
-            ends[further] = aligned_log(setup, ends[best].x, shifted(log, further))
+            ends[further] = aligned_log(setup, ends[best].x, _moved(log, further))
         if further in ends and ends[further].cost < ends[best].cost:
             best, step = further, 2 * step
         else:
@@ -180,7 +185,7 @@ def aligned_log(setup: Setup, x: Array, log: RecordedLog) -> EndPoint:
 def one_step(setup: Setup, x: Array, log: RecordedLog) -> tuple[float, float]:
     """The delay in rows by one step from x, (p,), and its standard deviation."""
     J, r = alone(setup, Copies(log).every).jacobian(x, 0)
-    after, before = (alone(setup, Copies(shifted(log, rows)).every).jacobian(x, 0)[1] for rows in (1, -1))
+    after, before = (alone(setup, Copies(_moved(log, rows)).every).jacobian(x, 0)[1] for rows in (1, -1))
     D = 0.5 * (after - before)
     J, D, r = (whitened(one, r)[ORDER:] for one in (J, D, r))
     D = D - J @ (scaled_inverse(J.T @ J) @ (J.T @ D))

@@ -33,6 +33,7 @@ LEVELS_ASKED = 10  # Levels that are asked
 LONGEST_DELAY_PART = 0.9  # Part of a record that a dead time may take
 START_ROWS, LEAST_PART = 0.5, 0.01  # Rows, and part of the time constant of the rise, from which a start is told
 START_CHANCE = 0.01  # By which the runs' scatter may explain it
+LEAST_ROWS = 8  # Of a level or release behind its dead time
 SURE_ROWS = 0.2  # Rows that the form of the curve leaves open
 RISE_PART = (0.1, 0.4)  # Of the held output: the rise in between leads to its start
 FEWEST_ROWS, RISE_TAUS = 6, 30
@@ -133,7 +134,8 @@ def set_behind(stepset: StepSet, dead_time_s: float) -> StepSet:
     """The set as it is seen from where its inputs act: each level and release from its dead time on."""
     if dead_time_s == 0:
         return stepset
-    levels, releases = (tuple(_later(one, dead_time_s) for one in part) for part in (stepset.levels, stepset.releases))
+    parts = ((_later(one, dead_time_s) for one in part) for part in (stepset.levels, stepset.releases))
+    levels, releases = (tuple(one for one in part if len(one.time_s) >= LEAST_ROWS) for part in parts)
     return replace(stepset, levels=levels, releases=releases)
 
 

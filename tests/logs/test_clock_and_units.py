@@ -163,9 +163,10 @@ def test_who_says_the_unit(column, said, of_file, unit, factor, code, read, code
     ],
 )  # fmt: skip
 def test_units_of_inputs(column, said, unit, factor, code, read, codes):
-    run = read(frame(f"time|{column}|torque_nm", T, 60 * STEP, STEP), units={"input": said} if said else {})
+    level = 0.6 if said == "fraction" else 60
+    run = read(frame(f"time|{column}|torque_nm", T, level * STEP, STEP), units={"input": said} if said else {})
     assert (run.input_unit, list(codes(run))) == (unit or "a.u.", [f"unit-{code}"] if code else [])
-    np.testing.assert_allclose(run.input, factor * 60 * STEP, rtol=1e-12)
+    np.testing.assert_allclose(run.input, factor * level * STEP, rtol=1e-12)
 
 
 @pytest.mark.parametrize(
