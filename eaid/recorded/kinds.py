@@ -27,12 +27,12 @@ from eaid.recorded.copies import MOVING_ROWS, Copies
 from eaid.recorded.from_logs import GRID_ROWS, Setup, Solved, finished, setup_of, with_dead_time
 from eaid.recorded.log_intervals import correlation_s
 
-GRID_TAUS, GRID_DAMPINGS, GRID_DELAYS = 14, (0.03, 0.2, 0.7, 1.3, 4.0), 9  # Of the grid
+GRID_TAUS, GRID_DAMPINGS, GRID_DELAYS = 14, (0.03, 0.2, 0.7, 1.3, 4.0), 18  # Of the grid
 LONGEST_DEAD_TIME = 0.2  # Part of the longest log that a dead time may take
 PER_UNKNOWN, PRICE = 0.01, 6.0  # Of the score
 KINDS_SETTLED = 1e-6  # Part of the cost that a further step would gain, at which kinds are compared
 LAST_STEPS = 4
-BEGUN = 2  # Places of the grid from which each kind is fitted
+BEGUN = 3  # Places of the grid from which each kind is fitted
 FINALISTS = 2  # Kinds that are compared with rivals
 ENDLESS_TAU = 1e5  # Time constant of none, in records
 INTEGRATES = 1.03  # Squares of an integrator over those of the best kind, up to which that is what it is
