@@ -184,6 +184,16 @@ def _asked(runs: Sequence[Run], how: str) -> Iterator[str]:
         )
 
 
+def two_sided(steps: Sequence[Run]) -> bool:
+    """Whether steps from rest go to inputs of both signs: a gain on each side is the plant's, no scatter."""
+    signs = {
+        float(np.sign(run.level or 0.0)) for run in steps
+        if run.edge == "rising" and run.from_level == 0 and run.has_input and run.position is None
+        and (run.kind or "clutch") == "clutch"
+    }  # fmt: skip
+    return signs >= {-1.0, 1.0}
+
+
 def steps_of(
     runs: Sequence[Run], options: ReadOptions, faults: Sequence[str] = (), paths: Sequence[Path] = ()
 ) -> tuple[list[Run], StepSet]:
@@ -196,6 +206,8 @@ def steps_of(
     steps, more = cut_runs(whole, options)
     if faults or more:
         raise DataError(*faults, *more)
+    if how == "auto" and two_sided(steps):
+        uncut, whole, steps = [*uncut, *whole], [], []
     if options.repair:
         uncut, steps = [bridged(Record(run)) for run in uncut], [bridged(Step(run)) for run in steps]
     for k, run in enumerate(uncut):

@@ -106,6 +106,18 @@ def test_an_output_that_has_settled_on_a_coarse_sensor_is_no_stuck_one(step):
     assert fit.verdict.usable and fit.plant.kind == "ringing"
 
 
+def test_steps_of_both_signs_in_logs_of_their_own_have_a_gain_on_each_side():
+    """2 upward and 1.2 downward, which levels by their size would take for one that scatters."""
+    t, random, logs = np.arange(800) * 0.01, np.random.default_rng(0), []
+    for u in np.repeat([-1.0, -0.5, 0.5, 1.0], 3):
+        rise = (2.0 if u > 0 else 1.2) * u * (1 - np.exp(-np.maximum(t - 2.0, 0.0) / 0.4))
+        output = rise * (1 + 0.02 * random.standard_normal()) + 0.01 * random.standard_normal(len(t))
+        logs.append(pd.DataFrame({"time_s": t, "input_V": np.where(t >= 2.0, u, 0.0), "torque_nm": output}))
+    plant = eaid.fit(logs).plant
+    assert (plant.steady(0.5), plant.steady(-0.5)) == pytest.approx((1.0, -0.6), rel=0.03)
+    assert plant.tau1[0] == pytest.approx(0.4, rel=0.02)
+
+
 def test_counts_in_a_column_of_percent_are_refused_and_a_coarse_sensor_may_stand_still_at_rest():
     t, random = np.arange(3000) * 0.02, np.random.default_rng(2)
     u = np.repeat(np.append([0.0, 0.0], random.uniform(10, 100, 28)), 100)
