@@ -81,6 +81,8 @@ def simulate(
     not_usable = {name: why for name, why in reasons.items() if why}
     findings += [finding("replay-not-usable", name, why=why) for name, why in not_usable.items()]
     findings += unknown_to_plant(fit)
+    if model.excess and runs is None:  # a controller's input moves all the time, and falls to no level
+        findings.append(finding("replay-no-hysteresis", "nonlinear", excess_pct=100 * model.excess))
     plant, dt_s = plant_numbers(model), 1.0 / rate_hz
     if rig.delay_samples:
         plant = plant._replace(late_s=0.0)

@@ -3,8 +3,11 @@
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from logs_written import frame, text
+
+import eaid
 
 T = np.arange(60.0) / 10
 STEP = np.where(np.arange(60) >= 30, 1.0, 0.0)
@@ -180,6 +183,15 @@ def test_a_torque_beyond_any_clutch(y, unit, largest, read, codes):
     assert codes(run).get("torque-too-large") == (None if largest is None else {"largest": largest})
     in_mn = frame("time|duty|force_kn", T, 60 * STEP, y * STEP)
     assert codes(read(in_mn)) == {}
+
+
+def test_a_doubt_about_the_unit_leaves_no_run_out():
+    """Of two runs one lies just beyond what a clutch has: its column is that of the other."""
+    t = np.arange(400) / 50
+    rise = np.where(t >= 2, 1 - np.exp(-(t - 2).clip(0) / 0.5), 0.0)
+    logs = [pd.DataFrame({"time_s": t, "duty": 60.0 * (t >= 2), "torque_Nm": y * rise}) for y in (990.0, 1010.0)]
+    fit = eaid.fit(logs, model=("friction",))
+    assert "runs-left-out" not in {one.code for one in fit.findings} and not fit.verdict.usable
 
 
 @pytest.mark.parametrize(("start", "per_s"), [(0, 10**9), (2**63 - 10**9, 10**9), (10**25, 10**21)])

@@ -121,6 +121,8 @@ def test_a_clutch_keeps_its_form_and_what_falls_have_is_replayed(tmp_path: Path)
     assert fit.plant.falls == pytest.approx((0.5, 0.5), rel=0.1) and fit.plant.excess == pytest.approx(0.08, abs=0.01)
     assert fit.logs[0].fit_pct > 99
     assert replayed_pct == pytest.approx(fit.logs[0].fit_pct, abs=0.01)
+    played = eaid.simulate(fit, None, "steps", controller=("inverse",))
+    assert "replay-no-hysteresis" in {one.code for one in played.findings}  # a controller's input falls to no level
 
 
 def test_one_engagement_does_not_end_in_a_division_by_zero() -> None:

@@ -179,6 +179,9 @@ ROWS: dict[str, Row] = {
     "export-other-rate": caution(
         "exported for {rate_hz:g} Hz, the gains were made for {made_hz:g} Hz: their margins are not these"
     ),
+    "replay-no-hysteresis": caution(
+        "the replayed plant has no hysteresis, and the fit's is {excess_pct:.2g} %: only logs are played with it"
+    ),
     "export-no-hysteresis": caution("the exported {subject} has no hysteresis, and the fit's is {excess_pct:.2g} %"),
     "export-from-rest": note("the {subject} counts its output from rest, where the rig's is {idle:.4g} {unit}"),
     "export-no-release": caution(
