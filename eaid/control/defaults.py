@@ -42,6 +42,7 @@ LAYER = 0.11  # Half width of the paper's boundary layer over the torque at 100 
 OVERSHOOT_PCT, SETTLING_S = 1.0, 0.27  # What the paper's PI was meant to reach (§V-B)
 SLOWER = 1.5  # Factor on a settling time, or on ε, that the sampled loop cannot have
 MOST_STEPS = 30
+PARTS_OF_PI = (0.5, 0.25, 0.1)  # Of the PI's slopes, that an RC is given in turn where its own are too quick
 LONG = 1.0  # Dead time over 1/a0 beyond which there is no robust controller
 
 
@@ -54,8 +55,10 @@ class Scales(NamedTuple):
 
 
 def scales_of(fit: Fit, plant: Plant | None = None) -> Scales:
-    """What the rig's clock and output are scaled by."""
-    if is_duty(fit) and fit.data.output_unit in ("N·m", "Nm"):
+    """What the rig's clock and output are scaled by; the paper's numbers are for a clutch that neither rings, nor
+    overshoots, nor has its lags in series."""
+    papers = plant is None or plant.kind in ("parallel", "lag")
+    if papers and is_duty(fit) and fit.data.output_unit in ("N·m", "Nm"):
         return Scales(True, 1.0, 1.0)
     pace = fit.linear.a0 / PAPER_LINEAR.a0 if fit.linear is not None and fit.linear.a0 > 0 else 1.0
     rows = fit.linear.per_level if fit.linear is not None else ()
@@ -206,7 +209,9 @@ def workable_rc(
     tried = [design]
     if pi.K_I and not papers and options.kp is None and options.kd is None and options.natural_frequency is None:
         B_hat = robust_of(model, bounds, design).B_hat
-        tried.append(replace(design, K_P=0.5 * pi.K_I / B_hat, K_D=(0.5 * pi.K_P + model.a0 / model.b0) / B_hat))
+        for part in PARTS_OF_PI:
+            K_D = (part * pi.K_P + model.a0 / model.b0) / B_hat
+            tried.append(replace(design, K_P=part * pi.K_I / B_hat, K_D=K_D))
     for one in tried:
         for k in range(MOST_STEPS):
             wider = replace(one, epsilon=one.epsilon * SLOWER**k, gamma=one.gamma / SLOWER**k)

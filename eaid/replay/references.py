@@ -228,16 +228,16 @@ def refuse_too_long(said: str, n: int, dt_s: float) -> None:
 SCENARIO_SIGNALS = {"steps": steps, "multisine": multisine, "sweep": sweep}
 
 
-SETTLED_S = 5.0  # Errors of a multisine count from then on [s], at the paper's pace
+FIRST_PART = 0.2  # Of a user's reference that begins off rest
 
 
 def reference_of(wanted: str | Signal, dt_s: float, scales: Scales, duration_s: float | None = None) -> Reference:
     """A scenario at the rig's own scale, or a signal of the user's own; where that begins off rest, as no loop does,
-    its errors count from when a multisine's do."""
+    its errors count after the first part."""
     if not isinstance(wanted, str):
-        found, settled_s = sampled(*wanted, dt_s), SETTLED_S / scales.pace
-        starts = bool(found.torque_nm[0]) and len(found.torque_nm) * dt_s > 2 * settled_s
-        return replace(found, counted_from_s=settled_s) if starts else found
+        found = sampled(*wanted, dt_s)
+        begins = bool(found.torque_nm[0])
+        return replace(found, counted_from_s=FIRST_PART * len(found.torque_nm) * dt_s) if begins else found
     return SCENARIO_SIGNALS[wanted](dt_s, duration_s, scales.top, scales.pace)
 
 

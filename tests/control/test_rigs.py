@@ -7,6 +7,8 @@ import pandas
 import pytest
 
 import eaid
+from eaid.plant.dynamics import Plant
+from eaid.plant.respond import respond
 
 from ..conftest import GAINS
 
@@ -223,3 +225,18 @@ def test_gains_json_by_another_hand_is_held_to_what_a_loop_takes(fit_of, tmp_pat
     with pytest.raises(eaid.DataError) as refusal:
         eaid.simulate(fit_of(nonlinear=True), eaid.load(file), duration=1.0)
     assert words in str(refusal.value)
+
+
+@pytest.mark.parametrize("plant", [
+    Plant((0.55,), (0.55,), (0.0, 0.04), (20.0, 100.0), C=1.0, zeta=1.2),
+    Plant((0.2,), (0.2,), (0.0, 0.04), (20.0, 100.0), C=1.0, zeta=0.3),
+    Plant((0.2,), (1.5,), (0.0, 0.04), (20.0, 100.0), C=1.5),
+])  # fmt: skip
+def test_rc_has_its_margins_on_kinds_that_the_papers_numbers_are_not_for(plant):
+    """In % and N·m, as the paper's clutch: K_P and K_D of its pace leave 34°, 5 dB and 1 dB."""
+    t, random = np.arange(3000) * 0.02, np.random.default_rng(1)
+    u = np.repeat(np.append(0.0, random.choice([0.0, 20.0, 40.0, 60.0, 80.0, 100.0], 29)), 100)
+    torque = respond(plant, t, u, t) + 0.02 * random.standard_normal(3000)
+    log = pandas.DataFrame({"time_s": t, "duty_pct": u, "torque_nm": torque})
+    worst = eaid.tune_rc(eaid.fit(log)).margins.worst
+    assert all(one.gain_db >= 6 and one.phase_deg >= 45 for one in worst.values()) and "rc" in worst

@@ -101,7 +101,8 @@ RIGHT: dict[str, tuple[Mapping[str, Any], tuple[str, ...], dict[str, float]]] = 
 TOLD: dict[str, tuple[Mapping[str, Any], set[str]]] = {
     "a second order that swings": (
         {"time_s": T14, "duty_pct": on(3, 60, T14),
-         "torque_Nm": 1 - np.exp(-S) * (np.cos(4 * S) + 0.25 * np.sin(4 * S)) + white(1400, 0.005)}, {"kind-by-evidence"}),
+         "torque_Nm": 1 - np.exp(-S) * (np.cos(4 * S) + 0.25 * np.sin(4 * S)) + white(1400, 0.005)},
+        {"kind-by-evidence"}),
     "an output that does not move": (plain(0 * T), {"curve-explains-little"}),
     "an output of its own": (plain(np.sin(1.9 * T), 0.05), {"shape-explains-little"}),
 }  # fmt: skip
