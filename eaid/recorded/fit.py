@@ -326,6 +326,8 @@ def in_its_place(other: Fit, fit: Fit, stepset: StepSet) -> Fit:
     assert part is not None
     gone = ("nonlinear", "friction", "release")
     kept = [one for one in fit.findings if one.code not in OF_SHAPES and one.subject not in gone]
+    if other.uncertainty is not None and other.uncertainty.scatter_from == "engagements":  # single runs tell, too
+        kept = [one for one in kept if one.code != "single-runs-few-levels"]
     if part.plant.kind == "ringing":  # its turns are the edges that were seen
         kept = [one for one in kept if not (one.code == "several-edges" and one.values.get("has_input"))]
     told = [one for one in other.findings if one.code in ("kind-by-evidence", "dead-time")]

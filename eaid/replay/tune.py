@@ -128,6 +128,11 @@ def phi_of(fit: Fit, model: LinearPlant, bounds: Bounds, plant: Plant | None) ->
     return float(np.quantile(each, 0.95))
 
 
+def _of_kind(plant: Plant | None) -> str:
+    """What is said of a plant that is no clutch."""
+    return "" if plant is None or plant.kind in ("parallel", "lag") else f", plant: {plant.kind}"
+
+
 def unknown_to_plant(fit: Fit) -> list[Finding]:
     """What a fit says of its steps that its plant does not show, for every use of it to repeat."""
     if fit.plant_ is not None and fit.plant_.kind == "overshoot":
@@ -250,7 +255,7 @@ def _notes(task: Task, settled: Design, tuned: Design, rc: Robust | None, replay
     if not task.scales.paper:
         findings.append(
             finding(
-                "designed-for-rig", "model", input_unit=unit[0], output_unit=unit[1],
+                "designed-for-rig", "model", input_unit=unit[0], output_unit=unit[1], kind=_of_kind(task.plant),
                 pace=task.scales.pace, highest=task.limits[1], overshoot_pct=settled.pi.overshoot_pct or 0.0,
                 settling_s=settled.pi.settling_s or 0.0,
             )

@@ -108,8 +108,8 @@ ROWS: dict[str, Row] = {
         "jump out, so its law is no longer the printed one"
     ),
     "designed-for-rig": note(
-        "not the paper's rig (input: {input_unit}, output: {output_unit}), so the law's numbers are made for this "
-        "one's pace (a0 {pace:.3g} times the paper's) and range (input up to {highest:.4g}); φ is read off the "
+        "not the paper's rig (input: {input_unit}, output: {output_unit}{kind}), so the law's numbers are made for "
+        "this one's pace (a0 {pace:.3g} times the paper's) and range (input up to {highest:.4g}); φ is read off the "
         "data, the PI designed for {overshoot_pct:g} % and {settling_s:.3g} s"
     ),
     "controller-refused": note("{subject}: {why}"),

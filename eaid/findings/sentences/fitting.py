@@ -416,7 +416,8 @@ ROWS: dict[str, Row] = {
         "(chance {chance:.2g}); T_s here is that after rises"
     ),
     "engagements-scatter": note(
-        "the output differs between engagements by {scatter_pct:.2g} % (sd of {count}); the intervals of T_s hold it, those of τ1 and τ2 no scatter of their own"
+        "the output differs between engagements by {scatter_pct:.2g} % (sd of {count}); the intervals of T_s hold it, "
+        "those of τ1 and τ2 no scatter of their own"
     ),
     "engagements-few": note(
         "between rests the logs hold {count:#stretch} under load: how much the output differs from one to the next is "
