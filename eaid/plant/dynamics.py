@@ -176,8 +176,9 @@ class Plant:
 
     def at(self, u: float) -> "Step":
         """The step from rest to an input; of one lag or two in parallel."""
-        tau1, tau2 = self.time_constants(u)
-        return Step(self.steady(u).item(), tau1.item(), tau2.item(), self.C)
+        tau1, tau2 = (float(one) for one in self.time_constants(u))
+        tau1 = max(tau1, self.floor_s)
+        return Step(self.steady(u).item(), tau1, max(tau2, tau1), self.C)
 
 
 @dataclass(frozen=True)

@@ -90,7 +90,8 @@ def plant_of_logs(
             rows = [own, *(one for one in rows if one is not own)]
     rows = sorted(rows, key=lambda one: one.kind.name != wanted)  # the others as they stand
     best, total = rows[0], sum(energy(log) for log in logs)
-    if integrates(search, best):
+    explains = best.cost <= (1 - LITTLE_PCT / 100) ** 2 * total  # noise alone wanders, too
+    if explains and integrates(search, best):
         raise DataError(*(integrator(log) for log in logs))
     kinds = tuple(kind_row(one, total, best.score) for one in rows)
     explains_by_one = kinds[0].gain == "one" and not signed and (kinds[0].fit_pct or 0.0) > LITTLE_PCT

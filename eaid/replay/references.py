@@ -110,6 +110,17 @@ def sweep(dt_s: float, duration_s: float | None, top: float, pace: float) -> Ref
     return Reference(read_only(torque), dt_s, counted_from_s=tones[0][1] * dt_s, tones=tuple(tones))
 
 
+FIRST_PART = 0.2  # Of a reference that begins off rest
+
+
+def from_its_start(wanted: Reference) -> Reference:
+    """A reference by which controllers are compared: where it begins off rest, as no loop does, errors count after its
+    first part, for the jump is the same for all of them."""
+    if not wanted.torque_nm[0] or wanted.counted_from_s:
+        return wanted
+    return replace(wanted, counted_from_s=FIRST_PART * len(wanted.torque_nm) * wanted.dt_s)
+
+
 def sampled(time_s: Array, torque_nm: Array, dt_s: float) -> Reference:
     """A reference of the user's own on the control grid, by straight lines between its points, shapes (n,)."""
     lasts_s = float(time_s[-1] - time_s[0])
@@ -228,16 +239,10 @@ def refuse_too_long(said: str, n: int, dt_s: float) -> None:
 SCENARIO_SIGNALS = {"steps": steps, "multisine": multisine, "sweep": sweep}
 
 
-FIRST_PART = 0.2  # Of a user's reference that begins off rest
-
-
 def reference_of(wanted: str | Signal, dt_s: float, scales: Scales, duration_s: float | None = None) -> Reference:
-    """A scenario at the rig's own scale, or a signal of the user's own; where that begins off rest, as no loop does,
-    its errors count after the first part."""
+    """A scenario at the rig's own scale, or a signal of the user's own."""
     if not isinstance(wanted, str):
-        found = sampled(*wanted, dt_s)
-        begins = bool(found.torque_nm[0])
-        return replace(found, counted_from_s=FIRST_PART * len(found.torque_nm) * dt_s) if begins else found
+        return sampled(*wanted, dt_s)
     return SCENARIO_SIGNALS[wanted](dt_s, duration_s, scales.top, scales.pace)
 
 

@@ -35,7 +35,7 @@ from eaid.plant.dynamics import Plant, plant_numbers
 from eaid.plant.linear import LinearPlant
 from eaid.replay.controllers import feedback
 from eaid.replay.loop import replay
-from eaid.replay.references import Reference, Signal, reference_beyond, reference_of, tracking
+from eaid.replay.references import Reference, Signal, from_its_start, reference_beyond, reference_of, tracking
 from eaid.results.fit import Fit
 from eaid.results.gains import PI, AskedPI, Compared, Gains, Guarantee, Mending, Replayed, Robust, Timing, Tracking
 
@@ -115,7 +115,8 @@ def task_of(fit: Fit, options: TuneOptions, reference: str | Signal | None, refe
     points = as_stepped(operating_points(plant, model, bounds.rows, fit.data.levels, limits), fit.steps)
     return Task(
         fit, model, plant, bounds, scales, points,
-        timing, limits, reference_of(reference or "multisine", timing.step_s, scales), name, reference is not None,
+        timing, limits, from_its_start(reference_of(reference or "multisine", timing.step_s, scales)), name,
+        reference is not None,
         phi_of(fit, model, bounds, plant),
     )  # fmt: skip
 

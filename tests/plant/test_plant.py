@@ -11,7 +11,7 @@ from scipy.linalg import expm
 
 from eaid.plant import derivatives as kernel
 from eaid.plant.drive import Drive, Tables, delayed
-from eaid.plant.dynamics import REFERENCE_PLANT, Plant, Step, plant_numbers, plant_step, swing
+from eaid.plant.dynamics import REFERENCE_PLANT, Plant, Step, plant_numbers, plant_step, plant_terms, swing
 from eaid.plant.operating import around
 from eaid.plant.respond import respond, unit_step
 from eaid.plant.steps import step_response
@@ -268,3 +268,10 @@ def test_a_unit_step_and_its_rate(one: Plant) -> None:
     np.testing.assert_allclose(
         rate, (unit_step(one, t + h, 0.5)[0] - unit_step(one, t - h, 0.5)[0]) / (2 * h), atol=1e-8
     )
+
+
+def test_a_step_has_the_floors_that_its_replay_has() -> None:
+    """τ2(50) would be −0.5 s, which the loops take for τ1."""
+    falling = Plant((0.02,), (0.5, -0.02), (0.0, 1.0), (10.0, 50.0))
+    step, (tau1, tau2, steady) = falling.at(50.0), plant_terms(plant_numbers(falling), 50.0)
+    assert (step.tau1, step.tau2, step.Ts) == (tau1, tau2, steady) == (0.02, 0.02, 50.0)

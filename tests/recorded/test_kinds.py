@@ -148,8 +148,9 @@ def test_a_gain_below_zero_is_refused_and_noise_alone_is_no_plant() -> None:
     log["speed_rpm"] = 50.0 - log.speed_rpm
     with pytest.raises(eaid.DataError, match="its output falls where its input rises"):
         fitted(log)
-    log["speed_rpm"] = np.random.default_rng(0).normal(size=len(log))
-    assert "no-kind-explains" in [one.code for one in fitted(log, ci="none").verdict.reasons]
+    for seed in range(3):  # one in two of which a slow lag of any input explains as well as an integrator
+        log["speed_rpm"] = np.random.default_rng(seed).normal(size=len(log))
+        assert "no-kind-explains" in [one.code for one in fitted(log, ci="none").verdict.reasons]
 
 
 def test_a_log_that_was_noted_late_is_replayed_as_it_was_fitted(tmp_path: Path) -> None:
