@@ -305,13 +305,16 @@ def one_lag_behind_a_dead_time(result: Fit) -> bool:
 
 
 def asks_for_another_kind(result: Fit) -> bool:
-    """Whether the clutch's model fails, its two lags meet behind a dead time, every level overshoots, or the model
-    explains little of any."""
+    """Whether the clutch's model fails, its two lags meet behind a dead time, every level overshoots or most steps do,
+    or the model explains little of any level."""
     decaying = {u for one in result.findings if one.code == "output-decays-under-hold" for u in one.levels}
     part = result.nonlinear
     fits = [] if part is None else [row.fit_pct for row in part.per_level if row.fit_pct is not None]
     little = bool(fits) and max(fits) < LITTLE_PCT
-    overshoots = decaying >= set(result.data.levels)
+    steps = [one for one in result.steps if one.edge == "up" and one.from_ == 0]
+    peaks = [one.tau1 for one in steps if one.C > 1 and one.tau2 is not None]
+    alike = len(peaks) > MOST_PEAKS * len(steps) and np.quantile(peaks, 0.9) < ALIKE * np.quantile(peaks, 0.1)
+    overshoots = decaying >= set(result.data.levels) or bool(alike)
     return not result.verdict.of("nonlinear").usable or little or overshoots or one_lag_behind_a_dead_time(result)
 
 
@@ -388,6 +391,7 @@ def data_of_steps(stepset: StepSet) -> FittedData:
     )
 
 
+MOST_PEAKS, ALIKE = 0.67, 2.0  # Of the single steps from rest; factor between the τ1 of those that one plant may have
 LITTLE_PCT = 50.0  # Of every level by its own curve, below which another kind of plant is asked for
 OTHER_SHAPES = {"repeats-miss-alike", "output-decays-under-hold"}  # Findings that ask what shape single steps have
 

@@ -304,7 +304,8 @@ def takes_its_place(other: Fit, fit: Fit, logs: Sequence[RecordedLog]) -> bool:
     as_well = part.plant.kind == "lag" and part.dead_time_s > 0 and whole[0] >= whole[1] - AS_WELL_PCT
     swings = part.plant.kind in ("ringing", "series", "overshoot")
     far_better = swings and 100 - shapes[0] <= FAR_BETTER * (100 - shapes[1])
-    return whole[0] >= LEAST_PCT and (as_well or far_better or not fit.verdict.of("nonlinear").usable)
+    explains = whole[0] >= LEAST_PCT or min(explained_pct(part, [log], True) for log in logs) >= LEAST_PCT
+    return explains and (as_well or far_better or not fit.verdict.of("nonlinear").usable)
 
 
 def explained_pct(part: FittedPlant | None, logs: Sequence[RecordedLog], own_gains: bool) -> float:
