@@ -100,15 +100,17 @@ def test_no_level_loses_its_steady_torque_where_the_record_leaves_tau2_open(sets
 
 @pytest.mark.slow
 def test_the_bootstrap_agrees(made: StepSet, body: eaid.Fit) -> None:
-    """Within a third of the width: 60 refits know a standard deviation to 9 %, three runs a level to 16 %."""
+    """Within a third of the width: 60 refits know a standard deviation to 9 %, three runs a level to 16 %. What levels
+    scatter about the curve no resampled run shows: T_s comes out narrower."""
     other = eaid.fit(made, ci="bootstrap", draws=60)
-    ratio = []
-    for row, second in zip(body.friction.levels, other.friction.levels, strict=True):
-        for name in ("Ts", "tau1", "tau2"):
+    ratio: dict[str, list[float]] = {"Ts": [], "tau1": [], "tau2": []}
+    for row, second in zip(body.nonlinear.curves, other.nonlinear.curves, strict=True):  # a level's own has no refits
+        for name, found in ratio.items():
             first, again = (np.diff(np.log(getattr(one.ci95, name))) for one in (row, second))
-            ratio.append(float(again[0] / first[0]))
-    assert np.median(ratio) == pytest.approx(1, abs=0.2)
-    assert np.abs(np.log(ratio)).max() < np.log(1.6)
+            found.append(float(again[0] / first[0]))
+    both = np.log([*ratio["tau1"], *ratio["tau2"]])
+    assert np.exp(np.median(both)) == pytest.approx(1, abs=0.2) and np.abs(both).max() < np.log(1.6)
+    assert 0.55 < min(ratio["Ts"]) and max(ratio["Ts"]) < 1.2
     for name in ("a0", "b0", "c0"):
         assert np.diff(getattr(other.linear.ci95, name)) == pytest.approx(
             np.diff(getattr(body.linear.ci95, name)), rel=0.5
