@@ -86,7 +86,7 @@ def plant_of_logs(
         same_form = found.kind == "parallel" and own.cost <= rows[0].cost + AS_MUCH * PRICE * noise  # with another C
         by_noise = float(chdtri(more, DEFAULT_CHANCE)) * noise if more > 0 else 0.0
         better = own.cost < rows[0].cost - max(DEFAULT_SAVES * rows[0].cost, by_noise)
-        if same_form or (better and not leaves_open(own.solved, inputs)):
+        if (same_form or better) and not leaves_open(own.solved, inputs):
             rows = [own, *(one for one in rows if one is not own)]
     rows = sorted(rows, key=lambda one: one.kind.name != wanted)  # the others as they stand
     best, total = rows[0], sum(energy(log) for log in logs)

@@ -34,6 +34,7 @@ KINDS_SETTLED = 1e-6  # Part of the cost that a further step would gain, at whic
 LAST_STEPS = 4
 BEGUN = 3  # Places of the grid from which each kind is fitted
 FINALISTS = 2  # Kinds that are compared with rivals
+SLOW_PART = 0.4  # Of the longest log, up to which a slow part beside a fast one is no drift
 ENDLESS_TAU = 1e5  # Time constant of none, in records
 INTEGRATES = 1.03  # Squares of an integrator over those of the best kind, up to which that is what it is
 
@@ -320,7 +321,8 @@ def resolved(one: Tried, search: Search) -> bool:
         return True
     tau, zeta = (float(x[part][0]) for part in model.slices[1:])
     apart = zeta + math.sqrt(max(zeta**2 - 1, 0.0)) if zeta > 1 else 1.0
-    return tau / apart >= 0.5 * search.shortest_s and tau * apart <= search.longest_s
+    longest_s = search.longest_s * (SLOW_PART if one.kind.zero and zeta > 1 else 1.0)
+    return tau / apart >= 0.5 * search.shortest_s and tau * apart <= longest_s
 
 
 def integrates(search: Search, best: Tried) -> bool:
