@@ -17,6 +17,7 @@ from eaid.logs.names import factors_of
 from eaid.results import codec
 from eaid.results.common import Input, Number, Positive, Result
 from eaid.results.fit import Fit
+from eaid.results.models import CurveLevel, LevelIntervals
 from eaid.shown import pandas
 
 LEVELS_SAME = 0.005  # Part of a level by which it may differ from session to session and still be the same
@@ -55,7 +56,7 @@ def values_of(fit: Fit, name: str, session: str) -> list[Value]:
         rows = [(row.level, row) for row in fit.responses]
     elif name != "a0":
         levels = fit.level_values if name != "B" else linear.per_level if linear is not None else ()
-        rows = [(row.level, row) for row in levels]
+        rows = [(row.level, row) for row in levels] or (of_another_plant(fit) if name != "B" else [])
     found = []
     for level, row in rows:
         value, ends = getattr(row, name), getattr(row.ci95, name, None)
@@ -64,6 +65,15 @@ def values_of(fit: Fit, name: str, session: str) -> list[Value]:
             sd_log = float(np.log(ends[1] / ends[0]) / 2 / stdtrit(dof, 0.975))
             found.append(Value(session, level, value, sd_log, dof))
     return found
+
+
+def of_another_plant(fit: Fit) -> list[tuple[float, CurveLevel]]:
+    """T_s of the levels of a plant that has no curves of τ1 and τ2, as one that rings."""
+    part = fit.plant_
+    if part is None or part.ci95 is None:
+        return []
+    steady = part.plant.steady
+    return [(u, CurveLevel(u, float(steady(u)), ci95=LevelIntervals((low, high)))) for u, low, high in part.ci95.Ts]
 
 
 def run_scatter(fit: Fit, name: str) -> float | None:

@@ -20,12 +20,12 @@ FLAT = Plant((0.2,), (1.0,), (0.0, 0.04), (20.0, 100.0), C=0.8)
 RINGING = Plant((0.2,), (0.2,), (0.0, 0.04), (20.0, 100.0), C=1.0, zeta=0.25)
 
 
-def fitted(*plants, runs=2, ci="none"):
-    random, t, frames = np.random.default_rng(0), np.arange(-100, 600) * 0.01, {}
+def fitted(*plants, runs=2, ci="none", day=""):
+    random, t, frames = np.random.default_rng(len(day)), np.arange(-100, 600) * 0.01, {}
     for u, plant in zip((20.0, 60.0, 100.0), plants, strict=True):
         for k in range(runs):
             y = np.where(t > 0, from_rest(plant, t.clip(0), u), 0.0) + 0.01 * random.normal(size=t.size)
-            frames[f"u{u:g}r{k}"] = pd.DataFrame(
+            frames[f"{day}u{u:g}r{k}"] = pd.DataFrame(
                 {"time_s": t + 1, "input (V)": np.where(t > -1e-9, u, 0.0), "output (N)": y}
             )
     return eaid.fit(frames, ci=ci)
@@ -54,6 +54,8 @@ def test_single_runs_show_it_as_well_and_the_table_has_the_plants_numbers(true):
     numbers = {"tau1": 0.2, "tau2": 1.0, "C": 1.6} if true is PEAKED else {"omega": 5.0, "zeta": 0.25}
     for name, value in numbers.items():
         assert rows.value[name] == pytest.approx(value, rel=0.02), name
+    sessions = eaid.compare(fit, fitted(true, true, true, ci="robust", day="b"))  # by T_s of the levels
+    assert {one.quantity for one in sessions.shifts} >= {"Ts"} and not sessions.changed
     if true is PEAKED:
         (row,) = (one for one in fit.friction_levels if one.level == 60.0)
         assert (row.tau1, row.tau2, row.C) == pytest.approx((0.2, 1.0, 1.6), rel=0.02)
