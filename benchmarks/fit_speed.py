@@ -18,9 +18,9 @@ from scipy.optimize import curve_fit, least_squares
 from benchmarks.table import Row
 from eaid.arrays import Array
 from eaid.estimate.data import data_of
+from eaid.levels.each_level import own_levels
 from eaid.levels.from_steps import fit_nonlinear
 from eaid.levels.linear import fit_linear, parameters, unknowns
-from eaid.levels.own_levels import own_levels
 from eaid.plant.dynamics import REFERENCE_PLANT
 from eaid.plant.respond import from_rest
 from eaid.steps.stepset import Level

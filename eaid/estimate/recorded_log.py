@@ -124,3 +124,12 @@ def shifted(log: RecordedLog, rows: int) -> RecordedLog:
         return log
     at = np.clip(np.arange(len(log.input)) + rows, 0, len(log.input) - 1)
     return replace(log, input=log.input[at], idle_start=log.starts_idle if rows > 0 else log.idle_start)
+
+
+def from_rest_on(log: RecordedLog) -> RecordedLog:
+    """A step as a log that shows the rest before it in one row, which is not compared: behind it lies a dead time."""
+    before = float(log.time_s[0]) - (float(log.time_s[1]) - float(log.time_s[0]))
+    return replace(
+        log, time_s=np.append(before, log.time_s), input=np.append(0.0, log.input),
+        output=np.append(np.nan, log.output), source="", idle_start=True,
+    )  # fmt: skip

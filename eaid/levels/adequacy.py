@@ -13,8 +13,8 @@ from eaid.estimate.scatter import CURVES, Scatter
 from eaid.estimate.spread import t_quantile
 from eaid.findings import Finding, finding
 from eaid.levels.certainty import Estimate
+from eaid.levels.each_level import OwnLevels, own_levels
 from eaid.levels.from_steps import fit_levels_first
-from eaid.levels.own_levels import OwnLevels, own_levels
 from eaid.results.models import LackOfFit, ShareEstimate
 from eaid.steps.noise import line
 from eaid.steps.step import hold_of, moving_means

@@ -18,7 +18,7 @@ from eaid.estimate.spread import Influence, t_quantile, textbook
 from eaid.estimate.trends import fitted_trends
 from eaid.findings import Finding, finding
 from eaid.levels.certainty import SAYS_NOTHING
-from eaid.levels.own_levels import OwnLevels
+from eaid.levels.each_level import OwnLevels
 from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE, TAU_FLOOR_S, Step
 from eaid.plant.steps import step_response

@@ -22,12 +22,12 @@ from eaid.findings import Finding, finding, merged, ranked
 from eaid.levels.adequacy import adequacy, share_of
 from eaid.levels.bootstrap import bootstrap, drawn_ends
 from eaid.levels.certainty import Estimate, levels_first
+from eaid.levels.each_level import OwnLevels, own_levels
 from eaid.levels.friction import friction_part, quoted, white_ends
 from eaid.levels.from_steps import Solution, fit_nonlinear, refit_nonlinear
 from eaid.levels.huber import huber_findings, with_loss
 from eaid.levels.linear import linear_part
 from eaid.levels.nonlinear import nonlinear_part
-from eaid.levels.own_levels import OwnLevels, own_levels
 from eaid.levels.release import release_fit
 from eaid.options import MODELS, FitGiven, FitOptions
 from eaid.plant.dynamics import SHARE

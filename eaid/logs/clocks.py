@@ -7,7 +7,9 @@ longer, and by more than both resolve.
 
 import contextlib
 import math
-from collections.abc import Collection
+import re
+from collections.abc import Collection, Sequence
+from datetime import datetime
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,6 +37,12 @@ FASTEST_HZ = 50_000.0  # Sample rate beyond which a clock whose unit nobody gave
 BRIEF_S, QUICK_HZ = 2.0, 2000.0  # Span and sample rate of a log that may be one of minutes, if nobody gave the unit
 # Span beyond which a clock whose unit nobody gave counts no seconds, if it counts whole numbers, or seldom
 LONGEST_S = 3600.0
+
+CLOCK_STAMP = re.compile(
+    r"(?:(?P<date>\d[\d/.-]*)[T ]+)?(?P<h>[01]?\d|2[0-3]):(?P<m>[0-5]\d)(?::(?P<s>[0-5]\d|60)(?:[.,](?P<f>\d+))?)?"
+    r"\s*(?P<noon>AM|PM)?(?:Z|(?P<utc>[+-])(?P<uh>\d{2}):?(?P<um>\d{2}))?$"
+)
+_DATES = ("%Y-%m-%d", "%Y/%m/%d", "%Y.%m.%d", "%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y")
 
 
 class Clock(NamedTuple):
@@ -205,3 +213,38 @@ def _unclear(path: str, column: str, usual: float, span: float, likely: str, fac
         "time-unclear", path, column=column, usual=usual, span=span, likely=likely, own=own, likely_s=likely_s,
         own_s=own_s,
     )  # fmt: skip
+
+
+def seconds_of(texts: Sequence[str]) -> Array:
+    """Seconds since the whole second of the first stamp, shape (n,); NaN of those that cannot be read.
+
+    A clock without a date that falls by more than half a day has passed midnight.
+    """
+    seconds = np.full(len(texts), np.nan)
+    stamps = [CLOCK_STAMP.match(text.strip().strip('"')) for text in texts]
+    dates, ways = dict.fromkeys(stamp["date"] for stamp in stamps if stamp and stamp["date"]), []
+    for form in _DATES:  # the way of writing in which most are dates, none falls and the fewest days pass
+        days = {"": 0}
+        for date in dates:
+            with contextlib.suppress(ValueError):
+                days[date] = datetime.strptime(date, form).toordinal()
+        passed = [*days.values()][1:] or [0]
+        ways.append((-len(days), passed != sorted(passed), max(passed) - min(passed), days))
+    days = min(ways, key=lambda way: way[:3])[3]
+    first: int | None = None
+    midnights, last = 0, 0
+    for i, stamp in enumerate(stamps):
+        date = (stamp["date"] or "") if stamp else ""
+        if not stamp or date not in days:
+            continue
+        hour = int(stamp["h"]) if not stamp["noon"] else int(stamp["h"]) % 12 + 12 * (stamp["noon"] == "PM")
+        clock = 3600 * hour + 60 * int(stamp["m"]) + int(stamp["s"] or 0)
+        midnights += not date and clock - last < -43200
+        last = clock
+        if stamp["utc"]:  # a stamp of 14:00+02:00 is one of 12:00 UTC
+            clock -= int(f"{stamp['utc']}1") * (3600 * int(stamp["uh"]) + 60 * int(stamp["um"]))
+        # whole seconds and their fraction apart: a day number times 86,400 would cost the last digits
+        whole = (days[date] + midnights) * 86400 + clock
+        first = whole if first is None else first
+        seconds[i] = (whole - first) + float(f"0.{stamp['f'] or 0}")
+    return seconds

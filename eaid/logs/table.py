@@ -4,7 +4,7 @@ import sys
 import unicodedata
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -50,6 +50,14 @@ class Cells:
         """Row of the file, counted as an editor counts lines, of one sample."""
         sample, row = self.rows[bisect_right(self.rows, (index, sys.maxsize)) - 1]
         return row + index - sample
+
+
+def timed(load: Callable[[Sequence[int]], Cells], start_s: float, step_s: float, columns: Sequence[int]) -> Cells:
+    """Columns of a file whose header says the time of its rows; its first column is empty."""
+    cells = load([column for column in columns if column] or [1])
+    time_s = start_s + step_s * np.arange(len(cells.values[0]))
+    values = iter(cells.values)
+    return replace(cells, values=tuple(next(values) if column else time_s for column in columns))
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,6 @@ import zlib
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from datetime import datetime
 from functools import partial
 from pathlib import Path
 from typing import IO, Any, NamedTuple, cast
@@ -23,17 +22,12 @@ from typing import IO, Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from eaid.arrays import Array
 from eaid.errors import DataError
-from eaid.logs.table import BadCell, Cells, Table
+from eaid.logs.clocks import CLOCK_STAMP, seconds_of
+from eaid.logs.table import BadCell, Cells, Table, timed
 from eaid.logs.units import unit_of
 
 COMMENT = ("#", "%", "//")
-_CLOCK = re.compile(
-    r"(?:(?P<date>\d[\d/.-]*)[T ]+)?(?P<h>[01]?\d|2[0-3]):(?P<m>[0-5]\d)(?::(?P<s>[0-5]\d|60)(?:[.,](?P<f>\d+))?)?"
-    r"\s*(?P<noon>AM|PM)?(?:Z|(?P<utc>[+-])(?P<uh>\d{2}):?(?P<um>\d{2}))?$"
-)
-_DATES = ("%Y-%m-%d", "%Y/%m/%d", "%Y.%m.%d", "%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y")
 # A comma that is a decimal mark and cannot be one between thousands
 _DECIMAL = re.compile(r"(?<![\d.,])0+,\d|\d,\d{1,2}(?!\d)|\d,\d{4}")
 TABLE_ROWS = 3  # Rows of numbers, one below the other, that make a table
@@ -78,7 +72,7 @@ class Marks(NamedTuple):
 
     def is_good(self, cell: str) -> bool:
         """True for a number and for a wall-clock stamp."""
-        return self.value(cell) is not None or _CLOCK.match(cell.strip().strip('"')) is not None
+        return self.value(cell) is not None or CLOCK_STAMP.match(cell.strip().strip('"')) is not None
 
     def count_good(self, cells: list[str]) -> tuple[int, int]:
         """How many cells are numbers or stamps, and how many are not empty."""
@@ -198,7 +192,7 @@ def _of_labview(path: str, encoding: str, lines: list[str], read: Reading) -> Ta
     if header.get("X_Columns") == ["No"]:
         clocks = {*zip(*(map(marks.value, header.get(key, ())) for key in ("X0", "Delta_X")), strict=False)}
         if len(clocks) == 1 and None not in (clock := clocks.pop()) and clock[1] > 0:
-            load = partial(_timed, load, *clock)
+            load = partial(timed, load, *clock)
         else:
             names[0], units[0] = "", ""
     return Table("", tuple(names), load, tuple(units))
@@ -383,14 +377,6 @@ def _load(path: Path, source: str, zipped: bool, dialect: Dialect, columns: Sequ
     return Cells(tuple(whole), tuple(bad), tuple(rows))
 
 
-def _timed(load: Callable[[Sequence[int]], Cells], start_s: float, step_s: float, columns: Sequence[int]) -> Cells:
-    """Columns of a file whose header says the time of its rows; its first column is empty."""
-    cells = load([column for column in columns if column] or [1])
-    time_s = start_s + step_s * np.arange(len(cells.values[0]))
-    values = iter(cells.values)
-    return replace(cells, values=tuple(next(values) if column else time_s for column in columns))
-
-
 def _by_arrow(body: str, dialect: Dialect, columns: Sequence[int], line: int) -> Cells | None:
     """The columns of a piece by Arrow's parser; None where anything in them is not a plain finite number."""
     if not set(columns).isdisjoint(dialect.stamps):
@@ -462,38 +448,3 @@ def _cell_by_cell(body: str, dialect: Dialect, columns: Sequence[int], line: int
     kinds = [object if column in dialect.stamps else np.float64 for column in columns]
     arrays = (np.array(one, dtype=kind) for one, kind in zip(values, kinds, strict=True))
     return Cells(tuple(arrays), tuple(bad), tuple(rows))
-
-
-def seconds_of(texts: Sequence[str]) -> Array:
-    """Seconds since the whole second of the first stamp, shape (n,); NaN of those that cannot be read.
-
-    A clock without a date that falls by more than half a day has passed midnight.
-    """
-    seconds = np.full(len(texts), np.nan)
-    stamps = [_CLOCK.match(text.strip().strip('"')) for text in texts]
-    dates, ways = dict.fromkeys(stamp["date"] for stamp in stamps if stamp and stamp["date"]), []
-    for form in _DATES:  # the way of writing in which most are dates, none falls and the fewest days pass
-        days = {"": 0}
-        for date in dates:
-            with contextlib.suppress(ValueError):
-                days[date] = datetime.strptime(date, form).toordinal()
-        passed = [*days.values()][1:] or [0]
-        ways.append((-len(days), passed != sorted(passed), max(passed) - min(passed), days))
-    days = min(ways, key=lambda way: way[:3])[3]
-    first: int | None = None
-    midnights, last = 0, 0
-    for i, stamp in enumerate(stamps):
-        date = (stamp["date"] or "") if stamp else ""
-        if not stamp or date not in days:
-            continue
-        hour = int(stamp["h"]) if not stamp["noon"] else int(stamp["h"]) % 12 + 12 * (stamp["noon"] == "PM")
-        clock = 3600 * hour + 60 * int(stamp["m"]) + int(stamp["s"] or 0)
-        midnights += not date and clock - last < -43200
-        last = clock
-        if stamp["utc"]:  # a stamp of 14:00+02:00 is one of 12:00 UTC
-            clock -= int(f"{stamp['utc']}1") * (3600 * int(stamp["uh"]) + 60 * int(stamp["um"]))
-        # whole seconds and their fraction apart: a day number times 86,400 would cost the last digits
-        whole = (days[date] + midnights) * 86400 + clock
-        first = whole if first is None else first
-        seconds[i] = (whole - first) + float(f"0.{stamp['f'] or 0}")
-    return seconds

@@ -11,7 +11,7 @@ import numpy as np
 from eaid.estimate.data import data_of
 from eaid.findings import finding
 from eaid.levels.certainty import levels_first
-from eaid.levels.own_levels import own_levels
+from eaid.levels.each_level import own_levels
 from eaid.options import PlanOptions
 from eaid.planning.design import KEEPING, Widths, percent, rig_of, settled, wanting
 from eaid.planning.kinds import PARAMETERS, is_clutch

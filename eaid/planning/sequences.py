@@ -26,8 +26,9 @@ from eaid.planning.recordings import RATE_HZ, disturbance_of
 from eaid.plant.drive import Drive
 from eaid.plant.dynamics import Plant
 from eaid.plant.respond import driven
+from eaid.recorded.curve_intervals import held
 from eaid.recorded.from_logs import finished, setup_of
-from eaid.recorded.log_intervals import held, spread
+from eaid.recorded.log_intervals import spread
 from eaid.results.fit import Fit
 from eaid.results.models import Noise
 from eaid.results.plan import Excitation

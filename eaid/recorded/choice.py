@@ -16,14 +16,15 @@ from eaid.findings import Finding, finding
 from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE
 from eaid.plant.forms import Proportional, Sides
+from eaid.recorded.curve_intervals import curves
 from eaid.recorded.fall_tests import tested
 from eaid.recorded.from_logs import Setup, Solved, fit_setup, idle_found, plant_found, setup_of
 from eaid.recorded.inputs import MANY_LEVELS, Excited
 from eaid.recorded.kinds import PRICE, LagKind, Search, Tried, independent_of, integrates, of_evidence, search_of
 from eaid.recorded.late import timed
-from eaid.recorded.log_intervals import Spread, curves, spread
+from eaid.recorded.log_intervals import Spread, spread
 from eaid.results.common import Interval
-from eaid.results.models import FittedData
+from eaid.results.models import FittedData, Friction, FrictionLevel, LevelIntervals
 from eaid.results.plant import FittedPlant, PlantIntervals
 from eaid.results.recorded import FallTest, KindTried
 
@@ -248,6 +249,19 @@ def plant_part(
 def _steady(row: Array, x: Array) -> float:
     """T_s at the input of a row of the form, by the unknowns."""
     return float(row @ x[: len(row)])
+
+
+def levels_of_plant(part: FittedPlant, levels: Sequence[float]) -> Friction | None:
+    """T_s, τ1 and τ2 of some levels as a plant of one lag, or two in parallel, has them; None of other kinds."""
+    p, ci95 = part.plant, part.ci95
+    if p.zeta is not None:
+        return None
+    rows, steady = [], {} if ci95 is None else {u: (low, high) for u, low, high in ci95.Ts}
+    for u in levels:
+        at = p.at(u)
+        ends = None if ci95 is None else LevelIntervals(steady.get(u), ci95.tau1, ci95.tau2, ci95.C)
+        rows.append(FrictionLevel(u, at.Ts, at.tau1, at.tau2, at.C, ci95=ends))
+    return Friction(p.C, levels=tuple(rows))
 
 
 def start_states(solved: Solved, log: int) -> tuple[float, float]:

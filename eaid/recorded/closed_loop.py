@@ -21,7 +21,7 @@ from eaid.findings import Finding, finding
 from eaid.options import Rig
 from eaid.plant.drive import Drive
 from eaid.plant.dynamics import plant_numbers
-from eaid.recorded.copies import Copies
+from eaid.recorded.few_rows import Copies
 from eaid.recorded.from_logs import Solved, idle_found, plant_found
 from eaid.recorded.late import follows_output
 from eaid.recorded.log_intervals import spread

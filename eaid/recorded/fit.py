@@ -19,7 +19,7 @@ from eaid.errors import DataError, UsageError
 from eaid.estimate import forms
 from eaid.estimate.coefficients import turned, with_intervals
 from eaid.estimate.data import data_of, errors
-from eaid.estimate.recorded_log import RecordedLog, logs_of_steps, recorded_log
+from eaid.estimate.recorded_log import RecordedLog, from_rest_on, logs_of_steps, recorded_log
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.levels import workflow
 from eaid.levels.from_steps import fit_linear
@@ -31,22 +31,29 @@ from eaid.logs.run import Run
 from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE
 from eaid.plant.respond import from_rest
-from eaid.recorded.choice import Chosen, about_idle, interval, plant_of_logs, plant_part, start_states
+from eaid.recorded.choice import (
+    Chosen,
+    about_idle,
+    interval,
+    levels_of_plant,
+    plant_of_logs,
+    plant_part,
+    start_states,
+)
 from eaid.recorded.closed_loop import judged_loops, with_instrument
+from eaid.recorded.curve_intervals import CurveSpread, curves
 from eaid.recorded.fall_tests import with_falls
 from eaid.recorded.from_logs import Solved, fit_setup, idle_found, plant_found
 from eaid.recorded.held_out import held_out
-from eaid.recorded.inputs import FEW_LEVELS, Excited, excited_by, over
+from eaid.recorded.inputs import FEW_LEVELS, Excited, excited_by, input_findings, over, refuse
 from eaid.recorded.left_over import column_findings, drift_findings, left_over_findings
-from eaid.recorded.log_intervals import FEWEST_ENGAGEMENTS, CurveSpread, Spread, curves, spread
-from eaid.recorded.run_intervals import with_runs
+from eaid.recorded.log_intervals import FEWEST_ENGAGEMENTS, Spread, spread, with_runs
 from eaid.results.common import LevelError, Source
 from eaid.results.fit import Fit
 from eaid.results.models import (
     FittedData,
     Friction,
     FrictionLevel,
-    LevelIntervals,
     Linear,
     Noise,
     Nonlinear,
@@ -62,66 +69,6 @@ from eaid.shapes.delay import set_behind
 from eaid.shapes.each_step import single_steps
 from eaid.steps.levels import wanted_levels
 from eaid.steps.stepset import Level, StepSet
-
-LEAST_OUTPUTS = 10
-FEW_VALUES = 5  # Different outputs up to which an input that moves all the time is taken for the output
-INPUT_JUMP = 0.1  # A jump, as a part of the largest input
-FAST_PCT = 20.0
-SATURATED_PCT = 20.0
-CLIPPED_PCT = 5.0
-
-
-def refuse(logs: Sequence[RecordedLog]) -> None:
-    """Raise `DataError` with a sentence for every log that no model can be fitted to."""
-    faults = []
-    for log in logs:
-        where = log.source or log.name
-        top = float(np.nanmax(np.abs(log.input), initial=0.0))
-        known = int(np.isfinite(log.output).sum())
-        if not np.isfinite(log.input).all():
-            faults.append(f"{where}: the input is not known at every row; a fit needs it whole")
-        elif top == 0.0:
-            faults.append(f"{where}: its input never leaves rest; there is nothing to fit")
-        elif known < LEAST_OUTPUTS:
-            faults.append(f"{where}: holds {known} rows with an output; a fit needs {LEAST_OUTPUTS}")
-        elif np.ptp(log.output[np.isfinite(log.output)]) == 0:
-            faults.append(f"{where}: its output never changes; look at the sensor")
-        elif len(np.unique(log.output[np.isfinite(log.output)])) <= FEW_VALUES and not log.stepwise:
-            faults.append(
-                f"{where}: its output takes {FEW_VALUES} values or fewer while its input moves all the time, as if "
-                "they were swapped; name both with «columns» input=NAME,output=NAME"
-            )
-    if faults:
-        raise DataError(*faults)
-
-
-def input_findings(logs: Sequence[RecordedLog], levels: Array) -> list[Finding]:
-    """Warnings in the inputs, log by log and together."""
-    findings = []
-    for log in logs:
-        known, top = np.isfinite(log.output), float(np.abs(log.input).max())
-        step = np.abs(np.diff(log.input)) > INPUT_JUMP * top
-        alone = int((step[1:] & step[:-1]).sum())  # rows that differ much from both neighbours
-        share = 100.0 * alone / max(int((log.input != 0).sum()), 1)
-        if share > FAST_PCT:
-            findings.append(finding("input-faster-than-sampled", log.name, share_pct=share))
-        share = 100.0 * log.saturated
-        if (not log.stepwise or log.reference is not None) and share > SATURATED_PCT:
-            findings.append(finding("input-saturates", log.name, share_pct=share, limit=top))
-        # an output at its largest value while different inputs act, and never near it otherwise
-        y, limit = log.output[known], float(log.output[known].max())
-        share = 100.0 * float((y == limit).mean())
-        if share > CLIPPED_PCT and len(np.unique(y)) >= 20 and np.ptp(log.input[known][y == limit]) > INPUT_JUMP * top:
-            findings.append(finding("output-saturates", log.name, share_pct=share, limit=limit))
-    findings += [
-        finding("input-never-moves", log.name, level=float(log.input[0]))
-        for log in logs
-        if np.ptp(log.input) == 0 and log.idle_start is not True
-    ]
-    if len(levels) == 1:
-        findings.append(finding("one-input-only", "data", levels))
-    return findings
-
 
 DRAWN_STRETCHES = 150  # Of a long log, each with the rows of its extremes
 DIGITS = 6  # Of the values that are drawn
@@ -339,28 +286,6 @@ def in_its_place(other: Fit, fit: Fit, stepset: StepSet) -> Fit:
     changed: dict[str, Any] = {"nonlinear": other.nonlinear, "linear": other.linear, "release": release}
     changed["friction"] = levels_of_plant(named, fit.data.levels)
     return judged(msgspec.structs.replace(fit, plant_=named, **changed, findings=ranked([*kept, *told])))
-
-
-def levels_of_plant(part: FittedPlant, levels: Sequence[float]) -> Friction | None:
-    """T_s, τ1 and τ2 of some levels as a plant of one lag, or two in parallel, has them; None of other kinds."""
-    p, ci95 = part.plant, part.ci95
-    if p.zeta is not None:
-        return None
-    rows, steady = [], {} if ci95 is None else {u: (low, high) for u, low, high in ci95.Ts}
-    for u in levels:
-        at = p.at(u)
-        ends = None if ci95 is None else LevelIntervals(steady.get(u), ci95.tau1, ci95.tau2, ci95.C)
-        rows.append(FrictionLevel(u, at.Ts, at.tau1, at.tau2, at.C, ci95=ends))
-    return Friction(p.C, levels=tuple(rows))
-
-
-def from_rest_on(log: RecordedLog) -> RecordedLog:
-    """A step as a log that shows the rest before it in one row, which is not compared: behind it lies a dead time."""
-    before = float(log.time_s[0]) - (float(log.time_s[1]) - float(log.time_s[0]))
-    return replace(
-        log, time_s=np.append(before, log.time_s), input=np.append(0.0, log.input),
-        output=np.append(np.nan, log.output), source="", idle_start=True,
-    )  # fmt: skip
 
 
 OF_SHAPES = {"dead-time", "other-shape-fits-better", "shape-misses", "step-leaves-open"}  # No step has its shape

@@ -38,7 +38,7 @@ from eaid.plant.drive import AT_IDLE, Drive, Tables, beginning, delayed
 from eaid.plant.dynamics import TAU_FLOOR_S, Plant
 from eaid.plant.forms import Form, LegendreForm
 from eaid.plant.sums import linear_sums
-from eaid.recorded.copies import Copies
+from eaid.recorded.few_rows import Copies
 from eaid.results.common import Solver
 
 # What a model can have besides its coefficients, with the values that do nothing

@@ -1,4 +1,5 @@
-"""What recorded logs excite: held levels, or the range over which their inputs move."""
+"""What recorded logs excite: held levels, or the range over which their inputs move; logs that no model is fitted to,
+and what is to be told of the inputs of the others."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -6,14 +7,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.errors import UsageError
+from eaid.errors import DataError, UsageError
 from eaid.estimate.recorded_log import RecordedLog
+from eaid.findings import Finding, finding
 
 WIDEST_LEVEL = 10.0  # Of inputs that are one level the last is not further from the first than this many such parts
 LEVELS_ALIKE = 1e-3  # Inputs that differ by less than this part of the largest are one level
 MANY_LEVELS = 60  # Levels beyond which inputs count as moving
 FEW_LEVELS = 20  # Levels that are shown each by itself, at most
 TAIL = 0.01  # Part of the acting time that a moving input may spend below, and above, the identified range
+LEAST_OUTPUTS = 10
+FEW_VALUES = 5  # Different outputs up to which an input that moves all the time is taken for the output
+INPUT_JUMP = 0.1  # A jump, as a part of the largest input
+FAST_PCT = 20.0
+SATURATED_PCT = 20.0
+CLIPPED_PCT = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,3 +74,55 @@ def excited_by(logs: Sequence[RecordedLog], wanted: tuple[float, float] | None) 
     values, weights = [np.concatenate(part) for part in zip(*sized, strict=True)]
     low, high = np.quantile(values, [TAIL, 1 - TAIL], weights=weights * (values > 0), method="inverted_cdf").tolist()
     return Excited(np.array([low, high]) if high > low else np.array([low]), low, high, False, ends)
+
+
+def refuse(logs: Sequence[RecordedLog]) -> None:
+    """Raise `DataError` with a sentence for every log that no model can be fitted to."""
+    faults = []
+    for log in logs:
+        where = log.source or log.name
+        top = float(np.nanmax(np.abs(log.input), initial=0.0))
+        known = int(np.isfinite(log.output).sum())
+        if not np.isfinite(log.input).all():
+            faults.append(f"{where}: the input is not known at every row; a fit needs it whole")
+        elif top == 0.0:
+            faults.append(f"{where}: its input never leaves rest; there is nothing to fit")
+        elif known < LEAST_OUTPUTS:
+            faults.append(f"{where}: holds {known} rows with an output; a fit needs {LEAST_OUTPUTS}")
+        elif np.ptp(log.output[np.isfinite(log.output)]) == 0:
+            faults.append(f"{where}: its output never changes; look at the sensor")
+        elif len(np.unique(log.output[np.isfinite(log.output)])) <= FEW_VALUES and not log.stepwise:
+            faults.append(
+                f"{where}: its output takes {FEW_VALUES} values or fewer while its input moves all the time, as if "
+                "they were swapped; name both with «columns» input=NAME,output=NAME"
+            )
+    if faults:
+        raise DataError(*faults)
+
+
+def input_findings(logs: Sequence[RecordedLog], levels: Array) -> list[Finding]:
+    """Warnings in the inputs, log by log and together."""
+    findings = []
+    for log in logs:
+        known, top = np.isfinite(log.output), float(np.abs(log.input).max())
+        step = np.abs(np.diff(log.input)) > INPUT_JUMP * top
+        alone = int((step[1:] & step[:-1]).sum())  # rows that differ much from both neighbours
+        share = 100.0 * alone / max(int((log.input != 0).sum()), 1)
+        if share > FAST_PCT:
+            findings.append(finding("input-faster-than-sampled", log.name, share_pct=share))
+        share = 100.0 * log.saturated
+        if (not log.stepwise or log.reference is not None) and share > SATURATED_PCT:
+            findings.append(finding("input-saturates", log.name, share_pct=share, limit=top))
+        # an output at its largest value while different inputs act, and never near it otherwise
+        y, limit = log.output[known], float(log.output[known].max())
+        share = 100.0 * float((y == limit).mean())
+        if share > CLIPPED_PCT and len(np.unique(y)) >= 20 and np.ptp(log.input[known][y == limit]) > INPUT_JUMP * top:
+            findings.append(finding("output-saturates", log.name, share_pct=share, limit=limit))
+    findings += [
+        finding("input-never-moves", log.name, level=float(log.input[0]))
+        for log in logs
+        if np.ptp(log.input) == 0 and log.idle_start is not True
+    ]
+    if len(levels) == 1:
+        findings.append(finding("one-input-only", "data", levels))
+    return findings

@@ -23,7 +23,7 @@ from eaid.estimate.solver import ROUNDING, approach, newton_step, solver_verdict
 from eaid.plant.drive import Drive, beginning, delayed
 from eaid.plant.forms import Form, LegendreForm, Proportional, Sides
 from eaid.plant.sums import lag_sums, swinging_sums
-from eaid.recorded.copies import MOVING_ROWS, Copies
+from eaid.recorded.few_rows import MOVING_ROWS, Copies
 from eaid.recorded.from_logs import GRID_ROWS, Setup, Solved, finished, setup_of, with_dead_time
 from eaid.recorded.log_intervals import correlation_s
 

@@ -23,7 +23,7 @@ from eaid.estimate.recorded_log import IDLE_ROWS, RecordedLog, shifted
 from eaid.estimate.solver import EndPoint, approach
 from eaid.estimate.spread import t_quantile
 from eaid.plant.drive import Drive
-from eaid.recorded.copies import Copies
+from eaid.recorded.few_rows import Copies
 from eaid.recorded.from_logs import Setup, Solved, fit_setup, setup_of, with_dead_time
 
 # Cost of a start at rest, over that of one with unknown states, up to which the steps' dead time is believed

@@ -119,7 +119,7 @@ def test_a_release_of_its_own_does_not_bend_the_levels_of_the_friction_model() -
 def test_falls_and_hysteresis_that_are_in_the_data() -> None:
     """A kernel of its own made these: falls between levels 1.6 times slower, 3 % more torque after falls."""
     from eaid.estimate.forms import nonlinear
-    from eaid.recorded.copies import Copies
+    from eaid.recorded.few_rows import Copies
     from eaid.recorded.from_logs import Setup
 
     log = random_log(4, 240.0, rest_s=0.0)

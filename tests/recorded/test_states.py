@@ -9,7 +9,7 @@ from eaid.estimate import forms
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.plant.drive import Drive, Tables
 from eaid.plant.dynamics import REFERENCE_PLANT, plant_numbers, plant_step
-from eaid.recorded.copies import Copies
+from eaid.recorded.few_rows import Copies
 from eaid.recorded.from_logs import Setup
 
 

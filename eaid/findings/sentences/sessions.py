@@ -1,4 +1,4 @@
-"""Sentences about sessions: several mountings of one rig."""
+"""Sentences about sessions, several mountings of one rig, and about plans of the next."""
 
 from eaid.findings.row import SYMBOLS, Row, Values, caution, note
 
@@ -18,6 +18,19 @@ def _one_of_several(v: Values) -> str:
 def _kept(v: Values) -> str:
     names = " and ".join(SYMBOLS.get(one, one) for one in v["parameters"])
     return f"fewer than three sessions determine {names}: as in the session with the most levels"
+
+
+def _falls_short(v: Values) -> str:
+    if v["width_pct"] is None:
+        return f"{v['symbol']} stays undetermined with all that is allowed: a longer «longest_hold» is needed"
+    cause = (
+        f"runs differ by {v['scatter_pct']:.2g} %, and {v['repeats']} repeats only average that"
+        if v["scatter_pct"] is not None
+        else "a longer «longest_hold» or a quieter sensor is needed"
+    )
+    return (
+        f"{v['symbol']} comes to {v['width_pct']:.3g} %, not {v['wanted_pct']:g} %, with all that is allowed: {cause}"
+    )
 
 
 ROWS: dict[str, Row] = {
@@ -57,5 +70,24 @@ ROWS: dict[str, Row] = {
     "step-outside": caution(
         "the reference step shows T_s {value:.3g} {unit} at {levels}, where the sessions foresee {low:.3g} … "
         "{high:.3g}: record it again, or this mounting is another rig"
+    ),
+    # Plans
+    "plan-assumes-noise": caution(
+        "the fit does not say how noisy the rig is; assumed: 3 % scatter of T_s, 5 % of τ1 from run to run, 1 % ripple "
+        "and 0.03 N·m of sensor noise at 1 kHz; fit again to use the rig's own"
+    ),
+    "plan-of-decaying-output": caution(
+        "the output decays under hold at {levels}, which no plan mends: τ2 means nothing there, repeats only average"
+    ),
+    "plan-rests-on-a-guess": caution(
+        "the fit itself is not identifiable: the plan rests on a guess; record a few levels by it, fit, and plan again"
+    ),
+    "plan-falls-short": caution(_falls_short),
+    "excitation-short": caution(
+        lambda v: (
+            f"no sequence of {v['most_s']:g} s within the limits reaches the widths: {v['parameter']} "
+            + ("stays undetermined" if v["width_pct"] is None else f"comes to ± {v['width_pct']:.3g} %")
+            + f", not {v['wanted_pct']:g} %"
+        )
     ),
 }
