@@ -191,6 +191,11 @@ class FitOptions(Chance):
     )
 
     @property
+    def through(self) -> bool:
+        """Whether T_s(u) goes through values, and is no polynomial."""
+        return self.curve != "cubic"
+
+    @property
     def held_share(self) -> float | None:
         """C where it is held, None where it is free."""
         return None if isinstance(self.share, str) else self.share

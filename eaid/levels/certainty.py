@@ -50,6 +50,11 @@ SURE = 1e-4  # Part of T_s below which nothing scatters
 CURVED = 0.25  # Half-width of ln τ2 from which the ends of a level's intervals are found by the score test
 
 
+def with_curve(p: Plant, curve: str, own: Points) -> Plant:
+    """A model with T_s(u) as the option «curve» has it: the paper's cubic, or through the levels' own values."""
+    return p if curve == "cubic" else replace(p, Ts_through=own)
+
+
 @dataclass(frozen=True, eq=False)
 class Estimate:
     """The solved estimate of L levels."""
@@ -165,9 +170,8 @@ class Estimate:
         noise = at.cost / samples / np.maximum(at.information[:, 0, 0], 1e-300)
         return torque_curve(self.model, self.solved.steps.data.u, at.theta[0], relative, noise, known)
 
-    def without(self, index: int, through: bool = False) -> Plant:
-        """The model by all levels but one, its time constants from where those of all ended; T_s `through` the levels,
-        or a polynomial."""
+    def without(self, index: int, curve: str) -> Plant:
+        """The model by all levels but one, its time constants from where those of all ended."""
         steps, kept = self.solved.steps, [k for k in range(len(self.levels)) if k != index]
         solved = fit_levels_first(steps.data.only(kept), steps.model.share, [self.solved.x])
         other = Estimate([self.levels[k] for k in kept], solved)
@@ -175,7 +179,7 @@ class Estimate:
         if relative is not None:
             relative = relative[kept] + self.level_scatter**2
         found = self.model.parameters(np.append(other._curve_through(relative, known).coefficients, solved.x))
-        return replace(found, Ts_through=tuple(self.level_points[k] for k in kept)) if through else found
+        return with_curve(found, curve, tuple(self.level_points[k] for k in kept))
 
     @cached_property
     def levels_about_curve(self) -> MixedLine | None:
@@ -285,10 +289,9 @@ class Estimate:
         """The model of Eqs. (4)–(7)."""
         return self.model.parameters(self.coefficients)
 
-    @property
-    def through_levels(self) -> Plant:
-        """The same with a T_s(u) through each level's own."""
-        return replace(self.parameters, Ts_through=self.level_points)
+    def plant(self, curve: str) -> Plant:
+        """The same with T_s(u) as the option «curve» has it."""
+        return with_curve(self.parameters, curve, self.level_points)
 
     @property
     def level_points(self) -> Points:

@@ -122,7 +122,7 @@ def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], No
     models = models_chosen(stepset.kind, options.model)
     if options.loss == "huber" and options.ci == "bootstrap":
         raise UsageError("«ci» bootstrap: refits by squares, not by «loss» huber; take robust")
-    if options.curve == "levels":
+    if options.through:
         refuse_through(stepset, options, models)
     kept, held_out = split(stepset.levels, options.hold_out)
     data, whole = data_of(kept), stepset

@@ -223,7 +223,7 @@ def friction_of_logs(solved: Solved, levels: Array, known: CurveSpread | None) -
 def with_another_kind(fit: Fit, stepset: StepSet, options: FitOptions) -> Fit:
     """A fit of steps whose clutch must not be used with the plant of another kind, where that explains the steps; or
     whose two lags meet behind a dead time or a peak, where one explains as much, or another kind far more."""
-    if not stepset.levels or options.model is not None or options.curve == "levels":
+    if not stepset.levels or options.model is not None or options.through:
         return fit
     logs = [from_rest_on(log) for log in logs_of_steps(stepset)]
     how = replace(options, ci="none" if options.ci == "none" else "robust")
@@ -300,7 +300,7 @@ def fit_whole(stepset: StepSet, options: FitOptions) -> Fit:
         raise UsageError(f"«loss» {options.loss}: logs fitted as recorded take squares; or say «logs_as» steps")
     if options.hold_out:
         raise UsageError("«hold_out»: logs fitted as recorded hold no single levels; or say «logs_as» steps")
-    if options.curve == "levels":
+    if options.through:
         raise UsageError("«curve» levels: logs fitted as recorded have no runs of a level; or say «logs_as» steps")
     if options.ci not in ("robust", "none"):
         raise UsageError(f"«ci» {options.ci}: logs fitted as recorded take robust or none; or say «logs_as» steps")
