@@ -38,6 +38,7 @@ from eaid.estimate.spread import (
 from eaid.levels.from_steps import Solution, fit_levels_first
 from eaid.levels.slow_part import SlowPart, slow_part
 from eaid.levels.torque_curve import TorqueCurve, torque_curve
+from eaid.options import FitOptions
 from eaid.plant.dynamics import Plant, Step
 from eaid.plant.forms import Points
 from eaid.plant.steps import step_slopes
@@ -50,9 +51,9 @@ SURE = 1e-4  # Part of T_s below which nothing scatters
 CURVED = 0.25  # Half-width of ln τ2 from which the ends of a level's intervals are found by the score test
 
 
-def with_curve(p: Plant, curve: str, own: Points) -> Plant:
+def with_curve(p: Plant, options: FitOptions, own: Points) -> Plant:
     """A model with T_s(u) as the option «curve» has it: the paper's cubic, or through the levels' own values."""
-    return p if curve == "cubic" else replace(p, Ts_through=own)
+    return replace(p, Ts_through=own) if options.through else p
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +171,7 @@ class Estimate:
         noise = at.cost / samples / np.maximum(at.information[:, 0, 0], 1e-300)
         return torque_curve(self.model, self.solved.steps.data.u, at.theta[0], relative, noise, known)
 
-    def without(self, index: int, curve: str) -> Plant:
+    def without(self, index: int, options: FitOptions) -> Plant:
         """The model by all levels but one, its time constants from where those of all ended."""
         steps, kept = self.solved.steps, [k for k in range(len(self.levels)) if k != index]
         solved = fit_levels_first(steps.data.only(kept), steps.model.share, [self.solved.x])
@@ -179,7 +180,7 @@ class Estimate:
         if relative is not None:
             relative = relative[kept] + self.level_scatter**2
         found = self.model.parameters(np.append(other._curve_through(relative, known).coefficients, solved.x))
-        return with_curve(found, curve, tuple(self.level_points[k] for k in kept))
+        return with_curve(found, options, tuple(self.level_points[k] for k in kept))
 
     @cached_property
     def levels_about_curve(self) -> MixedLine | None:
@@ -289,9 +290,9 @@ class Estimate:
         """The model of Eqs. (4)–(7)."""
         return self.model.parameters(self.coefficients)
 
-    def plant(self, curve: str) -> Plant:
+    def plant(self, options: FitOptions) -> Plant:
         """The same with T_s(u) as the option «curve» has it."""
-        return with_curve(self.parameters, curve, self.level_points)
+        return with_curve(self.parameters, options, self.level_points)
 
     @property
     def level_points(self) -> Points:

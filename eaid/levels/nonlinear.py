@@ -94,7 +94,7 @@ def nonlinear_part(
     """The model, its values at the levels, findings; `draws` are its refits to resampled runs, (draws, n)."""
     levels, model, solver = estimate.levels, estimate.model, estimate.solved.solver
     free, through = model.free_share, options.through
-    p = estimate.plant(options.curve)
+    p = estimate.plant(options)
     part = of_steps(p, free, data, level_residuals(_curves(p, levels), data.records), solver, held_out)
     papers = of_steps(joint.parameters, free, data, joint.residuals(data), joint.solver, held_out)
     misfit, bent = misfits(estimate, through)
@@ -134,7 +134,7 @@ def nonlinear_part(
     told += [*level_findings(own, seen, "nonlinear", stepset), *open_findings(one.part, own), *bent, *scattered]
     estimator: Literal["joint", "levels-first"] = "joint" if options.estimator == "joint" else "levels-first"
     scatter = estimate.level_scatter if options.estimator != "joint" else None
-    unseen = levels_left_out(estimate, options.curve) if options.estimator != "joint" else None
+    unseen = levels_left_out(estimate, options) if options.estimator != "joint" else None
     if unseen is not None:
         # a curve through the levels fits each of them by itself: that it falls between them is no fault
         told += worse_unseen(unseen.held_pct if through else unseen.fit_pct, unseen.held_pct, "levels")

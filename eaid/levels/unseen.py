@@ -12,6 +12,7 @@ from eaid.arrays import median
 from eaid.estimate.data import quality
 from eaid.findings import Finding, finding
 from eaid.levels.certainty import Estimate
+from eaid.options import FitOptions
 from eaid.plant.respond import from_rest
 from eaid.results.models import LevelsLeftOut
 
@@ -30,16 +31,16 @@ def worse_unseen(fit_pct: float | None, held_pct: float | None, what: str) -> li
     return [finding("hold-out-fails", "nonlinear", (), fit_pct=fit_pct, held_pct=held_pct, what=what)]
 
 
-def levels_left_out(estimate: Estimate, curve: str) -> LevelsLeftOut | None:
+def levels_left_out(estimate: Estimate, options: FitOptions) -> LevelsLeftOut | None:
     """How the model holds at levels that it was fitted without, T_s as the option «curve» has it; None where there are
     too few levels."""
-    levels, known = estimate.levels, estimate.plant(curve)
+    levels, known = estimate.levels, estimate.plant(options)
     if len(levels) < estimate.Ts_terms + 1 + TO_SPARE:
         return None
     between = np.argsort([one.level for one in levels])[1:-1].tolist()
     of, seen, missed, off = between[:: -(-len(between) // MOST_LEFT_OUT)], 0.0, 0.0, []
     for k in of:
-        one, plant, own = levels[k], estimate.without(k, curve), float(estimate.solved.at.theta[0, k])
+        one, plant, own = levels[k], estimate.without(k, options), float(estimate.solved.at.theta[0, k])
         off.append(float(plant.steady(one.level)) / own - 1 if own > 0 else 0.0)
         seen += float(np.sum((one.mean - from_rest(known, one.time_s, one.level)) ** 2))
         missed += float(np.sum((one.mean - from_rest(plant, one.time_s, one.level)) ** 2))
