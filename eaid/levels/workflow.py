@@ -300,8 +300,11 @@ def with_plant(result: Fit, stepset: StepSet, dead_time_s: float) -> Fit:
 
 
 def one_lag_behind_a_dead_time(result: Fit) -> bool:
-    """Whether the two lags of the model have met, or a constraint holds them, behind a dead time."""
-    return result.dead_time_s > 0 and bool({one.code for one in result.findings} & {"taus-meet", "constraint-holds"})
+    """Whether the two lags of the model have met, or a constraint holds them, or the runs ask for C = 1, behind a dead
+    time."""
+    codes = {one.code for one in result.findings}
+    of_one = any(one.code == "runs-reject-the-share" and one.values["high"] >= 1 for one in result.findings)
+    return result.dead_time_s > 0 and (of_one or bool(codes & {"taus-meet", "constraint-holds"}))
 
 
 def asks_for_another_kind(result: Fit) -> bool:

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eaid.arrays import Array, median
-from eaid.estimate.forms import of_kind
+from eaid.estimate.forms import in_parallel, of_kind
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.estimate.solver import ROUNDING, approach, newton_step, solver_verdict
 from eaid.plant.drive import Drive, beginning, delayed
@@ -321,7 +321,8 @@ def resolved(one: Tried, search: Search) -> bool:
         return True
     tau, zeta = (float(x[part][0]) for part in model.slices[1:])
     apart = zeta + math.sqrt(max(zeta**2 - 1, 0.0)) if zeta > 1 else 1.0
-    longest_s = search.longest_s * (SLOW_PART if one.kind.zero and zeta > 1 else 1.0)
+    rises = one.kind.zero and zeta > 1 and 0 < in_parallel(tau, zeta, float(x[-1]))[2] < 1  # as a drift does
+    longest_s = search.longest_s * (SLOW_PART if rises else 1.0)
     return tau / apart >= 0.5 * search.shortest_s and tau * apart <= longest_s
 
 

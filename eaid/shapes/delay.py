@@ -9,22 +9,27 @@ Where none is found so, the rises are extrapolated to their start: of every run 
 the rows between 10 and 40 % of its held output, and θ is the mean of all, weighed by (A/(τ · RMSE))². One of half a row
 and a hundredth of τ or more that the runs' scatter does not explain is taken where most steps are explained as well
 behind it.
+
+Noise hides both. Where the mean curves of the levels tell of a dead time beyond their noise, or the rises' starts do,
+and two exponentials leave nothing but noise of these curves, θ is that of their least sum of squares, and each run
+says how far it alone would move it.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
-from eaid.arrays import Array, median
+from eaid.arrays import Array, inverse, median
 from eaid.errors import UsageError
 from eaid.estimate.spread import t_quantile
 from eaid.findings import Finding, finding
 from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE
 from eaid.plant.steps import decay
-from eaid.shapes.curves import AveragedRecord, averaged_record, delays_tried, starts_of, step_curve
-from eaid.shapes.shape import fit_step
+from eaid.shapes.curves import AveragedRecord, averaged_record, delays_tried, slopes, starts_of, step_curve
+from eaid.shapes.shape import FREE, SHAPES_SETTLED, fit_step, independent_samples, least
 from eaid.steps.step import moving_means, usual_step
 from eaid.steps.stepset import Level, LevelStep, StepSet
 
@@ -37,6 +42,10 @@ LEAST_ROWS = 8  # Of a level or release behind its dead time
 SURE_ROWS = 0.2  # Rows that the form of the curve leaves open
 RISE_PART = (0.1, 0.4)  # Of the held output: the rise in between leads to its start
 FEWEST_ROWS, RISE_TAUS = 6, 30
+START_NOISE = 0.02  # Of the held output: noise that is larger is averaged before a rise's rows are looked for
+LATE_EVIDENCE = 30.0  # Twice the logarithm of the likelihood that noise alone hardly makes of a dead time
+CURVES_TRIED, EARLIEST = 9, 0.5  # Dead times tried, from so much before the step, as a part of the latest
+WHITE = 0.5  # Part of the samples that is independent where a curve leaves nothing but noise
 
 
 def dead_time_of(stepset: StepSet, options: FitOptions) -> tuple[float, list[Finding]]:
@@ -56,6 +65,11 @@ def dead_time_of(stepset: StepSet, options: FitOptions) -> tuple[float, list[Fin
     late = [step for step in steps if starts_late(step, share)]
     if 2 * len(late) <= len(steps):
         found, told = extrapolated(stepset)
+        levels = stepset.levels[:: 1 + (len(stepset.levels) - 1) // LEVELS_ASKED] if stepset.levels else ()
+        if found or sum(evidence(level, share) for level in levels) > LATE_EVIDENCE:
+            by_curves = of_least_squares(levels, share)
+            if by_curves is not None:
+                return by_curves
         better = sum(explained_as_well(step, found, options) for step in steps) if found else 0
         return (found, told) if not steps or 2 * better > len(steps) else (0.0, [])
     shapes = [fit_step(step, replace(options, shape="auto")) for step in late]
@@ -73,10 +87,15 @@ def extrapolated(stepset: StepSet) -> tuple[float, list[Finding]]:
     found = np.array([one for time_s, run in starts if (one := _start_of(time_s, run)) is not None])
     if len(found) < max(2, len(starts) / 2):
         return 0.0, []
+    return _told(found, stepset.levels)
+
+
+def _told(found: Array, levels: Sequence[Level]) -> tuple[float, list[Finding]]:
+    """The mean of rows of dead time, weight and time constant, (n, 3); 0 where scatter or the rows explain it."""
     theta, weight, tau = found.T
     mean, total = float(np.average(theta, weights=weight)), float(weight.sum())
     sd = float(np.sqrt(((weight * (theta - mean)) ** 2).sum())) / total
-    row_s = median(np.array([usual_step(level.time_s) for level in stepset.levels]))
+    row_s = median(np.array([usual_step(level.time_s) for level in levels]))
     reach = float(np.hypot(t_quantile(len(theta) - 1.0, 1 - START_CHANCE) * sd, SURE_ROWS * row_s))
     if abs(mean) < max(START_ROWS * row_s, LEAST_PART * median(tau), reach):
         return 0.0, []
@@ -87,12 +106,63 @@ def extrapolated(stepset: StepSet) -> tuple[float, list[Finding]]:
     return mean, [finding("input-late", "steps", rows=rows, ms=ms, low=-1e3 * high, high=-1e3 * low)]
 
 
+def evidence(level: Level, share: float) -> float:
+    """By how much the logarithm of the likelihood of a level's mean curve grows with a dead time, twice."""
+    points = averaged_record(level.time_s, level.mean)
+    (plain, _), (less, p) = (_least_on_grid(points, delays, share) for delays in ([0.0], delays_tried(points)))
+    if not 0 < less < plain:
+        return 0.0
+    return independent_samples(level.mean - step_curve(p, level.time_s)) * float(np.log(plain / less))
+
+
+def of_least_squares(levels: Sequence[Level], share: float) -> tuple[float, list[Finding]] | None:
+    """The dead time behind which two exponentials leave least of the levels' mean curves, and what is said; None where
+    they leave more than noise."""
+    points = [averaged_record(level.time_s, level.mean) for level in levels]
+    near, noise = [], []
+    for level, one in zip(levels, points, strict=True):
+        starts = starts_of(one, float(one.time_s[-1]), [0.0, *delays_tried(one)], share, ("two",))["two"]
+        near.append(min((least(one, p, "two", FREE["two"], SHAPES_SETTLED) for p in starts), key=lambda end: end[1])[0])
+        noise.append(_noise(level.mean - step_curve(near[-1], level.time_s)))
+
+    def ends(theta: float) -> list[tuple[Array, float]]:  # always from there: far off, a curve ends elsewhere
+        begin = [np.append(p[:4], theta) for p in near]
+        return [least(one, p, "two", FREE["two"], SHAPES_SETTLED) for one, p in zip(points, begin, strict=True)]
+
+    def cost(theta: float) -> float:
+        each = zip(ends(theta), points, noise, strict=True)
+        return sum((square + one.within) / size for (_, square), one, size in each)
+
+    latest = max(delays_tried(one)[-1] for one in points)
+    tried = np.linspace(-EARLIEST * latest, latest, CURVES_TRIED)
+    at = int(np.argmin([cost(theta) for theta in tried.tolist()]))
+    between = tried[max(at - 1, 0)], tried[min(at + 1, CURVES_TRIED - 1)]
+    best = minimize_scalar(cost, bounds=between, method="bounded", options={"xatol": 1e-3 * latest}).x
+    near = [p for p, _ in ends(float(best))]
+    found, fits = [], 0
+    for level, p in zip(levels, near, strict=True):
+        curve, J = step_curve(p, level.time_s), slopes(p, level.time_s)[:, [*FREE["two"], 4]]
+        fits += independent_samples(level.mean - curve) > WHITE * len(curve)
+        unit = inverse(J.T @ J)
+        for run in level.runs:
+            shift, spread = float((unit @ (J.T @ (run - curve)))[-1]), float(unit[-1, -1]) * _noise(run - curve)
+            found.append((float(p[4]) + shift, 1 / max(spread, 1e-300), float(np.exp(p[1]))))
+    return _told(np.array(found), levels) if 2 * fits > len(levels) and len(found) > 1 else None
+
+
+def _noise(left: Array) -> float:
+    """Variance of white noise by the differences of neighbours."""
+    return max(float(np.mean(np.diff(left) ** 2)) / 2, 1e-300)
+
+
 def _start_of(time_s: Array, run: Array) -> tuple[float, float, float] | None:
     """Where a rise begins by an exponential through its first part, its weight and its τ [s]; None: too short."""
     held = float(run[-max(1, len(run) // 10) :].mean())
-    over = np.flatnonzero(moving_means(run[None], max(1, len(run) // 500))[0] >= RISE_PART[1] * held)
+    noise = float(np.mean(np.diff(run) ** 2)) / 2 / max((START_NOISE * held) ** 2, 1e-300)
+    smooth = moving_means(run[None], max(1, len(run) // 500, min(int(noise), len(run) // 50)))[0]
+    over = np.flatnonzero(smooth >= RISE_PART[1] * held)
     last = int(over[0]) if held > 0 and len(over) else 0
-    rows = np.flatnonzero(run[:last] < RISE_PART[0] * held)
+    rows = np.flatnonzero((smooth if noise > 1 else run)[:last] < RISE_PART[0] * held)
     first = int(rows[-1]) + 1 if len(rows) else 0
     if last - first < FEWEST_ROWS:
         return None
@@ -111,8 +181,8 @@ def _start_of(time_s: Array, run: Array) -> tuple[float, float, float] | None:
 def starts_late(step: LevelStep, share: float) -> bool:
     """Whether a dead time saves a good part of what a step's best curve without one leaves."""
     points = averaged_record(step.time_s, step.output - step.start)
-    left = [_left(points, delays, share) for delays in ([0.0], delays_tried(points))]
-    return left[1] < (1 - SAVED) ** 2 * left[0]
+    plain, less = (_least_on_grid(points, delays, share)[0] for delays in ([0.0], delays_tried(points)))
+    return less < (1 - SAVED) ** 2 * plain
 
 
 def explained_as_well(step: LevelStep, theta_s: float, options: FitOptions) -> bool:
@@ -122,12 +192,15 @@ def explained_as_well(step: LevelStep, theta_s: float, options: FitOptions) -> b
     return fit_step(later, plain).rmse <= fit_step(step, plain).rmse
 
 
-def _left(points: AveragedRecord, delays: Sequence[float], share: float) -> float:
-    """Least squares of one or two exponentials on a grid."""
+def _least_on_grid(points: AveragedRecord, delays: Sequence[float], share: float) -> tuple[float, Array]:
+    """Least squares of one or two exponentials on a grid, and where they are."""
     found = starts_of(points, float(points.time_s[-1]), delays, share, ("one", "two"))
     places = [p for starts in found.values() for p in starts]
     sums = [float(points.weight @ (points.output - step_curve(p, points.time_s)) ** 2) for p in places]
-    return min(sums, default=np.inf) + points.within
+    if not sums:
+        return np.inf, np.zeros(5)
+    best = int(np.argmin(sums))
+    return sums[best] + points.within, places[best]
 
 
 def set_behind(stepset: StepSet, dead_time_s: float) -> StepSet:

@@ -115,7 +115,7 @@ def _candidates(
     found: list[_Candidate] = []
     for shape, starts in starts_of(points, window, delays, share, wanted).items():
         free = FREE[shape] + ((4,) if dead and given is None else ())
-        fits = [_least(points, start, shape, free, STARTS_SETTLED) for start in starts]
+        fits = [least(points, start, shape, free, STARTS_SETTLED) for start in starts]
         fits += [
             (p, one.sse - points.within) for one in (*simpler, *found) if (p := _within(one, shape, share)) is not None
         ]
@@ -146,7 +146,7 @@ def _polished(
     A dead time bends the curve at every sample that it passes, so it is fitted between two samples, those between
     which the other unknowns as they are leave least, until no other two leave less.
     """
-    p, sse = _least(points, start, shape, free, settled)
+    p, sse = least(points, start, shape, free, settled)
     middle, reach = 0.5 * (points.time_s[1:] + points.time_s[:-1]), max(2, LOOKED_AT // len(points.time_s))
     middle = middle[middle < 0.9 * points.time_s[-1]]
     for _ in range(DELAY_ROUNDS):
@@ -158,14 +158,14 @@ def _polished(
             s = step_response(replace(step_of(p), Ts=1.0), after)
             along, square = s @ (points.weight * points.output), (s**2) @ points.weight
             moved[4] = near[np.argmax(along**2 / np.maximum(square, 1e-300))]
-        q, less = _least(points, moved, shape, free, settled)
+        q, less = least(points, moved, shape, free, settled)
         if not less < (1 - settled) * sse:
             break
         p, sse = q, less
     return p, sse
 
 
-def _least(
+def least(
     points: AveragedRecord, start: Array, shape: str, free: tuple[int, ...], settled: float
 ) -> tuple[Array, float]:
     """Least squares within bounds from one start, its dead time kept between the same two samples.

@@ -8,7 +8,9 @@ import pandas as pd
 import pytest
 
 import eaid
+from eaid.apparatus import Apparatus
 from eaid.errors import DataError, UsageError
+from eaid.steps.stepset import Level, StepSet
 
 from .make import log, plus, read, told, white, with_input
 
@@ -130,3 +132,37 @@ def test_an_input_noted_early_or_late_is_told_and_biases_nothing(rows: int, code
         assert fit.dead_time_s == 0
     elif rows:
         assert told[code]["low"] < 0.01 * rows < told[code]["high"] and fit.dead_time_s == told[code]["dead_time_s"]
+
+
+T15 = np.arange(0.0, 15.0, 0.005)
+
+
+def levels_of(share: float, theta_s: float, noise: float, runs: int, seed: int = 0) -> StepSet:
+    """Five levels of two lags, 0.5 and 6 s, behind a dead time; gains that scatter by 3 %, white noise of the top."""
+    random, t = np.random.default_rng(seed), np.maximum(T15 - theta_s, 0.0)
+    curve = 1 - share * np.exp(-t / 0.5) - (1 - share) * np.exp(-t / 6)
+    made = []
+    for u in (20.0, 40.0, 60.0, 80.0, 100.0):
+        gains = 0.04 * u * (1 + 0.03 * random.standard_normal((runs, 1)))
+        made.append(
+            Level(u, T15, gains * curve + 4 * noise * random.standard_normal((runs, T15.size)), (f"{u:g}",) * runs)
+        )
+    return StepSet("clutch", "V", "N", Apparatus(), tuple(made))
+
+
+@pytest.mark.parametrize(
+    ("theta_s", "noise", "runs"), [(0.05, 0.03, 3), (0.1, 0.05, 3), (0.05, 0.03, 1), (0.0, 0.05, 3)]
+)
+def test_noise_hides_no_dead_time_and_makes_none(theta_s: float, noise: float, runs: int) -> None:
+    """It was 0 for 0.05 s and 0.17 for 0.1: a PI told 42 dB had 5.6."""
+    fit = eaid.fit(levels_of(0.85, theta_s, noise, runs))
+    assert fit.dead_time_s == pytest.approx(theta_s, abs=0.006)
+    low, high = fit.at(60).loc["tau1", ["low", "high"]]
+    assert low - 0.01 <= 0.5 <= high + 0.01
+
+
+def test_an_overshoot_behind_a_dead_time_that_comes_down_slowly_keeps_it() -> None:
+    """Its slow lag of 6 s in steps of 15 s was taken for a drift, and the kind without the dead time for it."""
+    plant = eaid.fit(levels_of(1.3, 0.1, 0.002, 4)).plant
+    assert plant.kind == "overshoot" and plant.dead_time_s == pytest.approx(0.1, abs=0.002)
+    assert (plant.tau1[0], plant.tau2[0], plant.C) == pytest.approx((0.5, 6.0, 1.3), rel=0.03)
