@@ -106,12 +106,12 @@ def control_rate(fit: Fit) -> float:
 
 def timing_of(fit: Fit, options: TuneOptions) -> Timing:
     """When the loop samples and latches: as given, else as the fit's rig does (no PWM where the input is no duty), the
-    dead time as delay."""
+    dead time at its upper end as delay."""
     rate, pwm = options.rate_hz or control_rate(fit), options.pwm_hz
     if pwm is None:
         latched_hz = (fit.data.apparatus or Apparatus()).pwm_hz
         pwm = latched_hz if is_duty(fit) and latched_hz < QUICK_PWM * rate else 0.0
-    return Timing(rate, pwm or None, delay_samples=fit.dead_time_s * rate)
+    return Timing(rate, pwm or None, delay_samples=fit.latest_dead_time_s * rate)
 
 
 def design_options(

@@ -34,7 +34,7 @@ from eaid.plant.dynamics import SHARE
 from eaid.results.common import Input, Source
 from eaid.results.fit import Fit
 from eaid.results.models import FittedData, Friction, LackOfFit, Uncertainty
-from eaid.results.plant import FittedPlant, with_release
+from eaid.results.plant import FittedPlant, PlantIntervals, with_release
 from eaid.results.verdict import judged
 from eaid.shapes.delay import dead_time_of, set_behind
 from eaid.shapes.each_step import between_rows, of_another_shape, single_steps
@@ -100,7 +100,7 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
             result = msgspec.structs.replace(
                 result, friction=msgspec.structs.replace(part, levels=(*part.levels, *rows))
             )
-        told = with_plant(msgspec.structs.replace(result, steps=shapes), stepset, dead_time_s)
+        told = with_plant(msgspec.structs.replace(result, steps=shapes), stepset, dead_time_s, of_start)
         result = quotable(told)
         beyond_measure = [] if result is told else [finding("numbers-beyond-measure", "data")]
         return judged(
@@ -283,8 +283,9 @@ def usual_idle(stepset: StepSet) -> float:
     return median(known) if known else 0.0
 
 
-def with_plant(result: Fit, stepset: StepSet, dead_time_s: float) -> Fit:
-    """A fit of steps with the plant that every later command reads; curves of levels behind their dead time, too."""
+def with_plant(result: Fit, stepset: StepSet, dead_time_s: float, of_start: Sequence[Finding] = ()) -> Fit:
+    """A fit of steps with the plant that every later command reads; curves of levels behind their dead time, too, whose
+    interval the findings `of_start` know."""
     if result.friction is not None and dead_time_s:
         rows = [
             row if row.from_ else msgspec.structs.replace(row, delay_s=dead_time_s) for row in result.friction_levels
@@ -294,16 +295,21 @@ def with_plant(result: Fit, stepset: StepSet, dead_time_s: float) -> Fit:
         return result
     plant = with_release(result.nonlinear.parameters, result.release, result.friction_levels)
     timed = replace(plant, dead_time_s=max(dead_time_s, 0.0), idle=usual_idle(stepset))
-    return msgspec.structs.replace(
-        result, plant_=FittedPlant.of(timed, (result.data.input_unit, result.data.output_unit))
-    )
+    ci95 = None
+    for one in of_start if dead_time_s > 0 else ():
+        low, high = one.values.get("low"), one.values.get("high")
+        if isinstance(low, float) and isinstance(high, float):
+            ci95 = PlantIntervals(dead_time_s=(max(low, 0.0), high))
+    units = (result.data.input_unit, result.data.output_unit)
+    return msgspec.structs.replace(result, plant_=FittedPlant.of(timed, units, ci95))
 
 
 def one_lag_behind_a_dead_time(result: Fit) -> bool:
     """Whether the two lags of the model have met, or a constraint holds them, or the runs ask for C = 1, behind a dead
     time."""
     codes = {one.code for one in result.findings}
-    of_one = any(one.code == "runs-reject-the-share" and one.values["high"] >= 1 for one in result.findings)
+    share = None if result.uncertainty is None else result.uncertainty.share
+    of_one = share is not None and share.matters and share.ci95 is not None and share.ci95[1] >= 1
     return result.dead_time_s > 0 and (of_one or bool(codes & {"taus-meet", "constraint-holds"}))
 
 

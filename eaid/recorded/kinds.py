@@ -275,13 +275,17 @@ def on_all(search: Search, one: Tried, last: bool = False) -> Tried:
     return replace(one, solved=ended, within=0.0)
 
 
-def with_scores(tried: Sequence[Tried], noise: float) -> list[Tried]:
-    """With their scores, the least first; `noise` is what one more unknown saves of nothing but noise."""
-    rounding = tried[0].solved.setup.problem().floor / ROUNDING * 1e-13
+def with_scores(tried: Sequence[Tried]) -> list[Tried]:
+    """With their scores, the least first: unknowns have a price in what one saves of nothing but noise, and in parts of
+    what is left as far as that is no white noise; a dead time, which a loop feels most, in noise alone."""
+    least = min(tried, key=lambda one: one.cost)
+    rounding, independent = least.solved.setup.problem().floor / ROUNDING * 1e-13, independent_of(least.solved)
+    noise, coloured = least.cost / independent, 1 - min(independent / sum(map(len, least.solved.missed)), 1.0)
     rows = []
     for one in tried:
         p = one.solved.setup.size
-        rows.append(replace(one, score=(one.cost + rounding) * (1 + PER_UNKNOWN * p) + PRICE * p * noise))
+        part = PER_UNKNOWN * coloured * (p - ("dead" in one.solved.fitted.extras))
+        rows.append(replace(one, score=(one.cost + rounding) * (1 + part) + PRICE * p * noise))
     return sorted(rows, key=lambda one: one.score)
 
 
@@ -301,13 +305,11 @@ def of_evidence(search: Search, levels: int, rivals: Sequence[Tried] = ()) -> li
         theta = one.solved.fitted.dead_time(one.solved.x)
         tried += [Tried(one.kind, begun(search, one.kind, form, theta, near=one.solved)) for form in forms]
     tried = [one for one in tried if resolved(one, search)] or tried
-    least = min(tried, key=lambda one: one.cost)
-    rows = with_scores(tried, least.cost / independent_of(least.solved))
+    rows = with_scores(tried)
     ended = [on_all(search, one) for one in rows[:FINALISTS]]
     within = max(ended[0].cost - rows[0].cost, 0.0)
     ended += [*(replace(one, within=within) for one in rows[FINALISTS:]), *rivals]
-    least = min(ended, key=lambda one: one.cost)
-    best, *others = with_scores(ended, least.cost / independent_of(least.solved))
+    best, *others = with_scores(ended)
     return [on_all(search, best, last=True), *others]
 
 

@@ -365,6 +365,12 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         return median_low([step.dead_time_s for step in self.steps if step.edge == "up"] or [0.0])
 
     @property
+    def latest_dead_time_s(self) -> float:
+        """Upper end of the dead time's interval [s], for which loops are designed; the dead time where it has none."""
+        known = None if self.plant_ is None or self.plant_.ci95 is None else self.plant_.ci95.dead_time_s
+        return self.dead_time_s if known is None else max(self.dead_time_s, known[1])
+
+    @property
     def verdict(self) -> "Verdict":
         """Whether it may be used, and why not: `usable`, `reasons`, `why`; `of("linear")` is that on one model."""
         from eaid.results.verdict import verdict_of
