@@ -19,7 +19,7 @@ from eaid.results.models import LinearLevel
 from eaid.results.verdict import unphysical
 
 SLOWEST_A0, FASTEST_A0 = 1e-6, 1e6  # a0 of anything that is controlled by samples [1/s]
-LARGEST_GAIN = 1e15  # b0, its inverse and c0 of any rig, whatever its units
+LARGEST_NUMBER = 1e15  # b0, its inverse and c0 of any rig, whatever its units
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ def physical(linear: LinearPlant) -> LinearPlant:
         )
     if not b0 > 0:
         raise GainsError(f"the fit's b0 is {b0:.4g}; more input has to give more output, check the sign of the data")
-    if not (SLOWEST_A0 <= a0 <= FASTEST_A0 and max(b0, 1 / b0, abs(c0)) <= LARGEST_GAIN):
+    if not (SLOWEST_A0 <= a0 <= FASTEST_A0 and max(b0, 1 / b0, abs(c0)) <= LARGEST_NUMBER):
         raise GainsError(
             f"the fit's a0 is {a0:.4g} 1/s, its b0 is {b0:.4g} and its c0 {c0:.4g}, which no rig has that samples "
             "control; check the time column and the units of the data"

@@ -13,9 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from eaid.arrays import Array, read_only
+from eaid.control.kinds import Step
 from eaid.options import Rig
 from eaid.plant.dynamics import PlantNumbers, plant_step
-from eaid.replay.controllers import Controller, Step
+from eaid.replay.controllers import Controller
 
 INSTANT = 1e-9  # Two instants nearer than this share of a sample are one
 

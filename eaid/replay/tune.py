@@ -20,12 +20,12 @@ from eaid.control.defaults import (
     timing_of,
     workable_rc,
 )
-from eaid.control.design import Design, least_margins, margins_of, phi_needed, robust_of, seen_top_nm
+from eaid.control.design import Design, phi_needed, robust_of, seen_top_nm
 from eaid.control.gains import Bounds, bounds_of, model_of, plant_of
-from eaid.control.guarantee import Known, guarantee_of, mended_options, to_mend, warnings_of
+from eaid.control.guarantee import Grounds, guarantee_of, mended_options, to_mend, warnings_of
 from eaid.control.kinds import LAW_KINDS, Law, designs, rc_law
 from eaid.control.law import Wanted
-from eaid.control.margins import Point, as_stepped, known, operating_points
+from eaid.control.margins import Point, as_stepped, finite, least_margins, margins_of, operating_points
 from eaid.control.pi import PAPER_PI, PIGains, step_metrics
 from eaid.errors import DataError
 from eaid.estimate.draw import draw, drawable
@@ -65,13 +65,13 @@ class Task:
         return self.fit.data.input_unit, self.fit.data.output_unit
 
     @property
-    def known(self) -> Known:
+    def grounds(self) -> Grounds:
         """What the guarantee is judged by; a slope that nothing follows says nothing."""
         followed = self.wanted.torque_nm if self.given or self.plant is not None else None
         phi, top = self.phi, seen_top_nm(self.bounds, self.plant)
         if len(self.fit.data.levels) == 1:  # nothing tells the input of any other output
             phi = top = None
-        return Known(self.model, self.limits, self.timing, self.units, phi, top, followed, self.fit.dead_time_s)
+        return Grounds(self.model, self.limits, self.timing, self.units, phi, top, followed, self.fit.dead_time_s)
 
     def designed(self, options: TuneOptions) -> Design:
         """The numbers that nothing was said about, settled."""
@@ -183,7 +183,7 @@ def tune(
     if why:
         findings.insert(0, finding("fit-not-usable", "model", why=why))
     overshoot_pct, settling_s = step_metrics(task.model, pi.K_P, pi.K_I)
-    designed = PI(pi.K_P, pi.K_I, overshoot_pct, known(settling_s), None if settled.pi == AskedPI() else settled.pi)
+    designed = PI(pi.K_P, pi.K_I, overshoot_pct, finite(settling_s), None if settled.pi == AskedPI() else settled.pi)
     return Gains(
         model=task.model, rc=rc, pi=designed, controllers=held,
         input_unit=task.units[0], output_unit=task.units[1], duty_limits_pct=task.limits, guarantee=verdict,
@@ -196,7 +196,7 @@ def judged_rc(
     task: Task, settled: Design, rc: Robust, pi: PIGains, replayed: Replayed
 ) -> tuple[Guarantee, Robust, list[Finding]]:
     """The verdict on the guarantee, the robust controller that knows whether its φ holds, and what is to be said."""
-    verdict, error = guarantee_of(rc, task.known), None if replayed.rc is None else replayed.rc.max_abs_error_nm
+    verdict, error = guarantee_of(rc, task.grounds), None if replayed.rc is None else replayed.rc.max_abs_error_nm
     own = _least(task, rc_law(task.model, rc, task.limits), (), verdict, error)
     verdict = msgspec.structs.replace(verdict, mendings=mendings(task, settled, pi, verdict))
     phi_holds = next(one.holds for one in verdict.conditions if one.name == "phi")
@@ -244,7 +244,7 @@ def mendings(task: Task, settled: Design, pi: PIGains, verdict: Guarantee) -> tu
         options = replace(settled.options, **mended_options(conditions, task.wanted.steepest_nm_s))
         _, rc = task.robust(replace(task.designed(options), pi=settled.pi), pi)
         law = rc_law(task.model, rc, task.limits)
-        made.append(_least(task, law, conditions, guarantee_of(rc, task.known), task.errors(law).max_abs_error_nm))
+        made.append(_least(task, law, conditions, guarantee_of(rc, task.grounds), task.errors(law).max_abs_error_nm))
     return tuple(made)
 
 
