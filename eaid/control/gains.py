@@ -4,11 +4,8 @@ B_i of a level is 1/b0_i. One step cannot tell b0 from c0: c0 is 0 (`zero-offset
 """
 
 from dataclasses import dataclass
-from typing import Literal, overload
 
 from eaid.control.kinds import LAW_KINDS, Law
-from eaid.control.pi import PIGains
-from eaid.control.rc import RCGains
 from eaid.errors import DataError, GainsError, UsageError
 from eaid.findings import sentences
 from eaid.plant.dynamics import Plant
@@ -93,10 +90,6 @@ def refuse_other_units(fit: Fit, gains: Gains | None) -> None:
         )
 
 
-@overload
-def law_of(gains: Gains | None, name: Literal["rc", "pi"]) -> RCGains | PIGains | None: ...
-@overload
-def law_of(gains: Gains | None, name: str) -> Law | None: ...
 def law_of(gains: Gains | None, name: str) -> Law | None:
     """Gains of a controller of the table as its step takes them; None without any, DataError where no loop runs with
     them."""

@@ -22,7 +22,7 @@ of the extreme plants, Ṫ = b (u − η̂(T)) with b = 1/B_M and 1/B_m.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -130,17 +130,12 @@ def _within(needed: float | None, available: float | None) -> bool | None:
     return None if needed is None or available is None else bool(needed <= available * (1 + NEED_ROUNDING))
 
 
-MENDABLE = ("rho", "phi", "Q_M")  # Conditions that other gains meet
-
-
-def mended_options(conditions: Sequence[str], slope_nm_s: float) -> dict[str, Any]:
-    """The options of `tune_rc` by which conditions are met, on a reference of that slope."""
-    every: dict[str, dict[str, Any]] = {
-        "rho": {"b_hat": "minimax"},
-        "phi": {"phi": "data"},
-        "Q_M": {"q_max": slope_nm_s},
-    }
-    return {key: value for name in conditions for key, value in every[name].items()}
+# Condition that other gains meet → the options of `tune_rc` that make them, by the largest slope of the reference
+MENDABLE: dict[str, Callable[[float], dict[str, Any]]] = {
+    "rho": lambda _slope: {"b_hat": "minimax"},
+    "phi": lambda _slope: {"phi": "data"},
+    "Q_M": lambda slope: {"q_max": slope},
+}
 
 
 def to_mend(verdict: Guarantee) -> list[tuple[str, ...]]:
@@ -187,14 +182,10 @@ def warnings_of(
                     high=high.available, unit=unit, reference=reference)
         )  # fmt: skip
     if verdict.mended is not None and len(verdict.mendings) > 1:
-        findings.append(_mended(verdict.mended, least, units[1]))
+        then = verdict.mended
+        findings.append(
+            finding("guarantee-mended", "rc", conditions=then.conditions, holds=then.holds, missing=then.missing,
+                    now_db=least.gain_db, then_db=then.gain_db, stable=then.stable, now_error=least.max_abs_error_nm,
+                    then_error=then.max_abs_error_nm, output_unit=units[1])
+        )  # fmt: skip
     return findings
-
-
-def _mended(all_met: Mending, least: Mending, output_unit: str) -> Finding:
-    """What the gains would be that meet all that gains can meet."""
-    return finding(
-        "guarantee-mended", "rc", conditions=all_met.conditions, holds=all_met.holds, missing=all_met.missing,
-        now_db=least.gain_db, then_db=all_met.gain_db, stable=all_met.stable, now_error=least.max_abs_error_nm,
-        then_error=all_met.max_abs_error_nm, output_unit=output_unit,
-    )  # fmt: skip

@@ -33,11 +33,6 @@ def rc_law(model: LinearPlant, rc: Robust, limits_pct: tuple[float, float]) -> R
     )  # fmt: skip
 
 
-def no_integral(_gains: Any, _dt: float) -> Any:
-    """The state of a controller whose state is an integral, at rest."""
-    return 0.0
-
-
 def pi_law(_model: LinearPlant, pi: PI, limits_pct: tuple[float, float]) -> PIGains:
     """The PI as its step takes it."""
     return PIGains(pi.K_P, pi.K_I, *limits_pct)
@@ -58,7 +53,7 @@ class LawKind:
     # Its gains once the robust controller has its own; GainsError: why it has none, None: it is of no use. Without a
     # design, `tune` makes it, and it has a key of its own
     design: Callable[[Wanted], dict[str, float] | None] | None = None
-    start: Callable[[Any, float], Any] = no_integral  # Gains, control interval [s] → the state at rest
+    start: Callable[[Any, float], Any] = lambda _gains, _dt: 0.0  # Gains, control interval [s] → the state at rest
     around: Callable[[Any], Any] | None = None  # Its linear part where its state is more than an integral
 
 

@@ -30,10 +30,9 @@ from eaid.arrays import Array
 from eaid.control import margins
 from eaid.control.defaults import control_rate
 from eaid.control.gains import law_of, plant_of, refuse_other_units
+from eaid.control.kinds import Law
 from eaid.control.law import LinearLaw
 from eaid.control.margins import Point, finite
-from eaid.control.pi import PIGains
-from eaid.control.rc import RCGains
 from eaid.errors import DataError, GainsError, UsageError
 from eaid.findings import Finding, finding, ranked
 from eaid.options import LOOPS, CoupleOptions
@@ -68,7 +67,7 @@ class Channel:
     start: Any  # State of the law at rest
 
 
-def channel_of(loop: str, plant: Plant, torque_nm: float, gains: RCGains | PIGains | None, dt_s: float) -> Channel:
+def channel_of(loop: str, plant: Plant, torque_nm: float, gains: Law | None, dt_s: float) -> Channel:
     """A loop around a held torque; UsageError where it needs gains that are not given, or for a torque outside the
     identified duties."""
     least, most = (float(plant.steady(u)) for u in plant.u_range)

@@ -31,7 +31,8 @@ from eaid.plant.dynamics import Plant, plant_numbers
 from eaid.replay import controllers, loop
 from eaid.replay.controllers import Controller
 from eaid.replay.loop import rig_numbers
-from eaid.replay.references import Reference, tracking
+from eaid.replay.metrics import tracking
+from eaid.replay.references import Reference
 from eaid.results.gains import Tracking
 from eaid.results.replay import Distribution, PlantSpread, Worst
 

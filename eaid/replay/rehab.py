@@ -24,7 +24,8 @@ from eaid.options import Rig
 from eaid.plant.dynamics import PlantNumbers, plant_terms
 from eaid.replay.controllers import Controller
 from eaid.replay.loop import Held, coloured, columns_of, hold_step, noise, rig_numbers
-from eaid.replay.references import samples_of, tracking
+from eaid.replay.metrics import tracking
+from eaid.replay.references import samples_of
 from eaid.results.replay import Box, CycleTest, Exercise, Metrics, ModeMetrics, ModesTest, Record, SampleTest
 
 MODES = ("soft", "hard", "assisted")  # In the order of Fig. 16

@@ -22,7 +22,7 @@ from eaid.control.defaults import (
 )
 from eaid.control.design import Design, phi_needed, robust_of, seen_top_nm
 from eaid.control.gains import Bounds, bounds_of, model_of, plant_of
-from eaid.control.guarantee import Grounds, guarantee_of, mended_options, to_mend, warnings_of
+from eaid.control.guarantee import MENDABLE, Grounds, guarantee_of, to_mend, warnings_of
 from eaid.control.kinds import LAW_KINDS, Law, designs, rc_law
 from eaid.control.law import Wanted
 from eaid.control.margins import Point, as_stepped, finite, least_margins, margins_of, operating_points
@@ -35,7 +35,8 @@ from eaid.plant.dynamics import Plant, plant_numbers
 from eaid.plant.linear import LinearPlant
 from eaid.replay.controllers import feedback
 from eaid.replay.loop import replay
-from eaid.replay.references import Reference, Signal, from_its_start, reference_beyond, reference_of, tracking
+from eaid.replay.metrics import tracking
+from eaid.replay.references import Reference, Signal, from_its_start, reference_beyond, reference_of
 from eaid.results.fit import Fit
 from eaid.results.gains import PI, AskedPI, Compared, Gains, Guarantee, Mending, Replayed, Robust, Timing, Tracking
 
@@ -241,7 +242,8 @@ def mendings(task: Task, settled: Design, pi: PIGains, verdict: Guarantee) -> tu
     """What the gains would be that meet what these do not: each condition alone, and all at once."""
     made = []
     for conditions in to_mend(verdict):
-        options = replace(settled.options, **mended_options(conditions, task.wanted.steepest_nm_s))
+        more = {key: value for one in conditions for key, value in MENDABLE[one](task.wanted.steepest_nm_s).items()}
+        options = replace(settled.options, **more)
         _, rc = task.robust(replace(task.designed(options), pi=settled.pi), pi)
         law = rc_law(task.model, rc, task.limits)
         made.append(_least(task, law, conditions, guarantee_of(rc, task.grounds), task.errors(law).max_abs_error_nm))
