@@ -172,7 +172,7 @@ def tune(
     judged, findings = margins_of(laws, task.points, task.timing, task.units[0])
     refused |= {"rc": no_rc} if no_rc else {}
     findings += [finding("controller-refused", name, why=why) for name, why in refused.items()]
-    replayed = compare(task, rc, laws)
+    replayed = replay_beside(task, rc, laws)
     verdict = None
     if rc is not None:
         verdict, rc, more = judged_rc(task, settled, rc, pi, replayed)
@@ -205,7 +205,7 @@ def judged_rc(
     return verdict, msgspec.structs.replace(rc, phi_holds=phi_holds), told
 
 
-def compare(task: Task, rc: Robust | None, laws: dict[str, Law]) -> Replayed:
+def replay_beside(task: Task, rc: Robust | None, laws: dict[str, Law]) -> Replayed:
     """The robust controller beside the PI that was designed, the PI of its own margins, with and without its
     feedforward, and the paper's PI where the rig is the paper's; and what else the table has.
 
