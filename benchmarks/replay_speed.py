@@ -13,7 +13,7 @@ from eaid.control.rc import RCGains, rc_step
 from eaid.options import Rig
 from eaid.plant.dynamics import REFERENCE_PLANT, Plant, PlantNumbers, plant_numbers
 from eaid.replay.controllers import controller_of, feedback
-from eaid.replay.loop import noise, reference_rate, replay
+from eaid.replay.loop import reference_rate, replay, sensor_noise
 from eaid.replay.many import montecarlo
 from eaid.replay.references import multisine
 
@@ -36,7 +36,7 @@ class Case:
         self.reference = np.array(self.wanted.torque_nm)
         self.rate = reference_rate(self.reference, DT_S, False)
         self.n = len(self.reference)
-        self.noise = noise(RIG, self.n, 1)
+        self.noise = sensor_noise(RIG, self.n, 1)
 
 
 def drawn_plants() -> list[Plant]:

@@ -25,6 +25,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Literal, TypeVar, Union
 
+from eaid.apparatus import Apparatus
 from eaid.errors import UsageError, in_python, unknown
 
 O = TypeVar("O", bound="Options")  # noqa: E741
@@ -297,11 +298,21 @@ def part(kind: type[O], options: object) -> O:
     return kind(**{name: getattr(options, name) for name in forms(kind)})
 
 
-def as_typed(value: Any) -> str | None:
-    """A default as it would be typed."""
+def as_typed(value: Any) -> str:
+    """A value as it would be typed; nothing where there is none."""
+    if isinstance(value, Mapping):
+        plain = {role: name if re.fullmatch(r"[\w./%·°-]+", name) else f'"{name}"' for role, name in value.items()}
+        return ",".join(f"{role}={name}" for role, name in plain.items())
+    if isinstance(value, Apparatus):
+        return ",".join(f"{each.name}={getattr(value, each.name)}" for each in fields(value))
     if isinstance(value, tuple):
-        return ",".join(as_typed(each) or "" for each in value) or None
-    return None if value is None or value == {} else f"{value:g}" if isinstance(value, float) else str(value)
+        return ",".join(map(as_typed, value))
+    return "" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def any_text(_name: str, text: str) -> str:
+    """Any text."""
+    return text
 
 
 def numbers(flag: str, text: str) -> tuple[float, ...]:

@@ -5,14 +5,14 @@ A default of None is settled where the option is used: those of gains in `eaid.c
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Literal
 
 import msgspec
 
 from eaid.apparatus import Apparatus
-from eaid.declared import Options, option, pairs
+from eaid.declared import Options, any_text, as_typed, option, pairs
 from eaid.errors import UsageError, unknown
 
 ExperimentKind = Literal["clutch", "friction-force", "friction-speed"]
@@ -31,8 +31,7 @@ ROBUST, PI, RIG, ADVANCED = "Robust controller", "PI controller", "Rig", "Advanc
 WHAT, MORE, REHAB, CHANCE = "What is replayed", "More plants", "Rehabilitation", "Chance"
 LIMB, LOOP = "The limb and the wall", "The loop as it runs"
 LOGS, WHEN, HOW, INPUTS = "What is recorded", "Times", "Disturbances", "Other inputs than steps"
-FIGURES = "Figures"
-SESSIONS = "Sessions"
+FIGURES, SESSIONS = "Figures", "Sessions"
 
 # Limits of options that are alike
 RATE: dict[str, Any] = {"least": 1e-3, "most": 1e5}
@@ -43,11 +42,6 @@ USED_BY = {
     "duty": ("random", "staircase", "chirp"), "levels": ("random", "staircase", "closed-loop"), "rest_s": ("random",),
     "hold_s": ("random", "staircase", "closed-loop"),
 }  # fmt: skip
-
-
-def any_text(_name: str, text: str) -> str:
-    """Any text."""
-    return text
 
 
 def spaced(flag: str, text: str) -> tuple[float, ...]:
@@ -134,7 +128,7 @@ class ReadOptions(Columns):
     def stated(self) -> dict[str, str | float | bool]:
         """What was given, as texts where they are no numbers, so that it can be done again."""
         return {
-            name: value if isinstance(value, float | bool) else in_words(value) for name, value in self.given().items()
+            name: value if isinstance(value, float | bool) else as_typed(value) for name, value in self.given().items()
         }
 
 
@@ -151,16 +145,6 @@ def apparatus_from(text: str | Apparatus | None, kind: str | None) -> Apparatus 
     except msgspec.ValidationError as fault:
         why = str(fault).replace("`", "").replace(" - at $.", ": ")
         raise UsageError(f"«apparatus» {text}: {why}") from None
-
-
-def in_words(value: Any) -> str:
-    """A value as the command line takes it."""
-    if isinstance(value, Mapping):
-        plain = {role: name if re.fullmatch(r"[\w./%·°-]+", name) else f'"{name}"' for role, name in value.items()}
-        return ",".join(f"{role}={name}" for role, name in plain.items())
-    if isinstance(value, Apparatus):
-        return ",".join(f"{each.name}={getattr(value, each.name)}" for each in fields(value))
-    return str(value)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -204,13 +188,6 @@ class FitOptions(Chance):
     def held_dead_time_s(self) -> float | None:
         """The dead time where it is given, None where the evidence decides."""
         return None if isinstance(self.dead_time, str) else self.dead_time
-
-
-@dataclass(frozen=True, kw_only=True)
-class FitGiven(FitOptions):
-    """All that a fit was given, the reading of its logs too, so that it can be done again."""
-
-    reading: dict[str, str | float | bool | None] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -383,9 +360,8 @@ class PlanOptions(Chance):
         None, "Input 0 after each step, recorded [s]; by itself 10, of slower rigs until they rest.", RIG, "--release"
     )
     longest_hold_s: float | None = option(
-        None, "Longest hold [s]; by itself 120, of slower rigs more.", RIG, "--longest-hold", least=5,
-        most=1e6,
-    )  # fmt: skip
+        None, "Longest hold [s]; by itself 120, of slower rigs more.", RIG, "--longest-hold", least=5, most=1e6
+    )
     most_levels: int = option(12, "Most levels to record.", RIG, least=4, most=100)
     limits: str | Mapping[str, Any] | Limits | None = option(
         None, "Of the excitation: duty=10:100,hold_s=0.3:30,rest_s=5,work_s=60,engagements=4, in "

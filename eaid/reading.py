@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 
 from eaid.arrays import median
+from eaid.declared import as_typed
 from eaid.errors import DataError
 from eaid.files import sha256_of
 from eaid.findings import finding, say
@@ -23,7 +24,7 @@ from eaid.logs.read import columns_told, read_what_can_be
 from eaid.logs.run import Run
 from eaid.logs.text import read_text
 from eaid.logs.units import TIME_FACTORS
-from eaid.options import ReadOptions, in_words
+from eaid.options import ReadOptions
 from eaid.progress import Progress, no_progress
 from eaid.steps.baseline import baseline_rule
 from eaid.steps.build import stepset_of
@@ -125,7 +126,7 @@ def _proposal(files: Sequence[Path], runs: Sequence[Run], options: ReadOptions, 
     if options.until is None and (let_go := let_go_of(blind)):
         more["until"] = _roundest(factor * let_go[0])
     guessed = {"columns": columns, "units": units}
-    more |= {name: in_words(value) for name, value in guessed.items() if value != getattr(options, name)}
+    more |= {name: as_typed(value) for name, value in guessed.items() if value != getattr(options, name)}
     repair = {"repair": True} if any("«repair»" in fault for fault in faults) else {}
     if len(more) + len(repair) < 2 and "columns" not in more:  # the refusal says it already
         return []

@@ -120,7 +120,7 @@ PLAIN_TYPES = (bool, Path, list[Path])  # Types that Typer hands over; all else 
 
 def _default(form: Form) -> Any:
     """A default as Typer hands it over."""
-    return form.default if form.parts[0] in PLAIN_TYPES else as_typed(form.default)
+    return form.default if form.parts[0] in PLAIN_TYPES else as_typed(form.default) or None
 
 
 def _parameter(form: Form) -> inspect.Parameter:

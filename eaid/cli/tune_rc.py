@@ -5,9 +5,9 @@ from pathlib import Path
 import eaid
 from eaid.cli import console
 from eaid.cli.form import Common, argument, stamped, takes, tell_result, written
-from eaid.declared import option
+from eaid.declared import any_text, option
 from eaid.files import refuse_to_overwrite
-from eaid.options import ROBUST, TRACKED, TuneOptions, any_text
+from eaid.options import ROBUST, TRACKED, TuneOptions
 
 
 @takes

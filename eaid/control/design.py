@@ -1,5 +1,4 @@
-"""A settled design → the robust controller, Eqs. (10)-(16), and what is to be said of it: margins around every level,
-how far η is from η̂ by the data.
+"""A settled design → the robust controller, Eqs. (10)-(16), and how far η is from η̂ by the data.
 
     α = (B_M − B_m)/(B_M + B_m)                          by the formula; the same for B as for its inverse
     α_reached = max over b in [1/B_M, 1/B_m] of |1 − b B̂|   really: at one end, since 1 − b B̂ is linear in b
@@ -14,32 +13,17 @@ entries one after another: 2 K_P Q12 = p π², 2 (Q12 − K_D Q22) = −p, Q11 =
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from eaid.arrays import Array
 from eaid.control.gains import Bounds
-from eaid.control.kinds import LAW_KINDS, Law
-from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, Point, enough, margins
-from eaid.errors import GainsError
-from eaid.findings import Finding, finding
 from eaid.options import TuneOptions
 from eaid.plant.dynamics import Plant
 from eaid.plant.linear import LinearPlant
 from eaid.plant.respond import unit_step
-from eaid.results.gains import (
-    AskedPI,
-    EqualPI,
-    Margin,
-    MarginPoint,
-    Margins,
-    Rho,
-    RhoLine,
-    Robust,
-    Timing,
-)
+from eaid.results.gains import AskedPI, EqualPI, Rho, RhoLine, Robust, Timing
 
 SAME_ALPHA = 1e-5  # Two fits of one level end no nearer to each other
 RHO_ROUNDING = 1e-9  # By how much ρ may fall short [N·m/s]
@@ -172,40 +156,3 @@ def seen_top_nm(bounds: Bounds, plant: Plant | None) -> float | None:
     if plant is None:
         return max((row.gain for row in bounds.rows), default=None)
     return float(plant.steady(plant.u_range[1]))
-
-
-def least_margins(law: Law, points: Sequence[Point], timing: Timing) -> Margin:
-    """The least of each margin of a loop over all operating points; not stable where it is not around any."""
-    each = [margins(law, point, timing) for point in points]
-    least = [
-        min((margin for one in each if (margin := getattr(one, key)) is not None), default=None)
-        for key in ("gain_db", "phase_deg")
-    ]
-    return Margin(all(one.stable for one in each), *least)
-
-
-def margins_of(
-    loops: Mapping[str, Law], points: Sequence[Point], timing: Timing, unit: str
-) -> tuple[Margins, list[Finding]]:
-    """Margins of every loop around every operating point; GainsError where one is unstable around any."""
-    every = {name: [margins(gains, point, timing) for point in points] for name, gains in loops.items()}
-    missed, worst = [], {}
-    for name, each in every.items():
-        unstable = [f"{point.duty_pct:.4g}" for point, one in zip(points, each, strict=True) if not one.stable]
-        if unstable:
-            raise GainsError(
-                f"the {name.upper()} loop is unstable on the fitted model around {', '.join(unstable)} {unit}, "
-                f"{timing.words()}; ask for slower gains"
-            )
-        worst[name] = least_margins(loops[name], points, timing)
-        lacking = [point.duty_pct for point, one in zip(points, each, strict=True) if not enough(one)]
-        if lacking and LAW_KINDS[name].design is None:  # others have enough, or RC's own
-            missed.append(
-                finding("margin-missed", name, lacking, unit=unit, enough_db=ENOUGH_DB, enough_deg=ENOUGH_DEG,
-                        gain_db=worst[name].gain_db, phase_deg=worst[name].phase_deg)
-            )  # fmt: skip
-    rows = [
-        MarginPoint(point.duty_pct, point.torque_nm, dict(zip(every, each, strict=True)), point.falling)
-        for point, *each in zip(points, *every.values(), strict=True)
-    ]
-    return Margins(timing, tuple(rows), worst), missed

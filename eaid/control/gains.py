@@ -4,11 +4,8 @@ B_i of a level is 1/b0_i. One step cannot tell b0 from c0: c0 is 0 (`zero-offset
 """
 
 from dataclasses import dataclass
-from typing import Literal, overload
 
 from eaid.control.kinds import LAW_KINDS, Law
-from eaid.control.pi import PIGains
-from eaid.control.rc import RCGains
 from eaid.errors import DataError, GainsError, UsageError
 from eaid.findings import sentences
 from eaid.plant.dynamics import Plant
@@ -19,7 +16,7 @@ from eaid.results.models import LinearLevel
 from eaid.results.verdict import unphysical
 
 SLOWEST_A0, FASTEST_A0 = 1e-6, 1e6  # a0 of anything that is controlled by samples [1/s]
-LARGEST_GAIN = 1e15  # b0, its inverse and c0 of any rig, whatever its units
+LARGEST_NUMBER = 1e15  # b0, its inverse and c0 of any rig, whatever its units
 
 
 @dataclass(frozen=True)
@@ -47,7 +44,7 @@ def physical(linear: LinearPlant) -> LinearPlant:
         )
     if not b0 > 0:
         raise GainsError(f"the fit's b0 is {b0:.4g}; more input has to give more output, check the sign of the data")
-    if not (SLOWEST_A0 <= a0 <= FASTEST_A0 and max(b0, 1 / b0, abs(c0)) <= LARGEST_GAIN):
+    if not (SLOWEST_A0 <= a0 <= FASTEST_A0 and max(b0, 1 / b0, abs(c0)) <= LARGEST_NUMBER):
         raise GainsError(
             f"the fit's a0 is {a0:.4g} 1/s, its b0 is {b0:.4g} and its c0 {c0:.4g}, which no rig has that samples "
             "control; check the time column and the units of the data"
@@ -93,10 +90,6 @@ def refuse_other_units(fit: Fit, gains: Gains | None) -> None:
         )
 
 
-@overload
-def law_of(gains: Gains | None, name: Literal["rc", "pi"]) -> RCGains | PIGains | None: ...
-@overload
-def law_of(gains: Gains | None, name: str) -> Law | None: ...
 def law_of(gains: Gains | None, name: str) -> Law | None:
     """Gains of a controller of the table as its step takes them; None without any, DataError where no loop runs with
     them."""

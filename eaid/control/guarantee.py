@@ -1,4 +1,4 @@
-"""Whether the Lyapunov guarantee holds: one verdict, False where one thing fails, None where one is not known.
+"""Whether the Lyapunov guarantee holds: one verdict, False where one thing fails, None where one is not grounds.
 
 V = ξᵀQξ falls outside its last level where the duty is free (`ultimate_bound_nm`). At a limit, say the highest u_M,
 the anti-windup has q̃˙ = 0 where e ≥ 0 and q̃˙ = e where e < 0. With every plant able to follow the reference itself,
@@ -22,14 +22,14 @@ of the extreme plants, Ṫ = b (u − η̂(T)) with b = 1/B_M and 1/B_m.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from eaid.arrays import Array
 from eaid.control.kinds import rc_law
-from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, Point, margins
+from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, Point, finite, margins
 from eaid.findings import Finding, finding
 from eaid.plant.linear import LinearPlant
 from eaid.plant.operating import lag
@@ -39,8 +39,8 @@ NEED_ROUNDING = 1e-9  # Share by which the needed may exceed the available
 SHARP = 5.0  # γε below which the printed switch, Eq. (14), visibly jumps at z = 0
 
 
-class Known(NamedTuple):
-    """What is known of rig and reference."""
+class Grounds(NamedTuple):
+    """What the verdict rests on: what is known of rig and reference."""
 
     model: LinearPlant
     limits: tuple[float, float]  # Of the actuator [% duty]
@@ -60,11 +60,11 @@ def steepest(torque_nm: Array, dt_s: float) -> float:
     return forward if forward > 1.01 * central else central
 
 
-def duties_asked(rc: Robust, known: Known, torque_nm: Array) -> tuple[float, float]:
+def duties_asked(rc: Robust, grounds: Grounds, torque_nm: Array) -> tuple[float, float]:
     """Least and most duty [%] that (a) and (c) ask of the actuator along a reference that starts from rest, for any
     plant that the gains allow for."""
     assert rc.B_m is not None and rc.B_M is not None and rc.phi_honest_pct is not None
-    step_s, model = known.timing.step_s, known.model
+    step_s, model = grounds.timing.step_s, grounds.model
     (Q11, Q12), (_, Q22) = rc.Q
     det, per_nm = Q11 * Q22 - Q12 * Q12, model.a0 / model.b0
     forward = np.diff(torque_nm) / step_s
@@ -84,45 +84,44 @@ def duties_asked(rc: Robust, known: Known, torque_nm: Array) -> tuple[float, flo
     return float(least), float(max((followed + np.maximum(*moved)).max() + beyond, fed.max() + apart))
 
 
-def _sampled(rc: Robust, known: Known) -> Condition:
+def _sampled(rc: Robust, grounds: Grounds) -> Condition:
     """Least margin of the extreme plants, the one that falls short where one does."""
     assert rc.B_m is not None and rc.B_M is not None
-    model, law = known.model, rc_law(known.model, rc, known.limits)
-    middle = sum(known.limits) / 2
+    model, law = grounds.model, rc_law(grounds.model, rc, grounds.limits)
+    middle = sum(grounds.limits) / 2
     gain = model.b0 / model.a0
     torque = gain * middle + model.c0 / model.a0
     least_db, least_deg = math.inf, math.inf
     for B in (rc.B_m, rc.B_M):
-        found = margins(law, Point(middle, torque, lag(gain, B * gain)), known.timing)
+        found = margins(law, Point(middle, torque, lag(gain, B * gain)), grounds.timing)
         least_db = min(least_db, math.inf if found.gain_db is None else found.gain_db) if found.stable else -math.inf
         least_deg = min(least_deg, math.inf if found.phase_deg is None else found.phase_deg)
     if least_db >= ENOUGH_DB and least_deg < ENOUGH_DEG:
         return Condition("sampling", False, ENOUGH_DEG, least_deg, "°")
-    shown = least_db if math.isfinite(least_db) else None
-    return Condition("sampling", least_db >= ENOUGH_DB, ENOUGH_DB, shown, "dB")
+    return Condition("sampling", least_db >= ENOUGH_DB, ENOUGH_DB, finite(least_db), "dB")
 
 
-def guarantee_of(rc: Robust, known: Known) -> Guarantee:
+def guarantee_of(rc: Robust, grounds: Grounds) -> Guarantee:
     """Everything that the argument needs: the verdict is True only where every condition is known to hold."""
-    unit, per_s = known.units[0], f"{known.units[1]}/s"
+    unit, per_s = grounds.units[0], f"{grounds.units[1]}/s"
     needed_rho = None if rc.rho.needed is None else rc.rho.needed.constant
-    reference = known.torque_nm
-    slope = None if reference is None else steepest(reference, known.timing.step_s)
+    reference = grounds.torque_nm
+    slope = None if reference is None else steepest(reference, grounds.timing.step_s)
     reach = None if reference is None else float(reference.max()) + (rc.ultimate_bound_nm or 0.0)
-    least, most = (None, None) if reference is None else duties_asked(rc, known, reference)
-    low, high = known.limits
+    least, most = (None, None) if reference is None else duties_asked(rc, grounds, reference)
+    low, high = grounds.limits
     span = NEED_ROUNDING * (high - low)
     conditions = [
         Condition("rho", rc.rho_covers, needed_rho, rc.rho.constant, per_s),
-        Condition("phi", _within(known.phi, rc.phi_honest_pct), known.phi, rc.phi_honest_pct, unit),
-        Condition("range", _within(reach, known.top_nm) or None, reach, known.top_nm, known.units[1]),
+        Condition("phi", _within(grounds.phi, rc.phi_honest_pct), grounds.phi, rc.phi_honest_pct, unit),
+        Condition("range", _within(reach, grounds.top_nm) or None, reach, grounds.top_nm, grounds.units[1]),
         Condition("Q_M", _within(slope, rc.Q_M), slope, rc.Q_M, per_s),
         Condition("duty-limit", None if most is None else most <= high + span, finite(most), high, unit),
         Condition("duty-floor", None if least is None else least >= low - span, finite(least), low, unit),
-        _sampled(rc, known),
+        _sampled(rc, grounds),
     ]
-    if known.dead_time_s > 0:
-        conditions.append(Condition("dead-time", False, 0.0, known.dead_time_s, "s"))
+    if grounds.dead_time_s > 0:
+        conditions.append(Condition("dead-time", False, 0.0, grounds.dead_time_s, "s"))
     verdicts = [each.holds for each in conditions]
     return Guarantee(False if False in verdicts else None if None in verdicts else True, tuple(conditions))
 
@@ -131,22 +130,12 @@ def _within(needed: float | None, available: float | None) -> bool | None:
     return None if needed is None or available is None else bool(needed <= available * (1 + NEED_ROUNDING))
 
 
-def finite(value: float | None) -> float | None:
-    """A number that a file can hold."""
-    return value if value is not None and math.isfinite(value) else None
-
-
-MENDABLE = ("rho", "phi", "Q_M")  # Conditions that other gains meet
-
-
-def mended_options(conditions: Sequence[str], slope_nm_s: float) -> dict[str, Any]:
-    """The options of `tune_rc` by which conditions are met, on a reference of that slope."""
-    every: dict[str, dict[str, Any]] = {
-        "rho": {"b_hat": "minimax"},
-        "phi": {"phi": "data"},
-        "Q_M": {"q_max": slope_nm_s},
-    }
-    return {key: value for name in conditions for key, value in every[name].items()}
+# Condition that other gains meet → the options of `tune_rc` that make them, by the largest slope of the reference
+MENDABLE: dict[str, Callable[[float], dict[str, Any]]] = {
+    "rho": lambda _slope: {"b_hat": "minimax"},
+    "phi": lambda _slope: {"phi": "data"},
+    "Q_M": lambda slope: {"q_max": slope},
+}
 
 
 def to_mend(verdict: Guarantee) -> list[tuple[str, ...]]:
@@ -193,14 +182,10 @@ def warnings_of(
                     high=high.available, unit=unit, reference=reference)
         )  # fmt: skip
     if verdict.mended is not None and len(verdict.mendings) > 1:
-        findings.append(_mended(verdict.mended, least, units[1]))
+        then = verdict.mended
+        findings.append(
+            finding("guarantee-mended", "rc", conditions=then.conditions, holds=then.holds, missing=then.missing,
+                    now_db=least.gain_db, then_db=then.gain_db, stable=then.stable, now_error=least.max_abs_error_nm,
+                    then_error=then.max_abs_error_nm, output_unit=units[1])
+        )  # fmt: skip
     return findings
-
-
-def _mended(all_met: Mending, least: Mending, output_unit: str) -> Finding:
-    """What the gains would be that meet all that gains can meet."""
-    return finding(
-        "guarantee-mended", "rc", conditions=all_met.conditions, holds=all_met.holds, missing=all_met.missing,
-        now_db=least.gain_db, then_db=all_met.gain_db, stable=all_met.stable, now_error=least.max_abs_error_nm,
-        then_error=all_met.max_abs_error_nm, output_unit=output_unit,
-    )  # fmt: skip

@@ -20,12 +20,11 @@ from eaid.plant.linear import LinearPlant
 from eaid.results.gains import PI, Robust
 
 Law = RCGains | PIGains | PIFeedforwardGains | SmithGains
-Limits = tuple[float, float]
 # step(gains, state, reference, reference_rate, torque, dt) → (next state, duty)
 Step = Callable[[Any, Any, float, float, float, float], tuple[Any, float]]
 
 
-def rc_law(model: LinearPlant, rc: Robust, limits_pct: Limits) -> RCGains:
+def rc_law(model: LinearPlant, rc: Robust, limits_pct: tuple[float, float]) -> RCGains:
     """The robust controller on a model as its step takes it."""
     Q12, Q22 = rc.Q[1]
     return RCGains(
@@ -34,12 +33,7 @@ def rc_law(model: LinearPlant, rc: Robust, limits_pct: Limits) -> RCGains:
     )  # fmt: skip
 
 
-def from_rest(_gains: Any, _dt: float) -> Any:
-    """The state of a controller whose state is an integral, at rest."""
-    return 0.0
-
-
-def pi_law(_model: LinearPlant, pi: PI, limits_pct: Limits) -> PIGains:
+def pi_law(_model: LinearPlant, pi: PI, limits_pct: tuple[float, float]) -> PIGains:
     """The PI as its step takes it."""
     return PIGains(pi.K_P, pi.K_I, *limits_pct)
 
@@ -52,13 +46,14 @@ class LawKind:
     title: str  # As readers have it
     gains: type  # What its step takes, floats only, the limits of the duty last
     step: Step
-    law: Callable[[LinearPlant, Any, Limits], Law]  # Model, what a file holds of it, limits → what its step takes
+    # Model, what a file holds of it, limits → what its step takes
+    law: Callable[[LinearPlant, Any, tuple[float, float]], Law]
     shown: Mapping[str, str] = field(default_factory=dict)  # Its numbers in a table, and how they are written
     positive: tuple[str, ...] = ()  # Those that no loop runs without
     # Its gains once the robust controller has its own; GainsError: why it has none, None: it is of no use. Without a
     # design, `tune` makes it, and it has a key of its own
     design: Callable[[Wanted], dict[str, float] | None] | None = None
-    start: Callable[[Any, float], Any] = from_rest  # Gains, control interval [s] → the state at rest
+    start: Callable[[Any, float], Any] = lambda _gains, _dt: 0.0  # Gains, control interval [s] → the state at rest
     around: Callable[[Any], Any] | None = None  # Its linear part where its state is more than an integral
 
 

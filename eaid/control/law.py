@@ -11,7 +11,7 @@ from eaid.plant.operating import Complex
 from eaid.results.gains import AskedPI, Robust, Timing
 
 
-class Law(NamedTuple):
+class LinearLaw(NamedTuple):
     """A controller around a point: δu = k_r δr + k_v δv − k_T δT + k_q δq, of reference r, its rate v, the torque T
     that is read, and the integral q of the error; without k_q nothing reads the integral."""
 

@@ -1,4 +1,5 @@
-"""Gain and phase margins of the loop as it really runs: sampled, behind a dead time, the duty latched by a PWM.
+"""Gain and phase margins of the loop as it really runs, sampled, behind a dead time, the duty latched by a PWM; and
+which loops lack 6 dB or 45° around some level.
 
 Around an operating point a control law is linear in the reference r, its rate v, the torque T that is read and the
 integral q of the error: δu = k_r δr + k_v δv − k_T δT + k_q δq. The plant is the two states of
@@ -14,7 +15,7 @@ holds a duty for a twentieth of it, duty and integral as late on the mean.
 
 import cmath
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -23,16 +24,17 @@ import numpy as np
 from scipy.optimize import brentq
 
 from eaid.arrays import Array
-from eaid.control.kinds import Law as Gains
-from eaid.control.kinds import kind_of
-from eaid.control.law import Law
+from eaid.control.kinds import LAW_KINDS, Law, kind_of
+from eaid.control.law import LinearLaw
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
+from eaid.errors import GainsError
+from eaid.findings import Finding, finding
 from eaid.plant import linear
 from eaid.plant.dynamics import Plant
 from eaid.plant.linear import LinearPlant
 from eaid.plant.operating import Complex, Operating, around, lag
-from eaid.results.gains import Margin, Timing
+from eaid.results.gains import Margin, MarginPoint, Margins, Timing
 from eaid.results.models import LinearLevel, StepShape
 
 LATE = 20  # Holds of dead time that the map of a loop spans at most
@@ -100,7 +102,7 @@ def as_stepped(points: Sequence[Point], steps: Sequence[StepShape]) -> list[Poin
     return found
 
 
-def law_around(gains: Gains, torque_nm: float, duty_pct: float) -> tuple[Any, float]:
+def law_around(gains: Law, torque_nm: float, duty_pct: float) -> tuple[Any, float]:
     """A controller that holds a torque [N·m] with a duty [%], its limits left out, and its integral there [N·m·s].
 
     The PI is linear as it stands. Of any other, by central differences of its step: at rest e = 0 and the integral
@@ -110,7 +112,7 @@ def law_around(gains: Gains, torque_nm: float, duty_pct: float) -> tuple[Any, fl
     if kind.around is not None:
         return kind.around(gains), 0.0
     if isinstance(gains, PIGains):
-        return Law(gains.K_P, 0.0, gains.K_P, gains.K_I), duty_pct / gains.K_I if gains.K_I else 0.0
+        return LinearLaw(gains.K_P, 0.0, gains.K_P, gains.K_I), duty_pct / gains.K_I if gains.K_I else 0.0
     free, step = gains._replace(duty_min=-math.inf, duty_max=math.inf), 1e-6
     if isinstance(gains, RCGains):
         step *= gains.epsilon / gains.Q22
@@ -132,7 +134,7 @@ def law_around(gains: Gains, torque_nm: float, duty_pct: float) -> tuple[Any, fl
         )
         return (above - below) / (2 * step)
 
-    return Law(slope(0, 1, 0), getattr(gains, "B_hat", 0.0), -slope(0, 0, 1), slope(1, 0, 0)), rest
+    return LinearLaw(slope(0, 1, 0), getattr(gains, "B_hat", 0.0), -slope(0, 0, 1), slope(1, 0, 0)), rest
 
 
 def enough(margin: Margin) -> bool:
@@ -142,7 +144,7 @@ def enough(margin: Margin) -> bool:
 
 
 @lru_cache(maxsize=100)  # the loop that a design settles on is among those it tried
-def margins(gains: Gains, point: Point, timing: Timing) -> Margin:
+def margins(gains: Law, point: Point, timing: Timing) -> Margin:
     """Gain and phase margin of a controller around an operating point, the least where there are several. None for a
     margin without end (no factor up to 80 dB makes the loop unstable, its gain stays below 1), and for the gain margin
     of a loop that is unstable."""
@@ -150,12 +152,49 @@ def margins(gains: Gains, point: Point, timing: Timing) -> Margin:
     phase, omega = min(crossovers(law, plant, timing), default=(math.inf, 0.0))
     stable = spectral_radius(law, plant, timing) < 1
     gain_db = gain_margin(law, plant, timing) if stable else math.inf
-    return Margin(stable, known(gain_db), known(math.degrees(phase)), omega / (2 * math.pi))
+    return Margin(stable, finite(gain_db), finite(math.degrees(phase)), omega / (2 * math.pi))
 
 
-def known(value: float) -> float | None:
+def finite(value: float | None) -> float | None:
     """A number that is finite; None elsewhere."""
-    return value if math.isfinite(value) else None
+    return value if value is not None and math.isfinite(value) else None
+
+
+def least_margins(law: Law, points: Sequence[Point], timing: Timing) -> Margin:
+    """The least of each margin of a loop over all operating points; not stable where it is not around any."""
+    each = [margins(law, point, timing) for point in points]
+    least = [
+        min((margin for one in each if (margin := getattr(one, key)) is not None), default=None)
+        for key in ("gain_db", "phase_deg")
+    ]
+    return Margin(all(one.stable for one in each), *least)
+
+
+def margins_of(
+    loops: Mapping[str, Law], points: Sequence[Point], timing: Timing, unit: str
+) -> tuple[Margins, list[Finding]]:
+    """Margins of every loop around every operating point; GainsError where one is unstable around any."""
+    every = {name: [margins(gains, point, timing) for point in points] for name, gains in loops.items()}
+    missed, worst = [], {}
+    for name, each in every.items():
+        unstable = [f"{point.duty_pct:.4g}" for point, one in zip(points, each, strict=True) if not one.stable]
+        if unstable:
+            raise GainsError(
+                f"the {name.upper()} loop is unstable on the fitted model around {', '.join(unstable)} {unit}, "
+                f"{timing.words()}; ask for slower gains"
+            )
+        worst[name] = least_margins(loops[name], points, timing)
+        lacking = [point.duty_pct for point, one in zip(points, each, strict=True) if not enough(one)]
+        if lacking and LAW_KINDS[name].design is None:  # others have enough, or RC's own
+            missed.append(
+                finding("margin-missed", name, lacking, unit=unit, enough_db=ENOUGH_DB, enough_deg=ENOUGH_DEG,
+                        gain_db=worst[name].gain_db, phase_deg=worst[name].phase_deg)
+            )  # fmt: skip
+    rows = [
+        MarginPoint(point.duty_pct, point.torque_nm, dict(zip(every, each, strict=True)), point.falling)
+        for point, *each in zip(points, *every.values(), strict=True)
+    ]
+    return Margins(timing, tuple(rows), worst), missed
 
 
 def gain_margin(law: Any, plant: Operating, timing: Timing) -> float:
@@ -177,7 +216,7 @@ def spectral_radius(law: Any, plant: Operating, timing: Timing, factor: float = 
     1 the loop dies out."""
     if timing.delay_s > LATE * timing.hold_s * (1 + 1e-9):
         quick, timing = timing, Timing((LATE + 0.5) / (timing.delay_s + timing.hold_s / 2), None, LATE)
-        if isinstance(law, Law):
+        if isinstance(law, LinearLaw):
             law = law._replace(k_T=law.k_T + law.k_q * (timing.step_s - quick.step_s) / 2)
     samples, latches = timing.pattern
     h, hold, delay_s = timing.step_s, timing.hold_s, timing.delay_s
@@ -236,7 +275,7 @@ def loop_response(law: Any, plant: Operating, timing: Timing, omega: Array) -> C
     return np.asarray(by_torque * measured_response(plant, timing, omega), dtype=np.complex128)
 
 
-def integral_response(law: Law, timing: Timing, omega: Array) -> Complex:
+def integral_response(law: LinearLaw, timing: Timing, omega: Array) -> Complex:
     """Duty by the integral, per error at the samples."""
     return np.asarray(law.k_q * timing.step_s / (np.exp(1j * omega * timing.step_s) - 1), dtype=np.complex128)
 

@@ -30,10 +30,9 @@ from eaid.arrays import Array
 from eaid.control import margins
 from eaid.control.defaults import control_rate
 from eaid.control.gains import law_of, plant_of, refuse_other_units
-from eaid.control.law import Law
-from eaid.control.margins import Point, known
-from eaid.control.pi import PIGains
-from eaid.control.rc import RCGains
+from eaid.control.kinds import Law
+from eaid.control.law import LinearLaw
+from eaid.control.margins import Point, finite
 from eaid.errors import DataError, GainsError, UsageError
 from eaid.findings import Finding, finding, ranked
 from eaid.options import LOOPS, CoupleOptions
@@ -62,13 +61,13 @@ class Channel:
 
     plant: Plant
     point: Point
-    law: Law
+    law: LinearLaw
     # step(state, reference, its rate, torque) → (next state, duty)
     step: Callable[[Any, float, float, float], tuple[Any, float]]
     start: Any  # State of the law at rest
 
 
-def channel_of(loop: str, plant: Plant, torque_nm: float, gains: RCGains | PIGains | None, dt_s: float) -> Channel:
+def channel_of(loop: str, plant: Plant, torque_nm: float, gains: Law | None, dt_s: float) -> Channel:
     """A loop around a held torque; UsageError where it needs gains that are not given, or for a torque outside the
     identified duties."""
     least, most = (float(plant.steady(u)) for u in plant.u_range)
@@ -84,7 +83,7 @@ def channel_of(loop: str, plant: Plant, torque_nm: float, gains: RCGains | PIGai
     if loop == "open-loop":
         duties = np.linspace(*plant.u_range, 20_001)  # so fine a table is good to 1e-8 of the range
         steady = plant.steady(duties)
-        law = Law(1 / point.plant.gain, 0.0, 0.0, 0.0)
+        law = LinearLaw(1 / point.plant.gain, 0.0, 0.0, 0.0)
         return Channel(plant, point, law, lambda s, r, _v, _t: (s, float(np.interp(r, steady, duties))), None)
     if gains is None:
         kind = "a PI" if loop == "pi" else "a robust controller"
@@ -266,9 +265,9 @@ def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Prog
                 )
             passive = passive_stiffness(channel, timing, options)
             K, omega = stable_stiffness(channel, timing, options)
-            stable = known(K)
+            stable = finite(K)
             replayed = replayed_stiffness(channel, options, timing, K, omega) if options.replay and stable else None
-            walls.append(parts.Wall(loop, torque, channel.point.duty_pct, known(passive), stable, replayed))
+            walls.append(parts.Wall(loop, torque, channel.point.duty_pct, finite(passive), stable, replayed))
             tick()
     idle = [abs(run.baseline_nm) for run in fit.data.sources if run.baseline_nm is not None]
     drag = options.idle_drag_nm if options.idle_drag_nm is not None or not idle else float(np.mean(idle))

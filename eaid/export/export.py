@@ -9,7 +9,7 @@ from eaid.control.gains import plant_of
 from eaid.control.margins import margins, operating_points
 from eaid.errors import EaidError, GainsError
 from eaid.export.constants import constants_of
-from eaid.export.job import Job, Source, head_of, laws_of, rig_of, source_of, vectors
+from eaid.export.job import Job, Source, head_of, laws_of, rig_for, source_of, vectors
 from eaid.export.targets import MARK, TARGETS, VECTOR_COLUMNS
 from eaid.files import folder_written_whole, refuse_folder, sha256_of
 from eaid.findings import Finding, finding, ranked, say, stops
@@ -139,7 +139,7 @@ def export(
     refuse_folder(folder, force, is_export, "eaid export", (Path(each.path) for each in inputs), names=())
     source = source_of(gains, fit)
     laws = laws_of(source, options)
-    rig = rig_of(source, options)
+    rig = rig_for(source, options)
     constants = constants_of(source.loops, source.plant, source.limits, laws, rig)
     findings = ranked(_findings(source, laws, 1.0 / rig.dt_s, options))
     if grave := stops(findings):

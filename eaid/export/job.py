@@ -196,7 +196,7 @@ def laws_of(source: Source, options: ExportOptions) -> tuple[str, ...]:
     return tuple(law for law in LAWS if law in wanted)
 
 
-def rig_of(source: Source, options: ExportOptions) -> Rig:
+def rig_for(source: Source, options: ExportOptions) -> Rig:
     """Sample time, precision and units."""
     rate = options.rate_hz or float(f"{source.made_for.rate_hz:.9g}")  # of a log's stamps, which round
     return Rig(1.0 / rate, options.precision, float(options.duty_on_fault), *map(unit_name, source.units))

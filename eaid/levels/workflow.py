@@ -29,10 +29,10 @@ from eaid.levels.huber import huber_findings, with_loss
 from eaid.levels.linear import linear_part
 from eaid.levels.nonlinear import nonlinear_part
 from eaid.levels.release import release_fit
-from eaid.options import MODELS, FitGiven, FitOptions
+from eaid.options import MODELS, FitOptions
 from eaid.plant.dynamics import SHARE
 from eaid.results.common import Input, Source
-from eaid.results.fit import Fit
+from eaid.results.fit import Fit, FitGiven
 from eaid.results.models import FittedData, Friction, LackOfFit, Uncertainty
 from eaid.results.plant import FittedPlant, PlantIntervals, with_release
 from eaid.results.verdict import judged

@@ -1,8 +1,8 @@
 """What recordings of a rig would tell, and the quickest steps from rest that tell what is wanted.
 
-Steps from rest and sequences of one recording are weighed alike (`kinds.Known`). Of steps, on a grid of hold times,
-numbers of levels and repeats, the experiment that takes the least time on the rig is taken; its degrees of freedom are
-those of the runs that make a curve there (Satterthwaite).
+Steps from rest and sequences of one recording are weighed alike (`kinds.Sensitivities`). Of steps, on a grid of hold
+times, numbers of levels and repeats, the experiment that takes the least time on the rig is taken; its degrees of
+freedom are those of the runs that make a curve there (Satterthwaite).
 """
 
 from bisect import bisect_left
@@ -22,7 +22,7 @@ from eaid.estimate.scatter import ASSUMED, neighbours
 from eaid.estimate.spread import satterthwaite, t_quantile
 from eaid.levels.certainty import LEVELS_TO_SPARE
 from eaid.options import PlanOptions
-from eaid.planning.kinds import NUMBERS_OF_KIND, PARAMETERS, Known, is_clutch, refuse_unplanned, steps_of
+from eaid.planning.kinds import NUMBERS_OF_KIND, PARAMETERS, Sensitivities, is_clutch, refuse_unplanned, steps_of
 from eaid.plant.drive import Drive
 from eaid.plant.dynamics import SHARE
 from eaid.results.fit import Fit
@@ -170,12 +170,12 @@ def settled(
     worst = max(options.want, key=lambda name: widths[name] / options.want[name])
     made = msgspec.structs.replace(
         plan, seed=options.seed, wanted=dict(options.want), met=widths[worst] <= options.want[worst],
-        half_width_pct=finite(plan.half_width_pct), measured_half_width_pct=None if kept is None else finite(kept),
+        half_width_pct=as_told(plan.half_width_pct), measured_half_width_pct=None if kept is None else as_told(kept),
     )  # fmt: skip
     return made, worst, widths[worst]
 
 
-def finite(widths: Mapping[str, float]) -> dict[str, float | None]:
+def as_told(widths: Mapping[str, float]) -> dict[str, float | None]:
     """Widths as a result holds them: None where there is no interval."""
     return {name: width if width < inf else None for name, width in widths.items()}
 
@@ -303,7 +303,7 @@ class FittedRig:
             rows, relative = model.rows(u)[:3], whole.rows(u)[0, :, whole.slices[0]] / Ts[:, None]
             rows[0, :, : len(u)] = Ts[:, None] * relative @ np.linalg.pinv(relative) / Ts
         drive = drive_of_steps(levels, hold_s - (0.0 if p is None else p.dead_time_s))
-        known = Known(model, unknowns, relative_rows(rows, unknowns))
+        known = Sensitivities(model, unknowns, relative_rows(rows, unknowns))
         return known.variances(self.noise, drive, np.repeat(1 / Ts**2, STEP_INSTANTS))
 
     def kept(self, within: Array, between: Array, repeats: int, levels: Sequence[float]) -> Widths:
@@ -350,7 +350,7 @@ class FittedRig:
         return [(plant, scattered(self.noise, row)) for plant, row in zip(plants, factors, strict=True)]
 
 
-def rig_of(fit: Fit) -> FittedRig:
+def fitted_rig(fit: Fit) -> FittedRig:
     """The rig that a fit describes; `DataError` where it holds neither a nonlinear nor a friction model."""
     if fit.nonlinear is None and fit.plant_ is None and (fit.data.kind == "clutch" or not fit.friction_levels):
         raise DataError("the fit holds neither a nonlinear nor a friction model to plan with; fit again")

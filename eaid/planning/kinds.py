@@ -36,7 +36,7 @@ PER_LAG, FEWEST_SAMPLES = 10, 20  # Samples of a simulated log in its fastest ti
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
+class Sensitivities:
     """A model, and how the logarithms of its numbers go with its unknowns."""
 
     model: Model
@@ -74,7 +74,7 @@ def is_clutch(p: Plant) -> bool:
     return p.kind == "parallel"
 
 
-def steps_of(p: Plant, levels: Array) -> Known:
+def steps_of(p: Plant, levels: Array) -> Sensitivities:
     """The model of a plant that is not the clutch's."""
     gain, zero = p.gain, None if p.zero else 0.0
     model = of_kind("lag" if p.kind == "lag" else "swing", gain, *p.u_range, shortest_s=1.0, zero=zero)
@@ -95,7 +95,7 @@ def steps_of(p: Plant, levels: Array) -> Known:
     slopes = np.zeros((1 + len(by_lags), len(levels), len(unknowns)))
     slopes[0, :, : gain.size] = gain.rows(levels) / steady[:, None]
     slopes[1:, :, gain.size : gain.size + by_lags.shape[1]] = by_lags[:, None]
-    return Known(model, unknowns, slopes, p.dead_time_s > 0)
+    return Sensitivities(model, unknowns, slopes, p.dead_time_s > 0)
 
 
 def refuse_unplanned(p: Plant) -> None:
@@ -120,7 +120,7 @@ def input_changes(runs: Sequence[PlannedRun]) -> list[tuple[float, float]]:
     return [*changes, (now, 0.0)]
 
 
-def measure(p: Plant, noise: Noise, runs: Sequence[PlannedRun], k: int, seed: int) -> Array:
+def session_widths(p: Plant, noise: Noise, runs: Sequence[PlannedRun], k: int, seed: int) -> Array:
     """Half-widths of the logarithms at the worst level, as the `k`-th recorded session tells them, (numbers,)."""
     random = np.random.default_rng([seed, k])
     at, inputs = np.array(input_changes(runs)).T

@@ -13,9 +13,8 @@ from eaid.findings import finding
 from eaid.levels.certainty import levels_first
 from eaid.levels.each_level import own_levels
 from eaid.options import PlanOptions
-from eaid.planning.design import KEEPING, Widths, percent, rig_of, settled, wanting
-from eaid.planning.kinds import PARAMETERS, is_clutch
-from eaid.planning.kinds import measure as measure_kind
+from eaid.planning.design import KEEPING, Widths, fitted_rig, percent, settled, wanting
+from eaid.planning.kinds import PARAMETERS, is_clutch, session_widths
 from eaid.plant.steps import step_response
 from eaid.results.fit import Fit
 from eaid.results.models import Noise
@@ -35,7 +34,7 @@ NOTICED_SCATTER = 0.01  # Scatter from run to run that is named as what stands i
 
 def experiment(plan: Plan, plant: Specimen, noise: Noise, seed: int) -> tuple[Level, ...]:
     """The levels of one simulated recording."""
-    disturbance = disturbance_of(noise)
+    disturbance = simulated_disturbance(noise)
     levels = []
     for i, (level, hold_s) in enumerate(zip(plan.levels, plan.hold_s, strict=True)):
         random, time_s = np.random.default_rng([seed, i]), np.arange(round(hold_s * RATE_HZ)) / RATE_HZ
@@ -47,7 +46,7 @@ def experiment(plan: Plan, plant: Specimen, noise: Noise, seed: int) -> tuple[Le
     return tuple(levels)
 
 
-def disturbance_of(noise: Noise) -> Disturbance:
+def simulated_disturbance(noise: Noise) -> Disturbance:
     """The noise and the scatter of a fit as a simulated recording has them."""
     scatter_of = {f"{name}_scatter": noise.scatter[name] for name in ("tau1", "tau2")}
     coloured = sqrt(noise.ripple_s / (2 * MEMORY_S))
@@ -62,7 +61,7 @@ def plan_recordings(fit: Fit, options: PlanOptions, progress: Callable[[], None]
 
     `UsageError` for a width of no parameter or a limit that no rig has; `DataError` for a fit without a model of steps.
     """
-    rig = rig_of(fit)
+    rig = fitted_rig(fit)
     guessed = any(one.code in OPEN_FINDINGS for one in fit.findings)
     decays = [each for each in fit.findings if each.code == "output-decays-under-hold"]
     rig = replace(rig, most=FIRST_REPEATS) if guessed or decays else rig
@@ -75,7 +74,7 @@ def plan_recordings(fit: Fit, options: PlanOptions, progress: Callable[[], None]
     def measure(plan: Plan, k: int) -> Widths:
         """Half-widths of one recording's own intervals at the worst level [%]."""
         if other is not None:
-            found = measure_kind(other, rig.noise, order(plan), k, options.seed)
+            found = session_widths(other, rig.noise, order(plan), k, options.seed)
             return dict(zip(rig.numbers, percent(found).tolist(), strict=True))
         plant, noise = rigs[k]
         levels = experiment(plan, plant, noise, options.seed + 100_000 * k)

@@ -20,9 +20,9 @@ from eaid.estimate.recorded_log import RecordedLog
 from eaid.estimate.spread import t_quantile
 from eaid.findings import finding
 from eaid.options import Limits, PlanOptions
-from eaid.planning.design import Widths, percent, relative_rows, rig_of, settled, wanting
-from eaid.planning.kinds import PARAMETERS, Known, is_clutch
-from eaid.planning.recordings import RATE_HZ, disturbance_of
+from eaid.planning.design import Widths, fitted_rig, percent, relative_rows, settled, wanting
+from eaid.planning.kinds import PARAMETERS, Sensitivities, is_clutch
+from eaid.planning.recordings import RATE_HZ, simulated_disturbance
 from eaid.plant.drive import Drive
 from eaid.plant.dynamics import Plant
 from eaid.plant.respond import driven
@@ -187,12 +187,12 @@ class Judge:
         return np.asarray(100 * np.expm1(np.minimum(half, 50.0)))
 
     @cached_property
-    def known(self) -> Known:
+    def known(self) -> Sensitivities:
         """The nonlinear model over the duties that the limits allow."""
         model = nonlinear(np.linspace(*self.limits.duty, 11), self.p.C)
         rows = model.rows(np.linspace(*self.limits.duty, WIDTH_INPUTS))[:3]
         unknowns = model.unknowns(self.p)
-        return Known(model, unknowns, relative_rows(rows, unknowns))
+        return Sensitivities(model, unknowns, relative_rows(rows, unknowns))
 
     def ratios(self, sequence: Array) -> Array:
         """Widths over the wanted ones, of those that are wanted, flat."""
@@ -231,12 +231,12 @@ class Judge:
         return sequence
 
 
-def measure(plan: Excitation, p: Plant, noise: Noise, k: int, seed: int = 0) -> Widths:
+def recording_widths(plan: Excitation, p: Plant, noise: Noise, k: int, seed: int = 0) -> Widths:
     """Half-widths [%] at the worst duty, as the `k`-th recording tells them where its fit to the log ends.
 
     It is one log of the sequence; each engagement, from its rest on, has a scatter of its own.
     """
-    draw, plant, disturbance = np.random.default_rng(seed + 7919 * k), clutch(p), disturbance_of(noise)
+    draw, plant, disturbance = np.random.default_rng(seed + 7919 * k), clutch(p), simulated_disturbance(noise)
     time_s = np.arange(round(plan.time_on_rig_s * RATE_HZ)) / RATE_HZ
     start, duty = np.array(plan.duty[:-1]).T
     place = np.searchsorted(start, time_s, side="right") - 1
@@ -265,7 +265,7 @@ def shortest_recording(fit: Fit, options: PlanOptions, progress: Callable[[], No
     options = wanting(options, {"Ts": 1.0, "tau1": 4.0, "tau2": 13.0})
     if fit.nonlinear is None and fit.plant_ is None:
         raise DataError("the fit holds no nonlinear model, which a sequence is planned with; fit clutch logs with it")
-    rig = rig_of(fit)
+    rig = fitted_rig(fit)
     if not is_clutch(plant := fit.plant):
         raise DataError(
             f"a sequence is planned for the clutch's two lags, and the fit's plant is of the kind {plant.kind}"
@@ -275,7 +275,8 @@ def shortest_recording(fit: Fit, options: PlanOptions, progress: Callable[[], No
     limits, noise, seed = limits_of(options, fit.plant.u_range, rig.plant.input_unit), rig.noise, options.seed
     plan, worst, width = settled(  # longer until 19 of 20 recordings keep what is wanted
         partial(plan_excitation, plant, noise, limits=limits, seed=seed),
-        lambda plan, k: measure(plan, plant, noise, k, seed), options, SEQUENCE_SETS, SEQUENCE_KEEPING, progress,
+        lambda plan, k: recording_widths(plan, plant, noise, k, seed),
+        options, SEQUENCE_SETS, SEQUENCE_KEEPING, progress,
     )  # fmt: skip
     findings = [] if rig.known else [finding("plan-assumes-noise", "plan")]
     if not plan.met:

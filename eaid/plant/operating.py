@@ -91,9 +91,9 @@ class Operating:
         return lags
 
 
-def lag(gain: float, tau: float, dead_time_s: float = 0.0) -> Operating:
+def lag(gain: float, tau: float) -> Operating:
     """One lag: τ y' = gain u − y."""
-    return Operating(gain, tau, tau, 1.0, dead_time_s=dead_time_s)
+    return Operating(gain, tau, tau, 1.0)
 
 
 def around(plant: Plant, u: float) -> Operating:

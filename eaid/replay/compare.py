@@ -62,7 +62,7 @@ def start_of(plant: Plant, time_s: Array, duty_pct: Array, torque_nm: Array) -> 
 def compared(run: Run, fit: Fit, plant: Plant) -> Record:
     """The plant's output for a run's input, on its own clock from 0, and how far it is from the recorded one, its
     reference; DataError where its input or output is in another unit than the fit's."""
-    refuse_other_units(run, fit)
+    refuse_units_of_run(run, fit)
     if any(one.code == "signs-turned" for one in fit.findings):  # as the fit took it
         run = replace(run, output=-run.output, baseline=None if run.baseline is None else -run.baseline)
     level = recorded_log(run, float(fit.options.reading.get("rest") or 0.0))
@@ -122,7 +122,7 @@ def idle_of(run: Run, duty: Array, own: LogFit | None, plant: Plant) -> float:
     return float(run.output[:before].mean()) if before and run.edge == "rising" else plant.idle
 
 
-def refuse_other_units(run: Run, fit: Fit) -> None:
+def refuse_units_of_run(run: Run, fit: Fit) -> None:
     """DataError where a run's input or output is in another unit than the fit's."""
     units = fit.data.input_unit, fit.data.output_unit
     if run.input_unit != units[0] or np.isnan(run.input).any():

@@ -26,15 +26,12 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from eaid.control.gains import law_of, physical
-from eaid.control.kinds import Law, kind_of
+from eaid.control.kinds import Law, Step, kind_of
 from eaid.errors import UsageError
 from eaid.options import CONTROLLERS
 from eaid.plant.dynamics import Plant, PlantNumbers, plant_numbers, plant_step
 from eaid.plant.linear import LinearPlant
 from eaid.results.gains import Gains
-
-# step(gains, state, reference, reference_rate, torque, dt) → (next state, duty)
-Step = Callable[[Any, Any, float, float, float, float], tuple[Any, float]]
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from eaid.arrays import Array, read_only
+from eaid.control.kinds import Step
 from eaid.options import Rig
 from eaid.plant.dynamics import PlantNumbers, plant_step
-from eaid.replay.controllers import Controller, Step
+from eaid.replay.controllers import Controller
 
 INSTANT = 1e-9  # Two instants nearer than this share of a sample are one
 
@@ -74,7 +75,7 @@ def coloured(samples: int, dt_s: float, memory_s: float, random: np.random.Gener
     return np.asarray(dtbsv(1, band, white, lower=1, diag=1))
 
 
-def noise(rig: Rig, samples: int, seed: int) -> Array:
+def sensor_noise(rig: Rig, samples: int, seed: int) -> Array:
     """White noise on the measured torque [N·m], shape (samples,)."""
     return rig.noise_nm * np.random.default_rng(seed).standard_normal(samples)
 
@@ -125,8 +126,8 @@ def loop_of(law: Step) -> Callable[..., None]:
 
 def inputs_of(controller: Controller, reference_nm: Array, rig: Rig, dt_s: float, seed: int) -> Inputs:
     """The columns that a controller meets on a reference [N·m], shape (n,)."""
-    n, rate = len(reference_nm), reference_rate(reference_nm, dt_s, controller.looks_ahead)
-    return Inputs(np.array(reference_nm, dtype=np.float64), np.ascontiguousarray(rate), noise(rig, n, seed), np.ones(n))
+    n, rate = len(reference_nm), np.ascontiguousarray(reference_rate(reference_nm, dt_s, controller.looks_ahead))
+    return Inputs(np.array(reference_nm, dtype=np.float64), rate, sensor_noise(rig, n, seed), np.ones(n))
 
 
 def reference_rate(reference_nm: Array, dt_s: float, looks_ahead: bool) -> Array:

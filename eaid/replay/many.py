@@ -24,14 +24,15 @@ import numpy as np
 from numba.extending import register_jitable
 
 from eaid.arrays import Array
-from eaid.control.kinds import CONTROLLER_ROWS
+from eaid.control.kinds import CONTROLLER_ROWS, Step
 from eaid.options import Rig
 from eaid.plant import dynamics
 from eaid.plant.dynamics import Plant, plant_numbers
 from eaid.replay import controllers, loop
-from eaid.replay.controllers import Controller, Step
+from eaid.replay.controllers import Controller
 from eaid.replay.loop import rig_numbers
-from eaid.replay.references import Reference, tracking
+from eaid.replay.metrics import tracking
+from eaid.replay.references import Reference
 from eaid.results.gains import Tracking
 from eaid.results.replay import Distribution, PlantSpread, Worst
 

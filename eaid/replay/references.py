@@ -1,20 +1,4 @@
-"""Torque references of the paper's experiments, at the control rate, and what is measured on each.
-
-Errors are reference − true torque. Over n samples:
-
-    largest     max |e|                              RMS  √(Σ e²/n)            mean  Σ |e|/n
-    duty step   Σ |u_k − u_{k−1}|/(n − 1)
-    saturated   share of samples whose duty lies at or beyond a limit (0 and 100 %, or the gains' own)
-
-A step of the reference from r0 to r1, y = (T − r0)/(r1 − r0), watched until the next step:
-
-    rise        from the first y = 10 % to the first y = 90 %, between samples by a straight line
-    overshoot   max(y) − 1, at least 0, in percent of the step
-    settling    time after the step beyond which |y − 1| stays within 2 % until the next step
-
-What is never reached is None. A tone A sin(2πft) of the reference over whole periods: gain and phase of the
-least-squares fundamental of the torque (a constant fitted beside it) against that of the reference.
-"""
+"""Torque references of the paper's experiments, and a user's own, at the control rate."""
 
 import csv
 import itertools
@@ -26,9 +10,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from eaid.arrays import Array, read_only
 from eaid.control.defaults import Scales
@@ -37,8 +19,6 @@ from eaid.errors import DataError, UsageError
 from eaid.findings import Finding, finding
 from eaid.logs.table import seconds
 from eaid.plant.dynamics import PlantNumbers, plant_terms
-from eaid.results.gains import Tracking
-from eaid.results.replay import Metrics, StepMetrics, ToneMetrics
 from eaid.results.verdict import LARGEST_OUTPUT
 
 Signal = tuple[Array, Array]  # Time [s] and output, shapes (n,) each
@@ -139,7 +119,8 @@ def signal_of(given: Any, dt_s: float, duration_s: float | None = None) -> Signa
     """A reference as a user gives it: a file, a Series over time [s], rows (time, reference), one value a control
     sample, or a function of time [s]."""
     if isinstance(given, str | os.PathLike):
-        return read_reference(Path(given))
+        time_s, values = np.array([row for _, row in read_rows(Path(given), ("time_s", "reference_nm"))]).T
+        return time_s, values
     signal: Any
     try:
         if callable(given):
@@ -210,12 +191,6 @@ def read_rows(
     return numbers
 
 
-def read_reference(path: Path) -> Signal:
-    """Time [s] and reference [N·m] of a CSV with the columns time_s,reference_nm."""
-    time_s, torque_nm = np.array([values for _, values in read_rows(path, ("time_s", "reference_nm"))]).T
-    return time_s, torque_nm
-
-
 def samples_of(duration_s: float, dt_s: float) -> int:
     """Control samples in a duration; `UsageError` below two."""
     n = round(duration_s / dt_s)
@@ -246,92 +221,9 @@ def reference_of(wanted: str | Signal, dt_s: float, scales: Scales, duration_s: 
     return SCENARIO_SIGNALS[wanted](dt_s, duration_s, scales.top, scales.pace)
 
 
-LIMITED, OFF = 0.4, 0.02  # Share of the time at a limit of the input; errors that count, of the highest reference
-
-
-def at_limit(name: str, columns: Mapping[str, Array], limits: tuple[float, float]) -> list[Finding]:
-    """Whether a controller's input lay at a limit so long, away from the reference, that its errors say little of its
-    gains."""
-    duty, wanted = columns["duty_pct"], columns["reference_nm"]
-    off = np.abs(wanted - columns["torque_nm"]) > OFF * np.abs(wanted).max()
-    share = float((((duty <= limits[0]) | (duty >= limits[1])) & off).mean())
-    return [finding("controller-at-limit", name, share_pct=100 * share)] if share >= LIMITED else []
-
-
 def reference_beyond(wanted: Reference, plant: PlantNumbers, subject: str, unit: str) -> list[Finding]:
     """Whether a reference goes beyond what the plant has."""
     asked, highest = float(wanted.torque_nm.max()), plant_terms(plant, plant.u_high)[2]
     if asked <= highest:
         return []
     return [finding("reference-above-plant", subject, asked=asked, highest=highest, unit=unit)]
-
-
-def tracking(
-    columns: Mapping[str, Array], limits_pct: tuple[float, float], counted: "slice | NDArray[np.int64]" = slice(None)
-) -> Tracking:
-    """Errors [N·m], duty activity [%] and saturation [1] of a replay over the samples that count."""
-    reference, torque, duty = (columns[name][counted] for name in ("reference_nm", "torque_nm", "duty_pct"))
-    error = np.abs(reference - torque)
-    return Tracking(
-        max_abs_error_nm=float(error.max()),
-        rms_error_nm=math.sqrt(float((error * error).mean())),
-        mean_abs_error_nm=float(error.mean()),
-        mean_abs_duty_step_pct=float(np.abs(np.diff(duty)).mean()) if len(duty) > 1 else 0.0,
-        saturated_fraction=float(((duty <= limits_pct[0]) | (duty >= limits_pct[1])).mean()),
-    )
-
-
-def step(torque_nm: Array, from_nm: float, to_nm: float, dt_s: float) -> StepMetrics:
-    """Rise time [s], overshoot [%] and settling time [s] of one step; torque from the step's sample on, shape (n,)."""
-    y = (torque_nm - from_nm) / (to_nm - from_nm)
-    low, high = _first_crossing(y, 0.1), _first_crossing(y, 0.9)
-    outside = np.flatnonzero(np.abs(y - 1.0) > 0.02)
-    settled = int(outside[-1]) + 1 if len(outside) else 0
-    return StepMetrics(
-        from_nm=from_nm,
-        to_nm=to_nm,
-        rise_time_s=(high - low) * dt_s if low is not None and high is not None else None,
-        overshoot_pct=max(0.0, float(y.max()) - 1.0) * 100,
-        settling_s=settled * dt_s if settled < len(y) else None,
-    )
-
-
-def _first_crossing(y: Array, level: float) -> float | None:
-    """Samples until y first reaches a level, between samples by a straight line; 0 where it begins there."""
-    reached = y >= level
-    k = int(reached.argmax())
-    if not reached[k]:
-        return None
-    if k == 0:
-        return 0.0
-    return k - 1 + float((level - y[k - 1]) / (y[k] - y[k - 1]))
-
-
-def tone(reference_nm: Array, torque_nm: Array, frequency_hz: float, dt_s: float) -> ToneMetrics:
-    """Gain [dB], phase [°] and mean absolute error [N·m] at one frequency, over whole periods, shapes (n,)."""
-    angle = 2 * math.pi * frequency_hz * (np.arange(len(torque_nm)) * dt_s)
-    waves = np.column_stack([np.sin(angle), np.cos(angle), np.ones(len(angle))])
-    sines, cosines, _ = np.linalg.lstsq(waves, np.column_stack([torque_nm, reference_nm]))[0].tolist()
-    ratio = complex(sines[0], cosines[0]) / complex(sines[1], cosines[1])
-    return ToneMetrics(
-        frequency_hz=frequency_hz,
-        gain_db=20 * math.log10(abs(ratio)) if ratio != 0 else None,
-        phase_deg=math.degrees(math.atan2(ratio.imag, ratio.real)),
-        mean_abs_error_nm=float(np.abs(reference_nm - torque_nm).mean()),
-    )
-
-
-def measure(columns: Mapping[str, Array], limits_pct: tuple[float, float], reference: Reference) -> Metrics:
-    """All metrics of a replay on its reference: tracking, then per step and per tone where there are any."""
-    wanted, torque, dt_s = columns["reference_nm"], columns["torque_nm"], reference.dt_s
-    measured = [
-        step(torque[a:b], float(wanted[a - 1]), float(wanted[a]), dt_s)
-        for a, b in itertools.pairwise([*reference.steps, len(torque)])
-    ]
-    tones = [
-        tone(wanted[begin:end], torque[begin:end], frequency_hz, dt_s) for frequency_hz, begin, end in reference.tones
-    ]
-    return Metrics(
-        **msgspec.structs.asdict(tracking(columns, limits_pct, slice(reference.begin, None))),
-        counted_from_s=reference.counted_from_s, steps=tuple(measured), frequencies=tuple(tones),
-    )  # fmt: skip

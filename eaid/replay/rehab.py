@@ -23,8 +23,9 @@ from eaid.errors import GainsError, UsageError
 from eaid.options import Rig
 from eaid.plant.dynamics import PlantNumbers, plant_terms
 from eaid.replay.controllers import Controller
-from eaid.replay.loop import Held, coloured, columns_of, hold_step, noise, rig_numbers
-from eaid.replay.references import samples_of, tracking
+from eaid.replay.loop import Held, coloured, columns_of, hold_step, rig_numbers, sensor_noise
+from eaid.replay.metrics import tracking
+from eaid.replay.references import samples_of
 from eaid.results.replay import Box, CycleTest, Exercise, Metrics, ModeMetrics, ModesTest, Record, SampleTest
 
 MODES = ("soft", "hard", "assisted")  # In the order of Fig. 16
@@ -71,7 +72,7 @@ def _run(
         swing * 2 * math.pi * exercise.movement_hz * np.sin(phase),
         # the user's moment is white noise that forgets itself in tremor_s: an AR(1) of the same variance at any rate
         exercise.tremor_nm * coloured(n, dt, exercise.tremor_s, user_random),
-        noise(rig, n, seed),
+        sensor_noise(rig, n, seed),
         *(0.5 * (1 + np.tanh((t - at) / exercise.blend_s)) for at in middle),  # shares of the way to hard, to assisted
     )
     law: Callable[..., tuple[object, float]] = controller.step

@@ -20,7 +20,8 @@ from eaid.progress import Progress, no_progress
 from eaid.replay.compare import compared
 from eaid.replay.controllers import Controller, OwnGains, OwnLaw, at_zero, controller_of, own_step
 from eaid.replay.loop import replay
-from eaid.replay.references import Reference, at_limit, measure, reference_beyond, reference_of, signal_of
+from eaid.replay.metrics import at_limit, measure
+from eaid.replay.references import Reference, reference_beyond, reference_of, signal_of
 from eaid.replay.rehab import MODES, rehabilitate
 from eaid.replay.tune import unknown_to_plant
 from eaid.results.fit import Fit

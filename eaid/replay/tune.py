@@ -20,12 +20,12 @@ from eaid.control.defaults import (
     timing_of,
     workable_rc,
 )
-from eaid.control.design import Design, least_margins, margins_of, phi_needed, robust_of, seen_top_nm
+from eaid.control.design import Design, phi_needed, robust_of, seen_top_nm
 from eaid.control.gains import Bounds, bounds_of, model_of, plant_of
-from eaid.control.guarantee import Known, guarantee_of, mended_options, to_mend, warnings_of
+from eaid.control.guarantee import MENDABLE, Grounds, guarantee_of, to_mend, warnings_of
 from eaid.control.kinds import LAW_KINDS, Law, designs, rc_law
 from eaid.control.law import Wanted
-from eaid.control.margins import Point, as_stepped, known, operating_points
+from eaid.control.margins import Point, as_stepped, finite, least_margins, margins_of, operating_points
 from eaid.control.pi import PAPER_PI, PIGains, step_metrics
 from eaid.errors import DataError
 from eaid.estimate.draw import draw, drawable
@@ -35,7 +35,8 @@ from eaid.plant.dynamics import Plant, plant_numbers
 from eaid.plant.linear import LinearPlant
 from eaid.replay.controllers import feedback
 from eaid.replay.loop import replay
-from eaid.replay.references import Reference, Signal, from_its_start, reference_beyond, reference_of, tracking
+from eaid.replay.metrics import tracking
+from eaid.replay.references import Reference, Signal, from_its_start, reference_beyond, reference_of
 from eaid.results.fit import Fit
 from eaid.results.gains import PI, AskedPI, Compared, Gains, Guarantee, Mending, Replayed, Robust, Timing, Tracking
 
@@ -65,13 +66,13 @@ class Task:
         return self.fit.data.input_unit, self.fit.data.output_unit
 
     @property
-    def known(self) -> Known:
+    def grounds(self) -> Grounds:
         """What the guarantee is judged by; a slope that nothing follows says nothing."""
         followed = self.wanted.torque_nm if self.given or self.plant is not None else None
         phi, top = self.phi, seen_top_nm(self.bounds, self.plant)
         if len(self.fit.data.levels) == 1:  # nothing tells the input of any other output
             phi = top = None
-        return Known(self.model, self.limits, self.timing, self.units, phi, top, followed, self.fit.dead_time_s)
+        return Grounds(self.model, self.limits, self.timing, self.units, phi, top, followed, self.fit.dead_time_s)
 
     def designed(self, options: TuneOptions) -> Design:
         """The numbers that nothing was said about, settled."""
@@ -171,7 +172,7 @@ def tune(
     judged, findings = margins_of(laws, task.points, task.timing, task.units[0])
     refused |= {"rc": no_rc} if no_rc else {}
     findings += [finding("controller-refused", name, why=why) for name, why in refused.items()]
-    replayed = compare(task, rc, laws)
+    replayed = replay_beside(task, rc, laws)
     verdict = None
     if rc is not None:
         verdict, rc, more = judged_rc(task, settled, rc, pi, replayed)
@@ -183,7 +184,7 @@ def tune(
     if why:
         findings.insert(0, finding("fit-not-usable", "model", why=why))
     overshoot_pct, settling_s = step_metrics(task.model, pi.K_P, pi.K_I)
-    designed = PI(pi.K_P, pi.K_I, overshoot_pct, known(settling_s), None if settled.pi == AskedPI() else settled.pi)
+    designed = PI(pi.K_P, pi.K_I, overshoot_pct, finite(settling_s), None if settled.pi == AskedPI() else settled.pi)
     return Gains(
         model=task.model, rc=rc, pi=designed, controllers=held,
         input_unit=task.units[0], output_unit=task.units[1], duty_limits_pct=task.limits, guarantee=verdict,
@@ -196,7 +197,7 @@ def judged_rc(
     task: Task, settled: Design, rc: Robust, pi: PIGains, replayed: Replayed
 ) -> tuple[Guarantee, Robust, list[Finding]]:
     """The verdict on the guarantee, the robust controller that knows whether its φ holds, and what is to be said."""
-    verdict, error = guarantee_of(rc, task.known), None if replayed.rc is None else replayed.rc.max_abs_error_nm
+    verdict, error = guarantee_of(rc, task.grounds), None if replayed.rc is None else replayed.rc.max_abs_error_nm
     own = _least(task, rc_law(task.model, rc, task.limits), (), verdict, error)
     verdict = msgspec.structs.replace(verdict, mendings=mendings(task, settled, pi, verdict))
     phi_holds = next(one.holds for one in verdict.conditions if one.name == "phi")
@@ -204,7 +205,7 @@ def judged_rc(
     return verdict, msgspec.structs.replace(rc, phi_holds=phi_holds), told
 
 
-def compare(task: Task, rc: Robust | None, laws: dict[str, Law]) -> Replayed:
+def replay_beside(task: Task, rc: Robust | None, laws: dict[str, Law]) -> Replayed:
     """The robust controller beside the PI that was designed, the PI of its own margins, with and without its
     feedforward, and the paper's PI where the rig is the paper's; and what else the table has.
 
@@ -241,10 +242,11 @@ def mendings(task: Task, settled: Design, pi: PIGains, verdict: Guarantee) -> tu
     """What the gains would be that meet what these do not: each condition alone, and all at once."""
     made = []
     for conditions in to_mend(verdict):
-        options = replace(settled.options, **mended_options(conditions, task.wanted.steepest_nm_s))
+        more = {key: value for one in conditions for key, value in MENDABLE[one](task.wanted.steepest_nm_s).items()}
+        options = replace(settled.options, **more)
         _, rc = task.robust(replace(task.designed(options), pi=settled.pi), pi)
         law = rc_law(task.model, rc, task.limits)
-        made.append(_least(task, law, conditions, guarantee_of(rc, task.known), task.errors(law).max_abs_error_nm))
+        made.append(_least(task, law, conditions, guarantee_of(rc, task.grounds), task.errors(law).max_abs_error_nm))
     return tuple(made)
 
 

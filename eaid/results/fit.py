@@ -6,7 +6,7 @@ Keys are the paper's symbols, polynomials lowest power first, units those of the
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from statistics import median_low
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -17,7 +17,7 @@ from scipy.special import stdtrit
 from eaid.arrays import Array
 from eaid.errors import DataError, UsageError, in_python
 from eaid.findings.row import SYMBOLS
-from eaid.options import FitGiven
+from eaid.options import FitOptions
 from eaid.plant import linear
 from eaid.plant.dynamics import Plant
 from eaid.plant.forms import terms
@@ -55,6 +55,13 @@ class Parameter(Result, frozen=True):
 MODEL_CURVES: dict[str, Any] = {
     "nonlinear": from_rest, "linear": linear.linear_response, "friction": None, "plant": from_rest,
 }  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitGiven(FitOptions):
+    """All that a fit was given, the reading of its logs too, so that it can be done again."""
+
+    reading: dict[str, str | float | bool | None] = field(default_factory=dict)
 
 
 class Fit(Plotted, codec.Saved, Made, frozen=True):

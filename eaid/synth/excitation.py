@@ -72,7 +72,7 @@ SEQUENCES: dict[str, Callable[[Excitation, Span, int, Draw], Array]] = {
 }  # fmt: skip
 
 
-def reference_of(e: Excitation, span: Span, n: int, draw: Draw) -> Array:
+def loop_reference(e: Excitation, span: Span, n: int, draw: Draw) -> Array:
     """Outputs in random order with holds as those of random steps, each with small tones upon it."""
     t = np.arange(n) / e.rate_hz
     tones = sum(np.sin(2 * np.pi * f * t + 1.7 * k * k) for k, f in enumerate(np.geomspace(*FREQUENCIES_HZ, 5)))
@@ -123,7 +123,7 @@ def looped(
     time_s, idle = times
     n = len(idle)
     low, high = PAPER_REFERENCE_NM
-    reference = reference_of(e, (low * plant.scale, high * plant.scale), len(time_s) - n, draw)
+    reference = loop_reference(e, (low * plant.scale, high * plant.scale), len(time_s) - n, draw)
     share, white = noise(time_s, plant.rotor_hz(np.zeros_like(time_s)), disturbance, draw)
     law, dt_s = paper_pi(plant), 1 / e.rate_hz
     inputs = inputs_of(law, reference, Rig(), dt_s, 0)._replace(disturbance=white[n:], factor=1.0 + share[n:])

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import eaid
 from eaid.control.gains import law_of
 from eaid.control.kinds import LAW_KINDS
-from eaid.control.law import Law
+from eaid.control.law import LinearLaw
 from eaid.control.margins import Point, law_around
 from eaid.control.pi_feedforward import PIFeedforwardGains, pi_feedforward_step
 from eaid.control.rc import rc_step
@@ -48,7 +48,7 @@ def test_around_a_point_it_is_its_own_slopes(gains, fit_of):
     law = law_of(gains, "pi-feedforward")
     around, _ = law_around(law, 2.0, 66.0)
     fed_back = law.a0 / law.b0
-    assert around == pytest.approx(Law(law.K_P, law.B_hat, law.K_P - fed_back, law.K_I), rel=1e-6)
+    assert around == pytest.approx(LinearLaw(law.K_P, law.B_hat, law.K_P - fed_back, law.K_I), rel=1e-6)
     assert Point._fields[0] == "duty_pct"
 
 

@@ -121,7 +121,7 @@ class Laws:
 def laws_of(gains: Any, fit: Any, precision: str = "double", **options: Any) -> Laws:
     """What an export holds, in the plain Python that its other languages repeat."""
     source, how = job.source_of(gains, fit), eaid.ExportOptions(precision=precision, **options)
-    laws, rig = job.laws_of(source, how), job.rig_of(source, how)
+    laws, rig = job.laws_of(source, how), job.rig_for(source, how)
     held = constants.constants_of(source.loops, source.plant, source.limits, laws, rig)
     series = constants.rounded(constants.SERIES[precision], precision)
     number = np.float32 if precision == "single" else float

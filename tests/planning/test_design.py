@@ -9,7 +9,7 @@ import eaid
 from eaid.estimate.scatter import unit_variances
 from eaid.estimate.spread import t_quantile
 from eaid.options import PlanOptions
-from eaid.planning.design import SHARES, rig_of
+from eaid.planning.design import SHARES, fitted_rig
 from eaid.plant.dynamics import REFERENCE_PLANT, Plant, Step
 from eaid.plant.respond import respond
 from eaid.results.fit import Fit
@@ -29,7 +29,7 @@ def test_widths_of_pure_scatter_by_hand() -> None:
     )
     noise = Noise(0.0, 0.0, dict(zip(("Ts", "tau1", "tau2"), spread.tolist(), strict=True)))
     fit = Fit(data=FittedData(kind="friction-speed"), friction=Friction(levels=rows))
-    rig = replace(rig_of(fit), noise=noise, known=False)
+    rig = replace(fitted_rig(fit), noise=noise, known=False)
     found = rig.kept(*rig.contributions(levels, np.full(3, 30.0), PlanOptions()), 9, levels)
     one = chi2(8).ppf(np.array(SHARES) ** (1 / 3)) / 8  # each level by itself, nine runs; the worst of three
     expected = 100 * np.expm1(t_quantile(8) * spread * np.sqrt(one) / 3)
@@ -64,7 +64,7 @@ KINDS = {
 def test_a_session_is_planned_of_every_kind(kind: str) -> None:
     fit = Fit(data=FittedData(levels=(10.0, 100.0)), plant_=FittedPlant.of(KINDS[kind], ("%", "N·m")))
     session = eaid.plan(fit, check=False, most_levels=8)
-    assert session.met and tuple(session.half_width_pct) == rig_of(fit).numbers
+    assert session.met and tuple(session.half_width_pct) == fitted_rig(fit).numbers
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -72,7 +72,7 @@ def test_information_of_every_kind_is_that_of_finite_differences(kind: str) -> N
     """Variances by white noise of two steps, their idle and release, by differences of `respond`."""
     plant, noise = KINDS[kind], Noise(1e-4, 0.0, {"Ts": 0.0, "tau1": 0.0, "tau2": 0.0})
     fit = Fit(data=FittedData(levels=(50.0, 100.0)), plant_=FittedPlant.of(plant, ("%", "N·m")))
-    rig = replace(rig_of(fit), noise=noise, known=False)
+    rig = replace(fitted_rig(fit), noise=noise, known=False)
     within, _ = rig.contributions([50.0, 100.0], np.full(2, 6.0), PlanOptions(idle_s=2.0, release_s=5.0))
     t = np.arange(0.0, 26.0, 1e-3)
 
@@ -103,7 +103,7 @@ def test_information_of_every_kind_is_that_of_finite_differences(kind: str) -> N
 def test_every_kind_is_planned(kind: str) -> None:
     noise = Noise(1e-4, 1e-5, {"Ts": 0.02, "tau1": 0.0, "tau2": 0.0})
     fit = Fit(data=FittedData(levels=(50.0, 100.0)), plant_=FittedPlant.of(KINDS[kind], ("%", "N·m")))
-    rig = replace(rig_of(fit), noise=noise, known=True)
+    rig = replace(fitted_rig(fit), noise=noise, known=True)
     plan = rig.quickest(dict.fromkeys(rig.numbers, 20.0), PlanOptions(most_levels=8))
     assert list(plan.half_width_pct) == list(rig.numbers)
     assert plan.met

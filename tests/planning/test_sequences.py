@@ -7,7 +7,7 @@ import pytest
 
 import eaid
 from eaid.options import Limits
-from eaid.planning.sequences import measure, plan_excitation, refuse_scattered
+from eaid.planning.sequences import plan_excitation, recording_widths, refuse_scattered
 from eaid.plant.dynamics import REFERENCE_PLANT
 from eaid.results.models import Noise
 
@@ -32,7 +32,7 @@ def test_a_plan_keeps_its_limits_and_its_widths() -> None:
 @pytest.mark.slow
 def test_measured_widths_are_the_predicted_ones() -> None:
     found = plan_excitation(REFERENCE_PLANT, NOISE, WANT)
-    rows = [measure(found, REFERENCE_PLANT, NOISE, k) for k in range(5)]
+    rows = [recording_widths(found, REFERENCE_PLANT, NOISE, k) for k in range(5)]
     for name, predicted in found.half_width_pct.items():
         # a prediction takes the noise at its lowest frequencies, and no width is known better than to a third
         assert 0.35 * predicted < np.median([row[name] for row in rows]) < 1.35 * predicted

@@ -10,7 +10,7 @@ import pytest
 import eaid
 from eaid.estimate.scatter import ASSUMED
 from eaid.planning import design
-from eaid.planning.design import rig_of
+from eaid.planning.design import fitted_rig
 from tests.estimate.conftest import sets
 
 __all__ = ["sets"]
@@ -52,7 +52,7 @@ def fitted(sets: Any) -> Any:
 
 def test_rigs_scatter_as_the_fit_is_sure(fitted: Any) -> None:
     """Plants by the fit's intervals, scatter by √(ν/χ²), each rig its own."""
-    rig = rig_of(fitted)
+    rig = fitted_rig(fitted)
     found, noise = rig.drawn(200, 1), rig.noise
     tau2 = np.log([one.at(50.0).tau2 for one, _ in found])
     row = next(row for row in fitted.nonlinear.curves if row.level == 50.0)
@@ -70,7 +70,7 @@ def test_rigs_of_a_fit_without_intervals_are_the_fitted_one(fitted: Any) -> None
     bare = msgspec.structs.replace(
         fitted, nonlinear=msgspec.structs.replace(fitted.nonlinear, covariance=None), uncertainty=None
     )
-    rig = rig_of(bare)
+    rig = fitted_rig(bare)
     found = rig.drawn(3, 1)
     assert not rig.known and rig.noise == ASSUMED
-    assert all(one.at(50.0) == rig_of(fitted).plant.at(50.0) and noise == ASSUMED for one, noise in found)
+    assert all(one.at(50.0) == fitted_rig(fitted).plant.at(50.0) and noise == ASSUMED for one, noise in found)

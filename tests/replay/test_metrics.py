@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from eaid.replay import references
+from eaid.replay import metrics
 
 
 def test_tracking_by_hand():
     def tracking(reference, torque, duty, limits=(0.0, 100.0)):
         columns = {"reference_nm": reference, "torque_nm": torque, "duty_pct": duty}
-        return references.tracking({name: np.array(column) for name, column in columns.items()}, limits)
+        return metrics.tracking({name: np.array(column) for name, column in columns.items()}, limits)
 
     found = tracking([1.0, 1.0, 1.0, 1.0], [0.0, 1.0, 2.0, 3.0], [0.0, 100.0, 40.0, 30.0])
     assert (found.max_abs_error_nm, found.rms_error_nm) == (2.0, math.sqrt(6 / 4))
@@ -37,7 +37,7 @@ def test_tracking_by_hand():
 )
 def test_a_step_by_hand(torque, top, dt, rise, overshoot, settling):
     for start, turn in ((0.0, 1.0), (4.0, -1.0)):  # also downwards
-        found = references.step(start + turn * np.array(torque), start, start + turn * top, dt)
+        found = metrics.step(start + turn * np.array(torque), start, start + turn * top, dt)
         told = (found.rise_time_s, found.overshoot_pct, found.settling_s)
         assert [None if x is None else round(x, 9) for x in told] == [
             None if x is None else round(x, 9) for x in (rise, overshoot, settling)
@@ -46,13 +46,13 @@ def test_a_step_by_hand(torque, top, dt, rise, overshoot, settling):
 
 def test_steps_of_first_and_second_order_by_their_formulas():
     t, tau, dt = np.arange(4000) * 1e-3, 0.3, 1e-3
-    found = references.step(2.0 + (1 - np.exp(-t / tau)), 2.0, 3.0, dt)
+    found = metrics.step(2.0 + (1 - np.exp(-t / tau)), 2.0, 3.0, dt)
     assert found.rise_time_s == pytest.approx(tau * math.log(9), abs=1e-5) and found.overshoot_pct == 0.0
     assert found.settling_s == pytest.approx(tau * math.log(50), abs=1.01e-3)
     zeta, wn, dt = 0.4, 5.0, 1e-4
     t, wd = np.arange(60_000) * dt, wn * math.sqrt(1 - zeta**2)
     y = 1 - np.exp(-zeta * wn * t) * (np.cos(wd * t) + zeta * wn / wd * np.sin(wd * t))
-    found = references.step(3 * y, 0.0, 3.0, dt)
+    found = metrics.step(3 * y, 0.0, 3.0, dt)
     assert found.overshoot_pct == pytest.approx(100 * math.exp(-math.pi * zeta / math.sqrt(1 - zeta**2)), rel=1e-5)
     assert found.settling_s == pytest.approx(t[np.abs(y - 1) > 0.02][-1], abs=1.1 * dt)
 
@@ -64,8 +64,8 @@ def test_a_tone_has_the_gain_and_phase_that_made_it(samples):
     reference = 2 + np.sin(angle)
     for size, phase in ((0.5, -0.7), (2.0, 0.5), (3.0, -math.pi / 2)):
         torque = 40.0 + size * np.sin(angle + phase)
-        found = references.tone(reference, torque, 1.0, 1e-3)
+        found = metrics.tone(reference, torque, 1.0, 1e-3)
         assert found.gain_db == pytest.approx(20 * math.log10(size), abs=1e-9)
         assert found.phase_deg == pytest.approx(math.degrees(phase), abs=1e-8)
         assert found.mean_abs_error_nm == pytest.approx(np.abs(reference - torque).mean())
-    assert references.tone(reference, np.zeros(samples), 1.0, 1e-3).gain_db is None
+    assert metrics.tone(reference, np.zeros(samples), 1.0, 1e-3).gain_db is None

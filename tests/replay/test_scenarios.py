@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import eaid
-from eaid.replay import references
+from eaid.replay import metrics
 
 DT = 1e-3
 T = np.linspace(0.0, 2.0, 201)
@@ -54,9 +54,7 @@ def test_steps_go_up_and_down_and_each_is_measured_until_the_next(fit, gains):
             (0, 1), (1, 2), (2, 3), (3, 4), (4, 3), (3, 2), (2, 1), (1, 0),
         ]  # fmt: skip
         for k, step in enumerate(one.metrics.steps, 1):
-            assert step == references.step(
-                torque[1000 * k : 1000 * (k + 1)], wanted[1000 * k - 1], wanted[1000 * k], DT
-            )
+            assert step == metrics.step(torque[1000 * k : 1000 * (k + 1)], wanted[1000 * k - 1], wanted[1000 * k], DT)
 
 
 def test_the_sweep_is_measured_over_whole_periods(fit, gains):
@@ -71,7 +69,7 @@ def test_the_sweep_is_measured_over_whole_periods(fit, gains):
             wanted, torque = one.columns["reference_nm"], one.columns["torque_nm"]
             wave = 2 + np.sin(2 * np.pi * f * np.arange(end - begin) * dt)
             np.testing.assert_allclose(wanted[begin:end], wave, atol=1e-9)
-            assert one.metrics.frequencies[k] == references.tone(wanted[a:end], torque[a:end], f, dt)
+            assert one.metrics.frequencies[k] == metrics.tone(wanted[a:end], torque[a:end], f, dt)
         if k == 0:
             assert run.head.counted_from_s == a * dt == 10.0
         begin = end
