@@ -4,6 +4,7 @@ A default of None is settled where the option is used: those of gains in `eaid.c
 """
 
 import re
+import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -161,6 +162,17 @@ def in_words(value: Any) -> str:
     if isinstance(value, Apparatus):
         return ",".join(f"{each.name}={getattr(value, each.name)}" for each in fields(value))
     return str(value)
+
+
+def typed(given: Mapping[str, Any]) -> str:
+    """Options as they are typed, their names in guillemets: `«step_at» 2 «repair»`."""
+    words = []
+    for name, value in given.items():
+        parts = value if isinstance(value, tuple) else (value,)
+        each = (f"{one:.12g}" if isinstance(one, float) else in_words(one) for one in parts)
+        text = (":" if name == "duty" else ",").join(each)
+        words.append(f"«{name}»" + f" {shlex.quote(text)}" * (value is not True))
+    return " ".join(words)
 
 
 @dataclass(frozen=True, kw_only=True)
