@@ -92,8 +92,8 @@ def _proposal(files: Sequence[Path], runs: Sequence[Run], options: ReadOptions, 
     if not runs and any("no column is called" in fault or "columns have" in fault for fault in faults):
         columns |= _columns_of(files[0], options)
         if "time" not in columns and any("«rate_hz» HZ" in fault for fault in faults):
-            more["rate_hz"] = "HZ"  # the user's to fill in
-        how = replace(options, columns=columns, rate_hz=1.0 if more else options.rate_hz)
+            return ""  # a rate that nobody but the user knows
+        how = replace(options, columns=columns)
         runs, faults = read_what_can_be(files, how)
         if all("«repair»" in fault for fault in faults):
             runs = read_what_can_be(files, replace(how, repair=True))[0]

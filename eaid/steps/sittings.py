@@ -50,8 +50,12 @@ def sittings(runs: Sequence[RunRecord], usual: float, unit: str, options: str = 
 
     apart = connected_components((level[:, None] == level) | (sitting[:, None] == sitting), directed=False)[0] > 1
     parts, logs = tuple(_words(group, unit) for group in groups), _beginnings(groups)
-    said = {"sessions": len(groups), "by": by, "parts": parts, "mixed": apart, "logs": logs, "options": options}
-    return [finding("several-sessions", "data", **said)]
+    n = len(groups)
+    return [
+        finding(
+            "several-sessions", "data", sessions=n, by=by, parts=parts, mixed=apart, logs=logs, options=options
+        )
+    ]  # fmt: skip
 
 
 def _moment(run: RunRecord) -> float | None:

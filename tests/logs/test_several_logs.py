@@ -269,7 +269,10 @@ UNNAMED = {  # one log each: its columns, what is said already, and what is then
     "two sensors alike": ("Time,T1,T2,Q1", (T, 20 + SPEED, 20 + 0.9 * SPEED, STEP), "", None),
     "a sensor said": ("Time,T1,T2,Q1", (T, 20 + SPEED, 20 + 0.9 * SPEED, STEP), "--columns output=T1",
                       "--columns output=T1,input=Q1"),
-    "no names, no time": (None, (STEP, 20 + SPEED), "", "--rate-hz HZ --columns input=1,output=2"),
+    "stamps of a serial monitor": (
+        None, ([f"12:00:{t:06.3f} -> {1e3 * t:.0f}" for t in T], STEP, 20 + SPEED), "",
+        "--columns time=1,input=3,output=4"),
+    "no names, no time": (None, (STEP, 20 + SPEED), "", None),  # nobody else knows the rate
     "a reference, no input": ("Time,Commanded Pos,Control Effort", (T, SPEED, SPEED), "", None),
 }  # fmt: skip
 
@@ -283,8 +286,7 @@ def test_columns_without_a_name_that_says_it_are_proposed(name, run_eaid, tmp_pa
     tries = [line.removeprefix("try: eaid fit log.csv ") for line in ran.err.splitlines() if line.startswith("try: ")]
     assert ran.code == 3 and tries == [f"{proposed} --output mine.json"] * (proposed is not None)
     if proposed is not None:
-        words = shlex.split(proposed.replace("HZ", "100"))
-        assert run_eaid("ingest", "log.csv", *words, "-o", "data.h5").code == 0
+        assert run_eaid("ingest", "log.csv", *shlex.split(proposed), "-o", "data.h5").code == 0
         assert [one.level for one in eaid.read("data.h5").levels] == [9.0]
 
 

@@ -11,7 +11,9 @@ def _no_scatter(v: Values) -> str:
 
 def _one_of_several(v: Values) -> str:
     parts = "; ".join(v["parts"])
-    commands = [f"eaid fit {logs} {v['options']}".rstrip() + f" -o {k}.json" for k, logs in enumerate(v.get("logs", ()), 1)]
+    commands = [
+        f"eaid fit {logs} {v['options']}".rstrip() + f" -o {k}.json" for k, logs in enumerate(v.get("logs", ()), 1)
+    ]
     offer = f"; part them: {on_command_line('; '.join(commands))}" if commands else ""
     mixed = ", and what differs between their levels may be the sessions" if v["mixed"] else ""
     return f"the logs hold {v['sessions']} sessions ({v['by']}: {parts}){mixed}{offer}"
