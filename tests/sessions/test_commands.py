@@ -8,8 +8,12 @@ from glob import glob
 from pathlib import Path
 
 import pytest
+from matplotlib.text import Text
 
 import eaid
+from eaid.report.figures.sessions import compared
+from eaid.report.paper import figure_of, look
+from eaid.report.results import gathered
 from eaid.sessions import follow
 
 
@@ -69,6 +73,18 @@ def test_a_page_begins_with_the_verdict_and_shows_the_sessions(folder, run_eaid)
         page = (folder / "page" / "report.html").read_text()
         assert page.index(said) < page.index('class="picture"') and (folder / f"page/figures/{figure}.png").is_file()
     assert "A: s0.json" in page and "B: s1.json" in page and retune in page and "Do next" in page
+
+
+def test_names_of_many_sessions_stand_clear_of_the_letters_of_the_panels(fits):
+    sheet = compared(gathered([eaid.compare(*fits.values())]))
+    with look():
+        figure = figure_of(sheet)
+        figure.canvas.draw()
+    letters = [one.get_window_extent() for one in figure.findobj(Text) if one.get_text().strip() in ("(a)", "(b)")]
+    names = [legend.get_window_extent() for axes in figure.axes if (legend := axes.get_legend())]
+    assert len(letters) == 2 and names and not any(one.overlaps(other) for one in letters for other in names)
+    shown = [[line.get_color() for line in axes.lines if line.get_marker() not in ("None", "_")] for axes in figure.axes]
+    assert shown[1] == shown[0][1:]  # B, C … in the colours of their values
 
 
 @pytest.mark.parametrize(
