@@ -22,6 +22,7 @@ from eaid.logs.names import agreeing, chosen, level_and_repeat, pattern_guessed,
 from eaid.logs.read import columns_told, read_what_can_be
 from eaid.logs.run import Run
 from eaid.logs.text import read_text
+from eaid.logs.to_run import without_switches
 from eaid.logs.units import TIME_FACTORS
 from eaid.options import ReadOptions, in_words, typed
 from eaid.progress import Progress, no_progress
@@ -71,6 +72,7 @@ def read_steps(
     files = agreeing(files, options.where)
     with progress("reading logs", len(files)) as advance:
         runs, faults = read_what_can_be(files, options, advance)
+    runs = without_switches(runs, options)
     if manifest is not None:
         entries = {entry.file: entry for entry in manifest.log}
         runs = [apply(entries[run.source], run) if run.source in entries else run for run in runs]

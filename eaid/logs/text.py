@@ -266,7 +266,11 @@ def _broken_rows(above: list[str], marks: Marks) -> int:
     for line in reversed(above):
         cells = marks.cells(line, len(line))
         good, filled = marks.count_good(cells)
-        if not cells or not marks.is_good(cells[0]) or good < (filled if marks.delimiter is None else min(2, filled / 2)):
+        if (
+            not cells
+            or not marks.is_good(cells[0])
+            or good < (filled if marks.delimiter is None else min(2, filled / 2))
+        ):
             break
         if len(cells) == 1 and count == len(above) - 1:
             break  # a first line that says how many rows follow

@@ -63,7 +63,7 @@ from eaid.shapes.each_step import single_steps
 from eaid.steps.levels import wanted_levels
 from eaid.steps.stepset import Level, StepSet
 
-LEAST_OUTPUTS = 10
+LEAST_OUTPUTS, LEAST_OF_ALL = 10, 50  # Rows of one log, and of all: a plant has up to nine unknowns
 FEW_VALUES = 5  # Different outputs up to which an input that moves all the time is taken for the output
 INPUT_JUMP = 0.1  # A jump, as a part of the largest input
 FAST_PCT = 20.0
@@ -91,6 +91,11 @@ def refuse(logs: Sequence[RecordedLog]) -> None:
                 f"{where}: its output takes {FEW_VALUES} values or fewer while its input moves all the time, as if "
                 "they were swapped; name both with «columns» input=NAME,output=NAME"
             )
+    if not faults and (rows := sum(int(np.isfinite(log.output).sum()) for log in logs)) < LEAST_OF_ALL:
+        faults.append(
+            f"{logs[0].source or logs[0].name}: holds {rows} rows, and a fit of recorded logs needs {LEAST_OF_ALL}; "
+            "record it longer, or sample it faster"
+        )
     if faults:
         raise DataError(*faults)
 

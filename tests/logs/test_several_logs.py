@@ -373,6 +373,24 @@ def test_factors_of_names_are_told_and_choose(tmp_path, run_eaid):
     )  # fmt: skip
 
 
+@pytest.mark.parametrize(("column", "warned"), [("voltage", False), ("velocity", True)])
+def test_a_switch_beside_levels_in_names_is_no_input(column, warned, tmp_path, run_eaid):
+    on = (T >= 1) & (T < 2.5)
+    for volts in (100, 150, 200):
+        force = volts / 50 * np.where(T < 2.5, -np.expm1(-np.maximum(T - 1, 0) / 0.1), np.exp(-(T - 2.5) / 0.02))
+        (tmp_path / f"a_V={volts}.csv").write_text(text(f"time_s,{column},force_n", T, 5.0 * on, force))
+    asked = run_eaid("ingest", tmp_path, "-o", tmp_path / "one.h5")
+    assert "or take it for the level with --name-pattern 'V={level}'" in asked.out
+    words = ("--name-pattern", "V={level}", "--units", "input=V")
+    ran = run_eaid("ingest", tmp_path, *words, "-o", tmp_path / "three.h5")
+    assert f"left: {column}" in ran.err and ("moves with the step" in ran.out) is warned
+    steps = eaid.read(tmp_path / "three.h5")
+    assert [one.level for one in steps.levels] == [100.0, 150.0, 200.0] and len(steps.releases) == 3
+    assert {round(run.step_s, 2) for run in steps.runs} == {1.0, 2.5}
+    kept = eaid.read(tmp_path, columns={"input": column}, name_pattern="V={level}")  # the user's own choice
+    assert [one.level for one in kept.levels] == [5.0]
+
+
 def test_an_instant_that_is_proposed_is_written_in_full():
     t = np.arange(0.0, 40.0, 0.02)
     log = frame("time_s|torque_nm", t, ((t >= 5) & (t < 30)) + 1e-3 * np.sin(1e3 * t))

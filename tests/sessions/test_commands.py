@@ -83,7 +83,9 @@ def test_names_of_many_sessions_stand_clear_of_the_letters_of_the_panels(fits):
     letters = [one.get_window_extent() for one in figure.findobj(Text) if one.get_text().strip() in ("(a)", "(b)")]
     names = [legend.get_window_extent() for axes in figure.axes if (legend := axes.get_legend())]
     assert len(letters) == 2 and names and not any(one.overlaps(other) for one in letters for other in names)
-    shown = [[line.get_color() for line in axes.lines if line.get_marker() not in ("None", "_")] for axes in figure.axes]
+    shown = [
+        [line.get_color() for line in axes.lines if line.get_marker() not in ("None", "_")] for axes in figure.axes
+    ]
     assert shown[1] == shown[0][1:]  # B, C … in the colours of their values
 
 
