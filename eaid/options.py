@@ -4,6 +4,7 @@ A default of None is settled where the option is used: those of gains in `eaid.c
 """
 
 import re
+import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -145,6 +146,17 @@ def apparatus_from(text: str | Apparatus | None, kind: str | None) -> Apparatus 
     except msgspec.ValidationError as fault:
         why = str(fault).replace("`", "").replace(" - at $.", ": ")
         raise UsageError(f"«apparatus» {text}: {why}") from None
+
+
+def typed(given: Mapping[str, Any]) -> str:
+    """Options as they are typed, their names in guillemets: `«step_at» 2 «repair»`."""
+    words = []
+    for name, value in given.items():
+        parts = value if isinstance(value, tuple) else (value,)
+        each = (f"{one:.12g}" if isinstance(one, float) else as_typed(one) for one in parts)
+        text = (":" if name == "duty" else ",").join(each)
+        words.append(f"«{name}»" + f" {shlex.quote(text)}" * (value is not True))
+    return " ".join(words)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,8 +23,9 @@ from eaid.logs.names import agreeing, chosen, level_and_repeat, pattern_guessed,
 from eaid.logs.read import columns_told, read_what_can_be
 from eaid.logs.run import Run
 from eaid.logs.text import read_text
+from eaid.logs.to_run import without_switches
 from eaid.logs.units import TIME_FACTORS
-from eaid.options import ReadOptions
+from eaid.options import ReadOptions, typed
 from eaid.progress import Progress, no_progress
 from eaid.steps.baseline import baseline_rule
 from eaid.steps.build import stepset_of
@@ -72,6 +73,7 @@ def read_steps(
     files = agreeing(files, options.where)
     with progress("reading logs", len(files)) as advance:
         runs, faults = read_what_can_be(files, options, advance)
+    runs = without_switches(runs, options)
     if manifest is not None:
         entries = {entry.file: entry for entry in manifest.log}
         runs = [apply(entries[run.source], run) if run.source in entries else run for run in runs]
@@ -82,24 +84,24 @@ def read_steps(
         return steps_of(runs, how, faults, [path for path in paths if path.is_file()])
     except DataError as fault:
         more = _proposal(files, runs, options, fault.sentences)
-        words = [f"eaid {command}", shlex.join(map(str, paths)), *more]
-        raise DataError(*fault.sentences, *([f"try: {' '.join(words)}"] if more else [])) from None
+        try_ = f"try: eaid {command} {shlex.join(map(str, paths))} {more}"
+        raise DataError(*fault.sentences, *([try_] if more else [])) from None
 
 
-def _proposal(files: Sequence[Path], runs: Sequence[Run], options: ReadOptions, faults: Sequence[str]) -> list[str]:
-    """The options with all that can be guessed of what the logs do not say; none where that is nothing."""
+def _proposal(files: Sequence[Path], runs: Sequence[Run], options: ReadOptions, faults: Sequence[str]) -> str:
+    """The options with all that can be guessed of what the logs do not say; empty where that is nothing."""
     given = dict(options.stated())
     columns, units, more = dict(options.columns), dict(options.units), dict[str, str]()
     if not runs and any("no column is called" in fault or "columns have" in fault for fault in faults):
         columns |= _columns_of(files[0], options)
         if "time" not in columns and any("«rate_hz» HZ" in fault for fault in faults):
-            more["rate_hz"] = "HZ"  # the user's to fill in
-        how = replace(options, columns=columns, rate_hz=1.0 if more else options.rate_hz)
+            return ""  # a rate that nobody but the user knows
+        how = replace(options, columns=columns)
         runs, faults = read_what_can_be(files, how)
         if all("«repair»" in fault for fault in faults):
             runs = read_what_can_be(files, replace(how, repair=True))[0]
         if not runs:
-            return []  # something is missing that no guess fills
+            return ""  # something is missing that no guess fills
     likely = Counter(str(one.values["likely"]) for run in runs for one in run.findings if "likely" in one.values)
     factor = 1.0
     if likely:
@@ -129,9 +131,9 @@ def _proposal(files: Sequence[Path], runs: Sequence[Run], options: ReadOptions, 
     more |= {name: as_typed(value) for name, value in guessed.items() if value != getattr(options, name)}
     repair = {"repair": True} if any("«repair»" in fault for fault in faults) else {}
     if len(more) + len(repair) < 2 and "columns" not in more:  # the refusal says it already
-        return []
+        return ""
     given |= repair
-    return [f"«{name}»" + f" {shlex.quote(str(value))}" * (value is not True) for name, value in (given | more).items()]
+    return typed(given | more)
 
 
 def _columns_of(file: Path, options: ReadOptions) -> dict[str, str]:

@@ -29,7 +29,7 @@ from eaid.levels.huber import huber_findings, with_loss
 from eaid.levels.linear import linear_part
 from eaid.levels.nonlinear import nonlinear_part
 from eaid.levels.release import release_fit
-from eaid.options import MODELS, FitOptions
+from eaid.options import MODELS, FitOptions, typed
 from eaid.plant.dynamics import SHARE
 from eaid.results.common import Input, Source
 from eaid.results.fit import Fit, FitGiven
@@ -103,6 +103,7 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
         told = with_plant(msgspec.structs.replace(result, steps=shapes), stepset, dead_time_s, of_start)
         result = quotable(told)
         beyond_measure = [] if result is told else [finding("numbers-beyond-measure", "data")]
+        of_logs = [asked_again(one, options) for one in stepset.all_findings]
         return judged(
             msgspec.structs.replace(
                 result,
@@ -110,7 +111,7 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
                 options=given(options, stepset),
                 seed=options.seed,
                 converged=converged(result),
-                findings=ranked((*stepset.all_findings, *result.findings, *of_start, *of_shapes, *beyond_measure)),
+                findings=ranked((*of_logs, *result.findings, *of_start, *of_shapes, *beyond_measure)),
             )
         )
 
@@ -403,6 +404,14 @@ def data_of_steps(stepset: StepSet) -> FittedData:
 MOST_PEAKS, ALIKE = 0.67, 2.0  # Of the single steps from rest; factor between the τ1 of those that one plant may have
 LITTLE_PCT = 50.0  # Of every level by its own curve, below which another kind of plant is asked for
 OTHER_SHAPES = {"repeats-miss-alike", "output-decays-under-hold"}  # Findings that ask what shape single steps have
+
+
+def asked_again(found: Finding, options: FitOptions) -> Finding:
+    """A finding whose commands repeat this call, with the options of the fit beside those of reading."""
+    if "options" not in found.values:
+        return found
+    both = f"{found.values['options']} {typed(options.given())}".strip()
+    return msgspec.structs.replace(found, values={**found.values, "options": both})
 
 
 def given(options: FitOptions, stepset: StepSet) -> FitGiven:

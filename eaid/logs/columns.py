@@ -235,14 +235,14 @@ def columns_guessed(table: Table, options: ReadOptions) -> dict[str, str]:
         known["time"] = clock
     with contextlib.suppress(DataError):
         known.setdefault("output", _output("", table, set(), ()))
-    free = [i for i in range(min(len(names), 64)) if i not in known.values()]
+    free = [i for i in range(min(len(names), 64)) if i not in (*known.values(), *table.stamped)]
     numbers: dict[int, NDArray[Any]] = {}
     for i in free:
         with contextlib.suppress(DataError):  # a column of words
             (values,) = table.load([i]).values
             if len(kept := values[np.isfinite(values)]) > len(values) / 2 and np.ptp(kept) > 0:
                 numbers[i] = kept
-    found: dict[str, int] = {}
+    found = {"time": table.stamped[0]} if table.stamped and not any(names) else {}
     rising = [i for i in numbers if rises(numbers[i])]
     if "time" not in known and rising:
         found["time"] = rising[0]

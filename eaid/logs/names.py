@@ -69,7 +69,8 @@ def several_factors(runs: Sequence[Run]) -> list[Finding]:
         values = sorted({each[key] for each in told if key in each})
         levels = {f"{abs(run.level or 0.0):.12g}" for run in rising}
         if 1 < len(values) <= MOST_VALUES and not {re.sub(r"[^\d.]", "", one) for one in values} <= levels:
-            found.append(finding("several-factors", "data", key=key, values=tuple(values), first=values[0]))
+            one = len(levels) == 1 and all(run.has_input for run in rising)
+            found.append(finding("several-factors", "data", key=key, values=tuple(values), first=values[0], one=one))
     return found
 
 

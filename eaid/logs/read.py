@@ -20,6 +20,7 @@ from eaid.logs.formats import ForeignReader, format_of, unread
 from eaid.logs.run import Run, numbered
 from eaid.logs.text import read_text
 from eaid.logs.to_run import run_of
+from eaid.logs.units import split_name
 from eaid.options import Columns, ReadOptions
 from eaid.shown import counted
 
@@ -146,7 +147,7 @@ def _with_unit(name: str, unit: str) -> str:
     """A column and the unit that it is turned into, which its own name may say."""
     if name.endswith((f"[{unit}]", f"({unit})")):
         return name
-    return f"{name} → {unit}" if name.endswith(("]", ")")) else f"{name} [{unit}]"
+    return f"{name} → {unit}" if name.endswith(("]", ")")) and split_name(name)[1] else f"{name} [{unit}]"
 
 
 def columns_told(runs: Sequence[Run]) -> list[str]:

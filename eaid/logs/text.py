@@ -30,6 +30,7 @@ from eaid.logs.units import unit_of
 COMMENT = ("#", "%", "//")
 # A comma that is a decimal mark and cannot be one between thousands
 _DECIMAL = re.compile(r"(?<![\d.,])0+,\d|\d,\d{1,2}(?!\d)|\d,\d{4}")
+_LABEL = re.compile(r"^([A-Za-z_]\w*)\s*[:=]\s*(?=[-+.\d])")
 TABLE_ROWS = 3  # Rows of numbers, one below the other, that make a table
 HEAD_BYTES = 1 << 15
 PIECE = 1 << 22  # Characters that are read at once
@@ -43,13 +44,14 @@ class Marks(NamedTuple):
 
     delimiter: str | None  # None: any white space
     decimal: str
+    labelled: bool = False  # pwm:128, as serial plotters want it
 
     def cells(self, line: str, count: int = 0) -> list[str]:
         """Cells of a line; quotes keep a delimiter inside a cell.
 
         A delimiter at the end of the line begins no cell; where `count` are wanted, only if it would be one too many.
         """
-        bare = line.strip("\r\n ")
+        bare = self.parted(line.strip("\r\n "))
         if self.delimiter is None:
             return bare.strip("[]; ").split()  # [1 2 3; as MATLAB writes a matrix
         cells = bare.split(self.delimiter)
@@ -60,9 +62,14 @@ class Marks(NamedTuple):
             cells.pop()
         return cells
 
+    def parted(self, text: str) -> str:
+        """A text in which the arrow behind each stamp of a serial monitor, `12:00:01.250 -> 4,1.5`, is a delimiter."""
+        return text.replace(" -> ", self.delimiter or " ")
+
     def value(self, cell: str) -> float | None:
         """Value of a cell, correctly rounded; None where it is no number."""
-        text = cell.strip().strip('"').strip()
+        text = cell.strip().strip('"').strip().removesuffix(" sec")  # MATLAB's durations
+        text = _LABEL.sub("", text) if self.labelled else text
         if self.decimal == ",":
             text = text.replace(".", "no mark").replace(",", ".")
         if "_" not in text:  # which Python passes over
@@ -165,6 +172,8 @@ def sniff(path: str, head: bytes, read: Reading) -> Table:
                 f"save each in a file of its own"
             )
     names, units, unmatched = _header(lines[:start], marks, count, ragged)
+    if marks.labelled:
+        names = tuple(label[1] if (label := _LABEL.match(cell.strip())) else "" for cell in first_cells)
     stamps = tuple(i for i, cell in enumerate(first_cells) if marks.value(cell) is None and marks.is_good(cell))
     made_by = (re.match(r"[#%/ ]+synthetic\s*[:=]\s*(\S.*)$", line, re.IGNORECASE) for line in lines[:start])
     synthetic = next((match[1].strip() for match in made_by if match), None)
@@ -198,7 +207,7 @@ def _of_labview(path: str, encoding: str, lines: list[str], read: Reading) -> Ta
     return Table("", tuple(names), load, tuple(units))
 
 
-def _marks(lines: list[str]) -> tuple[Marks, int]:
+def _marks(lines: list[str], labelled: bool = False) -> tuple[Marks, int]:
     """Marks that explain most cells, and how many columns they give; no columns where nothing is explained.
 
     Judged by some lines of the later half, without comments and blank lines; by all, if those are few.
@@ -216,13 +225,13 @@ def _marks(lines: list[str]) -> tuple[Marks, int]:
         for decimal in ".,":
             if (delimiter or "") not in text or decimal not in text + "." or (delimiter == decimal and '"' not in text):
                 continue
-            marks = Marks(delimiter, decimal)
+            marks = Marks(delimiter, decimal, labelled)
             score, count = _explained(sample, marks)
             if score > best * 1.0001 or (score >= best * 0.9999 and count > columns == 1):
                 best, columns, chosen = score, count, marks
             if best == 1.0 and columns > 1:
                 return chosen, columns
-    return chosen, columns
+    return (chosen, columns) if columns or labelled else _marks(lines, labelled=True)
 
 
 def _explained(lines: list[str], marks: Marks) -> tuple[float, int]:
@@ -251,7 +260,11 @@ def _broken_rows(above: list[str], marks: Marks) -> int:
     for line in reversed(above):
         cells = marks.cells(line, len(line))
         good, filled = marks.count_good(cells)
-        if not cells or not marks.is_good(cells[0]) or good < filled / (1 if marks.delimiter is None else 2):
+        if (
+            not cells
+            or not marks.is_good(cells[0])
+            or good < (filled if marks.delimiter is None else min(2, filled / 2))
+        ):
             break
         if len(cells) == 1 and count == len(above) - 1:
             break  # a first line that says how many rows follow
@@ -354,6 +367,7 @@ def _load(path: Path, source: str, zipped: bool, dialect: Dialect, columns: Sequ
             if dialect.marks.decimal == "," and not decimal:
                 quoted = " ".join(re.findall(r'"[^"]*"', body)) if dialect.marks.delimiter == "," else body
                 decimal = _DECIMAL.search(quoted) is not None
+            body = dialect.marks.parted(body)
             cells = _by_arrow(body, dialect, columns, first) or _cell_by_cell(body, dialect, columns, first)
             bad.extend(replace(one, row=one.row + count) for one in cells.bad)
             rows.extend((sample + count, row) for sample, row in cells.rows)

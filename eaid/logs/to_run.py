@@ -2,6 +2,7 @@
 
 import contextlib
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -13,12 +14,12 @@ from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.findings import Finding, finding
 from eaid.logs.clocks import seconds_since_start, unit_of_time
-from eaid.logs.columns import Roles, chosen_table, default_unit, leaves_rest, rises, the_input
+from eaid.logs.columns import MOTION, Roles, chosen_table, default_unit, leaves_rest, rises, the_input
 from eaid.logs.names import level_and_repeat, unit_beside
 from eaid.logs.rows import checked
 from eaid.logs.run import INPUT_UNITS, Beside, Run
 from eaid.logs.table import Cells, Table, plain
-from eaid.logs.units import UNKNOWN, Scale, numbers_samples, scale_of, split_name
+from eaid.logs.units import UNKNOWN, Scale, numbers_samples, scale_of, split_name, unit_of, words_of
 from eaid.options import ReadOptions
 
 # Beyond it, or all below its inverse, numbers are none that a sensor gives, and their squares may be none at all
@@ -105,6 +106,36 @@ def run_of(
     )  # fmt: skip
 
 
+def without_switches(runs: Sequence[Run], options: ReadOptions) -> list[Run]:
+    """Runs, without an input that goes to one value in all of them while the levels in their names differ: it is a
+    switch, and tells when they step."""
+    told = [one.values for run in runs for one in run.findings if one.code == "level-contradicted"]
+    levels, tops = ([float(str(one[key])) for one in told] for key in ("level", "found"))
+    alike = 0 < len(told) == len(runs) and np.ptp(np.abs(tops)) <= 0.02 * np.abs(tops).max()
+    if not alike or len(set(levels)) < 2 or "input" in options.columns:
+        return list(runs)
+    found = []
+    for run, level, top in zip(runs, levels, tops, strict=True):
+        on = np.abs(run.input) > 0.5 * abs(top)
+        first = int(on.argmax())
+        off = first + int((~on[first:]).argmax())  # `first` where it stays on
+        taken, unit = dict(run.taken), _of_names(run.source, options)
+        column, at_s = taken.pop("input"), float(run.time_s[first])
+        switch = finding("input-is-a-switch", run.name, column=column, top=top, unit=run.input_unit)
+        of_input = [
+            one for one in run.findings if one.code == "level-contradicted" or one.values.get("role") == "input"
+        ]
+        kept = [one for one in run.findings if one not in of_input]
+        ends_s = float(run.time_s[off]) if off > first else None
+        found.append(replace(
+            run, input=np.broadcast_to(np.float64(np.nan), len(run.output)), input_unit=unit.unit, level=level,
+            kind=options.kind, findings=(*kept, *unit.findings, switch), taken=tuple(taken.items()),
+            left=(column, *run.left), moves=((column, at_s),) if words_of(column) & MOTION else (),
+            step_s=at_s if run.step_s is None else run.step_s, until_s=ends_s if run.until_s is None else run.until_s,
+        ))  # fmt: skip
+    return found
+
+
 def _clock(source: str, table: Table, roles: Roles, options: ReadOptions) -> int | None:
     """The column of the time; None where the user gives the rate of rows that nothing but numbers them."""
     if roles.time is None or options.rate_hz is None:
@@ -124,7 +155,8 @@ def _position_unit(table: Table, roles: Roles, options: ReadOptions) -> str:
 def _of_names(source: str, options: ReadOptions) -> Scale:
     """The unit of levels that names tell, which hold none but beside the level."""
     if unit := options.units.get("input"):
-        return Scale(unit, 1.0)
+        known = unit_of(unit)
+        return Scale(known.to if known.quantity and known.factor == 1 else unit, 1.0)
     likely = unit_beside(options.name_pattern or "") or "UNIT"
     asked = finding("unit-unknown", source, column="the levels of names", ask=f"input={likely}")
     return Scale(UNKNOWN, 1.0, (asked,) if options.name_pattern else ())

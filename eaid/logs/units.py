@@ -73,6 +73,7 @@ _SHAKEN = {"acc", "accel", "acceleration", "accelerometer", "vibration", "vib", 
 # Names of columns that number the samples
 COUNTERS = {"sample", "samples", "index", "idx", "count", "counter", "frame", "row", "tick", "ticks", "nr", "no", "n"}
 _BRACKETED = re.compile(r"^(.*?)\s*[\[({]\s*([^\])}]*?)\s*[\])}]\s*$")
+_INDEXED = re.compile(r"\S\[\d+\]$|[\[({]\s*(?:\d\d+|[02-9])\s*[\])}]$")  # ai0[1], Torque (2); `duty [1]` is a unit
 _RATE = re.compile(r"^(.*?)(?:_|\.|\s+in\s+|,\s*|\s+)([^\s_/,.]+/[^\s_/,.]+)$")
 _SPEED = re.compile(r"^(um|µm|mm|cm|m|in|ft)/(s|sec|min|h)$")
 _SUFFIX = re.compile(r"^(.*?)(?:_|\.|\s*/\s*|\s+in\s+|,\s*|\s+)([^\s_/,.]+)$")
@@ -107,7 +108,7 @@ def is_linear_speed(unit: str) -> bool:
 def split_name(name: str) -> tuple[str, str]:
     """A column's bare name and the unit its name carries: `Torque (mNm)` → (`Torque`, `mNm`); unit empty where none."""
     name = name.strip()
-    match = _BRACKETED.match(name)
+    match = None if _INDEXED.search(name) else _BRACKETED.match(name)
     if match and match.group(1):
         return match.group(1).strip(), match.group(2)
     for written in (_RATE, _SUFFIX):  # speed_rad/s is no speed_rad in s
@@ -150,7 +151,14 @@ def declared_unit(path: str, role: str, given: str | None, table: Table, column:
     name, file_unit = table.columns[column], table.unit(column)
     bare, named = split_name(name)
     text = file_unit or named
-    known = unit_of(text)
+    known, other = unit_of(text), unit_of(named)
+    if known.quantity == other.quantity and known != other:  # `Time [s]`, and ms in the row below
+        if given is not None:
+            return ""
+        raise DataError(
+            f"{path}: column {name} says {named} in its name and {file_unit} beside it; say which with «units» "
+            f"{role}={file_unit} or {role}={named}"
+        )
     scaled = _TIMES_A_NUMBER.search(bare) or (
         not known.quantity and (_TIMES_A_NUMBER.search(text) or _NUMBER_OF_UNITS.match(text))
     )

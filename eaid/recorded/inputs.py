@@ -16,7 +16,7 @@ LEVELS_ALIKE = 1e-3  # Inputs that differ by less than this part of the largest 
 MANY_LEVELS = 60  # Levels beyond which inputs count as moving
 FEW_LEVELS = 20  # Levels that are shown each by itself, at most
 TAIL = 0.01  # Part of the acting time that a moving input may spend below, and above, the identified range
-LEAST_OUTPUTS = 10
+LEAST_OUTPUTS, LEAST_OF_ALL = 10, 50  # Rows of one log, and of all: a plant has up to nine unknowns
 FEW_VALUES = 5  # Different outputs up to which an input that moves all the time is taken for the output
 INPUT_JUMP = 0.1  # A jump, as a part of the largest input
 FAST_PCT = 20.0
@@ -96,6 +96,11 @@ def refuse(logs: Sequence[RecordedLog]) -> None:
                 f"{where}: its output takes {FEW_VALUES} values or fewer while its input moves all the time, as if "
                 "they were swapped; name both with «columns» input=NAME,output=NAME"
             )
+    if not faults and (rows := sum(int(np.isfinite(log.output).sum()) for log in logs)) < LEAST_OF_ALL:
+        faults.append(
+            f"{logs[0].source or logs[0].name}: holds {rows} rows, and a fit of recorded logs needs {LEAST_OF_ALL}; "
+            "record it longer, or sample it faster"
+        )
     if faults:
         raise DataError(*faults)
 

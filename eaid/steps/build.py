@@ -8,7 +8,7 @@ from eaid.apparatus import rig_of
 from eaid.errors import DataError
 from eaid.findings import Finding, finding, stops
 from eaid.logs.run import Run
-from eaid.options import ExperimentKind, ReadOptions
+from eaid.options import ExperimentKind, ReadOptions, typed
 from eaid.steps.checks import CHECKS, disagreements
 from eaid.steps.cut import level_steps
 from eaid.steps.levels import common, grouped, same_level, wanted_levels
@@ -121,7 +121,7 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN, recorded:
         findings.append(finding("level-to-level", "data", steps=stairs, of=len(runs)))
     records = [_record(steps[run.name], tuple(of_runs[run.name]), run.name in out) for run in runs]
     usual = float(np.median([np.abs(level.mean).max() for level in levels])) if levels else 0.0
-    findings += sittings(records, usual, input_unit)
+    findings += sittings(records, usual, input_unit, typed(options.stated()))
     records.sort(key=lambda record: (record.level, record.repeat, record.edge != "rising", record.name))
     return StepSet(
         kind, input_unit, output_unit, apparatus, tuple(levels), tuple(_averaged(falling, steps, out)), tuple(records),

@@ -6,6 +6,7 @@ idle output that is far beyond how it scatters on either side.
 
 import os
 import re
+import shlex
 from collections.abc import Sequence
 from datetime import UTC, datetime
 
@@ -26,7 +27,7 @@ DATE = re.compile(
 )
 
 
-def sittings(runs: Sequence[RunRecord], usual: float, unit: str) -> list[Finding]:
+def sittings(runs: Sequence[RunRecord], usual: float, unit: str, options: str = "") -> list[Finding]:
     """The finding of several sittings, with a command for each part; none where there is one. `usual`: output."""
     every = [run for run in runs if run.edge == "rising" and not run.left_out]
     rising = list({run.source: run for run in reversed(every)}.values())  # the first of each log
@@ -48,8 +49,13 @@ def sittings(runs: Sequence[RunRecord], usual: float, unit: str) -> list[Finding
     from scipy.sparse.csgraph import connected_components  # a quarter of a second to load
 
     apart = connected_components((level[:, None] == level) | (sitting[:, None] == sitting), directed=False)[0] > 1
-    parts, offer = tuple(_words(group, unit) for group in groups), _offer(groups)
-    return [finding("several-sessions", "data", sessions=len(groups), by=by, parts=parts, mixed=apart, offer=offer)]
+    parts, logs = tuple(_words(group, unit) for group in groups), _beginnings(groups)
+    n = len(groups)
+    return [
+        finding(
+            "several-sessions", "data", sessions=n, by=by, parts=parts, mixed=apart, logs=logs, options=options
+        )
+    ]  # fmt: skip
 
 
 def _moment(run: RunRecord) -> float | None:
@@ -86,16 +92,16 @@ def _words(group: Sequence[RunRecord], unit: str) -> str:
     return f"{when}: {levels} {unit}".rstrip()
 
 
-def _offer(groups: Sequence[Sequence[RunRecord]]) -> str:
-    """A command for each part, by the beginnings of its names; empty where these do not tell the parts."""
-    commands = []
-    for number, group in enumerate(groups, 1):
+def _beginnings(groups: Sequence[Sequence[RunRecord]]) -> tuple[str, ...]:
+    """The logs of each part by the beginnings of their names; empty where these do not tell the parts."""
+    parts = []
+    for group in groups:
         others = [run.source for other in groups if other is not group for run in other]
         begins = dict.fromkeys(_beginning(run.source, others) for run in group)
         if len(begins) > MOST_PREFIXES or "" in begins:
-            return ""
-        commands.append(f"eaid fit {' '.join(f'{one}*' for one in begins)} -o {number}.json")
-    return "; ".join(commands)
+            return ()
+        parts.append(" ".join(f"{shlex.quote(one)}*" for one in begins))
+    return tuple(parts)
 
 
 def _beginning(path: str, others: Sequence[str]) -> str:

@@ -119,6 +119,8 @@ BAD: dict[str, tuple[Any, ...]] = {
                             enumerate(GOOD)], "Test Time [s],DateTime,duty_pct,torque_nm"), "two columns of time "
                        "contradict each other: by Test Time [s] the log takes 1990 s, by DateTime 1.99 s; say --units "
                        "time=ms if the second is right, --units time=s if the first is"),
+    "two-units.csv": (csv(GOOD, "Time [s],duty_pct,torque_nm\nms,%,Nm"), "column Time [s] says s in its name and ms "
+                      "beside it; say which with --units time=ms or time=s"),
     "names-of-more-columns.csv": (csv(GOOD, "# time,control output,box temp,P,I,D"), "its 3 columns have 6 names, "
                                   "time, control output, box temp, P, I and 1 more, of which none is taken; say by "
                                   "number, from 1 to 3, what they are, as in --columns time=1,input=2,output=3, and "

@@ -136,8 +136,8 @@ def test_the_unit_in_a_name(column, unit, factor, read, codes):
     ("column", "said", "of_file", "unit", "factor", "code"),
     [
         ("torque", None, "", "", 1, "unit-unknown"), ("torque", None, "mNm", "N·m", 1e-3, ""),
-        ("torque_ncm", None, "mNm", "N·m", 1e-3, ""),  # the file before the name
-        ("torque_ncm", "mN·m", "mNm", "N·m", 1e-3, ""), ("torque", "bits", "", "bits", 1, ""),
+        ("torque_ncm", "mN·m", "mNm", "N·m", 1e-3, ""), ("torque_mnm", None, "mNm", "N·m", 1e-3, ""),
+        ("torque", "bits", "", "bits", 1, ""),
         ("torque", None, "ms", "", 1, "unit-unknown"),  # no unit of a torque
         ("torque", "/1000", "", "FS", 1e-3, ""),
         ("torque*1e3", "mNm", "Nm", "N·m", 1e-3, ""), ("force", None, "g", "N", 9.80665e-3, ""),

@@ -125,6 +125,13 @@ LOGS = {
                                                       commas(U / 1e3), commas(1e3 * Y), between=";"), units="V N·m"),
     "a scope's export": Log(text("Source,CH1,CH2\nSecond,Volt,Volt", *([f"{x:+.6e}" for x in v] for v in (T, U, Y))),
                             {"columns": {"input": "CH1", "output": "CH2"}}, units="V V"),
+    "labels of a serial plotter": Log(
+        "logger v1\nready\n" + text(None, [f"t:{t:g}" for t in T], [f"duty:{u:g}" for u in U],
+                                     [f"torque:{y:.15g}" for y in Y]), units="% ?"),
+    "durations of MATLAB": Log(text("Time,duty_pct,torque_nm", [f"{t:g} sec" for t in T], U, Y)),
+    "channels of LabVIEW by number, each with its stamps": Log(
+        text("time[0]\tai0[0]\ttime[1]\tai1[1]", DATED, U, DATED, Y, between="\t"),
+        {"columns": {"time": "time[0]", "input": "ai0[0]", "output": "ai1[1]"}}, units="? ?"),
     "a torque of counts": Log(text(HEADER, T, U, 16000 * Y), output=16000 * Y, code="torque-too-large"),
     "a temperature called T": Log(text("Time [s],duty_pct,T [degC]", T, U, Y), {"columns": {"output": "T"}},
                                   units="% degC"),

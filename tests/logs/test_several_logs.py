@@ -269,7 +269,10 @@ UNNAMED = {  # one log each: its columns, what is said already, and what is then
     "two sensors alike": ("Time,T1,T2,Q1", (T, 20 + SPEED, 20 + 0.9 * SPEED, STEP), "", None),
     "a sensor said": ("Time,T1,T2,Q1", (T, 20 + SPEED, 20 + 0.9 * SPEED, STEP), "--columns output=T1",
                       "--columns output=T1,input=Q1"),
-    "no names, no time": (None, (STEP, 20 + SPEED), "", "--rate-hz HZ --columns input=1,output=2"),
+    "stamps of a serial monitor": (
+        None, ([f"12:00:{t:06.3f} -> {1e3 * t:.0f}" for t in T], STEP, 20 + SPEED), "",
+        "--columns time=1,input=3,output=4"),
+    "no names, no time": (None, (STEP, 20 + SPEED), "", None),  # nobody else knows the rate
     "a reference, no input": ("Time,Commanded Pos,Control Effort", (T, SPEED, SPEED), "", None),
 }  # fmt: skip
 
@@ -283,8 +286,7 @@ def test_columns_without_a_name_that_says_it_are_proposed(name, run_eaid, tmp_pa
     tries = [line.removeprefix("try: eaid fit log.csv ") for line in ran.err.splitlines() if line.startswith("try: ")]
     assert ran.code == 3 and tries == [f"{proposed} --output mine.json"] * (proposed is not None)
     if proposed is not None:
-        words = shlex.split(proposed.replace("HZ", "100"))
-        assert run_eaid("ingest", "log.csv", *words, "-o", "data.h5").code == 0
+        assert run_eaid("ingest", "log.csv", *shlex.split(proposed), "-o", "data.h5").code == 0
         assert [one.level for one in eaid.read("data.h5").levels] == [9.0]
 
 
@@ -369,6 +371,24 @@ def test_factors_of_names_are_told_and_choose(tmp_path, run_eaid):
     assert (ran.code, ran.err.splitlines()[-1]) == (
         2, "error: --where f=50: no name says so; they say V=100, V=200, f=1000, f=500, glue=old, rep=1"
     )  # fmt: skip
+
+
+@pytest.mark.parametrize(("column", "warned"), [("voltage", False), ("velocity", True)])
+def test_a_switch_beside_levels_in_names_is_no_input(column, warned, tmp_path, run_eaid):
+    on = (T >= 1) & (T < 2.5)
+    for volts in (100, 150, 200):
+        force = volts / 50 * np.where(T < 2.5, -np.expm1(-np.maximum(T - 1, 0) / 0.1), np.exp(-(T - 2.5) / 0.02))
+        (tmp_path / f"a_V={volts}.csv").write_text(text(f"time_s,{column},force_n", T, 5.0 * on, force))
+    asked = run_eaid("ingest", tmp_path, "-o", tmp_path / "one.h5")
+    assert "or take it for the level with --name-pattern 'V={level}'" in asked.out
+    words = ("--name-pattern", "V={level}", "--units", "input=V")
+    ran = run_eaid("ingest", tmp_path, *words, "-o", tmp_path / "three.h5")
+    assert f"left: {column}" in ran.err and ("moves with the step" in ran.out) is warned
+    steps = eaid.read(tmp_path / "three.h5")
+    assert [one.level for one in steps.levels] == [100.0, 150.0, 200.0] and len(steps.releases) == 3
+    assert {round(run.step_s, 2) for run in steps.runs} == {1.0, 2.5}
+    kept = eaid.read(tmp_path, columns={"input": column}, name_pattern="V={level}")  # the user's own choice
+    assert [one.level for one in kept.levels] == [5.0]
 
 
 def test_an_instant_that_is_proposed_is_written_in_full():

@@ -134,3 +134,10 @@ def test_counts_in_a_column_of_percent_are_refused_and_a_coarse_sensor_may_stand
         eaid.read(pd.DataFrame({"time_s": t, "PWM": 2.55 * u, "torque_nm": output}))
     noisy = eaid.read(pd.DataFrame({"time_s": t, "duty_pct": 1.05 * u, "torque_nm": output})).recorded[0]
     assert noisy.input.max() > 100  # as a measured one may be
+
+
+def test_a_log_of_hardly_any_rows_is_refused_at_once():
+    rng = np.random.default_rng(1)
+    log = pd.DataFrame({"time_s": 0.01 * np.arange(49), "duty_pct": 50 * rng.random(49), "torque_nm": rng.random(49)})
+    with pytest.raises(eaid.DataError, match="holds 49 rows, and a fit of recorded logs needs 50; record it longer"):
+        eaid.fit(log)

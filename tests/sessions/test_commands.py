@@ -4,11 +4,16 @@ import re
 import shlex
 import threading
 import time
+from glob import glob
 from pathlib import Path
 
 import pytest
+from matplotlib.text import Text
 
 import eaid
+from eaid.report.figures.sessions import compared
+from eaid.report.paper import figure_of, look
+from eaid.report.results import gathered
 from eaid.sessions import follow
 
 
@@ -70,6 +75,20 @@ def test_a_page_begins_with_the_verdict_and_shows_the_sessions(folder, run_eaid)
     assert "A: s0.json" in page and "B: s1.json" in page and retune in page and "Do next" in page
 
 
+def test_names_of_many_sessions_stand_clear_of_the_letters_of_the_panels(fits):
+    sheet = compared(gathered([eaid.compare(*fits.values())]))
+    with look():
+        figure = figure_of(sheet)
+        figure.canvas.draw()
+    letters = [one.get_window_extent() for one in figure.findobj(Text) if one.get_text().strip() in ("(a)", "(b)")]
+    names = [legend.get_window_extent() for axes in figure.axes if (legend := axes.get_legend())]
+    assert len(letters) == 2 and names and not any(one.overlaps(other) for one in letters for other in names)
+    shown = [
+        [line.get_color() for line in axes.lines if line.get_marker() not in ("None", "_")] for axes in figure.axes
+    ]
+    assert shown[1] == shown[0][1:]  # B, C … in the colours of their values
+
+
 @pytest.mark.parametrize(
     ("typed", "code", "said"),
     [
@@ -91,11 +110,19 @@ def test_logs_of_several_sittings_are_said_with_an_offer_to_part_them(run_eaid, 
     (tmp_path / "logs").mkdir()
     for k, (day, levels) in enumerate({"20241029_1618": (40.0,), "20241103_1442": (20.0, 100.0)}.items()):
         for j, frame in enumerate(make(k, levels=levels, repeats=2).values()):
-            frame.round(6).to_csv(tmp_path / "logs" / f"{day}{j:02d}_run.csv", index=False)
-    told = run_eaid("fit", "logs", "-v")
+            file = tmp_path / "logs" / f"{day}{j:02d}_run.csv"
+            frame.round(6).rename(columns={"duty_pct": "a b"}).to_csv(file, index=False)
+    words = ("--columns", "input=a b", "--units", "input=pct", "--until", "70", "--share", "0.8", "--ci", "none")
+    told = run_eaid("fit", "logs", *words, "-v")
     assert "the logs hold 2 sessions (by their dates: 2024-10-29 16:18: 40 %; 2024-11-03 14:42: 20, 100 %)" in told.err
     assert "what differs between their levels may be the sessions" in told.err
-    assert "eaid fit logs/20241029* -o 1.json; eaid fit logs/20241103* -o 2.json" in told.err
+    commands = re.findall(r"eaid (fit logs/.*?json)", told.err)
+    assert len(commands) == 2
+    for command in commands:  # carries all that was typed, and runs as it stands
+        ran = run_eaid(*(one for word in shlex.split(command) for one in sorted(glob(word)) or [word]))
+        fit = eaid.load(command.split()[-1])
+        assert ran.code == 0 and (fit.options.share, fit.options.ci) == (0.8, "none")
+        assert fit.options.reading == {"columns": 'input="a b"', "units": "input=pct", "until": 70.0}
 
 
 def test_a_jump_of_the_idle_tells_sittings_apart_where_names_do_not(make):

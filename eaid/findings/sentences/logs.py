@@ -45,6 +45,10 @@ ROWS: dict[str, Row] = {
     "level-contradicted": caution(
         "its name says level {level:g}, its input column goes to {found:g} {unit}: the column counts"
     ),
+    "input-is-a-switch": note(
+        "{column} goes to {top:.4g} {unit} in all logs, whose names tell different levels: taken for the switch that "
+        "tells when they step"
+    ),
     "unit-assumed": note(
         lambda v: (
             f"no unit is given for {v['column'] if v['column'] == v['role'] else v['role'] + ' ' + v['column']}: "
@@ -225,6 +229,8 @@ ROWS: dict[str, Row] = {
         lambda v: (
             f"the names of the logs differ in {v['key']} too, {listed(v['values'], 6)}: all are taken together; choose "
             f"with «where» {v['key']}={v['first']}"
+            + f", or take it for the level with «name_pattern» '{v['key']}={{level}}'"
+            * bool(v.get("one"))
         ),
         always=True,
         rank=0,

@@ -1,5 +1,6 @@
 """Sentences about sessions, several mountings of one rig, and about plans of the next."""
 
+from eaid.errors import on_command_line
 from eaid.findings.row import SYMBOLS, Row, Values, caution, note
 
 
@@ -10,7 +11,10 @@ def _no_scatter(v: Values) -> str:
 
 def _one_of_several(v: Values) -> str:
     parts = "; ".join(v["parts"])
-    offer = f"; part them, each with the options of this call: {v['offer']}" if v.get("offer") else ""
+    commands = [
+        f"eaid fit {logs} {v['options']}".rstrip() + f" -o {k}.json" for k, logs in enumerate(v.get("logs", ()), 1)
+    ]
+    offer = f"; part them: {on_command_line('; '.join(commands))}" if commands else ""
     mixed = ", and what differs between their levels may be the sessions" if v["mixed"] else ""
     return f"the logs hold {v['sessions']} sessions ({v['by']}: {parts}){mixed}{offer}"
 

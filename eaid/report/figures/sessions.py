@@ -70,18 +70,19 @@ def values_panel(found: Comparison) -> Panel:
         ends, colour = (y * np.exp(-reach), y * np.exp(reach)), SESSION_COLOURS[k % len(SESSION_COLOURS)]
         lines.append(Line(x, y, letter, colour, width=1.1, marker=MARKERS[k % len(MARKERS)], ends=ends))
     y_axis = Axis("T_s", found.output_unit, (0.0, None))
-    return Panel(over(found.input_unit), y_axis, lines, legend="above", tight=False)
+    return Panel(over(found.input_unit), y_axis, lines, legend="above", columns=4, tight=False)
 
 
 def changes_panel(found: Comparison) -> Panel:
-    """A over each other session, level by level."""
-    lines = []
-    for k, one in enumerate(shift for shift in found.shifts if shift.quantity == "Ts"):
+    """A over each other session, level by level, each drawn as in the panel of the values."""
+    lines, letters = [], list(found.values)
+    for one in (shift for shift in found.shifts if shift.quantity == "Ts"):
+        k = letters.index(one.against)
         x, y, low, high = np.array([(c.level, c.ratio, c.low, c.high) for c in one.levels]).T
-        colour, marker = SESSION_COLOURS[(k + 1) % len(SESSION_COLOURS)], MARKERS[(k + 1) % len(MARKERS)]
-        lines.append(Line(x, y, f"A over {one.against}", colour, "", marker=marker, ends=(low, high)))
+        colour, marker = SESSION_COLOURS[k % len(SESSION_COLOURS)], MARKERS[k % len(MARKERS)]
+        lines.append(Line(x, y, one.against, colour, "", marker=marker, ends=(low, high)))
     spans = [Span(1.0, 1.0, ink.GREY, "y", 0.8)]
-    return Panel(over(found.input_unit), Axis("Ratio of T_s"), lines, spans=spans, legend="above", tight=False)
+    return Panel(over(found.input_unit), Axis("T_s of A over the others'"), lines, spans=spans, tight=False)
 
 
 def compared(results: Results) -> Sheet | None:
