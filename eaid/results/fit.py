@@ -5,6 +5,7 @@ Keys are the paper's symbols, polynomials lowest power first, units those of the
 """
 
 import math
+from bisect import bisect
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from statistics import median_low
@@ -31,6 +32,9 @@ from eaid.shown import Plotted, pandas
 
 if TYPE_CHECKING:
     from eaid.results.verdict import Verdict
+
+
+AS_PRINTED = 1e-4  # Part of an input within which it is that of the table
 
 
 class Parameter(Result, frozen=True):
@@ -178,6 +182,9 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         `UsageError` outside the identified range; between levels the nonlinear model's curves.
         """
         level = float(statistics.numbers("level", level, 0))
+        shown = [row.level for row in self.parameters if row.level is not None]
+        near = min(shown, key=lambda one: abs(one - level), default=level)
+        level = near if math.isclose(near, level, rel_tol=AS_PRINTED) else level
         rows = {row.name: row for row in self.parameters if row.level is not None and math.isclose(row.level, level)}
         p, other = self.nonlinear, self._of_another_plant(level)
         if other:
@@ -208,17 +215,24 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         return {"Ts": (end, *ends), **known}
 
     def _on_curve(self, p: models.Nonlinear, name: str, value: float, level: float) -> tuple[float, float, float]:
-        """A value of a polynomial and its 95 % interval, on its logarithm, by the covariance of the coefficients."""
-        if p.covariance is None or not p.covariance.matrix or not value > 0:
+        """A value of a polynomial and its 95 % interval, on its logarithm, by the covariance of the coefficients; no
+        narrower than at the inputs of the table to both sides, and none where these have none."""
+        rows = sorted(p.curves, key=lambda row: row.level)
+        place = bisect(rows, level, key=lambda row: row.level)
+        beside = rows[max(place - 1, 0) : place + 1]
+        known = [(getattr(row, name), ends) for row in beside if (ends := getattr(row.ci95, name, None)) is not None]
+        if p.covariance is None or not p.covariance.matrix or not value > 0 or len(known) < len(beside):
             return value, math.nan, math.nan
         places = [k for k, key in enumerate(p.covariance.order) if key.partition("[")[0] == name]
         g = terms(level, len(places), p.u_range)[0] / value
-        variance = float(g @ np.array(p.covariance.matrix)[np.ix_(places, places)] @ g)
+        variance = max(float(g @ np.array(p.covariance.matrix)[np.ix_(places, places)] @ g), 0.0)
         dof = p.covariance.degrees_of_freedom.get(name)
         if name == "Ts" and p.level_scatter:  # a level lies off the curve by so much
             variance += p.level_scatter**2
         reach = float(stdtrit(dof or 1e12, 0.975)) * math.sqrt(variance)
-        return value, value * math.exp(-reach), value * math.exp(reach)
+        low = min([-reach, *(math.log(ends[0] / own) for own, ends in known)])
+        high = max([reach, *(math.log(ends[1] / own) for own, ends in known)])
+        return value, value * math.exp(low), value * math.exp(high)
 
     def _outside(self, name: str, value: float, known: Sequence[float], inside: str = "") -> UsageError:
         ends = f"{inside}{min(known):g} … {max(known):g} {self.data.input_unit}".rstrip()
