@@ -305,18 +305,17 @@ def with_plant(result: Fit, stepset: StepSet, dead_time_s: float, of_start: Sequ
     return msgspec.structs.replace(result, plant_=FittedPlant.of(timed, units, ci95))
 
 
-def one_lag_behind_a_dead_time(result: Fit) -> bool:
-    """Whether the two lags of the model have met, or a constraint holds them, or the runs ask for C = 1, behind a dead
-    time."""
+def asks_for_one_lag(result: Fit) -> bool:
+    """Whether the two lags of the model have met, or a constraint holds them, or the runs ask for C = 1."""
     codes = {one.code for one in result.findings}
     share = None if result.uncertainty is None else result.uncertainty.share
     of_one = share is not None and share.matters and share.ci95 is not None and share.ci95[1] >= 1
-    return result.dead_time_s > 0 and (of_one or bool(codes & {"taus-meet", "constraint-holds"}))
+    return of_one or bool(codes & {"taus-meet", "constraint-holds"})
 
 
 def asks_for_another_kind(result: Fit) -> bool:
-    """Whether the clutch's model fails, its two lags meet behind a dead time, every level overshoots or most steps do,
-    or the model explains little of any level."""
+    """Whether the clutch's model fails, its two lags meet, every level overshoots or most steps do, or the model
+    explains little of any level."""
     decaying = {u for one in result.findings if one.code == "output-decays-under-hold" for u in one.levels}
     part = result.nonlinear
     fits = [] if part is None else [row.fit_pct for row in part.per_level if row.fit_pct is not None]
@@ -325,7 +324,7 @@ def asks_for_another_kind(result: Fit) -> bool:
     peaks = [one.tau1 for one in steps if one.C > 1 and one.tau2 is not None]
     alike = len(peaks) > MOST_PEAKS * len(steps) and np.quantile(peaks, 0.9) < ALIKE * np.quantile(peaks, 0.1)
     overshoots = decaying >= set(result.data.levels) or bool(alike)
-    return not result.verdict.of("nonlinear").usable or little or overshoots or one_lag_behind_a_dead_time(result)
+    return not result.verdict.of("nonlinear").usable or little or overshoots or asks_for_one_lag(result)
 
 
 def converged(result: Fit) -> bool:

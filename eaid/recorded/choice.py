@@ -20,7 +20,17 @@ from eaid.recorded.curve_intervals import curves
 from eaid.recorded.fall_tests import tested
 from eaid.recorded.from_logs import Setup, Solved, fit_setup, idle_found, plant_found, setup_of
 from eaid.recorded.inputs import MANY_LEVELS, Excited
-from eaid.recorded.kinds import PRICE, LagKind, Search, Tried, independent_of, integrates, of_evidence, search_of
+from eaid.recorded.kinds import (
+    PRICE,
+    LagKind,
+    Search,
+    Tried,
+    independent_of,
+    integrates,
+    of_evidence,
+    on_all,
+    search_of,
+)
 from eaid.recorded.late import timed
 from eaid.recorded.log_intervals import Spread, spread
 from eaid.results.common import Interval
@@ -35,6 +45,7 @@ LITTLE_PCT = 15.0  # Of a log that a kind has to explain
 LEFT = 0.04  # Part of the squares about the mean that a kind may leave that takes the place of such a clutch
 AS_WELL = 4.0  # Squares over those of a clutch whose T_s is open, up to which another kind is taken in its place
 AS_MUCH = 2.0  # Unknowns' worth of noise by which the clutch's form may leave more than the same with another C
+LOOPS_BETTER = 0.7  # Squares over those of the clutch, up to which another kind is taken of a loop's log
 # What the clutch's form, which is the default, has to save of another kind's squares: this part of them, and more than
 # noise saves with its further unknowns (χ²) in so many cases
 DEFAULT_SAVES, DEFAULT_CHANCE = 0.01, 0.1
@@ -58,12 +69,14 @@ def plant_of_logs(
     of_steps_s: float, falls: bool, wanted: str = "",
 ) -> Chosen:  # fmt: skip
     """The clutch's own form behind its dead time, with what falls have of their own; another kind where that explains
-    as much with less, or more, or is `wanted`. Logs of loops, and those with steps beside them, keep the clutch's."""
+    as much with less, or more, or is `wanted`. Logs with steps beside them keep the clutch's."""
     signed = any(float(log.input.min()) < 0 for log in logs)
     clutch = None
     if not signed:
         clutch = _of_the_clutch(logs, others, inputs, options, rests, of_steps_s, falls)
-    alone = not others and options.share == SHARE and not any(log.reference is not None for log in logs)
+    seen, asked = np.abs(np.concatenate([log.input[log.input != 0] for log in logs])), options.duty
+    beyond = asked is not None and not seen.min() <= asked[0] < asked[1] <= seen.max()
+    alone = not others and options.share == SHARE and not beyond  # another kind says nothing of inputs never seen
     # where no input ever changes, gain and idle output cannot be told apart
     still = all(np.ptp(log.input) == 0 and not log.starts_idle for log in logs)
     if clutch is not None and (still or not alone):
@@ -73,6 +86,7 @@ def plant_of_logs(
     logs = search.logs
     rivals = [] if clutch is None else [Tried(LagKind("clutch", "parallel"), clutch.solved)]
     rows = of_evidence(search, len(inputs.levels) if inputs.stepwise else MANY_LEVELS, rivals)
+    ended = rows[0]
     if clutch is not None and rows[0].kind.name == "clutch" and options.duty is None:
         simple = next(one for one in rows if one.kind.name != "clutch")
         explains = simple.cost <= LEFT * sum(energy(log) for log in logs)
@@ -89,7 +103,14 @@ def plant_of_logs(
         better = own.cost < rows[0].cost - max(DEFAULT_SAVES * rows[0].cost, by_noise)
         if (same_form or better) and not leaves_open(own.solved, inputs):
             rows = [own, *(one for one in rows if one is not own)]
-    rows = sorted(rows, key=lambda one: one.kind.name != wanted)  # the others as they stand
+    of_loops = any(
+        log.reference is not None for log in logs
+    )  # noise that goes round bends what fits without instruments
+    if own is not None and of_loops and rows[0].cost > LOOPS_BETTER * own.cost:
+        rows = [own, *(one for one in rows if one is not own)]
+    rows = sorted(rows, key=lambda one: one.kind.name != wanted)
+    if rows[0] is not ended:  # the others stand as they were looked at
+        rows[0] = on_all(search, rows[0], last=True)
     best, total = rows[0], sum(energy(log) for log in logs)
     explains = best.cost <= (1 - LITTLE_PCT / 100) ** 2 * total  # noise alone wanders, too
     if explains and integrates(search, best):

@@ -222,13 +222,13 @@ def friction_of_logs(solved: Solved, levels: Array, known: CurveSpread | None) -
 
 def with_another_kind(fit: Fit, stepset: StepSet, options: FitOptions) -> Fit:
     """A fit of steps whose clutch must not be used with the plant of another kind, where that explains the steps; or
-    whose two lags meet behind a dead time or a peak, where one explains as much, or another kind far more."""
+    whose two lags meet, or behind a peak, where one explains as much, or another kind far more."""
     if not stepset.levels or options.model is not None or options.through:
         return fit
     logs = [from_rest_on(log) for log in logs_of_steps(stepset)]
     how = replace(options, ci="none" if options.ci == "none" else "robust")
-    met = workflow.one_lag_behind_a_dead_time(fit)
-    for kind in ("", "lag+dead") if met else ("",):  # by evidence; then the one lag that the two have become
+    one = "lag+dead" if fit.dead_time_s > 0 else "lag"
+    for kind in ("", one) if workflow.asks_for_one_lag(fit) else ("",):  # by evidence; then the one that the two became
         try:
             other = fit_recorded(logs, how, falls=False, kind=kind, repeats=stepset.levels)
         except DataError:  # what short windows of steps show is no reason to refuse them
@@ -248,9 +248,12 @@ def takes_its_place(other: Fit, fit: Fit, logs: Sequence[RecordedLog]) -> bool:
     if part.zeta is not None and part.zeta <= 2 * forms.LEAST_ZETA:  # what swings on and on is an output of its own
         return False
     whole, shapes = ([explained_pct(one, logs, own_gains) for one in (part, fit.plant_)] for own_gains in (False, True))
-    as_well = part.plant.kind == "lag" and part.dead_time_s > 0 and whole[0] >= whole[1] - AS_WELL_PCT
+    as_well = part.plant.kind == "lag" and whole[0] >= whole[1] - AS_WELL_PCT
     swings = part.plant.kind in ("ringing", "series", "overshoot")
-    far_better = swings and 100 - shapes[0] <= FAR_BETTER * (100 - shapes[1])
+    left, noise = [(100 - one) ** 2 for one in shapes], noise_pct(logs) ** 2
+    if noise >= MOSTLY * left[0]:  # white noise hides how they differ
+        left = [max(one - noise, 0.0) for one in left]
+    far_better = swings and left[0] <= FAR_BETTER**2 * left[1]
     explains = whole[0] >= LEAST_PCT or min(explained_pct(part, [log], True) for log in logs) >= LEAST_PCT
     return explains and (as_well or far_better or not fit.verdict.of("nonlinear").usable)
 
@@ -266,6 +269,16 @@ def explained_pct(part: FittedPlant | None, logs: Sequence[RecordedLog], own_gai
         r = y - f * (float(f @ y) / max(float(f @ f), 1e-300) if own_gains else 1.0)
         left, total = left + log.weight * float(r @ r), total + log.weight * float(((y - y.mean()) ** 2).sum())
     return 100 * (1 - float(np.sqrt(left / total))) if total > 0 else 0.0
+
+
+def noise_pct(logs: Sequence[RecordedLog]) -> float:
+    """White noise of steps by the differences of neighbours, as a part of what `explained_pct` is of [%]."""
+    noise = total = 0.0
+    for log in logs:
+        y = log.output[np.isfinite(log.output)]
+        noise += log.weight * float((np.diff(y) ** 2).sum()) / 2
+        total += log.weight * float(((y - y.mean()) ** 2).sum())
+    return 100 * float(np.sqrt(noise / total)) if total > 0 else 0.0
 
 
 def in_its_place(other: Fit, fit: Fit, stepset: StepSet) -> Fit:
@@ -285,11 +298,13 @@ def in_its_place(other: Fit, fit: Fit, stepset: StepSet) -> Fit:
         named = msgspec.structs.replace(named, release=(release.tau1, release.tau2))
     changed: dict[str, Any] = {"nonlinear": other.nonlinear, "linear": other.linear, "release": release}
     changed["friction"] = levels_of_plant(named, fit.data.levels)
+    changed["converged"] = other.converged
     return judged(msgspec.structs.replace(fit, plant_=named, **changed, findings=ranked([*kept, *told])))
 
 
 OF_SHAPES = {"dead-time", "other-shape-fits-better", "shape-misses", "step-leaves-open"}  # No step has its shape
 FAR_BETTER = 0.7  # Of what the clutch leaves, another kind leaves this much at most to be taken: half of the squares
+MOSTLY = 0.9  # Part of the squares left that is white noise, from which on it is taken off them
 AS_WELL_PCT = 1.0  # Of the fit that another kind may lose against two lags that meet
 LEAST_PCT = 80.0  # Of steps that another kind has to explain before it takes the clutch's place
 

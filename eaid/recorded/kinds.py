@@ -239,8 +239,8 @@ def richer(search: Search, stepwise_levels: int) -> Iterator[Form]:
     if search.signed:
         yield Sides(Proportional(low, high), Proportional(low, high))
     rests = any(log.starts_idle or log.baseline is not None or bool((log.input == 0).any()) for log in search.logs)
-    for degree in (2, 3):
-        if not search.signed and stepwise_levels > degree + 1:
+    for degree in (2, 3) if stepwise_levels != 2 else (1,):
+        if not search.signed and stepwise_levels > degree:
             yield LegendreForm(degree, low, high) if rests else Proportional(low, high, degree)
 
 
