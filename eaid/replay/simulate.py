@@ -18,7 +18,7 @@ from eaid.options import Rig, SimulateOptions
 from eaid.plant.dynamics import Plant, PlantNumbers, plant_numbers
 from eaid.progress import Progress, no_progress
 from eaid.replay.compare import compared
-from eaid.replay.controllers import Controller, OwnGains, OwnLaw, at_zero, controller_of, own_step
+from eaid.replay.controllers import Controller, OwnGains, OwnLaw, controller_of, own_step
 from eaid.replay.loop import replay
 from eaid.replay.metrics import at_limit, measure
 from eaid.replay.references import Reference, reference_beyond, reference_of, signal_of
@@ -107,7 +107,7 @@ def _controllers(
             findings.append(finding("no-gains", "controllers"))
     limits = input_limits(fit) if gains is None else gains.duty_limits_pct
     controllers = [controller_of(name, model, linear, gains, limits) for name in names]
-    controllers += [Controller(name, own_step, OwnGains(name, law, *limits), at_zero) for name, law in own.items()]
+    controllers += [Controller(name, own_step, OwnGains(name, law, *limits)) for name, law in own.items()]
     return tuple(controllers), findings
 
 

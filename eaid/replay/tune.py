@@ -130,11 +130,6 @@ def phi_of(fit: Fit, model: LinearPlant, bounds: Bounds, plant: Plant | None) ->
     return float(np.quantile(each, 0.95))
 
 
-def _of_kind(plant: Plant | None) -> str:
-    """What is said of a plant that is no clutch."""
-    return "" if plant is None or plant.kind in ("parallel", "lag") else f", plant: {plant.kind}"
-
-
 def unknown_to_plant(fit: Fit) -> list[Finding]:
     """What a fit says of its steps that its plant does not show, for every use of it to repeat."""
     if fit.plant_ is not None and fit.plant_.kind == "overshoot":
@@ -253,12 +248,14 @@ def mendings(task: Task, settled: Design, pi: PIGains, verdict: Guarantee) -> tu
 def _notes(task: Task, settled: Design, tuned: Design, rc: Robust | None, replayed: Replayed) -> list[Finding]:
     """What else is to be known of gains that were made."""
     findings, model, unit = [], task.model, task.units
+    kind = "lag" if task.plant is None else task.plant.kind
     if rc is not None and settled.options.b_hat is None and rc.B_hat != 1 / model.b0:
         findings.append(finding("b-hat-between-levels", "rc", pooled=1 / model.b0, B_hat=rc.B_hat, B_m=rc.B_m))
     if not task.scales.paper:
         findings.append(
             finding(
-                "designed-for-rig", "model", input_unit=unit[0], output_unit=unit[1], kind=_of_kind(task.plant),
+                "designed-for-rig", "model", input_unit=unit[0], output_unit=unit[1],
+                kind=f", plant: {kind}" if kind not in ("parallel", "lag") else "",
                 pace=task.scales.pace, highest=task.limits[1], overshoot_pct=settled.pi.overshoot_pct or 0.0,
                 settling_s=settled.pi.settling_s or 0.0,
             )
