@@ -133,8 +133,8 @@ def _run(
             mode = MODES[min(int(k * dt / exercise.mode_s), len(MODES) - 1)]
             raise GainsError(
                 f"rehab with {controller.name}: the {mode} mode diverges, the forearm passes "
-                f"{math.degrees(angle):.0f}° at {k * dt:.2f} s (limb damping {exercise.damping_nms:g} N·m·s/rad); nothing is plotted of it; "
-                "give the limb more damping or other gains"
+                f"{math.degrees(angle):.0f}° at {k * dt:.2f} s (limb damping {exercise.damping_nms:g} N·m·s/rad); "
+                "nothing is plotted of it; give the limb more damping or other gains"
             )
     return np.array(samples).T.copy()
 
