@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from eaid.errors import DataError
 from eaid.logs.clocks import CLOCK_STAMP, seconds_of
-from eaid.logs.table import BadCell, Cells, Table, timed
+from eaid.logs.table import BadCell, Cells, Table, with_times
 from eaid.logs.units import unit_of
 
 COMMENT = ("#", "%", "//")
@@ -192,7 +192,7 @@ def _of_labview(path: str, encoding: str, lines: list[str], read: Reading) -> Ta
     if header.get("X_Columns") == ["No"]:
         clocks = {*zip(*(map(marks.value, header.get(key, ())) for key in ("X0", "Delta_X")), strict=False)}
         if len(clocks) == 1 and None not in (clock := clocks.pop()) and clock[1] > 0:
-            load = partial(timed, load, *clock)
+            load = partial(with_times, load, *clock)
         else:
             names[0], units[0] = "", ""
     return Table("", tuple(names), load, tuple(units))
