@@ -151,9 +151,7 @@ def warnings_of(
 
     def cost(name: str) -> dict[str, Any]:
         """Of meeting one condition, with that of meeting all that gains can meet."""
-        then = next((one for one in verdict.mendings if one.conditions == (name,)), None)
-        if then is None:
-            return {}
+        then = next(one for one in verdict.mendings if one.conditions == (name,))
         return {
             "now_db": least.gain_db, "then_db": then.gain_db if then.stable else None, "stable": then.stable,
             "now_error": least.max_abs_error_nm, "then_error": then.max_abs_error_nm, "output_unit": units[1],
