@@ -62,10 +62,7 @@ def simulate(
     rate_hz = options.rate_hz or made_for or control_rate(fit)
     if fit.dead_time_s > 0 and rig.delay_samples == 0:
         findings.append(finding("dead-time-replayed", "nonlinear", dead_time_s=fit.dead_time_s))
-    reasons = {
-        "plant": fit.verdict.of(*PLANT_MODELS).sentence,
-        "gains": (gains.not_usable or "") if gains is not None else "",
-    }
+    reasons = {"plant": fit.verdict.of(*PLANT_MODELS).sentence, "gains": None if gains is None else gains.not_usable}
     not_usable = {name: why for name, why in reasons.items() if why}
     findings += [finding("replay-not-usable", name, why=why) for name, why in not_usable.items()]
     findings += unknown_to_plant(fit)

@@ -219,18 +219,15 @@ def replay_beside(task: Task, rc: Robust | None, laws: dict[str, Law]) -> Replay
     if (fed := rows.pop("pi-feedforward", None)) is not None:
         rows["equal_pi_feedforward"] = fed
     named = {name: rows.pop(name) for name in Replayed.ROWS if name in rows}
-    return Replayed(
-        task.name, task.wanted.steepest_nm_s, task.wanted.counted_from_s, **named, others=rows,
-    )  # fmt: skip
+    return Replayed(task.name, task.wanted.steepest_nm_s, task.wanted.counted_from_s, **named, others=rows)
 
 
 def _least(task: Task, law: Law, met: tuple[str, ...], judged: Guarantee, error: float | None) -> Mending:
     """Margins and error of a robust controller, with its verdict and the conditions that it was made to meet."""
     least = least_margins(law, task.points, task.timing)
     stable = bool(least.stable)
-    return Mending(
-        met, judged.holds, judged.missing, stable, least.gain_db, least.phase_deg, error if stable else None
-    )  # fmt: skip
+    shown = error if stable else None
+    return Mending(met, judged.holds, judged.missing, stable, least.gain_db, least.phase_deg, shown)
 
 
 def mendings(task: Task, settled: Design, pi: PIGains, verdict: Guarantee) -> tuple[Mending, ...]:
