@@ -323,6 +323,20 @@ def numbers(flag: str, text: str) -> tuple[float, ...]:
         raise UsageError(f"{flag} {text}: write numbers with commas between them, as 40,70") from None
 
 
+def spaced(flag: str, text: str) -> tuple[float, ...]:
+    """`30,40,90`, or `from:to:step` with both ends."""
+    try:
+        if ":" not in text:
+            return tuple(float(part) for part in text.split(","))
+        start, end, step = (float(part) for part in text.split(":"))
+        count = round((end - start) / step)
+    except (ValueError, ZeroDivisionError, OverflowError):
+        raise UsageError(f"{flag} {text}: give levels as 30,40,90 or as from:to:step") from None
+    if not 0 <= count <= 10_000 or abs(start + count * step - end) > 1e-9 * abs(step):
+        raise UsageError(f"{flag} {text}: the step does not lead from {start:g} to {end:g}")
+    return tuple(start + k * step for k in range(count + 1))
+
+
 def names(flag: str, text: str) -> tuple[str, ...]:
     """Names with commas between them."""
     parts = tuple(name.strip() for name in text.split(",") if name.strip())

@@ -13,7 +13,7 @@ from typing import Any, Literal
 import msgspec
 
 from eaid.apparatus import Apparatus
-from eaid.declared import Options, any_text, as_typed, option, pairs
+from eaid.declared import Options, any_text, as_typed, option, pairs, spaced
 from eaid.errors import UsageError, unknown
 
 ExperimentKind = Literal["clutch", "friction-force", "friction-speed"]
@@ -43,20 +43,6 @@ USED_BY = {
     "duty": ("random", "staircase", "chirp"), "levels": ("random", "staircase", "closed-loop"), "rest_s": ("random",),
     "hold_s": ("random", "staircase", "closed-loop"),
 }  # fmt: skip
-
-
-def spaced(flag: str, text: str) -> tuple[float, ...]:
-    """`30,40,90`, or `from:to:step` with both ends."""
-    try:
-        if ":" not in text:
-            return tuple(float(part) for part in text.split(","))
-        start, end, step = (float(part) for part in text.split(":"))
-        count = round((end - start) / step)
-    except (ValueError, ZeroDivisionError, OverflowError):
-        raise UsageError(f"{flag} {text}: give levels as 30,40,90 or as from:to:step") from None
-    if not 0 <= count <= 10_000 or abs(start + count * step - end) > 1e-9 * abs(step):
-        raise UsageError(f"{flag} {text}: the step does not lead from {start:g} to {end:g}")
-    return tuple(start + k * step for k in range(count + 1))
 
 
 @dataclass(frozen=True, kw_only=True)

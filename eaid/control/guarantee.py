@@ -29,7 +29,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.control.kinds import rc_law
-from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, Point, finite, margins
+from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, Point, enough, finite, least_margins
 from eaid.findings import Finding, finding
 from eaid.plant.linear import LinearPlant
 from eaid.plant.operating import lag
@@ -87,18 +87,15 @@ def duties_asked(rc: Robust, grounds: Grounds, torque_nm: Array) -> tuple[float,
 def _sampled(rc: Robust, grounds: Grounds) -> Condition:
     """Least margin of the extreme plants, the one that falls short where one does."""
     assert rc.B_m is not None and rc.B_M is not None
-    model, law = grounds.model, rc_law(grounds.model, rc, grounds.limits)
-    middle = sum(grounds.limits) / 2
+    model, middle = grounds.model, sum(grounds.limits) / 2
     gain = model.b0 / model.a0
     torque = gain * middle + model.c0 / model.a0
-    least_db, least_deg = math.inf, math.inf
-    for B in (rc.B_m, rc.B_M):
-        found = margins(law, Point(middle, torque, lag(gain, B * gain)), grounds.timing)
-        least_db = min(least_db, math.inf if found.gain_db is None else found.gain_db) if found.stable else -math.inf
-        least_deg = min(least_deg, math.inf if found.phase_deg is None else found.phase_deg)
-    if least_db >= ENOUGH_DB and least_deg < ENOUGH_DEG:
-        return Condition("sampling", False, ENOUGH_DEG, least_deg, "°")
-    return Condition("sampling", least_db >= ENOUGH_DB, ENOUGH_DB, finite(least_db), "dB")
+    points = [Point(middle, torque, lag(gain, B * gain)) for B in (rc.B_m, rc.B_M)]
+    least = least_margins(rc_law(model, rc, grounds.limits), points, grounds.timing)
+    wide = bool(least.stable) and (least.gain_db is None or least.gain_db >= ENOUGH_DB)
+    if wide and not enough(least):
+        return Condition("sampling", False, ENOUGH_DEG, least.phase_deg, "°")
+    return Condition("sampling", wide, ENOUGH_DB, least.gain_db if least.stable else None, "dB")
 
 
 def guarantee_of(rc: Robust, grounds: Grounds) -> Guarantee:
@@ -154,9 +151,7 @@ def warnings_of(
 
     def cost(name: str) -> dict[str, Any]:
         """Of meeting one condition, with that of meeting all that gains can meet."""
-        then = next((one for one in verdict.mendings if one.conditions == (name,)), None)
-        if then is None:
-            return {}
+        then = next(one for one in verdict.mendings if one.conditions == (name,))
         return {
             "now_db": least.gain_db, "then_db": then.gain_db if then.stable else None, "stable": then.stable,
             "now_error": least.max_abs_error_nm, "then_error": then.max_abs_error_nm, "output_unit": units[1],

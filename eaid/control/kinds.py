@@ -33,11 +33,6 @@ def rc_law(model: LinearPlant, rc: Robust, limits_pct: tuple[float, float]) -> R
     )  # fmt: skip
 
 
-def pi_law(_model: LinearPlant, pi: PI, limits_pct: tuple[float, float]) -> PIGains:
-    """The PI as its step takes it."""
-    return PIGains(pi.K_P, pi.K_I, *limits_pct)
-
-
 @dataclass(frozen=True)
 class LawKind:
     """One controller."""
@@ -60,7 +55,7 @@ class LawKind:
 CONTROLLER_ROWS = (
     LawKind("rc", "RC", RCGains, rc_step, rc_law, Robust.SHOWN,
             ("K_P", "K_D", "B_hat", "b0", "epsilon", "gamma", "Q22")),
-    LawKind("pi", "PI", PIGains, pi_step, pi_law, PI.SHOWN),
+    LawKind("pi", "PI", PIGains, pi_step, lambda _model, pi, limits: PIGains(pi.K_P, pi.K_I, *limits), PI.SHOWN),
     LawKind("pi-feedforward", "PI with RC's feedforward", PIFeedforwardGains, pi_feedforward_step, pi_feedforward.law,
          {"K_P": "K_P", "K_I": "K_I", "B_hat": "B̂"}, ("B_hat", "b0"), pi_feedforward.design),
     LawKind("smith", "PI with Smith predictor", SmithGains, smith_step, smith.law,

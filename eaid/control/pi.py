@@ -108,8 +108,6 @@ def step_metrics(model: LinearPlant, K_P: float, K_I: float) -> tuple[float, flo
     """Overshoot [%] and 2 % settling time [s] of the closed loop on the linear model without c0; infinite where it does
     not settle."""
     p, q = model.a0 + model.b0 * K_P, model.b0 * K_I
-    if p <= 0 or q < 0:
-        return math.inf, math.inf
     if q == 0:
         # No integral: the error ends at a0/p and stays there.
         rest = model.a0 / p

@@ -52,7 +52,7 @@ class Cells:
         return row + index - sample
 
 
-def timed(load: Callable[[Sequence[int]], Cells], start_s: float, step_s: float, columns: Sequence[int]) -> Cells:
+def with_times(load: Callable[[Sequence[int]], Cells], start_s: float, step_s: float, columns: Sequence[int]) -> Cells:
     """Columns of a file whose header says the time of its rows; its first column is empty."""
     cells = load([column for column in columns if column] or [1])
     time_s = start_s + step_s * np.arange(len(cells.values[0]))

@@ -23,11 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eaid.errors import DataError
+from eaid.logs.cells import COMMENT, by_arrow, cell_by_cell
 from eaid.logs.clocks import CLOCK_STAMP, seconds_of
-from eaid.logs.table import BadCell, Cells, Table, timed
+from eaid.logs.table import BadCell, Cells, Table, with_times
 from eaid.logs.units import unit_of
 
-COMMENT = ("#", "%", "//")
 # A comma that is a decimal mark and cannot be one between thousands
 _DECIMAL = re.compile(r"(?<![\d.,])0+,\d|\d,\d{1,2}(?!\d)|\d,\d{4}")
 _LABEL = re.compile(r"^([A-Za-z_]\w*)\s*[:=]\s*(?=[-+.\d])")
@@ -201,7 +201,7 @@ def _of_labview(path: str, encoding: str, lines: list[str], read: Reading) -> Ta
     if header.get("X_Columns") == ["No"]:
         clocks = {*zip(*(map(marks.value, header.get(key, ())) for key in ("X0", "Delta_X")), strict=False)}
         if len(clocks) == 1 and None not in (clock := clocks.pop()) and clock[1] > 0:
-            load = partial(timed, load, *clock)
+            load = partial(with_times, load, *clock)
         else:
             names[0], units[0] = "", ""
     return Table("", tuple(names), load, tuple(units))
@@ -368,7 +368,7 @@ def _load(path: Path, source: str, zipped: bool, dialect: Dialect, columns: Sequ
                 quoted = " ".join(re.findall(r'"[^"]*"', body)) if dialect.marks.delimiter == "," else body
                 decimal = _DECIMAL.search(quoted) is not None
             body = dialect.marks.parted(body)
-            cells = _by_arrow(body, dialect, columns, first) or _cell_by_cell(body, dialect, columns, first)
+            cells = by_arrow(body, dialect, columns, first) or cell_by_cell(body, dialect, columns, first)
             bad.extend(replace(one, row=one.row + count) for one in cells.bad)
             rows.extend((sample + count, row) for sample, row in cells.rows)
             count += len(cells.values[0])
@@ -389,76 +389,3 @@ def _load(path: Path, source: str, zipped: bool, dialect: Dialect, columns: Sequ
             f"every one; save it with decimal points"
         )
     return Cells(tuple(whole), tuple(bad), tuple(rows))
-
-
-def _by_arrow(body: str, dialect: Dialect, columns: Sequence[int], line: int) -> Cells | None:
-    """The columns of a piece by Arrow's parser; None where anything in them is not a plain finite number."""
-    if not set(columns).isdisjoint(dialect.stamps):
-        return None
-    import pyarrow as pa
-    from pyarrow import csv as arrow
-
-    marks = dialect.marks
-    if marks.delimiter is None:  # cells stand apart by one blank each
-        body = "\n".join(" ".join(row.strip("[]; \r").split()) for row in body.split("\n"))
-    first = body.partition("\n")[0].split(marks.delimiter or " ")
-    names = [str(i) for i in range(max(len(first), dialect.count))]
-    kinds = {}
-    for column in columns:
-        digits = first[min(column, len(first) - 1)]
-        long = digits.isdigit() and len(digits) > 15  # more than a float surely holds: stamps in ns stay whole
-        kinds[names[column]] = pa.int64() if long else pa.float64()
-    data = body.encode()
-    try:
-        table = arrow.read_csv(
-            pa.BufferReader(pa.py_buffer(data)),
-            arrow.ReadOptions(use_threads=False, block_size=len(data) + 1, column_names=names),
-            arrow.ParseOptions(delimiter=marks.delimiter or " ", ignore_empty_lines=False),
-            arrow.ConvertOptions(
-                column_types=kinds, include_columns=list(kinds), null_values=[], decimal_point=marks.decimal
-            ),
-        )
-    except pa.ArrowInvalid:
-        return None
-    # one chunk, as the block is the piece; its own to_numpy would load pandas
-    values: list[NDArray[Any]] = []
-    for column in columns:
-        (cells,) = table[names[column]].chunks
-        values.append(np.from_dlpack(cells))
-        if not np.isfinite(values[-1]).all():
-            return None
-    return Cells(tuple(values), rows=((0, line),))
-
-
-def _cell_by_cell(body: str, dialect: Dialect, columns: Sequence[int], line: int) -> Cells:
-    """The columns of a piece cell by cell, every bad cell listed; comment and blank lines are passed over.
-
-    Stamps stay texts: what they mean depends on those before them.
-    """
-    count, length = dialect.count, 0
-    values: list[list[Any]] = [[] for _ in columns]
-    rows: list[tuple[int, int]] = []
-    bad: list[BadCell] = []
-    for row, raw in enumerate(body.split("\n"), start=line):
-        text = raw.strip(" \0\x1a")
-        if not text.strip("[];") or text.startswith(COMMENT):
-            continue
-        if not rows or row - length != rows[-1][1] - rows[-1][0]:
-            rows.append((length, row))
-        cells = dialect.marks.cells(text, count)[: count if dialect.remarks else None]
-        whole = len(cells) == count
-        if not whole:
-            bad.append(BadCell(length, -1, str(len(cells))))
-        for k, column in enumerate(columns):
-            if column in dialect.stamps:
-                values[k].append(cells[column] if whole else "")
-                continue
-            value = dialect.marks.value(cells[column]) if whole else None
-            if whole and (value is None or not math.isfinite(value)):
-                bad.append(BadCell(length, column, cells[column].strip()[:40]))
-                value = None
-            values[k].append(math.nan if value is None else value)
-        length += 1
-    kinds = [object if column in dialect.stamps else np.float64 for column in columns]
-    arrays = (np.array(one, dtype=kind) for one, kind in zip(values, kinds, strict=True))
-    return Cells(tuple(arrays), tuple(bad), tuple(rows))

@@ -95,11 +95,8 @@ def breaks_of(whole: Array) -> tuple[tuple[float, float], ...]:
     return (*breaks, (now, 0.0))
 
 
-def plan_excitation(
-    p: Plant, noise: Noise, wanted: Mapping[str, float], limits: Limits | None = None, seed: int = 0
-) -> Excitation:
+def plan_excitation(p: Plant, noise: Noise, wanted: Mapping[str, float], limits: Limits, seed: int = 0) -> Excitation:
     """The shortest sequence for half-widths of `wanted` percent at the worst duty, or the best of the longest."""
-    limits = limits or Limits(duty=p.u_range)
     if limits.unit == "%" and limits.duty[1] > FULL_DUTY:
         raise UsageError(f"«limits» duty {limits.duty[1]:g}: a duty ends at 100 %")
     draw = np.random.default_rng(seed)

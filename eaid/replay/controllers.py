@@ -41,7 +41,7 @@ class Controller:
     name: str
     step: Step
     gains: Any
-    start: Callable[[float], Any]  # Control interval [s] → the state before the first sample
+    start: Callable[[float], Any] = lambda _dt: 0  # Control interval [s] → the state before the first sample
     # The rate it is given leads to the next sample of the reference exactly (forward difference), else it is the
     # central one
     looks_ahead: bool = False
@@ -152,11 +152,6 @@ def inverse_step(
     return InverseState(x1 + lack * dt, x2, lack, duty), duty
 
 
-def at_zero(_dt: float) -> int:
-    """The state of a law that counts samples, or has none."""
-    return 0
-
-
 OwnLaw = Callable[[float, float, float], float]
 """A user's controller in Python: time [s], reference and measured output → input."""
 
@@ -225,7 +220,7 @@ def controller_of(
             raise UsageError("controller open-loop needs a linear model: fit it too, or give «gains», which hold one")
         linear = physical(linear)
         law = OpenLoopGains(linear.a0, linear.b0, linear.c0, *limits_pct)
-        return Controller("open-loop", open_loop_step, law, at_zero)
+        return Controller("open-loop", open_loop_step, law)
     held = law_of(gains, name)
     if held is None and gains is not None and name in gains.refused:
         raise UsageError(f"controller {name}: {gains.refused[name]}")

@@ -56,25 +56,31 @@ def rehabilitate(
     return Record(columns, statistics(columns, controller.limits_pct, exercise, dt_s))
 
 
-def _run(
-    plant: PlantNumbers, controller: Controller, exercise: Exercise, rig: Rig, n: int, dt: float, seed: int
-) -> Array:
-    """The session, sample by sample: reference, torque, measured, duty, applied, target, angle, desired, rendered;
-    (9, n)."""
+def _signals(exercise: Exercise, rig: Rig, n: int, dt: float, seed: int) -> tuple[Array, ...]:
+    """What is known of a session before it is played: the target [rad] and its rate [rad/s], the user's tremor, the
+    sensor's noise, the shares of the way to hard and to assisted; (n,) each."""
     t = np.arange(n) * dt
     phase = 2 * math.pi * exercise.movement_hz * t
     swing = math.radians(exercise.amplitude_deg)
     # the sensor's noise has another seed
     user_random = np.random.default_rng(int(np.random.SeedSequence([seed, 7]).generate_state(1, np.uint64)[0]))
     middle = exercise.mode_s * np.arange(1, len(MODES))
-    signals = (
-        math.radians(exercise.centre_deg) - swing * np.cos(phase),  # target [rad] and its rate [rad/s]
+    return (
+        math.radians(exercise.centre_deg) - swing * np.cos(phase),
         swing * 2 * math.pi * exercise.movement_hz * np.sin(phase),
         # the user's moment is white noise that forgets itself in tremor_s: an AR(1) of the same variance at any rate
         exercise.tremor_nm * coloured(n, dt, exercise.tremor_s, user_random),
         sensor_noise(rig, n, seed),
-        *(0.5 * (1 + np.tanh((t - at) / exercise.blend_s)) for at in middle),  # shares of the way to hard, to assisted
+        *(0.5 * (1 + np.tanh((t - at) / exercise.blend_s)) for at in middle),
     )
+
+
+def _run(
+    plant: PlantNumbers, controller: Controller, exercise: Exercise, rig: Rig, n: int, dt: float, seed: int
+) -> Array:
+    """The session, sample by sample: reference, torque, measured, duty, applied, target, angle, desired, rendered;
+    (9, n)."""
+    signals = _signals(exercise, rig, n, dt, seed)
     law: Callable[..., tuple[object, float]] = controller.step
     gains, state = controller.gains, controller.start(dt)
     soft, hard = exercise.soft_nm_rad, exercise.hard_nm_rad
@@ -127,9 +133,8 @@ def _run(
             mode = MODES[min(int(k * dt / exercise.mode_s), len(MODES) - 1)]
             raise GainsError(
                 f"rehab with {controller.name}: the {mode} mode diverges, the forearm passes "
-                f"{math.degrees(angle):.0f}° "
-                f"at {k * dt:.2f} s (limb damping {exercise.damping_nms:g} N·m·s/rad); nothing is plotted of it; "
-                "give the limb more damping or other gains"
+                f"{math.degrees(angle):.0f}° at {k * dt:.2f} s (limb damping {exercise.damping_nms:g} N·m·s/rad); "
+                "nothing is plotted of it; give the limb more damping or other gains"
             )
     return np.array(samples).T.copy()
 

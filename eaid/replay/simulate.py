@@ -15,10 +15,10 @@ from eaid.estimate.draw import draw, drawable
 from eaid.findings import Finding, finding, ranked
 from eaid.logs.run import Run
 from eaid.options import Rig, SimulateOptions
-from eaid.plant.dynamics import PlantNumbers, plant_numbers
+from eaid.plant.dynamics import Plant, PlantNumbers, plant_numbers
 from eaid.progress import Progress, no_progress
 from eaid.replay.compare import compared
-from eaid.replay.controllers import Controller, OwnGains, OwnLaw, at_zero, controller_of, own_step
+from eaid.replay.controllers import Controller, OwnGains, OwnLaw, controller_of, own_step
 from eaid.replay.loop import replay
 from eaid.replay.metrics import at_limit, measure
 from eaid.replay.references import Reference, reference_beyond, reference_of, signal_of
@@ -30,8 +30,6 @@ from eaid.results.replay import Exercise, Head, Record, Replay
 from eaid.results.verdict import PLANT_MODELS
 
 UNSEEN_SHARE = 0.01  # Share of the samples that may lie outside what was identified without a word
-
-
 # Records by name, what the head says of them, and findings
 Outcome = tuple[dict[str, Record], dict[str, Any], list[Finding]]
 
@@ -56,18 +54,7 @@ def simulate(
     if model is None:
         raise DataError("the fit holds no nonlinear model, which the replay's plant is; fit clutch data with it")
     refuse_other_units(fit, gains)
-    findings: list[Finding] = []
-    linear = fit.linear.parameters if fit.linear is not None else gains.model if gains is not None else None
-    names = options.controller or tuple(gains.laws if gains is not None and not own else ())
-    if not options.controller and not own and what == "sweep" and linear is not None:
-        names += ("open-loop",)
-    if not names and what != "log" and not own:
-        invertible = model.zeta is None and not model.signed
-        names = ("open-loop",) * (linear is not None) + ("inverse",) * invertible
-        findings.append(finding("no-gains", "controllers"))
-    limits = input_limits(fit) if gains is None else gains.duty_limits_pct
-    controllers = tuple(controller_of(name, model, linear, gains, limits) for name in names)
-    controllers += tuple(Controller(name, own_step, OwnGains(name, law, *limits), at_zero) for name, law in own.items())
+    controllers, findings = _controllers(fit, gains, model, options.controller or (), what, own)
     rig, scales = part(Rig, options), scales_of(fit, model)
     if runs is not None and (unused := list(rig.given())):
         raise UsageError(f"«{unused[0]}»: does nothing with logs; leave it out")
@@ -75,10 +62,7 @@ def simulate(
     rate_hz = options.rate_hz or made_for or control_rate(fit)
     if fit.dead_time_s > 0 and rig.delay_samples == 0:
         findings.append(finding("dead-time-replayed", "nonlinear", dead_time_s=fit.dead_time_s))
-    reasons = {
-        "plant": fit.verdict.of(*PLANT_MODELS).sentence,
-        "gains": (gains.not_usable or "") if gains is not None else "",
-    }
+    reasons = {"plant": fit.verdict.of(*PLANT_MODELS).sentence, "gains": None if gains is None else gains.not_usable}
     not_usable = {name: why for name, why in reasons.items() if why}
     findings += [finding("replay-not-usable", name, why=why) for name, why in not_usable.items()]
     findings += unknown_to_plant(fit)
@@ -91,15 +75,7 @@ def simulate(
     if runs is not None:
         outcome = {run.name: compared(run, fit, model) for run in runs}, {}, []
     elif what == "rehab":
-        if fit.data.output_unit not in ("N·m", "Nm"):
-            raise DataError(f"rehab needs a torque, and the fit's output is in {fit.data.output_unit}")
-        mode_s = None if options.duration is None else options.duration / len(MODES)
-        given = {"mode_s": mode_s, "damping_nms": options.limb_damping}
-        exercise = msgspec.structs.replace(
-            Exercise().scaled(scales.top), **{key: value for key, value in given.items() if value is not None}
-        )
-        sessions = {each.name: rehabilitate(plant, each, exercise, rig, dt_s, options.seed) for each in controllers}
-        outcome = sessions, {"dt_s": dt_s, "counted_from_s": exercise.uncounted_s, "exercise": exercise}, []
+        outcome = _rehabilitated(fit, plant, controllers, scales.top, rig, options, dt_s)
     else:
         signal = None if reference is None else signal_of(reference, dt_s, options.duration)
         wanted = reference_of(what if signal is None else signal, dt_s, scales, options.duration)
@@ -112,6 +88,40 @@ def simulate(
         ),
         records,
     )  # fmt: skip
+
+
+def _controllers(
+    fit: Fit, gains: Gains | None, model: Plant, names: tuple[str, ...], what: str, own: Mapping[str, OwnLaw]
+) -> tuple[tuple[Controller, ...], list[Finding]]:
+    """The controllers that are named, else those of the gains, else what needs none; and a user's own."""
+    findings = list[Finding]()
+    linear = fit.linear.parameters if fit.linear is not None else gains.model if gains is not None else None
+    if not names and not own:
+        names = (*(gains.laws if gains is not None else ()), *("open-loop",) * (what == "sweep" and linear is not None))
+        if not names and what != "log":
+            invertible = model.zeta is None and not model.signed
+            names = ("open-loop",) * (linear is not None) + ("inverse",) * invertible
+            findings.append(finding("no-gains", "controllers"))
+    limits = input_limits(fit) if gains is None else gains.duty_limits_pct
+    controllers = [controller_of(name, model, linear, gains, limits) for name in names]
+    controllers += [Controller(name, own_step, OwnGains(name, law, *limits)) for name, law in own.items()]
+    return tuple(controllers), findings
+
+
+def _rehabilitated(
+    fit: Fit, plant: PlantNumbers, controllers: Sequence[Controller], top: float, rig: Rig, options: SimulateOptions,
+    dt_s: float,
+) -> Outcome:  # fmt: skip
+    """The rehabilitation under each controller, at the rig's own torques."""
+    if fit.data.output_unit not in ("N·m", "Nm"):
+        raise DataError(f"rehab needs a torque, and the fit's output is in {fit.data.output_unit}")
+    mode_s = None if options.duration is None else options.duration / len(MODES)
+    given = {"mode_s": mode_s, "damping_nms": options.limb_damping}
+    exercise = msgspec.structs.replace(
+        Exercise().scaled(top), **{key: value for key, value in given.items() if value is not None}
+    )
+    sessions = {each.name: rehabilitate(plant, each, exercise, rig, dt_s, options.seed) for each in controllers}
+    return sessions, {"dt_s": dt_s, "counted_from_s": exercise.uncounted_s, "exercise": exercise}, []
 
 
 def _tracked(

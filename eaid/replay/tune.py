@@ -130,11 +130,6 @@ def phi_of(fit: Fit, model: LinearPlant, bounds: Bounds, plant: Plant | None) ->
     return float(np.quantile(each, 0.95))
 
 
-def _of_kind(plant: Plant | None) -> str:
-    """What is said of a plant that is no clutch."""
-    return "" if plant is None or plant.kind in ("parallel", "lag") else f", plant: {plant.kind}"
-
-
 def unknown_to_plant(fit: Fit) -> list[Finding]:
     """What a fit says of its steps that its plant does not show, for every use of it to repeat."""
     if fit.plant_ is not None and fit.plant_.kind == "overshoot":
@@ -224,18 +219,15 @@ def replay_beside(task: Task, rc: Robust | None, laws: dict[str, Law]) -> Replay
     if (fed := rows.pop("pi-feedforward", None)) is not None:
         rows["equal_pi_feedforward"] = fed
     named = {name: rows.pop(name) for name in Replayed.ROWS if name in rows}
-    return Replayed(
-        task.name, task.wanted.steepest_nm_s, task.wanted.counted_from_s, **named, others=rows,
-    )  # fmt: skip
+    return Replayed(task.name, task.wanted.steepest_nm_s, task.wanted.counted_from_s, **named, others=rows)
 
 
 def _least(task: Task, law: Law, met: tuple[str, ...], judged: Guarantee, error: float | None) -> Mending:
     """Margins and error of a robust controller, with its verdict and the conditions that it was made to meet."""
     least = least_margins(law, task.points, task.timing)
     stable = bool(least.stable)
-    return Mending(
-        met, judged.holds, judged.missing, stable, least.gain_db, least.phase_deg, error if stable else None
-    )  # fmt: skip
+    shown = error if stable else None
+    return Mending(met, judged.holds, judged.missing, stable, least.gain_db, least.phase_deg, shown)
 
 
 def mendings(task: Task, settled: Design, pi: PIGains, verdict: Guarantee) -> tuple[Mending, ...]:
@@ -253,12 +245,14 @@ def mendings(task: Task, settled: Design, pi: PIGains, verdict: Guarantee) -> tu
 def _notes(task: Task, settled: Design, tuned: Design, rc: Robust | None, replayed: Replayed) -> list[Finding]:
     """What else is to be known of gains that were made."""
     findings, model, unit = [], task.model, task.units
+    kind = "lag" if task.plant is None else task.plant.kind
     if rc is not None and settled.options.b_hat is None and rc.B_hat != 1 / model.b0:
         findings.append(finding("b-hat-between-levels", "rc", pooled=1 / model.b0, B_hat=rc.B_hat, B_m=rc.B_m))
     if not task.scales.paper:
         findings.append(
             finding(
-                "designed-for-rig", "model", input_unit=unit[0], output_unit=unit[1], kind=_of_kind(task.plant),
+                "designed-for-rig", "model", input_unit=unit[0], output_unit=unit[1],
+                kind=f", plant: {kind}" if kind not in ("parallel", "lag") else "",
                 pace=task.scales.pace, highest=task.limits[1], overshoot_pct=settled.pi.overshoot_pct or 0.0,
                 settling_s=settled.pi.settling_s or 0.0,
             )

@@ -31,7 +31,7 @@ def test_a_plan_keeps_its_limits_and_its_widths() -> None:
 
 @pytest.mark.slow
 def test_measured_widths_are_the_predicted_ones() -> None:
-    found = plan_excitation(REFERENCE_PLANT, NOISE, WANT)
+    found = plan_excitation(REFERENCE_PLANT, NOISE, WANT, Limits())
     rows = [recording_widths(found, REFERENCE_PLANT, NOISE, k) for k in range(5)]
     for name, predicted in found.half_width_pct.items():
         # a prediction takes the noise at its lowest frequencies, and no width is known better than to a third
