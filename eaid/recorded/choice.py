@@ -11,7 +11,7 @@ from scipy.special import chdtri
 from eaid.arrays import Array, median
 from eaid.errors import DataError
 from eaid.estimate import forms
-from eaid.estimate.recorded_log import RecordedLog
+from eaid.estimate.recorded_log import RecordedLog, shifted
 from eaid.findings import Finding, finding
 from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE
@@ -20,7 +20,7 @@ from eaid.recorded.fall_tests import tested
 from eaid.recorded.from_logs import Setup, Solved, fit_setup, idle_found, plant_found, setup_of
 from eaid.recorded.inputs import MANY_LEVELS, Excited
 from eaid.recorded.kinds import PRICE, LagKind, Search, Tried, independent_of, integrates, of_evidence, search_of
-from eaid.recorded.late import timed
+from eaid.recorded.late import LEAST_CHANGES, ON_TIME, Delay, common_delay, delays, timed
 from eaid.recorded.log_intervals import Spread, curves, spread
 from eaid.results.common import Interval
 from eaid.results.models import FittedData
@@ -49,7 +49,7 @@ class Chosen:
     falls: tuple[FallTest, ...]
     kinds: tuple[KindTried, ...]
     findings: list[Finding]
-    late: tuple[int, ...]  # Rows by which the input of each log was noted late
+    late: tuple[Delay, ...]  # By which the input of each log was noted late
 
 
 def plant_of_logs(
@@ -68,10 +68,10 @@ def plant_of_logs(
     if clutch is not None and (still or not alone):
         return clutch
     # gains of these kinds extrapolate nothing: they hold for all that the logs hold, or their own play would be cut off
-    search = search_of(at_rest(logs, inputs), *inputs.ends, options.held_dead_time_s)
-    logs = search.logs
     rivals = [] if clutch is None else [Tried(LagKind("clutch", "parallel"), clutch.solved)]
-    rows = of_evidence(search, len(inputs.levels) if inputs.stepwise else MANY_LEVELS, rivals)
+    late = (ON_TIME,) * len(logs) if clutch is None else clutch.late
+    search, rows, late = _kinds_behind(logs, late, inputs, options, rivals)
+    noted, logs = logs, search.logs
     if clutch is not None and rows[0].kind.name == "clutch" and options.duty is None:
         simple = next(one for one in rows if one.kind.name != "clutch")
         explains = simple.cost <= LEFT * sum(energy(log) for log in logs)
@@ -113,7 +113,43 @@ def plant_of_logs(
     if (kinds[0].fit_pct or 0.0) < LITTLE_PCT:
         told.append(finding("no-kind-explains", "nonlinear", fit_pct=kinds[0].fit_pct))
     told += [finding("dead-time", log.name, dead_time_s=theta_s) for log in logs if theta_s > 0]
-    return Chosen(best.solved, tuple(logs), (), kinds, told, (0,) * len(logs))
+    told += [more for one, log in zip(late, noted, strict=True) for more in one.told(log)]
+    return Chosen(best.solved, tuple(logs), (), kinds, told, late)
+
+
+def _kinds_behind(
+    logs: Sequence[RecordedLog], late: tuple[Delay, ...], inputs: Excited, options: FitOptions, rivals: Sequence[Tried],
+    passes: int = 4,
+) -> tuple[Search, list[Tried], tuple[Delay, ...]]:  # fmt: skip
+    """Every kind fitted to the logs with their inputs where they acted, the best first; and how late these were noted
+    by the best kind, which may move them again."""
+    acting = [shifted(log, one.rows) for log, one in zip(logs, late, strict=True)]
+    search = search_of(at_rest(acting, inputs), *inputs.ends, options.held_dead_time_s)
+    rows = of_evidence(search, len(inputs.levels) if inputs.stepwise else MANY_LEVELS, rivals)
+    found = _late_by(rows[0].solved, search.logs, late, options)
+    if [one.rows for one in found] == [one.rows for one in late]:
+        return search, rows, found
+    return _kinds_behind(logs, found, inputs, options, rivals, passes - 1) if passes > 1 else (search, rows, late)
+
+
+def _late_by(
+    solved: Solved, acting: Sequence[RecordedLog], late: tuple[Delay, ...], options: FitOptions
+) -> tuple[Delay, ...]:
+    """By how much inputs were noted late, by a kind fitted with them `late`; what moved them too far is its dead
+    time."""
+    if options.held_dead_time_s is not None:
+        return late
+    if (theta_s := solved.fitted.dead_time(solved.x)) > 0:
+        more = [Delay(-round(theta_s / median(log.dt_s))) for log in acting]
+    elif all(len(log.changes) < LEAST_CHANGES and log.starts_idle for log in acting):
+        more = [common_delay(solved, acting)] * len(acting)
+    else:
+        more = delays(solved, acting)
+    found = []
+    for old, new in zip(late, more, strict=True):
+        rows = old.rows + new.rows
+        found.append(Delay(rows, old.rows + new.low, old.rows + new.high) if rows > 0 else ON_TIME)
+    return tuple(found)
 
 
 def at_rest(logs: Sequence[RecordedLog], inputs: Excited) -> list[RecordedLog]:
@@ -157,9 +193,9 @@ def _of_the_clutch(
     behind = timed(base, logs, others, options.held_dead_time_s, of_steps_s)
     base, findings = behind.solved, []
     theta_s = base.fitted.dead_time(base.x)
-    for log, count in zip(logs, behind.late, strict=True):
-        if count > 0:
-            findings.append(finding("input-late", log.name, rows=count, ms=1e3 * count * median(log.dt_s)))
+    for log, one in zip(logs, behind.late, strict=True):
+        if one.rows > 0:
+            findings += one.told(log)
         elif theta_s > 0:
             findings.append(finding("dead-time", log.name, dead_time_s=theta_s))
     of_falls: tuple[FallTest, ...] = ()

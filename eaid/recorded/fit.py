@@ -61,7 +61,7 @@ from eaid.results.verdict import judged
 from eaid.shapes.delay import set_behind
 from eaid.shapes.each_step import single_steps
 from eaid.steps.levels import wanted_levels
-from eaid.steps.stepset import Level, StepSet
+from eaid.steps.stepset import Level, StepSet, as_late
 
 LEAST_OUTPUTS = 10
 FEW_VALUES = 5  # Different outputs up to which an input that moves all the time is taken for the output
@@ -300,25 +300,32 @@ def takes_its_place(other: Fit, fit: Fit, logs: Sequence[RecordedLog]) -> bool:
         return False
     if part.zeta is not None and part.zeta <= 2 * forms.LEAST_ZETA:  # what swings on and on is an output of its own
         return False
-    whole, shapes = ([explained_pct(one, logs, own_gains) for one in (part, fit.plant_)] for own_gains in (False, True))
+    whole, shapes = ([explained_pct(one, logs, own_gains) for one in (other, fit)] for own_gains in (False, True))
     as_well = part.plant.kind == "lag" and part.dead_time_s > 0 and whole[0] >= whole[1] - AS_WELL_PCT
     swings = part.plant.kind in ("ringing", "series", "overshoot")
     far_better = swings and 100 - shapes[0] <= FAR_BETTER * (100 - shapes[1])
-    explains = whole[0] >= LEAST_PCT or min(explained_pct(part, [log], True) for log in logs) >= LEAST_PCT
+    explains = whole[0] >= LEAST_PCT or min(explained_pct(other, [log], True) for log in logs) >= LEAST_PCT
     return explains and (as_well or far_better or not fit.verdict.of("nonlinear").usable)
 
 
-def explained_pct(part: FittedPlant | None, logs: Sequence[RecordedLog], own_gains: bool) -> float:
-    """What a plant explains of steps from rest, each about its own mean [%]; with `own_gains` of their shapes alone."""
+def explained_pct(fit: Fit, logs: Sequence[RecordedLog], own_gains: bool) -> float:
+    """What the plant of a fit explains of steps from rest, each about its own mean [%]; with `own_gains` of their
+    shapes alone."""
     left = total = 0.0
-    if part is None:
+    if (part := fit.plant_) is None:
         return 0.0
+    late_s = noted_late_s(fit)
     for log in logs:
         known = np.isfinite(log.output)
-        y, f = log.output[known], from_rest(part.plant, log.time_s[known], float(log.input[-1]))
+        y, f = log.output[known], from_rest(part.plant, log.time_s[known] + late_s, float(log.input[-1]))
         r = y - f * (float(f @ y) / max(float(f @ f), 1e-300) if own_gains else 1.0)
         left, total = left + log.weight * float(r @ r), total + log.weight * float(((y - y.mean()) ** 2).sum())
     return 100 * (1 - float(np.sqrt(left / total))) if total > 0 else 0.0
+
+
+def noted_late_s(fit: Fit) -> float:
+    """By how much the inputs of a fit of steps were noted late [s]."""
+    return next((1e-3 * float(one.values["ms"]) for one in fit.findings if one.code == "input-late"), 0.0)  # type: ignore[arg-type]
 
 
 def in_its_place(other: Fit, fit: Fit, stepset: StepSet) -> Fit:
@@ -332,6 +339,11 @@ def in_its_place(other: Fit, fit: Fit, stepset: StepSet) -> Fit:
     if part.plant.kind == "ringing":  # its turns are the edges that were seen
         kept = [one for one in kept if not (one.code == "several-edges" and one.values.get("has_input"))]
     told = [one for one in other.findings if one.code in ("kind-by-evidence", "dead-time")]
+    told += merged(
+        [msgspec.structs.replace(one, subject="steps") for one in other.findings if one.code == "input-late"]
+    )
+    if late_s := noted_late_s(other):
+        kept = [one for one in kept if not as_late(one, late_s, 1 / (fit.data.sample_rate_hz or np.inf))]
     idle = workflow.usual_idle(stepset)  # which the steps were cut from
     named = msgspec.structs.replace(part, input_unit=fit.data.input_unit, output_unit=fit.data.output_unit, idle=idle)
     if (release := release_of(part.plant, set_behind(stepset, part.dead_time_s))) is not None:
@@ -355,15 +367,23 @@ def levels_of_plant(part: FittedPlant, levels: Sequence[float]) -> Friction | No
 
 
 def from_rest_on(log: RecordedLog) -> RecordedLog:
-    """A step as a log that shows the rest before it in one row, which is not compared: behind it lies a dead time."""
-    before = float(log.time_s[0]) - (float(log.time_s[1]) - float(log.time_s[0]))
+    """A step as a log that shows some rest before it, which is not compared: behind it lies a dead time, or in it what
+    the input, noted late, did."""
+    before = float(log.time_s[0]) - (float(log.time_s[1]) - float(log.time_s[0])) * np.arange(REST_ROWS, 0, -1)
     return replace(
-        log, time_s=np.append(before, log.time_s), input=np.append(0.0, log.input),
-        output=np.append(np.nan, log.output), source="", idle_start=True,
+        log, time_s=np.append(before, log.time_s), input=np.append(np.zeros(REST_ROWS), log.input),
+        output=np.append(np.full(REST_ROWS, np.nan), log.output), source="", idle_start=True,
     )  # fmt: skip
 
 
-OF_SHAPES = {"dead-time", "other-shape-fits-better", "shape-misses", "step-leaves-open"}  # No step has its shape
+REST_ROWS = 20  # Before a step
+OF_SHAPES = {
+    "dead-time",
+    "input-late",
+    "other-shape-fits-better",
+    "shape-misses",
+    "step-leaves-open",
+}  # No step has its shape
 FAR_BETTER = 0.7  # Of what the clutch leaves, another kind leaves this much at most to be taken: half of the squares
 AS_WELL_PCT = 1.0  # Of the fit that another kind may lose against two lags that meet
 LEAST_PCT = 80.0  # Of steps that another kind has to explain before it takes the clutch's place
@@ -482,7 +502,7 @@ def judged_on_logs(
     rows = zip(logs, chosen.late, strict=True)
     return Recorded(
         logs=tuple(
-            msgspec.structs.replace(log_part(base, k, log), late_rows=late) for k, (log, late) in enumerate(rows)
+            msgspec.structs.replace(log_part(base, k, log), late_rows=late.rows) for k, (log, late) in enumerate(rows)
         ),
         steps=len(others),
         falls=chosen.falls,

@@ -22,6 +22,16 @@ if TYPE_CHECKING:
     import pandas
 
 
+# An output that leaves its rest so many times, and rows, before its input does as the input was noted late
+EARLY_PART, EARLY_ROWS = 2.0, 3
+
+
+def as_late(one: Finding, late_s: float, row_s: float) -> bool:
+    """Whether a finding is of an output that leaves its rest about as early as its input was noted late."""
+    early_s = one.values.get("early_s")
+    return isinstance(early_s, float) and 0 < early_s <= EARLY_PART * late_s + EARLY_ROWS * row_s
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Level:
     """The repeats of one level on their common grid; baseline subtracted, inverted inputs made positive."""
@@ -204,6 +214,12 @@ class StepSet(Shown):
         out = [(tuple(name for name, _ in group), say(group[0][1])) for group in reasons.values()]
         told = [finding("runs-left-out", "data", runs=names, of=len(self.runs), why=why) for names, why in out]
         return ranked((*merged((*self.findings, *kept)), *told))
+
+    def noted_late(self, late_s: float) -> "StepSet":
+        """The set of inputs that were noted so late: no run that left its rest about so early was off its rest."""
+        kept = [[one for one in run.findings if not as_late(one, late_s, 1 / run.rate_hz)] for run in self.runs]
+        runs = tuple(replace(run, findings=tuple(own)) for run, own in zip(self.runs, kept, strict=True))
+        return self if late_s <= 0 else replace(self, runs=runs)
 
     def without(self, levels: Sequence[float], why: Finding) -> "StepSet":
         """The set without some of its levels and their releases, with `why` as a warning."""

@@ -173,3 +173,16 @@ def test_steps_that_ring_are_one_step_each_where_their_input_is_told() -> None:
     assert fit.verdict.usable and fit.plant.kind == "ringing" and fit.friction is None
     assert (fit.plant.tau1[0], fit.plant.zeta) == pytest.approx((1 / 12, 0.15), rel=0.01)
     assert fit.rmse == pytest.approx(0.02, rel=0.1)
+
+
+@pytest.mark.parametrize("name", ["lag", "ringing", "series"])
+def test_an_input_noted_late_is_told_of_every_kind_and_bends_none(name: str) -> None:
+    """Three rows late, a lag was taken for the clutch's form, and others bent by 6 % in silence."""
+    truth, log = KINDS[name], log_of(KINDS[name], noise=0.01)
+    log["input_V"] = np.append(np.zeros(3), log.input_V[:-3])
+    fit = fitted(log)
+    told = next(one.values for one in fit.findings if one.code == "input-late")
+    assert told["rows"] == 3 and told["low"] - 1 < 60 < told["high"] + 1
+    assert fit.plant.kind == truth.kind and fit.plant.dead_time_s == 0 and fit.verdict.usable
+    found, true = (float(one.time_constants(60.0)[0]) for one in (fit.plant, truth))
+    assert found == pytest.approx(true, rel=0.02)

@@ -109,7 +109,10 @@ def test_windows_that_hold_nothing() -> None:
         read(STEP, baseline="-20:-10")
 
 
-@pytest.mark.parametrize(("rows", "code"), [(-2, "input-late"), (0, ""), (2, "dead-time"), (3, "dead-time")])
+@pytest.mark.parametrize(
+    ("rows", "code"),
+    [(-5, "input-late"), (-3, "input-late"), (-2, "input-late"), (0, ""), (2, "dead-time"), (5, "dead-time")],
+)
 def test_an_input_noted_early_or_late_is_told_and_biases_nothing(rows: int, code: str) -> None:
     """Rows of 10 ms by which the output begins late: two of them once made τ1 5 and τ2 8 % wrong in silence."""
     time = np.arange(0, 17, 0.01)
@@ -122,7 +125,7 @@ def test_an_input_noted_early_or_late_is_told_and_biases_nothing(rows: int, code
         logs[f"{level}-{repeat}"] = pd.DataFrame({"time_s": time, "duty_pct": duty, "torque_nm": rise + noise})
     fit = eaid.fit(logs, model=("friction", "nonlinear"))
     told = {one.code: one.values for one in fit.findings if one.code in ("input-late", "dead-time")}
-    assert set(told) == {code} - {""}
+    assert set(told) == {code} - {""} and fit.verdict.usable and len(fit.friction.levels) == 4
     for row in fit.friction.levels:
         assert (row.tau1, row.tau2) == pytest.approx((0.3, 4.0), rel=0.02)
     if rows < 0:
@@ -130,3 +133,22 @@ def test_an_input_noted_early_or_late_is_told_and_biases_nothing(rows: int, code
         assert fit.dead_time_s == 0
     elif rows:
         assert told[code]["low"] < 0.01 * rows < told[code]["high"] and fit.dead_time_s == told[code]["dead_time_s"]
+
+
+@pytest.mark.parametrize("rows", [3, 5])
+def test_steps_that_ring_tell_an_input_noted_late_too(rows: int) -> None:
+    """Five rows of 10 ms once stopped the fit, and three bent the response by 3 % in silence."""
+    time, logs, w, zeta = np.arange(0, 6, 0.01), {}, 6.0, 0.3
+    since, wd = np.maximum(time - 1 + 0.01 * rows, 0), w * np.sqrt(1 - zeta**2)
+    rings = 1 - np.exp(-zeta * w * since) * (np.cos(wd * since) + zeta * w / wd * np.sin(wd * since))
+    for level in (20, 40, 60, 80):
+        noise = 0.004 * np.random.default_rng(level).standard_normal(len(time))
+        duty = np.where(time >= 1 - 1e-9, level, 0)
+        logs[str(level)] = pd.DataFrame({"time_s": time, "duty_pct": duty, "torque_nm": 0.05 * level * rings + noise})
+    fit = eaid.fit(logs)
+    told = next(one.values for one in fit.findings if one.code == "input-late")
+    assert abs(told["rows"] - rows) <= 1 and fit.verdict.usable
+    assert rows == 5 or told["low"] < 10 * rows < told["high"] < 10 * rows + 2
+    plant = fit.plant
+    assert plant.kind == "ringing" and plant.zeta == pytest.approx(zeta, rel=0.01)
+    assert plant.tau1[0] == pytest.approx(1 / w, rel=0.01)
