@@ -124,3 +124,12 @@ def shifted(log: RecordedLog, rows: int) -> RecordedLog:
         return log
     at = np.clip(np.arange(len(log.input)) + rows, 0, len(log.input) - 1)
     return replace(log, input=log.input[at], idle_start=log.starts_idle if rows > 0 else log.idle_start)
+
+
+def behind_rest(log: RecordedLog, rows: int = 1) -> RecordedLog:
+    """The log with some rows of rest before it, which are not compared."""
+    before = float(log.time_s[0]) - (float(log.time_s[1]) - float(log.time_s[0])) * np.arange(rows, 0, -1)
+    return replace(
+        log, time_s=np.append(before, log.time_s), input=np.append(np.zeros(rows), log.input),
+        output=np.append(np.full(rows, np.nan), log.output), idle_start=True,
+    )  # fmt: skip

@@ -6,12 +6,13 @@ from functools import partial
 
 import msgspec
 import numpy as np
+from scipy.optimize import minimize
 from scipy.special import chdtri
 
 from eaid.arrays import Array, median
 from eaid.errors import DataError
 from eaid.estimate import forms
-from eaid.estimate.recorded_log import RecordedLog, shifted
+from eaid.estimate.recorded_log import RecordedLog, behind_rest, shifted
 from eaid.findings import Finding, finding
 from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE
@@ -20,7 +21,7 @@ from eaid.recorded.fall_tests import tested
 from eaid.recorded.from_logs import Setup, Solved, fit_setup, idle_found, plant_found, setup_of
 from eaid.recorded.inputs import MANY_LEVELS, Excited
 from eaid.recorded.kinds import PRICE, LagKind, Search, Tried, independent_of, integrates, of_evidence, search_of
-from eaid.recorded.late import LEAST_CHANGES, ON_TIME, Delay, common_delay, delays, timed
+from eaid.recorded.late import LEAST_CHANGES, LOWER, ON_TIME, Delay, common_delay, delays, timed
 from eaid.recorded.log_intervals import Spread, curves, spread
 from eaid.results.common import Interval
 from eaid.results.models import FittedData
@@ -37,6 +38,7 @@ AS_MUCH = 2.0  # Unknowns' worth of noise by which the clutch's form may leave m
 # What the clutch's form, which is the default, has to save of another kind's squares: this part of them, and more than
 # noise saves with its further unknowns (χ²) in so many cases
 DEFAULT_SAVES, DEFAULT_CHANCE = 0.01, 0.1
+NEARER = {"maxfev": 60, "initial_simplex": [[-0.2, -0.3], [0.2, -0.3], [0.0, 0.4]]}  # Looks between a few
 REST_BELIEVED = 4.0  # Squares of a start at rest over those of one with unknown states, up to which it is believed
 
 
@@ -165,11 +167,26 @@ def at_rest(logs: Sequence[RecordedLog], inputs: Excited) -> list[RecordedLog]:
     return found
 
 
+def switched_on(log: RecordedLog, inputs: Excited) -> RecordedLog:
+    """A log that begins with its input on, behind the rest before it where a dead time shows that there was one."""
+    if log.idle_start is not None or log.input[0] == 0 or np.ptp(log.input) == 0 or log.reference is not None:
+        return log
+    resting = behind_rest(log)
+    costs = [quick_cost(search_of([one], inputs.low, inputs.high)) for one in (resting, log)]
+    return resting if costs[0] < (1 - LOWER) * costs[1] else log
+
+
 def quick_cost(search: Search) -> float:
-    """Squares that the best of a few lags with dead times leaves."""
+    """Squares that the best lag near a few with dead times leaves."""
     taus = np.geomspace(search.shortest_s, search.longest_s, 12).tolist()
     delays = [0.0, *np.geomspace(0.5 * search.shortest_s, 0.2 * search.longest_s, 8).tolist()]
-    return min(search.cost(theta, tau, np.inf) for tau in taus for theta in delays)
+    ends = {(tau, theta): search.cost(theta, tau, np.inf) for tau in taus for theta in delays}
+    tau, theta = min(ends, key=lambda one: ends[one])
+
+    def cost(x: Array) -> float:
+        return search.cost(theta * float(np.exp(x[1])), tau * float(np.exp(x[0])), np.inf)
+
+    return float(minimize(cost, np.zeros(2), method="Nelder-Mead", options=NEARER).fun)
 
 
 def never_near(solved: Solved, inputs: Excited) -> bool:

@@ -19,7 +19,7 @@ from eaid.errors import DataError, UsageError
 from eaid.estimate import forms
 from eaid.estimate.coefficients import turned, with_intervals
 from eaid.estimate.data import data_of, errors
-from eaid.estimate.recorded_log import RecordedLog, logs_of_steps, recorded_log
+from eaid.estimate.recorded_log import RecordedLog, behind_rest, logs_of_steps, recorded_log
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.levels import workflow
 from eaid.levels.from_steps import fit_linear
@@ -31,7 +31,7 @@ from eaid.logs.run import Run
 from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE
 from eaid.plant.respond import from_rest
-from eaid.recorded.choice import Chosen, about_idle, interval, plant_of_logs, plant_part, start_states
+from eaid.recorded.choice import Chosen, about_idle, interval, plant_of_logs, plant_part, start_states, switched_on
 from eaid.recorded.closed_loop import judged_loops, with_instrument
 from eaid.recorded.fall_tests import with_falls
 from eaid.recorded.from_logs import Solved, fit_setup, idle_found, plant_found
@@ -278,7 +278,8 @@ def with_another_kind(fit: Fit, stepset: StepSet, options: FitOptions) -> Fit:
     whose two lags meet behind a dead time or a peak, where one explains as much, or another kind far more."""
     if not stepset.levels or options.model is not None or options.curve == "levels":
         return fit
-    logs = [from_rest_on(log) for log in logs_of_steps(stepset)]
+    # behind the rest lies a dead time, or in it what an input that was noted late did
+    logs = [replace(behind_rest(log, REST_ROWS), source="") for log in logs_of_steps(stepset)]
     how = replace(options, ci="none" if options.ci == "none" else "robust")
     met = workflow.one_lag_behind_a_dead_time(fit)
     for kind in ("", "lag+dead") if met else ("",):  # by evidence; then the one lag that the two have become
@@ -366,16 +367,6 @@ def levels_of_plant(part: FittedPlant, levels: Sequence[float]) -> Friction | No
     return Friction(p.C, levels=tuple(rows))
 
 
-def from_rest_on(log: RecordedLog) -> RecordedLog:
-    """A step as a log that shows some rest before it, which is not compared: behind it lies a dead time, or in it what
-    the input, noted late, did."""
-    before = float(log.time_s[0]) - (float(log.time_s[1]) - float(log.time_s[0])) * np.arange(REST_ROWS, 0, -1)
-    return replace(
-        log, time_s=np.append(before, log.time_s), input=np.append(np.zeros(REST_ROWS), log.input),
-        output=np.append(np.full(REST_ROWS, np.nan), log.output), source="", idle_start=True,
-    )  # fmt: skip
-
-
 REST_ROWS = 20  # Before a step
 OF_SHAPES = {
     "dead-time",
@@ -442,6 +433,7 @@ def fit_recorded(
     refuse(logs)
     others = logs_of_steps(steps) if steps is not None else []
     inputs = excited_by([*logs, *others], options.duty)
+    logs = [switched_on(log, inputs) for log in logs]
     findings = input_findings(logs, inputs.levels)
     rests = any(log.starts_idle or bool((log.input == 0).any()) or log.baseline is not None for log in (*logs, *others))
     chosen = plant_of_logs(logs, others, inputs, options, rests, dead_time_s, falls, kind)

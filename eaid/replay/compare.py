@@ -77,7 +77,10 @@ def compared(run: Run, fit: Fit, plant: Plant) -> Record:
         start = own.start
     else:
         start = start_of(plant, time_s, duty, torque) if loaded else (0.0, 0.0)
-    model = read_only(respond(plant, time_s, duty, time_s, start, stepwise))
+    changes_s, inputs = time_s, duty
+    if own is not None and start == (0.0, 0.0) and duty[0] != 0:  # switched on at its first row, from rest
+        changes_s, inputs = np.append(time_s[0] - time_s[1], time_s), np.append(0.0, duty)
+    model = read_only(respond(plant, changes_s, inputs, time_s, start, stepwise))
     return Record(
         {"time_s": time_s, "reference_nm": torque, "torque_nm": model, "duty_pct": run.input},
         apart(torque, model, idle, start[0] + start[1] * plant_numbers(plant).z),
