@@ -6,7 +6,6 @@ from functools import partial
 
 import msgspec
 import numpy as np
-from scipy.optimize import minimize
 from scipy.special import chdtri
 
 from eaid.arrays import Array, median
@@ -38,7 +37,7 @@ AS_MUCH = 2.0  # Unknowns' worth of noise by which the clutch's form may leave m
 # What the clutch's form, which is the default, has to save of another kind's squares: this part of them, and more than
 # noise saves with its further unknowns (χ²) in so many cases
 DEFAULT_SAVES, DEFAULT_CHANCE = 0.01, 0.1
-NEARER = {"maxfev": 60, "initial_simplex": [[-0.2, -0.3], [0.2, -0.3], [0.0, 0.4]]}  # Looks between a few
+FARTHEST, NEAREST = 0.3, 0.01  # Steps of a pattern, as parts of a lag and a dead time
 REST_BELIEVED = 4.0  # Squares of a start at rest over those of one with unknown states, up to which it is believed
 
 
@@ -180,13 +179,17 @@ def quick_cost(search: Search) -> float:
     """Squares that the best lag near a few with dead times leaves."""
     taus = np.geomspace(search.shortest_s, search.longest_s, 12).tolist()
     delays = [0.0, *np.geomspace(0.5 * search.shortest_s, 0.2 * search.longest_s, 8).tolist()]
-    ends = {(tau, theta): search.cost(theta, tau, np.inf) for tau in taus for theta in delays}
-    tau, theta = min(ends, key=lambda one: ends[one])
-
-    def cost(x: Array) -> float:
-        return search.cost(theta * float(np.exp(x[1])), tau * float(np.exp(x[0])), np.inf)
-
-    return float(minimize(cost, np.zeros(2), method="Nelder-Mead", options=NEARER).fun)
+    least, tau, theta = min((search.cost(theta, tau, np.inf), tau, theta) for tau in taus for theta in delays)
+    apart = FARTHEST
+    while apart > NEAREST:  # between these, by a pattern that halves
+        factor = 1 + apart
+        around = ((tau * factor, theta), (tau / factor, theta), (tau, theta * factor), (tau, theta / factor))
+        near = min((search.cost(late, lag, np.inf), lag, late) for lag, late in around)
+        if near[0] < least:
+            least, tau, theta = near
+        else:
+            apart /= 2
+    return least
 
 
 def never_near(solved: Solved, inputs: Excited) -> bool:

@@ -269,6 +269,7 @@ UNNAMED = {  # one log each: its columns, what is said already, and what is then
     "two sensors alike": ("Time,T1,T2,Q1", (T, 20 + SPEED, 20 + 0.9 * SPEED, STEP), "", None),
     "a sensor said": ("Time,T1,T2,Q1", (T, 20 + SPEED, 20 + 0.9 * SPEED, STEP), "--columns output=T1",
                       "--columns output=T1,input=Q1"),
+    "no names, a row index": (None, (np.arange(len(T)), T, STEP, SPEED), "", "--columns time=2,input=3,output=4"),
     "no names, no time": (None, (STEP, 20 + SPEED), "", "--rate-hz HZ --columns input=1,output=2"),
     "a reference, no input": ("Time,Commanded Pos,Control Effort", (T, SPEED, SPEED), "", None),
 }  # fmt: skip
