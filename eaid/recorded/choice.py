@@ -38,6 +38,7 @@ AS_MUCH = 2.0  # Unknowns' worth of noise by which the clutch's form may leave m
 # noise saves with its further unknowns (χ²) in so many cases
 DEFAULT_SAVES, DEFAULT_CHANCE = 0.01, 0.1
 FARTHEST, NEAREST = 0.3, 0.01  # Steps of a pattern, as parts of a lag and a dead time
+WHOLE_ROW = 0.2  # So near to it a dead time takes a whole row back
 REST_BELIEVED = 4.0  # Squares of a start at rest over those of one with unknown states, up to which it is believed
 
 
@@ -141,16 +142,13 @@ def _late_by(
     if options.held_dead_time_s is not None:
         return late
     if (theta_s := solved.fitted.dead_time(solved.x)) > 0:
-        more = [Delay(-round(theta_s / median(log.dt_s))) for log in acting]
-    elif all(len(log.changes) < LEAST_CHANGES and log.starts_idle for log in acting):
-        more = [common_delay(solved, acting)] * len(acting)
+        back = [int(theta_s / median(log.dt_s) + WHOLE_ROW) for log in acting]
+        moved = [one.later(-by) for one, by in zip(late, back, strict=True)]
     else:
-        more = delays(solved, acting)
-    found = []
-    for old, new in zip(late, more, strict=True):
-        rows = old.rows + new.rows
-        found.append(Delay(rows, old.rows + new.low, old.rows + new.high) if rows > 0 else ON_TIME)
-    return tuple(found)
+        alone = any(len(log.changes) >= LEAST_CHANGES or not log.starts_idle for log in acting)
+        more = delays(solved, acting) if alone else [common_delay(solved, acting)] * len(acting)
+        moved = [new.later(one.rows) for one, new in zip(late, more, strict=True)]
+    return tuple(one if one.rows > 0 else ON_TIME for one in moved)
 
 
 def at_rest(logs: Sequence[RecordedLog], inputs: Excited) -> list[RecordedLog]:

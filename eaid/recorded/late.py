@@ -53,6 +53,10 @@ class Delay(NamedTuple):
     low: float = 0.0
     high: float = 0.0
 
+    def later(self, rows: int) -> "Delay":
+        """The same by some more rows."""
+        return Delay(self.rows + rows, self.low + rows, self.high + rows)
+
     def told(self, log: RecordedLog) -> list[Finding]:
         """What is said of a log whose input was noted late."""
         row_ms = 1e3 * median(log.dt_s)
