@@ -273,11 +273,13 @@ def friction_of_logs(solved: Solved, levels: Array, known: CurveSpread | None) -
     return Friction(C=share, levels=tuple(rows), solver=solved.solver)
 
 
-def with_another_kind(fit: Fit, stepset: StepSet, options: FitOptions) -> Fit:
+def with_another_kind(fit: Fit, stepset: StepSet, options: FitOptions, late_s: float = 0.0) -> Fit:
     """A fit of steps whose clutch must not be used with the plant of another kind, where that explains the steps; or
     whose two lags meet behind a dead time or a peak, where one explains as much, or another kind far more."""
     if not stepset.levels or options.model is not None or options.curve == "levels":
         return fit
+    late_s = late_s or fit.noted_late_s
+    stepset = stepset.noted_late(late_s)
     # behind the rest lies a dead time, or in it what an input that was noted late did
     logs = [replace(behind_rest(log, REST_ROWS), source="") for log in logs_of_steps(stepset)]
     how = replace(options, ci="none" if options.ci == "none" else "robust")
@@ -288,6 +290,8 @@ def with_another_kind(fit: Fit, stepset: StepSet, options: FitOptions) -> Fit:
         except DataError:  # what short windows of steps show is no reason to refuse them
             return fit
         if takes_its_place(other, fit, logs):
+            if other.noted_late_s and not late_s:  # its holds end before the fall that came as early
+                return with_another_kind(fit, stepset, options, other.noted_late_s)
             return in_its_place(other, fit, stepset)
     return fit
 
@@ -315,18 +319,13 @@ def explained_pct(fit: Fit, logs: Sequence[RecordedLog], own_gains: bool) -> flo
     left = total = 0.0
     if (part := fit.plant_) is None:
         return 0.0
-    late_s = noted_late_s(fit)
+    late_s = fit.noted_late_s
     for log in logs:
         known = np.isfinite(log.output)
         y, f = log.output[known], from_rest(part.plant, log.time_s[known] + late_s, float(log.input[-1]))
         r = y - f * (float(f @ y) / max(float(f @ f), 1e-300) if own_gains else 1.0)
         left, total = left + log.weight * float(r @ r), total + log.weight * float(((y - y.mean()) ** 2).sum())
     return 100 * (1 - float(np.sqrt(left / total))) if total > 0 else 0.0
-
-
-def noted_late_s(fit: Fit) -> float:
-    """By how much the inputs of a fit of steps were noted late [s]."""
-    return next((1e-3 * float(one.values["ms"]) for one in fit.findings if one.code == "input-late"), 0.0)  # type: ignore[arg-type]
 
 
 def in_its_place(other: Fit, fit: Fit, stepset: StepSet) -> Fit:
@@ -343,7 +342,7 @@ def in_its_place(other: Fit, fit: Fit, stepset: StepSet) -> Fit:
     told += merged(
         [msgspec.structs.replace(one, subject="steps") for one in other.findings if one.code == "input-late"]
     )
-    if late_s := noted_late_s(other):
+    if late_s := other.noted_late_s:
         kept = [one for one in kept if not as_late(one, late_s, 1 / (fit.data.sample_rate_hz or np.inf))]
     idle = workflow.usual_idle(stepset)  # which the steps were cut from
     named = msgspec.structs.replace(part, input_unit=fit.data.input_unit, output_unit=fit.data.output_unit, idle=idle)

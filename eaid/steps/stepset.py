@@ -63,6 +63,11 @@ class Level:
         """Mean of the repeats, shape (n,): what is fitted."""
         return np.asarray(self.ordered_runs.mean(axis=0))
 
+    def ended(self, early_s: float) -> "Level":
+        """The level without its last so many seconds."""
+        kept = self.time_s <= self.time_s[-1] - early_s
+        return replace(self, time_s=self.time_s[kept], runs=self.runs[:, kept])
+
     @property
     def sd(self) -> Array:
         """Standard deviation of the repeats (n − 1), shape (n,); zeros for a single run."""
@@ -216,10 +221,14 @@ class StepSet(Shown):
         return ranked((*merged((*self.findings, *kept)), *told))
 
     def noted_late(self, late_s: float) -> "StepSet":
-        """The set of inputs that were noted so late: no run that left its rest about so early was off its rest."""
+        """The set of inputs that were noted so late: no run that left its rest about so early was off its rest, and
+        holds end as much before their noted end, for the output did."""
+        if late_s <= 0:
+            return self
         kept = [[one for one in run.findings if not as_late(one, late_s, 1 / run.rate_hz)] for run in self.runs]
         runs = tuple(replace(run, findings=tuple(own)) for run, own in zip(self.runs, kept, strict=True))
-        return self if late_s <= 0 else replace(self, runs=runs)
+        levels, releases = (tuple(one.ended(late_s) for one in part) for part in (self.levels, self.releases))
+        return replace(self, runs=runs, levels=levels, releases=releases)
 
     def without(self, levels: Sequence[float], why: Finding) -> "StepSet":
         """The set without some of its levels and their releases, with `why` as a warning."""

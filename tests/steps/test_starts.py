@@ -1,6 +1,7 @@
 """The value from which a step starts: rests that are flat, wander, slope or are missing, and what `baseline` says."""
 
 import itertools
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -152,3 +153,19 @@ def test_steps_that_ring_tell_an_input_noted_late_too(rows: int) -> None:
     plant = fit.plant
     assert plant.kind == "ringing" and plant.zeta == pytest.approx(zeta, rel=0.01)
     assert plant.tau1[0] == pytest.approx(1 / w, rel=0.01)
+
+
+def test_a_hold_ends_before_its_noted_end_where_its_input_was_noted_late(tmp_path: Path) -> None:
+    """Its last rows hold the fall: τ2 was 17 % too short, the held output 2 %, and its logs were replayed late."""
+    time = np.arange(0, 19, 0.01)
+    since, fallen = np.maximum(time - 2 + 0.1, 0), np.maximum(time - 14 + 0.1, 0)
+    rise = (1 - 0.85 * np.exp(-since / 0.4) - 0.15 * np.exp(-since / 5)) * np.exp(-fallen / 0.4)
+    for level in (20, 40, 60, 80):
+        noise = 0.004 * np.random.default_rng(level).standard_normal(len(time))
+        duty = np.where((time >= 2 - 1e-9) & (time < 14 - 1e-9), level, 0)
+        frame = pd.DataFrame({"time_s": time, "duty_pct": duty, "torque_nm": 0.04 * level * rise + noise})
+        frame.to_csv(tmp_path / f"{level}.csv", index=False)
+    fit = eaid.fit(tmp_path)
+    assert [row.tau2 for row in fit.friction.levels] == pytest.approx([5.0] * 4, rel=0.03)
+    assert fit.responses[-1].held == pytest.approx(0.04 * 80 * (1 - 0.15 * np.exp(-11.4 / 5)), rel=0.005)
+    assert min(one.fit_pct for one in fit.data.replayed) > 97
