@@ -157,7 +157,7 @@ def fit(
 
             fitted = with_another_kind(as_clutch, steps, how)
     of_data = msgspec.structs.replace(fitted.data, replayed=of_own_logs(fitted, steps.logs))
-    responses = responses_of(steps, as_clutch.findings)
+    responses = responses_of(steps.noted_late(fitted.noted_late_s), as_clutch.findings)
     return msgspec.structs.replace(
         fitted, data=of_data, responses=responses, parameters=table_of(fitted), samples=Samples(steps)
     )

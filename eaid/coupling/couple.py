@@ -71,6 +71,8 @@ def channel_of(loop: str, plant: Plant, torque_nm: float, gains: Law | None, dt_
     """A loop around a held torque; UsageError where it needs gains that are not given, or for a torque outside the
     identified duties."""
     least, most = (float(plant.steady(u)) for u in plant.u_range)
+    if least == most:
+        raise UsageError("the fit knows one level only, and a wall needs how T_s rises; record more levels")
     if not least <= torque_nm <= most:
         raise UsageError(
             f"«torque» {torque_nm:g}: the fitted plant holds {least:.3g} to {most:.3g} within its identified inputs; "

@@ -126,10 +126,10 @@ def shifted(log: RecordedLog, rows: int) -> RecordedLog:
     return replace(log, input=log.input[at], idle_start=log.starts_idle if rows > 0 else log.idle_start)
 
 
-def from_rest_on(log: RecordedLog) -> RecordedLog:
-    """A step as a log that shows the rest before it in one row, which is not compared: behind it lies a dead time."""
-    before = float(log.time_s[0]) - (float(log.time_s[1]) - float(log.time_s[0]))
+def behind_rest(log: RecordedLog, rows: int = 1) -> RecordedLog:
+    """The log with some rows of rest before it, which are not compared."""
+    before = float(log.time_s[0]) - (float(log.time_s[1]) - float(log.time_s[0])) * np.arange(rows, 0, -1)
     return replace(
-        log, time_s=np.append(before, log.time_s), input=np.append(0.0, log.input),
-        output=np.append(np.nan, log.output), source="", idle_start=True,
+        log, time_s=np.append(before, log.time_s), input=np.append(np.zeros(rows), log.input),
+        output=np.append(np.full(rows, np.nan), log.output), idle_start=True,
     )  # fmt: skip

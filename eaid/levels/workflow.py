@@ -79,6 +79,7 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
         dead_time_s, of_start = 0.0, list[Finding]()
         if stepset.levels or not stepset.level_steps:
             dead_time_s, of_start = dead_time_of(stepset, options)
+            stepset = stepset.noted_late(-dead_time_s)
             recorded, stepset = stepset, set_behind(stepset, dead_time_s)
             result = _fit_levels(stepset, options, progress)
             still = next((one for one in result.findings if one.code == "curve-explains-little"), None)

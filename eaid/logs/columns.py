@@ -245,7 +245,7 @@ def columns_guessed(table: Table, options: ReadOptions) -> dict[str, str]:
     found = {"time": table.stamped[0]} if table.stamped and not any(names) else {}
     rising = [i for i in numbers if rises(numbers[i])]
     if "time" not in known and rising:
-        found["time"] = rising[0]
+        found["time"] = min(rising, key=lambda i: bool((np.diff(numbers[i]) == 1).all()))  # what counts rows last
     # neither: beside a known time, what counts rows; what has the name of an input or a reference
     out = {i for i in rising if "time" in found or np.ptp(np.diff(numbers[i])) == 0}
     out |= {i for i in numbers if words_of(split_name(names[i])[0]) & _REFERENCE}

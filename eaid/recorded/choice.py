@@ -11,7 +11,7 @@ from scipy.special import chdtri
 from eaid.arrays import Array, median
 from eaid.errors import DataError
 from eaid.estimate import forms
-from eaid.estimate.recorded_log import RecordedLog
+from eaid.estimate.recorded_log import RecordedLog, behind_rest, shifted
 from eaid.findings import Finding, finding
 from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE
@@ -31,7 +31,7 @@ from eaid.recorded.kinds import (
     on_all,
     search_of,
 )
-from eaid.recorded.late import timed
+from eaid.recorded.late import LEAST_CHANGES, LOWER, ON_TIME, Delay, common_delay, delays, timed
 from eaid.recorded.log_intervals import Spread, spread
 from eaid.results.common import Interval
 from eaid.results.models import FittedData, Friction, FrictionLevel, LevelIntervals
@@ -49,6 +49,8 @@ LOOPS_BETTER = 0.7  # Squares over those of the clutch, up to which another kind
 # What the clutch's form, which is the default, has to save of another kind's squares: this part of them, and more than
 # noise saves with its further unknowns (χ²) in so many cases
 DEFAULT_SAVES, DEFAULT_CHANCE = 0.01, 0.1
+FARTHEST, NEAREST = 0.3, 0.01  # Steps of a pattern, as parts of a lag and a dead time
+WHOLE_ROW = 0.2  # So near to it a dead time takes a whole row back
 REST_BELIEVED = 4.0  # Squares of a start at rest over those of one with unknown states, up to which it is believed
 
 
@@ -61,7 +63,7 @@ class Chosen:
     falls: tuple[FallTest, ...]
     kinds: tuple[KindTried, ...]
     findings: list[Finding]
-    late: tuple[int, ...]  # Rows by which the input of each log was noted late
+    late: tuple[Delay, ...]  # By which the input of each log was noted late
 
 
 def plant_of_logs(
@@ -82,10 +84,10 @@ def plant_of_logs(
     if clutch is not None and (still or not alone):
         return clutch
     # gains of these kinds extrapolate nothing: they hold for all that the logs hold, or their own play would be cut off
-    search = search_of(at_rest(logs, inputs), *inputs.ends, options.held_dead_time_s)
-    logs = search.logs
     rivals = [] if clutch is None else [Tried(LagKind("clutch", "parallel"), clutch.solved)]
-    rows = of_evidence(search, len(inputs.levels) if inputs.stepwise else MANY_LEVELS, rivals)
+    late = (ON_TIME,) * len(logs) if clutch is None else clutch.late
+    search, rows, late = _kinds_behind(logs, late, inputs, options, rivals)
+    noted, logs = logs, search.logs
     ended = rows[0]
     if clutch is not None and rows[0].kind.name == "clutch" and options.duty is None:
         simple = next(one for one in rows if one.kind.name != "clutch")
@@ -103,9 +105,8 @@ def plant_of_logs(
         better = own.cost < rows[0].cost - max(DEFAULT_SAVES * rows[0].cost, by_noise)
         if (same_form or better) and not leaves_open(own.solved, inputs):
             rows = [own, *(one for one in rows if one is not own)]
-    of_loops = any(
-        log.reference is not None for log in logs
-    )  # noise that goes round bends what fits without instruments
+    # noise that goes round a loop bends what is fitted without instruments
+    of_loops = any(log.reference is not None for log in logs)
     if own is not None and of_loops and rows[0].cost > LOOPS_BETTER * own.cost:
         rows = [own, *(one for one in rows if one is not own)]
     rows = sorted(rows, key=lambda one: one.kind.name != wanted)
@@ -113,10 +114,10 @@ def plant_of_logs(
         rows[0] = on_all(search, rows[0], last=True)
     best, total = rows[0], sum(energy(log) for log in logs)
     explains = best.cost <= (1 - LITTLE_PCT / 100) ** 2 * total  # noise alone wanders, too
-    if explains and integrates(search, best):
+    if explains and not of_loops and integrates(search, best):
         raise DataError(*(integrator(log) for log in logs))
     kinds = tuple(kind_row(one, total, best.score) for one in rows)
-    explains_by_one = kinds[0].gain == "one" and not signed and (kinds[0].fit_pct or 0.0) > LITTLE_PCT
+    explains_by_one = kinds[0].gain == "one" and not (signed or of_loops) and (kinds[0].fit_pct or 0.0) > LITTLE_PCT
     if (
         explains_by_one
         and float(best.solved.setup.model.rows(np.array([inputs.high]))[0, 0] @ best.solved.coefficients) < 0
@@ -135,7 +136,40 @@ def plant_of_logs(
     if (kinds[0].fit_pct or 0.0) < LITTLE_PCT:
         told.append(finding("no-kind-explains", "nonlinear", fit_pct=kinds[0].fit_pct))
     told += [finding("dead-time", log.name, dead_time_s=theta_s) for log in logs if theta_s > 0]
-    return Chosen(best.solved, tuple(logs), (), kinds, told, (0,) * len(logs))
+    told += [more for one, log in zip(late, noted, strict=True) for more in one.told(log)]
+    return Chosen(best.solved, tuple(logs), (), kinds, told, late)
+
+
+def _kinds_behind(
+    logs: Sequence[RecordedLog], late: tuple[Delay, ...], inputs: Excited, options: FitOptions, rivals: Sequence[Tried],
+    passes: int = 4,
+) -> tuple[Search, list[Tried], tuple[Delay, ...]]:  # fmt: skip
+    """Every kind fitted to the logs with their inputs where they acted, the best first; and how late these were noted
+    by the best kind, which may move them again."""
+    acting = [shifted(log, one.rows) for log, one in zip(logs, late, strict=True)]
+    search = search_of(at_rest(acting, inputs), *inputs.ends, options.held_dead_time_s)
+    rows = of_evidence(search, len(inputs.levels) if inputs.stepwise else MANY_LEVELS, rivals)
+    found = _late_by(rows[0].solved, search.logs, late, options)
+    if [one.rows for one in found] == [one.rows for one in late]:
+        return search, rows, found
+    return _kinds_behind(logs, found, inputs, options, rivals, passes - 1) if passes > 1 else (search, rows, late)
+
+
+def _late_by(
+    solved: Solved, acting: Sequence[RecordedLog], late: tuple[Delay, ...], options: FitOptions
+) -> tuple[Delay, ...]:
+    """By how much inputs were noted late, by a kind fitted with them `late`; what moved them too far is its dead
+    time."""
+    if options.held_dead_time_s is not None:
+        return late
+    if (theta_s := solved.fitted.dead_time(solved.x)) > 0:
+        back = [int(theta_s / median(log.dt_s) + WHOLE_ROW) for log in acting]
+        moved = [one.later(-by) for one, by in zip(late, back, strict=True)]
+    else:
+        alone = any(len(log.changes) >= LEAST_CHANGES or not log.starts_idle for log in acting)
+        more = delays(solved, acting) if alone else [common_delay(solved, acting)] * len(acting)
+        moved = [new.later(one.rows) for one, new in zip(late, more, strict=True)]
+    return tuple(one if one.rows > 0 else ON_TIME for one in moved)
 
 
 def at_rest(logs: Sequence[RecordedLog], inputs: Excited) -> list[RecordedLog]:
@@ -151,11 +185,30 @@ def at_rest(logs: Sequence[RecordedLog], inputs: Excited) -> list[RecordedLog]:
     return found
 
 
+def switched_on(log: RecordedLog, inputs: Excited) -> RecordedLog:
+    """A log that begins with its input on, behind the rest before it where a dead time shows that there was one."""
+    if log.idle_start is not None or log.input[0] == 0 or np.ptp(log.input) == 0 or log.reference is not None:
+        return log
+    resting = behind_rest(log)
+    costs = [quick_cost(search_of([one], inputs.low, inputs.high)) for one in (resting, log)]
+    return resting if costs[0] < (1 - LOWER) * costs[1] else log
+
+
 def quick_cost(search: Search) -> float:
-    """Squares that the best of a few lags with dead times leaves."""
+    """Squares that the best lag near a few with dead times leaves."""
     taus = np.geomspace(search.shortest_s, search.longest_s, 12).tolist()
     delays = [0.0, *np.geomspace(0.5 * search.shortest_s, 0.2 * search.longest_s, 8).tolist()]
-    return min(search.cost(theta, tau, np.inf) for tau in taus for theta in delays)
+    least, tau, theta = min((search.cost(theta, tau, np.inf), tau, theta) for tau in taus for theta in delays)
+    apart = FARTHEST
+    while apart > NEAREST:  # between these, by a pattern that halves
+        factor = 1 + apart
+        around = ((tau * factor, theta), (tau / factor, theta), (tau, theta * factor), (tau, theta / factor))
+        near = min((search.cost(late, lag, np.inf), lag, late) for lag, late in around)
+        if near[0] < least:
+            least, tau, theta = near
+        else:
+            apart /= 2
+    return least
 
 
 def never_near(solved: Solved, inputs: Excited) -> bool:
@@ -179,9 +232,9 @@ def _of_the_clutch(
     behind = timed(base, logs, others, options.held_dead_time_s, of_steps_s)
     base, findings = behind.solved, []
     theta_s = base.fitted.dead_time(base.x)
-    for log, count in zip(logs, behind.late, strict=True):
-        if count > 0:
-            findings.append(finding("input-late", log.name, rows=count, ms=1e3 * count * median(log.dt_s)))
+    for log, one in zip(logs, behind.late, strict=True):
+        if one.rows > 0:
+            findings += one.told(log)
         elif theta_s > 0:
             findings.append(finding("dead-time", log.name, dead_time_s=theta_s))
     of_falls: tuple[FallTest, ...] = ()

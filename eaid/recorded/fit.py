@@ -19,7 +19,7 @@ from eaid.errors import DataError, UsageError
 from eaid.estimate import forms
 from eaid.estimate.coefficients import turned, with_intervals
 from eaid.estimate.data import data_of, errors
-from eaid.estimate.recorded_log import RecordedLog, from_rest_on, logs_of_steps, recorded_log
+from eaid.estimate.recorded_log import RecordedLog, behind_rest, logs_of_steps, recorded_log
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.levels import workflow
 from eaid.levels.from_steps import fit_linear
@@ -39,6 +39,7 @@ from eaid.recorded.choice import (
     plant_of_logs,
     plant_part,
     start_states,
+    switched_on,
 )
 from eaid.recorded.closed_loop import judged_loops, with_instrument
 from eaid.recorded.curve_intervals import CurveSpread, curves
@@ -61,14 +62,13 @@ from eaid.results.models import (
     Release,
     Uncertainty,
 )
-from eaid.results.plant import FittedPlant
 from eaid.results.recorded import LogCurve, LogFit, Recorded
 from eaid.results.residuals import correlation_of
 from eaid.results.verdict import judged
 from eaid.shapes.delay import set_behind
 from eaid.shapes.each_step import single_steps
 from eaid.steps.levels import wanted_levels
-from eaid.steps.stepset import Level, StepSet
+from eaid.steps.stepset import Level, StepSet, as_late
 
 DRAWN_STRETCHES = 150  # Of a long log, each with the rows of its extremes
 DIGITS = 6  # Of the values that are drawn
@@ -220,12 +220,15 @@ def friction_of_logs(solved: Solved, levels: Array, known: CurveSpread | None) -
     return Friction(C=share, levels=tuple(rows), solver=solved.solver)
 
 
-def with_another_kind(fit: Fit, stepset: StepSet, options: FitOptions) -> Fit:
+def with_another_kind(fit: Fit, stepset: StepSet, options: FitOptions, late_s: float = 0.0) -> Fit:
     """A fit of steps whose clutch must not be used with the plant of another kind, where that explains the steps; or
     whose two lags meet, or behind a peak, where one explains as much, or another kind far more."""
     if not stepset.levels or options.model is not None or options.through:
         return fit
-    logs = [from_rest_on(log) for log in logs_of_steps(stepset)]
+    late_s = late_s or fit.noted_late_s
+    stepset = stepset.noted_late(late_s)
+    # behind the rest lies a dead time, or in it what an input that was noted late did
+    logs = [replace(behind_rest(log, REST_ROWS), source="") for log in logs_of_steps(stepset)]
     how = replace(options, ci="none" if options.ci == "none" else "robust")
     one = "lag+dead" if fit.dead_time_s > 0 else "lag"
     for kind in ("", one) if workflow.asks_for_one_lag(fit) else ("",):  # by evidence; then the one that the two became
@@ -234,6 +237,8 @@ def with_another_kind(fit: Fit, stepset: StepSet, options: FitOptions) -> Fit:
         except DataError:  # what short windows of steps show is no reason to refuse them
             return fit
         if takes_its_place(other, fit, logs):
+            if other.noted_late_s and not late_s:  # its holds end before the fall that came as early
+                return with_another_kind(fit, stepset, options, other.noted_late_s)
             return in_its_place(other, fit, stepset)
     return fit
 
@@ -247,25 +252,27 @@ def takes_its_place(other: Fit, fit: Fit, logs: Sequence[RecordedLog]) -> bool:
         return False
     if part.zeta is not None and part.zeta <= 2 * forms.LEAST_ZETA:  # what swings on and on is an output of its own
         return False
-    whole, shapes = ([explained_pct(one, logs, own_gains) for one in (part, fit.plant_)] for own_gains in (False, True))
+    whole, shapes = ([explained_pct(one, logs, own_gains) for one in (other, fit)] for own_gains in (False, True))
     as_well = part.plant.kind == "lag" and whole[0] >= whole[1] - AS_WELL_PCT
     swings = part.plant.kind in ("ringing", "series", "overshoot")
     left, noise = [(100 - one) ** 2 for one in shapes], noise_pct(logs) ** 2
     if noise >= MOSTLY * left[0]:  # white noise hides how they differ
         left = [max(one - noise, 0.0) for one in left]
     far_better = swings and left[0] <= FAR_BETTER**2 * left[1]
-    explains = whole[0] >= LEAST_PCT or min(explained_pct(part, [log], True) for log in logs) >= LEAST_PCT
+    explains = whole[0] >= LEAST_PCT or min(explained_pct(other, [log], True) for log in logs) >= LEAST_PCT
     return explains and (as_well or far_better or not fit.verdict.of("nonlinear").usable)
 
 
-def explained_pct(part: FittedPlant | None, logs: Sequence[RecordedLog], own_gains: bool) -> float:
-    """What a plant explains of steps from rest, each about its own mean [%]; with `own_gains` of their shapes alone."""
+def explained_pct(fit: Fit, logs: Sequence[RecordedLog], own_gains: bool) -> float:
+    """What the plant of a fit explains of steps from rest, each about its own mean [%]; with `own_gains` of their
+    shapes alone."""
     left = total = 0.0
-    if part is None:
+    if (part := fit.plant_) is None:
         return 0.0
+    late_s = fit.noted_late_s
     for log in logs:
         known = np.isfinite(log.output)
-        y, f = log.output[known], from_rest(part.plant, log.time_s[known], float(log.input[-1]))
+        y, f = log.output[known], from_rest(part.plant, log.time_s[known] + late_s, float(log.input[-1]))
         r = y - f * (float(f @ y) / max(float(f @ f), 1e-300) if own_gains else 1.0)
         left, total = left + log.weight * float(r @ r), total + log.weight * float(((y - y.mean()) ** 2).sum())
     return 100 * (1 - float(np.sqrt(left / total))) if total > 0 else 0.0
@@ -292,6 +299,11 @@ def in_its_place(other: Fit, fit: Fit, stepset: StepSet) -> Fit:
     if part.plant.kind == "ringing":  # its turns are the edges that were seen
         kept = [one for one in kept if not (one.code == "several-edges" and one.values.get("has_input"))]
     told = [one for one in other.findings if one.code in ("kind-by-evidence", "dead-time")]
+    told += merged(
+        [msgspec.structs.replace(one, subject="steps") for one in other.findings if one.code == "input-late"]
+    )
+    if late_s := other.noted_late_s:
+        kept = [one for one in kept if not as_late(one, late_s, 1 / (fit.data.sample_rate_hz or np.inf))]
     idle = workflow.usual_idle(stepset)  # which the steps were cut from
     named = msgspec.structs.replace(part, input_unit=fit.data.input_unit, output_unit=fit.data.output_unit, idle=idle)
     if (release := release_of(part.plant, set_behind(stepset, part.dead_time_s))) is not None:
@@ -302,7 +314,14 @@ def in_its_place(other: Fit, fit: Fit, stepset: StepSet) -> Fit:
     return judged(msgspec.structs.replace(fit, plant_=named, **changed, findings=ranked([*kept, *told])))
 
 
-OF_SHAPES = {"dead-time", "other-shape-fits-better", "shape-misses", "step-leaves-open"}  # No step has its shape
+REST_ROWS = 20  # Before a step
+OF_SHAPES = {
+    "dead-time",
+    "input-late",
+    "other-shape-fits-better",
+    "shape-misses",
+    "step-leaves-open",
+}  # No step has its shape
 FAR_BETTER = 0.7  # Of what the clutch leaves, another kind leaves this much at most to be taken: half of the squares
 MOSTLY = 0.9  # Part of the squares left that is white noise, from which on it is taken off them
 AS_WELL_PCT = 1.0  # Of the fit that another kind may lose against two lags that meet
@@ -362,6 +381,7 @@ def fit_recorded(
     refuse(logs)
     others = logs_of_steps(steps) if steps is not None else []
     inputs = excited_by([*logs, *others], options.duty)
+    logs = [switched_on(log, inputs) for log in logs]
     findings = input_findings(logs, inputs.levels)
     rests = any(log.starts_idle or bool((log.input == 0).any()) or log.baseline is not None for log in (*logs, *others))
     chosen = plant_of_logs(logs, others, inputs, options, rests, dead_time_s, falls, kind)
@@ -422,7 +442,7 @@ def judged_on_logs(
     rows = zip(logs, chosen.late, strict=True)
     return Recorded(
         logs=tuple(
-            msgspec.structs.replace(log_part(base, k, log), late_rows=late) for k, (log, late) in enumerate(rows)
+            msgspec.structs.replace(log_part(base, k, log), late_rows=late.rows) for k, (log, late) in enumerate(rows)
         ),
         steps=len(others),
         falls=chosen.falls,

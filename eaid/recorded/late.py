@@ -7,13 +7,14 @@ is the derivative by that delay. In residuals r whitened by an autoregression, J
 
     δ = −D̃'r/D̃'D̃,   D̃ = D − J (J'J)⁻¹ J'D,   var δ = Σ_stretches (D̃'r)²/(D̃'D̃)²
 
-is the delay in rows. The input is moved row by row while half a row or more is left; a delay of many rows, which the
+is the delay in rows. The input is moved row by row while that brings it nearer; a delay of many rows, which the
 derivative does not reach, is first looked for by the cost itself. What noise does not explain is taken over: the fit
 is of the input as it acted.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_toeplitz
@@ -22,13 +23,15 @@ from eaid.arrays import Array, median, scaled_inverse
 from eaid.estimate.recorded_log import IDLE_ROWS, RecordedLog, shifted
 from eaid.estimate.solver import EndPoint, approach
 from eaid.estimate.spread import t_quantile
+from eaid.findings import Finding, finding
 from eaid.plant.drive import Drive
 from eaid.recorded.few_rows import Copies
 from eaid.recorded.from_logs import Setup, Solved, fit_setup, setup_of, with_dead_time
 
 # Cost of a start at rest, over that of one with unknown states, up to which the steps' dead time is believed
 REST_COST = 2.0
-NEAR_ROWS = 3  # Rows that are looked for one by one
+NEAR_ROWS = 3  # Rows that are looked for one by one …
+ASKED_ROWS = 0.3  # … from so much of one: what rings bends its ω and ζ for the rest of it
 FAR_ROWS = 4  # Rows at which a cost that is lower by `LOWER` of it speaks of a delay of many rows …
 LOWER = 0.02
 FARTHEST_ROWS = 500  # … and this many are looked for
@@ -43,13 +46,34 @@ EXPLAINS = 0.8  # Part of the cost below which a delay leaves it where the input
 FOLLOWS = 0.1  # Correlation of the duty's changes with the residual's from which a log counts as a loop
 
 
+class Delay(NamedTuple):
+    """By how many rows the input of a log is noted late, and the 95 % interval of it; below 0 a dead time."""
+
+    rows: int = 0
+    low: float = 0.0
+    high: float = 0.0
+
+    def later(self, rows: int) -> "Delay":
+        """The same by some more rows."""
+        return Delay(self.rows + rows, self.low + rows, self.high + rows)
+
+    def told(self, log: RecordedLog) -> list[Finding]:
+        """What is said of a log whose input was noted late."""
+        row_ms = 1e3 * median(log.dt_s)
+        ms, low, high = (row_ms * rows for rows in ((self.low + self.high) / 2, self.low, self.high))
+        return [finding("input-late", log.name, rows=self.rows, ms=ms, low=low, high=high)] if self.rows > 0 else []
+
+
+ON_TIME = Delay()
+
+
 @dataclass(frozen=True, eq=False)
 class Timed:
     """A fit behind the dead time of its logs."""
 
     solved: Solved
     logs: tuple[RecordedLog, ...]  # With inputs that were noted late where they acted
-    late: tuple[int, ...]  # Rows by which each was noted late
+    late: tuple[Delay, ...]  # By which each was noted late
 
 
 def timed(
@@ -64,29 +88,31 @@ def timed(
     dead_s, acting = 0.0, tuple(logs)
     if tried := of_steps_s if given_s is None else given_s:
         moved = tuple(log_behind(log, tried) for log in logs)
-        late = fit_setup(setup_of(model, [*moved, *steps], rests, tried))
-        at_rest = late.setup.size < base.setup.size  # the log begins at rest behind it, and T_s is told apart
-        if given_s is not None or late.cost < (REST_COST if at_rest else 1 - LOWER) * base.cost:
-            base, dead_s, acting = late, tried, moved
+        behind = fit_setup(setup_of(model, [*moved, *steps], rests, tried))
+        at_rest = behind.setup.size < base.setup.size  # the log begins at rest behind it, and T_s is told apart
+        if given_s is not None or behind.cost < (REST_COST if at_rest else 1 - LOWER) * base.cost:
+            base, dead_s, acting = behind, tried, moved
     if given_s is not None:
-        return Timed(base, acting, (0,) * len(logs))
-    rows = delays(base, acting)
-    shown = [dead_s - count * median(log.dt_s) for log, count in zip(logs, rows, strict=True)]
-    dead_s = max(median([one for one in shown if one > 0] or [0.0]), 0.0)
+        return Timed(base, acting, (ON_TIME,) * len(logs))
+    found = delays(base, acting)
+    shown = [dead_s - one.rows * median(log.dt_s) for log, one in zip(logs, found, strict=True)]
+    begun_s, dead_s = dead_s, max(median([one for one in shown if one > 0] or [0.0]), 0.0)
     # the input of a log that answers early is moved behind the dead time that all of them have
-    late_rows = tuple(
-        round((dead_s - one) / median(log.dt_s)) if one < 0 else 0 for one, log in zip(shown, logs, strict=True)
+    more = [(dead_s - begun_s) / median(log.dt_s) for log in logs]
+    late = tuple(
+        Delay(round(one.rows + rows), one.low + rows, one.high + rows) if begins < 0 else ON_TIME
+        for one, rows, begins in zip(found, more, shown, strict=True)
     )
-    if not any(rows) and not dead_s:
-        return Timed(base, acting, late_rows)
-    acting = tuple(log_behind(shifted(log, count), dead_s) for log, count in zip(logs, late_rows, strict=True))
-    if any(rows):
+    if not any(one.rows for one in found) and not dead_s:
+        return Timed(base, acting, late)
+    acting = tuple(log_behind(shifted(log, one.rows), dead_s) for log, one in zip(logs, late, strict=True))
+    if any(one.rows for one in found):
         base = fit_setup(setup_of(model, [*acting, *steps], rests, dead_s))
     if dead_s:
         x, setup = base.x, base.fitted
         at = setup.shared
         base = with_dead_time(replace(setup, extras=(*setup.extras, "dead")), np.r_[x[:at], dead_s, x[at:]])
-    return Timed(base, acting, late_rows)
+    return Timed(base, acting, late)
 
 
 def log_behind(log: RecordedLog, dead_s: float) -> RecordedLog:
@@ -98,22 +124,31 @@ def log_behind(log: RecordedLog, dead_s: float) -> RecordedLog:
     return replace(log, idle_start=True) if rows >= min(IDLE_ROWS, len(log.input) - 1) else log
 
 
-def delays(base: Solved, logs: Sequence[RecordedLog]) -> list[int]:
-    """Rows by which the input of each log is noted late; below 0 a dead time.
+def delays(base: Solved, logs: Sequence[RecordedLog]) -> list[Delay]:
+    """By how much the input of each log is noted late.
 
     A loop's input answers the output, and tells no delay; one that seems to is none where a delay explains it.
     """
     found = []
     for k, log in enumerate(logs):
-        rows = 0
+        one = ON_TIME
         if log.reference is None and len(log.changes) >= LEAST_CHANGES:
-            rows = delay_of(base, k, log)
-            if rows and follows_output(base, k, log):
+            one = delay_of(base, k, log)
+            if one.rows and follows_output(base, k, log):
                 x = base.x[base.setup.places[k].columns]
-                plain, moved = (aligned_log(base.fitted, x, _moved(log, late)).cost for late in (0, rows))
-                rows = rows if moved < EXPLAINS * plain else 0
-        found.append(rows)
+                plain, moved = (aligned_log(base.fitted, x, _moved(log, late)).cost for late in (0, one.rows))
+                one = one if moved < EXPLAINS * plain else ON_TIME
+        found.append(one)
     return found
+
+
+def common_delay(base: Solved, logs: Sequence[RecordedLog]) -> Delay:
+    """By how much the inputs of steps of one clock are noted late, which none of them tells by itself."""
+    _, low, high = np.array([delay_of(base, k, log) for k, log in enumerate(logs)]).T
+    weight = 1 / np.maximum(high - low, 1e-9) ** 2
+    middle, half = float(np.average((low + high) / 2, weights=weight)), 0.5 / float(np.sqrt(weight.sum()))
+    late = abs(middle) >= max(LATE_ROWS[True], half)
+    return Delay(round(middle) if late else 0, middle - half, middle + half)
 
 
 def _moved(log: RecordedLog, rows: int) -> RecordedLog:
@@ -142,12 +177,12 @@ def follows_output(base: Solved, index: int, log: RecordedLog) -> float:
     return follows if abs(follows) > FOLLOWS else 0.0
 
 
-def delay_of(base: Solved, index: int, log: RecordedLog) -> int:
-    """The delay of one log: the input is moved by whole rows while half a row or more is left; 0 where noise has it."""
+def delay_of(base: Solved, index: int, log: RecordedLog) -> Delay:
+    """The delay of one log, whose input is moved by whole rows; none where noise has it."""
     rows, x = far_delay(base.fitted, base.x[base.setup.places[index].columns], log)
     first, moved = rows, _moved(log, rows)
     step, sd = one_step(base.fitted, x, moved)
-    while abs(step) >= 0.5 and abs(rows - first) < NEAR_ROWS:
+    while abs(step) >= ASKED_ROWS and abs(rows - first) < NEAR_ROWS:
         further = rows + int(np.sign(step))
         moved = _moved(log, further)
         x = aligned_log(base.fitted, x, moved).x
@@ -156,7 +191,9 @@ def delay_of(base: Solved, index: int, log: RecordedLog) -> int:
             break
         rows, (step, sd) = further, further_step
     least = max(LATE_ROWS[log.stepwise], t_quantile(NOISE_STRETCHES - 1.0, 1 - LATE_CHANCE) * sd)
-    return rows if abs(rows + step) >= least else 0
+    half = t_quantile(NOISE_STRETCHES - 1.0) * sd
+    rows = rows if abs(rows + step) >= least else 0
+    return Delay(rows, rows + step - half, rows + step + half)
 
 
 def far_delay(setup: Setup, x: Array, log: RecordedLog) -> tuple[int, Array]:
@@ -179,7 +216,8 @@ def far_delay(setup: Setup, x: Array, log: RecordedLog) -> tuple[int, Array]:
 
 def aligned_log(setup: Setup, x: Array, log: RecordedLog) -> EndPoint:
     """The fit of one log by itself, begun at x."""
-    return approach(alone(setup, Copies(log, setup.dead_time_s).small).problem(), x)
+    copies = Copies(log, setup.dead_time_s)  # what rings is no polynomial on the blocks of the few rows
+    return approach(alone(setup, copies.every if setup.model.kind == "swing" else copies.small).problem(), x)
 
 
 def one_step(setup: Setup, x: Array, log: RecordedLog) -> tuple[float, float]:

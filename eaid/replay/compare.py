@@ -18,7 +18,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 
-from eaid.arrays import Array, read_only
+from eaid.arrays import Array, median, read_only
 from eaid.errors import DataError
 from eaid.estimate.recorded_log import recorded_log, shifted
 from eaid.logs.run import Run
@@ -69,6 +69,8 @@ def compared(run: Run, fit: Fit, plant: Plant) -> Record:
     own = next((log for log in fit.logs if log.sha256 == run.sha256 and log.sha256 and log.name == run.name), None)
     if own is not None:
         level = shifted(level, own.late_rows)
+    elif run.sha256 and any(one.sha256 == run.sha256 for one in fit.data.sources):  # a log of its steps
+        level = shifted(level, round(fit.noted_late_s / median(level.dt_s)))
     duty, stepwise = level.input, level.stepwise
     idle = idle_of(run, duty, own, plant)
     time_s, torque = read_only(run.time_s - run.time_s[0]), read_only(run.output - idle)
@@ -77,7 +79,10 @@ def compared(run: Run, fit: Fit, plant: Plant) -> Record:
         start = own.start
     else:
         start = start_of(plant, time_s, duty, torque) if loaded else (0.0, 0.0)
-    model = read_only(respond(plant, time_s, duty, time_s, start, stepwise))
+    changes_s, inputs = time_s, duty
+    if own is not None and start == (0.0, 0.0) and duty[0] != 0:  # switched on at its first row, from rest
+        changes_s, inputs = np.append(time_s[0] - time_s[1], time_s), np.append(0.0, duty)
+    model = read_only(respond(plant, changes_s, inputs, time_s, start, stepwise))
     return Record(
         {"time_s": time_s, "reference_nm": torque, "torque_nm": model, "duty_pct": run.input},
         apart(torque, model, idle, start[0] + start[1] * plant_numbers(plant).z),

@@ -377,6 +377,11 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         return own or (self.nonlinear.curves if self.nonlinear is not None else ())
 
     @property
+    def noted_late_s(self) -> float:
+        """By how much the inputs of its steps were noted late [s]; it takes them as they acted."""
+        return next((float(one.values["ms"]) / 1e3 for one in self.findings if one.code == "input-late"), 0.0)  # type: ignore[arg-type]
+
+    @property
     def dead_time_s(self) -> float:
         """Dead time [s]: the plant's; without one of logs as recorded, or the median of single steps upwards."""
         if self.plant_ is not None:

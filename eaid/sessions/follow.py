@@ -1,6 +1,7 @@
 """At the rig: each new log of a folder is read once it is whole, and held against what the rig's sessions foresee.
 
-A file is whole when neither its size nor its time has changed from one look to the next. What is expected of a step is
+A file is whole when neither its size nor its time has changed for some looks, twice as many as it ever stood still
+for while it grew, and for longer where its last row is not ended. What is expected of a step is
 the next session's T_s given the steps before it that were as expected, widened by how much single runs scatter.
 """
 
@@ -24,23 +25,42 @@ from eaid.sessions.model import steps_known
 from eaid.sessions.rig import Rig
 
 LOOK_S = 0.5  # From one look at the folder to the next [s]
+STILL, UNFINISHED = 1, 12  # Looks for which a file has to stand still, and one whose last row is not ended
+ROWS_END = {".csv", ".txt", ".tsv", ".dat", ".log", ".lvm"}  # Logs whose rows end in a new line
+State = tuple[int, float]
 
 
 def whole_files(paths: Sequence[Path], silence_s: float) -> Iterator[Path]:
     """New files one by one, each once it is whole, and again where it grows after all; ends after so much silence [s],
     0: never."""
-    before, done, quiet_s = dict[Path, tuple[int, float]](), dict[Path, tuple[int, float]](), 0.0
+    before, done, quiet_s = dict[Path, State](), dict[Path, State](), 0.0
+    still, paused = Counter[Path](), Counter[Path]()  # Looks that it stands still, and that it stood so while it grew
     while not silence_s or quiet_s < silence_s:
-        now = dict[Path, tuple[int, float]]()
+        now = dict[Path, State]()
         for folder in paths:
             with suppress(DataError):  # no log yet
                 now |= {file: (of.st_size, of.st_mtime) for file in files_of([folder]) for of in (file.stat(),)}
-        fresh = [file for file, state in now.items() if done.get(file) != state and before.get(file) == state]
-        quiet_s = 0.0 if now != before or fresh else quiet_s + LOOK_S
+        for file in now:
+            same = before.get(file) == now[file]
+            if not same and file in before:
+                paused[file] = max(paused[file], still[file] + 1)
+            still[file] = still[file] + 1 if same else 0
+        pending = [file for file, state in now.items() if done.get(file) != state]
+        fresh = [file for file in pending if still[file] >= max(STILL, 2 * paused[file]) and ended(file, still[file])]
+        quiet_s = 0.0 if now != before or pending else quiet_s + LOOK_S
         before = now
         done |= {file: now[file] for file in fresh}
         yield from fresh
         time.sleep(LOOK_S)
+
+
+def ended(file: Path, still: int) -> bool:
+    """Whether the last row of a log is ended, or has not been for so long that it stays so."""
+    if file.suffix.lower() not in ROWS_END or still >= UNFINISHED:
+        return True
+    with file.open("rb") as opened:
+        opened.seek(max(0, file.stat().st_size - 1))
+        return opened.read(1) in (b"\n", b"\r", b"\0")  # the last of UTF-16
 
 
 def followed(

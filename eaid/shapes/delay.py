@@ -17,6 +17,7 @@ says how far it alone would move it.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -76,9 +77,22 @@ def dead_time_of(stepset: StepSet, options: FitOptions) -> tuple[float, list[Fin
     if 2 * sum(one.dead_time_s > 0 for one in shapes) <= len(steps):
         return 0.0, []
     shapes = [one for one in shapes if one.dead_time_s > 0]
-    weights = [(one.change / (one.tau1 * max(one.rmse, 1e-12 * abs(one.change)))) ** 2 for one in shapes]
-    found = float(np.average([one.dead_time_s for one in shapes], weights=weights))
-    return found, [finding("dead-time", "steps", dead_time_s=found)]
+    weight = np.array([(one.change / (one.tau1 * max(one.rmse, 1e-12 * abs(one.change)))) ** 2 for one in shapes])
+    found, reach = _mean(np.array([one.dead_time_s for one in shapes]), weight, stepset.levels)
+    ends: dict[str, Any] = {"low": max(found - reach, 0.0), "high": found + reach} if len(shapes) > 1 else {}
+    return found, [finding("dead-time", "steps", dead_time_s=found, **ends)]
+
+
+def _mean(theta: Array, weight: Array, levels: Sequence[Level]) -> tuple[float, float]:
+    """The weighed mean of starts, and how far by their scatter it may be off."""
+    mean, total = float(np.average(theta, weights=weight)), float(weight.sum())
+    sd = float(np.sqrt(((weight * (theta - mean)) ** 2).sum())) / total
+    return mean, float(np.hypot(t_quantile(len(theta) - 1.0, 1 - START_CHANCE) * sd, SURE_ROWS * _row_s(levels)))
+
+
+def _row_s(levels: Sequence[Level]) -> float:
+    """The usual time between two rows [s]."""
+    return median(np.array([usual_step(level.time_s) for level in levels]))
 
 
 def extrapolated(stepset: StepSet) -> tuple[float, list[Finding]]:
@@ -93,10 +107,7 @@ def extrapolated(stepset: StepSet) -> tuple[float, list[Finding]]:
 def _told(found: Array, levels: Sequence[Level]) -> tuple[float, list[Finding]]:
     """The mean of rows of dead time, weight and time constant, (n, 3); 0 where scatter or the rows explain it."""
     theta, weight, tau = found.T
-    mean, total = float(np.average(theta, weights=weight)), float(weight.sum())
-    sd = float(np.sqrt(((weight * (theta - mean)) ** 2).sum())) / total
-    row_s = median(np.array([usual_step(level.time_s) for level in levels]))
-    reach = float(np.hypot(t_quantile(len(theta) - 1.0, 1 - START_CHANCE) * sd, SURE_ROWS * row_s))
+    (mean, reach), row_s = _mean(theta, weight, levels), _row_s(levels)
     if abs(mean) < max(START_ROWS * row_s, LEAST_PART * median(tau), reach):
         return 0.0, []
     low, high = mean - reach, mean + reach

@@ -136,9 +136,11 @@ def _of_subject(findings: Sequence[Finding], subject: str) -> list[Finding]:
 
 def _stopped(runs: Sequence[Run], findings: Mapping[str, Sequence[Finding]]) -> set[str]:
     """Runs that a finding stops which does not stop all rises, to be left out; none where no rise would be left. What
-    doubts a unit doubts that of all runs, and leaves none of them out."""
-    codes = {run.name: {one.code for one in stops(findings[run.name])} - {"torque-too-large"} for run in runs}
-    rises = [run.name for run in runs if run.edge == "rising" and run.from_level == 0] or list(codes)
+    doubts a unit, or the clock of most rises' inputs, doubts that of all runs, and leaves none of them out."""
+    rises = [run.name for run in runs if run.edge == "rising" and run.from_level == 0] or [run.name for run in runs]
+    early = sum(any(one.values.get("early_s", 0) for one in findings[name]) for name in rises)
+    doubted = {"torque-too-large", "not-at-rest"} if 2 * early > len(rises) else {"torque-too-large"}
+    codes = {run.name: {one.code for one in stops(findings[run.name])} - doubted for run in runs}
     of_all = set.intersection(*(codes[name] for name in rises))
     out = {name for name, own in codes.items() if own - of_all}
     return set() if out.issuperset(rises) else out

@@ -294,13 +294,17 @@ def _not_idle(step: Step) -> Finding | None:
     if before is None or step.run.from_level != 0 or not step.swing > 0:
         return None
     off = abs(before)
-    if off <= NOISE_FLOOR * step.swing or (len(step.idle) >= FEWEST_HELD and last_rest(step.idle, step.swing).rests):
+    rest = last_rest(step.idle, step.swing) if len(step.idle) >= FEWEST_HELD else None
+    if off <= NOISE_FLOOR * step.swing or (rest is not None and rest.rests):
         return None
     # within a sample and a half: the instant is known to one
     if off <= 0.75 * abs(float(step.rise[:3].mean()) - before):
         return None
-    share = 100 * off / step.swing
-    return finding("not-at-rest", step.run.name, (step.run.level or 0.0,), off=before, unit=step.unit, share_pct=share)
+    share, early_s = 100 * off / step.swing, step.usual_s * (0 if rest is None else rest.lead)
+    return finding(
+        "not-at-rest", step.run.name, (step.run.level or 0.0,), off=before, unit=step.unit, share_pct=share,
+        early_s=early_s,
+    )  # fmt: skip
 
 
 def _left_after_release(step: Step) -> Finding | None:

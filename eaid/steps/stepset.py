@@ -22,6 +22,16 @@ if TYPE_CHECKING:
     import pandas
 
 
+# An output that leaves its rest so many times, and rows, before its input does as the input was noted late
+EARLY_PART, EARLY_ROWS = 2.0, 3
+
+
+def as_late(one: Finding, late_s: float, row_s: float) -> bool:
+    """Whether a finding is of an output that leaves its rest about as early as its input was noted late."""
+    early_s = one.values.get("early_s")
+    return isinstance(early_s, float) and 0 < early_s <= EARLY_PART * late_s + EARLY_ROWS * row_s
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Level:
     """The repeats of one level on their common grid; baseline subtracted, inverted inputs made positive."""
@@ -52,6 +62,11 @@ class Level:
     def mean(self) -> Array:
         """Mean of the repeats, shape (n,): what is fitted."""
         return np.asarray(self.ordered_runs.mean(axis=0))
+
+    def ended(self, early_s: float) -> "Level":
+        """The level without its last so many seconds."""
+        kept = self.time_s <= self.time_s[-1] - early_s
+        return replace(self, time_s=self.time_s[kept], runs=self.runs[:, kept])
 
     @property
     def sd(self) -> Array:
@@ -204,6 +219,16 @@ class StepSet(Shown):
         out = [(tuple(name for name, _ in group), say(group[0][1])) for group in reasons.values()]
         told = [finding("runs-left-out", "data", runs=names, of=len(self.runs), why=why) for names, why in out]
         return ranked((*merged((*self.findings, *kept)), *told))
+
+    def noted_late(self, late_s: float) -> "StepSet":
+        """The set of inputs that were noted so late: no run that left its rest about so early was off its rest, and
+        holds end as much before their noted end, for the output did."""
+        if late_s <= 0:
+            return self
+        kept = [[one for one in run.findings if not as_late(one, late_s, 1 / run.rate_hz)] for run in self.runs]
+        runs = tuple(replace(run, findings=tuple(own)) for run, own in zip(self.runs, kept, strict=True))
+        levels, releases = (tuple(one.ended(late_s) for one in part) for part in (self.levels, self.releases))
+        return replace(self, runs=runs, levels=levels, releases=releases)
 
     def without(self, levels: Sequence[float], why: Finding) -> "StepSet":
         """The set without some of its levels and their releases, with `why` as a warning."""

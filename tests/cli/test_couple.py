@@ -32,6 +32,14 @@ def test_a_force_makes_walls_along_a_line_and_a_temperature_none(by_hand, run_ea
     assert ran.code == 3 and "a torque in N·m or a force in N, and the fit's output is in °C" in ran.err
 
 
+def test_one_level_tells_no_wall(by_hand, run_eaid):
+    """It once asked for another torque than the one that it had chosen."""
+    model = json.loads(Path("fit.json").read_text())["nonlinear"]
+    by_hand({"nonlinear": {**model, "u_range": [60.0, 60.0]}, "plant": None})
+    ran = run_eaid("couple fit.json --loops open-loop --no-replay --force")
+    assert ran.code == 2 and "the fit knows one level only" in ran.err
+
+
 def test_how_many_draws_the_constraints_cut_away_is_told(by_hand, run_eaid):
     model = json.loads(Path("fit.json").read_text())["nonlinear"]
     # the covariance is that of coefficients over the input in hundreds

@@ -272,6 +272,7 @@ UNNAMED = {  # one log each: its columns, what is said already, and what is then
     "stamps of a serial monitor": (
         None, ([f"12:00:{t:06.3f} -> {1e3 * t:.0f}" for t in T], STEP, 20 + SPEED), "",
         "--columns time=1,input=3,output=4"),
+    "no names, a row index": (None, (np.arange(len(T)), T, STEP, SPEED), "", "--columns time=2,input=3,output=4"),
     "no names, no time": (None, (STEP, 20 + SPEED), "", None),  # nobody else knows the rate
     "a reference, no input": ("Time,Commanded Pos,Control Effort", (T, SPEED, SPEED), "", None),
 }  # fmt: skip

@@ -173,3 +173,32 @@ def test_steps_that_ring_are_one_step_each_where_their_input_is_told() -> None:
     assert fit.verdict.usable and fit.plant.kind == "ringing" and fit.friction is None
     assert (fit.plant.tau1[0], fit.plant.zeta) == pytest.approx((1 / 12, 0.15), rel=0.01)
     assert fit.rmse == pytest.approx(0.02, rel=0.1)
+
+
+@pytest.mark.parametrize("name", ["lag", "ringing", "series"])
+def test_an_input_noted_late_is_told_of_every_kind_and_bends_none(name: str) -> None:
+    """Three rows late, a lag was taken for the clutch's form, and others bent by 6 % in silence."""
+    truth, log = KINDS[name], log_of(KINDS[name], noise=0.01)
+    log["input_V"] = np.append(np.zeros(3), log.input_V[:-3])
+    fit = fitted(log)
+    told = next(one.values for one in fit.findings if one.code == "input-late")
+    assert told["rows"] == 3 and told["low"] - 1 < 60 < told["high"] + 1
+    assert fit.plant.kind == truth.kind and fit.plant.dead_time_s == 0 and fit.verdict.usable
+    found, true = (float(one.time_constants(60.0)[0]) for one in (fit.plant, truth))
+    assert found == pytest.approx(true, rel=0.02)
+
+
+@pytest.mark.parametrize("from_rest", [True, False])
+def test_a_log_that_begins_with_its_input_on(from_rest: bool, tmp_path: Path) -> None:
+    """Switched on at its first row, one lag was told as two with a zero: what the dead time holds back was a state."""
+    truth, dt = KINDS["lag+dead"], 0.02
+    u = np.repeat(np.random.default_rng(4).choice([30.0, 60.0, 100.0], 45), 75)
+    before = np.full(75, 0.0 if from_rest else u[0])
+    t = np.arange(len(u)) * dt
+    long = np.append(np.arange(-75, 0) * dt, t) + 75 * dt
+    y = respond(truth, long, np.append(before, u), long, (0.0 if from_rest else 1.2, 0.0))[75:]
+    noise = 0.02 * np.random.default_rng(5).normal(size=len(t))
+    fit, replayed_pct = both(pd.DataFrame({"time_s": t, "input_V": u, "speed_rpm": 25 + y + noise}), tmp_path)
+    assert fit.plant_.tried[0].kind == "lag+dead" and (fit.logs[0].start == (0.0, 0.0)) is from_rest  # type: ignore[union-attr]
+    assert (fit.plant.dead_time_s, fit.plant.tau1[0], fit.plant.idle) == pytest.approx((0.133, 0.4, 25.0), rel=0.02)
+    assert replayed_pct == pytest.approx(fit.logs[0].fit_pct, abs=0.01)

@@ -166,3 +166,26 @@ def test_a_folder_is_followed_step_by_step_and_then_fitted(folder, run_eaid, mak
     assert lines[1] == "next by plan: 87 %, 66 s"
     assert lines[2].endswith("outside: record again?")
     assert told.code in (0, 4) and (tmp_path / "fit.json").is_file() and "left out: notes.csv" in told.err
+
+
+def test_a_file_that_is_still_being_written_is_not_read(tmp_path, monkeypatch):
+    """One that paused in the middle of a row was told as broken, and one that paused behind a row as a step."""
+    monkeypatch.setattr(follow, "LOOK_S", 0.05)
+    steps, halves, told = tmp_path / "a.csv", tmp_path / "b.csv", list[tuple[str, int]]()
+
+    def record():
+        for k in range(30):  # a row every 3 looks, but for one pause of 6
+            with steps.open("a") as file:
+                file.write(f"{k},1\n")
+            time.sleep(0.3 if k == 15 else 0.15)
+        halves.write_text("0,1\n1,")
+        time.sleep(0.3)
+        halves.write_text("0,1\n1,1\n")
+
+    recorder = threading.Thread(target=record)
+    recorder.start()
+    for file in follow.whole_files([tmp_path], 2.0):
+        told.append((file.name, len(file.read_text().splitlines()[-1])))
+    recorder.join()
+    assert told[-1] == ("b.csv", 3) and [name for name, _ in told].count("b.csv") == 1
+    assert [name for name, _ in told].count("a.csv") <= 2  # once before its pace is known

@@ -1,6 +1,7 @@
 """The value from which a step starts: rests that are flat, wander, slope or are missing, and what `baseline` says."""
 
 import itertools
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -111,7 +112,10 @@ def test_windows_that_hold_nothing() -> None:
         read(STEP, baseline="-20:-10")
 
 
-@pytest.mark.parametrize(("rows", "code"), [(-2, "input-late"), (0, ""), (2, "dead-time"), (3, "dead-time")])
+@pytest.mark.parametrize(
+    ("rows", "code"),
+    [(-5, "input-late"), (-3, "input-late"), (-2, "input-late"), (0, ""), (2, "dead-time"), (5, "dead-time")],
+)
 def test_an_input_noted_early_or_late_is_told_and_biases_nothing(rows: int, code: str) -> None:
     """Rows of 10 ms by which the output begins late: two of them once made τ1 5 and τ2 8 % wrong in silence."""
     time = np.arange(0, 17, 0.01)
@@ -124,7 +128,7 @@ def test_an_input_noted_early_or_late_is_told_and_biases_nothing(rows: int, code
         logs[f"{level}-{repeat}"] = pd.DataFrame({"time_s": time, "duty_pct": duty, "torque_nm": rise + noise})
     fit = eaid.fit(logs, model=("friction", "nonlinear"))
     told = {one.code: one.values for one in fit.findings if one.code in ("input-late", "dead-time")}
-    assert set(told) == {code} - {""}
+    assert set(told) == {code} - {""} and fit.verdict.usable and len(fit.friction.levels) == 4
     for row in fit.friction.levels:
         assert (row.tau1, row.tau2) == pytest.approx((0.3, 4.0), rel=0.02)
     if rows < 0:
@@ -166,3 +170,38 @@ def test_an_overshoot_behind_a_dead_time_that_comes_down_slowly_keeps_it() -> No
     plant = eaid.fit(levels_of(1.3, 0.1, 0.002, 4)).plant
     assert plant.kind == "overshoot" and plant.dead_time_s == pytest.approx(0.1, abs=0.002)
     assert (plant.tau1[0], plant.tau2[0], plant.C) == pytest.approx((0.5, 6.0, 1.3), rel=0.03)
+
+
+@pytest.mark.parametrize("rows", [3, 5])
+def test_steps_that_ring_tell_an_input_noted_late_too(rows: int) -> None:
+    """Five rows of 10 ms once stopped the fit, and three bent the response by 3 % in silence."""
+    time, logs, w, zeta = np.arange(0, 6, 0.01), {}, 6.0, 0.3
+    since, wd = np.maximum(time - 1 + 0.01 * rows, 0), w * np.sqrt(1 - zeta**2)
+    rings = 1 - np.exp(-zeta * w * since) * (np.cos(wd * since) + zeta * w / wd * np.sin(wd * since))
+    for level in (20, 40, 60, 80):
+        noise = 0.004 * np.random.default_rng(level).standard_normal(len(time))
+        duty = np.where(time >= 1 - 1e-9, level, 0)
+        logs[str(level)] = pd.DataFrame({"time_s": time, "duty_pct": duty, "torque_nm": 0.05 * level * rings + noise})
+    fit = eaid.fit(logs)
+    told = next(one.values for one in fit.findings if one.code == "input-late")
+    assert abs(told["rows"] - rows) <= 1 and fit.verdict.usable
+    assert rows == 5 or told["low"] < 10 * rows < told["high"] < 10 * rows + 2
+    plant = fit.plant
+    assert plant.kind == "ringing" and plant.zeta == pytest.approx(zeta, rel=0.01)
+    assert plant.tau1[0] == pytest.approx(1 / w, rel=0.01)
+
+
+def test_a_hold_ends_before_its_noted_end_where_its_input_was_noted_late(tmp_path: Path) -> None:
+    """Its last rows hold the fall: τ2 was 17 % too short, the held output 2 %, and its logs were replayed late."""
+    time = np.arange(0, 19, 0.01)
+    since, fallen = np.maximum(time - 2 + 0.1, 0), np.maximum(time - 14 + 0.1, 0)
+    rise = (1 - 0.85 * np.exp(-since / 0.4) - 0.15 * np.exp(-since / 5)) * np.exp(-fallen / 0.4)
+    for level in (20, 40, 60, 80):
+        noise = 0.004 * np.random.default_rng(level).standard_normal(len(time))
+        duty = np.where((time >= 2 - 1e-9) & (time < 14 - 1e-9), level, 0)
+        frame = pd.DataFrame({"time_s": time, "duty_pct": duty, "torque_nm": 0.04 * level * rise + noise})
+        frame.to_csv(tmp_path / f"{level}.csv", index=False)
+    fit = eaid.fit(tmp_path)
+    assert [row.tau2 for row in fit.friction.levels] == pytest.approx([5.0] * 4, rel=0.03)
+    assert fit.responses[-1].held == pytest.approx(0.04 * 80 * (1 - 0.15 * np.exp(-11.4 / 5)), rel=0.005)
+    assert min(one.fit_pct for one in fit.data.replayed) > 97
