@@ -173,7 +173,8 @@ ROWS: dict[str, Row] = {
     "saturated": stop("sensor saturated? {samples:#sample} at {limit:.4g} {unit}", "samples"),
     "flat-topped": caution(
         "the output stops at {limit:.4g} {unit} at full slope and stays there: a saturated sensor, or a contact that "
-        "slips; either way its time constants are those of the loading"
+        "slips; either way its time constants are those of the loading",
+        rank=0,
     ),
     "sensor-stuck": stop(STOOD_STILL + "; record it again", "for_s"),
     "sensor-stuck-briefly": caution(STOOD_STILL, "for_s"),
