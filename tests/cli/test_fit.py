@@ -116,7 +116,7 @@ def test_a_verdict_names_options_as_they_are_typed(tmp_path, monkeypatch, run_ea
     assert run_eaid("report f.json g.json -o r -q").code == 0
     page = Path("r/report.html").read_text(encoding="utf-8")
     assert "say --units output=UNIT" in page and "«" not in page
-    assert "say units= output=UNIT" in eaid.load("f.json").verdict.why
+    assert 'say units="output=UNIT"' in eaid.load("f.json").verdict.why
 
 
 @pytest.mark.parametrize("loaded", [False, True])
