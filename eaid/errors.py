@@ -9,7 +9,7 @@ from difflib import get_close_matches
 
 _OPTION = re.compile("«([^»]+)»")
 _PAIR = r'\w+=[^\s,;:)"]+'  # of an option's value, time=us
-_VALUED = re.compile(rf"«([^»]+)»(?: (?:({_PAIR}(?:,{_PAIR})*)|(-?\d[\d.]*))(?=[\s;)]|,\s|$))?")
+_VALUED = re.compile(rf"«([^»]+)»(?: (?:({_PAIR}(?:,{_PAIR})*)|('[^']+'|-?\d[\d.]*))(?=[\s;)]|,\s|$))?")
 # Options whose flag is another word than their name; a test holds them against the declarations
 FLAGS = {
     "target": "--as", "idle_s": "--idle", "release_s": "--release", "longest_hold_s": "--longest-hold",
