@@ -45,7 +45,7 @@ ROWS: dict[str, Row] = {
     "level-contradicted": caution(
         "its name says level {level:g}, its input column goes to {found:g} {unit}: the column counts"
     ),
-    "input-is-a-switch": note(
+    "input-is-a-switch": caution(
         "{column} goes to {top:.4g} {unit} in all logs, whose names tell different levels: taken for the switch that "
         "tells when they step"
     ),
