@@ -8,6 +8,8 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 
 _OPTION = re.compile("«([^»]+)»")
+_PAIR = r'\w+=[^\s,;:)"]+'  # of an option's value, time=us
+_VALUED = re.compile(rf"«([^»]+)»(?: (?:({_PAIR}(?:,{_PAIR})*)|('[^']+'|-?\d[\d.]*))(?=[\s;)]|,\s|$))?")
 # Options whose flag is another word than their name; a test holds them against the declarations
 FLAGS = {
     "target": "--as", "idle_s": "--idle", "release_s": "--release", "longest_hold_s": "--longest-hold",
@@ -16,8 +18,10 @@ FLAGS = {
 
 
 def in_python(sentence: str) -> str:
-    """A sentence with its options as Python writes them, `step_at=`."""
-    return _OPTION.sub(lambda found: f"{found[1]}=", sentence)
+    """A sentence with its options as Python writes them: `step_at=`, `until=5`, `units="time=us"`."""
+    return _VALUED.sub(
+        lambda found: f'{found[1]}="{found[2]}"' if found[2] else f"{found[1]}={found[3] or ''}", sentence
+    )
 
 
 def on_command_line(sentence: str) -> str:

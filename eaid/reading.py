@@ -107,6 +107,9 @@ def _proposal(files: Sequence[Path], runs: Sequence[Run], options: ReadOptions, 
     if likely:
         units["time"] = likely.most_common(1)[0][0]
         factor = TIME_FACTORS[units["time"]]
+    tops = {float(np.abs(run.input).max()) for run in runs if run.has_input and run.input_unit == "%"}
+    if max(tops, default=0.0) == 255 and "input" not in units:
+        units["input"] = "/255"
     blind = [run for run in runs if not run.has_input]
     pattern = pattern_guessed([run.name for run in blind]) if options.name_pattern is None and blind else ""
     lone = {run.left for run in blind if len(run.left) == 1}
@@ -130,7 +133,10 @@ def _proposal(files: Sequence[Path], runs: Sequence[Run], options: ReadOptions, 
     guessed = {"columns": columns, "units": units}
     more |= {name: as_typed(value) for name, value in guessed.items() if value != getattr(options, name)}
     repair = {"repair": True} if any("«repair»" in fault for fault in faults) else {}
-    if len(more) + len(repair) < 2 and "columns" not in more:  # the refusal says it already
+    if len(more) + len(repair) < 2 and not {"columns", "/255"} & {
+        *more,
+        *units.values(),
+    }:  # the refusal says it already
         return ""
     given |= repair
     return typed(given | more)

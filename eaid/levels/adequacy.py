@@ -26,7 +26,7 @@ SINGLE_CHANCE = 0.001  # The same for a single run, whose peak the same noise ha
 SINGLE_DEGREES = 4.0  # Degrees of freedom given to the scatter of a single smoothed run
 # Levels that all repeats have to miss alike, where there are so many: ripple of a rotor does it at one by chance
 FEWEST_MISSED = 3
-FEWEST_LEVELS, NEAR_0 = 4, 0.5  # Levels that tell an exponent; the largest one that is rather 0 than 1
+FEWEST_LEVELS, NEAR_0 = 3, 0.5  # Levels that tell an exponent; the largest one that is rather 0 than 1
 
 
 def _smooth(values: Array) -> Array:

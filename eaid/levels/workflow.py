@@ -91,10 +91,14 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
         else:  # a staircase that never rests: no model of steps from rest
             result = Fit(data=data_of_steps(stepset), uncertainty=Uncertainty("none"))
         shapes = single_steps(stepset, options)
-        of_shapes = tuple(warning for shape in shapes for warning in shape.findings)
-        if not shapes and any(one.code in OTHER_SHAPES for one in (*result.findings, *stepset.all_findings)):
+        codes = {one.code for one in (*result.findings, *stepset.all_findings)}
+        if another := not shapes and bool(codes & OTHER_SHAPES):
             shapes = of_another_shape(stepset, options)
-            of_shapes = merged([warning for shape in shapes for warning in shape.findings])
+        of_shapes = [
+            warning for shape in shapes for warning in shape.findings
+            if "runs-reject-the-share" not in codes or warning.values.get("shape") != "free" or shape.dead_time_s > 0
+        ]  # fmt: skip
+        of_shapes = list(merged(of_shapes)) if another else of_shapes
         rows = between_rows(shapes) if "friction" in (options.model or ("friction",)) else ()
         if rows:
             part = result.friction or Friction(options.held_share)

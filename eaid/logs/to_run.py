@@ -130,7 +130,7 @@ def without_switches(runs: Sequence[Run], options: ReadOptions) -> list[Run]:
         found.append(replace(
             run, input=np.broadcast_to(np.float64(np.nan), len(run.output)), input_unit=unit.unit, level=level,
             kind=options.kind, findings=(*kept, *unit.findings, switch), taken=tuple(taken.items()),
-            left=(column, *run.left), moves=((column, at_s),) if words_of(column) & MOTION else (),
+            left=(column, *run.left), moves=((column, at_s),) if words_of(split_name(column)[0]) & MOTION else (),
             step_s=at_s if run.step_s is None else run.step_s, until_s=ends_s if run.until_s is None else run.until_s,
         ))  # fmt: skip
     return found

@@ -130,7 +130,12 @@ def idle_of(run: Run, duty: Array, own: LogFit | None, plant: Plant) -> float:
 def refuse_units_of_run(run: Run, fit: Fit) -> None:
     """DataError where a run's input or output is in another unit than the fit's."""
     units = fit.data.input_unit, fit.data.output_unit
-    if run.input_unit != units[0] or np.isnan(run.input).any():
+    if np.isnan(run.input).any():
+        raise DataError(
+            f"{run.source}: {run.name} has no input in every row, and the input drives the model; log it, or name its "
+            "column with «columns» input=NAME"
+        )
+    if run.input_unit != units[0]:
         raise DataError(
             f"{run.source}: {run.name} holds no input in {units[0]}, which the fit has (its own is {run.input_unit}); "
             "say the column and its unit with «columns» and «units»"

@@ -25,6 +25,7 @@ from eaid.steps.step import PEAK_PART, hold_of, moving_means
 from eaid.steps.stepset import Level, StepSet
 
 ENGAGED, RELEASED = 0.9, 0.1  # Shares of the held output
+WIDEST = 2.3  # Half-width of a logarithm, a factor of ten, beyond which an interval says nothing
 NOISE = 0.01  # Share of the held output that noise may be of means
 OF_SLIPS, TIMES = ("peak", "peak_s", "slip"), ("engaged_s", "peak_s", "released_s")
 NAMES = ("held", "engaged_s", "peak", "peak_s", "slip", "released_s")
@@ -82,8 +83,8 @@ def _row(
         values[name], (sd, dof) = float(found.mean()), spreads[name]
         if name in TIMES:  # runs of one level differ in them as its own noise has it
             sd, dof = _spread([measured], name)
-        if dof > 0 and sd > 0:
-            reach = float(stdtrit(dof, 0.975)) * sd / math.sqrt(len(found))
+        reach = float(stdtrit(dof, 0.975)) * sd / math.sqrt(len(found)) if dof > 0 else 0.0
+        if 0 < reach < WIDEST:
             ends[name] = (values[name] * math.exp(-reach), values[name] * math.exp(reach))
             if name == "slip":
                 reach *= float(measured["held"].mean())

@@ -25,7 +25,8 @@ ENDLESS_S = 1e4  # A time constant above this [s] that no interval bounds is no 
 # What of a fit's warnings means for all that is made of it
 MEANT = {
     "output-decays-under-hold": " (T_s is an average)", "rise-of-the-rig": " (τ1 and τ2 are the stand's loading)",
-    "moves-with-step": " (its τ may be the loading's)", "several-sessions": " (levels of several days)",
+    "moves-with-step": " (its τ may be the loading's)", "flat-topped": " (its τ may be the loading's)",
+    "several-sessions": " (levels of several days)",
     "curve-misses-levels": " (it explains nothing there)",
     "signs-turned": " (the output counts with its sign turned)", "input-late": "", "runs-left-out": "",
 }  # fmt: skip

@@ -17,7 +17,7 @@ from eaid.errors import DataError
 from eaid.findings import Finding, finding, say, stops
 from eaid.logs.columns import MOTION, SWITCHES
 from eaid.logs.run import Run, numbered
-from eaid.logs.units import words_of
+from eaid.logs.units import split_name, words_of
 from eaid.options import ReadOptions
 from eaid.steps.baseline import baseline_rule, first_samples, last_rest
 from eaid.steps.checks import several_edges
@@ -191,7 +191,7 @@ def cut_by_output(run: Run) -> list[Run]:
     if constant is not None and not rig and not from_start:
         raise DataError(f"{run.where}: the input stays at {constant:g} {run.input_unit}: no step; {NO_STEP}")
     at = 0 if rises_at_once(run.output) or (from_start and not rig) else onset(run.output)
-    switched = [(at_s, column) for column, at_s in run.moves if words_of(column) & SWITCHES - MOTION]
+    switched = [(at_s, column) for column, at_s in run.moves if _switches(column)]
     span = float(run.time_s[-1] - run.time_s[0])
     switched = [one for one in switched if at is None or abs(one[0] - run.time_s[at]) <= NEAR_EDGE * span]
     if switched and level is not None:
@@ -216,8 +216,14 @@ def moved_with(run: Run, step_s: float) -> list[Finding]:
     """The channels, besides what switches the input on, that leave their rest as the step comes."""
     near = WITH * float(run.time_s[-1] - run.time_s[0])
     others = [column for column, at_s in run.moves if abs(at_s - step_s) <= near]
-    own = [column for column in others if not words_of(column) & SWITCHES or words_of(column) & MOTION]
+    own = [column for column in others if not _switches(column)]
     return [finding("moves-with-step", run.name, column=column) for column in own[:1]]
+
+
+def _switches(column: str) -> bool:
+    """Whether a column switches the input on, and does not move the stand, by its name without its unit."""
+    words = words_of(split_name(column)[0])
+    return bool(words & SWITCHES) and not words & MOTION
 
 
 def rises_at_once(output: Array, start: float = 0.0) -> bool:

@@ -4,6 +4,7 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import eaid
@@ -115,4 +116,24 @@ def test_a_verdict_names_options_as_they_are_typed(tmp_path, monkeypatch, run_ea
     assert run_eaid("report f.json g.json -o r -q").code == 0
     page = Path("r/report.html").read_text(encoding="utf-8")
     assert "say --units output=UNIT" in page and "«" not in page
-    assert "say units= output=UNIT" in eaid.load("f.json").verdict.why
+    assert 'say units="output=UNIT"' in eaid.load("f.json").verdict.why
+
+
+@pytest.mark.parametrize("loaded", [False, True])
+def test_the_first_screen_of_three_logs_says_whose_the_rise_is_and_what_to_do(loaded, tmp_path, run_eaid):
+    """T_s = 3.2 (u/100)^1.4; C = 0.78, or a stand that loads the output by 0.9 a second."""
+    t, rng = np.arange(0, 10, 0.02), np.random.default_rng(11)
+    s = np.maximum(t - 1.5, 0)
+    for u in (40, 60, 80):
+        top = 3.2 * (u / 100) ** 1.4
+        y = np.minimum(0.9 * s, top) if loaded else top * (1 - 0.78 * np.exp(-s / 0.18) - 0.22 * np.exp(-s / 2.2))
+        rows = zip(t, np.where(t < 1.5, 0, u), y + 0.01 * rng.standard_normal(len(t)), strict=True)
+        table = "".join(f"{a:.2f},{b:g},{c:.5f}\n" for a, b, c in rows)
+        (tmp_path / f"test_duty{u}.csv").write_text("time,duty,torque_nm\n" + table)
+    ran = run_eaid("fit", tmp_path, "-o", tmp_path / "fit.json")
+    (usable,) = [line for line in ran.out.splitlines() if line.startswith("usable")]
+    told = [line for line in ran.err.splitlines() if line.startswith("warning: ")]
+    assert ("rise of the rig (τ1 and τ2 are the stand's loading)" in usable) is loaded
+    assert "single runs few levels" in usable and "asks for another C" not in ran.out + ran.err
+    (first,) = [one for one in told if one.startswith("warning: the r")]
+    assert ("refit with --share 0.7" in first, "the rise is the rig's" in first) == (not loaded, loaded)

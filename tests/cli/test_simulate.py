@@ -87,6 +87,9 @@ def test_gains_of_another_rig_and_logs_in_other_units_are_refused(by_hand, run_e
     Path("b.csv").write_text("time_s,input (V),output (N)\n" + rows)
     ran = run_eaid("simulate fit.json --log a.csv")
     assert ran.code == 3 and "holds no input in V, which the fit has" in ran.err
+    Path("c.csv").write_text("time_s,force_n\n" + "\n".join(f"{0.01 * k},{0.4 * (k > 20)}" for k in range(200)))
+    ran = run_eaid("simulate fit.json --log c.csv")
+    assert ran.code == 3 and "c has no input in every row, and the input drives the model" in ran.err
     ran = run_eaid("simulate fit.json --log b.csv --json -q")
     assert ran.code == 0 and json.loads(ran.out)["log"]["b"]["R2"] is not None
 

@@ -161,5 +161,5 @@ def test_a_staircase_is_fitted_step_by_step_and_reads_back(tmp_path: Path) -> No
 
 
 def test_a_dead_time_longer_than_the_record_is_refused(small_steps: Any) -> None:
-    with pytest.raises(UsageError, match=r"dead_time= 10000 s: the step of .* is recorded for"):
+    with pytest.raises(UsageError, match=r"dead_time=10000 s: the step of .* is recorded for"):
         eaid.fit(small_steps, dead_time=1e4)

@@ -21,6 +21,10 @@ def test_the_table_gives_severity_and_sentence() -> None:
     late = made("step-in-gap", gap_s=0.5, at_s=1.0, moved_pct=20.0)
     assert "with step_at=" in errors.in_python(findings.say(late))
     assert "with --step-at" in errors.on_command_line(findings.say(late))
+    said = "say «units» time=ms,output=N; «share» 0.78, or «until» 5, no «repair» drops; «name_pattern» 'V={level}'"
+    assert errors.in_python(said) == (
+        "say units=\"time=ms,output=N\"; share=0.78, or until=5, no repair= drops; name_pattern='V={level}'"
+    )
 
 
 def test_the_worst_of_a_code_stands_for_all() -> None:

@@ -48,7 +48,7 @@ def test_clocks(first, step, name, said, factor, code, read, codes):
     raw = first + step * np.arange(60)
     if code.startswith("time-unclear"):  # asked before anything else is done
         (asked,) = read.refused(at(raw, name), columns={"time": "1"})
-        assert f"say units= time={code.split()[1]}, or time=" in asked.replace("«units»", "units=")
+        assert f"say «units» time={code.split()[1]}, or time=" in asked
         return
     run = read(at(raw, name), columns={"time": "1"}, units={"time": said} if said else {})
     np.testing.assert_allclose(run.time_s, (raw - raw[0]) * factor, rtol=1e-12)

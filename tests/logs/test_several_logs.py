@@ -374,6 +374,27 @@ def test_factors_of_names_are_told_and_choose(tmp_path, run_eaid):
     )  # fmt: skip
 
 
+def test_counts_up_to_255_are_proposed_with_all_else_that_is_missing(tmp_path, run_eaid, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for level in (85, 170, 255):
+        force = level * np.where(T < 1, 0, 1 - np.exp(1 - T))
+        table = text("t,pwm,force", np.round(1e3 * T), np.where(T < 1, 0, level), force)
+        (tmp_path / f"d{level}.csv").write_text(table)
+    asked = run_eaid("ingest", ".", "-o", "data.h5")
+    (proposed,) = [line for line in asked.err.splitlines() if line.startswith("try: eaid ")]
+    assert "--units time=ms,input=/255" in proposed
+    assert run_eaid(*shlex.split(proposed.removeprefix("try: eaid "))).code == 0
+    assert [one.level for one in eaid.read("data.h5").levels] == pytest.approx([100 / 3, 200 / 3, 100])
+
+
+@pytest.mark.parametrize(("column", "warned"), [("HV Monitor [V]", False), ("stage speed [mm/s]", True)])
+def test_a_monitor_of_the_voltage_does_not_load_the_output(column, warned, tmp_path):
+    log = text(f"time_s,{column},force_n", T, 0.3 * (T >= 1), 2 * np.where(T < 1, 0, 1 - np.exp(1 - T)))
+    (tmp_path / "a_300V.csv").write_text(log)
+    run = eaid.read(tmp_path, name_pattern="{level}V", step_at=1.0).runs[0]
+    assert ("moves-with-step" in {one.code for one in run.findings}) is warned
+
+
 @pytest.mark.parametrize(("column", "warned"), [("voltage", False), ("velocity", True)])
 def test_a_switch_beside_levels_in_names_is_no_input(column, warned, tmp_path, run_eaid):
     on = (T >= 1) & (T < 2.5)

@@ -127,7 +127,7 @@ def test_what_does_nothing_or_does_not_fit_is_refused(fit, gains):
     assert set(laid(fit, one).records) == {"x"}
     n = len(one.input)
     for other, said in (
-        ({"input": np.full(n, np.nan)}, "no input in %, which the fit has"),
+        ({"input": np.full(n, np.nan)}, "x has no input in every row, and the input drives the model"),
         ({"input_unit": "N"}, "no input in %, which the fit has"),
         ({"output_unit": "N"}, "an output in N, the fit one in N·m"),
     ):

@@ -65,6 +65,10 @@ def test_kinds_hold_out_and_another_log_are_on_the_page(tmp_path: Path, report: 
     good, bad = page.rows("Another log, which the model has not seen")
     assert float(good[5]) > 98 > float(bad[5]) and max(int(one) for one in good[-2:]) <= 6 < 20 < int(bad[-2])
     assert "Recorded input through the model" in report(fit, seen).tables
+    (tmp_path / "tuesday").mkdir()
+    another.rename(namesake := tmp_path / "tuesday" / own.name)
+    assert call("simulate", fit, "--log", namesake, "-o", other, "-q", "--force") == 0
+    assert "Another log, which the model has not seen" in report(fit, other).tables
     axes = known.plot("residuals")
     assert [one.get_xlabel() for one in axes] == ["Time of the log (s)", "Lag (s)", "Duty (%)"]
     assert axes[1].lines[0].get_ydata() == pytest.approx(known.logs[0].correlation.own)

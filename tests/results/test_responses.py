@@ -94,3 +94,12 @@ def test_later_commands_begin_with_what_the_fit_warned_of(
             )
         told = run_eaid("export", "g.json", tmp_path / f"{slip:g}.json", "-o", "x", "--force").err.splitlines()[0]
         assert ("decays under hold" in told) == said
+
+
+def test_an_interval_beyond_ten_times_its_value_says_nothing() -> None:
+    """Two runs that engage in 0.23 s and in 1.15 s: t of one degree of freedom makes it a factor of 27,000."""
+    slow = run(70.0, 1, 0.0)
+    later = np.maximum(slow["time_s"] - 2, 0)
+    slow["torque_nm"] = 0.7 * -np.expm1(-later / 0.5) * np.exp(-np.maximum(slow["time_s"] - 8, 0) / 0.2)
+    (row,) = eaid.fit({"a": run(70.0, 0, 0.0), "b": slow}, ci="none").responses
+    assert 0.23 < row.engaged_s < 1.15 and row.ci95.engaged_s is None and row.ci95.held is not None

@@ -18,10 +18,10 @@ LATER = RUN.assign(time_s=RUN.time_s + 1e4)
 NAMED = {"name_pattern": "u{level}"}
 REFUSED: dict[str, tuple[Any, dict[str, Any], str]] = {
     "units of inputs": (
-        [RUN, log([(0, 4), (50, 8)], "V")], {}, "different input units (%, V); say one with units= input=UNIT"),
+        [RUN, log([(0, 4), (50, 8)], "V")], {}, 'different input units (%, V); say one with units="input=UNIT"'),
     "units of outputs": (
         [RUN, RUN.rename(columns={"torque_nm": "force_n"})], {},
-        "different output units (N, N·m); say one with units= output=UNIT"),
+        'different output units (N, N·m); say one with units="output=UNIT"'),
     "experiments": (
         [RUN, log([(0, 4), (50, 8)], "N")], {},
         "different experiments (clutch, friction-force); give one, or say kind="),

@@ -225,7 +225,8 @@ ROWS: dict[str, Row] = {
     ),
     "single-runs-few-levels": caution(
         "one run a level and too few levels to see run-to-run scatter: the intervals hold one run's own noise only and "
-        "are too narrow; repeat each level three times"
+        "are too narrow; repeat each level three times",
+        rank=0,
     ),
     "single-runs": note(
         "one run a level: the scatter was taken from the levels' distance to the curve; trust the curve more than "
@@ -255,7 +256,8 @@ ROWS: dict[str, Row] = {
     "runs-reject-the-share": caution(
         "the runs ask for C = {estimate:.3f} ({low:.3f} … {high:.3f}); it was held at {held:g}: T_s, τ1, τ2 and their "
         "intervals belong to the held C, not to the rig; a drift and a sensor that is slow or at its end look so too: "
-        "if it is none of these, refit with «share» {estimate:.3f}"
+        "if it is none of these, refit with «share» {estimate:.3f}",
+        rank=0,
     ),
     "joint-fit-parts": note(
         lambda v: (

@@ -45,7 +45,7 @@ ROWS: dict[str, Row] = {
     "level-contradicted": caution(
         "its name says level {level:g}, its input column goes to {found:g} {unit}: the column counts"
     ),
-    "input-is-a-switch": note(
+    "input-is-a-switch": caution(
         "{column} goes to {top:.4g} {unit} in all logs, whose names tell different levels: taken for the switch that "
         "tells when they step"
     ),
@@ -173,7 +173,8 @@ ROWS: dict[str, Row] = {
     "saturated": stop("sensor saturated? {samples:#sample} at {limit:.4g} {unit}", "samples"),
     "flat-topped": caution(
         "the output stops at {limit:.4g} {unit} at full slope and stays there: a saturated sensor, or a contact that "
-        "slips; either way its time constants are those of the loading"
+        "slips; either way its time constants are those of the loading",
+        rank=0,
     ),
     "sensor-stuck": stop(STOOD_STILL + "; record it again", "for_s"),
     "sensor-stuck-briefly": caution(STOOD_STILL, "for_s"),

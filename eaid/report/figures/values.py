@@ -43,7 +43,7 @@ def value_panel(
         top = top if top and peak > 3 * top and name in ("tau1", "tau2") else max(top, peak)
         # only where the axis holds it: τ2 without end would hide all the rest
         lines.insert(0, replace(model, y=np.where(model.y < 1.3 * top, model.y, np.nan), color=ink.BLUE, width=1.1))
-    if published is not None:
+    if published is not None and (published.y < 1.1 * top).any():  # no name of a line that the axis does not hold
         lines.append(replace(published, name="published", color=ink.VERMILLION, dash=":", width=1.1))
     unit = {"C_f": "1", "Ts": fit.data.output_unit}.get(name, "s")
     y = Axis(NAMES[name], unit, (0.0, 1.1 * top) if top else (None, None))

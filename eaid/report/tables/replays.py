@@ -90,8 +90,8 @@ def errors_table(replays: Sequence[Replay]) -> Table:
 
 
 def log_table(replay: Replay, fits: Sequence[Fit] = ()) -> Table:
-    """How far the model is from each recorded run when it gets the recorded input; logs that share neither fingerprint
-    nor name with those of the fits are told as such."""
+    """How far the model is from each recorded run when it gets the recorded input; logs that share no fingerprint with
+    those of the fits, or, where only names tell logs of datasets and folders, no name, are told as such."""
     out = replay.head.output_unit
 
     def left(of: tuple[str, Metrics]) -> Correlation:
@@ -99,7 +99,9 @@ def log_table(replay: Replay, fits: Sequence[Fit] = ()) -> Table:
         return correlation_of([recorded - model], median(np.diff(t)), u)
 
     given = replay.head.inputs.get("log", ())
-    logs = {one.sha256 for one in (given if isinstance(given, tuple) else (given,))} | set(replay.records)
+    files = given if isinstance(given, tuple) else (given,)
+    logs = {one.sha256 for one in files}
+    logs |= set(replay.records) if not files or any(one.path.endswith((".h5", ".hdf5")) for one in files) else set()
     fitted = {one.sha256 for fit in fits for one in fit.data.inputs}
     fitted |= {known for fit in fits for one in fit.data.sources for known in (one.sha256, one.run)}
     return table_of(
