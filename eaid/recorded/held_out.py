@@ -2,7 +2,8 @@
 
 The same model is fitted without that part, from where the whole fit ended, and run through it, driven by the input
 alone. Of both parts 100 (1 − rms residual/rms output about its mean), the mean of all that was recorded. Nothing is
-said of a part whose inputs lie beyond those of the others: that would be about extrapolation.
+said of a part whose inputs lie beyond those of the others: that would be about extrapolation. A part that is missed by
+far is no witness where the whole fit explains the others as well as their own does: they do not tell the model.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,12 +15,14 @@ from numpy.typing import NDArray
 from eaid.arrays import Array
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.estimate.solver import approach
+from eaid.levels.unseen import worse_unseen
 from eaid.recorded.from_logs import Setup, Solved, setup_of
 from eaid.results.recorded import LogsHeldOut
 
 Mask = NDArray[np.bool_]
 THIRDS = ("last", "middle", "first")
 MOST_FOLDS = 4  # Of several logs
+AGREES = 0.02  # Part by which the whole fit may leave more of the others than their own
 BEYOND_INPUTS = 0.02  # Part of the largest input by which a part left out may reach beyond the others
 PART_SETTLED = 1e-6  # Part of the cost that a further step would gain, at which the fit without a part stands
 
@@ -28,23 +31,29 @@ def held_out(solved: Solved, logs: Sequence[RecordedLog], others: Sequence[Recor
     """How the model holds on what a fit without it has not seen; None where no part can be left out."""
     if any(log.reference is not None for log in logs):  # its duty answers the noise: one log's is no other's
         return None
-    all_logs, squares, count, of = [*logs, *others], 0.0, 0, ""
+    all_logs, folds = [*logs, *others], list[tuple[str, float, int, bool]]()
     for named, rows in _parts(logs):
         part = [replace(log, output=np.where(out, np.nan, log.output)) for log, out in zip(logs, rows, strict=True)]
-        missed = _missed(solved, [*part, *others], all_logs)
-        for one, out, log in zip(missed, rows, logs, strict=False):
-            seen = out[np.isfinite(log.output)]
-            squares, count, of = squares + float(one[seen] @ one[seen]), count + int(seen.sum()), named
-    if not count:
-        return None
+        missed, agrees = _missed(solved, [*part, *others], all_logs)
+        seen = [out[np.isfinite(log.output)] for out, log in zip(rows, logs, strict=True)]
+        squares = sum(float(one[rows] @ one[rows]) for one, rows in zip(missed, seen, strict=False))
+        folds.append((named, squares, sum(int(one.sum()) for one in seen), agrees))
     y, left = (np.concatenate(part[: len(logs)]) for part in (solved.outputs, solved.missed))
-    size = float(np.std(y))
-    if not size > 0:
+    size, rms = float(np.std(y)), float(np.sqrt(left @ left / len(y)))
+    if not folds or not size > 0:
         return None
-    fit_pct, held_pct = (
-        100 * (1 - float(np.sqrt(rms)) / size) for rms in (float(left @ left) / len(y), squares / count)
-    )
-    return LogsHeldOut(of, fit_pct, held_pct)
+    told = _told(folds, size, rms)
+    if worse_unseen(told.fit_pct, told.held_pct, told.of):  # by parts whose rest tells the model
+        folds = [one for one in folds if not one[-1]]
+        return _told(folds, size, rms) if folds else None
+    return told
+
+
+def _told(folds: Sequence[tuple[str, float, int, bool]], size: float, rms: float) -> LogsHeldOut:
+    """Of some parts left out: name, squares, samples."""
+    names, squares, counts, _ = zip(*folds, strict=True)
+    held = float(np.sqrt(sum(squares) / sum(counts)))
+    return LogsHeldOut(names[-1], 100 * (1 - rms / size), 100 * (1 - held / size))
 
 
 def _parts(logs: Sequence[RecordedLog]) -> Iterator[tuple[str, list[Mask]]]:
@@ -76,14 +85,17 @@ def _within(logs: Sequence[RecordedLog], rows: Sequence[Mask]) -> bool:
     return bool(out.min() >= seen.min() - beyond and out.max() <= seen.max() + beyond)
 
 
-def _missed(solved: Solved, part: Sequence[RecordedLog], whole: Sequence[RecordedLog]) -> list[Array]:
-    """Model less recorded at all rows that have an output, by a fit to a part."""
+def _missed(solved: Solved, part: Sequence[RecordedLog], whole: Sequence[RecordedLog]) -> tuple[list[Array], bool]:
+    """Model less recorded at all rows that have an output, by a fit to a part; and whether the whole fit explains that
+    part as well."""
     fitted = solved.fitted
     kept = [k for k, log in enumerate(part) if np.isfinite(log.output).any()]
     own = [one.own[one.own >= 0] for one in fitted.places]
     at = np.concatenate([np.arange(fitted.shared), *(own[k] for k in kept)]).astype(np.intp)
     x = solved.x.copy()
-    x[at] = approach(_like(fitted, [part[k] for k in kept]).problem(), x[at], near=PART_SETTLED).x
+    problem = _like(fitted, [part[k] for k in kept]).problem()
+    end, before = approach(problem, x[at], near=PART_SETTLED), problem.value(x[at])[0]
+    x[at] = end.x
     every = _like(fitted, whole).every
     missed = []
     for k, drive in enumerate(every.drives):
@@ -93,7 +105,7 @@ def _missed(solved: Solved, part: Sequence[RecordedLog], whole: Sequence[Recorde
         if len(its) and k not in kept:  # its idle output and start are not the model's
             r = r - J[:, its] @ np.linalg.lstsq(J[:, its], r, rcond=None)[0]
         missed.append(r / np.sqrt(drive.w[drive.w > 0]))
-    return missed
+    return missed, before <= (1 + AGREES) * end.cost + problem.floor
 
 
 def _like(fitted: Setup, logs: Sequence[RecordedLog]) -> Setup:

@@ -32,6 +32,7 @@ LONGEST_DEAD_TIME = 0.2  # Part of the longest log that a dead time may take
 PER_UNKNOWN, PRICE = 0.01, 6.0  # Of the score
 KINDS_SETTLED = 1e-6  # Part of the cost that a further step would gain, at which kinds are compared
 LAST_STEPS = 4
+THROUGH_ALL = 0.9  # Part of the squares that a gain through every level may leave at most
 BEGUN = 3  # Places of the grid from which each kind is fitted
 FINALISTS = 2  # Kinds that are compared with rivals
 SLOW_PART = 0.4  # Of the longest log, up to which a slow part beside a fast one is no drift
@@ -277,14 +278,15 @@ def on_all(search: Search, one: Tried, last: bool = False) -> Tried:
 
 def with_scores(tried: Sequence[Tried]) -> list[Tried]:
     """With their scores, the least first: unknowns have a price in what one saves of nothing but noise, and in parts of
-    what is left as far as that is no white noise; a dead time, which a loop feels most, in noise alone."""
+    what is left: those of the gain, which differs from run to run, in full, those of the lags as far as that is no
+    white noise; a dead time, which a loop feels most, has none of these."""
     least = min(tried, key=lambda one: one.cost)
     rounding, independent = least.solved.setup.problem().floor / ROUNDING * 1e-13, independent_of(least.solved)
     noise, coloured = least.cost / independent, 1 - min(independent / sum(map(len, least.solved.missed)), 1.0)
     rows = []
     for one in tried:
-        p = one.solved.setup.size
-        part = PER_UNKNOWN * coloured * (p - ("dead" in one.solved.fitted.extras))
+        p, of_gain = one.solved.setup.size, one.solved.setup.model.slices[0].stop
+        part = PER_UNKNOWN * (of_gain + coloured * (p - of_gain - ("dead" in one.solved.fitted.extras)))
         rows.append(replace(one, score=(one.cost + rounding) * (1 + part) + PRICE * p * noise))
     return sorted(rows, key=lambda one: one.score)
 
@@ -303,7 +305,11 @@ def of_evidence(search: Search, levels: int, rivals: Sequence[Tried] = ()) -> li
     forms = list(richer(search, levels))
     for one in tuple(tried):  # what a gain lacks another lag or a dead time imitates: none is left out for its cost
         theta = one.solved.fitted.dead_time(one.solved.x)
-        tried += [Tried(one.kind, begun(search, one.kind, form, theta, near=one.solved)) for form in forms]
+        more = [(form, begun(search, one.kind, form, theta, near=one.solved)) for form in forms]
+        # one through all levels takes what their rests are off for a curve
+        tried += [
+            Tried(one.kind, end) for form, end in more if form.size < levels or end.cost <= THROUGH_ALL * one.cost
+        ]
     tried = [one for one in tried if resolved(one, search)] or tried
     rows = with_scores(tried)
     ended = [on_all(search, one) for one in rows[:FINALISTS]]
