@@ -45,6 +45,7 @@ LITTLE_PCT = 15.0  # Of a log that a kind has to explain
 LEFT = 0.04  # Part of the squares about the mean that a kind may leave that takes the place of such a clutch
 AS_WELL = 4.0  # Squares over those of a clutch whose T_s is open, up to which another kind is taken in its place
 AS_MUCH = 2.0  # Unknowns' worth of noise by which the clutch's form may leave more than the same with another C
+MOSTLY = 0.9  # Part of the squares left that is white noise, from which on it is taken off them
 LOOPS_BETTER = 0.7  # Squares over those of the clutch, up to which another kind is taken of a loop's log
 # What the clutch's form, which is the default, has to save of another kind's squares: this part of them, and more than
 # noise saves with its further unknowns (χ²) in so many cases
@@ -107,7 +108,7 @@ def plant_of_logs(
             rows = [own, *(one for one in rows if one is not own)]
     # noise that goes round a loop bends what is fitted without instruments
     of_loops = any(log.reference is not None for log in logs)
-    if own is not None and of_loops and rows[0].cost > LOOPS_BETTER * own.cost:
+    if own is not None and of_loops and not far_better(rows[0], own):
         rows = [own, *(one for one in rows if one is not own)]
     rows = sorted(rows, key=lambda one: one.kind.name != wanted)
     if rows[0] is not ended:  # the others stand as they were looked at
@@ -170,6 +171,13 @@ def _late_by(
         more = delays(solved, acting) if alone else [common_delay(solved, acting)] * len(acting)
         moved = [new.later(one.rows) for one, new in zip(late, more, strict=True)]
     return tuple(one if one.rows > 0 else ON_TIME for one in moved)
+
+
+def far_better(one: Tried, own: Tried) -> bool:
+    """Whether a kind leaves far less of a loop's log than the clutch, beside white noise where that is most of it."""
+    white = sum(float(np.diff(r) @ np.diff(r)) / 2 for r in one.solved.missed)
+    noise = white if white >= MOSTLY * one.cost else 0.0
+    return max(one.cost - noise, 0.0) <= LOOPS_BETTER * max(own.cost - noise, 0.0)
 
 
 def at_rest(logs: Sequence[RecordedLog], inputs: Excited) -> list[RecordedLog]:

@@ -32,6 +32,7 @@ from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE
 from eaid.plant.respond import from_rest
 from eaid.recorded.choice import (
+    MOSTLY,
     Chosen,
     about_idle,
     interval,
@@ -323,7 +324,6 @@ OF_SHAPES = {
     "step-leaves-open",
 }  # No step has its shape
 FAR_BETTER = 0.7  # Of what the clutch leaves, another kind leaves this much at most to be taken: half of the squares
-MOSTLY = 0.9  # Part of the squares left that is white noise, from which on it is taken off them
 AS_WELL_PCT = 1.0  # Of the fit that another kind may lose against two lags that meet
 LEAST_PCT = 80.0  # Of steps that another kind has to explain before it takes the clutch's place
 

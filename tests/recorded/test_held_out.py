@@ -53,3 +53,19 @@ def test_a_walk_that_no_input_makes_is_not_usable(seed: int) -> None:
     if seed == 5:
         drifts = walk.assign(torque_nm=lag(u, 0.5) + 0.02 * walk["torque_nm"])
         assert "drift-explains-as-much" not in {one.code for one in fit(drifts).findings}
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_rest_that_does_not_tell_the_model_is_no_witness(seed: int) -> None:
+    """Two thirds of a slow multisine: their fit explained the last to −400,000 %, and the right one was stopped."""
+    random, dt_s = np.random.default_rng(seed), 0.05
+    t, x1, x2, y = np.arange(600) * dt_s, 0.0, 0.0, np.empty(600)
+    u = 5 + sum(
+        np.sin(2 * np.pi * (f * t + p)) for f, p in zip((0.03, 0.07, 0.15, 0.31), random.random(4), strict=True)
+    )
+    for k in range(600):
+        y[k] = x1 + x2
+        x1 += (1 - np.exp(-dt_s / 0.6)) * (0.34 * u[k] - x1)
+        x2 += (1 - np.exp(-dt_s / 6.0)) * (0.06 * u[k] - x2)
+    fit = eaid.fit(t, u, y + 0.004 * random.standard_normal(600))
+    assert fit.verdict.usable and fit.recorded.hold_out is None

@@ -202,3 +202,21 @@ def test_a_log_that_begins_with_its_input_on(from_rest: bool, tmp_path: Path) ->
     assert fit.plant_.tried[0].kind == "lag+dead" and (fit.logs[0].start == (0.0, 0.0)) is from_rest  # type: ignore[union-attr]
     assert (fit.plant.dead_time_s, fit.plant.tau1[0], fit.plant.idle) == pytest.approx((0.133, 0.4, 25.0), rel=0.02)
     assert replayed_pct == pytest.approx(fit.logs[0].fit_pct, abs=0.01)
+
+
+def test_a_loop_whose_reference_is_logged_gets_the_dead_time_that_explains_far_more() -> None:
+    """Only loops without a reference were asked for kinds: a PI told 39 dB was unstable."""
+    h, late, random = 0.0137, 14, np.random.default_rng(27)
+    t = np.arange(1800) * h
+    wanted = 20 * (0.2 + 0.6 * np.abs((t / 3 % 2) - 1)) * (t > 2)
+    y, u, fast, slow, summed = np.zeros(1800), np.zeros(1800), 0.0, 0.0, 0.0
+    for k in range(1800):
+        y[k] = fast + slow + 0.1 * random.standard_normal()
+        u[k] = max(0.02 * (wanted[k] - y[k]) + summed, 0.0)
+        summed += 0.05 * h * (wanted[k] - y[k])
+        steady = 40 * (u[k - late] if k >= late else 0.0)
+        fast += (1 - np.exp(-h / 0.2)) * (0.85 * steady - fast)
+        slow += (1 - np.exp(-h / 1.3)) * (0.15 * steady - slow)
+    fit = eaid.fit(pd.DataFrame({"time_s": t, "input_V": u, "output_N": y, "reference_N": wanted}))
+    assert fit.recorded.loops[0].law_fit_pct > 99
+    assert fit.dead_time_s == pytest.approx(late * h, abs=0.03)
