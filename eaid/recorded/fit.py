@@ -387,8 +387,9 @@ def fit_recorded(
     chosen = plant_of_logs(logs, others, inputs, options, rests, dead_time_s, falls, kind)
     base, wanted = chosen.solved, options.model or ("friction", "nonlinear", "linear")
     inputs = over(inputs, base.setup.model.low, base.setup.model.high)
-    if not rests and base.setup.model.kind == "parallel":  # a gain of its own tells the idle output
-        findings += [finding("idle-not-seen", log.name) for log in logs]
+    if not rests:  # another kind's T_s goes through rest, and tells the idle output so
+        code = "idle-not-seen" if base.setup.model.kind == "parallel" else "rest-not-seen"
+        findings += [finding(code, log.name) for log in logs]
     if any(log.reference is not None for log in logs):
         base, before_s = with_instrument(base, chosen.logs), base.fitted.dead_time(base.x)
         if (theta_s := base.fitted.dead_time(base.x)) > before_s:

@@ -220,3 +220,12 @@ def test_a_loop_whose_reference_is_logged_gets_the_dead_time_that_explains_far_m
     fit = eaid.fit(pd.DataFrame({"time_s": t, "input_V": u, "output_N": y, "reference_N": wanted}))
     assert fit.recorded.loops[0].law_fit_pct > 99
     assert fit.dead_time_s == pytest.approx(late * h, abs=0.03)
+
+
+def test_a_kind_of_a_log_that_never_rests_says_what_it_assumes_of_rest() -> None:
+    """Two inputs tell a difference of outputs: T_s of 25.8 was 10.6 ± 0.3 %, without a word."""
+    random, t = np.random.default_rng(3), np.arange(0.0, 60.0, 0.02)
+    u = np.repeat(random.choice([17.0, 86.0], 150), 20)
+    y = respond(Plant((0.2,), (0.2,), (15.0, 0.62), (17.0, 86.0), 1.0, zeta=0.4), t, u, t)
+    fit = eaid.fit(t, u, y + 0.3 * random.standard_normal(len(t)))
+    assert fit.plant.kind == "ringing" and "rest-not-seen" in {one.code for one in fit.findings}

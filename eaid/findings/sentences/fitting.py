@@ -382,6 +382,10 @@ ROWS: dict[str, Row] = {
         "{subject}: the log never rests, so its idle output is not known apart from T_s; 0 is taken: begin the log "
         "with a second at rest"
     ),
+    "rest-not-seen": caution(
+        "{subject}: the log never rests: that T_s goes through rest in one curve is an assumption, from which the idle "
+        "output follows; what is known is how it changes between the inputs: begin the log with a second at rest"
+    ),
     "input-leaves-tau-open": caution(
         lambda v: (
             f"these logs do not fix {v['symbol']} {v['at']}: its interval there is wider than "
