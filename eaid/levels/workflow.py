@@ -317,7 +317,8 @@ def asks_for_one_lag(result: Fit) -> bool:
     of_one = share is not None and share.matters and share.ci95 is not None and share.ci95[1] >= 1
     # a slow lag that is endless has not met the fast one: the records have not shown it
     meet = any(one.code == "taus-meet" or one.values.get("constraint") in MEETS for one in result.findings)
-    return of_one or meet
+    of_stand = any(one.code == "rise-of-the-rig" for one in result.findings)  # whose loading has no lags
+    return (of_one or meet) and (not of_stand or result.dead_time_s > 0)
 
 
 def asks_for_another_kind(result: Fit) -> bool:

@@ -241,6 +241,10 @@ def with_another_kind(fit: Fit, stepset: StepSet, options: FitOptions, late_s: f
             if other.noted_late_s and not late_s:  # its holds end before the fall that came as early
                 return with_another_kind(fit, stepset, options, other.noted_late_s)
             return in_its_place(other, fit, stepset)
+        tried = () if other.plant_ is None else other.plant_.tried
+        best = max((row.fit_pct or 0.0 for row in tried if row.kind == one), default=100.0)
+        if best < explained_pct(fit, logs, False) - FAR_OFF_PCT:  # as it stands already
+            break
     return fit
 
 
@@ -324,6 +328,7 @@ OF_SHAPES = {
     "step-leaves-open",
 }  # No step has its shape
 FAR_BETTER = 0.7  # Of what the clutch leaves, another kind leaves this much at most to be taken: half of the squares
+FAR_OFF_PCT = 3.0  # Of the fit that one lag lacks, from which on it is not asked again
 AS_WELL_PCT = 1.0  # Of the fit that another kind may lose against two lags that meet
 LEAST_PCT = 80.0  # Of steps that another kind has to explain before it takes the clutch's place
 
