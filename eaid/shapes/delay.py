@@ -133,6 +133,8 @@ def of_least_squares(levels: Sequence[Level], share: float) -> tuple[float, list
     near, noise = [], []
     for level, one in zip(levels, points, strict=True):
         starts = starts_of(one, float(one.time_s[-1]), [0.0, *delays_tried(one)], share, ("two",))["two"]
+        if not starts:
+            return None
         near.append(min((least(one, p, "two", FREE["two"], SHAPES_SETTLED) for p in starts), key=lambda end: end[1])[0])
         noise.append(_noise(level.mean - step_curve(near[-1], level.time_s)))
 
