@@ -12,6 +12,7 @@ from eaid.apparatus import Apparatus
 from eaid.plant.dynamics import REFERENCE_PLANT
 from eaid.plant.steps import step_response
 from eaid.results.fit import Fit
+from eaid.report.figures.steps import nonlinear_curves
 from eaid.steps.stepset import Level, StepSet
 
 LEVELS = np.arange(10.0, 101.0, 10.0)
@@ -210,3 +211,17 @@ def test_steps_of_one_lag_are_one_lag() -> None:
     assert fit.plant.kind == "lag" and fit.verdict.usable and fit.converged
     low, high = fit.linear.ci95.a0
     assert 0.95 / 0.134 < low < high < 1.05 / 0.134
+
+
+def test_figures_draw_the_plant_of_another_kind_behind_its_dead_time() -> None:
+    """The summary's curves began at the step, and Fig. 7 had none where another kind took the clutch's place."""
+    random, t = np.random.default_rng(4), np.arange(0.0, 15.0, 0.02)
+    since, made = np.maximum(t - 0.2, 0.0), []
+    for u in (20.0, 60.0, 100.0):
+        curve = 0.04 * u * (1 - 1.3 * np.exp(-since / 0.5) + 0.3 * np.exp(-since / 4))
+        made.append(Level(u, t, curve + 0.01 * random.standard_normal((2, t.size)), (f"{u:g}",) * 2))
+    steps = StepSet("clutch", "V", "N", Apparatus(), tuple(made))
+    fit = eaid.fit(steps)
+    drawn = nonlinear_curves(fit, steps)
+    assert fit.nonlinear is None and drawn.keys() == {20.0, 60.0, 100.0}
+    assert drawn[60.0](t) == pytest.approx(made[1].mean, abs=0.05) and abs(drawn[60.0](np.array([0.15]))[0]) < 1e-9

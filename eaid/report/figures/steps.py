@@ -27,8 +27,8 @@ DRAWN = 24  # Most levels that are drawn: more hide each other
 
 
 def nonlinear_curves(fit: Fit | None, data: StepSet) -> dict[float, Model]:
-    """Level → the nonlinear model's step response."""
-    if fit is None or fit.nonlinear is None:
+    """Level → the step response of the nonlinear model, or of the plant of another kind in its place."""
+    if fit is None or (fit.nonlinear is None and fit.plant_ is None):
         return {}
     return {one.level: partial(from_rest, fit.plant, u=one.level) for one in data.levels}
 
