@@ -11,8 +11,8 @@ import eaid
 from eaid.apparatus import Apparatus
 from eaid.plant.dynamics import REFERENCE_PLANT
 from eaid.plant.steps import step_response
-from eaid.results.fit import Fit
 from eaid.report.figures.steps import nonlinear_curves
+from eaid.results.fit import Fit
 from eaid.steps.stepset import Level, StepSet
 
 LEVELS = np.arange(10.0, 101.0, 10.0)
