@@ -1,4 +1,4 @@
-"""The array type of every signature, how arrays are made safe to share, their median, their extremes, and inverses."""
+"""The array type of every signature, how arrays are made safe to share, their median, extremes, noise and inverses."""
 
 import itertools
 from typing import TypeAlias
@@ -27,6 +27,12 @@ def scaled_inverse(matrix: Array, rcond: float = 1e-13) -> Array:
     """The same in scaled form: its condition is that of the correlations, not of the units."""
     scale = 1 / np.sqrt(np.maximum(np.abs(np.diag(matrix)), 1e-300))
     return np.asarray(scale[:, None] * inverse(scale[:, None] * matrix * scale, rcond) * scale)
+
+
+def white_squares(values: Array) -> float:
+    """Sum of squares of the white noise in values, by the differences of neighbours."""
+    between = np.diff(values)
+    return float(between @ between) / 2
 
 
 def median(values: ArrayLike) -> float:

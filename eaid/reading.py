@@ -133,10 +133,8 @@ def _proposal(files: Sequence[Path], runs: Sequence[Run], options: ReadOptions, 
     guessed = {"columns": columns, "units": units}
     more |= {name: as_typed(value) for name, value in guessed.items() if value != getattr(options, name)}
     repair = {"repair": True} if any("«repair»" in fault for fault in faults) else {}
-    if len(more) + len(repair) < 2 and not {"columns", "/255"} & {
-        *more,
-        *units.values(),
-    }:  # the refusal says it already
+    asked = "columns" in more or "/255" in units.values()
+    if len(more) + len(repair) < 2 and not asked:  # the refusal says it already
         return ""
     given |= repair
     return typed(given | more)

@@ -1,4 +1,4 @@
-"""Whether the Lyapunov guarantee holds: one verdict, False where one thing fails, None where one is not grounds.
+"""Whether the Lyapunov guarantee holds: one verdict, False where one thing fails, None where one is not known.
 
 V = ξᵀQξ falls outside its last level where the duty is free (`ultimate_bound_nm`). At a limit, say the highest u_M,
 the anti-windup has q̃˙ = 0 where e ≥ 0 and q̃˙ = e where e < 0. With every plant able to follow the reference itself,

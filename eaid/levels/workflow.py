@@ -36,7 +36,7 @@ from eaid.results.fit import Fit, FitGiven
 from eaid.results.models import FittedData, Friction, LackOfFit, Uncertainty
 from eaid.results.plant import FittedPlant, PlantIntervals, with_release
 from eaid.results.verdict import judged
-from eaid.shapes.delay import dead_time_of, set_behind
+from eaid.shapes.delay import Begin, dead_time_of, set_behind
 from eaid.shapes.each_step import between_rows, of_another_shape, single_steps
 from eaid.steps.stepset import Level, StepSet
 
@@ -77,11 +77,11 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
     options = options or FitOptions()
     # the products here are small: threads of BLAS would wait for each other, and round otherwise than one does
     with threadpool_limits(1, user_api="blas"):
-        dead_time_s, of_start = 0.0, list[Finding]()
+        begin = Begin()
         if stepset.levels or not stepset.level_steps:
-            dead_time_s, of_start = dead_time_of(stepset, options)
-            stepset = stepset.noted_late(-dead_time_s)
-            recorded, stepset = stepset, set_behind(stepset, dead_time_s)
+            begin = dead_time_of(stepset, options)
+            stepset = stepset.noted_late(-begin.dead_time_s)
+            recorded, stepset = stepset, set_behind(stepset, begin.dead_time_s)
             result = _fit_levels(stepset, options, progress)
             still = next((one for one in result.findings if one.code == "curve-explains-little"), None)
             if still is not None and len(still.levels) < len(stepset.levels) - len(options.hold_out):
@@ -106,7 +106,7 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
             result = msgspec.structs.replace(
                 result, friction=msgspec.structs.replace(part, levels=(*part.levels, *rows))
             )
-        told = with_plant(msgspec.structs.replace(result, steps=shapes), stepset, dead_time_s, of_start)
+        told = with_plant(msgspec.structs.replace(result, steps=shapes), stepset, begin)
         result = quotable(told)
         beyond_measure = [] if result is told else [finding("numbers-beyond-measure", "data")]
         of_logs = [asked_again(one, options) for one in stepset.all_findings]
@@ -117,7 +117,7 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
                 options=given(options, stepset),
                 seed=options.seed,
                 converged=converged(result),
-                findings=ranked((*of_logs, *result.findings, *of_start, *of_shapes, *beyond_measure)),
+                findings=ranked((*of_logs, *result.findings, *begin.findings, *of_shapes, *beyond_measure)),
             )
         )
 
@@ -290,9 +290,9 @@ def usual_idle(stepset: StepSet) -> float:
     return median(known) if known else 0.0
 
 
-def with_plant(result: Fit, stepset: StepSet, dead_time_s: float, of_start: Sequence[Finding] = ()) -> Fit:
-    """A fit of steps with the plant that every later command reads; curves of levels behind their dead time, too, whose
-    interval the findings `of_start` know."""
+def with_plant(result: Fit, stepset: StepSet, begin: Begin) -> Fit:
+    """A fit of steps with the plant that every later command reads; curves of levels behind their dead time, too."""
+    dead_time_s = begin.dead_time_s
     if result.friction is not None and dead_time_s:
         rows = [
             row if row.from_ else msgspec.structs.replace(row, delay_s=dead_time_s) for row in result.friction_levels
@@ -302,11 +302,7 @@ def with_plant(result: Fit, stepset: StepSet, dead_time_s: float, of_start: Sequ
         return result
     plant = with_release(result.nonlinear.parameters, result.release, result.friction_levels)
     timed = replace(plant, dead_time_s=max(dead_time_s, 0.0), idle=usual_idle(stepset))
-    ci95 = None
-    for one in of_start if dead_time_s > 0 else ():
-        low, high = one.values.get("low"), one.values.get("high")
-        if isinstance(low, float) and isinstance(high, float):
-            ci95 = PlantIntervals(dead_time_s=(max(low, 0.0), high))
+    ci95 = None if begin.ends is None else PlantIntervals(dead_time_s=begin.ends)
     units = (result.data.input_unit, result.data.output_unit)
     return msgspec.structs.replace(result, plant_=FittedPlant.of(timed, units, ci95))
 

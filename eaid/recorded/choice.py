@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 from scipy.special import chdtri
 
-from eaid.arrays import Array, median
+from eaid.arrays import Array, median, white_squares
 from eaid.errors import DataError
 from eaid.estimate import forms
 from eaid.estimate.recorded_log import RecordedLog, behind_rest, shifted
@@ -174,10 +174,15 @@ def _late_by(
 
 
 def far_better(one: Tried, own: Tried) -> bool:
-    """Whether a kind leaves far less of a loop's log than the clutch, beside white noise where that is most of it."""
-    white = sum(float(np.diff(r) @ np.diff(r)) / 2 for r in one.solved.missed)
-    noise = white if white >= MOSTLY * one.cost else 0.0
-    return max(one.cost - noise, 0.0) <= LOOPS_BETTER * max(own.cost - noise, 0.0)
+    """Whether a kind leaves far less of a loop's log than the clutch."""
+    left, of_clutch = beside_white((one.cost, own.cost), sum(map(white_squares, one.solved.missed)))
+    return left <= LOOPS_BETTER * of_clutch
+
+
+def beside_white(squares: tuple[float, float], white: float) -> tuple[float, float]:
+    """What two fits leave, without the white noise that hides how they differ where it is most of the first's."""
+    noise = white if white >= MOSTLY * squares[0] else 0.0
+    return max(squares[0] - noise, 0.0), max(squares[1] - noise, 0.0)
 
 
 def at_rest(logs: Sequence[RecordedLog], inputs: Excited) -> list[RecordedLog]:

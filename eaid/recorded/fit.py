@@ -14,7 +14,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from eaid.arrays import Array, extremes, median
+from eaid.arrays import Array, extremes, median, white_squares
 from eaid.errors import DataError, UsageError
 from eaid.estimate import forms
 from eaid.estimate.coefficients import turned, with_intervals
@@ -32,9 +32,9 @@ from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE
 from eaid.plant.respond import from_rest
 from eaid.recorded.choice import (
-    MOSTLY,
     Chosen,
     about_idle,
+    beside_white,
     interval,
     levels_of_plant,
     plant_of_logs,
@@ -260,10 +260,8 @@ def takes_its_place(other: Fit, fit: Fit, logs: Sequence[RecordedLog]) -> bool:
     whole, shapes = ([explained_pct(one, logs, own_gains) for one in (other, fit)] for own_gains in (False, True))
     as_well = part.plant.kind == "lag" and whole[0] >= whole[1] - AS_WELL_PCT
     swings = part.plant.kind in ("ringing", "series", "overshoot")
-    left, noise = [(100 - one) ** 2 for one in shapes], noise_pct(logs) ** 2
-    if noise >= MOSTLY * left[0]:  # white noise hides how they differ
-        left = [max(one - noise, 0.0) for one in left]
-    far_better = swings and left[0] <= FAR_BETTER**2 * left[1]
+    left, of_clutch = beside_white(((100 - shapes[0]) ** 2, (100 - shapes[1]) ** 2), noise_pct(logs) ** 2)
+    far_better = swings and left <= FAR_BETTER**2 * of_clutch
     explains = whole[0] >= LEAST_PCT or min(explained_pct(other, [log], True) for log in logs) >= LEAST_PCT
     return explains and (as_well or far_better or not fit.verdict.of("nonlinear").usable)
 
@@ -288,7 +286,7 @@ def noise_pct(logs: Sequence[RecordedLog]) -> float:
     noise = total = 0.0
     for log in logs:
         y = log.output[np.isfinite(log.output)]
-        noise += log.weight * float((np.diff(y) ** 2).sum()) / 2
+        noise += log.weight * white_squares(y)
         total += log.weight * float(((y - y.mean()) ** 2).sum())
     return 100 * float(np.sqrt(noise / total)) if total > 0 else 0.0
 

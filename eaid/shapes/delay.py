@@ -17,18 +17,19 @@ says how far it alone would move it.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from eaid.arrays import Array, inverse, median
+from eaid.arrays import Array, inverse, median, white_squares
 from eaid.errors import UsageError
 from eaid.estimate.spread import t_quantile
 from eaid.findings import Finding, finding
 from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE
 from eaid.plant.steps import decay
+from eaid.results.common import Interval
 from eaid.shapes.curves import AveragedRecord, averaged_record, delays_tried, slopes, starts_of, step_curve
 from eaid.shapes.shape import FREE, SHAPES_SETTLED, fit_step, independent_samples, least
 from eaid.steps.step import moving_means, usual_step
@@ -49,8 +50,16 @@ CURVES_TRIED, EARLIEST = 9, 0.5  # Dead times tried, from so much before the ste
 WHITE = 0.5  # Part of the samples that is independent where a curve leaves nothing but noise
 
 
-def dead_time_of(stepset: StepSet, options: FitOptions) -> tuple[float, list[Finding]]:
-    """The dead time of a set's steps [s], as given or as most levels show it, 0 where they show none; what is said."""
+class Begin(NamedTuple):
+    """Where the steps of a set begin, behind a dead time [s]; below 0 their inputs were noted late."""
+
+    dead_time_s: float = 0.0
+    ends: Interval = None
+    findings: tuple[Finding, ...] = ()
+
+
+def dead_time_of(stepset: StepSet, options: FitOptions) -> Begin:
+    """The dead time of a set's steps, as given or as most levels show it; none where they show none."""
     if (given := options.held_dead_time_s) is not None:
         for level in stepset.levels:
             if given >= LONGEST_DELAY_PART * level.time_s[-1]:
@@ -58,29 +67,36 @@ def dead_time_of(stepset: StepSet, options: FitOptions) -> tuple[float, list[Fin
                     f"«dead_time» {given:g} s: the step of {level.names[0]} is recorded for {level.time_s[-1]:.3g} s; "
                     "give a shorter one"
                 )
-        return given, []
+        return Begin(given)
     rises = {step.level: step for step in reversed(stepset.level_steps) if step.edge == "up" and step.from_level == 0}
     steps = [rises[level] for level in sorted(rises)]
     steps = steps[:: 1 + (len(steps) - 1) // LEVELS_ASKED] if steps else []
     share = options.held_share or SHARE
     late = [step for step in steps if starts_late(step, share)]
     if 2 * len(late) <= len(steps):
-        found, told = extrapolated(stepset)
+        found = extrapolated(stepset)
+        theta_s = found.dead_time_s
         levels = stepset.levels[:: 1 + (len(stepset.levels) - 1) // LEVELS_ASKED] if stepset.levels else ()
-        if found or sum(evidence(level, share) for level in levels) > LATE_EVIDENCE:
+        if theta_s or sum(evidence(level, share) for level in levels) > LATE_EVIDENCE:
             by_curves = of_least_squares(levels, share)
             if by_curves is not None:
                 return by_curves
-        better = sum(explained_as_well(step, found, options) for step in steps) if found else 0
-        return (found, told) if not steps or 2 * better > len(steps) else (0.0, [])
+        better = sum(explained_as_well(step, theta_s, options) for step in steps) if theta_s else 0
+        return found if not steps or 2 * better > len(steps) else Begin()
     shapes = [fit_step(step, replace(options, shape="auto")) for step in late]
     if 2 * sum(one.dead_time_s > 0 for one in shapes) <= len(steps):
-        return 0.0, []
+        return Begin()
     shapes = [one for one in shapes if one.dead_time_s > 0]
     weight = np.array([(one.change / (one.tau1 * max(one.rmse, 1e-12 * abs(one.change)))) ** 2 for one in shapes])
-    found, reach = _mean(np.array([one.dead_time_s for one in shapes]), weight, stepset.levels)
-    ends: dict[str, Any] = {"low": max(found - reach, 0.0), "high": found + reach} if len(shapes) > 1 else {}
-    return found, [finding("dead-time", "steps", dead_time_s=found, **ends)]
+    theta_s, reach = _mean(np.array([one.dead_time_s for one in shapes]), weight, stepset.levels)
+    return _late(theta_s, reach if len(shapes) > 1 else None)
+
+
+def _late(theta_s: float, reach: float | None) -> Begin:
+    """A dead time, known to so much where that is known."""
+    ends = None if reach is None else (max(theta_s - reach, 0.0), theta_s + reach)
+    known: dict[str, Any] = {} if ends is None else {"low": ends[0], "high": ends[1]}
+    return Begin(theta_s, ends, (finding("dead-time", "steps", dead_time_s=theta_s, **known),))
 
 
 def _mean(theta: Array, weight: Array, levels: Sequence[Level]) -> tuple[float, float]:
@@ -95,48 +111,55 @@ def _row_s(levels: Sequence[Level]) -> float:
     return median(np.array([usual_step(level.time_s) for level in levels]))
 
 
-def extrapolated(stepset: StepSet) -> tuple[float, list[Finding]]:
+def extrapolated(stepset: StepSet) -> Begin:
     """How late the rises begin, by the curves that lead to them; below 0: before their input is noted."""
     starts = [(level.time_s, run) for level in stepset.levels for run in level.runs]
     found = np.array([one for time_s, run in starts if (one := _start_of(time_s, run)) is not None])
     if len(found) < max(2, len(starts) / 2):
-        return 0.0, []
+        return Begin()
     return _told(found, stepset.levels)
 
 
-def _told(found: Array, levels: Sequence[Level]) -> tuple[float, list[Finding]]:
+def _told(found: Array, levels: Sequence[Level]) -> Begin:
     """The mean of rows of dead time, weight and time constant, (n, 3); 0 where scatter or the rows explain it."""
     theta, weight, tau = found.T
     (mean, reach), row_s = _mean(theta, weight, levels), _row_s(levels)
     if abs(mean) < max(START_ROWS * row_s, LEAST_PART * median(tau), reach):
-        return 0.0, []
-    low, high = mean - reach, mean + reach
+        return Begin()
     if mean > 0:
-        return mean, [finding("dead-time", "steps", dead_time_s=mean, low=low, high=high)]
+        return _late(mean, reach)
     rows, ms = max(1, round(-mean / row_s)), -1e3 * mean
-    return mean, [finding("input-late", "steps", rows=rows, ms=ms, low=-1e3 * high, high=-1e3 * low)]
+    late = finding("input-late", "steps", rows=rows, ms=ms, low=ms - 1e3 * reach, high=ms + 1e3 * reach)
+    return Begin(mean, findings=(late,))
 
 
 def evidence(level: Level, share: float) -> float:
     """By how much the logarithm of the likelihood of a level's mean curve grows with a dead time, twice."""
     points = averaged_record(level.time_s, level.mean)
-    (plain, _), (less, p) = (_least_on_grid(points, delays, share) for delays in ([0.0], delays_tried(points)))
-    if not 0 < less < plain:
+    plain, late = (_fitted(points, delays, share) for delays in ([0.0], delays_tried(points)))
+    if plain is None or late is None or not 0 < late[1] < plain[1]:
         return 0.0
-    return independent_samples(level.mean - step_curve(p, level.time_s)) * float(np.log(plain / less))
+    return independent_samples(level.mean - step_curve(late[0], level.time_s)) * float(np.log(plain[1] / late[1]))
 
 
-def of_least_squares(levels: Sequence[Level], share: float) -> tuple[float, list[Finding]] | None:
-    """The dead time behind which two exponentials leave least of the levels' mean curves, and what is said; None where
-    they leave more than noise."""
+def _fitted(points: AveragedRecord, delays: Sequence[float], share: float) -> tuple[Array, float] | None:
+    """Two exponentials from the best of some dead times, and what they leave; None: no place on the grid."""
+    starts = starts_of(points, float(points.time_s[-1]), delays, share, ("two",))["two"]
+    if not starts:
+        return None
+    p, left = min((least(points, p, "two", FREE["two"], SHAPES_SETTLED) for p in starts), key=lambda end: end[1])
+    return p, left + points.within
+
+
+def of_least_squares(levels: Sequence[Level], share: float) -> Begin | None:
+    """The dead time behind which two exponentials leave least of the levels' mean curves; None where they leave more
+    than noise."""
     points = [averaged_record(level.time_s, level.mean) for level in levels]
-    near, noise = [], []
-    for level, one in zip(levels, points, strict=True):
-        starts = starts_of(one, float(one.time_s[-1]), [0.0, *delays_tried(one)], share, ("two",))["two"]
-        if not starts:
-            return None
-        near.append(min((least(one, p, "two", FREE["two"], SHAPES_SETTLED) for p in starts), key=lambda end: end[1])[0])
-        noise.append(_noise(level.mean - step_curve(near[-1], level.time_s)))
+    fits = [_fitted(one, [0.0, *delays_tried(one)], share) for one in points]
+    near = [found[0] for found in fits if found is not None]
+    if len(near) < len(fits):
+        return None
+    noise = [_noise(level.mean - step_curve(p, level.time_s)) for level, p in zip(levels, near, strict=True)]
 
     def ends(theta: float) -> list[tuple[Array, float]]:  # always from there: far off, a curve ends elsewhere
         begin = [np.append(p[:4], theta) for p in near]
@@ -152,26 +175,26 @@ def of_least_squares(levels: Sequence[Level], share: float) -> tuple[float, list
     between = tried[max(at - 1, 0)], tried[min(at + 1, CURVES_TRIED - 1)]
     best = minimize_scalar(cost, bounds=between, method="bounded", options={"xatol": 1e-3 * latest}).x
     near = [p for p, _ in ends(float(best))]
-    found, fits = [], 0
+    found, white = [], 0
     for level, p in zip(levels, near, strict=True):
         curve, J = step_curve(p, level.time_s), slopes(p, level.time_s)[:, [*FREE["two"], 4]]
-        fits += independent_samples(level.mean - curve) > WHITE * len(curve)
+        white += independent_samples(level.mean - curve) > WHITE * len(curve)
         unit = inverse(J.T @ J)
         for run in level.runs:
             shift, spread = float((unit @ (J.T @ (run - curve)))[-1]), float(unit[-1, -1]) * _noise(run - curve)
             found.append((float(p[4]) + shift, 1 / max(spread, 1e-300), float(np.exp(p[1]))))
-    return _told(np.array(found), levels) if 2 * fits > len(levels) and len(found) > 1 else None
+    return _told(np.array(found), levels) if 2 * white > len(levels) and len(found) > 1 else None
 
 
 def _noise(left: Array) -> float:
     """Variance of white noise by the differences of neighbours."""
-    return max(float(np.mean(np.diff(left) ** 2)) / 2, 1e-300)
+    return max(white_squares(left) / len(left), 1e-300)
 
 
 def _start_of(time_s: Array, run: Array) -> tuple[float, float, float] | None:
     """Where a rise begins by an exponential through its first part, its weight and its τ [s]; None: too short."""
     held = float(run[-max(1, len(run) // 10) :].mean())
-    noise = float(np.mean(np.diff(run) ** 2)) / 2 / max((START_NOISE * held) ** 2, 1e-300)
+    noise = _noise(run) / max((START_NOISE * held) ** 2, 1e-300)
     smooth = moving_means(run[None], max(1, len(run) // 500, min(int(noise), len(run) // 50)))[0]
     over = np.flatnonzero(smooth >= RISE_PART[1] * held)
     last = int(over[0]) if held > 0 and len(over) else 0
@@ -194,7 +217,7 @@ def _start_of(time_s: Array, run: Array) -> tuple[float, float, float] | None:
 def starts_late(step: LevelStep, share: float) -> bool:
     """Whether a dead time saves a good part of what a step's best curve without one leaves."""
     points = averaged_record(step.time_s, step.output - step.start)
-    plain, less = (_least_on_grid(points, delays, share)[0] for delays in ([0.0], delays_tried(points)))
+    plain, less = (_left(points, delays, share) for delays in ([0.0], delays_tried(points)))
     return less < (1 - SAVED) ** 2 * plain
 
 
@@ -205,15 +228,12 @@ def explained_as_well(step: LevelStep, theta_s: float, options: FitOptions) -> b
     return fit_step(later, plain).rmse <= fit_step(step, plain).rmse
 
 
-def _least_on_grid(points: AveragedRecord, delays: Sequence[float], share: float) -> tuple[float, Array]:
-    """Least squares of one or two exponentials on a grid, and where they are."""
+def _left(points: AveragedRecord, delays: Sequence[float], share: float) -> float:
+    """Least squares of one or two exponentials on a grid."""
     found = starts_of(points, float(points.time_s[-1]), delays, share, ("one", "two"))
     places = [p for starts in found.values() for p in starts]
     sums = [float(points.weight @ (points.output - step_curve(p, points.time_s)) ** 2) for p in places]
-    if not sums:
-        return np.inf, np.zeros(5)
-    best = int(np.argmin(sums))
-    return sums[best] + points.within, places[best]
+    return min(sums, default=np.inf) + points.within
 
 
 def set_behind(stepset: StepSet, dead_time_s: float) -> StepSet:
